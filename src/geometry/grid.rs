@@ -1,0 +1,107 @@
+//! Regular grids in the plane.
+
+use super::Point2;
+
+/// Where the cells of a grid lie. Cell `(0, 0)` is the lower-left one; x runs right, y runs up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GridFrame {
+    /// The lower-left corner of cell `(0, 0)`, in metres.
+    pub origin_m: [f64; 2],
+    /// Side of a cell, in metres.
+    pub cell_m: f64,
+    pub width: usize,
+    pub height: usize,
+}
+
+impl GridFrame {
+    /// The smallest frame of `cell_m` cells that holds the box `min..max` with `margin_m` around it.
+    pub fn covering(min_m: [f64; 2], max_m: [f64; 2], margin_m: f64, cell_m: f64) -> GridFrame {
+        let origin_m = [min_m[0] - margin_m, min_m[1] - margin_m];
+        let cells = |axis: usize| (((max_m[axis] + margin_m - origin_m[axis]) / cell_m).floor() as usize) + 1;
+        GridFrame { origin_m, cell_m, width: cells(0), height: cells(1) }
+    }
+
+    /// The cell that holds a point, or none outside the grid.
+    pub fn cell(&self, point: &Point2) -> Option<(usize, usize)> {
+        let x = ((point.x - self.origin_m[0]) / self.cell_m).floor();
+        let y = ((point.y - self.origin_m[1]) / self.cell_m).floor();
+        // NaN fails both comparisons.
+        if x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64 {
+            Some((x as usize, y as usize))
+        } else {
+            None
+        }
+    }
+
+    /// The centre of a cell, in metres.
+    pub fn centre(&self, x: usize, y: usize) -> Point2 {
+        Point2::new(
+            self.origin_m[0] + (x as f64 + 0.5) * self.cell_m,
+            self.origin_m[1] + (y as f64 + 0.5) * self.cell_m,
+        )
+    }
+
+    pub fn len(&self) -> usize {
+        self.width * self.height
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// One value a cell, row after row from the bottom.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grid<T> {
+    pub frame: GridFrame,
+    pub cells: Vec<T>,
+}
+
+impl<T: Copy> Grid<T> {
+    pub fn filled(frame: GridFrame, value: T) -> Grid<T> {
+        Grid { frame, cells: vec![value; frame.len()] }
+    }
+
+    pub fn get(&self, x: usize, y: usize) -> T {
+        self.cells[y * self.frame.width + x]
+    }
+
+    pub fn set(&mut self, x: usize, y: usize, value: T) {
+        self.cells[y * self.frame.width + x] = value;
+    }
+
+    /// The value at a point, or none outside the grid.
+    pub fn at(&self, point: &Point2) -> Option<T> {
+        self.frame.cell(point).map(|(x, y)| self.get(x, y))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_cell_holds_its_centre(x0 in -9.0..9.0f64, y0 in -9.0..9.0f64, cell in 0.01..0.5f64, x in 0usize..40, y in 0usize..30) {
+            let frame = GridFrame { origin_m: [x0, y0], cell_m: cell, width: 40, height: 30 };
+            prop_assert_eq!(frame.cell(&frame.centre(x, y)), Some((x, y)));
+        }
+
+        #[test]
+        fn covering_covers(x0 in -9.0..9.0f64, w in 0.0..9.0f64, h in 0.0..9.0f64, cell in 0.01..0.5f64) {
+            let frame = GridFrame::covering([x0, x0], [x0 + w, x0 + h], 0.3, cell);
+            prop_assert!(frame.cell(&Point2::new(x0, x0)).is_some());
+            prop_assert!(frame.cell(&Point2::new(x0 + w, x0 + h)).is_some());
+        }
+    }
+
+    #[test]
+    fn outside_and_nan_are_no_cell() {
+        let grid = Grid::filled(GridFrame { origin_m: [0.0, 0.0], cell_m: 1.0, width: 2, height: 2 }, 7u8);
+        for (x, y) in [(-0.1, 0.0), (0.0, 2.0), (f64::NAN, 0.0), (0.0, f64::INFINITY)] {
+            assert_eq!(grid.at(&Point2::new(x, y)), None);
+        }
+        assert_eq!(grid.at(&Point2::new(1.9, 0.1)), Some(7));
+    }
+}

@@ -1,0 +1,107 @@
+//! How long work reports itself and hears that it should stop, without knowing a clock or a channel.
+
+use serde::{Deserialize, Serialize};
+
+/// The stages of aligning one clip, in the order in which they run (METHOD: 1, 3, 5-9).
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, utoipa::ToSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Stage {
+    /// Open the container and read the poses and the intrinsics.
+    Decode,
+    /// Decode the key frames and fuse them into a signed distance map.
+    Fuse,
+    /// Find the floor plane.
+    Floor,
+    /// Cast rays at the vacuum's height.
+    Raycast,
+    /// Search the whole map for candidate poses.
+    Search,
+    /// Refine all candidates at once.
+    Refine,
+    /// Compare the candidates and say how sure the best one is.
+    Decide,
+    /// Write pictures and clouds.
+    Report,
+}
+
+impl Stage {
+    pub const ALL: [Stage; 8] = [
+        Stage::Decode,
+        Stage::Fuse,
+        Stage::Floor,
+        Stage::Raycast,
+        Stage::Search,
+        Stage::Refine,
+        Stage::Decide,
+        Stage::Report,
+    ];
+
+    /// The name used in results, logs and events.
+    pub fn name(self) -> &'static str {
+        match self {
+            Stage::Decode => "decode",
+            Stage::Fuse => "fuse",
+            Stage::Floor => "floor",
+            Stage::Raycast => "raycast",
+            Stage::Search => "search",
+            Stage::Refine => "refine",
+            Stage::Decide => "decide",
+            Stage::Report => "report",
+        }
+    }
+
+    /// Where this stage begins and ends on the whole job's scale 0..1. The shares are typical times,
+    /// so that a bar moves evenly; nothing else depends on them.
+    pub fn span(self) -> (f64, f64) {
+        match self {
+            Stage::Decode => (0.0, 0.03),
+            Stage::Fuse => (0.03, 0.70),
+            Stage::Floor => (0.70, 0.74),
+            Stage::Raycast => (0.74, 0.77),
+            Stage::Search => (0.77, 0.92),
+            Stage::Refine => (0.92, 0.95),
+            Stage::Decide => (0.95, 0.96),
+            Stage::Report => (0.96, 1.0),
+        }
+    }
+
+    /// `fraction` of this stage on the whole job's scale 0..1.
+    pub fn overall(self, fraction: f64) -> f64 {
+        let (from, to) = self.span();
+        from + (to - from) * fraction.clamp(0.0, 1.0)
+    }
+}
+
+/// Heard by the method while it works. Called from worker threads, so it must be quick.
+pub trait Progress: Sync {
+    /// A stage begins.
+    fn enter(&self, stage: Stage);
+    /// `fraction` (0..1) of the current stage is done.
+    fn advance(&self, fraction: f64);
+    /// Whether somebody asked to stop. Stages ask often and end with [`Cancelled`].
+    fn cancelled(&self) -> bool;
+}
+
+/// The work was stopped because [`Progress::cancelled`] said so.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("cancelled")]
+pub struct Cancelled;
+
+/// Ends the work with [`Cancelled`] when somebody asked to stop.
+pub fn check(progress: &dyn Progress) -> Result<(), Cancelled> {
+    if progress.cancelled() { Err(Cancelled) } else { Ok(()) }
+}
+
+/// Nobody listens and nobody cancels.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Silent;
+
+impl Progress for Silent {
+    fn enter(&self, _stage: Stage) {}
+    fn advance(&self, _fraction: f64) {}
+    fn cancelled(&self) -> bool {
+        false
+    }
+}
