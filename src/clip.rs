@@ -72,3 +72,7 @@ impl DepthImage {
         self.depth_m[(y * self.width + x) as usize]
     }
 }
+
+/// Why a clip is refused or cannot be read on.
+#[derive(Debug, thiserror::Error)]
+pub enum ClipError {}

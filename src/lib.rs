@@ -8,7 +8,7 @@
 //! | 1 | [`geometry`], [`progress`] | transforms, cameras, grids, distance fields; how long work reports itself |
 //! | 2 | [`clip`], [`lidar`] | a recorded clip and a LiDAR map, one file for each format they come in |
 //! | 3 | [`align`], [`home`], [`simulate`] | the method; pictures and files of a home; homes with exact truth |
-//! | 4 | [`evaluate`], [`storage`] | the paper's protocol; records and blobs |
+//! | 4 | [`evaluate`], [`stopwatch`], [`storage`] | the paper's protocol; time; records and blobs |
 //! | 5 | [`jobs`] | the queue and its workers |
 //! | 6 | [`api`], [`cli`] | HTTP and the command line |
 
@@ -23,4 +23,5 @@ pub mod jobs;
 pub mod lidar;
 pub mod progress;
 pub mod simulate;
+pub mod stopwatch;
 pub mod storage;

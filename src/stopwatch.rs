@@ -1,0 +1,56 @@
+//! Takes the time of each stage. The method itself knows no clock.
+
+use crate::progress::{Progress, Stage};
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::time::Instant;
+
+/// A [`Progress`] that passes everything on and remembers how long each stage took.
+pub struct Stopwatch<'a> {
+    inner: &'a dyn Progress,
+    laps: Mutex<Laps>,
+}
+
+struct Laps {
+    seconds: BTreeMap<String, f64>,
+    current: Option<(Stage, Instant)>,
+}
+
+impl<'a> Stopwatch<'a> {
+    pub fn around(inner: &'a dyn Progress) -> Stopwatch<'a> {
+        Stopwatch { inner, laps: Mutex::new(Laps { seconds: BTreeMap::new(), current: None }) }
+    }
+
+    /// Ends the current stage and gives the seconds of each.
+    pub fn stop(self) -> BTreeMap<String, f64> {
+        let mut laps = self.laps.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+        laps.close();
+        laps.seconds
+    }
+}
+
+impl Laps {
+    fn close(&mut self) {
+        if let Some((stage, since)) = self.current.take() {
+            *self.seconds.entry(stage.name().to_owned()).or_default() += since.elapsed().as_secs_f64();
+        }
+    }
+}
+
+impl Progress for Stopwatch<'_> {
+    fn enter(&self, stage: Stage) {
+        let mut laps = self.laps.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        laps.close();
+        laps.current = Some((stage, Instant::now()));
+        drop(laps);
+        self.inner.enter(stage);
+    }
+
+    fn advance(&self, fraction: f64) {
+        self.inner.advance(fraction);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.inner.cancelled()
+    }
+}
