@@ -1,5 +1,9 @@
 //! The command line: one file a command.
 
+mod align;
+mod evaluate;
+mod progress;
+
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -12,8 +16,24 @@ struct Arguments {
 }
 
 #[derive(Subcommand)]
-enum Command {}
+enum Command {
+    /// Find the pose of one clip in a LiDAR map.
+    Align(align::AlignArguments),
+    /// Align the excerpts of a scene with known poses and print the errors.
+    Evaluate(evaluate::EvaluateArguments),
+}
 
+/// Runs the command of the process's arguments; an error is printed with its causes.
 pub fn main() -> ExitCode {
-    match Arguments::parse().command {}
+    let done = match Arguments::parse().command {
+        Command::Align(arguments) => align::run(&arguments),
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("viola: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
 }

@@ -1,1 +1,7 @@
-//! Placeholder until its first file lands.
+//! What a home looks like: pictures and files for people and for other programs.
+
+mod picture;
+mod ply;
+
+pub use picture::{lidar_png, overlay_png};
+pub use ply::cloud_ply;

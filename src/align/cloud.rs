@@ -1,0 +1,47 @@
+//! The fused surface as points.
+
+use crate::geometry::{Point3, Pose3, Vector3};
+
+/// A point on the fused surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CloudPoint {
+    pub position_m: [f32; 3],
+    /// Unit length, towards the side that was seen.
+    pub normal: [f32; 3],
+    pub color: [u8; 3],
+}
+
+impl CloudPoint {
+    pub fn position(&self) -> Point3 {
+        Point3::new(
+            f64::from(self.position_m[0]),
+            f64::from(self.position_m[1]),
+            f64::from(self.position_m[2]),
+        )
+    }
+
+    pub fn normal(&self) -> Vector3 {
+        Vector3::new(f64::from(self.normal[0]), f64::from(self.normal[1]), f64::from(self.normal[2]))
+    }
+}
+
+/// Surface points at about one a voxel face, so that their number measures area.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PointCloud {
+    pub points: Vec<CloudPoint>,
+    /// Side of the voxels that the points came from, in metres.
+    pub voxel_m: f64,
+}
+
+impl PointCloud {
+    /// The same points in another frame.
+    pub fn transformed(mut self, to_from_this: &Pose3) -> PointCloud {
+        for point in &mut self.points {
+            let position = to_from_this * point.position();
+            let normal = to_from_this * point.normal();
+            point.position_m = [position.x as f32, position.y as f32, position.z as f32];
+            point.normal = [normal.x as f32, normal.y as f32, normal.z as f32];
+        }
+        self
+    }
+}

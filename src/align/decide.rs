@@ -1,0 +1,190 @@
+//! The verdict: how well each pose explains the clip, and whether a second one does as well (paper IV-A).
+
+use super::raycast::{Hit, VirtualScan};
+use super::refine::Refined;
+use super::target::Target;
+use super::{AlignmentState, Alternative, Reason};
+use crate::geometry::{Point2, Pose2, angle_between};
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+
+/// How poses are compared.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DecideParams {
+    /// Distances count up to this: a hit without a counterpart is clutter, however far it is.
+    pub truncation_m: f64,
+    /// What a scan whose rays are all blocked would add to the loss.
+    pub blocked_m: f64,
+    /// A hit this near to the map has found its counterpart.
+    pub inlier_m: f64,
+    /// Two poses further apart than either of these are different explanations (paper's theta_T, theta_R).
+    pub close_m: f64,
+    pub close_rad: f64,
+    /// Poses nearer than this to a better one are not listed again.
+    pub same_m: f64,
+    pub same_rad: f64,
+    /// The clip is ambiguous if a different explanation loses by less than this (paper's c).
+    pub margin_m: f64,
+    pub alternatives: usize,
+    pub min_hits: usize,
+    /// Share of hits that must have a counterpart.
+    pub min_inliers: f64,
+}
+
+impl Default for DecideParams {
+    fn default() -> Self {
+        DecideParams {
+            truncation_m: 0.2,
+            blocked_m: 0.2,
+            inlier_m: 0.1,
+            close_m: 0.3,
+            close_rad: 20f64.to_radians(),
+            same_m: 0.15,
+            same_rad: 5f64.to_radians(),
+            margin_m: 0.015,
+            alternatives: 8,
+            min_hits: 40,
+            min_inliers: 0.3,
+        }
+    }
+}
+
+/// The ranked explanations, each with its covariance, and the verdict on them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Decision {
+    pub state: AlignmentState,
+    pub ranked: Vec<Ranked>,
+    /// Share of the map's points that the hits explain at the best pose.
+    pub coverage: f64,
+    pub reasons: Vec<Reason>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ranked {
+    pub alternative: Alternative,
+    pub covariance: nalgebra::Matrix3<f64>,
+}
+
+/// Ranks the refined poses and says whether the best one stands out.
+pub fn decide(refined: &[Refined], scan: &VirtualScan, target: &Target, params: &DecideParams) -> Decision {
+    let mut ranked: Vec<Ranked> = refined.par_iter().map(|pose| rank(pose, scan, target, params)).collect();
+    ranked.sort_by(|a, b| a.alternative.loss_m.total_cmp(&b.alternative.loss_m));
+    let ranked = distinct(ranked, params);
+    let Some(best) = ranked.first() else {
+        let reason =
+            Reason::new("no_candidate", "the search found no place in the map where the clip could lie");
+        return Decision { state: AlignmentState::Failed, ranked, coverage: 0.0, reasons: vec![reason] };
+    };
+    let best = &best.alternative;
+    let coverage = coverage(&best.map_from_clip, &scan.hits, target, params.inlier_m);
+    let mut reasons = Vec::new();
+    let state = if best.inliers < params.min_inliers {
+        let percent = best.inliers * 100.0;
+        reasons.push(Reason::new(
+            "no_support",
+            format!("only {percent:.0} % of what the clip shows at the vacuum's height is in the map anywhere; is it the map of this home?"),
+        ));
+        AlignmentState::Failed
+    } else {
+        let rivals: Vec<&Alternative> = ranked[1..]
+            .iter()
+            .map(|r| &r.alternative)
+            .filter(|a| !is_close(&a.map_from_clip, &best.map_from_clip, params.close_m, params.close_rad))
+            .filter(|a| a.loss_m - best.loss_m < params.margin_m)
+            .collect();
+        if rivals.is_empty() {
+            AlignmentState::Aligned
+        } else {
+            reasons.push(Reason::new(
+                "several_modes",
+                format!(
+                    "{} other pose(s) explain the clip as well to within {:.1} cm; record more of the lower half of the room, or choose one",
+                    rivals.len(),
+                    params.margin_m * 100.0
+                ),
+            ));
+            AlignmentState::Ambiguous
+        }
+    };
+    Decision { state, coverage, reasons, ranked }
+}
+
+fn rank(pose: &Refined, scan: &VirtualScan, target: &Target, params: &DecideParams) -> Ranked {
+    let (mut loss, mut inliers, mut blocked, mut weight) = (0.0, 0.0, 0.0, 0.0);
+    for hit in &scan.hits {
+        let distance_m = target.field.value(&pose.map_from_clip.apply(&hit.point_m));
+        loss += hit.weight * distance_m.min(params.truncation_m);
+        inliers += hit.weight * f64::from(u8::from(distance_m < params.inlier_m));
+        blocked += hit.weight * f64::from(u8::from(is_blocked(&pose.map_from_clip, hit, target)));
+        weight += hit.weight;
+    }
+    let weight = f64::max(weight, f64::MIN_POSITIVE);
+    Ranked {
+        alternative: Alternative {
+            map_from_clip: pose.map_from_clip,
+            loss_m: loss / weight + params.blocked_m * blocked / weight,
+            inliers: inliers / weight,
+            blocked_rays: blocked / weight,
+            probability: None,
+        },
+        covariance: pose.covariance,
+    }
+}
+
+/// Whether the ray to a hit runs into something of the map well before the hit.
+fn is_blocked(map_from_clip: &Pose2, hit: &Hit, target: &Target) -> bool {
+    const SHORT_OF_HIT_M: f64 = 0.25;
+    let cell_m = target.field.frame().cell_m;
+    let wall_m = f64::max(0.5 * cell_m, 0.02);
+    let (from, to): (Point2, Point2) = (map_from_clip.apply(&hit.from_m), map_from_clip.apply(&hit.point_m));
+    let range_m = (to - from).norm();
+    let direction = (to - from) / range_m.max(1e-9);
+    let mut along_m = 0.0;
+    while along_m < range_m - SHORT_OF_HIT_M {
+        // The distance field says how far the next obstacle is at least, so the ray may leap.
+        let distance_m = target.field.value(&(from + direction * along_m));
+        if distance_m < wall_m {
+            return true;
+        }
+        along_m += f64::max(distance_m - wall_m, 0.5 * cell_m);
+    }
+    false
+}
+
+fn is_close(a: &Pose2, b: &Pose2, distance_m: f64, angle_rad: f64) -> bool {
+    a.distance_m(b) < distance_m && angle_between(a.yaw_rad, b.yaw_rad) < angle_rad
+}
+
+fn distinct(sorted: Vec<Ranked>, params: &DecideParams) -> Vec<Ranked> {
+    let mut kept: Vec<Ranked> = Vec::new();
+    for ranked in sorted {
+        let pose = &ranked.alternative.map_from_clip;
+        let known =
+            kept.iter().any(|k| is_close(&k.alternative.map_from_clip, pose, params.same_m, params.same_rad));
+        if !known {
+            kept.push(ranked);
+            if kept.len() == params.alternatives {
+                break;
+            }
+        }
+    }
+    kept
+}
+
+/// The share of the map's points with a hit beside them (the paper's coverage, at the estimated pose).
+pub fn coverage(map_from_clip: &Pose2, hits: &[Hit], target: &Target, near_m: f64) -> f64 {
+    let cell = |p: &Point2| [p.x, p.y].map(|c| (c / near_m).floor() as i32);
+    let mut placed: FxHashMap<[i32; 2], Vec<Point2>> = FxHashMap::default();
+    for hit in hits {
+        let point = map_from_clip.apply(&hit.point_m);
+        placed.entry(cell(&point)).or_default().push(point);
+    }
+    let covered = |point: &Point2| {
+        let [x, y] = cell(point);
+        (-1..=1)
+            .flat_map(|dy| (-1..=1).map(move |dx| [x + dx, y + dy]))
+            .any(|key| placed.get(&key).is_some_and(|near| near.iter().any(|p| (p - point).norm() < near_m)))
+    };
+    let count = target.points_m.iter().filter(|p| covered(p)).count();
+    count as f64 / target.points_m.len().max(1) as f64
+}

@@ -1,0 +1,238 @@
+//! The floor plane, and with it the clip frame (paper III-B).
+
+use super::cloud::PointCloud;
+use super::fuse::{KeyFrame, mean_camera_up};
+use super::{FloorReport, Reason};
+use crate::geometry::{Plane, Point3, Pose3, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+/// How the floor is found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FloorParams {
+    pub hypotheses: usize,
+    /// Points used to score a hypothesis; more are thinned evenly.
+    pub scored_points: usize,
+    /// A point this near supports the plane.
+    pub inlier_m: f64,
+    /// A point this far below speaks against it: nothing is under a floor.
+    pub below_m: f64,
+    /// How far the normal may lean from the capture's gravity ...
+    pub gravity_cone_rad: f64,
+    /// ... or, without gravity, from the mean of the cameras' upward axes.
+    pub camera_cone_rad: f64,
+    /// Where the first camera may be above the floor.
+    pub camera_height_m: std::ops::RangeInclusive<f64>,
+    /// Area that a floor must show, square metres.
+    pub min_area_m2: f64,
+    /// Share of the cloud that may lie below.
+    pub max_below_share: f64,
+}
+
+impl Default for FloorParams {
+    fn default() -> Self {
+        FloorParams {
+            hypotheses: 400,
+            scored_points: 30_000,
+            inlier_m: 0.03,
+            below_m: 0.08,
+            gravity_cone_rad: 10f64.to_radians(),
+            camera_cone_rad: 50f64.to_radians(),
+            camera_height_m: 0.25..=2.6,
+            min_area_m2: 0.15,
+            max_below_share: 0.02,
+        }
+    }
+}
+
+/// The floor of a clip.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Floor {
+    pub plane_in_world: Plane,
+    pub clip_from_world: Pose3,
+    pub first_camera_height_m: f64,
+    pub support_points: usize,
+    pub gravity_angle_rad: Option<f64>,
+}
+
+/// Why there is no floor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum NoFloor {
+    /// Nothing was fused.
+    EmptyCloud,
+    /// Gravity is unknown and the cameras' upward axes contradict each other.
+    UpUnknown,
+    /// No horizontal plane with enough area lies under the cameras with nothing below it. The best one
+    /// had this much area and this share of the cloud below it.
+    NoPlane { best_area_m2: f64, below_share: f64 },
+}
+
+impl NoFloor {
+    /// The same for the answer.
+    pub fn reason(&self) -> Reason {
+        match self {
+            NoFloor::EmptyCloud => {
+                Reason::new("nothing_fused", "the depth pictures hold no surface within the sensor's range")
+            }
+            NoFloor::UpUnknown => Reason::new(
+                "up_unknown",
+                "the capture has no gravity and its cameras point every way, so the floor cannot be told from a wall",
+            ),
+            NoFloor::NoPlane { best_area_m2, below_share } => Reason::new(
+                "no_floor",
+                format!(
+                    "no floor in sight: the best flat surface below the camera shows {best_area_m2:.2} square metres and {:.0} % of the clip lies under it; include some floor in the recording",
+                    below_share * 100.0
+                ),
+            ),
+        }
+    }
+}
+
+impl Floor {
+    /// The part that goes into the answer.
+    pub fn report(&self) -> FloorReport {
+        FloorReport {
+            camera_height_m: self.first_camera_height_m,
+            support_points: self.support_points,
+            gravity_angle_deg: self.gravity_angle_rad.map(f64::to_degrees),
+        }
+    }
+}
+
+/// Finds the floor by seeded RANSAC among planes that lie flat, in a world of any orientation.
+pub fn find_floor(
+    cloud: &PointCloud,
+    key_frames: &[KeyFrame],
+    up_in_world: Option<Vector3>,
+    params: &FloorParams,
+    seed: u64,
+) -> Result<Floor, NoFloor> {
+    let first = key_frames.first().ok_or(NoFloor::EmptyCloud)?;
+    let up = up_in_world.or_else(|| mean_camera_up(key_frames)).ok_or(NoFloor::UpUnknown)?.normalize();
+    let cone = if up_in_world.is_some() { params.gravity_cone_rad } else { params.camera_cone_rad };
+    let stride = cloud.points.len().div_ceil(params.scored_points).max(1);
+    let scored: Vec<(Point3, Vector3)> =
+        cloud.points.iter().step_by(stride).map(|p| (p.position(), p.normal())).collect();
+    let flat: Vec<usize> = (0..scored.len()).filter(|&i| scored[i].1.dot(&up) > cone.cos()).collect();
+    if flat.is_empty() {
+        return Err(if scored.is_empty() { NoFloor::EmptyCloud } else { NO_PLANE_AT_ALL });
+    }
+    let cameras: Vec<Point3> =
+        key_frames.iter().map(|k| Point3::from(k.world_from_camera.translation.vector)).collect();
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let picks: Vec<usize> = (0..params.hypotheses).map(|_| flat[rng.random_range(0..flat.len())]).collect();
+    let scorer = Scorer { scored: &scored, cameras: &cameras, params, up, cone };
+    // Ties go to the earlier pick, so that the answer does not depend on threads.
+    let best = picks
+        .par_iter()
+        .enumerate()
+        .filter_map(|(order, &pick)| scorer.grow(pick).map(|candidate| (order, candidate)))
+        .max_by(|(i, a), (j, b)| a.score.total_cmp(&b.score).then(j.cmp(i)))
+        .map(|(_, candidate)| candidate)
+        .ok_or(NO_PLANE_AT_ALL)?;
+    // Sign changes of a flat surface are seen along about one axis, so points count voxel faces.
+    let area_m2 = best.inliers as f64 * stride as f64 * cloud.voxel_m * cloud.voxel_m;
+    let below_share = best.below as f64 / scored.len() as f64;
+    if area_m2 < params.min_area_m2 || below_share > params.max_below_share {
+        return Err(NoFloor::NoPlane { best_area_m2: area_m2, below_share });
+    }
+    let plane = best.plane;
+    Ok(Floor {
+        plane_in_world: plane,
+        clip_from_world: clip_from_world(&plane, &first.world_from_camera),
+        first_camera_height_m: plane.height_m(&cameras[0]),
+        support_points: cloud.points.iter().filter(|p| plane.height_m(&p.position()).abs() < 0.02).count(),
+        gravity_angle_rad: up_in_world.map(|up| plane.normal.dot(&up.normalize()).clamp(-1.0, 1.0).acos()),
+    })
+}
+
+const NO_PLANE_AT_ALL: NoFloor = NoFloor::NoPlane { best_area_m2: 0.0, below_share: 0.0 };
+
+struct Candidate {
+    plane: Plane,
+    inliers: usize,
+    below: usize,
+    score: f64,
+}
+
+struct Scorer<'a> {
+    scored: &'a [(Point3, Vector3)],
+    cameras: &'a [Point3],
+    params: &'a FloorParams,
+    up: Vector3,
+    cone: f64,
+}
+
+impl Scorer<'_> {
+    /// Grows a plane from one point and its normal: twice the inliers, twice a fit, each time stricter.
+    fn grow(&self, pick: usize) -> Option<Candidate> {
+        let (point, normal) = self.scored[pick];
+        let mut plane = Plane::through(&point, normal);
+        for (distance_m, radius_m, angle) in
+            [(0.05, 0.6, 0.35), (0.04, 2.0, 0.25), (self.params.inlier_m, 1e3, 0.25)]
+        {
+            let near = self.scored.iter().filter(|(p, n)| {
+                plane.height_m(p).abs() < distance_m
+                    && n.dot(&plane.normal) > f64::cos(angle)
+                    && (p - point).norm_squared() < radius_m * radius_m
+            });
+            let fitted = Plane::fit(near.map(|(p, _)| p))?;
+            plane = if fitted.normal.dot(&normal) < 0.0 { fitted.flipped() } else { fitted };
+        }
+        self.judge(plane)
+    }
+
+    fn judge(&self, plane: Plane) -> Option<Candidate> {
+        let heights = self.cameras.iter().map(|c| plane.height_m(c));
+        let under_all = heights.clone().all(|h| h > 0.0);
+        let first = plane.height_m(&self.cameras[0]);
+        if plane.normal.dot(&self.up) < self.cone.cos()
+            || !under_all
+            || !self.params.camera_height_m.contains(&first)
+        {
+            return None;
+        }
+        let (mut inliers, mut below) = (0, 0);
+        for (point, normal) in self.scored {
+            let height_m = plane.height_m(point);
+            if height_m < -self.params.below_m {
+                below += 1;
+            } else if height_m.abs() < self.params.inlier_m && normal.dot(&plane.normal) > 0.9 {
+                inliers += 1;
+            }
+        }
+        // A table top has the floor below it; each point there outweighs several on it.
+        let score = inliers as f64 - 5.0 * below as f64;
+        Some(Candidate { plane, inliers, below, score })
+    }
+}
+
+/// z up, the origin on the floor below the first camera, x along its heading.
+fn clip_from_world(plane: &Plane, world_from_first: &Pose3) -> Pose3 {
+    let z = plane.normal;
+    let camera = Point3::from(world_from_first.translation.vector);
+    let origin = camera - z * plane.height_m(&camera);
+    let x = heading(world_from_first, &z);
+    let y = z.cross(&x);
+    let clip_from_world = Matrix3::from_rows(&[x.transpose(), y.transpose(), z.transpose()]);
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(clip_from_world));
+    Pose3::from_parts((rotation * -origin.coords).into(), rotation)
+}
+
+/// Where a camera faces along the floor: the viewing direction laid flat, or the picture's upward axis when
+/// the camera looks straight down (and its downward axis when straight up).
+pub fn heading(world_from_camera: &Pose3, up: &Vector3) -> Vector3 {
+    let flat = |v: Vector3| v - up * up.dot(&v);
+    let forward = world_from_camera.rotation * Vector3::z();
+    let along = flat(forward);
+    // Within about three degrees of the vertical the viewing direction says nothing.
+    let along = if along.norm() > 0.05 {
+        along
+    } else {
+        flat(world_from_camera.rotation * (Vector3::y() * forward.dot(up).signum()))
+    };
+    along.normalize()
+}

@@ -1,0 +1,200 @@
+//! Key frames by motion, decoded a few at a time and fused in order (paper III-A).
+
+use super::cloud::PointCloud;
+use super::tsdf::{Tsdf, TsdfParams};
+use super::{AlignError, Reason};
+use crate::clip::{Clip, ClipError, DepthImage, Frame};
+use crate::geometry::{Pinhole, Point3, Pose3, Vector3};
+use crate::progress::{self, Progress};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// How key frames are chosen and fused.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FuseParams {
+    /// A frame becomes a key frame when the camera moved this far since the last one ...
+    pub key_distance_m: f64,
+    /// ... or turned this far.
+    pub key_angle_rad: f64,
+    /// Key frames closer together than needed are thinned to this many, evenly.
+    pub max_key_frames: usize,
+    /// The share of key frames that may fail to decode before the clip is refused.
+    pub max_broken_share: f64,
+    pub tsdf: TsdfParams,
+}
+
+impl Default for FuseParams {
+    fn default() -> Self {
+        FuseParams {
+            key_distance_m: 0.08,
+            key_angle_rad: 6f64.to_radians(),
+            max_key_frames: 2_000,
+            max_broken_share: 0.1,
+            tsdf: TsdfParams::default(),
+        }
+    }
+}
+
+/// A frame that was fused.
+#[derive(Debug, Clone)]
+pub struct KeyFrame {
+    pub number: u32,
+    pub world_from_camera: Pose3,
+    /// Some of its readings, as points in the camera frame: enough to know what the camera saw through.
+    pub readings: Readings,
+}
+
+/// A thinned depth picture: a few thousand numbers, because every key frame keeps one.
+#[derive(Debug, Clone)]
+pub struct Readings {
+    camera: Pinhole,
+    width: u16,
+    /// Millimetres, row after row; 0 where there is none.
+    depth_mm: Vec<u16>,
+    stride: u16,
+}
+
+impl Readings {
+    fn thin(depth: &DepthImage, camera: Pinhole, params: &TsdfParams) -> Readings {
+        let stride = (depth.width / 96).max(1);
+        let mut depth_mm = Vec::new();
+        let mut width = 0;
+        for y in (stride / 2..depth.height).step_by(stride as usize) {
+            width = 0;
+            for x in (stride / 2..depth.width).step_by(stride as usize) {
+                let depth_m = depth.at(x, y);
+                let known = (params.min_depth_m..=params.max_depth_m).contains(&depth_m);
+                depth_mm.push(if known { (depth_m * 1000.0) as u16 } else { 0 });
+                width += 1;
+            }
+        }
+        Readings { camera, width, depth_mm, stride: stride as u16 }
+    }
+
+    /// What was hit, in the camera frame.
+    pub fn points_in_camera(&self) -> impl Iterator<Item = Point3> + '_ {
+        let first = self.stride / 2;
+        self.depth_mm.iter().enumerate().filter(|(_, mm)| **mm > 0).map(move |(i, &mm)| {
+            let (x, y) = (i % usize::from(self.width), i / usize::from(self.width));
+            let pixel = |at: usize| at as f64 * f64::from(self.stride) + f64::from(first);
+            self.camera.unproject(pixel(x), pixel(y), f64::from(mm) / 1000.0)
+        })
+    }
+}
+
+/// The fused clip.
+#[derive(Debug, Clone)]
+pub struct Fused {
+    pub cloud_in_world: PointCloud,
+    pub key_frames: Vec<KeyFrame>,
+    /// Key frames whose pictures could not be decoded.
+    pub broken: usize,
+    /// Surface beyond the memory bound was left out.
+    pub truncated: bool,
+}
+
+impl Fused {
+    /// What the answer should tell about the fusion.
+    pub fn remarks(&self) -> Vec<Reason> {
+        let mut remarks = Vec::new();
+        if self.broken > 0 {
+            let detail = format!("{} key frame(s) could not be decoded and were left out", self.broken);
+            remarks.push(Reason::new("frames_broken", detail));
+        }
+        if self.truncated {
+            remarks.push(Reason::new("clip_too_large", "surface beyond the memory bound was left out"));
+        }
+        remarks
+    }
+}
+
+/// Why there is nothing to align.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NotFused {
+    /// No frame in the range has a pose.
+    NoPosedFrame,
+}
+
+/// Fuses the key frames of `frames` (numbers as the layout gives them; all when none).
+pub fn fuse(
+    clip: &Clip,
+    frames: Option<Range<u32>>,
+    params: &FuseParams,
+    progress: &dyn Progress,
+) -> Result<Result<Fused, NotFused>, AlignError> {
+    let chosen = choose(clip, frames, params);
+    if chosen.is_empty() {
+        return Ok(Err(NotFused::NoPosedFrame));
+    }
+    let mut tsdf = Tsdf::new(params.tsdf.clone());
+    let mut key_frames = Vec::with_capacity(chosen.len());
+    let mut broken: Option<ClipError> = None;
+    let mut broken_count = 0;
+    for (done, batch) in chosen.chunks(BATCH).enumerate() {
+        progress::check(progress)?;
+        progress.advance((done * BATCH) as f64 / chosen.len() as f64);
+        let decoded: Vec<Result<Frame, ClipError>> =
+            batch.par_iter().map(|(index, _)| clip.load(*index)).collect();
+        for (frame, (_, world_from_camera)) in decoded.into_iter().zip(batch) {
+            match frame {
+                Ok(frame) => {
+                    tsdf.integrate(&frame, world_from_camera);
+                    key_frames.push(KeyFrame {
+                        number: frame.header.number,
+                        world_from_camera: *world_from_camera,
+                        readings: Readings::thin(&frame.depth, frame.depth_camera, &params.tsdf),
+                    });
+                }
+                Err(error) => {
+                    broken_count += 1;
+                    broken.get_or_insert(error);
+                }
+            }
+        }
+        if broken_count as f64 > (params.max_broken_share * chosen.len() as f64).max(1.0)
+            && let Some(error) = broken.take()
+        {
+            return Err(AlignError::Clip(error));
+        }
+    }
+    if key_frames.is_empty()
+        && let Some(error) = broken
+    {
+        return Err(AlignError::Clip(error));
+    }
+    Ok(Ok(Fused {
+        cloud_in_world: tsdf.surface(),
+        key_frames,
+        broken: broken_count,
+        truncated: tsdf.is_full(),
+    }))
+}
+
+/// Frames in memory at a time.
+const BATCH: usize = 4;
+
+/// The posed frames far enough from the one chosen before, with their places in the clip.
+fn choose(clip: &Clip, frames: Option<Range<u32>>, params: &FuseParams) -> Vec<(usize, Pose3)> {
+    let wanted = |number: u32| frames.as_ref().is_none_or(|range| range.contains(&number));
+    let mut chosen: Vec<(usize, Pose3)> = Vec::new();
+    for (index, header) in clip.frames().iter().enumerate() {
+        let Some(pose) = header.world_from_camera.filter(|_| wanted(header.number)) else { continue };
+        let moved = chosen.last().is_none_or(|(_, last)| {
+            let step = last.inverse() * pose;
+            step.translation.vector.norm() >= params.key_distance_m
+                || step.rotation.angle() >= params.key_angle_rad
+        });
+        if moved {
+            chosen.push((index, pose));
+        }
+    }
+    let stride = chosen.len().div_ceil(params.max_key_frames).max(1);
+    chosen.into_iter().step_by(stride).collect()
+}
+
+/// The mean of the cameras' upward picture axes: which way is up when nothing better is known, for a device
+/// that was held upright more often than not. None when the cameras contradict each other.
+pub fn mean_camera_up(key_frames: &[KeyFrame]) -> Option<Vector3> {
+    let sum: Vector3 = key_frames.iter().map(|k| k.world_from_camera.rotation * -Vector3::y()).sum();
+    (sum.norm() > 0.2 * key_frames.len() as f64).then(|| sum.normalize())
+}

@@ -1,0 +1,122 @@
+//! `viola align`: one clip, one map, one answer, without a server.
+
+use super::progress::TerminalProgress;
+use crate::align::{self, AlignParams, Alignment, AlignmentState};
+use crate::clip::{Clip, ClipInfo};
+use crate::home;
+use crate::lidar::{LidarInfo, LidarMap};
+use crate::progress::{Progress, Stage};
+use crate::stopwatch::Stopwatch;
+use anyhow::{Context, Result};
+use clap::Args;
+use serde::Serialize;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+#[derive(Args)]
+pub struct AlignArguments {
+    /// The clip: a folder or a zip (ScanNet export, 7-Scenes, TUM RGB-D).
+    #[arg(long)]
+    clip: PathBuf,
+    /// Only the frames with these numbers, the last one not included.
+    #[arg(long, value_name = "FIRST..END", value_parser = frame_range)]
+    frames: Option<Range<u32>>,
+    /// The LiDAR map (Valetudo JSON, ROS map_server yaml or zip, CSV or PLY points).
+    #[arg(long)]
+    lidar: PathBuf,
+    /// Where result.json, inputs.json, overlay.png and cloud.ply go.
+    #[arg(long)]
+    out: PathBuf,
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+/// What was understood of the files, beside the answer.
+#[derive(Serialize)]
+struct Inputs<'a> {
+    clip: &'a ClipInfo,
+    lidar: &'a LidarInfo,
+}
+
+pub fn run(arguments: &AlignArguments) -> Result<()> {
+    let progress = TerminalProgress::new();
+    let watch = Stopwatch::around(&progress);
+    watch.enter(Stage::Decode);
+    let clip = Clip::open(&arguments.clip).with_context(|| format!("clip {}", arguments.clip.display()))?;
+    let lidar = LidarMap::open(&arguments.lidar)
+        .with_context(|| format!("LiDAR map {}", arguments.lidar.display()))?;
+    let params = AlignParams { seed: arguments.seed, ..AlignParams::default() };
+    let mut aligned = align::align(&clip, arguments.frames.clone(), &lidar, &params, &watch)
+        .with_context(|| format!("clip {}", arguments.clip.display()))?;
+
+    watch.enter(Stage::Report);
+    std::fs::create_dir_all(&arguments.out)
+        .with_context(|| format!("cannot make the folder {}", arguments.out.display()))?;
+    let write = |name: &str, bytes: &[u8]| -> Result<()> {
+        let path = arguments.out.join(name);
+        std::fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
+    };
+    write("overlay.png", &home::overlay_png(&lidar, &aligned))?;
+    write("cloud.ply", &home::cloud_ply(&aligned.cloud_in_clip, aligned.alignment.map_from_clip.as_ref()))?;
+    write("inputs.json", &serde_json::to_vec_pretty(&Inputs { clip: clip.info(), lidar: &lidar.info })?)?;
+    aligned.alignment.seconds = watch.stop();
+    write("result.json", &serde_json::to_vec_pretty(&aligned.alignment)?)?;
+    progress.finish();
+    print_answer(clip.info(), &lidar.info, &aligned.alignment, &arguments.out);
+    Ok(())
+}
+
+fn print_answer(clip: &ClipInfo, lidar: &LidarInfo, alignment: &Alignment, out: &Path) {
+    println!("clip:   {}, {} frames, up: {}", clip.layout, clip.frames, clip.gravity);
+    println!(
+        "map:    {}, {} occupied points, {} rooms",
+        lidar.format,
+        lidar.occupied_points,
+        lidar.rooms.len()
+    );
+    let state = match alignment.state {
+        AlignmentState::Aligned => "aligned",
+        AlignmentState::Ambiguous => "ambiguous",
+        AlignmentState::Failed => "failed",
+    };
+    match &alignment.map_from_clip {
+        Some(pose) => println!(
+            "pose:   {state}, x {:.3} m, y {:.3} m, yaw {:.2} deg",
+            pose.x_m,
+            pose.y_m,
+            pose.yaw_rad.to_degrees()
+        ),
+        None => println!("pose:   {state}"),
+    }
+    for reason in &alignment.reasons {
+        println!("reason: {} ({})", reason.detail, reason.code);
+    }
+    let total: f64 = alignment.seconds.values().sum();
+    println!("time:   {total:.2} s");
+    println!("wrote:  {}", out.display());
+}
+
+/// `120..180`
+fn frame_range(text: &str) -> Result<Range<u32>, String> {
+    let form = || format!("'{text}' is not of the form FIRST..END, for example 120..180");
+    let (first, end) = text.split_once("..").ok_or_else(form)?;
+    let (first, end): (u32, u32) = (first.parse().map_err(|_| form())?, end.parse().map_err(|_| form())?);
+    if first < end {
+        Ok(first..end)
+    } else {
+        Err(format!("'{text}' holds no frame: END must be above FIRST"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::frame_range;
+
+    #[test]
+    fn ranges() {
+        assert_eq!(frame_range("120..180"), Ok(120..180));
+        for bad in ["", "120", "5..5", "9..3", "a..b", "1..2..3", "-1..4", "1..99999999999"] {
+            assert!(frame_range(bad).is_err(), "{bad}");
+        }
+    }
+}

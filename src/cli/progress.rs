@@ -1,0 +1,59 @@
+//! Progress for people: a bar on a terminal, a plain line a stage elsewhere.
+
+use crate::progress::{Progress, Stage};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::io::IsTerminal;
+use std::sync::Mutex;
+
+pub struct TerminalProgress {
+    bar: Option<ProgressBar>,
+    stage: Mutex<Option<Stage>>,
+}
+
+impl TerminalProgress {
+    pub fn new() -> TerminalProgress {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::new(1000);
+            if let Ok(style) = ProgressStyle::with_template("{msg:>8} {wide_bar} {percent:>3} % {elapsed:>4}")
+            {
+                bar.set_style(style);
+            }
+            bar
+        });
+        TerminalProgress { bar, stage: Mutex::new(None) }
+    }
+
+    pub fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+
+    fn show(&self, stage: Stage, fraction: f64) {
+        if let Some(bar) = &self.bar {
+            bar.set_position((stage.overall(fraction) * 1000.0) as u64);
+        }
+    }
+}
+
+impl Progress for TerminalProgress {
+    fn enter(&self, stage: Stage) {
+        *self.stage.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(stage);
+        match &self.bar {
+            Some(bar) => bar.set_message(stage.name()),
+            None => eprintln!("{:3.0} % {}", stage.overall(0.0) * 100.0, stage.name()),
+        }
+        self.show(stage, 0.0);
+    }
+
+    fn advance(&self, fraction: f64) {
+        let stage = *self.stage.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        if let Some(stage) = stage {
+            self.show(stage, fraction);
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        false
+    }
+}
