@@ -4,8 +4,18 @@
 //! keeps them; pictures stay in their container until [`Clip::load`] asks for one, so memory does not grow
 //! with the clip's length beyond a hundred bytes a frame.
 
+mod assemble;
+mod error;
+mod picture;
+mod scannet;
+mod text;
+
+pub use error::ClipError;
+
+use crate::container::{self, Container};
 use crate::geometry::{Pinhole, Pose3, Vector3};
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 /// What was understood of a clip, told to whoever sent it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -25,7 +35,7 @@ pub struct ClipInfo {
     pub frames: usize,
     /// Frames with a finite pose.
     pub frames_with_pose: usize,
-    /// Frames left out because their pose is missing or not finite.
+    /// Frames that cannot be used because their pose is missing or not a finite rigid motion.
     pub skipped_without_pose: usize,
     /// Frames left out because one of their pictures is missing.
     pub skipped_incomplete: usize,
@@ -73,6 +83,69 @@ impl DepthImage {
     }
 }
 
-/// Why a clip is refused or cannot be read on.
-#[derive(Debug, thiserror::Error)]
-pub enum ClipError {}
+/// An opened clip. Frames are loaded one by one, from several threads at once where that helps.
+pub struct Clip {
+    container: Box<dyn Container>,
+    info: ClipInfo,
+    frames: Vec<FrameHeader>,
+    pictures: Vec<Pictures>,
+    color_camera: Pinhole,
+    depth_camera: Pinhole,
+    depth_scale: DepthScale,
+    up_in_world: Option<Vector3>,
+}
+
+/// Where a frame's pictures are in the container.
+#[derive(Debug, Clone)]
+struct Pictures {
+    color: String,
+    depth: String,
+}
+
+/// What the numbers of a depth picture mean.
+#[derive(Debug, Clone, Copy)]
+struct DepthScale {
+    units_per_m: f32,
+    /// This number and 0 are no reading.
+    no_reading: Option<u16>,
+}
+
+impl Clip {
+    /// Opens a folder or a zip archive and finds the layout by content, wherever its root lies inside.
+    /// Reads poses, intrinsics and indices, and the headers of the first pictures.
+    pub fn open(path: &Path) -> Result<Clip, ClipError> {
+        assemble::assemble(container::open(path)?)
+    }
+
+    pub fn info(&self) -> &ClipInfo {
+        &self.info
+    }
+
+    /// The frames with both pictures, in the order in which they were recorded.
+    pub fn frames(&self) -> &[FrameHeader] {
+        &self.frames
+    }
+
+    /// The unit vector against gravity, when the layout's world is known to be aligned to it.
+    pub fn up_in_world(&self) -> Option<Vector3> {
+        self.up_in_world
+    }
+
+    /// Decodes frame `index` of [`Clip::frames`].
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn load(&self, index: usize) -> Result<Frame, ClipError> {
+        let Pictures { color, depth } = &self.pictures[index];
+        let color = picture::decode_color(self.container.as_ref(), color, &self.color_camera)?;
+        let depth =
+            picture::decode_depth(self.container.as_ref(), depth, &self.depth_camera, self.depth_scale)?;
+        Ok(Frame {
+            header: self.frames[index].clone(),
+            color_camera: self.color_camera,
+            color,
+            depth_camera: self.depth_camera,
+            depth,
+        })
+    }
+}

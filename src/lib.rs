@@ -5,7 +5,7 @@
 //!
 //! | floor | module | what it knows |
 //! |---|---|---|
-//! | 1 | [`geometry`], [`progress`] | transforms, cameras, grids, distance fields; how long work reports itself |
+//! | 1 | [`geometry`], [`progress`], [`container`] | transforms, cameras, grids, distance fields; how long work reports itself; folders and zips |
 //! | 2 | [`clip`], [`lidar`] | a recorded clip and a LiDAR map, one file for each format they come in |
 //! | 3 | [`align`], [`home`], [`simulate`] | the method; pictures and files of a home; homes with exact truth |
 //! | 4 | [`evaluate`], [`stopwatch`], [`storage`] | the paper's protocol; time; records and blobs |
@@ -16,6 +16,7 @@ pub mod align;
 pub mod api;
 pub mod cli;
 pub mod clip;
+pub mod container;
 pub mod evaluate;
 pub mod geometry;
 pub mod home;

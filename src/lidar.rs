@@ -3,8 +3,24 @@
 //! The map's frame has x right and y up, in metres: that of the file for CSV, PLY and ROS; for Valetudo the
 //! origin is the lower-left corner of `size`.
 
+mod build;
+mod error;
+mod points;
+mod ros;
+mod valetudo;
+
+pub use error::LidarError;
+
 use crate::geometry::{Grid, Point2, Pose2};
 use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Bytes of one map file.
+pub const MAX_FILE_BYTES: u64 = 64 << 20;
+/// Cells of one map, before anything is allocated for them.
+pub const MAX_CELLS: usize = 64 << 20;
+/// Occupied points of one map, and cells of all its rooms together.
+pub const MAX_POINTS: usize = 5_000_000;
 
 /// What a robot knows of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,4 +83,44 @@ pub struct RoomInfo {
     pub area_m2: f64,
     /// Mean of its cells, in the map's frame.
     pub centre_m: [f64; 2],
+}
+
+impl LidarMap {
+    /// Opens a map file; the format is found by content. A ROS map is a zip of the `.yaml` file and its
+    /// image, or the `.yaml` file itself with the image beside it.
+    pub fn open(path: &Path) -> Result<LidarMap, LidarError> {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let bytes = read_file(path, &name)?;
+        if name.ends_with(".yaml") || name.ends_with(".yml") {
+            return ros::read(&bytes, &name, |image| read_file(&path.with_file_name(image), image));
+        }
+        LidarMap::read(&bytes)
+    }
+
+    /// Reads a map from the bytes of its file: Valetudo JSON, CSV or PLY points, or a zip of a ROS map.
+    pub fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
+        if bytes.len() as u64 > MAX_FILE_BYTES {
+            return Err(LidarError::FileTooLarge { max_bytes: MAX_FILE_BYTES });
+        }
+        let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
+        match text {
+            [] => Err(LidarError::Empty),
+            [b'P', b'K', 3 | 5, ..] => ros::read_zip(bytes),
+            [b'{', ..] => valetudo::read(text),
+            [b'P', b'2' | b'5', ..] | [0x89, b'P', b'N', b'G', ..] => Err(LidarError::ImageWithoutYaml),
+            _ => points::read_csv(text),
+        }
+    }
+}
+
+fn read_file(path: &Path, name: &str) -> Result<Vec<u8>, LidarError> {
+    use std::io::Read;
+    let unreadable = |source| LidarError::Unreadable { name: name.to_string(), source };
+    let file = std::fs::File::open(path).map_err(unreadable)?;
+    let mut bytes = Vec::new();
+    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        return Err(LidarError::FileTooLarge { max_bytes: MAX_FILE_BYTES });
+    }
+    Ok(bytes)
 }

@@ -1,0 +1,128 @@
+//! The image of a ROS map: decoded, and its grey values read as occupancy.
+
+use super::{Description, Mode, Switch};
+use crate::lidar::{Cell, LidarError, MAX_CELLS};
+use image::codecs::pnm::PnmDecoder;
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use std::io::Cursor;
+
+/// Of the decoded image.
+const MAX_IMAGE_BYTES: u64 = 256 << 20;
+
+/// Decodes a PGM or PNG image; also returns the value that is white.
+pub(super) fn decode(bytes: &[u8], name: &str) -> Result<(DynamicImage, u32), LidarError> {
+    let bad = |reason: String| LidarError::BadImage { name: name.to_string(), reason };
+    let failed = |error: image::ImageError| bad(error.to_string());
+    match bytes {
+        [b'P', b'2' | b'5', ..] => {
+            let decoder = PnmDecoder::new(Cursor::new(bytes)).map_err(failed)?;
+            check_size(&decoder, name)?;
+            let max_value = decoder.header().maximal_sample();
+            Ok((DynamicImage::from_decoder(decoder).map_err(failed)?, max_value))
+        }
+        [0x89, b'P', b'N', b'G', ..] => {
+            let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+            let mut limits = Limits::default();
+            limits.max_alloc = Some(MAX_IMAGE_BYTES);
+            reader.limits(limits);
+            let decoder = reader.into_decoder().map_err(failed)?;
+            check_size(&decoder, name)?;
+            let image = DynamicImage::from_decoder(decoder).map_err(failed)?;
+            let bits = image.color().bits_per_pixel() / u16::from(image.color().channel_count());
+            Ok((image, (1 << bits) - 1))
+        }
+        _ => Err(bad("it is neither PGM nor PNG".to_string())),
+    }
+}
+
+fn check_size(decoder: &impl ImageDecoder, name: &str) -> Result<(), LidarError> {
+    let (width, height) = decoder.dimensions();
+    let cells = u64::from(width) * u64::from(height);
+    if cells > MAX_CELLS as u64 {
+        return Err(LidarError::TooManyCells { cells, max: MAX_CELLS });
+    }
+    if cells == 0 || decoder.total_bytes() > MAX_IMAGE_BYTES {
+        let reason = format!("it has {width}x{height} pixels of {:?}", decoder.color_type());
+        return Err(LidarError::BadImage { name: name.to_string(), reason });
+    }
+    Ok(())
+}
+
+/// One cell a pixel, row after row from the bottom; the image begins at the top.
+pub(super) fn classify(image: &DynamicImage, max_value: u32, description: &Description) -> Vec<Cell> {
+    let channels = usize::from(image.color().channel_count());
+    let rule = Rule {
+        color_channels: if image.color().has_alpha() { channels - 1 } else { channels },
+        max_value: f64::from(max_value),
+        mode: description.mode,
+        negate: match description.negate {
+            Some(Switch::Bool(negate)) => negate,
+            Some(Switch::Number(negate)) => negate != 0,
+            None => false,
+        },
+        occupied: description.occupied_thresh,
+        free: description.free_thresh,
+    };
+    let row_values = image.width() as usize * channels;
+    if let Some(samples) = image.as_flat_samples_u8() {
+        rows(samples.samples, row_values, channels, &rule)
+    } else if let Some(samples) = image.as_flat_samples_u16() {
+        rows(samples.samples, row_values, channels, &rule)
+    } else {
+        // Neither PGM nor PNG decodes to floating point; such an image would be unknown everywhere.
+        vec![Cell::Unknown; image.width() as usize * image.height() as usize]
+    }
+}
+
+fn rows<T: Copy + Into<u32>>(samples: &[T], row_values: usize, channels: usize, rule: &Rule) -> Vec<Cell> {
+    let rows_from_bottom = samples.chunks_exact(row_values).rev();
+    rows_from_bottom.flat_map(|row| row.chunks_exact(channels)).map(|pixel| rule.cell(pixel)).collect()
+}
+
+/// How map_server reads a pixel.
+struct Rule {
+    /// A channel after these is alpha.
+    color_channels: usize,
+    max_value: f64,
+    mode: Mode,
+    negate: bool,
+    occupied: f64,
+    free: f64,
+}
+
+impl Rule {
+    fn cell<T: Copy + Into<u32>>(&self, pixel: &[T]) -> Cell {
+        let mean = |values: &[T]| {
+            values.iter().map(|&v| f64::from(v.into())).sum::<f64>() / values.len() as f64 / self.max_value
+        };
+        let is_opaque = pixel[self.color_channels..].iter().all(|&a| f64::from(a.into()) >= self.max_value);
+        match self.mode {
+            // map_server averages alpha in with the colours here, and writers rely on it.
+            Mode::Trinary => self.by_threshold(mean(pixel)),
+            // Between the thresholds the chance is neither that of a wall nor that of free floor.
+            Mode::Scale if is_opaque => self.by_threshold(mean(&pixel[..self.color_channels])),
+            Mode::Scale => Cell::Unknown,
+            // The value itself is the occupancy in percent; above 100 nothing is known.
+            Mode::Raw => {
+                let percent = mean(&pixel[..self.color_channels]) * self.max_value;
+                match percent / 100.0 {
+                    p if p > 1.0 => Cell::Unknown,
+                    p if p >= self.occupied => Cell::Occupied,
+                    p if p <= self.free => Cell::Free,
+                    _ => Cell::Unknown,
+                }
+            }
+        }
+    }
+
+    fn by_threshold(&self, shade: f64) -> Cell {
+        let occupancy = if self.negate { shade } else { 1.0 - shade };
+        if occupancy > self.occupied {
+            Cell::Occupied
+        } else if occupancy < self.free {
+            Cell::Free
+        } else {
+            Cell::Unknown
+        }
+    }
+}
