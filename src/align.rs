@@ -29,7 +29,7 @@ pub use tsdf::TsdfParams;
 use crate::clip::{Clip, ClipError};
 use crate::geometry::Pose2;
 use crate::lidar::LidarMap;
-use crate::progress::{Cancelled, Progress, Stage};
+use crate::progress::{self, Cancelled, Progress, Stage};
 use fuse::NotFused;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -107,7 +107,7 @@ pub fn observe(
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<Observation, AlignError> {
-    progress.enter(Stage::Fuse);
+    progress::begin(progress, Stage::Fuse)?;
     let fused = match fuse::fuse(clip, frames, &params.fuse, progress)? {
         Ok(fused) => fused,
         Err(NotFused::NoPosedFrame) => {
@@ -124,7 +124,7 @@ pub fn observe(
         ..Observation::default()
     };
 
-    progress.enter(Stage::Floor);
+    progress::begin(progress, Stage::Floor)?;
     let Fused { cloud_in_world, key_frames, .. } = fused;
     let floor =
         floor::find_floor(&cloud_in_world, &key_frames, clip.up_in_world(), &params.floor, params.seed);
@@ -138,7 +138,7 @@ pub fn observe(
     observation.floor = Some(floor.report());
     observation.cloud_in_clip = cloud_in_world.transformed(&floor.clip_from_world);
 
-    progress.enter(Stage::Raycast);
+    progress::begin(progress, Stage::Raycast)?;
     observation.scan =
         raycast::raycast(&observation.cloud_in_clip, &key_frames, &floor.clip_from_world, &params.raycast);
     Ok(observation)
@@ -176,14 +176,14 @@ pub fn register(
         return Ok(alignment);
     }
 
-    progress.enter(Stage::Search);
+    progress::begin(progress, Stage::Search)?;
     let candidates = search::search(&scan.hits, target, &params.search, progress)?;
 
-    progress.enter(Stage::Refine);
+    progress::begin(progress, Stage::Refine)?;
     let starts: Vec<Pose2> = candidates.iter().map(|c| c.map_from_clip).collect();
     let refined = refine::refine(&starts, &scan.hits, target, &params.refine);
 
-    progress.enter(Stage::Decide);
+    progress::begin(progress, Stage::Decide)?;
     let decision = decide::decide(&refined, scan, target, &params.decide);
 
     alignment.state = decision.state;

@@ -5,5 +5,5 @@ mod scene;
 mod table;
 
 pub use draw::excerpts;
-pub use scene::{ClipResult, Method, Scene, SceneError, evaluate_scene};
+pub use scene::{ClipResult, Method, Scene, SceneError, evaluate_clips};
 pub use table::{TableRow, clips_csv, markdown, tabulate};

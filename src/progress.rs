@@ -94,6 +94,12 @@ pub fn check(progress: &dyn Progress) -> Result<(), Cancelled> {
     if progress.cancelled() { Err(Cancelled) } else { Ok(()) }
 }
 
+/// Begins a stage, unless somebody asked to stop.
+pub fn begin(progress: &dyn Progress, stage: Stage) -> Result<(), Cancelled> {
+    progress.enter(stage);
+    check(progress)
+}
+
 /// Nobody listens and nobody cancels.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;

@@ -186,7 +186,8 @@ impl<'a> Space<'a> {
                 *value = likelihood(x, y);
             }
         });
-        let mut levels = vec![Maxima { width: frame.width as i32, height: frame.height as i32, before: 0, values }];
+        let mut levels =
+            vec![Maxima { width: frame.width as i32, height: frame.height as i32, before: 0, values }];
         for level in 0..params.levels {
             levels.push(levels[level as usize].doubled(1 << level));
         }
@@ -215,9 +216,9 @@ impl<'a> Space<'a> {
         (0..self.params.rotations as u32)
             .into_par_iter()
             .flat_map_iter(|rotation| {
-                let places = (inset..height).step_by(side as usize).flat_map(move |y| {
-                    (inset..width).step_by(side as usize).map(move |x| (x, y))
-                });
+                let places = (inset..height)
+                    .step_by(side as usize)
+                    .flat_map(move |y| (inset..width).step_by(side as usize).map(move |x| (x, y)));
                 places.map(move |(x, y)| self.node(rotation, level, x, y))
             })
             .filter(|node| node.bound > 0)

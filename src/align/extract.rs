@@ -9,18 +9,22 @@ const PADDED: usize = SIDE + 3;
 
 /// All sign changes, block after block in the order of their making.
 pub(super) fn surface_points(tsdf: &Tsdf, voxel_m: f64) -> Vec<CloudPoint> {
-    let each: Vec<Vec<CloudPoint>> = tsdf
-        .blocks
-        .par_iter()
-        .map_init(
-            || vec![f32::NAN; PADDED * PADDED * PADDED],
-            |padded, block| {
-                pad(tsdf, block, padded);
-                block_points(block, padded, voxel_m)
-            },
-        )
-        .collect();
-    each.into_iter().flatten().collect()
+    // A few thousand blocks at a time, so that the points are not held twice.
+    let mut points = Vec::new();
+    for blocks in tsdf.blocks.chunks(4096) {
+        let each: Vec<Vec<CloudPoint>> = blocks
+            .par_iter()
+            .map_init(
+                || vec![f32::NAN; PADDED * PADDED * PADDED],
+                |padded, block| {
+                    pad(tsdf, block, padded);
+                    block_points(block, padded, voxel_m)
+                },
+            )
+            .collect();
+        points.extend(each.into_iter().flatten());
+    }
+    points
 }
 
 fn at(x: usize, y: usize, z: usize) -> usize {

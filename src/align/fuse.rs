@@ -56,7 +56,7 @@ pub struct Readings {
 
 impl Readings {
     fn thin(depth: &DepthImage, camera: Pinhole, params: &TsdfParams) -> Readings {
-        let stride = (depth.width / 96).max(1);
+        let stride = (depth.width / 64).max(1);
         let mut depth_mm = Vec::new();
         let mut width = 0;
         for y in (stride / 2..depth.height).step_by(stride as usize) {
@@ -170,8 +170,9 @@ pub fn fuse(
     }))
 }
 
-/// Frames in memory at a time.
-const BATCH: usize = 4;
+/// Frames in memory at a time: enough to keep many cores busy with decoding, and all that a long clip needs
+/// more than a short one is its surface.
+const BATCH: usize = 16;
 
 /// The posed frames far enough from the one chosen before, with their places in the clip.
 fn choose(clip: &Clip, frames: Option<Range<u32>>, params: &FuseParams) -> Vec<(usize, Pose3)> {

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 /// Voxels along the side of a block.
-pub(super) const SIDE: usize = 8;
+pub(super) const SIDE: usize = 4;
 pub(super) const VOXELS: usize = SIDE * SIDE * SIDE;
 
 /// How depth is fused.
@@ -75,7 +75,7 @@ impl Voxel {
     }
 }
 
-/// Eight voxels a side, z slowest.
+/// Four voxels a side, z slowest.
 pub(super) struct Block {
     pub(super) key: [i32; 3],
     /// The last frame that touched the block.

@@ -54,7 +54,8 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
                 result.translation_error_m
             ),
         };
-        results.extend(evaluate::evaluate_scene(&scene, length, &methods, &Silent, report)?);
+        let clips = evaluate::excerpts(scene.clip.frames().len(), length);
+        results.extend(evaluate::evaluate_clips(&scene, &clips, &methods, &Silent, report)?);
     }
     let rows = evaluate::tabulate(&results);
     let table = evaluate::markdown(&rows);

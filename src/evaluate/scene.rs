@@ -7,6 +7,7 @@ use crate::lidar::{LidarError, LidarMap};
 use crate::progress::Progress;
 use crate::stopwatch::Stopwatch;
 use serde::Deserialize;
+use std::ops::Range;
 use std::path::Path;
 
 /// A recording with true poses, its LiDAR map, and where the map lies in the recording's world.
@@ -92,11 +93,12 @@ impl ClipResult {
     }
 }
 
-/// Aligns every half-overlapping excerpt of `length` frames by every method. What does not depend on the
-/// method (fusion, floor, rays) is done once a clip with the first method's parameters.
-pub fn evaluate_scene(
+/// Aligns clips, given as places in the scene's frames, by every method, and reports each result with how
+/// many of how many are done. What does not depend on the method (fusion, floor, rays) is done once a clip
+/// with the first method's parameters.
+pub fn evaluate_clips(
     scene: &Scene,
-    length: usize,
+    clips: &[Range<usize>],
     methods: &[Method],
     progress: &dyn Progress,
     mut done: impl FnMut(&ClipResult, usize, usize),
@@ -104,7 +106,6 @@ pub fn evaluate_scene(
     let Some(first_method) = methods.first() else { return Ok(Vec::new()) };
     let target = Target::new(&scene.lidar);
     let headers = scene.clip.frames();
-    let clips = super::excerpts(headers.len(), length);
     let total = clips.len() * methods.len();
     let mut results = Vec::with_capacity(total);
     for range in clips {
@@ -127,7 +128,7 @@ pub fn evaluate_scene(
             results.push(ClipResult {
                 method: method.name.clone(),
                 set: scene.name.clone(),
-                frames: length,
+                frames: range.len(),
                 first_frame: numbers.start,
                 last_frame: numbers.end - 1,
                 state: alignment.state,
