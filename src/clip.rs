@@ -6,9 +6,12 @@
 
 mod assemble;
 mod error;
+mod numbered;
 mod picture;
 mod scannet;
+mod seven_scenes;
 mod text;
+mod tum;
 
 pub use error::ClipError;
 
@@ -91,7 +94,7 @@ pub struct Clip {
     pictures: Vec<Pictures>,
     color_camera: Pinhole,
     depth_camera: Pinhole,
-    depth_scale: DepthScale,
+    depth_units_per_m: f32,
     up_in_world: Option<Vector3>,
 }
 
@@ -100,14 +103,6 @@ pub struct Clip {
 struct Pictures {
     color: String,
     depth: String,
-}
-
-/// What the numbers of a depth picture mean.
-#[derive(Debug, Clone, Copy)]
-struct DepthScale {
-    units_per_m: f32,
-    /// This number and 0 are no reading.
-    no_reading: Option<u16>,
 }
 
 impl Clip {
@@ -138,8 +133,12 @@ impl Clip {
     pub fn load(&self, index: usize) -> Result<Frame, ClipError> {
         let Pictures { color, depth } = &self.pictures[index];
         let color = picture::decode_color(self.container.as_ref(), color, &self.color_camera)?;
-        let depth =
-            picture::decode_depth(self.container.as_ref(), depth, &self.depth_camera, self.depth_scale)?;
+        let depth = picture::decode_depth(
+            self.container.as_ref(),
+            depth,
+            &self.depth_camera,
+            self.depth_units_per_m,
+        )?;
         Ok(Frame {
             header: self.frames[index].clone(),
             color_camera: self.color_camera,

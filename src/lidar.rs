@@ -108,6 +108,7 @@ impl LidarMap {
             [b'P', b'K', 3 | 5, ..] => ros::read_zip(bytes),
             [b'{', ..] => valetudo::read(text),
             [b'P', b'2' | b'5', ..] | [0x89, b'P', b'N', b'G', ..] => Err(LidarError::ImageWithoutYaml),
+            [b'p', b'l', b'y', b'\r' | b'\n', ..] => points::read_ply(text),
             _ => points::read_csv(text),
         }
     }

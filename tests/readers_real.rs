@@ -98,3 +98,18 @@ fn vacuum_maps_load() {
     let map = LidarMap::open(&data.join("vacuum_maps/ros/home.yaml")).unwrap();
     println!("{:#?}", map.info);
 }
+
+#[test]
+fn other_layouts_open() {
+    let Some(data) = data() else { return };
+    for folder in ["seven_scenes/redkitchen", "tum/freiburg1_rpy_excerpt"] {
+        let start = Instant::now();
+        let clip = Clip::open(&data.join(folder)).unwrap();
+        println!("{:?} {:#?}", start.elapsed(), clip.info());
+        let start = Instant::now();
+        for index in 0..20 {
+            clip.load(index).unwrap();
+        }
+        println!("load: {:?} a frame", start.elapsed() / 20);
+    }
+}

@@ -1,7 +1,7 @@
 //! From what a layout's reader found to a checked [`Clip`].
 
 use super::text::Intrinsics;
-use super::{Clip, ClipError, ClipInfo, DepthScale, FrameHeader, Pictures, picture, scannet};
+use super::{Clip, ClipError, ClipInfo, FrameHeader, Pictures, picture, scannet, seven_scenes, tum};
 use crate::container::Container;
 use crate::geometry::{Pinhole, Pose3, Vector3};
 
@@ -19,22 +19,32 @@ const MAX_ASPECT_RATIO: f64 = 1.1;
 pub(super) struct Layout {
     pub name: &'static str,
     pub pose_convention: &'static str,
+    /// Where poses were looked for, for messages.
+    pub pose_files: &'static str,
     pub depth_unit: &'static str,
-    pub depth_scale: DepthScale,
+    pub depth_units_per_m: f32,
     pub gravity: &'static str,
     pub up_in_world: Option<Vector3>,
     pub color_pictures: usize,
     pub depth_pictures: usize,
     /// Frames with only one of the two pictures.
     pub incomplete: usize,
-    pub color_intrinsics: Intrinsics,
-    /// None where one set serves both cameras.
-    pub depth_intrinsics: Option<Intrinsics>,
+    pub cameras: Cameras,
     /// Where the intrinsics come from, in words.
     pub intrinsics: String,
     /// In the order in which they were recorded.
     pub sources: Vec<Source>,
     pub notes: Vec<String>,
+}
+
+/// What a layout says of its two cameras.
+pub(super) enum Cameras {
+    /// A file for each.
+    Each { color: Intrinsics, depth: Intrinsics },
+    /// One file for both: it is the depth camera's, and colour is registered to it.
+    Shared(Intrinsics),
+    /// No file: these numbers for both, and the size of picture that they are for.
+    Assumed(Intrinsics, (u32, u32)),
 }
 
 /// One frame: where its pictures are and what is known of it.
@@ -48,10 +58,7 @@ pub(super) struct Source {
 
 /// Tries the layouts and checks what the first that fits has found.
 pub(super) fn assemble(container: Box<dyn Container>) -> Result<Clip, ClipError> {
-    let layout = match scannet::find(container.as_ref())? {
-        Some(layout) => layout,
-        None => return Err(ClipError::UnknownLayout { files: container.names().len() }),
-    };
+    let layout = find_layout(container.as_ref())?;
     let frames = layout.sources.len();
     if frames == 0 {
         let (color, depth) = (layout.color_pictures, layout.depth_pictures);
@@ -66,17 +73,13 @@ pub(super) fn assemble(container: Box<dyn Container>) -> Result<Clip, ClipError>
     }
     let frames_with_pose = layout.sources.iter().filter(|s| s.world_from_camera.is_some()).count();
     if frames_with_pose == 0 {
-        return Err(ClipError::NoFinitePose { frames });
+        return Err(ClipError::NoFinitePose { frames, place: layout.pose_files });
     }
 
     let first = &layout.sources[0];
     let color_size = picture::size(container.as_ref(), &first.color)?;
     let depth_size = picture::size(container.as_ref(), &first.depth)?;
-    let color_camera = camera(&layout.color_intrinsics, color_size)?;
-    let depth_camera = match &layout.depth_intrinsics {
-        Some(intrinsics) => camera(intrinsics, depth_size)?,
-        None => color_camera.resized(depth_size.0, depth_size.1),
-    };
+    let (color_camera, depth_camera) = cameras(&layout.cameras, color_size, depth_size)?;
     check_views(&color_camera, &depth_camera)?;
 
     let duration_s = match (first.time_s, layout.sources.last().and_then(|s| s.time_s)) {
@@ -114,9 +117,18 @@ pub(super) fn assemble(container: Box<dyn Container>) -> Result<Clip, ClipError>
         pictures,
         color_camera,
         depth_camera,
-        depth_scale: layout.depth_scale,
+        depth_units_per_m: layout.depth_units_per_m,
         up_in_world: layout.up_in_world,
     })
+}
+
+fn find_layout(container: &dyn Container) -> Result<Layout, ClipError> {
+    for find in [scannet::find, seven_scenes::find, tum::find] {
+        if let Some(layout) = find(container)? {
+            return Ok(layout);
+        }
+    }
+    Err(ClipError::UnknownLayout { files: container.names().len() })
 }
 
 /// The one root among those where a layout was found; none when there is none.
@@ -129,6 +141,38 @@ pub(super) fn only_root<'a>(mut roots: impl Iterator<Item = &'a str>) -> Result<
             Err(ClipError::SeveralClips { first: shown(first), second: shown(second) })
         }
     }
+}
+
+/// The colour and the depth camera.
+fn cameras(
+    cameras: &Cameras,
+    color_size: (u32, u32),
+    depth_size: (u32, u32),
+) -> Result<(Pinhole, Pinhole), ClipError> {
+    let (intrinsics, size) = match cameras {
+        Cameras::Each { color, depth } => {
+            return Ok((camera(color, color_size)?, camera(depth, depth_size)?));
+        }
+        Cameras::Shared(intrinsics) => (intrinsics, depth_size),
+        Cameras::Assumed(intrinsics, size) => (intrinsics, *size),
+    };
+    let aspect = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
+    for picture in [color_size, depth_size] {
+        if differs(aspect(picture), aspect(size), MAX_ASPECT_RATIO) {
+            let reason = format!(
+                "colour is {}x{}, depth is {}x{}, and the one set of intrinsics is for {}x{}",
+                color_size.0, color_size.1, depth_size.0, depth_size.1, size.0, size.1
+            );
+            return Err(ClipError::ColorDepthMismatch { reason });
+        }
+    }
+    let known = camera(intrinsics, size)?;
+    Ok((known.resized(color_size.0, color_size.1), known.resized(depth_size.0, depth_size.1)))
+}
+
+/// Whether one of two positive numbers is more than `ratio` times the other.
+fn differs(a: f64, b: f64, ratio: f64) -> bool {
+    a > b * ratio || b > a * ratio
 }
 
 /// The camera of a picture of this size, when the intrinsics can be those of such a picture.
@@ -154,7 +198,6 @@ fn check_views(color: &Pinhole, depth: &Pinhole) -> Result<(), ClipError> {
     // The tangents of the angles of view: what the camera sees at a distance of one metre.
     let view_m = |c: &Pinhole| (f64::from(c.width) / c.fx, f64::from(c.height) / c.fy);
     let ((color_x, color_y), (depth_x, depth_y)) = (view_m(color), view_m(depth));
-    let differs = |a: f64, b: f64, ratio: f64| a > b * ratio || b > a * ratio;
     let aspect_differs = differs(color_x / color_y, depth_x / depth_y, MAX_ASPECT_RATIO);
     if aspect_differs
         || differs(color_x, depth_x, MAX_VIEW_RATIO)

@@ -24,8 +24,10 @@ pub enum ClipError {
     BadIntrinsics { name: String, reason: String },
     #[error("{name}, line {line}: {reason}")]
     BadIndex { name: String, line: usize, reason: String },
-    #[error("none of the {frames} frames has a pose that is a finite rigid motion")]
-    NoFinitePose { frames: usize },
+    #[error("two files are the same frame's: {first} and {second}")]
+    DuplicateFrame { first: String, second: String },
+    #[error("none of the {frames} frames has a pose in {place} that is a finite rigid motion")]
+    NoFinitePose { frames: usize, place: &'static str },
     #[error("colour and depth do not belong together: {reason}")]
     ColorDepthMismatch { reason: String },
     #[error("{name} is not a picture that can be read: {reason}")]
@@ -52,6 +54,7 @@ impl ClipError {
             ClipError::MissingIntrinsics { .. } => "missing_intrinsics",
             ClipError::BadIntrinsics { .. } => "bad_intrinsics",
             ClipError::BadIndex { .. } => "bad_index",
+            ClipError::DuplicateFrame { .. } => "duplicate_frame",
             ClipError::NoFinitePose { .. } => "no_finite_pose",
             ClipError::ColorDepthMismatch { .. } => "color_depth_mismatch",
             ClipError::BadPicture { .. } => "bad_picture",

@@ -1,6 +1,6 @@
 //! Colour and depth pictures: headers first, then pixels.
 
-use super::{ClipError, DepthImage, DepthScale};
+use super::{ClipError, DepthImage};
 use crate::container::Container;
 use crate::geometry::Pinhole;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
@@ -37,7 +37,7 @@ pub(super) fn decode_depth(
     container: &dyn Container,
     name: &str,
     camera: &Pinhole,
-    scale: DepthScale,
+    units_per_m: f32,
 ) -> Result<DepthImage, ClipError> {
     let bytes = container.read(name, MAX_PICTURE_BYTES)?;
     let decoder = decoder(&bytes, name)?;
@@ -47,10 +47,8 @@ pub(super) fn decode_depth(
         return Err(ClipError::DepthNotGrey16 { name: name.to_string(), found: format!("{found:?}") });
     }
     let image = pixels(decoder, name)?.into_luma16();
-    let metres = |units: u16| match Some(units) == scale.no_reading {
-        true => 0.0,
-        false => f32::from(units) / scale.units_per_m,
-    };
+    // The largest number is a sensor that has given up: 7-Scenes writes it, and no layout means it.
+    let metres = |units: u16| if units == u16::MAX { 0.0 } else { f32::from(units) / units_per_m };
     let (width, height) = image.dimensions();
     Ok(DepthImage { width, height, depth_m: image.into_raw().into_iter().map(metres).collect() })
 }

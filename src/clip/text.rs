@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 
 const MAX_POSE_BYTES: u64 = 4 << 10;
 const MAX_INTRINSICS_BYTES: u64 = 4 << 10;
+const MAX_TABLE_BYTES: u64 = 16 << 20;
 /// Poses further away than this from their origin are garbage, in metres.
 const MAX_DISTANCE_M: f64 = 1e5;
 /// How far the products of a rotation's columns may be from 0 and 1. Exports print six digits; 7-Scenes
@@ -48,8 +49,9 @@ pub(super) fn rigid(rotation: UnitQuaternion<f64>, translation: Vector3) -> Opti
 /// The rotation nearest to a matrix that is one up to printing; none for any other matrix.
 fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
     let deviation = (matrix.transpose() * matrix - Matrix3::identity()).abs().max();
-    // NaN fails the comparison.
-    if !(deviation < ROTATION_TOLERANCE) || matrix.determinant() < 0.0 {
+    // NaN is not below anything; a mirror has a negative determinant.
+    let is_rotation = deviation < ROTATION_TOLERANCE && matrix.determinant() > 0.0;
+    if !is_rotation {
         return None;
     }
     let svd = matrix.svd(true, true);
@@ -90,4 +92,31 @@ fn numbers(bytes: &[u8], count: usize) -> Option<Vec<f64>> {
         values.push(word.parse().ok()?);
     }
     (values.len() == count).then_some(values)
+}
+
+/// A text file of one entry a line; `#` begins a comment.
+pub(super) struct Table {
+    text: String,
+}
+
+pub(super) fn read_table(container: &dyn Container, name: &str) -> Result<Table, ClipError> {
+    let bytes = container.read(name, MAX_TABLE_BYTES)?;
+    String::from_utf8(bytes).map(|text| Table { text }).map_err(|_| ClipError::BadIndex {
+        name: name.to_string(),
+        line: 1,
+        reason: "the file is not text".to_string(),
+    })
+}
+
+impl Table {
+    /// Lines with something on them, and their numbers, from 1.
+    pub fn rows(&self) -> impl Iterator<Item = (usize, &str)> {
+        let lines = self.text.lines().enumerate().map(|(index, line)| (index + 1, line.trim()));
+        lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
+    }
+}
+
+/// Exactly `N` numbers, none when there are more, fewer, or something else.
+pub(super) fn parse_row<const N: usize>(row: &str) -> Option<[f64; N]> {
+    numbers(row.as_bytes(), N)?.try_into().ok()
 }

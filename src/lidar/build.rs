@@ -1,7 +1,7 @@
 //! From what a format's reader found to a checked [`LidarMap`] with its [`LidarInfo`].
 
 use super::{Cell, LidarError, LidarInfo, LidarMap, MAX_POINTS, Room, RoomInfo};
-use crate::geometry::{Grid, Point2, Pose2};
+use crate::geometry::{Grid, GridFrame, Point2, Pose2};
 use std::collections::HashSet;
 
 /// What the reader of one format found.
@@ -33,6 +33,7 @@ pub(super) fn build(mut parts: Parts) -> Result<LidarMap, LidarError> {
             .push(format!("{} points that are there twice were dropped", all - parts.occupied_m.len()));
     }
 
+    parts.cells = parts.cells.map(crop);
     let mut bounds = Bounds::default();
     for point in &parts.occupied_m {
         bounds.add(point);
@@ -69,6 +70,28 @@ pub(super) fn build(mut parts: Parts) -> Result<LidarMap, LidarError> {
     };
     let Parts { occupied_m, cells, rooms, charger, .. } = parts;
     Ok(LidarMap { info, occupied_m, cells, rooms, charger })
+}
+
+/// The part of a grid that is known. Robots write sheets of which a home fills a tenth.
+fn crop(grid: Grid<Cell>) -> Grid<Cell> {
+    let GridFrame { origin_m, cell_m, width, height } = grid.frame;
+    let (mut left, mut right, mut bottom, mut top) = (width, 0, height, 0);
+    for (y, row) in grid.cells.chunks_exact(width.max(1)).enumerate() {
+        let mut known = row.iter().enumerate().filter(|(_, cell)| **cell != Cell::Unknown).map(|(x, _)| x);
+        if let Some(first) = known.next() {
+            left = left.min(first);
+            right = right.max(known.next_back().unwrap_or(first) + 1);
+            bottom = bottom.min(y);
+            top = y + 1;
+        }
+    }
+    if left >= right || (right - left, top - bottom) == (width, height) {
+        return grid;
+    }
+    let origin_m = [origin_m[0] + left as f64 * cell_m, origin_m[1] + bottom as f64 * cell_m];
+    let frame = GridFrame { origin_m, cell_m, width: right - left, height: top - bottom };
+    let rows = grid.cells.chunks_exact(width).skip(bottom).take(frame.height);
+    Grid { frame, cells: rows.flat_map(|row| &row[left..right]).copied().collect() }
 }
 
 /// The centres of the occupied cells, row after row from the bottom.

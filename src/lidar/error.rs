@@ -36,6 +36,8 @@ pub enum LidarError {
     TooManyPoints { max: usize },
     #[error("line {line}: {reason}")]
     BadPoints { line: usize, reason: String },
+    #[error("the PLY file cannot be used: {reason}")]
+    BadPly { reason: String },
     #[error("the map has no wall: nothing in it is occupied, so no clip can be aligned to it")]
     NoWalls,
 }
@@ -58,6 +60,7 @@ impl LidarError {
             LidarError::TooManyCells { .. } => "too_many_cells",
             LidarError::TooManyPoints { .. } => "too_many_points",
             LidarError::BadPoints { .. } => "bad_points",
+            LidarError::BadPly { .. } => "bad_ply",
             LidarError::NoWalls => "no_walls",
         }
     }

@@ -10,6 +10,8 @@ use crate::geometry::{Grid, GridFrame, Pose2};
 use serde::Deserialize;
 
 const MAX_YAML_BYTES: u64 = 64 << 10;
+/// The threshold under which a map saver's unknown (205) is not free.
+const SAVED_FREE_THRESHOLD: f64 = 0.196;
 /// Less than this turns the largest map by less than a cell.
 const MIN_YAW_RAD: f64 = 1e-6;
 
@@ -71,11 +73,19 @@ pub(super) fn read(
     if yaml.len() as u64 > MAX_YAML_BYTES {
         return Err(bad(format!("it has more than {MAX_YAML_BYTES} bytes")));
     }
-    let description: Description = serde_yaml_ng::from_slice(yaml).map_err(|error| bad(error.to_string()))?;
+    let mut description: Description =
+        serde_yaml_ng::from_slice(yaml).map_err(|error| bad(error.to_string()))?;
     let mut notes = Vec::new();
     let image_name = image_beside(&description.image, &mut notes).map_err(bad)?;
     let origin = check(&description).map_err(bad)?;
     let (image, max_value) = raster::decode(&read_image(&image_name)?, &image_name)?;
+    if raster::is_saved_with_wide_threshold(&image, &description) {
+        notes.push(format!(
+            "the image's 205, which map savers write for unknown, is below free_thresh {}; it was read as unknown",
+            description.free_thresh
+        ));
+        description.free_thresh = SAVED_FREE_THRESHOLD;
+    }
     let frame = GridFrame {
         origin_m: [origin.x_m, origin.y_m],
         cell_m: description.resolution,

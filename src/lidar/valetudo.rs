@@ -3,83 +3,26 @@
 //! In the file everything counts from the top-left corner with y down: cells in pixels, sizes and entities
 //! in centimetres. Here y is turned up, and the origin is the lower-left corner of `size`.
 
+mod file;
+mod sheet;
+
+use self::file::{Label, Layer, MapFile};
+use self::sheet::{Run, Sheet};
 use super::build::{Parts, build, occupied_centres};
-use super::{Cell, LidarError, LidarMap, MAX_CELLS, MAX_POINTS, Room};
-use crate::geometry::{Grid, GridFrame, Point2, Pose2};
-use serde::Deserialize;
+use super::{Cell, LidarError, LidarMap, MAX_POINTS, Room};
+use crate::geometry::{Grid, Pose2};
 
 /// A kilometre: no robot maps more.
 const MAX_SIZE_CM: i64 = 100_000;
 const MAX_PIXEL_CM: i64 = 100;
+const MAX_NAME_CHARS: usize = 100;
 /// Below this many wall cells for each cell around the floor, the walls are taken from the floor's border.
 const MIN_WALL_SHARE: f64 = 0.25;
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct MapFile {
-    size: Size,
-    pixel_size: i64,
-    layers: Vec<Layer>,
-    #[serde(default)]
-    entities: Vec<Entity>,
-}
-
-#[derive(Deserialize)]
-struct Size {
-    x: i64,
-    y: i64,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct Layer {
-    #[serde(rename = "type")]
-    kind: String,
-    #[serde(default)]
-    meta_data: LayerMetaData,
-    /// Version 1: x, y of every pixel.
-    #[serde(default)]
-    pixels: Vec<i32>,
-    /// Version 2: x, y of a run's first pixel and how many there are to its right.
-    #[serde(default)]
-    compressed_pixels: Vec<i32>,
-}
-
-#[derive(Deserialize, Default)]
-#[serde(rename_all = "camelCase", default)]
-struct LayerMetaData {
-    segment_id: Option<Label>,
-    name: Option<String>,
-}
-
-/// Identifiers are strings; early versions wrote numbers.
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum Label {
-    Text(String),
-    Number(i64),
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct Entity {
-    #[serde(rename = "type")]
-    kind: String,
-    #[serde(default)]
-    points: Vec<f64>,
-    #[serde(default)]
-    meta_data: EntityMetaData,
-}
-
-#[derive(Deserialize, Default)]
-#[serde(default)]
-struct EntityMetaData {
-    angle: Option<f64>,
-}
 
 pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let file: MapFile =
         serde_json::from_slice(bytes).map_err(|error| LidarError::BadJson { reason: error.to_string() })?;
+    let file_layers = &file.layers.0;
     check_range("size.x", file.size.x, MAX_SIZE_CM)?;
     check_range("size.y", file.size.y, MAX_SIZE_CM)?;
     check_range("pixelSize", file.pixel_size, MAX_PIXEL_CM)?;
@@ -92,7 +35,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
 
     let mut layers = Vec::new();
     let mut total_cells = 0;
-    for (index, layer) in file.layers.iter().enumerate() {
+    for (index, layer) in file_layers.iter().enumerate() {
         let runs = sheet.runs(layer, index)?;
         total_cells += runs.iter().map(|run| u64::from(run.count)).sum::<u64>();
         if total_cells > MAX_POINTS as u64 {
@@ -100,11 +43,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
         }
         layers.push(runs);
     }
-    let mut notes = Vec::new();
+    let (mut notes, mut ignored_layers) = (Vec::new(), 0);
     let mut grid = sheet.grid_around(&layers)?;
     let mut rooms = Vec::new();
     // Walls are written over floors, whatever the layers' order.
-    for (layer, runs) in file.layers.iter().zip(&layers) {
+    for (layer, runs) in file_layers.iter().zip(&layers) {
         match layer.kind.as_str() {
             "floor" => sheet.fill(&mut grid, runs, Cell::Free),
             "segment" => {
@@ -112,10 +55,13 @@ pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
                 rooms.push(room(&sheet, layer, runs, rooms.len()));
             }
             "wall" => {}
-            other => notes.push(format!("a layer of type {other:.40} was ignored")),
+            _ => ignored_layers += 1,
         }
     }
-    for (layer, runs) in file.layers.iter().zip(&layers) {
+    if ignored_layers > 0 {
+        notes.push(format!("{ignored_layers} layers are neither floor, segment nor wall and were ignored"));
+    }
+    for (layer, runs) in file_layers.iter().zip(&layers) {
         if layer.kind == "wall" {
             sheet.fill(&mut grid, runs, Cell::Occupied);
         }
@@ -143,88 +89,6 @@ fn check_range(field: &str, value: i64, max: i64) -> Result<(), LidarError> {
     })
 }
 
-/// A run of cells to the right of (x, y), counted from the top-left corner.
-#[derive(Clone, Copy)]
-struct Run {
-    x: u32,
-    y: u32,
-    count: u32,
-}
-
-/// The whole sheet that `size` spans, in cells.
-struct Sheet {
-    width: i64,
-    height: i64,
-    height_m: f64,
-    cell_m: f64,
-}
-
-impl Sheet {
-    /// A layer's cells as checked runs; both encodings, also mixed.
-    fn runs(&self, layer: &Layer, index: usize) -> Result<Vec<Run>, LidarError> {
-        let flat = layer.pixels.chunks(2).map(|c| (c, 2, "pixels"));
-        let packed = layer.compressed_pixels.chunks(3).map(|c| (c, 3, "compressedPixels"));
-        let mut runs = Vec::with_capacity(flat.len() + packed.len());
-        for (values, expected, name) in flat.chain(packed) {
-            let bad = |what: &str| LidarError::BadField {
-                field: format!("layers[{index}].{name}"),
-                value: format!("{values:?}"),
-                expected: what.to_string(),
-            };
-            if values.len() != expected {
-                return Err(bad("whole groups of numbers"));
-            }
-            let (x, y, count) = (values[0], values[1], values.get(2).copied().unwrap_or(1));
-            let fits = x >= 0
-                && y >= 0
-                && count >= 1
-                && i64::from(y) < self.height
-                && i64::from(x) + i64::from(count) <= self.width;
-            if !fits {
-                return Err(bad(&format!("inside the map's {}x{} pixels", self.width, self.height)));
-            }
-            runs.push(Run { x: x as u32, y: y as u32, count: count as u32 });
-        }
-        Ok(runs)
-    }
-
-    /// An empty grid around all runs, so that an almost empty sheet costs nothing.
-    fn grid_around(&self, layers: &[Vec<Run>]) -> Result<Grid<Cell>, LidarError> {
-        let mut runs = layers.iter().flatten();
-        let first = runs.next().ok_or(LidarError::NoWalls)?;
-        let (mut left, mut right, mut top, mut bottom) =
-            (first.x, first.x + first.count, first.y, first.y + 1);
-        for run in runs {
-            left = left.min(run.x);
-            right = right.max(run.x + run.count);
-            top = top.min(run.y);
-            bottom = bottom.max(run.y + 1);
-        }
-        // One unknown cell on each side, for the border of a floor that has no walls.
-        let (width, height) = ((right - left) as usize + 2, (bottom - top) as usize + 2);
-        if width * height > MAX_CELLS {
-            return Err(LidarError::TooManyCells { cells: (width * height) as u64, max: MAX_CELLS });
-        }
-        let origin_m =
-            [(f64::from(left) - 1.0) * self.cell_m, self.height_m - (f64::from(bottom) + 1.0) * self.cell_m];
-        Ok(Grid::filled(GridFrame { origin_m, cell_m: self.cell_m, width, height }, Cell::Unknown))
-    }
-
-    /// The centre of a cell, in the map's frame.
-    fn centre(&self, x: u32, y: u32) -> Point2 {
-        Point2::new((f64::from(x) + 0.5) * self.cell_m, self.height_m - (f64::from(y) + 0.5) * self.cell_m)
-    }
-
-    fn fill(&self, grid: &mut Grid<Cell>, runs: &[Run], value: Cell) {
-        for run in runs {
-            if let Some((x, y)) = grid.frame.cell(&self.centre(run.x, run.y)) {
-                let from = y * grid.frame.width + x;
-                grid.cells[from..from + run.count as usize].fill(value);
-            }
-        }
-    }
-}
-
 fn room(sheet: &Sheet, layer: &Layer, runs: &[Run], index: usize) -> Room {
     let id = match &layer.meta_data.segment_id {
         Some(Label::Text(text)) => text.clone(),
@@ -233,7 +97,13 @@ fn room(sheet: &Sheet, layer: &Layer, runs: &[Run], index: usize) -> Room {
     };
     let cells_m =
         runs.iter().flat_map(|run| (run.x..run.x + run.count).map(|x| sheet.centre(x, run.y))).collect();
-    Room { id, name: layer.meta_data.name.clone().filter(|name| !name.is_empty()), cells_m }
+    let name = layer.meta_data.name.as_deref().map(shorten).filter(|name| !name.is_empty());
+    Room { id: shorten(&id), name, cells_m }
+}
+
+/// Names go into every answer about the map.
+fn shorten(name: &str) -> String {
+    name.chars().filter(|c| !c.is_control()).take(MAX_NAME_CHARS).collect()
 }
 
 /// Some early robots (Dreame 1C) hardly store walls. Where the floor ends there is one.
@@ -267,8 +137,8 @@ fn add_floor_border(grid: &mut Grid<Cell>, notes: &mut Vec<String>) {
 
 /// The dock: its angle is 0 towards the top of the picture and grows clockwise.
 fn charger(file: &MapFile, notes: &mut Vec<String>) -> Option<Pose2> {
-    let entity = file.entities.iter().find(|entity| entity.kind == "charger_location")?;
-    let &[x_cm, y_cm] = entity.points.as_slice() else { return None };
+    let entity = file.entities.0.iter().find(|entity| entity.kind == "charger_location")?;
+    let [x_cm, y_cm] = entity.points.0?;
     let angle_deg = entity.meta_data.angle.unwrap_or_else(|| {
         notes.push("the charger has no angle; it was taken as facing the top of the map".to_string());
         0.0

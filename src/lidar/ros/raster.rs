@@ -48,6 +48,30 @@ fn check_size(decoder: &impl ImageDecoder, name: &str) -> Result<(), LidarError>
     Ok(())
 }
 
+/// What map savers write for unknown, beside 254 for free and 0 for occupied.
+const SAVED_UNKNOWN: u8 = 205;
+const SAVED_VALUES: [u8; 3] = [0, SAVED_UNKNOWN, 254];
+
+/// Whether the image is one that a map saver wrote and the file's `free_thresh` would turn what is unknown
+/// into free floor. nav2's saver writes 0.25 by default, and 205 is an occupancy of 0.196.
+pub(super) fn is_saved_with_wide_threshold(image: &DynamicImage, description: &Description) -> bool {
+    let DynamicImage::ImageLuma8(grey) = image else { return false };
+    let saved_occupancy = 1.0 - f64::from(SAVED_UNKNOWN) / 255.0;
+    description.mode == Mode::Trinary
+        && !negates(description)
+        && description.free_thresh > saved_occupancy
+        && grey.as_raw().contains(&254)
+        && grey.as_raw().iter().all(|value| SAVED_VALUES.contains(value))
+}
+
+fn negates(description: &Description) -> bool {
+    match description.negate {
+        Some(Switch::Bool(negate)) => negate,
+        Some(Switch::Number(negate)) => negate != 0,
+        None => false,
+    }
+}
+
 /// One cell a pixel, row after row from the bottom; the image begins at the top.
 pub(super) fn classify(image: &DynamicImage, max_value: u32, description: &Description) -> Vec<Cell> {
     let channels = usize::from(image.color().channel_count());
@@ -55,11 +79,7 @@ pub(super) fn classify(image: &DynamicImage, max_value: u32, description: &Descr
         color_channels: if image.color().has_alpha() { channels - 1 } else { channels },
         max_value: f64::from(max_value),
         mode: description.mode,
-        negate: match description.negate {
-            Some(Switch::Bool(negate)) => negate,
-            Some(Switch::Number(negate)) => negate != 0,
-            None => false,
-        },
+        negate: negates(description),
         occupied: description.occupied_thresh,
         free: description.free_thresh,
     };

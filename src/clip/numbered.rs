@@ -1,0 +1,75 @@
+//! Layouts with one file for each picture and pose, called by the frame's number.
+
+use super::ClipError;
+use super::assemble::{Source, only_root};
+use super::text::read_pose;
+use crate::container::Container;
+use std::collections::{BTreeMap, BTreeSet};
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Kind {
+    Color,
+    Depth,
+    Pose,
+}
+
+/// What a layout makes of a name: the folder where its root is (with a `/` at its end, or empty), what the
+/// file is, and the frame's number.
+pub(super) struct Part<'a> {
+    pub root: &'a str,
+    pub kind: Kind,
+    pub number: u32,
+}
+
+/// The files of one clip by kind and frame number.
+#[derive(Default)]
+pub(super) struct Files<'a> {
+    by_kind: [BTreeMap<u32, &'a str>; 3],
+}
+
+/// Sorts a container's names; none when fewer than two kinds of files lie together anywhere.
+pub(super) fn find<'a>(
+    container: &'a dyn Container,
+    split: impl Fn(&'a str) -> Option<Part<'a>>,
+) -> Result<Option<(&'a str, Files<'a>)>, ClipError> {
+    let mut roots: BTreeMap<&str, Files> = BTreeMap::new();
+    for name in container.names() {
+        let Some(Part { root, kind, number }) = split(name) else { continue };
+        let files = &mut roots.entry(root).or_default().by_kind[kind as usize];
+        if let Some(first) = files.insert(number, name) {
+            return Err(ClipError::DuplicateFrame { first: first.to_string(), second: name.clone() });
+        }
+    }
+    roots.retain(|_, files| files.by_kind.iter().filter(|files| !files.is_empty()).count() >= 2);
+    let Some(root) = only_root(roots.keys().copied())? else { return Ok(None) };
+    Ok(roots.remove_entry(root))
+}
+
+impl Files<'_> {
+    pub fn count(&self, kind: Kind) -> usize {
+        self.by_kind[kind as usize].len()
+    }
+
+    /// The frames with both pictures in the order of their numbers, and how many lack one.
+    pub fn sources(&self, container: &dyn Container) -> Result<(Vec<Source>, usize), ClipError> {
+        let [color, depth, pose] = &self.by_kind;
+        let numbers: BTreeSet<u32> = color.keys().chain(depth.keys()).copied().collect();
+        let mut sources = Vec::new();
+        for &number in &numbers {
+            let (Some(color), Some(depth)) = (color.get(&number), depth.get(&number)) else { continue };
+            let world_from_camera = match pose.get(&number) {
+                Some(name) => read_pose(container, name)?,
+                None => None,
+            };
+            let (color, depth) = (color.to_string(), depth.to_string());
+            sources.push(Source { number, time_s: None, world_from_camera, color, depth });
+        }
+        let incomplete = numbers.len() - sources.len();
+        Ok((sources, incomplete))
+    }
+}
+
+/// A frame's number; only digits, so that `+1` and `1e3` are none.
+pub(super) fn number(digits: &str) -> Option<u32> {
+    digits.bytes().all(|byte| byte.is_ascii_digit()).then(|| digits.parse().ok())?
+}

@@ -1,0 +1,141 @@
+//! The JSON of a Valetudo map. What this crate does not use is skipped without being stored, and every list
+//! that is stored is bounded.
+
+use crate::lidar::MAX_POINTS;
+use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, SeqAccess, Visitor};
+use std::fmt;
+use std::marker::PhantomData;
+
+const MAX_LAYERS: usize = 1_000;
+const MAX_ENTITIES: usize = 10_000;
+/// A pixel or a run is at most three numbers, and no map may have more cells than [`MAX_POINTS`].
+const MAX_NUMBERS: usize = 3 * MAX_POINTS;
+
+#[derive(serde::Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct MapFile {
+    pub size: Size,
+    pub pixel_size: i64,
+    pub layers: Bounded<Layer, MAX_LAYERS>,
+    #[serde(default)]
+    pub entities: Bounded<Entity, MAX_ENTITIES>,
+}
+
+#[derive(serde::Deserialize)]
+pub(super) struct Size {
+    pub x: i64,
+    pub y: i64,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Layer {
+    #[serde(rename = "type")]
+    pub kind: String,
+    #[serde(default)]
+    pub meta_data: LayerMetaData,
+    /// Version 1: x, y of every pixel.
+    #[serde(default)]
+    pub pixels: Bounded<Whole, MAX_NUMBERS>,
+    /// Version 2: x, y of a run's first pixel and how many there are to its right.
+    #[serde(default)]
+    pub compressed_pixels: Bounded<Whole, MAX_NUMBERS>,
+}
+
+#[derive(serde::Deserialize, Default)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct LayerMetaData {
+    pub segment_id: Option<Label>,
+    pub name: Option<String>,
+}
+
+/// Identifiers are strings; early versions wrote numbers.
+#[derive(serde::Deserialize)]
+#[serde(untagged)]
+pub(super) enum Label {
+    Text(String),
+    Number(i64),
+}
+
+#[derive(serde::Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Entity {
+    #[serde(rename = "type")]
+    pub kind: String,
+    #[serde(default)]
+    pub points: FirstPoint,
+    #[serde(default)]
+    pub meta_data: EntityMetaData,
+}
+
+#[derive(serde::Deserialize, Default)]
+#[serde(default)]
+pub(super) struct EntityMetaData {
+    pub angle: Option<f64>,
+}
+
+/// A whole number; one that is too large for any map is kept as the largest, and refused where it is used.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Whole(pub i32);
+
+impl<'de> Deserialize<'de> for Whole {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = i64::deserialize(deserializer)?;
+        Ok(Whole(value.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32))
+    }
+}
+
+/// A list of at most `MAX` items; a longer one is an error as soon as it is.
+pub(super) struct Bounded<T, const MAX: usize>(pub Vec<T>);
+
+impl<T, const MAX: usize> Default for Bounded<T, MAX> {
+    fn default() -> Self {
+        Bounded(Vec::new())
+    }
+}
+
+impl<'de, T: Deserialize<'de>, const MAX: usize> Deserialize<'de> for Bounded<T, MAX> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Items<T, const MAX: usize>(PhantomData<T>);
+        impl<'de, T: Deserialize<'de>, const MAX: usize> Visitor<'de> for Items<T, MAX> {
+            type Value = Bounded<T, MAX>;
+            fn expecting(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
+                write!(formatter, "a list of at most {MAX} items")
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
+                let mut items = Vec::new();
+                while let Some(item) = list.next_element()? {
+                    if items.len() == MAX {
+                        return Err(A::Error::invalid_length(MAX + 1, &self));
+                    }
+                    items.push(item);
+                }
+                Ok(Bounded(items))
+            }
+        }
+        deserializer.deserialize_seq(Items(PhantomData))
+    }
+}
+
+/// x and y of an entity's first point; paths have thousands, which nobody reads.
+#[derive(Default)]
+pub(super) struct FirstPoint(pub Option<[f64; 2]>);
+
+impl<'de> Deserialize<'de> for FirstPoint {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Point;
+        impl<'de> Visitor<'de> for Point {
+            type Value = FirstPoint;
+            fn expecting(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
+                formatter.write_str("a list of numbers")
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
+                let x = list.next_element()?;
+                let y = list.next_element()?;
+                while list.next_element::<IgnoredAny>()?.is_some() {}
+                Ok(FirstPoint(x.zip(y).map(|(x, y)| [x, y])))
+            }
+        }
+        deserializer.deserialize_seq(Point)
+    }
+}
