@@ -5,11 +5,10 @@
 
 mod cloud;
 mod decide;
-mod exact;
 mod extract;
-mod fft2;
 mod floor;
 mod fuse;
+pub mod paper;
 mod raycast;
 mod refine;
 mod search;
@@ -22,7 +21,7 @@ pub use floor::{Floor, FloorParams, NoFloor, heading};
 pub use fuse::{FuseParams, Fused, KeyFrame};
 pub use raycast::{Hit, RaycastParams, VirtualScan};
 pub use refine::{RefineParams, Refined};
-pub use search::{Candidate, SearchParams};
+pub use search::{Candidate, Modes, SearchParams};
 pub use target::Target;
 pub use tsdf::TsdfParams;
 
@@ -177,10 +176,10 @@ pub fn register(
     }
 
     progress::begin(progress, Stage::Search)?;
-    let candidates = search::search(&scan.hits, target, &params.search, progress)?;
+    let found = search::search(&scan.hits, target, &params.search, progress)?;
 
     progress::begin(progress, Stage::Refine)?;
-    let starts: Vec<Pose2> = candidates.iter().map(|c| c.map_from_clip).collect();
+    let starts: Vec<Pose2> = found.modes.iter().map(|mode| mode.map_from_clip).collect();
     let refined = refine::refine(&starts, &scan.hits, target, &params.refine);
 
     progress::begin(progress, Stage::Decide)?;

@@ -1,175 +1,392 @@
-//! Candidates over the whole map: cross-correlation of rasters at all rotations (paper III-C).
+//! The global optimum of the likelihood over the whole map, with a certificate (Olson, 2009; Hess et al., 2016).
+//!
+//! The score of a pose is the weighted mean likelihood of the cells that its hits fall into. A node of the
+//! search is one rotation and a square of translations; its bound takes, for each hit, the largest
+//! likelihood that the square lets it reach, from a pyramid of maxima. Nodes are opened best first, so poses
+//! come out in the order of their scores, and the first one is the optimum. All sums are integers: neither
+//! threads nor the order of the hits change a bit.
 
 use super::AlignError;
-use super::fft2::{Fft2, Spectrum};
 use super::raycast::Hit;
 use super::target::Target;
-use crate::geometry::{GridFrame, Point2, Pose2, angle_between};
+use crate::geometry::{GridFrame, Pose2, angle_between};
 use crate::progress::{self, Progress};
 use rayon::prelude::*;
-
-/// How candidates are searched.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SearchParams {
-    /// Side of a raster cell.
-    pub cell_m: f64,
-    /// Scale of the likelihood that a hit belongs to a map point, by their distance.
-    pub sigma_m: f64,
-    pub rotations: usize,
-    /// Candidates returned (the paper's k).
-    pub candidates: usize,
-    /// Candidates nearer than this, and turned less than `apart_rad` from each other, are one.
-    pub apart_m: f64,
-    pub apart_rad: f64,
-}
-
-impl Default for SearchParams {
-    fn default() -> Self {
-        SearchParams {
-            cell_m: 0.08,
-            sigma_m: 0.10,
-            rotations: 180,
-            candidates: 100,
-            apart_m: 0.2,
-            apart_rad: 8f64.to_radians(),
-        }
-    }
-}
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
 
 /// A pose worth refining.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
     pub map_from_clip: Pose2,
-    /// Mean likelihood of the hits, 0..1.
+    /// Weighted mean likelihood of the hits, 0..1.
     pub score: f64,
 }
 
-/// The best poses of the whole map, best first, no two of them close.
+/// How the search runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SearchParams {
+    /// Translations are multiples of this.
+    pub cell_m: f64,
+    pub rotations: usize,
+    /// Scale of the likelihood that a hit belongs to a map point, by their distance.
+    pub sigma_m: f64,
+    /// Hits used; more are thinned to those furthest apart.
+    pub hits: usize,
+    /// The clip's origin may lie this far outside the box around the map.
+    pub margin_m: f64,
+    /// Height of the pyramid: squares of up to `2^levels` cells.
+    pub levels: u32,
+    /// Modes returned ...
+    pub modes: usize,
+    /// ... as long as they reach this share of the best score.
+    pub bar: f64,
+    /// Poses nearer than this, and turned less than `apart_rad` from each other, are one mode.
+    pub apart_m: f64,
+    pub apart_rad: f64,
+    /// Nodes opened before the search stops early and says so in the certificate. A count and not a time,
+    /// so that the answer is the same on a slow machine.
+    pub max_nodes: usize,
+}
+
+impl Default for SearchParams {
+    fn default() -> Self {
+        SearchParams {
+            cell_m: 0.05,
+            rotations: 360,
+            sigma_m: 0.10,
+            hits: 160,
+            margin_m: 0.3,
+            levels: 5,
+            modes: 60,
+            bar: 0.7,
+            apart_m: 0.25,
+            apart_rad: 8f64.to_radians(),
+            max_nodes: 400_000,
+        }
+    }
+}
+
+/// The modes, best first, and what is proven about them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Modes {
+    pub modes: Vec<Candidate>,
+    /// No pose outside the neighbourhoods of the modes scores above this. When the first mode's score is at
+    /// least this, it is the global optimum.
+    pub open_bound: f64,
+    pub nodes: usize,
+}
+
+/// Searches all poses whose origin lies in the map.
 pub fn search(
     hits: &[Hit],
     target: &Target,
     params: &SearchParams,
     progress: &dyn Progress,
-) -> Result<Vec<Candidate>, AlignError> {
-    let raster = Raster::new(hits, target, params);
-    let total: f64 = hits.iter().map(|hit| hit.weight).sum();
-    let chunk = 2 * rayon::current_num_threads().max(1);
-    let mut peaks = Vec::new();
-    for first in (0..params.rotations).step_by(chunk) {
-        progress::check(progress)?;
-        progress.advance(first as f64 / params.rotations as f64);
-        let last = (first + chunk).min(params.rotations);
-        let found: Vec<Vec<Candidate>> = (first..last)
-            .into_par_iter()
-            .map(|step| {
-                let yaw_rad = step as f64 * std::f64::consts::TAU / params.rotations as f64;
-                raster.peaks(hits, yaw_rad, total, params.candidates)
-            })
-            .collect();
-        peaks.extend(found.into_iter().flatten());
-    }
-    // A stable sort keeps the order of rotations and cells among equals.
-    peaks.sort_by(|a, b| b.score.total_cmp(&a.score));
-    Ok(keep_apart(peaks, params))
-}
-
-/// Non-maximum suppression: the best of each neighbourhood.
-fn keep_apart(sorted: Vec<Candidate>, params: &SearchParams) -> Vec<Candidate> {
-    let mut kept: Vec<Candidate> = Vec::new();
-    for candidate in sorted {
-        if kept.len() == params.candidates {
+) -> Result<Modes, AlignError> {
+    let hits = super::raycast::thin(hits.to_vec(), params.hits);
+    let space = Space::new(&hits, target, params);
+    let mut open = BinaryHeap::from(space.roots());
+    let mut modes: Vec<Candidate> = Vec::new();
+    let mut nodes = 0;
+    while let Some(top) = open.peek() {
+        let enough = modes.len() == params.modes || nodes >= params.max_nodes;
+        let low = modes.first().is_some_and(|best| space.share(top.bound) < params.bar * best.score);
+        if enough || low {
             break;
         }
-        let pose = &candidate.map_from_clip;
-        let close = kept.iter().any(|k| {
-            k.map_from_clip.distance_m(pose) < params.apart_m
-                && angle_between(k.map_from_clip.yaw_rad, pose.yaw_rad) < params.apart_rad
-        });
-        if !close {
-            kept.push(candidate);
+        if top.level == 0 {
+            let Some(leaf) = open.pop() else { break };
+            let pose = space.pose(&leaf);
+            if !modes.iter().any(|mode| is_close(&mode.map_from_clip, &pose, params)) {
+                modes.push(Candidate { map_from_clip: pose, score: space.share(leaf.bound) });
+            }
+            continue;
+        }
+        progress::check(progress)?;
+        let batch = pop_batch(&mut open, |node| space.is_taken(node, &modes));
+        nodes += batch.len();
+        let children: Vec<[Node; 4]> =
+            batch.par_iter().with_min_len(32).map(|node| space.children(node)).collect();
+        open.extend(children.into_iter().flatten().filter(|child| child.bound > 0));
+    }
+    let open_bound = open.peek().map_or(0.0, |top| space.share(top.bound));
+    Ok(Modes { modes, open_bound, nodes })
+}
+
+/// The best inner nodes, up to the first leaf. The number is fixed: it must not depend on threads.
+fn pop_batch(open: &mut BinaryHeap<Node>, is_taken: impl Fn(&Node) -> bool) -> Vec<Node> {
+    const BATCH: usize = 128;
+    let mut batch = Vec::with_capacity(BATCH);
+    while batch.len() < BATCH && open.peek().is_some_and(|node| node.level > 0) {
+        match open.pop() {
+            Some(node) if !is_taken(&node) => batch.push(node),
+            Some(_) => {}
+            None => break,
         }
     }
-    kept
+    batch
 }
 
-/// The map's likelihood as a picture, with room for the hits to stick out on every side.
-struct Raster {
-    fft: Fft2,
-    map: Spectrum,
+fn is_close(a: &Pose2, b: &Pose2, params: &SearchParams) -> bool {
+    a.distance_m(b) < params.apart_m && angle_between(a.yaw_rad, b.yaw_rad) < params.apart_rad
+}
+
+/// One rotation and the translations `x..x + 2^level`, `y..y + 2^level`, in cells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Node {
+    bound: u32,
+    level: u32,
+    rotation: u32,
+    x: i32,
+    y: i32,
+}
+
+impl Ord for Node {
+    /// By bound; among equals the smaller square, then the lower place, so that the order is total.
+    fn cmp(&self, other: &Self) -> Ordering {
+        let key = |n: &Node| (n.bound, std::cmp::Reverse((n.level, n.rotation, n.y, n.x)));
+        key(self).cmp(&key(other))
+    }
+}
+
+impl PartialOrd for Node {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// A hit in cells at some rotation.
+#[derive(Clone, Copy)]
+struct Offset {
+    x: i32,
+    y: i32,
+    weight: u32,
+}
+
+struct Space<'a> {
+    params: &'a SearchParams,
     frame: GridFrame,
-    /// The hits' reach from their own origin, in cells.
-    reach: usize,
-    /// The map's size in cells; shifts beyond it put the clip's origin outside.
-    width: usize,
-    height: usize,
+    /// `levels[l]` holds the maxima over squares of `2^l` cells.
+    levels: Vec<Maxima>,
+    /// For each rotation, the hits.
+    offsets: Vec<Vec<Offset>>,
+    /// The score of a perfect match.
+    full: f64,
 }
 
-impl Raster {
-    fn new(hits: &[Hit], target: &Target, params: &SearchParams) -> Raster {
-        let cell_m = params.cell_m;
-        let reach_m = hits.iter().map(|hit| hit.point_m.coords.norm()).fold(0.0, f64::max);
-        let reach = (reach_m / cell_m).ceil() as usize + 1;
+impl<'a> Space<'a> {
+    fn new(hits: &[Hit], target: &Target, params: &'a SearchParams) -> Space<'a> {
         let field = target.field.frame();
         let max_m = [
             field.origin_m[0] + field.width as f64 * field.cell_m,
             field.origin_m[1] + field.height as f64 * field.cell_m,
         ];
-        let frame = GridFrame::covering(field.origin_m, max_m, 0.0, cell_m);
-        let fft = Fft2::at_least(frame.width + 2 * reach, frame.height + 2 * reach);
-        let mut picture = vec![0f32; fft.width * fft.height];
-        for y in 0..frame.height {
-            for x in 0..frame.width {
-                let distance_m = target.field.value(&frame.centre(x, y));
-                let likelihood = (-0.5 * (distance_m / params.sigma_m).powi(2)).exp();
-                picture[y * fft.width + x] = likelihood as f32;
+        let frame = GridFrame::covering(field.origin_m, max_m, 0.0, params.cell_m);
+        let likelihood = |x: usize, y: usize| {
+            let distance_m = target.field.value(&frame.centre(x, y));
+            (255.0 * (-0.5 * (distance_m / params.sigma_m).powi(2)).exp()).round() as u8
+        };
+        let mut values = vec![0u8; frame.len()];
+        values.par_chunks_mut(frame.width).enumerate().for_each(|(y, row)| {
+            for (x, value) in row.iter_mut().enumerate() {
+                *value = likelihood(x, y);
             }
+        });
+        let mut levels =
+            vec![Maxima { width: frame.width as i32, height: frame.height as i32, before: 0, values }];
+        for level in 0..params.levels {
+            levels.push(levels[level as usize].doubled(1 << level));
         }
-        let map = fft.forward(&mut picture);
-        Raster { map, width: frame.width, height: frame.height, frame, reach, fft }
+        // Weights in sixteenths.
+        let weight = |hit: &Hit| ((hit.weight * 16.0).round() as u32).max(1);
+        let offsets: Vec<Vec<Offset>> = (0..params.rotations)
+            .into_par_iter()
+            .map(|rotation| {
+                let turn = Pose2::new(0.0, 0.0, yaw_rad(rotation as u32, params));
+                let cells = |v: f64| (v / params.cell_m).round() as i32;
+                let turned = hits.iter().map(|hit| (turn.apply(&hit.point_m), weight(hit)));
+                turned.map(|(p, weight)| Offset { x: cells(p.x), y: cells(p.y), weight }).collect()
+            })
+            .collect();
+        let full = 255.0 * f64::from(hits.iter().map(weight).sum::<u32>().max(1));
+        Space { params, frame, levels, offsets, full }
     }
 
-    /// Local maxima over all shifts at one rotation, the best `most` of them.
-    fn peaks(&self, hits: &[Hit], yaw_rad: f64, total: f64, most: usize) -> Vec<Candidate> {
-        let turn = Pose2::new(0.0, 0.0, yaw_rad);
-        let mut template = vec![0f32; self.fft.width * self.fft.height];
-        for hit in hits {
-            // Spread over four cells, so that the score is smooth in the hit's place.
-            let p = turn.apply(&hit.point_m);
-            let (u, v) = (p.x / self.frame.cell_m, p.y / self.frame.cell_m);
-            let (x, y) = (u.floor(), v.floor());
-            for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
-                let share = (1.0 - (u - x - dx).abs()) * (1.0 - (v - y - dy).abs());
-                let column = (x + dx) as i64 + self.reach as i64;
-                let row = (y + dy) as i64 + self.reach as i64;
-                template[row as usize * self.fft.width + column as usize] += (share * hit.weight) as f32;
-            }
+    /// Squares of the top level that together hold every place the origin may have.
+    fn roots(&self) -> Vec<Node> {
+        let level = self.params.levels;
+        let side = 1i32 << level;
+        // The field reaches a metre beyond the map's points.
+        let inset = ((1.0 - self.params.margin_m) / self.params.cell_m).max(0.0) as i32;
+        let (width, height) = (self.frame.width as i32 - inset, self.frame.height as i32 - inset);
+        (0..self.params.rotations as u32)
+            .into_par_iter()
+            .flat_map_iter(|rotation| {
+                let places = (inset..height)
+                    .step_by(side as usize)
+                    .flat_map(move |y| (inset..width).step_by(side as usize).map(move |x| (x, y)));
+                places.map(move |(x, y)| self.node(rotation, level, x, y))
+            })
+            .filter(|node| node.bound > 0)
+            .collect()
+    }
+
+    fn node(&self, rotation: u32, level: u32, x: i32, y: i32) -> Node {
+        let maxima = &self.levels[level as usize];
+        let (x0, y0) = (x + maxima.before, y + maxima.before);
+        let sum = |offset: &Offset| offset.weight * u32::from(maxima.at(x0 + offset.x, y0 + offset.y));
+        let bound = self.offsets[rotation as usize].iter().map(sum).sum();
+        Node { bound, level, rotation, x, y }
+    }
+
+    fn children(&self, node: &Node) -> [Node; 4] {
+        let half = 1i32 << (node.level - 1);
+        [(0, 0), (half, 0), (0, half), (half, half)]
+            .map(|(dx, dy)| self.node(node.rotation, node.level - 1, node.x + dx, node.y + dy))
+    }
+
+    fn pose(&self, leaf: &Node) -> Pose2 {
+        let x_m = self.frame.origin_m[0] + (f64::from(leaf.x) + 0.5) * self.frame.cell_m;
+        let y_m = self.frame.origin_m[1] + (f64::from(leaf.y) + 0.5) * self.frame.cell_m;
+        Pose2::new(x_m, y_m, yaw_rad(leaf.rotation, self.params))
+    }
+
+    fn share(&self, bound: u32) -> f64 {
+        f64::from(bound) / self.full
+    }
+
+    /// Whether every pose of a node belongs to the neighbourhood of one mode.
+    fn is_taken(&self, node: &Node, modes: &[Candidate]) -> bool {
+        let last = f64::from((1i32 << node.level) - 1) * self.frame.cell_m;
+        let corner = self.pose(node);
+        modes.iter().any(|mode| {
+            let pose = &mode.map_from_clip;
+            angle_between(pose.yaw_rad, corner.yaw_rad) < self.params.apart_rad
+                && [(0.0, 0.0), (last, 0.0), (0.0, last), (last, last)].iter().all(|(dx, dy)| {
+                    (corner.x_m + dx - pose.x_m).hypot(corner.y_m + dy - pose.y_m) < self.params.apart_m
+                })
+        })
+    }
+}
+
+fn yaw_rad(rotation: u32, params: &SearchParams) -> f64 {
+    f64::from(rotation) * std::f64::consts::TAU / params.rotations as f64
+}
+
+/// Maxima of the likelihood over the squares that begin at each cell; also at cells left of and below the
+/// map, whose squares reach into it.
+struct Maxima {
+    width: i32,
+    height: i32,
+    /// Cells before the map's first one.
+    before: i32,
+    values: Vec<u8>,
+}
+
+impl Maxima {
+    fn at(&self, x: i32, y: i32) -> u8 {
+        // A negative place wraps to a huge one.
+        if (x as u32) < self.width as u32 && (y as u32) < self.height as u32 {
+            self.values[(y * self.width + x) as usize]
+        } else {
+            0
         }
-        let scores = self.fft.correlate(&self.map, self.fft.forward(&mut template));
-        // The template's origin sits `reach` cells in, so shift (sx, sy) puts the clip at s + reach, cyclic.
-        let score = |x: i64, y: i64| -> f32 {
-            let sx = (x - self.reach as i64).rem_euclid(self.fft.width as i64) as usize;
-            let sy = (y - self.reach as i64).rem_euclid(self.fft.height as i64) as usize;
-            scores[sy * self.fft.width + sx]
-        };
-        let mut peaks = Vec::new();
-        for y in 0..self.height as i64 {
-            for x in 0..self.width as i64 {
-                let here = score(x, y);
-                if f64::from(here) < 0.2 * total {
-                    continue;
-                }
-                let highest = (-1..=1)
-                    .flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)))
-                    .all(|(dx, dy)| score(x + dx, y + dy) <= here);
-                if highest {
-                    let at: Point2 = self.frame.centre(x as usize, y as usize);
-                    let map_from_clip = Pose2::new(at.x, at.y, yaw_rad);
-                    peaks.push(Candidate { map_from_clip, score: f64::from(here) / total });
-                }
+    }
+
+    /// The maxima over squares of twice the side, which is `side` now.
+    fn doubled(&self, side: i32) -> Maxima {
+        let before = self.before + side;
+        let (width, height) = (self.width + side, self.height + side);
+        let mut values = vec![0u8; (width * height) as usize];
+        values.par_chunks_mut(width as usize).enumerate().for_each(|(y, row)| {
+            let y = y as i32 - side;
+            for (x, value) in row.iter_mut().enumerate() {
+                let x = x as i32 - side;
+                *value = self
+                    .at(x, y)
+                    .max(self.at(x + side, y))
+                    .max(self.at(x, y + side))
+                    .max(self.at(x + side, y + side));
             }
+        });
+        Maxima { width, height, before, values }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{DistanceField, Grid, Point2, Vector2};
+    use crate::progress::Silent;
+    use proptest::prelude::*;
+
+    fn target(walls: &[(usize, usize)]) -> Target {
+        let frame = GridFrame { origin_m: [-1.0, 0.5], cell_m: 0.05, width: 56, height: 50 };
+        let mut occupied = Grid::filled(frame, false);
+        for &(x, y) in walls {
+            occupied.set(20 + x % 16, 20 + y % 10, true);
         }
-        peaks.sort_by(|a, b| b.score.total_cmp(&a.score));
-        peaks.truncate(most);
-        peaks
+        let points_m = walls.iter().map(|&(x, y)| frame.centre(20 + x % 16, 20 + y % 10)).collect();
+        Target { points_m, field: DistanceField::new(&occupied) }
+    }
+
+    fn hit(x: f64, y: f64) -> Hit {
+        Hit { point_m: Point2::new(x, y), normal: Vector2::x(), weight: 1.0, from_m: Point2::origin() }
+    }
+
+    fn small() -> SearchParams {
+        SearchParams { rotations: 24, levels: 3, modes: 1, ..SearchParams::default() }
+    }
+
+    /// The best score over every rotation and cell, without a pyramid.
+    fn brute_force(hits: &[Hit], target: &Target, params: &SearchParams) -> f64 {
+        let space = Space::new(hits, target, params);
+        let roots = space.roots();
+        let side = 1i32 << params.levels;
+        let leaves = roots.iter().flat_map(|root| {
+            (0..side * side).map(|i| space.node(root.rotation, 0, root.x + i % side, root.y + i / side))
+        });
+        leaves.map(|leaf| space.share(leaf.bound)).fold(0.0, f64::max)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        #[test]
+        fn finds_what_brute_force_finds(
+            walls in prop::collection::vec((0usize..16, 0usize..10), 5..30),
+            points in prop::collection::vec((-0.6..0.6f64, -0.6..0.6f64), 3..25),
+        ) {
+            let target = target(&walls);
+            let hits: Vec<Hit> = points.iter().map(|&(x, y)| hit(x, y)).collect();
+            let found = search(&hits, &target, &small(), &Silent).unwrap();
+            let best = found.modes.first().map_or(0.0, |mode| mode.score);
+            prop_assert_eq!(best, brute_force(&hits, &target, &small()));
+            prop_assert!(found.open_bound <= best);
+        }
+
+        #[test]
+        fn the_order_of_hits_does_not_matter(points in prop::collection::vec((-0.6..0.6f64, -0.6..0.6f64), 3..25)) {
+            let target = target(&[(0, 0), (1, 0), (2, 0), (3, 0), (3, 1), (3, 2), (9, 7)]);
+            let params = SearchParams { modes: 10, ..small() };
+            let hits: Vec<Hit> = points.iter().map(|&(x, y)| hit(x, y)).collect();
+            let mut turned = hits.clone();
+            turned.reverse();
+            prop_assert_eq!(
+                search(&hits, &target, &params, &Silent).unwrap(),
+                search(&turned, &target, &params, &Silent).unwrap()
+            );
+        }
+    }
+
+    #[test]
+    fn a_budget_ends_the_search_and_says_so() {
+        let target = target(&[(0, 0), (5, 3), (9, 7), (12, 1)]);
+        let hits: Vec<Hit> =
+            (0..12).map(|i| hit(0.1 * f64::from(i) - 0.6, 0.05 * f64::from(i % 5))).collect();
+        let found = search(&hits, &target, &SearchParams { max_nodes: 128, ..small() }, &Silent).unwrap();
+        assert!(found.nodes <= 256);
+        assert!(found.modes.is_empty() && found.open_bound > 0.0, "{found:?}");
     }
 }

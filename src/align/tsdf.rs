@@ -69,7 +69,9 @@ impl Voxel {
     fn add_color(&mut self, color: [u8; 3]) {
         let count = u32::from(self.color_count);
         for (mean, value) in self.color.iter_mut().zip(color) {
-            *mean = ((u32::from(*mean) * count + u32::from(value) + (count + 1) / 2) / (count + 1)) as u8;
+            let sum = u32::from(*mean) * count + u32::from(value);
+            let half = count.div_ceil(2);
+            *mean = ((sum + half) / (count + 1)) as u8;
         }
         self.color_count = (self.color_count + 1).min(32);
     }
