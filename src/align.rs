@@ -5,6 +5,7 @@
 
 mod cloud;
 mod decide;
+mod evidence;
 mod extract;
 mod floor;
 mod fuse;
@@ -14,9 +15,11 @@ mod refine;
 mod search;
 mod target;
 mod tsdf;
+mod weigh;
 
 pub use cloud::{CloudPoint, PointCloud};
 pub use decide::DecideParams;
+pub use evidence::{Evidence, EvidenceParams};
 pub use floor::{Floor, FloorParams, NoFloor, heading};
 pub use fuse::{FuseParams, Fused, KeyFrame};
 pub use raycast::{Hit, RaycastParams, VirtualScan};
@@ -24,6 +27,7 @@ pub use refine::{RefineParams, Refined};
 pub use search::{Candidate, Modes, SearchParams};
 pub use target::Target;
 pub use tsdf::TsdfParams;
+pub use weigh::{WeighParams, weigh};
 
 use crate::clip::{Clip, ClipError};
 use crate::geometry::Pose2;
@@ -41,6 +45,7 @@ pub struct AlignParams {
     pub fuse: FuseParams,
     pub floor: FloorParams,
     pub raycast: RaycastParams,
+    pub weigh: WeighParams,
     pub search: SearchParams,
     pub refine: RefineParams,
     pub decide: DecideParams,
@@ -165,25 +170,25 @@ pub fn register(
     if observation.floor.is_none() {
         return Ok(alignment);
     }
-    if scan.hits.len() < params.decide.min_hits {
+    let hits = weigh::weigh(&scan.hits, &params.weigh);
+    if hits.len() < MIN_HITS {
         let detail = format!(
-            "the clip shows {} standing points at the vacuum's height and {} are needed; point the camera lower",
-            scan.hits.len(),
-            params.decide.min_hits
+            "the clip shows {} standing points on walls and furniture and {MIN_HITS} are needed; film more of the room, and its lower half",
+            hits.len(),
         );
         alignment.reasons.push(Reason::new("too_few_hits", detail));
         return Ok(alignment);
     }
 
     progress::begin(progress, Stage::Search)?;
-    let found = search::search(&scan.hits, target, &params.search, progress)?;
+    let found = search::search(&hits, target, &params.search, progress)?;
 
     progress::begin(progress, Stage::Refine)?;
     let starts: Vec<Pose2> = found.modes.iter().map(|mode| mode.map_from_clip).collect();
-    let refined = refine::refine(&starts, &scan.hits, target, &params.refine);
+    let refined = refine::refine(&starts, &hits, target, &params.refine);
 
     progress::begin(progress, Stage::Decide)?;
-    let decision = decide::decide(&refined, scan, target, &params.decide);
+    let decision = decide::decide(&refined, &hits, scan, target, &params.decide);
 
     alignment.state = decision.state;
     alignment.reasons.extend(decision.reasons);
@@ -199,6 +204,9 @@ pub fn register(
     alignment.alternatives = decision.ranked.into_iter().map(|r| r.alternative).collect();
     Ok(alignment)
 }
+
+/// Fewer hits than this say nothing: a metre of wall.
+const MIN_HITS: usize = 30;
 
 /// The verdict on a clip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -231,6 +239,10 @@ pub struct Alternative {
     pub inliers: f64,
     /// Share of the clip's rays that run through walls of the map, 0..1.
     pub blocked_rays: f64,
+    /// Share of the hits that stand where the robot saw free floor, 0..1.
+    pub hits_on_floor: f64,
+    /// Share of the map's walls that stand where the clip saw free floor, among those it speaks about, 0..1.
+    pub walls_on_floor: f64,
     /// Posterior probability, null until it is calibrated.
     pub probability: Option<f64>,
 }

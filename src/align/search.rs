@@ -327,12 +327,25 @@ mod tests {
         for &(x, y) in walls {
             occupied.set(20 + x % 16, 20 + y % 10, true);
         }
-        let points_m = walls.iter().map(|&(x, y)| frame.centre(20 + x % 16, 20 + y % 10)).collect();
-        Target { points_m, field: DistanceField::new(&occupied) }
+        let points_m: Vec<Point2> =
+            walls.iter().map(|&(x, y)| frame.centre(20 + x % 16, 20 + y % 10)).collect();
+        Target {
+            thinned_m: points_m,
+            points_m: Vec::new(),
+            cells: None,
+            field: DistanceField::new(&occupied),
+        }
     }
 
     fn hit(x: f64, y: f64) -> Hit {
-        Hit { point_m: Point2::new(x, y), normal: Vector2::x(), weight: 1.0, from_m: Point2::origin() }
+        Hit {
+            point_m: Point2::new(x, y),
+            normal: Vector2::x(),
+            weight: 1.0,
+            extent_m: 1.0,
+            at_vacuum_height: true,
+            from_m: Point2::origin(),
+        }
     }
 
     fn small() -> SearchParams {
