@@ -23,9 +23,6 @@ pub trait Container: Send + Sync {
     /// (a part that begins with `.`) and what macOS adds to archives are left out.
     fn names(&self) -> &[String];
 
-    /// Size in bytes as the container declares it. Good for messages and ratios, not for allocating.
-    fn size(&self, name: &str) -> Result<u64, ContainerError>;
-
     /// The whole file, or [`ContainerError::FileTooLarge`] when it has more than `max_bytes`.
     fn read(&self, name: &str, max_bytes: u64) -> Result<Vec<u8>, ContainerError>;
 

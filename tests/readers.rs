@@ -2,10 +2,14 @@
 
 #[path = "readers/clips.rs"]
 mod clips;
+#[path = "readers/drawing.rs"]
+mod drawing;
 #[path = "readers/hostile_zips.rs"]
 mod hostile_zips;
 #[path = "readers/maps.rs"]
 mod maps;
+#[path = "readers/maps_refused.rs"]
+mod maps_refused;
 #[path = "readers/memory.rs"]
 mod memory;
 #[path = "readers/mutations.rs"]

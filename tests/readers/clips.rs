@@ -307,16 +307,6 @@ fn pictures_are_checked_when_they_are_loaded() {
     check_second_frame("depth/1.png", &huge, "picture_too_large");
 }
 
-/// CRC-32 of PNG (RFC 2083, appendix 15).
-fn crc32(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(!0u32, |crc, byte| {
-        (0..8).fold(
-            crc ^ u32::from(*byte),
-            |crc, _| if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 },
-        )
-    })
-}
-
 #[test]
 fn tum_poses_are_interpolated_and_the_kinect_is_assumed() {
     let mut files = tum("", &[0, 1, 2]);

@@ -79,7 +79,7 @@ fn damaged_clips_end_quickly() {
 #[test]
 fn damaged_maps_end_quickly() {
     let mut random = ChaCha8Rng::seed_from_u64(2);
-    for (name, bytes) in crate::maps::one_of_each_format() {
+    for (name, bytes) in crate::drawing::one_of_each_format() {
         assert!(LidarMap::read(&bytes).is_ok(), "{name}");
         for round in 0..600 {
             let damaged = damage(&bytes, &mut random);
