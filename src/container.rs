@@ -59,7 +59,7 @@ pub enum ContainerError {
     #[error("there are more than {MAX_ENTRIES} entries; send the recording in parts")]
     TooManyEntries,
     #[error(
-        "entry {name} lies outside its container (an absolute name, a drive, `..`, or a link that leads out)"
+        "entry {name} is refused: its name is absolute, has a drive or `..`, is too long, or it is a link that leads out"
     )]
     PathEscapes { name: String },
     #[error("entry {name} is a link; send an archive of plain files")]
