@@ -7,6 +7,7 @@
 //! threads nor the order of the hits change a bit.
 
 use super::AlignError;
+use super::pyramid::Maxima;
 use super::raycast::Hit;
 use super::target::Target;
 use crate::geometry::{GridFrame, Pose2, angle_between};
@@ -193,8 +194,7 @@ impl<'a> Space<'a> {
                 *value = likelihood(x, y);
             }
         });
-        let mut levels =
-            vec![Maxima { width: frame.width as i32, height: frame.height as i32, before: 0, values }];
+        let mut levels = vec![Maxima::of_cells(frame.width, frame.height, values)];
         for level in 0..params.levels {
             levels.push(levels[level as usize].doubled(1 << level));
         }
@@ -272,46 +272,6 @@ impl<'a> Space<'a> {
 
 fn yaw_rad(rotation: u32, params: &SearchParams) -> f64 {
     f64::from(rotation) * std::f64::consts::TAU / params.rotations as f64
-}
-
-/// Maxima of the likelihood over the squares that begin at each cell; also at cells left of and below the
-/// map, whose squares reach into it.
-struct Maxima {
-    width: i32,
-    height: i32,
-    /// Cells before the map's first one.
-    before: i32,
-    values: Vec<u8>,
-}
-
-impl Maxima {
-    fn at(&self, x: i32, y: i32) -> u8 {
-        // A negative place wraps to a huge one.
-        if (x as u32) < self.width as u32 && (y as u32) < self.height as u32 {
-            self.values[(y * self.width + x) as usize]
-        } else {
-            0
-        }
-    }
-
-    /// The maxima over squares of twice the side, which is `side` now.
-    fn doubled(&self, side: i32) -> Maxima {
-        let before = self.before + side;
-        let (width, height) = (self.width + side, self.height + side);
-        let mut values = vec![0u8; (width * height) as usize];
-        values.par_chunks_mut(width as usize).enumerate().for_each(|(y, row)| {
-            let y = y as i32 - side;
-            for (x, value) in row.iter_mut().enumerate() {
-                let x = x as i32 - side;
-                *value = self
-                    .at(x, y)
-                    .max(self.at(x + side, y))
-                    .max(self.at(x, y + side))
-                    .max(self.at(x + side, y + side));
-            }
-        });
-        Maxima { width, height, before, values }
-    }
 }
 
 #[cfg(test)]
