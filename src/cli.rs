@@ -1,5 +1,7 @@
 //! The command line: one file a command.
 
+mod simulate;
+
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -12,8 +14,12 @@ struct Arguments {
 }
 
 #[derive(Subcommand)]
-enum Command {}
+enum Command {
+    Simulate(simulate::Arguments),
+}
 
 pub fn main() -> ExitCode {
-    match Arguments::parse().command {}
+    match Arguments::parse().command {
+        Command::Simulate(arguments) => simulate::run(&arguments),
+    }
 }
