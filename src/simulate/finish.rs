@@ -56,7 +56,7 @@ impl Finish {
         let shade = |factor: f32| self.rgb.map(|c| c * factor);
         match self.pattern {
             Pattern::Plain => self.rgb,
-            Pattern::Grain => shade(0.92 + 0.16 * dice(cell(across_m, 0.012), cell(up_m, 0.012))),
+            Pattern::Grain => shade(0.96 + 0.08 * dice(cell(across_m, 0.012), cell(up_m, 0.012))),
             Pattern::Planks => {
                 let row = cell(up_m, self.scale_m);
                 let shift = dice(row, 17) * 1.3;

@@ -125,15 +125,25 @@ struct Node {
     /// Leaf: first and count in `order`. Inner node: index of the second child; the first follows the node.
     first: u32,
     count: u32,
+    /// Axis along which an inner node's children lie, the first on the side of smaller coordinates.
+    axis: usize,
 }
 
-const LEAF: usize = 4;
+const LEAF: usize = 2;
 
 impl Scene {
     /// A scene of solids, each with the number of the piece that it belongs to.
     pub(super) fn new(solids: impl IntoIterator<Item = (Solid, u16)>) -> Scene {
-        let primitives: Vec<Primitive> =
-            solids.into_iter().map(|(solid, instance)| Primitive::new(&solid, instance)).collect();
+        Scene::of(solids.into_iter().map(|(solid, instance)| Primitive::new(&solid, instance)).collect())
+    }
+
+    /// Only what stands at this height: all that a level ray there can hit.
+    pub(super) fn slice(&self, height_m: f64) -> Scene {
+        let crosses = |p: &&Primitive| p.low.z <= height_m && height_m <= p.high.z;
+        Scene::of(self.primitives.iter().filter(crosses).cloned().collect())
+    }
+
+    fn of(primitives: Vec<Primitive>) -> Scene {
         let mut scene = Scene { order: (0..primitives.len() as u32).collect(), primitives, nodes: vec![] };
         if !scene.primitives.is_empty() {
             let mut order = std::mem::take(&mut scene.order);
@@ -151,7 +161,7 @@ impl Scene {
             high = high.sup(&self.primitives[index as usize].high);
         }
         let node = self.nodes.len();
-        self.nodes.push(Node { low, high, first: first as u32, count: order.len() as u32 });
+        self.nodes.push(Node { low, high, first: first as u32, count: order.len() as u32, axis: 0 });
         if order.len() <= LEAF {
             return;
         }
@@ -161,7 +171,7 @@ impl Scene {
         let half = order.len() / 2;
         let (left, right) = order.split_at_mut(half);
         self.build(left, first);
-        self.nodes[node] = Node { first: self.nodes.len() as u32, count: 0, ..self.nodes[node] };
+        self.nodes[node] = Node { first: self.nodes.len() as u32, count: 0, axis, ..self.nodes[node] };
         self.build(right, first + half);
     }
 
@@ -209,9 +219,10 @@ impl Scene {
                 continue;
             }
             if node.count == 0 {
-                let near = stack[depth] + 1;
-                stack[depth] = node.first;
-                stack[depth + 1] = near;
+                let children = [stack[depth] + 1, node.first];
+                let near = usize::from(direction[node.axis] < 0.0);
+                stack[depth] = children[1 - near];
+                stack[depth + 1] = children[near];
                 depth += 2;
                 continue;
             }

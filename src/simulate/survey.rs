@@ -22,7 +22,7 @@ const DROP_OUT: f32 = 0.1;
 /// Side of a cell of the map: that of all vacuums in the Valetudo fixtures.
 pub(super) const CELL_M: f64 = 0.05;
 /// Distance between scans.
-const SCAN_STEP_M: f64 = 0.35;
+const SCAN_STEP_M: f64 = 0.45;
 /// A cell is wall when hit at least so often, and by this share of the rays that reached it.
 const WALL_HITS: u32 = 2;
 const WALL_SHARE: f64 = 0.2;
@@ -79,20 +79,31 @@ struct Beam {
     hit: bool,
 }
 
+/// Where the robot believes to be: an error that wanders by a centimetre and a quarter of a degree, so that
+/// the map's walls are as thick as those of real ones.
+fn believed_poses(scans: &[Pose2], dice: &mut Dice) -> Vec<Pose2> {
+    let sigma = [0.008, 0.008, 0.2f64.to_radians()];
+    let mut error = [0.0; 3];
+    let keep = 0.9f64;
+    let believe = |scan: &Pose2| {
+        for (value, sigma) in error.iter_mut().zip(sigma) {
+            *value = keep * *value + (1.0 - keep * keep).sqrt() * sigma * dice.gaussian();
+        }
+        Pose2::new(scan.x_m + error[0], scan.y_m + error[1], scan.yaw_rad + error[2])
+    };
+    scans.iter().map(believe).collect()
+}
+
 /// All scans' rays, with noise: 1 cm along the ray, some lost, and the robot's own doubt where it is.
 fn beams(home: &Home, scans: &[Pose2], height_m: f64, seed: u64) -> Vec<Beam> {
-    let scene = &home.vacuum_day.scene;
+    let scene = &home.vacuum_day.scene.slice(height_m);
+    let believed = believed_poses(scans, &mut Dice::new(hash(seed)));
     scans
         .par_iter()
+        .zip(&believed)
         .enumerate()
-        .flat_map_iter(|(index, scan)| {
+        .flat_map_iter(|(index, (scan, believed))| {
             let salt = hash(seed ^ hash(index as u64));
-            let noise = |k: u64| f64::from(bell(hash(salt ^ hash(k))));
-            let believed = Pose2::new(
-                scan.x_m + 0.006 * noise(1),
-                scan.y_m + 0.006 * noise(2),
-                0.15f64.to_radians() * noise(3),
-            );
             let origin = Point3::new(scan.x_m, scan.y_m, height_m);
             (0..RAYS).filter_map(move |ray| {
                 let salt = hash(salt ^ hash(1000 + ray as u64));
@@ -108,7 +119,7 @@ fn beams(home: &Home, scans: &[Pose2], height_m: f64, seed: u64) -> Vec<Beam> {
                 };
                 Some(Beam {
                     from: Point2::new(believed.x_m, believed.y_m),
-                    toward: believed.rotate(&Vector2::new(c, s)),
+                    toward: Pose2::new(0.0, 0.0, believed.yaw_rad - scan.yaw_rad).rotate(&Vector2::new(c, s)),
                     range_m,
                     hit: hit.is_some(),
                 })

@@ -134,7 +134,7 @@ impl<'a> Walker<'a> {
         // Half of the upper clips look up; the others look level from the chest.
         let looks_up = dice.chance(0.5);
         let (base_pitch, eye_m) = match (upper, looks_up) {
-            (false, _) => (dice.between(-28.0, -10.0), dice.between(1.25, 1.68)),
+            (false, _) => (dice.between(-30.0, -10.0), dice.between(1.25, 1.68)),
             (true, true) => (dice.between(5.0, 22.0), dice.between(1.2, 1.6)),
             (true, false) => (dice.between(-4.0, 6.0), dice.between(1.1, 1.35)),
         };

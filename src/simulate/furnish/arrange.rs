@@ -166,7 +166,7 @@ impl<'a> Arranger<'a> {
     pub fn free(&mut self, mut piece: Piece, around_m: f64) -> Option<usize> {
         let inner = self.room().inner;
         let square = self.dice.chance(0.7);
-        for _ in 0..TRIES {
+        for _ in 0..2 * TRIES {
             let yaw = if square {
                 FRAC_PI_2 * self.dice.count(0, 3) as f64 + self.dice.between(-0.05, 0.05)
             } else {

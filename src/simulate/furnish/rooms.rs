@@ -17,16 +17,16 @@ pub(super) fn furnish(room: &mut Arranger) {
         }
         RoomKind::Living => {
             sit(room);
-            if room.room().inner.area_m2() > 19.0 {
+            if room.room().inner.area_m2() > 16.0 {
                 let seats = room.dice.pick([4, 4, 6]);
                 dine(room, seats);
             }
-            shelves(room, 2);
+            shelves(room, 3);
         }
         RoomKind::Kitchen => {
             kitchen_units(room);
-            if room.room().inner.area_m2() > 8.5 {
-                let seats = room.dice.pick([2, 3, 4]);
+            if room.room().inner.area_m2() > 7.0 {
+                let seats = room.dice.pick([2, 2, 3, 4]);
                 dine(room, seats);
             }
         }
@@ -41,7 +41,11 @@ pub(super) fn furnish(room: &mut Arranger) {
             if room.dice.chance(0.4) {
                 work(room);
             }
-            shelves(room, 1);
+            shelves(room, 2);
+            if room.dice.chance(0.4) {
+                let seat = seating::armchair(&mut room.dice);
+                room.in_corner(seat, 0.2);
+            }
         }
         RoomKind::Child => {
             sleep(room, 0.9);
@@ -123,8 +127,11 @@ fn sit(room: &mut Arranger) {
 fn dine(room: &mut Arranger, seats: usize) {
     let (table, chairs) = seating::dining_set(seats, &mut room.dice);
     let wide = room.room().inner.area_m2() > 10.0;
-    let placed = if wide { room.free(table, 0.75) } else { room.against_wall(table, 0.3) };
-    let Some(table) = placed else { return };
+    let mut placed = None;
+    if wide {
+        placed = room.free(table.clone(), 0.75).or_else(|| room.free(table.clone(), 0.5));
+    }
+    let Some(table) = placed.or_else(|| room.against_wall(table, 0.3)) else { return };
     for (chair, pose) in chairs {
         // A chair pushed in shares floor with its table; those that a wall leaves no room for are elsewhere.
         let home = room.piece(table).home_from_piece.compose(&pose);
@@ -191,7 +198,7 @@ fn work(room: &mut Arranger) {
 }
 
 fn shelves(room: &mut Arranger, most: usize) {
-    for _ in 0..room.dice.count(0, most) {
+    for _ in 0..room.dice.count(most / 3, most) {
         let width = room.dice.between(0.5, 1.3);
         let piece = if room.dice.chance(0.6) {
             let height = room.dice.pick([0.8, 1.2, 1.8, 2.0]);
@@ -366,7 +373,7 @@ fn decorate(room: &mut Arranger) {
             }
         }
     }
-    for _ in 0..room.dice.count(0, if area > 10.0 { 3 } else { 1 }) {
+    for _ in 0..room.dice.count(0, 1 + (area / 6.0) as usize) {
         let item = storage::clutter(&mut room.dice);
         if room.dice.chance(0.6) {
             room.against_wall(item, 0.0);
