@@ -3,6 +3,7 @@
 mod align;
 mod evaluate;
 mod progress;
+mod simulate;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -21,6 +22,8 @@ enum Command {
     Align(align::AlignArguments),
     /// Align the excerpts of a scene with known poses and print the errors.
     Evaluate(evaluate::EvaluateArguments),
+    /// Make a furnished home with exact truth: LiDAR map, clips and a plan.
+    Simulate(simulate::SimulateArguments),
 }
 
 /// Runs the command of the process's arguments; an error is printed with its causes.
@@ -28,6 +31,7 @@ pub fn main() -> ExitCode {
     let done = match Arguments::parse().command {
         Command::Align(arguments) => align::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
+        Command::Simulate(arguments) => simulate::run(&arguments),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
