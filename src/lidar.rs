@@ -68,3 +68,46 @@ pub struct RoomInfo {
     /// Mean of its cells, in the map's frame.
     pub centre_m: [f64; 2],
 }
+
+// ---- stand-in until the readers land; drop at the merge ----
+#[derive(Debug, thiserror::Error)]
+pub enum LidarError {
+    #[error("{0}")]
+    StandIn(String),
+}
+
+impl LidarError {
+    pub fn code(&self) -> &'static str {
+        "map_unreadable"
+    }
+}
+
+impl LidarMap {
+    pub fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
+        let text = std::str::from_utf8(bytes).map_err(|error| LidarError::StandIn(error.to_string()))?;
+        let occupied_m: Vec<Point2> = text
+            .lines()
+            .filter_map(|line| {
+                let (x, y) = line.split_once(',')?;
+                Some(Point2::new(x.trim().parse().ok()?, y.trim().parse().ok()?))
+            })
+            .collect();
+        if occupied_m.is_empty() {
+            return Err(LidarError::StandIn("no points".into()));
+        }
+        let info = LidarInfo {
+            format: "stand-in".into(),
+            frame: String::new(),
+            cell_m: None,
+            occupied_points: occupied_m.len(),
+            free_cells: 0,
+            free_area_m2: 0.0,
+            min_m: [0.0; 2],
+            max_m: [1.0; 2],
+            rooms: vec![],
+            charger: None,
+            notes: vec![],
+        };
+        Ok(LidarMap { info, occupied_m, cells: None, rooms: vec![], charger: None })
+    }
+}
