@@ -1,5 +1,9 @@
 //! The command line: one file a command.
 
+mod migrate;
+mod openapi;
+mod serve;
+
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -12,8 +16,22 @@ struct Arguments {
 }
 
 #[derive(Subcommand)]
-enum Command {}
+enum Command {
+    Serve(serve::Serve),
+    Migrate(migrate::Migrate),
+    Openapi(openapi::Openapi),
+}
 
 pub fn main() -> ExitCode {
-    match Arguments::parse().command {}
+    match Arguments::parse().command {
+        Command::Serve(serve) => serve.run(),
+        Command::Migrate(migrate) => migrate.run(),
+        Command::Openapi(openapi) => openapi.run(),
+    }
+}
+
+/// Tells a person on the terminal what went wrong.
+fn fail(error: &dyn std::error::Error) -> ExitCode {
+    eprintln!("viola: {error}");
+    ExitCode::FAILURE
 }

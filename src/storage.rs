@@ -24,7 +24,7 @@ mod lidar_maps;
 pub use blobs::BlobReader;
 pub use clips::{Added, Clip, ClipState, NewClip};
 pub use homes::{Home, HomeId, InvalidHomeId};
-pub use incoming::Incoming;
+pub use incoming::{Arrived, Incoming};
 pub use jobs::{Job, JobState};
 pub use leases::{Claim, Ending, RetryPolicy};
 pub use lidar_maps::{LidarMapRevision, NewLidarMap};

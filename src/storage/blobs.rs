@@ -5,9 +5,9 @@ use super::{Incoming, Storage, StorageError};
 use bytes::Bytes;
 use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
+use object_store::ObjectStoreExt;
 use object_store::local::LocalFileSystem;
 use object_store::path::Path as Key;
-use object_store::ObjectStoreExt;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
@@ -28,8 +28,7 @@ pub struct BlobReader {
 impl Blobs {
     pub fn open(folder: &Path) -> Result<Blobs, StorageError> {
         let incoming = folder.join(INCOMING);
-        std::fs::create_dir_all(&incoming)
-            .map_err(|source| StorageError::File { path: incoming, source })?;
+        std::fs::create_dir_all(&incoming).map_err(|source| StorageError::File { path: incoming, source })?;
         let store = LocalFileSystem::new_with_prefix(folder)?.with_fsync(true).with_automatic_cleanup(true);
         Ok(Blobs { store, folder: folder.to_owned() })
     }
@@ -53,10 +52,15 @@ impl Blobs {
         Ok(())
     }
 
-    pub async fn read(&self, key: &str) -> Result<BlobReader, StorageError> {
-        let found = self.store.get(&Key::from(key)).await?;
+    /// None when the blob was removed since the caller read its row.
+    pub async fn read(&self, key: &str) -> Result<Option<BlobReader>, StorageError> {
+        let found = match self.store.get(&Key::from(key)).await {
+            Err(object_store::Error::NotFound { .. }) => return Ok(None),
+            found => found?,
+        };
         let size_bytes = found.meta.size;
-        Ok(BlobReader { size_bytes, stream: found.into_stream().map_err(StorageError::from).boxed() })
+        let stream = found.into_stream().map_err(StorageError::from).boxed();
+        Ok(Some(BlobReader { size_bytes, stream }))
     }
 
     pub async fn read_all(&self, key: &str) -> Result<Bytes, StorageError> {

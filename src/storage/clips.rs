@@ -125,12 +125,7 @@ pub(super) fn result_blobs(result_key: &str) -> [String; 2] {
 
 impl Storage {
     /// Keeps a clip, and queues its job when the home has a LiDAR map.
-    pub async fn add_clip(
-        &self,
-        home: &HomeId,
-        new: NewClip,
-        now: Timestamp,
-    ) -> Result<Added, StorageError> {
+    pub async fn add_clip(&self, home: &HomeId, new: NewClip, now: Timestamp) -> Result<Added, StorageError> {
         let id = Uuid::now_v7();
         let row = NewRow {
             id,
@@ -198,13 +193,12 @@ impl Storage {
             return Err(StorageError::NoSuchHome);
         }
         let after = page.after.map(|id| id.to_string()).unwrap_or_default();
-        let rows =
-            sqlx::query("SELECT * FROM clips WHERE home_id = $1 AND id > $2 ORDER BY id LIMIT $3")
-                .bind(home.as_str())
-                .bind(after)
-                .bind(i64::from(page.limit))
-                .fetch_all(&mut *snapshot)
-                .await?;
+        let rows = sqlx::query("SELECT * FROM clips WHERE home_id = $1 AND id > $2 ORDER BY id LIMIT $3")
+            .bind(home.as_str())
+            .bind(after)
+            .bind(i64::from(page.limit))
+            .fetch_all(&mut *snapshot)
+            .await?;
         let mut clips = Vec::with_capacity(rows.len());
         for row in &rows {
             clips.push(with_job(&mut snapshot, row).await?);
@@ -241,14 +235,9 @@ impl Storage {
     }
 
     /// A picture or cloud that the clip's last job made, by its file name; none before there is one.
-    pub async fn clip_result(
-        &self,
-        home: &HomeId,
-        id: Uuid,
-        name: &str,
-    ) -> Result<Option<BlobReader>, StorageError> {
-        match self.clip(home, id).await?.result_key {
-            Some(key) => Ok(Some(self.blobs.read(&format!("{key}/{name}")).await?)),
+    pub async fn clip_result(&self, clip: &Clip, name: &str) -> Result<Option<BlobReader>, StorageError> {
+        match &clip.result_key {
+            Some(key) => self.blobs.read(&format!("{key}/{name}")).await,
             None => Ok(None),
         }
     }

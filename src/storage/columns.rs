@@ -3,8 +3,8 @@
 use super::database::Row;
 use super::{HomeId, StorageError};
 use jiff::Timestamp;
-use serde::de::{DeserializeOwned, IntoDeserializer};
 use serde::Serialize;
+use serde::de::{DeserializeOwned, IntoDeserializer};
 use sqlx::Row as _;
 use uuid::Uuid;
 

@@ -6,6 +6,7 @@ use super::{Page, Storage, StorageError};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use std::str::FromStr;
 
 /// The id of a home, chosen by the client: 1 to 64 characters of `A-Z a-z 0-9 . _ -`, not `.` or `..`.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize, utoipa::ToSchema)]
@@ -26,6 +27,14 @@ impl TryFrom<String> for HomeId {
             return Err(InvalidHomeId);
         }
         Ok(HomeId(text))
+    }
+}
+
+impl FromStr for HomeId {
+    type Err = InvalidHomeId;
+
+    fn from_str(text: &str) -> Result<HomeId, InvalidHomeId> {
+        HomeId::try_from(text.to_owned())
     }
 }
 

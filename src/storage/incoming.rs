@@ -52,4 +52,10 @@ impl Arrived {
     pub fn path(&self) -> &Path {
         &self.path
     }
+
+    /// The whole file. Blocks.
+    pub fn read(&self) -> Result<Vec<u8>, StorageError> {
+        std::fs::read(&self.path)
+            .map_err(|source| StorageError::File { path: self.path.to_path_buf(), source })
+    }
 }

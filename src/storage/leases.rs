@@ -22,7 +22,7 @@ pub struct Claim {
 
 impl Claim {
     /// Where this attempt's pictures and clouds are kept.
-    pub fn result_key(&self) -> String {
+    fn result_key(&self) -> String {
         clips::result_key(self.job.clip, self.job.id, self.fence)
     }
 }
@@ -143,9 +143,14 @@ impl Storage {
         let held = end(&mut transaction, claim, ending, retry, now).await?;
         transaction.commit().await?;
         if !held || !matches!(ending, Ending::Answered(_)) {
-            self.blobs.discard(&clips::result_blobs(&claim.result_key())).await;
+            self.discard_result(claim).await;
         }
         Ok(held)
+    }
+
+    /// Removes the files of an attempt that came to nothing.
+    pub async fn discard_result(&self, claim: &Claim) {
+        self.blobs.discard(&clips::result_blobs(&claim.result_key())).await;
     }
 
     /// Ends a job that waits or runs; its clip is as if never queued. A job that has ended stays as it is.

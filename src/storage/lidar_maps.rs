@@ -60,7 +60,8 @@ impl Storage {
         now: Timestamp,
     ) -> Result<(LidarMapRevision, bool), StorageError> {
         let id = Uuid::now_v7();
-        let row = NewRow { id, size_bytes: new.file.size_bytes, sha256: new.file.sha256.clone(), info: new.info };
+        let row =
+            NewRow { id, size_bytes: new.file.size_bytes, sha256: new.file.sha256.clone(), info: new.info };
         self.blobs.keep(new.file, &file_key(id)).await?;
         self.blobs.put(&image_key(id), new.image_png).await?;
         let added = self.insert_lidar_map(home, row, now).await;
@@ -140,7 +141,7 @@ impl Storage {
     /// The preview picture of the current revision.
     pub async fn lidar_map_image(&self, home: &HomeId) -> Result<BlobReader, StorageError> {
         let map = self.lidar_map(home).await?;
-        self.blobs.read(&image_key(map.id)).await
+        self.blobs.read(&image_key(map.id)).await?.ok_or(StorageError::NoLidarMap)
     }
 
     /// The file of a revision that a job works with.
