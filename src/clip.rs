@@ -96,10 +96,10 @@ impl Clip {
         let refused = |detail: String| ClipError::StandIn(detail);
         let file = std::fs::File::open(path).map_err(|error| refused(error.to_string()))?;
         let archive = zip::ZipArchive::new(file).map_err(|error| refused(error.to_string()))?;
-        if archive.file_names().flatten().any(|name| name.contains("..")) {
+        if archive.file_names().any(|name| name.contains("..")) {
             return Err(refused("a name leaves the archive".into()));
         }
-        let frames = archive.file_names().flatten().filter(|name| name.contains("depth/")).count();
+        let frames = archive.file_names().filter(|name| name.contains("depth/")).count();
         Ok(Clip {
             info: ClipInfo {
                 layout: "stand-in".into(),
