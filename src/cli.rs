@@ -1,7 +1,10 @@
 //! The command line: one file a command.
 
+mod align;
+mod evaluate;
 mod migrate;
 mod openapi;
+mod progress;
 mod serve;
 
 use clap::{Parser, Subcommand};
@@ -17,21 +20,32 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    Serve(serve::Serve),
-    Migrate(migrate::Migrate),
-    Openapi(openapi::Openapi),
+    /// Find the pose of one clip in a LiDAR map.
+    Align(align::AlignArguments),
+    /// Align the excerpts of a scene with known poses and print the errors.
+    Evaluate(evaluate::EvaluateArguments),
+    /// Serve the HTTP API, with workers in the same process.
+    Serve(serve::ServeArguments),
+    /// Bring the tables of a data folder up to date without serving; `serve` does it too.
+    Migrate(migrate::MigrateArguments),
+    /// Print the OpenAPI document of the service.
+    Openapi,
 }
 
+/// Runs the command of the process's arguments; an error is printed with its causes.
 pub fn main() -> ExitCode {
-    match Arguments::parse().command {
-        Command::Serve(serve) => serve.run(),
-        Command::Migrate(migrate) => migrate.run(),
-        Command::Openapi(openapi) => openapi.run(),
+    let done = match Arguments::parse().command {
+        Command::Align(arguments) => align::run(&arguments),
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
+        Command::Serve(arguments) => serve::run(&arguments),
+        Command::Migrate(arguments) => migrate::run(&arguments),
+        Command::Openapi => openapi::run(),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("viola: {error:#}");
+            ExitCode::FAILURE
+        }
     }
-}
-
-/// Tells a person on the terminal what went wrong.
-fn fail(error: &dyn std::error::Error) -> ExitCode {
-    eprintln!("viola: {error}");
-    ExitCode::FAILURE
 }

@@ -146,7 +146,7 @@ impl Error {
 
 /// A file of a kind that no reader knows is another media type; one that a reader refuses is not.
 fn refusal(code: &str) -> StatusCode {
-    if code.starts_with("unknown_") {
+    if code.starts_with("unknown_") || code == "not_an_archive" {
         StatusCode::UNSUPPORTED_MEDIA_TYPE
     } else {
         StatusCode::UNPROCESSABLE_ENTITY

@@ -7,7 +7,7 @@ use super::extract::{HomePath, Path, Query};
 use super::list::{List, ListQuery};
 use super::problems::{CommonProblems, FileProblems};
 use crate::home;
-use crate::lidar::LidarMap;
+use crate::lidar::{LidarMap, MAX_FILE_BYTES};
 use crate::storage::{Arrived, LidarMapRevision, NewLidarMap};
 use axum::Json;
 use axum::extract::{Request, State};
@@ -15,8 +15,6 @@ use axum::http::StatusCode;
 use axum::response::Response;
 use jiff::Timestamp;
 
-/// The largest real maps are below 2 MB; a reader holds the whole file in memory.
-const MAX_LIDAR_MAP_BYTES: u64 = 64 << 20;
 
 /// Put the LiDAR map of a home
 ///
@@ -35,7 +33,7 @@ pub(super) async fn put_lidar_map(
     request: Request,
 ) -> Result<(StatusCode, Json<LidarMapRevision>), Error> {
     app.storage.home(&home).await?;
-    let file = receive(&app.storage, request, MAX_LIDAR_MAP_BYTES).await?;
+    let file = receive(&app.storage, request, MAX_FILE_BYTES).await?;
     let new = blocking(move || understand(file)).await?;
     to_the_end(async move {
         let (revision, is_new) = app.storage.put_lidar_map(&home, new, Timestamp::now()).await?;

@@ -1,34 +1,23 @@
-//! `viola migrate`
+//! `viola migrate`: the tables of a data folder, brought up to date without serving.
 
-use super::fail;
 use crate::storage::Storage;
+use anyhow::Result;
+use clap::Args;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-/// Bring the tables of a data folder up to date, without serving. `serve` does it too.
-#[derive(clap::Args)]
-pub(super) struct Migrate {
+#[derive(Args)]
+pub struct MigrateArguments {
     /// The data folder.
     #[arg(long, value_name = "DIR", default_value = "viola-data")]
     data: PathBuf,
 }
 
-impl Migrate {
-    pub fn run(&self) -> ExitCode {
-        let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
-            Ok(runtime) => runtime,
-            Err(error) => return fail(&error),
-        };
-        let migrated = runtime.block_on(async {
-            Storage::migrate(&self.data).await?.close().await;
-            Ok::<(), crate::storage::StorageError>(())
-        });
-        match migrated {
-            Ok(()) => {
-                println!("{} is up to date", self.data.display());
-                ExitCode::SUCCESS
-            }
-            Err(error) => fail(&error),
-        }
-    }
+pub fn run(arguments: &MigrateArguments) -> Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(async {
+        Storage::migrate(&arguments.data).await?.close().await;
+        anyhow::Ok(())
+    })?;
+    println!("{} is up to date", arguments.data.display());
+    Ok(())
 }

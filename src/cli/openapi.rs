@@ -1,14 +1,8 @@
-//! `viola openapi`
+//! `viola openapi`: the document that the service serves, and that is checked in as `openapi/viola.json`.
 
-use std::process::ExitCode;
+use anyhow::Result;
+use std::io::Write;
 
-/// Print the OpenAPI document of the service.
-#[derive(clap::Args)]
-pub(super) struct Openapi {}
-
-impl Openapi {
-    pub fn run(&self) -> ExitCode {
-        print!("{}", crate::api::document_json());
-        ExitCode::SUCCESS
-    }
+pub fn run() -> Result<()> {
+    Ok(std::io::stdout().write_all(crate::api::document_json().as_bytes())?)
 }

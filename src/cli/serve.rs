@@ -1,70 +1,63 @@
-//! `viola serve`
+//! `viola serve`: the whole service in one process.
 
-use super::fail;
 use crate::api::{ServeParams, serve};
 use crate::jobs::WorkerParams;
+use anyhow::Result;
+use clap::Args;
 use std::io::{IsTerminal, Write};
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::time::Duration;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
 use tracing_subscriber::EnvFilter;
 
-/// Serve the HTTP API, with workers in the same process.
-#[derive(clap::Args)]
-pub(super) struct Serve {
+#[derive(Args)]
+pub struct ServeArguments {
     /// Address and port; port 0 takes a free one.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8080")]
     listen: SocketAddr,
     /// The data folder; it is made when it is not there.
     #[arg(long, value_name = "DIR", default_value = "viola-data")]
     data: PathBuf,
-    /// Jobs at a time.
+    /// Jobs at a time; each uses all cores where it can.
     #[arg(long, value_name = "N", default_value_t = 1)]
     workers: usize,
     /// Largest clip.
     #[arg(long, value_name = "MIB", default_value_t = 2048)]
     max_upload_mb: u64,
     /// How long a job stays with a worker that gives no sign of life.
-    #[arg(long, hide = true, default_value_t = 30.0)]
-    lease_seconds: f64,
+    #[arg(long, value_name = "SECONDS", hide = true, default_value = "30", value_parser = seconds)]
+    lease_seconds: Duration,
 }
 
-impl Serve {
-    pub fn run(&self) -> ExitCode {
-        start_log();
-        let Ok(lease) = Duration::try_from_secs_f64(self.lease_seconds) else {
-            return fail(&std::io::Error::other("--lease-seconds is not a length of time"));
-        };
-        let params = ServeParams {
-            listen: self.listen,
-            data: self.data.clone(),
-            workers: self.workers,
-            max_upload_bytes: self.max_upload_mb.saturating_mul(1 << 20),
-            worker: WorkerParams { lease, ..WorkerParams::default() },
-        };
-        let runtime = match tokio::runtime::Runtime::new() {
-            Ok(runtime) => runtime,
-            Err(error) => return fail(&error),
-        };
-        let served = runtime.block_on(async {
-            let stop = CancellationToken::new();
-            let stopping = stop.clone();
-            tokio::spawn(async move {
-                stop_asked().await;
-                stopping.cancel();
-            });
-            serve(params, stop, print_address).await
+pub fn run(arguments: &ServeArguments) -> Result<()> {
+    start_log();
+    let params = ServeParams {
+        listen: arguments.listen,
+        data: arguments.data.clone(),
+        workers: arguments.workers,
+        max_upload_bytes: arguments.max_upload_mb.saturating_mul(1 << 20),
+        worker: WorkerParams { lease: arguments.lease_seconds, ..WorkerParams::default() },
+    };
+    let runtime = tokio::runtime::Runtime::new()?;
+    let served = runtime.block_on(async {
+        let stop = CancellationToken::new();
+        let stopping = stop.clone();
+        tokio::spawn(async move {
+            stop_asked().await;
+            stopping.cancel();
         });
-        // A method that did not stop in its grace would otherwise hold the process.
-        runtime.shutdown_background();
-        match served {
-            Ok(()) => ExitCode::SUCCESS,
-            Err(error) => fail(&error),
-        }
-    }
+        serve(params, stop, print_address).await
+    });
+    // A method that did not stop in its grace would otherwise hold the process.
+    runtime.shutdown_background();
+    Ok(served?)
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse::<f64>().map_err(|error| error.to_string())?;
+    Duration::try_from_secs_f64(seconds).map_err(|error| error.to_string())
 }
 
 /// The line that scripts wait for.

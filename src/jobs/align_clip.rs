@@ -1,7 +1,11 @@
 //! The work of one job: open the clip and the map, align, make the pictures.
 
-use crate::align::{Alignment, Reason};
-use crate::progress::Progress;
+use crate::align::{self, AlignError, AlignParams, Alignment, Reason};
+use crate::clip::{Clip, ClipError};
+use crate::home;
+use crate::lidar::{LidarError, LidarMap};
+use crate::progress::{Progress, Stage};
+use crate::stopwatch::Stopwatch;
 use std::path::Path;
 
 /// What one job makes.
@@ -12,54 +16,53 @@ pub struct Finished {
 }
 
 /// Why a job made nothing.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum Failure {
-    /// Somebody asked to stop.
+    #[error("the work was cancelled")]
     Cancelled,
-    /// The clip or the map cannot be used; the reason is for whoever sent it.
-    Refused(Reason),
+    #[error(transparent)]
+    Clip(#[from] ClipError),
+    #[error(transparent)]
+    Lidar(#[from] LidarError),
 }
 
-// ---- stand-in until the method lands; its body is replaced at the merge ----
+impl From<AlignError> for Failure {
+    fn from(error: AlignError) -> Failure {
+        match error {
+            AlignError::Cancelled => Failure::Cancelled,
+            AlignError::Clip(error) => Failure::Clip(error),
+        }
+    }
+}
+
+impl Failure {
+    /// What the clip's owner is told.
+    pub fn reason(&self) -> Reason {
+        let code = match self {
+            Failure::Cancelled => "cancelled",
+            Failure::Clip(error) => error.code(),
+            Failure::Lidar(error) => error.code(),
+        };
+        Reason { code: code.to_owned(), detail: self.to_string() }
+    }
+}
+
 pub fn align_clip(
     clip_path: &Path,
     lidar_bytes: &[u8],
     seed: u64,
     progress: &dyn Progress,
 ) -> Result<Finished, Failure> {
-    use crate::align::AlignmentState;
-    use crate::progress::{Stage, check};
-    let refused = |code: &str, detail: String| Failure::Refused(Reason { code: code.to_owned(), detail });
-    crate::clip::Clip::open(clip_path).map_err(|error| refused(error.code(), error.to_string()))?;
-    let lidar = crate::lidar::LidarMap::read(lidar_bytes)
-        .map_err(|error| refused(error.code(), error.to_string()))?;
-    for stage in Stage::ALL {
-        progress.enter(stage);
-        for step in 0..20 {
-            check(progress).map_err(|_| Failure::Cancelled)?;
-            std::thread::sleep(std::time::Duration::from_millis(15));
-            progress.advance(f64::from(step) / 20.0);
-        }
-    }
-    let map_from_clip = crate::geometry::Pose2::new(1.0, seed as f64, 0.0);
-    let alignment = Alignment {
-        state: AlignmentState::Aligned,
-        probability: None,
-        map_from_clip: Some(map_from_clip),
-        covariance: None,
-        loss_m: None,
-        inliers: None,
-        coverage: None,
-        alternatives: vec![],
-        reasons: vec![],
-        hits: 0,
-        key_frames: 0,
-        floor: None,
-        seconds: Default::default(),
-    };
-    Ok(Finished {
-        alignment,
-        overlay_png: crate::home::lidar_png(&lidar),
-        cloud_ply: b"ply\nformat ascii 1.0\nelement vertex 0\nend_header\n".to_vec(),
-    })
+    let watch = Stopwatch::around(progress);
+    watch.enter(Stage::Decode);
+    let clip = Clip::open(clip_path)?;
+    let lidar = LidarMap::read(lidar_bytes)?;
+    let params = AlignParams { seed, ..AlignParams::default() };
+    let mut aligned = align::align(&clip, None, &lidar, &params, &watch)?;
+
+    watch.enter(Stage::Report);
+    let overlay_png = home::overlay_png(&lidar, &aligned);
+    let cloud_ply = home::cloud_ply(&aligned.cloud_in_clip, aligned.alignment.map_from_clip.as_ref());
+    aligned.alignment.seconds = watch.stop();
+    Ok(Finished { alignment: aligned.alignment, overlay_png, cloud_ply })
 }

@@ -104,10 +104,8 @@ impl Attempt<'_> {
         let result = self.attend(&mut method, &report, stop).await;
         match result {
             Watched::Ended(Ok(Ok(finished))) => Some(self.keep(finished).await),
-            Watched::Ended(Ok(Err(Failure::Refused(reason)))) => Some(Ending::Refused(reason)),
-            Watched::Ended(Ok(Err(Failure::Cancelled))) | Watched::TooSlowToStop => {
-                stop.is_cancelled().then_some(Ending::GivenUp)
-            }
+            Watched::Ended(Ok(Err(Failure::Cancelled))) | Watched::TooSlowToStop => Some(Ending::GivenUp),
+            Watched::Ended(Ok(Err(failure))) => Some(Ending::Refused(failure.reason())),
             Watched::Ended(Err(panic)) => Some(broken("internal_error", &panic)),
             Watched::Lost => None,
         }
