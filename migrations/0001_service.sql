@@ -35,6 +35,8 @@ CREATE TABLE clips (
     updated_at BIGINT NOT NULL
 );
 CREATE INDEX clips_of_home ON clips (home_id, id);
+CREATE INDEX clips_by_job ON clips (job_id);
+CREATE INDEX clips_by_result ON clips (result_key);
 
 -- fence grows with every claim: a worker whose fence is not the row's has lost the job.
 -- version grows with every change: what a listener has seen.

@@ -54,7 +54,7 @@ impl Storage {
     pub async fn open(folder: &Path) -> Result<Storage, StorageError> {
         let storage = Storage::migrate(folder).await?;
         let keys = storage.blob_keys().await?;
-        storage.blobs.sweep(&keys).await?;
+        storage.blobs.sweep(&keys)?;
         Ok(storage)
     }
 

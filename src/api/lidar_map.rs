@@ -15,7 +15,6 @@ use axum::http::StatusCode;
 use axum::response::Response;
 use jiff::Timestamp;
 
-
 /// Put the LiDAR map of a home
 ///
 /// The body is the file; its format is found by its content. A new file is a new revision, and every clip of

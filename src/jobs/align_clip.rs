@@ -43,7 +43,7 @@ impl Failure {
             Failure::Clip(error) => error.code(),
             Failure::Lidar(error) => error.code(),
         };
-        Reason { code: code.to_owned(), detail: self.to_string() }
+        Reason::new(code, self.to_string())
     }
 }
 

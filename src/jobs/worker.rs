@@ -69,6 +69,8 @@ struct Attempt<'a> {
 }
 
 type Method = JoinHandle<Result<Finished, Failure>>;
+/// A panic of the method is a `JoinError`.
+type Ended = Result<Result<Finished, Failure>, JoinError>;
 
 impl Attempt<'_> {
     async fn run(&self, stop: &CancellationToken) {
@@ -85,10 +87,7 @@ impl Attempt<'_> {
         let seconds = begun.elapsed().as_secs_f64();
         match kept {
             Ok(true) => info!(job = %job.id, clip = %job.clip, outcome, seconds, "job ends"),
-            Ok(false) => {
-                storage.discard_result(&self.claim).await;
-                info!(job = %job.id, clip = %job.clip, seconds, "job was cancelled or given to another worker");
-            }
+            Ok(false) => info!(job = %job.id, clip = %job.clip, seconds, "job is no longer this worker's"),
             // Its lease runs out, and it is done again.
             Err(error) => error!(job = %job.id, outcome, %error, "the end of a job could not be recorded"),
         }
@@ -101,13 +100,19 @@ impl Attempt<'_> {
             Ok(method) => method,
             Err(error) => return Some(broken("storage_error", &error)),
         };
-        let result = self.attend(&mut method, &report, stop).await;
-        match result {
-            Watched::Ended(Ok(Ok(finished))) => Some(self.keep(finished).await),
-            Watched::Ended(Ok(Err(Failure::Cancelled))) | Watched::TooSlowToStop => Some(Ending::GivenUp),
-            Watched::Ended(Ok(Err(failure))) => Some(Ending::Refused(failure.reason())),
-            Watched::Ended(Err(panic)) => Some(broken("internal_error", &panic)),
+        match self.attend(&mut method, &report, stop).await {
+            Watched::Ended(ended) => Some(self.conclude(*ended).await),
+            Watched::TooSlowToStop => Some(Ending::GivenUp),
             Watched::Lost => None,
+        }
+    }
+
+    async fn conclude(&self, ended: Ended) -> Ending {
+        match ended {
+            Ok(Ok(finished)) => self.keep(finished).await,
+            Ok(Err(Failure::Cancelled)) => Ending::GivenUp,
+            Ok(Err(failure)) => Ending::Refused(failure.reason()),
+            Err(panic) => broken("internal_error", &panic),
         }
     }
 
@@ -132,7 +137,7 @@ impl Attempt<'_> {
         let mut grace_over = std::pin::pin!(grace_over);
         loop {
             tokio::select! {
-                ended = &mut *method => return if lost { Watched::Lost } else { Watched::Ended(ended) },
+                ended = &mut *method => return if lost { Watched::Lost } else { Watched::Ended(Box::new(ended)) },
                 () = &mut grace_over => return if lost { Watched::Lost } else { Watched::TooSlowToStop },
                 _ = tick.tick(), if !lost => match self.beat(report.heard(), &mut said).await {
                     Ok(true) => {}
@@ -173,7 +178,7 @@ impl Attempt<'_> {
 
 /// How the method ended while it was watched.
 enum Watched {
-    Ended(Result<Result<Finished, Failure>, JoinError>),
+    Ended(Box<Ended>),
     /// The job was cancelled, removed, or given to another worker.
     Lost,
     TooSlowToStop,
@@ -188,8 +193,10 @@ struct Said {
 /// The cause is for the log; who sent the clip could do nothing with it.
 fn broken(code: &str, cause: &dyn std::error::Error) -> Ending {
     error!(code, %cause, "an attempt broke");
-    let detail = "The service failed while it worked on this clip; its log has the cause.";
-    Ending::Broken(Reason { code: code.to_owned(), detail: detail.to_owned() })
+    Ending::Broken(Reason::new(
+        code,
+        "the service failed while it worked on this clip; its log has the cause",
+    ))
 }
 
 fn outcome_name(ending: &Option<Ending>) -> &str {

@@ -83,34 +83,35 @@ impl Blobs {
     }
 
     /// Removes every file that is not one of the keys. Only sound while nothing writes.
-    pub async fn sweep(&self, keys: &HashSet<String>) -> Result<(), StorageError> {
-        let folder = self.folder.clone();
-        let files = tokio::task::spawn_blocking(move || files_below(&folder)).await;
-        let files = files.unwrap_or_else(|panic| std::panic::resume_unwind(panic.into_panic()));
-        for path in files? {
-            let relative = path.strip_prefix(&self.folder).unwrap_or(&path);
-            if !keys.contains(relative.to_string_lossy().as_ref()) {
-                tracing::info!(file = %relative.display(), "removing what an interrupted write left");
-                std::fs::remove_file(&path).map_err(|source| StorageError::File { path, source })?;
-            }
+    pub fn sweep(&self, keys: &HashSet<String>) -> Result<(), StorageError> {
+        for key in self.keys()?.iter().filter(|key| !keys.contains(*key)) {
+            tracing::info!(key, "removing what an interrupted write left");
+            let path = self.folder.join(key);
+            std::fs::remove_file(&path).map_err(|source| StorageError::File { path, source })?;
         }
         Ok(())
     }
-}
 
-/// The store's own listing hides files that it was in the middle of writing; those are to be swept too.
-fn files_below(folder: &Path) -> Result<Vec<PathBuf>, StorageError> {
-    let mut files = Vec::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(path) = folders.pop() {
-        let error = |source| StorageError::File { path: path.clone(), source };
-        for entry in std::fs::read_dir(&path).map_err(error)? {
-            let entry = entry.map_err(error)?;
-            let is_folder = entry.file_type().map_err(error)?.is_dir();
-            if is_folder { folders.push(entry.path()) } else { files.push(entry.path()) }
+    /// Every file there is, also those that are arriving or being written: the store's own listing hides them.
+    pub fn keys(&self) -> Result<Vec<String>, StorageError> {
+        let mut keys = Vec::new();
+        let mut folders = vec![self.folder.clone()];
+        while let Some(folder) = folders.pop() {
+            let error = |source| StorageError::File { path: folder.clone(), source };
+            for entry in std::fs::read_dir(&folder).map_err(error)? {
+                let entry = entry.map_err(error)?;
+                let path = entry.path();
+                if entry.file_type().map_err(error)?.is_dir() {
+                    folders.push(path);
+                } else {
+                    keys.push(
+                        path.strip_prefix(&self.folder).unwrap_or(&path).to_string_lossy().into_owned(),
+                    );
+                }
+            }
         }
+        Ok(keys)
     }
-    Ok(files)
 }
 
 impl Storage {

@@ -261,10 +261,7 @@ struct NewRow {
 }
 
 fn no_lidar_map() -> Reason {
-    Reason {
-        code: "no_lidar_map".to_owned(),
-        detail: "The home has no LiDAR map yet; the clip is queued when one is put.".to_owned(),
-    }
+    Reason::new("no_lidar_map", "the home has no LiDAR map yet; the clip is queued when one is put")
 }
 
 /// What a job changes of its clip.

@@ -142,15 +142,17 @@ impl Storage {
         let mut transaction = self.database.begin().await?;
         let held = end(&mut transaction, claim, ending, retry, now).await?;
         transaction.commit().await?;
-        if !held || !matches!(ending, Ending::Answered(_)) {
-            self.discard_result(claim).await;
-        }
+        self.discard_unless_kept(&claim.result_key()).await?;
         Ok(held)
     }
 
     /// Removes the files of an attempt that came to nothing.
-    pub async fn discard_result(&self, claim: &Claim) {
-        self.blobs.discard(&clips::result_blobs(&claim.result_key())).await;
+    async fn discard_unless_kept(&self, result_key: &str) -> Result<(), StorageError> {
+        let kept = sqlx::query("SELECT id FROM clips WHERE result_key = $1").bind(result_key);
+        if kept.fetch_optional(self.database.reader()).await?.is_none() {
+            self.blobs.discard(&clips::result_blobs(result_key)).await;
+        }
+        Ok(())
     }
 
     /// Ends a job that waits or runs; its clip is as if never queued. A job that has ended stays as it is.
@@ -166,10 +168,8 @@ impl Storage {
         .execute(&mut *transaction)
         .await?;
         if cancelled.rows_affected() == 1 {
-            let reason = Reason {
-                code: "cancelled".to_owned(),
-                detail: "The job was cancelled; align the clip again to queue it anew.".to_owned(),
-            };
+            let reason =
+                Reason::new("cancelled", "the job was cancelled; align the clip again to queue it anew");
             change_clip(&mut transaction, id, ClipState::Uploaded, &[reason], now).await?;
         }
         let job = jobs::find(&mut transaction, id).await?;
@@ -187,11 +187,8 @@ async fn bury_the_hopeless(transaction: &mut Transaction, now: Timestamp) -> Res
     .fetch_all(&mut **transaction)
     .await?;
     for row in &rows {
-        let reason = Reason {
-            code: "worker_died".to_owned(),
-            detail: "Every worker that tried this clip ended without a word; it may need more memory than there is."
-                .to_owned(),
-        };
+        let detail = "every worker that tried this clip died; it may need more memory than there is";
+        let reason = Reason::new("worker_died", detail);
         fail(transaction, row.id("id")?, reason, now).await?;
     }
     Ok(())
