@@ -2,7 +2,10 @@
 
 mod align;
 mod evaluate;
+mod migrate;
+mod openapi;
 mod progress;
+mod serve;
 mod simulate;
 
 use clap::{Parser, Subcommand};
@@ -24,6 +27,12 @@ enum Command {
     Evaluate(evaluate::EvaluateArguments),
     /// Make a furnished home with exact truth: LiDAR map, clips and a plan.
     Simulate(simulate::SimulateArguments),
+    /// Serve the HTTP API, with workers in the same process.
+    Serve(serve::ServeArguments),
+    /// Bring the tables of a data folder up to date without serving; `serve` does it too.
+    Migrate(migrate::MigrateArguments),
+    /// Print the OpenAPI document of the service.
+    Openapi,
 }
 
 /// Runs the command of the process's arguments; an error is printed with its causes.
@@ -32,6 +41,9 @@ pub fn main() -> ExitCode {
         Command::Align(arguments) => align::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Serve(arguments) => serve::run(&arguments),
+        Command::Migrate(arguments) => migrate::run(&arguments),
+        Command::Openapi => openapi::run(),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -22,7 +22,7 @@ mod tests {
             assert_eq!(excerpts(300, length).len(), count, "{length}");
         }
         assert_eq!(excerpts(300, 60)[1], 30..90);
-        assert_eq!(excerpts(10, 0), []);
-        assert_eq!(excerpts(10, 11), []);
+        assert!(excerpts(10, 0).is_empty());
+        assert!(excerpts(10, 11).is_empty());
     }
 }
