@@ -1,6 +1,5 @@
 //! Cross-correlation of pictures through the fast Fourier transform.
 
-use realfft::num_complex::Complex;
 use realfft::num_complex::Complex32;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use std::sync::Arc;
@@ -18,10 +17,25 @@ pub(super) struct Fft2 {
 /// A spectrum, column after column.
 pub(super) type Spectrum = Vec<Complex32>;
 
+/// What one thread works in, kept from picture to picture.
+pub(super) struct Bench {
+    /// Column after column, of the template and then of the product.
+    spectrum: Spectrum,
+    /// Rows on their way from one layout to the other.
+    real: Vec<f32>,
+    half: Vec<Complex32>,
+    scratch: Vec<Complex32>,
+}
+
+/// Rows that are turned into columns together: their values of one column fill two cache lines.
+const ROWS: usize = 16;
+
+const ZERO: Complex32 = Complex32 { re: 0.0, im: 0.0 };
+
 impl Fft2 {
     /// For pictures of at least `width` x `height`.
     pub(super) fn at_least(width: usize, height: usize) -> Fft2 {
-        let (width, height) = (smooth(width + width % 2), smooth(height));
+        let (width, height) = (smooth(width), smooth(height));
         let mut real = RealFftPlanner::new();
         let mut complex = rustfft::FftPlanner::new();
         Fft2 {
@@ -34,48 +48,99 @@ impl Fft2 {
         }
     }
 
-    pub(super) fn forward(&self, picture: &mut [f32]) -> Spectrum {
-        let bins = self.width / 2 + 1;
-        let zero = Complex::new(0.0, 0.0);
-        let mut spectrum = vec![zero; bins * self.height];
-        let mut line = vec![zero; bins];
-        let mut scratch = self.rows.make_scratch_vec();
-        for (y, row) in picture.chunks_exact_mut(self.width).enumerate() {
-            // Lengths come from the plan itself, so this cannot fail.
-            let done = self.rows.process_with_scratch(row, &mut line, &mut scratch);
-            debug_assert!(done.is_ok());
-            for (x, value) in line.iter().enumerate() {
-                spectrum[x * self.height + y] = *value;
-            }
+    pub(super) fn bench(&self) -> Bench {
+        let scratch = [
+            self.rows.get_scratch_len(),
+            self.rows_back.get_scratch_len(),
+            self.columns.get_inplace_scratch_len(),
+            self.columns_back.get_inplace_scratch_len(),
+        ];
+        Bench {
+            spectrum: vec![ZERO; self.bins() * self.height],
+            real: vec![0.0; self.width],
+            half: vec![ZERO; self.bins() * ROWS],
+            scratch: vec![ZERO; scratch.into_iter().max().unwrap_or(0)],
         }
-        self.columns.process(&mut spectrum);
-        spectrum
     }
 
-    /// `sum over p of template[p] * picture[p + d]` for every shift `d`, cyclic, row after row.
-    pub(super) fn correlate(&self, picture: &Spectrum, template: Spectrum) -> Vec<f32> {
-        let bins = self.width / 2 + 1;
-        let mut product = template;
-        for (t, p) in product.iter_mut().zip(picture) {
-            *t = p * t.conj();
-        }
-        self.columns_back.process(&mut product);
-        let mut out = vec![0f32; self.width * self.height];
-        let mut line = vec![Complex::new(0.0, 0.0); bins];
-        let mut scratch = self.rows_back.make_scratch_vec();
-        for (y, row) in out.chunks_exact_mut(self.width).enumerate() {
-            for (x, value) in line.iter_mut().enumerate() {
-                *value = product[x * self.height + y];
+    fn bins(&self) -> usize {
+        self.width / 2 + 1
+    }
+
+    /// The spectrum of a picture of `width` columns, zero beyond its edges.
+    pub(super) fn forward(&self, picture: &[f32], width: usize) -> Spectrum {
+        let mut bench = self.bench();
+        self.forward_rows(picture, width, &mut bench);
+        self.columns.process_with_scratch(&mut bench.spectrum, &mut bench.scratch);
+        bench.spectrum
+    }
+
+    /// Calls `row(y, values)` for the shifts' rows `0..rows`, with `values[x]` the sum over p of
+    /// `template[p] * picture[p + (x, y)]`, cyclic: shifts that keep the template inside the picture do
+    /// not wrap around.
+    pub(super) fn correlate(
+        &self,
+        picture: &Spectrum,
+        template: &[f32],
+        template_width: usize,
+        rows: usize,
+        bench: &mut Bench,
+        mut row: impl FnMut(usize, &[f32]),
+    ) {
+        self.forward_rows(template, template_width, bench);
+        let Bench { spectrum, real, half, scratch } = bench;
+        // Column by column, so that there and back again happen in the cache.
+        for (t, p) in spectrum.chunks_exact_mut(self.height).zip(picture.chunks_exact(self.height)) {
+            self.columns.process_with_scratch(t, scratch);
+            for (t, p) in t.iter_mut().zip(p) {
+                *t = p * t.conj();
             }
-            // The imaginary parts of the first and the last bin are rounding; the plan insists on zero.
-            line[0].im = 0.0;
-            line[bins - 1].im = 0.0;
-            let done = self.rows_back.process_with_scratch(&mut line, row, &mut scratch);
-            debug_assert!(done.is_ok());
+            self.columns_back.process_with_scratch(t, scratch);
         }
+        let bins = self.bins();
         let scale = 1.0 / (self.width * self.height) as f32;
-        out.iter_mut().for_each(|value| *value *= scale);
-        out
+        for first in (0..rows.min(self.height)).step_by(ROWS) {
+            let count = ROWS.min(rows - first).min(self.height - first);
+            for x in 0..bins {
+                let column = &spectrum[x * self.height + first..][..count];
+                for (r, value) in column.iter().enumerate() {
+                    half[r * bins + x] = value * scale;
+                }
+            }
+            for (r, line) in half.chunks_exact_mut(bins).take(count).enumerate() {
+                // The imaginary parts of the first and the last bin are rounding; the plan insists on zero.
+                line[0].im = 0.0;
+                line[bins - 1].im = 0.0;
+                // Lengths come from the plan itself, so this cannot fail.
+                let done = self.rows_back.process_with_scratch(line, real, scratch);
+                debug_assert!(done.is_ok());
+                row(first + r, real);
+            }
+        }
+    }
+
+    fn forward_rows(&self, picture: &[f32], width: usize, bench: &mut Bench) {
+        let Bench { spectrum, real, half, scratch } = bench;
+        let bins = self.bins();
+        let height = picture.len() / width;
+        for (block, lines) in picture.chunks(ROWS * width).enumerate() {
+            let count = lines.len() / width;
+            for (line, into) in lines.chunks_exact(width).zip(half.chunks_exact_mut(bins)) {
+                real[..width].copy_from_slice(line);
+                real[width..].fill(0.0);
+                let done = self.rows.process_with_scratch(real, into, scratch);
+                debug_assert!(done.is_ok());
+            }
+            for x in 0..bins {
+                let column = &mut spectrum[x * self.height + block * ROWS..][..count];
+                for (r, value) in column.iter_mut().enumerate() {
+                    *value = half[r * bins + x];
+                }
+            }
+        }
+        for column in spectrum.chunks_exact_mut(self.height) {
+            column[height..].fill(ZERO);
+        }
     }
 }
 
@@ -100,20 +165,26 @@ mod tests {
 
     #[test]
     fn equals_the_sum() {
-        let fft = Fft2::at_least(11, 7);
+        let fft = Fft2::at_least(37, 41);
         let (w, h) = (fft.width, fft.height);
         let value = |i: usize| ((i * 37 + 11) % 17) as f32 / 17.0;
-        let picture: Vec<f32> = (0..w * h).map(value).collect();
-        let template: Vec<f32> =
-            (0..w * h).map(|i| if i % w < 3 && i / w < 2 { value(i * 3) } else { 0.0 }).collect();
-        let spectrum = fft.forward(&mut picture.clone());
-        let got = fft.correlate(&spectrum, fft.forward(&mut template.clone()));
-        for dy in 0..h {
-            for dx in 0..w {
-                let want: f32 =
-                    (0..w * h).map(|i| template[i] * picture[(i / w + dy) % h * w + (i % w + dx) % w]).sum();
-                assert!((got[dy * w + dx] - want).abs() < 1e-4, "{dx} {dy}");
-            }
+        let picture: Vec<f32> = (0..37 * 41).map(value).collect();
+        let at = |x: usize, y: usize| if x < 37 && y < 41 { picture[y * 37 + x] } else { 0.0 };
+        let template: Vec<f32> = (0..5 * 19).map(|i| value(i * 3)).collect();
+        let spectrum = fft.forward(&picture, 37);
+        let mut bench = fft.bench();
+        // Twice in one place: what is left of the first must not show in the second.
+        for _ in 0..2 {
+            let mut rows = 0;
+            fft.correlate(&spectrum, &template, 5, h, &mut bench, |dy, got| {
+                rows += 1;
+                for (dx, got) in got.iter().enumerate() {
+                    let want: f32 =
+                        (0..5 * 19).map(|i| template[i] * at((i % 5 + dx) % w, (i / 5 + dy) % h)).sum();
+                    assert!((got - want).abs() < 1e-4, "{dx} {dy}: {got} {want}");
+                }
+            });
+            assert_eq!(rows, h);
         }
     }
 
