@@ -76,7 +76,8 @@ fn write(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     save(out, "plan.png", &plan_png(&home, &survey, &clips.iter().collect::<Vec<_>>()))?;
     for (index, clip) in clips.iter().enumerate() {
         let path = out.join(format!("clip_{index}.zip"));
-        let file = fs::File::create(&path).map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+        let file =
+            fs::File::create(&path).map_err(|error| format!("cannot write {}: {error}", path.display()))?;
         write_scannet_zip(clip, BufWriter::new(file))?;
         println!("{}", path.display());
     }

@@ -14,7 +14,8 @@ pub(super) fn another_day(plan: &Plan, pieces: &[Piece], share: f64, dice: &Dice
         let here: Vec<&Piece> = pieces.iter().filter(|piece| piece.room == room).collect();
         let (touched, kept): (Vec<&Piece>, Vec<&Piece>) =
             here.into_iter().partition(|piece| piece.movable && dice.chance(share));
-        let mut arranger = Arranger::new(plan, room, dice.fork("arrange", 0)).with_pieces(kept.into_iter().cloned());
+        let mut arranger =
+            Arranger::new(plan, room, dice.fork("arrange", 0)).with_pieces(kept.into_iter().cloned());
         for piece in touched {
             change(&mut arranger, piece, &mut dice);
         }
@@ -58,8 +59,7 @@ fn nudged(pose: &crate::geometry::Pose2, dice: &mut Dice) -> crate::geometry::Po
 /// The doors' leaves on another day; `leaves` are those of the plan's doors, in order.
 pub(super) fn turn_doors(plan: &Plan, leaves: &[Piece], share: f64, dice: &Dice) -> Vec<Piece> {
     let mut dice = dice.fork("doors", 0);
-    let doors =
-        plan.openings.iter().filter(|o| matches!(o.kind, OpeningKind::Door | OpeningKind::Entrance));
+    let doors = plan.openings.iter().filter(|o| matches!(o.kind, OpeningKind::Door | OpeningKind::Entrance));
     let turned = doors.zip(leaves).map(|(opening, leaf)| {
         if opening.kind == OpeningKind::Entrance || !dice.chance(share) {
             return leaf.clone();

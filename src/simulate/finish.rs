@@ -66,7 +66,8 @@ impl Finish {
                 shade(if joint { 0.6 } else { 0.84 + 0.22 * dice(row, board) + grain })
             }
             Pattern::Tiles => {
-                let joint = |v: f32| (v / self.scale_m).rem_euclid(1.0) < 0.004 / self.scale_m.max(0.02) + 0.012;
+                let joint =
+                    |v: f32| (v / self.scale_m).rem_euclid(1.0) < 0.004 / self.scale_m.max(0.02) + 0.012;
                 let tile = dice(cell(across_m, self.scale_m), cell(up_m, self.scale_m));
                 shade(if joint(across_m) || joint(up_m) { 0.68 } else { 0.94 + 0.08 * tile })
             }
@@ -82,7 +83,8 @@ impl Finish {
             Pattern::Picture => {
                 let (x, y) = (cell(across_m, self.scale_m), cell(up_m, self.scale_m));
                 let mix = dice(x / 2, y);
-                [0, 1, 2].map(|k| self.rgb[k as usize] * 0.5 + 0.5 * dice(x ^ k, y / 2 + k) * (0.6 + 0.4 * mix))
+                [0, 1, 2]
+                    .map(|k| self.rgb[k as usize] * 0.5 + 0.5 * dice(x ^ k, y / 2 + k) * (0.6 + 0.4 * mix))
             }
         }
     }
@@ -103,7 +105,8 @@ pub(super) fn front(dice: &mut Dice) -> Finish {
     if dice.chance(0.45) {
         return wood(dice);
     }
-    let tone = dice.pick([WHITE, [0.82, 0.80, 0.74], [0.55, 0.58, 0.60], [0.30, 0.36, 0.42], [0.62, 0.70, 0.62]]);
+    let tone =
+        dice.pick([WHITE, [0.82, 0.80, 0.74], [0.55, 0.58, 0.60], [0.30, 0.36, 0.42], [0.62, 0.70, 0.62]]);
     Finish::plain(tone).with(Pattern::Grain, 0.1).glossy(0.15)
 }
 

@@ -39,7 +39,8 @@ impl Survey {
 
     /// Whole centimetres, as Valetudo has them, y up.
     fn charger_cm(&self) -> ([i64; 2], i64) {
-        let charger = self.valetudo_from_home().compose(&self.robot_from_home.inverse()).compose(&self.charger);
+        let charger =
+            self.valetudo_from_home().compose(&self.robot_from_home.inverse()).compose(&self.charger);
         let cm = [charger.x_m, charger.y_m].map(|v| (v * 100.0).round() as i64);
         // Valetudo counts degrees clockwise from north.
         let north = (90.0 - charger.yaw_rad.to_degrees()).round() as i64;
@@ -67,11 +68,8 @@ impl Survey {
             })
             .collect();
         let ([x_cm, y_cm], north) = self.charger_cm();
-        let charger = Pose2::new(
-            x_cm as f64 / 100.0,
-            y_cm as f64 / 100.0,
-            (90.0 - north as f64).to_radians(),
-        );
+        let charger =
+            Pose2::new(x_cm as f64 / 100.0, y_cm as f64 / 100.0, (90.0 - north as f64).to_radians());
         let free_cells = known.len() - occupied_m.len();
         let half = CELL_M / 2.0;
         let edge = |axis: usize, start: f64, better: fn(f64, f64) -> f64| {
@@ -164,15 +162,14 @@ pub fn valetudo_json(survey: &Survey) -> Value {
     ];
     for (index, name) in survey.segment_names.iter().enumerate() {
         let meta = json!({"segmentId": (index + 1).to_string(), "active": false, "name": name});
-        layers.push(layer("segment", meta, &|x, y| free(x, y) && survey.segment_at(x, y) == index as u16 + 1));
+        layers
+            .push(layer("segment", meta, &|x, y| free(x, y) && survey.segment_at(x, y) == index as u16 + 1));
     }
     let layers: Vec<Value> = layers.into_iter().flatten().collect();
     let total: u64 = layers.iter().filter_map(|layer| layer["metaData"]["area"].as_u64()).sum();
     let ([x, y], north) = survey.charger_cm();
     let down = (height * cm) as i64 - y;
-    let point = |kind: &str| {
-        json!({"__class": "PointMapEntity", "type": kind, "points": [x, down], "metaData": {"angle": north}})
-    };
+    let point = |kind: &str| json!({"__class": "PointMapEntity", "type": kind, "points": [x, down], "metaData": {"angle": north}});
     json!({
         "__class": "ValetudoMap",
         "metaData": {"version": 2, "vendorMapId": 1, "totalLayerArea": total},

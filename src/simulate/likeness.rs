@@ -31,7 +31,8 @@ pub(super) fn look_alikes(
         for to in home.plan.units.iter().filter(|to| to.mirrored == from.mirrored) {
             let motion = to.home_from_unit.compose(&from.home_from_unit.inverse());
             let known = |m: &Pose2| {
-                m.distance_m(&motion) < 0.01 && crate::geometry::angle_between(m.yaw_rad, motion.yaw_rad) < 0.01
+                m.distance_m(&motion) < 0.01
+                    && crate::geometry::angle_between(m.yaw_rad, motion.yaw_rad) < 0.01
             };
             if !motions.iter().any(known) {
                 motions.push(motion);
@@ -39,11 +40,8 @@ pub(super) fn look_alikes(
         }
     }
     let step = home_from_camera.len().div_ceil(FRAMES).max(1);
-    let sights: Vec<Sight> = home_from_camera
-        .iter()
-        .step_by(step)
-        .flat_map(|pose| sights(pose, camera))
-        .collect();
+    let sights: Vec<Sight> =
+        home_from_camera.iter().step_by(step).flat_map(|pose| sights(pose, camera)).collect();
     let profile = |motion: &Pose2| -> Vec<f64> {
         let ranges = sights.iter().flat_map(|sight| {
             let moved = motion.compose(&sight.from);

@@ -1,5 +1,6 @@
 //! A drawing of the home from above, for people to judge it by.
 
+use super::Class;
 use super::clip::SimulatedClip;
 use super::home::Home;
 use super::piece::Footprint;
@@ -7,7 +8,6 @@ use super::plan::RoomKind;
 use super::scene::Primitive;
 use super::solid::Shape;
 use super::survey::Survey;
-use super::Class;
 use crate::geometry::{Point2, Point3, Vector3};
 use tiny_skia::{Color, FillRule, Paint, Path, PathBuilder, Pixmap, Stroke, Transform};
 
@@ -26,11 +26,8 @@ pub fn plan_png(home: &Home, survey: &Survey, clips: &[&SimulatedClip]) -> Vec<u
     let bounds = home.plan.bounds();
     let size = |axis: usize| ((bounds.size(axis) + 2.0 * MARGIN_M) * PIXELS_PER_M).ceil() as u32;
     let Some(pixmap) = Pixmap::new(size(0), size(1)) else { return vec![] };
-    let mut canvas = Canvas {
-        pixmap,
-        low: bounds.min.map(|v| v - MARGIN_M),
-        high: bounds.max.map(|v| v + MARGIN_M),
-    };
+    let mut canvas =
+        Canvas { pixmap, low: bounds.min.map(|v| v - MARGIN_M), high: bounds.max.map(|v| v + MARGIN_M) };
     canvas.pixmap.fill(Color::WHITE);
     for room in &home.plan.rooms {
         canvas.fill(&Footprint::of_rect(&room.outline).corners(), tint(room.kind), 255);
@@ -88,7 +85,9 @@ fn outline_of(primitive: &Primitive) -> Vec<Point2> {
         primitive.centre.xy() + offset.xy()
     };
     match primitive.shape {
-        Shape::Block => [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| corner(x, y)).into(),
+        Shape::Block => {
+            [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| corner(x, y)).into()
+        }
         Shape::Cylinder | Shape::Ball => (0..20)
             .map(|k| {
                 let (s, c) = (f64::from(k) / 20.0 * std::f64::consts::TAU).sin_cos();

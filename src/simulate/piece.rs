@@ -41,9 +41,10 @@ impl Footprint {
         axes.iter().flat_map(|yaw| [*yaw, yaw + std::f64::consts::FRAC_PI_2]).all(|yaw| {
             let (s, c) = yaw.sin_cos();
             let range = |corners: &[Point2; 4]| {
-                corners.iter().map(|p| c * p.x + s * p.y).fold((f64::MAX, f64::MIN), |(low, high), v| {
-                    (low.min(v), high.max(v))
-                })
+                corners
+                    .iter()
+                    .map(|p| c * p.x + s * p.y)
+                    .fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)))
             };
             let ((a_low, a_high), (b_low, b_high)) = (range(&a), range(&b));
             a_low < b_high - 1e-9 && b_low < a_high - 1e-9
@@ -177,7 +178,8 @@ mod tests {
 
     #[test]
     fn turned_rectangles_overlap_where_they_do() {
-        let square = |x: f64, y: f64, yaw_rad: f64| Footprint { centre: Point2::new(x, y), half: [0.5, 0.5], yaw_rad };
+        let square =
+            |x: f64, y: f64, yaw_rad: f64| Footprint { centre: Point2::new(x, y), half: [0.5, 0.5], yaw_rad };
         let cases = [
             (square(0.0, 0.0, 0.0), square(0.9, 0.0, 0.0), true),
             (square(0.0, 0.0, 0.0), square(1.1, 0.0, 0.0), false),

@@ -235,7 +235,10 @@ impl Plan {
             let each = |axis: usize| self.rooms.iter().map(|r| pick(&r.outline)[axis]).fold(start, better);
             [each(0), each(1)]
         };
-        Rect { min: fold(|r| r.min, f64::INFINITY, f64::min), max: fold(|r| r.max, f64::NEG_INFINITY, f64::max) }
+        Rect {
+            min: fold(|r| r.min, f64::INFINITY, f64::min),
+            max: fold(|r| r.max, f64::NEG_INFINITY, f64::max),
+        }
     }
 
     /// Sum of the rooms' inner areas.
@@ -245,7 +248,13 @@ impl Plan {
 }
 
 impl Feature {
-    fn wall_block(room: usize, footprint: Footprint, ceiling_m: f64, class: Class, finish: super::finish::Finish) -> Feature {
+    fn wall_block(
+        room: usize,
+        footprint: Footprint,
+        ceiling_m: f64,
+        class: Class,
+        finish: super::finish::Finish,
+    ) -> Feature {
         let size = [2.0 * footprint.half[0], 2.0 * footprint.half[1], ceiling_m];
         let bottom = [footprint.centre.x, footprint.centre.y, 0.0];
         let solid = Solid { yaw_rad: footprint.yaw_rad, ..Solid::block(class, bottom, size, finish) };

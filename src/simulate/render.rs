@@ -54,9 +54,14 @@ pub fn render(scene: &Scene, camera: &Pinhole, home_from_camera: &Pose3) -> View
         .filter_map(|(index, primitive)| candidate(index as u32, primitive, camera, home_from_camera))
         .collect();
     candidates.sort_by(|a, b| a.nearest_m.total_cmp(&b.nearest_m).then(a.index.cmp(&b.index)));
-    let mut view =
-        View { width, height, depth_m: vec![f32::INFINITY; width * height], solid: vec![NOTHING; width * height] };
-    let rows_of_tiles = view.depth_m.par_chunks_mut(TILE * width).zip(view.solid.par_chunks_mut(TILE * width));
+    let mut view = View {
+        width,
+        height,
+        depth_m: vec![f32::INFINITY; width * height],
+        solid: vec![NOTHING; width * height],
+    };
+    let rows_of_tiles =
+        view.depth_m.par_chunks_mut(TILE * width).zip(view.solid.par_chunks_mut(TILE * width));
     rows_of_tiles.enumerate().for_each(|(row, (depth, solid))| {
         let top = row * TILE;
         let bottom = (top + TILE).min(height);
@@ -94,7 +99,10 @@ fn candidate(
     let corner = unit_from_camera.column(2) - right * camera.cx - down * camera.cy;
     let narrow = |v: Vector3| [v.x as f32, v.y as f32, v.z as f32];
     let pixels = |low: f64, high: f64, count: u32| {
-        [low.floor().clamp(0.0, f64::from(count)) as usize, (high.ceil() + 1.0).clamp(0.0, f64::from(count)) as usize]
+        [
+            low.floor().clamp(0.0, f64::from(count)) as usize,
+            (high.ceil() + 1.0).clamp(0.0, f64::from(count)) as usize,
+        ]
     };
     let columns = pixels(bounds.left, bounds.right, camera.width);
     let rows = pixels(bounds.top, bounds.bottom, camera.height);
@@ -129,13 +137,8 @@ fn screen_bounds(camera_from_unit: &Matrix3<f64>, centre: &Vector3, camera: &Pin
         centre + camera_from_unit * Vector3::new(sign(0), sign(1), sign(2))
     };
     let corners: [Vector3; 8] = std::array::from_fn(corner);
-    let mut bounds = Bounds {
-        left: f64::MAX,
-        right: f64::MIN,
-        top: f64::MAX,
-        bottom: f64::MIN,
-        nearest_m: f64::MAX,
-    };
+    let mut bounds =
+        Bounds { left: f64::MAX, right: f64::MIN, top: f64::MAX, bottom: f64::MIN, nearest_m: f64::MAX };
     let mut include = |p: &Vector3| {
         let (u, v) = (camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy);
         bounds.left = bounds.left.min(u);
@@ -211,9 +214,8 @@ fn max(a: f32, b: f32) -> f32 {
 
 impl Candidate {
     fn trace_row(&self, left: usize, y: usize, depth: &mut Lanes, solid: &mut [u32; TILE]) {
-        let start: [f32; 3] = std::array::from_fn(|k| {
-            self.corner[k] + self.right[k] * left as f32 + self.down[k] * y as f32
-        });
+        let start: [f32; 3] =
+            std::array::from_fn(|k| self.corner[k] + self.right[k] * left as f32 + self.down[k] * y as f32);
         let mut dx = [0f32; TILE];
         let mut dy = [0f32; TILE];
         let mut dz = [0f32; TILE];

@@ -80,8 +80,7 @@ impl SlowNoise {
     fn at(&self, x: usize, y: usize) -> f32 {
         let corner = |x: usize, y: usize| bell(hash(self.salt ^ hash(((x as u64) << 32) | y as u64)));
         let (left, top) = (x / self.size, y / self.size);
-        let (fx, fy) =
-            ((x % self.size) as f32 / self.size as f32, (y % self.size) as f32 / self.size as f32);
+        let (fx, fy) = ((x % self.size) as f32 / self.size as f32, (y % self.size) as f32 / self.size as f32);
         let row = |y: usize| corner(left, y) * (1.0 - fx) + corner(left + 1, y) * fx;
         row(top) * (1.0 - fy) + row(top + 1) * fy
     }
@@ -171,8 +170,7 @@ fn structured_light(
             if facing < 0.12 || signal < 0.12 * (0.5 + unit(patch)) {
                 continue;
             }
-            let disparity =
-                scale / depth + 0.07 * slow.at(x, y) + 0.05 * bell(hash(salt ^ hash(at as u64)));
+            let disparity = scale / depth + 0.07 * slow.at(x, y) + 0.05 * bell(hash(salt ^ hash(at as u64)));
             // Steps of an eighth of a pixel.
             let steps = (disparity * 8.0).round();
             if steps >= 1.0 {

@@ -144,7 +144,11 @@ pub(super) fn leaves(plan: &Plan, dice: &mut Dice) -> Vec<Piece> {
         leaf.movable = opening.kind == OpeningKind::Door;
         leaf.block([0.0, 0.0, 0.008], [width, 0.04, height], finish);
         for side in [-1.0, 1.0] {
-            leaf.block([width / 2.0 - 0.09, side * 0.045, 1.03], [0.11, 0.02, 0.02], Finish::plain(METAL).glossy(0.8));
+            leaf.block(
+                [width / 2.0 - 0.09, side * 0.045, 1.03],
+                [0.11, 0.02, 0.02],
+                Finish::plain(METAL).glossy(0.8),
+            );
             leaf.block([width / 2.0 - 0.05, side * 0.025, 0.98], [0.03, 0.012, 0.14], Finish::plain(DARK));
         }
         leaf.room = opening.rooms.iter().flatten().copied().next().unwrap_or(0);

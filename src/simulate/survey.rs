@@ -148,7 +148,13 @@ impl Raster {
         let low = low.map(|v| (v / CELL_M).floor() * CELL_M);
         let frame = GridFrame::covering(low, high, 0.0, CELL_M);
         let n = frame.len();
-        Raster { frame, hits: vec![0; n], passes: vec![0; n], sums: vec![Vector2::zeros(); n], driven: vec![false; n] }
+        Raster {
+            frame,
+            hits: vec![0; n],
+            passes: vec![0; n],
+            sums: vec![Vector2::zeros(); n],
+            driven: vec![false; n],
+        }
     }
 
     fn index(&self, point: &Point2) -> Option<usize> {

@@ -41,7 +41,12 @@ pub fn ceiling_lamp(ceiling_m: f64, dice: &mut Dice) -> Piece {
 pub fn plant(dice: &mut Dice) -> Piece {
     let (pot, height) = (dice.between(0.12, 0.2), dice.between(0.6, 1.6));
     let mut piece = Piece::new(Class::Plant, [2.2 * pot, 2.2 * pot, height]).movable();
-    piece.post([0.0; 3], pot, dice.between(0.22, 0.38), Finish::plain(dice.pick([WHITE, [0.62, 0.36, 0.25], DARK])));
+    piece.post(
+        [0.0; 3],
+        pot,
+        dice.between(0.22, 0.38),
+        Finish::plain(dice.pick([WHITE, [0.62, 0.36, 0.25], DARK])),
+    );
     piece.post([0.0, 0.0, 0.2], 0.015, height - 0.3, Finish::plain([0.35, 0.28, 0.18]));
     let leaves = Finish::plain([0.20, 0.42, 0.20]).with(Pattern::Grain, 0.02);
     for _ in 0..dice.count(3, 7) {

@@ -141,7 +141,11 @@ pub fn table(width: f64, depth: f64, height: f64, finish: Finish, dice: &mut Dic
         if dice.chance(0.5) {
             let rail = height - thick - 0.08;
             for y in [-1.0, 1.0] {
-                table.block([0.0, y * (depth / 2.0 - inset - leg / 2.0), rail], [width - 0.1, 0.02, 0.08], finish);
+                table.block(
+                    [0.0, y * (depth / 2.0 - inset - leg / 2.0), rail],
+                    [width - 0.1, 0.02, 0.08],
+                    finish,
+                );
             }
         }
     }

@@ -95,8 +95,11 @@ pub fn shelf(width: f64, height: f64, dice: &mut Dice) -> Piece {
                 1 => {
                     let side = run.min(room) * dice.between(0.5, 0.9);
                     let finish = cloth(dice);
-                    let item =
-                        shelf.block([x + run / 2.0, 0.0, z + 0.02], [side, depth * 0.7, side.min(room)], finish);
+                    let item = shelf.block(
+                        [x + run / 2.0, 0.0, z + 0.02],
+                        [side, depth * 0.7, side.min(room)],
+                        finish,
+                    );
                     item.class = Class::Box;
                 }
                 _ => {

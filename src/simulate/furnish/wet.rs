@@ -16,7 +16,8 @@ pub fn kitchen_run(width: f64, tall_ok: bool, dice: &mut Dice) -> Piece {
     let mut run = Piece::new(Class::Counter, [width, depth, 0.9]);
     run.block([0.0, 0.03, 0.0], [width, depth - 0.07, 0.1], finish.darker(0.45));
     run.block([0.0, 0.01, 0.1], [width, depth - 0.03, 0.76], finish);
-    let top = Finish::plain(dice.pick([[0.35, 0.33, 0.32], [0.75, 0.72, 0.68], [0.55, 0.42, 0.30]])).glossy(0.3);
+    let top =
+        Finish::plain(dice.pick([[0.35, 0.33, 0.32], [0.75, 0.72, 0.68], [0.55, 0.42, 0.30]])).glossy(0.3);
     run.block([0.0, 0.0, 0.86], [width, depth, 0.04], top.with(Pattern::Grain, 0.02));
     for joint in 1..(width / 0.6) as usize {
         let x = joint as f64 * 0.6 - width / 2.0;
@@ -25,7 +26,8 @@ pub fn kitchen_run(width: f64, tall_ok: bool, dice: &mut Dice) -> Piece {
     let steel = Finish::plain(METAL).glossy(0.8);
     let side = dice.sign();
     let stove = side * (width / 4.0);
-    run.block([stove, 0.0, 0.9], [0.56, 0.5, 0.006], Finish::plain([0.05; 3]).glossy(0.8)).class = Class::Stove;
+    run.block([stove, 0.0, 0.9], [0.56, 0.5, 0.006], Finish::plain([0.05; 3]).glossy(0.8)).class =
+        Class::Stove;
     run.block([stove, 0.022 - depth / 2.0, 0.2], [0.56, 0.01, 0.55], Finish::plain(DARK).glossy(0.7)).class =
         Class::Stove;
     if width > 1.5 {
@@ -67,7 +69,11 @@ pub fn fridge(dice: &mut Dice) -> Piece {
     piece.block([0.0, 0.03, 0.0], [size[0] - 0.04, size[1] - 0.08, 0.05], Finish::plain(DARK));
     piece.block([0.0, 0.0, 0.05], [size[0], size[1], size[2] - 0.05], finish);
     piece.block([0.0, -size[1] / 2.0, size[2] * 0.62], [size[0], 0.008, 0.01], Finish::plain(DARK));
-    piece.block([size[0] * 0.38, -size[1] / 2.0 - 0.02, size[2] * 0.4], [0.025, 0.03, 0.3], finish.darker(0.6));
+    piece.block(
+        [size[0] * 0.38, -size[1] / 2.0 - 0.02, size[2] * 0.4],
+        [0.025, 0.03, 0.3],
+        finish.darker(0.6),
+    );
     piece
 }
 
@@ -76,7 +82,8 @@ pub fn washing_machine() -> Piece {
     piece.block([0.0, 0.02, 0.0], [0.58, 0.54, 0.03], Finish::plain(DARK));
     piece.block([0.0, 0.0, 0.03], [0.6, 0.6, 0.82], ceramic());
     // The round door, seen from the front.
-    let door = piece.ball([0.0, -0.3, 0.25], [0.36, 0.05, 0.36], Finish::plain([0.2, 0.22, 0.25]).glossy(0.7));
+    let door =
+        piece.ball([0.0, -0.3, 0.25], [0.36, 0.05, 0.36], Finish::plain([0.2, 0.22, 0.25]).glossy(0.7));
     door.class = Class::WashingMachine;
     piece
 }

@@ -53,11 +53,8 @@ fn cut_corner(plan: &Plan, room: usize, dice: &mut Dice) -> Feature {
     let thickness = 0.1;
     let outwards = nalgebra::Vector2::new(sx * dy, sy * dx).normalize();
     let middle = nalgebra::center(&a, &b) + outwards * (thickness / 2.0);
-    let wall = Footprint {
-        centre: middle,
-        half: [run.norm() / 2.0, thickness / 2.0],
-        yaw_rad: run.y.atan2(run.x),
-    };
+    let wall =
+        Footprint { centre: middle, half: [run.norm() / 2.0, thickness / 2.0], yaw_rad: run.y.atan2(run.x) };
     let mut feature = Feature::wall_block(room, wall, plan.ceiling_m, Class::Wall, plaster());
     feature.footprint = Footprint {
         centre: Point2::new(corner.x - sx * dx / 2.0, corner.y - sy * dy / 2.0),
@@ -92,7 +89,8 @@ fn breast(plan: &Plan, room: usize, dice: &mut Dice) -> Feature {
 fn pillar(plan: &Plan, room: usize, dice: &mut Dice) -> Feature {
     let space = plan.rooms[room].inner.shrunk(1.1);
     let side = dice.between(0.22, 0.4);
-    let centre = Point2::new(dice.between(space.min[0], space.max[0]), dice.between(space.min[1], space.max[1]));
+    let centre =
+        Point2::new(dice.between(space.min[0], space.max[0]), dice.between(space.min[1], space.max[1]));
     let footprint = Footprint { centre, half: [side / 2.0, side / 2.0], yaw_rad: 0.0 };
     let mut feature = Feature::wall_block(room, footprint, plan.ceiling_m, Class::Pillar, plaster());
     if dice.chance(0.4) {

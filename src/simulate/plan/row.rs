@@ -61,7 +61,8 @@ pub(super) fn layout(dice: &mut Dice) -> Plan {
         // A lounge across the corridor's end, where one knows where one is.
         let top = if both_sides { 2.0 * unit.depth + aisle } else { high };
         let reach = dice.between(3.5, 5.0);
-        let lounge = Rect { min: [length, if both_sides { 0.0 } else { low - 2.5 }], max: [length + reach, top] };
+        let lounge =
+            Rect { min: [length, if both_sides { 0.0 } else { low - 2.5 }], max: [length + reach, top] };
         cells.push(Cell { kind: RoomKind::Living, outline: snapped(&lounge), unit: None });
     }
     let mut plan = Plan::with_walls(cells, dice);
@@ -139,8 +140,7 @@ fn open_units(plan: &mut Plan, unit: &Unit, dice: &mut Dice) {
                 if base.along_x { Point2::new(p.x, snap(p.y)) } else { Point2::new(snap(p.x), p.y) }
             };
             let centre = snap_line(centre);
-            let mut copy =
-                Opening { centre, hinge: base.hinge * along, swing: base.swing * across, ..*base };
+            let mut copy = Opening { centre, hinge: base.hinge * along, swing: base.swing * across, ..*base };
             copy.rooms = rooms_beside(plan, &copy);
             plan.openings.push(copy);
         }

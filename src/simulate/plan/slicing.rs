@@ -63,7 +63,8 @@ fn corridor(list: &[Wish], dice: &mut Dice) -> Vec<(Wish, Rect)> {
     let (way, mut rest): (Vec<Wish>, Vec<Wish>) =
         list.iter().partition(|wish| wish.kind == Some(RoomKind::Corridor));
     dice.shuffle(&mut rest);
-    let end = dice.chance(0.6).then(|| rest.iter().position(|wish| wish.kind == Some(RoomKind::Living))).flatten();
+    let end =
+        dice.chance(0.6).then(|| rest.iter().position(|wish| wish.kind == Some(RoomKind::Living))).flatten();
     let end = end.map(|index| rest.remove(index));
     rest.sort_by_key(|wish| wish.kind.is_some());
     let area: f64 = rest.iter().map(|wish| wish.area_m2).sum();
@@ -73,8 +74,11 @@ fn corridor(list: &[Wish], dice: &mut Dice) -> Vec<(Wish, Rect)> {
     let mut second = vec![];
     let (mut sum_first, mut sum_second) = (0.0, 0.0);
     for wish in rest {
-        let (side, sum) =
-            if sum_first <= sum_second { (&mut first, &mut sum_first) } else { (&mut second, &mut sum_second) };
+        let (side, sum) = if sum_first <= sum_second {
+            (&mut first, &mut sum_first)
+        } else {
+            (&mut second, &mut sum_second)
+        };
         side.push(wish);
         *sum += wish.area_m2;
     }
