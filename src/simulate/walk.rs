@@ -5,6 +5,7 @@ mod route;
 use super::clearance::clearance;
 use super::dice::Dice;
 use super::home::{Home, Set};
+use super::survey::Survey;
 use crate::geometry::{Grid, Point2, Point3, Pose2, Pose3, Vector2, Vector3, wrap_angle};
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 use std::collections::VecDeque;
@@ -30,14 +31,14 @@ pub(super) struct Walk {
 
 /// Walks for `frames` frames at `rate_hz`. Of several tries the first without a bad frame is taken, else
 /// the one with the fewest.
-pub(super) fn walk(home: &Home, dice: &Dice, frames: usize, rate_hz: f64) -> Walk {
+pub(super) fn walk(home: &Home, survey: &Survey, dice: &Dice, frames: usize, rate_hz: f64) -> Walk {
     let clear = clearance(&home.clip_day.scene, &home.plan, CELL_M, BAND_M);
     let free = clear.grid().cells.iter().map(|&d| f64::from(d) > BODY_M).collect();
     let free = Grid { frame: *clear.frame(), cells: free };
     let mut best: Option<(usize, Walk)> = None;
     for attempt in 0..TRIES {
         let mut dice = dice.fork("attempt", attempt);
-        let (region, rooms) = route::region(home, &free, &mut dice);
+        let (region, rooms) = route::region(home, survey, &free, &mut dice);
         let Some(mut walker) = Walker::start(home, region, &rooms, &mut dice) else { continue };
         let poses = walker.record(frames, rate_hz);
         let faults = walker.faults(&poses);

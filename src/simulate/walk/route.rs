@@ -4,24 +4,27 @@ use crate::geometry::{Grid, Point2, Vector2};
 use crate::simulate::clearance::largest_region;
 use crate::simulate::dice::Dice;
 use crate::simulate::home::Home;
-use crate::simulate::plan::RoomKind;
+use crate::simulate::plan::{Room, RoomKind};
+use crate::simulate::survey::Survey;
 use std::collections::VecDeque;
 
 /// One room, sometimes with one next to it, and where one can stand in it.
-pub(super) fn region(home: &Home, free: &Grid<bool>, dice: &mut Dice) -> (Grid<bool>, Vec<usize>) {
+pub(super) fn region(
+    home: &Home,
+    survey: &Survey,
+    free: &Grid<bool>,
+    dice: &mut Dice,
+) -> (Grid<bool>, Vec<usize>) {
     let plan = &home.plan;
-    let weight = |kind: RoomKind, area: f64| match kind {
-        RoomKind::Corridor => 0.5,
-        RoomKind::Storage | RoomKind::Bathroom => 0.4 * area.sqrt(),
-        _ => area.sqrt(),
-    };
-    let total: f64 = plan.rooms.iter().map(|r| weight(r.kind, r.inner.area_m2())).sum();
-    let mut left = dice.between(0.0, total);
+    let weights: Vec<f64> = plan.rooms.iter().map(|room| weight(room, survey)).collect();
+    let mut left = dice.between(0.0, weights.iter().sum());
     let mut first = 0;
-    for (index, room) in plan.rooms.iter().enumerate() {
-        left -= weight(room.kind, room.inner.area_m2());
-        first = index;
-        if left <= 0.0 {
+    for (index, weight) in weights.iter().enumerate() {
+        if *weight > 0.0 {
+            first = index;
+            left -= weight;
+        }
+        if left <= 0.0 && *weight > 0.0 {
             break;
         }
     }
@@ -30,7 +33,7 @@ pub(super) fn region(home: &Home, free: &Grid<bool>, dice: &mut Dice) -> (Grid<b
         let ways = plan.openings.iter().filter(|o| o.is_way() && open == (o.width_m > 1.3));
         ways.filter(|o| o.rooms.contains(&Some(first)))
             .flat_map(|o| o.rooms.into_iter().flatten())
-            .filter(|room| *room != first)
+            .filter(|&room| room != first && weights[room] > 0.0)
             .collect()
     };
     rooms.extend(joined(true));
@@ -46,6 +49,19 @@ pub(super) fn region(home: &Home, free: &Grid<bool>, dice: &mut Dice) -> (Grid<b
         *cell &= rooms.iter().any(|&room| plan.rooms[room].outline.contains(&centre));
     }
     (largest_region(&cells), rooms)
+}
+
+/// How likely a clip is recorded in a room; never in one that the vacuum did not map.
+fn weight(room: &Room, survey: &Survey) -> f64 {
+    if survey.coverage(room) < 0.15 {
+        return 0.0;
+    }
+    let size = room.inner.area_m2().sqrt();
+    match room.kind {
+        RoomKind::Corridor => 0.5,
+        RoomKind::Storage | RoomKind::Bathroom => 0.4 * size,
+        _ => size,
+    }
 }
 
 /// The shortest way over the region's cells, rounded where that stays inside.
