@@ -78,7 +78,7 @@ pub struct SimulatedClip {
 impl SimulatedClip {
     pub(super) fn record(home: &Home, survey: &Survey, index: u64, params: &ClipParams) -> SimulatedClip {
         let mut dice = home.dice.fork("clip", index);
-        let walk = walk(home, &dice, params.frames, params.rate_hz);
+        let walk = walk(home, survey, &dice, params.frames, params.rate_hz);
         let map_from_home = survey.valetudo_from_home();
         let home_from_clip = walk.home_from_camera.first().map(home_from_clip).unwrap_or_default();
         let depth_camera = params.sensor.depth_camera();

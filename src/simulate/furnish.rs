@@ -2,6 +2,8 @@
 
 mod arrange;
 mod decor;
+mod dressing;
+mod passage;
 mod rooms;
 mod seating;
 mod storage;

@@ -267,3 +267,125 @@ impl Scene {
         self.primitives[solid].surface(point).1
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::finish::{Finish, WHITE};
+    use super::super::render::{NOTHING, render};
+    use super::*;
+    use crate::geometry::{Pinhole, Pose3};
+
+    fn solid(shape: Shape, centre: [f64; 3], half: [f64; 3], yaw_rad: f64, tilt_rad: f64) -> Solid {
+        let finish = Finish::plain(WHITE);
+        let (centre, half) = (Point3::from(centre), Vector3::from(half));
+        Solid { shape, centre, half, yaw_rad, tilt_rad, class: Class::Box, finish }
+    }
+
+    /// Distances worked out by hand.
+    #[test]
+    fn rays_end_where_geometry_says() {
+        let root = std::f64::consts::SQRT_2;
+        let eighth = std::f64::consts::FRAC_PI_4;
+        let unit = [1.0, 1.0, 1.0];
+        let ahead = [1.0, 0.0, 0.0];
+        let cases = [
+            (solid(Shape::Block, [5.0, 0.0, 0.0], unit, 0.0, 0.0), [0.0; 3], ahead, Some(4.0)),
+            // A block turned by 45 degrees shows its edge.
+            (solid(Shape::Block, [5.0, 0.0, 0.0], unit, eighth, 0.0), [0.0; 3], ahead, Some(5.0 - root)),
+            // Leant by 45 degrees about x, seen along y.
+            (
+                solid(Shape::Block, [0.0, 5.0, 0.0], unit, 0.0, eighth),
+                [0.0; 3],
+                [0.0, 1.0, 0.0],
+                Some(5.0 - root),
+            ),
+            (solid(Shape::Block, [5.0, 0.0, 0.0], [1.0, 0.1, 1.0], 0.0, 0.0), [0.0, 0.2, 0.0], ahead, None),
+            (solid(Shape::Cylinder, [5.0, 0.0, 0.0], [0.5, 0.5, 1.0], 0.0, 0.0), [0.0; 3], ahead, Some(4.5)),
+            // Off its axis by 0.3: the chord begins 0.4 before the middle.
+            (solid(Shape::Cylinder, [5.0, 0.3, 0.0], [0.5, 0.5, 1.0], 0.0, 0.0), [0.0; 3], ahead, Some(4.6)),
+            (solid(Shape::Cylinder, [5.0, 0.0, 3.0], [0.5, 0.5, 1.0], 0.0, 0.0), [0.0; 3], ahead, None),
+            // From above, along the axis.
+            (
+                solid(Shape::Cylinder, [0.0, 0.0, -3.0], [0.5, 0.5, 1.0], 0.0, 0.0),
+                [0.0; 3],
+                [0.0, 0.0, -1.0],
+                Some(2.0),
+            ),
+            (solid(Shape::Ball, [5.0, 0.0, 0.0], [2.0, 1.0, 1.0], 0.0, 0.0), [0.0; 3], ahead, Some(3.0)),
+            (
+                solid(Shape::Ball, [5.0, 0.0, 0.0], [2.0, 1.0, 1.0], 2.0 * eighth, 0.0),
+                [0.0; 3],
+                ahead,
+                Some(4.0),
+            ),
+            // Behind, and around the eye.
+            (solid(Shape::Block, [-5.0, 0.0, 0.0], unit, 0.0, 0.0), [0.0; 3], ahead, None),
+            (solid(Shape::Ball, [0.0, 0.0, 0.0], unit, 0.0, 0.0), [0.0; 3], ahead, None),
+        ];
+        for (index, (solid, origin, direction, expected)) in cases.into_iter().enumerate() {
+            let scene = Scene::new([(solid, 1)]);
+            let (origin, direction) = (Point3::from(origin), Vector3::from(direction));
+            let hit = scene.cast(&origin, &direction, 100.0).map(|hit| hit.distance);
+            let same = match (hit, expected) {
+                (Some(a), Some(b)) => f64::abs(a - b) < 1e-9,
+                (a, b) => a == b,
+            };
+            assert!(same, "case {index}: {hit:?}, not {expected:?}");
+            assert_eq!(scene.cast(&origin, &direction, 1.9), None, "case {index}: beyond reach");
+            // The renderer looks along z; its middle pixel is this very ray.
+            let turn =
+                nalgebra::UnitQuaternion::rotation_between(&Vector3::z(), &direction).unwrap_or_else(|| {
+                    nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI)
+                });
+            let camera = Pinhole { width: 33, height: 33, fx: 40.0, fy: 40.0, cx: 16.0, cy: 16.0 };
+            let view = render(&scene, &camera, &Pose3::from_parts(origin.coords.into(), turn));
+            let middle = 16 * 33 + 16;
+            match expected {
+                Some(distance) => {
+                    assert!((f64::from(view.depth_m[middle]) - distance).abs() < 1e-4, "case {index}")
+                }
+                None => assert_eq!(view.solid[middle], NOTHING, "case {index}"),
+            }
+        }
+    }
+
+    #[test]
+    fn normals_point_outwards() {
+        for shape in [Shape::Block, Shape::Cylinder, Shape::Ball] {
+            let scene = Scene::new([(solid(shape, [3.0, 0.2, 0.1], [0.7, 0.5, 0.9], 0.4, 0.3), 1)]);
+            let direction = Vector3::new(1.0, 0.02, 0.0);
+            let hit = scene.cast(&Point3::origin(), &direction, 10.0).unwrap();
+            let point = Point3::origin() + direction * hit.distance;
+            let normal = scene.normal(hit.solid, &point);
+            assert!((normal.norm() - 1.0).abs() < 1e-9 && normal.dot(&direction) < 0.0, "{shape:?}");
+            assert!(scene.is_inside(&(point - normal * 1e-6)) && !scene.is_inside(&(point + normal * 1e-6)));
+        }
+    }
+
+    #[test]
+    fn the_hierarchy_finds_what_a_list_finds() {
+        let mut dice = super::super::dice::Dice::new(5);
+        let mut around = |reach: f64| [0; 3].map(|_: i32| dice.between(-reach, reach));
+        let solids: Vec<(Solid, u16)> = (0..200)
+            .map(|k| {
+                let shape = [Shape::Block, Shape::Cylinder, Shape::Ball][k % 3];
+                let half = around(0.4).map(|v: f64| v.abs() + 0.02);
+                let [yaw, tilt, _] = around(3.0);
+                (solid(shape, around(4.0), half, yaw, tilt), k as u16)
+            })
+            .collect();
+        let scene = Scene::new(solids);
+        for _ in 0..500 {
+            let (origin, direction) = (Point3::from(around(5.0)), Vector3::from(around(1.0)));
+            let listed = scene
+                .primitives
+                .iter()
+                .filter_map(|primitive| primitive.intersect(&origin, &direction))
+                .fold(f64::INFINITY, f64::min);
+            let found = scene.cast(&origin, &direction, 1e9).map_or(f64::INFINITY, |hit| hit.distance);
+            assert_eq!(found, listed);
+            let inside = scene.primitives.iter().any(|primitive| primitive.contains(&origin));
+            assert_eq!(scene.is_inside(&origin), inside);
+        }
+    }
+}

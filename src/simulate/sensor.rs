@@ -73,21 +73,28 @@ impl Sensor {
 /// Noise that varies over `size` pixels: bilinear between normal values at the corners of squares.
 struct SlowNoise {
     size: usize,
-    salt: u64,
+    columns: usize,
+    corners: Vec<f32>,
 }
 
 impl SlowNoise {
+    fn over(view: &View, size: usize, salt: u64) -> SlowNoise {
+        let (columns, rows) = (view.width / size + 2, view.height / size + 2);
+        let corners = (0..columns * rows).map(|k| bell(hash(salt ^ hash(k as u64)))).collect();
+        SlowNoise { size, columns, corners }
+    }
+
     fn at(&self, x: usize, y: usize) -> f32 {
-        let corner = |x: usize, y: usize| bell(hash(self.salt ^ hash(((x as u64) << 32) | y as u64)));
-        let (left, top) = (x / self.size, y / self.size);
-        let (fx, fy) = ((x % self.size) as f32 / self.size as f32, (y % self.size) as f32 / self.size as f32);
-        let row = |y: usize| corner(left, y) * (1.0 - fx) + corner(left + 1, y) * fx;
-        row(top) * (1.0 - fy) + row(top + 1) * fy
+        let first = y / self.size * self.columns + x / self.size;
+        let part = |value: usize| (value % self.size) as f32 / self.size as f32;
+        let (fx, fy) = (part(x), part(y));
+        let row = |k: usize| self.corners[k] * (1.0 - fx) + self.corners[k + 1] * fx;
+        row(first) * (1.0 - fy) + row(first + self.columns) * fy
     }
 }
 
 fn phone_lidar(view: &View, salt: u64) -> Vec<f32> {
-    let slow = SlowNoise { size: 10, salt: hash(salt ^ 1) };
+    let slow = SlowNoise::over(view, 10, hash(salt ^ 1));
     let mut out = vec![0f32; view.depth_m.len()];
     for y in 0..view.height {
         for x in 0..view.width {
@@ -137,7 +144,7 @@ fn structured_light(
     salt: u64,
 ) -> Vec<f32> {
     let scale = (BASELINE_M * camera.fx) as f32;
-    let slow = SlowNoise { size: 6, salt: hash(salt ^ 1) };
+    let slow = SlowNoise::over(view, 6, hash(salt ^ 1));
     let eye = Point3::from(home_from_camera.translation.vector);
     let turn = home_from_camera.rotation.to_rotation_matrix();
     let mut out = vec![0f32; view.depth_m.len()];

@@ -4,7 +4,7 @@ use super::clearance::{clearance, largest_region};
 use super::dice::{Dice, bell, hash, unit};
 use super::home::Home;
 use super::piece::Footprint;
-use super::plan::OpeningKind;
+use super::plan::{OpeningKind, Room};
 use crate::geometry::{DistanceField, Grid, GridFrame, Point2, Point3, Pose2, Vector2, Vector3};
 use crate::lidar::Cell;
 use rayon::prelude::*;
@@ -47,6 +47,13 @@ pub struct Survey {
 }
 
 impl Survey {
+    /// Share of a room's floor that the robot scanned from within, about 0..1.
+    pub(super) fn coverage(&self, room: &Room) -> f64 {
+        let inside = |scan: &&Pose2| room.inner.contains(&Point2::new(scan.x_m, scan.y_m));
+        let scans = self.scans.iter().filter(inside).count();
+        scans as f64 * SCAN_STEP_M * SCAN_STEP_M / room.inner.area_m2()
+    }
+
     pub(super) fn drive(home: &Home) -> Survey {
         let mut dice = home.dice.fork("survey", 0);
         let vacuum_height_m = dice.between(0.07, 0.12);
@@ -164,22 +171,40 @@ impl Raster {
     fn add(&mut self, robot_from_home: &Pose2, beam: &Beam) {
         let from = robot_from_home.apply(&beam.from);
         let toward = robot_from_home.rotate(&beam.toward);
-        let end = self.index(&(from + toward * beam.range_m));
-        let mut last = None;
-        let step = CELL_M / 2.0;
-        for k in 0..(beam.range_m / step) as usize {
-            let here = self.index(&(from + toward * (k as f64 * step)));
-            if here == last || here == end {
-                continue;
-            }
-            if let Some(cell) = here {
-                self.passes[cell] += 1;
-            }
-            last = here;
-        }
-        if let (true, Some(cell)) = (beam.hit, end) {
+        self.pass(&from, &toward, beam.range_m);
+        let end = from + toward * beam.range_m;
+        if let (true, Some(cell)) = (beam.hit, self.index(&end)) {
+            // The walk below counted the last cell as passed.
+            self.passes[cell] = self.passes[cell].saturating_sub(1);
             self.hits[cell] += 1;
-            self.sums[cell] += (from + toward * beam.range_m).coords;
+            self.sums[cell] += end.coords;
+        }
+    }
+
+    /// Walks from cell to cell along a ray (Amanatides and Woo, 1987) until it ends or leaves the raster.
+    fn pass(&mut self, from: &Point2, toward: &Vector2, range_m: f64) {
+        let Some((x, y)) = self.frame.cell(from) else { return };
+        let mut cell = [x as i64, y as i64];
+        let count = [self.frame.width as i64, self.frame.height as i64];
+        let at = [0, 1].map(|axis| (from[axis] - self.frame.origin_m[axis]) / CELL_M);
+        let step = [0, 1].map(|axis| if toward[axis] > 0.0 { 1i64 } else { -1 });
+        // Metres along the ray from one border to the next, and to the first.
+        let stride = [0, 1].map(|axis| CELL_M / toward[axis].abs());
+        let mut next = [0, 1].map(|axis| {
+            let inside = at[axis] - cell[axis] as f64;
+            (if toward[axis] > 0.0 { 1.0 - inside } else { inside }) * stride[axis]
+        });
+        loop {
+            self.passes[(cell[1] * count[0] + cell[0]) as usize] += 1;
+            let axis = usize::from(next[1] < next[0]);
+            if next[axis] > range_m {
+                return;
+            }
+            cell[axis] += step[axis];
+            next[axis] += stride[axis];
+            if cell[axis] < 0 || cell[axis] >= count[axis] {
+                return;
+            }
         }
     }
 

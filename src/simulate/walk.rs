@@ -1,9 +1,11 @@
 //! How a person walks through a room with a phone in hand.
 
-use super::clearance::{clearance, largest_region};
+mod route;
+
+use super::clearance::clearance;
 use super::dice::Dice;
 use super::home::{Home, Set};
-use super::plan::RoomKind;
+use super::survey::Survey;
 use crate::geometry::{Grid, Point2, Point3, Pose2, Pose3, Vector2, Vector3, wrap_angle};
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 use std::collections::VecDeque;
@@ -29,14 +31,14 @@ pub(super) struct Walk {
 
 /// Walks for `frames` frames at `rate_hz`. Of several tries the first without a bad frame is taken, else
 /// the one with the fewest.
-pub(super) fn walk(home: &Home, dice: &Dice, frames: usize, rate_hz: f64) -> Walk {
+pub(super) fn walk(home: &Home, survey: &Survey, dice: &Dice, frames: usize, rate_hz: f64) -> Walk {
     let clear = clearance(&home.clip_day.scene, &home.plan, CELL_M, BAND_M);
     let free = clear.grid().cells.iter().map(|&d| f64::from(d) > BODY_M).collect();
     let free = Grid { frame: *clear.frame(), cells: free };
     let mut best: Option<(usize, Walk)> = None;
     for attempt in 0..TRIES {
         let mut dice = dice.fork("attempt", attempt);
-        let (region, rooms) = region(home, &free, &mut dice);
+        let (region, rooms) = route::region(home, survey, &free, &mut dice);
         let Some(mut walker) = Walker::start(home, region, &rooms, &mut dice) else { continue };
         let poses = walker.record(frames, rate_hz);
         let faults = walker.faults(&poses);
@@ -56,47 +58,6 @@ pub(super) fn walk(home: &Home, dice: &Dice, frames: usize, rate_hz: f64) -> Wal
             Walk { home_from_camera: vec![pose; frames], rooms: vec![0] }
         }
     }
-}
-
-/// One room, sometimes with one next to it, and where one can stand in it.
-fn region(home: &Home, free: &Grid<bool>, dice: &mut Dice) -> (Grid<bool>, Vec<usize>) {
-    let plan = &home.plan;
-    let weight = |kind: RoomKind, area: f64| match kind {
-        RoomKind::Corridor => 0.5,
-        RoomKind::Storage | RoomKind::Bathroom => 0.4 * area.sqrt(),
-        _ => area.sqrt(),
-    };
-    let total: f64 = plan.rooms.iter().map(|r| weight(r.kind, r.inner.area_m2())).sum();
-    let mut left = dice.between(0.0, total);
-    let mut first = 0;
-    for (index, room) in plan.rooms.iter().enumerate() {
-        left -= weight(room.kind, room.inner.area_m2());
-        first = index;
-        if left <= 0.0 {
-            break;
-        }
-    }
-    let mut rooms = vec![first];
-    let joined = |open: bool| -> Vec<usize> {
-        let ways = plan.openings.iter().filter(|o| o.is_way() && open == (o.width_m > 1.3));
-        ways.filter(|o| o.rooms.contains(&Some(first)))
-            .flat_map(|o| o.rooms.into_iter().flatten())
-            .filter(|room| *room != first)
-            .collect()
-    };
-    rooms.extend(joined(true));
-    let small = plan.rooms[first].inner.area_m2() < 7.0;
-    if dice.chance(if small { 0.6 } else { 0.3 }) {
-        rooms.extend(dice.any(&joined(false)).copied());
-    }
-    rooms.sort_unstable();
-    rooms.dedup();
-    let mut cells = free.clone();
-    for (index, cell) in cells.cells.iter_mut().enumerate() {
-        let centre = free.frame.centre(index % free.frame.width, index / free.frame.width);
-        *cell &= rooms.iter().any(|&room| plan.rooms[room].outline.contains(&centre));
-    }
-    (largest_region(&cells), rooms)
 }
 
 struct Walker<'a> {
@@ -214,7 +175,7 @@ impl<'a> Walker<'a> {
                 self.pause_s = if self.dice.chance(0.5) { self.dice.between(0.0, 1.5) } else { 0.0 };
                 self.speed = self.dice.between(0.2, 0.65);
                 if let Some(&goal) = self.dice.any(&self.places) {
-                    self.path = path(&self.region, &self.at, &goal);
+                    self.path = route::path(&self.region, &self.at, &goal);
                 }
                 return;
             };
@@ -337,54 +298,4 @@ pub(super) fn home_from_clip(home_from_camera: &Pose3) -> Pose2 {
     let heading = if forward.norm() > 0.17 { forward } else { axis(-Vector3::y()) };
     let at = home_from_camera.translation.vector;
     Pose2::new(at.x, at.y, heading.y.atan2(heading.x))
-}
-
-/// The shortest way over the region's cells, rounded where that stays inside.
-fn path(region: &Grid<bool>, from: &Point2, to: &Point2) -> VecDeque<Point2> {
-    let frame = region.frame;
-    let cell = |point: &Point2| frame.cell(point).map(|(x, y)| y * frame.width + x);
-    let (Some(start), Some(goal)) = (cell(from), cell(to)) else { return VecDeque::new() };
-    let mut previous = vec![usize::MAX; frame.len()];
-    let mut queue = VecDeque::from([start]);
-    previous[start] = start;
-    while let Some(index) = queue.pop_front() {
-        if index == goal {
-            break;
-        }
-        let (x, y) = ((index % frame.width) as i64, (index / frame.width) as i64);
-        for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)] {
-            let (nx, ny) = (x + dx, y + dy);
-            if nx < 0 || ny < 0 || nx >= frame.width as i64 || ny >= frame.height as i64 {
-                continue;
-            }
-            let next = ny as usize * frame.width + nx as usize;
-            if region.cells[next] && previous[next] == usize::MAX {
-                previous[next] = index;
-                queue.push_back(next);
-            }
-        }
-    }
-    if previous[goal] == usize::MAX {
-        return VecDeque::new();
-    }
-    let mut points = vec![];
-    let mut index = goal;
-    while index != start {
-        points.push(frame.centre(index % frame.width, index / frame.width));
-        index = previous[index];
-    }
-    points.push(*from);
-    points.reverse();
-    rounded(region, &points)
-}
-
-fn rounded(region: &Grid<bool>, points: &[Point2]) -> VecDeque<Point2> {
-    let reach = 3usize;
-    let smooth = |k: usize| {
-        let near = &points[k.saturating_sub(reach)..(k + reach + 1).min(points.len())];
-        let sum = near.iter().fold(Vector2::zeros(), |sum, p| sum + p.coords);
-        let mean = Point2::from(sum / near.len() as f64);
-        if region.at(&mean) == Some(true) { mean } else { points[k] }
-    };
-    (1..points.len()).map(smooth).collect()
 }

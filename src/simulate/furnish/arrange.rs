@@ -1,15 +1,12 @@
 //! Finding a place for a piece: against a wall, beside another, or free, without blocking the way.
 
+use super::passage::Passage;
 use crate::geometry::{Point2, Pose2, angle_between};
 use crate::simulate::dice::Dice;
 use crate::simulate::piece::{Footprint, Mount, Piece};
 use crate::simulate::plan::{Opening, OpeningKind, Plan, Rect, Room};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Cell of the raster on which it is checked that people still get through.
-const CELL_M: f64 = 0.1;
-/// Half of the narrowest gap that a person takes.
-const BODY_M: f64 = 0.24;
 const TRIES: usize = 30;
 
 /// The inside of one room while it is furnished.
@@ -24,17 +21,12 @@ pub(in crate::simulate) struct Arranger<'a> {
     doorways: Vec<Footprint>,
     /// Floor before cupboards and seats, that stays free but for what belongs to them.
     fronts: Vec<Footprint>,
-    ways: Vec<Point2>,
-    blocked: Vec<bool>,
-    columns: usize,
-    rows: usize,
+    passage: Passage,
 }
 
 impl<'a> Arranger<'a> {
     pub fn new(plan: &'a Plan, room: usize, dice: Dice) -> Arranger<'a> {
         let inner = plan.rooms[room].inner;
-        let columns = (inner.size(0) / CELL_M) as usize + 1;
-        let rows = (inner.size(1) / CELL_M) as usize + 1;
         let mut arranger = Arranger {
             plan,
             room,
@@ -43,23 +35,14 @@ impl<'a> Arranger<'a> {
             taken: vec![],
             doorways: vec![],
             fronts: vec![],
-            ways: vec![],
-            blocked: vec![false; columns * rows],
-            columns,
-            rows,
+            passage: Passage::new(inner),
         };
         for opening in arranger.openings().filter(|opening| opening.kind != OpeningKind::Window) {
             let reach =
                 if opening.kind == OpeningKind::Entrance { 1.0 } else { opening.width_m.min(0.95) + 0.05 };
             arranger.doorways.push(opening.zone(reach));
             if opening.is_way() {
-                let inside = inner.shrunk(0.3);
-                let middle = opening.centre;
-                let nearest = Point2::new(
-                    middle.x.clamp(inside.min[0].min(inside.max[0]), inside.max[0].max(inside.min[0])),
-                    middle.y.clamp(inside.min[1].min(inside.max[1]), inside.max[1].max(inside.min[1])),
-                );
-                arranger.ways.push(nearest);
+                arranger.passage.lead_to(&opening.centre);
             }
         }
         for feature in plan.features.iter().filter(|feature| feature.room == room) {
@@ -201,7 +184,7 @@ impl<'a> Arranger<'a> {
     pub fn at_in_front(&mut self, piece: Piece, pose: Pose2) -> Option<usize> {
         self.at_if(piece, pose, |this, piece, pose| {
             let spot = piece.footprint_at(pose);
-            this.stands_free(&spot, None) && this.passable_with(&spot)
+            this.stands_free(&spot, None) && this.passage.stays_open_with(&spot)
         })
     }
 
@@ -210,7 +193,7 @@ impl<'a> Arranger<'a> {
         let under = self.pieces[table].footprint();
         self.at_if(piece, pose, |this, piece, pose| {
             let spot = piece.footprint_at(pose);
-            this.stands_free(&spot, Some(&under)) && this.passable_with(&spot)
+            this.stands_free(&spot, Some(&under)) && this.passage.stays_open_with(&spot)
         })
     }
 
@@ -298,7 +281,7 @@ impl<'a> Arranger<'a> {
         let spot = piece.footprint_at(pose);
         self.stands_free(&spot, None)
             && self.fronts.iter().all(|front| !front.overlaps(&spot))
-            && self.passable_with(&spot)
+            && self.passage.stays_open_with(&spot)
     }
 
     /// Whether the floor is free of furniture and doorways; `but` may be shared.
@@ -324,70 +307,7 @@ impl<'a> Arranger<'a> {
     }
 
     fn block(&mut self, footprint: &Footprint) {
-        let wide = footprint.grown(BODY_M);
-        for index in 0..self.blocked.len() {
-            if !self.blocked[index] && wide.contains(&self.centre(index)) {
-                self.blocked[index] = true;
-            }
-        }
+        self.passage.block(footprint);
         self.taken.push(*footprint);
-    }
-
-    fn centre(&self, index: usize) -> Point2 {
-        let inner = &self.plan.rooms[self.room].inner;
-        let (x, y) = (index % self.columns, index / self.columns);
-        Point2::new(inner.min[0] + (x as f64 + 0.5) * CELL_M, inner.min[1] + (y as f64 + 0.5) * CELL_M)
-    }
-
-    /// Whether people still get from every door to every other, and have somewhere to stand.
-    fn passable_with(&self, spot: &Footprint) -> bool {
-        let wide = spot.grown(BODY_M);
-        let open: Vec<bool> = (0..self.blocked.len())
-            .map(|index| !self.blocked[index] && !wide.contains(&self.centre(index)))
-            .collect();
-        let inner = &self.room().inner;
-        let cell = |point: &Point2| {
-            let x = ((point.x - inner.min[0]) / CELL_M) as usize;
-            let y = ((point.y - inner.min[1]) / CELL_M) as usize;
-            y.min(self.rows - 1) * self.columns + x.min(self.columns - 1)
-        };
-        let start = match self.ways.first() {
-            Some(way) => cell(way),
-            None => match open.iter().position(|&o| o) {
-                Some(index) => index,
-                None => return false,
-            },
-        };
-        if !open[start] {
-            return false;
-        }
-        let mut seen = vec![false; open.len()];
-        let mut queue = vec![start];
-        seen[start] = true;
-        let mut reached = 0;
-        while let Some(index) = queue.pop() {
-            reached += 1;
-            let (x, y) = (index % self.columns, index / self.columns);
-            let mut visit = |next: usize| {
-                if open[next] && !seen[next] {
-                    seen[next] = true;
-                    queue.push(next);
-                }
-            };
-            if x > 0 {
-                visit(index - 1);
-            }
-            if x + 1 < self.columns {
-                visit(index + 1);
-            }
-            if y > 0 {
-                visit(index - self.columns);
-            }
-            if y + 1 < self.rows {
-                visit(index + self.columns);
-            }
-        }
-        let enough = (0.12 * inner.area_m2()).clamp(0.25, 4.0) / (CELL_M * CELL_M);
-        reached as f64 >= enough && self.ways.iter().all(|way| seen[cell(way)])
     }
 }

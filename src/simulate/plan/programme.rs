@@ -29,8 +29,8 @@ pub(super) fn wishes(rooms: usize, dice: &mut Dice) -> Vec<Wish> {
     use RoomKind::*;
     let base: &[(RoomKind, f64)] = match rooms {
         1 => &[(Studio, 28.0)],
-        2 => &[(Studio, 26.0), (Bathroom, 5.0)],
-        3 => &[(Studio, 24.0), (Bathroom, 5.0), (Bedroom, 12.0)],
+        2 => &[(Studio, 26.0), (Bathroom, 7.0)],
+        3 => &[(Studio, 24.0), (Bathroom, 5.0), (Corridor, 5.0)],
         _ => &[
             (Living, 23.0),
             (Kitchen, 10.0),

@@ -5,6 +5,10 @@ use crate::geometry::{Point2, Pose2};
 use crate::simulate::dice::Dice;
 use std::f64::consts::PI;
 
+/// Area of the largest building, and the widest lounge.
+const LARGEST_M2: f64 = 200.0;
+const LOUNGE_M: f64 = 4.8;
+
 /// Sizes of one unit. In the unit's frame x runs across, y from the window (0) to the corridor (`depth`);
 /// the bathroom is at the corridor, on the side of negative x.
 struct Unit {
@@ -34,8 +38,10 @@ pub(super) fn layout(dice: &mut Dice) -> Plan {
         bath_depth: snap(dice.between(1.8, 2.4)),
     };
     let aisle = snap(dice.between(1.3, 1.8));
-    let columns = dice.count(2, 4);
     let both_sides = dice.chance(0.6);
+    let across = unit.depth * if both_sides { 2.0 } else { 1.0 } + aisle;
+    let most = (LARGEST_M2 / across - LOUNGE_M) / unit.width;
+    let columns = dice.count(2, 4).min(most as usize).max(2);
     let mirror_pairs = dice.chance(0.45);
     let mut units = vec![];
     for column in 0..columns {
@@ -60,7 +66,7 @@ pub(super) fn layout(dice: &mut Dice) -> Plan {
     if dice.chance(0.7) {
         // A lounge across the corridor's end, where one knows where one is.
         let top = if both_sides { 2.0 * unit.depth + aisle } else { high };
-        let reach = dice.between(3.5, 5.0);
+        let reach = dice.between(3.5, LOUNGE_M);
         let lounge =
             Rect { min: [length, if both_sides { 0.0 } else { low - 2.5 }], max: [length + reach, top] };
         cells.push(Cell { kind: RoomKind::Living, outline: snapped(&lounge), unit: None });
@@ -106,7 +112,7 @@ fn open_units(plan: &mut Plan, unit: &Unit, dice: &mut Dice) {
     let entry_width = unit.width - unit.bath_width;
     let ceiling = plan.ceiling_m;
     let template = [
-        opening(OpeningKind::Door, entry, unit.depth, true, 0.85, 0.0, 2.05, dice.between(60.0, 95.0)),
+        opening(OpeningKind::Door, entry, unit.depth, true, 0.85, 0.0, 2.05, dice.between(72.0, 95.0)),
         opening(OpeningKind::Wide, entry, bath, true, entry_width - plan.wall_m, 0.0, ceiling, 0.0),
         opening(
             OpeningKind::Door,
@@ -116,7 +122,7 @@ fn open_units(plan: &mut Plan, unit: &Unit, dice: &mut Dice) {
             0.75,
             0.0,
             2.05,
-            dice.between(20.0, 90.0),
+            dice.between(70.0, 90.0),
         ),
         opening(
             OpeningKind::Window,

@@ -4,8 +4,8 @@ use super::programme::{Wish, wishes};
 use super::{Cell, Rect, RoomKind, snap};
 use crate::simulate::dice::Dice;
 
-/// How many layouts are drawn; the one whose rooms are shaped best is kept.
-const DRAWS: usize = 60;
+/// At most so many layouts are drawn; the one whose rooms are shaped best is kept.
+const DRAWS: usize = 400;
 
 pub(super) fn layout(dice: &mut Dice) -> Vec<Cell> {
     let rooms = dice.pick([1, 2, 3, 3, 4, 4, 5, 5, 5, 6, 6, 6, 7, 7, 8, 8, 9, 10, 11, 12]);
@@ -17,8 +17,13 @@ pub(super) fn layout(dice: &mut Dice) -> Vec<Cell> {
     let has_corridor = list.iter().any(|wish| wish.kind == Some(RoomKind::Corridor));
     let along_corridor = has_corridor && dice.chance(0.75);
     let mut best: Option<(f64, Vec<(Wish, Rect)>)> = None;
-    for _ in 0..DRAWS {
-        let draw = if along_corridor { corridor(&list, dice) } else { free(&list, dice) };
+    for attempt in 0..DRAWS {
+        if best.as_ref().is_some_and(|(least, _)| *least == 0.0) {
+            break;
+        }
+        // Some lists do not fit along a corridor.
+        let draw =
+            if along_corridor && attempt < DRAWS / 2 { corridor(&list, dice) } else { free(&list, dice) };
         let cost: f64 = draw.iter().map(|(wish, rect)| misfit(wish, rect)).sum();
         if best.as_ref().is_none_or(|(least, _)| cost < *least) {
             best = Some((cost, draw));
