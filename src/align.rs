@@ -240,14 +240,21 @@ pub struct Alternative {
     pub loss_m: f64,
     /// Share of the hits within 0.1 m of the map, 0..1.
     pub inliers: f64,
+    /// What free space says against the pose; null where the method does not look at it.
+    pub free_space: Option<FreeSpace>,
+    /// Posterior probability, null until it is calibrated.
+    pub probability: Option<f64>,
+}
+
+/// Contradictions between what one side saw free and the other side has standing there.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct FreeSpace {
     /// Share of the clip's rays that run through walls of the map, 0..1.
     pub blocked_rays: f64,
     /// Share of the hits that stand where the robot saw free floor, 0..1.
     pub hits_on_floor: f64,
     /// Share of the map's walls that stand where the clip saw free floor, among those it speaks about, 0..1.
     pub walls_on_floor: f64,
-    /// Posterior probability, null until it is calibrated.
-    pub probability: Option<f64>,
 }
 
 /// The answer for one clip: `result.json` of `viola align`, and `alignment` of a clip over HTTP.

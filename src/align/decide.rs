@@ -4,7 +4,7 @@ use super::evidence::{Evidence, EvidenceParams, Witness};
 use super::raycast::{Hit, VirtualScan};
 use super::refine::Refined;
 use super::target::Target;
-use super::{AlignmentState, Alternative, Reason};
+use super::{AlignmentState, Alternative, FreeSpace, Reason};
 use crate::geometry::{Point2, Pose2, angle_between};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -124,9 +124,11 @@ fn rank(pose: &Refined, witness: &Witness, target: &Target, params: &DecideParam
         map_from_clip: pose.map_from_clip,
         loss_m,
         inliers: evidence.inliers,
-        blocked_rays: evidence.blocked_rays,
-        hits_on_floor: evidence.hits_on_floor,
-        walls_on_floor: evidence.walls_on_floor,
+        free_space: Some(FreeSpace {
+            blocked_rays: evidence.blocked_rays,
+            hits_on_floor: evidence.hits_on_floor,
+            walls_on_floor: evidence.walls_on_floor,
+        }),
         probability: None,
     };
     Ranked { alternative, evidence, covariance: pose.covariance }
