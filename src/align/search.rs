@@ -16,7 +16,6 @@ use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-static mut HIST: [usize; 8] = [0; 8];
 /// A pose worth refining.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
@@ -108,25 +107,9 @@ pub fn search(
         progress::check(progress)?;
         let batch = pop_batch(&mut open, |node| space.is_taken(node, &modes));
         nodes += batch.len();
-        for b in &batch {
-            unsafe {
-                HIST[b.level as usize] += 1;
-            }
-        }
         let children: Vec<[Node; 4]> =
             batch.par_iter().with_min_len(32).map(|node| space.children(node)).collect();
         open.extend(children.into_iter().flatten().filter(|child| child.bound > 0));
-    }
-    unsafe {
-        eprintln!(
-            "DBG roots {} hist {:?} modes {} best {:.3} last {:.3}",
-            space.roots().len(),
-            &*std::ptr::addr_of!(HIST),
-            modes.len(),
-            modes.first().map_or(0.0, |m| m.score),
-            modes.last().map_or(0.0, |m| m.score)
-        );
-        HIST = [0; 8];
     }
     let open_bound = open.peek().map_or(0.0, |top| space.share(top.bound));
     Ok(Modes { modes, open_bound, nodes })
