@@ -3,7 +3,7 @@
 use super::App;
 use super::bodies::{FileBytes, send};
 use super::error::Error;
-use super::extract::{ClipPath, Path};
+use super::extract::ClipPath;
 use super::problems::CommonProblems;
 use crate::storage::HomeId;
 use axum::extract::State;
@@ -16,7 +16,7 @@ use uuid::Uuid;
     responses((status = 200, description = "The picture", body = FileBytes, content_type = "image/png"), CommonProblems))]
 pub(super) async fn get_clip_overlay(
     State(app): State<App>,
-    Path(ClipPath { home, clip }): Path<ClipPath>,
+    ClipPath { home, clip }: ClipPath,
 ) -> Result<Response, Error> {
     send_result(app, home, clip, "overlay.png", "image/png").await
 }
@@ -27,7 +27,7 @@ pub(super) async fn get_clip_overlay(
     responses((status = 200, description = "The points", body = FileBytes, content_type = "model/ply"), CommonProblems))]
 pub(super) async fn get_clip_cloud(
     State(app): State<App>,
-    Path(ClipPath { home, clip }): Path<ClipPath>,
+    ClipPath { home, clip }: ClipPath,
 ) -> Result<Response, Error> {
     send_result(app, home, clip, "cloud.ply", "model/ply").await
 }

@@ -3,7 +3,7 @@
 use super::App;
 use super::bodies::{FileBytes, blocking, receive, to_the_end};
 use super::error::{Error, Problem};
-use super::extract::{ClipPath, HomePath, IdempotencyKey, Path, Query};
+use super::extract::{ClipPath, HomePath, IdempotencyKey, Query};
 use super::list::{List, ListQuery};
 use super::problems::{CommonProblems, FileProblems};
 use crate::clip;
@@ -30,7 +30,7 @@ use jiff::Timestamp;
         CommonProblems, FileProblems))]
 pub(super) async fn add_clip(
     State(app): State<App>,
-    Path(HomePath { home }): Path<HomePath>,
+    HomePath { home }: HomePath,
     IdempotencyKey(idempotency_key): IdempotencyKey,
     request: Request,
 ) -> Result<(StatusCode, [(header::HeaderName, String); 1], Json<Clip>), Error> {
@@ -61,7 +61,7 @@ fn understand(file: Arrived) -> Result<(Arrived, clip::ClipInfo), Error> {
     responses((status = 200, description = "One page", body = List<Clip>), CommonProblems))]
 pub(super) async fn list_clips(
     State(app): State<App>,
-    Path(HomePath { home }): Path<HomePath>,
+    HomePath { home }: HomePath,
     Query(query): Query<ListQuery>,
 ) -> Result<Json<List<Clip>>, Error> {
     let clips = app.storage.clips(&home, &query.page()?).await?;
@@ -74,7 +74,7 @@ pub(super) async fn list_clips(
     responses((status = 200, description = "The clip", body = Clip), CommonProblems))]
 pub(super) async fn get_clip(
     State(app): State<App>,
-    Path(ClipPath { home, clip }): Path<ClipPath>,
+    ClipPath { home, clip }: ClipPath,
 ) -> Result<Json<Clip>, Error> {
     Ok(Json(app.storage.clip(&home, clip).await?))
 }
@@ -85,7 +85,7 @@ pub(super) async fn get_clip(
     responses((status = 204, description = "It is gone"), CommonProblems))]
 pub(super) async fn delete_clip(
     State(app): State<App>,
-    Path(ClipPath { home, clip }): Path<ClipPath>,
+    ClipPath { home, clip }: ClipPath,
 ) -> Result<StatusCode, Error> {
     to_the_end(async move {
         app.storage.delete_clip(&home, clip).await?;
@@ -108,7 +108,7 @@ pub(super) async fn delete_clip(
         CommonProblems))]
 pub(super) async fn align_clip(
     State(app): State<App>,
-    Path(ClipPath { home, clip }): Path<ClipPath>,
+    ClipPath { home, clip }: ClipPath,
 ) -> Result<(StatusCode, [(header::HeaderName, String); 1], Json<Clip>), Error> {
     let clip = app.storage.align_clip(&home, clip, Timestamp::now()).await.map_err(|error| match error {
         StorageError::NoLidarMap => Error::NothingToAlignTo,

@@ -34,9 +34,9 @@ pub(super) struct Problem {
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Error {
     #[error("{detail}")]
-    InvalidPath { field: Option<String>, detail: String },
+    InvalidPath { field: Option<&'static str>, detail: String },
     #[error("{detail}")]
-    InvalidQuery { field: Option<String>, detail: String },
+    InvalidQuery { field: Option<&'static str>, detail: String },
     #[error("{detail}")]
     InvalidHeader { field: &'static str, detail: String },
     #[error("{0}")]
@@ -134,11 +134,11 @@ impl Error {
         }
     }
 
-    fn field(&self) -> Option<String> {
+    fn field(&self) -> Option<&'static str> {
         match self {
-            Error::InvalidPath { field, .. } | Error::InvalidQuery { field, .. } => field.clone(),
-            Error::InvalidHeader { field, .. } => Some((*field).to_owned()),
-            Error::KeyReused => Some("Idempotency-Key".to_owned()),
+            Error::InvalidPath { field, .. } | Error::InvalidQuery { field, .. } => *field,
+            Error::InvalidHeader { field, .. } => Some(field),
+            Error::KeyReused => Some("Idempotency-Key"),
             _ => None,
         }
     }
@@ -168,7 +168,7 @@ impl IntoResponse for Error {
             title: title.to_owned(),
             status: status.as_u16(),
             detail,
-            field: self.field(),
+            field: self.field().map(str::to_owned),
         };
         let media_type = HeaderValue::from_static("application/problem+json");
         (status, [(header::CONTENT_TYPE, media_type)], Json(problem)).into_response()

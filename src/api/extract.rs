@@ -2,16 +2,16 @@
 
 use super::error::Error;
 use crate::storage::HomeId;
-use axum::extract::path::ErrorKind;
-use axum::extract::rejection::{JsonRejection, PathRejection};
-use axum::extract::{FromRequest, FromRequestParts, Request};
+use axum::extract::rejection::JsonRejection;
+use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};
 use axum::http::request::Parts;
-use serde::Deserialize;
 use serde::de::DeserializeOwned;
+use std::fmt::Display;
+use std::str::FromStr;
 use uuid::Uuid;
 
 /// A path to a home.
-#[derive(Deserialize, utoipa::IntoParams)]
+#[derive(utoipa::IntoParams)]
 #[into_params(parameter_in = Path)]
 pub(super) struct HomePath {
     /// Chosen by the client.
@@ -19,7 +19,7 @@ pub(super) struct HomePath {
 }
 
 /// A path to a clip.
-#[derive(Deserialize, utoipa::IntoParams)]
+#[derive(utoipa::IntoParams)]
 #[into_params(parameter_in = Path)]
 pub(super) struct ClipPath {
     pub home: HomeId,
@@ -27,38 +27,56 @@ pub(super) struct ClipPath {
 }
 
 /// A path to a job.
-#[derive(Deserialize, utoipa::IntoParams)]
+#[derive(utoipa::IntoParams)]
 #[into_params(parameter_in = Path)]
 pub(super) struct JobPath {
     pub job: Uuid,
 }
 
-/// The variable parts of the path.
-pub(super) struct Path<T>(pub T);
-
-impl<S: Send + Sync, T: DeserializeOwned + Send> FromRequestParts<S> for Path<T> {
+impl<S: Send + Sync> FromRequestParts<S> for HomePath {
     type Rejection = Error;
 
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Path<T>, Error> {
-        match axum::extract::Path::from_request_parts(parts, state).await {
-            Ok(axum::extract::Path(value)) => Ok(Path(value)),
-            Err(PathRejection::FailedToDeserializePathParams(error)) => {
-                let field = match error.kind() {
-                    ErrorKind::ParseErrorAtKey { key, .. }
-                    | ErrorKind::DeserializeError { key, .. }
-                    | ErrorKind::InvalidUtf8InPathParam { key } => Some(key.clone()),
-                    _ => None,
-                };
-                let detail = match error.kind() {
-                    ErrorKind::DeserializeError { message, .. } | ErrorKind::Message(message) => {
-                        message.clone()
-                    }
-                    other => other.to_string(),
-                };
-                Err(Error::InvalidPath { field, detail })
-            }
-            Err(other) => Err(Error::InvalidPath { field: None, detail: other.body_text() }),
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<HomePath, Error> {
+        let path = Path::of(parts, state).await?;
+        Ok(HomePath { home: path.part("home")? })
+    }
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for ClipPath {
+    type Rejection = Error;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<ClipPath, Error> {
+        let path = Path::of(parts, state).await?;
+        Ok(ClipPath { home: path.part("home")?, clip: path.part("clip")? })
+    }
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for JobPath {
+    type Rejection = Error;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<JobPath, Error> {
+        let path = Path::of(parts, state).await?;
+        Ok(JobPath { job: path.part("job")? })
+    }
+}
+
+/// The variable parts of a path, decoded.
+struct Path(RawPathParams);
+
+impl Path {
+    async fn of<S: Send + Sync>(parts: &mut Parts, state: &S) -> Result<Path, Error> {
+        match RawPathParams::from_request_parts(parts, state).await {
+            Ok(params) => Ok(Path(params)),
+            Err(rejection) => Err(Error::InvalidPath { field: None, detail: rejection.body_text() }),
         }
+    }
+
+    fn part<T: FromStr<Err: Display>>(&self, name: &'static str) -> Result<T, Error> {
+        let text = self.0.iter().find(|(other, _)| *other == name).map_or("", |(_, text)| text);
+        text.parse().map_err(|error: T::Err| Error::InvalidPath {
+            field: Some(name),
+            detail: format!("{name}: {error}"),
+        })
     }
 }
 
@@ -76,15 +94,20 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Query<T> {
     }
 }
 
-/// A JSON body. Without a body and its media type, the default.
+/// A JSON object as the body. Without a body and its media type, the default.
 pub(super) struct Json<T>(pub T);
 
 impl<S: Send + Sync, T: DeserializeOwned + Default> FromRequest<S> for Json<T> {
     type Rejection = Error;
 
     async fn from_request(request: Request, state: &S) -> Result<Json<T>, Error> {
-        match Option::<axum::Json<T>>::from_request(request, state).await {
-            Ok(body) => Ok(Json(body.map(|axum::Json(value)| value).unwrap_or_default())),
+        // By way of an object: serde would also take an array for a struct.
+        type Object = serde_json::Map<String, serde_json::Value>;
+        match Option::<axum::Json<Object>>::from_request(request, state).await {
+            Ok(None) => Ok(Json(T::default())),
+            Ok(Some(axum::Json(object))) => serde_json::from_value(object.into())
+                .map(Json)
+                .map_err(|error| Error::InvalidBody(error.to_string())),
             Err(rejection) => Err(refused_json(&rejection)),
         }
     }

@@ -3,7 +3,7 @@
 use super::App;
 use super::bodies::to_the_end;
 use super::error::Error;
-use super::extract::{HomePath, Json, Path, Query};
+use super::extract::{HomePath, Json, Query};
 use super::list::{List, ListQuery};
 use super::problems::{CommonProblems, JsonProblems};
 use crate::storage::Home;
@@ -35,7 +35,7 @@ pub(super) struct HomeBody {
         CommonProblems, JsonProblems))]
 pub(super) async fn put_home(
     State(app): State<App>,
-    Path(HomePath { home }): Path<HomePath>,
+    HomePath { home }: HomePath,
     Json(body): Json<HomeBody>,
 ) -> Result<(StatusCode, axum::Json<Home>), Error> {
     if body.name.as_ref().is_some_and(|name| name.chars().count() > MAX_NAME_CHARACTERS) {
@@ -51,7 +51,7 @@ pub(super) async fn put_home(
     responses((status = 200, description = "The home", body = Home), CommonProblems))]
 pub(super) async fn get_home(
     State(app): State<App>,
-    Path(HomePath { home }): Path<HomePath>,
+    HomePath { home }: HomePath,
 ) -> Result<axum::Json<Home>, Error> {
     Ok(axum::Json(app.storage.home(&home).await?))
 }
@@ -72,7 +72,7 @@ pub(super) async fn list_homes(
     responses((status = 204, description = "It is gone"), CommonProblems))]
 pub(super) async fn delete_home(
     State(app): State<App>,
-    Path(HomePath { home }): Path<HomePath>,
+    HomePath { home }: HomePath,
 ) -> Result<StatusCode, Error> {
     to_the_end(async move {
         app.storage.delete_home(&home).await?;

@@ -2,7 +2,7 @@
 
 use super::App;
 use super::error::{Error, Problem};
-use super::extract::{JobPath, Path};
+use super::extract::JobPath;
 use super::problems::CommonProblems;
 use crate::storage::{Job, JobState};
 use axum::Json;
@@ -18,7 +18,7 @@ use uuid::Uuid;
     responses((status = 200, description = "The job", body = Job), CommonProblems))]
 pub(super) async fn get_job(
     State(app): State<App>,
-    Path(JobPath { job: id }): Path<JobPath>,
+    JobPath { job: id }: JobPath,
 ) -> Result<Json<Job>, Error> {
     Ok(Json(app.storage.job(id).await?.ok_or(Error::NoSuchJob)?))
 }
@@ -37,7 +37,7 @@ pub(super) async fn get_job(
         CommonProblems))]
 pub(super) async fn watch_job(
     State(app): State<App>,
-    Path(JobPath { job: id }): Path<JobPath>,
+    JobPath { job: id }: JobPath,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
     let job = app.storage.job(id).await?.ok_or(Error::NoSuchJob)?;
@@ -74,7 +74,7 @@ fn events(app: App, id: Uuid, seen: i64) -> impl Stream<Item = Result<Event, axu
         CommonProblems))]
 pub(super) async fn cancel_job(
     State(app): State<App>,
-    Path(JobPath { job: id }): Path<JobPath>,
+    JobPath { job: id }: JobPath,
 ) -> Result<Json<Job>, Error> {
     let job = app.queue.cancel(id).await?.ok_or(Error::NoSuchJob)?;
     if job.state != JobState::Cancelled {

@@ -3,7 +3,7 @@
 use super::App;
 use super::bodies::{FileBytes, blocking, receive, send, to_the_end};
 use super::error::Error;
-use super::extract::{HomePath, Path, Query};
+use super::extract::{HomePath, Query};
 use super::list::{List, ListQuery};
 use super::problems::{CommonProblems, FileProblems};
 use crate::home;
@@ -28,7 +28,7 @@ use jiff::Timestamp;
         CommonProblems, FileProblems))]
 pub(super) async fn put_lidar_map(
     State(app): State<App>,
-    Path(HomePath { home }): Path<HomePath>,
+    HomePath { home }: HomePath,
     request: Request,
 ) -> Result<(StatusCode, Json<LidarMapRevision>), Error> {
     app.storage.home(&home).await?;
@@ -54,7 +54,7 @@ fn understand(file: Arrived) -> Result<NewLidarMap, Error> {
     responses((status = 200, description = "The current revision", body = LidarMapRevision), CommonProblems))]
 pub(super) async fn get_lidar_map(
     State(app): State<App>,
-    Path(HomePath { home }): Path<HomePath>,
+    HomePath { home }: HomePath,
 ) -> Result<Json<LidarMapRevision>, Error> {
     Ok(Json(app.storage.lidar_map(&home).await?))
 }
@@ -64,7 +64,7 @@ pub(super) async fn get_lidar_map(
     responses((status = 200, description = "The picture", body = FileBytes, content_type = "image/png"), CommonProblems))]
 pub(super) async fn get_lidar_map_image(
     State(app): State<App>,
-    Path(HomePath { home }): Path<HomePath>,
+    HomePath { home }: HomePath,
 ) -> Result<Response, Error> {
     Ok(send(app.storage.lidar_map_image(&home).await?, "image/png"))
 }
@@ -75,7 +75,7 @@ pub(super) async fn get_lidar_map_image(
     responses((status = 200, description = "One page", body = List<LidarMapRevision>), CommonProblems))]
 pub(super) async fn list_lidar_map_revisions(
     State(app): State<App>,
-    Path(HomePath { home }): Path<HomePath>,
+    HomePath { home }: HomePath,
     Query(query): Query<ListQuery>,
 ) -> Result<Json<List<LidarMapRevision>>, Error> {
     let revisions = app.storage.lidar_map_revisions(&home, &query.page()?).await?;

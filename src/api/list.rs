@@ -46,7 +46,7 @@ impl ListQuery {
     fn limit(&self) -> Result<u32, Error> {
         let Some(text) = &self.limit else { return Ok(DEFAULT_LIMIT) };
         text.parse().ok().filter(|limit| (1..=MAX_LIMIT).contains(limit)).ok_or_else(|| Error::InvalidQuery {
-            field: Some("limit".to_owned()),
+            field: Some("limit"),
             detail: format!("limit is a number from 1 to {MAX_LIMIT}"),
         })
     }
@@ -60,7 +60,7 @@ fn decode<Id: FromStr>(cursor: &str) -> Result<Id, Error> {
     let bytes = BASE64_URL_SAFE_NO_PAD.decode(cursor).ok();
     let text = bytes.and_then(|bytes| String::from_utf8(bytes).ok());
     text.and_then(|text| text.parse().ok()).ok_or_else(|| Error::InvalidQuery {
-        field: Some("after".to_owned()),
+        field: Some("after"),
         detail: "after is not a cursor that this list gave as next".to_owned(),
     })
 }

@@ -6,7 +6,7 @@ use axum::response::{IntoResponse, Response};
 use axum::{Router, routing};
 
 /// Nothing is loaded from elsewhere, and nothing in a name or reason can run.
-const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 pub(super) fn routes() -> Router<App> {
     Router::new()
