@@ -72,7 +72,7 @@ pub(super) fn turn_doors(plan: &Plan, leaves: &[Piece], share: f64, dice: &Dice)
 
 /// Changes the furniture of some copies of the repeated unit, so that a few of them can be told apart.
 pub(super) fn break_likeness(plan: &Plan, pieces: Vec<Piece>, dice: &mut Dice) -> Vec<Piece> {
-    let share = dice.pick([0.15, 0.4, 0.7]);
+    let share = dice.pick([0.0, 0.25, 0.5]);
     let odd: Vec<bool> = plan.units.iter().map(|_| dice.chance(share)).collect();
     let is_odd = |piece: &Piece| plan.rooms[piece.room].unit.is_some_and(|(copy, _)| odd[copy]);
     let (changing, mut out): (Vec<Piece>, Vec<Piece>) = pieces.into_iter().partition(is_odd);

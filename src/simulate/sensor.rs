@@ -180,8 +180,9 @@ fn structured_light(
             let disparity = scale / depth + 0.07 * slow.at(x, y) + 0.05 * bell(hash(salt ^ hash(at as u64)));
             // Steps of an eighth of a pixel.
             let steps = (disparity * 8.0).round();
-            if steps >= 1.0 {
-                out[at] = scale * 8.0 / steps;
+            let measured = scale * 8.0 / steps;
+            if measured > 0.0 && measured < Sensor::StructuredLight.range_m() as f32 {
+                out[at] = measured;
             }
         }
     }
