@@ -88,14 +88,25 @@ impl DepthImage {
 
 /// An opened clip. Frames are loaded one by one, from several threads at once where that helps.
 pub struct Clip {
-    container: Box<dyn Container>,
     info: ClipInfo,
     frames: Vec<FrameHeader>,
+    up_in_world: Option<Vector3>,
+    origin: Origin,
+}
+
+/// Where frames come from.
+enum Origin {
+    Files(Files),
+    Memory(Box<dyn Fn(usize) -> Frame + Send + Sync>),
+}
+
+/// Pictures in a container, and what is the same for all of them.
+struct Files {
+    container: Box<dyn Container>,
     pictures: Vec<Pictures>,
     color_camera: Pinhole,
     depth_camera: Pinhole,
     depth_units_per_m: f32,
-    up_in_world: Option<Vector3>,
 }
 
 /// Where a frame's pictures are in the container.
@@ -110,6 +121,16 @@ impl Clip {
     /// Reads poses, intrinsics and indices, and the headers of the first pictures.
     pub fn open(path: &Path) -> Result<Clip, ClipError> {
         assemble::assemble(container::open(path)?)
+    }
+
+    /// A clip without files: `load(index)` makes the frame of `frames[index]`.
+    pub fn from_frames(
+        info: ClipInfo,
+        frames: Vec<FrameHeader>,
+        up_in_world: Option<Vector3>,
+        load: impl Fn(usize) -> Frame + Send + Sync + 'static,
+    ) -> Clip {
+        Clip { info, frames, up_in_world, origin: Origin::Memory(Box::new(load)) }
     }
 
     pub fn info(&self) -> &ClipInfo {
@@ -131,6 +152,15 @@ impl Clip {
     /// # Panics
     /// When there is no such frame.
     pub fn load(&self, index: usize) -> Result<Frame, ClipError> {
+        match &self.origin {
+            Origin::Memory(load) => Ok(load(index)),
+            Origin::Files(files) => files.load(index, &self.frames[index]),
+        }
+    }
+}
+
+impl Files {
+    fn load(&self, index: usize, header: &FrameHeader) -> Result<Frame, ClipError> {
         let Pictures { color, depth } = &self.pictures[index];
         let color = picture::decode_color(self.container.as_ref(), color, &self.color_camera)?;
         let depth = picture::decode_depth(
@@ -140,7 +170,7 @@ impl Clip {
             self.depth_units_per_m,
         )?;
         Ok(Frame {
-            header: self.frames[index].clone(),
+            header: header.clone(),
             color_camera: self.color_camera,
             color,
             depth_camera: self.depth_camera,

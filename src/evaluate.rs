@@ -1,9 +1,34 @@
-//! The paper's protocol: excerpts of a scene with known poses, aligned to its LiDAR map, in one table.
+//! The paper's protocol on any data with a known truth: clips, methods, one table.
+//!
+//! A [`Suite`] gives clips with their truth: excerpts of a recorded scene ([`SceneClips`]). [`run`] has
+//! every [`Method`] align the same clips, [`tabulate`] sums up, and [`plot`] draws.
 
+mod calibration;
 mod draw;
+mod failure;
+mod journal;
+mod memory;
+mod mesh;
+mod method;
+pub mod plot;
+mod record;
+mod run;
 mod scene;
+mod section;
+mod suite;
+mod survey;
 mod table;
 
-pub use draw::excerpts;
-pub use scene::{ClipResult, Method, Scene, SceneError, evaluate_clips};
+pub use calibration::{Bin, Calibration};
+pub use draw::{excerpts, random_excerpts};
+pub use journal::{Journal, JournalError};
+pub use memory::peak_memory_bytes;
+pub use mesh::{Mesh, MeshError};
+pub use method::{Method, MethodKind};
+pub use record::ClipResult;
+pub use run::{Run, RunError};
+pub use scene::{Scene, SceneClips, SceneError};
+pub use section::Section;
+pub use suite::{Case, Sample, Suite};
+pub use survey::{Survey, SurveyError, SurveyParams};
 pub use table::{TableRow, clips_csv, markdown, tabulate};

@@ -5,7 +5,7 @@ mod real;
 use std::path::{Path, PathBuf};
 use viola::align::{self, AlignParams, Alignment, AlignmentState};
 use viola::clip::Clip;
-use viola::evaluate::{self, Method, Scene};
+use viola::evaluate::{self, ClipResult, Method, Run, Scene, SceneClips};
 use viola::lidar::LidarMap;
 use viola::progress::{Progress, Silent, Stage};
 
@@ -13,8 +13,19 @@ fn apartment() -> Option<PathBuf> {
     real::data("scannet/scene0000_00")
 }
 
-fn viola() -> Vec<Method> {
-    vec![Method { name: "viola".into(), params: AlignParams::default() }]
+/// `viola` on clips of a scene, given as places in its frames.
+fn evaluate(scene: Scene, clips: Vec<std::ops::Range<usize>>) -> Vec<ClipResult> {
+    let observe = AlignParams::default();
+    let run = Run {
+        suite: &SceneClips::new(scene, clips),
+        methods: &[Method::viola(AlignParams::default())],
+        observe: &observe,
+        workers: 1,
+        journal: None,
+        program: "",
+        pictures: None,
+    };
+    run.results(&Silent, &|_| {}).unwrap()
 }
 
 /// Three of the nine 60-frame excerpts against one form of the map: success in each, medians under half a
@@ -24,7 +35,7 @@ fn check(scene: &Path, lidar: &str, truth: &str) {
     let scene = Scene::open(scene, &lidar_folder.join(lidar), &lidar_folder.join(truth)).unwrap();
     let all = evaluate::excerpts(scene.clip.frames().len(), 60);
     let three = [all[0].clone(), all[4].clone(), all[8].clone()];
-    let results = evaluate::evaluate_clips(&scene, &three, &viola(), &Silent, |_, _, _| {}).unwrap();
+    let results = evaluate(scene, three.to_vec());
     assert_eq!(results.len(), 3);
     for result in &results {
         assert!(result.is_success(), "{lidar}: {result:?}");

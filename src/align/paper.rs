@@ -18,7 +18,7 @@ use super::search::Candidate;
 use super::{AlignError, Alignment, AlignmentState, Alternative, Observation, RaycastParams, Reason, Target};
 use crate::geometry::{Point2, Pose2, angle_between};
 use crate::progress::{self, Progress, Stage};
-use nearest::Nearest;
+pub use nearest::Nearest;
 use rayon::prelude::*;
 
 /// How the starts are refined.

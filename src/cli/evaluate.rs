@@ -1,82 +1,202 @@
-//! `viola evaluate`: the paper's protocol on a scene with known poses.
+//! `viola evaluate`: the paper's protocol on data with a known truth.
 
 use crate::align::AlignParams;
-use crate::evaluate::{self, Method, Scene};
+use crate::evaluate::{self, ClipResult, Journal, Method, Run, Scene, SceneClips, Suite, SurveyParams, plot};
 use crate::progress::Silent;
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use indicatif::ProgressBar;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
+use sha2::{Digest, Sha256};
+use std::fs;
 use std::io::IsTerminal;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 #[derive(Args)]
 pub struct EvaluateArguments {
     /// A recording with true poses, in a layout that the clip readers know.
     #[arg(long)]
     scene: PathBuf,
-    /// Lengths of the clips in frames; each cuts the scene into half-overlapping excerpts.
+    /// The scene's LiDAR map. Without one, it is simulated from the mesh in SCENE/mesh.
+    #[arg(long, requires = "truth")]
+    lidar: Option<PathBuf>,
+    /// JSON with map_from_world {x_m, y_m, yaw_rad}.
+    #[arg(long, requires = "lidar")]
+    truth: Option<PathBuf>,
+    /// Lengths of the clips in frames. Each cuts the scene into half-overlapping excerpts.
     #[arg(long, default_value = "60", value_delimiter = ',')]
     frames: Vec<usize>,
-    /// The scene's LiDAR map.
+    /// Draw this many excerpts of each length at random instead.
     #[arg(long)]
-    lidar: PathBuf,
-    /// JSON with map_from_world {x_m, y_m, yaw_rad}.
-    #[arg(long)]
-    truth: PathBuf,
+    clips: Option<usize>,
     /// Methods to compare, by name.
     #[arg(long, default_value = "viola", value_delimiter = ',')]
     methods: Vec<String>,
-    /// Where table.json, table.md and clips.csv go.
+    /// Where the tables, plots and pictures go. Results found there are not computed again.
     #[arg(long)]
     out: PathBuf,
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// Clips worked on at a time, each on one thread; all cores by default.
+    #[arg(long)]
+    threads: Option<usize>,
 }
 
 pub fn run(arguments: &EvaluateArguments) -> Result<()> {
-    let methods =
-        arguments.methods.iter().map(|name| method(name, arguments.seed)).collect::<Result<Vec<_>>>()?;
-    let scene = Scene::open(&arguments.scene, &arguments.lidar, &arguments.truth)?;
-    let mut results = Vec::new();
-    for &length in &arguments.frames {
-        let bar = std::io::stderr().is_terminal().then(|| ProgressBar::new(0));
-        let report = |result: &evaluate::ClipResult, done: usize, total: usize| match &bar {
-            Some(bar) => {
-                bar.set_length(total as u64);
-                bar.set_position(done as u64);
-            }
-            None => eprintln!(
-                "{done}/{total} {} frames {}..={}: {:.2} deg, {:.3} m",
-                result.method,
-                result.first_frame,
-                result.last_frame,
-                result.rotation_error_deg,
-                result.translation_error_m
-            ),
-        };
-        let clips = evaluate::excerpts(scene.clip.frames().len(), length);
-        results.extend(evaluate::evaluate_clips(&scene, &clips, &methods, &Silent, report)?);
+    let out = &arguments.out;
+    let methods = methods(arguments)?;
+    let pictures = out.join("failed");
+    fs::create_dir_all(&pictures)
+        .with_context(|| format!("cannot make the folder {}", pictures.display()))?;
+    let suite = scene(arguments)?;
+    if suite.cases().is_empty() {
+        bail!("there are no clips: the recording is shorter than the lengths asked for");
     }
-    let rows = evaluate::tabulate(&results);
-    let table = evaluate::markdown(&rows);
-    std::fs::create_dir_all(&arguments.out)
-        .with_context(|| format!("cannot make the folder {}", arguments.out.display()))?;
-    for (name, text) in [
-        ("table.json", serde_json::to_string_pretty(&rows)?),
-        ("table.md", table.clone()),
-        ("clips.csv", evaluate::clips_csv(&results)),
-    ] {
-        let path = arguments.out.join(name);
-        std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+    let observe = AlignParams { seed: arguments.seed, ..AlignParams::default() };
+    let workers = match arguments.threads {
+        Some(threads) => threads,
+        None => std::thread::available_parallelism()?.get(),
+    };
+    let journal = Journal::open(&out.join("results.jsonl"))?;
+    let run = Run {
+        suite: suite.as_ref(),
+        methods: &methods,
+        observe: &observe,
+        workers,
+        journal: Some(&journal),
+        program: &program()?,
+        pictures: Some(&pictures),
+    };
+    let report = Report::new(run.total());
+    let results = run.results(&Silent, &|result| report.hear(result))?;
+    report.finish();
+    write_all(out, arguments, workers, &results)
+}
+
+fn methods(arguments: &EvaluateArguments) -> Result<Vec<Method>> {
+    let method = |name: &String| {
+        Method::named(name, arguments.seed)
+            .with_context(|| format!("there is no method '{name}'; there are {}", Method::names().join(", ")))
+    };
+    arguments.methods.iter().map(method).collect()
+}
+
+fn scene(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
+    let scene = match (&arguments.lidar, &arguments.truth) {
+        (Some(lidar), Some(truth)) => Scene::open(&arguments.scene, lidar, truth)?,
+        _ => {
+            let params = SurveyParams { seed: arguments.seed, ..SurveyParams::default() };
+            let (scene, survey) = Scene::open_with_mesh(&arguments.scene, &params)?;
+            // The map that was cut can be looked at, and given again.
+            save(&arguments.out, "lidar.csv", &survey.points_csv())?;
+            let truth = json!({
+                "map_from_world": survey.map_from_world,
+                "vacuum_height_m": params.height_m,
+                "floor_in_world_m": survey.floor_m,
+                "sensors_in_map": survey.sensors_m.iter().map(|s| [s.x, s.y]).collect::<Vec<_>>(),
+            });
+            save(&arguments.out, "lidar_truth.json", &serde_json::to_string_pretty(&truth)?)?;
+            scene
+        }
+    };
+    let total = scene.clip.frames().len();
+    let cut = |length: &usize| match arguments.clips {
+        Some(count) => evaluate::random_excerpts(total, *length, count, arguments.seed),
+        None => evaluate::excerpts(total, *length),
+    };
+    let ranges = arguments.frames.iter().flat_map(cut).collect();
+    Ok(Box::new(SceneClips::new(scene, ranges)))
+}
+
+/// Tells builds of this program apart: their results do not mix.
+fn program() -> Result<String> {
+    let path = std::env::current_exe().context("cannot find this program's own file")?;
+    let bytes = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    Ok(Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// A bar with the time left on a terminal, a line a result elsewhere.
+struct Report {
+    bar: Option<ProgressBar>,
+    done: AtomicUsize,
+    total: usize,
+}
+
+impl Report {
+    fn new(total: usize) -> Report {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::new(total as u64);
+            let template = "{wide_bar} {pos}/{len} {elapsed_precise}, {eta_precise} left";
+            if let Ok(style) = ProgressStyle::with_template(template) {
+                bar.set_style(style);
+            }
+            bar
+        });
+        Report { bar, done: AtomicUsize::new(0), total }
+    }
+
+    fn hear(&self, r: &ClipResult) {
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        match &self.bar {
+            Some(bar) => bar.set_position(done as u64),
+            None => {
+                let error = match (r.rotation_error_deg, r.translation_error_m) {
+                    (Some(deg), Some(m)) => format!("{deg:.2} deg, {m:.3} m"),
+                    _ => "no pose".to_owned(),
+                };
+                eprintln!(
+                    "{done}/{} {} {} {} {}: {error}, {:?}, {:.2} s",
+                    self.total, r.set, r.frames, r.clip, r.method, r.state, r.register_seconds
+                );
+            }
+        }
+    }
+
+    fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+fn write_all(
+    out: &Path,
+    arguments: &EvaluateArguments,
+    workers: usize,
+    results: &[ClipResult],
+) -> Result<()> {
+    let rows = evaluate::tabulate(results);
+    let peak = evaluate::peak_memory_bytes();
+    let mut table = evaluate::markdown(&rows);
+    if let Some(peak) = peak {
+        let mib = peak / (1 << 20);
+        table += &format!(
+            "\nPeak memory of the process, all methods with {workers} clips at a time: {mib} MiB (VmHWM).\n\
+             Times are those of one thread; with more than one clip at a time they share memory and caches.\n"
+        );
+    }
+    let run = json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "methods": arguments.methods,
+        "frames": arguments.frames,
+        "seed": arguments.seed,
+        "clips_at_a_time": workers,
+        "peak_memory_bytes": peak,
+    });
+    save(out, "table.json", &serde_json::to_string_pretty(&rows)?)?;
+    save(out, "table.md", &table)?;
+    save(out, "clips.csv", &evaluate::clips_csv(results))?;
+    save(out, "run.json", &serde_json::to_string_pretty(&run)?)?;
+    save(out, "coverage.svg", &plot::error_against_coverage(results))?;
+    if let Some(svg) = plot::reliability(results) {
+        save(out, "reliability.svg", &svg)?;
     }
     print!("{table}");
     Ok(())
 }
 
-fn method(name: &str, seed: u64) -> Result<Method> {
-    let params = AlignParams { seed, ..AlignParams::default() };
-    match name {
-        "viola" => Ok(Method { name: name.to_owned(), params }),
-        _ => bail!("there is no method '{name}'; known: viola"),
-    }
+fn save(out: &Path, name: &str, text: &str) -> Result<()> {
+    let path = out.join(name);
+    fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
 }

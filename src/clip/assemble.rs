@@ -1,7 +1,9 @@
 //! From what a layout's reader found to a checked [`Clip`].
 
 use super::text::Intrinsics;
-use super::{Clip, ClipError, ClipInfo, FrameHeader, Pictures, picture, scannet, seven_scenes, tum};
+use super::{
+    Clip, ClipError, ClipInfo, Files, FrameHeader, Origin, Pictures, picture, scannet, seven_scenes, tum,
+};
 use crate::container::Container;
 use crate::geometry::{Pinhole, Pose3, Vector3};
 
@@ -110,16 +112,14 @@ pub(super) fn assemble(container: Box<dyn Container>) -> Result<Clip, ClipError>
             (FrameHeader { number, time_s, world_from_camera }, Pictures { color, depth })
         })
         .unzip();
-    Ok(Clip {
+    let files = Files {
         container,
-        info,
-        frames,
         pictures,
         color_camera,
         depth_camera,
         depth_units_per_m: layout.depth_units_per_m,
-        up_in_world: layout.up_in_world,
-    })
+    };
+    Ok(Clip { info, frames, up_in_world: layout.up_in_world, origin: Origin::Files(files) })
 }
 
 fn find_layout(container: &dyn Container) -> Result<Layout, ClipError> {

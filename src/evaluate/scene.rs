@@ -1,21 +1,23 @@
-//! A scene with known poses, and what each method makes of its excerpts.
+//! Excerpts of a recording with known poses, against the LiDAR map of the whole scene.
 
-use crate::align::{self, AlignError, AlignParams, AlignmentState, Target};
+use super::{Case, MeshError, RunError, Sample, Suite, Survey, SurveyError, SurveyParams};
+use crate::align::{self, AlignError, AlignParams, Target};
 use crate::clip::{Clip, ClipError};
-use crate::geometry::{Pose2, Vector3, angle_between};
+use crate::geometry::{Pose2, Vector3};
 use crate::lidar::{LidarError, LidarMap};
 use crate::progress::Progress;
-use crate::stopwatch::Stopwatch;
 use serde::Deserialize;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 /// A recording with true poses, its LiDAR map, and where the map lies in the recording's world.
 pub struct Scene {
     pub name: String,
     pub clip: Clip,
-    pub lidar: LidarMap,
+    pub lidar: Arc<LidarMap>,
     pub map_from_world: Pose2,
+    target: Option<Arc<Target>>,
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -26,8 +28,12 @@ pub enum SceneError {
     Lidar(#[from] LidarError),
     #[error("the truth {path}: {cause}; a JSON object with map_from_world {{x_m, y_m, yaw_rad}} is needed")]
     Truth { path: String, cause: String },
-    #[error("cancelled")]
-    Cancelled,
+    #[error("the mesh: {0}")]
+    Mesh(#[from] MeshError),
+    #[error("the LiDAR map from the mesh: {0}")]
+    Survey(#[from] SurveyError),
+    #[error("the recording's world is not known to be upright, so a map cannot be cut out of its mesh")]
+    NotUpright,
 }
 
 #[derive(Deserialize)]
@@ -36,16 +42,32 @@ struct TruthFile {
 }
 
 impl Scene {
+    /// A recording, its LiDAR map, and a JSON file with the truth.
     pub fn open(scene: &Path, lidar: &Path, truth: &Path) -> Result<Scene, SceneError> {
         let bad_truth = |cause: String| SceneError::Truth { path: truth.display().to_string(), cause };
         let text = std::fs::read_to_string(truth).map_err(|e| bad_truth(e.to_string()))?;
         let truth: TruthFile = serde_json::from_str(&text).map_err(|e| bad_truth(e.to_string()))?;
-        Ok(Scene {
-            name: scene.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
-            clip: Clip::open(scene)?,
-            lidar: LidarMap::open(lidar)?,
-            map_from_world: truth.map_from_world,
-        })
+        Ok(Scene::new(scene, Clip::open(scene)?, LidarMap::open(lidar)?, truth.map_from_world))
+    }
+
+    /// A recording with its mesh (`mesh/*.ply`), out of which the LiDAR map is cut.
+    pub fn open_with_mesh(scene: &Path, params: &SurveyParams) -> Result<(Scene, Survey), SceneError> {
+        let clip = Clip::open(scene)?;
+        let is_upright = clip.up_in_world().is_some_and(|up| up.dot(&Vector3::z()) > 0.9999);
+        if !is_upright {
+            return Err(SceneError::NotUpright);
+        }
+        let mesh = super::Mesh::open_in(&scene.join("mesh"))?;
+        let cameras: Vec<_> = clip.frames().iter().filter_map(|frame| frame.world_from_camera).collect();
+        let survey = Survey::new(&mesh, &cameras, params)?;
+        let lidar = LidarMap::read(survey.points_csv().as_bytes())?;
+        Ok((Scene::new(scene, clip, lidar, survey.map_from_world), survey))
+    }
+
+    fn new(folder: &Path, clip: Clip, lidar: LidarMap, map_from_world: Pose2) -> Scene {
+        let name = folder.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        let target = Target::new(&lidar).map(Arc::new);
+        Scene { name, clip, lidar: Arc::new(lidar), map_from_world, target }
     }
 
     /// The true pose of the clip that begins with frame `index`; none when that frame has no pose.
@@ -57,98 +79,65 @@ impl Scene {
     }
 }
 
-/// A way to align a clip: a row of the table.
-#[derive(Debug, Clone)]
-pub struct Method {
-    pub name: String,
-    pub params: AlignParams,
+/// Excerpts of a scene.
+pub struct SceneClips {
+    scene: Scene,
+    cases: Vec<Case>,
+    ranges: Vec<Range<usize>>,
 }
 
-/// One clip by one method.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ClipResult {
-    pub method: String,
-    pub set: String,
-    /// Length of the clips in this cell of the table, in frames.
-    pub frames: usize,
-    pub first_frame: u32,
-    pub last_frame: u32,
-    pub state: AlignmentState,
-    pub probability: Option<f64>,
-    /// Infinite when there is no pose.
-    pub rotation_error_deg: f64,
-    pub translation_error_m: f64,
-    pub coverage: f64,
-    pub inliers: f64,
-    /// Search, refine and decide.
-    pub register_seconds: f64,
-    /// All stages.
-    pub seconds: f64,
-}
-
-impl ClipResult {
-    /// The paper's success: under 10 degrees and 0.3 m.
-    pub fn is_success(&self) -> bool {
-        self.rotation_error_deg < 10.0 && self.translation_error_m < 0.3
+impl SceneClips {
+    /// `ranges` are places in the recording's frames, none of them empty.
+    pub fn new(scene: Scene, ranges: Vec<Range<usize>>) -> SceneClips {
+        let headers = scene.clip.frames();
+        let case = |range: &Range<usize>| Case {
+            name: format!("{:06}", headers[range.start].number),
+            set: scene.name.clone(),
+            frames: range.len(),
+        };
+        SceneClips { cases: ranges.iter().map(case).collect(), scene, ranges }
     }
 }
 
-/// Aligns clips, given as places in the scene's frames, by every method, and reports each result with how
-/// many of how many are done. What does not depend on the method (fusion, floor, rays) is done once a clip
-/// with the first method's parameters.
-pub fn evaluate_clips(
-    scene: &Scene,
-    clips: &[Range<usize>],
-    methods: &[Method],
-    progress: &dyn Progress,
-    mut done: impl FnMut(&ClipResult, usize, usize),
-) -> Result<Vec<ClipResult>, SceneError> {
-    let Some(first_method) = methods.first() else { return Ok(Vec::new()) };
-    let target = Target::new(&scene.lidar);
-    let headers = scene.clip.frames();
-    let total = clips.len() * methods.len();
-    let mut results = Vec::with_capacity(total);
-    for range in clips {
-        let Some(begin) = range.clone().find(|&i| headers[i].world_from_camera.is_some()) else { continue };
-        let Some(truth) = scene.map_from_clip(begin) else { continue };
+impl Suite for SceneClips {
+    fn cases(&self) -> &[Case] {
+        &self.cases
+    }
+
+    fn fingerprint(&self) -> String {
+        let Scene { name, clip, lidar, map_from_world, .. } = &self.scene;
+        let sum = lidar.occupied_m.iter().fold(0.0, |sum, p| sum * 0.999 + p.x + 3.0 * p.y);
+        format!("{name} {:?} {:?} {sum} {map_from_world:?}", clip.info(), lidar.info)
+    }
+
+    fn sample(
+        &self,
+        index: usize,
+        params: &AlignParams,
+        progress: &dyn Progress,
+    ) -> Result<Option<Sample>, RunError> {
+        let headers = self.scene.clip.frames();
+        let range = self.ranges[index].clone();
+        let Some(begin) = range.clone().find(|&i| headers[i].world_from_camera.is_some()) else {
+            return Ok(None);
+        };
+        let Some(map_from_clip) = self.scene.map_from_clip(begin) else { return Ok(None) };
         let numbers = headers[range.start].number..headers[range.end - 1].number + 1;
-        let watch = Stopwatch::around(progress);
-        let observation = align::observe(&scene.clip, Some(numbers.clone()), &first_method.params, &watch)
-            .map_err(scene_error)?;
-        let observe_seconds: f64 = watch.stop().values().sum();
-        for method in methods {
-            let watch = Stopwatch::around(progress);
-            let alignment = align::register(&observation, target.as_ref(), &method.params, &watch)
-                .map_err(scene_error)?;
-            let register_seconds: f64 = watch.stop().values().sum();
-            let error = alignment.map_from_clip.map(|pose| {
-                (angle_between(pose.yaw_rad, truth.yaw_rad).to_degrees(), pose.distance_m(&truth))
-            });
-            let (rotation_error_deg, translation_error_m) = error.unwrap_or((f64::INFINITY, f64::INFINITY));
-            results.push(ClipResult {
-                method: method.name.clone(),
-                set: scene.name.clone(),
-                frames: range.len(),
-                first_frame: numbers.start,
-                last_frame: numbers.end - 1,
-                state: alignment.state,
-                probability: alignment.probability,
-                rotation_error_deg,
-                translation_error_m,
-                coverage: alignment.coverage.unwrap_or(0.0),
-                inliers: alignment.inliers.unwrap_or(0.0),
-                register_seconds,
-                seconds: observe_seconds + register_seconds,
-            });
-            done(&results[results.len() - 1], results.len(), total);
-        }
-    }
-    Ok(results)
-}
-
-fn scene_error(error: AlignError) -> SceneError {
-    match error {
-        AlignError::Cancelled => SceneError::Cancelled,
-        AlignError::Clip(error) => SceneError::Clip(error),
+        let observation =
+            align::observe(&self.scene.clip, Some(numbers.clone()), params, progress).map_err(|error| {
+                match error {
+                    AlignError::Cancelled => RunError::Cancelled,
+                    source => RunError::Align { clip: self.cases[index].name.clone(), source },
+                }
+            })?;
+        Ok(Some(Sample {
+            observation,
+            lidar: self.scene.lidar.clone(),
+            target: self.scene.target.clone(),
+            map_from_clip,
+            equivalent_poses: vec![map_from_clip],
+            first_frame: numbers.start,
+            last_frame: numbers.end - 1,
+        }))
     }
 }

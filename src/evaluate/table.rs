@@ -1,12 +1,12 @@
 //! The table of a run, for people (Markdown), for programs (JSON) and for plots (CSV, a row a clip).
 
-use super::ClipResult;
+use super::{Calibration, ClipResult};
 use crate::align::AlignmentState;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// One method on one kind of clip. Errors are over all clips that got a pose; a clip without one counts as
-/// a failure in `success_rate` and in the recalls.
+/// One method on one kind of clip. Errors are over all clips that got a pose, be it called ambiguous; a clip
+/// without one counts as a failure in `success_rate` and in the recalls.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TableRow {
     pub method: String,
@@ -24,9 +24,16 @@ pub struct TableRow {
     /// Of the clips called `aligned`, the share that is no success; null when none was.
     pub wrong_when_aligned: Option<f64>,
     pub aligned_rate: f64,
-    /// Median time of search, refinement and decision.
+    /// How far the probabilities are from the truth; null when the method gives none.
+    pub expected_calibration_error: Option<f64>,
+    /// Clips that fit the map equally well in several places.
+    pub unknowable_clips: usize,
+    /// Of those, the share called `ambiguous` with the truth among the alternatives; null when there are none.
+    pub unknowable_admitted: Option<f64>,
+    /// Median time of search, refinement and decision, on one thread.
     pub seconds_median: f64,
-    /// Median time of everything from the clip's file to its pose.
+    /// Median time of everything from the clip's pictures to its pose, on one thread. For simulated clips
+    /// that includes rendering the pictures.
     pub seconds_total_median: f64,
 }
 
@@ -36,20 +43,20 @@ pub struct Recall {
     pub share: f64,
 }
 
-/// One row for each method and clip length, in the order of their first results.
+/// One row for each method, set and clip length, in the order of their first results.
 pub fn tabulate(results: &[ClipResult]) -> Vec<TableRow> {
-    let mut keys: Vec<(&str, &str, usize)> = Vec::new();
+    let mut keys: Vec<(&str, usize, &str)> = Vec::new();
     for result in results {
-        let key = (result.method.as_str(), result.set.as_str(), result.frames);
+        let key = (result.set.as_str(), result.frames, result.method.as_str());
         if !keys.contains(&key) {
             keys.push(key);
         }
     }
     keys.into_iter()
-        .map(|(method, set, frames)| {
+        .map(|(set, frames, method)| {
             let of: Vec<&ClipResult> = results
                 .iter()
-                .filter(|r| (r.method.as_str(), r.set.as_str(), r.frames) == (method, set, frames))
+                .filter(|r| (r.set.as_str(), r.frames, r.method.as_str()) == (set, frames, method))
                 .collect();
             row(method, set, frames, &of)
         })
@@ -57,14 +64,16 @@ pub fn tabulate(results: &[ClipResult]) -> Vec<TableRow> {
 }
 
 fn row(method: &str, set: &str, frames: usize, results: &[&ClipResult]) -> TableRow {
-    let with_pose = |value: fn(&ClipResult) -> f64| -> Vec<f64> {
-        results.iter().map(|r| value(r)).filter(|v| v.is_finite()).collect()
-    };
-    let (rotations, translations) =
-        (with_pose(|r| r.rotation_error_deg), with_pose(|r| r.translation_error_m));
-    let aligned: Vec<_> = results.iter().filter(|r| r.state == AlignmentState::Aligned).collect();
-    let wrong = aligned.iter().filter(|r| !r.is_success()).count();
+    let rotations: Vec<f64> = results.iter().filter_map(|r| r.rotation_error_deg).collect();
+    let translations: Vec<f64> = results.iter().filter_map(|r| r.translation_error_m).collect();
+    let seconds = |value: fn(&ClipResult) -> f64| -> Vec<f64> { results.iter().map(|r| value(r)).collect() };
     let share = |count: usize| count as f64 / results.len().max(1) as f64;
+    let count = |is: &dyn Fn(&ClipResult) -> bool| results.iter().filter(|r| is(r)).count();
+    let part = |part: usize, whole: usize| (whole > 0).then(|| part as f64 / whole as f64);
+    let aligned = count(&|r| r.state == AlignmentState::Aligned);
+    let wrong = count(&|r| r.state == AlignmentState::Aligned && !r.is_success());
+    let unknowable = count(&|r| r.unknowable);
+    let admitted = count(&|r| r.unknowable && r.state == AlignmentState::Ambiguous && r.truth_rank.is_some());
     TableRow {
         method: method.to_owned(),
         set: set.to_owned(),
@@ -74,17 +83,21 @@ fn row(method: &str, set: &str, frames: usize, results: &[&ClipResult]) -> Table
         r_median_deg: median(&rotations),
         t_mean_m: mean(&translations),
         t_median_m: median(&translations),
-        success_rate: share(results.iter().filter(|r| r.is_success()).count()),
+        success_rate: share(count(&ClipResult::is_success)),
         recall_at_m: [0.1, 0.3, 0.5, 1.0]
             .map(|within_m| {
-                let count = results.iter().filter(|r| r.translation_error_m < within_m).count();
-                Recall { within_m, share: share(count) }
+                let found = count(&|r| r.translation_error_m.is_some_and(|e| e < within_m));
+                Recall { within_m, share: share(found) }
             })
             .to_vec(),
-        wrong_when_aligned: (!aligned.is_empty()).then(|| wrong as f64 / aligned.len() as f64),
-        aligned_rate: share(aligned.len()),
-        seconds_median: median(&with_pose(|r| r.register_seconds)),
-        seconds_total_median: median(&with_pose(|r| r.seconds)),
+        wrong_when_aligned: part(wrong, aligned),
+        aligned_rate: share(aligned),
+        expected_calibration_error: Calibration::of(results.iter().copied())
+            .map(|calibration| calibration.expected_calibration_error),
+        unknowable_clips: unknowable,
+        unknowable_admitted: part(admitted, unknowable),
+        seconds_median: median(&seconds(|r| r.register_seconds)),
+        seconds_total_median: median(&seconds(|r| r.seconds)),
     }
 }
 
@@ -99,105 +112,88 @@ fn median(values: &[f64]) -> f64 {
     sorted.get(sorted.len().saturating_sub(1) / 2).copied().unwrap_or(f64::NAN)
 }
 
+/// Two tables: where the clips were placed, and how sure the methods were.
 pub fn markdown(rows: &[TableRow]) -> String {
     let mut out = String::from(
-        "| method | set | frames | clips | success | R mean | R median | T mean | T median | <0.1 m | <0.5 m | <1 m | aligned | wrong when aligned | register | total |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+        "| set | frames | clips | method | success | R mean | R median | T mean | T median | <0.1 m | <0.3 m | <0.5 m | <1 m | register | total |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for r in rows {
-        let recall = |i: usize| r.recall_at_m.get(i).map_or(0.0, |recall| 100.0 * recall.share);
-        let wrong = r.wrong_when_aligned.map_or("-".to_owned(), |w| format!("{:.1} %", 100.0 * w));
-        let _ = writeln!(
+        let _ = write!(
             out,
-            "| {} | {} | {} | {} | {:.1} % | {:.2} deg | {:.2} deg | {:.3} m | {:.3} m | {:.1} % | {:.1} % | {:.1} % | {:.1} % | {} | {:.3} s | {:.2} s |",
-            r.method,
+            "| {} | {} | {} | {} | {:.1} % | {:.2} deg | {:.2} deg | {:.3} m | {:.3} m |",
             r.set,
             r.frames,
             r.clips,
+            r.method,
             100.0 * r.success_rate,
             r.r_mean_deg,
             r.r_median_deg,
             r.t_mean_m,
             r.t_median_m,
-            recall(0),
-            recall(2),
-            recall(3),
+        );
+        for recall in &r.recall_at_m {
+            let _ = write!(out, " {:.1} % |", 100.0 * recall.share);
+        }
+        let _ = writeln!(out, " {:.3} s | {:.2} s |", r.seconds_median, r.seconds_total_median);
+    }
+    out.push_str(
+        "\n| set | frames | clips | method | aligned | wrong when aligned | calibration error | unknowable | of those admitted |\n\
+         |---|---|---|---|---|---|---|---|---|\n",
+    );
+    for r in rows {
+        let percent =
+            |share: Option<f64>| share.map_or("-".to_owned(), |share| format!("{:.1} %", 100.0 * share));
+        let _ = writeln!(
+            out,
+            "| {} | {} | {} | {} | {:.1} % | {} | {} | {} | {} |",
+            r.set,
+            r.frames,
+            r.clips,
+            r.method,
             100.0 * r.aligned_rate,
-            wrong,
-            r.seconds_median,
-            r.seconds_total_median,
+            percent(r.wrong_when_aligned),
+            r.expected_calibration_error.map_or("-".to_owned(), |error| format!("{error:.3}")),
+            r.unknowable_clips,
+            percent(r.unknowable_admitted),
         );
     }
     out
 }
 
+/// One row a clip and method. Empty fields are what is not known: errors of clips without a pose.
 pub fn clips_csv(results: &[ClipResult]) -> String {
     let mut out = String::from(
-        "method,set,frames,first_frame,last_frame,state,probability,r_error_deg,t_error_m,success,coverage,inliers,register_seconds,seconds\n",
+        "method,set,frames,clip,first_frame,last_frame,state,reasons,probability,r_error_deg,t_error_m,success,coverage,inliers,unknowable,truth_rank,register_seconds,seconds\n",
     );
+    let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.4}"));
     for r in results {
         let state = match r.state {
             AlignmentState::Aligned => "aligned",
             AlignmentState::Ambiguous => "ambiguous",
             AlignmentState::Failed => "failed",
         };
-        let probability = r.probability.map_or(String::new(), |p| format!("{p:.4}"));
         let _ = writeln!(
             out,
-            "{},{},{},{},{},{state},{probability},{:.4},{:.4},{},{:.4},{:.4},{:.4},{:.4}",
+            "{},{},{},{},{},{},{state},{},{},{},{},{},{:.4},{},{},{},{:.4},{:.4}",
             r.method,
             r.set,
             r.frames,
+            r.clip,
             r.first_frame,
             r.last_frame,
-            r.rotation_error_deg,
-            r.translation_error_m,
+            r.reasons.join(" "),
+            number(r.probability),
+            number(r.rotation_error_deg),
+            number(r.translation_error_m),
             r.is_success(),
             r.coverage,
-            r.inliers,
+            number(r.inliers),
+            r.unknowable,
+            r.truth_rank.map_or(String::new(), |rank| rank.to_string()),
             r.register_seconds,
             r.seconds,
         );
     }
     out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn result(state: AlignmentState, rotation_error_deg: f64, translation_error_m: f64) -> ClipResult {
-        ClipResult {
-            method: "viola".into(),
-            set: "s".into(),
-            frames: 60,
-            first_frame: 0,
-            last_frame: 59,
-            state,
-            probability: None,
-            rotation_error_deg,
-            translation_error_m,
-            coverage: 0.5,
-            inliers: 0.9,
-            register_seconds: 0.1,
-            seconds: 1.0,
-        }
-    }
-
-    #[test]
-    fn a_clip_without_a_pose_is_a_failure_and_no_error() {
-        let rows = tabulate(&[
-            result(AlignmentState::Aligned, 1.0, 0.05),
-            result(AlignmentState::Aligned, 3.0, 0.35),
-            result(AlignmentState::Ambiguous, 2.0, 0.2),
-            result(AlignmentState::Failed, f64::INFINITY, f64::INFINITY),
-        ]);
-        assert_eq!(rows.len(), 1);
-        let row = &rows[0];
-        assert_eq!((row.clips, row.success_rate, row.aligned_rate), (4, 0.5, 0.5));
-        assert_eq!(row.wrong_when_aligned, Some(0.5));
-        assert!((row.r_mean_deg - 2.0).abs() < 1e-12 && (row.r_median_deg - 2.0).abs() < 1e-12);
-        assert_eq!(row.recall_at_m.iter().map(|r| r.share).collect::<Vec<_>>(), [0.25, 0.5, 0.75, 0.75]);
-        assert!(markdown(&rows).lines().count() == 3);
-    }
 }

@@ -7,7 +7,7 @@ use crate::geometry::Point2;
 /// A point is left out of a square when another one is nearer at every place of it, for certain: when its
 /// smallest distance to the square exceeds the other's largest. Few points survive in a small square, so a
 /// query is a walk down and a handful of distances.
-pub(super) struct Nearest {
+pub struct Nearest {
     points_m: Vec<Point2>,
     nodes: Vec<Node>,
     /// The leaves' points, one leaf after the other.
@@ -36,7 +36,7 @@ const ROOM: f64 = 0.5;
 impl Nearest {
     /// # Panics
     /// When there is no point.
-    pub(super) fn new(points_m: &[Point2]) -> Nearest {
+    pub fn new(points_m: &[Point2]) -> Nearest {
         let (mut min, mut max) = (points_m[0], points_m[0]);
         for p in points_m {
             min = Point2::new(min.x.min(p.x), min.y.min(p.y));
@@ -74,7 +74,7 @@ impl Nearest {
     }
 
     /// The nearest point; the first of several at the same distance.
-    pub(super) fn nearest(&self, to: &Point2) -> Point2 {
+    pub fn nearest(&self, to: &Point2) -> Point2 {
         let away = (to - self.centre_m).abs();
         if !(away.x < self.half_m && away.y < self.half_m) {
             return closest(to, self.points_m.iter());
@@ -98,7 +98,7 @@ impl Nearest {
         }
     }
 
-    pub(super) fn distance_m(&self, to: &Point2) -> f64 {
+    pub fn distance_m(&self, to: &Point2) -> f64 {
         (self.nearest(to) - to).norm()
     }
 }

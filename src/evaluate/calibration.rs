@@ -1,0 +1,41 @@
+//! Whether probabilities mean what they say (Naeini et al., 2015).
+
+use super::ClipResult;
+use serde::Serialize;
+
+/// Answers with a probability, sorted into ten bins by it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Calibration {
+    pub bins: [Bin; 10],
+    /// Mean over the answers of the difference between a bin's mean probability and its share of successes.
+    pub expected_calibration_error: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Bin {
+    pub count: usize,
+    pub mean_probability: f64,
+    pub success_rate: f64,
+}
+
+impl Calibration {
+    /// None when no answer has a probability.
+    pub fn of<'a>(results: impl IntoIterator<Item = &'a ClipResult>) -> Option<Calibration> {
+        let mut bins = [Bin::default(); 10];
+        for result in results {
+            let Some(probability) = result.probability else { continue };
+            let bin = &mut bins[((probability * 10.0).max(0.0) as usize).min(9)];
+            bin.count += 1;
+            bin.mean_probability += probability;
+            bin.success_rate += f64::from(u8::from(result.is_success()));
+        }
+        let total: usize = bins.iter().map(|bin| bin.count).sum();
+        let mut error = 0.0;
+        for bin in bins.iter_mut().filter(|bin| bin.count > 0) {
+            bin.mean_probability /= bin.count as f64;
+            bin.success_rate /= bin.count as f64;
+            error += bin.count as f64 * (bin.mean_probability - bin.success_rate).abs();
+        }
+        (total > 0).then(|| Calibration { bins, expected_calibration_error: error / total as f64 })
+    }
+}

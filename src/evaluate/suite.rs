@@ -1,0 +1,49 @@
+//! Where clips with a known truth come from.
+
+use super::RunError;
+use crate::align::{AlignParams, Observation, Target};
+use crate::geometry::Pose2;
+use crate::lidar::LidarMap;
+use std::sync::Arc;
+
+/// A clip that can be evaluated, by name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Case {
+    /// Names the clip among all of its set; part of file names, so in letters, digits, `_` and `-`.
+    pub name: String,
+    /// Which data: a row of the table.
+    pub set: String,
+    /// Length of the clips in this row, in frames.
+    pub frames: usize,
+}
+
+/// A clip and its map as the methods get them, and the truth.
+pub struct Sample {
+    pub observation: Observation,
+    pub lidar: Arc<LidarMap>,
+    /// None when the map has no occupied point.
+    pub target: Option<Arc<Target>>,
+    pub map_from_clip: Pose2,
+    /// All poses that nobody could tell from the true one by what the clip shows, the true one included.
+    /// More than one: the clip is unknowable.
+    pub equivalent_poses: Vec<Pose2>,
+    /// Numbers of the first and the last frame.
+    pub first_frame: u32,
+    pub last_frame: u32,
+}
+
+/// Clips with their truth, made one at a time by several threads at once.
+pub trait Suite: Sync {
+    fn cases(&self) -> &[Case];
+
+    /// Everything that the samples depend on, in words: when it changes, old results do not count.
+    fn fingerprint(&self) -> String;
+
+    /// Makes `cases()[index]`, observed with `params`; none when the data has no truth for it.
+    fn sample(
+        &self,
+        index: usize,
+        params: &AlignParams,
+        progress: &dyn crate::progress::Progress,
+    ) -> Result<Option<Sample>, RunError>;
+}
