@@ -1,10 +1,10 @@
-//! The verdict: how well each pose explains the clip, and whether a second one does as well (paper IV-A).
+//! How well each pose explains the clip (paper IV-A).
 
-use super::evidence::{Evidence, EvidenceParams, Witness};
+use super::evidence::{EvidenceParams, Witness};
 use super::raycast::{Hit, VirtualScan};
 use super::refine::Refined;
 use super::target::Target;
-use super::{AlignmentState, Alternative, FreeSpace, Reason};
+use super::{Alternative, FreeSpace};
 use crate::geometry::{Point2, Pose2, angle_between};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -17,17 +17,14 @@ pub struct DecideParams {
     pub blocked_m: f64,
     pub hits_on_floor_m: f64,
     pub walls_on_floor_m: f64,
-    /// Two poses further apart than either of these are different explanations (paper's theta_T, theta_R).
-    pub close_m: f64,
-    pub close_rad: f64,
     /// Poses nearer than this to a better one are not listed again.
     pub same_m: f64,
     pub same_rad: f64,
-    /// The clip is ambiguous if a different explanation loses by less than this (paper's c).
-    pub margin_m: f64,
     pub alternatives: usize,
     /// Share of hits that must have a counterpart.
     pub min_inliers: f64,
+    /// Probability from which a clip is called aligned.
+    pub sure: f64,
 }
 
 impl Default for DecideParams {
@@ -37,84 +34,38 @@ impl Default for DecideParams {
             blocked_m: 0.2,
             hits_on_floor_m: 0.1,
             walls_on_floor_m: 0.2,
-            close_m: 0.3,
-            close_rad: 20f64.to_radians(),
             same_m: 0.15,
             same_rad: 5f64.to_radians(),
-            margin_m: 0.015,
             alternatives: 8,
             min_inliers: 0.3,
+            sure: 0.9,
         }
     }
 }
 
-/// The ranked explanations, each with its covariance, and the verdict on them.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Decision {
-    pub state: AlignmentState,
-    pub ranked: Vec<Ranked>,
-    /// Share of the map's points that the hits explain at the best pose.
-    pub coverage: f64,
-    pub reasons: Vec<Reason>,
-}
-
+/// An explanation with its covariance of (x_m, y_m, yaw_rad).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ranked {
     pub alternative: Alternative,
-    pub evidence: Evidence,
     pub covariance: nalgebra::Matrix3<f64>,
 }
 
-/// Ranks the refined poses and says whether the best one stands out.
-pub fn decide(
+/// The refined poses by how well they explain the clip, the best first, no two of them the same.
+pub fn rank(
     refined: &[Refined],
     hits: &[Hit],
     scan: &VirtualScan,
     target: &Target,
     params: &DecideParams,
-) -> Decision {
+) -> Vec<Ranked> {
     let witness = Witness::new(hits, scan, &params.evidence);
     let mut ranked: Vec<Ranked> =
-        refined.par_iter().map(|pose| rank(pose, &witness, target, params)).collect();
+        refined.par_iter().map(|pose| judge(pose, &witness, target, params)).collect();
     ranked.sort_by(|a, b| a.alternative.loss_m.total_cmp(&b.alternative.loss_m));
-    let ranked = distinct(ranked, params);
-    let Some(best) = ranked.first() else {
-        let reason =
-            Reason::new("no_candidate", "the search found no place in the map where the clip could lie");
-        return Decision { state: AlignmentState::Failed, ranked, coverage: 0.0, reasons: vec![reason] };
-    };
-    let best = &best.alternative;
-    let coverage = coverage(&best.map_from_clip, hits, target, params.evidence.inlier_m);
-    let mut reasons = Vec::new();
-    let state = if best.inliers < params.min_inliers {
-        let percent = best.inliers * 100.0;
-        reasons.push(Reason::new(
-            "no_support",
-            format!("only {percent:.0} % of what the clip shows at the vacuum's height is in the map anywhere; is it the map of this home?"),
-        ));
-        AlignmentState::Failed
-    } else {
-        let rivals = ranked[1..]
-            .iter()
-            .map(|r| &r.alternative)
-            .filter(|a| !is_close(&a.map_from_clip, &best.map_from_clip, params.close_m, params.close_rad))
-            .filter(|a| a.loss_m - best.loss_m < params.margin_m)
-            .count();
-        if rivals == 0 {
-            AlignmentState::Aligned
-        } else {
-            let margin_cm = params.margin_m * 100.0;
-            reasons.push(Reason::new(
-                "several_modes",
-                format!("{rivals} other pose(s) explain the clip as well to within {margin_cm:.1} cm; record more of the lower half of the room, or choose one"),
-            ));
-            AlignmentState::Ambiguous
-        }
-    };
-    Decision { state, coverage, reasons, ranked }
+    distinct(ranked, params)
 }
 
-fn rank(pose: &Refined, witness: &Witness, target: &Target, params: &DecideParams) -> Ranked {
+fn judge(pose: &Refined, witness: &Witness, target: &Target, params: &DecideParams) -> Ranked {
     let evidence = witness.examine(&pose.map_from_clip, target);
     let loss_m = evidence.distance_m
         + params.blocked_m * evidence.blocked_rays
@@ -131,7 +82,7 @@ fn rank(pose: &Refined, witness: &Witness, target: &Target, params: &DecideParam
         }),
         probability: None,
     };
-    Ranked { alternative, evidence, covariance: pose.covariance }
+    Ranked { alternative, covariance: pose.covariance }
 }
 
 fn is_close(a: &Pose2, b: &Pose2, distance_m: f64, angle_rad: f64) -> bool {

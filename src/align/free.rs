@@ -12,7 +12,8 @@ pub(super) fn free_cells(
     params: &RaycastParams,
 ) -> Vec<Point2> {
     // Below half the height the floor's noise would count, above one and a half a low table would.
-    let (low, high) = (0.5 * params.vacuum_height_m, 1.5 * params.vacuum_height_m);
+    let height_m = params.vacuum_height_m - params.floor_m;
+    let (low, high) = (params.floor_m + 0.5 * height_m, params.floor_m + 1.5 * height_m);
     let cell_m = params.free_cell_m;
     let mut counts: FxHashMap<[i32; 2], u32> = FxHashMap::default();
     for key in key_frames {

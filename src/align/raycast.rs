@@ -12,6 +12,8 @@ use rustc_hash::FxHashMap;
 pub struct RaycastParams {
     /// Height of the vacuum's LiDAR above the floor; turrets are 7-12 cm, a bare sensor up to 15.
     pub vacuum_height_m: f64,
+    /// Height of the floor in the clip frame: 0, unless another floor is tried.
+    pub floor_m: f64,
     /// Surface this far above and below counts as being at that height (the authors' slab).
     pub slab_m: f64,
     /// A surface whose normal leans at least this much towards the vertical is no obstacle.
@@ -38,6 +40,7 @@ impl Default for RaycastParams {
     fn default() -> Self {
         RaycastParams {
             vacuum_height_m: 0.12,
+            floor_m: 0.0,
             slab_m: 0.10,
             max_normal_z: 0.6,
             rays: 720,

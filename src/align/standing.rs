@@ -37,7 +37,7 @@ impl Standing {
     pub(super) fn new(cloud: &PointCloud, free_m: &[Point2], params: &RaycastParams) -> Standing {
         let upright = |p: &&CloudPoint| {
             f64::from(p.normal[2]).abs() <= params.max_normal_z
-                && (0.0..params.max_height_m).contains(&f64::from(p.position_m[2]))
+                && (0.0..params.max_height_m).contains(&(f64::from(p.position_m[2]) - params.floor_m))
         };
         let in_slab = |z: f64| (z - params.vacuum_height_m).abs() <= params.slab_m;
         let mut columns: FxHashMap<Cell, Column> = FxHashMap::default();
