@@ -23,6 +23,7 @@ use crate::storage::Storage;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use std::sync::Arc;
+use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
 use utoipa::OpenApi;
@@ -38,6 +39,8 @@ struct App {
     storage: Arc<Storage>,
     queue: Arc<Queue>,
     max_upload_bytes: u64,
+    /// A place for everyone who may open an uploaded file at a time: readers use memory.
+    readers: Arc<Semaphore>,
     /// Ends the answers that would otherwise go on for ever.
     stop: CancellationToken,
 }

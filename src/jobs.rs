@@ -4,7 +4,8 @@ mod align_clip;
 mod report;
 mod worker;
 
-pub use worker::{WorkerParams, work};
+pub use align_clip::{Failure, Finished, align_clip};
+pub use worker::{Method, WorkerParams, work};
 
 use crate::storage::{Job, Storage, StorageError};
 use futures::Stream;

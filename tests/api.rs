@@ -18,3 +18,5 @@ mod lidar_map;
 mod problems;
 #[path = "api/server.rs"]
 mod server;
+#[path = "api/workers.rs"]
+mod workers;

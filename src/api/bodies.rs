@@ -1,5 +1,6 @@
 //! Bodies that are files: streamed to the disk on the way in, from it on the way out.
 
+use super::App;
 use super::error::Error;
 use crate::storage::{Arrived, BlobReader, Storage};
 use axum::body::Body;
@@ -87,9 +88,10 @@ pub(super) async fn to_the_end<T: Send + 'static>(work: impl Future<Output = T> 
     }
 }
 
-/// Runs a reader, which blocks, beside the threads that answer.
-pub(super) async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
-    match tokio::task::spawn_blocking(work).await {
+/// Opens an uploaded file, which blocks, beside the threads that answer.
+pub(super) async fn understand<T: Send + 'static>(app: &App, read: impl FnOnce() -> T + Send + 'static) -> T {
+    let _place = app.readers.acquire().await.expect("the semaphore is never closed");
+    match tokio::task::spawn_blocking(read).await {
         Ok(value) => value,
         Err(error) => std::panic::resume_unwind(error.into_panic()),
     }

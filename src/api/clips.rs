@@ -1,7 +1,7 @@
 //! `/v1/homes/{home}/clips`
 
 use super::App;
-use super::bodies::{FileBytes, blocking, receive, to_the_end};
+use super::bodies::{FileBytes, receive, to_the_end, understand};
 use super::error::{Error, Problem};
 use super::extract::{ClipPath, HomePath, IdempotencyKey, Query};
 use super::list::{List, ListQuery};
@@ -36,7 +36,7 @@ pub(super) async fn add_clip(
 ) -> Result<(StatusCode, [(header::HeaderName, String); 1], Json<Clip>), Error> {
     app.storage.home(&home).await?;
     let file = receive(&app.storage, request, app.max_upload_bytes).await?;
-    let (file, info) = blocking(move || understand(file)).await?;
+    let (file, info) = understand(&app, move || open(file)).await?;
     let new = NewClip { file, info, idempotency_key };
     let clip = to_the_end(async move {
         let added = app.storage.add_clip(&home, new, Timestamp::now()).await?;
@@ -51,7 +51,7 @@ pub(super) async fn add_clip(
     Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(clip)))
 }
 
-fn understand(file: Arrived) -> Result<(Arrived, clip::ClipInfo), Error> {
+fn open(file: Arrived) -> Result<(Arrived, clip::ClipInfo), Error> {
     let info = clip::Clip::open(file.path())?.info().clone();
     Ok((file, info))
 }

@@ -1,7 +1,7 @@
 //! `/v1/homes/{home}/lidar-map`
 
 use super::App;
-use super::bodies::{FileBytes, blocking, receive, send, to_the_end};
+use super::bodies::{FileBytes, receive, send, to_the_end, understand};
 use super::error::Error;
 use super::extract::{HomePath, Query};
 use super::list::{List, ListQuery};
@@ -33,7 +33,7 @@ pub(super) async fn put_lidar_map(
 ) -> Result<(StatusCode, Json<LidarMapRevision>), Error> {
     app.storage.home(&home).await?;
     let file = receive(&app.storage, request, MAX_FILE_BYTES).await?;
-    let new = blocking(move || understand(file)).await?;
+    let new = understand(&app, move || open(file)).await?;
     to_the_end(async move {
         let (revision, is_new) = app.storage.put_lidar_map(&home, new, Timestamp::now()).await?;
         app.queue.wake();
@@ -43,7 +43,7 @@ pub(super) async fn put_lidar_map(
     .await
 }
 
-fn understand(file: Arrived) -> Result<NewLidarMap, Error> {
+fn open(file: Arrived) -> Result<NewLidarMap, Error> {
     let bytes = file.read()?;
     let map = LidarMap::read(&bytes)?;
     Ok(NewLidarMap { file, image_png: home::lidar_png(&map), info: map.info })

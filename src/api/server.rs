@@ -9,12 +9,16 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpListener;
+use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
 /// How long requests under way may take to end when the server stops.
 const DRAIN: Duration = Duration::from_secs(10);
+
+/// Uploaded files that are opened at the same time.
+const READERS: usize = 4;
 
 /// How to serve.
 #[derive(Debug, Clone)]
@@ -59,6 +63,7 @@ pub async fn serve(
         storage: storage.clone(),
         queue,
         max_upload_bytes: params.max_upload_bytes,
+        readers: Arc::new(Semaphore::new(READERS)),
         stop: stop.clone(),
     };
     // Events are small and must not wait for more to come.

@@ -4,8 +4,10 @@ use super::align_clip::{Failure, Finished, align_clip};
 use super::report::{Heard, Report};
 use super::{POLL, Queue};
 use crate::align::Reason;
+use crate::progress::Progress;
 use crate::storage::{Claim, Ending, RetryPolicy, StorageError};
 use jiff::Timestamp;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::task::{JoinError, JoinHandle};
@@ -27,7 +29,12 @@ pub struct WorkerParams {
     /// How long the method may take to stop when the server does.
     pub grace: Duration,
     pub retry: RetryPolicy,
+    /// What a job does.
+    pub method: Method,
 }
+
+/// From a clip's file, a map's bytes and a seed to an answer. It may take long and may panic.
+pub type Method = fn(&Path, &[u8], u64, &dyn Progress) -> Result<Finished, Failure>;
 
 impl Default for WorkerParams {
     fn default() -> WorkerParams {
@@ -35,6 +42,7 @@ impl Default for WorkerParams {
             lease: Duration::from_secs(30),
             grace: Duration::from_secs(10),
             retry: RetryPolicy::default(),
+            method: align_clip,
         }
     }
 }
@@ -68,7 +76,7 @@ struct Attempt<'a> {
     claim: Claim,
 }
 
-type Method = JoinHandle<Result<Finished, Failure>>;
+type Working = JoinHandle<Result<Finished, Failure>>;
 /// A panic of the method is a `JoinError`.
 type Ended = Result<Result<Finished, Failure>, JoinError>;
 
@@ -116,16 +124,16 @@ impl Attempt<'_> {
         }
     }
 
-    async fn begin(&self, report: &Arc<Report>) -> Result<Method, StorageError> {
+    async fn begin(&self, report: &Arc<Report>) -> Result<Working, StorageError> {
         let storage = &self.queue.storage;
         let clip = storage.clip_file(self.claim.job.clip)?;
         let lidar = storage.lidar_map_file(self.claim.lidar_map_id).await?;
-        let report = report.clone();
-        Ok(tokio::task::spawn_blocking(move || align_clip(&clip, &lidar, SEED, report.as_ref())))
+        let (report, method) = (report.clone(), self.params.method);
+        Ok(tokio::task::spawn_blocking(move || method(&clip, &lidar, SEED, report.as_ref())))
     }
 
     /// Renews the lease and records progress while the method works, and passes on the order to stop.
-    async fn attend(&self, method: &mut Method, report: &Report, stop: &CancellationToken) -> Watched {
+    async fn attend(&self, method: &mut Working, report: &Report, stop: &CancellationToken) -> Watched {
         let mut tick = tokio::time::interval(TICK);
         let mut said = Said { heard: Heard::default(), at: Instant::now() };
         let mut lost = false;

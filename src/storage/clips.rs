@@ -136,7 +136,8 @@ impl Storage {
         };
         self.blobs.keep(new.file, &file_key(id)).await?;
         let added = self.insert_clip(home, row, now).await;
-        if !matches!(added, Ok(Added::New(_))) {
+        // After a database error the row may be there nevertheless; then the next start's sweep decides.
+        if matches!(added, Ok(Added::Replayed(_) | Added::KeyReused) | Err(StorageError::NoSuchHome)) {
             self.blobs.discard(&[file_key(id)]).await;
         }
         added
@@ -192,18 +193,15 @@ impl Storage {
         if !homes::exists(&mut snapshot, home).await? {
             return Err(StorageError::NoSuchHome);
         }
-        let after = page.after.map(|id| id.to_string()).unwrap_or_default();
+        let mut jobs = jobs::newest_of_clips(&mut snapshot, home, page).await?;
         let rows = sqlx::query("SELECT * FROM clips WHERE home_id = $1 AND id > $2 ORDER BY id LIMIT $3")
             .bind(home.as_str())
-            .bind(after)
+            .bind(page.after.map(|id| id.to_string()).unwrap_or_default())
             .bind(i64::from(page.limit))
             .fetch_all(&mut *snapshot)
             .await?;
-        let mut clips = Vec::with_capacity(rows.len());
-        for row in &rows {
-            clips.push(with_job(&mut snapshot, row).await?);
-        }
-        Ok(clips)
+        let clip = |row| from_row(row, row.maybe_id("job_id")?.and_then(|id| jobs.remove(&id)));
+        rows.iter().map(clip).collect()
     }
 
     /// Removes a clip with its results. A worker that is busy with it loses its lease.
@@ -322,15 +320,12 @@ async fn find(connection: &mut Connection, home: &HomeId, id: Uuid) -> Result<Cl
         .bind(home.as_str())
         .fetch_optional(&mut *connection)
         .await?;
-    with_job(connection, &row.ok_or(StorageError::NoSuchClip)?).await
-}
-
-async fn with_job(connection: &mut Connection, row: &Row) -> Result<Clip, StorageError> {
+    let row = row.ok_or(StorageError::NoSuchClip)?;
     let job = match row.maybe_id("job_id")? {
         Some(id) => jobs::find(connection, id).await?,
         None => None,
     };
-    from_row(row, job)
+    from_row(&row, job)
 }
 
 fn blobs_of(id: Uuid, result_key: Option<&str>) -> Vec<String> {

@@ -2,11 +2,12 @@
 
 use super::columns::Columns;
 use super::database::{Connection, Row, Transaction};
-use super::{HomeId, Storage, StorageError, clips};
+use super::{HomeId, Page, Storage, StorageError, clips};
 use crate::align::Reason;
 use crate::progress::Stage;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 use uuid::Uuid;
 
 /// How often a job is tried before it fails for good. A try whose worker died counts.
@@ -93,16 +94,37 @@ impl Storage {
     }
 }
 
+macro_rules! select_jobs {
+    ($rest:literal) => {
+        concat!(
+            "SELECT jobs.*, clips.home_id AS home_id, lidar_maps.revision AS lidar_map_revision
+            FROM jobs JOIN clips ON clips.id = jobs.clip_id JOIN lidar_maps ON lidar_maps.id = jobs.lidar_map_id
+            ",
+            $rest
+        )
+    };
+}
+
 pub(super) async fn find(connection: &mut Connection, id: Uuid) -> Result<Option<Job>, StorageError> {
-    let row = sqlx::query(
-        "SELECT jobs.*, clips.home_id AS home_id, lidar_maps.revision AS lidar_map_revision
-        FROM jobs JOIN clips ON clips.id = jobs.clip_id JOIN lidar_maps ON lidar_maps.id = jobs.lidar_map_id
-        WHERE jobs.id = $1",
-    )
-    .bind(id.to_string())
-    .fetch_optional(connection)
+    let row = sqlx::query(select_jobs!("WHERE jobs.id = $1")).bind(id.to_string());
+    row.fetch_optional(connection).await?.as_ref().map(from_row).transpose()
+}
+
+/// The newest jobs of one page of a home's clips.
+pub(super) async fn newest_of_clips(
+    connection: &mut Connection,
+    home: &HomeId,
+    page: &Page<Uuid>,
+) -> Result<HashMap<Uuid, Job>, StorageError> {
+    let rows = sqlx::query(select_jobs!(
+        "WHERE jobs.id IN (SELECT job_id FROM clips WHERE home_id = $1 AND id > $2 ORDER BY id LIMIT $3)"
+    ))
+    .bind(home.as_str())
+    .bind(page.after.map(|id| id.to_string()).unwrap_or_default())
+    .bind(i64::from(page.limit))
+    .fetch_all(connection)
     .await?;
-    row.as_ref().map(from_row).transpose()
+    rows.iter().map(|row| Ok((row.id("id")?, from_row(row)?))).collect()
 }
 
 /// Queues the alignment of a clip to a map in place of whatever was under way for it; gives the blobs that

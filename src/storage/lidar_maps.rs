@@ -65,7 +65,8 @@ impl Storage {
         self.blobs.keep(new.file, &file_key(id)).await?;
         self.blobs.put(&image_key(id), new.image_png).await?;
         let added = self.insert_lidar_map(home, row, now).await;
-        if !matches!(added, Ok((_, true))) {
+        // After a database error the row may be there nevertheless; then the next start's sweep decides.
+        if matches!(added, Ok((_, false)) | Err(StorageError::NoSuchHome)) {
             self.blobs.discard(&[file_key(id), image_key(id)]).await;
         }
         added
