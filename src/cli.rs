@@ -1,6 +1,7 @@
 //! The command line: one file a command.
 
 mod align;
+mod demo;
 mod evaluate;
 mod migrate;
 mod openapi;
@@ -21,6 +22,8 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    /// See it all at work: serve, upload a simulated home, compare the poses with the truth.
+    Demo(demo::DemoArguments),
     /// Find the pose of one clip in a LiDAR map.
     Align(align::AlignArguments),
     /// Align the excerpts of a scene with known poses and print the errors.
@@ -38,6 +41,7 @@ enum Command {
 /// Runs the command of the process's arguments; an error is printed with its causes.
 pub fn main() -> ExitCode {
     let done = match Arguments::parse().command {
+        Command::Demo(arguments) => demo::run(&arguments),
         Command::Align(arguments) => align::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
