@@ -94,7 +94,7 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Query<T> {
     }
 }
 
-/// A JSON object as the body. Without a body and its media type, the default.
+/// A JSON object as the body. Without a body and its media type, or with `null`, the default.
 pub(super) struct Json<T>(pub T);
 
 impl<S: Send + Sync, T: DeserializeOwned + Default> FromRequest<S> for Json<T> {
@@ -103,9 +103,9 @@ impl<S: Send + Sync, T: DeserializeOwned + Default> FromRequest<S> for Json<T> {
     async fn from_request(request: Request, state: &S) -> Result<Json<T>, Error> {
         // By way of an object: serde would also take an array for a struct.
         type Object = serde_json::Map<String, serde_json::Value>;
-        match Option::<axum::Json<Object>>::from_request(request, state).await {
-            Ok(None) => Ok(Json(T::default())),
-            Ok(Some(axum::Json(object))) => serde_json::from_value(object.into())
+        match Option::<axum::Json<Option<Object>>>::from_request(request, state).await {
+            Ok(None | Some(axum::Json(None))) => Ok(Json(T::default())),
+            Ok(Some(axum::Json(Some(object)))) => serde_json::from_value(object.into())
                 .map(Json)
                 .map_err(|error| Error::InvalidBody(error.to_string())),
             Err(rejection) => Err(refused_json(&rejection)),

@@ -28,7 +28,7 @@ pub(super) struct HomeBody {
 ///
 /// Repeating it changes nothing.
 #[utoipa::path(put, path = "/v1/homes/{home}", tag = "homes",
-    params(HomePath), request_body = HomeBody,
+    params(HomePath), request_body = Option<HomeBody>,
     responses(
         (status = 200, description = "The home was there", body = Home),
         (status = 201, description = "The home is new", body = Home),

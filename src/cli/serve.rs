@@ -20,7 +20,7 @@ pub struct ServeArguments {
     /// The data folder; it is made when it is not there.
     #[arg(long, value_name = "DIR", default_value = "viola-data")]
     data: PathBuf,
-    /// Jobs at a time; each uses all cores where it can.
+    /// Jobs at a time; each uses all cores where it can. With 0, jobs wait for another server.
     #[arg(long, value_name = "N", default_value_t = 1)]
     workers: usize,
     /// Largest clip.

@@ -55,13 +55,16 @@ impl From<AlignmentState> for ClipState {
 /// An uploaded clip.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct Clip {
+    #[schema(example = "01a1f766-7a97-7747-9dbb-391e0eeccb64")]
     pub id: Uuid,
     pub home: HomeId,
     pub state: ClipState,
     /// Why the clip is in its state.
     pub reasons: Vec<Reason>,
+    #[schema(example = 15147863)]
     pub size_bytes: u64,
     /// Of the file, in lower-case hexadecimal.
+    #[schema(example = "7a0339dd7ccb957e90eb77c14f3ee67f0aa0f22b2746d18fb8ef262c6f069c9e")]
     pub sha256: String,
     /// What was understood of the file.
     pub info: ClipInfo,

@@ -55,10 +55,14 @@ impl HomeId {
 pub struct Home {
     pub id: HomeId,
     /// For people.
+    #[schema(example = "Flat 3, Elm Street")]
     pub name: Option<String>,
     /// Revision of the current LiDAR map, null before the first one.
+    #[schema(example = 2)]
     pub lidar_map_revision: Option<i64>,
+    #[schema(example = 3)]
     pub clips: i64,
+    #[schema(example = "2026-03-14T15:09:26.535Z")]
     pub created_at: Timestamp,
     pub updated_at: Timestamp,
 }

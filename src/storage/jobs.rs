@@ -45,6 +45,7 @@ impl JobState {
 /// The alignment of one clip to one revision of its home's LiDAR map.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct Job {
+    #[schema(example = "01a1f766-7abd-71fb-b5b7-3d59df71839d")]
     pub id: Uuid,
     pub home: HomeId,
     pub clip: Uuid,
@@ -53,13 +54,17 @@ pub struct Job {
     /// What the method is doing, while the job runs.
     pub stage: Option<Stage>,
     /// Of the whole job, 0..1.
+    #[schema(minimum = 0, maximum = 1, example = 0.43)]
     pub progress: f64,
     /// How often a worker has begun.
+    #[schema(example = 1)]
     pub attempts: u32,
+    #[schema(example = 3)]
     pub max_attempts: u32,
     /// Why the last attempt, or the job, failed.
     pub error: Option<Reason>,
     /// Grows with every change.
+    #[schema(example = 5)]
     pub version: i64,
     pub created_at: Timestamp,
     pub updated_at: Timestamp,

@@ -15,7 +15,9 @@ pub struct LidarMapRevision {
     #[serde(skip)]
     id: Uuid,
     /// Counts from 1; the highest is the current one.
+    #[schema(minimum = 1, example = 2)]
     pub revision: i64,
+    #[schema(example = 15540)]
     pub size_bytes: u64,
     /// Of the file, in lower-case hexadecimal.
     pub sha256: String,

@@ -12,6 +12,7 @@ async fn a_home_is_made_renamed_read_and_removed() {
     assert_eq!(server.get("/v1/homes/h-1").await.ok(200), made);
     assert_eq!(put(json!({"name": null})).await.ok(200)["name"], Value::Null);
     assert_eq!(server.put("/v1/homes/h-1", "").await.ok(200)["id"], "h-1");
+    assert_eq!(put(Value::Null).await.ok(200)["id"], "h-1");
     server.delete("/v1/homes/h-1").await.ok(204);
     server.get("/v1/homes/h-1").await.problem(404, "home-not-found");
     server.delete("/v1/homes/h-1").await.problem(404, "home-not-found");
