@@ -23,9 +23,9 @@ pub struct EvaluateArguments {
     /// A recording with true poses, in a layout that the clip readers know.
     #[arg(long, required_unless_present = "set")]
     scene: Option<PathBuf>,
-    /// A set of simulated homes instead: normal, upper, repeated, changed.
-    #[arg(long, conflicts_with = "scene")]
-    set: Option<Set>,
+    /// Sets of simulated homes instead: normal, upper, repeated, changed.
+    #[arg(long, conflicts_with = "scene", value_delimiter = ',')]
+    set: Vec<Set>,
     /// Seeds of the simulated homes, the last one not included.
     #[arg(long, value_name = "FIRST..END", default_value = "1000..1100", value_parser = super::align::range::<u64>)]
     seeds: Range<u64>,
@@ -90,7 +90,13 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     let results = run.results(&Silent, &|result| report.hear(result))?;
     report.finish();
     if let Some(path) = &arguments.fit {
-        let fitted_to = format!("{:?} {:?} {:?}", arguments.set, arguments.seeds, arguments.frames);
+        let fitted_to = format!(
+            "sets {}, seeds {:?}, clips of {:?} frames, {} clips",
+            arguments.set.iter().map(|set| set.name()).collect::<Vec<_>>().join(", "),
+            arguments.seeds,
+            arguments.frames,
+            results.len()
+        );
         let posterior = evaluate::fit(&results, fitted_to)
             .context("the probability cannot be fitted: the results are all right or all wrong")?;
         fs::write(path, serde_json::to_string_pretty(&posterior)? + "\n")
@@ -108,17 +114,16 @@ fn methods(arguments: &EvaluateArguments) -> Result<Vec<Method>> {
 }
 
 fn suite(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
-    match (&arguments.scene, arguments.set) {
-        (Some(path), _) => scene(arguments, path),
-        (None, Some(set)) => Ok(Box::new(HomeClips::new(HomesParams {
-            set,
-            seeds: arguments.seeds.clone(),
-            clips_per_home: arguments.clips.unwrap_or(3) as u64,
-            frames: arguments.frames.clone(),
-            sensor: arguments.sensor,
-        }))),
-        (None, None) => bail!("give --scene or --set"),
+    if let Some(path) = &arguments.scene {
+        return scene(arguments, path);
     }
+    Ok(Box::new(HomeClips::new(HomesParams {
+        sets: arguments.set.clone(),
+        seeds: arguments.seeds.clone(),
+        clips_per_home: arguments.clips.unwrap_or(3) as u64,
+        frames: arguments.frames.clone(),
+        sensor: arguments.sensor,
+    })))
 }
 
 fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<Box<dyn Suite>> {
