@@ -28,7 +28,7 @@ pub struct HomeClips {
     cases: Vec<Case>,
     clips: Vec<HomeClip>,
     /// The homes made last: neighbouring cases share theirs.
-    recent: Mutex<Vec<((Set, u64), Arc<Mapped>)>>,
+    recent: Mutex<Vec<Arc<Mapped>>>,
 }
 
 /// Which clip a case is.
@@ -42,6 +42,7 @@ struct HomeClip {
 
 /// A home and its map.
 struct Mapped {
+    of: (Set, u64),
     home: Home,
     survey: Survey,
     lidar: Arc<LidarMap>,
@@ -70,7 +71,7 @@ impl HomeClips {
     fn mapped(&self, set: Set, seed: u64) -> Result<Arc<Mapped>, RunError> {
         const KEPT: usize = 4;
         let recent = || self.recent.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        if let Some((_, mapped)) = recent().iter().find(|(known, _)| *known == (set, seed)) {
+        if let Some(mapped) = recent().iter().find(|mapped| mapped.of == (set, seed)) {
             return Ok(mapped.clone());
         }
         let home = Home::generate(&HomeParams::new(set, seed));
@@ -78,9 +79,9 @@ impl HomeClips {
         let lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes())
             .map_err(|source| RunError::Map { home: seed, source })?;
         let target = Target::new(&lidar).map(Arc::new);
-        let mapped = Arc::new(Mapped { home, survey, lidar: Arc::new(lidar), target });
+        let mapped = Arc::new(Mapped { of: (set, seed), home, survey, lidar: Arc::new(lidar), target });
         let mut recent = recent();
-        recent.push(((set, seed), mapped.clone()));
+        recent.push(mapped.clone());
         if recent.len() > KEPT {
             recent.remove(0);
         }
