@@ -37,6 +37,8 @@ pub struct PaperParams {
     /// Height at which the rays run, and the slab of points around it that they can hit.
     pub vacuum_height_m: f64,
     pub slab_m: f64,
+    /// Points no higher than this are floor and no hits. The paper knows the floor by its labels.
+    pub floor_m: f64,
     /// Rays of one camera, spread evenly over `fan_rad` about its heading; a ray ends at the nearest point
     /// within `cone_rad` of it.
     pub rays: usize,
@@ -76,6 +78,7 @@ impl Default for PaperParams {
             refiner: Refiner::Chamfer,
             vacuum_height_m: RaycastParams::default().vacuum_height_m,
             slab_m: 0.10,
+            floor_m: 0.05,
             rays: 300,
             fan_rad: std::f64::consts::PI,
             cone_rad: 3f64.to_radians(),

@@ -6,10 +6,11 @@ use crate::geometry::{Point2, Pose2, wrap_angle};
 
 /// The hits of all cameras, in the clip frame; a point that several rays end at is there once.
 pub(super) fn cast(cloud_in_clip: &PointCloud, cameras: &[Pose2], params: &PaperParams) -> Vec<Point2> {
+    let is_in_slab = |z_m: f64| z_m > params.floor_m && (z_m - params.vacuum_height_m).abs() <= params.slab_m;
     let slab: Vec<Point2> = cloud_in_clip
         .points
         .iter()
-        .filter(|p| (f64::from(p.position_m[2]) - params.vacuum_height_m).abs() <= params.slab_m)
+        .filter(|p| is_in_slab(f64::from(p.position_m[2])))
         .map(|p| Point2::new(f64::from(p.position_m[0]), f64::from(p.position_m[1])))
         .collect();
     let mut is_hit = vec![false; slab.len()];
@@ -64,6 +65,7 @@ mod tests {
             [2.0, 0.0, 0.12],
             [1.0, 0.0, 0.12],  // shades the first
             [0.5, 0.0, 0.50],  // above the slab
+            [0.5, 0.0, 0.04],  // floor, though in the slab
             [-1.0, 0.1, 0.12], // behind the camera
             [0.0, 1.0, 0.20],  // at the edge of the fan
         ]);
