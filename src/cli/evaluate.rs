@@ -32,6 +32,9 @@ pub struct EvaluateArguments {
     /// Depth sensor of the simulated clips: phone-lidar, structured-light.
     #[arg(long, default_value = "phone-lidar")]
     sensor: Sensor,
+    /// Also give every simulated clip the map of another home, where it belongs nowhere.
+    #[arg(long, requires = "set")]
+    foreign: bool,
     /// Fit the probability to this run's results and write its coefficients.
     #[arg(long, value_name = "FILE")]
     fit: Option<PathBuf>,
@@ -123,6 +126,7 @@ fn suite(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
         clips_per_home: arguments.clips.unwrap_or(3) as u64,
         frames: arguments.frames.clone(),
         sensor: arguments.sensor,
+        foreign: arguments.foreign,
     })))
 }
 

@@ -3,7 +3,7 @@
 use super::{Case, RunError, Sample, Suite};
 use crate::align::{self, AlignError, AlignParams, Target};
 use crate::clip::{Clip, ClipInfo};
-use crate::geometry::Vector3;
+use crate::geometry::{Pose2, Vector3};
 use crate::lidar::LidarMap;
 use crate::progress::Progress;
 use crate::simulate::{ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, valetudo_json};
@@ -20,7 +20,12 @@ pub struct HomesParams {
     /// Lengths of the clips in frames.
     pub frames: Vec<usize>,
     pub sensor: Sensor,
+    /// Also give every clip the map of the next seed's home, where it belongs nowhere.
+    pub foreign: bool,
 }
+
+/// The true pose of a clip in the map of another home: one that no answer comes near.
+const NOWHERE: Pose2 = Pose2 { x_m: 1e6, y_m: 1e6, yaw_rad: 0.0 };
 
 /// Clips of simulated homes.
 pub struct HomeClips {
@@ -38,6 +43,7 @@ struct HomeClip {
     seed: u64,
     number: u64,
     frames: usize,
+    foreign: bool,
 }
 
 /// A home and its map.
@@ -52,17 +58,20 @@ struct Mapped {
 impl HomeClips {
     pub fn new(params: HomesParams) -> HomeClips {
         let mut clips = Vec::new();
+        let maps: &[bool] = if params.foreign { &[false, true] } else { &[false] };
         for &set in &params.sets {
-            for &frames in &params.frames {
-                for seed in params.seeds.clone() {
-                    let numbers = 0..params.clips_per_home;
-                    clips.extend(numbers.map(|number| HomeClip { set, seed, number, frames }));
+            for &foreign in maps {
+                for &frames in &params.frames {
+                    for seed in params.seeds.clone() {
+                        let numbers = 0..params.clips_per_home;
+                        clips.extend(numbers.map(|number| HomeClip { set, seed, number, frames, foreign }));
+                    }
                 }
             }
         }
         let case = |clip: &HomeClip| Case {
             name: format!("{:06}_{}", clip.seed, clip.number),
-            set: clip.set.name().to_owned(),
+            set: format!("{}{}", clip.set.name(), if clip.foreign { "-foreign" } else { "" }),
             frames: clip.frames,
         };
         HomeClips { cases: clips.iter().map(case).collect(), clips, params, recent: Mutex::default() }
@@ -105,8 +114,9 @@ impl Suite for HomeClips {
         params: &AlignParams,
         progress: &dyn Progress,
     ) -> Result<Option<Sample>, RunError> {
-        let HomeClip { set, seed, number, frames } = self.clips[index];
+        let HomeClip { set, seed, number, frames, foreign } = self.clips[index];
         let mapped = self.mapped(set, seed)?;
+        let map = if foreign { self.mapped(set, seed + 1)? } else { mapped.clone() };
         // Colour does not matter here: the cheapest pictures will do.
         let color_width = self.params.sensor.depth_camera().width;
         let recording =
@@ -120,10 +130,10 @@ impl Suite for HomeClips {
         })?;
         Ok(Some(Sample {
             observation,
-            lidar: mapped.lidar.clone(),
-            target: mapped.target.clone(),
-            map_from_clip: truth.map_from_clip,
-            equivalent_poses: truth.equivalent_poses,
+            lidar: map.lidar.clone(),
+            target: map.target.clone(),
+            map_from_clip: if foreign { NOWHERE } else { truth.map_from_clip },
+            equivalent_poses: if foreign { vec![NOWHERE] } else { truth.equivalent_poses },
             first_frame: 0,
             last_frame: frames.saturating_sub(1) as u32,
         }))
