@@ -82,6 +82,16 @@ impl Readings {
     }
 }
 
+#[cfg(test)]
+impl KeyFrame {
+    /// A key frame that read nothing.
+    pub(super) fn blind(world_from_camera: Pose3) -> KeyFrame {
+        let camera = Pinhole { width: 4, height: 3, fx: 4.0, fy: 4.0, cx: 1.5, cy: 1.0 };
+        let readings = Readings { camera, width: 4, depth_mm: Vec::new(), stride: 1 };
+        KeyFrame { number: 0, world_from_camera, readings }
+    }
+}
+
 /// The fused clip.
 #[derive(Debug, Clone)]
 pub struct Fused {
