@@ -121,8 +121,30 @@ impl Fused {
 /// Why there is nothing to align.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NotFused {
+    /// The range holds no frame.
+    NoFrame,
     /// No frame in the range has a pose.
     NoPosedFrame,
+}
+
+impl NotFused {
+    /// The same for the answer.
+    pub fn reason(self, clip: &Clip) -> Reason {
+        match self {
+            NotFused::NoFrame => {
+                let numbers = clip.frames().iter().map(|frame| frame.number);
+                let (first, last) = (numbers.clone().min().unwrap_or(0), numbers.max().unwrap_or(0));
+                let detail = format!(
+                    "no frame of the clip is in the range; its frames are numbered {first} to {last}"
+                );
+                Reason::new("no_frame_in_range", detail)
+            }
+            NotFused::NoPosedFrame => Reason::new(
+                "no_posed_frame",
+                "no frame in the range has a camera pose; record with an app that stores device poses",
+            ),
+        }
+    }
 }
 
 /// Fuses the key frames of `frames` (numbers as the layout gives them; all when none).
@@ -132,9 +154,10 @@ pub fn fuse(
     params: &FuseParams,
     progress: &dyn Progress,
 ) -> Result<Result<Fused, NotFused>, AlignError> {
-    let chosen = choose(clip, frames, params);
+    let chosen = choose(clip, frames.as_ref(), params);
     if chosen.is_empty() {
-        return Ok(Err(NotFused::NoPosedFrame));
+        let any = clip.frames().iter().any(|frame| frames.as_ref().is_none_or(|f| f.contains(&frame.number)));
+        return Ok(Err(if any { NotFused::NoPosedFrame } else { NotFused::NoFrame }));
     }
     let mut tsdf = Tsdf::new(params.tsdf.clone());
     let mut key_frames = Vec::with_capacity(chosen.len());
@@ -185,8 +208,8 @@ pub fn fuse(
 const BATCH: usize = 16;
 
 /// The posed frames far enough from the one chosen before, with their places in the clip.
-fn choose(clip: &Clip, frames: Option<Range<u32>>, params: &FuseParams) -> Vec<(usize, Pose3)> {
-    let wanted = |number: u32| frames.as_ref().is_none_or(|range| range.contains(&number));
+fn choose(clip: &Clip, frames: Option<&Range<u32>>, params: &FuseParams) -> Vec<(usize, Pose3)> {
+    let wanted = |number: u32| frames.is_none_or(|range| range.contains(&number));
     let mut chosen: Vec<(usize, Pose3)> = Vec::new();
     for (index, header) in clip.frames().iter().enumerate() {
         let Some(pose) = header.world_from_camera.filter(|_| wanted(header.number)) else { continue };

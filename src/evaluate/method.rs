@@ -20,7 +20,15 @@ pub enum MethodKind {
 
 /// Evidence that `viola` can be had without: the name after `viola-without-`, and how it is switched off.
 type Ablation = (&'static str, fn(&mut AlignParams));
-const ABLATIONS: &[Ablation] = &[("free-space", |params| params.decide.blocked_m = 0.0)];
+const ABLATIONS: &[Ablation] = &[
+    ("free-space", |params| {
+        params.decide.blocked_m = 0.0;
+        params.decide.hits_on_floor_m = 0.0;
+        params.decide.walls_on_floor_m = 0.0;
+    }),
+    ("structure", |params| params.weigh.low_weight = 1.0),
+    ("upper-walls", |params| params.weigh.upper_weight = 0.0),
+];
 
 impl Method {
     pub fn viola(params: AlignParams) -> Method {
