@@ -31,8 +31,8 @@ impl Default for DecideParams {
     fn default() -> Self {
         DecideParams {
             evidence: EvidenceParams::default(),
-            blocked_m: 0.2,
-            hits_on_floor_m: 0.1,
+            blocked_m: 0.1,
+            hits_on_floor_m: 0.15,
             walls_on_floor_m: 0.2,
             same_m: 0.15,
             same_rad: 5f64.to_radians(),

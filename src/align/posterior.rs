@@ -12,7 +12,7 @@ use std::sync::LazyLock;
 /// The figures, by name.
 pub const FEATURES: [&str; 12] = [
     "gap",
-    "relative_gap",
+    "near_gap",
     "gap_hits",
     "loss",
     "inliers",
@@ -29,6 +29,8 @@ pub const FEATURES: [&str; 12] = [
 /// theta_R).
 const CLOSE_M: f64 = 0.3;
 const CLOSE_DEG: f64 = 20.0;
+/// Below this a gap is noise as likely as not, so its size counts on a scale of its own.
+const NEAR_GAP_M: f64 = 0.012;
 
 /// The explanations that are not close to the best one.
 fn rivals(alternatives: &[Alternative]) -> impl Iterator<Item = &Alternative> {
@@ -56,7 +58,7 @@ pub fn features(alignment: &Alignment) -> Option<[f64; FEATURES.len()]> {
     let sigma_m = (covariance[0][0] + covariance[1][1]).sqrt();
     Some([
         gap_m,
-        gap_m / (best.loss_m + 0.02),
+        gap_m.min(NEAR_GAP_M),
         gap_m * (log_hits + 2.0),
         best.loss_m,
         best.inliers,

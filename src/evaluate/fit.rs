@@ -63,3 +63,47 @@ pub fn fit(results: &[ClipResult], fitted_to: String) -> Option<Posterior> {
         coefficients: (0..FEATURES.len()).map(coefficient).collect(),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::align::AlignmentState;
+
+    /// Clips whose first figure alone decides, with the odds e to the power of it.
+    fn results() -> Vec<ClipResult> {
+        (0..4000u64)
+            .map(|i| {
+                let x = ((i * 37) % 1000) as f64 / 100.0 - 5.0;
+                // An even spread of 0..1 that has nothing to do with x.
+                let luck = ((i * 7919 + i / 1000 * 1231) % 997) as f64 / 997.0;
+                let right = luck < 1.0 / (1.0 + (-x).exp());
+                let mut features = vec![0.0; FEATURES.len()];
+                features[0] = x;
+                ClipResult {
+                    features: Some(features),
+                    truth_rank: right.then_some(0),
+                    ..ClipResult::example(AlignmentState::Aligned, Some((1.0, 0.1)))
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn finds_the_odds_that_made_the_data() {
+        let posterior = fit(&results(), "test".into()).unwrap();
+        for x in [-3.0, -1.0, 0.0, 1.0, 3.0f64] {
+            let mut features = [0.0; FEATURES.len()];
+            features[0] = x;
+            let want = 1.0 / (1.0 + (-x).exp());
+            let got = posterior.probability(&features);
+            assert!((got - want).abs() < 0.03, "{x}: {got} is not {want}");
+        }
+    }
+
+    #[test]
+    fn one_kind_of_answer_teaches_nothing() {
+        let right: Vec<ClipResult> = results().into_iter().filter(|r| r.first_is_right()).collect();
+        assert_eq!(fit(&right, "test".into()), None);
+        assert_eq!(fit(&[], "test".into()), None);
+    }
+}

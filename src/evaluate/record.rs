@@ -90,6 +90,33 @@ impl ClipResult {
     }
 }
 
+#[cfg(test)]
+impl ClipResult {
+    /// A clip with these errors; none without a pose.
+    pub(super) fn example(state: AlignmentState, errors: Option<(f64, f64)>) -> ClipResult {
+        ClipResult {
+            method: "viola".into(),
+            set: "normal".into(),
+            frames: 60,
+            clip: "000001_0".into(),
+            first_frame: 0,
+            last_frame: 59,
+            state,
+            reasons: Vec::new(),
+            probability: None,
+            rotation_error_deg: errors.map(|e| e.0),
+            translation_error_m: errors.map(|e| e.1),
+            coverage: 0.5,
+            inliers: Some(0.9),
+            unknowable: false,
+            truth_rank: None,
+            features: None,
+            register_seconds: 0.1,
+            seconds: 1.0,
+        }
+    }
+}
+
 /// Times of one result.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seconds {

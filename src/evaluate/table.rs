@@ -197,3 +197,26 @@ pub fn clips_csv(results: &[ClipResult]) -> String {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clip_without_a_pose_is_a_failure_and_no_error() {
+        let rows = tabulate(&[
+            ClipResult::example(AlignmentState::Aligned, Some((1.0, 0.05))),
+            ClipResult::example(AlignmentState::Aligned, Some((3.0, 0.35))),
+            ClipResult::example(AlignmentState::Ambiguous, Some((2.0, 0.2))),
+            ClipResult::example(AlignmentState::Failed, None),
+        ]);
+        assert_eq!(rows.len(), 1);
+        let row = &rows[0];
+        assert_eq!((row.clips, row.success_rate, row.aligned_rate), (4, 0.5, 0.5));
+        assert_eq!(row.wrong_when_aligned, Some(0.5));
+        assert!((row.r_mean_deg - 2.0).abs() < 1e-12 && (row.r_median_deg - 2.0).abs() < 1e-12);
+        let recalls: Vec<(f64, f64)> = row.recall_at_m.iter().map(|r| (r.within_m, r.share)).collect();
+        assert_eq!(recalls, [(0.1, 0.25), (0.3, 0.5), (0.5, 0.75), (1.0, 0.75)]);
+        assert_eq!((row.unknowable_clips, row.unknowable_admitted), (0, None));
+    }
+}

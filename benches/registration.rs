@@ -1,0 +1,79 @@
+//! Time of search, refinement and decision on one thread: `cargo bench`. The maps are simulated flats, and the
+//! real apartment where `VIOLA_TEST_DATA` names the folder that has it. `paper` runs on the same clips when
+//! asked for: `cargo bench -- --paper` (minutes).
+
+use std::path::Path;
+use std::time::Instant;
+use viola::align::AlignParams;
+use viola::evaluate::{HomeClips, HomesParams, Method, Sample, Scene, SceneClips, Suite, excerpts};
+use viola::progress::Silent;
+use viola::simulate::{Sensor, Set};
+
+fn main() {
+    let with_paper = std::env::args().any(|argument| argument == "--paper");
+    let mut methods = vec![Method::named("viola", 0).expect("viola is a method")];
+    methods.extend(with_paper.then(|| Method::named("paper", 0).expect("paper is a method")));
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread can be had");
+    pool.install(|| {
+        let homes = HomeClips::new(HomesParams {
+            sets: vec![Set::Normal],
+            seeds: 1000..1010,
+            clips_per_home: 1,
+            frames: vec![60],
+            sensor: Sensor::PhoneLidar,
+            foreign: false,
+        });
+        measure("simulated flats, 60 frames", &homes, &methods);
+        match std::env::var_os("VIOLA_TEST_DATA") {
+            Some(root) => measure("real apartment, 20 frames", &apartment(Path::new(&root)), &methods),
+            None => println!("VIOLA_TEST_DATA is not set: no real apartment"),
+        }
+    });
+}
+
+fn apartment(root: &Path) -> SceneClips {
+    let scene = root.join("scannet/scene0000_00");
+    let lidar = scene.join("lidar");
+    let scene = Scene::open(&scene, &lidar.join("points.csv"), &lidar.join("ground_truth.json"))
+        .expect("VIOLA_TEST_DATA names the folder with the data");
+    let ranges = excerpts(scene.clip.frames().len(), 20).into_iter().step_by(3).collect();
+    SceneClips::new(scene, ranges)
+}
+
+/// The median over the clips of each clip's fastest of three runs; `paper` runs once.
+fn measure(name: &str, suite: &dyn Suite, methods: &[Method]) {
+    let params = AlignParams::default();
+    let samples: Vec<Sample> = (0..suite.cases().len())
+        .filter_map(|index| suite.sample(index, &params, &Silent).expect("a clip of the suite is observed"))
+        .collect();
+    let mut medians = Vec::new();
+    for method in methods {
+        let runs = if method.name == "paper" { 1 } else { 3 };
+        let mut seconds: Vec<f64> = samples
+            .iter()
+            .map(|sample| {
+                let run = || {
+                    let begun = Instant::now();
+                    method.register(sample, &Silent).expect("nobody cancels");
+                    begun.elapsed().as_secs_f64()
+                };
+                (0..runs).map(|_| run()).fold(f64::INFINITY, f64::min)
+            })
+            .collect();
+        seconds.sort_by(f64::total_cmp);
+        let (low, high) = (seconds[0], seconds[seconds.len() - 1]);
+        let median = seconds[seconds.len() / 2];
+        medians.push(median);
+        println!(
+            "{name}, {}: median {:.1} ms, {:.1} to {:.1} ms over {} clips",
+            method.name,
+            median * 1e3,
+            low * 1e3,
+            high * 1e3,
+            seconds.len()
+        );
+    }
+    if let [viola, paper] = medians[..] {
+        println!("{name}: paper / viola = {:.0}", paper / viola);
+    }
+}
