@@ -3,35 +3,47 @@
 //! [`align`] reads like the paper's overview, one line a stage. Everything here is a pure function of its
 //! arguments: the same clip, map, parameters and seed give the same answer on any number of threads.
 
+mod answer;
 mod cloud;
 mod decide;
+mod evidence;
 mod extract;
 mod floor;
+mod free;
 mod fuse;
+mod observe;
 pub mod paper;
+mod posterior;
+mod pyramid;
 mod raycast;
 mod refine;
+mod register;
 mod search;
+mod standing;
 mod target;
 mod tsdf;
+mod weigh;
 
+pub use answer::{Alignment, AlignmentState, Alternative, FloorReport, FreeSpace, Reason};
 pub use cloud::{CloudPoint, PointCloud};
 pub use decide::DecideParams;
+pub use evidence::{Evidence, EvidenceParams};
 pub use floor::{Floor, FloorParams, NoFloor, heading};
 pub use fuse::{FuseParams, Fused, KeyFrame};
+pub use observe::{Observation, Rival, observe};
+pub use posterior::{Coefficient, FEATURES, Posterior, features};
 pub use raycast::{Hit, RaycastParams, VirtualScan};
 pub use refine::{RefineParams, Refined};
+pub use register::register;
 pub use search::{Candidate, Modes, SearchParams};
 pub use target::Target;
 pub use tsdf::TsdfParams;
+pub use weigh::{WeighParams, weigh};
 
 use crate::clip::{Clip, ClipError};
-use crate::geometry::Pose2;
+use crate::geometry::Pose3;
 use crate::lidar::LidarMap;
-use crate::progress::{self, Cancelled, Progress, Stage};
-use fuse::NotFused;
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use crate::progress::{Cancelled, Progress};
 use std::ops::Range;
 
 /// How a clip is aligned, stage by stage.
@@ -41,6 +53,7 @@ pub struct AlignParams {
     pub fuse: FuseParams,
     pub floor: FloorParams,
     pub raycast: RaycastParams,
+    pub weigh: WeighParams,
     pub search: SearchParams,
     pub refine: RefineParams,
     pub decide: DecideParams,
@@ -85,215 +98,10 @@ pub fn align(
     let observation = observe(clip, frames, params, progress)?;
     let target = Target::new(lidar);
     let alignment = register(&observation, target.as_ref(), params, progress)?;
-    Ok(Aligned { alignment, cloud_in_clip: observation.cloud_in_clip, scan: observation.scan })
-}
-
-/// What a clip shows, before any map is looked at.
-#[derive(Debug, Clone, Default)]
-pub struct Observation {
-    pub cloud_in_clip: PointCloud,
-    pub scan: VirtualScan,
-    pub key_frames: usize,
-    pub floor: Option<FloorReport>,
-    /// Remarks, and last the reason why there is no scan when `scan` is empty for one.
-    pub reasons: Vec<Reason>,
-}
-
-/// Stages 1-6: from a clip to what the vacuum would see of it.
-pub fn observe(
-    clip: &Clip,
-    frames: Option<Range<u32>>,
-    params: &AlignParams,
-    progress: &dyn Progress,
-) -> Result<Observation, AlignError> {
-    progress::begin(progress, Stage::Fuse)?;
-    let fused = match fuse::fuse(clip, frames, &params.fuse, progress)? {
-        Ok(fused) => fused,
-        Err(NotFused::NoPosedFrame) => {
-            let reason = Reason::new(
-                "no_posed_frame",
-                "no frame in the range has a camera pose; record with an app that stores device poses",
-            );
-            return Ok(Observation { reasons: vec![reason], ..Observation::default() });
-        }
-    };
-    let mut observation = Observation {
-        key_frames: fused.key_frames.len(),
-        reasons: fused.remarks(),
-        ..Observation::default()
-    };
-
-    progress::begin(progress, Stage::Floor)?;
-    let Fused { cloud_in_world, key_frames, .. } = fused;
-    let floor =
-        floor::find_floor(&cloud_in_world, &key_frames, clip.up_in_world(), &params.floor, params.seed);
-    let floor = match floor {
-        Ok(floor) => floor,
-        Err(why) => {
-            observation.reasons.push(why.reason());
-            return Ok(observation);
-        }
-    };
-    observation.floor = Some(floor.report());
-    observation.cloud_in_clip = cloud_in_world.transformed(&floor.clip_from_world);
-
-    progress::begin(progress, Stage::Raycast)?;
-    observation.scan =
-        raycast::raycast(&observation.cloud_in_clip, &key_frames, &floor.clip_from_world, &params.raycast);
-    Ok(observation)
-}
-
-/// Stages 7-9: from what the vacuum would see to a ranked answer. No target is a map without a point.
-pub fn register(
-    observation: &Observation,
-    target: Option<&Target>,
-    params: &AlignParams,
-    progress: &dyn Progress,
-) -> Result<Alignment, AlignError> {
-    let scan = &observation.scan;
-    let mut alignment = Alignment {
-        hits: scan.hits.len(),
-        key_frames: observation.key_frames,
-        floor: observation.floor.clone(),
-        reasons: observation.reasons.clone(),
-        ..Alignment::failed()
-    };
-    let Some(target) = target else {
-        alignment.reasons.push(Reason::new("map_empty", "the LiDAR map has no occupied point"));
-        return Ok(alignment);
-    };
-    if observation.floor.is_none() {
-        return Ok(alignment);
-    }
-    if scan.hits.len() < params.decide.min_hits {
-        let detail = format!(
-            "the clip shows {} standing points at the vacuum's height and {} are needed; point the camera lower",
-            scan.hits.len(),
-            params.decide.min_hits
-        );
-        alignment.reasons.push(Reason::new("too_few_hits", detail));
-        return Ok(alignment);
-    }
-
-    progress::begin(progress, Stage::Search)?;
-    let found = search::search(&scan.hits, target, &params.search, progress)?;
-
-    progress::begin(progress, Stage::Refine)?;
-    let starts: Vec<Pose2> = found.modes.iter().map(|mode| mode.map_from_clip).collect();
-    let refined = refine::refine(&starts, &scan.hits, target, &params.refine);
-
-    progress::begin(progress, Stage::Decide)?;
-    let decision = decide::decide(&refined, scan, target, &params.decide);
-
-    alignment.state = decision.state;
-    alignment.reasons.extend(decision.reasons);
-    alignment.coverage = Some(decision.coverage);
-    if let Some(best) = decision.ranked.first() {
-        if decision.state != AlignmentState::Failed {
-            alignment.map_from_clip = Some(best.alternative.map_from_clip);
-            alignment.covariance = Some(best.covariance.into());
-        }
-        alignment.loss_m = Some(best.alternative.loss_m);
-        alignment.inliers = Some(best.alternative.inliers);
-    }
-    alignment.alternatives = decision.ranked.into_iter().map(|r| r.alternative).collect();
-    Ok(alignment)
-}
-
-/// The verdict on a clip.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum AlignmentState {
-    /// One pose stands out.
-    Aligned,
-    /// Several poses that are not close to each other explain the clip about equally well.
-    Ambiguous,
-    /// No pose can be given; the reasons say why.
-    Failed,
-}
-
-/// A machine-readable reason for a verdict.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
-pub struct Reason {
-    /// Stable, in snake case, for programs: `two_modes`, `too_few_hits`, `no_floor` ...
-    pub code: String,
-    /// For people.
-    pub detail: String,
-}
-
-/// One explanation of the clip, the best first.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
-pub struct Alternative {
-    pub map_from_clip: Pose2,
-    /// Mean robust distance of the hits to the map plus the free-space penalty, in metres: what ranks them.
-    pub loss_m: f64,
-    /// Share of the hits within 0.1 m of the map, 0..1.
-    pub inliers: f64,
-    /// Share of the clip's rays that run through walls of the map, 0..1.
-    pub blocked_rays: f64,
-    /// Posterior probability, null until it is calibrated.
-    pub probability: Option<f64>,
-}
-
-/// The answer for one clip: `result.json` of `viola align`, and `alignment` of a clip over HTTP.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
-pub struct Alignment {
-    pub state: AlignmentState,
-    /// That the pose is right; null until it is calibrated.
-    pub probability: Option<f64>,
-    /// Null when the state is `failed`.
-    pub map_from_clip: Option<Pose2>,
-    /// Of (x_m, y_m, yaw_rad), row after row: square metres, metre radians, square radians.
-    pub covariance: Option<[[f64; 3]; 3]>,
-    /// That of the best alternative.
-    pub loss_m: Option<f64>,
-    pub inliers: Option<f64>,
-    /// Share of the LiDAR map's points that the clip's hits explain, 0..1 (the paper's coverage).
-    pub coverage: Option<f64>,
-    /// The ranked explanations, the chosen one first.
-    pub alternatives: Vec<Alternative>,
-    pub reasons: Vec<Reason>,
-    pub hits: usize,
-    pub key_frames: usize,
-    pub floor: Option<FloorReport>,
-    /// Time of each stage. The only part that differs from run to run.
-    pub seconds: BTreeMap<String, f64>,
-}
-
-/// What was found of the floor.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
-pub struct FloorReport {
-    /// Height of the first camera above it, in metres.
-    pub camera_height_m: f64,
-    /// Fused points within 2 cm of the plane.
-    pub support_points: usize,
-    /// Angle to the capture's gravity in degrees, when the capture knows gravity.
-    pub gravity_angle_deg: Option<f64>,
-}
-
-impl Reason {
-    pub fn new(code: &str, detail: impl Into<String>) -> Reason {
-        Reason { code: code.to_owned(), detail: detail.into() }
-    }
-}
-
-impl Alignment {
-    /// No pose, and nothing known.
-    fn failed() -> Alignment {
-        Alignment {
-            state: AlignmentState::Failed,
-            probability: None,
-            map_from_clip: None,
-            covariance: None,
-            loss_m: None,
-            inliers: None,
-            coverage: None,
-            alternatives: Vec::new(),
-            reasons: Vec::new(),
-            hits: 0,
-            key_frames: 0,
-            floor: None,
-            seconds: BTreeMap::new(),
-        }
-    }
+    let (scan, sunk_m) = observation.view_of(&alignment);
+    Ok(Aligned {
+        alignment,
+        scan,
+        cloud_in_clip: observation.cloud_in_clip.transformed(&Pose3::translation(0.0, 0.0, sunk_m)),
+    })
 }

@@ -1,1 +1,105 @@
-//! HTTP.
+//! HTTP: one file for each resource. What a request may not do is said in `error`, in one place.
+
+mod bodies;
+mod clip_results;
+mod clips;
+mod documents;
+mod error;
+mod extract;
+mod health;
+mod homes;
+mod jobs;
+mod lidar_map;
+mod list;
+mod page;
+mod problems;
+mod request_log;
+mod server;
+
+pub use server::{ServeError, ServeParams, serve};
+
+use crate::jobs::Queue;
+use crate::storage::Storage;
+use axum::Router;
+use axum::extract::DefaultBodyLimit;
+use std::sync::Arc;
+use tokio::sync::Semaphore;
+use tokio_util::sync::CancellationToken;
+use tower_http::catch_panic::CatchPanicLayer;
+use utoipa::OpenApi;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+/// Of a JSON body. Files are streamed and have limits of their own.
+const MAX_JSON_BYTES: usize = 64 << 10;
+
+/// What every handler may use.
+#[derive(Clone)]
+struct App {
+    storage: Arc<Storage>,
+    queue: Arc<Queue>,
+    max_upload_bytes: u64,
+    /// A place for everyone who may open an uploaded file at a time: readers use memory.
+    readers: Arc<Semaphore>,
+    /// Ends the answers that would otherwise go on for ever.
+    stop: CancellationToken,
+}
+
+#[derive(OpenApi)]
+#[openapi(
+    info(title = "viola", description = "Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.\n\n\
+        Every error is an RFC 9457 problem document with a stable `type`. Lists page by cursor."),
+    tags(
+        (name = "homes", description = "What a LiDAR map and clips belong to"),
+        (name = "lidar-map", description = "The map of the home's robot vacuum"),
+        (name = "clips", description = "Recorded RGB-D clips and their poses in the map"),
+        (name = "jobs", description = "Work under way"),
+        (name = "service", description = "The service itself"),
+    )
+)]
+struct Description;
+
+fn routes() -> OpenApiRouter<App> {
+    OpenApiRouter::with_openapi(Description::openapi())
+        .routes(routes!(homes::list_homes))
+        .routes(routes!(homes::get_home, homes::put_home, homes::delete_home))
+        .routes(routes!(lidar_map::get_lidar_map, lidar_map::put_lidar_map))
+        .routes(routes!(lidar_map::get_lidar_map_image))
+        .routes(routes!(lidar_map::list_lidar_map_revisions))
+        .routes(routes!(clips::list_clips, clips::add_clip))
+        .routes(routes!(clips::get_clip, clips::delete_clip))
+        .routes(routes!(clips::align_clip))
+        .routes(routes!(clip_results::get_clip_overlay))
+        .routes(routes!(clip_results::get_clip_cloud))
+        .routes(routes!(jobs::get_job))
+        .routes(routes!(jobs::watch_job))
+        .routes(routes!(jobs::cancel_job))
+        .routes(routes!(health::healthz))
+        .routes(routes!(health::readyz))
+}
+
+/// The OpenAPI document, as it is served and checked in.
+pub fn document() -> utoipa::openapi::OpenApi {
+    routes().into_openapi()
+}
+
+/// [`document`] as text, its members always in the same order.
+pub fn document_json() -> String {
+    let mut text =
+        document().to_pretty_json().expect("the document has text keys and cannot fail to serialise");
+    text.push('\n');
+    text
+}
+
+fn router(app: App) -> Router {
+    let (router, document) = routes().split_for_parts();
+    router
+        .merge(documents::routes(document))
+        .merge(page::routes())
+        .fallback(error::no_such_route)
+        .method_not_allowed_fallback(error::method_not_allowed)
+        .layer(DefaultBodyLimit::max(MAX_JSON_BYTES))
+        .layer(CatchPanicLayer::custom(error::panicked))
+        .layer(axum::middleware::from_fn(request_log::log))
+        .with_state(app)
+}

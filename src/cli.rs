@@ -1,8 +1,13 @@
 //! The command line: one file a command.
 
 mod align;
+mod demo;
 mod evaluate;
+mod migrate;
+mod openapi;
 mod progress;
+mod serve;
+mod simulate;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -17,17 +22,32 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    /// See it all at work: serve, upload a simulated home, compare the poses with the truth.
+    Demo(demo::DemoArguments),
     /// Find the pose of one clip in a LiDAR map.
     Align(align::AlignArguments),
     /// Align the excerpts of a scene with known poses and print the errors.
     Evaluate(evaluate::EvaluateArguments),
+    /// Make a furnished home with exact truth: LiDAR map, clips and a plan.
+    Simulate(simulate::SimulateArguments),
+    /// Serve the HTTP API, with workers in the same process.
+    Serve(serve::ServeArguments),
+    /// Bring the tables of a data folder up to date without serving; `serve` does it too.
+    Migrate(migrate::MigrateArguments),
+    /// Print the OpenAPI document of the service.
+    Openapi,
 }
 
 /// Runs the command of the process's arguments; an error is printed with its causes.
 pub fn main() -> ExitCode {
     let done = match Arguments::parse().command {
+        Command::Demo(arguments) => demo::run(&arguments),
         Command::Align(arguments) => align::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
+        Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Serve(arguments) => serve::run(&arguments),
+        Command::Migrate(arguments) => migrate::run(&arguments),
+        Command::Openapi => openapi::run(),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -23,9 +23,6 @@ pub trait Container: Send + Sync {
     /// (a part that begins with `.`) and what macOS adds to archives are left out.
     fn names(&self) -> &[String];
 
-    /// Size in bytes as the container declares it. Good for messages and ratios, not for allocating.
-    fn size(&self, name: &str) -> Result<u64, ContainerError>;
-
     /// The whole file, or [`ContainerError::FileTooLarge`] when it has more than `max_bytes`.
     fn read(&self, name: &str, max_bytes: u64) -> Result<Vec<u8>, ContainerError>;
 
@@ -62,7 +59,7 @@ pub enum ContainerError {
     #[error("there are more than {MAX_ENTRIES} entries; send the recording in parts")]
     TooManyEntries,
     #[error(
-        "entry {name} lies outside its container (an absolute name, a drive, `..`, or a link that leads out)"
+        "entry {name} is refused: its name is absolute, has a drive or `..`, is too long, or it is a link that leads out"
     )]
     PathEscapes { name: String },
     #[error("entry {name} is a link; send an archive of plain files")]

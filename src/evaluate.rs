@@ -1,11 +1,14 @@
 //! The paper's protocol on any data with a known truth: clips, methods, one table.
 //!
-//! A [`Suite`] gives clips with their truth: excerpts of a recorded scene ([`SceneClips`]). [`run`] has
+//! A [`Suite`] gives clips with their truth: excerpts of a recorded scene ([`SceneClips`]),
+//! or clips of simulated homes ([`HomeClips`]). [`run`] has
 //! every [`Method`] align the same clips, [`tabulate`] sums up, and [`plot`] draws.
 
 mod calibration;
 mod draw;
 mod failure;
+mod fit;
+mod homes;
 mod journal;
 mod memory;
 mod mesh;
@@ -21,6 +24,8 @@ mod table;
 
 pub use calibration::{Bin, Calibration};
 pub use draw::{excerpts, random_excerpts};
+pub use fit::fit;
+pub use homes::{HomeClips, HomesParams};
 pub use journal::{Journal, JournalError};
 pub use memory::peak_memory_bytes;
 pub use mesh::{Mesh, MeshError};

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 const FLOORS: &[(&str, u8)] = &[
     ("geometry", 1),
     ("progress", 1),
-    ("container", 2),
+    ("container", 1),
     ("clip", 2),
     ("lidar", 2),
     ("align", 3),

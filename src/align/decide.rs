@@ -1,9 +1,10 @@
-//! The verdict: how well each pose explains the clip, and whether a second one does as well (paper IV-A).
+//! How well each pose explains the clip (paper IV-A).
 
+use super::evidence::{EvidenceParams, Witness};
 use super::raycast::{Hit, VirtualScan};
 use super::refine::Refined;
 use super::target::Target;
-use super::{AlignmentState, Alternative, Reason};
+use super::{Alternative, FreeSpace};
 use crate::geometry::{Point2, Pose2, angle_between};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -11,144 +12,77 @@ use rustc_hash::FxHashMap;
 /// How poses are compared.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DecideParams {
-    /// Distances count up to this: a hit without a counterpart is clutter, however far it is.
-    pub truncation_m: f64,
-    /// What a scan whose rays are all blocked would add to the loss.
+    pub evidence: EvidenceParams,
+    /// What a scan whose rays are all blocked adds to the loss, and likewise below.
     pub blocked_m: f64,
-    /// A hit this near to the map has found its counterpart.
-    pub inlier_m: f64,
-    /// Two poses further apart than either of these are different explanations (paper's theta_T, theta_R).
-    pub close_m: f64,
-    pub close_rad: f64,
+    pub hits_on_floor_m: f64,
+    pub walls_on_floor_m: f64,
     /// Poses nearer than this to a better one are not listed again.
     pub same_m: f64,
     pub same_rad: f64,
-    /// The clip is ambiguous if a different explanation loses by less than this (paper's c).
-    pub margin_m: f64,
     pub alternatives: usize,
-    pub min_hits: usize,
     /// Share of hits that must have a counterpart.
     pub min_inliers: f64,
+    /// Probability from which a clip is called aligned.
+    pub sure: f64,
 }
 
 impl Default for DecideParams {
     fn default() -> Self {
         DecideParams {
-            truncation_m: 0.2,
+            evidence: EvidenceParams::default(),
             blocked_m: 0.2,
-            inlier_m: 0.1,
-            close_m: 0.3,
-            close_rad: 20f64.to_radians(),
+            hits_on_floor_m: 0.1,
+            walls_on_floor_m: 0.2,
             same_m: 0.15,
             same_rad: 5f64.to_radians(),
-            margin_m: 0.015,
             alternatives: 8,
-            min_hits: 40,
             min_inliers: 0.3,
+            sure: 0.9,
         }
     }
 }
 
-/// The ranked explanations, each with its covariance, and the verdict on them.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Decision {
-    pub state: AlignmentState,
-    pub ranked: Vec<Ranked>,
-    /// Share of the map's points that the hits explain at the best pose.
-    pub coverage: f64,
-    pub reasons: Vec<Reason>,
-}
-
+/// An explanation with its covariance of (x_m, y_m, yaw_rad).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ranked {
     pub alternative: Alternative,
     pub covariance: nalgebra::Matrix3<f64>,
 }
 
-/// Ranks the refined poses and says whether the best one stands out.
-pub fn decide(refined: &[Refined], scan: &VirtualScan, target: &Target, params: &DecideParams) -> Decision {
-    let mut ranked: Vec<Ranked> = refined.par_iter().map(|pose| rank(pose, scan, target, params)).collect();
+/// The refined poses by how well they explain the clip, the best first, no two of them the same.
+pub fn rank(
+    refined: &[Refined],
+    hits: &[Hit],
+    scan: &VirtualScan,
+    target: &Target,
+    params: &DecideParams,
+) -> Vec<Ranked> {
+    let witness = Witness::new(hits, scan, &params.evidence);
+    let mut ranked: Vec<Ranked> =
+        refined.par_iter().map(|pose| judge(pose, &witness, target, params)).collect();
     ranked.sort_by(|a, b| a.alternative.loss_m.total_cmp(&b.alternative.loss_m));
-    let ranked = distinct(ranked, params);
-    let Some(best) = ranked.first() else {
-        let reason =
-            Reason::new("no_candidate", "the search found no place in the map where the clip could lie");
-        return Decision { state: AlignmentState::Failed, ranked, coverage: 0.0, reasons: vec![reason] };
-    };
-    let best = &best.alternative;
-    let coverage = coverage(&best.map_from_clip, &scan.hits, target, params.inlier_m);
-    let mut reasons = Vec::new();
-    let state = if best.inliers < params.min_inliers {
-        let percent = best.inliers * 100.0;
-        reasons.push(Reason::new(
-            "no_support",
-            format!("only {percent:.0} % of what the clip shows at the vacuum's height is in the map anywhere; is it the map of this home?"),
-        ));
-        AlignmentState::Failed
-    } else {
-        let rivals: Vec<&Alternative> = ranked[1..]
-            .iter()
-            .map(|r| &r.alternative)
-            .filter(|a| !is_close(&a.map_from_clip, &best.map_from_clip, params.close_m, params.close_rad))
-            .filter(|a| a.loss_m - best.loss_m < params.margin_m)
-            .collect();
-        if rivals.is_empty() {
-            AlignmentState::Aligned
-        } else {
-            reasons.push(Reason::new(
-                "several_modes",
-                format!(
-                    "{} other pose(s) explain the clip as well to within {:.1} cm; record more of the lower half of the room, or choose one",
-                    rivals.len(),
-                    params.margin_m * 100.0
-                ),
-            ));
-            AlignmentState::Ambiguous
-        }
-    };
-    Decision { state, coverage, reasons, ranked }
+    distinct(ranked, params)
 }
 
-fn rank(pose: &Refined, scan: &VirtualScan, target: &Target, params: &DecideParams) -> Ranked {
-    let (mut loss, mut inliers, mut blocked, mut weight) = (0.0, 0.0, 0.0, 0.0);
-    for hit in &scan.hits {
-        let distance_m = target.field.value(&pose.map_from_clip.apply(&hit.point_m));
-        loss += hit.weight * distance_m.min(params.truncation_m);
-        inliers += hit.weight * f64::from(u8::from(distance_m < params.inlier_m));
-        blocked += hit.weight * f64::from(u8::from(is_blocked(&pose.map_from_clip, hit, target)));
-        weight += hit.weight;
-    }
-    let weight = f64::max(weight, f64::MIN_POSITIVE);
-    Ranked {
-        alternative: Alternative {
-            map_from_clip: pose.map_from_clip,
-            loss_m: loss / weight + params.blocked_m * blocked / weight,
-            inliers: inliers / weight,
-            blocked_rays: blocked / weight,
-            probability: None,
-        },
-        covariance: pose.covariance,
-    }
-}
-
-/// Whether the ray to a hit runs into something of the map well before the hit.
-fn is_blocked(map_from_clip: &Pose2, hit: &Hit, target: &Target) -> bool {
-    const SHORT_OF_HIT_M: f64 = 0.25;
-    let cell_m = target.field.frame().cell_m;
-    let wall_m = f64::max(0.5 * cell_m, 0.02);
-    let (from, to): (Point2, Point2) = (map_from_clip.apply(&hit.from_m), map_from_clip.apply(&hit.point_m));
-    let range_m = (to - from).norm();
-    let direction = (to - from) / range_m.max(1e-9);
-    let mut along_m = 0.0;
-    while along_m < range_m - SHORT_OF_HIT_M {
-        // The distance field says how far the next obstacle is at least, so the ray may leap.
-        let distance_m = target.field.value(&(from + direction * along_m));
-        if distance_m < wall_m {
-            return true;
-        }
-        along_m += f64::max(distance_m - wall_m, 0.5 * cell_m);
-    }
-    false
+fn judge(pose: &Refined, witness: &Witness, target: &Target, params: &DecideParams) -> Ranked {
+    let evidence = witness.examine(&pose.map_from_clip, target);
+    let loss_m = evidence.distance_m
+        + params.blocked_m * evidence.blocked_rays
+        + params.hits_on_floor_m * evidence.hits_on_floor
+        + params.walls_on_floor_m * evidence.walls_on_floor;
+    let alternative = Alternative {
+        map_from_clip: pose.map_from_clip,
+        loss_m,
+        inliers: evidence.inliers,
+        free_space: Some(FreeSpace {
+            blocked_rays: evidence.blocked_rays,
+            hits_on_floor: evidence.hits_on_floor,
+            walls_on_floor: evidence.walls_on_floor,
+        }),
+        probability: None,
+    };
+    Ranked { alternative, covariance: pose.covariance }
 }
 
 fn is_close(a: &Pose2, b: &Pose2, distance_m: f64, angle_rad: f64) -> bool {

@@ -25,6 +25,8 @@ pub struct FloorParams {
     pub camera_cone_rad: f64,
     /// Where the first camera may be above the floor.
     pub camera_height_m: std::ops::RangeInclusive<f64>,
+    /// Heights of the camera that are tried when no floor is in sight.
+    pub assumed_heights_m: Vec<f64>,
     /// Area that a floor must show, square metres.
     pub min_area_m2: f64,
     /// Share of the cloud that may lie below.
@@ -41,6 +43,7 @@ impl Default for FloorParams {
             gravity_cone_rad: 10f64.to_radians(),
             camera_cone_rad: 50f64.to_radians(),
             camera_height_m: 0.25..=2.6,
+            assumed_heights_m: vec![1.45, 1.25, 1.65],
             min_area_m2: 0.15,
             max_below_share: 0.02,
         }
@@ -55,6 +58,8 @@ pub struct Floor {
     pub first_camera_height_m: f64,
     pub support_points: usize,
     pub gravity_angle_rad: Option<f64>,
+    /// Not seen; see [`assume`].
+    pub assumed: bool,
 }
 
 /// Why there is no floor.
@@ -95,6 +100,7 @@ impl Floor {
     /// The part that goes into the answer.
     pub fn report(&self) -> FloorReport {
         FloorReport {
+            assumed: self.assumed,
             camera_height_m: self.first_camera_height_m,
             support_points: self.support_points,
             gravity_angle_deg: self.gravity_angle_rad.map(f64::to_degrees),
@@ -145,8 +151,45 @@ pub fn find_floor(
         clip_from_world: clip_from_world(&plane, &first.world_from_camera),
         first_camera_height_m: plane.height_m(&cameras[0]),
         support_points: cloud.points.iter().filter(|p| plane.height_m(&p.position()).abs() < 0.02).count(),
+        assumed: false,
         gravity_angle_rad: up_in_world.map(|up| plane.normal.dot(&up.normalize()).clamp(-1.0, 1.0).acos()),
     })
+}
+
+/// Floors for a clip that shows none (the paper's future work): level, with the first camera at the heights
+/// at which people hold a phone, and not above anything that was seen.
+pub fn assume(cloud: &PointCloud, key_frames: &[KeyFrame], up: &Vector3, params: &FloorParams) -> Vec<Floor> {
+    let Some(first) = key_frames.first() else { return Vec::new() };
+    let up = up.normalize();
+    let camera = Point3::from(first.world_from_camera.translation.vector);
+    let stride = cloud.points.len().div_ceil(params.scored_points).max(1);
+    let mut depths_m: Vec<f64> =
+        cloud.points.iter().step_by(stride).map(|p| up.dot(&(camera - p.position()))).collect();
+    if depths_m.is_empty() {
+        return Vec::new();
+    }
+    // The lowest half percent may be noise.
+    depths_m.sort_by(f64::total_cmp);
+    let lowest_m = depths_m[(depths_m.len() - 1) * 199 / 200];
+    let mut heights_m: Vec<f64> =
+        params.assumed_heights_m.iter().copied().filter(|height| *height > lowest_m).collect();
+    if heights_m.is_empty() {
+        heights_m.push(lowest_m);
+    }
+    heights_m
+        .into_iter()
+        .map(|height_m| {
+            let plane = Plane::through(&(camera - up * height_m), up);
+            Floor {
+                plane_in_world: plane,
+                clip_from_world: clip_from_world(&plane, &first.world_from_camera),
+                first_camera_height_m: height_m,
+                support_points: 0,
+                gravity_angle_rad: Some(0.0),
+                assumed: true,
+            }
+        })
+        .collect()
 }
 
 const NO_PLANE_AT_ALL: NoFloor = NoFloor::NoPlane { best_area_m2: 0.0, below_share: 0.0 };

@@ -225,7 +225,7 @@ fn decide(
                 map_from_clip: pose.map_from_clip,
                 loss_m: pose.loss_m,
                 inliers: near as f64 / hits_m.len() as f64,
-                blocked_rays: 0.0,
+                free_space: None,
                 probability: None,
             }
         })

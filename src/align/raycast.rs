@@ -1,7 +1,9 @@
 //! What the vacuum would see: rays at its height from below every key camera (paper III-B).
 
 use super::cloud::PointCloud;
+use super::free::free_cells;
 use super::fuse::KeyFrame;
+use super::standing::Standing;
 use crate::geometry::{Point2, Pose2, Pose3, Vector2, Vector3};
 use rustc_hash::FxHashMap;
 
@@ -10,12 +12,21 @@ use rustc_hash::FxHashMap;
 pub struct RaycastParams {
     /// Height of the vacuum's LiDAR above the floor; turrets are 7-12 cm, a bare sensor up to 15.
     pub vacuum_height_m: f64,
+    /// Height of the floor in the clip frame: 0, unless another floor is tried.
+    pub floor_m: f64,
     /// Surface this far above and below counts as being at that height (the authors' slab).
     pub slab_m: f64,
     /// A surface whose normal leans at least this much towards the vertical is no obstacle.
     pub max_normal_z: f64,
     /// Rays in a full turn.
     pub rays: usize,
+    /// Side of the columns in which the vertical extent of what stands is measured.
+    pub column_m: f64,
+    /// A column seen only above the slab counts as a wall down to the floor if at least this much of it
+    /// was seen.
+    pub min_upper_extent_m: f64,
+    /// Surface above this is ceiling, lamps and beams.
+    pub max_height_m: f64,
     /// Hits closer together than this are one.
     pub hit_spacing_m: f64,
     pub max_hits: usize,
@@ -29,9 +40,13 @@ impl Default for RaycastParams {
     fn default() -> Self {
         RaycastParams {
             vacuum_height_m: 0.12,
+            floor_m: 0.0,
             slab_m: 0.10,
             max_normal_z: 0.6,
             rays: 720,
+            column_m: 0.06,
+            min_upper_extent_m: 0.35,
+            max_height_m: 2.2,
             hit_spacing_m: 0.03,
             max_hits: 500,
             max_range_m: 8.0,
@@ -46,8 +61,12 @@ pub struct Hit {
     pub point_m: Point2,
     /// Unit length, towards the seen side.
     pub normal: Vector2,
-    /// How much it counts as evidence, 0..1.
+    /// How much it counts as evidence, 0..1; [`super::weigh`] sets it.
     pub weight: f64,
+    /// How much of the column through it was seen standing, bottom to top.
+    pub extent_m: f64,
+    /// Seen at the vacuum's height; otherwise only above, and projected down along gravity.
+    pub at_vacuum_height: bool,
     /// Where the ray began.
     pub from_m: Point2,
 }
@@ -71,15 +90,15 @@ pub fn raycast(
 ) -> VirtualScan {
     let cameras: Vec<Pose2> =
         key_frames.iter().map(|k| lay_flat(&(clip_from_world * k.world_from_camera))).collect();
-    let slab = Slab::cut(cloud_in_clip, params);
+    let free_m = free_cells(key_frames, clip_from_world, params);
+    let standing = Standing::new(cloud_in_clip, &free_m, params);
     let mut hits = FxHashMap::default();
     for camera in &cameras {
-        slab.cast(&Point2::new(camera.x_m, camera.y_m), params, &mut hits);
+        standing.cast(&Point2::new(camera.x_m, camera.y_m), params, &mut hits);
     }
     let mut hits: Vec<(usize, Hit)> = hits.into_values().collect();
     hits.sort_by_key(|(index, _)| *index);
     let hits: Vec<Hit> = hits.into_iter().map(|(_, hit)| hit).collect();
-    let free_m = free_cells(key_frames, clip_from_world, params);
     VirtualScan { hits: thin(hits, params.max_hits), free_m, cameras }
 }
 
@@ -88,61 +107,6 @@ pub fn lay_flat(clip_from_camera: &Pose3) -> Pose2 {
     let heading = super::floor::heading(clip_from_camera, &Vector3::z());
     let at = clip_from_camera.translation.vector;
     Pose2::new(at.x, at.y, heading.y.atan2(heading.x))
-}
-
-/// The standing surface near the vacuum's height.
-struct Slab {
-    points: Vec<(Point2, Vector2)>,
-    voxel_m: f64,
-}
-
-impl Slab {
-    fn cut(cloud: &PointCloud, params: &RaycastParams) -> Slab {
-        let points = cloud
-            .points
-            .iter()
-            .filter(|p| {
-                (f64::from(p.position_m[2]) - params.vacuum_height_m).abs() <= params.slab_m
-                    && f64::from(p.normal[2]).abs() <= params.max_normal_z
-            })
-            .map(|p| {
-                let (at, n) = (p.position(), p.normal());
-                (Point2::new(at.x, at.y), Vector2::new(n.x, n.y).normalize())
-            })
-            .collect();
-        Slab { points, voxel_m: cloud.voxel_m }
-    }
-
-    /// Adds the first hits seen from one place. Keyed by cell, so that cameras do not repeat each other;
-    /// the earliest camera that sees a cell keeps it.
-    fn cast(&self, from: &Point2, params: &RaycastParams, hits: &mut FxHashMap<[i32; 2], (usize, Hit)>) {
-        const NOTHING: (f32, u32) = (f32::INFINITY, u32::MAX);
-        let mut nearest = vec![NOTHING; params.rays];
-        let rays = params.rays as f64;
-        for (index, (point, _)) in self.points.iter().enumerate() {
-            let offset = point - from;
-            let range_m = offset.norm();
-            if range_m < 0.05 || range_m > params.max_range_m {
-                continue;
-            }
-            // Neighbouring points of one surface shade without a gap between them.
-            let half_width = (0.75 * self.voxel_m / range_m).atan() * rays / std::f64::consts::TAU;
-            let middle =
-                offset.y.atan2(offset.x).rem_euclid(std::f64::consts::TAU) * rays / std::f64::consts::TAU;
-            let (first, last) = ((middle - half_width).ceil() as i64, (middle + half_width).floor() as i64);
-            for ray in first..=last {
-                let slot = &mut nearest[ray.rem_euclid(params.rays as i64) as usize];
-                if (range_m as f32, index as u32) < *slot {
-                    *slot = (range_m as f32, index as u32);
-                }
-            }
-        }
-        for (_, index) in nearest.into_iter().filter(|slot| *slot != NOTHING) {
-            let (point_m, normal) = self.points[index as usize];
-            let cell = [point_m.x, point_m.y].map(|c| (c / params.hit_spacing_m).floor() as i32);
-            hits.entry(cell).or_insert((index as usize, Hit { point_m, normal, weight: 1.0, from_m: *from }));
-        }
-    }
 }
 
 /// Keeps `most` hits that lie far from each other (farthest-point sampling), in their old order.
@@ -167,49 +131,4 @@ pub(super) fn thin(hits: Vec<Hit>, most: usize) -> Vec<Hit> {
         next = farthest.0;
     }
     hits.into_iter().zip(kept).filter(|(_, kept)| *kept).map(|(hit, _)| hit).collect()
-}
-
-/// Cells that the cameras' rays crossed near the vacuum's height on their way to what they hit.
-fn free_cells(key_frames: &[KeyFrame], clip_from_world: &Pose3, params: &RaycastParams) -> Vec<Point2> {
-    // Below half the height the floor's noise would count, above one and a half a low table would.
-    let (low, high) = (0.5 * params.vacuum_height_m, 1.5 * params.vacuum_height_m);
-    let cell_m = params.free_cell_m;
-    let mut counts: FxHashMap<[i32; 2], u32> = FxHashMap::default();
-    for key in key_frames {
-        let clip_from_camera = clip_from_world * key.world_from_camera;
-        let from = clip_from_camera.translation.vector;
-        for point in key.readings.points_in_camera() {
-            let to = (clip_from_camera * point).coords;
-            // The share of the way at which the ray enters and leaves the layer; it must fall through it.
-            if from.z <= high || to.z >= high {
-                continue;
-            }
-            let at = |z: f64| (from.z - z) / (from.z - to.z);
-            // Stop short of the hit: it is a surface, not free space.
-            let short = 1.0 - 0.05 / (to - from).norm();
-            let (enter, leave) = (at(high), at(low).min(short));
-            if leave <= enter {
-                continue;
-            }
-            let (a, b) = (from + (to - from) * enter, from + (to - from) * leave);
-            let steps = ((b - a).xy().norm() / cell_m).ceil().max(1.0);
-            let mut last = None;
-            for step in 0..=steps as usize {
-                let p = a + (b - a) * (step as f64 / steps);
-                let cell = [p.x, p.y].map(|c| (c / cell_m).floor() as i32);
-                if last != Some(cell) {
-                    *counts.entry(cell).or_default() += 1;
-                    last = Some(cell);
-                }
-            }
-        }
-    }
-    // One ray may be a flying pixel at an edge.
-    let mut cells: Vec<[i32; 2]> =
-        counts.into_iter().filter(|(_, n)| *n >= 2).map(|(cell, _)| cell).collect();
-    cells.sort_unstable();
-    cells
-        .into_iter()
-        .map(|[x, y]| Point2::new((f64::from(x) + 0.5) * cell_m, (f64::from(y) + 0.5) * cell_m))
-        .collect()
 }

@@ -7,9 +7,10 @@
 //! threads nor the order of the hits change a bit.
 
 use super::AlignError;
+use super::pyramid::Pyramid;
 use super::raycast::Hit;
 use super::target::Target;
-use crate::geometry::{GridFrame, Pose2, angle_between};
+use crate::geometry::{GridFrame, Point2, Pose2, angle_between};
 use crate::progress::{self, Progress};
 use rayon::prelude::*;
 use std::cmp::Ordering;
@@ -86,7 +87,10 @@ pub fn search(
 ) -> Result<Modes, AlignError> {
     let hits = super::raycast::thin(hits.to_vec(), params.hits);
     let space = Space::new(&hits, target, params);
-    let mut open = BinaryHeap::from(space.roots());
+    let roots = space.roots();
+    // What cannot reach the bar even of this need not be remembered.
+    let hopeless = (params.bar * f64::from(space.dive(&roots))) as u32;
+    let mut open: BinaryHeap<Node> = roots.into_iter().filter(|node| node.bound > hopeless).collect();
     let mut modes: Vec<Candidate> = Vec::new();
     let mut nodes = 0;
     while let Some(top) = open.peek() {
@@ -108,9 +112,9 @@ pub fn search(
         nodes += batch.len();
         let children: Vec<[Node; 4]> =
             batch.par_iter().with_min_len(32).map(|node| space.children(node)).collect();
-        open.extend(children.into_iter().flatten().filter(|child| child.bound > 0));
+        open.extend(children.into_iter().flatten().filter(|child| child.bound > hopeless));
     }
-    let open_bound = open.peek().map_or(0.0, |top| space.share(top.bound));
+    let open_bound = space.share(open.peek().map_or(hopeless, |top| top.bound));
     Ok(Modes { modes, open_bound, nodes })
 }
 
@@ -156,19 +160,17 @@ impl PartialOrd for Node {
     }
 }
 
-/// A hit in cells at some rotation.
+/// A hit at some rotation, as a step between places of the pyramid.
 #[derive(Clone, Copy)]
 struct Offset {
-    x: i32,
-    y: i32,
+    step: i32,
     weight: u32,
 }
 
 struct Space<'a> {
     params: &'a SearchParams,
     frame: GridFrame,
-    /// `levels[l]` holds the maxima over squares of `2^l` cells.
-    levels: Vec<Maxima>,
+    pyramid: Pyramid,
     /// For each rotation, the hits.
     offsets: Vec<Vec<Offset>>,
     /// The score of a perfect match.
@@ -187,17 +189,9 @@ impl<'a> Space<'a> {
             let distance_m = target.field.value(&frame.centre(x, y));
             (255.0 * (-0.5 * (distance_m / params.sigma_m).powi(2)).exp()).round() as u8
         };
-        let mut values = vec![0u8; frame.len()];
-        values.par_chunks_mut(frame.width).enumerate().for_each(|(y, row)| {
-            for (x, value) in row.iter_mut().enumerate() {
-                *value = likelihood(x, y);
-            }
-        });
-        let mut levels =
-            vec![Maxima { width: frame.width as i32, height: frame.height as i32, before: 0, values }];
-        for level in 0..params.levels {
-            levels.push(levels[level as usize].doubled(1 << level));
-        }
+        let reach_m = hits.iter().map(|hit| hit.point_m.coords.norm()).fold(0.0, f64::max);
+        let border = (reach_m / params.cell_m) as usize + 2 + (1 << params.levels);
+        let pyramid = Pyramid::new(frame.width, frame.height, border, params.levels, likelihood);
         // Weights in sixteenths.
         let weight = |hit: &Hit| ((hit.weight * 16.0).round() as u32).max(1);
         let offsets: Vec<Vec<Offset>> = (0..params.rotations)
@@ -205,12 +199,14 @@ impl<'a> Space<'a> {
             .map(|rotation| {
                 let turn = Pose2::new(0.0, 0.0, yaw_rad(rotation as u32, params));
                 let cells = |v: f64| (v / params.cell_m).round() as i32;
-                let turned = hits.iter().map(|hit| (turn.apply(&hit.point_m), weight(hit)));
-                turned.map(|(p, weight)| Offset { x: cells(p.x), y: cells(p.y), weight }).collect()
+                let step = |p: Point2| cells(p.y) * pyramid.stride as i32 + cells(p.x);
+                hits.iter()
+                    .map(|hit| Offset { step: step(turn.apply(&hit.point_m)), weight: weight(hit) })
+                    .collect()
             })
             .collect();
         let full = 255.0 * f64::from(hits.iter().map(weight).sum::<u32>().max(1));
-        Space { params, frame, levels, offsets, full }
+        Space { params, frame, pyramid, offsets, full }
     }
 
     /// Squares of the top level that together hold every place the origin may have.
@@ -233,17 +229,54 @@ impl<'a> Space<'a> {
     }
 
     fn node(&self, rotation: u32, level: u32, x: i32, y: i32) -> Node {
-        let maxima = &self.levels[level as usize];
-        let (x0, y0) = (x + maxima.before, y + maxima.before);
-        let sum = |offset: &Offset| offset.weight * u32::from(maxima.at(x0 + offset.x, y0 + offset.y));
+        let maxima = &self.pyramid.levels[level as usize];
+        let place = self.pyramid.place(x, y) as i32;
+        let sum = |o: &Offset| o.weight * u32::from(maxima[(place + o.step) as usize]);
         let bound = self.offsets[rotation as usize].iter().map(sum).sum();
         Node { bound, level, rotation, x, y }
     }
 
+    /// The four quarters, summed together because their cells lie together.
     fn children(&self, node: &Node) -> [Node; 4] {
-        let half = 1i32 << (node.level - 1);
-        [(0, 0), (half, 0), (0, half), (half, half)]
-            .map(|(dx, dy)| self.node(node.rotation, node.level - 1, node.x + dx, node.y + dy))
+        let level = node.level - 1;
+        let half = 1i32 << level;
+        let maxima = &self.pyramid.levels[level as usize];
+        let place = self.pyramid.place(node.x, node.y) as i32;
+        let above = half as usize * self.pyramid.stride;
+        let mut sums = [0u32; 4];
+        for offset in &self.offsets[node.rotation as usize] {
+            let at = (place + offset.step) as usize;
+            let corners = [at, at + half as usize, at + above, at + above + half as usize];
+            for (sum, corner) in sums.iter_mut().zip(corners) {
+                *sum += offset.weight * u32::from(maxima[corner]);
+            }
+        }
+        let quarter = |i: usize, dx: i32, dy: i32| Node {
+            bound: sums[i],
+            level,
+            rotation: node.rotation,
+            x: node.x + dx,
+            y: node.y + dy,
+        };
+        [quarter(0, 0, 0), quarter(1, half, 0), quarter(2, 0, half), quarter(3, half, half)]
+    }
+
+    /// The best leaf under the most promising roots: what the optimum reaches at least.
+    fn dive(&self, roots: &[Node]) -> u32 {
+        const DIVES: usize = 64;
+        let mut best: Vec<&Node> = roots.iter().collect();
+        best.sort_unstable_by(|a, b| b.cmp(a));
+        best.truncate(DIVES);
+        best.into_par_iter()
+            .map(|root| {
+                let mut node = *root;
+                while node.level > 0 {
+                    node = self.children(&node).into_iter().max().unwrap_or(node);
+                }
+                node.bound
+            })
+            .max()
+            .unwrap_or(0)
     }
 
     fn pose(&self, leaf: &Node) -> Pose2 {
@@ -274,50 +307,10 @@ fn yaw_rad(rotation: u32, params: &SearchParams) -> f64 {
     f64::from(rotation) * std::f64::consts::TAU / params.rotations as f64
 }
 
-/// Maxima of the likelihood over the squares that begin at each cell; also at cells left of and below the
-/// map, whose squares reach into it.
-struct Maxima {
-    width: i32,
-    height: i32,
-    /// Cells before the map's first one.
-    before: i32,
-    values: Vec<u8>,
-}
-
-impl Maxima {
-    fn at(&self, x: i32, y: i32) -> u8 {
-        // A negative place wraps to a huge one.
-        if (x as u32) < self.width as u32 && (y as u32) < self.height as u32 {
-            self.values[(y * self.width + x) as usize]
-        } else {
-            0
-        }
-    }
-
-    /// The maxima over squares of twice the side, which is `side` now.
-    fn doubled(&self, side: i32) -> Maxima {
-        let before = self.before + side;
-        let (width, height) = (self.width + side, self.height + side);
-        let mut values = vec![0u8; (width * height) as usize];
-        values.par_chunks_mut(width as usize).enumerate().for_each(|(y, row)| {
-            let y = y as i32 - side;
-            for (x, value) in row.iter_mut().enumerate() {
-                let x = x as i32 - side;
-                *value = self
-                    .at(x, y)
-                    .max(self.at(x + side, y))
-                    .max(self.at(x, y + side))
-                    .max(self.at(x + side, y + side));
-            }
-        });
-        Maxima { width, height, before, values }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{DistanceField, Grid, Point2, Vector2};
+    use crate::geometry::{DistanceField, Grid, Vector2};
     use crate::progress::Silent;
     use proptest::prelude::*;
 
@@ -327,12 +320,25 @@ mod tests {
         for &(x, y) in walls {
             occupied.set(20 + x % 16, 20 + y % 10, true);
         }
-        let points_m = walls.iter().map(|&(x, y)| frame.centre(20 + x % 16, 20 + y % 10)).collect();
-        Target { points_m, field: DistanceField::new(&occupied) }
+        let points_m: Vec<Point2> =
+            walls.iter().map(|&(x, y)| frame.centre(20 + x % 16, 20 + y % 10)).collect();
+        Target {
+            thinned_m: points_m,
+            points_m: Vec::new(),
+            cells: None,
+            field: DistanceField::new(&occupied),
+        }
     }
 
     fn hit(x: f64, y: f64) -> Hit {
-        Hit { point_m: Point2::new(x, y), normal: Vector2::x(), weight: 1.0, from_m: Point2::origin() }
+        Hit {
+            point_m: Point2::new(x, y),
+            normal: Vector2::x(),
+            weight: 1.0,
+            extent_m: 1.0,
+            at_vacuum_height: true,
+            from_m: Point2::origin(),
+        }
     }
 
     fn small() -> SearchParams {

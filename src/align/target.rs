@@ -1,12 +1,17 @@
 //! The LiDAR map as registration needs it: points, and the distance to the nearest one everywhere.
 
 use crate::geometry::{DistanceField, Grid, GridFrame, Point2};
-use crate::lidar::LidarMap;
+use crate::lidar::{Cell, LidarMap};
+use rustc_hash::FxHashSet;
 
 /// What a virtual scan is registered to.
 #[derive(Debug, Clone)]
 pub struct Target {
     pub points_m: Vec<Point2>,
+    /// One of the points in each 5 cm cell.
+    pub thinned_m: Vec<Point2>,
+    /// What the robot knows of each cell, for maps that have cells.
+    pub cells: Option<Grid<Cell>>,
     pub field: DistanceField,
 }
 
@@ -20,15 +25,34 @@ const MAX_CELLS: f64 = 16e6;
 impl Target {
     /// None when the map has no occupied point.
     pub fn new(lidar: &LidarMap) -> Option<Target> {
-        let points_m = lidar.occupied_m.clone();
-        let frame = field_frame(&points_m, lidar.info.cell_m)?;
+        Target::from_points(lidar.occupied_m.clone(), lidar.info.cell_m, lidar.cells.clone())
+    }
+
+    /// From bare points; `cell_m` is their raster, if they have one.
+    pub fn from_points(
+        points_m: Vec<Point2>,
+        cell_m: Option<f64>,
+        cells: Option<Grid<Cell>>,
+    ) -> Option<Target> {
+        let frame = field_frame(&points_m, cell_m)?;
         let mut occupied = Grid::filled(frame, false);
         for point in &points_m {
             if let Some((x, y)) = frame.cell(point) {
                 occupied.set(x, y, true);
             }
         }
-        Some(Target { points_m, field: DistanceField::new(&occupied) })
+        let mut taken = FxHashSet::default();
+        let thinned_m = points_m
+            .iter()
+            .filter(|p| taken.insert([p.x, p.y].map(|c| (c / 0.05).floor() as i64)))
+            .copied()
+            .collect();
+        Some(Target { points_m, thinned_m, cells, field: DistanceField::new(&occupied) })
+    }
+
+    /// What the robot knows of the place of a point.
+    pub fn cell_at(&self, point: &Point2) -> Cell {
+        self.cells.as_ref().and_then(|cells| cells.at(point)).unwrap_or(Cell::Unknown)
     }
 }
 

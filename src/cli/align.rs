@@ -19,7 +19,7 @@ pub struct AlignArguments {
     #[arg(long)]
     clip: PathBuf,
     /// Only the frames with these numbers, the last one not included.
-    #[arg(long, value_name = "FIRST..END", value_parser = frame_range)]
+    #[arg(long, value_name = "FIRST..END", value_parser = range::<u32>)]
     frames: Option<Range<u32>>,
     /// The LiDAR map (Valetudo JSON, ROS map_server yaml or zip, CSV or PLY points).
     #[arg(long)]
@@ -97,26 +97,22 @@ fn print_answer(clip: &ClipInfo, lidar: &LidarInfo, alignment: &Alignment, out: 
 }
 
 /// `120..180`
-fn frame_range(text: &str) -> Result<Range<u32>, String> {
+pub(super) fn range<T: std::str::FromStr + PartialOrd>(text: &str) -> Result<Range<T>, String> {
     let form = || format!("'{text}' is not of the form FIRST..END, for example 120..180");
     let (first, end) = text.split_once("..").ok_or_else(form)?;
-    let (first, end): (u32, u32) = (first.parse().map_err(|_| form())?, end.parse().map_err(|_| form())?);
-    if first < end {
-        Ok(first..end)
-    } else {
-        Err(format!("'{text}' holds no frame: END must be above FIRST"))
-    }
+    let (first, end): (T, T) = (first.parse().map_err(|_| form())?, end.parse().map_err(|_| form())?);
+    if first < end { Ok(first..end) } else { Err(format!("'{text}' is empty: END must be above FIRST")) }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::frame_range;
+    use super::range;
 
     #[test]
     fn ranges() {
-        assert_eq!(frame_range("120..180"), Ok(120..180));
+        assert_eq!(range::<u32>("120..180"), Ok(120..180));
         for bad in ["", "120", "5..5", "9..3", "a..b", "1..2..3", "-1..4", "1..99999999999"] {
-            assert!(frame_range(bad).is_err(), "{bad}");
+            assert!(range::<u32>(bad).is_err(), "{bad}");
         }
     }
 }

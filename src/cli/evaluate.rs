@@ -1,8 +1,12 @@
 //! `viola evaluate`: the paper's protocol on data with a known truth.
 
 use crate::align::AlignParams;
-use crate::evaluate::{self, ClipResult, Journal, Method, Run, Scene, SceneClips, Suite, SurveyParams, plot};
+use crate::evaluate::{
+    self, ClipResult, HomeClips, HomesParams, Journal, Method, Run, Scene, SceneClips, Suite, SurveyParams,
+    plot,
+};
 use crate::progress::Silent;
+use crate::simulate::{Sensor, Set};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -10,14 +14,27 @@ use serde_json::json;
 use sha2::{Digest, Sha256};
 use std::fs;
 use std::io::IsTerminal;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 #[derive(Args)]
 pub struct EvaluateArguments {
     /// A recording with true poses, in a layout that the clip readers know.
-    #[arg(long)]
-    scene: PathBuf,
+    #[arg(long, required_unless_present = "set")]
+    scene: Option<PathBuf>,
+    /// A set of simulated homes instead: normal, upper, repeated, changed.
+    #[arg(long, conflicts_with = "scene")]
+    set: Option<Set>,
+    /// Seeds of the simulated homes, the last one not included.
+    #[arg(long, value_name = "FIRST..END", default_value = "1000..1100", value_parser = super::align::range::<u64>)]
+    seeds: Range<u64>,
+    /// Depth sensor of the simulated clips: phone-lidar, structured-light.
+    #[arg(long, default_value = "phone-lidar")]
+    sensor: Sensor,
+    /// Fit the probability to this run's results and write its coefficients.
+    #[arg(long, value_name = "FILE")]
+    fit: Option<PathBuf>,
     /// The scene's LiDAR map. Without one, it is simulated from the mesh in SCENE/mesh.
     #[arg(long, requires = "truth")]
     lidar: Option<PathBuf>,
@@ -27,7 +44,8 @@ pub struct EvaluateArguments {
     /// Lengths of the clips in frames. Each cuts the scene into half-overlapping excerpts.
     #[arg(long, default_value = "60", value_delimiter = ',')]
     frames: Vec<usize>,
-    /// Draw this many excerpts of each length at random instead.
+    /// Scene: draw this many excerpts of each length at random instead. Simulated: clips of each home, 3 unless
+    /// said otherwise.
     #[arg(long)]
     clips: Option<usize>,
     /// Methods to compare, by name.
@@ -49,7 +67,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     let pictures = out.join("failed");
     fs::create_dir_all(&pictures)
         .with_context(|| format!("cannot make the folder {}", pictures.display()))?;
-    let suite = scene(arguments)?;
+    let suite = suite(arguments)?;
     if suite.cases().is_empty() {
         bail!("there are no clips: the recording is shorter than the lengths asked for");
     }
@@ -71,6 +89,13 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     let report = Report::new(run.total());
     let results = run.results(&Silent, &|result| report.hear(result))?;
     report.finish();
+    if let Some(path) = &arguments.fit {
+        let fitted_to = format!("{:?} {:?} {:?}", arguments.set, arguments.seeds, arguments.frames);
+        let posterior = evaluate::fit(&results, fitted_to)
+            .context("the probability cannot be fitted: the results are all right or all wrong")?;
+        fs::write(path, serde_json::to_string_pretty(&posterior)? + "\n")
+            .with_context(|| format!("cannot write {}", path.display()))?;
+    }
     write_all(out, arguments, workers, &results)
 }
 
@@ -82,12 +107,26 @@ fn methods(arguments: &EvaluateArguments) -> Result<Vec<Method>> {
     arguments.methods.iter().map(method).collect()
 }
 
-fn scene(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
+fn suite(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
+    match (&arguments.scene, arguments.set) {
+        (Some(path), _) => scene(arguments, path),
+        (None, Some(set)) => Ok(Box::new(HomeClips::new(HomesParams {
+            set,
+            seeds: arguments.seeds.clone(),
+            clips_per_home: arguments.clips.unwrap_or(3) as u64,
+            frames: arguments.frames.clone(),
+            sensor: arguments.sensor,
+        }))),
+        (None, None) => bail!("give --scene or --set"),
+    }
+}
+
+fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<Box<dyn Suite>> {
     let scene = match (&arguments.lidar, &arguments.truth) {
-        (Some(lidar), Some(truth)) => Scene::open(&arguments.scene, lidar, truth)?,
+        (Some(lidar), Some(truth)) => Scene::open(path, lidar, truth)?,
         _ => {
             let params = SurveyParams { seed: arguments.seed, ..SurveyParams::default() };
-            let (scene, survey) = Scene::open_with_mesh(&arguments.scene, &params)?;
+            let (scene, survey) = Scene::open_with_mesh(path, &params)?;
             // The map that was cut can be looked at, and given again.
             save(&arguments.out, "lidar.csv", &survey.points_csv())?;
             let truth = json!({

@@ -60,12 +60,6 @@ impl Folder {
         }
         Ok(target.is_file())
     }
-
-    fn path_of(&self, name: &str) -> Result<PathBuf, ContainerError> {
-        position(&self.names, name)
-            .map(|_| self.root.join(name))
-            .ok_or_else(|| ContainerError::Missing { name: shown(name) })
-    }
 }
 
 impl Container for Folder {
@@ -73,14 +67,11 @@ impl Container for Folder {
         &self.names
     }
 
-    fn size(&self, name: &str) -> Result<u64, ContainerError> {
-        let path = self.path_of(name)?;
-        let metadata = fs::metadata(&path).map_err(|source| ContainerError::unreadable(&path, source))?;
-        Ok(metadata.len())
-    }
-
     fn read(&self, name: &str, max_bytes: u64) -> Result<Vec<u8>, ContainerError> {
-        let path = self.path_of(name)?;
+        if position(&self.names, name).is_none() {
+            return Err(ContainerError::Missing { name: shown(name) });
+        }
+        let path = self.root.join(name);
         let mut file = File::open(&path).map_err(|source| ContainerError::unreadable(&path, source))?;
         read_bounded(&mut file, name, max_bytes)
     }

@@ -108,10 +108,6 @@ impl Container for Zip {
         &self.names
     }
 
-    fn size(&self, name: &str) -> Result<u64, ContainerError> {
-        Ok(self.entry(name)?.size())
-    }
-
     fn read(&self, name: &str, max_bytes: u64) -> Result<Vec<u8>, ContainerError> {
         let mut reader = self.source.reader()?;
         let entry = self.entry(name)?;

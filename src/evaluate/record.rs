@@ -2,7 +2,7 @@
 
 use super::{Case, Sample};
 use crate::align::paper::Nearest;
-use crate::align::{Alignment, AlignmentState};
+use crate::align::{Alignment, AlignmentState, features};
 use crate::geometry::{Point2, Pose2, angle_between};
 use serde::{Deserialize, Serialize};
 
@@ -31,6 +31,8 @@ pub struct ClipResult {
     pub unknowable: bool,
     /// Place of the true pose in the ranked alternatives, from 0.
     pub truth_rank: Option<usize>,
+    /// What the probability is computed from; null for methods without one.
+    pub features: Option<Vec<f64>>,
     /// Search, refinement and decision, on one thread.
     pub register_seconds: f64,
     /// Everything from the clip's pictures to its pose, on one thread.
@@ -41,6 +43,11 @@ impl ClipResult {
     /// The paper's success: under 10 degrees and 0.3 m.
     pub fn is_success(&self) -> bool {
         self.rotation_error_deg.is_some_and(|e| e < 10.0) && self.translation_error_m.is_some_and(|e| e < 0.3)
+    }
+
+    /// Whether the first alternative is the true pose, whatever the verdict.
+    pub fn first_is_right(&self) -> bool {
+        self.truth_rank == Some(0)
     }
 
     pub(super) fn new(
@@ -76,6 +83,7 @@ impl ClipResult {
             inliers: alignment.inliers,
             unknowable: sample.equivalent_poses.len() > 1,
             truth_rank,
+            features: features(alignment).map(|features| features.to_vec()),
             register_seconds: seconds.register,
             seconds: seconds.all,
         }

@@ -4,6 +4,7 @@ use super::failure;
 use super::record::{self, Seconds};
 use super::{Case, ClipResult, Journal, JournalError, Method, Sample, SceneError, Suite};
 use crate::align::{AlignError, AlignParams};
+use crate::lidar::LidarError;
 use crate::progress::{Cancelled, Progress, Stage};
 use crate::stopwatch::Stopwatch;
 use sha2::{Digest, Sha256};
@@ -34,6 +35,8 @@ pub enum RunError {
     Cancelled,
     #[error("clip {clip}: {source}")]
     Align { clip: String, source: AlignError },
+    #[error("the map of simulated home {home}: {source}")]
+    Map { home: u64, source: LidarError },
     #[error(transparent)]
     Scene(#[from] SceneError),
     #[error(transparent)]

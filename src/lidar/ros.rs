@@ -78,7 +78,7 @@ pub(super) fn read(
     let mut notes = Vec::new();
     let image_name = image_beside(&description.image, &mut notes).map_err(bad)?;
     let origin = check(&description).map_err(bad)?;
-    let (image, max_value) = raster::decode(&read_image(&image_name)?, &image_name)?;
+    let image = raster::decode(&read_image(&image_name)?, &image_name)?;
     if raster::is_saved_with_wide_threshold(&image, &description) {
         notes.push(format!(
             "the image's 205, which map savers write for unknown, is below free_thresh {}; it was read as unknown",
@@ -92,7 +92,7 @@ pub(super) fn read(
         width: image.width() as usize,
         height: image.height() as usize,
     };
-    let grid = Grid { frame, cells: raster::classify(&image, max_value, &description) };
+    let grid = Grid { frame, cells: raster::classify(&image, &description) };
     let (grid, occupied_m) = if origin.yaw_rad.abs() > MIN_YAW_RAD {
         notes.push("the origin has a yaw: the cells were sampled again on an upright grid".to_string());
         turn::turn(&grid, &origin)?

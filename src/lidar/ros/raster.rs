@@ -2,50 +2,38 @@
 
 use super::{Description, Mode, Switch};
 use crate::lidar::{Cell, LidarError, MAX_CELLS};
-use image::codecs::pnm::PnmDecoder;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::io::Cursor;
 
 /// Of the decoded image.
 const MAX_IMAGE_BYTES: u64 = 256 << 20;
 
-/// Decodes a PGM or PNG image; also returns the value that is white.
-pub(super) fn decode(bytes: &[u8], name: &str) -> Result<(DynamicImage, u32), LidarError> {
+/// Decodes a PGM or PNG image. Values of a PGM whose white is not 255 or 65535 are scaled up to that.
+pub(super) fn decode(bytes: &[u8], name: &str) -> Result<DynamicImage, LidarError> {
     let bad = |reason: String| LidarError::BadImage { name: name.to_string(), reason };
-    let failed = |error: image::ImageError| bad(error.to_string());
-    match bytes {
-        [b'P', b'2' | b'5', ..] => {
-            let decoder = PnmDecoder::new(Cursor::new(bytes)).map_err(failed)?;
-            check_size(&decoder, name)?;
-            let max_value = decoder.header().maximal_sample();
-            Ok((DynamicImage::from_decoder(decoder).map_err(failed)?, max_value))
-        }
-        [0x89, b'P', b'N', b'G', ..] => {
-            let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
-            let mut limits = Limits::default();
-            limits.max_alloc = Some(MAX_IMAGE_BYTES);
-            reader.limits(limits);
-            let decoder = reader.into_decoder().map_err(failed)?;
-            check_size(&decoder, name)?;
-            let image = DynamicImage::from_decoder(decoder).map_err(failed)?;
-            let bits = image.color().bits_per_pixel() / u16::from(image.color().channel_count());
-            Ok((image, (1 << bits) - 1))
-        }
-        _ => Err(bad("it is neither PGM nor PNG".to_string())),
-    }
-}
-
-fn check_size(decoder: &impl ImageDecoder, name: &str) -> Result<(), LidarError> {
+    let (format, bytes_per_cell) = match bytes {
+        [b'P', b'2' | b'5', ..] => (ImageFormat::Pnm, 1),
+        [0x89, b'P', b'N', b'G', ..] => (ImageFormat::Png, 0),
+        _ => return Err(bad("it is neither PGM nor PNG".to_string())),
+    };
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(MAX_IMAGE_BYTES);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(|error| bad(error.to_string()))?;
     let (width, height) = decoder.dimensions();
     let cells = u64::from(width) * u64::from(height);
     if cells > MAX_CELLS as u64 {
         return Err(LidarError::TooManyCells { cells, max: MAX_CELLS });
     }
     if cells == 0 || decoder.total_bytes() > MAX_IMAGE_BYTES {
-        let reason = format!("it has {width}x{height} pixels of {:?}", decoder.color_type());
-        return Err(LidarError::BadImage { name: name.to_string(), reason });
+        return Err(bad(format!("it has {width}x{height} pixels of {:?}", decoder.color_type())));
     }
-    Ok(())
+    // A PGM is not compressed, so that its size tells before anything is allocated.
+    if (bytes.len() as u64) < cells * bytes_per_cell {
+        return Err(bad(format!("it ends before its {width}x{height} pixels do")));
+    }
+    DynamicImage::from_decoder(decoder).map_err(|error| bad(error.to_string()))
 }
 
 /// What map savers write for unknown, beside 254 for free and 0 for occupied.
@@ -73,11 +61,12 @@ fn negates(description: &Description) -> bool {
 }
 
 /// One cell a pixel, row after row from the bottom; the image begins at the top.
-pub(super) fn classify(image: &DynamicImage, max_value: u32, description: &Description) -> Vec<Cell> {
+pub(super) fn classify(image: &DynamicImage, description: &Description) -> Vec<Cell> {
     let channels = usize::from(image.color().channel_count());
+    let is_wide = image.as_flat_samples_u16().is_some();
     let rule = Rule {
         color_channels: if image.color().has_alpha() { channels - 1 } else { channels },
-        max_value: f64::from(max_value),
+        max_value: if is_wide { 65_535.0 } else { 255.0 },
         mode: description.mode,
         negate: negates(description),
         occupied: description.occupied_thresh,
@@ -122,9 +111,9 @@ impl Rule {
             // Between the thresholds the chance is neither that of a wall nor that of free floor.
             Mode::Scale if is_opaque => self.by_threshold(mean(&pixel[..self.color_channels])),
             Mode::Scale => Cell::Unknown,
-            // The value itself is the occupancy in percent; above 100 nothing is known.
+            // The value, of 255, is itself the occupancy in percent; above 100 nothing is known.
             Mode::Raw => {
-                let percent = mean(&pixel[..self.color_channels]) * self.max_value;
+                let percent = mean(&pixel[..self.color_channels]) * 255.0;
                 match percent / 100.0 {
                     p if p > 1.0 => Cell::Unknown,
                     p if p >= self.occupied => Cell::Occupied,

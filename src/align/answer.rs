@@ -1,0 +1,116 @@
+//! The answer for one clip, as it is written and served.
+
+use crate::geometry::Pose2;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// The verdict on a clip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AlignmentState {
+    /// One pose stands out.
+    Aligned,
+    /// Several poses that are not close to each other explain the clip about equally well.
+    Ambiguous,
+    /// No pose can be given; the reasons say why.
+    Failed,
+}
+
+/// A machine-readable reason for a verdict.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Reason {
+    /// Stable, in snake case, for programs: `several_modes`, `too_few_hits`, `no_floor` ...
+    pub code: String,
+    /// For people.
+    pub detail: String,
+}
+
+/// One explanation of the clip, the best first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Alternative {
+    pub map_from_clip: Pose2,
+    /// Mean robust distance of the hits to the map plus the free-space penalty, in metres: what ranks them.
+    pub loss_m: f64,
+    /// Share of the hits within 0.1 m of the map, 0..1.
+    pub inliers: f64,
+    /// What free space says against the pose; null where the method does not look at it.
+    pub free_space: Option<FreeSpace>,
+    /// That this pose is right, 0..1; null where the method does not give one.
+    pub probability: Option<f64>,
+}
+
+/// Contradictions between what one side saw free and the other side has standing there.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct FreeSpace {
+    /// Share of the clip's rays that run through walls of the map, 0..1.
+    pub blocked_rays: f64,
+    /// Share of the hits that stand where the robot saw free floor, 0..1.
+    pub hits_on_floor: f64,
+    /// Share of the map's walls that stand where the clip saw free floor, among those it speaks about, 0..1.
+    pub walls_on_floor: f64,
+}
+
+/// The answer for one clip: `result.json` of `viola align`, and `alignment` of a clip over HTTP.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Alignment {
+    pub state: AlignmentState,
+    /// That the pose is right to 10 degrees and 0.3 m, 0..1; null when there is no pose.
+    pub probability: Option<f64>,
+    /// Null when the state is `failed`.
+    pub map_from_clip: Option<Pose2>,
+    /// Of (x_m, y_m, yaw_rad), row after row: square metres, metre radians, square radians.
+    pub covariance: Option<[[f64; 3]; 3]>,
+    /// That of the best alternative.
+    pub loss_m: Option<f64>,
+    pub inliers: Option<f64>,
+    /// Share of the LiDAR map's points that the clip's hits explain, 0..1 (the paper's coverage).
+    pub coverage: Option<f64>,
+    /// The ranked explanations, the chosen one first.
+    pub alternatives: Vec<Alternative>,
+    pub reasons: Vec<Reason>,
+    pub hits: usize,
+    pub key_frames: usize,
+    pub floor: Option<FloorReport>,
+    /// Time of each stage. The only part that differs from run to run.
+    pub seconds: BTreeMap<String, f64>,
+}
+
+/// What was found of the floor.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct FloorReport {
+    /// The floor was not seen; its height is the guess that fits the map best.
+    pub assumed: bool,
+    /// Height of the first camera above it, in metres.
+    pub camera_height_m: f64,
+    /// Fused points within 2 cm of the plane.
+    pub support_points: usize,
+    /// Angle to the capture's gravity in degrees, when the capture knows gravity.
+    pub gravity_angle_deg: Option<f64>,
+}
+
+impl Reason {
+    pub fn new(code: &str, detail: impl Into<String>) -> Reason {
+        Reason { code: code.to_owned(), detail: detail.into() }
+    }
+}
+
+impl Alignment {
+    /// No pose, and nothing known.
+    pub(super) fn failed() -> Alignment {
+        Alignment {
+            state: AlignmentState::Failed,
+            probability: None,
+            map_from_clip: None,
+            covariance: None,
+            loss_m: None,
+            inliers: None,
+            coverage: None,
+            alternatives: Vec::new(),
+            reasons: Vec::new(),
+            hits: 0,
+            key_frames: 0,
+            floor: None,
+            seconds: BTreeMap::new(),
+        }
+    }
+}

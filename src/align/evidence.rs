@@ -1,0 +1,143 @@
+//! What speaks for and against a pose: the distance of the hits, and free space on both sides.
+
+use super::raycast::{Hit, VirtualScan};
+use super::target::Target;
+use crate::geometry::{Point2, Pose2};
+use crate::lidar::Cell;
+use rustc_hash::FxHashSet;
+
+/// How evidence is read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EvidenceParams {
+    /// Distances count up to this: a hit without a counterpart is clutter, however far it is.
+    pub truncation_m: f64,
+    /// Share of `truncation_m` that a hit without a counterpart costs where the map knows nothing.
+    pub unknown_share: f64,
+    /// A hit this near to the map has found its counterpart.
+    pub inlier_m: f64,
+    /// A ray is blocked by the map only this far before its hit or earlier.
+    pub short_of_hit_m: f64,
+    /// A hit on free floor contradicts the map only this far from anything that the map has.
+    pub off_wall_m: f64,
+}
+
+impl Default for EvidenceParams {
+    fn default() -> Self {
+        EvidenceParams {
+            truncation_m: 0.2,
+            unknown_share: 0.6,
+            inlier_m: 0.1,
+            short_of_hit_m: 0.25,
+            off_wall_m: 0.15,
+        }
+    }
+}
+
+/// The evidence on one pose. Shares are of the hits' weight unless said otherwise, 0..1.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Evidence {
+    /// Mean truncated distance of the hits to the map.
+    pub distance_m: f64,
+    pub inliers: f64,
+    /// Hits whose ray runs into something of the map well before the hit.
+    pub blocked_rays: f64,
+    /// Hits that stand where the map has free floor.
+    pub hits_on_floor: f64,
+    /// Walls of the map that stand where the clip saw free floor, as a share of the walls that the clip
+    /// speaks about: those and its hits.
+    pub walls_on_floor: f64,
+}
+
+/// The clip's side of the evidence, made once for all poses.
+pub struct Witness<'a> {
+    hits: &'a [Hit],
+    weight: f64,
+    /// Cells that the clip saw free, and all their neighbours too.
+    free: FxHashSet<[i32; 2]>,
+    /// Everything free lies within this distance of the clip's origin.
+    free_reach_m: f64,
+    params: &'a EvidenceParams,
+}
+
+/// Side of the cells in which free floor is compared.
+const CELL_M: f64 = 0.05;
+
+fn cell(point: &Point2) -> [i32; 2] {
+    [point.x, point.y].map(|c| (c / CELL_M).floor() as i32)
+}
+
+impl<'a> Witness<'a> {
+    pub fn new(hits: &'a [Hit], scan: &VirtualScan, params: &'a EvidenceParams) -> Witness<'a> {
+        let seen: FxHashSet<[i32; 2]> = scan.free_m.iter().map(cell).collect();
+        // One cell in from the edge: the edge itself is where walls stand.
+        let inner =
+            |[x, y]: &[i32; 2]| (-1..=1).all(|dy| (-1..=1).all(|dx| seen.contains(&[x + dx, y + dy])));
+        Witness {
+            hits,
+            weight: hits.iter().map(|hit| hit.weight).sum::<f64>().max(f64::MIN_POSITIVE),
+            free: seen.iter().filter(|c| inner(c)).copied().collect(),
+            free_reach_m: scan.free_m.iter().map(|p| p.coords.norm()).fold(0.0, f64::max) + CELL_M,
+            params,
+        }
+    }
+
+    /// Reads the evidence on one pose.
+    pub fn examine(&self, map_from_clip: &Pose2, target: &Target) -> Evidence {
+        let mut evidence = Evidence::default();
+        for hit in self.hits {
+            let at = map_from_clip.apply(&hit.point_m);
+            let distance_m = target.field.value(&at);
+            let state = target.cell_at(&at);
+            let cut_m = match state {
+                Cell::Unknown => self.params.truncation_m * self.params.unknown_share,
+                _ => self.params.truncation_m,
+            };
+            let on_floor = state == Cell::Free && distance_m > self.params.off_wall_m;
+            evidence.distance_m += hit.weight * distance_m.min(cut_m);
+            evidence.inliers += hit.weight * share(distance_m < self.params.inlier_m);
+            evidence.hits_on_floor += hit.weight * share(on_floor);
+            evidence.blocked_rays += hit.weight * share(self.is_blocked(map_from_clip, hit, target));
+        }
+        evidence.distance_m /= self.weight;
+        evidence.inliers /= self.weight;
+        evidence.hits_on_floor /= self.weight;
+        evidence.blocked_rays /= self.weight;
+        evidence.walls_on_floor = self.walls_on_floor(map_from_clip, target);
+        evidence
+    }
+
+    fn walls_on_floor(&self, map_from_clip: &Pose2, target: &Target) -> f64 {
+        let clip_from_map = map_from_clip.inverse();
+        let reach2 = self.free_reach_m * self.free_reach_m;
+        let origin = Point2::new(map_from_clip.x_m, map_from_clip.y_m);
+        let contradicted = target
+            .thinned_m
+            .iter()
+            .filter(|p| (*p - origin).norm_squared() < reach2)
+            .filter(|p| self.free.contains(&cell(&clip_from_map.apply(p))))
+            .count() as f64;
+        contradicted / (contradicted + self.hits.len() as f64).max(1.0)
+    }
+
+    /// The distance field says how far the next obstacle is at least, so the ray may leap.
+    fn is_blocked(&self, map_from_clip: &Pose2, hit: &Hit, target: &Target) -> bool {
+        let cell_m = target.field.frame().cell_m;
+        let wall_m = f64::max(0.5 * cell_m, 0.02);
+        let (from, to) = (map_from_clip.apply(&hit.from_m), map_from_clip.apply(&hit.point_m));
+        let range_m = (to - from).norm();
+        let direction = (to - from) / range_m.max(1e-9);
+        let mut along_m = 0.0;
+        while along_m < range_m - self.params.short_of_hit_m {
+            let distance_m = target.field.value(&(from + direction * along_m));
+            if distance_m < wall_m {
+                return true;
+            }
+            along_m += f64::max(distance_m - wall_m, 0.5 * cell_m);
+        }
+        false
+    }
+}
+
+fn share(of: bool) -> f64 {
+    f64::from(u8::from(of))
+}

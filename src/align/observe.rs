@@ -1,0 +1,111 @@
+//! Stages 1-6: from a clip to what the vacuum would see of it.
+
+use super::floor::{self, Floor};
+use super::fuse::{self, KeyFrame, NotFused};
+use super::raycast::{self, RaycastParams, VirtualScan};
+use super::{AlignError, AlignParams, Alignment, FloorReport, PointCloud, Reason};
+use crate::clip::Clip;
+use crate::progress::{self, Progress, Stage};
+use std::ops::Range;
+
+/// What a clip shows, before any map is looked at.
+#[derive(Debug, Clone, Default)]
+pub struct Observation {
+    pub cloud_in_clip: PointCloud,
+    pub scan: VirtualScan,
+    pub key_frames: usize,
+    pub floor: Option<FloorReport>,
+    /// Scans for other heights of the camera, when the floor was not seen and its height is a guess.
+    pub rivals: Vec<Rival>,
+    /// Remarks, and last the reason why there is no scan when `scan` is empty for one.
+    pub reasons: Vec<Reason>,
+}
+
+/// What the vacuum would see if the floor lay elsewhere.
+#[derive(Debug, Clone)]
+pub struct Rival {
+    pub scan: VirtualScan,
+    pub floor: FloorReport,
+}
+
+/// Fuses the clip, finds the floor and casts the rays.
+pub fn observe(
+    clip: &Clip,
+    frames: Option<Range<u32>>,
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<Observation, AlignError> {
+    progress::begin(progress, Stage::Fuse)?;
+    let fused = match fuse::fuse(clip, frames, &params.fuse, progress)? {
+        Ok(fused) => fused,
+        Err(NotFused::NoPosedFrame) => {
+            let reason = Reason::new(
+                "no_posed_frame",
+                "no frame in the range has a camera pose; record with an app that stores device poses",
+            );
+            return Ok(Observation { reasons: vec![reason], ..Observation::default() });
+        }
+    };
+    let mut observation = Observation {
+        key_frames: fused.key_frames.len(),
+        reasons: fused.remarks(),
+        ..Observation::default()
+    };
+
+    progress::begin(progress, Stage::Floor)?;
+    let (cloud, keys) = (&fused.cloud_in_world, &fused.key_frames);
+    let up = clip.up_in_world();
+    let floors = match floor::find_floor(cloud, keys, up, &params.floor, params.seed) {
+        Ok(floor) => vec![floor],
+        Err(why) => {
+            observation.reasons.push(why.reason());
+            up.map_or_else(Vec::new, |up| floor::assume(cloud, keys, &up, &params.floor))
+        }
+    };
+    let Some(first) = floors.first() else { return Ok(observation) };
+
+    progress::begin(progress, Stage::Raycast)?;
+    observation.cloud_in_clip = fused.cloud_in_world.transformed(&first.clip_from_world);
+    observation.floor = Some(first.report());
+    observation.scan = observation.scan_above(first, first, &fused.key_frames, &params.raycast);
+    for floor in &floors[1..] {
+        progress::check(progress)?;
+        let scan = observation.scan_above(floor, first, &fused.key_frames, &params.raycast);
+        observation.rivals.push(Rival { scan, floor: floor.report() });
+    }
+    Ok(observation)
+}
+
+impl Observation {
+    /// The scan if `floor` were the floor; the cloud stays where `first` put it.
+    fn scan_above(
+        &self,
+        floor: &Floor,
+        first: &Floor,
+        keys: &[KeyFrame],
+        params: &RaycastParams,
+    ) -> VirtualScan {
+        let rise_m = first.first_camera_height_m - floor.first_camera_height_m;
+        let params = RaycastParams {
+            vacuum_height_m: params.vacuum_height_m + rise_m,
+            floor_m: rise_m,
+            ..params.clone()
+        };
+        raycast::raycast(&self.cloud_in_clip, keys, &first.clip_from_world, &params)
+    }
+
+    /// All scans with their floors, the likeliest first; none when there is no floor, not even a guessed one.
+    pub(super) fn views(&self) -> impl Iterator<Item = (&VirtualScan, &FloorReport)> {
+        let first = self.floor.iter().map(|floor| (&self.scan, floor));
+        first.chain(self.rivals.iter().map(|rival| (&rival.scan, &rival.floor)))
+    }
+
+    /// The scan that an answer chose, and how far its floor lies below that of the cloud.
+    pub(super) fn view_of(&self, alignment: &Alignment) -> (VirtualScan, f64) {
+        let first_m = self.floor.as_ref().map_or(0.0, |floor| floor.camera_height_m);
+        self.views().find(|(_, floor)| Some(*floor) == alignment.floor.as_ref()).map_or_else(
+            || (self.scan.clone(), 0.0),
+            |(scan, floor)| (scan.clone(), floor.camera_height_m - first_m),
+        )
+    }
+}

@@ -1,0 +1,30 @@
+//! How much each hit counts: what stands tall is likely built in, what is low may have been moved.
+
+use super::raycast::Hit;
+
+/// How hits are weighed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WeighParams {
+    /// Weight of a hit on something of no height; it grows to one at `tall_m`.
+    pub low_weight: f64,
+    /// From this vertical extent on a surface counts in full.
+    pub tall_m: f64,
+    /// Factor for walls that were seen only above the vacuum's height.
+    pub upper_weight: f64,
+}
+
+impl Default for WeighParams {
+    fn default() -> Self {
+        WeighParams { low_weight: 0.5, tall_m: 1.2, upper_weight: 0.5 }
+    }
+}
+
+/// The hits with their weights; those that count nothing are left out.
+pub fn weigh(hits: &[Hit], params: &WeighParams) -> Vec<Hit> {
+    let weight = |hit: &Hit| {
+        let tall = (hit.extent_m / params.tall_m).clamp(0.0, 1.0);
+        let standing = params.low_weight + (1.0 - params.low_weight) * tall;
+        if hit.at_vacuum_height { standing } else { standing * params.upper_weight }
+    };
+    hits.iter().map(|hit| Hit { weight: weight(hit), ..*hit }).filter(|hit| hit.weight > 0.0).collect()
+}

@@ -1,0 +1,226 @@
+//! What a request may not do, and how HTTP says so: RFC 9457 problem documents with stable types. The cause
+//! of a fault of ours goes to the log, never into an answer.
+
+use crate::clip::ClipError;
+use crate::lidar::LidarError;
+use crate::storage::StorageError;
+use axum::Json;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
+use std::any::Any;
+
+/// An RFC 9457 problem document.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub(super) struct Problem {
+    /// Stable, for programs.
+    #[serde(rename = "type")]
+    #[schema(example = "urn:viola:problem:home-not-found")]
+    pub kind: String,
+    /// The same for every problem of this type.
+    #[schema(example = "There is no such home")]
+    pub title: String,
+    /// The HTTP status.
+    #[schema(example = 404)]
+    pub status: u16,
+    /// What happened this time and what to do, for people.
+    pub detail: String,
+    /// The parameter, header or member at fault, where it is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub field: Option<String>,
+}
+
+/// Why a request is not served.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Error {
+    #[error("{detail}")]
+    InvalidPath { field: Option<&'static str>, detail: String },
+    #[error("{detail}")]
+    InvalidQuery { field: Option<&'static str>, detail: String },
+    #[error("{detail}")]
+    InvalidHeader { field: &'static str, detail: String },
+    #[error("{0}")]
+    MalformedJson(String),
+    #[error("{0}")]
+    InvalidBody(String),
+    #[error("{0}")]
+    UnsupportedMediaType(String),
+    #[error("the body is larger than the limit of {limit} bytes")]
+    BodyTooLarge { limit: u64 },
+    #[error("no byte of the body arrived for {seconds} seconds")]
+    BodyStalled { seconds: u64 },
+    #[error("the body ended before it was whole: {0}")]
+    BodyIncomplete(String),
+    #[error("the body is empty; send the file itself as the body")]
+    BodyEmpty,
+    #[error("{0}")]
+    Clip(#[from] ClipError),
+    #[error("{0}")]
+    Lidar(#[from] LidarError),
+    #[error("this Idempotency-Key came with another file before; use a new key for a new file")]
+    KeyReused,
+    #[error("the home has no LiDAR map to align to; put one first")]
+    NothingToAlignTo,
+    #[error("the job has ended with `{0}` and cannot be cancelled")]
+    JobEnded(&'static str),
+    #[error("no job has this id")]
+    NoSuchJob,
+    #[error("the clip is `{0}`: it has this file once a job ran to an answer")]
+    NoSuchResult(&'static str),
+    #[error("nothing is served under this path; GET /openapi.json lists what is")]
+    NoSuchRoute,
+    #[error("this path does not serve this method; the Allow header lists those it does")]
+    MethodNotAllowed,
+    #[error("the service cannot reach its database")]
+    NotReady(#[source] StorageError),
+    #[error("{0}")]
+    Storage(#[from] StorageError),
+    #[error("a handler panicked: {0}")]
+    Panicked(String),
+}
+
+impl Error {
+    /// Status, code and title.
+    fn mapping(&self) -> (StatusCode, &'static str, &'static str) {
+        use StatusCode as S;
+        match self {
+            Error::InvalidPath { .. } => (S::BAD_REQUEST, "invalid_path", "A part of the path is not valid"),
+            Error::InvalidQuery { .. } => (S::BAD_REQUEST, "invalid_query", "A query parameter is not valid"),
+            Error::InvalidHeader { .. } => (S::BAD_REQUEST, "invalid_header", "A header is not valid"),
+            Error::MalformedJson(_) => (S::BAD_REQUEST, "malformed_json", "The body is not JSON"),
+            Error::InvalidBody(_) => {
+                (S::UNPROCESSABLE_ENTITY, "invalid_body", "The body does not have the expected members")
+            }
+            Error::UnsupportedMediaType(_) => {
+                (S::UNSUPPORTED_MEDIA_TYPE, "unsupported_media_type", "This kind of body is not understood")
+            }
+            Error::BodyTooLarge { .. } => (S::PAYLOAD_TOO_LARGE, "body_too_large", "The body is too large"),
+            Error::BodyStalled { .. } => {
+                (S::REQUEST_TIMEOUT, "body_stalled", "The body did not arrive in time")
+            }
+            Error::BodyIncomplete(_) => (S::BAD_REQUEST, "body_incomplete", "The body is not whole"),
+            Error::BodyEmpty => (S::UNPROCESSABLE_ENTITY, "body_empty", "The body is empty"),
+            Error::Clip(error) => (refusal(error.code()), error.code(), "The clip cannot be used"),
+            Error::Lidar(error) => (refusal(error.code()), error.code(), "The LiDAR map cannot be used"),
+            Error::KeyReused => (
+                S::UNPROCESSABLE_ENTITY,
+                "idempotency_key_reused",
+                "The Idempotency-Key was used for another file",
+            ),
+            Error::NothingToAlignTo => (S::CONFLICT, "no_lidar_map", "The home has no LiDAR map"),
+            Error::JobEnded(_) => (S::CONFLICT, "job_ended", "The job has ended already"),
+            Error::NoSuchJob => (S::NOT_FOUND, "job_not_found", "There is no such job"),
+            Error::NoSuchResult(_) => (S::NOT_FOUND, "result_not_found", "The clip has no such file now"),
+            Error::NoSuchRoute => (S::NOT_FOUND, "route_not_found", "There is nothing under this path"),
+            Error::MethodNotAllowed => {
+                (S::METHOD_NOT_ALLOWED, "method_not_allowed", "The path does not serve this method")
+            }
+            Error::NotReady(_) => (S::SERVICE_UNAVAILABLE, "not_ready", "The service is not ready"),
+            Error::Storage(StorageError::NoSuchHome) => {
+                (S::NOT_FOUND, "home_not_found", "There is no such home")
+            }
+            Error::Storage(StorageError::NoSuchClip) => {
+                (S::NOT_FOUND, "clip_not_found", "There is no such clip")
+            }
+            Error::Storage(StorageError::NoLidarMap) => {
+                (S::NOT_FOUND, "lidar_map_not_found", "The home has no LiDAR map yet")
+            }
+            Error::Storage(error) if error.is_full() => {
+                (S::INSUFFICIENT_STORAGE, "storage_full", "The service has no room left")
+            }
+            Error::Storage(_) | Error::Panicked(_) => {
+                (S::INTERNAL_SERVER_ERROR, "internal_error", "The service failed")
+            }
+        }
+    }
+
+    fn field(&self) -> Option<&'static str> {
+        match self {
+            Error::InvalidPath { field, .. } | Error::InvalidQuery { field, .. } => *field,
+            Error::InvalidHeader { field, .. } => Some(field),
+            Error::KeyReused => Some("Idempotency-Key"),
+            _ => None,
+        }
+    }
+}
+
+/// A file of a kind that no reader knows is another media type; one that a reader refuses is not.
+fn refusal(code: &str) -> StatusCode {
+    if code.starts_with("unknown_") || code == "not_an_archive" {
+        StatusCode::UNSUPPORTED_MEDIA_TYPE
+    } else {
+        StatusCode::UNPROCESSABLE_ENTITY
+    }
+}
+
+impl IntoResponse for Error {
+    fn into_response(self) -> Response {
+        let (status, code, title) = self.mapping();
+        let is_ours = status.is_server_error();
+        let detail = if is_ours {
+            tracing::error!(code, cause = %self, "a request failed");
+            "The cause is in the service's log, under this answer's x-request-id.".to_owned()
+        } else {
+            self.to_string()
+        };
+        let problem = Problem {
+            kind: format!("urn:viola:problem:{}", code.replace('_', "-")),
+            title: title.to_owned(),
+            status: status.as_u16(),
+            detail,
+            field: self.field().map(str::to_owned),
+        };
+        let media_type = HeaderValue::from_static("application/problem+json");
+        (status, [(header::CONTENT_TYPE, media_type)], Json(problem)).into_response()
+    }
+}
+
+pub(super) async fn no_such_route() -> Error {
+    Error::NoSuchRoute
+}
+
+pub(super) async fn method_not_allowed() -> Error {
+    Error::MethodNotAllowed
+}
+
+pub(super) fn panicked(panic: Box<dyn Any + Send>) -> Response {
+    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+    let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
+    Error::Panicked(text.unwrap_or_default()).into_response()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    async fn problem(response: Response) -> (u16, Problem) {
+        let status = response.status().as_u16();
+        let bytes = axum::body::to_bytes(response.into_body(), 10_000).await.unwrap();
+        (status, serde_json::from_slice(&bytes).unwrap())
+    }
+
+    #[tokio::test]
+    async fn our_faults_are_told_without_their_cause() {
+        let secret = || StorageError::Column { column: "secret", detail: "secret".to_owned() };
+        let faults = [
+            (Error::Storage(secret()).into_response(), 500),
+            (Error::NotReady(secret()).into_response(), 503),
+            (panicked(Box::new("secret")), 500),
+            (panicked(Box::new("secret".to_owned())), 500),
+            (panicked(Box::new(7)), 500),
+        ];
+        for (response, status) in faults {
+            let (answered, problem) = problem(response).await;
+            assert_eq!((answered, problem.status), (status, status));
+            assert!(!format!("{problem:?}").contains("secret"));
+        }
+    }
+
+    #[tokio::test]
+    async fn a_full_disk_is_told_apart() {
+        let full = std::io::Error::from(std::io::ErrorKind::StorageFull);
+        let error = StorageError::File { path: "upload".into(), source: full };
+        let (status, problem) = problem(Error::Storage(error).into_response()).await;
+        assert_eq!((status, problem.kind.as_str()), (507, "urn:viola:problem:storage-full"));
+    }
+}

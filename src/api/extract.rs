@@ -1,0 +1,144 @@
+//! axum's extractors with our own refusals: axum answers in plain text.
+
+use super::error::Error;
+use crate::storage::HomeId;
+use axum::extract::rejection::JsonRejection;
+use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};
+use axum::http::request::Parts;
+use serde::de::DeserializeOwned;
+use std::fmt::Display;
+use std::str::FromStr;
+use uuid::Uuid;
+
+/// A path to a home.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Path)]
+pub(super) struct HomePath {
+    /// Chosen by the client.
+    pub home: HomeId,
+}
+
+/// A path to a clip.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Path)]
+pub(super) struct ClipPath {
+    pub home: HomeId,
+    pub clip: Uuid,
+}
+
+/// A path to a job.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Path)]
+pub(super) struct JobPath {
+    pub job: Uuid,
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for HomePath {
+    type Rejection = Error;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<HomePath, Error> {
+        let path = Path::of(parts, state).await?;
+        Ok(HomePath { home: path.part("home")? })
+    }
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for ClipPath {
+    type Rejection = Error;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<ClipPath, Error> {
+        let path = Path::of(parts, state).await?;
+        Ok(ClipPath { home: path.part("home")?, clip: path.part("clip")? })
+    }
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for JobPath {
+    type Rejection = Error;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<JobPath, Error> {
+        let path = Path::of(parts, state).await?;
+        Ok(JobPath { job: path.part("job")? })
+    }
+}
+
+/// The variable parts of a path, decoded.
+struct Path(RawPathParams);
+
+impl Path {
+    async fn of<S: Send + Sync>(parts: &mut Parts, state: &S) -> Result<Path, Error> {
+        match RawPathParams::from_request_parts(parts, state).await {
+            Ok(params) => Ok(Path(params)),
+            Err(rejection) => Err(Error::InvalidPath { field: None, detail: rejection.body_text() }),
+        }
+    }
+
+    fn part<T: FromStr<Err: Display>>(&self, name: &'static str) -> Result<T, Error> {
+        let text = self.0.iter().find(|(other, _)| *other == name).map_or("", |(_, text)| text);
+        text.parse().map_err(|error: T::Err| Error::InvalidPath {
+            field: Some(name),
+            detail: format!("{name}: {error}"),
+        })
+    }
+}
+
+/// The query parameters.
+pub(super) struct Query<T>(pub T);
+
+impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Query<T> {
+    type Rejection = Error;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Query<T>, Error> {
+        match axum::extract::Query::from_request_parts(parts, state).await {
+            Ok(axum::extract::Query(value)) => Ok(Query(value)),
+            Err(rejection) => Err(Error::InvalidQuery { field: None, detail: rejection.body_text() }),
+        }
+    }
+}
+
+/// A JSON object as the body. Without a body and its media type, or with `null`, the default.
+pub(super) struct Json<T>(pub T);
+
+impl<S: Send + Sync, T: DeserializeOwned + Default> FromRequest<S> for Json<T> {
+    type Rejection = Error;
+
+    async fn from_request(request: Request, state: &S) -> Result<Json<T>, Error> {
+        // By way of an object: serde would also take an array for a struct.
+        type Object = serde_json::Map<String, serde_json::Value>;
+        match Option::<axum::Json<Option<Object>>>::from_request(request, state).await {
+            Ok(None | Some(axum::Json(None))) => Ok(Json(T::default())),
+            Ok(Some(axum::Json(Some(object)))) => serde_json::from_value(object.into())
+                .map(Json)
+                .map_err(|error| Error::InvalidBody(error.to_string())),
+            Err(rejection) => Err(refused_json(&rejection)),
+        }
+    }
+}
+
+fn refused_json(rejection: &JsonRejection) -> Error {
+    let detail = rejection.body_text();
+    match rejection {
+        JsonRejection::JsonDataError(_) => Error::InvalidBody(detail),
+        JsonRejection::JsonSyntaxError(_) => Error::MalformedJson(detail),
+        JsonRejection::MissingJsonContentType(_) => Error::UnsupportedMediaType(detail),
+        other if other.status() == axum::http::StatusCode::PAYLOAD_TOO_LARGE => {
+            Error::BodyTooLarge { limit: super::MAX_JSON_BYTES as u64 }
+        }
+        _ => Error::BodyIncomplete(detail),
+    }
+}
+
+/// The `Idempotency-Key` header, when there is one: 1 to 255 visible ASCII characters.
+pub(super) struct IdempotencyKey(pub Option<String>);
+
+impl<S: Send + Sync> FromRequestParts<S> for IdempotencyKey {
+    type Rejection = Error;
+
+    async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<IdempotencyKey, Error> {
+        let Some(value) = parts.headers.get("idempotency-key") else { return Ok(IdempotencyKey(None)) };
+        let bytes = value.as_bytes();
+        if bytes.is_empty() || bytes.len() > 255 || !bytes.iter().all(u8::is_ascii_graphic) {
+            let detail = "an Idempotency-Key is 1 to 255 visible ASCII characters".to_owned();
+            return Err(Error::InvalidHeader { field: "Idempotency-Key", detail });
+        }
+        Ok(IdempotencyKey(Some(String::from_utf8_lossy(bytes).into_owned())))
+    }
+}

@@ -1,0 +1,83 @@
+//! `/v1/homes`
+
+use super::App;
+use super::bodies::to_the_end;
+use super::error::Error;
+use super::extract::{HomePath, Json, Query};
+use super::list::{List, ListQuery};
+use super::problems::{CommonProblems, JsonProblems};
+use crate::storage::Home;
+use axum::extract::State;
+use axum::http::StatusCode;
+use jiff::Timestamp;
+use serde::Deserialize;
+
+const MAX_NAME_CHARACTERS: usize = 200;
+
+/// What a client says of a home.
+#[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct HomeBody {
+    /// For people; at most 200 characters.
+    #[serde(default)]
+    #[schema(max_length = 200, example = "Flat 3, Elm Street")]
+    name: Option<String>,
+}
+
+/// Make a home, or rename it
+///
+/// Repeating it changes nothing.
+#[utoipa::path(put, path = "/v1/homes/{home}", tag = "homes",
+    params(HomePath), request_body = Option<HomeBody>,
+    responses(
+        (status = 200, description = "The home was there", body = Home),
+        (status = 201, description = "The home is new", body = Home),
+        CommonProblems, JsonProblems))]
+pub(super) async fn put_home(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+    Json(body): Json<HomeBody>,
+) -> Result<(StatusCode, axum::Json<Home>), Error> {
+    if body.name.as_ref().is_some_and(|name| name.chars().count() > MAX_NAME_CHARACTERS) {
+        return Err(Error::InvalidBody(format!("name has at most {MAX_NAME_CHARACTERS} characters")));
+    }
+    let (home, is_new) = app.storage.put_home(&home, body.name.as_deref(), Timestamp::now()).await?;
+    let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
+    Ok((status, axum::Json(home)))
+}
+
+/// A home
+#[utoipa::path(get, path = "/v1/homes/{home}", tag = "homes", params(HomePath),
+    responses((status = 200, description = "The home", body = Home), CommonProblems))]
+pub(super) async fn get_home(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+) -> Result<axum::Json<Home>, Error> {
+    Ok(axum::Json(app.storage.home(&home).await?))
+}
+
+/// All homes, by id
+#[utoipa::path(get, path = "/v1/homes", tag = "homes", params(ListQuery),
+    responses((status = 200, description = "One page", body = List<Home>), CommonProblems))]
+pub(super) async fn list_homes(
+    State(app): State<App>,
+    Query(query): Query<ListQuery>,
+) -> Result<axum::Json<List<Home>>, Error> {
+    let homes = app.storage.homes(&query.page()?).await?;
+    Ok(axum::Json(query.list(homes, |home| home.id.clone())?))
+}
+
+/// Remove a home with every byte of it
+#[utoipa::path(delete, path = "/v1/homes/{home}", tag = "homes", params(HomePath),
+    responses((status = 204, description = "It is gone"), CommonProblems))]
+pub(super) async fn delete_home(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+) -> Result<StatusCode, Error> {
+    to_the_end(async move {
+        app.storage.delete_home(&home).await?;
+        app.queue.wake();
+        Ok(StatusCode::NO_CONTENT)
+    })
+    .await
+}

@@ -1,0 +1,84 @@
+//! `/v1/jobs`
+
+use super::App;
+use super::error::{Error, Problem};
+use super::extract::JobPath;
+use super::problems::CommonProblems;
+use crate::storage::{Job, JobState};
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use futures::{Stream, StreamExt};
+use uuid::Uuid;
+
+/// A job
+#[utoipa::path(get, path = "/v1/jobs/{job}", tag = "jobs", params(JobPath),
+    responses((status = 200, description = "The job", body = Job), CommonProblems))]
+pub(super) async fn get_job(
+    State(app): State<App>,
+    JobPath { job: id }: JobPath,
+) -> Result<Json<Job>, Error> {
+    Ok(Json(app.storage.job(id).await?.ok_or(Error::NoSuchJob)?))
+}
+
+/// The changes of a job, as server-sent events
+///
+/// Every `job` event carries the whole job, its `id` is the job's version. The last event is `end`: with the
+/// job in its final state, or with `null` when it was removed with its clip. A listener that comes back with
+/// the `Last-Event-ID` of the final state is told 204, which ends an EventSource.
+#[utoipa::path(get, path = "/v1/jobs/{job}/events", tag = "jobs",
+    params(JobPath,
+        ("Last-Event-ID" = Option<String>, Header, description = "The version that the listener has seen")),
+    responses(
+        (status = 200, description = "The events", body = String, content_type = "text/event-stream"),
+        (status = 204, description = "The listener has seen the end"),
+        CommonProblems))]
+pub(super) async fn watch_job(
+    State(app): State<App>,
+    JobPath { job: id }: JobPath,
+    headers: HeaderMap,
+) -> Result<Response, Error> {
+    let job = app.storage.job(id).await?.ok_or(Error::NoSuchJob)?;
+    let seen = headers.get("last-event-id").and_then(|value| value.to_str().ok()?.parse().ok()).unwrap_or(0);
+    if job.state.is_final() && job.version == seen {
+        return Ok(StatusCode::NO_CONTENT.into_response());
+    }
+    Ok(Sse::new(events(app, id, seen)).keep_alive(KeepAlive::default()).into_response())
+}
+
+fn events(app: App, id: Uuid, seen: i64) -> impl Stream<Item = Result<Event, axum::Error>> {
+    let changes = app.queue.watch(id, seen).map(move |job| match job {
+        Ok(Some(job)) => {
+            let name = if job.state.is_final() { "end" } else { "job" };
+            Event::default().event(name).id(job.version.to_string()).json_data(&job)
+        }
+        Ok(None) => Ok(Event::default().event("end").data("null")),
+        Err(error) => {
+            tracing::error!(job = %id, %error, "a job could not be watched on");
+            Err(axum::Error::new(error))
+        }
+    });
+    changes.take_until(app.stop.cancelled_owned())
+}
+
+/// Cancel a job
+///
+/// Its clip is then `uploaded` with the reason `cancelled`. Cancelling it again changes nothing.
+#[utoipa::path(post, path = "/v1/jobs/{job}/cancel", tag = "jobs", params(JobPath),
+    responses(
+        (status = 200, description = "The job is cancelled", body = Job),
+        (status = 409, description = "The job has ended otherwise: `job-ended`", body = Problem,
+            content_type = "application/problem+json"),
+        CommonProblems))]
+pub(super) async fn cancel_job(
+    State(app): State<App>,
+    JobPath { job: id }: JobPath,
+) -> Result<Json<Job>, Error> {
+    let job = app.queue.cancel(id).await?.ok_or(Error::NoSuchJob)?;
+    if job.state != JobState::Cancelled {
+        return Err(Error::JobEnded(job.state.name()));
+    }
+    Ok(Json(job))
+}

@@ -1,0 +1,83 @@
+//! `/v1/homes/{home}/lidar-map`
+
+use super::App;
+use super::bodies::{FileBytes, receive, send, to_the_end, understand};
+use super::error::Error;
+use super::extract::{HomePath, Query};
+use super::list::{List, ListQuery};
+use super::problems::{CommonProblems, FileProblems};
+use crate::home;
+use crate::lidar::{LidarMap, MAX_FILE_BYTES};
+use crate::storage::{Arrived, LidarMapRevision, NewLidarMap};
+use axum::Json;
+use axum::extract::{Request, State};
+use axum::http::StatusCode;
+use axum::response::Response;
+use jiff::Timestamp;
+
+/// Put the LiDAR map of a home
+///
+/// The body is the file; its format is found by its content. A new file is a new revision, and every clip of
+/// the home is queued to be aligned to it. The current file again changes nothing.
+#[utoipa::path(put, path = "/v1/homes/{home}/lidar-map", tag = "lidar-map", params(HomePath),
+    request_body(content = FileBytes, content_type = "application/octet-stream",
+        description = "Valetudo JSON, a zip of a ROS map_server yaml and its image, CSV or PLY points"),
+    responses(
+        (status = 200, description = "This is the current revision already", body = LidarMapRevision),
+        (status = 201, description = "A new revision", body = LidarMapRevision),
+        CommonProblems, FileProblems))]
+pub(super) async fn put_lidar_map(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+    request: Request,
+) -> Result<(StatusCode, Json<LidarMapRevision>), Error> {
+    app.storage.home(&home).await?;
+    let file = receive(&app.storage, request, MAX_FILE_BYTES).await?;
+    let new = understand(&app, move || open(file)).await?;
+    to_the_end(async move {
+        let (revision, is_new) = app.storage.put_lidar_map(&home, new, Timestamp::now()).await?;
+        app.queue.wake();
+        let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
+        Ok((status, Json(revision)))
+    })
+    .await
+}
+
+fn open(file: Arrived) -> Result<NewLidarMap, Error> {
+    let bytes = file.read()?;
+    let map = LidarMap::read(&bytes)?;
+    Ok(NewLidarMap { file, image_png: home::lidar_png(&map), info: map.info })
+}
+
+/// The current LiDAR map: what was understood of it
+#[utoipa::path(get, path = "/v1/homes/{home}/lidar-map", tag = "lidar-map", params(HomePath),
+    responses((status = 200, description = "The current revision", body = LidarMapRevision), CommonProblems))]
+pub(super) async fn get_lidar_map(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+) -> Result<Json<LidarMapRevision>, Error> {
+    Ok(Json(app.storage.lidar_map(&home).await?))
+}
+
+/// A picture of the current LiDAR map
+#[utoipa::path(get, path = "/v1/homes/{home}/lidar-map/image.png", tag = "lidar-map", params(HomePath),
+    responses((status = 200, description = "The picture", body = FileBytes, content_type = "image/png"), CommonProblems))]
+pub(super) async fn get_lidar_map_image(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+) -> Result<Response, Error> {
+    Ok(send(app.storage.lidar_map_image(&home).await?, "image/png"))
+}
+
+/// All revisions of a home's LiDAR map, the newest first
+#[utoipa::path(get, path = "/v1/homes/{home}/lidar-map/revisions", tag = "lidar-map",
+    params(HomePath, ListQuery),
+    responses((status = 200, description = "One page", body = List<LidarMapRevision>), CommonProblems))]
+pub(super) async fn list_lidar_map_revisions(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+    Query(query): Query<ListQuery>,
+) -> Result<Json<List<LidarMapRevision>>, Error> {
+    let revisions = app.storage.lidar_map_revisions(&home, &query.page()?).await?;
+    Ok(Json(query.list(revisions, |revision| revision.revision)?))
+}

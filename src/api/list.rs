@@ -1,0 +1,66 @@
+//! Lists page by cursor: an answer's `next` is the `after` of the following request.
+
+use super::error::Error;
+use crate::storage::Page;
+use base64::Engine;
+use base64::prelude::BASE64_URL_SAFE_NO_PAD;
+use serde::{Deserialize, Serialize};
+use std::str::FromStr;
+
+const DEFAULT_LIMIT: u32 = 50;
+const MAX_LIMIT: u32 = 200;
+
+/// The query of every list.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct ListQuery {
+    /// How many items at most; 50 when not given.
+    #[param(value_type = Option<u32>, minimum = 1, maximum = 200)]
+    limit: Option<String>,
+    /// `next` of the page before.
+    after: Option<String>,
+}
+
+/// One page of a list.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct List<T> {
+    items: Vec<T>,
+    /// Goes into `after` for the next page; null on the last.
+    next: Option<String>,
+}
+
+impl ListQuery {
+    /// One item more than asked for, to know whether there is a next page.
+    pub fn page<Id: FromStr>(&self) -> Result<Page<Id>, Error> {
+        Ok(Page { limit: self.limit()? + 1, after: self.after.as_deref().map(decode).transpose()? })
+    }
+
+    pub fn list<T, Id: ToString>(&self, mut items: Vec<T>, id: impl Fn(&T) -> Id) -> Result<List<T>, Error> {
+        let limit = self.limit()? as usize;
+        let has_more = items.len() > limit;
+        items.truncate(limit);
+        let next = items.last().filter(|_| has_more).map(|item| encode(&id(item).to_string()));
+        Ok(List { items, next })
+    }
+
+    fn limit(&self) -> Result<u32, Error> {
+        let Some(text) = &self.limit else { return Ok(DEFAULT_LIMIT) };
+        text.parse().ok().filter(|limit| (1..=MAX_LIMIT).contains(limit)).ok_or_else(|| Error::InvalidQuery {
+            field: Some("limit"),
+            detail: format!("limit is a number from 1 to {MAX_LIMIT}"),
+        })
+    }
+}
+
+fn encode(id: &str) -> String {
+    BASE64_URL_SAFE_NO_PAD.encode(id)
+}
+
+fn decode<Id: FromStr>(cursor: &str) -> Result<Id, Error> {
+    let bytes = BASE64_URL_SAFE_NO_PAD.decode(cursor).ok();
+    let text = bytes.and_then(|bytes| String::from_utf8(bytes).ok());
+    text.and_then(|text| text.parse().ok()).ok_or_else(|| Error::InvalidQuery {
+        field: Some("after"),
+        detail: "after is not a cursor that this list gave as next".to_owned(),
+    })
+}

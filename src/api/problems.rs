@@ -1,0 +1,79 @@
+//! The problems that operations answer with, for the OpenAPI document.
+
+use super::error::Problem;
+use std::collections::BTreeMap;
+use utoipa::openapi::{Content, Ref, RefOr, Response, ResponseBuilder};
+use utoipa::{IntoResponses, ToSchema};
+
+type Responses = BTreeMap<String, RefOr<Response>>;
+
+fn responses(problems: &[(&str, &str)]) -> Responses {
+    let mut responses = Responses::new();
+    for (status, description) in problems {
+        let schema = Ref::from_schema_name(Problem::name());
+        let content = Content::new(Some(schema));
+        let response = ResponseBuilder::new()
+            .description(*description)
+            .content("application/problem+json", content)
+            .build();
+        responses.insert((*status).to_owned(), response.into());
+    }
+    responses
+}
+
+/// Of every operation.
+pub(super) struct CommonProblems;
+
+impl IntoResponses for CommonProblems {
+    fn responses() -> Responses {
+        responses(&[
+            (
+                "400",
+                "A part of the path, a query parameter or a header is not valid: `invalid-path`, `invalid-query`, `invalid-header`",
+            ),
+            (
+                "404",
+                "What the path names is not there: `home-not-found`, `clip-not-found`, `lidar-map-not-found`, `job-not-found`, `result-not-found`",
+            ),
+            (
+                "500",
+                "The service failed: `internal-error`. The log has the cause under the answer's `x-request-id`",
+            ),
+        ])
+    }
+}
+
+/// Of operations that take a JSON body.
+pub(super) struct JsonProblems;
+
+impl IntoResponses for JsonProblems {
+    fn responses() -> Responses {
+        responses(&[
+            ("413", "`body-too-large`"),
+            ("415", "The body is not declared as JSON: `unsupported-media-type`"),
+            ("422", "The body is JSON, but not with the expected members: `invalid-body`"),
+            ("507", "`storage-full`"),
+        ])
+    }
+}
+
+/// Of operations that take a file.
+pub(super) struct FileProblems;
+
+impl IntoResponses for FileProblems {
+    fn responses() -> Responses {
+        responses(&[
+            ("408", "The body did not arrive in time: `body-stalled`"),
+            ("413", "The body is larger than the service's limit: `body-too-large`"),
+            (
+                "415",
+                "A form, or a file of a kind that no reader knows: `unsupported-media-type`, `unknown-...`",
+            ),
+            (
+                "422",
+                "The file cannot be used; the type is the reader's own: `body-empty`, `zip-truncated`, ...",
+            ),
+            ("507", "`storage-full`"),
+        ])
+    }
+}

@@ -1,0 +1,175 @@
+//! `viola demo`: the whole service shown at work on a simulated home, from the outside, over HTTP.
+
+mod client;
+mod recordings;
+
+use crate::api::{ServeParams, serve};
+use crate::geometry::angle_between;
+use crate::jobs::WorkerParams;
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use client::{Client, ClipAnswer};
+use indicatif::{MultiProgress, ProgressDrawTarget};
+use recordings::{Recording, Recordings};
+use std::fs;
+use std::io::IsTerminal;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use tokio::sync::oneshot;
+use tokio_util::sync::CancellationToken;
+
+const HOME: &str = "demo";
+/// Says that a folder was made here and may be emptied.
+const MARKER: &str = "made-by-viola-demo";
+/// The paper's bounds of success.
+const CLOSE_M: f64 = 0.3;
+const CLOSE_DEG: f64 = 10.0;
+
+/// Serve on a fresh folder, upload a simulated home's map and clips, and compare the poses with the truth.
+#[derive(Args)]
+pub struct DemoArguments {
+    /// Address and port; port 0 takes a free one.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8080")]
+    listen: SocketAddr,
+    /// The folder for the data, the recordings and the pictures; an earlier demo's is emptied.
+    #[arg(long, value_name = "DIR", default_value = "viola-demo")]
+    data: PathBuf,
+    /// Which home.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Frames of each clip.
+    #[arg(long, default_value_t = 60)]
+    frames: usize,
+    /// Stop after the report, with an error when a clip was not found.
+    #[arg(long)]
+    exit: bool,
+}
+
+pub fn run(arguments: &DemoArguments) -> Result<()> {
+    fresh_folder(&arguments.data)?;
+    println!("Making a home, mapping it with its vacuum and filming three clips ...");
+    let recordings = Recordings::make(arguments.seed, arguments.frames, &arguments.data.join("recordings"))?;
+    let runtime = tokio::runtime::Runtime::new()?;
+    let shown = runtime.block_on(show(arguments, &recordings));
+    runtime.shutdown_background();
+    shown
+}
+
+async fn show(arguments: &DemoArguments, recordings: &Recordings) -> Result<()> {
+    let stop = CancellationToken::new();
+    let (listening, address) = oneshot::channel();
+    let params = ServeParams {
+        listen: arguments.listen,
+        data: arguments.data.join("service"),
+        workers: 1,
+        max_upload_bytes: 1 << 30,
+        worker: WorkerParams::default(),
+    };
+    let mut server = tokio::spawn(serve(params, stop.clone(), |address| {
+        // The receiver is gone only when the demo has ended.
+        let _ = listening.send(address);
+    }));
+    let address = tokio::select! {
+        address = address => address.context("the server gave no address")?,
+        ended = &mut server => return Ok(ended.context("the server broke down")??),
+    };
+    let pictures = arguments.data.join("pictures");
+    let report = report(address, recordings, &pictures);
+    let found = tokio::select! {
+        found = report => found?,
+        ended = &mut server => return Ok(ended.context("the server broke down")??),
+    };
+    if !arguments.exit {
+        println!("\nThe service goes on at http://{address}/ until Ctrl-C.");
+        tokio::select! {
+            interrupted = tokio::signal::ctrl_c() => interrupted.context("Ctrl-C cannot be heard")?,
+            ended = &mut server => return Ok(ended.context("the server broke down")??),
+        }
+    }
+    stop.cancel();
+    server.await.context("the server broke down")??;
+    if arguments.exit && found < recordings.clips.len() {
+        bail!("{found} of {} clips were found", recordings.clips.len());
+    }
+    Ok(())
+}
+
+/// Uploads everything, waits for the poses, prints them beside the truth; how many are right.
+async fn report(address: SocketAddr, recordings: &Recordings, pictures: &Path) -> Result<usize> {
+    let client = Client::new(address);
+    println!("Serving at http://{address}/; uploading as an app would.");
+    client.make_home(HOME, "Simulated home").await?;
+    client.put_map(HOME, fs::read(&recordings.map).context("cannot read the map back")?).await?;
+    let bars = MultiProgress::new();
+    if !std::io::stderr().is_terminal() {
+        bars.set_draw_target(ProgressDrawTarget::hidden());
+    }
+    let followed = recordings.clips.iter().map(|clip| follow(&client, clip, &bars));
+    let answers = futures::future::try_join_all(followed).await?;
+    bars.clear().context("cannot write to the terminal")?;
+    fs::create_dir_all(pictures).with_context(|| format!("cannot make {}", pictures.display()))?;
+    println!("\n{:<8} {:<10} {:>9} {:>9} {:>10}  where", "clip", "state", "error", "turn", "time");
+    let mut found = 0;
+    for (recording, answer) in recordings.clips.iter().zip(&answers) {
+        found += usize::from(print_answer(recording, answer));
+        if answer.alignment.is_some() {
+            for (file, name) in [("overlay.png", "png"), ("cloud.ply", "ply")] {
+                let bytes = client.result(HOME, &answer.id, file).await?;
+                let path = pictures.join(format!("{}.{name}", recording.name));
+                fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+            }
+        }
+    }
+    println!("\n{found} of {} clips within {CLOSE_M} m and {CLOSE_DEG} degrees of the truth.", answers.len());
+    println!("Pictures: {}; the home from above: {}", pictures.display(), recordings.plan.display());
+    Ok(found)
+}
+
+/// One clip, from its upload to its answer.
+async fn follow(client: &Client, recording: &Recording, bars: &MultiProgress) -> Result<ClipAnswer> {
+    let line = client::Line::new(bars, &recording.name);
+    let clip = client.upload(HOME, &recording.path, &line).await?;
+    let job = clip.job.with_context(|| format!("{} has no job", recording.name))?;
+    client.watch(&job.id, &line).await?;
+    let answer = client.clip(HOME, &clip.id).await?;
+    line.end(&answer.state);
+    Ok(answer)
+}
+
+/// One line of the table; whether the pose is right.
+fn print_answer(recording: &Recording, answer: &ClipAnswer) -> bool {
+    let rooms = recording.rooms.join(", ");
+    let pose = answer.alignment.as_ref().and_then(|alignment| alignment.map_from_clip);
+    let Some(pose) = pose else {
+        let reasons: Vec<&str> = answer.reasons.iter().map(|reason| reason.detail.as_str()).collect();
+        println!("{:<8} {:<10} {}", recording.name, answer.state, reasons.join("; "));
+        return false;
+    };
+    let error_m = pose.distance_m(&recording.map_from_clip);
+    let error_deg = angle_between(pose.yaw_rad, recording.map_from_clip.yaw_rad).to_degrees();
+    let seconds: f64 = answer.alignment.iter().flat_map(|alignment| alignment.seconds.values()).sum();
+    let close = error_m < CLOSE_M && error_deg < CLOSE_DEG;
+    println!(
+        "{:<8} {:<10} {:>6.1} cm {:>5.2} deg {:>8.1} s  {rooms}",
+        recording.name,
+        answer.state,
+        100.0 * error_m,
+        error_deg,
+        seconds
+    );
+    close
+}
+
+/// Makes the folder, or empties that of an earlier demo; a folder with anything else is left alone.
+fn fresh_folder(folder: &Path) -> Result<()> {
+    let shown = folder.display();
+    if folder.exists() {
+        let mut entries = fs::read_dir(folder).with_context(|| format!("cannot read {shown}"))?;
+        if !folder.join(MARKER).exists() && entries.next().is_some() {
+            bail!("{shown} is not empty and not of an earlier demo; choose another folder with --data");
+        }
+        fs::remove_dir_all(folder).with_context(|| format!("cannot empty {shown}"))?;
+    }
+    fs::create_dir_all(folder).with_context(|| format!("cannot make {shown}"))?;
+    fs::write(folder.join(MARKER), "").with_context(|| format!("cannot write to {shown}"))
+}

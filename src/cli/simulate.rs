@@ -1,0 +1,80 @@
+//! `viola simulate`: a furnished home with its vacuum's map and clips, written to a folder.
+
+use crate::simulate::{
+    ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, plan_png, points_csv, ros_pgm, ros_yaml,
+    valetudo_json, write_scannet_zip,
+};
+use anyhow::{Context, Result};
+use serde_json::json;
+use std::fs;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+#[derive(clap::Args)]
+pub struct SimulateArguments {
+    /// Kind of homes: normal, upper, repeated, changed.
+    #[arg(long, default_value = "normal")]
+    set: Set,
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// How many clips.
+    #[arg(long, default_value_t = 3)]
+    clips: u64,
+    /// Frames of each clip.
+    #[arg(long, default_value_t = 60)]
+    frames: usize,
+    /// Depth sensor: phone-lidar, structured-light.
+    #[arg(long, default_value = "phone-lidar")]
+    sensor: Sensor,
+    /// Error of the device's poses after one metre, in metres.
+    #[arg(long, default_value_t = ClipParams::default().drift)]
+    drift: f64,
+    /// Folder to write to; made when it is not there.
+    #[arg(long)]
+    out: PathBuf,
+}
+
+pub fn run(arguments: &SimulateArguments) -> Result<()> {
+    let out = &arguments.out;
+    fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    let home = Home::generate(&HomeParams::new(arguments.set, arguments.seed));
+    let survey = home.survey();
+    let params = ClipParams {
+        frames: arguments.frames,
+        sensor: arguments.sensor,
+        drift: arguments.drift,
+        ..ClipParams::default()
+    };
+    let clips: Vec<SimulatedClip> =
+        (0..arguments.clips).map(|index| home.clip(&survey, index, &params)).collect();
+    let truth = json!({
+        "home": home.truth(),
+        "vacuum_height_m": survey.vacuum_height_m,
+        "map_from_home": {
+            "valetudo.json": survey.valetudo_from_home(),
+            "map.yaml": survey.robot_from_home,
+            "points.csv": survey.robot_from_home,
+        },
+        "clips": clips.iter().map(|clip| &clip.truth).collect::<Vec<_>>(),
+    });
+    save(out, "valetudo.json", serde_json::to_string(&valetudo_json(&survey))?.as_bytes())?;
+    save(out, "map.yaml", ros_yaml(&survey, "map.pgm").as_bytes())?;
+    save(out, "map.pgm", &ros_pgm(&survey))?;
+    save(out, "points.csv", points_csv(&survey).as_bytes())?;
+    save(out, "truth.json", serde_json::to_string_pretty(&truth)?.as_bytes())?;
+    save(out, "plan.png", &plan_png(&home, &survey, &clips.iter().collect::<Vec<_>>()))?;
+    for (index, clip) in clips.iter().enumerate() {
+        let path = out.join(format!("clip_{index}.zip"));
+        let file = fs::File::create(&path).with_context(|| format!("cannot write {}", path.display()))?;
+        write_scannet_zip(clip, BufWriter::new(file))?;
+        println!("{}", path.display());
+    }
+    Ok(())
+}
+
+fn save(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {
+    let path = folder.join(name);
+    fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+    println!("{}", path.display());
+    Ok(())
+}

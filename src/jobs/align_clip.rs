@@ -1,0 +1,68 @@
+//! The work of one job: open the clip and the map, align, make the pictures.
+
+use crate::align::{self, AlignError, AlignParams, Alignment, Reason};
+use crate::clip::{Clip, ClipError};
+use crate::home;
+use crate::lidar::{LidarError, LidarMap};
+use crate::progress::{Progress, Stage};
+use crate::stopwatch::Stopwatch;
+use std::path::Path;
+
+/// What one job makes.
+pub struct Finished {
+    pub alignment: Alignment,
+    pub overlay_png: Vec<u8>,
+    pub cloud_ply: Vec<u8>,
+}
+
+/// Why a job made nothing.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    #[error("the work was cancelled")]
+    Cancelled,
+    #[error(transparent)]
+    Clip(#[from] ClipError),
+    #[error(transparent)]
+    Lidar(#[from] LidarError),
+}
+
+impl From<AlignError> for Failure {
+    fn from(error: AlignError) -> Failure {
+        match error {
+            AlignError::Cancelled => Failure::Cancelled,
+            AlignError::Clip(error) => Failure::Clip(error),
+        }
+    }
+}
+
+impl Failure {
+    /// What the clip's owner is told.
+    pub fn reason(&self) -> Reason {
+        let code = match self {
+            Failure::Cancelled => "cancelled",
+            Failure::Clip(error) => error.code(),
+            Failure::Lidar(error) => error.code(),
+        };
+        Reason::new(code, self.to_string())
+    }
+}
+
+pub fn align_clip(
+    clip_path: &Path,
+    lidar_bytes: &[u8],
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<Finished, Failure> {
+    let watch = Stopwatch::around(progress);
+    watch.enter(Stage::Decode);
+    let clip = Clip::open(clip_path)?;
+    let lidar = LidarMap::read(lidar_bytes)?;
+    let params = AlignParams { seed, ..AlignParams::default() };
+    let mut aligned = align::align(&clip, None, &lidar, &params, &watch)?;
+
+    watch.enter(Stage::Report);
+    let overlay_png = home::overlay_png(&lidar, &aligned);
+    let cloud_ply = home::cloud_ply(&aligned.cloud_in_clip, aligned.alignment.map_from_clip.as_ref());
+    aligned.alignment.seconds = watch.stop();
+    Ok(Finished { alignment: aligned.alignment, overlay_png, cloud_ply })
+}

@@ -1,0 +1,51 @@
+//! What the method says while it works, kept where the worker can look at it.
+
+use crate::progress::{Progress, Stage};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A [`Progress`] that remembers the last word and passes on the order to stop.
+#[derive(Default)]
+pub(super) struct Report {
+    heard: Mutex<Heard>,
+    cancelled: AtomicBool,
+}
+
+/// The last word of the method.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Heard {
+    pub stage: Option<Stage>,
+    /// Of the whole job, 0..1.
+    pub progress: f64,
+}
+
+impl Report {
+    pub fn heard(&self) -> Heard {
+        *self.lock()
+    }
+
+    pub fn cancel(&self) {
+        self.cancelled.store(true, Ordering::Relaxed);
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Heard> {
+        self.heard.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+}
+
+impl Progress for Report {
+    fn enter(&self, stage: Stage) {
+        *self.lock() = Heard { stage: Some(stage), progress: stage.overall(0.0) };
+    }
+
+    fn advance(&self, fraction: f64) {
+        let mut heard = self.lock();
+        if let Some(stage) = heard.stage {
+            heard.progress = stage.overall(fraction);
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+}

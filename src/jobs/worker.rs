@@ -1,0 +1,217 @@
+//! Takes one job after the other and does it.
+
+use super::align_clip::{Failure, Finished, align_clip};
+use super::report::{Heard, Report};
+use super::{POLL, Queue};
+use crate::align::Reason;
+use crate::progress::Progress;
+use crate::storage::{Claim, Ending, RetryPolicy, StorageError};
+use jiff::Timestamp;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::task::{JoinError, JoinHandle};
+use tokio_util::sync::CancellationToken;
+use tracing::{error, info, warn};
+
+/// The method is deterministic; the same clip and map give the same answer in every job.
+const SEED: u64 = 0;
+/// How often a worker looks whether the job is still its own and what the method says.
+const TICK: Duration = Duration::from_millis(250);
+/// How often progress within a stage is recorded.
+const PROGRESS_EVERY: Duration = Duration::from_secs(1);
+
+/// How a worker treats its jobs.
+#[derive(Debug, Clone)]
+pub struct WorkerParams {
+    /// How long a job stays a worker's own without a sign of life. The sign comes at a third of it.
+    pub lease: Duration,
+    /// How long the method may take to stop when the server does.
+    pub grace: Duration,
+    pub retry: RetryPolicy,
+    /// What a job does.
+    pub method: Method,
+}
+
+/// From a clip's file, a map's bytes and a seed to an answer. It may take long and may panic.
+pub type Method = fn(&Path, &[u8], u64, &dyn Progress) -> Result<Finished, Failure>;
+
+impl Default for WorkerParams {
+    fn default() -> WorkerParams {
+        WorkerParams {
+            lease: Duration::from_secs(30),
+            grace: Duration::from_secs(10),
+            retry: RetryPolicy::default(),
+            method: align_clip,
+        }
+    }
+}
+
+/// Works until `stop`; then gives up the job in hand.
+pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationToken) {
+    while !stop.is_cancelled() {
+        match queue.storage.claim(params.lease, Timestamp::now()).await {
+            Ok(Some(claim)) => {
+                // There may be more: wake the next worker, and tell who listens to this job.
+                queue.wake();
+                Attempt { queue: &queue, params: &params, claim }.run(&stop).await;
+                queue.wake();
+                continue;
+            }
+            Ok(None) => {}
+            Err(error) => error!(%error, "no job could be claimed"),
+        }
+        tokio::select! {
+            () = stop.cancelled() => {}
+            () = queue.due.notified() => {}
+            () = tokio::time::sleep(POLL) => {}
+        }
+    }
+}
+
+/// One claim and what is done under it.
+struct Attempt<'a> {
+    queue: &'a Queue,
+    params: &'a WorkerParams,
+    claim: Claim,
+}
+
+type Working = JoinHandle<Result<Finished, Failure>>;
+/// A panic of the method is a `JoinError`.
+type Ended = Result<Result<Finished, Failure>, JoinError>;
+
+impl Attempt<'_> {
+    async fn run(&self, stop: &CancellationToken) {
+        let job = &self.claim.job;
+        let begun = Instant::now();
+        info!(job = %job.id, clip = %job.clip, home = %job.home, attempt = job.attempts, "job begins");
+        let ending = self.work(stop).await;
+        let outcome = outcome_name(&ending);
+        let storage = &self.queue.storage;
+        let kept = match &ending {
+            Some(ending) => storage.finish(&self.claim, ending, &self.params.retry, Timestamp::now()).await,
+            None => Ok(false),
+        };
+        let seconds = begun.elapsed().as_secs_f64();
+        match kept {
+            Ok(true) => info!(job = %job.id, clip = %job.clip, outcome, seconds, "job ends"),
+            Ok(false) => info!(job = %job.id, clip = %job.clip, seconds, "job is no longer this worker's"),
+            // Its lease runs out, and it is done again.
+            Err(error) => error!(job = %job.id, outcome, %error, "the end of a job could not be recorded"),
+        }
+    }
+
+    /// None when the job is no longer ours.
+    async fn work(&self, stop: &CancellationToken) -> Option<Ending> {
+        let report = Arc::new(Report::default());
+        let mut method = match self.begin(&report).await {
+            Ok(method) => method,
+            Err(error) => return Some(broken("storage_error", &error)),
+        };
+        match self.attend(&mut method, &report, stop).await {
+            Watched::Ended(ended) => Some(self.conclude(*ended).await),
+            Watched::TooSlowToStop => Some(Ending::GivenUp),
+            Watched::Lost => None,
+        }
+    }
+
+    async fn conclude(&self, ended: Ended) -> Ending {
+        match ended {
+            Ok(Ok(finished)) => self.keep(finished).await,
+            Ok(Err(Failure::Cancelled)) => Ending::GivenUp,
+            Ok(Err(failure)) => Ending::Refused(failure.reason()),
+            Err(panic) => broken("internal_error", &panic),
+        }
+    }
+
+    async fn begin(&self, report: &Arc<Report>) -> Result<Working, StorageError> {
+        let storage = &self.queue.storage;
+        let clip = storage.clip_file(self.claim.job.clip)?;
+        let lidar = storage.lidar_map_file(self.claim.lidar_map_id).await?;
+        let (report, method) = (report.clone(), self.params.method);
+        Ok(tokio::task::spawn_blocking(move || method(&clip, &lidar, SEED, report.as_ref())))
+    }
+
+    /// Renews the lease and records progress while the method works, and passes on the order to stop.
+    async fn attend(&self, method: &mut Working, report: &Report, stop: &CancellationToken) -> Watched {
+        let mut tick = tokio::time::interval(TICK);
+        let mut said = Said { heard: Heard::default(), at: Instant::now() };
+        let mut lost = false;
+        let grace_over = async {
+            stop.cancelled().await;
+            report.cancel();
+            tokio::time::sleep(self.params.grace).await;
+        };
+        let mut grace_over = std::pin::pin!(grace_over);
+        loop {
+            tokio::select! {
+                ended = &mut *method => return if lost { Watched::Lost } else { Watched::Ended(Box::new(ended)) },
+                () = &mut grace_over => return if lost { Watched::Lost } else { Watched::TooSlowToStop },
+                _ = tick.tick(), if !lost => match self.beat(report.heard(), &mut said).await {
+                    Ok(true) => {}
+                    Ok(false) => {
+                        lost = true;
+                        report.cancel();
+                    }
+                    Err(error) => warn!(job = %self.claim.job.id, %error, "a sign of life could not be recorded"),
+                },
+            }
+        }
+    }
+
+    /// False when the job is no longer ours.
+    async fn beat(&self, heard: Heard, said: &mut Said) -> Result<bool, StorageError> {
+        let quiet = said.at.elapsed();
+        let news = heard.stage != said.heard.stage || (heard != said.heard && quiet >= PROGRESS_EVERY);
+        if !news && quiet < self.params.lease / 3 {
+            return self.queue.storage.holds(&self.claim).await;
+        }
+        let (lease, now) = (self.params.lease, Timestamp::now());
+        let held = self.queue.storage.heartbeat(&self.claim, heard.stage, heard.progress, lease, now).await?;
+        *said = Said { heard, at: Instant::now() };
+        self.queue.changed.notify_waiters();
+        Ok(held)
+    }
+
+    async fn keep(&self, finished: Finished) -> Ending {
+        let storage = &self.queue.storage;
+        for (name, bytes) in [("overlay.png", finished.overlay_png), ("cloud.ply", finished.cloud_ply)] {
+            if let Err(error) = storage.put_result(&self.claim, name, bytes).await {
+                return broken("storage_error", &error);
+            }
+        }
+        Ending::Answered(Box::new(finished.alignment))
+    }
+}
+
+/// How the method ended while it was watched.
+enum Watched {
+    Ended(Box<Ended>),
+    /// The job was cancelled, removed, or given to another worker.
+    Lost,
+    TooSlowToStop,
+}
+
+/// What was recorded last, and when.
+struct Said {
+    heard: Heard,
+    at: Instant,
+}
+
+/// The cause is for the log; who sent the clip could do nothing with it.
+fn broken(code: &str, cause: &dyn std::error::Error) -> Ending {
+    error!(code, %cause, "an attempt broke");
+    Ending::Broken(Reason::new(
+        code,
+        "the service failed while it worked on this clip; its log has the cause",
+    ))
+}
+
+fn outcome_name(ending: &Option<Ending>) -> &str {
+    match ending {
+        Some(Ending::Answered(alignment)) => crate::storage::ClipState::from(alignment.state).name(),
+        Some(Ending::Refused(reason) | Ending::Broken(reason)) => &reason.code,
+        Some(Ending::GivenUp) => "given_up",
+        None => "lost",
+    }
+}

@@ -1,0 +1,122 @@
+//! Files under keys. A key is written once and holds no name that a client chose.
+
+use super::incoming::Arrived;
+use super::{Incoming, Storage, StorageError};
+use bytes::Bytes;
+use futures::stream::BoxStream;
+use futures::{StreamExt, TryStreamExt};
+use object_store::ObjectStoreExt;
+use object_store::local::LocalFileSystem;
+use object_store::path::Path as Key;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+/// Folder of files that are still arriving, beside the blobs so that keeping one is a rename.
+const INCOMING: &str = "incoming";
+
+pub(super) struct Blobs {
+    store: LocalFileSystem,
+    folder: PathBuf,
+}
+
+/// A blob as it is read: its size, then its bytes.
+pub struct BlobReader {
+    pub size_bytes: u64,
+    pub stream: BoxStream<'static, Result<Bytes, StorageError>>,
+}
+
+impl Blobs {
+    pub fn open(folder: &Path) -> Result<Blobs, StorageError> {
+        let incoming = folder.join(INCOMING);
+        std::fs::create_dir_all(&incoming).map_err(|source| StorageError::File { path: incoming, source })?;
+        let store = LocalFileSystem::new_with_prefix(folder)?.with_fsync(true).with_automatic_cleanup(true);
+        Ok(Blobs { store, folder: folder.to_owned() })
+    }
+
+    pub fn incoming(&self) -> Result<Incoming, StorageError> {
+        Incoming::new_in(&self.folder.join(INCOMING))
+    }
+
+    /// Keeps an arrived file under a key; on return it is durable.
+    pub async fn keep(&self, mut file: Arrived, key: &str) -> Result<(), StorageError> {
+        let name = file.path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let from = Key::from_iter([INCOMING, name]);
+        self.store.rename(&from, &Key::from(key)).await?;
+        // Renamed: nothing is left for the guard to remove.
+        file.path.disable_cleanup(true);
+        Ok(())
+    }
+
+    pub async fn put(&self, key: &str, bytes: Vec<u8>) -> Result<(), StorageError> {
+        self.store.put(&Key::from(key), bytes.into()).await?;
+        Ok(())
+    }
+
+    /// None when the blob was removed since the caller read its row.
+    pub async fn read(&self, key: &str) -> Result<Option<BlobReader>, StorageError> {
+        let found = match self.store.get(&Key::from(key)).await {
+            Err(object_store::Error::NotFound { .. }) => return Ok(None),
+            found => found?,
+        };
+        let size_bytes = found.meta.size;
+        let stream = found.into_stream().map_err(StorageError::from).boxed();
+        Ok(Some(BlobReader { size_bytes, stream }))
+    }
+
+    pub async fn read_all(&self, key: &str) -> Result<Bytes, StorageError> {
+        Ok(self.store.get(&Key::from(key)).await?.bytes().await?)
+    }
+
+    /// The blob as a file for readers that need to seek in it.
+    pub fn file(&self, key: &str) -> Result<PathBuf, StorageError> {
+        Ok(self.store.path_to_filesystem(&Key::from(key))?)
+    }
+
+    /// Removes blobs that no row refers to any more. What cannot be removed now is swept at the next start.
+    pub async fn discard(&self, keys: &[String]) {
+        for key in keys {
+            match self.store.delete(&Key::from(key.as_str())).await {
+                Ok(()) | Err(object_store::Error::NotFound { .. }) => {}
+                Err(error) => tracing::error!(key, %error, "a blob could not be removed"),
+            }
+        }
+    }
+
+    /// Removes every file that is not one of the keys. Only sound while nothing writes.
+    pub fn sweep(&self, keys: &HashSet<String>) -> Result<(), StorageError> {
+        for key in self.keys()?.iter().filter(|key| !keys.contains(*key)) {
+            tracing::info!(key, "removing what an interrupted write left");
+            let path = self.folder.join(key);
+            std::fs::remove_file(&path).map_err(|source| StorageError::File { path, source })?;
+        }
+        Ok(())
+    }
+
+    /// Every file there is, also those that are arriving or being written: the store's own listing hides them.
+    pub fn keys(&self) -> Result<Vec<String>, StorageError> {
+        let mut keys = Vec::new();
+        let mut folders = vec![self.folder.clone()];
+        while let Some(folder) = folders.pop() {
+            let error = |source| StorageError::File { path: folder.clone(), source };
+            for entry in std::fs::read_dir(&folder).map_err(error)? {
+                let entry = entry.map_err(error)?;
+                let path = entry.path();
+                if entry.file_type().map_err(error)?.is_dir() {
+                    folders.push(path);
+                } else {
+                    keys.push(
+                        path.strip_prefix(&self.folder).unwrap_or(&path).to_string_lossy().into_owned(),
+                    );
+                }
+            }
+        }
+        Ok(keys)
+    }
+}
+
+impl Storage {
+    /// Begins to receive a file.
+    pub fn incoming(&self) -> Result<Incoming, StorageError> {
+        self.blobs.incoming()
+    }
+}

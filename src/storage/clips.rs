@@ -1,0 +1,354 @@
+//! Clips.
+
+use super::columns::{Columns, to_json};
+use super::database::{Connection, Row, Transaction};
+use super::incoming::Arrived;
+use super::{BlobReader, HomeId, Job, Page, Storage, StorageError, homes, idempotency, jobs, lidar_maps};
+use crate::align::{Alignment, AlignmentState, Reason};
+use crate::clip::ClipInfo;
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+use uuid::Uuid;
+
+/// Where a clip is on its way into the home's map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ClipState {
+    /// Kept, and nothing is under way; the reasons say why: `no_lidar_map` or `cancelled`.
+    Uploaded,
+    /// Its job waits for a worker.
+    Queued,
+    /// Its job runs.
+    Aligning,
+    /// One pose stands out.
+    Aligned,
+    /// Several poses explain the clip about equally well: see the alignment's alternatives.
+    Ambiguous,
+    /// No pose can be given; the reasons say why.
+    Failed,
+}
+
+impl ClipState {
+    pub fn name(self) -> &'static str {
+        match self {
+            ClipState::Uploaded => "uploaded",
+            ClipState::Queued => "queued",
+            ClipState::Aligning => "aligning",
+            ClipState::Aligned => "aligned",
+            ClipState::Ambiguous => "ambiguous",
+            ClipState::Failed => "failed",
+        }
+    }
+}
+
+impl From<AlignmentState> for ClipState {
+    fn from(state: AlignmentState) -> ClipState {
+        match state {
+            AlignmentState::Aligned => ClipState::Aligned,
+            AlignmentState::Ambiguous => ClipState::Ambiguous,
+            AlignmentState::Failed => ClipState::Failed,
+        }
+    }
+}
+
+/// An uploaded clip.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Clip {
+    #[schema(example = "01a1f766-7a97-7747-9dbb-391e0eeccb64")]
+    pub id: Uuid,
+    pub home: HomeId,
+    pub state: ClipState,
+    /// Why the clip is in its state.
+    pub reasons: Vec<Reason>,
+    #[schema(example = 15147863)]
+    pub size_bytes: u64,
+    /// Of the file, in lower-case hexadecimal.
+    #[schema(example = "7a0339dd7ccb957e90eb77c14f3ee67f0aa0f22b2746d18fb8ef262c6f069c9e")]
+    pub sha256: String,
+    /// What was understood of the file.
+    pub info: ClipInfo,
+    /// The answer, once a job ran to one; null while a newer one is under way.
+    pub alignment: Option<Alignment>,
+    /// The newest job of the clip, null before the first one.
+    pub job: Option<Job>,
+    pub created_at: Timestamp,
+    pub updated_at: Timestamp,
+    #[serde(skip)]
+    result_key: Option<String>,
+}
+
+/// A clip that was opened and found good.
+pub struct NewClip {
+    pub file: Arrived,
+    pub info: ClipInfo,
+    pub idempotency_key: Option<String>,
+}
+
+/// What became of a new clip.
+#[derive(Debug)]
+pub enum Added {
+    New(Clip),
+    /// The same key came with the same file before: this is the clip of then.
+    Replayed(Clip),
+    /// The same key came with another file before.
+    KeyReused,
+}
+
+fn from_row(row: &Row, job: Option<Job>) -> Result<Clip, StorageError> {
+    Ok(Clip {
+        id: row.id("id")?,
+        home: row.home("home_id")?,
+        state: row.name("state")?,
+        reasons: row.json("reasons")?,
+        size_bytes: row.count("size_bytes")?,
+        sha256: row.text("sha256")?,
+        info: row.json("info")?,
+        alignment: row.maybe_json("alignment")?,
+        job,
+        created_at: row.time("created_at")?,
+        updated_at: row.time("updated_at")?,
+        result_key: row.maybe_text("result_key")?,
+    })
+}
+
+fn file_key(id: Uuid) -> String {
+    format!("clips/{id}/file")
+}
+
+/// Pictures and clouds that a job made. Every attempt has keys of its own, so that a worker that lost its
+/// lease cannot touch what its successor wrote.
+pub(super) fn result_key(clip: Uuid, job: Uuid, fence: i64) -> String {
+    format!("clips/{clip}/results/{job}-{fence}")
+}
+
+pub(super) fn result_blobs(result_key: &str) -> [String; 2] {
+    [format!("{result_key}/overlay.png"), format!("{result_key}/cloud.ply")]
+}
+
+impl Storage {
+    /// Keeps a clip, and queues its job when the home has a LiDAR map.
+    pub async fn add_clip(&self, home: &HomeId, new: NewClip, now: Timestamp) -> Result<Added, StorageError> {
+        let id = Uuid::now_v7();
+        let row = NewRow {
+            id,
+            size_bytes: new.file.size_bytes,
+            sha256: new.file.sha256.clone(),
+            info: new.info,
+            idempotency_key: new.idempotency_key,
+        };
+        self.blobs.keep(new.file, &file_key(id)).await?;
+        let added = self.insert_clip(home, row, now).await;
+        // After a database error the row may be there nevertheless; then the next start's sweep decides.
+        if matches!(added, Ok(Added::Replayed(_) | Added::KeyReused) | Err(StorageError::NoSuchHome)) {
+            self.blobs.discard(&[file_key(id)]).await;
+        }
+        added
+    }
+
+    async fn insert_clip(&self, home: &HomeId, new: NewRow, now: Timestamp) -> Result<Added, StorageError> {
+        let mut transaction = self.database.begin().await?;
+        if !homes::exists(&mut transaction, home).await? {
+            return Err(StorageError::NoSuchHome);
+        }
+        if let Some(key) = &new.idempotency_key
+            && let Some(used) = idempotency::find(&mut transaction, home, key).await?
+        {
+            return if used.sha256 == new.sha256 {
+                Ok(Added::Replayed(find(&mut transaction, home, used.clip).await?))
+            } else {
+                Ok(Added::KeyReused)
+            };
+        }
+        let reasons = [no_lidar_map()];
+        sqlx::query(
+            "INSERT INTO clips (id, home_id, size_bytes, sha256, info, state, reasons, created_at, updated_at)
+            VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $8)",
+        )
+        .bind(new.id.to_string())
+        .bind(home.as_str())
+        .bind(new.size_bytes as i64)
+        .bind(&new.sha256)
+        .bind(to_json(&new.info))
+        .bind(ClipState::Uploaded.name())
+        .bind(to_json(&reasons))
+        .bind(now.as_millisecond())
+        .execute(&mut *transaction)
+        .await?;
+        if let Some(key) = &new.idempotency_key {
+            idempotency::insert(&mut transaction, home, key, &new.sha256, new.id, now).await?;
+        }
+        if let Some(map) = lidar_maps::current_id(&mut transaction, home).await? {
+            jobs::enqueue(&mut transaction, new.id, map, now).await?;
+        }
+        let clip = find(&mut transaction, home, new.id).await?;
+        transaction.commit().await?;
+        Ok(Added::New(clip))
+    }
+
+    pub async fn clip(&self, home: &HomeId, id: Uuid) -> Result<Clip, StorageError> {
+        find(&mut *self.database.snapshot().await?, home, id).await
+    }
+
+    /// The oldest first.
+    pub async fn clips(&self, home: &HomeId, page: &Page<Uuid>) -> Result<Vec<Clip>, StorageError> {
+        let mut snapshot = self.database.snapshot().await?;
+        if !homes::exists(&mut snapshot, home).await? {
+            return Err(StorageError::NoSuchHome);
+        }
+        let mut jobs = jobs::newest_of_clips(&mut snapshot, home, page).await?;
+        let rows = sqlx::query("SELECT * FROM clips WHERE home_id = $1 AND id > $2 ORDER BY id LIMIT $3")
+            .bind(home.as_str())
+            .bind(page.after.map(|id| id.to_string()).unwrap_or_default())
+            .bind(i64::from(page.limit))
+            .fetch_all(&mut *snapshot)
+            .await?;
+        let clip = |row| from_row(row, row.maybe_id("job_id")?.and_then(|id| jobs.remove(&id)));
+        rows.iter().map(clip).collect()
+    }
+
+    /// Removes a clip with its results. A worker that is busy with it loses its lease.
+    pub async fn delete_clip(&self, home: &HomeId, id: Uuid) -> Result<(), StorageError> {
+        let mut transaction = self.database.begin().await?;
+        let clip = find(&mut transaction, home, id).await?;
+        sqlx::query("DELETE FROM clips WHERE id = $1")
+            .bind(id.to_string())
+            .execute(&mut *transaction)
+            .await?;
+        transaction.commit().await?;
+        self.blobs.discard(&blobs_of(id, clip.result_key.as_deref())).await;
+        Ok(())
+    }
+
+    /// Queues a clip again for the current LiDAR map. One that is under way already is left alone.
+    pub async fn align_clip(&self, home: &HomeId, id: Uuid, now: Timestamp) -> Result<Clip, StorageError> {
+        let mut transaction = self.database.begin().await?;
+        let clip = find(&mut transaction, home, id).await?;
+        if matches!(clip.state, ClipState::Queued | ClipState::Aligning) {
+            return Ok(clip);
+        }
+        let map = lidar_maps::current_id(&mut transaction, home).await?.ok_or(StorageError::NoLidarMap)?;
+        let stale_blobs = jobs::enqueue(&mut transaction, id, map, now).await?;
+        let clip = find(&mut transaction, home, id).await?;
+        transaction.commit().await?;
+        self.blobs.discard(&stale_blobs).await;
+        Ok(clip)
+    }
+
+    /// A picture or cloud that the clip's last job made, by its file name; none before there is one.
+    pub async fn clip_result(&self, clip: &Clip, name: &str) -> Result<Option<BlobReader>, StorageError> {
+        match &clip.result_key {
+            Some(key) => self.blobs.read(&format!("{key}/{name}")).await,
+            None => Ok(None),
+        }
+    }
+
+    /// The uploaded file, for readers that seek in it.
+    pub fn clip_file(&self, id: Uuid) -> Result<PathBuf, StorageError> {
+        self.blobs.file(&file_key(id))
+    }
+
+    pub(super) async fn clip_blob_keys(&self) -> Result<Vec<String>, StorageError> {
+        blob_keys(&mut *self.database.snapshot().await?, None).await
+    }
+}
+
+struct NewRow {
+    id: Uuid,
+    size_bytes: u64,
+    sha256: String,
+    info: ClipInfo,
+    idempotency_key: Option<String>,
+}
+
+fn no_lidar_map() -> Reason {
+    Reason::new("no_lidar_map", "the home has no LiDAR map yet; the clip is queued when one is put")
+}
+
+/// What a job changes of its clip.
+pub(super) struct Change<'a> {
+    pub state: ClipState,
+    pub reasons: &'a [Reason],
+    pub alignment: Option<&'a Alignment>,
+    pub result_key: Option<&'a str>,
+}
+
+/// Only for the clip's newest job, so that an older one cannot overrule it.
+pub(super) async fn change(
+    connection: &mut Connection,
+    job: Uuid,
+    change: Change<'_>,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    sqlx::query(
+        "UPDATE clips SET state = $2, reasons = $3, alignment = $4, result_key = $5, updated_at = $6
+        WHERE job_id = $1",
+    )
+    .bind(job.to_string())
+    .bind(change.state.name())
+    .bind(to_json(&change.reasons))
+    .bind(change.alignment.map(to_json))
+    .bind(change.result_key)
+    .bind(now.as_millisecond())
+    .execute(connection)
+    .await?;
+    Ok(())
+}
+
+/// Makes a job the clip's newest, takes back the answer of the one before, and gives its blobs.
+pub(super) async fn begin_job(
+    transaction: &mut Transaction,
+    id: Uuid,
+    job: Uuid,
+    now: Timestamp,
+) -> Result<Vec<String>, StorageError> {
+    let row = sqlx::query("SELECT result_key FROM clips WHERE id = $1").bind(id.to_string());
+    let stale = row.fetch_one(&mut **transaction).await?.maybe_text("result_key")?;
+    sqlx::query("UPDATE clips SET job_id = $2 WHERE id = $1")
+        .bind(id.to_string())
+        .bind(job.to_string())
+        .execute(&mut **transaction)
+        .await?;
+    let queued = Change { state: ClipState::Queued, reasons: &[], alignment: None, result_key: None };
+    change(transaction, job, queued, now).await?;
+    Ok(stale.map(|key| result_blobs(&key).to_vec()).unwrap_or_default())
+}
+
+async fn find(connection: &mut Connection, home: &HomeId, id: Uuid) -> Result<Clip, StorageError> {
+    if !homes::exists(connection, home).await? {
+        return Err(StorageError::NoSuchHome);
+    }
+    let row = sqlx::query("SELECT * FROM clips WHERE id = $1 AND home_id = $2")
+        .bind(id.to_string())
+        .bind(home.as_str())
+        .fetch_optional(&mut *connection)
+        .await?;
+    let row = row.ok_or(StorageError::NoSuchClip)?;
+    let job = match row.maybe_id("job_id")? {
+        Some(id) => jobs::find(connection, id).await?,
+        None => None,
+    };
+    from_row(&row, job)
+}
+
+fn blobs_of(id: Uuid, result_key: Option<&str>) -> Vec<String> {
+    let mut keys = vec![file_key(id)];
+    keys.extend(result_key.map(result_blobs).into_iter().flatten());
+    keys
+}
+
+/// The blobs of one home's clips, or of all.
+pub(super) async fn blob_keys(
+    connection: &mut Connection,
+    home: Option<&HomeId>,
+) -> Result<Vec<String>, StorageError> {
+    let rows = sqlx::query("SELECT id, result_key FROM clips WHERE $1 IS NULL OR home_id = $1")
+        .bind(home.map(HomeId::as_str))
+        .fetch_all(connection)
+        .await?;
+    let mut keys = Vec::new();
+    for row in &rows {
+        keys.extend(blobs_of(row.id("id")?, row.maybe_text("result_key")?.as_deref()));
+    }
+    Ok(keys)
+}

@@ -1,0 +1,107 @@
+//! From columns to values and back: times are milliseconds, ids and documents are text.
+
+use super::database::Row;
+use super::{HomeId, StorageError};
+use jiff::Timestamp;
+use serde::Serialize;
+use serde::de::{DeserializeOwned, IntoDeserializer};
+use sqlx::Row as _;
+use uuid::Uuid;
+
+pub(super) trait Columns {
+    fn text(&self, column: &'static str) -> Result<String, StorageError>;
+    fn maybe_text(&self, column: &'static str) -> Result<Option<String>, StorageError>;
+    fn number(&self, column: &'static str) -> Result<i64, StorageError>;
+    fn maybe_number(&self, column: &'static str) -> Result<Option<i64>, StorageError>;
+    fn real(&self, column: &'static str) -> Result<f64, StorageError>;
+
+    fn count<T: TryFrom<i64>>(&self, column: &'static str) -> Result<T, StorageError> {
+        let number = self.number(column)?;
+        T::try_from(number).map_err(|_| unreadable(column, format!("{number} is out of range")))
+    }
+
+    fn id(&self, column: &'static str) -> Result<Uuid, StorageError> {
+        parse_id(column, &self.text(column)?)
+    }
+
+    fn maybe_id(&self, column: &'static str) -> Result<Option<Uuid>, StorageError> {
+        self.maybe_text(column)?.map(|text| parse_id(column, &text)).transpose()
+    }
+
+    fn home(&self, column: &'static str) -> Result<HomeId, StorageError> {
+        HomeId::try_from(self.text(column)?).map_err(|error| unreadable(column, error))
+    }
+
+    fn time(&self, column: &'static str) -> Result<Timestamp, StorageError> {
+        parse_time(column, self.number(column)?)
+    }
+
+    fn maybe_time(&self, column: &'static str) -> Result<Option<Timestamp>, StorageError> {
+        self.maybe_number(column)?.map(|number| parse_time(column, number)).transpose()
+    }
+
+    fn json<T: DeserializeOwned>(&self, column: &'static str) -> Result<T, StorageError> {
+        parse_json(column, &self.text(column)?)
+    }
+
+    fn maybe_json<T: DeserializeOwned>(&self, column: &'static str) -> Result<Option<T>, StorageError> {
+        self.maybe_text(column)?.map(|text| parse_json(column, &text)).transpose()
+    }
+
+    /// A value of an enumeration by its serde name.
+    fn name<T: DeserializeOwned>(&self, column: &'static str) -> Result<T, StorageError> {
+        parse_name(column, &self.text(column)?)
+    }
+
+    fn maybe_name<T: DeserializeOwned>(&self, column: &'static str) -> Result<Option<T>, StorageError> {
+        self.maybe_text(column)?.map(|text| parse_name(column, &text)).transpose()
+    }
+}
+
+impl Columns for Row {
+    fn text(&self, column: &'static str) -> Result<String, StorageError> {
+        Ok(self.try_get(column)?)
+    }
+
+    fn maybe_text(&self, column: &'static str) -> Result<Option<String>, StorageError> {
+        Ok(self.try_get(column)?)
+    }
+
+    fn number(&self, column: &'static str) -> Result<i64, StorageError> {
+        Ok(self.try_get(column)?)
+    }
+
+    fn maybe_number(&self, column: &'static str) -> Result<Option<i64>, StorageError> {
+        Ok(self.try_get(column)?)
+    }
+
+    fn real(&self, column: &'static str) -> Result<f64, StorageError> {
+        Ok(self.try_get(column)?)
+    }
+}
+
+/// The text of a document column.
+pub(super) fn to_json<T: Serialize>(value: &T) -> String {
+    serde_json::to_string(value).expect("our own records have text keys and cannot fail to serialise")
+}
+
+fn parse_id(column: &'static str, text: &str) -> Result<Uuid, StorageError> {
+    Uuid::parse_str(text).map_err(|error| unreadable(column, error))
+}
+
+fn parse_time(column: &'static str, milliseconds: i64) -> Result<Timestamp, StorageError> {
+    Timestamp::from_millisecond(milliseconds).map_err(|error| unreadable(column, error))
+}
+
+fn parse_json<T: DeserializeOwned>(column: &'static str, text: &str) -> Result<T, StorageError> {
+    serde_json::from_str(text).map_err(|error| unreadable(column, error))
+}
+
+fn parse_name<T: DeserializeOwned>(column: &'static str, text: &str) -> Result<T, StorageError> {
+    T::deserialize(IntoDeserializer::<serde::de::value::Error>::into_deserializer(text))
+        .map_err(|error| unreadable(column, error))
+}
+
+fn unreadable(column: &'static str, detail: impl ToString) -> StorageError {
+    StorageError::Column { column, detail: detail.to_string() }
+}

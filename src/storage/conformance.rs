@@ -1,0 +1,160 @@
+//! What every pair of database and blob store must do, as functions over [`Storage`]: another pair joins
+//! with one line in [`on_every_back_end`].
+
+mod leases;
+mod local_files;
+mod records;
+
+use super::*;
+use crate::align::{Alignment, AlignmentState, Reason};
+use crate::clip::ClipInfo;
+use crate::lidar::LidarInfo;
+use futures::TryStreamExt;
+use jiff::Timestamp;
+use std::time::Duration;
+use uuid::Uuid;
+
+const LEASE: Duration = Duration::from_secs(30);
+
+macro_rules! on_every_back_end {
+    ($($case:ident),* $(,)?) => {
+        mod sqlite_and_local_files {
+            $(
+                #[tokio::test]
+                async fn $case() {
+                    let folder = tempfile::tempdir().unwrap();
+                    super::$case(crate::storage::Storage::open(folder.path()).await.unwrap()).await;
+                }
+            )*
+        }
+    };
+}
+use on_every_back_end;
+
+/// Seconds after an arbitrary moment.
+fn at(seconds: i64) -> Timestamp {
+    Timestamp::from_second(1_800_000_000 + seconds).unwrap()
+}
+
+fn home(id: &str) -> HomeId {
+    id.parse().unwrap()
+}
+
+async fn arrived(storage: &Storage, bytes: &[u8]) -> Arrived {
+    let mut incoming = storage.incoming().unwrap();
+    for piece in bytes.chunks(3) {
+        incoming.write(piece).await.unwrap();
+    }
+    incoming.finish().await.unwrap()
+}
+
+async fn add_with_key(storage: &Storage, home: &HomeId, bytes: &[u8], key: Option<&str>) -> Added {
+    let file = arrived(storage, bytes).await;
+    let new = NewClip { file, info: clip_info(), idempotency_key: key.map(str::to_owned) };
+    storage.add_clip(home, new, at(0)).await.unwrap()
+}
+
+async fn add(storage: &Storage, home: &HomeId, bytes: &[u8]) -> Clip {
+    match add_with_key(storage, home, bytes, None).await {
+        Added::New(clip) => clip,
+        other => panic!("{other:?}"),
+    }
+}
+
+async fn put_map(storage: &Storage, home: &HomeId, bytes: &[u8]) -> (LidarMapRevision, bool) {
+    let file = arrived(storage, bytes).await;
+    let new = NewLidarMap { file, info: lidar_info(), image_png: b"picture".to_vec() };
+    storage.put_lidar_map(home, new, at(0)).await.unwrap()
+}
+
+/// A home with a map and one queued clip.
+async fn one_job(storage: &Storage) -> (HomeId, Clip) {
+    let home = home("h");
+    storage.put_home(&home, None, at(0)).await.unwrap();
+    put_map(storage, &home, b"map").await;
+    let clip = add(storage, &home, b"clip").await;
+    (home, clip)
+}
+
+async fn bytes_of(blob: Option<BlobReader>) -> Vec<u8> {
+    let blob = blob.expect("the blob is there");
+    let size_bytes = blob.size_bytes;
+    let bytes: Vec<bytes::Bytes> = blob.stream.try_collect().await.unwrap();
+    let bytes = bytes.concat();
+    assert_eq!(bytes.len() as u64, size_bytes);
+    bytes
+}
+
+fn reason(code: &str) -> Reason {
+    Reason::new(code, format!("because of {code}"))
+}
+
+fn answer(state: AlignmentState) -> Ending {
+    Ending::Answered(Box::new(Alignment {
+        state,
+        probability: None,
+        map_from_clip: None,
+        covariance: None,
+        loss_m: Some(0.25),
+        inliers: None,
+        coverage: None,
+        alternatives: vec![],
+        reasons: vec![reason("two_modes")],
+        hits: 7,
+        key_frames: 2,
+        floor: None,
+        seconds: [("fuse".to_owned(), 0.5)].into(),
+    }))
+}
+
+fn clip_info() -> ClipInfo {
+    ClipInfo {
+        layout: "scannet".to_owned(),
+        pose_convention: "camera-to-world".to_owned(),
+        depth_unit: "millimetres".to_owned(),
+        gravity: "unknown".to_owned(),
+        intrinsics: "intrinsic".to_owned(),
+        frames: 60,
+        frames_with_pose: 59,
+        skipped_without_pose: 1,
+        skipped_incomplete: 0,
+        color_width: 640,
+        color_height: 480,
+        depth_width: 320,
+        depth_height: 240,
+        duration_s: Some(2.5),
+        notes: vec!["a note".to_owned()],
+    }
+}
+
+fn lidar_info() -> LidarInfo {
+    LidarInfo {
+        format: "csv_points".to_owned(),
+        frame: "as in the file".to_owned(),
+        cell_m: None,
+        occupied_points: 3,
+        free_cells: 0,
+        free_area_m2: 0.0,
+        min_m: [0.0, -1.0],
+        max_m: [4.0, 2.5],
+        rooms: vec![],
+        charger: None,
+        notes: vec![],
+    }
+}
+
+impl Storage {
+    /// Keys of all blobs that are there, in order.
+    async fn blobs_that_exist(&self) -> Vec<String> {
+        let mut keys = self.blobs.keys().unwrap();
+        keys.sort();
+        keys
+    }
+
+    /// Keys of all blobs that rows refer to, in order. A clip's results may be fewer than their keys.
+    async fn blob_keys_that_matter(&self) -> Vec<String> {
+        let mut keys: Vec<String> = self.blob_keys().await.unwrap().into_iter().collect();
+        keys.sort();
+        keys
+    }
+}

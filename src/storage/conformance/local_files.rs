@@ -1,0 +1,62 @@
+//! What only a data folder on a disk must do.
+
+use super::*;
+use std::path::Path;
+
+async fn open(folder: &Path) -> Storage {
+    Storage::open(folder).await.unwrap()
+}
+
+#[tokio::test]
+async fn a_folder_has_one_server_at_a_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = open(folder.path()).await;
+    assert!(matches!(Storage::open(folder.path()).await, Err(StorageError::InUse { .. })));
+    storage.close().await;
+    drop(storage);
+    open(folder.path()).await;
+}
+
+#[tokio::test]
+async fn everything_is_there_after_a_restart_and_leftovers_are_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = open(folder.path()).await;
+    let (id, clip) = one_job(&storage).await;
+    let kept = storage.blobs_that_exist().await;
+    assert_eq!(kept.len(), 3);
+    // An upload cut off, a clip whose row was never committed, and a blob cut off while it was written.
+    let mut cut_off = storage.incoming().unwrap();
+    cut_off.write(b"half a cl").await.unwrap();
+    std::mem::forget(cut_off);
+    let orphan = folder.path().join("blobs/clips/01a1f766-7a97-7747-9dbb-391e0eeccb64");
+    std::fs::create_dir_all(&orphan).unwrap();
+    std::fs::write(orphan.join("file"), b"orphan").unwrap();
+    std::fs::write(orphan.join("file#1"), b"orphan").unwrap();
+    assert_eq!(storage.blobs_that_exist().await.len(), 6);
+    drop(storage);
+
+    let storage = open(folder.path()).await;
+    assert_eq!(storage.clip(&id, clip.id).await.unwrap(), clip);
+    assert_eq!(storage.blobs_that_exist().await, kept);
+}
+
+#[tokio::test]
+async fn an_upload_dropped_half_way_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = open(folder.path()).await;
+    let mut incoming = storage.incoming().unwrap();
+    incoming.write(b"half").await.unwrap();
+    drop(incoming);
+    drop(arrived(&storage, b"whole, but refused").await);
+    assert_eq!(storage.blobs_that_exist().await, Vec::<String>::new());
+}
+
+#[test]
+fn only_harmless_home_ids_pass() {
+    for good in ["a", "A.b_c-9", "...", &"x".repeat(64)] {
+        assert!(good.parse::<HomeId>().is_ok(), "{good}");
+    }
+    for bad in ["", ".", "..", "a/b", "a b", "\u{e9}", "a\0", "a\n", "%2e", &"x".repeat(65)] {
+        assert!(bad.parse::<HomeId>().is_err(), "{bad:?}");
+    }
+}

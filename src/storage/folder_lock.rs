@@ -1,0 +1,23 @@
+//! One server at a time in a data folder.
+
+use super::StorageError;
+use std::fs::{File, TryLockError};
+use std::path::Path;
+
+/// Held while the file is open; the system lets go of it when the process ends, however it ends.
+pub(super) struct FolderLock {
+    _file: File,
+}
+
+impl FolderLock {
+    pub fn take(folder: &Path) -> Result<FolderLock, StorageError> {
+        let path = folder.join("lock");
+        let file = File::options().create(true).append(true).open(&path);
+        let file = file.map_err(|source| StorageError::File { path: path.clone(), source })?;
+        match file.try_lock() {
+            Ok(()) => Ok(FolderLock { _file: file }),
+            Err(TryLockError::WouldBlock) => Err(StorageError::InUse { path: folder.to_owned() }),
+            Err(TryLockError::Error(source)) => Err(StorageError::File { path, source }),
+        }
+    }
+}

@@ -1,0 +1,50 @@
+//! Keys by which a client may repeat an upload without making a second clip. They live as long as the clip.
+
+use super::columns::Columns;
+use super::database::Connection;
+use super::{HomeId, StorageError};
+use jiff::Timestamp;
+use uuid::Uuid;
+
+/// What a key was used for.
+pub(super) struct Used {
+    pub clip: Uuid,
+    pub sha256: String,
+}
+
+pub(super) async fn find(
+    connection: &mut Connection,
+    home: &HomeId,
+    key: &str,
+) -> Result<Option<Used>, StorageError> {
+    let row = sqlx::query(
+        "SELECT clip_id, sha256 FROM idempotency_keys WHERE home_id = $1 AND idempotency_key = $2",
+    )
+    .bind(home.as_str())
+    .bind(key)
+    .fetch_optional(connection)
+    .await?;
+    row.map(|row| Ok(Used { clip: row.id("clip_id")?, sha256: row.text("sha256")? })).transpose()
+}
+
+pub(super) async fn insert(
+    connection: &mut Connection,
+    home: &HomeId,
+    key: &str,
+    sha256: &str,
+    clip: Uuid,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    sqlx::query(
+        "INSERT INTO idempotency_keys (home_id, idempotency_key, sha256, clip_id, created_at)
+        VALUES ($1, $2, $3, $4, $5)",
+    )
+    .bind(home.as_str())
+    .bind(key)
+    .bind(sha256)
+    .bind(clip.to_string())
+    .bind(now.as_millisecond())
+    .execute(connection)
+    .await?;
+    Ok(())
+}

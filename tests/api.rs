@@ -1,0 +1,22 @@
+//! The service over HTTP, in this process: what it promises, and what it refuses.
+
+mod common;
+
+#[path = "api/clips.rs"]
+mod clips;
+#[path = "api/document.rs"]
+mod document;
+#[path = "api/homes.rs"]
+mod homes;
+#[path = "api/hostile.rs"]
+mod hostile;
+#[path = "api/jobs.rs"]
+mod jobs;
+#[path = "api/lidar_map.rs"]
+mod lidar_map;
+#[path = "api/problems.rs"]
+mod problems;
+#[path = "api/server.rs"]
+mod server;
+#[path = "api/workers.rs"]
+mod workers;

@@ -1,0 +1,128 @@
+use crate::common::client::Client;
+use crate::common::{eventually, room, zips};
+use crate::server::Server;
+use futures::StreamExt;
+use serde_json::{Value, json};
+
+/// A home with a map and a clip; the paths of the clip and of its job.
+async fn one_job(server: &Server, frames: u32) -> (String, String) {
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let answer = server.post(&format!("{home}/clips"), zips::zip(&room::clip(frames))).await;
+    let clip = answer.header("location").to_owned();
+    let job = answer.ok(201)["job"]["id"].as_str().unwrap().to_owned();
+    (clip, format!("/v1/jobs/{job}"))
+}
+
+/// Name, id and data of every event up to the stream's end.
+async fn events(client: &Client, path: &str, last_event_id: Option<&str>) -> Vec<(String, String, Value)> {
+    let mut request = client.request(reqwest::Method::GET, path);
+    if let Some(id) = last_event_id {
+        request = request.header("Last-Event-ID", id);
+    }
+    let answer = Client::read(request.send().await.unwrap()).await;
+    assert_eq!((answer.status, answer.header("content-type")), (200, "text/event-stream"));
+    let text = String::from_utf8(answer.bytes).unwrap();
+    let field = |event: &str, name: &str| {
+        event.lines().find_map(|line| line.strip_prefix(name)).unwrap_or_default().trim().to_owned()
+    };
+    text.split("\n\n")
+        .filter(|event| event.contains("data:"))
+        .map(|event| {
+            let data = serde_json::from_str(&field(event, "data:")).unwrap();
+            (field(event, "event:"), field(event, "id:"), data)
+        })
+        .collect()
+}
+
+#[tokio::test]
+async fn a_job_is_watched_to_its_end() {
+    let server = Server::start().await;
+    let (clip, job) = one_job(&server, 24).await;
+    let seen = events(&server, &format!("{job}/events"), None).await;
+    let (last, before) = seen.split_last().unwrap();
+    assert_eq!(
+        (last.0.as_str(), &last.2["state"], &last.2["progress"]),
+        ("end", &json!("succeeded"), &json!(1.0))
+    );
+    assert!(before.iter().all(|(name, _, _)| name == "job"));
+    let versions: Vec<i64> = seen.iter().map(|(_, id, _)| id.parse().unwrap()).collect();
+    assert!(versions.is_sorted_by(|a, b| a < b), "{versions:?}");
+    let progress: Vec<f64> = seen.iter().map(|(_, _, job)| job["progress"].as_f64().unwrap()).collect();
+    assert!(progress.is_sorted(), "{progress:?}");
+    assert_eq!(server.get(&job).await.ok(200), last.2);
+    assert_eq!(server.get(&clip).await.ok(200)["job"], last.2);
+
+    // Who comes back is told what is new, and in the end that there is nothing more.
+    assert_eq!(events(&server, &format!("{job}/events"), Some(&seen[0].1)).await.last(), Some(last));
+    let request = server.request(reqwest::Method::GET, &format!("{job}/events"));
+    server.send(request.header("Last-Event-ID", &last.1)).await.ok(204);
+    server.post(&format!("{job}/cancel"), "").await.problem(409, "job-ended");
+}
+
+#[tokio::test]
+async fn a_waiting_job_is_cancelled_and_queued_again() {
+    let server = Server::without_workers().await;
+    let (clip, job) = one_job(&server, 2).await;
+    let events = tokio::spawn({
+        let (client, path) = ((*server).clone(), format!("{job}/events"));
+        async move { events(&client, &path, None).await }
+    });
+    let cancelled = server.post(&format!("{job}/cancel"), "").await.ok(200);
+    assert_eq!(cancelled["state"], "cancelled");
+    assert_eq!(server.post(&format!("{job}/cancel"), "").await.ok(200), cancelled);
+    assert_eq!(events.await.unwrap().last().unwrap().2, cancelled);
+    let after = server.get(&clip).await.ok(200);
+    assert_eq!((&after["state"], &after["reasons"][0]["code"]), (&json!("uploaded"), &json!("cancelled")));
+    let again = server.post(&format!("{clip}/align"), "").await;
+    let location = again.header("location").to_owned();
+    let again = again.ok(202);
+    assert_eq!(again["state"], "queued");
+    assert_eq!(location, format!("/v1/jobs/{}", again["job"]["id"].as_str().unwrap()));
+    assert_ne!(location, job);
+    // While it is under way, asking again changes nothing.
+    assert_eq!(server.post(&format!("{clip}/align"), "").await.ok(202), again);
+}
+
+#[tokio::test]
+async fn a_running_job_is_cancelled() {
+    let server = Server::start().await;
+    let (clip, job) = one_job(&server, 300).await;
+    eventually("the job runs", || async {
+        (server.get(&job).await.ok(200)["state"] == "running").then_some(())
+    })
+    .await;
+    assert_eq!(server.post(&format!("{job}/cancel"), "").await.ok(200)["state"], "cancelled");
+    assert_eq!(server.get(&clip).await.ok(200)["state"], "uploaded");
+    // The worker is free again: the next job runs to its end.
+    server.post(&format!("{clip}/align"), "").await.ok(202);
+    assert_eq!(server.settled(&clip).await["state"], "aligned");
+    assert_eq!(server.get(&job).await.ok(200)["state"], "cancelled");
+}
+
+#[tokio::test]
+async fn a_watched_job_that_is_removed_ends_with_null() {
+    let server = Server::without_workers().await;
+    let (clip, job) = one_job(&server, 2).await;
+    let watching = server.request(reqwest::Method::GET, &format!("{job}/events")).send().await.unwrap();
+    let mut chunks = watching.bytes_stream();
+    chunks.next().await.unwrap().unwrap();
+    server.delete(&clip).await.ok(204);
+    let mut rest = Vec::new();
+    while let Some(chunk) = chunks.next().await {
+        rest.extend(chunk.unwrap());
+    }
+    assert_eq!(String::from_utf8(rest).unwrap().trim(), "event: end\ndata: null");
+    server.get(&job).await.problem(404, "job-not-found");
+}
+
+#[tokio::test]
+async fn a_server_that_stops_ends_its_streams() {
+    let server = Server::without_workers().await;
+    let (_, job) = one_job(&server, 2).await;
+    let watching = server.request(reqwest::Method::GET, &format!("{job}/events")).send().await.unwrap();
+    let begun = std::time::Instant::now();
+    server.stop().await;
+    watching.bytes().await.unwrap();
+    assert!(begun.elapsed().as_secs() < 5);
+}

@@ -1,0 +1,99 @@
+//! Refusals that need no file: every one is a problem document with a stable type.
+
+use crate::server::Server;
+use reqwest::Method;
+use serde_json::json;
+
+const ID: &str = "01a1f766-7a97-7747-9dbb-391e0eeccb64";
+
+#[tokio::test]
+async fn bad_requests_are_told_apart() {
+    let server = Server::start().await;
+    server.make_home("h").await;
+    let long = "x".repeat(65);
+    let job = format!("/v1/jobs/{ID}");
+    let cases = [
+        (Method::GET, "/nothing/here".to_owned(), 404, "route-not-found", None),
+        (Method::GET, "/v1/homes/".to_owned(), 404, "route-not-found", None),
+        (Method::POST, "/healthz".to_owned(), 405, "method-not-allowed", None),
+        (Method::PATCH, "/v1/homes/h".to_owned(), 405, "method-not-allowed", None),
+        (Method::PUT, format!("/v1/homes/{long}"), 400, "invalid-path", Some("home")),
+        (Method::PUT, "/v1/homes/a%20b".to_owned(), 400, "invalid-path", Some("home")),
+        (Method::PUT, "/v1/homes/a%2Fb".to_owned(), 400, "invalid-path", Some("home")),
+        (Method::PUT, "/v1/homes/%2e%2e%2fetc".to_owned(), 400, "invalid-path", Some("home")),
+        (Method::PUT, "/v1/homes/a%00".to_owned(), 400, "invalid-path", Some("home")),
+        (Method::PUT, "/v1/homes/%ff".to_owned(), 400, "invalid-path", None),
+        (Method::GET, "/v1/homes/h/clips/7".to_owned(), 400, "invalid-path", Some("clip")),
+        (Method::GET, "/v1/jobs/seven".to_owned(), 400, "invalid-path", Some("job")),
+        (Method::GET, format!("/v1/homes/h/clips/{ID}"), 404, "clip-not-found", None),
+        (Method::GET, format!("/v1/homes/none/clips/{ID}"), 404, "home-not-found", None),
+        (Method::POST, "/v1/homes/none/clips".to_owned(), 404, "home-not-found", None),
+        (Method::GET, job.clone(), 404, "job-not-found", None),
+        (Method::GET, format!("{job}/events"), 404, "job-not-found", None),
+        (Method::POST, format!("{job}/cancel"), 404, "job-not-found", None),
+        (Method::GET, "/v1/homes?limit=0".to_owned(), 400, "invalid-query", Some("limit")),
+        (Method::GET, "/v1/homes?limit=201".to_owned(), 400, "invalid-query", Some("limit")),
+        (Method::GET, "/v1/homes?limit=-1".to_owned(), 400, "invalid-query", Some("limit")),
+        (Method::GET, "/v1/homes?limit=ten".to_owned(), 400, "invalid-query", Some("limit")),
+        (Method::GET, "/v1/homes?limit=1&limit=2".to_owned(), 400, "invalid-query", None),
+        (Method::GET, "/v1/homes?after=*".to_owned(), 400, "invalid-query", Some("after")),
+        (Method::GET, "/v1/homes?after=Li4".to_owned(), 400, "invalid-query", Some("after")),
+        (Method::GET, "/v1/homes/h/clips?after=Li4".to_owned(), 400, "invalid-query", Some("after")),
+        (
+            Method::GET,
+            "/v1/homes/h/lidar-map/revisions?after=Li4".to_owned(),
+            400,
+            "invalid-query",
+            Some("after"),
+        ),
+    ];
+    for (method, path, status, code, field) in cases {
+        println!("{method} {path}");
+        let problem = server.send(server.request(method, &path)).await.problem(status, code);
+        assert_eq!(problem["field"].as_str(), field, "{path}");
+    }
+}
+
+#[tokio::test]
+async fn bad_json_is_told_apart() {
+    let server = Server::start().await;
+    let name = |length: usize| json!({"name": "n".repeat(length)}).to_string();
+    let cases = [
+        ("application/json", "{".to_owned(), 400, "malformed-json"),
+        ("application/json", "{} {}".to_owned(), 400, "malformed-json"),
+        ("application/json", r#"{"name": 7}"#.to_owned(), 422, "invalid-body"),
+        ("application/json", r#"{"nam": "x"}"#.to_owned(), 422, "invalid-body"),
+        ("application/json", "{\"name\":".repeat(5_000), 400, "malformed-json"),
+        ("application/json", r#"["x"]"#.to_owned(), 422, "invalid-body"),
+        ("application/json", name(201), 422, "invalid-body"),
+        ("application/json", name(100_000), 413, "body-too-large"),
+        ("text/plain", "{}".to_owned(), 415, "unsupported-media-type"),
+    ];
+    for (media_type, body, status, code) in cases {
+        let request =
+            server.request(Method::PUT, "/v1/homes/h").header("content-type", media_type).body(body);
+        server.send(request).await.problem(status, code);
+    }
+    server.get("/v1/homes/h").await.problem(404, "home-not-found");
+}
+
+#[tokio::test]
+async fn a_request_id_comes_back_when_it_is_harmless() {
+    let server = Server::start().await;
+    let given =
+        |id: &'static str| server.send(server.request(Method::GET, "/healthz").header("x-request-id", id));
+    assert_eq!(given("abc-1.2_3").await.header("x-request-id"), "abc-1.2_3");
+    for bad in ["a b", "{\"a\":1}", "", &*"x".repeat(129).leak()] {
+        let answer = given(bad).await;
+        let id = answer.header("x-request-id");
+        assert!(id != bad && id.len() == 36, "{id}");
+    }
+}
+
+#[tokio::test]
+async fn the_service_says_how_it_is() {
+    let server = Server::start().await;
+    assert_eq!(server.get("/healthz").await.ok(200)["status"], "ok");
+    assert_eq!(server.get("/readyz").await.ok(200)["status"], "ok");
+    server.stop().await;
+}

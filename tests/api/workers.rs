@@ -1,0 +1,103 @@
+//! Workers whose method panics, dawdles, or does not hear.
+
+use crate::common::{eventually, room, zips};
+use crate::server::Server;
+use serde_json::Value;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+use viola::jobs::{Failure, Finished, Method, align_clip};
+use viola::progress::{Progress, Stage, check};
+use viola::storage::RetryPolicy;
+
+async fn server(method: Method, lease: Duration) -> Server {
+    Server::with(|params| {
+        params.worker.method = method;
+        params.worker.lease = lease;
+        params.worker.grace = Duration::from_millis(100);
+        params.worker.retry = RetryPolicy { first_delay: Duration::from_millis(1) };
+    })
+    .await
+}
+
+/// Uploads a clip that has all it needs; gives its path.
+async fn upload(server: &Server) -> String {
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await;
+    let answer = server.post(&format!("{home}/clips"), zips::zip(&room::clip(12))).await;
+    answer.header("location").to_owned()
+}
+
+fn outcome(clip: &Value) -> (&str, u64) {
+    (clip["state"].as_str().unwrap(), clip["job"]["attempts"].as_u64().unwrap())
+}
+
+#[tokio::test]
+async fn a_panic_is_a_failed_attempt() {
+    static CALLS: AtomicU32 = AtomicU32::new(0);
+    fn once(clip: &Path, map: &[u8], seed: u64, progress: &dyn Progress) -> Result<Finished, Failure> {
+        assert!(CALLS.fetch_add(1, Ordering::SeqCst) > 0, "the first call");
+        align_clip(clip, map, seed, progress)
+    }
+    let server = server(once, Duration::from_secs(30)).await;
+    let clip = upload(&server).await;
+    assert_eq!(outcome(&server.settled(&clip).await), ("aligned", 2));
+}
+
+#[tokio::test]
+async fn panics_end_in_a_failed_clip_and_not_in_a_dead_worker() {
+    fn always(_: &Path, _: &[u8], _: u64, _: &dyn Progress) -> Result<Finished, Failure> {
+        panic!("a secret of the method")
+    }
+    let server = server(always, Duration::from_secs(30)).await;
+    for _ in 0..2 {
+        let clip = upload(&server).await;
+        let clip = server.settled(&clip).await;
+        assert_eq!(outcome(&clip), ("failed", 3));
+        assert_eq!(clip["reasons"][0]["code"], "internal_error");
+        assert_eq!((&clip["job"]["state"], &clip["job"]["error"]), (&"failed".into(), &clip["reasons"][0]));
+        assert!(!clip.to_string().contains("secret"));
+    }
+}
+
+#[tokio::test]
+async fn a_long_job_keeps_its_lease() {
+    fn long(clip: &Path, map: &[u8], seed: u64, progress: &dyn Progress) -> Result<Finished, Failure> {
+        let until = Instant::now() + Duration::from_millis(2500);
+        progress.enter(Stage::Decode);
+        while Instant::now() < until {
+            check(progress).map_err(|_| Failure::Cancelled)?;
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        align_clip(clip, map, seed, progress)
+    }
+    // Two workers: the second would take the job as soon as the first lost it.
+    let server = Server::with(|params| {
+        params.workers = 2;
+        params.worker.method = long;
+        params.worker.lease = Duration::from_secs(1);
+    })
+    .await;
+    let clip = upload(&server).await;
+    assert_eq!(outcome(&server.settled(&clip).await), ("aligned", 1));
+}
+
+#[tokio::test]
+async fn a_method_that_does_not_hear_cannot_hold_the_server() {
+    static RUNS: AtomicBool = AtomicBool::new(false);
+    static LET_GO: AtomicBool = AtomicBool::new(false);
+    fn deaf(_: &Path, _: &[u8], _: u64, _: &dyn Progress) -> Result<Finished, Failure> {
+        RUNS.store(true, Ordering::SeqCst);
+        while !LET_GO.load(Ordering::SeqCst) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Err(Failure::Cancelled)
+    }
+    let server = server(deaf, Duration::from_secs(30)).await;
+    upload(&server).await;
+    eventually("the method runs", || async { RUNS.load(Ordering::SeqCst).then_some(()) }).await;
+    let begun = Instant::now();
+    server.stop().await;
+    assert!(begun.elapsed() < Duration::from_secs(5));
+    LET_GO.store(true, Ordering::SeqCst);
+}

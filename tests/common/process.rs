@@ -1,0 +1,63 @@
+//! The real binary as a process that can be killed.
+
+use super::client::Client;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+
+pub struct Process {
+    child: Child,
+    pub client: Client,
+}
+
+pub fn viola() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
+    command.stdin(Stdio::null()).env_remove("RUST_LOG");
+    command
+}
+
+impl Process {
+    /// Serves a data folder; returns once requests are accepted.
+    pub fn serve(data: &Path, arguments: &[&str]) -> Process {
+        let mut child = viola()
+            .args(["serve", "--listen", "127.0.0.1:0", "--data"])
+            .arg(data)
+            .args(arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let base = line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("{line:?}"));
+        Process { client: Client::new(base.to_owned()), child }
+    }
+
+    /// As `kill -9` does.
+    pub fn kill(mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+
+    /// Asks the process to stop with a signal's name, and waits for its end.
+    pub fn stop(mut self, signal: &str) -> ExitStatus {
+        let id = self.child.id().to_string();
+        assert!(Command::new("kill").args(["-s", signal, &id]).status().unwrap().success());
+        self.child.wait().unwrap()
+    }
+
+    /// The most memory it ever had, where the system tells.
+    pub fn peak_mib(&self) -> Option<u64> {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).ok()?;
+        let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+        Some(line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()? / 1024)
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // A test that failed leaves no server behind; one that ended needs no killing.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

@@ -1,0 +1,39 @@
+//! `viola demo` does what it says, from the outside.
+
+use std::process::{Command, Output};
+
+fn demo(folder: &std::path::Path) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
+    command.args(["demo", "--exit", "--listen", "127.0.0.1:0", "--frames", "40", "--data"]).arg(folder);
+    command.output().unwrap()
+}
+
+#[test]
+fn all_clips_are_found_and_the_pictures_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("demo");
+    // The second run begins afresh.
+    for _ in 0..2 {
+        let output = demo(&data);
+        let (said, erred) =
+            (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        assert!(output.status.success(), "{said}\n{erred}");
+        assert!(said.contains("3 of 3 clips"), "{said}");
+        for name in ["clip_0.png", "clip_1.png", "clip_2.png", "clip_0.ply"] {
+            let size = std::fs::metadata(data.join("pictures").join(name)).unwrap().len();
+            assert!(size > 1000, "{name} has {size} bytes");
+        }
+    }
+}
+
+#[test]
+fn a_folder_with_something_else_is_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let precious = folder.path().join("precious.txt");
+    std::fs::write(&precious, "mine").unwrap();
+    let output = demo(folder.path());
+    assert!(!output.status.success());
+    let erred = String::from_utf8_lossy(&output.stderr);
+    assert!(erred.contains("--data"), "{erred}");
+    assert_eq!(std::fs::read_to_string(&precious).unwrap(), "mine");
+}

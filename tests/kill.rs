@@ -1,0 +1,148 @@
+//! Promises that hold when the server is killed, stopped, or started twice: the real binary, real signals.
+
+mod common;
+
+use common::client::Client;
+use common::process::{Process, viola};
+use common::{eventually, room, zips};
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// So many frames that a job is caught at work.
+const FRAMES: u32 = 400;
+
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() { folders.push(path) } else { files.push(path) }
+        }
+    }
+    files
+}
+
+/// A home with a map and a clip whose job runs; the paths of the clip and of the job.
+async fn running_job(client: &Client) -> (String, String) {
+    let home = client.make_home("h").await;
+    client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let answer = client.post(&format!("{home}/clips"), zips::zip(&room::clip(FRAMES))).await;
+    let clip = answer.header("location").to_owned();
+    let job = format!("/v1/jobs/{}", answer.ok(201)["job"]["id"].as_str().unwrap());
+    eventually("the job runs", || async {
+        (client.get(&job).await.ok(200)["state"] == "running").then_some(())
+    })
+    .await;
+    (clip, job)
+}
+
+#[tokio::test]
+async fn a_job_outlives_its_server() {
+    let data = TempDir::new().unwrap();
+    let lease = ["--lease-seconds", "1"];
+    let server = Process::serve(data.path(), &lease);
+    let (clip, job) = running_job(&server.client).await;
+    server.kill();
+
+    let server = Process::serve(data.path(), &lease);
+    let settled = server.client.settled(&clip).await;
+    assert_eq!(settled["state"], "aligned", "{settled:#}");
+    let job = server.client.get(&job).await.ok(200);
+    assert_eq!((&job["state"], &job["attempts"]), (&"succeeded".into(), &2.into()));
+    // The map's two files, the clip, and the two files of the one result.
+    assert_eq!(files_below(&data.path().join("blobs")).len(), 5);
+}
+
+#[tokio::test]
+async fn an_upload_cut_off_by_a_kill_leaves_nothing() {
+    let data = TempDir::new().unwrap();
+    let blobs = data.path().join("blobs");
+    let server = Process::serve(data.path(), &[]);
+    let home = server.client.make_home("h").await;
+    let body = zips::zip(&room::clip(20));
+    let address = server.client.base.strip_prefix("http://").unwrap();
+    let mut connection = TcpStream::connect(address).unwrap();
+    let length = body.len();
+    write!(connection, "POST {home}/clips HTTP/1.1\r\nhost: viola\r\ncontent-length: {length}\r\n\r\n")
+        .unwrap();
+    connection.write_all(&body[..length / 2]).unwrap();
+    eventually("half of the clip is on the disk", || async {
+        let sizes = files_below(&blobs).into_iter().filter_map(|file| Some(file.metadata().ok()?.len()));
+        (sizes.sum::<u64>() > 0).then_some(())
+    })
+    .await;
+    server.kill();
+    assert_eq!(connection.read(&mut [0; 100]).unwrap_or(0), 0, "half a clip was acknowledged");
+    assert_eq!(files_below(&blobs).len(), 1);
+
+    let server = Process::serve(data.path(), &[]);
+    assert_eq!(files_below(&blobs).len(), 0);
+    assert_eq!(server.client.get(&format!("{home}/clips")).await.ok(200)["items"], serde_json::json!([]));
+    // The phone tries again.
+    let answer = server.client.post(&format!("{home}/clips"), body).await;
+    assert_eq!(answer.ok(201)["state"], "uploaded");
+}
+
+#[tokio::test]
+async fn what_was_acknowledged_is_there_after_a_kill() {
+    let data = TempDir::new().unwrap();
+    let server = Process::serve(data.path(), &["--workers", "0"]);
+    let home = server.client.make_home("h").await;
+    let map = server.client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let clip = server.client.post(&format!("{home}/clips"), zips::zip(&room::clip(2))).await.ok(201);
+    server.kill();
+    let server = Process::serve(data.path(), &["--workers", "0"]);
+    assert_eq!(server.client.get(&format!("{home}/lidar-map")).await.ok(200), map);
+    assert_eq!(server.client.get(&format!("{home}/clips")).await.ok(200)["items"], serde_json::json!([clip]));
+    assert_eq!(files_below(&data.path().join("blobs")).len(), 3);
+}
+
+#[tokio::test]
+async fn a_server_that_is_asked_to_stop_gives_its_job_back() {
+    let data = TempDir::new().unwrap();
+    for signal in ["TERM", "INT"] {
+        let server = Process::serve(data.path(), &[]);
+        let (clip, job) = running_job(&server.client).await;
+        assert!(server.stop(signal).success());
+        // The lease of 30 s is not waited for, and the attempt does not count.
+        let begun = std::time::Instant::now();
+        let server = Process::serve(data.path(), &[]);
+        assert_eq!(server.client.settled(&clip).await["state"], "aligned");
+        assert_eq!(server.client.get(&job).await.ok(200)["attempts"], 1);
+        assert!(begun.elapsed().as_secs() < 25);
+        server.client.delete("/v1/homes/h").await.ok(204);
+    }
+}
+
+#[tokio::test]
+async fn a_bomb_does_not_grow_the_server() {
+    let data = TempDir::new().unwrap();
+    let server = Process::serve(data.path(), &[]);
+    let home = server.client.make_home("h").await;
+    let clip = room::clip(2);
+    let bomb = tokio::task::spawn_blocking(move || zips::zip_with_zeros(&clip, "depth/2.png", 10 << 30));
+    let bomb = bomb.await.unwrap();
+    server.client.post(&format!("{home}/clips"), bomb).await.problem(422, "zip-bomb");
+    server.client.lives().await;
+    if let Some(peak_mib) = server.peak_mib() {
+        assert!(peak_mib < 200, "the server had {peak_mib} MiB");
+    }
+}
+
+#[tokio::test]
+async fn a_folder_serves_once_at_a_time() {
+    let data = TempDir::new().unwrap();
+    let server = Process::serve(data.path(), &[]);
+    for command in ["serve", "migrate"] {
+        let second = viola().arg(command).arg("--data").arg(data.path()).output().unwrap();
+        let said = String::from_utf8(second.stderr).unwrap();
+        assert!(!second.status.success());
+        assert!(said.contains("in use by another viola server"), "{said}");
+    }
+    server.kill();
+    let migrated = viola().arg("migrate").arg("--data").arg(data.path()).output().unwrap();
+    assert!(migrated.status.success(), "{migrated:?}");
+}

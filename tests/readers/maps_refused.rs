@@ -1,0 +1,156 @@
+//! Maps that cannot be used are refused by name, in little memory.
+
+use crate::drawing::*;
+use crate::memory::peak_bytes;
+use crate::writers::zip_bytes;
+use image::{GrayImage, Luma};
+use serde_json::{Value, json};
+use viola::lidar::LidarMap;
+
+fn check_refused(what: &str, bytes: &[u8], code: &str) {
+    let (result, peak) = peak_bytes(|| LidarMap::read(bytes).map(drop));
+    let error = result.err().unwrap_or_else(|| panic!("{what}: was not refused"));
+    assert_eq!(error.code(), code, "{what}: {error}");
+    assert!(
+        peak < (8 * bytes.len()).min(192 << 20) + (16 << 20),
+        "{what}: {peak} bytes at once for {} read",
+        bytes.len()
+    );
+}
+
+#[test]
+fn valetudo_maps_that_cannot_be_used_are_refused_by_name() {
+    let edited = |pointer: &str, value: Value| {
+        let mut file = valetudo(true, false);
+        *file.pointer_mut(pointer).unwrap() = value;
+        text(&file)
+    };
+    let runs = "/layers/0/compressedPixels";
+    let cases: [(&str, Vec<u8>, &str); 22] = [
+        ("a run of 10^9 cells", edited(runs, json!([0, 0, 1_000_000_000])), "bad_field"),
+        ("a run of 10^12 cells", edited(runs, json!([0, 0, 1_000_000_000_000i64])), "bad_field"),
+        ("an empty run", edited(runs, json!([0, 0, 0])), "bad_field"),
+        ("a run beyond the sheet", edited(runs, json!([99, 0, 2])), "bad_field"),
+        ("a run below the sheet", edited(runs, json!([0, 80, 1])), "bad_field"),
+        ("a negative x", edited(runs, json!([-1, 0, 1])), "bad_field"),
+        ("a cut run", edited(runs, json!([1, 1])), "bad_field"),
+        ("a run of text", edited(runs, json!(["a", 1, 1])), "bad_json"),
+        ("a run of fractions", edited(runs, json!([1.5, 1, 1])), "bad_json"),
+        ("a pixel outside", edited("/layers/1/pixels", json!([100, 0])), "bad_field"),
+        ("half a pixel", edited("/layers/1/pixels", json!([1, 2, 3])), "bad_field"),
+        ("a sheet of 10^9", edited("/size/x", json!(1_000_000_000)), "bad_field"),
+        ("a sheet of -1", edited("/size/y", json!(-1)), "bad_field"),
+        ("pixels of no size", edited("/pixelSize", json!(0)), "bad_field"),
+        ("pixels of 10 m", edited("/pixelSize", json!(1000)), "bad_field"),
+        ("pixels of text", edited("/pixelSize", json!("5")), "bad_json"),
+        ("no wall", edited(runs, json!([])), "no_walls"),
+        ("no layers", edited("/layers", json!([])), "no_walls"),
+        ("layers that are no list", edited("/layers", json!({})), "bad_json"),
+        ("other JSON", b"{\"a\": 1}".to_vec(), "bad_json"),
+        ("half the file", text(&valetudo(true, true))[..200].to_vec(), "bad_json"),
+        ("nesting", b"{\"layers\":".iter().copied().chain([b'['; 100_000]).collect(), "bad_json"),
+    ];
+    for (what, bytes, code) in cases {
+        check_refused(what, &bytes, code);
+    }
+}
+
+#[test]
+fn large_hostile_json_costs_little_more_than_itself() {
+    let many = |head: &str, item: &str, count: usize, tail: &str| {
+        format!("{head}{}{item}{tail}", format!("{item},").repeat(count)).into_bytes()
+    };
+    let head = r#"{"size":{"x":100000,"y":100000},"pixelSize":1,"#;
+    let layers = many(&format!(r#"{head}"layers":["#), r#"{"type":""}"#, 4_000_000, "]}");
+    check_refused("four million layers", &layers, "bad_json");
+    let entities = many(&format!(r#"{head}"layers":[],"entities":["#), r#"{"type":""}"#, 4_000_000, "]}");
+    check_refused("four million entities", &entities, "bad_json");
+    let pixels = many(&format!(r#"{head}"layers":[{{"type":"wall","pixels":["#), "1", 20_000_000, "]}]}");
+    check_refused("twenty million numbers", &pixels, "bad_json");
+    let runs = r#"{"type":"wall","compressedPixels":[0,0,100000]}"#;
+    let runs = many(&format!(r#"{head}"layers":["#), runs, 900, "]}");
+    check_refused("runs over 90 million cells", &runs, "too_many_cells");
+    let apart = format!(r#"{head}"layers":[{{"type":"wall","compressedPixels":[0,0,1,99999,99999,1]}}]}}"#);
+    check_refused("two cells a kilometre apart", apart.as_bytes(), "too_many_cells");
+    check_refused("65 MiB", &vec![b' '; 65 << 20], "file_too_large");
+}
+
+#[test]
+fn ros_maps_that_cannot_be_used_are_refused_by_name() {
+    let image = pgm(grey(0, 254, 205));
+    let good = String::from_utf8(yaml("")).unwrap();
+    for (what, from, to, code) in [
+        ("no image named", "image: map.pgm", "", "bad_yaml"),
+        ("an image elsewhere", "map.pgm", "../map.pgm", "bad_yaml"),
+        ("another image", "map.pgm", "other.pgm", "yaml_without_image"),
+        ("no resolution", "resolution: 0.05", "", "bad_yaml"),
+        ("resolution 0", "0.05", "0", "bad_yaml"),
+        ("resolution -1", "0.05", "-1", "bad_yaml"),
+        ("resolution NaN", "0.05", ".nan", "bad_yaml"),
+        ("an origin of two", "2.0, 0.0]", "2.0]", "bad_yaml"),
+        ("an infinite origin", "2.0, 0.0]", ".inf, 0.0]", "bad_yaml"),
+        ("no threshold", "free_thresh: 0.196", "", "bad_yaml"),
+        ("thresholds the wrong way", "0.65", "0.1", "bad_yaml"),
+        ("a mode of its own", "negate: 0", "negate: 0\nmode: ternary", "bad_yaml"),
+        ("no yaml", "image", "[", "bad_yaml"),
+    ] {
+        assert!(good.contains(from), "{what}");
+        check_refused(what, &ros_zip(good.replace(from, to).as_bytes(), &image), code);
+    }
+    let no_wall = pgm(GrayImage::from_pixel(8, 6, Luma([254])));
+    check_refused("no wall", &ros_zip(&yaml(""), &no_wall), "no_walls");
+    check_refused("a cut image", &ros_zip(&yaml(""), &image[..20]), "bad_image");
+    check_refused("no image", &ros_zip(&yaml(""), b"nothing"), "bad_image");
+    check_refused("100 000 x 100 000", &ros_zip(&yaml(""), b"P5 100000 100000 255\n"), "too_many_cells");
+    check_refused("8 000 x 8 000 of nothing", &ros_zip(&yaml(""), b"P2 8000 8000 255\n0 0 0"), "bad_image");
+    check_refused("0 x 5", &ros_zip(&yaml(""), b"P5 0 5 255\n"), "bad_image");
+    check_refused("an image alone", &image, "image_without_yaml");
+    check_refused("a yaml alone", &yaml(""), "yaml_without_image");
+    check_refused(
+        "a zip of something else",
+        &zip_bytes(&[("a.txt".into(), b"a".to_vec())]),
+        "unknown_format",
+    );
+    let two = [("a.yaml", yaml("")), ("b.yaml", yaml(""))].map(|(name, bytes)| (name.to_string(), bytes));
+    check_refused("two maps", &zip_bytes(&two), "bad_yaml");
+    check_refused("half a zip", &ros_zip(&yaml(""), &image)[..60], "zip_truncated");
+    let up = zip_bytes(&[("../map.yaml".into(), yaml("")), ("../map.pgm".into(), image)]);
+    check_refused("a zip that leads out", &up, "path_escapes");
+}
+
+#[test]
+fn points_that_cannot_be_used_are_refused_by_name() {
+    check_refused("nothing", b"", "empty");
+    check_refused("blanks", b" \n\t ", "empty");
+    check_refused("a text", b"This is a text file that somebody sent by mistake.", "unknown_format");
+    check_refused("bytes", &[0xfe, 1, 2, 0xff], "unknown_format");
+    check_refused("a list", b"[1, 2, 3]", "unknown_format");
+    check_refused("a header alone", b"x,y\n", "no_walls");
+    check_refused("no finite point", b"x,y\nnan,nan\n", "no_walls");
+    check_refused("a word", b"x,y\n1,2\n1,two\n", "bad_points");
+    check_refused("one column", b"x,y\n1\n", "bad_points");
+    check_refused("five million and one points", &b"1 2\n".repeat(5_000_001), "too_many_points");
+
+    let ascii = String::from_utf8(ply("ascii")).unwrap();
+    let edited = |from: &str, to: &str| {
+        assert!(ascii.contains(from), "{from}");
+        ascii.replacen(from, to, 1).into_bytes()
+    };
+    let vertices = format!("vertex {}", hits().len());
+    check_refused("no y", &edited("double y", "double w"), "bad_ply");
+    check_refused("no end", &edited("end_header", "end"), "bad_ply");
+    check_refused("a format of its own", &edited("ascii", "binary"), "bad_ply");
+    check_refused("10^9 vertices", &edited(&vertices, "vertex 1000000000"), "too_many_points");
+    check_refused("-1 vertices", &edited(&vertices, "vertex -1"), "bad_ply");
+    check_refused(
+        "lists in vertices",
+        &edited("property uchar red", "property list uchar int red"),
+        "bad_ply",
+    );
+    check_refused("faces first", &edited("element vertex", "element face 1\nelement vertex"), "bad_ply");
+    check_refused("words for numbers", &edited("-0.5 200", "-0.5 red"), "bad_ply");
+    check_refused("no vertices", &edited(&vertices, "vertex 0"), "no_walls");
+    let binary = ply("binary_big_endian");
+    check_refused("half of it", &binary[..binary.len() - 40], "bad_ply");
+    check_refused("its header", b"ply\nformat ascii 1.0\nend_header", "bad_ply");
+}

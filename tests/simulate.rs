@@ -1,0 +1,440 @@
+//! Simulated homes: their truth is true, they are the same for any number of threads, and every seed works.
+
+use std::io::Cursor;
+use viola::geometry::{Grid, Point2, Point3, Pose3, Vector3};
+use viola::lidar::Cell;
+use viola::simulate::{
+    Class, ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, plan_png, points_csv, ros_pgm,
+    ros_yaml, valetudo_json, write_scannet_zip,
+};
+
+fn home(set: Set, seed: u64) -> Home {
+    Home::generate(&HomeParams::new(set, seed))
+}
+
+fn short(frames: usize) -> ClipParams {
+    ClipParams { frames, color_width: 256, ..ClipParams::default() }
+}
+
+/// Everything that `viola simulate` writes.
+fn everything(set: Set, seed: u64) -> Vec<Vec<u8>> {
+    let home = home(set, seed);
+    let survey = home.survey();
+    let clip = home.clip(&survey, 1, &short(5));
+    let mut zip = Cursor::new(vec![]);
+    write_scannet_zip(&clip, &mut zip).unwrap();
+    vec![
+        valetudo_json(&survey).to_string().into_bytes(),
+        ros_yaml(&survey, "map.pgm").into_bytes(),
+        ros_pgm(&survey),
+        points_csv(&survey).into_bytes(),
+        serde_json::to_vec(&home.truth()).unwrap(),
+        plan_png(&home, &survey, &[&clip]),
+        zip.into_inner(),
+    ]
+}
+
+#[test]
+fn the_same_bytes_for_any_number_of_threads() {
+    for (set, seed) in [(Set::Normal, 3), (Set::Repeated, 1), (Set::Changed, 2)] {
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| everything(set, seed))
+        };
+        assert!(with(1) == with(3), "{} {seed}", set.name());
+    }
+    assert!(everything(Set::Normal, 3) != everything(Set::Normal, 4));
+}
+
+#[test]
+fn every_seed_makes_a_plan_that_one_can_live_in() {
+    for set in Set::ALL {
+        for seed in 0..200 {
+            let home = home(set, seed);
+            let rooms = &home.plan.rooms;
+            let area = home.plan.area_m2();
+            let named = format!("{} {seed}", set.name());
+            assert!((20.0..260.0).contains(&area), "{named}: {area} m2");
+            assert!(set == Set::Repeated || (1..=12).contains(&rooms.len()), "{named}");
+            for room in rooms {
+                let side = room.inner.size(0).min(room.inner.size(1));
+                assert!(side > 0.9, "{named}: {} is {side} m wide", room.name);
+            }
+            for (a, one) in rooms.iter().enumerate() {
+                for other in &rooms[..a] {
+                    let apart = (0..2).any(|axis| {
+                        one.outline.min[axis] >= other.outline.max[axis] - 1e-9
+                            || other.outline.min[axis] >= one.outline.max[axis] - 1e-9
+                    });
+                    assert!(apart, "{named}: {} and {} overlap", one.name, other.name);
+                }
+            }
+        }
+    }
+}
+
+/// The walls of the map, moved back by the truth, stand where the home's surfaces are.
+#[test]
+fn the_map_lies_on_the_home() {
+    for (set, seed) in
+        [(Set::Normal, 0), (Set::Normal, 11), (Set::Upper, 5), (Set::Repeated, 2), (Set::Changed, 7)]
+    {
+        let home = home(set, seed);
+        let survey = home.survey();
+        let map = survey.lidar_map();
+        for (name, home_from_map, points, within_m) in [
+            ("valetudo", survey.valetudo_from_home().inverse(), &map.occupied_m, 0.07),
+            ("csv", survey.robot_from_home.inverse(), &survey.points_m, 0.06),
+        ] {
+            assert!(points.len() > 300, "{name} has {} points", points.len());
+            let off = points
+                .iter()
+                .filter(|point| !near_surface(&home, &survey, &home_from_map.apply(point), within_m));
+            let share = off.count() as f64 / points.len() as f64;
+            assert!(share < 0.01, "{} {seed} {name}: {share} of the points hang in the air", set.name());
+        }
+    }
+}
+
+fn near_surface(home: &Home, survey: &Survey, point: &Point2, within_m: f64) -> bool {
+    let scene = home.vacuum_scene();
+    let at = Point3::new(point.x, point.y, survey.vacuum_height_m);
+    scene.is_inside(&at)
+        || (0..32).any(|k| {
+            let (s, c) = (f64::from(k) / 32.0 * std::f64::consts::TAU).sin_cos();
+            scene.cast(&at, &Vector3::new(c, s, 0.0), within_m).is_some()
+        })
+}
+
+/// What the clip sees at the vacuum's height, moved by the clip's own poses and the truth, is in the map.
+/// This goes through every frame there is: pixel, camera, the device's world, clip, map.
+#[test]
+fn the_clip_lies_on_the_map() {
+    for (set, seed, sensor) in [
+        (Set::Normal, 1, Sensor::PhoneLidar),
+        (Set::Normal, 8, Sensor::StructuredLight),
+        (Set::Upper, 3, Sensor::PhoneLidar),
+        (Set::Repeated, 4, Sensor::PhoneLidar),
+    ] {
+        let home = home(set, seed);
+        let survey = home.survey();
+        let map = survey.lidar_map();
+        let mut distances = vec![];
+        for number in 0..3 {
+            let clip = home.clip(&survey, number, &ClipParams { drift: 0.0, sensor, ..short(20) });
+            let points = at_the_vacuums_height(&clip, survey.vacuum_height_m);
+            let nearest =
+                |at: &Point2| map.occupied_m.iter().map(|p| (p - at).norm()).fold(f64::MAX, f64::min);
+            distances.extend(points.iter().map(nearest));
+        }
+        // Clips of the upper part of a room see little there.
+        if set != Set::Upper {
+            let named = format!("{} {seed}", set.name());
+            assert!(distances.len() > 200, "{named}: {} points at the vacuum's height", distances.len());
+            distances.sort_by(f64::total_cmp);
+            let (median, most) = (distances[distances.len() / 2], distances[distances.len() * 3 / 4]);
+            // Half a cell, and the sensor's noise.
+            assert!(median < 0.04 && most < 0.15, "{named}: {median} m, {most} m off the map");
+        }
+    }
+}
+
+/// Points of the clip's depth pictures at the vacuum's height, in the map's frame.
+fn at_the_vacuums_height(clip: &SimulatedClip, height_m: f64) -> Vec<Point2> {
+    let clip_from_world = clip_from_world(clip);
+    let mut points = vec![];
+    for index in 0..clip.headers().len() {
+        let frame = clip.frame(index);
+        let clip_from_camera = clip_from_world * frame.header.world_from_camera.unwrap();
+        for y in (0..frame.depth.height).step_by(4) {
+            for x in (0..frame.depth.width).step_by(4) {
+                let depth = f64::from(frame.depth.at(x, y));
+                let point =
+                    clip_from_camera * frame.depth_camera.unproject(f64::from(x), f64::from(y), depth);
+                if depth > 0.0 && (point.z - height_m).abs() < 0.03 {
+                    points.push(clip.truth.map_from_clip.apply(&point.xy()));
+                }
+            }
+        }
+    }
+    points
+}
+
+/// By the definition of the clip's frame, from the device's first pose and the floor's true height.
+fn clip_from_world(clip: &SimulatedClip) -> Pose3 {
+    let first = clip.headers()[0].world_from_camera.unwrap();
+    let toward = first.rotation * Vector3::z();
+    let floor = (clip.truth.world_from_home * Point3::origin()).z;
+    let turn = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::z_axis(), toward.y.atan2(toward.x));
+    let at = nalgebra::Translation3::new(first.translation.x, first.translation.y, floor);
+    Pose3::from_parts(at, turn).inverse()
+}
+
+/// The picture renderer and the ray caster are written apart and agree.
+#[test]
+fn pictures_agree_with_rays() {
+    for (set, seed) in [(Set::Normal, 0), (Set::Changed, 4)] {
+        let home = home(set, seed);
+        let survey = home.survey();
+        let clip = home.clip(&survey, 0, &short(10));
+        let (mut differ, mut all) = (0, 0);
+        for index in 0..10 {
+            let view = clip.true_view(index);
+            let pose = &clip.truth.home_from_camera[index];
+            for at in (0..view.depth_m.len()).step_by(37) {
+                let (x, y) = ((at % view.width) as f64, (at / view.width) as f64);
+                let ray = pose.rotation * clip.depth_camera.ray(x, y);
+                let hit = home.scene().cast(&Point3::from(pose.translation.vector), &ray, 1e9);
+                let expected = hit.map_or(f64::INFINITY, |hit| hit.distance);
+                let depth = f64::from(view.depth_m[at]);
+                let same = depth == expected || (depth - expected).abs() < 1e-3 * expected;
+                differ += usize::from(!same);
+                all += 1;
+            }
+        }
+        // Pixels on an edge may fall to either side of it in single precision.
+        assert!(differ * 1000 < all, "{differ} of {all} pixels differ");
+    }
+}
+
+/// Noise of the size that the sensors are said to have, whole millimetres, nothing beyond the range.
+#[test]
+fn sensors_are_as_noisy_as_they_say() {
+    let home = home(Set::Normal, 2);
+    let survey = home.survey();
+    for (sensor, low, high) in [(Sensor::PhoneLidar, 0.003, 0.012), (Sensor::StructuredLight, 0.001, 0.01)] {
+        let clip = home.clip(&survey, 0, &ClipParams { sensor, ..short(8) });
+        let mut relative = vec![];
+        for index in 0..8 {
+            let (truth, frame) = (clip.true_view(index), clip.frame(index));
+            for (&seen, &depth) in truth.depth_m.iter().zip(&frame.depth.depth_m) {
+                let millimetres = f64::from(depth) * 1000.0;
+                assert!((millimetres - millimetres.round()).abs() < 1e-3, "{depth} m is no millimetre");
+                assert!(f64::from(depth) <= sensor.range_m(), "{depth} m is beyond the range");
+                if depth > 0.0 && (1.0..3.0).contains(&seen) {
+                    relative.push(((depth - seen) / seen).abs());
+                }
+            }
+        }
+        relative.sort_by(f32::total_cmp);
+        let median = relative[relative.len() / 2];
+        assert!((low..high).contains(&median), "{sensor:?}: median relative error {median}");
+    }
+}
+
+#[test]
+fn cameras_are_where_a_person_holds_them() {
+    for set in Set::ALL {
+        for seed in 0..15 {
+            let home = home(set, seed);
+            let survey = home.survey();
+            let clip = home.clip(&survey, seed, &short(60));
+            let named = format!("{} {seed}", set.name());
+            let poses = &clip.truth.home_from_camera;
+            for pose in poses {
+                let eye = Point3::from(pose.translation.vector);
+                assert!(
+                    home.plan.rooms.iter().any(|room| room.outline.contains(&eye.xy())),
+                    "{named}: {eye}"
+                );
+                assert!((1.0..1.75).contains(&eye.z), "{named}: {} m high", eye.z);
+                assert!(!home.scene().is_inside(&eye), "{named}: inside something at {eye}");
+                let up = (pose.rotation * -Vector3::y()).z;
+                assert!(up > 0.7, "{named}: upside down");
+            }
+            let steps = poses.windows(2).map(|p| (p[1].translation.vector - p[0].translation.vector).norm());
+            assert!(steps.fold(0.0, f64::max) < 0.6, "{named}: jumps");
+            let first = &poses[0];
+            let ahead = home.scene().cast(
+                &Point3::from(first.translation.vector),
+                &(first.rotation * Vector3::z()),
+                10.0,
+            );
+            assert!(ahead.is_none_or(|hit| hit.distance > 0.3), "{named}: begins facing a wall");
+        }
+    }
+}
+
+/// Device poses drift by about as much as was asked, and start true.
+#[test]
+fn drift_is_what_was_asked() {
+    let home = home(Set::Normal, 6);
+    let survey = home.survey();
+    let end_error = |drift: f64| {
+        let clip = home.clip(&survey, 0, &ClipParams { drift, ..short(60) });
+        let error = |index: usize| {
+            let device = clip.headers()[index].world_from_camera.unwrap();
+            let truth = clip.truth.world_from_home * clip.truth.home_from_camera[index];
+            (device.translation.vector - truth.translation.vector).norm()
+        };
+        assert!(error(0) < 1e-9);
+        (error(59), clip.truth.home_from_camera.clone())
+    };
+    let (none, path) = end_error(0.0);
+    let (some, same_path) = end_error(0.01);
+    assert!(none < 1e-9, "{none}");
+    assert_eq!(path, same_path, "the walk does not depend on the drift");
+    let length: f64 =
+        path.windows(2).map(|p| (p[1].translation.vector - p[0].translation.vector).norm()).sum();
+    let sigma = 0.01 * length.sqrt();
+    assert!(some > 0.1 * sigma && some < 4.0 * sigma, "{some} m after {length} m");
+}
+
+/// Read back by rules of our own: runs of pixels, centimetres, y down.
+#[test]
+fn the_valetudo_file_says_what_the_map_says() {
+    let survey = home(Set::Normal, 9).survey();
+    let map = survey.lidar_map();
+    let cells = map.cells.as_ref().unwrap();
+    let file = valetudo_json(&survey);
+    let height = file["size"]["y"].as_u64().unwrap() / 5;
+    let mut read = Grid::filled(cells.frame, Cell::Unknown);
+    assert_eq!(height as usize, cells.frame.height);
+    let mut named = vec![];
+    for layer in file["layers"].as_array().unwrap() {
+        let wall = layer["type"] == "wall";
+        let runs: Vec<u64> =
+            layer["compressedPixels"].as_array().unwrap().iter().map(|v| v.as_u64().unwrap()).collect();
+        let pixels: u64 = runs.chunks(3).map(|run| run[2]).sum();
+        assert_eq!(layer["dimensions"]["pixelCount"].as_u64().unwrap(), pixels);
+        for run in runs.chunks(3) {
+            for x in run[0]..run[0] + run[2] {
+                let cell = if wall { Cell::Occupied } else { Cell::Free };
+                read.set(x as usize, (height - 1 - run[1]) as usize, cell);
+            }
+        }
+        if layer["type"] == "segment" {
+            named.push((layer["metaData"]["name"].as_str().unwrap().to_owned(), pixels as usize));
+        }
+    }
+    assert!(read.cells == cells.cells, "other cells");
+    let rooms: Vec<(String, usize)> =
+        map.rooms.iter().map(|room| (room.name.clone().unwrap(), room.cells_m.len())).collect();
+    assert_eq!(named, rooms);
+    let charger = file["entities"][0]["points"].as_array().unwrap();
+    let metres = |k: usize| charger[k].as_f64().unwrap() / 100.0;
+    let expected = map.charger.unwrap();
+    assert!((metres(0) - expected.x_m).abs() < 1e-9);
+    assert!((height as f64 * 0.05 - metres(1) - expected.y_m).abs() < 1e-9);
+}
+
+/// The vacuum sees the legs of a table, not its top: there is free floor below.
+#[test]
+fn the_vacuum_sees_under_tables() {
+    let (mut open, mut tables) = (0, 0);
+    for seed in 0..12 {
+        let home = home(Set::Normal, seed);
+        let survey = home.survey();
+        let truth = home.truth();
+        for table in truth.objects.iter().filter(|o| o.class == Class::Table && o.size_m[2] > 0.6) {
+            tables += 1;
+            let [x, y, _] = table.centre_m;
+            let quarter = viola::geometry::Pose2::new(x, y, table.yaw_rad)
+                .apply(&Point2::new(table.size_m[0] / 4.0, 0.0));
+            let at = survey.robot_from_home.apply(&quarter);
+            open += usize::from(survey.cells.at(&at) == Some(Cell::Free));
+        }
+    }
+    assert!(tables >= 5, "{tables} tables");
+    assert!(open * 10 >= tables * 8, "free floor under {open} of {tables} tables");
+}
+
+#[test]
+fn another_day_changes_what_it_may() {
+    let (before, after) = (home(Set::Changed, 3), home(Set::Changed, 3));
+    assert_eq!(before.truth(), after.truth());
+    for seed in 0..6 {
+        let same = home(Set::Normal, seed);
+        assert_eq!(same.scene().len(), same.vacuum_scene().len());
+        let changed = home(Set::Changed, seed);
+        let difference = difference(&changed);
+        let nothing =
+            Home::generate(&HomeParams { changed_share: 0.0, ..HomeParams::new(Set::Changed, seed) });
+        assert!(difference > 0.005, "{seed}: only {difference} of the rays differ");
+        assert!(difference < 0.6, "{seed}: {difference} of the rays differ");
+        assert_eq!(self::difference(&nothing), 0.0, "{seed}");
+    }
+}
+
+/// Share of level rays from the rooms' middles that the two days answer differently.
+fn difference(home: &Home) -> f64 {
+    let (mut differ, mut all) = (0, 0);
+    for room in &home.plan.rooms {
+        let middle = room.inner.centre();
+        for k in 0..720 {
+            let (s, c) = (f64::from(k) / 720.0 * std::f64::consts::TAU).sin_cos();
+            let cast = |scene: &viola::simulate::Scene| {
+                let hit = scene.cast(&Point3::new(middle.x, middle.y, 0.1), &Vector3::new(c, s, 0.0), 9.0);
+                hit.map_or(9.0, |hit| hit.distance)
+            };
+            differ += usize::from((cast(home.scene()) - cast(home.vacuum_scene())).abs() > 0.02);
+            all += 1;
+        }
+    }
+    f64::from(differ as u32) / f64::from(all)
+}
+
+/// Some clips among look-alike rooms have several poses that nobody can tell apart, and those look alike.
+#[test]
+fn repeated_homes_say_what_cannot_be_known() {
+    let (mut unknowable, mut knowable) = (0, 0);
+    for seed in 0..15 {
+        let home = home(Set::Repeated, seed);
+        let survey = home.survey();
+        let map = survey.lidar_map();
+        for index in 0..3 {
+            let clip = home.clip(&survey, index, &short(40));
+            let truth = &clip.truth;
+            assert_eq!(truth.equivalent_poses[0], truth.map_from_clip);
+            assert_eq!(truth.unknowable, truth.equivalent_poses.len() > 1);
+            if truth.unknowable {
+                unknowable += 1
+            } else {
+                knowable += 1
+            }
+            // Around every equivalent pose the map has walls where it has them around the true one.
+            let near = |pose: &viola::geometry::Pose2, within_m: f64| -> Vec<Point2> {
+                let clip_from_map = pose.inverse();
+                let all = map.occupied_m.iter().map(|p| clip_from_map.apply(p));
+                all.filter(|p| p.coords.norm() < within_m).collect()
+            };
+            let expected = near(&truth.map_from_clip, 1.2);
+            for pose in &truth.equivalent_poses[1..] {
+                let there = near(pose, 1.6);
+                let off = expected.iter().filter(|p| there.iter().all(|q| (*p - q).norm() > 0.15)).count();
+                assert!(off * 5 <= expected.len(), "seed {seed} clip {index}: {off} of {}", expected.len());
+            }
+        }
+    }
+    assert!(unknowable >= 8, "{unknowable} of {}", unknowable + knowable);
+    assert!(knowable >= 8, "{knowable} of {}", unknowable + knowable);
+}
+
+/// Labels are those of what the rays hit.
+#[test]
+fn labels_belong_to_the_picture() {
+    let home = home(Set::Normal, 5);
+    let survey = home.survey();
+    let clip = home.clip(&survey, 0, &short(20));
+    let objects = home.truth().objects;
+    let mut seen = std::collections::BTreeSet::new();
+    for index in 0..20 {
+        let labels = clip.labels(index);
+        assert_eq!(labels.classes.len(), (labels.width * labels.height) as usize);
+        for (&class, &instance) in labels.classes.iter().zip(&labels.instances) {
+            seen.insert(class);
+            if instance > 0 {
+                assert!((instance as usize) <= objects.len());
+            }
+        }
+        let view = clip.true_view(index);
+        for (&solid, &class) in view.solid.iter().zip(&labels.classes) {
+            if solid != u32::MAX {
+                assert_eq!(home.scene().class(solid as usize).id(), class);
+            }
+        }
+    }
+    for class in [Class::Wall, Class::Floor] {
+        assert!(seen.contains(&class.id()), "no {}", class.name());
+    }
+}
