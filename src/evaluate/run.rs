@@ -2,7 +2,7 @@
 
 use super::failure;
 use super::record::{self, Seconds};
-use super::{Case, ClipResult, Journal, JournalError, Method, Sample, SceneError, Suite};
+use super::{Case, ClipResult, DrawnError, Journal, JournalError, Method, Sample, SceneError, Suite};
 use crate::align::{AlignError, AlignParams};
 use crate::lidar::LidarError;
 use crate::progress::{Cancelled, Progress, Stage};
@@ -39,6 +39,8 @@ pub enum RunError {
     Map { home: u64, source: LidarError },
     #[error(transparent)]
     Scene(#[from] SceneError),
+    #[error(transparent)]
+    Drawn(#[from] DrawnError),
     #[error(transparent)]
     Journal(#[from] JournalError),
     #[error("cannot write {path}: {source}")]
