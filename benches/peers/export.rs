@@ -17,11 +17,12 @@ const RUNS: usize = 5;
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("usage: peers OUT.json")?;
     let homes = HomesParams {
-        set: Set::Normal,
+        sets: vec![Set::Normal],
         seeds: 1000..1001,
         clips_per_home: 1,
         frames: vec![60],
         sensor: Sensor::PhoneLidar,
+        foreign: false,
     };
     let sample = HomeClips::new(homes).sample(0, &AlignParams::default(), &Silent)?;
     let sample = sample.ok_or("the home has no clip")?;

@@ -82,6 +82,16 @@ impl Readings {
     }
 }
 
+#[cfg(test)]
+impl KeyFrame {
+    /// A key frame that read nothing.
+    pub(super) fn blind(world_from_camera: Pose3) -> KeyFrame {
+        let camera = Pinhole { width: 4, height: 3, fx: 4.0, fy: 4.0, cx: 1.5, cy: 1.0 };
+        let readings = Readings { camera, width: 4, depth_mm: Vec::new(), stride: 1 };
+        KeyFrame { number: 0, world_from_camera, readings }
+    }
+}
+
 /// The fused clip.
 #[derive(Debug, Clone)]
 pub struct Fused {
@@ -111,8 +121,30 @@ impl Fused {
 /// Why there is nothing to align.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NotFused {
+    /// The range holds no frame.
+    NoFrame,
     /// No frame in the range has a pose.
     NoPosedFrame,
+}
+
+impl NotFused {
+    /// The same for the answer.
+    pub fn reason(self, clip: &Clip) -> Reason {
+        match self {
+            NotFused::NoFrame => {
+                let numbers = clip.frames().iter().map(|frame| frame.number);
+                let (first, last) = (numbers.clone().min().unwrap_or(0), numbers.max().unwrap_or(0));
+                let detail = format!(
+                    "no frame of the clip is in the range; its frames are numbered {first} to {last}"
+                );
+                Reason::new("no_frame_in_range", detail)
+            }
+            NotFused::NoPosedFrame => Reason::new(
+                "no_posed_frame",
+                "no frame in the range has a camera pose; record with an app that stores device poses",
+            ),
+        }
+    }
 }
 
 /// Fuses the key frames of `frames` (numbers as the layout gives them; all when none).
@@ -122,9 +154,10 @@ pub fn fuse(
     params: &FuseParams,
     progress: &dyn Progress,
 ) -> Result<Result<Fused, NotFused>, AlignError> {
-    let chosen = choose(clip, frames, params);
+    let chosen = choose(clip, frames.as_ref(), params);
     if chosen.is_empty() {
-        return Ok(Err(NotFused::NoPosedFrame));
+        let any = clip.frames().iter().any(|frame| frames.as_ref().is_none_or(|f| f.contains(&frame.number)));
+        return Ok(Err(if any { NotFused::NoPosedFrame } else { NotFused::NoFrame }));
     }
     let mut tsdf = Tsdf::new(params.tsdf.clone());
     let mut key_frames = Vec::with_capacity(chosen.len());
@@ -175,8 +208,8 @@ pub fn fuse(
 const BATCH: usize = 16;
 
 /// The posed frames far enough from the one chosen before, with their places in the clip.
-fn choose(clip: &Clip, frames: Option<Range<u32>>, params: &FuseParams) -> Vec<(usize, Pose3)> {
-    let wanted = |number: u32| frames.as_ref().is_none_or(|range| range.contains(&number));
+fn choose(clip: &Clip, frames: Option<&Range<u32>>, params: &FuseParams) -> Vec<(usize, Pose3)> {
+    let wanted = |number: u32| frames.is_none_or(|range| range.contains(&number));
     let mut chosen: Vec<(usize, Pose3)> = Vec::new();
     for (index, header) in clip.frames().iter().enumerate() {
         let Some(pose) = header.world_from_camera.filter(|_| wanted(header.number)) else { continue };

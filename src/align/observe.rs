@@ -1,7 +1,7 @@
 //! Stages 1-6: from a clip to what the vacuum would see of it.
 
 use super::floor::{self, Floor};
-use super::fuse::{self, KeyFrame, NotFused};
+use super::fuse::{self, KeyFrame};
 use super::raycast::{self, RaycastParams, VirtualScan};
 use super::{AlignError, AlignParams, Alignment, FloorReport, PointCloud, Reason};
 use crate::clip::Clip;
@@ -38,12 +38,8 @@ pub fn observe(
     progress::begin(progress, Stage::Fuse)?;
     let fused = match fuse::fuse(clip, frames, &params.fuse, progress)? {
         Ok(fused) => fused,
-        Err(NotFused::NoPosedFrame) => {
-            let reason = Reason::new(
-                "no_posed_frame",
-                "no frame in the range has a camera pose; record with an app that stores device poses",
-            );
-            return Ok(Observation { reasons: vec![reason], ..Observation::default() });
+        Err(why) => {
+            return Ok(Observation { reasons: vec![why.reason(clip)], ..Observation::default() });
         }
     };
     let mut observation = Observation {

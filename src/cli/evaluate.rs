@@ -24,9 +24,9 @@ pub struct EvaluateArguments {
     /// A recording with true poses, in a layout that the clip readers know.
     #[arg(long, group = "source")]
     scene: Option<PathBuf>,
-    /// A set of simulated homes instead: normal, upper, repeated, changed.
-    #[arg(long, group = "source")]
-    set: Option<Set>,
+    /// Sets of simulated homes instead: normal, upper, repeated, changed.
+    #[arg(long, group = "source", value_delimiter = ',')]
+    set: Vec<Set>,
     /// LiDAR maps with free cells instead: clips are drawn inside them. May be given several times.
     #[arg(long, group = "source")]
     map: Vec<PathBuf>,
@@ -36,6 +36,9 @@ pub struct EvaluateArguments {
     /// Depth sensor of the simulated clips: phone-lidar, structured-light.
     #[arg(long, default_value = "phone-lidar")]
     sensor: Sensor,
+    /// Also give every simulated clip the map of another home, where it belongs nowhere.
+    #[arg(long, requires = "set")]
+    foreign: bool,
     /// Fit the probability to this run's results and write its coefficients.
     #[arg(long, value_name = "FILE")]
     fit: Option<PathBuf>,
@@ -94,7 +97,13 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     let results = run.results(&Silent, &|result| report.hear(result))?;
     report.finish();
     if let Some(path) = &arguments.fit {
-        let fitted_to = format!("{:?} {:?} {:?}", arguments.set, arguments.seeds, arguments.frames);
+        let fitted_to = format!(
+            "sets {}, seeds {:?}, clips of {:?} frames, {} clips",
+            arguments.set.iter().map(|set| set.name()).collect::<Vec<_>>().join(", "),
+            arguments.seeds,
+            arguments.frames,
+            results.len()
+        );
         let posterior = evaluate::fit(&results, fitted_to)
             .context("the probability cannot be fitted: the results are all right or all wrong")?;
         fs::write(path, serde_json::to_string_pretty(&posterior)? + "\n")
@@ -112,25 +121,26 @@ fn methods(arguments: &EvaluateArguments) -> Result<Vec<Method>> {
 }
 
 fn suite(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
-    match (&arguments.scene, arguments.set) {
-        (Some(path), _) => scene(arguments, path),
-        (None, Some(set)) => Ok(Box::new(HomeClips::new(HomesParams {
-            set,
-            seeds: arguments.seeds.clone(),
-            clips_per_home: arguments.clips.unwrap_or(3) as u64,
-            frames: arguments.frames.clone(),
-            sensor: arguments.sensor,
-        }))),
-        (None, None) => Ok(Box::new(DrawnClips::open(
-            &arguments.map,
-            DrawnParams {
-                seed: arguments.seed,
-                clips: arguments.clips.unwrap_or(DrawnParams::default().clips),
-                frames: arguments.frames.clone(),
-                ..DrawnParams::default()
-            },
-        )?)),
+    if let Some(path) = &arguments.scene {
+        return scene(arguments, path);
     }
+    if !arguments.map.is_empty() {
+        let params = DrawnParams {
+            seed: arguments.seed,
+            clips: arguments.clips.unwrap_or(DrawnParams::default().clips),
+            frames: arguments.frames.clone(),
+            ..DrawnParams::default()
+        };
+        return Ok(Box::new(DrawnClips::open(&arguments.map, params)?));
+    }
+    Ok(Box::new(HomeClips::new(HomesParams {
+        sets: arguments.set.clone(),
+        seeds: arguments.seeds.clone(),
+        clips_per_home: arguments.clips.unwrap_or(3) as u64,
+        frames: arguments.frames.clone(),
+        sensor: arguments.sensor,
+        foreign: arguments.foreign,
+    })))
 }
 
 fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<Box<dyn Suite>> {

@@ -3,7 +3,7 @@
 use super::{Case, RunError, Sample, Suite};
 use crate::align::{self, AlignError, AlignParams, Target};
 use crate::clip::{Clip, ClipInfo};
-use crate::geometry::Vector3;
+use crate::geometry::{Pose2, Vector3};
 use crate::lidar::LidarMap;
 use crate::progress::Progress;
 use crate::simulate::{ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, valetudo_json};
@@ -13,27 +13,42 @@ use std::sync::{Arc, Mutex};
 /// Which homes, and how they are filmed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HomesParams {
-    pub set: Set,
-    /// One home a seed.
+    pub sets: Vec<Set>,
+    /// One home of each set a seed.
     pub seeds: Range<u64>,
     pub clips_per_home: u64,
     /// Lengths of the clips in frames.
     pub frames: Vec<usize>,
     pub sensor: Sensor,
+    /// Also give every clip the map of the next seed's home, where it belongs nowhere.
+    pub foreign: bool,
 }
+
+/// The true pose of a clip in the map of another home: one that no answer comes near.
+const NOWHERE: Pose2 = Pose2 { x_m: 1e6, y_m: 1e6, yaw_rad: 0.0 };
 
 /// Clips of simulated homes.
 pub struct HomeClips {
     params: HomesParams,
     cases: Vec<Case>,
-    /// Seed, number and length of each case's clip.
-    clips: Vec<(u64, u64, usize)>,
+    clips: Vec<HomeClip>,
     /// The homes made last: neighbouring cases share theirs.
-    recent: Mutex<Vec<(u64, Arc<Mapped>)>>,
+    recent: Mutex<Vec<Arc<Mapped>>>,
+}
+
+/// Which clip a case is.
+#[derive(Clone, Copy)]
+struct HomeClip {
+    set: Set,
+    seed: u64,
+    number: u64,
+    frames: usize,
+    foreign: bool,
 }
 
 /// A home and its map.
 struct Mapped {
+    of: (Set, u64),
     home: Home,
     survey: Survey,
     lidar: Arc<LidarMap>,
@@ -42,36 +57,40 @@ struct Mapped {
 
 impl HomeClips {
     pub fn new(params: HomesParams) -> HomeClips {
-        let clips: Vec<(u64, u64, usize)> = params
-            .frames
-            .iter()
-            .flat_map(|&frames| {
-                let of_home = move |seed| (0..params.clips_per_home).map(move |clip| (seed, clip, frames));
-                params.seeds.clone().flat_map(of_home)
-            })
-            .collect();
-        let case = |&(seed, clip, frames): &(u64, u64, usize)| Case {
-            name: format!("{seed:06}_{clip}"),
-            set: params.set.name().to_owned(),
-            frames,
+        let mut clips = Vec::new();
+        let maps: &[bool] = if params.foreign { &[false, true] } else { &[false] };
+        for &set in &params.sets {
+            for &foreign in maps {
+                for &frames in &params.frames {
+                    for seed in params.seeds.clone() {
+                        let numbers = 0..params.clips_per_home;
+                        clips.extend(numbers.map(|number| HomeClip { set, seed, number, frames, foreign }));
+                    }
+                }
+            }
+        }
+        let case = |clip: &HomeClip| Case {
+            name: format!("{:06}_{}", clip.seed, clip.number),
+            set: format!("{}{}", clip.set.name(), if clip.foreign { "-foreign" } else { "" }),
+            frames: clip.frames,
         };
         HomeClips { cases: clips.iter().map(case).collect(), clips, params, recent: Mutex::default() }
     }
 
-    fn mapped(&self, seed: u64) -> Result<Arc<Mapped>, RunError> {
+    fn mapped(&self, set: Set, seed: u64) -> Result<Arc<Mapped>, RunError> {
         const KEPT: usize = 4;
         let recent = || self.recent.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        if let Some((_, mapped)) = recent().iter().find(|(known, _)| *known == seed) {
+        if let Some(mapped) = recent().iter().find(|mapped| mapped.of == (set, seed)) {
             return Ok(mapped.clone());
         }
-        let home = Home::generate(&HomeParams::new(self.params.set, seed));
+        let home = Home::generate(&HomeParams::new(set, seed));
         let survey = home.survey();
         let lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes())
             .map_err(|source| RunError::Map { home: seed, source })?;
         let target = Target::new(&lidar).map(Arc::new);
-        let mapped = Arc::new(Mapped { home, survey, lidar: Arc::new(lidar), target });
+        let mapped = Arc::new(Mapped { of: (set, seed), home, survey, lidar: Arc::new(lidar), target });
         let mut recent = recent();
-        recent.push((seed, mapped.clone()));
+        recent.push(mapped.clone());
         if recent.len() > KEPT {
             recent.remove(0);
         }
@@ -85,8 +104,8 @@ impl Suite for HomeClips {
     }
 
     fn fingerprint(&self) -> String {
-        let HomesParams { set, clips_per_home: _, seeds: _, frames: _, sensor } = &self.params;
-        format!("{} {sensor:?}", set.name())
+        // The rest of the parameters is in the cases.
+        format!("simulated {:?}", self.params.sensor)
     }
 
     fn sample(
@@ -95,8 +114,9 @@ impl Suite for HomeClips {
         params: &AlignParams,
         progress: &dyn Progress,
     ) -> Result<Option<Sample>, RunError> {
-        let (seed, number, frames) = self.clips[index];
-        let mapped = self.mapped(seed)?;
+        let HomeClip { set, seed, number, frames, foreign } = self.clips[index];
+        let mapped = self.mapped(set, seed)?;
+        let map = if foreign { self.mapped(set, seed + 1)? } else { mapped.clone() };
         // Colour does not matter here: the cheapest pictures will do.
         let color_width = self.params.sensor.depth_camera().width;
         let recording =
@@ -110,10 +130,10 @@ impl Suite for HomeClips {
         })?;
         Ok(Some(Sample {
             observation,
-            lidar: mapped.lidar.clone(),
-            target: mapped.target.clone(),
-            map_from_clip: truth.map_from_clip,
-            equivalent_poses: truth.equivalent_poses,
+            lidar: map.lidar.clone(),
+            target: map.target.clone(),
+            map_from_clip: if foreign { NOWHERE } else { truth.map_from_clip },
+            equivalent_poses: if foreign { vec![NOWHERE] } else { truth.equivalent_poses },
             first_frame: 0,
             last_frame: frames.saturating_sub(1) as u32,
         }))

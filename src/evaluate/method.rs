@@ -23,8 +23,9 @@ pub enum MethodKind {
 type Ablation = (&'static str, fn(&mut AlignParams));
 const ABLATIONS: &[Ablation] = &[
     ("free-space", |params| {
-        (params.decide.blocked_m, params.decide.hits_on_floor_m, params.decide.walls_on_floor_m) =
-            (0.0, 0.0, 0.0);
+        params.decide.blocked_m = 0.0;
+        params.decide.hits_on_floor_m = 0.0;
+        params.decide.walls_on_floor_m = 0.0;
     }),
     // What is low counts as much as what is tall.
     ("structure", |params| params.weigh.low_weight = 1.0),

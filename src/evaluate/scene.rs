@@ -71,7 +71,7 @@ impl Scene {
     }
 
     /// The true pose of the clip that begins with frame `index`; none when that frame has no pose.
-    fn map_from_clip(&self, index: usize) -> Option<Pose2> {
+    pub fn map_from_clip(&self, index: usize) -> Option<Pose2> {
         let world_from_camera = self.clip.frames().get(index)?.world_from_camera?;
         let heading = align::heading(&world_from_camera, &Vector3::z());
         let at = world_from_camera.translation.vector;

@@ -1,0 +1,152 @@
+//! Registration on rooms drawn by hand: the answer follows the map, whatever its pose.
+
+use proptest::prelude::*;
+use std::f64::consts::PI;
+use viola::align::{
+    self, AlignParams, Alignment, AlignmentState, FloorReport, Hit, Observation, Target, VirtualScan,
+};
+use viola::geometry::{Point2, Pose2, Vector2, angle_between};
+use viola::progress::Silent;
+
+type Corner = (f64, f64);
+
+/// A flat of two rooms with a bay, a chimney breast and a door between them: no symmetry.
+const OUTLINE: &[Corner] = &[
+    (0.0, 0.0),
+    (5.0, 0.0),
+    (5.0, 1.2),
+    (6.0, 1.2),
+    (6.0, 2.4),
+    (5.0, 2.4),
+    (5.0, 4.0),
+    (3.1, 4.0),
+    (3.1, 3.6),
+    (2.2, 3.6),
+    (2.2, 4.0),
+    (0.0, 4.0),
+    (0.0, 0.0),
+];
+const ANNEX: &[Corner] = &[(5.0, 4.0), (5.0, 7.0), (1.5, 7.0), (1.5, 5.2), (0.6, 5.2), (0.6, 4.0)];
+
+/// Points every 2 cm along walls.
+fn walls(lines: &[&[Corner]]) -> Vec<Point2> {
+    let mut points = Vec::new();
+    for line in lines {
+        for ends in line.windows(2) {
+            let (a, b) = (Point2::new(ends[0].0, ends[0].1), Point2::new(ends[1].0, ends[1].1));
+            let steps = ((b - a).norm() / 0.02).round() as usize;
+            points.extend((0..steps).map(|i| a + (b - a) * (i as f64 / steps as f64)));
+        }
+    }
+    points
+}
+
+fn target(points: Vec<Point2>) -> Target {
+    Target::from_points(points, None, None).unwrap()
+}
+
+/// What a clip that starts at `map_from_clip` sees of these walls.
+fn observation(seen: &[Point2], map_from_clip: &Pose2) -> Observation {
+    let clip_from_map = map_from_clip.inverse();
+    let hit = |p: &Point2| Hit {
+        point_m: clip_from_map.apply(p),
+        normal: Vector2::x(),
+        weight: 1.0,
+        extent_m: 2.0,
+        at_vacuum_height: true,
+        from_m: Point2::origin(),
+    };
+    Observation {
+        scan: VirtualScan {
+            hits: seen.iter().map(hit).collect(),
+            free_m: Vec::new(),
+            cameras: vec![Pose2::IDENTITY],
+        },
+        key_frames: 10,
+        floor: Some(FloorReport {
+            assumed: false,
+            camera_height_m: 1.4,
+            support_points: 1000,
+            gravity_angle_deg: None,
+        }),
+        ..Observation::default()
+    }
+}
+
+fn register(observation: &Observation, target: &Target) -> Alignment {
+    align::register(observation, Some(target), &AlignParams::default(), &Silent).unwrap()
+}
+
+/// Every fifth point of the living room: 10 cm apart.
+fn seen() -> Vec<Point2> {
+    walls(&[OUTLINE]).into_iter().step_by(5).collect()
+}
+
+fn check(answer: &Alignment, truth: &Pose2) {
+    let pose = answer.map_from_clip.unwrap_or_else(|| panic!("no pose: {:?}", answer.reasons));
+    assert!(pose.distance_m(truth) < 0.02, "{pose:?} is not {truth:?}");
+    assert!(angle_between(pose.yaw_rad, truth.yaw_rad) < 0.5f64.to_radians(), "{pose:?} is not {truth:?}");
+    assert_eq!(answer.state, AlignmentState::Aligned, "{:?}", answer.reasons);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    #[test]
+    fn any_place_and_heading_is_found(x in 0.5..4.5f64, y in 0.5..3.5f64, yaw in -PI..PI) {
+        let truth = Pose2::new(x, y, yaw);
+        check(&register(&observation(&seen(), &truth), &target(walls(&[OUTLINE, ANNEX]))), &truth);
+    }
+
+    #[test]
+    fn moving_the_map_moves_the_answer(dx in -30.0..30.0f64, dy in -30.0..30.0f64, turn in -PI..PI) {
+        let truth = Pose2::new(2.0, 1.5, 0.7);
+        let moved = Pose2::new(dx, dy, turn);
+        let points = walls(&[OUTLINE, ANNEX]).iter().map(|p| moved.apply(p)).collect();
+        check(&register(&observation(&seen(), &truth), &target(points)), &moved.compose(&truth));
+    }
+}
+
+#[test]
+fn the_order_of_points_does_not_matter() {
+    let truth = Pose2::new(2.0, 1.5, 0.7);
+    let (points, hits) = (walls(&[OUTLINE, ANNEX]), seen());
+    let (mut points_back, mut hits_back) = (points.clone(), hits.clone());
+    points_back.reverse();
+    hits_back.reverse();
+    let one = register(&observation(&hits, &truth), &target(points)).map_from_clip.unwrap();
+    let other = register(&observation(&hits_back, &truth), &target(points_back)).map_from_clip.unwrap();
+    // Sums in another order differ in the last bits.
+    assert!(one.distance_m(&other) < 1e-6 && angle_between(one.yaw_rad, other.yaw_rad) < 1e-6);
+}
+
+#[test]
+fn a_mirrored_map_is_not_matched() {
+    let truth = Pose2::new(2.0, 1.5, 0.7);
+    let mirrored = walls(&[OUTLINE, ANNEX]).iter().map(|p| Point2::new(-p.x, p.y)).collect();
+    let answer = register(&observation(&seen(), &truth), &target(mirrored));
+    assert_ne!(answer.state, AlignmentState::Aligned, "{answer:?}");
+}
+
+#[test]
+fn twin_rooms_are_ambiguous_and_both_listed() {
+    let twin = walls(&[OUTLINE]);
+    let across = Pose2::new(12.0, 3.0, 2.0);
+    let points = twin.iter().copied().chain(twin.iter().map(|p| across.apply(p))).collect();
+    let truth = Pose2::new(2.0, 1.5, 0.7);
+    let answer = register(&observation(&seen(), &truth), &target(points));
+    assert_eq!(answer.state, AlignmentState::Ambiguous, "{:?}", answer.alternatives);
+    assert!(answer.reasons.iter().any(|reason| reason.code == "several_modes"), "{:?}", answer.reasons);
+    for pose in [truth, across.compose(&truth)] {
+        assert!(answer.alternatives.iter().any(|a| a.map_from_clip.distance_m(&pose) < 0.05), "{pose:?}");
+    }
+    assert!(answer.probability.unwrap() < 0.7);
+}
+
+#[test]
+fn too_little_is_said_to_be_too_little() {
+    let few: Vec<Point2> = seen().into_iter().take(10).collect();
+    let answer = register(&observation(&few, &Pose2::IDENTITY), &target(walls(&[OUTLINE])));
+    assert_eq!((answer.state, answer.map_from_clip), (AlignmentState::Failed, None));
+    assert_eq!(answer.reasons[0].code, "too_few_hits");
+}
