@@ -141,10 +141,8 @@ impl Run<'_> {
             source => RunError::Align { clip: case.name.clone(), source },
         })?;
         let laps = watch.stop();
-        let register = [Stage::Search, Stage::Refine, Stage::Decide]
-            .iter()
-            .filter_map(|stage| laps.get(stage.name()))
-            .sum();
+        let lap = |stage: Stage| laps.get(stage.name()).copied().unwrap_or(0.0);
+        let register = lap(Stage::Search) + lap(Stage::Refine) + lap(Stage::Decide);
         let seconds = Seconds { register, all: observe_seconds + laps.values().sum::<f64>() };
         let result = ClipResult::new(case, &method.name, sample, &alignment, coverage, seconds);
         if let Some(folder) = self.pictures.filter(|_| !result.is_success()) {
