@@ -33,7 +33,7 @@ pub use fuse::{FuseParams, Fused, KeyFrame};
 pub use observe::{Observation, Rival, observe};
 pub use posterior::{Coefficient, FEATURES, Posterior, features};
 pub use raycast::{Hit, RaycastParams, VirtualScan};
-pub use refine::{RefineParams, Refined};
+pub use refine::{RefineParams, Refined, refine};
 pub use register::register;
 pub use search::{Candidate, Modes, SearchParams};
 pub use target::Target;

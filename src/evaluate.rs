@@ -1,11 +1,12 @@
 //! The paper's protocol on any data with a known truth: clips, methods, one table.
 //!
-//! A [`Suite`] gives clips with their truth: excerpts of a recorded scene ([`SceneClips`]),
-//! or clips of simulated homes ([`HomeClips`]). [`run`] has
-//! every [`Method`] align the same clips, [`tabulate`] sums up, and [`plot`] draws.
+//! A [`Suite`] gives clips with their truth: excerpts of a recorded scene ([`SceneClips`]), clips of
+//! simulated homes ([`HomeClips`]), or clips drawn inside a map ([`DrawnClips`]). [`Run`] has every
+//! [`Method`] align the same clips, [`tabulate`] sums up, and [`plot`] draws.
 
 mod calibration;
 mod draw;
+mod drawn;
 mod failure;
 mod fit;
 mod homes;
@@ -24,6 +25,7 @@ mod table;
 
 pub use calibration::{Bin, Calibration};
 pub use draw::{excerpts, random_excerpts};
+pub use drawn::{DrawnClips, DrawnError, DrawnParams};
 pub use fit::fit;
 pub use homes::{HomeClips, HomesParams};
 pub use journal::{Journal, JournalError};

@@ -2,8 +2,8 @@
 
 use crate::align::AlignParams;
 use crate::evaluate::{
-    self, ClipResult, HomeClips, HomesParams, Journal, Method, Run, Scene, SceneClips, Suite, SurveyParams,
-    plot,
+    self, ClipResult, DrawnClips, DrawnParams, HomeClips, HomesParams, Journal, Method, Run, Scene,
+    SceneClips, Suite, SurveyParams, plot,
 };
 use crate::progress::Silent;
 use crate::simulate::{Sensor, Set};
@@ -19,13 +19,17 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 #[derive(Args)]
+#[command(group = clap::ArgGroup::new("source").required(true))]
 pub struct EvaluateArguments {
     /// A recording with true poses, in a layout that the clip readers know.
-    #[arg(long, required_unless_present = "set")]
+    #[arg(long, group = "source")]
     scene: Option<PathBuf>,
     /// Sets of simulated homes instead: normal, upper, repeated, changed.
-    #[arg(long, conflicts_with = "scene", value_delimiter = ',')]
+    #[arg(long, group = "source", value_delimiter = ',')]
     set: Vec<Set>,
+    /// LiDAR maps with free cells instead: clips are drawn inside them. May be given several times.
+    #[arg(long, group = "source")]
+    map: Vec<PathBuf>,
     /// Seeds of the simulated homes, the last one not included.
     #[arg(long, value_name = "FIRST..END", default_value = "1000..1100", value_parser = super::align::range::<u64>)]
     seeds: Range<u64>,
@@ -48,7 +52,7 @@ pub struct EvaluateArguments {
     #[arg(long, default_value = "60", value_delimiter = ',')]
     frames: Vec<usize>,
     /// Scene: draw this many excerpts of each length at random instead. Simulated: clips of each home, 3 unless
-    /// said otherwise.
+    /// said otherwise. Map: clips of each map, 10 unless said otherwise.
     #[arg(long)]
     clips: Option<usize>,
     /// Methods to compare, by name.
@@ -119,6 +123,15 @@ fn methods(arguments: &EvaluateArguments) -> Result<Vec<Method>> {
 fn suite(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
     if let Some(path) = &arguments.scene {
         return scene(arguments, path);
+    }
+    if !arguments.map.is_empty() {
+        let params = DrawnParams {
+            seed: arguments.seed,
+            clips: arguments.clips.unwrap_or(DrawnParams::default().clips),
+            frames: arguments.frames.clone(),
+            ..DrawnParams::default()
+        };
+        return Ok(Box::new(DrawnClips::open(&arguments.map, params)?));
     }
     Ok(Box::new(HomeClips::new(HomesParams {
         sets: arguments.set.clone(),

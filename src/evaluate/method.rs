@@ -19,6 +19,7 @@ pub enum MethodKind {
 }
 
 /// Evidence that `viola` can be had without: the name after `viola-without-`, and how it is switched off.
+/// The probability is still the one that was fitted to answers with all evidence.
 type Ablation = (&'static str, fn(&mut AlignParams));
 const ABLATIONS: &[Ablation] = &[
     ("free-space", |params| {
@@ -26,8 +27,11 @@ const ABLATIONS: &[Ablation] = &[
         params.decide.hits_on_floor_m = 0.0;
         params.decide.walls_on_floor_m = 0.0;
     }),
+    // What is low counts as much as what is tall.
     ("structure", |params| params.weigh.low_weight = 1.0),
     ("upper-walls", |params| params.weigh.upper_weight = 0.0),
+    // A hit where the map knows nothing costs as much as one on free floor.
+    ("unknown-cells", |params| params.decide.evidence.unknown_share = 1.0),
 ];
 
 impl Method {

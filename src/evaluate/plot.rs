@@ -49,7 +49,8 @@ pub fn reliability(results: &[ClipResult]) -> Option<String> {
     let mut chart = Chart::new(
         Axis::linear("probability, as said", 0.0, 1.0, 0.1),
         Axis::linear("share of successes", 0.0, 1.0, 0.1),
-    );
+    )
+    .with_low_legend();
     chart.line(&[(0.0, 0.0), (1.0, 1.0)], "#808080");
     let mut titles = Vec::new();
     for (name, ink) in methods(results).iter().zip(INKS.iter().cycle()) {

@@ -2,7 +2,7 @@
 
 use super::failure;
 use super::record::{self, Seconds};
-use super::{Case, ClipResult, Journal, JournalError, Method, Sample, SceneError, Suite};
+use super::{Case, ClipResult, DrawnError, Journal, JournalError, Method, Sample, SceneError, Suite};
 use crate::align::{AlignError, AlignParams};
 use crate::lidar::LidarError;
 use crate::progress::{Cancelled, Progress, Stage};
@@ -39,6 +39,8 @@ pub enum RunError {
     Map { home: u64, source: LidarError },
     #[error(transparent)]
     Scene(#[from] SceneError),
+    #[error(transparent)]
+    Drawn(#[from] DrawnError),
     #[error(transparent)]
     Journal(#[from] JournalError),
     #[error("cannot write {path}: {source}")]
@@ -139,10 +141,8 @@ impl Run<'_> {
             source => RunError::Align { clip: case.name.clone(), source },
         })?;
         let laps = watch.stop();
-        let register = [Stage::Search, Stage::Refine, Stage::Decide]
-            .iter()
-            .filter_map(|stage| laps.get(stage.name()))
-            .sum();
+        let lap = |stage: Stage| laps.get(stage.name()).copied().unwrap_or(0.0);
+        let register = lap(Stage::Search) + lap(Stage::Refine) + lap(Stage::Decide);
         let seconds = Seconds { register, all: observe_seconds + laps.values().sum::<f64>() };
         let result = ClipResult::new(case, &method.name, sample, &alignment, coverage, seconds);
         if let Some(folder) = self.pictures.filter(|_| !result.is_success()) {

@@ -123,7 +123,7 @@ impl Survey {
 }
 
 /// A normally distributed number (Box and Muller, 1958).
-fn bell(rng: &mut ChaCha8Rng) -> f64 {
+pub(super) fn bell(rng: &mut ChaCha8Rng) -> f64 {
     let u: f64 = 1.0 - rng.random::<f64>();
     (-2.0 * u.ln()).sqrt() * (TAU * rng.random::<f64>()).cos()
 }

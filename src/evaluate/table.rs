@@ -30,7 +30,7 @@ pub struct TableRow {
     pub unknowable_clips: usize,
     /// Of those, the share called `ambiguous` with the truth among the alternatives; null when there are none.
     pub unknowable_admitted: Option<f64>,
-    /// Median time of search, refinement and decision, on one thread.
+    /// Median time of search, refinement and decision, on one thread, over the clips that came so far.
     pub seconds_median: f64,
     /// Median time of everything from the clip's pictures to its pose, on one thread. For simulated clips
     /// that includes rendering the pictures.
@@ -66,7 +66,8 @@ pub fn tabulate(results: &[ClipResult]) -> Vec<TableRow> {
 fn row(method: &str, set: &str, frames: usize, results: &[&ClipResult]) -> TableRow {
     let rotations: Vec<f64> = results.iter().filter_map(|r| r.rotation_error_deg).collect();
     let translations: Vec<f64> = results.iter().filter_map(|r| r.translation_error_m).collect();
-    let seconds = |value: fn(&ClipResult) -> f64| -> Vec<f64> { results.iter().map(|r| value(r)).collect() };
+    let register: Vec<f64> = results.iter().map(|r| r.register_seconds).filter(|s| *s > 0.0).collect();
+    let total: Vec<f64> = results.iter().map(|r| r.seconds).collect();
     let share = |count: usize| count as f64 / results.len().max(1) as f64;
     let count = |is: &dyn Fn(&ClipResult) -> bool| results.iter().filter(|r| is(r)).count();
     let part = |part: usize, whole: usize| (whole > 0).then(|| part as f64 / whole as f64);
@@ -96,8 +97,8 @@ fn row(method: &str, set: &str, frames: usize, results: &[&ClipResult]) -> Table
             .map(|calibration| calibration.expected_calibration_error),
         unknowable_clips: unknowable,
         unknowable_admitted: part(admitted, unknowable),
-        seconds_median: median(&seconds(|r| r.register_seconds)),
-        seconds_total_median: median(&seconds(|r| r.seconds)),
+        seconds_median: median(&register),
+        seconds_total_median: median(&total),
     }
 }
 

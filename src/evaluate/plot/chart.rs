@@ -46,12 +46,17 @@ pub(super) struct Chart {
     x: Axis,
     y: Axis,
     marks: String,
-    legends: usize,
+    next_legend: f64,
 }
 
 impl Chart {
     pub(super) fn new(x: Axis, y: Axis) -> Chart {
-        Chart { x, y, marks: String::new(), legends: 0 }
+        Chart { x, y, marks: String::new(), next_legend: 16.0 }
+    }
+
+    /// Puts the legend below the middle, for charts that rise to the right.
+    pub(super) fn with_low_legend(self) -> Chart {
+        Chart { next_legend: 0.6 * HEIGHT, ..self }
     }
 
     fn place(&self, x: f64, y: f64) -> (f64, f64) {
@@ -87,10 +92,10 @@ impl Chart {
         self.text(x + 6.0, y + 14.0, "start", words, "#404040");
     }
 
-    /// A line of the legend, in the upper right corner.
+    /// A line of the legend: at the right edge, below the last one.
     pub(super) fn legend(&mut self, words: &str, ink: &str) {
-        self.legends += 1;
-        let y = 16.0 * self.legends as f64;
+        let y = self.next_legend;
+        self.next_legend += 16.0;
         let x = LEFT + WIDTH - 10.0;
         let _ = writeln!(self.marks, r#"<circle cx="{x:.1}" cy="{:.1}" r="4" fill="{ink}"/>"#, y - 4.0);
         self.text(x - 10.0, y, "end", words, ink);

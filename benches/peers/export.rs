@@ -1,0 +1,65 @@
+//! Refines 100 starts in a simulated home on one thread, and writes the points, the starts and the time for
+//! `compare.py`, which does the same with Open3D.
+
+use rand::{RngExt, SeedableRng};
+use serde_json::json;
+use std::time::Instant;
+use viola::align::{self, AlignParams, RefineParams};
+use viola::evaluate::{HomeClips, HomesParams, Suite};
+use viola::geometry::Pose2;
+use viola::progress::Silent;
+use viola::simulate::{Sensor, Set};
+
+const STARTS: usize = 100;
+/// The fastest of so many runs counts: others were disturbed.
+const RUNS: usize = 5;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let path = std::env::args().nth(1).ok_or("usage: peers OUT.json")?;
+    let homes = HomesParams {
+        sets: vec![Set::Normal],
+        seeds: 1000..1001,
+        clips_per_home: 1,
+        frames: vec![60],
+        sensor: Sensor::PhoneLidar,
+        foreign: false,
+    };
+    let sample = HomeClips::new(homes).sample(0, &AlignParams::default(), &Silent)?;
+    let sample = sample.ok_or("the home has no clip")?;
+    let target = sample.target.ok_or("the map is empty")?;
+    let (hits, truth) = (&sample.observation.scan.hits, sample.map_from_clip);
+
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(0);
+    // Half of them anywhere in the map, as a search might leave them; half around the truth.
+    let starts: Vec<Pose2> = (0..STARTS)
+        .map(|i| {
+            let place = target.points_m[rng.random_range(0..target.points_m.len())];
+            let any = Pose2::new(place.x, place.y, rng.random_range(-3.1..3.1));
+            let mut off = |size: f64| rng.random_range(-size..size);
+            let near = Pose2::new(truth.x_m + off(0.3), truth.y_m + off(0.3), truth.yaw_rad + off(0.15));
+            if i % 2 == 0 { any } else { near }
+        })
+        .collect();
+    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    let params = RefineParams::default();
+    let (mut seconds, mut refined) = (f64::INFINITY, Vec::new());
+    for _ in 0..RUNS {
+        let since = Instant::now();
+        refined = one_thread.install(|| align::refine(&starts, hits, &target, &params));
+        seconds = f64::min(seconds, since.elapsed().as_secs_f64());
+    }
+
+    let flat = |pose: &Pose2| [pose.x_m, pose.y_m, pose.yaw_rad];
+    let file = json!({
+        "hits_m": hits.iter().map(|hit| [hit.point_m.x, hit.point_m.y]).collect::<Vec<_>>(),
+        "map_m": target.points_m.iter().map(|p| [p.x, p.y]).collect::<Vec<_>>(),
+        "starts": starts.iter().map(flat).collect::<Vec<_>>(),
+        "truth": flat(&truth),
+        "viola": {
+            "seconds": seconds,
+            "poses": refined.iter().map(|r| flat(&r.map_from_clip)).collect::<Vec<_>>(),
+        },
+    });
+    std::fs::write(path, file.to_string())?;
+    Ok(())
+}

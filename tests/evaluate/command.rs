@@ -1,0 +1,64 @@
+//! The command and the files that it leaves.
+
+use super::flat;
+use std::process::Command;
+
+#[test]
+fn leaves_tables_that_programs_can_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let (map, out) = (flat::write(folder.path()), folder.path().join("out"));
+    let evaluate = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
+        command.arg("evaluate").arg("--map").arg(&map).arg("--out").arg(&out);
+        let done =
+            command.args(["--clips", "2", "--frames", "20,30", "--methods", "viola"]).output().unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        String::from_utf8(done.stdout).unwrap()
+    };
+    let printed = evaluate();
+    assert!(printed.contains("| flat | 20 | 2 | viola |"), "{printed}");
+    let read = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
+    let table: serde_json::Value = serde_json::from_str(&read("table.json")).unwrap();
+    let rows = table.as_array().unwrap();
+    assert_eq!(rows.len(), 2);
+    // The members that others rely on.
+    for member in [
+        "method",
+        "set",
+        "frames",
+        "clips",
+        "r_mean_deg",
+        "r_median_deg",
+        "t_mean_m",
+        "t_median_m",
+        "success_rate",
+        "wrong_when_aligned",
+        "aligned_rate",
+        "seconds_median",
+    ] {
+        assert!(rows[0].get(member).is_some(), "{member} is missing in {}", rows[0]);
+    }
+    assert_eq!(read("clips.csv").lines().count(), 5);
+    let run: serde_json::Value = serde_json::from_str(&read("run.json")).unwrap();
+    assert!(run["peak_memory_bytes"].as_u64().is_none_or(|bytes| bytes > 1 << 20), "{run}");
+    assert!(read("coverage.svg").starts_with("<svg"));
+    // Again: everything is known, times included.
+    let csv = read("clips.csv");
+    evaluate();
+    assert_eq!(read("clips.csv"), csv);
+}
+
+#[test]
+fn wants_one_source_and_known_methods() {
+    for arguments in [
+        &["--methods", "viola"][..],
+        &["--map", "a.yaml", "--set", "normal"],
+        &["--map", "missing.yaml", "--methods", "luck"],
+        &["--map", "missing.yaml"],
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
+        let done = command.arg("evaluate").args(arguments).arg("--out").arg(folder.path()).output().unwrap();
+        assert!(!done.status.success(), "{arguments:?}");
+    }
+}
