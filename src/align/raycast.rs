@@ -110,7 +110,7 @@ pub fn lay_flat(clip_from_camera: &Pose3) -> Pose2 {
 }
 
 /// Keeps `most` hits that lie far from each other (farthest-point sampling), in their old order.
-pub(super) fn thin(hits: Vec<Hit>, most: usize) -> Vec<Hit> {
+fn thin(hits: Vec<Hit>, most: usize) -> Vec<Hit> {
     if hits.len() <= most {
         return hits;
     }

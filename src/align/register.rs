@@ -97,6 +97,19 @@ fn register_scan(
     answer.covariance = Some(best.covariance.into());
     answer.alternatives = ranked.into_iter().map(|r| r.alternative).collect();
     POSTERIOR.judge(&mut answer);
+    if !found.complete {
+        // A place that was not looked at may explain the clip as well.
+        const AT_MOST: f64 = 0.5;
+        answer.probability = answer.probability.map(|p| p.min(AT_MOST));
+        for alternative in &mut answer.alternatives {
+            alternative.probability = alternative.probability.map(|p| p.min(AT_MOST));
+        }
+        let detail = format!(
+            "the search ended at its budget of {} nodes; poses that score up to {:.2} may be missing",
+            found.nodes, found.open_bound
+        );
+        answer.reasons.push(Reason::new("search_incomplete", detail));
+    }
     verdict(&mut answer, &params.decide);
     if answer.state != AlignmentState::Failed {
         answer.map_from_clip = Some(pose);

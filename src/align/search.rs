@@ -32,7 +32,7 @@ pub struct SearchParams {
     pub rotations: usize,
     /// Scale of the likelihood that a hit belongs to a map point, by their distance.
     pub sigma_m: f64,
-    /// Hits used; more are thinned to those furthest apart.
+    /// Hits used; of more, every so many-th is taken, so that clutter keeps its share and no more.
     pub hits: usize,
     /// The clip's origin may lie this far outside the box around the map.
     pub margin_m: f64,
@@ -63,7 +63,7 @@ impl Default for SearchParams {
             bar: 0.8,
             apart_m: 0.25,
             apart_rad: 8f64.to_radians(),
-            max_nodes: 400_000,
+            max_nodes: 1_500_000,
         }
     }
 }
@@ -76,6 +76,8 @@ pub struct Modes {
     /// least this, it is the global optimum.
     pub open_bound: f64,
     pub nodes: usize,
+    /// Whether the search ended by itself and not by its budget.
+    pub complete: bool,
 }
 
 /// Searches all poses whose origin lies in the map.
@@ -85,11 +87,12 @@ pub fn search(
     params: &SearchParams,
     progress: &dyn Progress,
 ) -> Result<Modes, AlignError> {
-    let hits = super::raycast::thin(hits.to_vec(), params.hits);
+    let hits = thin(hits, params.hits);
     let space = Space::new(&hits, target, params);
     let roots = space.roots();
     // What cannot reach the bar even of this need not be remembered.
-    let hopeless = (params.bar * f64::from(space.dive(&roots))) as u32;
+    let dived = space.dive(&roots);
+    let hopeless = (params.bar * f64::from(dived.map_or(0, |leaf| leaf.bound))) as u32;
     let mut open: BinaryHeap<Node> = roots.into_iter().filter(|node| node.bound > hopeless).collect();
     let mut modes: Vec<Candidate> = Vec::new();
     let mut nodes = 0;
@@ -114,8 +117,17 @@ pub fn search(
             batch.par_iter().with_min_len(32).map(|node| space.children(node)).collect();
         open.extend(children.into_iter().flatten().filter(|child| child.bound > hopeless));
     }
+    if let (true, Some(leaf)) = (modes.is_empty(), dived) {
+        // The budget ended before the first proof: the best that is known is better than nothing.
+        modes.push(Candidate { map_from_clip: space.pose(&leaf), score: space.share(leaf.bound) });
+    }
     let open_bound = space.share(open.peek().map_or(hopeless, |top| top.bound));
-    Ok(Modes { modes, open_bound, nodes })
+    Ok(Modes { modes, open_bound, nodes, complete: nodes < params.max_nodes })
+}
+
+fn thin(hits: &[Hit], most: usize) -> Vec<Hit> {
+    let kept = most.min(hits.len());
+    (0..kept).map(|i| hits[i * hits.len() / kept]).collect()
 }
 
 /// The best inner nodes, up to the first leaf. The number is fixed: it must not depend on threads.
@@ -262,7 +274,7 @@ impl<'a> Space<'a> {
     }
 
     /// The best leaf under the most promising roots: what the optimum reaches at least.
-    fn dive(&self, roots: &[Node]) -> u32 {
+    fn dive(&self, roots: &[Node]) -> Option<Node> {
         const DIVES: usize = 64;
         let mut best: Vec<&Node> = roots.iter().collect();
         best.sort_unstable_by(|a, b| b.cmp(a));
@@ -273,10 +285,9 @@ impl<'a> Space<'a> {
                 while node.level > 0 {
                     node = self.children(&node).into_iter().max().unwrap_or(node);
                 }
-                node.bound
+                node
             })
             .max()
-            .unwrap_or(0)
     }
 
     fn pose(&self, leaf: &Node) -> Pose2 {
@@ -393,6 +404,7 @@ mod tests {
             (0..12).map(|i| hit(0.1 * f64::from(i) - 0.6, 0.05 * f64::from(i % 5))).collect();
         let found = search(&hits, &target, &SearchParams { max_nodes: 128, ..small() }, &Silent).unwrap();
         assert!(found.nodes <= 256);
-        assert!(found.modes.is_empty() && found.open_bound > 0.0, "{found:?}");
+        assert!(!found.complete && found.modes.len() == 1, "{found:?}");
+        assert!(found.open_bound >= found.modes[0].score, "{found:?}");
     }
 }

@@ -19,12 +19,19 @@ impl Default for WeighParams {
     }
 }
 
-/// The hits with their weights; those that count nothing are left out.
+/// The hits with their weights, in an order of their own, so that the answer does not depend on the order in
+/// which they came; those that count nothing are left out.
 pub fn weigh(hits: &[Hit], params: &WeighParams) -> Vec<Hit> {
     let weight = |hit: &Hit| {
         let tall = (hit.extent_m / params.tall_m).clamp(0.0, 1.0);
         let standing = params.low_weight + (1.0 - params.low_weight) * tall;
         if hit.at_vacuum_height { standing } else { standing * params.upper_weight }
     };
-    hits.iter().map(|hit| Hit { weight: weight(hit), ..*hit }).filter(|hit| hit.weight > 0.0).collect()
+    let mut weighed: Vec<Hit> =
+        hits.iter().map(|hit| Hit { weight: weight(hit), ..*hit }).filter(|hit| hit.weight > 0.0).collect();
+    weighed.sort_by(|a, b| {
+        let by = |axis: fn(&Hit) -> f64| axis(a).total_cmp(&axis(b));
+        by(|hit| hit.point_m.x).then(by(|hit| hit.point_m.y)).then(by(|hit| hit.weight))
+    });
+    weighed
 }
