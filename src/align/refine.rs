@@ -31,35 +31,54 @@ pub struct Refined {
 
 /// Refines every pose by itself; the order is kept.
 pub fn refine(starts: &[Pose2], hits: &[Hit], target: &Target, params: &RefineParams) -> Vec<Refined> {
-    starts.par_iter().map(|start| refine_one(start, hits, target, params)).collect()
+    // A quarter of the hits leads to the right valley; all of them find its bottom.
+    let some: Vec<Hit> = hits.iter().step_by((hits.len() / 100).clamp(1, 4)).copied().collect();
+    starts.par_iter().map(|start| refine_one(start, &some, hits, target, params)).collect()
 }
 
 /// Gauss-Newton with the Geman-McClure kernel, annealed: the one-directional distance of hits to the map,
 /// with hits that have no counterpart fading out.
-fn refine_one(start: &Pose2, hits: &[Hit], target: &Target, params: &RefineParams) -> Refined {
+fn refine_one(start: &Pose2, some: &[Hit], hits: &[Hit], target: &Target, params: &RefineParams) -> Refined {
     let mut pose = *start;
-    for &kernel_m in &params.kernel_m {
-        let mut cost = Normal::gather(&pose, hits, target, kernel_m).cost;
-        let mut damping = 1e-3;
-        for _ in 0..params.steps {
-            let normal = Normal::gather(&pose, hits, target, kernel_m);
-            let Some(step) = normal.step(damping) else { break };
-            let moved = Pose2::new(pose.x_m + step.x, pose.y_m + step.y, pose.yaw_rad + step.z);
-            let moved_cost = Normal::gather(&moved, hits, target, kernel_m).cost;
-            if moved_cost < cost {
-                (pose, cost) = (moved, moved_cost);
-                damping = f64::max(damping * 0.3, 1e-6);
-                if step.xy().norm() < 1e-5 && step.z.abs() < 1e-6 {
-                    break;
-                }
-            } else {
-                damping *= 10.0;
-            }
-        }
+    let last = params.kernel_m.len().saturating_sub(1);
+    for (i, &kernel_m) in params.kernel_m.iter().enumerate() {
+        // On the way to the last scale a few millimetres do not matter.
+        let (hits, still_m, still_rad) = if i < last { (some, 3e-3, 1e-3) } else { (hits, 1e-4, 2e-5) };
+        pose = descend(pose, hits, target, kernel_m, params.steps, still_m, still_rad);
     }
     let kernel_m = params.kernel_m.last().copied().unwrap_or(0.1);
     let covariance = Normal::gather(&pose, hits, target, kernel_m).covariance();
     Refined { map_from_clip: pose, covariance }
+}
+
+/// Steps at one scale, until a step moves less than `still_m` and `still_rad`.
+fn descend(
+    start: Pose2,
+    hits: &[Hit],
+    target: &Target,
+    kernel_m: f64,
+    steps: usize,
+    still_m: f64,
+    still_rad: f64,
+) -> Pose2 {
+    let mut pose = start;
+    let mut normal = Normal::gather(&pose, hits, target, kernel_m);
+    let mut damping = 1e-3;
+    for _ in 0..steps {
+        let Some(step) = normal.step(damping) else { break };
+        let moved = Pose2::new(pose.x_m + step.x, pose.y_m + step.y, pose.yaw_rad + step.z);
+        let there = Normal::gather(&moved, hits, target, kernel_m);
+        if there.cost < normal.cost {
+            (pose, normal) = (moved, there);
+            damping = f64::max(damping * 0.3, 1e-6);
+        } else {
+            damping *= 10.0;
+        }
+        if step.xy().norm() < still_m && step.z.abs() < still_rad {
+            break;
+        }
+    }
+    pose
 }
 
 /// The normal equations of one pose.
