@@ -7,10 +7,13 @@
 //! |---|---|---|
 //! | 1 | [`geometry`], [`progress`], [`container`] | transforms, cameras, grids, distance fields; how long work reports itself; folders and zips |
 //! | 2 | [`clip`], [`lidar`] | a recorded clip and a LiDAR map, one file for each format they come in |
-//! | 3 | [`align`], [`home`], [`simulate`] | the method; pictures and files of a home; homes with exact truth |
-//! | 4 | [`evaluate`], [`stopwatch`], [`storage`] | the paper's protocol; time; records and blobs |
-//! | 5 | [`jobs`] | the queue and its workers |
-//! | 6 | [`api`], [`cli`] | HTTP and the command line |
+//! | 3 | [`align`] | the method |
+//! | 4 | [`home`], [`simulate`] | pictures and files of a home; homes with exact truth |
+//! | 5 | [`stopwatch`] | the time of each stage |
+//! | 6 | [`evaluate`], [`storage`] | the paper's protocol; records and blobs |
+//! | 7 | [`jobs`] | the queue and its workers |
+//! | 8 | [`api`] | HTTP |
+//! | 9 | [`cli`] | the command line |
 
 pub mod align;
 pub mod api;
