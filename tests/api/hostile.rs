@@ -90,8 +90,8 @@ async fn a_zip_bomb() {
 async fn clips_whose_pictures_are_wrong() {
     // The first frame's are looked at when the clip is opened, the others' when they are used.
     check_clip(zips::zip(&with("color/0", b"no picture")), 422, "bad-picture").await;
-    // A picture four times as wide as high cannot show what a depth picture of 4:3 shows.
-    let wide = image::RgbImage::from_pixel(320, 80, image::Rgb([90, 90, 90]));
+    // A picture twice as wide as high cannot show what a depth picture of 4:3 shows.
+    let wide = image::RgbImage::from_pixel(200, 100, image::Rgb([90, 90, 90]));
     let mut jpeg = std::io::Cursor::new(Vec::new());
     wide.write_to(&mut jpeg, image::ImageFormat::Jpeg).unwrap();
     check_clip(zips::zip(&with("color", jpeg.get_ref())), 422, "color-depth-mismatch").await;
