@@ -19,6 +19,7 @@ mod raycast;
 mod refine;
 mod register;
 mod search;
+mod space;
 mod standing;
 mod target;
 mod tsdf;
