@@ -140,7 +140,6 @@ fn twin_rooms_are_ambiguous_and_both_listed() {
     for pose in [truth, across.compose(&truth)] {
         assert!(answer.alternatives.iter().any(|a| a.map_from_clip.distance_m(&pose) < 0.05), "{pose:?}");
     }
-    assert!(answer.probability.unwrap() < 0.7);
 }
 
 #[test]
