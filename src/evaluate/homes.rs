@@ -1,7 +1,7 @@
 //! Simulated homes: any number of clips with exact truth, rendered when they are wanted.
 
 use super::{Case, RunError, Sample, Suite};
-use crate::align::{self, AlignError, AlignParams, Target};
+use crate::align::{self, AlignParams, Target};
 use crate::clip::{Clip, ClipInfo};
 use crate::geometry::{Pose2, Vector3};
 use crate::lidar::LidarMap;
@@ -124,10 +124,8 @@ impl Suite for HomeClips {
         let recorded = mapped.home.clip(&mapped.survey, number, &recording);
         let truth = recorded.truth.clone();
         let clip = in_memory(recorded);
-        let observation = align::observe(&clip, None, params, progress).map_err(|error| match error {
-            AlignError::Cancelled => RunError::Cancelled,
-            source => RunError::Align { clip: self.cases[index].name.clone(), source },
-        })?;
+        let observation = align::observe(&clip, None, params, progress)
+            .map_err(|error| RunError::of_clip(&self.cases[index], error))?;
         Ok(Some(Sample {
             observation,
             lidar: map.lidar.clone(),

@@ -49,6 +49,16 @@ pub enum RunError {
     Worker(#[from] rayon::ThreadPoolBuildError),
 }
 
+impl RunError {
+    /// Why the clip of a case could not be observed or aligned.
+    pub(super) fn of_clip(case: &Case, error: AlignError) -> RunError {
+        match error {
+            AlignError::Cancelled => RunError::Cancelled,
+            source => RunError::Align { clip: case.name.clone(), source },
+        }
+    }
+}
+
 impl From<Cancelled> for RunError {
     fn from(_: Cancelled) -> RunError {
         RunError::Cancelled
@@ -136,10 +146,7 @@ impl Run<'_> {
         progress: &dyn Progress,
     ) -> Result<ClipResult, RunError> {
         let watch = Stopwatch::around(progress);
-        let alignment = method.register(sample, &watch).map_err(|error| match error {
-            AlignError::Cancelled => RunError::Cancelled,
-            source => RunError::Align { clip: case.name.clone(), source },
-        })?;
+        let alignment = method.register(sample, &watch).map_err(|error| RunError::of_clip(case, error))?;
         let laps = watch.stop();
         let lap = |stage: Stage| laps.get(stage.name()).copied().unwrap_or(0.0);
         let register = lap(Stage::Search) + lap(Stage::Refine) + lap(Stage::Decide);

@@ -1,7 +1,7 @@
 //! Excerpts of a recording with known poses, against the LiDAR map of the whole scene.
 
 use super::{Case, MeshError, RunError, Sample, Suite, Survey, SurveyError, SurveyParams};
-use crate::align::{self, AlignError, AlignParams, Target};
+use crate::align::{self, AlignParams, Target};
 use crate::clip::{Clip, ClipError};
 use crate::geometry::{Pose2, Vector3};
 use crate::lidar::{LidarError, LidarMap};
@@ -123,13 +123,8 @@ impl Suite for SceneClips {
         };
         let Some(map_from_clip) = self.scene.map_from_clip(begin) else { return Ok(None) };
         let numbers = headers[range.start].number..headers[range.end - 1].number + 1;
-        let observation =
-            align::observe(&self.scene.clip, Some(numbers.clone()), params, progress).map_err(|error| {
-                match error {
-                    AlignError::Cancelled => RunError::Cancelled,
-                    source => RunError::Align { clip: self.cases[index].name.clone(), source },
-                }
-            })?;
+        let observation = align::observe(&self.scene.clip, Some(numbers.clone()), params, progress)
+            .map_err(|error| RunError::of_clip(&self.cases[index], error))?;
         Ok(Some(Sample {
             observation,
             lidar: self.scene.lidar.clone(),
