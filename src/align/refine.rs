@@ -2,7 +2,7 @@
 
 use super::raycast::Hit;
 use super::target::Target;
-use crate::geometry::{Point2, Pose2};
+use crate::geometry::{Point2, Pose2, angle_between};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -17,7 +17,7 @@ pub struct RefineParams {
 
 impl Default for RefineParams {
     fn default() -> Self {
-        RefineParams { kernel_m: vec![0.4, 0.2, 0.1, 0.05], steps: 8 }
+        RefineParams { kernel_m: vec![0.4, 0.15, 0.05], steps: 6 }
     }
 }
 
@@ -29,32 +29,86 @@ pub struct Refined {
     pub covariance: Matrix3<f64>,
 }
 
-/// Refines every pose by itself; the order is kept.
+/// Refines every pose; the order is kept. Gauss-Newton with the Geman-McClure kernel, annealed: the
+/// one-directional distance of hits to the map, with hits that have no counterpart fading out.
+///
+/// Descents that have met go on as one: the start of a bunch that comes first leads it.
 pub fn refine(starts: &[Pose2], hits: &[Hit], target: &Target, params: &RefineParams) -> Vec<Refined> {
     // A quarter of the hits leads to the right valley; all of them find its bottom.
-    let some: Vec<Hit> = hits.iter().step_by((hits.len() / 100).clamp(1, 4)).copied().collect();
-    starts.par_iter().map(|start| refine_one(start, &some, hits, target, params)).collect()
-}
-
-/// Gauss-Newton with the Geman-McClure kernel, annealed: the one-directional distance of hits to the map,
-/// with hits that have no counterpart fading out.
-fn refine_one(start: &Pose2, some: &[Hit], hits: &[Hit], target: &Target, params: &RefineParams) -> Refined {
-    let mut pose = *start;
-    let last = params.kernel_m.len().saturating_sub(1);
+    let hits: Vec<Weighted> = hits.iter().map(Weighted::from).collect();
+    let some: Vec<Weighted> = hits.iter().step_by((hits.len() / 100).clamp(1, 4)).copied().collect();
+    let mut bunches = Bunches::new(starts);
     for (i, &kernel_m) in params.kernel_m.iter().enumerate() {
         // On the way to the last scale a few millimetres do not matter.
-        let (hits, still_m, still_rad) = if i < last { (some, 3e-3, 1e-3) } else { (hits, 1e-4, 2e-5) };
-        pose = descend(pose, hits, target, kernel_m, params.steps, still_m, still_rad);
+        let last = i + 1 == params.kernel_m.len();
+        let (hits, still_m, still_rad) = if last { (&hits, 4e-4, 1e-4) } else { (&some, 3e-3, 1e-3) };
+        let leaders = &mut bunches.leaders;
+        leaders.par_iter_mut().for_each(|pose| {
+            *pose = descend(*pose, hits, target, kernel_m, params.steps, still_m, still_rad);
+        });
+        if !last {
+            bunches.join();
+        }
     }
     let kernel_m = params.kernel_m.last().copied().unwrap_or(0.1);
-    let covariance = Normal::gather(&pose, hits, target, kernel_m).covariance();
-    Refined { map_from_clip: pose, covariance }
+    let settle = |pose: &Pose2| Refined {
+        map_from_clip: *pose,
+        covariance: covariance(pose, &hits, target, kernel_m),
+    };
+    let refined: Vec<Refined> = bunches.leaders.par_iter().map(settle).collect();
+    bunches.of_start.iter().map(|&leader| refined[leader]).collect()
+}
+
+/// What of a hit counts here, packed: the whole of them stays in the fastest cache.
+#[derive(Clone, Copy)]
+struct Weighted {
+    x_m: f64,
+    y_m: f64,
+    weight: f64,
+}
+
+impl From<&Hit> for Weighted {
+    fn from(hit: &Hit) -> Weighted {
+        Weighted { x_m: hit.point_m.x, y_m: hit.point_m.y, weight: hit.weight }
+    }
+}
+
+/// The distinct poses of a refinement, and which of them each start has become.
+struct Bunches {
+    leaders: Vec<Pose2>,
+    of_start: Vec<usize>,
+}
+
+impl Bunches {
+    fn new(starts: &[Pose2]) -> Bunches {
+        Bunches { leaders: starts.to_vec(), of_start: (0..starts.len()).collect() }
+    }
+
+    /// Joins those that lie closer together than the narrowest kernel can tell.
+    fn join(&mut self) {
+        const MET_M: f64 = 0.02;
+        const MET_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
+        let mut kept: Vec<Pose2> = Vec::new();
+        let mut now = Vec::with_capacity(self.leaders.len());
+        for pose in &self.leaders {
+            let met =
+                |k: &Pose2| k.distance_m(pose) < MET_M && angle_between(k.yaw_rad, pose.yaw_rad) < MET_RAD;
+            now.push(kept.iter().position(met).unwrap_or_else(|| {
+                kept.push(*pose);
+                kept.len() - 1
+            }));
+        }
+        for leader in &mut self.of_start {
+            *leader = now[*leader];
+        }
+        self.leaders = kept;
+    }
 }
 
 /// Steps at one scale, until a step moves less than `still_m` and `still_rad`.
 fn descend(
     start: Pose2,
-    hits: &[Hit],
+    hits: &[Weighted],
     target: &Target,
     kernel_m: f64,
     steps: usize,
@@ -83,58 +137,74 @@ fn descend(
 
 /// The normal equations of one pose.
 struct Normal {
-    information: Matrix3<f64>,
+    /// Upper triangle, row after row.
+    information: [f64; 6],
     gradient: Vector3<f64>,
     cost: f64,
-    squared: f64,
-    weight: f64,
 }
 
 impl Normal {
-    fn gather(pose: &Pose2, hits: &[Hit], target: &Target, kernel_m: f64) -> Normal {
-        let mut normal = Normal {
-            information: Matrix3::zeros(),
-            gradient: Vector3::zeros(),
-            cost: 0.0,
-            squared: 0.0,
-            weight: 0.0,
-        };
+    fn gather(pose: &Pose2, hits: &[Weighted], target: &Target, kernel_m: f64) -> Normal {
+        let mut information = [0.0; 6];
+        let mut gradient = [0.0; 3];
+        let mut cost = 0.0;
         let (sin, cos) = pose.yaw_rad.sin_cos();
         let c2 = kernel_m * kernel_m;
         for hit in hits {
-            let (x, y) = (hit.point_m.x, hit.point_m.y);
+            let (x, y) = (hit.x_m, hit.y_m);
             let (rx, ry) = (cos * x - sin * y, sin * x + cos * y);
             let (d, slope) = target.field.value_and_gradient(&Point2::new(rx + pose.x_m, ry + pose.y_m));
             let share = c2 / (c2 + d * d);
-            let weight = hit.weight * share * share;
-            let jacobian = Vector3::new(slope.x, slope.y, slope.y * rx - slope.x * ry);
-            normal.information += jacobian * jacobian.transpose() * weight;
-            normal.gradient += jacobian * (weight * d);
-            normal.cost += hit.weight * d * d * share;
-            normal.squared += weight * d * d;
-            normal.weight += weight;
+            let bent = hit.weight * share;
+            let weight = bent * share;
+            let turn = slope.y * rx - slope.x * ry;
+            let (wx, wy, wt) = (weight * slope.x, weight * slope.y, weight * turn);
+            information[0] += wx * slope.x;
+            information[1] += wx * slope.y;
+            information[2] += wx * turn;
+            information[3] += wy * slope.y;
+            information[4] += wy * turn;
+            information[5] += wt * turn;
+            gradient[0] += wx * d;
+            gradient[1] += wy * d;
+            gradient[2] += wt * d;
+            cost += bent * d * d;
         }
-        normal
+        Normal { information, gradient: gradient.into(), cost }
+    }
+
+    fn information(&self) -> Matrix3<f64> {
+        let [xx, xy, xt, yy, yt, tt] = self.information;
+        Matrix3::new(xx, xy, xt, xy, yy, yt, xt, yt, tt)
     }
 
     fn step(&self, damping: f64) -> Option<Vector3<f64>> {
-        let mut damped = self.information;
+        let mut damped = self.information();
         for i in 0..3 {
-            damped[(i, i)] += damping * self.information[(i, i)] + 1e-9;
+            damped[(i, i)] += damping * damped[(i, i)] + 1e-9;
         }
         damped.cholesky().map(|c| -c.solve(&self.gradient))
     }
+}
 
-    /// Residual variance times the inverse information. Neighbouring hits share the map's and the fusion's
-    /// errors, so only one in [`CORRELATED_HITS`] counts as an observation of its own.
-    fn covariance(&self) -> Matrix3<f64> {
-        const CORRELATED_HITS: f64 = 5.0;
-        const FLOOR_M: f64 = 0.01;
-        let variance = if self.weight > 0.0 { self.squared / self.weight } else { 1.0 };
-        let variance = variance.max(FLOOR_M * FLOOR_M) * CORRELATED_HITS;
-        // A direction that nothing holds gets a metre (a radian) of doubt, not infinity.
-        let information = self.information / variance + Matrix3::identity();
-        let inverse = information.try_inverse().unwrap_or_else(Matrix3::identity);
-        (inverse + inverse.transpose()) * 0.5
+/// Residual variance times the inverse information. Neighbouring hits share the map's and the fusion's
+/// errors, so only one in [`CORRELATED_HITS`] counts as an observation of its own.
+fn covariance(pose: &Pose2, hits: &[Weighted], target: &Target, kernel_m: f64) -> Matrix3<f64> {
+    const CORRELATED_HITS: f64 = 5.0;
+    const FLOOR_M: f64 = 0.01;
+    let c2 = kernel_m * kernel_m;
+    let (mut squared, mut weights) = (0.0, 0.0);
+    for hit in hits {
+        let d = target.field.value(&pose.apply(&Point2::new(hit.x_m, hit.y_m)));
+        let share = c2 / (c2 + d * d);
+        squared += hit.weight * share * share * d * d;
+        weights += hit.weight * share * share;
     }
+    let variance = if weights > 0.0 { squared / weights } else { 1.0 };
+    let variance = variance.max(FLOOR_M * FLOOR_M) * CORRELATED_HITS;
+    // A direction that nothing holds gets a metre (a radian) of doubt, not infinity.
+    let information =
+        Normal::gather(pose, hits, target, kernel_m).information() / variance + Matrix3::identity();
+    let inverse = information.try_inverse().unwrap_or_else(Matrix3::identity);
+    (inverse + inverse.transpose()) * 0.5
 }

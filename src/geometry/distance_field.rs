@@ -11,6 +11,7 @@ use rayon::prelude::*;
 #[derive(Debug, Clone)]
 pub struct DistanceField {
     grid: Grid<f32>,
+    cells_per_m: f64,
 }
 
 impl DistanceField {
@@ -51,7 +52,7 @@ impl DistanceField {
                 }
             },
         );
-        DistanceField { grid }
+        DistanceField { grid, cells_per_m: 1.0 / occupied.frame.cell_m }
     }
 
     pub fn frame(&self) -> &GridFrame {
@@ -70,7 +71,33 @@ impl DistanceField {
     }
 
     /// Distance at a point and its gradient (metres per metre).
+    #[inline]
     pub fn value_and_gradient(&self, point: &Point2) -> (f64, Vector2) {
+        let GridFrame { origin_m, width, height, .. } = self.grid.frame;
+        let u = (point.x - origin_m[0]) * self.cells_per_m - 0.5;
+        let v = (point.y - origin_m[1]) * self.cells_per_m - 0.5;
+        // Refinement spends its time here, and nearly always inside. NaN fails the comparisons.
+        if u >= 0.0 && v >= 0.0 && u < (width - 1) as f64 && v < (height - 1) as f64 {
+            let (x0, y0) = (u as i32, v as i32);
+            let from = y0 as usize * width + x0 as usize;
+            if let Some(cells) = self.grid.cells.get(from..from + width + 2) {
+                let (fx, fy) = (u - f64::from(x0), v - f64::from(y0));
+                let [v00, v10] = [cells[0], cells[1]].map(f64::from);
+                let [v01, v11] = [cells[width], cells[width + 1]].map(f64::from);
+                let (low, high) = (v10 - v00, v11 - v01);
+                let (left, right) = (v00 + fy * (v01 - v00), v10 + fy * (v11 - v10));
+                let gx = (low + fy * (high - low)) * self.cells_per_m;
+                return (
+                    left + fx * (right - left),
+                    Vector2::new(gx, (v01 - v00 + fx * (high - low)) * self.cells_per_m),
+                );
+            }
+        }
+        self.value_and_gradient_outside(point)
+    }
+
+    #[cold]
+    fn value_and_gradient_outside(&self, point: &Point2) -> (f64, Vector2) {
         let at = self.locate(point);
         let cell_m = self.grid.frame.cell_m;
         let gx = ((1.0 - at.fy) * (at.v10 - at.v00) + at.fy * (at.v11 - at.v01)) / cell_m;
