@@ -11,6 +11,7 @@ mod extract;
 mod floor;
 mod free;
 mod fuse;
+pub mod label;
 mod observe;
 pub mod paper;
 mod posterior;

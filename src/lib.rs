@@ -5,7 +5,7 @@
 //!
 //! | floor | module | what it knows |
 //! |---|---|---|
-//! | 1 | [`geometry`], [`progress`], [`container`] | transforms, cameras, grids, distance fields; how long work reports itself; folders and zips |
+//! | 1 | [`geometry`], [`progress`], [`container`], [`taxonomy`] | transforms, cameras, grids, distance fields; how long work reports itself; folders and zips; the classes of things |
 //! | 2 | [`clip`], [`lidar`] | a recorded clip and a LiDAR map, one file for each format they come in |
 //! | 3 | [`align`] | the method |
 //! | 4 | [`home`], [`simulate`] | pictures and files of a home; homes with exact truth |
@@ -29,3 +29,4 @@ pub mod progress;
 pub mod simulate;
 pub mod stopwatch;
 pub mod storage;
+pub mod taxonomy;

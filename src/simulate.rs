@@ -10,7 +10,6 @@
 //! frames are turned and moved against it by the seed, and so is each clip's world.
 
 mod change;
-mod class;
 mod clearance;
 mod clip;
 mod dice;
@@ -32,7 +31,6 @@ mod structure;
 mod survey;
 mod walk;
 
-pub use class::Class;
 pub use clip::{ClipParams, ClipTruth, LabelImage, SimulatedClip};
 pub use export::write_scannet_zip;
 pub use home::{Home, HomeObject, HomeParams, HomeTruth, Set};

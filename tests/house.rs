@@ -9,6 +9,7 @@ const FLOORS: &[(&str, u8)] = &[
     ("geometry", 1),
     ("progress", 1),
     ("container", 1),
+    ("taxonomy", 1),
     ("clip", 2),
     ("lidar", 2),
     ("align", 3),

@@ -4,9 +4,10 @@ use std::io::Cursor;
 use viola::geometry::{Grid, Point2, Point3, Pose3, Vector3};
 use viola::lidar::Cell;
 use viola::simulate::{
-    Class, ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, plan_png, points_csv, ros_pgm,
+    ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, plan_png, points_csv, ros_pgm,
     ros_yaml, valetudo_json, write_scannet_zip,
 };
+use viola::taxonomy::Class;
 
 fn home(set: Set, seed: u64) -> Home {
     Home::generate(&HomeParams::new(set, seed))

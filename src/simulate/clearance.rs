@@ -1,11 +1,11 @@
 //! How far every place on the floor is from what stands on it.
 
-use super::class::Class;
 use super::piece::Footprint;
 use super::plan::Plan;
 use super::scene::{Primitive, Scene};
 use super::solid::Shape;
 use crate::geometry::{DistanceField, Grid, GridFrame};
+use crate::taxonomy::Class;
 
 /// Distance to the nearest solid whose height lies in `band_m`, and to the outside of the rooms.
 pub(super) fn clearance(scene: &Scene, plan: &Plan, cell_m: f64, band_m: [f64; 2]) -> DistanceField {

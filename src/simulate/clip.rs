@@ -1,6 +1,5 @@
 //! A recorded clip that exists only as its poses: frames are rendered when asked for.
 
-use super::class::Class;
 use super::dice::hash;
 use super::home::{Home, Set};
 use super::likeness;
@@ -12,6 +11,7 @@ use super::survey::Survey;
 use super::walk::{home_from_clip, walk};
 use crate::clip::{Frame, FrameHeader};
 use crate::geometry::{Pinhole, Pose2, Pose3, Vector3};
+use crate::taxonomy::Class;
 use nalgebra::{Translation3, UnitQuaternion};
 use serde::Serialize;
 use std::sync::Arc;

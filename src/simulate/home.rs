@@ -1,7 +1,6 @@
 //! A home: its plan, its furniture on two days, and what can be asked of it.
 
 use super::change;
-use super::class::Class;
 use super::clip::{ClipParams, SimulatedClip};
 use super::dice::Dice;
 use super::furnish;
@@ -11,6 +10,7 @@ use super::scene::Scene;
 use super::solid::Solid;
 use super::structure;
 use super::survey::Survey;
+use crate::taxonomy::Class;
 use serde::Serialize;
 use std::str::FromStr;
 use std::sync::Arc;

@@ -1,6 +1,5 @@
 //! A drawing of the home from above, for people to judge it by.
 
-use super::Class;
 use super::clip::SimulatedClip;
 use super::home::Home;
 use super::piece::Footprint;
@@ -9,6 +8,7 @@ use super::scene::Primitive;
 use super::solid::Shape;
 use super::survey::Survey;
 use crate::geometry::{Point2, Point3, Vector3};
+use crate::taxonomy::Class;
 use tiny_skia::{Color, FillRule, Paint, Path, PathBuilder, Pixmap, Stroke, Transform};
 
 const PIXELS_PER_M: f64 = 70.0;
@@ -40,7 +40,7 @@ pub fn plan_png(home: &Home, survey: &Survey, clips: &[&SimulatedClip]) -> Vec<u
         .collect();
     order.sort_by(|a, b| a.high.z.total_cmp(&b.high.z));
     for primitive in order {
-        let wall = matches!(primitive.class, Class::Wall | Class::Pillar);
+        let wall = primitive.class == Class::Wall;
         let rgb = if wall { [90, 90, 96] } else { primitive.finish.rgb.map(|c| (c * 235.0) as u8) };
         canvas.solid(primitive, rgb, if wall { 255 } else { 215 });
     }

@@ -1,10 +1,10 @@
 //! A piece of furniture: solids in a frame of its own, put somewhere.
 
-use super::class::Class;
 use super::finish::Finish;
 use super::plan::Rect;
 use super::solid::{Shape, Solid};
 use crate::geometry::{Point2, Point3, Pose2, Vector3};
+use crate::taxonomy::Class;
 
 /// A turned rectangle on the floor.
 #[derive(Debug, Clone, Copy, PartialEq)]

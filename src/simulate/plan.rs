@@ -7,11 +7,11 @@ mod row;
 mod slicing;
 mod walls;
 
-use super::class::Class;
 use super::dice::Dice;
 use super::piece::Footprint;
 use super::solid::Solid;
 use crate::geometry::{Point2, Pose2};
+use crate::taxonomy::Class;
 use serde::Serialize;
 
 /// What a room is for.

@@ -1,9 +1,9 @@
 //! Solids ready for rays: a bounding volume hierarchy for single rays and queries.
 
-use super::class::Class;
 use super::finish::Finish;
 use super::solid::{Shape, Solid};
 use crate::geometry::{Point3, Vector3};
+use crate::taxonomy::Class;
 use nalgebra::Matrix3;
 
 /// What a ray hit first.

@@ -1,8 +1,8 @@
 //! The few shapes that everything is made of.
 
-use super::class::Class;
 use super::finish::Finish;
 use crate::geometry::{Point3, Pose2, Vector3};
+use crate::taxonomy::Class;
 use nalgebra::{Matrix3, Rotation3};
 
 /// A unit shape: within -1..1 along each axis.

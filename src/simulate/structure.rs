@@ -1,12 +1,12 @@
 //! From a plan to the solids of the building: floors, ceilings, walls with their holes, frames, doors.
 
-use super::class::Class;
 use super::dice::Dice;
 use super::finish::{DARK, Finish, METAL, Pattern, WHITE, paint, wood};
 use super::piece::Piece;
 use super::plan::{Opening, OpeningKind, Plan, RoomKind, Wall};
 use super::solid::Solid;
 use crate::geometry::Pose2;
+use crate::taxonomy::Class;
 
 /// Thickness of the outer walls.
 const OUTER_M: f64 = 0.3;

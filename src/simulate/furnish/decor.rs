@@ -1,9 +1,9 @@
 //! Lamps, plants, pictures, rugs, curtains, radiators.
 
-use crate::simulate::class::Class;
 use crate::simulate::dice::Dice;
 use crate::simulate::finish::{DARK, Finish, METAL, Pattern, WHITE, cloth, wood};
 use crate::simulate::piece::{Mount, Piece};
+use crate::taxonomy::Class;
 
 pub fn floor_lamp(dice: &mut Dice) -> Piece {
     let top = dice.between(1.45, 1.75);

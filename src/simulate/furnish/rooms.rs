@@ -2,8 +2,8 @@
 
 use super::{Arranger, decor, dressing, seating, storage, wet};
 use crate::geometry::Pose2;
-use crate::simulate::class::Class;
 use crate::simulate::plan::RoomKind;
+use crate::taxonomy::Class;
 
 /// Furnishes the room that the arranger holds.
 pub(super) fn furnish(room: &mut Arranger) {
@@ -175,7 +175,7 @@ fn sleep(room: &mut Arranger, width: f64) {
     let mut width = room.dice.pick([1.0, 1.5, 2.0, 2.4]);
     while width > 0.7 {
         let size = [width, 0.6, room.dice.between(1.9, 2.25)];
-        let wardrobe = storage::cabinet(Class::Wardrobe, size, &mut room.dice);
+        let wardrobe = storage::cabinet(Class::Cabinet, size, &mut room.dice);
         if room.in_corner(wardrobe, 0.6).is_some() {
             break;
         }

@@ -1,10 +1,10 @@
 //! Chairs, sofas, tables, desks.
 
 use crate::geometry::Pose2;
-use crate::simulate::class::Class;
 use crate::simulate::dice::Dice;
 use crate::simulate::finish::{DARK, Finish, METAL, cloth, wood};
 use crate::simulate::piece::Piece;
+use crate::taxonomy::Class;
 use std::f64::consts::{PI, TAU};
 
 /// A chair with four legs: what a vacuum sees of it is four dots.
@@ -71,7 +71,7 @@ pub fn corner_sofa(dice: &mut Dice) -> Piece {
 
 pub fn armchair(dice: &mut Dice) -> Piece {
     let (width, depth) = (dice.between(0.72, 0.9), dice.between(0.75, 0.9));
-    seats(Class::Armchair, width, depth, 1, dice).movable()
+    seats(Class::Chair, width, depth, 1, dice).movable()
 }
 
 fn seats(class: Class, width: f64, depth: f64, count: usize, dice: &mut Dice) -> Piece {

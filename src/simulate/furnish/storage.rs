@@ -1,9 +1,9 @@
 //! Beds, wardrobes, shelves, cabinets, and what stands on them.
 
-use crate::simulate::class::Class;
 use crate::simulate::dice::Dice;
 use crate::simulate::finish::{DARK, Finish, Pattern, WHITE, cloth, front, wood};
 use crate::simulate::piece::Piece;
+use crate::taxonomy::Class;
 
 /// A bed with its head at the wall; a vacuum drives under some and stops at the base of others.
 pub fn bed(width: f64, dice: &mut Dice) -> Piece {

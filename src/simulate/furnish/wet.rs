@@ -1,9 +1,9 @@
 //! Kitchens and bathrooms.
 
-use crate::simulate::class::Class;
 use crate::simulate::dice::Dice;
 use crate::simulate::finish::{DARK, Finish, METAL, Pattern, WHITE, cloth, front};
 use crate::simulate::piece::Piece;
+use crate::taxonomy::Class;
 
 fn ceramic() -> Finish {
     Finish::plain([0.94, 0.94, 0.93]).glossy(0.5)

@@ -2,10 +2,10 @@
 
 use super::{Feature, Plan, RoomKind};
 use crate::geometry::Point2;
-use crate::simulate::class::Class;
 use crate::simulate::dice::Dice;
 use crate::simulate::finish::{Finish, Pattern, WHITE};
 use crate::simulate::piece::Footprint;
+use crate::taxonomy::Class;
 
 pub(super) fn add(plan: &Plan, dice: &mut Dice) -> Vec<Feature> {
     let mut features: Vec<Feature> = vec![];
@@ -92,7 +92,7 @@ fn pillar(plan: &Plan, room: usize, dice: &mut Dice) -> Feature {
     let centre =
         Point2::new(dice.between(space.min[0], space.max[0]), dice.between(space.min[1], space.max[1]));
     let footprint = Footprint { centre, half: [side / 2.0, side / 2.0], yaw_rad: 0.0 };
-    let mut feature = Feature::wall_block(room, footprint, plan.ceiling_m, Class::Pillar, plaster());
+    let mut feature = Feature::wall_block(room, footprint, plan.ceiling_m, Class::Wall, plaster());
     if dice.chance(0.4) {
         feature.solid.shape = crate::simulate::solid::Shape::Cylinder;
     }

@@ -1,0 +1,26 @@
+//! Stage 4: every point of the clip gets a class, with a probability (paper III-A).
+
+mod class_map;
+
+pub use class_map::ClassMap;
+
+use image::RgbImage;
+
+/// Tells the classes of a picture's pixels.
+pub trait Segmenter: Send + Sync {
+    fn segment(&self, picture: &RgbImage) -> Result<ClassMap, SegmentError>;
+
+    /// Which network, and what runs it, for the answer.
+    fn name(&self) -> String;
+}
+
+/// Why a network could not be used. The clip goes on with geometry alone.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum SegmentError {
+    #[error("the network failed: {0}")]
+    Run(String),
+    #[error("the network gave {got} where {want} was expected")]
+    Shape { got: String, want: String },
+    #[error("the network gave values that are not finite")]
+    NotFinite,
+}
