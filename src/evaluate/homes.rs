@@ -10,6 +10,9 @@ use crate::simulate::{ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, 
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
+/// Ends the name of a set whose clips are given the map of another home.
+pub(super) const FOREIGN: &str = "-foreign";
+
 /// Which homes, and how they are filmed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HomesParams {
@@ -71,7 +74,7 @@ impl HomeClips {
         }
         let case = |clip: &HomeClip| Case {
             name: format!("{:06}_{}", clip.seed, clip.number),
-            set: format!("{}{}", clip.set.name(), if clip.foreign { "-foreign" } else { "" }),
+            set: format!("{}{}", clip.set.name(), if clip.foreign { FOREIGN } else { "" }),
             frames: clip.frames,
         };
         HomeClips { cases: clips.iter().map(case).collect(), clips, params, recent: Mutex::default() }
