@@ -1,0 +1,77 @@
+//! Pieces of surface that bend no more within than they do towards others (Felzenszwalb and Huttenlocher,
+//! 2004): what one piece is, all of it is.
+
+use super::sites::Sites;
+
+/// The larger, the larger the pieces.
+const SCALE: f64 = 0.05;
+/// Smaller pieces join the neighbour to which they bend least.
+const MIN_SITES: u32 = 40;
+
+/// The piece of each site, numbered from 0 in the order of their first sites.
+pub(super) fn segments(sites: &Sites) -> Vec<u32> {
+    let bend = |&[a, b]: &[u32; 2]| {
+        let dot = sites.smooth_normals[a as usize].dot(&sites.smooth_normals[b as usize]);
+        (1.0 - dot).max(0.0) as f32
+    };
+    let mut edges: Vec<(f32, [u32; 2])> = sites.neighbours.iter().map(|pair| (bend(pair), *pair)).collect();
+    edges.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut forest = Forest::new(sites.len());
+    for &(weight, [a, b]) in &edges {
+        let (a, b) = (forest.root(a), forest.root(b));
+        if a != b && f64::from(weight) <= forest.bound(a).min(forest.bound(b)) {
+            forest.join(a, b, weight);
+        }
+    }
+    for &(weight, [a, b]) in &edges {
+        let (a, b) = (forest.root(a), forest.root(b));
+        if a != b && forest.size[a as usize].min(forest.size[b as usize]) < MIN_SITES {
+            forest.join(a, b, weight);
+        }
+    }
+    let mut number = vec![u32::MAX; sites.len()];
+    let mut next = 0;
+    (0..sites.len() as u32)
+        .map(|site| {
+            let own = &mut number[forest.root(site) as usize];
+            if *own == u32::MAX {
+                *own = next;
+                next += 1;
+            }
+            *own
+        })
+        .collect()
+}
+
+struct Forest {
+    parent: Vec<u32>,
+    size: Vec<u32>,
+    /// The strongest bend within.
+    inner: Vec<f32>,
+}
+
+impl Forest {
+    fn new(count: usize) -> Forest {
+        Forest { parent: (0..count as u32).collect(), size: vec![1; count], inner: vec![0.0; count] }
+    }
+
+    fn root(&mut self, mut at: u32) -> u32 {
+        while self.parent[at as usize] != at {
+            let up = self.parent[self.parent[at as usize] as usize];
+            self.parent[at as usize] = up;
+            at = up;
+        }
+        at
+    }
+
+    fn bound(&self, root: u32) -> f64 {
+        f64::from(self.inner[root as usize]) + SCALE / f64::from(self.size[root as usize])
+    }
+
+    fn join(&mut self, a: u32, b: u32, weight: f32) {
+        let (large, small) = if self.size[a as usize] >= self.size[b as usize] { (a, b) } else { (b, a) };
+        self.parent[small as usize] = large;
+        self.size[large as usize] += self.size[small as usize];
+        self.inner[large as usize] = weight;
+    }
+}

@@ -1,0 +1,152 @@
+//! What the shape of a surface alone says: floor, wall, ceiling, or something in front of them.
+
+use super::planes::{self, Upright};
+use super::sites::Sites;
+use crate::geometry::Vector2;
+use rustc_hash::FxHashSet;
+
+/// What a place looks like without its picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Shape {
+    Floor,
+    /// In an upright plane that has what walls have.
+    Wall,
+    Ceiling,
+    /// In an upright plane with a wall close behind it, or with a top: the front of a cabinet.
+    Front,
+    /// In another upright plane.
+    Upright,
+    /// None of these.
+    Loose,
+}
+
+/// Heights and sizes that tell walls from furniture, in metres; homes everywhere are built alike enough.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StructureParams {
+    /// Upright surface that reaches this high is a wall unless something speaks against it ...
+    pub tall_m: f64,
+    /// ... and so is one of which this much was seen, bottom to top, wherever it ends.
+    pub extent_m: f64,
+    /// Smaller patches are not judged.
+    pub min_area_m2: f64,
+    /// A parallel wall less than this behind makes a patch the front of something.
+    pub depth_m: f64,
+    /// Ceilings are above this.
+    pub ceiling_m: f64,
+}
+
+impl Default for StructureParams {
+    fn default() -> Self {
+        StructureParams { tall_m: 1.9, extent_m: 1.2, min_area_m2: 0.25, depth_m: 0.9, ceiling_m: 2.0 }
+    }
+}
+
+/// The shape of each site. `sites` are in the clip frame: z up, the floor at 0.
+pub(super) fn shapes(sites: &Sites, params: &StructureParams) -> Vec<Shape> {
+    let patches = planes::upright_patches(sites);
+    let mut shapes = vec![Shape::Loose; sites.len()];
+    let mut walls = Vec::new();
+    for patch in patches.iter().filter(|patch| patch.area_m2 >= params.min_area_m2) {
+        let shape = judge(patch, &patches, sites, params);
+        for &member in &patch.members {
+            shapes[member as usize] = shape;
+        }
+        if shape == Shape::Wall {
+            walls.push(patch);
+        }
+    }
+    for wall in walls {
+        claim(wall, sites, &mut shapes);
+    }
+    for (i, shape) in shapes.iter_mut().enumerate() {
+        let (z, up) = (sites.positions_m[i].z, sites.smooth_normals[i].z);
+        // Close to the floor a surface may lean: the mean of its normals takes in the wall beside it.
+        if (z < 0.05 && up > 0.3) || (z < 0.10 && up > 0.7) {
+            *shape = Shape::Floor;
+        } else if z > params.ceiling_m && up < -0.85 {
+            *shape = Shape::Ceiling;
+        }
+    }
+    shapes
+}
+
+fn judge(patch: &Upright, all: &[Upright], sites: &Sites, params: &StructureParams) -> Shape {
+    let height_m = patch.high_m - patch.low_m;
+    if height_m < 0.3 {
+        return Shape::Upright;
+    }
+    if wall_behind(patch, all, sites, params) > 0.3 || has_top(patch, sites) {
+        Shape::Front
+    } else if patch.high_m >= params.tall_m || height_m >= params.extent_m {
+        Shape::Wall
+    } else {
+        Shape::Upright
+    }
+}
+
+/// How much parallel wall stands close behind a patch, as a share of it.
+fn wall_behind(patch: &Upright, all: &[Upright], sites: &Sites, params: &StructureParams) -> f64 {
+    const BESIDE_M: f64 = 0.4;
+    const CLOSE_M: f64 = 0.1;
+    let along = patch.along();
+    let beside = patch.from_m - BESIDE_M..patch.to_m + BESIDE_M;
+    let is_wall = |other: &&Upright| {
+        other.area_m2 >= params.min_area_m2
+            && other.high_m >= params.tall_m
+            && other.normal.dot(&patch.normal) > 0.97
+            && !std::ptr::eq(*other, patch)
+    };
+    let behind = |i: &&u32| {
+        let at: Vector2 = sites.positions_m[**i as usize].coords.xy();
+        let behind_m = patch.offset_m - at.dot(&patch.normal);
+        (CLOSE_M..params.depth_m).contains(&behind_m) && beside.contains(&at.dot(&along))
+    };
+    let count: usize =
+        all.iter().filter(is_wall).map(|other| other.members.iter().filter(behind).count()).sum();
+    count as f64 / patch.members.len() as f64
+}
+
+/// Whether a level surface begins at the upper edge of a patch and goes back from it.
+fn has_top(patch: &Upright, sites: &Sites) -> bool {
+    /// Square metres of top for each metre of front: a strip of 10 cm.
+    const DEEP_M: f64 = 0.1;
+    let along = patch.along();
+    let count = (0..sites.len())
+        .filter(|&i| {
+            let at = sites.positions_m[i];
+            if sites.smooth_normals[i].z < 0.7 || (at.z - patch.high_m).abs() > 0.12 {
+                return false;
+            }
+            let behind_m = patch.offset_m - at.coords.xy().dot(&patch.normal);
+            (0.03..0.6).contains(&behind_m)
+                && (patch.from_m..patch.to_m).contains(&at.coords.xy().dot(&along))
+        })
+        .count();
+    sites.area_m2(count) > DEEP_M * (patch.to_m - patch.from_m)
+}
+
+/// Gives a wall what lies on it but leans: beside edges the mean of the normals is not the wall's.
+fn claim(wall: &Upright, sites: &Sites, shapes: &mut [Shape]) {
+    const ON_M: f64 = 0.08;
+    const CELL_M: f64 = 0.15;
+    let along = wall.along();
+    let cell = |i: usize| {
+        let at = sites.positions_m[i];
+        [at.coords.xy().dot(&along), at.z].map(|c| (c / CELL_M).floor() as i32)
+    };
+    let cells: FxHashSet<[i32; 2]> = wall.members.iter().map(|&i| cell(i as usize)).collect();
+    let beside = |[x, y]: [i32; 2]| {
+        (-1..=1).any(|dy| (-1..=1).any(|dx| cells.contains(&[x + dx, y + dy])))
+    };
+    for i in 0..sites.len() {
+        let at = sites.positions_m[i];
+        if matches!(shapes[i], Shape::Loose | Shape::Upright)
+            && at.z > 0.08
+            && (at.coords.xy().dot(&wall.normal) - wall.offset_m).abs() < ON_M
+            && sites.normals[i].xy().dot(&wall.normal).abs() > 0.3
+            && beside(cell(i))
+        {
+            shapes[i] = Shape::Wall;
+        }
+    }
+}
