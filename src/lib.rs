@@ -6,7 +6,7 @@
 //! | floor | module | what it knows |
 //! |---|---|---|
 //! | 1 | [`geometry`], [`progress`], [`container`], [`taxonomy`] | transforms, cameras, grids, distance fields; how long work reports itself; folders and zips; the classes of things |
-//! | 2 | [`clip`], [`lidar`] | a recorded clip and a LiDAR map, one file for each format they come in |
+//! | 2 | [`clip`], [`lidar`], [`network`] | a recorded clip and a LiDAR map, one file for each format they come in; running a neural network |
 //! | 3 | [`align`] | the method |
 //! | 4 | [`home`], [`simulate`] | pictures and files of a home; homes with exact truth |
 //! | 5 | [`stopwatch`] | the time of each stage |
@@ -25,6 +25,7 @@ pub mod geometry;
 pub mod home;
 pub mod jobs;
 pub mod lidar;
+pub mod network;
 pub mod progress;
 pub mod simulate;
 pub mod stopwatch;

@@ -12,6 +12,7 @@ const FLOORS: &[(&str, u8)] = &[
     ("taxonomy", 1),
     ("clip", 2),
     ("lidar", 2),
+    ("network", 2),
     ("align", 3),
     ("home", 4),
     ("simulate", 4),
@@ -31,6 +32,8 @@ const OWNED: &[(&str, &str)] = &[
     ("utoipa_axum", "api"),
     ("sqlx", "storage"),
     ("object_store", "storage"),
+    ("rten", "network"),
+    ("ort", "network"),
     ("clap", "cli"),
     ("reqwest", "cli"),
 ];

@@ -1,8 +1,14 @@
 //! Stage 4: every point of the clip gets a class, with a probability (paper III-A).
 
 mod class_map;
+mod logits;
+mod mask2former;
+mod numbers;
+mod open;
+mod picture;
 
 pub use class_map::ClassMap;
+pub use open::{installed, open_segmenter};
 
 use image::RgbImage;
 
@@ -23,4 +29,8 @@ pub enum SegmentError {
     Shape { got: String, want: String },
     #[error("the network gave values that are not finite")]
     NotFinite,
+    #[error("the picture has no pixels")]
+    NoPicture,
+    #[error("the network {network} is not what its entry in models.toml says: {problem}")]
+    Misfit { network: String, problem: String },
 }

@@ -1,0 +1,135 @@
+//! Networks that give one value for each class and pixel: DeepLab, SegFormer and the like.
+
+use super::numbers::{all_finite, exp};
+use super::picture::{Fit, Raster};
+use super::{ClassMap, SegmentError};
+use crate::network::Tensor;
+use crate::taxonomy::{CLASSES, Class, ClassTable};
+
+/// Pixels that are worked on at once, so that their rows stay in the processor's nearest memory.
+const RUN: usize = 512;
+
+/// How the channels of such an output become our classes.
+#[derive(Debug, Clone)]
+pub(super) struct Logits {
+    pub(super) align_corners: bool,
+    pub(super) softmax: bool,
+    /// Our class of each channel.
+    fold: Vec<Class>,
+}
+
+impl Logits {
+    pub(super) fn new(table: ClassTable, first_class: usize, align_corners: bool, softmax: bool) -> Logits {
+        let before = std::iter::repeat_n(Class::Other, first_class);
+        let fold = before.chain(table.classes().iter().copied()).collect();
+        Logits { align_corners, softmax, fold }
+    }
+
+    pub(super) fn channels(&self) -> usize {
+        self.fold.len()
+    }
+
+    /// The class map of an output 1 x channels x height x width.
+    pub(super) fn read(&self, output: &Tensor, fit: Fit) -> Result<ClassMap, SegmentError> {
+        let channels = self.channels();
+        let misfit = || SegmentError::Shape {
+            got: format!("{:?} {:?}", output.data.element(), output.shape),
+            want: format!("F32 [1, {channels}, height, width]"),
+        };
+        let (&[1, got, height, width], Some(values)) = (output.shape.as_slice(), output.as_f32()) else {
+            return Err(misfit());
+        };
+        if got != channels || width == 0 || height == 0 || values.len() != channels * width * height {
+            return Err(misfit());
+        }
+        if !all_finite(values) {
+            return Err(SegmentError::NotFinite);
+        }
+        let crop = fit.crop(Raster { width, height }, self.align_corners);
+        let mut map = ClassMap {
+            width: crop.width,
+            height: crop.height,
+            align_corners: self.align_corners,
+            probabilities: vec![0.0; crop.width * crop.height * CLASSES],
+        };
+        let mut scratch = Scratch::default();
+        for (from, to, length) in runs(width, crop) {
+            let row = |channel: usize| &values[channel * width * height + from..][..length];
+            scratch.fold(length, &self.fold, self.softmax, row);
+            scratch.write(length, &mut map.probabilities[to * CLASSES..][..length * CLASSES]);
+        }
+        Ok(map)
+    }
+}
+
+/// The pieces of a raster's crop: where each begins in the raster, where in the crop, and how long it is.
+pub(super) fn runs(width: usize, crop: Raster) -> Vec<(usize, usize, usize)> {
+    // Rows that are kept whole lie one after the other.
+    let (rows, length) =
+        if crop.width == width { (1, width * crop.height) } else { (crop.height, crop.width) };
+    (0..rows)
+        .flat_map(|row| {
+            (0..length)
+                .step_by(RUN)
+                .map(move |at| (row * width + at, row * length + at, RUN.min(length - at)))
+        })
+        .collect()
+}
+
+/// Sums for each of our classes over a run of pixels, class after class.
+#[derive(Default)]
+pub(super) struct Scratch {
+    largest: Vec<f32>,
+    pub(super) sums: Vec<f32>,
+}
+
+impl Scratch {
+    /// Softmax over the channels, summed by class; not yet divided by the total.
+    fn fold<'a>(&mut self, length: usize, fold: &[Class], softmax: bool, row: impl Fn(usize) -> &'a [f32]) {
+        self.clear(length);
+        if softmax {
+            self.largest.clear();
+            self.largest.resize(length, f32::NEG_INFINITY);
+            for channel in 0..fold.len() {
+                for (largest, value) in self.largest.iter_mut().zip(row(channel)) {
+                    *largest = if *value > *largest { *value } else { *largest };
+                }
+            }
+        }
+        for (channel, class) in fold.iter().enumerate() {
+            let sums = &mut self.sums[class.id() as usize * length..][..length];
+            if softmax {
+                for ((sum, value), largest) in sums.iter_mut().zip(row(channel)).zip(&self.largest) {
+                    *sum += exp(value - largest);
+                }
+            } else {
+                for (sum, value) in sums.iter_mut().zip(row(channel)) {
+                    *sum += value.max(0.0);
+                }
+            }
+        }
+    }
+
+    pub(super) fn clear(&mut self, length: usize) {
+        self.sums.clear();
+        self.sums.resize(CLASSES * length, 0.0);
+    }
+
+    /// Writes the sums pixel after pixel, each pixel's adding up to one.
+    pub(super) fn write(&self, length: usize, into: &mut [f32]) {
+        for (pixel, into) in into.chunks_exact_mut(CLASSES).enumerate() {
+            let mut total = 0.0;
+            for (class, p) in into.iter_mut().enumerate() {
+                *p = self.sums[class * length + pixel];
+                total += *p;
+            }
+            // A network can refuse to say anything of a pixel; then it is nothing that we know.
+            if total > f32::MIN_POSITIVE {
+                into.iter_mut().for_each(|p| *p /= total);
+            } else {
+                into.fill(0.0);
+                into[Class::Other.id() as usize] = 1.0;
+            }
+        }
+    }
+}
