@@ -32,6 +32,7 @@ pub use decide::DecideParams;
 pub use evidence::{Evidence, EvidenceParams};
 pub use floor::{Floor, FloorParams, NoFloor, heading};
 pub use fuse::{FuseParams, Fused, KeyFrame};
+pub use label::{Label, LabelParams, LabelReport};
 pub use observe::{Observation, Rival, observe};
 pub use posterior::{Coefficient, FEATURES, Posterior, features};
 pub use raycast::{Hit, RaycastParams, VirtualScan};
@@ -53,6 +54,7 @@ use std::ops::Range;
 pub struct AlignParams {
     pub seed: u64,
     pub fuse: FuseParams,
+    pub label: LabelParams,
     pub floor: FloorParams,
     pub raycast: RaycastParams,
     pub weigh: WeighParams,

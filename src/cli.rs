@@ -4,6 +4,7 @@ mod align;
 mod demo;
 mod evaluate;
 mod migrate;
+mod networks;
 mod openapi;
 mod progress;
 mod serve;

@@ -11,6 +11,7 @@ mod failure;
 mod fit;
 mod homes;
 mod journal;
+pub mod labels;
 mod memory;
 mod mesh;
 mod method;

@@ -12,6 +12,8 @@ pub enum Stage {
     Decode,
     /// Decode the key frames and fuse them into a signed distance map.
     Fuse,
+    /// Ask the network, if there is one, what the key frames show.
+    Label,
     /// Find the floor plane.
     Floor,
     /// Cast rays at the vacuum's height.
@@ -27,9 +29,10 @@ pub enum Stage {
 }
 
 impl Stage {
-    pub const ALL: [Stage; 8] = [
+    pub const ALL: [Stage; 9] = [
         Stage::Decode,
         Stage::Fuse,
+        Stage::Label,
         Stage::Floor,
         Stage::Raycast,
         Stage::Search,
@@ -43,6 +46,7 @@ impl Stage {
         match self {
             Stage::Decode => "decode",
             Stage::Fuse => "fuse",
+            Stage::Label => "label",
             Stage::Floor => "floor",
             Stage::Raycast => "raycast",
             Stage::Search => "search",
@@ -57,7 +61,8 @@ impl Stage {
     pub fn span(self) -> (f64, f64) {
         match self {
             Stage::Decode => (0.0, 0.03),
-            Stage::Fuse => (0.03, 0.70),
+            Stage::Fuse => (0.03, 0.35),
+            Stage::Label => (0.35, 0.70),
             Stage::Floor => (0.70, 0.74),
             Stage::Raycast => (0.74, 0.77),
             Stage::Search => (0.77, 0.92),

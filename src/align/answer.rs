@@ -1,5 +1,6 @@
 //! The answer for one clip, as it is written and served.
 
+use super::label::LabelReport;
 use crate::geometry::Pose2;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -70,6 +71,8 @@ pub struct Alignment {
     pub reasons: Vec<Reason>,
     pub hits: usize,
     pub key_frames: usize,
+    /// What told the classes of the points; null when nothing was fused.
+    pub labels: Option<LabelReport>,
     pub floor: Option<FloorReport>,
     /// Time of each stage. The only part that differs from run to run.
     pub seconds: BTreeMap<String, f64>,
@@ -109,6 +112,7 @@ impl Alignment {
             reasons: Vec::new(),
             hits: 0,
             key_frames: 0,
+            labels: None,
             floor: None,
             seconds: BTreeMap::new(),
         }

@@ -1,5 +1,6 @@
 //! The fused surface as points.
 
+use super::label::Label;
 use crate::geometry::{Point3, Pose3, Vector3};
 
 /// A point on the fused surface.
@@ -9,6 +10,7 @@ pub struct CloudPoint {
     /// Unit length, towards the side that was seen.
     pub normal: [f32; 3],
     pub color: [u8; 3],
+    pub label: Label,
 }
 
 impl CloudPoint {

@@ -1,6 +1,7 @@
 //! Surface points out of a signed distance map: where it changes sign between neighbouring voxels.
 
 use super::cloud::CloudPoint;
+use super::label::Label;
 use super::tsdf::{Block, SIDE, Tsdf};
 use rayon::prelude::*;
 
@@ -87,7 +88,7 @@ fn block_points(block: &Block, padded: &[f32], voxel_m: f64) -> Vec<CloudPoint> 
                         ((voxel + f64::from(step)) * voxel_m) as f32
                     });
                     let color = block.voxels[(z * SIDE + y) * SIDE + x].color();
-                    points.push(CloudPoint { position_m, normal, color });
+                    points.push(CloudPoint { position_m, normal, color, label: Label::NONE });
                 }
             }
         }

@@ -1,9 +1,11 @@
 //! The floor plane, and with it the clip frame (paper III-B).
 
-use super::cloud::PointCloud;
+use super::cloud::{CloudPoint, PointCloud};
 use super::fuse::{KeyFrame, mean_camera_up};
+use super::label::Label;
 use super::{FloorReport, Reason};
 use crate::geometry::{Plane, Point3, Pose3, Vector3};
+use crate::taxonomy::Class;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -120,9 +122,10 @@ pub fn find_floor(
     let up = up_in_world.or_else(|| mean_camera_up(key_frames)).ok_or(NoFloor::UpUnknown)?.normalize();
     let cone = if up_in_world.is_some() { params.gravity_cone_rad } else { params.camera_cone_rad };
     let stride = cloud.points.len().div_ceil(params.scored_points).max(1);
-    let scored: Vec<(Point3, Vector3)> =
-        cloud.points.iter().step_by(stride).map(|p| (p.position(), p.normal())).collect();
-    let flat: Vec<usize> = (0..scored.len()).filter(|&i| scored[i].1.dot(&up) > cone.cos()).collect();
+    let scored: Vec<Scored> = cloud.points.iter().step_by(stride).map(Scored::from).collect();
+    let flat: Vec<usize> = (0..scored.len())
+        .filter(|&i| scored[i].may_be_floor && scored[i].normal.dot(&up) > cone.cos())
+        .collect();
     if flat.is_empty() {
         return Err(if scored.is_empty() { NoFloor::EmptyCloud } else { NO_PLANE_AT_ALL });
     }
@@ -201,8 +204,25 @@ struct Candidate {
     score: f64,
 }
 
+/// A point of the cloud as the search for the floor sees it.
+struct Scored {
+    position_m: Point3,
+    normal: Vector3,
+    /// False where the pictures say that it is something else: the top of a bed, a table.
+    may_be_floor: bool,
+}
+
+impl From<&CloudPoint> for Scored {
+    fn from(point: &CloudPoint) -> Scored {
+        const SURE: f32 = 0.5;
+        let Label { class, .. } = point.label;
+        let else_for_sure = !class.is_ground() && class != Class::Other && point.label.probability() > SURE;
+        Scored { position_m: point.position(), normal: point.normal(), may_be_floor: !else_for_sure }
+    }
+}
+
 struct Scorer<'a> {
-    scored: &'a [(Point3, Vector3)],
+    scored: &'a [Scored],
     cameras: &'a [Point3],
     params: &'a FloorParams,
     up: Vector3,
@@ -212,17 +232,18 @@ struct Scorer<'a> {
 impl Scorer<'_> {
     /// Grows a plane from one point and its normal: twice the inliers, twice a fit, each time stricter.
     fn grow(&self, pick: usize) -> Option<Candidate> {
-        let (point, normal) = self.scored[pick];
+        let Scored { position_m: point, normal, .. } = self.scored[pick];
         let mut plane = Plane::through(&point, normal);
         for (distance_m, radius_m, angle) in
             [(0.05, 0.6, 0.35), (0.04, 2.0, 0.25), (self.params.inlier_m, 1e3, 0.25)]
         {
-            let near = self.scored.iter().filter(|(p, n)| {
-                plane.height_m(p).abs() < distance_m
-                    && n.dot(&plane.normal) > f64::cos(angle)
-                    && (p - point).norm_squared() < radius_m * radius_m
+            let near = self.scored.iter().filter(|s| {
+                s.may_be_floor
+                    && plane.height_m(&s.position_m).abs() < distance_m
+                    && s.normal.dot(&plane.normal) > f64::cos(angle)
+                    && (s.position_m - point).norm_squared() < radius_m * radius_m
             });
-            let fitted = Plane::fit(near.map(|(p, _)| p))?;
+            let fitted = Plane::fit(near.map(|s| &s.position_m))?;
             plane = if fitted.normal.dot(&normal) < 0.0 { fitted.flipped() } else { fitted };
         }
         self.judge(plane)
@@ -239,11 +260,14 @@ impl Scorer<'_> {
             return None;
         }
         let (mut inliers, mut below) = (0, 0);
-        for (point, normal) in self.scored {
-            let height_m = plane.height_m(point);
+        for Scored { position_m, normal, may_be_floor } in self.scored {
+            let height_m = plane.height_m(position_m);
             if height_m < -self.params.below_m {
                 below += 1;
-            } else if height_m.abs() < self.params.inlier_m && normal.dot(&plane.normal) > 0.9 {
+            } else if height_m.abs() < self.params.inlier_m
+                && *may_be_floor
+                && normal.dot(&plane.normal) > 0.9
+            {
                 inliers += 1;
             }
         }
@@ -311,6 +335,7 @@ mod tests {
                 position_m: [p.x as f32, p.y as f32, p.z as f32],
                 normal: [n.x as f32, n.y as f32, n.z as f32],
                 color: [0; 3],
+                label: Label::NONE,
             }
         };
         let points = surfaces.iter().flatten().map(point).collect();

@@ -38,6 +38,8 @@ impl Default for FuseParams {
 /// A frame that was fused.
 #[derive(Debug, Clone)]
 pub struct KeyFrame {
+    /// Its place in the clip.
+    pub index: usize,
     pub number: u32,
     pub world_from_camera: Pose3,
     /// Some of its readings, as points in the camera frame: enough to know what the camera saw through.
@@ -88,7 +90,7 @@ impl KeyFrame {
     pub(super) fn blind(world_from_camera: Pose3) -> KeyFrame {
         let camera = Pinhole { width: 4, height: 3, fx: 4.0, fy: 4.0, cx: 1.5, cy: 1.0 };
         let readings = Readings { camera, width: 4, depth_mm: Vec::new(), stride: 1 };
-        KeyFrame { number: 0, world_from_camera, readings }
+        KeyFrame { index: 0, number: 0, world_from_camera, readings }
     }
 }
 
@@ -168,11 +170,12 @@ pub fn fuse(
         progress.advance((done * BATCH) as f64 / chosen.len() as f64);
         let decoded: Vec<Result<Frame, ClipError>> =
             batch.par_iter().map(|(index, _)| clip.load(*index)).collect();
-        for (frame, (_, world_from_camera)) in decoded.into_iter().zip(batch) {
+        for (frame, (index, world_from_camera)) in decoded.into_iter().zip(batch) {
             match frame {
                 Ok(frame) => {
                     tsdf.integrate(&frame, world_from_camera);
                     key_frames.push(KeyFrame {
+                        index: *index,
                         number: frame.header.number,
                         world_from_camera: *world_from_camera,
                         readings: Readings::thin(&frame.depth, frame.depth_camera, &params.tsdf),
@@ -208,7 +211,7 @@ pub fn fuse(
 const BATCH: usize = 16;
 
 /// The posed frames far enough from the one chosen before, with their places in the clip.
-fn choose(clip: &Clip, frames: Option<&Range<u32>>, params: &FuseParams) -> Vec<(usize, Pose3)> {
+pub(super) fn choose(clip: &Clip, frames: Option<&Range<u32>>, params: &FuseParams) -> Vec<(usize, Pose3)> {
     let wanted = |number: u32| frames.is_none_or(|range| range.contains(&number));
     let mut chosen: Vec<(usize, Pose3)> = Vec::new();
     for (index, header) in clip.frames().iter().enumerate() {

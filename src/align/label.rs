@@ -1,16 +1,202 @@
 //! Stage 4: every point of the clip gets a class, with a probability (paper III-A).
+//!
+//! Pictures speak by a network's class probabilities, summed over the key frames that see a place; shapes
+//! speak by the planes that they lie in. Without a network shapes alone tell floor, wall and ceiling.
 
+mod augment;
 mod class_map;
+mod combine;
 mod logits;
 mod mask2former;
 mod numbers;
 mod open;
 mod picture;
+mod planes;
+mod segments;
+mod sites;
+mod structure;
+mod vote;
 
+pub use augment::AUGMENTATIONS;
 pub use class_map::ClassMap;
 pub use open::{installed, open_segmenter};
+pub use structure::{Shape, StructureParams};
 
+use super::cloud::PointCloud;
+use super::fuse::{FuseParams, KeyFrame};
+use super::{AlignError, Reason};
+use crate::clip::{Clip, Frame};
+use crate::geometry::{Point3, Pose3};
+use crate::progress::Progress;
+use crate::taxonomy::Class;
 use image::RgbImage;
+use sites::Sites;
+use std::sync::Arc;
+use vote::{Look, Votes};
+
+/// How points are labelled.
+#[derive(Clone)]
+pub struct LabelParams {
+    /// None: by shape alone.
+    pub segmenter: Option<Arc<dyn Segmenter>>,
+    /// The network looks at a key frame when the camera moved this far since the last one it looked at ...
+    pub key_distance_m: f64,
+    /// ... or turned this far.
+    pub key_angle_rad: f64,
+    /// Changes of colour under which each picture is looked at again, up to [`AUGMENTATIONS`].
+    pub augmentations: usize,
+    /// None: by the pictures alone.
+    pub structure: Option<StructureParams>,
+}
+
+impl Default for LabelParams {
+    fn default() -> Self {
+        LabelParams {
+            segmenter: None,
+            key_distance_m: 0.25,
+            key_angle_rad: 15f64.to_radians(),
+            augmentations: 0,
+            structure: Some(StructureParams::default()),
+        }
+    }
+}
+
+impl std::fmt::Debug for LabelParams {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LabelParams")
+            .field("segmenter", &self.segmenter.as_ref().map(|segmenter| segmenter.name()))
+            .field("key_distance_m", &self.key_distance_m)
+            .field("key_angle_rad", &self.key_angle_rad)
+            .field("augmentations", &self.augmentations)
+            .field("structure", &self.structure)
+            .finish()
+    }
+}
+
+impl PartialEq for LabelParams {
+    fn eq(&self, other: &Self) -> bool {
+        format!("{self:?}") == format!("{other:?}")
+    }
+}
+
+/// The class of a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Label {
+    pub class: Class,
+    /// In 255ths: there are millions of points.
+    probability: u8,
+    /// Pictures that a network saw it in.
+    pub views: u16,
+}
+
+impl Label {
+    /// Nothing is known.
+    pub const NONE: Label = Label { class: Class::Other, probability: 0, views: 0 };
+
+    pub fn new(class: Class, probability: f32, views: u16) -> Label {
+        Label { class, probability: (probability.clamp(0.0, 1.0) * 255.0).round() as u8, views }
+    }
+
+    /// 0..1
+    pub fn probability(&self) -> f32 {
+        f32::from(self.probability) / 255.0
+    }
+
+    /// The class with the largest of [`CLASSES`] sums; its share of them is its probability.
+    fn likeliest(sums: &[f32], views: u16) -> Label {
+        let total: f32 = sums.iter().sum();
+        let (mut best, mut most) = (0, 0.0);
+        for (i, sum) in sums.iter().enumerate() {
+            if *sum > most {
+                (best, most) = (i, *sum);
+            }
+        }
+        match Class::from_id(best) {
+            Some(class) if total > 0.0 => Label::new(class, most / total, views),
+            _ => Label::NONE,
+        }
+    }
+}
+
+/// How the points of an answer were labelled.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
+pub struct LabelReport {
+    /// `geometry` where no network was used, else the network and what ran it.
+    pub by: String,
+    /// Pictures that the network looked at.
+    pub key_frames: usize,
+}
+
+/// The places in a clip of the frames that a network would look at.
+pub fn pictures(clip: &Clip, fuse: &FuseParams, params: &LabelParams) -> Vec<usize> {
+    let keys = super::fuse::choose(clip, None, fuse);
+    vote::choose(&keys, |(_, pose)| *pose, params).into_iter().map(|(index, _)| *index).collect()
+}
+
+/// Where a point of the world is in a frame's colour picture, in pixels; none if the frame does not see it.
+pub fn seen_at(point_in_world: &Point3, frame: &Frame, world_from_camera: &Pose3) -> Option<(f32, f32)> {
+    let camera = world_from_camera.translation.vector;
+    let towards = camera - point_in_world.coords;
+    Look { frame, camera_from_world: world_from_camera.inverse() }.pixel(point_in_world, &towards)
+}
+
+/// The labels of a clip in the making: the pictures are heard before the floor is known, the shapes after it.
+pub(super) struct Labeller {
+    sites: Sites,
+    votes: Option<Votes>,
+    pub(super) report: LabelReport,
+    /// Why there are no votes though there is a network.
+    pub(super) remark: Option<Reason>,
+}
+
+impl Labeller {
+    /// Hears the pictures, and writes what they say into the cloud.
+    pub(super) fn listen(
+        clip: &Clip,
+        cloud_in_world: &mut PointCloud,
+        key_frames: &[KeyFrame],
+        params: &LabelParams,
+        progress: &dyn Progress,
+    ) -> Result<Labeller, AlignError> {
+        let sites = Sites::new(cloud_in_world);
+        let report = LabelReport { by: "geometry".into(), key_frames: 0 };
+        let mut labeller = Labeller { sites, votes: None, report, remark: None };
+        let Some(segmenter) = &params.segmenter else { return Ok(labeller) };
+        match vote::vote(clip, key_frames, &labeller.sites, segmenter.as_ref(), params, progress)? {
+            Ok(votes) => {
+                labeller.write(&combine::voted(&votes), cloud_in_world);
+                labeller.votes = Some(votes);
+                let key_frames = vote::choose(key_frames, |key| key.world_from_camera, params).len();
+                labeller.report = LabelReport { by: segmenter.name(), key_frames };
+            }
+            Err(error) => {
+                let detail =
+                    format!("the classes come from geometry alone, because of {}: {error}", segmenter.name());
+                labeller.remark = Some(Reason::new("network_failed", detail));
+            }
+        }
+        Ok(labeller)
+    }
+
+    /// Adds what the shapes say, once the floor is known. `cloud` is the one that was listened to, in any
+    /// frame.
+    pub(super) fn finish(mut self, cloud: &mut PointCloud, clip_from_world: &Pose3, params: &LabelParams) {
+        let Some(structure) = &params.structure else { return };
+        self.sites.transform(clip_from_world);
+        let shapes = structure::shapes(&self.sites, structure);
+        let labels = match &self.votes {
+            Some(votes) => combine::combined(&self.sites, votes, &shapes),
+            None => combine::shaped(&shapes),
+        };
+        self.write(&labels, cloud);
+    }
+
+    fn write(&self, labels: &[Label], cloud: &mut PointCloud) {
+        for (point, &site) in cloud.points.iter_mut().zip(&self.sites.of_point) {
+            point.label = labels[site as usize];
+        }
+    }
+}
 
 /// Tells the classes of a picture's pixels.
 pub trait Segmenter: Send + Sync {

@@ -2,9 +2,11 @@
 
 use super::floor::{self, Floor};
 use super::fuse::{self, KeyFrame};
+use super::label::{LabelReport, Labeller};
 use super::raycast::{self, RaycastParams, VirtualScan};
 use super::{AlignError, AlignParams, Alignment, FloorReport, PointCloud, Reason};
 use crate::clip::Clip;
+use crate::geometry::Pose3;
 use crate::progress::{self, Progress, Stage};
 use std::ops::Range;
 
@@ -14,6 +16,9 @@ pub struct Observation {
     pub cloud_in_clip: PointCloud,
     pub scan: VirtualScan,
     pub key_frames: usize,
+    pub labels: Option<LabelReport>,
+    /// None when there is no floor, not even a guessed one.
+    pub clip_from_world: Option<Pose3>,
     pub floor: Option<FloorReport>,
     /// Scans for other heights of the camera, when the floor was not seen and its height is a guess.
     pub rivals: Vec<Rival>,
@@ -36,7 +41,7 @@ pub fn observe(
     progress: &dyn Progress,
 ) -> Result<Observation, AlignError> {
     progress::begin(progress, Stage::Fuse)?;
-    let fused = match fuse::fuse(clip, frames, &params.fuse, progress)? {
+    let mut fused = match fuse::fuse(clip, frames, &params.fuse, progress)? {
         Ok(fused) => fused,
         Err(why) => {
             return Ok(Observation { reasons: vec![why.reason(clip)], ..Observation::default() });
@@ -47,6 +52,12 @@ pub fn observe(
         reasons: fused.remarks(),
         ..Observation::default()
     };
+
+    progress::begin(progress, Stage::Label)?;
+    let labeller =
+        Labeller::listen(clip, &mut fused.cloud_in_world, &fused.key_frames, &params.label, progress)?;
+    observation.labels = Some(labeller.report.clone());
+    observation.reasons.extend(labeller.remark.clone());
 
     progress::begin(progress, Stage::Floor)?;
     let (cloud, keys) = (&fused.cloud_in_world, &fused.key_frames);
@@ -60,9 +71,12 @@ pub fn observe(
     };
     let Some(first) = floors.first() else { return Ok(observation) };
 
+    labeller.finish(&mut fused.cloud_in_world, &first.clip_from_world, &params.label);
+
     progress::begin(progress, Stage::Raycast)?;
     observation.cloud_in_clip = fused.cloud_in_world.transformed(&first.clip_from_world);
     observation.floor = Some(first.report());
+    observation.clip_from_world = Some(first.clip_from_world);
     observation.scan = observation.scan_above(first, first, &fused.key_frames, &params.raycast);
     for floor in &floors[1..] {
         progress::check(progress)?;

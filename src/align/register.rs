@@ -23,6 +23,7 @@ pub fn register(
     let mut blank = Alignment {
         hits: observation.scan.hits.len(),
         key_frames: observation.key_frames,
+        labels: observation.labels.clone(),
         floor: observation.floor.clone(),
         reasons: observation.reasons.clone(),
         ..Alignment::failed()

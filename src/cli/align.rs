@@ -1,7 +1,8 @@
 //! `viola align`: one clip, one map, one answer, without a server.
 
+use super::networks::NetworkArguments;
 use super::progress::TerminalProgress;
-use crate::align::{self, AlignParams, Alignment, AlignmentState};
+use crate::align::{self, AlignParams, Alignment, AlignmentState, LabelParams};
 use crate::clip::{Clip, ClipInfo};
 use crate::home;
 use crate::lidar::{LidarInfo, LidarMap};
@@ -27,6 +28,8 @@ pub struct AlignArguments {
     /// Where result.json, inputs.json, overlay.png and cloud.ply go.
     #[arg(long)]
     out: PathBuf,
+    #[command(flatten)]
+    networks: NetworkArguments,
     #[arg(long, default_value_t = 0)]
     seed: u64,
 }
@@ -45,7 +48,8 @@ pub fn run(arguments: &AlignArguments) -> Result<()> {
     let clip = Clip::open(&arguments.clip).with_context(|| format!("clip {}", arguments.clip.display()))?;
     let lidar = LidarMap::open(&arguments.lidar)
         .with_context(|| format!("LiDAR map {}", arguments.lidar.display()))?;
-    let params = AlignParams { seed: arguments.seed, ..AlignParams::default() };
+    let label = LabelParams { segmenter: arguments.networks.segmenter()?, ..LabelParams::default() };
+    let params = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };
     let mut aligned = align::align(&clip, arguments.frames.clone(), &lidar, &params, &watch)
         .with_context(|| format!("clip {}", arguments.clip.display()))?;
 
@@ -87,6 +91,9 @@ fn print_answer(clip: &ClipInfo, lidar: &LidarInfo, alignment: &Alignment, out: 
             pose.yaw_rad.to_degrees()
         ),
         None => println!("pose:   {state}"),
+    }
+    if let Some(labels) = &alignment.labels {
+        println!("labels: by {}, {} pictures", labels.by, labels.key_frames);
     }
     for reason in &alignment.reasons {
         println!("reason: {} ({})", reason.detail, reason.code);

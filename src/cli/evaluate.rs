@@ -1,9 +1,12 @@
 //! `viola evaluate`: the paper's protocol on data with a known truth.
 
+use super::networks::NetworkArguments;
+use super::progress::TerminalProgress;
 use crate::align::AlignParams;
+use crate::clip::Clip;
 use crate::evaluate::{
     self, ClipResult, DrawnClips, DrawnParams, HomeClips, HomesParams, Journal, Method, Run, Scene,
-    SceneClips, Suite, SurveyParams, plot,
+    SceneClips, Suite, SurveyParams, labels, plot,
 };
 use crate::progress::Silent;
 use crate::simulate::{Sensor, Set};
@@ -55,6 +58,11 @@ pub struct EvaluateArguments {
     /// said otherwise. Map: clips of each map, 10 unless said otherwise.
     #[arg(long)]
     clips: Option<usize>,
+    /// Instead of poses, judge the classes of the scene's points against its labelled mesh.
+    #[arg(long, requires = "scene", conflicts_with_all = ["set", "map", "lidar", "fit"])]
+    labels: bool,
+    #[command(flatten)]
+    networks: NetworkArguments,
     /// Methods to compare, by name.
     #[arg(long, default_value = "viola", value_delimiter = ',')]
     methods: Vec<String>,
@@ -70,6 +78,9 @@ pub struct EvaluateArguments {
 
 pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     let out = &arguments.out;
+    if let (true, Some(scene)) = (arguments.labels, &arguments.scene) {
+        return judge_labels(arguments, scene);
+    }
     let methods = methods(arguments)?;
     let pictures = out.join("failed");
     fs::create_dir_all(&pictures)
@@ -110,6 +121,29 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
     write_all(out, arguments, workers, &results)
+}
+
+/// `--labels`: writes `labels.json` and `labels.md`.
+fn judge_labels(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
+    fs::create_dir_all(&arguments.out)
+        .with_context(|| format!("cannot make the folder {}", arguments.out.display()))?;
+    let clip = Clip::open(scene).with_context(|| format!("clip {}", scene.display()))?;
+    let truth = labels::Truth::open(scene)?;
+    let segmenter = arguments.networks.segmenter()?;
+    let by = segmenter.as_ref().map_or("geometry".to_owned(), |segmenter| segmenter.name());
+    let params = AlignParams { seed: arguments.seed, ..AlignParams::default() };
+    let progress = TerminalProgress::new();
+    let rows = labels::evaluate(&clip, &truth, segmenter, &params, &progress)?;
+    progress.finish();
+    let table = labels::markdown(&rows);
+    save(
+        &arguments.out,
+        "labels.json",
+        &serde_json::to_string_pretty(&json!({ "network": by, "rows": rows }))?,
+    )?;
+    save(&arguments.out, "labels.md", &table)?;
+    print!("{table}");
+    Ok(())
 }
 
 fn methods(arguments: &EvaluateArguments) -> Result<Vec<Method>> {

@@ -6,7 +6,8 @@
 use super::survey::bell;
 use super::{Case, RunError, Sample, Suite};
 use crate::align::{
-    AlignParams, CloudPoint, FloorReport, Hit, Observation, PointCloud, RaycastParams, Target, VirtualScan,
+    AlignParams, CloudPoint, FloorReport, Hit, Label, Observation, PointCloud, RaycastParams, Target,
+    VirtualScan,
 };
 use crate::geometry::{Grid, Point2, Pose2, Vector2};
 use crate::lidar::{Cell, LidarError, LidarMap};
@@ -274,6 +275,7 @@ fn observation(scan: VirtualScan, vacuum_height_m: f64) -> Observation {
         position_m: [hit.point_m.x as f32, hit.point_m.y as f32, vacuum_height_m as f32],
         normal: [hit.normal.x as f32, hit.normal.y as f32, 0.0],
         color: [0; 3],
+        label: Label::NONE,
     };
     let points = scan.hits.iter().map(surface).collect();
     Observation {

@@ -9,12 +9,16 @@ use std::path::{Path, PathBuf};
 pub struct Mesh {
     pub vertices_m: Vec<Point3>,
     pub triangles: Vec<[u32; 3]>,
+    /// The vertices' property `label`; empty when they have none.
+    pub labels: Vec<u32>,
 }
 
 #[derive(Debug, thiserror::Error)]
 pub enum MeshError {
     #[error("there is no .ply file in {folder}; give a LiDAR map with --lidar instead")]
     NoFile { folder: PathBuf },
+    #[error("no mesh in {folder} has vertices with a property 'label'")]
+    NoLabels { folder: PathBuf },
     #[error("{path}: {source}")]
     Unreadable { path: PathBuf, source: std::io::Error },
     #[error("{path} is larger than {MAX_FILE_BYTES} bytes")]
@@ -28,6 +32,22 @@ const MAX_FILE_BYTES: u64 = 1 << 30;
 impl Mesh {
     /// The first mesh, by name, of a folder that has faces; files of labels come after plain ones by name.
     pub fn open_in(folder: &Path) -> Result<Mesh, MeshError> {
+        Mesh::open(&Mesh::files_in(folder)?[0])
+    }
+
+    /// The first mesh of a folder whose vertices have labels.
+    pub fn open_labelled_in(folder: &Path) -> Result<Mesh, MeshError> {
+        for path in Mesh::files_in(folder)? {
+            let mesh = Mesh::open(&path)?;
+            if !mesh.labels.is_empty() {
+                return Ok(mesh);
+            }
+        }
+        Err(MeshError::NoLabels { folder: folder.to_owned() })
+    }
+
+    /// The folder's PLY files, at least one.
+    fn files_in(folder: &Path) -> Result<Vec<PathBuf>, MeshError> {
         let entries = std::fs::read_dir(folder)
             .map_err(|source| MeshError::Unreadable { path: folder.to_owned(), source })?;
         let mut paths: Vec<PathBuf> = entries
@@ -36,8 +56,7 @@ impl Mesh {
             .collect();
         // The plain mesh has the shortest name; others are the same surface with something attached.
         paths.sort_by_key(|path| (path.as_os_str().len(), path.clone()));
-        let path = paths.first().ok_or_else(|| MeshError::NoFile { folder: folder.to_owned() })?;
-        Mesh::open(path)
+        if paths.is_empty() { Err(MeshError::NoFile { folder: folder.to_owned() }) } else { Ok(paths) }
     }
 
     pub fn open(path: &Path) -> Result<Mesh, MeshError> {
@@ -54,7 +73,7 @@ impl Mesh {
     fn read(bytes: &[u8]) -> Result<Mesh, String> {
         let (header, body) = Header::parse(bytes)?;
         let mut values = Values { rest: body, ascii: header.ascii };
-        let (mut vertices_m, mut triangles) = (Vec::new(), Vec::new());
+        let (mut vertices_m, mut triangles, mut labels) = (Vec::new(), Vec::new(), Vec::new());
         for element in &header.elements {
             let place = |name: &str| element.properties.iter().position(|p| p.name == name);
             let xyz = [place("x"), place("y"), place("z")];
@@ -80,6 +99,8 @@ impl Mesh {
                             let value = values.next(property.kind)?;
                             if let Some(axis) = xyz.iter().position(|p| *p == Some(index)) {
                                 at[axis] = value;
+                            } else if element.name == "vertex" && property.name == "label" {
+                                labels.push(value as u32);
                             }
                         }
                     }
@@ -98,7 +119,7 @@ impl Mesh {
         if triangles.is_empty() {
             return Err("it has no faces".into());
         }
-        Ok(Mesh { vertices_m, triangles })
+        Ok(Mesh { vertices_m, triangles, labels })
     }
 
     /// The corners of all triangles.

@@ -144,7 +144,7 @@ mod tests {
         ) {
             let vertices_m: Vec<Point3> = corners.iter().map(|(x, y, z)| Point3::new(*x, *y, *z)).collect();
             let triangles = (0..vertices_m.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-            let mesh = Mesh { vertices_m, triangles };
+            let mesh = Mesh { vertices_m, triangles, labels: Vec::new() };
             if let Some(section) = Section::new(&mesh, 0.1) {
                 let from = nalgebra::center(&section.segments[0][0], &section.segments.last().unwrap()[1]);
                 let toward = Vector2::new(angle.cos(), angle.sin());

@@ -229,7 +229,7 @@ mod tests {
 
     /// A room of 4 x 3 m with a pillar of 0.4 m in the middle, and a room beyond a wall that nobody enters.
     fn rooms() -> Mesh {
-        let mut mesh = Mesh { vertices_m: Vec::new(), triangles: Vec::new() };
+        let mut mesh = Mesh { vertices_m: Vec::new(), triangles: Vec::new(), labels: Vec::new() };
         let mut quad = |corners: [[f64; 3]; 4]| {
             let first = mesh.vertices_m.len() as u32;
             mesh.vertices_m.extend(corners.map(Point3::from));

@@ -9,12 +9,13 @@ use std::io::Write;
 pub fn cloud_ply(cloud_in_clip: &PointCloud, map_from_clip: Option<&Pose2>) -> Vec<u8> {
     let frame = if map_from_clip.is_some() { "map" } else { "clip" };
     let count = cloud_in_clip.points.len();
-    let mut out = Vec::with_capacity(400 + count * 27);
+    let mut out = Vec::with_capacity(400 + count * 34);
     let header = format!(
         "ply\nformat binary_little_endian 1.0\ncomment frame {frame}, metres, z up\nelement vertex {count}\n\
          property float x\nproperty float y\nproperty float z\n\
          property float nx\nproperty float ny\nproperty float nz\n\
-         property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n"
+         property uchar red\nproperty uchar green\nproperty uchar blue\n\
+         property uchar label\nproperty float probability\nproperty ushort views\nend_header\n"
     );
     out.extend_from_slice(header.as_bytes());
     let pose = map_from_clip.copied().unwrap_or(Pose2::IDENTITY);
@@ -29,6 +30,9 @@ pub fn cloud_ply(cloud_in_clip: &PointCloud, map_from_clip: Option<&Pose2>) -> V
             let _ = out.write_all(&(value as f32).to_le_bytes());
         }
         out.extend_from_slice(&point.color);
+        out.push(point.label.class.id() as u8);
+        out.extend_from_slice(&point.label.probability().to_le_bytes());
+        out.extend_from_slice(&point.label.views.to_le_bytes());
     }
     out
 }

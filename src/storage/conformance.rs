@@ -102,6 +102,7 @@ fn answer(state: AlignmentState) -> Ending {
         reasons: vec![reason("two_modes")],
         hits: 7,
         key_frames: 2,
+        labels: None,
         floor: None,
         seconds: [("fuse".to_owned(), 0.5)].into(),
     }))

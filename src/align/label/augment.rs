@@ -4,12 +4,10 @@ use super::{ClassMap, SegmentError, Segmenter};
 use image::RgbImage;
 
 /// Changes of brightness, contrast and colour; each maps a channel's value 0..255 given the pixel's grey.
-const CHANGES: [fn(f32, f32) -> f32; 5] = [
+const CHANGES: [fn(f32, f32) -> f32; 3] = [
     |value, _| value * 1.25,
     |value, _| (value - 128.0) * 0.75 + 128.0,
-    |value, _| 255.0 * (value / 255.0).powf(0.7),
     |value, grey| grey + (value - grey) * 0.6,
-    |value, _| value * 0.8,
 ];
 
 /// How many changes there are.

@@ -135,9 +135,7 @@ fn claim(wall: &Upright, sites: &Sites, shapes: &mut [Shape]) {
         [at.coords.xy().dot(&along), at.z].map(|c| (c / CELL_M).floor() as i32)
     };
     let cells: FxHashSet<[i32; 2]> = wall.members.iter().map(|&i| cell(i as usize)).collect();
-    let beside = |[x, y]: [i32; 2]| {
-        (-1..=1).any(|dy| (-1..=1).any(|dx| cells.contains(&[x + dx, y + dy])))
-    };
+    let beside = |[x, y]: [i32; 2]| (-1..=1).any(|dy| (-1..=1).any(|dx| cells.contains(&[x + dx, y + dy])));
     for i in 0..sites.len() {
         let at = sites.positions_m[i];
         if matches!(shapes[i], Shape::Loose | Shape::Upright)

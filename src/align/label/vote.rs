@@ -37,7 +37,7 @@ pub(super) fn vote(
 ) -> Result<Result<Votes, SegmentError>, AlignError> {
     let mut votes = Votes { sums: vec![0.0; sites.len() * CLASSES], views: vec![0; sites.len()] };
     let balls = balls(sites);
-    let chosen = choose(key_frames, params);
+    let chosen = choose(key_frames, |key| key.world_from_camera, params);
     for (done, batch) in chosen.chunks(BATCH).enumerate() {
         progress::check(progress)?;
         let decoded: Vec<_> = batch.par_iter().map(|key| clip.load(key.index)).collect();
@@ -57,11 +57,15 @@ pub(super) fn vote(
 }
 
 /// Key frames far enough from the one before: the network is slow, and neighbours say the same.
-pub(super) fn choose<'a>(key_frames: &'a [KeyFrame], params: &LabelParams) -> Vec<&'a KeyFrame> {
-    let mut chosen: Vec<&KeyFrame> = Vec::new();
-    for key in key_frames {
+pub(super) fn choose<'a, T>(
+    keys: &'a [T],
+    world_from_camera: impl Fn(&T) -> Pose3,
+    params: &LabelParams,
+) -> Vec<&'a T> {
+    let mut chosen: Vec<&T> = Vec::new();
+    for key in keys {
         let far = chosen.last().is_none_or(|last| {
-            let step = last.world_from_camera.inverse() * key.world_from_camera;
+            let step = world_from_camera(last).inverse() * world_from_camera(key);
             step.translation.vector.norm() >= params.key_distance_m
                 || step.rotation.angle() >= params.key_angle_rad
         });

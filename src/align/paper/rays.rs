@@ -49,12 +49,17 @@ fn nearest_in_cones(slab: &[Point2], camera: &Pose2, params: &PaperParams) -> Ve
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::align::CloudPoint;
+    use crate::align::{CloudPoint, Label};
 
     fn cloud(points: &[[f32; 3]]) -> PointCloud {
         let points = points
             .iter()
-            .map(|&position_m| CloudPoint { position_m, normal: [1.0, 0.0, 0.0], color: [0; 3] })
+            .map(|&position_m| CloudPoint {
+                position_m,
+                normal: [1.0, 0.0, 0.0],
+                color: [0; 3],
+                label: Label::NONE,
+            })
             .collect();
         PointCloud { points, voxel_m: 0.02 }
     }
