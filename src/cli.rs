@@ -4,9 +4,11 @@ mod align;
 mod demo;
 mod evaluate;
 mod migrate;
+mod models;
 mod networks;
 mod openapi;
 mod progress;
+mod runtime;
 mod serve;
 mod simulate;
 
@@ -31,6 +33,8 @@ enum Command {
     Evaluate(evaluate::EvaluateArguments),
     /// Make a furnished home with exact truth: LiDAR map, clips and a plan.
     Simulate(simulate::SimulateArguments),
+    /// The networks: list them, fetch them, look at what one says of a picture.
+    Models(models::ModelsArguments),
     /// Serve the HTTP API, with workers in the same process.
     Serve(serve::ServeArguments),
     /// Bring the tables of a data folder up to date without serving; `serve` does it too.
@@ -46,6 +50,7 @@ pub fn main() -> ExitCode {
         Command::Align(arguments) => align::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Models(arguments) => models::run(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Migrate(arguments) => migrate::run(&arguments),
         Command::Openapi => openapi::run(),

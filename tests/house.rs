@@ -34,6 +34,7 @@ const OWNED: &[(&str, &str)] = &[
     ("object_store", "storage"),
     ("rten", "network"),
     ("ort", "network"),
+    ("libloading", "network"),
     ("clap", "cli"),
     ("reqwest", "cli"),
 ];

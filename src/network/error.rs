@@ -1,6 +1,7 @@
 //! Why a network cannot be opened or run.
 
 use super::{Element, MAX_MODEL_BYTES};
+use std::path::PathBuf;
 
 #[derive(Debug, thiserror::Error)]
 pub enum NetworkError {
@@ -26,4 +27,19 @@ pub enum NetworkError {
     OutputType { output: String },
     #[error("the network failed: {reason}")]
     Run { reason: String },
+    #[error("the library of ONNX Runtime, {path}, cannot be read: {source}")]
+    LibraryMissing { path: PathBuf, source: std::io::Error },
+    #[error(
+        "no library of ONNX Runtime is found in {places}; fetch it with `viola models fetch onnxruntime`, \
+         or name it in ORT_DYLIB_PATH"
+    )]
+    LibraryNowhere { places: String },
+    #[error("{path} is no usable library of ONNX Runtime: {reason}")]
+    LibraryBroken { path: PathBuf, reason: String },
+    #[error("{path} is ONNX Runtime {version}, which is too old; {needed} or newer is needed")]
+    LibraryTooOld { path: PathBuf, version: String, needed: String },
+    #[error("{loaded} is loaded already, and a process can have one ONNX Runtime only; {asked} is not taken")]
+    LibraryOther { loaded: PathBuf, asked: PathBuf },
+    #[error("{device} cannot be used: {reason}")]
+    Device { device: &'static str, reason: String },
 }

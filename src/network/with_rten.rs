@@ -21,7 +21,7 @@ impl RtenNetwork {
     pub(super) fn open(
         path: &Path,
         threads: Option<NonZeroUsize>,
-        reason: &str,
+        reason: String,
     ) -> Result<RtenNetwork, NetworkError> {
         let refuse = |reason: String| NetworkError::NotANetwork { file: check::name(path), reason };
         let model = check::guarded(
@@ -40,7 +40,7 @@ impl RtenNetwork {
             return Err(refuse("it has no outputs".to_owned()));
         }
         let pool = threads.map(|threads| Arc::new(ThreadPool::with_num_threads(threads.get())));
-        Ok(RtenNetwork { model, inputs, outputs, pool, reason: reason.to_owned() })
+        Ok(RtenNetwork { model, inputs, outputs, pool, reason })
     }
 
     fn node(&self, name: &str) -> Result<NodeId, NetworkError> {

@@ -1,0 +1,123 @@
+//! A file by HTTPS. What an earlier try has left is gone on with.
+
+use crate::network::MAX_MODEL_BYTES;
+use anyhow::{Context, Result, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use reqwest::header::{CONTENT_RANGE, RANGE};
+use reqwest::{Response, StatusCode};
+use std::path::Path;
+use tokio::fs::{File, OpenOptions};
+use tokio::io::AsyncWriteExt;
+
+/// Downloads to `part`, which may hold the beginning already.
+pub(super) fn to_file(url: &str, part: &Path) -> Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .context("cannot start the asynchronous runtime")?;
+    runtime.block_on(fetch(url, part)).with_context(|| format!("download of {url}"))
+}
+
+async fn fetch(url: &str, part: &Path) -> Result<()> {
+    let have = part.metadata().map_or(0, |metadata| metadata.len());
+    let client = reqwest::Client::new();
+    let ask = client.get(url);
+    let ask = if have > 0 { ask.header(RANGE, format!("bytes={have}-")) } else { ask };
+    let answer = ask.send().await?;
+    let (mut at, mut file) = match answer.status() {
+        StatusCode::PARTIAL_CONTENT if begins_at(&answer) == Some(have) => {
+            (have, OpenOptions::new().append(true).open(part).await.context("cannot write the file")?)
+        }
+        StatusCode::OK => (0, File::create(part).await.context("cannot write the file")?),
+        // Nothing is left to send, or the part is not of this file: the sum tells which.
+        StatusCode::RANGE_NOT_SATISFIABLE if have > 0 => return Ok(()),
+        status => bail!("the server answers {status}"),
+    };
+    let rest = answer.content_length().unwrap_or(0);
+    let bar = ProgressBar::new(at + rest);
+    if let Ok(style) = ProgressStyle::with_template("{wide_bar} {bytes}/{total_bytes} {eta}") {
+        bar.set_style(style);
+    }
+    let done = write(answer, &mut file, &mut at, &bar).await;
+    bar.finish_and_clear();
+    // Also of a broken transfer everything is kept that came.
+    file.flush().await.context("cannot write the file")?;
+    file.sync_all().await.context("cannot write the file")?;
+    done
+}
+
+async fn write(mut answer: Response, file: &mut File, at: &mut u64, bar: &ProgressBar) -> Result<()> {
+    while let Some(bytes) = answer.chunk().await? {
+        *at += bytes.len() as u64;
+        if *at > MAX_MODEL_BYTES {
+            bail!("the file is larger than any network that is loaded");
+        }
+        file.write_all(&bytes).await.context("cannot write the file")?;
+        bar.set_position(*at);
+    }
+    Ok(())
+}
+
+/// The first byte of a partial answer: `bytes 100-199/200`.
+fn begins_at(answer: &Response) -> Option<u64> {
+    let range = answer.headers().get(CONTENT_RANGE)?.to_str().ok()?;
+    range.strip_prefix("bytes ")?.split('-').next()?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::to_file;
+    use std::io::{Read, Write};
+    use std::net::TcpListener;
+
+    /// Answers one request after the other with what `answer` makes of the request's text.
+    fn serve(answers: Vec<fn(&str) -> Vec<u8>>) -> String {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let url = format!("http://{}/net.onnx", listener.local_addr().unwrap());
+        std::thread::spawn(move || {
+            for answer in answers {
+                let (mut stream, _) = listener.accept().unwrap();
+                let mut request = Vec::new();
+                while !request.ends_with(b"\r\n\r\n") {
+                    let mut byte = [0];
+                    stream.read_exact(&mut byte).unwrap();
+                    request.push(byte[0]);
+                }
+                stream.write_all(&answer(&String::from_utf8_lossy(&request).to_lowercase())).unwrap();
+            }
+        });
+        url
+    }
+
+    fn answer(head: &str, body: &str) -> Vec<u8> {
+        format!("HTTP/1.1 {head}\r\nconnection: close\r\n\r\n{body}").into_bytes()
+    }
+
+    #[test]
+    fn a_broken_download_goes_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let part = folder.path().join("net.part");
+        let url = serve(vec![
+            |_| answer("200 OK\r\ncontent-length: 10", "01234"),
+            |request| {
+                assert!(request.contains("range: bytes=5-"), "{request}");
+                answer("206 Partial Content\r\ncontent-length: 5\r\ncontent-range: bytes 5-9/10", "56789")
+            },
+            |_| answer("416 Range Not Satisfiable\r\ncontent-length: 0", ""),
+            // A server that knows no ranges sends the whole file anew.
+            |_| answer("200 OK\r\ncontent-length: 3", "abc"),
+            |_| answer("404 Not Found\r\ncontent-length: 0", ""),
+        ]);
+        let content = || std::fs::read_to_string(&part).unwrap();
+        assert!(to_file(&url, &part).is_err());
+        assert_eq!(content(), "01234");
+        to_file(&url, &part).unwrap();
+        assert_eq!(content(), "0123456789");
+        to_file(&url, &part).unwrap();
+        assert_eq!(content(), "0123456789");
+        to_file(&url, &part).unwrap();
+        assert_eq!(content(), "abc");
+        let error = format!("{:#}", to_file(&url, &part).unwrap_err());
+        assert!(error.contains("404"), "{error}");
+    }
+}

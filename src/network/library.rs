@@ -1,0 +1,210 @@
+//! ONNX Runtime's library: where it lies, whether it is one, and of which version.
+//!
+//! A process can load one such library and never lets go of it. What is named is looked at by itself first: the
+//! crate that binds it ends the program on a library that has no interface for it.
+
+use super::{NetworkError, check};
+use libloading::{Library, Symbol};
+use ort::environment::Environment;
+use ort::sys::{ORT_API_VERSION, OrtApiBase};
+use std::ffi::CStr;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+/// Where packages put the library.
+const USUAL: &[&str] = &[
+    "/usr/local/lib",
+    "/usr/local/lib64",
+    "/usr/lib",
+    "/usr/lib64",
+    "/usr/lib/x86_64-linux-gnu",
+    "/usr/lib/aarch64-linux-gnu",
+    "/opt/onnxruntime/lib",
+    "/opt/homebrew/lib",
+];
+
+/// The library that this process has loaded.
+pub(super) struct OnnxRuntime {
+    pub(super) environment: Environment,
+    pub(super) version: String,
+    path: PathBuf,
+}
+
+static LOADED: OnceLock<OnnxRuntime> = OnceLock::new();
+static LOADING: Mutex<()> = Mutex::new(());
+
+/// Loads the library, or gives the one that is loaded already.
+pub(super) fn load(path: &Path) -> Result<&'static OnnxRuntime, NetworkError> {
+    let whole = std::fs::canonicalize(path)
+        .map_err(|source| NetworkError::LibraryMissing { path: path.to_owned(), source })?;
+    let _turn = LOADING.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(loaded) = LOADED.get() {
+        return if loaded.path == whole {
+            Ok(loaded)
+        } else {
+            Err(NetworkError::LibraryOther { loaded: loaded.path.clone(), asked: whole })
+        };
+    }
+    let version = probe(&whole)?;
+    let broken = |reason: String| NetworkError::LibraryBroken { path: whole.clone(), reason };
+    let environment = check::guarded(
+        || {
+            ort::init_from(&whole)
+                .map_err(|error| broken(error.to_string()))?
+                .with_name("viola")
+                .with_telemetry(false)
+                // What it has to say is in its errors.
+                .with_logger(std::sync::Arc::new(|_, _, _, _, _| {}))
+                .build()
+                .map_err(|error| broken(error.to_string()))
+        },
+        broken,
+    )?;
+    Ok(LOADED.get_or_init(|| OnnxRuntime { environment, version, path: whole }))
+}
+
+/// The version of a library that has the interface we need.
+fn probe(path: &Path) -> Result<String, NetworkError> {
+    let broken = |reason: &dyn std::fmt::Display| NetworkError::LibraryBroken {
+        path: path.to_owned(),
+        reason: reason.to_string(),
+    };
+    // SAFETY: loading runs the library's own code; whoever names a library trusts it as they trust this program.
+    let library = unsafe { Library::new(path) }.map_err(|error| broken(&error))?;
+    // SAFETY: the symbol, where it exists, is the documented entry point of ONNX Runtime and of this type.
+    let entry: Symbol<unsafe extern "system" fn() -> *const OrtApiBase> =
+        unsafe { library.get(b"OrtGetApiBase\0") }
+            .map_err(|_| broken(&"it has no OrtGetApiBase, so it is not ONNX Runtime"))?;
+    // SAFETY: the entry point takes nothing; what it gives is null or a table that lives as long as the library,
+    // and the version is a text that ends with a zero.
+    let (version, interface) = unsafe {
+        let base = entry();
+        if base.is_null() {
+            return Err(broken(&"it offers no interface"));
+        }
+        let text = ((*base).GetVersionString)();
+        if text.is_null() {
+            return Err(broken(&"it does not tell its version"));
+        }
+        let version = CStr::from_ptr(text).to_string_lossy().into_owned();
+        // Versions 1.n have the interfaces up to n; asking an older one prints a complaint.
+        let mut parts = version.split('.').map_while(|part| part.parse::<u32>().ok());
+        if (parts.next(), parts.next()) < (Some(1), Some(ORT_API_VERSION)) {
+            return Err(NetworkError::LibraryTooOld {
+                path: path.to_owned(),
+                version,
+                needed: format!("1.{ORT_API_VERSION}"),
+            });
+        }
+        (version, ((*base).GetApi)(ORT_API_VERSION))
+    };
+    if interface.is_null() {
+        return Err(broken(&format!("version {version} does not offer interface {ORT_API_VERSION}")));
+    }
+    Ok(version)
+}
+
+/// The library in the folders given, or in the usual places of the system.
+pub(super) fn find(look_in: &[PathBuf]) -> Option<PathBuf> {
+    look_in.iter().map(PathBuf::as_path).chain(USUAL.iter().map(Path::new)).find_map(in_folder)
+}
+
+/// Where it is looked for, for messages.
+pub(super) fn places(look_in: &[PathBuf]) -> String {
+    let own = look_in.iter().map(|path| path.display().to_string());
+    own.chain(USUAL.iter().map(|path| (*path).to_owned())).collect::<Vec<_>>().join(", ")
+}
+
+/// The folder's library: that without a version in its name, or else the last by name.
+fn in_folder(folder: &Path) -> Option<PathBuf> {
+    let mut found: Vec<(bool, Vec<u32>, PathBuf)> = std::fs::read_dir(folder)
+        .ok()?
+        .filter_map(|entry| {
+            let entry = entry.ok()?;
+            let name = entry.file_name().into_string().ok()?;
+            let numbers = name.split(|c: char| !c.is_ascii_digit()).filter_map(|n| n.parse().ok()).collect();
+            let plain = ["libonnxruntime.so", "libonnxruntime.dylib", "onnxruntime.dll"].contains(&&*name);
+            let versioned = name.starts_with("libonnxruntime.so.")
+                || (name.starts_with("libonnxruntime.") && name.ends_with(".dylib"));
+            (plain || versioned).then(|| (plain, numbers, entry.path()))
+        })
+        .filter(|(_, _, path)| path.is_file())
+        .collect();
+    found.sort();
+    found.pop().map(|(_, _, path)| path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_plain_name_then_the_newest() {
+        let folder = tempfile::tempdir().unwrap();
+        let find = || find(&[folder.path().to_owned()]).map(|path| path.file_name().unwrap().to_owned());
+        let put = |name: &str| std::fs::write(folder.path().join(name), b"").unwrap();
+        put("libonnxruntime_providers_shared.so");
+        put("libonnxruntime.so.1.9.0");
+        assert_eq!(find().unwrap(), "libonnxruntime.so.1.9.0");
+        put("libonnxruntime.so.1.31.1");
+        assert_eq!(find().unwrap(), "libonnxruntime.so.1.31.1");
+        put("libonnxruntime.so");
+        assert_eq!(find().unwrap(), "libonnxruntime.so");
+    }
+
+    /// A library with ONNX Runtime's entry point that says what `body` says.
+    #[cfg(unix)]
+    fn imitation(folder: &Path, name: &str, body: &str) -> PathBuf {
+        let (source, library) = (folder.join(format!("{name}.c")), folder.join(format!("lib{name}.so")));
+        let code = format!(
+            "struct base {{ const void *(*interface)(unsigned); const char *(*version)(void); }};
+             static const void *none(unsigned n) {{ (void)n; return 0; }}
+             {body}"
+        );
+        std::fs::write(&source, code).unwrap();
+        let compiler = std::process::Command::new("cc")
+            .args(["-shared", "-fPIC", "-o"])
+            .arg(&library)
+            .arg(&source)
+            .status();
+        assert!(compiler.is_ok_and(|status| status.success()), "the C compiler that builds SQLite is needed");
+        library
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_not_onnx_runtime_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let put = |name: &str, bytes: &[u8]| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            path
+        };
+        let base = |version: &str| {
+            format!(
+                "static const char *version(void) {{ return {version}; }}
+                 static struct base it = {{ none, version }};
+                 const struct base *OrtGetApiBase(void) {{ return &it; }}"
+            )
+        };
+        let imitation = |name: &str, body: &str| imitation(folder.path(), name, body);
+        for (path, told) in [
+            (folder.path().join("nowhere.so"), "cannot be read"),
+            (put("empty.so", b""), "no usable library"),
+            (put("text.so", b"this is not a library\n"), "no usable library"),
+            (put("cut.so", b"\x7fELF\x02\x01\x01\0\0\0\0\0"), "no usable library"),
+            (folder.path().to_owned(), "no usable library"),
+            (imitation("other", "int viola_other;"), "it has no OrtGetApiBase"),
+            (imitation("null", "const struct base *OrtGetApiBase(void) { return 0; }"), "no interface"),
+            (imitation("mute", &base("0")), "version"),
+            (imitation("old", &base("\"1.9.0\"")), "is ONNX Runtime 1.9.0, which is too old"),
+            (imitation("odd", &base("\"spring\"")), "too old"),
+            (imitation("hollow", &base("\"1.99.0\"")), "does not offer interface"),
+        ] {
+            match load(&path) {
+                Ok(_) => panic!("{} was taken", path.display()),
+                Err(error) => assert!(error.to_string().contains(told), "{}: {error}", path.display()),
+            }
+        }
+    }
+}
