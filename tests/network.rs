@@ -288,6 +288,12 @@ fn both_runtimes_see_the_same_classes() {
             let map = segmenter.segment(&picture).unwrap();
             println!("{}: {} ms", segmenter.name(), start.elapsed().as_millis());
             assert!(sums_to_one(&map));
+            for threads in [1, 2, 5] {
+                let params = RuntimeParams { threads: NonZeroUsize::new(threads), ..params.clone() };
+                let network = network::open(&entry.path(&models), &params).unwrap();
+                let again = open_segmenter(&entry, network).unwrap().segment(&picture).unwrap();
+                assert!(map == again, "{}: {threads} threads give another answer", segmenter.name());
+            }
             map
         })
         .collect();

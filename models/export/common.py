@@ -1,5 +1,6 @@
 """What the export scripts share: a network with a fixed input size as one ONNX file that both runtimes take."""
 
+import argparse
 import warnings
 
 import numpy as np
@@ -81,3 +82,11 @@ def check(network, names, width, height, path):
         print(f"{name}: largest difference {worst:.2e} of values up to {size:.3g}")
         if worst > 1e-3 * max(size, 1.0):
             raise SystemExit(f"{path}: the exported network differs from the original")
+
+
+def side(text):
+    """A side of the input: both families halve it five times."""
+    pixels = int(text)
+    if pixels < 32 or pixels % 32 != 0:
+        raise argparse.ArgumentTypeError("must be a multiple of 32")
+    return pixels

@@ -6,6 +6,7 @@ mod download;
 mod drawing;
 mod fetch;
 mod sum;
+mod timed;
 
 use crate::network::manifest::{Manifest, ModelEntry, Source, Task};
 use anyhow::{Context, Result};

@@ -70,7 +70,11 @@ fn probe(path: &Path) -> Result<String, NetworkError> {
         reason: reason.to_string(),
     };
     // SAFETY: loading runs the library's own code; whoever names a library trusts it as they trust this program.
-    let library = unsafe { Library::new(path) }.map_err(|error| broken(&error))?;
+    let library = unsafe { Library::new(path) }.map_err(|error| {
+        // What the system's loader says is the error's cause.
+        let cause = std::error::Error::source(&error).map(ToString::to_string);
+        broken(&cause.unwrap_or_else(|| error.to_string()))
+    })?;
     // SAFETY: the symbol, where it exists, is the documented entry point of ONNX Runtime and of this type.
     let entry: Symbol<unsafe extern "system" fn() -> *const OrtApiBase> =
         unsafe { library.get(b"OrtGetApiBase\0") }

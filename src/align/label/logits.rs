@@ -133,3 +133,70 @@ impl Scratch {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WHOLE: Raster = Raster { width: 40, height: 30 };
+
+    fn values(channels: usize) -> Vec<f32> {
+        (0..channels * 10 * 8).map(|i| ((i * 7919) % 1009) as f32 * 0.05 - 30.0).collect()
+    }
+
+    /// The definition, in double precision, for each pixel by itself.
+    fn check(softmax: bool, fit: Fit, crop: (usize, usize)) {
+        let logits = Logits::new(ClassTable::Ade20k, 1, false, softmax);
+        let values = values(151);
+        let map = logits.read(&Tensor::f32([1, 151, 8, 10], values.clone()), fit).unwrap();
+        assert_eq!((map.width, map.height), crop);
+        for (pixel, got) in map.probabilities.chunks_exact(CLASSES).enumerate() {
+            let (x, y) = (pixel % crop.0, pixel / crop.0);
+            let mut wanted = [0.0f64; CLASSES];
+            for channel in 0..151 {
+                let value = f64::from(values[(channel * 8 + y) * 10 + x]);
+                let class = if channel == 0 { Class::Other } else { ClassTable::Ade20k.fold(channel - 1) };
+                wanted[class.id() as usize] += if softmax { value.exp() } else { value.max(0.0) };
+            }
+            let total: f64 = wanted.iter().sum();
+            for (got, wanted) in got.iter().zip(wanted) {
+                assert!((f64::from(*got) - wanted / total).abs() < 1e-6, "{x} {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn pixels_are_folded_by_the_definition() {
+        let part = Fit { input: WHOLE, content: Raster { width: 28, height: 30 } };
+        check(true, Fit { input: WHOLE, content: WHOLE }, (10, 8));
+        check(false, Fit { input: WHOLE, content: WHOLE }, (10, 8));
+        check(true, part, (7, 8));
+        check(false, part, (7, 8));
+    }
+
+    #[test]
+    fn what_says_nothing_is_other() {
+        let logits = Logits::new(ClassTable::Home, 0, false, false);
+        let fit = Fit { input: WHOLE, content: WHOLE };
+        let map = logits.read(&Tensor::f32([1, CLASSES, 1, 1], vec![0.0; CLASSES]), fit).unwrap();
+        assert_eq!(map.probabilities[Class::Other.id() as usize], 1.0);
+    }
+
+    #[test]
+    fn other_outputs_are_refused() {
+        let logits = Logits::new(ClassTable::Ade20k, 0, false, true);
+        let fit = Fit { input: WHOLE, content: WHOLE };
+        for shape in [vec![1, 151, 8, 10], vec![1, 150, 80], vec![2, 150, 8, 5], vec![1, 150, 0, 10], vec![]]
+        {
+            let numbers = shape.iter().product();
+            let read = logits.read(&Tensor::f32(shape.clone(), vec![0.0; numbers]), fit);
+            assert!(matches!(read, Err(SegmentError::Shape { .. })), "{shape:?}: {read:?}");
+        }
+        let bytes = logits.read(&Tensor::u8([1, 150, 8, 10], vec![0; 12000]), fit);
+        assert!(matches!(bytes, Err(SegmentError::Shape { .. })));
+        let mut infinite = vec![0.0; 12000];
+        infinite[7000] = f32::INFINITY;
+        let read = logits.read(&Tensor::f32([1, 150, 8, 10], infinite), fit);
+        assert_eq!(read, Err(SegmentError::NotFinite));
+    }
+}

@@ -70,7 +70,9 @@ impl Mask2Former {
                 let logits = &mask_values[query * width * height + from..][..length];
                 mask.clear();
                 mask.extend(logits.iter().map(|x| sigmoid(*x)));
-                for (sums, weight) in scratch.sums.chunks_exact_mut(length).zip(weights) {
+                // Classes that the table does not know have no weight.
+                let known = scratch.sums.chunks_exact_mut(length).zip(weights).filter(|(_, w)| **w > 0.0);
+                for (sums, weight) in known {
                     for (sum, covered) in sums.iter_mut().zip(&mask) {
                         *sum += weight * covered;
                     }

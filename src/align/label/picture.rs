@@ -169,3 +169,6 @@ impl Taps {
         (self.first[target]..).zip(weights.iter().copied())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,6 +1,7 @@
 //! `viola models check`: what a network says of a picture, to be looked at.
 
 use super::drawing::Drawing;
+use super::timed::Timed;
 use super::{Folder, find};
 use crate::align::label::{ClassMap, open_segmenter};
 use crate::cli::runtime::RuntimeArguments;
@@ -49,23 +50,31 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<()> {
     let start = Instant::now();
     let network = network::open(&path, &arguments.runtime.params(Some(models)))?;
     println!("runtime: {}, because {}", network.runtime(), network.reason());
-    let segmenter = open_segmenter(entry, network)?;
+    let network = Timed::new(network);
+    let segmenter = open_segmenter(entry, network.clone())?;
     println!("loaded:  {} in {} ms", entry.name, start.elapsed().as_millis());
 
-    let mut times_ms = Vec::new();
+    let (mut whole_ms, mut rest_ms) = (Vec::new(), Vec::new());
     let mut map = None;
     for _ in 0..arguments.runs {
         let start = Instant::now();
         map = Some(segmenter.segment(&picture)?);
-        times_ms.push(start.elapsed().as_secs_f64() * 1e3);
+        let ms = start.elapsed().as_secs_f64() * 1e3;
+        whole_ms.push(ms);
+        rest_ms.push(ms - network.last_ms());
     }
     let Some(map) = map else { bail!("it was not run") };
-    let first = times_ms[0];
-    times_ms.sort_by(f64::total_cmp);
+    let median = |times_ms: &[f64]| {
+        let mut sorted = times_ms.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        sorted[sorted.len() / 2]
+    };
     println!(
-        "time:    first run {first:.1} ms, median of {} runs {:.1} ms",
-        times_ms.len(),
-        times_ms[times_ms.len() / 2]
+        "time:    first run {:.1} ms; median of {} runs {:.1} ms, {:.1} ms of it before and after the network",
+        whole_ms[0],
+        whole_ms.len(),
+        median(&whole_ms),
+        median(&rest_ms)
     );
 
     let classes = classes(&map, &picture);

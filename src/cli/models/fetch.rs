@@ -16,8 +16,10 @@ pub(super) fn run(entry: &ModelEntry, models: &Path) -> Result<()> {
         return Ok(());
     }
     let folder = path.parent().unwrap_or(models);
-    fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
-    println!("{}: licence {}", entry.name, entry.licence);
+    if !matches!(entry.source, Source::Export { .. }) {
+        fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        println!("{}: licence {}", entry.name, entry.licence);
+    }
     match &entry.source {
         Source::Export { how } => bail!("{} cannot be fetched: {how}", entry.name),
         Source::Https { url } => {
