@@ -42,6 +42,8 @@ pub struct KeyFrame {
     pub index: usize,
     pub number: u32,
     pub world_from_camera: Pose3,
+    /// How sharp its colour picture is, to compare it with others of the clip.
+    pub sharpness: f32,
     /// Some of its readings, as points in the camera frame: enough to know what the camera saw through.
     pub readings: Readings,
 }
@@ -90,7 +92,7 @@ impl KeyFrame {
     pub(super) fn blind(world_from_camera: Pose3) -> KeyFrame {
         let camera = Pinhole { width: 4, height: 3, fx: 4.0, fy: 4.0, cx: 1.5, cy: 1.0 };
         let readings = Readings { camera, width: 4, depth_mm: Vec::new(), stride: 1 };
-        KeyFrame { index: 0, number: 0, world_from_camera, readings }
+        KeyFrame { index: 0, number: 0, world_from_camera, sharpness: 0.0, readings }
     }
 }
 
@@ -178,6 +180,7 @@ pub fn fuse(
                         index: *index,
                         number: frame.header.number,
                         world_from_camera: *world_from_camera,
+                        sharpness: sharpness(&frame.color),
                         readings: Readings::thin(&frame.depth, frame.depth_camera, &params.tsdf),
                     });
                 }
@@ -211,7 +214,7 @@ pub fn fuse(
 const BATCH: usize = 16;
 
 /// The posed frames far enough from the one chosen before, with their places in the clip.
-pub(super) fn choose(clip: &Clip, frames: Option<&Range<u32>>, params: &FuseParams) -> Vec<(usize, Pose3)> {
+fn choose(clip: &Clip, frames: Option<&Range<u32>>, params: &FuseParams) -> Vec<(usize, Pose3)> {
     let wanted = |number: u32| frames.is_none_or(|range| range.contains(&number));
     let mut chosen: Vec<(usize, Pose3)> = Vec::new();
     for (index, header) in clip.frames().iter().enumerate() {
@@ -227,6 +230,26 @@ pub(super) fn choose(clip: &Clip, frames: Option<&Range<u32>>, params: &FusePara
     }
     let stride = chosen.len().div_ceil(params.max_key_frames).max(1);
     chosen.into_iter().step_by(stride).collect()
+}
+
+/// The variance of the Laplacian of a picture's green channel at a quarter of its size: motion blurs it away
+/// (Pech-Pacheco et al., 2000).
+fn sharpness(picture: &image::RgbImage) -> f32 {
+    const STEP: u32 = 2;
+    let (width, height) = picture.dimensions();
+    let green = |x: u32, y: u32| f32::from(picture.get_pixel(x, y).0[1]);
+    let (mut sum, mut squares, mut count) = (0f64, 0f64, 0u32);
+    for y in (STEP..height.saturating_sub(STEP)).step_by(2 * STEP as usize) {
+        for x in (STEP..width.saturating_sub(STEP)).step_by(2 * STEP as usize) {
+            let around = green(x - STEP, y) + green(x + STEP, y) + green(x, y - STEP) + green(x, y + STEP);
+            let bend = f64::from(around - 4.0 * green(x, y));
+            sum += bend;
+            squares += bend * bend;
+            count += 1;
+        }
+    }
+    let count = f64::from(count.max(1));
+    (squares / count - (sum / count).powi(2)) as f32
 }
 
 /// The mean of the cameras' upward picture axes: which way is up when nothing better is known, for a device

@@ -23,12 +23,12 @@ pub use open::{installed, open_segmenter};
 pub use structure::{Shape, StructureParams};
 
 use super::cloud::PointCloud;
-use super::fuse::{FuseParams, KeyFrame};
+use super::fuse::KeyFrame;
 use super::{AlignError, Reason};
 use crate::clip::{Clip, Frame};
 use crate::geometry::{Point3, Pose3};
 use crate::progress::Progress;
-use crate::taxonomy::Class;
+use crate::taxonomy::{CLASSES, Class};
 use image::RgbImage;
 use sites::Sites;
 use std::sync::Arc;
@@ -39,9 +39,11 @@ use vote::{Look, Votes};
 pub struct LabelParams {
     /// None: by shape alone.
     pub segmenter: Option<Arc<dyn Segmenter>>,
-    /// The network looks at a key frame when the camera moved this far since the last one it looked at ...
+    /// Why there is none although one is wanted; every answer tells it.
+    pub unavailable: Option<String>,
+    /// The network looks at one key frame of each stretch in which the camera moves this far ...
     pub key_distance_m: f64,
-    /// ... or turned this far.
+    /// ... or turns this far.
     pub key_angle_rad: f64,
     /// Changes of colour under which each picture is looked at again, up to [`AUGMENTATIONS`].
     pub augmentations: usize,
@@ -53,8 +55,9 @@ impl Default for LabelParams {
     fn default() -> Self {
         LabelParams {
             segmenter: None,
-            key_distance_m: 0.25,
-            key_angle_rad: 15f64.to_radians(),
+            unavailable: None,
+            key_distance_m: 0.4,
+            key_angle_rad: 25f64.to_radians(),
             augmentations: 0,
             structure: Some(StructureParams::default()),
         }
@@ -102,19 +105,45 @@ impl Label {
         f32::from(self.probability) / 255.0
     }
 
-    /// The class with the largest of [`CLASSES`] sums; its share of them is its probability.
+    /// That it is part of the building or built in, 0..1; 1 where nothing is known.
+    pub fn fixed(&self) -> f64 {
+        let probability = f64::from(self.probability());
+        match self.class {
+            _ if self.probability == 0 => 1.0,
+            class if class.is_fixed() => probability,
+            // Some of what has no better name is built in.
+            Class::Other => 1.0 - 0.5 * probability,
+            _ => 1.0 - probability,
+        }
+    }
+
+    /// The class with the largest sum within the family with the largest sum; its share is its probability.
     fn likeliest(sums: &[f32], views: u16) -> Label {
         let total: f32 = sums.iter().sum();
-        let (mut best, mut most) = (0, 0.0);
-        for (i, sum) in sums.iter().enumerate() {
-            if *sum > most {
-                (best, most) = (i, *sum);
+        let mut families = [0f32; CLASSES];
+        for (class, sum) in Class::ALL.iter().zip(sums) {
+            families[family(*class) as usize] += sum;
+        }
+        let (mut best, mut most) = (Class::Other, (0.0, 0.0));
+        for (class, &sum) in Class::ALL.iter().zip(sums) {
+            let rank = (families[family(*class) as usize], sum);
+            if rank > most {
+                (best, most) = (*class, rank);
             }
         }
-        match Class::from_id(best) {
-            Some(class) if total > 0.0 => Label::new(class, most / total, views),
-            _ => Label::NONE,
-        }
+        if total > 0.0 { Label::new(best, most.1 / total, views) } else { Label::NONE }
+    }
+}
+
+/// Networks divide their say between classes that look alike: what such a family gets together counts first.
+fn family(class: Class) -> Class {
+    match class {
+        Class::Curtain => Class::Window,
+        Class::Shelf => Class::Cabinet,
+        Class::Desk => Class::Table,
+        Class::Rug => Class::Floor,
+        Class::Pillow => Class::Bed,
+        other => other,
     }
 }
 
@@ -125,12 +154,6 @@ pub struct LabelReport {
     pub by: String,
     /// Pictures that the network looked at.
     pub key_frames: usize,
-}
-
-/// The places in a clip of the frames that a network would look at.
-pub fn pictures(clip: &Clip, fuse: &FuseParams, params: &LabelParams) -> Vec<usize> {
-    let keys = super::fuse::choose(clip, None, fuse);
-    vote::choose(&keys, |(_, pose)| *pose, params).into_iter().map(|(index, _)| *index).collect()
 }
 
 /// Where a point of the world is in a frame's colour picture, in pixels; none if the frame does not see it.
@@ -145,6 +168,8 @@ pub(super) struct Labeller {
     sites: Sites,
     votes: Option<Votes>,
     pub(super) report: LabelReport,
+    /// The places in the clip of the frames that the network looked at.
+    pub(super) pictures: Vec<usize>,
     /// Why there are no votes though there is a network.
     pub(super) remark: Option<Reason>,
 }
@@ -160,13 +185,20 @@ impl Labeller {
     ) -> Result<Labeller, AlignError> {
         let sites = Sites::new(cloud_in_world);
         let report = LabelReport { by: "geometry".into(), key_frames: 0 };
-        let mut labeller = Labeller { sites, votes: None, report, remark: None };
-        let Some(segmenter) = &params.segmenter else { return Ok(labeller) };
+        let mut labeller = Labeller { sites, votes: None, report, pictures: Vec::new(), remark: None };
+        let Some(segmenter) = &params.segmenter else {
+            let remark = |why: &String| {
+                Reason::new("network_unavailable", format!("the classes come from geometry alone: {why}"))
+            };
+            labeller.remark = params.unavailable.as_ref().map(remark);
+            return Ok(labeller);
+        };
         match vote::vote(clip, key_frames, &labeller.sites, segmenter.as_ref(), params, progress)? {
             Ok(votes) => {
                 labeller.write(&combine::voted(&votes), cloud_in_world);
                 labeller.votes = Some(votes);
-                let key_frames = vote::choose(key_frames, |key| key.world_from_camera, params).len();
+                labeller.pictures = vote::choose(key_frames, params).iter().map(|key| key.index).collect();
+                let key_frames = labeller.pictures.len();
                 labeller.report = LabelReport { by: segmenter.name(), key_frames };
             }
             Err(error) => {

@@ -17,6 +17,8 @@ pub struct Observation {
     pub scan: VirtualScan,
     pub key_frames: usize,
     pub labels: Option<LabelReport>,
+    /// The places in the clip of the frames that a network looked at.
+    pub pictures: Vec<usize>,
     /// None when there is no floor, not even a guessed one.
     pub clip_from_world: Option<Pose3>,
     pub floor: Option<FloorReport>,
@@ -57,6 +59,7 @@ pub fn observe(
     let labeller =
         Labeller::listen(clip, &mut fused.cloud_in_world, &fused.key_frames, &params.label, progress)?;
     observation.labels = Some(labeller.report.clone());
+    observation.pictures = labeller.pictures.clone();
     observation.reasons.extend(labeller.remark.clone());
 
     progress::begin(progress, Stage::Floor)?;

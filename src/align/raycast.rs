@@ -67,6 +67,8 @@ pub struct Hit {
     pub extent_m: f64,
     /// Seen at the vacuum's height; otherwise only above, and projected down along gravity.
     pub at_vacuum_height: bool,
+    /// That it is part of the building or built in, 0..1, by its class; 1 where classes say nothing.
+    pub fixed: f64,
     /// Where the ray began.
     pub from_m: Point2,
 }

@@ -177,6 +177,7 @@ mod tests {
             weight: 1.0,
             extent_m: 1.0,
             at_vacuum_height: true,
+            fixed: 1.0,
             from_m: Point2::origin(),
         }
     }

@@ -2,7 +2,7 @@
 
 use super::networks::NetworkArguments;
 use super::progress::TerminalProgress;
-use crate::align::{self, AlignParams, Alignment, AlignmentState, LabelParams};
+use crate::align::{self, AlignParams, Alignment, AlignmentState};
 use crate::clip::{Clip, ClipInfo};
 use crate::home;
 use crate::lidar::{LidarInfo, LidarMap};
@@ -48,7 +48,7 @@ pub fn run(arguments: &AlignArguments) -> Result<()> {
     let clip = Clip::open(&arguments.clip).with_context(|| format!("clip {}", arguments.clip.display()))?;
     let lidar = LidarMap::open(&arguments.lidar)
         .with_context(|| format!("LiDAR map {}", arguments.lidar.display()))?;
-    let label = LabelParams { segmenter: arguments.networks.segmenter()?, ..LabelParams::default() };
+    let label = arguments.networks.labels()?;
     let params = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };
     let mut aligned = align::align(&clip, arguments.frames.clone(), &lidar, &params, &watch)
         .with_context(|| format!("clip {}", arguments.clip.display()))?;

@@ -1,20 +1,21 @@
 //! Which networks a command uses, and how they are run.
 
+use super::runtime::RuntimeArguments;
+use crate::align::LabelParams;
 use crate::align::label::{self, Segmenter};
-use crate::network::{self, RuntimeParams};
+use crate::network;
 use anyhow::{Context, Result};
 use clap::Args;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-#[derive(Args, Debug, Clone, Default)]
+#[derive(Args, Debug, Clone)]
 pub struct NetworkArguments {
     /// Folder of neural networks (see `viola models list`). Without one, classes come from geometry alone.
     #[arg(long, env = "VIOLA_MODELS", value_name = "DIR")]
     pub models: Option<PathBuf>,
-    /// ONNX Runtime's library, if it is not where the system looks.
-    #[arg(long, env = "ORT_DYLIB_PATH", value_name = "FILE")]
-    pub onnxruntime: Option<PathBuf>,
+    #[command(flatten)]
+    runtime: RuntimeArguments,
 }
 
 impl NetworkArguments {
@@ -28,15 +29,26 @@ impl NetworkArguments {
             );
             return Ok(None);
         };
-        let params = RuntimeParams {
-            library: self.onnxruntime.clone(),
-            look_in: vec![models.clone()],
-            ..RuntimeParams::default()
-        };
+        let params = self.runtime.params(Some(models));
         let network =
             network::open(&entry.path(models), &params).with_context(|| format!("network {}", entry.name))?;
         tracing::info!(network = entry.name, runtime = network.runtime(), "{}", network.reason());
         let segmenter = label::open_segmenter(&entry, network)?;
         Ok(Some(Arc::from(segmenter)))
+    }
+
+    /// How points are labelled: a network that cannot be used is an error.
+    pub fn labels(&self) -> Result<LabelParams> {
+        Ok(LabelParams { segmenter: self.segmenter()?, ..LabelParams::default() })
+    }
+
+    /// The same for a service, which goes on without the network: the log has the cause, and every answer says
+    /// that its classes come from geometry.
+    pub fn labels_or_geometry(&self) -> LabelParams {
+        self.labels().unwrap_or_else(|error| {
+            tracing::error!("the network cannot be used: {error:#}");
+            let unavailable = Some("the segmentation network could not be loaded".to_owned());
+            LabelParams { unavailable, ..LabelParams::default() }
+        })
     }
 }

@@ -1,5 +1,7 @@
 //! `viola serve`: the whole service in one process.
 
+use super::networks::NetworkArguments;
+use crate::align::AlignParams;
 use crate::api::{ServeParams, serve};
 use crate::jobs::WorkerParams;
 use anyhow::Result;
@@ -7,6 +9,7 @@ use clap::Args;
 use std::io::{IsTerminal, Write};
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
@@ -23,6 +26,8 @@ pub struct ServeArguments {
     /// Jobs at a time; each uses all cores where it can. With 0, jobs wait for another server.
     #[arg(long, value_name = "N", default_value_t = 1)]
     workers: usize,
+    #[command(flatten)]
+    networks: NetworkArguments,
     /// Largest clip.
     #[arg(long, value_name = "MIB", default_value_t = 2048)]
     max_upload_mb: u64,
@@ -33,12 +38,17 @@ pub struct ServeArguments {
 
 pub fn run(arguments: &ServeArguments) -> Result<()> {
     start_log();
+    let align = AlignParams { label: arguments.networks.labels_or_geometry(), ..AlignParams::default() };
     let params = ServeParams {
         listen: arguments.listen,
         data: arguments.data.clone(),
         workers: arguments.workers,
         max_upload_bytes: arguments.max_upload_mb.saturating_mul(1 << 20),
-        worker: WorkerParams { lease: arguments.lease_seconds, ..WorkerParams::default() },
+        worker: WorkerParams {
+            lease: arguments.lease_seconds,
+            align: Arc::new(align),
+            ..WorkerParams::default()
+        },
     };
     let runtime = tokio::runtime::Runtime::new()?;
     let served = runtime.block_on(async {

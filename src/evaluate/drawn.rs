@@ -213,7 +213,15 @@ fn look(
             if hit_cells.insert(cell_of(&point_m, raycast.hit_spacing_m)) {
                 // Nothing may tell what the map has from what it has not, so all stand equally tall.
                 let (extent_m, at_vacuum_height) = (1.0, true);
-                hits.push(Hit { point_m, normal: -toward, weight: 1.0, extent_m, at_vacuum_height, from_m });
+                hits.push(Hit {
+                    point_m,
+                    normal: -toward,
+                    weight: 1.0,
+                    extent_m,
+                    at_vacuum_height,
+                    fixed: 1.0,
+                    from_m,
+                });
             }
         }
     }

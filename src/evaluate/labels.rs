@@ -14,11 +14,12 @@ use crate::progress::{Progress, Stage};
 use crate::stopwatch::Stopwatch;
 use crate::taxonomy::{CLASSES, Class};
 use image::RgbImage;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHasher};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::hash::{Hash, Hasher};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 /// One way to label, and how right it is.
@@ -57,14 +58,9 @@ pub fn evaluate(
     progress: &dyn Progress,
 ) -> Result<Vec<LabelRow>, AlignError> {
     let mut rows = Vec::new();
-    let views = match &segmenter {
-        Some(segmenter) => {
-            let single = single_frames(clip, truth, segmenter.as_ref(), params, progress)?;
-            rows.push(single.row(truth));
-            Some(single.views)
-        }
-        None => None,
-    };
+    let segmenter = segmenter.map(Timed::around);
+    // The first variant tells which pictures the network looks at.
+    let mut views: Option<Vec<u32>> = None;
     let structure = params.label.structure.clone();
     let augmentations = label::AUGMENTATIONS;
     let variants = [
@@ -78,18 +74,28 @@ pub fn evaluate(
         if network && segmenter.is_none() {
             continue;
         }
-        let timed = segmenter.clone().filter(|_| network).map(Timed::around);
-        let segmenter = timed.clone().map(|timed| timed as Arc<dyn Segmenter>);
-        let label = LabelParams { segmenter, augmentations, structure, ..params.label.clone() };
+        let timed = segmenter.clone().filter(|_| network);
+        let before_s = timed.as_ref().map_or(0.0, |timed| timed.seconds());
+        let label = LabelParams {
+            segmenter: timed.clone().map(|timed| timed as Arc<dyn Segmenter>),
+            augmentations,
+            structure,
+            ..params.label.clone()
+        };
         let watch = Stopwatch::around(progress);
         let observation = align::observe(clip, None, &AlignParams { label, ..params.clone() }, &watch)?;
         let seconds = watch.stop();
+        if let (None, Some(segmenter)) = (&views, &segmenter) {
+            let single = single_frames(clip, &observation.pictures, truth, segmenter.as_ref(), progress)?;
+            rows.push(single.row(truth));
+            views = Some(single.views);
+        }
         let Some(clip_from_world) = observation.clip_from_world else { continue };
         let said = Said::of(&observation.cloud_in_clip, truth, |p| clip_from_world * p);
         let key_frames = observation.labels.as_ref().map_or(0, |labels| labels.key_frames);
         let looked_at = if key_frames > 0 { key_frames } else { observation.key_frames };
         let stages = [Stage::Label, Stage::Floor].map(|s| seconds.get(s.name()).copied().unwrap_or(0.0));
-        let network_s = timed.as_ref().map_or(0.0, |timed| timed.seconds());
+        let network_s = timed.as_ref().map_or(0.0, |timed| timed.seconds()) - before_s;
         rows.push(LabelRow {
             variant: variant.to_owned(),
             key_frames,
@@ -103,16 +109,23 @@ pub fn evaluate(
     Ok(rows)
 }
 
-/// A segmenter with a clock.
+/// A segmenter with a clock, that remembers what it said of a picture: every variant shows it the same ones.
 struct Timed {
     inner: Arc<dyn Segmenter>,
+    /// By the picture's hash.
+    said: Mutex<FxHashMap<u64, ClassMap>>,
     nanoseconds: AtomicU64,
     calls: AtomicU64,
 }
 
 impl Timed {
     fn around(inner: Arc<dyn Segmenter>) -> Arc<Timed> {
-        Arc::new(Timed { inner, nanoseconds: AtomicU64::new(0), calls: AtomicU64::new(0) })
+        Arc::new(Timed {
+            inner,
+            said: Mutex::default(),
+            nanoseconds: AtomicU64::new(0),
+            calls: AtomicU64::new(0),
+        })
     }
 
     fn seconds(&self) -> f64 {
@@ -126,11 +139,23 @@ impl Timed {
 
 impl Segmenter for Timed {
     fn segment(&self, picture: &RgbImage) -> Result<ClassMap, SegmentError> {
+        /// A megabyte or two each.
+        const MOST: usize = 1000;
+        let mut hasher = FxHasher::default();
+        picture.as_raw().hash(&mut hasher);
+        let key = hasher.finish();
+        let said = || self.said.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        if let Some(map) = said().get(&key) {
+            return Ok(map.clone());
+        }
         let since = Instant::now();
-        let map = self.inner.segment(picture);
+        let map = self.inner.segment(picture)?;
         self.nanoseconds.fetch_add(since.elapsed().as_nanos() as u64, Ordering::Relaxed);
         self.calls.fetch_add(1, Ordering::Relaxed);
-        map
+        if said().len() < MOST {
+            said().insert(key, map.clone());
+        }
+        Ok(map)
     }
 
     fn name(&self) -> String {
@@ -212,15 +237,15 @@ struct Single {
 
 fn single_frames(
     clip: &Clip,
+    pictures: &[usize],
     truth: &Truth,
     segmenter: &dyn Segmenter,
-    params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<Single, AlignError> {
     let count = truth.vertices_m.len();
     let mut single = Single { said: vec![[0; COARSE.len()]; count], views: vec![0; count], pictures: 0 };
     let mut probabilities = [0f32; CLASSES];
-    for index in label::pictures(clip, &params.fuse, &params.label) {
+    for &index in pictures {
         crate::progress::check(progress)?;
         let frame = clip.load(index)?;
         let Some(world_from_camera) = frame.header.world_from_camera else { continue };

@@ -50,15 +50,14 @@ impl Failure {
 pub fn align_clip(
     clip_path: &Path,
     lidar_bytes: &[u8],
-    seed: u64,
+    params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<Finished, Failure> {
     let watch = Stopwatch::around(progress);
     watch.enter(Stage::Decode);
     let clip = Clip::open(clip_path)?;
     let lidar = LidarMap::read(lidar_bytes)?;
-    let params = AlignParams { seed, ..AlignParams::default() };
-    let mut aligned = align::align(&clip, None, &lidar, &params, &watch)?;
+    let mut aligned = align::align(&clip, None, &lidar, params, &watch)?;
 
     watch.enter(Stage::Report);
     let overlay_png = home::overlay_png(&lidar, &aligned);

@@ -3,7 +3,7 @@
 use super::align_clip::{Failure, Finished, align_clip};
 use super::report::{Heard, Report};
 use super::{POLL, Queue};
-use crate::align::Reason;
+use crate::align::{AlignParams, Reason};
 use crate::progress::Progress;
 use crate::storage::{Claim, Ending, RetryPolicy, StorageError};
 use jiff::Timestamp;
@@ -14,8 +14,6 @@ use tokio::task::{JoinError, JoinHandle};
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
 
-/// The method is deterministic; the same clip and map give the same answer in every job.
-const SEED: u64 = 0;
 /// How often a worker looks whether the job is still its own and what the method says.
 const TICK: Duration = Duration::from_millis(250);
 /// How often progress within a stage is recorded.
@@ -29,12 +27,14 @@ pub struct WorkerParams {
     /// How long the method may take to stop when the server does.
     pub grace: Duration,
     pub retry: RetryPolicy,
-    /// What a job does.
+    /// What a job does, and how.
     pub method: Method,
+    /// The same for every job, its seed too: the same clip and map give the same answer in every job.
+    pub align: Arc<AlignParams>,
 }
 
-/// From a clip's file, a map's bytes and a seed to an answer. It may take long and may panic.
-pub type Method = fn(&Path, &[u8], u64, &dyn Progress) -> Result<Finished, Failure>;
+/// From a clip's file, a map's bytes and parameters to an answer. It may take long and may panic.
+pub type Method = fn(&Path, &[u8], &AlignParams, &dyn Progress) -> Result<Finished, Failure>;
 
 impl Default for WorkerParams {
     fn default() -> WorkerParams {
@@ -43,6 +43,7 @@ impl Default for WorkerParams {
             grace: Duration::from_secs(10),
             retry: RetryPolicy::default(),
             method: align_clip,
+            align: Arc::default(),
         }
     }
 }
@@ -128,8 +129,8 @@ impl Attempt<'_> {
         let storage = &self.queue.storage;
         let clip = storage.clip_file(self.claim.job.clip)?;
         let lidar = storage.lidar_map_file(self.claim.lidar_map_id).await?;
-        let (report, method) = (report.clone(), self.params.method);
-        Ok(tokio::task::spawn_blocking(move || method(&clip, &lidar, SEED, report.as_ref())))
+        let (report, method, align) = (report.clone(), self.params.method, self.params.align.clone());
+        Ok(tokio::task::spawn_blocking(move || method(&clip, &lidar, &align, report.as_ref())))
     }
 
     /// Renews the lease and records progress while the method works, and passes on the order to stop.

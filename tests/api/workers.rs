@@ -6,6 +6,7 @@ use serde_json::Value;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
+use viola::align::AlignParams;
 use viola::jobs::{Failure, Finished, Method, align_clip};
 use viola::progress::{Progress, Stage, check};
 use viola::storage::RetryPolicy;
@@ -35,9 +36,14 @@ fn outcome(clip: &Value) -> (&str, u64) {
 #[tokio::test]
 async fn a_panic_is_a_failed_attempt() {
     static CALLS: AtomicU32 = AtomicU32::new(0);
-    fn once(clip: &Path, map: &[u8], seed: u64, progress: &dyn Progress) -> Result<Finished, Failure> {
+    fn once(
+        clip: &Path,
+        map: &[u8],
+        params: &AlignParams,
+        progress: &dyn Progress,
+    ) -> Result<Finished, Failure> {
         assert!(CALLS.fetch_add(1, Ordering::SeqCst) > 0, "the first call");
-        align_clip(clip, map, seed, progress)
+        align_clip(clip, map, params, progress)
     }
     let server = server(once, Duration::from_secs(30)).await;
     let clip = upload(&server).await;
@@ -46,7 +52,7 @@ async fn a_panic_is_a_failed_attempt() {
 
 #[tokio::test]
 async fn panics_end_in_a_failed_clip_and_not_in_a_dead_worker() {
-    fn always(_: &Path, _: &[u8], _: u64, _: &dyn Progress) -> Result<Finished, Failure> {
+    fn always(_: &Path, _: &[u8], _: &AlignParams, _: &dyn Progress) -> Result<Finished, Failure> {
         panic!("a secret of the method")
     }
     let server = server(always, Duration::from_secs(30)).await;
@@ -62,14 +68,19 @@ async fn panics_end_in_a_failed_clip_and_not_in_a_dead_worker() {
 
 #[tokio::test]
 async fn a_long_job_keeps_its_lease() {
-    fn long(clip: &Path, map: &[u8], seed: u64, progress: &dyn Progress) -> Result<Finished, Failure> {
+    fn long(
+        clip: &Path,
+        map: &[u8],
+        params: &AlignParams,
+        progress: &dyn Progress,
+    ) -> Result<Finished, Failure> {
         let until = Instant::now() + Duration::from_millis(2500);
         progress.enter(Stage::Decode);
         while Instant::now() < until {
             check(progress).map_err(|_| Failure::Cancelled)?;
             std::thread::sleep(Duration::from_millis(1));
         }
-        align_clip(clip, map, seed, progress)
+        align_clip(clip, map, params, progress)
     }
     // Two workers: the second would take the job as soon as the first lost it.
     let server = Server::with(|params| {
@@ -86,7 +97,7 @@ async fn a_long_job_keeps_its_lease() {
 async fn a_method_that_does_not_hear_cannot_hold_the_server() {
     static RUNS: AtomicBool = AtomicBool::new(false);
     static LET_GO: AtomicBool = AtomicBool::new(false);
-    fn deaf(_: &Path, _: &[u8], _: u64, _: &dyn Progress) -> Result<Finished, Failure> {
+    fn deaf(_: &Path, _: &[u8], _: &AlignParams, _: &dyn Progress) -> Result<Finished, Failure> {
         RUNS.store(true, Ordering::SeqCst);
         while !LET_GO.load(Ordering::SeqCst) {
             std::thread::sleep(Duration::from_millis(1));

@@ -89,8 +89,8 @@ fn likelihood(shape: Shape, class: Class) -> f32 {
             _ => 0.05,
         },
         Shape::Wall => match class {
-            Wall | Door => 1.0,
-            Window | Curtain => 0.8,
+            Door | Window => 1.0,
+            Wall | Curtain => 0.8,
             Mirror | Picture => 0.6,
             Cabinet => 0.5,
             Floor | Ceiling => 0.01,

@@ -37,7 +37,7 @@ pub(super) fn vote(
 ) -> Result<Result<Votes, SegmentError>, AlignError> {
     let mut votes = Votes { sums: vec![0.0; sites.len() * CLASSES], views: vec![0; sites.len()] };
     let balls = balls(sites);
-    let chosen = choose(key_frames, |key| key.world_from_camera, params);
+    let chosen = choose(key_frames, params);
     for (done, batch) in chosen.chunks(BATCH).enumerate() {
         progress::check(progress)?;
         let decoded: Vec<_> = batch.par_iter().map(|key| clip.load(key.index)).collect();
@@ -56,21 +56,27 @@ pub(super) fn vote(
     Ok(Ok(votes))
 }
 
-/// Key frames far enough from the one before: the network is slow, and neighbours say the same.
-pub(super) fn choose<'a, T>(
-    keys: &'a [T],
-    world_from_camera: impl Fn(&T) -> Pose3,
-    params: &LabelParams,
-) -> Vec<&'a T> {
-    let mut chosen: Vec<&T> = Vec::new();
-    for key in keys {
-        let far = chosen.last().is_none_or(|last| {
-            let step = world_from_camera(last).inverse() * world_from_camera(key);
+/// The sharpest key frame of each stretch: the network is slow, neighbours say the same, and of a blurred
+/// picture it says worse.
+pub(super) fn choose<'a>(key_frames: &'a [KeyFrame], params: &LabelParams) -> Vec<&'a KeyFrame> {
+    let mut chosen: Vec<&KeyFrame> = Vec::new();
+    let mut begin: Option<&KeyFrame> = None;
+    for key in key_frames {
+        let far = begin.is_none_or(|begin| {
+            let step = begin.world_from_camera.inverse() * key.world_from_camera;
             step.translation.vector.norm() >= params.key_distance_m
                 || step.rotation.angle() >= params.key_angle_rad
         });
-        if far {
-            chosen.push(key);
+        match chosen.last_mut() {
+            Some(sharpest) if !far => {
+                if key.sharpness > sharpest.sharpness {
+                    *sharpest = key;
+                }
+            }
+            _ => {
+                chosen.push(key);
+                begin = Some(key);
+            }
         }
     }
     chosen
