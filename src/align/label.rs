@@ -56,8 +56,8 @@ impl Default for LabelParams {
         LabelParams {
             segmenter: None,
             unavailable: None,
-            key_distance_m: 0.4,
-            key_angle_rad: 25f64.to_radians(),
+            key_distance_m: 0.3,
+            key_angle_rad: 20f64.to_radians(),
             augmentations: 0,
             structure: Some(StructureParams::default()),
         }
@@ -105,14 +105,16 @@ impl Label {
         f32::from(self.probability) / 255.0
     }
 
-    /// That it is part of the building or built in, 0..1; 1 where nothing is known.
+    /// That it is part of the building or built in, 0..1; 1 where no picture tells.
     pub fn fixed(&self) -> f64 {
+        if self.views == 0 {
+            return 1.0;
+        }
         let probability = f64::from(self.probability());
         match self.class {
-            _ if self.probability == 0 => 1.0,
+            // What has no better name may be built in.
+            Class::Other => 1.0,
             class if class.is_fixed() => probability,
-            // Some of what has no better name is built in.
-            Class::Other => 1.0 - 0.5 * probability,
             _ => 1.0 - probability,
         }
     }
@@ -251,4 +253,41 @@ pub enum SegmentError {
     NoPicture,
     #[error("the network {network} is not what its entry in models.toml says: {problem}")]
     Misfit { network: String, problem: String },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sums by class, and the class and probability that they come to.
+    fn check(sums: &[(Class, f32)], want: Class, probability: f32) {
+        let mut all = [0f32; CLASSES];
+        for (class, sum) in sums {
+            all[*class as usize] = *sum;
+        }
+        let label = Label::likeliest(&all, 7);
+        assert_eq!((label.class, label.views), (want, 7), "{sums:?}");
+        assert!((label.probability() - probability).abs() < 0.003, "{sums:?} {}", label.probability());
+    }
+
+    #[test]
+    fn families_count_before_classes() {
+        check(&[(Class::Wall, 4.0), (Class::Door, 1.0)], Class::Wall, 0.8);
+        check(&[(Class::Wall, 4.0), (Class::Window, 3.0), (Class::Curtain, 3.0)], Class::Window, 0.3);
+        check(&[(Class::Wall, 4.0), (Class::Shelf, 3.0), (Class::Cabinet, 2.0)], Class::Shelf, 1.0 / 3.0);
+        assert_eq!(Label::likeliest(&[0.0; CLASSES], 0), Label::NONE);
+    }
+
+    #[test]
+    fn only_what_pictures_call_movable_counts_less() {
+        for (label, want) in [
+            (Label::NONE, 1.0),
+            (Label::new(Class::Chair, 1.0, 0), 1.0),
+            (Label::new(Class::Chair, 1.0, 3), 0.0),
+            (Label::new(Class::Wall, 1.0, 3), 1.0),
+            (Label::new(Class::Other, 1.0, 3), 1.0),
+        ] {
+            assert_eq!(label.fixed(), want, "{label:?}");
+        }
+    }
 }

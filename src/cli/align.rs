@@ -42,13 +42,14 @@ struct Inputs<'a> {
 }
 
 pub fn run(arguments: &AlignArguments) -> Result<()> {
+    // First, because it needs no time to fail.
+    let label = arguments.networks.labels()?;
     let progress = TerminalProgress::new();
     let watch = Stopwatch::around(&progress);
     watch.enter(Stage::Decode);
     let clip = Clip::open(&arguments.clip).with_context(|| format!("clip {}", arguments.clip.display()))?;
     let lidar = LidarMap::open(&arguments.lidar)
         .with_context(|| format!("LiDAR map {}", arguments.lidar.display()))?;
-    let label = arguments.networks.labels()?;
     let params = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };
     let mut aligned = align::align(&clip, arguments.frames.clone(), &lidar, &params, &watch)
         .with_context(|| format!("clip {}", arguments.clip.display()))?;

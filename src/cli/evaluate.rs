@@ -2,7 +2,7 @@
 
 use super::networks::NetworkArguments;
 use super::progress::TerminalProgress;
-use crate::align::AlignParams;
+use crate::align::{AlignParams, LabelParams};
 use crate::clip::Clip;
 use crate::evaluate::{
     self, ClipResult, DrawnClips, DrawnParams, HomeClips, HomesParams, Journal, Method, Run, Scene,
@@ -89,7 +89,9 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     if suite.cases().is_empty() {
         bail!("there are no clips: the recording is shorter than the lengths asked for");
     }
-    let observe = AlignParams { seed: arguments.seed, ..AlignParams::default() };
+    // Simulated pictures are too plain for a network.
+    let label = if arguments.scene.is_some() { arguments.networks.labels()? } else { LabelParams::default() };
+    let observe = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };
     let workers = match arguments.threads {
         Some(threads) => threads,
         None => std::thread::available_parallelism()?.get(),
@@ -120,7 +122,9 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         fs::write(path, serde_json::to_string_pretty(&posterior)? + "\n")
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
-    write_all(out, arguments, workers, &results)
+    let labels_by =
+        observe.label.segmenter.as_ref().map_or("geometry".to_owned(), |segmenter| segmenter.name());
+    write_all(out, arguments, workers, &labels_by, &results)
 }
 
 /// `--labels`: writes `labels.json` and `labels.md`.
@@ -259,6 +263,7 @@ fn write_all(
     out: &Path,
     arguments: &EvaluateArguments,
     workers: usize,
+    labels_by: &str,
     results: &[ClipResult],
 ) -> Result<()> {
     let rows = evaluate::tabulate(results);
@@ -274,6 +279,7 @@ fn write_all(
     let run = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "methods": arguments.methods,
+        "labels_by": labels_by,
         "frames": arguments.frames,
         "seed": arguments.seed,
         "clips_at_a_time": workers,

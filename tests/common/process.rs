@@ -12,7 +12,10 @@ pub struct Process {
 
 pub fn viola() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
-    command.stdin(Stdio::null()).env_remove("RUST_LOG");
+    command.stdin(Stdio::null());
+    for name in ["RUST_LOG", "VIOLA_MODELS", "ORT_DYLIB_PATH"] {
+        command.env_remove(name);
+    }
     command
 }
 

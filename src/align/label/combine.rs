@@ -92,7 +92,8 @@ fn likelihood(shape: Shape, class: Class) -> f32 {
             Door | Window => 1.0,
             Wall | Curtain => 0.8,
             Mirror | Picture => 0.6,
-            Cabinet => 0.5,
+            // Some are as tall as the room and as flat as a wall.
+            Cabinet | Shelf | Refrigerator | Shower => 0.6,
             Floor | Ceiling => 0.01,
             _ => 0.3,
         },
