@@ -140,3 +140,16 @@ fn check_floor_or_reason(folder: &Path, frames: Option<std::ops::Range<u32>>) {
     }
     eprintln!("{}: floor {:?}, reasons {:?}", folder.display(), observation.floor, observation.reasons);
 }
+
+/// Without a network. The vertices' labels are ScanNet's own.
+#[test]
+fn geometry_alone_tells_floor_and_walls() {
+    let Some(scene) = apartment() else { return };
+    let clip = Clip::open(&scene).unwrap();
+    let truth = evaluate::labels::Truth::open(&scene).unwrap();
+    let rows = evaluate::labels::evaluate(&clip, &truth, None, &AlignParams::default(), &Silent).unwrap();
+    let [row] = rows.as_slice() else { panic!("{rows:?}") };
+    assert_eq!(row.variant, "geometry");
+    assert!(row.iou["floor"] >= 0.82 && row.wall_or_opening_iou >= 0.65, "{row:?}");
+    assert!(row.structure_accuracy >= 0.82, "{row:?}");
+}

@@ -4,6 +4,7 @@ use std::process::{Command, Output};
 
 fn demo(folder: &std::path::Path) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
+    command.env_remove("VIOLA_MODELS");
     command.args(["demo", "--exit", "--listen", "127.0.0.1:0", "--frames", "40", "--data"]).arg(folder);
     command.output().unwrap()
 }

@@ -9,6 +9,7 @@ fn leaves_tables_that_programs_can_read() {
     let (map, out) = (flat::write(folder.path()), folder.path().join("out"));
     let evaluate = || {
         let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
+        command.env_remove("VIOLA_MODELS");
         command.arg("evaluate").arg("--map").arg(&map).arg("--out").arg(&out);
         let done =
             command.args(["--clips", "2", "--frames", "20,30", "--methods", "viola"]).output().unwrap();
@@ -58,6 +59,7 @@ fn wants_one_source_and_known_methods() {
     ] {
         let folder = tempfile::tempdir().unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
+        command.env_remove("VIOLA_MODELS");
         let done = command.arg("evaluate").args(arguments).arg("--out").arg(folder.path()).output().unwrap();
         assert!(!done.status.success(), "{arguments:?}");
     }
