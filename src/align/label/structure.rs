@@ -136,15 +136,15 @@ fn claim(wall: &Upright, sites: &Sites, shapes: &mut [Shape]) {
     };
     let cells: FxHashSet<[i32; 2]> = wall.members.iter().map(|&i| cell(i as usize)).collect();
     let beside = |[x, y]: [i32; 2]| (-1..=1).any(|dy| (-1..=1).any(|dx| cells.contains(&[x + dx, y + dy])));
-    for i in 0..sites.len() {
+    for (i, shape) in shapes.iter_mut().enumerate() {
         let at = sites.positions_m[i];
-        if matches!(shapes[i], Shape::Loose | Shape::Upright)
+        if matches!(shape, Shape::Loose | Shape::Upright)
             && at.z > 0.08
             && (at.coords.xy().dot(&wall.normal) - wall.offset_m).abs() < ON_M
             && sites.normals[i].xy().dot(&wall.normal).abs() > 0.3
             && beside(cell(i))
         {
-            shapes[i] = Shape::Wall;
+            *shape = Shape::Wall;
         }
     }
 }
