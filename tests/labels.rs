@@ -8,10 +8,9 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use viola::align::label::{ClassMap, SegmentError, Segmenter};
 use viola::align::{self, AlignParams, LabelParams, Observation};
-use viola::clip::{Clip, ClipInfo};
-use viola::geometry::Vector3;
+use viola::clip::Clip;
 use viola::progress::Silent;
-use viola::simulate::{ClipParams, Home, HomeParams, Set, SimulatedClip};
+use viola::simulate::{ClipParams, Home, HomeParams, Set, SimulatedClip, clip_in_memory};
 use viola::taxonomy::{CLASSES, Class};
 
 fn simulated(set: Set, seed: u64, frames: usize) -> Arc<SimulatedClip> {
@@ -19,30 +18,6 @@ fn simulated(set: Set, seed: u64, frames: usize) -> Arc<SimulatedClip> {
     let survey = home.survey();
     let params = ClipParams { frames, ..ClipParams::default() };
     Arc::new(home.clip(&survey, 0, &params))
-}
-
-fn clip_of(recorded: &Arc<SimulatedClip>) -> Clip {
-    let (color, depth) = (recorded.color_camera, recorded.depth_camera);
-    let frames = recorded.headers().to_vec();
-    let info = ClipInfo {
-        layout: "simulated".into(),
-        pose_convention: "camera-to-world, OpenCV".into(),
-        depth_unit: "metres".into(),
-        gravity: "world z is up".into(),
-        intrinsics: "exact".into(),
-        frames: frames.len(),
-        frames_with_pose: frames.len(),
-        skipped_without_pose: 0,
-        skipped_incomplete: 0,
-        color_width: color.width,
-        color_height: color.height,
-        depth_width: depth.width,
-        depth_height: depth.height,
-        duration_s: None,
-        notes: Vec::new(),
-    };
-    let recorded = recorded.clone();
-    Clip::from_frames(info, frames, Some(Vector3::z()), move |index| recorded.frame(index))
 }
 
 /// Knows the true class of each pixel of the clip's pictures.
@@ -112,7 +87,7 @@ fn true_pictures_give_true_classes() {
         for structure in [None, LabelParams::default().structure] {
             let with_shapes = structure.is_some();
             let label = LabelParams { segmenter: Some(oracle.clone()), structure, ..LabelParams::default() };
-            let seen = observe(&clip_of(&recorded), label);
+            let seen = observe(&clip_in_memory(recorded.clone()), label);
             let report = seen.labels.clone().unwrap();
             assert_eq!(report.by, "oracle");
             assert!(report.key_frames > 0 && report.key_frames == seen.pictures.len());
@@ -132,7 +107,7 @@ fn true_pictures_give_true_classes() {
 #[test]
 fn shapes_alone_agree_with_the_truth() {
     let recorded = simulated(Set::Normal, 3, 12);
-    let clip = clip_of(&recorded);
+    let clip = clip_in_memory(recorded.clone());
     let oracle = LabelParams {
         segmenter: Some(Arc::new(Oracle::of(&recorded))),
         structure: None,
@@ -162,7 +137,7 @@ fn shapes_alone_agree_with_the_truth() {
 #[test]
 fn a_network_that_fails_leaves_geometry_and_a_reason() {
     let recorded = simulated(Set::Normal, 3, 6);
-    let clip = clip_of(&recorded);
+    let clip = clip_in_memory(recorded.clone());
     let plain = observe(&clip, LabelParams::default());
     let failed = LabelParams { segmenter: Some(Arc::new(Broken)), ..LabelParams::default() };
     let absent = LabelParams { unavailable: Some("it is gone".into()), ..LabelParams::default() };
@@ -179,7 +154,7 @@ fn a_network_that_fails_leaves_geometry_and_a_reason() {
 fn threads_change_nothing() {
     let recorded = simulated(Set::Normal, 4, 6);
     let oracle: Arc<dyn Segmenter> = Arc::new(Oracle::of(&recorded));
-    let clip = clip_of(&recorded);
+    let clip = clip_in_memory(recorded.clone());
     let with = |threads: usize| {
         let label = LabelParams { segmenter: Some(oracle.clone()), ..LabelParams::default() };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -2,11 +2,10 @@
 
 use super::{Case, RunError, Sample, Suite};
 use crate::align::{self, AlignParams, Target};
-use crate::clip::{Clip, ClipInfo};
-use crate::geometry::{Pose2, Vector3};
+use crate::geometry::Pose2;
 use crate::lidar::LidarMap;
 use crate::progress::Progress;
-use crate::simulate::{ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, valetudo_json};
+use crate::simulate::{ClipParams, Home, HomeParams, Sensor, Set, Survey, valetudo_json};
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
@@ -126,7 +125,7 @@ impl Suite for HomeClips {
             ClipParams { frames, sensor: self.params.sensor, color_width, ..ClipParams::default() };
         let recorded = mapped.home.clip(&mapped.survey, number, &recording);
         let truth = recorded.truth.clone();
-        let clip = in_memory(recorded);
+        let clip = recorded.into_clip();
         let observation = align::observe(&clip, None, params, progress)
             .map_err(|error| RunError::of_clip(&self.cases[index], error))?;
         Ok(Some(Sample {
@@ -139,27 +138,4 @@ impl Suite for HomeClips {
             last_frame: frames.saturating_sub(1) as u32,
         }))
     }
-}
-
-fn in_memory(recorded: SimulatedClip) -> Clip {
-    let (color, depth) = (recorded.color_camera, recorded.depth_camera);
-    let frames = recorded.headers().to_vec();
-    let info = ClipInfo {
-        layout: "simulated".into(),
-        pose_convention: "camera-to-world, OpenCV (x right, y down, z forward)".into(),
-        depth_unit: "metres".into(),
-        gravity: "world z is up".into(),
-        intrinsics: "exact".into(),
-        frames: frames.len(),
-        frames_with_pose: frames.len(),
-        skipped_without_pose: 0,
-        skipped_incomplete: 0,
-        color_width: color.width,
-        color_height: color.height,
-        depth_width: depth.width,
-        depth_height: depth.height,
-        duration_s: frames.last().and_then(|last| last.time_s),
-        notes: Vec::new(),
-    };
-    Clip::from_frames(info, frames, Some(Vector3::z()), move |index| recorded.frame(index))
 }

@@ -1,0 +1,37 @@
+//! A simulated recording as a clip without files.
+
+use super::clip::SimulatedClip;
+use crate::clip::{Clip, ClipInfo};
+use crate::geometry::Vector3;
+use std::sync::Arc;
+
+impl SimulatedClip {
+    /// The clip whose frames are rendered when they are asked for.
+    pub fn into_clip(self) -> Clip {
+        clip_in_memory(Arc::new(self))
+    }
+}
+
+/// The same for a recording that others keep.
+pub fn clip_in_memory(recorded: Arc<SimulatedClip>) -> Clip {
+    let (color, depth) = (recorded.color_camera, recorded.depth_camera);
+    let frames = recorded.headers().to_vec();
+    let info = ClipInfo {
+        layout: "simulated".into(),
+        pose_convention: "camera-to-world, OpenCV (x right, y down, z forward)".into(),
+        depth_unit: "metres".into(),
+        gravity: "world z is up".into(),
+        intrinsics: "exact".into(),
+        frames: frames.len(),
+        frames_with_pose: frames.len(),
+        skipped_without_pose: 0,
+        skipped_incomplete: 0,
+        color_width: color.width,
+        color_height: color.height,
+        depth_width: depth.width,
+        depth_height: depth.height,
+        duration_s: frames.last().and_then(|last| last.time_s),
+        notes: Vec::new(),
+    };
+    Clip::from_frames(info, frames, Some(Vector3::z()), move |index| recorded.frame(index))
+}
