@@ -1,4 +1,4 @@
-//! How right the classes of points are, against a mesh whose vertices are labelled (issue: semantics).
+//! How right the classes of points are, against a mesh whose vertices are labelled.
 
 mod coarse;
 mod truth;
