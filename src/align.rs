@@ -5,6 +5,7 @@
 
 mod answer;
 mod cloud;
+pub mod complete;
 mod decide;
 mod evidence;
 mod extract;

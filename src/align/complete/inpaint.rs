@@ -1,0 +1,35 @@
+//! Fills the holes of a picture.
+
+use image::{GrayImage, RgbImage};
+
+/// Makes up what a picture does not show.
+pub trait Inpainter: Send + Sync {
+    /// The picture with its holes filled; `hole` is of its size, 255 in the holes and 0 elsewhere, where the
+    /// picture stays as it is. The same seed gives the same picture. `keep_going` is asked between the steps of
+    /// what takes long.
+    fn inpaint(
+        &self,
+        picture: &RgbImage,
+        hole: &GrayImage,
+        seed: u64,
+        keep_going: &dyn Fn() -> bool,
+    ) -> Result<RgbImage, InpaintError>;
+
+    /// Which network, and what runs it, for the answer.
+    fn name(&self) -> String;
+}
+
+/// Why a hole was not filled.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum InpaintError {
+    #[error("the work was cancelled")]
+    Cancelled,
+    #[error("the network failed: {0}")]
+    Run(String),
+    #[error("the network gave {got} where {want} was expected")]
+    Shape { got: String, want: String },
+    #[error("the network gave values that are not finite")]
+    NotFinite,
+    #[error("the network {network} is not what its entry in models.toml says: {problem}")]
+    Misfit { network: String, problem: String },
+}
