@@ -29,6 +29,7 @@ mod weigh;
 
 pub use answer::{Alignment, AlignmentState, Alternative, FloorReport, FreeSpace, Reason};
 pub use cloud::{CloudPoint, PointCloud};
+pub use complete::{Activation, CompleteParams, Completion, CompletionReport, register_completing};
 pub use decide::DecideParams;
 pub use evidence::{Evidence, EvidenceParams};
 pub use floor::{Floor, FloorParams, NoFloor, heading};
@@ -62,6 +63,7 @@ pub struct AlignParams {
     pub search: SearchParams,
     pub refine: RefineParams,
     pub decide: DecideParams,
+    pub complete: CompleteParams,
 }
 
 /// Why there is no answer at all. Everything that is known of the clip itself, such as that no floor is in
@@ -87,6 +89,8 @@ pub struct Aligned {
     /// In the clip frame; empty when the floor was not found.
     pub cloud_in_clip: PointCloud,
     pub scan: VirtualScan,
+    /// What was filled in, where it was.
+    pub completion: Option<Completion>,
 }
 
 /// Finds the pose of a clip in a LiDAR map. `frames` restricts the clip to frame numbers of its layout.
@@ -102,11 +106,12 @@ pub fn align(
 ) -> Result<Aligned, AlignError> {
     let observation = observe(clip, frames, params, progress)?;
     let target = Target::new(lidar);
-    let alignment = register(&observation, target.as_ref(), params, progress)?;
+    let (alignment, completion) = register_completing(&observation, target.as_ref(), params, progress)?;
     let (scan, sunk_m) = observation.view_of(&alignment);
     Ok(Aligned {
         alignment,
         scan,
         cloud_in_clip: observation.cloud_in_clip.transformed(&Pose3::translation(0.0, 0.0, sunk_m)),
+        completion,
     })
 }

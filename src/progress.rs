@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The stages of aligning one clip, in the order in which they run (METHOD: 1, 3, 5-9).
+/// The stages of aligning one clip, in the order in which they run (METHOD: 1, 3-10).
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, utoipa::ToSchema,
 )]
@@ -24,12 +24,14 @@ pub enum Stage {
     Refine,
     /// Compare the candidates and say how sure the best one is.
     Decide,
+    /// Fill in what the clip did not see; search, refine and decide come again behind it.
+    Complete,
     /// Write pictures and clouds.
     Report,
 }
 
 impl Stage {
-    pub const ALL: [Stage; 9] = [
+    pub const ALL: [Stage; 10] = [
         Stage::Decode,
         Stage::Fuse,
         Stage::Label,
@@ -38,6 +40,7 @@ impl Stage {
         Stage::Search,
         Stage::Refine,
         Stage::Decide,
+        Stage::Complete,
         Stage::Report,
     ];
 
@@ -52,6 +55,7 @@ impl Stage {
             Stage::Search => "search",
             Stage::Refine => "refine",
             Stage::Decide => "decide",
+            Stage::Complete => "complete",
             Stage::Report => "report",
         }
     }
@@ -65,9 +69,10 @@ impl Stage {
             Stage::Label => (0.35, 0.70),
             Stage::Floor => (0.70, 0.74),
             Stage::Raycast => (0.74, 0.77),
-            Stage::Search => (0.77, 0.92),
-            Stage::Refine => (0.92, 0.95),
-            Stage::Decide => (0.95, 0.96),
+            Stage::Search => (0.77, 0.86),
+            Stage::Refine => (0.86, 0.88),
+            Stage::Decide => (0.88, 0.89),
+            Stage::Complete => (0.89, 0.96),
             Stage::Report => (0.96, 1.0),
         }
     }

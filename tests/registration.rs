@@ -55,6 +55,7 @@ fn observation(seen: &[Point2], map_from_clip: &Pose2) -> Observation {
         extent_m: 2.0,
         at_vacuum_height: true,
         fixed: 1.0,
+        completed: false,
         from_m: Point2::origin(),
     };
     Observation {

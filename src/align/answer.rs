@@ -1,5 +1,6 @@
 //! The answer for one clip, as it is written and served.
 
+use super::complete::CompletionReport;
 use super::label::LabelReport;
 use crate::geometry::Pose2;
 use serde::{Deserialize, Serialize};
@@ -74,6 +75,8 @@ pub struct Alignment {
     /// What told the classes of the points; null when nothing was fused.
     pub labels: Option<LabelReport>,
     pub floor: Option<FloorReport>,
+    /// What was filled in because the first answer left doubt; null where nothing was.
+    pub completion: Option<CompletionReport>,
     /// Time of each stage. The only part that differs from run to run.
     pub seconds: BTreeMap<String, f64>,
 }
@@ -114,6 +117,7 @@ impl Alignment {
             key_frames: 0,
             labels: None,
             floor: None,
+            completion: None,
             seconds: BTreeMap::new(),
         }
     }

@@ -96,7 +96,9 @@ impl<'a> Witness<'a> {
             evidence.distance_m += hit.weight * distance_m.min(cut_m);
             evidence.inliers += hit.weight * share(distance_m < self.params.inlier_m);
             evidence.hits_on_floor += hit.weight * share(on_floor);
-            evidence.blocked_rays += hit.weight * share(self.is_blocked(map_from_clip, hit, target));
+            // What was filled in was not seen, so no light came from there.
+            let blocked = !hit.completed && self.is_blocked(map_from_clip, hit, target);
+            evidence.blocked_rays += hit.weight * share(blocked);
         }
         evidence.distance_m /= self.weight;
         evidence.inliers /= self.weight;

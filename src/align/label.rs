@@ -20,7 +20,7 @@ mod vote;
 pub use augment::AUGMENTATIONS;
 pub use class_map::ClassMap;
 pub use open::{installed, open_segmenter};
-pub use structure::{Shape, StructureParams};
+pub use structure::{Shape, StructureParams, Wall};
 
 use super::cloud::PointCloud;
 use super::fuse::KeyFrame;
@@ -212,17 +212,23 @@ impl Labeller {
         Ok(labeller)
     }
 
-    /// Adds what the shapes say, once the floor is known. `cloud` is the one that was listened to, in any
-    /// frame.
-    pub(super) fn finish(mut self, cloud: &mut PointCloud, clip_from_world: &Pose3, params: &LabelParams) {
-        let Some(structure) = &params.structure else { return };
+    /// Adds what the shapes say, once the floor is known, and tells the walls. `cloud` is the one that was
+    /// listened to, in any frame.
+    pub(super) fn finish(
+        mut self,
+        cloud: &mut PointCloud,
+        clip_from_world: &Pose3,
+        params: &LabelParams,
+    ) -> Vec<Wall> {
+        let Some(structure) = &params.structure else { return Vec::new() };
         self.sites.transform(clip_from_world);
-        let shapes = structure::shapes(&self.sites, structure);
+        let (shapes, walls) = structure::shapes(&self.sites, structure);
         let labels = match &self.votes {
             Some(votes) => combine::combined(&self.sites, votes, &shapes),
             None => combine::shaped(&shapes),
         };
         self.write(&labels, cloud);
+        walls
     }
 
     fn write(&self, labels: &[Label], cloud: &mut PointCloud) {

@@ -2,7 +2,7 @@
 
 use super::floor::{self, Floor};
 use super::fuse::{self, KeyFrame};
-use super::label::{LabelReport, Labeller};
+use super::label::{LabelReport, Labeller, Wall};
 use super::raycast::{self, RaycastParams, VirtualScan};
 use super::{AlignError, AlignParams, Alignment, FloorReport, PointCloud, Reason};
 use crate::clip::Clip;
@@ -16,6 +16,10 @@ pub struct Observation {
     pub cloud_in_clip: PointCloud,
     pub scan: VirtualScan,
     pub key_frames: usize,
+    /// The key frames themselves, where the clip is a recording.
+    pub keys: Vec<KeyFrame>,
+    /// In the clip frame.
+    pub walls: Vec<Wall>,
     pub labels: Option<LabelReport>,
     /// The places in the clip of the frames that a network looked at.
     pub pictures: Vec<usize>,
@@ -72,9 +76,12 @@ pub fn observe(
             up.map_or_else(Vec::new, |up| floor::assume(cloud, keys, &up, &params.floor))
         }
     };
-    let Some(first) = floors.first() else { return Ok(observation) };
+    let Some(first) = floors.first() else {
+        observation.keys = fused.key_frames;
+        return Ok(observation);
+    };
 
-    labeller.finish(&mut fused.cloud_in_world, &first.clip_from_world, &params.label);
+    observation.walls = labeller.finish(&mut fused.cloud_in_world, &first.clip_from_world, &params.label);
 
     progress::begin(progress, Stage::Raycast)?;
     observation.cloud_in_clip = fused.cloud_in_world.transformed(&first.clip_from_world);
@@ -86,6 +93,7 @@ pub fn observe(
         let scan = observation.scan_above(floor, first, &fused.key_frames, &params.raycast);
         observation.rivals.push(Rival { scan, floor: floor.report() });
     }
+    observation.keys = fused.key_frames;
     Ok(observation)
 }
 
@@ -111,6 +119,29 @@ impl Observation {
     pub(super) fn views(&self) -> impl Iterator<Item = (&VirtualScan, &FloorReport)> {
         let first = self.floor.iter().map(|floor| (&self.scan, floor));
         first.chain(self.rivals.iter().map(|rival| (&rival.scan, &rival.floor)))
+    }
+
+    /// The same above the floor that an answer chose, which comes to lie at 0; none without a floor.
+    pub(super) fn settled(&self, alignment: &Alignment) -> Option<Observation> {
+        let floor = alignment.floor.clone().or_else(|| self.floor.clone())?;
+        let (scan, sunk_m) = self.view_of(alignment);
+        let lower = Pose3::translation(0.0, 0.0, sunk_m);
+        let raise = |range: (f64, f64)| (range.0 + sunk_m, range.1 + sunk_m);
+        let mut walls = self.walls.clone();
+        walls.iter_mut().flat_map(|wall| &mut wall.seen_m).for_each(|seen| *seen = seen.map(raise));
+        Some(Observation {
+            cloud_in_clip: self.cloud_in_clip.clone().transformed(&lower),
+            scan,
+            walls,
+            clip_from_world: self.clip_from_world.map(|clip_from_world| lower * clip_from_world),
+            floor: Some(floor),
+            rivals: Vec::new(),
+            keys: self.keys.clone(),
+            key_frames: self.key_frames,
+            labels: self.labels.clone(),
+            pictures: self.pictures.clone(),
+            reasons: self.reasons.clone(),
+        })
     }
 
     /// The scan that an answer chose, and how far its floor lies below that of the cloud.

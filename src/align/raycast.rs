@@ -69,6 +69,8 @@ pub struct Hit {
     pub at_vacuum_height: bool,
     /// That it is part of the building or built in, 0..1, by its class; 1 where classes say nothing.
     pub fixed: f64,
+    /// Not seen but filled in by [`super::complete`].
+    pub completed: bool,
     /// Where the ray began.
     pub from_m: Point2,
 }
@@ -94,14 +96,30 @@ pub fn raycast(
         key_frames.iter().map(|k| lay_flat(&(clip_from_world * k.world_from_camera))).collect();
     let free_m = free_cells(key_frames, clip_from_world, params);
     let standing = Standing::new(cloud_in_clip, &free_m, params);
+    VirtualScan { hits: cast(&standing, &cameras, params), free_m, cameras }
+}
+
+/// Casts the rays of a scan again, with what was filled in beside what was seen. `observed_in_clip` is the cloud
+/// that the scan was cast in, with the floor at 0.
+pub fn recast(
+    scan: &VirtualScan,
+    observed_in_clip: &PointCloud,
+    completed_in_clip: &PointCloud,
+    params: &RaycastParams,
+) -> VirtualScan {
+    let mut standing = Standing::new(observed_in_clip, &scan.free_m, params);
+    standing.add_completed(Standing::new(completed_in_clip, &scan.free_m, params), &scan.free_m, params);
+    VirtualScan { hits: cast(&standing, &scan.cameras, params), ..scan.clone() }
+}
+
+fn cast(standing: &Standing, cameras: &[Pose2], params: &RaycastParams) -> Vec<Hit> {
     let mut hits = FxHashMap::default();
-    for camera in &cameras {
+    for camera in cameras {
         standing.cast(&Point2::new(camera.x_m, camera.y_m), params, &mut hits);
     }
     let mut hits: Vec<(usize, Hit)> = hits.into_values().collect();
     hits.sort_by_key(|(index, _)| *index);
-    let hits: Vec<Hit> = hits.into_iter().map(|(_, hit)| hit).collect();
-    VirtualScan { hits: thin(hits, params.max_hits), free_m, cameras }
+    thin(hits.into_iter().map(|(_, hit)| hit).collect(), params.max_hits)
 }
 
 /// A camera's place and heading on the floor.

@@ -69,6 +69,7 @@ impl Standing {
             extent_m,
             at_vacuum_height,
             fixed,
+            completed: false,
             from_m: Point2::origin(),
         };
         let mut points: Vec<Hit> = cloud
@@ -110,6 +111,14 @@ impl Standing {
         upper.sort_by_key(|(cell, _)| *cell);
         points.extend(upper.into_iter().map(|(_, hit)| hit));
         Standing { points, spacing_m: cloud.voxel_m.max(params.column_m * 0.5) }
+    }
+
+    /// Adds what was filled in, but for what stands where the clip saw free floor.
+    pub(super) fn add_completed(&mut self, completed: Standing, free_m: &[Point2], params: &RaycastParams) {
+        let cell = |p: &Point2| cell_of(p.x, p.y, params.free_cell_m);
+        let free: FxHashSet<Cell> = free_m.iter().map(cell).collect();
+        let kept = completed.points.into_iter().filter(|hit| !free.contains(&cell(&hit.point_m)));
+        self.points.extend(kept.map(|hit| Hit { completed: true, ..hit }));
     }
 
     /// Adds the first hits seen from one place. Keyed by cell, so that cameras do not repeat each other;

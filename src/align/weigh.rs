@@ -13,11 +13,19 @@ pub struct WeighParams {
     pub upper_weight: f64,
     /// Factor for what may have been moved, by its class.
     pub movable_weight: f64,
+    /// Factor for what was filled in.
+    pub completed_weight: f64,
 }
 
 impl Default for WeighParams {
     fn default() -> Self {
-        WeighParams { low_weight: 0.5, tall_m: 1.2, upper_weight: 0.5, movable_weight: 0.5 }
+        WeighParams {
+            low_weight: 0.5,
+            tall_m: 1.2,
+            upper_weight: 0.5,
+            movable_weight: 0.5,
+            completed_weight: 0.5,
+        }
     }
 }
 
@@ -28,7 +36,8 @@ pub fn weigh(hits: &[Hit], params: &WeighParams) -> Vec<Hit> {
         let tall = (hit.extent_m / params.tall_m).clamp(0.0, 1.0);
         let standing = params.low_weight + (1.0 - params.low_weight) * tall;
         let standing = standing * (params.movable_weight + (1.0 - params.movable_weight) * hit.fixed);
-        if hit.at_vacuum_height { standing } else { standing * params.upper_weight }
+        let standing = if hit.at_vacuum_height { standing } else { standing * params.upper_weight };
+        if hit.completed { standing * params.completed_weight } else { standing }
     };
     let mut weighed: Vec<Hit> =
         hits.iter().map(|hit| Hit { weight: weight(hit), ..*hit }).filter(|hit| hit.weight > 0.0).collect();

@@ -220,6 +220,7 @@ fn look(
                     extent_m,
                     at_vacuum_height,
                     fixed: 1.0,
+                    completed: false,
                     from_m,
                 });
             }

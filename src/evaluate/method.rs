@@ -2,7 +2,7 @@
 
 use super::Sample;
 use crate::align::paper::{self, PaperParams, Refiner};
-use crate::align::{self, AlignError, AlignParams, Alignment};
+use crate::align::{self, Activation, AlignError, AlignParams, Alignment, CompleteParams};
 use crate::progress::Progress;
 
 /// A row of the table.
@@ -36,6 +36,21 @@ const ABLATIONS: &[Ablation] = &[
     ("unknown-cells", |params| params.decide.evidence.unknown_share = 1.0),
 ];
 
+/// Ways to complete what a clip did not see: the name after `complete-`, and how it is switched on over a
+/// method that takes only what was seen at the vacuum's height.
+const COMPLETIONS: &[Ablation] = &[
+    ("base", |_| {}),
+    ("structure", |params| {
+        params.weigh.upper_weight = AlignParams::default().weigh.upper_weight;
+        params.complete = CompleteParams::default();
+    }),
+    ("structure-all", |params| {
+        params.weigh.upper_weight = AlignParams::default().weigh.upper_weight;
+        params.complete = CompleteParams { when: Activation::Always, ..CompleteParams::default() };
+    }),
+    ("upper-walls", |params| params.weigh.upper_weight = AlignParams::default().weigh.upper_weight),
+];
+
 impl Method {
     pub fn viola(params: AlignParams) -> Method {
         Method { name: "viola".into(), kind: MethodKind::Viola(Box::new(params)) }
@@ -48,6 +63,14 @@ impl Method {
             "viola" => return Some(Method::viola(params)),
             "paper" => MethodKind::Paper(PaperParams::default()),
             "paper-icp" => MethodKind::Paper(PaperParams { refiner: Refiner::Icp, ..PaperParams::default() }),
+            _ if name.starts_with("complete-") => {
+                let (_, switch_on) = COMPLETIONS.iter().find(|(known, _)| name[9..] == **known)?;
+                let mut params = params;
+                params.weigh.upper_weight = 0.0;
+                params.complete.when = Activation::Never;
+                switch_on(&mut params);
+                MethodKind::Viola(Box::new(params))
+            }
             _ => {
                 let evidence = name.strip_prefix("viola-without-")?;
                 let (_, switch_off) = ABLATIONS.iter().find(|(known, _)| *known == evidence)?;
@@ -62,14 +85,18 @@ impl Method {
     /// All names that [`Method::named`] knows.
     pub fn names() -> Vec<String> {
         let ablations = ABLATIONS.iter().map(|(evidence, _)| format!("viola-without-{evidence}"));
-        ["viola", "paper", "paper-icp"].map(String::from).into_iter().chain(ablations).collect()
+        let completions = COMPLETIONS.iter().map(|(way, _)| format!("complete-{way}"));
+        let names = ["viola", "paper", "paper-icp"].map(String::from).into_iter();
+        names.chain(ablations).chain(completions).collect()
     }
 
     /// Aligns a sample.
     pub fn register(&self, sample: &Sample, progress: &dyn Progress) -> Result<Alignment, AlignError> {
         let target = sample.target.as_deref();
         match &self.kind {
-            MethodKind::Viola(params) => align::register(&sample.observation, target, params, progress),
+            MethodKind::Viola(params) => {
+                Ok(align::register_completing(&sample.observation, target, params, progress)?.0)
+            }
             MethodKind::Paper(params) => paper::register(&sample.observation, target, params, progress),
         }
     }

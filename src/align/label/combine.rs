@@ -74,7 +74,8 @@ fn weighed(votes: &Votes, shapes: &[Shape], site: usize) -> Option<[f32; CLASSES
 }
 
 /// How likely a thing of a class is to show a shape, up to a factor for each shape. Walls carry doors, windows,
-/// pictures and curtains; a floor carries rugs; hardly anything else lies in these planes.
+/// pictures and curtains; a floor carries rugs; hardly anything else lies in these planes. Wall is less likely
+/// everywhere than its share of the surface would make it: it is what networks call that which they do not know.
 fn likelihood(shape: Shape, class: Class) -> f32 {
     use Class::*;
     match shape {
@@ -85,12 +86,13 @@ fn likelihood(shape: Shape, class: Class) -> f32 {
         },
         Shape::Ceiling => match class {
             Ceiling => 1.0,
-            Wall => 0.1,
+            Wall => 0.07,
             _ => 0.05,
         },
         Shape::Wall => match class {
             Door | Window => 1.0,
-            Wall | Curtain => 0.8,
+            Curtain => 0.8,
+            Wall => 0.55,
             Mirror | Picture => 0.6,
             // Some are as tall as the room and as flat as a wall.
             Cabinet | Shelf | Refrigerator | Shower => 0.6,
@@ -98,20 +100,20 @@ fn likelihood(shape: Shape, class: Class) -> f32 {
             _ => 0.3,
         },
         Shape::Front => match class {
-            Wall => 0.25,
+            Wall => 0.18,
             Door => 0.7,
             Window => 0.5,
             Floor | Ceiling => 0.01,
             _ => 1.0,
         },
         Shape::Upright => match class {
-            Wall => 0.4,
+            Wall => 0.28,
             Door | Window => 0.7,
             Floor | Ceiling => 0.01,
             _ => 1.0,
         },
         Shape::Loose => match class {
-            Wall => 0.12,
+            Wall => 0.08,
             Floor => 0.03,
             Ceiling => 0.05,
             Door => 0.4,

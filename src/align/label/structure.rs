@@ -41,8 +41,48 @@ impl Default for StructureParams {
     }
 }
 
-/// The shape of each site. `sites` are in the clip frame: z up, the floor at 0.
-pub(super) fn shapes(sites: &Sites, params: &StructureParams) -> Vec<Shape> {
+/// A wall as far as it was seen, in the clip frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wall {
+    /// Towards the seen side.
+    pub normal: Vector2,
+    /// Distance of the wall's plane from the origin along the normal.
+    pub offset_m: f64,
+    /// Where it begins along [`Wall::along`].
+    pub from_m: f64,
+    /// The lowest and the highest surface in each [`Wall::STEP_M`] from there; none where nothing was seen.
+    pub seen_m: Vec<Option<(f64, f64)>>,
+}
+
+impl Wall {
+    pub const STEP_M: f64 = 0.06;
+
+    /// Horizontal direction in the wall.
+    pub fn along(&self) -> Vector2 {
+        Vector2::new(-self.normal.y, self.normal.x)
+    }
+
+    /// Where it ends along [`Wall::along`].
+    pub fn to_m(&self) -> f64 {
+        self.from_m + self.seen_m.len() as f64 * Wall::STEP_M
+    }
+
+    fn of(patch: &Upright, sites: &Sites) -> Wall {
+        let steps = ((patch.to_m - patch.from_m) / Wall::STEP_M) as usize + 1;
+        let mut seen_m = vec![None; steps];
+        let along = patch.along();
+        for &member in &patch.members {
+            let at = sites.positions_m[member as usize];
+            let step = ((at.coords.xy().dot(&along) - patch.from_m) / Wall::STEP_M) as usize;
+            let (low, high) = seen_m[step.min(steps - 1)].unwrap_or((at.z, at.z));
+            seen_m[step.min(steps - 1)] = Some((f64::min(low, at.z), f64::max(high, at.z)));
+        }
+        Wall { normal: patch.normal, offset_m: patch.offset_m, from_m: patch.from_m, seen_m }
+    }
+}
+
+/// The shape of each site, and the walls. `sites` are in the clip frame: z up, the floor at 0.
+pub(super) fn shapes(sites: &Sites, params: &StructureParams) -> (Vec<Shape>, Vec<Wall>) {
     let patches = planes::upright_patches(sites);
     let mut shapes = vec![Shape::Loose; sites.len()];
     let mut walls = Vec::new();
@@ -55,7 +95,7 @@ pub(super) fn shapes(sites: &Sites, params: &StructureParams) -> Vec<Shape> {
             walls.push(patch);
         }
     }
-    for wall in walls {
+    for wall in &walls {
         claim(wall, sites, &mut shapes);
     }
     for (i, shape) in shapes.iter_mut().enumerate() {
@@ -67,7 +107,7 @@ pub(super) fn shapes(sites: &Sites, params: &StructureParams) -> Vec<Shape> {
             *shape = Shape::Ceiling;
         }
     }
-    shapes
+    (shapes, walls.into_iter().map(|patch| Wall::of(patch, sites)).collect())
 }
 
 fn judge(patch: &Upright, all: &[Upright], sites: &Sites, params: &StructureParams) -> Shape {
