@@ -92,6 +92,11 @@ pub trait Progress: Sync {
     fn advance(&self, fraction: f64);
     /// Whether somebody asked to stop. Stages ask often and end with [`Cancelled`].
     fn cancelled(&self) -> bool;
+    /// Whether the time that the current stage may take is over: what it has by then counts. Only stages that say so
+    /// in their documentation ask.
+    fn out_of_time(&self) -> bool {
+        false
+    }
 }
 
 /// The work was stopped because [`Progress::cancelled`] said so.

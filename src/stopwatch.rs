@@ -3,12 +3,13 @@
 use crate::progress::{Progress, Stage};
 use std::collections::BTreeMap;
 use std::sync::Mutex;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A [`Progress`] that passes everything on and remembers how long each stage took.
 pub struct Stopwatch<'a> {
     inner: &'a dyn Progress,
     laps: Mutex<Laps>,
+    budget: Option<(Stage, Duration)>,
 }
 
 struct Laps {
@@ -18,7 +19,12 @@ struct Laps {
 
 impl<'a> Stopwatch<'a> {
     pub fn around(inner: &'a dyn Progress) -> Stopwatch<'a> {
-        Stopwatch { inner, laps: Mutex::new(Laps { seconds: BTreeMap::new(), current: None }) }
+        Stopwatch { inner, laps: Mutex::new(Laps { seconds: BTreeMap::new(), current: None }), budget: None }
+    }
+
+    /// Gives a stage so much time.
+    pub fn with_budget(self, stage: Stage, time: Duration) -> Stopwatch<'a> {
+        Stopwatch { budget: Some((stage, time)), ..self }
     }
 
     /// Ends the current stage and gives the seconds of each.
@@ -52,5 +58,15 @@ impl Progress for Stopwatch<'_> {
 
     fn cancelled(&self) -> bool {
         self.inner.cancelled()
+    }
+
+    fn out_of_time(&self) -> bool {
+        let laps = self.laps.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let over = match (self.budget, laps.current) {
+            (Some((stage, time)), Some((current, since))) => stage == current && since.elapsed() > time,
+            _ => false,
+        };
+        drop(laps);
+        over || self.inner.out_of_time()
     }
 }

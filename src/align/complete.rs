@@ -4,16 +4,25 @@
 //! Structure comes first: walls go down to the floor and on to each other. Imagination comes behind it, for
 //! those who installed the networks: pictures from virtual cameras are completed and fused.
 
+mod depth;
+mod fusion;
+mod imagine;
 pub mod inpaint;
 pub mod monocular;
+pub mod render;
 mod structure;
+mod view;
+mod viewpoints;
 
+pub use imagine::{CompletedView, Imagination};
 pub use structure::StructureCompletion;
+pub use view::View;
+pub use viewpoints::{PointSets, ViewStrategy};
 
 use super::observe::Observation;
 use super::raycast::{self, RaycastParams, VirtualScan};
 use super::register::register;
-use super::{AlignError, AlignParams, Alignment, AlignmentState, PointCloud, Target};
+use super::{AlignError, AlignParams, Alignment, AlignmentState, PointCloud, Reason, Target};
 use crate::geometry::{Pose2, angle_between};
 use crate::progress::{self, Progress, Stage};
 use serde::{Deserialize, Serialize};
@@ -24,6 +33,8 @@ pub struct CompleteParams {
     pub when: Activation,
     /// None: walls end where they were last seen.
     pub structure: Option<StructureCompletion>,
+    /// None: no network is asked for what was not seen.
+    pub imagination: Option<Imagination>,
 }
 
 /// Which clips are completed.
@@ -41,7 +52,11 @@ pub enum Activation {
 
 impl Default for CompleteParams {
     fn default() -> Self {
-        CompleteParams { when: Activation::Unsure, structure: Some(StructureCompletion::default()) }
+        CompleteParams {
+            when: Activation::Unsure,
+            structure: Some(StructureCompletion::default()),
+            imagination: None,
+        }
     }
 }
 
@@ -51,6 +66,10 @@ pub struct Completion {
     pub cloud_in_clip: PointCloud,
     /// What the vacuum would see with it.
     pub scan: VirtualScan,
+    /// The views of which pictures were filled in.
+    pub views: Vec<CompletedView>,
+    /// What the views were chosen by.
+    pub sets: PointSets,
 }
 
 /// What an answer tells of its completion.
@@ -58,12 +77,31 @@ pub struct Completion {
 pub struct CompletionReport {
     /// Points that continue walls.
     pub structure_points: usize,
+    /// Points that networks made up.
+    pub imagined_points: usize,
     /// Hits at the vacuum's height that were filled in.
     pub hits: usize,
+    /// The networks that made something up.
+    pub imagined_by: Vec<String>,
+    /// The views of which pictures were filled in, in their order.
+    pub views: Vec<ViewReport>,
+    /// The time allowed was over before the last view.
+    pub cut_short: bool,
     /// Whether the answer is the one with what was filled in.
     pub taken: bool,
     pub before: Judged,
     pub after: Judged,
+}
+
+/// A view in short.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct ViewReport {
+    /// In the clip frame.
+    pub view: View,
+    /// Share of the picture that was filled in, 0..1.
+    pub imagined_share: f64,
+    /// Points that the view added.
+    pub points: usize,
 }
 
 /// An answer in short.
@@ -96,19 +134,20 @@ pub fn register_completing(
         return Ok((before, None));
     }
     progress::begin(progress, Stage::Complete)?;
-    let Some((settled, completion)) = fill(observation, &before, params) else { return Ok((before, None)) };
-    let completed = Observation { scan: completion.scan.clone(), rivals: Vec::new(), ..settled };
+    let Some(settled) = observation.settled(&before) else { return Ok((before, None)) };
+    let filled = fill(&settled, params, progress)?;
+    if filled.completion.cloud_in_clip.points.is_empty() {
+        return Ok((Alignment { reasons: [before.reasons, filled.remarks].concat(), ..before }, None));
+    }
+    let completed = Observation { scan: filled.completion.scan.clone(), ..settled };
     let after = register(&completed, target, params, &Within(progress))?;
     let taken = better(&before, &after);
-    let report = CompletionReport {
-        structure_points: completion.cloud_in_clip.points.len(),
-        hits: completion.scan.hits.iter().filter(|hit| hit.completed).count(),
-        taken,
-        before: Judged::of(&before),
-        after: Judged::of(&after),
-    };
-    let chosen = if taken { after } else { before };
-    Ok((Alignment { completion: Some(report), ..chosen }, Some(completion)))
+    let report =
+        CompletionReport { taken, before: Judged::of(&before), after: Judged::of(&after), ..filled.report };
+    let mut chosen = if taken { after } else { before };
+    chosen.reasons.extend(filled.remarks);
+    chosen.completion = Some(report);
+    Ok((chosen, Some(filled.completion)))
 }
 
 /// The work goes on within the stage that it is in.
@@ -124,28 +163,73 @@ impl Progress for Within<'_> {
     }
 }
 
-/// What is filled in, and the observation above the floor that `before` chose; none where there is nothing to
-/// fill in.
-fn fill(
-    observation: &Observation,
-    before: &Alignment,
-    params: &AlignParams,
-) -> Option<(Observation, Completion)> {
-    let settled = observation.settled(before)?;
-    let clip_from_world = settled.clip_from_world?;
+/// What was filled in, and what is told of it.
+struct Filled {
+    completion: Completion,
+    report: CompletionReport,
+    remarks: Vec<Reason>,
+}
+
+/// Fills in an observation that has its floor at 0.
+fn fill(settled: &Observation, params: &AlignParams, progress: &dyn Progress) -> Result<Filled, AlignError> {
     let voxel_m = settled.cloud_in_clip.voxel_m;
-    let cloud_in_clip = match &params.complete.structure {
-        Some(structure) => {
-            structure::extend(&settled.walls, &settled.keys, &clip_from_world, voxel_m, structure)
+    let structure = params.complete.structure.clone().unwrap_or_default();
+    let walls = structure::Extended::new(&settled.walls, &structure);
+    let mut points = match (&params.complete.structure, &settled.clip_from_world) {
+        (Some(structure), Some(clip_from_world)) => {
+            walls.points(&settled.keys, clip_from_world, voxel_m, structure)
         }
-        None => PointCloud { points: Vec::new(), voxel_m },
+        _ => Vec::new(),
     };
-    if cloud_in_clip.points.is_empty() {
-        return None;
+    let structure_points = points.len();
+    let (mut imagined, mut imagined_by) = (imagine::Imagined::default(), Vec::new());
+    if let Some(imagination) = &params.complete.imagination {
+        let segmenter = params.label.segmenter.as_deref();
+        let height_m = params.raycast.vacuum_height_m;
+        let setting =
+            imagine::Setting { walls: &walls, segmenter, vacuum_height_m: height_m, seed: params.seed };
+        imagined = imagine::imagine(settled, &points, imagination, &setting, progress)?;
+        if !imagined.views.is_empty() {
+            imagined_by.push(imagination.inpainter.name());
+            imagined_by.extend(imagination.estimator.iter().map(|estimator| estimator.name()));
+        }
+        points.extend_from_slice(&imagined.points);
     }
+    let cloud_in_clip = PointCloud { points, voxel_m };
     let raycast = RaycastParams { floor_m: 0.0, ..params.raycast.clone() };
     let scan = raycast::recast(&settled.scan, &settled.cloud_in_clip, &cloud_in_clip, &raycast);
-    Some((settled, Completion { cloud_in_clip, scan }))
+    let nothing = Judged { state: AlignmentState::Failed, probability: None, map_from_clip: None };
+    let report = CompletionReport {
+        structure_points,
+        imagined_points: imagined.points.len(),
+        hits: scan.hits.iter().filter(|hit| hit.completed).count(),
+        imagined_by,
+        views: imagined.views.iter().map(ViewReport::of).collect(),
+        cut_short: imagined.cut_short,
+        taken: false,
+        before: nothing.clone(),
+        after: nothing,
+    };
+    let remarks = imagined.failure.map(|why| {
+        Reason::new("imagination_failed", format!("what was not seen was completed without a network: {why}"))
+    });
+    Ok(Filled {
+        completion: Completion { cloud_in_clip, scan, views: imagined.views, sets: imagined.sets },
+        report,
+        remarks: remarks.into_iter().collect(),
+    })
+}
+
+impl ViewReport {
+    fn of(completed: &CompletedView) -> ViewReport {
+        let filled = completed.mask.pixels().filter(|pixel| pixel.0[0] > 0).count();
+        let pixels = (completed.mask.width() * completed.mask.height()).max(1);
+        ViewReport {
+            view: completed.view,
+            imagined_share: filled as f64 / f64::from(pixels),
+            points: completed.added,
+        }
+    }
 }
 
 /// Whether the answer with what was filled in is to be preferred.

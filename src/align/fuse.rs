@@ -75,6 +75,20 @@ impl Readings {
         Readings { camera, width, depth_mm, stride: stride as u16 }
     }
 
+    /// The depth measured at a place of the picture, in metres; none where nothing was measured.
+    pub fn depth_at(&self, u: f64, v: f64) -> Option<f64> {
+        if u < 0.0 || v < 0.0 || u >= f64::from(self.camera.width) || v >= f64::from(self.camera.height) {
+            return None;
+        }
+        let (x, y) = (u as usize / usize::from(self.stride), v as usize / usize::from(self.stride));
+        let at = y * usize::from(self.width) + x.min(usize::from(self.width) - 1);
+        self.depth_mm.get(at).filter(|mm| **mm > 0).map(|mm| f64::from(*mm) / 1000.0)
+    }
+
+    pub fn camera(&self) -> &Pinhole {
+        &self.camera
+    }
+
     /// What was hit, in the camera frame.
     pub fn points_in_camera(&self) -> impl Iterator<Item = Point3> + '_ {
         let first = self.stride / 2;

@@ -1,10 +1,10 @@
 //! Walls go on: down to the floor where only their upper part was seen, through gaps between their seen parts,
 //! and on to the wall that they meet. Where the camera looked through them they are open.
 
-use crate::align::cloud::{CloudPoint, PointCloud};
+use crate::align::cloud::CloudPoint;
 use crate::align::fuse::KeyFrame;
 use crate::align::label::{Label, Wall};
-use crate::geometry::{Point2, Pose3, Vector2};
+use crate::geometry::{Point2, Point3, Pose3, Vector2, Vector3};
 use crate::taxonomy::Class;
 
 /// How walls are continued.
@@ -36,21 +36,52 @@ impl Default for StructureCompletion {
     }
 }
 
-/// The continued walls as points in the clip frame, apart from what was seen of them.
-pub(super) fn extend(
-    walls: &[Wall],
-    keys: &[KeyFrame],
-    clip_from_world: &Pose3,
-    voxel_m: f64,
-    params: &StructureCompletion,
-) -> PointCloud {
-    let mut points = Vec::new();
-    let ends: Vec<(f64, f64)> = walls.iter().map(|wall| ends(wall, walls, params)).collect();
-    for (wall, &(from_m, to_m)) in walls.iter().zip(&ends) {
-        let open = Openings::of(wall, from_m, to_m, keys, clip_from_world, params);
-        continue_wall(wall, from_m, to_m, &open, voxel_m, params, &mut points);
+/// Walls with the ends that they have when they go on to each other.
+#[derive(Debug, Clone)]
+pub(super) struct Extended {
+    /// Each with where it begins and ends along itself.
+    walls: Vec<(Wall, f64, f64)>,
+}
+
+impl Extended {
+    pub(super) fn new(walls: &[Wall], params: &StructureCompletion) -> Extended {
+        let extended = walls.iter().map(|wall| {
+            let (from_m, to_m) = ends(wall, walls, params);
+            (wall.clone(), from_m, to_m)
+        });
+        Extended { walls: extended.collect() }
     }
-    PointCloud { points, voxel_m }
+
+    /// The continued walls as points in the clip frame, apart from what was seen of them.
+    pub(super) fn points(
+        &self,
+        keys: &[KeyFrame],
+        clip_from_world: &Pose3,
+        voxel_m: f64,
+        params: &StructureCompletion,
+    ) -> Vec<CloudPoint> {
+        let mut points = Vec::new();
+        for (wall, from_m, to_m) in &self.walls {
+            let open = Openings::of(wall, *from_m, *to_m, keys, clip_from_world, params);
+            continue_wall(wall, *from_m, *to_m, &open, voxel_m, params, &mut points);
+        }
+        points
+    }
+
+    /// Where a ray first meets the front of a wall, as a multiple of its direction.
+    pub(super) fn first_hit(&self, from: &Point3, ray: &Vector3) -> Option<f64> {
+        /// Rooms are about this high.
+        const CEILING_M: f64 = 2.6;
+        let meets = |(wall, from_m, to_m): &(Wall, f64, f64)| {
+            let approach = ray.xy().dot(&wall.normal);
+            let share = (wall.offset_m - from.coords.xy().dot(&wall.normal)) / approach;
+            let at = from + ray * share;
+            let along_m = at.coords.xy().dot(&wall.along());
+            let on = (*from_m..=*to_m).contains(&along_m) && (0.0..CEILING_M).contains(&at.z);
+            (approach < 0.0 && share > 0.0 && on).then_some(share)
+        };
+        self.walls.iter().filter_map(meets).min_by(f64::total_cmp)
+    }
 }
 
 /// Where a wall begins and ends when it goes on to the walls that it meets.
@@ -191,14 +222,15 @@ mod tests {
         Wall { normal: Vector2::new(1.0, 0.0), offset_m: x, from_m: 0.5, seen_m: vec![Some((1.0, 2.4)); 20] }
     }
 
-    fn xs(points: &PointCloud) -> (f64, f64) {
-        points.points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| {
+    fn xs(points: &[CloudPoint]) -> (f64, f64) {
+        points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| {
             (low.min(p.position().x), high.max(p.position().x))
         })
     }
 
-    fn completed(walls: &[Wall]) -> PointCloud {
-        extend(walls, &[], &Pose3::identity(), 0.03, &StructureCompletion::default())
+    fn completed(walls: &[Wall]) -> Vec<CloudPoint> {
+        let params = StructureCompletion::default();
+        Extended::new(walls, &params).points(&[], &Pose3::identity(), 0.03, &params)
     }
 
     #[test]
@@ -206,24 +238,31 @@ mod tests {
         let cloud = completed(&[wall(0.0, &[Some(1.2); 30])]);
         let (low, high) = xs(&cloud);
         assert!(low.abs() < 0.04 && (high - 1.8).abs() < 0.04, "{low} {high}");
-        assert!(cloud.points.iter().all(|p| p.position().y.abs() < 1e-6 && p.position().z < 0.5));
+        assert!(cloud.iter().all(|p| p.position().y.abs() < 1e-6 && p.position().z < 0.5));
         // What was seen down to the floor needs nothing.
-        assert!(completed(&[wall(0.0, &[Some(0.0); 30])]).points.is_empty());
+        assert!(completed(&[wall(0.0, &[Some(0.0); 30])]).is_empty());
         // The lintel of a door is no wall.
-        assert!(completed(&[wall(0.0, &[Some(2.0); 30])]).points.is_empty());
+        assert!(completed(&[wall(0.0, &[Some(2.0); 30])]).is_empty());
     }
 
     #[test]
     fn walls_meet_in_corners() {
         let cloud = completed(&[wall(0.0, &[Some(0.0); 30]), side(-0.6)]);
-        let along_x = cloud.points.iter().filter(|p| p.position().y.abs() < 1e-6);
+        let along_x = cloud.iter().filter(|p| p.position().y.abs() < 1e-6);
         let low = along_x.map(|p| p.position().x).fold(f64::INFINITY, f64::min);
         assert!((low + 0.6).abs() < 0.04, "{low}");
-        let along_y = cloud.points.iter().filter(|p| (p.position().x + 0.6).abs() < 1e-6);
+        let along_y = cloud.iter().filter(|p| (p.position().x + 0.6).abs() < 1e-6);
         let low = along_y.map(|p| p.position().y).fold(f64::INFINITY, f64::min);
         assert!(low.abs() < 0.04, "{low}");
+        // A ray ends at the wall also beyond what was seen of it.
+        let params = StructureCompletion::default();
+        let extended = Extended::new(&[wall(0.0, &[Some(0.0); 30]), side(-0.6)], &params);
+        let ray = Vector3::new(0.0, -1.0, -0.2);
+        assert_eq!(extended.first_hit(&Point3::new(-0.3, 2.0, 1.5), &ray), Some(2.0));
+        assert_eq!(extended.first_hit(&Point3::new(-0.9, 2.0, 1.5), &ray), None);
+        assert_eq!(extended.first_hit(&Point3::new(-0.3, -2.0, 1.5), &-ray), None, "from behind");
         // Too far to be a corner.
         let far = completed(&[wall(0.0, &[Some(0.0); 30]), side(-3.0)]);
-        assert!(far.points.iter().all(|p| p.position().x < -2.9));
+        assert!(far.iter().all(|p| p.position().x < -2.9));
     }
 }
