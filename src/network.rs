@@ -8,6 +8,7 @@ mod check;
 mod error;
 mod library;
 pub mod manifest;
+pub mod signature;
 mod tensor;
 mod with_onnxruntime;
 mod with_rten;

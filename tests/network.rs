@@ -4,34 +4,17 @@
 //! the real network when `VIOLA_MODELS` names a models folder; what is not tested is said.
 
 mod real;
+mod runtimes;
 
-use image::{Rgb, RgbImage};
+use image::RgbImage;
+use runtimes::{fixture, runtimes, stripes};
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use viola::align::label::{ClassMap, SegmentError, open_segmenter};
 use viola::network::manifest::{Manifest, ModelEntry};
 use viola::network::{self, Network, NetworkError, Runtime, RuntimeParams, Tensor};
 use viola::taxonomy::{CLASSES, ClassTable};
-
-fn fixture(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/models").join(name)
-}
-
-/// The runtimes at hand.
-fn runtimes() -> Vec<RuntimeParams> {
-    let rten = RuntimeParams { runtime: Runtime::Rten, ..RuntimeParams::default() };
-    match std::env::var_os("ORT_DYLIB_PATH") {
-        Some(path) => {
-            let library = Some(PathBuf::from(path));
-            vec![rten, RuntimeParams { runtime: Runtime::OnnxRuntime, library, ..RuntimeParams::default() }]
-        }
-        None => {
-            eprintln!("SKIPPED: ONNX Runtime is not tested; set ORT_DYLIB_PATH to its library");
-            vec![rten]
-        }
-    }
-}
 
 fn open(name: &str, params: &RuntimeParams) -> Arc<dyn Network> {
     network::open(&fixture(name), params).unwrap_or_else(|error| panic!("{name}: {error}"))
@@ -55,13 +38,6 @@ fn segformer() -> ModelEntry {
 
 fn mask2former() -> ModelEntry {
     entry("coco", OPEN, "kind = \"mask2former\"")
-}
-
-/// The picture that `tiny.py` draws.
-fn stripes(width: u32, height: u32) -> RgbImage {
-    RgbImage::from_fn(width, height, |x, y| {
-        Rgb([0, 1, 2].map(|c| ((x * (3 + 2 * c) + y * (7 - 2 * c) + x * y / 64) % 256) as u8))
-    })
 }
 
 /// The library's own scores at every `step`-th pixel from the first, folded to our classes.

@@ -1,5 +1,11 @@
 //! Fills the holes of a picture.
 
+mod hole;
+mod migan;
+mod open;
+
+pub use open::open_inpainter;
+
 use image::{GrayImage, RgbImage};
 
 /// Makes up what a picture does not show.
@@ -24,12 +30,18 @@ pub trait Inpainter: Send + Sync {
 pub enum InpaintError {
     #[error("the work was cancelled")]
     Cancelled,
+    #[error("the network cannot be opened: {0}")]
+    Open(String),
     #[error("the network failed: {0}")]
     Run(String),
     #[error("the network gave {got} where {want} was expected")]
     Shape { got: String, want: String },
     #[error("the network gave values that are not finite")]
     NotFinite,
+    #[error("the picture has no pixels")]
+    NoPicture,
+    #[error("the mask of the holes is {hole}, but the picture {picture}")]
+    HoleSize { hole: String, picture: String },
     #[error("the network {network} is not what its entry in models.toml says: {problem}")]
     Misfit { network: String, problem: String },
 }

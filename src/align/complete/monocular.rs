@@ -1,5 +1,9 @@
 //! Depth of a single picture by a network.
 
+mod network;
+
+pub use network::open_estimator;
+
 use image::RgbImage;
 
 /// Tells how far away the pixels of a picture are.
@@ -21,6 +25,8 @@ pub enum DepthError {
     Shape { got: String, want: String },
     #[error("the network gave values that are not finite")]
     NotFinite,
+    #[error("the network gave no positive value")]
+    NotPositive,
     #[error("the picture has no pixels")]
     NoPicture,
     #[error("the network {network} is not what its entry in models.toml says: {problem}")]

@@ -32,7 +32,7 @@ pub(super) fn sigmoid(x: f32) -> f32 {
 }
 
 /// Whether all values are finite; without branches, so that it costs little.
-pub(super) fn all_finite(values: &[f32]) -> bool {
+pub(in crate::align) fn all_finite(values: &[f32]) -> bool {
     // Zero times anything finite is zero, times anything else not a number.
     let mut sums = [0.0f32; 16];
     let chunks = values.chunks_exact(16);

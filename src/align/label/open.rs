@@ -4,8 +4,10 @@ use super::logits::Logits;
 use super::mask2former::Mask2Former;
 use super::picture::{self, Fit, Raster};
 use super::{ClassMap, SegmentError, Segmenter};
+use crate::network::Element::F32;
 use crate::network::manifest::{self, Input, Layout, ManifestError, ModelEntry, Output, Task};
-use crate::network::{Element, Network, Tensor, TensorInfo};
+use crate::network::signature::{expect, one};
+use crate::network::{Network, Tensor};
 use image::RgbImage;
 use std::path::Path;
 use std::sync::Arc;
@@ -29,15 +31,16 @@ pub fn open_segmenter(
         Output::Logits { name, align_corners, first_class, softmax } => {
             let logits = Logits::new(table, *first_class, *align_corners, *softmax);
             let info = one(network.outputs(), name.as_deref(), "output").map_err(misfit)?;
-            expect(info, "output", &[Some(1), Some(logits.channels()), None, None]).map_err(misfit)?;
+            expect(info, "output", F32, &[Some(1), Some(logits.channels()), None, None]).map_err(misfit)?;
             Head::Logits { output: info.name.clone(), logits }
         }
         Output::Mask2former { class_queries, mask_queries } => {
             let queries = Mask2Former { table };
             let classes = one(network.outputs(), Some(class_queries), "output").map_err(misfit)?;
             let masks = one(network.outputs(), Some(mask_queries), "output").map_err(misfit)?;
-            expect(classes, "output", &[Some(1), None, Some(table.classes().len() + 1)]).map_err(misfit)?;
-            expect(masks, "output", &[Some(1), None, None, None]).map_err(misfit)?;
+            expect(classes, "output", F32, &[Some(1), None, Some(table.classes().len() + 1)])
+                .map_err(misfit)?;
+            expect(masks, "output", F32, &[Some(1), None, None, None]).map_err(misfit)?;
             Head::Mask2Former { classes: classes.name.clone(), masks: masks.name.clone(), queries }
         }
         Output::Depth { .. } | Output::Inpainting { .. } => {
@@ -50,7 +53,7 @@ pub fn open_segmenter(
         Layout::Nchw => ([Some(1), Some(3), height, width], 2),
         Layout::Nhwc => ([Some(1), height, width, Some(3)], 1),
     };
-    expect(info, "input", &axes).map_err(misfit)?;
+    expect(info, "input", F32, &axes).map_err(misfit)?;
     let size = (height.or(info.axis(row_axis)), width.or(info.axis(row_axis + 1)));
     let fixed = match size {
         (Some(height), Some(width)) if width > 0 && height > 0 => Some(Raster { width, height }),
@@ -70,38 +73,6 @@ pub fn open_segmenter(
         head,
         network,
     }))
-}
-
-/// The input or output of a name, or the only one.
-fn one<'a>(infos: &'a [TensorInfo], name: Option<&str>, what: &str) -> Result<&'a TensorInfo, String> {
-    match (name, infos) {
-        (Some(name), _) => infos.iter().find(|info| info.name == name).ok_or_else(|| {
-            let names: Vec<&str> = infos.iter().map(|info| info.name.as_str()).collect();
-            format!("it has no {what} {name}, but {}", names.join(", "))
-        }),
-        (None, [only]) => Ok(only),
-        (None, _) => Err(format!("it has {} {what}s; name one", infos.len())),
-    }
-}
-
-/// That a tensor is of 32-bit numbers and has these axes, where the file tells and the entry asks.
-fn expect(info: &TensorInfo, what: &str, axes: &[Option<usize>]) -> Result<(), String> {
-    let name = &info.name;
-    if info.element.is_some_and(|element| element != Element::F32) {
-        return Err(format!("its {what} {name} is not of 32-bit floating-point numbers"));
-    }
-    let Some(shape) = &info.shape else { return Ok(()) };
-    let meets = |(got, want): (&Option<usize>, &Option<usize>)| match (got, want) {
-        (Some(got), Some(want)) => got == want,
-        _ => true,
-    };
-    if shape.len() != axes.len() || !shape.iter().zip(axes).all(meets) {
-        let shown = |axes: &[Option<usize>]| {
-            axes.iter().map(|n| n.map_or("?".to_owned(), |n| n.to_string())).collect::<Vec<_>>().join("x")
-        };
-        return Err(format!("its {what} {name} is {}, not {}", shown(shape), shown(axes)));
-    }
-    Ok(())
 }
 
 /// How outputs are read.

@@ -6,22 +6,22 @@ use image::RgbImage;
 
 /// Where a picture lies in a network's input: in its top left corner; the rest is padding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Fit {
-    pub(super) input: Raster,
-    pub(super) content: Raster,
+pub(in crate::align) struct Fit {
+    pub(in crate::align) input: Raster,
+    pub(in crate::align) content: Raster,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Raster {
-    pub(super) width: usize,
-    pub(super) height: usize,
+pub(in crate::align) struct Raster {
+    pub(in crate::align) width: usize,
+    pub(in crate::align) height: usize,
 }
 
 impl Fit {
     /// Fits a picture into an input of a given size. Where the raster of the output is known, the content ends
     /// on one of its cells, so that the padding can be cut off without a rest; the ratio of the sides is kept to
     /// half such a cell.
-    pub(super) fn into_fixed(
+    pub(in crate::align) fn into_fixed(
         picture: Raster,
         input: Raster,
         output: Option<Raster>,
@@ -48,7 +48,7 @@ impl Fit {
     }
 
     /// Fits a picture into an input whose size is free, by the entry's rule.
-    pub(super) fn by_rule(picture: Raster, rule: &Input) -> Fit {
+    pub(in crate::align) fn by_rule(picture: Raster, rule: &Input) -> Fit {
         let (short, long) =
             (picture.width.min(picture.height) as f64, picture.width.max(picture.height) as f64);
         let scale = (rule.shortest as f64 / short).min(rule.longest as f64 / long);
@@ -59,7 +59,7 @@ impl Fit {
     }
 
     /// The part of an output raster that shows the picture.
-    pub(super) fn crop(&self, output: Raster, align_corners: bool) -> Raster {
+    pub(in crate::align) fn crop(&self, output: Raster, align_corners: bool) -> Raster {
         let side =
             |content: usize, input: usize, output: usize| cells(content as f64, input, output, align_corners);
         Raster {
@@ -80,7 +80,7 @@ fn cells(content: f64, input: usize, output: usize, align_corners: bool) -> usiz
 }
 
 /// The picture in the network's input. Padding is zero after normalisation.
-pub(super) fn tensor(picture: &RgbImage, fit: Fit, rule: &Input, align_corners: bool) -> Tensor {
+pub(in crate::align) fn tensor(picture: &RgbImage, fit: Fit, rule: &Input, align_corners: bool) -> Tensor {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let Raster { width: input_width, height: input_height } = fit.input;
     let rows = Taps::new(height, fit.content.height, align_corners);
@@ -124,6 +124,25 @@ pub(super) fn tensor(picture: &RgbImage, fit: Fit, rule: &Input, align_corners: 
         Layout::Nhwc => vec![1, input_height, input_width, 3],
     };
     Tensor::f32(shape, values)
+}
+
+/// A raster of numbers at another size, by the same weights as pictures.
+pub(in crate::align) fn resized(values: &[f32], from: Raster, to: Raster) -> Vec<f32> {
+    let rows = Taps::new(from.height, to.height, false);
+    let columns = Taps::new(from.width, to.width, false);
+    let mut resized = Vec::with_capacity(to.width * to.height);
+    let mut row = vec![0.0f32; from.width];
+    for y in 0..to.height {
+        row.fill(0.0);
+        for (source, weight) in rows.of(y) {
+            for (sum, value) in row.iter_mut().zip(&values[source * from.width..][..from.width]) {
+                *sum += weight * value;
+            }
+        }
+        resized
+            .extend((0..to.width).map(|x| columns.of(x).map(|(at, weight)| weight * row[at]).sum::<f32>()));
+    }
+    resized
 }
 
 /// Which source pixels make each target pixel, and with which weights: a triangle as wide as one target pixel,

@@ -146,11 +146,15 @@ pub enum Output {
         #[serde(default = "mask_queries")]
         mask_queries: String,
     },
-    /// Metres for each pixel, times `scale`.
+    /// A depth for each pixel: 1 x 1 x height x width, or 1 x height x width.
     Depth {
         name: Option<String>,
+        /// What a value is multiplied with to be metres; for inverse depth, what is divided by the value.
         #[serde(default = "one")]
         scale: f32,
+        /// Whether the values grow towards the camera (inverse depth, disparity).
+        #[serde(default)]
+        inverse: bool,
     },
     /// The filled picture.
     Inpainting { name: Option<String>, mask: Option<String> },

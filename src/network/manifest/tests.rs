@@ -3,9 +3,15 @@ use super::*;
 #[test]
 fn the_built_in_manifest_is_whole() {
     let manifest = Manifest::built_in().unwrap();
-    for name in
-        ["deeplab-ade20k", "segformer-ade20k", "mask2former-coco", "fastdepth", "migan", "onnxruntime"]
-    {
+    for name in [
+        "deeplab-ade20k",
+        "segformer-ade20k",
+        "mask2former-coco",
+        "fastdepth",
+        "depth-anything-v2-small",
+        "migan",
+        "onnxruntime",
+    ] {
         assert!(manifest.find(name).is_some(), "{name}");
     }
     let deeplab = manifest.find("deeplab-ade20k").unwrap();

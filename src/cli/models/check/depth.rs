@@ -1,0 +1,58 @@
+//! How far away a depth network takes things to be.
+
+use super::CheckArguments;
+use super::times::Times;
+use crate::align::complete::monocular::open_estimator;
+use crate::network::manifest::ModelEntry;
+use crate::network::{self, RuntimeParams};
+use anyhow::{Context, Result};
+use image::{ImageFormat, Rgb, RgbImage};
+use std::time::Instant;
+
+/// From near to far.
+const COLORS: [[f32; 3]; 5] = [
+    [180.0, 4.0, 38.0],
+    [244.0, 152.0, 80.0],
+    [240.0, 232.0, 160.0],
+    [70.0, 160.0, 190.0],
+    [40.0, 40.0, 120.0],
+];
+
+pub(super) fn run(
+    entry: &ModelEntry,
+    arguments: &CheckArguments,
+    params: &RuntimeParams,
+    picture: &RgbImage,
+) -> Result<()> {
+    let start = Instant::now();
+    let network = network::open(&entry.path(&arguments.folder.models), params)?;
+    println!("runtime: {}, because {}", network.runtime(), network.reason());
+    let estimator = open_estimator(entry, network)?;
+    println!("loaded:  {} in {} ms", entry.name, start.elapsed().as_millis());
+    let (depth, times) = Times::of(arguments.runs, |_| Ok(estimator.depth(picture)?))?;
+    println!("{times}");
+
+    let mut sorted = depth.clone();
+    sorted.sort_by(f32::total_cmp);
+    let at = |share: f64| sorted[((sorted.len() - 1) as f64 * share) as usize];
+    println!(
+        "depth:   {:.3} at the nearest, {:.3} in the middle, {:.3} at the farthest",
+        at(0.0),
+        at(0.5),
+        at(1.0)
+    );
+    let (near, far) = (at(0.02), at(0.98));
+    let colors = depth.iter().flat_map(|depth| color((depth - near) / (far - near).max(f32::MIN_POSITIVE)).0);
+    RgbImage::from_raw(picture.width(), picture.height(), colors.collect())
+        .context("there is not one depth for each pixel")?
+        .save_with_format(&arguments.out, ImageFormat::Png)
+        .with_context(|| format!("cannot write {}", arguments.out.display()))
+}
+
+/// The colour of a share of the way from near to far.
+fn color(share: f32) -> Rgb<u8> {
+    let at = share.clamp(0.0, 1.0) * (COLORS.len() - 1) as f32;
+    let below = (at as usize).min(COLORS.len() - 2);
+    let part = at - below as f32;
+    Rgb([0, 1, 2].map(|c| (COLORS[below][c] * (1.0 - part) + COLORS[below + 1][c] * part).round() as u8))
+}

@@ -1,0 +1,42 @@
+//! What an inpainting network fills a hole with.
+
+use super::times::Times;
+use super::{CheckArguments, read};
+use crate::align::complete::inpaint::open_inpainter;
+use crate::network::RuntimeParams;
+use crate::network::manifest::ModelEntry;
+use anyhow::{Context, Result};
+use image::{GrayImage, ImageFormat, Luma, RgbImage};
+use std::time::Instant;
+
+/// Where noise is drawn, it is drawn from this.
+const SEED: u64 = 1;
+
+pub(super) fn run(
+    entry: &ModelEntry,
+    arguments: &CheckArguments,
+    params: &RuntimeParams,
+    picture: &RgbImage,
+) -> Result<()> {
+    let hole = match &arguments.mask {
+        Some(path) => read(path)?.into_luma8(),
+        None => middle(picture.width(), picture.height()),
+    };
+    let start = Instant::now();
+    let inpainter = open_inpainter(entry, &arguments.folder.models, params)?;
+    println!("loaded:  {} in {} ms", inpainter.name(), start.elapsed().as_millis());
+    let (filled, times) =
+        Times::of(arguments.runs, |_| Ok(inpainter.inpaint(picture, &hole, SEED, &|| true)?))?;
+    println!("{times}");
+    filled
+        .save_with_format(&arguments.out, ImageFormat::Png)
+        .with_context(|| format!("cannot write {}", arguments.out.display()))
+}
+
+/// A hole over the middle third of both sides.
+fn middle(width: u32, height: u32) -> GrayImage {
+    let within = |at: u32, side: u32| (side / 3..side - side / 3).contains(&at);
+    GrayImage::from_fn(width, height, |x, y| {
+        Luma([if within(x, width) && within(y, height) { 255 } else { 0 }])
+    })
+}

@@ -1,0 +1,69 @@
+//! The classes that a segmentation network sees.
+
+use super::super::drawing::Drawing;
+use super::super::timed::Timed;
+use super::CheckArguments;
+use super::times::Times;
+use crate::align::label::{ClassMap, open_segmenter};
+use crate::network::manifest::ModelEntry;
+use crate::network::{self, RuntimeParams};
+use crate::taxonomy::{CLASSES, Class};
+use anyhow::{Context, Result};
+use image::RgbImage;
+use std::time::Instant;
+
+pub(super) fn run(
+    entry: &ModelEntry,
+    arguments: &CheckArguments,
+    params: &RuntimeParams,
+    picture: &RgbImage,
+) -> Result<()> {
+    let start = Instant::now();
+    let network = network::open(&entry.path(&arguments.folder.models), params)?;
+    println!("runtime: {}, because {}", network.runtime(), network.reason());
+    let network = Timed::new(network);
+    let segmenter = open_segmenter(entry, network.clone())?;
+    println!("loaded:  {} in {} ms", entry.name, start.elapsed().as_millis());
+
+    let mut rest_ms = Vec::new();
+    let (map, times) = Times::of(arguments.runs, |start| {
+        let map = segmenter.segment(picture)?;
+        rest_ms.push(start.elapsed().as_secs_f64() * 1e3 - network.last_ms());
+        Ok(map)
+    })?;
+    println!("{times}, {:.1} ms of it before and after the network", Times::median(&rest_ms));
+
+    let classes = classes(&map, picture);
+    let shares = shares(&classes);
+    for (class, share) in &shares {
+        println!("{:16} {:5.1} %", class.name(), share * 100.0);
+    }
+    let drawing = Drawing::new(picture, &classes, &shares);
+    drawing.save(&arguments.out).with_context(|| format!("cannot write {}", arguments.out.display()))
+}
+
+/// The likeliest class of each of the picture's pixels.
+fn classes(map: &ClassMap, picture: &RgbImage) -> Vec<Class> {
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let mut p = [0.0; CLASSES];
+    let mut classes = Vec::with_capacity(width * height);
+    for y in 0..height {
+        for x in 0..width {
+            map.sample(x as f32, y as f32, width, height, &mut p);
+            let best = Class::ALL.iter().max_by(|a, b| p[a.id() as usize].total_cmp(&p[b.id() as usize]));
+            classes.push(best.copied().unwrap_or(Class::Other));
+        }
+    }
+    classes
+}
+
+/// The classes that are there, with their shares of the picture, the largest first.
+fn shares(classes: &[Class]) -> Vec<(Class, f64)> {
+    let mut shares: Vec<(Class, f64)> = Class::ALL
+        .iter()
+        .map(|class| (*class, classes.iter().filter(|c| *c == class).count() as f64 / classes.len() as f64))
+        .filter(|(_, share)| *share > 0.0)
+        .collect();
+    shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+    shares
+}

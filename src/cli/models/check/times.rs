@@ -1,0 +1,37 @@
+//! How long a network takes.
+
+use anyhow::{Result, bail};
+use std::fmt;
+use std::time::Instant;
+
+/// Milliseconds of each run.
+pub(super) struct Times(Vec<f64>);
+
+impl Times {
+    /// Does some work several times, and gives its last result. The work is told when it began.
+    pub(super) fn of<T>(runs: u32, mut work: impl FnMut(Instant) -> Result<T>) -> Result<(T, Times)> {
+        let (mut last, mut times_ms) = (None, Vec::new());
+        for _ in 0..runs {
+            let start = Instant::now();
+            last = Some(work(start)?);
+            times_ms.push(start.elapsed().as_secs_f64() * 1e3);
+        }
+        let Some(last) = last else { bail!("it was not run") };
+        Ok((last, Times(times_ms)))
+    }
+
+    pub(super) fn median(times_ms: &[f64]) -> f64 {
+        let mut sorted = times_ms.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        sorted.get(sorted.len() / 2).copied().unwrap_or_default()
+    }
+}
+
+impl fmt::Display for Times {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Times(times_ms) = self;
+        let first = times_ms.first().copied().unwrap_or_default();
+        let median = Times::median(times_ms);
+        write!(f, "time:    first run {first:.1} ms; median of {} runs {median:.1} ms", times_ms.len())
+    }
+}
