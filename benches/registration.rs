@@ -11,8 +11,8 @@ use viola::simulate::{Sensor, Set};
 
 fn main() {
     let with_paper = std::env::args().any(|argument| argument == "--paper");
-    let mut methods = vec![Method::named("viola", 0).expect("viola is a method")];
-    methods.extend(with_paper.then(|| Method::named("paper", 0).expect("paper is a method")));
+    let mut methods = vec![Method::named("viola", 0, None).expect("viola is a method")];
+    methods.extend(with_paper.then(|| Method::named("paper", 0, None).expect("paper is a method")));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread can be had");
     pool.install(|| {
         let homes = HomeClips::new(HomesParams {

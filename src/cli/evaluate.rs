@@ -151,10 +151,8 @@ fn judge_labels(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
 }
 
 fn methods(arguments: &EvaluateArguments) -> Result<Vec<Method>> {
-    let method = |name: &String| {
-        Method::named(name, arguments.seed)
-            .with_context(|| format!("there is no method '{name}'; there are {}", Method::names().join(", ")))
-    };
+    let imagination = arguments.networks.imagination()?;
+    let method = |name: &String| Ok(Method::named(name, arguments.seed, imagination.as_ref())?);
     arguments.methods.iter().map(method).collect()
 }
 

@@ -2,8 +2,12 @@
 
 use super::runtime::RuntimeArguments;
 use crate::align::LabelParams;
+use crate::align::complete::inpaint::open_inpainter;
+use crate::align::complete::monocular::open_estimator;
+use crate::align::complete::{Imagination, ViewStrategy};
 use crate::align::label::{self, Segmenter};
 use crate::network;
+use crate::network::manifest::{self, Task};
 use anyhow::{Context, Result};
 use clap::Args;
 use std::path::PathBuf;
@@ -35,6 +39,26 @@ impl NetworkArguments {
         tracing::info!(network = entry.name, runtime = network.runtime(), "{}", network.reason());
         let segmenter = label::open_segmenter(&entry, network)?;
         Ok(Some(Arc::from(segmenter)))
+    }
+
+    /// The networks that complete what a clip did not see; none where the models folder has none for inpainting.
+    pub fn imagination(&self) -> Result<Option<Imagination>> {
+        let Some(models) = &self.models else { return Ok(None) };
+        let params = self.runtime.params(Some(models));
+        let installed = |task| manifest::installed(task, models).context("the list of networks");
+        let Some(entry) = installed(Task::Inpainting)? else { return Ok(None) };
+        let inpainter =
+            open_inpainter(&entry, models, &params).with_context(|| format!("network {}", entry.name))?;
+        let estimator = match installed(Task::Depth)? {
+            Some(entry) => {
+                let network = network::open(&entry.path(models), &params)
+                    .with_context(|| format!("network {}", entry.name))?;
+                Some(Arc::from(open_estimator(&entry, network)?))
+            }
+            None => None,
+        };
+        let views = ViewStrategy::Frontier;
+        Ok(Some(Imagination { inpainter: Arc::from(inpainter), estimator, views, max_views: 8 }))
     }
 
     /// How points are labelled: a network that cannot be used is an error.

@@ -1,6 +1,7 @@
 //! The ways to align a clip that can be compared: rows of the table.
 
 use super::Sample;
+use crate::align::complete::{Imagination, ViewStrategy};
 use crate::align::paper::{self, PaperParams, Refiner};
 use crate::align::{self, Activation, AlignError, AlignParams, Alignment, CompleteParams};
 use crate::progress::Progress;
@@ -10,6 +11,8 @@ use crate::progress::Progress;
 pub struct Method {
     pub name: String,
     pub kind: MethodKind,
+    /// Clips that are right without completion are not completed.
+    pub by_truth: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -36,58 +39,91 @@ const ABLATIONS: &[Ablation] = &[
     ("unknown-cells", |params| params.decide.evidence.unknown_share = 1.0),
 ];
 
-/// Ways to complete what a clip did not see: the name after `complete-`, and how it is switched on over a
-/// method that takes only what was seen at the vacuum's height.
-const COMPLETIONS: &[Ablation] = &[
-    ("base", |_| {}),
-    ("structure", |params| {
-        params.weigh.upper_weight = AlignParams::default().weigh.upper_weight;
-        params.complete = CompleteParams::default();
-    }),
-    ("structure-all", |params| {
-        params.weigh.upper_weight = AlignParams::default().weigh.upper_weight;
-        params.complete = CompleteParams { when: Activation::Always, ..CompleteParams::default() };
-    }),
-    ("upper-walls", |params| params.weigh.upper_weight = AlignParams::default().weigh.upper_weight),
-];
+/// A way to complete what a clip did not see.
+struct Way {
+    /// Behind `complete-`.
+    name: &'static str,
+    when: Activation,
+    /// Walls seen only above the vacuum's height are projected down, and walls go on to each other.
+    structure: bool,
+    /// The views from which networks complete; none without them.
+    views: Option<ViewStrategy>,
+    /// Only where the first answer is wrong, as only the truth can tell.
+    by_truth: bool,
+}
+
+const fn way(name: &'static str, when: Activation, structure: bool, views: Option<ViewStrategy>) -> Way {
+    Way { name, when, structure, views, by_truth: false }
+}
+
+/// The paper's two tables, and structure beside them. `base` takes only what was seen at the vacuum's height.
+const WAYS: &[Way] = {
+    use Activation::{Always, Never, Unsure};
+    const FRONTIER: Option<ViewStrategy> = Some(ViewStrategy::Frontier);
+    &[
+        way("base", Never, false, None),
+        way("all", Always, false, FRONTIER),
+        way("gated", Unsure, false, FRONTIER),
+        way("gated-by-minima", Activation::SeveralMinima { margin_m: 0.01 }, false, FRONTIER),
+        Way { by_truth: true, ..way("by-truth", Always, false, FRONTIER) },
+        way("step-back", Unsure, false, Some(ViewStrategy::StepBack)),
+        way("vacuum-height", Unsure, false, Some(ViewStrategy::VacuumHeight)),
+        way("upper-walls", Never, true, None),
+        way("structure", Unsure, true, None),
+        way("structure-all", Always, true, None),
+        Way { by_truth: true, ..way("structure-by-truth", Always, true, None) },
+        way("structure-then-imagination", Unsure, true, FRONTIER),
+    ]
+};
+
+/// Why a method cannot be had.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum NoMethod {
+    #[error("there is no method '{0}'; there are {all}", all = Method::names().join(", "))]
+    Unknown(String),
+    #[error(
+        "the method '{0}' needs networks for inpainting and depth; install them with `viola models fetch migan` and `fastdepth`, and name their folder by --models"
+    )]
+    NeedsNetworks(String),
+}
 
 impl Method {
     pub fn viola(params: AlignParams) -> Method {
-        Method { name: "viola".into(), kind: MethodKind::Viola(Box::new(params)) }
+        Method { name: "viola".into(), kind: MethodKind::Viola(Box::new(params)), by_truth: false }
     }
 
-    /// The method of that name with its default parameters.
-    pub fn named(name: &str, seed: u64) -> Option<Method> {
-        let params = AlignParams { seed, ..AlignParams::default() };
+    /// The method of that name with its default parameters; `imagination` has the networks for those that need
+    /// them.
+    pub fn named(name: &str, seed: u64, imagination: Option<&Imagination>) -> Result<Method, NoMethod> {
+        let unknown = || NoMethod::Unknown(name.to_owned());
+        let mut params = AlignParams { seed, ..AlignParams::default() };
+        let mut by_truth = false;
         let kind = match name {
-            "viola" => return Some(Method::viola(params)),
+            "viola" => return Ok(Method::viola(params)),
             "paper" => MethodKind::Paper(PaperParams::default()),
             "paper-icp" => MethodKind::Paper(PaperParams { refiner: Refiner::Icp, ..PaperParams::default() }),
-            _ if name.starts_with("complete-") => {
-                let (_, switch_on) = COMPLETIONS.iter().find(|(known, _)| name[9..] == **known)?;
-                let mut params = params;
-                params.weigh.upper_weight = 0.0;
-                params.complete.when = Activation::Never;
-                switch_on(&mut params);
-                MethodKind::Viola(Box::new(params))
-            }
             _ => {
-                let evidence = name.strip_prefix("viola-without-")?;
-                let (_, switch_off) = ABLATIONS.iter().find(|(known, _)| *known == evidence)?;
-                let mut params = params;
-                switch_off(&mut params);
+                if let Some(evidence) = name.strip_prefix("viola-without-") {
+                    let known = ABLATIONS.iter().find(|(known, _)| *known == evidence);
+                    known.ok_or_else(unknown)?.1(&mut params);
+                } else {
+                    let wanted = name.strip_prefix("complete-").ok_or_else(unknown)?;
+                    let way = WAYS.iter().find(|way| way.name == wanted).ok_or_else(unknown)?;
+                    by_truth = way.by_truth;
+                    way.set(&mut params, imagination).ok_or(NoMethod::NeedsNetworks(name.to_owned()))?;
+                }
                 MethodKind::Viola(Box::new(params))
             }
         };
-        Some(Method { name: name.to_owned(), kind })
+        Ok(Method { name: name.to_owned(), kind, by_truth })
     }
 
     /// All names that [`Method::named`] knows.
     pub fn names() -> Vec<String> {
         let ablations = ABLATIONS.iter().map(|(evidence, _)| format!("viola-without-{evidence}"));
-        let completions = COMPLETIONS.iter().map(|(way, _)| format!("complete-{way}"));
+        let ways = WAYS.iter().map(|way| format!("complete-{}", way.name));
         let names = ["viola", "paper", "paper-icp"].map(String::from).into_iter();
-        names.chain(ablations).chain(completions).collect()
+        names.chain(ablations).chain(ways).collect()
     }
 
     /// Aligns a sample.
@@ -95,10 +131,31 @@ impl Method {
         let target = sample.target.as_deref();
         match &self.kind {
             MethodKind::Viola(params) => {
+                if self.by_truth {
+                    let alone = align::register(&sample.observation, target, params, progress)?;
+                    if sample.is_success(&alone) {
+                        return Ok(alone);
+                    }
+                }
                 Ok(align::register_completing(&sample.observation, target, params, progress)?.0)
             }
             MethodKind::Paper(params) => paper::register(&sample.observation, target, params, progress),
         }
+    }
+}
+
+impl Way {
+    /// None where networks are needed and there are none.
+    fn set(&self, params: &mut AlignParams, imagination: Option<&Imagination>) -> Option<()> {
+        params.complete = CompleteParams { when: self.when, ..CompleteParams::default() };
+        if !self.structure {
+            params.weigh.upper_weight = 0.0;
+            params.complete.structure = None;
+        }
+        if let Some(views) = self.views {
+            params.complete.imagination = Some(Imagination { views, ..imagination?.clone() });
+        }
+        Some(())
     }
 }
 
@@ -108,13 +165,27 @@ mod tests {
 
     #[test]
     fn every_name_is_a_method_of_its_own() {
+        let needs_networks =
+            |name: &String| matches!(Method::named(name, 3, None), Err(NoMethod::NeedsNetworks(_)));
+        let (with, without): (Vec<String>, Vec<String>) =
+            Method::names().into_iter().partition(needs_networks);
+        assert_eq!(with.len(), WAYS.iter().filter(|way| way.views.is_some()).count());
         let methods: Vec<Method> =
-            Method::names().iter().map(|name| Method::named(name, 3).expect(name)).collect();
+            without.iter().map(|name| Method::named(name, 3, None).expect(name)).collect();
         for (i, a) in methods.iter().enumerate() {
             for b in &methods[..i] {
-                assert_ne!(format!("{:?}", a.kind), format!("{:?}", b.kind), "{} {}", a.name, b.name);
+                assert_ne!(
+                    format!("{:?}", (&a.kind, a.by_truth)),
+                    format!("{:?}", (&b.kind, b.by_truth)),
+                    "{} {}",
+                    a.name,
+                    b.name
+                );
             }
         }
-        assert!(Method::named("viola-without-luck", 0).is_none());
+        assert_eq!(
+            Method::named("viola-without-luck", 0, None).unwrap_err(),
+            NoMethod::Unknown("viola-without-luck".into())
+        );
     }
 }

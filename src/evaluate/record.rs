@@ -3,7 +3,7 @@
 use super::{Case, Sample};
 use crate::align::paper::Nearest;
 use crate::align::{Alignment, AlignmentState, features};
-use crate::geometry::{Point2, Pose2, angle_between};
+use crate::geometry::Point2;
 use serde::{Deserialize, Serialize};
 
 /// One clip by one method.
@@ -58,13 +58,9 @@ impl ClipResult {
         coverage: f64,
         seconds: Seconds,
     ) -> ClipResult {
-        let errors = |pose: &Pose2| {
-            let truth = &sample.map_from_clip;
-            (angle_between(pose.yaw_rad, truth.yaw_rad).to_degrees(), pose.distance_m(truth))
-        };
-        let error = alignment.map_from_clip.as_ref().map(errors);
+        let error = alignment.map_from_clip.as_ref().map(|pose| sample.errors(pose));
         let truth_rank = alignment.alternatives.iter().position(|alternative| {
-            let (rotation_deg, translation_m) = errors(&alternative.map_from_clip);
+            let (rotation_deg, translation_m) = sample.errors(&alternative.map_from_clip);
             rotation_deg < 10.0 && translation_m < 0.3
         });
         ClipResult {

@@ -1,8 +1,8 @@
 //! Where clips with a known truth come from.
 
 use super::RunError;
-use crate::align::{AlignParams, Observation, Target};
-use crate::geometry::Pose2;
+use crate::align::{AlignParams, Alignment, Observation, Target};
+use crate::geometry::{Pose2, angle_between};
 use crate::lidar::LidarMap;
 use std::sync::Arc;
 
@@ -30,6 +30,22 @@ pub struct Sample {
     /// Numbers of the first and the last frame.
     pub first_frame: u32,
     pub last_frame: u32,
+}
+
+impl Sample {
+    /// Whether an answer is right: the paper's success, under 10 degrees and 0.3 m.
+    pub fn is_success(&self, alignment: &Alignment) -> bool {
+        alignment.map_from_clip.as_ref().is_some_and(|pose| {
+            let (rotation_deg, translation_m) = self.errors(pose);
+            rotation_deg < 10.0 && translation_m < 0.3
+        })
+    }
+
+    /// Degrees and metres between a pose and the true one.
+    pub fn errors(&self, pose: &Pose2) -> (f64, f64) {
+        let truth = &self.map_from_clip;
+        (angle_between(pose.yaw_rad, truth.yaw_rad).to_degrees(), pose.distance_m(truth))
+    }
 }
 
 /// Clips with their truth, made one at a time by several threads at once.

@@ -38,7 +38,7 @@ fn run(folder: &Path, program: &str, methods: &[&str]) -> (Vec<ClipResult>, usiz
     let drawn = DrawnParams { clips: 4, frames: vec![20], ..DrawnParams::default() };
     let inner = DrawnClips::open(&[flat::write(folder)], drawn).unwrap();
     let suite = Counting { inner, made: AtomicUsize::new(0) };
-    let methods: Vec<Method> = methods.iter().map(|name| Method::named(name, 0).unwrap()).collect();
+    let methods: Vec<Method> = methods.iter().map(|name| Method::named(name, 0, None).unwrap()).collect();
     let journal = Journal::open(&folder.join("results.jsonl")).unwrap();
     let observe = AlignParams::default();
     let run = Run {
