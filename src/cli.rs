@@ -1,6 +1,7 @@
 //! The command line: one file a command.
 
 mod align;
+mod completion;
 mod demo;
 mod evaluate;
 mod migrate;

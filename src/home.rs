@@ -1,7 +1,10 @@
 //! What a home looks like: pictures and files for people and for other programs.
 
+mod completion;
+mod lettering;
 mod picture;
 mod ply;
 
+pub use completion::completion_pngs;
 pub use picture::{lidar_png, overlay_png};
 pub use ply::cloud_ply;

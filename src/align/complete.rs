@@ -35,6 +35,17 @@ pub struct CompleteParams {
     pub structure: Option<StructureCompletion>,
     /// None: no network is asked for what was not seen.
     pub imagination: Option<Imagination>,
+    /// Which of the two answers is given.
+    pub take: Take,
+}
+
+/// Which answer to a completed clip is given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Take {
+    /// The one with what was filled in, as the paper has it.
+    After,
+    /// The likelier one.
+    Likelier,
 }
 
 /// Which clips are completed.
@@ -56,6 +67,7 @@ impl Default for CompleteParams {
             when: Activation::Unsure,
             structure: Some(StructureCompletion::default()),
             imagination: None,
+            take: Take::Likelier,
         }
     }
 }
@@ -141,7 +153,7 @@ pub fn register_completing(
     }
     let completed = Observation { scan: filled.completion.scan.clone(), ..settled };
     let after = register(&completed, target, params, &Within(progress))?;
-    let taken = better(&before, &after);
+    let taken = params.complete.take.after(&before, &after);
     let report =
         CompletionReport { taken, before: Judged::of(&before), after: Judged::of(&after), ..filled.report };
     let mut chosen = if taken { after } else { before };
@@ -232,9 +244,14 @@ impl ViewReport {
     }
 }
 
-/// Whether the answer with what was filled in is to be preferred.
-fn better(before: &Alignment, after: &Alignment) -> bool {
-    after.map_from_clip.is_some() && after.probability.unwrap_or(0.0) >= before.probability.unwrap_or(0.0)
+impl Take {
+    fn after(self, before: &Alignment, after: &Alignment) -> bool {
+        let probability = |answer: &Alignment| answer.probability.unwrap_or(0.0);
+        match self {
+            Take::After => true,
+            Take::Likelier => after.map_from_clip.is_some() && probability(after) >= probability(before),
+        }
+    }
 }
 
 impl Activation {

@@ -113,12 +113,17 @@ impl Standing {
         Standing { points, spacing_m: cloud.voxel_m.max(params.column_m * 0.5) }
     }
 
-    /// Adds what was filled in, but for what stands where the clip saw free floor.
+    /// Adds what was filled in, but for what stands where the clip saw free floor, or where it saw something
+    /// standing itself.
     pub(super) fn add_completed(&mut self, completed: Standing, free_m: &[Point2], params: &RaycastParams) {
-        let cell = |p: &Point2| cell_of(p.x, p.y, params.free_cell_m);
-        let free: FxHashSet<Cell> = free_m.iter().map(cell).collect();
-        let kept = completed.points.into_iter().filter(|hit| !free.contains(&cell(&hit.point_m)));
-        self.points.extend(kept.map(|hit| Hit { completed: true, ..hit }));
+        let free_cell = |p: &Point2| cell_of(p.x, p.y, params.free_cell_m);
+        let free: FxHashSet<Cell> = free_m.iter().map(free_cell).collect();
+        let column = |p: &Point2| cell_of(p.x, p.y, params.column_m);
+        let seen: FxHashSet<Cell> = self.points.iter().flat_map(|hit| around(column(&hit.point_m))).collect();
+        let is_new =
+            |hit: &Hit| !free.contains(&free_cell(&hit.point_m)) && !seen.contains(&column(&hit.point_m));
+        let new = completed.points.into_iter().filter(is_new);
+        self.points.extend(new.map(|hit| Hit { completed: true, ..hit }));
     }
 
     /// Adds the first hits seen from one place. Keyed by cell, so that cameras do not repeat each other;

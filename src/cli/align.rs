@@ -1,5 +1,6 @@
 //! `viola align`: one clip, one map, one answer, without a server.
 
+use super::completion::CompletionArguments;
 use super::networks::NetworkArguments;
 use super::progress::TerminalProgress;
 use crate::align::{self, AlignParams, Alignment, AlignmentState};
@@ -7,7 +8,6 @@ use crate::clip::{Clip, ClipInfo};
 use crate::home;
 use crate::lidar::{LidarInfo, LidarMap};
 use crate::progress::{Progress, Stage};
-use crate::stopwatch::Stopwatch;
 use anyhow::{Context, Result};
 use clap::Args;
 use serde::Serialize;
@@ -25,11 +25,13 @@ pub struct AlignArguments {
     /// The LiDAR map (Valetudo JSON, ROS map_server yaml or zip, CSV or PLY points).
     #[arg(long)]
     lidar: PathBuf,
-    /// Where result.json, inputs.json, overlay.png and cloud.ply go.
+    /// Where result.json, inputs.json, overlay.png and cloud.ply go, and completion/ when something was filled in.
     #[arg(long)]
     out: PathBuf,
     #[command(flatten)]
     networks: NetworkArguments,
+    #[command(flatten)]
+    completion: CompletionArguments,
     #[arg(long, default_value_t = 0)]
     seed: u64,
 }
@@ -44,13 +46,14 @@ struct Inputs<'a> {
 pub fn run(arguments: &AlignArguments) -> Result<()> {
     // First, because it needs no time to fail.
     let label = arguments.networks.labels()?;
+    let complete = arguments.completion.params(&arguments.networks)?;
     let progress = TerminalProgress::new();
-    let watch = Stopwatch::around(&progress);
+    let watch = arguments.completion.stopwatch(&progress);
     watch.enter(Stage::Decode);
     let clip = Clip::open(&arguments.clip).with_context(|| format!("clip {}", arguments.clip.display()))?;
     let lidar = LidarMap::open(&arguments.lidar)
         .with_context(|| format!("LiDAR map {}", arguments.lidar.display()))?;
-    let params = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };
+    let params = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
     let mut aligned = align::align(&clip, arguments.frames.clone(), &lidar, &params, &watch)
         .with_context(|| format!("clip {}", arguments.clip.display()))?;
 
@@ -63,6 +66,15 @@ pub fn run(arguments: &AlignArguments) -> Result<()> {
     };
     write("overlay.png", &home::overlay_png(&lidar, &aligned))?;
     write("cloud.ply", &home::cloud_ply(&aligned.cloud_in_clip, aligned.alignment.map_from_clip.as_ref()))?;
+    let pictures = home::completion_pngs(&aligned);
+    if !pictures.is_empty() {
+        let folder = arguments.out.join("completion");
+        std::fs::create_dir_all(&folder)
+            .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        for (name, bytes) in &pictures {
+            write(&format!("completion/{name}"), bytes)?;
+        }
+    }
     write("inputs.json", &serde_json::to_vec_pretty(&Inputs { clip: clip.info(), lidar: &lidar.info })?)?;
     aligned.alignment.seconds = watch.stop();
     write("result.json", &serde_json::to_vec_pretty(&aligned.alignment)?)?;

@@ -1,7 +1,7 @@
 //! The ways to align a clip that can be compared: rows of the table.
 
 use super::Sample;
-use crate::align::complete::{Imagination, ViewStrategy};
+use crate::align::complete::{Imagination, Take, ViewStrategy};
 use crate::align::paper::{self, PaperParams, Refiner};
 use crate::align::{self, Activation, AlignError, AlignParams, Alignment, CompleteParams};
 use crate::progress::Progress;
@@ -149,6 +149,7 @@ impl Way {
     fn set(&self, params: &mut AlignParams, imagination: Option<&Imagination>) -> Option<()> {
         params.complete = CompleteParams { when: self.when, ..CompleteParams::default() };
         if !self.structure {
+            params.complete.take = Take::After;
             params.weigh.upper_weight = 0.0;
             params.complete.structure = None;
         }
