@@ -106,3 +106,6 @@ fn extend(plane: &mut [f32], fit: Fit) {
         plane.copy_within(start..start + input.width, y * input.width);
     }
 }
+
+#[cfg(test)]
+mod tests;
