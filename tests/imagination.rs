@@ -1,12 +1,14 @@
 //! Inpainting and monocular depth: small networks of tests/models under each runtime against what `diffusers` made,
 //! and the real ones where they were fetched.
 //!
-//! `models/export/tiny_imagination.py` makes the fixtures. The real networks are run
+//! `models/export/tiny_stable_diffusion.py` and `tiny_imagination.py` make the fixtures. The real networks are run
 //! when `VIOLA_FETCHED_MODELS` names a models folder with them.
 
 mod real;
 mod runtimes;
 
+#[path = "imagination/diffusion.rs"]
+mod diffusion;
 #[path = "imagination/fetched.rs"]
 mod fetched;
 #[path = "imagination/small.rs"]

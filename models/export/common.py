@@ -2,13 +2,17 @@
 
 import argparse
 import warnings
+from pathlib import Path
 
 import numpy as np
 import onnx
+import onnx_ir
 import torch
 from onnxscript import optimizer
 
 OPSET = 18
+# Bytes of weights that go into the ONNX file itself; the format ends at 2 GiB.
+LARGEST_FILE = 3 << 29
 
 
 class Outputs(torch.nn.Module):
@@ -31,19 +35,29 @@ def export(network, names, width, height, path, largest_constant=1 << 22):
     # The fused attention of torch does not pass its exporter.
     network.set_attn_implementation("eager")
     wrapped = Outputs(network.eval(), names)
-    example = torch.zeros(1, 3, height, width)
+    write(wrapped, {"pixel_values": torch.zeros(1, 3, height, width)}, names, path, largest_constant)
+
+
+def write(module, examples, names, path, largest_constant=1 << 22):
+    """Writes a module whose inputs are as the examples, by name and in their order, to one ONNX file; where the
+    weights are too many for one, they go into a file beside it."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         program = torch.onnx.export(
-            wrapped,
-            (example,),
-            input_names=["pixel_values"],
+            module.eval(),
+            tuple(examples.values()),
+            input_names=list(examples),
             output_names=list(names),
             opset_version=OPSET,
             dynamo=True,
             optimize=False,
         )
     optimizer.optimize(program.model, output_size_limit=largest_constant)
+    weights = sum(tensor.numel() * tensor.element_size() for tensor in module.parameters())
+    if weights > LARGEST_FILE:
+        onnx_ir.save(program.model, path, external_data=Path(path).name + ".data")
+        onnx.checker.check_model(path, full_check=True)
+        return
     model = program.model_proto
     strip(model)
     onnx.checker.check_model(model, full_check=True)
@@ -67,15 +81,19 @@ def strip(model):
 
 def check(network, names, width, height, path):
     """Compares the file under ONNX Runtime with the network itself, on noise."""
+    noise = np.random.default_rng(1).normal(size=(1, 3, height, width)).astype(np.float32)
+    compare(Outputs(network.eval(), names), {"pixel_values": torch.from_numpy(noise)}, names, path)
+
+
+def compare(module, inputs, names, path):
+    """Compares a file under ONNX Runtime with the module that it was made of."""
     import onnxruntime
 
-    pixel_values = torch.from_numpy(
-        np.random.default_rng(1).normal(size=(1, 3, height, width)).astype(np.float32)
-    )
     with torch.no_grad():
-        wanted = Outputs(network.eval(), names)(pixel_values)
+        wanted = module(*inputs.values())
+    wanted = wanted if isinstance(wanted, tuple) else (wanted,)
     session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
-    got = session.run(list(names), {"pixel_values": pixel_values.numpy()})
+    got = session.run(list(names), {name: value.numpy() for name, value in inputs.items()})
     for name, a, b in zip(names, wanted, got):
         worst = float(np.abs(a.numpy() - b).max())
         size = float(np.abs(a.numpy()).max())

@@ -3,9 +3,11 @@
 //! `models/models.toml` is part of the program. A `models.toml` in the user's models folder adds networks, and
 //! replaces those of the same name.
 
+mod diffusion;
 mod error;
 mod form;
 
+pub use diffusion::{Diffusion, Scheduler};
 pub use error::ManifestError;
 pub use form::{Channels, Input, Layout, Output, Side, Source};
 

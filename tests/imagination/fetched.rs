@@ -4,12 +4,13 @@ use crate::real;
 use crate::rectangle;
 use crate::runtimes::runtimes;
 use image::{Rgb, RgbImage};
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Instant;
 use viola::align::complete::inpaint::{InpaintError, open_inpainter};
 use viola::align::complete::monocular::open_estimator;
-use viola::network;
 use viola::network::manifest::{Manifest, ModelEntry};
+use viola::network::{self, RuntimeParams};
 
 /// The folder and the built-in entry of a network; none, said plainly, when nothing was fetched.
 fn fetched(name: &str) -> Option<(PathBuf, ModelEntry)> {
@@ -52,6 +53,12 @@ fn migan_fills_a_hole_from_its_surroundings() {
             filled == inpainter.inpaint(&picture, &hole, 2, &|| true).unwrap(),
             "it differs from run to run"
         );
+        for threads in [1, 3] {
+            let params = RuntimeParams { threads: NonZeroUsize::new(threads), ..params.clone() };
+            let other = open_inpainter(&entry, &models, &params).unwrap();
+            let again = other.inpaint(&picture, &hole, 1, &|| true).unwrap();
+            assert!(filled == again, "{}: {threads} threads give another picture", other.name());
+        }
         let wanted = room(width, height);
         let (mut inside, mut off) = (0u32, [0u32; 3]);
         for (x, y, pixel) in filled.enumerate_pixels() {

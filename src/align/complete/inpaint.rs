@@ -3,8 +3,10 @@
 mod hole;
 mod migan;
 mod open;
+mod stable_diffusion;
 
 pub use open::open_inpainter;
+pub use stable_diffusion::{Generated, Noise, StableDiffusion};
 
 use image::{GrayImage, RgbImage};
 

@@ -43,7 +43,7 @@ pub fn open_segmenter(
             expect(masks, "output", F32, &[Some(1), None, None, None]).map_err(misfit)?;
             Head::Mask2Former { classes: classes.name.clone(), masks: masks.name.clone(), queries }
         }
-        Output::Depth { .. } | Output::Inpainting { .. } => {
+        Output::Depth { .. } | Output::Inpainting { .. } | Output::Diffusion(_) => {
             return Err(misfit("it is not a segmentation network".to_owned()));
         }
     };

@@ -1,6 +1,6 @@
 //! The written form of a manifest's entry, and what must hold of it.
 
-use super::{ManifestError, ModelEntry, Task};
+use super::{Diffusion, ManifestError, ModelEntry, Task};
 use crate::taxonomy::ClassTable;
 use serde::{Deserialize, Serialize};
 use std::path::{Component, PathBuf};
@@ -158,6 +158,9 @@ pub enum Output {
     },
     /// The filled picture.
     Inpainting { name: Option<String>, mask: Option<String> },
+    /// The filled picture, by a diffusion pipeline: the entry's file is its `pipeline.json`, and the networks lie
+    /// in the same folder.
+    Diffusion(Diffusion),
 }
 
 fn yes() -> bool {
@@ -235,12 +238,17 @@ impl EntryForm {
         let fits = match (self.task, &self.output) {
             (Task::Segmentation, Some(Output::Logits { .. } | Output::Mask2former { .. })) => true,
             (Task::Depth, Some(Output::Depth { scale, .. })) => scale.is_finite() && *scale > 0.0,
-            (Task::Inpainting, Some(Output::Inpainting { .. })) => true,
+            (Task::Inpainting, Some(Output::Inpainting { .. } | Output::Diffusion(_))) => true,
             (Task::Runtime, None) => true,
             _ => false,
         };
         if !fits {
             return refuse("output", "does not fit the task");
+        }
+        if let Some(Output::Diffusion(diffusion)) = &self.output
+            && let Err((field, problem)) = diffusion.check()
+        {
+            return refuse(field, problem);
         }
         if (self.task == Task::Segmentation) != self.classes.is_some() {
             return refuse("classes", "belongs to segmentation networks, and they need it");

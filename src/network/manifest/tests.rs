@@ -10,6 +10,7 @@ fn the_built_in_manifest_is_whole() {
         "fastdepth",
         "depth-anything-v2-small",
         "migan",
+        "stable-diffusion-inpainting",
         "onnxruntime",
     ] {
         assert!(manifest.find(name).is_some(), "{name}");
@@ -91,4 +92,35 @@ fn the_users_networks_come_first_and_replace() {
 
     std::fs::write(folder.path().join(FILE), vec![b'#'; MAX_BYTES as usize + 1]).unwrap();
     assert!(matches!(Manifest::with_folder(folder.path()), Err(ManifestError::TooLarge)));
+}
+
+#[test]
+fn diffusion_has_settings_within_bounds() {
+    let written = |settings: &str| {
+        let text = GOOD
+            .replace("\"segmentation\"", "\"inpainting\"")
+            .replace("classes = \"home\"", "")
+            .replace("kind = \"logits\"", &format!("kind = \"diffusion\"{settings}"));
+        Manifest::parse(&text).map(|manifest| manifest.networks[0].output.clone())
+    };
+    let Ok(Some(Output::Diffusion(plain))) = written("") else { panic!("{:?}", written("")) };
+    assert_eq!((plain.steps, plain.guidance, plain.scheduler), (30, 7.5, Scheduler::Ddim));
+    let Ok(Some(Output::Diffusion(own))) =
+        written(", steps = 50, scheduler = \"euler\", prompt = \"a hall\"")
+    else {
+        panic!("refused")
+    };
+    assert_eq!((own.steps, own.scheduler, own.prompt.as_str()), (50, Scheduler::Euler, "a hall"));
+    for (settings, told) in [
+        (", steps = 0", "field output.steps"),
+        (", steps = 100000", "field output.steps"),
+        (", guidance = 0.5", "field output.guidance"),
+        (", guidance = nan", "field output.guidance"),
+        (", scheduler = \"heun\"", "heun"),
+        (", stride = 2", "stride"),
+        (&format!(", prompt = \"{}\"", "x".repeat(501)), "field output.prompt"),
+    ] {
+        let error = written(settings).expect_err(settings).to_string();
+        assert!(error.contains(told), "{settings}: {error}");
+    }
 }

@@ -1,7 +1,7 @@
 //! An inpainting network of the manifest, ready for pictures.
 
 use super::migan::MiGan;
-use super::{InpaintError, Inpainter};
+use super::{InpaintError, Inpainter, StableDiffusion};
 use crate::network::manifest::{ModelEntry, Output, Task};
 use crate::network::{self, RuntimeParams};
 use std::path::Path;
@@ -20,6 +20,9 @@ pub fn open_inpainter(
                 network::open(&path, params).map_err(|error| InpaintError::Open(error.to_string()))?;
             let migan = MiGan::new(&entry.name, network, input, name.as_deref(), mask.as_deref());
             Ok(Box::new(migan.map_err(misfit)?))
+        }
+        (Task::Inpainting, _, Some(Output::Diffusion(_))) => {
+            Ok(Box::new(StableDiffusion::open(entry, models, params)?))
         }
         _ => Err(misfit("it is not an inpainting network".to_owned())),
     }

@@ -120,3 +120,12 @@ fn open_sizes_follow_the_rule() {
         assert_eq!(Fit::by_rule(picture, &rule), Fit { input, content }, "{picture:?}");
     }
 }
+
+#[test]
+fn numbers_are_resized_like_pictures() {
+    let values: Vec<f32> = (0..6).map(|n| 0.1 + n as f32).collect();
+    assert_eq!(resized(&values, raster(3, 2), raster(3, 2)), values);
+    assert_eq!(resized(&[0.0, 4.0], raster(2, 1), raster(4, 1)), [0.0, 1.0, 3.0, 4.0]);
+    assert_eq!(resized(&[0.0, 4.0], raster(1, 2), raster(1, 4)), [0.0, 1.0, 3.0, 4.0]);
+    assert_eq!(resized(&[7.0], raster(1, 1), raster(2, 2)), [7.0; 4]);
+}
