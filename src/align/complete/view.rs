@@ -4,6 +4,7 @@ use crate::align::fuse::KeyFrame;
 use crate::geometry::{Pinhole, Point3, Pose3, Vector3};
 use nalgebra::{Rotation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
+use std::f64::consts::{PI, TAU};
 
 /// A camera that is held level, in the clip frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -61,6 +62,21 @@ impl View {
         View { yaw_rad: self.yaw_rad + angle_rad, ..*self }
     }
 
+    /// Turned and tilted as little as brings a point into its picture, a tenth of it from the edge.
+    pub fn towards(&self, point: &Point3, camera: &Pinhole) -> View {
+        let offset = point - self.eye();
+        let yaw_rad = offset.y.atan2(offset.x);
+        let pitch_rad = (-offset.z).atan2(offset.xy().norm());
+        let reach = |size: u32| (0.8 * 0.5 * f64::from(size) / camera.fx).atan();
+        let (wide, high) = (reach(camera.width), reach(camera.height));
+        let turn = (self.yaw_rad - yaw_rad + PI).rem_euclid(TAU) - PI;
+        View {
+            yaw_rad: yaw_rad + turn.clamp(-wide, wide),
+            pitch_rad: self.pitch_rad.clamp(pitch_rad - high, pitch_rad + high),
+            ..*self
+        }
+    }
+
     /// Whether a point is in its picture, whatever stands between.
     pub fn sees(&self, point: &Point3, camera: &Pinhole) -> bool {
         let in_camera = self.clip_from_camera().inverse() * point;
@@ -105,6 +121,10 @@ mod tests {
             camera_like(&Pinhole { width: 640, height: 480, fx: 577.0, fy: 577.0, cx: 319.5, cy: 239.5 });
         assert!(view.sees(&(view.eye() + view.forward() * 2.0), &camera));
         assert!(!view.sees(&(view.eye() - view.forward() * 2.0), &camera));
+        let behind = view.eye() - view.forward() * 2.0;
+        let turned = view.towards(&behind, &camera);
+        assert!(turned.sees(&behind, &camera) && turned.eye_m == view.eye_m, "{turned:?}");
+        assert_eq!(view.towards(&(view.eye() + view.forward()), &camera), view);
         let back = view.back(0.5);
         assert!((back.eye() + view.forward() * 0.5 - view.eye()).norm() < 1e-12);
     }

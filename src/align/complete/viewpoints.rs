@@ -278,8 +278,8 @@ fn frontier_views(
     views.split_off(views.len().saturating_sub(params.max_views))
 }
 
-/// The camera that looks down least steeply is of no use here: of those that see the boundary the steepest.
-/// Without one that sees it, the one that looks towards it.
+/// Of the cameras that see the boundary the one that looks down most steeply. Without one that sees it, the one that
+/// looks most towards it, turned and tilted as little as brings it into the picture.
 fn first_camera(
     observation: &Observation,
     own: &[View],
@@ -302,7 +302,7 @@ fn first_camera(
         return Some(*view);
     }
     let towards = |view: &View| (boundary - view.eye()).normalize().dot(&view.forward());
-    own.iter().max_by(|a, b| towards(a).total_cmp(&towards(b))).copied()
+    own.iter().max_by(|a, b| towards(a).total_cmp(&towards(b))).map(|view| view.towards(boundary, camera))
 }
 
 /// 1 where the frontier that a view does not see lies to its left, -1 where it lies to its right.
