@@ -71,6 +71,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(clips::align_clip))
         .routes(routes!(clip_results::get_clip_overlay))
         .routes(routes!(clip_results::get_clip_cloud))
+        .routes(routes!(clip_results::get_clip_completion))
         .routes(routes!(jobs::get_job))
         .routes(routes!(jobs::watch_job))
         .routes(routes!(jobs::cancel_job))

@@ -5,6 +5,7 @@ mod lettering;
 mod picture;
 mod ply;
 
-pub use completion::completion_pngs;
+pub use completion::{completion_png, completion_pngs};
+pub use lettering::write as write_words;
 pub use picture::{lidar_png, overlay_png};
 pub use ply::cloud_ply;

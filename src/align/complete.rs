@@ -26,6 +26,7 @@ use super::{AlignError, AlignParams, Alignment, AlignmentState, PointCloud, Reas
 use crate::geometry::{Pose2, angle_between};
 use crate::progress::{self, Progress, Stage};
 use serde::{Deserialize, Serialize};
+use std::time::Duration;
 
 /// How clips are completed.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,6 +38,9 @@ pub struct CompleteParams {
     pub imagination: Option<Imagination>,
     /// Which of the two answers is given.
     pub take: Take,
+    /// No view is begun once completion has taken this long. The method knows no clock: who runs it holds the time
+    /// ([`Progress::out_of_time`]).
+    pub time: Duration,
 }
 
 /// Which answer to a completed clip is given.
@@ -68,6 +72,7 @@ impl Default for CompleteParams {
             structure: Some(StructureCompletion::default()),
             imagination: None,
             take: Take::Likelier,
+            time: Duration::from_secs(60),
         }
     }
 }

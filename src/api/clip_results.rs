@@ -21,6 +21,17 @@ pub(super) async fn get_clip_overlay(
     send_result(app, home, clip, "overlay.png", "image/png").await
 }
 
+/// What was filled in where the clip left doubt: the views, what was made of them, and the plan before and after
+#[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}/completion.png", tag = "clips",
+    params(ClipPath),
+    responses((status = 200, description = "The picture", body = FileBytes, content_type = "image/png"), CommonProblems))]
+pub(super) async fn get_clip_completion(
+    State(app): State<App>,
+    ClipPath { home, clip }: ClipPath,
+) -> Result<Response, Error> {
+    send_result(app, home, clip, "completion.png", "image/png").await
+}
+
 /// The clip's fused points with colours, in the map's frame when the clip is aligned
 #[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}/cloud.ply", tag = "clips",
     params(ClipPath),

@@ -65,7 +65,9 @@ pub(super) enum Error {
     JobEnded(&'static str),
     #[error("no job has this id")]
     NoSuchJob,
-    #[error("the clip is `{0}`: it has this file once a job ran to an answer")]
+    #[error(
+        "the clip is `{0}`: it has this file once a job ran to an answer, and completion.png only where something was filled in"
+    )]
     NoSuchResult(&'static str),
     #[error("nothing is served under this path; GET /openapi.json lists what is")]
     NoSuchRoute,

@@ -8,6 +8,7 @@ use crate::clip::{Clip, ClipInfo};
 use crate::home;
 use crate::lidar::{LidarInfo, LidarMap};
 use crate::progress::{Progress, Stage};
+use crate::stopwatch::Stopwatch;
 use anyhow::{Context, Result};
 use clap::Args;
 use serde::Serialize;
@@ -48,7 +49,7 @@ pub fn run(arguments: &AlignArguments) -> Result<()> {
     let label = arguments.networks.labels()?;
     let complete = arguments.completion.params(&arguments.networks)?;
     let progress = TerminalProgress::new();
-    let watch = arguments.completion.stopwatch(&progress);
+    let watch = Stopwatch::around(&progress).with_budget(Stage::Complete, complete.time);
     watch.enter(Stage::Decode);
     let clip = Clip::open(&arguments.clip).with_context(|| format!("clip {}", arguments.clip.display()))?;
     let lidar = LidarMap::open(&arguments.lidar)

@@ -2,9 +2,7 @@
 
 use super::networks::NetworkArguments;
 use crate::align::{Activation, CompleteParams};
-use crate::progress::{Progress, Stage};
-use crate::stopwatch::Stopwatch;
-use anyhow::Result;
+use anyhow::{Result, anyhow};
 use clap::{Args, ValueEnum};
 use std::time::Duration;
 
@@ -34,7 +32,8 @@ enum Completion {
 impl CompletionArguments {
     /// Imagination without an inpainting network in the models folder is an error.
     pub fn params(&self, networks: &NetworkArguments) -> Result<CompleteParams> {
-        let mut params = CompleteParams::default();
+        let time = Duration::from_secs_f64(self.complete_seconds.clamp(0.0, 86_400.0));
+        let mut params = CompleteParams { time, ..CompleteParams::default() };
         if self.complete_always {
             params.when = Activation::Always;
         }
@@ -44,16 +43,10 @@ impl CompletionArguments {
             Completion::Imagination => {
                 let networks = networks.imagination()?;
                 params.imagination = Some(networks.ok_or_else(|| {
-                    anyhow::anyhow!("imagination needs an inpainting network: `viola models fetch migan --models DIR`, then --models DIR")
+                    anyhow!("imagination needs an inpainting network: `viola models fetch migan --models DIR`, then --models DIR")
                 })?);
             }
         }
         Ok(params)
-    }
-
-    /// A clock that ends the completion in time.
-    pub fn stopwatch<'a>(&self, progress: &'a dyn Progress) -> Stopwatch<'a> {
-        let time = Duration::from_secs_f64(self.complete_seconds.clamp(0.0, 86_400.0));
-        Stopwatch::around(progress).with_budget(Stage::Complete, time)
     }
 }

@@ -1,5 +1,6 @@
 //! `viola serve`: the whole service in one process.
 
+use super::completion::CompletionArguments;
 use super::networks::NetworkArguments;
 use crate::align::AlignParams;
 use crate::api::{ServeParams, serve};
@@ -28,6 +29,8 @@ pub struct ServeArguments {
     workers: usize,
     #[command(flatten)]
     networks: NetworkArguments,
+    #[command(flatten)]
+    completion: CompletionArguments,
     /// Largest clip.
     #[arg(long, value_name = "MIB", default_value_t = 2048)]
     max_upload_mb: u64,
@@ -38,7 +41,11 @@ pub struct ServeArguments {
 
 pub fn run(arguments: &ServeArguments) -> Result<()> {
     start_log();
-    let align = AlignParams { label: arguments.networks.labels_or_geometry(), ..AlignParams::default() };
+    let align = AlignParams {
+        label: arguments.networks.labels_or_geometry(),
+        complete: arguments.completion.params(&arguments.networks)?,
+        ..AlignParams::default()
+    };
     let params = ServeParams {
         listen: arguments.listen,
         data: arguments.data.clone(),

@@ -27,16 +27,22 @@ mod ink {
     pub const BOUNDARY: Rgb<u8> = Rgb([220, 38, 38]);
 }
 
-/// The pictures by their file names, `sheet.png` with all of them first. None without a completion.
-pub fn completion_pngs(aligned: &Aligned) -> Vec<(String, Vec<u8>)> {
-    let (Some(completion), Some(report)) = (&aligned.completion, &aligned.alignment.completion) else {
-        return Vec::new();
-    };
+/// All of it on one sheet; none without a completion.
+pub fn completion_png(aligned: &Aligned) -> Option<Vec<u8>> {
+    let (completion, report) = (aligned.completion.as_ref()?, aligned.alignment.completion.as_ref()?);
     let rows: Vec<[(&str, RgbImage); 4]> = completion.views.iter().map(tiles).collect();
     let plans = [("before", plan(aligned, completion, false)), ("after", plan(aligned, completion, true))];
-    let mut files = vec![("sheet.png".to_owned(), png(&sheet(&rows, &plans, report)))];
-    for (name, picture) in &plans {
-        files.push((format!("plan_{name}.png"), png(picture)));
+    Some(png(&sheet(&rows, &plans, report)))
+}
+
+/// The sheet and every picture on it by itself, by their file names. None without a completion.
+pub fn completion_pngs(aligned: &Aligned) -> Vec<(String, Vec<u8>)> {
+    let (Some(completion), Some(sheet)) = (&aligned.completion, completion_png(aligned)) else {
+        return Vec::new();
+    };
+    let mut files = vec![("sheet.png".to_owned(), sheet)];
+    for (name, after) in [("before", false), ("after", true)] {
+        files.push((format!("plan_{name}.png"), png(&plan(aligned, completion, after))));
     }
     for (number, view) in completion.views.iter().enumerate() {
         let depth = shades(view);

@@ -13,6 +13,8 @@ pub struct Finished {
     pub alignment: Alignment,
     pub overlay_png: Vec<u8>,
     pub cloud_ply: Vec<u8>,
+    /// None when nothing was filled in.
+    pub completion_png: Option<Vec<u8>>,
 }
 
 /// Why a job made nothing.
@@ -53,7 +55,7 @@ pub fn align_clip(
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<Finished, Failure> {
-    let watch = Stopwatch::around(progress);
+    let watch = Stopwatch::around(progress).with_budget(Stage::Complete, params.complete.time);
     watch.enter(Stage::Decode);
     let clip = Clip::open(clip_path)?;
     let lidar = LidarMap::read(lidar_bytes)?;
@@ -62,6 +64,7 @@ pub fn align_clip(
     watch.enter(Stage::Report);
     let overlay_png = home::overlay_png(&lidar, &aligned);
     let cloud_ply = home::cloud_ply(&aligned.cloud_in_clip, aligned.alignment.map_from_clip.as_ref());
+    let completion_png = home::completion_png(&aligned);
     aligned.alignment.seconds = watch.stop();
-    Ok(Finished { alignment: aligned.alignment, overlay_png, cloud_ply })
+    Ok(Finished { alignment: aligned.alignment, overlay_png, cloud_ply, completion_png })
 }

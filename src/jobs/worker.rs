@@ -176,7 +176,9 @@ impl Attempt<'_> {
 
     async fn keep(&self, finished: Finished) -> Ending {
         let storage = &self.queue.storage;
-        for (name, bytes) in [("overlay.png", finished.overlay_png), ("cloud.ply", finished.cloud_ply)] {
+        let completion = finished.completion_png.map(|bytes| ("completion.png", bytes));
+        let always = [("overlay.png", finished.overlay_png), ("cloud.ply", finished.cloud_ply)];
+        for (name, bytes) in always.into_iter().chain(completion) {
             if let Err(error) = storage.put_result(&self.claim, name, bytes).await {
                 return broken("storage_error", &error);
             }

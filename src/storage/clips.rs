@@ -122,8 +122,9 @@ pub(super) fn result_key(clip: Uuid, job: Uuid, fence: i64) -> String {
     format!("clips/{clip}/results/{job}-{fence}")
 }
 
-pub(super) fn result_blobs(result_key: &str) -> [String; 2] {
-    [format!("{result_key}/overlay.png"), format!("{result_key}/cloud.ply")]
+/// Every name that a result may have; not every answer has all of them.
+pub(super) fn result_blobs(result_key: &str) -> [String; 3] {
+    ["overlay.png", "cloud.ply", "completion.png"].map(|name| format!("{result_key}/{name}"))
 }
 
 impl Storage {

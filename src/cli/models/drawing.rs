@@ -1,7 +1,7 @@
 //! Classes drawn over a picture, with a legend beside it.
 
+use crate::home::write_words;
 use crate::taxonomy::Class;
-use font8x8::{BASIC_FONTS, UnicodeFonts};
 use image::{ImageResult, Rgb, RgbImage};
 use std::path::Path;
 
@@ -33,7 +33,7 @@ impl Drawing {
             let top = LINE / 2 + LINE * line as u32;
             drawing.square(width + LETTER, top, Rgb(class.color()));
             let words = format!("{} {:.1}%", class.name().replace('_', " "), share * 100.0);
-            drawing.words(width + 3 * LETTER, top, &words);
+            write_words(&mut drawing.0, width + 3 * LETTER, top, LETTER, INK, &words);
         }
         drawing
     }
@@ -47,21 +47,6 @@ impl Drawing {
             for x in 0..LETTER {
                 let edge = x == 0 || y == 0 || x == LETTER - 1 || y == LETTER - 1;
                 self.0.put_pixel(left + x, top + y, if edge { INK } else { color });
-            }
-        }
-    }
-
-    fn words(&mut self, left: u32, top: u32, words: &str) {
-        let letters = words.chars().map(|letter| BASIC_FONTS.get(letter).unwrap_or_default());
-        for (place, rows) in (0..).zip(letters) {
-            for y in 0..LETTER {
-                for x in 0..LETTER {
-                    let row = rows[(y * 8 / LETTER) as usize];
-                    let at = (left + place * LETTER + x, top + y);
-                    if row >> (x * 8 / LETTER) & 1 == 1 && at.0 < self.0.width() {
-                        self.0.put_pixel(at.0, at.1, INK);
-                    }
-                }
             }
         }
     }
