@@ -178,6 +178,7 @@ mod tests {
             extent_m: 1.0,
             at_vacuum_height: true,
             fixed: 1.0,
+            completed: false,
             from_m: Point2::origin(),
         }
     }

@@ -173,15 +173,12 @@ mod tests {
         assert_eq!(with.len(), WAYS.iter().filter(|way| way.views.is_some()).count());
         let methods: Vec<Method> =
             without.iter().map(|name| Method::named(name, 3, None).expect(name)).collect();
+        let what = |method: &Method| format!("{:?}", (&method.kind, method.by_truth));
         for (i, a) in methods.iter().enumerate() {
             for b in &methods[..i] {
-                assert_ne!(
-                    format!("{:?}", (&a.kind, a.by_truth)),
-                    format!("{:?}", (&b.kind, b.by_truth)),
-                    "{} {}",
-                    a.name,
-                    b.name
-                );
+                // What `viola` does where it is not told otherwise is a row of the table of completions.
+                let alike = (a.name.as_str(), b.name.as_str()) == ("complete-structure", "viola");
+                assert_eq!(what(a) == what(b), alike, "{} {}", a.name, b.name);
             }
         }
         assert_eq!(

@@ -103,6 +103,7 @@ fn answer(state: AlignmentState) -> Ending {
         hits: 7,
         key_frames: 2,
         labels: None,
+        completion: None,
         floor: None,
         seconds: [("fuse".to_owned(), 0.5)].into(),
     }))

@@ -25,7 +25,7 @@ fn results(drawn: DrawnParams, methods: &[Method], workers: usize) -> Vec<ClipRe
 /// The paper's constants on a coarser raster: the flat is small and the test should be quick.
 fn paper(refiner: Refiner) -> Method {
     let params = PaperParams { refiner, cell_m: 0.03, rotations: 180, ..PaperParams::default() };
-    Method { name: format!("{refiner:?}"), kind: MethodKind::Paper(params) }
+    Method { name: format!("{refiner:?}"), kind: MethodKind::Paper(params), by_truth: false }
 }
 
 #[test]
