@@ -21,6 +21,7 @@ fn main() {
             clips_per_home: 1,
             frames: vec![60],
             sensor: Sensor::PhoneLidar,
+            picture_labels: None,
             foreign: false,
         });
         measure("simulated flats, 60 frames", &homes, &methods);

@@ -15,6 +15,7 @@ pub mod labels;
 mod memory;
 mod mesh;
 mod method;
+mod oracle;
 pub mod plot;
 mod record;
 mod run;

@@ -35,7 +35,7 @@ mod walk;
 pub use clip::{ClipParams, ClipTruth, LabelImage, SimulatedClip};
 pub use export::write_scannet_zip;
 pub use home::{Home, HomeObject, HomeParams, HomeTruth, Set};
-pub use in_memory::clip_in_memory;
+pub use in_memory::{clip_in_memory, clip_in_memory_heard};
 pub use lidar_files::{points_csv, ros_pgm, ros_yaml, valetudo_json};
 pub use picture::plan_png;
 pub use plan::{Plan, Room, RoomKind};

@@ -22,6 +22,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         clips_per_home: 1,
         frames: vec![60],
         sensor: Sensor::PhoneLidar,
+        picture_labels: None,
         foreign: false,
     };
     let sample = HomeClips::new(homes).sample(0, &AlignParams::default(), &Silent)?;

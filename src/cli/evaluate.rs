@@ -39,6 +39,10 @@ pub struct EvaluateArguments {
     /// Depth sensor of the simulated clips: phone-lidar, structured-light.
     #[arg(long, default_value = "phone-lidar")]
     sensor: Sensor,
+    /// Name the classes of simulated pictures by the truth, this share of it right, as if by a network: simulated
+    /// pictures are too plain for a real one.
+    #[arg(long, requires = "set", value_name = "SHARE", value_parser = share)]
+    picture_labels: Option<f64>,
     /// Also give every simulated clip the map of another home, where it belongs nowhere.
     #[arg(long, requires = "set")]
     foreign: bool,
@@ -137,13 +141,24 @@ fn judge_labels(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
     let by = segmenter.as_ref().map_or("geometry".to_owned(), |segmenter| segmenter.name());
     let params = AlignParams { seed: arguments.seed, ..AlignParams::default() };
     let progress = TerminalProgress::new();
-    let rows = labels::evaluate(&clip, &truth, segmenter, &params, &progress)?;
+    let rows = labels::evaluate(&clip, &truth, segmenter.clone(), &params, &progress)?;
+    let mut floors = Vec::new();
+    for &frames in &arguments.frames {
+        for (variant, segmenter) in [("shape alone", None), ("pictures", segmenter.clone())] {
+            if variant == "pictures" && segmenter.is_none() {
+                continue;
+            }
+            let label = LabelParams { segmenter, ..LabelParams::default() };
+            let params = AlignParams { label, ..params.clone() };
+            floors.push(labels::floors(variant, &clip, &truth, frames, &params, &Silent)?);
+        }
+    }
     progress.finish();
-    let table = labels::markdown(&rows);
+    let table = labels::markdown(&rows) + "\n" + &labels::floors_markdown(&floors);
     save(
         &arguments.out,
         "labels.json",
-        &serde_json::to_string_pretty(&json!({ "network": by, "rows": rows }))?,
+        &serde_json::to_string_pretty(&json!({ "network": by, "rows": rows, "floors": floors }))?,
     )?;
     save(&arguments.out, "labels.md", &table)?;
     print!("{table}");
@@ -175,6 +190,7 @@ fn suite(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
         clips_per_home: arguments.clips.unwrap_or(3) as u64,
         frames: arguments.frames.clone(),
         sensor: arguments.sensor,
+        picture_labels: arguments.picture_labels,
         foreign: arguments.foreign,
     })))
 }
@@ -204,6 +220,11 @@ fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<Box<dyn Suite>> {
     };
     let ranges = arguments.frames.iter().flat_map(cut).collect();
     Ok(Box::new(SceneClips::new(scene, ranges)))
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let share = text.parse::<f64>().map_err(|error| error.to_string())?;
+    if (0.0..=1.0).contains(&share) { Ok(share) } else { Err(format!("{text} is not between 0 and 1")) }
 }
 
 /// Tells builds of this program apart: their results do not mix.

@@ -1,7 +1,8 @@
 //! Simulated homes: any number of clips with exact truth, rendered when they are wanted.
 
+use super::oracle::Oracle;
 use super::{Case, RunError, Sample, Suite};
-use crate::align::{self, AlignParams, Target};
+use crate::align::{self, AlignParams, LabelParams, Target};
 use crate::geometry::Pose2;
 use crate::lidar::LidarMap;
 use crate::progress::Progress;
@@ -22,6 +23,8 @@ pub struct HomesParams {
     /// Lengths of the clips in frames.
     pub frames: Vec<usize>,
     pub sensor: Sensor,
+    /// Name the classes of the pictures by the truth, this share of it right, instead of by shape alone.
+    pub picture_labels: Option<f64>,
     /// Also give every clip the map of the next seed's home, where it belongs nowhere.
     pub foreign: bool,
 }
@@ -107,7 +110,7 @@ impl Suite for HomeClips {
 
     fn fingerprint(&self) -> String {
         // The rest of the parameters is in the cases.
-        format!("simulated {:?}", self.params.sensor)
+        format!("simulated {:?} {:?}", self.params.sensor, self.params.picture_labels)
     }
 
     fn sample(
@@ -125,7 +128,14 @@ impl Suite for HomeClips {
             ClipParams { frames, sensor: self.params.sensor, color_width, ..ClipParams::default() };
         let recorded = mapped.home.clip(&mapped.survey, number, &recording);
         let truth = recorded.truth.clone();
-        let clip = recorded.into_clip();
+        let (clip, label) = match self.params.picture_labels {
+            Some(accuracy) => {
+                let (clip, oracle) = Oracle::with_clip(recorded, accuracy, seed);
+                (clip, LabelParams { segmenter: Some(oracle), ..params.label.clone() })
+            }
+            None => (recorded.into_clip(), params.label.clone()),
+        };
+        let params = &AlignParams { label, ..params.clone() };
         let observation = align::observe(&clip, None, params, progress)
             .map_err(|error| RunError::of_clip(&self.cases[index], error))?;
         Ok(Some(Sample {

@@ -1,9 +1,11 @@
 //! How right the classes of points are, against a mesh whose vertices are labelled.
 
 mod coarse;
+mod floors;
 mod truth;
 
 pub use coarse::{COARSE, coarse};
+pub use floors::{FloorRow, floors, floors_markdown};
 pub use truth::{Truth, TruthError};
 
 use crate::align::label::{self, ClassMap, SegmentError, Segmenter};

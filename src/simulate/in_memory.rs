@@ -1,7 +1,7 @@
 //! A simulated recording as a clip without files.
 
 use super::clip::SimulatedClip;
-use crate::clip::{Clip, ClipInfo};
+use crate::clip::{Clip, ClipInfo, Frame};
 use crate::geometry::Vector3;
 use std::sync::Arc;
 
@@ -14,6 +14,14 @@ impl SimulatedClip {
 
 /// The same for a recording that others keep.
 pub fn clip_in_memory(recorded: Arc<SimulatedClip>) -> Clip {
+    clip_in_memory_heard(recorded, |_, _| ())
+}
+
+/// The same with somebody who hears of each frame that is made, and of its place in the clip.
+pub fn clip_in_memory_heard(
+    recorded: Arc<SimulatedClip>,
+    hear: impl Fn(usize, &Frame) + Send + Sync + 'static,
+) -> Clip {
     let (color, depth) = (recorded.color_camera, recorded.depth_camera);
     let frames = recorded.headers().to_vec();
     let info = ClipInfo {
@@ -33,5 +41,9 @@ pub fn clip_in_memory(recorded: Arc<SimulatedClip>) -> Clip {
         duration_s: frames.last().and_then(|last| last.time_s),
         notes: Vec::new(),
     };
-    Clip::from_frames(info, frames, Some(Vector3::z()), move |index| recorded.frame(index))
+    Clip::from_frames(info, frames, Some(Vector3::z()), move |index| {
+        let frame = recorded.frame(index);
+        hear(index, &frame);
+        frame
+    })
 }

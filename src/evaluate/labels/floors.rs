@@ -1,0 +1,141 @@
+//! How well the floor is found in excerpts of a labelled scene.
+
+use super::{Truth, coarse};
+use crate::align::{self, AlignError, AlignParams, Observation};
+use crate::clip::Clip;
+use crate::evaluate::excerpts;
+use crate::geometry::{Plane, Point3, Pose3, Vector3};
+use crate::progress::Progress;
+use crate::taxonomy::Class;
+use rustc_hash::FxHashSet;
+use serde::Serialize;
+use std::fmt::Write;
+
+/// The floors of all excerpts of one length, found in one way.
+#[derive(Debug, Clone, Serialize)]
+pub struct FloorRow {
+    pub variant: String,
+    /// Length of the excerpts in frames.
+    pub frames: usize,
+    pub excerpts: usize,
+    /// Of those, excerpts that show enough floor for the truth to be known.
+    pub see_floor: usize,
+    /// Of those, excerpts in which a floor was found,
+    pub found: usize,
+    /// and in which it is within 1 degree and 2 cm of the truth.
+    pub within: usize,
+    pub median_deg: f64,
+    pub median_m: f64,
+    pub worst_deg: f64,
+    pub worst_m: f64,
+}
+
+/// A vertex of the truth was seen if the fused cloud has a point in its cell of this side, or in one around it.
+const CELL_M: f64 = 0.06;
+/// Floor that an excerpt must show for its plane to be known: so many vertices (of 2 to 3 cm spacing), and so far
+/// apart in every direction, root mean square.
+const MIN_VERTICES: usize = 400;
+const MIN_SPREAD_M: f64 = 0.15;
+
+/// The excerpts of a clip, half overlapping, with the labels of `params`.
+pub fn floors(
+    variant: &str,
+    clip: &Clip,
+    truth: &Truth,
+    frames: usize,
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<FloorRow, AlignError> {
+    let headers = clip.frames();
+    let (mut count, mut see_floor, mut errors) = (0, 0, Vec::new());
+    for range in excerpts(headers.len(), frames) {
+        count += 1;
+        let numbers = headers[range.start].number..headers[range.end - 1].number + 1;
+        let seen = align::observe(clip, Some(numbers), params, progress)?;
+        let Some(clip_from_world) = seen.clip_from_world else { continue };
+        let Some(plane) = true_plane(&seen, truth, &clip_from_world) else { continue };
+        see_floor += 1;
+        if seen.floor.as_ref().is_some_and(|floor| !floor.assumed) {
+            errors.push(plane);
+        }
+    }
+    let within = errors.iter().filter(|(deg, m)| *deg <= 1.0 && *m <= 0.02).count();
+    let sorted = |pick: fn(&(f64, f64)) -> f64| {
+        let mut values: Vec<f64> = errors.iter().map(pick).collect();
+        values.sort_by(f64::total_cmp);
+        let middle = values.get(values.len() / 2).copied().unwrap_or(f64::NAN);
+        (middle, values.last().copied().unwrap_or(f64::NAN))
+    };
+    let ((median_deg, worst_deg), (median_m, worst_m)) = (sorted(|e| e.0), sorted(|e| e.1));
+    Ok(FloorRow {
+        variant: variant.to_owned(),
+        frames,
+        excerpts: count,
+        see_floor,
+        found: errors.len(),
+        within,
+        median_deg,
+        median_m,
+        worst_deg,
+        worst_m,
+    })
+}
+
+/// Degrees and metres between the floor that was found, which is z = 0 of the clip frame, and the plane through the
+/// vertices of the labelled floor that the excerpt saw; the metres are those below their middle.
+fn true_plane(seen: &Observation, truth: &Truth, clip_from_world: &Pose3) -> Option<(f64, f64)> {
+    let cell = |p: &Point3| [p.x, p.y, p.z].map(|c| (c / CELL_M).floor() as i32);
+    let cells: FxHashSet<[i32; 3]> = seen.cloud_in_clip.points.iter().map(|p| cell(&p.position())).collect();
+    let is_near = |at: &Point3| {
+        let [x, y, z] = cell(at);
+        (0..27).any(|i| cells.contains(&[x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]))
+    };
+    let floor_class = coarse(Class::Floor);
+    let vertices: Vec<Point3> = truth
+        .vertices_m
+        .iter()
+        .zip(&truth.classes)
+        .filter(|(_, class)| **class == Some(floor_class))
+        .map(|(vertex, _)| clip_from_world * vertex)
+        .filter(is_near)
+        .collect();
+    if vertices.len() < MIN_VERTICES {
+        return None;
+    }
+    let middle = vertices.iter().map(|v| v.coords).sum::<Vector3>() / vertices.len() as f64;
+    let spread: nalgebra::Matrix2<f64> =
+        vertices.iter().map(|v| (v.coords - middle).xy()).map(|d| d * d.transpose()).sum();
+    let narrowest = (spread / vertices.len() as f64).symmetric_eigenvalues().min().max(0.0).sqrt();
+    if narrowest < MIN_SPREAD_M {
+        return None;
+    }
+    let plane = Plane::fit(vertices.iter())?;
+    let lean = plane.normal.z.abs().min(1.0).acos().to_degrees();
+    Some((lean, middle.z.abs()))
+}
+
+/// The rows as a table in Markdown.
+pub fn floors_markdown(rows: &[FloorRow]) -> String {
+    let mut out =
+        "| floor by | frames | excerpts | see the floor | found | within 1 deg and 2 cm | median | worst |\n\
+                   |---|---|---|---|---|---|---|---|\n"
+            .to_owned();
+    for row in rows {
+        // Writing into a string cannot fail.
+        let _ = writeln!(
+            out,
+            "| {} | {} | {} | {} | {} | {} | {:.2} deg, {:.1} cm | {:.2} deg, {:.1} cm |",
+            row.variant,
+            row.frames,
+            row.excerpts,
+            row.see_floor,
+            row.found,
+            row.within,
+            row.median_deg,
+            row.median_m * 100.0,
+            row.worst_deg,
+            row.worst_m * 100.0
+        );
+    }
+    out
+}
