@@ -1,10 +1,11 @@
-//! Time of search, refinement and decision on one thread: `cargo bench`. The maps are simulated flats, and the
+//! Time of search, refinement and decision, and of rendering a view, on one thread: `cargo bench`. The maps are simulated flats, and the
 //! real apartment where `VIOLA_TEST_DATA` names the folder that has it. `paper` runs on the same clips when
 //! asked for: `cargo bench -- --paper` (minutes).
 
 use std::path::Path;
 use std::time::Instant;
 use viola::align::AlignParams;
+use viola::align::complete::{self, View};
 use viola::evaluate::{HomeClips, HomesParams, Method, Sample, Scene, SceneClips, Suite, excerpts};
 use viola::progress::Silent;
 use viola::simulate::{Sensor, Set};
@@ -26,7 +27,10 @@ fn main() {
         });
         measure("simulated flats, 60 frames", &homes, &methods);
         match std::env::var_os("VIOLA_TEST_DATA") {
-            Some(root) => measure("real apartment, 20 frames", &apartment(Path::new(&root)), &methods),
+            Some(root) => {
+                measure("real apartment, 20 frames", &apartment(Path::new(&root)), &methods);
+                render(&apartment(Path::new(&root)));
+            }
             None => println!("VIOLA_TEST_DATA is not set: no real apartment"),
         }
     });
@@ -39,6 +43,37 @@ fn apartment(root: &Path) -> SceneClips {
         .expect("VIOLA_TEST_DATA names the folder with the data");
     let ranges = excerpts(scene.clip.frames().len(), 20).into_iter().step_by(3).collect();
     SceneClips::new(scene, ranges)
+}
+
+/// The views that the paper's strategy takes of the suite's clips.
+fn render(suite: &dyn Suite) {
+    let params = AlignParams::default();
+    let mut milliseconds = Vec::new();
+    for index in (0..suite.cases().len()).step_by(3) {
+        let sample = suite.sample(index, &params, &Silent).expect("a clip of the suite is observed");
+        let Some(Sample { observation, .. }) = sample else { continue };
+        let (Some(key), Some(clip_from_world)) = (observation.keys.first(), observation.clip_from_world)
+        else {
+            continue;
+        };
+        let voxel_m = observation.cloud_in_clip.voxel_m;
+        let points = complete::render::thin(&observation.cloud_in_clip.points, voxel_m);
+        let camera = complete::camera_like(key.readings.camera());
+        for key in observation.keys.iter().step_by(5) {
+            let view = View::of(key, &clip_from_world).back(0.5);
+            let begun = Instant::now();
+            let rendering = complete::render::render(&points, voxel_m, &camera, &view.clip_from_camera());
+            milliseconds.push(begun.elapsed().as_secs_f64() * 1e3);
+            assert!(rendering.covered() > 0.0);
+        }
+    }
+    milliseconds.sort_by(f64::total_cmp);
+    println!(
+        "rendering 512 x 384 of the fused surface: median {:.1} ms, at most {:.1} ms over {} views",
+        milliseconds[milliseconds.len() / 2],
+        milliseconds[milliseconds.len() - 1],
+        milliseconds.len()
+    );
 }
 
 /// The median over the clips of each clip's fastest of three runs; `paper` runs once.

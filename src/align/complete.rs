@@ -16,7 +16,7 @@ mod viewpoints;
 
 pub use imagine::{CompletedView, Imagination};
 pub use structure::StructureCompletion;
-pub use view::View;
+pub use view::{View, camera_like};
 pub use viewpoints::{PointSets, ViewStrategy};
 
 use super::observe::Observation;

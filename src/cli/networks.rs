@@ -58,7 +58,7 @@ impl NetworkArguments {
             None => None,
         };
         let views = ViewStrategy::Frontier;
-        Ok(Some(Imagination { inpainter: Arc::from(inpainter), estimator, views, max_views: 8 }))
+        Ok(Some(Imagination { inpainter: Arc::from(inpainter), estimator, views, max_views: 6 }))
     }
 
     /// How points are labelled: a network that cannot be used is an error.

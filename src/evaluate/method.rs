@@ -148,8 +148,11 @@ impl Way {
     /// None where networks are needed and there are none.
     fn set(&self, params: &mut AlignParams, imagination: Option<&Imagination>) -> Option<()> {
         params.complete = CompleteParams { when: self.when, ..CompleteParams::default() };
-        if !self.structure {
+        // As the paper has it; where the probability decides when, it also decides which of the two answers.
+        if self.when != Activation::Unsure {
             params.complete.take = Take::After;
+        }
+        if !self.structure {
             params.weigh.upper_weight = 0.0;
             params.complete.structure = None;
         }
