@@ -334,3 +334,6 @@ impl Room {
                 .all(|dz| (-1..=1).all(|dy| (-1..=1).all(|dx| !self.0.contains(&[x + dx, y + dy, z + dz]))))
     }
 }
+
+#[cfg(test)]
+mod tests;

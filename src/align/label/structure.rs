@@ -100,8 +100,8 @@ pub(super) fn shapes(sites: &Sites, params: &StructureParams) -> (Vec<Shape>, Ve
     }
     for (i, shape) in shapes.iter_mut().enumerate() {
         let (z, up) = (sites.positions_m[i].z, sites.smooth_normals[i].z);
-        // Close to the floor a surface may lean: the mean of its normals takes in the wall beside it.
-        if (z < 0.05 && up > 0.3) || (z < 0.10 && up > 0.7) {
+        // A scanned floor is uneven, and the fused surface of a long clip bends.
+        if z < 0.12 && up > 0.65 {
             *shape = Shape::Floor;
         } else if z > params.ceiling_m && up < -0.85 {
             *shape = Shape::Ceiling;
