@@ -34,6 +34,7 @@ pub use journal::{Journal, JournalError};
 pub use memory::peak_memory_bytes;
 pub use mesh::{Mesh, MeshError};
 pub use method::{Method, MethodKind};
+pub use oracle::Oracle;
 pub use record::ClipResult;
 pub use run::{Run, RunError};
 pub use scene::{Scene, SceneClips, SceneError};

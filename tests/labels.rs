@@ -4,55 +4,20 @@ mod common;
 
 use common::process::viola;
 use image::RgbImage;
-use std::collections::HashMap;
 use std::sync::Arc;
 use viola::align::label::{ClassMap, SegmentError, Segmenter};
 use viola::align::{self, AlignParams, LabelParams, Observation};
 use viola::clip::Clip;
+use viola::evaluate::Oracle;
 use viola::progress::Silent;
 use viola::simulate::{ClipParams, Home, HomeParams, Set, SimulatedClip, clip_in_memory};
-use viola::taxonomy::{CLASSES, Class};
+use viola::taxonomy::Class;
 
 fn simulated(set: Set, seed: u64, frames: usize) -> Arc<SimulatedClip> {
     let home = Home::generate(&HomeParams::new(set, seed));
     let survey = home.survey();
     let params = ClipParams { frames, ..ClipParams::default() };
     Arc::new(home.clip(&survey, 0, &params))
-}
-
-/// Knows the true class of each pixel of the clip's pictures.
-struct Oracle {
-    maps: HashMap<Vec<u8>, ClassMap>,
-}
-
-impl Oracle {
-    fn of(recorded: &SimulatedClip) -> Oracle {
-        let map = |index: usize| {
-            let labels = recorded.labels(index);
-            let mut probabilities = vec![0.0; labels.classes.len() * CLASSES];
-            for (i, class) in labels.classes.iter().enumerate() {
-                probabilities[i * CLASSES + usize::from(*class)] = 1.0;
-            }
-            ClassMap {
-                width: labels.width as usize,
-                height: labels.height as usize,
-                align_corners: false,
-                probabilities,
-            }
-        };
-        let picture = |index: usize| recorded.frame(index).color.into_raw();
-        Oracle { maps: (0..recorded.headers().len()).map(|i| (picture(i), map(i))).collect() }
-    }
-}
-
-impl Segmenter for Oracle {
-    fn segment(&self, picture: &RgbImage) -> Result<ClassMap, SegmentError> {
-        self.maps.get(picture.as_raw()).cloned().ok_or(SegmentError::NoPicture)
-    }
-
-    fn name(&self) -> String {
-        "oracle".into()
-    }
 }
 
 struct Broken;
@@ -82,14 +47,13 @@ fn share(seen: &Observation, right: impl Fn(Class, f32) -> Option<bool>) -> f64 
 #[test]
 fn true_pictures_give_true_classes() {
     for (set, seed) in [(Set::Normal, 3), (Set::Changed, 5)] {
-        let recorded = simulated(set, seed, 12);
-        let oracle: Arc<dyn Segmenter> = Arc::new(Oracle::of(&recorded));
+        let (clip, oracle) = Oracle::with_clip(simulated(set, seed, 12), 1.0, 0);
         for structure in [None, LabelParams::default().structure] {
             let with_shapes = structure.is_some();
             let label = LabelParams { segmenter: Some(oracle.clone()), structure, ..LabelParams::default() };
-            let seen = observe(&clip_in_memory(recorded.clone()), label);
+            let seen = observe(&clip, label);
             let report = seen.labels.clone().unwrap();
-            assert_eq!(report.by, "oracle");
+            assert_eq!(report.by, oracle.name());
             assert!(report.key_frames > 0 && report.key_frames == seen.pictures.len());
             // What is called floor lies at the floor, and what lies there is called floor or stands on it.
             let floor = share(&seen, |class, z| (class == Class::Floor).then_some(z.abs() < 0.06));
@@ -106,13 +70,8 @@ fn true_pictures_give_true_classes() {
 /// The same clip labelled from true pictures and by shape alone.
 #[test]
 fn shapes_alone_agree_with_the_truth() {
-    let recorded = simulated(Set::Normal, 3, 12);
-    let clip = clip_in_memory(recorded.clone());
-    let oracle = LabelParams {
-        segmenter: Some(Arc::new(Oracle::of(&recorded))),
-        structure: None,
-        ..LabelParams::default()
-    };
+    let (clip, oracle) = Oracle::with_clip(simulated(Set::Normal, 3, 12), 1.0, 0);
+    let oracle = LabelParams { segmenter: Some(oracle), structure: None, ..LabelParams::default() };
     let (truth, shapes) = (observe(&clip, oracle), observe(&clip, LabelParams::default()));
     assert_eq!(shapes.labels.unwrap().by, "geometry");
     let (mut both, mut either) = ([0u32; 2], [0u32; 2]);
@@ -136,8 +95,7 @@ fn shapes_alone_agree_with_the_truth() {
 
 #[test]
 fn a_network_that_fails_leaves_geometry_and_a_reason() {
-    let recorded = simulated(Set::Normal, 3, 6);
-    let clip = clip_in_memory(recorded.clone());
+    let clip = clip_in_memory(simulated(Set::Normal, 3, 6));
     let plain = observe(&clip, LabelParams::default());
     let failed = LabelParams { segmenter: Some(Arc::new(Broken)), ..LabelParams::default() };
     let absent = LabelParams { unavailable: Some("it is gone".into()), ..LabelParams::default() };
@@ -152,9 +110,7 @@ fn a_network_that_fails_leaves_geometry_and_a_reason() {
 /// The answer must not depend on how the work was divided.
 #[test]
 fn threads_change_nothing() {
-    let recorded = simulated(Set::Normal, 4, 6);
-    let oracle: Arc<dyn Segmenter> = Arc::new(Oracle::of(&recorded));
-    let clip = clip_in_memory(recorded.clone());
+    let (clip, oracle) = Oracle::with_clip(simulated(Set::Normal, 4, 6), 1.0, 0);
     let with = |threads: usize| {
         let label = LabelParams { segmenter: Some(oracle.clone()), ..LabelParams::default() };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -102,6 +102,12 @@ impl Readings {
 
 #[cfg(test)]
 impl KeyFrame {
+    /// A key frame that read this depth.
+    pub(super) fn that_read(world_from_camera: Pose3, depth: &DepthImage, camera: Pinhole) -> KeyFrame {
+        let readings = Readings::thin(depth, camera, &TsdfParams::default());
+        KeyFrame { readings, ..KeyFrame::blind(world_from_camera) }
+    }
+
     /// A key frame that read nothing.
     pub(super) fn blind(world_from_camera: Pose3) -> KeyFrame {
         let camera = Pinhole { width: 4, height: 3, fx: 4.0, fy: 4.0, cx: 1.5, cy: 1.0 };

@@ -130,7 +130,7 @@ impl Suite for HomeClips {
         let truth = recorded.truth.clone();
         let (clip, label) = match self.params.picture_labels {
             Some(accuracy) => {
-                let (clip, oracle) = Oracle::with_clip(recorded, accuracy, seed);
+                let (clip, oracle) = Oracle::with_clip(Arc::new(recorded), accuracy, seed);
                 (clip, LabelParams { segmenter: Some(oracle), ..params.label.clone() })
             }
             None => (recorded.into_clip(), params.label.clone()),

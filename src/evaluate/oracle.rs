@@ -19,7 +19,7 @@ const SURE: f32 = 0.7;
 
 /// Knows the pictures of one clip. Each patch of a picture is named as it is with the probability `accuracy`, and
 /// otherwise as another patch of the same picture.
-pub(super) struct Oracle {
+pub struct Oracle {
     recorded: Arc<SimulatedClip>,
     accuracy: f64,
     seed: u64,
@@ -29,8 +29,7 @@ pub(super) struct Oracle {
 
 impl Oracle {
     /// A recording as a clip, and the oracle that knows its pictures.
-    pub(super) fn with_clip(recorded: SimulatedClip, accuracy: f64, seed: u64) -> (Clip, Arc<Oracle>) {
-        let recorded = Arc::new(recorded);
+    pub fn with_clip(recorded: Arc<SimulatedClip>, accuracy: f64, seed: u64) -> (Clip, Arc<Oracle>) {
         let oracle = Oracle { recorded: recorded.clone(), accuracy, seed, frames: Mutex::default() };
         let oracle = Arc::new(oracle);
         let listener = oracle.clone();

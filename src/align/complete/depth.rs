@@ -42,8 +42,7 @@ pub(super) fn complete(
     let full = rendering.camera.width as usize;
     let middle = |i: usize| (i / width * STEP + STEP / 2) * full + i % width * STEP + STEP / 2;
     let estimated: Vec<f32> = (0..known.len()).map(|i| estimated[middle(i)]).collect();
-    let (scale, shift) = fit(&known, &estimated)?;
-    let fitted: Vec<f32> = estimated.iter().map(|m| (scale * m + shift).max(0.1)).collect();
+    let fitted = fitted(&known, &estimated)?;
     let floor_m = floor_depths(&camera, clip_from_camera);
     // What is known of the fit's error: at the surfaces, and where the floor was recognised.
     let anchors: Vec<Option<f32>> = (0..known.len())
@@ -134,11 +133,11 @@ fn coarse(rendering: &Rendering, picture: &RgbImage) -> (Vec<Known>, Pinhole) {
     (known.collect(), camera)
 }
 
-/// Scale and shift that bring the estimate to the surfaces' depth, by least squares in which what does not fit
-/// counts ever less (Cauchy). Relative to the depth: a network errs in proportion.
-fn fit(known: &[Known], estimated: &[f32]) -> Option<(f32, f32)> {
+/// The estimate as depth in metres: by scale and shift of its depth, or of its inverse, whichever fits the surfaces
+/// better. Networks for relative depth know the inverse up to a scale and a shift.
+fn fitted(known: &[Known], estimated: &[f32]) -> Option<Vec<f32>> {
     const MIN_CELLS: usize = 50;
-    const ERROR: f64 = 0.05;
+    const NEAREST_M: f64 = 0.1;
     let pairs: Vec<(f64, f64)> = known
         .iter()
         .zip(estimated)
@@ -148,10 +147,31 @@ fn fit(known: &[Known], estimated: &[f32]) -> Option<(f32, f32)> {
     if pairs.len() < MIN_CELLS {
         return None;
     }
+    let inverse = |m: f64| 1.0 / m.max(1e-6);
+    let direct = line(&pairs);
+    let inverted: Vec<(f64, f64)> = pairs.iter().map(|&(m, d)| (inverse(m), inverse(d))).collect();
+    let inverted = line(&inverted);
+    let by_depth = |m: f64| (direct.0 * m + direct.1).max(NEAREST_M);
+    let by_inverse = |m: f64| inverse((inverted.0 * inverse(m) + inverted.1).max(0.02)).max(NEAREST_M);
+    let misfit = |depth: &dyn Fn(f64) -> f64| {
+        pairs.iter().map(|&(m, d)| (1.0 + ((depth(m) / d - 1.0) / ERROR).powi(2)).ln()).sum::<f64>()
+    };
+    let depth: &dyn Fn(f64) -> f64 =
+        if misfit(&by_depth) <= misfit(&by_inverse) { &by_depth } else { &by_inverse };
+    let fitted: Vec<f32> = estimated.iter().map(|m| depth(f64::from(*m)) as f32).collect();
+    fitted.iter().all(|d| d.is_finite()).then_some(fitted)
+}
+
+/// How far a network may err in proportion before a cell counts less.
+const ERROR: f64 = 0.05;
+
+/// The line from the first to the second values by least squares relative to the second, in which what does not fit
+/// counts ever less (Cauchy). It rises; through the origin where everything lies at one depth.
+fn line(pairs: &[(f64, f64)]) -> (f64, f64) {
     let (mut scale, mut shift) = (0.0, 0.0);
     for round in 0..10 {
         let mut sums = [0.0; 5];
-        for &(m, d) in &pairs {
+        for &(m, d) in pairs {
             let error = (scale * m + shift - d) / (ERROR * d);
             let robust = if round == 0 { 1.0 } else { 1.0 / (1.0 + error * error) };
             let weight = robust / (d * d);
@@ -161,17 +181,16 @@ fn fit(known: &[Known], estimated: &[f32]) -> Option<(f32, f32)> {
         }
         let [n, sm, smm, sd, smd] = sums;
         let determinant = n * smm - sm * sm;
-        // Everything at one depth: then the scale alone is fitted.
         (scale, shift) = if determinant > 1e-6 * n * smm {
             ((n * smd - sm * sd) / determinant, (smm * sd - sm * smd) / determinant)
         } else {
-            (smd / smm.max(f64::MIN_POSITIVE), 0.0)
+            (0.0, 0.0)
         };
         if scale <= 0.0 {
             (scale, shift) = (smd / smm.max(f64::MIN_POSITIVE), 0.0);
         }
     }
-    (scale.is_finite() && shift.is_finite() && scale > 0.0).then_some((scale as f32, shift as f32))
+    (scale, shift)
 }
 
 /// How far the floor is along each ray; none where it looks above the horizon or too far.
@@ -275,10 +294,18 @@ mod tests {
     #[test]
     fn scale_and_shift_of_an_estimate_do_not_matter() {
         let (rendering, truth, pose) = scene(300..460);
-        let exact: Vec<f32> = truth.iter().map(|d| 0.4 * d + 0.7).collect();
-        let completed = complete(&rendering, &rendering.color, &exact, None, &pose).unwrap();
-        assert!(completed.filled.iter().filter(|f| **f).count() > 3000);
-        assert!(worst(&completed, &truth) < 0.02, "{}", worst(&completed, &truth));
+        let depth: fn(f32) -> f32 = |d| 0.4 * d + 0.7;
+        // What is left of a relative disparity when it is turned over.
+        let disparity: fn(f32) -> f32 = |d| 1.0 / (0.3 / d + 0.1);
+        let mut completed = None;
+        for change in [disparity, depth] {
+            let exact: Vec<f32> = truth.iter().map(|d| change(*d)).collect();
+            let filled = complete(&rendering, &rendering.color, &exact, None, &pose).unwrap();
+            assert!(filled.filled.iter().filter(|f| **f).count() > 3000);
+            assert!(worst(&filled, &truth) < 0.02, "{}", worst(&filled, &truth));
+            completed = Some(filled);
+        }
+        let completed = completed.unwrap();
         // What is rendered stays.
         for (i, d) in completed.depth_m.iter().enumerate().filter(|(i, _)| !completed.filled[*i]) {
             let at = (i / 128 * STEP + STEP / 2) * 512 + i % 128 * STEP + STEP / 2;

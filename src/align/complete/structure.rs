@@ -206,7 +206,10 @@ fn continue_wall(
 
 #[cfg(test)]
 mod tests {
+    use super::super::view::View;
     use super::*;
+    use crate::clip::DepthImage;
+    use crate::geometry::Pinhole;
 
     /// A wall along x at `y`, seen from the side of larger y, from x = 0 on; each value is the lowest height
     /// seen in a step, none where nothing was seen. It reaches up to 2.4 m.
@@ -243,6 +246,25 @@ mod tests {
         assert!(completed(&[wall(0.0, &[Some(0.0); 30])]).is_empty());
         // The lintel of a door is no wall.
         assert!(completed(&[wall(0.0, &[Some(2.0); 30])]).is_empty());
+    }
+
+    #[test]
+    fn where_the_camera_looked_through_there_is_no_wall() {
+        // From y = 2 at a height of 1.4 m towards the wall at y = 0: the middle third of the picture is 4 m deep.
+        let camera = Pinhole { width: 96, height: 72, fx: 80.0, fy: 80.0, cx: 47.5, cy: 35.5 };
+        let depth_m = |x: u32| if (32..64).contains(&x) { 4.0 } else { 2.0 };
+        let depth =
+            DepthImage { width: 96, height: 72, depth_m: (0..96 * 72).map(|i| depth_m(i % 96)).collect() };
+        let yaw_rad = -std::f64::consts::FRAC_PI_2;
+        let view = View { eye_m: [0.9, 2.0, 1.4], yaw_rad, pitch_rad: 0.0 };
+        let key = KeyFrame::that_read(view.clip_from_camera(), &depth, camera);
+        let params = StructureCompletion::default();
+        let walls = Extended::new(&[wall(0.0, &[Some(1.2); 30])], &params);
+        let points = walls.points(&[key], &Pose3::identity(), 0.03, &params);
+        // A third of 2.4 m of picture at 2 m: from 0.5 to 1.3 m.
+        let open = |x: f64| (0.55..1.25).contains(&x);
+        assert!(points.iter().all(|p| !open(p.position().x)), "the opening is respected");
+        assert!(points.iter().any(|p| p.position().x < 0.4) && points.iter().any(|p| p.position().x > 1.45));
     }
 
     #[test]
