@@ -11,6 +11,7 @@ mod homes;
 mod jobs;
 mod lidar_map;
 mod list;
+mod map;
 mod page;
 mod problems;
 mod request_log;
@@ -53,6 +54,7 @@ struct App {
         (name = "homes", description = "What a LiDAR map and clips belong to"),
         (name = "lidar-map", description = "The map of the home's robot vacuum"),
         (name = "clips", description = "Recorded RGB-D clips and their poses in the map"),
+        (name = "map", description = "The fused map of a home"),
         (name = "jobs", description = "Work under way"),
         (name = "service", description = "The service itself"),
     )
@@ -72,6 +74,8 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(clip_results::get_clip_overlay))
         .routes(routes!(clip_results::get_clip_cloud))
         .routes(routes!(clip_results::get_clip_completion))
+        .routes(routes!(map::get_map))
+        .routes(routes!(map::get_map_points))
         .routes(routes!(jobs::get_job))
         .routes(routes!(jobs::watch_job))
         .routes(routes!(jobs::cancel_job))

@@ -1,6 +1,7 @@
 //! The queue in one process: it wakes workers and listeners; what is true is in storage.
 
 mod align_clip;
+mod merge;
 mod report;
 mod worker;
 

@@ -14,6 +14,7 @@ mod columns;
 mod conformance;
 mod database;
 mod folder_lock;
+mod home_maps;
 mod homes;
 mod idempotency;
 mod incoming;
@@ -23,6 +24,7 @@ mod lidar_maps;
 
 pub use blobs::BlobReader;
 pub use clips::{Added, Clip, ClipState, NewClip};
+pub use home_maps::{HomeMap, LeftOut, MergeClaim};
 pub use homes::{Home, HomeId, InvalidHomeId};
 pub use incoming::{Arrived, Incoming};
 pub use jobs::{Job, JobState};
@@ -84,6 +86,7 @@ impl Storage {
     async fn blob_keys(&self) -> Result<std::collections::HashSet<String>, StorageError> {
         let mut keys = self.clip_blob_keys().await?;
         keys.extend(self.lidar_map_blob_keys().await?);
+        keys.extend(self.home_map_blob_keys().await?);
         Ok(keys.into_iter().collect())
     }
 }

@@ -14,6 +14,8 @@ mod hostile;
 mod jobs;
 #[path = "api/lidar_map.rs"]
 mod lidar_map;
+#[path = "api/map.rs"]
+mod map;
 #[path = "api/problems.rs"]
 mod problems;
 #[path = "api/server.rs"]

@@ -1,6 +1,7 @@
 //! Takes one job after the other and does it.
 
 use super::align_clip::{Failure, Finished, align_clip};
+use super::merge::merge;
 use super::report::{Heard, Report};
 use super::{POLL, Queue};
 use crate::align::{AlignParams, Reason};
@@ -59,7 +60,15 @@ pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationTok
                 queue.wake();
                 continue;
             }
-            Ok(None) => {}
+            // Maps come after clips, so that a home with many clips on their way is merged once.
+            Ok(None) => match queue.storage.claim_merge(params.lease, Timestamp::now()).await {
+                Ok(Some(claim)) => {
+                    merge(&queue, &claim).await;
+                    continue;
+                }
+                Ok(None) => {}
+                Err(error) => error!(%error, "no map could be claimed"),
+            },
             Err(error) => error!(%error, "no job could be claimed"),
         }
         tokio::select! {

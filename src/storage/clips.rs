@@ -3,7 +3,9 @@
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Row, Transaction};
 use super::incoming::Arrived;
-use super::{BlobReader, HomeId, Job, Page, Storage, StorageError, homes, idempotency, jobs, lidar_maps};
+use super::{
+    BlobReader, HomeId, Job, Page, Storage, StorageError, home_maps, homes, idempotency, jobs, lidar_maps,
+};
 use crate::align::{Alignment, AlignmentState, Reason};
 use crate::clip::ClipInfo;
 use jiff::Timestamp;
@@ -216,6 +218,9 @@ impl Storage {
             .bind(id.to_string())
             .execute(&mut *transaction)
             .await?;
+        if clip.state == ClipState::Aligned {
+            home_maps::changed(&mut transaction, home).await?;
+        }
         transaction.commit().await?;
         self.blobs.discard(&blobs_of(id, clip.result_key.as_deref())).await;
         Ok(())
@@ -281,6 +286,12 @@ pub(super) async fn change(
     change: Change<'_>,
     now: Timestamp,
 ) -> Result<(), StorageError> {
+    let before = sqlx::query("SELECT home_id, state FROM clips WHERE job_id = $1").bind(job.to_string());
+    if let Some(row) = before.fetch_optional(&mut *connection).await?
+        && (row.name::<ClipState>("state")? == ClipState::Aligned || change.state == ClipState::Aligned)
+    {
+        home_maps::changed(connection, &row.home("home_id")?).await?;
+    }
     sqlx::query(
         "UPDATE clips SET state = $2, reasons = $3, alignment = $4, result_key = $5, updated_at = $6
         WHERE job_id = $1",

@@ -137,6 +137,7 @@ impl Storage {
         let blobs: Vec<String> = [
             super::clips::blob_keys(&mut transaction, Some(id)).await?,
             super::lidar_maps::blob_keys(&mut transaction, Some(id)).await?,
+            super::home_maps::blob_keys(&mut transaction, Some(id)).await?,
         ]
         .concat();
         let deleted = sqlx::query("DELETE FROM homes WHERE id = $1").bind(id.as_str());

@@ -183,6 +183,14 @@ async fn current_or_missing(
 }
 
 /// The id of the current revision.
+/// 0 before the first one.
+pub(super) async fn current_revision(
+    connection: &mut Connection,
+    home: &HomeId,
+) -> Result<i64, StorageError> {
+    Ok(current(connection, home).await?.map_or(0, |map| map.revision))
+}
+
 pub(super) async fn current_id(
     connection: &mut Connection,
     home: &HomeId,
