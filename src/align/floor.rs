@@ -4,9 +4,9 @@ use super::cloud::{CloudPoint, PointCloud};
 use super::fuse::{KeyFrame, mean_camera_up};
 use super::label::Label;
 use super::{FloorReport, Reason};
-use crate::geometry::{Plane, Point3, Pose3, Vector3};
+use crate::geometry::{Plane, Point3, Pose3, Vector2, Vector3};
 use crate::taxonomy::Class;
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+use nalgebra::{Matrix2, Matrix3, Rotation3, UnitQuaternion};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -25,6 +25,9 @@ pub struct FloorParams {
     pub gravity_cone_rad: f64,
     /// ... or, without gravity, from the mean of the cameras' upward axes.
     pub camera_cone_rad: f64,
+    /// How far gravity is off, standard deviation: a floor of which only a strip was seen leans by its own unevenness,
+    /// and then gravity knows better.
+    pub gravity_deviation_rad: f64,
     /// Where the first camera may be above the floor.
     pub camera_height_m: std::ops::RangeInclusive<f64>,
     /// Heights of the camera that are tried when no floor is in sight.
@@ -43,6 +46,7 @@ impl Default for FloorParams {
             inlier_m: 0.03,
             below_m: 0.08,
             gravity_cone_rad: 10f64.to_radians(),
+            gravity_deviation_rad: 0.6f64.to_radians(),
             camera_cone_rad: 50f64.to_radians(),
             camera_height_m: 0.25..=2.6,
             assumed_heights_m: vec![1.45, 1.25, 1.65],
@@ -148,7 +152,10 @@ pub fn find_floor(
     if area_m2 < params.min_area_m2 || below_share > params.max_below_share {
         return Err(NoFloor::NoPlane { best_area_m2: area_m2, below_share });
     }
-    let plane = best.plane;
+    let plane = match up_in_world {
+        Some(up) => scorer.steadied(&best.plane, area_m2, &up.normalize()),
+        None => best.plane,
+    };
     Ok(Floor {
         plane_in_world: plane,
         clip_from_world: clip_from_world(&plane, &first.world_from_camera),
@@ -274,6 +281,37 @@ impl Scorer<'_> {
         // A table top has the floor below it; each point there outweighs several on it.
         let score = inliers as f64 - 5.0 * below as f64;
         Some(Candidate { plane, inliers, below, score })
+    }
+}
+
+impl Scorer<'_> {
+    /// A plane of which so much was seen, drawn towards level as far as its own unevenness leaves its lean open.
+    fn steadied(&self, plane: &Plane, area_m2: f64, up: &Vector3) -> Plane {
+        /// Standard deviation of a scanned floor's height, and the area over which it is off alike.
+        const UNEVEN_M: f64 = 0.01;
+        const ALIKE_M2: f64 = 0.1;
+        let on_plane = |s: &&Scored| {
+            s.may_be_floor
+                && plane.height_m(&s.position_m).abs() < self.params.inlier_m
+                && s.normal.dot(&plane.normal) > 0.9
+        };
+        let seen: Vec<&Point3> = self.scored.iter().filter(on_plane).map(|s| &s.position_m).collect();
+        if seen.is_empty() {
+            return *plane;
+        }
+        let east = up.cross(&plane.normal).try_normalize(1e-9);
+        // A plane that is level already stays.
+        let Some(east) = east else { return *plane };
+        let north = up.cross(&east);
+        let middle = seen.iter().map(|p| p.coords).sum::<Vector3>() / seen.len() as f64;
+        let flat = |p: &Point3| Vector2::new((p.coords - middle).dot(&east), (p.coords - middle).dot(&north));
+        let spread: Matrix2<f64> = seen.iter().map(|p| flat(p) * flat(p).transpose()).sum();
+        let known = spread * (area_m2 / ALIKE_M2 / seen.len() as f64 / (UNEVEN_M * UNEVEN_M));
+        let level = Matrix2::identity() / self.params.gravity_deviation_rad.powi(2);
+        let lean = Vector2::new(plane.normal.dot(&east), plane.normal.dot(&north)) / plane.normal.dot(up);
+        let Some(share) = (known + level).try_inverse() else { return *plane };
+        let lean = share * known * lean;
+        Plane::through(&Point3::from(middle), up + east * lean.x + north * lean.y)
     }
 }
 

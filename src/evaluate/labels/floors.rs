@@ -36,6 +36,7 @@ const CELL_M: f64 = 0.06;
 /// apart in every direction, root mean square.
 const MIN_VERTICES: usize = 400;
 const MIN_SPREAD_M: f64 = 0.15;
+const AROUND_M: f64 = 1.5;
 
 /// The excerpts of a clip, half overlapping, with the labels of `params`.
 pub fn floors(
@@ -82,7 +83,8 @@ pub fn floors(
 }
 
 /// Degrees and metres between the floor that was found, which is z = 0 of the clip frame, and the plane through the
-/// vertices of the labelled floor that the excerpt saw; the metres are those below their middle.
+/// vertices of the labelled floor within [`AROUND_M`] of the middle of those that the excerpt saw: a strip says little
+/// about its own lean. The metres are those at that middle.
 fn true_plane(seen: &Observation, truth: &Truth, clip_from_world: &Pose3) -> Option<(f64, f64)> {
     let cell = |p: &Point3| [p.x, p.y, p.z].map(|c| (c / CELL_M).floor() as i32);
     let cells: FxHashSet<[i32; 3]> = seen.cloud_in_clip.points.iter().map(|p| cell(&p.position())).collect();
@@ -91,27 +93,27 @@ fn true_plane(seen: &Observation, truth: &Truth, clip_from_world: &Pose3) -> Opt
         (0..27).any(|i| cells.contains(&[x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]))
     };
     let floor_class = coarse(Class::Floor);
-    let vertices: Vec<Point3> = truth
-        .vertices_m
-        .iter()
-        .zip(&truth.classes)
-        .filter(|(_, class)| **class == Some(floor_class))
-        .map(|(vertex, _)| clip_from_world * vertex)
-        .filter(is_near)
-        .collect();
+    let floor = || {
+        let labelled = truth.vertices_m.iter().zip(&truth.classes);
+        labelled.filter(|(_, class)| **class == Some(floor_class)).map(|(vertex, _)| clip_from_world * vertex)
+    };
+    let vertices: Vec<Point3> = floor().filter(is_near).collect();
     if vertices.len() < MIN_VERTICES {
         return None;
     }
-    let middle = vertices.iter().map(|v| v.coords).sum::<Vector3>() / vertices.len() as f64;
+    let middle = Point3::from(vertices.iter().map(|v| v.coords).sum::<Vector3>() / vertices.len() as f64);
     let spread: nalgebra::Matrix2<f64> =
-        vertices.iter().map(|v| (v.coords - middle).xy()).map(|d| d * d.transpose()).sum();
+        vertices.iter().map(|v| (v - middle).xy()).map(|d| d * d.transpose()).sum();
     let narrowest = (spread / vertices.len() as f64).symmetric_eigenvalues().min().max(0.0).sqrt();
     if narrowest < MIN_SPREAD_M {
         return None;
     }
-    let plane = Plane::fit(vertices.iter())?;
+    let around: Vec<Point3> =
+        floor().filter(|v| (v - middle).xy().norm() < AROUND_M && (v.z - middle.z).abs() < 0.2).collect();
+    let plane = Plane::fit(around.iter())?;
     let lean = plane.normal.z.abs().min(1.0).acos().to_degrees();
-    Some((lean, middle.z.abs()))
+    let below = Point3::new(middle.x, middle.y, 0.0);
+    Some((lean, plane.height_m(&below).abs()))
 }
 
 /// The rows as a table in Markdown.
