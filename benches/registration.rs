@@ -1,11 +1,15 @@
-//! Time of search, refinement and decision, and of rendering a view, on one thread: `cargo bench`. The maps are simulated flats, and the
-//! real apartment where `VIOLA_TEST_DATA` names the folder that has it. `paper` runs on the same clips when
-//! asked for: `cargo bench -- --paper` (minutes).
+//! Time of search, refinement and decision, of rendering a view and of completion, on one thread: `cargo bench`. The
+//! maps are simulated flats, and the real apartment where `VIOLA_TEST_DATA` names the folder that has it. `paper`
+//! runs on the same clips when asked for: `cargo bench -- --paper` (minutes).
 
+use image::{GrayImage, RgbImage};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
-use viola::align::AlignParams;
-use viola::align::complete::{self, View};
+use viola::align::complete::inpaint::{InpaintError, Inpainter};
+use viola::align::complete::monocular::{DepthError, DepthEstimator};
+use viola::align::complete::{self, Imagination, View, ViewStrategy};
+use viola::align::{Activation, AlignParams, CompleteParams, register_completing};
 use viola::evaluate::{HomeClips, HomesParams, Method, Sample, Scene, SceneClips, Suite, excerpts};
 use viola::progress::Silent;
 use viola::simulate::{Sensor, Set};
@@ -30,6 +34,7 @@ fn main() {
             Some(root) => {
                 measure("real apartment, 20 frames", &apartment(Path::new(&root)), &methods);
                 render(&apartment(Path::new(&root)));
+                complete(&apartment(Path::new(&root)));
             }
             None => println!("VIOLA_TEST_DATA is not set: no real apartment"),
         }
@@ -74,6 +79,81 @@ fn render(suite: &dyn Suite) {
         milliseconds[milliseconds.len() - 1],
         milliseconds.len()
     );
+}
+
+/// Fills holes grey at no cost.
+struct Grey;
+
+impl Inpainter for Grey {
+    fn inpaint(
+        &self,
+        picture: &RgbImage,
+        _hole: &GrayImage,
+        _seed: u64,
+        _keep_going: &dyn Fn() -> bool,
+    ) -> Result<RgbImage, InpaintError> {
+        Ok(picture.clone())
+    }
+
+    fn name(&self) -> String {
+        "grey".into()
+    }
+}
+
+/// Tells nothing at no cost.
+struct Flat;
+
+impl DepthEstimator for Flat {
+    fn depth(&self, picture: &RgbImage) -> Result<Vec<f32>, DepthError> {
+        Ok(vec![2.0; (picture.width() * picture.height()) as usize])
+    }
+
+    fn name(&self) -> String {
+        "flat".into()
+    }
+}
+
+/// What completion costs without its networks: of structure, and of each view.
+fn complete(suite: &dyn Suite) {
+    let params = AlignParams::default();
+    let imagination = Imagination {
+        inpainter: Arc::new(Grey),
+        estimator: Some(Arc::new(Flat)),
+        views: ViewStrategy::StepBack,
+        max_views: 6,
+    };
+    let with = |when, imagination| AlignParams {
+        complete: CompleteParams { when, imagination, ..CompleteParams::default() },
+        ..params.clone()
+    };
+    let ways = [
+        with(Activation::Never, None),
+        with(Activation::Always, None),
+        with(Activation::Always, Some(imagination)),
+    ];
+    let (mut structure, mut views) = (Vec::new(), Vec::new());
+    for index in (0..suite.cases().len()).step_by(3) {
+        let sample = suite.sample(index, &params, &Silent).expect("a clip of the suite is observed");
+        let Some(Sample { observation, target, .. }) = sample else { continue };
+        let timed = ways.each_ref().map(|way| {
+            let begun = Instant::now();
+            let (_, completion) =
+                register_completing(&observation, target.as_deref(), way, &Silent).expect("nobody cancels");
+            (begun.elapsed().as_secs_f64() * 1e3, completion.map_or(0, |completion| completion.views.len()))
+        });
+        structure.push(timed[1].0 - timed[0].0);
+        if timed[2].1 > 0 {
+            views.push((timed[2].0 - timed[1].0) / timed[2].1 as f64);
+        }
+    }
+    for (what, mut milliseconds) in [("structure and registering again", structure), ("each view", views)] {
+        milliseconds.sort_by(f64::total_cmp);
+        let median = milliseconds.get(milliseconds.len() / 2).copied().unwrap_or(f64::NAN);
+        println!(
+            "completion, {what}, without networks: median {median:.1} ms over {} clips",
+            milliseconds.len()
+        );
+    }
 }
 
 /// The median over the clips of each clip's fastest of three runs; `paper` runs once.
