@@ -69,8 +69,8 @@ impl MapMerge {
             let voxel = self.voxels.entry(key).or_default();
             voxel.points += sign;
             voxel.views += sign * i64::from(point.label.views);
-            for axis in 0..3 {
-                let within_m = f64::from(point.position_m[axis]) - f64::from(key[axis]) * MAP_VOXEL_M;
+            for (axis, corner) in key.iter().enumerate() {
+                let within_m = f64::from(point.position_m[axis]) - f64::from(*corner) * MAP_VOXEL_M;
                 voxel.position[axis] += sign * (within_m * 1e5).round() as i64;
                 voxel.normal[axis] += sign * (f64::from(point.normal[axis]) * 1e3).round() as i64;
                 voxel.color[axis] += sign * i64::from(point.color[axis]);
