@@ -11,7 +11,8 @@ pub struct WeighParams {
     pub tall_m: f64,
     /// Factor for walls that were seen only above the vacuum's height.
     pub upper_weight: f64,
-    /// Factor for what may have been moved, by its class.
+    /// Factor for what may have been moved, by its class. Most of it stands where it stood: any factor below one lost
+    /// more on homes that changed than it won.
     pub movable_weight: f64,
     /// Factor for what was filled in.
     pub completed_weight: f64,
@@ -23,7 +24,7 @@ impl Default for WeighParams {
             low_weight: 0.5,
             tall_m: 1.2,
             upper_weight: 0.5,
-            movable_weight: 0.5,
+            movable_weight: 1.0,
             completed_weight: 0.5,
         }
     }

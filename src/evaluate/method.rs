@@ -32,8 +32,8 @@ const ABLATIONS: &[Ablation] = &[
     }),
     // What is low counts as much as what is tall.
     ("structure", |params| params.weigh.low_weight = 1.0),
-    // What is movable counts as much as what is fixed.
-    ("labels", |params| params.weigh.movable_weight = 1.0),
+    // What a network calls movable does not count.
+    ("movable", |params| params.weigh.movable_weight = 0.0),
     ("upper-walls", |params| params.weigh.upper_weight = 0.0),
     // A hit where the map knows nothing costs as much as one on free floor.
     ("unknown-cells", |params| params.decide.evidence.unknown_share = 1.0),
