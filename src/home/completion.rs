@@ -120,7 +120,7 @@ fn sheet(
     let top = head + rows.len() as u32 * row;
     for (place, (name, plan)) in (0..).zip(plans) {
         let left = GAP + place * (PLAN + GAP);
-        let caption = format!("plan {name}: dark hits, violet filled in, blue cameras, orange views");
+        let caption = format!("plan {name}");
         lettering::write(&mut canvas, left, top + 4, LETTER, ink::TEXT, &caption);
         imageops::replace(&mut canvas, plan, i64::from(left), i64::from(top + CAPTION));
     }
@@ -155,6 +155,8 @@ fn words(report: &CompletionReport) -> Vec<String> {
             "{} points continue walls, {} points made up by {by}",
             report.structure_points, report.imagined_points
         ),
+        "plans: dark hits, violet filled in, blue cameras, orange views, red boundary of the seen, yellow frontier"
+            .to_owned(),
     ]
 }
 
