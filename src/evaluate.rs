@@ -33,7 +33,7 @@ pub use homes::{HomeClips, HomesParams};
 pub use journal::{Journal, JournalError};
 pub use memory::peak_memory_bytes;
 pub use mesh::{Mesh, MeshError};
-pub use method::{Method, MethodKind};
+pub use method::{Method, MethodKind, NoMethod};
 pub use oracle::Oracle;
 pub use record::ClipResult;
 pub use run::{Run, RunError};

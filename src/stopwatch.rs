@@ -70,3 +70,24 @@ impl Progress for Stopwatch<'_> {
         over || self.inner.out_of_time()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+
+    #[test]
+    fn only_the_stage_with_a_budget_runs_out_of_time() {
+        let watch = Stopwatch::around(&Silent).with_budget(Stage::Complete, Duration::ZERO);
+        assert!(!watch.out_of_time(), "nothing has begun");
+        watch.enter(Stage::Search);
+        assert!(!watch.out_of_time());
+        watch.enter(Stage::Complete);
+        // A clock that is too coarse has not moved yet.
+        while !watch.out_of_time() {}
+        let patient = Stopwatch::around(&watch).with_budget(Stage::Complete, Duration::from_secs(3600));
+        patient.enter(Stage::Complete);
+        while !patient.out_of_time() {}
+        assert_eq!(patient.stop().keys().collect::<Vec<_>>(), ["complete"]);
+    }
+}

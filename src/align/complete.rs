@@ -159,8 +159,18 @@ pub fn register_completing(
     let completed = Observation { scan: filled.completion.scan.clone(), ..settled };
     let after = register(&completed, target, params, &Within(progress))?;
     let taken = params.complete.take.after(&before, &after);
-    let report =
-        CompletionReport { taken, before: Judged::of(&before), after: Judged::of(&after), ..filled.report };
+    let scan = &filled.completion.scan;
+    let report = CompletionReport {
+        structure_points: filled.structure_points,
+        imagined_points: filled.completion.cloud_in_clip.points.len() - filled.structure_points,
+        hits: scan.hits.iter().filter(|hit| hit.completed).count(),
+        imagined_by: filled.imagined_by,
+        views: filled.completion.views.iter().map(ViewReport::of).collect(),
+        cut_short: filled.cut_short,
+        taken,
+        before: Judged::of(&before),
+        after: Judged::of(&after),
+    };
     let mut chosen = if taken { after } else { before };
     chosen.reasons.extend(filled.remarks);
     chosen.completion = Some(report);
@@ -183,7 +193,10 @@ impl Progress for Within<'_> {
 /// What was filled in, and what is told of it.
 struct Filled {
     completion: Completion,
-    report: CompletionReport,
+    /// The first points of the completion's cloud.
+    structure_points: usize,
+    imagined_by: Vec<String>,
+    cut_short: bool,
     remarks: Vec<Reason>,
 }
 
@@ -215,24 +228,14 @@ fn fill(settled: &Observation, params: &AlignParams, progress: &dyn Progress) ->
     let cloud_in_clip = PointCloud { points, voxel_m };
     let raycast = RaycastParams { floor_m: 0.0, ..params.raycast.clone() };
     let scan = raycast::recast(&settled.scan, &settled.cloud_in_clip, &cloud_in_clip, &raycast);
-    let nothing = Judged { state: AlignmentState::Failed, probability: None, map_from_clip: None };
-    let report = CompletionReport {
-        structure_points,
-        imagined_points: imagined.points.len(),
-        hits: scan.hits.iter().filter(|hit| hit.completed).count(),
-        imagined_by,
-        views: imagined.views.iter().map(ViewReport::of).collect(),
-        cut_short: imagined.cut_short,
-        taken: false,
-        before: nothing.clone(),
-        after: nothing,
-    };
     let remarks = imagined.failure.map(|why| {
         Reason::new("imagination_failed", format!("what was not seen was completed without a network: {why}"))
     });
     Ok(Filled {
         completion: Completion { cloud_in_clip, scan, views: imagined.views, sets: imagined.sets },
-        report,
+        structure_points,
+        imagined_by,
+        cut_short: imagined.cut_short,
         remarks: remarks.into_iter().collect(),
     })
 }

@@ -6,7 +6,6 @@ use super::error::Error;
 use super::extract::HomePath;
 use super::problems::CommonProblems;
 use crate::storage::{HomeMap, LeftOut};
-use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -37,10 +36,12 @@ pub(super) async fn get_map(
 ) -> Result<Response, Error> {
     let map = app.storage.home_map(&home).await?.ok_or(Error::NoMapYet)?;
     let current = CurrentMap { map, left_out: app.storage.clips_left_out(&home).await? };
-    let text = serde_json::to_vec(&current).unwrap_or_default();
+    let text =
+        serde_json::to_vec(&current).expect("our own records have text keys and cannot fail to serialise");
     let sum: String = Sha256::digest(&text).iter().take(16).map(|byte| format!("{byte:02x}")).collect();
     let tag = format!("\"{sum}\"");
-    Ok(unless_known(&headers, &tag, || Json(current).into_response()))
+    let json = [(header::CONTENT_TYPE, HeaderValue::from_static("application/json"))];
+    Ok(unless_known(&headers, &tag, || (json, text).into_response()))
 }
 
 /// The points of a home's map, as a binary PLY with normals, colours and classes, in the LiDAR map's frame

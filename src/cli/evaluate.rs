@@ -5,7 +5,7 @@ use super::progress::TerminalProgress;
 use crate::align::{AlignParams, LabelParams};
 use crate::clip::Clip;
 use crate::evaluate::{
-    self, ClipResult, DrawnClips, DrawnParams, HomeClips, HomesParams, Journal, Method, Run, Scene,
+    self, ClipResult, DrawnClips, DrawnParams, HomeClips, HomesParams, Journal, Method, NoMethod, Run, Scene,
     SceneClips, Suite, SurveyParams, labels, plot,
 };
 use crate::progress::Silent;
@@ -166,7 +166,11 @@ fn judge_labels(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
 }
 
 fn methods(arguments: &EvaluateArguments) -> Result<Vec<Method>> {
-    let imagination = arguments.networks.imagination()?;
+    // Loaded only where a method asks for them: a checkpoint may take gigabytes.
+    let asks =
+        |name: &String| matches!(Method::named(name, arguments.seed, None), Err(NoMethod::NeedsNetworks(_)));
+    let imagination =
+        if arguments.methods.iter().any(asks) { arguments.networks.imagination()? } else { None };
     let method = |name: &String| Ok(Method::named(name, arguments.seed, imagination.as_ref())?);
     arguments.methods.iter().map(method).collect()
 }

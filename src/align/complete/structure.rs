@@ -119,7 +119,8 @@ fn crossing(a: &Wall, b: &Wall, min_angle_rad: f64) -> Option<Point2> {
 /// Where the camera looked through a wall's plane.
 struct Openings {
     from_m: f64,
-    passages: Vec<u32>,
+    /// In each [`Wall::STEP_M`] from there.
+    open: Vec<bool>,
 }
 
 impl Openings {
@@ -156,15 +157,14 @@ impl Openings {
                 }
             }
         }
-        let open = passages.iter().map(|count| u32::from(*count >= params.passages)).collect();
-        Openings { from_m, passages: open }
+        Openings { from_m, open: passages.into_iter().map(|count| count >= params.passages).collect() }
     }
 
     /// Whether a place along the wall, or the one beside it, is open.
     fn at(&self, along_m: f64) -> bool {
         let step = ((along_m - self.from_m) / Wall::STEP_M) as usize;
-        let near = step.saturating_sub(1)..(step + 2).min(self.passages.len());
-        self.passages.get(near).is_some_and(|near| near.iter().any(|open| *open > 0))
+        let near = step.saturating_sub(1)..(step + 2).min(self.open.len());
+        self.open.get(near).is_some_and(|near| near.contains(&true))
     }
 }
 
