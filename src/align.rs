@@ -33,7 +33,7 @@ pub use complete::{Activation, CompleteParams, Completion, CompletionReport, reg
 pub use decide::DecideParams;
 pub use evidence::{Evidence, EvidenceParams};
 pub use floor::{Floor, FloorParams, NoFloor, heading};
-pub use fuse::{FuseParams, Fused, KeyFrame};
+pub use fuse::{FuseParams, Fused, KeyFrame, Readings, View};
 pub use label::{Label, LabelParams, LabelReport};
 pub use observe::{Observation, Rival, observe};
 pub use posterior::{Coefficient, FEATURES, Posterior, features};
@@ -89,6 +89,8 @@ pub struct Aligned {
     /// In the clip frame; empty when the floor was not found.
     pub cloud_in_clip: PointCloud,
     pub scan: VirtualScan,
+    /// What the key frames saw; empty when the floor was not found.
+    pub views: Vec<View>,
     /// What was filled in, where it was.
     pub completion: Option<Completion>,
 }
@@ -108,10 +110,19 @@ pub fn align(
     let target = Target::new(lidar);
     let (alignment, completion) = register_completing(&observation, target.as_ref(), params, progress)?;
     let (scan, sunk_m) = observation.view_of(&alignment);
+    let lower = Pose3::translation(0.0, 0.0, sunk_m);
+    let views = observation.clip_from_world.map_or_else(Vec::new, |clip_from_world| {
+        let view = |key: KeyFrame| View {
+            clip_from_camera: lower * clip_from_world * key.world_from_camera,
+            readings: key.readings,
+        };
+        observation.keys.into_iter().map(view).collect()
+    });
     Ok(Aligned {
         alignment,
         scan,
-        cloud_in_clip: observation.cloud_in_clip.transformed(&Pose3::translation(0.0, 0.0, sunk_m)),
+        cloud_in_clip: observation.cloud_in_clip.transformed(&lower),
+        views,
         completion,
     })
 }

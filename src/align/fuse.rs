@@ -48,8 +48,15 @@ pub struct KeyFrame {
     pub readings: Readings,
 }
 
+/// What a key frame saw, as the clip's other answers have it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct View {
+    pub clip_from_camera: Pose3,
+    pub readings: Readings,
+}
+
 /// A thinned depth picture: a few thousand numbers, because every key frame keeps one.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Readings {
     camera: Pinhole,
     width: u16,
@@ -73,6 +80,26 @@ impl Readings {
             }
         }
         Readings { camera, width, depth_mm, stride: stride as u16 }
+    }
+
+    /// Readings from their parts, none when these do not belong together.
+    pub fn new(camera: Pinhole, width: u16, stride: u16, depth_mm: Vec<u16>) -> Option<Readings> {
+        let rows_fit = width > 0 && depth_mm.len().is_multiple_of(usize::from(width));
+        (camera.is_plausible() && stride > 0 && rows_fit).then_some(Readings { camera, width, depth_mm, stride })
+    }
+
+    pub fn width(&self) -> u16 {
+        self.width
+    }
+
+    /// Pixels of the camera's picture from one reading to the next.
+    pub fn stride(&self) -> u16 {
+        self.stride
+    }
+
+    /// Millimetres, row after row; 0 where there is none.
+    pub fn depth_mm(&self) -> &[u16] {
+        &self.depth_mm
     }
 
     /// The depth measured at a place of the picture, in metres; none where nothing was measured.

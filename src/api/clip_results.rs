@@ -1,13 +1,15 @@
 //! Pictures and clouds of one clip.
 
 use super::App;
-use super::bodies::{FileBytes, send};
+use super::bodies::{FileBytes, send, understand};
 use super::error::Error;
 use super::extract::ClipPath;
 use super::problems::CommonProblems;
-use crate::storage::HomeId;
+use crate::home::{ClipScan, MAP_VOXEL_M, NotOurs, cloud_ply, read_cloud_ply};
+use crate::storage::{HomeId, StorageError, result_file};
 use axum::extract::State;
-use axum::response::Response;
+use axum::http::{HeaderValue, header};
+use axum::response::{IntoResponse, Response};
 use uuid::Uuid;
 
 /// The LiDAR map with the clip's hit points and path drawn over it
@@ -18,7 +20,7 @@ pub(super) async fn get_clip_overlay(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
 ) -> Result<Response, Error> {
-    send_result(app, home, clip, "overlay.png", "image/png").await
+    send_result(app, home, clip, result_file::OVERLAY, "image/png").await
 }
 
 /// What was filled in where the clip left doubt: the views, what was made of them, and the plan before and after
@@ -29,18 +31,44 @@ pub(super) async fn get_clip_completion(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
 ) -> Result<Response, Error> {
-    send_result(app, home, clip, "completion.png", "image/png").await
+    send_result(app, home, clip, result_file::COMPLETION, "image/png").await
 }
 
-/// The clip's fused points with colours, in the map's frame when the clip is aligned
+/// The clip's fused points with colours, in the map's frame when the clip has a place in the map
+///
+/// Its place is the one in the home's map, else a person's choice, else that of its own alignment; without one the
+/// points are in the clip's frame. The PLY's comment says which.
 #[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}/cloud.ply", tag = "clips",
     params(ClipPath),
     responses((status = 200, description = "The points", body = FileBytes, content_type = "model/ply"), CommonProblems))]
 pub(super) async fn get_clip_cloud(
     State(app): State<App>,
+    ClipPath { home, clip: id }: ClipPath,
+) -> Result<Response, Error> {
+    let clip = app.storage.clip(&home, id).await?;
+    let bytes = app.storage.clip_result_bytes(&clip, result_file::CLOUD).await?;
+    let bytes = bytes.ok_or(Error::NoSuchResult(clip.state.name()))?;
+    let Some(map_from_clip) = clip.map_from_clip() else {
+        return Ok(([(header::CONTENT_TYPE, HeaderValue::from_static("model/ply"))], bytes).into_response());
+    };
+    let moved = understand(&app, move || {
+        let cloud = read_cloud_ply(&bytes, MAP_VOXEL_M)?;
+        Ok::<_, NotOurs>(cloud_ply(&cloud, Some(&map_from_clip)))
+    });
+    let damaged = |error: NotOurs| StorageError::Column { column: "cloud.ply", detail: error.to_string() };
+    let moved = moved.await.map_err(damaged)?;
+    Ok(([(header::CONTENT_TYPE, HeaderValue::from_static("model/ply"))], moved).into_response())
+}
+
+/// What the vacuum would have seen of the clip, and where its cameras were, in the clip's frame: to draw it at any pose
+#[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}/scan", tag = "clips",
+    params(ClipPath),
+    responses((status = 200, description = "Hits and cameras", body = ClipScan), CommonProblems))]
+pub(super) async fn get_clip_scan(
+    State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
 ) -> Result<Response, Error> {
-    send_result(app, home, clip, "cloud.ply", "model/ply").await
+    send_result(app, home, clip, result_file::SCAN, "application/json").await
 }
 
 async fn send_result(

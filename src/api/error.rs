@@ -69,8 +69,10 @@ pub(super) enum Error {
         "the clip is `{0}`: it has this file once a job ran to an answer, and completion.png only where something was filled in"
     )]
     NoSuchResult(&'static str),
-    #[error("no clip of the home has been aligned and merged yet; look at its clips for what they wait for")]
-    NoMapYet,
+    #[error(
+        "the home has no map of this revision: none before a clip of it has been aligned and merged, and the newest five are kept"
+    )]
+    NoSuchMap,
     #[error("nothing is served under this path; GET /openapi.json lists what is")]
     NoSuchRoute,
     #[error("this path does not serve this method; the Allow header lists those it does")]
@@ -115,7 +117,7 @@ impl Error {
             Error::JobEnded(_) => (S::CONFLICT, "job_ended", "The job has ended already"),
             Error::NoSuchJob => (S::NOT_FOUND, "job_not_found", "There is no such job"),
             Error::NoSuchResult(_) => (S::NOT_FOUND, "result_not_found", "The clip has no such file now"),
-            Error::NoMapYet => (S::NOT_FOUND, "map_not_found", "The home has no map yet"),
+            Error::NoSuchMap => (S::NOT_FOUND, "map_not_found", "The home has no such map"),
             Error::NoSuchRoute => (S::NOT_FOUND, "route_not_found", "There is nothing under this path"),
             Error::MethodNotAllowed => {
                 (S::METHOD_NOT_ALLOWED, "method_not_allowed", "The path does not serve this method")

@@ -1,18 +1,24 @@
 //! `/v1/homes/{home}/map`
 
-use super::App;
-use super::bodies::{FileBytes, send};
-use super::error::Error;
-use super::extract::HomePath;
-use super::problems::CommonProblems;
-use crate::storage::{HomeMap, LeftOut};
-use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
-use axum::response::{IntoResponse, Response};
-use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
+mod points;
+mod reply;
 
-/// The current revision of a home's map, and what is not in it
+pub(super) use points::{__path_get_map_points, get_map_points};
+
+use super::App;
+use super::error::Error;
+use super::extract::{HomePath, Query};
+use super::list::{List, ListQuery};
+use super::problems::CommonProblems;
+use crate::storage::{HomeId, HomeMap, LeftOut};
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use reply::{tag_of, unless_known};
+use serde::{Deserialize, Serialize};
+
+/// A revision of a home's map, and what is not in it
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub(super) struct CurrentMap {
     #[serde(flatten)]
@@ -21,56 +27,57 @@ pub(super) struct CurrentMap {
     left_out: Vec<LeftOut>,
 }
 
+/// The query of everything that belongs to a map.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct RevisionQuery {
+    /// An earlier revision that is still kept; the current one when not given.
+    #[param(value_type = Option<i64>, minimum = 1)]
+    revision: Option<String>,
+}
+
+/// The revision that is asked for.
+async fn revision(app: &App, home: &HomeId, asked: Option<&str>) -> Result<HomeMap, Error> {
+    let number = asked.map(|text| {
+        text.parse::<i64>().ok().filter(|number| *number > 0).ok_or_else(|| Error::InvalidQuery {
+            field: Some("revision"),
+            detail: "revision is a number from 1".to_owned(),
+        })
+    });
+    app.storage.home_map(home, number.transpose()?).await?.ok_or(Error::NoSuchMap)
+}
+
 /// The fused map of a home: which clips are in it, which are left out and why, and what it holds
 ///
-/// Every change of the set of aligned clips makes a new revision, a moment after it. `If-None-Match` with the `ETag` of
-/// an earlier answer is answered by 304 while nothing changed.
-#[utoipa::path(get, path = "/v1/homes/{home}/map", tag = "map", params(HomePath),
+/// Every change of what is known of the clips makes a new revision, a moment after it. `If-None-Match` with the `ETag`
+/// of an earlier answer is answered by 304 while nothing changed.
+#[utoipa::path(get, path = "/v1/homes/{home}/map", tag = "map", params(HomePath, RevisionQuery),
     responses(
-        (status = 200, description = "The current revision", body = CurrentMap),
+        (status = 200, description = "The revision", body = CurrentMap),
         (status = 304, description = "Nothing changed"), CommonProblems))]
 pub(super) async fn get_map(
     State(app): State<App>,
     HomePath { home }: HomePath,
+    Query(query): Query<RevisionQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
-    let map = app.storage.home_map(&home).await?.ok_or(Error::NoMapYet)?;
+    let map = revision(&app, &home, query.revision.as_deref()).await?;
     let current = CurrentMap { map, left_out: app.storage.clips_left_out(&home).await? };
     let text =
         serde_json::to_vec(&current).expect("our own records have text keys and cannot fail to serialise");
-    let sum: String = Sha256::digest(&text).iter().take(16).map(|byte| format!("{byte:02x}")).collect();
-    let tag = format!("\"{sum}\"");
+    let tag = tag_of(&[&text]);
     let json = [(header::CONTENT_TYPE, HeaderValue::from_static("application/json"))];
     Ok(unless_known(&headers, &tag, || (json, text).into_response()))
 }
 
-/// The points of a home's map, as a binary PLY with normals, colours and classes, in the LiDAR map's frame
-#[utoipa::path(get, path = "/v1/homes/{home}/map/points.ply", tag = "map", params(HomePath),
-    responses(
-        (status = 200, description = "The points", body = FileBytes, content_type = "model/ply"),
-        (status = 304, description = "The revision is the one of the `ETag`"), CommonProblems))]
-pub(super) async fn get_map_points(
+/// The revisions of a home's map that are kept, the newest first
+#[utoipa::path(get, path = "/v1/homes/{home}/map/revisions", tag = "map", params(HomePath, ListQuery),
+    responses((status = 200, description = "One page", body = List<HomeMap>), CommonProblems))]
+pub(super) async fn list_map_revisions(
     State(app): State<App>,
     HomePath { home }: HomePath,
-    headers: HeaderMap,
-) -> Result<Response, Error> {
-    let map = app.storage.home_map(&home).await?.ok_or(Error::NoMapYet)?;
-    // Removed between the two reads: then there are newer ones, and asking again helps.
-    let points = app.storage.home_map_points(&map).await?.ok_or(Error::NoMapYet)?;
-    let tag = format!("\"{}-{}\"", map.revision, map.created_at.as_millisecond());
-    Ok(unless_known(&headers, &tag, || send(points, "model/ply")))
-}
-
-/// The answer with its entity tag, or 304 when the client has it (RFC 9110, 13.1.2).
-fn unless_known(headers: &HeaderMap, tag: &str, answer: impl FnOnce() -> Response) -> Response {
-    let known = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
-    let is_known = known.flat_map(|list| list.split(',')).any(|one| {
-        matches!(one.trim().trim_start_matches("W/"), "*") || one.trim().trim_start_matches("W/") == tag
-    });
-    let mut response = if is_known { StatusCode::NOT_MODIFIED.into_response() } else { answer() };
-    if let Ok(tag) = HeaderValue::from_str(tag) {
-        response.headers_mut().insert(header::ETAG, tag);
-    }
-    response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
-    response
+    Query(query): Query<ListQuery>,
+) -> Result<Json<List<HomeMap>>, Error> {
+    let maps = app.storage.home_map_revisions(&home, &query.page()?).await?;
+    Ok(Json(query.list(maps, |map| map.revision)?))
 }

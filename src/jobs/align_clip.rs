@@ -5,16 +5,15 @@ use crate::clip::{Clip, ClipError};
 use crate::home;
 use crate::lidar::{LidarError, LidarMap};
 use crate::progress::{Progress, Stage};
+use crate::storage::result_file;
 use crate::stopwatch::Stopwatch;
 use std::path::Path;
 
 /// What one job makes.
 pub struct Finished {
     pub alignment: Alignment,
-    pub overlay_png: Vec<u8>,
-    pub cloud_ply: Vec<u8>,
-    /// None when nothing was filled in.
-    pub completion_png: Option<Vec<u8>>,
+    /// By the names of [`crate::storage::result_file`].
+    pub files: Vec<(&'static str, Vec<u8>)>,
 }
 
 /// Why a job made nothing.
@@ -62,9 +61,14 @@ pub fn align_clip(
     let mut aligned = align::align(&clip, None, &lidar, params, &watch)?;
 
     watch.enter(Stage::Report);
-    let overlay_png = home::overlay_png(&lidar, &aligned);
-    let cloud_ply = home::cloud_ply(&aligned.cloud_in_clip, aligned.alignment.map_from_clip.as_ref());
-    let completion_png = home::completion_png(&aligned);
+    let mut files = vec![
+        (result_file::OVERLAY, home::overlay_png(&lidar, &aligned)),
+        // In the clip's own frame: its place in the map changes with its neighbours, and with a person's choice.
+        (result_file::CLOUD, home::cloud_ply(&aligned.cloud_in_clip, None)),
+        (result_file::VIEWS, home::views_bytes(&aligned.views)),
+        (result_file::SCAN, serde_json::to_vec(&home::ClipScan::of(&aligned)).unwrap_or_default()),
+    ];
+    files.extend(home::completion_png(&aligned).map(|png| (result_file::COMPLETION, png)));
     aligned.alignment.seconds = watch.stop();
-    Ok(Finished { alignment: aligned.alignment, overlay_png, cloud_ply, completion_png })
+    Ok(Finished { alignment: aligned.alignment, files })
 }

@@ -63,7 +63,7 @@ pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationTok
             // Maps come after clips, so that a home with many clips on their way is merged once.
             Ok(None) => match queue.storage.claim_merge(params.lease, Timestamp::now()).await {
                 Ok(Some(claim)) => {
-                    merge(&queue, &claim).await;
+                    merge(&queue, &claim, params.lease).await;
                     continue;
                 }
                 Ok(None) => {}
@@ -136,7 +136,7 @@ impl Attempt<'_> {
 
     async fn begin(&self, report: &Arc<Report>) -> Result<Working, StorageError> {
         let storage = &self.queue.storage;
-        let clip = storage.clip_file(self.claim.job.clip)?;
+        let clip = storage.clip_file(self.claim.job.clip);
         let lidar = storage.lidar_map_file(self.claim.lidar_map_id).await?;
         let (report, method, align) = (report.clone(), self.params.method, self.params.align.clone());
         Ok(tokio::task::spawn_blocking(move || method(&clip, &lidar, &align, report.as_ref())))
@@ -185,9 +185,7 @@ impl Attempt<'_> {
 
     async fn keep(&self, finished: Finished) -> Ending {
         let storage = &self.queue.storage;
-        let completion = finished.completion_png.map(|bytes| ("completion.png", bytes));
-        let always = [("overlay.png", finished.overlay_png), ("cloud.ply", finished.cloud_ply)];
-        for (name, bytes) in always.into_iter().chain(completion) {
+        for (name, bytes) in finished.files {
             if let Err(error) = storage.put_result(&self.claim, name, bytes).await {
                 return broken("storage_error", &error);
             }

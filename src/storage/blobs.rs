@@ -5,17 +5,21 @@ use super::{Incoming, Storage, StorageError};
 use bytes::Bytes;
 use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
-use object_store::ObjectStoreExt;
 use object_store::local::LocalFileSystem;
+use object_store::{ObjectStore, ObjectStoreExt, PutPayload};
 use object_store::path::Path as Key;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Folder of files that are still arriving, beside the blobs so that keeping one is a rename.
 const INCOMING: &str = "incoming";
 
+/// How long to wait after each failed write.
+const PAUSES: [Duration; 2] = [Duration::from_millis(20), Duration::from_millis(200)];
+
 pub(super) struct Blobs {
-    store: LocalFileSystem,
+    pub(super) store: Box<dyn ObjectStore>,
     folder: PathBuf,
 }
 
@@ -30,7 +34,7 @@ impl Blobs {
         let incoming = folder.join(INCOMING);
         std::fs::create_dir_all(&incoming).map_err(|source| StorageError::File { path: incoming, source })?;
         let store = LocalFileSystem::new_with_prefix(folder)?.with_fsync(true).with_automatic_cleanup(true);
-        Ok(Blobs { store, folder: folder.to_owned() })
+        Ok(Blobs { store: Box::new(store), folder: folder.to_owned() })
     }
 
     pub fn incoming(&self) -> Result<Incoming, StorageError> {
@@ -47,8 +51,18 @@ impl Blobs {
         Ok(())
     }
 
+    /// Writes a blob; a store that fails is asked again before the caller is told. Under the same key, since a write
+    /// that failed may have come through.
     pub async fn put(&self, key: &str, bytes: Vec<u8>) -> Result<(), StorageError> {
-        self.store.put(&Key::from(key), bytes.into()).await?;
+        let (key, bytes) = (Key::from(key), PutPayload::from(bytes));
+        for pause in PAUSES {
+            match self.store.put(&key, bytes.clone()).await {
+                Ok(_) => return Ok(()),
+                Err(error) => tracing::warn!(%key, %error, "a blob could not be written; it is tried again"),
+            }
+            tokio::time::sleep(pause).await;
+        }
+        self.store.put(&key, bytes).await?;
         Ok(())
     }
 
@@ -68,8 +82,8 @@ impl Blobs {
     }
 
     /// The blob as a file for readers that need to seek in it.
-    pub fn file(&self, key: &str) -> Result<PathBuf, StorageError> {
-        Ok(self.store.path_to_filesystem(&Key::from(key))?)
+    pub fn file(&self, key: &str) -> PathBuf {
+        self.folder.join(key)
     }
 
     /// Removes blobs that no row refers to any more. What cannot be removed now is swept at the next start.

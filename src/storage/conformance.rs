@@ -1,6 +1,7 @@
 //! What every pair of database and blob store must do, as functions over [`Storage`]: another pair joins
 //! with one line in [`on_every_back_end`].
 
+mod faults;
 mod home_maps;
 mod leases;
 mod local_files;

@@ -1,7 +1,8 @@
 //! Which homes are merged, by whom, and what is kept of it.
 
 use super::*;
-use crate::home::HomeMapInfo;
+use crate::geometry::Pose2;
+use crate::home::{Extent, Manifest, PlacedBy, PlacedClip, TileKey, Verdict};
 
 on_every_back_end!(
     a_home_is_merged_when_its_clips_have_settled,
@@ -9,6 +10,10 @@ on_every_back_end!(
     a_change_during_a_merge_makes_it_due_again,
     removing_a_clip_makes_a_new_revision,
     old_revisions_go,
+    tiles_that_did_not_change_are_shared,
+    a_merge_that_makes_nothing_new_makes_no_revision,
+    neighbours_place_an_ambiguous_clip_and_take_it_back,
+    objects_are_found_across_homes,
 );
 
 /// A home with two aligned clips.
@@ -16,17 +21,20 @@ async fn two_aligned(storage: &Storage) -> (HomeId, Vec<Uuid>) {
     let (home, first) = one_job(storage).await;
     let second = add(storage, &home, b"other").await;
     for _ in 0..2 {
-        align(storage).await;
+        align(storage, AlignmentState::Aligned).await;
     }
     (home, vec![first.id, second.id])
 }
 
-/// Does the next job: its clip is aligned, with a cloud that holds its id.
-async fn align(storage: &Storage) {
+/// Does the next job: its clip has an answer, with a cloud that holds its id.
+async fn align(storage: &Storage, state: AlignmentState) {
     let claim = storage.claim(LEASE, at(100)).await.unwrap().expect("a job is due");
-    storage.put_result(&claim, "cloud.ply", claim.job.clip.to_string().into_bytes()).await.unwrap();
-    let retry = RetryPolicy::default();
-    assert!(storage.finish(&claim, &answer(AlignmentState::Aligned), &retry, at(100)).await.unwrap());
+    let cloud = claim.job.clip.to_string().into_bytes();
+    storage.put_result(&claim, result_file::CLOUD, cloud).await.unwrap();
+    let Ending::Answered(mut alignment) = answer(state) else { unreachable!() };
+    alignment.map_from_clip = Some(Pose2::new(1.0, 2.0, 0.5));
+    let ending = Ending::Answered(alignment);
+    assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(100)).await.unwrap());
 }
 
 async fn due(storage: &Storage, seconds: i64) -> Option<MergeClaim> {
@@ -36,39 +44,81 @@ async fn due(storage: &Storage, seconds: i64) -> Option<MergeClaim> {
 /// The clouds of a claim, one after the other.
 async fn clouds(storage: &Storage, claim: &MergeClaim) -> Vec<u8> {
     let mut all = Vec::new();
-    for place in 0..claim.clips() {
-        all.extend_from_slice(&storage.merge_cloud(claim, place).await.unwrap().expect("the cloud is there"));
+    for member in &claim.members {
+        let cloud = storage.member_file(member, result_file::CLOUD).await.unwrap();
+        all.extend_from_slice(&cloud.expect("the cloud is there"));
     }
     all
 }
 
-fn info(points: usize) -> HomeMapInfo {
-    HomeMapInfo { points, voxel_m: 0.03, min_m: None, max_m: None, classes: Vec::new() }
+const TILE: TileKey = TileKey { x: 1, y: -2 };
+
+/// A revision that has the claim's clips in it, placed by `by`, and one tile.
+fn revision(claim: &MergeClaim, by: PlacedBy, tile: &[u8]) -> NewRevision {
+    let place = |member: &crate::home::Member| PlacedClip {
+        clip: member.clip,
+        share: member.share.clone(),
+        recorded_at_ms: member.recorded_at_ms,
+        by,
+        probability: Some(0.5),
+        alone: Pose2::new(1.0, 2.0, 0.5),
+        map_from_clip: Pose2::new(1.03, 2.04, 0.5),
+        with: Vec::new(),
+        extent: Extent { min_m: [0.0; 2], max_m: [1.0; 2] },
+        tiles: vec![TILE],
+        points: 7,
+    };
+    NewRevision {
+        manifest: Manifest { clips: claim.members.iter().map(place).collect(), ..Manifest::default() },
+        tiles: vec![(TILE, Some(tile.to_vec()))],
+        ..NewRevision::default()
+    }
 }
 
-async fn finish(storage: &Storage, claim: &MergeClaim, bytes: &[u8], seconds: i64) -> bool {
-    storage.finish_merge(claim, &info(bytes.len()), bytes.to_vec(), at(seconds)).await.unwrap()
+async fn finish(storage: &Storage, claim: &MergeClaim, tile: &[u8], seconds: i64) -> bool {
+    let new = revision(claim, PlacedBy::Alignment, tile);
+    storage.finish_merge(claim, Some(&new), at(seconds)).await.unwrap()
 }
 
 async fn current(storage: &Storage, home: &HomeId) -> HomeMap {
-    storage.home_map(home).await.unwrap().expect("there is a map")
+    storage.home_map(home, None).await.unwrap().expect("there is a map")
+}
+
+fn clips_of(map: &HomeMap) -> Vec<Uuid> {
+    map.clips.iter().map(|clip| clip.clip).collect()
+}
+
+/// What the tiles of a revision hold; none when it is not kept.
+async fn tiles(storage: &Storage, home: &HomeId, revision: i64) -> Option<Vec<Vec<u8>>> {
+    storage.home_map(home, Some(revision)).await.unwrap()?;
+    let mut all = Vec::new();
+    for file in storage.home_map_files(home, revision, map_file::TILE).await.unwrap() {
+        all.push(storage.map_file_bytes(&file).await.unwrap().expect("the tile is there").to_vec());
+    }
+    Some(all)
 }
 
 async fn a_home_is_merged_when_its_clips_have_settled(storage: Storage) {
     let (home, first) = one_job(&storage).await;
     assert!(due(&storage, 1).await.is_none(), "nothing is aligned");
     let second = add(&storage, &home, b"other").await;
-    align(&storage).await;
+    align(&storage, AlignmentState::Aligned).await;
     assert!(due(&storage, 2).await.is_none(), "a clip is on its way");
-    assert_eq!(storage.home_map(&home).await.unwrap(), None);
-    align(&storage).await;
+    assert_eq!(storage.home_map(&home, None).await.unwrap(), None);
+    align(&storage, AlignmentState::Aligned).await;
     let claim = due(&storage, 3).await.expect("the home is due");
+    assert!(claim.has_new_lidar_map() && claim.lidar_map.is_some());
     assert_eq!(clouds(&storage, &claim).await, format!("{}{}", first.id, second.id).into_bytes());
+    let aligned = |verdict: &Verdict| matches!(verdict, Verdict::Aligned { map_from_clip, .. } if map_from_clip.x_m == 1.0);
+    assert!(claim.members.iter().all(|member| aligned(&member.verdict)));
     assert!(finish(&storage, &claim, b"both", 4).await);
     let map = current(&storage, &home).await;
     assert_eq!((map.revision, map.lidar_map_revision, map.created_at), (1, 1, at(4)));
-    assert_eq!((map.clips.clone(), map.info.points), (vec![first.id, second.id], 4));
-    assert_eq!(bytes_of(storage.home_map_points(&map).await.unwrap()).await, b"both");
+    assert_eq!((clips_of(&map), map.clips[0].points), (vec![first.id, second.id], 7));
+    assert!((map.clips[0].moved_m - 0.05).abs() < 1e-9);
+    assert_eq!(tiles(&storage, &home, 1).await, Some(vec![b"both".to_vec()]));
+    let placement = storage.clip(&home, first.id).await.unwrap().placement.expect("it is in the map");
+    assert_eq!((placement.map_revision, placement.map_from_clip.x_m), (1, 1.03));
     assert!(due(&storage, 5).await.is_none());
     // A clip that cannot be aligned changes no map.
     let third = add(&storage, &home, b"third").await;
@@ -85,34 +135,38 @@ async fn one_worker_merges_a_home_at_a_time(storage: Storage) {
     let (home, _) = two_aligned(&storage).await;
     let late = due(&storage, 10).await.expect("the home is due");
     assert!(due(&storage, 39).await.is_none(), "its lease runs");
-    let next = due(&storage, 40).await.expect("its worker is dead");
-    assert!(!finish(&storage, &late, b"late", 41).await);
-    assert_eq!(storage.home_map(&home).await.unwrap(), None, "a late worker changes nothing");
-    assert!(finish(&storage, &next, b"next", 42).await);
-    assert!(!finish(&storage, &late, b"late", 43).await);
-    let map = current(&storage, &home).await;
-    assert_eq!(map.revision, 1);
-    assert_eq!(bytes_of(storage.home_map_points(&map).await.unwrap()).await, b"next");
+    assert!(storage.renew_merge(&late, LEASE, at(39)).await.unwrap());
+    assert!(due(&storage, 68).await.is_none(), "its lease was renewed");
+    let next = due(&storage, 69).await.expect("its worker is dead");
+    assert!(!storage.renew_merge(&late, LEASE, at(70)).await.unwrap());
+    assert!(!finish(&storage, &late, b"late", 70).await);
+    assert_eq!(storage.home_map(&home, None).await.unwrap(), None, "a late worker changes nothing");
+    assert!(finish(&storage, &next, b"next", 71).await);
+    assert!(!finish(&storage, &late, b"late", 72).await);
+    assert_eq!(current(&storage, &home).await.revision, 1);
+    assert_eq!(tiles(&storage, &home, 1).await, Some(vec![b"next".to_vec()]));
+    assert_eq!(storage.blobs_that_exist().await.iter().filter(|key| key.contains("home-maps")).count(), 2);
 }
 
 async fn a_change_during_a_merge_makes_it_due_again(storage: Storage) {
     let (home, clips) = two_aligned(&storage).await;
     let claim = due(&storage, 10).await.expect("the home is due");
     storage.delete_clip(&home, clips[0]).await.unwrap();
-    assert!(storage.merge_cloud(&claim, 0).await.unwrap().is_none(), "its cloud is gone");
+    let gone = storage.member_file(&claim.members[0], result_file::CLOUD).await.unwrap();
+    assert!(gone.is_none(), "its cloud is gone");
     storage.give_back_merge(&claim, at(15)).await.unwrap();
     assert!(due(&storage, 14).await.is_none());
     let again = due(&storage, 15).await.expect("the home is due");
-    assert_eq!(again.clips(), 1);
+    assert_eq!(again.members.len(), 1);
     // A change after the clouds were read: what was merged is kept, and the next merge follows.
     let third = add(&storage, &home, b"third").await;
-    align(&storage).await;
+    align(&storage, AlignmentState::Aligned).await;
     assert!(finish(&storage, &again, b"one", 16).await);
-    assert_eq!(current(&storage, &home).await.clips, [clips[1]]);
+    assert_eq!(clips_of(&current(&storage, &home).await), [clips[1]]);
     let last = due(&storage, 17).await.expect("the home is due");
     assert!(finish(&storage, &last, b"two", 18).await);
     let map = current(&storage, &home).await;
-    assert_eq!((map.revision, map.clips), (2, vec![clips[1], third.id]));
+    assert_eq!((map.revision, clips_of(&map)), (2, vec![clips[1], third.id]));
 }
 
 async fn removing_a_clip_makes_a_new_revision(storage: Storage) {
@@ -122,17 +176,25 @@ async fn removing_a_clip_makes_a_new_revision(storage: Storage) {
     // While a clip is aligned anew the old map stays.
     storage.align_clip(&home, clips[1], at(11)).await.unwrap();
     assert!(due(&storage, 11).await.is_none());
-    assert_eq!(current(&storage, &home).await.clips, clips);
-    align(&storage).await;
-    let claim = due(&storage, 12).await.expect("aligned anew, merged anew");
-    assert!(finish(&storage, &claim, b"again", 12).await);
+    assert_eq!(clips_of(&current(&storage, &home).await), clips);
+    // Without an answer it is in no map any more.
+    let held = storage.claim(LEASE, at(12)).await.unwrap().unwrap();
+    let failed = Ending::Refused(reason("unreadable"));
+    assert!(storage.finish(&held, &failed, &RetryPolicy::default(), at(12)).await.unwrap());
+    let claim = due(&storage, 12).await.expect("it was in the map");
+    assert!(finish(&storage, &claim, b"less", 12).await);
+    assert_eq!(storage.clip(&home, clips[1]).await.unwrap().placement, None);
     for id in &clips {
         storage.delete_clip(&home, *id).await.unwrap();
     }
     let claim = due(&storage, 13).await.expect("the home is due");
-    assert_eq!(claim.clips(), 0);
-    assert!(finish(&storage, &claim, b"", 13).await);
+    assert!(claim.members.is_empty());
+    let mut empty = revision(&claim, PlacedBy::Alignment, b"");
+    empty.tiles[0].1 = None;
+    assert!(storage.finish_merge(&claim, Some(&empty), at(13)).await.unwrap());
     assert!(current(&storage, &home).await.clips.is_empty());
+    assert_eq!(tiles(&storage, &home, 3).await, Some(vec![]));
+    assert_eq!(tiles(&storage, &home, 2).await, Some(vec![b"less".to_vec()]));
     storage.delete_home(&home).await.unwrap();
     assert!(storage.blob_keys().await.unwrap().is_empty());
     assert!(storage.blobs.keys().unwrap().is_empty(), "nothing is left of the home");
@@ -140,17 +202,107 @@ async fn removing_a_clip_makes_a_new_revision(storage: Storage) {
 
 async fn old_revisions_go(storage: Storage) {
     let (home, clips) = two_aligned(&storage).await;
-    let mut maps = Vec::new();
     for n in 0..7 {
         storage.align_clip(&home, clips[0], at(20 + n)).await.unwrap();
-        align(&storage).await;
+        align(&storage, AlignmentState::Aligned).await;
         let claim = due(&storage, 20 + n).await.expect("the home is due");
         assert!(finish(&storage, &claim, &[n as u8], 20 + n).await);
-        maps.push(current(&storage, &home).await);
     }
-    assert_eq!(maps.last().unwrap().revision, 7);
-    for (n, map) in maps.iter().enumerate() {
-        let points = storage.home_map_points(map).await.unwrap();
-        assert_eq!(points.is_some(), n >= 2, "the newest five are kept: {}", map.revision);
+    assert_eq!(current(&storage, &home).await.revision, 7);
+    for revision in 1..=7i64 {
+        let kept = (revision > 2).then(|| vec![vec![revision as u8 - 1]]);
+        assert_eq!(tiles(&storage, &home, revision).await, kept, "the newest five are kept: {revision}");
     }
+    let page = Page { limit: 3, after: Some(6) };
+    let listed = storage.home_map_revisions(&home, &page).await.unwrap();
+    assert_eq!(listed.iter().map(|map| map.revision).collect::<Vec<_>>(), [5, 4, 3]);
+    let kept: Vec<String> = storage.blobs_that_exist().await;
+    assert_eq!(kept.iter().filter(|key| key.contains("home-maps")).count(), 10, "a tile and a manifest each");
+}
+
+async fn tiles_that_did_not_change_are_shared(storage: Storage) {
+    let (home, clips) = two_aligned(&storage).await;
+    let claim = due(&storage, 10).await.unwrap();
+    let mut first = revision(&claim, PlacedBy::Alignment, b"here");
+    first.tiles.push((TileKey { x: 4, y: 4 }, Some(b"there".to_vec())));
+    assert!(storage.finish_merge(&claim, Some(&first), at(10)).await.unwrap());
+    for n in 0..8 {
+        storage.align_clip(&home, clips[0], at(20 + n)).await.unwrap();
+        align(&storage, AlignmentState::Aligned).await;
+        let claim = due(&storage, 20 + n).await.expect("the home is due");
+        assert!(finish(&storage, &claim, &[n as u8], 20 + n).await);
+    }
+    assert_eq!(tiles(&storage, &home, 9).await, Some(vec![vec![7], b"there".to_vec()]));
+    assert_eq!(tiles(&storage, &home, 5).await, Some(vec![vec![3], b"there".to_vec()]));
+}
+
+async fn a_merge_that_makes_nothing_new_makes_no_revision(storage: Storage) {
+    let (home, _) = two_aligned(&storage).await;
+    let claim = due(&storage, 10).await.unwrap();
+    assert!(finish(&storage, &claim, b"both", 10).await);
+    let third = add(&storage, &home, b"third").await;
+    align(&storage, AlignmentState::Ambiguous).await;
+    let claim = due(&storage, 11).await.expect("its neighbours may decide");
+    let verdict = &claim.members.iter().find(|member| member.clip == third.id).unwrap().verdict;
+    assert!(matches!(verdict, Verdict::Ambiguous { .. }));
+    assert!(storage.finish_merge(&claim, None, at(11)).await.unwrap());
+    assert!(due(&storage, 12).await.is_none());
+    assert_eq!(current(&storage, &home).await.revision, 1);
+    assert!(!storage.finish_merge(&MergeClaim { ..claim.clone() }, None, at(13)).await.is_err());
+}
+
+async fn neighbours_place_an_ambiguous_clip_and_take_it_back(storage: Storage) {
+    let (home, first) = one_job(&storage).await;
+    align(&storage, AlignmentState::Ambiguous).await;
+    let claim = due(&storage, 10).await.unwrap();
+    let placed = revision(&claim, PlacedBy::Neighbours, b"with");
+    assert!(storage.finish_merge(&claim, Some(&placed), at(10)).await.unwrap());
+    let clip = storage.clip(&home, first.id).await.unwrap();
+    assert_eq!((clip.state, clip.reasons[0].code.as_str()), (ClipState::Aligned, "decided_by_neighbours"));
+    assert_eq!(clip.placement.unwrap().by, PlacedBy::Neighbours);
+    // It is still the ambiguous one that a merge asks about.
+    let second = add(&storage, &home, b"other").await;
+    align(&storage, AlignmentState::Aligned).await;
+    let claim = due(&storage, 11).await.unwrap();
+    assert!(matches!(claim.members[0].verdict, Verdict::Ambiguous { .. }));
+    let mut alone = revision(&claim, PlacedBy::Alignment, b"without");
+    alone.manifest.clips.retain(|placed| placed.clip == second.id);
+    assert!(storage.finish_merge(&claim, Some(&alone), at(11)).await.unwrap());
+    let clip = storage.clip(&home, first.id).await.unwrap();
+    assert_eq!((clip.state, clip.reasons), (ClipState::Ambiguous, vec![reason("two_modes")]));
+    assert_eq!(clip.placement, None);
+    assert!(due(&storage, 12).await.is_none(), "what a merge says does not make one due");
+}
+
+async fn objects_are_found_across_homes(storage: Storage) {
+    for id in ["a", "b"] {
+        let home = home(id);
+        storage.put_home(&home, None, at(0)).await.unwrap();
+        put_map(&storage, &home, b"map").await;
+        add(&storage, &home, b"clip").await;
+        align(&storage, AlignmentState::Aligned).await;
+        let claim = due(&storage, 10).await.unwrap();
+        let mut new = revision(&claim, PlacedBy::Alignment, b"tile");
+        for (n, class) in ["chair", "table", "chair"].into_iter().enumerate() {
+            new.objects.push((n.to_string(), class.to_owned(), serde_json::json!({ "n": n })));
+        }
+        assert!(storage.finish_merge(&claim, Some(&new), at(10)).await.unwrap());
+    }
+    let page = |after: Option<&str>| Page { limit: 2, after: after.map(str::to_owned) };
+    let cases = [
+        (None, None, None, vec![("a", "0"), ("a", "1")]),
+        (None, None, Some("a 1"), vec![("a", "2"), ("b", "0")]),
+        (Some("chair"), None, Some("a 0"), vec![("a", "2"), ("b", "0")]),
+        (Some("table"), Some("b"), None, vec![("b", "1")]),
+        (Some("bed"), None, None, vec![]),
+    ];
+    for (class, of_home, after, expected) in cases {
+        let filter = ObjectFilter { class: class.map(str::to_owned), home: of_home.map(home) };
+        let found = storage.objects(&filter, &page(after)).await.unwrap();
+        let found: Vec<(&str, &str)> = found.iter().map(|o| (o.home.as_str(), o.id.as_str())).collect();
+        assert_eq!(found, expected, "{class:?} {of_home:?} {after:?}");
+    }
+    storage.delete_home(&home("a")).await.unwrap();
+    let left = storage.objects(&ObjectFilter::default(), &page(None)).await.unwrap();
+    assert!(left.iter().all(|object| object.home == home("b")));
 }

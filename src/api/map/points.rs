@@ -1,0 +1,222 @@
+//! `/v1/homes/{home}/map/points`: streamed tile by tile, so that memory does not grow with the map.
+
+use super::reply::{is_known, tag_of, tagged};
+use super::{App, revision};
+use crate::api::bodies::FileBytes;
+use crate::api::error::Error;
+use crate::api::extract::{HomePath, Query};
+use crate::api::problems::CommonProblems;
+use crate::home::{ClipNumbers, Glb, MAP_VOXEL_M, Ply, PointFilter, TileBytes};
+use crate::storage::{HomeMap, MapFile, StorageError, map_file};
+use crate::taxonomy::Class;
+use axum::body::Body;
+use axum::extract::{RawQuery, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
+use futures::{Stream, StreamExt};
+use serde::Deserialize;
+use std::sync::Arc;
+
+/// Which points, and how.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(in crate::api) struct PointsQuery {
+    /// Only these classes, by name, with commas between them.
+    #[param(example = "wall,floor")]
+    classes: Option<String>,
+    /// Only what lies in this box: `x0,y0,z0,x1,y1,z1` in metres in the LiDAR map's frame.
+    #[param(example = "0,0,0,4,3,2.5")]
+    r#box: Option<String>,
+    /// Only what lies between these heights above the floor, in metres.
+    #[param(example = "0.1,2")]
+    z: Option<String>,
+    /// One point, the mean, for every cube of this side in metres, 0.03 to 1.
+    #[param(value_type = Option<f64>, minimum = 0.03, maximum = 1)]
+    voxel: Option<String>,
+    /// `ply` or `glb`; what `Accept` asks for when not given, and `ply` when that does not say.
+    #[param(example = "glb")]
+    format: Option<String>,
+    /// An earlier revision that is still kept; the current one when not given.
+    #[param(value_type = Option<i64>, minimum = 1)]
+    revision: Option<String>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Ply,
+    Glb,
+}
+
+impl Format {
+    fn media_type(self) -> &'static str {
+        match self {
+            Format::Ply => "model/ply",
+            Format::Glb => "model/gltf-binary",
+        }
+    }
+}
+
+fn invalid(field: &'static str, detail: impl Into<String>) -> Error {
+    Error::InvalidQuery { field: Some(field), detail: detail.into() }
+}
+
+fn numbers<const N: usize>(field: &'static str, text: &str, what: &str) -> Result<[f32; N], Error> {
+    let parsed: Result<Vec<f32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    let parsed = parsed.ok().filter(|all| all.iter().all(|number| number.is_finite()));
+    let fixed = parsed.and_then(|all| <[f32; N]>::try_from(all).ok());
+    fixed.ok_or_else(|| invalid(field, format!("{field} is {what}, numbers with commas between them")))
+}
+
+impl PointsQuery {
+    fn filter(&self) -> Result<PointFilter, Error> {
+        let class = |name: &str| {
+            Class::ALL.iter().copied().find(|class| class.name() == name.trim()).ok_or_else(|| {
+                let names: Vec<&str> = Class::ALL.iter().map(|class| class.name()).collect();
+                invalid("classes", format!("no class is called '{}'; there are {}", name.trim(), names.join(", ")))
+            })
+        };
+        let classes = self.classes.as_deref().map(|names| names.split(',').map(class).collect()).transpose()?;
+        let corners = self.r#box.as_deref().map(|text| numbers::<6>("box", text, "x0,y0,z0,x1,y1,z1")).transpose()?;
+        if corners.is_some_and(|c| (0..3).any(|axis| c[axis] > c[axis + 3])) {
+            return Err(invalid("box", "the box is empty: its first corner is the lower one"));
+        }
+        let heights = self.z.as_deref().map(|text| numbers::<2>("z", text, "low,high")).transpose()?;
+        if heights.is_some_and(|[low, high]| low > high) {
+            return Err(invalid("z", "nothing lies between these heights: the lower one comes first"));
+        }
+        let voxel = self.voxel.as_deref().map(|text| {
+            let side: Option<f64> = text.parse().ok();
+            side.filter(|side| (MAP_VOXEL_M..=1.0).contains(side))
+                .ok_or_else(|| invalid("voxel", format!("voxel is a number from {MAP_VOXEL_M} to 1")))
+        });
+        Ok(PointFilter {
+            classes,
+            box_m: corners.map(|[a, b, c, d, e, f]| ([a, b, c], [d, e, f])),
+            z_m: heights.map(|[low, high]| (low, high)),
+            voxel_m: voxel.transpose()?,
+        })
+    }
+
+    fn format(&self, headers: &HeaderMap) -> Result<Format, Error> {
+        match self.format.as_deref() {
+            Some("ply") => return Ok(Format::Ply),
+            Some("glb") => return Ok(Format::Glb),
+            Some(_) => return Err(invalid("format", "format is ply or glb")),
+            None => {}
+        }
+        let accept = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok()).unwrap_or_default();
+        let glb = accept.split(',').any(|kind| kind.trim().starts_with("model/gltf-binary"));
+        Ok(if glb { Format::Glb } else { Format::Ply })
+    }
+}
+
+/// The points of a home's map, in the LiDAR map's frame
+///
+/// A binary PLY with normals, colours, classes (`label`, an id of `GET /v1/classes`), probabilities, views and clips
+/// (places in the map's list of clips), or a binary glTF with a node and a material for each class. Filters are joined:
+/// a point has to pass all of them.
+#[utoipa::path(get, path = "/v1/homes/{home}/map/points", tag = "map", params(HomePath, PointsQuery),
+    responses(
+        (status = 200, description = "The points", content(
+            (FileBytes = "model/ply"), (FileBytes = "model/gltf-binary"))),
+        (status = 304, description = "The client has them"), CommonProblems))]
+pub(in crate::api) async fn get_map_points(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+    Query(query): Query<PointsQuery>,
+    RawQuery(raw_query): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Error> {
+    let (filter, format) = (query.filter()?, query.format(&headers)?);
+    let map = revision(&app, &home, query.revision.as_deref()).await?;
+    let tag = tag_of(&[
+        &map.revision.to_le_bytes(),
+        &map.created_at.as_millisecond().to_le_bytes(),
+        raw_query.unwrap_or_default().as_bytes(),
+        format.media_type().as_bytes(),
+    ]);
+    if is_known(&headers, &tag) {
+        return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
+    }
+    let tiles = app.storage.home_map_files(&home, map.revision, map_file::TILE).await?;
+    let points = Points { app, clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)), filter };
+    let (head, size_bytes) = points.head(format, &map, &tiles).await?;
+    let body = Body::from_stream(points.body(format, head, tiles));
+    let name = format!("attachment; filename=\"{home}-{}.{}\"", map.revision, match format {
+        Format::Ply => "ply",
+        Format::Glb => "glb",
+    });
+    let mut answer = body.into_response();
+    let set = answer.headers_mut();
+    set.insert(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()));
+    set.insert(header::CONTENT_LENGTH, HeaderValue::from(size_bytes));
+    if let Ok(name) = HeaderValue::from_str(&name) {
+        set.insert(header::CONTENT_DISPOSITION, name);
+    }
+    Ok(tagged(answer, &tag))
+}
+
+/// What a stream of points needs.
+struct Points {
+    app: App,
+    clips: ClipNumbers,
+    filter: PointFilter,
+}
+
+impl Points {
+    /// What comes before the points, and the size of all. Both formats tell at their beginning how many points follow:
+    /// unless all are asked for, the tiles are looked at once before they are sent.
+    async fn head(&self, format: Format, map: &HomeMap, tiles: &[MapFile]) -> Result<(Vec<u8>, u64), Error> {
+        if format == Format::Ply && self.filter.is_everything() {
+            let ply = Ply::new(map.info.points);
+            return Ok((ply.head(), ply.size_bytes()));
+        }
+        let mut count = 0;
+        let mut glb = Glb::default();
+        for tile in tiles {
+            let points = self.of_tile(tile).await?;
+            count += points.len() / crate::home::POINT_BYTES;
+            if format == Format::Glb {
+                glb.announce(&points);
+            }
+        }
+        match format {
+            Format::Ply => {
+                let ply = Ply::new(count);
+                Ok((ply.head(), ply.size_bytes()))
+            }
+            Format::Glb => {
+                let size_bytes = glb.size_bytes().ok_or_else(|| {
+                    invalid("format", "the points are more than a GLB can hold, 4 GiB; ask for ply, or for fewer")
+                })?;
+                Ok((glb.head(), size_bytes))
+            }
+        }
+    }
+
+    fn body(
+        self,
+        format: Format,
+        head: Vec<u8>,
+        tiles: Vec<MapFile>,
+    ) -> impl Stream<Item = Result<Bytes, StorageError>> + use<> {
+        let points = Arc::new(self);
+        let tiles = futures::stream::iter(tiles).then(move |tile| {
+            let points = points.clone();
+            async move {
+                let bytes = points.of_tile(&tile).await?;
+                Ok(Bytes::from(if format == Format::Glb { Glb::tile(&bytes) } else { bytes }))
+            }
+        });
+        futures::stream::once(async { Ok(Bytes::from(head)) }).chain(tiles)
+    }
+
+    async fn of_tile(&self, tile: &MapFile) -> Result<Vec<u8>, StorageError> {
+        let damaged = || StorageError::Column { column: "tile", detail: "it is damaged".to_owned() };
+        // Removed meanwhile: the revision is older than those that are kept.
+        let bytes = self.app.storage.map_file_bytes(tile).await?.ok_or_else(damaged)?;
+        let tile = TileBytes::read(&bytes).map_err(|_| damaged())?;
+        self.filter.of_tile(&tile, &self.clips).map_err(|_| damaged())
+    }
+}

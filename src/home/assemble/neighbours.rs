@@ -1,0 +1,164 @@
+//! An ambiguous clip looked at again beside the clips whose places are known: what they saw decides between its
+//! alternatives.
+
+use super::sight::Sights;
+use super::surface::Surface;
+use crate::align::View;
+use crate::geometry::{Point3, Pose2, Vector3};
+use std::collections::BTreeMap;
+
+/// How alternatives are compared.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NeighbourParams {
+    /// Points of the clip that are looked for in a neighbour.
+    pub samples: usize,
+    /// Side of the patches of surface that count as one observation each.
+    pub patch_m: f64,
+    /// A patch agrees, or does not, when this share of its points says so.
+    pub majority: f64,
+    /// How much likelier a patch that agrees is at the right pose than at a wrong one.
+    pub likelihood_ratio: f64,
+    /// Colours further apart than this, of 255, are not the same thing.
+    pub color: f64,
+    /// Probability from which a clip is placed.
+    pub sure: f64,
+    /// An alternative is placed only if so many patches more agree than do not: without overlap nothing is decided.
+    pub min_patches: i32,
+}
+
+impl Default for NeighbourParams {
+    fn default() -> Self {
+        NeighbourParams {
+            samples: 4_000,
+            patch_m: 0.5,
+            majority: 0.6,
+            likelihood_ratio: 1.5,
+            color: 60.0,
+            sure: 0.95,
+            min_patches: 6,
+        }
+    }
+}
+
+/// A clip at its place, as a neighbour sees it.
+pub(super) struct Neighbour<'a> {
+    pub map_from_clip: Pose2,
+    pub surface: &'a Surface,
+    pub sights: Sights<'a>,
+}
+
+/// The clip whose place is asked for.
+pub(super) struct Asked<'a> {
+    pub surface: &'a Surface,
+    pub views: &'a [View],
+}
+
+/// Patches that agree with what neighbours saw, less those that do not.
+pub(super) fn agreement(
+    asked: &Asked,
+    map_from_clip: &Pose2,
+    neighbours: &[Neighbour],
+    params: &NeighbourParams,
+) -> i32 {
+    let mut patches: BTreeMap<[i32; 3], (u32, u32)> = BTreeMap::new();
+    let patch = |point: &Point3| [point.x, point.y, point.z].map(|c| (c / params.patch_m).floor() as i32);
+    for sample in asked.surface.some(params.samples) {
+        let (position, normal) = moved(&sample.position, &sample.normal, map_from_clip);
+        let (found, gone) = ask(&position, &normal, sample.color, neighbours, params);
+        let votes = patches.entry(patch(&position)).or_default();
+        votes.0 += u32::from(found);
+        votes.1 += u32::from(gone && !found);
+    }
+    // And the other way round: what a neighbour saw where this clip looked through.
+    let sights = Sights::new(asked.views, map_from_clip);
+    for neighbour in neighbours {
+        for sample in neighbour.surface.some(params.samples) {
+            let (position, _) = moved(&sample.position, &sample.normal, &neighbour.map_from_clip);
+            let (surface, through) = sights.of(&position);
+            if through > 2 * surface {
+                patches.entry(patch(&position)).or_default().1 += 1;
+            }
+        }
+    }
+    let verdict = |(yes, no): &(u32, u32)| {
+        let all = f64::from(yes + no);
+        if yes + no < 3 {
+            0
+        } else if f64::from(*yes) >= params.majority * all {
+            1
+        } else if f64::from(*no) >= params.majority * all {
+            -1
+        } else {
+            0
+        }
+    };
+    patches.values().map(verdict).sum()
+}
+
+/// Whether a neighbour has the same thing there, and whether one looked through the place.
+fn ask(
+    position: &Point3,
+    normal: &Vector3,
+    color: [u8; 3],
+    neighbours: &[Neighbour],
+    params: &NeighbourParams,
+) -> (bool, bool) {
+    let mut gone = false;
+    for neighbour in neighbours {
+        let clip_from_map = neighbour.map_from_clip.inverse();
+        let (there, facing) = moved(position, normal, &clip_from_map);
+        if let Some(near) = neighbour.surface.nearest(&there, &facing) {
+            let squared: f64 =
+                (0..3).map(|i| (f64::from(near.color[i]) - f64::from(color[i])).powi(2)).sum();
+            if squared < 3.0 * params.color * params.color {
+                return (true, gone);
+            }
+        }
+        let (surface, through) = neighbour.sights.of(position);
+        gone |= through > 2 * surface;
+    }
+    (false, gone)
+}
+
+fn moved(position: &Point3, normal: &Vector3, pose: &Pose2) -> (Point3, Vector3) {
+    let at = pose.apply(&position.xy());
+    let turned = pose.rotate(&normal.xy());
+    (Point3::new(at.x, at.y, position.z), Vector3::new(turned.x, turned.y, normal.z))
+}
+
+/// The alternative that the neighbours leave, with its probability; none while they leave doubt.
+pub(super) fn decide(
+    alternatives: &[(Pose2, f64)],
+    agreements: &[i32],
+    params: &NeighbourParams,
+) -> Option<(usize, f64)> {
+    let logs: Vec<f64> = alternatives
+        .iter()
+        .zip(agreements)
+        .map(|((_, probability), patches)| {
+            probability.max(1e-6).ln() + f64::from(*patches) * params.likelihood_ratio.ln()
+        })
+        .collect();
+    let (best, most) = logs.iter().enumerate().rev().max_by(|a, b| a.1.total_cmp(b.1))?;
+    let sum: f64 = logs.iter().map(|log| (log - most).exp()).sum();
+    let enough = agreements[best] >= params.min_patches;
+    (enough && 1.0 / sum >= params.sure).then_some((best, 1.0 / sum))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_neighbours_saw_decides() {
+        let params = NeighbourParams::default();
+        let alternatives = [(Pose2::IDENTITY, 0.5), (Pose2::new(3.0, 0.0, 0.0), 0.5)];
+        // (agreements, chosen)
+        let cases = [([0, 0], None), ([20, -5], Some(0)), ([-8, 12], Some(1)), ([4, -30], None), ([20, 19], None)];
+        for (agreements, chosen) in cases {
+            let decided = decide(&alternatives, &agreements, &params).map(|(place, _)| place);
+            assert_eq!(decided, chosen, "{agreements:?}");
+        }
+        assert_eq!(decide(&[], &[], &params), None);
+    }
+}

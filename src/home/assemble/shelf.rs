@@ -1,0 +1,54 @@
+//! The shares that are in use, so that none is read over and over and memory stays bounded.
+
+use super::members::{Extent, Member};
+use super::surface::Surface;
+use crate::home::share::Share;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// Shares that are kept in memory at once: about 10 MB each.
+const KEPT: usize = 24;
+
+/// A share and its surface.
+pub(super) struct Loaded {
+    pub share: Share,
+    pub surface: Surface,
+}
+
+impl Loaded {
+    pub fn extent(&self) -> Extent {
+        let points = self.share.cloud_in_clip.points.iter().map(|p| [p.position_m[0], p.position_m[1]].map(f64::from));
+        let cameras = self.share.views.iter().map(|view| view.clip_from_camera.translation.vector);
+        Extent::around(points.chain(cameras.map(|at| [at.x, at.y])))
+    }
+}
+
+pub(super) struct Shelf<'a, E> {
+    load: &'a mut dyn FnMut(&Member) -> Result<Share, E>,
+    /// The one used last is at the end.
+    kept: VecDeque<(String, Arc<Loaded>)>,
+}
+
+impl<'a, E> Shelf<'a, E> {
+    pub fn new(load: &'a mut dyn FnMut(&Member) -> Result<Share, E>) -> Shelf<'a, E> {
+        Shelf { load, kept: VecDeque::new() }
+    }
+
+    pub fn get(&mut self, member: &Member) -> Result<Arc<Loaded>, E> {
+        let known = self.kept.iter().position(|(share, _)| *share == member.share);
+        let entry = match known.and_then(|place| self.kept.remove(place)) {
+            Some(entry) => entry,
+            None => {
+                let share = (self.load)(member)?;
+                let surface = Surface::new(&share.cloud_in_clip);
+                (member.share.clone(), Arc::new(Loaded { share, surface }))
+            }
+        };
+        let loaded = entry.1.clone();
+        self.kept.push_back(entry);
+        if self.kept.len() > KEPT {
+            self.kept.pop_front();
+        }
+        Ok(loaded)
+    }
+}

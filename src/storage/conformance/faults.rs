@@ -1,0 +1,216 @@
+//! Storage that breaks in the middle of things: what was there stays, whole.
+
+use super::*;
+use crate::geometry::Pose2;
+use crate::home::TileKey;
+use async_trait::async_trait;
+use futures::stream::BoxStream;
+use object_store::path::Path as Key;
+use object_store::*;
+use std::fmt;
+use std::future::Future;
+use std::pin::pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::task::Poll;
+
+/// A blob store whose writes fail as it is told, every other of them after the blob was written.
+#[derive(Debug)]
+struct Faulty {
+    inner: Box<dyn ObjectStore>,
+    writes: Arc<AtomicU32>,
+    fails: fn(u32) -> bool,
+}
+
+impl fmt::Display for Faulty {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "writes of {} fail", self.inner)
+    }
+}
+
+#[async_trait]
+impl ObjectStore for Faulty {
+    async fn put_opts(&self, key: &Key, bytes: PutPayload, options: PutOptions) -> Result<PutResult> {
+        let write = self.writes.fetch_add(1, Ordering::Relaxed);
+        if !(self.fails)(write) {
+            return self.inner.put_opts(key, bytes, options).await;
+        }
+        if write % 2 == 1 {
+            self.inner.put_opts(key, bytes, options).await?;
+        }
+        Err(Error::Generic { store: "faulty", source: "this write fails".into() })
+    }
+
+    async fn put_multipart_opts(
+        &self,
+        key: &Key,
+        options: PutMultipartOptions,
+    ) -> Result<Box<dyn MultipartUpload>> {
+        self.inner.put_multipart_opts(key, options).await
+    }
+
+    async fn get_opts(&self, key: &Key, options: GetOptions) -> Result<GetResult> {
+        self.inner.get_opts(key, options).await
+    }
+
+    fn delete_stream(&self, keys: BoxStream<'static, Result<Key>>) -> BoxStream<'static, Result<Key>> {
+        self.inner.delete_stream(keys)
+    }
+
+    fn list(&self, prefix: Option<&Key>) -> BoxStream<'static, Result<ObjectMeta>> {
+        self.inner.list(prefix)
+    }
+
+    async fn list_with_delimiter(&self, prefix: Option<&Key>) -> Result<ListResult> {
+        self.inner.list_with_delimiter(prefix).await
+    }
+
+    async fn copy_opts(&self, from: &Key, to: &Key, options: CopyOptions) -> Result<()> {
+        self.inner.copy_opts(from, to, options).await
+    }
+
+    async fn rename_opts(&self, from: &Key, to: &Key, options: RenameOptions) -> Result<()> {
+        self.inner.rename_opts(from, to, options).await
+    }
+}
+
+const TILES: i32 = 4;
+
+/// A revision whose tiles all hold `number`.
+fn revision(number: u8) -> NewRevision {
+    let tile = |x| (TileKey { x, y: 0 }, Some(vec![number; 64]));
+    NewRevision { tiles: (0..TILES).map(tile).collect(), ..NewRevision::default() }
+}
+
+/// The number that the current revision holds, the same in all its tiles; none before the first.
+async fn whole(storage: &Storage, home: &HomeId) -> Option<u8> {
+    let map = storage.home_map(home, None).await.unwrap()?;
+    let files = storage.home_map_files(home, map.revision, map_file::TILE).await.unwrap();
+    assert_eq!(files.len(), TILES as usize);
+    let mut numbers = Vec::new();
+    for file in &files {
+        numbers.extend(storage.map_file_bytes(file).await.unwrap().expect("the tile is there"));
+    }
+    assert!(numbers.iter().all(|number| *number == numbers[0]), "half a map: {numbers:?}");
+    storage.home_map_files(home, map.revision, map_file::MANIFEST).await.unwrap().first().expect("its manifest");
+    Some(numbers[0])
+}
+
+/// A home with an aligned clip.
+async fn aligned(storage: &Storage) -> (HomeId, Clip) {
+    let (home, clip) = one_job(storage).await;
+    align(storage).await;
+    (home, clip)
+}
+
+/// Does the next job.
+async fn align(storage: &Storage) {
+    let claim = storage.claim(LEASE, at(1)).await.unwrap().expect("a job is due");
+    let Ending::Answered(mut alignment) = answer(AlignmentState::Aligned) else { unreachable!() };
+    alignment.map_from_clip = Some(Pose2::IDENTITY);
+    storage.put_result(&claim, result_file::CLOUD, b"cloud".to_vec()).await.unwrap();
+    let ending = Ending::Answered(alignment);
+    assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(1)).await.unwrap());
+}
+
+/// Makes the writes of a storage fail from now on; tells how many there have been.
+fn break_writes(storage: &mut Storage, fails: fn(u32) -> bool) -> Arc<AtomicU32> {
+    let nothing = Box::new(object_store::memory::InMemory::new());
+    let inner = std::mem::replace(&mut storage.blobs.store, nothing);
+    let writes = Arc::new(AtomicU32::new(0));
+    storage.blobs.store = Box::new(Faulty { inner, writes: writes.clone(), fails });
+    writes
+}
+
+#[tokio::test]
+async fn a_store_that_fails_every_third_write_makes_whole_maps() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut storage = Storage::open(folder.path()).await.unwrap();
+    let writes = break_writes(&mut storage, |write| write % 3 == 2);
+    let (home, clip) = aligned(&storage).await;
+    for number in 1..=4u8 {
+        let claim = storage.claim_merge(LEASE, at(10)).await.unwrap().expect("the home is due");
+        assert!(storage.finish_merge(&claim, Some(&revision(number)), at(10)).await.unwrap());
+        assert_eq!(whole(&storage, &home).await, Some(number));
+        storage.align_clip(&home, clip.id, at(11)).await.unwrap();
+        align(&storage).await;
+    }
+    // Five files a revision and one a job, and half as many again.
+    assert!(writes.load(Ordering::Relaxed) >= 36);
+    assert_eq!(storage.clip(&home, clip.id).await.unwrap().state, ClipState::Aligned);
+    let (kept, named) = (storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
+    assert!(kept.iter().all(|key| named.contains(key)), "nothing is left of writes that failed");
+}
+
+#[tokio::test]
+async fn a_store_that_fails_for_good_leaves_the_map_as_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut storage = Storage::open(folder.path()).await.unwrap();
+    let (home, clip) = aligned(&storage).await;
+    let claim = storage.claim_merge(LEASE, at(10)).await.unwrap().expect("the home is due");
+    assert!(storage.finish_merge(&claim, Some(&revision(1)), at(10)).await.unwrap());
+    storage.align_clip(&home, clip.id, at(11)).await.unwrap();
+    align(&storage).await;
+    break_writes(&mut storage, |write| write >= 2);
+    let claim = storage.claim_merge(LEASE, at(12)).await.unwrap().expect("the home is due");
+    let failed = storage.finish_merge(&claim, Some(&revision(2)), at(12)).await;
+    assert!(matches!(failed, Err(StorageError::Blobs(_))), "{failed:?}");
+    assert_eq!(whole(&storage, &home).await, Some(1));
+    let (kept, named) = (storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
+    assert!(kept.iter().all(|key| named.contains(key)), "what was written of it is gone");
+    storage.give_back_merge(&claim, at(13)).await.unwrap();
+    assert!(storage.claim_merge(LEASE, at(13)).await.unwrap().is_some(), "it is tried again");
+}
+
+/// Runs `work` until it has waited `waits` times, and drops it there: what a kill at that moment leaves.
+async fn cut_off<T>(work: impl Future<Output = T>, waits: usize) -> Option<T> {
+    let mut work = pin!(work);
+    let mut waited = 0;
+    std::future::poll_fn(|context| match work.as_mut().poll(context) {
+        Poll::Ready(value) => Poll::Ready(Some(value)),
+        Poll::Pending if waited == waits => Poll::Ready(None),
+        Poll::Pending => {
+            waited += 1;
+            Poll::Pending
+        }
+    })
+    .await
+}
+
+#[tokio::test]
+async fn a_merge_that_is_killed_anywhere_leaves_a_whole_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut storage = Storage::open(folder.path()).await.unwrap();
+    let (home, clip) = aligned(&storage).await;
+    let (mut number, mut now) = (0u8, 100);
+    let mut cuts = 0;
+    for waits in 0.. {
+        let before = whole(&storage, &home).await;
+        let claim = storage.claim_merge(LEASE, at(now)).await.unwrap().expect("the home is due");
+        number += 1;
+        let finished = cut_off(storage.finish_merge(&claim, Some(&revision(number)), at(now)), waits).await;
+        // As after a kill: the storage is opened anew, which sweeps.
+        storage.close().await;
+        drop(storage);
+        storage = Storage::open(folder.path()).await.unwrap();
+        let after = whole(&storage, &home).await;
+        match finished {
+            None => assert!(after == before || after == Some(number), "{before:?} {after:?} {waits}"),
+            Some(kept) => assert!(kept.unwrap() && after == Some(number)),
+        }
+        assert_eq!(storage.clip(&home, clip.id).await.unwrap().state, ClipState::Aligned);
+        let (kept, named) = (storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
+        assert!(kept.iter().all(|key| named.contains(key)), "nothing is left of a merge that was cut off");
+        if finished.is_some() {
+            break;
+        }
+        cuts += 1;
+        // Its lease runs out; where it had come through, something new makes it due.
+        now += 100;
+        if after == Some(number) {
+            storage.align_clip(&home, clip.id, at(now)).await.unwrap();
+            align(&storage).await;
+        }
+    }
+    assert!(cuts >= 10, "a merge waits for its blobs and its transaction: {cuts}");
+}

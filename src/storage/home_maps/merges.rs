@@ -1,0 +1,436 @@
+//! Which homes are due to be merged, by whom, and what comes of it.
+
+use super::{HomeMap, MapClip, MapFile, files, map_file};
+use crate::align::{Alignment, AlignmentState, Reason};
+use crate::geometry::angle_between;
+use crate::home::{HomeMapInfo, Manifest, Member, PlacedBy, PlacedClip, TileKey, Verdict};
+use crate::storage::columns::{Columns, to_json};
+use crate::storage::database::{Connection, Row, Transaction};
+use crate::storage::{Choice, HomeId, Placement, Storage, StorageError, lidar_maps};
+use jiff::Timestamp;
+use nalgebra::Matrix3;
+use std::time::Duration;
+use uuid::Uuid;
+
+/// Revisions of a home's map that are kept; older ones go when a new one comes. Readers that began with one have long
+/// ended when it is this old.
+const KEPT: i64 = 5;
+
+/// A home whose map this worker makes.
+#[derive(Debug, Clone)]
+pub struct MergeClaim {
+    pub home: HomeId,
+    /// The clips that may be in the map.
+    pub members: Vec<Member>,
+    /// The LiDAR map that they were aligned to; none when there is none.
+    pub lidar_map: Option<Uuid>,
+    /// The revision that the new one starts from; 0 before the first.
+    pub last_revision: i64,
+    last_lidar_map_revision: i64,
+    lidar_map_revision: i64,
+    wanted: i64,
+    fence: i64,
+}
+
+impl MergeClaim {
+    /// Whether the LiDAR map is another than that of the last revision.
+    pub fn has_new_lidar_map(&self) -> bool {
+        self.lidar_map_revision != self.last_lidar_map_revision
+    }
+}
+
+/// What a merge made. Files and tiles that are not named are as they were.
+#[derive(Debug, Clone, Default)]
+pub struct NewRevision {
+    pub manifest: Manifest,
+    /// Tiles that changed; none for those that are empty now.
+    pub tiles: Vec<(TileKey, Option<Vec<u8>>)>,
+    pub files: Vec<(&'static str, Vec<u8>)>,
+    /// Id, class and document of every object.
+    pub objects: Vec<(String, String, serde_json::Value)>,
+}
+
+/// Takes a home whose map is behind, that nobody merges now, and none of whose clips is on its way: a new LiDAR map
+/// that sends all of them around again makes one new revision, and the old one stays until then.
+const CLAIM: &str = "UPDATE homes SET map_fence = map_fence + 1, map_lease_until = $2
+    WHERE id = (
+        SELECT id FROM homes
+        WHERE map_made < map_wanted AND (map_lease_until IS NULL OR map_lease_until <= $1)
+            AND NOT EXISTS (SELECT 1 FROM clips WHERE home_id = homes.id AND state IN ('queued', 'aligning'))
+        ORDER BY id LIMIT 1)
+    RETURNING id, map_wanted, map_fence";
+
+impl Storage {
+    /// Gives a home whose map is due to a worker, none when there is none.
+    pub async fn claim_merge(
+        &self,
+        lease: Duration,
+        now: Timestamp,
+    ) -> Result<Option<MergeClaim>, StorageError> {
+        let mut transaction = self.database.begin().await?;
+        let row = sqlx::query(CLAIM)
+            .bind(now.as_millisecond())
+            .bind((now + lease).as_millisecond())
+            .fetch_optional(&mut *transaction)
+            .await?;
+        let Some(row) = row else { return Ok(None) };
+        let home = row.home("id")?;
+        let lidar_map = lidar_maps::current(&mut transaction, &home).await?;
+        let last = newest(&mut transaction, &home).await?;
+        let claim = MergeClaim {
+            members: members(&mut transaction, &home).await?,
+            lidar_map_revision: lidar_map.as_ref().map_or(0, |map| map.revision),
+            lidar_map: lidar_map.map(|map| map.id),
+            last_revision: last.as_ref().map_or(0, |map| map.revision),
+            last_lidar_map_revision: last.map_or(0, |map| map.lidar_map_revision),
+            wanted: row.number("map_wanted")?,
+            fence: row.number("map_fence")?,
+            home,
+        };
+        transaction.commit().await?;
+        Ok(Some(claim))
+    }
+
+    /// Renews a lease; false when the home is no longer this worker's.
+    pub async fn renew_merge(
+        &self,
+        claim: &MergeClaim,
+        lease: Duration,
+        now: Timestamp,
+    ) -> Result<bool, StorageError> {
+        let mut transaction = self.database.begin().await?;
+        let renewed = sqlx::query(
+            "UPDATE homes SET map_lease_until = $3 WHERE id = $1 AND map_fence = $2 AND map_lease_until IS NOT NULL",
+        )
+        .bind(claim.home.as_str())
+        .bind(claim.fence)
+        .bind((now + lease).as_millisecond())
+        .execute(&mut *transaction)
+        .await?;
+        transaction.commit().await?;
+        Ok(renewed.rows_affected() == 1)
+    }
+
+    /// A file of one of a claim's clips. None when the clip was removed or aligned anew since: then the home is due
+    /// again anyway.
+    pub async fn member_file(
+        &self,
+        member: &Member,
+        name: &str,
+    ) -> Result<Option<bytes::Bytes>, StorageError> {
+        match self.blobs.read_all(&format!("{}/{name}", member.share)).await {
+            Err(StorageError::Blobs(object_store::Error::NotFound { .. })) => Ok(None),
+            bytes => Ok(Some(bytes?)),
+        }
+    }
+
+    /// The tiles of the revision that a claim starts from.
+    pub async fn last_tiles(&self, claim: &MergeClaim) -> Result<Vec<MapFile>, StorageError> {
+        self.home_map_files(&claim.home, claim.last_revision, map_file::TILE).await
+    }
+
+    /// What is known of the revision that a claim starts from; empty before the first.
+    pub async fn last_manifest(&self, claim: &MergeClaim) -> Result<Manifest, StorageError> {
+        let files = self.home_map_files(&claim.home, claim.last_revision, map_file::MANIFEST).await?;
+        let Some(file) = files.first() else { return Ok(Manifest::default()) };
+        let bytes = self.map_file_bytes(file).await?.unwrap_or_default();
+        serde_json::from_slice(&bytes)
+            .map_err(|error| StorageError::Column { column: "manifest.json", detail: error.to_string() })
+    }
+
+    /// Keeps what a merge made as the home's next revision, or, when it made nothing new, only that it was looked at.
+    /// False when the claim was lost; then nothing changes.
+    pub async fn finish_merge(
+        &self,
+        claim: &MergeClaim,
+        new: Option<&NewRevision>,
+        now: Timestamp,
+    ) -> Result<bool, StorageError> {
+        let mut keys = Vec::new();
+        let kept = self.keep_revision(claim, new, &mut keys, now).await;
+        match &kept {
+            Ok(Some(stale)) => self.blobs.discard(stale).await,
+            // After an error in the database the rows may be there nevertheless: the next start's sweep decides.
+            Ok(None) | Err(StorageError::Blobs(_)) => self.blobs.discard(&keys).await,
+            Err(_) => {}
+        }
+        Ok(kept?.is_some())
+    }
+
+    /// Blobs first, then one transaction: a reader sees all of a revision or nothing of it. Gives the blobs that no
+    /// kept revision has any more; none when the claim was lost. `keys` are the blobs that were written.
+    async fn keep_revision(
+        &self,
+        claim: &MergeClaim,
+        new: Option<&NewRevision>,
+        keys: &mut Vec<String>,
+        now: Timestamp,
+    ) -> Result<Option<Vec<String>>, StorageError> {
+        let mut written = Vec::new();
+        if let Some(new) = new {
+            let manifest = to_json(&new.manifest).into_bytes();
+            let tiles = new.tiles.iter().map(|(key, bytes)| (map_file::TILE, Some(*key), bytes.clone()));
+            let files = new.files.iter().map(|(name, bytes)| (*name, None, Some(bytes.clone())));
+            for (name, tile, bytes) in tiles.chain(files).chain([(map_file::MANIFEST, None, Some(manifest))]) {
+                let mut key = None;
+                if let Some(bytes) = bytes {
+                    // A key of its own for every attempt, as with the results of clips.
+                    let fresh = format!("home-maps/{}", Uuid::now_v7());
+                    keys.push(fresh.clone());
+                    self.blobs.put(&fresh, bytes).await?;
+                    key = Some(fresh);
+                }
+                written.push(Written { name, tile, key });
+            }
+        }
+        let mut transaction = self.database.begin().await?;
+        let held = sqlx::query(
+            "UPDATE homes SET map_made = $3, map_lease_until = NULL WHERE id = $1 AND map_fence = $2",
+        )
+        .bind(claim.home.as_str())
+        .bind(claim.fence)
+        .bind(claim.wanted);
+        if held.execute(&mut *transaction).await?.rows_affected() == 0 {
+            return Ok(None);
+        }
+        let stale = match new {
+            Some(new) => insert(&mut transaction, claim, new, &written, now).await?,
+            None => Vec::new(),
+        };
+        transaction.commit().await?;
+        Ok(Some(stale))
+    }
+
+    /// Gives a claim back after an error, to be tried again from `due` on.
+    pub async fn give_back_merge(&self, claim: &MergeClaim, due: Timestamp) -> Result<(), StorageError> {
+        let mut transaction = self.database.begin().await?;
+        sqlx::query("UPDATE homes SET map_lease_until = $3 WHERE id = $1 AND map_fence = $2")
+            .bind(claim.home.as_str())
+            .bind(claim.fence)
+            .bind(due.as_millisecond())
+            .execute(&mut *transaction)
+            .await?;
+        transaction.commit().await?;
+        Ok(())
+    }
+}
+
+/// A file that a new revision has in place of the one before; no key when it has none.
+struct Written {
+    name: &'static str,
+    tile: Option<TileKey>,
+    key: Option<String>,
+}
+
+async fn newest(connection: &mut Connection, home: &HomeId) -> Result<Option<HomeMap>, StorageError> {
+    let row = sqlx::query("SELECT * FROM home_maps WHERE home_id = $1 ORDER BY revision DESC LIMIT 1");
+    let row = row.bind(home.as_str()).fetch_optional(connection).await?;
+    row.as_ref().map(super::from_row).transpose()
+}
+
+/// The clips with an answer that may be in the map.
+async fn members(connection: &mut Connection, home: &HomeId) -> Result<Vec<Member>, StorageError> {
+    let rows = sqlx::query(
+        "SELECT id, sha256, recorded_at, result_key, alignment, choice FROM clips
+        WHERE home_id = $1 AND state IN ('aligned', 'ambiguous') AND result_key IS NOT NULL ORDER BY id",
+    )
+    .bind(home.as_str())
+    .fetch_all(connection)
+    .await?;
+    let member = |row: &Row| {
+        let alignment: Option<Alignment> = row.maybe_json("alignment")?;
+        let verdict = match row.maybe_json::<Choice>("choice")? {
+            Some(choice) => Some(Verdict::Chosen { map_from_clip: choice.map_from_clip }),
+            None => alignment.as_ref().and_then(own_verdict),
+        };
+        let Some(verdict) = verdict else { return Ok(None) };
+        Ok(Some(Member {
+            clip: row.id("id")?,
+            recorded_at_ms: row.maybe_number("recorded_at")?,
+            sha256: row.text("sha256")?,
+            share: row.text("result_key")?,
+            verdict,
+        }))
+    };
+    rows.iter().map(member).filter_map(Result::transpose).collect()
+}
+
+fn own_verdict(alignment: &Alignment) -> Option<Verdict> {
+    match alignment.state {
+        AlignmentState::Aligned => Some(Verdict::Aligned {
+            map_from_clip: alignment.map_from_clip?,
+            covariance: Matrix3::from_fn(|r, c| alignment.covariance.map_or(0.0, |rows| rows[r][c])),
+            probability: alignment.probability,
+        }),
+        AlignmentState::Ambiguous => Some(Verdict::Ambiguous {
+            alternatives: alignment
+                .alternatives
+                .iter()
+                .map(|one| (one.map_from_clip, one.probability.unwrap_or(0.0)))
+                .collect(),
+        }),
+        AlignmentState::Failed => None,
+    }
+}
+
+fn map_clip(placed: &PlacedClip) -> Result<MapClip, StorageError> {
+    let recorded_at = placed.recorded_at_ms.map(Timestamp::from_millisecond).transpose();
+    Ok(MapClip {
+        clip: placed.clip,
+        map_from_clip: placed.map_from_clip,
+        by: placed.by,
+        probability: placed.probability,
+        recorded_at: recorded_at
+            .map_err(|error| StorageError::Column { column: "recorded_at", detail: error.to_string() })?,
+        points: placed.points,
+        moved_m: placed.map_from_clip.distance_m(&placed.alone),
+        moved_deg: angle_between(placed.map_from_clip.yaw_rad, placed.alone.yaw_rad).to_degrees(),
+    })
+}
+
+/// Adds a revision and removes the oldest; gives the blobs of those.
+async fn insert(
+    transaction: &mut Transaction,
+    claim: &MergeClaim,
+    new: &NewRevision,
+    written: &[Written],
+    now: Timestamp,
+) -> Result<Vec<String>, StorageError> {
+    let (home, revision) = (claim.home.as_str(), claim.last_revision + 1);
+    let clips: Result<Vec<MapClip>, _> = new.manifest.clips.iter().map(map_clip).collect();
+    let info = HomeMapInfo::of(new.manifest.tiles.iter().map(|(_, info)| info));
+    sqlx::query(
+        "INSERT INTO home_maps (home_id, revision, lidar_map_revision, clips, info, created_at)
+        VALUES ($1, $2, $3, $4, $5, $6)",
+    )
+    .bind(home)
+    .bind(revision)
+    .bind(claim.lidar_map_revision)
+    .bind(to_json(&clips?))
+    .bind(to_json(&info))
+    .bind(now.as_millisecond())
+    .execute(&mut **transaction)
+    .await?;
+    for file in written {
+        let (x, y) = (file.tile.map(|tile| i64::from(tile.x)), file.tile.map(|tile| i64::from(tile.y)));
+        sqlx::query(
+            "UPDATE home_map_files SET last_revision = $5
+            WHERE home_id = $1 AND name = $2 AND (tile_x = $3 OR $3 IS NULL) AND (tile_y = $4 OR $4 IS NULL)
+                AND last_revision IS NULL",
+        )
+        .bind(home)
+        .bind(file.name)
+        .bind(x)
+        .bind(y)
+        .bind(claim.last_revision)
+        .execute(&mut **transaction)
+        .await?;
+        let Some(key) = &file.key else { continue };
+        sqlx::query(
+            "INSERT INTO home_map_files (blob_key, home_id, name, tile_x, tile_y, first_revision)
+            VALUES ($1, $2, $3, $4, $5, $6)",
+        )
+        .bind(key)
+        .bind(home)
+        .bind(file.name)
+        .bind(x)
+        .bind(y)
+        .bind(revision)
+        .execute(&mut **transaction)
+        .await?;
+    }
+    super::objects::replace(transaction, &claim.home, &new.objects).await?;
+    place_clips(transaction, claim, &new.manifest.clips, revision, now).await?;
+    sqlx::query("DELETE FROM home_maps WHERE home_id = $1 AND revision <= $2")
+        .bind(home)
+        .bind(revision - KEPT)
+        .execute(&mut **transaction)
+        .await?;
+    let old = sqlx::query(
+        "DELETE FROM home_map_files WHERE home_id = $1 AND last_revision <= $2 RETURNING blob_key",
+    )
+    .bind(home)
+    .bind(revision - KEPT)
+    .fetch_all(&mut **transaction)
+    .await?;
+    old.iter().map(|row| row.text("blob_key")).collect()
+}
+
+/// Tells the clips where they are. An ambiguous clip that its neighbours placed is aligned; when they do not any more,
+/// it is ambiguous again. A clip that has another answer by now is left alone: its home is due again.
+async fn place_clips(
+    transaction: &mut Transaction,
+    claim: &MergeClaim,
+    clips: &[PlacedClip],
+    revision: i64,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    let rows = sqlx::query("SELECT id, result_key FROM clips WHERE home_id = $1 AND placement IS NOT NULL")
+        .bind(claim.home.as_str())
+        .fetch_all(&mut **transaction)
+        .await?;
+    for row in &rows {
+        let share = row.maybe_text("result_key")?;
+        if !claim.members.iter().any(|member| share.as_ref() == Some(&member.share)) {
+            sqlx::query("UPDATE clips SET placement = NULL, updated_at = $2 WHERE id = $1")
+                .bind(row.text("id")?)
+                .bind(now.as_millisecond())
+                .execute(&mut **transaction)
+                .await?;
+        }
+    }
+    for member in &claim.members {
+        let placed = clips.iter().find(|placed| placed.share == member.share);
+        let placement = placed.map(|placed| Placement {
+            map_from_clip: placed.map_from_clip,
+            by: placed.by,
+            probability: placed.probability,
+            map_revision: revision,
+        });
+        let row = sqlx::query(
+            "SELECT state, reasons, placement, alignment FROM clips WHERE id = $1 AND result_key = $2",
+        )
+        .bind(member.clip.to_string())
+        .bind(&member.share)
+        .fetch_optional(&mut **transaction)
+        .await?;
+        let Some(row) = row else { continue };
+        let same = |old: &Placement| Placement { map_revision: revision, ..old.clone() };
+        let before = row.maybe_json::<Placement>("placement")?;
+        let ambiguous = matches!(member.verdict, Verdict::Ambiguous { .. });
+        // A clip that stays where it was is not told so with every revision.
+        let unchanged = before.as_ref().map(same) == placement;
+        let state = match &placement {
+            _ if !ambiguous => row.text("state")?,
+            Some(_) => "aligned".to_owned(),
+            None => "ambiguous".to_owned(),
+        };
+        if unchanged && state == row.text("state")? {
+            continue;
+        }
+        let reasons = match (&placement, ambiguous) {
+            (Some(Placement { by: PlacedBy::Neighbours, .. }), _) => to_json(&[decided_by_neighbours()]),
+            (None, true) => {
+                let own = row.maybe_json::<Alignment>("alignment")?;
+                to_json(&own.map(|alignment| alignment.reasons).unwrap_or_default())
+            }
+            _ => row.text("reasons")?,
+        };
+        sqlx::query("UPDATE clips SET state = $2, reasons = $3, placement = $4, updated_at = $5 WHERE id = $1")
+            .bind(member.clip.to_string())
+            .bind(state)
+            .bind(reasons)
+            .bind(placement.as_ref().map(to_json))
+            .bind(now.as_millisecond())
+            .execute(&mut **transaction)
+            .await?;
+    }
+    Ok(())
+}
+
+fn decided_by_neighbours() -> Reason {
+    Reason::new(
+        "decided_by_neighbours",
+        "several poses explain the clip alike; what the clips around it saw decided between them",
+    )
+}
