@@ -1,5 +1,6 @@
 //! The fused maps of homes: which are due to be merged, by whom, and the revisions that came of it.
 
+use super::changes::{self, Changed};
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Row, Transaction};
 use super::{BlobReader, ClipState, HomeId, Storage, StorageError, homes, lidar_maps};
@@ -241,6 +242,7 @@ async fn insert(
     .bind(now.as_millisecond())
     .execute(&mut **transaction)
     .await?;
+    changes::record(transaction, &claim.home, Changed::Map { revision }, now).await?;
     let old = sqlx::query("DELETE FROM home_maps WHERE home_id = $1 AND revision <= $2 RETURNING blob_key")
         .bind(claim.home.as_str())
         .bind(revision - KEPT)

@@ -98,7 +98,7 @@ async fn one_worker_merges_a_home_at_a_time(storage: Storage) {
 async fn a_change_during_a_merge_makes_it_due_again(storage: Storage) {
     let (home, clips) = two_aligned(&storage).await;
     let claim = due(&storage, 10).await.expect("the home is due");
-    storage.delete_clip(&home, clips[0]).await.unwrap();
+    storage.delete_clip(&home, clips[0], at(500)).await.unwrap();
     assert!(storage.merge_cloud(&claim, 0).await.unwrap().is_none(), "its cloud is gone");
     storage.give_back_merge(&claim, at(15)).await.unwrap();
     assert!(due(&storage, 14).await.is_none());
@@ -127,13 +127,13 @@ async fn removing_a_clip_makes_a_new_revision(storage: Storage) {
     let claim = due(&storage, 12).await.expect("aligned anew, merged anew");
     assert!(finish(&storage, &claim, b"again", 12).await);
     for id in &clips {
-        storage.delete_clip(&home, *id).await.unwrap();
+        storage.delete_clip(&home, *id, at(500)).await.unwrap();
     }
     let claim = due(&storage, 13).await.expect("the home is due");
     assert_eq!(claim.clips(), 0);
     assert!(finish(&storage, &claim, b"", 13).await);
     assert!(current(&storage, &home).await.clips.is_empty());
-    storage.delete_home(&home).await.unwrap();
+    storage.delete_home(&home, at(500)).await.unwrap();
     assert!(storage.blob_keys().await.unwrap().is_empty());
     assert!(storage.blobs.keys().unwrap().is_empty(), "nothing is left of the home");
 }
