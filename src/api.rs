@@ -1,6 +1,8 @@
 //! HTTP: one file for each resource. What a request may not do is said in `error`, in one place.
 
 mod bodies;
+mod changes;
+mod choice;
 mod clip_results;
 mod clips;
 mod documents;
@@ -55,6 +57,7 @@ struct App {
         (name = "lidar-map", description = "The map of the home's robot vacuum"),
         (name = "clips", description = "Recorded RGB-D clips and their poses in the map"),
         (name = "map", description = "The fused map of a home"),
+        (name = "changes", description = "What happened to all homes, for whoever keeps a copy"),
         (name = "jobs", description = "Work under way"),
         (name = "service", description = "The service itself"),
     )
@@ -71,6 +74,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(clips::list_clips, clips::add_clip))
         .routes(routes!(clips::get_clip, clips::delete_clip))
         .routes(routes!(clips::align_clip))
+        .routes(routes!(choice::choose_alignment, choice::withdraw_alignment))
         .routes(routes!(clip_results::get_clip_overlay))
         .routes(routes!(clip_results::get_clip_cloud))
         .routes(routes!(clip_results::get_clip_completion))
@@ -78,6 +82,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(map::get_map))
         .routes(routes!(map::list_map_revisions))
         .routes(routes!(map::get_map_points))
+        .routes(routes!(changes::list_changes))
         .routes(routes!(jobs::get_job))
         .routes(routes!(jobs::watch_job))
         .routes(routes!(jobs::cancel_job))

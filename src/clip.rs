@@ -48,6 +48,8 @@ pub struct ClipInfo {
     pub depth_height: u32,
     /// Seconds from the first to the last frame, when the layout has times.
     pub duration_s: Option<f64>,
+    /// When the first frame was recorded, in milliseconds since 1970 UTC, when the layout has times of day.
+    pub recorded_at_ms: Option<i64>,
     /// Anything else worth telling: assumptions made, files ignored.
     pub notes: Vec<String>,
 }

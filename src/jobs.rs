@@ -8,11 +8,11 @@ mod worker;
 pub use align_clip::{Failure, Finished, align_clip};
 pub use worker::{Method, WorkerParams, work};
 
-use crate::storage::{Job, Storage, StorageError};
+use crate::storage::{Changes, ChangesCursor, Job, Storage, StorageError};
 use futures::Stream;
 use jiff::Timestamp;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 use uuid::Uuid;
 
@@ -41,6 +41,27 @@ impl Queue {
         let job = self.storage.cancel_job(id, Timestamp::now()).await?;
         self.changed.notify_waiters();
         Ok(job)
+    }
+
+    /// At most `limit` changes after a cursor; when there is none, waits up to `wait` for one.
+    pub async fn changes(
+        &self,
+        after: Option<ChangesCursor>,
+        limit: u32,
+        wait: Duration,
+    ) -> Result<Changes, StorageError> {
+        let begun = Instant::now();
+        loop {
+            let mut changed = std::pin::pin!(self.changed.notified());
+            // As in `next_change`.
+            changed.as_mut().enable();
+            let changes = self.storage.changes(after, limit, Timestamp::now()).await?;
+            let left = wait.saturating_sub(begun.elapsed());
+            if !changes.items.is_empty() || left.is_zero() {
+                return Ok(changes);
+            }
+            let _ = tokio::time::timeout(left.min(POLL), changed).await;
+        }
     }
 
     /// The job now, unless the listener has `seen` this version of it, and again after every change, up to

@@ -8,6 +8,10 @@
 //! Time is an argument everywhere, so that tests need no clock.
 
 mod blobs;
+mod changes;
+mod choices;
+mod clip_list;
+mod clip_state;
 mod clips;
 mod columns;
 #[cfg(test)]
@@ -21,15 +25,24 @@ mod incoming;
 mod jobs;
 mod leases;
 mod lidar_maps;
+mod placement;
+pub mod result_file;
 
 pub use blobs::BlobReader;
-pub use clips::{Added, Clip, ClipState, NewClip};
-pub use home_maps::{HomeMap, LeftOut, MergeClaim};
+pub use changes::{Change, ChangeKind, Changes, ChangesCursor};
+pub use choices::{Choice, ChoiceError, Chosen};
+pub use clip_list::ClipFilter;
+pub use clip_state::ClipState;
+pub use clips::{Added, Clip, NewClip};
+pub use home_maps::{
+    HomeMap, HomeObject, LeftOut, MapClip, MapFile, MergeClaim, NewRevision, ObjectFilter, map_file,
+};
 pub use homes::{Home, HomeId, InvalidHomeId};
 pub use incoming::{Arrived, Incoming};
 pub use jobs::{Job, JobState};
 pub use leases::{Claim, Ending, RetryPolicy};
 pub use lidar_maps::{LidarMapRevision, NewLidarMap};
+pub use placement::Placement;
 
 use blobs::Blobs;
 use database::Database;
@@ -112,6 +125,8 @@ pub enum StorageError {
     NoSuchClip,
     #[error("the home has no LiDAR map")]
     NoLidarMap,
+    #[error("the cursor is too old for what was deleted since to be told; begin again without one")]
+    CursorExpired,
 }
 
 impl StorageError {

@@ -2,6 +2,10 @@
 
 mod common;
 
+#[path = "api/changes.rs"]
+mod changes;
+#[path = "api/choice.rs"]
+mod choice;
 #[path = "api/clips.rs"]
 mod clips;
 #[path = "api/document.rs"]

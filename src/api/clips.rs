@@ -3,15 +3,31 @@
 use super::App;
 use super::bodies::{FileBytes, receive, to_the_end, understand};
 use super::error::{Error, Problem};
-use super::extract::{ClipPath, HomePath, IdempotencyKey, Query};
-use super::list::{List, ListQuery};
+use super::extract::{ClipPath, HomePath, IdempotencyKey, Query, timestamp};
+use super::list::{List, ListQuery, UpdatedQuery};
 use super::problems::{CommonProblems, FileProblems};
 use crate::clip;
-use crate::storage::{Added, Arrived, Clip, NewClip, StorageError};
+use crate::storage::{Added, Arrived, Clip, ClipFilter, ClipState, NewClip, StorageError};
 use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::{StatusCode, header};
-use jiff::Timestamp;
+use jiff::{SignedDuration, Timestamp};
+use serde::Deserialize;
+
+/// No phone recorded depth before the year 2000.
+const EARLIEST: Timestamp = Timestamp::constant(946_684_800, 0);
+/// How far ahead of ours a phone's clock may be.
+const AHEAD: SignedDuration = SignedDuration::from_hours(24);
+
+/// The query of an upload.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct AddQuery {
+    /// When the clip was recorded; when not given, what the file says, where its layout has times of day. Where the
+    /// home changed between two clips, the later one is believed.
+    #[param(value_type = Option<Timestamp>, example = "2026-03-14T15:09:26Z")]
+    recorded_at: Option<String>,
+}
 
 /// Upload a clip
 ///
@@ -21,7 +37,7 @@ use jiff::Timestamp;
 ///
 /// With an `Idempotency-Key`, sending the same file again gives the same clip again.
 #[utoipa::path(post, path = "/v1/homes/{home}/clips", tag = "clips",
-    params(HomePath,
+    params(HomePath, AddQuery,
         ("Idempotency-Key" = Option<String>, Header, description = "1 to 255 visible ASCII characters, unique to this file in this home")),
     request_body(content = FileBytes, content_type = "application/zip", description = "A zip of an RGB-D recording"),
     responses(
@@ -31,13 +47,19 @@ use jiff::Timestamp;
 pub(super) async fn add_clip(
     State(app): State<App>,
     HomePath { home }: HomePath,
+    Query(query): Query<AddQuery>,
     IdempotencyKey(idempotency_key): IdempotencyKey,
     request: Request,
 ) -> Result<(StatusCode, [(header::HeaderName, String); 1], Json<Clip>), Error> {
     app.storage.home(&home).await?;
+    let latest = Timestamp::now() + AHEAD;
+    let told = query.recorded_at.map(|text| recorded_at(&text, latest)).transpose()?;
     let file = receive(&app.storage, request, app.max_upload_bytes).await?;
     let (file, info) = understand(&app, move || open(file)).await?;
-    let new = NewClip { file, info, idempotency_key };
+    let in_file = info.recorded_at_ms.and_then(|ms| Timestamp::from_millisecond(ms).ok());
+    // A file whose clock is far ahead says nothing.
+    let recorded_at = told.or(in_file.filter(|time| *time <= latest));
+    let new = NewClip { file, info, idempotency_key, recorded_at };
     let clip = to_the_end(async move {
         let added = app.storage.add_clip(&home, new, Timestamp::now()).await?;
         app.queue.wake();
@@ -51,20 +73,58 @@ pub(super) async fn add_clip(
     Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(clip)))
 }
 
+fn recorded_at(text: &str, latest: Timestamp) -> Result<Timestamp, Error> {
+    let time = timestamp("recorded_at", text)?;
+    if (EARLIEST..=latest).contains(&time) {
+        return Ok(time);
+    }
+    let detail = "recorded_at is between the year 2000 and a day from now".to_owned();
+    Err(Error::InvalidQuery { field: Some("recorded_at"), detail })
+}
+
 fn open(file: Arrived) -> Result<(Arrived, clip::ClipInfo), Error> {
     let info = clip::Clip::open(file.path())?.info().clone();
     Ok((file, info))
 }
 
+/// Which clips a list has.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct StateQuery {
+    /// Only clips in one of these states, with commas between them. To be given with every page.
+    #[param(value_type = Option<Vec<ClipState>>, style = Form, explode = false, example = json!(["ambiguous", "failed"]))]
+    state: Option<String>,
+}
+
+impl StateQuery {
+    fn states(&self) -> Result<Vec<ClipState>, Error> {
+        let names = self.state.iter().flat_map(|text| text.split(','));
+        names
+            .map(|name| ClipState::ALL.into_iter().find(|state| state.name() == name))
+            .collect::<Option<_>>()
+            .ok_or_else(|| Error::InvalidQuery {
+                field: Some("state"),
+                detail: format!(
+                    "state is of {}, with commas between them",
+                    ClipState::ALL.map(ClipState::name).join(", ")
+                ),
+            })
+    }
+}
+
 /// The clips of a home, the oldest first
-#[utoipa::path(get, path = "/v1/homes/{home}/clips", tag = "clips", params(HomePath, ListQuery),
+#[utoipa::path(get, path = "/v1/homes/{home}/clips", tag = "clips",
+    params(HomePath, ListQuery, UpdatedQuery, StateQuery),
     responses((status = 200, description = "One page", body = List<Clip>), CommonProblems))]
 pub(super) async fn list_clips(
     State(app): State<App>,
     HomePath { home }: HomePath,
     Query(query): Query<ListQuery>,
+    Query(updated): Query<UpdatedQuery>,
+    Query(state): Query<StateQuery>,
 ) -> Result<Json<List<Clip>>, Error> {
-    let clips = app.storage.clips(&home, &query.page()?).await?;
+    let filter = ClipFilter { states: state.states()?, updated_after: updated.updated_after()? };
+    let clips = app.storage.clips(&home, &filter, &query.page()?).await?;
     Ok(Json(query.list(clips, |clip| clip.id)?))
 }
 
@@ -88,7 +148,7 @@ pub(super) async fn delete_clip(
     ClipPath { home, clip }: ClipPath,
 ) -> Result<StatusCode, Error> {
     to_the_end(async move {
-        app.storage.delete_clip(&home, clip).await?;
+        app.storage.delete_clip(&home, clip, Timestamp::now()).await?;
         app.queue.wake();
         Ok(StatusCode::NO_CONTENT)
     })

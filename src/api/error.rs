@@ -43,6 +43,8 @@ pub(super) enum Error {
     MalformedJson(String),
     #[error("{0}")]
     InvalidBody(String),
+    #[error("{detail}")]
+    InvalidMember { field: &'static str, detail: String },
     #[error("{0}")]
     UnsupportedMediaType(String),
     #[error("the body is larger than the limit of {limit} bytes")]
@@ -61,6 +63,8 @@ pub(super) enum Error {
     KeyReused,
     #[error("the home has no LiDAR map to align to; put one first")]
     NothingToAlignTo,
+    #[error("{0}")]
+    NoAnswerYet(String),
     #[error("the job has ended with `{0}` and cannot be cancelled")]
     JobEnded(&'static str),
     #[error("no job has this id")]
@@ -94,7 +98,7 @@ impl Error {
             Error::InvalidQuery { .. } => (S::BAD_REQUEST, "invalid_query", "A query parameter is not valid"),
             Error::InvalidHeader { .. } => (S::BAD_REQUEST, "invalid_header", "A header is not valid"),
             Error::MalformedJson(_) => (S::BAD_REQUEST, "malformed_json", "The body is not JSON"),
-            Error::InvalidBody(_) => {
+            Error::InvalidBody(_) | Error::InvalidMember { .. } => {
                 (S::UNPROCESSABLE_ENTITY, "invalid_body", "The body does not have the expected members")
             }
             Error::UnsupportedMediaType(_) => {
@@ -114,6 +118,7 @@ impl Error {
                 "The Idempotency-Key was used for another file",
             ),
             Error::NothingToAlignTo => (S::CONFLICT, "no_lidar_map", "The home has no LiDAR map"),
+            Error::NoAnswerYet(_) => (S::CONFLICT, "no_answer_yet", "The clip has no answer yet"),
             Error::JobEnded(_) => (S::CONFLICT, "job_ended", "The job has ended already"),
             Error::NoSuchJob => (S::NOT_FOUND, "job_not_found", "There is no such job"),
             Error::NoSuchResult(_) => (S::NOT_FOUND, "result_not_found", "The clip has no such file now"),
@@ -132,6 +137,9 @@ impl Error {
             Error::Storage(StorageError::NoLidarMap) => {
                 (S::NOT_FOUND, "lidar_map_not_found", "The home has no LiDAR map yet")
             }
+            Error::Storage(StorageError::CursorExpired) => {
+                (S::GONE, "cursor_expired", "The cursor is too old to go on from")
+            }
             Error::Storage(error) if error.is_full() => {
                 (S::INSUFFICIENT_STORAGE, "storage_full", "The service has no room left")
             }
@@ -144,7 +152,7 @@ impl Error {
     fn field(&self) -> Option<&'static str> {
         match self {
             Error::InvalidPath { field, .. } | Error::InvalidQuery { field, .. } => *field,
-            Error::InvalidHeader { field, .. } => Some(field),
+            Error::InvalidHeader { field, .. } | Error::InvalidMember { field, .. } => Some(field),
             Error::KeyReused => Some("Idempotency-Key"),
             _ => None,
         }

@@ -5,6 +5,7 @@ use crate::storage::HomeId;
 use axum::extract::rejection::JsonRejection;
 use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};
 use axum::http::request::Parts;
+use jiff::Timestamp;
 use serde::de::DeserializeOwned;
 use std::fmt::Display;
 use std::str::FromStr;
@@ -92,6 +93,16 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Query<T> {
             Err(rejection) => Err(Error::InvalidQuery { field: None, detail: rejection.body_text() }),
         }
     }
+}
+
+/// The moment that a query parameter names.
+pub(super) fn timestamp(field: &'static str, text: &str) -> Result<Timestamp, Error> {
+    text.parse().map_err(|error: jiff::Error| Error::InvalidQuery {
+        field: Some(field),
+        detail: format!(
+            "{field} is a time of RFC 3339 as 2026-03-14T15:09:26Z ({error}); a + is written %2B in a query"
+        ),
+    })
 }
 
 /// A JSON object as the body. Without a body and its media type, or with `null`, the default.

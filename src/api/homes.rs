@@ -4,7 +4,7 @@ use super::App;
 use super::bodies::to_the_end;
 use super::error::Error;
 use super::extract::{HomePath, Json, Query};
-use super::list::{List, ListQuery};
+use super::list::{List, ListQuery, UpdatedQuery};
 use super::problems::{CommonProblems, JsonProblems};
 use crate::storage::Home;
 use axum::extract::State;
@@ -42,6 +42,7 @@ pub(super) async fn put_home(
         return Err(Error::InvalidBody(format!("name has at most {MAX_NAME_CHARACTERS} characters")));
     }
     let (home, is_new) = app.storage.put_home(&home, body.name.as_deref(), Timestamp::now()).await?;
+    app.queue.wake();
     let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
     Ok((status, axum::Json(home)))
 }
@@ -57,13 +58,17 @@ pub(super) async fn get_home(
 }
 
 /// All homes, by id
-#[utoipa::path(get, path = "/v1/homes", tag = "homes", params(ListQuery),
+///
+/// A home's `updated_at` moves with every change of anything in it, so `updated_after` finds the homes where anything
+/// happened.
+#[utoipa::path(get, path = "/v1/homes", tag = "homes", params(ListQuery, UpdatedQuery),
     responses((status = 200, description = "One page", body = List<Home>), CommonProblems))]
 pub(super) async fn list_homes(
     State(app): State<App>,
     Query(query): Query<ListQuery>,
+    Query(updated): Query<UpdatedQuery>,
 ) -> Result<axum::Json<List<Home>>, Error> {
-    let homes = app.storage.homes(&query.page()?).await?;
+    let homes = app.storage.homes(updated.updated_after()?, &query.page()?).await?;
     Ok(axum::Json(query.list(homes, |home| home.id.clone())?))
 }
 
@@ -75,7 +80,7 @@ pub(super) async fn delete_home(
     HomePath { home }: HomePath,
 ) -> Result<StatusCode, Error> {
     to_the_end(async move {
-        app.storage.delete_home(&home).await?;
+        app.storage.delete_home(&home, Timestamp::now()).await?;
         app.queue.wake();
         Ok(StatusCode::NO_CONTENT)
     })

@@ -1,9 +1,11 @@
 //! Lists page by cursor: an answer's `next` is the `after` of the following request.
 
 use super::error::Error;
+use super::extract::timestamp;
 use crate::storage::Page;
 use base64::Engine;
 use base64::prelude::BASE64_URL_SAFE_NO_PAD;
+use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
@@ -21,6 +23,22 @@ pub(super) struct ListQuery {
     after: Option<String>,
 }
 
+/// The query of lists that can be asked for what changed.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct UpdatedQuery {
+    /// Only what changed later than this. A page goes on behind an id, so what changes behind it while the pages are
+    /// read is found by the next reading, or in `/v1/changes`. To be given with every page.
+    #[param(value_type = Option<Timestamp>, example = "2026-03-14T15:09:26Z")]
+    updated_after: Option<String>,
+}
+
+impl UpdatedQuery {
+    pub fn updated_after(&self) -> Result<Option<Timestamp>, Error> {
+        self.updated_after.as_deref().map(|text| timestamp("updated_after", text)).transpose()
+    }
+}
+
 /// One page of a list.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct List<T> {
@@ -32,7 +50,12 @@ pub(super) struct List<T> {
 impl ListQuery {
     /// One item more than asked for, to know whether there is a next page.
     pub fn page<Id: FromStr>(&self) -> Result<Page<Id>, Error> {
-        Ok(Page { limit: self.limit()? + 1, after: self.after.as_deref().map(decode).transpose()? })
+        Ok(Page { limit: self.limit()? + 1, after: self.after()? })
+    }
+
+    /// The cursor.
+    pub fn after<Id: FromStr>(&self) -> Result<Option<Id>, Error> {
+        self.after.as_deref().map(decode).transpose()
     }
 
     pub fn list<T, Id: ToString>(&self, mut items: Vec<T>, id: impl Fn(&T) -> Id) -> Result<List<T>, Error> {
@@ -43,7 +66,7 @@ impl ListQuery {
         Ok(List { items, next })
     }
 
-    fn limit(&self) -> Result<u32, Error> {
+    pub fn limit(&self) -> Result<u32, Error> {
         let Some(text) = &self.limit else { return Ok(DEFAULT_LIMIT) };
         text.parse().ok().filter(|limit| (1..=MAX_LIMIT).contains(limit)).ok_or_else(|| Error::InvalidQuery {
             field: Some("limit"),
@@ -52,7 +75,7 @@ impl ListQuery {
     }
 }
 
-fn encode(id: &str) -> String {
+pub(super) fn encode(id: &str) -> String {
     BASE64_URL_SAFE_NO_PAD.encode(id)
 }
 

@@ -103,6 +103,7 @@ pub(super) fn assemble(container: Box<dyn Container>) -> Result<Clip, ClipError>
         depth_width: depth_camera.width,
         depth_height: depth_camera.height,
         duration_s,
+        recorded_at_ms: first.time_s.and_then(unix_ms),
         notes: layout.notes,
     };
     let (frames, pictures) = layout
@@ -120,6 +121,12 @@ pub(super) fn assemble(container: Box<dyn Container>) -> Result<Clip, ClipError>
         depth_units_per_m: layout.depth_units_per_m,
     };
     Ok(Clip { info, frames, up_in_world: layout.up_in_world, origin: Origin::Files(files) })
+}
+
+/// Frames' times are seconds since 1970 in some layouts and since the device's start in others. Those between the
+/// years 2000 and 2100 are taken for times of day: no device has been running for 30 years.
+fn unix_ms(time_s: f64) -> Option<i64> {
+    (946_684_800.0..4_102_444_800.0).contains(&time_s).then(|| (time_s * 1e3).round() as i64)
 }
 
 fn find_layout(container: &dyn Container) -> Result<Layout, ClipError> {

@@ -39,6 +39,7 @@ pub fn clip_in_memory_heard(
         depth_width: depth.width,
         depth_height: depth.height,
         duration_s: frames.last().and_then(|last| last.time_s),
+        recorded_at_ms: None,
         notes: Vec::new(),
     };
     Clip::from_frames(info, frames, Some(Vector3::z()), move |index| {

@@ -77,6 +77,14 @@ impl Blobs {
         Ok(Some(BlobReader { size_bytes, stream }))
     }
 
+    /// The same in one piece.
+    pub async fn read_if_there(&self, key: &str) -> Result<Option<Bytes>, StorageError> {
+        match self.store.get(&Key::from(key)).await {
+            Err(object_store::Error::NotFound { .. }) => Ok(None),
+            found => Ok(Some(found?.bytes().await?)),
+        }
+    }
+
     pub async fn read_all(&self, key: &str) -> Result<Bytes, StorageError> {
         Ok(self.store.get(&Key::from(key)).await?.bytes().await?)
     }

@@ -1,58 +1,21 @@
 //! Clips.
 
+use super::changes::{self, Changed};
+use super::choices::Verdict;
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Row, Transaction};
 use super::incoming::Arrived;
 use super::{
-    BlobReader, HomeId, Job, Page, Storage, StorageError, home_maps, homes, idempotency, jobs, lidar_maps,
+    BlobReader, Choice, ClipState, HomeId, Job, Placement, Storage, StorageError, home_maps, homes,
+    idempotency, jobs, lidar_maps, result_file,
 };
-use crate::align::{Alignment, AlignmentState, Reason};
+use crate::align::{Alignment, Reason};
 use crate::clip::ClipInfo;
+use crate::geometry::Pose2;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use uuid::Uuid;
-
-/// Where a clip is on its way into the home's map.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ClipState {
-    /// Kept, and nothing is under way; the reasons say why: `no_lidar_map` or `cancelled`.
-    Uploaded,
-    /// Its job waits for a worker.
-    Queued,
-    /// Its job runs.
-    Aligning,
-    /// One pose stands out.
-    Aligned,
-    /// Several poses explain the clip about equally well: see the alignment's alternatives.
-    Ambiguous,
-    /// No pose can be given; the reasons say why.
-    Failed,
-}
-
-impl ClipState {
-    pub fn name(self) -> &'static str {
-        match self {
-            ClipState::Uploaded => "uploaded",
-            ClipState::Queued => "queued",
-            ClipState::Aligning => "aligning",
-            ClipState::Aligned => "aligned",
-            ClipState::Ambiguous => "ambiguous",
-            ClipState::Failed => "failed",
-        }
-    }
-}
-
-impl From<AlignmentState> for ClipState {
-    fn from(state: AlignmentState) -> ClipState {
-        match state {
-            AlignmentState::Aligned => ClipState::Aligned,
-            AlignmentState::Ambiguous => ClipState::Ambiguous,
-            AlignmentState::Failed => ClipState::Failed,
-        }
-    }
-}
 
 /// An uploaded clip.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -70,14 +33,30 @@ pub struct Clip {
     pub sha256: String,
     /// What was understood of the file.
     pub info: ClipInfo,
-    /// The answer, once a job ran to one; null while a newer one is under way.
+    /// When the clip was recorded, as its sender or its file says; null when neither does.
+    #[schema(example = "2026-03-14T15:09:26Z")]
+    pub recorded_at: Option<Timestamp>,
+    /// The method's own answer, once a job ran to one; null while a newer one is under way.
     pub alignment: Option<Alignment>,
+    /// The pose that a person chose; it goes before the method's own until it is withdrawn.
+    pub choice: Option<Choice>,
+    /// Where the newest revision of the home's map has the clip; null when it is not in it.
+    pub placement: Option<Placement>,
     /// The newest job of the clip, null before the first one.
     pub job: Option<Job>,
     pub created_at: Timestamp,
     pub updated_at: Timestamp,
     #[serde(skip)]
-    result_key: Option<String>,
+    pub(super) result_key: Option<String>,
+}
+
+impl Clip {
+    /// Where the clip is: in the home's map, else as a person chose, else as its own alignment has it.
+    pub fn map_from_clip(&self) -> Option<Pose2> {
+        let placed = self.placement.as_ref().map(|placement| placement.map_from_clip);
+        let chosen = self.choice.as_ref().map(|choice| choice.map_from_clip);
+        placed.or(chosen).or_else(|| self.alignment.as_ref()?.map_from_clip)
+    }
 }
 
 /// A clip that was opened and found good.
@@ -85,6 +64,7 @@ pub struct NewClip {
     pub file: Arrived,
     pub info: ClipInfo,
     pub idempotency_key: Option<String>,
+    pub recorded_at: Option<Timestamp>,
 }
 
 /// What became of a new clip.
@@ -97,7 +77,7 @@ pub enum Added {
     KeyReused,
 }
 
-fn from_row(row: &Row, job: Option<Job>) -> Result<Clip, StorageError> {
+pub(super) fn from_row(row: &Row, job: Option<Job>) -> Result<Clip, StorageError> {
     Ok(Clip {
         id: row.id("id")?,
         home: row.home("home_id")?,
@@ -106,7 +86,10 @@ fn from_row(row: &Row, job: Option<Job>) -> Result<Clip, StorageError> {
         size_bytes: row.count("size_bytes")?,
         sha256: row.text("sha256")?,
         info: row.json("info")?,
+        recorded_at: row.maybe_time("recorded_at")?,
         alignment: row.maybe_json("alignment")?,
+        choice: row.maybe_json("choice")?,
+        placement: row.maybe_json("placement")?,
         job,
         created_at: row.time("created_at")?,
         updated_at: row.time("updated_at")?,
@@ -124,9 +107,8 @@ pub(super) fn result_key(clip: Uuid, job: Uuid, fence: i64) -> String {
     format!("clips/{clip}/results/{job}-{fence}")
 }
 
-/// Every name that a result may have; not every answer has all of them.
-pub(super) fn result_blobs(result_key: &str) -> [String; 3] {
-    ["overlay.png", "cloud.ply", "completion.png"].map(|name| format!("{result_key}/{name}"))
+pub(super) fn result_blobs(result_key: &str) -> [String; result_file::ALL.len()] {
+    result_file::ALL.map(|name| format!("{result_key}/{name}"))
 }
 
 impl Storage {
@@ -139,6 +121,7 @@ impl Storage {
             sha256: new.file.sha256.clone(),
             info: new.info,
             idempotency_key: new.idempotency_key,
+            recorded_at: new.recorded_at,
         };
         self.blobs.keep(new.file, &file_key(id)).await?;
         let added = self.insert_clip(home, row, now).await;
@@ -165,8 +148,9 @@ impl Storage {
         }
         let reasons = [no_lidar_map()];
         sqlx::query(
-            "INSERT INTO clips (id, home_id, size_bytes, sha256, info, state, reasons, created_at, updated_at)
-            VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $8)",
+            "INSERT INTO clips (id, home_id, size_bytes, sha256, info, state, reasons, recorded_at, created_at,
+                updated_at)
+            VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $9)",
         )
         .bind(new.id.to_string())
         .bind(home.as_str())
@@ -175,14 +159,21 @@ impl Storage {
         .bind(to_json(&new.info))
         .bind(ClipState::Uploaded.name())
         .bind(to_json(&reasons))
+        .bind(new.recorded_at.map(Timestamp::as_millisecond))
         .bind(now.as_millisecond())
         .execute(&mut *transaction)
         .await?;
         if let Some(key) = &new.idempotency_key {
             idempotency::insert(&mut transaction, home, key, &new.sha256, new.id, now).await?;
         }
-        if let Some(map) = lidar_maps::current_id(&mut transaction, home).await? {
-            jobs::enqueue(&mut transaction, new.id, map, now).await?;
+        match lidar_maps::current_id(&mut transaction, home).await? {
+            Some(map) => {
+                jobs::enqueue(&mut transaction, new.id, map, now).await?;
+            }
+            None => {
+                let added = Changed::Clip { id: new.id, state: ClipState::Uploaded };
+                changes::record(&mut transaction, home, added, now).await?;
+            }
         }
         let clip = find(&mut transaction, home, new.id).await?;
         transaction.commit().await?;
@@ -193,34 +184,18 @@ impl Storage {
         find(&mut *self.database.snapshot().await?, home, id).await
     }
 
-    /// The oldest first.
-    pub async fn clips(&self, home: &HomeId, page: &Page<Uuid>) -> Result<Vec<Clip>, StorageError> {
-        let mut snapshot = self.database.snapshot().await?;
-        if !homes::exists(&mut snapshot, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
-        let mut jobs = jobs::newest_of_clips(&mut snapshot, home, page).await?;
-        let rows = sqlx::query("SELECT * FROM clips WHERE home_id = $1 AND id > $2 ORDER BY id LIMIT $3")
-            .bind(home.as_str())
-            .bind(page.after.map(|id| id.to_string()).unwrap_or_default())
-            .bind(i64::from(page.limit))
-            .fetch_all(&mut *snapshot)
-            .await?;
-        let clip = |row| from_row(row, row.maybe_id("job_id")?.and_then(|id| jobs.remove(&id)));
-        rows.iter().map(clip).collect()
-    }
-
     /// Removes a clip with its results. A worker that is busy with it loses its lease.
-    pub async fn delete_clip(&self, home: &HomeId, id: Uuid) -> Result<(), StorageError> {
+    pub async fn delete_clip(&self, home: &HomeId, id: Uuid, now: Timestamp) -> Result<(), StorageError> {
         let mut transaction = self.database.begin().await?;
         let clip = find(&mut transaction, home, id).await?;
         sqlx::query("DELETE FROM clips WHERE id = $1")
             .bind(id.to_string())
             .execute(&mut *transaction)
             .await?;
-        if clip.state == ClipState::Aligned {
+        if clip.result_key.is_some() {
             home_maps::changed(&mut transaction, home).await?;
         }
+        changes::record(&mut transaction, home, Changed::ClipRemoved { id }, now).await?;
         transaction.commit().await?;
         self.blobs.discard(&blobs_of(id, clip.result_key.as_deref())).await;
         Ok(())
@@ -230,7 +205,7 @@ impl Storage {
     pub async fn align_clip(&self, home: &HomeId, id: Uuid, now: Timestamp) -> Result<Clip, StorageError> {
         let mut transaction = self.database.begin().await?;
         let clip = find(&mut transaction, home, id).await?;
-        if matches!(clip.state, ClipState::Queued | ClipState::Aligning) {
+        if clip.state.is_under_way() {
             return Ok(clip);
         }
         let map = lidar_maps::current_id(&mut transaction, home).await?.ok_or(StorageError::NoLidarMap)?;
@@ -249,8 +224,14 @@ impl Storage {
         }
     }
 
+    /// The same in one piece.
+    pub async fn clip_result_bytes(&self, clip: &Clip, name: &str) -> Result<Option<bytes::Bytes>, StorageError> {
+        let Some(key) = &clip.result_key else { return Ok(None) };
+        self.blobs.read_if_there(&format!("{key}/{name}")).await
+    }
+
     /// The uploaded file, for readers that seek in it.
-    pub fn clip_file(&self, id: Uuid) -> Result<PathBuf, StorageError> {
+    pub fn clip_file(&self, id: Uuid) -> PathBuf {
         self.blobs.file(&file_key(id))
     }
 
@@ -265,46 +246,58 @@ struct NewRow {
     sha256: String,
     info: ClipInfo,
     idempotency_key: Option<String>,
+    recorded_at: Option<Timestamp>,
 }
 
 fn no_lidar_map() -> Reason {
     Reason::new("no_lidar_map", "the home has no LiDAR map yet; the clip is queued when one is put")
 }
 
-/// What a job changes of its clip.
-pub(super) struct Change<'a> {
+/// What a job says of its clip.
+pub(super) struct Outcome<'a> {
     pub state: ClipState,
     pub reasons: &'a [Reason],
     pub alignment: Option<&'a Alignment>,
     pub result_key: Option<&'a str>,
 }
 
-/// Only for the clip's newest job, so that an older one cannot overrule it.
+/// Only for the clip's newest job, so that an older one cannot overrule it. A person's choice stands through it.
 pub(super) async fn change(
     connection: &mut Connection,
     job: Uuid,
-    change: Change<'_>,
+    outcome: Outcome<'_>,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let before = sqlx::query("SELECT home_id, state FROM clips WHERE job_id = $1").bind(job.to_string());
-    if let Some(row) = before.fetch_optional(&mut *connection).await?
-        && (row.name::<ClipState>("state")? == ClipState::Aligned || change.state == ClipState::Aligned)
-    {
-        home_maps::changed(connection, &row.home("home_id")?).await?;
+    let before = sqlx::query("SELECT id, home_id, state, choice FROM clips WHERE job_id = $1");
+    let before = before.bind(job.to_string()).fetch_optional(&mut *connection).await?;
+    let Some(before) = before else { return Ok(()) };
+    let home = before.home("home_id")?;
+    let own = Verdict { state: outcome.state, reasons: outcome.reasons.to_vec() };
+    let verdict = match before.maybe_json::<Choice>("choice")? {
+        Some(choice) => {
+            let revision = lidar_maps::current_revision(connection, &home).await?;
+            choice.over(own, outcome.result_key.is_some(), revision)
+        }
+        None => own,
+    };
+    let has_answer = |state: ClipState| matches!(state, ClipState::Aligned | ClipState::Ambiguous);
+    if has_answer(before.name("state")?) || has_answer(verdict.state) {
+        home_maps::changed(connection, &home).await?;
     }
     sqlx::query(
         "UPDATE clips SET state = $2, reasons = $3, alignment = $4, result_key = $5, updated_at = $6
         WHERE job_id = $1",
     )
     .bind(job.to_string())
-    .bind(change.state.name())
-    .bind(to_json(&change.reasons))
-    .bind(change.alignment.map(to_json))
-    .bind(change.result_key)
+    .bind(verdict.state.name())
+    .bind(to_json(&verdict.reasons))
+    .bind(outcome.alignment.map(to_json))
+    .bind(outcome.result_key)
     .bind(now.as_millisecond())
-    .execute(connection)
+    .execute(&mut *connection)
     .await?;
-    Ok(())
+    let changed = Changed::Clip { id: before.id("id")?, state: verdict.state };
+    changes::record(connection, &home, changed, now).await
 }
 
 /// Makes a job the clip's newest, takes back the answer of the one before, and gives its blobs.
@@ -321,12 +314,12 @@ pub(super) async fn begin_job(
         .bind(job.to_string())
         .execute(&mut **transaction)
         .await?;
-    let queued = Change { state: ClipState::Queued, reasons: &[], alignment: None, result_key: None };
+    let queued = Outcome { state: ClipState::Queued, reasons: &[], alignment: None, result_key: None };
     change(transaction, job, queued, now).await?;
     Ok(stale.map(|key| result_blobs(&key).to_vec()).unwrap_or_default())
 }
 
-async fn find(connection: &mut Connection, home: &HomeId, id: Uuid) -> Result<Clip, StorageError> {
+pub(super) async fn find(connection: &mut Connection, home: &HomeId, id: Uuid) -> Result<Clip, StorageError> {
     if !homes::exists(connection, home).await? {
         return Err(StorageError::NoSuchHome);
     }

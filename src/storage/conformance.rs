@@ -1,9 +1,12 @@
 //! What every pair of database and blob store must do, as functions over [`Storage`]: another pair joins
 //! with one line in [`on_every_back_end`].
 
+mod changes;
+mod choices;
 mod faults;
 mod home_maps;
 mod leases;
+mod lists;
 mod local_files;
 mod records;
 
@@ -52,7 +55,7 @@ async fn arrived(storage: &Storage, bytes: &[u8]) -> Arrived {
 
 async fn add_with_key(storage: &Storage, home: &HomeId, bytes: &[u8], key: Option<&str>) -> Added {
     let file = arrived(storage, bytes).await;
-    let new = NewClip { file, info: clip_info(), idempotency_key: key.map(str::to_owned) };
+    let new = NewClip { file, info: clip_info(), idempotency_key: key.map(str::to_owned), recorded_at: None };
     storage.add_clip(home, new, at(0)).await.unwrap()
 }
 
@@ -127,6 +130,7 @@ fn clip_info() -> ClipInfo {
         depth_width: 320,
         depth_height: 240,
         duration_s: Some(2.5),
+        recorded_at_ms: None,
         notes: vec!["a note".to_owned()],
     }
 }

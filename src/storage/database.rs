@@ -11,6 +11,7 @@ const READERS: u32 = 4;
 
 pub(super) type Connection = sqlx::SqliteConnection;
 pub(super) type Transaction = sqlx::Transaction<'static, sqlx::Sqlite>;
+pub(super) type Query<'q> = sqlx::query::Query<'q, sqlx::Sqlite, sqlx::sqlite::SqliteArguments>;
 pub(super) type Row = sqlx::sqlite::SqliteRow;
 
 pub(super) struct Database {

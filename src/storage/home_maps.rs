@@ -158,10 +158,7 @@ impl Storage {
 
     /// The same in one piece.
     pub async fn map_file_bytes(&self, file: &MapFile) -> Result<Option<bytes::Bytes>, StorageError> {
-        match self.blobs.read_all(&file.key).await {
-            Err(StorageError::Blobs(object_store::Error::NotFound { .. })) => Ok(None),
-            bytes => Ok(Some(bytes?)),
-        }
+        self.blobs.read_if_there(&file.key).await
     }
 
     pub(super) async fn home_map_blob_keys(&self) -> Result<Vec<String>, StorageError> {

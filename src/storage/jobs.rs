@@ -2,7 +2,7 @@
 
 use super::columns::Columns;
 use super::database::{Connection, Row, Transaction};
-use super::{HomeId, Page, Storage, StorageError, clips};
+use super::{HomeId, Storage, StorageError, clips};
 use crate::align::Reason;
 use crate::progress::Stage;
 use jiff::Timestamp;
@@ -99,36 +99,26 @@ impl Storage {
     }
 }
 
+/// Jobs with what belongs to them; the rest of the statement in pieces.
 macro_rules! select_jobs {
-    ($rest:literal) => {
+    ($($rest:expr),+) => {
         concat!(
             "SELECT jobs.*, clips.home_id AS home_id, lidar_maps.revision AS lidar_map_revision
             FROM jobs JOIN clips ON clips.id = jobs.clip_id JOIN lidar_maps ON lidar_maps.id = jobs.lidar_map_id
             ",
-            $rest
+            $($rest),+
         )
     };
 }
+pub(super) use select_jobs;
 
 pub(super) async fn find(connection: &mut Connection, id: Uuid) -> Result<Option<Job>, StorageError> {
     let row = sqlx::query(select_jobs!("WHERE jobs.id = $1")).bind(id.to_string());
     row.fetch_optional(connection).await?.as_ref().map(from_row).transpose()
 }
 
-/// The newest jobs of one page of a home's clips.
-pub(super) async fn newest_of_clips(
-    connection: &mut Connection,
-    home: &HomeId,
-    page: &Page<Uuid>,
-) -> Result<HashMap<Uuid, Job>, StorageError> {
-    let rows = sqlx::query(select_jobs!(
-        "WHERE jobs.id IN (SELECT job_id FROM clips WHERE home_id = $1 AND id > $2 ORDER BY id LIMIT $3)"
-    ))
-    .bind(home.as_str())
-    .bind(page.after.map(|id| id.to_string()).unwrap_or_default())
-    .bind(i64::from(page.limit))
-    .fetch_all(connection)
-    .await?;
+/// The jobs of rows of [`select_jobs`].
+pub(super) fn by_id(rows: &[Row]) -> Result<HashMap<Uuid, Job>, StorageError> {
     rows.iter().map(|row| Ok((row.id("id")?, from_row(row)?))).collect()
 }
 

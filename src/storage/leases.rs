@@ -2,7 +2,7 @@
 //! it. Every claim raises the job's fence, and a write counts only while the fence is the claim's own, so a
 //! worker that was thought dead and comes back changes nothing.
 
-use super::clips::{self, Change};
+use super::clips::{self, Outcome};
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Transaction};
 use super::{ClipState, Job, JobState, Storage, StorageError, jobs};
@@ -215,7 +215,7 @@ async fn end(
         Ending::Answered(alignment) => {
             close(transaction, id, JobState::Succeeded, None, now).await?;
             let result_key = claim.result_key();
-            let answer = Change {
+            let answer = Outcome {
                 state: alignment.state.into(),
                 reasons: &alignment.reasons,
                 alignment: Some(alignment),
@@ -300,5 +300,5 @@ async fn change_clip(
     reasons: &[Reason],
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    clips::change(connection, job, Change { state, reasons, alignment: None, result_key: None }, now).await
+    clips::change(connection, job, Outcome { state, reasons, alignment: None, result_key: None }, now).await
 }

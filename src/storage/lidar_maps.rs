@@ -1,5 +1,6 @@
 //! The LiDAR maps of a home, one revision for every file that was put.
 
+use super::changes::{self, Changed};
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Row};
 use super::incoming::Arrived;
@@ -13,7 +14,7 @@ use uuid::Uuid;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct LidarMapRevision {
     #[serde(skip)]
-    id: Uuid,
+    pub(super) id: Uuid,
     /// Counts from 1; the highest is the current one.
     #[schema(minimum = 1, example = 2)]
     pub revision: i64,
@@ -105,6 +106,7 @@ impl Storage {
         .execute(&mut *transaction)
         .await?;
         let stale_blobs = jobs::enqueue_home(&mut transaction, home, new.id, now).await?;
+        changes::record(&mut transaction, home, Changed::LidarMap { revision }, now).await?;
         let added = current_or_missing(&mut transaction, home).await?;
         transaction.commit().await?;
         self.blobs.discard(&stale_blobs).await;

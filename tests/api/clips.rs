@@ -121,3 +121,76 @@ async fn a_clip_is_found_in_its_own_home_only() {
     server.delete(&path).await.problem(404, "clip-not-found");
     server.post(&format!("{path}/align"), "").await.problem(404, "clip-not-found");
 }
+
+#[tokio::test]
+async fn a_clip_knows_when_it_was_recorded() {
+    let server = Server::without_workers().await;
+    let clips = format!("{}/clips", server.make_home("h").await);
+    let upload = |query: String| {
+        let (server, clips) = (&server, &clips);
+        async move { server.post(&format!("{clips}{query}"), small_clip()).await }
+    };
+    // ScanNet's layout has no times.
+    assert_eq!(upload(String::new()).await.ok(201)["recorded_at"], Value::Null);
+    let cases = [
+        ("2026-03-14T15:09:26Z", "2026-03-14T15:09:26Z"),
+        ("2026-03-14T17:09:26.5%2B02:00", "2026-03-14T15:09:26.5Z"),
+        ("2000-01-01T00:00:00Z", "2000-01-01T00:00:00Z"),
+    ];
+    for (given, kept) in cases {
+        let clip = upload(format!("?recorded_at={given}")).await.ok(201);
+        assert_eq!(clip["recorded_at"], kept, "{given}");
+        let path = format!("{clips}/{}", clip["id"].as_str().unwrap());
+        assert_eq!(server.get(&path).await.ok(200)["recorded_at"], kept);
+    }
+    let refused = [
+        "",
+        "yesterday",
+        "2026-03-14",
+        "1773500966",
+        "1999-12-31T23:59:59Z",
+        "2399-01-01T00:00:00Z",
+        // The + is a space here.
+        "2026-03-14T17:09:26+02:00",
+    ];
+    let before = server.blobs().len();
+    for given in refused {
+        let problem = upload(format!("?recorded_at={given}")).await.problem(400, "invalid-query");
+        assert_eq!(problem["field"], "recorded_at", "{given}");
+    }
+    assert_eq!(server.blobs().len(), before);
+}
+
+#[tokio::test]
+async fn clips_are_listed_by_state_and_time() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    let clips = format!("{home}/clips");
+    let mut ids = Vec::new();
+    for _ in 0..3 {
+        ids.push(server.post(&clips, small_clip()).await.ok(201)["id"].clone());
+    }
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let middle = server.get(&format!("{clips}/{}", ids[1].as_str().unwrap())).await.ok(200);
+    let job = middle["job"]["id"].as_str().unwrap();
+    server.post(&format!("/v1/jobs/{job}/cancel"), "").await.ok(200);
+    let listed = |query: &'static str| {
+        let (server, clips) = (&server, &clips);
+        async move {
+            let page = server.get(&format!("{clips}?{query}")).await.ok(200);
+            page["items"].as_array().unwrap().iter().map(|clip| clip["id"].clone()).collect::<Vec<_>>()
+        }
+    };
+    assert_eq!(listed("state=queued").await, [ids[0].clone(), ids[2].clone()]);
+    assert_eq!(listed("state=uploaded,failed").await, [ids[1].clone()]);
+    assert_eq!(listed("state=uploaded,queued&updated_after=2020-01-01T00:00:00Z").await, ids);
+    assert!(listed("updated_after=2399-01-01T00:00:00%2B01:00").await.is_empty());
+    // A filter and a cursor together.
+    let first = server.get(&format!("{clips}?state=queued&limit=1")).await.ok(200);
+    let next = first["next"].as_str().unwrap();
+    let rest = server.get(&format!("{clips}?state=queued&limit=1&after={next}")).await.ok(200);
+    assert_eq!((&rest["items"][0]["id"], &rest["next"]), (&ids[2], &Value::Null));
+    let homes = server.get("/v1/homes?updated_after=2020-01-01T00:00:00Z").await.ok(200);
+    assert_eq!(homes["items"][0]["id"], "h");
+    assert_eq!(server.get("/v1/homes?updated_after=2399-01-01T00:00:00Z").await.ok(200)["items"], json!([]));
+}

@@ -326,9 +326,25 @@ fn tum_poses_are_interpolated_and_the_kinect_is_assumed() {
         .collect();
     assert_eq!(x_m, [Some(1.5), Some(4.5), None]);
     assert!((clip.info().duration_s.unwrap() - 0.2).abs() < 1e-6);
+    assert_eq!(clip.info().recorded_at_ms, Some(1_305_031_229_500));
     // 525 for a picture of 640 pixels is 26.25 for one of 32.
     assert_eq!(clip.load(0).unwrap().depth_camera.fx, 26.25);
     assert!(clip.info().notes.iter().any(|note| note.contains("assumed")), "{:?}", clip.info().notes);
+}
+
+#[test]
+fn only_times_of_day_tell_when_a_clip_was_recorded() {
+    // Seconds since the device was started.
+    let mut files = tum("", &[0, 1]);
+    for (_, bytes) in files.iter_mut().filter(|(name, _)| name.ends_with(".txt")) {
+        let text = String::from_utf8(std::mem::take(bytes)).unwrap();
+        let lines = text.lines().map(|line| line.strip_prefix("13050312").unwrap_or(line));
+        *bytes = lines.collect::<Vec<_>>().join("\n").into_bytes();
+    }
+    for files in [files, scannet("", &[0, 1])] {
+        let folder = as_folder(&files);
+        assert_eq!(Clip::open(folder.path()).unwrap().info().recorded_at_ms, None);
+    }
 }
 
 #[cfg(unix)]

@@ -37,11 +37,11 @@ pub enum Verdict {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PlacedBy {
-    /// Its own alignment to the LiDAR map.
+    /// The clip's own alignment to the LiDAR map.
     Alignment,
-    /// The clips around it decided between its alternatives.
+    /// The clips around it, which decided between its alternatives.
     Neighbours,
-    /// A person chose.
+    /// A person's choice.
     Person,
 }
 

@@ -23,7 +23,7 @@ async fn homes_come_and_go(storage: Storage) {
     assert!(!is_new);
     assert_eq!((renamed.name.as_ref(), renamed.created_at, renamed.updated_at), (None, at(0), at(5)));
     assert_eq!(storage.home(&id).await.unwrap(), renamed);
-    storage.delete_home(&id).await.unwrap();
+    storage.delete_home(&id, at(500)).await.unwrap();
     assert!(matches!(storage.home(&id).await, Err(StorageError::NoSuchHome)));
 }
 
@@ -35,7 +35,7 @@ async fn lists_page_through_everything_once(storage: Storage) {
     let mut seen = Vec::new();
     let mut page = Page { limit: 3, after: None };
     loop {
-        let part = storage.homes(&page).await.unwrap();
+        let part = storage.homes(None, &page).await.unwrap();
         assert!(part.len() <= 3);
         let Some(last) = part.last() else { break };
         page.after = Some(last.id.clone());
@@ -47,8 +47,12 @@ async fn lists_page_through_everything_once(storage: Storage) {
     for n in 0..5u8 {
         clips.push(add(&storage, &homes[0], &[n]).await.id);
     }
-    let first = storage.clips(&homes[0], &Page { limit: 3, after: None }).await.unwrap();
-    let rest = storage.clips(&homes[0], &Page { limit: 3, after: Some(first[2].id) }).await.unwrap();
+    let first =
+        storage.clips(&homes[0], &ClipFilter::default(), &Page { limit: 3, after: None }).await.unwrap();
+    let rest = storage
+        .clips(&homes[0], &ClipFilter::default(), &Page { limit: 3, after: Some(first[2].id) })
+        .await
+        .unwrap();
     let seen: Vec<Uuid> = first.iter().chain(&rest).map(|clip| clip.id).collect();
     assert_eq!(seen, clips);
 
@@ -64,15 +68,18 @@ async fn lists_page_through_everything_once(storage: Storage) {
 async fn what_is_not_there_is_told(storage: Storage) {
     let (nowhere, page) = (home("nowhere"), Page { limit: 9, after: None });
     assert!(matches!(storage.home(&nowhere).await, Err(StorageError::NoSuchHome)));
-    assert!(matches!(storage.delete_home(&nowhere).await, Err(StorageError::NoSuchHome)));
-    assert!(matches!(storage.clips(&nowhere, &page).await, Err(StorageError::NoSuchHome)));
+    assert!(matches!(storage.delete_home(&nowhere, at(500)).await, Err(StorageError::NoSuchHome)));
+    assert!(matches!(
+        storage.clips(&nowhere, &ClipFilter::default(), &page).await,
+        Err(StorageError::NoSuchHome)
+    ));
     assert!(matches!(storage.lidar_map(&nowhere).await, Err(StorageError::NoSuchHome)));
     let here = home("here");
     storage.put_home(&here, None, at(0)).await.unwrap();
     let id = Uuid::now_v7();
     assert!(matches!(storage.lidar_map(&here).await, Err(StorageError::NoLidarMap)));
     assert!(matches!(storage.clip(&here, id).await, Err(StorageError::NoSuchClip)));
-    assert!(matches!(storage.delete_clip(&here, id).await, Err(StorageError::NoSuchClip)));
+    assert!(matches!(storage.delete_clip(&here, id, at(500)).await, Err(StorageError::NoSuchClip)));
     assert_eq!(storage.job(id).await.unwrap(), None);
     // A clip is found in its own home only.
     let clip = add(&storage, &here, b"clip").await;
@@ -141,7 +148,7 @@ async fn a_key_replays_its_file_and_refuses_another(storage: Storage) {
     let other = home("other");
     storage.put_home(&other, None, at(0)).await.unwrap();
     assert!(matches!(add_with_key(&storage, &other, b"one", Some("key")).await, Added::New(_)));
-    storage.delete_clip(&id, first.id).await.unwrap();
+    storage.delete_clip(&id, first.id, at(500)).await.unwrap();
     assert!(matches!(add_with_key(&storage, &id, b"two", Some("key")).await, Added::New(_)));
 }
 
@@ -178,9 +185,9 @@ async fn deleting_leaves_no_byte(storage: Storage) {
     let running = storage.claim(LEASE, at(3)).await.unwrap().unwrap();
     assert_eq!(running.job.clip, second.id);
 
-    storage.delete_clip(&id, clip.id).await.unwrap();
+    storage.delete_clip(&id, clip.id, at(500)).await.unwrap();
     assert_eq!(storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
-    storage.delete_home(&id).await.unwrap();
+    storage.delete_home(&id, at(500)).await.unwrap();
     assert_eq!(storage.blobs_that_exist().await, Vec::<String>::new());
     // The worker that was busy meanwhile leaves nothing either.
     storage.put_result(&running, "cloud.ply", b"points".to_vec()).await.unwrap();

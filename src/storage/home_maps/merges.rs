@@ -1,9 +1,10 @@
 //! Which homes are due to be merged, by whom, and what comes of it.
 
-use super::{HomeMap, MapClip, MapFile, files, map_file};
+use super::{HomeMap, MapClip, MapFile, map_file};
 use crate::align::{Alignment, AlignmentState, Reason};
 use crate::geometry::angle_between;
 use crate::home::{HomeMapInfo, Manifest, Member, PlacedBy, PlacedClip, TileKey, Verdict};
+use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Connection, Row, Transaction};
 use crate::storage::{Choice, HomeId, Placement, Storage, StorageError, lidar_maps};
@@ -118,10 +119,7 @@ impl Storage {
         member: &Member,
         name: &str,
     ) -> Result<Option<bytes::Bytes>, StorageError> {
-        match self.blobs.read_all(&format!("{}/{name}", member.share)).await {
-            Err(StorageError::Blobs(object_store::Error::NotFound { .. })) => Ok(None),
-            bytes => Ok(Some(bytes?)),
-        }
+        self.blobs.read_if_there(&format!("{}/{name}", member.share)).await
     }
 
     /// The tiles of the revision that a claim starts from.
@@ -346,6 +344,7 @@ async fn insert(
         .bind(revision - KEPT)
         .execute(&mut **transaction)
         .await?;
+    changes::record(transaction, &claim.home, Changed::Map { revision }, now).await?;
     let old = sqlx::query(
         "DELETE FROM home_map_files WHERE home_id = $1 AND last_revision <= $2 RETURNING blob_key",
     )

@@ -1,0 +1,126 @@
+//! `/v1/homes/{home}/clips/{clip}/alignment`: a person's word on where a clip is.
+
+use super::App;
+use super::bodies::to_the_end;
+use super::error::{Error, Problem};
+use super::extract::{ClipPath, Json};
+use super::problems::{CommonProblems, JsonProblems};
+use crate::geometry::Pose2;
+use crate::storage::{ChoiceError, Chosen, Clip, StorageError};
+use axum::extract::State;
+use jiff::Timestamp;
+use serde::Deserialize;
+use serde_json::Value;
+
+/// An angle beyond a whole turn is one in degrees.
+const MAX_YAW_RAD: f64 = std::f64::consts::TAU;
+
+/// A person's choice: one of the two members. The values are read by hand, so that a refusal names the member at fault.
+#[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"alternative": 1}))]
+pub(super) struct ChoiceBody {
+    /// Index into the present `alignment.alternatives` of the clip, from 0.
+    #[serde(default)]
+    #[schema(value_type = Option<u32>)]
+    alternative: Option<Value>,
+    /// The pose itself, in the frame of the current LiDAR map: within 10 m of what the map spans.
+    #[serde(default)]
+    #[schema(value_type = Option<Pose2>)]
+    map_from_clip: Option<Value>,
+}
+
+/// Choose where a clip is
+///
+/// Either one of the clip's alternatives or a pose of one's own. The clip is then `aligned` with the reason
+/// `chosen_by_person`, and `choice` says what was chosen; the method's own answer stays beside it in `alignment`.
+/// The choice stands through every new alignment until it is withdrawn or replaced. After a new LiDAR map it stands too,
+/// with the reason `choice_of_earlier_lidar_map`: the frame may have moved, so somebody should look again.
+///
+/// A pose may be given at any time: while a job is under way it takes effect when the job ends, and a clip without a
+/// result keeps its state, with the reason `choice_without_result`, until a job gives it one. The same choice again
+/// changes nothing.
+#[utoipa::path(put, path = "/v1/homes/{home}/clips/{clip}/alignment", tag = "clips",
+    params(ClipPath), request_body = ChoiceBody,
+    responses(
+        (status = 200, description = "The clip with the choice", body = Clip),
+        (status = 409, description = "The clip has no answer yet whose alternatives could be chosen from: `no-answer-yet`; \
+            or the home has no LiDAR map in whose frame a pose could be: `no-lidar-map`", body = Problem,
+            content_type = "application/problem+json"),
+        CommonProblems, JsonProblems))]
+pub(super) async fn choose_alignment(
+    State(app): State<App>,
+    ClipPath { home, clip }: ClipPath,
+    Json(body): Json<ChoiceBody>,
+) -> Result<axum::Json<Clip>, Error> {
+    let chosen = chosen(&body)?;
+    to_the_end(async move {
+        let clip = app.storage.choose(&home, clip, chosen, Timestamp::now()).await?;
+        app.queue.wake();
+        Ok(axum::Json(clip))
+    })
+    .await
+}
+
+/// Withdraw a choice
+///
+/// The clip goes back to the method's own verdict. Without a choice nothing changes.
+#[utoipa::path(delete, path = "/v1/homes/{home}/clips/{clip}/alignment", tag = "clips", params(ClipPath),
+    responses((status = 200, description = "The clip without a choice", body = Clip), CommonProblems))]
+pub(super) async fn withdraw_alignment(
+    State(app): State<App>,
+    ClipPath { home, clip }: ClipPath,
+) -> Result<axum::Json<Clip>, Error> {
+    to_the_end(async move {
+        let clip = app.storage.withdraw_choice(&home, clip, Timestamp::now()).await?;
+        app.queue.wake();
+        Ok(axum::Json(clip))
+    })
+    .await
+}
+
+fn chosen(body: &ChoiceBody) -> Result<Chosen, Error> {
+    match (&body.alternative, &body.map_from_clip) {
+        (Some(index), None) => {
+            index.as_u64().map(Chosen::Alternative).ok_or_else(|| wrong("alternative", "an index from 0"))
+        }
+        (None, Some(Value::Object(members))) => {
+            if let Some(other) =
+                members.keys().find(|name| !["x_m", "y_m", "yaw_rad"].contains(&name.as_str()))
+            {
+                let detail = format!("map_from_clip has the members x_m, y_m and yaw_rad, and not {other}");
+                return Err(Error::InvalidMember { field: "map_from_clip", detail });
+            }
+            let number = |name: &str, field, what| {
+                let number = members.get(name).and_then(Value::as_f64).filter(|number| number.is_finite());
+                number.ok_or_else(|| wrong(field, what))
+            };
+            let x_m = number("x_m", "map_from_clip.x_m", "a number of metres")?;
+            let y_m = number("y_m", "map_from_clip.y_m", "a number of metres")?;
+            let yaw_rad = number("yaw_rad", "map_from_clip.yaw_rad", "a number of radians")?;
+            if yaw_rad.abs() > MAX_YAW_RAD {
+                return Err(wrong("map_from_clip.yaw_rad", "in radians, within a whole turn to each side"));
+            }
+            Ok(Chosen::Pose(Pose2 { x_m, y_m, yaw_rad }))
+        }
+        (None, Some(_)) => Err(wrong("map_from_clip", "an object of x_m, y_m and yaw_rad")),
+        _ => Err(Error::InvalidBody("give one of alternative and map_from_clip, and not both".to_owned())),
+    }
+}
+
+fn wrong(field: &'static str, what: &str) -> Error {
+    Error::InvalidMember { field, detail: format!("{field} is {what}") }
+}
+
+impl From<ChoiceError> for Error {
+    fn from(error: ChoiceError) -> Error {
+        let detail = error.to_string();
+        match error {
+            ChoiceError::Storage(StorageError::NoLidarMap) => Error::NothingToAlignTo,
+            ChoiceError::Storage(error) => error.into(),
+            ChoiceError::NoAnswerYet(_) => Error::NoAnswerYet(detail),
+            ChoiceError::NoSuchAlternative { .. } => Error::InvalidMember { field: "alternative", detail },
+            ChoiceError::OutOfReach { field, .. } => Error::InvalidMember { field, detail },
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! Lists of clips.
+
+use super::columns::Columns;
+use super::database::{Query, Row};
+use super::{Clip, ClipState, HomeId, Page, Storage, StorageError, clips, homes, jobs};
+use jiff::Timestamp;
+use uuid::Uuid;
+
+/// Which clips a list has.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct ClipFilter {
+    /// In one of these states; in any when there is none.
+    pub states: Vec<ClipState>,
+    /// Changed later than this.
+    pub updated_after: Option<Timestamp>,
+}
+
+/// One page of a home's clips, to be bound by [`bind_page`].
+macro_rules! page_of_clips {
+    ($columns:literal) => {
+        concat!(
+            "SELECT ",
+            $columns,
+            " FROM clips
+            WHERE home_id = $1 AND id > $2 AND updated_at > $3 AND state IN ($4, $5, $6, $7, $8, $9)
+            ORDER BY id LIMIT $10"
+        )
+    };
+}
+
+fn bind_page<'a>(query: Query<'a>, home: &HomeId, filter: &ClipFilter, page: &Page<Uuid>) -> Query<'a> {
+    let after = page.after.map(|id| id.to_string()).unwrap_or_default();
+    let updated_after = filter.updated_after.map_or(i64::MIN, Timestamp::as_millisecond);
+    let query = query.bind(home.as_str().to_owned()).bind(after).bind(updated_after);
+    // A place for every state there is; NULL is equal to none.
+    let wanted = |state: &ClipState| filter.states.is_empty() || filter.states.contains(state);
+    let states = ClipState::ALL.iter().map(|state| wanted(state).then(|| state.name()));
+    states.fold(query, Query::bind).bind(i64::from(page.limit))
+}
+
+impl Storage {
+    /// Those that a filter lets through, the oldest first.
+    pub async fn clips(
+        &self,
+        home: &HomeId,
+        filter: &ClipFilter,
+        page: &Page<Uuid>,
+    ) -> Result<Vec<Clip>, StorageError> {
+        let mut snapshot = self.database.snapshot().await?;
+        if !homes::exists(&mut snapshot, home).await? {
+            return Err(StorageError::NoSuchHome);
+        }
+        let jobs = sqlx::query(jobs::select_jobs!("WHERE jobs.id IN (", page_of_clips!("job_id"), ")"));
+        let jobs = bind_page(jobs, home, filter, page).fetch_all(&mut *snapshot).await?;
+        let mut jobs = jobs::by_id(&jobs)?;
+        let rows = bind_page(sqlx::query(page_of_clips!("*")), home, filter, page);
+        let rows = rows.fetch_all(&mut *snapshot).await?;
+        let clip = |row: &Row| clips::from_row(row, row.maybe_id("job_id")?.and_then(|id| jobs.remove(&id)));
+        rows.iter().map(clip).collect()
+    }
+}

@@ -1,0 +1,194 @@
+//! A person's choice beside the method's own answer.
+
+use super::*;
+use crate::align::Alternative;
+use crate::geometry::Pose2;
+
+on_every_back_end!(
+    an_alternative_is_chosen_and_withdrawn,
+    a_pose_may_be_chosen_before_there_is_an_answer,
+    a_choice_stands_through_new_answers,
+    without_a_result_a_choice_waits,
+    choices_that_cannot_be,
+    a_choice_makes_the_map_due,
+);
+
+fn pose(x_m: f64) -> Pose2 {
+    Pose2 { x_m, y_m: 0.5, yaw_rad: -1.0 }
+}
+
+/// An answer with two alternatives, at 1 m and at 2 m.
+fn two_modes(state: AlignmentState) -> Ending {
+    let Ending::Answered(mut alignment) = answer(state) else { unreachable!() };
+    let alternative = |x_m| Alternative {
+        map_from_clip: pose(x_m),
+        loss_m: 0.1,
+        inliers: 0.9,
+        free_space: None,
+        probability: None,
+    };
+    alignment.alternatives = vec![alternative(1.0), alternative(2.0)];
+    Ending::Answered(alignment)
+}
+
+/// Does the clip's next job.
+async fn end(storage: &Storage, ending: Ending) -> Clip {
+    let claim = storage.claim(LEASE, at(900)).await.unwrap().expect("a job is due");
+    storage.put_result(&claim, "cloud.ply", b"points".to_vec()).await.unwrap();
+    assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(901)).await.unwrap());
+    storage.clip(&claim.job.home, claim.job.clip).await.unwrap()
+}
+
+async fn choose(storage: &Storage, clip: &Clip, chosen: Chosen, seconds: i64) -> Clip {
+    storage.choose(&clip.home, clip.id, chosen, at(seconds)).await.unwrap()
+}
+
+fn codes(clip: &Clip) -> Vec<&str> {
+    clip.reasons.iter().map(|reason| reason.code.as_str()).collect()
+}
+
+/// The pose that stands, and where it comes from.
+fn standing(clip: &Clip) -> Option<(f64, Option<u32>, i64)> {
+    clip.choice.as_ref().map(|c| (c.map_from_clip.x_m, c.alternative, c.lidar_map_revision))
+}
+
+async fn an_alternative_is_chosen_and_withdrawn(storage: Storage) {
+    one_job(&storage).await;
+    let own = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
+    assert_eq!((own.state, standing(&own)), (ClipState::Ambiguous, None));
+    let chosen = choose(&storage, &own, Chosen::Alternative(1), 200).await;
+    assert_eq!((chosen.state, codes(&chosen)), (ClipState::Aligned, vec!["chosen_by_person"]));
+    assert_eq!(standing(&chosen), Some((2.0, Some(1), 1)));
+    assert_eq!((&chosen.alignment, chosen.updated_at), (&own.alignment, at(200)));
+    // The same again changes nothing, not even its time; another one replaces it.
+    assert_eq!(choose(&storage, &own, Chosen::Alternative(1), 201).await, chosen);
+    let other = choose(&storage, &own, Chosen::Pose(Pose2 { yaw_rad: 4.0, ..pose(2.0) }), 202).await;
+    assert_eq!(standing(&other), Some((2.0, None, 1)));
+    let choice = other.choice.unwrap();
+    assert!((choice.map_from_clip.yaw_rad - (4.0 - std::f64::consts::TAU)).abs() < 1e-12);
+    assert_eq!(choice.chosen_at, at(202));
+
+    let withdrawn = storage.withdraw_choice(&own.home, own.id, at(203)).await.unwrap();
+    assert_eq!(withdrawn, Clip { updated_at: at(203), ..own.clone() });
+    assert_eq!(storage.withdraw_choice(&own.home, own.id, at(204)).await.unwrap(), withdrawn);
+    assert_eq!(storage.clip(&own.home, own.id).await.unwrap(), withdrawn);
+}
+
+async fn a_pose_may_be_chosen_before_there_is_an_answer(storage: Storage) {
+    let (home, clip) = one_job(&storage).await;
+    let chosen = choose(&storage, &clip, Chosen::Pose(pose(3.0)), 1).await;
+    assert_eq!((chosen.state, &chosen.reasons), (ClipState::Queued, &clip.reasons));
+    assert_eq!(standing(&chosen), Some((3.0, None, 1)));
+    let held = storage.claim(LEASE, at(2)).await.unwrap().unwrap();
+    let aligning = storage.clip(&home, clip.id).await.unwrap();
+    assert_eq!((aligning.state, codes(&aligning).len()), (ClipState::Aligning, 0));
+    let retry = RetryPolicy::default();
+    assert!(storage.finish(&held, &two_modes(AlignmentState::Failed), &retry, at(3)).await.unwrap());
+    let settled = storage.clip(&home, clip.id).await.unwrap();
+    assert_eq!((settled.state, codes(&settled)), (ClipState::Aligned, vec!["chosen_by_person"]));
+    assert_eq!(settled.alignment.unwrap().state, AlignmentState::Failed);
+    let withdrawn = storage.withdraw_choice(&home, clip.id, at(4)).await.unwrap();
+    assert_eq!((withdrawn.state, codes(&withdrawn)), (ClipState::Failed, vec!["two_modes"]));
+}
+
+async fn a_choice_stands_through_new_answers(storage: Storage) {
+    let (home, _) = one_job(&storage).await;
+    let clip = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
+    choose(&storage, &clip, Chosen::Alternative(0), 200).await;
+    storage.align_clip(&home, clip.id, at(201)).await.unwrap();
+    let again = end(&storage, two_modes(AlignmentState::Failed)).await;
+    assert_eq!((again.state, codes(&again)), (ClipState::Aligned, vec!["chosen_by_person"]));
+    assert_eq!(again.alignment.as_ref().unwrap().state, AlignmentState::Failed);
+
+    put_map(&storage, &home, b"a map of another frame").await;
+    let moved = end(&storage, two_modes(AlignmentState::Aligned)).await;
+    let expected = vec!["chosen_by_person", "choice_of_earlier_lidar_map"];
+    assert_eq!((moved.state, codes(&moved)), (ClipState::Aligned, expected));
+    assert_eq!(standing(&moved), Some((1.0, Some(0), 1)));
+    // Confirmed on the new map by choosing again.
+    let confirmed = choose(&storage, &moved, Chosen::Alternative(0), 300).await;
+    assert_eq!(
+        (standing(&confirmed), codes(&confirmed)),
+        (Some((1.0, Some(0), 2)), vec!["chosen_by_person"])
+    );
+}
+
+async fn without_a_result_a_choice_waits(storage: Storage) {
+    let (home, clip) = one_job(&storage).await;
+    choose(&storage, &clip, Chosen::Pose(pose(1.0)), 1).await;
+    let failed = end(&storage, Ending::Refused(reason("bad_picture"))).await;
+    assert_eq!(
+        (failed.state, codes(&failed)),
+        (ClipState::Failed, vec!["bad_picture", "choice_without_result"])
+    );
+    // Another choice is told of once.
+    let failed = choose(&storage, &clip, Chosen::Pose(pose(2.0)), 200).await;
+    assert_eq!(
+        (failed.state, codes(&failed)),
+        (ClipState::Failed, vec!["bad_picture", "choice_without_result"])
+    );
+    let withdrawn = storage.withdraw_choice(&home, clip.id, at(201)).await.unwrap();
+    assert_eq!((withdrawn.state, codes(&withdrawn)), (ClipState::Failed, vec!["bad_picture"]));
+
+    storage.align_clip(&home, clip.id, at(202)).await.unwrap();
+    choose(&storage, &clip, Chosen::Pose(pose(1.0)), 203).await;
+    let job = storage.clip(&home, clip.id).await.unwrap().job.unwrap();
+    storage.cancel_job(job.id, at(204)).await.unwrap();
+    let cancelled = storage.clip(&home, clip.id).await.unwrap();
+    assert_eq!(
+        (cancelled.state, codes(&cancelled)),
+        (ClipState::Uploaded, vec!["cancelled", "choice_without_result"])
+    );
+    storage.align_clip(&home, clip.id, at(205)).await.unwrap();
+    assert_eq!(end(&storage, two_modes(AlignmentState::Failed)).await.state, ClipState::Aligned);
+}
+
+async fn choices_that_cannot_be(storage: Storage) {
+    let bare = home("bare");
+    storage.put_home(&bare, None, at(0)).await.unwrap();
+    let lost = add(&storage, &bare, b"clip").await;
+    let refused = storage.choose(&bare, lost.id, Chosen::Pose(pose(0.0)), at(1)).await;
+    assert!(matches!(refused, Err(ChoiceError::Storage(StorageError::NoLidarMap))));
+    let refused = storage.choose(&bare, Uuid::now_v7(), Chosen::Pose(pose(0.0)), at(1)).await;
+    assert!(matches!(refused, Err(ChoiceError::Storage(StorageError::NoSuchClip))));
+
+    let (home, clip) = one_job(&storage).await;
+    let refused = storage.choose(&home, clip.id, Chosen::Alternative(0), at(1)).await;
+    assert!(matches!(refused, Err(ChoiceError::NoAnswerYet(ClipState::Queued))));
+    let clip = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
+    for index in [2, u64::from(u32::MAX) + 1, u64::MAX] {
+        let refused = storage.choose(&home, clip.id, Chosen::Alternative(index), at(1)).await;
+        assert!(matches!(refused, Err(ChoiceError::NoSuchAlternative { count: 2 })), "{index}");
+    }
+    // The map spans x 0..4 and y -1..2.5; 10 m more is allowed to each side.
+    let at_m = |x_m, y_m| Chosen::Pose(Pose2 { x_m, y_m, yaw_rad: 0.0 });
+    for (x_m, y_m, field) in [
+        (14.01, 0.0, "map_from_clip.x_m"),
+        (-10.01, 0.0, "map_from_clip.x_m"),
+        (0.0, 12.51, "map_from_clip.y_m"),
+        (0.0, -11.01, "map_from_clip.y_m"),
+        (f64::NAN, 0.0, "map_from_clip.x_m"),
+        (0.0, f64::INFINITY, "map_from_clip.y_m"),
+    ] {
+        match storage.choose(&home, clip.id, at_m(x_m, y_m), at(1)).await {
+            Err(ChoiceError::OutOfReach { field: named, .. }) => assert_eq!(named, field, "{x_m} {y_m}"),
+            other => panic!("{x_m} {y_m}: {other:?}"),
+        }
+    }
+    assert_eq!(storage.clip(&home, clip.id).await.unwrap(), clip);
+    choose(&storage, &clip, at_m(14.0, -11.0), 2).await;
+}
+
+async fn a_choice_makes_the_map_due(storage: Storage) {
+    let (home, _) = one_job(&storage).await;
+    let clip = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
+    let due = || async { storage.claim_merge(Duration::ZERO, at(300)).await.unwrap().is_some() };
+    assert!(!due().await, "nothing is aligned");
+    choose(&storage, &clip, Chosen::Alternative(1), 200).await;
+    let claim = storage.claim_merge(LEASE, at(300)).await.unwrap().expect("a clip was placed by hand");
+    assert_eq!(claim.members.len(), 1);
+    storage.give_back_merge(&claim, at(300)).await.unwrap();
+    storage.withdraw_choice(&home, clip.id, at(301)).await.unwrap();
+    let claim = storage.claim_merge(LEASE, at(302)).await.unwrap().expect("the choice was withdrawn");
+    assert_eq!(claim.members.len(), 0);
+}

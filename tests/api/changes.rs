@@ -1,0 +1,126 @@
+//! The changes feed, as the mirror of a fleet reads it.
+
+use crate::clips::small_clip;
+use crate::common::room;
+use crate::server::Server;
+use base64::Engine;
+use base64::prelude::BASE64_URL_SAFE_NO_PAD;
+use serde_json::{Value, json};
+use std::time::{Duration, Instant};
+
+/// Home, kind and what else is told of it.
+fn told(page: &Value) -> Vec<(String, String, Value)> {
+    let items = page["items"].as_array().unwrap();
+    let text = |value: &Value| value.as_str().unwrap().to_owned();
+    items
+        .iter()
+        .map(|item| {
+            let more = [&item["revision"], &item["state"]].into_iter().find(|value| !value.is_null());
+            let more = if item["deleted"] == true { &json!("deleted") } else { more.unwrap_or(&Value::Null) };
+            (text(&item["home"]), text(&item["kind"]), more.clone())
+        })
+        .collect()
+}
+
+fn row(home: &str, kind: &str, more: Value) -> (String, String, Value) {
+    (home.to_owned(), kind.to_owned(), more)
+}
+
+#[tokio::test]
+async fn a_mirror_follows_the_feed() {
+    let server = Server::without_workers().await;
+    let empty = server.get("/v1/changes").await.ok(200);
+    assert_eq!((&empty["items"], &empty["more"]), (&json!([]), &json!(false)));
+    let home = server.make_home("h").await;
+    let clip = server.post(&format!("{home}/clips"), small_clip()).await.ok(201);
+    server.make_home("i").await;
+    // By pages from the beginning, and on from the end.
+    let first = server.get("/v1/changes?limit=2").await.ok(200);
+    assert_eq!(told(&first), [row("h", "home", Value::Null), row("h", "clip", json!("uploaded"))]);
+    assert_eq!((&first["more"], &first["items"][1]["clip"]), (&json!(true), &clip["id"]));
+    let after = |page: &Value| format!("/v1/changes?limit=2&after={}", page["next"].as_str().unwrap());
+    let second = server.get(&after(&first)).await.ok(200);
+    assert_eq!((told(&second), &second["more"]), (vec![row("i", "home", Value::Null)], &json!(false)));
+    assert_eq!(server.get(&after(&second)).await.ok(200)["items"], json!([]));
+    assert_eq!(told(&server.get(&after(&empty)).await.ok(200)), told(&first));
+
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let third = server.get(&after(&second)).await.ok(200);
+    assert_eq!(told(&third), [row("h", "clip", json!("queued")), row("h", "lidar_map", json!(1))]);
+    server.delete(&home).await.ok(204);
+    let last = server.get(&after(&third).replace("limit=2", "limit=9")).await.ok(200);
+    let gone = ["clip", "lidar_map", "home"].map(|kind| row("h", kind, json!("deleted")));
+    assert_eq!(told(&last), gone);
+    let seq =
+        |page: &Value| page["items"].as_array().unwrap().iter().map(|i| i["seq"].as_i64().unwrap()).collect();
+    let numbers: Vec<i64> =
+        [&first, &second, &third, &last].into_iter().flat_map(|page| -> Vec<i64> { seq(page) }).collect();
+    assert!(numbers.is_sorted_by(|a, b| a < b), "{numbers:?}");
+}
+
+#[tokio::test]
+async fn a_clip_and_the_map_it_becomes_are_told() {
+    let server = Server::start().await;
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let clips = format!("{home}/clips");
+    server.post(&clips, crate::common::zips::zip(&room::clip(24))).await.ok(201);
+    let mut next = String::new();
+    let map = crate::common::eventually("the map is told", || async {
+        let page = server.get("/v1/changes").await.ok(200);
+        told(&page).into_iter().find(|(_, kind, _)| kind == "map").map(|told| (told, page))
+    });
+    let (map, page) = map.await;
+    assert_eq!(map, row("h", "map", json!(1)));
+    assert!(told(&page).contains(&row("h", "clip", json!("aligned"))));
+    next.push_str(page["next"].as_str().unwrap());
+
+    // Who waits at the end is told at once of what comes.
+    let waiting = tokio::spawn({
+        let client = (*server).clone();
+        async move { client.get(&format!("/v1/changes?after={next}&wait=30")).await.ok(200) }
+    });
+    server.make_home("later").await;
+    assert_eq!(told(&waiting.await.unwrap()), [row("later", "home", Value::Null)]);
+}
+
+#[tokio::test]
+async fn a_server_that_stops_does_not_wait_for_changes() {
+    let server = Server::start().await;
+    let waiting = tokio::spawn({
+        let client = (*server).clone();
+        async move { client.request(reqwest::Method::GET, "/v1/changes?wait=30").send().await }
+    });
+    server.lives().await;
+    let begun = Instant::now();
+    server.stop().await;
+    assert!(begun.elapsed() < Duration::from_secs(8));
+    // When the stop came before the request, there is no answer at all.
+    if let Ok(answer) = waiting.await.unwrap() {
+        assert_eq!(answer.status(), 200);
+    }
+}
+
+#[tokio::test]
+async fn cursors_and_waits_that_are_refused() {
+    let server = Server::start().await;
+    let cursor = |text: &str| BASE64_URL_SAFE_NO_PAD.encode(text);
+    let cases = [
+        ("limit=0".to_owned(), "limit"),
+        ("limit=201".to_owned(), "limit"),
+        ("wait=31".to_owned(), "wait"),
+        ("wait=-1".to_owned(), "wait"),
+        ("wait=soon".to_owned(), "wait"),
+        ("after=*".to_owned(), "after"),
+        (format!("after={}", cursor("7")), "after"),
+        (format!("after={}", cursor("-1.0")), "after"),
+        (format!("after={}", cursor("0.99999999999999999999")), "after"),
+    ];
+    for (query, field) in cases {
+        println!("{query}");
+        let problem = server.get(&format!("/v1/changes?{query}")).await.problem(400, "invalid-query");
+        assert_eq!(problem["field"], field);
+    }
+    // At the end of the feed in 1970.
+    server.get(&format!("/v1/changes?after={}", cursor("0.0"))).await.problem(410, "cursor-expired");
+}

@@ -1,0 +1,140 @@
+//! A person's choice of a clip's pose.
+
+use crate::clips::small_clip;
+use crate::common::room;
+use crate::server::Server;
+use reqwest::Method;
+use serde_json::{Value, json};
+use std::path::Path;
+use viola::align::{AlignParams, AlignmentState, Alternative};
+use viola::geometry::Pose2;
+use viola::jobs::{Failure, Finished, align_clip};
+use viola::progress::Progress;
+
+/// The real method, whose answer is then said to be one of two poses.
+fn of_two_minds(
+    clip: &Path,
+    map: &[u8],
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<Finished, Failure> {
+    let mut finished = align_clip(clip, map, params, progress)?;
+    let alternative = |x_m: f64| Alternative {
+        map_from_clip: Pose2 { x_m, y_m: 0.5, yaw_rad: 0.25 },
+        loss_m: 0.1,
+        inliers: 0.9,
+        free_space: None,
+        probability: Some(0.5),
+    };
+    finished.alignment.state = AlignmentState::Ambiguous;
+    finished.alignment.alternatives = vec![alternative(1.0), alternative(2.0)];
+    Ok(finished)
+}
+
+/// A server whose one clip is settled with two alternatives; the clip's path.
+async fn settled() -> (Server, String) {
+    let server = Server::with(|params| params.worker.method = of_two_minds).await;
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let clip = server.post(&format!("{home}/clips"), small_clip()).await.header("location").to_owned();
+    assert_eq!(server.settled(&clip).await["state"], "ambiguous");
+    (server, clip)
+}
+
+async fn choose(server: &Server, clip: &str, body: Value) -> crate::common::client::Answer {
+    server.send(server.request(Method::PUT, &format!("{clip}/alignment")).json(&body)).await
+}
+
+#[tokio::test]
+async fn a_person_decides_where_the_method_could_not() {
+    let (server, path) = settled().await;
+    let own = server.get(&path).await.ok(200);
+    let chosen = choose(&server, &path, json!({"alternative": 1})).await.ok(200);
+    assert_eq!(
+        (&chosen["state"], &chosen["reasons"][0]["code"]),
+        (&json!("aligned"), &json!("chosen_by_person"))
+    );
+    let second = json!({"x_m": 2.0, "y_m": 0.5, "yaw_rad": 0.25});
+    assert_eq!(chosen["choice"]["map_from_clip"], second);
+    assert_eq!(
+        (&chosen["choice"]["alternative"], &chosen["choice"]["lidar_map_revision"]),
+        (&json!(1), &json!(1))
+    );
+    assert!(chosen["choice"]["chosen_at"].is_string());
+    assert_eq!(chosen["alignment"], own["alignment"]);
+    assert_eq!(choose(&server, &path, json!({"alternative": 1})).await.ok(200), chosen);
+    assert_eq!(server.get(&path).await.ok(200)["choice"], chosen["choice"]);
+
+    // It stands through a new alignment, and is taken back.
+    server.post(&format!("{path}/align"), "").await.ok(202);
+    let again = server.settled(&path).await;
+    assert_eq!((&again["state"], &again["choice"]), (&json!("aligned"), &chosen["choice"]));
+    assert_eq!(again["alignment"]["state"], "ambiguous");
+    let own_pose = json!({"map_from_clip": {"x_m": -1.5, "y_m": 2, "yaw_rad": 3}});
+    let moved = choose(&server, &path, own_pose).await.ok(200);
+    assert_eq!(moved["choice"]["map_from_clip"], json!({"x_m": -1.5, "y_m": 2.0, "yaw_rad": 3.0}));
+    assert_eq!(moved["choice"]["alternative"], Value::Null);
+    let withdrawn = server.delete(&format!("{path}/alignment")).await.ok(200);
+    assert_eq!((&withdrawn["state"], &withdrawn["choice"]), (&json!("ambiguous"), &Value::Null));
+    assert_eq!(withdrawn["reasons"], withdrawn["alignment"]["reasons"]);
+    assert_eq!(server.delete(&format!("{path}/alignment")).await.ok(200)["state"], "ambiguous");
+}
+
+#[tokio::test]
+async fn choices_that_are_refused() {
+    let (server, path) = settled().await;
+    let pose = |x_m: Value, y_m: Value, yaw_rad: Value| json!({"map_from_clip": {"x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad}});
+    let zero = || json!(0);
+    let cases = [
+        (json!({"alternative": 2}), Some("alternative")),
+        (json!({"alternative": -1}), Some("alternative")),
+        (json!({"alternative": 0.5}), Some("alternative")),
+        (json!({"alternative": "0"}), Some("alternative")),
+        (json!({"alternative": u64::MAX}), Some("alternative")),
+        (json!({"map_from_clip": [1, 2, 3]}), Some("map_from_clip")),
+        (json!({"map_from_clip": {"x_m": 1, "y_m": 2}}), Some("map_from_clip.yaw_rad")),
+        (json!({"map_from_clip": {"x_m": 1, "y_m": 2, "yaw_rad": 0, "z_m": 0}}), Some("map_from_clip")),
+        (pose(json!(1000), zero(), zero()), Some("map_from_clip.x_m")),
+        (pose(zero(), json!(-1e300), zero()), Some("map_from_clip.y_m")),
+        (pose(json!("1"), zero(), zero()), Some("map_from_clip.x_m")),
+        (pose(zero(), Value::Null, zero()), Some("map_from_clip.y_m")),
+        (pose(zero(), zero(), json!(90)), Some("map_from_clip.yaw_rad")),
+        (json!({"alternative": 0, "map_from_clip": {"x_m": 0, "y_m": 0, "yaw_rad": 0}}), None),
+        (json!({}), None),
+        (json!({"alternative": null}), None),
+        (json!({"alternativ": 0}), None),
+    ];
+    let before = server.get(&path).await.ok(200);
+    for (body, field) in cases {
+        println!("{body}");
+        let problem = choose(&server, &path, body).await.problem(422, "invalid-body");
+        assert_eq!(problem["field"].as_str(), field);
+    }
+    server.put(&format!("{path}/alignment"), "").await.problem(422, "invalid-body");
+    assert_eq!(server.get(&path).await.ok(200), before);
+}
+
+#[tokio::test]
+async fn what_a_clip_without_an_answer_can_be_told() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    let path = server.post(&format!("{home}/clips"), small_clip()).await.header("location").to_owned();
+    let origin = || json!({"map_from_clip": {"x_m": 2, "y_m": 0, "yaw_rad": 0}});
+    choose(&server, &path, json!({"alternative": 0})).await.problem(409, "no-lidar-map");
+    choose(&server, &path, origin()).await.problem(409, "no-lidar-map");
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    choose(&server, &path, json!({"alternative": 0})).await.problem(409, "no-answer-yet");
+    let chosen = choose(&server, &path, origin()).await.ok(200);
+    assert_eq!(
+        (&chosen["state"], &chosen["choice"]["map_from_clip"]["x_m"]),
+        (&json!("queued"), &json!(2.0))
+    );
+    let other = server.make_home("other").await;
+    let elsewhere = path.replace(&home, &other);
+    choose(&server, &elsewhere, origin()).await.problem(404, "clip-not-found");
+    server.delete(&format!("{elsewhere}/alignment")).await.problem(404, "clip-not-found");
+    server
+        .delete("/v1/homes/none/clips/01a1f766-7a97-7747-9dbb-391e0eeccb64/alignment")
+        .await
+        .problem(404, "home-not-found");
+}
