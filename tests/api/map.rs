@@ -8,15 +8,19 @@ async fn merged(server: &Server, home: &str, clips: &[&Value]) -> Value {
     eventually("the map is merged", || async {
         let answer = server.get(&format!("{home}/map")).await;
         let map = (answer.status == 200).then(|| answer.json())?;
-        let mut wanted: Vec<&str> = clips.iter().map(|id| id.as_str().unwrap()).collect();
-        wanted.sort_unstable();
-        (map["clips"] == json!(wanted)).then_some(map)
+        let sorted = |mut ids: Vec<String>| {
+            ids.sort_unstable();
+            ids
+        };
+        let text = |id: &Value| id.as_str().unwrap().to_owned();
+        let there = map["clips"].as_array().unwrap().iter().map(|clip| text(&clip["clip"])).collect();
+        (sorted(there) == sorted(clips.iter().map(|id| text(id)).collect())).then_some(map)
     })
     .await
 }
 
 async fn points(server: &Server, home: &str) -> Vec<u8> {
-    let answer = server.get(&format!("{home}/map/points.ply")).await;
+    let answer = server.get(&format!("{home}/map/points")).await;
     assert_eq!((answer.status, answer.header("content-type")), (200, "model/ply"));
     answer.bytes
 }
@@ -65,7 +69,7 @@ async fn what_a_reader_has_is_not_sent_again() {
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
     let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await.ok(201);
     merged(&server, &home, &[&clip["id"]]).await;
-    for path in [format!("{home}/map"), format!("{home}/map/points.ply")] {
+    for path in [format!("{home}/map"), format!("{home}/map/points")] {
         let tag = server.get(&path).await.header("etag").to_owned();
         for (known, status) in [(tag.as_str(), 304), ("\"other\"", 200), ("*", 304)] {
             let request = server.request(Method::GET, &path).header("if-none-match", known);
@@ -85,4 +89,121 @@ async fn what_a_reader_has_is_not_sent_again() {
     let left_out = map.ok(200)["left_out"].clone();
     assert_eq!((&left_out[0]["clip"], &left_out[0]["state"]), (&short["id"], &state));
     assert!(left_out[0]["reasons"][0]["code"].is_string());
+}
+
+/// The vertices of a binary PLY of 36 bytes each.
+fn vertices(ply: &[u8]) -> Vec<&[u8]> {
+    let end = ply.windows(11).position(|part| part == b"end_header\n").unwrap() + 11;
+    let head = std::str::from_utf8(&ply[..end]).unwrap();
+    let count = head.lines().find_map(|line| line.strip_prefix("element vertex ")).unwrap();
+    let vertices: Vec<&[u8]> = ply[end..].chunks(36).collect();
+    assert_eq!(vertices.len(), count.parse::<usize>().unwrap());
+    vertices
+}
+
+fn float(vertex: &[u8], at: usize) -> f32 {
+    f32::from_le_bytes(vertex[at..at + 4].try_into().unwrap())
+}
+
+/// The document and the binary part of a GLB (glTF 2.0, 4.4).
+fn glb(bytes: &[u8]) -> (Value, &[u8]) {
+    let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    assert_eq!((&bytes[..4], word(4), word(8)), (&b"glTF"[..], 2, bytes.len()));
+    assert_eq!(&bytes[16..20], b"JSON");
+    let end = 20 + word(12);
+    assert_eq!((end % 4, &bytes[end + 4..end + 8], word(end)), (0, &b"BIN\0"[..], bytes.len() - end - 8));
+    (serde_json::from_slice(&bytes[20..end]).unwrap(), &bytes[end + 8..])
+}
+
+#[tokio::test]
+async fn points_are_filtered_and_come_as_ply_and_as_glb() {
+    let server = Server::start().await;
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await.ok(201);
+    let map = merged(&server, &home, &[&clip["id"]]).await;
+    let ask = |query: &str| {
+        let path = format!("{home}/map/points?{query}");
+        let server = &server;
+        async move {
+            let answer = server.get(&path).await;
+            assert_eq!(answer.status, 200, "{path}");
+            assert_eq!(answer.header("content-length"), answer.bytes.len().to_string());
+            answer.bytes
+        }
+    };
+    let all = ask("").await;
+    let count = |class: &str| {
+        let classes = map["info"]["classes"].as_array().unwrap();
+        classes.iter().find(|c| c["class"] == class).map_or(0, |c| c["points"].as_u64().unwrap() as usize)
+    };
+    assert_eq!(vertices(&all).len(), map["info"]["points"].as_u64().unwrap() as usize);
+    assert_eq!(vertices(&ask("classes=wall,floor").await).len(), count("wall") + count("floor"));
+    let middle = map["info"]["min_m"][0].as_f64().unwrap() as f32 + 1.0;
+    let low: Vec<Vec<u8>> = vertices(&all)
+        .into_iter()
+        .filter(|v| float(v, 0) <= middle && (0.5..=1.5).contains(&float(v, 8)))
+        .map(<[u8]>::to_vec)
+        .collect();
+    let asked = ask(&format!("box=-100,-100,-100,{middle},100,100&z=0.5,1.5")).await;
+    assert!(!low.is_empty() && vertices(&asked) == low);
+    let coarse = ask("voxel=0.3").await;
+    let cells: std::collections::BTreeSet<[i64; 3]> = vertices(&all)
+        .iter()
+        .map(|v| [0, 4, 8].map(|at| (f64::from(float(v, at)) / 0.3).floor() as i64))
+        .collect();
+    let thinned = vertices(&coarse).len();
+    assert!(thinned >= cells.len() && thinned < cells.len() * 2, "{thinned} {}", cells.len());
+
+    // The same points as GLB: every class a node by its name.
+    let bytes = ask("format=glb").await;
+    let (document, body) = glb(&bytes);
+    let names: Vec<&str> =
+        document["nodes"].as_array().unwrap().iter().map(|node| node["name"].as_str().unwrap()).collect();
+    assert!(names.contains(&"wall") && names.contains(&"floor"));
+    let mut points = 0;
+    for (mesh, name) in document["meshes"].as_array().unwrap().iter().zip(&names) {
+        let mut of_class = 0;
+        for primitive in mesh["primitives"].as_array().unwrap() {
+            assert_eq!(document["materials"][primitive["material"].as_u64().unwrap() as usize]["name"], *name);
+            let accessor = |name: &str| {
+                document["accessors"][primitive["attributes"][name].as_u64().unwrap() as usize].clone()
+            };
+            let position = accessor("POSITION");
+            let view = &document["bufferViews"][position["bufferView"].as_u64().unwrap() as usize];
+            let (start, stride) = (view["byteOffset"].as_u64().unwrap(), view["byteStride"].as_u64().unwrap());
+            for i in 0..position["count"].as_u64().unwrap() {
+                let at = (start + i * stride) as usize;
+                for axis in 0..3 {
+                    let c = f64::from(float(&body[at..], 4 * axis));
+                    assert!(c >= position["min"][axis].as_f64().unwrap() - 1e-6);
+                    assert!(c <= position["max"][axis].as_f64().unwrap() + 1e-6);
+                }
+            }
+            of_class += position["count"].as_u64().unwrap() as usize;
+        }
+        assert_eq!(of_class, count(name), "{name}");
+        points += of_class;
+    }
+    assert_eq!(points * 36, body.len());
+    assert_eq!(points, vertices(&all).len());
+    let request = server.request(Method::GET, &format!("{home}/map/points")).header("accept", "model/gltf-binary");
+    assert_eq!(server.send(request).await.bytes, bytes);
+
+    for (query, field) in [
+        ("classes=wall,dragon", "classes"),
+        ("box=1,2,3", "box"),
+        ("box=1,0,0,0,1,1", "box"),
+        ("box=0,0,0,1,1,nan", "box"),
+        ("z=2,1", "z"),
+        ("z=a,b", "z"),
+        ("voxel=0.001", "voxel"),
+        ("voxel=inf", "voxel"),
+        ("format=obj", "format"),
+        ("revision=0", "revision"),
+    ] {
+        let problem = server.get(&format!("{home}/map/points?{query}")).await.problem(400, "invalid-query");
+        assert_eq!(problem["field"], field, "{query}");
+    }
+    server.get(&format!("{home}/map/points?revision=99")).await.problem(404, "map-not-found");
 }

@@ -1,6 +1,7 @@
 //! A person's choice beside the method's own answer.
 
 use super::*;
+use crate::home::Verdict;
 use crate::align::Alternative;
 use crate::geometry::Pose2;
 
@@ -182,13 +183,14 @@ async fn choices_that_cannot_be(storage: Storage) {
 async fn a_choice_makes_the_map_due(storage: Storage) {
     let (home, _) = one_job(&storage).await;
     let clip = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
-    let due = || async { storage.claim_merge(Duration::ZERO, at(300)).await.unwrap().is_some() };
-    assert!(!due().await, "nothing is aligned");
+    let claim = storage.claim_merge(LEASE, at(100)).await.unwrap().expect("its neighbours may decide");
+    assert!(matches!(claim.members[0].verdict, Verdict::Ambiguous { .. }));
+    assert!(storage.finish_merge(&claim, None, at(100)).await.unwrap());
     choose(&storage, &clip, Chosen::Alternative(1), 200).await;
     let claim = storage.claim_merge(LEASE, at(300)).await.unwrap().expect("a clip was placed by hand");
-    assert_eq!(claim.members.len(), 1);
+    assert!(matches!(claim.members[0].verdict, Verdict::Chosen { .. }));
     storage.give_back_merge(&claim, at(300)).await.unwrap();
     storage.withdraw_choice(&home, clip.id, at(301)).await.unwrap();
     let claim = storage.claim_merge(LEASE, at(302)).await.unwrap().expect("the choice was withdrawn");
-    assert_eq!(claim.members.len(), 0);
+    assert!(matches!(claim.members[0].verdict, Verdict::Ambiguous { .. }));
 }

@@ -105,12 +105,12 @@ async fn aligned(storage: &Storage) -> (HomeId, Clip) {
 
 /// Does the next job.
 async fn align(storage: &Storage) {
-    let claim = storage.claim(LEASE, at(1)).await.unwrap().expect("a job is due");
+    let claim = storage.claim(LEASE, at(10_000)).await.unwrap().expect("a job is due");
     let Ending::Answered(mut alignment) = answer(AlignmentState::Aligned) else { unreachable!() };
     alignment.map_from_clip = Some(Pose2::IDENTITY);
     storage.put_result(&claim, result_file::CLOUD, b"cloud".to_vec()).await.unwrap();
     let ending = Ending::Answered(alignment);
-    assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(1)).await.unwrap());
+    assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(10_000)).await.unwrap());
 }
 
 /// Makes the writes of a storage fail from now on; tells how many there have been.
