@@ -15,7 +15,8 @@ use serde_json::Value;
 /// An angle beyond a whole turn is one in degrees.
 const MAX_YAW_RAD: f64 = std::f64::consts::TAU;
 
-/// A person's choice: one of the two members. The values are read by hand, so that a refusal names the member at fault.
+// The values are read by hand, so that a refusal names the member at fault.
+/// A person's choice: one of the two members.
 #[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(example = json!({"alternative": 1}))]

@@ -29,11 +29,11 @@ impl IntoResponses for CommonProblems {
         responses(&[
             (
                 "400",
-                "A part of the path, a query parameter or a header is not valid: `invalid-path`, `invalid-query`, `invalid-header`",
+                "A part of the path, a query parameter or a header is not valid: `invalid-path`, `invalid-query`, `invalid-header`; or the body is not whole or not JSON: `body-incomplete`, `malformed-json`",
             ),
             (
                 "404",
-                "What the path names is not there: `home-not-found`, `clip-not-found`, `lidar-map-not-found`, `job-not-found`, `result-not-found`",
+                "What the path names is not there: `home-not-found`, `clip-not-found`, `lidar-map-not-found`, `map-not-found`, `job-not-found`, `result-not-found`",
             ),
             (
                 "500",
@@ -51,7 +51,10 @@ impl IntoResponses for JsonProblems {
         responses(&[
             ("413", "`body-too-large`"),
             ("415", "The body is not declared as JSON: `unsupported-media-type`"),
-            ("422", "The body is JSON, but not with the expected members: `invalid-body`"),
+            (
+                "422",
+                "The body is JSON, but not with the expected members: `invalid-body`; `field` names the member where one is at fault",
+            ),
             ("507", "`storage-full`"),
         ])
     }
