@@ -7,7 +7,7 @@ use crate::home::{HomeMapInfo, Manifest, Member, PlacedBy, PlacedClip, TileKey, 
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Connection, Row, Transaction};
-use crate::storage::{Choice, HomeId, Placement, Storage, StorageError, lidar_maps};
+use crate::storage::{Choice, ClipState, HomeId, Placement, Storage, StorageError, lidar_maps};
 use jiff::Timestamp;
 use nalgebra::Matrix3;
 use std::time::Duration;
@@ -364,7 +364,7 @@ async fn place_clips(
     revision: i64,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let rows = sqlx::query("SELECT id, result_key FROM clips WHERE home_id = $1 AND placement IS NOT NULL")
+    let rows = sqlx::query("SELECT id, state, result_key FROM clips WHERE home_id = $1 AND placement IS NOT NULL")
         .bind(claim.home.as_str())
         .fetch_all(&mut **transaction)
         .await?;
@@ -376,6 +376,8 @@ async fn place_clips(
                 .bind(now.as_millisecond())
                 .execute(&mut **transaction)
                 .await?;
+            let clip = Changed::Clip { id: row.id("id")?, state: row.name("state")? };
+            changes::record(transaction, &claim.home, clip, now).await?;
         }
     }
     for member in &claim.members {
@@ -400,11 +402,11 @@ async fn place_clips(
         // A clip that stays where it was is not told so with every revision.
         let unchanged = before.as_ref().map(same) == placement;
         let state = match &placement {
-            _ if !ambiguous => row.text("state")?,
-            Some(_) => "aligned".to_owned(),
-            None => "ambiguous".to_owned(),
+            _ if !ambiguous => row.name("state")?,
+            Some(_) => ClipState::Aligned,
+            None => ClipState::Ambiguous,
         };
-        if unchanged && state == row.text("state")? {
+        if unchanged && state == row.name("state")? {
             continue;
         }
         let reasons = match (&placement, ambiguous) {
@@ -417,12 +419,13 @@ async fn place_clips(
         };
         sqlx::query("UPDATE clips SET state = $2, reasons = $3, placement = $4, updated_at = $5 WHERE id = $1")
             .bind(member.clip.to_string())
-            .bind(state)
+            .bind(state.name())
             .bind(reasons)
             .bind(placement.as_ref().map(to_json))
             .bind(now.as_millisecond())
             .execute(&mut **transaction)
             .await?;
+        changes::record(transaction, &claim.home, Changed::Clip { id: member.clip, state }, now).await?;
     }
     Ok(())
 }
