@@ -4,8 +4,10 @@
 mod common;
 mod real;
 
+use common::client::Client;
 use common::process::Process;
-use common::zips;
+use common::{eventually, zips};
+use serde_json::Value;
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
@@ -52,4 +54,69 @@ async fn an_excerpt_finds_its_place() {
     if let Some(peak_mib) = server.peak_mib() {
         assert!(peak_mib < 700, "{peak_mib} MiB");
     }
+}
+
+/// Eight excerpts of 40 frames that cover all 300: neighbours share a few frames.
+fn eight() -> Vec<std::ops::Range<u32>> {
+    (0..8u32).map(|i| (i * 260 / 7)..(i * 260 / 7 + 40)).collect()
+}
+
+/// The home's map once as many clips are in it: what of it does not depend on ids and times, and its points.
+async fn map_of(client: &Client, home: &str, clips: usize) -> (Value, Vec<u8>) {
+    let map = eventually("the map is merged", || async {
+        let answer = client.get(&format!("{home}/map")).await;
+        let map = (answer.status == 200).then(|| answer.json())?;
+        (map["clips"].as_array().unwrap().len() == clips && map["left_out"] == serde_json::json!([])).then_some(map)
+    })
+    .await;
+    let mut poses = map["clips"].clone();
+    poses.as_array_mut().unwrap().iter_mut().for_each(|clip| {
+        clip.as_object_mut().unwrap().remove("clip");
+    });
+    let told = serde_json::json!({ "clips": poses, "info": map["info"] });
+    (told, client.get(&format!("{home}/map/points")).await.bytes)
+}
+
+async fn add(client: &Client, home: &str, zip: &[u8]) -> String {
+    let answer = client.post(&format!("{home}/clips"), zip.to_vec()).await;
+    let path = answer.header("location").to_owned();
+    answer.ok(201);
+    let clip = client.settled(&path).await;
+    assert_eq!(clip["state"], "aligned", "{clip:#}");
+    path
+}
+
+/// The map is a function of the set of clips: eight excerpts in three orders, one taken out and put back.
+#[tokio::test]
+async fn the_order_of_clips_does_not_matter() {
+    let Some(scene) = real::data("scannet/scene0000_00") else { return };
+    let data = TempDir::new().unwrap();
+    let server = Process::serve(data.path(), &[]);
+    let client = &server.client;
+    let zips: Vec<Vec<u8>> = eight().into_iter().map(|frames| excerpt(&scene, frames)).collect();
+    let lidar = fs::read(scene.join("lidar/valetudo.json")).unwrap();
+    let mut maps = Vec::new();
+    // Three orders drawn with dice.
+    for order in [[3, 0, 6, 1, 7, 5, 2, 4], [5, 2, 7, 4, 0, 3, 6, 1], [6, 4, 1, 0, 2, 7, 3, 5]] {
+        let home = client.make_home(&format!("home-{}", order[0])).await;
+        client.put(&format!("{home}/lidar-map"), lidar.clone()).await.ok(201);
+        let mut third = String::new();
+        for (n, i) in order.into_iter().enumerate() {
+            let path = add(client, &home, &zips[i]).await;
+            if n == 2 {
+                third = path;
+            }
+        }
+        let map = map_of(client, &home, 8).await;
+        assert!(map.1.len() > 1_000_000);
+        if maps.is_empty() {
+            client.delete(&third).await.ok(204);
+            assert_ne!(map_of(client, &home, 7).await.1, map.1);
+            add(client, &home, &zips[order[2]]).await;
+            let again = map_of(client, &home, 8).await;
+            assert!(again == map, "one taken out and put back gives another map");
+        }
+        maps.push(map);
+    }
+    assert!(maps[0] == maps[1] && maps[0] == maps[2], "the order of the clips shows");
 }
