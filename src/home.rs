@@ -11,7 +11,7 @@ mod points;
 mod share;
 
 pub use assemble::{
-    AssembleParams, Assembly, CLIP_AT, Extent, Manifest, Member, NeighbourParams, Overlap, OverlapParams,
+    AssembleParams, Assembly, CLIP_AT, Extent, Level, Manifest, Member, NeighbourParams, Overlap, OverlapParams,
     POINT_BYTES, Pair, PlacedBy, PlacedClip, SettleParams, Tile, TileBytes, TileInfo, TileKey, Verdict, assemble,
     disagreement, point_bytes, read_point,
 };

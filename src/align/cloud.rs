@@ -11,6 +11,9 @@ pub struct CloudPoint {
     pub normal: [f32; 3],
     pub color: [u8; 3],
     pub label: Label,
+    /// How well it was measured: the sum over its readings of 256 over their range in metres squared, as depth noise
+    /// grows with the range.
+    pub weight: u16,
 }
 
 impl CloudPoint {

@@ -87,8 +87,9 @@ fn block_points(block: &Block, padded: &[f32], voxel_m: f64) -> Vec<CloudPoint> 
                         let voxel = block.key[i] as f64 * SIDE as f64 + [x, y, z][i] as f64 + 0.5;
                         ((voxel + f64::from(step)) * voxel_m) as f32
                     });
-                    let color = block.voxels[(z * SIDE + y) * SIDE + x].color();
-                    points.push(CloudPoint { position_m, normal, color, label: Label::NONE });
+                    let voxel = &block.voxels[(z * SIDE + y) * SIDE + x];
+                    let (color, weight) = (voxel.color(), voxel.weight());
+                    points.push(CloudPoint { position_m, normal, color, label: Label::NONE, weight });
                 }
             }
         }

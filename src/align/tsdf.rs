@@ -58,6 +58,11 @@ impl Voxel {
         self.color
     }
 
+    /// The sum of its readings' weights.
+    pub(super) fn weight(&self) -> u16 {
+        self.weight
+    }
+
     fn add_distance(&mut self, distance: f32, weight: u16) {
         let (old, new) = (f32::from(self.weight), f32::from(weight));
         let mean = (f32::from(self.distance) * old + distance * 32767.0 * new) / (old + new);

@@ -285,6 +285,7 @@ fn observation(scan: VirtualScan, vacuum_height_m: f64) -> Observation {
         normal: [hit.normal.x as f32, hit.normal.y as f32, 0.0],
         color: [0; 3],
         label: Label::NONE,
+        weight: 1,
     };
     let points = scan.hits.iter().map(surface).collect();
     Observation {

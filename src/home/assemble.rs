@@ -3,6 +3,7 @@
 //! [`assemble`] is a function of the set: the clips are brought into an order that depends on what they are and not on
 //! when they came, and everything that is kept from the last map is only there so as not to be computed again.
 
+mod level;
 mod members;
 mod neighbours;
 mod overlap;
@@ -15,6 +16,7 @@ mod tile;
 mod tiles;
 mod voxels;
 
+pub use level::Level;
 pub use members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
 pub use neighbours::NeighbourParams;
 pub use overlap::{Overlap, OverlapParams, disagreement};

@@ -10,8 +10,9 @@ use std::io::Write;
 const PROPERTIES: &str = "property float x\nproperty float y\nproperty float z\n\
     property float nx\nproperty float ny\nproperty float nz\n\
     property uchar red\nproperty uchar green\nproperty uchar blue\n\
-    property uchar label\nproperty float probability\nproperty ushort views\nend_header\n";
-const VERTEX_BYTES: usize = 34;
+    property uchar label\nproperty float probability\nproperty ushort views\n\
+    property ushort weight\nend_header\n";
+const VERTEX_BYTES: usize = 36;
 
 /// A binary little-endian PLY of a clip's cloud with normals and colours: in the map frame when the pose is
 /// known, in the clip frame otherwise. The header says which.
@@ -38,6 +39,7 @@ pub fn cloud_ply(cloud_in_clip: &PointCloud, map_from_clip: Option<&Pose2>) -> V
         out.push(point.label.class.id() as u8);
         out.extend_from_slice(&point.label.probability().to_le_bytes());
         out.extend_from_slice(&point.label.views.to_le_bytes());
+        out.extend_from_slice(&point.weight.to_le_bytes());
     }
     out
 }
@@ -62,12 +64,13 @@ pub fn read_cloud_ply(bytes: &[u8], voxel_m: f64) -> Result<PointCloud, NotOurs>
         let float =
             |at: usize| f32::from_le_bytes([vertex[at], vertex[at + 1], vertex[at + 2], vertex[at + 3]]);
         let class = Class::ALL.get(usize::from(vertex[27])).ok_or(NotOurs)?;
-        let views = u16::from_le_bytes([vertex[32], vertex[33]]);
+        let short = |at: usize| u16::from_le_bytes([vertex[at], vertex[at + 1]]);
         let point = CloudPoint {
             position_m: [float(0), float(4), float(8)],
             normal: [float(12), float(16), float(20)],
             color: [vertex[24], vertex[25], vertex[26]],
-            label: Label::new(*class, float(28), views),
+            label: Label::new(*class, float(28), short(32)),
+            weight: short(34),
         };
         let finite = point.position_m.iter().chain(&point.normal).all(|value| value.is_finite());
         if finite { Ok(point) } else { Err(NotOurs) }
@@ -86,6 +89,7 @@ mod tests {
             normal: [0.0, 0.6, -0.8],
             color: [i as u8, 2, 3],
             label: Label::new(Class::ALL[usize::from(i) % Class::ALL.len()], 0.4, i),
+            weight: i,
         };
         PointCloud { points: (0..50).map(point).collect(), voxel_m: 0.03 }
     }

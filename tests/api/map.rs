@@ -91,12 +91,12 @@ async fn what_a_reader_has_is_not_sent_again() {
     assert!(left_out[0]["reasons"][0]["code"].is_string());
 }
 
-/// The vertices of a binary PLY of 36 bytes each.
+/// The vertices of a binary PLY of 38 bytes each.
 fn vertices(ply: &[u8]) -> Vec<&[u8]> {
     let end = ply.windows(11).position(|part| part == b"end_header\n").unwrap() + 11;
     let head = std::str::from_utf8(&ply[..end]).unwrap();
     let count = head.lines().find_map(|line| line.strip_prefix("element vertex ")).unwrap();
-    let vertices: Vec<&[u8]> = ply[end..].chunks(36).collect();
+    let vertices: Vec<&[u8]> = ply[end..].chunks(38).collect();
     assert_eq!(vertices.len(), count.parse::<usize>().unwrap());
     vertices
 }

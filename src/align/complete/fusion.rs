@@ -41,6 +41,7 @@ pub(super) fn points(
                 normal: [normal.x as f32, normal.y as f32, normal.z as f32],
                 color: picture.get_pixel((x * step + step / 2) as u32, (y * step + step / 2) as u32).0,
                 label: Label::NONE,
+                weight: 1,
             });
         }
     }
@@ -94,7 +95,7 @@ mod tests {
     use super::*;
 
     fn point(x: f32, y: f32, z: f32) -> CloudPoint {
-        CloudPoint { position_m: [x, y, z], normal: [0.0, 0.0, 1.0], color: [0; 3], label: Label::NONE }
+        CloudPoint { position_m: [x, y, z], normal: [0.0, 0.0, 1.0], color: [0; 3], label: Label::NONE, weight: 1 }
     }
 
     #[test]

@@ -136,6 +136,7 @@ mod tests {
                 normal: [0.0, 0.0, if faces { -1.0 } else { 1.0 }],
                 color,
                 label: Label::NONE,
+                weight: 1,
             })
             .collect()
     }

@@ -200,6 +200,7 @@ fn continue_wall(
             normal: [wall.normal.x as f32, wall.normal.y as f32, 0.0],
             color: [200, 200, 200],
             label: Label::new(Class::Wall, 0.8, 0),
+            weight: 1,
         }));
     }
 }

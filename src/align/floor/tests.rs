@@ -29,6 +29,7 @@ fn room(surfaces: &[Vec<(Point3, Vector3)>], turn: &Pose3) -> (PointCloud, Vec<K
             normal: [n.x as f32, n.y as f32, n.z as f32],
             color: [0; 3],
             label: Label::NONE,
+            weight: 1,
         }
     };
     let points = surfaces.iter().flatten().map(point).collect();

@@ -59,6 +59,7 @@ mod tests {
                 normal: [1.0, 0.0, 0.0],
                 color: [0; 3],
                 label: Label::NONE,
+                weight: 1,
             })
             .collect();
         PointCloud { points, voxel_m: 0.02 }

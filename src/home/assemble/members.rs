@@ -1,7 +1,8 @@
 //! The clips of a home as its map sees them.
 
+use super::level::{Level, in_space};
 use super::tile::TileKey;
-use crate::geometry::{Point2, Pose2};
+use crate::geometry::{Point2, Pose2, Pose3};
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
@@ -57,6 +58,8 @@ pub struct PlacedClip {
     pub alone: Pose2,
     /// Where it is, refined together with the clips that it overlaps.
     pub map_from_clip: Pose2,
+    /// The rest of that pose in space.
+    pub level: Level,
     /// The shares of the clips that it was refined with.
     pub with: Vec<String>,
     pub extent: Extent,
@@ -76,6 +79,13 @@ impl Member {
     /// The canonical order of a map's clips: by what they are, and by their ids only where they are the same file.
     pub(super) fn order(&self) -> (Option<i64>, &str, &Uuid) {
         (self.recorded_at_ms, &self.sha256, &self.clip)
+    }
+}
+
+impl PlacedClip {
+    /// Its pose in space.
+    pub fn in_space(&self) -> Pose3 {
+        in_space(&self.map_from_clip, &self.level)
     }
 }
 

@@ -4,7 +4,7 @@
 use super::sight::Sights;
 use super::surface::Surface;
 use crate::align::View;
-use crate::geometry::{Point3, Pose2, Vector3};
+use crate::geometry::{Point3, Pose2, Pose3, Vector3};
 use std::collections::BTreeMap;
 
 /// How alternatives are compared.
@@ -42,7 +42,7 @@ impl Default for NeighbourParams {
 
 /// A clip at its place, as a neighbour sees it.
 pub(super) struct Neighbour<'a> {
-    pub map_from_clip: Pose2,
+    pub map_from_clip: Pose3,
     pub surface: &'a Surface,
     pub sights: Sights<'a>,
 }
@@ -56,14 +56,14 @@ pub(super) struct Asked<'a> {
 /// Patches that agree with what neighbours saw, less those that do not.
 pub(super) fn agreement(
     asked: &Asked,
-    map_from_clip: &Pose2,
+    map_from_clip: &Pose3,
     neighbours: &[Neighbour],
     params: &NeighbourParams,
 ) -> i32 {
     let mut patches: BTreeMap<[i32; 3], (u32, u32)> = BTreeMap::new();
     let patch = |point: &Point3| [point.x, point.y, point.z].map(|c| (c / params.patch_m).floor() as i32);
-    for sample in asked.surface.some(params.samples) {
-        let (position, normal) = moved(&sample.position, &sample.normal, map_from_clip);
+    for sample in asked.surface.some(params.samples).filter(|sample| sample.is_upright()) {
+        let (position, normal) = (map_from_clip * sample.position, map_from_clip * sample.normal);
         let (found, gone) = ask(&position, &normal, sample.color, neighbours, params);
         let votes = patches.entry(patch(&position)).or_default();
         votes.0 += u32::from(found);
@@ -72,8 +72,8 @@ pub(super) fn agreement(
     // And the other way round: what a neighbour saw where this clip looked through.
     let sights = Sights::new(asked.views, map_from_clip);
     for neighbour in neighbours {
-        for sample in neighbour.surface.some(params.samples) {
-            let (position, _) = moved(&sample.position, &sample.normal, &neighbour.map_from_clip);
+        for sample in neighbour.surface.some(params.samples).filter(|sample| sample.is_upright()) {
+            let position = neighbour.map_from_clip * sample.position;
             let (surface, through) = sights.of(&position);
             if through > 2 * surface {
                 patches.entry(patch(&position)).or_default().1 += 1;
@@ -106,7 +106,7 @@ fn ask(
     let mut gone = false;
     for neighbour in neighbours {
         let clip_from_map = neighbour.map_from_clip.inverse();
-        let (there, facing) = moved(position, normal, &clip_from_map);
+        let (there, facing) = (clip_from_map * position, clip_from_map * normal);
         if let Some(near) = neighbour.surface.nearest(&there, &facing) {
             let squared: f64 =
                 (0..3).map(|i| (f64::from(near.color[i]) - f64::from(color[i])).powi(2)).sum();
@@ -118,12 +118,6 @@ fn ask(
         gone |= through > 2 * surface;
     }
     (false, gone)
-}
-
-fn moved(position: &Point3, normal: &Vector3, pose: &Pose2) -> (Point3, Vector3) {
-    let at = pose.apply(&position.xy());
-    let turned = pose.rotate(&normal.xy());
-    (Point3::new(at.x, at.y, position.z), Vector3::new(turned.x, turned.y, normal.z))
 }
 
 /// The alternative that the neighbours leave, with its probability; none while they leave doubt.

@@ -1,8 +1,9 @@
 //! How two clips that saw the same place lie to each other.
 
 use super::surface::{Surface, SurfacePoint};
-use crate::geometry::{Point3, Pose2, Vector3, angle_between};
-use nalgebra::Matrix3;
+use crate::align::PointCloud;
+use crate::geometry::{Pose3, Vector3};
+use nalgebra::{Matrix6, Translation3, UnitQuaternion, Vector6};
 use serde::{Deserialize, Serialize};
 
 /// How two clips are compared.
@@ -15,7 +16,7 @@ pub struct OverlapParams {
     pub steps: usize,
     /// A point this near to the other clip's surface, measured along its normal, has been found there.
     pub near_m: f64,
-    /// Fewer found points are no overlap.
+    /// Fewer found points on upright surfaces are no overlap.
     pub min_found: usize,
     /// Clips that would have to move further than this to agree do not see the same thing.
     pub max_shift_m: f64,
@@ -28,7 +29,7 @@ pub struct OverlapParams {
 impl Default for OverlapParams {
     fn default() -> Self {
         OverlapParams {
-            samples: 2_500,
+            samples: 3_000,
             kernel_m: [0.12, 0.06, 0.03],
             steps: 5,
             near_m: 0.05,
@@ -44,15 +45,16 @@ impl Default for OverlapParams {
 /// What two clips say about each other.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Overlap {
-    pub b_from_a: Pose2,
-    /// Of (x_m, y_m, yaw_rad) of `b_from_a`.
-    pub information: [[f64; 3]; 3],
-    /// Points of `a` that were found in `b`.
+    pub b_from_a: Pose3,
+    /// Of a small motion of `a` in `b`'s frame: its translation, then its rotation vector about `b`'s axes through
+    /// `a`'s origin. Row after row.
+    pub information: [[f64; 6]; 6],
+    /// Upright points of `a` that were found in `b`.
     pub found: usize,
 }
 
-/// Point-to-plane registration of the upright surfaces of `a` to those of `b`, from where the map has them.
-pub(super) fn overlap(a: &Surface, b: &Surface, start: &Pose2, params: &OverlapParams) -> Option<Overlap> {
+/// Point-to-plane registration of the surface of `a` to that of `b`, from where the map has them.
+pub(super) fn overlap(a: &Surface, b: &Surface, start: &Pose3, params: &OverlapParams) -> Option<Overlap> {
     let samples: Vec<&SurfacePoint> = a.some(params.samples).collect();
     let mut pose = *start;
     for kernel_m in params.kernel_m {
@@ -60,39 +62,41 @@ pub(super) fn overlap(a: &Surface, b: &Surface, start: &Pose2, params: &OverlapP
             let normal = Normal::gather(&samples, b, &pose, kernel_m, params.near_m);
             let mut information = normal.information;
             // Along a bare wall nothing holds: there it stays where the map put it.
-            (0..3).for_each(|i| information[(i, i)] += 1.0);
+            (0..6).for_each(|i| information[(i, i)] += 1.0);
             let step = information.cholesky().map(|c| -c.solve(&normal.gradient))?;
-            pose = Pose2::new(pose.x_m + step.x, pose.y_m + step.y, pose.yaw_rad + step.z);
-            if step.xy().norm() < 1e-4 && step.z.abs() < 1e-5 {
+            pose = moved(&pose, &step);
+            if step.fixed_rows::<3>(0).norm() < 1e-4 && step.fixed_rows::<3>(3).norm() < 1e-5 {
                 break;
             }
         }
     }
-    let far = pose.distance_m(start) > params.max_shift_m
-        || angle_between(pose.yaw_rad, start.yaw_rad) > params.max_turn_rad;
+    let shift_m = (pose.translation.vector - start.translation.vector).norm();
+    let far = shift_m > params.max_shift_m || pose.rotation.angle_to(&start.rotation) > params.max_turn_rad;
     let last = Normal::gather(&samples, b, &pose, params.kernel_m[2], params.near_m);
-    if far || !pose.is_finite() || last.found < params.min_found {
+    if far || !pose.translation.vector.iter().all(|c| c.is_finite()) || last.found < params.min_found {
         return None;
     }
     let variance = params.noise_m * params.noise_m * params.correlated;
     let information = last.information / variance;
-    let row = |i: usize| [information[(i, 0)], information[(i, 1)], information[(i, 2)]];
-    Some(Overlap { b_from_a: pose, information: [row(0), row(1), row(2)], found: last.found })
+    let row = |i: usize| std::array::from_fn(|j| information[(i, j)]);
+    Some(Overlap { b_from_a: pose, information: std::array::from_fn(row), found: last.found })
+}
+
+/// A pose after a small motion: translation, and rotation about the pose's origin.
+pub(super) fn moved(pose: &Pose3, step: &Vector6<f64>) -> Pose3 {
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(step[3], step[4], step[5]));
+    let shift = Vector3::new(step[0], step[1], step[2]);
+    Pose3::from_parts(Translation3::from(pose.translation.vector + shift), turn * pose.rotation)
 }
 
 /// How far, along their normals, the points of `a` are from `b`'s surface: root of the mean square of those that are
 /// found within `near_m`, and how many they are.
-pub fn disagreement(
-    a: &crate::align::PointCloud,
-    b: &crate::align::PointCloud,
-    b_from_a: &Pose2,
-    near_m: f64,
-) -> (f64, usize) {
+pub fn disagreement(a: &PointCloud, b: &PointCloud, b_from_a: &Pose3, near_m: f64) -> (f64, usize) {
     let (a, b) = (Surface::new(a), Surface::new(b));
     let (mut squares, mut found) = (0.0, 0usize);
     for point in &a.points {
-        let (position, normal) = placed(point, b_from_a);
-        if let Some(near) = b.nearest(&position, &normal) {
+        let position = b_from_a * point.position;
+        if let Some(near) = b.nearest(&position, &(b_from_a * point.normal)) {
             let distance_m = near.normal.dot(&(position - near.position));
             if distance_m.abs() < near_m {
                 squares += distance_m * distance_m;
@@ -103,37 +107,28 @@ pub fn disagreement(
     ((squares / found.max(1) as f64).sqrt(), found)
 }
 
-fn placed(point: &SurfacePoint, b_from_a: &Pose2) -> (Point3, Vector3) {
-    let at = b_from_a.apply(&point.position.xy());
-    let turned = b_from_a.rotate(&point.normal.xy());
-    (Point3::new(at.x, at.y, point.position.z), Vector3::new(turned.x, turned.y, point.normal.z))
-}
-
-/// The normal equations at one pose, and how many points were found.
+/// The normal equations at one pose, and how many upright points were found.
 struct Normal {
-    information: Matrix3<f64>,
-    gradient: nalgebra::Vector3<f64>,
+    information: Matrix6<f64>,
+    gradient: Vector6<f64>,
     found: usize,
 }
 
 impl Normal {
-    fn gather(samples: &[&SurfacePoint], b: &Surface, pose: &Pose2, kernel_m: f64, near_m: f64) -> Normal {
-        let mut normal = Normal { information: Matrix3::zeros(), gradient: nalgebra::Vector3::zeros(), found: 0 };
+    fn gather(samples: &[&SurfacePoint], b: &Surface, pose: &Pose3, kernel_m: f64, near_m: f64) -> Normal {
+        let mut normal = Normal { information: Matrix6::zeros(), gradient: Vector6::zeros(), found: 0 };
         let c2 = kernel_m * kernel_m;
         for sample in samples {
-            let (position, facing) = placed(sample, pose);
-            let Some(near) = b.nearest(&position, &facing) else { continue };
+            let position = pose * sample.position;
+            let Some(near) = b.nearest(&position, &(pose.rotation * sample.normal)) else { continue };
             let distance_m = near.normal.dot(&(position - near.position));
             let share = c2 / (c2 + distance_m * distance_m);
-            let (rx, ry) = (position.x - pose.x_m, position.y - pose.y_m);
-            let slope = nalgebra::Vector3::new(
-                near.normal.x,
-                near.normal.y,
-                near.normal.y * rx - near.normal.x * ry,
-            );
+            let turn = (position.coords - pose.translation.vector).cross(&near.normal);
+            let n = near.normal;
+            let slope = Vector6::new(n.x, n.y, n.z, turn.x, turn.y, turn.z);
             normal.information += slope * slope.transpose() * (share * share);
             normal.gradient += slope * (distance_m * share * share);
-            normal.found += usize::from(distance_m.abs() < near_m);
+            normal.found += usize::from(sample.is_upright() && distance_m.abs() < near_m);
         }
         normal
     }
@@ -142,22 +137,23 @@ impl Normal {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::align::{CloudPoint, PointCloud, label::Label};
+    use crate::align::{CloudPoint, label::Label};
     use proptest::prelude::*;
 
-    /// Two walls that meet and a pillar.
+    /// Two walls that meet, a pillar and a floor.
     fn corner() -> PointCloud {
         let mut points = Vec::new();
         let mut add = |position_m: [f64; 3], normal: [f32; 3]| {
             let position_m = position_m.map(|c| c as f32);
-            points.push(CloudPoint { position_m, normal, color: [9, 9, 9], label: Label::NONE });
+            points.push(CloudPoint { position_m, normal, color: [9, 9, 9], label: Label::NONE, weight: 1 });
         };
-        for up in 0..40 {
+        for up in 0..50 {
             let z = f64::from(up) * 0.06;
             for along in 0..50 {
                 let s = f64::from(along) * 0.06;
                 add([s, 0.0, z], [0.0, 1.0, 0.0]);
                 add([0.0, s, z], [1.0, 0.0, 0.0]);
+                add([s, z, 0.0], [0.0, 0.0, 1.0]);
             }
             for along in 0..6 {
                 let s = f64::from(along) * 0.06;
@@ -172,19 +168,16 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(24))]
         #[test]
         fn a_moved_clip_is_found(
-            x in -5.0..5.0f64, y in -5.0..5.0f64, yaw in -3.1..3.1f64,
-            dx in -0.06..0.06f64, dy in -0.06..0.06f64, turn in -0.02..0.02f64,
+            x in -5.0..5.0f64, y in -5.0..5.0f64, z in -0.5..0.5f64, yaw in -3.1..3.1f64,
+            off in prop::array::uniform3(-0.05..0.05f64), turn in prop::array::uniform3(-0.02..0.02f64),
         ) {
-            let truth = Pose2::new(x, y, yaw);
-            let there = corner().transformed(&crate::geometry::Pose3::new(
-                Vector3::new(x, y, 0.0),
-                Vector3::new(0.0, 0.0, yaw),
-            ));
-            let start = truth.compose(&Pose2::new(dx, dy, turn));
+            let truth = Pose3::new(Vector3::new(x, y, z), Vector3::new(0.0, 0.0, yaw));
+            let there = corner().transformed(&truth);
+            let start = truth * Pose3::new(off.into(), turn.into());
             let (a, b) = (Surface::new(&corner()), Surface::new(&there));
-            let found = overlap(&a, &b, &start, &OverlapParams::default()).unwrap();
-            prop_assert!(found.b_from_a.distance_m(&truth) < 2e-3, "{:?} {truth:?}", found.b_from_a);
-            prop_assert!(angle_between(found.b_from_a.yaw_rad, yaw) < 1e-3);
+            let found = overlap(&a, &b, &start, &OverlapParams::default()).unwrap().b_from_a;
+            prop_assert!((found.translation.vector - truth.translation.vector).norm() < 3e-3, "{found:?} {truth:?}");
+            prop_assert!(found.rotation.angle_to(&truth.rotation) < 2e-3);
         }
     }
 
@@ -193,6 +186,6 @@ mod tests {
         let mut behind = corner();
         behind.points.iter_mut().for_each(|point| point.normal = point.normal.map(|c| -c));
         let (a, b) = (Surface::new(&corner()), Surface::new(&behind));
-        assert_eq!(overlap(&a, &b, &Pose2::IDENTITY, &OverlapParams::default()), None);
+        assert_eq!(overlap(&a, &b, &Pose3::identity(), &OverlapParams::default()), None);
     }
 }

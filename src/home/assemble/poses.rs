@@ -1,5 +1,6 @@
 //! Where the clips of a home are: each by itself, then together.
 
+use super::level::{Level, apart, in_space};
 use super::members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
 use super::neighbours::{self, Asked, Neighbour};
 use super::overlap::{Overlap, overlap};
@@ -83,13 +84,15 @@ fn ask_neighbours<'a, E>(
             let mut patches = 0;
             for other in near {
                 let loaded = shelf.get(other.member)?;
+                let map_from_clip = in_space(&other.alone, &Level::default());
                 let neighbour = Neighbour {
-                    map_from_clip: other.alone,
+                    map_from_clip,
                     surface: &loaded.surface,
-                    sights: Sights::new(&loaded.share.views, &other.alone),
+                    sights: Sights::new(&loaded.share.views, &map_from_clip),
                 };
                 let asked = Asked { surface: &asked.surface, views: &asked.share.views };
-                patches += neighbours::agreement(&asked, pose, &[neighbour], &params.neighbours);
+                let pose = in_space(pose, &Level::default());
+                patches += neighbours::agreement(&asked, &pose, &[neighbour], &params.neighbours);
             }
             agreements.push(patches);
         }
@@ -141,7 +144,9 @@ fn compare<E>(
         if !fresh.is_empty() {
             let b = shelf.get(b.member)?;
             fresh.par_iter_mut().for_each(|(pair, a)| {
-                let start = pair.map_from_b.inverse().compose(&pair.map_from_a);
+                let (map_from_a, map_from_b) = (&pair.map_from_a, &pair.map_from_b);
+                let level = Level::default();
+                let start = in_space(map_from_b, &level).inverse() * in_space(map_from_a, &level);
                 pair.overlap = overlap(&a.surface, &b.surface, &start, &params.overlap);
             });
         }
@@ -182,8 +187,8 @@ fn together<'a>(
             };
             old.alone == clip.alone && old.by == clip.by && old.with == with && with.iter().all(stands)
         });
-        let map_from_clip = match unchanged {
-            Some(old) => old.map_from_clip,
+        let (map_from_clip, level) = match unchanged {
+            Some(old) => (old.map_from_clip, old.level),
             None => solve(i, &near, known, &overlaps, params),
         };
         let placed = PlacedClip {
@@ -194,6 +199,7 @@ fn together<'a>(
             probability: clip.probability,
             alone: clip.alone,
             map_from_clip,
+            level,
             with,
             extent: clip.extent,
             tiles: Vec::new(),
@@ -210,11 +216,14 @@ fn solve(
     known: &[Known],
     overlaps: &FxHashMap<(usize, usize), &Overlap>,
     params: &AssembleParams,
-) -> Pose2 {
+) -> (Pose2, Level) {
     let chosen: Vec<usize> = std::iter::once(first).chain(near.iter().copied()).collect();
     let clips: Vec<Held> = chosen
         .iter()
-        .map(|at| Held { map_from_clip: known[*at].alone, covariance: known[*at].covariance })
+        .map(|at| Held {
+            map_from_clip: in_space(&known[*at].alone, &Level::default()),
+            covariance: known[*at].covariance,
+        })
         .collect();
     let mut ties = Vec::new();
     for (i, a) in chosen.iter().enumerate() {
@@ -224,5 +233,8 @@ fn solve(
             }
         }
     }
-    settle(&clips, &ties, &params.settle).unwrap_or(known[first].alone)
+    let alone = (known[first].alone, Level::default());
+    let settled = settle(&clips, &ties, &params.settle).map_or(alone, |pose| apart(&pose));
+    // What a person chose stays as it is, to the last bit.
+    if known[first].covariance.is_none() { (known[first].alone, settled.1) } else { settled }
 }

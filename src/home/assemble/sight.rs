@@ -1,7 +1,7 @@
 //! What a clip's views say of a place in the map: whether it saw something there, or saw through it.
 
 use crate::align::View;
-use crate::geometry::{Point3, Pose2, Pose3, Vector3};
+use crate::geometry::{Point3, Pose3};
 
 /// What one view says of a place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,17 +18,8 @@ pub(super) struct Sights<'a> {
     views: Vec<(Pose3, &'a View)>,
 }
 
-/// In space, for a pose in the plane.
-pub(super) fn in_space(map_from_clip: &Pose2) -> Pose3 {
-    Pose3::new(
-        Vector3::new(map_from_clip.x_m, map_from_clip.y_m, 0.0),
-        Vector3::new(0.0, 0.0, map_from_clip.yaw_rad),
-    )
-}
-
 impl<'a> Sights<'a> {
-    pub fn new(views: &'a [View], map_from_clip: &Pose2) -> Sights<'a> {
-        let map_from_clip = in_space(map_from_clip);
+    pub fn new(views: &'a [View], map_from_clip: &Pose3) -> Sights<'a> {
         let placed = |view: &'a View| ((map_from_clip * view.clip_from_camera).inverse(), view);
         Sights { views: views.iter().map(placed).collect() }
     }

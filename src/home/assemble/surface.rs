@@ -17,8 +17,15 @@ pub(super) struct SurfacePoint {
     pub color: [u8; 3],
 }
 
-/// The upright parts of a clip's cloud, in the clip's frame. What lies flat (floors, tops, ceilings) is alike in every
-/// room and says nothing of where in the plane a clip lies.
+impl SurfacePoint {
+    /// What lies flat (floors, tops, ceilings) is alike in every room and says nothing of where in the plane a clip is.
+    pub fn is_upright(&self) -> bool {
+        const FLAT: f64 = 0.8;
+        self.normal.z.abs() < FLAT
+    }
+}
+
+/// A clip's cloud, thinned, in the clip's frame.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Surface {
     pub points: Vec<SurfacePoint>,
@@ -31,10 +38,9 @@ fn cell(position: &Point3, side_m: f64) -> [i32; 3] {
 
 impl Surface {
     pub fn new(cloud: &PointCloud) -> Surface {
-        const FLAT: f32 = 0.8;
         let mut seen = FxHashSet::default();
         let mut surface = Surface::default();
-        for point in cloud.points.iter().filter(|point| point.normal[2].abs() < FLAT) {
+        for point in &cloud.points {
             let position = point.position();
             if seen.insert(cell(&position, THIN_M)) {
                 let number = surface.points.len() as u32;

@@ -19,6 +19,7 @@ fn room(map_from_clip: &Pose2, box_m: Option<[f64; 2]>) -> Share {
             normal: normal.into(),
             color,
             label: Label::new(class, 0.9, 3),
+            weight: 100,
         });
     };
     let step = 0.03;
@@ -43,7 +44,7 @@ fn room(map_from_clip: &Pose2, box_m: Option<[f64; 2]>) -> Share {
             }
         }
     }
-    let clip_from_map = sight::in_space(map_from_clip).inverse();
+    let clip_from_map = level::in_space(map_from_clip, &Level::default()).inverse();
     Share { cloud_in_clip: PointCloud { points, voxel_m: MAP_VOXEL_M }.transformed(&clip_from_map), views: Vec::new() }
 }
 
@@ -184,7 +185,7 @@ fn view(map_from_clip: &Pose2, from: [f64; 2], depth_m: f64) -> View {
         nalgebra::Translation3::new(from[0], from[1], 1.0),
         nalgebra::UnitQuaternion::from_rotation_matrix(&forward),
     );
-    let clip_from_camera = sight::in_space(map_from_clip).inverse() * map_from_camera;
+    let clip_from_camera = level::in_space(map_from_clip, &Level::default()).inverse() * map_from_camera;
     let depth_mm = vec![(depth_m * 1000.0) as u16; 64 * 48];
     View { clip_from_camera, readings: Readings::new(camera, 64, 1, depth_mm).unwrap() }
 }

@@ -53,7 +53,7 @@ pub struct TileInfo {
 
 const MAGIC: &[u8; 8] = b"violat01";
 /// A point as a tile and the PLY of a map have it.
-pub const POINT_BYTES: usize = 36;
+pub const POINT_BYTES: usize = 38;
 /// Where in it the number of the clip stands.
 pub const CLIP_AT: usize = 34;
 
@@ -129,7 +129,8 @@ pub fn point_bytes(map_point: &MapPoint) -> [u8; POINT_BYTES] {
     bytes[27] = point.label.class.id() as u8;
     bytes[28..32].copy_from_slice(&point.label.probability().to_le_bytes());
     bytes[32..34].copy_from_slice(&point.label.views.to_le_bytes());
-    bytes[CLIP_AT..].copy_from_slice(&clip.to_le_bytes());
+    bytes[CLIP_AT..CLIP_AT + 2].copy_from_slice(&clip.to_le_bytes());
+    bytes[36..].copy_from_slice(&point.weight.to_le_bytes());
     bytes
 }
 
@@ -144,6 +145,7 @@ pub fn read_point(bytes: &[u8]) -> Result<MapPoint, NotOurs> {
         normal: [float(12), float(16), float(20)],
         color: [bytes[24], bytes[25], bytes[26]],
         label: Label::new(class, float(28), short(32)),
+        weight: short(36),
     };
     let finite = point.position_m.iter().chain(&point.normal).all(|value| value.is_finite());
     if finite { Ok(MapPoint { point, clip: short(CLIP_AT) }) } else { Err(NotOurs) }
@@ -160,6 +162,7 @@ mod tests {
                 normal: [0.0, 0.6, -0.8],
                 color: [i as u8, 2, 3],
                 label: Label::new(Class::ALL[usize::from(i) % CLASSES], 0.4, i),
+                weight: 3 * i,
             },
             clip: i % 2,
         };

@@ -3,11 +3,11 @@
 use super::Manifest;
 use super::members::{Member, PlacedClip};
 use super::shelf::{Loaded, Shelf};
-use super::sight::{Sights, in_space, is_gone};
+use super::sight::{Sights, is_gone};
 use super::tile::{Tile, TileKey};
 use super::voxels::{Voxels, tile_of};
 use crate::align::CloudPoint;
-use crate::geometry::{Point3, Pose2, Pose3};
+use crate::geometry::{Point3, Pose3};
 use crate::home::MAP_VOXEL_M;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -24,13 +24,13 @@ pub(super) fn rebuild<E>(
     for (member, clip) in &mut clips {
         let old = last.clips.iter().find(|old| old.share == clip.share);
         let moved = old.is_none_or(|old| {
-            old.map_from_clip != clip.map_from_clip || old.recorded_at_ms != clip.recorded_at_ms
+            old.in_space() != clip.in_space() || old.recorded_at_ms != clip.recorded_at_ms
         });
         if let Some(old) = old.filter(|_| !moved) {
             clip.tiles.clone_from(&old.tiles);
             continue;
         }
-        clip.tiles = touched(&*shelf.get(member)?, &clip.map_from_clip, clip.recorded_at_ms.is_some());
+        clip.tiles = touched(&*shelf.get(member)?, &clip.in_space(), clip.recorded_at_ms.is_some());
         dirty.extend(&clip.tiles);
         dirty.extend(old.iter().flat_map(|old| &old.tiles));
     }
@@ -40,7 +40,7 @@ pub(super) fn rebuild<E>(
     let mut voxels: BTreeMap<TileKey, Voxels> = dirty.iter().map(|key| (*key, Voxels::new(MAP_VOXEL_M))).collect();
     for (number, (member, clip)) in clips.iter().enumerate() {
         if clip.tiles.iter().any(|key| dirty.contains(key)) {
-            let points = placed_points(&*shelf.get(member)?, &clip.map_from_clip, &dirty);
+            let points = placed_points(&*shelf.get(member)?, &clip.in_space(), &dirty);
             let points = without_what_is_gone(points, clip, &clips, shelf)?;
             for (key, point) in points {
                 if let Some(voxels) = voxels.get_mut(&key) {
@@ -69,11 +69,10 @@ fn tile(voxels: Voxels, clips: &[PlacedClip]) -> Option<Tile> {
 
 /// The tiles of a clip's points; where its time is known, also those that its views looked into, because there it may
 /// say that something is gone.
-fn touched(loaded: &Loaded, map_from_clip: &Pose2, timed: bool) -> Vec<TileKey> {
-    let map_from_clip = in_space(map_from_clip);
+fn touched(loaded: &Loaded, map_from_clip: &Pose3, timed: bool) -> Vec<TileKey> {
     let points = &loaded.share.cloud_in_clip.points;
     let mut tiles: BTreeSet<TileKey> =
-        points.iter().map(|point| tile_of(&placed(point, &map_from_clip).position_m)).collect();
+        points.iter().map(|point| tile_of(&placed(point, map_from_clip).position_m)).collect();
     let views = loaded.share.views.iter().filter(|_| timed);
     for view in views {
         let map_from_camera = map_from_clip * view.clip_from_camera;
@@ -101,10 +100,13 @@ fn placed(point: &CloudPoint, map_from_clip: &Pose3) -> CloudPoint {
 }
 
 /// A clip's points in the map's frame that lie in tiles that are made anew.
-fn placed_points(loaded: &Loaded, map_from_clip: &Pose2, dirty: &BTreeSet<TileKey>) -> Vec<(TileKey, CloudPoint)> {
-    let map_from_clip = in_space(map_from_clip);
+fn placed_points(
+    loaded: &Loaded,
+    map_from_clip: &Pose3,
+    dirty: &BTreeSet<TileKey>,
+) -> Vec<(TileKey, CloudPoint)> {
     let points = loaded.share.cloud_in_clip.points.par_iter().map(|point| {
-        let point = placed(point, &map_from_clip);
+        let point = placed(point, map_from_clip);
         (tile_of(&point.position_m), point)
     });
     points.filter(|(key, _)| dirty.contains(key)).collect()
@@ -125,7 +127,7 @@ fn without_what_is_gone<E>(
             continue;
         }
         let later: Arc<Loaded> = shelf.get(member)?;
-        let sights = Sights::new(&later.share.views, &other.map_from_clip);
+        let sights = Sights::new(&later.share.views, &other.in_space());
         points = points
             .into_par_iter()
             .filter(|(key, point)| {

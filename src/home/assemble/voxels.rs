@@ -8,8 +8,8 @@ use crate::home::{MAP_VOXEL_M, MapPoint};
 use crate::taxonomy::Class;
 use rustc_hash::FxHashMap;
 
-/// A point that more views saw than this weighs no more: they share the errors of one recording.
-const MOST_VIEWS: u16 = 16;
+/// No point weighs more than this, a metre away for eight readings: what one recording saw shares its errors.
+const MOST_WEIGHT: u16 = 2_048;
 
 /// What is known of one voxel. Whole numbers, so that sums do not depend on their order.
 #[derive(Debug, Clone, Default)]
@@ -49,7 +49,7 @@ impl Voxels {
     pub fn add(&mut self, point: &CloudPoint, clip: u16) {
         let key = voxel_of(&point.position_m, self.side_m);
         let voxel = self.voxels.entry(key).or_default();
-        let weight = i64::from(point.label.views.clamp(1, MOST_VIEWS));
+        let weight = i64::from(point.weight.clamp(1, MOST_WEIGHT));
         voxel.weight += weight;
         voxel.points += 1;
         voxel.views += i64::from(point.label.views);
@@ -108,6 +108,7 @@ impl Voxel {
             normal: [normal.x as f32, normal.y as f32, normal.z as f32],
             color: self.color.map(|sum| mean(sum).round() as u8),
             label,
+            weight: self.weight.min(i64::from(u16::MAX)) as u16,
         }
     }
 }
@@ -121,12 +122,13 @@ pub(super) fn tile_of(position_m: &[f32; 3]) -> TileKey {
 mod tests {
     use super::*;
 
-    fn point(x: f32, class: Class, probability: f32, views: u16, red: u8) -> CloudPoint {
+    fn point(x: f32, class: Class, probability: f32, weight: u16, red: u8) -> CloudPoint {
         CloudPoint {
             position_m: [x, 0.01, 0.01],
             normal: [0.0, 0.0, 1.0],
             color: [red, 0, 0],
-            label: Label::new(class, probability, views),
+            label: Label::new(class, probability, 1),
+            weight,
         }
     }
 

@@ -31,7 +31,7 @@ impl PointFilter {
         for point in points.chunks_exact_mut(POINT_BYTES) {
             let local = u16::from_le_bytes([point[CLIP_AT], point[CLIP_AT + 1]]);
             let number = numbers.get(usize::from(local)).ok_or(NotOurs)?;
-            point[CLIP_AT..].copy_from_slice(&number.to_le_bytes());
+            point[CLIP_AT..CLIP_AT + 2].copy_from_slice(&number.to_le_bytes());
         }
         match self.voxel_m {
             Some(voxel_m) => thinned(&points, voxel_m),

@@ -20,6 +20,7 @@ impl Ply {
             property float nx\nproperty float ny\nproperty float nz\n\
             property uchar red\nproperty uchar green\nproperty uchar blue\n\
             property uchar label\nproperty float probability\nproperty ushort views\nproperty ushort clip\n\
+            property ushort weight\n\
             end_header\n",
             self.points
         )

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::geometry::Pose2;
-use crate::home::{Extent, Manifest, PlacedBy, PlacedClip, TileKey, Verdict};
+use crate::home::{Extent, Level, Manifest, PlacedBy, PlacedClip, TileKey, Verdict};
 
 on_every_back_end!(
     a_home_is_merged_when_its_clips_have_settled,
@@ -63,6 +63,7 @@ fn revision(claim: &MergeClaim, by: PlacedBy, tile: &[u8]) -> NewRevision {
         probability: Some(0.5),
         alone: Pose2::new(1.0, 2.0, 0.5),
         map_from_clip: Pose2::new(1.03, 2.04, 0.5),
+        level: Level::default(),
         with: Vec::new(),
         extent: Extent { min_m: [0.0; 2], max_m: [1.0; 2] },
         tiles: vec![TILE],

@@ -18,6 +18,7 @@ fn room() -> Observation {
             normal,
             color: [0; 3],
             label: Label::NONE,
+            weight: 1,
         });
     };
     for i in 0..80 {
