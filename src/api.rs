@@ -1,6 +1,7 @@
 //! HTTP: one file for each resource. What a request may not do is said in `error`, in one place.
 
 mod bodies;
+mod classes;
 mod clip_results;
 mod clips;
 mod documents;
@@ -79,6 +80,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(jobs::get_job))
         .routes(routes!(jobs::watch_job))
         .routes(routes!(jobs::cancel_job))
+        .routes(routes!(classes::list_classes))
         .routes(routes!(health::healthz))
         .routes(routes!(health::readyz))
 }

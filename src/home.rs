@@ -9,5 +9,5 @@ mod ply;
 pub use completion::{completion_png, completion_pngs};
 pub use lettering::write as write_words;
 pub use merge::{ClassCount, HomeMapInfo, MAP_VOXEL_M, MapMerge};
-pub use picture::{lidar_png, overlay_png};
+pub use picture::{PictureFrame, lidar_png, overlay_png};
 pub use ply::{NotOurs, cloud_ply, read_cloud_ply};
