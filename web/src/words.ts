@@ -100,6 +100,11 @@ export function pose({ x_m, y_m, yaw_rad }: Pose2): string {
   return `x ${x_m.toFixed(2)} m, y ${y_m.toFixed(2)} m, ${((yaw_rad * 180) / Math.PI).toFixed(1)}°`;
 }
 
+/** A pose where there is little room. */
+export function shortPose({ x_m, y_m, yaw_rad }: Pose2): string {
+  return `${x_m.toFixed(2)}, ${y_m.toFixed(2)} m, ${((yaw_rad * 180) / Math.PI).toFixed(0)}°`;
+}
+
 const FORMAT = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "short" });
 
 export function time(timestamp: string): string {

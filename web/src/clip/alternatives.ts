@@ -6,7 +6,10 @@ import { around, place, type Point2 } from "../frames.ts";
 import { dots, line, wedge } from "../plan/shapes.ts";
 import { PlanView } from "../plan/view.ts";
 import type { Alternative, Clip, LidarMap, Pose2, Scan } from "../types.ts";
-import { metres, percent, pose } from "../words.ts";
+import { metres, many, percent, shortPose } from "../words.ts";
+
+/** Places less probable than this are folded away. */
+const UNLIKELY = 0.01;
 
 /** What is needed to draw a pose on the plan. */
 export interface Ground {
@@ -39,7 +42,14 @@ export function alternatives(
 ): HTMLElement {
   const list = clip.alignment?.alternatives ?? [];
   const chosen = chosenOf(clip);
-  return h("ol", { class: "alternatives" }, ...list.map((one, i) => card(one, i, i === chosen, ground, onChoose)));
+  const [likely, others]: [HTMLElement[], HTMLElement[]] = [[], []];
+  list.forEach((one, i) => {
+    const isLikely = i < 2 || i === chosen || (one.probability ?? 1) >= UNLIKELY;
+    (isLikely ? likely : others).push(card(one, i, i === chosen, ground, onChoose));
+  });
+  const rest = h("details", { class: "less-likely" },
+    h("summary", {}, `${many(others.length, "place")} of less than 1 %`), h("ol", { class: "alternatives" }, ...others));
+  return h("div", {}, h("ol", { class: "alternatives" }, ...likely), others.length > 0 ? rest : null);
 }
 
 /** Which alternative holds: a person's choice, or the first one where the clip is aligned. */
@@ -58,7 +68,7 @@ function card(
   const name = `Place ${index + 1}`;
   const plan = planAt(ground, one.map_from_clip, `${name} on the plan`, null);
   const bar = h("meter", { min: 0, max: 1, value: one.probability ?? 0, "aria-label": `Probability of ${name}` });
-  const button = h("button", { type: "button", class: isChosen ? "" : "primary", disabled: isChosen }, isChosen ? "Chosen" : "Choose this");
+  const button = h("button", { type: "button", class: index === 0 ? "primary" : "", disabled: isChosen }, isChosen ? "Chosen" : "Choose this");
   button.setAttribute("aria-label", isChosen ? `${name} is chosen` : `Choose ${name.toLowerCase()}`);
   button.addEventListener("click", () => onChoose?.(index, button));
   return h("li", { class: isChosen ? "card chosen" : "card", "data-alternative": index },
@@ -67,7 +77,7 @@ function card(
         h("p", { class: "row between" }, h("strong", {}, name), h("span", { class: "figure" }, percent(one.probability))),
         bar,
         h("dl", { class: "facts small" },
-          h("dt", {}, "Pose"), h("dd", {}, pose(one.map_from_clip)),
+          h("dt", {}, "Pose"), h("dd", {}, shortPose(one.map_from_clip)),
           h("dt", {}, "Loss"), h("dd", {}, metres(one.loss_m)),
           h("dt", {}, "Hits on walls"), h("dd", {}, percent(one.inliers)),
           ...freeSpace(one)),

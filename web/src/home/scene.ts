@@ -5,7 +5,7 @@ import { rgb, type Rgb } from "../cloud/colours.ts";
 import { type Cloud, load } from "../cloud/points.ts";
 import { CloudView } from "../cloud/view.ts";
 import { h } from "../dom.ts";
-import { around, type Box2 } from "../frames.ts";
+import { around, type Box2, type Point2 } from "../frames.ts";
 import { addressOf, inkOf } from "../paper.ts";
 import { alarm, messageOf } from "../parts/notices.ts";
 import * as shapes from "../plan/shapes.ts";
@@ -154,6 +154,15 @@ export class HomeScene {
     return looks.layers.has("objects") ? data.things.filter((thing) => !looks.hiddenClasses.has(thing.class)) : [];
   }
 
+  /** Of the fused map's rooms, or of the robot's before there are any. */
+  private roomNames(): { text: string; at_m: Point2 }[] {
+    const { looks, data } = this;
+    if (!looks.layers.has("rooms")) return [];
+    const text = (room: { name: string | null; area_m2: number }) => room.name ?? `${room.area_m2.toFixed(0)} m²`;
+    if (data.rooms.length > 0) return data.rooms.map((room) => ({ text: text(room), at_m: room.label_at_m }));
+    return (data.lidar?.info.rooms ?? []).map((room) => ({ text: text(room), at_m: room.centre_m }));
+  }
+
   private colourOf(name: string): Rgb {
     return rgb(this.data.classNamed(name)?.color ?? "");
   }
@@ -169,12 +178,8 @@ export class HomeScene {
     cloudView.setPaths(this.ways().filter(({ places_m }) => places_m.length > 1));
     const things = this.things();
     cloudView.setThings(things, (thing) => this.colourOf(thing.class));
-    const rooms = looks.layers.has("rooms") ? data.rooms : [];
     cloudView.setNames([
-      ...rooms.map((room) => ({
-        text: room.name ?? `${room.area_m2.toFixed(0)} m²`, at_m: [...room.label_at_m, 0] as [number, number, number],
-        kind: "room" as const,
-      })),
+      ...this.roomNames().map(({ text, at_m: [x, y] }) => ({ text, kind: "room" as const, at_m: [x, y, 0] as [number, number, number] })),
       ...things.map((thing) => ({
         text: plain(thing.class), kind: "object" as const,
         at_m: [thing.centre_m[0], thing.centre_m[1], thing.centre_m[2] + thing.size_m[2] / 2] as [number, number, number],
@@ -196,10 +201,8 @@ export class HomeScene {
       const name = `Clip ${data.indexOf(clip.id) + 1}`;
       return pose ? [...way, shapes.wedge(pose, colour, name)] : way;
     }));
-    const names = data.lidar && rooms.length === 0 && looks.layers.has("rooms")
-      ? data.lidar.info.rooms.map((room) => shapes.text(room.name ?? `${room.area_m2.toFixed(0)} m²`, room.centre_m, "room-name"))
-      : rooms.map((room) => shapes.text(room.name ?? `${room.area_m2.toFixed(0)} m²`, room.label_at_m, "room-name"));
-    plan.setLayer("names", ...names,
+    plan.setLayer("names",
+      ...this.roomNames().map(({ text, at_m }) => shapes.text(text, at_m, "room-name")),
       ...things.map((thing) => shapes.text(plain(thing.class), [thing.centre_m[0], thing.centre_m[1]], "thing-name")));
   }
 }

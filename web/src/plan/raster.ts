@@ -22,10 +22,13 @@ export function ramped(share: number): Rgb {
   return from.map((value, i) => Math.round(value + ((to[i] ?? 0) - value) * (place - low))) as Rgb;
 }
 
-/** Where a picture of the box lies, at most one pixel for each voxel. */
+/** Pixels are a little wider than voxels, so that surfaces close. */
+const VOXELS_PER_PX = 1.5;
+
+/** Where a picture of the box lies. */
 export function frameOf({ min, max }: Box2, voxel_m: number): PictureFrame {
   const size = Math.max(max[0] - min[0], max[1] - min[1], voxel_m) + voxel_m;
-  const px_per_m = Math.min(1 / voxel_m, MAX_SIDE_PX / size);
+  const px_per_m = Math.min(1 / (VOXELS_PER_PX * voxel_m), MAX_SIDE_PX / size);
   const side = (from: number, to: number) => Math.max(1, Math.ceil((to - from + voxel_m) * px_per_m));
   return {
     corner_m: [min[0] - voxel_m / 2, max[1] + voxel_m / 2],

@@ -31,7 +31,7 @@ export class PlanView {
   /** A drawing that stays as it is when `signal` is null. */
   constructor(label: string, signal: AbortSignal | null) {
     this.element = s("svg", { class: "plan", role: "img", "aria-label": label });
-    this.element.append(this.points, this.picture);
+    this.element.append(this.picture, this.points);
     if (!signal) return;
     this.element.classList.add("movable");
     this.element.setAttribute("tabindex", "0");
@@ -58,7 +58,7 @@ export class PlanView {
     lay(this.picture, address, frame);
   }
 
-  /** A picture of points, below the other. */
+  /** A picture of points, over the other. */
   setPoints(address: string | null, frame: PictureFrame | null): void {
     lay(this.points, address, frame);
   }
