@@ -10,8 +10,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// What the bundle is made of; folders stand for everything in them.
-const SOURCES: &[&str] =
-    &["web/src", "web/build.mjs", "web/package.json", "web/package-lock.json", "web/.npmrc", "web/tsconfig.json"];
+const SOURCES: &[&str] = &[
+    "web/src",
+    "web/build.mjs",
+    "web/package.json",
+    "web/package-lock.json",
+    "web/.npmrc",
+    "web/tsconfig.json",
+];
 const ABSENT: &str = "src/api/page/absent.html";
 
 fn main() -> Result<(), Box<dyn Error>> {

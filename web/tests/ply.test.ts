@@ -113,3 +113,16 @@ test("what is not such a file is refused", () => {
     assert.throws(() => read(bytes, 64), NotPly, name);
   }
 });
+
+test("scattered points are all there, and a part of them is an even sample", () => {
+  for (const count of [1, 2, 3, 10, 997, 5000]) {
+    const bytes = file(["float x", "float y", "float z"], count);
+    const stream = new PlyStream(true);
+    const x = [...(stream.push(bytes)?.position ?? [])].filter((_, i) => i % 3 === 0);
+    assert.deepEqual(x.toSorted((a, b) => a - b), Array.from({ length: count }, (_, i) => i));
+    if (count < 100) continue;
+    const sample = x.slice(0, 50).sort((a, b) => a - b);
+    const gaps = sample.map((value, i) => value - (sample[i - 1] ?? 0));
+    assert.ok(Math.max(...gaps) < (3 * count) / 50, `a gap of ${Math.max(...gaps)} in ${count}`);
+  }
+});

@@ -12,7 +12,6 @@ uniform sampler2D clips;
 uniform int colouring;
 uniform float cut_m;
 uniform float size_px_m;
-uniform int thin;
 uniform vec3 ramp[${RAMP.length}];
 in vec4 tint;
 in vec4 kind;
@@ -29,14 +28,14 @@ void main() {
   vec4 named = texelFetch(classes, ivec2(int(kind.x + 0.5), 0), 0);
   vec4 source = texelFetch(clips, ivec2(int(kind.z + 0.5), int(kind.w + 0.5)), 0);
   bool hidden = named.a < 0.5 || source.a < 0.5 || position.z > cut_m;
-  if (hidden || (thin > 1 && gl_VertexID % thin != 0)) {
+  if (hidden) {
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
     gl_PointSize = 1.0;
     return;
   }
   vec4 eye = modelViewMatrix * vec4(position, 1.0);
   gl_Position = projectionMatrix * eye;
-  gl_PointSize = clamp(size_px_m * sqrt(float(thin)) / max(-eye.z, 0.05), 1.0, 40.0);
+  gl_PointSize = clamp(size_px_m / max(-eye.z, 0.05), 1.0, 40.0);
   // Surfaces that face the eye are lighter; a normal may point to either side.
   float facing = dot(shade.xyz, shade.xyz) > 0.1
     ? abs(dot(normalize(normalMatrix * shade.xyz), normalize(eye.xyz))) : 0.7;
@@ -88,7 +87,6 @@ export class PointMaterial {
         colouring: { value: 0 },
         cut_m: { value: 1e9 },
         size_px_m: { value: 1 },
-        thin: { value: 1 },
         ramp: { value: RAMP.map(([r, g, b]) => new THREE.Vector3(r / 255, g / 255, b / 255)) },
       },
     });
@@ -101,11 +99,6 @@ export class PointMaterial {
   /** Points higher than this are not drawn. */
   set cut_m(height: number) {
     this.set("cut_m", height);
-  }
-
-  /** Of every so many points one is drawn. */
-  set thin(every: number) {
-    this.set("thin", every);
   }
 
   /** Width of a point on the screen at one metre, in device pixels. */

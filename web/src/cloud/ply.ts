@@ -120,8 +120,19 @@ function reader(view: DataView, property: Property | undefined, otherwise: numbe
   }
 }
 
-/** The whole vertices in `bytes`, which begins at a vertex. */
-export function readVertices(bytes: Uint8Array, header: Header): Points {
+/**
+ * A step that goes through `count` places and comes to each once, in leaps of about the golden section: the first
+ * part of what is laid out so is an even sample of the whole, however small the part is.
+ */
+export function scatterStep(count: number): number {
+  const divisor = (a: number, b: number): number => (b === 0 ? a : divisor(b, a % b));
+  let step = Math.max(1, Math.round(count * 0.6180339887));
+  while (divisor(count, step) > 1) step++;
+  return step;
+}
+
+/** The whole vertices in `bytes`, which begins at a vertex; at place n goes the one n times `step`. */
+export function readVertices(bytes: Uint8Array, header: Header, step = 1): Points {
   const count = Math.floor(bytes.length / header.stride);
   const points = emptyPoints(count);
   const { position, tint, kind, normal } = points;
@@ -131,7 +142,8 @@ export function readVertices(bytes: Uint8Array, header: Header): Points {
   const [nx, ny, nz] = [of("nx", 0), of("ny", 0), of("nz", 0)];
   const [red, green, blue] = [of("red", 160), of("green", 160), of("blue", 160)];
   const [label, probability, views, clip] = [of("label", 0), of("probability", 1), of("views", 1), of("clip", 0)];
-  for (let i = 0, vertex = 0; i < count; i++, vertex += header.stride) {
+  for (let i = 0, from = 0; i < count; i++, from = (from + step) % count) {
+    const vertex = from * header.stride;
     position[3 * i] = x(vertex);
     position[3 * i + 1] = y(vertex);
     position[3 * i + 2] = z(vertex);
@@ -157,6 +169,9 @@ export class PlyStream {
   private rest = new Uint8Array(0);
   private given = 0;
 
+  /** Each piece is laid out in its own order, or scattered. */
+  constructor(private readonly isScattered = false) {}
+
   /** The points that `chunk` completes; null before the header is whole or when there are none. */
   push(chunk: Uint8Array): Points | null {
     let bytes = chunk;
@@ -180,7 +195,8 @@ export class PlyStream {
     if (this.given + whole >= count) this.rest = new Uint8Array(0);
     if (whole === 0) return null;
     this.given += whole;
-    return readVertices(bytes.subarray(0, whole * stride), this.header);
+    const step = this.isScattered ? scatterStep(whole) : 1;
+    return readVertices(bytes.subarray(0, whole * stride), this.header, step);
   }
 
   /** Refuses a file that ended before its last vertex. */

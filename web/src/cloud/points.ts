@@ -19,6 +19,8 @@ export interface Arrival {
 export class Cloud {
   readonly geometry = new THREE.BufferGeometry();
   shown = 0;
+  /** Where each piece that arrived begins and how many points it has; within it points are scattered. */
+  private readonly pieces: { start: number; count: number }[] = [];
   private readonly points: Points;
   private readonly attributes: { attribute: THREE.BufferAttribute; of: keyof Points; width: number }[];
 
@@ -37,7 +39,6 @@ export class Cloud {
     for (const { attribute, of } of this.attributes) {
       this.geometry.setAttribute(of === "normal" ? "shade" : of, attribute);
     }
-    this.geometry.setDrawRange(0, 0);
   }
 
   add(at: number, more: Points): void {
@@ -46,8 +47,19 @@ export class Cloud {
       attribute.addUpdateRange(at * width, more[of].length);
       attribute.needsUpdate = true;
     }
-    this.shown = at + more.position.length / 3;
-    this.geometry.setDrawRange(0, this.shown);
+    const count = more.position.length / 3;
+    this.pieces.push({ start: at, count });
+    this.shown = at + count;
+  }
+
+  /** Draws next what lies between two shares of every piece: 0 and 1 are all, 0 and 0.1 an even tenth. */
+  select(from: number, to: number): void {
+    this.geometry.clearGroups();
+    if (from <= 0 && to >= 1) return this.geometry.addGroup(0, this.shown, 0);
+    for (const { start, count } of this.pieces) {
+      const [first, last] = [Math.floor(count * from), Math.floor(count * to)];
+      if (last > first) this.geometry.addGroup(start + first, last - first, 0);
+    }
   }
 
   /** Every point's x, y, z in metres, and its class and clip as [`Points`] has them. */

@@ -5,11 +5,18 @@ import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { h } from "../dom.ts";
 
-/** While the view moves, a frame should take at most this long; where it takes longer, less is drawn. */
-const SMOOTH_MS = 40;
-/** The picture becomes sharp when nothing moved for so long. */
-const SETTLED_MS = 180;
-const MAX_ROUGHNESS = 5;
+/** A frame that takes longer draws fewer points the next time, and one that takes less more. */
+const SLOW_MS = 40;
+const FAST_MS = 24;
+/** Frames that are further apart were not waited for. */
+const PAUSE_MS = 1000;
+/** How many points a frame begins with, before it is known what this machine can do. */
+const FIRST_BUDGET = 150_000;
+const LEAST_BUDGET = 15_000;
+/** A picture that stands still is complete after so many frames at the most. */
+const MOST_FRAMES = 30;
+/** The picture is completed when nothing moved for so long. */
+const SETTLED_MS = 120;
 
 export interface Moment {
   camera: THREE.PerspectiveCamera;
@@ -17,12 +24,21 @@ export interface Moment {
   height: number;
 }
 
+/** A cloud that can be drawn in parts, each of which is an even sample of the whole. */
+export interface Parts {
+  count(): number;
+  /** Draws next the part between two shares; `focal_px` is a metre's size at one metre. */
+  select(from: number, to: number, focal_px: number, isRough: boolean): void;
+}
+
 export class Stage {
   readonly element: HTMLElement;
-  readonly scene = new THREE.Scene();
+  /** Drawn first, and whole. */
+  readonly shapes = new THREE.Scene();
+  /** Drawn over the shapes, as many points in a frame as this machine can. */
+  readonly cloud = new THREE.Scene();
+  parts: Parts | null = null;
   readonly camera = new THREE.PerspectiveCamera(50, 1, 0.05, 500);
-  /** Told before each frame: device pixels per metre at one metre, and of how many points one is drawn. */
-  onFrame: (size_px_m: number, thin: number) => void = () => {};
   /** Told after each frame, to lay names over it. */
   onDrawn: (moment: Moment) => void = () => {};
   private readonly renderer: THREE.WebGLRenderer;
@@ -31,12 +47,18 @@ export class Stage {
   private settling = 0;
   private isMoving = false;
   private lastFrame_ms = 0;
-  /** 0 draws everything; each step halves the work of a frame. */
-  private roughness = 0;
+  private budget = FIRST_BUDGET;
+  /** The share of the cloud that the picture has; what is there stays until something changes. */
+  private done = 0;
+  private isStale = true;
   private target = { centre: new THREE.Vector3(), radius: 5 };
 
   constructor(label: string, signal: AbortSignal) {
-    this.renderer = new THREE.WebGLRenderer({ antialias: false, alpha: true, powerPreference: "high-performance" });
+    this.renderer = new THREE.WebGLRenderer({
+      antialias: false, alpha: true, preserveDrawingBuffer: true, powerPreference: "high-performance",
+    });
+    this.renderer.autoClear = false;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     const canvas = this.renderer.domElement;
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "img");
@@ -61,8 +83,13 @@ export class Stage {
     });
   }
 
-  /** Draws once, soon. */
+  /** Draws afresh, soon. */
   draw(): void {
+    this.isStale = true;
+    this.ask();
+  }
+
+  private ask(): void {
     if (!this.asked) this.asked = requestAnimationFrame((now) => this.frame(now));
   }
 
@@ -92,30 +119,45 @@ export class Stage {
     clearTimeout(this.settling);
     this.settling = window.setTimeout(() => {
       this.isMoving = false;
-      this.lastFrame_ms = 0;
-      this.draw();
+      if (this.done < 1) this.draw();
     }, SETTLED_MS);
     this.draw();
   }
 
+  /** Draws as much as fits into a frame, and asks for the next one while something is left. */
   private frame(now: number): void {
     this.asked = 0;
     const { width, height } = this.size();
     if (width === 0 || height === 0) return;
-    if (this.isMoving && this.lastFrame_ms > 0) {
-      const took = now - this.lastFrame_ms;
-      if (took > SMOOTH_MS) this.roughness = Math.min(MAX_ROUGHNESS, this.roughness + 1);
-      else if (took < SMOOTH_MS / 2.2) this.roughness = Math.max(0, this.roughness - 1);
+    this.adapt(now);
+    const ratio = this.renderer.getPixelRatio();
+    if (this.isStale) {
+      this.isStale = false;
+      this.done = 0;
+      this.renderer.clear();
+      this.renderer.render(this.shapes, this.camera);
+      this.onDrawn({ camera: this.camera, width, height });
     }
-    if (this.isMoving) this.lastFrame_ms = now;
-    const roughness = this.isMoving ? this.roughness : 0;
-    const sharp = Math.min(devicePixelRatio, 2);
-    const ratio = Math.max(0.5, sharp / 2 ** (roughness / 2));
-    if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
-    const focal = (height * ratio) / (2 * Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2)));
-    this.onFrame(focal, 2 ** Math.max(0, roughness - 1));
-    this.renderer.render(this.scene, this.camera);
-    this.onDrawn({ camera: this.camera, width, height });
+    const count = this.parts?.count() ?? 0;
+    const until = count > 0 ? Math.min(1, this.done + this.budget / count) : 1;
+    const focal_px = (height * ratio) / (2 * Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2)));
+    this.parts?.select(this.done, until, focal_px, this.isMoving);
+    this.renderer.render(this.cloud, this.camera);
+    this.done = until;
+    // A view that moves is drawn afresh anyway.
+    if (this.done < 1 && !this.isMoving) this.ask();
+    this.element.dataset.done = String(this.done);
+  }
+
+  /** Learns from the time since the frame before what this machine can draw. */
+  private adapt(now: number): void {
+    const took = now - this.lastFrame_ms;
+    this.lastFrame_ms = now;
+    if (took > PAUSE_MS) return;
+    const count = this.parts?.count() ?? 0;
+    const least = this.isMoving ? LEAST_BUDGET : Math.max(LEAST_BUDGET, count / MOST_FRAMES);
+    if (took > SLOW_MS) this.budget = Math.max(least, this.budget * Math.max(0.3, SLOW_MS / took));
+    else if (took < FAST_MS && this.budget < count) this.budget *= 1.4;
   }
 
   private size(): { width: number; height: number } {

@@ -14,6 +14,9 @@ export interface Path {
   colour: Rgb;
 }
 
+/** Points are drawn at most so much wider where few are drawn. */
+const MAX_GROWTH = 3;
+
 export class CloudView {
   readonly element: HTMLElement;
   private readonly stage: Stage;
@@ -30,7 +33,7 @@ export class CloudView {
     this.stage = new Stage(label, signal);
     this.element = this.stage.element;
     this.element.append(this.names.element);
-    this.stage.scene.add(this.floor, this.paths, this.boxes);
+    this.stage.shapes.add(this.floor, this.paths, this.boxes);
     this.stage.onDrawn = (moment) => this.names.place(moment);
     signal.addEventListener("abort", () => {
       for (const group of [this.floor, this.paths, this.boxes]) release(group);
@@ -41,18 +44,29 @@ export class CloudView {
 
   /** Shows a cloud whose points may still be coming; `voxel_m` is how far apart they are. */
   setCloud(cloud: Cloud, voxel_m: number): void {
-    if (this.points) {
-      this.stage.scene.remove(this.points);
-      this.points.geometry.dispose();
-    }
-    this.points = new THREE.Points(cloud.geometry, this.material.material);
+    this.clear();
+    this.points = new THREE.Points(cloud.geometry, [this.material.material]);
     this.points.frustumCulled = false;
-    this.stage.scene.add(this.points);
-    // Slightly more than a voxel, so that surfaces close.
-    this.stage.onFrame = (focal, thin) => {
-      this.material.size_px_m = focal * voxel_m * 1.25;
-      this.material.thin = thin;
+    this.stage.cloud.add(this.points);
+    this.stage.parts = {
+      count: () => (this.points?.visible ? cloud.shown : 0),
+      select: (from, to, focal_px, isRough) => {
+        cloud.select(from, to);
+        // Slightly more than a voxel, so that surfaces close; fewer points are larger.
+        const growth = isRough ? Math.min(MAX_GROWTH, Math.sqrt(1 / (to - from))) : 1;
+        this.material.size_px_m = focal_px * voxel_m * 1.25 * growth;
+      },
     };
+    this.draw();
+  }
+
+  /** Shows no cloud any more. */
+  clear(): void {
+    if (!this.points) return;
+    this.stage.parts = null;
+    this.stage.cloud.remove(this.points);
+    this.points.geometry.dispose();
+    this.points = null;
     this.draw();
   }
 

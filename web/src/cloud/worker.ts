@@ -40,7 +40,7 @@ function joined(chunks: Uint8Array[], size: number): Uint8Array {
 async function load(urls: string[]): Promise<void> {
   const answer = await open(urls);
   if (!answer?.body) return tell({ what: "nothing" });
-  const stream = new PlyStream();
+  const stream = new PlyStream(true);
   const pieces = answer.body.getReader();
   let [at, size, begun] = [0, 0, false];
   let chunks: Uint8Array[] = [];

@@ -16,6 +16,9 @@ import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 import { TopView } from "./top.ts";
 
+/** While points arrive, they are drawn so often. */
+const REDRAW_MS = 250;
+
 export class HomeScene {
   readonly element: HTMLElement;
   private readonly plan: PlanView;
@@ -101,13 +104,17 @@ export class HomeScene {
     this.loading = new AbortController();
     const { map, home } = this.data;
     if (!map) {
-      if (this.cloud) this.cloud.geometry.setDrawRange(0, 0);
+      this.cloudView.clear();
       this.cloud = null;
       return this.onStatus("");
     }
     const urls = [homePath(home.id, "map", "points?format=ply"), homePath(home.id, "map", "points.ply")];
+    let drawn_ms = 0;
     const grown = (cloud: Cloud) => {
       this.onStatus(cloud.shown < cloud.count ? `Points ${percent(cloud.shown / cloud.count)}` : "");
+      // Each picture begins afresh, so that not every piece makes one.
+      if (cloud.shown < cloud.count && performance.now() - drawn_ms < REDRAW_MS) return;
+      drawn_ms = performance.now();
       this.cloudView.draw();
     };
     load(urls, {

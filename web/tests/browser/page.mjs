@@ -60,7 +60,8 @@ export async function measureInput(page, act) {
     requestAnimationFrame(frame);
   });
   await act();
-  return page.evaluate(() => {
+  return page.evaluate(async () => {
+    for (let frame = 0; frame < 2; frame++) await new Promise(requestAnimationFrame);
     const { begun, ...seen } = globalThis.inputSeen;
     globalThis.inputSeen = null;
     return { ...seen, frames_per_s: Number(((1000 * seen.frames) / (performance.now() - begun)).toFixed(1)) };
