@@ -1,6 +1,6 @@
 // What states, stages and figures are called on the page.
 
-import type { Clip, ClipState, Pose2 } from "./types.ts";
+import type { Clip, ClipState, Job, Pose2 } from "./types.ts";
 
 export const STATES: ClipState[] = ["aligning", "queued", "uploaded", "ambiguous", "failed", "aligned"];
 
@@ -52,6 +52,11 @@ export function stageWord(stage: string | null): string {
   return stage ? (STAGE_WORDS[stage] ?? plain(stage)) : "Starting";
 }
 
+/** What a job does now. */
+export function jobWord(job: Job): string {
+  return job.state === "running" ? `${stageWord(job.stage)} · ${percent(job.progress)}` : "Queued";
+}
+
 /** `washing_machine` as people write it. */
 export function plain(code: string): string {
   const words = code.replaceAll("_", " ");
@@ -97,12 +102,11 @@ export function metres(value: number): string {
 }
 
 export function pose({ x_m, y_m, yaw_rad }: Pose2): string {
-  return `x ${x_m.toFixed(2)} m, y ${y_m.toFixed(2)} m, ${((yaw_rad * 180) / Math.PI).toFixed(1)}°`;
+  return `x ${x_m.toFixed(2)} m, y ${y_m.toFixed(2)} m, ${degrees(yaw_rad)}`;
 }
 
-/** A pose where there is little room. */
-export function shortPose({ x_m, y_m, yaw_rad }: Pose2): string {
-  return `${x_m.toFixed(2)}, ${y_m.toFixed(2)} m, ${((yaw_rad * 180) / Math.PI).toFixed(0)}°`;
+export function degrees(angle_rad: number): string {
+  return `${((angle_rad * 180) / Math.PI).toFixed(1)}°`;
 }
 
 const FORMAT = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "short" });

@@ -230,6 +230,20 @@ async function aClipIsDeletedByKeyboard() {
   await shot("13-deleted");
 }
 
+async function aBrowserWithoutWebGlShowsThePlan() {
+  const poor = await context.newPage();
+  await poor.addInitScript(() => {
+    const getContext = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+      return kind.startsWith("webgl") ? null : getContext.call(this, kind, ...rest);
+    };
+  });
+  await poor.goto(`${base}/#/homes/flat`);
+  await poor.locator("svg.plan image.points[href]").waitFor({ state: "attached" });
+  assert.equal(await poor.locator("#view-3d").count(), 0);
+  await poor.close();
+}
+
 async function aLostServerIsTold() {
   await page.route(/\/v1\//, (route) => route.abort());
   await go("#/");
@@ -243,7 +257,8 @@ async function aLostServerIsTold() {
 try {
   const steps = [
     anEmptyServerHelps, filesAreDroppedAndFollowed, pointsAreColoured, badFilesAreExplained, themesAndPhones,
-    anAlternativeIsChosen, aMillionPointsStayResponsive, aClipIsDeletedByKeyboard, aLostServerIsTold,
+    anAlternativeIsChosen, aMillionPointsStayResponsive,
+    aBrowserWithoutWebGlShowsThePlan, aClipIsDeletedByKeyboard, aLostServerIsTold,
   ];
   for (const step of steps) {
     const begun = performance.now();

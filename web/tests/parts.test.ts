@@ -81,7 +81,8 @@ test("from above the highest shown point is seen", () => {
 test("files are sorted by name and, zips, by what they list", () => {
   for (const name of ["valetudo.json", "MAP.YAML", "points.csv", "a.b.ply"]) assert.equal(kindOfName(name), "map");
   for (const name of ["clip.zip", "clip", "recording.r3d"]) assert.equal(kindOfName(name), null);
-  const zip = (...names: string[]) => new TextEncoder().encode(names.map((name) => `PK\u0001\u0002....${name}`).join(""));
+  const entry = (name: string) => `PK\u0001\u0002....${name}`;
+  const zip = (...names: string[]) => new TextEncoder().encode(names.map(entry).join(""));
   assert.equal(kindOfZip(zip("color/0.jpg", "depth/0.png", "pose/0.txt")), "clip");
   assert.equal(kindOfZip(zip("frame-000000.color.png")), "clip");
   assert.equal(kindOfZip(zip("map.yaml", "map.pgm")), "map");
@@ -96,7 +97,9 @@ test("a refusal is told in the service's own words", () => {
 });
 
 test("figures are short and never say more than is known", () => {
-  const shares: [number | null, string][] = [[null, "–"], [0, "0 %"], [0.001, "< 1 %"], [0.634, "63 %"], [0.9997, "> 99 %"], [1, "100 %"]];
+  const shares: [number | null, string][] = [
+    [null, "–"], [0, "0 %"], [0.001, "< 1 %"], [0.634, "63 %"], [0.9997, "> 99 %"], [1, "100 %"],
+  ];
   for (const [share, text] of shares) assert.equal(percent(share), text);
   assert.deepEqual([bytes(999), bytes(4_200_000), bytes(2e9)], ["999 B", "4.2 MB", "2.00 GB"]);
   assert.deepEqual([seconds(0.0021), seconds(0.34), seconds(12.34)], ["2 ms", "0.34 s", "12.3 s"]);

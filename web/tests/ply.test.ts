@@ -10,7 +10,8 @@ const NEW = [...OLD, "ushort clip"];
 
 function header(properties: string[], count: number | string, more = ""): string {
   const lines = properties.map((property) => `property ${property}\n`).join("");
-  return `ply\nformat binary_little_endian 1.0\ncomment frame map\nelement vertex ${count}\n${lines}${more}end_header\n`;
+  const start = `ply\nformat binary_little_endian 1.0\ncomment frame map\nelement vertex ${count}\n`;
+  return `${start}${lines}${more}end_header\n`;
 }
 
 /** Vertices whose figures follow from their number. */
@@ -74,7 +75,8 @@ test("points are the same in pieces of any size", () => {
 });
 
 test("properties may be missing, in another order and of another type", () => {
-  for (const properties of [OLD, ["float x", "float y", "float z"], ["uchar label", "double z", "double y", "double x"]]) {
+  const bare = ["float x", "float y", "float z"];
+  for (const properties of [OLD, bare, ["uchar label", "double z", "double y", "double x"]]) {
     const { points } = read(file(properties, 5), 50);
     assert.deepEqual(all(points, "position").slice(-3), [4, -4, 2], properties.join());
     assert.deepEqual(all(points, "kind").slice(-2), [0, 0], "without a clip it is the first");

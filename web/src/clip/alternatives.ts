@@ -6,7 +6,7 @@ import { around, place, type Point2 } from "../frames.ts";
 import { dots, line, wedge } from "../plan/shapes.ts";
 import { PlanView } from "../plan/view.ts";
 import type { Alternative, Clip, LidarMap, Pose2, Scan } from "../types.ts";
-import { metres, many, percent, shortPose } from "../words.ts";
+import { degrees, many, metres, percent } from "../words.ts";
 
 /** Places less probable than this are folded away. */
 const UNLIKELY = 0.01;
@@ -48,7 +48,8 @@ export function alternatives(
     (isLikely ? likely : others).push(card(one, i, i === chosen, ground, onChoose));
   });
   const rest = h("details", { class: "less-likely" },
-    h("summary", {}, `${many(others.length, "place")} of less than 1 %`), h("ol", { class: "alternatives" }, ...others));
+    h("summary", {}, `${many(others.length, "place")} of less than 1 %`),
+    h("ol", { class: "alternatives" }, ...others));
   return h("div", {}, h("ol", { class: "alternatives" }, ...likely), others.length > 0 ? rest : null);
 }
 
@@ -66,18 +67,22 @@ function card(
   onChoose: ((index: number, button: HTMLButtonElement) => void) | null,
 ): HTMLElement {
   const name = `Place ${index + 1}`;
+  const { x_m, y_m, yaw_rad } = one.map_from_clip;
   const plan = planAt(ground, one.map_from_clip, `${name} on the plan`, null);
   const bar = h("meter", { min: 0, max: 1, value: one.probability ?? 0, "aria-label": `Probability of ${name}` });
-  const button = h("button", { type: "button", class: index === 0 ? "primary" : "", disabled: isChosen }, isChosen ? "Chosen" : "Choose this");
+  const kind = index === 0 ? "primary" : "";
+  const button = h("button", { type: "button", class: kind, disabled: isChosen }, isChosen ? "Chosen" : "Choose this");
   button.setAttribute("aria-label", isChosen ? `${name} is chosen` : `Choose ${name.toLowerCase()}`);
   button.addEventListener("click", () => onChoose?.(index, button));
   return h("li", { class: isChosen ? "card chosen" : "card", "data-alternative": index },
     h("figure", {}, plan.element,
       h("figcaption", {},
-        h("p", { class: "row between" }, h("strong", {}, name), h("span", { class: "figure" }, percent(one.probability))),
+        h("p", { class: "row between" },
+          h("strong", {}, name), h("span", { class: "figure" }, percent(one.probability))),
         bar,
         h("dl", { class: "facts small" },
-          h("dt", {}, "Pose"), h("dd", {}, shortPose(one.map_from_clip)),
+          h("dt", {}, "Position"), h("dd", {}, `${x_m.toFixed(2)}, ${y_m.toFixed(2)} m`),
+          h("dt", {}, "Turn"), h("dd", {}, degrees(yaw_rad)),
           h("dt", {}, "Loss"), h("dd", {}, metres(one.loss_m)),
           h("dt", {}, "Hits on walls"), h("dd", {}, percent(one.inliers)),
           ...freeSpace(one)),

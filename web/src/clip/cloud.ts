@@ -40,7 +40,8 @@ export class ClipCloud {
 
   private async open(clip: Clip): Promise<void> {
     const { signal } = this.opened;
-    const view = new CloudView("The clip's points. Arrow keys turn, plus and minus go nearer and away.", signal);
+    const view = this.viewOrNot(signal);
+    if (!view) return;
     const status = h("p", { class: "stage-facts", role: "status" });
     const toolbar = h("div", { class: "toolbar" },
       oneOf("cloud-colouring", "Colour points by", COLOURINGS.map((name) => [name, COLOURING_WORDS[name]]), "colour",
@@ -52,7 +53,8 @@ export class ClipCloud {
     load([clipPath(clip, "cloud.ply")], {
       begun: (cloud) => view.setCloud(cloud, VOXEL_M),
       grown: (cloud) => {
-        status.textContent = cloud.shown < cloud.count ? percent(cloud.shown / cloud.count) : `${count(cloud.count)} points`;
+        const isWhole = cloud.shown >= cloud.count;
+        status.textContent = isWhole ? `${count(cloud.count)} points` : percent(cloud.shown / cloud.count);
         view.draw();
       },
       ended: (cloud) => {
@@ -66,5 +68,14 @@ export class ClipCloud {
       nothing: () => put(this.element),
       failed: alarm,
     }, this.signal.aborted ? this.signal : signal);
+  }
+
+  private viewOrNot(signal: AbortSignal): CloudView | null {
+    try {
+      return new CloudView("The clip's points. Arrow keys turn, plus and minus go nearer and away.", signal);
+    } catch {
+      alarm("This browser gives no WebGL, which points need.");
+      return null;
+    }
   }
 }

@@ -13,11 +13,12 @@ function facts(list: Fact[]): HTMLElement {
 
 export function recording(clip: Clip): HTMLElement {
   const { info } = clip;
+  const allPosed = info.frames_with_pose === info.frames;
   return facts([
     ["Recorded", clip.recorded_at && time(clip.recorded_at)],
     ["Uploaded", time(clip.created_at)],
     ["Layout", plain(info.layout)],
-    ["Frames", info.frames_with_pose === info.frames ? count(info.frames) : `${info.frames}, ${info.frames_with_pose} with a pose`],
+    ["Frames", allPosed ? count(info.frames) : `${info.frames}, ${info.frames_with_pose} with a pose`],
     ["Length", info.duration_s ? seconds(info.duration_s) : null],
     ["Pictures", `${info.color_width} × ${info.color_height}, depth ${info.depth_width} × ${info.depth_height}`],
     ["Poses", plain(info.pose_convention)],
@@ -31,14 +32,16 @@ export function answer(clip: Clip): HTMLElement | null {
   const { alignment, choice } = clip;
   if (!alignment) return null;
   const at = choice?.map_from_clip ?? alignment.map_from_clip;
+  const { floor } = alignment;
+  const camera = floor && `${metres(floor.camera_height_m)} above the floor${floor.assumed ? " (assumed)" : ""}`;
   return facts([
     ["Place", at && pose(at)],
-    ["Probability", choice ? "chosen by a person" : alignment.probability === null ? null : percent(alignment.probability)],
+    ["Probability", choice ? "chosen by a person" : percent(alignment.probability)],
     ["Loss", alignment.loss_m === null ? null : metres(alignment.loss_m)],
     ["Hits on walls", alignment.inliers === null ? null : `${percent(alignment.inliers)} of ${count(alignment.hits)}`],
     ["Map explained", alignment.coverage === null ? null : percent(alignment.coverage)],
     ["Key frames", count(alignment.key_frames)],
-    ["First camera", alignment.floor && `${metres(alignment.floor.camera_height_m)} above the floor${alignment.floor.assumed ? " (assumed)" : ""}`],
+    ["First camera", camera],
     ["Classes by", alignment.labels?.by],
   ]);
 }
@@ -59,7 +62,8 @@ export function stages(times: Record<string, number>): HTMLElement {
   return h("table", { class: "stages" },
     h("caption", { class: "hidden-text" }, "Time of each stage"),
     h("tbody", {}, ...rows),
-    h("tfoot", {}, h("tr", {}, h("th", { scope: "row" }, "Together"), h("td"), h("td", { class: "figure" }, seconds(sum)))));
+    h("tfoot", {}, h("tr", {},
+      h("th", { scope: "row" }, "Together"), h("td"), h("td", { class: "figure" }, seconds(sum)))));
 }
 
 function place(stage: string): number {

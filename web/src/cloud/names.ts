@@ -10,6 +10,9 @@ export interface Name {
   kind: "room" | "object";
 }
 
+/** Of a name on the screen. */
+const HEIGHT_PX = 22;
+
 export class Names {
   readonly element = h("div", { class: "names", "aria-hidden": "true" });
   private shown: { element: HTMLElement; at: THREE.Vector3 }[] = [];
@@ -30,7 +33,8 @@ export class Names {
       const [x, y] = [((seen.x + 1) / 2) * width, ((1 - seen.y) / 2) * height];
       const reach = (element.textContent?.length ?? 0) * 3.6 + 6;
       const isOut = seen.z > 1 || x < 0 || y < 0 || x > width || y > height;
-      const isCovered = taken.some((other) => Math.abs(other.y - y) < 17 && Math.abs(other.x - x) < other.reach + reach);
+      const isCovered = taken.some((other) =>
+        Math.abs(other.y - y) < HEIGHT_PX && Math.abs(other.x - x) < other.reach + reach);
       element.hidden = isOut || isCovered;
       if (element.hidden) continue;
       taken.push({ x, y, reach });

@@ -22,14 +22,14 @@ export function floorOf(canvas: HTMLCanvasElement, frame: PictureFrame): THREE.M
   return mesh;
 }
 
-function lines(places: number[], [red, green, blue]: Rgb): THREE.LineSegments {
+function lines(places: number[], [red, green, blue]: Rgb, depthTest: boolean): THREE.LineSegments {
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.Float32BufferAttribute(places, 3));
   const color = new THREE.Color().setRGB(red / 255, green / 255, blue / 255, THREE.SRGBColorSpace);
-  return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color }));
+  return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color, depthTest }));
 }
 
-/** A camera's way, with a small wedge where it began. */
+/** A camera's way, seen through walls too, with a cross where it began and a plumb line to the floor. */
 export function pathOf(places_m: [number, number, number][], colour: Rgb): THREE.LineSegments {
   const segments: number[] = [];
   for (let i = 1; i < places_m.length; i++) segments.push(...(places_m[i - 1] ?? []), ...(places_m[i] ?? []));
@@ -41,7 +41,7 @@ export function pathOf(places_m: [number, number, number][], colour: Rgb): THREE
     }
     segments.push(x, y, z, x, y, 0);
   }
-  return lines(segments, colour);
+  return lines(segments, colour, false);
 }
 
 /** The twelve edges of an object's box. */
@@ -53,7 +53,7 @@ export function boxOf(thing: Thing, colour: Rgb): THREE.LineSegments {
     const [u, v] = base[(i + 1) % 4] ?? [x, y];
     segments.push(x, y, low, u, v, low, x, y, high, u, v, high, x, y, low, x, y, high);
   });
-  return lines(segments, colour);
+  return lines(segments, colour, true);
 }
 
 /** Gives back what the graphics card holds for everything below. */

@@ -6,7 +6,7 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { h } from "../dom.ts";
 
 /** A frame that takes longer draws fewer points the next time, and one that takes less more. */
-const SLOW_MS = 40;
+const SLOW_MS = 33;
 const FAST_MS = 24;
 /** Frames that are further apart were not waited for. */
 const PAUSE_MS = 1000;
@@ -37,6 +37,8 @@ export class Stage {
   readonly shapes = new THREE.Scene();
   /** Drawn over the shapes, as many points in a frame as this machine can. */
   readonly cloud = new THREE.Scene();
+  /** Drawn last, over everything. */
+  readonly marks = new THREE.Scene();
   parts: Parts | null = null;
   readonly camera = new THREE.PerspectiveCamera(50, 1, 0.05, 500);
   /** Told after each frame, to lay names over it. */
@@ -143,6 +145,7 @@ export class Stage {
     const focal_px = (height * ratio) / (2 * Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2)));
     this.parts?.select(this.done, until, focal_px, this.isMoving);
     this.renderer.render(this.cloud, this.camera);
+    this.renderer.render(this.marks, this.camera);
     this.done = until;
     // A view that moves is drawn afresh anyway.
     if (this.done < 1 && !this.isMoving) this.ask();

@@ -33,7 +33,8 @@ export class CloudView {
     this.stage = new Stage(label, signal);
     this.element = this.stage.element;
     this.element.append(this.names.element);
-    this.stage.shapes.add(this.floor, this.paths, this.boxes);
+    this.stage.shapes.add(this.floor, this.boxes);
+    this.stage.marks.add(this.paths);
     this.stage.onDrawn = (moment) => this.names.place(moment);
     signal.addEventListener("abort", () => {
       for (const group of [this.floor, this.paths, this.boxes]) release(group);

@@ -8,7 +8,7 @@ import { stateBadge } from "../parts/marks.ts";
 import { attempt, say } from "../parts/notices.ts";
 import { toClip } from "../route.ts";
 import type { Clip, ClipState, Job } from "../types.ts";
-import { isUnderWay, percent, STATES, stageWord, stateMeaning, stateWord, time } from "../words.ts";
+import { isUnderWay, jobWord, percent, STATES, stateMeaning, stateWord, time } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import { type Looks, put } from "./looks.ts";
 
@@ -59,7 +59,7 @@ export class ClipsPanel {
     const row = this.rows.get(clip);
     if (!row) return;
     row.bar.value = job.progress;
-    row.stage.textContent = job.state === "running" ? `${stageWord(job.stage)} · ${percent(job.progress)}` : "Queued";
+    row.stage.textContent = jobWord(job);
   }
 
   private tellChanges(clips: Clip[]): void {
@@ -73,8 +73,9 @@ export class ClipsPanel {
   private drawFilters(present: (readonly [ClipState, number])[], all: number): void {
     if (present.length < 2) return this.filters.replaceChildren();
     const chip = (state: ClipState | null, word: string, count: number) => {
-      const attributes = { type: "button", class: "chip", "aria-pressed": String(this.filter === state), "data-state": state ?? "all" };
-      const button = h("button", attributes, word, h("span", { class: "hint" }, count));
+      const button = h("button", { type: "button", class: "chip", "data-state": state ?? "all" },
+        word, h("span", { class: "hint" }, count));
+      button.setAttribute("aria-pressed", String(this.filter === state));
       button.addEventListener("click", () => {
         this.filter = state;
         this.draw();
@@ -82,7 +83,8 @@ export class ClipsPanel {
       });
       return button;
     };
-    fill(this.filters, chip(null, "All", all), ...present.map(([state, count]) => chip(state, stateWord(state), count)));
+    const chips = present.map(([state, count]) => chip(state, stateWord(state), count));
+    fill(this.filters, chip(null, "All", all), ...chips);
   }
 
   private row(clip: Clip): HTMLElement {
@@ -111,7 +113,8 @@ export class ClipsPanel {
     });
     show.style.accentColor = css(this.data.colourOf(clip.id));
     show.addEventListener("change", () => this.looks.change((looks) => put(looks.hiddenClips, clip.id, !show.checked)));
-    const remove = h("button", { type: "button", class: "quiet icon", "aria-label": `Delete ${name}`, title: "Delete" }, "✕");
+    const remove = h("button", { type: "button", class: "quiet icon", title: "Delete" }, "✕");
+    remove.setAttribute("aria-label", `Delete ${name}`);
     remove.addEventListener("click", () => void this.remove(clip, name, remove));
     const reason = clip.reasons[0]?.detail ?? (clip.state === "aligned" ? null : stateMeaning(clip.state));
     const sure = clip.state === "aligned" ? (clip.choice ? "by hand" : percent(clip.alignment?.probability)) : null;

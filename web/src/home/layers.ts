@@ -13,6 +13,7 @@ const MAX_CUT_M = 3;
 export class LayersPanel {
   readonly element: HTMLElement;
   private readonly classes = h("div", { class: "switches classes" });
+  private readonly both: HTMLElement;
   private drawn = "";
 
   constructor(
@@ -28,13 +29,12 @@ export class LayersPanel {
       });
       this.draw(true);
     };
+    this.both = h("div", { class: "row" },
+      h("button", { type: "button", class: "small", onclick: all(true) }, "All"),
+      h("button", { type: "button", class: "small", onclick: all(false) }, "None"));
     this.element = h("div", {},
       section("Layers", true, h("div", { class: "switches" }, ...layers), this.height()),
-      section("Classes", true,
-        h("div", { class: "row" },
-          h("button", { type: "button", class: "small", onclick: all(true) }, "All"),
-          h("button", { type: "button", class: "small", onclick: all(false) }, "None")),
-        this.classes));
+      section("Classes", true, this.both, this.classes));
     this.draw();
   }
 
@@ -60,6 +60,7 @@ export class LayersPanel {
     const drawn = JSON.stringify(classes);
     if (drawn === this.drawn && !isForced) return;
     this.drawn = drawn;
+    this.both.hidden = classes.length === 0;
     if (classes.length === 0) return fill(this.classes, h("p", { class: "hint" }, "They come with the first points."));
     fill(this.classes, ...classes.map(({ class: name, points }) =>
       onOff(plain(name), !this.looks.hiddenClasses.has(name), (isOn) =>

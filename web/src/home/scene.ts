@@ -3,11 +3,12 @@
 import { homePath } from "../api.ts";
 import { rgb, type Rgb } from "../cloud/colours.ts";
 import { type Cloud, load } from "../cloud/points.ts";
+import type { Name } from "../cloud/names.ts";
 import { CloudView } from "../cloud/view.ts";
 import { h } from "../dom.ts";
 import { around, type Box2, type Point2 } from "../frames.ts";
 import { addressOf, inkOf } from "../paper.ts";
-import { alarm, messageOf } from "../parts/notices.ts";
+import { alarm, messageOf, say } from "../parts/notices.ts";
 import * as shapes from "../plan/shapes.ts";
 import { PlanView } from "../plan/view.ts";
 import { isDark, onTheme } from "../theme.ts";
@@ -22,7 +23,8 @@ const REDRAW_MS = 250;
 export class HomeScene {
   readonly element: HTMLElement;
   private readonly plan: PlanView;
-  private readonly cloudView: CloudView;
+  /** Null in a browser that cannot draw in three dimensions. */
+  private readonly cloudView: CloudView | null;
   private readonly top: TopView;
   private cloud: Cloud | null = null;
   private drawn = "";
@@ -37,18 +39,22 @@ export class HomeScene {
     private readonly signal: AbortSignal,
   ) {
     this.plan = new PlanView("The home from above. Arrow keys move, plus and minus magnify, 0 shows all.", signal);
-    this.cloudView = new CloudView(
-      "The home in three dimensions. Arrow keys turn, W A S D walk, plus and minus go nearer and away.", signal);
+    this.cloudView = cloudViewOrNot(signal);
+    if (!this.cloudView) looks.view = "2d";
     this.top = new TopView(this.plan, signal);
-    this.element = h("div", { class: "views" }, this.cloudView.element, this.plan.element);
+    this.element = h("div", { class: "views" }, this.cloudView?.element, this.plan.element);
     looks.onChange(() => this.apply());
     onTheme(() => void this.drawPicture(), signal);
     signal.addEventListener("abort", () => this.loading.abort());
     this.update();
   }
 
+  get is3dThere(): boolean {
+    return this.cloudView !== null;
+  }
+
   fit(from: "corner" | "above" = "corner"): void {
-    if (this.looks.view === "3d") this.cloudView.fit(from);
+    if (this.looks.view === "3d") this.cloudView?.fit(from);
     else this.plan.fit();
   }
 
@@ -61,8 +67,8 @@ export class HomeScene {
     const bounds = this.bounds();
     if (bounds) this.plan.setBounds(bounds);
     const [low, high] = [map?.info.min_m, map?.info.max_m];
-    if (low && high) this.cloudView.setBounds(low, high);
-    else if (bounds && !map) this.cloudView.setBounds([...bounds.min, 0], [...bounds.max, 1.5]);
+    if (low && high) this.cloudView?.setBounds(low, high);
+    else if (bounds && !map) this.cloudView?.setBounds([...bounds.min, 0], [...bounds.max, 1.5]);
     const picture = String(lidar?.revision);
     if (picture !== this.picture) {
       this.picture = picture;
@@ -92,7 +98,7 @@ export class HomeScene {
       const old = this.plan.element.querySelector("image.picture")?.getAttribute("href");
       this.plan.setPicture(address, lidar.image);
       if (old) URL.revokeObjectURL(old);
-      this.cloudView.setFloor(canvas, lidar.image);
+      this.cloudView?.setFloor(canvas, lidar.image);
       this.signal.addEventListener("abort", () => URL.revokeObjectURL(address), { once: true });
     } catch (error) {
       if (!this.signal.aborted) alarm(`The LiDAR map's picture: ${messageOf(error)}`);
@@ -104,7 +110,7 @@ export class HomeScene {
     this.loading = new AbortController();
     const { map, home } = this.data;
     if (!map) {
-      this.cloudView.clear();
+      this.cloudView?.clear();
       this.cloud = null;
       return this.onStatus("");
     }
@@ -115,12 +121,12 @@ export class HomeScene {
       // Each picture begins afresh, so that not every piece makes one.
       if (cloud.shown < cloud.count && performance.now() - drawn_ms < REDRAW_MS) return;
       drawn_ms = performance.now();
-      this.cloudView.draw();
+      this.cloudView?.draw();
     };
     load(urls, {
       begun: (cloud) => {
         this.cloud = cloud;
-        this.cloudView.setCloud(cloud, map.info.voxel_m);
+        this.cloudView?.setCloud(cloud, map.info.voxel_m);
         this.apply();
         grown(cloud);
       },
@@ -142,10 +148,10 @@ export class HomeScene {
   private apply(): void {
     const { looks, data } = this;
     const is3d = looks.view === "3d";
-    this.cloudView.element.hidden = !is3d;
+    if (this.cloudView) this.cloudView.element.hidden = !is3d;
     this.plan.element.style.display = is3d ? "none" : "";
     this.element.dataset.colouring = looks.colouring;
-    if (is3d) this.applyTo3d();
+    if (is3d && this.cloudView) this.applyTo3d(this.cloudView);
     else this.applyTo2d();
     this.top.draw(this.cloud, data, looks);
   }
@@ -174,8 +180,8 @@ export class HomeScene {
     return rgb(this.data.classNamed(name)?.color ?? "");
   }
 
-  private applyTo3d(): void {
-    const { looks, data, cloudView } = this;
+  private applyTo3d(cloudView: CloudView): void {
+    const { looks, data } = this;
     cloudView.setColouring(looks.colouring);
     cloudView.setCut(looks.cut_m ?? 1e9);
     for (const { id, name, color } of data.classes) cloudView.setClass(id, color, !looks.hiddenClasses.has(name));
@@ -186,11 +192,9 @@ export class HomeScene {
     const things = this.things();
     cloudView.setThings(things, (thing) => this.colourOf(thing.class));
     cloudView.setNames([
-      ...this.roomNames().map(({ text, at_m: [x, y] }) => ({ text, kind: "room" as const, at_m: [x, y, 0] as [number, number, number] })),
-      ...things.map((thing) => ({
-        text: plain(thing.class), kind: "object" as const,
-        at_m: [thing.centre_m[0], thing.centre_m[1], thing.centre_m[2] + thing.size_m[2] / 2] as [number, number, number],
-      })),
+      ...this.roomNames().map(({ text, at_m: [x, y] }): Name => ({ text, kind: "room", at_m: [x, y, 0] })),
+      ...things.map(({ class: name, centre_m: [x, y, z], size_m: [, , height] }): Name =>
+        ({ text: plain(name), kind: "object", at_m: [x, y, z + height / 2] })),
     ]);
   }
 
@@ -211,5 +215,15 @@ export class HomeScene {
     plan.setLayer("names",
       ...this.roomNames().map(({ text, at_m }) => shapes.text(text, at_m, "room-name")),
       ...things.map((thing) => shapes.text(plain(thing.class), [thing.centre_m[0], thing.centre_m[1]], "thing-name")));
+  }
+}
+
+function cloudViewOrNot(signal: AbortSignal): CloudView | null {
+  try {
+    return new CloudView(
+      "The home in three dimensions. Arrow keys turn, W A S D walk, plus and minus go nearer and away.", signal);
+  } catch {
+    say("This browser gives no WebGL: the home is shown from above only.");
+    return null;
   }
 }

@@ -13,7 +13,7 @@ import { attempt, say } from "../parts/notices.ts";
 import { toHome, toHomes } from "../route.ts";
 import { isDark, onTheme } from "../theme.ts";
 import type { Clip } from "../types.ts";
-import { isUnderWay, percent, plain, stageWord, stateMeaning } from "../words.ts";
+import { isUnderWay, jobWord, stateMeaning } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
 const BUSY_MS = 1500;
@@ -52,7 +52,7 @@ class ClipPage {
     const followed = new Followed(
       (job) => {
         this.bar.value = job.progress;
-        this.stage.textContent = job.state === "running" ? `${stageWord(job.stage)} · ${percent(job.progress)}` : "Queued";
+        this.stage.textContent = jobWord(job);
       },
       () => this.repeated.again(),
       signal,
@@ -149,7 +149,10 @@ class ClipPage {
       ground.lidar ??= await api.lidarMap(clip.home, signal);
       if (clip.alignment) ground.scan ??= await api.scan(clip.home, clip.id, signal);
       if (ground.lidar && !ground.picture) {
-        ground.picture = await addressOf(await inkOf(api.homePath(clip.home, "lidar-map", "image.png"), isDark(), signal));
+        const canvas = await inkOf(api.homePath(clip.home, "lidar-map", "image.png"), isDark(), signal);
+        const address = await addressOf(canvas);
+        signal.addEventListener("abort", () => URL.revokeObjectURL(address), { once: true });
+        ground.picture = address;
       }
     } catch (error) {
       // The plan only helps to see; without it the figures remain.
@@ -177,7 +180,8 @@ class ClipPage {
     const picture = (name: string, title: string, alt: string) => {
       const address = `${api.clipPath(clip, name)}?job=${clip.job?.id ?? ""}`;
       const image = h("img", { class: "paper", src: address, alt, loading: "lazy" });
-      const figure = h("figure", { class: "card picture" }, h("a", { href: address }, image), h("figcaption", {}, title));
+      const caption = h("figcaption", {}, title);
+      const figure = h("figure", { class: "card picture" }, h("a", { href: address }, image), caption);
       // Not every answer has every picture.
       image.addEventListener("error", () => figure.remove());
       return figure;
@@ -186,7 +190,8 @@ class ClipPage {
       picture("overlay.png", "Hits over the LiDAR map: green on walls, red off them, orange the other places",
         "The clip's hit points over the LiDAR map"),
       clip.alignment.completion
-        ? picture("completion.png", "What was filled in where the clip left doubt", `Views that were filled in: ${plain("completion")}`)
+        ? picture("completion.png", "What was filled in where the clip left doubt",
+            "The views that were filled in, and the plan before and after")
         : null));
   }
 }

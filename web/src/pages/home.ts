@@ -79,14 +79,17 @@ export async function showHome(place: Place, id: string): Promise<void> {
   const legend = rampLegend();
   legend.hidden = true;
   looks.onChange(() => (legend.hidden = looks.colouring !== "probability"));
+  const top = h("button", { type: "button", class: "tool", title: "Look from above" }, "Top");
+  top.addEventListener("click", () => scene.fit("above"));
+  looks.onChange(() => (top.hidden = looks.view === "2d"));
+  top.hidden = looks.view === "2d";
   const toolbar = h("div", { class: "toolbar" },
-    oneOf("view", "View", [["3d", "3D"], ["2d", "2D"]], looks.view, (view) =>
+    oneOf("view", "View", scene.is3dThere ? [["3d", "3D"], ["2d", "2D"]] : [["2d", "2D"]], looks.view, (view) =>
       looks.change((looks) => (looks.view = view))),
     oneOf("colouring", "Colour points by", COLOURINGS.map((name) => [name, COLOURING_WORDS[name]]), looks.colouring,
       (colouring) => looks.change((looks) => (looks.colouring = colouring))),
     h("button", { type: "button", class: "tool", onclick: () => scene.fit(), title: "Show all" }, "Fit"),
-    h("button", { type: "button", class: "tool", onclick: () => scene.fit("above"), title: "Look from above" }, "Top"),
-    legend);
+    top, legend);
   const remove = h("button", { type: "button", class: "danger quiet" }, "Delete home");
   remove.addEventListener("click", () => void removeHome(data, remove));
   put(place.main,
@@ -111,7 +114,8 @@ function isMapDue({ clips, map }: HomeData): boolean {
 }
 
 function emptyStage(hasLidar: boolean, clips: number, isBusy: boolean): HTMLElement[] {
-  const title = isBusy ? "The clips are being aligned" : clips === 0 && !hasLidar ? "This home is empty" : "No fused map yet";
+  const isBare = clips === 0 && !hasLidar;
+  const title = isBusy ? "The clips are being aligned" : isBare ? "This home is empty" : "No fused map yet";
   const advice = isBusy
     ? "The map appears here as soon as the first clip has found its place."
     : !hasLidar

@@ -39,7 +39,12 @@ export function frameOf({ min, max }: Box2, voxel_m: number): PictureFrame {
 }
 
 /** The first `count` points from above. */
-export function fromAbove(points: Points, count: number, frame: PictureFrame, shown: Shown): Uint8ClampedArray<ArrayBuffer> {
+export function fromAbove(
+  points: Points,
+  count: number,
+  frame: PictureFrame,
+  shown: Shown,
+): Uint8ClampedArray<ArrayBuffer> {
   const { width_px: width, height_px: height, px_per_m, corner_m } = frame;
   const pixels = new Uint8ClampedArray(width * height * 4);
   const tops = new Float32Array(width * height).fill(-Infinity);

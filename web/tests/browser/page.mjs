@@ -22,7 +22,8 @@ export async function recordProgress(page) {
     globalThis.progressSeen = seen;
     const note = (list, text) => text && !list.includes(text) && list.push(text);
     new MutationObserver(() => {
-      for (const bar of document.querySelectorAll(".uploads progress")) note(seen.uploads, bar.getAttribute("aria-label"));
+      const bars = document.querySelectorAll(".uploads progress");
+      for (const bar of bars) note(seen.uploads, bar.getAttribute("aria-label"));
       for (const stage of document.querySelectorAll(".clip .progress .hint")) note(seen.stages, stage.textContent);
     }).observe(document.body, { childList: true, subtree: true, characterData: true });
   });
