@@ -151,6 +151,12 @@ export async function things(home: string, signal: AbortSignal): Promise<Thing[]
   return answer?.objects ?? [];
 }
 
+/** Which share of the LiDAR map's points the fused map explains, 0 to 1; null where it is not told. */
+export async function seen(home: string, signal: AbortSignal): Promise<number | null> {
+  const answer: { seen: number } | null = await getIfThere(homePath(home, "map", "coverage"), signal);
+  return answer?.seen ?? null;
+}
+
 let known: Promise<Class[]> | null = null;
 
 /** The classes of points; they do not change while the service runs. */

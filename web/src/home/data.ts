@@ -11,6 +11,8 @@ export class HomeData {
   map: HomeMap | null = null;
   rooms: Room[] = [];
   things: Thing[] = [];
+  /** Which share of the LiDAR map's points the fused map explains. */
+  seen: number | null = null;
   /** By clip; null where the service has none. */
   readonly scans = new Map<string, Scan | null>();
 
@@ -34,9 +36,11 @@ export class HomeData {
       api.home(id, signal), api.lidarMap(id, signal), api.clips(id, signal), api.homeMap(id, signal),
     ]);
     if (this.map && this.map.revision !== before?.revision) {
-      [this.rooms, this.things] = await Promise.all([api.rooms(id, signal), api.things(id, signal)]);
+      [this.rooms, this.things, this.seen] = await Promise.all([
+        api.rooms(id, signal), api.things(id, signal), api.seen(id, signal),
+      ]);
     } else if (!this.map) {
-      [this.rooms, this.things] = [[], []];
+      [this.rooms, this.things, this.seen] = [[], [], null];
     }
     await this.readScans(signal);
   }

@@ -14,11 +14,13 @@ import { attempt, say } from "../parts/notices.ts";
 import { oneOf } from "../parts/switches.ts";
 import { toHomes } from "../route.ts";
 import { UploadPanel } from "../upload/panel.ts";
-import { count, isUnderWay, many } from "../words.ts";
+import { count, isUnderWay, many, percent } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
 const BUSY_MS = 1500;
 const IDLE_MS = 10_000;
+/** A new map is looked for so often in a row; then it is no longer expected every moment. */
+const MOST_WAITS = 40;
 
 export async function showHome(place: Place, id: string): Promise<void> {
   setCrumbs(place, [{ word: "Homes", href: toHomes() }], id);
@@ -38,13 +40,15 @@ export async function showHome(place: Place, id: string): Promise<void> {
 
   const describe = () => {
     const { map, lidar } = data;
+    const seen = data.seen === null ? "" : ` · explains ${percent(data.seen)} of the LiDAR map`;
     facts.textContent = map
-      ? `Map ${map.revision} · ${count(map.info.points)} points · ${many(map.clips.length, "clip")}`
+      ? `Map ${map.revision} · ${count(map.info.points)} points · ${many(map.clips.length, "clip")}${seen}`
       : "";
     put(empty, ...(map ? [] : emptyStage(!!lidar, data.clips.length, data.clips.some(isUnderWay))));
     empty.hidden = map !== null || (looks.view === "2d" && lidar !== null && data.clips.length > 0);
   };
   looks.onChange(describe);
+  let waited = 0;
   const followed = new Followed(
     (job) => {
       const clip = data.clips.find((clip) => clip.job?.id === job.id);
@@ -73,7 +77,8 @@ export async function showHome(place: Place, id: string): Promise<void> {
     }
     const jobs = data.clips.filter(isUnderWay).flatMap((clip) => (clip.job ? [clip.job] : []));
     followed.follow(jobs.sort((a, b) => Number(b.state === "running") - Number(a.state === "running")));
-    return jobs.length > 0 || isMapDue(data) ? BUSY_MS : IDLE_MS;
+    waited = isMapDue(data) ? waited + 1 : 0;
+    return jobs.length > 0 || (waited > 0 && waited < MOST_WAITS) ? BUSY_MS : IDLE_MS;
   }, signal);
 
   const legend = rampLegend();
