@@ -24,7 +24,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     for path in SOURCES.iter().chain(&["build.rs", ABSENT]) {
         println!("cargo::rerun-if-changed={path}");
     }
-    println!("cargo::rerun-if-env-changed=PATH");
     let root = PathBuf::from(std::env::var("CARGO_MANIFEST_DIR")?);
     let out = PathBuf::from(std::env::var("OUT_DIR")?).join("viewer");
     if out.exists() {

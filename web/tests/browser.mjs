@@ -126,12 +126,18 @@ async function themesAndPhones() {
   for (const theme of ["light", "dark"]) {
     await page.getByRole("button", { name: /Theme/ }).click();
     assert.equal(await page.evaluate(() => document.documentElement.dataset.theme), theme);
+    await page.locator(`.views[data-ink=${theme}]`).waitFor();
+    await page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
     await shot(`07-home-${theme}`);
   }
   await page.setViewportSize({ width: 360, height: 740 });
   for (const hash of ["#/", "#/homes/flat", await clipHash("flat")]) {
     await go(hash);
     await page.locator("main h1").waitFor();
+    if (hash === "#/homes/flat") {
+      await pointsShown();
+      await page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
+    }
     const width = await page.evaluate(() => document.documentElement.scrollWidth);
     assert.ok(width <= 360, `${hash} is ${width} px wide on a phone of 360 px`);
     await shot(`08-phone-${hash.replaceAll(/[^a-z]+/g, "-").slice(1, 14) || "homes"}`);

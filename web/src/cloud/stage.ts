@@ -53,7 +53,8 @@ export class Stage {
   /** The share of the cloud that the picture has; what is there stays until something changes. */
   private done = 0;
   private isStale = true;
-  private target = { centre: new THREE.Vector3(), radius: 5 };
+  /** What to look at as soon as the stage has a size. */
+  private pending: { box: THREE.Box3; from: "corner" | "above" } | null = null;
 
   constructor(label: string, signal: AbortSignal) {
     this.renderer = new THREE.WebGLRenderer({
@@ -98,16 +99,21 @@ export class Stage {
   /** Looks at a box from a corner above it, or straight down. */
   look(box: THREE.Box3, from: "corner" | "above" = "corner"): void {
     if (box.isEmpty()) return;
+    const { width, height } = this.size();
+    if (width === 0 || height === 0) {
+      this.pending = { box, from };
+      return;
+    }
+    this.camera.aspect = width / height;
     const sphere = box.getBoundingSphere(new THREE.Sphere());
-    this.target = { centre: sphere.center.clone(), radius: Math.max(0.5, sphere.radius) };
     const direction =
       from === "above" ? new THREE.Vector3(0, -0.001, 1) : new THREE.Vector3(-0.55, -0.85, 0.95);
     // The narrower side of the stage decides how far away everything fits.
     const half = THREE.MathUtils.degToRad(this.camera.fov / 2);
     const narrow = Math.atan(Math.tan(half) * Math.min(1, this.camera.aspect));
-    const distance = (this.target.radius / Math.sin(narrow)) * 0.86;
-    this.controls.target.copy(this.target.centre);
-    this.camera.position.copy(this.target.centre).addScaledVector(direction.normalize(), distance);
+    const distance = (Math.max(0.5, sphere.radius) / Math.sin(narrow)) * 0.86;
+    this.controls.target.copy(sphere.center);
+    this.camera.position.copy(sphere.center).addScaledVector(direction.normalize(), distance);
     this.camera.near = distance / 500;
     this.camera.far = distance * 20;
     this.camera.updateProjectionMatrix();
@@ -173,6 +179,8 @@ export class Stage {
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
     this.renderer.setSize(width, height);
+    if (this.pending) this.look(this.pending.box, this.pending.from);
+    this.pending = null;
     this.draw();
   }
 

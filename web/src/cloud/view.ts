@@ -120,14 +120,14 @@ export class CloudView {
     this.draw();
   }
 
-  /** What [`fit`] shows; the first time it is known, it is shown at once. */
-  setBounds(min: readonly number[], max: readonly number[]): void {
+  /** What `fit` shows. It is shown at once until it is firm; then the view stays where one has moved it. */
+  setBounds(min: readonly number[], max: readonly number[], isFirm = true): void {
     this.bounds = new THREE.Box3(new THREE.Vector3(...min), new THREE.Vector3(...max));
     if (!this.isFramed) this.fit();
+    this.isFramed ||= isFirm;
   }
 
   fit(from: "corner" | "above" = "corner"): void {
-    this.isFramed ||= !this.bounds.isEmpty() && this.element.clientWidth > 0;
     this.stage.look(this.bounds, from);
   }
 

@@ -30,6 +30,8 @@ export class HomeScene {
   private drawn = "";
   private revision = "";
   private picture = "";
+  /** The newest drawing of the picture; an older one that comes late is dropped. */
+  private drawing = 0;
   private loading = new AbortController();
 
   constructor(
@@ -68,7 +70,7 @@ export class HomeScene {
     if (bounds) this.plan.setBounds(bounds);
     const [low, high] = [map?.info.min_m, map?.info.max_m];
     if (low && high) this.cloudView?.setBounds(low, high);
-    else if (bounds && !map) this.cloudView?.setBounds([...bounds.min, 0], [...bounds.max, 1.5]);
+    else if (bounds && !map) this.cloudView?.setBounds([...bounds.min, 0], [...bounds.max, 1.5], false);
     const picture = String(lidar?.revision);
     if (picture !== this.picture) {
       this.picture = picture;
@@ -91,10 +93,13 @@ export class HomeScene {
   private async drawPicture(): Promise<void> {
     const { lidar, home } = this.data;
     if (!lidar) return;
+    const drawing = ++this.drawing;
+    const ink = isDark() ? "dark" : "light";
     try {
-      const canvas = await inkOf(homePath(home.id, "lidar-map", "image.png"), isDark(), this.signal);
+      const canvas = await inkOf(homePath(home.id, "lidar-map", "image.png"), ink === "dark", this.signal);
       const address = await addressOf(canvas);
-      if (this.signal.aborted) return URL.revokeObjectURL(address);
+      if (this.signal.aborted || drawing !== this.drawing) return URL.revokeObjectURL(address);
+      this.element.dataset.ink = ink;
       const old = this.plan.element.querySelector("image.picture")?.getAttribute("href");
       this.plan.setPicture(address, lidar.image);
       if (old) URL.revokeObjectURL(old);

@@ -107,7 +107,6 @@ export async function showHome(place: Place, id: string): Promise<void> {
       h("p", { class: "row end" }, remove)));
   place.main.className = "home-page";
   describe();
-  scene.fit();
   repeated.again();
 }
 
