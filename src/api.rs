@@ -3,6 +3,7 @@
 mod bodies;
 mod changes;
 mod choice;
+mod classes;
 mod clip_results;
 mod clips;
 mod documents;
@@ -86,6 +87,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(jobs::get_job))
         .routes(routes!(jobs::watch_job))
         .routes(routes!(jobs::cancel_job))
+        .routes(routes!(classes::list_classes))
         .routes(routes!(health::healthz))
         .routes(routes!(health::readyz))
 }

@@ -19,7 +19,7 @@ pub use completion::{completion_png, completion_pngs};
 pub use info::{ClassCount, HomeMapInfo};
 pub use lettering::write as write_words;
 pub use map_point::MapPoint;
-pub use picture::{lidar_png, overlay_png};
+pub use picture::{PictureFrame, lidar_png, overlay_png};
 pub use points::{ClipNumbers, Glb, Ply, PointFilter};
 pub use ply::{NotOurs, cloud_ply, read_cloud_ply};
 pub use share::{ClipScan, ScanCamera, Share, read_views, views_bytes};

@@ -14,6 +14,16 @@ use axum::extract::{Request, State};
 use axum::http::StatusCode;
 use axum::response::Response;
 use jiff::Timestamp;
+use serde::Serialize;
+
+/// The current LiDAR map, and where its picture lies
+#[derive(Serialize, utoipa::ToSchema)]
+pub(super) struct CurrentLidarMap {
+    #[serde(flatten)]
+    map: LidarMapRevision,
+    /// Of `image.png`.
+    image: home::PictureFrame,
+}
 
 /// Put the LiDAR map of a home
 ///
@@ -51,12 +61,14 @@ fn open(file: Arrived) -> Result<NewLidarMap, Error> {
 
 /// The current LiDAR map: what was understood of it
 #[utoipa::path(get, path = "/v1/homes/{home}/lidar-map", tag = "lidar-map", params(HomePath),
-    responses((status = 200, description = "The current revision", body = LidarMapRevision), CommonProblems))]
+    responses((status = 200, description = "The current revision", body = CurrentLidarMap), CommonProblems))]
 pub(super) async fn get_lidar_map(
     State(app): State<App>,
     HomePath { home }: HomePath,
-) -> Result<Json<LidarMapRevision>, Error> {
-    Ok(Json(app.storage.lidar_map(&home).await?))
+) -> Result<Json<CurrentLidarMap>, Error> {
+    let map = app.storage.lidar_map(&home).await?;
+    let image = home::PictureFrame::of(&map.info);
+    Ok(Json(CurrentLidarMap { map, image }))
 }
 
 /// A picture of the current LiDAR map

@@ -1,7 +1,7 @@
 //! `/v1/homes/{home}/map`
 
 mod points;
-mod reply;
+pub(super) mod reply;
 
 pub(super) use points::{__path_get_map_points, get_map_points};
 

@@ -1,31 +1,56 @@
-//! The operator's page: homes, their clips, and why a clip failed.
+//! The viewer: one page and its assets, bundled from `web/` by `build.rs` and held by the binary.
 
 use super::App;
-use axum::http::{HeaderName, header};
+use super::error::Error;
+use super::map::reply::unless_known;
+use axum::extract::Path;
+use axum::extract::rejection::PathRejection;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use axum::{Router, routing};
+use sha2::{Digest, Sha256};
+use std::sync::LazyLock;
 
-/// Nothing is loaded from elsewhere, and nothing in a name or reason can run.
-const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+// `INDEX`, the page, and `ASSETS`, whose names carry a hash of their content.
+include!(concat!(env!("OUT_DIR"), "/viewer/list.rs"));
+
+/// Nothing is loaded from elsewhere, and nothing in a name or reason can run. Pictures that the page draws itself
+/// have `blob:` addresses.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; \
+    connect-src 'self'; worker-src 'self'; base-uri 'none'; form-action 'none'; \
+    frame-ancestors 'none'";
+
+static INDEX_TAG: LazyLock<String> = LazyLock::new(|| {
+    let sum: String = Sha256::digest(INDEX).iter().take(16).map(|byte| format!("{byte:02x}")).collect();
+    format!("\"{sum}\"")
+});
 
 pub(super) fn routes() -> Router<App> {
-    Router::new()
-        .route("/", routing::get(async || file("text/html; charset=utf-8", include_str!("page/index.html"))))
-        .route(
-            "/page.css",
-            routing::get(async || file("text/css; charset=utf-8", include_str!("page/page.css"))),
-        )
-        .route(
-            "/page.js",
-            routing::get(async || file("text/javascript; charset=utf-8", include_str!("page/page.js"))),
-        )
+    Router::new().route("/", routing::get(index)).route("/assets/{name}", routing::get(asset))
 }
 
-fn file(media_type: &'static str, text: &'static str) -> Response {
-    let headers: [(HeaderName, &str); 3] = [
-        (header::CONTENT_TYPE, media_type),
-        (header::CONTENT_SECURITY_POLICY, POLICY),
-        (header::CACHE_CONTROL, "no-cache"),
+async fn index(headers: HeaderMap) -> Response {
+    unless_known(&headers, &INDEX_TAG, || file("text/html; charset=utf-8", "no-cache", INDEX))
+}
+
+/// Another content has another name, so that a browser need never ask again.
+async fn asset(name: Result<Path<String>, PathRejection>) -> Result<Response, Error> {
+    let wanted = name.map_err(|_| Error::NoSuchRoute)?.0;
+    let (name, bytes) = ASSETS.iter().find(|(name, _)| *name == wanted).ok_or(Error::NoSuchRoute)?;
+    Ok(file(media_type(name), "public, max-age=31536000, immutable", bytes))
+}
+
+fn media_type(name: &str) -> &'static str {
+    if name.ends_with(".css") { "text/css; charset=utf-8" } else { "text/javascript; charset=utf-8" }
+}
+
+fn file(media_type: &'static str, caching: &'static str, bytes: &'static [u8]) -> Response {
+    let headers: [(HeaderName, HeaderValue); 5] = [
+        (header::CONTENT_TYPE, HeaderValue::from_static(media_type)),
+        (header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY)),
+        (header::CACHE_CONTROL, HeaderValue::from_static(caching)),
+        (header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff")),
+        (header::REFERRER_POLICY, HeaderValue::from_static("no-referrer")),
     ];
-    (headers, text).into_response()
+    (headers, bytes).into_response()
 }

@@ -2,7 +2,8 @@
 
 use crate::align::Aligned;
 use crate::geometry::{Point2, Pose2, Vector2};
-use crate::lidar::{Cell, LidarMap};
+use crate::lidar::{Cell, LidarInfo, LidarMap};
+use serde::{Deserialize, Serialize};
 use tiny_skia::{Color, FillRule, LineCap, Paint, PathBuilder, Pixmap, Rect, Stroke, Transform};
 
 /// The longer side of a picture.
@@ -26,6 +27,36 @@ mod ink {
     pub const CAMERA: [u8; 4] = [37, 99, 235, 255];
     pub const ALTERNATIVE: [u8; 4] = [234, 88, 12, 255];
     pub const CHARGER: [u8; 4] = [147, 51, 234, 255];
+}
+
+/// Where a picture lies in the map's frame: x to the right, y up, as many pixels per metre both ways.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct PictureFrame {
+    /// The upper left corner of the picture: x and y in metres.
+    pub corner_m: [f64; 2],
+    #[schema(example = 96.5)]
+    pub px_per_m: f64,
+    pub width_px: u32,
+    pub height_px: u32,
+}
+
+impl PictureFrame {
+    /// Of [`lidar_png`]'s picture of a map.
+    pub fn of(info: &LidarInfo) -> PictureFrame {
+        PictureFrame::around(info.min_m, info.max_m)
+    }
+
+    fn around(min: [f64; 2], max: [f64; 2]) -> PictureFrame {
+        let size = [max[0] - min[0] + 2.0 * MARGIN_M, max[1] - min[1] + 2.0 * MARGIN_M];
+        let px_per_m = SIDE_PX / size[0].max(size[1]);
+        let pixels = |metres: f64| ((metres * px_per_m).ceil() as u32).clamp(1, SIDE_PX as u32 + 1);
+        PictureFrame {
+            corner_m: [min[0] - MARGIN_M, max[1] + MARGIN_M],
+            px_per_m,
+            width_px: pixels(size[0]),
+            height_px: pixels(size[1]),
+        }
+    }
 }
 
 /// The map: walls dark, free cells light, rooms tinted, the charger a violet dot. x right, y up.
@@ -63,9 +94,7 @@ pub fn overlay_png(lidar: &LidarMap, aligned: &Aligned) -> Vec<u8> {
 
 struct Canvas {
     pixmap: Pixmap,
-    /// Upper-left corner, in the map frame.
-    corner_m: [f64; 2],
-    px_per_m: f64,
+    frame: PictureFrame,
 }
 
 impl Canvas {
@@ -81,12 +110,10 @@ impl Canvas {
                 max[axis] = max[axis].max(p[axis]);
             }
         }
-        let size = [max[0] - min[0] + 2.0 * MARGIN_M, max[1] - min[1] + 2.0 * MARGIN_M];
-        let px_per_m = SIDE_PX / size[0].max(size[1]);
-        let pixels = |metres: f64| ((metres * px_per_m).ceil() as u32).clamp(1, SIDE_PX as u32 + 1);
-        let mut pixmap = Pixmap::new(pixels(size[0]), pixels(size[1])).expect("the size is not zero");
+        let frame = PictureFrame::around(min, max);
+        let mut pixmap = Pixmap::new(frame.width_px, frame.height_px).expect("the size is not zero");
         pixmap.fill(color(ink::PAPER));
-        Canvas { pixmap, corner_m: [min[0] - MARGIN_M, max[1] + MARGIN_M], px_per_m }
+        Canvas { pixmap, frame }
     }
 
     fn lidar(&mut self, lidar: &LidarMap) {
@@ -119,15 +146,15 @@ impl Canvas {
     }
 
     fn place(&self, point: &Point2) -> (f32, f32) {
-        let x = (point.x - self.corner_m[0]) * self.px_per_m;
-        let y = (self.corner_m[1] - point.y) * self.px_per_m;
+        let x = (point.x - self.frame.corner_m[0]) * self.frame.px_per_m;
+        let y = (self.frame.corner_m[1] - point.y) * self.frame.px_per_m;
         (x as f32, y as f32)
     }
 
     fn square(&mut self, centre: &Point2, side_m: f64, ink: [u8; 4]) {
         let (x, y) = self.place(centre);
         // Neighbouring squares meet without a seam.
-        let side = (side_m * self.px_per_m) as f32;
+        let side = (side_m * self.frame.px_per_m) as f32;
         let (left, top) = ((x - side / 2.0).round(), (y - side / 2.0).round());
         let (right, bottom) = ((x + side / 2.0).round(), (y + side / 2.0).round());
         if let Some(rect) = Rect::from_ltrb(left, top, right.max(left + 1.0), bottom.max(top + 1.0)) {
@@ -139,7 +166,7 @@ impl Canvas {
 
     fn dot(&mut self, centre: &Point2, radius_m: f64, ink: [u8; 4]) {
         let (x, y) = self.place(centre);
-        let radius = ((radius_m * self.px_per_m) as f32).max(1.5);
+        let radius = ((radius_m * self.frame.px_per_m) as f32).max(1.5);
         if let Some(path) = PathBuilder::from_circle(x, y, radius) {
             self.pixmap.fill_path(&path, &paint(ink), FillRule::Winding, Transform::identity(), None);
         }

@@ -35,13 +35,8 @@ async fn every_operation_has_what_a_client_generator_needs() {
 #[tokio::test]
 async fn pages_load_nothing_from_elsewhere() {
     let server = Server::start().await;
-    let pages = [
-        ("/", "text/html"),
-        ("/page.css", "text/css"),
-        ("/page.js", "text/javascript"),
-        ("/docs/", "text/html"),
-        ("/docs/swagger-initializer.js", "text/javascript"),
-    ];
+    let pages =
+        [("/", "text/html"), ("/docs/", "text/html"), ("/docs/swagger-initializer.js", "text/javascript")];
     for (path, media_type) in pages {
         let page = server.get(path).await;
         assert_eq!(page.status, 200, "{path}");
@@ -49,5 +44,44 @@ async fn pages_load_nothing_from_elsewhere() {
         let text = String::from_utf8(page.bytes).unwrap();
         assert!(!text.contains("http://") && !text.contains("https://"), "{path} names another host");
     }
-    assert!(server.get("/").await.header("content-security-policy").contains("default-src 'none'"));
+}
+
+#[tokio::test]
+async fn the_viewer_is_kept_by_browsers_and_bound_to_this_host() {
+    let server = Server::start().await;
+    let page = server.get("/").await;
+    let policy = page.header("content-security-policy").to_owned();
+    assert!(policy.contains("default-src 'none'") && policy.contains("script-src 'self';"), "{policy}");
+    assert!(!policy.contains("unsafe") && !policy.contains("http") && !policy.contains('*'), "{policy}");
+    let known = server.request(reqwest::Method::GET, "/").header("if-none-match", page.header("etag"));
+    assert_eq!(server.send(known).await.status, 304);
+
+    // Without Node.js at the build the page has no assets, and says so.
+    let html = String::from_utf8(page.bytes).unwrap();
+    for asset in html.split('"').filter(|part| part.starts_with("/assets/")) {
+        let answer = server.get(asset).await;
+        let is_style = asset.ends_with(".css");
+        assert_eq!(answer.status, 200, "{asset}");
+        let media_type = if is_style { "text/css" } else { "text/javascript" };
+        assert!(answer.header("content-type").starts_with(media_type), "{asset}");
+        assert!(answer.header("cache-control").contains("immutable"), "{asset}");
+    }
+    assert!(html.contains("/assets/") || html.contains("built without the viewer"), "{html}");
+    for path in ["/assets/none.js", "/assets/%2e%2e%2flist.rs", "/assets/%ff", "/assets/"] {
+        server.get(path).await.problem(404, "route-not-found");
+    }
+}
+
+#[tokio::test]
+async fn classes_are_told_as_points_carry_them() {
+    let server = Server::start().await;
+    let answer = server.get("/v1/classes").await.ok(200);
+    let classes = answer["classes"].as_array().unwrap();
+    assert_eq!(classes.len(), viola::taxonomy::Class::ALL.len());
+    for (class, known) in classes.iter().zip(viola::taxonomy::Class::ALL) {
+        assert_eq!((&class["id"], &class["name"]), (&known.id().into(), &known.name().into()));
+        let color = class["color"].as_str().unwrap().strip_prefix('#').unwrap();
+        let [_, red, green, blue] = u32::from_str_radix(color, 16).unwrap().to_be_bytes();
+        assert_eq!([red, green, blue], known.color());
+    }
 }

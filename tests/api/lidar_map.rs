@@ -14,10 +14,23 @@ async fn a_map_is_put_told_and_drawn() {
 
     let first = server.put(&path, room::lidar_csv()).await.ok(201);
     assert_eq!((&first["revision"], &first["info"]["format"]), (&json!(1), &json!("csv_points")));
-    assert_eq!(server.get(&path).await.ok(200), first);
+    let mut current = server.get(&path).await.ok(200);
+    let frame = current.as_object_mut().unwrap().remove("image").unwrap();
+    assert_eq!(current, first);
     let picture = server.get(&format!("{path}/image.png")).await;
     assert_eq!((picture.status, picture.header("content-type")), (200, "image/png"));
-    assert!(image::load_from_memory(&picture.bytes).unwrap().width() > 10);
+    let picture = image::load_from_memory(&picture.bytes).unwrap();
+    assert_eq!(
+        (&frame["width_px"], &frame["height_px"]),
+        (&picture.width().into(), &picture.height().into())
+    );
+    // The map lies within its picture.
+    let (corner, px_per_m) = (&frame["corner_m"], frame["px_per_m"].as_f64().unwrap());
+    let (left_m, top_m) = (corner[0].as_f64().unwrap(), corner[1].as_f64().unwrap());
+    let (low, high) = (&first["info"]["min_m"], &first["info"]["max_m"]);
+    assert!(left_m < low[0].as_f64().unwrap() && top_m > high[1].as_f64().unwrap());
+    assert!(left_m + f64::from(picture.width()) / px_per_m > high[0].as_f64().unwrap());
+    assert!(top_m - f64::from(picture.height()) / px_per_m < low[1].as_f64().unwrap());
 
     // The same file again is no revision, another is.
     assert_eq!(server.put(&path, room::lidar_csv()).await.ok(200), first);

@@ -8,6 +8,8 @@ use crate::home::{MAP_VOXEL_M, MapPoint};
 use crate::taxonomy::Class;
 use rustc_hash::FxHashMap;
 
+/// What was measured less well than twice from 4 m is left out: there depth cameras are off by more than a voxel.
+const LEAST_WEIGHT: i64 = 32;
 /// No point weighs more than this, a metre away for eight readings: what one recording saw shares its errors.
 const MOST_WEIGHT: u16 = 2_048;
 
@@ -73,9 +75,10 @@ impl Voxels {
         }
     }
 
-    /// One point a voxel, in the order of their voxels.
+    /// One point a voxel, in the order of their voxels; what was hardly measured is left out.
     pub fn into_points(self) -> Vec<MapPoint> {
-        let mut voxels: Vec<([i32; 3], Voxel)> = self.voxels.into_iter().collect();
+        let well = self.voxels.into_iter().filter(|(_, voxel)| voxel.weight >= LEAST_WEIGHT);
+        let mut voxels: Vec<([i32; 3], Voxel)> = well.collect();
         voxels.sort_unstable_by_key(|(key, _)| *key);
         let point = |(key, voxel): &([i32; 3], Voxel)| MapPoint {
             point: voxel.point(key, self.side_m),
@@ -135,9 +138,9 @@ mod tests {
     #[test]
     fn points_of_one_voxel_agree_by_weight() {
         let mut voxels = Voxels::new(MAP_VOXEL_M);
-        voxels.add(&point(0.010, Class::Chair, 0.6, 1, 10), 0);
-        voxels.add(&point(0.020, Class::Table, 0.5, 2, 20), 3);
-        voxels.add(&point(0.012, Class::Table, 0.4, 1, 30), 5);
+        voxels.add(&point(0.010, Class::Chair, 0.6, 50, 10), 0);
+        voxels.add(&point(0.020, Class::Table, 0.5, 100, 20), 3);
+        voxels.add(&point(0.012, Class::Table, 0.4, 50, 30), 5);
         let points = voxels.into_points();
         assert_eq!(points.len(), 1);
         let seen = &points[0];
@@ -148,9 +151,20 @@ mod tests {
     }
 
     #[test]
+    fn what_was_hardly_measured_is_left_out() {
+        for (weights, there) in [([31, 0], false), ([16, 16], true), ([32, 0], true)] {
+            let mut voxels = Voxels::new(MAP_VOXEL_M);
+            for weight in weights.into_iter().filter(|weight| *weight > 0) {
+                voxels.add(&point(0.01, Class::Wall, 0.9, weight, 10), 0);
+            }
+            assert_eq!(!voxels.into_points().is_empty(), there, "{weights:?}");
+        }
+    }
+
+    #[test]
     fn what_nobody_can_name_has_no_class() {
         let mut voxels = Voxels::new(MAP_VOXEL_M);
-        voxels.add(&point(0.01, Class::Other, 0.0, 0, 10), 1);
+        voxels.add(&point(0.01, Class::Other, 0.0, 40, 10), 1);
         assert_eq!(voxels.into_points()[0].point.label, Label::NONE);
     }
 }

@@ -1,0 +1,41 @@
+//! `/v1/classes`
+
+use crate::taxonomy;
+use axum::Json;
+use axum::http::{HeaderName, header};
+use serde::Serialize;
+
+/// A class of points and objects
+#[derive(Serialize, utoipa::ToSchema)]
+pub(super) struct Class {
+    /// The `label` of a point in a PLY file. Stable.
+    #[schema(example = 11)]
+    id: u16,
+    /// Stable.
+    #[schema(example = "desk")]
+    name: &'static str,
+    /// As every picture of the service paints it.
+    #[schema(example = "#d97b00")]
+    color: String,
+    /// Built in, or too heavy to be elsewhere on another day.
+    is_fixed: bool,
+}
+
+/// All classes, by id
+#[derive(Serialize, utoipa::ToSchema)]
+pub(super) struct Classes {
+    classes: Vec<Class>,
+}
+
+/// The classes of points and objects
+#[utoipa::path(get, path = "/v1/classes", tag = "service",
+    responses((status = 200, description = "All of them, by id", body = Classes)))]
+pub(super) async fn list_classes() -> ([(HeaderName, &'static str); 1], Json<Classes>) {
+    let classes = taxonomy::Class::ALL.iter().map(|&class| {
+        let [red, green, blue] = class.color();
+        let color = format!("#{red:02x}{green:02x}{blue:02x}");
+        Class { id: class.id(), name: class.name(), color, is_fixed: class.is_fixed() }
+    });
+    // They change with the program only.
+    ([(header::CACHE_CONTROL, "no-cache")], Json(Classes { classes: classes.collect() }))
+}

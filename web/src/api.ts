@@ -1,0 +1,172 @@
+// Talks to the service, which is always the host that this page came from.
+
+import type { Class, Clip, Home, HomeMap, LidarMap, List, MapClip, Room, Scan, Thing } from "./types.ts";
+
+/** The service said no; the message is its own explanation. */
+export class Refusal extends Error {
+  constructor(
+    readonly status: number,
+    message: string,
+  ) {
+    super(message);
+  }
+}
+
+/** The explanation in a problem document, or the status where there is none. */
+export function explanation(status: number, body: string): string {
+  try {
+    const problem: unknown = JSON.parse(body);
+    if (typeof problem === "object" && problem !== null) {
+      const { detail, title } = problem as { detail?: unknown; title?: unknown };
+      if (typeof detail === "string" && detail) return detail;
+      if (typeof title === "string" && title) return title;
+    }
+  } catch {
+    // Not a problem document: something between this page and the service answered.
+  }
+  return status === 0 ? "The service does not answer." : `The service answered with status ${status}.`;
+}
+
+async function ask(path: string, options: RequestInit): Promise<Response> {
+  let answer: Response;
+  try {
+    answer = await fetch(path, options);
+  } catch (error) {
+    if (options.signal?.aborted) throw error;
+    throw new Refusal(0, "The service does not answer. Is it still running?");
+  }
+  if (!answer.ok) throw new Refusal(answer.status, explanation(answer.status, await answer.text()));
+  return answer;
+}
+
+async function get<T>(path: string, signal: AbortSignal): Promise<T> {
+  return (await (await ask(path, { signal })).json()) as T;
+}
+
+/** Null where there is nothing (404). */
+async function getIfThere<T>(path: string, signal: AbortSignal): Promise<T | null> {
+  try {
+    return await get<T>(path, signal);
+  } catch (error) {
+    if (error instanceof Refusal && error.status === 404) return null;
+    throw error;
+  }
+}
+
+async function send<T>(method: string, path: string, body?: unknown): Promise<T | null> {
+  const options: RequestInit = { method };
+  if (body !== undefined) {
+    options.body = JSON.stringify(body);
+    options.headers = { "content-type": "application/json" };
+  }
+  const text = await (await ask(path, options)).text();
+  return text ? (JSON.parse(text) as T) : null;
+}
+
+/** The path of a home, or of something below it. */
+export function homePath(home: string, ...rest: string[]): string {
+  return ["/v1/homes", encodeURIComponent(home), ...rest].join("/");
+}
+
+export function clipPath(clip: { home: string; id: string }, ...rest: string[]): string {
+  return homePath(clip.home, "clips", clip.id, ...rest);
+}
+
+export function homes(after: string | null, signal: AbortSignal): Promise<List<Home>> {
+  return get(`/v1/homes?limit=48${after ? `&after=${encodeURIComponent(after)}` : ""}`, signal);
+}
+
+export function home(id: string, signal: AbortSignal): Promise<Home> {
+  return get(homePath(id), signal);
+}
+
+export function makeHome(id: string, name: string): Promise<Home | null> {
+  return send("PUT", homePath(id), name ? { name } : {});
+}
+
+export async function deleteHome(id: string): Promise<void> {
+  await send("DELETE", homePath(id));
+}
+
+export function lidarMap(id: string, signal: AbortSignal): Promise<LidarMap | null> {
+  return getIfThere(homePath(id, "lidar-map"), signal);
+}
+
+/** All clips of a home, the oldest first. */
+export async function clips(home: string, signal: AbortSignal): Promise<Clip[]> {
+  const items: Clip[] = [];
+  let after: string | null = null;
+  do {
+    const cursor: string = after ? `&after=${encodeURIComponent(after)}` : "";
+    const page: List<Clip> = await get(homePath(home, `clips?limit=200${cursor}`), signal);
+    items.push(...page.items);
+    after = page.next;
+  } while (after);
+  return items;
+}
+
+export function clip(home: string, id: string, signal: AbortSignal): Promise<Clip> {
+  return get(homePath(home, "clips", id), signal);
+}
+
+export async function deleteClip(clip: Clip): Promise<void> {
+  await send("DELETE", clipPath(clip));
+}
+
+export async function alignAgain(clip: Clip): Promise<void> {
+  await send("POST", clipPath(clip, "align"));
+}
+
+export async function choose(clip: Clip, alternative: number): Promise<void> {
+  await send("PUT", clipPath(clip, "alignment"), { alternative });
+}
+
+export async function withdraw(clip: Clip): Promise<void> {
+  await send("DELETE", clipPath(clip, "alignment"));
+}
+
+export function scan(home: string, clip: string, signal: AbortSignal): Promise<Scan | null> {
+  return getIfThere(homePath(home, "clips", clip, "scan"), signal);
+}
+
+/** The newest map; its clips are plain ids before revisions said where they are. */
+export async function homeMap(home: string, signal: AbortSignal): Promise<HomeMap | null> {
+  type Answer = Omit<HomeMap, "clips"> & { clips: (MapClip | string)[] };
+  const map: Answer | null = await getIfThere(homePath(home, "map"), signal);
+  return map && { ...map, clips: map.clips.map(placed) };
+}
+
+function placed(clip: MapClip | string): MapClip {
+  if (typeof clip !== "string") return clip;
+  return { clip, map_from_clip: null, by: null, probability: null, points: null };
+}
+
+export async function rooms(home: string, signal: AbortSignal): Promise<Room[]> {
+  const answer: { rooms: Room[] } | null = await getIfThere(homePath(home, "map", "rooms"), signal);
+  return answer?.rooms ?? [];
+}
+
+export async function things(home: string, signal: AbortSignal): Promise<Thing[]> {
+  const answer: { objects: Thing[] } | null = await getIfThere(homePath(home, "map", "objects"), signal);
+  return answer?.objects ?? [];
+}
+
+/** Which share of the LiDAR map's points the fused map explains, 0 to 1; null where it is not told. */
+export async function seen(home: string, signal: AbortSignal): Promise<number | null> {
+  const answer: { seen: number } | null = await getIfThere(homePath(home, "map", "coverage"), signal);
+  return answer?.seen ?? null;
+}
+
+let known: Promise<Class[]> | null = null;
+
+/** The classes of points; they do not change while the service runs. */
+export function classes(): Promise<Class[]> {
+  known ??= get<{ classes: Class[] }>("/v1/classes", new AbortController().signal).then(
+    (answer) => answer.classes,
+    (error: unknown) => {
+      known = null;
+      throw error;
+    },
+  );
+  return known;
+}

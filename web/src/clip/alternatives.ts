@@ -1,0 +1,98 @@
+// The places that explain a clip, side by side on the plan, with a button to choose.
+
+import { clipColour } from "../cloud/colours.ts";
+import { h } from "../dom.ts";
+import { around, place, type Point2 } from "../frames.ts";
+import { dots, line, wedge } from "../plan/shapes.ts";
+import { PlanView } from "../plan/view.ts";
+import type { Alternative, Clip, LidarMap, Pose2, Scan } from "../types.ts";
+import { degrees, many, metres, percent } from "../words.ts";
+
+/** Places less probable than this are folded away. */
+const UNLIKELY = 0.01;
+
+/** What is needed to draw a pose on the plan. */
+export interface Ground {
+  lidar: LidarMap | null;
+  /** The LiDAR map's picture without its paper. */
+  picture: string | null;
+  scan: Scan | null;
+}
+
+/** The plan with a clip at a pose: its hits, its way and where it began. */
+export function planAt(ground: Ground, at: Pose2, label: string, signal: AbortSignal | null): PlanView {
+  const plan = new PlanView(label, signal);
+  const { lidar, scan } = ground;
+  const hits = (scan?.hits_m ?? []).map((hit) => place(at, hit));
+  const way = (scan?.cameras ?? []).map(({ position_m: [x, y] }): Point2 => place(at, [x, y]));
+  plan.setPicture(ground.picture, lidar?.image ?? null);
+  plan.setLayer("hits", dots(hits, "hit"));
+  plan.setLayer("paths", line(way, clipColour(0)), wedge(at, clipColour(0), "The first camera"));
+  const ends = lidar ? [lidar.info.min_m, lidar.info.max_m] : hits;
+  const bounds = around([...ends, [at.x_m, at.y_m]]);
+  if (bounds) plan.setBounds(bounds);
+  return plan;
+}
+
+/** One figure for each alternative. `onChoose` is null where nothing can be chosen. */
+export function alternatives(
+  clip: Clip,
+  ground: Ground,
+  onChoose: ((index: number, button: HTMLButtonElement) => void) | null,
+): HTMLElement {
+  const list = clip.alignment?.alternatives ?? [];
+  const chosen = chosenOf(clip);
+  const [likely, others]: [HTMLElement[], HTMLElement[]] = [[], []];
+  list.forEach((one, i) => {
+    const isLikely = i < 2 || i === chosen || (one.probability ?? 1) >= UNLIKELY;
+    (isLikely ? likely : others).push(card(one, i, i === chosen, ground, onChoose));
+  });
+  const rest = h("details", { class: "less-likely" },
+    h("summary", {}, `${many(others.length, "place")} of less than 1 %`),
+    h("ol", { class: "alternatives" }, ...others));
+  return h("div", {}, h("ol", { class: "alternatives" }, ...likely), others.length > 0 ? rest : null);
+}
+
+/** Which alternative holds: a person's choice, or the first one where the clip is aligned. */
+export function chosenOf(clip: Clip): number | null {
+  if (clip.choice) return clip.choice.alternative;
+  return clip.state === "aligned" ? 0 : null;
+}
+
+function card(
+  one: Alternative,
+  index: number,
+  isChosen: boolean,
+  ground: Ground,
+  onChoose: ((index: number, button: HTMLButtonElement) => void) | null,
+): HTMLElement {
+  const name = `Place ${index + 1}`;
+  const { x_m, y_m, yaw_rad } = one.map_from_clip;
+  const plan = planAt(ground, one.map_from_clip, `${name} on the plan`, null);
+  const bar = h("meter", { min: 0, max: 1, value: one.probability ?? 0, "aria-label": `Probability of ${name}` });
+  const kind = index === 0 ? "primary" : "";
+  const button = h("button", { type: "button", class: kind, disabled: isChosen }, isChosen ? "Chosen" : "Choose this");
+  button.setAttribute("aria-label", isChosen ? `${name} is chosen` : `Choose ${name.toLowerCase()}`);
+  button.addEventListener("click", () => onChoose?.(index, button));
+  return h("li", { class: isChosen ? "card chosen" : "card", "data-alternative": index },
+    h("figure", {}, plan.element,
+      h("figcaption", {},
+        h("p", { class: "row between" },
+          h("strong", {}, name), h("span", { class: "figure" }, percent(one.probability))),
+        bar,
+        h("dl", { class: "facts small" },
+          h("dt", {}, "Position"), h("dd", {}, `${x_m.toFixed(2)}, ${y_m.toFixed(2)} m`),
+          h("dt", {}, "Turn"), h("dd", {}, degrees(yaw_rad)),
+          h("dt", {}, "Loss"), h("dd", {}, metres(one.loss_m)),
+          h("dt", {}, "Hits on walls"), h("dd", {}, percent(one.inliers)),
+          ...freeSpace(one)),
+        onChoose || isChosen ? button : null)));
+}
+
+function freeSpace({ free_space }: Alternative): HTMLElement[] {
+  if (!free_space) return [];
+  return [
+    h("dt", {}, "Rays through walls"), h("dd", {}, percent(free_space.blocked_rays)),
+    h("dt", {}, "Hits on free floor"), h("dd", {}, percent(free_space.hits_on_floor)),
+  ];
+}

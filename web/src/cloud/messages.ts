@@ -1,0 +1,16 @@
+// What the page and its worker tell each other.
+
+import type { Points } from "./ply.ts";
+
+/** The page asks for the first address that is there. */
+export interface Ask {
+  urls: string[];
+}
+
+export type Told =
+  | { what: "begin"; count: number; hasClips: boolean }
+  | { what: "points"; at: number; points: Points }
+  | { what: "end" }
+  /** Nothing at any of the addresses. */
+  | { what: "nothing" }
+  | { what: "failed"; message: string };

@@ -1,0 +1,100 @@
+// Points on the graphics card, filled while they arrive.
+
+import * as THREE from "three";
+import type { Ask, Told } from "./messages.ts";
+import { emptyPoints, type Points } from "./ply.ts";
+
+declare const POINTS_WORKER: string;
+
+export interface Arrival {
+  begun(cloud: Cloud): void;
+  grown(cloud: Cloud): void;
+  ended(cloud: Cloud): void;
+  /** There are no points yet. */
+  nothing(): void;
+  failed(message: string): void;
+}
+
+/** A cloud that knows how much of itself is there. */
+export class Cloud {
+  readonly geometry = new THREE.BufferGeometry();
+  shown = 0;
+  /** Where each piece that arrived begins and how many points it has; within it points are scattered. */
+  private readonly pieces: { start: number; count: number }[] = [];
+  private readonly points: Points;
+  private readonly attributes: { attribute: THREE.BufferAttribute; of: keyof Points; width: number }[];
+
+  constructor(
+    readonly count: number,
+    readonly hasClips: boolean,
+  ) {
+    this.points = emptyPoints(count);
+    const { position, tint, kind, normal } = this.points;
+    this.attributes = [
+      { attribute: new THREE.BufferAttribute(position, 3), of: "position", width: 3 },
+      { attribute: new THREE.BufferAttribute(tint, 4, true), of: "tint", width: 4 },
+      { attribute: new THREE.BufferAttribute(kind, 4), of: "kind", width: 4 },
+      { attribute: new THREE.BufferAttribute(normal, 4, true), of: "normal", width: 4 },
+    ];
+    for (const { attribute, of } of this.attributes) {
+      this.geometry.setAttribute(of === "normal" ? "shade" : of, attribute);
+    }
+  }
+
+  add(at: number, more: Points): void {
+    for (const { attribute, of, width } of this.attributes) {
+      this.points[of].set(more[of], at * width);
+      attribute.addUpdateRange(at * width, more[of].length);
+      attribute.needsUpdate = true;
+    }
+    const count = more.position.length / 3;
+    this.pieces.push({ start: at, count });
+    this.shown = at + count;
+  }
+
+  /** Draws next what lies between two shares of every piece: 0 and 1 are all, 0 and 0.1 an even tenth. */
+  select(from: number, to: number): void {
+    this.geometry.clearGroups();
+    if (from <= 0 && to >= 1) return this.geometry.addGroup(0, this.shown, 0);
+    for (const { start, count } of this.pieces) {
+      const [first, last] = [Math.floor(count * from), Math.floor(count * to)];
+      if (last > first) this.geometry.addGroup(start + first, last - first, 0);
+    }
+  }
+
+  /** Every point's x, y, z in metres, and its class and clip as [`Points`] has them. */
+  get raw(): Points {
+    return this.points;
+  }
+}
+
+/** Loads the first of the addresses that has points. */
+export function load(urls: string[], arrival: Arrival, signal: AbortSignal): void {
+  if (signal.aborted) return;
+  const worker = new Worker(POINTS_WORKER, { type: "module" });
+  const stop = () => worker.terminate();
+  signal.addEventListener("abort", stop, { once: true });
+  let cloud: Cloud | null = null;
+  worker.onmessage = ({ data }: MessageEvent<Told>) => {
+    if (data.what === "begin") {
+      cloud = new Cloud(data.count, data.hasClips);
+      arrival.begun(cloud);
+    } else if (data.what === "points" && cloud) {
+      cloud.add(data.at, data.points);
+      arrival.grown(cloud);
+    } else if (data.what === "nothing") {
+      arrival.nothing();
+    } else if (data.what === "failed") {
+      arrival.failed(data.message);
+    } else if (data.what === "end" && cloud) {
+      arrival.ended(cloud);
+    }
+    if (data.what === "end" || data.what === "nothing" || data.what === "failed") stop();
+  };
+  worker.onerror = () => {
+    arrival.failed("The points could not be read in this browser.");
+    stop();
+  };
+  const ask: Ask = { urls };
+  worker.postMessage(ask);
+}

@@ -1,0 +1,69 @@
+// What lies between the points: the LiDAR map on the floor, camera paths, boxes around objects.
+
+import * as THREE from "three";
+import { corners } from "../frames.ts";
+import type { PictureFrame, Thing } from "../types.ts";
+import type { Rgb } from "./colours.ts";
+
+/** Below the floor's own points, so that they do not flicker. */
+const FLOOR_Z_M = -0.04;
+
+export function floorOf(canvas: HTMLCanvasElement, frame: PictureFrame): THREE.Mesh {
+  const [width, height] = [frame.width_px / frame.px_per_m, frame.height_px / frame.px_per_m];
+  const texture = new THREE.CanvasTexture(canvas);
+  texture.colorSpace = THREE.SRGBColorSpace;
+  texture.anisotropy = 4;
+  const material = new THREE.MeshBasicMaterial({
+    map: texture, transparent: true, depthWrite: false, side: THREE.DoubleSide,
+  });
+  const mesh = new THREE.Mesh(new THREE.PlaneGeometry(width, height), material);
+  mesh.position.set(frame.corner_m[0] + width / 2, frame.corner_m[1] - height / 2, FLOOR_Z_M);
+  mesh.renderOrder = -1;
+  return mesh;
+}
+
+function lines(places: number[], [red, green, blue]: Rgb, depthTest: boolean): THREE.LineSegments {
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.Float32BufferAttribute(places, 3));
+  const color = new THREE.Color().setRGB(red / 255, green / 255, blue / 255, THREE.SRGBColorSpace);
+  return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color, depthTest }));
+}
+
+/** A camera's way, seen through walls too, with a cross where it began and a plumb line to the floor. */
+export function pathOf(places_m: [number, number, number][], colour: Rgb): THREE.LineSegments {
+  const segments: number[] = [];
+  for (let i = 1; i < places_m.length; i++) segments.push(...(places_m[i - 1] ?? []), ...(places_m[i] ?? []));
+  const [first] = places_m;
+  if (first) {
+    const [x, y, z] = first;
+    for (const [u, v] of [[0.12, 0], [-0.12, 0], [0, 0.12], [0, -0.12]] as const) {
+      segments.push(x, y, z, x + u, y + v, z);
+    }
+    segments.push(x, y, z, x, y, 0);
+  }
+  return lines(segments, colour, false);
+}
+
+/** The twelve edges of an object's box. */
+export function boxOf(thing: Thing, colour: Rgb): THREE.LineSegments {
+  const base = corners(thing.centre_m, thing.size_m, thing.yaw_rad);
+  const [low, high] = [thing.centre_m[2] - thing.size_m[2] / 2, thing.centre_m[2] + thing.size_m[2] / 2];
+  const segments: number[] = [];
+  base.forEach(([x, y], i) => {
+    const [u, v] = base[(i + 1) % 4] ?? [x, y];
+    segments.push(x, y, low, u, v, low, x, y, high, u, v, high, x, y, low, x, y, high);
+  });
+  return lines(segments, colour, true);
+}
+
+/** Gives back what the graphics card holds for everything below. */
+export function release(group: THREE.Object3D): void {
+  group.traverse((object) => {
+    if (!(object instanceof THREE.Mesh || object instanceof THREE.LineSegments)) return;
+    object.geometry.dispose();
+    const material = object.material as THREE.MeshBasicMaterial;
+    material.map?.dispose();
+    material.dispose();
+  });
+  group.clear();
+}

@@ -1,0 +1,215 @@
+// The three-dimensional stage: a camera one can walk around with by mouse, touch and keys, and pictures that are
+// drawn only when something changed.
+
+import * as THREE from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { h } from "../dom.ts";
+
+/** A frame that takes longer draws fewer points the next time, and one that takes less more. */
+const SLOW_MS = 33;
+const FAST_MS = 24;
+/** Frames that are further apart were not waited for. */
+const PAUSE_MS = 1000;
+/** How many points a frame begins with, before it is known what this machine can do. */
+const FIRST_BUDGET = 150_000;
+const LEAST_BUDGET = 15_000;
+/** A picture that stands still is complete after so many frames at the most. */
+const MOST_FRAMES = 30;
+/** The picture is completed when nothing moved for so long. */
+const SETTLED_MS = 120;
+
+export interface Moment {
+  camera: THREE.PerspectiveCamera;
+  width: number;
+  height: number;
+}
+
+/** A cloud that can be drawn in parts, each of which is an even sample of the whole. */
+export interface Parts {
+  count(): number;
+  /** Draws next the part between two shares; `focal_px` is a metre's size at one metre. */
+  select(from: number, to: number, focal_px: number, isRough: boolean): void;
+}
+
+export class Stage {
+  readonly element: HTMLElement;
+  /** Drawn first, and whole. */
+  readonly shapes = new THREE.Scene();
+  /** Drawn over the shapes, as many points in a frame as this machine can. */
+  readonly cloud = new THREE.Scene();
+  /** Drawn last, over everything. */
+  readonly marks = new THREE.Scene();
+  parts: Parts | null = null;
+  readonly camera = new THREE.PerspectiveCamera(50, 1, 0.05, 500);
+  /** Told after each frame, to lay names over it. */
+  onDrawn: (moment: Moment) => void = () => {};
+  private readonly renderer: THREE.WebGLRenderer;
+  private readonly controls: OrbitControls;
+  private asked = 0;
+  private settling = 0;
+  private isMoving = false;
+  private lastFrame_ms = 0;
+  private budget = FIRST_BUDGET;
+  /** The share of the cloud that the picture has; what is there stays until something changes. */
+  private done = 0;
+  private isStale = true;
+  /** What to look at as soon as the stage has a size. */
+  private pending: { box: THREE.Box3; from: "corner" | "above" } | null = null;
+
+  constructor(label: string, signal: AbortSignal) {
+    this.renderer = new THREE.WebGLRenderer({
+      antialias: false, alpha: true, preserveDrawingBuffer: true, powerPreference: "high-performance",
+    });
+    this.renderer.autoClear = false;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    const canvas = this.renderer.domElement;
+    canvas.tabIndex = 0;
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", label);
+    this.element = h("div", { class: "stage-3d" }, canvas);
+    this.camera.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.maxPolarAngle = Math.PI * 0.495;
+    this.controls.minDistance = 0.3;
+    this.controls.zoomToCursor = true;
+    this.controls.addEventListener("change", () => this.move());
+    canvas.addEventListener("keydown", (event) => this.onKey(event), { signal });
+    const sizes = new ResizeObserver(() => this.resize());
+    sizes.observe(this.element);
+    signal.addEventListener("abort", () => {
+      sizes.disconnect();
+      cancelAnimationFrame(this.asked);
+      clearTimeout(this.settling);
+      this.controls.dispose();
+      this.renderer.dispose();
+      this.renderer.forceContextLoss();
+    });
+  }
+
+  /** Draws afresh, soon. */
+  draw(): void {
+    this.isStale = true;
+    this.ask();
+  }
+
+  private ask(): void {
+    if (!this.asked) this.asked = requestAnimationFrame((now) => this.frame(now));
+  }
+
+  /** Looks at a box from a corner above it, or straight down. */
+  look(box: THREE.Box3, from: "corner" | "above" = "corner"): void {
+    if (box.isEmpty()) return;
+    const { width, height } = this.size();
+    if (width === 0 || height === 0) {
+      this.pending = { box, from };
+      return;
+    }
+    this.camera.aspect = width / height;
+    const sphere = box.getBoundingSphere(new THREE.Sphere());
+    const direction =
+      from === "above" ? new THREE.Vector3(0, -0.001, 1) : new THREE.Vector3(-0.55, -0.85, 0.95);
+    // The narrower side of the stage decides how far away everything fits.
+    const half = THREE.MathUtils.degToRad(this.camera.fov / 2);
+    const narrow = Math.atan(Math.tan(half) * Math.min(1, this.camera.aspect));
+    const distance = (Math.max(0.5, sphere.radius) / Math.sin(narrow)) * 0.86;
+    this.controls.target.copy(sphere.center);
+    this.camera.position.copy(sphere.center).addScaledVector(direction.normalize(), distance);
+    this.camera.near = distance / 500;
+    this.camera.far = distance * 20;
+    this.camera.updateProjectionMatrix();
+    this.controls.maxDistance = distance * 6;
+    this.controls.update();
+    this.draw();
+  }
+
+  private move(): void {
+    this.isMoving = true;
+    clearTimeout(this.settling);
+    this.settling = window.setTimeout(() => {
+      this.isMoving = false;
+      if (this.done < 1) this.draw();
+    }, SETTLED_MS);
+    this.draw();
+  }
+
+  /** Draws as much as fits into a frame, and asks for the next one while something is left. */
+  private frame(now: number): void {
+    this.asked = 0;
+    const { width, height } = this.size();
+    if (width === 0 || height === 0) return;
+    this.adapt(now);
+    const ratio = this.renderer.getPixelRatio();
+    if (this.isStale) {
+      this.isStale = false;
+      this.done = 0;
+      this.renderer.clear();
+      this.renderer.render(this.shapes, this.camera);
+      this.onDrawn({ camera: this.camera, width, height });
+    }
+    const count = this.parts?.count() ?? 0;
+    const until = count > 0 ? Math.min(1, this.done + this.budget / count) : 1;
+    const focal_px = (height * ratio) / (2 * Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2)));
+    this.parts?.select(this.done, until, focal_px, this.isMoving);
+    this.renderer.render(this.cloud, this.camera);
+    this.renderer.render(this.marks, this.camera);
+    this.done = until;
+    // A view that moves is drawn afresh anyway.
+    if (this.done < 1 && !this.isMoving) this.ask();
+    this.element.dataset.done = String(this.done);
+  }
+
+  /** Learns from the time since the frame before what this machine can draw. */
+  private adapt(now: number): void {
+    const took = now - this.lastFrame_ms;
+    this.lastFrame_ms = now;
+    if (took > PAUSE_MS) return;
+    const count = this.parts?.count() ?? 0;
+    const least = this.isMoving ? LEAST_BUDGET : Math.max(LEAST_BUDGET, count / MOST_FRAMES);
+    if (took > SLOW_MS) this.budget = Math.max(least, this.budget * Math.max(0.3, SLOW_MS / took));
+    else if (took < FAST_MS && this.budget < count) this.budget *= 1.4;
+  }
+
+  private size(): { width: number; height: number } {
+    return { width: this.element.clientWidth, height: this.element.clientHeight };
+  }
+
+  private resize(): void {
+    const { width, height } = this.size();
+    if (width === 0 || height === 0) return;
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.renderer.setSize(width, height);
+    if (this.pending) this.look(this.pending.box, this.pending.from);
+    this.pending = null;
+    this.draw();
+  }
+
+  private onKey(event: KeyboardEvent): void {
+    const step = event.shiftKey ? 0.05 : 0.12;
+    const turns: Record<string, [number, number]> = {
+      ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step], ArrowDown: [0, step],
+    };
+    const walks: Record<string, [number, number]> = { a: [-1, 0], d: [1, 0], w: [0, 1], s: [0, -1] };
+    const zooms: Record<string, number> = { "+": 0.85, "=": 0.85, "-": 1 / 0.85 };
+    const [turn, walk, zoom] = [turns[event.key], walks[event.key.toLowerCase()], zooms[event.key]];
+    if (event.ctrlKey || event.metaKey || event.altKey || !(turn || walk || zoom)) return;
+    event.preventDefault();
+    const arm = this.camera.position.clone().sub(this.controls.target);
+    if (turn) {
+      const around = new THREE.Spherical().setFromVector3(new THREE.Vector3(arm.x, arm.z, -arm.y));
+      around.theta += turn[0];
+      around.phi = THREE.MathUtils.clamp(around.phi + turn[1], 0.001, Math.PI * 0.495);
+      const turned = new THREE.Vector3().setFromSpherical(around);
+      arm.set(turned.x, -turned.z, turned.y);
+    }
+    if (zoom) arm.multiplyScalar(zoom);
+    if (walk) {
+      const ahead = new THREE.Vector3(-arm.x, -arm.y, 0).normalize().multiplyScalar(arm.length() * 0.06);
+      const aside = new THREE.Vector3(ahead.y, -ahead.x, 0);
+      this.controls.target.addScaledVector(ahead, walk[1]).addScaledVector(aside, walk[0]);
+    }
+    this.camera.position.copy(this.controls.target).add(arm);
+    this.controls.update();
+    this.move();
+  }
+}

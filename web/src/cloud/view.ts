@@ -1,0 +1,137 @@
+// A cloud of points with everything around it, in three dimensions.
+
+import * as THREE from "three";
+import type { PictureFrame, Thing } from "../types.ts";
+import { type Colouring, type Rgb, rgb } from "./colours.ts";
+import { PointMaterial } from "./material.ts";
+import { type Name, Names } from "./names.ts";
+import type { Cloud } from "./points.ts";
+import { boxOf, floorOf, pathOf, release } from "./shapes.ts";
+import { Stage } from "./stage.ts";
+
+export interface Path {
+  places_m: [number, number, number][];
+  colour: Rgb;
+}
+
+/** Points are drawn at most so much wider where few are drawn. */
+const MAX_GROWTH = 3;
+
+export class CloudView {
+  readonly element: HTMLElement;
+  private readonly stage: Stage;
+  private readonly material = new PointMaterial();
+  private readonly names = new Names();
+  private readonly floor = new THREE.Group();
+  private readonly paths = new THREE.Group();
+  private readonly boxes = new THREE.Group();
+  private points: THREE.Points | null = null;
+  private bounds = new THREE.Box3();
+  private isFramed = false;
+
+  constructor(label: string, signal: AbortSignal) {
+    this.stage = new Stage(label, signal);
+    this.element = this.stage.element;
+    this.element.append(this.names.element);
+    this.stage.shapes.add(this.floor, this.boxes);
+    this.stage.marks.add(this.paths);
+    this.stage.onDrawn = (moment) => this.names.place(moment);
+    signal.addEventListener("abort", () => {
+      for (const group of [this.floor, this.paths, this.boxes]) release(group);
+      this.points?.geometry.dispose();
+      this.material.dispose();
+    });
+  }
+
+  /** Shows a cloud whose points may still be coming; `voxel_m` is how far apart they are. */
+  setCloud(cloud: Cloud, voxel_m: number): void {
+    this.clear();
+    this.points = new THREE.Points(cloud.geometry, [this.material.material]);
+    this.points.frustumCulled = false;
+    this.stage.cloud.add(this.points);
+    this.stage.parts = {
+      count: () => (this.points?.visible ? cloud.shown : 0),
+      select: (from, to, focal_px, isRough) => {
+        cloud.select(from, to);
+        // Slightly more than a voxel, so that surfaces close; fewer points are larger.
+        const growth = isRough ? Math.min(MAX_GROWTH, Math.sqrt(1 / (to - from))) : 1;
+        this.material.size_px_m = focal_px * voxel_m * 1.25 * growth;
+      },
+    };
+    this.draw();
+  }
+
+  /** Shows no cloud any more. */
+  clear(): void {
+    if (!this.points) return;
+    this.stage.parts = null;
+    this.stage.cloud.remove(this.points);
+    this.points.geometry.dispose();
+    this.points = null;
+    this.draw();
+  }
+
+  setColouring(colouring: Colouring): void {
+    this.material.colouring = colouring;
+    this.draw();
+  }
+
+  setClass(id: number, colour: string, isShown: boolean): void {
+    this.material.classes.set(id, rgb(colour), isShown);
+    this.draw();
+  }
+
+  setClip(index: number, colour: Rgb, isShown: boolean): void {
+    this.material.clips.set(index, colour, isShown);
+    this.draw();
+  }
+
+  setCut(height_m: number): void {
+    this.material.cut_m = height_m;
+    this.draw();
+  }
+
+  setFloor(canvas: HTMLCanvasElement | null, frame: PictureFrame | null): void {
+    release(this.floor);
+    if (canvas && frame) this.floor.add(floorOf(canvas, frame));
+    this.draw();
+  }
+
+  setPaths(paths: Path[]): void {
+    release(this.paths);
+    for (const { places_m, colour } of paths) this.paths.add(pathOf(places_m, colour));
+    this.draw();
+  }
+
+  setThings(things: Thing[], colourOf: (thing: Thing) => Rgb): void {
+    release(this.boxes);
+    for (const thing of things) this.boxes.add(boxOf(thing, colourOf(thing)));
+    this.draw();
+  }
+
+  setNames(names: Name[]): void {
+    this.names.set(names);
+    this.draw();
+  }
+
+  show(parts: { points: boolean; floor: boolean }): void {
+    if (this.points) this.points.visible = parts.points;
+    this.floor.visible = parts.floor;
+    this.draw();
+  }
+
+  /** What `fit` shows. It is shown at once until it is firm; then the view stays where one has moved it. */
+  setBounds(min: readonly number[], max: readonly number[], isFirm = true): void {
+    this.bounds = new THREE.Box3(new THREE.Vector3(...min), new THREE.Vector3(...max));
+    if (!this.isFramed) this.fit();
+    this.isFramed ||= isFirm;
+  }
+
+  fit(from: "corner" | "above" = "corner"): void {
+    this.stage.look(this.bounds, from);
+  }
+
+  draw(): void {
+    this.stage.draw();
+  }
+}

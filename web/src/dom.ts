@@ -1,0 +1,53 @@
+// Makes elements. Text always goes in as text, never as markup, so that no name or reason can run.
+
+export type Child = Node | string | number | null | undefined | false;
+type Value = string | number | boolean | null | undefined | ((event: never) => void);
+export type Attributes = Record<string, Value>;
+
+function fill(element: Element, attributes: Attributes, children: readonly Child[]): void {
+  for (const [name, value] of Object.entries(attributes)) set(element, name, value);
+  element.append(...children.filter(isShown).map((child) => (typeof child === "number" ? String(child) : child)));
+}
+
+function isShown(child: Child): child is Node | string | number {
+  return child !== null && child !== undefined && child !== false;
+}
+
+/** Sets an attribute; `on...` adds a listener, `true` an empty attribute, and `false` or null removes it. */
+function set(element: Element, name: string, value: Value): void {
+  if (typeof value === "function") {
+    element.addEventListener(name.slice(2), value as EventListener);
+  } else if (value === false || value === null || value === undefined) {
+    element.removeAttribute(name);
+  } else {
+    element.setAttribute(name, value === true ? "" : String(value));
+  }
+}
+
+/** An HTML element. */
+export function h<K extends keyof HTMLElementTagNameMap>(
+  tag: K,
+  attributes: Attributes = {},
+  ...children: Child[]
+): HTMLElementTagNameMap[K] {
+  const element = document.createElement(tag);
+  fill(element, attributes, children);
+  return element;
+}
+
+/** An SVG element. */
+export function s<K extends keyof SVGElementTagNameMap>(
+  tag: K,
+  attributes: Attributes = {},
+  ...children: Child[]
+): SVGElementTagNameMap[K] {
+  const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  fill(element, attributes, children);
+  return element;
+}
+
+/** Replaces what an element holds. */
+export function put(element: Element, ...children: Child[]): void {
+  element.replaceChildren();
+  fill(element, {}, children);
+}

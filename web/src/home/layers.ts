@@ -1,0 +1,82 @@
+// The switches of a home: layers, height, classes.
+
+import { RAMP, css } from "../cloud/colours.ts";
+import { h, put as fill } from "../dom.ts";
+import { onOff } from "../parts/switches.ts";
+import { count, plain } from "../words.ts";
+import type { HomeData } from "./data.ts";
+import { LAYERS, LAYER_WORDS, type Looks, put } from "./looks.ts";
+
+/** Higher than any ceiling that a phone films. */
+const MAX_CUT_M = 3;
+
+export class LayersPanel {
+  readonly element: HTMLElement;
+  private readonly classes = h("div", { class: "switches classes" });
+  private readonly both: HTMLElement;
+  private drawn = "";
+
+  constructor(
+    private readonly data: HomeData,
+    private readonly looks: Looks,
+  ) {
+    const layers = LAYERS.map((layer) =>
+      onOff(LAYER_WORDS[layer], looks.layers.has(layer), (isOn) =>
+        looks.change((looks) => put(looks.layers, layer, isOn)), { name: layer }));
+    const all = (isOn: boolean) => () => {
+      looks.change((looks) => {
+        for (const { class: name } of this.data.map?.info.classes ?? []) put(looks.hiddenClasses, name, !isOn);
+      });
+      this.draw(true);
+    };
+    this.both = h("div", { class: "row" },
+      h("button", { type: "button", class: "small", onclick: all(true) }, "All"),
+      h("button", { type: "button", class: "small", onclick: all(false) }, "None"));
+    this.element = h("div", {},
+      section("Layers", true, h("div", { class: "switches" }, ...layers), this.height()),
+      section("Classes", true, this.both, this.classes));
+    this.draw();
+  }
+
+  private height(): HTMLElement {
+    const word = h("output", {}, "off");
+    const slider = h("input", {
+      type: "range", min: 0.1, max: MAX_CUT_M, step: 0.05, value: MAX_CUT_M, "aria-label": "Cut at height",
+    });
+    slider.addEventListener("input", () => {
+      const value = Number(slider.value);
+      word.textContent = value >= MAX_CUT_M ? "off" : `${value.toFixed(2)} m`;
+      slider.setAttribute("aria-valuetext", word.textContent);
+      this.looks.change((looks) => {
+        looks.cut_m = value >= MAX_CUT_M ? null : value;
+      });
+    });
+    return h("label", { class: "slider" }, h("span", {}, "Cut at height"), word, slider);
+  }
+
+  /** Draws the classes again when the map has others. */
+  draw(isForced = false): void {
+    const classes = [...(this.data.map?.info.classes ?? [])].sort((a, b) => b.points - a.points);
+    const drawn = JSON.stringify(classes);
+    if (drawn === this.drawn && !isForced) return;
+    this.drawn = drawn;
+    this.both.hidden = classes.length === 0;
+    if (classes.length === 0) return fill(this.classes, h("p", { class: "hint" }, "They come with the first points."));
+    fill(this.classes, ...classes.map(({ class: name, points }) =>
+      onOff(plain(name), !this.looks.hiddenClasses.has(name), (isOn) =>
+        this.looks.change((looks) => put(looks.hiddenClasses, name, !isOn)),
+        { colour: this.data.classNamed(name)?.color ?? "#9a9a9a", note: count(points), name })));
+  }
+}
+
+/** A part of the side that can be closed. */
+export function section(title: string, isOpen: boolean, ...children: (Node | null)[]): HTMLDetailsElement {
+  return h("details", { class: "section", open: isOpen }, h("summary", {}, title), ...children);
+}
+
+/** What the colours of probability mean. */
+export function rampLegend(): HTMLElement {
+  const bar = h("span", { class: "ramp" });
+  bar.style.background = `linear-gradient(to right, ${RAMP.map(css).join(", ")})`;
+  return h("div", { class: "legend" }, h("span", {}, "0"), bar, h("span", {}, "1"));
+}

@@ -1,0 +1,42 @@
+// What of a home is shown, and how.
+
+import type { Colouring } from "../cloud/colours.ts";
+
+export const LAYERS = ["points", "lidar", "paths", "objects", "rooms"] as const;
+export type Layer = (typeof LAYERS)[number];
+
+export const LAYER_WORDS: Record<Layer, string> = {
+  points: "Fused points",
+  lidar: "LiDAR map",
+  paths: "Camera paths",
+  objects: "Objects",
+  rooms: "Rooms",
+};
+
+export class Looks {
+  view: "3d" | "2d" = "3d";
+  colouring: Colouring = "colour";
+  readonly layers = new Set<Layer>(LAYERS);
+  /** By name. A ceiling would hide everything below it. */
+  readonly hiddenClasses = new Set<string>(["ceiling"]);
+  /** By id. */
+  readonly hiddenClips = new Set<string>();
+  /** Nothing higher is shown; null for no limit. */
+  cut_m: number | null = null;
+  private readonly listeners: (() => void)[] = [];
+
+  onChange(listen: () => void): void {
+    this.listeners.push(listen);
+  }
+
+  change(act: (looks: this) => void): void {
+    act(this);
+    for (const listen of this.listeners) listen();
+  }
+}
+
+/** Puts a thing into a set or takes it out. */
+export function put<T>(set: Set<T>, thing: T, isIn: boolean): void {
+  if (isIn) set.add(thing);
+  else set.delete(thing);
+}

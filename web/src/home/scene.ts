@@ -1,0 +1,234 @@
+// Draws what is known of a home, as its looks say, in two or in three dimensions.
+
+import { homePath } from "../api.ts";
+import { rgb, type Rgb } from "../cloud/colours.ts";
+import { type Cloud, load } from "../cloud/points.ts";
+import type { Name } from "../cloud/names.ts";
+import { CloudView } from "../cloud/view.ts";
+import { h } from "../dom.ts";
+import { around, type Box2, type Point2 } from "../frames.ts";
+import { addressOf, inkOf } from "../paper.ts";
+import { alarm, messageOf, say } from "../parts/notices.ts";
+import * as shapes from "../plan/shapes.ts";
+import { PlanView } from "../plan/view.ts";
+import { isDark, onTheme } from "../theme.ts";
+import { percent, plain } from "../words.ts";
+import type { HomeData } from "./data.ts";
+import type { Looks } from "./looks.ts";
+import { TopView } from "./top.ts";
+
+/** While points arrive, they are drawn so often. */
+const REDRAW_MS = 250;
+
+export class HomeScene {
+  readonly element: HTMLElement;
+  private readonly plan: PlanView;
+  /** Null in a browser that cannot draw in three dimensions. */
+  private readonly cloudView: CloudView | null;
+  private readonly top: TopView;
+  private cloud: Cloud | null = null;
+  private drawn = "";
+  private revision = "";
+  private picture = "";
+  /** The newest drawing of the picture; an older one that comes late is dropped. */
+  private drawing = 0;
+  private loading = new AbortController();
+
+  constructor(
+    private readonly data: HomeData,
+    private readonly looks: Looks,
+    private readonly onStatus: (text: string) => void,
+    private readonly signal: AbortSignal,
+  ) {
+    this.plan = new PlanView("The home from above. Arrow keys move, plus and minus magnify, 0 shows all.", signal);
+    this.cloudView = cloudViewOrNot(signal);
+    if (!this.cloudView) looks.view = "2d";
+    this.top = new TopView(this.plan, signal);
+    this.element = h("div", { class: "views" }, this.cloudView?.element, this.plan.element);
+    looks.onChange(() => this.apply());
+    onTheme(() => void this.drawPicture(), signal);
+    signal.addEventListener("abort", () => this.loading.abort());
+    this.update();
+  }
+
+  get is3dThere(): boolean {
+    return this.cloudView !== null;
+  }
+
+  fit(from: "corner" | "above" = "corner"): void {
+    if (this.looks.view === "3d") this.cloudView?.fit(from);
+    else this.plan.fit();
+  }
+
+  /** Draws what has changed. */
+  update(): void {
+    const { drawn } = this.data;
+    if (drawn === this.drawn) return;
+    this.drawn = drawn;
+    const { map, lidar } = this.data;
+    const bounds = this.bounds();
+    if (bounds) this.plan.setBounds(bounds);
+    const [low, high] = [map?.info.min_m, map?.info.max_m];
+    if (low && high) this.cloudView?.setBounds(low, high);
+    else if (bounds && !map) this.cloudView?.setBounds([...bounds.min, 0], [...bounds.max, 1.5], false);
+    const picture = String(lidar?.revision);
+    if (picture !== this.picture) {
+      this.picture = picture;
+      void this.drawPicture();
+    }
+    const revision = map ? `${map.revision} ${map.created_at}` : "";
+    if (revision !== this.revision) {
+      this.revision = revision;
+      this.loadPoints();
+    }
+    this.apply();
+  }
+
+  private bounds(): Box2 | null {
+    const { map, lidar } = this.data;
+    const ends = [lidar?.info.min_m, lidar?.info.max_m, map?.info.min_m, map?.info.max_m].filter((end) => !!end);
+    return around(ends.map((end) => [end[0] ?? NaN, end[1] ?? NaN] as const));
+  }
+
+  private async drawPicture(): Promise<void> {
+    const { lidar, home } = this.data;
+    if (!lidar) return;
+    const drawing = ++this.drawing;
+    const ink = isDark() ? "dark" : "light";
+    try {
+      const canvas = await inkOf(homePath(home.id, "lidar-map", "image.png"), ink === "dark", this.signal);
+      const address = await addressOf(canvas);
+      if (this.signal.aborted || drawing !== this.drawing) return URL.revokeObjectURL(address);
+      this.element.dataset.ink = ink;
+      const old = this.plan.element.querySelector("image.picture")?.getAttribute("href");
+      this.plan.setPicture(address, lidar.image);
+      if (old) URL.revokeObjectURL(old);
+      this.cloudView?.setFloor(canvas, lidar.image);
+      this.signal.addEventListener("abort", () => URL.revokeObjectURL(address), { once: true });
+    } catch (error) {
+      if (!this.signal.aborted) alarm(`The LiDAR map's picture: ${messageOf(error)}`);
+    }
+  }
+
+  private loadPoints(): void {
+    this.loading.abort();
+    this.loading = new AbortController();
+    const { map, home } = this.data;
+    if (!map) {
+      this.cloudView?.clear();
+      this.cloud = null;
+      return this.onStatus("");
+    }
+    const urls = [homePath(home.id, "map", "points?format=ply")];
+    let drawn_ms = 0;
+    const grown = (cloud: Cloud) => {
+      this.onStatus(cloud.shown < cloud.count ? `Points ${percent(cloud.shown / cloud.count)}` : "");
+      // Each picture begins afresh, so that not every piece makes one.
+      if (cloud.shown < cloud.count && performance.now() - drawn_ms < REDRAW_MS) return;
+      drawn_ms = performance.now();
+      this.cloudView?.draw();
+    };
+    load(urls, {
+      begun: (cloud) => {
+        this.cloud = cloud;
+        this.cloudView?.setCloud(cloud, map.info.voxel_m);
+        this.apply();
+        grown(cloud);
+      },
+      grown,
+      ended: (cloud) => {
+        grown(cloud);
+        this.apply();
+        this.element.dataset.points = String(cloud.shown);
+        this.element.dataset.revision = String(map.revision);
+      },
+      nothing: () => this.onStatus(""),
+      failed: (message) => {
+        this.onStatus("");
+        alarm(`The points: ${message}`);
+      },
+    }, this.loading.signal);
+  }
+
+  private apply(): void {
+    const { looks, data } = this;
+    const is3d = looks.view === "3d";
+    if (this.cloudView) this.cloudView.element.hidden = !is3d;
+    this.plan.element.style.display = is3d ? "none" : "";
+    this.element.dataset.colouring = looks.colouring;
+    if (is3d && this.cloudView) this.applyTo3d(this.cloudView);
+    else this.applyTo2d();
+    this.top.draw(this.cloud, data, looks);
+  }
+
+  private ways() {
+    const { looks, data } = this;
+    const clips = looks.layers.has("paths") ? data.clips.filter((clip) => !looks.hiddenClips.has(clip.id)) : [];
+    return clips.map((clip) => ({ clip, places_m: data.pathOf(clip), colour: data.colourOf(clip.id) }));
+  }
+
+  private things() {
+    const { looks, data } = this;
+    return looks.layers.has("objects") ? data.things.filter((thing) => !looks.hiddenClasses.has(thing.class)) : [];
+  }
+
+  /** Of the fused map's rooms, or of the robot's before there are any. */
+  private roomNames(): { text: string; at_m: Point2 }[] {
+    const { looks, data } = this;
+    if (!looks.layers.has("rooms")) return [];
+    const text = (room: { name: string | null; area_m2: number }) => room.name ?? `${room.area_m2.toFixed(0)} m²`;
+    if (data.rooms.length > 0) return data.rooms.map((room) => ({ text: text(room), at_m: room.label_at_m }));
+    return (data.lidar?.info.rooms ?? []).map((room) => ({ text: text(room), at_m: room.centre_m }));
+  }
+
+  private colourOf(name: string): Rgb {
+    return rgb(this.data.classNamed(name)?.color ?? "");
+  }
+
+  private applyTo3d(cloudView: CloudView): void {
+    const { looks, data } = this;
+    cloudView.setColouring(looks.colouring);
+    cloudView.setCut(looks.cut_m ?? 1e9);
+    for (const { id, name, color } of data.classes) cloudView.setClass(id, color, !looks.hiddenClasses.has(name));
+    (data.map?.clips ?? []).forEach(({ clip }, i) =>
+      cloudView.setClip(i, data.colourOf(clip), !this.cloud?.hasClips || !looks.hiddenClips.has(clip)));
+    cloudView.show({ points: looks.layers.has("points"), floor: looks.layers.has("lidar") });
+    cloudView.setPaths(this.ways().filter(({ places_m }) => places_m.length > 1));
+    const things = this.things();
+    cloudView.setThings(things, (thing) => this.colourOf(thing.class));
+    cloudView.setNames([
+      ...this.roomNames().map(({ text, at_m: [x, y] }): Name => ({ text, kind: "room", at_m: [x, y, 0] })),
+      ...things.map(({ class: name, centre_m: [x, y, z], size_m: [, , height] }): Name =>
+        ({ text: plain(name), kind: "object", at_m: [x, y, z + height / 2] })),
+    ]);
+  }
+
+  private applyTo2d(): void {
+    const { looks, data, plan } = this;
+    plan.showPicture(looks.layers.has("lidar"));
+    const rooms = looks.layers.has("rooms") ? data.rooms : [];
+    plan.setLayer("rooms", ...rooms.map(shapes.room));
+    const things = this.things();
+    plan.setLayer("things", ...things.map((thing) =>
+      shapes.thing(thing, this.colourOf(thing.class), plain(thing.class))));
+    plan.setLayer("paths", ...this.ways().flatMap(({ clip, places_m, colour }) => {
+      const pose = data.poseOf(clip);
+      const way = places_m.length > 1 ? [shapes.line(places_m.map(([x, y]) => [x, y]), colour)] : [];
+      const name = `Clip ${data.indexOf(clip.id) + 1}`;
+      return pose ? [...way, shapes.wedge(pose, colour, name)] : way;
+    }));
+    plan.setLayer("names",
+      ...this.roomNames().map(({ text, at_m }) => shapes.text(text, at_m, "room-name")),
+      ...things.map((thing) => shapes.text(plain(thing.class), [thing.centre_m[0], thing.centre_m[1]], "thing-name")));
+  }
+}
+
+function cloudViewOrNot(signal: AbortSignal): CloudView | null {
+  try {
+    return new CloudView(
+      "The home in three dimensions. Arrow keys turn, W A S D walk, plus and minus go nearer and away.", signal);
+  } catch {
+    say("This browser gives no WebGL: the home is shown from above only.");
+    return null;
+  }
+}

@@ -1,0 +1,58 @@
+// The page: a bar that stays, and below it what the address names.
+
+import { h, put } from "./dom.ts";
+import { showClip } from "./pages/clip.ts";
+import { showHome } from "./pages/home.ts";
+import { showHomes } from "./pages/homes.ts";
+import { clearNotices, messageOf, noticeBoard } from "./parts/notices.ts";
+import { parse, toHomes } from "./route.ts";
+import { themeButton } from "./theme.ts";
+import "./styles/main.css";
+
+const crumbs = h("nav", { class: "crumbs", "aria-label": "Where you are" });
+const main = h("main", { id: "main", tabindex: -1 });
+
+document.body.append(
+  h("a", { class: "skip", href: "#main", onclick: skip }, "Skip to content"),
+  h("header", { class: "bar" },
+    h("a", { class: "brand", href: toHomes() }, "viola"), crumbs,
+    h("a", { class: "quiet button", href: "/docs/" }, "API"), themeButton()),
+  main, noticeBoard(),
+);
+
+let page = new AbortController();
+
+async function show(): Promise<void> {
+  page.abort();
+  page = new AbortController();
+  const { signal } = page;
+  clearNotices();
+  main.className = "";
+  put(main, h("p", { class: "loading", role: "status" }, "Loading …"));
+  const route = parse(location.hash);
+  const place = { main, crumbs, signal };
+  try {
+    if (route.page === "homes") await showHomes(place, route.after);
+    else if (route.page === "home") await showHome(place, route.home);
+    else if (route.page === "clip") await showClip(place, route.home, route.clip);
+    else throw new Error("There is nothing at this address.");
+  } catch (error) {
+    if (signal.aborted) return;
+    put(main, h("section", { class: "empty" },
+      h("h1", {}, "This cannot be shown"), h("p", {}, messageOf(error)),
+      h("p", { class: "row" },
+        h("button", { type: "button", class: "primary", onclick: () => void show() }, "Try again"),
+        h("a", { class: "button", href: toHomes() }, "All homes"))));
+  }
+}
+
+/** The address belongs to the router, so the link moves the focus itself. */
+function skip(event: Event): void {
+  event.preventDefault();
+  main.focus();
+}
+
+addEventListener("hashchange", () => {
+  void show().then(() => main.focus({ preventScroll: true }));
+});
+void show();

@@ -1,0 +1,197 @@
+// One clip: where it is, why that is believed, and what a person may do about it.
+
+import * as api from "../api.ts";
+import { alternatives, type Ground } from "../clip/alternatives.ts";
+import { answer, recording, stages } from "../clip/facts.ts";
+import { ClipCloud } from "../clip/cloud.ts";
+import { h, put } from "../dom.ts";
+import { addressOf, inkOf } from "../paper.ts";
+import { confirm } from "../parts/dialog.ts";
+import { Followed, Repeated } from "../parts/live.ts";
+import { stateBadge } from "../parts/marks.ts";
+import { attempt, say } from "../parts/notices.ts";
+import { toHome, toHomes } from "../route.ts";
+import { isDark, onTheme } from "../theme.ts";
+import type { Clip } from "../types.ts";
+import { isUnderWay, jobWord, stateMeaning } from "../words.ts";
+import { type Place, setCrumbs } from "./page.ts";
+
+const BUSY_MS = 1500;
+const IDLE_MS = 15_000;
+
+export async function showClip(place: Place, home: string, id: string): Promise<void> {
+  const { signal } = place;
+  setCrumbs(place, [{ word: "Homes", href: toHomes() }, { word: home, href: toHome(home) }], "Clip");
+  const [first, all] = await Promise.all([api.clip(home, id, signal), api.clips(home, signal)]);
+  const number = all.findIndex((clip) => clip.id === first.id) + 1;
+  const name = number > 0 ? `Clip ${number}` : "Clip";
+  const page = new ClipPage(place, first, name);
+  await page.show();
+}
+
+class ClipPage {
+  private ground: Ground = { lidar: null, picture: null, scan: null };
+  private drawn = "";
+  private readonly head = h("div", {});
+  private readonly verdict = h("section", { class: "verdict" });
+  private readonly places = h("section", {});
+  private readonly rest = h("div", { class: "columns" });
+  private readonly pictures = h("section", {});
+  private readonly cloud: ClipCloud;
+  private readonly bar = h("progress", { max: 1, value: 0, "aria-label": "Progress" });
+  private readonly stage = h("span", { class: "hint", role: "status" });
+  private readonly repeated: Repeated;
+
+  constructor(
+    private readonly place: Place,
+    private clip: Clip,
+    private readonly name: string,
+  ) {
+    const { signal } = place;
+    this.cloud = new ClipCloud(signal);
+    const followed = new Followed(
+      (job) => {
+        this.bar.value = job.progress;
+        this.stage.textContent = jobWord(job);
+      },
+      () => this.repeated.again(),
+      signal,
+    );
+    this.repeated = new Repeated(async () => {
+      try {
+        this.clip = await api.clip(clip.home, clip.id, signal);
+        await this.draw();
+      } catch (error) {
+        if (error instanceof api.Refusal && error.status === 404) location.hash = toHome(clip.home);
+        return BUSY_MS;
+      }
+      followed.follow(isUnderWay(this.clip) && this.clip.job ? [this.clip.job] : []);
+      return isUnderWay(this.clip) ? BUSY_MS : IDLE_MS;
+    }, signal);
+  }
+
+  async show(): Promise<void> {
+    const { place, clip, name } = this;
+    setCrumbs(place, [{ word: "Homes", href: toHomes() }, { word: clip.home, href: toHome(clip.home) }], name);
+    put(place.main, h("div", { class: "page clip-page" },
+      this.head, this.verdict, this.places, this.rest, this.cloud.element, this.pictures));
+    onTheme(() => {
+      this.ground.picture = null;
+      this.drawn = "";
+      void this.draw();
+    }, place.signal);
+    await this.draw();
+    this.repeated.again();
+  }
+
+  private async draw(): Promise<void> {
+    const { job, updated_at: _, ...lasting } = this.clip;
+    if (job) this.bar.value = job.progress;
+    const drawn = JSON.stringify([lasting, job?.id]);
+    if (drawn === this.drawn) return;
+    this.drawn = drawn;
+    const { clip, name } = this;
+    put(this.head, h("div", { class: "head" },
+      h("h1", {}, name), stateBadge(clip.state), h("code", { class: "hint" }, clip.id), this.actions()));
+    this.drawVerdict();
+    put(this.rest,
+      clip.alignment && h("section", { class: "card padded" }, h("h2", {}, "Answer"), answer(clip)),
+      clip.alignment && h("section", { class: "card padded" }, h("h2", {}, "Stages"), stages(clip.alignment.seconds)),
+      h("section", { class: "card padded" }, h("h2", {}, "Recording"), recording(clip)));
+    this.drawPictures();
+    this.cloud.show(clip);
+    await this.readGround();
+    if (!this.place.signal.aborted) this.drawPlaces();
+  }
+
+  private drawVerdict(): void {
+    const { clip } = this;
+    const reasons = clip.reasons.map(({ code, detail }) =>
+      h("li", {}, detail, " ", h("code", { class: "hint" }, code)));
+    put(this.verdict,
+      isUnderWay(clip) ? h("p", { class: "progress" }, this.bar, this.stage) : null,
+      h("p", {}, clip.choice ? "A person chose its place." : stateMeaning(clip.state)),
+      reasons.length > 0 ? h("ul", { class: `reasons ${clip.state}` }, ...reasons) : null);
+  }
+
+  private actions(): HTMLElement {
+    const { clip } = this;
+    const act = (word: string, kind: string, run: () => Promise<void>) => {
+      const button = h("button", { type: "button", class: kind }, word);
+      button.addEventListener("click", () => void attempt(button, run));
+      return button;
+    };
+    const again = async () => {
+      await api.alignAgain(clip);
+      this.repeated.again();
+    };
+    const withdraw = async () => {
+      await api.withdraw(clip);
+      say("The choice is withdrawn; the clip has its own verdict again.");
+      this.repeated.again();
+    };
+    const remove = async () => {
+      const text = "Its recording, its place and its points are removed for good.";
+      if (!(await confirm(`Delete ${this.name.toLowerCase()}?`, text, "Delete clip"))) return;
+      await api.deleteClip(clip);
+      say(`${this.name} is deleted.`);
+      location.hash = toHome(clip.home);
+    };
+    return h("div", { class: "row actions" },
+      clip.choice ? act("Withdraw choice", "", withdraw) : null,
+      isUnderWay(clip) ? null : act("Align again", "", again),
+      act("Delete clip", "danger", remove));
+  }
+
+  private async readGround(): Promise<void> {
+    const { clip, ground, place: { signal } } = this;
+    try {
+      ground.lidar ??= await api.lidarMap(clip.home, signal);
+      if (clip.alignment) ground.scan ??= await api.scan(clip.home, clip.id, signal);
+      if (ground.lidar && !ground.picture) {
+        const canvas = await inkOf(api.homePath(clip.home, "lidar-map", "image.png"), isDark(), signal);
+        const address = await addressOf(canvas);
+        signal.addEventListener("abort", () => URL.revokeObjectURL(address), { once: true });
+        ground.picture = address;
+      }
+    } catch (error) {
+      // The plan only helps to see; without it the figures remain.
+      if (!signal.aborted) console.warn(error);
+    }
+  }
+
+  private drawPlaces(): void {
+    const { clip, ground } = this;
+    const list = clip.alignment?.alternatives ?? [];
+    if (list.length === 0) return put(this.places);
+    const choose = (index: number, button: HTMLButtonElement) =>
+      void attempt(button, async () => {
+        await api.choose(clip, index);
+        say(`Place ${index + 1} is chosen; the map is made again.`);
+        this.repeated.again();
+      });
+    const title = list.length === 1 ? "The place" : `${list.length} places that explain it`;
+    put(this.places, h("h2", {}, title), alternatives(clip, ground, isUnderWay(clip) ? null : choose));
+  }
+
+  private drawPictures(): void {
+    const { clip } = this;
+    if (!clip.alignment) return put(this.pictures);
+    const picture = (name: string, title: string, alt: string) => {
+      const address = `${api.clipPath(clip, name)}?job=${clip.job?.id ?? ""}`;
+      const image = h("img", { class: "paper", src: address, alt, loading: "lazy" });
+      const caption = h("figcaption", {}, title);
+      const figure = h("figure", { class: "card picture" }, h("a", { href: address }, image), caption);
+      // Not every answer has every picture.
+      image.addEventListener("error", () => figure.remove());
+      return figure;
+    };
+    put(this.pictures, h("h2", {}, "Pictures"), h("div", { class: "pictures" },
+      picture("overlay.png", "Hits over the LiDAR map: green on walls, red off them, orange the other places",
+        "The clip's hit points over the LiDAR map"),
+      clip.alignment.completion
+        ? picture("completion.png", "What was filled in where the clip left doubt",
+            "The views that were filled in, and the plan before and after")
+        : null));
+  }
+}

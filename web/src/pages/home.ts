@@ -1,0 +1,142 @@
+// One home: its map, its clips, and what is put into it.
+
+import { deleteHome } from "../api.ts";
+import { COLOURING_WORDS, COLOURINGS } from "../cloud/colours.ts";
+import { h, put } from "../dom.ts";
+import { ClipsPanel } from "../home/clips.ts";
+import { HomeData } from "../home/data.ts";
+import { LayersPanel, rampLegend, section } from "../home/layers.ts";
+import { Looks } from "../home/looks.ts";
+import { HomeScene } from "../home/scene.ts";
+import { confirm } from "../parts/dialog.ts";
+import { Followed, Repeated } from "../parts/live.ts";
+import { attempt, say } from "../parts/notices.ts";
+import { oneOf } from "../parts/switches.ts";
+import { toHomes } from "../route.ts";
+import { UploadPanel } from "../upload/panel.ts";
+import { count, isUnderWay, many, percent } from "../words.ts";
+import { type Place, setCrumbs } from "./page.ts";
+
+const BUSY_MS = 1500;
+const IDLE_MS = 10_000;
+/** A new map is looked for so often in a row; then it is no longer expected every moment. */
+const MOST_WAITS = 40;
+
+export async function showHome(place: Place, id: string): Promise<void> {
+  setCrumbs(place, [{ word: "Homes", href: toHomes() }], id);
+  const { signal } = place;
+  const data = await HomeData.load(id, signal);
+  if (signal.aborted) return;
+  setCrumbs(place, [{ word: "Homes", href: toHomes() }], data.home.name || id);
+  const looks = new Looks();
+  if (!data.map) looks.view = "2d";
+  const status = h("p", { class: "stage-status", role: "status" });
+  const facts = h("p", { class: "stage-facts" });
+  const empty = h("div", { class: "stage-empty" });
+  const scene = new HomeScene(data, looks, (text) => (status.textContent = text), signal);
+  const clips = new ClipsPanel(data, looks, () => repeated.again());
+  const layers = new LayersPanel(data, looks);
+  const upload = new UploadPanel(id, () => repeated.again(), signal);
+
+  const describe = () => {
+    const { map, lidar } = data;
+    const seen = data.seen === null ? "" : ` · explains ${percent(data.seen)} of the LiDAR map`;
+    facts.textContent = map
+      ? `Map ${map.revision} · ${count(map.info.points)} points · ${many(map.clips.length, "clip")}${seen}`
+      : "";
+    put(empty, ...(map ? [] : emptyStage(!!lidar, data.clips.length, data.clips.some(isUnderWay))));
+    empty.hidden = map !== null || (looks.view === "2d" && lidar !== null && data.clips.length > 0);
+  };
+  looks.onChange(describe);
+  let waited = 0;
+  const followed = new Followed(
+    (job) => {
+      const clip = data.clips.find((clip) => clip.job?.id === job.id);
+      if (clip?.state === "queued" && job.state === "running") repeated.again();
+      if (clip) clips.progress(clip.id, job);
+    },
+    () => repeated.again(),
+    signal,
+  );
+  const repeated = new Repeated(async () => {
+    try {
+      await data.refresh(signal);
+      if (signal.aborted) return IDLE_MS;
+      status.classList.remove("bad");
+      if (status.dataset.lost) delete status.dataset.lost, (status.textContent = "");
+      clips.draw();
+      layers.draw();
+      scene.update();
+      describe();
+    } catch (error) {
+      if (signal.aborted) return IDLE_MS;
+      status.classList.add("bad");
+      status.dataset.lost = "yes";
+      status.textContent = error instanceof Error ? error.message : String(error);
+      return BUSY_MS;
+    }
+    const jobs = data.clips.filter(isUnderWay).flatMap((clip) => (clip.job ? [clip.job] : []));
+    followed.follow(jobs.sort((a, b) => Number(b.state === "running") - Number(a.state === "running")));
+    waited = isMapDue(data) ? waited + 1 : 0;
+    return jobs.length > 0 || (waited > 0 && waited < MOST_WAITS) ? BUSY_MS : IDLE_MS;
+  }, signal);
+
+  const legend = rampLegend();
+  legend.hidden = true;
+  looks.onChange(() => (legend.hidden = looks.colouring !== "probability"));
+  const top = h("button", { type: "button", class: "tool", title: "Look from above" }, "Top");
+  top.addEventListener("click", () => scene.fit("above"));
+  looks.onChange(() => (top.hidden = looks.view === "2d"));
+  top.hidden = looks.view === "2d";
+  const toolbar = h("div", { class: "toolbar" },
+    oneOf("view", "View", scene.is3dThere ? [["3d", "3D"], ["2d", "2D"]] : [["2d", "2D"]], looks.view, (view) =>
+      looks.change((looks) => (looks.view = view))),
+    oneOf("colouring", "Colour points by", COLOURINGS.map((name) => [name, COLOURING_WORDS[name]]), looks.colouring,
+      (colouring) => looks.change((looks) => (looks.colouring = colouring))),
+    h("button", { type: "button", class: "tool", onclick: () => scene.fit(), title: "Show all" }, "Fit"),
+    top, legend);
+  const remove = h("button", { type: "button", class: "danger quiet" }, "Delete home");
+  remove.addEventListener("click", () => void removeHome(data, remove));
+  put(place.main,
+    h("section", { class: "stage", "aria-label": "Map" }, scene.element, empty, toolbar, status, facts),
+    h("aside", { class: "side", "aria-label": "Clips and layers" },
+      h("h1", {}, data.home.name || id),
+      upload.element,
+      section("Clips", true, clips.element),
+      layers.element,
+      h("p", { class: "row end" }, remove)));
+  place.main.className = "home-page";
+  describe();
+  repeated.again();
+}
+
+/** A change of the set of aligned clips makes a new map a moment later. */
+function isMapDue({ clips, map }: HomeData): boolean {
+  const aligned = clips.filter((clip) => clip.state === "aligned").map((clip) => clip.id).sort();
+  const fused = (map?.clips ?? []).filter((clip) => clip.by !== "neighbours").map((clip) => clip.clip).sort();
+  return aligned.join() !== fused.join();
+}
+
+function emptyStage(hasLidar: boolean, clips: number, isBusy: boolean): HTMLElement[] {
+  const isBare = clips === 0 && !hasLidar;
+  const title = isBusy ? "The clips are being aligned" : isBare ? "This home is empty" : "No fused map yet";
+  const advice = isBusy
+    ? "The map appears here as soon as the first clip has found its place."
+    : !hasLidar
+      ? "Drop the LiDAR map of the robot vacuum on this page: Valetudo JSON, a zip of a ROS map, CSV or PLY points."
+      : clips === 0
+        ? "Drop clips on this page: zips of RGB-D recordings."
+        : "No clip has a certain place. Open a clip to see why, or to choose its place yourself.";
+  return [h("h2", {}, title), h("p", {}, advice)];
+}
+
+async function removeHome(data: HomeData, button: HTMLButtonElement): Promise<void> {
+  const { home, clips } = data;
+  const text = `The LiDAR map, ${many(clips.length, "clip")} and everything made of them are removed for good.`;
+  if (!(await confirm(`Delete ${home.name || home.id}?`, text, "Delete home"))) return;
+  await attempt(button, async () => {
+    await deleteHome(home.id);
+    say(`${home.name || home.id} is deleted.`);
+    location.hash = toHomes();
+  });
+}

@@ -1,0 +1,38 @@
+// Questions that must be answered before anything happens. The browser's own dialogs keep the focus inside, and
+// close on Escape.
+
+import { type Child, h } from "../dom.ts";
+
+export interface Option<T> {
+  word: string;
+  value: T;
+  kind?: "primary" | "danger";
+}
+
+/** The chosen value; null when the question was closed. The first option has the focus. */
+export function ask<T>(title: string, text: Child, options: Option<T>[]): Promise<T | null> {
+  return new Promise((resolve) => {
+    const heading = h("h2", { id: "question" }, title);
+    const buttons = options.map(({ word, kind }, i) =>
+      h("button", { type: "submit", value: String(i), class: kind ?? "", autofocus: i === 0 }, word),
+    );
+    const form = h("form", { method: "dialog" }, heading, h("p", {}, text), h("div", { class: "row end" }, ...buttons));
+    const dialog = h("dialog", { "aria-labelledby": "question" }, form);
+    dialog.addEventListener("close", () => {
+      dialog.remove();
+      const option = dialog.returnValue === "" ? undefined : options[Number(dialog.returnValue)];
+      resolve(option ? option.value : null);
+    });
+    document.body.append(dialog);
+    dialog.showModal();
+  });
+}
+
+/** Whether it shall really be done. */
+export async function confirm(title: string, text: Child, word: string): Promise<boolean> {
+  const answer = await ask(title, text, [
+    { word: "Cancel", value: false },
+    { word, value: true, kind: "danger" },
+  ]);
+  return answer === true;
+}

@@ -1,0 +1,47 @@
+// What went wrong, and what just happened, said once and to screen readers too.
+
+import { h } from "../dom.ts";
+
+const SHOWN_MS = 6000;
+
+const said = h("div", { class: "said", role: "status", "aria-live": "polite" });
+const alarms = h("div", { class: "alarms", role: "alert" });
+
+export function noticeBoard(): HTMLElement {
+  return h("div", { class: "notices" }, said, alarms);
+}
+
+/** Something happened; it goes away by itself. */
+export function say(text: string): void {
+  const note = h("p", { class: "toast" }, text);
+  said.append(note);
+  setTimeout(() => note.remove(), SHOWN_MS);
+}
+
+/** Something failed; it stays until it is closed. */
+export function alarm(text: string): void {
+  const close = h("button", { type: "button", class: "quiet icon", "aria-label": "Dismiss" }, "✕");
+  const note = h("p", { class: "toast bad" }, h("span", {}, text), close);
+  close.addEventListener("click", () => note.remove());
+  alarms.append(note);
+}
+
+export function clearNotices(): void {
+  alarms.replaceChildren();
+}
+
+export function messageOf(error: unknown): string {
+  return error instanceof Error ? error.message : String(error);
+}
+
+/** Runs what a button does: the button rests meanwhile, and a failure is told. */
+export async function attempt(button: HTMLButtonElement | null, act: () => Promise<void>): Promise<void> {
+  if (button) button.disabled = true;
+  try {
+    await act();
+  } catch (error) {
+    alarm(messageOf(error));
+  } finally {
+    if (button) button.disabled = false;
+  }
+}

@@ -1,0 +1,177 @@
+// A home from above: the LiDAR map's picture and what lies on it, to be moved and magnified by mouse, touch and
+// keys. One unit of the drawing is a centimetre; y is turned so that it goes up.
+
+import { s } from "../dom.ts";
+import type { Box2, Point2 } from "../frames.ts";
+import type { PictureFrame } from "../types.ts";
+
+const UNITS = 100;
+
+/** A point of the map's frame in the drawing. */
+export function at([x, y]: Point2): string {
+  return `${(x * UNITS).toFixed(1)},${(-y * UNITS).toFixed(1)}`;
+}
+
+interface Window {
+  x: number;
+  y: number;
+  width: number;
+  height: number;
+}
+
+export class PlanView {
+  readonly element: SVGSVGElement;
+  private readonly points = s("image", { class: "points", preserveAspectRatio: "none" });
+  private readonly picture = s("image", { class: "picture", preserveAspectRatio: "none" });
+  private readonly layers = new Map<string, SVGGElement>();
+  private home: Window = { x: 0, y: 0, width: 100, height: 100 };
+  private window: Window = this.home;
+  private readonly fingers = new Map<number, { x: number; y: number }>();
+
+  /** A drawing that stays as it is when `signal` is null. */
+  constructor(label: string, signal: AbortSignal | null) {
+    this.element = s("svg", { class: "plan", role: "img", "aria-label": label });
+    this.element.append(this.picture, this.points);
+    if (!signal) return;
+    this.element.classList.add("movable");
+    this.element.setAttribute("tabindex", "0");
+    const on = <K extends keyof SVGElementEventMap>(name: K, listen: (event: SVGElementEventMap[K]) => void) =>
+      this.element.addEventListener(name, listen, { signal, passive: false });
+    on("wheel", (event) => {
+      event.preventDefault();
+      this.zoom(Math.exp(event.deltaY * 0.0015), event.clientX, event.clientY);
+    });
+    on("pointerdown", (event) => {
+      this.element.setPointerCapture(event.pointerId);
+      this.fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    });
+    on("pointermove", (event) => this.drag(event));
+    on("pointerup", (event) => this.fingers.delete(event.pointerId));
+    on("pointercancel", (event) => this.fingers.delete(event.pointerId));
+    on("keydown", (event) => this.onKey(event));
+    const sizes = new ResizeObserver(() => this.apply());
+    sizes.observe(this.element);
+    signal.addEventListener("abort", () => sizes.disconnect());
+  }
+
+  setPicture(address: string | null, frame: PictureFrame | null): void {
+    lay(this.picture, address, frame);
+  }
+
+  /** A picture of points, over the other. */
+  setPoints(address: string | null, frame: PictureFrame | null): void {
+    lay(this.points, address, frame);
+  }
+
+  showPicture(isShown: boolean): void {
+    this.picture.style.display = isShown ? "" : "none";
+  }
+
+  /** Replaces a layer; layers lie over each other in the order in which they were first set. */
+  setLayer(name: string, ...shapes: SVGElement[]): void {
+    let layer = this.layers.get(name);
+    if (!layer) {
+      layer = s("g", { class: name });
+      this.layers.set(name, layer);
+      this.element.append(layer);
+    }
+    layer.replaceChildren(...shapes);
+  }
+
+  /** What is shown when nothing was moved. */
+  setBounds({ min, max }: Box2, margin_m = 0.3): void {
+    const before = this.home;
+    this.home = {
+      x: (min[0] - margin_m) * UNITS,
+      y: -(max[1] + margin_m) * UNITS,
+      width: Math.max(1, max[0] - min[0] + 2 * margin_m) * UNITS,
+      height: Math.max(1, max[1] - min[1] + 2 * margin_m) * UNITS,
+    };
+    if (this.window === before) this.fit();
+  }
+
+  fit(): void {
+    this.window = this.home;
+    this.apply();
+  }
+
+  private apply(): void {
+    const { x, y, width, height } = this.window;
+    this.element.setAttribute("viewBox", `${x} ${y} ${width} ${height}`);
+    const perPixel = this.perPixel();
+    // Texts keep their size on the screen.
+    this.element.style.setProperty("--unit", String(perPixel));
+  }
+
+  /** Units of the drawing for one pixel of the screen. */
+  private perPixel(): number {
+    const { width, height } = this.window;
+    const box = this.element.getBoundingClientRect();
+    if (box.width === 0 || box.height === 0) return width / 600;
+    return Math.max(width / box.width, height / box.height);
+  }
+
+  private zoom(factor: number, clientX?: number, clientY?: number): void {
+    const { x, y, width, height } = this.window;
+    const bound = this.home.width * 4;
+    const scale = Math.min(Math.max(width * factor, 50), bound) / width;
+    const box = this.element.getBoundingClientRect();
+    const perPixel = this.perPixel();
+    const [dx, dy] = [
+      ((clientX ?? box.x + box.width / 2) - box.x - box.width / 2) * perPixel,
+      ((clientY ?? box.y + box.height / 2) - box.y - box.height / 2) * perPixel,
+    ];
+    const middle = { x: x + width / 2 + dx, y: y + height / 2 + dy };
+    this.window = {
+      x: middle.x - dx * scale - (width * scale) / 2,
+      y: middle.y - dy * scale - (height * scale) / 2,
+      width: width * scale,
+      height: height * scale,
+    };
+    this.apply();
+  }
+
+  private pan(dx_px: number, dy_px: number): void {
+    const perPixel = this.perPixel();
+    this.window = { ...this.window, x: this.window.x - dx_px * perPixel, y: this.window.y - dy_px * perPixel };
+    this.apply();
+  }
+
+  private drag(event: PointerEvent): void {
+    const before = this.fingers.get(event.pointerId);
+    if (!before) return;
+    const now = { x: event.clientX, y: event.clientY };
+    const other = [...this.fingers].find(([id]) => id !== event.pointerId)?.[1];
+    this.fingers.set(event.pointerId, now);
+    if (!other) return this.pan(now.x - before.x, now.y - before.y);
+    const spread = (finger: { x: number; y: number }) => Math.hypot(finger.x - other.x, finger.y - other.y);
+    this.zoom(spread(before) / Math.max(1, spread(now)), (now.x + other.x) / 2, (now.y + other.y) / 2);
+    this.pan((now.x - before.x) / 2, (now.y - before.y) / 2);
+  }
+
+  private onKey(event: KeyboardEvent): void {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const pans: Record<string, [number, number]> = {
+      ArrowLeft: [60, 0], ArrowRight: [-60, 0], ArrowUp: [0, 60], ArrowDown: [0, -60],
+    };
+    const pan = pans[event.key];
+    if (pan) this.pan(...pan);
+    else if (event.key === "+" || event.key === "=") this.zoom(0.8);
+    else if (event.key === "-") this.zoom(1.25);
+    else if (event.key === "0") this.fit();
+    else return;
+    event.preventDefault();
+  }
+}
+
+function lay(image: SVGImageElement, address: string | null, frame: PictureFrame | null): void {
+  if (!address || !frame) return image.removeAttribute("href");
+  const attributes = {
+    href: address,
+    x: frame.corner_m[0] * UNITS,
+    y: -frame.corner_m[1] * UNITS,
+    width: (frame.width_px / frame.px_per_m) * UNITS,
+    height: (frame.height_px / frame.px_per_m) * UNITS,
+  };
+  for (const [name, value] of Object.entries(attributes)) image.setAttribute(name, String(value));
+}

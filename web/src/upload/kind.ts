@@ -1,0 +1,30 @@
+// What a dropped file is: a clip, or a LiDAR map. The service finds the format by content; only where the file
+// goes is decided here.
+
+export type Kind = "clip" | "map";
+
+/** Zips list their files at the end, by plain names. */
+const TAIL_BYTES = 1 << 18;
+
+/** Decides by the name; zips hold both, and null says that one must look inside. */
+export function kindOfName(name: string): Kind | null {
+  const ending = name.toLowerCase().split(".").pop() ?? "";
+  if (["json", "yaml", "yml", "csv", "ply", "pgm", "png", "txt", "xyz"].includes(ending)) return "map";
+  return null;
+}
+
+/** Decides by the names in a zip's list; null when they say nothing. */
+export function kindOfZip(tail: Uint8Array): Kind | null {
+  const text = new TextDecoder("latin1").decode(tail);
+  if (/(depth|color|colour|rgb|frame|pose)[^/\\]*[/\\.\-_0-9]/i.test(text)) return "clip";
+  if (/\.(ya?ml|pgm)/i.test(text)) return "map";
+  return null;
+}
+
+/** Null when the person must say. */
+export async function kindOf(file: File): Promise<Kind | null> {
+  const byName = kindOfName(file.name);
+  if (byName) return byName;
+  const tail = file.slice(Math.max(0, file.size - TAIL_BYTES));
+  return kindOfZip(new Uint8Array(await tail.arrayBuffer()));
+}

@@ -1,0 +1,76 @@
+// What a person does to the page, and what one would feel.
+
+/** Drops files in the middle of the page. */
+export async function dropFiles(page, files) {
+  const encoded = files.map(({ name, bytes }) => ({ name, base64: bytes.toString("base64") }));
+  await page.evaluate((files) => {
+    const data = new DataTransfer();
+    for (const { name, base64 } of files) {
+      data.items.add(new File([Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0))], name));
+    }
+    const target = document.querySelector("main");
+    for (const type of ["dragenter", "dragover", "drop"]) {
+      target.dispatchEvent(new DragEvent(type, { dataTransfer: data, bubbles: true, cancelable: true }));
+    }
+  }, encoded);
+}
+
+/** Writes down which bars of progress and which stages are shown from now on. */
+export async function recordProgress(page) {
+  await page.evaluate(() => {
+    const seen = { uploads: [], stages: [] };
+    globalThis.progressSeen = seen;
+    const note = (list, text) => text && !list.includes(text) && list.push(text);
+    new MutationObserver(() => {
+      const bars = document.querySelectorAll(".uploads progress");
+      for (const bar of bars) note(seen.uploads, bar.getAttribute("aria-label"));
+      for (const stage of document.querySelectorAll(".clip .progress .hint")) note(seen.stages, stage.textContent);
+    }).observe(document.body, { childList: true, subtree: true, characterData: true });
+  });
+}
+
+/**
+ * How long inputs wait from the device to the end of their handlers, in milliseconds, and the frames that were shown
+ * meanwhile. The time stamp of an event is when the browser got it.
+ */
+export async function measureInput(page, act) {
+  await page.evaluate(() => {
+    const seen = { inputs: 0, slowest_ms: 0, slowest: "", frames: 0, longest_frame_ms: 0, begun: performance.now() };
+    globalThis.inputSeen = seen;
+    const note = (event) => {
+      // A message to oneself comes after every handler of the event.
+      const channel = new MessageChannel();
+      channel.port1.onmessage = () => {
+        const waited = performance.now() - event.timeStamp;
+        seen.inputs += 1;
+        if (waited > seen.slowest_ms) [seen.slowest_ms, seen.slowest] = [Math.round(waited), event.type];
+      };
+      channel.port2.postMessage(null);
+    };
+    for (const type of ["pointerdown", "pointermove", "pointerup", "click", "change", "keydown"]) {
+      addEventListener(type, note, { capture: true });
+    }
+    let last = performance.now();
+    const frame = () => {
+      const now = performance.now();
+      seen.longest_frame_ms = Math.max(seen.longest_frame_ms, Math.round(now - last));
+      seen.frames += 1;
+      last = now;
+      if (globalThis.inputSeen) requestAnimationFrame(frame);
+    };
+    requestAnimationFrame(frame);
+  });
+  await act();
+  return page.evaluate(async () => {
+    for (let frame = 0; frame < 2; frame++) await new Promise(requestAnimationFrame);
+    const { begun, ...seen } = globalThis.inputSeen;
+    globalThis.inputSeen = null;
+    return { ...seen, frames_per_s: Number(((1000 * seen.frames) / (performance.now() - begun)).toFixed(1)) };
+  });
+}
+
+export async function boxOf(locator) {
+  const box = await locator.boundingBox();
+  if (!box) throw new Error("what should be seen is not there");
+  return box;
+}

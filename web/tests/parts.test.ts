@@ -1,0 +1,107 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { explanation } from "../src/api.ts";
+import { clipColour, RAMP, rgb } from "../src/cloud/colours.ts";
+import { emptyPoints } from "../src/cloud/ply.ts";
+import { around, corners, place } from "../src/frames.ts";
+import { takePaper } from "../src/paper.ts";
+import { frameOf, fromAbove, ramped } from "../src/plan/raster.ts";
+import { parse, toClip, toHome, toHomes } from "../src/route.ts";
+import { kindOfName, kindOfZip } from "../src/upload/kind.ts";
+import { bytes, percent, plain, seconds } from "../src/words.ts";
+
+const close = (a: readonly number[], b: readonly number[]) =>
+  assert.ok(a.length === b.length && a.every((value, i) => Math.abs(value - (b[i] ?? NaN)) < 1e-9), `${a} is not ${b}`);
+
+test("addresses are read as they are written", () => {
+  for (const home of ["flat-3", "a/b", "ä ö", "100%", "#?&"]) {
+    assert.deepEqual(parse(toHome(home)), { page: "home", home });
+    assert.deepEqual(parse(toClip(home, "c")), { page: "clip", home, clip: "c" });
+  }
+  assert.deepEqual(parse(""), { page: "homes", after: null });
+  assert.deepEqual(parse(toHomes("a=b&c")), { page: "homes", after: "a=b&c" });
+  for (const hash of ["#/x", "#/homes", "#/homes/a/b", "#/homes/a/clips/b/c", "#/homes/%"]) {
+    assert.deepEqual(parse(hash), { page: "nowhere" }, hash);
+  }
+});
+
+test("a clip's points are turned, then moved", () => {
+  close(place({ x_m: 2, y_m: 3, yaw_rad: Math.PI / 2 }, [1, 0]), [2, 4]);
+  const box = corners([1, 1, 0], [2, 4, 1], Math.PI / 2);
+  close(around(box)?.min ?? [], [-1, 0]);
+  close(around(box)?.max ?? [], [3, 2]);
+  assert.equal(around([]), null);
+});
+
+test("colours are told apart", () => {
+  assert.deepEqual(rgb("#0a10ff"), [10, 16, 255]);
+  assert.deepEqual(rgb("red"), [154, 154, 154]);
+  const first = Array.from({ length: 24 }, (_, i) => clipColour(i).join());
+  assert.equal(new Set(first).size, 24);
+  assert.deepEqual([ramped(0), ramped(1), ramped(-1)], [RAMP[0], RAMP.at(-1), RAMP[0]]);
+});
+
+test("paper is taken away and ink keeps its look on white", () => {
+  const inks = [[255, 255, 255], [52, 58, 64], [219, 234, 254], [0, 0, 0]];
+  const pixels = new Uint8ClampedArray(inks.flatMap((ink) => [...ink, 255]));
+  takePaper(pixels, false);
+  assert.deepEqual([pixels[3], pixels[15]], [0, 255]);
+  inks.forEach((ink, i) => ink.forEach((value, channel) => {
+    const opacity = (pixels[4 * i + 3] ?? 0) / 255;
+    const onWhite = (pixels[4 * i + channel] ?? 0) * opacity + 255 * (1 - opacity);
+    assert.ok(Math.abs(onWhite - value) < 3, `${ink} became ${onWhite}`);
+  }));
+  const dark = new Uint8ClampedArray([0, 0, 0, 255]);
+  takePaper(dark, true);
+  assert.deepEqual([...dark], [255, 255, 255, 255]);
+});
+
+test("from above the highest shown point is seen", () => {
+  const points = emptyPoints(3);
+  // Two over each other, one beside them; classes 1, 2 and 1.
+  points.position.set([0, 0, 0.1, 0, 0, 2, 1, 1, 0.1]);
+  points.kind.set([1, 255, 0, 0, 2, 255, 0, 0, 1, 0, 0, 0]);
+  const frame = frameOf({ min: [0, 0], max: [1, 1] }, 0.1);
+  const shown = {
+    colouring: "class" as const, cut_m: Infinity,
+    classes: new Map([[1, [1, 1, 1] as [number, number, number]], [2, [2, 2, 2] as [number, number, number]]]),
+    clips: new Map([[0, [3, 3, 3] as [number, number, number]]]),
+  };
+  const at = (pixels: Uint8ClampedArray) =>
+    [0, 1].flatMap((i) => pixels.filter((_, at) => at % 4 === 0 && pixels[at + 3] === 255)[i] ?? []);
+  // Rows go down: the point at y = 1 comes first.
+  assert.deepEqual(at(fromAbove(points, 3, frame, shown)), [1, 2]);
+  assert.deepEqual(at(fromAbove(points, 3, frame, { ...shown, cut_m: 1 })), [1, 1]);
+  const hidden = { ...shown, classes: new Map([...shown.classes].filter(([id]) => id === 1)) };
+  assert.deepEqual(at(fromAbove(points, 3, frame, hidden)), [1, 1]);
+  assert.deepEqual(at(fromAbove(points, 3, frame, { ...shown, colouring: "clip" })), [3, 3]);
+  assert.deepEqual(at(fromAbove(points, 3, frame, { ...shown, clips: new Map() })), []);
+});
+
+test("files are sorted by name and, zips, by what they list", () => {
+  for (const name of ["valetudo.json", "MAP.YAML", "points.csv", "a.b.ply"]) assert.equal(kindOfName(name), "map");
+  for (const name of ["clip.zip", "clip", "recording.r3d"]) assert.equal(kindOfName(name), null);
+  const entry = (name: string) => `PK\u0001\u0002....${name}`;
+  const zip = (...names: string[]) => new TextEncoder().encode(names.map(entry).join(""));
+  assert.equal(kindOfZip(zip("color/0.jpg", "depth/0.png", "pose/0.txt")), "clip");
+  assert.equal(kindOfZip(zip("frame-000000.color.png")), "clip");
+  assert.equal(kindOfZip(zip("map.yaml", "map.pgm")), "map");
+  assert.equal(kindOfZip(zip("notes.txt")), null);
+});
+
+test("a refusal is told in the service's own words", () => {
+  assert.equal(explanation(413, '{"title":"Too large","detail":"at most 1 GiB"}'), "at most 1 GiB");
+  assert.equal(explanation(413, '{"title":"Too large"}'), "Too large");
+  assert.equal(explanation(502, "<html>"), "The service answered with status 502.");
+  assert.equal(explanation(0, ""), "The service does not answer.");
+});
+
+test("figures are short and never say more than is known", () => {
+  const shares: [number | null, string][] = [
+    [null, "–"], [0, "0 %"], [0.001, "< 1 %"], [0.634, "63 %"], [0.9997, "> 99 %"], [1, "100 %"],
+  ];
+  for (const [share, text] of shares) assert.equal(percent(share), text);
+  assert.deepEqual([bytes(999), bytes(4_200_000), bytes(2e9)], ["999 B", "4.2 MB", "2.00 GB"]);
+  assert.deepEqual([seconds(0.0021), seconds(0.34), seconds(12.34)], ["2 ms", "0.34 s", "12.3 s"]);
+  assert.equal(plain("washing_machine"), "Washing machine");
+});
