@@ -17,6 +17,7 @@ mod list;
 mod map;
 mod page;
 mod problems;
+mod reply;
 mod request_log;
 mod server;
 

@@ -11,17 +11,17 @@ mod points;
 mod share;
 
 pub use assemble::{
-    AssembleParams, Assembly, CLIP_AT, Extent, Level, Manifest, Member, NeighbourParams, Overlap, OverlapParams,
-    POINT_BYTES, Pair, PlacedBy, PlacedClip, SettleParams, Tile, TileBytes, TileInfo, TileKey, Verdict, assemble,
-    disagreement, point_bytes, read_point,
+    AssembleParams, Assembly, CLIP_AT, Extent, Level, Manifest, Member, NeighbourParams, Overlap,
+    OverlapParams, POINT_BYTES, Pair, PlacedBy, PlacedClip, SettleParams, Tile, TileBytes, TileInfo, TileKey,
+    Verdict, assemble, disagreement, point_bytes, read_point,
 };
 pub use completion::{completion_png, completion_pngs};
 pub use info::{ClassCount, HomeMapInfo};
 pub use lettering::write as write_words;
 pub use map_point::MapPoint;
 pub use picture::{PictureFrame, lidar_png, overlay_png};
-pub use points::{ClipNumbers, Glb, Ply, PointFilter};
 pub use ply::{NotOurs, cloud_ply, read_cloud_ply};
+pub use points::{ClipNumbers, Glb, Ply, PointFilter};
 pub use share::{ClipScan, ScanCamera, Share, read_views, views_bytes};
 
 /// Side of the map's voxels: that of the clips.

@@ -66,7 +66,8 @@ async fn map_of(client: &Client, home: &str, clips: usize) -> (Value, Vec<u8>) {
     let map = eventually("the map is merged", || async {
         let answer = client.get(&format!("{home}/map")).await;
         let map = (answer.status == 200).then(|| answer.json())?;
-        (map["clips"].as_array().unwrap().len() == clips && map["left_out"] == serde_json::json!([])).then_some(map)
+        (map["clips"].as_array().unwrap().len() == clips && map["left_out"] == serde_json::json!([]))
+            .then_some(map)
     })
     .await;
     let mut poses = map["clips"].clone();

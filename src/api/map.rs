@@ -1,7 +1,6 @@
 //! `/v1/homes/{home}/map`
 
 mod points;
-pub(super) mod reply;
 
 pub(super) use points::{__path_get_map_points, get_map_points};
 
@@ -10,12 +9,12 @@ use super::error::Error;
 use super::extract::{HomePath, Query};
 use super::list::{List, ListQuery};
 use super::problems::CommonProblems;
+use super::reply::{tag_of, unless_known};
 use crate::storage::{HomeId, HomeMap, LeftOut};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
-use reply::{tag_of, unless_known};
 use serde::{Deserialize, Serialize};
 
 /// A revision of a home's map, and what is not in it

@@ -2,7 +2,7 @@
 
 use super::App;
 use super::error::Error;
-use super::map::reply::unless_known;
+use super::reply::unless_known;
 use axum::extract::Path;
 use axum::extract::rejection::PathRejection;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, header};

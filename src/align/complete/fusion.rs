@@ -95,7 +95,13 @@ mod tests {
     use super::*;
 
     fn point(x: f32, y: f32, z: f32) -> CloudPoint {
-        CloudPoint { position_m: [x, y, z], normal: [0.0, 0.0, 1.0], color: [0; 3], label: Label::NONE, weight: 1 }
+        CloudPoint {
+            position_m: [x, y, z],
+            normal: [0.0, 0.0, 1.0],
+            color: [0; 3],
+            label: Label::NONE,
+            weight: 1,
+        }
     }
 
     #[test]

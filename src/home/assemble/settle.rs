@@ -198,8 +198,11 @@ mod tests {
         let clips: Vec<Held> = poses.iter().map(|pose| held(*pose, 0.05)).collect();
         let between = |a: usize, b: usize| sure(poses[b].inverse() * poses[a], 1e5);
         let (ab, ac, bc) = (between(0, 1), between(0, 2), between(1, 2));
-        let ties =
-            [Tie { a: 0, b: 1, overlap: &ab }, Tie { a: 0, b: 2, overlap: &ac }, Tie { a: 1, b: 2, overlap: &bc }];
+        let ties = [
+            Tie { a: 0, b: 1, overlap: &ab },
+            Tie { a: 0, b: 2, overlap: &ac },
+            Tie { a: 1, b: 2, overlap: &bc },
+        ];
         let settled = settle(&clips, &ties, &SettleParams::default()).unwrap();
         assert!(distance_m(&settled, &poses[0]) < 1e-9);
         // Moved away from it, strong ties to two clips that stay bring it back.
@@ -214,7 +217,8 @@ mod tests {
 
     #[test]
     fn what_a_person_chose_stays_in_the_plane() {
-        let clips = [Held { covariance: None, ..held(pose(1.0, 2.0, 0.5), 0.1) }, held(pose(2.0, 2.0, 0.5), 0.1)];
+        let clips =
+            [Held { covariance: None, ..held(pose(1.0, 2.0, 0.5), 0.1) }, held(pose(2.0, 2.0, 0.5), 0.1)];
         let overlap = sure(Pose3::identity(), 1e8);
         let ties = [Tie { a: 0, b: 1, overlap: &overlap }];
         let settled = settle(&clips, &ties, &SettleParams::default()).unwrap();

@@ -23,9 +23,8 @@ pub(super) fn rebuild<E>(
     let mut dirty: BTreeSet<TileKey> = BTreeSet::new();
     for (member, clip) in &mut clips {
         let old = last.clips.iter().find(|old| old.share == clip.share);
-        let moved = old.is_none_or(|old| {
-            old.in_space() != clip.in_space() || old.recorded_at_ms != clip.recorded_at_ms
-        });
+        let moved = old
+            .is_none_or(|old| old.in_space() != clip.in_space() || old.recorded_at_ms != clip.recorded_at_ms);
         if let Some(old) = old.filter(|_| !moved) {
             clip.tiles.clone_from(&old.tiles);
             continue;
@@ -37,7 +36,8 @@ pub(super) fn rebuild<E>(
     let gone = last.clips.iter().filter(|old| !clips.iter().any(|(_, clip)| clip.share == old.share));
     dirty.extend(gone.flat_map(|old| &old.tiles));
 
-    let mut voxels: BTreeMap<TileKey, Voxels> = dirty.iter().map(|key| (*key, Voxels::new(MAP_VOXEL_M))).collect();
+    let mut voxels: BTreeMap<TileKey, Voxels> =
+        dirty.iter().map(|key| (*key, Voxels::new(MAP_VOXEL_M))).collect();
     for (number, (member, clip)) in clips.iter().enumerate() {
         if clip.tiles.iter().any(|key| dirty.contains(key)) {
             let points = placed_points(&*shelf.get(member)?, &clip.in_space(), &dirty);
