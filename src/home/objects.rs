@@ -5,6 +5,7 @@
 //! points are called and from how large things of that class are.
 
 mod cells;
+mod context;
 pub(super) mod fit;
 mod fragment;
 mod join;
@@ -12,7 +13,7 @@ mod kind;
 mod split;
 
 pub use fit::{UprightBox, fit_box};
-pub use kind::{Kind, is_furniture, kind};
+pub use kind::is_furniture;
 
 use super::map_point::MapPoint;
 use super::rooms::{Room, room_at};
@@ -51,7 +52,7 @@ impl Default for ObjectsParams {
             reach: 2,
             min_surface_m2: 0.12,
             min_side_m: 0.25,
-            min_confidence: 0.2,
+            min_confidence: 0.35,
             room_reach_m: 1.0,
             clip_share: 0.05,
             join: join::JoinParams::default(),
@@ -108,6 +109,7 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
     let split = joined.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
     let mut found: Vec<Found> =
         split.filter_map(|f| finish(&f, &cells, points, rooms, wall_yaw_rad, params)).collect();
+    context::tell_nightstands(&mut found);
     let place = |found: &Found| found.object.centre_m;
     found.sort_by(|a, b| {
         let class = a.object.class.id().cmp(&b.object.class.id());
@@ -144,11 +146,15 @@ fn finish(
     let mut bounds = fit_box(&at, wall_yaw_rad, fit::BEYOND)?;
     // Points are in the middle of the surface's voxels.
     bounds.size_m = bounds.size_m.map(|side| side.max(params.voxel_m));
-    let decided = fragment.decide(&bounds)?;
+    let decided = fragment.decide(&bounds, fragment::flatness(fragment, cells))?;
     if decided.kind.stands && bounds.bottom_m() < decided.reaches_down_m {
         let top_m = bounds.top_m();
         bounds.size_m[2] = top_m;
         bounds.centre_m[2] = top_m / 2.0;
+    }
+    if decided.class == Class::Sink && bounds.size_m[2] > kind::BASIN_M {
+        bounds.centre_m[2] = bounds.top_m() - kind::BASIN_M / 2.0;
+        bounds.size_m[2] = kind::BASIN_M;
     }
     let longest_m = bounds.size_m.iter().copied().fold(0.0, f64::max);
     if longest_m < params.min_side_m || decided.confidence < params.min_confidence {

@@ -108,6 +108,20 @@ impl Cells {
         later.filter_map(move |[dx, dy, dz]| self.of_key.get(&pack([x + dx, y + dy, z + dz])?).copied())
     }
 
+    /// The cells beside this one, along axes and diagonals.
+    pub fn around(&self, cell: usize) -> impl Iterator<Item = u32> + '_ {
+        let [x, y, z] = unpack(self.keys[cell]);
+        let keys =
+            (0..27).filter(|i| *i != 13).map(move |i| [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]);
+        keys.filter_map(|key| self.of_key.get(&pack(key)?).copied())
+    }
+
+    /// The mean normal of a cell's points; none where they cancel out.
+    pub fn normal(&self, cell: usize) -> Option<[f32; 3]> {
+        let n = nalgebra::Vector3::from(self.normals[cell]).try_normalize(1e-6)?;
+        Some([n.x, n.y, n.z])
+    }
+
     /// What each cell is: the vote of its points and of the cells around it on the same surface. None where nothing
     /// was said. With its share of the votes.
     pub fn labels(&self) -> Vec<Option<(Class, f32)>> {

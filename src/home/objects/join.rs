@@ -3,7 +3,7 @@
 use super::cells::Cells;
 use super::fit::{BEYOND, UprightBox, fit_box};
 use super::fragment::Fragment;
-use super::kind::{confusable, host_of, kind};
+use super::kind::{confusable, host_of, is_solid, kind};
 use crate::taxonomy::Class;
 
 /// When two fragments are one thing.
@@ -15,13 +15,15 @@ pub struct JoinParams {
     pub inside_share: f64,
     /// The box is grown by this for that.
     pub grow_m: f64,
+    /// A fragment with this share of its cells beside those of a larger one is a part of it.
+    pub touch_share: f64,
     /// Fragments of one class this near are one thing if things of the class are that large.
     pub gap_m: f64,
 }
 
 impl Default for JoinParams {
     fn default() -> Self {
-        JoinParams { min_cells: 5, inside_share: 0.6, grow_m: 0.06, gap_m: 0.25 }
+        JoinParams { min_cells: 5, inside_share: 0.6, grow_m: 0.06, touch_share: 0.25, gap_m: 0.25 }
     }
 }
 
@@ -53,7 +55,7 @@ pub fn join(
             size.then(a.fragment.cells[0].cmp(&b.fragment.cells[0]))
         });
         for small in parts {
-            let host = kept.iter().position(|large| belongs(large, &small, wall_yaw_rad, params));
+            let host = kept.iter().position(|large| belongs(large, &small, cells, wall_yaw_rad, params));
             match host {
                 Some(at) => {
                     let host = &mut kept[at];
@@ -73,7 +75,13 @@ pub fn join(
     }
 }
 
-fn belongs(large: &Part, small: &Part, wall_yaw_rad: Option<f64>, params: &JoinParams) -> bool {
+fn belongs(
+    large: &Part,
+    small: &Part,
+    cells: &Cells,
+    wall_yaw_rad: Option<f64>,
+    params: &JoinParams,
+) -> bool {
     let (a, b) = (large.fragment.class, small.fragment.class);
     let is_guest = host_of(b).is_some_and(|hosts| hosts.contains(&a));
     if !is_guest && !confusable(a, b) {
@@ -88,6 +96,16 @@ fn belongs(large: &Part, small: &Part, wall_yaw_rad: Option<f64>, params: &JoinP
     }
     let inside = small.places.iter().filter(|p| large.bounds.holds(p, params.grow_m)).count();
     if inside as f64 >= params.inside_share * small.places.len() as f64 {
+        return is_guest || plausible(large, small, wall_yaw_rad);
+    }
+    let beside = || {
+        let touches = |cell: &u32| {
+            cells.around(*cell as usize).any(|other| large.fragment.cells.binary_search(&other).is_ok())
+        };
+        small.fragment.cells.iter().filter(|cell| touches(cell)).count()
+    };
+    let solid = is_guest || (is_solid(a) && is_solid(b));
+    if solid && beside() as f64 >= params.touch_share * small.places.len() as f64 {
         return is_guest || plausible(large, small, wall_yaw_rad);
     }
     a == b && near(large, small, params.gap_m) && plausible(large, small, wall_yaw_rad)

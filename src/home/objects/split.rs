@@ -4,14 +4,14 @@ use super::cells::Cells;
 use super::fit::{BEYOND, fit_box};
 use super::fragment::Fragment;
 use super::join::gregarious;
-use super::kind::kind;
+use super::kind::{is_storage, kind};
 
-/// Chairs side by side are taken apart where the least of them is; everything else stays as it is.
+/// Chairs side by side are taken apart where the least of them is, and what hangs on a wall from what stands under it.
 pub fn split(fragment: Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Vec<Fragment> {
     let mut done = Vec::new();
     let mut open = vec![fragment];
     while let Some(fragment) = open.pop() {
-        match halves(&fragment, cells, wall_yaw_rad) {
+        match halves(&fragment, cells, wall_yaw_rad).or_else(|| storeys(&fragment, cells)) {
             Some(both) => open.extend(both),
             None => done.push(fragment),
         }
@@ -43,9 +43,32 @@ fn halves(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Opti
     for (cell, place) in fragment.cells.iter().zip(&places) {
         if bin(place) < cut { one.push(*cell) } else { other.push(*cell) }
     }
-    let part = |part: Vec<u32>| {
-        let share = part.len() as f32 / fragment.cells.len() as f32;
-        Fragment { cells: part, class: fragment.class, evidence: fragment.evidence.map(|e| e * share) }
-    };
-    (!one.is_empty() && !other.is_empty()).then(|| [part(one), part(other)])
+    (!one.is_empty() && !other.is_empty()).then(|| [fragment.part(one), fragment.part(other)])
+}
+
+/// A kitchen's wall units and base units: between them, above the worktop, hardly anything is in front of the wall.
+fn storeys(fragment: &Fragment, cells: &Cells) -> Option<[Fragment; 2]> {
+    const BIN_M: f64 = 0.12;
+    /// Worktops are 0.85 m to 0.95 m high, and wall units hang 0.4 m to 0.7 m above them.
+    const GAP_M: std::ops::Range<f64> = 0.84..1.5;
+    /// Both sides have more than this many times what is between them.
+    const TIMES: f64 = 2.0;
+    if !is_storage(fragment.class) {
+        return None;
+    }
+    let height = |cell: u32| cells.centre(cell as usize)[2].max(0.0);
+    let mut counts = [0.0f64; 22];
+    for cell in &fragment.cells {
+        counts[((height(*cell) / BIN_M) as usize).min(21)] += 1.0;
+    }
+    let mean = |bins: &[f64]| bins.iter().sum::<f64>() / bins.len() as f64;
+    let gap = (GAP_M.start / BIN_M) as usize..(GAP_M.end / BIN_M) as usize;
+    let cut = gap.min_by(|a, b| counts[*a].total_cmp(&counts[*b]))?;
+    let (below, above) = (mean(&counts[cut - 4..cut]), mean(&counts[cut + 1..cut + 5]));
+    if below.min(above) < TIMES * counts[cut].max(1.0) {
+        return None;
+    }
+    let middle_m = (cut as f64 + 0.5) * BIN_M;
+    let (low, high): (Vec<u32>, Vec<u32>) = fragment.cells.iter().partition(|cell| height(**cell) < middle_m);
+    Some([fragment.part(low), fragment.part(high)])
 }

@@ -18,9 +18,10 @@ pub fn write(canvas: &mut Pixmap, middle: [f64; 2], height_px: f64, ink: [u8; 3]
     let left = middle[0] - width_px(words, height_px) / 2.0;
     let top = middle[1] - height_px / 2.0;
     for (place, letter) in words.chars().enumerate() {
-        let rows = glyph(letter);
         let at = [left + place as f64 * advance, top];
-        draw(canvas, at, cell, advance, &rows, ink, bold);
+        // The font's own superscript is a speck.
+        let (letter, size) = if letter == '\u{b2}' { ('2', 0.62) } else { (letter, 1.0) };
+        draw(canvas, at, cell * size, advance * size, &glyph(letter), ink, bold);
     }
 }
 

@@ -91,11 +91,6 @@ impl Space {
         self.occupied[index] && !self.furniture[index]
     }
 
-    pub fn walls(&self) -> Grid<bool> {
-        let cells = self.occupied.iter().zip(&self.furniture).map(|(occupied, f)| *occupied && !*f);
-        Grid { frame: self.frame, cells: cells.collect() }
-    }
-
     /// Bare points: free is what lies between walls on almost all sides.
     fn enclose(&mut self, params: &SpaceParams) {
         let thin = Grid { frame: self.frame, cells: self.occupied.clone() };
