@@ -4,6 +4,7 @@ mod align;
 mod completion;
 mod demo;
 mod evaluate;
+mod evaluate_home;
 mod migrate;
 mod models;
 mod networks;

@@ -9,6 +9,7 @@ mod draw;
 mod drawn;
 mod failure;
 mod fit;
+pub mod home;
 mod homes;
 mod journal;
 pub mod labels;

@@ -1,13 +1,18 @@
-//! What a home looks like: one map out of its clips, pictures and files for people and for other programs.
+//! What a home looks like: one map out of its clips, what is in it, pictures and files for people and for other programs.
 
 mod assemble;
 mod completion;
+mod coverage;
+mod describe;
 mod info;
 mod lettering;
 mod map_point;
+mod objects;
 mod picture;
+mod plan;
 mod ply;
 mod points;
+mod rooms;
 mod share;
 
 pub use assemble::{
@@ -16,12 +21,17 @@ pub use assemble::{
     Verdict, assemble, disagreement, point_bytes, read_point,
 };
 pub use completion::{completion_png, completion_pngs};
+pub use coverage::{Coverage, CoverageParams, RoomCoverage, coverage};
+pub use describe::{Description, describe};
 pub use info::{ClassCount, HomeMapInfo};
 pub use lettering::write as write_words;
 pub use map_point::MapPoint;
+pub use objects::{Found, Object, ObjectsParams, UprightBox, find_objects, fit_box, is_furniture, objects};
 pub use picture::{PictureFrame, lidar_png, overlay_png};
+pub use plan::{Plan, PlanParams, plan, plan_geojson, plan_png, plan_svg};
 pub use ply::{NotOurs, cloud_ply, read_cloud_ply};
 pub use points::{ClipNumbers, Glb, Ply, PointFilter};
+pub use rooms::{PartitionParams, Room, RoomShapeParams, RoomSource, RoomsParams, SpaceParams, rooms};
 pub use share::{ClipScan, ScanCamera, Share, read_views, views_bytes};
 
 /// Side of the map's voxels: that of the clips.

@@ -57,7 +57,7 @@ pub struct EvaluateArguments {
     truth: Option<PathBuf>,
     /// Lengths of the clips in frames. Each cuts the scene into half-overlapping excerpts.
     #[arg(long, default_value = "60", value_delimiter = ',')]
-    frames: Vec<usize>,
+    pub(super) frames: Vec<usize>,
     /// Scene: draw this many excerpts of each length at random instead. Simulated: clips of each home, 3 unless
     /// said otherwise. Map: clips of each map, 10 unless said otherwise.
     #[arg(long)]
@@ -65,16 +65,20 @@ pub struct EvaluateArguments {
     /// Instead of poses, judge the classes of the scene's points against its labelled mesh.
     #[arg(long, requires = "scene", conflicts_with_all = ["set", "map", "lidar", "fit"])]
     labels: bool,
+    /// Instead of poses, judge the map, the rooms and the objects that the scene's clips give together, against its
+    /// labelled mesh.
+    #[arg(long, requires = "scene", conflicts_with_all = ["set", "map", "labels", "fit"])]
+    home: bool,
     #[command(flatten)]
-    networks: NetworkArguments,
+    pub(super) networks: NetworkArguments,
     /// Methods to compare, by name.
     #[arg(long, default_value = "viola", value_delimiter = ',')]
     methods: Vec<String>,
     /// Where the tables, plots and pictures go. Results found there are not computed again.
     #[arg(long)]
-    out: PathBuf,
+    pub(super) out: PathBuf,
     #[arg(long, default_value_t = 0)]
-    seed: u64,
+    pub(super) seed: u64,
     /// Clips worked on at a time, each on one thread; all cores by default.
     #[arg(long)]
     threads: Option<usize>,
@@ -84,6 +88,9 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     let out = &arguments.out;
     if let (true, Some(scene)) = (arguments.labels, &arguments.scene) {
         return judge_labels(arguments, scene);
+    }
+    if let (true, Some(scene)) = (arguments.home, &arguments.scene) {
+        return super::evaluate_home::run(arguments, scene);
     }
     let methods = methods(arguments)?;
     let pictures = out.join("failed");
@@ -199,7 +206,8 @@ fn suite(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
     })))
 }
 
-fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<Box<dyn Suite>> {
+/// The scene with its LiDAR map: the one that is given, or one cut out of its mesh.
+pub(super) fn scene_of(arguments: &EvaluateArguments, path: &Path) -> Result<Scene> {
     let scene = match (&arguments.lidar, &arguments.truth) {
         (Some(lidar), Some(truth)) => Scene::open(path, lidar, truth)?,
         _ => {
@@ -217,6 +225,11 @@ fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<Box<dyn Suite>> {
             scene
         }
     };
+    Ok(scene)
+}
+
+fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<Box<dyn Suite>> {
+    let scene = scene_of(arguments, path)?;
     let total = scene.clip.frames().len();
     let cut = |length: &usize| match arguments.clips {
         Some(count) => evaluate::random_excerpts(total, *length, count, arguments.seed),
@@ -320,7 +333,7 @@ fn write_all(
     Ok(())
 }
 
-fn save(out: &Path, name: &str, text: &str) -> Result<()> {
+pub(super) fn save(out: &Path, name: &str, text: &str) -> Result<()> {
     let path = out.join(name);
     fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
 }

@@ -6,7 +6,7 @@ mod truth;
 
 pub use coarse::{COARSE, coarse};
 pub use floors::{FloorRow, floors, floors_markdown};
-pub use truth::{Truth, TruthError};
+pub use truth::{Folding, Truth, TruthError};
 
 use crate::align::label::{self, ClassMap, SegmentError, Segmenter};
 use crate::align::{self, AlignError, AlignParams, LabelParams, PointCloud};

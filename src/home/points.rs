@@ -8,7 +8,8 @@ pub use filter::PointFilter;
 pub use glb::Glb;
 pub use ply::Ply;
 
-use super::assemble::TileBytes;
+use super::assemble::{Tile, TileBytes};
+use super::map_point::MapPoint;
 use rustc_hash::FxHashMap;
 use uuid::Uuid;
 
@@ -20,7 +21,18 @@ impl ClipNumbers {
         ClipNumbers(clips.enumerate().map(|(number, clip)| (*clip, number as u16)).collect())
     }
 
+    /// The points of a tile with the map's numbers of their clips.
+    pub fn in_map<'a>(&self, tile: &'a Tile) -> impl Iterator<Item = MapPoint> + use<'a> {
+        let numbers = self.of_clips(&tile.clips);
+        let number = move |local: u16| numbers.get(usize::from(local)).copied().unwrap_or_default();
+        tile.points.iter().map(move |point| MapPoint { clip: number(point.clip), ..*point })
+    }
+
+    fn of_clips(&self, clips: &[Uuid]) -> Vec<u16> {
+        clips.iter().map(|clip| self.0.get(clip).copied().unwrap_or_default()).collect()
+    }
+
     fn of_tile(&self, tile: &TileBytes) -> Vec<u16> {
-        tile.clips.iter().map(|clip| self.0.get(clip).copied().unwrap_or_default()).collect()
+        self.of_clips(&tile.clips)
     }
 }

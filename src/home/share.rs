@@ -17,6 +17,12 @@ pub struct Share {
     pub views: Vec<View>,
 }
 
+impl Share {
+    pub fn nothing() -> Share {
+        Share { cloud_in_clip: PointCloud::default(), views: Vec::new() }
+    }
+}
+
 /// What the vacuum would have seen of a clip, and where its cameras were: for drawing it at any pose.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct ClipScan {

@@ -262,6 +262,11 @@ impl Scene {
         false
     }
 
+    /// What a solid is, and the number of the piece that it belongs to; 0 is the building.
+    pub fn label(&self, solid: usize) -> (Class, u16) {
+        (self.primitives[solid].class, self.primitives[solid].instance)
+    }
+
     /// The normal of a solid's surface at a point on it.
     pub fn normal(&self, solid: usize, point: &Point3) -> Vector3 {
         self.primitives[solid].surface(point).1

@@ -3,7 +3,7 @@
 use super::coarse;
 use crate::evaluate::{Mesh, MeshError};
 use crate::geometry::Point3;
-use crate::taxonomy::ClassTable;
+use crate::taxonomy::{Class, ClassTable};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -27,22 +27,38 @@ pub enum TruthError {
 /// ScanNet's table from its own label ids to NYU40's.
 const TABLE: &str = "scannet-labels.combined.tsv";
 
-impl Truth {
-    /// The labelled mesh in `scene/mesh`. Its labels are ScanNet's ids where ScanNet's table lies in the scene's
-    /// folder or the one above, NYU40's ids otherwise; 0 is unlabelled.
-    pub fn open(scene: &Path) -> Result<Truth, TruthError> {
-        let mesh = Mesh::open_labelled_in(&scene.join("mesh"))?;
+/// What a labelled mesh's numbers mean.
+pub struct Folding {
+    /// From the data set's own ids to NYU40's; none where the mesh has NYU40's.
+    nyu40: Option<HashMap<u32, usize>>,
+}
+
+impl Folding {
+    /// The numbers are ScanNet's ids where ScanNet's table lies in the scene's folder or the one above, NYU40's ids
+    /// otherwise.
+    pub fn open(scene: &Path) -> Result<Folding, TruthError> {
         let folders = [Some(scene), scene.parent()];
         let table = folders.into_iter().flatten().map(|f| f.join(TABLE)).find(|path| path.is_file());
-        let nyu40 = table.map(|path| read(&path)).transpose()?;
-        let class = |label: &u32| {
-            let id = match &nyu40 {
-                Some(table) => table.get(label).copied().unwrap_or(0),
-                None => *label as usize,
-            };
-            // What the table does not know is still labelled: it is something else.
-            (*label != 0).then(|| coarse(ClassTable::Nyu40.fold(id)))
+        Ok(Folding { nyu40: table.map(|path| read(&path)).transpose()? })
+    }
+
+    /// Our class for a label; none for 0, which is unlabelled.
+    pub fn class(&self, label: u32) -> Option<Class> {
+        let id = match &self.nyu40 {
+            Some(table) => table.get(&label).copied().unwrap_or(0),
+            None => label as usize,
         };
+        // What the table does not know is still labelled: it is something else.
+        (label != 0).then(|| ClassTable::Nyu40.fold(id))
+    }
+}
+
+impl Truth {
+    /// The labelled mesh in `scene/mesh`; its labels are what [`Folding`] says.
+    pub fn open(scene: &Path) -> Result<Truth, TruthError> {
+        let mesh = Mesh::open_labelled_in(&scene.join("mesh"))?;
+        let folding = Folding::open(scene)?;
+        let class = |label: &u32| folding.class(*label).map(coarse);
         Ok(Truth { classes: mesh.labels.iter().map(class).collect(), vertices_m: mesh.vertices_m })
     }
 }

@@ -87,6 +87,11 @@ impl Member {
 }
 
 impl PlacedClip {
+    /// Its pose in space as it was by itself.
+    pub fn alone_in_space(&self) -> Pose3 {
+        in_space(&self.alone, &Level::default())
+    }
+
     /// Its pose in space.
     pub fn in_space(&self) -> Pose3 {
         in_space(&self.map_from_clip, &self.level)
