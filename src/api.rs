@@ -15,6 +15,7 @@ mod jobs;
 mod lidar_map;
 mod list;
 mod map;
+mod objects;
 mod page;
 mod problems;
 mod reply;
@@ -83,6 +84,11 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(clip_results::get_clip_scan))
         .routes(routes!(map::get_map))
         .routes(routes!(map::list_map_revisions))
+        .routes(routes!(map::get_map_plan))
+        .routes(routes!(map::get_map_rooms))
+        .routes(routes!(map::get_map_objects))
+        .routes(routes!(map::get_map_coverage))
+        .routes(routes!(objects::list_objects))
         .routes(routes!(map::get_map_points))
         .routes(routes!(changes::list_changes))
         .routes(routes!(jobs::get_job))

@@ -35,7 +35,8 @@ pub use clip_list::ClipFilter;
 pub use clip_state::ClipState;
 pub use clips::{Added, Clip, NewClip};
 pub use home_maps::{
-    HomeMap, HomeObject, LeftOut, MapClip, MapFile, MergeClaim, NewRevision, ObjectFilter, map_file,
+    HomeMap, HomeObject, LeftOut, MapClip, MapFile, MapObject, MapScene, MergeClaim, NewRevision,
+    ObjectFilter, map_file,
 };
 pub use homes::{Home, HomeId, InvalidHomeId};
 pub use incoming::{Arrived, Incoming};

@@ -1,8 +1,13 @@
 //! `/v1/homes/{home}/map`
 
 mod points;
+mod scene;
 
 pub(super) use points::{__path_get_map_points, get_map_points};
+pub(super) use scene::{
+    __path_get_map_coverage, __path_get_map_objects, __path_get_map_plan, __path_get_map_rooms,
+    get_map_coverage, get_map_objects, get_map_plan, get_map_rooms,
+};
 
 use super::App;
 use super::error::Error;

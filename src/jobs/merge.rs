@@ -2,10 +2,16 @@
 
 use super::Queue;
 use crate::home::{
-    self, AssembleParams, Assembly, MAP_VOXEL_M, Member, NotOurs, Share, read_cloud_ply, read_views,
+    self, AssembleParams, Assembly, ClipNumbers, Description, MAP_VOXEL_M, Member, NotOurs, Share, Tile,
+    TileKey, read_cloud_ply, read_views,
 };
-use crate::storage::{MergeClaim, NewRevision, Storage, StorageError, result_file};
+use crate::lidar::{LidarError, LidarMap};
+use crate::storage::{
+    MapObject, MapScene, MergeClaim, NewRevision, Storage, StorageError, map_file, result_file,
+};
+use bytes::Bytes;
 use jiff::Timestamp;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::runtime::Handle;
@@ -67,6 +73,8 @@ enum MergeError {
     Panicked,
     #[error("what is kept of the clip or the map is damaged: {0}")]
     Damaged(#[from] NotOurs),
+    #[error("the LiDAR map cannot be read any more: {0}")]
+    Lidar(#[from] LidarError),
     #[error("a clip was removed or aligned anew meanwhile")]
     Gone,
 }
@@ -86,15 +94,62 @@ async fn try_merge(storage: &Arc<Storage>, claim: &MergeClaim) -> Result<Merged,
         let kept = storage.finish_merge(claim, None, Timestamp::now()).await?;
         return Ok(if kept { Merged::Nothing } else { Merged::Lost });
     }
-    let Assembly { manifest, changed } = assembly;
-    let tiles = changed.len();
-    let new = blocking(move || {
-        let tiles = changed.into_iter().map(|(key, tile)| (key, tile.map(|tile| tile.to_bytes()))).collect();
-        Ok(NewRevision { manifest, tiles, files: Vec::new(), objects: Vec::new() })
-    })
-    .await?;
+    let tiles = assembly.changed.len();
+    let kept = kept_tiles(storage, claim, &assembly).await?;
+    let lidar = match claim.lidar_map {
+        Some(id) => Some(storage.lidar_map_file(id).await?),
+        None => None,
+    };
+    let new = blocking(move || revision(assembly, kept, lidar.as_deref())).await?;
     let kept = storage.finish_merge(claim, Some(&new), Timestamp::now()).await?;
     Ok(if kept { Merged::Revision { tiles } } else { Merged::Lost })
+}
+
+/// The tiles of the last revision that are in the next as well.
+async fn kept_tiles(
+    storage: &Storage,
+    claim: &MergeClaim,
+    assembly: &Assembly,
+) -> Result<Vec<(TileKey, Bytes)>, MergeError> {
+    let mut kept = Vec::new();
+    for file in storage.last_tiles(claim).await? {
+        let Some(key) = file.tile.filter(|key| !assembly.changed.contains_key(key)) else { continue };
+        kept.push((key, storage.map_file_bytes(&file).await?.ok_or(MergeError::Gone)?));
+    }
+    Ok(kept)
+}
+
+/// The next revision with everything that it shows.
+fn revision(
+    assembly: Assembly,
+    kept: Vec<(TileKey, Bytes)>,
+    lidar: Option<&[u8]>,
+) -> Result<NewRevision, MergeError> {
+    let Assembly { manifest, changed } = assembly;
+    let mut new = NewRevision { manifest, ..NewRevision::default() };
+    let mut tiles: BTreeMap<TileKey, Tile> = BTreeMap::new();
+    for (key, bytes) in kept {
+        tiles.insert(key, Tile::read(&bytes)?);
+    }
+    for (key, tile) in changed {
+        new.tiles.push((key, tile.as_ref().map(Tile::to_bytes)));
+        tile.and_then(|tile| tiles.insert(key, tile));
+    }
+    if let Some(lidar) = lidar {
+        let tiles: Vec<Tile> = tiles.into_values().collect();
+        let numbers = ClipNumbers::new(new.manifest.clips.iter().map(|clip| &clip.clip));
+        let Description { rooms, objects, coverage, plan } =
+            home::describe(&LidarMap::read(lidar)?, &tiles, &numbers);
+        new.files = vec![
+            (map_file::PLAN_PNG, home::plan_png(&plan)),
+            (map_file::PLAN_SVG, home::plan_svg(&plan).into_bytes()),
+            (map_file::PLAN_GEOJSON, home::plan_geojson(&plan).to_string().into_bytes()),
+        ];
+        new.objects = objects.into_iter().map(|object| MapObject::new(object, &new.manifest.clips)).collect();
+        let scene = MapScene { rooms, objects: new.objects.clone(), coverage };
+        new.files.push((map_file::SCENE, serde_json::to_vec(&scene).unwrap_or_default()));
+    }
+    Ok(new)
 }
 
 /// What a clip brings.

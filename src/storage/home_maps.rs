@@ -4,7 +4,7 @@ mod merges;
 mod objects;
 
 pub use merges::{MergeClaim, NewRevision};
-pub use objects::{HomeObject, ObjectFilter};
+pub use objects::{HomeObject, MapObject, MapScene, ObjectFilter};
 
 use super::columns::Columns;
 use super::database::{Connection, Row};

@@ -1,5 +1,6 @@
 //! `/v1/homes/{home}/map/points`: streamed tile by tile, so that memory does not grow with the map.
 
+use super::scene::classes;
 use super::{App, revision};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
@@ -8,7 +9,6 @@ use crate::api::problems::CommonProblems;
 use crate::api::reply::{is_known, tag_of, tagged};
 use crate::home::{ClipNumbers, Glb, MAP_VOXEL_M, Ply, PointFilter, TileBytes};
 use crate::storage::{HomeMap, MapFile, StorageError, map_file};
-use crate::taxonomy::Class;
 use axum::body::Body;
 use axum::extract::{RawQuery, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -70,17 +70,7 @@ fn numbers<const N: usize>(field: &'static str, text: &str, what: &str) -> Resul
 
 impl PointsQuery {
     fn filter(&self) -> Result<PointFilter, Error> {
-        let class = |name: &str| {
-            Class::ALL.iter().copied().find(|class| class.name() == name.trim()).ok_or_else(|| {
-                let names: Vec<&str> = Class::ALL.iter().map(|class| class.name()).collect();
-                invalid(
-                    "classes",
-                    format!("no class is called '{}'; there are {}", name.trim(), names.join(", ")),
-                )
-            })
-        };
-        let classes =
-            self.classes.as_deref().map(|names| names.split(',').map(class).collect()).transpose()?;
+        let classes = self.classes.as_deref().map(|names| classes("classes", names)).transpose()?;
         let corners =
             self.r#box.as_deref().map(|text| numbers::<6>("box", text, "x0,y0,z0,x1,y1,z1")).transpose()?;
         if corners.is_some_and(|c| (0..3).any(|axis| c[axis] > c[axis + 3])) {

@@ -3,6 +3,7 @@
 use super::*;
 use crate::geometry::Pose2;
 use crate::home::{Extent, Level, Manifest, PlacedBy, PlacedClip, TileKey, Verdict};
+use crate::taxonomy::Class;
 
 on_every_back_end!(
     a_home_is_merged_when_its_clips_have_settled,
@@ -283,8 +284,19 @@ async fn objects_are_found_across_homes(storage: Storage) {
         align(&storage, AlignmentState::Aligned).await;
         let claim = due(&storage, 10).await.unwrap();
         let mut new = revision(&claim, PlacedBy::Alignment, b"tile");
-        for (n, class) in ["chair", "table", "chair"].into_iter().enumerate() {
-            new.objects.push((n.to_string(), class.to_owned(), serde_json::json!({ "n": n })));
+        for (n, class) in [Class::Chair, Class::Table, Class::Chair].into_iter().enumerate() {
+            new.objects.push(MapObject {
+                id: n.to_string(),
+                class,
+                confidence: 0.5,
+                centre_m: [1.0, 2.0, 0.5],
+                size_m: [1.0; 3],
+                yaw_rad: 0.0,
+                room: None,
+                points: 9,
+                clips: Vec::new(),
+                last_seen: Some(at(3)),
+            });
         }
         assert!(storage.finish_merge(&claim, Some(&new), at(10)).await.unwrap());
     }
@@ -299,7 +311,8 @@ async fn objects_are_found_across_homes(storage: Storage) {
     for (class, of_home, after, expected) in cases {
         let filter = ObjectFilter { class: class.map(str::to_owned), home: of_home.map(home) };
         let found = storage.objects(&filter, &page(after)).await.unwrap();
-        let found: Vec<(&str, &str)> = found.iter().map(|o| (o.home.as_str(), o.id.as_str())).collect();
+        let found: Vec<(&str, &str)> =
+            found.iter().map(|o| (o.home.as_str(), o.object.id.as_str())).collect();
         assert_eq!(found, expected, "{class:?} {of_home:?} {after:?}");
     }
     storage.delete_home(&home("a"), at(500)).await.unwrap();

@@ -1,6 +1,6 @@
 //! Which homes are due to be merged, by whom, and what comes of it.
 
-use super::{HomeMap, MapClip, MapFile, map_file};
+use super::{HomeMap, MapClip, MapFile, MapObject, map_file};
 use crate::align::{Alignment, AlignmentState, Reason};
 use crate::geometry::angle_between;
 use crate::home::{HomeMapInfo, Manifest, Member, PlacedBy, PlacedClip, TileKey, Verdict};
@@ -47,8 +47,7 @@ pub struct NewRevision {
     /// Tiles that changed; none for those that are empty now.
     pub tiles: Vec<(TileKey, Option<Vec<u8>>)>,
     pub files: Vec<(&'static str, Vec<u8>)>,
-    /// Id, class and document of every object.
-    pub objects: Vec<(String, String, serde_json::Value)>,
+    pub objects: Vec<MapObject>,
 }
 
 /// Takes a home whose map is behind, that nobody merges now, and none of whose clips is on its way: a new LiDAR map

@@ -1,16 +1,73 @@
 //! The objects of all homes, as their current maps have them.
 
-use crate::storage::columns::Columns;
+use crate::home::{Coverage, Object, PlacedClip, Room};
+use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Row, Transaction};
-use crate::storage::{HomeId, Page, Storage, StorageError};
+use crate::storage::{HomeId, MapFile, Page, Storage, StorageError};
+use crate::taxonomy::Class;
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+use uuid::Uuid;
+
+/// A thing in a home, in the LiDAR map's frame: an upright box, and what is known of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct MapObject {
+    /// The same in the next revision where the object is in the same place.
+    #[schema(example = "sofa-1")]
+    pub id: String,
+    #[schema(value_type = String, example = "sofa")]
+    pub class: Class,
+    /// 0..1: how much of what is said of its points is this class, and how well its size fits.
+    pub confidence: f64,
+    pub centre_m: [f64; 3],
+    /// Along its own x, y and z: length, width, height. The length is not the shorter of the two.
+    pub size_m: [f64; 3],
+    /// Of its own x axis, in [0, pi).
+    pub yaw_rad: f64,
+    /// Id of the room that it is in.
+    pub room: Option<String>,
+    /// Points of the map.
+    pub points: usize,
+    /// The clips that saw a real share of it.
+    pub clips: Vec<Uuid>,
+    /// When the newest of those clips was recorded, where that is known.
+    pub last_seen: Option<Timestamp>,
+}
+
+impl MapObject {
+    /// With the clips of a map by their ids.
+    pub fn new(object: Object, clips: &[PlacedClip]) -> MapObject {
+        let seen_by = object.clips.iter().filter_map(|number| clips.get(usize::from(*number)));
+        let last_ms = seen_by.clone().filter_map(|clip| clip.recorded_at_ms).max();
+        MapObject {
+            id: object.id,
+            class: object.class,
+            confidence: object.confidence,
+            centre_m: object.centre_m,
+            size_m: object.size_m,
+            yaw_rad: object.yaw_rad,
+            room: object.room,
+            points: object.points,
+            clips: seen_by.map(|clip| clip.clip).collect(),
+            last_seen: last_ms.and_then(|ms| Timestamp::from_millisecond(ms).ok()),
+        }
+    }
+}
 
 /// An object and its home.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct HomeObject {
     pub home: HomeId,
-    pub id: String,
-    /// What the map says of it.
-    pub document: serde_json::Value,
+    #[serde(flatten)]
+    pub object: MapObject,
+}
+
+/// What a home's map shows beyond points.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MapScene {
+    pub rooms: Vec<Room>,
+    pub objects: Vec<MapObject>,
+    pub coverage: Coverage,
 }
 
 /// Which objects are asked for; all when nothing is named.
@@ -21,6 +78,16 @@ pub struct ObjectFilter {
 }
 
 impl Storage {
+    /// What a revision shows beyond points; none when the revision has been removed since.
+    pub async fn map_scene(&self, file: &MapFile) -> Result<Option<MapScene>, StorageError> {
+        let Some(bytes) = self.map_file_bytes(file).await? else { return Ok(None) };
+        let scene = serde_json::from_slice(&bytes);
+        Ok(Some(
+            scene
+                .map_err(|error| StorageError::Column { column: "scene.json", detail: error.to_string() })?,
+        ))
+    }
+
     /// By home and id. The cursor is `home` and `id` with a space between them, which no home's id has.
     pub async fn objects(
         &self,
@@ -41,13 +108,7 @@ impl Storage {
         .bind(i64::from(page.limit))
         .fetch_all(self.database.reader())
         .await?;
-        let object = |row: &Row| {
-            Ok(HomeObject {
-                home: row.home("home_id")?,
-                id: row.text("object_id")?,
-                document: row.json("document")?,
-            })
-        };
+        let object = |row: &Row| Ok(HomeObject { home: row.home("home_id")?, object: row.json("document")? });
         rows.iter().map(object).collect()
     }
 }
@@ -56,18 +117,18 @@ impl Storage {
 pub(super) async fn replace(
     transaction: &mut Transaction,
     home: &HomeId,
-    objects: &[(String, String, serde_json::Value)],
+    objects: &[MapObject],
 ) -> Result<(), StorageError> {
     sqlx::query("DELETE FROM home_objects WHERE home_id = $1")
         .bind(home.as_str())
         .execute(&mut **transaction)
         .await?;
-    for (id, class, document) in objects {
+    for object in objects {
         sqlx::query("INSERT INTO home_objects (home_id, object_id, class, document) VALUES ($1, $2, $3, $4)")
             .bind(home.as_str())
-            .bind(id)
-            .bind(class)
-            .bind(document.to_string())
+            .bind(&object.id)
+            .bind(object.class.name())
+            .bind(to_json(object))
             .execute(&mut **transaction)
             .await?;
     }

@@ -1,0 +1,187 @@
+//! What a map shows beyond points: `.../map/rooms`, `objects`, `coverage` and `plan`.
+
+use super::{App, RevisionQuery, revision};
+use crate::api::bodies::{FileBytes, send};
+use crate::api::error::Error;
+use crate::api::extract::{HomePath, Query};
+use crate::api::problems::CommonProblems;
+use crate::api::reply::{is_known, tag_of, tagged, unless_known};
+use crate::home::{Coverage, Room};
+use crate::storage::{HomeId, HomeMap, MapObject, MapScene, map_file};
+use crate::taxonomy::Class;
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
+
+/// The rooms of a home: the segments of its LiDAR map, or computed from it where it has none
+#[derive(Serialize, utoipa::ToSchema)]
+pub(in crate::api) struct MapRooms {
+    /// Of the home's map.
+    revision: i64,
+    rooms: Vec<Room>,
+}
+
+/// The objects of a home
+#[derive(Serialize, utoipa::ToSchema)]
+pub(in crate::api) struct MapObjects {
+    /// Of the home's map.
+    revision: i64,
+    objects: Vec<MapObject>,
+}
+
+/// Which part of the LiDAR map the clips have seen
+#[derive(Serialize, utoipa::ToSchema)]
+pub(in crate::api) struct MapCoverage {
+    /// Of the home's map.
+    revision: i64,
+    #[serde(flatten)]
+    coverage: Coverage,
+}
+
+/// Which objects.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(in crate::api) struct ObjectsQuery {
+    /// Only these classes, by name, with commas between them.
+    #[param(example = "sofa,bed")]
+    class: Option<String>,
+    /// An earlier revision that is still kept; the current one when not given.
+    #[param(value_type = Option<i64>, minimum = 1)]
+    revision: Option<String>,
+}
+
+/// How a plan is wanted.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(in crate::api) struct PlanQuery {
+    /// `png`, `svg` or `geojson`; what `Accept` asks for when not given, and `svg` when that does not say.
+    #[param(example = "png")]
+    format: Option<String>,
+    /// An earlier revision that is still kept; the current one when not given.
+    #[param(value_type = Option<i64>, minimum = 1)]
+    revision: Option<String>,
+}
+
+/// The rooms of a home
+#[utoipa::path(get, path = "/v1/homes/{home}/map/rooms", tag = "map", params(HomePath, RevisionQuery),
+    responses((status = 200, description = "The rooms", body = MapRooms),
+        (status = 304, description = "The client has them"), CommonProblems))]
+pub(in crate::api) async fn get_map_rooms(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+    Query(query): Query<RevisionQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Error> {
+    let map = revision(&app, &home, query.revision.as_deref()).await?;
+    let scene = scene(&app, &home, &map).await?;
+    Ok(document(&headers, &map, &MapRooms { revision: map.revision, rooms: scene.rooms }))
+}
+
+/// The objects of a home: furniture and appliances, each with its box, its room and the clips that saw it
+#[utoipa::path(get, path = "/v1/homes/{home}/map/objects", tag = "map", params(HomePath, ObjectsQuery),
+    responses((status = 200, description = "The objects", body = MapObjects),
+        (status = 304, description = "The client has them"), CommonProblems))]
+pub(in crate::api) async fn get_map_objects(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+    Query(query): Query<ObjectsQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Error> {
+    let classes = query.class.as_deref().map(|names| classes("class", names)).transpose()?;
+    let map = revision(&app, &home, query.revision.as_deref()).await?;
+    let mut objects = scene(&app, &home, &map).await?.objects;
+    objects.retain(|object| classes.as_ref().is_none_or(|classes| classes.contains(&object.class)));
+    Ok(document(&headers, &map, &MapObjects { revision: map.revision, objects }))
+}
+
+/// Which part of the LiDAR map the clips have seen, on the whole and by room
+#[utoipa::path(get, path = "/v1/homes/{home}/map/coverage", tag = "map", params(HomePath, RevisionQuery),
+    responses((status = 200, description = "The shares", body = MapCoverage),
+        (status = 304, description = "The client has them"), CommonProblems))]
+pub(in crate::api) async fn get_map_coverage(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+    Query(query): Query<RevisionQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Error> {
+    let map = revision(&app, &home, query.revision.as_deref()).await?;
+    let scene = scene(&app, &home, &map).await?;
+    Ok(document(&headers, &map, &MapCoverage { revision: map.revision, coverage: scene.coverage }))
+}
+
+/// The floor plan of a home: the LiDAR map's walls, rooms with their names, and what stands in them
+///
+/// GeoJSON is in metres in the LiDAR map's frame, not in degrees.
+#[utoipa::path(get, path = "/v1/homes/{home}/map/plan", tag = "map", params(HomePath, PlanQuery),
+    responses((status = 200, description = "The plan", content(
+            (FileBytes = "image/svg+xml"), (FileBytes = "image/png"), (FileBytes = "application/geo+json"))),
+        (status = 304, description = "The client has it"), CommonProblems))]
+pub(in crate::api) async fn get_map_plan(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+    Query(query): Query<PlanQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Error> {
+    let (name, media_type) = plan_format(query.format.as_deref(), &headers)?;
+    let map = revision(&app, &home, query.revision.as_deref()).await?;
+    let tag = tag_of(&[
+        &map.revision.to_le_bytes(),
+        &map.created_at.as_millisecond().to_le_bytes(),
+        name.as_bytes(),
+    ]);
+    if is_known(&headers, &tag) {
+        return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
+    }
+    let files = app.storage.home_map_files(&home, map.revision, name).await?;
+    let file = files.first().ok_or(Error::NoSuchMap)?;
+    let blob = app.storage.read_map_file(file).await?.ok_or(Error::NoSuchMap)?;
+    Ok(tagged(send(blob, media_type), &tag))
+}
+
+fn plan_format(asked: Option<&str>, headers: &HeaderMap) -> Result<(&'static str, &'static str), Error> {
+    const PNG: (&str, &str) = (map_file::PLAN_PNG, "image/png");
+    const SVG: (&str, &str) = (map_file::PLAN_SVG, "image/svg+xml");
+    const GEOJSON: (&str, &str) = (map_file::PLAN_GEOJSON, "application/geo+json");
+    match asked {
+        Some("png") => return Ok(PNG),
+        Some("svg") => return Ok(SVG),
+        Some("geojson") => return Ok(GEOJSON),
+        Some(_) => {
+            let detail = "format is png, svg or geojson".to_owned();
+            return Err(Error::InvalidQuery { field: Some("format"), detail });
+        }
+        None => {}
+    }
+    let accept = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    let mut kinds = accept.split(',').map(|kind| kind.split(';').next().unwrap_or_default().trim());
+    let wanted =
+        kinds.find_map(|kind| [SVG, PNG, GEOJSON].into_iter().find(|(_, media_type)| kind == *media_type));
+    Ok(wanted.unwrap_or(SVG))
+}
+
+/// Classes by their names, with commas between them.
+pub(super) fn classes(field: &'static str, names: &str) -> Result<Vec<Class>, Error> {
+    let class = |name: &str| {
+        Class::ALL.iter().copied().find(|class| class.name() == name.trim()).ok_or_else(|| {
+            let names: Vec<&str> = Class::ALL.iter().map(|class| class.name()).collect();
+            let detail = format!("no class is called '{}'; there are {}", name.trim(), names.join(", "));
+            Error::InvalidQuery { field: Some(field), detail }
+        })
+    };
+    names.split(',').map(class).collect()
+}
+
+async fn scene(app: &App, home: &HomeId, map: &HomeMap) -> Result<MapScene, Error> {
+    let files = app.storage.home_map_files(home, map.revision, map_file::SCENE).await?;
+    let file = files.first().ok_or(Error::NoSuchMap)?;
+    app.storage.map_scene(file).await?.ok_or(Error::NoSuchMap)
+}
+
+fn document<T: Serialize>(headers: &HeaderMap, map: &HomeMap, value: &T) -> Response {
+    let text =
+        serde_json::to_vec(value).expect("our own records have text keys and cannot fail to serialise");
+    let tag = tag_of(&[&map.created_at.as_millisecond().to_le_bytes(), &text]);
+    let json = [(header::CONTENT_TYPE, "application/json")];
+    unless_known(headers, &tag, || (json, text).into_response())
+}

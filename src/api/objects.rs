@@ -1,0 +1,48 @@
+//! `/v1/objects`: the objects of all homes.
+
+use super::App;
+use super::error::Error;
+use super::extract::Query;
+use super::list::{List, ListQuery};
+use super::problems::CommonProblems;
+use crate::storage::{HomeId, HomeObject, ObjectFilter};
+use crate::taxonomy::Class;
+use axum::Json;
+use axum::extract::State;
+use serde::Deserialize;
+
+/// Which objects.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct ObjectsQuery {
+    /// Only this class, by name.
+    #[param(example = "sofa")]
+    class: Option<String>,
+    /// Only this home's.
+    #[param(example = "home-42")]
+    home: Option<String>,
+}
+
+/// The objects of all homes, as their current maps have them, by home
+#[utoipa::path(get, path = "/v1/objects", tag = "map", params(ObjectsQuery, ListQuery),
+    responses((status = 200, description = "One page", body = List<HomeObject>), CommonProblems))]
+pub(super) async fn list_objects(
+    State(app): State<App>,
+    Query(query): Query<ObjectsQuery>,
+    Query(page): Query<ListQuery>,
+) -> Result<Json<List<HomeObject>>, Error> {
+    let invalid = |field: &'static str, detail: String| Error::InvalidQuery { field: Some(field), detail };
+    if let Some(name) = &query.class
+        && !Class::ALL.iter().any(|class| class.name() == name)
+    {
+        let names: Vec<&str> = Class::ALL.iter().map(|class| class.name()).collect();
+        return Err(invalid("class", format!("no class is called '{name}'; there are {}", names.join(", "))));
+    }
+    let home = query
+        .home
+        .as_deref()
+        .map(|id| id.parse::<HomeId>().map_err(|error| invalid("home", error.to_string())));
+    let filter = ObjectFilter { class: query.class.clone(), home: home.transpose()? };
+    let objects = app.storage.objects(&filter, &page.page()?).await?;
+    Ok(Json(page.list(objects, |object| format!("{} {}", object.home, object.object.id))?))
+}
