@@ -2,6 +2,7 @@
 
 mod merges;
 mod objects;
+mod places;
 
 pub use merges::{MergeClaim, NewRevision};
 pub use objects::{HomeObject, MapObject, MapScene, ObjectFilter};

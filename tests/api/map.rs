@@ -212,3 +212,73 @@ async fn points_are_filtered_and_come_as_ply_and_as_glb() {
     }
     server.get(&format!("{home}/map/points?revision=99")).await.problem(404, "map-not-found");
 }
+
+#[tokio::test]
+async fn a_map_tells_rooms_objects_plan_and_coverage() {
+    let server = Server::start().await;
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    server.get(&format!("{home}/map/rooms")).await.problem(404, "map-not-found");
+    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await.ok(201);
+    merged(&server, &home, &[&clip["id"]]).await;
+    let rooms = server.get(&format!("{home}/map/rooms")).await.ok(200);
+    let area_m2 = rooms["rooms"][0]["area_m2"].as_f64().unwrap();
+    assert!((rooms["revision"] == 1) && area_m2 > 5.0, "{rooms:#}");
+    let coverage = server.get(&format!("{home}/map/coverage")).await.ok(200);
+    assert!(
+        coverage["seen"].as_f64().unwrap() > 0.2 && coverage["by_room"][0]["room"] == rooms["rooms"][0]["id"]
+    );
+    let objects = server.get(&format!("{home}/map/objects")).await.ok(200);
+    let count = objects["objects"].as_array().unwrap().len();
+    let all = server.get("/v1/objects?limit=200&home=h").await.ok(200);
+    assert_eq!(all["items"].as_array().unwrap().len(), count);
+    server.get("/v1/objects?home=h&class=sofa").await.ok(200);
+    for (format, kind, start) in [
+        ("png", "image/png", &b"\x89PNG"[..]),
+        ("svg", "image/svg+xml", b"<svg"),
+        ("geojson", "application/geo+json", b"{"),
+    ] {
+        let answer = server.get(&format!("{home}/map/plan?format={format}")).await;
+        assert_eq!((answer.status, answer.header("content-type")), (200, kind));
+        let begins = String::from_utf8_lossy(&answer.bytes[..60]).into_owned();
+        assert!(answer.bytes.starts_with(start) || begins.contains("<?xml"), "{begins}");
+        let request = server.request(Method::GET, &format!("{home}/map/plan")).header("accept", kind);
+        assert_eq!(server.send(request).await.bytes, answer.bytes);
+        let tag = answer.header("etag").to_owned();
+        let path = format!("{home}/map/plan?format={format}");
+        let request = server.request(Method::GET, &path).header("if-none-match", tag);
+        assert_eq!(server.send(request).await.status, 304);
+    }
+    for (path, field) in [
+        (format!("{home}/map/plan?format=dxf"), "format"),
+        (format!("{home}/map/objects?class=dragon"), "class"),
+        ("/v1/objects?class=dragon".to_owned(), "class"),
+        ("/v1/objects?home=a%2Fb".to_owned(), "home"),
+        (format!("{home}/map/rooms?revision=x"), "revision"),
+    ] {
+        let problem = server.get(&path).await.problem(400, "invalid-query");
+        assert_eq!(problem["field"], field, "{path}");
+    }
+    // What was seen of a clip, to draw it anywhere, and the clip's points where the map has it.
+    let path = format!("{home}/clips/{}", clip["id"].as_str().unwrap());
+    let scan = server.get(&format!("{path}/scan")).await.ok(200);
+    assert!(scan["hits_m"].as_array().unwrap().len() > 50 && scan["cameras"][0]["forward"].is_array());
+    assert!(server.get(&format!("{path}/cloud.ply")).await.bytes.starts_with(b"ply\n"));
+    let clip = server.get(&path).await.ok(200);
+    assert_eq!(
+        (&clip["placement"]["by"], &clip["placement"]["map_revision"]),
+        (&json!("alignment"), &json!(1))
+    );
+    // The clip gone, the map is empty, and the revision before it is still to be read.
+    server.delete(&path).await.ok(204);
+    merged(&server, &home, &[]).await;
+    assert_eq!(server.get(&format!("{home}/map/objects")).await.ok(200)["objects"], json!([]));
+    let before = server.get(&format!("{home}/map?revision=1")).await.ok(200);
+    assert_eq!(before["clips"][0]["clip"], clip["id"]);
+    assert!(!vertices(&server.get(&format!("{home}/map/points?revision=1")).await.bytes).is_empty());
+    assert!(vertices(&server.get(&format!("{home}/map/points")).await.bytes).is_empty());
+    let revisions = server.get(&format!("{home}/map/revisions")).await.ok(200);
+    let numbers: Vec<_> =
+        revisions["items"].as_array().unwrap().iter().map(|map| map["revision"].clone()).collect();
+    assert_eq!(numbers, [json!(2), json!(1)]);
+}
