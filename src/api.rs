@@ -8,6 +8,7 @@ mod clip_results;
 mod clips;
 mod documents;
 mod error;
+mod export;
 mod extract;
 mod health;
 mod homes;
@@ -89,6 +90,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(map::get_map_objects))
         .routes(routes!(map::get_map_coverage))
         .routes(routes!(objects::list_objects))
+        .routes(routes!(export::export_home))
         .routes(routes!(map::get_map_points))
         .routes(routes!(changes::list_changes))
         .routes(routes!(jobs::get_job))

@@ -1,6 +1,6 @@
 //! `/v1/homes/{home}/map`
 
-mod points;
+pub(super) mod points;
 mod scene;
 
 pub(super) use points::{__path_get_map_points, get_map_points};

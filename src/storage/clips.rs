@@ -234,6 +234,11 @@ impl Storage {
         self.blobs.read_if_there(&format!("{key}/{name}")).await
     }
 
+    /// The uploaded file as it is; none when the clip was removed.
+    pub async fn clip_recording(&self, id: Uuid) -> Result<Option<BlobReader>, StorageError> {
+        self.blobs.read(&file_key(id)).await
+    }
+
     /// The uploaded file, for readers that seek in it.
     pub fn clip_file(&self, id: Uuid) -> PathBuf {
         self.blobs.file(&file_key(id))

@@ -14,7 +14,7 @@ use uuid::Uuid;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct LidarMapRevision {
     #[serde(skip)]
-    pub(super) id: Uuid,
+    id: Uuid,
     /// Counts from 1; the highest is the current one.
     #[schema(minimum = 1, example = 2)]
     pub revision: i64,
@@ -51,6 +51,13 @@ fn file_key(id: Uuid) -> String {
 
 fn image_key(id: Uuid) -> String {
     format!("lidar-maps/{id}/image.png")
+}
+
+impl LidarMapRevision {
+    /// What names its file.
+    pub fn id(&self) -> Uuid {
+        self.id
+    }
 }
 
 impl Storage {
@@ -149,7 +156,7 @@ impl Storage {
         self.blobs.read(&image_key(map.id)).await?.ok_or(StorageError::NoLidarMap)
     }
 
-    /// The file of a revision that a job works with.
+    /// The file of a revision.
     pub async fn lidar_map_file(&self, id: Uuid) -> Result<bytes::Bytes, StorageError> {
         self.blobs.read_all(&file_key(id)).await
     }

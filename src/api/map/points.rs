@@ -43,7 +43,7 @@ pub(in crate::api) struct PointsQuery {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Format {
+pub(in crate::api) enum Format {
     Ply,
     Glb,
 }
@@ -157,16 +157,16 @@ pub(in crate::api) async fn get_map_points(
 }
 
 /// What a stream of points needs.
-struct Points {
-    app: App,
-    clips: ClipNumbers,
-    filter: PointFilter,
+pub(in crate::api) struct Points {
+    pub app: App,
+    pub clips: ClipNumbers,
+    pub filter: PointFilter,
 }
 
 impl Points {
     /// What comes before the points, and the size of all. Both formats tell at their beginning how many points follow:
     /// unless all are asked for, the tiles are looked at once before they are sent.
-    async fn head(&self, format: Format, map: &HomeMap, tiles: &[MapFile]) -> Result<(Vec<u8>, u64), Error> {
+    pub async fn head(&self, format: Format, map: &HomeMap, tiles: &[MapFile]) -> Result<(Vec<u8>, u64), Error> {
         if format == Format::Ply && self.filter.is_everything() {
             let ply = Ply::new(map.info.points);
             return Ok((ply.head(), ply.size_bytes()));
@@ -197,7 +197,7 @@ impl Points {
         }
     }
 
-    fn body(
+    pub fn body(
         self,
         format: Format,
         head: Vec<u8>,

@@ -80,7 +80,7 @@ impl Storage {
         let claim = MergeClaim {
             members: members(&mut transaction, &home).await?,
             lidar_map_revision: lidar_map.as_ref().map_or(0, |map| map.revision),
-            lidar_map: lidar_map.map(|map| map.id),
+            lidar_map: lidar_map.map(|map| map.id()),
             last_revision: last.as_ref().map_or(0, |map| map.revision),
             last_lidar_map_revision: last.map_or(0, |map| map.lidar_map_revision),
             wanted: row.number("map_wanted")?,
