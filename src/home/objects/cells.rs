@@ -77,6 +77,12 @@ impl Cells {
         unpack(self.keys[cell]).map(|c| (c as f64 + 0.5) * self.side_m)
     }
 
+    /// The cell that holds a place.
+    pub fn at(&self, place_m: &[f64; 3]) -> Option<usize> {
+        let key = pack(place_m.map(|c| (c / self.side_m).floor() as i64))?;
+        self.of_key.get(&key).map(|cell| *cell as usize)
+    }
+
     /// The direction of the walls, modulo a quarter turn; of all upright surface where no wall is known.
     pub fn wall_direction(&self, labels: &[Option<(Class, f32)>]) -> Option<f64> {
         let upright = |only_walls: bool| {
