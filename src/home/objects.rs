@@ -245,7 +245,7 @@ mod tests {
     fn chairs_side_by_side_are_several() {
         let mut points = Vec::new();
         for i in 0..3 {
-            let x = f64::from(i) * 0.56;
+            let x = f64::from(i) * 0.63;
             points.extend(surface(Class::Chair, [x, 0.0, 0.42], [x + 0.48, 0.45, 0.46], 0));
             points.extend(surface(Class::Chair, [x, 0.42, 0.46], [x + 0.48, 0.45, 0.9], 0));
         }
