@@ -234,7 +234,11 @@ mod tests {
         assert_eq!(objects.len(), 1, "{objects:?}");
         let bed = &objects[0];
         assert_eq!((bed.class, bed.id.as_str(), bed.clips.as_slice()), (Class::Bed, "bed-1", &[0, 3][..]));
-        let want = UprightBox { centre_m: [1.8, 2.0, 0.28], size_m: [2.0, 1.6, 0.56], yaw_rad: 1.5708 };
+        let want = UprightBox {
+            centre_m: [1.8, 2.0, 0.28],
+            size_m: [2.0, 1.6, 0.56],
+            yaw_rad: std::f64::consts::FRAC_PI_2,
+        };
         assert!(bed.bounds().iou(&want) > 0.8, "{bed:?}");
         // It stands on the floor although nothing was seen below it.
         assert!(bed.bounds().bottom_m().abs() < 1e-9);

@@ -107,6 +107,13 @@ pub fn plan(
         !overhead(object)
             && (0..2).all(|axis| (min_m[axis] - 0.5..max_m[axis] + 0.5).contains(&object.centre_m[axis]))
     });
+    for corner in drawn.iter().flat_map(|object| object.bounds().corners()) {
+        for axis in 0..2 {
+            // No thing of a home is longer than this.
+            min_m[axis] = min_m[axis].min(corner[axis].max(min_m[axis] - 3.0));
+            max_m[axis] = max_m[axis].max(corner[axis].min(max_m[axis] + 3.0));
+        }
+    }
     Plan {
         min_m,
         max_m,

@@ -276,8 +276,8 @@ mod tests {
     /// A comb and a chequerboard of half a million cells take no time to speak of.
     #[test]
     fn hostile_masks_are_no_work() {
-        let comb = |i: usize| i % 1000 % 2 == 0 || i < 1000;
-        let chequers = |i: usize| (i % 1000 + i / 1000) % 2 == 0;
+        let comb = |i: usize| (i % 1000).is_multiple_of(2) || i < 1000;
+        let chequers = |i: usize| (i % 1000 + i / 1000).is_multiple_of(2);
         let combs: Vec<bool> = (0..500_000).map(comb).collect();
         let outlines = trace(&mask(1000, combs));
         assert_eq!(outlines.len(), 1);
