@@ -29,20 +29,20 @@ pub struct EvaluateArguments {
     scene: Option<PathBuf>,
     /// Sets of simulated homes instead: normal, upper, repeated, changed.
     #[arg(long, group = "source", value_delimiter = ',')]
-    set: Vec<Set>,
+    pub(super) set: Vec<Set>,
     /// LiDAR maps with free cells instead: clips are drawn inside them. May be given several times.
     #[arg(long, group = "source")]
     map: Vec<PathBuf>,
     /// Seeds of the simulated homes, the last one not included.
     #[arg(long, value_name = "FIRST..END", default_value = "1000..1100", value_parser = super::align::range::<u64>)]
-    seeds: Range<u64>,
+    pub(super) seeds: Range<u64>,
     /// Depth sensor of the simulated clips: phone-lidar, structured-light.
     #[arg(long, default_value = "phone-lidar")]
     sensor: Sensor,
     /// Name the classes of simulated pictures by the truth, this share of it right, as if by a network: simulated
     /// pictures are too plain for a real one.
     #[arg(long, requires = "set", value_name = "SHARE", value_parser = share)]
-    picture_labels: Option<f64>,
+    pub(super) picture_labels: Option<f64>,
     /// Also give every simulated clip the map of another home, where it belongs nowhere.
     #[arg(long, requires = "set")]
     foreign: bool,
@@ -65,9 +65,9 @@ pub struct EvaluateArguments {
     /// Instead of poses, judge the classes of the scene's points against its labelled mesh.
     #[arg(long, requires = "scene", conflicts_with_all = ["set", "map", "lidar", "fit"])]
     labels: bool,
-    /// Instead of poses, judge the map, the rooms and the objects that the scene's clips give together, against its
-    /// labelled mesh.
-    #[arg(long, requires = "scene", conflicts_with_all = ["set", "map", "labels", "fit"])]
+    /// Instead of poses, judge the map, the rooms and the objects that the scene's clips give together against its
+    /// labelled mesh, or those of simulated homes against their truth.
+    #[arg(long, conflicts_with_all = ["map", "labels", "fit"])]
     home: bool,
     #[command(flatten)]
     pub(super) networks: NetworkArguments,
@@ -89,8 +89,11 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     if let (true, Some(scene)) = (arguments.labels, &arguments.scene) {
         return judge_labels(arguments, scene);
     }
-    if let (true, Some(scene)) = (arguments.home, &arguments.scene) {
-        return super::evaluate_home::run(arguments, scene);
+    if arguments.home {
+        return match &arguments.scene {
+            Some(scene) => super::evaluate_home::scene(arguments, scene),
+            None => super::evaluate_home::simulated(arguments),
+        };
     }
     let methods = methods(arguments)?;
     let pictures = out.join("failed");

@@ -1,16 +1,16 @@
-//! `viola evaluate --scene ... --home`: a home's map, rooms and objects against a labelled mesh.
+//! `viola evaluate --home`: a home's map, rooms and objects against a labelled mesh, or against simulated homes.
 
 use super::evaluate::{EvaluateArguments, save, scene_of};
 use super::progress::TerminalProgress;
 use crate::align::AlignParams;
-use crate::evaluate::home::{consecutive, evaluate};
+use crate::evaluate::home::{self as judge, Matches, SampleParams, consecutive, evaluate};
 use crate::home;
 use anyhow::{Context, Result};
 use std::fs;
 use std::path::Path;
 
 /// Writes `home.json`, `home.md` and the plan as PNG, SVG and GeoJSON.
-pub fn run(arguments: &EvaluateArguments, path: &Path) -> Result<()> {
+pub fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<()> {
     let out = &arguments.out;
     fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
     let scene = scene_of(arguments, path)?;
@@ -29,5 +29,43 @@ pub fn run(arguments: &EvaluateArguments, path: &Path) -> Result<()> {
     fs::write(&picture, home::plan_png(&plan))
         .with_context(|| format!("cannot write {}", picture.display()))?;
     print!("{}", report.markdown());
+    Ok(())
+}
+
+/// Writes `home.json` and `home.md`, and the plan of the first home as a picture.
+pub fn simulated(arguments: &EvaluateArguments) -> Result<()> {
+    let out = &arguments.out;
+    fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    let accuracy = arguments.picture_labels.unwrap_or(SampleParams::default().accuracy);
+    let params = SampleParams { accuracy, ..SampleParams::default() };
+    let (mut rows, mut text) = (Vec::new(), String::new());
+    for set in &arguments.set {
+        let (matches, (there, matched)): (Matches, _) =
+            judge::simulated(*set, arguments.seeds.clone(), &params)?;
+        text += &format!(
+            "{}, seeds {:?}, {:.0} % of the patches called what they are: {matched} of {there} rooms with an IoU of at \
+             least 0.5; furniture:\n\n{}\n",
+            set.name(),
+            arguments.seeds,
+            accuracy * 100.0,
+            matches.markdown()
+        );
+        rows.push(
+            serde_json::json!({ "set": set.name(), "objects": matches, "rooms": there, "matched": matched }),
+        );
+        let home = crate::simulate::HomeParams::new(*set, arguments.seeds.start);
+        let map = judge::sample(&home, &params)?;
+        let rooms = home::rooms(&map.lidar, &map.points, &home::RoomsParams::default());
+        let sizes = home::ObjectsParams { voxel_m: params.voxel_m, ..home::ObjectsParams::default() };
+        let objects = home::objects(&map.points, &rooms, &sizes);
+        let plan = home::plan(&map.lidar, &map.points, &rooms, &objects, &home::PlanParams::default());
+        let picture = out.join(format!("plan_{}.png", set.name()));
+        fs::write(&picture, home::plan_png(&plan))
+            .with_context(|| format!("cannot write {}", picture.display()))?;
+        save(out, &format!("plan_{}.svg", set.name()), &home::plan_svg(&plan))?;
+    }
+    save(out, "home.json", &serde_json::to_string_pretty(&rows)?)?;
+    save(out, "home.md", &text)?;
+    print!("{text}");
     Ok(())
 }

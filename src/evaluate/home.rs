@@ -4,12 +4,14 @@ mod fused;
 mod instances;
 mod judge;
 mod matching;
+mod simulated;
 mod surface;
 
 pub use fused::{Agreement, Excerpt, Fused, consecutive, fuse};
 pub use instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
 pub use judge::{FoundRow, ObjectScore, TruthRow, judge};
 pub use matching::{ClassRow, MIN_IOU, Matches, Thing, matches};
+pub use simulated::{SampleParams, SimulatedMap, TrueRoom, judge_objects, judge_rooms, sample, simulated};
 pub use surface::{SurfaceScore, compare, seen_by};
 
 use super::{MeshError, Scene, labels};

@@ -136,3 +136,54 @@ pub fn coverage(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], params: &
         by_room: rooms.iter().zip(by_room).map(room).collect(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::align::CloudPoint;
+    use crate::align::label::Label;
+
+    fn point(x: f64, y: f64, z: f64, class: Class) -> MapPoint {
+        let position_m = [x as f32, y as f32, z as f32];
+        let label = Label::new(class, 0.9, 3);
+        MapPoint { point: CloudPoint { position_m, normal: [0.0, 0.0, 1.0], color: [0; 3], label }, clip: 0 }
+    }
+
+    #[test]
+    fn half_of_a_room_is_half() {
+        let side = (0..=80).map(|i| f64::from(i) * 0.05);
+        let csv: String = side
+            .flat_map(|t| [[t, 0.0], [t, 4.0], [0.0, t], [4.0, t]])
+            .map(|[x, y]| format!("{x},{y}\n"))
+            .collect();
+        let lidar = LidarMap::read(csv.as_bytes()).unwrap();
+        let rooms = crate::home::rooms(&lidar, &[], &Default::default());
+        let params = CoverageParams::default();
+        let none = coverage(&lidar, &[], &rooms, &params);
+        assert_eq!((none.seen, none.floor_seen, none.by_room.len()), (0.0, 0.0, 1));
+        // The lower half: its walls above the LiDAR's height, and its floor.
+        let mut points = Vec::new();
+        for i in 0..=80 {
+            let t = f64::from(i) * 0.05;
+            points.push(point(t, 0.0, 1.5, Class::Wall));
+            if t < 1.95 {
+                points.push(point(0.0, t, 1.5, Class::Wall));
+                points.push(point(4.0, t, 1.5, Class::Wall));
+                points.extend((0..=80).map(|j| point(f64::from(j) * 0.05, t, 0.01, Class::Floor)));
+            }
+        }
+        let half = coverage(&lidar, &points, &rooms, &params);
+        assert!((half.seen - 0.5).abs() < 0.05, "{half:?}");
+        assert!((half.floor_seen - 0.5).abs() < 0.06, "{half:?}");
+        assert!((half.by_room[0].floor_seen - half.floor_seen).abs() < 0.05, "{half:?}");
+        // A ceiling explains no wall, and floor neither.
+        let other: Vec<MapPoint> = points
+            .iter()
+            .map(|p| {
+                let [x, y, _] = p.point.position_m.map(f64::from);
+                point(x, y, 1.8, Class::Ceiling)
+            })
+            .collect();
+        assert_eq!(coverage(&lidar, &other, &rooms, &params).seen, 0.0);
+    }
+}

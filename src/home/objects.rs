@@ -27,10 +27,10 @@ use serde::{Deserialize, Serialize};
 pub struct ObjectsParams {
     /// Side of the map's voxels.
     pub voxel_m: f64,
-    /// Side of the cells that points are gathered in; two voxels where those are larger.
+    /// Side of the cells that points are gathered in; one and a half voxels where those are larger.
     pub cell_m: f64,
-    /// Cells of one class this many cells apart touch.
-    pub reach: i64,
+    /// Cells of one class this far apart touch. Less than an inner wall is thick, and the cells beside it.
+    pub reach_m: f64,
     /// Surface that an object must show, in square metres ...
     pub min_surface_m2: f64,
     /// ... and the length of its longest side, in metres.
@@ -49,7 +49,7 @@ impl Default for ObjectsParams {
         ObjectsParams {
             voxel_m: 0.03,
             cell_m: 0.06,
-            reach: 2,
+            reach_m: 0.13,
             min_surface_m2: 0.12,
             min_side_m: 0.25,
             min_confidence: 0.35,
@@ -101,11 +101,14 @@ pub fn objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams) -> V
 
 /// The same with the points of each.
 pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams) -> Vec<Found> {
-    let cells = Cells::new(points, params.cell_m.max(2.0 * params.voxel_m));
+    let cells = Cells::new(points, params.cell_m.max(1.5 * params.voxel_m));
     let labels = cells.labels();
     let wall_yaw_rad = cells.wall_direction(&labels);
-    let fragments = fragment::fragments(&cells, &labels, params.reach);
-    let joined = join::join(fragments, &cells, wall_yaw_rad, &params.join);
+    let reach = ((params.reach_m / cells.side_m) as i64).max(1);
+    let fragments = fragment::fragments(&cells, &labels, reach);
+    // Before they are joined, so that a row of chairs is not taken for a part of the sofa beside it, and after.
+    let apart = fragments.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
+    let joined = join::join(apart.collect(), &cells, &labels, wall_yaw_rad, &params.join);
     let split = joined.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
     let mut found: Vec<Found> =
         split.filter_map(|f| finish(&f, &cells, points, rooms, wall_yaw_rad, params)).collect();
@@ -176,4 +179,123 @@ fn finish(
         clips: clips.collect(),
     };
     Some(Found { object, members })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::align::CloudPoint;
+    use crate::align::label::Label;
+
+    /// The surface of a box of a class, points 3 cm apart, without its underside.
+    fn surface(class: Class, low: [f64; 3], high: [f64; 3], clip: u16) -> Vec<MapPoint> {
+        let count = [0, 1, 2].map(|axis| ((high[axis] - low[axis]) / 0.03).round() as usize + 1);
+        let mut points = Vec::new();
+        for i in 0..count[0] {
+            for j in 0..count[1] {
+                for k in 0..count[2] {
+                    let at = [i, j, k];
+                    let normal = if k + 1 == count[2] {
+                        [0.0, 0.0, 1.0]
+                    } else if i == 0 || i + 1 == count[0] {
+                        [if i == 0 { -1.0 } else { 1.0 }, 0.0, 0.0]
+                    } else if j == 0 || j + 1 == count[1] {
+                        [0.0, if j == 0 { -1.0 } else { 1.0 }, 0.0]
+                    } else {
+                        continue;
+                    };
+                    let place = |axis: usize| (low[axis] + at[axis] as f64 * 0.03) as f32;
+                    let point = CloudPoint {
+                        position_m: [place(0), place(1), place(2)],
+                        normal,
+                        color: [0; 3],
+                        label: Label::new(class, 0.8, 4),
+                    };
+                    points.push(MapPoint { point, clip });
+                }
+            }
+        }
+        points
+    }
+
+    fn found(points: &[MapPoint]) -> Vec<Object> {
+        objects(points, &[], &ObjectsParams::default())
+    }
+
+    #[test]
+    fn a_bed_is_a_bed_with_its_box_and_clips() {
+        let mut points = surface(Class::Bed, [1.0, 1.0, 0.1], [2.6, 3.0, 0.5], 0);
+        points.extend(surface(Class::Pillow, [1.2, 2.5, 0.5], [1.8, 2.9, 0.62], 3));
+        // A patch that is called something alike.
+        points.iter_mut().filter(|p| p.point.position_m[1] < 1.4).for_each(|p| {
+            p.point.label = Label::new(Class::Sofa, 0.6, 4);
+        });
+        let objects = found(&points);
+        assert_eq!(objects.len(), 1, "{objects:?}");
+        let bed = &objects[0];
+        assert_eq!((bed.class, bed.id.as_str(), bed.clips.as_slice()), (Class::Bed, "bed-1", &[0, 3][..]));
+        let want = UprightBox {
+            centre_m: [1.8, 2.0, 0.28],
+            size_m: [2.0, 1.6, 0.56],
+            yaw_rad: std::f64::consts::FRAC_PI_2,
+        };
+        assert!(bed.bounds().iou(&want) > 0.8, "{bed:?}");
+        // It stands on the floor although nothing was seen below it.
+        assert!(bed.bounds().bottom_m().abs() < 1e-9);
+        assert!(bed.confidence > 0.5);
+    }
+
+    #[test]
+    fn chairs_side_by_side_are_several() {
+        let mut points = Vec::new();
+        for i in 0..3 {
+            let x = f64::from(i) * 0.63;
+            points.extend(surface(Class::Chair, [x, 0.0, 0.42], [x + 0.48, 0.45, 0.46], 0));
+            points.extend(surface(Class::Chair, [x, 0.42, 0.46], [x + 0.48, 0.45, 0.9], 0));
+        }
+        let chairs = found(&points);
+        assert_eq!(chairs.iter().filter(|o| o.class == Class::Chair).count(), 3, "{chairs:?}");
+    }
+
+    #[test]
+    fn a_kitchen_has_units_below_and_above() {
+        let mut points = surface(Class::Cabinet, [0.0, 0.0, 0.06], [2.0, 0.6, 0.9], 0);
+        points.extend(surface(Class::Cabinet, [0.0, 0.3, 1.4], [2.0, 0.6, 2.1], 0));
+        // The wall between them, part of which is called a cabinet.
+        points.extend(surface(Class::Cabinet, [0.6, 0.6, 0.9], [1.0, 0.63, 1.4], 0));
+        let units = found(&points);
+        assert_eq!(units.len(), 2, "{units:?}");
+        assert!(units.iter().any(|unit| unit.bounds().bottom_m() > 1.0));
+    }
+
+    #[test]
+    fn a_small_table_at_a_bed_is_a_nightstand() {
+        let mut points = surface(Class::Bed, [0.0, 0.0, 0.1], [1.6, 2.0, 0.5], 0);
+        points.extend(surface(Class::Table, [1.75, 1.5, 0.05], [2.2, 1.95, 0.6], 0));
+        points.extend(surface(Class::Table, [4.75, 1.5, 0.05], [5.2, 1.95, 0.6], 0));
+        let classes: Vec<Class> = found(&points).iter().map(|o| o.class).collect();
+        assert_eq!(classes, [Class::Bed, Class::Table, Class::Cabinet]);
+    }
+
+    #[test]
+    fn structure_specks_and_people_are_no_objects() {
+        let mut points = surface(Class::Wall, [0.0, 0.0, 0.0], [3.0, 0.1, 2.4], 0);
+        points.extend(surface(Class::Chair, [1.0, 1.0, 0.4], [1.1, 1.1, 0.45], 0));
+        points.extend(surface(Class::Person, [2.0, 1.0, 0.1], [2.4, 1.3, 1.7], 0));
+        points.extend(surface(Class::Floor, [0.0, 0.0, 0.0], [3.0, 3.0, 0.02], 0));
+        assert_eq!(found(&points), []);
+        assert_eq!(found(&[]), []);
+    }
+
+    #[test]
+    fn places_beyond_any_home_are_left_out() {
+        let mut points = surface(Class::Sofa, [1.0, 1.0, 0.1], [3.0, 1.9, 0.8], 0);
+        let far = MapPoint { clip: 0, ..points[0] };
+        for x in [f32::MAX, -f32::MAX, 1e9] {
+            let mut far = far;
+            far.point.position_m[0] = x;
+            points.push(far);
+        }
+        assert_eq!(found(&points).len(), 1);
+    }
 }

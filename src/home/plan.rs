@@ -25,7 +25,7 @@ pub struct PlanParams {
     pub space: SpaceParams,
     /// Gaps in walls up to twice this are the LiDAR's, not the home's.
     pub close_m: f64,
-    /// How far outlines may be from the cells' border.
+    /// How far outlines may be from the cells' border: less than a cell, or walls one cell thick fall flat.
     pub tolerance_m: f64,
     /// Walls smaller than this are specks.
     pub speck_m2: f64,
@@ -104,8 +104,16 @@ pub fn plan(
     }
     // A thing that was seen far outside, in a mirror say, must not shrink the home to a dot.
     drawn.retain(|object| {
-        (0..2).all(|axis| (min_m[axis] - 0.5..max_m[axis] + 0.5).contains(&object.centre_m[axis]))
+        !overhead(object)
+            && (0..2).all(|axis| (min_m[axis] - 0.5..max_m[axis] + 0.5).contains(&object.centre_m[axis]))
     });
+    for corner in drawn.iter().flat_map(|object| object.bounds().corners()) {
+        for axis in 0..2 {
+            // No thing of a home is longer than this.
+            min_m[axis] = min_m[axis].min(corner[axis].max(min_m[axis] - 3.0));
+            max_m[axis] = max_m[axis].max(corner[axis].min(max_m[axis] + 3.0));
+        }
+    }
     Plan {
         min_m,
         max_m,
@@ -121,6 +129,11 @@ pub(super) fn opens(class: Class) -> bool {
     matches!(class, Class::Door | Class::Window)
 }
 
+/// What hangs above people's heads is not drawn: one walks under it. Wall units are, for they are part of a kitchen.
+pub(super) fn overhead(object: &Object) -> bool {
+    matches!(object.class, Class::Lamp | Class::Other) && object.bounds().bottom_m() > 1.5
+}
+
 /// What hangs flat on a wall or covers it: too thin for a label of its own.
 pub(super) fn hangs(class: Class) -> bool {
     matches!(class, Class::Mirror | Class::Picture | Class::Curtain)
@@ -129,4 +142,97 @@ pub(super) fn hangs(class: Class) -> bool {
 /// `living room` for `living_room`.
 pub(super) fn words(class: Class) -> String {
     class.name().replace('_', " ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::home::rooms::RoomSource;
+
+    fn home(name: &str) -> (LidarMap, Vec<Room>, Vec<Object>) {
+        let csv: String = (0..=60)
+            .flat_map(|i| {
+                let t = f64::from(i) * 0.05;
+                [[t, 0.0], [t, 3.0], [0.0, t], [3.0, t]]
+            })
+            .map(|[x, y]| format!("{x},{y}\n"))
+            .collect();
+        let room = Room {
+            id: "1".into(),
+            name: Some(name.into()),
+            source: RoomSource::LidarMap,
+            area_m2: 9.0,
+            polygon_m: vec![[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0]],
+            holes_m: vec![vec![[1.0, 1.0], [1.0, 1.2], [1.2, 1.2], [1.2, 1.0]]],
+            label_at_m: [2.0, 2.0],
+        };
+        let object = |class: Class, x: f64| Object {
+            id: format!("{}-1", class.name()),
+            class,
+            confidence: 0.8,
+            centre_m: [x, 1.0, 0.4],
+            size_m: [0.9, 0.5, 0.8],
+            yaw_rad: 0.3,
+            room: Some("1".into()),
+            points: 100,
+            clips: vec![0],
+        };
+        let objects = vec![object(Class::Table, 1.5), object(Class::Door, 0.0), object(Class::Sofa, 90.0)];
+        (LidarMap::read(csv.as_bytes()).unwrap(), vec![room], objects)
+    }
+
+    fn plan_of(name: &str) -> Plan {
+        let (lidar, rooms, objects) = home(name);
+        plan(&lidar, &[], &rooms, &objects, &PlanParams::default())
+    }
+
+    #[test]
+    fn a_square_of_points_has_walls_around_it() {
+        let plan = plan_of("Kitchen");
+        let area: f64 = plan.walls.iter().map(Outline::area_m2).sum();
+        // Four walls of 3 m, one or two cells thick.
+        assert!((0.4..1.6).contains(&area), "{area}");
+        // What was seen far outside does not shrink the home.
+        assert_eq!(plan.objects.len(), 2);
+    }
+
+    #[test]
+    fn hostile_names_stay_text() {
+        let svg = plan_svg(&plan_of("<script>alert('x')</script>&\u{0}\""));
+        assert!(!svg.contains("<script") && !svg.contains('\u{0}'));
+        assert!(svg.contains("&lt;script&gt;") && svg.contains("&amp;"));
+        for name in ["", "\u{202e}evil", "K\u{fc}che", &"long ".repeat(1000)] {
+            let plan = plan_of(name);
+            assert!(image::load_from_memory(&plan_png(&plan)).is_ok(), "{name:?}");
+            assert!(plan_svg(&plan).ends_with("</svg>\n"));
+        }
+    }
+
+    #[test]
+    fn rings_of_geojson_are_closed_and_turn_the_right_way() {
+        let json = plan_geojson(&plan_of("Kitchen"));
+        assert_eq!(json["type"], "FeatureCollection");
+        assert!(json["frame"].as_str().unwrap().contains("metres"));
+        let features = json["features"].as_array().unwrap();
+        for feature in features {
+            let rings = feature["geometry"]["coordinates"].as_array().unwrap();
+            for (place, ring) in rings.iter().enumerate() {
+                let ring: Vec<[f64; 2]> = serde_json::from_value(ring.clone()).unwrap();
+                assert!(ring.len() >= 4 && ring.first() == ring.last(), "{feature}");
+                let area = crate::home::rooms::outline::signed_area_m2(&ring);
+                assert!((area > 0.0) == (place == 0), "{feature}");
+            }
+        }
+        let kinds: Vec<&str> = features.iter().filter_map(|f| f["properties"]["kind"].as_str()).collect();
+        for kind in ["room", "wall", "object", "opening"] {
+            assert!(kinds.contains(&kind), "{kind}");
+        }
+    }
+
+    #[test]
+    fn a_map_of_one_point_has_a_plan() {
+        let lidar = LidarMap::read(b"1,2\n").unwrap();
+        let plan = plan(&lidar, &[], &[], &[], &PlanParams::default());
+        assert!(image::load_from_memory(&plan_png(&plan)).is_ok());
+    }
 }

@@ -262,3 +262,77 @@ pub(super) fn close(mask: &mut Grid<bool>, by_m: f64) {
         *cell |= f64::from(*distance_m) > by_m;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lidar;
+
+    /// Two rooms of 4 m x 3 m and 3 m x 3 m with a door of 0.8 m between them, as points 2.5 cm apart.
+    fn flat() -> LidarMap {
+        let mut csv = String::new();
+        let mut wall = |from: [f64; 2], to: [f64; 2]| {
+            let length = (to[0] - from[0]).hypot(to[1] - from[1]);
+            for i in 0..=(length / 0.025) as usize {
+                let t = i as f64 * 0.025 / length;
+                let at = [0, 1].map(|axis| from[axis] + t * (to[axis] - from[axis]));
+                csv += &format!("{},{}\n", at[0], at[1]);
+            }
+        };
+        wall([0.0, 0.0], [7.1, 0.0]);
+        wall([0.0, 3.0], [7.1, 3.0]);
+        wall([0.0, 0.0], [0.0, 3.0]);
+        wall([7.1, 0.0], [7.1, 3.0]);
+        for x in [4.0, 4.1] {
+            wall([x, 0.0], [x, 1.0]);
+            wall([x, 1.8], [x, 3.0]);
+        }
+        LidarMap::read(csv.as_bytes()).unwrap()
+    }
+
+    #[test]
+    fn a_door_divides_rooms() {
+        let rooms = rooms(&flat(), &[], &RoomsParams::default());
+        assert_eq!(rooms.len(), 2, "{rooms:?}");
+        for (room, area, inside) in [(&rooms[0], 12.0, [2.0, 1.5]), (&rooms[1], 9.0, [5.5, 1.5])] {
+            assert!((room.area_m2 - area).abs() < 1.2, "{room:?}");
+            assert!(room.contains(&Point2::from(inside)) && room.contains(&Point2::from(room.label_at_m)));
+            assert!(outline::signed_area_m2(&room.polygon_m) > 0.0);
+            assert_eq!((room.source, &room.name), (RoomSource::Computed, &None));
+        }
+        // At a wall on the other side of it: the nearer room.
+        assert_eq!(room_at(&rooms, &Point2::new(-0.3, 1.0), 1.0).unwrap().id, "1");
+        assert_eq!(room_at(&rooms, &Point2::new(-1.3, 1.0), 1.0), None);
+    }
+
+    #[test]
+    fn the_robots_rooms_keep_their_names() {
+        let mut map = flat();
+        let cells = |x: f64| {
+            (0..50).flat_map(move |i| {
+                (0..50).map(move |j| Point2::new(x + f64::from(i) * 0.05, 0.3 + f64::from(j) * 0.05))
+            })
+        };
+        let room = |id: &str, name: Option<&str>, x: f64| lidar::Room {
+            id: id.into(),
+            name: name.map(str::to_owned),
+            cells_m: cells(x).collect(),
+        };
+        map.rooms = vec![room("17", Some("Kitchen"), 0.4), room("3", None, 4.4)];
+        map.rooms.push(lidar::Room { id: "empty".into(), name: None, cells_m: vec![] });
+        let rooms = rooms(&map, &[], &RoomsParams::default());
+        let named: Vec<(&str, Option<&str>)> =
+            rooms.iter().map(|room| (room.id.as_str(), room.name.as_deref())).collect();
+        assert_eq!(named, [("17", Some("Kitchen")), ("3", None)]);
+        assert!(rooms.iter().all(|room| (room.area_m2 - 6.25).abs() < 0.6), "{rooms:?}");
+        assert_eq!(rooms[0].source, RoomSource::LidarMap);
+    }
+
+    #[test]
+    fn a_map_without_an_inside_has_no_rooms() {
+        for csv in ["1,2\n", "0,0\n5,0\n", "0,0\n1000000,1000000\n"] {
+            let map = LidarMap::read(csv.as_bytes()).unwrap();
+            assert!(rooms(&map, &[], &RoomsParams::default()).is_empty(), "{csv}");
+        }
+    }
+}

@@ -49,7 +49,8 @@ pub struct FoundRow {
     pub truth: Vec<(String, f64)>,
 }
 
-/// Compares. Things count that are furniture, and longer than half a metre along an axis of the world.
+/// Compares. Things count that are furniture; shorter than half a metre along all axes they count only where they are
+/// right.
 pub fn judge(
     map: &[MapPoint],
     found: &[Found],
@@ -63,9 +64,6 @@ pub fn judge(
     let (mut counted, mut unjudged, mut rows) = (Vec::new(), Vec::new(), Vec::new());
     for found in found.iter().filter(|found| is_furniture(found.object.class)) {
         let world_box = world_box(found, map, &world_from_map);
-        if world_box.size_m.iter().all(|side| *side <= MIN_EXTENT_M) {
-            continue;
-        }
         let said = named.said(found, map);
         let unlabelled = said.iter().find(|(name, _)| name == UNLABELLED).map_or(0.0, |(_, share)| *share);
         let id = found.object.id.clone();
@@ -85,7 +83,7 @@ pub fn judge(
         counted.iter().map(|(found, _)| thing(found.object.class, found.object.bounds())).collect();
     let truth_in_world: Vec<Thing> = truth.iter().map(|t| thing(t.class, t.world_box)).collect();
     let truth_in_map: Vec<Thing> = truth.iter().map(|t| thing(t.class, t.map_box)).collect();
-    let along_axes = matches(&truth_in_world, &found_in_world);
+    let along_axes = matches(&truth_in_world, &found_in_world, MIN_EXTENT_M);
     for (f, _) in along_axes.of_truth.iter().flatten() {
         rows[*f].right = true;
     }
@@ -104,7 +102,7 @@ pub fn judge(
     });
     ObjectScore {
         truth: truth_rows.collect(),
-        oriented: matches(&truth_in_map, &found_in_map),
+        oriented: matches(&truth_in_map, &found_in_map, MIN_EXTENT_M),
         along_axes,
         unjudged,
         found: rows,

@@ -43,8 +43,9 @@ impl ClassRow {
     }
 }
 
-/// Pairs of one class, those that share most first; each thing is in one pair at most.
-pub fn matches(truth: &[Thing], found: &[Thing]) -> Matches {
+/// Pairs of one class, those that share most first; each thing is in one pair at most. Found things that are not
+/// longer than `least_m` along any axis are no mistakes: they count only where they are right.
+pub fn matches(truth: &[Thing], found: &[Thing], least_m: f64) -> Matches {
     let mut pairs = Vec::new();
     for (t, thing) in truth.iter().enumerate() {
         for (f, other) in found.iter().enumerate().filter(|(_, other)| other.class == thing.class) {
@@ -68,7 +69,9 @@ pub fn matches(truth: &[Thing], found: &[Thing]) -> Matches {
         add(&mut matches.total);
     };
     truth.iter().for_each(|thing| count(thing.class, |row| row.truth += 1));
-    found.iter().for_each(|thing| count(thing.class, |row| row.found += 1));
+    let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > least_m);
+    let counted = found.iter().zip(&taken).filter(|(thing, taken)| **taken || is_large(thing));
+    counted.for_each(|(thing, _)| count(thing.class, |row| row.found += 1));
     let matched: Vec<Class> =
         truth.iter().zip(&matches.of_truth).filter(|(_, m)| m.is_some()).map(|(t, _)| t.class).collect();
     for class in matched {
@@ -110,5 +113,41 @@ impl Matches {
             );
         }
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn thing(class: Class, x: f64, side: f64) -> Thing {
+        Thing {
+            class,
+            bounds: UprightBox { centre_m: [x, 0.0, 0.5], size_m: [side, side, 1.0], yaw_rad: 0.0 },
+        }
+    }
+
+    #[test]
+    fn each_thing_is_matched_once_and_small_mistakes_do_not_count() {
+        let truth =
+            [thing(Class::Chair, 0.0, 1.0), thing(Class::Chair, 5.0, 1.0), thing(Class::Bed, 9.0, 1.0)];
+        let found = [
+            thing(Class::Chair, 0.1, 1.0),
+            thing(Class::Chair, 0.2, 1.0),
+            thing(Class::Sofa, 9.0, 1.0),
+            // 0.3 m high and wide: neither right nor large.
+            Thing {
+                bounds: UprightBox { size_m: [0.3; 3], ..thing(Class::Lamp, 2.0, 1.0).bounds },
+                class: Class::Lamp,
+            },
+        ];
+        let m = matches(&truth, &found, 0.5);
+        assert_eq!(m.total, ClassRow { truth: 3, found: 3, matched: 1 });
+        assert_eq!(m.of_truth[0].map(|(f, _)| f), Some(0));
+        assert_eq!(m.classes["chair"], ClassRow { truth: 2, found: 2, matched: 1 });
+        let mut sum = m.clone();
+        sum.add(&m);
+        assert_eq!(sum.total, ClassRow { truth: 6, found: 6, matched: 2 });
+        assert!(m.markdown().contains("| all | 3 | 3 | 1 | 33 % | 33 % |"));
     }
 }

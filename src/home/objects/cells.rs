@@ -77,6 +77,12 @@ impl Cells {
         unpack(self.keys[cell]).map(|c| (c as f64 + 0.5) * self.side_m)
     }
 
+    /// The cell that holds a place.
+    pub fn at(&self, place_m: &[f64; 3]) -> Option<usize> {
+        let key = pack(place_m.map(|c| (c / self.side_m).floor() as i64))?;
+        self.of_key.get(&key).map(|cell| *cell as usize)
+    }
+
     /// The direction of the walls, modulo a quarter turn; of all upright surface where no wall is known.
     pub fn wall_direction(&self, labels: &[Option<(Class, f32)>]) -> Option<f64> {
         let upright = |only_walls: bool| {
@@ -125,20 +131,25 @@ impl Cells {
     /// What each cell is: the vote of its points and of the cells around it on the same surface. None where nothing
     /// was said. With its share of the votes.
     pub fn labels(&self) -> Vec<Option<(Class, f32)>> {
-        let unit = |cell: usize| {
-            let n = nalgebra::Vector3::from(self.normals[cell]);
+        let unit = |n: &[f32; 3]| {
+            let n = nalgebra::Vector3::from(*n);
             n.try_normalize(1e-6).unwrap_or_else(nalgebra::Vector3::zeros)
         };
+        let units: Vec<nalgebra::Vector3<f32>> = self.normals.iter().map(unit).collect();
+        // Most cells are called two or three things.
+        let said: Vec<Vec<(u8, f32)>> = self
+            .votes
+            .iter()
+            .map(|votes| (0u8..).zip(votes).filter(|(_, v)| **v > 0.0).map(|(c, v)| (c, *v)).collect())
+            .collect();
         let mut sums = self.votes.clone();
         for cell in 0..self.len() {
             for other in self.later(cell, 1) {
                 let other = other as usize;
                 // Across an edge a neighbour says less.
-                let weight = 0.25 + 0.75 * unit(cell).dot(&unit(other)).max(0.0);
-                for class in 0..CLASSES {
-                    sums[cell][class] += weight * self.votes[other][class];
-                    sums[other][class] += weight * self.votes[cell][class];
-                }
+                let weight = 0.25 + 0.75 * units[cell].dot(&units[other]).max(0.0);
+                said[other].iter().for_each(|(class, vote)| sums[cell][usize::from(*class)] += weight * vote);
+                said[cell].iter().for_each(|(class, vote)| sums[other][usize::from(*class)] += weight * vote);
             }
         }
         sums.iter().map(likeliest).collect()

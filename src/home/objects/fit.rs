@@ -169,3 +169,60 @@ pub fn wall_direction(normals: impl Iterator<Item = (f64, f64)>) -> Option<f64> 
 pub fn middle(fitted: &UprightBox) -> Point2 {
     Point2::new(fitted.centre_m[0], fitted.centre_m[1])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::f64::consts::PI;
+
+    prop_compose! {
+        fn upright()(x in -2.0..2.0f64, y in -2.0..2.0f64, l in 0.6..2.0f64, w in 0.2..0.55f64, h in 0.3..1.0f64,
+                     yaw_rad in 0.0..PI) -> UprightBox {
+            UprightBox { centre_m: [x, y, 0.5], size_m: [l, w, h], yaw_rad }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn sharing_is_mutual_and_bounded(a in upright(), b in upright()) {
+            let (ab, ba) = (a.shared_m2(&b), b.shared_m2(&a));
+            prop_assert!((ab - ba).abs() < 1e-9);
+            prop_assert!(ab <= (a.size_m[0] * a.size_m[1]).min(b.size_m[0] * b.size_m[1]) + 1e-9);
+            prop_assert!((a.iou(&a) - 1.0).abs() < 1e-9);
+            prop_assert!((0.0..=1.0).contains(&a.iou(&b)));
+        }
+
+        #[test]
+        fn a_filled_box_is_found_again(truth in upright()) {
+            let turn = truth.yaw_rad.sin_cos();
+            let points: Vec<[f64; 3]> = (0..9 * 9 * 9)
+                .map(|i| [i % 9, i / 9 % 9, i / 81].map(|k| f64::from(k) / 8.0 - 0.5))
+                .map(|[x, y, z]| {
+                    let (x, y, z) = (x * truth.size_m[0], y * truth.size_m[1], z * truth.size_m[2]);
+                    let [cx, cy, cz] = truth.centre_m;
+                    [cx + turn.1 * x - turn.0 * y, cy + turn.0 * x + turn.1 * y, cz + z]
+                })
+                .collect();
+            let fitted = fit_box(&points, None, 0.0).unwrap();
+            // Directions are tried every three degrees.
+            prop_assert!(fitted.iou(&truth) > 0.75, "{fitted:?} {}", fitted.iou(&truth));
+            prop_assert!(fitted.size_m[0] >= fitted.size_m[1] && (0.0..PI).contains(&fitted.yaw_rad));
+        }
+    }
+
+    #[test]
+    fn overlaps_worked_out_by_hand() {
+        let square =
+            |x: f64, yaw_rad: f64| UprightBox { centre_m: [x, 0.0, 0.5], size_m: [1.0, 1.0, 1.0], yaw_rad };
+        for (other, shared) in [
+            (square(0.5, 0.0), 0.5),
+            (square(1.5, 0.0), 0.0),
+            // A square turned by 45 degrees cuts off four corners: an octagon is left.
+            (square(0.0, PI / 4.0), 2.0 * (2f64.sqrt() - 1.0)),
+        ] {
+            assert!((square(0.0, 0.0).shared_m2(&other) - shared).abs() < 1e-9, "{other:?}");
+        }
+        assert_eq!(fit_box(&[[0.0; 3]; 3], None, 0.0), None);
+    }
+}

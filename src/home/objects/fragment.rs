@@ -71,7 +71,8 @@ impl Fragment {
         for &class in Class::ALL {
             let Some(kind) = kind(class) else { continue };
             let fit = kind.fit(bounds.size_m[0], bounds.size_m[1], bounds.top_m());
-            let score = (said(class) + MISTAKEN * mistaken(class)) * fit * surface(class, flatness);
+            let score =
+                (said(class) + MISTAKEN * mistaken(class)) * fit * surface(class, flatness, self.cells.len());
             if score > 0.0 && best.as_ref().is_none_or(|(most, ..)| score > *most) {
                 best = Some((score, fit, class, kind));
             }
@@ -90,14 +91,19 @@ const MISTAKEN: f64 = 0.35;
 
 /// How well a surface fits what stores things, by how flat it is: cabinets have closed fronts, and shelves show what
 /// stands in them. Others say nothing by it.
-fn surface(class: Class, flatness: f64) -> f64 {
-    /// As flat is either, and this much flatter or less flat is e times as likely the one.
+fn surface(class: Class, flatness: f64, cells: usize) -> f64 {
+    /// As flat is either; this much flatter is e times as likely a cabinet and e times less likely a shelf.
     const EVEN: f64 = 0.62;
-    const STEP: f64 = 0.1;
-    let lean = ((flatness - EVEN) / STEP).clamp(-1.5, 1.5) / 2.0;
+    const STEP: f64 = 0.2;
+    /// Cells that tell half of what many would.
+    const FEW: f64 = 300.0;
+    let trust = cells as f64 / (cells as f64 + FEW);
+    let lean = trust * ((flatness - EVEN) / STEP).clamp(-0.75, 0.75);
     match class {
         Class::Shelf => (-lean).exp(),
         Class::Cabinet => lean.exp(),
+        // Closed as well, but things stand on them and hang at them.
+        Class::Counter | Class::Refrigerator | Class::Stove | Class::WashingMachine => lean.max(0.0).exp(),
         _ => 1.0,
     }
 }

@@ -3,7 +3,7 @@
 use super::cells::Cells;
 use super::fit::{BEYOND, UprightBox, fit_box};
 use super::fragment::Fragment;
-use super::kind::{confusable, host_of, is_solid, kind};
+use super::kind::{confusable, host_of, is_solid, is_storage, kind};
 use crate::taxonomy::Class;
 
 /// When two fragments are one thing.
@@ -15,7 +15,8 @@ pub struct JoinParams {
     pub inside_share: f64,
     /// The box is grown by this for that.
     pub grow_m: f64,
-    /// A fragment with this share of its cells beside those of a larger one is a part of it.
+    /// A fragment with this share of its cells beside those of a larger one is a part of it; a fifth of that is
+    /// enough for what is no thing of its own.
     pub touch_share: f64,
     /// Fragments of one class this near are one thing if things of the class are that large.
     pub gap_m: f64,
@@ -37,9 +38,13 @@ struct Part {
 pub fn join(
     fragments: Vec<Fragment>,
     cells: &Cells,
+    labels: &[Option<(Class, f32)>],
     wall_yaw_rad: Option<f64>,
     params: &JoinParams,
 ) -> Vec<Fragment> {
+    let is_wall = |at: &[f64; 3]| {
+        cells.at(at).and_then(|cell| labels[cell]).is_some_and(|(class, _)| class == Class::Wall)
+    };
     let part = |fragment: Fragment| {
         let places: Vec<[f64; 3]> = fragment.cells.iter().map(|cell| cells.centre(*cell as usize)).collect();
         let bounds = fit_box(&places, wall_yaw_rad, BEYOND)?;
@@ -55,7 +60,11 @@ pub fn join(
             size.then(a.fragment.cells[0].cmp(&b.fragment.cells[0]))
         });
         for small in parts {
-            let host = kept.iter().position(|large| belongs(large, &small, cells, wall_yaw_rad, params));
+            // One of its own class first: a stool's leg is the stool's, however large the sofa beside it.
+            let same = |large: &Part| large.fragment.class == small.fragment.class;
+            let is_host = |large: &Part| belongs(large, &small, cells, &is_wall, wall_yaw_rad, params);
+            let host = kept.iter().position(|large| same(large) && is_host(large));
+            let host = host.or_else(|| kept.iter().position(|large| !same(large) && is_host(large)));
             match host {
                 Some(at) => {
                     let host = &mut kept[at];
@@ -79,6 +88,7 @@ fn belongs(
     large: &Part,
     small: &Part,
     cells: &Cells,
+    is_wall: &dyn Fn(&[f64; 3]) -> bool,
     wall_yaw_rad: Option<f64>,
     params: &JoinParams,
 ) -> bool {
@@ -94,21 +104,27 @@ fn belongs(
     if between > reach(large) + reach(small) + params.gap_m {
         return false;
     }
-    let inside = small.places.iter().filter(|p| large.bounds.holds(p, params.grow_m)).count();
-    if inside as f64 >= params.inside_share * small.places.len() as f64 {
-        return is_guest || plausible(large, small, wall_yaw_rad);
-    }
-    let beside = || {
-        let touches = |cell: &u32| {
-            cells.around(*cell as usize).any(|other| large.fragment.cells.binary_search(&other).is_ok())
-        };
-        small.fragment.cells.iter().filter(|cell| touches(cell)).count()
+    let count = small.places.len() as f64;
+    let inside = small.places.iter().filter(|p| large.bounds.holds(p, params.grow_m)).count() as f64 / count;
+    let touches = |cell: &u32| {
+        cells.around(*cell as usize).any(|other| large.fragment.cells.binary_search(&other).is_ok())
     };
-    let solid = is_guest || (is_solid(a) && is_solid(b));
-    if solid && beside() as f64 >= params.touch_share * small.places.len() as f64 {
-        return is_guest || plausible(large, small, wall_yaw_rad);
+    let beside = small.fragment.cells.iter().filter(|cell| touches(cell)).count() as f64 / count;
+    // What could be a thing of its own, a stool before a sofa, needs more of a border with the other.
+    let alone = kind(b)
+        .map_or(0.0, |kind| kind.fit(small.bounds.size_m[0], small.bounds.size_m[1], small.bounds.top_m()));
+    let ease = if a == b || alone < 0.5 { 0.2 } else { 1.0 };
+    if is_guest {
+        return inside >= params.inside_share || beside >= params.touch_share;
     }
-    a == b && near(large, small, params.gap_m) && plausible(large, small, wall_yaw_rad)
+    // Nothing else fits into a wardrobe's place.
+    let stored = is_storage(a) && is_storage(b);
+    let within = inside >= params.inside_share && (ease < 1.0 || stored || beside >= params.touch_share);
+    let grown_together = is_solid(a) && is_solid(b) && beside >= ease * params.touch_share;
+    if within || grown_together {
+        return plausible(large, small, wall_yaw_rad);
+    }
+    a == b && near(large, small, params.gap_m, is_wall) && plausible(large, small, wall_yaw_rad)
 }
 
 /// Whether both together are no less like one thing of the class than the larger one alone.
@@ -120,14 +136,22 @@ fn plausible(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
     fit(&union) >= 0.9 * fit(&large.bounds)
 }
 
-fn near(large: &Part, small: &Part, gap_m: f64) -> bool {
-    small.places.iter().any(|p| {
-        large.bounds.holds(p, gap_m)
-            && large
-                .places
-                .iter()
-                .any(|q| (0..3).map(|axis| (p[axis] - q[axis]).powi(2)).sum::<f64>() <= gap_m * gap_m)
-    })
+/// Whether two places of the parts are near each other with no wall between them.
+fn near(large: &Part, small: &Part, gap_m: f64, is_wall: &dyn Fn(&[f64; 3]) -> bool) -> bool {
+    let is_open = |p: &[f64; 3], q: &[f64; 3]| {
+        let at = |t: f64| [0, 1, 2].map(|axis| p[axis] + t * (q[axis] - p[axis]));
+        ![0.25, 0.5, 0.75].iter().any(|t| is_wall(&at(*t)))
+    };
+    let mut nearest = (gap_m * gap_m, None);
+    for p in small.places.iter().filter(|p| large.bounds.holds(p, gap_m)) {
+        for q in &large.places {
+            let apart = (0..3).map(|axis| (p[axis] - q[axis]).powi(2)).sum::<f64>();
+            if apart < nearest.0 {
+                nearest = (apart, Some((p, q)));
+            }
+        }
+    }
+    nearest.1.is_some_and(|(p, q)| is_open(p, q))
 }
 
 /// Whether a class is one of which several stand close together.

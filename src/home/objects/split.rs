@@ -24,8 +24,9 @@ fn halves(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Opti
     let places: Vec<[f64; 3]> = fragment.cells.iter().map(|cell| cells.centre(*cell as usize)).collect();
     let bounds = fit_box(&places, wall_yaw_rad, BEYOND)?;
     let length_m = bounds.size_m[0];
-    // One alone may be this long.
-    if length_m <= kind.long_m.end {
+    // One alone may be this long, if it is as wide.
+    let is_row = length_m > 1.8 * bounds.size_m[1] && length_m > 2.2 * kind.short_m.start;
+    if length_m <= kind.long_m.end && !is_row {
         return None;
     }
     const BIN_M: f64 = 0.06;
@@ -39,6 +40,11 @@ fn halves(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Opti
         let around = counts[i.saturating_sub(1)..(i + 2).min(counts.len())].iter().sum::<usize>();
         (around, i.abs_diff(counts.len() / 2))
     })?;
+    // What is one by its length has to show where the other begins.
+    let least = counts[cut] as f64;
+    if length_m <= kind.long_m.end && least > 0.5 * places.len() as f64 / counts.len() as f64 {
+        return None;
+    }
     let (mut one, mut other) = (Vec::new(), Vec::new());
     for (cell, place) in fragment.cells.iter().zip(&places) {
         if bin(place) < cut { one.push(*cell) } else { other.push(*cell) }

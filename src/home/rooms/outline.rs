@@ -218,3 +218,70 @@ pub fn simplify(ring: &[[f64; 2]], tolerance_m: f64) -> Vec<[f64; 2]> {
     }
     ring.iter().zip(kept).filter(|(_, kept)| *kept).map(|(p, _)| *p).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::GridFrame;
+    use proptest::prelude::*;
+
+    fn mask(width: usize, cells: Vec<bool>) -> Grid<bool> {
+        let height = cells.len() / width;
+        Grid { frame: GridFrame { origin_m: [-1.0, 2.0], cell_m: 0.05, width, height }, cells }
+    }
+
+    fn holds(outline: &Outline, p: &Point2) -> bool {
+        contains(&outline.ring_m, p) && !outline.holes_m.iter().any(|hole| contains(hole, p))
+    }
+
+    proptest! {
+        #[test]
+        fn outlines_hold_the_set_cells_and_no_others(cells in prop::collection::vec(any::<bool>(), 8 * 9)) {
+            let mask = mask(8, cells);
+            let outlines = trace(&mask);
+            let area: f64 = outlines.iter().map(Outline::area_m2).sum();
+            let set = mask.cells.iter().filter(|set| **set).count();
+            prop_assert!((area - set as f64 * 0.05 * 0.05).abs() < 1e-9);
+            for y in 0..9 {
+                for x in 0..8 {
+                    let centre = mask.frame.centre(x, y);
+                    let around = outlines.iter().filter(|o| holds(o, &centre)).count();
+                    prop_assert_eq!(around, usize::from(mask.get(x, y)));
+                }
+            }
+        }
+
+        #[test]
+        fn corners_that_are_left_out_are_near(cells in prop::collection::vec(any::<bool>(), 20 * 20), tolerance in 0.0..0.2f64) {
+            for outline in trace(&mask(20, cells)) {
+                let simple = simplify(&outline.ring_m, tolerance);
+                for corner in &outline.ring_m {
+                    let off = distance_m(&simple, &Point2::from(*corner));
+                    prop_assert!(off <= tolerance + 1e-9, "{off}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_square_with_a_hole() {
+        let cells = (0..25).map(|i| i != 12).collect();
+        let outlines = trace(&mask(5, cells));
+        assert_eq!(outlines.len(), 1);
+        assert_eq!((outlines[0].ring_m.len(), outlines[0].holes_m.len()), (4, 1));
+        assert_eq!(simplify(&outlines[0].ring_m, 0.01).len(), 4);
+        assert!(trace(&mask(5, vec![false; 25])).is_empty());
+    }
+
+    /// A comb and a chequerboard of half a million cells take no time to speak of.
+    #[test]
+    fn hostile_masks_are_no_work() {
+        let comb = |i: usize| (i % 1000).is_multiple_of(2) || i < 1000;
+        let chequers = |i: usize| (i % 1000 + i / 1000).is_multiple_of(2);
+        let combs: Vec<bool> = (0..500_000).map(comb).collect();
+        let outlines = trace(&mask(1000, combs));
+        assert_eq!(outlines.len(), 1);
+        assert!(outlines[0].simplified(0.06).is_some());
+        assert_eq!(trace(&mask(1000, (0..500_000).map(chequers).collect())).len(), 250_000);
+    }
+}
