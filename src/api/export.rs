@@ -11,8 +11,8 @@ use axum::body::Body;
 use axum::extract::State;
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
-use contents::Contents;
 use bytes::Bytes;
+use contents::Contents;
 use std::io::{BufWriter, Write};
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
@@ -51,7 +51,8 @@ pub(super) async fn export_home(
         receiver.recv().await.map(|piece| (piece, receiver))
     });
     let body = Body::from_stream(pieces);
-    let mut answer = ([(header::CONTENT_TYPE, HeaderValue::from_static("application/zip"))], body).into_response();
+    let mut answer =
+        ([(header::CONTENT_TYPE, HeaderValue::from_static("application/zip"))], body).into_response();
     if let Ok(name) = HeaderValue::from_str(&name) {
         answer.headers_mut().insert(header::CONTENT_DISPOSITION, name);
     }

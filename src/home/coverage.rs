@@ -146,7 +146,10 @@ mod tests {
     fn point(x: f64, y: f64, z: f64, class: Class) -> MapPoint {
         let position_m = [x as f32, y as f32, z as f32];
         let label = Label::new(class, 0.9, 3);
-        MapPoint { point: CloudPoint { position_m, normal: [0.0, 0.0, 1.0], color: [0; 3], label }, clip: 0 }
+        MapPoint {
+            point: CloudPoint { position_m, normal: [0.0, 0.0, 1.0], color: [0; 3], label, weight: 1 },
+            clip: 0,
+        }
     }
 
     #[test]

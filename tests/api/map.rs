@@ -269,6 +269,25 @@ async fn a_map_tells_rooms_objects_plan_and_coverage() {
         (&clip["placement"]["by"], &clip["placement"]["map_revision"]),
         (&json!("alignment"), &json!(1))
     );
+    // Everything in one zip.
+    let answer = server.get(&format!("{home}/export")).await;
+    assert_eq!((answer.status, answer.header("content-type")), (200, "application/zip"));
+    let mut zip = zip::ZipArchive::new(std::io::Cursor::new(&answer.bytes)).unwrap();
+    let mut read = |name: &str| {
+        let mut bytes = Vec::new();
+        std::io::Read::read_to_end(&mut zip.by_name(name).unwrap(), &mut bytes).unwrap();
+        bytes
+    };
+    let id = clip["id"].as_str().unwrap();
+    assert_eq!(read(&format!("clips/{id}/recording")), zips::zip(&room::clip(24)));
+    assert_eq!(read("lidar-map/file"), room::lidar_csv());
+    assert_eq!(read("map/points.ply"), server.get(&format!("{home}/map/points")).await.bytes);
+    assert_eq!(read("map/points.glb"), server.get(&format!("{home}/map/points?format=glb")).await.bytes);
+    assert_eq!(read("map/plan.svg"), server.get(&format!("{home}/map/plan")).await.bytes);
+    let told: Value = serde_json::from_slice(&read(&format!("clips/{id}/clip.json"))).unwrap();
+    assert_eq!(told["sha256"], clip["sha256"]);
+    assert!(String::from_utf8(read("README.txt")).unwrap().contains("map_from_clip"));
+    server.get("/v1/homes/nowhere/export").await.problem(404, "home-not-found");
     // The clip gone, the map is empty, and the revision before it is still to be read.
     server.delete(&path).await.ok(204);
     merged(&server, &home, &[]).await;

@@ -47,11 +47,8 @@ impl Contents {
         self.map(&mut zip)?;
         let mut page = Page { limit: PAGE, after: None };
         loop {
-            let clips = self.runtime.block_on(self.app.storage.clips(
-                &self.home,
-                &ClipFilter::default(),
-                &page,
-            ))?;
+            let clips =
+                self.runtime.block_on(self.app.storage.clips(&self.home, &ClipFilter::default(), &page))?;
             for clip in &clips {
                 self.clip(&mut zip, clip)?;
             }
@@ -82,7 +79,8 @@ impl Contents {
         for name in [map_file::PLAN_PNG, map_file::PLAN_SVG, map_file::PLAN_GEOJSON, map_file::SCENE] {
             let files = self.runtime.block_on(storage.home_map_files(&self.home, map.revision, name))?;
             for found in &files {
-                let blob = self.runtime.block_on(storage.read_map_file(found))?.ok_or(ExportError::Changing)?;
+                let blob =
+                    self.runtime.block_on(storage.read_map_file(found))?.ok_or(ExportError::Changing)?;
                 self.blob(zip, &format!("map/{name}"), blob)?;
             }
         }

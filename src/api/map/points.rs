@@ -166,7 +166,12 @@ pub(in crate::api) struct Points {
 impl Points {
     /// What comes before the points, and the size of all. Both formats tell at their beginning how many points follow:
     /// unless all are asked for, the tiles are looked at once before they are sent.
-    pub async fn head(&self, format: Format, map: &HomeMap, tiles: &[MapFile]) -> Result<(Vec<u8>, u64), Error> {
+    pub async fn head(
+        &self,
+        format: Format,
+        map: &HomeMap,
+        tiles: &[MapFile],
+    ) -> Result<(Vec<u8>, u64), Error> {
         if format == Format::Ply && self.filter.is_everything() {
             let ply = Ply::new(map.info.points);
             return Ok((ply.head(), ply.size_bytes()));

@@ -206,6 +206,7 @@ impl Noise<'_> {
             normal: [normal.x as f32, normal.y as f32, normal.z as f32],
             color: class.color(),
             label: Label::new(called, 0.7, 3),
+            weight: 100,
         };
         MapPoint { point, clip: 0 }
     }
