@@ -8,8 +8,8 @@ use crate::home::{MAP_VOXEL_M, MapPoint};
 use crate::taxonomy::Class;
 use rustc_hash::FxHashMap;
 
-/// What was measured less well than twice from 4 m is left out: there depth cameras are off by more than a voxel.
-const LEAST_WEIGHT: i64 = 32;
+/// What was measured less well than once from 4 m is left out: there depth cameras are off by more than a voxel.
+const LEAST_WEIGHT: i64 = 16;
 /// No point weighs more than this, a metre away for eight readings: what one recording saw shares its errors.
 const MOST_WEIGHT: u16 = 2_048;
 
@@ -61,7 +61,7 @@ impl Voxels {
             voxel.normal[axis] += weight * (f64::from(point.normal[axis]) * 1e3).round() as i64;
             voxel.color[axis] += weight * i64::from(point.color[axis]);
         }
-        let share = weight * (point.label.probability() * 255.0).round() as i64;
+        let share = (point.label.probability() * 255.0).round() as i64;
         match voxel.classes.iter_mut().find(|(class, _)| *class == point.label.class) {
             Some((_, sum)) => *sum += share,
             None => voxel.classes.push((point.label.class, share)),
@@ -100,7 +100,7 @@ impl Voxel {
         let label = match best {
             Some((class, sum)) if *sum > 0 => {
                 // How sure the points were on the whole, and how much of that is for this class.
-                let probability = mean(*sum) / 255.0;
+                let probability = *sum as f64 / (255.0 * self.points as f64);
                 let views = (self.views as f64 / self.points as f64).round().min(f64::from(u16::MAX)) as u16;
                 Label::new(*class, probability as f32, views)
             }
@@ -144,15 +144,15 @@ mod tests {
         let points = voxels.into_points();
         assert_eq!(points.len(), 1);
         let seen = &points[0];
-        // By hand: (10 + 2 * 20 + 12) / 4 = 15.5 mm, (10 + 2 * 20 + 30) / 4 = 20, (2 * 0.5 + 0.4) / 4 = 0.35.
+        // By hand: (10 + 2 * 20 + 12) / 4 = 15.5 mm, (10 + 2 * 20 + 30) / 4 = 20, (0.5 + 0.4) / 3 = 0.3.
         assert!((seen.point.position_m[0] - 0.0155).abs() < 1e-5);
         assert_eq!((seen.point.color, seen.point.label.class, seen.clip), ([20, 0, 0], Class::Table, 3));
-        assert!((seen.point.label.probability() - 0.35).abs() < 0.005);
+        assert!((seen.point.label.probability() - 0.3).abs() < 0.005);
     }
 
     #[test]
     fn what_was_hardly_measured_is_left_out() {
-        for (weights, there) in [([31, 0], false), ([16, 16], true), ([32, 0], true)] {
+        for (weights, there) in [([15, 0], false), ([8, 8], true), ([16, 0], true)] {
             let mut voxels = Voxels::new(MAP_VOXEL_M);
             for weight in weights.into_iter().filter(|weight| *weight > 0) {
                 voxels.add(&point(0.01, Class::Wall, 0.9, weight, 10), 0);
