@@ -8,6 +8,8 @@ mod drawing;
 mod hostile_zips;
 #[path = "readers/maps.rs"]
 mod maps;
+#[path = "readers/maps_real.rs"]
+mod maps_real;
 #[path = "readers/maps_refused.rs"]
 mod maps_refused;
 #[path = "readers/memory.rs"]
