@@ -4,6 +4,7 @@
 //! the robots' own files the origin is the lower-left corner of the sheet (`size`).
 
 mod build;
+mod carmen;
 mod drawing;
 mod error;
 mod marks;
@@ -12,9 +13,11 @@ mod robot;
 mod ros;
 mod sheet;
 mod valetudo;
+mod write;
 
 pub use error::LidarError;
 pub use marks::{Line, LineKind, MapMarks, Obstacle, Zone, ZoneKind};
+pub use write::{RosFiles, Written};
 
 use crate::geometry::{Grid, Point2, Pose2};
 use serde::{Deserialize, Serialize};
@@ -132,6 +135,8 @@ impl LidarMap {
             [b'{', ..] => valetudo::read(text),
             [b'P', b'2' | b'5', ..] => Err(LidarError::ImageWithoutYaml),
             [b'p', b'l', b'y', b'\r' | b'\n', ..] => points::read_ply(text),
+            _ if points::is_pcd(text) => points::read_pcd(text),
+            _ if carmen::is_log(text) => carmen::read(text),
             _ if robot::is_dreame_text(text) => robot::read_dreame_text(text),
             _ => points::read_csv(text),
         }

@@ -1,9 +1,12 @@
-//! Bare points: what CSV and PLY files have in common.
+//! Bare points: what CSV, PLY and PCD files have in common.
 
 mod csv;
+mod pcd;
 mod ply;
+mod records;
 
 pub(super) use csv::read_csv;
+pub(super) use pcd::{is_pcd, read_pcd};
 pub(super) use ply::read_ply;
 
 use super::build::{Parts, build};

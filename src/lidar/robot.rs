@@ -12,7 +12,7 @@ use flate2::read::{MultiGzDecoder, ZlibDecoder};
 use std::io::Read;
 
 /// Of a robot's map when it is inflated; the largest known has 0.7 MB.
-const MAX_INFLATED_BYTES: u64 = 16 << 20;
+const MAX_INFLATED_BYTES: u64 = 8 << 20;
 /// Cells along each side of a robot's map; the largest known has 1024.
 const MAX_SIDE: i64 = 4096;
 

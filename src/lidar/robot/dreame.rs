@@ -71,7 +71,7 @@ fn bad(reason: impl Into<String>) -> LidarError {
 }
 
 /// Whether a text can be a map: base64 and nothing else, of a zlib stream.
-pub(in crate::lidar) fn is_text(text: &[u8]) -> bool {
+pub(in super::super) fn is_text(text: &[u8]) -> bool {
     let text = text.trim_ascii_end();
     let is_digit = |b: &u8| b.is_ascii_alphanumeric() || b"-_+/=".contains(b);
     text.len() > HEADER_BYTES
@@ -79,7 +79,7 @@ pub(in crate::lidar) fn is_text(text: &[u8]) -> bool {
         && BASE64URL.decode(&text[..4]).is_ok_and(|bytes| is_zlib(&bytes))
 }
 
-pub(in crate::lidar) fn read_text(text: &[u8]) -> Result<LidarMap, LidarError> {
+pub(in super::super) fn read_text(text: &[u8]) -> Result<LidarMap, LidarError> {
     read(&decode(text.trim_ascii_end())?)
 }
 

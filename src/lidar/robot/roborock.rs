@@ -58,7 +58,7 @@ struct Block<'a> {
     data: Bytes<'a>,
 }
 
-pub(in crate::lidar) fn is(bytes: &[u8]) -> bool {
+pub(in super::super) fn is(bytes: &[u8]) -> bool {
     matches!(bytes, [b'r', b'r', header_bytes, 0, ..] if usize::from(*header_bytes) >= FILE_HEADER_BYTES)
 }
 
@@ -66,7 +66,7 @@ fn bad(reason: impl Into<String>) -> LidarError {
     LidarError::BadRobotMap { format: "Roborock", reason: reason.into() }
 }
 
-pub(in crate::lidar) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
+pub(in super::super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let blocks = blocks(bytes)?;
     // Where a type is there twice, the last one counts.
     let find = |kind: u16| blocks.iter().rev().find(|block| block.kind == kind);

@@ -10,7 +10,7 @@ const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 const KEYWORD: &[u8] = b"ValetudoMap";
 
 /// The map in the picture; a picture without one is refused as a ROS map's image.
-pub(in crate::lidar) fn read_png(bytes: &[u8]) -> Result<LidarMap, LidarError> {
+pub(in super::super) fn read_png(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let Some(deflated) = map_chunk(bytes) else { return Err(LidarError::ImageWithoutYaml) };
     super::read(&inflate(deflated)?)
 }
