@@ -28,7 +28,7 @@ pub fn check(bytes: &[u8]) {
     assert!(marks.robot.is_none_or(|pose| pose.is_finite()));
     assert!(marks.zones.iter().flat_map(|zone| &zone.outline_m).flatten().all(|v| v.is_finite()));
     assert!(LidarMap::read(&map.to_ply().bytes).is_ok());
-    // A map can be too wide for cells, and is then refused.
+    // A map can be too wide for cells or for Valetudo, and is then refused.
     let _ = map.to_ros("map.pgm");
     if let Ok(written) = map.to_valetudo() {
         let read = LidarMap::read(&written.bytes);

@@ -15,7 +15,7 @@ use super::sheet::{Run, Sheet};
 use super::{LidarError, LidarMap, LineKind, MAX_POINTS, Obstacle, ZoneKind};
 
 /// A kilometre: no robot maps more.
-const MAX_SIZE_CM: i64 = 100_000;
+pub(super) const MAX_SIZE_CM: i64 = 100_000;
 const MAX_PIXEL_CM: i64 = 100;
 
 pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {

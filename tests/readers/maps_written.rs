@@ -168,6 +168,19 @@ fn points_and_fine_cells_become_cells_of_5_cm() {
     assert!(fine.occupied_m.iter().all(|p| grid.at(&Point2::new(p.x + x, p.y + y)) == Some(Cell::Occupied)));
 }
 
+/// Valetudo's reader takes a kilometre.
+#[test]
+fn what_is_too_large_for_valetudo_is_not_written() {
+    let wide = LidarMap::read(b"x,y\n0,0\n1200,0\n").unwrap();
+    assert_eq!(wide.to_valetudo().unwrap_err().code(), "bad_field");
+    assert!(wide.to_ros("map.pgm").is_ok());
+    let far = LidarMap::read(b"x,y\n90000,0\n90001,0\n").unwrap();
+    let written = far.to_valetudo().unwrap();
+    assert!(LidarMap::read(&written.bytes).is_ok() && written.file_from_map_m[0] < -80_000.0);
+    let scattered = LidarMap::read(b"x,y\n0,0\n90000,90000\n").unwrap();
+    assert_eq!(scattered.to_ros("map.pgm").unwrap_err().code(), "too_many_cells");
+}
+
 /// What was stored before there were marks is still read.
 #[test]
 fn infos_of_before_are_read() {

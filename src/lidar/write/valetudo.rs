@@ -2,7 +2,8 @@
 
 use super::{Written, mark, raster_of};
 use crate::geometry::{Grid, GridFrame, Point2, Pose2};
-use crate::lidar::{Cell, LidarError, LidarMap, LineKind, Room, ZoneKind};
+use crate::lidar::valetudo::MAX_SIZE_CM;
+use crate::lidar::{Cell, LidarError, LidarMap, LineKind, MAX_POINTS, Room, ZoneKind};
 use serde_json::{Map, Value, json};
 
 /// Free sheet around a map that has to be moved, in cells.
@@ -23,7 +24,7 @@ struct Place {
 pub(super) fn write(map: &LidarMap) -> Result<Written, LidarError> {
     let mut notes = Vec::new();
     let grid = whole_centimetres(map, &mut notes)?;
-    let place = Place::of(&grid.frame);
+    let place = Place::of(&grid.frame)?;
     if place.file_from_map_m != [0.0; 2] {
         let [x, y] = place.file_from_map_m;
         notes.push(format!("the map was moved by {x:.3}, {y:.3} m so that it lies on a sheet"));
@@ -56,6 +57,10 @@ pub(super) fn write(map: &LidarMap) -> Result<Written, LidarError> {
         }
     }
     layers.extend(segments);
+    let cells: u64 = layers.iter().filter_map(|layer| layer["dimensions"]["pixelCount"].as_u64()).sum();
+    if cells > MAX_POINTS as u64 {
+        return Err(LidarError::TooManyCells { cells, max: MAX_POINTS });
+    }
     let area = |layer: &Value| layer["metaData"]["area"].as_i64().unwrap_or(0);
     let total: i64 = layers.iter().map(area).sum();
     let file = json!({
@@ -91,7 +96,7 @@ fn whole_centimetres(map: &LidarMap, notes: &mut Vec<String>) -> Result<Grid<Cel
 }
 
 impl Place {
-    fn of(frame: &GridFrame) -> Place {
+    fn of(frame: &GridFrame) -> Result<Place, LidarError> {
         let pixel_cm = (frame.cell_m * 100.0).round();
         let [x_cm, y_cm] = frame.origin_m.map(|v| v * 100.0);
         // The sheet begins with a whole cell on the left and at the top, so that only x must be a multiple of one.
@@ -100,20 +105,23 @@ impl Place {
             && (y_cm - y_cm.round()).abs() < WHOLE * pixel_cm
             && x_cm >= -WHOLE
             && y_cm >= -WHOLE
-            && x_cm + y_cm < 90_000.0;
+            && x_cm.max(y_cm) < MAX_SIZE_CM as f64 / 2.0;
         let (left, below_cm) =
             if fits { (columns as usize, y_cm.round()) } else { (MARGIN, MARGIN as f64 * pixel_cm) };
         let place_m = [left as f64 * frame.cell_m, below_cm / 100.0];
         let file_from_map_m =
             if fits { [0.0; 2] } else { [0, 1].map(|axis| place_m[axis] - frame.origin_m[axis]) };
         let size = |cells: usize| (cells as f64 * pixel_cm) as i64;
-        Place {
-            left,
-            file_from_map_m,
-            size_cm: [size(left + frame.width + MARGIN), size(MARGIN + frame.height) + below_cm as i64],
-            pixel_cm: pixel_cm as i64,
-            above: MARGIN,
+        let size_cm = [size(left + frame.width + MARGIN), size(MARGIN + frame.height) + below_cm as i64];
+        if size_cm.iter().any(|side_cm| *side_cm > MAX_SIZE_CM) {
+            return Err(LidarError::BadField {
+                field: "size".into(),
+                value: format!("{} x {} cm", size_cm[0], size_cm[1]),
+                expected: format!("at most {MAX_SIZE_CM} cm for Valetudo"),
+            });
         }
+        let pixel_cm = pixel_cm as i64;
+        Ok(Place { left, file_from_map_m, size_cm, pixel_cm, above: MARGIN })
     }
 
     /// Whole centimetres from the top-left corner.
