@@ -2,9 +2,11 @@
 
 mod align;
 mod completion;
+mod convert;
 mod demo;
 mod evaluate;
 mod evaluate_home;
+mod inspect;
 mod migrate;
 mod models;
 mod networks;
@@ -31,6 +33,10 @@ enum Command {
     Demo(demo::DemoArguments),
     /// Find the pose of one clip in a LiDAR map.
     Align(align::AlignArguments),
+    /// Say what a file is, what was understood of it, and show a map.
+    Inspect(inspect::InspectArguments),
+    /// Write a map as Valetudo JSON, for ROS map_server, or as PLY.
+    Convert(convert::ConvertArguments),
     /// Align the excerpts of a scene with known poses and print the errors.
     Evaluate(evaluate::EvaluateArguments),
     /// Make a furnished home with exact truth: LiDAR map, clips and a plan.
@@ -50,6 +56,8 @@ pub fn main() -> ExitCode {
     let done = match Arguments::parse().command {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Align(arguments) => align::run(&arguments),
+        Command::Inspect(arguments) => inspect::run(&arguments),
+        Command::Convert(arguments) => convert::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Models(arguments) => models::run(&arguments),

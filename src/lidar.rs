@@ -1,15 +1,23 @@
 //! A home's 2D LiDAR map: what is occupied, what is free, which rooms it has.
 //!
-//! The map's frame has x right and y up, in metres: that of the file for CSV, PLY and ROS; for Valetudo the
-//! origin is the lower-left corner of `size`.
+//! The map's frame has x right and y up, in metres: that of the file for CSV, PLY, PCD and ROS; for Valetudo and
+//! the robots' own files the origin is the lower-left corner of the sheet (`size`).
 
 mod build;
+mod carmen;
+mod drawing;
 mod error;
+mod marks;
 mod points;
+mod robot;
 mod ros;
+mod sheet;
 mod valetudo;
+mod write;
 
 pub use error::LidarError;
+pub use marks::{Line, LineKind, MapMarks, Obstacle, Zone, ZoneKind};
+pub use write::{RosFiles, Written};
 
 use crate::geometry::{Grid, Point2, Pose2};
 use serde::{Deserialize, Serialize};
@@ -42,6 +50,8 @@ pub struct LidarMap {
     pub rooms: Vec<Room>,
     /// The dock, when the file has it; yaw is where the robot faces when docked.
     pub charger: Option<Pose2>,
+    /// Centres of the cells in which the robot felt carpet.
+    pub carpet_m: Vec<Point2>,
 }
 
 /// A room (segment) that the robot's software made out.
@@ -49,6 +59,8 @@ pub struct LidarMap {
 pub struct Room {
     pub id: String,
     pub name: Option<String>,
+    /// What its floor is made of, as the robot's software calls it: `wood`, `tile`, `carpet_low`, ...
+    pub material: Option<String>,
     /// Centres of its cells.
     pub cells_m: Vec<Point2>,
 }
@@ -56,7 +68,8 @@ pub struct Room {
 /// What was understood of a map, told to whoever sent it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct LidarInfo {
-    /// Format by name: `valetudo`, `ros_map_server`, `csv_points`, `ply_points`.
+    /// Format by name: `valetudo`, `roborock`, `dreame`, `viomi`, `ros_map_server`, `csv_points`, `ply_points`,
+    /// `pcd_points`, `carmen_log`.
     pub format: String,
     /// The map's frame in words.
     pub frame: String,
@@ -71,6 +84,9 @@ pub struct LidarInfo {
     pub max_m: [f64; 2],
     pub rooms: Vec<RoomInfo>,
     pub charger: Option<Pose2>,
+    /// What else is drawn on the map.
+    #[serde(default)]
+    pub marks: MapMarks,
     /// Anything else worth telling: assumptions made, entities ignored.
     pub notes: Vec<String>,
 }
@@ -80,6 +96,9 @@ pub struct LidarInfo {
 pub struct RoomInfo {
     pub id: String,
     pub name: Option<String>,
+    /// What its floor is made of, where the robot's software knows.
+    #[serde(default)]
+    pub material: Option<String>,
     pub area_m2: f64,
     /// Mean of its cells, in the map's frame.
     pub centre_m: [f64; 2],
@@ -97,18 +116,28 @@ impl LidarMap {
         LidarMap::read(&bytes)
     }
 
-    /// Reads a map from the bytes of its file: Valetudo JSON, CSV or PLY points, or a zip of a ROS map.
+    /// Reads a map from the bytes of its file; the format is found by content. A ROS map is a zip.
     pub fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
         if bytes.len() as u64 > MAX_FILE_BYTES {
             return Err(LidarError::FileTooLarge { max_bytes: MAX_FILE_BYTES });
         }
+        match bytes {
+            [b'P', b'K', 3 | 5, ..] => return ros::read_zip(bytes),
+            [0x1f, 0x8b, ..] => return robot::read_gzip(bytes),
+            [0x89, b'P', b'N', b'G', ..] => return valetudo::read_png(bytes),
+            [b'r', b'r', ..] if robot::is_roborock(bytes) => return robot::read_roborock(bytes),
+            _ if robot::is_zlib(bytes) => return robot::read_zlib(bytes),
+            _ => {}
+        }
         let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
         match text {
             [] => Err(LidarError::Empty),
-            [b'P', b'K', 3 | 5, ..] => ros::read_zip(bytes),
             [b'{', ..] => valetudo::read(text),
-            [b'P', b'2' | b'5', ..] | [0x89, b'P', b'N', b'G', ..] => Err(LidarError::ImageWithoutYaml),
+            [b'P', b'2' | b'5', ..] => Err(LidarError::ImageWithoutYaml),
             [b'p', b'l', b'y', b'\r' | b'\n', ..] => points::read_ply(text),
+            _ if points::is_pcd(text) => points::read_pcd(text),
+            _ if carmen::is_log(text) => carmen::read(text),
+            _ if robot::is_dreame_text(text) => robot::read_dreame_text(text),
             _ => points::read_csv(text),
         }
     }

@@ -23,7 +23,7 @@ pub struct AlignArguments {
     /// Only the frames with these numbers, the last one not included.
     #[arg(long, value_name = "FIRST..END", value_parser = range::<u32>)]
     frames: Option<Range<u32>>,
-    /// The LiDAR map (Valetudo JSON, ROS map_server yaml or zip, CSV or PLY points).
+    /// The LiDAR map, in any format that `viola inspect` understands.
     #[arg(long)]
     lidar: PathBuf,
     /// Where result.json, inputs.json, overlay.png and cloud.ply go, and completion/ when something was filled in.

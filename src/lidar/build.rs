@@ -1,6 +1,6 @@
 //! From what a format's reader found to a checked [`LidarMap`] with its [`LidarInfo`].
 
-use super::{Cell, LidarError, LidarInfo, LidarMap, MAX_POINTS, Room, RoomInfo};
+use super::{Cell, LidarError, LidarInfo, LidarMap, MAX_POINTS, MapMarks, Room, RoomInfo};
 use crate::geometry::{Grid, GridFrame, Point2, Pose2};
 use std::collections::HashSet;
 
@@ -12,6 +12,8 @@ pub(super) struct Parts {
     pub cells: Option<Grid<Cell>>,
     pub rooms: Vec<Room>,
     pub charger: Option<Pose2>,
+    pub marks: MapMarks,
+    pub carpet_m: Vec<Point2>,
     pub notes: Vec<String>,
 }
 
@@ -55,6 +57,8 @@ pub(super) fn build(mut parts: Parts) -> Result<LidarMap, LidarError> {
     }
     let cell_m = parts.cells.as_ref().map(|grid| grid.frame.cell_m);
     let cell_area_m2 = cell_m.map_or(0.0, |side| side * side);
+    parts.marks.carpet_m2 = parts.carpet_m.len() as f64 * cell_area_m2;
+    parts.marks.settle(&mut parts.notes);
     let info = LidarInfo {
         format: parts.format.to_string(),
         frame: parts.frame.to_string(),
@@ -66,10 +70,11 @@ pub(super) fn build(mut parts: Parts) -> Result<LidarMap, LidarError> {
         max_m: bounds.max_m,
         rooms: parts.rooms.iter().map(|room| describe(room, cell_area_m2)).collect(),
         charger: parts.charger,
+        marks: parts.marks,
         notes: parts.notes,
     };
-    let Parts { occupied_m, cells, rooms, charger, .. } = parts;
-    Ok(LidarMap { info, occupied_m, cells, rooms, charger })
+    let Parts { occupied_m, cells, rooms, charger, carpet_m, .. } = parts;
+    Ok(LidarMap { info, occupied_m, cells, rooms, charger, carpet_m })
 }
 
 /// The part of a grid that is known. Robots write sheets of which a home fills a tenth.
@@ -110,6 +115,7 @@ fn describe(room: &Room, cell_area_m2: f64) -> RoomInfo {
     RoomInfo {
         id: room.id.clone(),
         name: room.name.clone(),
+        material: room.material.clone(),
         area_m2: room.cells_m.len() as f64 * cell_area_m2,
         centre_m: [sum[0] / count, sum[1] / count],
     }

@@ -14,11 +14,11 @@ pub enum LidarError {
     #[error("the map has more than {max_bytes} bytes")]
     FileTooLarge { max_bytes: u64 },
     #[error(
-        "no known map format; looked for Valetudo JSON, a zip of a ROS map (yaml and image), \
-         and points as CSV (x, y in metres) or PLY"
+        "no known map format; looked for Valetudo JSON and PNG, the files of Roborock, Dreame and Viomi, a zip of a \
+         ROS map (yaml and image), points as CSV (x, y in metres), PLY or PCD, and CARMEN logs"
     )]
     UnknownFormat,
-    #[error("this is a ROS map's image without its yaml file; send a zip of both")]
+    #[error("this is a picture without a map: a ROS map's image needs its yaml file in one zip with it")]
     ImageWithoutYaml,
     #[error("this is a ROS map's yaml file without its image; send a zip of both")]
     YamlWithoutImage,
@@ -38,6 +38,16 @@ pub enum LidarError {
     BadPoints { line: usize, reason: String },
     #[error("the PLY file cannot be used: {reason}")]
     BadPly { reason: String },
+    #[error("the PCD file cannot be used: {reason}")]
+    BadPcd { reason: String },
+    #[error("line {line} of the log: {reason}")]
+    BadLog { line: usize, reason: String },
+    #[error("the {format} map cannot be used: {reason}")]
+    BadRobotMap { format: &'static str, reason: String },
+    #[error("the file holds only what changed since another one; send a whole map")]
+    PartialMap,
+    #[error("the file cannot be inflated: {reason}")]
+    BadCompression { reason: String },
     #[error("the map has no wall: nothing in it is occupied, so no clip can be aligned to it")]
     NoWalls,
 }
@@ -61,6 +71,11 @@ impl LidarError {
             LidarError::TooManyPoints { .. } => "too_many_points",
             LidarError::BadPoints { .. } => "bad_points",
             LidarError::BadPly { .. } => "bad_ply",
+            LidarError::BadPcd { .. } => "bad_pcd",
+            LidarError::BadLog { .. } => "bad_log",
+            LidarError::BadRobotMap { .. } => "bad_robot_map",
+            LidarError::PartialMap => "partial_map",
+            LidarError::BadCompression { .. } => "bad_compression",
             LidarError::NoWalls => "no_walls",
         }
     }

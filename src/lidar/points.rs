@@ -1,13 +1,16 @@
-//! Bare points: what CSV and PLY files have in common.
+//! Bare points: what CSV, PLY and PCD files have in common.
 
 mod csv;
+mod pcd;
 mod ply;
+mod records;
 
 pub(super) use csv::read_csv;
+pub(super) use pcd::{is_pcd, read_pcd};
 pub(super) use ply::read_ply;
 
 use super::build::{Parts, build};
-use super::{LidarError, LidarMap, MAX_POINTS};
+use super::{LidarError, LidarMap, MAX_POINTS, MapMarks};
 use crate::geometry::Point2;
 
 /// Points further away than this from the origin are no home's, in metres.
@@ -45,6 +48,8 @@ impl Cloud {
             cells: None,
             rooms: Vec::new(),
             charger: None,
+            marks: MapMarks::default(),
+            carpet_m: Vec::new(),
             notes,
         })
     }

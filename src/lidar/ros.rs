@@ -4,7 +4,7 @@ mod raster;
 mod turn;
 
 use super::build::{Parts, build, occupied_centres};
-use super::{LidarError, LidarMap, MAX_FILE_BYTES};
+use super::{LidarError, LidarMap, MAX_FILE_BYTES, MapMarks};
 use crate::container::{Container, Zip};
 use crate::geometry::{Grid, GridFrame, Pose2};
 use serde::Deserialize;
@@ -107,6 +107,8 @@ pub(super) fn read(
         cells: Some(grid),
         rooms: Vec::new(),
         charger: None,
+        marks: MapMarks::default(),
+        carpet_m: Vec::new(),
         notes,
     })
 }

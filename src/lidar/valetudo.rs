@@ -1,81 +1,44 @@
-//! Valetudo's map JSON, metaData.version 1 and 2 (Hypfer/Valetudo, `backend/lib/entities/map`).
+//! Valetudo's map JSON, metaData.version 1 and 2 (Hypfer/Valetudo, `backend/lib/entities/map`), and the PNG
+//! in which it goes to Home Assistant.
 //!
 //! In the file everything counts from the top-left corner with y down: cells in pixels, sizes and entities
-//! in centimetres. Here y is turned up, and the origin is the lower-left corner of `size`.
+//! in centimetres.
 
 mod file;
-mod sheet;
+mod png;
 
-use self::file::{Label, Layer, MapFile};
-use self::sheet::{Run, Sheet};
-use super::build::{Parts, build, occupied_centres};
-use super::{Cell, LidarError, LidarMap, MAX_POINTS, Room};
-use crate::geometry::{Grid, Pose2};
+pub(super) use self::png::read_png;
+
+use self::file::{Entity, Label, Layer, MapFile};
+use super::drawing::{self, Drawing, LayerKind, Spot, shorten};
+use super::sheet::{Run, Sheet};
+use super::{LidarError, LidarMap, LineKind, MAX_POINTS, Obstacle, ZoneKind};
 
 /// A kilometre: no robot maps more.
-const MAX_SIZE_CM: i64 = 100_000;
+pub(super) const MAX_SIZE_CM: i64 = 100_000;
 const MAX_PIXEL_CM: i64 = 100;
-const MAX_NAME_CHARS: usize = 100;
-/// Below this many wall cells for each cell around the floor, the walls are taken from the floor's border.
-const MIN_WALL_SHARE: f64 = 0.25;
 
 pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let file: MapFile =
         serde_json::from_slice(bytes).map_err(|error| LidarError::BadJson { reason: error.to_string() })?;
-    let file_layers = &file.layers.0;
     check_range("size.x", file.size.x, MAX_SIZE_CM)?;
     check_range("size.y", file.size.y, MAX_SIZE_CM)?;
     check_range("pixelSize", file.pixel_size, MAX_PIXEL_CM)?;
-    let sheet = Sheet {
-        width: file.size.x / file.pixel_size,
-        height: file.size.y / file.pixel_size,
-        height_m: file.size.y as f64 / 100.0,
-        cell_m: file.pixel_size as f64 / 100.0,
-    };
-
-    let mut layers = Vec::new();
-    let mut total_cells = 0;
-    for (index, layer) in file_layers.iter().enumerate() {
-        let runs = sheet.runs(layer, index)?;
-        total_cells += runs.iter().map(|run| u64::from(run.count)).sum::<u64>();
-        if total_cells > MAX_POINTS as u64 {
-            return Err(LidarError::TooManyCells { cells: total_cells, max: MAX_POINTS });
+    let sheet = Sheet::new(file.size.x, file.size.y, file.pixel_size);
+    let frame = "metres, x right, y up, origin at the lower-left corner of `size`";
+    let mut drawing = Drawing::new("valetudo", frame, sheet);
+    let (mut cells, mut segments) = (0, 0);
+    for (index, layer) in file.layers.0.iter().enumerate() {
+        let runs = runs(&sheet, layer, index)?;
+        cells += runs.iter().map(|run| u64::from(run.count)).sum::<u64>();
+        if cells > MAX_POINTS as u64 {
+            return Err(LidarError::TooManyCells { cells, max: MAX_POINTS });
         }
-        layers.push(runs);
+        segments += usize::from(layer.kind == "segment");
+        drawing.layers.push(drawing::Layer { kind: kind(layer, segments), runs });
     }
-    let (mut notes, mut ignored_layers) = (Vec::new(), 0);
-    let mut grid = sheet.grid_around(&layers)?;
-    let mut rooms = Vec::new();
-    // Walls are written over floors, whatever the layers' order.
-    for (layer, runs) in file_layers.iter().zip(&layers) {
-        match layer.kind.as_str() {
-            "floor" => sheet.fill(&mut grid, runs, Cell::Free),
-            "segment" => {
-                sheet.fill(&mut grid, runs, Cell::Free);
-                rooms.push(room(&sheet, layer, runs, rooms.len()));
-            }
-            "wall" => {}
-            _ => ignored_layers += 1,
-        }
-    }
-    if ignored_layers > 0 {
-        notes.push(format!("{ignored_layers} layers are neither floor, segment nor wall and were ignored"));
-    }
-    for (layer, runs) in file_layers.iter().zip(&layers) {
-        if layer.kind == "wall" {
-            sheet.fill(&mut grid, runs, Cell::Occupied);
-        }
-    }
-    add_floor_border(&mut grid, &mut notes);
-    build(Parts {
-        format: "valetudo",
-        frame: "metres, x right, y up, origin at the lower-left corner of `size`",
-        occupied_m: occupied_centres(&grid)?,
-        cells: Some(grid),
-        rooms,
-        charger: charger(&file, &mut notes),
-        notes,
-    })
+    add_entities(&mut drawing, &file.entities.0);
+    drawing.into_map()
 }
 
 fn check_range(field: &str, value: i64, max: i64) -> Result<(), LidarError> {
@@ -89,61 +52,73 @@ fn check_range(field: &str, value: i64, max: i64) -> Result<(), LidarError> {
     })
 }
 
-fn room(sheet: &Sheet, layer: &Layer, runs: &[Run], index: usize) -> Room {
-    let id = match &layer.meta_data.segment_id {
-        Some(Label::Text(text)) => text.clone(),
-        Some(Label::Number(number)) => number.to_string(),
-        None => format!("{}", index + 1),
+/// A layer's cells as checked runs. Where a layer has both encodings they say the same.
+fn runs(sheet: &Sheet, layer: &Layer, index: usize) -> Result<Vec<Run>, LidarError> {
+    let (values, group, name) = if layer.compressed_pixels.0.is_empty() {
+        (&layer.pixels.0, 2, "pixels")
+    } else {
+        (&layer.compressed_pixels.0, 3, "compressedPixels")
     };
-    let cells_m =
-        runs.iter().flat_map(|run| (run.x..run.x + run.count).map(|x| sheet.centre(x, run.y))).collect();
-    let name = layer.meta_data.name.as_deref().map(shorten).filter(|name| !name.is_empty());
-    Room { id: shorten(&id), name, cells_m }
+    let mut runs = Vec::with_capacity(values.len() / group);
+    for values in values.chunks(group) {
+        let bad = |expected: String| LidarError::BadField {
+            field: format!("layers[{index}].{name}"),
+            value: values.iter().map(|v| v.0.to_string()).collect::<Vec<_>>().join(", "),
+            expected,
+        };
+        if values.len() != group {
+            return Err(bad(format!("groups of {group} numbers")));
+        }
+        let (x, y, count) = (values[0].0, values[1].0, values.get(2).map_or(1, |count| count.0));
+        if !sheet.holds(i64::from(x), i64::from(y), i64::from(count)) {
+            return Err(bad(format!("inside the map's {}x{} pixels", sheet.width, sheet.height)));
+        }
+        runs.push(Run { x: x as u32, y: y as u32, count: count as u32 });
+    }
+    Ok(runs)
 }
 
-/// Names go into every answer about the map.
-fn shorten(name: &str) -> String {
-    name.chars().filter(|c| !c.is_control()).take(MAX_NAME_CHARS).collect()
+/// What a layer is; `number` counts the segments so far, for those without an id.
+fn kind(layer: &Layer, number: usize) -> LayerKind {
+    match layer.kind.as_str() {
+        "floor" => LayerKind::Floor,
+        "wall" => LayerKind::Wall,
+        "segment" => LayerKind::Segment {
+            id: match &layer.meta_data.segment_id {
+                Some(Label::Text(text)) => text.clone(),
+                Some(Label::Number(id)) => id.to_string(),
+                None => number.to_string(),
+            },
+            name: layer.meta_data.name.clone(),
+            material: layer.meta_data.material.clone(),
+        },
+        _ => LayerKind::Other,
+    }
 }
 
-/// Some early robots (Dreame 1C) hardly store walls. Where the floor ends there is one.
-fn add_floor_border(grid: &mut Grid<Cell>, notes: &mut Vec<String>) {
-    let (width, height) = (grid.frame.width, grid.frame.height);
-    let walls = grid.cells.iter().filter(|cell| **cell == Cell::Occupied).count();
-    let mut border = Vec::new();
-    for y in 0..height {
-        for x in 0..width {
-            let is_free = |nx: usize, ny: usize| nx < width && ny < height && grid.get(nx, ny) == Cell::Free;
-            let touches_floor = is_free(x.wrapping_sub(1), y)
-                || is_free(x + 1, y)
-                || is_free(x, y.wrapping_sub(1))
-                || is_free(x, y + 1);
-            if grid.get(x, y) != Cell::Free && touches_floor {
-                border.push((x, y));
+fn add_entities(drawing: &mut Drawing, entities: &[Entity]) {
+    for entity in entities {
+        let points = &entity.points.points;
+        let spot = points.first().map(|&[x_cm, y_cm]| Spot { x_cm, y_cm, angle_deg: entity.meta_data.angle });
+        match entity.kind.as_str() {
+            "charger_location" => drawing.charger = drawing.charger.or(spot),
+            "robot_position" => drawing.robot = drawing.robot.or(spot),
+            "no_go_area" => drawing.add_zone(ZoneKind::NoGo, points),
+            "no_mop_area" => drawing.add_zone(ZoneKind::NoMop, points),
+            "carpet" => drawing.add_zone(ZoneKind::Carpet, points),
+            "ramp" => drawing.add_zone(ZoneKind::Ramp, points),
+            "virtual_wall" => drawing.add_line(LineKind::VirtualWall, points),
+            "threshold" => drawing.add_line(LineKind::Threshold, points),
+            "curtain" => drawing.add_line(LineKind::Curtain, points),
+            "obstacle" => {
+                let at = spot.map(|spot| drawing.sheet.point(spot.x_cm, spot.y_cm));
+                if let Some(at) = at.filter(|at| at.x.is_finite() && at.y.is_finite()) {
+                    let label = shorten(entity.meta_data.label.as_deref().unwrap_or_default());
+                    drawing.marks.obstacles.push(Obstacle { label, at_m: [at.x, at.y] });
+                }
             }
+            // Paths, targets and the areas of one cleaning say nothing of the home.
+            _ => {}
         }
     }
-    if walls == 0 || walls as f64 >= MIN_WALL_SHARE * border.len() as f64 {
-        return;
-    }
-    for &(x, y) in &border {
-        grid.set(x, y, Cell::Occupied);
-    }
-    notes.push(format!(
-        "the map has only {walls} wall cells; the {} cells around its floor were taken as walls too",
-        border.len()
-    ));
-}
-
-/// The dock: its angle is 0 towards the top of the picture and grows clockwise.
-fn charger(file: &MapFile, notes: &mut Vec<String>) -> Option<Pose2> {
-    let entity = file.entities.0.iter().find(|entity| entity.kind == "charger_location")?;
-    let [x_cm, y_cm] = entity.points.0?;
-    let angle_deg = entity.meta_data.angle.unwrap_or_else(|| {
-        notes.push("the charger has no angle; it was taken as facing the top of the map".to_string());
-        0.0
-    });
-    let yaw_rad = (90.0 - angle_deg).to_radians();
-    let pose = Pose2::new(x_cm / 100.0, (file.size.y as f64 - y_cm) / 100.0, yaw_rad);
-    pose.is_finite().then_some(pose)
 }

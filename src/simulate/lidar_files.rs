@@ -2,7 +2,7 @@
 
 use super::survey::{CELL_M, Survey};
 use crate::geometry::{Grid, GridFrame, Point2, Pose2};
-use crate::lidar::{Cell, LidarInfo, LidarMap, Room, RoomInfo};
+use crate::lidar::{Cell, LidarInfo, LidarMap, MapMarks, Room, RoomInfo};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -64,6 +64,7 @@ impl Survey {
             .map(|(index, name)| Room {
                 id: (index + 1).to_string(),
                 name: Some(name.clone()),
+                material: None,
                 cells_m: centres(&|x, y| self.segment_at(x, y) == index as u16 + 1),
             })
             .collect();
@@ -86,9 +87,10 @@ impl Survey {
             max_m: [0, 1].map(|axis| edge(axis, f64::NEG_INFINITY, f64::max) + half),
             rooms: rooms.iter().map(room_info).collect(),
             charger: Some(charger),
+            marks: MapMarks { robot: Some(charger), ..MapMarks::default() },
             notes: vec![],
         };
-        LidarMap { info, occupied_m, cells: Some(cells), rooms, charger: Some(charger) }
+        LidarMap { info, occupied_m, cells: Some(cells), rooms, charger: Some(charger), carpet_m: vec![] }
     }
 
     /// The segment of a cell of the Valetudo map.
@@ -107,6 +109,7 @@ fn room_info(room: &Room) -> RoomInfo {
     RoomInfo {
         id: room.id.clone(),
         name: room.name.clone(),
+        material: None,
         area_m2: count * CELL_M * CELL_M,
         centre_m: sum.map(|s| s / count),
     }

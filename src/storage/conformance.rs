@@ -147,6 +147,7 @@ fn lidar_info() -> LidarInfo {
         max_m: [4.0, 2.5],
         rooms: vec![],
         charger: None,
+        marks: Default::default(),
         notes: vec![],
     }
 }

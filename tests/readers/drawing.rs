@@ -135,7 +135,7 @@ pub fn ply(format: &str) -> Vec<u8> {
 /// A small valid file of each format.
 pub fn one_of_each_format() -> Vec<(&'static str, Vec<u8>)> {
     let csv: Vec<String> = hits().iter().map(|p| format!("{},{}", p.x, p.y)).collect();
-    vec![
+    let mut files = vec![
         ("valetudo 2", text(&valetudo(true, true))),
         ("valetudo 1", text(&valetudo(false, false))),
         ("ros pgm", ros_zip(&yaml(""), &pgm(grey(0, 254, 205)))),
@@ -143,5 +143,7 @@ pub fn one_of_each_format() -> Vec<(&'static str, Vec<u8>)> {
         ("csv", format!("x,y\n{}", csv.join("\n")).into_bytes()),
         ("ply ascii", ply("ascii")),
         ("ply binary", ply("binary_little_endian")),
-    ]
+    ];
+    files.extend(crate::robot_files::robot_files());
+    files
 }

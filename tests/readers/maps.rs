@@ -8,7 +8,7 @@ use viola::geometry::{Point2, Pose2, angle_between};
 use viola::lidar::{Cell, LidarMap};
 
 /// The map must show the drawing with its lower-left corner at `corner`: cells, points and what is told.
-fn check_home(what: &str, map: &LidarMap, corner: [f64; 2]) {
+pub fn check_home(what: &str, map: &LidarMap, corner: [f64; 2]) {
     let centre = |x: usize, y: usize| {
         let from_bottom = (HOME.len() - 1 - y) as f64;
         Point2::new(corner[0] + (x as f64 + 0.5) * CELL_M, corner[1] + (from_bottom + 0.5) * CELL_M)

@@ -7,7 +7,7 @@ use image::{GrayImage, Luma};
 use serde_json::{Value, json};
 use viola::lidar::LidarMap;
 
-fn check_refused(what: &str, bytes: &[u8], code: &str) {
+pub fn check_refused(what: &str, bytes: &[u8], code: &str) {
     let (result, peak) = peak_bytes(|| LidarMap::read(bytes).map(drop));
     let error = result.err().unwrap_or_else(|| panic!("{what}: was not refused"));
     assert_eq!(error.code(), code, "{what}: {error}");

@@ -1,7 +1,9 @@
 //! Valid small files with random damage: a reader may refuse them or not, but it neither panics nor takes
 //! much time or memory.
 
+use crate::drawing::{text, valetudo};
 use crate::memory::peak_bytes;
+use crate::robot_files::{dreame, dreame_inflated, viomi_inflated, zlib};
 use crate::writers::*;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -72,6 +74,28 @@ fn damaged_clips_end_quickly() {
             write(&folder.path().join(name), &damage(bytes, &mut random));
             check_bounded(&format!("folder {round}, {name}"), || read_clip(folder.path()));
             write(&folder.path().join(name), bytes);
+        }
+    }
+}
+
+/// Compression hides damage behind its checksum; here what was compressed is damaged before.
+#[test]
+fn maps_damaged_before_they_were_compressed_end_quickly() {
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let inner: [(&str, Vec<u8>, fn(&[u8]) -> Vec<u8>); 3] = [
+        ("dreame", dreame_inflated(b'I'), dreame),
+        ("viomi", viomi_inflated(77), zlib),
+        ("valetudo", text(&valetudo(true, true)), zlib),
+    ];
+    for (name, bytes, pack) in inner {
+        for round in 0..1500 {
+            let damaged = pack(&damage(&bytes, &mut random));
+            check_bounded(&format!("{name} {round}"), || {
+                let Ok(map) = LidarMap::read(&damaged) else { return };
+                assert!(map.charger.is_none_or(|pose| pose.is_finite()), "{name} {round}");
+                let marks = &map.info.marks;
+                assert!(marks.zones.iter().flat_map(|z| &z.outline_m).flatten().all(|v| v.is_finite()));
+            });
         }
     }
 }

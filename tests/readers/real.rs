@@ -8,7 +8,7 @@ use viola::geometry::{Point2, Pose2, Vector3};
 use viola::lidar::{Cell, LidarMap};
 
 /// The folder of real recordings. Says so when it is absent; the test then has nothing to check.
-fn data() -> Option<PathBuf> {
+pub fn data() -> Option<PathBuf> {
     let folder = std::env::var_os("VIOLA_TEST_DATA").map(PathBuf::from);
     if folder.is_none() {
         eprintln!("VIOLA_TEST_DATA is not set: the real recordings are absent, nothing was checked");

@@ -5,7 +5,7 @@ use crate::lidar::{LidarError, LidarMap};
 
 /// Lines of `x, y` in metres, with or without a header; separators are comma, semicolon, blank and tab.
 /// With a header the columns may be in any order, and those that are not x or y are ignored.
-pub(in crate::lidar) fn read_csv(bytes: &[u8]) -> Result<LidarMap, LidarError> {
+pub(in super::super) fn read_csv(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let text = std::str::from_utf8(bytes).map_err(|_| LidarError::UnknownFormat)?;
     let mut lines = text.lines().enumerate().filter(|(_, line)| {
         let line = line.trim();

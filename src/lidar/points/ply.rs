@@ -1,6 +1,6 @@
 //! Points as PLY: ascii, or binary of either byte order (Turk, "The PLY Polygon File Format", 1994).
 
-use super::Cloud;
+use super::records::{Columns, Points, Scalar};
 use crate::lidar::{LidarError, LidarMap, MAX_POINTS};
 
 const MAX_HEADER_BYTES: usize = 64 << 10;
@@ -10,18 +10,6 @@ enum Encoding {
     Ascii,
     LittleEndian,
     BigEndian,
-}
-
-#[derive(Clone, Copy)]
-enum Scalar {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
 }
 
 struct Property<'a> {
@@ -37,7 +25,7 @@ struct Header<'a> {
 }
 
 /// The vertices' x and y, in metres. Heights and other elements (faces) are ignored.
-pub(in crate::lidar) fn read_ply(bytes: &[u8]) -> Result<LidarMap, LidarError> {
+pub(in super::super) fn read_ply(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let header = Header::parse(bytes)?;
     let column = |name: &str| header.properties.iter().position(|p| p.name == name);
     let (Some(x), Some(y)) = (column("x"), column("y")) else {
@@ -49,35 +37,7 @@ pub(in crate::lidar) fn read_ply(bytes: &[u8]) -> Result<LidarMap, LidarError> {
         Encoding::Ascii => header.read_lines(&columns, &mut points)?,
         _ => header.read_records(&columns, &mut points)?,
     }
-    let mut notes = Vec::new();
-    if let Some((low, high)) = points.heights_m.filter(|(low, high)| high > low) {
-        notes.push(format!("z was ignored: points from {low:.2} to {high:.2} m were all taken as hits"));
-    }
-    points.cloud.into_map("ply_points", notes)
-}
-
-/// Which properties of a vertex are its coordinates.
-struct Columns {
-    x: usize,
-    y: usize,
-    z: Option<usize>,
-}
-
-#[derive(Default)]
-struct Points {
-    cloud: Cloud,
-    /// The lowest and the highest z.
-    heights_m: Option<(f64, f64)>,
-}
-
-impl Points {
-    fn add(&mut self, columns: &Columns, value: impl Fn(usize) -> f64) -> Result<(), LidarError> {
-        if let Some(height_m) = columns.z.map(&value).filter(|height_m| height_m.is_finite()) {
-            let (low, high) = self.heights_m.unwrap_or((height_m, height_m));
-            self.heights_m = Some((low.min(height_m), high.max(height_m)));
-        }
-        self.cloud.add(value(columns.x), value(columns.y))
-    }
+    points.into_map("ply_points", Vec::new())
 }
 
 fn bad(reason: impl Into<String>) -> LidarError {
@@ -190,36 +150,4 @@ fn scalar_of(name: &str) -> Result<Scalar, LidarError> {
         "double" | "float64" => Scalar::F64,
         _ => return Err(bad("a property has an unknown type")),
     })
-}
-
-impl Scalar {
-    fn bytes(self) -> usize {
-        match self {
-            Scalar::I8 | Scalar::U8 => 1,
-            Scalar::I16 | Scalar::U16 => 2,
-            Scalar::I32 | Scalar::U32 | Scalar::F32 => 4,
-            Scalar::F64 => 8,
-        }
-    }
-
-    /// The number at the beginning of `bytes`, which has at least [`Scalar::bytes`].
-    fn read(self, bytes: &[u8], is_big: bool) -> f64 {
-        let count = self.bytes();
-        let mut little = [0; 8];
-        little[..count].copy_from_slice(&bytes[..count]);
-        if is_big {
-            little[..count].reverse();
-        }
-        let [a, b, c, d, ..] = little;
-        match self {
-            Scalar::I8 => f64::from(a as i8),
-            Scalar::U8 => f64::from(a),
-            Scalar::I16 => f64::from(i16::from_le_bytes([a, b])),
-            Scalar::U16 => f64::from(u16::from_le_bytes([a, b])),
-            Scalar::I32 => f64::from(i32::from_le_bytes([a, b, c, d])),
-            Scalar::U32 => f64::from(u32::from_le_bytes([a, b, c, d])),
-            Scalar::F32 => f64::from(f32::from_le_bytes([a, b, c, d])),
-            Scalar::F64 => f64::from_le_bytes(little),
-        }
-    }
 }

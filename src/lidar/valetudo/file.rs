@@ -2,6 +2,7 @@
 //! that is stored is bounded.
 
 use crate::lidar::MAX_POINTS;
+use crate::lidar::marks::MAX_CORNERS;
 use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, SeqAccess, Visitor};
 use std::fmt;
 use std::marker::PhantomData;
@@ -47,6 +48,7 @@ pub(super) struct Layer {
 pub(super) struct LayerMetaData {
     pub segment_id: Option<Label>,
     pub name: Option<String>,
+    pub material: Option<String>,
 }
 
 /// Identifiers are strings; early versions wrote numbers.
@@ -63,7 +65,7 @@ pub(super) struct Entity {
     #[serde(rename = "type")]
     pub kind: String,
     #[serde(default)]
-    pub points: FirstPoint,
+    pub points: FirstPoints,
     #[serde(default)]
     pub meta_data: EntityMetaData,
 }
@@ -72,6 +74,7 @@ pub(super) struct Entity {
 #[serde(default)]
 pub(super) struct EntityMetaData {
     pub angle: Option<f64>,
+    pub label: Option<String>,
 }
 
 /// A whole number; one that is too large for any map is kept as the largest, and refused where it is used.
@@ -117,25 +120,33 @@ impl<'de, T: Deserialize<'de>, const MAX: usize> Deserialize<'de> for Bounded<T,
     }
 }
 
-/// x and y of an entity's first point; paths have thousands, which nobody reads.
+/// x and y of an entity's points. Of paths, which have thousands that nobody reads, only the first are kept;
+/// one more than a zone may have, so that too many are seen.
 #[derive(Default)]
-pub(super) struct FirstPoint(pub Option<[f64; 2]>);
+pub(super) struct FirstPoints {
+    pub points: Vec<[f64; 2]>,
+}
 
-impl<'de> Deserialize<'de> for FirstPoint {
+impl<'de> Deserialize<'de> for FirstPoints {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Point;
-        impl<'de> Visitor<'de> for Point {
-            type Value = FirstPoint;
+        struct Numbers;
+        impl<'de> Visitor<'de> for Numbers {
+            type Value = FirstPoints;
             fn expecting(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
                 formatter.write_str("a list of numbers")
             }
             fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
-                let x = list.next_element()?;
-                let y = list.next_element()?;
+                let mut points = Vec::new();
+                while points.len() <= MAX_CORNERS
+                    && let Some(x) = list.next_element()?
+                    && let Some(y) = list.next_element()?
+                {
+                    points.push([x, y]);
+                }
                 while list.next_element::<IgnoredAny>()?.is_some() {}
-                Ok(FirstPoint(x.zip(y).map(|(x, y)| [x, y])))
+                Ok(FirstPoints { points })
             }
         }
-        deserializer.deserialize_seq(Point)
+        deserializer.deserialize_seq(Numbers)
     }
 }

@@ -1,60 +1,52 @@
-//! The sheet of cells that a Valetudo map is drawn on, and its cells in the map's frame.
+//! The sheet of cells on which robots draw their maps, and its cells in the map's frame.
+//!
+//! On the sheet everything counts from the top-left corner with y down, as Valetudo has it. In the map's frame
+//! y is up and the origin is the sheet's lower-left corner, whatever robot wrote the file.
 
-use super::file::Layer;
 use crate::geometry::{Grid, GridFrame, Point2};
 use crate::lidar::{Cell, LidarError, MAX_CELLS};
 
 /// A run of cells to the right of (x, y), counted from the top-left corner.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Run {
     pub x: u32,
     pub y: u32,
     pub count: u32,
 }
 
-/// The whole sheet that `size` spans, in cells.
+/// The whole sheet that the file's `size` spans, in cells.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Sheet {
     pub width: i64,
     pub height: i64,
-    pub height_m: f64,
+    height_cm: f64,
+    height_m: f64,
     pub cell_m: f64,
 }
 
 impl Sheet {
-    /// A layer's cells as checked runs. Where a layer has both encodings they say the same.
-    pub fn runs(&self, layer: &Layer, index: usize) -> Result<Vec<Run>, LidarError> {
-        let (values, group, name) = if layer.compressed_pixels.0.is_empty() {
-            (&layer.pixels.0, 2, "pixels")
-        } else {
-            (&layer.compressed_pixels.0, 3, "compressedPixels")
-        };
-        let mut runs = Vec::with_capacity(values.len() / group);
-        for values in values.chunks(group) {
-            let bad = |expected: String| LidarError::BadField {
-                field: format!("layers[{index}].{name}"),
-                value: values.iter().map(|v| v.0.to_string()).collect::<Vec<_>>().join(", "),
-                expected,
-            };
-            if values.len() != group {
-                return Err(bad(format!("groups of {group} numbers")));
-            }
-            let (x, y, count) = (values[0].0, values[1].0, values.get(2).map_or(1, |count| count.0));
-            let fits = x >= 0
-                && y >= 0
-                && count >= 1
-                && i64::from(y) < self.height
-                && i64::from(x) + i64::from(count) <= self.width;
-            if !fits {
-                return Err(bad(format!("inside the map's {}x{} pixels", self.width, self.height)));
-            }
-            runs.push(Run { x: x as u32, y: y as u32, count: count as u32 });
+    /// Sizes in centimetres, as they are in Valetudo's JSON.
+    pub fn new(width_cm: i64, height_cm: i64, pixel_cm: i64) -> Sheet {
+        Sheet {
+            width: width_cm / pixel_cm.max(1),
+            height: height_cm / pixel_cm.max(1),
+            height_cm: height_cm as f64,
+            height_m: height_cm as f64 / 100.0,
+            cell_m: pixel_cm as f64 / 100.0,
         }
-        Ok(runs)
+    }
+
+    pub fn holds(&self, x: i64, y: i64, count: i64) -> bool {
+        x >= 0 && y >= 0 && count >= 1 && y < self.height && x + count <= self.width
+    }
+
+    /// A point in centimetres from the top-left corner, y down, in the map's frame.
+    pub fn point(&self, x_cm: f64, y_cm: f64) -> Point2 {
+        Point2::new(x_cm / 100.0, (self.height_cm - y_cm) / 100.0)
     }
 
     /// An empty grid around all runs, so that an almost empty sheet costs nothing.
-    pub fn grid_around(&self, layers: &[Vec<Run>]) -> Result<Grid<Cell>, LidarError> {
-        let mut runs = layers.iter().flatten();
+    pub fn grid_around<'a>(&self, mut runs: impl Iterator<Item = &'a Run>) -> Result<Grid<Cell>, LidarError> {
         let first = runs.next().ok_or(LidarError::NoWalls)?;
         let (mut left, mut right, mut top, mut bottom) =
             (first.x, first.x + first.count, first.y, first.y + 1);
@@ -79,12 +71,30 @@ impl Sheet {
         Point2::new((f64::from(x) + 0.5) * self.cell_m, self.height_m - (f64::from(y) + 0.5) * self.cell_m)
     }
 
+    /// The centres of all cells of the runs, in their order.
+    pub fn centres(&self, runs: &[Run]) -> Vec<Point2> {
+        runs.iter().flat_map(|run| (run.x..run.x + run.count).map(|x| self.centre(x, run.y))).collect()
+    }
+
     pub fn fill(&self, grid: &mut Grid<Cell>, runs: &[Run], value: Cell) {
         for run in runs {
             if let Some((x, y)) = grid.frame.cell(&self.centre(run.x, run.y)) {
                 let from = y * grid.frame.width + x;
                 grid.cells[from..from + run.count as usize].fill(value);
             }
+        }
+    }
+}
+
+/// Collects cells that come row after row from the left into runs.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Runs(pub Vec<Run>);
+
+impl Runs {
+    pub fn add(&mut self, x: u32, y: u32) {
+        match self.0.last_mut() {
+            Some(last) if last.y == y && last.x + last.count == x => last.count += 1,
+            _ => self.0.push(Run { x, y, count: 1 }),
         }
     }
 }

@@ -1,0 +1,6 @@
+//! CARMEN logs.
+#![no_main]
+
+use viola_fuzz::check;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| check(&[b"SYNC\n", bytes].concat()));

@@ -1,0 +1,6 @@
+//! Dreame's maps as they are inflated.
+#![no_main]
+
+use viola_fuzz::{check, zlib};
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| check(&zlib(bytes)));

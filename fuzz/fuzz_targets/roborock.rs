@@ -1,0 +1,6 @@
+//! Roborock's RRMap without its gzip, whose checksum no fuzzer finds.
+#![no_main]
+
+use viola_fuzz::check;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| check(&[b"rr\x14\0", bytes].concat()));

@@ -1,0 +1,6 @@
+//! A zip of a yaml file and an image, which are parted by the first zero.
+#![no_main]
+
+use viola_fuzz::{check, ros_zip};
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| check(&ros_zip(bytes)));

@@ -1,0 +1,6 @@
+//! The maps of Viomi and 3irobotix as they are inflated.
+#![no_main]
+
+use viola_fuzz::{check, zlib};
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| check(&zlib(bytes)));

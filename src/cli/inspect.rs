@@ -1,0 +1,135 @@
+//! `viola inspect`: what a file is, and what was understood of it.
+
+mod sketch;
+
+use crate::clip::{Clip, ClipInfo};
+use crate::home;
+use crate::lidar::{LidarError, LidarInfo, LidarMap};
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use std::path::PathBuf;
+
+#[derive(Args)]
+pub struct InspectArguments {
+    /// A map or a clip, in any format that is read; a folder or a file.
+    file: PathBuf,
+    /// Print what the service would tell of the file, as JSON.
+    #[arg(long)]
+    json: bool,
+    /// Write a picture of the map here (PNG); without it a map is sketched in characters.
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
+}
+
+pub fn run(arguments: &InspectArguments) -> Result<()> {
+    let path = &arguments.file;
+    if !path.exists() {
+        bail!("there is no {}", path.display());
+    }
+    if path.is_dir() {
+        let found = Clip::open(path);
+        let found = found.with_context(|| format!("{} cannot be used as a clip", path.display()))?;
+        return clip(arguments, &found);
+    }
+    let refused = match LidarMap::open(path) {
+        Ok(found) => return map(arguments, &found),
+        Err(refused) => refused,
+    };
+    // A zip can be either; so can a file too large for a map.
+    let may_be_clip = matches!(
+        refused,
+        LidarError::UnknownFormat | LidarError::FileTooLarge { .. } | LidarError::Container(_)
+    );
+    let name = path.display();
+    if !may_be_clip {
+        bail!("{name} cannot be used as a map ({}): {refused}", refused.code());
+    }
+    match Clip::open(path) {
+        Ok(found) => clip(arguments, &found),
+        Err(error) => bail!(
+            "{name} can be used neither as a map ({}): {refused}, nor as a clip ({}): {error}",
+            refused.code(),
+            error.code()
+        ),
+    }
+}
+
+fn map(arguments: &InspectArguments, map: &LidarMap) -> Result<()> {
+    if let Some(picture) = &arguments.picture {
+        std::fs::write(picture, home::lidar_png(map))
+            .with_context(|| format!("cannot write {}", picture.display()))?;
+    }
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&map.info)?);
+        return Ok(());
+    }
+    print_map(&map.info);
+    match &arguments.picture {
+        Some(picture) => println!("wrote:  {}", picture.display()),
+        None => print!("\n{}", sketch::sketch(map)),
+    }
+    Ok(())
+}
+
+fn print_map(info: &LidarInfo) {
+    let [width_m, height_m] = [0, 1].map(|axis| info.max_m[axis] - info.min_m[axis]);
+    println!("map:    {}", info.format);
+    println!("frame:  {}", info.frame);
+    println!("size:   {width_m:.2} x {height_m:.2} m, from {:.2}, {:.2} on", info.min_m[0], info.min_m[1]);
+    match info.cell_m {
+        Some(cell_m) => println!(
+            "cells:  {cell_m} m; {} of walls, {} free, {:.1} m2",
+            info.occupied_points, info.free_cells, info.free_area_m2
+        ),
+        None => println!("points: {}", info.occupied_points),
+    }
+    for room in &info.rooms {
+        let name = room.name.as_deref().unwrap_or("without a name");
+        let material = room.material.as_deref().map_or(String::new(), |material| format!(", {material}"));
+        println!("room:   {} {name}, {:.1} m2{material}", room.id, room.area_m2);
+    }
+    if let Some(dock) = &info.charger {
+        let facing_deg = dock.yaw_rad.to_degrees();
+        println!("dock:   {:.2}, {:.2} m, facing {facing_deg:.0} deg", dock.x_m, dock.y_m);
+    }
+    let marks = info.marks_in_words();
+    if !marks.is_empty() {
+        println!("marks:  {marks}");
+    }
+    for note in &info.notes {
+        println!("note:   {note}");
+    }
+    println!("refused: nothing");
+}
+
+fn clip(arguments: &InspectArguments, clip: &Clip) -> Result<()> {
+    if arguments.picture.is_some() {
+        bail!("--picture is for maps");
+    }
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(clip.info())?);
+        return Ok(());
+    }
+    print_clip(clip.info());
+    Ok(())
+}
+
+fn print_clip(info: &ClipInfo) {
+    println!("clip:   {}", info.layout);
+    println!("poses:  {}", info.pose_convention);
+    println!("up:     {}", info.gravity);
+    println!("depth:  {}x{}, {}", info.depth_width, info.depth_height, info.depth_unit);
+    println!("colour: {}x{}", info.color_width, info.color_height);
+    println!("camera: {}", info.intrinsics);
+    println!("frames: {}, {} with a pose", info.frames, info.frames_with_pose);
+    if let Some(duration_s) = info.duration_s {
+        println!("time:   {duration_s:.1} s");
+    }
+    for note in &info.notes {
+        println!("note:   {note}");
+    }
+    println!(
+        "refused: {} frames without a pose, {} without one of their pictures",
+        info.skipped_without_pose, info.skipped_incomplete
+    );
+}

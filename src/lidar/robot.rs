@@ -1,0 +1,104 @@
+//! The files that robots write themselves: no text, a vendor's own layout, often compressed.
+
+mod dreame;
+mod roborock;
+mod viomi;
+
+pub(super) use dreame::{is_text as is_dreame_text, read_text as read_dreame_text};
+pub(super) use roborock::{is as is_roborock, read as read_roborock};
+
+use super::{LidarError, LidarMap, valetudo};
+use flate2::read::{MultiGzDecoder, ZlibDecoder};
+use std::io::Read;
+
+/// Of a robot's map when it is inflated; the largest known has 0.7 MB.
+const MAX_INFLATED_BYTES: u64 = 8 << 20;
+/// Cells along each side of a robot's map; the largest known has 1024.
+const MAX_SIDE: i64 = 4096;
+
+/// Whether the bytes begin as a zlib stream without a preset dictionary (RFC 1950).
+pub(super) fn is_zlib(bytes: &[u8]) -> bool {
+    let &[method, flags, ..] = bytes else { return false };
+    let has_dictionary = flags & 0x20 != 0;
+    method & 0x0f == 8 && u16::from_be_bytes([method, flags]) % 31 == 0 && !has_dictionary
+}
+
+/// A zlib stream, inflated; refuses what gets too large on the way.
+pub(super) fn inflate(bytes: &[u8]) -> Result<Vec<u8>, LidarError> {
+    read_bounded(ZlibDecoder::new(bytes))
+}
+
+fn read_bounded(reader: impl Read) -> Result<Vec<u8>, LidarError> {
+    let mut inflated = Vec::new();
+    reader
+        .take(MAX_INFLATED_BYTES + 1)
+        .read_to_end(&mut inflated)
+        .map_err(|error| LidarError::BadCompression { reason: error.to_string() })?;
+    if inflated.len() as u64 > MAX_INFLATED_BYTES {
+        return Err(LidarError::FileTooLarge { max_bytes: MAX_INFLATED_BYTES });
+    }
+    Ok(inflated)
+}
+
+/// A gzip file: Roborock's RRMap as its cloud hands it out.
+pub(super) fn read_gzip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
+    let inflated = read_bounded(MultiGzDecoder::new(bytes))?;
+    if roborock::is(&inflated) { roborock::read(&inflated) } else { Err(LidarError::UnknownFormat) }
+}
+
+/// A zlib stream: a 3irobotix map, a Dreame map without its base64, or the JSON that Valetudo publishes
+/// by MQTT.
+pub(super) fn read_zlib(bytes: &[u8]) -> Result<LidarMap, LidarError> {
+    let inflated = inflate(bytes)?;
+    match inflated.as_slice() {
+        [b'{', ..] => valetudo::read(&inflated),
+        map if viomi::is(map) => viomi::read(map),
+        map if dreame::is(map) => dreame::read(map),
+        _ => Err(LidarError::UnknownFormat),
+    }
+}
+
+/// Bytes that numbers are read from, little-endian; none where they end before the number does.
+#[derive(Clone, Copy)]
+struct Bytes<'a>(&'a [u8]);
+
+impl Bytes<'_> {
+    fn array<const N: usize>(&self, at: usize) -> Option<[u8; N]> {
+        self.0.get(at..)?.first_chunk::<N>().copied()
+    }
+
+    fn u8(&self, at: usize) -> Option<u8> {
+        self.0.get(at).copied()
+    }
+
+    fn u16(&self, at: usize) -> Option<u16> {
+        self.array(at).map(u16::from_le_bytes)
+    }
+
+    fn i16(&self, at: usize) -> Option<i16> {
+        self.array(at).map(i16::from_le_bytes)
+    }
+
+    fn u32(&self, at: usize) -> Option<u32> {
+        self.array(at).map(u32::from_le_bytes)
+    }
+
+    fn i32(&self, at: usize) -> Option<i32> {
+        self.array(at).map(i32::from_le_bytes)
+    }
+
+    fn f32(&self, at: usize) -> Option<f64> {
+        self.array(at).map(f32::from_le_bytes).map(f64::from)
+    }
+}
+
+/// To whole centimetres, halves upwards, as Valetudo rounds.
+fn round_cm(value: f64) -> f64 {
+    (value + 0.5).floor()
+}
+
+/// Degrees clockwise from the top of the way from one point to the next, y down; none when they are one.
+fn heading_deg(from: [f64; 2], to: [f64; 2]) -> Option<f64> {
+    let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+    (dx != 0.0 || dy != 0.0).then(|| (dy.atan2(dx).to_degrees().round() + 450.0) % 360.0)
+}

@@ -1,0 +1,34 @@
+//! The PNG in which Valetudo hands its map to Home Assistant: a picture that says to install the map card, with
+//! the JSON, deflated, in a `zTXt` chunk of the keyword `ValetudoMap` (Hypfer/Valetudo,
+//! `backend/lib/mqtt/handles/MapNodeMqttHandle.js`; read back by Hypfer/lovelace-valetudo-map-card,
+//! `src/lib/pngUtils.ts`).
+
+use crate::lidar::robot::inflate;
+use crate::lidar::{LidarError, LidarMap};
+
+const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+const KEYWORD: &[u8] = b"ValetudoMap";
+
+/// The map in the picture; a picture without one is refused as a ROS map's image.
+pub(in super::super) fn read_png(bytes: &[u8]) -> Result<LidarMap, LidarError> {
+    let Some(deflated) = map_chunk(bytes) else { return Err(LidarError::ImageWithoutYaml) };
+    super::read(&inflate(deflated)?)
+}
+
+/// What follows the keyword and the compression method in the map's chunk.
+fn map_chunk(bytes: &[u8]) -> Option<&[u8]> {
+    let mut rest = bytes.strip_prefix(SIGNATURE)?;
+    loop {
+        let (length, after) = rest.split_first_chunk::<4>()?;
+        let (kind, after) = after.split_first_chunk::<4>()?;
+        let length = u32::from_be_bytes(*length) as usize;
+        let data = after.get(..length)?;
+        if kind == b"zTXt"
+            && let Some([0, 0, deflated @ ..]) = data.strip_prefix(KEYWORD)
+        {
+            return Some(deflated);
+        }
+        // The chunk's own checksum is passed over; the deflated stream has one.
+        rest = after.get(length.checked_add(4)?..)?;
+    }
+}

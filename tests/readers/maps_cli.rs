@@ -1,0 +1,68 @@
+//! `viola inspect` and `viola convert`.
+
+use crate::drawing::*;
+use crate::robot_files::*;
+use crate::writers::{as_folder, scannet, zip_bytes};
+use std::process::{Command, Output};
+use viola::lidar::LidarMap;
+
+fn viola(arguments: &[&str], folder: &std::path::Path) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_viola")).args(arguments).current_dir(folder).output().unwrap()
+}
+
+fn text_of(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+#[test]
+fn inspect_tells_what_a_file_is() {
+    let files = vec![
+        ("map.rrmap".to_string(), roborock()),
+        ("text.txt".to_string(), b"Nothing of use.".to_vec()),
+        ("part.bin".to_string(), dreame(&dreame_inflated(b'P'))),
+        ("clip.zip".to_string(), zip_bytes(&scannet("s/", &[0, 1, 2]))),
+    ];
+    let folder = as_folder(&files);
+    let map = viola(&["inspect", "map.rrmap", "--picture", "map.png"], folder.path());
+    let told = text_of(&map.stdout);
+    for part in [
+        "map:    roborock",
+        "room:   16",
+        "wood",
+        "1 no-go zone",
+        "dock:   2.30, 5.05 m, facing 90 deg",
+        "refused: nothing",
+    ] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    let picture = std::fs::read(folder.path().join("map.png")).unwrap();
+    assert!(picture.starts_with(b"\x89PNG"));
+    let sketch = text_of(&viola(&["inspect", "map.rrmap"], folder.path()).stdout);
+    assert!(sketch.contains("###") && sketch.contains('@'), "{sketch}");
+    let json = viola(&["inspect", "map.rrmap", "--json"], folder.path());
+    let info: viola::lidar::LidarInfo = serde_json::from_slice(&json.stdout).unwrap();
+    assert_eq!(info, LidarMap::read(&roborock()).unwrap().info);
+    let clip = text_of(&viola(&["inspect", "clip.zip"], folder.path()).stdout);
+    assert!(clip.contains("clip:   scannet") && clip.contains("frames: 3"), "{clip}");
+    for (file, parts) in
+        [("text.txt", ["unknown_format", "neither"]), ("part.bin", ["partial_map", "whole map"])]
+    {
+        let refused = viola(&["inspect", file], folder.path());
+        assert!(!refused.status.success());
+        let told = text_of(&refused.stderr);
+        assert!(parts.iter().all(|part| told.contains(part)), "{told}");
+    }
+}
+
+#[test]
+fn convert_writes_what_is_read_back() {
+    let folder = as_folder(&[("map.rrmap".to_string(), roborock())]);
+    for (to, out) in [("valetudo", "map.json"), ("ros", "map.yaml"), ("ply", "map.ply")] {
+        let done = viola(&["convert", "map.rrmap", "--to", to, "--out", out], folder.path());
+        assert!(done.status.success(), "{to}: {}", text_of(&done.stderr));
+        let read = LidarMap::open(&folder.path().join(out)).unwrap();
+        assert_eq!(read.info.occupied_points, hits().len(), "{to}");
+    }
+    let bad = viola(&["convert", "map.rrmap", "--to", "ros", "--out", "map.pgm"], folder.path());
+    assert!(!bad.status.success());
+}

@@ -1,0 +1,197 @@
+//! Maps as other tools read them: written and read back they are the same.
+
+use crate::drawing::*;
+use crate::real::data;
+use crate::robot_files::*;
+use viola::geometry::{Point2, Pose2, angle_between};
+use viola::lidar::{Cell, LidarMap};
+
+/// Every cell, room, dock and mark of `a` is in `b` at the same place, moved by `shift_m`.
+fn check_same(what: &str, a: &LidarMap, b: &LidarMap, shift_m: [f64; 2]) {
+    let shift = viola::geometry::Vector2::new(shift_m[0], shift_m[1]);
+    let grid = b.cells.as_ref().unwrap();
+    assert_eq!(
+        (a.info.free_cells, a.info.occupied_points),
+        (b.info.free_cells, b.info.occupied_points),
+        "{what}"
+    );
+    let cells = a.cells.as_ref().unwrap();
+    for y in 0..cells.frame.height {
+        for x in 0..cells.frame.width {
+            let there = grid.at(&(cells.frame.centre(x, y) + shift)).unwrap_or(Cell::Unknown);
+            assert_eq!(there, cells.get(x, y), "{what}: cell {x}, {y}");
+        }
+    }
+    let near = |p: &Point2, q: &Point2| (p + shift - q).norm() < 1e-6;
+    assert!(a.occupied_m.iter().all(|p| grid.at(&(p + shift)) == Some(Cell::Occupied)), "{what}");
+    assert_eq!(a.rooms.len(), b.rooms.len(), "{what}");
+    for (room, other) in a.rooms.iter().zip(&b.rooms) {
+        assert_eq!(
+            (&room.id, &room.name, &room.material),
+            (&other.id, &other.name, &other.material),
+            "{what}"
+        );
+        assert_eq!(room.cells_m.len(), other.cells_m.len(), "{what}");
+        assert!(room.cells_m.iter().zip(&other.cells_m).all(|(p, q)| near(p, q)), "{what}: room {}", room.id);
+    }
+    let pose = |a: Option<Pose2>, b: Option<Pose2>| match (a, b) {
+        (Some(a), Some(b)) => {
+            let at = |pose: &Pose2| Point2::new(pose.x_m, pose.y_m);
+            near(&at(&a), &at(&b)) && angle_between(a.yaw_rad, b.yaw_rad).abs() < 1e-4
+        }
+        (a, b) => a == b,
+    };
+    assert!(pose(a.charger, b.charger), "{what}: {:?} {:?}", a.charger, b.charger);
+    let (marks, other) = (&a.info.marks, &b.info.marks);
+    assert!(pose(marks.robot, other.robot), "{what}: {:?} {:?}", marks.robot, other.robot);
+    let places = |map: &LidarMap| -> Vec<[f64; 2]> {
+        let marks = &map.info.marks;
+        let zones = marks.zones.iter().flat_map(|zone| zone.outline_m.clone());
+        let lines = marks.lines.iter().flat_map(|line| line.ends_m);
+        zones.chain(lines).chain(marks.obstacles.iter().map(|obstacle| obstacle.at_m)).collect()
+    };
+    let (places, others) = (places(a), places(b));
+    assert_eq!(places.len(), others.len(), "{what}");
+    assert!(
+        places.iter().zip(&others).all(|(p, q)| near(&Point2::from(*p), &Point2::from(*q))),
+        "{what}: {places:?} {others:?}"
+    );
+}
+
+fn with_cells() -> Vec<(String, LidarMap)> {
+    let mut maps: Vec<(String, LidarMap)> = Vec::new();
+    for (name, bytes) in one_of_each_format() {
+        let map = LidarMap::read(&bytes).unwrap();
+        if map.cells.is_some() && !name.starts_with("carmen") {
+            maps.push((name.to_string(), map));
+        }
+    }
+    if let Some(data) = data() {
+        for file in [
+            "roborock/S6_FW2652_with_active_segment_and_no_mop_zone",
+            "dreame/1c_1096_fullcleanup",
+            "dreame/misc_monastery_with_cutoff",
+            "viomi/viomi_v6_41_no_path",
+        ] {
+            maps.push((
+                file.to_string(),
+                LidarMap::open(&data.join("vacuum_maps").join(file).with_extension("bin")).unwrap(),
+            ));
+        }
+        maps.push(("ros".to_string(), LidarMap::open(&data.join("vacuum_maps/ros/home.yaml")).unwrap()));
+    }
+    assert!(maps.len() >= 8);
+    maps
+}
+
+#[test]
+fn valetudo_is_read_back() {
+    for (name, map) in with_cells() {
+        let written = map.to_valetudo().unwrap();
+        let read = LidarMap::read(&written.bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!(read.info.format, "valetudo");
+        let moved = written.file_from_map_m != [0.0; 2];
+        // Only a map with cells left of or below its origin has to be moved.
+        assert_eq!(moved, map.info.min_m.iter().any(|v| *v < 0.0), "{name}: {:?}", written.notes);
+        check_same(&name, &map, &read, written.file_from_map_m);
+        // Once on a sheet it stays where it is.
+        let again = LidarMap::read(&read.to_valetudo().unwrap().bytes).unwrap();
+        check_same(&name, &read, &again, [0.0; 2]);
+    }
+}
+
+#[test]
+fn valetudo_says_what_its_own_says() {
+    let Some(data) = data() else { return };
+    let path = data.join("vacuum_maps/roborock/S5_FW2008_with_segments.json");
+    let original: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    let written = LidarMap::open(&path).unwrap().to_valetudo().unwrap();
+    let written: serde_json::Value = serde_json::from_slice(&written.bytes).unwrap();
+    assert_eq!(written["pixelSize"], original["pixelSize"]);
+    assert_eq!(written["metaData"]["totalLayerArea"], original["metaData"]["totalLayerArea"]);
+    for layer in original["layers"].as_array().unwrap() {
+        let same = |other: &&serde_json::Value| {
+            other["type"] == layer["type"] && other["metaData"]["segmentId"] == layer["metaData"]["segmentId"]
+        };
+        let other = written["layers"].as_array().unwrap().iter().find(same).unwrap();
+        assert_eq!(other["metaData"]["area"], layer["metaData"]["area"]);
+        assert_eq!(
+            other["compressedPixels"].as_array().unwrap().len(),
+            layer["compressedPixels"].as_array().unwrap().len()
+        );
+        assert_eq!(other["dimensions"]["pixelCount"], layer["dimensions"]["pixelCount"]);
+    }
+}
+
+#[test]
+fn ros_is_read_back() {
+    for (name, map) in with_cells() {
+        let files = map.to_ros("map.pgm").unwrap();
+        let read = LidarMap::read(&ros_zip(&files.yaml, &files.pgm)).unwrap();
+        assert_eq!(read.info.format, "ros_map_server");
+        assert_eq!(read.info.notes, Vec::<String>::new(), "{name}");
+        assert_eq!(read.cells, map.cells, "{name}");
+    }
+    // A name that YAML would read as something else.
+    let map = LidarMap::read(&roborock()).unwrap();
+    let yaml = String::from_utf8(map.to_ros("no: #1.pgm").unwrap().yaml).unwrap();
+    assert!(yaml.starts_with("image: \"no: #1.pgm\"\n"), "{yaml}");
+}
+
+#[test]
+fn ply_is_read_back() {
+    for (name, bytes) in one_of_each_format() {
+        let map = LidarMap::read(&bytes).unwrap();
+        let read = LidarMap::read(&map.to_ply().bytes).unwrap();
+        assert_eq!(read.occupied_m, map.occupied_m, "{name}");
+    }
+}
+
+#[test]
+fn points_and_fine_cells_become_cells_of_5_cm() {
+    let points = LidarMap::read(&pcd("binary")).unwrap();
+    let written = points.to_valetudo().unwrap();
+    let read = LidarMap::read(&written.bytes).unwrap();
+    let [x, y] = written.file_from_map_m;
+    let grid = read.cells.as_ref().unwrap();
+    for point in &points.occupied_m {
+        assert_eq!(grid.at(&Point2::new(point.x + x, point.y + y)), Some(Cell::Occupied), "{point}");
+    }
+    let fine = String::from_utf8(yaml("")).unwrap().replace("0.05", "0.025");
+    let fine = LidarMap::read(&ros_zip(fine.as_bytes(), &pgm(grey(0, 254, 205)))).unwrap();
+    let written = fine.to_valetudo().unwrap();
+    assert!(written.notes.iter().any(|note| note.contains("0.025")), "{:?}", written.notes);
+    let read = LidarMap::read(&written.bytes).unwrap();
+    assert_eq!(read.info.cell_m, Some(0.05));
+    let [x, y] = written.file_from_map_m;
+    let grid = read.cells.as_ref().unwrap();
+    assert!(fine.occupied_m.iter().all(|p| grid.at(&Point2::new(p.x + x, p.y + y)) == Some(Cell::Occupied)));
+}
+
+/// Valetudo's reader takes a kilometre.
+#[test]
+fn what_is_too_large_for_valetudo_is_not_written() {
+    let wide = LidarMap::read(b"x,y\n0,0\n1200,0\n").unwrap();
+    assert_eq!(wide.to_valetudo().unwrap_err().code(), "bad_field");
+    assert!(wide.to_ros("map.pgm").is_ok());
+    let far = LidarMap::read(b"x,y\n90000,0\n90001,0\n").unwrap();
+    let written = far.to_valetudo().unwrap();
+    assert!(LidarMap::read(&written.bytes).is_ok() && written.file_from_map_m[0] < -80_000.0);
+    let scattered = LidarMap::read(b"x,y\n0,0\n90000,90000\n").unwrap();
+    assert_eq!(scattered.to_ros("map.pgm").unwrap_err().code(), "too_many_cells");
+}
+
+/// What was stored before there were marks is still read.
+#[test]
+fn infos_of_before_are_read() {
+    let map = LidarMap::read(&roborock()).unwrap();
+    let mut stored = serde_json::to_value(&map.info).unwrap();
+    assert_eq!(serde_json::from_value::<viola::lidar::LidarInfo>(stored.clone()).unwrap(), map.info);
+    stored.as_object_mut().unwrap().remove("marks");
+    for room in stored["rooms"].as_array_mut().unwrap() {
+        room.as_object_mut().unwrap().remove("material");
+    }
+    let read: viola::lidar::LidarInfo = serde_json::from_value(stored).unwrap();
+    assert_eq!(read.marks, viola::lidar::MapMarks::default());
+    assert_eq!(read.rooms[0].material, None);
+}
