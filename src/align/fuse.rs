@@ -85,12 +85,7 @@ impl Readings {
     /// Readings from their parts, none when these do not belong together.
     pub fn new(camera: Pinhole, width: u16, stride: u16, depth_mm: Vec<u16>) -> Option<Readings> {
         let rows_fit = width > 0 && depth_mm.len().is_multiple_of(usize::from(width));
-        (camera.is_plausible() && stride > 0 && rows_fit).then_some(Readings {
-            camera,
-            width,
-            depth_mm,
-            stride,
-        })
+        (camera.is_plausible() && stride > 0 && rows_fit).then_some(Readings { camera, width, depth_mm, stride })
     }
 
     pub fn width(&self) -> u16 {

@@ -11,13 +11,7 @@ pub(super) fn picture(sample: &Sample, answer: Alignment) -> Vec<u8> {
     let [answer, truth] = [answer, truth].map(|alignment| {
         let scan = sample.observation.scan.clone();
         // Only the scan is drawn.
-        let aligned = Aligned {
-            alignment,
-            cloud_in_clip: PointCloud::default(),
-            scan,
-            views: Vec::new(),
-            completion: None,
-        };
+        let aligned = Aligned { alignment, cloud_in_clip: PointCloud::default(), scan, views: Vec::new(), completion: None };
         home::overlay_png(&sample.lidar, &aligned)
     });
     beside(&answer, &truth).unwrap_or(answer)

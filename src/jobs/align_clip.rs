@@ -5,8 +5,8 @@ use crate::clip::{Clip, ClipError};
 use crate::home;
 use crate::lidar::{LidarError, LidarMap};
 use crate::progress::{Progress, Stage};
-use crate::stopwatch::Stopwatch;
 use crate::storage::result_file;
+use crate::stopwatch::Stopwatch;
 use std::path::Path;
 
 /// What one job makes.

@@ -225,11 +225,7 @@ impl Storage {
     }
 
     /// The same in one piece.
-    pub async fn clip_result_bytes(
-        &self,
-        clip: &Clip,
-        name: &str,
-    ) -> Result<Option<bytes::Bytes>, StorageError> {
+    pub async fn clip_result_bytes(&self, clip: &Clip, name: &str) -> Result<Option<bytes::Bytes>, StorageError> {
         let Some(key) = &clip.result_key else { return Ok(None) };
         self.blobs.read_if_there(&format!("{key}/{name}")).await
     }

@@ -165,17 +165,13 @@ async fn points_are_filtered_and_come_as_ply_and_as_glb() {
     for (mesh, name) in document["meshes"].as_array().unwrap().iter().zip(&names) {
         let mut of_class = 0;
         for primitive in mesh["primitives"].as_array().unwrap() {
-            assert_eq!(
-                document["materials"][primitive["material"].as_u64().unwrap() as usize]["name"],
-                *name
-            );
+            assert_eq!(document["materials"][primitive["material"].as_u64().unwrap() as usize]["name"], *name);
             let accessor = |name: &str| {
                 document["accessors"][primitive["attributes"][name].as_u64().unwrap() as usize].clone()
             };
             let position = accessor("POSITION");
             let view = &document["bufferViews"][position["bufferView"].as_u64().unwrap() as usize];
-            let (start, stride) =
-                (view["byteOffset"].as_u64().unwrap(), view["byteStride"].as_u64().unwrap());
+            let (start, stride) = (view["byteOffset"].as_u64().unwrap(), view["byteStride"].as_u64().unwrap());
             for i in 0..position["count"].as_u64().unwrap() {
                 let at = (start + i * stride) as usize;
                 for axis in 0..3 {
@@ -191,8 +187,7 @@ async fn points_are_filtered_and_come_as_ply_and_as_glb() {
     }
     assert_eq!(points * 36, body.len());
     assert_eq!(points, vertices(&all).len());
-    let request =
-        server.request(Method::GET, &format!("{home}/map/points")).header("accept", "model/gltf-binary");
+    let request = server.request(Method::GET, &format!("{home}/map/points")).header("accept", "model/gltf-binary");
     assert_eq!(server.send(request).await.bytes, bytes);
 
     for (query, field) in [

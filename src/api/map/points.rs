@@ -73,16 +73,11 @@ impl PointsQuery {
         let class = |name: &str| {
             Class::ALL.iter().copied().find(|class| class.name() == name.trim()).ok_or_else(|| {
                 let names: Vec<&str> = Class::ALL.iter().map(|class| class.name()).collect();
-                invalid(
-                    "classes",
-                    format!("no class is called '{}'; there are {}", name.trim(), names.join(", ")),
-                )
+                invalid("classes", format!("no class is called '{}'; there are {}", name.trim(), names.join(", ")))
             })
         };
-        let classes =
-            self.classes.as_deref().map(|names| names.split(',').map(class).collect()).transpose()?;
-        let corners =
-            self.r#box.as_deref().map(|text| numbers::<6>("box", text, "x0,y0,z0,x1,y1,z1")).transpose()?;
+        let classes = self.classes.as_deref().map(|names| names.split(',').map(class).collect()).transpose()?;
+        let corners = self.r#box.as_deref().map(|text| numbers::<6>("box", text, "x0,y0,z0,x1,y1,z1")).transpose()?;
         if corners.is_some_and(|c| (0..3).any(|axis| c[axis] > c[axis + 3])) {
             return Err(invalid("box", "the box is empty: its first corner is the lower one"));
         }
@@ -148,14 +143,10 @@ pub(in crate::api) async fn get_map_points(
     let points = Points { app, clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)), filter };
     let (head, size_bytes) = points.head(format, &map, &tiles).await?;
     let body = Body::from_stream(points.body(format, head, tiles));
-    let name = format!(
-        "attachment; filename=\"{home}-{}.{}\"",
-        map.revision,
-        match format {
-            Format::Ply => "ply",
-            Format::Glb => "glb",
-        }
-    );
+    let name = format!("attachment; filename=\"{home}-{}.{}\"", map.revision, match format {
+        Format::Ply => "ply",
+        Format::Glb => "glb",
+    });
     let mut answer = body.into_response();
     let set = answer.headers_mut();
     set.insert(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()));
@@ -197,10 +188,7 @@ impl Points {
             }
             Format::Glb => {
                 let size_bytes = glb.size_bytes().ok_or_else(|| {
-                    invalid(
-                        "format",
-                        "the points are more than a GLB can hold, 4 GiB; ask for ply, or for fewer",
-                    )
+                    invalid("format", "the points are more than a GLB can hold, 4 GiB; ask for ply, or for fewer")
                 })?;
                 Ok((glb.head(), size_bytes))
             }

@@ -28,13 +28,9 @@ pub enum Verdict {
         probability: Option<f64>,
     },
     /// Where a person put it.
-    Chosen {
-        map_from_clip: Pose2,
-    },
+    Chosen { map_from_clip: Pose2 },
     /// Alternatives with their probabilities.
-    Ambiguous {
-        alternatives: Vec<(Pose2, f64)>,
-    },
+    Ambiguous { alternatives: Vec<(Pose2, f64)> },
 }
 
 /// Who says where a clip is.

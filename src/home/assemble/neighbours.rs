@@ -108,7 +108,8 @@ fn ask(
         let clip_from_map = neighbour.map_from_clip.inverse();
         let (there, facing) = moved(position, normal, &clip_from_map);
         if let Some(near) = neighbour.surface.nearest(&there, &facing) {
-            let squared: f64 = (0..3).map(|i| (f64::from(near.color[i]) - f64::from(color[i])).powi(2)).sum();
+            let squared: f64 =
+                (0..3).map(|i| (f64::from(near.color[i]) - f64::from(color[i])).powi(2)).sum();
             if squared < 3.0 * params.color * params.color {
                 return (true, gone);
             }
@@ -153,8 +154,7 @@ mod tests {
         let params = NeighbourParams::default();
         let alternatives = [(Pose2::IDENTITY, 0.5), (Pose2::new(3.0, 0.0, 0.0), 0.5)];
         // (agreements, chosen)
-        let cases =
-            [([0, 0], None), ([20, -5], Some(0)), ([-8, 12], Some(1)), ([4, -30], None), ([20, 19], None)];
+        let cases = [([0, 0], None), ([20, -5], Some(0)), ([-8, 12], Some(1)), ([4, -30], None), ([20, 19], None)];
         for (agreements, chosen) in cases {
             let decided = decide(&alternatives, &agreements, &params).map(|(place, _)| place);
             assert_eq!(decided, chosen, "{agreements:?}");

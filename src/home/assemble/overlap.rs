@@ -118,8 +118,7 @@ struct Normal {
 
 impl Normal {
     fn gather(samples: &[&SurfacePoint], b: &Surface, pose: &Pose2, kernel_m: f64, near_m: f64) -> Normal {
-        let mut normal =
-            Normal { information: Matrix3::zeros(), gradient: nalgebra::Vector3::zeros(), found: 0 };
+        let mut normal = Normal { information: Matrix3::zeros(), gradient: nalgebra::Vector3::zeros(), found: 0 };
         let c2 = kernel_m * kernel_m;
         for sample in samples {
             let (position, facing) = placed(sample, pose);
@@ -127,8 +126,11 @@ impl Normal {
             let distance_m = near.normal.dot(&(position - near.position));
             let share = c2 / (c2 + distance_m * distance_m);
             let (rx, ry) = (position.x - pose.x_m, position.y - pose.y_m);
-            let slope =
-                nalgebra::Vector3::new(near.normal.x, near.normal.y, near.normal.y * rx - near.normal.x * ry);
+            let slope = nalgebra::Vector3::new(
+                near.normal.x,
+                near.normal.y,
+                near.normal.y * rx - near.normal.x * ry,
+            );
             normal.information += slope * slope.transpose() * (share * share);
             normal.gradient += slope * (distance_m * share * share);
             normal.found += usize::from(distance_m.abs() < near_m);

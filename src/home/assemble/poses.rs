@@ -93,8 +93,7 @@ fn ask_neighbours<'a, E>(
             }
             agreements.push(patches);
         }
-        if let Some((place, probability)) = neighbours::decide(alternatives, &agreements, &params.neighbours)
-        {
+        if let Some((place, probability)) = neighbours::decide(alternatives, &agreements, &params.neighbours) {
             /// An alternative's own covariance is not kept; this is that of an ordinary one.
             const SPREAD: [f64; 3] = [0.03, 0.03, 0.01];
             decided.push(Known {
@@ -118,8 +117,7 @@ fn compare<E>(
     shelf: &mut Shelf<E>,
     params: &AssembleParams,
 ) -> Result<Vec<Pair>, E> {
-    let before: FxHashMap<(&str, &str), &Pair> =
-        last.pairs.iter().map(|pair| ((&*pair.a, &*pair.b), pair)).collect();
+    let before: FxHashMap<(&str, &str), &Pair> = last.pairs.iter().map(|pair| ((&*pair.a, &*pair.b), pair)).collect();
     let mut pairs = Vec::new();
     for (i, b) in known.iter().enumerate() {
         let meeting = known[..i].iter().filter(|a| a.extent.meets(&a.alone, &b.extent, &b.alone));
@@ -159,13 +157,11 @@ fn together<'a>(
     pairs: &[Pair],
     params: &AssembleParams,
 ) -> Vec<(&'a Member, PlacedClip)> {
-    let place: FxHashMap<&str, usize> =
-        known.iter().enumerate().map(|(i, k)| (&*k.member.share, i)).collect();
+    let place: FxHashMap<&str, usize> = known.iter().enumerate().map(|(i, k)| (&*k.member.share, i)).collect();
     let mut overlaps: FxHashMap<(usize, usize), &Overlap> = FxHashMap::default();
     let mut neighbours: Vec<Vec<(usize, usize)>> = vec![Vec::new(); known.len()];
     for pair in pairs {
-        let (Some(overlap), Some(&a), Some(&b)) = (&pair.overlap, place.get(&*pair.a), place.get(&*pair.b))
-        else {
+        let (Some(overlap), Some(&a), Some(&b)) = (&pair.overlap, place.get(&*pair.a), place.get(&*pair.b)) else {
             continue;
         };
         overlaps.insert((a, b), overlap);

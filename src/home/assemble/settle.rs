@@ -172,11 +172,8 @@ mod tests {
         let clips: Vec<Held> = poses.iter().map(|pose| held(*pose, 0.05)).collect();
         let between = |a: usize, b: usize| sure(300, poses[b].inverse().compose(&poses[a]), 1e5);
         let (ab, ac, bc) = (between(0, 1), between(0, 2), between(1, 2));
-        let ties = [
-            Tie { a: 0, b: 1, overlap: &ab },
-            Tie { a: 0, b: 2, overlap: &ac },
-            Tie { a: 1, b: 2, overlap: &bc },
-        ];
+        let ties =
+            [Tie { a: 0, b: 1, overlap: &ab }, Tie { a: 0, b: 2, overlap: &ac }, Tie { a: 1, b: 2, overlap: &bc }];
         let settled = settle(&clips, &ties, &SettleParams::default()).unwrap();
         assert!(settled.distance_m(&poses[0]) < 1e-9);
         // Moved away from it, strong ties to two clips that stay bring it back.
@@ -191,10 +188,8 @@ mod tests {
 
     #[test]
     fn what_a_person_chose_stays() {
-        let clips = [
-            Held { covariance: None, ..held(Pose2::new(1.0, 2.0, 0.5), 0.1) },
-            held(Pose2::new(2.0, 2.0, 0.5), 0.1),
-        ];
+        let clips =
+            [Held { covariance: None, ..held(Pose2::new(1.0, 2.0, 0.5), 0.1) }, held(Pose2::new(2.0, 2.0, 0.5), 0.1)];
         let overlap = sure(500, Pose2::IDENTITY, 1e8);
         let ties = [Tie { a: 0, b: 1, overlap: &overlap }];
         assert_eq!(settle(&clips, &ties, &SettleParams::default()), Some(clips[0].map_from_clip));

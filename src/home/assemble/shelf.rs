@@ -17,8 +17,7 @@ pub(super) struct Loaded {
 
 impl Loaded {
     pub fn extent(&self) -> Extent {
-        let points =
-            self.share.cloud_in_clip.points.iter().map(|p| [p.position_m[0], p.position_m[1]].map(f64::from));
+        let points = self.share.cloud_in_clip.points.iter().map(|p| [p.position_m[0], p.position_m[1]].map(f64::from));
         let cameras = self.share.views.iter().map(|view| view.clip_from_camera.translation.vector);
         Extent::around(points.chain(cameras.map(|at| [at.x, at.y])))
     }

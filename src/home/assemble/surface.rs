@@ -50,9 +50,9 @@ impl Surface {
         const SAME_WAY: f64 = 0.7;
         let [x, y, z] = cell(position, REACH_M);
         let mut best: Option<(f64, u32)> = None;
-        for key in (-1..=1)
-            .flat_map(|dz| (-1..=1).flat_map(move |dy| (-1..=1).map(move |dx| [x + dx, y + dy, z + dz])))
-        {
+        for key in (-1..=1).flat_map(|dz| {
+            (-1..=1).flat_map(move |dy| (-1..=1).map(move |dx| [x + dx, y + dy, z + dz]))
+        }) {
             for &number in self.cells.get(&key).into_iter().flatten() {
                 let point = &self.points[number as usize];
                 let squared = (point.position - position).norm_squared();

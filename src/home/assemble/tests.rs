@@ -44,10 +44,7 @@ fn room(map_from_clip: &Pose2, box_m: Option<[f64; 2]>) -> Share {
         }
     }
     let clip_from_map = sight::in_space(map_from_clip).inverse();
-    Share {
-        cloud_in_clip: PointCloud { points, voxel_m: MAP_VOXEL_M }.transformed(&clip_from_map),
-        views: Vec::new(),
-    }
+    Share { cloud_in_clip: PointCloud { points, voxel_m: MAP_VOXEL_M }.transformed(&clip_from_map), views: Vec::new() }
 }
 
 fn member(name: &str, map_from_clip: Pose2) -> Member {
@@ -182,9 +179,7 @@ fn neighbours_decide_between_alternatives() {
 /// A view from the middle of the room along y that sees the wall behind, or the crate before it.
 fn view(map_from_clip: &Pose2, from: [f64; 2], depth_m: f64) -> View {
     let camera = Pinhole { width: 64, height: 48, fx: 60.0, fy: 60.0, cx: 31.5, cy: 23.5 };
-    let forward = nalgebra::Rotation3::from_matrix_unchecked(Matrix3::new(
-        1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0,
-    ));
+    let forward = nalgebra::Rotation3::from_matrix_unchecked(Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0));
     let map_from_camera = Pose3::from_parts(
         nalgebra::Translation3::new(from[0], from[1], 1.0),
         nalgebra::UnitQuaternion::from_rotation_matrix(&forward),

@@ -87,8 +87,7 @@ impl Tile {
 
     pub fn read(bytes: &[u8]) -> Result<Tile, NotOurs> {
         let TileBytes { clips, points } = TileBytes::read(bytes)?;
-        let points: Result<Vec<MapPoint>, NotOurs> =
-            points.chunks_exact(POINT_BYTES).map(read_point).collect();
+        let points: Result<Vec<MapPoint>, NotOurs> = points.chunks_exact(POINT_BYTES).map(read_point).collect();
         let points = points?;
         if points.iter().any(|point| usize::from(point.clip) >= clips.len()) {
             return Err(NotOurs);
@@ -108,10 +107,8 @@ impl TileBytes<'_> {
     pub fn read(bytes: &[u8]) -> Result<TileBytes<'_>, NotOurs> {
         let rest = bytes.strip_prefix(MAGIC).ok_or(NotOurs)?;
         let (head, rest) = rest.split_at_checked(8).ok_or(NotOurs)?;
-        let count =
-            |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]) as usize;
-        let (clips, points) =
-            rest.split_at_checked(count(0).checked_mul(16).ok_or(NotOurs)?).ok_or(NotOurs)?;
+        let count = |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]) as usize;
+        let (clips, points) = rest.split_at_checked(count(0).checked_mul(16).ok_or(NotOurs)?).ok_or(NotOurs)?;
         if count(4).checked_mul(POINT_BYTES) != Some(points.len()) {
             return Err(NotOurs);
         }

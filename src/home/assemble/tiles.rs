@@ -37,8 +37,7 @@ pub(super) fn rebuild<E>(
     let gone = last.clips.iter().filter(|old| !clips.iter().any(|(_, clip)| clip.share == old.share));
     dirty.extend(gone.flat_map(|old| &old.tiles));
 
-    let mut voxels: BTreeMap<TileKey, Voxels> =
-        dirty.iter().map(|key| (*key, Voxels::new(MAP_VOXEL_M))).collect();
+    let mut voxels: BTreeMap<TileKey, Voxels> = dirty.iter().map(|key| (*key, Voxels::new(MAP_VOXEL_M))).collect();
     for (number, (member, clip)) in clips.iter().enumerate() {
         if clip.tiles.iter().any(|key| dirty.contains(key)) {
             let points = placed_points(&*shelf.get(member)?, &clip.map_from_clip, &dirty);
@@ -102,11 +101,7 @@ fn placed(point: &CloudPoint, map_from_clip: &Pose3) -> CloudPoint {
 }
 
 /// A clip's points in the map's frame that lie in tiles that are made anew.
-fn placed_points(
-    loaded: &Loaded,
-    map_from_clip: &Pose2,
-    dirty: &BTreeSet<TileKey>,
-) -> Vec<(TileKey, CloudPoint)> {
+fn placed_points(loaded: &Loaded, map_from_clip: &Pose2, dirty: &BTreeSet<TileKey>) -> Vec<(TileKey, CloudPoint)> {
     let map_from_clip = in_space(map_from_clip);
     let points = loaded.share.cloud_in_clip.points.par_iter().map(|point| {
         let point = placed(point, &map_from_clip);

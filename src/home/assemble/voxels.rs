@@ -88,8 +88,8 @@ impl Voxels {
 impl Voxel {
     fn point(&self, key: &[i32; 3], side_m: f64) -> CloudPoint {
         let mean = |sum: i64| sum as f64 / self.weight as f64;
-        let position_m =
-            [0, 1, 2].map(|axis| (f64::from(key[axis]) * side_m + mean(self.position[axis]) * 1e-5) as f32);
+        let position_m = [0, 1, 2]
+            .map(|axis| (f64::from(key[axis]) * side_m + mean(self.position[axis]) * 1e-5) as f32);
         let normal = Vector3::from(self.normal.map(|sum| sum as f64)).try_normalize(1e-9);
         let normal = normal.unwrap_or(Vector3::z());
         // Of equal sums the class with the lower id: the list is in the order of arrival.

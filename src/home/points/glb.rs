@@ -101,11 +101,9 @@ impl Glb {
                 accessor(24, 5121, "VEC4", json!({ "normalized": true }));
                 accessor(28, 5126, "SCALAR", json!({}));
                 accessor(32, 5123, "SCALAR", json!({}));
-                primitives[usize::from(class.id())].push(
-                    json!({ "mode": 0, "material": material, "attributes": {
+                primitives[usize::from(class.id())].push(json!({ "mode": 0, "material": material, "attributes": {
                     "POSITION": first, "NORMAL": first + 1, "COLOR_0": first + 2,
-                    "_PROBABILITY": first + 3, "_CLIP": first + 4 } }),
-                );
+                    "_PROBABILITY": first + 3, "_CLIP": first + 4 } }));
             }
         }
         let material = |class: &Class| {

@@ -1,9 +1,9 @@
 //! A person's choice beside the method's own answer.
 
 use super::*;
+use crate::home::Verdict;
 use crate::align::Alternative;
 use crate::geometry::Pose2;
-use crate::home::Verdict;
 
 on_every_back_end!(
     an_alternative_is_chosen_and_withdrawn,

@@ -92,12 +92,7 @@ async fn whole(storage: &Storage, home: &HomeId) -> Option<u8> {
         numbers.extend(storage.map_file_bytes(file).await.unwrap().expect("the tile is there"));
     }
     assert!(numbers.iter().all(|number| *number == numbers[0]), "half a map: {numbers:?}");
-    storage
-        .home_map_files(home, map.revision, map_file::MANIFEST)
-        .await
-        .unwrap()
-        .first()
-        .expect("its manifest");
+    storage.home_map_files(home, map.revision, map_file::MANIFEST).await.unwrap().first().expect("its manifest");
     Some(numbers[0])
 }
 

@@ -169,8 +169,7 @@ impl Storage {
             let manifest = to_json(&new.manifest).into_bytes();
             let tiles = new.tiles.iter().map(|(key, bytes)| (map_file::TILE, Some(*key), bytes.clone()));
             let files = new.files.iter().map(|(name, bytes)| (*name, None, Some(bytes.clone())));
-            for (name, tile, bytes) in tiles.chain(files).chain([(map_file::MANIFEST, None, Some(manifest))])
-            {
+            for (name, tile, bytes) in tiles.chain(files).chain([(map_file::MANIFEST, None, Some(manifest))]) {
                 let mut key = None;
                 if let Some(bytes) = bytes {
                     // A key of its own for every attempt, as with the results of clips.
@@ -365,11 +364,10 @@ async fn place_clips(
     revision: i64,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let rows =
-        sqlx::query("SELECT id, state, result_key FROM clips WHERE home_id = $1 AND placement IS NOT NULL")
-            .bind(claim.home.as_str())
-            .fetch_all(&mut **transaction)
-            .await?;
+    let rows = sqlx::query("SELECT id, state, result_key FROM clips WHERE home_id = $1 AND placement IS NOT NULL")
+        .bind(claim.home.as_str())
+        .fetch_all(&mut **transaction)
+        .await?;
     for row in &rows {
         let share = row.maybe_text("result_key")?;
         if !claim.members.iter().any(|member| share.as_ref() == Some(&member.share)) {
@@ -419,16 +417,14 @@ async fn place_clips(
             }
             _ => row.text("reasons")?,
         };
-        sqlx::query(
-            "UPDATE clips SET state = $2, reasons = $3, placement = $4, updated_at = $5 WHERE id = $1",
-        )
-        .bind(member.clip.to_string())
-        .bind(state.name())
-        .bind(reasons)
-        .bind(placement.as_ref().map(to_json))
-        .bind(now.as_millisecond())
-        .execute(&mut **transaction)
-        .await?;
+        sqlx::query("UPDATE clips SET state = $2, reasons = $3, placement = $4, updated_at = $5 WHERE id = $1")
+            .bind(member.clip.to_string())
+            .bind(state.name())
+            .bind(reasons)
+            .bind(placement.as_ref().map(to_json))
+            .bind(now.as_millisecond())
+            .execute(&mut **transaction)
+            .await?;
         changes::record(transaction, &claim.home, Changed::Clip { id: member.clip, state }, now).await?;
     }
     Ok(())

@@ -42,11 +42,7 @@ impl Storage {
         .fetch_all(self.database.reader())
         .await?;
         let object = |row: &Row| {
-            Ok(HomeObject {
-                home: row.home("home_id")?,
-                id: row.text("object_id")?,
-                document: row.json("document")?,
-            })
+            Ok(HomeObject { home: row.home("home_id")?, id: row.text("object_id")?, document: row.json("document")? })
         };
         rows.iter().map(object).collect()
     }
