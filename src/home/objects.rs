@@ -210,6 +210,7 @@ mod tests {
                         normal,
                         color: [0; 3],
                         label: Label::new(class, 0.8, 4),
+                        weight: 100,
                     };
                     points.push(MapPoint { point, clip });
                 }

@@ -317,9 +317,10 @@ mod tests {
             id: id.into(),
             name: name.map(str::to_owned),
             cells_m: cells(x).collect(),
+            material: None,
         };
         map.rooms = vec![room("17", Some("Kitchen"), 0.4), room("3", None, 4.4)];
-        map.rooms.push(lidar::Room { id: "empty".into(), name: None, cells_m: vec![] });
+        map.rooms.push(lidar::Room { id: "empty".into(), name: None, cells_m: vec![], material: None });
         let rooms = rooms(&map, &[], &RoomsParams::default());
         let named: Vec<(&str, Option<&str>)> =
             rooms.iter().map(|room| (room.id.as_str(), room.name.as_deref())).collect();
