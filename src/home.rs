@@ -16,7 +16,7 @@ mod rooms;
 mod share;
 
 pub use assemble::{
-    AssembleParams, Assembly, CLIP_AT, Extent, Level, Manifest, Member, NeighbourParams, Overlap,
+    AssembleParams, Assembly, CLIP_AT, Extent, Level, Manifest, Member, NeighbourParams, Opinion, Overlap,
     OverlapParams, POINT_BYTES, Pair, PlacedBy, PlacedClip, SettleParams, Tile, TileBytes, TileInfo, TileKey,
     Verdict, assemble, disagreement, point_bytes, read_point,
 };

@@ -27,6 +27,7 @@ pub(super) use voxels::Voxels;
 
 use super::share::Share;
 use crate::geometry::Pose2;
+use poses::Placed;
 use serde::{Deserialize, Serialize};
 use shelf::Shelf;
 use std::collections::BTreeMap;
@@ -46,6 +47,8 @@ pub struct Manifest {
     pub clips: Vec<PlacedClip>,
     /// How clips that may overlap lie to each other.
     pub pairs: Vec<Pair>,
+    /// What placed clips said of the alternatives of ambiguous ones.
+    pub opinions: Vec<Opinion>,
     pub tiles: Vec<(TileKey, TileInfo)>,
 }
 
@@ -58,6 +61,17 @@ pub struct Pair {
     pub map_from_b: Pose2,
     /// None when they did not see the same thing.
     pub overlap: Option<Overlap>,
+}
+
+/// What a clip that has a place says of one alternative of one that has none, both named by their shares.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Opinion {
+    pub asked: String,
+    pub alternative: usize,
+    pub neighbour: String,
+    pub map_from_neighbour: Pose2,
+    /// Patches of surface that agree, less those that do not.
+    pub patches: i32,
 }
 
 /// The next map: what is known of it, and the tiles that are not as they were; none for those that are empty now.
@@ -76,8 +90,8 @@ pub fn assemble<E>(
 ) -> Result<Assembly, E> {
     members.sort_by(|a, b| a.order().cmp(&b.order()));
     let mut shelf = Shelf::new(load);
-    let placed = poses::place(last, &members, &mut shelf, params)?;
-    let (clips, changed) = tiles::rebuild(last, placed.clips, &mut shelf)?;
+    let mut placed = poses::place(last, &members, &mut shelf, params)?;
+    let (clips, changed) = tiles::rebuild(last, std::mem::take(&mut placed.clips), &mut shelf)?;
     let mut known: BTreeMap<TileKey, TileInfo> = last.tiles.iter().cloned().collect();
     for (key, tile) in &changed {
         match tile {
@@ -85,7 +99,8 @@ pub fn assemble<E>(
             None => known.remove(key),
         };
     }
-    let manifest = Manifest { clips, pairs: placed.pairs, tiles: known.into_iter().collect() };
+    let Placed { pairs, opinions, .. } = placed;
+    let manifest = Manifest { clips, pairs, opinions, tiles: known.into_iter().collect() };
     Ok(Assembly { manifest, changed })
 }
 

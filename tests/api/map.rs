@@ -280,7 +280,7 @@ async fn a_map_tells_rooms_objects_plan_and_coverage() {
     };
     let id = clip["id"].as_str().unwrap();
     assert_eq!(read(&format!("clips/{id}/recording")), zips::zip(&room::clip(24)));
-    assert_eq!(read("lidar-map/file"), room::lidar_csv());
+    assert_eq!(read("lidar-map/file"), room::lidar_csv().as_bytes());
     assert_eq!(read("map/points.ply"), server.get(&format!("{home}/map/points")).await.bytes);
     assert_eq!(read("map/points.glb"), server.get(&format!("{home}/map/points?format=glb")).await.bytes);
     assert_eq!(read("map/plan.svg"), server.get(&format!("{home}/map/plan")).await.bytes);

@@ -82,7 +82,8 @@ fn damaged_clips_end_quickly() {
 #[test]
 fn maps_damaged_before_they_were_compressed_end_quickly() {
     let mut random = ChaCha8Rng::seed_from_u64(3);
-    let inner: [(&str, Vec<u8>, fn(&[u8]) -> Vec<u8>); 3] = [
+    type Wrap = fn(&[u8]) -> Vec<u8>;
+    let inner: [(&str, Vec<u8>, Wrap); 3] = [
         ("dreame", dreame_inflated(b'I'), dreame),
         ("viomi", viomi_inflated(77), zlib),
         ("valetudo", text(&valetudo(true, true)), zlib),

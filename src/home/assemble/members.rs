@@ -102,9 +102,9 @@ impl Extent {
     pub(super) fn around(points: impl Iterator<Item = [f64; 2]>) -> Extent {
         let mut extent = Extent { min_m: [f64::INFINITY; 2], max_m: [f64::NEG_INFINITY; 2] };
         for point in points {
-            for axis in 0..2 {
-                extent.min_m[axis] = extent.min_m[axis].min(point[axis]);
-                extent.max_m[axis] = extent.max_m[axis].max(point[axis]);
+            for (axis, c) in point.into_iter().enumerate() {
+                extent.min_m[axis] = extent.min_m[axis].min(c);
+                extent.max_m[axis] = extent.max_m[axis].max(c);
             }
         }
         // Nothing seen: an empty box at the origin, which JSON can carry.

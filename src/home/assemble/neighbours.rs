@@ -2,9 +2,10 @@
 //! alternatives.
 
 use super::sight::Sights;
-use super::surface::Surface;
+use super::surface::{Surface, SurfacePoint};
 use crate::align::View;
 use crate::geometry::{Point3, Pose2, Pose3, Vector3};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// How alternatives are compared.
@@ -29,7 +30,7 @@ pub struct NeighbourParams {
 impl Default for NeighbourParams {
     fn default() -> Self {
         NeighbourParams {
-            samples: 4_000,
+            samples: 2_000,
             patch_m: 0.5,
             majority: 0.6,
             likelihood_ratio: 1.5,
@@ -53,32 +54,33 @@ pub(super) struct Asked<'a> {
     pub views: &'a [View],
 }
 
-/// Patches that agree with what neighbours saw, less those that do not.
+/// Patches that agree with what a neighbour saw, less those that do not.
 pub(super) fn agreement(
     asked: &Asked,
     map_from_clip: &Pose3,
-    neighbours: &[Neighbour],
+    neighbour: &Neighbour,
     params: &NeighbourParams,
 ) -> i32 {
-    let mut patches: BTreeMap<[i32; 3], (u32, u32)> = BTreeMap::new();
     let patch = |point: &Point3| [point.x, point.y, point.z].map(|c| (c / params.patch_m).floor() as i32);
-    for sample in asked.surface.some(params.samples).filter(|sample| sample.is_upright()) {
-        let (position, normal) = (map_from_clip * sample.position, map_from_clip * sample.normal);
-        let (found, gone) = ask(&position, &normal, sample.color, neighbours, params);
-        let votes = patches.entry(patch(&position)).or_default();
-        votes.0 += u32::from(found);
-        votes.1 += u32::from(gone && !found);
-    }
-    // And the other way round: what a neighbour saw where this clip looked through.
+    let samples: Vec<&SurfacePoint> = asked.surface.some(params.samples).filter(|s| s.is_upright()).collect();
+    let forward = samples.into_par_iter().map(|sample| {
+        let position = map_from_clip * sample.position;
+        (patch(&position), ask(&position, &(map_from_clip * sample.normal), sample.color, neighbour, params))
+    });
+    // And the other way round: what the neighbour saw where this clip looked through.
     let sights = Sights::new(asked.views, map_from_clip);
-    for neighbour in neighbours {
-        for sample in neighbour.surface.some(params.samples).filter(|sample| sample.is_upright()) {
-            let position = neighbour.map_from_clip * sample.position;
-            let (surface, through) = sights.of(&position);
-            if through > 2 * surface {
-                patches.entry(patch(&position)).or_default().1 += 1;
-            }
-        }
+    let samples: Vec<&SurfacePoint> =
+        neighbour.surface.some(params.samples).filter(|s| s.is_upright()).collect();
+    let backward = samples.into_par_iter().map(|sample| {
+        let position = neighbour.map_from_clip * sample.position;
+        let (surface, through) = sights.of(&position);
+        (patch(&position), if through > 2 * surface { Said::Gone } else { Said::Nothing })
+    });
+    let mut patches: BTreeMap<[i32; 3], (u32, u32)> = BTreeMap::new();
+    for (patch, said) in forward.chain(backward).collect::<Vec<_>>() {
+        let votes = patches.entry(patch).or_default();
+        votes.0 += u32::from(said == Said::There);
+        votes.1 += u32::from(said == Said::Gone);
     }
     let verdict = |(yes, no): &(u32, u32)| {
         let all = f64::from(yes + no);
@@ -95,28 +97,32 @@ pub(super) fn agreement(
     patches.values().map(verdict).sum()
 }
 
-/// Whether a neighbour has the same thing there, and whether one looked through the place.
+/// What one clip says of a point of the other's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Said {
+    /// It has the same thing there.
+    There,
+    /// It looked through the place.
+    Gone,
+    Nothing,
+}
+
 fn ask(
     position: &Point3,
     normal: &Vector3,
     color: [u8; 3],
-    neighbours: &[Neighbour],
+    neighbour: &Neighbour,
     params: &NeighbourParams,
-) -> (bool, bool) {
-    let mut gone = false;
-    for neighbour in neighbours {
-        let clip_from_map = neighbour.map_from_clip.inverse();
-        let (there, facing) = (clip_from_map * position, clip_from_map * normal);
-        if let Some(near) = neighbour.surface.nearest(&there, &facing) {
-            let squared: f64 = (0..3).map(|i| (f64::from(near.color[i]) - f64::from(color[i])).powi(2)).sum();
-            if squared < 3.0 * params.color * params.color {
-                return (true, gone);
-            }
+) -> Said {
+    let clip_from_map = neighbour.map_from_clip.inverse();
+    if let Some(near) = neighbour.surface.nearest(&(clip_from_map * position), &(clip_from_map * normal)) {
+        let squared: f64 = (0..3).map(|i| (f64::from(near.color[i]) - f64::from(color[i])).powi(2)).sum();
+        if squared < 3.0 * params.color * params.color {
+            return Said::There;
         }
-        let (surface, through) = neighbour.sights.of(position);
-        gone |= through > 2 * surface;
     }
-    (false, gone)
+    let (surface, through) = neighbour.sights.of(position);
+    if through > 2 * surface { Said::Gone } else { Said::Nothing }
 }
 
 /// The alternative that the neighbours leave, with its probability; none while they leave doubt.

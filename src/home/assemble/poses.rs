@@ -7,7 +7,7 @@ use super::overlap::{Overlap, overlap};
 use super::settle::{Held, Tie, settle};
 use super::shelf::{Loaded, Shelf};
 use super::sight::Sights;
-use super::{AssembleParams, Manifest, Pair};
+use super::{AssembleParams, Manifest, Opinion, Pair};
 use crate::geometry::Pose2;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
@@ -30,6 +30,7 @@ struct Known<'a> {
 pub(super) struct Placed<'a> {
     pub clips: Vec<(&'a Member, PlacedClip)>,
     pub pairs: Vec<Pair>,
+    pub opinions: Vec<Opinion>,
 }
 
 pub(super) fn place<'a, E>(
@@ -57,44 +58,61 @@ pub(super) fn place<'a, E>(
         };
         known.push(Known { member, by, probability, alone, covariance, extent, points });
     }
-    let decided = ask_neighbours(members, &known, shelf, params)?;
+    let (decided, opinions) = ask_neighbours(last, members, &known, shelf, params)?;
     known.extend(decided);
     known.sort_by(|a, b| a.member.order().cmp(&b.member.order()));
     let pairs = compare(last, &known, shelf, params)?;
     let clips = together(&before, &known, &pairs, params);
-    Ok(Placed { clips, pairs })
+    Ok(Placed { clips, pairs, opinions })
 }
 
-/// The ambiguous clips between whose alternatives the others decide. They are asked about the clips that have a place
-/// by themselves, not about each other: the answer is the same in any order.
+/// The ambiguous clips between whose alternatives the others decide, and what these said. They are asked about the
+/// clips that have a place by themselves, not about each other: the answer is the same in any order.
 fn ask_neighbours<'a, E>(
+    last: &Manifest,
     members: &'a [Member],
     known: &[Known<'a>],
     shelf: &mut Shelf<E>,
     params: &AssembleParams,
-) -> Result<Vec<Known<'a>>, E> {
-    let mut decided = Vec::new();
+) -> Result<(Vec<Known<'a>>, Vec<Opinion>), E> {
+    let said: FxHashMap<(&str, usize, &str), &Opinion> = last
+        .opinions
+        .iter()
+        .map(|opinion| ((&*opinion.asked, opinion.alternative, &*opinion.neighbour), opinion))
+        .collect();
+    let (mut decided, mut opinions) = (Vec::new(), Vec::new());
     for member in members {
         let Verdict::Ambiguous { alternatives } = &member.verdict else { continue };
         let asked = shelf.get(member)?;
         let extent = asked.extent();
-        let mut agreements = Vec::new();
-        for (pose, _) in alternatives {
-            let near = known.iter().filter(|other| extent.meets(pose, &other.extent, &other.alone));
-            let mut patches = 0;
-            for other in near {
-                let loaded = shelf.get(other.member)?;
-                let map_from_clip = in_space(&other.alone, &Level::default());
-                let neighbour = Neighbour {
-                    map_from_clip,
-                    surface: &loaded.surface,
-                    sights: Sights::new(&loaded.share.views, &map_from_clip),
+        let mut agreements = vec![0; alternatives.len()];
+        for (alternative, (pose, _)) in alternatives.iter().enumerate() {
+            for other in known.iter().filter(|other| extent.meets(pose, &other.extent, &other.alone)) {
+                let before = said.get(&(&*member.share, alternative, &*other.member.share));
+                let patches = match before.filter(|opinion| opinion.map_from_neighbour == other.alone) {
+                    Some(opinion) => opinion.patches,
+                    None => {
+                        let loaded = shelf.get(other.member)?;
+                        let map_from_clip = in_space(&other.alone, &Level::default());
+                        let neighbour = Neighbour {
+                            map_from_clip,
+                            surface: loaded.surface(),
+                            sights: Sights::new(&loaded.share.views, &map_from_clip),
+                        };
+                        let asked = Asked { surface: asked.surface(), views: &asked.share.views };
+                        let pose = in_space(pose, &Level::default());
+                        neighbours::agreement(&asked, &pose, &neighbour, &params.neighbours)
+                    }
                 };
-                let asked = Asked { surface: &asked.surface, views: &asked.share.views };
-                let pose = in_space(pose, &Level::default());
-                patches += neighbours::agreement(&asked, &pose, &[neighbour], &params.neighbours);
+                agreements[alternative] += patches;
+                opinions.push(Opinion {
+                    asked: member.share.clone(),
+                    alternative,
+                    neighbour: other.member.share.clone(),
+                    map_from_neighbour: other.alone,
+                    patches,
+                });
             }
-            agreements.push(patches);
         }
         if let Some((place, probability)) = neighbours::decide(alternatives, &agreements, &params.neighbours)
         {
@@ -111,7 +129,7 @@ fn ask_neighbours<'a, E>(
             });
         }
     }
-    Ok(decided)
+    Ok((decided, opinions))
 }
 
 /// All pairs of clips whose boxes meet, the first of each before the second in the order.
@@ -149,7 +167,7 @@ fn compare<E>(
                 let (map_from_a, map_from_b) = (&pair.map_from_a, &pair.map_from_b);
                 let level = Level::default();
                 let start = in_space(map_from_b, &level).inverse() * in_space(map_from_a, &level);
-                pair.overlap = overlap(&a.surface, &b.surface, &start, &params.overlap);
+                pair.overlap = overlap(a.surface(), b.surface(), &start, &params.overlap);
             });
         }
         pairs.extend(fresh.into_iter().map(|(pair, _)| pair));

@@ -4,18 +4,22 @@ use super::members::{Extent, Member};
 use super::surface::Surface;
 use crate::home::share::Share;
 use std::collections::VecDeque;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-/// Shares that are kept in memory at once: about 10 MB each.
-const KEPT: usize = 24;
+/// Shares that are kept in memory at once: 10 to 20 MB each.
+const KEPT: usize = 16;
 
-/// A share and its surface.
+/// A share, and its surface once it is asked for.
 pub(super) struct Loaded {
     pub share: Share,
-    pub surface: Surface,
+    surface: OnceLock<Surface>,
 }
 
 impl Loaded {
+    pub fn surface(&self) -> &Surface {
+        self.surface.get_or_init(|| Surface::new(&self.share.cloud_in_clip))
+    }
+
     pub fn extent(&self) -> Extent {
         let points =
             self.share.cloud_in_clip.points.iter().map(|p| [p.position_m[0], p.position_m[1]].map(f64::from));
@@ -41,8 +45,7 @@ impl<'a, E> Shelf<'a, E> {
             Some(entry) => entry,
             None => {
                 let share = (self.load)(member)?;
-                let surface = Surface::new(&share.cloud_in_clip);
-                (member.share.clone(), Arc::new(Loaded { share, surface }))
+                (member.share.clone(), Arc::new(Loaded { share, surface: OnceLock::new() }))
             }
         };
         let loaded = entry.1.clone();

@@ -72,14 +72,19 @@ struct Clip {
 }
 
 fn clips() -> Vec<Clip> {
-    let places = [(0.5, 0.5, 0.3), (3.0, 1.0, 2.0), (2.0, 2.0, -1.0), (0.7, 2.5, -2.9)];
-    let errors = [(0.02, -0.01, 0.01), (-0.02, 0.02, -0.01), (0.01, 0.02, 0.0), (-0.02, -0.02, 0.005)];
-    let clip = |(i, ((x, y, yaw), (dx, dy, turn))): (usize, ((f64, f64, f64), (f64, f64, f64)))| {
-        let truth = Pose2::new(x, y, yaw);
-        let member = member(["d", "a", "c", "b"][i], Pose2::new(x + dx, y + dy, yaw + turn));
-        Clip { member, share: room(&truth, None) }
-    };
-    places.into_iter().zip(errors).enumerate().map(clip).collect()
+    // By name: where it was recorded, and how far off its own alignment is.
+    let all = [
+        ("d", Pose2::new(0.5, 0.5, 0.3), [0.02, -0.01, 0.01]),
+        ("a", Pose2::new(3.0, 1.0, 2.0), [-0.02, 0.02, -0.01]),
+        ("c", Pose2::new(2.0, 2.0, -1.0), [0.01, 0.02, 0.0]),
+        ("b", Pose2::new(0.7, 2.5, -2.9), [-0.02, -0.02, 0.005]),
+    ];
+    all.into_iter()
+        .map(|(name, truth, [x, y, yaw])| Clip {
+            member: member(name, Pose2::new(truth.x_m + x, truth.y_m + y, truth.yaw_rad + yaw)),
+            share: room(&truth, None),
+        })
+        .collect()
 }
 
 fn made(last: &Manifest, clips: &[&Clip]) -> Assembly {

@@ -14,12 +14,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use uuid::Uuid;
 
+/// Tiles that are not as they were; none for those that are empty now.
+pub(super) type ChangedTiles = BTreeMap<TileKey, Option<Tile>>;
+
 /// Gives the clips with the tiles that they touch, and the tiles that are not as they were.
 pub(super) fn rebuild<E>(
     last: &Manifest,
     mut clips: Vec<(&Member, PlacedClip)>,
     shelf: &mut Shelf<E>,
-) -> Result<(Vec<PlacedClip>, BTreeMap<TileKey, Option<Tile>>), E> {
+) -> Result<(Vec<PlacedClip>, ChangedTiles), E> {
     let mut dirty: BTreeSet<TileKey> = BTreeSet::new();
     for (member, clip) in &mut clips {
         let old = last.clips.iter().find(|old| old.share == clip.share);
@@ -36,21 +39,23 @@ pub(super) fn rebuild<E>(
     let gone = last.clips.iter().filter(|old| !clips.iter().any(|(_, clip)| clip.share == old.share));
     dirty.extend(gone.flat_map(|old| &old.tiles));
 
-    let mut voxels: BTreeMap<TileKey, Voxels> =
+    let mut voxels: Vec<(TileKey, Voxels)> =
         dirty.iter().map(|key| (*key, Voxels::new(MAP_VOXEL_M))).collect();
     for (number, (member, clip)) in clips.iter().enumerate() {
         if clip.tiles.iter().any(|key| dirty.contains(key)) {
             let points = placed_points(&*shelf.get(member)?, &clip.in_space(), &dirty);
             let points = without_what_is_gone(points, clip, &clips, shelf)?;
+            let mut of_tile: BTreeMap<TileKey, Vec<CloudPoint>> = BTreeMap::new();
             for (key, point) in points {
-                if let Some(voxels) = voxels.get_mut(&key) {
-                    voxels.add(&point, number as u16);
-                }
+                of_tile.entry(key).or_default().push(point);
             }
+            voxels.par_iter_mut().for_each(|(key, voxels)| {
+                let points = of_tile.get(key).map(Vec::as_slice).unwrap_or_default();
+                points.iter().for_each(|point| voxels.add(point, number as u16));
+            });
         }
     }
     let clips: Vec<PlacedClip> = clips.into_iter().map(|(_, clip)| clip).collect();
-    let voxels: Vec<(TileKey, Voxels)> = voxels.into_iter().collect();
     let tiles = voxels.into_par_iter().map(|(key, voxels)| (key, tile(voxels, &clips)));
     Ok((clips.clone(), tiles.collect::<Vec<_>>().into_iter().collect()))
 }

@@ -39,10 +39,9 @@ impl Glb {
         for point in points.chunks_exact(POINT_BYTES) {
             let Some(part) = parts.get_mut(usize::from(point[27])) else { continue };
             part.points += 1;
-            let at = position(point);
-            for axis in 0..3 {
-                part.min_m[axis] = part.min_m[axis].min(at[axis]);
-                part.max_m[axis] = part.max_m[axis].max(at[axis]);
+            for (axis, c) in position(point).into_iter().enumerate() {
+                part.min_m[axis] = part.min_m[axis].min(c);
+                part.max_m[axis] = part.max_m[axis].max(c);
             }
         }
         self.tiles.push(parts);
