@@ -9,7 +9,7 @@ use common::process::Process;
 use common::{eventually, zips};
 use serde_json::Value;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use viola::evaluate::Scene;
 use viola::geometry::{Pose2, angle_between};
@@ -78,6 +78,21 @@ async fn map_of(client: &Client, home: &str, clips: usize) -> (Value, Vec<u8>) {
     (told, client.get(&format!("{home}/map/points")).await.bytes)
 }
 
+/// Kept to be looked at, beside the pictures of the browser's test; they are never part of the repository.
+async fn keep_pictures(client: &Client, home: &str) {
+    let folder = std::env::var_os("VIOLA_ARTIFACTS")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("target"), PathBuf::from)
+        .join("apartment");
+    fs::create_dir_all(&folder).unwrap();
+    for (query, name, start) in
+        [("png", "plan.png", &b"\x89PNG"[..]), ("svg", "plan.svg", b"<"), ("geojson", "plan.geojson", b"{")]
+    {
+        let plan = client.get(&format!("{home}/map/plan?format={query}")).await;
+        assert!(plan.status == 200 && plan.bytes.starts_with(start), "{name}");
+        fs::write(folder.join(name), plan.bytes).unwrap();
+    }
+}
+
 async fn add(client: &Client, home: &str, zip: &[u8]) -> String {
     let answer = client.post(&format!("{home}/clips"), zip.to_vec()).await;
     let path = answer.header("location").to_owned();
@@ -111,6 +126,7 @@ async fn the_order_of_clips_does_not_matter() {
         let map = map_of(client, &home, 8).await;
         assert!(map.1.len() > 1_000_000);
         if maps.is_empty() {
+            keep_pictures(client, &home).await;
             client.delete(&third).await.ok(204);
             assert_ne!(map_of(client, &home, 7).await.1, map.1);
             add(client, &home, &zips[order[2]]).await;
