@@ -31,7 +31,8 @@ pub(super) struct CurrentLidarMap {
 /// the home is queued to be aligned to it. The current file again changes nothing.
 #[utoipa::path(put, path = "/v1/homes/{home}/lidar-map", tag = "lidar-map", params(HomePath),
     request_body(content = FileBytes, content_type = "application/octet-stream",
-        description = "Valetudo JSON, a zip of a ROS map_server yaml and its image, CSV or PLY points"),
+        description = "Valetudo (JSON or PNG), the file of a Roborock, Dreame or Viomi robot, a zip of a ROS map_server yaml \
+            and its image, a CARMEN log, or points as CSV, PLY or PCD"),
     responses(
         (status = 200, description = "This is the current revision already", body = LidarMapRevision),
         (status = 201, description = "A new revision", body = LidarMapRevision),

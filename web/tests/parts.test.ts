@@ -79,7 +79,7 @@ test("from above the highest shown point is seen", () => {
 });
 
 test("files are sorted by name and, zips, by what they list", () => {
-  for (const name of ["valetudo.json", "MAP.YAML", "points.csv", "a.b.ply"]) assert.equal(kindOfName(name), "map");
+  for (const name of ["valetudo.json", "MAP.YAML", "points.csv", "a.b.ply", "roborock.bin"]) assert.equal(kindOfName(name), "map");
   for (const name of ["clip.zip", "clip", "recording.r3d"]) assert.equal(kindOfName(name), null);
   const entry = (name: string) => `PK\u0001\u0002....${name}`;
   const zip = (...names: string[]) => new TextEncoder().encode(names.map(entry).join(""));

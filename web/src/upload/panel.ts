@@ -40,7 +40,7 @@ export class UploadPanel {
     const input = h("input", {
       type: "file", multiple: kind === "clip", class: "hidden-text", id: `choose-${kind}`, "data-kind": kind,
     });
-    const hint = kind === "clip" ? "zip of an RGB-D recording" : "Valetudo, ROS zip, CSV or PLY";
+    const hint = kind === "clip" ? "zip of an RGB-D recording" : "Valetudo, a robot's file, ROS zip, PLY, PCD, CSV";
     const label = h(
       "label", { class: "drop", for: input.id, "data-kind": kind },
       h("strong", {}, kind === "clip" ? "Add clips" : "Put LiDAR map"), h("span", { class: "hint" }, hint),
