@@ -18,7 +18,7 @@ mod voxels;
 
 pub use level::Level;
 pub use members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
-pub use neighbours::NeighbourParams;
+pub use neighbours::{Agreement, NeighbourParams};
 pub use overlap::{Overlap, OverlapParams, disagreement};
 pub use settle::SettleParams;
 pub use tile::{CLIP_AT, POINT_BYTES, Tile, TileBytes, TileInfo, TileKey, point_bytes, read_point};
@@ -70,8 +70,7 @@ pub struct Opinion {
     pub alternative: usize,
     pub neighbour: String,
     pub map_from_neighbour: Pose2,
-    /// Patches of surface that agree, less those that do not.
-    pub patches: i32,
+    pub said: Agreement,
 }
 
 /// The next map: what is known of it, and the tiles that are not as they were; none for those that are empty now.

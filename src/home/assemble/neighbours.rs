@@ -6,6 +6,7 @@ use super::surface::{Surface, SurfacePoint};
 use crate::align::View;
 use crate::geometry::{Point3, Pose2, Pose3, Vector3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// How alternatives are compared.
@@ -17,13 +18,15 @@ pub struct NeighbourParams {
     pub patch_m: f64,
     /// A patch agrees, or does not, when this share of its points says so.
     pub majority: f64,
-    /// How much likelier a patch that agrees is at the right pose than at a wrong one.
+    /// Patches that agree for one that does not at the right pose: things are moved, and clips err.
+    pub agreeing_per_odd: i32,
+    /// How much likelier a further patch that does not agree is at a wrong pose than at the right one.
     pub likelihood_ratio: f64,
     /// Colours further apart than this, of 255, are not the same thing.
     pub color: f64,
     /// Probability from which a clip is placed.
     pub sure: f64,
-    /// An alternative is placed only if so many patches more agree than do not: without overlap nothing is decided.
+    /// An alternative is placed only if so many patches agree: without overlap nothing is decided.
     pub min_patches: i32,
 }
 
@@ -33,7 +36,8 @@ impl Default for NeighbourParams {
             samples: 2_000,
             patch_m: 0.5,
             majority: 0.6,
-            likelihood_ratio: 1.5,
+            agreeing_per_odd: 5,
+            likelihood_ratio: 2.0,
             color: 60.0,
             sure: 0.95,
             min_patches: 6,
@@ -54,13 +58,20 @@ pub(super) struct Asked<'a> {
     pub views: &'a [View],
 }
 
-/// Patches that agree with what a neighbour saw, less those that do not.
+/// Patches of surface that agree with what a neighbour saw, and patches that do not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Agreement {
+    pub agree: i32,
+    pub differ: i32,
+}
+
+/// Compares a clip at one of its alternatives with a neighbour.
 pub(super) fn agreement(
     asked: &Asked,
     map_from_clip: &Pose3,
     neighbour: &Neighbour,
     params: &NeighbourParams,
-) -> i32 {
+) -> Agreement {
     let patch = |point: &Point3| [point.x, point.y, point.z].map(|c| (c / params.patch_m).floor() as i32);
     let samples: Vec<&SurfacePoint> = asked.surface.some(params.samples).filter(|s| s.is_upright()).collect();
     let forward = samples.into_par_iter().map(|sample| {
@@ -82,19 +93,13 @@ pub(super) fn agreement(
         votes.0 += u32::from(said == Said::There);
         votes.1 += u32::from(said == Said::Gone);
     }
-    let verdict = |(yes, no): &(u32, u32)| {
+    let mut sum = Agreement::default();
+    for (yes, no) in patches.values().filter(|(yes, no)| yes + no >= 3) {
         let all = f64::from(yes + no);
-        if yes + no < 3 {
-            0
-        } else if f64::from(*yes) >= params.majority * all {
-            1
-        } else if f64::from(*no) >= params.majority * all {
-            -1
-        } else {
-            0
-        }
-    };
-    patches.values().map(verdict).sum()
+        sum.agree += i32::from(f64::from(*yes) >= params.majority * all);
+        sum.differ += i32::from(f64::from(*no) >= params.majority * all);
+    }
+    sum
 }
 
 /// What one clip says of a point of the other's.
@@ -126,21 +131,26 @@ fn ask(
 }
 
 /// The alternative that the neighbours leave, with its probability; none while they leave doubt.
+///
+/// What agrees speaks for nothing by itself: all alternatives fit the LiDAR map, so a room that looks like the right one
+/// agrees as well, and the right one may be where no neighbour has been. Only what differs speaks, against.
 pub(super) fn decide(
     alternatives: &[(Pose2, f64)],
-    agreements: &[i32],
+    agreements: &[Vec<Agreement>],
     params: &NeighbourParams,
 ) -> Option<(usize, f64)> {
+    let odd = |one: &Agreement| (one.differ - one.agree / params.agreeing_per_odd).max(0);
     let logs: Vec<f64> = alternatives
         .iter()
         .zip(agreements)
-        .map(|((_, probability), patches)| {
-            probability.max(1e-6).ln() + f64::from(*patches) * params.likelihood_ratio.ln()
+        .map(|((_, probability), said)| {
+            let against: i32 = said.iter().map(odd).sum();
+            probability.max(1e-6).ln() - f64::from(against) * params.likelihood_ratio.ln()
         })
         .collect();
     let (best, most) = logs.iter().enumerate().rev().max_by(|a, b| a.1.total_cmp(b.1))?;
     let sum: f64 = logs.iter().map(|log| (log - most).exp()).sum();
-    let enough = agreements[best] >= params.min_patches;
+    let enough = agreements[best].iter().map(|one| one.agree).sum::<i32>() >= params.min_patches;
     (enough && 1.0 / sum >= params.sure).then_some((best, 1.0 / sum))
 }
 
@@ -152,12 +162,21 @@ mod tests {
     fn only_what_neighbours_saw_decides() {
         let params = NeighbourParams::default();
         let alternatives = [(Pose2::IDENTITY, 0.5), (Pose2::new(3.0, 0.0, 0.0), 0.5)];
-        // (agreements, chosen)
-        let cases =
-            [([0, 0], None), ([20, -5], Some(0)), ([-8, 12], Some(1)), ([4, -30], None), ([20, 19], None)];
-        for (agreements, chosen) in cases {
-            let decided = decide(&alternatives, &agreements, &params).map(|(place, _)| place);
-            assert_eq!(decided, chosen, "{agreements:?}");
+        // ((agree, differ) of each alternative, chosen)
+        let cases = [
+            ([(0, 0), (0, 0)], None),
+            ([(20, 1), (3, 9)], Some(0)),
+            ([(1, 8), (12, 2)], Some(1)),
+            // The other one is nowhere contradicted: it may be where nobody looked.
+            ([(40, 0), (0, 0)], None),
+            ([(20, 0), (19, 1)], None),
+            // Too little of the one that is left was seen.
+            ([(4, 0), (0, 30)], None),
+        ];
+        for (said, chosen) in cases {
+            let said = said.map(|(agree, differ)| vec![Agreement { agree, differ }]);
+            let decided = decide(&alternatives, &said, &params).map(|(place, _)| place);
+            assert_eq!(decided, chosen, "{said:?}");
         }
         assert_eq!(decide(&[], &[], &params), None);
     }

@@ -85,12 +85,12 @@ fn ask_neighbours<'a, E>(
         let Verdict::Ambiguous { alternatives } = &member.verdict else { continue };
         let asked = shelf.get(member)?;
         let extent = asked.extent();
-        let mut agreements = vec![0; alternatives.len()];
+        let mut agreements = vec![Vec::new(); alternatives.len()];
         for (alternative, (pose, _)) in alternatives.iter().enumerate() {
             for other in known.iter().filter(|other| extent.meets(pose, &other.extent, &other.alone)) {
                 let before = said.get(&(&*member.share, alternative, &*other.member.share));
-                let patches = match before.filter(|opinion| opinion.map_from_neighbour == other.alone) {
-                    Some(opinion) => opinion.patches,
+                let said = match before.filter(|opinion| opinion.map_from_neighbour == other.alone) {
+                    Some(opinion) => opinion.said,
                     None => {
                         let loaded = shelf.get(other.member)?;
                         let map_from_clip = in_space(&other.alone, &Level::default());
@@ -104,13 +104,13 @@ fn ask_neighbours<'a, E>(
                         neighbours::agreement(&asked, &pose, &neighbour, &params.neighbours)
                     }
                 };
-                agreements[alternative] += patches;
+                agreements[alternative].push(said);
                 opinions.push(Opinion {
                     asked: member.share.clone(),
                     alternative,
                     neighbour: other.member.share.clone(),
                     map_from_neighbour: other.alone,
-                    patches,
+                    said,
                 });
             }
         }
