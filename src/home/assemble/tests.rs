@@ -171,6 +171,11 @@ fn a_chosen_clip_stays_where_it_was_put() {
 #[test]
 fn neighbours_decide_between_alternatives() {
     let mut clips = clips();
+    // The others looked through the place where the pillar would be if the room were the other way round.
+    for clip in &mut clips {
+        let Verdict::Aligned { map_from_clip, .. } = clip.member.verdict else { unreachable!() };
+        clip.share.views = [2.4, 2.5, 2.6].map(|x| view(&map_from_clip, [x, 0.6], 2.4)).to_vec();
+    }
     // The room turned by half a turn about its centre looks the same to the vacuum.
     let truth = Pose2::new(2.0, 2.0, -1.0);
     let turned = Pose2::new(4.0, 3.0, std::f64::consts::PI).compose(&truth);
