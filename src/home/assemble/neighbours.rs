@@ -37,10 +37,10 @@ impl Default for NeighbourParams {
             patch_m: 0.5,
             majority: 0.6,
             agreeing_per_odd: 5,
-            likelihood_ratio: 2.0,
+            likelihood_ratio: 1.5,
             color: 60.0,
             sure: 0.95,
-            min_patches: 6,
+            min_patches: 20,
         }
     }
 }
@@ -166,12 +166,12 @@ mod tests {
         let cases = [
             ([(0, 0), (0, 0)], None),
             ([(20, 1), (3, 9)], Some(0)),
-            ([(1, 8), (12, 2)], Some(1)),
+            ([(1, 9), (22, 2)], Some(1)),
             // The other one is nowhere contradicted: it may be where nobody looked.
             ([(40, 0), (0, 0)], None),
             ([(20, 0), (19, 1)], None),
             // Too little of the one that is left was seen.
-            ([(4, 0), (0, 30)], None),
+            ([(15, 0), (0, 30)], None),
         ];
         for (said, chosen) in cases {
             let said = said.map(|(agree, differ)| vec![Agreement { agree, differ }]);
