@@ -157,6 +157,30 @@ fn clips_that_overlap_agree_better_together() {
     assert!(map.manifest.clips.iter().all(|placed| placed.with.len() == 3));
 }
 
+/// A new clip costs what it overlaps, however many clips are elsewhere in the home.
+#[test]
+fn a_clip_elsewhere_is_not_read_again() {
+    let far = Pose2::new(40.0, 0.0, 0.0);
+    let mut all = clips();
+    for (i, clip) in clips().into_iter().enumerate() {
+        let Verdict::Aligned { map_from_clip, .. } = clip.member.verdict else { unreachable!() };
+        let moved = member(["w", "x", "y", "z"][i], far.compose(&map_from_clip));
+        all.push(Clip { member: moved, share: clip.share });
+    }
+    let newest = all.remove(0);
+    let before = made(&Manifest::default(), &all.iter().collect::<Vec<_>>());
+    all.push(newest);
+    let members = all.iter().map(|clip| clip.member.clone()).collect();
+    let mut read = Vec::new();
+    let mut load = |member: &Member| -> Result<Share, Infallible> {
+        read.push(member.sha256.clone());
+        Ok(all.iter().find(|clip| clip.member == *member).unwrap().share.clone())
+    };
+    assemble(&before.manifest, members, &mut load, &AssembleParams::default()).unwrap();
+    read.sort();
+    assert_eq!(read, ["a", "b", "c", "d"], "each clip of its room once, and none of the other");
+}
+
 #[test]
 fn a_chosen_clip_stays_where_it_was_put() {
     let mut clips = clips();
