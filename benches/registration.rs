@@ -28,6 +28,7 @@ fn main() {
             sensor: Sensor::PhoneLidar,
             picture_labels: None,
             foreign: false,
+            withhold_poses: false,
         });
         measure("simulated flats, 60 frames", &homes, &methods);
         match std::env::var_os("VIOLA_TEST_DATA") {

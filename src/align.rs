@@ -7,6 +7,7 @@ mod answer;
 mod cloud;
 pub mod complete;
 mod decide;
+mod estimate;
 mod evidence;
 mod extract;
 mod floor;
@@ -24,6 +25,7 @@ mod search;
 mod space;
 mod standing;
 mod target;
+pub mod track;
 mod tsdf;
 mod weigh;
 
@@ -31,6 +33,7 @@ pub use answer::{Alignment, AlignmentState, Alternative, FloorReport, FreeSpace,
 pub use cloud::{CloudPoint, PointCloud};
 pub use complete::{Activation, CompleteParams, Completion, CompletionReport, register_completing};
 pub use decide::DecideParams;
+pub use estimate::{Estimate, estimate};
 pub use evidence::{Evidence, EvidenceParams};
 pub use floor::{Floor, FloorParams, NoFloor, heading};
 pub use fuse::{FuseParams, Fused, KeyFrame, Readings, View};
@@ -42,6 +45,7 @@ pub use refine::{RefineParams, Refined, refine};
 pub use register::register;
 pub use search::{Candidate, Modes, SearchParams};
 pub use target::Target;
+pub use track::TrackParams;
 pub use tsdf::TsdfParams;
 pub use weigh::{WeighParams, weigh};
 
@@ -55,6 +59,7 @@ use std::ops::Range;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct AlignParams {
     pub seed: u64,
+    pub track: TrackParams,
     pub fuse: FuseParams,
     pub label: LabelParams,
     pub floor: FloorParams,
@@ -108,7 +113,8 @@ pub fn align(
 ) -> Result<Aligned, AlignError> {
     let observation = observe(clip, frames, params, progress)?;
     let target = Target::new(lidar);
-    let (alignment, completion) = register_completing(&observation, target.as_ref(), params, progress)?;
+    let (mut alignment, completion) = register_completing(&observation, target.as_ref(), params, progress)?;
+    track::doubt(&mut alignment);
     let (scan, sunk_m) = observation.view_of(&alignment);
     let lower = Pose3::translation(0.0, 0.0, sunk_m);
     let views = observation.clip_from_world.map_or_else(Vec::new, |clip_from_world| {

@@ -22,8 +22,10 @@ mod problems;
 mod reply;
 mod request_log;
 mod server;
+mod uploads;
 
 pub use server::{ServeError, ServeParams, serve};
+pub use uploads::UploadParams;
 
 use crate::jobs::Queue;
 use crate::storage::Storage;
@@ -46,6 +48,7 @@ struct App {
     storage: Arc<Storage>,
     queue: Arc<Queue>,
     max_upload_bytes: u64,
+    uploads: Arc<UploadParams>,
     /// A place for everyone who may open an uploaded file at a time: readers use memory.
     readers: Arc<Semaphore>,
     /// Ends the answers that would otherwise go on for ever.
@@ -60,6 +63,7 @@ struct App {
         (name = "homes", description = "What a LiDAR map and clips belong to"),
         (name = "lidar-map", description = "The map of the home's robot vacuum"),
         (name = "clips", description = "Recorded RGB-D clips and their poses in the map"),
+        (name = "uploads", description = "Clips that arrive in parts, over bad connections: tus 1.0 (https://tus.io)"),
         (name = "map", description = "The fused map of a home"),
         (name = "changes", description = "What happened to all homes, for whoever keeps a copy"),
         (name = "jobs", description = "Work under way"),
@@ -76,6 +80,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(lidar_map::get_lidar_map_image))
         .routes(routes!(lidar_map::list_lidar_map_revisions))
         .routes(routes!(clips::list_clips, clips::add_clip))
+        .merge(uploads::routes())
         .routes(routes!(clips::get_clip, clips::delete_clip))
         .routes(routes!(clips::align_clip))
         .routes(routes!(choice::choose_alignment, choice::withdraw_alignment))

@@ -3,9 +3,11 @@
 mod align;
 mod completion;
 mod convert;
+mod decode_video;
 mod demo;
 mod evaluate;
 mod evaluate_home;
+mod evaluate_track;
 mod inspect;
 mod migrate;
 mod models;
@@ -15,6 +17,7 @@ mod progress;
 mod runtime;
 mod serve;
 mod simulate;
+mod video_tools;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -47,6 +50,9 @@ enum Command {
     Serve(serve::ServeArguments),
     /// Bring the tables of a data folder up to date without serving; `serve` does it too.
     Migrate(migrate::MigrateArguments),
+    /// Decode frames of the video that is the standard input, for another process of viola.
+    #[command(hide = true)]
+    DecodeVideo(decode_video::DecodeVideoArguments),
     /// Print the OpenAPI document of the service.
     Openapi,
 }
@@ -63,6 +69,7 @@ pub fn main() -> ExitCode {
         Command::Models(arguments) => models::run(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Migrate(arguments) => migrate::run(&arguments),
+        Command::DecodeVideo(arguments) => decode_video::run(&arguments),
         Command::Openapi => openapi::run(),
     };
     match done {

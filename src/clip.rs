@@ -5,25 +5,32 @@
 //! with the clip's length beyond a hundred bytes a frame.
 
 mod assemble;
+mod depth;
 mod error;
-mod numbered;
+mod files;
+mod layout;
+mod npy;
+mod part;
 mod picture;
-mod scannet;
-mod seven_scenes;
-mod text;
-mod tum;
+mod stream;
+pub mod write;
 
 pub use error::ClipError;
+pub use stream::FrameStream;
 
 use crate::container::{self, Container};
 use crate::geometry::{Pinhole, Pose3, Vector3};
+use crate::video::Tools;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+
+/// Frames of one clip.
+const MAX_FRAMES: usize = 100_000;
 
 /// What was understood of a clip, told to whoever sent it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct ClipInfo {
-    /// Layout by name: `scannet`, `seven_scenes`, `tum_rgbd`.
+    /// Layout by name, for example `stray_scanner`, `record3d`, `polycam`, `scannet`, `tum_rgbd`.
     pub layout: String,
     /// Direction and camera axes of the poses as the files have them, for example
     /// `camera-to-world, OpenCV (x right, y down, z forward)`.
@@ -98,31 +105,26 @@ pub struct Clip {
 
 /// Where frames come from.
 enum Origin {
-    Files(Files),
+    Files(Box<files::Files>),
     Memory(Box<dyn Fn(usize) -> Frame + Send + Sync>),
 }
 
-/// Pictures in a container, and what is the same for all of them.
-struct Files {
-    container: Box<dyn Container>,
-    pictures: Vec<Pictures>,
-    color_camera: Pinhole,
-    depth_camera: Pinhole,
-    depth_units_per_m: f32,
-}
-
-/// Where a frame's pictures are in the container.
-#[derive(Debug, Clone)]
-struct Pictures {
-    color: String,
-    depth: String,
-}
-
 impl Clip {
-    /// Opens a folder or a zip archive and finds the layout by content, wherever its root lies inside.
-    /// Reads poses, intrinsics and indices, and the headers of the first pictures.
+    /// Opens a folder, an archive or a file and finds the layout by content, wherever its root lies inside.
+    /// Reads poses, intrinsics and indices, and the headers of the first pictures. Video is decoded on the thread that
+    /// asks for it, which is for files that are trusted.
     pub fn open(path: &Path) -> Result<Clip, ClipError> {
-        assemble::assemble(container::open(path)?)
+        Clip::open_with(path, &Tools::default())
+    }
+
+    /// The same for files of strangers: video is decoded by other processes.
+    pub fn open_with(path: &Path, tools: &Tools) -> Result<Clip, ClipError> {
+        assemble::assemble(container::open(path)?, tools)
+    }
+
+    /// [`Clip::open`] for what is in a container already, wherever that lies.
+    pub fn from_container(container: Box<dyn Container>) -> Result<Clip, ClipError> {
+        assemble::assemble(container, &Tools::default())
     }
 
     /// A clip without files: `load(index)` makes the frame of `frames[index]`.
@@ -139,6 +141,11 @@ impl Clip {
         &self.info
     }
 
+    /// Whether colour is a video, so that frames between those that are wanted are decoded too.
+    pub fn has_video(&self) -> bool {
+        matches!(&self.origin, Origin::Files(files) if files.video.is_some())
+    }
+
     /// The frames with both pictures, in the order in which they were recorded.
     pub fn frames(&self) -> &[FrameHeader] {
         &self.frames
@@ -149,34 +156,21 @@ impl Clip {
         self.up_in_world
     }
 
-    /// Decodes frame `index` of [`Clip::frames`].
+    /// Decodes frame `index` of [`Clip::frames`]. Where many frames are wanted, [`Clip::stream`] is faster.
     ///
     /// # Panics
     /// When there is no such frame.
     pub fn load(&self, index: usize) -> Result<Frame, ClipError> {
-        match &self.origin {
-            Origin::Memory(load) => Ok(load(index)),
-            Origin::Files(files) => files.load(index, &self.frames[index]),
-        }
+        let mut decoded = self.stream(vec![index]).next_batch(1);
+        decoded.pop().expect("one frame was asked for")
     }
-}
 
-impl Files {
-    fn load(&self, index: usize, header: &FrameHeader) -> Result<Frame, ClipError> {
-        let Pictures { color, depth } = &self.pictures[index];
-        let color = picture::decode_color(self.container.as_ref(), color, &self.color_camera)?;
-        let depth = picture::decode_depth(
-            self.container.as_ref(),
-            depth,
-            &self.depth_camera,
-            self.depth_units_per_m,
-        )?;
-        Ok(Frame {
-            header: header.clone(),
-            color_camera: self.color_camera,
-            color,
-            depth_camera: self.depth_camera,
-            depth,
-        })
+    /// Decodes the frames with these places in [`Clip::frames`], in their order, as many at a time as are asked for.
+    /// Places in ascending order are fastest: a video is then decoded once.
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn stream(&self, indices: Vec<usize>) -> FrameStream<'_> {
+        FrameStream::new(self, indices)
     }
 }

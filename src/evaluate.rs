@@ -25,6 +25,7 @@ mod section;
 mod suite;
 mod survey;
 mod table;
+pub mod track;
 
 pub use calibration::{Bin, Calibration};
 pub use draw::{excerpts, random_excerpts};

@@ -2,6 +2,7 @@
 
 mod assemble;
 mod completion;
+mod contact_sheet;
 mod coverage;
 mod describe;
 mod info;
@@ -13,6 +14,7 @@ mod plan;
 mod ply;
 mod points;
 mod rooms;
+mod shades;
 mod share;
 
 pub use assemble::{
@@ -21,6 +23,7 @@ pub use assemble::{
     Verdict, assemble, disagreement, point_bytes, read_point,
 };
 pub use completion::{completion_png, completion_pngs};
+pub use contact_sheet::contact_sheet_png;
 pub use coverage::{Coverage, CoverageParams, RoomCoverage, coverage};
 pub use describe::{Description, describe};
 pub use info::{ClassCount, HomeMapInfo};

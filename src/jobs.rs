@@ -5,7 +5,7 @@ mod merge;
 mod report;
 mod worker;
 
-pub use align_clip::{Failure, Finished, align_clip};
+pub use align_clip::{Failure, Finished, JobParams, align_clip};
 pub use worker::{Method, WorkerParams, work};
 
 use crate::storage::{Changes, ChangesCursor, Job, Storage, StorageError};

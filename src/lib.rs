@@ -5,15 +5,16 @@
 //!
 //! | floor | module | what it knows |
 //! |---|---|---|
-//! | 1 | [`geometry`], [`progress`], [`container`], [`taxonomy`] | transforms, cameras, grids, distance fields; how long work reports itself; folders and zips; the classes of things |
-//! | 2 | [`clip`], [`lidar`], [`network`] | a recorded clip and a LiDAR map, one file for each format they come in; running a neural network |
-//! | 3 | [`align`] | the method |
-//! | 4 | [`home`], [`simulate`] | pictures and files of a home; homes with exact truth |
-//! | 5 | [`stopwatch`] | the time of each stage |
-//! | 6 | [`evaluate`], [`storage`] | the paper's protocol; records and blobs |
-//! | 7 | [`jobs`] | the queue and its workers |
-//! | 8 | [`api`] | HTTP |
-//! | 9 | [`cli`] | the command line |
+//! | 1 | [`geometry`], [`progress`], [`container`], [`taxonomy`] | transforms, cameras, grids, distance fields; how long work reports itself; folders and archives; the classes of things |
+//! | 2 | [`video`] | frames of a recorded video, decoded here or in a process of limited means |
+//! | 3 | [`clip`], [`lidar`], [`network`] | a recorded clip and a LiDAR map, one file for each format they come in; running a neural network |
+//! | 4 | [`align`] | the method |
+//! | 5 | [`home`], [`simulate`] | pictures and files of a home; homes with exact truth |
+//! | 6 | [`stopwatch`] | the time of each stage |
+//! | 7 | [`evaluate`], [`storage`] | the paper's protocol; records and blobs |
+//! | 8 | [`jobs`] | the queue and its workers |
+//! | 9 | [`api`] | HTTP |
+//! | 10 | [`cli`] | the command line |
 
 pub mod align;
 pub mod api;
@@ -31,3 +32,4 @@ pub mod simulate;
 pub mod stopwatch;
 pub mod storage;
 pub mod taxonomy;
+pub mod video;

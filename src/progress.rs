@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The stages of aligning one clip, in the order in which they run (METHOD: 1, 3-10).
+/// The stages of aligning one clip, in the order in which they run.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, utoipa::ToSchema,
 )]
@@ -10,6 +10,8 @@ use serde::{Deserialize, Serialize};
 pub enum Stage {
     /// Open the container and read the poses and the intrinsics.
     Decode,
+    /// Follow the camera through the pictures of a clip without poses.
+    Track,
     /// Decode the key frames and fuse them into a signed distance map.
     Fuse,
     /// Ask the network, if there is one, what the key frames show.
@@ -31,8 +33,9 @@ pub enum Stage {
 }
 
 impl Stage {
-    pub const ALL: [Stage; 10] = [
+    pub const ALL: [Stage; 11] = [
         Stage::Decode,
+        Stage::Track,
         Stage::Fuse,
         Stage::Label,
         Stage::Floor,
@@ -48,6 +51,7 @@ impl Stage {
     pub fn name(self) -> &'static str {
         match self {
             Stage::Decode => "decode",
+            Stage::Track => "track",
             Stage::Fuse => "fuse",
             Stage::Label => "label",
             Stage::Floor => "floor",
@@ -65,7 +69,8 @@ impl Stage {
     pub fn span(self) -> (f64, f64) {
         match self {
             Stage::Decode => (0.0, 0.03),
-            Stage::Fuse => (0.03, 0.35),
+            Stage::Track => (0.03, 0.20),
+            Stage::Fuse => (0.20, 0.35),
             Stage::Label => (0.35, 0.70),
             Stage::Floor => (0.70, 0.74),
             Stage::Raycast => (0.74, 0.77),

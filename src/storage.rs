@@ -27,6 +27,7 @@ mod leases;
 mod lidar_maps;
 mod placement;
 pub mod result_file;
+mod uploads;
 
 pub use blobs::BlobReader;
 pub use changes::{Change, ChangeKind, Changes, ChangesCursor};
@@ -44,6 +45,9 @@ pub use jobs::{Job, JobState};
 pub use leases::{Claim, Ending, RetryPolicy};
 pub use lidar_maps::{LidarMapRevision, NewLidarMap};
 pub use placement::Placement;
+pub use uploads::{
+    Joining, NewUpload, Upload, UploadClaim, UploadError, UploadKind, UploadLimits, UploadState, UploadWriter,
+};
 
 use blobs::Blobs;
 use database::Database;
@@ -101,6 +105,7 @@ impl Storage {
         let mut keys = self.clip_blob_keys().await?;
         keys.extend(self.lidar_map_blob_keys().await?);
         keys.extend(self.home_map_blob_keys().await?);
+        keys.extend(self.upload_blob_keys().await?);
         Ok(keys.into_iter().collect())
     }
 }

@@ -24,5 +24,11 @@ mod map;
 mod problems;
 #[path = "api/server.rs"]
 mod server;
+#[path = "api/tus_client.rs"]
+mod tus_client;
+#[path = "api/upload_cuts.rs"]
+mod upload_cuts;
+#[path = "api/uploads.rs"]
+mod uploads;
 #[path = "api/workers.rs"]
 mod workers;

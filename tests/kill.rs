@@ -4,6 +4,7 @@ mod common;
 
 use common::client::Client;
 use common::process::{Process, viola};
+use common::tus::sha256;
 use common::{eventually, room, zips};
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -86,6 +87,54 @@ async fn an_upload_cut_off_by_a_kill_leaves_nothing() {
     // The phone tries again.
     let answer = server.client.post(&format!("{home}/clips"), body).await;
     assert_eq!(answer.ok(201)["state"], "uploaded");
+}
+
+#[tokio::test]
+async fn a_resumable_upload_outlives_its_server() {
+    let data = TempDir::new().unwrap();
+    let blobs = data.path().join("blobs");
+    // Larger than what is made durable at a time while a request goes on: 40 MiB that do not shrink.
+    let mut files = room::clip(2);
+    let noise =
+        (0..10u64 << 19).flat_map(|n| n.wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(31).to_le_bytes());
+    files.push(("noise.bin".to_owned(), noise.collect()));
+    let body = zips::zip(&files);
+    assert!(body.len() > 36 << 20, "{} bytes", body.len());
+    let mut server = Process::serve(data.path(), &["--workers", "0"]);
+    server.client.make_home("h").await;
+    let upload = server.client.begin("h", body.len()).await;
+    let first = server.client.patch(&upload, 0, &body[..1000]);
+    server.client.send(first).await.ok(204);
+    let mut acknowledged = 1000;
+    // Killed in the middle of a request, each time further on; what HEAD told in between counts too.
+    for (sent, durable) in [(500_000, 1000), (17 << 20, 16 << 20), (17 << 20, 32 << 20)] {
+        let offset = server.client.offset(&upload).await;
+        assert!(offset >= acknowledged, "{acknowledged} bytes were acknowledged, {offset} are there");
+        let length = |file: PathBuf| file.metadata().map_or(0, |data| data.len());
+        let mut connection = server.client.patch_partly(&upload, offset, &body, 0);
+        let sending = body[offset..offset + sent].to_vec();
+        let sender = tokio::task::spawn_blocking(move || connection.write_all(&sending).map(|()| connection));
+        let connection = sender.await.unwrap().unwrap();
+        eventually("all that was sent is in files", || async {
+            let there: u64 = files_below(&blobs).into_iter().map(length).sum();
+            (there >= (offset + sent) as u64).then_some(())
+        })
+        .await;
+        acknowledged = eventually("most of it is acknowledged", || async {
+            let offset = server.client.offset(&upload).await;
+            (offset >= durable).then_some(offset)
+        })
+        .await;
+        server.kill();
+        drop(connection);
+        server = Process::serve(data.path(), &["--workers", "0"]);
+    }
+    let last = server.client.go_on(&upload, &body).await;
+    assert_eq!(last.status, 204, "{last:?}");
+    let clip = server.client.get(last.header("viola-clip")).await.ok(200);
+    assert_eq!(clip["sha256"], serde_json::json!(sha256(&body)));
+    // The clip's file alone.
+    assert_eq!(files_below(&blobs).len(), 1);
 }
 
 #[tokio::test]

@@ -24,6 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         sensor: Sensor::PhoneLidar,
         picture_labels: None,
         foreign: false,
+        withhold_poses: false,
     };
     let sample = HomeClips::new(homes).sample(0, &AlignParams::default(), &Silent)?;
     let sample = sample.ok_or("the home has no clip")?;

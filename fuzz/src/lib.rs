@@ -1,19 +1,31 @@
-//! The readers of maps and what they stand on, from viola's own sources, and what must hold of any map.
+//! The readers of archives, clips, maps and videos and what they stand on, from viola's own sources, and what must hold
+//! of any of them.
+
+pub mod clip_files;
+mod clips;
 
 #[path = "../../src"]
 #[allow(dead_code)]
 mod viola {
+    pub mod clip;
     pub mod container;
     pub mod geometry;
     pub mod lidar;
+    pub mod progress;
+    pub mod video;
 }
 
-pub use viola::{container, geometry, lidar};
+pub use clips::{check_file, check_layout};
+pub use viola::{clip, container, geometry, lidar, progress, video};
 
+use container::Region;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use lidar::LidarMap;
-use std::io::{Cursor, Write};
+use std::fs::File;
+use std::io::{Cursor, Seek, Write};
+use std::sync::OnceLock;
+use video::{Codec, VideoInfo};
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
@@ -36,6 +48,24 @@ pub fn check(bytes: &[u8]) {
     }
 }
 
+/// Reads every file of an archive, whole and in part: both must be the same.
+pub fn check_archive(bytes: &[u8]) {
+    const MAX_BYTES: u64 = 1 << 20;
+    let mut file = tempfile::NamedTempFile::new().expect("a temporary file");
+    file.write_all(bytes).expect("room for a temporary file");
+    let Ok(archive) = container::open(file.path()) else { return };
+    for name in archive.names() {
+        let (whole, region) = (archive.read(name, MAX_BYTES), archive.region(name, MAX_BYTES));
+        // The checksum of what is stored in a zip is checked only where it is read whole.
+        let Ok(whole) = whole else { continue };
+        let region = region.expect("what can be read whole can be read in part");
+        let mut part = vec![0; whole.len()];
+        assert!(
+            region.read_exact_at(0, &mut part).is_ok() && part == whole && region.bytes == whole.len() as u64
+        );
+    }
+}
+
 pub fn zlib(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
     // Writing into a vector cannot fail.
@@ -54,4 +84,36 @@ pub fn ros_zip(bytes: &[u8]) -> Vec<u8> {
         let _ = zip.write_all(bytes);
     }
     zip.finish().map(Cursor::into_inner).unwrap_or_default()
+}
+
+/// Pixels of a picture above which decoding only takes time.
+const MAX_PIXELS: u32 = 1 << 18;
+
+/// A video's file: its frames must have ascending times, and as many pictures as are told must come, or a refusal.
+pub fn check_video(bytes: &[u8], decoded: Option<Codec>) {
+    // Files come at thousands a second, so that one is written over and over; reading goes by position.
+    static FILE: OnceLock<File> = OnceLock::new();
+    let Ok(mut file) = FILE.get_or_init(|| tempfile::tempfile().expect("a file")).try_clone() else { return };
+    let written = file.rewind().and_then(|()| file.set_len(0)).and_then(|()| file.write_all(bytes));
+    assert!(written.is_ok());
+    let Ok(region) = Region::whole(file) else { return };
+    let Ok(VideoInfo { codec, width, height, time_s, .. }) = video::inspect(&region) else { return };
+    assert!(!time_s.is_empty() && time_s.is_sorted() && time_s[0] == 0.0);
+    if decoded != Some(codec) || width * height > MAX_PIXELS {
+        return;
+    }
+    let wanted: Vec<usize> = (0..time_s.len()).take(40).collect();
+    let Ok(frames) = video::decode_planes(&region, &wanted) else { return };
+    let mut came = 0;
+    for (frame, number) in frames.zip(&wanted) {
+        let Ok((ours, planes)) = frame else { return };
+        assert_eq!((ours, planes.width, planes.height), (*number, width, height));
+        came += 1;
+    }
+    assert_eq!(came, wanted.len());
+}
+
+/// A panic within a decoder is a refusal: it is told here, and not taken for the end.
+pub fn allow_panics() {
+    std::panic::set_hook(Box::new(|panic| eprintln!("{panic}")));
 }

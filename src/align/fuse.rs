@@ -3,10 +3,9 @@
 use super::cloud::PointCloud;
 use super::tsdf::{Tsdf, TsdfParams};
 use super::{AlignError, Reason};
-use crate::clip::{Clip, ClipError, DepthImage, Frame};
+use crate::clip::{Clip, ClipError, DepthImage};
 use crate::geometry::{Pinhole, Point3, Pose3, Vector3};
 use crate::progress::{self, Progress};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// How key frames are chosen and fused.
@@ -203,14 +202,16 @@ impl NotFused {
     }
 }
 
-/// Fuses the key frames of `frames` (numbers as the layout gives them; all when none).
+/// Fuses the key frames of `frames` (numbers as the layout gives them; all when none). `tracked` are poses for all of the
+/// clip's frames where it has none of its own.
 pub fn fuse(
     clip: &Clip,
     frames: Option<Range<u32>>,
+    tracked: Option<&[Option<Pose3>]>,
     params: &FuseParams,
     progress: &dyn Progress,
 ) -> Result<Result<Fused, NotFused>, AlignError> {
-    let chosen = choose(clip, frames.as_ref(), params);
+    let chosen = choose(clip, frames.as_ref(), tracked, params);
     if chosen.is_empty() {
         let any = clip.frames().iter().any(|frame| frames.as_ref().is_none_or(|f| f.contains(&frame.number)));
         return Ok(Err(if any { NotFused::NoPosedFrame } else { NotFused::NoFrame }));
@@ -219,12 +220,11 @@ pub fn fuse(
     let mut key_frames = Vec::with_capacity(chosen.len());
     let mut broken: Option<ClipError> = None;
     let mut broken_count = 0;
+    let mut frames = clip.stream(chosen.iter().map(|(index, _)| *index).collect());
     for (done, batch) in chosen.chunks(BATCH).enumerate() {
         progress::check(progress)?;
         progress.advance((done * BATCH) as f64 / chosen.len() as f64);
-        let decoded: Vec<Result<Frame, ClipError>> =
-            batch.par_iter().map(|(index, _)| clip.load(*index)).collect();
-        for (frame, (index, world_from_camera)) in decoded.into_iter().zip(batch) {
+        for (frame, (index, world_from_camera)) in frames.next_batch(BATCH).into_iter().zip(batch) {
             match frame {
                 Ok(frame) => {
                     tsdf.integrate(&frame, world_from_camera);
@@ -266,11 +266,17 @@ pub fn fuse(
 const BATCH: usize = 16;
 
 /// The posed frames far enough from the one chosen before, with their places in the clip.
-fn choose(clip: &Clip, frames: Option<&Range<u32>>, params: &FuseParams) -> Vec<(usize, Pose3)> {
+pub(super) fn choose(
+    clip: &Clip,
+    frames: Option<&Range<u32>>,
+    tracked: Option<&[Option<Pose3>]>,
+    params: &FuseParams,
+) -> Vec<(usize, Pose3)> {
     let wanted = |number: u32| frames.is_none_or(|range| range.contains(&number));
     let mut chosen: Vec<(usize, Pose3)> = Vec::new();
     for (index, header) in clip.frames().iter().enumerate() {
-        let Some(pose) = header.world_from_camera.filter(|_| wanted(header.number)) else { continue };
+        let pose = tracked.map_or(header.world_from_camera, |poses| poses.get(index).copied().flatten());
+        let Some(pose) = pose.filter(|_| wanted(header.number)) else { continue };
         let moved = chosen.last().is_none_or(|(_, last)| {
             let step = last.inverse() * pose;
             step.translation.vector.norm() >= params.key_distance_m

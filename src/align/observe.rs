@@ -4,6 +4,7 @@ use super::floor::{self, Floor};
 use super::fuse::{self, KeyFrame};
 use super::label::{LabelReport, Labeller, Wall};
 use super::raycast::{self, RaycastParams, VirtualScan};
+use super::track::{self, TrackedClip};
 use super::{AlignError, AlignParams, Alignment, FloorReport, PointCloud, Reason};
 use crate::clip::Clip;
 use crate::geometry::Pose3;
@@ -46,18 +47,21 @@ pub fn observe(
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<Observation, AlignError> {
+    let tracked = track_where_needed(clip, frames.as_ref(), params, progress)?;
+    let mut reasons = tracked.as_ref().map_or_else(Vec::new, |tracked| tracked.reasons.clone());
+    let poses = tracked.as_ref().map(|tracked| tracked.world_from_camera.as_slice());
+
     progress::begin(progress, Stage::Fuse)?;
-    let mut fused = match fuse::fuse(clip, frames, &params.fuse, progress)? {
+    let mut fused = match fuse::fuse(clip, frames, poses, &params.fuse, progress)? {
         Ok(fused) => fused,
         Err(why) => {
-            return Ok(Observation { reasons: vec![why.reason(clip)], ..Observation::default() });
+            reasons.push(why.reason(clip));
+            return Ok(Observation { reasons, ..Observation::default() });
         }
     };
-    let mut observation = Observation {
-        key_frames: fused.key_frames.len(),
-        reasons: fused.remarks(),
-        ..Observation::default()
-    };
+    reasons.extend(fused.remarks());
+    let mut observation =
+        Observation { key_frames: fused.key_frames.len(), reasons, ..Observation::default() };
 
     progress::begin(progress, Stage::Label)?;
     let labeller =
@@ -68,7 +72,8 @@ pub fn observe(
 
     progress::begin(progress, Stage::Floor)?;
     let (cloud, keys) = (&fused.cloud_in_world, &fused.key_frames);
-    let up = clip.up_in_world();
+    // Tracking has a world of its own.
+    let up = clip.up_in_world().filter(|_| tracked.is_none());
     let floors = match floor::find_floor(cloud, keys, up, &params.floor, params.seed) {
         Ok(floor) => vec![floor],
         Err(why) => {
@@ -95,6 +100,26 @@ pub fn observe(
     }
     observation.keys = fused.key_frames;
     Ok(observation)
+}
+
+/// Poses by tracking, for a clip none of whose wanted frames has one.
+fn track_where_needed(
+    clip: &Clip,
+    frames: Option<&Range<u32>>,
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<Option<TrackedClip>, AlignError> {
+    let wanted = |number: u32| frames.is_none_or(|frames| frames.contains(&number));
+    let headers = clip.frames().iter().enumerate().filter(|(_, header)| wanted(header.number));
+    if headers.clone().any(|(_, header)| header.world_from_camera.is_some()) {
+        return Ok(None);
+    }
+    let indices: Vec<usize> = headers.map(|(index, _)| index).collect();
+    if indices.is_empty() {
+        return Ok(None);
+    }
+    progress::begin(progress, Stage::Track)?;
+    Ok(Some(track::track(clip, &indices, &params.track, progress)?))
 }
 
 impl Observation {

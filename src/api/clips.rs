@@ -6,13 +6,15 @@ use super::error::{Error, Problem};
 use super::extract::{ClipPath, HomePath, IdempotencyKey, Query, timestamp};
 use super::list::{List, ListQuery, UpdatedQuery};
 use super::problems::{CommonProblems, FileProblems};
+use crate::align::{Estimate, FuseParams, estimate};
 use crate::clip;
 use crate::storage::{Added, Arrived, Clip, ClipFilter, ClipState, NewClip, StorageError};
 use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
 use jiff::{SignedDuration, Timestamp};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// No phone recorded depth before the year 2000.
 const EARLIEST: Timestamp = Timestamp::constant(946_684_800, 0);
@@ -27,6 +29,39 @@ pub(super) struct AddQuery {
     /// home changed between two clips, the later one is believed.
     #[param(value_type = Option<Timestamp>, example = "2026-03-14T15:09:26Z")]
     recorded_at: Option<String>,
+    /// With `true` the file is only looked at: the answer tells what would be understood of it and how much work it
+    /// would be, and nothing is kept or queued.
+    #[param(value_type = Option<bool>, example = true)]
+    dry_run: Option<String>,
+}
+
+/// What would become of a file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub(super) struct DryRun {
+    /// Size of the file.
+    size_bytes: u64,
+    understood: clip::ClipInfo,
+    estimate: Estimate,
+    /// Whether the home has a LiDAR map; without one the clip would wait for it.
+    has_lidar_map: bool,
+}
+
+/// What an upload is answered with.
+pub(super) enum Answer {
+    Added(Box<Clip>),
+    Looked(Box<DryRun>),
+}
+
+impl IntoResponse for Answer {
+    fn into_response(self) -> Response {
+        match self {
+            Answer::Added(clip) => {
+                let location = format!("/v1/homes/{}/clips/{}", clip.home, clip.id);
+                (StatusCode::CREATED, [(header::LOCATION, location)], Json(clip)).into_response()
+            }
+            Answer::Looked(report) => Json(report).into_response(),
+        }
+    }
 }
 
 /// Upload a clip
@@ -39,8 +74,10 @@ pub(super) struct AddQuery {
 #[utoipa::path(post, path = "/v1/homes/{home}/clips", tag = "clips",
     params(HomePath, AddQuery,
         ("Idempotency-Key" = Option<String>, Header, description = "1 to 255 visible ASCII characters, unique to this file in this home")),
-    request_body(content = FileBytes, content_type = "application/zip", description = "A zip of an RGB-D recording"),
+    request_body(content = FileBytes, content_type = "application/octet-stream",
+        description = "An RGB-D recording: a zip, tar, tar.gz or tar.zst of its folder, or its one file (.r3d, .sens)"),
     responses(
+        (status = 200, description = "With `dry_run`: what would become of the file", body = DryRun),
         (status = 201, description = "The clip and its job", body = Clip,
             headers(("Location" = String, description = "The clip's path"))),
         CommonProblems, FileProblems))]
@@ -50,16 +87,18 @@ pub(super) async fn add_clip(
     Query(query): Query<AddQuery>,
     IdempotencyKey(idempotency_key): IdempotencyKey,
     request: Request,
-) -> Result<(StatusCode, [(header::HeaderName, String); 1], Json<Clip>), Error> {
-    app.storage.home(&home).await?;
-    let latest = Timestamp::now() + AHEAD;
-    let told = query.recorded_at.map(|text| recorded_at(&text, latest)).transpose()?;
+) -> Result<Answer, Error> {
+    let has_lidar_map = app.storage.home(&home).await?.lidar_map_revision.is_some();
+    let dry_run = flag("dry_run", query.dry_run.as_deref())?;
+    let told = query.recorded_at.map(|text| recorded_at(&text)).transpose()?;
     let file = receive(&app.storage, request, app.max_upload_bytes).await?;
-    let (file, info) = understand(&app, move || open(file)).await?;
-    let in_file = info.recorded_at_ms.and_then(|ms| Timestamp::from_millisecond(ms).ok());
-    // A file whose clock is far ahead says nothing.
-    let recorded_at = told.or(in_file.filter(|time| *time <= latest));
-    let new = NewClip { file, info, idempotency_key, recorded_at };
+    let size_bytes = file.size_bytes;
+    let (file, info, estimate) = understand(&app, move || open(file)).await?;
+    if dry_run {
+        let report = DryRun { size_bytes, understood: info, estimate, has_lidar_map };
+        return Ok(Answer::Looked(Box::new(report)));
+    }
+    let new = new_clip(file, info, told, idempotency_key);
     let clip = to_the_end(async move {
         let added = app.storage.add_clip(&home, new, Timestamp::now()).await?;
         app.queue.wake();
@@ -69,22 +108,52 @@ pub(super) async fn add_clip(
         }
     })
     .await?;
-    let location = format!("/v1/homes/{}/clips/{}", clip.home, clip.id);
-    Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(clip)))
+    Ok(Answer::Added(Box::new(clip)))
 }
 
-fn recorded_at(text: &str, latest: Timestamp) -> Result<Timestamp, Error> {
+/// `true` or `false`; not given is false.
+fn flag(field: &'static str, text: Option<&str>) -> Result<bool, Error> {
+    match text {
+        None | Some("false") => Ok(false),
+        Some("true") => Ok(true),
+        Some(_) => {
+            Err(Error::InvalidQuery { field: Some(field), detail: format!("{field} is true or false") })
+        }
+    }
+}
+
+/// A file that was opened and found good.
+pub(super) fn new_clip(
+    file: Arrived,
+    info: clip::ClipInfo,
+    told_recorded_at: Option<Timestamp>,
+    idempotency_key: Option<String>,
+) -> NewClip {
+    let in_file = info.recorded_at_ms.and_then(|ms| Timestamp::from_millisecond(ms).ok());
+    // A file whose clock is far ahead says nothing.
+    let recorded_at = told_recorded_at.or(in_file.filter(|time| *time <= latest()));
+    NewClip { file, info, idempotency_key, recorded_at }
+}
+
+fn latest() -> Timestamp {
+    Timestamp::now() + AHEAD
+}
+
+/// When a clip was recorded, as its sender says.
+pub(super) fn recorded_at(text: &str) -> Result<Timestamp, Error> {
     let time = timestamp("recorded_at", text)?;
-    if (EARLIEST..=latest).contains(&time) {
+    if (EARLIEST..=latest()).contains(&time) {
         return Ok(time);
     }
     let detail = "recorded_at is between the year 2000 and a day from now".to_owned();
     Err(Error::InvalidQuery { field: Some("recorded_at"), detail })
 }
 
-fn open(file: Arrived) -> Result<(Arrived, clip::ClipInfo), Error> {
-    let info = clip::Clip::open(file.path())?.info().clone();
-    Ok((file, info))
+/// Opens a file that has arrived, and refuses it when it is no clip.
+pub(super) fn open(file: Arrived) -> Result<(Arrived, clip::ClipInfo, Estimate), Error> {
+    let clip = clip::Clip::open(file.path())?;
+    let estimate = estimate(&clip, &FuseParams::default());
+    Ok((file, clip.info().clone(), estimate))
 }
 
 /// Which clips a list has.

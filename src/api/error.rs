@@ -1,6 +1,7 @@
 //! What a request may not do, and how HTTP says so: RFC 9457 problem documents with stable types. The cause
 //! of a fault of ours goes to the log, never into an answer.
 
+use super::uploads::UploadRefusal;
 use crate::clip::ClipError;
 use crate::lidar::LidarError;
 use crate::storage::StorageError;
@@ -84,6 +85,8 @@ pub(super) enum Error {
     #[error("the service cannot reach its database")]
     NotReady(#[source] StorageError),
     #[error("{0}")]
+    Upload(#[from] UploadRefusal),
+    #[error("{0}")]
     Storage(#[from] StorageError),
     #[error("a handler panicked: {0}")]
     Panicked(String),
@@ -127,6 +130,7 @@ impl Error {
             Error::MethodNotAllowed => {
                 (S::METHOD_NOT_ALLOWED, "method_not_allowed", "The path does not serve this method")
             }
+            Error::Upload(refusal) => refusal.mapping(),
             Error::NotReady(_) => (S::SERVICE_UNAVAILABLE, "not_ready", "The service is not ready"),
             Error::Storage(StorageError::NoSuchHome) => {
                 (S::NOT_FOUND, "home_not_found", "There is no such home")
@@ -154,6 +158,7 @@ impl Error {
             Error::InvalidPath { field, .. } | Error::InvalidQuery { field, .. } => *field,
             Error::InvalidHeader { field, .. } | Error::InvalidMember { field, .. } => Some(field),
             Error::KeyReused => Some("Idempotency-Key"),
+            Error::Upload(refusal) => refusal.field(),
             _ => None,
         }
     }
@@ -168,23 +173,35 @@ fn refusal(code: &str) -> StatusCode {
     }
 }
 
-impl IntoResponse for Error {
-    fn into_response(self) -> Response {
+impl Error {
+    /// Whether the request or its file is at fault, and not the service.
+    pub fn is_refusal(&self) -> bool {
+        self.mapping().0.is_client_error()
+    }
+
+    /// As it is told. The cause of a fault of ours goes to the log.
+    pub fn problem(&self) -> Problem {
         let (status, code, title) = self.mapping();
-        let is_ours = status.is_server_error();
-        let detail = if is_ours {
+        let detail = if status.is_server_error() {
             tracing::error!(code, cause = %self, "a request failed");
             "The cause is in the service's log, under this answer's x-request-id.".to_owned()
         } else {
             self.to_string()
         };
-        let problem = Problem {
+        Problem {
             kind: format!("urn:viola:problem:{}", code.replace('_', "-")),
             title: title.to_owned(),
             status: status.as_u16(),
             detail,
             field: self.field().map(str::to_owned),
-        };
+        }
+    }
+}
+
+impl IntoResponse for Error {
+    fn into_response(self) -> Response {
+        let (status, ..) = self.mapping();
+        let problem = self.problem();
         let media_type = HeaderValue::from_static("application/problem+json");
         (status, [(header::CONTENT_TYPE, media_type)], Json(problem)).into_response()
     }

@@ -27,6 +27,13 @@ pub(super) struct ClipPath {
     pub clip: Uuid,
 }
 
+/// A path to an upload.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Path)]
+pub(super) struct UploadPath {
+    pub upload: Uuid,
+}
+
 /// A path to a job.
 #[derive(utoipa::IntoParams)]
 #[into_params(parameter_in = Path)]
@@ -49,6 +56,15 @@ impl<S: Send + Sync> FromRequestParts<S> for ClipPath {
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<ClipPath, Error> {
         let path = Path::of(parts, state).await?;
         Ok(ClipPath { home: path.part("home")?, clip: path.part("clip")? })
+    }
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for UploadPath {
+    type Rejection = Error;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<UploadPath, Error> {
+        let path = Path::of(parts, state).await?;
+        Ok(UploadPath { upload: path.part("upload")? })
     }
 }
 
@@ -146,10 +162,14 @@ impl<S: Send + Sync> FromRequestParts<S> for IdempotencyKey {
     async fn from_request_parts(parts: &mut Parts, _state: &S) -> Result<IdempotencyKey, Error> {
         let Some(value) = parts.headers.get("idempotency-key") else { return Ok(IdempotencyKey(None)) };
         let bytes = value.as_bytes();
-        if bytes.is_empty() || bytes.len() > 255 || !bytes.iter().all(u8::is_ascii_graphic) {
+        if !is_idempotency_key(bytes) {
             let detail = "an Idempotency-Key is 1 to 255 visible ASCII characters".to_owned();
             return Err(Error::InvalidHeader { field: "Idempotency-Key", detail });
         }
         Ok(IdempotencyKey(Some(String::from_utf8_lossy(bytes).into_owned())))
     }
+}
+
+pub(super) fn is_idempotency_key(bytes: &[u8]) -> bool {
+    (1..=255).contains(&bytes.len()) && bytes.iter().all(u8::is_ascii_graphic)
 }

@@ -33,7 +33,7 @@ impl IntoResponses for CommonProblems {
             ),
             (
                 "404",
-                "What the path names is not there: `home-not-found`, `clip-not-found`, `lidar-map-not-found`, `map-not-found`, `job-not-found`, `result-not-found`",
+                "What the path names is not there: `home-not-found`, `clip-not-found`, `lidar-map-not-found`, `map-not-found`, `job-not-found`, `result-not-found`, `upload-not-found`",
             ),
             (
                 "500",

@@ -1,6 +1,7 @@
 //! The server: storage, workers and HTTP in one process, from start to graceful stop.
 
 use super::App;
+use super::uploads::{UploadParams, clean};
 use crate::jobs::{Queue, WorkerParams, work};
 use crate::storage::{Storage, StorageError};
 use axum::serve::ListenerExt;
@@ -30,6 +31,7 @@ pub struct ServeParams {
     pub workers: usize,
     /// Of one clip.
     pub max_upload_bytes: u64,
+    pub uploads: UploadParams,
     pub worker: WorkerParams,
 }
 
@@ -63,9 +65,11 @@ pub async fn serve(
         storage: storage.clone(),
         queue,
         max_upload_bytes: params.max_upload_bytes,
+        uploads: Arc::new(params.uploads),
         readers: Arc::new(Semaphore::new(READERS)),
         stop: stop.clone(),
     };
+    workers.spawn(clean(app.clone()));
     // Events are small and must not wait for more to come.
     let listener = listener.tap_io(|stream| {
         if let Err(error) = stream.set_nodelay(true) {

@@ -3,6 +3,7 @@
 use super::completion::CompletionArguments;
 use super::networks::NetworkArguments;
 use super::progress::TerminalProgress;
+use super::video_tools::video_tools;
 use crate::align::{self, AlignParams, Alignment, AlignmentState};
 use crate::clip::{Clip, ClipInfo};
 use crate::home;
@@ -51,7 +52,8 @@ pub fn run(arguments: &AlignArguments) -> Result<()> {
     let progress = TerminalProgress::new();
     let watch = Stopwatch::around(&progress).with_budget(Stage::Complete, complete.time);
     watch.enter(Stage::Decode);
-    let clip = Clip::open(&arguments.clip).with_context(|| format!("clip {}", arguments.clip.display()))?;
+    let clip = Clip::open_with(&arguments.clip, &video_tools())
+        .with_context(|| format!("clip {}", arguments.clip.display()))?;
     let lidar = LidarMap::open(&arguments.lidar)
         .with_context(|| format!("LiDAR map {}", arguments.lidar.display()))?;
     let params = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };

@@ -1,59 +1,54 @@
-//! `viola convert`: a map as a file that other tools read.
+//! `viola convert`: a map or a clip as a file that other tools read.
 
-use crate::lidar::LidarMap;
+mod clip;
+mod map;
+
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub struct ConvertArguments {
-    /// The map, in any format that is read.
+    /// The map or the clip, in any format that is read.
     file: PathBuf,
     /// What to write.
     #[arg(long, value_enum)]
     to: Target,
-    /// The file to write; for ROS the yaml file, with its image beside it.
+    /// The file to write. For ROS the yaml file, with its image beside it; for a clip a folder, or a zip archive when
+    /// the name ends with .zip.
     #[arg(long)]
     out: PathBuf,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Target {
-    /// Valetudo's map JSON.
+    /// A map as Valetudo's JSON.
     Valetudo,
-    /// A yaml file and a PGM for map_server.
+    /// A map as a yaml file and a PGM for map_server.
     Ros,
-    /// What the LiDAR hit, as points.
+    /// A map's hits as points.
     Ply,
+    /// A clip as Stray Scanner exports it.
+    Stray,
+    /// A clip as the TUM RGB-D benchmark has it.
+    Tum,
+    /// A clip as ScanNet's exporter writes it.
+    Scannet,
 }
 
 pub fn run(arguments: &ConvertArguments) -> Result<()> {
-    let map = LidarMap::open(&arguments.file).with_context(|| format!("map {}", arguments.file.display()))?;
-    let out = &arguments.out;
-    let mut notes = map.info.notes.clone();
-    match arguments.to {
-        Target::Valetudo => {
-            let written = map.to_valetudo()?;
-            notes.extend(written.notes);
-            write(out, &written.bytes)?;
-        }
-        Target::Ply => {
-            let written = map.to_ply();
-            notes.extend(written.notes);
-            write(out, &written.bytes)?;
-        }
-        Target::Ros => {
-            let image = out.with_extension("pgm");
-            if image == *out {
-                bail!("--out is the yaml file: its image is written to {}", image.display());
-            }
-            let name = image.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            let files = map.to_ros(&name)?;
-            notes.extend(files.notes);
-            write(&image, &files.pgm)?;
-            write(out, &files.yaml)?;
-        }
+    use crate::clip::write::WrittenLayout;
+    if !arguments.file.exists() {
+        bail!("there is no {}", arguments.file.display());
     }
+    let notes = match arguments.to {
+        Target::Valetudo => map::valetudo(&arguments.file, &arguments.out),
+        Target::Ply => map::ply(&arguments.file, &arguments.out),
+        Target::Ros => map::ros(&arguments.file, &arguments.out),
+        Target::Stray => clip::convert(&arguments.file, &arguments.out, WrittenLayout::StrayScanner),
+        Target::Tum => clip::convert(&arguments.file, &arguments.out, WrittenLayout::TumRgbd),
+        Target::Scannet => clip::convert(&arguments.file, &arguments.out, WrittenLayout::Scannet),
+    }?;
     for note in notes {
         println!("note:   {note}");
     }

@@ -3,7 +3,7 @@
 mod client;
 mod recordings;
 
-use crate::api::{ServeParams, serve};
+use crate::api::{ServeParams, UploadParams, serve};
 use crate::geometry::angle_between;
 use crate::jobs::WorkerParams;
 use anyhow::{Context, Result, bail};
@@ -63,6 +63,7 @@ async fn show(arguments: &DemoArguments, recordings: &Recordings) -> Result<()> 
         data: arguments.data.join("service"),
         workers: 1,
         max_upload_bytes: 1 << 30,
+        uploads: UploadParams::default(),
         worker: WorkerParams::default(),
     };
     let mut server = tokio::spawn(serve(params, stop.clone(), |address| {

@@ -26,7 +26,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 pub struct EvaluateArguments {
     /// A recording with true poses, in a layout that the clip readers know.
     #[arg(long, group = "source")]
-    scene: Option<PathBuf>,
+    pub(super) scene: Option<PathBuf>,
     /// Sets of simulated homes instead: normal, upper, repeated, changed.
     #[arg(long, group = "source", value_delimiter = ',')]
     pub(super) set: Vec<Set>,
@@ -38,7 +38,7 @@ pub struct EvaluateArguments {
     pub(super) seeds: Range<u64>,
     /// Depth sensor of the simulated clips: phone-lidar, structured-light.
     #[arg(long, default_value = "phone-lidar")]
-    sensor: Sensor,
+    pub(super) sensor: Sensor,
     /// Name the classes of simulated pictures by the truth, this share of it right, as if by a network: simulated
     /// pictures are too plain for a real one.
     #[arg(long, requires = "set", value_name = "SHARE", value_parser = share)]
@@ -46,6 +46,9 @@ pub struct EvaluateArguments {
     /// Also give every simulated clip the map of another home, where it belongs nowhere.
     #[arg(long, requires = "set")]
     foreign: bool,
+    /// Withhold the poses of simulated clips, so that they have to be tracked.
+    #[arg(long, requires = "set")]
+    withhold_poses: bool,
     /// Fit the probability to this run's results and write its coefficients.
     #[arg(long, value_name = "FILE")]
     fit: Option<PathBuf>,
@@ -61,7 +64,7 @@ pub struct EvaluateArguments {
     /// Scene: draw this many excerpts of each length at random instead. Simulated: clips of each home, 3 unless
     /// said otherwise. Map: clips of each map, 10 unless said otherwise.
     #[arg(long)]
-    clips: Option<usize>,
+    pub(super) clips: Option<usize>,
     /// Instead of poses, judge the classes of the scene's points against its labelled mesh.
     #[arg(long, requires = "scene", conflicts_with_all = ["set", "map", "lidar", "fit"])]
     labels: bool,
@@ -69,6 +72,12 @@ pub struct EvaluateArguments {
     /// labelled mesh, or those of simulated homes against their truth.
     #[arg(long, conflicts_with_all = ["map", "labels", "fit"])]
     home: bool,
+    /// Instead of the clip's place, judge how well its camera is followed by the pictures alone, against the clip's poses.
+    #[arg(long, conflicts_with_all = ["map", "labels", "home", "fit"])]
+    track: bool,
+    /// With --track: poses that other programs found for the scene's frames, as benches/peers/track.py writes them.
+    #[arg(long, requires = "track", value_name = "FILE")]
+    pub(super) trajectories: Vec<PathBuf>,
     #[command(flatten)]
     pub(super) networks: NetworkArguments,
     /// Methods to compare, by name.
@@ -88,6 +97,9 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     let out = &arguments.out;
     if let (true, Some(scene)) = (arguments.labels, &arguments.scene) {
         return judge_labels(arguments, scene);
+    }
+    if arguments.track {
+        return super::evaluate_track::run(arguments);
     }
     if arguments.home {
         return match &arguments.scene {
@@ -206,6 +218,7 @@ fn suite(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
         sensor: arguments.sensor,
         picture_labels: arguments.picture_labels,
         foreign: arguments.foreign,
+        withhold_poses: arguments.withhold_poses,
     })))
 }
 

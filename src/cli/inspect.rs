@@ -2,6 +2,7 @@
 
 mod sketch;
 
+use super::video_tools::video_tools;
 use crate::clip::{Clip, ClipInfo};
 use crate::home;
 use crate::lidar::{LidarError, LidarInfo, LidarMap};
@@ -16,7 +17,8 @@ pub struct InspectArguments {
     /// Print what the service would tell of the file, as JSON.
     #[arg(long)]
     json: bool,
-    /// Write a picture of the map here (PNG); without it a map is sketched in characters.
+    /// Write a picture here (PNG): of a map, which is sketched in characters without it, or a contact sheet of a clip,
+    /// a dozen frames with colour above depth.
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
 }
@@ -27,7 +29,7 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
         bail!("there is no {}", path.display());
     }
     if path.is_dir() {
-        let found = Clip::open(path);
+        let found = Clip::open_with(path, &video_tools());
         let found = found.with_context(|| format!("{} cannot be used as a clip", path.display()))?;
         return clip(arguments, &found);
     }
@@ -44,7 +46,7 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
     if !may_be_clip {
         bail!("{name} cannot be used as a map ({}): {refused}", refused.code());
     }
-    match Clip::open(path) {
+    match Clip::open_with(path, &video_tools()) {
         Ok(found) => clip(arguments, &found),
         Err(error) => bail!(
             "{name} can be used neither as a map ({}): {refused}, nor as a clip ({}): {error}",
@@ -103,14 +105,18 @@ fn print_map(info: &LidarInfo) {
 }
 
 fn clip(arguments: &InspectArguments, clip: &Clip) -> Result<()> {
-    if arguments.picture.is_some() {
-        bail!("--picture is for maps");
+    if let Some(picture) = &arguments.picture {
+        std::fs::write(picture, home::contact_sheet_png(clip)?)
+            .with_context(|| format!("cannot write {}", picture.display()))?;
     }
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(clip.info())?);
         return Ok(());
     }
     print_clip(clip.info());
+    if let Some(picture) = &arguments.picture {
+        println!("wrote:  {}", picture.display());
+    }
     Ok(())
 }
 

@@ -2,9 +2,11 @@
 
 use super::completion::CompletionArguments;
 use super::networks::NetworkArguments;
+use super::video_tools::video_tools;
 use crate::align::AlignParams;
-use crate::api::{ServeParams, serve};
-use crate::jobs::WorkerParams;
+use crate::api::{ServeParams, UploadParams, serve};
+use crate::jobs::{JobParams, WorkerParams};
+use crate::storage::UploadLimits;
 use anyhow::Result;
 use clap::Args;
 use std::io::{IsTerminal, Write};
@@ -34,6 +36,9 @@ pub struct ServeArguments {
     /// Largest clip.
     #[arg(long, value_name = "MIB", default_value_t = 2048)]
     max_upload_mb: u64,
+    /// How long an unfinished resumable upload waits for its next byte.
+    #[arg(long, value_name = "SECONDS", default_value = "86400", value_parser = seconds)]
+    upload_patience_seconds: Duration,
     /// How long a job stays with a worker that gives no sign of life.
     #[arg(long, value_name = "SECONDS", hide = true, default_value = "30", value_parser = seconds)]
     lease_seconds: Duration,
@@ -51,9 +56,13 @@ pub fn run(arguments: &ServeArguments) -> Result<()> {
         data: arguments.data.clone(),
         workers: arguments.workers,
         max_upload_bytes: arguments.max_upload_mb.saturating_mul(1 << 20),
+        uploads: UploadParams {
+            limits: UploadLimits { patience: arguments.upload_patience_seconds, ..UploadLimits::default() },
+            ..UploadParams::default()
+        },
         worker: WorkerParams {
             lease: arguments.lease_seconds,
-            align: Arc::new(align),
+            align: Arc::new(JobParams { align, video: video_tools() }),
             ..WorkerParams::default()
         },
     };

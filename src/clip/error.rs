@@ -1,6 +1,7 @@
 //! Why a clip is refused or cannot be read on.
 
 use crate::container::ContainerError;
+use crate::video::VideoError;
 
 /// A refusal: its `Display` is for people, [`ClipError::code`] for programs.
 #[derive(Debug, thiserror::Error)]
@@ -8,8 +9,11 @@ pub enum ClipError {
     #[error(transparent)]
     Container(#[from] ContainerError),
     #[error(
-        "no known layout among {files} files; looked for ScanNet (color/0.jpg, depth/0.png, pose/0.txt), \
-         7-Scenes (frame-000000.color.png, .depth.png, .pose.txt) and TUM RGB-D (rgb.txt, depth.txt)"
+        "no known layout among {files} files; looked for Stray Scanner (odometry.csv, camera_matrix.csv), Record3D \
+         (metadata, rgbd/0.depth), Polycam raw data (keyframes/cameras), 3D Scanner App (frame_00000.json), \
+         ARKitScenes (lowres_wide.traj), Nerfstudio (transforms.json), Spectacular AI (data.jsonl), ScanNet \
+         (color/0.jpg, depth/0.png, pose/0.txt, or a .sens file), Redwood (a .log trajectory), 7-Scenes \
+         (frame-000000.color.png, .depth.png, .pose.txt) and TUM RGB-D (rgb.txt, depth.txt)"
     )]
     UnknownLayout { files: usize },
     #[error("there are several clips ({first}, {second}); send them one by one")]
@@ -24,10 +28,14 @@ pub enum ClipError {
     BadIntrinsics { name: String, reason: String },
     #[error("{name}, line {line}: {reason}")]
     BadIndex { name: String, line: usize, reason: String },
+    #[error("{name} is not what the layout has: {reason}")]
+    BadMetadata { name: String, reason: String },
+    #[error("{name} is not metric: {reason}; export metric depth and poses")]
+    NotMetric { name: String, reason: String },
+    #[error("there are several trajectories ({first}, {second}); send one")]
+    SeveralTrajectories { first: String, second: String },
     #[error("two files are the same frame's: {first} and {second}")]
     DuplicateFrame { first: String, second: String },
-    #[error("none of the {frames} frames has a pose in {place} that is a finite rigid motion")]
-    NoFinitePose { frames: usize, place: &'static str },
     #[error("colour and depth do not belong together: {reason}")]
     ColorDepthMismatch { reason: String },
     #[error("{name} is not a picture that can be read: {reason}")]
@@ -36,6 +44,19 @@ pub enum ClipError {
     PictureTooLarge { name: String, width: u32, height: u32, max_pixels: u64 },
     #[error("{name} is {found}; a depth picture is a PNG with 16 bits of grey")]
     DepthNotGrey16 { name: String, found: String },
+    #[error("{name}: {source}")]
+    Video { name: String, source: VideoError },
+    #[error(
+        "{name} is depth as a video, which is not read; give its pictures instead (ffmpeg -i data2.mkv -start_number 0 \
+         -pix_fmt gray16be frames2/%08d.png)"
+    )]
+    DepthVideo { name: String },
+    #[error("{name}: {reason}")]
+    VideoFailed { name: String, code: &'static str, reason: String },
+    #[error("the video ends before frame {frame}")]
+    VideoEnded { frame: u32 },
+    #[error("{name} is not depth that can be read: {reason}")]
+    BadDepth { name: String, reason: String },
     #[error(
         "{name} is {width}x{height}, but the clip's first picture of its kind is {first_width}x{first_height}"
     )]
@@ -54,12 +75,19 @@ impl ClipError {
             ClipError::MissingIntrinsics { .. } => "missing_intrinsics",
             ClipError::BadIntrinsics { .. } => "bad_intrinsics",
             ClipError::BadIndex { .. } => "bad_index",
+            ClipError::BadMetadata { .. } => "bad_metadata",
+            ClipError::NotMetric { .. } => "not_metric",
+            ClipError::SeveralTrajectories { .. } => "several_trajectories",
             ClipError::DuplicateFrame { .. } => "duplicate_frame",
-            ClipError::NoFinitePose { .. } => "no_finite_pose",
             ClipError::ColorDepthMismatch { .. } => "color_depth_mismatch",
             ClipError::BadPicture { .. } => "bad_picture",
             ClipError::PictureTooLarge { .. } => "picture_too_large",
             ClipError::DepthNotGrey16 { .. } => "depth_not_grey16",
+            ClipError::Video { source, .. } => source.code(),
+            ClipError::DepthVideo { .. } => "depth_video",
+            ClipError::VideoFailed { code, .. } => code,
+            ClipError::VideoEnded { .. } => "video_ended",
+            ClipError::BadDepth { .. } => "bad_depth",
             ClipError::ImageSizeChanged { .. } => "image_size_changed",
         }
     }

@@ -1,9 +1,9 @@
 //! Colour and depth pictures: headers first, then pixels.
 
-use super::{ClipError, DepthImage};
+use super::{ClipError, DepthImage, depth};
 use crate::container::Container;
 use crate::geometry::Pinhole;
-use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
+use image::{ColorType, DynamicImage, GrayImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
 use std::io::Cursor;
 
 /// A file of one picture.
@@ -17,16 +17,16 @@ pub(super) fn size(container: &dyn Container, name: &str) -> Result<(u32, u32), 
     Ok(decoder(&bytes, name)?.dimensions())
 }
 
+/// The bytes of a file of one picture.
+pub(super) fn read(container: &dyn Container, name: &str) -> Result<Vec<u8>, ClipError> {
+    Ok(container.read(name, MAX_PICTURE_BYTES)?)
+}
+
 /// Decodes a colour picture of the camera's size.
-pub(super) fn decode_color(
-    container: &dyn Container,
-    name: &str,
-    camera: &Pinhole,
-) -> Result<RgbImage, ClipError> {
-    let bytes = container.read(name, MAX_PICTURE_BYTES)?;
-    let decoder = decoder(&bytes, name)?;
+pub(super) fn decode_color(bytes: &[u8], name: &str, camera: &Pinhole) -> Result<RgbImage, ClipError> {
+    let decoder = decoder(bytes, name)?;
     check_size(name, decoder.dimensions(), camera)?;
-    if is_cut_jpeg(&bytes) {
+    if is_cut_jpeg(bytes) {
         return Err(ClipError::BadPicture { name: name.to_string(), reason: "it ends too early".into() });
     }
     Ok(pixels(decoder, name)?.into_rgb8())
@@ -47,10 +47,21 @@ pub(super) fn decode_depth(
         return Err(ClipError::DepthNotGrey16 { name: name.to_string(), found: format!("{found:?}") });
     }
     let image = pixels(decoder, name)?.into_luma16();
-    // The largest number is a sensor that has given up: 7-Scenes writes it, and no layout means it.
-    let metres = |units: u16| if units == u16::MAX { 0.0 } else { f32::from(units) / units_per_m };
     let (width, height) = image.dimensions();
-    Ok(DepthImage { width, height, depth_m: image.into_raw().into_iter().map(metres).collect() })
+    let depth_m = image.into_raw().into_iter().map(|units| depth::metres(units, units_per_m)).collect();
+    Ok(DepthImage { width, height, depth_m })
+}
+
+/// Decodes a picture with 8 bits of grey.
+pub(super) fn decode_grey8(container: &dyn Container, name: &str) -> Result<GrayImage, ClipError> {
+    let bytes = container.read(name, MAX_PICTURE_BYTES)?;
+    let decoder = decoder(&bytes, name)?;
+    let found = decoder.color_type();
+    if found != ColorType::L8 {
+        let reason = format!("it is {found:?}, not 8 bits of grey");
+        return Err(ClipError::BadPicture { name: name.to_string(), reason });
+    }
+    Ok(pixels(decoder, name)?.into_luma8())
 }
 
 /// Reads the header; refuses sizes that nobody should allocate for.

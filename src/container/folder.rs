@@ -1,6 +1,7 @@
 //! A folder on this machine.
 
-use super::{Container, ContainerError, MAX_ENTRIES, is_ignored, position, read_bounded, shown};
+use super::names::{is_ignored, required, shown};
+use super::{Container, ContainerError, MAX_ENTRIES, Region, read_bounded, region_of};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
@@ -60,6 +61,12 @@ impl Folder {
         }
         Ok(target.is_file())
     }
+
+    fn file(&self, name: &str) -> Result<File, ContainerError> {
+        required(&self.names, name)?;
+        let path = self.root.join(name);
+        File::open(&path).map_err(|source| ContainerError::unreadable(&path, source))
+    }
 }
 
 impl Container for Folder {
@@ -68,11 +75,12 @@ impl Container for Folder {
     }
 
     fn read(&self, name: &str, max_bytes: u64) -> Result<Vec<u8>, ContainerError> {
-        if position(&self.names, name).is_none() {
-            return Err(ContainerError::Missing { name: shown(name) });
-        }
-        let path = self.root.join(name);
-        let mut file = File::open(&path).map_err(|source| ContainerError::unreadable(&path, source))?;
-        read_bounded(&mut file, name, max_bytes)
+        read_bounded(&mut self.file(name)?, name, max_bytes)
+    }
+
+    fn region(&self, name: &str, max_bytes: u64) -> Result<Region, ContainerError> {
+        let whole = Region::whole(self.file(name)?)
+            .map_err(|source| ContainerError::Unreadable { name: shown(name), source })?;
+        region_of(&whole, name, 0, whole.bytes, max_bytes)
     }
 }

@@ -1,14 +1,17 @@
 //! A zip archive, read entry by entry without unpacking it (PKWARE APPNOTE 6.3).
 
-use super::{Container, ContainerError, MAX_ENTRIES, check_unique, is_ignored, position};
-use super::{read_bounded, safe_name, shown};
-use ::zip::read::{ArchiveOffset, Config, ZipArchiveMetadata, ZipFileEntry, ZipReadOptions};
+mod entry;
+
+use super::names::{Entries, required, safe_name, shown};
+use super::spool::spool;
+use super::{Container, ContainerError, MAX_ENTRIES, RATIO_FREE_BYTES, Region, read_bounded};
+use ::zip::read::{ArchiveOffset, Config};
 use ::zip::result::ZipError;
 use ::zip::{CompressionMethod, ZipArchive};
+use entry::Entry;
 use std::fs::File;
 use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Declared size of one entry, unpacked: a large mesh beside the pictures passes, a bomb does not.
 const MAX_ENTRY_BYTES: u64 = 4 << 30;
@@ -16,8 +19,6 @@ const MAX_ENTRY_BYTES: u64 = 4 << 30;
 const MAX_TOTAL_BYTES: u64 = 64 << 30;
 /// Unpacked bytes for each packed one. Deflate reaches 1030 on zeros; text and raw pictures stay below 50.
 const MAX_RATIO: u64 = 200;
-/// Up to this size an entry, or the archive, may have any ratio.
-const RATIO_FREE_BYTES: u64 = 16 << 20;
 
 trait ReadSeek: Read + Seek + Send + Sync {}
 impl<T: Read + Seek + Send + Sync> ReadSeek for T {}
@@ -43,10 +44,9 @@ impl Source {
 /// A checked archive: its directory in memory, its entries where they are.
 pub struct Zip {
     source: Source,
-    directory: Arc<ZipArchiveMetadata>,
     names: Vec<String>,
-    /// Index of each name's entry in the directory.
-    entries: Vec<usize>,
+    /// One for each name.
+    entries: Vec<Entry>,
 }
 
 impl Zip {
@@ -67,7 +67,7 @@ impl Zip {
         if directory.has_duplicate_names() {
             return Err(ContainerError::DuplicateName { name: "the same".into() });
         }
-        let mut found = Vec::with_capacity(directory.len());
+        let mut found = Entries::new();
         let mut total_bytes = 0u64;
         for index in 0..directory.len() {
             let entry = directory.entry(index).map_err(damaged)?;
@@ -85,21 +85,44 @@ impl Zip {
             if !matches!(entry.compression(), CompressionMethod::Stored | CompressionMethod::Deflated) {
                 return Err(ContainerError::ZipMethod { name });
             }
+            if entry.compression() == CompressionMethod::Stored && entry.size() != entry.compressed_size() {
+                let reason = format!("{name} is stored, and yet its packed size is another");
+                return Err(ContainerError::ZipDamaged { reason });
+            }
             check_ratio(&name, entry.size(), entry.compressed_size(), MAX_ENTRY_BYTES)?;
             total_bytes = total_bytes.saturating_add(entry.size());
-            found.push((name, index));
+            let kept = Entry {
+                header_at: entry.header_start(),
+                packed: entry.compressed_size(),
+                bytes: entry.size(),
+                crc32: entry.crc32(),
+                is_deflated: entry.compression() == CompressionMethod::Deflated,
+            };
+            found.push(name, kept)?;
         }
         check_ratio("the archive", total_bytes, packed_bytes, MAX_TOTAL_BYTES)?;
-        check_unique(found.iter().map(|(name, _)| name.as_str()))?;
-        found.retain(|(name, _)| !is_ignored(name));
-        found.sort_unstable();
-        let (names, entries) = found.into_iter().unzip();
-        Ok(Zip { source, directory, names, entries })
+        let (names, entries) = found.finish()?;
+        Ok(Zip { source, names, entries })
     }
 
-    fn entry(&self, name: &str) -> Result<ZipFileEntry<'_>, ContainerError> {
-        let at = position(&self.names, name).ok_or_else(|| ContainerError::Missing { name: shown(name) })?;
-        self.directory.entry(self.entries[at]).map_err(damaged)
+    /// The entry, if it declares no more than `max_bytes`.
+    fn sized(&self, name: &str, max_bytes: u64) -> Result<Entry, ContainerError> {
+        let entry = self.entries[required(&self.names, name)?];
+        if entry.bytes > max_bytes {
+            return Err(ContainerError::FileTooLarge { name: shown(name), max_bytes });
+        }
+        Ok(entry)
+    }
+
+    /// A stored entry of an archive on the disk, where it is. Its checksum is not checked.
+    fn stored(&self, path: &Path, name: &str, entry: Entry) -> Result<Region, ContainerError> {
+        let unreadable = |source| ContainerError::unreadable(path, source);
+        let mut file = File::open(path).map_err(unreadable)?;
+        let offset = entry.data_at(&mut file, name)?;
+        let whole = Region::whole(file).map_err(unreadable)?;
+        whole.part(offset, entry.bytes).map_err(|_| ContainerError::ZipDamaged {
+            reason: format!("{name} does not lie inside the archive"),
+        })
     }
 }
 
@@ -109,22 +132,40 @@ impl Container for Zip {
     }
 
     fn read(&self, name: &str, max_bytes: u64) -> Result<Vec<u8>, ContainerError> {
-        let mut reader = self.source.reader()?;
-        let entry = self.entry(name)?;
-        let declared = entry.size();
-        let mut file = entry.with_reader(&mut reader, ZipReadOptions::new()).map_err(damaged)?;
+        let entry = self.sized(name, max_bytes)?;
+        let mut file = entry.reader(self.source.reader()?, name)?;
         // An entry that unpacks to more than it declares has lied to the checks above.
-        let bytes = read_bounded(&mut file, name, max_bytes.min(declared));
-        match bytes {
-            Err(ContainerError::FileTooLarge { name, .. }) if declared < max_bytes => {
-                Err(ContainerError::ZipDamaged { reason: format!("{name} is larger than the archive says") })
-            }
-            Err(ContainerError::Unreadable { name, source }) => {
-                Err(ContainerError::ZipDamaged { reason: format!("{name}: {source}") })
-            }
-            other => other,
+        match read_bounded(&mut file, name, entry.bytes) {
+            Err(ContainerError::FileTooLarge { name, .. }) => Err(larger_than_declared(&name)),
+            Err(ContainerError::Unreadable { name, source }) => Err(broken(&name, source)),
+            Ok(bytes) => entry.check(&file, name).map(|()| bytes),
+            Err(other) => Err(other),
         }
     }
+
+    fn region(&self, name: &str, max_bytes: u64) -> Result<Region, ContainerError> {
+        let entry = self.sized(name, max_bytes)?;
+        if let (Source::Path(path), false) = (&self.source, entry.is_deflated) {
+            return self.stored(path, name, entry);
+        }
+        let mut file = entry.reader(self.source.reader()?, name)?;
+        let region = spool(
+            &mut file,
+            name,
+            entry.bytes,
+            || larger_than_declared(name),
+            |source| broken(name, source),
+        )?;
+        entry.check(&file, name).map(|()| region)
+    }
+}
+
+fn larger_than_declared(name: &str) -> ContainerError {
+    ContainerError::ZipDamaged { reason: format!("{name} is larger than the archive says") }
+}
+
+fn broken(name: &str, source: std::io::Error) -> ContainerError {
+    ContainerError::ZipDamaged { reason: format!("{name}: {source}") }
 }
 
 fn check_ratio(name: &str, bytes: u64, packed: u64, max_bytes: u64) -> Result<(), ContainerError> {

@@ -27,6 +27,8 @@ pub struct HomesParams {
     pub picture_labels: Option<f64>,
     /// Also give every clip the map of the next seed's home, where it belongs nowhere.
     pub foreign: bool,
+    /// The clips are given without the device's poses, and have to be tracked.
+    pub withhold_poses: bool,
 }
 
 /// The true pose of a clip in the map of another home: one that no answer comes near.
@@ -110,7 +112,9 @@ impl Suite for HomeClips {
 
     fn fingerprint(&self) -> String {
         // The rest of the parameters is in the cases.
-        format!("simulated {:?} {:?}", self.params.sensor, self.params.picture_labels)
+        let HomesParams { sensor, picture_labels, withhold_poses, .. } = &self.params;
+        let poses = if *withhold_poses { " without poses" } else { "" };
+        format!("simulated {sensor:?} {picture_labels:?}{poses}")
     }
 
     fn sample(
@@ -128,6 +132,7 @@ impl Suite for HomeClips {
             ClipParams { frames, sensor: self.params.sensor, color_width, ..ClipParams::default() };
         let recorded = mapped.home.clip(&mapped.survey, number, &recording);
         let truth = recorded.truth.clone();
+        let recorded = if self.params.withhold_poses { recorded.without_poses() } else { recorded };
         let (clip, label) = match self.params.picture_labels {
             Some(accuracy) => {
                 let (clip, oracle) = Oracle::with_clip(Arc::new(recorded), accuracy, seed);

@@ -1,6 +1,6 @@
 //! Pictures of a completion: what each view showed, what was made of it, and the plan before and after.
 
-use super::lettering;
+use super::{lettering, shades};
 use crate::align::complete::CompletedView;
 use crate::align::{Aligned, Completion, CompletionReport, VirtualScan};
 use crate::geometry::{Point2, Pose2, Vector2};
@@ -75,22 +75,9 @@ fn expand(mask: &GrayImage) -> RgbImage {
     RgbImage::from_fn(mask.width(), mask.height(), |x, y| Rgb([mask.get_pixel(x, y).0[0]; 3]))
 }
 
-/// Depth as a picture: 0.5 m and nearer dark, 5 m and further bright, black where nothing is known.
+/// The view's depth at its picture's size.
 fn shades(view: &CompletedView) -> RgbImage {
-    let (width, height) = (view.depth_camera.width, view.depth_camera.height);
-    let small = RgbImage::from_fn(width, height, |x, y| {
-        let depth_m = view.depth_m[(y * width + x) as usize];
-        if depth_m <= 0.0 {
-            return Rgb([0; 3]);
-        }
-        let share = ((depth_m - 0.5) / 4.5).clamp(0.0, 1.0);
-        // From violet over green to yellow, ever brighter.
-        let channel = |low: f32, middle: f32, high: f32| {
-            let (a, b, t) = if share < 0.5 { (low, middle, share) } else { (middle, high, share - 0.5) };
-            (a + (b - a) * 2.0 * t) as u8
-        };
-        Rgb([channel(68.0, 33.0, 253.0), channel(10.0, 145.0, 231.0), channel(84.0, 140.0, 37.0)])
-    });
+    let small = shades::shades(view.depth_camera.width, view.depth_camera.height, &view.depth_m);
     imageops::resize(&small, view.camera.width, view.camera.height, imageops::FilterType::Nearest)
 }
 

@@ -7,6 +7,7 @@ use crate::lidar::{LidarError, LidarMap};
 use crate::progress::{Progress, Stage};
 use crate::stopwatch::Stopwatch;
 use crate::storage::result_file;
+use crate::video;
 use std::path::Path;
 
 /// What one job makes.
@@ -48,15 +49,24 @@ impl Failure {
     }
 }
 
+/// What a job needs to know beside its files.
+#[derive(Debug, Clone, Default)]
+pub struct JobParams {
+    pub align: AlignParams,
+    /// What decodes clips' videos.
+    pub video: video::Tools,
+}
+
 pub fn align_clip(
     clip_path: &Path,
     lidar_bytes: &[u8],
-    params: &AlignParams,
+    params: &JobParams,
     progress: &dyn Progress,
 ) -> Result<Finished, Failure> {
+    let JobParams { align: params, video } = params;
     let watch = Stopwatch::around(progress).with_budget(Stage::Complete, params.complete.time);
     watch.enter(Stage::Decode);
-    let clip = Clip::open(clip_path)?;
+    let clip = Clip::open_with(clip_path, video)?;
     let lidar = LidarMap::read(lidar_bytes)?;
     let mut aligned = align::align(&clip, None, &lidar, params, &watch)?;
 

@@ -1,10 +1,10 @@
 //! Takes one job after the other and does it.
 
-use super::align_clip::{Failure, Finished, align_clip};
+use super::align_clip::{Failure, Finished, JobParams, align_clip};
 use super::merge::merge;
 use super::report::{Heard, Report};
 use super::{POLL, Queue};
-use crate::align::{AlignParams, Reason};
+use crate::align::Reason;
 use crate::progress::Progress;
 use crate::storage::{Claim, Ending, RetryPolicy, StorageError};
 use jiff::Timestamp;
@@ -31,11 +31,11 @@ pub struct WorkerParams {
     /// What a job does, and how.
     pub method: Method,
     /// The same for every job, its seed too: the same clip and map give the same answer in every job.
-    pub align: Arc<AlignParams>,
+    pub align: Arc<JobParams>,
 }
 
 /// From a clip's file, a map's bytes and parameters to an answer. It may take long and may panic.
-pub type Method = fn(&Path, &[u8], &AlignParams, &dyn Progress) -> Result<Finished, Failure>;
+pub type Method = fn(&Path, &[u8], &JobParams, &dyn Progress) -> Result<Finished, Failure>;
 
 impl Default for WorkerParams {
     fn default() -> WorkerParams {

@@ -139,6 +139,12 @@ impl SimulatedClip {
         }
     }
 
+    /// The same as a camera records it that knows no poses.
+    pub fn without_poses(mut self) -> SimulatedClip {
+        self.headers.iter_mut().for_each(|header| header.world_from_camera = None);
+        self
+    }
+
     pub fn headers(&self) -> &[FrameHeader] {
         &self.headers
     }

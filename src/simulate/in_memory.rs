@@ -24,6 +24,7 @@ pub fn clip_in_memory_heard(
 ) -> Clip {
     let (color, depth) = (recorded.color_camera, recorded.depth_camera);
     let frames = recorded.headers().to_vec();
+    let posed = frames.iter().filter(|frame| frame.world_from_camera.is_some()).count();
     let info = ClipInfo {
         layout: "simulated".into(),
         pose_convention: "camera-to-world, OpenCV (x right, y down, z forward)".into(),
@@ -31,8 +32,8 @@ pub fn clip_in_memory_heard(
         gravity: "world z is up".into(),
         intrinsics: "exact".into(),
         frames: frames.len(),
-        frames_with_pose: frames.len(),
-        skipped_without_pose: 0,
+        frames_with_pose: posed,
+        skipped_without_pose: frames.len() - posed,
         skipped_incomplete: 0,
         color_width: color.width,
         color_height: color.height,

@@ -18,6 +18,9 @@ const INCOMING: &str = "incoming";
 /// How long to wait after each failed write.
 const PAUSES: [Duration; 2] = [Duration::from_millis(20), Duration::from_millis(200)];
 
+/// How often a move of a file to its key is tried.
+const KEEP_TRIES: u32 = 5;
+
 pub(super) struct Blobs {
     pub(super) store: Box<dyn ObjectStore>,
     folder: PathBuf,
@@ -44,8 +47,17 @@ impl Blobs {
     /// Keeps an arrived file under a key; on return it is durable.
     pub async fn keep(&self, mut file: Arrived, key: &str) -> Result<(), StorageError> {
         let name = file.path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        let from = Key::from_iter([INCOMING, name]);
-        self.store.rename(&from, &Key::from(key)).await?;
+        let (from, to) = (Key::from_iter([INCOMING, name]), Key::from(key));
+        // The store removes a folder with the last file in it. Where that happens while this one's folder is made, the
+        // move fails; the file is then still where it was, and the next try makes the folder again.
+        let mut moved = self.store.rename(&from, &to).await;
+        for _ in 1..KEEP_TRIES {
+            if moved.is_ok() || !file.path.exists() {
+                break;
+            }
+            moved = self.store.rename(&from, &to).await;
+        }
+        moved?;
         // Renamed: nothing is left for the guard to remove.
         file.path.disable_cleanup(true);
         Ok(())

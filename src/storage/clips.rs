@@ -97,7 +97,7 @@ pub(super) fn from_row(row: &Row, job: Option<Job>) -> Result<Clip, StorageError
     })
 }
 
-fn file_key(id: Uuid) -> String {
+pub(super) fn file_key(id: Uuid) -> String {
     format!("clips/{id}/file")
 }
 
@@ -115,15 +115,8 @@ impl Storage {
     /// Keeps a clip, and queues its job when the home has a LiDAR map.
     pub async fn add_clip(&self, home: &HomeId, new: NewClip, now: Timestamp) -> Result<Added, StorageError> {
         let id = Uuid::now_v7();
-        let row = NewRow {
-            id,
-            size_bytes: new.file.size_bytes,
-            sha256: new.file.sha256.clone(),
-            info: new.info,
-            idempotency_key: new.idempotency_key,
-            recorded_at: new.recorded_at,
-        };
-        self.blobs.keep(new.file, &file_key(id)).await?;
+        let (file, row) = NewRow::of(id, new);
+        self.blobs.keep(file, &file_key(id)).await?;
         let added = self.insert_clip(home, row, now).await;
         // After a database error the row may be there nevertheless; then the next start's sweep decides.
         if matches!(added, Ok(Added::Replayed(_) | Added::KeyReused) | Err(StorageError::NoSuchHome)) {
@@ -134,50 +127,9 @@ impl Storage {
 
     async fn insert_clip(&self, home: &HomeId, new: NewRow, now: Timestamp) -> Result<Added, StorageError> {
         let mut transaction = self.database.begin().await?;
-        if !homes::exists(&mut transaction, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
-        if let Some(key) = &new.idempotency_key
-            && let Some(used) = idempotency::find(&mut transaction, home, key).await?
-        {
-            return if used.sha256 == new.sha256 {
-                Ok(Added::Replayed(find(&mut transaction, home, used.clip).await?))
-            } else {
-                Ok(Added::KeyReused)
-            };
-        }
-        let reasons = [no_lidar_map()];
-        sqlx::query(
-            "INSERT INTO clips (id, home_id, size_bytes, sha256, info, state, reasons, recorded_at, created_at,
-                updated_at)
-            VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $9)",
-        )
-        .bind(new.id.to_string())
-        .bind(home.as_str())
-        .bind(new.size_bytes as i64)
-        .bind(&new.sha256)
-        .bind(to_json(&new.info))
-        .bind(ClipState::Uploaded.name())
-        .bind(to_json(&reasons))
-        .bind(new.recorded_at.map(Timestamp::as_millisecond))
-        .bind(now.as_millisecond())
-        .execute(&mut *transaction)
-        .await?;
-        if let Some(key) = &new.idempotency_key {
-            idempotency::insert(&mut transaction, home, key, &new.sha256, new.id, now).await?;
-        }
-        match lidar_maps::current_id(&mut transaction, home).await? {
-            Some(map) => {
-                jobs::enqueue(&mut transaction, new.id, map, now).await?;
-            }
-            None => {
-                let added = Changed::Clip { id: new.id, state: ClipState::Uploaded };
-                changes::record(&mut transaction, home, added, now).await?;
-            }
-        }
-        let clip = find(&mut transaction, home, new.id).await?;
+        let added = insert(&mut transaction, home, new, now).await?;
         transaction.commit().await?;
-        Ok(Added::New(clip))
+        Ok(added)
     }
 
     pub async fn clip(&self, home: &HomeId, id: Uuid) -> Result<Clip, StorageError> {
@@ -249,13 +201,80 @@ impl Storage {
     }
 }
 
-struct NewRow {
+pub(super) struct NewRow {
     id: Uuid,
     size_bytes: u64,
     sha256: String,
     info: ClipInfo,
     idempotency_key: Option<String>,
     recorded_at: Option<Timestamp>,
+}
+
+impl NewRow {
+    /// Apart from the file.
+    pub(super) fn of(id: Uuid, new: NewClip) -> (Arrived, NewRow) {
+        let row = NewRow {
+            id,
+            size_bytes: new.file.size_bytes,
+            sha256: new.file.sha256.clone(),
+            info: new.info,
+            idempotency_key: new.idempotency_key,
+            recorded_at: new.recorded_at,
+        };
+        (new.file, row)
+    }
+}
+
+/// The row of a clip whose file is kept, and its job when the home has a LiDAR map; neither where its key was used.
+pub(super) async fn insert(
+    transaction: &mut Transaction,
+    home: &HomeId,
+    new: NewRow,
+    now: Timestamp,
+) -> Result<Added, StorageError> {
+    if !homes::exists(transaction, home).await? {
+        return Err(StorageError::NoSuchHome);
+    }
+    if let Some(key) = &new.idempotency_key
+        && let Some(used) = idempotency::find(transaction, home, key).await?
+    {
+        return if used.sha256 == new.sha256 {
+            Ok(Added::Replayed(find(transaction, home, used.clip).await?))
+        } else {
+            Ok(Added::KeyReused)
+        };
+    }
+    let reasons = [no_lidar_map()];
+    sqlx::query(
+        "INSERT INTO clips (id, home_id, size_bytes, sha256, info, state, reasons, recorded_at, created_at,
+            updated_at)
+        VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $9)",
+    )
+    .bind(new.id.to_string())
+    .bind(home.as_str())
+    .bind(new.size_bytes as i64)
+    .bind(&new.sha256)
+    .bind(to_json(&new.info))
+    .bind(ClipState::Uploaded.name())
+    .bind(to_json(&reasons))
+    .bind(new.recorded_at.map(Timestamp::as_millisecond))
+    .bind(now.as_millisecond())
+    .execute(&mut **transaction)
+    .await?;
+    if let Some(key) = &new.idempotency_key {
+        idempotency::insert(transaction, home, key, &new.sha256, new.id, now).await?;
+    }
+    match lidar_maps::current_id(transaction, home).await? {
+        Some(map) => {
+            jobs::enqueue(transaction, new.id, map, now).await?;
+        }
+        None => {
+            let added = Changed::Clip { id: new.id, state: ClipState::Uploaded };
+            changes::record(transaction, home, added, now).await?;
+        }
+    }
+    let clip = find(transaction, home, new.id).await?;
+    Ok(Added::New(clip))
 }
 
 fn no_lidar_map() -> Reason {

@@ -9,6 +9,7 @@ mod leases;
 mod lists;
 mod local_files;
 mod records;
+mod uploads;
 
 use super::*;
 use crate::align::{Alignment, AlignmentState, Reason};

@@ -157,6 +157,7 @@ impl Storage {
             super::clips::blob_keys(&mut transaction, Some(id)).await?,
             super::lidar_maps::blob_keys(&mut transaction, Some(id)).await?,
             super::home_maps::blob_keys(&mut transaction, Some(id)).await?,
+            super::uploads::blob_keys_of_home(&mut transaction, id).await?,
         ]
         .concat();
         let deleted = sqlx::query("DELETE FROM homes WHERE id = $1").bind(id.as_str());

@@ -30,6 +30,10 @@ impl Incoming {
         written.map_err(|source| StorageError::File { path: self.path.to_path_buf(), source })
     }
 
+    pub fn size_bytes(&self) -> u64 {
+        self.size_bytes
+    }
+
     /// Waits until every byte is on the disk.
     pub async fn finish(mut self) -> Result<Arrived, StorageError> {
         let error = |source| StorageError::File { path: self.path.to_path_buf(), source };

@@ -6,16 +6,16 @@ use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
 use std::path::Path;
-use viola::align::{AlignParams, AlignmentState, Alternative};
+use viola::align::{AlignmentState, Alternative};
 use viola::geometry::Pose2;
-use viola::jobs::{Failure, Finished, align_clip};
+use viola::jobs::{Failure, Finished, JobParams, align_clip};
 use viola::progress::Progress;
 
 /// The real method, whose answer is then said to be one of two poses.
 fn of_two_minds(
     clip: &Path,
     map: &[u8],
-    params: &AlignParams,
+    params: &JobParams,
     progress: &dyn Progress,
 ) -> Result<Finished, Failure> {
     let mut finished = align_clip(clip, map, params, progress)?;

@@ -194,3 +194,33 @@ async fn clips_are_listed_by_state_and_time() {
     assert_eq!(homes["items"][0]["id"], "h");
     assert_eq!(server.get("/v1/homes?updated_after=2399-01-01T00:00:00Z").await.ok(200)["items"], json!([]));
 }
+
+#[tokio::test]
+async fn a_dry_run_tells_what_would_become_of_a_file_and_keeps_nothing() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    let clips = format!("{home}/clips");
+    let file = zips::zip(&room::clip(24));
+    let report = server.post(&format!("{clips}?dry_run=true"), file.clone()).await.ok(200);
+    assert_eq!(report["size_bytes"], file.len());
+    assert_eq!(
+        (&report["understood"]["layout"], &report["understood"]["frames"]),
+        (&json!("scannet"), &json!(24))
+    );
+    assert_eq!(report["has_lidar_map"], false);
+    let key_frames = report["estimate"]["key_frames"].as_u64().unwrap();
+    assert!((1..=24).contains(&key_frames), "{report:#}");
+    assert!(report["estimate"]["seconds"].as_f64().unwrap() > 0.0, "{report:#}");
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let report = server.post(&format!("{clips}?dry_run=true"), file.clone()).await.ok(200);
+    assert_eq!(report["has_lidar_map"], true);
+
+    // What would be refused is refused.
+    server.post(&format!("{clips}?dry_run=true"), "no clip").await.problem(415, "unknown-layout");
+    let problem =
+        server.post(&format!("{clips}?dry_run=maybe"), file.clone()).await.problem(400, "invalid-query");
+    assert_eq!(problem["field"], "dry_run");
+    assert_eq!(server.get(&clips).await.ok(200)["items"], json!([]));
+    assert_eq!(server.get(&home).await.ok(200)["clips"], 0);
+    server.post(&format!("{clips}?dry_run=false"), file).await.ok(201);
+}

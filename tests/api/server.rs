@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
-use viola::api::{ServeParams, serve};
+use viola::api::{ServeParams, UploadParams, serve};
 use viola::jobs::WorkerParams;
 
 pub struct Server {
@@ -33,6 +33,7 @@ impl Server {
             data: folder.path().to_owned(),
             workers: 1,
             max_upload_bytes: 64 << 20,
+            uploads: UploadParams::default(),
             worker: WorkerParams::default(),
         };
         change(&mut params);

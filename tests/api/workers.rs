@@ -6,8 +6,7 @@ use serde_json::Value;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
-use viola::align::AlignParams;
-use viola::jobs::{Failure, Finished, Method, align_clip};
+use viola::jobs::{Failure, Finished, JobParams, Method, align_clip};
 use viola::progress::{Progress, Stage, check};
 use viola::storage::RetryPolicy;
 
@@ -39,7 +38,7 @@ async fn a_panic_is_a_failed_attempt() {
     fn once(
         clip: &Path,
         map: &[u8],
-        params: &AlignParams,
+        params: &JobParams,
         progress: &dyn Progress,
     ) -> Result<Finished, Failure> {
         assert!(CALLS.fetch_add(1, Ordering::SeqCst) > 0, "the first call");
@@ -52,7 +51,7 @@ async fn a_panic_is_a_failed_attempt() {
 
 #[tokio::test]
 async fn panics_end_in_a_failed_clip_and_not_in_a_dead_worker() {
-    fn always(_: &Path, _: &[u8], _: &AlignParams, _: &dyn Progress) -> Result<Finished, Failure> {
+    fn always(_: &Path, _: &[u8], _: &JobParams, _: &dyn Progress) -> Result<Finished, Failure> {
         panic!("a secret of the method")
     }
     let server = server(always, Duration::from_secs(30)).await;
@@ -71,7 +70,7 @@ async fn a_long_job_keeps_its_lease() {
     fn long(
         clip: &Path,
         map: &[u8],
-        params: &AlignParams,
+        params: &JobParams,
         progress: &dyn Progress,
     ) -> Result<Finished, Failure> {
         let until = Instant::now() + Duration::from_millis(2500);
@@ -97,7 +96,7 @@ async fn a_long_job_keeps_its_lease() {
 async fn a_method_that_does_not_hear_cannot_hold_the_server() {
     static RUNS: AtomicBool = AtomicBool::new(false);
     static LET_GO: AtomicBool = AtomicBool::new(false);
-    fn deaf(_: &Path, _: &[u8], _: &AlignParams, _: &dyn Progress) -> Result<Finished, Failure> {
+    fn deaf(_: &Path, _: &[u8], _: &JobParams, _: &dyn Progress) -> Result<Finished, Failure> {
         RUNS.store(true, Ordering::SeqCst);
         while !LET_GO.load(Ordering::SeqCst) {
             std::thread::sleep(Duration::from_millis(1));

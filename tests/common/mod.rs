@@ -5,6 +5,7 @@
 pub mod client;
 pub mod process;
 pub mod room;
+pub mod tus;
 pub mod zips;
 
 use std::future::Future;

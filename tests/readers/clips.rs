@@ -1,5 +1,6 @@
 //! Clips in each layout: what is written is read, and what cannot be used is refused by name.
 
+use crate::archives::{everywhere, gzip, zstd};
 use crate::writers::*;
 use proptest::prelude::*;
 use std::collections::BTreeSet;
@@ -47,7 +48,7 @@ const LAYOUTS: [(&str, Writer, f32); 3] =
     [("scannet", scannet, 1000.0), ("seven_scenes", seven_scenes, 1000.0), ("tum_rgbd", tum, 5000.0)];
 
 #[test]
-fn each_layout_is_read_from_a_folder_and_a_zip_wherever_it_lies() {
+fn each_layout_is_read_from_every_container_wherever_it_lies() {
     let numbers = [0, 9, 10, 11, 100];
     for (layout, write_files, units_per_m) in LAYOUTS {
         for root in ["", "scene0000_00/", "a/b/c/"] {
@@ -60,8 +61,10 @@ fn each_layout_is_read_from_a_folder_and_a_zip_wherever_it_lies() {
                 files.push((name.to_string(), b"mac".to_vec()));
             }
             files.push((format!("{root}color/._9.jpg"), b"mac".to_vec()));
-            check_clip(as_folder(&files).path(), layout, &numbers, units_per_m);
-            check_clip(as_zip(&files).path(), layout, &numbers, units_per_m);
+            let (_root, places) = everywhere(&files);
+            for (_, path) in &places {
+                check_clip(path, layout, &numbers, units_per_m);
+            }
         }
     }
 }
@@ -163,6 +166,15 @@ fn check_refused(write_files: Writer, change: impl FnOnce(&mut Files), code: &st
     }
 }
 
+/// Files of a good clip, changed, are a clip without a pose, which is told.
+fn check_without_poses(write_files: Writer, change: impl FnOnce(&mut Files)) {
+    let mut files = write_files("", &[0, 1, 2]);
+    change(&mut files);
+    let clip = Clip::open(as_zip(&files).path()).unwrap();
+    assert_eq!((clip.info().frames_with_pose, clip.info().skipped_without_pose), (0, clip.info().frames));
+    assert!(clip.info().notes.iter().any(|note| note.contains("tracked")), "{:?}", clip.info().notes);
+}
+
 fn set(files: &mut Files, name: &str, bytes: &[u8]) {
     files.retain(|(n, _)| n != name);
     files.push((name.to_string(), bytes.to_vec()));
@@ -213,9 +225,9 @@ fn clips_that_cannot_be_used_are_refused_by_name() {
     }
     check_refused(scannet, |f| set(f, color_file, &[b'1'; 5000]), "file_too_large", color_file);
     check_refused(scannet, |f| drop_ending(f, ".txt"), "missing_intrinsics", color_file);
-    check_refused(scannet, |f| f.retain(|(n, _)| !n.starts_with("pose")), "no_finite_pose", "pose/");
-    check_refused(tum, |f| drop_ending(f, "groundtruth.txt"), "no_finite_pose", "groundtruth.txt");
-    check_refused(seven_scenes, |f| drop_ending(f, ".pose.txt"), "no_finite_pose", ".pose.txt");
+    check_without_poses(scannet, |f| f.retain(|(n, _)| !n.starts_with("pose")));
+    check_without_poses(tum, |f| drop_ending(f, "groundtruth.txt"));
+    check_without_poses(seven_scenes, |f| drop_ending(f, ".pose.txt"));
     check_refused(scannet, |f| set(f, "color/01.jpg", b""), "duplicate_frame", "color/01.jpg");
     check_refused(scannet, |f| f.extend(scannet("second/", &[0])), "several_clips", "second/");
 
@@ -260,9 +272,12 @@ fn what_is_no_container_is_refused() {
         assert_eq!(error.code(), code, "{error}");
     };
     check(b"", "empty");
-    check(b"P", "not_an_archive");
-    check(b"This is a text file that somebody sent by mistake.", "not_an_archive");
-    check(&color_jpeg(8, 6), "not_an_archive");
+    // A file by itself can be a recording, but these are none.
+    for bytes in [&b"P"[..], b"This is a text file that somebody sent by mistake.", &color_jpeg(8, 6)] {
+        check(bytes, "unknown_layout");
+        check(&gzip(bytes), "not_an_archive");
+        check(&zstd(bytes), "not_an_archive");
+    }
     let zip = zip_bytes(&scannet("", &[0, 1]));
     for cut in [5, 30, zip.len() / 2, zip.len() - 30, zip.len() - 21, zip.len() - 1] {
         check(&zip[..cut], "zip_truncated");

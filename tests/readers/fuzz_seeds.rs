@@ -1,8 +1,17 @@
 //! What the fuzz targets begin with: a small file of each format, as the target expects it.
 
+#[path = "../../fuzz/src/clip_files.rs"]
+mod clip_files;
+
+use crate::archives::archives;
 use crate::drawing::*;
+use crate::export_writers as writers;
+use crate::exports_tolerated::depth_as_npy;
+use crate::recording::Recording;
 use crate::robot_files::*;
+use crate::writers::{as_folder, scannet, seven_scenes, tum, zip_bytes};
 use std::path::PathBuf;
+use viola::clip::Clip;
 
 /// The seeds by target; what a target puts in front of its bytes is left out.
 fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
@@ -29,6 +38,45 @@ fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         seeds.push((target, name, inner.to_vec()));
         seeds.push(("any", name, bytes));
     }
+    let files = [("a/b.txt".to_owned(), b"some text".repeat(9)), ("c.bin".to_owned(), vec![7; 600])];
+    seeds.extend(archives(&files).into_iter().map(|(what, bytes)| ("container", what, bytes)));
+    seeds.extend(clips());
+    seeds
+}
+
+/// Two frames of each layout, as files for the layout's own target and as a zip for the one of any file.
+fn clips() -> Vec<(&'static str, &'static str, Vec<u8>)> {
+    let recording = Recording::small(2);
+    let numbers = [0, 1];
+    let mut old_stray = writers::stray("", &recording);
+    depth_as_npy(&mut old_stray, "<u2", "False", "(24, 32)");
+    let layouts = [
+        ("clip_stray", "stray", writers::stray("", &recording)),
+        ("clip_stray", "stray npy", old_stray),
+        ("clip_record3d", "record3d", writers::record3d("", &recording)),
+        ("clip_polycam", "polycam", writers::polycam("", &recording)),
+        ("clip_scanner_3d", "scanner 3d", writers::scanner_3d("", &recording)),
+        ("clip_arkit_scenes", "arkit scenes", writers::arkit_scenes("", &recording)),
+        ("clip_redwood", "redwood", writers::redwood("", &recording)),
+        ("clip_nerfstudio", "nerfstudio", writers::nerfstudio("", &recording)),
+        ("clip_nerfstudio", "nerf capture", writers::nerf_capture("", &recording)),
+        ("clip_spectacular", "spectacular", writers::spectacular("", &recording)),
+        ("clip_scannet", "scannet", scannet("", &numbers)),
+        ("clip_seven_scenes", "seven scenes", seven_scenes("", &numbers)),
+        ("clip_tum", "tum", tum("", &numbers)),
+    ];
+    let sens = std::mem::take(&mut writers::sens("", &recording)[0].1);
+    let mut seeds = vec![("clip_sens", "sens", sens[4..].to_vec()), ("clip_any", "sens", sens)];
+    for (target, name, files) in layouts {
+        let seed = clip_files::join(target, &files);
+        // The target must see a clip, and not only some of its files.
+        let folder = as_folder(&clip_files::split(target, &seed));
+        let clip = Clip::open(folder.path()).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!(clip.frames().len(), 2, "{name}");
+        assert!((0..2).all(|index| clip.load(index).is_ok()), "{name}");
+        seeds.push((target, name, seed));
+        seeds.push(("clip_any", name, zip_bytes(&files)));
+    }
     seeds
 }
 
@@ -40,6 +88,10 @@ fn fuzz_seeds_are_there_for_every_target() {
     let seeds = seeds();
     for entry in std::fs::read_dir(root).unwrap() {
         let target = entry.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned();
+        // Those of videos begin with the files in tests/video, which fuzz/run copies.
+        if target.starts_with("video_") {
+            continue;
+        }
         let own: Vec<_> = seeds.iter().filter(|(of, _, _)| *of == target).collect();
         assert!(!own.is_empty(), "{target} has no seed");
         let Some(folder) = &folder else { continue };

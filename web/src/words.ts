@@ -24,11 +24,12 @@ const STATE_MEANING: Record<ClipState, string> = {
 
 /** The order in which a clip goes through them. */
 export const STAGES = [
-  "decode", "fuse", "label", "floor", "raycast", "search", "refine", "decide", "complete", "report",
+  "decode", "track", "fuse", "label", "floor", "raycast", "search", "refine", "decide", "complete", "report",
 ];
 
 const STAGE_WORDS: Record<string, string> = {
   decode: "Reading frames",
+  track: "Following the camera",
   fuse: "Fusing depth",
   label: "Naming surfaces",
   floor: "Finding the floor",

@@ -38,10 +38,10 @@ pub(super) fn vote(
     let mut votes = Votes { sums: vec![0.0; sites.len() * CLASSES], views: vec![0; sites.len()] };
     let balls = balls(sites);
     let chosen = choose(key_frames, params);
+    let mut frames = clip.stream(chosen.iter().map(|key| key.index).collect());
     for (done, batch) in chosen.chunks(BATCH).enumerate() {
         progress::check(progress)?;
-        let decoded: Vec<_> = batch.par_iter().map(|key| clip.load(key.index)).collect();
-        for (i, (frame, key)) in decoded.into_iter().zip(batch).enumerate() {
+        for (i, (frame, key)) in frames.next_batch(BATCH).into_iter().zip(batch).enumerate() {
             progress::check(progress)?;
             progress.advance((done * BATCH + i) as f64 / chosen.len() as f64);
             // It was decoded before; if it cannot be now, the others will do.

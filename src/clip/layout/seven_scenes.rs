@@ -2,10 +2,9 @@
 //! `camera-intrinsics.txt` there or one folder up, where it serves several sequences
 //! (andyzeng/tsdf-fusion-python, README).
 
-use super::ClipError;
-use super::assemble::{Cameras, Layout};
 use super::numbered::{self, Kind, Part};
 use super::text::read_intrinsics;
+use super::{Cameras, ClipError, Layout, OPENCV, Of};
 use crate::container::Container;
 
 const INTRINSICS: &str = "camera-intrinsics.txt";
@@ -21,18 +20,20 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let intrinsics = if !container.contains(&beside) && container.contains(&above) { above } else { beside };
     Ok(Some(Layout {
         name: "seven_scenes",
-        pose_convention: "camera-to-world, OpenCV (x right, y down, z forward)",
+        pose_convention: OPENCV,
         pose_files: "frame-*.pose.txt",
         depth_unit: "millimetres (16-bit PNG, 65535 is no reading)",
         depth_units_per_m: 1000.0,
-        gravity: "unknown",
+        gravity: "unknown".to_string(),
         up_in_world: None,
         color_pictures: files.count(Kind::Color),
         depth_pictures: files.count(Kind::Depth),
         incomplete,
-        cameras: Cameras::Shared(read_intrinsics(container, &intrinsics)?),
+        cameras: Cameras::One(read_intrinsics(container, &intrinsics, Of::Depth)?),
         intrinsics: format!("{INTRINSICS}, for colour and depth"),
         sources,
+        region: None,
+        video: None,
         notes: Vec::new(),
     }))
 }

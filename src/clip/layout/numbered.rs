@@ -1,8 +1,7 @@
 //! Layouts with one file for each picture and pose, called by the frame's number.
 
-use super::ClipError;
-use super::assemble::{Source, only_root};
 use super::text::read_pose;
+use super::{ClipError, ColorAt, DepthAt, Source, only_root};
 use crate::container::Container;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -61,12 +60,37 @@ impl Files<'_> {
                 Some(name) => read_pose(container, name)?,
                 None => None,
             };
-            let (color, depth) = (color.to_string(), depth.to_string());
-            sources.push(Source { number, time_s: None, world_from_camera, color, depth });
+            sources.push(Source {
+                number,
+                time_s: None,
+                world_from_camera,
+                color: ColorAt::File(color.to_string()),
+                depth: DepthAt::Png(depth.to_string()),
+                confidence: None,
+                numbers: None,
+            });
         }
         let incomplete = numbers.len() - sources.len();
         Ok((sources, incomplete))
     }
+}
+
+/// The files right under a folder that have a number in the eyes of `number_of`. No two may have the same.
+pub(super) fn numbered_under<'a>(
+    container: &'a dyn Container,
+    folder: &str,
+    number_of: impl Fn(&str) -> Option<u32>,
+) -> Result<BTreeMap<u32, &'a str>, ClipError> {
+    let names = container.names();
+    let first = names.partition_point(|name| name.as_str() < folder);
+    let mut files = BTreeMap::new();
+    for name in names[first..].iter().take_while(|name| name.starts_with(folder)) {
+        let Some(number) = number_of(&name[folder.len()..]) else { continue };
+        if let Some(first) = files.insert(number, name.as_str()) {
+            return Err(ClipError::DuplicateFrame { first: first.to_string(), second: name.clone() });
+        }
+    }
+    Ok(files)
 }
 
 /// A frame's number; only digits, so that `+1` and `1e3` are none.

@@ -4,25 +4,23 @@
 //! The three are not synchronised. Colour and depth pictures nearest in time make a frame; its time is the
 //! depth picture's, and its pose is interpolated for that time.
 
-use super::ClipError;
-use super::assemble::{Cameras, Layout, Source, only_root};
-use super::text::{Intrinsics, parse_row, read_intrinsics, read_table, rigid};
+use super::associate::associate;
+use super::text::{parse_row, pose_from_quaternion, read_intrinsics, read_table};
+use super::trajectory::{Timed, pose_at, times};
+use super::{
+    Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, OPENCV, Of, Source, only_root,
+};
 use crate::container::Container;
 use crate::geometry::{Pose3, Vector3};
-use nalgebra::{Quaternion, UnitQuaternion};
+use nalgebra::Quaternion;
 
 const INTRINSICS: &str = "camera-intrinsics.txt";
 /// Pictures of a frame, and a frame and the poses around it, are at most this far apart.
 const MAX_GAP_S: f64 = 0.02;
 /// The calibration that ROS drivers assume for a Kinect's 640x480 pictures, which the data set's pages give
 /// as the default.
-const KINECT: Intrinsics = Intrinsics { name: String::new(), fx: 525.0, fy: 525.0, cx: 319.5, cy: 239.5 };
-const KINECT_SIZE: (u32, u32) = (640, 480);
-
-struct Timed<T> {
-    time_s: f64,
-    value: T,
-}
+pub(super) const KINECT: Numbers =
+    Numbers { fx: 525.0, fy: 525.0, cx: 319.5, cy: 239.5, of: Of::Size(640, 480) };
 
 /// Finds the recording in a container; none when there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
@@ -38,7 +36,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let poses = read_poses(container, &format!("{root}groundtruth.txt"))?;
     let (color_pictures, depth_pictures) = (color.present.len(), depth.present.len());
 
-    let pairs = associate(&times(&color.present), &times(&depth.present));
+    let pairs = associate(&times(&color.present), &times(&depth.present), MAX_GAP_S);
     let mut notes = vec![format!(
         "colour and depth were paired by nearest time within {MAX_GAP_S} s; poses were interpolated to the \
          depth picture's time from those within {MAX_GAP_S} s of it"
@@ -49,32 +47,37 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         Source {
             number: number as u32,
             time_s: Some(picture.time_s),
-            world_from_camera: pose_at(&poses, picture.time_s),
-            color: color.present[color_index].value.clone(),
-            depth: picture.value.clone(),
+            world_from_camera: pose_at(&poses, picture.time_s, MAX_GAP_S),
+            color: ColorAt::File(color.present[color_index].value.clone()),
+            depth: DepthAt::Png(picture.value.clone()),
+            confidence: None,
+            numbers: None,
         }
     });
     let sources = sources.collect();
 
     let file = format!("{root}{INTRINSICS}");
     let (cameras, intrinsics) = if container.contains(&file) {
-        (Cameras::Shared(read_intrinsics(container, &file)?), format!("{INTRINSICS}, for colour and depth"))
+        (
+            Cameras::One(read_intrinsics(container, &file, Of::Depth)?),
+            format!("{INTRINSICS}, for colour and depth"),
+        )
     } else {
         notes.push(format!("there is no {INTRINSICS}; the Kinect's usual calibration was assumed"));
-        let assumed = Intrinsics { name: format!("{INTRINSICS} (assumed)"), ..KINECT };
+        let assumed = Intrinsics { name: format!("{INTRINSICS} (assumed)"), numbers: KINECT };
         let words = "assumed: fx = fy = 525, cx = 319.5, cy = 239.5 for 640x480, scaled to the pictures";
-        (Cameras::Assumed(assumed, KINECT_SIZE), words.to_string())
+        (Cameras::One(assumed), words.to_string())
     };
     if container.contains(&format!("{root}accelerometer.txt")) {
         notes.push("accelerometer.txt was not used".to_string());
     }
     Ok(Some(Layout {
         name: "tum_rgbd",
-        pose_convention: "camera-to-world, OpenCV (x right, y down, z forward)",
+        pose_convention: OPENCV,
         pose_files: "groundtruth.txt",
         depth_unit: "5000 a metre (16-bit PNG)",
         depth_units_per_m: 5000.0,
-        gravity: "unknown",
+        gravity: "unknown".to_string(),
         up_in_world: None,
         color_pictures,
         depth_pictures,
@@ -82,6 +85,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         cameras,
         intrinsics,
         sources,
+        region: None,
+        video: None,
         notes,
     }))
 }
@@ -123,61 +128,11 @@ fn read_poses(container: &dyn Container, name: &str) -> Result<Vec<Timed<Pose3>>
             line,
             reason: "expected 8 numbers: time tx ty tz qx qy qz qw".to_string(),
         })?;
-        let rotation = Quaternion::new(qw, qx, qy, qz);
-        let is_unit = (rotation.norm() - 1.0).abs() < 0.1;
-        let pose = rigid(UnitQuaternion::from_quaternion(rotation), Vector3::new(tx, ty, tz));
-        if let (true, true, Some(value)) = (is_unit, time_s.is_finite(), pose) {
+        let pose = pose_from_quaternion(Quaternion::new(qw, qx, qy, qz), Vector3::new(tx, ty, tz));
+        if let (true, Some(value)) = (time_s.is_finite(), pose) {
             poses.push(Timed { time_s, value });
         }
     }
     poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     Ok(poses)
-}
-
-fn times<T>(timed: &[Timed<T>]) -> Vec<f64> {
-    timed.iter().map(|t| t.time_s).collect()
-}
-
-/// Pairs two ascending lists of times one to one, the closest first, none further apart than the gap.
-/// In the order of time.
-fn associate(color_s: &[f64], depth_s: &[f64]) -> Vec<(usize, usize)> {
-    let mut candidates = Vec::new();
-    for (color, &time_s) in color_s.iter().enumerate() {
-        let after = depth_s.partition_point(|&t| t < time_s);
-        // Only the two neighbours can be nearest, so that lists of equal times stay cheap.
-        for depth in [after.checked_sub(1), Some(after)].into_iter().flatten() {
-            let gap_s = depth_s.get(depth).map_or(f64::INFINITY, |depth_s| (depth_s - time_s).abs());
-            if gap_s <= MAX_GAP_S {
-                candidates.push((gap_s, color, depth));
-            }
-        }
-    }
-    candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    let (mut color_taken, mut depth_taken) = (vec![false; color_s.len()], vec![false; depth_s.len()]);
-    let mut pairs = Vec::new();
-    for (_, color, depth) in candidates {
-        if !color_taken[color] && !depth_taken[depth] {
-            color_taken[color] = true;
-            depth_taken[depth] = true;
-            pairs.push((color, depth));
-        }
-    }
-    pairs.sort_unstable_by_key(|&(color, depth)| (depth, color));
-    pairs
-}
-
-/// The pose at a time, between the poses before and after it that are near enough.
-fn pose_at(poses: &[Timed<Pose3>], time_s: f64) -> Option<Pose3> {
-    let next = poses.partition_point(|pose| pose.time_s < time_s);
-    let near = |pose: &&Timed<Pose3>| (pose.time_s - time_s).abs() <= MAX_GAP_S;
-    let before = next.checked_sub(1).map(|index| &poses[index]).filter(near);
-    let after = poses.get(next).filter(near);
-    match (before, after) {
-        (Some(before), Some(after)) => {
-            let share = (time_s - before.time_s) / (after.time_s - before.time_s);
-            // Opposite rotations have no way between them; then one of the two has to do.
-            before.value.try_lerp_slerp(&after.value, share, 1e-9).or(Some(before.value))
-        }
-        (one, other) => one.or(other).map(|pose| pose.value),
-    }
 }

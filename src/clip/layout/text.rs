@@ -1,9 +1,9 @@
 //! The small text files of a clip: poses, intrinsics, lists of names.
 
-use super::ClipError;
+use super::{ClipError, Intrinsics, Numbers, Of};
 use crate::container::Container;
 use crate::geometry::{Pose3, Vector3};
-use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
 
 const MAX_POSE_BYTES: u64 = 4 << 10;
 const MAX_INTRINSICS_BYTES: u64 = 4 << 10;
@@ -13,17 +13,8 @@ const MAX_DISTANCE_M: f64 = 1e5;
 /// How far the products of a rotation's columns may be from 0 and 1. Exports print six digits; 7-Scenes
 /// is off by up to 1e-3.
 const ROTATION_TOLERANCE: f64 = 0.02;
-
-/// Focal lengths and principal point, in pixels of a picture whose size the file does not tell.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Intrinsics {
-    /// The file that they come from, for messages.
-    pub name: String,
-    pub fx: f64,
-    pub fy: f64,
-    pub cx: f64,
-    pub cy: f64,
-}
+/// How far a quaternion's length may be from 1.
+const QUATERNION_TOLERANCE: f64 = 0.1;
 
 /// A camera-to-world pose: 4x4 numbers, row after row. None when it is not a finite rigid motion.
 pub(super) fn read_pose(container: &dyn Container, name: &str) -> Result<Option<Pose3>, ClipError> {
@@ -31,8 +22,16 @@ pub(super) fn read_pose(container: &dyn Container, name: &str) -> Result<Option<
 }
 
 fn parse_pose(bytes: &[u8]) -> Option<Pose3> {
-    let m = numbers(bytes, 16)?;
-    let last_row_is_affine = m[12..15].iter().all(|v| v.abs() < 1e-6) && (m[15] - 1.0).abs() < 1e-6;
+    pose_from_rows(&numbers(bytes, 16)?)
+}
+
+/// A pose from the 12 or 16 numbers of a 3x4 or 4x4 matrix, row after row. None when it is not a finite rigid motion.
+pub(super) fn pose_from_rows(m: &[f64]) -> Option<Pose3> {
+    let last_row_is_affine = match m.len() {
+        12 => true,
+        16 => m[12..15].iter().all(|v| v.abs() < 1e-6) && (m[15] - 1.0).abs() < 1e-6,
+        _ => false,
+    };
     if !last_row_is_affine {
         return None;
     }
@@ -44,6 +43,12 @@ fn parse_pose(bytes: &[u8]) -> Option<Pose3> {
 pub(super) fn rigid(rotation: UnitQuaternion<f64>, translation: Vector3) -> Option<Pose3> {
     let is_finite = rotation.coords.iter().all(|v| v.is_finite()) && translation.norm() < MAX_DISTANCE_M;
     is_finite.then(|| Pose3::from_parts(Translation3::from(translation), rotation))
+}
+
+/// A pose from a quaternion and a translation, or none when the first is not of length one or anything is not finite.
+pub(super) fn pose_from_quaternion(rotation: Quaternion<f64>, translation: Vector3) -> Option<Pose3> {
+    let is_unit = (rotation.norm() - 1.0).abs() < QUATERNION_TOLERANCE;
+    rigid(UnitQuaternion::from_quaternion(rotation), translation).filter(|_| is_unit)
 }
 
 /// The rotation nearest to a matrix that is one up to printing; none for any other matrix.
@@ -60,7 +65,11 @@ fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
 }
 
 /// Intrinsics as a 3x3 or a 4x4 matrix, row after row.
-pub(super) fn read_intrinsics(container: &dyn Container, name: &str) -> Result<Intrinsics, ClipError> {
+pub(super) fn read_intrinsics(
+    container: &dyn Container,
+    name: &str,
+    of: Of,
+) -> Result<Intrinsics, ClipError> {
     if !container.contains(name) {
         return Err(ClipError::MissingIntrinsics { name: name.to_string() });
     }
@@ -78,11 +87,12 @@ pub(super) fn read_intrinsics(container: &dyn Container, name: &str) -> Result<I
     if at(1, 0) != 0.0 || at(2, 0) != 0.0 || at(2, 1) != 0.0 || at(2, 2) != 1.0 || at(0, 1).abs() > 1.0 {
         return Err(bad("the matrix is not one of intrinsics (fx 0 cx / 0 fy cy / 0 0 1)"));
     }
-    Ok(Intrinsics { name: name.to_string(), fx: at(0, 0), fy: at(1, 1), cx: at(0, 2), cy: at(1, 2) })
+    let numbers = Numbers { fx: at(0, 0), fy: at(1, 1), cx: at(0, 2), cy: at(1, 2), of };
+    Ok(Intrinsics { name: name.to_string(), numbers })
 }
 
 /// Exactly `count` numbers separated by blanks or commas.
-fn numbers(bytes: &[u8], count: usize) -> Option<Vec<f64>> {
+pub(super) fn numbers(bytes: &[u8], count: usize) -> Option<Vec<f64>> {
     let text = std::str::from_utf8(bytes).ok()?;
     let mut values = Vec::with_capacity(count);
     for word in text.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty()) {
@@ -92,6 +102,12 @@ fn numbers(bytes: &[u8], count: usize) -> Option<Vec<f64>> {
         values.push(word.parse().ok()?);
     }
     (values.len() == count).then_some(values)
+}
+
+/// The numbers of a line, separated by blanks or commas, as long as there is nothing else.
+pub(super) fn all_numbers(line: &str) -> Option<Vec<f64>> {
+    let words = line.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty());
+    words.map(|word| word.parse().ok()).collect()
 }
 
 /// A text file of one entry a line; `#` begins a comment.

@@ -1,10 +1,9 @@
 //! ScanNet's export: `color/N.jpg`, `depth/N.png`, `pose/N.txt`, `intrinsic/intrinsic_{color,depth}.txt`.
 //! Conventions as in the ScanNet repository's SensReader.
 
-use super::ClipError;
-use super::assemble::{Cameras, Layout};
 use super::numbered::{self, Kind, Part};
 use super::text::read_intrinsics;
+use super::{Cameras, ClipError, Layout, MILLIMETRES, OPENCV, Of};
 use crate::container::Container;
 use crate::geometry::Vector3;
 
@@ -13,16 +12,16 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let Some((root, files)) = numbered::find(container, split)? else { return Ok(None) };
     let (sources, incomplete) = files.sources(container)?;
     let cameras = Cameras::Each {
-        color: read_intrinsics(container, &format!("{root}intrinsic/intrinsic_color.txt"))?,
-        depth: read_intrinsics(container, &format!("{root}intrinsic/intrinsic_depth.txt"))?,
+        color: read_intrinsics(container, &format!("{root}intrinsic/intrinsic_color.txt"), Of::Color)?,
+        depth: read_intrinsics(container, &format!("{root}intrinsic/intrinsic_depth.txt"), Of::Depth)?,
     };
     Ok(Some(Layout {
         name: "scannet",
-        pose_convention: "camera-to-world, OpenCV (x right, y down, z forward)",
+        pose_convention: OPENCV,
         pose_files: "pose/",
-        depth_unit: "millimetres (16-bit PNG)",
+        depth_unit: MILLIMETRES,
         depth_units_per_m: 1000.0,
-        gravity: "world z is up (layout)",
+        gravity: "world z is up (layout)".to_string(),
         up_in_world: Some(Vector3::z()),
         color_pictures: files.count(Kind::Color),
         depth_pictures: files.count(Kind::Depth),
@@ -30,6 +29,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         cameras,
         intrinsics: "intrinsic/intrinsic_color.txt and intrinsic/intrinsic_depth.txt".to_string(),
         sources,
+        region: None,
+        video: None,
         notes: Vec::new(),
     }))
 }

@@ -1,0 +1,177 @@
+//! How one fuzzed input stands for the files of a clip: its parts, in this order, are their contents.
+//!
+//! The writers of the seeds (tests/readers/fuzz_seeds.rs) take in this file as well, so that both know the same names.
+
+/// Between the parts. No picture is likely to hold it, and the fuzzer soon learns it from the seeds.
+pub const SEPARATOR: &[u8] = b"\n~~~~\n";
+
+/// The targets of layouts that are made of several files, and the files of two frames of each.
+pub const LAYOUTS: [(&str, &[&str]); 11] = [
+    (
+        "clip_stray",
+        &[
+            "odometry.csv",
+            "camera_matrix.csv",
+            "imu.csv",
+            "depth/000000.png",
+            "rgb/000000.jpg",
+            "confidence/000000.png",
+            "depth/000001.png",
+            "rgb/000001.jpg",
+            "depth/000000.npy",
+            "depth/000001.npy",
+        ],
+    ),
+    (
+        "clip_record3d",
+        &[
+            "metadata",
+            "rgbd/0.depth",
+            "rgbd/0.jpg",
+            "rgbd/0.conf",
+            "rgbd/1.depth",
+            "rgbd/1.jpg",
+            "rgbd/1.conf",
+        ],
+    ),
+    (
+        "clip_polycam",
+        &[
+            "keyframes/cameras/5000250000.json",
+            "keyframes/images/5000250000.jpg",
+            "keyframes/depth/5000250000.png",
+            "keyframes/confidence/5000250000.png",
+            "keyframes/corrected_cameras/5000250000.json",
+            "keyframes/corrected_images/5000250000.jpg",
+            "keyframes/cameras/5000350000.json",
+            "keyframes/images/5000350000.jpg",
+            "keyframes/depth/5000350000.png",
+            "keyframes/corrected_cameras/5000350000.json",
+            "keyframes/corrected_images/5000350000.jpg",
+        ],
+    ),
+    (
+        "clip_scanner_3d",
+        &[
+            "frame_00000.json",
+            "frame_00000.jpg",
+            "depth_00000.png",
+            "conf_00000.png",
+            "frame_00001.json",
+            "frame_00001.jpg",
+            "depth_00001.png",
+        ],
+    ),
+    (
+        "clip_arkit_scenes",
+        &[
+            "lowres_wide.traj",
+            "lowres_wide/41069021_5000.250.png",
+            "lowres_depth/41069021_5000.250.png",
+            "lowres_wide_intrinsics/41069021_5000.250.pincam",
+            "confidence/41069021_5000.250.png",
+            "lowres_wide/41069021_5000.350.png",
+            "lowres_depth/41069021_5000.350.png",
+            "lowres_wide_intrinsics/41069021_5000.350.pincam",
+        ],
+    ),
+    (
+        "clip_redwood",
+        &[
+            "scene/trajectory.log",
+            "camera_intrinsic.json",
+            "color/000000.jpg",
+            "depth/000000.png",
+            "color/000001.jpg",
+            "depth/000001.png",
+        ],
+    ),
+    (
+        "clip_nerfstudio",
+        &[
+            "transforms.json",
+            "images/frame_00000.jpg",
+            "depths/frame_00000.png",
+            "images/frame_00001.jpg",
+            "depths/frame_00001.png",
+            "images/0.png",
+            "images/0.depth.png",
+            "images/1.png",
+            "images/1.depth.png",
+        ],
+    ),
+    (
+        "clip_spectacular",
+        &[
+            "data.jsonl",
+            "calibration.json",
+            "frames/00000000.jpg",
+            "frames2/00000000.png",
+            "frames/00000001.jpg",
+            "frames2/00000001.png",
+        ],
+    ),
+    (
+        "clip_scannet",
+        &[
+            "intrinsic/intrinsic_color.txt",
+            "intrinsic/intrinsic_depth.txt",
+            "pose/0.txt",
+            "color/0.jpg",
+            "depth/0.png",
+            "pose/1.txt",
+            "color/1.jpg",
+            "depth/1.png",
+        ],
+    ),
+    (
+        "clip_seven_scenes",
+        &[
+            "camera-intrinsics.txt",
+            "frame-000000.pose.txt",
+            "frame-000000.color.jpg",
+            "frame-000000.depth.png",
+            "frame-000001.pose.txt",
+            "frame-000001.color.jpg",
+            "frame-000001.depth.png",
+        ],
+    ),
+    (
+        "clip_tum",
+        &[
+            "rgb.txt",
+            "depth.txt",
+            "groundtruth.txt",
+            "camera-intrinsics.txt",
+            "rgb/0.jpg",
+            "depth/1305031229.500000.png",
+            "rgb/1.jpg",
+            "depth/1305031229.600000.png",
+        ],
+    ),
+];
+
+/// The files' names of a target; none for a target of another kind.
+pub fn names(target: &str) -> &'static [&'static str] {
+    LAYOUTS.iter().find(|(name, _)| *name == target).map_or(&[], |(_, names)| names)
+}
+
+/// Names and contents. A part without bytes is a file that is missing.
+pub fn split(target: &str, input: &[u8]) -> Vec<(String, Vec<u8>)> {
+    let mut parts = Vec::new();
+    let mut rest = input;
+    while let Some(at) = rest.windows(SEPARATOR.len()).position(|window| window == SEPARATOR) {
+        parts.push(&rest[..at]);
+        rest = &rest[at + SEPARATOR.len()..];
+    }
+    parts.push(rest);
+    let files = names(target).iter().zip(parts).filter(|(_, part)| !part.is_empty());
+    files.map(|(name, part)| (name.to_string(), part.to_vec())).collect()
+}
+
+/// The input that [`split`] makes these files of.
+pub fn join(target: &str, files: &[(String, Vec<u8>)]) -> Vec<u8> {
+    let part = |name: &&str| files.iter().find(|(own, _)| own == name).map_or(&[][..], |(_, bytes)| bytes);
+    let parts: Vec<&[u8]> = names(target).iter().map(part).collect();
+    parts.join(SEPARATOR)
+}

@@ -1,0 +1,86 @@
+//! What must hold of any clip, and a container that lies in memory.
+
+use crate::clip::Clip;
+use crate::clip_files;
+use crate::container::{self, Container, ContainerError, Region};
+use std::io::Write;
+
+/// Frames that are looked at; a .sens file of 64 KiB can have more without pictures.
+const MAX_FRAMES: usize = 16;
+
+/// Files in memory, sorted by name.
+struct Files {
+    names: Vec<String>,
+    contents: Vec<Vec<u8>>,
+}
+
+impl Files {
+    fn content(&self, name: &str) -> Result<&[u8], ContainerError> {
+        let at = self.names.iter().position(|own| own == name);
+        at.map(|at| self.contents[at].as_slice()).ok_or(ContainerError::Missing { name: name.to_string() })
+    }
+}
+
+impl Container for Files {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    fn read(&self, name: &str, max_bytes: u64) -> Result<Vec<u8>, ContainerError> {
+        let bytes = self.content(name)?;
+        if bytes.len() as u64 > max_bytes {
+            return Err(ContainerError::FileTooLarge { name: name.to_string(), max_bytes });
+        }
+        Ok(bytes.to_vec())
+    }
+
+    fn region(&self, name: &str, max_bytes: u64) -> Result<Region, ContainerError> {
+        let bytes = self.read(name, max_bytes)?;
+        let region = tempfile::tempfile().and_then(|mut file| {
+            file.write_all(&bytes)?;
+            Region::whole(file)
+        });
+        region.map_err(|source| ContainerError::Unreadable { name: name.to_string(), source })
+    }
+}
+
+/// Reads an input as the files of a target's layout.
+pub fn check_layout(target: &str, input: &[u8]) {
+    let mut files = clip_files::split(target, input);
+    files.sort();
+    let (names, contents) = files.into_iter().unzip();
+    check_container(Box::new(Files { names, contents }));
+}
+
+/// Reads an input as one file: an archive of any layout, or a .sens file.
+pub fn check_file(input: &[u8]) {
+    let mut file = tempfile::NamedTempFile::new().expect("a temporary file");
+    file.write_all(input).expect("room for a temporary file");
+    if let Ok(container) = container::open(file.path()) {
+        check_container(container);
+    }
+}
+
+/// Opens a clip and loads its frames: what is told must be true, and all numbers finite.
+fn check_container(container: Box<dyn Container>) {
+    let Ok(clip) = Clip::from_container(container) else { return };
+    let (info, frames) = (clip.info(), clip.frames());
+    assert_eq!(info.frames, frames.len());
+    assert_eq!(info.frames_with_pose + info.skipped_without_pose, info.frames);
+    assert!(info.duration_s.is_none_or(|s| s.is_finite() && s >= 0.0), "{:?}", info.duration_s);
+    assert!(clip.up_in_world().is_none_or(|up| (up.norm() - 1.0).abs() < 1e-9));
+    for header in frames {
+        assert!(header.time_s.is_none_or(f64::is_finite));
+        let pose = header.world_from_camera;
+        assert!(pose.is_none_or(|pose| pose.to_homogeneous().iter().all(|v| v.is_finite())));
+    }
+    for index in 0..frames.len().min(MAX_FRAMES) {
+        let Ok(frame) = clip.load(index) else { continue };
+        let (color, depth) = (&frame.color_camera, &frame.depth_camera);
+        assert!(color.is_plausible() && depth.is_plausible(), "{color:?} {depth:?}");
+        assert_eq!(frame.color.dimensions(), (color.width, color.height));
+        assert_eq!((frame.depth.width, frame.depth.height), (depth.width, depth.height));
+        assert_eq!(frame.depth.depth_m.len() as u64, u64::from(depth.width) * u64::from(depth.height));
+        assert!(frame.depth.depth_m.iter().all(|d| d.is_finite() && *d >= 0.0));
+    }
+}

@@ -1,0 +1,376 @@
+//! `/v1/uploads`: clips that arrive in parts, by the resumable upload protocol tus 1.0
+//! (<https://tus.io/protocols/resumable-upload>), which apps speak through ready-made clients.
+//!
+//! No request leaves anything in this process that another one would need: which bytes are here is in storage, so every
+//! request of an upload may reach another process.
+
+mod answer;
+mod checksum;
+mod clean;
+mod finish;
+mod headers;
+mod metadata;
+mod receive;
+mod refusal;
+
+pub(super) use clean::clean;
+pub(super) use refusal::UploadRefusal;
+
+use super::App;
+use super::bodies::{FileBytes, MAX_SILENCE, to_the_end};
+use super::error::{Error, Problem};
+use super::extract::UploadPath;
+use super::problems::{CommonProblems, FileProblems};
+use crate::storage::{Joining, NewUpload, UploadError, UploadKind, UploadLimits};
+use answer::UploadDocument;
+use axum::Json;
+use axum::body::Body;
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use headers::{Concat, Length};
+use jiff::Timestamp;
+use metadata::Metadata;
+use receive::Append;
+use std::time::Duration;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+use uuid::Uuid;
+
+const VERSION: HeaderValue = HeaderValue::from_static("1.0.0");
+
+/// How uploads in parts are taken.
+#[derive(Debug, Clone)]
+pub struct UploadParams {
+    pub limits: UploadLimits,
+    /// A client that is silent for longer has gone away.
+    pub silence: Duration,
+    /// While a request goes on, what it brought is made durable after so many bytes,
+    pub piece_bytes: u64,
+    /// or when the first of them are so old.
+    pub piece_age: Duration,
+    /// How long an upload stays with a process that makes a clip of it and gives no sign of life.
+    pub lease: Duration,
+    /// How often abandoned uploads are looked for.
+    pub clean_every: Duration,
+}
+
+impl Default for UploadParams {
+    fn default() -> UploadParams {
+        UploadParams {
+            limits: UploadLimits::default(),
+            silence: MAX_SILENCE,
+            piece_bytes: 16 << 20,
+            piece_age: Duration::from_secs(10),
+            lease: Duration::from_secs(30),
+            clean_every: Duration::from_secs(30),
+        }
+    }
+}
+
+pub(super) fn routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(create_upload, describe_uploads))
+        .routes(routes!(
+            get_upload,
+            head_upload,
+            append_to_upload,
+            delete_upload,
+            override_method,
+            describe_upload
+        ))
+        .layer(axum::middleware::from_fn(speak_tus))
+}
+
+/// Every answer names the protocol's version, and a request of another version is not processed. OPTIONS asks for the
+/// version, and GET is not the protocol's.
+async fn speak_tus(request: Request, next: Next) -> Response {
+    let asks = [Method::OPTIONS, Method::GET].contains(request.method());
+    let mut response = if asks || request.headers().get(headers::RESUMABLE) == Some(&VERSION) {
+        next.run(request).await
+    } else {
+        Error::Upload(UploadRefusal::OtherVersion).into_response()
+    };
+    let is_version_refused = response.status() == StatusCode::PRECONDITION_FAILED;
+    let answered = response.headers_mut();
+    answered.insert(headers::RESUMABLE, VERSION);
+    answered.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    if is_version_refused {
+        answered.insert(headers::VERSION, VERSION);
+    }
+    response
+}
+
+/// Begin an upload in parts
+///
+/// By tus 1.0, with the extensions that OPTIONS lists. `Upload-Metadata` names the home to which the clip belongs
+/// (`home`), and may say its `filename`, when it was recorded (`recorded_at`, a time of RFC 3339) and an
+/// `idempotency_key`, which has the meaning of the header `Idempotency-Key` of `POST /v1/homes/{home}/clips`.
+///
+/// The body may be empty, or the first bytes of the file. A partial upload (`Upload-Concat: partial`) needs no home; a
+/// final one (`Upload-Concat: final;PATH PATH ...`) takes over its parts, which are gone from then on, and has no body.
+///
+/// The request that brings the last byte is answered when the clip is durable and its job queued: `Viola-Clip` and
+/// `Viola-Job` are their paths. A file that is no clip is refused then, as `POST /v1/homes/{home}/clips` does.
+#[utoipa::path(post, path = "/v1/uploads", tag = "uploads",
+    params(
+        ("Tus-Resumable" = String, Header, description = "`1.0.0`"),
+        ("Upload-Length" = Option<u64>, Header, description = "Bytes of the whole file"),
+        ("Upload-Defer-Length" = Option<u64>, Header, description = "`1`: the length is told by a later PATCH"),
+        ("Upload-Metadata" = Option<String>, Header, description = "`home`, and where known `filename`, `recorded_at` and \
+            `idempotency_key`: pairs of a name and a value in base64, with commas between the pairs; at most 4096 bytes"),
+        ("Upload-Concat" = Option<String>, Header, description = "`partial`, or `final;` and the paths of partial uploads"),
+        ("Upload-Checksum" = Option<String>, Header, description = "Of the body: `sha1` or `sha256`, and the sum in base64")),
+    request_body(content = Option<FileBytes>, content_type = "application/offset+octet-stream",
+        description = "Nothing, or the first bytes of the file"),
+    responses(
+        (status = 201, description = "It is begun", body = UploadDocument,
+            headers(("Location" = String, description = "The upload's path"),
+                ("Upload-Offset" = u64, description = "So many bytes are durable"),
+                ("Upload-Expires" = String, description = "Until then the next byte is waited for"),
+                ("Viola-Clip" = String, description = "The clip's path, where the file is whole"),
+                ("Viola-Job" = String, description = "The path of the clip's job, where there is one"))),
+        (status = 403, description = "A final upload takes no bytes: `upload-final`", body = Problem,
+            content_type = "application/problem+json"),
+        (status = 409, description = "Bytes of a partial upload are missing: `upload-unfinished`", body = Problem,
+            content_type = "application/problem+json"),
+        (status = 410, description = "A partial upload has expired or was joined already: `upload-gone`", body = Problem,
+            content_type = "application/problem+json"),
+        (status = 412, description = "Another version of the protocol: `tus-version-unsupported`", body = Problem,
+            content_type = "application/problem+json"),
+        (status = 429, description = "Too many uploads are unfinished, in the home or in all: `too-many-uploads`",
+            body = Problem, content_type = "application/problem+json"),
+        (status = 460, description = "`checksum-mismatch`; the bytes are not kept", body = Problem,
+            content_type = "application/problem+json"),
+        (status = 503, description = "The service is stopping: `stopping`", body = Problem,
+            content_type = "application/problem+json"),
+        CommonProblems, FileProblems))]
+async fn create_upload(State(app): State<App>, request: Request) -> Result<Response, Error> {
+    let (parts, body) = request.into_parts();
+    let sent = headers::metadata(&parts.headers)?;
+    let metadata = Metadata::parse(&sent)?;
+    let has_body = headers::has_body(&parts.headers);
+    if has_body {
+        headers::check_media_type(&parts.headers)?;
+    }
+    let (id, append) = match headers::concat(&parts.headers)? {
+        Concat::Final { ids, sent: concat } => {
+            if has_body || headers::length(&parts.headers)?.is_some() {
+                return Err(UploadError::Final.into());
+            }
+            let home = metadata.home()?;
+            let max_bytes = app.max_upload_bytes;
+            let joining = Joining { parts: ids, home, metadata: sent, concat, max_bytes };
+            (app.storage.join_uploads(&joining, &app.uploads.limits, Timestamp::now()).await?.id, None)
+        }
+        concat => {
+            let is_partial = concat == Concat::Partial;
+            let length = headers::length(&parts.headers)?.ok_or_else(headers::no_length)?;
+            headers::check_length(length, app.max_upload_bytes)?;
+            let new = NewUpload {
+                kind: if is_partial { UploadKind::Partial } else { UploadKind::Whole },
+                home: if is_partial { None } else { Some(metadata.home()?) },
+                metadata: sent,
+                concat: is_partial.then(|| "partial".to_owned()),
+                length_bytes: length.known(),
+            };
+            let checksum = checksum::asked_for(&parts.headers)?;
+            let id = app.storage.create_upload(new, &app.uploads.limits, Timestamp::now()).await?.id;
+            let body_bytes = headers::content_length(&parts.headers);
+            (id, has_body.then_some(Append { id, offset: 0, length_bytes: None, body_bytes, checksum }))
+        }
+    };
+    to_the_end(async move {
+        if let Some(append) = append
+            && let Err(error) = receive::receive(&app, append, body).await
+        {
+            // Nobody knows its path yet.
+            app.storage.delete_upload(id, Timestamp::now()).await?;
+            return Err(error);
+        }
+        finish::finish(&app, id).await?;
+        answer::created(&app, id).await
+    })
+    .await
+}
+
+/// How far an upload is, in words
+#[utoipa::path(get, path = "/v1/uploads/{upload}", tag = "uploads", params(UploadPath),
+    responses((status = 200, description = "The upload", body = UploadDocument), CommonProblems))]
+async fn get_upload(
+    State(app): State<App>,
+    UploadPath { upload: id }: UploadPath,
+) -> Result<Json<UploadDocument>, Error> {
+    answer::document(&app, id).await
+}
+
+/// How far an upload is
+///
+/// A client that was interrupted goes on at `Upload-Offset`.
+#[utoipa::path(head, path = "/v1/uploads/{upload}", tag = "uploads",
+    params(UploadPath, ("Tus-Resumable" = String, Header, description = "`1.0.0`")),
+    responses(
+        (status = 200, description = "It goes on at `Upload-Offset`, or is whole",
+            headers(("Upload-Offset" = u64, description = "So many bytes are durable"),
+                ("Upload-Length" = u64, description = "Of all; or `Upload-Defer-Length: 1` where it is not known"),
+                ("Upload-Metadata" = String, description = "As it was sent"),
+                ("Upload-Concat" = String, description = "As it was sent"),
+                ("Upload-Expires" = String, description = "Until then the next byte is waited for"),
+                ("Viola-Clip" = String, description = "The clip's path, where the file is whole"),
+                ("Viola-Job" = String, description = "The path of the clip's job, where there is one"))),
+        (status = 410, description = "It expired, was joined into a final upload, or its file was refused: `upload-gone`; \
+            GET says which", body = Problem, content_type = "application/problem+json"),
+        (status = 412, description = "Another version of the protocol: `tus-version-unsupported`", body = Problem,
+            content_type = "application/problem+json"),
+        CommonProblems))]
+async fn head_upload(
+    State(app): State<App>,
+    UploadPath { upload: id }: UploadPath,
+) -> Result<HeaderMap, Error> {
+    answer::state(&app, id).await
+}
+
+/// Go on with an upload
+///
+/// The body is the file from `Upload-Offset` on. What has arrived is kept when the connection breaks, and HEAD then
+/// says where to go on; with `Upload-Checksum` all of the body is kept or nothing. Of two requests that go on with the
+/// same upload, the one that began later does; the other is told 409.
+///
+/// When the file is whole, the answer has the clip's path in `Viola-Clip`, or says why it is no clip. A file that comes in
+/// more than 10 000 pieces is refused with 413, `too-many-pieces`.
+#[utoipa::path(patch, path = "/v1/uploads/{upload}", tag = "uploads",
+    params(UploadPath,
+        ("Tus-Resumable" = String, Header, description = "`1.0.0`"),
+        ("Upload-Offset" = u64, Header, description = "How many bytes the service has"),
+        ("Upload-Length" = Option<u64>, Header, description = "Of the whole file, where it was not told before"),
+        ("Upload-Checksum" = Option<String>, Header, description = "Of the body: `sha1` or `sha256`, and the sum in base64")),
+    request_body(content = FileBytes, content_type = "application/offset+octet-stream"),
+    responses(
+        (status = 204, description = "The body is durable",
+            headers(("Upload-Offset" = u64, description = "So many bytes are durable"),
+                ("Upload-Expires" = String, description = "Until then the next byte is waited for"),
+                ("Viola-Clip" = String, description = "The clip's path, where the file is whole"),
+                ("Viola-Job" = String, description = "The path of the clip's job, where there is one"))),
+        (status = 403, description = "A final upload takes no bytes: `upload-final`", body = Problem,
+            content_type = "application/problem+json"),
+        (status = 409, description = "The service has another number of bytes, or another request has gone on meanwhile: \
+            `upload-offset-mismatch`. HEAD says where to go on", body = Problem, content_type = "application/problem+json"),
+        (status = 410, description = "It expired, was joined into a final upload, or its file was refused: `upload-gone`; \
+            GET says which. Or the service lost bytes of it: `upload-lost`", body = Problem,
+            content_type = "application/problem+json"),
+        (status = 412, description = "Another version of the protocol: `tus-version-unsupported`", body = Problem,
+            content_type = "application/problem+json"),
+        (status = 460, description = "`checksum-mismatch`; the bytes are not kept", body = Problem,
+            content_type = "application/problem+json"),
+        (status = 503, description = "The service is stopping; what had arrived is kept: `stopping`", body = Problem,
+            content_type = "application/problem+json"),
+        CommonProblems, FileProblems))]
+async fn append_to_upload(
+    State(app): State<App>,
+    UploadPath { upload: id }: UploadPath,
+    request: Request,
+) -> Result<Response, Error> {
+    let (parts, body) = request.into_parts();
+    append(app, id, &parts.headers, body).await
+}
+
+async fn append(app: App, id: Uuid, sent: &HeaderMap, body: Body) -> Result<Response, Error> {
+    headers::check_media_type(sent)?;
+    let length = headers::length(sent)?;
+    if let Some(length) = length {
+        headers::check_length(length, app.max_upload_bytes)?;
+    }
+    let append = Append {
+        id,
+        offset: headers::offset(sent)?,
+        length_bytes: length.and_then(Length::known),
+        body_bytes: headers::content_length(sent),
+        checksum: checksum::asked_for(sent)?,
+    };
+    to_the_end(async move {
+        receive::receive(&app, append, body).await?;
+        finish::finish(&app, id).await?;
+        Ok((StatusCode::NO_CONTENT, answer::state(&app, id).await?).into_response())
+    })
+    .await
+}
+
+/// Give an upload up
+///
+/// Its bytes are removed. A clip that was made of it stays; it has a DELETE of its own.
+#[utoipa::path(delete, path = "/v1/uploads/{upload}", tag = "uploads",
+    params(UploadPath, ("Tus-Resumable" = String, Header, description = "`1.0.0`")),
+    responses(
+        (status = 204, description = "It is gone"),
+        (status = 410, description = "It was gone before: `upload-gone`", body = Problem,
+            content_type = "application/problem+json"),
+        (status = 412, description = "Another version of the protocol: `tus-version-unsupported`", body = Problem,
+            content_type = "application/problem+json"),
+        CommonProblems))]
+async fn delete_upload(
+    State(app): State<App>,
+    UploadPath { upload: id }: UploadPath,
+) -> Result<StatusCode, Error> {
+    to_the_end(async move {
+        app.storage.delete_upload(id, Timestamp::now()).await?;
+        Ok(StatusCode::NO_CONTENT)
+    })
+    .await
+}
+
+/// PATCH or DELETE, for clients that can send neither
+///
+/// `X-HTTP-Method-Override` says which; all else is as there.
+#[utoipa::path(post, path = "/v1/uploads/{upload}", tag = "uploads",
+    params(UploadPath,
+        ("Tus-Resumable" = String, Header, description = "`1.0.0`"),
+        ("X-HTTP-Method-Override" = String, Header, description = "`PATCH` or `DELETE`"),
+        ("Upload-Offset" = Option<u64>, Header, description = "As of PATCH"),
+        ("Upload-Length" = Option<u64>, Header, description = "As of PATCH"),
+        ("Upload-Checksum" = Option<String>, Header, description = "As of PATCH")),
+    request_body(content = Option<FileBytes>, content_type = "application/offset+octet-stream"),
+    responses(
+        (status = 204, description = "As of PATCH, or as of DELETE"),
+        (status = 403, description = "As of PATCH", body = Problem, content_type = "application/problem+json"),
+        (status = 405, description = "The header names another method, or is missing: `method-not-allowed`",
+            body = Problem, content_type = "application/problem+json"),
+        (status = 409, description = "As of PATCH", body = Problem, content_type = "application/problem+json"),
+        (status = 410, description = "As of PATCH", body = Problem, content_type = "application/problem+json"),
+        (status = 412, description = "As of PATCH", body = Problem, content_type = "application/problem+json"),
+        (status = 460, description = "As of PATCH", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "As of PATCH", body = Problem, content_type = "application/problem+json"),
+        CommonProblems, FileProblems))]
+async fn override_method(
+    State(app): State<App>,
+    UploadPath { upload }: UploadPath,
+    request: Request,
+) -> Result<Response, Error> {
+    let method = request.headers().get("x-http-method-override").map(HeaderValue::as_bytes);
+    if method == Some(b"PATCH") {
+        let (parts, body) = request.into_parts();
+        append(app, upload, &parts.headers, body).await
+    } else if method == Some(b"DELETE") {
+        Ok(delete_upload(State(app), UploadPath { upload }).await?.into_response())
+    } else {
+        Err(Error::MethodNotAllowed)
+    }
+}
+
+/// What of the protocol is served
+#[utoipa::path(options, path = "/v1/uploads", tag = "uploads",
+    responses((status = 204, description = "In headers",
+        headers(("Tus-Version" = String, description = "`1.0.0`"),
+            ("Tus-Extension" = String, description = "The extensions"),
+            ("Tus-Max-Size" = u64, description = "Of one file, in bytes"),
+            ("Tus-Checksum-Algorithm" = String, description = "Those of `Upload-Checksum`")))))]
+async fn describe_uploads(State(app): State<App>) -> (StatusCode, HeaderMap) {
+    (StatusCode::NO_CONTENT, answer::abilities(app.max_upload_bytes))
+}
+
+/// What of the protocol is served; the same for every upload
+#[utoipa::path(options, path = "/v1/uploads/{upload}", tag = "uploads", params(UploadPath),
+    responses((status = 204, description = "In headers, as of `/v1/uploads`")))]
+async fn describe_upload(State(app): State<App>) -> (StatusCode, HeaderMap) {
+    (StatusCode::NO_CONTENT, answer::abilities(app.max_upload_bytes))
+}

@@ -1,0 +1,173 @@
+//! What is told of an upload: in headers, as the protocol has it, and as a document for people and programs.
+
+use super::metadata::Metadata;
+use super::{VERSION, checksum, headers};
+use crate::api::App;
+use crate::api::error::{Error, Problem};
+use crate::storage::{HomeId, StorageError, Upload, UploadError, UploadKind, UploadState};
+use axum::Json;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use jiff::Timestamp;
+use jiff::fmt::rfc2822::DateTimePrinter;
+use serde::Serialize;
+use uuid::Uuid;
+
+const OFFSET: HeaderName = HeaderName::from_static("upload-offset");
+const LENGTH: HeaderName = HeaderName::from_static("upload-length");
+const DEFER_LENGTH: HeaderName = HeaderName::from_static("upload-defer-length");
+const METADATA: HeaderName = HeaderName::from_static("upload-metadata");
+const CONCAT: HeaderName = HeaderName::from_static("upload-concat");
+const EXPIRES: HeaderName = HeaderName::from_static("upload-expires");
+const CLIP: HeaderName = HeaderName::from_static("viola-clip");
+const JOB: HeaderName = HeaderName::from_static("viola-job");
+
+const EXTENSIONS: &str =
+    "creation,creation-with-upload,creation-defer-length,checksum,expiration,termination,concatenation";
+
+/// An upload in parts.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = Upload)]
+pub(super) struct UploadDocument {
+    #[schema(example = "01a1f766-7a97-7747-9dbb-391e0eeccb64")]
+    id: Uuid,
+    kind: UploadKind,
+    state: UploadState,
+    /// Null for partial ones.
+    home: Option<HomeId>,
+    #[schema(example = "kitchen.zip")]
+    filename: Option<String>,
+    /// Null while its sender does not know it.
+    #[schema(example = 15147863)]
+    length_bytes: Option<u64>,
+    /// So many from the start are durable.
+    #[schema(example = 8388608)]
+    received_bytes: u64,
+    /// The path of the clip that was made of it.
+    #[schema(example = "/v1/homes/home-42/clips/01a1f766-7a97-7747-9dbb-391e0eeccb64")]
+    clip: Option<String>,
+    /// The path of the clip's newest job, where there is one.
+    #[schema(example = "/v1/jobs/01a1f766-7a97-7747-9dbb-391e0eeccb64")]
+    job: Option<String>,
+    /// Why the file was refused, where it was.
+    #[schema(value_type = Option<Problem>)]
+    problem: Option<serde_json::Value>,
+    created_at: Timestamp,
+    /// Until then its next byte is waited for, or its record is kept.
+    expires_at: Timestamp,
+}
+
+/// The paths of what an upload became.
+#[derive(Debug, Default)]
+struct Made {
+    clip: Option<String>,
+    job: Option<String>,
+}
+
+impl Made {
+    async fn of(app: &App, upload: &Upload) -> Result<Made, Error> {
+        let (Some(home), Some(id)) = (&upload.home, upload.clip) else { return Ok(Made::default()) };
+        let clip = match app.storage.clip(home, id).await {
+            Ok(clip) => clip,
+            // It was removed since the upload was read.
+            Err(StorageError::NoSuchClip | StorageError::NoSuchHome) => return Ok(Made::default()),
+            Err(error) => return Err(error.into()),
+        };
+        Ok(Made {
+            clip: Some(format!("/v1/homes/{home}/clips/{id}")),
+            job: clip.job.map(|job| format!("/v1/jobs/{}", job.id)),
+        })
+    }
+}
+
+fn path(id: Uuid) -> String {
+    format!("/v1/uploads/{id}")
+}
+
+/// A time as HTTP has it.
+fn http_date(time: Timestamp) -> String {
+    DateTimePrinter::new().timestamp_to_rfc9110_string(&time).unwrap_or_default()
+}
+
+fn tell(headers: &mut HeaderMap, name: HeaderName, value: impl AsRef<str>) {
+    // Our own numbers and paths, and what came as a header before.
+    if let Ok(value) = HeaderValue::from_str(value.as_ref()) {
+        headers.insert(name, value);
+    }
+}
+
+async fn headers_of(app: &App, upload: &Upload) -> Result<HeaderMap, Error> {
+    let mut headers = HeaderMap::new();
+    tell(&mut headers, OFFSET, upload.received_bytes.to_string());
+    match upload.length_bytes {
+        Some(bytes) => tell(&mut headers, LENGTH, bytes.to_string()),
+        None => tell(&mut headers, DEFER_LENGTH, "1"),
+    }
+    if !upload.metadata.is_empty() {
+        tell(&mut headers, METADATA, &upload.metadata);
+    }
+    if let Some(concat) = &upload.concat {
+        tell(&mut headers, CONCAT, concat);
+    }
+    let is_kept = upload.state == UploadState::Finished || upload.is_due();
+    if !is_kept {
+        tell(&mut headers, EXPIRES, http_date(upload.expires_at));
+    }
+    let made = Made::of(app, upload).await?;
+    for (name, path) in [(CLIP, made.clip), (JOB, made.job)] {
+        if let Some(path) = path {
+            tell(&mut headers, name, path);
+        }
+    }
+    Ok(headers)
+}
+
+async fn document_of(app: &App, upload: Upload) -> Result<UploadDocument, Error> {
+    let made = Made::of(app, &upload).await?;
+    let filename = Metadata::parse(&upload.metadata).ok().and_then(|metadata| metadata.filename);
+    Ok(UploadDocument {
+        id: upload.id,
+        kind: upload.kind,
+        state: upload.state,
+        home: upload.home,
+        filename,
+        length_bytes: upload.length_bytes,
+        received_bytes: upload.received_bytes,
+        clip: made.clip,
+        job: made.job,
+        problem: upload.problem,
+        created_at: upload.created_at,
+        expires_at: upload.expires_at,
+    })
+}
+
+/// How far an upload is, for a client that would go on.
+pub(super) async fn state(app: &App, id: Uuid) -> Result<HeaderMap, Error> {
+    let upload = app.storage.living_upload(id, Timestamp::now()).await?;
+    headers_of(app, &upload).await
+}
+
+/// How far an upload is, also one that was refused.
+pub(super) async fn document(app: &App, id: Uuid) -> Result<Json<UploadDocument>, Error> {
+    let upload = app.storage.upload(id, Timestamp::now()).await?.ok_or(UploadError::NotFound)?;
+    Ok(Json(document_of(app, upload).await?))
+}
+
+/// An upload that this request began.
+pub(super) async fn created(app: &App, id: Uuid) -> Result<Response, Error> {
+    let upload = app.storage.living_upload(id, Timestamp::now()).await?;
+    let mut headers = headers_of(app, &upload).await?;
+    tell(&mut headers, header::LOCATION, path(id));
+    let document = document_of(app, upload).await?;
+    Ok((StatusCode::CREATED, headers, Json(document)).into_response())
+}
+
+/// What of the protocol is served.
+pub(super) fn abilities(max_bytes: u64) -> HeaderMap {
+    let mut abilities = HeaderMap::new();
+    abilities.insert(headers::VERSION, VERSION);
+    tell(&mut abilities, HeaderName::from_static("tus-extension"), EXTENSIONS);
+    tell(&mut abilities, HeaderName::from_static("tus-max-size"), max_bytes.to_string());
+    tell(&mut abilities, HeaderName::from_static("tus-checksum-algorithm"), checksum::ALGORITHMS);
+    abilities
+}

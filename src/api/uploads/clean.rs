@@ -1,0 +1,42 @@
+//! What nobody asks for again: abandoned uploads go, and whole files whose last request was cut off become clips.
+
+use super::finish::finish_if_free;
+use crate::api::App;
+use crate::storage::StorageError;
+use jiff::Timestamp;
+use tracing::{info, warn};
+
+/// Looked for at a time.
+const BATCH: u32 = 100;
+
+/// Cleans at the start and from time to time, until the server stops. Several processes may do so at once.
+pub(in crate::api) async fn clean(app: App) {
+    while !app.stop.is_cancelled() {
+        if let Err(error) = pass(&app).await {
+            warn!(%error, "uploads could not be cleaned; it is tried again");
+        }
+        tokio::select! {
+            () = app.stop.cancelled() => {}
+            () = tokio::time::sleep(app.uploads.clean_every) => {}
+        }
+    }
+}
+
+async fn pass(app: &App) -> Result<(), StorageError> {
+    let expired = app.storage.expire_uploads(Timestamp::now()).await?;
+    if expired > 0 {
+        info!(expired, "uploads expired");
+    }
+    for id in app.storage.due_uploads(BATCH, Timestamp::now()).await? {
+        if app.stop.is_cancelled() {
+            break;
+        }
+        // A refusal is kept with the upload, and a fault is in the log already.
+        match finish_if_free(app, id).await {
+            Ok(false) => {}
+            Ok(true) => info!(upload = %id, "an upload that was left alone is a clip"),
+            Err(error) => info!(upload = %id, %error, "an upload that was left alone is not a clip"),
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,95 @@
+//! A whole file becomes a clip.
+
+use super::metadata::Metadata;
+use super::refusal::UploadRefusal;
+use crate::api::App;
+use crate::api::bodies::understand;
+use crate::api::clips;
+use crate::api::error::Error;
+use crate::storage::{Added, UploadClaim};
+use jiff::Timestamp;
+use std::convert::Infallible;
+use std::time::{Duration, Instant};
+use uuid::Uuid;
+
+/// After a fault of ours.
+const PAUSE: Duration = Duration::from_secs(10);
+
+/// How long a request waits for another one, or the cleaner, that makes the clip, and how often it looks.
+const MAX_WAIT: Duration = Duration::from_secs(15);
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+
+/// A file at which so many processes ended is not opened again.
+const MAX_LOST_ATTEMPTS: u32 = 3;
+
+/// Makes a clip of an upload when all of it is here, or waits a while for who is at it, so that the answer can name the
+/// clip.
+pub(super) async fn finish(app: &App, id: Uuid) -> Result<(), Error> {
+    let begun = Instant::now();
+    loop {
+        if finish_if_free(app, id).await? || begun.elapsed() >= MAX_WAIT {
+            return Ok(());
+        }
+        if !app.storage.living_upload(id, Timestamp::now()).await?.is_due() {
+            return Ok(());
+        }
+        tokio::time::sleep(LOOK_EVERY).await;
+    }
+}
+
+/// Makes a clip of an upload when all of it is here and nobody else is at it; tells whether it did. Bytes of a file that
+/// is refused go; after a fault of ours they stay, and the cleaner tries again.
+pub(super) async fn finish_if_free(app: &App, id: Uuid) -> Result<bool, Error> {
+    let (storage, params) = (&app.storage, &app.uploads);
+    let Some(claim) = storage.claim_upload(id, params.lease, Timestamp::now()).await? else {
+        return Ok(false);
+    };
+    let made = tokio::select! {
+        made = make_clip(app, &claim) => made,
+        never = hold(app, &claim) => match never {},
+    };
+    match made {
+        Ok(()) => {
+            app.queue.wake();
+            Ok(true)
+        }
+        Err(error) => {
+            if error.is_refusal() {
+                let problem = serde_json::json!(error.problem());
+                storage.refuse_upload(&claim, &problem, params.limits.record, Timestamp::now()).await?;
+            } else {
+                storage.give_back_upload(&claim, PAUSE, Timestamp::now()).await?;
+            }
+            Err(error)
+        }
+    }
+}
+
+async fn make_clip(app: &App, claim: &UploadClaim) -> Result<(), Error> {
+    if claim.lost_attempts >= MAX_LOST_ATTEMPTS {
+        return Err(UploadRefusal::Unreadable.into());
+    }
+    if claim.upload.received_bytes == 0 {
+        return Err(Error::BodyEmpty);
+    }
+    let metadata = Metadata::parse(&claim.upload.metadata)?;
+    let file = app.storage.assemble_upload(claim).await?;
+    let (file, info, _) = understand(app, move || clips::open(file)).await?;
+    let new = clips::new_clip(file, info, metadata.recorded_at, metadata.idempotency_key);
+    let record = app.uploads.limits.record;
+    match app.storage.finish_upload(claim, new, record, Timestamp::now()).await? {
+        Some(Added::KeyReused) => Err(Error::KeyReused),
+        // Without an answer another process has done it meanwhile.
+        Some(Added::New(_) | Added::Replayed(_)) | None => Ok(()),
+    }
+}
+
+/// Renews a claim for ever. One that was lost is noticed when the clip is to be kept.
+async fn hold(app: &App, claim: &UploadClaim) -> Infallible {
+    loop {
+        tokio::time::sleep(app.uploads.lease / 3).await;
+        if let Err(error) = app.storage.renew_upload(claim, app.uploads.lease, Timestamp::now()).await {
+            tracing::warn!(upload = %claim.upload.id, %error, "a claim could not be renewed");
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! The protocol's request headers. A header that is sent twice is refused: who reads the other one is fooled.
+
+use super::refusal::UploadRefusal;
+use crate::api::error::Error;
+use axum::http::{HeaderMap, HeaderName, header};
+use uuid::Uuid;
+
+pub(super) const RESUMABLE: HeaderName = HeaderName::from_static("tus-resumable");
+pub(super) const VERSION: HeaderName = HeaderName::from_static("tus-version");
+
+const MAX_METADATA_BYTES: usize = 4096;
+const MAX_PARTS: usize = 128;
+const MAX_CONCAT_BYTES: usize = 16 << 10;
+const MEDIA_TYPE: &str = "application/offset+octet-stream";
+
+/// How long a file is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Length {
+    Known(u64),
+    /// A later request will tell.
+    Deferred,
+}
+
+impl Length {
+    pub fn known(self) -> Option<u64> {
+        match self {
+            Length::Known(bytes) => Some(bytes),
+            Length::Deferred => None,
+        }
+    }
+}
+
+/// What an upload is part of.
+#[derive(Debug, PartialEq)]
+pub(super) enum Concat {
+    Whole,
+    Partial,
+    Final { ids: Vec<Uuid>, sent: String },
+}
+
+fn invalid(field: &'static str, detail: impl Into<String>) -> Error {
+    Error::InvalidHeader { field, detail: detail.into() }
+}
+
+/// A header's only value, in visible ASCII and spaces.
+pub(super) fn text<'a>(headers: &'a HeaderMap, name: &'static str) -> Result<Option<&'a str>, Error> {
+    let mut values = headers.get_all(name).iter();
+    let Some(value) = values.next() else { return Ok(None) };
+    if values.next().is_some() {
+        return Err(invalid(name, format!("{name} was sent twice")));
+    }
+    value.to_str().map(Some).map_err(|_| invalid(name, format!("{name} has bytes that are not ASCII")))
+}
+
+fn number(headers: &HeaderMap, name: &'static str) -> Result<Option<u64>, Error> {
+    let Some(text) = text(headers, name)? else { return Ok(None) };
+    // Rust would also read a sign; and a database counts to 2^63.
+    let digits = text.bytes().all(|byte| byte.is_ascii_digit());
+    let number = text.parse().ok().filter(|number| digits && i64::try_from(*number).is_ok());
+    number.map(Some).ok_or_else(|| invalid(name, format!("{name} is a number of bytes")))
+}
+
+pub(super) fn offset(headers: &HeaderMap) -> Result<u64, Error> {
+    number(headers, "Upload-Offset")?
+        .ok_or_else(|| invalid("Upload-Offset", "Upload-Offset says where the body belongs; HEAD tells it"))
+}
+
+pub(super) fn length(headers: &HeaderMap) -> Result<Option<Length>, Error> {
+    match (number(headers, "Upload-Length")?, text(headers, "Upload-Defer-Length")?) {
+        (Some(_), Some(_)) => {
+            Err(invalid("Upload-Defer-Length", "give one of Upload-Length and Upload-Defer-Length"))
+        }
+        (Some(bytes), None) => Ok(Some(Length::Known(bytes))),
+        (None, Some("1")) => Ok(Some(Length::Deferred)),
+        (None, Some(_)) => Err(invalid("Upload-Defer-Length", "Upload-Defer-Length is 1, or not sent")),
+        (None, None) => Ok(None),
+    }
+}
+
+pub(super) fn no_length() -> Error {
+    invalid(
+        "Upload-Length",
+        "Upload-Length says how long the file is; Upload-Defer-Length: 1, that it is told later",
+    )
+}
+
+pub(super) fn check_length(length: Length, max_bytes: u64) -> Result<(), Error> {
+    match length {
+        Length::Known(0) => Err(Error::BodyEmpty),
+        Length::Known(bytes) if bytes > max_bytes => Err(Error::BodyTooLarge { limit: max_bytes }),
+        _ => Ok(()),
+    }
+}
+
+pub(super) fn metadata(headers: &HeaderMap) -> Result<String, Error> {
+    let sent = text(headers, "Upload-Metadata")?.unwrap_or_default();
+    if sent.len() > MAX_METADATA_BYTES {
+        let detail = format!("Upload-Metadata has at most {MAX_METADATA_BYTES} bytes");
+        return Err(invalid("Upload-Metadata", detail));
+    }
+    Ok(sent.to_owned())
+}
+
+/// Parts are named by their paths, relative or absolute.
+pub(super) fn concat(headers: &HeaderMap) -> Result<Concat, Error> {
+    const NAME: &str = "Upload-Concat";
+    let Some(sent) = text(headers, NAME)? else { return Ok(Concat::Whole) };
+    if sent == "partial" {
+        return Ok(Concat::Partial);
+    }
+    if sent.len() > MAX_CONCAT_BYTES {
+        return Err(invalid(NAME, format!("Upload-Concat has at most {MAX_CONCAT_BYTES} bytes")));
+    }
+    let Some(list) = sent.strip_prefix("final;") else {
+        return Err(invalid(NAME, "Upload-Concat is partial, or final; and the paths of partial uploads"));
+    };
+    let paths: Vec<&str> = list.split(' ').filter(|path| !path.is_empty()).take(MAX_PARTS + 1).collect();
+    if paths.is_empty() || paths.len() > MAX_PARTS {
+        return Err(invalid(NAME, format!("a final upload has 1 to {MAX_PARTS} parts")));
+    }
+    let id = |path: &&str| {
+        let (before, id) = path.rsplit_once('/')?;
+        before.ends_with("/v1/uploads").then(|| Uuid::try_parse(id).ok())?
+    };
+    let ids: Option<Vec<Uuid>> = paths.iter().map(id).collect();
+    let ids =
+        ids.ok_or_else(|| invalid(NAME, "the parts of a final upload are named as Location told them"))?;
+    let mut each = ids.clone();
+    each.sort();
+    each.dedup();
+    if each.len() < ids.len() {
+        return Err(invalid(NAME, "a part is named twice; each goes into one final upload, once"));
+    }
+    Ok(Concat::Final { ids, sent: sent.to_owned() })
+}
+
+pub(super) fn content_length(headers: &HeaderMap) -> Option<u64> {
+    headers.get(header::CONTENT_LENGTH)?.to_str().ok()?.parse().ok()
+}
+
+pub(super) fn has_body(headers: &HeaderMap) -> bool {
+    content_length(headers).is_some_and(|length| length > 0)
+        || headers.contains_key(header::TRANSFER_ENCODING)
+}
+
+pub(super) fn check_media_type(headers: &HeaderMap) -> Result<(), Error> {
+    let sent = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    let essence = sent.split(';').next().unwrap_or_default().trim();
+    if essence.eq_ignore_ascii_case(MEDIA_TYPE) {
+        return Ok(());
+    }
+    Err(UploadRefusal::MediaType { expected: MEDIA_TYPE }.into())
+}

@@ -1,0 +1,88 @@
+//! The body of a request that goes on with an upload.
+
+use super::checksum::Checksum;
+use super::refusal::UploadRefusal;
+use crate::api::App;
+use crate::api::error::Error;
+use crate::storage::{Incoming, UploadWriter};
+use axum::body::Body;
+use futures::StreamExt;
+use jiff::Timestamp;
+use std::time::Instant;
+use uuid::Uuid;
+
+/// What a request says of its body.
+pub(super) struct Append {
+    pub id: Uuid,
+    pub offset: u64,
+    pub length_bytes: Option<u64>,
+    pub body_bytes: Option<u64>,
+    pub checksum: Option<Checksum>,
+}
+
+/// Bytes that have arrived and are not durable yet.
+struct Piece {
+    file: Incoming,
+    begun: Instant,
+}
+
+/// Appends a body. However it ends, what has arrived by then is kept, but for a body with a checksum, which is kept
+/// whole or not at all.
+pub(super) async fn receive(app: &App, append: Append, body: Body) -> Result<(), Error> {
+    let Append { id, offset, length_bytes, body_bytes, mut checksum } = append;
+    let limits = &app.uploads.limits;
+    let mut writer = app.storage.begin_append(id, offset, length_bytes, limits, Timestamp::now()).await?;
+    let room = writer.length_bytes.unwrap_or(app.max_upload_bytes).saturating_sub(offset);
+    let too_large = || Error::BodyTooLarge { limit: room };
+    if body_bytes.is_some_and(|bytes| bytes > room) {
+        return Err(too_large());
+    }
+    let mut left = room;
+    let mut piece: Option<Piece> = None;
+    let mut chunks = body.into_data_stream();
+    let ended = loop {
+        let next = tokio::select! {
+            next = tokio::time::timeout(app.uploads.silence, chunks.next()) => next,
+            () = app.stop.cancelled() => break Err(UploadRefusal::Stopping.into()),
+        };
+        let chunk = match next {
+            Ok(Some(Ok(chunk))) => chunk,
+            Ok(Some(Err(error))) => break Err(Error::BodyIncomplete(error.to_string())),
+            Ok(None) => break Ok(()),
+            Err(_) => break Err(Error::BodyStalled { seconds: app.uploads.silence.as_secs() }),
+        };
+        if chunk.is_empty() {
+            continue;
+        }
+        left = left.checked_sub(chunk.len() as u64).ok_or_else(too_large)?;
+        let growing = match &mut piece {
+            Some(piece) => piece,
+            None => piece.insert(Piece { file: app.storage.incoming()?, begun: Instant::now() }),
+        };
+        growing.file.write(&chunk).await?;
+        if let Some(checksum) = &mut checksum {
+            checksum.update(&chunk);
+        } else if growing.file.size_bytes() >= app.uploads.piece_bytes
+            || growing.begun.elapsed() >= app.uploads.piece_age
+        {
+            keep(app, &mut writer, piece.take()).await?;
+        }
+    };
+    match checksum {
+        None => {
+            keep(app, &mut writer, piece).await?;
+            ended
+        }
+        Some(checksum) => {
+            ended?;
+            checksum.check()?;
+            keep(app, &mut writer, piece).await
+        }
+    }
+}
+
+async fn keep(app: &App, writer: &mut UploadWriter, piece: Option<Piece>) -> Result<(), Error> {
+    let Some(piece) = piece else { return Ok(()) };
+    let bytes = piece.file.finish().await?;
+    Ok(app.storage.append(writer, bytes, &app.uploads.limits, Timestamp::now()).await?)
+}

@@ -1,0 +1,108 @@
+//! Why a request of the protocol is not served.
+
+use crate::api::error::Error;
+use crate::storage::UploadError;
+use axum::http::StatusCode;
+
+#[derive(Debug, thiserror::Error)]
+pub(in crate::api) enum UploadRefusal {
+    #[error(transparent)]
+    State(UploadError),
+    #[error("send the header Tus-Resumable: 1.0.0; no other version of the protocol is served")]
+    OtherVersion,
+    #[error("the body is sent as Content-Type: {expected}")]
+    MediaType { expected: &'static str },
+    #[error("Upload-Checksum names an algorithm that is not served; OPTIONS lists those that are")]
+    OtherChecksum,
+    #[error("the body is not what its checksum says; it was not kept, send it again")]
+    ChecksumMismatch,
+    #[error("the service is stopping; go on in a moment")]
+    Stopping,
+    #[error("the service broke down each time that it opened this file")]
+    Unreadable,
+}
+
+impl From<UploadError> for Error {
+    fn from(error: UploadError) -> Error {
+        match error {
+            UploadError::Storage(error) => error.into(),
+            UploadError::TooLarge { limit } => Error::BodyTooLarge { limit },
+            other => Error::Upload(UploadRefusal::State(other)),
+        }
+    }
+}
+
+impl UploadRefusal {
+    /// Status, code and title.
+    pub fn mapping(&self) -> (StatusCode, &'static str, &'static str) {
+        use StatusCode as S;
+        use UploadError as E;
+        match self {
+            UploadRefusal::OtherVersion => {
+                (S::PRECONDITION_FAILED, "tus_version_unsupported", "The protocol's version is not served")
+            }
+            UploadRefusal::MediaType { .. } => {
+                (S::UNSUPPORTED_MEDIA_TYPE, "unsupported_media_type", "This kind of body is not understood")
+            }
+            UploadRefusal::OtherChecksum => {
+                (S::BAD_REQUEST, "unknown_checksum_algorithm", "The checksum's algorithm is not known")
+            }
+            UploadRefusal::ChecksumMismatch => {
+                // The protocol's own.
+                let status = S::from_u16(460).unwrap_or(S::BAD_REQUEST);
+                (status, "checksum_mismatch", "The body was damaged on its way")
+            }
+            UploadRefusal::Stopping => (S::SERVICE_UNAVAILABLE, "stopping", "The service is stopping"),
+            UploadRefusal::Unreadable => {
+                (S::UNPROCESSABLE_ENTITY, "upload_unreadable", "The file cannot be opened")
+            }
+            UploadRefusal::State(error) => match error {
+                E::NotFound | E::PartNotFound { .. } => {
+                    (S::NOT_FOUND, "upload_not_found", "There is no such upload")
+                }
+                E::Gone | E::PartGone { .. } => (S::GONE, "upload_gone", "The upload is gone"),
+                E::WrongOffset { .. } | E::Overtaken => {
+                    (S::CONFLICT, "upload_offset_mismatch", "The upload goes on elsewhere")
+                }
+                E::LengthTold | E::LengthTooSmall { .. } => {
+                    (S::BAD_REQUEST, "invalid_header", "A header is not valid")
+                }
+                E::NotPartial { .. } => (S::BAD_REQUEST, "invalid_header", "A header is not valid"),
+                E::Final => (S::FORBIDDEN, "upload_final", "A final upload takes no bytes"),
+                E::TooMany { .. } => {
+                    (S::TOO_MANY_REQUESTS, "too_many_uploads", "Too many uploads are unfinished")
+                }
+                E::TooManyPieces { .. } => {
+                    (S::PAYLOAD_TOO_LARGE, "too_many_pieces", "The upload came in too many pieces")
+                }
+                E::PartUnfinished { .. } => {
+                    (S::CONFLICT, "upload_unfinished", "A part of the upload is unfinished")
+                }
+                E::Lost => (S::GONE, "upload_lost", "Bytes of the upload were lost"),
+                // Told as what they are, in `From` above.
+                E::TooLarge { .. } | E::Storage(_) => {
+                    (S::INTERNAL_SERVER_ERROR, "internal_error", "The service failed")
+                }
+            },
+        }
+    }
+
+    pub fn field(&self) -> Option<&'static str> {
+        match self {
+            UploadRefusal::State(UploadError::LengthTold | UploadError::LengthTooSmall { .. }) => {
+                Some("Upload-Length")
+            }
+            UploadRefusal::State(
+                UploadError::NotPartial { .. }
+                | UploadError::PartNotFound { .. }
+                | UploadError::PartGone { .. }
+                | UploadError::PartUnfinished { .. },
+            ) => Some("Upload-Concat"),
+            UploadRefusal::State(UploadError::WrongOffset { .. }) => Some("Upload-Offset"),
+            UploadRefusal::OtherChecksum | UploadRefusal::ChecksumMismatch => Some("Upload-Checksum"),
+            UploadRefusal::OtherVersion => Some("Tus-Resumable"),
+            UploadRefusal::MediaType { .. } => Some("Content-Type"),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,35 @@
+//! Clips.
+
+use crate::cli::progress::TerminalProgress;
+use crate::cli::video_tools::video_tools;
+use crate::clip::Clip;
+use crate::clip::write::{FolderSink, WrittenLayout, ZipSink, write};
+use crate::progress::{Progress, Stage};
+use anyhow::{Context, Result, bail};
+use std::fs::{self, File};
+use std::io::BufWriter;
+use std::path::Path;
+
+/// Writes a clip into a folder that is empty or not there yet, or into a zip archive.
+pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<Vec<String>> {
+    let clip = Clip::open_with(file, &video_tools()).with_context(|| format!("clip {}", file.display()))?;
+    let progress = TerminalProgress::new();
+    progress.enter(Stage::Decode);
+    let cannot = || format!("cannot write {}", out.display());
+    let written = if out.extension().is_some_and(|ending| ending == "zip") {
+        let mut sink = ZipSink::new(BufWriter::new(File::create(out).with_context(cannot)?));
+        let written = write(&clip, layout, &mut sink, &progress)?;
+        sink.finish().and_then(|to| to.into_inner()?.sync_all()).with_context(cannot)?;
+        written
+    } else {
+        // Files of another clip would be taken for this one's.
+        if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
+            bail!("{} is not empty; name a folder that is, or a .zip file", out.display());
+        }
+        fs::create_dir_all(out).with_context(cannot)?;
+        write(&clip, layout, &mut FolderSink::new(out), &progress)?
+    };
+    progress.finish();
+    println!("wrote:  {}, {} frames", out.display(), written.frames);
+    Ok(clip.info().notes.iter().cloned().chain(written.notes).collect())
+}

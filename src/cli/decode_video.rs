@@ -1,0 +1,29 @@
+//! `viola decode-video`: the child that decodes video for another process; see `video`.
+
+use crate::container::Region;
+use crate::video::{self, NumberList};
+use anyhow::{Context, Result};
+use clap::Args;
+use std::fs::File;
+use std::io;
+use std::os::fd::AsFd;
+
+#[derive(Args)]
+pub struct DecodeVideoArguments {
+    /// First byte of the video in the file that is the standard input.
+    #[arg(long)]
+    offset: u64,
+    /// Length of the video in bytes.
+    #[arg(long)]
+    bytes: u64,
+    /// Numbers of frames, ascending: 0-5,9,12-20.
+    #[arg(long)]
+    frames: Vec<NumberList>,
+}
+
+pub fn run(arguments: &DecodeVideoArguments) -> Result<()> {
+    let file = io::stdin().as_fd().try_clone_to_owned().context("the video is the standard input")?;
+    let region = Region { file: File::from(file), offset: arguments.offset, bytes: arguments.bytes };
+    let wanted: Vec<usize> = arguments.frames.iter().flat_map(|list| &list.0).copied().collect();
+    video::serve(region, &wanted, &mut io::stdout().lock()).context("nobody reads the frames")
+}

@@ -1,0 +1,15 @@
+//! The programs that decode video: this one, and ffmpeg where it is installed.
+
+use crate::video::Tools;
+use std::env;
+use std::path::PathBuf;
+
+/// Looks for them.
+pub(super) fn video_tools() -> Tools {
+    Tools { viola: env::current_exe().ok(), ffmpeg: in_path("ffmpeg"), ..Tools::default() }
+}
+
+fn in_path(program: &str) -> Option<PathBuf> {
+    let folders = env::var_os("PATH")?;
+    env::split_paths(&folders).map(|folder| folder.join(program)).find(|path| path.is_file())
+}

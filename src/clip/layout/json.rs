@@ -1,0 +1,16 @@
+//! Files of JSON that describe a clip or one of its frames.
+
+use super::ClipError;
+use crate::container::Container;
+use serde::de::DeserializeOwned;
+
+/// Reads a file of at most `max_bytes` whose members are as `T` has them.
+pub(super) fn read_json<T: DeserializeOwned>(
+    container: &dyn Container,
+    name: &str,
+    max_bytes: u64,
+) -> Result<T, ClipError> {
+    let bytes = container.read(name, max_bytes)?;
+    serde_json::from_slice(&bytes)
+        .map_err(|error| ClipError::BadMetadata { name: name.to_string(), reason: error.to_string() })
+}

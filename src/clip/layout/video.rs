@@ -1,0 +1,37 @@
+//! Colour that is a video.
+
+use super::ClipError;
+use crate::container::{Container, Region};
+use crate::video::{Codec, VideoInfo, inspect};
+
+/// An hour of a phone's video.
+const MAX_BYTES: u64 = 16 << 30;
+
+/// The first of these files that is there, and what its tables say.
+pub(super) fn find(
+    container: &dyn Container,
+    root: &str,
+    files: &[&str],
+) -> Result<Option<(String, Region, VideoInfo)>, ClipError> {
+    let mut names = files.iter().map(|file| format!("{root}{file}"));
+    let Some(name) = names.find(|name| container.contains(name)) else { return Ok(None) };
+    let region = container.region(&name, MAX_BYTES)?;
+    let info = inspect(&region).map_err(|source| ClipError::Video { name: name.clone(), source })?;
+    Ok(Some((name, region, info)))
+}
+
+/// What is told of a video.
+pub(super) fn words(name: &str, info: &VideoInfo) -> String {
+    let codec = match info.codec {
+        Codec::H264 => "H.264",
+        Codec::Hevc => "HEVC",
+    };
+    let rotation = match info.rotation_deg {
+        0 => String::new(),
+        rotation_deg => format!(
+            "; the rotation by {rotation_deg} degrees in its header was not applied, as depth is not rotated"
+        ),
+    };
+    let name = name.rsplit('/').next().unwrap_or(name);
+    format!("{name} is {codec}, {} frames{rotation}", info.time_s.len())
+}

@@ -1,0 +1,37 @@
+//! What a file is, by its first bytes.
+
+use super::packed::Packing;
+
+/// The containers that are told apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Zip,
+    Tar,
+    Packed(Packing),
+    /// None of these: a file that stands for itself.
+    Other,
+}
+
+impl Kind {
+    /// As many bytes from the beginning are looked at: one block of a tar archive.
+    pub const HEAD_BYTES: usize = 512;
+
+    pub fn of(head: &[u8]) -> Kind {
+        // A first entry, or the end record of a zip without entries (APPNOTE 4.3.7 and 4.3.16).
+        if head.starts_with(b"PK\x03\x04") || head.starts_with(b"PK\x05\x06") {
+            return Kind::Zip;
+        }
+        // RFC 1952, section 2.3: the only method is deflate.
+        if head.starts_with(&[0x1f, 0x8b, 8]) {
+            return Kind::Packed(Packing::Gzip);
+        }
+        // RFC 8878, section 3.1.1; a frame to be skipped (3.1.2) may come first, as pzstd writes it.
+        if let Some(magic) = head.first_chunk().map(|bytes| u32::from_le_bytes(*bytes))
+            && (magic == 0xfd2f_b528 || magic & 0xffff_fff0 == 0x184d_2a50)
+        {
+            return Kind::Packed(Packing::Zstd);
+        }
+        // POSIX.1-1988 and later have a zero behind it, GNU tar a space. Older archives have nothing to know them by.
+        if head.get(257..262) == Some(b"ustar") { Kind::Tar } else { Kind::Other }
+    }
+}

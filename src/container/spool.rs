@@ -1,0 +1,34 @@
+//! What is unpacked on its way, in an unnamed file that is gone when nobody has it open.
+
+use super::{ContainerError, Region};
+use std::io::{self, Read, Write};
+
+const CHUNK_BYTES: usize = 128 << 10;
+
+/// Copies to the end into a temporary file. More than `max_bytes` end in `too_many()`, a reader that fails in
+/// `unreadable(error)`; `name` is what the message tells when there is no room.
+pub(super) fn spool(
+    reader: &mut dyn Read,
+    name: &str,
+    max_bytes: u64,
+    too_many: impl FnOnce() -> ContainerError,
+    unreadable: impl FnOnce(io::Error) -> ContainerError,
+) -> Result<Region, ContainerError> {
+    let no_room = |source| ContainerError::CannotUnpack { name: name.to_owned(), source };
+    let mut file = tempfile::tempfile().map_err(no_room)?;
+    let mut chunk = vec![0; CHUNK_BYTES];
+    let mut bytes = 0u64;
+    loop {
+        let read = match reader.read(&mut chunk) {
+            Ok(0) => return Ok(Region { file, offset: 0, bytes }),
+            Ok(read) => read,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+            Err(error) => return Err(unreadable(error)),
+        };
+        bytes = bytes.saturating_add(read as u64);
+        if bytes > max_bytes {
+            return Err(too_many());
+        }
+        file.write_all(&chunk[..read]).map_err(no_room)?;
+    }
+}

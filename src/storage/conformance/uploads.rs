@@ -1,0 +1,292 @@
+//! Uploads in parts: who may append, what is kept, and who makes the clip.
+
+use super::*;
+
+on_every_back_end!(
+    pieces_become_the_file,
+    a_writer_that_was_overtaken_changes_nothing,
+    two_writers_at_one_offset_are_one,
+    only_one_makes_the_clip,
+    a_claim_that_was_lost_ends_nothing,
+    a_refused_upload_tells_why,
+    joining_is_all_or_nothing,
+    what_is_abandoned_goes_and_what_has_arrived_stays,
+    deleting_a_home_deletes_its_uploads,
+);
+
+const HOUR: i64 = 3600;
+
+fn limits() -> UploadLimits {
+    UploadLimits { patience: Duration::from_secs(HOUR as u64), ..UploadLimits::default() }
+}
+
+async fn begin(storage: &Storage, kind: UploadKind, length_bytes: Option<u64>) -> Uuid {
+    let of = home("h");
+    storage.put_home(&of, None, at(0)).await.unwrap();
+    let home = (kind == UploadKind::Whole).then_some(of);
+    let new = NewUpload { kind, home, metadata: "home aA==".to_owned(), concat: None, length_bytes };
+    storage.create_upload(new, &limits(), at(0)).await.unwrap().id
+}
+
+async fn writer(storage: &Storage, id: Uuid, offset: u64) -> Result<UploadWriter, UploadError> {
+    storage.begin_append(id, offset, None, &limits(), at(1)).await
+}
+
+async fn write(storage: &Storage, writer: &mut UploadWriter, bytes: &[u8]) -> Result<(), UploadError> {
+    let bytes = arrived(storage, bytes).await;
+    storage.append(writer, bytes, &limits(), at(2)).await
+}
+
+/// An upload of some bytes.
+async fn whole(storage: &Storage, bytes: &[u8]) -> Uuid {
+    let id = begin(storage, UploadKind::Whole, Some(bytes.len() as u64)).await;
+    write(storage, &mut writer(storage, id, 0).await.unwrap(), bytes).await.unwrap();
+    id
+}
+
+fn new_clip(file: Arrived) -> NewClip {
+    NewClip { file, info: clip_info(), idempotency_key: None, recorded_at: None }
+}
+
+async fn finish(storage: &Storage, claim: &UploadClaim) -> Option<Added> {
+    let file = storage.assemble_upload(claim).await.unwrap();
+    storage.finish_upload(claim, new_clip(file), Duration::from_secs(60), at(3)).await.unwrap()
+}
+
+async fn read(storage: &Storage, id: Uuid) -> Upload {
+    storage.upload(id, at(3)).await.unwrap().expect("the upload is there")
+}
+
+async fn pieces_become_the_file(storage: Storage) {
+    let id = begin(&storage, UploadKind::Whole, None).await;
+    let mut first = writer(&storage, id, 0).await.unwrap();
+    for piece in [&b"one "[..], b"two "] {
+        write(&storage, &mut first, piece).await.unwrap();
+    }
+    assert_eq!((first.offset(), read(&storage, id).await.received_bytes), (8, 8));
+    assert!(matches!(writer(&storage, id, 7).await, Err(UploadError::WrongOffset { received: 8 })));
+    // The length is told in between, and then stands.
+    let told = storage.begin_append(id, 8, Some(13), &limits(), at(1)).await;
+    write(&storage, &mut told.unwrap(), b"three").await.unwrap();
+    let upload = read(&storage, id).await;
+    assert_eq!((upload.state, upload.length_bytes), (UploadState::Arrived, Some(13)));
+    let again = storage.begin_append(id, 13, Some(14), &limits(), at(1)).await;
+    assert!(matches!(again, Err(UploadError::LengthTold)), "{again:?}");
+
+    assert_eq!(storage.due_uploads(9, at(3)).await.unwrap(), [id]);
+    let claim = storage.claim_upload(id, LEASE, at(3)).await.unwrap().expect("it is due");
+    let Some(Added::New(clip)) = finish(&storage, &claim).await else { panic!("a clip is made") };
+    assert_eq!(bytes_of(storage.clip_recording(clip.id).await.unwrap()).await, b"one two three");
+    let upload = read(&storage, id).await;
+    assert_eq!((upload.state, upload.clip), (UploadState::Finished, Some(clip.id)));
+    assert_eq!(storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
+    storage.delete_clip(&home("h"), clip.id, at(4)).await.unwrap();
+    assert_eq!(storage.upload(id, at(4)).await.unwrap(), None);
+}
+
+async fn a_writer_that_was_overtaken_changes_nothing(storage: Storage) {
+    let id = begin(&storage, UploadKind::Whole, Some(6)).await;
+    let mut old = writer(&storage, id, 0).await.unwrap();
+    write(&storage, &mut old, b"ab").await.unwrap();
+    let mut new = writer(&storage, id, 2).await.unwrap();
+    // Before and after the newer one has written.
+    for _ in 0..2 {
+        let late = write(&storage, &mut old, b"XY").await;
+        assert!(matches!(late, Err(UploadError::Overtaken)), "{late:?}");
+        assert_eq!(
+            storage.blobs_that_exist().await.len() as u64,
+            read(&storage, id).await.received_bytes / 2
+        );
+        if new.offset() == 2 {
+            write(&storage, &mut new, b"cd").await.unwrap();
+        }
+    }
+    write(&storage, &mut new, b"ef").await.unwrap();
+    let claim = storage.claim_upload(id, LEASE, at(3)).await.unwrap().expect("it is due");
+    assert_eq!(storage.assemble_upload(&claim).await.unwrap().read().unwrap(), b"abcdef");
+    storage.delete_upload(id, at(3)).await.unwrap();
+    assert!(matches!(write(&storage, &mut new, b"gh").await, Err(UploadError::NotFound)));
+    assert_eq!(storage.blobs_that_exist().await, Vec::<String>::new());
+}
+
+async fn two_writers_at_one_offset_are_one(storage: Storage) {
+    for _ in 0..20 {
+        let id = begin(&storage, UploadKind::Whole, Some(100)).await;
+        let both = [b"first bytes!", b"other bytes!"].map(|bytes| {
+            let storage = &storage;
+            async move {
+                let mut writer = writer(storage, id, 0).await?;
+                tokio::task::yield_now().await;
+                write(storage, &mut writer, bytes).await
+            }
+        });
+        let ended = futures::future::join_all(both).await;
+        let kept = ended.iter().filter(|ended| ended.is_ok()).count();
+        assert_eq!(read(&storage, id).await.received_bytes, 12 * kept as u64);
+        assert_eq!((kept, storage.blobs_that_exist().await.len()), (1, 1), "{ended:?}");
+        storage.delete_upload(id, at(3)).await.unwrap();
+    }
+}
+
+async fn only_one_makes_the_clip(storage: Storage) {
+    let id = whole(&storage, b"a clip").await;
+    let claims = (0..5).map(|_| storage.claim_upload(id, LEASE, at(3)));
+    let claims = futures::future::join_all(claims).await;
+    let claims: Vec<UploadClaim> = claims.into_iter().filter_map(|claim| claim.unwrap()).collect();
+    assert_eq!(claims.len(), 1);
+    assert_eq!(storage.due_uploads(9, at(3)).await.unwrap(), Vec::<Uuid>::new());
+    // Given back, it is due after a pause, and the attempt does not count.
+    storage.give_back_upload(&claims[0], Duration::from_secs(10), at(3)).await.unwrap();
+    assert!(storage.claim_upload(id, LEASE, at(12)).await.unwrap().is_none());
+    let claim = storage.claim_upload(id, LEASE, at(13)).await.unwrap().expect("it is due again");
+    assert_eq!(claim.lost_attempts, 0);
+    // One who is never heard of again counts.
+    assert!(storage.renew_upload(&claim, LEASE, at(20)).await.unwrap());
+    assert!(storage.claim_upload(id, LEASE, at(49)).await.unwrap().is_none());
+    let next = storage.claim_upload(id, LEASE, at(50)).await.unwrap().expect("its lease ran out");
+    assert_eq!(next.lost_attempts, 1);
+}
+
+async fn a_claim_that_was_lost_ends_nothing(storage: Storage) {
+    let id = whole(&storage, b"a clip").await;
+    let late = storage.claim_upload(id, LEASE, at(3)).await.unwrap().expect("it is due");
+    let file = storage.assemble_upload(&late).await.unwrap();
+    let claim = storage.claim_upload(id, LEASE, at(100)).await.unwrap().expect("the lease ran out");
+    assert!(!storage.renew_upload(&late, LEASE, at(100)).await.unwrap());
+    let none = storage.finish_upload(&late, new_clip(file), Duration::from_secs(60), at(100)).await.unwrap();
+    assert!(none.is_none(), "{none:?}");
+    let problem = serde_json::json!({"type": "late"});
+    storage.refuse_upload(&late, &problem, Duration::from_secs(60), at(100)).await.unwrap();
+    storage.give_back_upload(&late, Duration::ZERO, at(100)).await.unwrap();
+    assert!(storage.claim_upload(id, LEASE, at(101)).await.unwrap().is_none(), "the claim is held");
+    assert!(matches!(finish(&storage, &claim).await, Some(Added::New(_))));
+    assert!(finish_again(&storage, &claim).await, "a second end changes nothing");
+    assert_eq!(storage.home(&home("h")).await.unwrap().clips, 1);
+    assert_eq!(storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
+}
+
+async fn finish_again(storage: &Storage, claim: &UploadClaim) -> bool {
+    let file = arrived(storage, b"a clip").await;
+    storage.finish_upload(claim, new_clip(file), Duration::from_secs(60), at(200)).await.unwrap().is_none()
+}
+
+async fn a_refused_upload_tells_why(storage: Storage) {
+    let id = whole(&storage, b"no clip").await;
+    let claim = storage.claim_upload(id, LEASE, at(3)).await.unwrap().expect("it is due");
+    let problem = serde_json::json!({"type": "no-clip"});
+    storage.refuse_upload(&claim, &problem, Duration::from_secs(60), at(3)).await.unwrap();
+    let upload = read(&storage, id).await;
+    assert_eq!((upload.state, upload.problem), (UploadState::Refused, Some(problem)));
+    assert!(matches!(storage.living_upload(id, at(3)).await, Err(UploadError::Gone)));
+    assert_eq!(storage.blobs_that_exist().await, Vec::<String>::new());
+    assert_eq!(storage.expire_uploads(at(63)).await.unwrap(), 1);
+    assert_eq!(storage.upload(id, at(63)).await.unwrap(), None);
+}
+
+async fn joining_is_all_or_nothing(storage: Storage) {
+    let mut parts = Vec::new();
+    for bytes in [&b"one "[..], b"two "] {
+        let id = begin(&storage, UploadKind::Partial, Some(4)).await;
+        write(&storage, &mut writer(&storage, id, 0).await.unwrap(), bytes).await.unwrap();
+        parts.push(id);
+    }
+    let unfinished = begin(&storage, UploadKind::Partial, Some(5)).await;
+    let joining = |parts: &[Uuid], max_bytes| Joining {
+        parts: parts.to_vec(),
+        home: home("h"),
+        metadata: String::new(),
+        concat: format!("final;{parts:?}"),
+        max_bytes,
+    };
+    let storage = &storage;
+    let join = |joining| async move { storage.join_uploads(&joining, &limits(), at(3)).await };
+    let all = [parts[1], parts[0], unfinished];
+    assert!(
+        matches!(join(joining(&all, 99)).await, Err(UploadError::PartUnfinished { id }) if id == unfinished)
+    );
+    write(storage, &mut writer(storage, unfinished, 0).await.unwrap(), b"three").await.unwrap();
+    assert!(matches!(join(joining(&all, 12)).await, Err(UploadError::TooLarge { limit: 12 })));
+    let nobody = Uuid::now_v7();
+    let with_nobody = [parts[0], nobody];
+    assert!(
+        matches!(join(joining(&with_nobody, 99)).await, Err(UploadError::PartNotFound { id }) if id == nobody)
+    );
+    for part in all {
+        assert_eq!(read(storage, part).await.state, UploadState::Arrived);
+    }
+    // Several at once: one is made, and all are told of it.
+    let made = futures::future::join_all((0..4).map(|_| join(joining(&all, 13)))).await;
+    let ids: Vec<Uuid> = made.into_iter().map(|made| made.unwrap().id).collect();
+    assert!(ids.iter().all(|id| *id == ids[0]), "{ids:?}");
+    let claim = storage.claim_upload(ids[0], LEASE, at(3)).await.unwrap().expect("it is due");
+    assert_eq!(storage.assemble_upload(&claim).await.unwrap().read().unwrap(), b"two one three");
+    assert!(matches!(join(joining(&parts, 99)).await, Err(UploadError::PartGone { .. })));
+    // The parts' records go, and the whole file stays.
+    assert_eq!(storage.expire_uploads(at(2 * HOUR)).await.unwrap(), 3);
+    assert_eq!(storage.blobs_that_exist().await.len(), 3);
+}
+
+async fn what_is_abandoned_goes_and_what_has_arrived_stays(storage: Storage) {
+    let arriving = begin(&storage, UploadKind::Whole, Some(9)).await;
+    write(&storage, &mut writer(&storage, arriving, 0).await.unwrap(), b"half").await.unwrap();
+    let part = begin(&storage, UploadKind::Partial, Some(4)).await;
+    write(&storage, &mut writer(&storage, part, 0).await.unwrap(), b"part").await.unwrap();
+    let arrived = whole(&storage, b"whole").await;
+    // Every byte puts the end off: those of second 2.
+    let end = HOUR + 2;
+    assert_eq!(storage.expire_uploads(at(end - 1)).await.unwrap(), 0);
+    for gone in [arriving, part] {
+        assert!(storage.living_upload(gone, at(end - 1)).await.is_ok());
+        assert!(matches!(storage.living_upload(gone, at(end)).await, Err(UploadError::Gone)));
+        assert!(matches!(storage.delete_upload(gone, at(end)).await, Err(UploadError::Gone)));
+    }
+    assert_eq!(storage.expire_uploads(at(end)).await.unwrap(), 2);
+    for gone in [arriving, part] {
+        assert!(matches!(storage.living_upload(gone, at(end)).await, Err(UploadError::NotFound)));
+    }
+    assert_eq!(storage.living_upload(arrived, at(99 * HOUR)).await.unwrap().received_bytes, 5);
+    assert_eq!(storage.blobs_that_exist().await.len(), 1);
+    // More than are removed at a time.
+    for _ in 0..150 {
+        let new = NewUpload {
+            kind: UploadKind::Partial,
+            home: None,
+            metadata: String::new(),
+            concat: None,
+            length_bytes: None,
+        };
+        storage.create_upload(new, &limits(), at(0)).await.unwrap();
+    }
+    assert_eq!(storage.expire_uploads(at(end)).await.unwrap(), 150);
+}
+
+async fn deleting_a_home_deletes_its_uploads(storage: Storage) {
+    let id = whole(&storage, b"a clip").await;
+    let claim = storage.claim_upload(id, LEASE, at(3)).await.unwrap().expect("it is due");
+    let file = storage.assemble_upload(&claim).await.unwrap();
+    storage.delete_home(&home("h"), at(3)).await.unwrap();
+    assert_eq!(storage.upload(id, at(3)).await.unwrap(), None);
+    let late = storage.finish_upload(&claim, new_clip(file), Duration::from_secs(60), at(4)).await;
+    assert!(matches!(late, Err(StorageError::NoSuchHome)), "{late:?}");
+    assert_eq!(storage.blobs_that_exist().await, Vec::<String>::new());
+}
+
+#[tokio::test]
+async fn pieces_outlive_a_restart() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = Storage::open(folder.path()).await.unwrap();
+    let id = begin(&storage, UploadKind::Whole, Some(6)).await;
+    let mut before = writer(&storage, id, 0).await.unwrap();
+    write(&storage, &mut before, b"abc").await.unwrap();
+    drop(storage);
+    let storage = Storage::open(folder.path()).await.unwrap();
+    let mut after = writer(&storage, id, 3).await.unwrap();
+    write(&storage, &mut after, b"def").await.unwrap();
+    let claim = storage.claim_upload(id, LEASE, at(3)).await.unwrap().expect("it is due");
+    assert_eq!(storage.assemble_upload(&claim).await.unwrap().read().unwrap(), b"abcdef");
+    // A version that does not know of uploads removes their pieces at its start: that is noticed, not made a clip of.
+    for key in storage.blobs_that_exist().await.iter().take(1) {
+        std::fs::remove_file(folder.path().join("blobs").join(key)).unwrap();
+    }
+    assert!(matches!(storage.assemble_upload(&claim).await, Err(UploadError::Lost)));
+}

@@ -1,0 +1,326 @@
+//! Files that arrive in parts, over as many connections, processes and restarts as it takes.
+//!
+//! What was acknowledged is a list of pieces, each a blob that never changes. To append is to write a blob of one's own
+//! and then to add it to the list in a transaction, under the condition that the list still ends where the writer
+//! thought and that no newer writer has begun. So nothing is locked while bytes arrive, nothing is ever truncated, and
+//! it does not matter which process a request reaches.
+
+mod append;
+mod expire;
+mod finish;
+mod join;
+
+pub use append::UploadWriter;
+pub use finish::UploadClaim;
+pub use join::Joining;
+
+use super::columns::Columns;
+use super::database::{Connection, Row, Transaction};
+use super::{HomeId, Storage, StorageError, homes};
+use jiff::{SignedDuration, Timestamp};
+use serde::{Deserialize, Serialize};
+use std::time::Duration;
+use uuid::Uuid;
+
+/// What an upload is part of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum UploadKind {
+    /// One file.
+    Whole,
+    /// A stretch of a file; a final upload joins it with others.
+    Partial,
+    /// Joined of partial ones.
+    Final,
+}
+
+/// How far an upload is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum UploadState {
+    /// Bytes are missing.
+    Arriving,
+    /// Every byte is here, and durable.
+    Arrived,
+    /// A final upload took it over.
+    Joined,
+    /// It is a clip.
+    Finished,
+    /// It cannot become a clip; its bytes are gone.
+    Refused,
+}
+
+impl UploadKind {
+    fn name(self) -> &'static str {
+        match self {
+            UploadKind::Whole => "whole",
+            UploadKind::Partial => "partial",
+            UploadKind::Final => "final",
+        }
+    }
+}
+
+/// A file that arrives in parts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Upload {
+    pub id: Uuid,
+    pub kind: UploadKind,
+    pub state: UploadState,
+    /// None for partial ones, whose home is that of the final one.
+    pub home: Option<HomeId>,
+    /// What its creator said of it, as it was sent.
+    pub metadata: String,
+    /// How it is joined, as it was sent.
+    pub concat: Option<String>,
+    /// None while its sender does not know it.
+    pub length_bytes: Option<u64>,
+    /// That many from the start are durable.
+    pub received_bytes: u64,
+    pub clip: Option<Uuid>,
+    /// Why it was refused: the document that was given with it.
+    pub problem: Option<serde_json::Value>,
+    pub created_at: Timestamp,
+    pub expires_at: Timestamp,
+}
+
+impl Upload {
+    /// Whether it waits for nothing but being made into a clip.
+    pub fn is_due(&self) -> bool {
+        self.state == UploadState::Arrived && self.kind != UploadKind::Partial
+    }
+
+    /// Whether it can still be continued or used. A whole file that has arrived is kept until it is a clip.
+    fn is_gone(&self, now: Timestamp) -> bool {
+        let ended = matches!(self.state, UploadState::Joined | UploadState::Refused);
+        ended || (!self.is_due() && self.expires_at <= now)
+    }
+}
+
+/// An upload that begins.
+#[derive(Debug, Clone)]
+pub struct NewUpload {
+    /// [`UploadKind::Whole`] or [`UploadKind::Partial`].
+    pub kind: UploadKind,
+    pub home: Option<HomeId>,
+    pub metadata: String,
+    pub concat: Option<String>,
+    pub length_bytes: Option<u64>,
+}
+
+/// How much unfinished there may be, and for how long.
+#[derive(Debug, Clone)]
+pub struct UploadLimits {
+    pub in_home: u64,
+    pub in_all: u64,
+    /// Pieces of one upload, so that a file cannot come byte by byte.
+    pub pieces: u64,
+    /// How long an unfinished upload waits for its next byte.
+    pub patience: Duration,
+    /// How long the record of a finished or refused upload is kept.
+    pub record: Duration,
+}
+
+impl Default for UploadLimits {
+    fn default() -> UploadLimits {
+        let day = Duration::from_secs(24 * 60 * 60);
+        UploadLimits { in_home: 64, in_all: 4096, pieces: 10_000, patience: day, record: 7 * day }
+    }
+}
+
+/// Why an upload cannot be begun, continued or joined.
+#[derive(Debug, thiserror::Error)]
+pub enum UploadError {
+    #[error(transparent)]
+    Storage(#[from] StorageError),
+    #[error("no upload has this id; begin a new one by POST to /v1/uploads")]
+    NotFound,
+    #[error("the upload expired, was joined into another one, or was refused; begin a new one")]
+    Gone,
+    #[error("the upload has {received} bytes; go on there")]
+    WrongOffset { received: u64 },
+    #[error("another request has gone on with this upload meanwhile; ask for its offset and go on there")]
+    Overtaken,
+    #[error("the length of the upload was told before, and is another one")]
+    LengthTold,
+    #[error("the upload has {received} bytes already, more than this length")]
+    LengthTooSmall { received: u64 },
+    #[error("a final upload is joined of partial ones and takes no bytes of its own")]
+    Final,
+    #[error("{limit} uploads are unfinished {place}; finish or delete some, or wait until they expire")]
+    TooMany { limit: u64, place: &'static str },
+    #[error("the upload came in {limit} pieces, which is the limit; begin a new one and send more at a time")]
+    TooManyPieces { limit: u64 },
+    #[error("{id} is not a partial upload")]
+    NotPartial { id: Uuid },
+    #[error("partial upload {id} is not there")]
+    PartNotFound { id: Uuid },
+    #[error("partial upload {id} has expired, or was joined already; each goes into one final upload, once")]
+    PartGone { id: Uuid },
+    #[error("bytes of partial upload {id} are missing; finish it first")]
+    PartUnfinished { id: Uuid },
+    #[error("together the parts are larger than the limit of {limit} bytes")]
+    TooLarge { limit: u64 },
+    #[error("bytes of the upload were lost; send the file again")]
+    Lost,
+}
+
+impl From<sqlx::Error> for UploadError {
+    fn from(error: sqlx::Error) -> UploadError {
+        UploadError::Storage(error.into())
+    }
+}
+
+fn from_row(row: &Row) -> Result<Upload, StorageError> {
+    let length = row.maybe_number("length_bytes")?;
+    Ok(Upload {
+        id: row.id("id")?,
+        kind: row.name("kind")?,
+        state: row.name("state")?,
+        home: match row.maybe_text("home_id")? {
+            Some(_) => Some(row.home("home_id")?),
+            None => None,
+        },
+        metadata: row.text("metadata")?,
+        concat: row.maybe_text("concat")?,
+        length_bytes: length.map(|_| row.count("length_bytes")).transpose()?,
+        received_bytes: row.count("received_bytes")?,
+        clip: row.maybe_id("clip_id")?,
+        problem: row.maybe_json("problem")?,
+        created_at: row.time("created_at")?,
+        expires_at: row.time("expires_at")?,
+    })
+}
+
+async fn find(connection: &mut Connection, id: Uuid) -> Result<Option<Upload>, StorageError> {
+    let row = sqlx::query("SELECT * FROM uploads WHERE id = $1").bind(id.to_string());
+    row.fetch_optional(connection).await?.as_ref().map(from_row).transpose()
+}
+
+/// One that can still be continued or used.
+async fn find_living(connection: &mut Connection, id: Uuid, now: Timestamp) -> Result<Upload, UploadError> {
+    let upload = find(connection, id).await?.ok_or(UploadError::NotFound)?;
+    if upload.is_gone(now) { Err(UploadError::Gone) } else { Ok(upload) }
+}
+
+/// `wait` after `now`, at the end of time at the latest.
+fn later(now: Timestamp, wait: Duration) -> Timestamp {
+    let wait = SignedDuration::try_from(wait).unwrap_or(SignedDuration::MAX);
+    now.checked_add(wait).unwrap_or(Timestamp::MAX)
+}
+
+impl Storage {
+    /// Begins an upload. The limits on how many there are hold but for requests that come at the same moment.
+    pub async fn create_upload(
+        &self,
+        new: NewUpload,
+        limits: &UploadLimits,
+        now: Timestamp,
+    ) -> Result<Upload, UploadError> {
+        let mut transaction = self.database.begin().await?;
+        check_room(&mut transaction, new.home.as_ref(), limits).await?;
+        let id = Uuid::now_v7();
+        insert(&mut transaction, id, &new, later(now, limits.patience), now).await?;
+        let upload = find(&mut transaction, id).await?.ok_or(UploadError::NotFound)?;
+        transaction.commit().await?;
+        Ok(upload)
+    }
+
+    /// An upload as it is, also one that was refused or joined; none when its record has expired.
+    pub async fn upload(&self, id: Uuid, now: Timestamp) -> Result<Option<Upload>, StorageError> {
+        let upload = find(&mut *self.database.snapshot().await?, id).await?;
+        Ok(upload.filter(|upload| upload.is_due() || upload.expires_at > now))
+    }
+
+    /// One that can still be continued or used.
+    pub async fn living_upload(&self, id: Uuid, now: Timestamp) -> Result<Upload, UploadError> {
+        find_living(&mut *self.database.snapshot().await?, id, now).await
+    }
+
+    /// Forgets an upload and removes its bytes. A clip that was made of it stays.
+    pub async fn delete_upload(&self, id: Uuid, now: Timestamp) -> Result<(), UploadError> {
+        let mut transaction = self.database.begin().await?;
+        find_living(&mut transaction, id, now).await?;
+        let keys = piece_keys(&mut transaction, id).await?;
+        sqlx::query("DELETE FROM uploads WHERE id = $1")
+            .bind(id.to_string())
+            .execute(&mut *transaction)
+            .await?;
+        transaction.commit().await?;
+        self.blobs.discard(&keys).await;
+        Ok(())
+    }
+
+    pub(super) async fn upload_blob_keys(&self) -> Result<Vec<String>, StorageError> {
+        let rows = sqlx::query("SELECT blob_key FROM upload_pieces");
+        let rows = rows.fetch_all(self.database.reader()).await?;
+        rows.iter().map(|row| row.text("blob_key")).collect()
+    }
+}
+
+async fn check_room(
+    transaction: &mut Transaction,
+    home: Option<&HomeId>,
+    limits: &UploadLimits,
+) -> Result<(), UploadError> {
+    let unfinished = "SELECT COUNT(*) AS uploads FROM uploads WHERE state IN ('arriving', 'arrived')";
+    let in_all: u64 = sqlx::query(unfinished).fetch_one(&mut **transaction).await?.count("uploads")?;
+    if in_all >= limits.in_all {
+        return Err(UploadError::TooMany { limit: limits.in_all, place: "in all" });
+    }
+    let Some(home) = home else { return Ok(()) };
+    if !homes::exists(transaction, home).await? {
+        return Err(StorageError::NoSuchHome.into());
+    }
+    let of_home = sqlx::query(
+        "SELECT COUNT(*) AS uploads FROM uploads WHERE home_id = $1 AND state IN ('arriving', 'arrived')",
+    );
+    let in_home: u64 = of_home.bind(home.as_str()).fetch_one(&mut **transaction).await?.count("uploads")?;
+    if in_home >= limits.in_home {
+        return Err(UploadError::TooMany { limit: limits.in_home, place: "in this home" });
+    }
+    Ok(())
+}
+
+async fn insert(
+    transaction: &mut Transaction,
+    id: Uuid,
+    new: &NewUpload,
+    expires_at: Timestamp,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    sqlx::query(
+        "INSERT INTO uploads (id, home_id, kind, state, metadata, concat, length_bytes, received_bytes, pieces, fence,
+            attempts, created_at, expires_at)
+        VALUES ($1, $2, $3, 'arriving', $4, $5, $6, 0, 0, 0, 0, $7, $8)",
+    )
+    .bind(id.to_string())
+    .bind(new.home.as_ref().map(HomeId::as_str))
+    .bind(new.kind.name())
+    .bind(&new.metadata)
+    .bind(&new.concat)
+    .bind(new.length_bytes.map(|length| length as i64))
+    .bind(now.as_millisecond())
+    .bind(expires_at.as_millisecond())
+    .execute(&mut **transaction)
+    .await?;
+    Ok(())
+}
+
+async fn piece_keys(connection: &mut Connection, upload: Uuid) -> Result<Vec<String>, StorageError> {
+    let rows = sqlx::query("SELECT blob_key FROM upload_pieces WHERE upload_id = $1 ORDER BY first_byte");
+    let rows = rows.bind(upload.to_string()).fetch_all(connection).await?;
+    rows.iter().map(|row| row.text("blob_key")).collect()
+}
+
+/// The blobs of the uploads to one home.
+pub(super) async fn blob_keys_of_home(
+    connection: &mut Connection,
+    home: &HomeId,
+) -> Result<Vec<String>, StorageError> {
+    let rows = sqlx::query(
+        "SELECT blob_key FROM upload_pieces
+        WHERE upload_id IN (SELECT id FROM uploads WHERE home_id = $1)",
+    );
+    let rows = rows.bind(home.as_str()).fetch_all(connection).await?;
+    rows.iter().map(|row| row.text("blob_key")).collect()
+}

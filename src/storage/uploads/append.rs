@@ -1,0 +1,137 @@
+//! Growing an upload by what one request brings.
+
+use super::{Storage, UploadError, UploadKind, UploadLimits, UploadState, find_living, later};
+use crate::storage::StorageError;
+use crate::storage::incoming::Arrived;
+use jiff::Timestamp;
+use uuid::Uuid;
+
+/// The right to append to an upload, until somebody else takes it.
+#[derive(Debug)]
+pub struct UploadWriter {
+    id: Uuid,
+    fence: i64,
+    offset: u64,
+    /// None while its sender does not know it.
+    pub length_bytes: Option<u64>,
+}
+
+impl UploadWriter {
+    /// That many bytes from the start are durable.
+    pub fn offset(&self) -> u64 {
+        self.offset
+    }
+}
+
+impl Storage {
+    /// Takes the right to append at `offset`, and sets the upload's length when it was not known. Who had the right
+    /// before has lost it: a client that goes on after an interruption must not wait until the old connection is
+    /// noticed to be dead.
+    pub async fn begin_append(
+        &self,
+        id: Uuid,
+        offset: u64,
+        length_bytes: Option<u64>,
+        limits: &UploadLimits,
+        now: Timestamp,
+    ) -> Result<UploadWriter, UploadError> {
+        let mut transaction = self.database.begin().await?;
+        let upload = find_living(&mut transaction, id, now).await?;
+        let received = upload.received_bytes;
+        if upload.kind == UploadKind::Final {
+            return Err(UploadError::Final);
+        }
+        if received != offset {
+            return Err(UploadError::WrongOffset { received });
+        }
+        match (upload.length_bytes, length_bytes) {
+            (Some(known), Some(told)) if known != told => return Err(UploadError::LengthTold),
+            (None, Some(told)) if told < received => return Err(UploadError::LengthTooSmall { received }),
+            _ => {}
+        }
+        let length_bytes = upload.length_bytes.or(length_bytes);
+        if upload.state != UploadState::Arriving {
+            // Nothing is missing, and who makes a clip of it is not disturbed.
+            return Ok(UploadWriter { id, fence: -1, offset, length_bytes });
+        }
+        let taken = sqlx::query(
+            "UPDATE uploads SET fence = fence + 1, length_bytes = $3, expires_at = $4,
+                state = CASE WHEN received_bytes = $3 THEN 'arrived' ELSE 'arriving' END
+            WHERE id = $1 AND received_bytes = $2 AND state = 'arriving'
+            RETURNING fence",
+        )
+        .bind(id.to_string())
+        .bind(offset as i64)
+        .bind(length_bytes.map(|length| length as i64))
+        .bind(later(now, limits.patience).as_millisecond())
+        .fetch_optional(&mut *transaction)
+        .await?;
+        let fence = sqlx::Row::try_get(&taken.ok_or(UploadError::Overtaken)?, "fence")?;
+        transaction.commit().await?;
+        Ok(UploadWriter { id, fence, offset, length_bytes })
+    }
+
+    /// Adds bytes at the writer's offset; on return they are durable. Nothing changes when another writer has begun
+    /// since.
+    pub async fn append(
+        &self,
+        writer: &mut UploadWriter,
+        bytes: Arrived,
+        limits: &UploadLimits,
+        now: Timestamp,
+    ) -> Result<(), UploadError> {
+        let size_bytes = bytes.size_bytes;
+        let key = format!("uploads/{}-{}", writer.id, Uuid::now_v7());
+        self.blobs.keep(bytes, &key).await?;
+        let added = self.add_piece(writer, size_bytes, &key, limits, now).await;
+        match &added {
+            Ok(()) => writer.offset += size_bytes,
+            // The row may be there nevertheless; then the next start's sweep decides.
+            Err(UploadError::Storage(StorageError::Database(_))) => {}
+            Err(_) => self.blobs.discard(&[key]).await,
+        }
+        added
+    }
+
+    async fn add_piece(
+        &self,
+        writer: &UploadWriter,
+        size_bytes: u64,
+        key: &str,
+        limits: &UploadLimits,
+        now: Timestamp,
+    ) -> Result<(), UploadError> {
+        let mut transaction = self.database.begin().await?;
+        let grown = sqlx::query(
+            "UPDATE uploads SET received_bytes = received_bytes + $4, pieces = pieces + 1, expires_at = $5,
+                state = CASE WHEN received_bytes + $4 = length_bytes THEN 'arrived' ELSE 'arriving' END
+            WHERE id = $1 AND fence = $2 AND received_bytes = $3 AND state = 'arriving'
+            RETURNING pieces",
+        )
+        .bind(writer.id.to_string())
+        .bind(writer.fence)
+        .bind(writer.offset as i64)
+        .bind(size_bytes as i64)
+        .bind(later(now, limits.patience).as_millisecond())
+        .fetch_optional(&mut *transaction)
+        .await?;
+        let Some(grown) = grown else {
+            find_living(&mut transaction, writer.id, now).await?;
+            return Err(UploadError::Overtaken);
+        };
+        if sqlx::Row::try_get::<i64, _>(&grown, "pieces")? > limits.pieces as i64 {
+            return Err(UploadError::TooManyPieces { limit: limits.pieces });
+        }
+        sqlx::query(
+            "INSERT INTO upload_pieces (upload_id, first_byte, size_bytes, blob_key) VALUES ($1, $2, $3, $4)",
+        )
+        .bind(writer.id.to_string())
+        .bind(writer.offset as i64)
+        .bind(size_bytes as i64)
+        .bind(key)
+        .execute(&mut *transaction)
+        .await?;
+        transaction.commit().await?;
+        Ok(())
+    }
+}

@@ -1,0 +1,42 @@
+//! Taking abandoned uploads away.
+
+use super::{Storage, piece_keys};
+use crate::storage::StorageError;
+use crate::storage::columns::Columns;
+use jiff::Timestamp;
+
+/// Removed in one transaction.
+const BATCH: i64 = 100;
+
+impl Storage {
+    /// Removes uploads that have waited too long for their next byte, and records of those that ended long ago; tells
+    /// how many. A whole file that has arrived was acknowledged, and is never among them.
+    pub async fn expire_uploads(&self, now: Timestamp) -> Result<u64, StorageError> {
+        let mut expired = 0;
+        loop {
+            let mut transaction = self.database.begin().await?;
+            let rows = sqlx::query(
+                "SELECT id FROM uploads
+                WHERE expires_at <= $1 AND (state IN ('arriving', 'joined', 'finished', 'refused')
+                    OR (state = 'arrived' AND kind = 'partial'))
+                ORDER BY expires_at LIMIT $2",
+            );
+            let rows = rows.bind(now.as_millisecond()).bind(BATCH).fetch_all(&mut *transaction).await?;
+            let mut keys = Vec::new();
+            for row in &rows {
+                let id = row.id("id")?;
+                keys.extend(piece_keys(&mut transaction, id).await?);
+                sqlx::query("DELETE FROM uploads WHERE id = $1")
+                    .bind(id.to_string())
+                    .execute(&mut *transaction)
+                    .await?;
+            }
+            transaction.commit().await?;
+            self.blobs.discard(&keys).await;
+            expired += rows.len() as u64;
+            if (rows.len() as i64) < BATCH {
+                return Ok(expired);
+            }
+        }
+    }
+}

@@ -1,0 +1,212 @@
+//! Making a clip of an upload all of whose bytes are here. Whoever finds one may do it: the client's last request, or
+//! the cleaner where that was cut off. A claim keeps two from doing it at once, and the last transaction lets only one
+//! of them win.
+
+use super::{Storage, Upload, UploadError, from_row, later, piece_keys};
+use crate::storage::clips::{self, Added, NewClip};
+use crate::storage::columns::{Columns, to_json};
+use crate::storage::database::Transaction;
+use crate::storage::{Arrived, HomeId, StorageError};
+use futures::TryStreamExt;
+use jiff::Timestamp;
+use std::time::Duration;
+use uuid::Uuid;
+
+/// An upload that this process makes into a clip.
+#[derive(Debug)]
+pub struct UploadClaim {
+    pub upload: Upload,
+    pub home: HomeId,
+    /// How often it was tried before by somebody who was never heard of again.
+    pub lost_attempts: u32,
+    fence: i64,
+}
+
+impl Storage {
+    /// Takes an upload to make a clip of it; none when somebody else is at it or nothing is to be done.
+    pub async fn claim_upload(
+        &self,
+        id: Uuid,
+        lease: Duration,
+        now: Timestamp,
+    ) -> Result<Option<UploadClaim>, StorageError> {
+        let mut transaction = self.database.begin().await?;
+        let row = sqlx::query(
+            "UPDATE uploads SET fence = fence + 1, attempts = attempts + 1, lease_until = $3
+            WHERE id = $1 AND state = 'arrived' AND kind <> 'partial' AND (lease_until IS NULL OR lease_until <= $2)
+            RETURNING *",
+        )
+        .bind(id.to_string())
+        .bind(now.as_millisecond())
+        .bind(later(now, lease).as_millisecond())
+        .fetch_optional(&mut *transaction)
+        .await?;
+        transaction.commit().await?;
+        let Some(row) = row else { return Ok(None) };
+        let upload = from_row(&row)?;
+        let lost_attempts = row.count::<u32>("attempts")?.saturating_sub(1);
+        Ok(Some(UploadClaim {
+            upload,
+            home: row.home("home_id")?,
+            lost_attempts,
+            fence: row.number("fence")?,
+        }))
+    }
+
+    /// Keeps a claim for another lease; tells whether it was still held.
+    pub async fn renew_upload(
+        &self,
+        claim: &UploadClaim,
+        lease: Duration,
+        now: Timestamp,
+    ) -> Result<bool, StorageError> {
+        let mut transaction = self.database.begin().await?;
+        let renewed = sqlx::query(
+            "UPDATE uploads SET lease_until = $3 WHERE id = $1 AND fence = $2 AND state = 'arrived'",
+        )
+        .bind(claim.upload.id.to_string())
+        .bind(claim.fence)
+        .bind(later(now, lease).as_millisecond())
+        .execute(&mut *transaction)
+        .await?;
+        transaction.commit().await?;
+        Ok(renewed.rows_affected() > 0)
+    }
+
+    /// Uploads that wait to be made into clips and that nobody is at.
+    pub async fn due_uploads(&self, limit: u32, now: Timestamp) -> Result<Vec<Uuid>, StorageError> {
+        let rows = sqlx::query(
+            "SELECT id FROM uploads
+            WHERE state = 'arrived' AND kind <> 'partial' AND (lease_until IS NULL OR lease_until <= $1)
+            ORDER BY expires_at, id LIMIT $2",
+        );
+        let rows = rows.bind(now.as_millisecond()).bind(i64::from(limit));
+        let rows = rows.fetch_all(self.database.reader()).await?;
+        rows.iter().map(|row| row.id("id")).collect()
+    }
+
+    /// The whole file out of its pieces.
+    pub async fn assemble_upload(&self, claim: &UploadClaim) -> Result<Arrived, UploadError> {
+        let keys = piece_keys(&mut *self.database.snapshot().await?, claim.upload.id).await?;
+        let mut file = self.incoming()?;
+        for key in &keys {
+            let mut piece = self.blobs.read(key).await?.ok_or(UploadError::Lost)?.stream;
+            while let Some(bytes) = piece.try_next().await? {
+                file.write(&bytes).await?;
+            }
+        }
+        let file = file.finish().await?;
+        if file.size_bytes == claim.upload.received_bytes { Ok(file) } else { Err(UploadError::Lost) }
+    }
+
+    /// Keeps the clip and ends the upload, in one transaction. None when the claim was lost; then nothing changed.
+    pub async fn finish_upload(
+        &self,
+        claim: &UploadClaim,
+        new: NewClip,
+        record: Duration,
+        now: Timestamp,
+    ) -> Result<Option<Added>, StorageError> {
+        let id = Uuid::now_v7();
+        let (file, row) = clips::NewRow::of(id, new);
+        self.blobs.keep(file, &clips::file_key(id)).await?;
+        let ended = self.end_with_clip(claim, row, record, now).await;
+        let kept_for_nothing = match &ended {
+            Ok((added, _)) => !matches!(added, Some(Added::New(_))),
+            Err(error) => matches!(error, StorageError::NoSuchHome),
+        };
+        if kept_for_nothing {
+            self.blobs.discard(&[clips::file_key(id)]).await;
+        }
+        let (added, pieces) = ended?;
+        self.blobs.discard(&pieces).await;
+        Ok(added)
+    }
+
+    async fn end_with_clip(
+        &self,
+        claim: &UploadClaim,
+        row: clips::NewRow,
+        record: Duration,
+        now: Timestamp,
+    ) -> Result<(Option<Added>, Vec<String>), StorageError> {
+        let id = claim.upload.id;
+        let mut transaction = self.database.begin().await?;
+        let added = clips::insert(&mut transaction, &claim.home, row, now).await?;
+        let clip = match &added {
+            Added::New(clip) | Added::Replayed(clip) => clip.id,
+            // Not an end: the caller refuses the upload.
+            Added::KeyReused => return Ok((Some(added), vec![])),
+        };
+        let ended = sqlx::query(
+            "UPDATE uploads SET state = 'finished', clip_id = $3, expires_at = $4, lease_until = NULL
+            WHERE id = $1 AND fence = $2 AND state = 'arrived'",
+        )
+        .bind(id.to_string())
+        .bind(claim.fence)
+        .bind(clip.to_string())
+        .bind(later(now, record).as_millisecond());
+        if ended.execute(&mut *transaction).await?.rows_affected() == 0 {
+            return Ok((None, vec![]));
+        }
+        let pieces = take_pieces(&mut transaction, id).await?;
+        transaction.commit().await?;
+        Ok((Some(added), pieces))
+    }
+
+    /// Ends an upload that cannot become a clip, with the reason to be told. Its bytes go.
+    pub async fn refuse_upload(
+        &self,
+        claim: &UploadClaim,
+        problem: &serde_json::Value,
+        record: Duration,
+        now: Timestamp,
+    ) -> Result<(), StorageError> {
+        let mut transaction = self.database.begin().await?;
+        let ended = sqlx::query(
+            "UPDATE uploads SET state = 'refused', problem = $3, expires_at = $4, lease_until = NULL
+            WHERE id = $1 AND fence = $2 AND state = 'arrived'",
+        )
+        .bind(claim.upload.id.to_string())
+        .bind(claim.fence)
+        .bind(to_json(problem))
+        .bind(later(now, record).as_millisecond());
+        if ended.execute(&mut *transaction).await?.rows_affected() == 0 {
+            return Ok(());
+        }
+        let pieces = take_pieces(&mut transaction, claim.upload.id).await?;
+        transaction.commit().await?;
+        self.blobs.discard(&pieces).await;
+        Ok(())
+    }
+
+    /// Gives a claim back, to be taken again after `pause`: something of ours failed, and not because of the file.
+    pub async fn give_back_upload(
+        &self,
+        claim: &UploadClaim,
+        pause: Duration,
+        now: Timestamp,
+    ) -> Result<(), StorageError> {
+        let mut transaction = self.database.begin().await?;
+        sqlx::query(
+            "UPDATE uploads SET lease_until = $3, attempts = attempts - 1
+            WHERE id = $1 AND fence = $2 AND state = 'arrived'",
+        )
+        .bind(claim.upload.id.to_string())
+        .bind(claim.fence)
+        .bind(later(now, pause).as_millisecond())
+        .execute(&mut *transaction)
+        .await?;
+        transaction.commit().await?;
+        Ok(())
+    }
+}
+
+async fn take_pieces(transaction: &mut Transaction, upload: Uuid) -> Result<Vec<String>, StorageError> {
+    let keys = piece_keys(transaction, upload).await?;
+    sqlx::query("DELETE FROM upload_pieces WHERE upload_id = $1")
+        .bind(upload.to_string())
+        .execute(&mut **transaction)
+        .await?;
+    Ok(keys)
+}

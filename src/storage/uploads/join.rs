@@ -1,0 +1,128 @@
+//! Joining partial uploads into a final one.
+
+use super::{
+    NewUpload, Storage, Upload, UploadError, UploadKind, UploadLimits, UploadState, check_room, find, insert,
+    later,
+};
+use crate::storage::HomeId;
+use crate::storage::columns::Columns;
+use crate::storage::database::Transaction;
+use jiff::Timestamp;
+use uuid::Uuid;
+
+/// Partial uploads to be joined, in order.
+#[derive(Debug, Clone)]
+pub struct Joining {
+    pub parts: Vec<Uuid>,
+    pub home: HomeId,
+    pub metadata: String,
+    /// As it was sent.
+    pub concat: String,
+    /// Of all parts together.
+    pub max_bytes: u64,
+}
+
+impl Storage {
+    /// A final upload takes over the bytes of partial ones, which are gone from then on; all of them or none. The same
+    /// parts again give the same final upload again, so that a client whose answer was lost may repeat itself.
+    pub async fn join_uploads(
+        &self,
+        joining: &Joining,
+        limits: &UploadLimits,
+        now: Timestamp,
+    ) -> Result<Upload, UploadError> {
+        let mut transaction = self.database.begin().await?;
+        if let Some(earlier) = joined_earlier(&mut transaction, joining, now).await? {
+            return Ok(earlier);
+        }
+        check_room(&mut transaction, Some(&joining.home), limits).await?;
+        let id = Uuid::now_v7();
+        let new = NewUpload {
+            kind: UploadKind::Final,
+            home: Some(joining.home.clone()),
+            metadata: joining.metadata.clone(),
+            concat: Some(joining.concat.clone()),
+            length_bytes: None,
+        };
+        let expires_at = later(now, limits.patience);
+        insert(&mut transaction, id, &new, expires_at, now).await?;
+        let mut length: u64 = 0;
+        for part in &joining.parts {
+            let bytes = take_over(&mut transaction, *part, id, length, expires_at, now).await?;
+            length = length.saturating_add(bytes);
+            if length > joining.max_bytes {
+                return Err(UploadError::TooLarge { limit: joining.max_bytes });
+            }
+        }
+        sqlx::query(
+            "UPDATE uploads SET state = 'arrived', length_bytes = $2, received_bytes = $2,
+                pieces = (SELECT COUNT(*) FROM upload_pieces WHERE upload_id = $1)
+            WHERE id = $1",
+        )
+        .bind(id.to_string())
+        .bind(length as i64)
+        .execute(&mut *transaction)
+        .await?;
+        let upload = find(&mut transaction, id).await?.ok_or(UploadError::NotFound)?;
+        transaction.commit().await?;
+        Ok(upload)
+    }
+}
+
+/// The final upload that was made of exactly these parts, when there is one.
+async fn joined_earlier(
+    transaction: &mut Transaction,
+    joining: &Joining,
+    now: Timestamp,
+) -> Result<Option<Upload>, UploadError> {
+    let Some(first) = joining.parts.first() else { return Ok(None) };
+    let row = sqlx::query("SELECT joined_into FROM uploads WHERE id = $1").bind(first.to_string());
+    let row = row.fetch_optional(&mut **transaction).await?;
+    let Some(earlier) = row.map(|row| row.maybe_id("joined_into")).transpose()?.flatten() else {
+        return Ok(None);
+    };
+    let earlier =
+        find(transaction, earlier).await?.filter(|upload| upload.is_due() || upload.expires_at > now);
+    Ok(earlier.filter(|upload| {
+        upload.concat.as_ref() == Some(&joining.concat) && upload.home.as_ref() == Some(&joining.home)
+    }))
+}
+
+/// Moves the pieces of a partial upload behind the first `at` bytes of a final one; tells how many bytes.
+async fn take_over(
+    transaction: &mut Transaction,
+    part: Uuid,
+    into: Uuid,
+    at: u64,
+    expires_at: Timestamp,
+    now: Timestamp,
+) -> Result<u64, UploadError> {
+    let upload = find(transaction, part).await?.ok_or(UploadError::PartNotFound { id: part })?;
+    if upload.kind != UploadKind::Partial {
+        return Err(UploadError::NotPartial { id: part });
+    }
+    if upload.is_gone(now) {
+        return Err(UploadError::PartGone { id: part });
+    }
+    if upload.state != UploadState::Arrived {
+        return Err(UploadError::PartUnfinished { id: part });
+    }
+    let taken = sqlx::query(
+        "UPDATE uploads SET state = 'joined', joined_into = $2, expires_at = $3 WHERE id = $1 AND state = 'arrived'",
+    )
+    .bind(part.to_string())
+    .bind(into.to_string())
+    .bind(expires_at.as_millisecond())
+    .execute(&mut **transaction)
+    .await?;
+    if taken.rows_affected() != 1 {
+        return Err(UploadError::PartGone { id: part });
+    }
+    sqlx::query("UPDATE upload_pieces SET upload_id = $2, first_byte = first_byte + $3 WHERE upload_id = $1")
+        .bind(part.to_string())
+        .bind(into.to_string())
+        .bind(at as i64)
+        .execute(&mut **transaction)
+        .await?;
+    Ok(upload.received_bytes)
+}

@@ -1,0 +1,176 @@
+//! Connections that break, stall, lie and race: nothing that was acknowledged is lost or changed.
+
+use crate::clips::small_clip;
+use crate::common::eventually;
+use crate::common::tus::sha256;
+use crate::server::Server;
+use proptest::prelude::*;
+use proptest::test_runner::{Config, TestRunner};
+use serde_json::json;
+use std::io::{Read, Write};
+use std::time::Duration;
+
+async fn check_made(server: &Server, clip: &str, bytes: &[u8]) {
+    assert_eq!(server.get(clip).await.ok(200)["sha256"], json!(sha256(bytes)));
+    // A request that was cut off or overtaken may still be clearing up.
+    eventually("nothing is left but the clip", || async { (server.blobs().len() == 1).then_some(()) }).await;
+}
+
+#[test]
+fn any_cuts_resume_to_the_same_bytes() {
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    let clip = small_clip();
+    // Shares of what is missing that arrive before each cut, and the size of pieces within a request.
+    let cuts =
+        (proptest::collection::vec(0.0..1.0f64, 0..8), prop_oneof![Just(1u64), 500..5000u64, Just(1 << 20)]);
+    let config = Config { cases: 16, failure_persistence: None, ..Config::default() };
+    TestRunner::new(config)
+        .run(&cuts, |(cuts, piece_bytes)| {
+            runtime.block_on(async {
+                let server = Server::with(|params| {
+                    params.workers = 0;
+                    params.uploads.piece_bytes = piece_bytes;
+                })
+                .await;
+                server.make_home("h").await;
+                let upload = server.begin("h", clip.len()).await;
+                let mut acknowledged = 0;
+                for share in cuts {
+                    let offset = server.offset(&upload).await;
+                    assert!(
+                        offset >= acknowledged,
+                        "{acknowledged} bytes were acknowledged, {offset} are there"
+                    );
+                    acknowledged = offset;
+                    let sent = (share * (clip.len() - offset) as f64) as usize;
+                    drop(server.patch_partly(&upload, offset, &clip, sent));
+                }
+                let last = server.go_on(&upload, &clip).await;
+                assert_eq!(last.status, 204, "{last:?}");
+                check_made(&server, last.header("viola-clip"), &clip).await;
+                server.stop().await;
+            });
+            Ok(())
+        })
+        .unwrap();
+}
+
+#[tokio::test]
+async fn what_arrived_on_a_broken_connection_is_kept() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let clip = small_clip();
+    let upload = server.begin("h", clip.len()).await;
+    drop(server.patch_partly(&upload, 0, &clip, 1234));
+    eventually("the bytes are kept", || async { (server.offset(&upload).await == 1234).then_some(()) }).await;
+    // A checksum holds for the whole body or for nothing.
+    let mut connection = std::net::TcpStream::connect(server.base.strip_prefix("http://").unwrap()).unwrap();
+    write!(
+        connection,
+        "PATCH {upload} HTTP/1.1\r\nhost: viola\r\ntus-resumable: 1.0.0\r\nupload-offset: 1234\r\n\
+         content-type: application/offset+octet-stream\r\nupload-checksum: sha1 Kq5sNclPz7QV2+lfQIuc6R7oRu0=\r\n\
+         content-length: 11\r\n\r\nhello"
+    )
+    .unwrap();
+    eventually("half of the body has arrived", || async { (server.blobs().len() == 2).then_some(()) }).await;
+    drop(connection);
+    eventually("it is gone", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    assert_eq!(server.offset(&upload).await, 1234);
+}
+
+#[tokio::test]
+async fn a_silent_client_is_told_and_loses_nothing() {
+    let server = Server::with(|params| {
+        params.workers = 0;
+        params.uploads.silence = Duration::from_millis(200);
+    })
+    .await;
+    server.make_home("h").await;
+    let clip = small_clip();
+    let upload = server.begin("h", clip.len()).await;
+    let mut connection = server.patch_partly(&upload, 0, &clip, 777);
+    let answer = tokio::task::spawn_blocking(move || {
+        let mut answer = String::new();
+        connection.read_to_string(&mut answer).map(|_| answer)
+    });
+    let answer = answer.await.unwrap().unwrap();
+    assert!(answer.starts_with("HTTP/1.1 408 ") && answer.contains("body-stalled"), "{answer}");
+    assert_eq!(server.offset(&upload).await, 777);
+}
+
+#[tokio::test]
+async fn a_slow_client_is_acknowledged_on_its_way() {
+    let server = Server::with(|params| {
+        params.workers = 0;
+        params.uploads.piece_age = Duration::ZERO;
+    })
+    .await;
+    server.make_home("h").await;
+    let clip = small_clip();
+    let upload = server.begin("h", clip.len()).await;
+    let mut connection = server.patch_partly(&upload, 0, &clip, 100);
+    eventually("it is acknowledged", || async { (server.offset(&upload).await == 100).then_some(()) }).await;
+    connection.write_all(&clip[100..]).unwrap();
+    eventually("the clip is made", || async {
+        (!server.head(&upload).await.header("viola-clip").is_empty()).then_some(())
+    })
+    .await;
+    check_made(&server, server.head(&upload).await.header("viola-clip"), &clip).await;
+}
+
+#[tokio::test]
+async fn the_newer_of_two_writers_goes_on() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let clip = small_clip();
+    let upload = server.begin("h", clip.len()).await;
+    // Other bytes from a connection that is not known to be dead.
+    let mut old = server.patch_partly(&upload, 0, &vec![7; clip.len()], 2000);
+    eventually("its bytes have arrived", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    let half = clip.len() / 2;
+    server.send(server.patch(&upload, 0, &clip[..half])).await.ok(204);
+    old.write_all(&vec![7; clip.len() - 2000]).unwrap();
+    let told = tokio::task::spawn_blocking(move || {
+        let mut answer = [0; 4000];
+        let length = old.read(&mut answer).unwrap();
+        String::from_utf8_lossy(&answer[..length]).into_owned()
+    });
+    let told = told.await.unwrap();
+    assert!(told.starts_with("HTTP/1.1 409 ") && told.contains("upload-offset-mismatch"), "{told}");
+    assert_eq!(server.offset(&upload).await, half);
+    let last = server.send(server.patch(&upload, half, &clip[half..])).await;
+    check_made(&server, last.header("viola-clip"), &clip).await;
+}
+
+#[tokio::test]
+async fn many_writers_at_once_make_one_clip() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let clip = small_clip();
+    let upload = server.begin("h", clip.len()).await;
+    let many = (0..8).map(|_| server.go_on(&upload, &clip));
+    for answer in futures::future::join_all(many).await {
+        assert_eq!((answer.status, answer.header("upload-offset")), (204, &*clip.len().to_string()));
+    }
+    let made = eventually("the clip is made", || async {
+        let made = server.head(&upload).await.header("viola-clip").to_owned();
+        (!made.is_empty()).then_some(made)
+    })
+    .await;
+    assert_eq!(server.get("/v1/homes/h").await.ok(200)["clips"], 1);
+    check_made(&server, &made, &clip).await;
+}
+
+#[tokio::test]
+async fn a_server_that_stops_keeps_what_arrived() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let clip = small_clip();
+    let upload = server.begin("h", clip.len()).await;
+    let mut connection = server.patch_partly(&upload, 0, &clip, 500);
+    eventually("its bytes have arrived", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    server.stop().await;
+    let mut answer = String::new();
+    connection.read_to_string(&mut answer).unwrap();
+    assert!(answer.starts_with("HTTP/1.1 503 ") && answer.contains("problem:stopping"), "{answer}");
+}

@@ -1,0 +1,529 @@
+//! Clips that arrive in parts: what the protocol promises, each extension of it, and what is refused.
+
+use crate::clips::small_clip;
+use crate::common::tus::{BYTES, encoded, metadata, sha256};
+use crate::common::{eventually, room};
+use crate::server::Server;
+use reqwest::Method;
+use serde_json::{Value, json};
+use sha1::{Digest, Sha1};
+use std::time::Duration;
+
+const ID: &str = "01a1f766-7a97-7747-9dbb-391e0eeccb64";
+const UPLOADS: &str = "/v1/uploads";
+
+/// The clip that an answer's header names is the file, byte for byte.
+async fn check_clip(server: &Server, path: &str, bytes: &[u8]) -> Value {
+    let clip = server.get(path).await.ok(200);
+    assert_eq!((&clip["sha256"], &clip["size_bytes"]), (&json!(sha256(bytes)), &json!(bytes.len())));
+    clip
+}
+
+async fn check_refused(request: reqwest::RequestBuilder, status: u16, code: &str, field: &str) {
+    let answer = crate::common::client::Client::read(request.send().await.unwrap()).await;
+    assert_eq!(answer.header("tus-resumable"), "1.0.0", "{code}");
+    let problem = answer.problem(status, code);
+    assert_eq!(problem["field"].as_str().unwrap_or_default(), field, "{problem}");
+}
+
+#[tokio::test]
+async fn a_clip_arrives_in_two_parts() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let clip = small_clip();
+    let (first, rest) = clip.split_at(clip.len() / 3);
+    let upload = server.begin("h", clip.len()).await;
+    let answer = server.send(server.patch(&upload, 0, first)).await;
+    assert_eq!((answer.status, answer.header("upload-offset")), (204, &*first.len().to_string()));
+    assert!(answer.header("upload-expires").ends_with(" GMT") && answer.header("viola-clip").is_empty());
+
+    let head = server.head(&upload).await;
+    assert_eq!((head.status, head.header("cache-control")), (200, "no-store"));
+    assert_eq!(head.header("upload-offset"), first.len().to_string());
+    assert_eq!(head.header("upload-length"), clip.len().to_string());
+    let sent = metadata(&[("home", "h"), ("filename", "a clip.zip")]);
+    assert_eq!(head.header("upload-metadata"), sent);
+    let told = server.get(&upload).await.ok(200);
+    let expected = json!(["whole", "arriving", "h", "a clip.zip", first.len(), null, null]);
+    let names = ["kind", "state", "home", "filename", "received_bytes", "clip", "job"];
+    assert_eq!(json!(names.map(|name| told[name].clone())), expected);
+
+    let last = server.send(server.patch(&upload, first.len(), rest)).await;
+    assert_eq!((last.status, last.header("upload-offset")), (204, &*clip.len().to_string()));
+    assert!(last.header("upload-expires").is_empty());
+    let made = check_clip(&server, last.header("viola-clip"), &clip).await;
+    assert_eq!(last.header("viola-job"), format!("/v1/jobs/{}", made["job"]["id"].as_str().unwrap()));
+    assert_eq!(server.get(last.header("viola-job")).await.ok(200)["state"], "queued");
+
+    // Whose last answer was lost finds the clip, and may repeat the end.
+    let empty = server.send(server.patch(&upload, clip.len(), b"")).await;
+    for again in [server.head(&upload).await, empty] {
+        assert_eq!(again.header("upload-offset"), clip.len().to_string());
+        assert_eq!(again.header("viola-clip"), last.header("viola-clip"));
+        assert_eq!(again.header("viola-job"), last.header("viola-job"));
+    }
+    let told = server.get(&upload).await.ok(200);
+    assert_eq!((&told["state"], &told["clip"]), (&json!("finished"), &json!(last.header("viola-clip"))));
+    // The map's two files, and the clip: nothing is left of the parts.
+    assert_eq!(server.blobs().len(), 3);
+    server.delete(last.header("viola-clip")).await.ok(204);
+    server.get(&upload).await.problem(404, "upload-not-found");
+}
+
+#[tokio::test]
+async fn options_tell_what_is_served() {
+    let server = Server::with(|params| params.max_upload_bytes = 12_345).await;
+    for path in [UPLOADS.to_owned(), format!("{UPLOADS}/{ID}")] {
+        // A version is not asked for here.
+        let asked = server.request(Method::OPTIONS, &path).header("Tus-Resumable", "0.2.2");
+        let answer = server.send(asked).await;
+        let told =
+            ["tus-resumable", "tus-version", "tus-max-size", "tus-checksum-algorithm", "tus-extension"];
+        let expected = [
+            "1.0.0",
+            "1.0.0",
+            "12345",
+            "sha1,sha256",
+            "creation,creation-with-upload,creation-defer-length,checksum,expiration,termination,concatenation",
+        ];
+        assert_eq!((answer.status, told.map(|name| answer.header(name))), (204, expected));
+    }
+}
+
+#[tokio::test]
+async fn creation_is_refused_for_a_reason() {
+    let server = Server::with(|params| params.max_upload_bytes = 1000).await;
+    server.make_home("h").await;
+    let good = metadata(&[("home", "h")]);
+    let and = |name: &str, value: &str| format!("{good},{}", metadata(&[(name, value)]));
+    let long = "x".repeat(4000);
+    // Headers, and the status, the problem and the words that they are answered with.
+    type Case = (Vec<(&'static str, String)>, u16, &'static str, &'static str);
+    let cases: Vec<Case> = vec![
+        (vec![("Upload-Metadata", good.clone())], 400, "invalid-header", "Upload-Length"),
+        (vec![("Upload-Length", "5".into())], 400, "invalid-header", "Upload-Metadata"),
+        (vec![("Upload-Length", "+5".into())], 400, "invalid-header", "Upload-Length"),
+        (vec![("Upload-Length", "-5".into())], 400, "invalid-header", "Upload-Length"),
+        (vec![("Upload-Length", "5.0".into())], 400, "invalid-header", "Upload-Length"),
+        (vec![("Upload-Length", "18446744073709551615".into())], 400, "invalid-header", "Upload-Length"),
+        (
+            vec![("Upload-Length", "5".into()), ("Upload-Length", "6".into())],
+            400,
+            "invalid-header",
+            "Upload-Length",
+        ),
+        (
+            vec![("Upload-Length", "1001".into()), ("Upload-Metadata", good.clone())],
+            413,
+            "body-too-large",
+            "",
+        ),
+        (vec![("Upload-Length", "0".into()), ("Upload-Metadata", good.clone())], 422, "body-empty", ""),
+        (
+            vec![("Upload-Length", "5".into()), ("Upload-Defer-Length", "1".into())],
+            400,
+            "invalid-header",
+            "Upload-Defer-Length",
+        ),
+        (vec![("Upload-Defer-Length", "2".into())], 400, "invalid-header", "Upload-Defer-Length"),
+        (vec![("Upload-Concat", "part".into())], 400, "invalid-header", "Upload-Concat"),
+        (vec![("Upload-Concat", "final;".into())], 400, "invalid-header", "Upload-Concat"),
+        (vec![("Upload-Concat", format!("final;/elsewhere/{ID}"))], 400, "invalid-header", "Upload-Concat"),
+        (vec![("Upload-Concat", format!("final;{UPLOADS}/7"))], 400, "invalid-header", "Upload-Concat"),
+        (
+            vec![("Upload-Concat", format!("final;{UPLOADS}/{ID} {UPLOADS}/{ID}"))],
+            400,
+            "invalid-header",
+            "Upload-Concat",
+        ),
+        (vec![("Upload-Concat", format!("final;{UPLOADS}/{ID}"))], 400, "invalid-header", "Upload-Metadata"),
+        (
+            vec![("Upload-Concat", format!("final;{UPLOADS}/{ID}")), ("Upload-Metadata", good.clone())],
+            404,
+            "upload-not-found",
+            "Upload-Concat",
+        ),
+    ];
+    for (headers, status, code, field) in cases {
+        let mut request = server.tus(Method::POST, UPLOADS);
+        for (name, value) in headers {
+            println!("{name}: {value}");
+            request = request.header(name, value);
+        }
+        check_refused(request, status, code, field).await;
+    }
+    let metadata_cases = [
+        (metadata(&[("home", "none")]), 404, "home-not-found", ""),
+        (metadata(&[("home", "../h")]), 400, "invalid-header", "Upload-Metadata"),
+        (metadata(&[("filename", "a")]), 400, "invalid-header", "Upload-Metadata"),
+        ("home".to_owned(), 400, "invalid-header", "Upload-Metadata"),
+        ("home !".to_owned(), 400, "invalid-header", "Upload-Metadata"),
+        (format!("home {}", encoded(b"\xff")), 400, "invalid-header", "Upload-Metadata"),
+        (format!("{good},{good}"), 400, "invalid-header", "Upload-Metadata"),
+        (and("filename", "a\nb"), 400, "invalid-header", "Upload-Metadata"),
+        (and("filename", &"x".repeat(256)), 400, "invalid-header", "Upload-Metadata"),
+        (and("recorded_at", "yesterday"), 400, "invalid-header", "Upload-Metadata"),
+        (and("recorded_at", "1999-12-31T23:59:59Z"), 400, "invalid-header", "Upload-Metadata"),
+        (and("idempotency_key", ""), 400, "invalid-header", "Upload-Metadata"),
+        (and("idempotency_key", "a b"), 400, "invalid-header", "Upload-Metadata"),
+        (and("note", &long), 400, "invalid-header", "Upload-Metadata"),
+    ];
+    for (sent, status, code, field) in metadata_cases {
+        println!("{sent}");
+        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", 5);
+        check_refused(request.header("Upload-Metadata", sent), status, code, field).await;
+    }
+    // Names that are not ours are the client's.
+    let sent = format!("{},is_confidential", and("type", "application/zip"));
+    let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", 5);
+    let begun = server.send(request.header("Upload-Metadata", &sent)).await;
+    assert_eq!(server.head(begun.header("location")).await.header("upload-metadata"), sent);
+    assert_eq!(server.blobs().len(), 0);
+}
+
+#[tokio::test]
+async fn going_on_is_refused_for_a_reason() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let upload = &server.begin("h", 100).await;
+    server.send(server.patch(upload, 0, &[7; 10])).await.ok(204);
+    let at = |offset: &str| {
+        let request = server.tus(Method::PATCH, upload).header("Upload-Offset", offset);
+        request.header("Content-Type", BYTES)
+    };
+    let sum = |sum: &str| server.patch(upload, 10, b"x").header("Upload-Checksum", sum);
+    let sha1 = encoded(Sha1::digest(b"y"));
+    let none = format!("{UPLOADS}/{ID}");
+    let bare = |method: Method| server.request(method, upload);
+    let cases = [
+        (server.patch(upload, 0, b"x"), 409, "upload-offset-mismatch", "Upload-Offset"),
+        (server.patch(upload, 9, b"x"), 409, "upload-offset-mismatch", "Upload-Offset"),
+        (server.patch(upload, 11, b"x"), 409, "upload-offset-mismatch", "Upload-Offset"),
+        (server.patch(upload, 100, b""), 409, "upload-offset-mismatch", "Upload-Offset"),
+        (server.patch(upload, 10, &[7; 91]), 413, "body-too-large", ""),
+        (at("-1"), 400, "invalid-header", "Upload-Offset"),
+        (at("+10"), 400, "invalid-header", "Upload-Offset"),
+        (at("ten"), 400, "invalid-header", "Upload-Offset"),
+        (at("10").header("Upload-Offset", "10"), 400, "invalid-header", "Upload-Offset"),
+        (
+            server.tus(Method::PATCH, upload).header("Content-Type", BYTES),
+            400,
+            "invalid-header",
+            "Upload-Offset",
+        ),
+        (at("10").header("Upload-Length", 99), 400, "invalid-header", "Upload-Length"),
+        (
+            server.tus(Method::PATCH, upload).header("Upload-Offset", 10),
+            415,
+            "unsupported-media-type",
+            "Content-Type",
+        ),
+        (
+            server.tus(Method::PATCH, upload).header("Content-Type", "application/zip").body("x"),
+            415,
+            "unsupported-media-type",
+            "Content-Type",
+        ),
+        (sum("crc32 AAAAAA=="), 400, "unknown-checksum-algorithm", "Upload-Checksum"),
+        (sum(&format!("SHA1 {sha1}")), 400, "unknown-checksum-algorithm", "Upload-Checksum"),
+        (sum("sha1"), 400, "invalid-header", "Upload-Checksum"),
+        (sum("sha1 AAAA"), 400, "invalid-header", "Upload-Checksum"),
+        (sum(&format!("sha256 {sha1}")), 400, "invalid-header", "Upload-Checksum"),
+        (sum(&format!("sha1 {sha1}")), 460, "checksum-mismatch", "Upload-Checksum"),
+        (server.patch(&none, 0, b"x"), 404, "upload-not-found", ""),
+        (server.tus(Method::DELETE, &none), 404, "upload-not-found", ""),
+        (server.tus(Method::GET, &none), 404, "upload-not-found", ""),
+        (server.patch(&format!("{UPLOADS}/7"), 0, b"x"), 400, "invalid-path", "upload"),
+        (bare(Method::PATCH), 412, "tus-version-unsupported", "Tus-Resumable"),
+        (
+            bare(Method::DELETE).header("Tus-Resumable", "0.2.2"),
+            412,
+            "tus-version-unsupported",
+            "Tus-Resumable",
+        ),
+        (server.tus(Method::POST, upload), 405, "method-not-allowed", ""),
+        (
+            server.tus(Method::POST, upload).header("X-HTTP-Method-Override", "PUT"),
+            405,
+            "method-not-allowed",
+            "",
+        ),
+    ];
+    for (request, status, code, field) in cases {
+        println!("{request:?}");
+        check_refused(request, status, code, field).await;
+    }
+    // A HEAD's refusal has no body.
+    let head = server.head(&none).await;
+    assert_eq!((head.status, head.header("upload-offset")), (404, ""));
+    let other = server.send(bare(Method::HEAD)).await;
+    assert_eq!((other.status, other.header("tus-version")), (412, "1.0.0"));
+    // Nothing of all that came in.
+    assert_eq!(server.offset(upload).await, 10);
+    assert_eq!(server.blobs().len(), 1);
+}
+
+#[tokio::test]
+async fn a_body_beyond_the_length_is_refused_where_it_is_not_announced() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let upload = server.begin("h", 100).await;
+    let chunks = (0..30).map(|_| Ok::<_, std::io::Error>(vec![7u8; 10]));
+    let body = reqwest::Body::wrap_stream(futures::stream::iter(chunks));
+    check_refused(server.patch(&upload, 0, b"").body(body), 413, "body-too-large", "").await;
+    assert!(server.offset(&upload).await <= 100);
+}
+
+#[tokio::test]
+async fn a_file_that_is_no_clip_is_refused_with_its_last_byte() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let upload = server.begin("h", 300).await;
+    server.send(server.patch(&upload, 0, &[b'x'; 200])).await.ok(204);
+    let refused = server.send(server.patch(&upload, 200, &[b'x'; 100])).await;
+    let refused = refused.problem(415, "unknown-layout");
+    let told = server.get(&upload).await.ok(200);
+    assert_eq!((&told["state"], &told["problem"]), (&json!("refused"), &refused));
+    let head = server.head(&upload).await;
+    assert_eq!((head.status, head.header("upload-offset")), (410, ""));
+    server.send(server.patch(&upload, 300, b"")).await.problem(410, "upload-gone");
+    assert_eq!(server.blobs().len(), 0);
+    assert_eq!(server.get("/v1/homes/h").await.ok(200)["clips"], 0);
+}
+
+#[tokio::test]
+async fn bytes_come_with_the_creation() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let clip = small_clip();
+    let create = |bytes: &[u8]| {
+        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", clip.len());
+        let request = request.header("Upload-Metadata", metadata(&[("home", "h")]));
+        request.header("Content-Type", BYTES).body(bytes.to_vec())
+    };
+    let begun = server.send(create(&clip[..100])).await;
+    assert_eq!((begun.status, begun.header("upload-offset")), (201, "100"));
+    let last = server.go_on(begun.header("location"), &clip).await;
+    check_clip(&server, last.header("viola-clip"), &clip).await;
+
+    let whole = server.send(create(&clip)).await;
+    assert_eq!((whole.status, whole.header("upload-offset")), (201, &*clip.len().to_string()));
+    check_clip(&server, whole.header("viola-clip"), &clip).await;
+    assert_eq!(whole.json()["clip"], whole.header("viola-clip"));
+
+    let kept = server.blobs().len();
+    let sum = |bytes: &[u8]| format!("sha1 {}", encoded(Sha1::digest(bytes)));
+    check_refused(
+        create(b"x").header("Upload-Checksum", sum(b"y")),
+        460,
+        "checksum-mismatch",
+        "Upload-Checksum",
+    )
+    .await;
+    check_refused(create(&[clip.clone(), vec![0]].concat()), 413, "body-too-large", "").await;
+    let form = server.tus(Method::POST, UPLOADS).header("Upload-Length", 5).body("x");
+    check_refused(
+        form.header("Upload-Metadata", metadata(&[("home", "h")])),
+        415,
+        "unsupported-media-type",
+        "Content-Type",
+    )
+    .await;
+    assert_eq!(server.blobs().len(), kept);
+}
+
+#[tokio::test]
+async fn a_length_may_be_told_later() {
+    let server = Server::with(|params| {
+        params.workers = 0;
+        params.max_upload_bytes = 100_000;
+    })
+    .await;
+    server.make_home("h").await;
+    let clip = small_clip();
+    let begun = server.tus(Method::POST, UPLOADS).header("Upload-Defer-Length", 1);
+    let begun = server.send(begun.header("Upload-Metadata", metadata(&[("home", "h")]))).await;
+    let upload = begun.header("location");
+    server.send(server.patch(upload, 0, &clip[..50])).await.ok(204);
+    let head = server.head(upload).await;
+    assert_eq!((head.header("upload-defer-length"), head.header("upload-length")), ("1", ""));
+    let with = |length: usize| server.patch(upload, 50, &clip[50..60]).header("Upload-Length", length);
+    check_refused(with(49), 400, "invalid-header", "Upload-Length").await;
+    check_refused(with(100_001), 413, "body-too-large", "").await;
+    server.send(with(clip.len())).await.ok(204);
+    check_refused(
+        server.patch(upload, 60, b"x").header("Upload-Length", 1000),
+        400,
+        "invalid-header",
+        "Upload-Length",
+    )
+    .await;
+    let last = server.send(server.patch(upload, 60, &clip[60..])).await;
+    check_clip(&server, last.header("viola-clip"), &clip).await;
+}
+
+#[tokio::test]
+async fn sums_are_checked() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let clip = small_clip();
+    let upload = server.begin("h", clip.len()).await;
+    let (first, rest) = clip.split_at(1000);
+    let sha1 = format!("sha1 {}", encoded(Sha1::digest(first)));
+    server.send(server.patch(&upload, 0, first).header("Upload-Checksum", sha1)).await.ok(204);
+    let sum = |bytes| format!("sha256 {}", encoded(sha2::Sha256::digest(bytes)));
+    let damaged = server.patch(&upload, 1000, rest).header("Upload-Checksum", sum(first));
+    check_refused(damaged, 460, "checksum-mismatch", "Upload-Checksum").await;
+    assert_eq!(server.offset(&upload).await, 1000);
+    let last = server.send(server.patch(&upload, 1000, rest).header("Upload-Checksum", sum(rest))).await;
+    check_clip(&server, last.header("viola-clip"), &clip).await;
+}
+
+#[tokio::test]
+async fn an_upload_is_given_up() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let upload = server.begin("h", 100).await;
+    server.send(server.patch(&upload, 0, &[7; 10])).await.ok(204);
+    assert_eq!(server.blobs().len(), 1);
+    server.send(server.tus(Method::DELETE, &upload)).await.ok(204);
+    server.send(server.tus(Method::DELETE, &upload)).await.problem(404, "upload-not-found");
+    assert_eq!((server.head(&upload).await.status, server.blobs().len()), (404, 0));
+    // By clients that can only POST; and a clip outlives its upload.
+    let clip = small_clip();
+    let upload = server.begin("h", clip.len()).await;
+    let post =
+        |method: &'static str| server.tus(Method::POST, &upload).header("X-HTTP-Method-Override", method);
+    let last = post("PATCH").header("Upload-Offset", 0).header("Content-Type", BYTES).body(clip.clone());
+    let last = server.send(last).await;
+    assert_eq!(last.status, 204);
+    server.send(post("DELETE")).await.ok(204);
+    assert_eq!(server.head(&upload).await.status, 404);
+    check_clip(&server, last.header("viola-clip"), &clip).await;
+    // With a home go its uploads.
+    let upload = server.begin("h", 100).await;
+    server.send(server.patch(&upload, 0, &[7; 10])).await.ok(204);
+    server.delete("/v1/homes/h").await.ok(204);
+    assert_eq!((server.head(&upload).await.status, server.blobs().len()), (404, 0));
+}
+
+#[tokio::test]
+async fn parts_are_joined() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let clip = small_clip();
+    let mut parts = Vec::new();
+    for piece in [&clip[..700], &clip[700..1500], &clip[1500..]] {
+        let begun = server.tus(Method::POST, UPLOADS).header("Upload-Concat", "partial");
+        let begun = server.send(begun.header("Upload-Length", piece.len())).await;
+        parts.push((begun.header("location").to_owned(), piece));
+    }
+    let join = |paths: &[&str]| {
+        let list = format!("final;{}", paths.join(" "));
+        let request = server.tus(Method::POST, UPLOADS).header("Upload-Concat", list);
+        request.header("Upload-Metadata", metadata(&[("home", "h")]))
+    };
+    let [a, b, c] = [0, 1, 2].map(|part| parts[part].0.as_str());
+    let absolute = format!("{}{b}", server.base);
+    for (path, piece) in &parts {
+        check_refused(join(&[a, &absolute, c]), 409, "upload-unfinished", "Upload-Concat").await;
+        let answer = server.send(server.patch(path, 0, piece)).await;
+        assert_eq!((answer.status, answer.header("viola-clip")), (204, ""));
+        assert_eq!(server.head(path).await.header("upload-concat"), "partial");
+    }
+    let whole = server.begin("h", 5).await;
+    check_refused(join(&[a, b, &whole]), 400, "invalid-header", "Upload-Concat").await;
+    check_refused(join(&[a]).header("Upload-Length", 5), 403, "upload-final", "").await;
+    let joined = server.send(join(&[a, &absolute, c])).await;
+    assert_eq!((joined.status, joined.header("upload-length")), (201, &*clip.len().to_string()));
+    check_clip(&server, joined.header("viola-clip"), &clip).await;
+    let upload = joined.header("location");
+    let head = server.head(upload).await;
+    assert_eq!(head.header("upload-concat"), format!("final;{a} {absolute} {c}"));
+    assert_eq!(head.header("upload-offset"), head.header("upload-length"));
+    check_refused(server.patch(upload, clip.len(), b""), 403, "upload-final", "").await;
+    // Each part goes into one file, once; whose answer was lost may repeat the request.
+    assert_eq!(server.head(a).await.status, 410);
+    check_refused(join(&[a, c]), 410, "upload-gone", "Upload-Concat").await;
+    let again = server.send(join(&[a, &absolute, c])).await;
+    assert_eq!((again.status, again.header("location")), (201, upload));
+    assert_eq!(server.get("/v1/homes/h").await.ok(200)["clips"], 1);
+    assert_eq!(server.blobs().len(), 1);
+}
+
+#[tokio::test]
+async fn abandoned_uploads_expire() {
+    let server = Server::with(|params| {
+        params.workers = 0;
+        params.uploads.limits.patience = Duration::from_secs(4);
+        params.uploads.clean_every = Duration::from_millis(50);
+    })
+    .await;
+    server.make_home("h").await;
+    let clip = small_clip();
+    let finished = server.begin("h", clip.len()).await;
+    let last = server.go_on(&finished, &clip).await;
+    let upload = server.begin("h", 100).await;
+    server.send(server.patch(&upload, 0, &[7; 10])).await.ok(204);
+    eventually("the upload is gone", || async {
+        let status = server.head(&upload).await.status;
+        assert!([200, 410, 404].contains(&status));
+        (status == 404).then_some(())
+    })
+    .await;
+    server.send(server.patch(&upload, 10, b"x")).await.problem(404, "upload-not-found");
+    eventually("its bytes are gone", || async { (server.blobs().len() == 1).then_some(()) }).await;
+    // What became of a file is told for longer.
+    assert_eq!(server.head(&finished).await.header("viola-clip"), last.header("viola-clip"));
+}
+
+#[tokio::test]
+async fn only_so_many_may_be_unfinished() {
+    let server = Server::with(|params| {
+        params.workers = 0;
+        params.uploads.limits.in_home = 2;
+        params.uploads.limits.in_all = 3;
+        params.uploads.limits.pieces = 3;
+    })
+    .await;
+    for home in ["a", "b"] {
+        server.make_home(home).await;
+    }
+    let begin = |home| {
+        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", 10);
+        request.header("Upload-Metadata", metadata(&[("home", home)]))
+    };
+    let first = server.begin("a", 10).await;
+    server.begin("a", 10).await;
+    check_refused(begin("a"), 429, "too-many-uploads", "").await;
+    server.begin("b", 10).await;
+    check_refused(begin("b"), 429, "too-many-uploads", "").await;
+    for offset in 0..3 {
+        server.send(server.patch(&first, offset, b"x")).await.ok(204);
+    }
+    check_refused(server.patch(&first, 3, b"x"), 413, "too-many-pieces", "").await;
+    server.send(server.tus(Method::DELETE, &first)).await.ok(204);
+    server.send(begin("b")).await.ok(201);
+}
+
+#[tokio::test]
+async fn metadata_tells_of_the_clip() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let upload = |bytes: Vec<u8>| {
+        let told = [("home", "h"), ("recorded_at", "2026-03-14T17:09:26+02:00"), ("idempotency_key", "k")];
+        let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", bytes.len());
+        let request = request.header("Upload-Metadata", metadata(&told));
+        server.send(request.header("Content-Type", BYTES).body(bytes))
+    };
+    let first = upload(small_clip()).await;
+    let clip = check_clip(&server, first.header("viola-clip"), &small_clip()).await;
+    assert_eq!(clip["recorded_at"], "2026-03-14T15:09:26Z");
+    let again = upload(small_clip()).await;
+    assert_eq!(again.header("viola-clip"), first.header("viola-clip"));
+    let other = crate::common::zips::zip(&room::clip(3));
+    upload(other).await.problem(422, "idempotency-key-reused");
+    assert_eq!(server.get("/v1/homes/h").await.ok(200)["clips"], 1);
+    assert_eq!(server.blobs().len(), 1);
+}

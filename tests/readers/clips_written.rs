@@ -1,0 +1,102 @@
+//! Clips that are written are read again: the same poses, the same depth, from every layout to every layout.
+
+use crate::exports::{EXPORTS, check_poses};
+use crate::recording::Recording;
+use crate::writers::as_folder;
+use std::io::{Cursor, Write};
+use viola::clip::Clip;
+use viola::clip::write::{FolderSink, WrittenClip, WrittenLayout, ZipSink, write};
+use viola::progress::Silent;
+
+const LAYOUTS: [(WrittenLayout, &str); 3] = [
+    (WrittenLayout::StrayScanner, "stray_scanner"),
+    (WrittenLayout::TumRgbd, "tum_rgbd"),
+    (WrittenLayout::Scannet, "scannet"),
+];
+
+/// What must hold of a clip that was written and read again.
+fn check(read: &Clip, written: &WrittenClip, name: &str, original: &Clip, recording: &Recording) {
+    assert_eq!(read.info().layout, name);
+    assert_eq!((read.info().frames, written.frames), (recording.frames.len(), recording.frames.len()));
+    check_poses(read, recording, name);
+    for index in 0..read.frames().len() {
+        let (a, b) = (original.load(index).unwrap(), read.load(index).unwrap());
+        for (a, b) in [
+            (a.depth_camera.fx, b.depth_camera.fx),
+            (a.depth_camera.fy, b.depth_camera.fy),
+            (a.depth_camera.cx, b.depth_camera.cx),
+            (a.depth_camera.cy, b.depth_camera.cy),
+        ] {
+            assert!((a - b).abs() < 1e-4, "{name}: {a} became {b}");
+        }
+        // Half of the coarsest unit, a millimetre.
+        for (a, b) in a.depth.depth_m.iter().zip(&b.depth.depth_m) {
+            assert!((a - b).abs() <= 0.000_51, "{name}: {a} m became {b} m");
+        }
+        let difference: u64 =
+            a.color.as_raw().iter().zip(b.color.as_raw()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+        assert!(difference < 4 * a.color.as_raw().len() as u64, "{name}: the colours changed");
+    }
+}
+
+#[test]
+fn clips_are_written_as_they_are_read() {
+    let recording = Recording::small(9);
+    for (from, export, knows_up) in EXPORTS {
+        let folder = as_folder(&export("", &recording));
+        let original = Clip::open(folder.path()).unwrap();
+        for (layout, name) in LAYOUTS {
+            let out = tempfile::tempdir().unwrap();
+            let written = write(&original, layout, &mut FolderSink::new(out.path()), &Silent).unwrap();
+            let read = Clip::open(out.path()).unwrap();
+            // A world that is not known to be upright stays as it is, and that is told.
+            let told = written.notes.iter().any(|note| note.contains("up is not known"));
+            assert_eq!(
+                told,
+                !knows_up && layout != WrittenLayout::TumRgbd,
+                "{from} to {name}: {:?}",
+                written.notes
+            );
+            if knows_up || read.up_in_world().is_none() {
+                check(&read, &written, name, &original, &recording);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_zip_holds_the_same() {
+    let recording = Recording::small(3);
+    let folder = as_folder(&EXPORTS[0].1("", &recording));
+    let original = Clip::open(folder.path()).unwrap();
+    for (layout, name) in LAYOUTS {
+        let mut sink = ZipSink::new(Cursor::new(Vec::new()));
+        let written = write(&original, layout, &mut sink, &Silent).unwrap();
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(sink.finish().unwrap().get_ref()).unwrap();
+        check(&Clip::open(file.path()).unwrap(), &written, name, &original, &recording);
+    }
+}
+
+#[test]
+fn frames_that_cannot_be_written_are_told() {
+    let recording = Recording::small(4);
+    let mut files = EXPORTS[0].1("", &recording);
+    for (name, bytes) in &mut files {
+        if name == "depth/000002.png" {
+            bytes.truncate(40);
+        }
+        if name == "odometry.csv" {
+            let text = String::from_utf8(bytes.clone()).unwrap();
+            *bytes = text.lines().take(4).collect::<Vec<_>>().join("\n").into_bytes();
+        }
+    }
+    let folder = as_folder(&files);
+    let out = tempfile::tempdir().unwrap();
+    let clip = Clip::open(folder.path()).unwrap();
+    let written = write(&clip, WrittenLayout::Scannet, &mut FolderSink::new(out.path()), &Silent).unwrap();
+    assert_eq!(written.frames, 2);
+    for told in ["1 frames without a pose", "1 frames could not be decoded"] {
+        assert!(written.notes.iter().any(|note| note.contains(told)), "{told}: {:?}", written.notes);
+    }
+}

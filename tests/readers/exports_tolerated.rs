@@ -1,0 +1,267 @@
+//! Exports of older versions of the apps, and with parts missing that are not needed: all are read.
+
+use crate::edits::*;
+use crate::export_writers as writers;
+use crate::exports::{EXPORTS, Writer, check_poses};
+use crate::recording::Recording;
+use crate::writers::{Files, as_folder, zip_bytes};
+use serde_json::json;
+use viola::clip::{Clip, DepthImage};
+use viola::container::Zip;
+
+/// The export, changed, must be read with all its frames; its poses and its depth must be the recording's.
+fn check_recording(write: Writer, recording: &Recording, change: impl FnOnce(&mut Files)) -> Clip {
+    let mut files = write("", recording);
+    change(&mut files);
+    let clip = Clip::from_container(Box::new(Zip::from_bytes(zip_bytes(&files)).unwrap()));
+    let clip = clip.unwrap_or_else(|error| panic!("{error}"));
+    check_poses(&clip, recording, &clip.info().layout);
+    for (index, frame) in recording.frames.iter().enumerate() {
+        let DepthImage { depth_m, .. } = clip.load(index).unwrap_or_else(|error| panic!("{error}")).depth;
+        let doubtful: Vec<usize> = recording.doubtful.iter().map(|(x, y)| (y * 32 + x) as usize).collect();
+        let pixels = frame.depth_mm.iter().zip(&depth_m).enumerate();
+        for (at, (&mm, &got_m)) in pixels.filter(|(at, _)| !doubtful.contains(at)) {
+            assert!((got_m - f32::from(mm) / 1000.0).abs() < 1e-6, "{got_m} m instead of {mm} mm at {at}");
+        }
+    }
+    clip
+}
+
+fn check(write: Writer, change: impl FnOnce(&mut Files)) -> Clip {
+    check_recording(write, &Recording::small(3), change)
+}
+
+fn check_told(clip: &Clip, words: &str) {
+    let info = clip.info();
+    let told = format!("{:?} {} {}", info.notes, info.intrinsics, info.depth_unit);
+    assert!(told.contains(words), "{words}: {told}");
+}
+
+/// An array as NumPy and cnpy write it, padded so that the readings begin at a multiple of 16 bytes.
+pub fn npy(dtype: &str, fortran: &str, shape: &str, readings: &[u8]) -> Vec<u8> {
+    let mut header = format!("{{'descr': '{dtype}', 'fortran_order': {fortran}, 'shape': {shape}, }}");
+    while (10 + header.len() + 1) % 16 != 0 {
+        header.push(' ');
+    }
+    header.push('\n');
+    [&b"\x93NUMPY\x01\0"[..], &(header.len() as u16).to_le_bytes(), header.as_bytes(), readings].concat()
+}
+
+/// Replaces Stray Scanner's pictures of depth by arrays.
+pub fn depth_as_npy(files: &mut Files, dtype: &str, fortran: &str, shape: &str) {
+    for (name, bytes) in files.iter_mut().filter(|(name, _)| name.starts_with("depth/")) {
+        let image = image::load_from_memory(bytes).unwrap().into_luma16();
+        let readings: Vec<u8> = image.iter().flat_map(|mm| mm.to_le_bytes()).collect();
+        *name = name.replace(".png", ".npy");
+        *bytes = npy(dtype, fortran, shape, &readings);
+    }
+}
+
+#[test]
+fn stray_scanner_of_all_ages() {
+    let stray = writers::stray;
+    let odometry = "odometry.csv";
+    check(stray, |f| remove(f, |name| name == "imu.csv" || name.starts_with("confidence/")));
+    let clip = check(stray, |f| depth_as_npy(f, "<u2", "False", "(24, 32)"));
+    check_told(&clip, "16-bit .npy");
+    let without_times = |keep_head: bool| {
+        move |f: &mut Files| {
+            edit_lines(f, odometry, |number, line| {
+                (number > 0 || keep_head).then(|| line.splitn(3, ", ").nth(2).unwrap().to_string())
+            });
+        }
+    };
+    assert_eq!(check(stray, without_times(false)).info().duration_s, None);
+    assert_eq!(check(stray, without_times(true)).info().duration_s, None);
+    // Since April 2026: the frame's own intrinsics, and the centre of the distortion, which may be empty.
+    for centre in ["", ", , ", ", 31.5, 23.5"] {
+        let clip = check(stray, |f| {
+            edit_lines(f, odometry, |number, line| {
+                let fx = 57.0 + number as f64 * 0.1;
+                let behind = match (number, centre) {
+                    (0, "") => "fx, fy, cx, cy".to_string(),
+                    (0, _) => "fx, fy, cx, cy, distortion_center_x, distortion_center_y".to_string(),
+                    (_, centre) => format!("{fx}, 57.5, 31.25, 23.5{centre}"),
+                };
+                Some(format!("{line}, {behind}"))
+            });
+        });
+        check_told(&clip, "odometry.csv, for each frame");
+        let camera = clip.load(2).unwrap().color_camera;
+        assert_eq!([camera.fx, camera.fy, camera.cx, camera.cy], [57.3, 57.5, 31.25, 23.5]);
+    }
+    // Numbers of another picture's size are not believed.
+    let clip = check(stray, |f| {
+        edit_lines(f, odometry, |number, line| {
+            Some(if number == 0 { line.to_string() } else { format!("{line}, 1339, 1339, 960, 720") })
+        });
+    });
+    check_told(&clip, "not near those of camera_matrix.csv");
+    check_told(&clip, "of the last frame");
+}
+
+#[test]
+fn record3d_of_all_ages() {
+    let record3d = writers::record3d;
+    check(record3d, |f| remove(f, |name| name.ends_with(".conf")));
+    let clip = check(record3d, |f| drop_member(f, "metadata", "perFrameIntrinsicCoeffs"));
+    check_told(&clip, "of the first frame");
+    let clip = check(record3d, |f| {
+        edit_json(f, "metadata", |m| m["perFrameIntrinsicCoeffs"] = json!(vec![[23.5, 31.5, 56.0, 57.0]; 3]));
+    });
+    check_told(&clip, "K was used");
+    let clip = check(record3d, |f| drop_member(f, "metadata", "frameTimestamps"));
+    // Ten frames a second.
+    assert_eq!(clip.info().duration_s, Some(0.2));
+    let clip = check(record3d, |f| {
+        drop_member(f, "metadata", "frameTimestamps");
+        drop_member(f, "metadata", "fps");
+    });
+    assert_eq!(clip.info().duration_s, None);
+    // Times that run backwards are no times.
+    let backwards = json!([3.0, 2.0, 1.0]);
+    let clip = check(record3d, |f| edit_json(f, "metadata", |m| m["frameTimestamps"] = backwards));
+    assert_eq!(clip.info().duration_s, None);
+
+    // Without dw and dh the size is known by the length: that of a phone's sensor, held upright.
+    let mut recording = Recording::small(2);
+    recording.depth_size = (192, 256);
+    recording.color_size = (72, 96);
+    recording.depth_k = [170.0, 171.0, 95.0, 127.0];
+    for frame in &mut recording.frames {
+        frame.depth_mm = (0..192 * 256).map(|i| 500 + (i % 3000) as u16).collect();
+        frame.jpeg = crate::writers::color_jpeg(72, 96);
+    }
+    let clip = check_recording(record3d, &recording, |f| {
+        drop_member(f, "metadata", "dw");
+        drop_member(f, "metadata", "dh");
+        remove(f, |name| name.ends_with(".conf"));
+    });
+    check_told(&clip, "told from its length");
+    assert_eq!((clip.info().depth_width, clip.info().depth_height), (192, 256));
+}
+
+#[test]
+fn other_apps_with_parts_missing() {
+    // Poses of the recording: a metre from those that were corrected, all by the same.
+    let clip = check(writers::polycam, |f| remove(f, |name| name.contains("corrected_")));
+    check_told(&clip, "no corrected cameras");
+    // Corrected pictures alone, or corrected cameras alone, are not used.
+    let clip = check(writers::polycam, |f| remove(f, |name| name.contains("corrected_cameras")));
+    check_told(&clip, "no corrected cameras");
+    check(writers::polycam, |f| remove(f, |name| name.contains("confidence/")));
+    check(writers::scanner_3d, |f| remove(f, |name| name.starts_with("conf_")));
+    check(writers::arkit_scenes, |f| remove(f, |name| name.starts_with("confidence/")));
+    // A frame's camera may be missing; the one nearest in time stands in for it.
+    check(writers::arkit_scenes, |f| remove(f, |name| name.ends_with("5000.350.pincam")));
+    for wide in ["vga_wide", "wide"] {
+        let clip = check(writers::arkit_scenes, |f| {
+            for (name, _) in f.iter_mut().filter(|(name, _)| !name.ends_with(".traj")) {
+                *name = name.replace("lowres_wide", wide);
+            }
+        });
+        check_told(&clip, wide);
+    }
+}
+
+#[test]
+fn redwood_and_nerfstudio_as_others_write_them() {
+    let redwood = writers::redwood;
+    check(redwood, |f| rename(f, "scene/trajectory.log", "scene-traj.txt"));
+    // Redwood's scans name pictures by number, from 1, and time.
+    check(redwood, |f| {
+        for (name, _) in f.iter_mut() {
+            if let Some((folder, file)) = name.split_once('/').filter(|(folder, _)| *folder != "scene") {
+                let (number, ending) = file.split_once('.').unwrap();
+                let number: u64 = number.parse().unwrap();
+                *name = format!("{folder}/{:07}-{:012}.{ending}", number + 1, number * 33_333);
+            }
+        }
+    });
+    check(redwood, |f| {
+        for (name, _) in f.iter_mut() {
+            *name = name.replace("color/", "image/");
+        }
+    });
+    // A program's log is not a trajectory.
+    check(redwood, |f| set(f, "run.log", "INFO it began\n"));
+
+    let nerfstudio = writers::nerfstudio;
+    let [fx, fy, cx, cy] = Recording::small(1).color_k();
+    check(nerfstudio, |f| {
+        edit_json(f, "transforms.json", |file| {
+            for frame in file["frames"].as_array_mut().unwrap() {
+                for (member, value) in
+                    [("fl_x", fx), ("fl_y", fy), ("cx", cx), ("cy", cy), ("w", 64.), ("h", 48.)]
+                {
+                    frame[member] = json!(value);
+                }
+            }
+            for member in ["fl_x", "fl_y", "cx", "cy", "w", "h"] {
+                file.as_object_mut().unwrap().remove(member);
+            }
+        });
+    });
+    check(nerfstudio, |f| {
+        drop_member(f, "transforms.json", "w");
+        drop_member(f, "transforms.json", "h");
+    });
+    let clip = check(nerfstudio, |f| edit_json(f, "transforms.json", |file| file["k1"] = json!(0.2)));
+    check_told(&clip, "distortion");
+    check(nerfstudio, |f| edit_json(f, "transforms.json", |file| file["applied_scale"] = json!(1.0)));
+    check(nerfstudio, |f| edit_json(f, "transforms.json", |file| file["integer_depth_scale"] = json!(0.001)));
+}
+
+/// What makes the second frame's pose of an export one that is no rigid motion.
+fn spoil(layout: &str, f: &mut Files) {
+    let stretched = |matrix: &mut serde_json::Value| matrix[0] = json!(3.5);
+    match layout {
+        "stray_scanner" => edit_lines(f, "odometry.csv", |number, line| {
+            Some(if number == 2 {
+                line.rsplit_once(',').unwrap().0.to_string() + ", nan"
+            } else {
+                line.to_string()
+            })
+        }),
+        "record3d" => edit_json(f, "metadata", |m| m["poses"][1] = json!([0, 0, 0, 0, 1, 1, 1])),
+        "polycam" => {
+            let name = "keyframes/corrected_cameras/5000350000.json";
+            edit_json(f, name, |camera| camera["t_00"] = json!(3.5));
+        }
+        "scanner_3d_app" => edit_json(f, "frame_00001.json", |m| stretched(&mut m["cameraPoseARFrame"])),
+        "arkit_scenes" => set_word(f, "lowres_wide.traj", 1, 2, "inf"),
+        "redwood" => set_word(f, "scene/trajectory.log", 6, 0, "3.5"),
+        "nerfstudio" | "nerf_capture" => edit_json(f, "transforms.json", |m| {
+            stretched(&mut m["frames"][1]["transform_matrix"][0]);
+        }),
+        "spectacular_ai" => edit_lines(f, "data.jsonl", |_, line| {
+            Some(if line.contains("5000.35") {
+                line.replace("\"w\":", "\"w\":9e9,\"was\":")
+            } else {
+                line.to_string()
+            })
+        }),
+        "sens" => {
+            let bytes = content(f, "scene.sens");
+            let at = crate::sens_refused::frame_at(bytes, 1);
+            bytes[at..at + 64].copy_from_slice(&f32::NEG_INFINITY.to_le_bytes().repeat(16));
+        }
+        other => panic!("{other}"),
+    }
+}
+
+#[test]
+fn poses_that_are_no_rigid_motion_are_none_in_every_layout() {
+    for (layout, write, _) in EXPORTS {
+        let mut files = write("", &Recording::small(3));
+        spoil(layout, &mut files);
+        let clip = Clip::open(as_folder(&files).path()).unwrap_or_else(|error| panic!("{layout}: {error}"));
+        let has_pose: Vec<bool> = clip.frames().iter().map(|f| f.world_from_camera.is_some()).collect();
+        // Poses are interpolated within 0.11 s in ARKitScenes, where a neighbour's stands in.
+        let want = if layout == "arkit_scenes" { [true; 3] } else { [true, false, true] };
+        assert_eq!(has_pose, want, "{layout}");
+        let info = clip.info();
+        let missing = want.iter().filter(|has| !**has).count();
+        assert_eq!((info.frames_with_pose, info.skipped_without_pose), (3 - missing, missing), "{layout}");
+    }
+}
