@@ -1,5 +1,6 @@
 //! HTTP: one file for each resource. What a request may not do is said in `error`, in one place.
 
+mod access;
 mod bodies;
 mod changes;
 mod choice;
@@ -14,20 +15,25 @@ mod health;
 mod homes;
 mod jobs;
 mod lidar_map;
+mod limits;
 mod list;
 mod map;
+mod metrics;
 mod objects;
 mod page;
 mod problems;
 mod reply;
 mod request_log;
 mod server;
+mod session;
 mod uploads;
 
-pub use server::{ServeError, ServeParams, serve};
+pub use limits::LimitParams;
+pub use server::{ServeError, ServeParams, WorkParams, serve, work};
 pub use uploads::UploadParams;
 
 use crate::jobs::Queue;
+use limits::Limits;
 use crate::storage::Storage;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
@@ -49,6 +55,7 @@ struct App {
     queue: Arc<Queue>,
     max_upload_bytes: u64,
     uploads: Arc<UploadParams>,
+    limits: Arc<Limits>,
     /// A place for everyone who may open an uploaded file at a time: readers use memory.
     readers: Arc<Semaphore>,
     /// Ends the answers that would otherwise go on for ever.
@@ -102,13 +109,14 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(jobs::watch_job))
         .routes(routes!(jobs::cancel_job))
         .routes(routes!(classes::list_classes))
-        .routes(routes!(health::healthz))
-        .routes(routes!(health::readyz))
+        .routes(routes!(session::get_session))
 }
 
 /// The OpenAPI document, as it is served and checked in.
 pub fn document() -> utoipa::openapi::OpenApi {
-    routes().into_openapi()
+    let mut document = routes().merge(open_routes()).into_openapi();
+    document.merge(health::routes().into_openapi());
+    document
 }
 
 /// [`document`] as text, its members always in the same order.
@@ -119,15 +127,31 @@ pub fn document_json() -> String {
     text
 }
 
+/// What is served without a key.
+fn open_routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new().routes(routes!(session::put_session, session::delete_session))
+}
+
+/// How a process without an API is.
+fn health_router(storage: Arc<Storage>) -> Router {
+    let (router, _) = health::routes().split_for_parts();
+    router.fallback(error::no_such_route).with_state(storage)
+}
+
 fn router(app: App) -> Router {
-    let (router, document) = routes().split_for_parts();
-    router
-        .merge(documents::routes(document))
+    routes()
+        .split_for_parts()
+        .0
+        .route_layer(axum::middleware::from_fn_with_state(app.clone(), access::check))
+        .merge(open_routes().split_for_parts().0)
+        .merge(health::routes().split_for_parts().0.with_state(app.storage.clone()))
+        .merge(documents::routes(document()))
         .merge(page::routes())
         .fallback(error::no_such_route)
         .method_not_allowed_fallback(error::method_not_allowed)
         .layer(DefaultBodyLimit::max(MAX_JSON_BYTES))
         .layer(CatchPanicLayer::custom(error::panicked))
+        .layer(axum::middleware::from_fn(metrics::count))
         .layer(axum::middleware::from_fn(request_log::log))
         .with_state(app)
 }

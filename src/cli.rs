@@ -2,13 +2,16 @@
 
 mod align;
 mod completion;
+mod config;
 mod convert;
 mod decode_video;
 mod demo;
 mod evaluate;
 mod evaluate_home;
 mod evaluate_track;
+mod health;
 mod inspect;
+mod keys;
 mod migrate;
 mod models;
 mod networks;
@@ -16,10 +19,14 @@ mod openapi;
 mod progress;
 mod runtime;
 mod serve;
+mod service;
 mod simulate;
+mod store;
 mod video_tools;
+mod work;
+mod worker;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use std::process::ExitCode;
 
 /// Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.
@@ -48,7 +55,17 @@ enum Command {
     Models(models::ModelsArguments),
     /// Serve the HTTP API, with workers in the same process.
     Serve(serve::ServeArguments),
-    /// Bring the tables of a data folder up to date without serving; `serve` does it too.
+    /// Do jobs for servers that share a PostgreSQL database.
+    Work(work::WorkArguments),
+    /// Ask a running process whether it can serve.
+    Health(health::HealthArguments),
+    /// Make, list and revoke the keys of those who may call the service.
+    Keys(keys::KeysArguments),
+    /// Show the configuration that holds, where each value comes from, and the variables of the environment.
+    ///
+    /// A file of settings is given to any command as `--config FILE` or in VIOLA_CONFIG.
+    Config(config::ConfigArguments),
+    /// Bring the tables up to date without serving; `serve` and `work` do it too.
     Migrate(migrate::MigrateArguments),
     /// Decode frames of the video that is the standard input, for another process of viola.
     #[command(hide = true)]
@@ -59,7 +76,12 @@ enum Command {
 
 /// Runs the command of the process's arguments; an error is printed with its causes.
 pub fn main() -> ExitCode {
-    let done = match Arguments::parse().command {
+    let program = Arguments::command();
+    let arguments = match config::with_file(std::env::args_os(), &program) {
+        Ok(arguments) => arguments,
+        Err(error) => return failed(&error),
+    };
+    let done = match Arguments::parse_from(arguments).command {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Align(arguments) => align::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
@@ -68,17 +90,23 @@ pub fn main() -> ExitCode {
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Models(arguments) => models::run(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
+        Command::Work(arguments) => work::run(&arguments),
+        Command::Health(arguments) => health::run(&arguments),
+        Command::Keys(arguments) => keys::run(&arguments),
+        Command::Config(arguments) => config::run(&arguments, &program),
         Command::Migrate(arguments) => migrate::run(&arguments),
         Command::DecodeVideo(arguments) => decode_video::run(&arguments),
         Command::Openapi => openapi::run(),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("viola: {}", with_causes(&error));
-            ExitCode::FAILURE
-        }
+        Err(error) => failed(&error),
     }
+}
+
+fn failed(error: &anyhow::Error) -> ExitCode {
+    eprintln!("viola: {}", with_causes(error));
+    ExitCode::FAILURE
 }
 
 /// An error and its causes in one line; a cause that the error already tells is not told again.

@@ -1,51 +1,115 @@
-//! The queue in one process: it wakes workers and listeners; what is true is in storage.
+//! The queue as one process sees it: it wakes workers and listeners; what is true is in storage.
 
 mod align_clip;
 mod merge;
+mod metrics;
 mod report;
 mod worker;
 
 pub use align_clip::{Failure, Finished, JobParams, align_clip};
+pub use metrics::describe_metrics;
 pub use worker::{Method, WorkerParams, work};
 
-use crate::storage::{Changes, ChangesCursor, Job, Storage, StorageError};
+use crate::storage::{Changes, ChangesCursor, Job, Signal, Storage, StorageError, Tenant};
 use futures::Stream;
 use jiff::Timestamp;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::Notify;
+use tokio_util::sync::CancellationToken;
+use tracing::warn;
 use uuid::Uuid;
 
 /// How long a listener or an idle worker sleeps when nobody wakes it: another process may have written.
 const POLL: Duration = Duration::from_secs(1);
 
+/// The shortest time between two signals of a kind to other processes.
+const TELL_EVERY: Duration = Duration::from_millis(5);
+
 pub struct Queue {
     storage: Arc<Storage>,
     due: Notify,
     changed: Notify,
+    /// The same, for the other processes.
+    untold_due: Notify,
+    untold_change: Notify,
 }
 
 impl Queue {
     pub fn new(storage: Arc<Storage>) -> Queue {
-        Queue { storage, due: Notify::new(), changed: Notify::new() }
+        Queue {
+            storage,
+            due: Notify::new(),
+            changed: Notify::new(),
+            untold_due: Notify::new(),
+            untold_change: Notify::new(),
+        }
     }
 
     /// To be called after jobs were queued or changed.
     pub fn wake(&self) {
         self.due.notify_one();
+        self.untold_due.notify_one();
+        self.tell_of_change();
+    }
+
+    /// To be called after something changed that workers need not know of.
+    fn tell_of_change(&self) {
         self.changed.notify_waiters();
+        self.untold_change.notify_one();
+    }
+
+    /// Carries signals between this process and the others until `stop`. Many of one kind become one.
+    pub async fn exchange_signals(self: Arc<Queue>, stop: CancellationToken) {
+        let tell = async |untold: &Notify, signal: Signal| {
+            loop {
+                untold.notified().await;
+                if let Err(error) = self.storage.tell(signal).await {
+                    warn!(%error, "other processes could not be told; they find out by themselves");
+                }
+                tokio::time::sleep(TELL_EVERY).await;
+            }
+        };
+        tokio::select! {
+            () = stop.cancelled() => {}
+            () = tell(&self.untold_due, Signal::Due) => {}
+            () = tell(&self.untold_change, Signal::Changed) => {}
+            () = self.hear() => {}
+        }
+    }
+
+    async fn hear(&self) {
+        loop {
+            match self.storage.signals().await {
+                Ok(Some(mut signals)) => loop {
+                    match signals.next().await {
+                        Ok(Signal::Due) => self.due.notify_one(),
+                        Ok(Signal::Changed) => self.changed.notify_waiters(),
+                        Err(error) => {
+                            warn!(%error, "signals of other processes cannot be heard for now");
+                            break;
+                        }
+                    }
+                },
+                // There is no other process.
+                Ok(None) => return std::future::pending().await,
+                Err(error) => warn!(%error, "signals of other processes cannot be heard for now"),
+            }
+            tokio::time::sleep(POLL).await;
+        }
     }
 
     /// Ends a job that waits or runs; none when there is no such job.
     pub async fn cancel(&self, id: Uuid) -> Result<Option<Job>, StorageError> {
         let job = self.storage.cancel_job(id, Timestamp::now()).await?;
-        self.changed.notify_waiters();
+        self.tell_of_change();
         Ok(job)
     }
 
     /// At most `limit` changes after a cursor; when there is none, waits up to `wait` for one.
     pub async fn changes(
         &self,
+        tenant: &Tenant,
         after: Option<ChangesCursor>,
         limit: u32,
         wait: Duration,
@@ -55,7 +119,7 @@ impl Queue {
             let mut changed = std::pin::pin!(self.changed.notified());
             // As in `next_change`.
             changed.as_mut().enable();
-            let changes = self.storage.changes(after, limit, Timestamp::now()).await?;
+            let changes = self.storage.changes(tenant, after, limit, Timestamp::now()).await?;
             let left = wait.saturating_sub(begun.elapsed());
             if !changes.items.is_empty() || left.is_zero() {
                 return Ok(changes);

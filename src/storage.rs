@@ -23,10 +23,15 @@ mod homes;
 mod idempotency;
 mod incoming;
 mod jobs;
+mod keys;
 mod leases;
 mod lidar_maps;
 mod placement;
 pub mod result_file;
+mod signals;
+#[cfg(test)]
+#[path = "../tests/common/postgres.rs"]
+mod test_postgres;
 mod uploads;
 
 pub use blobs::BlobReader;
@@ -39,26 +44,62 @@ pub use home_maps::{
     HomeMap, HomeObject, LeftOut, MapClip, MapFile, MapObject, MapScene, MergeClaim, NewRevision,
     ObjectFilter, map_file,
 };
-pub use homes::{Home, HomeId, InvalidHomeId};
+pub use homes::{Home, HomeId, InvalidHomeId, InvalidTenant, Tenant};
 pub use incoming::{Arrived, Incoming};
-pub use jobs::{Job, JobState};
+pub use jobs::{Job, JobState, QueueState};
+pub use keys::{ApiKey, NewKey, Role, Secret};
 pub use leases::{Claim, Ending, RetryPolicy};
 pub use lidar_maps::{LidarMapRevision, NewLidarMap};
 pub use placement::Placement;
+pub use signals::{Signal, Signals};
 pub use uploads::{
     Joining, NewUpload, Upload, UploadClaim, UploadError, UploadKind, UploadLimits, UploadState, UploadWriter,
 };
 
 use blobs::Blobs;
-use database::Database;
+pub use database::POSTGRES_CONNECTIONS;
+use database::{Database, query};
 use folder_lock::FolderLock;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// All that a server keeps, in one data folder.
+/// All that a service keeps.
 pub struct Storage {
     database: Database,
     blobs: Blobs,
-    _lock: FolderLock,
+    /// Of the only process that serves, where there can be but one.
+    _lock: Option<FolderLock>,
+}
+
+/// Where a service keeps what it keeps.
+#[derive(Debug, Clone, Default)]
+pub struct StorageParams {
+    /// The data folder. Files on their way in lie here, and whatever has no other place.
+    pub data: PathBuf,
+    /// PostgreSQL in place of a file in the data folder.
+    pub postgres: Option<PostgresParams>,
+}
+
+/// A database that many processes share.
+#[derive(Clone)]
+pub struct PostgresParams {
+    /// As libpq has it, with the password.
+    pub url: String,
+    /// At most, of this process.
+    pub connections: u32,
+}
+
+impl fmt::Debug for PostgresParams {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("PostgresParams").field("connections", &self.connections).finish_non_exhaustive()
+    }
+}
+
+impl StorageParams {
+    /// SQLite and files, all in one folder.
+    pub fn in_folder(data: &Path) -> StorageParams {
+        StorageParams { data: data.to_owned(), ..StorageParams::default() }
+    }
 }
 
 /// One page of a list: at most `limit` items after the item `after`.
@@ -69,29 +110,50 @@ pub struct Page<Id> {
 }
 
 impl Storage {
-    /// Opens a data folder, makes it when it is not there, brings its tables up to date, and removes what
-    /// interrupted writes left behind.
-    pub async fn open(folder: &Path) -> Result<Storage, StorageError> {
-        let storage = Storage::migrate(folder).await?;
-        let keys = storage.blob_keys().await?;
-        storage.blobs.sweep(&keys)?;
+    /// Opens what is there, makes what is not, brings the tables up to date, and, where no other process can be at
+    /// work, removes what interrupted writes left behind.
+    pub async fn open(params: &StorageParams) -> Result<Storage, StorageError> {
+        let storage = Storage::migrate(params).await?;
+        if storage._lock.is_some() {
+            let keys = storage.blob_keys().await?;
+            storage.blobs.sweep(&keys)?;
+        }
         Ok(storage)
     }
 
-    /// Opens a data folder and brings its tables up to date.
-    pub async fn migrate(folder: &Path) -> Result<Storage, StorageError> {
-        let file_error = |source| StorageError::File { path: folder.to_owned(), source };
-        std::fs::create_dir_all(folder).map_err(file_error)?;
-        let folder = &folder.canonicalize().map_err(file_error)?;
-        let lock = FolderLock::take(folder)?;
-        let database = Database::open(&folder.join("viola.sqlite")).await?;
+    /// The same without removing anything.
+    pub async fn migrate(params: &StorageParams) -> Result<Storage, StorageError> {
+        Storage::connect(params, true).await
+    }
+
+    async fn connect(params: &StorageParams, is_alone: bool) -> Result<Storage, StorageError> {
+        let file_error = |source| StorageError::File { path: params.data.clone(), source };
+        std::fs::create_dir_all(&params.data).map_err(file_error)?;
+        let folder = &params.data.canonicalize().map_err(file_error)?;
+        let (database, lock) = match &params.postgres {
+            Some(postgres) => (Database::open_postgres(&postgres.url, postgres.connections).await?, None),
+            None => {
+                let lock = is_alone.then(|| FolderLock::take(folder)).transpose()?;
+                (Database::open_sqlite(&folder.join("viola.sqlite")).await?, lock)
+            }
+        };
         let blobs = Blobs::open(&folder.join("blobs"))?;
         Ok(Storage { database, blobs, _lock: lock })
     }
 
+    /// The records alone, beside a server that may be running.
+    pub async fn administer(params: &StorageParams) -> Result<Storage, StorageError> {
+        Storage::connect(params, false).await
+    }
+
+    /// What the database is.
+    pub fn database_name(&self) -> &'static str {
+        self.database.name()
+    }
+
     /// Whether the database answers.
     pub async fn ready(&self) -> Result<(), StorageError> {
-        sqlx::query("SELECT 1").fetch_one(self.database.reader()).await?;
+        query("SELECT 1").fetch_one(&mut self.database.reader().await?).await?;
         Ok(())
     }
 
@@ -125,6 +187,8 @@ pub enum StorageError {
     Blobs(#[from] object_store::Error),
     #[error("column {column} holds what this version cannot read: {detail}")]
     Column { column: &'static str, detail: String },
+    #[error("the system gives no random numbers: {0}")]
+    Randomness(String),
     #[error("no such home")]
     NoSuchHome,
     #[error("no such clip")]

@@ -2,6 +2,8 @@
 
 mod common;
 
+#[path = "api/access.rs"]
+mod access;
 #[path = "api/changes.rs"]
 mod changes;
 #[path = "api/choice.rs"]

@@ -30,11 +30,15 @@ impl PartialSchema for FileBytes {
 
 impl ToSchema for FileBytes {}
 
+/// How many bytes the sender announces.
+pub(super) fn content_length(headers: &HeaderMap) -> Option<u64> {
+    headers.get(header::CONTENT_LENGTH)?.to_str().ok()?.parse().ok()
+}
+
 /// Receives a body of at most `limit` bytes into a file of its own.
 pub(super) async fn receive(storage: &Storage, request: Request, limit: u64) -> Result<Arrived, Error> {
     refuse_form(request.headers())?;
-    let announced = request.headers().get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok());
-    if announced.and_then(|text| text.parse::<u64>().ok()).is_some_and(|length| length > limit) {
+    if content_length(request.headers()).is_some_and(|length| length > limit) {
         return Err(Error::BodyTooLarge { limit });
     }
     let mut incoming = storage.incoming()?;

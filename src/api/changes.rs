@@ -1,6 +1,7 @@
 //! `/v1/changes`
 
 use super::App;
+use super::access::Caller;
 use super::error::{Error, Problem};
 use super::extract::Query;
 use super::list::{ListQuery, encode};
@@ -52,14 +53,16 @@ pub(super) struct ChangesPage {
         CommonProblems))]
 pub(super) async fn list_changes(
     State(app): State<App>,
+    caller: Caller,
     Query(query): Query<ListQuery>,
     Query(wait): Query<WaitQuery>,
 ) -> Result<Json<ChangesPage>, Error> {
     let (after, limit, wait) = (query.after()?, query.limit()?, wait.seconds()?);
+    let tenant = caller.for_all_homes()?;
     let changes = tokio::select! {
-        changes = app.queue.changes(after, limit, wait) => changes?,
+        changes = app.queue.changes(tenant, after, limit, wait) => changes?,
         // A server that stops waits for nobody.
-        () = app.stop.cancelled() => app.queue.changes(after, limit, Duration::ZERO).await?,
+        () = app.stop.cancelled() => app.queue.changes(tenant, after, limit, Duration::ZERO).await?,
     };
     let next = encode(&changes.next.to_string());
     Ok(Json(ChangesPage { items: changes.items, next, more: changes.more }))

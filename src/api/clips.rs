@@ -1,7 +1,8 @@
 //! `/v1/homes/{home}/clips`
 
 use super::App;
-use super::bodies::{FileBytes, receive, to_the_end, understand};
+use super::access::Caller;
+use super::bodies::{FileBytes, content_length, receive, to_the_end, understand};
 use super::error::{Error, Problem};
 use super::extract::{ClipPath, HomePath, IdempotencyKey, Query, timestamp};
 use super::list::{List, ListQuery, UpdatedQuery};
@@ -83,6 +84,7 @@ impl IntoResponse for Answer {
         CommonProblems, FileProblems))]
 pub(super) async fn add_clip(
     State(app): State<App>,
+    caller: Caller,
     HomePath { home }: HomePath,
     Query(query): Query<AddQuery>,
     IdempotencyKey(idempotency_key): IdempotencyKey,
@@ -91,8 +93,11 @@ pub(super) async fn add_clip(
     let has_lidar_map = app.storage.home(&home).await?.lidar_map_revision.is_some();
     let dry_run = flag("dry_run", query.dry_run.as_deref())?;
     let told = query.recorded_at.map(|text| recorded_at(&text)).transpose()?;
+    let told_bytes = content_length(request.headers()).unwrap_or(0);
+    app.limits.room(&app.storage, &caller.tenant, told_bytes).await?;
     let file = receive(&app.storage, request, app.max_upload_bytes).await?;
     let size_bytes = file.size_bytes;
+    app.limits.room(&app.storage, &caller.tenant, size_bytes).await?;
     let (file, info, estimate) = understand(&app, move || open(file)).await?;
     if dry_run {
         let report = DryRun { size_bytes, understood: info, estimate, has_lidar_map };
@@ -102,6 +107,7 @@ pub(super) async fn add_clip(
     let clip = to_the_end(async move {
         let added = app.storage.add_clip(&home, new, Timestamp::now()).await?;
         app.queue.wake();
+        app.limits.came(&caller.tenant, size_bytes);
         match added {
             Added::New(clip) | Added::Replayed(clip) => Ok(clip),
             Added::KeyReused => Err(Error::KeyReused),

@@ -70,6 +70,16 @@ pub(super) enum Error {
     JobEnded(&'static str),
     #[error("no job has this id")]
     NoSuchJob,
+    #[error("this service asks for a key: send it as `Authorization: Bearer viola_...`, or sign in on the page")]
+    KeyMissing,
+    #[error("the key is not one of this service's, has expired, or was revoked; ask for a new one")]
+    KeyInvalid,
+    #[error("{0}")]
+    Forbidden(&'static str),
+    #[error("too many requests for this tenant; wait {retry_after_s} s")]
+    TooManyRequests { retry_after_s: u64 },
+    #[error("the tenant has {used} bytes here, of at most {limit}; remove clips or homes, or ask for more room")]
+    TenantFull { used: u64, limit: u64 },
     #[error(
         "the clip is `{0}`: it has this file once a job ran to an answer, and completion.png only where something was filled in"
     )]
@@ -123,6 +133,13 @@ impl Error {
             Error::NothingToAlignTo => (S::CONFLICT, "no_lidar_map", "The home has no LiDAR map"),
             Error::NoAnswerYet(_) => (S::CONFLICT, "no_answer_yet", "The clip has no answer yet"),
             Error::JobEnded(_) => (S::CONFLICT, "job_ended", "The job has ended already"),
+            Error::KeyMissing => (S::UNAUTHORIZED, "key_missing", "A key is needed"),
+            Error::KeyInvalid => (S::UNAUTHORIZED, "key_invalid", "The key is not valid"),
+            Error::Forbidden(_) => (S::FORBIDDEN, "forbidden", "The key does not allow this"),
+            Error::TooManyRequests { .. } => (S::TOO_MANY_REQUESTS, "too_many_requests", "Too many requests"),
+            Error::TenantFull { .. } => {
+                (S::INSUFFICIENT_STORAGE, "tenant_full", "The tenant has no room left")
+            }
             Error::NoSuchJob => (S::NOT_FOUND, "job_not_found", "There is no such job"),
             Error::NoSuchResult(_) => (S::NOT_FOUND, "result_not_found", "The clip has no such file now"),
             Error::NoSuchMap => (S::NOT_FOUND, "map_not_found", "The home has no such map"),
@@ -182,7 +199,8 @@ impl Error {
     /// As it is told. The cause of a fault of ours goes to the log.
     pub fn problem(&self) -> Problem {
         let (status, code, title) = self.mapping();
-        let detail = if status.is_server_error() {
+        let is_ours = status.is_server_error() && !matches!(self, Error::TenantFull { .. });
+        let detail = if is_ours {
             tracing::error!(code, cause = %self, "a request failed");
             "The cause is in the service's log, under this answer's x-request-id.".to_owned()
         } else {
@@ -203,7 +221,18 @@ impl IntoResponse for Error {
         let (status, ..) = self.mapping();
         let problem = self.problem();
         let media_type = HeaderValue::from_static("application/problem+json");
-        (status, [(header::CONTENT_TYPE, media_type)], Json(problem)).into_response()
+        let mut response = (status, [(header::CONTENT_TYPE, media_type)], Json(problem)).into_response();
+        match self {
+            Error::KeyMissing | Error::KeyInvalid => {
+                let scheme = HeaderValue::from_static("Bearer realm=\"viola\"");
+                response.headers_mut().insert(header::WWW_AUTHENTICATE, scheme);
+            }
+            Error::TooManyRequests { retry_after_s } => {
+                response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(retry_after_s));
+            }
+            _ => {}
+        }
+        response
     }
 }
 

@@ -1,7 +1,9 @@
 //! axum's extractors with our own refusals: axum answers in plain text.
 
+use super::access;
 use super::error::Error;
-use crate::storage::HomeId;
+use super::App;
+use crate::storage::{HomeId, UploadError};
 use axum::extract::rejection::JsonRejection;
 use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};
 use axum::http::request::Parts;
@@ -46,7 +48,7 @@ impl<S: Send + Sync> FromRequestParts<S> for HomePath {
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<HomePath, Error> {
         let path = Path::of(parts, state).await?;
-        Ok(HomePath { home: path.part("home")? })
+        Ok(HomePath { home: access::of(parts)?.home(&path.part("home")?)? })
     }
 }
 
@@ -55,25 +57,37 @@ impl<S: Send + Sync> FromRequestParts<S> for ClipPath {
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<ClipPath, Error> {
         let path = Path::of(parts, state).await?;
-        Ok(ClipPath { home: path.part("home")?, clip: path.part("clip")? })
+        Ok(ClipPath { home: access::of(parts)?.home(&path.part("home")?)?, clip: path.part("clip")? })
     }
 }
 
-impl<S: Send + Sync> FromRequestParts<S> for UploadPath {
+/// Of an upload that the caller may know of; one that is not there is for the handler to tell.
+impl FromRequestParts<App> for UploadPath {
     type Rejection = Error;
 
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<UploadPath, Error> {
-        let path = Path::of(parts, state).await?;
-        Ok(UploadPath { upload: path.part("upload")? })
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<UploadPath, Error> {
+        let upload = Path::of(parts, app).await?.part("upload")?;
+        let caller = access::of(parts)?;
+        if let Some((tenant, home)) = app.storage.upload_owner(upload).await?
+            && !(caller.tenant == tenant && home.is_none_or(|home| caller.may_know(&home)))
+        {
+            return Err(UploadError::NotFound.into());
+        }
+        Ok(UploadPath { upload })
     }
 }
 
-impl<S: Send + Sync> FromRequestParts<S> for JobPath {
+/// Of a job that the caller may know of; one that is not there is for the handler to tell.
+impl FromRequestParts<App> for JobPath {
     type Rejection = Error;
 
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<JobPath, Error> {
-        let path = Path::of(parts, state).await?;
-        Ok(JobPath { job: path.part("job")? })
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<JobPath, Error> {
+        let job = Path::of(parts, app).await?.part("job")?;
+        let caller = access::of(parts)?;
+        match app.storage.job_home(job).await? {
+            Some(home) if !caller.may_know(&home) => Err(Error::NoSuchJob),
+            _ => Ok(JobPath { job }),
+        }
     }
 }
 

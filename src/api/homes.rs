@@ -1,12 +1,13 @@
 //! `/v1/homes`
 
 use super::App;
+use super::access::Caller;
 use super::bodies::to_the_end;
 use super::error::Error;
 use super::extract::{HomePath, Json, Query};
 use super::list::{List, ListQuery, UpdatedQuery};
 use super::problems::{CommonProblems, JsonProblems};
-use crate::storage::Home;
+use crate::storage::{Home, HomeId};
 use axum::extract::State;
 use axum::http::StatusCode;
 use jiff::Timestamp;
@@ -65,10 +66,14 @@ pub(super) async fn get_home(
     responses((status = 200, description = "One page", body = List<Home>), CommonProblems))]
 pub(super) async fn list_homes(
     State(app): State<App>,
+    caller: Caller,
     Query(query): Query<ListQuery>,
     Query(updated): Query<UpdatedQuery>,
 ) -> Result<axum::Json<List<Home>>, Error> {
-    let homes = app.storage.homes(updated.updated_after()?, &query.page()?).await?;
+    let tenant = caller.for_all_homes()?;
+    let mut page = query.page::<HomeId>()?;
+    page.after = page.after.map(|id| tenant.home(&id));
+    let homes = app.storage.homes(tenant, updated.updated_after()?, &page).await?;
     Ok(axum::Json(query.list(homes, |home| home.id.clone())?))
 }
 

@@ -1,6 +1,7 @@
 //! `/v1/objects`: the objects of all homes.
 
 use super::App;
+use super::access::Caller;
 use super::error::Error;
 use super::extract::Query;
 use super::list::{List, ListQuery};
@@ -28,6 +29,7 @@ pub(super) struct ObjectsQuery {
     responses((status = 200, description = "One page", body = List<HomeObject>), CommonProblems))]
 pub(super) async fn list_objects(
     State(app): State<App>,
+    caller: Caller,
     Query(query): Query<ObjectsQuery>,
     Query(page): Query<ListQuery>,
 ) -> Result<Json<List<HomeObject>>, Error> {
@@ -42,7 +44,9 @@ pub(super) async fn list_objects(
         .home
         .as_deref()
         .map(|id| id.parse::<HomeId>().map_err(|error| invalid("home", error.to_string())));
-    let filter = ObjectFilter { class: query.class.clone(), home: home.transpose()? };
-    let objects = app.storage.objects(&filter, &page.page()?).await?;
+    let home = home.transpose()?.map(|home| caller.home(&home)).transpose()?;
+    let tenant = if home.is_some() { &caller.tenant } else { caller.for_all_homes()? };
+    let filter = ObjectFilter { class: query.class.clone(), home };
+    let objects = app.storage.objects(tenant, &filter, &page.page()?).await?;
     Ok(Json(page.list(objects, |object| format!("{} {}", object.home, object.object.id))?))
 }

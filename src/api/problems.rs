@@ -32,6 +32,12 @@ impl IntoResponses for CommonProblems {
                 "A part of the path, a query parameter or a header is not valid: `invalid-path`, `invalid-query`, `invalid-header`; or the body is not whole or not JSON: `body-incomplete`, `malformed-json`",
             ),
             (
+                "401",
+                "The service asks for a key, and none came or one that is not valid: `key-missing`, `key-invalid`",
+            ),
+            ("403", "The key's role or home does not allow it: `forbidden`"),
+            ("429", "The tenant sends too many requests; `Retry-After` says how long to wait: `too-many-requests`"),
+            (
                 "404",
                 "What the path names is not there: `home-not-found`, `clip-not-found`, `lidar-map-not-found`, `map-not-found`, `job-not-found`, `result-not-found`, `upload-not-found`",
             ),
@@ -76,7 +82,7 @@ impl IntoResponses for FileProblems {
                 "422",
                 "The file cannot be used; the type is the reader's own: `body-empty`, `zip-truncated`, ...",
             ),
-            ("507", "`storage-full`"),
+            ("507", "The service or the tenant has no room left: `storage-full`, `tenant-full`"),
         ])
     }
 }

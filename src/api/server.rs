@@ -1,12 +1,13 @@
-//! The server: storage, workers and HTTP in one process, from start to graceful stop.
+//! A process from start to graceful stop: HTTP with or without workers (`viola serve`), or workers alone (`viola work`).
 
-use super::App;
+use super::limits::{LimitParams, Limits};
 use super::uploads::{UploadParams, clean};
-use crate::jobs::{Queue, WorkerParams, work};
-use crate::storage::{Storage, StorageError};
+use super::{App, metrics};
+use crate::jobs::{self, Queue, WorkerParams};
+use crate::storage::{Storage, StorageError, StorageParams};
+use axum::Router;
 use axum::serve::ListenerExt;
 use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpListener;
@@ -25,20 +26,35 @@ const READERS: usize = 4;
 #[derive(Debug, Clone)]
 pub struct ServeParams {
     pub listen: SocketAddr,
-    /// The data folder.
-    pub data: PathBuf,
-    /// Jobs at a time; each uses all cores where it can.
+    pub storage: StorageParams,
+    /// Jobs at a time; each uses all cores where it can. With none, they wait for other processes.
     pub workers: usize,
     /// Of one clip.
     pub max_upload_bytes: u64,
     pub uploads: UploadParams,
+    pub limits: LimitParams,
     pub worker: WorkerParams,
+}
+
+/// How to work.
+#[derive(Debug, Clone)]
+pub struct WorkParams {
+    pub storage: StorageParams,
+    /// Jobs at a time.
+    pub workers: usize,
+    pub worker: WorkerParams,
+    /// Where to tell how the process is; nowhere when there is none.
+    pub listen: Option<SocketAddr>,
 }
 
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
     #[error("cannot listen on {address}: {source}; choose another address with --listen")]
     Listen { address: SocketAddr, source: std::io::Error },
+    #[error(
+        "{address} can be reached by other machines, and there is no key yet; make one with `viola keys create`, or listen on 127.0.0.1"
+    )]
+    Open { address: SocketAddr },
     #[error(transparent)]
     Storage(#[from] StorageError),
     #[error("the server failed: {0}")]
@@ -51,36 +67,96 @@ pub async fn serve(
     stop: CancellationToken,
     listening: impl FnOnce(SocketAddr),
 ) -> Result<(), ServeError> {
-    let storage = Arc::new(Storage::open(&params.data).await?);
-    let listen_error = |source| ServeError::Listen { address: params.listen, source };
-    let listener = TcpListener::bind(params.listen).await.map_err(listen_error)?;
-    let address = listener.local_addr().map_err(listen_error)?;
+    metrics::begin();
+    let storage = Arc::new(Storage::open(&params.storage).await?);
+    check_keys(&storage, params.listen).await?;
+    let listener = bind(params.listen).await?;
     let queue = Arc::new(Queue::new(storage.clone()));
-
-    let mut workers = JoinSet::new();
-    for _ in 0..params.workers {
-        workers.spawn(work(queue.clone(), params.worker.clone(), stop.clone()));
-    }
+    let mut tasks = begin_work(&queue, params.workers, &params.worker, &stop);
     let app = App {
         storage: storage.clone(),
         queue,
         max_upload_bytes: params.max_upload_bytes,
         uploads: Arc::new(params.uploads),
+        limits: Arc::new(Limits::new(&params.limits)),
         readers: Arc::new(Semaphore::new(READERS)),
         stop: stop.clone(),
     };
-    workers.spawn(clean(app.clone()));
+    tasks.spawn(clean(app.clone()));
+    answer(listener, super::router(app), &stop, listening).await?;
+    end(tasks, &storage, &stop).await;
+    Ok(())
+}
+
+/// Works until `stop`; `listening` is told the address, where there is one.
+pub async fn work(
+    params: WorkParams,
+    stop: CancellationToken,
+    listening: impl FnOnce(SocketAddr),
+) -> Result<(), ServeError> {
+    metrics::begin();
+    let storage = Arc::new(Storage::open(&params.storage).await?);
+    let queue = Arc::new(Queue::new(storage.clone()));
+    let tasks = begin_work(&queue, params.workers, &params.worker, &stop);
+    info!(workers = params.workers, database = storage.database_name(), "working");
+    match params.listen {
+        Some(address) => {
+            let router = super::health_router(storage.clone());
+            answer(bind(address).await?, router, &stop, listening).await?;
+        }
+        None => stop.cancelled().await,
+    }
+    end(tasks, &storage, &stop).await;
+    Ok(())
+}
+
+/// Without keys everybody may do everything, so that only this machine may come.
+async fn check_keys(storage: &Storage, address: SocketAddr) -> Result<(), ServeError> {
+    if storage.has_keys().await? {
+        return Ok(());
+    }
+    if !address.ip().is_loopback() {
+        return Err(ServeError::Open { address });
+    }
+    warn!("there is no key: everybody on this machine may do everything; `viola keys create` makes one");
+    Ok(())
+}
+
+async fn bind(address: SocketAddr) -> Result<TcpListener, ServeError> {
+    TcpListener::bind(address).await.map_err(|source| ServeError::Listen { address, source })
+}
+
+fn begin_work(
+    queue: &Arc<Queue>,
+    workers: usize,
+    params: &WorkerParams,
+    stop: &CancellationToken,
+) -> JoinSet<()> {
+    let mut tasks = JoinSet::new();
+    for _ in 0..workers {
+        tasks.spawn(jobs::work(queue.clone(), params.clone(), stop.clone()));
+    }
+    tasks.spawn(queue.clone().exchange_signals(stop.clone()));
+    tasks
+}
+
+/// Answers requests until `stop`, and those that have begun by then for a while longer.
+async fn answer(
+    listener: TcpListener,
+    router: Router,
+    stop: &CancellationToken,
+    listening: impl FnOnce(SocketAddr),
+) -> Result<(), ServeError> {
+    let address = listener.local_addr()?;
     // Events are small and must not wait for more to come.
     let listener = listener.tap_io(|stream| {
         if let Err(error) = stream.set_nodelay(true) {
             warn!(%error, "a connection keeps Nagle's delay");
         }
     });
-    let served =
-        axum::serve(listener, super::router(app)).with_graceful_shutdown(stop.clone().cancelled_owned());
-    info!(%address, data = %params.data.display(), "listening");
+    let served = axum::serve(listener, router).with_graceful_shutdown(stop.clone().cancelled_owned());
+    info!(%address, "listening");
     listening(address);
-
     let drained = async {
         stop.cancelled().await;
         info!("stopping");
@@ -90,9 +166,12 @@ pub async fn serve(
         served = served.into_future() => served?,
         () = drained => warn!("requests were still under way and are cut off"),
     }
+    Ok(())
+}
+
+async fn end(mut tasks: JoinSet<()>, storage: &Storage, stop: &CancellationToken) {
     stop.cancel();
-    while workers.join_next().await.is_some() {}
+    while tasks.join_next().await.is_some() {}
     storage.close().await;
     info!("stopped");
-    Ok(())
 }

@@ -17,7 +17,8 @@ pub(super) use clean::clean;
 pub(super) use refusal::UploadRefusal;
 
 use super::App;
-use super::bodies::{FileBytes, MAX_SILENCE, to_the_end};
+use super::access::Caller;
+use super::bodies::{FileBytes, MAX_SILENCE, content_length, to_the_end};
 use super::error::{Error, Problem};
 use super::extract::UploadPath;
 use super::problems::{CommonProblems, FileProblems};
@@ -146,7 +147,11 @@ async fn speak_tus(request: Request, next: Next) -> Response {
         (status = 503, description = "The service is stopping: `stopping`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems, FileProblems))]
-async fn create_upload(State(app): State<App>, request: Request) -> Result<Response, Error> {
+async fn create_upload(
+    State(app): State<App>,
+    caller: Caller,
+    request: Request,
+) -> Result<Response, Error> {
     let (parts, body) = request.into_parts();
     let sent = headers::metadata(&parts.headers)?;
     let metadata = Metadata::parse(&sent)?;
@@ -159,25 +164,28 @@ async fn create_upload(State(app): State<App>, request: Request) -> Result<Respo
             if has_body || headers::length(&parts.headers)?.is_some() {
                 return Err(UploadError::Final.into());
             }
-            let home = metadata.home()?;
+            let home = caller.home(&metadata.home()?)?;
+            let tenant = caller.tenant.clone();
             let max_bytes = app.max_upload_bytes;
-            let joining = Joining { parts: ids, home, metadata: sent, concat, max_bytes };
+            let joining = Joining { parts: ids, tenant, home, metadata: sent, concat, max_bytes };
             (app.storage.join_uploads(&joining, &app.uploads.limits, Timestamp::now()).await?.id, None)
         }
         concat => {
             let is_partial = concat == Concat::Partial;
             let length = headers::length(&parts.headers)?.ok_or_else(headers::no_length)?;
             headers::check_length(length, app.max_upload_bytes)?;
+            app.limits.room(&app.storage, &caller.tenant, length.known().unwrap_or(0)).await?;
             let new = NewUpload {
                 kind: if is_partial { UploadKind::Partial } else { UploadKind::Whole },
-                home: if is_partial { None } else { Some(metadata.home()?) },
+                tenant: caller.tenant.clone(),
+                home: if is_partial { None } else { Some(caller.home(&metadata.home()?)?) },
                 metadata: sent,
                 concat: is_partial.then(|| "partial".to_owned()),
                 length_bytes: length.known(),
             };
             let checksum = checksum::asked_for(&parts.headers)?;
             let id = app.storage.create_upload(new, &app.uploads.limits, Timestamp::now()).await?.id;
-            let body_bytes = headers::content_length(&parts.headers);
+            let body_bytes = content_length(&parts.headers);
             (id, has_body.then_some(Append { id, offset: 0, length_bytes: None, body_bytes, checksum }))
         }
     };
@@ -285,7 +293,7 @@ async fn append(app: App, id: Uuid, sent: &HeaderMap, body: Body) -> Result<Resp
         id,
         offset: headers::offset(sent)?,
         length_bytes: length.and_then(Length::known),
-        body_bytes: headers::content_length(sent),
+        body_bytes: content_length(sent),
         checksum: checksum::asked_for(sent)?,
     };
     to_the_end(async move {

@@ -3,9 +3,10 @@
 mod client;
 mod recordings;
 
-use crate::api::{ServeParams, UploadParams, serve};
+use crate::api::{LimitParams, ServeParams, UploadParams, serve};
 use crate::geometry::angle_between;
 use crate::jobs::WorkerParams;
+use crate::storage::StorageParams;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use client::{Client, ClipAnswer};
@@ -60,10 +61,11 @@ async fn show(arguments: &DemoArguments, recordings: &Recordings) -> Result<()> 
     let (listening, address) = oneshot::channel();
     let params = ServeParams {
         listen: arguments.listen,
-        data: arguments.data.join("service"),
+        storage: StorageParams::in_folder(&arguments.data.join("service")),
         workers: 1,
         max_upload_bytes: 1 << 30,
         uploads: UploadParams::default(),
+        limits: LimitParams::default(),
         worker: WorkerParams::default(),
     };
     let mut server = tokio::spawn(serve(params, stop.clone(), |address| {

@@ -1,23 +1,22 @@
-//! `viola migrate`: the tables of a data folder, brought up to date without serving.
+//! `viola migrate`: the tables, brought up to date without serving.
 
+use super::store::StoreArguments;
 use crate::storage::Storage;
 use anyhow::Result;
 use clap::Args;
-use std::path::PathBuf;
 
 #[derive(Args)]
 pub struct MigrateArguments {
-    /// The data folder.
-    #[arg(long, value_name = "DIR", default_value = "viola-data")]
-    data: PathBuf,
+    #[command(flatten)]
+    store: StoreArguments,
 }
 
 pub fn run(arguments: &MigrateArguments) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     runtime.block_on(async {
-        Storage::migrate(&arguments.data).await?.close().await;
+        let storage = Storage::migrate(&arguments.store.params()).await?;
+        println!("the tables of {} are up to date", storage.database_name());
+        storage.close().await;
         anyhow::Ok(())
-    })?;
-    println!("{} is up to date", arguments.data.display());
-    Ok(())
+    })
 }

@@ -1,6 +1,6 @@
 //! Makes a home's next map out of its clips.
 
-use super::Queue;
+use super::{Queue, metrics};
 use crate::home::{
     self, AssembleParams, Assembly, ClipNumbers, Description, MAP_VOXEL_M, Member, NotOurs, Share, Tile,
     TileKey, read_cloud_ply, read_views,
@@ -27,7 +27,15 @@ pub(super) async fn merge(queue: &Queue, claim: &MergeClaim, lease: Duration) {
         merged = try_merge(&queue.storage, claim) => merged,
         () = hold(&queue.storage, claim, lease) => Ok(Merged::Lost),
     };
-    let seconds = begun.elapsed().as_secs_f64();
+    let took = begun.elapsed();
+    let outcome = match &merged {
+        Ok(Merged::Revision { .. }) => "revision",
+        Ok(Merged::Nothing) => "nothing",
+        Ok(Merged::Lost) => "lost",
+        Err(_) => "failed",
+    };
+    metrics::merged(outcome, took);
+    let seconds = took.as_secs_f64();
     let clips = claim.members.len();
     match merged {
         Ok(Merged::Revision { tiles }) => info!(home = %claim.home, clips, tiles, seconds, "map merged"),

@@ -3,7 +3,7 @@
 use super::align_clip::{Failure, Finished, JobParams, align_clip};
 use super::merge::merge;
 use super::report::{Heard, Report};
-use super::{POLL, Queue};
+use super::{POLL, Queue, metrics};
 use crate::align::Reason;
 use crate::progress::Progress;
 use crate::storage::{Claim, Ending, RetryPolicy, StorageError};
@@ -94,6 +94,10 @@ impl Attempt<'_> {
     async fn run(&self, stop: &CancellationToken) {
         let job = &self.claim.job;
         let begun = Instant::now();
+        // Of a further attempt one cannot tell when it was due.
+        if job.attempts == 1 {
+            metrics::started(Timestamp::now().duration_since(job.created_at).unsigned_abs());
+        }
         info!(job = %job.id, clip = %job.clip, home = %job.home, attempt = job.attempts, "job begins");
         let ending = self.work(stop).await;
         let outcome = outcome_name(&ending);
@@ -102,7 +106,10 @@ impl Attempt<'_> {
             Some(ending) => storage.finish(&self.claim, ending, &self.params.retry, Timestamp::now()).await,
             None => Ok(false),
         };
-        let seconds = begun.elapsed().as_secs_f64();
+        let took = begun.elapsed();
+        let is_kept = matches!(kept, Ok(true));
+        metrics::ended(outcome, ending.as_ref().filter(|_| is_kept), took);
+        let seconds = took.as_secs_f64();
         match kept {
             Ok(true) => info!(job = %job.id, clip = %job.clip, outcome, seconds, "job ends"),
             Ok(false) => info!(job = %job.id, clip = %job.clip, seconds, "job is no longer this worker's"),
@@ -179,7 +186,7 @@ impl Attempt<'_> {
         let (lease, now) = (self.params.lease, Timestamp::now());
         let held = self.queue.storage.heartbeat(&self.claim, heard.stage, heard.progress, lease, now).await?;
         *said = Said { heard, at: Instant::now() };
-        self.queue.changed.notify_waiters();
+        self.queue.tell_of_change();
         Ok(held)
     }
 

@@ -4,16 +4,14 @@
 //! with nothing sees everything once, and one that goes on sees what changed since. A row is written in the
 //! transaction of its change: the feed tells nothing that was not committed, and everything that was.
 //!
-//! The numbers come from one row that every writer updates. SQLite has one writer, so the order of the numbers is the
-//! order of commit, and who has seen a number has seen all lower ones. On PostgreSQL the lock on that row, which a
-//! transaction holds to its end, gives the same order, which a sequence would not: its numbers are given out before
-//! commit, and a reader could pass one that appears later. [`record`] then has to come last in a transaction, so that
-//! writers wait for each other for a short time and never in a circle. Should that be the bottleneck, each row takes
-//! `pg_current_xact_id()` and readers stop below `pg_snapshot_xmin(pg_current_snapshot())`.
+//! Who writes gives no numbers: the numbers would have to be in the order of commit, and every writer would wait for
+//! every other. A change has a null in place of its number until somebody reads the feed (or the cleaner comes by), who
+//! numbers all that is committed by then, one after the other. A number that a reader has seen is therefore higher than
+//! all that were given before, and lower than all that will be.
 
 use super::columns::Columns;
-use super::database::{Connection, Row};
-use super::{ClipState, HomeId, Storage, StorageError};
+use super::database::{Connection, Row, Transaction, query};
+use super::{ClipState, HomeId, Storage, StorageError, Tenant};
 use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -24,6 +22,9 @@ use uuid::Uuid;
 pub const CURSOR_LIFE: SignedDuration = SignedDuration::from_hours(30 * 24);
 /// Deleted things are told for a day more, so that clocks and slow requests cannot hide one from a good cursor.
 const TOLD: SignedDuration = SignedDuration::from_hours(31 * 24);
+
+/// Changes that are numbered in one transaction.
+const NUMBERED_AT_ONCE: i64 = 10_000;
 
 /// What changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -110,24 +111,27 @@ fn from_row(row: &Row) -> Result<Change, StorageError> {
 }
 
 impl Storage {
-    /// At most `limit` changes after a cursor, or from the beginning.
+    /// At most `limit` changes of a tenant's after a cursor, or from the beginning.
     pub async fn changes(
         &self,
+        tenant: &Tenant,
         after: Option<ChangesCursor>,
         limit: u32,
         now: Timestamp,
     ) -> Result<Changes, StorageError> {
+        self.number_changes().await?;
         let after = after.unwrap_or(ChangesCursor { seq: 0, knows_until: now });
         let mut snapshot = self.database.snapshot().await?;
-        let last = sqlx::query("SELECT last_seq FROM change_counter").fetch_one(&mut *snapshot).await?;
+        let last = query("SELECT last_seq FROM change_counter").fetch_one(&mut snapshot).await?;
         // A number that was not given out yet is from before the database was restored from a copy.
         if now.duration_since(after.knows_until) > CURSOR_LIFE || after.seq > last.number("last_seq")? {
             return Err(StorageError::CursorExpired);
         }
-        let rows = sqlx::query("SELECT * FROM changes WHERE seq > $1 ORDER BY seq LIMIT $2")
+        let rows = query("SELECT * FROM changes WHERE tenant = $1 AND seq > $2 ORDER BY seq LIMIT $3")
+            .bind(tenant.name())
             .bind(after.seq)
             .bind(i64::from(limit) + 1)
-            .fetch_all(&mut *snapshot)
+            .fetch_all(&mut snapshot)
             .await?;
         let more = rows.len() > limit as usize;
         let items = rows.iter().take(limit as usize).map(from_row).collect::<Result<Vec<Change>, _>>()?;
@@ -135,6 +139,50 @@ impl Storage {
         let knows_until = if more { after.knows_until } else { after.knows_until.max(now) };
         Ok(Changes { items, next: ChangesCursor { seq, knows_until }, more })
     }
+
+    /// Numbers the changes that have none yet, in the order in which they were made.
+    pub async fn number_changes(&self) -> Result<(), StorageError> {
+        let mut numbered = NUMBERED_AT_ONCE;
+        while numbered == NUMBERED_AT_ONCE && fresh_is_there(&mut self.database.reader().await?).await? {
+            let mut transaction = self.database.begin().await?;
+            numbered = number_some(&mut transaction).await?;
+            transaction.commit().await?;
+        }
+        Ok(())
+    }
+}
+
+async fn fresh_is_there(connection: &mut Connection) -> Result<bool, StorageError> {
+    let fresh = query("SELECT home_id FROM changes WHERE seq IS NULL LIMIT 1");
+    Ok(fresh.fetch_optional(connection).await?.is_some())
+}
+
+/// The rows that are numbered next. A row that somebody changes at this moment has a turn later.
+macro_rules! number_changes {
+    ($lock:literal) => {
+        concat!(
+            "UPDATE changes SET seq = fresh.seq
+            FROM (
+                SELECT home_id, kind, clip_id, $1 + ROW_NUMBER() OVER (ORDER BY ticket, home_id, kind, clip_id) AS seq
+                FROM (SELECT home_id, kind, clip_id, ticket FROM changes WHERE seq IS NULL ORDER BY ticket LIMIT $2 ",
+            $lock,
+            ") AS some
+            ) AS fresh
+            WHERE changes.home_id = fresh.home_id AND changes.kind = fresh.kind AND changes.clip_id = fresh.clip_id"
+        )
+    };
+}
+
+/// Tells how many there were.
+async fn number_some(transaction: &mut Transaction) -> Result<i64, StorageError> {
+    // Held to the end: one process numbers at a time.
+    let counter = transaction
+        .either("SELECT last_seq FROM change_counter", "SELECT last_seq FROM change_counter FOR UPDATE");
+    let last = query(counter).fetch_one(transaction).await?.number("last_seq")?;
+    let update = transaction.either(number_changes!(""), number_changes!("FOR UPDATE SKIP LOCKED"));
+    let numbered = query(update).bind(last).bind(NUMBERED_AT_ONCE).execute(transaction).await? as i64;
+    query("UPDATE change_counter SET last_seq = $1").bind(last + numbered).execute(transaction).await?;
+    Ok(numbered)
 }
 
 /// What a transaction changes.
@@ -147,8 +195,7 @@ pub(super) enum Changed {
     Map { revision: i64 },
 }
 
-/// Tells the feed of a change, and moves the home's time of change. To be called by every writer, in the transaction of
-/// the change and, where there is a choice, late in it.
+/// Tells the feed of a change, in the transaction of the change.
 pub(super) async fn record(
     connection: &mut Connection,
     home: &HomeId,
@@ -163,29 +210,39 @@ pub(super) async fn record(
         Changed::Map { revision } => ("map", None, Some(revision), None),
     };
     let is_removed = matches!(changed, Changed::ClipRemoved { .. });
-    let seq = take_numbers(connection, 1).await?;
-    sqlx::query(
-        "INSERT INTO changes (seq, at, home_id, kind, clip_id, revision, state, deleted)
-        VALUES ($1, $2, $3, $4, $5, $6, $7, $8)
-        ON CONFLICT (home_id, kind, clip_id) DO UPDATE SET seq = excluded.seq, at = excluded.at,
+    query(
+        "INSERT INTO changes (home_id, kind, clip_id, tenant, at, revision, state, deleted, ticket)
+        VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)
+        ON CONFLICT (home_id, kind, clip_id) DO UPDATE SET seq = NULL, ticket = excluded.ticket,
+            at = CASE WHEN excluded.at > changes.at THEN excluded.at ELSE changes.at END,
             revision = excluded.revision, state = excluded.state, deleted = excluded.deleted",
     )
-    .bind(seq)
-    .bind(now.as_millisecond())
-    .bind(home.as_str())
+    .bind(home.key())
     .bind(kind)
     .bind(clip.map(|id| id.to_string()).unwrap_or_default())
+    .bind(home.tenant())
+    .bind(now.as_millisecond())
     .bind(revision)
     .bind(state)
     .bind(i64::from(is_removed))
-    .execute(&mut *connection)
+    .bind(ticket())
+    .execute(connection)
     .await?;
-    sqlx::query("UPDATE homes SET updated_at = $2 WHERE id = $1 AND updated_at < $2")
-        .bind(home.as_str())
-        .bind(now.as_millisecond())
-        .execute(&mut *connection)
-        .await?;
-    if is_removed { forget(connection, now).await } else { Ok(()) }
+    if is_removed {
+        // The row is forgotten some day, and the home's time must not go back then. (Who removes has locked the home.)
+        query("UPDATE homes SET updated_at = $2 WHERE id = $1 AND updated_at < $2")
+            .bind(home.key())
+            .bind(now.as_millisecond())
+            .execute(connection)
+            .await?;
+        forget(connection, now).await?;
+    }
+    Ok(())
+}
+
+/// Grows with time; those of one process strictly.
+fn ticket() -> String {
+    Uuid::now_v7().to_string()
 }
 
 /// Tells the feed that a home is gone, after everything that was in it: a home that is made anew under the same id
@@ -195,38 +252,27 @@ pub(super) async fn record_home_removed(
     home: &HomeId,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let live = sqlx::query("SELECT COUNT(*) AS live FROM changes WHERE home_id = $1 AND deleted = 0");
-    let live = live.bind(home.as_str()).fetch_one(&mut *connection).await?.number("live")?;
-    let last = take_numbers(connection, live).await?;
-    sqlx::query(
-        "UPDATE changes SET seq = removed.seq, at = $3, state = NULL, deleted = 1
-        FROM (
-            SELECT seq AS old_seq,
-                $2 + ROW_NUMBER() OVER (ORDER BY CASE kind WHEN 'home' THEN 1 ELSE 0 END, seq) AS seq
-            FROM changes WHERE home_id = $1 AND deleted = 0
-        ) AS removed
-        WHERE changes.seq = removed.old_seq",
+    query(
+        "UPDATE changes SET seq = NULL, at = $2, state = NULL, deleted = 1,
+            ticket = $3 || CASE kind WHEN 'home' THEN '1' ELSE '0' END || substr(ticket, 1, 36)
+        WHERE home_id = $1 AND deleted = 0",
     )
-    .bind(home.as_str())
-    .bind(last - live)
+    .bind(home.key())
     .bind(now.as_millisecond())
-    .execute(&mut *connection)
+    .bind(ticket())
+    .execute(connection)
     .await?;
     forget(connection, now).await
-}
-
-/// Gives out this many numbers, of which it returns the last.
-async fn take_numbers(connection: &mut Connection, count: i64) -> Result<i64, StorageError> {
-    let taken = sqlx::query("UPDATE change_counter SET last_seq = last_seq + $1 RETURNING last_seq");
-    taken.bind(count).fetch_one(connection).await?.number("last_seq")
 }
 
 /// Removes what has been told for long enough. Every removal clears the way for itself, so the feed stays as large as
 /// what there is and a month of removals.
 async fn forget(connection: &mut Connection, now: Timestamp) -> Result<(), StorageError> {
-    sqlx::query("DELETE FROM changes WHERE deleted = 1 AND at < $1")
-        .bind((now - TOLD).as_millisecond())
-        .execute(connection)
-        .await?;
+    let old = connection.either(
+        "DELETE FROM changes WHERE deleted = 1 AND at < $1",
+        "DELETE FROM changes WHERE (home_id, kind, clip_id) IN (
+            SELECT home_id, kind, clip_id FROM changes WHERE deleted = 1 AND at < $1 FOR UPDATE SKIP LOCKED)",
+    );
+    query(old).bind((now - TOLD).as_millisecond()).execute(connection).await?;
     Ok(())
 }

@@ -3,7 +3,7 @@
 
 use super::changes::{self, Changed};
 use super::columns::to_json;
-use super::database::Transaction;
+use super::database::{Transaction, query};
 use super::{Clip, ClipState, HomeId, Storage, StorageError, clips, home_maps, lidar_maps};
 use crate::align::Reason;
 use crate::geometry::Pose2;
@@ -120,7 +120,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<Clip, ChoiceError> {
         let mut transaction = self.database.begin().await?;
-        let clip = clips::find(&mut transaction, home, id).await?;
+        let clip = clips::find_locked(&mut transaction, home, id).await?;
         let map = lidar_maps::current(&mut transaction, home).await?.ok_or(StorageError::NoLidarMap)?;
         let (map_from_clip, alternative) = match chosen {
             Chosen::Alternative(index) => alternative(&clip, index)?,
@@ -143,7 +143,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<Clip, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let clip = clips::find(&mut transaction, home, id).await?;
+        let clip = clips::find_locked(&mut transaction, home, id).await?;
         if clip.choice.is_none() {
             return Ok(clip);
         }
@@ -180,7 +180,7 @@ async fn settle(
     verdict: Verdict,
     now: Timestamp,
 ) -> Result<Clip, StorageError> {
-    sqlx::query("UPDATE clips SET choice = $2, state = $3, reasons = $4, updated_at = $5 WHERE id = $1")
+    query("UPDATE clips SET choice = $2, state = $3, reasons = $4, updated_at = $5 WHERE id = $1")
         .bind(clip.id.to_string())
         .bind(choice.map(to_json))
         .bind(verdict.state.name())

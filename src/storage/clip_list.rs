@@ -1,7 +1,7 @@
 //! Lists of clips.
 
 use super::columns::Columns;
-use super::database::{Query, Row};
+use super::database::{Query, Row, query};
 use super::{Clip, ClipState, HomeId, Page, Storage, StorageError, clips, homes, jobs};
 use jiff::Timestamp;
 use uuid::Uuid;
@@ -28,10 +28,10 @@ macro_rules! page_of_clips {
     };
 }
 
-fn bind_page<'a>(query: Query<'a>, home: &HomeId, filter: &ClipFilter, page: &Page<Uuid>) -> Query<'a> {
+fn bind_page(query: Query, home: &HomeId, filter: &ClipFilter, page: &Page<Uuid>) -> Query {
     let after = page.after.map(|id| id.to_string()).unwrap_or_default();
     let updated_after = filter.updated_after.map_or(i64::MIN, Timestamp::as_millisecond);
-    let query = query.bind(home.as_str().to_owned()).bind(after).bind(updated_after);
+    let query = query.bind(home.key().to_owned()).bind(after).bind(updated_after);
     // A place for every state there is; NULL is equal to none.
     let wanted = |state: &ClipState| filter.states.is_empty() || filter.states.contains(state);
     let states = ClipState::ALL.iter().map(|state| wanted(state).then(|| state.name()));
@@ -50,10 +50,10 @@ impl Storage {
         if !homes::exists(&mut snapshot, home).await? {
             return Err(StorageError::NoSuchHome);
         }
-        let jobs = sqlx::query(jobs::select_jobs!("WHERE jobs.id IN (", page_of_clips!("job_id"), ")"));
+        let jobs = query(jobs::select_jobs!("WHERE jobs.id IN (", page_of_clips!("job_id"), ")"));
         let jobs = bind_page(jobs, home, filter, page).fetch_all(&mut *snapshot).await?;
         let mut jobs = jobs::by_id(&jobs)?;
-        let rows = bind_page(sqlx::query(page_of_clips!("*")), home, filter, page);
+        let rows = bind_page(query(page_of_clips!("*")), home, filter, page);
         let rows = rows.fetch_all(&mut *snapshot).await?;
         let clip = |row: &Row| clips::from_row(row, row.maybe_id("job_id")?.and_then(|id| jobs.remove(&id)));
         rows.iter().map(clip).collect()

@@ -3,8 +3,9 @@
 use super::changes::{self, Changed};
 use super::choices::Verdict;
 use super::columns::{Columns, to_json};
-use super::database::{Connection, Row, Transaction};
+use super::database::{Connection, Row, Transaction, query};
 use super::incoming::Arrived;
+use super::jobs::Priority;
 use super::{
     BlobReader, Choice, ClipState, HomeId, Job, Placement, Storage, StorageError, home_maps, homes,
     idempotency, jobs, lidar_maps, result_file,
@@ -139,11 +140,13 @@ impl Storage {
     /// Removes a clip with its results. A worker that is busy with it loses its lease.
     pub async fn delete_clip(&self, home: &HomeId, id: Uuid, now: Timestamp) -> Result<(), StorageError> {
         let mut transaction = self.database.begin().await?;
-        let clip = find(&mut transaction, home, id).await?;
-        sqlx::query("DELETE FROM clips WHERE id = $1")
+        let clip = find_locked(&mut transaction, home, id).await?;
+        jobs::lock_of_clip(&mut transaction, id).await?;
+        query("DELETE FROM clips WHERE id = $1")
             .bind(id.to_string())
             .execute(&mut *transaction)
             .await?;
+        homes::grow(&mut transaction, home, -(clip.size_bytes as i64)).await?;
         if clip.result_key.is_some() {
             home_maps::changed(&mut transaction, home).await?;
         }
@@ -156,12 +159,12 @@ impl Storage {
     /// Queues a clip again for the current LiDAR map. One that is under way already is left alone.
     pub async fn align_clip(&self, home: &HomeId, id: Uuid, now: Timestamp) -> Result<Clip, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let clip = find(&mut transaction, home, id).await?;
+        let clip = find_locked(&mut transaction, home, id).await?;
         if clip.state.is_under_way() {
             return Ok(clip);
         }
         let map = lidar_maps::current_id(&mut transaction, home).await?.ok_or(StorageError::NoLidarMap)?;
-        let stale_blobs = jobs::enqueue(&mut transaction, id, map, now).await?;
+        let stale_blobs = jobs::enqueue(&mut transaction, home, id, map, Priority::Asked, now).await?;
         let clip = find(&mut transaction, home, id).await?;
         transaction.commit().await?;
         self.blobs.discard(&stale_blobs).await;
@@ -232,7 +235,7 @@ pub(super) async fn insert(
     new: NewRow,
     now: Timestamp,
 ) -> Result<Added, StorageError> {
-    if !homes::exists(transaction, home).await? {
+    if !homes::lock(transaction, home).await? {
         return Err(StorageError::NoSuchHome);
     }
     if let Some(key) = &new.idempotency_key
@@ -245,13 +248,13 @@ pub(super) async fn insert(
         };
     }
     let reasons = [no_lidar_map()];
-    sqlx::query(
+    query(
         "INSERT INTO clips (id, home_id, size_bytes, sha256, info, state, reasons, recorded_at, created_at,
             updated_at)
         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $9)",
     )
     .bind(new.id.to_string())
-    .bind(home.as_str())
+    .bind(home.key())
     .bind(new.size_bytes as i64)
     .bind(&new.sha256)
     .bind(to_json(&new.info))
@@ -261,12 +264,13 @@ pub(super) async fn insert(
     .bind(now.as_millisecond())
     .execute(&mut **transaction)
     .await?;
+    homes::grow(transaction, home, new.size_bytes as i64).await?;
     if let Some(key) = &new.idempotency_key {
         idempotency::insert(transaction, home, key, &new.sha256, new.id, now).await?;
     }
     match lidar_maps::current_id(transaction, home).await? {
         Some(map) => {
-            jobs::enqueue(transaction, new.id, map, now).await?;
+            jobs::enqueue(transaction, home, new.id, map, Priority::Uploaded, now).await?;
         }
         None => {
             let added = Changed::Clip { id: new.id, state: ClipState::Uploaded };
@@ -296,7 +300,7 @@ pub(super) async fn change(
     outcome: Outcome<'_>,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let before = sqlx::query("SELECT id, home_id, state, choice FROM clips WHERE job_id = $1");
+    let before = query("SELECT id, home_id, state, choice FROM clips WHERE job_id = $1");
     let before = before.bind(job.to_string()).fetch_optional(&mut *connection).await?;
     let Some(before) = before else { return Ok(()) };
     let home = before.home("home_id")?;
@@ -312,7 +316,7 @@ pub(super) async fn change(
     if has_answer(before.name("state")?) || has_answer(verdict.state) {
         home_maps::changed(connection, &home).await?;
     }
-    sqlx::query(
+    query(
         "UPDATE clips SET state = $2, reasons = $3, alignment = $4, result_key = $5, updated_at = $6
         WHERE job_id = $1",
     )
@@ -335,9 +339,9 @@ pub(super) async fn begin_job(
     job: Uuid,
     now: Timestamp,
 ) -> Result<Vec<String>, StorageError> {
-    let row = sqlx::query("SELECT result_key FROM clips WHERE id = $1").bind(id.to_string());
+    let row = query("SELECT result_key FROM clips WHERE id = $1").bind(id.to_string());
     let stale = row.fetch_one(&mut **transaction).await?.maybe_text("result_key")?;
-    sqlx::query("UPDATE clips SET job_id = $2 WHERE id = $1")
+    query("UPDATE clips SET job_id = $2 WHERE id = $1")
         .bind(id.to_string())
         .bind(job.to_string())
         .execute(&mut **transaction)
@@ -347,13 +351,23 @@ pub(super) async fn begin_job(
     Ok(stale.map(|key| result_blobs(&key).to_vec()).unwrap_or_default())
 }
 
+/// [`find`] for who will change the clip.
+pub(super) async fn find_locked(
+    transaction: &mut Transaction,
+    home: &HomeId,
+    id: Uuid,
+) -> Result<Clip, StorageError> {
+    homes::lock(transaction, home).await?;
+    find(transaction, home, id).await
+}
+
 pub(super) async fn find(connection: &mut Connection, home: &HomeId, id: Uuid) -> Result<Clip, StorageError> {
     if !homes::exists(connection, home).await? {
         return Err(StorageError::NoSuchHome);
     }
-    let row = sqlx::query("SELECT * FROM clips WHERE id = $1 AND home_id = $2")
+    let row = query("SELECT * FROM clips WHERE id = $1 AND home_id = $2")
         .bind(id.to_string())
-        .bind(home.as_str())
+        .bind(home.key())
         .fetch_optional(&mut *connection)
         .await?;
     let row = row.ok_or(StorageError::NoSuchClip)?;
@@ -375,8 +389,8 @@ pub(super) async fn blob_keys(
     connection: &mut Connection,
     home: Option<&HomeId>,
 ) -> Result<Vec<String>, StorageError> {
-    let rows = sqlx::query("SELECT id, result_key FROM clips WHERE $1 IS NULL OR home_id = $1")
-        .bind(home.map(HomeId::as_str))
+    let rows = query("SELECT id, result_key FROM clips WHERE $1 IS NULL OR home_id = $1")
+        .bind(home.map(HomeId::key))
         .fetch_all(connection)
         .await?;
     let mut keys = Vec::new();

@@ -1,11 +1,9 @@
 //! From columns to values and back: times are milliseconds, ids and documents are text.
 
-use super::database::Row;
-use super::{HomeId, StorageError};
+use super::{HomeId, StorageError, Tenant};
 use jiff::Timestamp;
 use serde::Serialize;
 use serde::de::{DeserializeOwned, IntoDeserializer};
-use sqlx::Row as _;
 use uuid::Uuid;
 
 pub(super) trait Columns {
@@ -29,7 +27,11 @@ pub(super) trait Columns {
     }
 
     fn home(&self, column: &'static str) -> Result<HomeId, StorageError> {
-        HomeId::try_from(self.text(column)?).map_err(|error| unreadable(column, error))
+        HomeId::from_key(self.text(column)?).map_err(|error| unreadable(column, error))
+    }
+
+    fn tenant(&self, column: &'static str) -> Result<Tenant, StorageError> {
+        Tenant::try_from(self.text(column)?).map_err(|error| unreadable(column, error))
     }
 
     fn time(&self, column: &'static str) -> Result<Timestamp, StorageError> {
@@ -55,28 +57,6 @@ pub(super) trait Columns {
 
     fn maybe_name<T: DeserializeOwned>(&self, column: &'static str) -> Result<Option<T>, StorageError> {
         self.maybe_text(column)?.map(|text| parse_name(column, &text)).transpose()
-    }
-}
-
-impl Columns for Row {
-    fn text(&self, column: &'static str) -> Result<String, StorageError> {
-        Ok(self.try_get(column)?)
-    }
-
-    fn maybe_text(&self, column: &'static str) -> Result<Option<String>, StorageError> {
-        Ok(self.try_get(column)?)
-    }
-
-    fn number(&self, column: &'static str) -> Result<i64, StorageError> {
-        Ok(self.try_get(column)?)
-    }
-
-    fn maybe_number(&self, column: &'static str) -> Result<Option<i64>, StorageError> {
-        Ok(self.try_get(column)?)
-    }
-
-    fn real(&self, column: &'static str) -> Result<f64, StorageError> {
-        Ok(self.try_get(column)?)
     }
 }
 

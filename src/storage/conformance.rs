@@ -3,12 +3,15 @@
 
 mod changes;
 mod choices;
+mod fairness;
 mod faults;
 mod home_maps;
+mod keys;
 mod leases;
 mod lists;
 mod local_files;
 mod records;
+mod tenants;
 mod uploads;
 
 use super::*;
@@ -17,6 +20,7 @@ use crate::clip::ClipInfo;
 use crate::lidar::LidarInfo;
 use futures::TryStreamExt;
 use jiff::Timestamp;
+use std::path::Path;
 use std::time::Duration;
 use uuid::Uuid;
 
@@ -29,13 +33,34 @@ macro_rules! on_every_back_end {
                 #[tokio::test]
                 async fn $case() {
                     let folder = tempfile::tempdir().unwrap();
-                    super::$case(crate::storage::Storage::open(folder.path()).await.unwrap()).await;
+                    super::$case(crate::storage::conformance::in_folder(folder.path()).await).await;
+                }
+            )*
+        }
+
+        mod postgres_and_local_files {
+            $(
+                #[tokio::test]
+                async fn $case() {
+                    let Some(postgres) = crate::storage::test_postgres::Schema::new().await else { return };
+                    let folder = tempfile::tempdir().unwrap();
+                    let params = crate::storage::StorageParams {
+                        data: folder.path().to_owned(),
+                        postgres: Some(crate::storage::PostgresParams { url: postgres.url(), connections: 8 }),
+                    };
+                    super::$case(crate::storage::Storage::open(&params).await.unwrap()).await;
+                    postgres.remove().await;
                 }
             )*
         }
     };
 }
 use on_every_back_end;
+
+/// SQLite and files, in one folder.
+async fn in_folder(folder: &Path) -> Storage {
+    Storage::open(&StorageParams::in_folder(folder)).await.unwrap()
+}
 
 /// Seconds after an arbitrary moment.
 fn at(seconds: i64) -> Timestamp {

@@ -8,7 +8,7 @@ pub use merges::{MergeClaim, NewRevision};
 pub use objects::{HomeObject, MapObject, MapScene, ObjectFilter};
 
 use super::columns::Columns;
-use super::database::{Connection, Row};
+use super::database::{Connection, Row, query};
 use super::{BlobReader, ClipState, HomeId, Page, Storage, StorageError, homes};
 use crate::align::Reason;
 use crate::geometry::Pose2;
@@ -96,11 +96,11 @@ impl Storage {
         revision: Option<i64>,
     ) -> Result<Option<HomeMap>, StorageError> {
         let mut snapshot = self.database.snapshot().await?;
-        let row = sqlx::query(
+        let row = query(
             "SELECT * FROM home_maps WHERE home_id = $1 AND ($2 IS NULL OR revision = $2)
             ORDER BY revision DESC LIMIT 1",
         );
-        let row = row.bind(home.as_str()).bind(revision).fetch_optional(&mut *snapshot).await?;
+        let row = row.bind(home.key()).bind(revision).fetch_optional(&mut *snapshot).await?;
         if row.is_none() && !homes::exists(&mut snapshot, home).await? {
             return Err(StorageError::NoSuchHome);
         }
@@ -117,10 +117,10 @@ impl Storage {
         if !homes::exists(&mut snapshot, home).await? {
             return Err(StorageError::NoSuchHome);
         }
-        let rows = sqlx::query(
+        let rows = query(
             "SELECT * FROM home_maps WHERE home_id = $1 AND revision < $2 ORDER BY revision DESC LIMIT $3",
         )
-        .bind(home.as_str())
+        .bind(home.key())
         .bind(page.after.unwrap_or(i64::MAX))
         .bind(i64::from(page.limit))
         .fetch_all(&mut *snapshot)
@@ -130,11 +130,11 @@ impl Storage {
 
     /// The clips of a home that its newest map does not have, the oldest first.
     pub async fn clips_left_out(&self, home: &HomeId) -> Result<Vec<LeftOut>, StorageError> {
-        let rows = sqlx::query(
+        let rows = query(
             "SELECT id, state, reasons FROM clips WHERE home_id = $1 AND placement IS NULL ORDER BY id",
         )
-        .bind(home.as_str())
-        .fetch_all(self.database.reader())
+        .bind(home.key())
+        .fetch_all(&mut self.database.reader().await?)
         .await?;
         let left_out = |row: &Row| {
             Ok(LeftOut { clip: row.id("id")?, state: row.name("state")?, reasons: row.json("reasons")? })
@@ -169,8 +169,8 @@ impl Storage {
 
 /// What a home's map is made of changed, or will have with this transaction.
 pub(super) async fn changed(connection: &mut Connection, home: &HomeId) -> Result<(), StorageError> {
-    sqlx::query("UPDATE homes SET map_wanted = map_wanted + 1 WHERE id = $1")
-        .bind(home.as_str())
+    query("UPDATE homes SET map_wanted = map_wanted + 1 WHERE id = $1")
+        .bind(home.key())
         .execute(connection)
         .await?;
     Ok(())
@@ -182,13 +182,13 @@ async fn files(
     revision: i64,
     name: &str,
 ) -> Result<Vec<MapFile>, StorageError> {
-    let rows = sqlx::query(
+    let rows = query(
         "SELECT blob_key, tile_x, tile_y FROM home_map_files
         WHERE home_id = $1 AND name = $2 AND first_revision <= $3
             AND (last_revision IS NULL OR last_revision >= $3)
         ORDER BY tile_x, tile_y",
     )
-    .bind(home.as_str())
+    .bind(home.key())
     .bind(name)
     .bind(revision)
     .fetch_all(connection)
@@ -207,8 +207,8 @@ pub(super) async fn blob_keys(
     connection: &mut Connection,
     home: Option<&HomeId>,
 ) -> Result<Vec<String>, StorageError> {
-    let rows = sqlx::query("SELECT blob_key FROM home_map_files WHERE $1 IS NULL OR home_id = $1")
-        .bind(home.map(HomeId::as_str))
+    let rows = query("SELECT blob_key FROM home_map_files WHERE $1 IS NULL OR home_id = $1")
+        .bind(home.map(HomeId::key))
         .fetch_all(connection)
         .await?;
     rows.iter().map(|row| row.text("blob_key")).collect()

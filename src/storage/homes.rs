@@ -1,55 +1,15 @@
 //! Homes.
 
+mod id;
+
+pub use id::{HomeId, InvalidHomeId, InvalidTenant, Tenant};
+
 use super::changes::{self, Changed};
 use super::columns::Columns;
-use super::database::{Connection, Row};
+use super::database::{Connection, Row, Transaction, query};
 use super::{Page, Storage, StorageError};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
-use std::fmt;
-use std::str::FromStr;
-
-/// The id of a home, chosen by the client: 1 to 64 characters of `A-Z a-z 0-9 . _ -`, not `.` or `..`.
-#[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize, utoipa::ToSchema)]
-#[serde(try_from = "String")]
-#[schema(value_type = String, min_length = 1, max_length = 64, pattern = "^[A-Za-z0-9._-]{1,64}$", example = "home-42")]
-pub struct HomeId(String);
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("a home's id is 1 to 64 characters of A-Z a-z 0-9 . _ - and not . or ..")]
-pub struct InvalidHomeId;
-
-impl TryFrom<String> for HomeId {
-    type Error = InvalidHomeId;
-
-    fn try_from(text: String) -> Result<HomeId, InvalidHomeId> {
-        let allowed = |byte: u8| byte.is_ascii_alphanumeric() || b"._-".contains(&byte);
-        if text.is_empty() || text.len() > 64 || !text.bytes().all(allowed) || text == "." || text == ".." {
-            return Err(InvalidHomeId);
-        }
-        Ok(HomeId(text))
-    }
-}
-
-impl FromStr for HomeId {
-    type Err = InvalidHomeId;
-
-    fn from_str(text: &str) -> Result<HomeId, InvalidHomeId> {
-        HomeId::try_from(text.to_owned())
-    }
-}
-
-impl fmt::Display for HomeId {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(&self.0)
-    }
-}
-
-impl HomeId {
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-}
 
 /// A home: what a LiDAR map and clips belong to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -70,13 +30,15 @@ pub struct Home {
 }
 
 fn from_row(row: &Row) -> Result<Home, StorageError> {
+    let newest_change = row.maybe_time("changed_at")?;
+    let updated_at = row.time("updated_at")?;
     Ok(Home {
         id: row.home("id")?,
         name: row.maybe_text("name")?,
         lidar_map_revision: row.maybe_number("lidar_map_revision")?,
         clips: row.number("clips")?,
         created_at: row.time("created_at")?,
-        updated_at: row.time("updated_at")?,
+        updated_at: newest_change.map_or(updated_at, |at| at.max(updated_at)),
     })
 }
 
@@ -84,6 +46,7 @@ macro_rules! select_homes {
     ($rest:literal) => {
         concat!(
             "SELECT homes.*,
+                (SELECT MAX(at) FROM changes WHERE home_id = homes.id) AS changed_at,
                 (SELECT MAX(revision) FROM lidar_maps WHERE home_id = homes.id) AS lidar_map_revision,
                 (SELECT COUNT(*) FROM clips WHERE home_id = homes.id) AS clips
             FROM homes ",
@@ -101,58 +64,70 @@ impl Storage {
         now: Timestamp,
     ) -> Result<(Home, bool), StorageError> {
         let mut transaction = self.database.begin().await?;
-        let is_new = !exists(&mut transaction, id).await?;
-        let put = sqlx::query(
-            "INSERT INTO homes (id, name, created_at, updated_at) VALUES ($1, $2, $3, $3)
-            ON CONFLICT (id) DO UPDATE SET name = excluded.name WHERE homes.name IS DISTINCT FROM excluded.name",
-        )
-        .bind(id.as_str())
-        .bind(name)
-        .bind(now.as_millisecond())
-        .execute(&mut *transaction)
-        .await?;
-        if put.rows_affected() > 0 {
+        let made = query(
+            "INSERT INTO homes (id, tenant, name, created_at, updated_at) VALUES ($1, $2, $3, $4, $4)
+            ON CONFLICT (id) DO NOTHING",
+        );
+        let made = made.bind(id.key()).bind(id.tenant()).bind(name).bind(now.as_millisecond());
+        let is_new = made.execute(&mut transaction).await? > 0;
+        let is_renamed = !is_new && rename(&mut transaction, id, name).await?;
+        if is_new || is_renamed {
             changes::record(&mut transaction, id, Changed::Home, now).await?;
         }
-        let row = sqlx::query(select_homes!("WHERE id = $1")).bind(id.as_str());
-        let home = from_row(&row.fetch_one(&mut *transaction).await?)?;
+        let row = query(select_homes!("WHERE id = $1")).bind(id.key());
+        let home = from_row(&row.fetch_one(&mut transaction).await?)?;
         transaction.commit().await?;
         Ok((home, is_new))
     }
 
     pub async fn home(&self, id: &HomeId) -> Result<Home, StorageError> {
-        let row = sqlx::query(select_homes!("WHERE id = $1")).bind(id.as_str());
-        let row = row.fetch_optional(self.database.reader()).await?;
+        let row = query(select_homes!("WHERE id = $1")).bind(id.key());
+        let row = row.fetch_optional(&mut self.database.reader().await?).await?;
         from_row(&row.ok_or(StorageError::NoSuchHome)?)
     }
 
-    /// By id; only those that changed later than `updated_after`, when it is given.
+    /// A tenant's, by id; only those that changed later than `updated_after`, when it is given.
     pub async fn homes(
         &self,
+        tenant: &Tenant,
         updated_after: Option<Timestamp>,
         page: &Page<HomeId>,
     ) -> Result<Vec<Home>, StorageError> {
-        // Who asks for what changed expects little of it, so that is found by the index of changes and then sorted: an
-        // expression keeps planners from going through all homes by id instead.
+        // Who asks for what changed expects little of it, so that is found by the indexes of times and then sorted.
         let statement = match updated_after {
-            Some(_) => {
-                select_homes!("WHERE updated_at > $3 AND id || '' > $1 ORDER BY id || '' LIMIT $2")
-            }
-            None => select_homes!("WHERE id > $1 ORDER BY id LIMIT $2"),
+            Some(_) => select_homes!(
+                "WHERE id IN (SELECT id FROM homes WHERE tenant = $1 AND updated_at > $4
+                        UNION SELECT home_id FROM changes WHERE tenant = $1 AND at > $4)
+                    AND id || '' > $2 ORDER BY id || '' LIMIT $3"
+            ),
+            None => select_homes!("WHERE tenant = $1 AND id > $2 ORDER BY id LIMIT $3"),
         };
-        let mut query = sqlx::query(statement)
-            .bind(page.after.as_ref().map_or("", HomeId::as_str))
+        let mut query = query(statement)
+            .bind(tenant.name())
+            .bind(page.after.as_ref().map_or("", HomeId::key))
             .bind(i64::from(page.limit));
         if let Some(time) = updated_after {
             query = query.bind(time.as_millisecond());
         }
-        let rows = query.fetch_all(self.database.reader()).await?;
+        let rows = query.fetch_all(&mut self.database.reader().await?).await?;
         rows.iter().map(from_row).collect()
+    }
+
+    /// How many bytes a tenant has sent as files that are still here.
+    pub async fn tenant_bytes(&self, tenant: &Tenant) -> Result<u64, StorageError> {
+        let sum = query(
+            "SELECT CAST(COALESCE(SUM(size_bytes), 0) AS BIGINT) AS size_bytes FROM homes WHERE tenant = $1",
+        );
+        let sum = sum.bind(tenant.name()).fetch_one(&mut self.database.reader().await?).await?;
+        sum.count("size_bytes")
     }
 
     /// Removes a home with everything in it. A worker that is busy with one of its clips loses its lease.
     pub async fn delete_home(&self, id: &HomeId, now: Timestamp) -> Result<(), StorageError> {
         let mut transaction = self.database.begin().await?;
+        if !lock(&mut transaction, id).await? {
+            return Err(StorageError::NoSuchHome);
+        }
         let blobs: Vec<String> = [
             super::clips::blob_keys(&mut transaction, Some(id)).await?,
             super::lidar_maps::blob_keys(&mut transaction, Some(id)).await?,
@@ -160,10 +135,8 @@ impl Storage {
             super::uploads::blob_keys_of_home(&mut transaction, id).await?,
         ]
         .concat();
-        let deleted = sqlx::query("DELETE FROM homes WHERE id = $1").bind(id.as_str());
-        if deleted.execute(&mut *transaction).await?.rows_affected() == 0 {
-            return Err(StorageError::NoSuchHome);
-        }
+        super::jobs::lock_of_home(&mut transaction, id).await?;
+        query("DELETE FROM homes WHERE id = $1").bind(id.key()).execute(&mut transaction).await?;
         changes::record_home_removed(&mut transaction, id, now).await?;
         transaction.commit().await?;
         self.blobs.discard(&blobs).await;
@@ -171,7 +144,40 @@ impl Storage {
     }
 }
 
+async fn rename(
+    transaction: &mut Transaction,
+    id: &HomeId,
+    name: Option<&str>,
+) -> Result<bool, StorageError> {
+    let renamed = query("UPDATE homes SET name = $2 WHERE id = $1 AND name IS DISTINCT FROM $2");
+    Ok(renamed.bind(id.key()).bind(name).execute(transaction).await? > 0)
+}
+
 pub(super) async fn exists(connection: &mut Connection, id: &HomeId) -> Result<bool, StorageError> {
-    let row = sqlx::query("SELECT id FROM homes WHERE id = $1").bind(id.as_str());
+    let row = query("SELECT id FROM homes WHERE id = $1").bind(id.key());
     Ok(row.fetch_optional(connection).await?.is_some())
+}
+
+/// Keeps everyone else from changing the home and what is in it until the transaction ends; false when there is no such
+/// home. To be done before anything else of the home is locked.
+pub(super) async fn lock(transaction: &mut Transaction, id: &HomeId) -> Result<bool, StorageError> {
+    let row = query(transaction.either(
+        "SELECT id FROM homes WHERE id = $1",
+        "SELECT id FROM homes WHERE id = $1 FOR NO KEY UPDATE",
+    ));
+    Ok(row.bind(id.key()).fetch_optional(transaction).await?.is_some())
+}
+
+/// Counts bytes that a home has more, or less, as files.
+pub(super) async fn grow(
+    transaction: &mut Transaction,
+    home: &HomeId,
+    bytes: i64,
+) -> Result<(), StorageError> {
+    query("UPDATE homes SET size_bytes = size_bytes + $2 WHERE id = $1")
+        .bind(home.key())
+        .bind(bytes)
+        .execute(transaction)
+        .await?;
+    Ok(())
 }

@@ -1,7 +1,7 @@
 //! Keys by which a client may repeat an upload without making a second clip. They live as long as the clip.
 
 use super::columns::Columns;
-use super::database::Connection;
+use super::database::{Connection, query};
 use super::{HomeId, StorageError};
 use jiff::Timestamp;
 use uuid::Uuid;
@@ -17,10 +17,10 @@ pub(super) async fn find(
     home: &HomeId,
     key: &str,
 ) -> Result<Option<Used>, StorageError> {
-    let row = sqlx::query(
+    let row = query(
         "SELECT clip_id, sha256 FROM idempotency_keys WHERE home_id = $1 AND idempotency_key = $2",
     )
-    .bind(home.as_str())
+    .bind(home.key())
     .bind(key)
     .fetch_optional(connection)
     .await?;
@@ -35,11 +35,11 @@ pub(super) async fn insert(
     clip: Uuid,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    sqlx::query(
+    query(
         "INSERT INTO idempotency_keys (home_id, idempotency_key, sha256, clip_id, created_at)
         VALUES ($1, $2, $3, $4, $5)",
     )
-    .bind(home.as_str())
+    .bind(home.key())
     .bind(key)
     .bind(sha256)
     .bind(clip.to_string())

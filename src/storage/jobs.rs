@@ -1,17 +1,46 @@
 //! Jobs as records: what is to be done, and what became of it. Who may work on one is in `leases`.
 
 use super::columns::Columns;
-use super::database::{Connection, Row, Transaction};
+use super::database::{Connection, Row, Transaction, query};
 use super::{HomeId, Storage, StorageError, clips};
 use crate::align::Reason;
 use crate::progress::Stage;
-use jiff::Timestamp;
+use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
+use std::time::Duration;
 use uuid::Uuid;
 
 /// How often a job is tried before it fails for good. A try whose worker died counts.
 const MAX_ATTEMPTS: i64 = 3;
+
+/// The time by which a job that waits behind another one of its home or tenant is put back: about what one takes.
+const TURN: SignedDuration = SignedDuration::from_secs(5);
+
+/// Jobs that are counted to find a turn; behind so many, one more makes no difference.
+const MOST_TURNS: i64 = 2_000;
+
+/// Which jobs come first, if they do not wait too long.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Priority {
+    /// Somebody asked for this clip and may be looking.
+    Asked,
+    /// A new clip.
+    Uploaded,
+    /// All clips of a home, for a new LiDAR map.
+    Again,
+}
+
+impl Priority {
+    /// How much earlier a job is done than one that was just uploaded.
+    fn lead(self) -> SignedDuration {
+        match self {
+            Priority::Asked => SignedDuration::from_mins(10),
+            Priority::Uploaded => SignedDuration::ZERO,
+            Priority::Again => SignedDuration::from_mins(-10),
+        }
+    }
+}
 
 /// Where a job is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -92,7 +121,44 @@ fn from_row(row: &Row) -> Result<Job, StorageError> {
     })
 }
 
+/// How much there is to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct QueueState {
+    pub queued: u64,
+    pub running: u64,
+    /// How long the job that has been due longest has waited; zero when none is due.
+    pub age: Duration,
+    /// Homes whose map is behind.
+    pub merges_due: u64,
+}
+
 impl Storage {
+    /// How much there is to do now.
+    pub async fn queue_state(&self, now: Timestamp) -> Result<QueueState, StorageError> {
+        let row = query(
+            "SELECT (SELECT COUNT(*) FROM jobs WHERE state = 'queued') AS queued,
+                (SELECT COUNT(*) FROM jobs WHERE state = 'running') AS running,
+                (SELECT MIN(run_after) FROM jobs WHERE state = 'queued' AND run_after <= $1) AS due_since,
+                (SELECT COUNT(*) FROM homes WHERE map_made < map_wanted) AS merges_due",
+        );
+        let row = row.bind(now.as_millisecond()).fetch_one(&mut self.database.reader().await?).await?;
+        let due_since = row.maybe_time("due_since")?;
+        Ok(QueueState {
+            queued: row.count("queued")?,
+            running: row.count("running")?,
+            age: due_since.map_or(Duration::ZERO, |since| now.duration_since(since).unsigned_abs()),
+            merges_due: row.count("merges_due")?,
+        })
+    }
+
+    /// The home of a job; none when there is no such job.
+    pub async fn job_home(&self, id: Uuid) -> Result<Option<HomeId>, StorageError> {
+        let row =
+            query("SELECT clips.home_id FROM jobs JOIN clips ON clips.id = jobs.clip_id WHERE jobs.id = $1");
+        let row = row.bind(id.to_string()).fetch_optional(&mut self.database.reader().await?).await?;
+        row.map(|row| row.home("home_id")).transpose()
+    }
+
     /// None when there is no such job, or no longer.
     pub async fn job(&self, id: Uuid) -> Result<Option<Job>, StorageError> {
         find(&mut *self.database.snapshot().await?, id).await
@@ -113,7 +179,7 @@ macro_rules! select_jobs {
 pub(super) use select_jobs;
 
 pub(super) async fn find(connection: &mut Connection, id: Uuid) -> Result<Option<Job>, StorageError> {
-    let row = sqlx::query(select_jobs!("WHERE jobs.id = $1")).bind(id.to_string());
+    let row = query(select_jobs!("WHERE jobs.id = $1")).bind(id.to_string());
     row.fetch_optional(connection).await?.as_ref().map(from_row).transpose()
 }
 
@@ -126,11 +192,13 @@ pub(super) fn by_id(rows: &[Row]) -> Result<HashMap<Uuid, Job>, StorageError> {
 /// the clip no longer refers to.
 pub(super) async fn enqueue(
     transaction: &mut Transaction,
+    home: &HomeId,
     clip: Uuid,
     lidar_map: Uuid,
+    priority: Priority,
     now: Timestamp,
 ) -> Result<Vec<String>, StorageError> {
-    sqlx::query(
+    query(
         "UPDATE jobs SET state = 'cancelled', lease_until = NULL, stage = NULL, version = version + 1,
             updated_at = $2, finished_at = $2
         WHERE clip_id = $1 AND state IN ('queued', 'running')",
@@ -140,10 +208,12 @@ pub(super) async fn enqueue(
     .execute(&mut **transaction)
     .await?;
     let id = Uuid::now_v7();
-    sqlx::query(
+    let turn = turn(transaction, home).await?;
+    let order_at = now + TURN * turn.of_tenant - priority.lead();
+    query(
         "INSERT INTO jobs (id, clip_id, lidar_map_id, state, progress, attempts, max_attempts, run_after, fence,
-            version, created_at, updated_at)
-        VALUES ($1, $2, $3, $4, 0, 0, $5, $6, 0, 1, $6, $6)",
+            version, created_at, updated_at, tenant, position, order_at)
+        VALUES ($1, $2, $3, $4, 0, 0, $5, $6, 0, 1, $6, $6, $7, $8, $9)",
     )
     .bind(id.to_string())
     .bind(clip.to_string())
@@ -151,9 +221,61 @@ pub(super) async fn enqueue(
     .bind(JobState::Queued.name())
     .bind(MAX_ATTEMPTS)
     .bind(now.as_millisecond())
+    .bind(home.tenant())
+    .bind(i64::from(turn.in_home))
+    .bind(order_at.as_millisecond())
     .execute(&mut **transaction)
     .await?;
     clips::begin_job(transaction, clip, id, now).await
+}
+
+/// How many jobs are before a new one.
+struct Turn {
+    /// Of its own home.
+    in_home: i32,
+    /// Of its tenant: those that are not further back in their own homes than it is in its.
+    of_tenant: i32,
+}
+
+/// The fair place of a home's next job. Who has queued much waits behind its own, and not everyone else behind it: the
+/// first job of a home comes before the second one of any other home of its tenant, and the first of a tenant before
+/// the second of any other. Time passes for all of them alike, so that nobody waits for ever.
+async fn turn(transaction: &mut Transaction, home: &HomeId) -> Result<Turn, StorageError> {
+    let in_home = query(
+        "SELECT COUNT(*) AS jobs FROM (
+            SELECT jobs.id FROM jobs JOIN clips ON clips.id = jobs.clip_id
+            WHERE clips.home_id = $1 AND clips.state IN ('queued', 'aligning') AND jobs.state IN ('queued', 'running')
+            LIMIT $2) AS unfinished",
+    );
+    let in_home = in_home.bind(home.key()).bind(MOST_TURNS).fetch_one(transaction).await?.count("jobs")?;
+    let of_tenant = query(
+        "SELECT COUNT(*) AS jobs FROM (
+            SELECT id FROM jobs WHERE tenant = $1 AND position <= $2 AND state IN ('queued', 'running')
+            LIMIT $3) AS unfinished",
+    );
+    let of_tenant = of_tenant.bind(home.tenant()).bind(i64::from(in_home)).bind(MOST_TURNS);
+    Ok(Turn { in_home, of_tenant: of_tenant.fetch_one(transaction).await?.count("jobs")? })
+}
+
+/// Keeps workers off a clip's jobs until the transaction ends: whoever removes a clip with its jobs locks them first, as
+/// workers do, so that the two never wait for each other.
+pub(super) async fn lock_of_clip(transaction: &mut Transaction, clip: Uuid) -> Result<(), StorageError> {
+    let lock = transaction.either(
+        "SELECT id FROM jobs WHERE clip_id = $1",
+        "SELECT id FROM jobs WHERE clip_id = $1 ORDER BY id FOR UPDATE",
+    );
+    query(lock).bind(clip.to_string()).fetch_all(transaction).await?;
+    Ok(())
+}
+
+/// [`lock_of_clip`] for every clip of a home.
+pub(super) async fn lock_of_home(transaction: &mut Transaction, home: &HomeId) -> Result<(), StorageError> {
+    let lock = transaction.either(
+        "SELECT id FROM clips WHERE home_id = $1",
+        "SELECT id FROM jobs WHERE clip_id IN (SELECT id FROM clips WHERE home_id = $1) ORDER BY id FOR UPDATE",
+    );
+    query(lock).bind(home.key()).fetch_all(transaction).await?;
+    Ok(())
 }
 
 /// [`enqueue`] for every clip of a home.
@@ -163,13 +285,14 @@ pub(super) async fn enqueue_home(
     lidar_map: Uuid,
     now: Timestamp,
 ) -> Result<Vec<String>, StorageError> {
-    let rows = sqlx::query("SELECT id FROM clips WHERE home_id = $1 ORDER BY id")
-        .bind(home.as_str())
+    let rows = query("SELECT id FROM clips WHERE home_id = $1 ORDER BY id")
+        .bind(home.key())
         .fetch_all(&mut **transaction)
         .await?;
     let mut stale_blobs = Vec::new();
     for row in &rows {
-        stale_blobs.extend(enqueue(transaction, row.id("id")?, lidar_map, now).await?);
+        let clip = row.id("id")?;
+        stale_blobs.extend(enqueue(transaction, home, clip, lidar_map, Priority::Again, now).await?);
     }
     Ok(stale_blobs)
 }

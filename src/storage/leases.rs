@@ -4,8 +4,8 @@
 
 use super::clips::{self, Outcome};
 use super::columns::{Columns, to_json};
-use super::database::{Connection, Transaction};
-use super::{ClipState, Job, JobState, Storage, StorageError, jobs};
+use super::database::{Connection, Transaction, query};
+use super::{ClipState, Job, JobState, Storage, StorageError, homes, jobs};
 use crate::align::{Alignment, Reason};
 use crate::progress::Stage;
 use jiff::Timestamp;
@@ -59,36 +59,48 @@ impl RetryPolicy {
     }
 }
 
-/// Takes the job that has been due longest: one that waits, or one whose worker's lease ran out.
-/// (On PostgreSQL the inner SELECT ends in FOR UPDATE SKIP LOCKED; here writers take turns anyway.)
-const CLAIM: &str = "UPDATE jobs SET state = 'running', attempts = attempts + 1, fence = fence + 1, lease_until = $2,
-        stage = NULL, progress = 0, version = version + 1, updated_at = $1, started_at = COALESCE(started_at, $1)
-    WHERE id = (
-        SELECT id FROM jobs
-        WHERE (state = 'queued' AND run_after <= $1) OR (state = 'running' AND lease_until <= $1)
-        ORDER BY run_after, id LIMIT 1)
-    RETURNING id, lidar_map_id, fence";
+/// Takes a job whose worker's lease ran out, else the one whose turn it is. Those that another worker is taking at this
+/// moment are passed over, so that workers do not wait for each other.
+macro_rules! claim {
+    ($lock:literal) => {
+        concat!(
+            "UPDATE jobs SET state = 'running', attempts = attempts + 1, fence = fence + 1, lease_until = $2,
+                stage = NULL, progress = 0, version = version + 1, updated_at = $1,
+                started_at = COALESCE(started_at, $1)
+            WHERE id = COALESCE(
+                (SELECT id FROM jobs WHERE state = 'running' AND lease_until <= $1 AND attempts < max_attempts
+                    ORDER BY lease_until LIMIT 1 ",
+            $lock,
+            "),
+                (SELECT id FROM jobs WHERE state = 'queued' AND run_after <= $1 ORDER BY order_at, id LIMIT 1 ",
+            $lock,
+            "))
+            RETURNING id, lidar_map_id, fence"
+        )
+    };
+}
 
 impl Storage {
     /// Gives a job that is due to a worker, none when there is none.
     pub async fn claim(&self, lease: Duration, now: Timestamp) -> Result<Option<Claim>, StorageError> {
         let mut transaction = self.database.begin().await?;
-        bury_the_hopeless(&mut transaction, now).await?;
-        let row = sqlx::query(CLAIM)
+        let statement = transaction.either(claim!(""), claim!("FOR UPDATE SKIP LOCKED"));
+        let row = query(statement)
             .bind(now.as_millisecond())
             .bind((now + lease).as_millisecond())
-            .fetch_optional(&mut *transaction)
+            .fetch_optional(&mut transaction)
             .await?;
-        let mut claim = None;
-        if let Some(row) = row {
-            let id = row.id("id")?;
-            change_clip(&mut transaction, id, ClipState::Aligning, &[], now).await?;
-            let job = jobs::find(&mut transaction, id).await?.ok_or(StorageError::NoSuchClip)?;
-            let fence = row.number("fence")?;
-            claim = Some(Claim { job, lidar_map_id: row.id("lidar_map_id")?, fence });
-        }
+        let Some(row) = row else {
+            drop(transaction);
+            self.bury_the_hopeless(now).await?;
+            return Ok(None);
+        };
+        let id = row.id("id")?;
+        change_clip(&mut transaction, id, ClipState::Aligning, &[], now).await?;
+        let job = jobs::find(&mut transaction, id).await?.ok_or(StorageError::NoSuchClip)?;
+        let claim = Claim { job, lidar_map_id: row.id("lidar_map_id")?, fence: row.number("fence")? };
         transaction.commit().await?;
-        Ok(claim)
+        Ok(Some(claim))
     }
 
     /// Renews a lease and records the progress; false when the job is no longer this worker's.
@@ -101,7 +113,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<bool, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let updated = sqlx::query(
+        let updated = query(
             "UPDATE jobs SET lease_until = $3, stage = $4, progress = $5, version = version + 1, updated_at = $6
             WHERE id = $1 AND fence = $2 AND state = 'running'",
         )
@@ -114,15 +126,15 @@ impl Storage {
         .execute(&mut *transaction)
         .await?;
         transaction.commit().await?;
-        Ok(updated.rows_affected() == 1)
+        Ok(updated == 1)
     }
 
     /// Whether the job is still this worker's.
     pub async fn holds(&self, claim: &Claim) -> Result<bool, StorageError> {
-        let row = sqlx::query("SELECT id FROM jobs WHERE id = $1 AND fence = $2 AND state = 'running'")
+        let row = query("SELECT id FROM jobs WHERE id = $1 AND fence = $2 AND state = 'running'")
             .bind(claim.job.id.to_string())
             .bind(claim.fence);
-        Ok(row.fetch_optional(self.database.reader()).await?.is_some())
+        Ok(row.fetch_optional(&mut self.database.reader().await?).await?.is_some())
     }
 
     /// Keeps a file of this attempt's result.
@@ -140,6 +152,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<bool, StorageError> {
         let mut transaction = self.database.begin().await?;
+        homes::lock(&mut transaction, &claim.job.home).await?;
         let held = end(&mut transaction, claim, ending, retry, now).await?;
         transaction.commit().await?;
         self.discard_unless_kept(&claim.result_key()).await?;
@@ -148,8 +161,8 @@ impl Storage {
 
     /// Removes the files of an attempt that came to nothing.
     async fn discard_unless_kept(&self, result_key: &str) -> Result<(), StorageError> {
-        let kept = sqlx::query("SELECT id FROM clips WHERE result_key = $1").bind(result_key);
-        if kept.fetch_optional(self.database.reader()).await?.is_none() {
+        let kept = query("SELECT id FROM clips WHERE result_key = $1").bind(result_key);
+        if kept.fetch_optional(&mut self.database.reader().await?).await?.is_none() {
             self.blobs.discard(&clips::result_blobs(result_key)).await;
         }
         Ok(())
@@ -158,7 +171,9 @@ impl Storage {
     /// Ends a job that waits or runs; its clip is as if never queued. A job that has ended stays as it is.
     pub async fn cancel_job(&self, id: Uuid, now: Timestamp) -> Result<Option<Job>, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let cancelled = sqlx::query(
+        let Some(job) = jobs::find(&mut transaction, id).await? else { return Ok(None) };
+        homes::lock(&mut transaction, &job.home).await?;
+        let cancelled = query(
             "UPDATE jobs SET state = 'cancelled', lease_until = NULL, stage = NULL, version = version + 1,
                 updated_at = $2, finished_at = $2
             WHERE id = $1 AND state IN ('queued', 'running')",
@@ -167,7 +182,7 @@ impl Storage {
         .bind(now.as_millisecond())
         .execute(&mut *transaction)
         .await?;
-        if cancelled.rows_affected() == 1 {
+        if cancelled == 1 {
             let reason =
                 Reason::new("cancelled", "the job was cancelled; align the clip again to queue it anew");
             change_clip(&mut transaction, id, ClipState::Uploaded, &[reason], now).await?;
@@ -176,22 +191,31 @@ impl Storage {
         transaction.commit().await?;
         Ok(job)
     }
-}
 
-/// Fails the jobs whose last allowed worker died: a job that kills its worker must not run for ever.
-async fn bury_the_hopeless(transaction: &mut Transaction, now: Timestamp) -> Result<(), StorageError> {
-    let rows = sqlx::query(
-        "SELECT id FROM jobs WHERE state = 'running' AND lease_until <= $1 AND attempts >= max_attempts",
-    )
-    .bind(now.as_millisecond())
-    .fetch_all(&mut **transaction)
-    .await?;
-    for row in &rows {
-        let detail = "every worker that tried this clip died; it may need more memory than there is";
-        let reason = Reason::new("worker_died", detail);
-        fail(transaction, row.id("id")?, reason, now).await?;
+    /// Fails the jobs whose last allowed worker died: a job that kills its worker must not run for ever.
+    async fn bury_the_hopeless(&self, now: Timestamp) -> Result<(), StorageError> {
+        let rows = query(
+            "SELECT jobs.id, clips.home_id, jobs.fence FROM jobs JOIN clips ON clips.id = jobs.clip_id
+            WHERE jobs.state = 'running' AND jobs.lease_until <= $1 AND jobs.attempts >= jobs.max_attempts",
+        );
+        let rows = rows.bind(now.as_millisecond()).fetch_all(&mut self.database.reader().await?).await?;
+        for row in &rows {
+            let mut transaction = self.database.begin().await?;
+            homes::lock(&mut transaction, &row.home("home_id")?).await?;
+            // Unless somebody did so, or the worker gave a sign of life, since.
+            let buried = query(
+                "UPDATE jobs SET fence = fence + 1
+                WHERE id = $1 AND fence = $2 AND state = 'running' AND lease_until <= $3",
+            );
+            let buried = buried.bind(row.text("id")?).bind(row.number("fence")?).bind(now.as_millisecond());
+            if buried.execute(&mut transaction).await? == 1 {
+                let detail = "every worker that tried this clip died; it may need more memory than there is";
+                fail(&mut transaction, row.id("id")?, Reason::new("worker_died", detail), now).await?;
+            }
+            transaction.commit().await?;
+        }
+        Ok(())
     }
-    Ok(())
 }
 
 async fn end(
@@ -202,8 +226,9 @@ async fn end(
     now: Timestamp,
 ) -> Result<bool, StorageError> {
     let id = claim.job.id;
-    let row = sqlx::query(
-        "SELECT attempts, max_attempts FROM jobs WHERE id = $1 AND fence = $2 AND state = 'running'",
+    let row = query(
+        "UPDATE jobs SET version = version + 1 WHERE id = $1 AND fence = $2 AND state = 'running'
+        RETURNING attempts, max_attempts",
     )
     .bind(id.to_string())
     .bind(claim.fence)
@@ -254,7 +279,7 @@ async fn close(
     error: Option<&Reason>,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    sqlx::query(
+    query(
         "UPDATE jobs SET state = $2, error = $3, stage = NULL, lease_until = NULL, version = version + 1,
             progress = CASE WHEN $2 = 'succeeded' THEN 1 ELSE progress END, updated_at = $4, finished_at = $4
         WHERE id = $1",
@@ -276,7 +301,7 @@ async fn requeue(
     run_after: Timestamp,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    sqlx::query(
+    query(
         "UPDATE jobs SET state = 'queued', attempts = $2, error = $3, run_after = $4, stage = NULL, progress = 0,
             lease_until = NULL, version = version + 1, updated_at = $5
         WHERE id = $1",

@@ -2,7 +2,7 @@
 
 use super::changes::{self, Changed};
 use super::columns::{Columns, to_json};
-use super::database::{Connection, Row};
+use super::database::{Connection, Row, query};
 use super::incoming::Arrived;
 use super::{BlobReader, HomeId, Page, Storage, StorageError, homes, jobs};
 use crate::lidar::LidarInfo;
@@ -89,7 +89,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<(LidarMapRevision, bool), StorageError> {
         let mut transaction = self.database.begin().await?;
-        if !homes::exists(&mut transaction, home).await? {
+        if !homes::lock(&mut transaction, home).await? {
             return Err(StorageError::NoSuchHome);
         }
         let current = current(&mut transaction, home).await?;
@@ -99,12 +99,12 @@ impl Storage {
         {
             return Ok((current, false));
         }
-        sqlx::query(
+        query(
             "INSERT INTO lidar_maps (id, home_id, revision, size_bytes, sha256, info, created_at)
             VALUES ($1, $2, $3, $4, $5, $6, $7)",
         )
         .bind(new.id.to_string())
-        .bind(home.as_str())
+        .bind(home.key())
         .bind(revision)
         .bind(new.size_bytes as i64)
         .bind(&new.sha256)
@@ -112,6 +112,7 @@ impl Storage {
         .bind(now.as_millisecond())
         .execute(&mut *transaction)
         .await?;
+        homes::grow(&mut transaction, home, new.size_bytes as i64).await?;
         let stale_blobs = jobs::enqueue_home(&mut transaction, home, new.id, now).await?;
         changes::record(&mut transaction, home, Changed::LidarMap { revision }, now).await?;
         let added = current_or_missing(&mut transaction, home).await?;
@@ -139,10 +140,10 @@ impl Storage {
         if !homes::exists(&mut connection, home).await? {
             return Err(StorageError::NoSuchHome);
         }
-        let rows = sqlx::query(
+        let rows = query(
             "SELECT * FROM lidar_maps WHERE home_id = $1 AND revision < $2 ORDER BY revision DESC LIMIT $3",
         )
-        .bind(home.as_str())
+        .bind(home.key())
         .bind(page.after.unwrap_or(i64::MAX))
         .bind(i64::from(page.limit))
         .fetch_all(&mut *connection)
@@ -177,8 +178,8 @@ pub(super) async fn current(
     connection: &mut Connection,
     home: &HomeId,
 ) -> Result<Option<LidarMapRevision>, StorageError> {
-    let row = sqlx::query("SELECT * FROM lidar_maps WHERE home_id = $1 ORDER BY revision DESC LIMIT 1")
-        .bind(home.as_str())
+    let row = query("SELECT * FROM lidar_maps WHERE home_id = $1 ORDER BY revision DESC LIMIT 1")
+        .bind(home.key())
         .fetch_optional(connection)
         .await?;
     row.as_ref().map(from_row).transpose()
@@ -212,8 +213,8 @@ pub(super) async fn blob_keys(
     connection: &mut Connection,
     home: Option<&HomeId>,
 ) -> Result<Vec<String>, StorageError> {
-    let rows = sqlx::query("SELECT id FROM lidar_maps WHERE $1 IS NULL OR home_id = $1")
-        .bind(home.map(HomeId::as_str))
+    let rows = query("SELECT id FROM lidar_maps WHERE $1 IS NULL OR home_id = $1")
+        .bind(home.map(HomeId::key))
         .fetch_all(connection)
         .await?;
     let mut keys = Vec::new();

@@ -15,8 +15,8 @@ pub use finish::UploadClaim;
 pub use join::Joining;
 
 use super::columns::Columns;
-use super::database::{Connection, Row, Transaction};
-use super::{HomeId, Storage, StorageError, homes};
+use super::database::{Connection, Row, Transaction, query};
+use super::{HomeId, Storage, StorageError, Tenant, homes};
 use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -66,6 +66,7 @@ pub struct Upload {
     pub id: Uuid,
     pub kind: UploadKind,
     pub state: UploadState,
+    pub tenant: Tenant,
     /// None for partial ones, whose home is that of the final one.
     pub home: Option<HomeId>,
     /// What its creator said of it, as it was sent.
@@ -101,6 +102,7 @@ impl Upload {
 pub struct NewUpload {
     /// [`UploadKind::Whole`] or [`UploadKind::Partial`].
     pub kind: UploadKind,
+    pub tenant: Tenant,
     pub home: Option<HomeId>,
     pub metadata: String,
     pub concat: Option<String>,
@@ -176,6 +178,7 @@ fn from_row(row: &Row) -> Result<Upload, StorageError> {
         id: row.id("id")?,
         kind: row.name("kind")?,
         state: row.name("state")?,
+        tenant: row.tenant("tenant")?,
         home: match row.maybe_text("home_id")? {
             Some(_) => Some(row.home("home_id")?),
             None => None,
@@ -192,7 +195,7 @@ fn from_row(row: &Row) -> Result<Upload, StorageError> {
 }
 
 async fn find(connection: &mut Connection, id: Uuid) -> Result<Option<Upload>, StorageError> {
-    let row = sqlx::query("SELECT * FROM uploads WHERE id = $1").bind(id.to_string());
+    let row = query("SELECT * FROM uploads WHERE id = $1").bind(id.to_string());
     row.fetch_optional(connection).await?.as_ref().map(from_row).transpose()
 }
 
@@ -231,6 +234,17 @@ impl Storage {
         Ok(upload.filter(|upload| upload.is_due() || upload.expires_at > now))
     }
 
+    /// Whose an upload is, and of which home where it has one; none when there is no such upload.
+    pub async fn upload_owner(&self, id: Uuid) -> Result<Option<(Tenant, Option<HomeId>)>, StorageError> {
+        let row = query("SELECT tenant, home_id FROM uploads WHERE id = $1").bind(id.to_string());
+        let row = row.fetch_optional(&mut self.database.reader().await?).await?;
+        let owner = |row: Row| {
+            let home = row.maybe_text("home_id")?.map(|_| row.home("home_id")).transpose()?;
+            Ok((row.tenant("tenant")?, home))
+        };
+        row.map(owner).transpose()
+    }
+
     /// One that can still be continued or used.
     pub async fn living_upload(&self, id: Uuid, now: Timestamp) -> Result<Upload, UploadError> {
         find_living(&mut *self.database.snapshot().await?, id, now).await
@@ -241,7 +255,7 @@ impl Storage {
         let mut transaction = self.database.begin().await?;
         find_living(&mut transaction, id, now).await?;
         let keys = piece_keys(&mut transaction, id).await?;
-        sqlx::query("DELETE FROM uploads WHERE id = $1")
+        query("DELETE FROM uploads WHERE id = $1")
             .bind(id.to_string())
             .execute(&mut *transaction)
             .await?;
@@ -251,8 +265,8 @@ impl Storage {
     }
 
     pub(super) async fn upload_blob_keys(&self) -> Result<Vec<String>, StorageError> {
-        let rows = sqlx::query("SELECT blob_key FROM upload_pieces");
-        let rows = rows.fetch_all(self.database.reader()).await?;
+        let rows = query("SELECT blob_key FROM upload_pieces");
+        let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
         rows.iter().map(|row| row.text("blob_key")).collect()
     }
 }
@@ -263,18 +277,18 @@ async fn check_room(
     limits: &UploadLimits,
 ) -> Result<(), UploadError> {
     let unfinished = "SELECT COUNT(*) AS uploads FROM uploads WHERE state IN ('arriving', 'arrived')";
-    let in_all: u64 = sqlx::query(unfinished).fetch_one(&mut **transaction).await?.count("uploads")?;
+    let in_all: u64 = query(unfinished).fetch_one(&mut **transaction).await?.count("uploads")?;
     if in_all >= limits.in_all {
         return Err(UploadError::TooMany { limit: limits.in_all, place: "in all" });
     }
     let Some(home) = home else { return Ok(()) };
-    if !homes::exists(transaction, home).await? {
+    if !homes::lock(transaction, home).await? {
         return Err(StorageError::NoSuchHome.into());
     }
-    let of_home = sqlx::query(
+    let of_home = query(
         "SELECT COUNT(*) AS uploads FROM uploads WHERE home_id = $1 AND state IN ('arriving', 'arrived')",
     );
-    let in_home: u64 = of_home.bind(home.as_str()).fetch_one(&mut **transaction).await?.count("uploads")?;
+    let in_home: u64 = of_home.bind(home.key()).fetch_one(&mut **transaction).await?.count("uploads")?;
     if in_home >= limits.in_home {
         return Err(UploadError::TooMany { limit: limits.in_home, place: "in this home" });
     }
@@ -288,26 +302,27 @@ async fn insert(
     expires_at: Timestamp,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    sqlx::query(
+    query(
         "INSERT INTO uploads (id, home_id, kind, state, metadata, concat, length_bytes, received_bytes, pieces, fence,
-            attempts, created_at, expires_at)
-        VALUES ($1, $2, $3, 'arriving', $4, $5, $6, 0, 0, 0, 0, $7, $8)",
+            attempts, created_at, expires_at, tenant)
+        VALUES ($1, $2, $3, 'arriving', $4, $5, $6, 0, 0, 0, 0, $7, $8, $9)",
     )
     .bind(id.to_string())
-    .bind(new.home.as_ref().map(HomeId::as_str))
+    .bind(new.home.as_ref().map(HomeId::key))
     .bind(new.kind.name())
     .bind(&new.metadata)
     .bind(&new.concat)
     .bind(new.length_bytes.map(|length| length as i64))
     .bind(now.as_millisecond())
     .bind(expires_at.as_millisecond())
+    .bind(new.tenant.name())
     .execute(&mut **transaction)
     .await?;
     Ok(())
 }
 
 async fn piece_keys(connection: &mut Connection, upload: Uuid) -> Result<Vec<String>, StorageError> {
-    let rows = sqlx::query("SELECT blob_key FROM upload_pieces WHERE upload_id = $1 ORDER BY first_byte");
+    let rows = query("SELECT blob_key FROM upload_pieces WHERE upload_id = $1 ORDER BY first_byte");
     let rows = rows.bind(upload.to_string()).fetch_all(connection).await?;
     rows.iter().map(|row| row.text("blob_key")).collect()
 }
@@ -317,10 +332,10 @@ pub(super) async fn blob_keys_of_home(
     connection: &mut Connection,
     home: &HomeId,
 ) -> Result<Vec<String>, StorageError> {
-    let rows = sqlx::query(
+    let rows = query(
         "SELECT blob_key FROM upload_pieces
         WHERE upload_id IN (SELECT id FROM uploads WHERE home_id = $1)",
     );
-    let rows = rows.bind(home.as_str()).fetch_all(connection).await?;
+    let rows = rows.bind(home.key()).fetch_all(connection).await?;
     rows.iter().map(|row| row.text("blob_key")).collect()
 }

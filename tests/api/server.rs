@@ -1,16 +1,66 @@
 //! A server of one's own on a free port and a fresh data folder.
 
 use crate::common::client::Client;
+use crate::common::postgres::{Schema, Schemas};
+use jiff::Timestamp;
+use reqwest::header::HeaderMap;
 use std::ops::Deref;
 use std::path::PathBuf;
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
-use viola::api::{ServeParams, UploadParams, serve};
+use viola::api::{LimitParams, ServeParams, UploadParams, serve};
 use viola::jobs::WorkerParams;
+use viola::storage::{ApiKey, NewKey, PostgresParams, Role, Secret, Storage, StorageParams, Tenant};
+
+/// Where the servers of a run of this suite keep what they keep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Store {
+    /// SQLite and local files.
+    Embedded,
+    /// PostgreSQL and local files.
+    Postgres,
+}
+
+impl Store {
+    const VARIABLE: &str = "VIOLA_TEST_STORE";
+
+    pub fn of_this_run() -> Store {
+        match std::env::var(Store::VARIABLE).as_deref() {
+            Err(_) => Store::Embedded,
+            Ok("postgres") => Store::Postgres,
+            Ok(other) => panic!("{} is {other}", Store::VARIABLE),
+        }
+    }
+}
+
+/// The suite once more on another store, in a process of its own, as its environment holds for all of it.
+async fn on_another_store(name: &str) {
+    if Store::of_this_run() != Store::Embedded {
+        return;
+    }
+    let Some(schemas) = Schemas::new() else {
+        eprintln!("not tested on {name}: VIOLA_TEST_POSTGRES names no database");
+        return;
+    };
+    let mut suite = tokio::process::Command::new(std::env::current_exe().unwrap());
+    let (variable, prefix) = schemas.variable();
+    let suite = suite.env(Store::VARIABLE, name).env(variable, prefix).output();
+    let suite = suite.await.unwrap();
+    schemas.remove().await;
+    let told = String::from_utf8_lossy(&suite.stdout);
+    assert!(suite.status.success(), "the suite on {name}: {}\n{told}", suite.status);
+}
+
+#[tokio::test]
+async fn the_whole_suite_passes_on_postgres() {
+    on_another_store("postgres").await;
+}
 
 pub struct Server {
     client: Client,
+    storage: StorageParams,
+
     folder: TempDir,
     stop: CancellationToken,
     running: JoinHandle<()>,
@@ -28,15 +78,22 @@ impl Server {
 
     pub async fn with(change: impl FnOnce(&mut ServeParams)) -> Server {
         let folder = TempDir::new().unwrap();
+        let schema = match Store::of_this_run() {
+            Store::Embedded => None,
+            Store::Postgres => Some(Schema::new().await.expect("a database for the tests is named")),
+        };
+        let postgres = schema.as_ref().map(|schema| PostgresParams { url: schema.url(), connections: 4 });
         let mut params = ServeParams {
             listen: "127.0.0.1:0".parse().unwrap(),
-            data: folder.path().to_owned(),
+            storage: StorageParams { data: folder.path().to_owned(), postgres },
             workers: 1,
             max_upload_bytes: 64 << 20,
             uploads: UploadParams::default(),
+            limits: LimitParams::default(),
             worker: WorkerParams::default(),
         };
         change(&mut params);
+        let storage = params.storage.clone();
         let (told, address) = tokio::sync::oneshot::channel();
         let stop = CancellationToken::new();
         let stopped = stop.clone();
@@ -44,7 +101,34 @@ impl Server {
             serve(params, stopped, |address| told.send(address).unwrap()).await.unwrap();
         });
         let client = Client::new(format!("http://{}", address.await.unwrap()));
-        Server { client, folder, stop, running }
+        Server { client, storage, folder, stop, running }
+    }
+
+    /// Makes a key, as `viola keys create` does.
+    pub async fn key(&self, tenant: &str, role: Role, home: Option<&str>) -> (ApiKey, Secret) {
+        let tenant: Tenant = tenant.parse().unwrap();
+        let home = home.map(|id| tenant.home(&id.parse().unwrap()));
+        let new = NewKey { tenant, role, home, label: String::new(), expires_at: None };
+        let storage = Storage::administer(&self.storage).await.unwrap();
+        let made = storage.create_key(new, Timestamp::now()).await.unwrap();
+        storage.close().await;
+        made
+    }
+
+    /// A client with a new key.
+    pub async fn client(&self, tenant: &str, role: Role, home: Option<&str>) -> Client {
+        self.client_with(&self.key(tenant, role, home).await.1)
+    }
+
+    pub fn client_with(&self, secret: &Secret) -> Client {
+        let mut headers = HeaderMap::new();
+        headers.insert("authorization", format!("Bearer {}", secret.show()).parse().unwrap());
+        let http = reqwest::Client::builder().default_headers(headers).build().unwrap();
+        Client { base: self.client.base.clone(), http }
+    }
+
+    pub async fn administer(&self) -> Storage {
+        Storage::administer(&self.storage).await.unwrap()
     }
 
     /// Every file of the blob store, also those that are arriving.

@@ -63,6 +63,11 @@ async function send<T>(method: string, path: string, body?: unknown): Promise<T 
   return text ? (JSON.parse(text) as T) : null;
 }
 
+/** Uses a key from now on; it goes into a cookie. */
+export async function signIn(key: string): Promise<void> {
+  await send("PUT", "/v1/session", { key });
+}
+
 /** The path of a home, or of something below it. */
 export function homePath(home: string, ...rest: string[]): string {
   return ["/v1/homes", encodeURIComponent(home), ...rest].join("/");

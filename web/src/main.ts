@@ -1,9 +1,11 @@
 // The page: a bar that stays, and below it what the address names.
 
+import { Refusal } from "./api.ts";
 import { h, put } from "./dom.ts";
 import { showClip } from "./pages/clip.ts";
 import { showHome } from "./pages/home.ts";
 import { showHomes } from "./pages/homes.ts";
+import { showSignIn } from "./pages/signIn.ts";
 import { clearNotices, messageOf, noticeBoard } from "./parts/notices.ts";
 import { parse, toHomes } from "./route.ts";
 import { themeButton } from "./theme.ts";
@@ -38,6 +40,10 @@ async function show(): Promise<void> {
     else throw new Error("There is nothing at this address.");
   } catch (error) {
     if (signal.aborted) return;
+    if (error instanceof Refusal && error.status === 401) {
+      showSignIn(place, () => void show());
+      return;
+    }
     put(main, h("section", { class: "empty" },
       h("h1", {}, "This cannot be shown"), h("p", {}, messageOf(error)),
       h("p", { class: "row" },

@@ -1,6 +1,7 @@
 //! The protocol's request headers. A header that is sent twice is refused: who reads the other one is fooled.
 
 use super::refusal::UploadRefusal;
+use crate::api::bodies::content_length;
 use crate::api::error::Error;
 use axum::http::{HeaderMap, HeaderName, header};
 use uuid::Uuid;
@@ -132,10 +133,6 @@ pub(super) fn concat(headers: &HeaderMap) -> Result<Concat, Error> {
         return Err(invalid(NAME, "a part is named twice; each goes into one final upload, once"));
     }
     Ok(Concat::Final { ids, sent: sent.to_owned() })
-}
-
-pub(super) fn content_length(headers: &HeaderMap) -> Option<u64> {
-    headers.get(header::CONTENT_LENGTH)?.to_str().ok()?.parse().ok()
 }
 
 pub(super) fn has_body(headers: &HeaderMap) -> bool {

@@ -3,6 +3,8 @@
 use super::*;
 use crate::geometry::Pose2;
 use crate::storage::changes as feed;
+use crate::storage::database::query;
+use sqlx::AssertSqlSafe;
 use std::collections::BTreeMap;
 
 on_every_back_end!(
@@ -18,7 +20,7 @@ on_every_back_end!(
 const DAY_S: i64 = 24 * 3600;
 
 async fn part(storage: &Storage, after: Option<ChangesCursor>, limit: u32, seconds: i64) -> Changes {
-    storage.changes(after, limit, at(seconds)).await.unwrap()
+    storage.changes(&Tenant::default(), after, limit, at(seconds)).await.unwrap()
 }
 
 fn shown(change: &Change) -> String {
@@ -217,7 +219,7 @@ async fn a_cursor_ends_where_deletions_may_be_missed(storage: Storage) {
     let expired = |after: ChangesCursor, seconds: i64| {
         let storage = &storage;
         async move {
-            let read = storage.changes(Some(after), 1, at(seconds)).await;
+            let read = storage.changes(&Tenant::default(), Some(after), 1, at(seconds)).await;
             matches!(read, Err(StorageError::CursorExpired))
         }
     };
@@ -256,9 +258,9 @@ async fn a_feed_begins_with_what_was_there_before_it(storage: Storage) {
     let mut transaction = storage.database.begin().await.unwrap();
     let text = include_str!("../../../migrations/0003_choices_and_changes.sql");
     let filling = text.split("INSERT INTO changes").nth(1).and_then(|rest| rest.split(';').next()).unwrap();
-    sqlx::query("DELETE FROM changes").execute(&mut *transaction).await.unwrap();
-    let filling = sqlx::AssertSqlSafe(format!("INSERT INTO changes{filling}"));
-    sqlx::query(filling).execute(&mut *transaction).await.unwrap();
+    query("DELETE FROM changes").execute(&mut *transaction).await.unwrap();
+    let filling = AssertSqlSafe(format!("INSERT INTO changes{filling}"));
+    query(filling).execute(&mut *transaction).await.unwrap();
     transaction.commit().await.unwrap();
     let items = part(&storage, None, 9, 0).await.items;
     let mut shown: Vec<String> = items.iter().map(shown).collect();

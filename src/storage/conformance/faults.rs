@@ -130,7 +130,7 @@ fn break_writes(storage: &mut Storage, fails: fn(u32) -> bool) -> Arc<AtomicU32>
 #[tokio::test]
 async fn a_store_that_fails_every_third_write_makes_whole_maps() {
     let folder = tempfile::tempdir().unwrap();
-    let mut storage = Storage::open(folder.path()).await.unwrap();
+    let mut storage = in_folder(folder.path()).await;
     let writes = break_writes(&mut storage, |write| write % 3 == 2);
     let (home, clip) = aligned(&storage).await;
     for number in 1..=4u8 {
@@ -150,7 +150,7 @@ async fn a_store_that_fails_every_third_write_makes_whole_maps() {
 #[tokio::test]
 async fn a_store_that_fails_for_good_leaves_the_map_as_it_was() {
     let folder = tempfile::tempdir().unwrap();
-    let mut storage = Storage::open(folder.path()).await.unwrap();
+    let mut storage = in_folder(folder.path()).await;
     let (home, clip) = aligned(&storage).await;
     let claim = storage.claim_merge(LEASE, at(10)).await.unwrap().expect("the home is due");
     assert!(storage.finish_merge(&claim, Some(&revision(1)), at(10)).await.unwrap());
@@ -185,7 +185,7 @@ async fn cut_off<T>(work: impl Future<Output = T>, waits: usize) -> Option<T> {
 #[tokio::test]
 async fn a_merge_that_is_killed_anywhere_leaves_a_whole_map() {
     let folder = tempfile::tempdir().unwrap();
-    let mut storage = Storage::open(folder.path()).await.unwrap();
+    let mut storage = in_folder(folder.path()).await;
     let (home, clip) = aligned(&storage).await;
     let (mut number, mut now) = (0u8, 100);
     let mut cuts = 0;
@@ -197,7 +197,7 @@ async fn a_merge_that_is_killed_anywhere_leaves_a_whole_map() {
         // As after a kill: the storage is opened anew, which sweeps.
         storage.close().await;
         drop(storage);
-        storage = Storage::open(folder.path()).await.unwrap();
+        storage = in_folder(folder.path()).await;
         let after = whole(&storage, &home).await;
         let came_through = finished.is_some();
         match finished {

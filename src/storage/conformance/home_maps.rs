@@ -310,12 +310,12 @@ async fn objects_are_found_across_homes(storage: Storage) {
     ];
     for (class, of_home, after, expected) in cases {
         let filter = ObjectFilter { class: class.map(str::to_owned), home: of_home.map(home) };
-        let found = storage.objects(&filter, &page(after)).await.unwrap();
+        let found = storage.objects(&Tenant::default(), &filter, &page(after)).await.unwrap();
         let found: Vec<(&str, &str)> =
             found.iter().map(|o| (o.home.as_str(), o.object.id.as_str())).collect();
         assert_eq!(found, expected, "{class:?} {of_home:?} {after:?}");
     }
     storage.delete_home(&home("a"), at(500)).await.unwrap();
-    let left = storage.objects(&ObjectFilter::default(), &page(None)).await.unwrap();
+    let left = storage.objects(&Tenant::default(), &ObjectFilter::default(), &page(None)).await.unwrap();
     assert!(left.iter().all(|object| object.home == home("b")));
 }

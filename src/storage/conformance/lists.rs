@@ -52,7 +52,7 @@ async fn homes_by_time_of_anything_in_them(storage: Storage) {
         let page = Page { limit, after: last.map(home) };
         let storage = &storage;
         async move {
-            let homes = storage.homes(Some(at(seconds)), &page).await.unwrap();
+            let homes = storage.homes(&Tenant::default(), Some(at(seconds)), &page).await.unwrap();
             homes.into_iter().map(|home| home.id.to_string()).collect::<Vec<_>>()
         }
     };

@@ -35,7 +35,7 @@ async fn lists_page_through_everything_once(storage: Storage) {
     let mut seen = Vec::new();
     let mut page = Page { limit: 3, after: None };
     loop {
-        let part = storage.homes(None, &page).await.unwrap();
+        let part = storage.homes(&Tenant::default(), None, &page).await.unwrap();
         assert!(part.len() <= 3);
         let Some(last) = part.last() else { break };
         page.after = Some(last.id.clone());

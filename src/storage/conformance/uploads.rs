@@ -24,7 +24,7 @@ async fn begin(storage: &Storage, kind: UploadKind, length_bytes: Option<u64>) -
     let of = home("h");
     storage.put_home(&of, None, at(0)).await.unwrap();
     let home = (kind == UploadKind::Whole).then_some(of);
-    let new = NewUpload { kind, home, metadata: "home aA==".to_owned(), concat: None, length_bytes };
+    let new = NewUpload { kind, tenant: Tenant::default(), home, metadata: "home aA==".to_owned(), concat: None, length_bytes };
     storage.create_upload(new, &limits(), at(0)).await.unwrap().id
 }
 
@@ -193,6 +193,7 @@ async fn joining_is_all_or_nothing(storage: Storage) {
     let unfinished = begin(&storage, UploadKind::Partial, Some(5)).await;
     let joining = |parts: &[Uuid], max_bytes| Joining {
         parts: parts.to_vec(),
+        tenant: Tenant::default(),
         home: home("h"),
         metadata: String::new(),
         concat: format!("final;{parts:?}"),
@@ -250,6 +251,7 @@ async fn what_is_abandoned_goes_and_what_has_arrived_stays(storage: Storage) {
     for _ in 0..150 {
         let new = NewUpload {
             kind: UploadKind::Partial,
+            tenant: Tenant::default(),
             home: None,
             metadata: String::new(),
             concat: None,
@@ -274,12 +276,12 @@ async fn deleting_a_home_deletes_its_uploads(storage: Storage) {
 #[tokio::test]
 async fn pieces_outlive_a_restart() {
     let folder = tempfile::tempdir().unwrap();
-    let storage = Storage::open(folder.path()).await.unwrap();
+    let storage = in_folder(folder.path()).await;
     let id = begin(&storage, UploadKind::Whole, Some(6)).await;
     let mut before = writer(&storage, id, 0).await.unwrap();
     write(&storage, &mut before, b"abc").await.unwrap();
     drop(storage);
-    let storage = Storage::open(folder.path()).await.unwrap();
+    let storage = in_folder(folder.path()).await;
     let mut after = writer(&storage, id, 3).await.unwrap();
     write(&storage, &mut after, b"def").await.unwrap();
     let claim = storage.claim_upload(id, LEASE, at(3)).await.unwrap().expect("it is due");

@@ -6,7 +6,7 @@ use crate::geometry::angle_between;
 use crate::home::{HomeMapInfo, Manifest, Member, PlacedClip, TileKey, Verdict};
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
-use crate::storage::database::{Connection, Row, Transaction};
+use crate::storage::database::{Connection, Row, Transaction, query};
 use crate::storage::{Choice, HomeId, Storage, StorageError, lidar_maps};
 use jiff::Timestamp;
 use nalgebra::Matrix3;
@@ -52,13 +52,21 @@ pub struct NewRevision {
 
 /// Takes a home whose map is behind, that nobody merges now, and none of whose clips is on its way: a new LiDAR map
 /// that sends all of them around again makes one new revision, and the old one stays until then.
-const CLAIM: &str = "UPDATE homes SET map_fence = map_fence + 1, map_lease_until = $2
+macro_rules! claim {
+    ($lock:literal) => {
+        concat!(
+            "UPDATE homes SET map_fence = map_fence + 1, map_lease_until = $2
     WHERE id = (
         SELECT id FROM homes
         WHERE map_made < map_wanted AND (map_lease_until IS NULL OR map_lease_until <= $1)
             AND NOT EXISTS (SELECT 1 FROM clips WHERE home_id = homes.id AND state IN ('queued', 'aligning'))
-        ORDER BY id LIMIT 1)
-    RETURNING id, map_wanted, map_fence";
+        ORDER BY id LIMIT 1 ",
+            $lock,
+            ")
+    RETURNING id, map_wanted, map_fence"
+        )
+    };
+}
 
 impl Storage {
     /// Gives a home whose map is due to a worker, none when there is none.
@@ -68,7 +76,8 @@ impl Storage {
         now: Timestamp,
     ) -> Result<Option<MergeClaim>, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let row = sqlx::query(CLAIM)
+        let statement = transaction.either(claim!(""), claim!("FOR NO KEY UPDATE SKIP LOCKED"));
+        let row = query(statement)
             .bind(now.as_millisecond())
             .bind((now + lease).as_millisecond())
             .fetch_optional(&mut *transaction)
@@ -99,16 +108,16 @@ impl Storage {
         now: Timestamp,
     ) -> Result<bool, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let renewed = sqlx::query(
+        let renewed = query(
             "UPDATE homes SET map_lease_until = $3 WHERE id = $1 AND map_fence = $2 AND map_lease_until IS NOT NULL",
         )
-        .bind(claim.home.as_str())
+        .bind(claim.home.key())
         .bind(claim.fence)
         .bind((now + lease).as_millisecond())
         .execute(&mut *transaction)
         .await?;
         transaction.commit().await?;
-        Ok(renewed.rows_affected() == 1)
+        Ok(renewed == 1)
     }
 
     /// A file of one of a claim's clips. None when the clip was removed or aligned anew since: then the home is due
@@ -182,13 +191,13 @@ impl Storage {
             }
         }
         let mut transaction = self.database.begin().await?;
-        let held = sqlx::query(
+        let held = query(
             "UPDATE homes SET map_made = $3, map_lease_until = NULL WHERE id = $1 AND map_fence = $2",
         )
-        .bind(claim.home.as_str())
+        .bind(claim.home.key())
         .bind(claim.fence)
         .bind(claim.wanted);
-        if held.execute(&mut *transaction).await?.rows_affected() == 0 {
+        if held.execute(&mut *transaction).await? == 0 {
             return Ok(None);
         }
         let stale = match new {
@@ -202,8 +211,8 @@ impl Storage {
     /// Gives a claim back after an error, to be tried again from `due` on.
     pub async fn give_back_merge(&self, claim: &MergeClaim, due: Timestamp) -> Result<(), StorageError> {
         let mut transaction = self.database.begin().await?;
-        sqlx::query("UPDATE homes SET map_lease_until = $3 WHERE id = $1 AND map_fence = $2")
-            .bind(claim.home.as_str())
+        query("UPDATE homes SET map_lease_until = $3 WHERE id = $1 AND map_fence = $2")
+            .bind(claim.home.key())
             .bind(claim.fence)
             .bind(due.as_millisecond())
             .execute(&mut *transaction)
@@ -221,18 +230,18 @@ struct Written {
 }
 
 async fn newest(connection: &mut Connection, home: &HomeId) -> Result<Option<HomeMap>, StorageError> {
-    let row = sqlx::query("SELECT * FROM home_maps WHERE home_id = $1 ORDER BY revision DESC LIMIT 1");
-    let row = row.bind(home.as_str()).fetch_optional(connection).await?;
+    let row = query("SELECT * FROM home_maps WHERE home_id = $1 ORDER BY revision DESC LIMIT 1");
+    let row = row.bind(home.key()).fetch_optional(connection).await?;
     row.as_ref().map(super::from_row).transpose()
 }
 
 /// The clips with an answer that may be in the map.
 async fn members(connection: &mut Connection, home: &HomeId) -> Result<Vec<Member>, StorageError> {
-    let rows = sqlx::query(
+    let rows = query(
         "SELECT id, sha256, recorded_at, result_key, alignment, choice FROM clips
         WHERE home_id = $1 AND state IN ('aligned', 'ambiguous') AND result_key IS NOT NULL ORDER BY id",
     )
-    .bind(home.as_str())
+    .bind(home.key())
     .fetch_all(connection)
     .await?;
     let member = |row: &Row| {
@@ -294,10 +303,10 @@ async fn insert(
     written: &[Written],
     now: Timestamp,
 ) -> Result<Vec<String>, StorageError> {
-    let (home, revision) = (claim.home.as_str(), claim.last_revision + 1);
+    let (home, revision) = (claim.home.key(), claim.last_revision + 1);
     let clips: Result<Vec<MapClip>, _> = new.manifest.clips.iter().map(map_clip).collect();
     let info = HomeMapInfo::of(new.manifest.tiles.iter().map(|(_, info)| info));
-    sqlx::query(
+    query(
         "INSERT INTO home_maps (home_id, revision, lidar_map_revision, clips, info, created_at)
         VALUES ($1, $2, $3, $4, $5, $6)",
     )
@@ -311,7 +320,7 @@ async fn insert(
     .await?;
     for file in written {
         let (x, y) = (file.tile.map(|tile| i64::from(tile.x)), file.tile.map(|tile| i64::from(tile.y)));
-        sqlx::query(
+        query(
             "UPDATE home_map_files SET last_revision = $5
             WHERE home_id = $1 AND name = $2 AND (tile_x = $3 OR $3 IS NULL) AND (tile_y = $4 OR $4 IS NULL)
                 AND last_revision IS NULL",
@@ -324,7 +333,7 @@ async fn insert(
         .execute(&mut **transaction)
         .await?;
         let Some(key) = &file.key else { continue };
-        sqlx::query(
+        query(
             "INSERT INTO home_map_files (blob_key, home_id, name, tile_x, tile_y, first_revision)
             VALUES ($1, $2, $3, $4, $5, $6)",
         )
@@ -339,13 +348,13 @@ async fn insert(
     }
     super::objects::replace(transaction, &claim.home, &new.objects).await?;
     super::places::tell(transaction, claim, &new.manifest.clips, revision, now).await?;
-    sqlx::query("DELETE FROM home_maps WHERE home_id = $1 AND revision <= $2")
+    query("DELETE FROM home_maps WHERE home_id = $1 AND revision <= $2")
         .bind(home)
         .bind(revision - KEPT)
         .execute(&mut **transaction)
         .await?;
     changes::record(transaction, &claim.home, Changed::Map { revision }, now).await?;
-    let old = sqlx::query(
+    let old = query(
         "DELETE FROM home_map_files WHERE home_id = $1 AND last_revision <= $2 RETURNING blob_key",
     )
     .bind(home)

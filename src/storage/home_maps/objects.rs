@@ -2,8 +2,8 @@
 
 use crate::home::{Coverage, Object, PlacedClip, Room};
 use crate::storage::columns::{Columns, to_json};
-use crate::storage::database::{Row, Transaction};
-use crate::storage::{HomeId, MapFile, Page, Storage, StorageError};
+use crate::storage::database::{Row, Transaction, query};
+use crate::storage::{HomeId, MapFile, Page, Storage, StorageError, Tenant};
 use crate::taxonomy::Class;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -91,22 +91,26 @@ impl Storage {
     /// By home and id. The cursor is `home` and `id` with a space between them, which no home's id has.
     pub async fn objects(
         &self,
+        tenant: &Tenant,
         filter: &ObjectFilter,
         page: &Page<String>,
     ) -> Result<Vec<HomeObject>, StorageError> {
-        let (home, id) = page.after.as_deref().and_then(|after| after.split_once(' ')).unwrap_or_default();
-        let rows = sqlx::query(
+        let after = page.after.as_deref().and_then(|after| after.split_once(' '));
+        let after = after.and_then(|(home, id)| Some((tenant.home(&home.parse().ok()?), id)));
+        let (home, id) = after.as_ref().map_or(("", ""), |(home, id)| (home.key(), *id));
+        let rows = query(
             "SELECT home_id, object_id, document FROM home_objects
-            WHERE ($1 IS NULL OR class = $1) AND ($2 IS NULL OR home_id = $2)
+            WHERE tenant = $6 AND ($1 IS NULL OR class = $1) AND ($2 IS NULL OR home_id = $2)
                 AND (home_id > $3 OR (home_id = $3 AND object_id > $4))
             ORDER BY home_id, object_id LIMIT $5",
         )
         .bind(filter.class.as_deref())
-        .bind(filter.home.as_ref().map(HomeId::as_str))
+        .bind(filter.home.as_ref().map(HomeId::key))
         .bind(home)
         .bind(id)
         .bind(i64::from(page.limit))
-        .fetch_all(self.database.reader())
+        .bind(tenant.name())
+        .fetch_all(&mut self.database.reader().await?)
         .await?;
         let object = |row: &Row| Ok(HomeObject { home: row.home("home_id")?, object: row.json("document")? });
         rows.iter().map(object).collect()
@@ -119,16 +123,19 @@ pub(super) async fn replace(
     home: &HomeId,
     objects: &[MapObject],
 ) -> Result<(), StorageError> {
-    sqlx::query("DELETE FROM home_objects WHERE home_id = $1")
-        .bind(home.as_str())
+    query("DELETE FROM home_objects WHERE home_id = $1")
+        .bind(home.key())
         .execute(&mut **transaction)
         .await?;
     for object in objects {
-        sqlx::query("INSERT INTO home_objects (home_id, object_id, class, document) VALUES ($1, $2, $3, $4)")
-            .bind(home.as_str())
+        query(
+            "INSERT INTO home_objects (home_id, object_id, class, document, tenant) VALUES ($1, $2, $3, $4, $5)",
+        )
+            .bind(home.key())
             .bind(&object.id)
             .bind(object.class.name())
             .bind(to_json(object))
+            .bind(home.tenant())
             .execute(&mut **transaction)
             .await?;
     }

@@ -5,7 +5,7 @@ use crate::align::{Alignment, Reason};
 use crate::home::{PlacedBy, PlacedClip, Verdict};
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
-use crate::storage::database::Transaction;
+use crate::storage::database::{Transaction, query};
 use crate::storage::{ClipState, Placement, StorageError};
 use jiff::Timestamp;
 
@@ -19,14 +19,14 @@ pub(super) async fn tell(
     now: Timestamp,
 ) -> Result<(), StorageError> {
     let rows =
-        sqlx::query("SELECT id, state, result_key FROM clips WHERE home_id = $1 AND placement IS NOT NULL")
-            .bind(claim.home.as_str())
+        query("SELECT id, state, result_key FROM clips WHERE home_id = $1 AND placement IS NOT NULL")
+            .bind(claim.home.key())
             .fetch_all(&mut **transaction)
             .await?;
     for row in &rows {
         let share = row.maybe_text("result_key")?;
         if !claim.members.iter().any(|member| share.as_ref() == Some(&member.share)) {
-            sqlx::query("UPDATE clips SET placement = NULL, updated_at = $2 WHERE id = $1")
+            query("UPDATE clips SET placement = NULL, updated_at = $2 WHERE id = $1")
                 .bind(row.text("id")?)
                 .bind(now.as_millisecond())
                 .execute(&mut **transaction)
@@ -43,7 +43,7 @@ pub(super) async fn tell(
             probability: placed.probability,
             map_revision: revision,
         });
-        let row = sqlx::query(
+        let row = query(
             "SELECT state, reasons, placement, alignment FROM clips WHERE id = $1 AND result_key = $2",
         )
         .bind(member.clip.to_string())
@@ -72,7 +72,7 @@ pub(super) async fn tell(
             }
             _ => row.text("reasons")?,
         };
-        sqlx::query(
+        query(
             "UPDATE clips SET state = $2, reasons = $3, placement = $4, updated_at = $5 WHERE id = $1",
         )
         .bind(member.clip.to_string())

@@ -2,6 +2,8 @@
 
 use super::{Storage, UploadError, UploadKind, UploadLimits, UploadState, find_living, later};
 use crate::storage::StorageError;
+use crate::storage::columns::Columns;
+use crate::storage::database::query;
 use crate::storage::incoming::Arrived;
 use jiff::Timestamp;
 use uuid::Uuid;
@@ -54,7 +56,7 @@ impl Storage {
             // Nothing is missing, and who makes a clip of it is not disturbed.
             return Ok(UploadWriter { id, fence: -1, offset, length_bytes });
         }
-        let taken = sqlx::query(
+        let taken = query(
             "UPDATE uploads SET fence = fence + 1, length_bytes = $3, expires_at = $4,
                 state = CASE WHEN received_bytes = $3 THEN 'arrived' ELSE 'arriving' END
             WHERE id = $1 AND received_bytes = $2 AND state = 'arriving'
@@ -66,7 +68,7 @@ impl Storage {
         .bind(later(now, limits.patience).as_millisecond())
         .fetch_optional(&mut *transaction)
         .await?;
-        let fence = sqlx::Row::try_get(&taken.ok_or(UploadError::Overtaken)?, "fence")?;
+        let fence = taken.ok_or(UploadError::Overtaken)?.number("fence")?;
         transaction.commit().await?;
         Ok(UploadWriter { id, fence, offset, length_bytes })
     }
@@ -102,7 +104,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<(), UploadError> {
         let mut transaction = self.database.begin().await?;
-        let grown = sqlx::query(
+        let grown = query(
             "UPDATE uploads SET received_bytes = received_bytes + $4, pieces = pieces + 1, expires_at = $5,
                 state = CASE WHEN received_bytes + $4 = length_bytes THEN 'arrived' ELSE 'arriving' END
             WHERE id = $1 AND fence = $2 AND received_bytes = $3 AND state = 'arriving'
@@ -119,10 +121,10 @@ impl Storage {
             find_living(&mut transaction, writer.id, now).await?;
             return Err(UploadError::Overtaken);
         };
-        if sqlx::Row::try_get::<i64, _>(&grown, "pieces")? > limits.pieces as i64 {
+        if grown.number("pieces")? > limits.pieces as i64 {
             return Err(UploadError::TooManyPieces { limit: limits.pieces });
         }
-        sqlx::query(
+        query(
             "INSERT INTO upload_pieces (upload_id, first_byte, size_bytes, blob_key) VALUES ($1, $2, $3, $4)",
         )
         .bind(writer.id.to_string())

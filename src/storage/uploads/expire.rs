@@ -3,6 +3,7 @@
 use super::{Storage, piece_keys};
 use crate::storage::StorageError;
 use crate::storage::columns::Columns;
+use crate::storage::database::query;
 use jiff::Timestamp;
 
 /// Removed in one transaction.
@@ -15,7 +16,7 @@ impl Storage {
         let mut expired = 0;
         loop {
             let mut transaction = self.database.begin().await?;
-            let rows = sqlx::query(
+            let rows = query(
                 "SELECT id FROM uploads
                 WHERE expires_at <= $1 AND (state IN ('arriving', 'joined', 'finished', 'refused')
                     OR (state = 'arrived' AND kind = 'partial'))
@@ -26,7 +27,7 @@ impl Storage {
             for row in &rows {
                 let id = row.id("id")?;
                 keys.extend(piece_keys(&mut transaction, id).await?);
-                sqlx::query("DELETE FROM uploads WHERE id = $1")
+                query("DELETE FROM uploads WHERE id = $1")
                     .bind(id.to_string())
                     .execute(&mut *transaction)
                     .await?;

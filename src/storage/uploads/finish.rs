@@ -5,7 +5,7 @@
 use super::{Storage, Upload, UploadError, from_row, later, piece_keys};
 use crate::storage::clips::{self, Added, NewClip};
 use crate::storage::columns::{Columns, to_json};
-use crate::storage::database::Transaction;
+use crate::storage::database::{Transaction, query};
 use crate::storage::{Arrived, HomeId, StorageError};
 use futures::TryStreamExt;
 use jiff::Timestamp;
@@ -31,7 +31,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<Option<UploadClaim>, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let row = sqlx::query(
+        let row = query(
             "UPDATE uploads SET fence = fence + 1, attempts = attempts + 1, lease_until = $3
             WHERE id = $1 AND state = 'arrived' AND kind <> 'partial' AND (lease_until IS NULL OR lease_until <= $2)
             RETURNING *",
@@ -61,7 +61,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<bool, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let renewed = sqlx::query(
+        let renewed = query(
             "UPDATE uploads SET lease_until = $3 WHERE id = $1 AND fence = $2 AND state = 'arrived'",
         )
         .bind(claim.upload.id.to_string())
@@ -70,18 +70,18 @@ impl Storage {
         .execute(&mut *transaction)
         .await?;
         transaction.commit().await?;
-        Ok(renewed.rows_affected() > 0)
+        Ok(renewed > 0)
     }
 
     /// Uploads that wait to be made into clips and that nobody is at.
     pub async fn due_uploads(&self, limit: u32, now: Timestamp) -> Result<Vec<Uuid>, StorageError> {
-        let rows = sqlx::query(
+        let rows = query(
             "SELECT id FROM uploads
             WHERE state = 'arrived' AND kind <> 'partial' AND (lease_until IS NULL OR lease_until <= $1)
             ORDER BY expires_at, id LIMIT $2",
         );
         let rows = rows.bind(now.as_millisecond()).bind(i64::from(limit));
-        let rows = rows.fetch_all(self.database.reader()).await?;
+        let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
         rows.iter().map(|row| row.id("id")).collect()
     }
 
@@ -138,7 +138,7 @@ impl Storage {
             // Not an end: the caller refuses the upload.
             Added::KeyReused => return Ok((Some(added), vec![])),
         };
-        let ended = sqlx::query(
+        let ended = query(
             "UPDATE uploads SET state = 'finished', clip_id = $3, expires_at = $4, lease_until = NULL
             WHERE id = $1 AND fence = $2 AND state = 'arrived'",
         )
@@ -146,7 +146,7 @@ impl Storage {
         .bind(claim.fence)
         .bind(clip.to_string())
         .bind(later(now, record).as_millisecond());
-        if ended.execute(&mut *transaction).await?.rows_affected() == 0 {
+        if ended.execute(&mut *transaction).await? == 0 {
             return Ok((None, vec![]));
         }
         let pieces = take_pieces(&mut transaction, id).await?;
@@ -163,7 +163,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<(), StorageError> {
         let mut transaction = self.database.begin().await?;
-        let ended = sqlx::query(
+        let ended = query(
             "UPDATE uploads SET state = 'refused', problem = $3, expires_at = $4, lease_until = NULL
             WHERE id = $1 AND fence = $2 AND state = 'arrived'",
         )
@@ -171,7 +171,7 @@ impl Storage {
         .bind(claim.fence)
         .bind(to_json(problem))
         .bind(later(now, record).as_millisecond());
-        if ended.execute(&mut *transaction).await?.rows_affected() == 0 {
+        if ended.execute(&mut *transaction).await? == 0 {
             return Ok(());
         }
         let pieces = take_pieces(&mut transaction, claim.upload.id).await?;
@@ -188,7 +188,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<(), StorageError> {
         let mut transaction = self.database.begin().await?;
-        sqlx::query(
+        query(
             "UPDATE uploads SET lease_until = $3, attempts = attempts - 1
             WHERE id = $1 AND fence = $2 AND state = 'arrived'",
         )
@@ -204,7 +204,7 @@ impl Storage {
 
 async fn take_pieces(transaction: &mut Transaction, upload: Uuid) -> Result<Vec<String>, StorageError> {
     let keys = piece_keys(transaction, upload).await?;
-    sqlx::query("DELETE FROM upload_pieces WHERE upload_id = $1")
+    query("DELETE FROM upload_pieces WHERE upload_id = $1")
         .bind(upload.to_string())
         .execute(&mut **transaction)
         .await?;

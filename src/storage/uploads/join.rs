@@ -4,9 +4,9 @@ use super::{
     NewUpload, Storage, Upload, UploadError, UploadKind, UploadLimits, UploadState, check_room, find, insert,
     later,
 };
-use crate::storage::HomeId;
+use crate::storage::{HomeId, Tenant, homes};
 use crate::storage::columns::Columns;
-use crate::storage::database::Transaction;
+use crate::storage::database::{Transaction, query};
 use jiff::Timestamp;
 use uuid::Uuid;
 
@@ -14,6 +14,7 @@ use uuid::Uuid;
 #[derive(Debug, Clone)]
 pub struct Joining {
     pub parts: Vec<Uuid>,
+    pub tenant: Tenant,
     pub home: HomeId,
     pub metadata: String,
     /// As it was sent.
@@ -32,6 +33,8 @@ impl Storage {
         now: Timestamp,
     ) -> Result<Upload, UploadError> {
         let mut transaction = self.database.begin().await?;
+        // The same request twice at once: the second sees what the first made.
+        homes::lock(&mut transaction, &joining.home).await?;
         if let Some(earlier) = joined_earlier(&mut transaction, joining, now).await? {
             return Ok(earlier);
         }
@@ -39,6 +42,7 @@ impl Storage {
         let id = Uuid::now_v7();
         let new = NewUpload {
             kind: UploadKind::Final,
+            tenant: joining.tenant.clone(),
             home: Some(joining.home.clone()),
             metadata: joining.metadata.clone(),
             concat: Some(joining.concat.clone()),
@@ -46,15 +50,16 @@ impl Storage {
         };
         let expires_at = later(now, limits.patience);
         insert(&mut transaction, id, &new, expires_at, now).await?;
+        let into = Into { id, tenant: &new.tenant, expires_at };
         let mut length: u64 = 0;
         for part in &joining.parts {
-            let bytes = take_over(&mut transaction, *part, id, length, expires_at, now).await?;
+            let bytes = take_over(&mut transaction, *part, &into, length, now).await?;
             length = length.saturating_add(bytes);
             if length > joining.max_bytes {
                 return Err(UploadError::TooLarge { limit: joining.max_bytes });
             }
         }
-        sqlx::query(
+        query(
             "UPDATE uploads SET state = 'arrived', length_bytes = $2, received_bytes = $2,
                 pieces = (SELECT COUNT(*) FROM upload_pieces WHERE upload_id = $1)
             WHERE id = $1",
@@ -76,7 +81,7 @@ async fn joined_earlier(
     now: Timestamp,
 ) -> Result<Option<Upload>, UploadError> {
     let Some(first) = joining.parts.first() else { return Ok(None) };
-    let row = sqlx::query("SELECT joined_into FROM uploads WHERE id = $1").bind(first.to_string());
+    let row = query("SELECT joined_into FROM uploads WHERE id = $1").bind(first.to_string());
     let row = row.fetch_optional(&mut **transaction).await?;
     let Some(earlier) = row.map(|row| row.maybe_id("joined_into")).transpose()?.flatten() else {
         return Ok(None);
@@ -88,16 +93,23 @@ async fn joined_earlier(
     }))
 }
 
+/// The final upload that takes over.
+struct Into<'a> {
+    id: Uuid,
+    tenant: &'a Tenant,
+    expires_at: Timestamp,
+}
+
 /// Moves the pieces of a partial upload behind the first `at` bytes of a final one; tells how many bytes.
 async fn take_over(
     transaction: &mut Transaction,
     part: Uuid,
-    into: Uuid,
+    into: &Into<'_>,
     at: u64,
-    expires_at: Timestamp,
     now: Timestamp,
 ) -> Result<u64, UploadError> {
-    let upload = find(transaction, part).await?.ok_or(UploadError::PartNotFound { id: part })?;
+    let upload = find(transaction, part).await?.filter(|upload| upload.tenant == *into.tenant);
+    let upload = upload.ok_or(UploadError::PartNotFound { id: part })?;
     if upload.kind != UploadKind::Partial {
         return Err(UploadError::NotPartial { id: part });
     }
@@ -107,20 +119,20 @@ async fn take_over(
     if upload.state != UploadState::Arrived {
         return Err(UploadError::PartUnfinished { id: part });
     }
-    let taken = sqlx::query(
+    let taken = query(
         "UPDATE uploads SET state = 'joined', joined_into = $2, expires_at = $3 WHERE id = $1 AND state = 'arrived'",
     )
     .bind(part.to_string())
-    .bind(into.to_string())
-    .bind(expires_at.as_millisecond())
+    .bind(into.id.to_string())
+    .bind(into.expires_at.as_millisecond())
     .execute(&mut **transaction)
     .await?;
-    if taken.rows_affected() != 1 {
+    if taken != 1 {
         return Err(UploadError::PartGone { id: part });
     }
-    sqlx::query("UPDATE upload_pieces SET upload_id = $2, first_byte = first_byte + $3 WHERE upload_id = $1")
+    query("UPDATE upload_pieces SET upload_id = $2, first_byte = first_byte + $3 WHERE upload_id = $1")
         .bind(part.to_string())
-        .bind(into.to_string())
+        .bind(into.id.to_string())
         .bind(at as i64)
         .execute(&mut **transaction)
         .await?;

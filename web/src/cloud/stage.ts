@@ -8,10 +8,8 @@ import { h } from "../dom.ts";
 /** A frame that takes longer draws fewer points the next time, and one that takes less more. */
 const SLOW_MS = 33;
 const FAST_MS = 24;
-/** Frames that are further apart were not waited for. */
-const PAUSE_MS = 1000;
 /** How many points a frame begins with, before it is known what this machine can do. */
-const FIRST_BUDGET = 150_000;
+const FIRST_BUDGET = 50_000;
 const LEAST_BUDGET = 15_000;
 /** A picture that stands still is complete after so many frames at the most. */
 const MOST_FRAMES = 30;
@@ -48,7 +46,9 @@ export class Stage {
   private asked = 0;
   private settling = 0;
   private isMoving = false;
-  private lastFrame_ms = 0;
+  /** The frame that is being drawn, and when it was asked for. The next one waits for it, so that what somebody does
+   * never queues behind more than one. */
+  private drawing: { fence: WebGLSync; since_ms: number } | null = null;
   private budget = FIRST_BUDGET;
   /** The share of the cloud that the picture has; what is there stays until something changes. */
   private done = 0;
@@ -72,7 +72,7 @@ export class Stage {
     this.controls.maxPolarAngle = Math.PI * 0.495;
     this.controls.minDistance = 0.3;
     this.controls.zoomToCursor = true;
-    this.controls.addEventListener("change", () => this.move());
+    this.controls.addEventListener("change", () => this.draw());
     canvas.addEventListener("keydown", (event) => this.onKey(event), { signal });
     const sizes = new ResizeObserver(() => this.resize());
     sizes.observe(this.element);
@@ -86,14 +86,24 @@ export class Stage {
     });
   }
 
-  /** Draws afresh, soon. */
+  /** Draws afresh, soon: at first as many points as one frame allows, and all of them when nothing changed for a while. */
   draw(): void {
+    this.isMoving = true;
+    clearTimeout(this.settling);
+    this.settling = window.setTimeout(() => {
+      this.isMoving = false;
+      if (this.done < 1) this.redraw();
+    }, SETTLED_MS);
+    this.redraw();
+  }
+
+  private redraw(): void {
     this.isStale = true;
     this.ask();
   }
 
   private ask(): void {
-    if (!this.asked) this.asked = requestAnimationFrame((now) => this.frame(now));
+    if (!this.asked) this.asked = requestAnimationFrame(() => this.frame());
   }
 
   /** Looks at a box from a corner above it, or straight down. */
@@ -122,22 +132,15 @@ export class Stage {
     this.draw();
   }
 
-  private move(): void {
-    this.isMoving = true;
-    clearTimeout(this.settling);
-    this.settling = window.setTimeout(() => {
-      this.isMoving = false;
-      if (this.done < 1) this.draw();
-    }, SETTLED_MS);
-    this.draw();
-  }
-
   /** Draws as much as fits into a frame, and asks for the next one while something is left. */
-  private frame(now: number): void {
+  private frame(): void {
     this.asked = 0;
     const { width, height } = this.size();
     if (width === 0 || height === 0) return;
-    this.adapt(now);
+    if (!this.isDrawn()) {
+      this.ask();
+      return;
+    }
     const ratio = this.renderer.getPixelRatio();
     if (this.isStale) {
       this.isStale = false;
@@ -153,20 +156,37 @@ export class Stage {
     this.renderer.render(this.cloud, this.camera);
     this.renderer.render(this.marks, this.camera);
     this.done = until;
+    this.mark();
     // A view that moves is drawn afresh anyway.
     if (this.done < 1 && !this.isMoving) this.ask();
     this.element.dataset.done = String(this.done);
   }
 
-  /** Learns from the time since the frame before what this machine can draw. */
-  private adapt(now: number): void {
-    const took = now - this.lastFrame_ms;
-    this.lastFrame_ms = now;
-    if (took > PAUSE_MS) return;
+  /** Notes that a frame is on its way to the graphics card. */
+  private mark(): void {
+    const gl = this.renderer.getContext() as WebGL2RenderingContext;
+    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    this.drawing = fence && { fence, since_ms: performance.now() };
+  }
+
+  /** Whether the last frame is drawn; learns from it what this machine can draw. */
+  private isDrawn(): boolean {
+    if (!this.drawing) return true;
+    const gl = this.renderer.getContext() as WebGL2RenderingContext;
+    const { fence, since_ms } = this.drawing;
+    if (!gl.isContextLost() && gl.clientWaitSync(fence, 0, 0) === gl.TIMEOUT_EXPIRED) return false;
+    gl.deleteSync(fence);
+    this.drawing = null;
+    this.adapt(performance.now() - since_ms);
+    return true;
+  }
+
+  private adapt(took_ms: number): void {
     const count = this.parts?.count() ?? 0;
     const least = this.isMoving ? LEAST_BUDGET : Math.max(LEAST_BUDGET, count / MOST_FRAMES);
-    if (took > SLOW_MS) this.budget = Math.max(least, this.budget * Math.max(0.3, SLOW_MS / took));
-    else if (took < FAST_MS && this.budget < count) this.budget *= 1.4;
+    if (took_ms > SLOW_MS) this.budget = Math.max(least, this.budget * Math.max(0.3, SLOW_MS / took_ms));
+    else if (took_ms < FAST_MS && this.budget < count) this.budget *= 1.4;
   }
 
   private size(): { width: number; height: number } {
@@ -210,6 +230,6 @@ export class Stage {
     }
     this.camera.position.copy(this.controls.target).add(arm);
     this.controls.update();
-    this.move();
+    this.draw();
   }
 }

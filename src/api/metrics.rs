@@ -1,0 +1,100 @@
+//! `/metrics`, in the text format of Prometheus. Names of tenants, homes and clips are in none of them.
+
+use crate::storage::{QueueState, Storage, StorageError};
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::{HeaderValue, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use jiff::Timestamp;
+use metrics::{Unit, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram};
+use metrics_exporter_prometheus::{Matcher, PrometheusBuilder, PrometheusHandle};
+use std::sync::{Arc, OnceLock};
+use std::time::Instant;
+
+const REQUESTS: &str = "viola_http_requests_total";
+const REQUEST_SECONDS: &str = "viola_http_request_seconds";
+const QUEUED: &str = "viola_queue_jobs";
+const QUEUE_AGE: &str = "viola_queue_age_seconds";
+const MERGES_DUE: &str = "viola_merges_due";
+
+/// Upper bounds of a bucket each, in seconds: from a cached answer to a long job.
+const SECONDS: [f64; 14] =
+    [0.001, 0.0025, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 30.0, 120.0];
+
+static RECORDER: OnceLock<Option<PrometheusHandle>> = OnceLock::new();
+
+/// Begins to count, once in a process.
+pub(super) fn begin() {
+    RECORDER.get_or_init(|| {
+        let builder = PrometheusBuilder::new();
+        let builder = builder.set_buckets_for_metric(Matcher::Suffix("_seconds".to_owned()), &SECONDS);
+        let installed = builder.map(PrometheusBuilder::install_recorder);
+        match installed {
+            Ok(Ok(handle)) => {
+                describe();
+                Some(handle)
+            }
+            Ok(Err(error)) | Err(error) => {
+                tracing::warn!(%error, "nothing can be counted; /metrics stays empty");
+                None
+            }
+        }
+    });
+}
+
+fn describe() {
+    describe_counter!(REQUESTS, "Requests that were answered");
+    describe_histogram!(REQUEST_SECONDS, Unit::Seconds, "Time to the first byte of an answer");
+    describe_gauge!(QUEUED, "Jobs that wait or run");
+    describe_gauge!(QUEUE_AGE, Unit::Seconds, "How long the job that has been due longest has waited");
+    describe_gauge!(MERGES_DUE, "Homes whose map is behind");
+    describe_counter!("viola_received_bytes_total", Unit::Bytes, "Files that arrived");
+    crate::jobs::describe_metrics();
+}
+
+/// Counts a request.
+pub(super) async fn count(request: Request, next: Next) -> Response {
+    let route = request.extensions().get::<MatchedPath>();
+    let route = route.map_or("none", MatchedPath::as_str).to_owned();
+    // Anybody may send a method of his own invention, which must not make a new row.
+    let method = match request.method().as_str() {
+        method @ ("GET" | "HEAD" | "POST" | "PUT" | "PATCH" | "DELETE" | "OPTIONS") => method.to_owned(),
+        _ => "other".to_owned(),
+    };
+    let begun = Instant::now();
+    let response = next.run(request).await;
+    let status = response.status().as_str().to_owned();
+    histogram!(REQUEST_SECONDS, "method" => method.clone(), "route" => route.clone()).record(begun.elapsed());
+    counter!(REQUESTS, "method" => method, "route" => route, "status" => status).increment(1);
+    response
+}
+
+/// What was counted
+#[utoipa::path(get, path = "/metrics", tag = "service",
+    responses((status = 200, description = "Text for Prometheus", body = String, content_type = "text/plain")))]
+pub(super) async fn metrics(State(storage): State<Arc<Storage>>) -> Response {
+    match storage.queue_state(Timestamp::now()).await {
+        Ok(state) => tell(&state),
+        Err(error) => unknown(&error),
+    }
+    let text = RECORDER.get().and_then(Option::as_ref).map(PrometheusHandle::render).unwrap_or_default();
+    let media_type = HeaderValue::from_static("text/plain; version=0.0.4");
+    ([(header::CONTENT_TYPE, media_type)], text).into_response()
+}
+
+fn tell(state: &QueueState) {
+    gauge!(QUEUED, "state" => "queued").set(state.queued as f64);
+    gauge!(QUEUED, "state" => "running").set(state.running as f64);
+    gauge!(QUEUE_AGE).set(state.age.as_secs_f64());
+    gauge!(MERGES_DUE).set(state.merges_due as f64);
+}
+
+/// Better no number than an old one.
+fn unknown(error: &StorageError) {
+    tracing::warn!(%error, "the queue cannot be counted");
+    for state in ["queued", "running"] {
+        gauge!(QUEUED, "state" => state).set(f64::NAN);
+    }
+    gauge!(QUEUE_AGE).set(f64::NAN);
+    gauge!(MERGES_DUE).set(f64::NAN);
+}

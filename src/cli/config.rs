@@ -1,0 +1,237 @@
+//! Configuration: a flag goes before the environment, the environment before the file, the file before the default. The
+//! file is TOML whose keys are the names of the flags; a table `[serve]` or `[work]` is for that command alone.
+//!
+//! `viola config` shows what holds, and where it comes from.
+
+use anyhow::{Context, Result, bail};
+use clap::{Arg, ArgAction, Args, Command};
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+const FLAG: &str = "--config";
+const VARIABLE: &str = "VIOLA_CONFIG";
+
+/// Commands that take a configuration.
+const CONFIGURED: [&str; 4] = ["serve", "work", "migrate", "keys"];
+
+#[derive(Args)]
+pub struct ConfigArguments {
+    /// The command whose configuration is shown.
+    #[arg(value_name = "serve|work", default_value = "serve")]
+    command: String,
+}
+
+/// A configuration file's settings for one command, by the names of flags.
+type Settings = BTreeMap<String, toml::Value>;
+
+/// The process's arguments with what the configuration file adds to them, and without the file's name.
+pub fn with_file(given: impl Iterator<Item = OsString>, program: &Command) -> Result<Vec<OsString>> {
+    let (mut arguments, file) = take_file(given.collect())?;
+    let Some(file) = file else { return Ok(arguments) };
+    let Some(name) = arguments.get(1).and_then(|name| name.to_str()).map(str::to_owned) else {
+        return Ok(arguments);
+    };
+    if !CONFIGURED.contains(&name.as_str()) {
+        return Ok(arguments);
+    }
+    let mut command = program.find_subcommand(&name);
+    let mut at = 2;
+    // `viola keys create`: the flags belong to the inner command.
+    while let Some(inner) = arguments.get(at).and_then(|inner| inner.to_str())
+        && let Some(found) = command.and_then(|command| command.find_subcommand(inner))
+    {
+        command = Some(found);
+        at += 1;
+    }
+    let Some(command) = command else { return Ok(arguments) };
+    let added = added(&read(&file, &name, program)?, command, &arguments[at..])?;
+    arguments.splice(at..at, added);
+    Ok(arguments)
+}
+
+/// Splits the file off the arguments.
+fn take_file(mut arguments: Vec<OsString>) -> Result<(Vec<OsString>, Option<PathBuf>)> {
+    let mut file = std::env::var_os(VARIABLE).map(PathBuf::from);
+    let mut at = 1;
+    while at < arguments.len() {
+        let text = arguments[at].to_string_lossy().into_owned();
+        if text == FLAG {
+            if at + 1 == arguments.len() {
+                bail!("{FLAG} needs the path of a file");
+            }
+            file = Some(arguments.remove(at + 1).into());
+            arguments.remove(at);
+        } else if let Some(path) = text.strip_prefix("--config=") {
+            file = Some(path.into());
+            arguments.remove(at);
+        } else {
+            at += 1;
+        }
+    }
+    Ok((arguments, file))
+}
+
+fn read(file: &Path, command: &str, program: &Command) -> Result<Settings> {
+    let text = std::fs::read_to_string(file).with_context(|| file.display().to_string())?;
+    let all: Settings = toml::from_str(&text).with_context(|| file.display().to_string())?;
+    let mut settings = Settings::new();
+    let mut own = Settings::new();
+    for (key, value) in all {
+        match value {
+            toml::Value::Table(table) if CONFIGURED.contains(&key.as_str()) => {
+                let known = |name: &String| is_known(name, program.find_subcommand(&key).as_slice());
+                if let Some(unknown) = table.keys().find(|name| !known(name)) {
+                    bail!("{}: `{key}` has no setting called `{unknown}`", file.display());
+                }
+                if key == command {
+                    own.extend(table);
+                }
+            }
+            value => {
+                let commands: Vec<&Command> =
+                    CONFIGURED.iter().filter_map(|name| program.find_subcommand(name)).collect();
+                if !is_known(&key, &commands) {
+                    bail!("{}: no setting is called `{key}`; `viola config` lists them", file.display());
+                }
+                settings.insert(key, value);
+            }
+        }
+    }
+    settings.extend(own);
+    Ok(settings)
+}
+
+fn is_known(name: &str, commands: &[&Command]) -> bool {
+    commands.iter().any(|command| {
+        let inner: Vec<&Command> = command.get_subcommands().collect();
+        flag(command, name).is_some() || is_known(name, &inner)
+    })
+}
+
+fn flag<'a>(command: &'a Command, name: &str) -> Option<&'a Arg> {
+    command.get_arguments().find(|arg| arg.get_long() == Some(name))
+}
+
+/// The file's settings as flags, but for those that are given already.
+fn added(settings: &Settings, command: &Command, given: &[OsString]) -> Result<Vec<OsString>> {
+    let mut added = Vec::new();
+    for (name, value) in settings {
+        let Some(arg) = flag(command, name) else { continue };
+        let long = format!("--{name}");
+        let is_given = given.iter().any(|given| {
+            let given = given.to_string_lossy();
+            given == long.as_str() || given.strip_prefix(&long).is_some_and(|rest| rest.starts_with('='))
+        });
+        if is_given || arg.get_env().is_some_and(|variable| std::env::var_os(variable).is_some()) {
+            continue;
+        }
+        let is_switch = matches!(arg.get_action(), ArgAction::SetTrue);
+        match value {
+            toml::Value::Boolean(true) if is_switch => added.push(long.into()),
+            toml::Value::Boolean(false) if is_switch => {}
+            toml::Value::String(text) if !is_switch => added.push(format!("{long}={text}").into()),
+            toml::Value::Integer(_) | toml::Value::Float(_) if !is_switch => {
+                added.push(format!("{long}={value}").into());
+            }
+            _ if is_switch => bail!("the setting `{name}` is true or false"),
+            _ => bail!("the setting `{name}` is a text or a number"),
+        }
+    }
+    Ok(added)
+}
+
+/// Prints the configuration of a command, without secrets.
+pub fn run(arguments: &ConfigArguments, program: &Command) -> Result<()> {
+    let name = arguments.command.as_str();
+    let command = program.find_subcommand(name).filter(|_| CONFIGURED.contains(&name));
+    let Some(command) = command else { bail!("the commands with a configuration are {}", CONFIGURED.join(", ")) };
+    let file = std::env::var_os(VARIABLE).map(PathBuf::from);
+    let settings = file.as_deref().map(|file| read(file, name, program)).transpose()?.unwrap_or_default();
+    for arg in command.get_arguments().filter(|arg| !arg.is_hide_set()) {
+        let Some(long) = arg.get_long().filter(|long| *long != "help") else { continue };
+        let (value, source) = value_of(arg, settings.get(long));
+        let shown = match value {
+            Some(_) if arg.is_hide_env_values_set() => "(set, and secret)".to_owned(),
+            Some(value) => value,
+            None => "(not set)".to_owned(),
+        };
+        let variable = arg.get_env().map_or(String::new(), |name| format!(" [{}]", name.to_string_lossy()));
+        println!("{long} = {shown}    # {source}{variable}");
+    }
+    Ok(())
+}
+
+fn value_of(arg: &Arg, setting: Option<&toml::Value>) -> (Option<String>, &'static str) {
+    if let Some(value) = arg.get_env().and_then(std::env::var_os) {
+        return (Some(value.to_string_lossy().into_owned()), "environment");
+    }
+    if let Some(value) = setting {
+        let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        return (Some(text), "file");
+    }
+    let default = arg.get_default_values().first().map(|value| value.to_string_lossy().into_owned());
+    (default, "default")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    fn program() -> Command {
+        crate::cli::Arguments::command()
+    }
+
+    fn expanded(file: &str, given: &[&str]) -> Result<Vec<String>, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("viola.toml");
+        std::fs::write(&path, file).unwrap();
+        let config = format!("--config={}", path.display());
+        let given = ["viola"].iter().chain(given).map(|text| OsString::from(*text)).chain([config.into()]);
+        let arguments = with_file(given, &program()).map_err(|error| format!("{error:#}"))?;
+        Ok(arguments.into_iter().skip(1).map(|text| text.into_string().unwrap()).collect())
+    }
+
+    #[test]
+    fn a_file_stands_behind_flags_and_before_defaults() {
+        let file = "listen = \"127.0.0.1:1\"\nworkers = 2\nno-worker = true\n[work]\nworkers = 3\n";
+        let cases: [(&[&str], &[&str]); 6] = [
+            (&["serve"], &["serve", "--listen=127.0.0.1:1", "--no-worker", "--workers=2"]),
+            (&["serve", "--workers", "5"], &["serve", "--listen=127.0.0.1:1", "--no-worker", "--workers", "5"]),
+            (&["serve", "--workers=5"], &["serve", "--listen=127.0.0.1:1", "--no-worker", "--workers=5"]),
+            (&["work"], &["work", "--workers=3"]),
+            (&["keys", "list"], &["keys", "list"]),
+            (&["openapi"], &["openapi"]),
+        ];
+        for (given, expected) in cases {
+            assert_eq!(expanded(file, given).as_deref(), Ok(expected.map_to_owned().as_slice()), "{given:?}");
+        }
+    }
+
+    trait MapToOwned {
+        fn map_to_owned(&self) -> Vec<String>;
+    }
+
+    impl MapToOwned for [&str] {
+        fn map_to_owned(&self) -> Vec<String> {
+            self.iter().map(|text| (*text).to_owned()).collect()
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_in_a_file_is_named() {
+        let cases = [
+            ("lisen = \"x\"", "`lisen`"),
+            ("[serve]\nlisen = 1", "`lisen`"),
+            ("[work]\nno-worker = true", "`no-worker`"),
+            ("no-worker = 1", "`no-worker`"),
+            ("workers = [1]", "`workers`"),
+            ("workers = ", "viola.toml"),
+        ];
+        for (file, named) in cases {
+            let error = expanded(file, &["serve"]).unwrap_err();
+            assert!(error.contains(named), "{file}: {error}");
+        }
+    }
+}

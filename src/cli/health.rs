@@ -1,0 +1,31 @@
+//! `viola health`: asks a running process whether it can serve, for containers that have no other client.
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use std::net::SocketAddr;
+use std::time::Duration;
+
+const PATIENCE: Duration = Duration::from_secs(4);
+
+#[derive(Args)]
+pub struct HealthArguments {
+    /// Where the process listens.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8080")]
+    address: SocketAddr,
+}
+
+pub fn run(arguments: &HealthArguments) -> Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(async {
+        let url = format!("http://{}/readyz", arguments.address);
+        let client = reqwest::Client::builder().timeout(PATIENCE).no_proxy().build()?;
+        let answer = client.get(&url).send().await.context("it does not answer")?;
+        let status = answer.status();
+        let told = answer.text().await?;
+        if !status.is_success() {
+            bail!("{status}: {told}");
+        }
+        println!("{told}");
+        Ok(())
+    })
+}

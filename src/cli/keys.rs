@@ -1,0 +1,126 @@
+//! `viola keys`: who may call the service.
+
+use super::store::StoreArguments;
+use crate::storage::{ApiKey, HomeId, NewKey, Role, Storage, Tenant};
+use anyhow::{Result, bail};
+use clap::{Args, Subcommand};
+use jiff::{SignedDuration, Timestamp};
+use uuid::Uuid;
+
+#[derive(Args)]
+pub struct KeysArguments {
+    #[command(subcommand)]
+    command: KeysCommand,
+}
+
+#[derive(Subcommand)]
+enum KeysCommand {
+    /// Make a key and show it, this once. From the first one on, the service serves nobody without a key.
+    Create(CreateArguments),
+    /// List the keys, without their secrets.
+    List(ListArguments),
+    /// End a key at once.
+    Revoke(RevokeArguments),
+}
+
+#[derive(Args)]
+struct CreateArguments {
+    #[command(flatten)]
+    store: StoreArguments,
+    /// Whose homes the key is for. What was there before there were keys belongs to the tenant `default`.
+    #[arg(long, value_name = "NAME")]
+    tenant: Tenant,
+    /// What the key allows: an uploader uploads clips and follows them, a reader reads everything, an admin does all.
+    #[arg(long, value_name = "uploader|reader|admin")]
+    role: Role,
+    /// Only for this home.
+    #[arg(long, value_name = "ID")]
+    home: Option<HomeId>,
+    /// For people, to know the key by.
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    label: String,
+    /// When the key ends by itself.
+    #[arg(long, value_name = "DAYS", value_parser = clap::value_parser!(u32).range(1..=36500))]
+    days: Option<u32>,
+}
+
+#[derive(Args)]
+struct ListArguments {
+    #[command(flatten)]
+    store: StoreArguments,
+    /// Only this tenant's.
+    #[arg(long, value_name = "NAME")]
+    tenant: Option<Tenant>,
+}
+
+#[derive(Args)]
+struct RevokeArguments {
+    #[command(flatten)]
+    store: StoreArguments,
+    /// The key's id, as `viola keys list` shows it.
+    id: Uuid,
+}
+
+pub fn run(arguments: &KeysArguments) -> Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(async {
+        match &arguments.command {
+            KeysCommand::Create(arguments) => create(arguments).await,
+            KeysCommand::List(arguments) => list(arguments).await,
+            KeysCommand::Revoke(arguments) => revoke(arguments).await,
+        }
+    })
+}
+
+async fn create(arguments: &CreateArguments) -> Result<()> {
+    let storage = Storage::administer(&arguments.store.params()).await?;
+    let now = Timestamp::now();
+    let life = arguments.days.map(|days| SignedDuration::from_hours(24 * i64::from(days)));
+    let new = NewKey {
+        tenant: arguments.tenant.clone(),
+        role: arguments.role,
+        home: arguments.home.as_ref().map(|home| arguments.tenant.home(home)),
+        label: arguments.label.clone(),
+        expires_at: life.map(|life| now + life),
+    };
+    let (key, secret) = storage.create_key(new, now).await?;
+    storage.close().await;
+    // Alone on standard output, so that a script can take it.
+    eprintln!("key {} of tenant {}; it is not shown again:", key.id, key.tenant.name());
+    println!("{}", secret.show());
+    Ok(())
+}
+
+async fn list(arguments: &ListArguments) -> Result<()> {
+    let storage = Storage::administer(&arguments.store.params()).await?;
+    let keys = storage.keys(arguments.tenant.as_ref()).await?;
+    storage.close().await;
+    let now = Timestamp::now();
+    println!("{:36}  {:16}  {:8}  {:16}  {:8}  {:20}  label", "id", "tenant", "role", "home", "state", "last used");
+    for key in &keys {
+        let home = key.home.as_ref().map_or("all", HomeId::as_str);
+        let used = key.last_used_at.map_or("never".to_owned(), |at| at.strftime("%Y-%m-%d %H:%M").to_string());
+        let (id, tenant, role) = (key.id, key.tenant.name(), key.role.name());
+        println!("{id:36}  {tenant:16}  {role:8}  {home:16}  {:8}  {used:20}  {}", state(key, now), key.label);
+    }
+    Ok(())
+}
+
+fn state(key: &ApiKey, now: Timestamp) -> &'static str {
+    match (key.revoked_at, key.is_valid(now)) {
+        (Some(_), _) => "revoked",
+        (None, true) => "valid",
+        (None, false) => "expired",
+    }
+}
+
+async fn revoke(arguments: &RevokeArguments) -> Result<()> {
+    let storage = Storage::administer(&arguments.store.params()).await?;
+    let was_there = storage.revoke_key(arguments.id, Timestamp::now()).await?;
+    storage.close().await;
+    if !was_there {
+        bail!("no key has the id {}; `viola keys list` shows those there are", arguments.id);
+    }
+    println!("{} is revoked", arguments.id);
+    Ok(())
+}

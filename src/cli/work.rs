@@ -1,0 +1,30 @@
+//! `viola work`: jobs and nothing else, beside any number of servers and other workers.
+
+use super::service::{self, print_address};
+use super::store::StoreArguments;
+use super::worker::WorkerArguments;
+use crate::api::{WorkParams, work};
+use anyhow::Result;
+use clap::Args;
+use std::net::SocketAddr;
+
+#[derive(Args)]
+pub struct WorkArguments {
+    #[command(flatten)]
+    store: StoreArguments,
+    #[command(flatten)]
+    worker: WorkerArguments,
+    /// Where to serve /healthz, /readyz and /metrics; nowhere when not given.
+    #[arg(long, value_name = "ADDRESS", env = "VIOLA_STATUS_LISTEN")]
+    status_listen: Option<SocketAddr>,
+}
+
+pub fn run(arguments: &WorkArguments) -> Result<()> {
+    let params = WorkParams {
+        storage: arguments.store.params(),
+        workers: arguments.worker.workers,
+        worker: arguments.worker.params()?,
+        listen: arguments.status_listen,
+    };
+    service::run(|stop| work(params, stop, print_address))
+}

@@ -1,0 +1,48 @@
+//! What is counted of the work.
+
+use crate::storage::Ending;
+use metrics::{Unit, counter, describe_counter, describe_histogram, histogram};
+use std::time::Duration;
+
+const ATTEMPTS: &str = "viola_job_attempts_total";
+const ATTEMPT_SECONDS: &str = "viola_job_attempt_seconds";
+const STAGE_SECONDS: &str = "viola_job_stage_seconds";
+const START_SECONDS: &str = "viola_job_start_seconds";
+const LEASES_LOST: &str = "viola_leases_lost_total";
+const MERGES: &str = "viola_merges_total";
+const MERGE_SECONDS: &str = "viola_merge_seconds";
+
+/// Tells whoever reads the numbers what they are.
+pub fn describe_metrics() {
+    describe_counter!(ATTEMPTS, "Attempts at jobs, by how they ended");
+    describe_histogram!(ATTEMPT_SECONDS, Unit::Seconds, "Time of an attempt");
+    describe_histogram!(STAGE_SECONDS, Unit::Seconds, "Time of a stage of the method");
+    describe_histogram!(START_SECONDS, Unit::Seconds, "From when a job was due to when a worker had it");
+    describe_counter!(LEASES_LOST, "Attempts whose job went to another worker, was cancelled or removed");
+    describe_counter!(MERGES, "Merges of homes, by how they ended");
+    describe_histogram!(MERGE_SECONDS, Unit::Seconds, "Time of a merge");
+}
+
+pub(super) fn started(waited: Duration) {
+    histogram!(START_SECONDS).record(waited);
+}
+
+/// `ending` is none where the job went to somebody else.
+pub(super) fn ended(outcome: &str, ending: Option<&Ending>, took: Duration) {
+    counter!(ATTEMPTS, "outcome" => outcome.to_owned()).increment(1);
+    histogram!(ATTEMPT_SECONDS).record(took);
+    match ending {
+        None => counter!(LEASES_LOST).increment(1),
+        Some(Ending::Answered(alignment)) => {
+            for (stage, seconds) in &alignment.seconds {
+                histogram!(STAGE_SECONDS, "stage" => stage.clone()).record(*seconds);
+            }
+        }
+        Some(_) => {}
+    }
+}
+
+pub(super) fn merged(outcome: &'static str, took: Duration) {
+    counter!(MERGES, "outcome" => outcome).increment(1);
+    histogram!(MERGE_SECONDS).record(took);
+}

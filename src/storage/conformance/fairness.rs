@@ -1,0 +1,67 @@
+//! In which order jobs are done.
+
+use super::*;
+
+on_every_back_end!(nobody_waits_behind_all_of_another, who_asks_comes_first, nobody_waits_for_ever);
+
+/// Homes of the jobs that are claimed, as `tenant/home`, all at one moment.
+async fn order(storage: &Storage, now_s: i64, count: usize) -> Vec<String> {
+    let mut homes = Vec::new();
+    while homes.len() < count
+        && let Some(claim) = storage.claim(LEASE, at(now_s)).await.unwrap()
+    {
+        homes.push(format!("{}/{}", claim.job.home.tenant(), claim.job.home));
+    }
+    homes
+}
+
+async fn home_with_map(storage: &Storage, tenant: &str, id: &str) -> HomeId {
+    let home = tenant.parse::<Tenant>().unwrap().home(&home(id));
+    storage.put_home(&home, None, at(0)).await.unwrap();
+    put_map(storage, &home, b"map").await;
+    home
+}
+
+async fn nobody_waits_behind_all_of_another(storage: Storage) {
+    let greedy = home_with_map(&storage, "acme", "greedy").await;
+    for n in 0..5u8 {
+        add(&storage, &greedy, &[n]).await;
+    }
+    // Another home of the same tenant, and another tenant, come last and each have their first turn after one job.
+    let modest = home_with_map(&storage, "acme", "modest").await;
+    add(&storage, &modest, b"one").await;
+    let other = home_with_map(&storage, "bolt", "other").await;
+    add(&storage, &other, b"one").await;
+    add(&storage, &other, b"two").await;
+    let order = order(&storage, 0, 9).await;
+    let at = |name: &str| order.iter().position(|home| home == name).unwrap();
+    assert_eq!(order.len(), 8);
+    assert!(at("acme/modest") <= 3 && at("bolt/other") <= 3, "{order:?}");
+    assert!(order[4..].iter().filter(|home| *home == "acme/greedy").count() >= 3, "{order:?}");
+}
+
+async fn who_asks_comes_first(storage: Storage) {
+    let again = home_with_map(&storage, "acme", "again").await;
+    add(&storage, &again, b"clip").await;
+    let fresh = home_with_map(&storage, "bolt", "fresh").await;
+    // A new map sends its home's clips around again, behind new clips; who asks for one clip does not wait for them.
+    put_map(&storage, &again, b"new map").await;
+    add(&storage, &fresh, b"clip").await;
+    let asked = home_with_map(&storage, "corp", "asked").await;
+    let clip = add(&storage, &asked, b"clip").await;
+    storage.cancel_job(clip.job.unwrap().id, at(0)).await.unwrap();
+    storage.align_clip(&asked, clip.id, at(0)).await.unwrap();
+    assert_eq!(order(&storage, 0, 9).await, ["corp/asked", "bolt/fresh", "acme/again"]);
+}
+
+async fn nobody_waits_for_ever(storage: Storage) {
+    let patient = home_with_map(&storage, "acme", "patient").await;
+    add(&storage, &patient, b"clip").await;
+    put_map(&storage, &patient, b"new map").await;
+    let busy = home_with_map(&storage, "bolt", "busy").await;
+    let clip = add(&storage, &busy, b"clip").await;
+    // An hour later somebody asks: what has waited for an hour goes first nevertheless.
+    storage.cancel_job(clip.job.unwrap().id, at(1)).await.unwrap();
+    storage.align_clip(&busy, clip.id, at(3600)).await.unwrap();
+    assert_eq!(order(&storage, 3600, 1).await, ["acme/patient"]);
+}

@@ -1,0 +1,155 @@
+//! A statement with its values, and the rows that it gives, on either database. Text, whole numbers and fractions are
+//! all that our tables have.
+
+use super::super::StorageError;
+use super::super::columns::Columns;
+use super::{Connection, Executor};
+use sqlx::postgres::{PgArguments, PgRow};
+use sqlx::sqlite::{SqliteArguments, SqliteRow};
+use sqlx::{Arguments, Postgres, Row as _, SqlSafeStr, SqlStr, Sqlite};
+
+/// A value that a statement is given.
+pub enum Value {
+    Text(Option<String>),
+    Number(Option<i64>),
+    Real(f64),
+}
+
+macro_rules! from {
+    ($($type:ty => $value:ident, $convert:expr;)*) => {
+        $(impl From<$type> for Value {
+            fn from(value: $type) -> Value {
+                Value::$value($convert(value))
+            }
+        })*
+    };
+}
+
+from!(
+    &str => Text, |value: &str| Some(value.to_owned());
+    String => Text, Some;
+    &String => Text, |value: &String| Some(value.clone());
+    Option<&str> => Text, |value: Option<&str>| value.map(str::to_owned);
+    Option<String> => Text, |value| value;
+    &Option<String> => Text, Option::clone;
+    i64 => Number, Some;
+    Option<i64> => Number, |value| value;
+    f64 => Real, |value| value;
+);
+
+/// A statement and its values, to be run once.
+pub struct Query {
+    sql: SqlStr,
+    values: Vec<Value>,
+}
+
+pub fn query(sql: impl SqlSafeStr) -> Query {
+    Query { sql: sql.into_sql_str(), values: Vec::new() }
+}
+
+/// A row of an answer.
+pub enum Row {
+    Sqlite(SqliteRow),
+    Postgres(PgRow),
+}
+
+/// Adds the values to arguments of either kind.
+macro_rules! arguments {
+    ($type:ty, $values:expr) => {{
+        let mut arguments = <$type>::default();
+        for value in $values {
+            let added = match value {
+                Value::Text(text) => arguments.add(text),
+                Value::Number(number) => arguments.add(number),
+                Value::Real(real) => arguments.add(real),
+            };
+            added.map_err(sqlx::Error::Encode)?;
+        }
+        arguments
+    }};
+}
+
+impl Query {
+    pub fn bind(mut self, value: impl Into<Value>) -> Query {
+        self.values.push(value.into());
+        self
+    }
+
+    pub async fn fetch_all(self, connection: &mut Connection) -> Result<Vec<Row>, sqlx::Error> {
+        Ok(match connection.executor() {
+            Executor::Sqlite(connection) => {
+                let query =
+                    sqlx::query_with::<Sqlite, _>(self.sql, arguments!(SqliteArguments, self.values));
+                query.fetch_all(connection).await?.into_iter().map(Row::Sqlite).collect()
+            }
+            Executor::Postgres(connection) => {
+                let query = sqlx::query_with::<Postgres, _>(self.sql, arguments!(PgArguments, self.values));
+                query.fetch_all(connection).await?.into_iter().map(Row::Postgres).collect()
+            }
+        })
+    }
+
+    pub async fn fetch_optional(self, connection: &mut Connection) -> Result<Option<Row>, sqlx::Error> {
+        Ok(match connection.executor() {
+            Executor::Sqlite(connection) => {
+                let query =
+                    sqlx::query_with::<Sqlite, _>(self.sql, arguments!(SqliteArguments, self.values));
+                query.fetch_optional(connection).await?.map(Row::Sqlite)
+            }
+            Executor::Postgres(connection) => {
+                let query = sqlx::query_with::<Postgres, _>(self.sql, arguments!(PgArguments, self.values));
+                query.fetch_optional(connection).await?.map(Row::Postgres)
+            }
+        })
+    }
+
+    pub async fn fetch_one(self, connection: &mut Connection) -> Result<Row, sqlx::Error> {
+        self.fetch_optional(connection).await?.ok_or(sqlx::Error::RowNotFound)
+    }
+
+    /// How many rows were changed.
+    pub async fn execute(self, connection: &mut Connection) -> Result<u64, sqlx::Error> {
+        Ok(match connection.executor() {
+            Executor::Sqlite(connection) => {
+                let query =
+                    sqlx::query_with::<Sqlite, _>(self.sql, arguments!(SqliteArguments, self.values));
+                query.execute(connection).await?.rows_affected()
+            }
+            Executor::Postgres(connection) => {
+                let query = sqlx::query_with::<Postgres, _>(self.sql, arguments!(PgArguments, self.values));
+                query.execute(connection).await?.rows_affected()
+            }
+        })
+    }
+}
+
+macro_rules! get {
+    ($row:expr, $column:expr) => {
+        match $row {
+            Row::Sqlite(row) => Ok(row.try_get($column)?),
+            Row::Postgres(row) => Ok(row.try_get($column)?),
+        }
+    };
+}
+
+impl Columns for Row {
+    fn text(&self, column: &'static str) -> Result<String, StorageError> {
+        get!(self, column)
+    }
+
+    fn maybe_text(&self, column: &'static str) -> Result<Option<String>, StorageError> {
+        get!(self, column)
+    }
+
+    fn number(&self, column: &'static str) -> Result<i64, StorageError> {
+        get!(self, column)
+    }
+
+    fn maybe_number(&self, column: &'static str) -> Result<Option<i64>, StorageError> {
+        get!(self, column)
+    }
+
+    fn real(&self, column: &'static str) -> Result<f64, StorageError> {
+        get!(self, column)
+    }
+}

@@ -1,0 +1,279 @@
+//! Keys, roles and tenants: what one of them cannot do, see or guess of another's.
+
+use crate::common::client::{Answer, Client};
+use crate::clips::small_clip;
+use crate::common::{room, tus};
+use crate::server::Server;
+use jiff::{SignedDuration, Timestamp};
+use reqwest::Method;
+use serde_json::{Value, json};
+use std::num::NonZeroU32;
+use viola::api::LimitParams;
+use viola::storage::{NewKey, Role};
+
+#[tokio::test]
+async fn without_keys_everybody_on_this_machine_may_do_everything() {
+    let server = Server::without_workers().await;
+    server.make_home("h").await;
+    let session = server.get("/v1/session").await.ok(200);
+    assert_eq!(session, json!({"tenant": "default", "role": "admin", "with_key": false}));
+    // From the first key on, nobody does without one.
+    let admin = server.client("default", Role::Admin, None).await;
+    let problem = server.get("/v1/homes").await;
+    assert_eq!(problem.header("www-authenticate"), "Bearer realm=\"viola\"");
+    problem.problem(401, "key-missing");
+    assert_eq!(admin.get("/v1/homes").await.ok(200)["items"][0]["id"], "h");
+    // What tells how the process is, and the page, need none.
+    for path in ["/healthz", "/readyz", "/metrics", "/", "/openapi.json"] {
+        assert_eq!(server.get(path).await.status, 200, "{path}");
+    }
+}
+
+#[tokio::test]
+async fn only_valid_keys_pass() {
+    let server = Server::without_workers().await;
+    let (key, secret) = server.key("acme", Role::Admin, None).await;
+    let good = format!("Bearer {}", secret.show());
+    let mut other = secret.show().to_owned();
+    let last = if other.pop() == Some('0') { '1' } else { '0' };
+    other.push(last);
+    let cases = [
+        (good.as_str(), 200),
+        (&good.replace("Bearer", "bearer"), 200),
+        (&format!("Bearer {other}"), 401),
+        (&good.replace("Bearer", "Basic"), 401),
+        (secret.show(), 401),
+        ("Bearer", 401),
+        ("Bearer ", 401),
+        ("Bearer viola_", 401),
+        ("Bearer ' OR 1=1 --", 401),
+        (&format!("Bearer {}", "a".repeat(5000)), 401),
+    ];
+    let ask = async |authorization: &str| {
+        let request = server.request(Method::GET, "/v1/session").header("authorization", authorization);
+        server.send(request).await
+    };
+    for (authorization, status) in cases {
+        let answer = ask(authorization).await;
+        assert_eq!(answer.status, status, "{authorization}");
+        if status == 401 {
+            answer.problem(401, "key-invalid");
+        }
+    }
+    let storage = server.administer().await;
+    storage.revoke_key(key.id, Timestamp::now()).await.unwrap();
+    ask(&good).await.problem(401, "key-invalid");
+    let expires_at = Some(Timestamp::now() - SignedDuration::from_secs(1));
+    let new = NewKey { tenant: key.tenant, role: Role::Admin, home: None, label: String::new(), expires_at };
+    let (_, expired) = storage.create_key(new, Timestamp::now()).await.unwrap();
+    ask(&format!("Bearer {}", expired.show())).await.problem(401, "key-invalid");
+}
+
+#[tokio::test]
+async fn a_browser_keeps_a_key_in_a_cookie() {
+    let server = Server::without_workers().await;
+    let (_, secret) = server.key("acme", Role::Reader, None).await;
+    let sign_in = |key: &str| {
+        server.send(server.request(Method::PUT, "/v1/session").json(&json!({"key": key})))
+    };
+    sign_in("viola_0").await.problem(401, "key-invalid");
+    sign_in(&format!("viola_{}", "0".repeat(64))).await.problem(401, "key-invalid");
+    let answer = sign_in(secret.show()).await;
+    assert_eq!(answer.status, 204);
+    let cookie = answer.header("set-cookie").to_owned();
+    for part in ["HttpOnly", "SameSite=Strict", "Path=/"] {
+        assert!(cookie.contains(part), "{cookie}");
+    }
+    let pair = cookie.split(';').next().unwrap();
+    let request = server.request(Method::GET, "/v1/session").header("cookie", format!("a=b; {pair}"));
+    assert_eq!(server.send(request).await.ok(200)["tenant"], "acme");
+    let request = server.request(Method::GET, "/v1/session").header("cookie", "viola_key=x");
+    server.send(request).await.problem(401, "key-invalid");
+    let gone = server.delete("/v1/session").await;
+    assert!(gone.status == 204 && gone.header("set-cookie").contains("Max-Age=0"));
+}
+
+/// A home with a map, a clip with its job, and an upload that is not finished.
+struct Belongings {
+    home: String,
+    clip: String,
+    job: String,
+    upload: String,
+}
+
+async fn belongings(client: &Client, home: &str) -> Belongings {
+    let home = client.make_home(home).await;
+    client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let clip = client.post(&format!("{home}/clips"), small_clip()).await.ok(201);
+    let upload = client.begin(home.rsplit('/').next().unwrap(), 100).await;
+    Belongings {
+        clip: format!("{home}/clips/{}", clip["id"].as_str().unwrap()),
+        job: format!("/v1/jobs/{}", clip["job"]["id"].as_str().unwrap()),
+        home,
+        upload,
+    }
+}
+
+/// Every route of the document with these belongings in it, for every method.
+fn every_route(of: &Belongings) -> Vec<(Method, String)> {
+    let document: Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    let clip = of.clip.rsplit('/').next().unwrap();
+    let job = of.job.rsplit('/').next().unwrap();
+    let upload = of.upload.rsplit('/').next().unwrap();
+    let home = of.home.rsplit('/').next().unwrap();
+    let mut routes = Vec::new();
+    for (path, operations) in document["paths"].as_object().unwrap() {
+        let filled = path.replace("{home}", home).replace("{clip}", clip).replace("{job}", job);
+        let filled = filled.replace("{upload}", upload);
+        assert!(!filled.contains('{'), "{path} names something that this test does not know");
+        for method in operations.as_object().unwrap().keys() {
+            routes.push((method.to_uppercase().parse().unwrap(), filled.clone()));
+        }
+    }
+    routes
+}
+
+/// With a body that would be good, so that nothing but the key stands in the way.
+async fn send(client: &Client, method: &Method, path: &str) -> Answer {
+    let request = client.request(method.clone(), path).header("tus-resumable", "1.0.0");
+    let request = match (method.as_str(), path) {
+        ("PUT", path) if path.ends_with("/alignment") => {
+            request.json(&json!({"map_from_clip": {"x_m": 0.0, "y_m": 0.0, "yaw_rad": 0.0}}))
+        }
+        ("PUT", path) if path.ends_with("/lidar-map") => request.body(room::lidar_csv()),
+        ("POST", path) if path.ends_with("/clips") => request.body(small_clip()),
+        ("PATCH" | "POST", path) if path.starts_with("/v1/uploads/") => request
+            .header("x-http-method-override", "PATCH")
+            .header("upload-offset", "0")
+            .header("content-type", "application/offset+octet-stream")
+            .body("x"),
+        _ => request,
+    };
+    client.send(request).await
+}
+
+#[tokio::test]
+async fn another_tenants_ids_are_nobodys_in_every_route() {
+    let server = Server::without_workers().await;
+    let acme = server.client("acme", Role::Admin, None).await;
+    let bolt = server.client("bolt", Role::Admin, None).await;
+    // One id is in use by both, the other by the first alone.
+    let own = belongings(&acme, "shared").await;
+    belongings(&bolt, "shared").await;
+    let secret = belongings(&acme, "secret").await;
+    let before = (acme.get(&own.clip).await.ok(200), acme.get(&secret.home).await.ok(200));
+    for of in [&own, &secret] {
+        for (method, path) in every_route(of) {
+            let names = ["clips/", "/v1/jobs/", "/v1/uploads/", "homes/secret"];
+            let makes_a_home = method == Method::PUT && path == "/v1/homes/secret";
+            if !names.iter().any(|name| path.contains(name)) || makes_a_home || method == Method::OPTIONS {
+                continue;
+            }
+            let answer = send(&bolt, &method, &path).await;
+            assert!(
+                answer.status == 404,
+                "{method} {path}: {} {}",
+                answer.status,
+                String::from_utf8_lossy(&answer.bytes)
+            );
+        }
+    }
+    // Nothing was changed by asking, and nothing of it is in lists.
+    assert_eq!((acme.get(&own.clip).await.ok(200), acme.get(&secret.home).await.ok(200)), before);
+    assert_eq!(acme.get(&own.upload).await.ok(200)["received_bytes"], 0);
+    for path in ["/v1/homes", "/v1/homes?updated_after=2000-01-01T00:00:00Z", "/v1/changes", "/v1/objects"] {
+        let text = String::from_utf8(bolt.get(path).await.bytes).unwrap();
+        assert!(!text.contains("secret") && !text.contains(own.clip.rsplit('/').next().unwrap()), "{path}");
+    }
+}
+
+#[tokio::test]
+async fn a_role_allows_what_it_says() {
+    let server = Server::without_workers().await;
+    let admin = server.client("acme", Role::Admin, None).await;
+    let reader = server.client("acme", Role::Reader, None).await;
+    let uploader = server.client("acme", Role::Uploader, None).await;
+    let of = belongings(&admin, "h").await;
+    for (method, path) in every_route(&of) {
+        let reads = [Method::GET, Method::HEAD, Method::OPTIONS].contains(&method);
+        let is_open = ["/healthz", "/readyz", "/metrics", "/v1/session"].contains(&path.as_str());
+        let answer = send(&reader, &method, &path).await;
+        assert_eq!(answer.status == 403, !reads && !is_open, "reader: {method} {path}: {}", answer.status);
+        // (What an uploader removes it has uploaded, so that it comes last.)
+        let uploads = path.starts_with("/v1/uploads")
+            || (method == Method::POST && path.ends_with("/clips"))
+            || (method == Method::GET
+                && ([of.home.as_str(), of.clip.as_str(), "/v1/classes"].contains(&path.as_str())
+                    || path.starts_with("/v1/jobs/")));
+        let answer = send(&uploader, &method, &path).await;
+        assert_eq!(answer.status == 403, !uploads && !is_open, "uploader: {method} {path}: {}", answer.status);
+    }
+    // Nothing that a reader or an uploader may not do was done.
+    assert_eq!(admin.get(&of.home).await.ok(200)["lidar_map_revision"], 1);
+    admin.get(&of.clip).await.ok(200);
+}
+
+#[tokio::test]
+async fn a_key_for_one_home_knows_no_other() {
+    let server = Server::without_workers().await;
+    let admin = server.client("acme", Role::Admin, None).await;
+    let (own, other) = (belongings(&admin, "own").await, belongings(&admin, "other").await);
+    for role in [Role::Uploader, Role::Admin] {
+        let key = server.client("acme", role, Some("own")).await;
+        for path in [&own.home, &own.clip, &own.job, &own.upload] {
+            key.get(path).await.ok(200);
+        }
+        for path in [&other.home, &other.clip, &other.job, &other.upload] {
+            assert_eq!(key.get(path).await.status, 404, "{path}");
+        }
+        let clip = key.post(&format!("{}/clips", other.home), small_clip()).await;
+        clip.problem(404, "home-not-found");
+    }
+    let key = server.client("acme", Role::Admin, Some("own")).await;
+    for path in ["/v1/homes", "/v1/changes", "/v1/objects"] {
+        key.get(path).await.problem(403, "forbidden");
+    }
+    key.put("/v1/homes/new", "").await.problem(404, "home-not-found");
+}
+
+#[tokio::test]
+async fn a_tenant_has_its_share_of_requests() {
+    let requests_per_s = NonZeroU32::new(5);
+    let server =
+        Server::with(|params| params.limits = LimitParams { requests_per_s, ..LimitParams::default() }).await;
+    let (acme, bolt) = (
+        server.client("acme", Role::Admin, None).await,
+        server.client("bolt", Role::Admin, None).await,
+    );
+    let mut refused = 0;
+    for _ in 0..40 {
+        let answer = acme.get("/v1/session").await;
+        if answer.status == 429 {
+            assert!(answer.header("retry-after").parse::<u64>().unwrap() >= 1);
+            answer.problem(429, "too-many-requests");
+            refused += 1;
+        }
+    }
+    assert!(refused > 0, "40 requests at once, and 5 a second are allowed");
+    bolt.get("/v1/session").await.ok(200);
+}
+
+#[tokio::test]
+async fn a_tenant_has_its_share_of_room() {
+    let clip = small_clip();
+    let limit = clip.len() as u64 * 3 / 2;
+    let limits = LimitParams { storage_bytes: Some(limit), ..LimitParams::default() };
+    let server = Server::with(|params| params.limits = limits).await;
+    let acme = server.client("acme", Role::Admin, None).await;
+    let bolt = server.client("bolt", Role::Admin, None).await;
+    for client in [&acme, &bolt] {
+        client.make_home("h").await;
+        client.post("/v1/homes/h/clips", clip.clone()).await.ok(201);
+        client.post("/v1/homes/h/clips", clip.clone()).await.problem(507, "tenant-full");
+    }
+    let begin = acme
+        .tus(Method::POST, "/v1/uploads")
+        .header("upload-length", limit)
+        .header("upload-metadata", tus::metadata(&[("home", "h")]));
+    acme.send(begin).await.problem(507, "tenant-full");
+}
