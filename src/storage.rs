@@ -29,7 +29,7 @@ mod placement;
 pub mod result_file;
 mod uploads;
 
-pub use blobs::BlobReader;
+pub use blobs::{BlobPlace, BlobReader, LocalFile, S3Params};
 pub use changes::{Change, ChangeKind, Changes, ChangesCursor};
 pub use choices::{Choice, ChoiceError, Chosen};
 pub use clip_list::ClipFilter;
@@ -52,6 +52,7 @@ pub use uploads::{
 use blobs::Blobs;
 use database::Database;
 use folder_lock::FolderLock;
+use jiff::Timestamp;
 use std::path::{Path, PathBuf};
 
 /// All that a server keeps, in one data folder.
@@ -74,7 +75,9 @@ impl Storage {
     pub async fn open(folder: &Path) -> Result<Storage, StorageError> {
         let storage = Storage::migrate(folder).await?;
         let keys = storage.blob_keys().await?;
-        storage.blobs.sweep(&keys)?;
+        let named =
+            async |some: &[String]| Ok(some.iter().filter(|key| keys.contains(*key)).cloned().collect());
+        storage.blobs.sweep(Timestamp::now(), named).await?;
         Ok(storage)
     }
 
@@ -85,7 +88,9 @@ impl Storage {
         let folder = &folder.canonicalize().map_err(file_error)?;
         let lock = FolderLock::take(folder)?;
         let database = Database::open(&folder.join("viola.sqlite")).await?;
-        let blobs = Blobs::open(&folder.join("blobs"))?;
+        let place = folder.join("blobs");
+        let incoming = place.join("incoming");
+        let blobs = Blobs::open(&BlobPlace::Folder(place), &incoming)?;
         Ok(Storage { database, blobs, _lock: lock })
     }
 

@@ -9,6 +9,7 @@ mod leases;
 mod lists;
 mod local_files;
 mod records;
+pub(in crate::storage) mod s3_server;
 mod uploads;
 
 use super::*;
@@ -156,7 +157,7 @@ fn lidar_info() -> LidarInfo {
 impl Storage {
     /// Keys of all blobs that are there, in order.
     async fn blobs_that_exist(&self) -> Vec<String> {
-        let mut keys = self.blobs.keys().unwrap();
+        let mut keys = self.blobs.keys().await.unwrap();
         keys.sort();
         keys
     }
