@@ -73,3 +73,6 @@ ALTER TABLE homes ADD COLUMN size_bytes BIGINT NOT NULL DEFAULT 0;
 UPDATE homes SET size_bytes =
     COALESCE((SELECT CAST(SUM(clips.size_bytes) AS BIGINT) FROM clips WHERE clips.home_id = homes.id), 0)
     + COALESCE((SELECT CAST(SUM(lidar_maps.size_bytes) AS BIGINT) FROM lidar_maps WHERE lidar_maps.home_id = homes.id), 0);
+
+-- By which a sweep finds whether a blob is named.
+CREATE INDEX upload_pieces_by_blob ON upload_pieces (blob_key);

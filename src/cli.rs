@@ -1,6 +1,7 @@
 //! The command line: one file a command.
 
 mod align;
+mod clean;
 mod completion;
 mod config;
 mod convert;
@@ -57,6 +58,8 @@ enum Command {
     Serve(serve::ServeArguments),
     /// Do jobs for servers that share a PostgreSQL database.
     Work(work::WorkArguments),
+    /// Remove what killed processes left behind.
+    Clean(clean::CleanArguments),
     /// Ask a running process whether it can serve.
     Health(health::HealthArguments),
     /// Make, list and revoke the keys of those who may call the service.
@@ -91,6 +94,7 @@ pub fn main() -> ExitCode {
         Command::Models(arguments) => models::run(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Work(arguments) => work::run(&arguments),
+        Command::Clean(arguments) => clean::run(&arguments),
         Command::Health(arguments) => health::run(&arguments),
         Command::Keys(arguments) => keys::run(&arguments),
         Command::Config(arguments) => config::run(&arguments, &program),

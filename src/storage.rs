@@ -29,12 +29,13 @@ mod lidar_maps;
 mod placement;
 pub mod result_file;
 mod signals;
+mod sweep;
 #[cfg(test)]
 #[path = "../tests/common/postgres.rs"]
 mod test_postgres;
 mod uploads;
 
-pub use blobs::BlobReader;
+pub use blobs::{BlobPlace, BlobReader, LocalFile, S3Params};
 pub use changes::{Change, ChangeKind, Changes, ChangesCursor};
 pub use choices::{Choice, ChoiceError, Chosen};
 pub use clip_list::ClipFilter;
@@ -60,6 +61,7 @@ use blobs::Blobs;
 pub use database::POSTGRES_CONNECTIONS;
 use database::{Database, query};
 use folder_lock::FolderLock;
+use jiff::Timestamp;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -78,6 +80,8 @@ pub struct StorageParams {
     pub data: PathBuf,
     /// PostgreSQL in place of a file in the data folder.
     pub postgres: Option<PostgresParams>,
+    /// A bucket in place of files in the data folder.
+    pub s3: Option<S3Params>,
 }
 
 /// A database that many processes share.
@@ -115,8 +119,7 @@ impl Storage {
     pub async fn open(params: &StorageParams) -> Result<Storage, StorageError> {
         let storage = Storage::migrate(params).await?;
         if storage._lock.is_some() {
-            let keys = storage.blob_keys().await?;
-            storage.blobs.sweep(&keys)?;
+            storage.sweep(Timestamp::now()).await?;
         }
         Ok(storage)
     }
@@ -137,7 +140,11 @@ impl Storage {
                 (Database::open_sqlite(&folder.join("viola.sqlite")).await?, lock)
             }
         };
-        let blobs = Blobs::open(&folder.join("blobs"))?;
+        let (place, incoming) = match &params.s3 {
+            Some(s3) => (BlobPlace::S3(s3.clone()), folder.join("incoming")),
+            None => (BlobPlace::Folder(folder.join("blobs")), folder.join("blobs/incoming")),
+        };
+        let blobs = Blobs::open(&place, &incoming)?;
         Ok(Storage { database, blobs, _lock: lock })
     }
 
@@ -163,6 +170,7 @@ impl Storage {
     }
 
     /// Every blob that a row refers to.
+    #[cfg(test)]
     async fn blob_keys(&self) -> Result<std::collections::HashSet<String>, StorageError> {
         let mut keys = self.clip_blob_keys().await?;
         keys.extend(self.lidar_map_blob_keys().await?);

@@ -92,8 +92,8 @@ pub(super) enum Error {
     NoSuchRoute,
     #[error("this path does not serve this method; the Allow header lists those it does")]
     MethodNotAllowed,
-    #[error("the service cannot reach its database")]
-    NotReady(#[source] StorageError),
+    #[error("the service has no use of its {what}: {}", .cause.as_ref().map_or("it is full".to_owned(), ToString::to_string))]
+    NotReady { what: &'static str, cause: Option<StorageError> },
     #[error("{0}")]
     Upload(#[from] UploadRefusal),
     #[error("{0}")]
@@ -148,7 +148,7 @@ impl Error {
                 (S::METHOD_NOT_ALLOWED, "method_not_allowed", "The path does not serve this method")
             }
             Error::Upload(refusal) => refusal.mapping(),
-            Error::NotReady(_) => (S::SERVICE_UNAVAILABLE, "not_ready", "The service is not ready"),
+            Error::NotReady { .. } => (S::SERVICE_UNAVAILABLE, "not_ready", "The service is not ready"),
             Error::Storage(StorageError::NoSuchHome) => {
                 (S::NOT_FOUND, "home_not_found", "There is no such home")
             }
@@ -172,6 +172,7 @@ impl Error {
 
     fn field(&self) -> Option<&'static str> {
         match self {
+            Error::NotReady { what, .. } => Some(what),
             Error::InvalidPath { field, .. } | Error::InvalidQuery { field, .. } => *field,
             Error::InvalidHeader { field, .. } | Error::InvalidMember { field, .. } => Some(field),
             Error::KeyReused => Some("Idempotency-Key"),
@@ -265,7 +266,7 @@ mod tests {
         let secret = || StorageError::Column { column: "secret", detail: "secret".to_owned() };
         let faults = [
             (Error::Storage(secret()).into_response(), 500),
-            (Error::NotReady(secret()).into_response(), 503),
+            (Error::NotReady { what: "blobs", cause: Some(secret()) }.into_response(), 503),
             (panicked(Box::new("secret")), 500),
             (panicked(Box::new("secret".to_owned())), 500),
             (panicked(Box::new(7)), 500),

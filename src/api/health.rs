@@ -1,21 +1,18 @@
 //! For whoever watches over the service.
 
-use super::metrics;
 use super::error::{Error, Problem};
-use crate::storage::Storage;
+use super::metrics;
+use crate::storage::{Storage, StorageError};
 use axum::Json;
 use axum::extract::State;
+use jiff::Timestamp;
 use serde::Serialize;
 use std::sync::Arc;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-#[derive(Serialize, utoipa::ToSchema)]
-pub(super) struct Health {
-    #[schema(example = "ok")]
-    status: &'static str,
-    version: &'static str,
-}
+/// With less free than this on the disk of files that arrive, a process is not given more.
+const LEAST_FREE_BYTES: u64 = 256 << 20;
 
 pub(super) fn routes() -> OpenApiRouter<Arc<Storage>> {
     OpenApiRouter::new()
@@ -24,22 +21,63 @@ pub(super) fn routes() -> OpenApiRouter<Arc<Storage>> {
         .routes(routes!(metrics::metrics))
 }
 
-const HEALTHY: Health = Health { status: "ok", version: env!("CARGO_PKG_VERSION") };
+#[derive(Serialize, utoipa::ToSchema)]
+pub(super) struct Health {
+    #[schema(example = "ok")]
+    status: &'static str,
+    version: &'static str,
+}
+
+/// What a process that can serve stands on.
+#[derive(Serialize, utoipa::ToSchema)]
+pub(super) struct Readiness {
+    #[schema(example = "ok")]
+    status: &'static str,
+    version: &'static str,
+    #[schema(example = "postgresql")]
+    database: &'static str,
+    /// On the disk of files that arrive.
+    free_bytes: u64,
+    queued: u64,
+    running: u64,
+    /// How long the job that has been due longest has waited.
+    #[schema(example = 1.5)]
+    queue_age_s: f64,
+    /// Homes whose map is behind.
+    merges_due: u64,
+}
 
 /// Whether the process lives
 #[utoipa::path(get, path = "/healthz", tag = "service",
     responses((status = 200, description = "It does", body = Health)))]
 async fn healthz() -> Json<Health> {
-    Json(HEALTHY)
+    Json(Health { status: "ok", version: env!("CARGO_PKG_VERSION") })
 }
 
 /// Whether the service can serve
+///
+/// Its database answers, its blobs can be written and read, and there is room for files that arrive. How long the queue
+/// is tells nothing about this process, and does not make it unready.
 #[utoipa::path(get, path = "/readyz", tag = "service",
     responses(
-        (status = 200, description = "It can", body = Health),
-        (status = 503, description = "Its database does not answer: `not-ready`", body = Problem,
-            content_type = "application/problem+json")))]
-async fn readyz(State(storage): State<Arc<Storage>>) -> Result<Json<Health>, Error> {
-    storage.ready().await.map_err(Error::NotReady)?;
-    Ok(Json(HEALTHY))
+        (status = 200, description = "It can", body = Readiness),
+        (status = 503, description = "Its database or its blobs do not answer, or its disk is full: `not-ready`",
+            body = Problem, content_type = "application/problem+json")))]
+async fn readyz(State(storage): State<Arc<Storage>>) -> Result<Json<Readiness>, Error> {
+    let not_ready = |what: &'static str| move |error: StorageError| Error::NotReady { what, cause: Some(error) };
+    let queue = storage.queue_state(Timestamp::now()).await.map_err(not_ready("database"))?;
+    let free_bytes = storage.blobs_ready().await.map_err(not_ready("blobs"))?;
+    if free_bytes < LEAST_FREE_BYTES {
+        return Err(Error::NotReady { what: "disk", cause: None });
+    }
+    Ok(Json(Readiness {
+        status: "ok",
+        version: env!("CARGO_PKG_VERSION"),
+        database: storage.database_name(),
+        free_bytes,
+        queued: queue.queued,
+        running: queue.running,
+        queue_age_s: queue.age.as_secs_f64(),
+        merges_due: queue.merges_due,
+    }))
 }

@@ -13,7 +13,7 @@ const FLAG: &str = "--config";
 const VARIABLE: &str = "VIOLA_CONFIG";
 
 /// Commands that take a configuration.
-const CONFIGURED: [&str; 4] = ["serve", "work", "migrate", "keys"];
+const CONFIGURED: [&str; 5] = ["serve", "work", "migrate", "keys", "clean"];
 
 #[derive(Args)]
 pub struct ConfigArguments {

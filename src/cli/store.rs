@@ -1,6 +1,6 @@
 //! Where the service keeps what it keeps, as the command line says it.
 
-use crate::storage::{POSTGRES_CONNECTIONS, PostgresParams, StorageParams};
+use crate::storage::{POSTGRES_CONNECTIONS, PostgresParams, S3Params, StorageParams};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -16,6 +16,28 @@ pub struct StoreArguments {
     /// Connections of this process to PostgreSQL, at most.
     #[arg(long, value_name = "N", env = "VIOLA_DATABASE_CONNECTIONS", default_value_t = POSTGRES_CONNECTIONS)]
     database_connections: u32,
+    /// A bucket of S3, or of a store with its interface, in place of files in the data folder.
+    #[arg(long, value_name = "NAME", env = "VIOLA_S3_BUCKET",
+        requires_all = ["s3_access_key_id", "s3_secret_access_key"])]
+    s3_bucket: Option<String>,
+    /// What the names of all objects begin with; what lies there belongs to this service alone.
+    #[arg(long, value_name = "PREFIX", env = "VIOLA_S3_PREFIX", default_value = "")]
+    s3_prefix: String,
+    /// Where the store is, when it is not Amazon's.
+    #[arg(long, value_name = "URL", env = "VIOLA_S3_ENDPOINT")]
+    s3_endpoint: Option<String>,
+    #[arg(long, value_name = "NAME", env = "VIOLA_S3_REGION", default_value = "us-east-1")]
+    s3_region: String,
+    #[arg(long, value_name = "ID", env = "VIOLA_S3_ACCESS_KEY_ID", hide_env_values = true)]
+    s3_access_key_id: Option<String>,
+    #[arg(long, value_name = "SECRET", env = "VIOLA_S3_SECRET_ACCESS_KEY", hide_env_values = true)]
+    s3_secret_access_key: Option<String>,
+    /// Let the endpoint be http, which anybody on the way can read.
+    #[arg(long, env = "VIOLA_S3_ALLOW_HTTP")]
+    s3_allow_http: bool,
+    /// Name the bucket in the host name, as Amazon does, and not in the path.
+    #[arg(long, env = "VIOLA_S3_VIRTUAL_HOSTED")]
+    s3_virtual_hosted: bool,
 }
 
 impl StoreArguments {
@@ -26,6 +48,20 @@ impl StoreArguments {
                 .database_url
                 .clone()
                 .map(|url| PostgresParams { url, connections: self.database_connections }),
+            s3: self.s3(),
         }
+    }
+
+    fn s3(&self) -> Option<S3Params> {
+        Some(S3Params {
+            bucket: self.s3_bucket.clone()?,
+            prefix: self.s3_prefix.clone(),
+            endpoint: self.s3_endpoint.clone(),
+            region: self.s3_region.clone(),
+            access_key_id: self.s3_access_key_id.clone().unwrap_or_default(),
+            secret_access_key: self.s3_secret_access_key.clone().unwrap_or_default(),
+            allow_http: self.s3_allow_http,
+            path_style: !self.s3_virtual_hosted,
+        })
     }
 }

@@ -121,9 +121,11 @@ impl Attempt<'_> {
     /// None when the job is no longer ours.
     async fn work(&self, stop: &CancellationToken) -> Option<Ending> {
         let report = Arc::new(Report::default());
-        let mut method = match self.begin(&report).await {
-            Ok(method) => method,
-            Err(error) => return Some(broken("storage_error", &error)),
+        let mut method = match self.begin_alive(&report, stop).await {
+            Begun::Working(method) => method,
+            Begun::Failed(error) => return Some(broken("storage_error", &error)),
+            Begun::Lost => return None,
+            Begun::Stopped => return Some(Ending::GivenUp),
         };
         match self.attend(&mut method, &report, stop).await {
             Watched::Ended(ended) => Some(self.conclude(*ended).await),
@@ -141,9 +143,27 @@ impl Attempt<'_> {
         }
     }
 
+    /// Renews the lease meanwhile: a clip that lies elsewhere has to be fetched first.
+    async fn begin_alive(&self, report: &Arc<Report>, stop: &CancellationToken) -> Begun {
+        let mut begin = std::pin::pin!(self.begin(report));
+        let mut tick = tokio::time::interval(TICK);
+        let mut said = Said { heard: Heard::default(), at: Instant::now() };
+        loop {
+            tokio::select! {
+                begun = &mut begin => return begun.map_or_else(Begun::Failed, Begun::Working),
+                () = stop.cancelled() => return Begun::Stopped,
+                _ = tick.tick() => match self.beat(report.heard(), &mut said).await {
+                    Ok(true) => {}
+                    Ok(false) => return Begun::Lost,
+                    Err(error) => warn!(job = %self.claim.job.id, %error, "a sign of life could not be recorded"),
+                },
+            }
+        }
+    }
+
     async fn begin(&self, report: &Arc<Report>) -> Result<Working, StorageError> {
         let storage = &self.queue.storage;
-        let clip = storage.clip_file(self.claim.job.clip);
+        let clip = storage.clip_file(self.claim.job.clip).await?;
         let lidar = storage.lidar_map_file(self.claim.lidar_map_id).await?;
         let (report, method, align) = (report.clone(), self.params.method, self.params.align.clone());
         Ok(tokio::task::spawn_blocking(move || method(&clip, &lidar, &align, report.as_ref())))
@@ -199,6 +219,15 @@ impl Attempt<'_> {
         }
         Ending::Answered(Box::new(finished.alignment))
     }
+}
+
+/// How a job began.
+enum Begun {
+    Working(Working),
+    Failed(StorageError),
+    /// As below.
+    Lost,
+    Stopped,
 }
 
 /// How the method ended while it was watched.

@@ -166,7 +166,7 @@ macro_rules! number_changes {
                 SELECT home_id, kind, clip_id, $1 + ROW_NUMBER() OVER (ORDER BY ticket, home_id, kind, clip_id) AS seq
                 FROM (SELECT home_id, kind, clip_id, ticket FROM changes WHERE seq IS NULL ORDER BY ticket LIMIT $2 ",
             $lock,
-            ") AS some
+            ") AS next
             ) AS fresh
             WHERE changes.home_id = fresh.home_id AND changes.kind = fresh.kind AND changes.clip_id = fresh.clip_id"
         )

@@ -7,15 +7,14 @@ use super::database::{Connection, Row, Transaction, query};
 use super::incoming::Arrived;
 use super::jobs::Priority;
 use super::{
-    BlobReader, Choice, ClipState, HomeId, Job, Placement, Storage, StorageError, home_maps, homes,
-    idempotency, jobs, lidar_maps, result_file,
+    BlobReader, Choice, ClipState, HomeId, Job, LocalFile, Placement, Storage, StorageError, home_maps,
+    homes, idempotency, jobs, lidar_maps, result_file,
 };
 use crate::align::{Alignment, Reason};
 use crate::clip::ClipInfo;
 use crate::geometry::Pose2;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
 use uuid::Uuid;
 
 /// An uploaded clip.
@@ -195,10 +194,11 @@ impl Storage {
     }
 
     /// The uploaded file, for readers that seek in it.
-    pub fn clip_file(&self, id: Uuid) -> PathBuf {
-        self.blobs.file(&file_key(id))
+    pub async fn clip_file(&self, id: Uuid) -> Result<LocalFile, StorageError> {
+        self.blobs.local_file(&file_key(id)).await
     }
 
+    #[cfg(test)]
     pub(super) async fn clip_blob_keys(&self) -> Result<Vec<String>, StorageError> {
         blob_keys(&mut *self.database.snapshot().await?, None).await
     }

@@ -11,6 +11,7 @@ mod leases;
 mod lists;
 mod local_files;
 mod records;
+pub(in crate::storage) mod s3_server;
 mod tenants;
 mod uploads;
 
@@ -44,11 +45,23 @@ macro_rules! on_every_back_end {
                 async fn $case() {
                     let Some(postgres) = crate::storage::test_postgres::Schema::new().await else { return };
                     let folder = tempfile::tempdir().unwrap();
-                    let params = crate::storage::StorageParams {
-                        data: folder.path().to_owned(),
-                        postgres: Some(crate::storage::PostgresParams { url: postgres.url(), connections: 8 }),
-                    };
-                    super::$case(crate::storage::Storage::open(&params).await.unwrap()).await;
+                    let storage = crate::storage::conformance::on(&postgres, folder.path(), None).await;
+                    super::$case(storage).await;
+                    postgres.remove().await;
+                }
+            )*
+        }
+
+        mod postgres_and_s3 {
+            $(
+                #[tokio::test]
+                async fn $case() {
+                    let Some(postgres) = crate::storage::test_postgres::Schema::new().await else { return };
+                    let folder = tempfile::tempdir().unwrap();
+                    let s3 = crate::storage::conformance::s3_server::S3Server::start();
+                    let place = Some(s3.params());
+                    let storage = crate::storage::conformance::on(&postgres, folder.path(), place).await;
+                    super::$case(storage).await;
                     postgres.remove().await;
                 }
             )*
@@ -56,6 +69,12 @@ macro_rules! on_every_back_end {
     };
 }
 use on_every_back_end;
+
+/// PostgreSQL, and files or a bucket.
+async fn on(postgres: &test_postgres::Schema, folder: &Path, s3: Option<S3Params>) -> Storage {
+    let postgres = Some(PostgresParams { url: postgres.url(), connections: 8 });
+    Storage::open(&StorageParams { data: folder.to_owned(), postgres, s3 }).await.unwrap()
+}
 
 /// SQLite and files, in one folder.
 async fn in_folder(folder: &Path) -> Storage {
@@ -181,7 +200,7 @@ fn lidar_info() -> LidarInfo {
 impl Storage {
     /// Keys of all blobs that are there, in order.
     async fn blobs_that_exist(&self) -> Vec<String> {
-        let mut keys = self.blobs.keys().unwrap();
+        let mut keys = self.blobs.keys().await.unwrap();
         keys.sort();
         keys
     }

@@ -162,6 +162,7 @@ impl Storage {
         self.blobs.read_if_there(&file.key).await
     }
 
+    #[cfg(test)]
     pub(super) async fn home_map_blob_keys(&self) -> Result<Vec<String>, StorageError> {
         blob_keys(&mut *self.database.snapshot().await?, None).await
     }

@@ -264,6 +264,7 @@ impl Storage {
         Ok(())
     }
 
+    #[cfg(test)]
     pub(super) async fn upload_blob_keys(&self) -> Result<Vec<String>, StorageError> {
         let rows = query("SELECT blob_key FROM upload_pieces");
         let rows = rows.fetch_all(&mut self.database.reader().await?).await?;

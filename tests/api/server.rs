@@ -2,16 +2,18 @@
 
 use crate::common::client::Client;
 use crate::common::postgres::{Schema, Schemas};
+use crate::common::s3_server::S3Server;
 use jiff::Timestamp;
 use reqwest::header::HeaderMap;
 use std::ops::Deref;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use viola::api::{LimitParams, ServeParams, UploadParams, serve};
 use viola::jobs::WorkerParams;
-use viola::storage::{ApiKey, NewKey, PostgresParams, Role, Secret, Storage, StorageParams, Tenant};
+use viola::storage::{ApiKey, NewKey, PostgresParams, Role, S3Params, Secret, Storage, StorageParams, Tenant};
 
 /// Where the servers of a run of this suite keep what they keep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,6 +22,8 @@ pub enum Store {
     Embedded,
     /// PostgreSQL and local files.
     Postgres,
+    /// PostgreSQL and S3.
+    PostgresAndS3,
 }
 
 impl Store {
@@ -29,6 +33,7 @@ impl Store {
         match std::env::var(Store::VARIABLE).as_deref() {
             Err(_) => Store::Embedded,
             Ok("postgres") => Store::Postgres,
+            Ok("postgres-s3") => Store::PostgresAndS3,
             Ok(other) => panic!("{} is {other}", Store::VARIABLE),
         }
     }
@@ -57,6 +62,20 @@ async fn the_whole_suite_passes_on_postgres() {
     on_another_store("postgres").await;
 }
 
+#[tokio::test]
+async fn the_whole_suite_passes_on_postgres_and_s3() {
+    on_another_store("postgres-s3").await;
+}
+
+/// The bucket of this run, below a prefix of its own.
+fn s3_of_this_run() -> Option<S3Params> {
+    static SERVER: OnceLock<S3Server> = OnceLock::new();
+    (Store::of_this_run() == Store::PostgresAndS3).then(|| {
+        let params = SERVER.get_or_init(S3Server::start).params();
+        S3Params { prefix: uuid::Uuid::now_v7().to_string(), ..params }
+    })
+}
+
 pub struct Server {
     client: Client,
     storage: StorageParams,
@@ -80,12 +99,12 @@ impl Server {
         let folder = TempDir::new().unwrap();
         let schema = match Store::of_this_run() {
             Store::Embedded => None,
-            Store::Postgres => Some(Schema::new().await.expect("a database for the tests is named")),
+            Store::Postgres | Store::PostgresAndS3 => Some(Schema::new().await.expect("a database for the tests is named")),
         };
         let postgres = schema.as_ref().map(|schema| PostgresParams { url: schema.url(), connections: 4 });
         let mut params = ServeParams {
             listen: "127.0.0.1:0".parse().unwrap(),
-            storage: StorageParams { data: folder.path().to_owned(), postgres },
+            storage: StorageParams { data: folder.path().to_owned(), postgres, s3: s3_of_this_run() },
             workers: 1,
             max_upload_bytes: 64 << 20,
             uploads: UploadParams::default(),

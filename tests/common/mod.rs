@@ -6,10 +6,13 @@ pub mod client;
 pub mod postgres;
 pub mod process;
 pub mod room;
+#[path = "../../src/storage/conformance/s3_server.rs"]
+pub mod s3_server;
 pub mod tus;
 pub mod zips;
 
 use std::future::Future;
+use viola::storage::S3Params;
 use std::time::{Duration, Instant};
 
 /// Longer than anything takes on a busy machine with two cores.

@@ -17,7 +17,7 @@ use std::task::Poll;
 /// A blob store whose writes fail as it is told, every other of them after the blob was written.
 #[derive(Debug)]
 struct Faulty {
-    inner: Box<dyn ObjectStore>,
+    inner: Arc<dyn ObjectStore>,
     writes: Arc<AtomicU32>,
     fails: fn(u32) -> bool,
 }
@@ -120,10 +120,10 @@ async fn align(storage: &Storage) {
 
 /// Makes the writes of a storage fail from now on; tells how many there have been.
 fn break_writes(storage: &mut Storage, fails: fn(u32) -> bool) -> Arc<AtomicU32> {
-    let nothing = Box::new(object_store::memory::InMemory::new());
+    let nothing = Arc::new(object_store::memory::InMemory::new());
     let inner = std::mem::replace(&mut storage.blobs.store, nothing);
     let writes = Arc::new(AtomicU32::new(0));
-    storage.blobs.store = Box::new(Faulty { inner, writes: writes.clone(), fails });
+    storage.blobs.store = Arc::new(Faulty { inner, writes: writes.clone(), fails });
     writes
 }
 

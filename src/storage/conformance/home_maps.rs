@@ -199,7 +199,7 @@ async fn removing_a_clip_makes_a_new_revision(storage: Storage) {
     assert_eq!(tiles(&storage, &home, 2).await, Some(vec![b"less".to_vec()]));
     storage.delete_home(&home, at(500)).await.unwrap();
     assert!(storage.blob_keys().await.unwrap().is_empty());
-    assert!(storage.blobs.keys().unwrap().is_empty(), "nothing is left of the home");
+    assert!(storage.blobs.keys().await.unwrap().is_empty(), "nothing is left of the home");
 }
 
 async fn old_revisions_go(storage: Storage) {

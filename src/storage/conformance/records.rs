@@ -106,7 +106,7 @@ async fn a_clip_waits_for_the_first_map(storage: Storage) {
     assert_eq!(clip.job.as_ref().map(|job| (job.state, job.lidar_map_revision)), Some((JobState::Queued, 1)));
     let claim = storage.claim(LEASE, at(1)).await.unwrap().unwrap();
     assert_eq!(storage.lidar_map_file(claim.lidar_map_id).await.unwrap(), &b"map"[..]);
-    let file = storage.clip_file(claim.job.clip);
+    let file = storage.clip_file(claim.job.clip).await.unwrap();
     assert_eq!(std::fs::read(file).unwrap(), b"clip");
     assert_eq!(bytes_of(Some(storage.lidar_map_image(&id).await.unwrap())).await, b"picture");
 }

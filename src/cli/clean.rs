@@ -1,0 +1,32 @@
+//! `viola clean`: removes what killed processes left behind. A server on SQLite does so when it starts; where many
+//! processes share a store, one runs this from time to time.
+
+use super::store::StoreArguments;
+use super::worker::seconds;
+use crate::storage::Storage;
+use anyhow::Result;
+use clap::Args;
+use jiff::{SignedDuration, Timestamp};
+use std::time::Duration;
+
+#[derive(Args)]
+pub struct CleanArguments {
+    #[command(flatten)]
+    store: StoreArguments,
+    /// Leave what is younger: a job writes its files for so long before they are named.
+    #[arg(long, value_name = "SECONDS", default_value = "86400", value_parser = seconds)]
+    older_than_seconds: Duration,
+}
+
+pub fn run(arguments: &CleanArguments) -> Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(async {
+        let storage = Storage::administer(&arguments.store.params()).await?;
+        let age = SignedDuration::try_from(arguments.older_than_seconds)?;
+        let uploads = storage.expire_uploads(Timestamp::now()).await?;
+        let blobs = storage.sweep(Timestamp::now() - age).await?;
+        storage.close().await;
+        println!("removed {uploads} expired uploads and {blobs} blobs that nothing names");
+        Ok(())
+    })
+}

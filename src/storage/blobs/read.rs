@@ -1,0 +1,134 @@
+//! Blobs read in one piece or as they come.
+
+use super::limits::Limits;
+use super::{Blobs, PAUSES, StorageError, tried};
+use bytes::{Bytes, BytesMut};
+use futures::stream::BoxStream;
+use futures::{StreamExt, TryStreamExt};
+use object_store::path::Path as Key;
+use object_store::{GetOptions, GetRange, GetResult, ObjectStore};
+use std::sync::Arc;
+
+/// A blob as it is read: its size, then its bytes.
+pub struct BlobReader {
+    pub size_bytes: u64,
+    pub stream: BoxStream<'static, Result<Bytes, StorageError>>,
+}
+
+impl BlobReader {
+    async fn all(mut self) -> Result<Bytes, StorageError> {
+        let first = self.stream.try_next().await?.unwrap_or_default();
+        if first.len() as u64 == self.size_bytes {
+            return Ok(first);
+        }
+        let mut bytes = BytesMut::with_capacity(self.size_bytes as usize);
+        bytes.extend_from_slice(&first);
+        while let Some(next) = self.stream.try_next().await? {
+            bytes.extend_from_slice(&next);
+        }
+        Ok(bytes.freeze())
+    }
+}
+
+impl Blobs {
+    /// None when the blob was removed since the caller read its row.
+    pub async fn read(&self, key: &str) -> Result<Option<BlobReader>, StorageError> {
+        match self.begin_to_read(key).await {
+            Err(object_store::Error::NotFound { .. }) => Ok(None),
+            reader => Ok(Some(reader?)),
+        }
+    }
+
+    /// The same in one piece.
+    pub async fn read_if_there(&self, key: &str) -> Result<Option<Bytes>, StorageError> {
+        match self.read(key).await? {
+            Some(reader) => Ok(Some(reader.all().await?)),
+            None => Ok(None),
+        }
+    }
+
+    pub async fn read_all(&self, key: &str) -> Result<Bytes, StorageError> {
+        self.begin_to_read(key).await?.all().await
+    }
+
+    pub(super) async fn begin_to_read(&self, key: &str) -> object_store::Result<BlobReader> {
+        let key = Key::from(key);
+        let tries = tried("reading a blob", || self.store.get_opts(&key, GetOptions::default()));
+        let found = self.limits.bound(tries).await?;
+        let size_bytes = found.meta.size;
+        let reading = Reading {
+            store: self.store.clone(),
+            limits: self.limits,
+            key,
+            e_tag: found.meta.e_tag.clone(),
+            at: 0,
+            size_bytes,
+            body: body(found),
+        };
+        let stream = futures::stream::try_unfold(reading, |mut reading| async move {
+            let limits = reading.limits;
+            let next = limits.bound(reading.next()).await?;
+            Ok(next.map(|bytes| (bytes, reading)))
+        });
+        Ok(BlobReader { size_bytes, stream: stream.boxed() })
+    }
+}
+
+type Body = BoxStream<'static, object_store::Result<Bytes>>;
+
+fn body(found: GetResult) -> Body {
+    found.into_stream()
+}
+
+/// A blob that is being read. A request that ends too early is followed by one for the rest: a store cuts connections,
+/// and whoever reads slowly needs longer than one request may take.
+struct Reading {
+    store: Arc<dyn ObjectStore>,
+    limits: Limits,
+    key: Key,
+    e_tag: Option<String>,
+    /// Bytes read so far.
+    at: u64,
+    size_bytes: u64,
+    body: Body,
+}
+
+impl Reading {
+    async fn next(&mut self) -> object_store::Result<Option<Bytes>> {
+        let mut pauses = PAUSES.iter();
+        loop {
+            let failed = match self.body.try_next().await {
+                Ok(Some(bytes)) if bytes.is_empty() => continue,
+                Ok(Some(bytes)) => {
+                    self.at += bytes.len() as u64;
+                    if self.at > self.size_bytes {
+                        return Err(other_size(self.at, self.size_bytes));
+                    }
+                    return Ok(Some(bytes));
+                }
+                Ok(None) | Err(_) if self.at == self.size_bytes => return Ok(None),
+                Ok(None) => other_size(self.at, self.size_bytes),
+                Err(error) => error,
+            };
+            let Some(pause) = pauses.next() else { return Err(failed) };
+            tracing::warn!(key = %self.key, error = %failed, "a blob was cut off; the rest of it is asked for");
+            tokio::time::sleep(*pause).await;
+            let rest = GetOptions {
+                range: Some(GetRange::Offset(self.at)),
+                if_match: self.e_tag.clone(),
+                ..GetOptions::default()
+            };
+            // Where it cannot be had, `failed` has been logged and what is told is why.
+            match self.store.get_opts(&self.key, rest).await {
+                Ok(found) => self.body = body(found),
+                Err(error) => self.body = futures::stream::iter([Err(error)]).boxed(),
+            }
+        }
+    }
+}
+
+fn other_size(at: u64, size_bytes: u64) -> object_store::Error {
+    let detail = format!("a blob of {size_bytes} bytes gave {at}");
+    let source = std::io::Error::new(std::io::ErrorKind::InvalidData, detail);
+    object_store::Error::Generic { store: "blobs", source: source.into() }
+}

@@ -1,0 +1,81 @@
+//! The same of both places, and what only a store on the network has to do.
+
+mod both;
+mod network;
+mod secrets;
+
+use super::*;
+use crate::storage::conformance::s3_server::S3Server;
+use crate::storage::incoming::Arrived;
+use tempfile::TempDir;
+
+/// More than three parts, and the last of them is not a whole one.
+const LARGE: usize = (3 << 23) + 12_345;
+
+/// An empty place for blobs.
+struct Bench {
+    blobs: Blobs,
+    folder: TempDir,
+    server: Option<S3Server>,
+}
+
+impl Bench {
+    /// `incoming` is where files arrive, below the folder.
+    fn in_folder(incoming: &str) -> Bench {
+        let folder = tempfile::tempdir().unwrap();
+        let place = BlobPlace::Folder(folder.path().join("blobs"));
+        let blobs = Blobs::open(&place, &folder.path().join(incoming)).unwrap();
+        Bench { blobs, folder, server: None }
+    }
+
+    fn on_s3() -> Bench {
+        let (folder, server) = (tempfile::tempdir().unwrap(), S3Server::start());
+        let place = BlobPlace::S3(server.params());
+        let blobs = Blobs::open(&place, &folder.path().join("incoming")).unwrap();
+        Bench { blobs, folder, server: Some(server) }
+    }
+
+    /// The same place for one who waits less.
+    fn within(&self, limits: Limits) -> Blobs {
+        let place = BlobPlace::S3(self.server().params());
+        Blobs::open_within(&place, &self.blobs.incoming, limits).unwrap()
+    }
+
+    fn server(&self) -> &S3Server {
+        self.server.as_ref().expect("it is on S3")
+    }
+
+    /// Where the bytes of a blob lie.
+    fn path_of(&self, key: &str) -> PathBuf {
+        match &self.server {
+            Some(server) => server.path_of(key),
+            None => self.folder.path().join("blobs").join(key),
+        }
+    }
+
+    async fn arrived(&self, bytes: &[u8]) -> Arrived {
+        let mut incoming = self.blobs.incoming().unwrap();
+        incoming.write(bytes).await.unwrap();
+        incoming.finish().await.unwrap()
+    }
+
+    async fn keep(&self, key: &str, bytes: &[u8]) {
+        self.blobs.keep(self.arrived(bytes).await, key).await.unwrap();
+    }
+
+    /// All keys, in order; those of files that are arriving as well.
+    async fn keys(&self) -> Vec<String> {
+        let mut keys = self.blobs.keys().await.unwrap();
+        keys.sort();
+        keys
+    }
+
+    async fn bytes(&self, key: &str) -> Option<Vec<u8>> {
+        self.blobs.read_if_there(key).await.unwrap().map(Vec::from)
+    }
+}
+
+/// Bytes that differ everywhere, so that parts in a wrong order show.
+fn large() -> Vec<u8> {
+    (0..LARGE as u32 / 4 + 1).flat_map(u32::to_le_bytes).take(LARGE).collect()
+}
