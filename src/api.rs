@@ -33,10 +33,10 @@ pub use server::{ServeError, ServeParams, WorkParams, serve, work};
 pub use uploads::UploadParams;
 
 use crate::jobs::Queue;
-use limits::Limits;
 use crate::storage::Storage;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
+use limits::Limits;
 use std::sync::Arc;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;

@@ -95,7 +95,10 @@ pub struct PostgresParams {
 
 impl fmt::Debug for PostgresParams {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.debug_struct("PostgresParams").field("connections", &self.connections).finish_non_exhaustive()
+        formatter
+            .debug_struct("PostgresParams")
+            .field("connections", &self.connections)
+            .finish_non_exhaustive()
     }
 }
 

@@ -68,7 +68,11 @@ pub(super) fn of(parts: &Parts) -> Result<Caller, Error> {
 }
 
 /// Lets a request through that its caller may send.
-pub(super) async fn check(State(app): State<App>, mut request: Request, next: Next) -> Result<Response, Error> {
+pub(super) async fn check(
+    State(app): State<App>,
+    mut request: Request,
+    next: Next,
+) -> Result<Response, Error> {
     let caller = match secret(request.headers())? {
         Some(secret) => {
             let key = app.storage.use_key(&secret, Timestamp::now()).await?.ok_or(Error::KeyInvalid)?;
@@ -82,7 +86,9 @@ pub(super) async fn check(State(app): State<App>, mut request: Request, next: Ne
     if !may(caller.role, request.method(), route) {
         return Err(Error::Forbidden(match caller.role {
             Role::Reader => "a key with the role `reader` changes nothing; this takes `admin`",
-            _ => "a key with the role `uploader` uploads clips and follows them; this takes `reader` or `admin`",
+            _ => {
+                "a key with the role `uploader` uploads clips and follows them; this takes `reader` or `admin`"
+            }
         }));
     }
     app.limits.pass(&caller.tenant)?;

@@ -70,7 +70,9 @@ pub(super) enum Error {
     JobEnded(&'static str),
     #[error("no job has this id")]
     NoSuchJob,
-    #[error("this service asks for a key: send it as `Authorization: Bearer viola_...`, or sign in on the page")]
+    #[error(
+        "this service asks for a key: send it as `Authorization: Bearer viola_...`, or sign in on the page"
+    )]
     KeyMissing,
     #[error("the key is not one of this service's, has expired, or was revoked; ask for a new one")]
     KeyInvalid,
@@ -78,7 +80,9 @@ pub(super) enum Error {
     Forbidden(&'static str),
     #[error("too many requests for this tenant; wait {retry_after_s} s")]
     TooManyRequests { retry_after_s: u64 },
-    #[error("the tenant has {used} bytes here, of at most {limit}; remove clips or homes, or ask for more room")]
+    #[error(
+        "the tenant has {used} bytes here, of at most {limit}; remove clips or homes, or ask for more room"
+    )]
     TenantFull { used: u64, limit: u64 },
     #[error(
         "the clip is `{0}`: it has this file once a job ran to an answer, and completion.png only where something was filled in"

@@ -1,8 +1,8 @@
 //! axum's extractors with our own refusals: axum answers in plain text.
 
+use super::App;
 use super::access;
 use super::error::Error;
-use super::App;
 use crate::storage::{HomeId, UploadError};
 use axum::extract::rejection::JsonRejection;
 use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};

@@ -15,10 +15,7 @@ use utoipa_axum::routes;
 const LEAST_FREE_BYTES: u64 = 256 << 20;
 
 pub(super) fn routes() -> OpenApiRouter<Arc<Storage>> {
-    OpenApiRouter::new()
-        .routes(routes!(healthz))
-        .routes(routes!(readyz))
-        .routes(routes!(metrics::metrics))
+    OpenApiRouter::new().routes(routes!(healthz)).routes(routes!(readyz)).routes(routes!(metrics::metrics))
 }
 
 #[derive(Serialize, utoipa::ToSchema)]
@@ -64,7 +61,8 @@ async fn healthz() -> Json<Health> {
         (status = 503, description = "Its database or its blobs do not answer, or its disk is full: `not-ready`",
             body = Problem, content_type = "application/problem+json")))]
 async fn readyz(State(storage): State<Arc<Storage>>) -> Result<Json<Readiness>, Error> {
-    let not_ready = |what: &'static str| move |error: StorageError| Error::NotReady { what, cause: Some(error) };
+    let not_ready =
+        |what: &'static str| move |error: StorageError| Error::NotReady { what, cause: Some(error) };
     let queue = storage.queue_state(Timestamp::now()).await.map_err(not_ready("database"))?;
     let free_bytes = storage.blobs_ready().await.map_err(not_ready("blobs"))?;
     if free_bytes < LEAST_FREE_BYTES {

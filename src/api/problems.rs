@@ -36,7 +36,10 @@ impl IntoResponses for CommonProblems {
                 "The service asks for a key, and none came or one that is not valid: `key-missing`, `key-invalid`",
             ),
             ("403", "The key's role or home does not allow it: `forbidden`"),
-            ("429", "The tenant sends too many requests; `Retry-After` says how long to wait: `too-many-requests`"),
+            (
+                "429",
+                "The tenant sends too many requests; `Retry-After` says how long to wait: `too-many-requests`",
+            ),
             (
                 "404",
                 "What the path names is not there: `home-not-found`, `clip-not-found`, `lidar-map-not-found`, `map-not-found`, `job-not-found`, `result-not-found`, `upload-not-found`",

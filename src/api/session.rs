@@ -32,11 +32,7 @@ pub(super) struct Session {
 
 impl From<Caller> for Session {
     fn from(caller: Caller) -> Session {
-        Session {
-            tenant: caller.tenant.name().to_owned(),
-            role: caller.role,
-            with_key: caller.key.is_some(),
-        }
+        Session { tenant: caller.tenant.name().to_owned(), role: caller.role, with_key: caller.key.is_some() }
     }
 }
 

@@ -147,11 +147,7 @@ async fn speak_tus(request: Request, next: Next) -> Response {
         (status = 503, description = "The service is stopping: `stopping`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems, FileProblems))]
-async fn create_upload(
-    State(app): State<App>,
-    caller: Caller,
-    request: Request,
-) -> Result<Response, Error> {
+async fn create_upload(State(app): State<App>, caller: Caller, request: Request) -> Result<Response, Error> {
     let (parts, body) = request.into_parts();
     let sent = headers::metadata(&parts.headers)?;
     let metadata = Metadata::parse(&sent)?;

@@ -145,7 +145,9 @@ fn added(settings: &Settings, command: &Command, given: &[OsString]) -> Result<V
 pub fn run(arguments: &ConfigArguments, program: &Command) -> Result<()> {
     let name = arguments.command.as_str();
     let command = program.find_subcommand(name).filter(|_| CONFIGURED.contains(&name));
-    let Some(command) = command else { bail!("the commands with a configuration are {}", CONFIGURED.join(", ")) };
+    let Some(command) = command else {
+        bail!("the commands with a configuration are {}", CONFIGURED.join(", "))
+    };
     let file = std::env::var_os(VARIABLE).map(PathBuf::from);
     let settings = file.as_deref().map(|file| read(file, name, program)).transpose()?.unwrap_or_default();
     for arg in command.get_arguments().filter(|arg| !arg.is_hide_set()) {
@@ -198,7 +200,10 @@ mod tests {
         let file = "listen = \"127.0.0.1:1\"\nworkers = 2\nno-worker = true\n[work]\nworkers = 3\n";
         let cases: [(&[&str], &[&str]); 6] = [
             (&["serve"], &["serve", "--listen=127.0.0.1:1", "--no-worker", "--workers=2"]),
-            (&["serve", "--workers", "5"], &["serve", "--listen=127.0.0.1:1", "--no-worker", "--workers", "5"]),
+            (
+                &["serve", "--workers", "5"],
+                &["serve", "--listen=127.0.0.1:1", "--no-worker", "--workers", "5"],
+            ),
             (&["serve", "--workers=5"], &["serve", "--listen=127.0.0.1:1", "--no-worker", "--workers=5"]),
             (&["work"], &["work", "--workers=3"]),
             (&["keys", "list"], &["keys", "list"]),

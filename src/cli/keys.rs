@@ -96,12 +96,20 @@ async fn list(arguments: &ListArguments) -> Result<()> {
     let keys = storage.keys(arguments.tenant.as_ref()).await?;
     storage.close().await;
     let now = Timestamp::now();
-    println!("{:36}  {:16}  {:8}  {:16}  {:8}  {:20}  label", "id", "tenant", "role", "home", "state", "last used");
+    println!(
+        "{:36}  {:16}  {:8}  {:16}  {:8}  {:20}  label",
+        "id", "tenant", "role", "home", "state", "last used"
+    );
     for key in &keys {
         let home = key.home.as_ref().map_or("all", HomeId::as_str);
-        let used = key.last_used_at.map_or("never".to_owned(), |at| at.strftime("%Y-%m-%d %H:%M").to_string());
+        let used =
+            key.last_used_at.map_or("never".to_owned(), |at| at.strftime("%Y-%m-%d %H:%M").to_string());
         let (id, tenant, role) = (key.id, key.tenant.name(), key.role.name());
-        println!("{id:36}  {tenant:16}  {role:8}  {home:16}  {:8}  {used:20}  {}", state(key, now), key.label);
+        println!(
+            "{id:36}  {tenant:16}  {role:8}  {home:16}  {:8}  {used:20}  {}",
+            state(key, now),
+            key.label
+        );
     }
     Ok(())
 }

@@ -141,10 +141,7 @@ impl Storage {
         let mut transaction = self.database.begin().await?;
         let clip = find_locked(&mut transaction, home, id).await?;
         jobs::lock_of_clip(&mut transaction, id).await?;
-        query("DELETE FROM clips WHERE id = $1")
-            .bind(id.to_string())
-            .execute(&mut *transaction)
-            .await?;
+        query("DELETE FROM clips WHERE id = $1").bind(id.to_string()).execute(&mut *transaction).await?;
         homes::grow(&mut transaction, home, -(clip.size_bytes as i64)).await?;
         if clip.result_key.is_some() {
             home_maps::changed(&mut transaction, home).await?;
@@ -339,13 +336,9 @@ pub(super) async fn begin_job(
     job: Uuid,
     now: Timestamp,
 ) -> Result<Vec<String>, StorageError> {
-    let row = query("SELECT result_key FROM clips WHERE id = $1").bind(id.to_string());
-    let stale = row.fetch_one(&mut **transaction).await?.maybe_text("result_key")?;
-    query("UPDATE clips SET job_id = $2 WHERE id = $1")
-        .bind(id.to_string())
-        .bind(job.to_string())
-        .execute(&mut **transaction)
-        .await?;
+    let row = query("UPDATE clips SET job_id = $2 WHERE id = $1 RETURNING result_key");
+    let row = row.bind(id.to_string()).bind(job.to_string()).fetch_one(transaction).await?;
+    let stale = row.maybe_text("result_key")?;
     let queued = Outcome { state: ClipState::Queued, reasons: &[], alignment: None, result_key: None };
     change(transaction, job, queued, now).await?;
     Ok(stale.map(|key| result_blobs(&key).to_vec()).unwrap_or_default())

@@ -28,7 +28,10 @@ const ACQUIRE: Duration = Duration::from_secs(10);
 
 pub(super) enum Database {
     /// One connection that writes, several that read.
-    Sqlite { writer: SqlitePool, reader: SqlitePool },
+    Sqlite {
+        writer: SqlitePool,
+        reader: SqlitePool,
+    },
     Postgres(PgPool),
 }
 

@@ -17,13 +17,12 @@ pub(super) async fn find(
     home: &HomeId,
     key: &str,
 ) -> Result<Option<Used>, StorageError> {
-    let row = query(
-        "SELECT clip_id, sha256 FROM idempotency_keys WHERE home_id = $1 AND idempotency_key = $2",
-    )
-    .bind(home.key())
-    .bind(key)
-    .fetch_optional(connection)
-    .await?;
+    let row =
+        query("SELECT clip_id, sha256 FROM idempotency_keys WHERE home_id = $1 AND idempotency_key = $2")
+            .bind(home.key())
+            .bind(key)
+            .fetch_optional(connection)
+            .await?;
     row.map(|row| Ok(Used { clip: row.id("clip_id")?, sha256: row.text("sha256")? })).transpose()
 }
 

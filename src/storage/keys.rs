@@ -201,7 +201,8 @@ impl Storage {
     pub async fn revoke_key(&self, id: Uuid, now: Timestamp) -> Result<bool, StorageError> {
         let mut transaction = self.database.begin().await?;
         let revoked = query("UPDATE api_keys SET revoked_at = COALESCE(revoked_at, $2) WHERE id = $1");
-        let revoked = revoked.bind(id.to_string()).bind(now.as_millisecond()).execute(&mut transaction).await?;
+        let revoked =
+            revoked.bind(id.to_string()).bind(now.as_millisecond()).execute(&mut transaction).await?;
         transaction.commit().await?;
         Ok(revoked > 0)
     }

@@ -255,10 +255,7 @@ impl Storage {
         let mut transaction = self.database.begin().await?;
         find_living(&mut transaction, id, now).await?;
         let keys = piece_keys(&mut transaction, id).await?;
-        query("DELETE FROM uploads WHERE id = $1")
-            .bind(id.to_string())
-            .execute(&mut *transaction)
-            .await?;
+        query("DELETE FROM uploads WHERE id = $1").bind(id.to_string()).execute(&mut *transaction).await?;
         transaction.commit().await?;
         self.blobs.discard(&keys).await;
         Ok(())

@@ -13,7 +13,9 @@ use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use viola::api::{LimitParams, ServeParams, UploadParams, serve};
 use viola::jobs::WorkerParams;
-use viola::storage::{ApiKey, NewKey, PostgresParams, Role, S3Params, Secret, Storage, StorageParams, Tenant};
+use viola::storage::{
+    ApiKey, NewKey, PostgresParams, Role, S3Params, Secret, Storage, StorageParams, Tenant,
+};
 
 /// Where the servers of a run of this suite keep what they keep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,12 +69,16 @@ async fn the_whole_suite_passes_on_postgres_and_s3() {
     on_another_store("postgres-s3").await;
 }
 
+fn bucket() -> &'static S3Server {
+    static SERVER: OnceLock<S3Server> = OnceLock::new();
+    SERVER.get_or_init(S3Server::start)
+}
+
 /// The bucket of this run, below a prefix of its own.
 fn s3_of_this_run() -> Option<S3Params> {
-    static SERVER: OnceLock<S3Server> = OnceLock::new();
     (Store::of_this_run() == Store::PostgresAndS3).then(|| {
-        let params = SERVER.get_or_init(S3Server::start).params();
-        S3Params { prefix: uuid::Uuid::now_v7().to_string(), ..params }
+        let params = bucket().params();
+        S3Params { prefix: format!("{}/{}", params.prefix, uuid::Uuid::now_v7()), ..params }
     })
 }
 
@@ -99,7 +105,9 @@ impl Server {
         let folder = TempDir::new().unwrap();
         let schema = match Store::of_this_run() {
             Store::Embedded => None,
-            Store::Postgres | Store::PostgresAndS3 => Some(Schema::new().await.expect("a database for the tests is named")),
+            Store::Postgres | Store::PostgresAndS3 => {
+                Some(Schema::new().await.expect("a database for the tests is named"))
+            }
         };
         let postgres = schema.as_ref().map(|schema| PostgresParams { url: schema.url(), connections: 4 });
         let mut params = ServeParams {
@@ -153,9 +161,17 @@ impl Server {
     /// Every file of the blob store, also those that are arriving.
     pub fn blobs(&self) -> Vec<PathBuf> {
         let mut files = Vec::new();
-        let mut folders = vec![self.folder.path().join("blobs")];
+        let mut folders = match &self.storage.s3 {
+            None => vec![self.folder.path().join("blobs")],
+            Some(s3) => {
+                let below = s3.prefix.rsplit('/').next().unwrap();
+                vec![bucket().path_of(below), self.folder.path().join("incoming")]
+            }
+        };
         while let Some(folder) = folders.pop() {
-            for entry in std::fs::read_dir(folder).unwrap() {
+            // Nothing was ever kept there.
+            let Ok(entries) = std::fs::read_dir(folder) else { continue };
+            for entry in entries {
                 let path = entry.unwrap().path();
                 if path.is_dir() { folders.push(path) } else { files.push(path) }
             }

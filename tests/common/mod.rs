@@ -12,8 +12,8 @@ pub mod tus;
 pub mod zips;
 
 use std::future::Future;
-use viola::storage::S3Params;
 use std::time::{Duration, Instant};
+use viola::storage::S3Params;
 
 /// Longer than anything takes on a busy machine with two cores.
 pub const DEADLINE: Duration = Duration::from_secs(120);

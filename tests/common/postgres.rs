@@ -35,6 +35,14 @@ impl Schema {
     pub async fn remove(self) {
         execute(&self.url, format!("DROP SCHEMA {} CASCADE", self.name)).await;
     }
+
+    /// Ends all connections of the service, whoever has them.
+    #[allow(dead_code, reason = "for the test of disasters")]
+    pub async fn cut_connections(&self) {
+        let cut = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity
+            WHERE application_name = 'viola' AND datname = current_database() AND pid <> pg_backend_pid()";
+        execute(&self.url, cut.to_owned()).await;
+    }
 }
 
 /// Many schemas that are removed together, by the process that has others make them.
@@ -59,7 +67,8 @@ impl Schemas {
     pub async fn remove(self) {
         let url = std::env::var(DATABASE).expect("it was there");
         let mut connection = PgConnection::connect(&url).await.expect("the test's database answers");
-        let names = sqlx::query_scalar("SELECT nspname::text FROM pg_namespace WHERE starts_with(nspname, $1)");
+        let names =
+            sqlx::query_scalar("SELECT nspname::text FROM pg_namespace WHERE starts_with(nspname, $1)");
         let names: Vec<String> = names.bind(&self.prefix).fetch_all(&mut connection).await.expect("a list");
         for name in names {
             execute(&url, format!("DROP SCHEMA {name} CASCADE")).await;

@@ -8,10 +8,10 @@ use object_store::list::{PaginatedListOptions, PaginatedListStore};
 use object_store::local::LocalFileSystem;
 use object_store::path::Path as Key;
 use object_store::prefix::PrefixStore;
-use reqwest::Url;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use url::Url;
 
 /// Where a server keeps its blobs.
 #[derive(Debug, Clone)]

@@ -39,10 +39,10 @@ async fn a_revoked_key_is_nobodys(storage: Storage) {
     assert_eq!(storage.use_key(&secret, at(1)).await.unwrap(), None);
     assert!(storage.use_key(&other, at(1)).await.unwrap().is_some());
     let all = storage.keys(None).await.unwrap();
-    assert_eq!(all.iter().map(|key| (key.id, key.revoked_at)).collect::<Vec<_>>(), [
-        (first.id, Some(at(1))),
-        (second.id, None)
-    ]);
+    assert_eq!(
+        all.iter().map(|key| (key.id, key.revoked_at)).collect::<Vec<_>>(),
+        [(first.id, Some(at(1))), (second.id, None)]
+    );
     let acme = storage.keys(Some(&first.tenant)).await.unwrap();
     assert_eq!(acme.iter().map(|key| key.id).collect::<Vec<_>>(), [first.id]);
     assert!(storage.has_keys().await.unwrap(), "a service whose keys all ended is not open");

@@ -11,7 +11,10 @@ async fn open(folder: &Path) -> Storage {
 async fn a_folder_has_one_server_at_a_time() {
     let folder = tempfile::tempdir().unwrap();
     let storage = open(folder.path()).await;
-    assert!(matches!(Storage::open(&StorageParams::in_folder(folder.path())).await, Err(StorageError::InUse { .. })));
+    assert!(matches!(
+        Storage::open(&StorageParams::in_folder(folder.path())).await,
+        Err(StorageError::InUse { .. })
+    ));
     storage.close().await;
     drop(storage);
     open(folder.path()).await;

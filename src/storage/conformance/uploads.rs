@@ -24,7 +24,14 @@ async fn begin(storage: &Storage, kind: UploadKind, length_bytes: Option<u64>) -
     let of = home("h");
     storage.put_home(&of, None, at(0)).await.unwrap();
     let home = (kind == UploadKind::Whole).then_some(of);
-    let new = NewUpload { kind, tenant: Tenant::default(), home, metadata: "home aA==".to_owned(), concat: None, length_bytes };
+    let new = NewUpload {
+        kind,
+        tenant: Tenant::default(),
+        home,
+        metadata: "home aA==".to_owned(),
+        concat: None,
+        length_bytes,
+    };
     storage.create_upload(new, &limits(), at(0)).await.unwrap().id
 }
 

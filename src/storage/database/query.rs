@@ -78,8 +78,7 @@ impl Query {
     pub async fn fetch_all(self, connection: &mut Connection) -> Result<Vec<Row>, sqlx::Error> {
         Ok(match connection.executor() {
             Executor::Sqlite(connection) => {
-                let query =
-                    sqlx::query_with::<Sqlite, _>(self.sql, arguments!(SqliteArguments, self.values));
+                let query = sqlx::query_with::<Sqlite, _>(self.sql, arguments!(SqliteArguments, self.values));
                 query.fetch_all(connection).await?.into_iter().map(Row::Sqlite).collect()
             }
             Executor::Postgres(connection) => {
@@ -92,8 +91,7 @@ impl Query {
     pub async fn fetch_optional(self, connection: &mut Connection) -> Result<Option<Row>, sqlx::Error> {
         Ok(match connection.executor() {
             Executor::Sqlite(connection) => {
-                let query =
-                    sqlx::query_with::<Sqlite, _>(self.sql, arguments!(SqliteArguments, self.values));
+                let query = sqlx::query_with::<Sqlite, _>(self.sql, arguments!(SqliteArguments, self.values));
                 query.fetch_optional(connection).await?.map(Row::Sqlite)
             }
             Executor::Postgres(connection) => {
@@ -111,8 +109,7 @@ impl Query {
     pub async fn execute(self, connection: &mut Connection) -> Result<u64, sqlx::Error> {
         Ok(match connection.executor() {
             Executor::Sqlite(connection) => {
-                let query =
-                    sqlx::query_with::<Sqlite, _>(self.sql, arguments!(SqliteArguments, self.values));
+                let query = sqlx::query_with::<Sqlite, _>(self.sql, arguments!(SqliteArguments, self.values));
                 query.execute(connection).await?.rows_affected()
             }
             Executor::Postgres(connection) => {

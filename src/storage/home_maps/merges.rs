@@ -191,12 +191,11 @@ impl Storage {
             }
         }
         let mut transaction = self.database.begin().await?;
-        let held = query(
-            "UPDATE homes SET map_made = $3, map_lease_until = NULL WHERE id = $1 AND map_fence = $2",
-        )
-        .bind(claim.home.key())
-        .bind(claim.fence)
-        .bind(claim.wanted);
+        let held =
+            query("UPDATE homes SET map_made = $3, map_lease_until = NULL WHERE id = $1 AND map_fence = $2")
+                .bind(claim.home.key())
+                .bind(claim.fence)
+                .bind(claim.wanted);
         if held.execute(&mut *transaction).await? == 0 {
             return Ok(None);
         }
@@ -354,12 +353,11 @@ async fn insert(
         .execute(&mut **transaction)
         .await?;
     changes::record(transaction, &claim.home, Changed::Map { revision }, now).await?;
-    let old = query(
-        "DELETE FROM home_map_files WHERE home_id = $1 AND last_revision <= $2 RETURNING blob_key",
-    )
-    .bind(home)
-    .bind(revision - KEPT)
-    .fetch_all(&mut **transaction)
-    .await?;
+    let old =
+        query("DELETE FROM home_map_files WHERE home_id = $1 AND last_revision <= $2 RETURNING blob_key")
+            .bind(home)
+            .bind(revision - KEPT)
+            .fetch_all(&mut **transaction)
+            .await?;
     old.iter().map(|row| row.text("blob_key")).collect()
 }

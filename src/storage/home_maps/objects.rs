@@ -123,10 +123,7 @@ pub(super) async fn replace(
     home: &HomeId,
     objects: &[MapObject],
 ) -> Result<(), StorageError> {
-    query("DELETE FROM home_objects WHERE home_id = $1")
-        .bind(home.key())
-        .execute(&mut **transaction)
-        .await?;
+    query("DELETE FROM home_objects WHERE home_id = $1").bind(home.key()).execute(&mut **transaction).await?;
     for object in objects {
         query(
             "INSERT INTO home_objects (home_id, object_id, class, document, tenant) VALUES ($1, $2, $3, $4, $5)",

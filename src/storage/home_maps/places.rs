@@ -18,11 +18,10 @@ pub(super) async fn tell(
     revision: i64,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let rows =
-        query("SELECT id, state, result_key FROM clips WHERE home_id = $1 AND placement IS NOT NULL")
-            .bind(claim.home.key())
-            .fetch_all(&mut **transaction)
-            .await?;
+    let rows = query("SELECT id, state, result_key FROM clips WHERE home_id = $1 AND placement IS NOT NULL")
+        .bind(claim.home.key())
+        .fetch_all(&mut **transaction)
+        .await?;
     for row in &rows {
         let share = row.maybe_text("result_key")?;
         if !claim.members.iter().any(|member| share.as_ref() == Some(&member.share)) {
@@ -43,13 +42,12 @@ pub(super) async fn tell(
             probability: placed.probability,
             map_revision: revision,
         });
-        let row = query(
-            "SELECT state, reasons, placement, alignment FROM clips WHERE id = $1 AND result_key = $2",
-        )
-        .bind(member.clip.to_string())
-        .bind(&member.share)
-        .fetch_optional(&mut **transaction)
-        .await?;
+        let row =
+            query("SELECT state, reasons, placement, alignment FROM clips WHERE id = $1 AND result_key = $2")
+                .bind(member.clip.to_string())
+                .bind(&member.share)
+                .fetch_optional(&mut **transaction)
+                .await?;
         let Some(row) = row else { continue };
         let same = |old: &Placement| Placement { map_revision: revision, ..old.clone() };
         let before = row.maybe_json::<Placement>("placement")?;
@@ -72,16 +70,14 @@ pub(super) async fn tell(
             }
             _ => row.text("reasons")?,
         };
-        query(
-            "UPDATE clips SET state = $2, reasons = $3, placement = $4, updated_at = $5 WHERE id = $1",
-        )
-        .bind(member.clip.to_string())
-        .bind(state.name())
-        .bind(reasons)
-        .bind(placement.as_ref().map(to_json))
-        .bind(now.as_millisecond())
-        .execute(&mut **transaction)
-        .await?;
+        query("UPDATE clips SET state = $2, reasons = $3, placement = $4, updated_at = $5 WHERE id = $1")
+            .bind(member.clip.to_string())
+            .bind(state.name())
+            .bind(reasons)
+            .bind(placement.as_ref().map(to_json))
+            .bind(now.as_millisecond())
+            .execute(&mut **transaction)
+            .await?;
         changes::record(transaction, &claim.home, Changed::Clip { id: member.clip, state }, now).await?;
     }
     Ok(())

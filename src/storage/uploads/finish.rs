@@ -61,14 +61,13 @@ impl Storage {
         now: Timestamp,
     ) -> Result<bool, StorageError> {
         let mut transaction = self.database.begin().await?;
-        let renewed = query(
-            "UPDATE uploads SET lease_until = $3 WHERE id = $1 AND fence = $2 AND state = 'arrived'",
-        )
-        .bind(claim.upload.id.to_string())
-        .bind(claim.fence)
-        .bind(later(now, lease).as_millisecond())
-        .execute(&mut *transaction)
-        .await?;
+        let renewed =
+            query("UPDATE uploads SET lease_until = $3 WHERE id = $1 AND fence = $2 AND state = 'arrived'")
+                .bind(claim.upload.id.to_string())
+                .bind(claim.fence)
+                .bind(later(now, lease).as_millisecond())
+                .execute(&mut *transaction)
+                .await?;
         transaction.commit().await?;
         Ok(renewed > 0)
     }

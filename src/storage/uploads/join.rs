@@ -4,9 +4,9 @@ use super::{
     NewUpload, Storage, Upload, UploadError, UploadKind, UploadLimits, UploadState, check_room, find, insert,
     later,
 };
-use crate::storage::{HomeId, Tenant, homes};
 use crate::storage::columns::Columns;
 use crate::storage::database::{Transaction, query};
+use crate::storage::{HomeId, Tenant, homes};
 use jiff::Timestamp;
 use uuid::Uuid;
 

@@ -1,0 +1,272 @@
+//! Clients that upload, ask and delete, on whichever server answers, and write down what they were promised.
+
+use crate::common::client::{Answer, Client};
+use crate::common::tus::sha256;
+use crate::common::{eventually, room, zips};
+use crate::fleet::Fleet;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use reqwest::{Method, RequestBuilder};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// No request may take longer.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// What was promised.
+#[derive(Default)]
+pub struct Ledger {
+    /// Clips by their paths.
+    clips: Mutex<BTreeMap<String, Promise>>,
+    requests: AtomicU64,
+    unanswered: AtomicU64,
+    slowest_ms: AtomicU64,
+    pub jobs_ended: AtomicU64,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Promise {
+    sha256: String,
+    size_bytes: usize,
+    state: Kept,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kept {
+    Here,
+    /// It was asked to be deleted, and no answer came.
+    Unsure,
+    Gone,
+}
+
+struct Person {
+    number: u64,
+    fleet: Arc<Fleet>,
+    ledger: Arc<Ledger>,
+    random: ChaCha8Rng,
+    sent: u64,
+}
+
+/// One client, until it is over; then it comes to the end of what it has begun.
+pub async fn go_on(
+    number: u64,
+    fleet: Arc<Fleet>,
+    ledger: Arc<Ledger>,
+    random: ChaCha8Rng,
+    over: Arc<AtomicBool>,
+) {
+    let mut person = Person { number, fleet, ledger, random, sent: 0 };
+    let home = format!("/v1/homes/home-{number}");
+    person.insist(|client| client.request(Method::PUT, &home)).await;
+    person
+        .insist(|client| client.request(Method::PUT, &format!("{home}/lidar-map")).body(room::lidar_csv()))
+        .await;
+    while !over.load(Ordering::Relaxed) {
+        match person.random.random_range(0..12) {
+            0 | 1 => person.upload(&home).await,
+            2 => person.upload_in_parts(&home).await,
+            3 => person.delete(&home).await,
+            4 => person.ask(&format!("{home}/export")).await,
+            5 => person.ask("/v1/changes?limit=50").await,
+            6 | 7 => person.ask(&home).await,
+            8 | 9 => person.ask(&format!("{home}/clips")).await,
+            _ => person.ask("/v1/homes").await,
+        }
+        let pause = person.random.random_range(20..600);
+        tokio::time::sleep(Duration::from_millis(pause)).await;
+    }
+}
+
+impl Person {
+    /// Any of the servers.
+    fn client(&mut self) -> Client {
+        self.fleet.server(self.random.random_range(0..2))
+    }
+
+    /// None when no answer came, or that something of the service's failed.
+    async fn once(&mut self, request: RequestBuilder) -> Option<Answer> {
+        let begun = Instant::now();
+        self.ledger.requests.fetch_add(1, Ordering::Relaxed);
+        let answer = tokio::time::timeout(PATIENCE, async {
+            let response = request.send().await.ok()?;
+            let (status, headers) = (response.status().as_u16(), response.headers().clone());
+            Some(Answer { status, headers, bytes: response.bytes().await.ok()?.to_vec() })
+        });
+        let answer = answer.await.unwrap_or_else(|_| panic!("client {} waited {PATIENCE:?}", self.number));
+        self.ledger.slowest_ms.fetch_max(begun.elapsed().as_millis() as u64, Ordering::Relaxed);
+        let answer = answer.filter(|answer| answer.status < 500);
+        if answer.is_none() {
+            self.ledger.unanswered.fetch_add(1, Ordering::Relaxed);
+        }
+        answer
+    }
+
+    /// Sends it again, to whoever is there, until somebody answers.
+    async fn insist(&mut self, request: impl Fn(&Client) -> RequestBuilder) -> Answer {
+        let begun = Instant::now();
+        loop {
+            let client = self.client();
+            if let Some(answer) = self.once(request(&client)).await {
+                return answer;
+            }
+            assert!(begun.elapsed() < 8 * PATIENCE, "client {} was never answered", self.number);
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+    }
+
+    async fn ask(&mut self, path: &str) {
+        let client = self.client();
+        if let Some(answer) = self.once(client.request(Method::GET, path)).await {
+            assert_eq!(answer.status, 200, "{path}: {}", String::from_utf8_lossy(&answer.bytes));
+        }
+    }
+
+    /// A clip that no other is the same as.
+    fn clip(&mut self) -> Vec<u8> {
+        self.sent += 1;
+        let mut files = room::clip(2);
+        let size = self.random.random_range(0..300_000);
+        let mut noise = vec![0; size];
+        self.random.fill(noise.as_mut_slice());
+        noise.extend_from_slice(format!("{} {}", self.number, self.sent).as_bytes());
+        files.push(("notes.bin".to_owned(), noise));
+        zips::zip(&files)
+    }
+
+    async fn upload(&mut self, home: &str) {
+        let (bytes, key) = (self.clip(), format!("{}-{}", self.number, self.sent));
+        let send = |client: &Client| {
+            let request = client.request(Method::POST, &format!("{home}/clips"));
+            request.header("idempotency-key", &key).body(bytes.clone())
+        };
+        let answer = self.insist(send).await;
+        let path = answer.header("location").to_owned();
+        let clip = answer.ok(201);
+        assert_eq!(clip["sha256"], sha256(&bytes));
+        self.promised(path, &bytes);
+    }
+
+    fn promised(&self, path: String, bytes: &[u8]) {
+        let promise = Promise { sha256: sha256(bytes), size_bytes: bytes.len(), state: Kept::Here };
+        self.ledger.clips.lock().unwrap().insert(path, promise);
+    }
+
+    async fn upload_in_parts(&mut self, home: &str) {
+        let (bytes, key) = (self.clip(), format!("{}-{}", self.number, self.sent));
+        let id = home.rsplit('/').next().unwrap().to_owned();
+        let metadata = crate::common::tus::metadata(&[("home", &id), ("idempotency_key", &key)]);
+        let begin = |client: &Client| {
+            let request = client.tus(Method::POST, "/v1/uploads").header("upload-length", bytes.len());
+            request.header("upload-metadata", &metadata)
+        };
+        let upload = self.insist(begin).await.header("location").to_owned();
+        let begun = Instant::now();
+        loop {
+            let head = self.insist(|client| client.tus(Method::HEAD, &upload)).await;
+            if head.status == 410 || head.status == 404 {
+                // It lay still for longer than uploads may here, and nothing of it was a promise yet.
+                return;
+            }
+            assert_eq!(head.status, 200);
+            let clip = head.header("viola-clip").to_owned();
+            if !clip.is_empty() {
+                self.promised(clip, &bytes);
+                return;
+            }
+            let offset: usize = head.header("upload-offset").parse().unwrap();
+            let step = self.random.random_range(1..200_000).min(bytes.len() - offset);
+            let client = self.client();
+            let sent = self.once(client.patch(&upload, offset, &bytes[offset..offset + step])).await;
+            if let Some(answer) = sent {
+                let text = String::from_utf8_lossy(&answer.bytes).into_owned();
+                assert!([204, 404, 409, 410].contains(&answer.status), "{} {text}", answer.status);
+            }
+            assert!(begun.elapsed() < 8 * PATIENCE, "client {} never came to the end of a file", self.number);
+        }
+    }
+
+    async fn delete(&mut self, home: &str) {
+        let own = {
+            let clips = self.ledger.clips.lock().unwrap();
+            let here = clips.iter().filter(|(path, promise)| {
+                path.starts_with(&format!("{home}/")) && promise.state == Kept::Here
+            });
+            here.map(|(path, _)| path.clone()).next()
+        };
+        let Some(path) = own else { return };
+        let client = self.client();
+        let state = match self.once(client.request(Method::DELETE, &path)).await {
+            Some(answer) if answer.status == 204 => Kept::Gone,
+            Some(answer) => panic!("{path}: {} {}", answer.status, String::from_utf8_lossy(&answer.bytes)),
+            None => Kept::Unsure,
+        };
+        self.ledger.clips.lock().unwrap().get_mut(&path).unwrap().state = state;
+    }
+}
+
+impl Ledger {
+    /// Compares what there is with what was promised; tells how much it was.
+    pub async fn check(&self, fleet: &Fleet) -> String {
+        let clips = self.clips.lock().unwrap().clone();
+        let mut here = 0;
+        for (path, promise) in &clips {
+            let answer = fleet.server(0).get(path).await;
+            match (promise.state, answer.status) {
+                (Kept::Gone, status) => assert_eq!(status, 404, "{path} was deleted"),
+                (Kept::Unsure, 404) => {}
+                (Kept::Here | Kept::Unsure, _) => {
+                    let clip = answer.ok(200);
+                    let state = clip["state"].as_str().unwrap();
+                    assert!(
+                        ["aligned", "ambiguous", "failed"].contains(&state),
+                        "{path} is {state}: {clip:#}"
+                    );
+                    assert_eq!(clip["sha256"], promise.sha256);
+                    here += 1;
+                }
+            }
+        }
+        let homes: std::collections::BTreeSet<&str> =
+            clips.keys().filter_map(|path| path.split("/clips/").next()).collect();
+        let mut compared = 0;
+        for home in homes {
+            compared += self.compare(fleet, home, &clips).await;
+        }
+        assert_eq!(compared, here, "every clip was compared byte by byte");
+        format!(
+            "{here} clips of {} here byte for byte; {} requests, {} unanswered, the slowest {} ms",
+            clips.len(),
+            self.requests.load(Ordering::Relaxed),
+            self.unanswered.load(Ordering::Relaxed),
+            self.slowest_ms.load(Ordering::Relaxed),
+        )
+    }
+
+    /// The recordings of a home, out of its export, against what was sent; tells how many.
+    async fn compare(&self, fleet: &Fleet, home: &str, clips: &BTreeMap<String, Promise>) -> u64 {
+        let bytes = eventually("the export comes whole", || async {
+            let response =
+                fleet.server(1).request(Method::GET, &format!("{home}/export")).send().await.ok()?;
+            response.bytes().await.ok()
+        })
+        .await;
+        let mut export = zip::ZipArchive::new(std::io::Cursor::new(bytes)).unwrap();
+        let names = export.file_names().map(|name| name.unwrap().into_owned());
+        let names: Vec<String> = names.filter(|name| name.ends_with("/recording")).collect();
+        let mut compared = 0;
+        for name in &names {
+            let mut recording = Vec::new();
+            std::io::Read::read_to_end(&mut export.by_name(name).unwrap(), &mut recording).unwrap();
+            let id = name.split('/').nth_back(1).unwrap();
+            let Some(promise) = clips.get(&format!("{home}/clips/{id}")) else {
+                // Its upload came through, and the answer did not.
+                continue;
+            };
+            assert_eq!((recording.len(), sha256(&recording)), (promise.size_bytes, promise.sha256.clone()));
+            compared += 1;
+        }
+        compared
+    }
+}

@@ -1,0 +1,191 @@
+//! Two servers and two workers that are begun anew whenever one was killed.
+
+use crate::clients::Ledger;
+use crate::common::client::Client;
+use crate::common::eventually;
+use crate::common::postgres::Schema;
+use crate::common::s3_server::S3Server;
+use serde_json::Value;
+use std::collections::HashMap;
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use tempfile::TempDir;
+
+/// The first two are servers.
+pub const PROCESSES: usize = 4;
+pub const SERVERS: usize = 2;
+
+pub struct Fleet {
+    settings: Vec<(&'static str, String)>,
+    folder: TempDir,
+    processes: Mutex<Vec<Member>>,
+    pub killed: AtomicU64,
+}
+
+struct Member {
+    child: Child,
+    /// Of a server.
+    base: Option<String>,
+}
+
+impl Fleet {
+    pub async fn start(schema: &Schema, bucket: &S3Server) -> Fleet {
+        let s3 = bucket.params();
+        let settings = vec![
+            ("VIOLA_DATABASE_URL", schema.url()),
+            ("VIOLA_DATABASE_CONNECTIONS", "6".to_owned()),
+            ("VIOLA_S3_BUCKET", s3.bucket),
+            ("VIOLA_S3_PREFIX", s3.prefix),
+            ("VIOLA_S3_ENDPOINT", s3.endpoint.expect("it is our own")),
+            ("VIOLA_S3_REGION", s3.region),
+            ("VIOLA_S3_ACCESS_KEY_ID", s3.access_key_id),
+            ("VIOLA_S3_SECRET_ACCESS_KEY", s3.secret_access_key),
+            ("VIOLA_S3_ALLOW_HTTP", "true".to_owned()),
+            ("VIOLA_UPLOAD_PATIENCE_SECONDS", "10".to_owned()),
+        ];
+        let fleet = Fleet {
+            settings,
+            folder: TempDir::new().unwrap(),
+            processes: Mutex::default(),
+            killed: AtomicU64::new(0),
+        };
+        for number in 0..PROCESSES {
+            let member = fleet.begin(number);
+            fleet.processes.lock().unwrap().push(member);
+        }
+        fleet
+    }
+
+    fn command(&self) -> Command {
+        let mut command = crate::common::process::viola();
+        command.envs(self.settings.iter().map(|(name, value)| (*name, value)));
+        command
+    }
+
+    fn log(&self, number: usize) -> PathBuf {
+        self.folder.path().join(format!("{number}.log"))
+    }
+
+    fn begin(&self, number: usize) -> Member {
+        let is_server = number < SERVERS;
+        let arguments: &[&str] =
+            if is_server { &["serve", "--no-worker", "--listen", "127.0.0.1:0"] } else { &["work"] };
+        let log = OpenOptions::new().create(true).append(true).open(self.log(number)).unwrap();
+        // The database may be refusing at this moment: it is tried again, as any supervisor would.
+        for _ in 0..50 {
+            let mut child = self
+                .command()
+                .args(arguments)
+                .args(["--lease-seconds", "2"])
+                .env("VIOLA_DATA", self.folder.path().join(number.to_string()))
+                .stdout(Stdio::piped())
+                .stderr(log.try_clone().unwrap())
+                .spawn()
+                .unwrap();
+            if !is_server {
+                return Member { child, base: None };
+            }
+            let mut line = String::new();
+            BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+            if let Some(base) = line.trim().strip_prefix("listening on ") {
+                return Member { child, base: Some(base.to_owned()) };
+            }
+            child.wait().unwrap();
+        }
+        panic!("process {number} does not start; its log is {}", self.log_text(number));
+    }
+
+    /// `kill -9`, and a new one in its place.
+    pub fn kill(&self, number: usize) {
+        {
+            let mut processes = self.processes.lock().unwrap();
+            let child = &mut processes[number].child;
+            child.kill().unwrap();
+            child.wait().unwrap();
+        }
+        self.killed.fetch_add(1, Ordering::Relaxed);
+        let member = self.begin(number);
+        self.processes.lock().unwrap()[number] = member;
+    }
+
+    /// One of the servers, as it is now.
+    pub fn server(&self, number: usize) -> Client {
+        let base = self.processes.lock().unwrap()[number % SERVERS].base.clone();
+        Client::new(base.expect("it is a server"))
+    }
+
+    /// Waits until there is nothing more to do.
+    pub async fn settle(&self) {
+        // A worker that ended by itself has met an error that it should have lived through.
+        for (number, member) in self.processes.lock().unwrap().iter_mut().enumerate() {
+            assert!(member.child.try_wait().unwrap().is_none(), "{number} ended: {}", self.log_text(number));
+        }
+        eventually("all jobs and merges are done", || async {
+            let answer = self.server(0).get("/readyz").await;
+            if answer.status != 200 {
+                return None;
+            }
+            let state = answer.json();
+            let left = ["queued", "running", "merges_due"].map(|name| state[name].as_u64().unwrap());
+            (left == [0, 0, 0]).then_some(())
+        })
+        .await;
+    }
+
+    /// No job's end was recorded twice: a worker says `job ends` when its end counted.
+    pub fn check_logs(&self, ledger: &Ledger) {
+        let mut ends: HashMap<String, u32> = HashMap::new();
+        for number in 0..PROCESSES {
+            let log = BufReader::new(File::open(self.log(number)).unwrap());
+            for line in log.lines().map(Result::unwrap) {
+                let Ok(event) = serde_json::from_str::<Value>(&line) else { continue };
+                assert!(!line.contains("panicked"), "{line}");
+                if event["message"] == "job ends" && is_answer(&event["outcome"]) {
+                    *ends.entry(event["job"].as_str().unwrap().to_owned()).or_default() += 1;
+                }
+            }
+        }
+        let twice: Vec<_> = ends.iter().filter(|(_, count)| **count > 1).collect();
+        assert!(twice.is_empty(), "ran to their end more than once: {twice:?}");
+        ledger.jobs_ended.store(ends.len() as u64, Ordering::Relaxed);
+    }
+
+    /// The cleaner finds what the killed left, and a second time nothing.
+    pub fn clean_twice(&self) {
+        let clean = || {
+            let mut command = self.command();
+            command.args(["clean", "--older-than-seconds", "0"]);
+            let output = command.env("VIOLA_DATA", self.folder.path().join("0")).output().unwrap();
+            let text = String::from_utf8_lossy(&output.stdout).into_owned();
+            assert!(output.status.success(), "{text} {}", String::from_utf8_lossy(&output.stderr));
+            text
+        };
+        println!("first: {}", clean().trim());
+        let second = clean();
+        assert!(second.contains(" and 0 blobs"), "{second}");
+    }
+
+    fn log_text(&self, number: usize) -> String {
+        let text = std::fs::read_to_string(self.log(number)).unwrap_or_default();
+        let tail = text.lines().rev().take(20).collect::<Vec<_>>();
+        tail.into_iter().rev().collect::<Vec<_>>().join("\n")
+    }
+}
+
+/// What a job ends with for good.
+fn is_answer(outcome: &Value) -> bool {
+    ["aligned", "ambiguous", "failed"].contains(&outcome.as_str().unwrap_or_default())
+}
+
+impl Drop for Fleet {
+    fn drop(&mut self) {
+        for member in self.processes.get_mut().unwrap() {
+            let _ = member.child.kill();
+            let _ = member.child.wait();
+        }
+    }
+}
