@@ -186,7 +186,7 @@ async fn settle(
         .bind(verdict.state.name())
         .bind(to_json(&verdict.reasons))
         .bind(now.as_millisecond())
-        .execute(&mut *transaction)
+        .execute(&mut transaction)
         .await?;
     // Without a result the clip is in no map, before and after.
     if clip.result_key.is_some() {

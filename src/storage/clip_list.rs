@@ -51,10 +51,10 @@ impl Storage {
             return Err(StorageError::NoSuchHome);
         }
         let jobs = query(jobs::select_jobs!("WHERE jobs.id IN (", page_of_clips!("job_id"), ")"));
-        let jobs = bind_page(jobs, home, filter, page).fetch_all(&mut *snapshot).await?;
+        let jobs = bind_page(jobs, home, filter, page).fetch_all(&mut snapshot).await?;
         let mut jobs = jobs::by_id(&jobs)?;
         let rows = bind_page(query(page_of_clips!("*")), home, filter, page);
-        let rows = rows.fetch_all(&mut *snapshot).await?;
+        let rows = rows.fetch_all(&mut snapshot).await?;
         let clip = |row: &Row| clips::from_row(row, row.maybe_id("job_id")?.and_then(|id| jobs.remove(&id)));
         rows.iter().map(clip).collect()
     }

@@ -141,7 +141,7 @@ impl Storage {
         let mut transaction = self.database.begin().await?;
         let clip = find_locked(&mut transaction, home, id).await?;
         jobs::lock_of_clip(&mut transaction, id).await?;
-        query("DELETE FROM clips WHERE id = $1").bind(id.to_string()).execute(&mut *transaction).await?;
+        query("DELETE FROM clips WHERE id = $1").bind(id.to_string()).execute(&mut transaction).await?;
         homes::grow(&mut transaction, home, -(clip.size_bytes as i64)).await?;
         if clip.result_key.is_some() {
             home_maps::changed(&mut transaction, home).await?;
@@ -259,7 +259,7 @@ pub(super) async fn insert(
     .bind(to_json(&reasons))
     .bind(new.recorded_at.map(Timestamp::as_millisecond))
     .bind(now.as_millisecond())
-    .execute(&mut **transaction)
+    .execute(transaction)
     .await?;
     homes::grow(transaction, home, new.size_bytes as i64).await?;
     if let Some(key) = &new.idempotency_key {

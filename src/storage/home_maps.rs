@@ -100,7 +100,7 @@ impl Storage {
             "SELECT * FROM home_maps WHERE home_id = $1 AND ($2 IS NULL OR revision = $2)
             ORDER BY revision DESC LIMIT 1",
         );
-        let row = row.bind(home.key()).bind(revision).fetch_optional(&mut *snapshot).await?;
+        let row = row.bind(home.key()).bind(revision).fetch_optional(&mut snapshot).await?;
         if row.is_none() && !homes::exists(&mut snapshot, home).await? {
             return Err(StorageError::NoSuchHome);
         }
@@ -123,7 +123,7 @@ impl Storage {
         .bind(home.key())
         .bind(page.after.unwrap_or(i64::MAX))
         .bind(i64::from(page.limit))
-        .fetch_all(&mut *snapshot)
+        .fetch_all(&mut snapshot)
         .await?;
         rows.iter().map(from_row).collect()
     }

@@ -205,7 +205,7 @@ pub(super) async fn enqueue(
     )
     .bind(clip.to_string())
     .bind(now.as_millisecond())
-    .execute(&mut **transaction)
+    .execute(transaction)
     .await?;
     let id = Uuid::now_v7();
     let turn = turn(transaction, home).await?;
@@ -224,7 +224,7 @@ pub(super) async fn enqueue(
     .bind(home.tenant())
     .bind(i64::from(turn.in_home))
     .bind(order_at.as_millisecond())
-    .execute(&mut **transaction)
+    .execute(transaction)
     .await?;
     clips::begin_job(transaction, clip, id, now).await
 }
@@ -287,7 +287,7 @@ pub(super) async fn enqueue_home(
 ) -> Result<Vec<String>, StorageError> {
     let rows = query("SELECT id FROM clips WHERE home_id = $1 ORDER BY id")
         .bind(home.key())
-        .fetch_all(&mut **transaction)
+        .fetch_all(transaction)
         .await?;
     let mut stale_blobs = Vec::new();
     for row in &rows {

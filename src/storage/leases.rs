@@ -123,7 +123,7 @@ impl Storage {
         .bind(stage.map(Stage::name))
         .bind(progress)
         .bind(now.as_millisecond())
-        .execute(&mut *transaction)
+        .execute(&mut transaction)
         .await?;
         transaction.commit().await?;
         Ok(updated == 1)
@@ -180,7 +180,7 @@ impl Storage {
         )
         .bind(id.to_string())
         .bind(now.as_millisecond())
-        .execute(&mut *transaction)
+        .execute(&mut transaction)
         .await?;
         if cancelled == 1 {
             let reason =
@@ -232,7 +232,7 @@ async fn end(
     )
     .bind(id.to_string())
     .bind(claim.fence)
-    .fetch_optional(&mut **transaction)
+    .fetch_optional(transaction)
     .await?;
     let Some(row) = row else { return Ok(false) };
     let (attempts, max_attempts): (u32, u32) = (row.count("attempts")?, row.count("max_attempts")?);
@@ -288,7 +288,7 @@ async fn close(
     .bind(state.name())
     .bind(error.map(to_json))
     .bind(now.as_millisecond())
-    .execute(&mut **transaction)
+    .execute(transaction)
     .await?;
     Ok(())
 }
@@ -311,7 +311,7 @@ async fn requeue(
     .bind(error.map(to_json))
     .bind(run_after.as_millisecond())
     .bind(now.as_millisecond())
-    .execute(&mut **transaction)
+    .execute(transaction)
     .await?;
     let reasons: Vec<Reason> = error.into_iter().cloned().collect();
     change_clip(transaction, id, ClipState::Queued, &reasons, now).await

@@ -110,7 +110,7 @@ impl Storage {
         .bind(&new.sha256)
         .bind(to_json(&new.info))
         .bind(now.as_millisecond())
-        .execute(&mut *transaction)
+        .execute(&mut transaction)
         .await?;
         homes::grow(&mut transaction, home, new.size_bytes as i64).await?;
         let stale_blobs = jobs::enqueue_home(&mut transaction, home, new.id, now).await?;
@@ -146,7 +146,7 @@ impl Storage {
         .bind(home.key())
         .bind(page.after.unwrap_or(i64::MAX))
         .bind(i64::from(page.limit))
-        .fetch_all(&mut *connection)
+        .fetch_all(&mut connection)
         .await?;
         rows.iter().map(from_row).collect()
     }

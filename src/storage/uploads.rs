@@ -255,7 +255,7 @@ impl Storage {
         let mut transaction = self.database.begin().await?;
         find_living(&mut transaction, id, now).await?;
         let keys = piece_keys(&mut transaction, id).await?;
-        query("DELETE FROM uploads WHERE id = $1").bind(id.to_string()).execute(&mut *transaction).await?;
+        query("DELETE FROM uploads WHERE id = $1").bind(id.to_string()).execute(&mut transaction).await?;
         transaction.commit().await?;
         self.blobs.discard(&keys).await;
         Ok(())
@@ -275,7 +275,7 @@ async fn check_room(
     limits: &UploadLimits,
 ) -> Result<(), UploadError> {
     let unfinished = "SELECT COUNT(*) AS uploads FROM uploads WHERE state IN ('arriving', 'arrived')";
-    let in_all: u64 = query(unfinished).fetch_one(&mut **transaction).await?.count("uploads")?;
+    let in_all: u64 = query(unfinished).fetch_one(transaction).await?.count("uploads")?;
     if in_all >= limits.in_all {
         return Err(UploadError::TooMany { limit: limits.in_all, place: "in all" });
     }
@@ -286,7 +286,7 @@ async fn check_room(
     let of_home = query(
         "SELECT COUNT(*) AS uploads FROM uploads WHERE home_id = $1 AND state IN ('arriving', 'arrived')",
     );
-    let in_home: u64 = of_home.bind(home.key()).fetch_one(&mut **transaction).await?.count("uploads")?;
+    let in_home: u64 = of_home.bind(home.key()).fetch_one(transaction).await?.count("uploads")?;
     if in_home >= limits.in_home {
         return Err(UploadError::TooMany { limit: limits.in_home, place: "in this home" });
     }
@@ -314,7 +314,7 @@ async fn insert(
     .bind(now.as_millisecond())
     .bind(expires_at.as_millisecond())
     .bind(new.tenant.name())
-    .execute(&mut **transaction)
+    .execute(transaction)
     .await?;
     Ok(())
 }

@@ -258,9 +258,9 @@ async fn a_feed_begins_with_what_was_there_before_it(storage: Storage) {
     let mut transaction = storage.database.begin().await.unwrap();
     let text = include_str!("../../../migrations/0003_choices_and_changes.sql");
     let filling = text.split("INSERT INTO changes").nth(1).and_then(|rest| rest.split(';').next()).unwrap();
-    query("DELETE FROM changes").execute(&mut *transaction).await.unwrap();
+    query("DELETE FROM changes").execute(&mut transaction).await.unwrap();
     let filling = AssertSqlSafe(format!("INSERT INTO changes{filling}"));
-    query(filling).execute(&mut *transaction).await.unwrap();
+    query(filling).execute(&mut transaction).await.unwrap();
     transaction.commit().await.unwrap();
     let items = part(&storage, None, 9, 0).await.items;
     let mut shown: Vec<String> = items.iter().map(shown).collect();

@@ -80,7 +80,7 @@ impl Storage {
         let row = query(statement)
             .bind(now.as_millisecond())
             .bind((now + lease).as_millisecond())
-            .fetch_optional(&mut *transaction)
+            .fetch_optional(&mut transaction)
             .await?;
         let Some(row) = row else { return Ok(None) };
         let home = row.home("id")?;
@@ -114,7 +114,7 @@ impl Storage {
         .bind(claim.home.key())
         .bind(claim.fence)
         .bind((now + lease).as_millisecond())
-        .execute(&mut *transaction)
+        .execute(&mut transaction)
         .await?;
         transaction.commit().await?;
         Ok(renewed == 1)
@@ -196,7 +196,7 @@ impl Storage {
                 .bind(claim.home.key())
                 .bind(claim.fence)
                 .bind(claim.wanted);
-        if held.execute(&mut *transaction).await? == 0 {
+        if held.execute(&mut transaction).await? == 0 {
             return Ok(None);
         }
         let stale = match new {
@@ -214,7 +214,7 @@ impl Storage {
             .bind(claim.home.key())
             .bind(claim.fence)
             .bind(due.as_millisecond())
-            .execute(&mut *transaction)
+            .execute(&mut transaction)
             .await?;
         transaction.commit().await?;
         Ok(())
@@ -315,7 +315,7 @@ async fn insert(
     .bind(to_json(&clips?))
     .bind(to_json(&info))
     .bind(now.as_millisecond())
-    .execute(&mut **transaction)
+    .execute(transaction)
     .await?;
     for file in written {
         let (x, y) = (file.tile.map(|tile| i64::from(tile.x)), file.tile.map(|tile| i64::from(tile.y)));
@@ -329,7 +329,7 @@ async fn insert(
         .bind(x)
         .bind(y)
         .bind(claim.last_revision)
-        .execute(&mut **transaction)
+        .execute(transaction)
         .await?;
         let Some(key) = &file.key else { continue };
         query(
@@ -342,7 +342,7 @@ async fn insert(
         .bind(x)
         .bind(y)
         .bind(revision)
-        .execute(&mut **transaction)
+        .execute(transaction)
         .await?;
     }
     super::objects::replace(transaction, &claim.home, &new.objects).await?;
@@ -350,14 +350,14 @@ async fn insert(
     query("DELETE FROM home_maps WHERE home_id = $1 AND revision <= $2")
         .bind(home)
         .bind(revision - KEPT)
-        .execute(&mut **transaction)
+        .execute(transaction)
         .await?;
     changes::record(transaction, &claim.home, Changed::Map { revision }, now).await?;
     let old =
         query("DELETE FROM home_map_files WHERE home_id = $1 AND last_revision <= $2 RETURNING blob_key")
             .bind(home)
             .bind(revision - KEPT)
-            .fetch_all(&mut **transaction)
+            .fetch_all(transaction)
             .await?;
     old.iter().map(|row| row.text("blob_key")).collect()
 }

@@ -123,7 +123,7 @@ pub(super) async fn replace(
     home: &HomeId,
     objects: &[MapObject],
 ) -> Result<(), StorageError> {
-    query("DELETE FROM home_objects WHERE home_id = $1").bind(home.key()).execute(&mut **transaction).await?;
+    query("DELETE FROM home_objects WHERE home_id = $1").bind(home.key()).execute(transaction).await?;
     for object in objects {
         query(
             "INSERT INTO home_objects (home_id, object_id, class, document, tenant) VALUES ($1, $2, $3, $4, $5)",
@@ -133,7 +133,7 @@ pub(super) async fn replace(
             .bind(object.class.name())
             .bind(to_json(object))
             .bind(home.tenant())
-            .execute(&mut **transaction)
+            .execute(transaction)
             .await?;
     }
     Ok(())

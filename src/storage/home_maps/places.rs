@@ -20,7 +20,7 @@ pub(super) async fn tell(
 ) -> Result<(), StorageError> {
     let rows = query("SELECT id, state, result_key FROM clips WHERE home_id = $1 AND placement IS NOT NULL")
         .bind(claim.home.key())
-        .fetch_all(&mut **transaction)
+        .fetch_all(transaction)
         .await?;
     for row in &rows {
         let share = row.maybe_text("result_key")?;
@@ -28,7 +28,7 @@ pub(super) async fn tell(
             query("UPDATE clips SET placement = NULL, updated_at = $2 WHERE id = $1")
                 .bind(row.text("id")?)
                 .bind(now.as_millisecond())
-                .execute(&mut **transaction)
+                .execute(transaction)
                 .await?;
             let clip = Changed::Clip { id: row.id("id")?, state: row.name("state")? };
             changes::record(transaction, &claim.home, clip, now).await?;
@@ -46,7 +46,7 @@ pub(super) async fn tell(
             query("SELECT state, reasons, placement, alignment FROM clips WHERE id = $1 AND result_key = $2")
                 .bind(member.clip.to_string())
                 .bind(&member.share)
-                .fetch_optional(&mut **transaction)
+                .fetch_optional(transaction)
                 .await?;
         let Some(row) = row else { continue };
         let same = |old: &Placement| Placement { map_revision: revision, ..old.clone() };
@@ -76,7 +76,7 @@ pub(super) async fn tell(
             .bind(reasons)
             .bind(placement.as_ref().map(to_json))
             .bind(now.as_millisecond())
-            .execute(&mut **transaction)
+            .execute(transaction)
             .await?;
         changes::record(transaction, &claim.home, Changed::Clip { id: member.clip, state }, now).await?;
     }

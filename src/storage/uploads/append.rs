@@ -66,7 +66,7 @@ impl Storage {
         .bind(offset as i64)
         .bind(length_bytes.map(|length| length as i64))
         .bind(later(now, limits.patience).as_millisecond())
-        .fetch_optional(&mut *transaction)
+        .fetch_optional(&mut transaction)
         .await?;
         let fence = taken.ok_or(UploadError::Overtaken)?.number("fence")?;
         transaction.commit().await?;
@@ -115,7 +115,7 @@ impl Storage {
         .bind(writer.offset as i64)
         .bind(size_bytes as i64)
         .bind(later(now, limits.patience).as_millisecond())
-        .fetch_optional(&mut *transaction)
+        .fetch_optional(&mut transaction)
         .await?;
         let Some(grown) = grown else {
             find_living(&mut transaction, writer.id, now).await?;
@@ -131,7 +131,7 @@ impl Storage {
         .bind(writer.offset as i64)
         .bind(size_bytes as i64)
         .bind(key)
-        .execute(&mut *transaction)
+        .execute(&mut transaction)
         .await?;
         transaction.commit().await?;
         Ok(())

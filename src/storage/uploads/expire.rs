@@ -22,14 +22,14 @@ impl Storage {
                     OR (state = 'arrived' AND kind = 'partial'))
                 ORDER BY expires_at LIMIT $2",
             );
-            let rows = rows.bind(now.as_millisecond()).bind(BATCH).fetch_all(&mut *transaction).await?;
+            let rows = rows.bind(now.as_millisecond()).bind(BATCH).fetch_all(&mut transaction).await?;
             let mut keys = Vec::new();
             for row in &rows {
                 let id = row.id("id")?;
                 keys.extend(piece_keys(&mut transaction, id).await?);
                 query("DELETE FROM uploads WHERE id = $1")
                     .bind(id.to_string())
-                    .execute(&mut *transaction)
+                    .execute(&mut transaction)
                     .await?;
             }
             transaction.commit().await?;

@@ -39,7 +39,7 @@ impl Storage {
         .bind(id.to_string())
         .bind(now.as_millisecond())
         .bind(later(now, lease).as_millisecond())
-        .fetch_optional(&mut *transaction)
+        .fetch_optional(&mut transaction)
         .await?;
         transaction.commit().await?;
         let Some(row) = row else { return Ok(None) };
@@ -66,7 +66,7 @@ impl Storage {
                 .bind(claim.upload.id.to_string())
                 .bind(claim.fence)
                 .bind(later(now, lease).as_millisecond())
-                .execute(&mut *transaction)
+                .execute(&mut transaction)
                 .await?;
         transaction.commit().await?;
         Ok(renewed > 0)
@@ -145,7 +145,7 @@ impl Storage {
         .bind(claim.fence)
         .bind(clip.to_string())
         .bind(later(now, record).as_millisecond());
-        if ended.execute(&mut *transaction).await? == 0 {
+        if ended.execute(&mut transaction).await? == 0 {
             return Ok((None, vec![]));
         }
         let pieces = take_pieces(&mut transaction, id).await?;
@@ -170,7 +170,7 @@ impl Storage {
         .bind(claim.fence)
         .bind(to_json(problem))
         .bind(later(now, record).as_millisecond());
-        if ended.execute(&mut *transaction).await? == 0 {
+        if ended.execute(&mut transaction).await? == 0 {
             return Ok(());
         }
         let pieces = take_pieces(&mut transaction, claim.upload.id).await?;
@@ -194,7 +194,7 @@ impl Storage {
         .bind(claim.upload.id.to_string())
         .bind(claim.fence)
         .bind(later(now, pause).as_millisecond())
-        .execute(&mut *transaction)
+        .execute(&mut transaction)
         .await?;
         transaction.commit().await?;
         Ok(())
@@ -205,7 +205,7 @@ async fn take_pieces(transaction: &mut Transaction, upload: Uuid) -> Result<Vec<
     let keys = piece_keys(transaction, upload).await?;
     query("DELETE FROM upload_pieces WHERE upload_id = $1")
         .bind(upload.to_string())
-        .execute(&mut **transaction)
+        .execute(transaction)
         .await?;
     Ok(keys)
 }

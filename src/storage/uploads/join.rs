@@ -66,7 +66,7 @@ impl Storage {
         )
         .bind(id.to_string())
         .bind(length as i64)
-        .execute(&mut *transaction)
+        .execute(&mut transaction)
         .await?;
         let upload = find(&mut transaction, id).await?.ok_or(UploadError::NotFound)?;
         transaction.commit().await?;
@@ -82,7 +82,7 @@ async fn joined_earlier(
 ) -> Result<Option<Upload>, UploadError> {
     let Some(first) = joining.parts.first() else { return Ok(None) };
     let row = query("SELECT joined_into FROM uploads WHERE id = $1").bind(first.to_string());
-    let row = row.fetch_optional(&mut **transaction).await?;
+    let row = row.fetch_optional(transaction).await?;
     let Some(earlier) = row.map(|row| row.maybe_id("joined_into")).transpose()?.flatten() else {
         return Ok(None);
     };
@@ -125,7 +125,7 @@ async fn take_over(
     .bind(part.to_string())
     .bind(into.id.to_string())
     .bind(into.expires_at.as_millisecond())
-    .execute(&mut **transaction)
+    .execute(transaction)
     .await?;
     if taken != 1 {
         return Err(UploadError::PartGone { id: part });
@@ -134,7 +134,7 @@ async fn take_over(
         .bind(part.to_string())
         .bind(into.id.to_string())
         .bind(at as i64)
-        .execute(&mut **transaction)
+        .execute(transaction)
         .await?;
     Ok(upload.received_bytes)
 }
