@@ -7,6 +7,7 @@ mod choice;
 mod classes;
 mod clip_results;
 mod clips;
+mod connections;
 mod documents;
 mod error;
 mod export;
@@ -28,6 +29,7 @@ mod server;
 mod session;
 mod uploads;
 
+pub use connections::ConnectionParams;
 pub use limits::LimitParams;
 pub use server::{ServeError, ServeParams, WorkParams, serve, work};
 pub use uploads::UploadParams;

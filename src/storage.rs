@@ -211,6 +211,25 @@ pub enum StorageError {
 }
 
 impl StorageError {
+    /// Whether the same may well succeed a moment later: the database or the store could not be reached, or had to
+    /// give way to somebody else.
+    pub fn is_transient(&self) -> bool {
+        use sqlx::Error::{Database, Io, PoolClosed, PoolTimedOut, Protocol, Tls};
+        match self {
+            StorageError::Database(Io(_) | PoolClosed | PoolTimedOut | Protocol(_) | Tls(_)) => true,
+            // Of PostgreSQL: connection lost, transaction rolled back, no resources, operator's intervention, lock not
+            // to be had.
+            StorageError::Database(Database(error)) => error.code().is_some_and(|code| {
+                let is_of_postgres = code.len() == 5;
+                let class = code.get(..2).unwrap_or_default();
+                is_of_postgres && (["08", "40", "53", "57"].contains(&class) || code == "55P03")
+            }),
+            StorageError::Blobs(object_store::Error::NotFound { .. }) => false,
+            StorageError::Blobs(_) => true,
+            _ => false,
+        }
+    }
+
     /// Whether the disk is full.
     pub fn is_full(&self) -> bool {
         fn find(error: &(dyn std::error::Error + 'static)) -> bool {

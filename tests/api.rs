@@ -4,6 +4,8 @@ mod common;
 
 #[path = "api/access.rs"]
 mod access;
+#[path = "api/attacks.rs"]
+mod attacks;
 #[path = "api/changes.rs"]
 mod changes;
 #[path = "api/choice.rs"]
@@ -22,6 +24,8 @@ mod jobs;
 mod lidar_map;
 #[path = "api/map.rs"]
 mod map;
+#[path = "api/metrics.rs"]
+mod metrics;
 #[path = "api/problems.rs"]
 mod problems;
 #[path = "api/server.rs"]

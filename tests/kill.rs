@@ -200,3 +200,43 @@ async fn a_folder_serves_once_at_a_time() {
     let migrated = viola().arg("migrate").arg("--data").arg(data.path()).output().unwrap();
     assert!(migrated.status.success(), "{migrated:?}");
 }
+
+#[tokio::test]
+async fn nobody_writes_into_the_log() {
+    let folder = TempDir::new().unwrap();
+    let (data, log) = (folder.path().join("data"), folder.path().join("log"));
+    let server = Process::serve_with_log(&data, &log);
+    let home = server.client.make_home("h").await;
+    let forged = "x\n{\"level\":\"ERROR\",\"message\":\"forged\"}\r\n";
+    let name = serde_json::json!({"name": forged});
+    let named = server.client.request(reqwest::Method::PUT, &home).json(&name);
+    server.client.send(named).await.ok(200);
+    for path in ["/v1/homes/%0A%7B%22message%22%3A%22forged%22%7D", "/%0d%0aforged", "/v1/jobs/forged%1b[2J"]
+    {
+        assert!(server.client.get(path).await.status >= 400, "{path}");
+    }
+    let mut raw = TcpStream::connect(server.client.base.strip_prefix("http://").unwrap()).unwrap();
+    raw.write_all(
+        b"GET /healthz HTTP/1.1\r\nhost: x\r\nx-request-id: a\tforged\r\nconnection: close\r\n\r\n",
+    )
+    .unwrap();
+    let mut answer = String::new();
+    raw.read_to_string(&mut answer).unwrap();
+    assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+    let key = format!("viola_{}", "5ec7e7".repeat(11));
+    let secret = &key[..70];
+    let asked = server
+        .client
+        .request(reqwest::Method::GET, "/v1/homes")
+        .header("authorization", format!("Bearer {secret}"));
+    server.client.send(asked).await.problem(401, "key-invalid");
+    assert!(server.stop("TERM").success());
+    let text = std::fs::read_to_string(&log).unwrap();
+    for line in text.lines() {
+        let event: serde_json::Value =
+            serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line:?}"));
+        assert_ne!(event["message"], "forged");
+        assert!(!line.contains('\u{1b}'), "{line:?}");
+    }
+    assert!(text.lines().count() > 5 && !text.contains("5ec7e7"), "secrets are not logged");
+}

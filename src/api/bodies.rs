@@ -2,6 +2,7 @@
 
 use super::App;
 use super::error::Error;
+use super::metrics;
 use crate::storage::{Arrived, BlobReader, Storage};
 use axum::body::Body;
 use axum::extract::Request;
@@ -60,7 +61,9 @@ pub(super) async fn receive(storage: &Storage, request: Request, limit: u64) -> 
     if size_bytes == 0 {
         return Err(Error::BodyEmpty);
     }
-    Ok(incoming.finish().await?)
+    let arrived = incoming.finish().await?;
+    metrics::received("whole", size_bytes);
+    Ok(arrived)
 }
 
 /// The format of a file is found by its content, so its media type does not matter; but a form wraps it.

@@ -168,6 +168,9 @@ impl Error {
             Error::Storage(error) if error.is_full() => {
                 (S::INSUFFICIENT_STORAGE, "storage_full", "The service has no room left")
             }
+            Error::Storage(error) if error.is_transient() => {
+                (S::SERVICE_UNAVAILABLE, "unavailable", "The service cannot do this at this moment")
+            }
             Error::Storage(_) | Error::Panicked(_) => {
                 (S::INTERNAL_SERVER_ERROR, "internal_error", "The service failed")
             }
@@ -207,7 +210,8 @@ impl Error {
         let is_ours = status.is_server_error() && !matches!(self, Error::TenantFull { .. });
         let detail = if is_ours {
             tracing::error!(code, cause = %self, "a request failed");
-            "The cause is in the service's log, under this answer's x-request-id.".to_owned()
+            let advice = if code == "unavailable" { "Try again in a few seconds. " } else { "" };
+            format!("{advice}The cause is in the service's log, under this answer's x-request-id.")
         } else {
             self.to_string()
         };
@@ -234,6 +238,9 @@ impl IntoResponse for Error {
             }
             Error::TooManyRequests { retry_after_s } => {
                 response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(retry_after_s));
+            }
+            Error::Storage(error) if error.is_transient() => {
+                response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(2));
             }
             _ => {}
         }

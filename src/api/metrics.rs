@@ -16,6 +16,7 @@ const REQUEST_SECONDS: &str = "viola_http_request_seconds";
 const QUEUED: &str = "viola_queue_jobs";
 const QUEUE_AGE: &str = "viola_queue_age_seconds";
 const MERGES_DUE: &str = "viola_merges_due";
+const RECEIVED: &str = "viola_received_bytes_total";
 
 /// Upper bounds of a bucket each, in seconds: from a cached answer to a long job.
 const SECONDS: [f64; 14] =
@@ -48,8 +49,13 @@ fn describe() {
     describe_gauge!(QUEUED, "Jobs that wait or run");
     describe_gauge!(QUEUE_AGE, Unit::Seconds, "How long the job that has been due longest has waited");
     describe_gauge!(MERGES_DUE, "Homes whose map is behind");
-    describe_counter!("viola_received_bytes_total", Unit::Bytes, "Files that arrived");
+    describe_counter!(RECEIVED, Unit::Bytes, "Files that arrived");
     crate::jobs::describe_metrics();
+}
+
+/// Counts bytes of files that arrived whole, or in parts.
+pub(super) fn received(by: &'static str, bytes: u64) {
+    counter!(RECEIVED, "by" => by).increment(bytes);
 }
 
 /// Counts a request.

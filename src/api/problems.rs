@@ -48,6 +48,10 @@ impl IntoResponses for CommonProblems {
                 "500",
                 "The service failed: `internal-error`. The log has the cause under the answer's `x-request-id`",
             ),
+            (
+                "503",
+                "The database or the store of files does not answer now: `unavailable`. `Retry-After` says when to try again",
+            ),
         ])
     }
 }

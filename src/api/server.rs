@@ -1,23 +1,18 @@
 //! A process from start to graceful stop: HTTP with or without workers (`viola serve`), or workers alone (`viola work`).
 
+use super::connections::ConnectionParams;
 use super::limits::{LimitParams, Limits};
 use super::uploads::{UploadParams, clean};
-use super::{App, metrics};
+use super::{App, connections, metrics};
 use crate::jobs::{self, Queue, WorkerParams};
 use crate::storage::{Storage, StorageError, StorageParams};
-use axum::Router;
-use axum::serve::ListenerExt;
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
-
-/// How long requests under way may take to end when the server stops.
-const DRAIN: Duration = Duration::from_secs(10);
 
 /// Uploaded files that are opened at the same time.
 const READERS: usize = 4;
@@ -33,6 +28,7 @@ pub struct ServeParams {
     pub max_upload_bytes: u64,
     pub uploads: UploadParams,
     pub limits: LimitParams,
+    pub connections: ConnectionParams,
     pub worker: WorkerParams,
 }
 
@@ -83,7 +79,7 @@ pub async fn serve(
         stop: stop.clone(),
     };
     tasks.spawn(clean(app.clone()));
-    answer(listener, super::router(app), &stop, listening).await?;
+    connections::answer(listener, super::router(app), &params.connections, &stop, listening).await?;
     end(tasks, &storage, &stop).await;
     Ok(())
 }
@@ -102,7 +98,8 @@ pub async fn work(
     match params.listen {
         Some(address) => {
             let router = super::health_router(storage.clone());
-            answer(bind(address).await?, router, &stop, listening).await?;
+            connections::answer(bind(address).await?, router, &ConnectionParams::default(), &stop, listening)
+                .await?;
         }
         None => stop.cancelled().await,
     }
@@ -138,35 +135,6 @@ fn begin_work(
     }
     tasks.spawn(queue.clone().exchange_signals(stop.clone()));
     tasks
-}
-
-/// Answers requests until `stop`, and those that have begun by then for a while longer.
-async fn answer(
-    listener: TcpListener,
-    router: Router,
-    stop: &CancellationToken,
-    listening: impl FnOnce(SocketAddr),
-) -> Result<(), ServeError> {
-    let address = listener.local_addr()?;
-    // Events are small and must not wait for more to come.
-    let listener = listener.tap_io(|stream| {
-        if let Err(error) = stream.set_nodelay(true) {
-            warn!(%error, "a connection keeps Nagle's delay");
-        }
-    });
-    let served = axum::serve(listener, router).with_graceful_shutdown(stop.clone().cancelled_owned());
-    info!(%address, "listening");
-    listening(address);
-    let drained = async {
-        stop.cancelled().await;
-        info!("stopping");
-        tokio::time::sleep(DRAIN).await;
-    };
-    tokio::select! {
-        served = served.into_future() => served?,
-        () = drained => warn!("requests were still under way and are cut off"),
-    }
-    Ok(())
 }
 
 async fn end(mut tasks: JoinSet<()>, storage: &Storage, stop: &CancellationToken) {

@@ -3,7 +3,7 @@
 mod client;
 mod recordings;
 
-use crate::api::{LimitParams, ServeParams, UploadParams, serve};
+use crate::api::{ConnectionParams, LimitParams, ServeParams, UploadParams, serve};
 use crate::geometry::angle_between;
 use crate::jobs::WorkerParams;
 use crate::storage::StorageParams;
@@ -66,6 +66,7 @@ async fn show(arguments: &DemoArguments, recordings: &Recordings) -> Result<()> 
         max_upload_bytes: 1 << 30,
         uploads: UploadParams::default(),
         limits: LimitParams::default(),
+        connections: ConnectionParams::default(),
         worker: WorkerParams::default(),
     };
     let mut server = tokio::spawn(serve(params, stop.clone(), |address| {

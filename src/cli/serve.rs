@@ -3,7 +3,7 @@
 use super::service::{self, print_address};
 use super::store::StoreArguments;
 use super::worker::{WorkerArguments, seconds};
-use crate::api::{LimitParams, ServeParams, UploadParams, serve};
+use crate::api::{ConnectionParams, LimitParams, ServeParams, UploadParams, serve};
 use crate::storage::UploadLimits;
 use anyhow::Result;
 use clap::Args;
@@ -52,6 +52,7 @@ pub fn run(arguments: &ServeArguments) -> Result<()> {
             requests_per_s: arguments.tenant_requests_per_second,
             storage_bytes: arguments.tenant_storage_mb.map(|mib| mib.saturating_mul(1 << 20)),
         },
+        connections: ConnectionParams::default(),
         worker: arguments.worker.params()?,
     };
     service::run(|stop| serve(params, stop, print_address))

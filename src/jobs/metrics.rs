@@ -19,6 +19,7 @@ pub fn describe_metrics() {
     describe_histogram!(STAGE_SECONDS, Unit::Seconds, "Time of a stage of the method");
     describe_histogram!(START_SECONDS, Unit::Seconds, "From when a job was due to when a worker had it");
     describe_counter!(LEASES_LOST, "Attempts whose job went to another worker, was cancelled or removed");
+    counter!(LEASES_LOST).increment(0);
     describe_counter!(MERGES, "Merges of homes, by how they ended");
     describe_histogram!(MERGE_SECONDS, Unit::Seconds, "Time of a merge");
 }

@@ -5,13 +5,14 @@ use crate::common::postgres::{Schema, Schemas};
 use crate::common::s3_server::S3Server;
 use jiff::Timestamp;
 use reqwest::header::HeaderMap;
+use sqlx::Connection;
 use std::ops::Deref;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
-use viola::api::{LimitParams, ServeParams, UploadParams, serve};
+use viola::api::{ConnectionParams, LimitParams, ServeParams, UploadParams, serve};
 use viola::jobs::WorkerParams;
 use viola::storage::{
     ApiKey, NewKey, PostgresParams, Role, S3Params, Secret, Storage, StorageParams, Tenant,
@@ -117,6 +118,7 @@ impl Server {
             max_upload_bytes: 64 << 20,
             uploads: UploadParams::default(),
             limits: LimitParams::default(),
+            connections: ConnectionParams::default(),
             worker: WorkerParams::default(),
         };
         change(&mut params);
@@ -156,6 +158,22 @@ impl Server {
 
     pub async fn administer(&self) -> Storage {
         Storage::administer(&self.storage).await.unwrap()
+    }
+
+    /// Runs a statement on the service's own database.
+    pub async fn execute(&self, statement: &str) {
+        let statement = sqlx::AssertSqlSafe(statement.to_owned());
+        match &self.storage.postgres {
+            Some(postgres) => {
+                let mut connection = sqlx::PgConnection::connect(&postgres.url).await.unwrap();
+                sqlx::query(statement).execute(&mut connection).await.unwrap();
+            }
+            None => {
+                let file = format!("sqlite:{}", self.storage.data.join("viola.sqlite").display());
+                let mut connection = sqlx::SqliteConnection::connect(&file).await.unwrap();
+                sqlx::query(statement).execute(&mut connection).await.unwrap();
+            }
+        }
     }
 
     /// Every file of the blob store, also those that are arriving.

@@ -22,14 +22,19 @@ pub fn viola() -> Command {
 impl Process {
     /// Serves a data folder; returns once requests are accepted.
     pub fn serve(data: &Path, arguments: &[&str]) -> Process {
-        let mut child = viola()
-            .args(["serve", "--listen", "127.0.0.1:0", "--data"])
-            .arg(data)
-            .args(arguments)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
+        let mut command = viola();
+        let command = command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data).args(arguments);
+        Process::begin(command.stderr(Stdio::null()))
+    }
+
+    /// Serves a data folder and writes its log to a file.
+    pub fn serve_with_log(data: &Path, log: &Path) -> Process {
+        let log = std::fs::File::create(log).unwrap();
+        Process::begin(viola().args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data).stderr(log))
+    }
+
+    fn begin(command: &mut Command) -> Process {
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut line = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
         let base = line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("{line:?}"));

@@ -4,6 +4,7 @@ use super::checksum::Checksum;
 use super::refusal::UploadRefusal;
 use crate::api::App;
 use crate::api::error::Error;
+use crate::api::metrics;
 use crate::storage::{Incoming, UploadWriter};
 use axum::body::Body;
 use futures::StreamExt;
@@ -84,5 +85,8 @@ pub(super) async fn receive(app: &App, append: Append, body: Body) -> Result<(),
 async fn keep(app: &App, writer: &mut UploadWriter, piece: Option<Piece>) -> Result<(), Error> {
     let Some(piece) = piece else { return Ok(()) };
     let bytes = piece.file.finish().await?;
-    Ok(app.storage.append(writer, bytes, &app.uploads.limits, Timestamp::now()).await?)
+    let size_bytes = bytes.size_bytes;
+    app.storage.append(writer, bytes, &app.uploads.limits, Timestamp::now()).await?;
+    metrics::received("parts", size_bytes);
+    Ok(())
 }

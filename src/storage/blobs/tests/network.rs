@@ -233,14 +233,24 @@ async fn many_files_share_the_memory_for_parts() {
     assert_eq!(bench.blobs.parts.available_permits(), keep::PARTS_IN_MEMORY);
 }
 
+/// The service's handlers are such tasks: this has to compile.
 #[tokio::test]
-async fn a_sweep_runs_beside_other_work() {
+async fn all_is_done_in_tasks_of_their_own() {
     let bench = Bench::on_s3();
-    bench.blobs.put("one", vec![1]).await.unwrap();
+    let file = bench.arrived(&large()).await;
     let blobs = Arc::new(bench.blobs);
-    let swept = tokio::spawn(async move {
-        let nothing = async |_: Vec<String>| Ok(std::collections::HashSet::new());
-        blobs.sweep(Timestamp::MAX, nothing).await
+    let task = tokio::spawn(async move {
+        blobs.ready().await?;
+        blobs.put("one", vec![1]).await?;
+        blobs.keep(file, "two").await?;
+        blobs.read_all("one").await?;
+        blobs.read("one").await?;
+        blobs.local_file("one").await?;
+        blobs.discard(&["one".to_owned()]).await;
+        let names = ["three".to_owned()];
+        let named =
+            |keys: Vec<String>| async { Ok(keys.into_iter().filter(|key| names.contains(key)).collect()) };
+        blobs.sweep(Timestamp::MAX, named).await
     });
-    assert_eq!(swept.await.unwrap().unwrap(), 1);
+    assert_eq!(task.await.unwrap().unwrap(), 1);
 }

@@ -1,0 +1,115 @@
+//! Connections: how many there may be, how long one may take to say what it wants, and how they end.
+
+use super::server::ServeError;
+use axum::Router;
+use axum::body::Body;
+use hyper::body::Incoming;
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::server::graceful::GracefulShutdown;
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::Semaphore;
+use tokio_util::sync::CancellationToken;
+use tower::ServiceExt;
+use tracing::{debug, info, warn};
+
+/// How long requests under way may take to end when the server stops.
+const DRAIN: Duration = Duration::from_secs(10);
+
+/// Bytes of a request's head.
+const MAX_HEAD_BYTES: usize = 64 << 10;
+
+/// How much a client may hold.
+#[derive(Debug, Clone)]
+pub struct ConnectionParams {
+    /// A connection on which the head of a request is not whole after so long is closed.
+    pub head: Duration,
+    /// More connections wait until others end.
+    pub most: usize,
+}
+
+impl Default for ConnectionParams {
+    fn default() -> ConnectionParams {
+        ConnectionParams { head: Duration::from_secs(30), most: 4096 }
+    }
+}
+
+/// How long to wait when the system gives no more connections.
+const PAUSE: Duration = Duration::from_millis(500);
+
+/// Answers requests until `stop`, and those that have begun by then for a while longer.
+pub(super) async fn answer(
+    listener: TcpListener,
+    router: Router,
+    params: &ConnectionParams,
+    stop: &CancellationToken,
+    listening: impl FnOnce(SocketAddr),
+) -> Result<(), ServeError> {
+    let address = listener.local_addr()?;
+    info!(%address, "listening");
+    listening(address);
+    let places = Arc::new(Semaphore::new(params.most));
+    let open = GracefulShutdown::new();
+    let accept = async {
+        loop {
+            let place = places.clone().acquire_owned().await;
+            let stream = match listener.accept().await {
+                Ok((stream, _)) => stream,
+                Err(error) if is_of_one(&error) => continue,
+                Err(error) => {
+                    warn!(%error, "no connection can be accepted for now");
+                    tokio::time::sleep(PAUSE).await;
+                    continue;
+                }
+            };
+            let connection = open.watch(connection(stream, router.clone(), params.head));
+            tokio::spawn(async move {
+                if let Err(error) = connection.await {
+                    debug!(%error, "a connection broke");
+                }
+                drop(place);
+            });
+        }
+    };
+    tokio::select! {
+        () = accept => {}
+        () = stop.cancelled() => {}
+    }
+    // Nobody new: the next process may have the address.
+    drop(listener);
+    info!("stopping");
+    tokio::select! {
+        () = open.shutdown() => {}
+        () = tokio::time::sleep(DRAIN) => warn!("requests were still under way and are cut off"),
+    }
+    Ok(())
+}
+
+/// Whether only the connection that was to be accepted is lost.
+fn is_of_one(error: &io::Error) -> bool {
+    use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
+    [ConnectionAborted, ConnectionRefused, ConnectionReset].contains(&error.kind())
+}
+
+fn connection(
+    stream: TcpStream,
+    router: Router,
+    head: Duration,
+) -> impl hyper_util::server::graceful::GracefulConnection<Error = hyper::Error> {
+    // Events are small and must not wait for more to come.
+    if let Err(error) = stream.set_nodelay(true) {
+        warn!(%error, "a connection keeps Nagle's delay");
+    }
+    let service =
+        service_fn(move |request: hyper::Request<Incoming>| router.clone().oneshot(request.map(Body::new)));
+    http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(head)
+        .max_buf_size(MAX_HEAD_BYTES)
+        .serve_connection(TokioIo::new(stream), service)
+}

@@ -1,0 +1,49 @@
+//! What is seen from outside.
+
+use crate::common::{eventually, room, zips};
+use crate::server::Server;
+use std::collections::BTreeSet;
+
+/// Names of our metrics in a text.
+fn names(text: &str) -> BTreeSet<String> {
+    let words = text.split(|letter: char| !letter.is_ascii_alphanumeric() && letter != '_');
+    words.filter(|word| word.starts_with("viola_")).map(str::to_owned).collect()
+}
+
+#[tokio::test]
+async fn the_dashboard_shows_what_is_counted() {
+    let server = Server::start().await;
+    let home = server.make_home("secret-home").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let answer = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await;
+    let clip = answer.header("location").to_owned();
+    server.settled(&clip).await;
+    let shown = names(include_str!("../../docker/grafana.json"));
+    assert!(shown.len() > 10, "{shown:?}");
+    // The home's map is merged a moment after its clip.
+    let text = eventually("everything was counted once", || async {
+        let answer = server.get("/metrics").await;
+        assert_eq!((answer.status, answer.header("content-type")), (200, "text/plain; version=0.0.4"));
+        let text = String::from_utf8(answer.bytes).unwrap();
+        let counted = names(&text);
+        shown.iter().all(|name| counted.contains(name)).then_some(text)
+    })
+    .await;
+    // Whoever reads the numbers learns nothing of whose they are, and nobody makes rows by inventing paths.
+    server.get("/v1/homes/secret-home/invented").await.problem(404, "route-not-found");
+    assert!(!text.contains("secret-home") && !text.contains(clip.rsplit('/').next().unwrap()), "{text}");
+    let again = String::from_utf8(server.get("/metrics").await.bytes).unwrap();
+    assert!(!again.contains("invented"));
+}
+
+#[tokio::test]
+async fn readiness_tells_what_it_stands_on() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    server.post(&format!("{home}/clips"), crate::clips::small_clip()).await.ok(201);
+    let ready = server.get("/readyz").await.ok(200);
+    assert_eq!((&ready["status"], &ready["queued"], &ready["running"]), (&"ok".into(), &1.into(), &0.into()));
+    assert!(["sqlite", "postgresql"].contains(&ready["database"].as_str().unwrap()));
+    assert!(ready["free_bytes"].as_u64().unwrap() > 0 && ready["queue_age_s"].as_f64().unwrap() >= 0.0);
+}
