@@ -74,7 +74,7 @@ pub async fn go_on(
             8 | 9 => person.ask(&format!("{home}/clips")).await,
             _ => person.ask("/v1/homes").await,
         }
-        let pause = person.random.random_range(20..600);
+        let pause = person.random.random_range(50..1000);
         tokio::time::sleep(Duration::from_millis(pause)).await;
     }
 }
