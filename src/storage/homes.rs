@@ -100,9 +100,11 @@ impl Storage {
                         UNION SELECT home_id FROM changes WHERE tenant = $1 AND at > $4)
                     AND id || '' > $2 ORDER BY id || '' LIMIT $3"
             ),
-            // By tenant as well, which changes nothing but that planners take the index that has both: near the end of
-            // one tenant's they would else go through all of the next one's.
-            None => select_homes!("WHERE tenant = $1 AND id > $2 ORDER BY tenant, id LIMIT $3"),
+            // That the tenant is no other is said so that planners begin in the index of both where the page does: else
+            // they go through the next tenant's homes, or through this one's from the first.
+            None => {
+                select_homes!("WHERE (tenant, id) > ($1, $2) AND tenant <= $1 ORDER BY tenant, id LIMIT $3")
+            }
         };
         let mut query = query(statement)
             .bind(tenant.name())

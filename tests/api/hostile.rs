@@ -17,6 +17,7 @@ async fn check_refused(path: &str, method: Method, body: Vec<u8>, status: u16, c
     assert_eq!(server.blobs(), Vec::<std::path::PathBuf>::new());
     assert_eq!(server.get("/v1/homes/h").await.ok(200)["clips"], 0);
     server.lives().await;
+    server.stop().await;
 }
 
 async fn check_clip(body: Vec<u8>, status: u16, code: &str) {
@@ -40,6 +41,7 @@ async fn check_told(files: &Files, lidar_map: String, code: &str) {
         clip["reasons"].as_array().unwrap().iter().map(|reason| reason["code"].clone()).collect();
     assert!(codes.contains(&code.into()), "{clip:#}");
     server.lives().await;
+    server.stop().await;
 }
 
 /// Replaces files whose name begins so.
@@ -153,4 +155,5 @@ async fn bodies_that_are_too_large_or_break_off() {
     })
     .await;
     server.lives().await;
+    server.stop().await;
 }

@@ -44,6 +44,9 @@ impl Store {
 
 /// The suite once more on another store, in a process of its own, as its environment holds for all of it.
 async fn on_another_store(name: &str) {
+    // The database has only so many connections, and each server of a suite takes some.
+    static ONE_AT_A_TIME: tokio::sync::Mutex<()> = tokio::sync::Mutex::const_new(());
+    let _turn = ONE_AT_A_TIME.lock().await;
     if Store::of_this_run() != Store::Embedded {
         return;
     }

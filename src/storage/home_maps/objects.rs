@@ -101,8 +101,8 @@ impl Storage {
         let rows = query(
             "SELECT home_id, object_id, document FROM home_objects
             WHERE tenant = $6 AND ($1 IS NULL OR class = $1) AND ($2 IS NULL OR home_id = $2)
-                AND (home_id > $3 OR (home_id = $3 AND object_id > $4))
-            ORDER BY tenant, home_id, object_id LIMIT $5",
+                AND home_id >= $3 AND (home_id > $3 OR (home_id = $3 AND object_id > $4))
+            ORDER BY home_id, object_id LIMIT $5",
         )
         .bind(filter.class.as_deref())
         .bind(filter.home.as_ref().map(HomeId::key))
