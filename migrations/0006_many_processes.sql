@@ -13,7 +13,7 @@ CREATE INDEX home_objects_of_tenant ON home_objects (tenant, home_id, object_id)
 ALTER TABLE uploads ADD COLUMN tenant TEXT NOT NULL DEFAULT 'default';
 CREATE INDEX uploads_of_tenant ON uploads (tenant, state);
 
--- The changes feed is numbered when it is read, or by the cleaner, and not by who writes: seq is null until then, and
+-- The changes feed is numbered by who reads it, and not by who writes: seq is null until then, and
 -- null again when the thing has changed anew. ticket is the order in which changes without a number are numbered. at
 -- never goes back.
 CREATE TABLE new_changes (

@@ -96,7 +96,8 @@ pub(super) async fn check(
     Ok(next.run(request).await)
 }
 
-/// The secret that a request shows. With the service's own cookie only for what a page of its own sent.
+/// The secret that a request shows, in a header or else in the cookie, which a browser sends only with what the service's
+/// own pages ask for (`SameSite=Strict`).
 fn secret(headers: &HeaderMap) -> Result<Option<Secret>, Error> {
     let text = match headers.get(header::AUTHORIZATION) {
         Some(value) => {

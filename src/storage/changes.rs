@@ -5,7 +5,7 @@
 //! transaction of its change: the feed tells nothing that was not committed, and everything that was.
 //!
 //! Who writes gives no numbers: the numbers would have to be in the order of commit, and every writer would wait for
-//! every other. A change has a null in place of its number until somebody reads the feed (or the cleaner comes by), who
+//! every other. A change has a null in place of its number until somebody reads the feed, who
 //! numbers all that is committed by then, one after the other. A number that a reader has seen is therefore higher than
 //! all that were given before, and lower than all that will be.
 

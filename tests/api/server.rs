@@ -190,8 +190,11 @@ impl Server {
             }
         };
         while let Some(folder) = folders.pop() {
-            // Nothing was ever kept there.
-            let Ok(entries) = std::fs::read_dir(folder) else { continue };
+            // Below a prefix of the bucket there is no folder before the first object; everything else is there.
+            let entries = match std::fs::read_dir(&folder) {
+                Err(_) if self.storage.s3.is_some() && !folder.exists() => continue,
+                entries => entries.unwrap(),
+            };
             for entry in entries {
                 let path = entry.unwrap().path();
                 if path.is_dir() { folders.push(path) } else { files.push(path) }
