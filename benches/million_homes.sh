@@ -32,6 +32,8 @@ SELECT n, CASE WHEN n % 10 = 0 THEN 'bolt/' ELSE 'acme/' END || 'home-' || lpad(
 FROM generate_series(1, :homes) AS n;
 INSERT INTO homes (id, tenant, name, created_at, updated_at, map_wanted, map_made, size_bytes)
 SELECT home, tenant, 'Home ' || n, at, at, 1, 1, 45000000 FROM sample;
+INSERT INTO tenant_sizes (tenant, part, size_bytes)
+SELECT tenant, n % 16, SUM(45000000) FROM sample GROUP BY tenant, n % 16;
 INSERT INTO lidar_maps (id, home_id, revision, size_bytes, sha256, info, created_at)
 SELECT gen_random_uuid(), home, 1, 20000, md5(home), '{}', at FROM sample;
 CREATE TEMP TABLE clip AS
@@ -69,7 +71,12 @@ key="$("$viola" keys create --tenant acme --role admin 2>/dev/null)"
 until grep -q listening "$scratch/address"; do sleep 0.1; done
 base="$(sed 's/listening on //' "$scratch/address")"
 ask() { curl -sS -o /dev/null -w '%{http_code} %{time_total} s  '"$2"'\n' -H "authorization: Bearer $key" -X "$1" "$base$2" "${@:3}"; }
+ask POST /v1/webhooks -H 'content-type: application/json' -d '{"url": "https://fleet.example/"}'
 cursor() { printf %s "$1" | base64 | tr '+/' '-_' | tr -d '=\n'; }
+for state in '' '&state=failed' '&state=queued,running'; do
+    ask GET "/v1/jobs?limit=200$state"
+    ask GET "/v1/jobs?limit=200$state&after=$(cursor 80000000-0000-0000-0000-000000000000)"
+done
 for home in home-00000001 home-00500001 home-00999999; do
     ask GET "/v1/homes/$home"
     ask GET "/v1/homes/$home/clips"

@@ -29,6 +29,7 @@ fn main() {
             picture_labels: None,
             foreign: false,
             withhold_poses: false,
+            drift: 0.005,
         });
         measure("simulated flats, 60 frames", &homes, &methods);
         match std::env::var_os("VIOLA_TEST_DATA") {

@@ -28,6 +28,7 @@ mod request_log;
 mod server;
 mod session;
 mod uploads;
+mod webhooks;
 
 pub use connections::ConnectionParams;
 pub use limits::LimitParams;
@@ -36,14 +37,17 @@ pub use uploads::UploadParams;
 
 use crate::jobs::Queue;
 use crate::storage::Storage;
+use crate::webhooks::WebhookParams;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use limits::Limits;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
-use utoipa::OpenApi;
+use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
+use utoipa::{Modify, OpenApi};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -58,14 +62,33 @@ struct App {
     max_upload_bytes: u64,
     uploads: Arc<UploadParams>,
     limits: Arc<Limits>,
+    webhooks: WebhookParams,
+    /// Whether there ever were keys while this process ran: from then on nobody is served without one.
+    has_keys: Arc<AtomicBool>,
     /// A place for everyone who may open an uploaded file at a time: readers use memory.
     readers: Arc<Semaphore>,
     /// Ends the answers that would otherwise go on for ever.
     stop: CancellationToken,
 }
 
+/// How callers show who they are.
+struct Security;
+
+impl Modify for Security {
+    fn modify(&self, document: &mut utoipa::openapi::OpenApi) {
+        let bearer = HttpBuilder::new().scheme(HttpAuthScheme::Bearer).description(Some(
+            "A key, as `viola keys create` shows it. While there is none, the service asks for none and serves its own machine alone.",
+        ));
+        let components = document.components.get_or_insert_default();
+        components.add_security_scheme("key", SecurityScheme::Http(bearer.build()));
+        document.security = Some(vec![SecurityRequirement::new::<_, [&str; 0], &str>("key", [])]);
+    }
+}
+
 #[derive(OpenApi)]
 #[openapi(
+    modifiers(&Security),
+    components(schemas(crate::taxonomy::Class, map::points::Format, map::PlanFormat)),
     info(title = "viola", description = "Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.\n\n\
         Every error is an RFC 9457 problem document with a stable `type`. Lists page by cursor."),
     tags(
@@ -75,6 +98,7 @@ struct App {
         (name = "uploads", description = "Clips that arrive in parts, over bad connections: tus 1.0 (https://tus.io)"),
         (name = "map", description = "The fused map of a home"),
         (name = "changes", description = "What happened to all homes, for whoever keeps a copy"),
+        (name = "webhooks", description = "Being told of changes, without asking"),
         (name = "jobs", description = "Work under way"),
         (name = "service", description = "The service itself"),
     )
@@ -107,6 +131,12 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(export::export_home))
         .routes(routes!(map::get_map_points))
         .routes(routes!(changes::list_changes))
+        .routes(routes!(webhooks::list_webhooks, webhooks::create_webhook))
+        .routes(routes!(webhooks::get_webhook, webhooks::delete_webhook))
+        .routes(routes!(webhooks::test_webhook))
+        .routes(routes!(webhooks::list_deliveries))
+        .routes(routes!(webhooks::retry_delivery))
+        .routes(routes!(jobs::list_jobs))
         .routes(routes!(jobs::get_job))
         .routes(routes!(jobs::watch_job))
         .routes(routes!(jobs::cancel_job))

@@ -23,6 +23,8 @@ mod serve;
 mod service;
 mod simulate;
 mod store;
+mod telemetry;
+mod tenants;
 mod video_tools;
 mod work;
 mod worker;
@@ -64,6 +66,8 @@ enum Command {
     Health(health::HealthArguments),
     /// Make, list and revoke the keys of those who may call the service.
     Keys(keys::KeysArguments),
+    /// List the tenants, and remove one with every byte of it.
+    Tenants(tenants::TenantsArguments),
     /// Show the configuration that holds, where each value comes from, and the variables of the environment.
     ///
     /// A file of settings is given to any command as `--config FILE` or in VIOLA_CONFIG.
@@ -97,6 +101,7 @@ pub fn main() -> ExitCode {
         Command::Clean(arguments) => clean::run(&arguments),
         Command::Health(arguments) => health::run(&arguments),
         Command::Keys(arguments) => keys::run(&arguments),
+        Command::Tenants(arguments) => tenants::run(&arguments),
         Command::Config(arguments) => config::run(&arguments, &program),
         Command::Migrate(arguments) => migrate::run(&arguments),
         Command::DecodeVideo(arguments) => decode_video::run(&arguments),

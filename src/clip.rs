@@ -71,6 +71,13 @@ pub struct FrameHeader {
     pub world_from_camera: Option<Pose3>,
 }
 
+/// How long cameras take to read their pictures, from the first row to the last: what moves meanwhile leans.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shutter {
+    pub color_s: f64,
+    pub depth_s: f64,
+}
+
 /// A decoded frame. The colour camera and the depth camera share one pose.
 #[derive(Debug, Clone)]
 pub struct Frame {
@@ -100,6 +107,7 @@ pub struct Clip {
     info: ClipInfo,
     frames: Vec<FrameHeader>,
     up_in_world: Option<Vector3>,
+    shutter: Option<Shutter>,
     origin: Origin,
 }
 
@@ -134,7 +142,7 @@ impl Clip {
         up_in_world: Option<Vector3>,
         load: impl Fn(usize) -> Frame + Send + Sync + 'static,
     ) -> Clip {
-        Clip { info, frames, up_in_world, origin: Origin::Memory(Box::new(load)) }
+        Clip { info, frames, up_in_world, shutter: None, origin: Origin::Memory(Box::new(load)) }
     }
 
     pub fn info(&self) -> &ClipInfo {
@@ -154,6 +162,11 @@ impl Clip {
     /// The unit vector against gravity, when the layout's world is known to be aligned to it.
     pub fn up_in_world(&self) -> Option<Vector3> {
         self.up_in_world
+    }
+
+    /// How the cameras read their pictures, where that is known.
+    pub fn shutter(&self) -> Option<Shutter> {
+        self.shutter
     }
 
     /// Decodes frame `index` of [`Clip::frames`]. Where many frames are wanted, [`Clip::stream`] is faster.

@@ -29,7 +29,7 @@ const TELL_EVERY: Duration = Duration::from_millis(5);
 pub struct Queue {
     storage: Arc<Storage>,
     due: Notify,
-    changed: Notify,
+    changed: Arc<Notify>,
     /// The same, for the other processes.
     untold_due: Notify,
     untold_change: Notify,
@@ -40,7 +40,7 @@ impl Queue {
         Queue {
             storage,
             due: Notify::new(),
-            changed: Notify::new(),
+            changed: Arc::default(),
             untold_due: Notify::new(),
             untold_change: Notify::new(),
         }
@@ -51,6 +51,11 @@ impl Queue {
         self.due.notify_one();
         self.untold_due.notify_one();
         self.tell_of_change();
+    }
+
+    /// Told of every change, of this process and of others.
+    pub fn changed(&self) -> Arc<Notify> {
+        self.changed.clone()
     }
 
     /// To be called after something changed that workers need not know of.

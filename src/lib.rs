@@ -33,3 +33,4 @@ pub mod stopwatch;
 pub mod storage;
 pub mod taxonomy;
 pub mod video;
+pub mod webhooks;

@@ -17,11 +17,13 @@ mod columns;
 #[cfg(test)]
 mod conformance;
 mod database;
+mod doomed;
 mod folder_lock;
 mod home_maps;
 mod homes;
 mod idempotency;
 mod incoming;
+mod job_list;
 mod jobs;
 mod keys;
 mod leases;
@@ -30,10 +32,12 @@ mod placement;
 pub mod result_file;
 mod signals;
 mod sweep;
+mod tenants;
 #[cfg(test)]
 #[path = "../tests/common/postgres.rs"]
 mod test_postgres;
 mod uploads;
+mod webhooks;
 
 pub use blobs::{BlobPlace, BlobReader, LocalFile, S3Params};
 pub use changes::{Change, ChangeKind, Changes, ChangesCursor};
@@ -53,8 +57,13 @@ pub use leases::{Claim, Ending, RetryPolicy};
 pub use lidar_maps::{LidarMapRevision, NewLidarMap};
 pub use placement::Placement;
 pub use signals::{Signal, Signals};
+pub use tenants::Removed;
 pub use uploads::{
     Joining, NewUpload, Upload, UploadClaim, UploadError, UploadKind, UploadLimits, UploadState, UploadWriter,
+};
+pub use webhooks::{
+    Delivery, DeliveryState, MOST_WEBHOOKS, RETRY_AFTER, Sending, Sent, ToSend, Webhook, WebhookMade,
+    WebhookSecret,
 };
 
 use blobs::Blobs;
@@ -206,6 +215,10 @@ pub enum StorageError {
     NoSuchClip,
     #[error("the home has no LiDAR map")]
     NoLidarMap,
+    #[error("no such webhook")]
+    NoSuchWebhook,
+    #[error("no such delivery")]
+    NoSuchDelivery,
     #[error("the cursor is too old for what was deleted since to be told; begin again without one")]
     CursorExpired,
 }

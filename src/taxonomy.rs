@@ -9,8 +9,11 @@ use serde::{Deserialize, Serialize};
 macro_rules! classes {
     ($($variant:ident = $id:literal $name:literal $color:literal),+ $(,)?) => {
         /// The class of a point. Ids and names are stable: they are in stored maps and in label pictures.
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+        #[derive(
+            Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, utoipa::ToSchema,
+        )]
         #[serde(rename_all = "snake_case")]
+        #[schema(as = ClassName)]
         pub enum Class {
             $($variant = $id),+
         }

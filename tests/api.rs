@@ -36,5 +36,7 @@ mod tus_client;
 mod upload_cuts;
 #[path = "api/uploads.rs"]
 mod uploads;
+#[path = "api/webhooks.rs"]
+mod webhooks;
 #[path = "api/workers.rs"]
 mod workers;

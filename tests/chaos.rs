@@ -1,6 +1,6 @@
 //! Two servers and two workers on PostgreSQL and S3, of which any may be killed at any moment, while the database's
 //! connections are cut, the bucket fails and dawdles, and twenty clients go on. At the end nothing that was acknowledged
-//! is missing or undone.
+//! is missing or undone, and a webhook was told all of it.
 //!
 //! `VIOLA_CHAOS_SECONDS` says for how long (20), `VIOLA_CHAOS_SEED` which disasters.
 
@@ -12,6 +12,8 @@ mod clients;
 mod disasters;
 #[path = "chaos/fleet.rs"]
 mod fleet;
+#[path = "chaos/hooks.rs"]
+mod hooks;
 
 use clients::Ledger;
 use common::postgres::Schema;
@@ -35,6 +37,7 @@ async fn nothing_acknowledged_is_lost() {
     let (seconds, seed) = (setting("VIOLA_CHAOS_SECONDS", 20), setting("VIOLA_CHAOS_SEED", 1));
     let bucket = S3Server::start();
     let fleet = Arc::new(Fleet::start(&schema, &bucket).await);
+    let hooks = hooks::Hooks::start(&fleet).await;
     let ledger = Arc::new(Ledger::default());
     let over = Arc::new(AtomicBool::new(false));
     let begun = Instant::now();
@@ -61,10 +64,11 @@ async fn nothing_acknowledged_is_lost() {
     }
     fleet.settle().await;
     let report = ledger.check(&fleet).await;
+    let told = hooks.check(&fleet).await;
     fleet.check_logs(&ledger);
     fleet.clean_twice();
     println!(
-        "{seconds} s, seed {seed}: {disasters} disasters, {} processes killed; {report}",
+        "{seconds} s, seed {seed}: {disasters} disasters, {} processes killed; {report}; {told}",
         fleet.killed.load(Ordering::Relaxed)
     );
     drop(fleet);

@@ -21,26 +21,27 @@ const FLOORS: &[(&str, u8)] = &[
     ("evaluate", 7),
     ("storage", 7),
     ("jobs", 8),
+    ("webhooks", 8),
     ("api", 9),
     ("cli", 10),
 ];
 
-/// Crates that only one module may know.
-const OWNED: &[(&str, &str)] = &[
-    ("axum", "api"),
-    ("tower", "api"),
-    ("tower_http", "api"),
-    ("utoipa_axum", "api"),
-    ("sqlx", "storage"),
-    ("object_store", "storage"),
-    ("rten", "network"),
-    ("ort", "network"),
-    ("libloading", "network"),
-    ("mp4_atom", "video"),
-    ("rust_h264", "video"),
-    ("rust_h265", "video"),
-    ("clap", "cli"),
-    ("reqwest", "cli"),
+/// Crates that only some modules may know.
+const OWNED: &[(&str, &[&str])] = &[
+    ("axum", &["api"]),
+    ("tower", &["api"]),
+    ("tower_http", &["api"]),
+    ("utoipa_axum", &["api"]),
+    ("sqlx", &["storage"]),
+    ("object_store", &["storage"]),
+    ("rten", &["network"]),
+    ("ort", &["network"]),
+    ("libloading", &["network"]),
+    ("mp4_atom", &["video"]),
+    ("rust_h264", &["video"]),
+    ("rust_h265", &["video"]),
+    ("clap", &["cli"]),
+    ("reqwest", &["cli", "webhooks"]),
 ];
 
 /// What the floors of the method (up to `home` and `simulate`) must not know.
@@ -151,13 +152,15 @@ fn each_foreign_world_has_one_door() {
     let mut broken = Vec::new();
     for source in sources() {
         for (number, line) in &source.lines {
-            for (name, owner) in OWNED.iter().filter(|(_, owner)| *owner != source.module) {
+            for (name, owners) in OWNED.iter().filter(|(_, owners)| !owners.contains(&source.module.as_str()))
+            {
                 let word = format!("{name}::");
                 let used = line.match_indices(&word).any(|(at, _)| {
                     !line[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':')
                 });
                 if used {
-                    broken.push(format!("{}:{number}: only {owner} may know {name}", source.path.display()));
+                    broken
+                        .push(format!("{}:{number}: only {owners:?} may know {name}", source.path.display()));
                 }
             }
         }

@@ -1,7 +1,13 @@
 """Follows a recording with Open3D's RGB-D odometry and with its reconstruction pipeline, and has viola judge all of them
-beside its own tracking: the same frames, one run."""
+beside its own tracking: the same frames, one run.
+
+    python3 benches/peers/track.py RECORDING REPORT
+
+Open3D 0.19.0 and opencv-python-headless (PyPI); 0.20.0 fuses nothing into its ScalableTSDFVolume, which leaves the pipeline without surfaces. VIOLA is
+the binary, if not the release build's."""
 
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -9,6 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 import open3d as o3d
 
@@ -61,11 +68,53 @@ def load(folder):
     return frames, camera
 
 
+def by_corners(frames, camera, source, target):
+    """Where the pipeline starts for frames that are apart: target from source by ORB corners with depth; none when it
+    fails. The pipeline's own sample does this with OpenCV and leaves such frames out without it."""
+    def corners(frame):
+        grey = (255 * np.asarray(frame[0].color)).astype(np.uint8)
+        return cv2.ORB_create(nfeatures=1000).detectAndCompute(grey, None), np.asarray(frame[0].depth)
+
+    ((points_a, words_a), depth_a), ((points_b, words_b), depth_b) = corners(frames[source]), corners(frames[target])
+    if words_a is None or words_b is None:
+        return None
+    matrix = camera.intrinsic_matrix
+    rays, pairs = np.linalg.inv(matrix), []
+    for match in cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True).match(words_a, words_b):
+        spots = points_a[match.queryIdx].pt, points_b[match.trainIdx].pt
+        far = [depth[int(v), int(u)] for depth, (u, v) in zip((depth_a, depth_b), spots)]
+        if min(far) > 0.3:
+            pairs.append([rays @ (u, v, 1.0) * z for (u, v), z in zip(spots, far)])
+    if len(pairs) < 10:
+        return None
+    pairs, rng, best = np.array(pairs), np.random.default_rng(0), (0, None)
+
+    def rigid(chosen):
+        a, b = chosen[:, 0], chosen[:, 1]
+        u, _, vt = np.linalg.svd((b - b.mean(0)).T @ (a - a.mean(0)))
+        turn = u @ np.diag([1, 1, np.sign(np.linalg.det(u @ vt))]) @ vt
+        return turn, b.mean(0) - turn @ a.mean(0)
+
+    def near(motion):
+        return np.linalg.norm(pairs[:, 0] @ motion[0].T + motion[1] - pairs[:, 1], axis=1) < 0.05
+
+    for _ in range(300):
+        motion = rigid(pairs[rng.choice(len(pairs), 3, replace=False)])
+        best = max(best, (near(motion).sum(), motion), key=lambda found: found[0])
+    if best[0] < 10:
+        return None
+    start = np.identity(4)
+    start[:3, :3], start[:3, 3] = rigid(pairs[near(best[1])])
+    return start
+
+
 def step(frames, camera, source, target):
     """Target from source, with its information; none when it failed."""
     jacobian = ODOMETRY.RGBDOdometryJacobianFromHybridTerm()
     option = ODOMETRY.OdometryOption(depth_diff_max=0.07, depth_max=MAX_DEPTH_M)
-    start = np.identity(4)
+    start = np.identity(4) if abs(source - target) == 1 else by_corners(frames, camera, source, target)
+    if start is None:
+        return None
     ok, motion, information = ODOMETRY.compute_rgbd_odometry(
         frames[source][0], frames[target][0], camera, start, jacobian, option
     )
@@ -81,9 +130,13 @@ def odometry(frames, camera):
     return poses
 
 
-def optimised(graph, distance_m):
+def optimised(graph, distance_m, loops):
+    """`loops` is the pipeline's preference_loop_closure_odometry or _registration."""
     option = REGISTRATION.GlobalOptimizationOption(
-        max_correspondence_distance=distance_m, edge_prune_threshold=0.25, reference_node=0
+        max_correspondence_distance=distance_m,
+        edge_prune_threshold=0.25,
+        preference_loop_closure=loops,
+        reference_node=0,
     )
     method = REGISTRATION.GlobalOptimizationLevenbergMarquardt()
     criteria = REGISTRATION.GlobalOptimizationConvergenceCriteria()
@@ -111,7 +164,7 @@ def fragment(frames, camera, first, last):
                 continue
             edge = REGISTRATION.PoseGraphEdge(source - first, target - first, motion, information, uncertain=not is_next)
             graph.edges.append(edge)
-    poses = optimised(graph, 0.07)
+    poses = optimised(graph, 0.07, 0.1)
     volume = o3d.pipelines.integration.ScalableTSDFVolume(
         voxel_length=3.0 / 512.0, sdf_trunc=0.04, color_type=o3d.pipelines.integration.TSDFVolumeColorType.RGB8
     )
@@ -164,7 +217,7 @@ def pipeline(frames, camera):
             if information[5, 5] / smaller >= 0.3:
                 edge = REGISTRATION.PoseGraphEdge(source, target, result.transformation, information, uncertain=True)
                 graph.edges.append(edge)
-    places = optimised(graph, VOXEL_M * 1.4) if len(parts) > 1 else [np.identity(4)]
+    places = optimised(graph, VOXEL_M * 1.4, 5.0) if len(parts) > 1 else [np.identity(4)]
     return [place @ pose for place, (poses, _) in zip(places, parts) for pose in poses]
 
 
@@ -190,7 +243,7 @@ def main():
         path = Path(temporary) / "trajectories.json"
         path.write_text(json.dumps(rows))
         # After the others have ended, so that nobody takes another's cores.
-        binary = ROOT / "target" / "release" / "viola"
+        binary = Path(os.environ.get("VIOLA", ROOT / "target" / "release" / "viola"))
         if not binary.exists():
             subprocess.run(["cargo", "build", "--release", "--bin", "viola"], cwd=ROOT, check=True)
         command = [binary, "evaluate", "--track", "--scene", folder, "--trajectories", path, "--out", out]

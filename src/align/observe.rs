@@ -73,7 +73,7 @@ pub fn observe(
     progress::begin(progress, Stage::Floor)?;
     let (cloud, keys) = (&fused.cloud_in_world, &fused.key_frames);
     // Tracking has a world of its own.
-    let up = clip.up_in_world().filter(|_| tracked.is_none());
+    let up = clip.up_in_world().filter(|_| tracked.as_ref().is_none_or(|tracked| tracked.is_refined));
     let floors = match floor::find_floor(cloud, keys, up, &params.floor, params.seed) {
         Ok(floor) => vec![floor],
         Err(why) => {
@@ -102,7 +102,7 @@ pub fn observe(
     Ok(observation)
 }
 
-/// Poses by tracking, for a clip none of whose wanted frames has one.
+/// Poses by tracking, for a clip none of whose wanted frames has one; and where they are to be refined.
 fn track_where_needed(
     clip: &Clip,
     frames: Option<&Range<u32>>,
@@ -111,7 +111,10 @@ fn track_where_needed(
 ) -> Result<Option<TrackedClip>, AlignError> {
     let wanted = |number: u32| frames.is_none_or(|frames| frames.contains(&number));
     let headers = clip.frames().iter().enumerate().filter(|(_, header)| wanted(header.number));
-    if headers.clone().any(|(_, header)| header.world_from_camera.is_some()) {
+    let posed = headers.clone().filter(|(_, header)| header.world_from_camera.is_some()).count();
+    // Where some frames have none, those that have one do not tell how the rest was reached.
+    let is_refined = params.track.device.is_some() && posed == headers.clone().count();
+    if posed > 0 && !is_refined {
         return Ok(None);
     }
     let indices: Vec<usize> = headers.map(|(index, _)| index).collect();

@@ -11,6 +11,7 @@
 
 mod clip;
 mod corners;
+mod device;
 mod graph;
 mod keys;
 mod loops;
@@ -19,23 +20,26 @@ mod odometry;
 mod picture;
 mod place;
 mod reference;
+mod shutter;
 mod step;
 
 pub(super) use clip::doubt;
 pub use clip::{TrackedClip, track};
+pub use device::DeviceParams;
 pub use loops::LoopParams;
 pub use lost::Lost;
 pub use odometry::OdometryParams;
 pub use place::PlaceParams;
 pub use step::StepParams;
 
-use crate::clip::Frame;
+use crate::clip::{Frame, Shutter};
 use crate::geometry::Pose3;
 use corners::Describer;
 use graph::Tie;
 use keys::KeyFrame;
 use odometry::Odometry;
 use picture::Pyramid;
+use shutter::Rolling;
 
 /// How a clip is tracked.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,6 +53,10 @@ pub struct TrackParams {
     pub relocalise_tries: usize,
     /// Segments with fewer frames than this are not kept.
     pub least_frames: usize,
+    /// How the cameras read their pictures; a clip that knows better has its own.
+    pub shutter: Option<Shutter>,
+    /// Frames that have poses are followed too, from where these have them, and the poses are refined by what is seen.
+    pub device: Option<DeviceParams>,
 }
 
 impl Default for TrackParams {
@@ -60,6 +68,8 @@ impl Default for TrackParams {
             close_loops: true,
             relocalise_tries: 12,
             least_frames: 5,
+            shutter: None,
+            device: None,
         }
     }
 }
@@ -123,6 +133,10 @@ pub struct Tracker {
     /// Why each segment ended, in the order of their beginning.
     ended: Vec<Option<Lost>>,
     is_lost: bool,
+    /// When the last frame was recorded.
+    last_s: Option<f64>,
+    /// The poses that the device gave, where they count.
+    devices: Vec<Option<Pose3>>,
 }
 
 impl Tracker {
@@ -136,21 +150,32 @@ impl Tracker {
             frames: Vec::new(),
             ended: Vec::new(),
             is_lost: true,
+            last_s: None,
+            devices: Vec::new(),
         }
     }
 
     /// The next frame.
     pub fn add(&mut self, frame: &Frame) {
         let pyramid = Pyramid::new(frame);
-        let followed = if self.is_lost { self.begin(pyramid) } else { self.follow(pyramid) };
+        let rolling = Rolling::new(self.params.shutter, self.last_s, frame.header.time_s);
+        self.last_s = frame.header.time_s;
+        self.devices.push(self.params.device.as_ref().and(frame.header.world_from_camera));
+        let followed = if self.is_lost { self.begin(pyramid) } else { self.follow(pyramid, rolling) };
         self.frames.push(followed);
     }
 
-    fn follow(&mut self, pyramid: Pyramid) -> Option<Followed> {
+    fn follow(&mut self, pyramid: Pyramid, rolling: Option<Rolling>) -> Option<Followed> {
         let key = self.keys.len() - 1;
-        let spoiled = Lost::of(&pyramid);
-        match spoiled.map_or_else(|| self.odometry.follow(&pyramid), Err) {
-            Ok(moved) => {
+        let expected = self.expected(key);
+        let moved = Lost::of(&pyramid)
+            .map_or_else(|| self.odometry.follow(pyramid.clone(), rolling, expected.as_ref()), Err);
+        match moved {
+            Ok(moved) if !self.contradicts(expected.as_ref(), &moved.step.camera_from_key) => {
+                if let Some(first) = &moved.first {
+                    let KeyFrame { frame, segment, world_from_key, .. } = self.keys[key];
+                    self.keys[key] = KeyFrame::new(frame, segment, world_from_key, first, &self.describer);
+                }
                 let followed = Followed {
                     key,
                     camera_from_key: moved.step.camera_from_key,
@@ -164,12 +189,17 @@ impl Tracker {
                         information: moved.step.trusted_information(),
                         is_loop: false,
                     });
+                    self.ties.extend(expected.and_then(|expected| self.device_tie(key, expected)));
                     let pose = self.keys[key].world_from_key * followed.camera_from_key.inverse();
-                    self.keep(&pyramid, self.keys[key].segment, pose);
+                    self.keep(&moved.pyramid, self.keys[key].segment, pose);
                 }
                 Some(followed)
             }
-            Err(why) => {
+            moved => {
+                if let Some(expected) = expected {
+                    return Some(self.carry(pyramid, expected));
+                }
+                let why = moved.err().unwrap_or(Lost::Jump);
                 if let Some(ended) = self.ended.last_mut() {
                     *ended = Some(why);
                 }
@@ -185,7 +215,8 @@ impl Tracker {
             return None;
         }
         let frame = self.frames.len();
-        let mut key = KeyFrame::new(frame, self.ended.len(), Pose3::identity(), &pyramid, &self.describer);
+        let world_from_key = self.devices[frame].unwrap_or_else(Pose3::identity);
+        let mut key = KeyFrame::new(frame, self.ended.len(), world_from_key, &pyramid, &self.describer);
         if let Some((a, step)) = self.relocalise(&key) {
             key.segment = self.keys[a].segment;
             key.world_from_key = self.keys[a].world_from_key * step.camera_from_key.inverse();

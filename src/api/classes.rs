@@ -1,5 +1,6 @@
 //! `/v1/classes`
 
+use super::problems::CommonProblems;
 use crate::taxonomy;
 use axum::Json;
 use axum::http::{HeaderName, header};
@@ -29,7 +30,7 @@ pub(super) struct Classes {
 
 /// The classes of points and objects
 #[utoipa::path(get, path = "/v1/classes", tag = "service",
-    responses((status = 200, description = "All of them, by id", body = Classes)))]
+    responses((status = 200, description = "All of them, by id", body = Classes), CommonProblems))]
 pub(super) async fn list_classes() -> ([(HeaderName, &'static str); 1], Json<Classes>) {
     let classes = taxonomy::Class::ALL.iter().map(|&class| {
         let [red, green, blue] = class.color();

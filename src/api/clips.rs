@@ -5,7 +5,7 @@ use super::access::Caller;
 use super::bodies::{FileBytes, content_length, receive, to_the_end, understand};
 use super::error::{Error, Problem};
 use super::extract::{ClipPath, HomePath, IdempotencyKey, Query, timestamp};
-use super::list::{List, ListQuery, UpdatedQuery};
+use super::list::{List, ListQuery, UpdatedQuery, states};
 use super::problems::{CommonProblems, FileProblems};
 use crate::align::{Estimate, FuseParams, estimate};
 use crate::clip;
@@ -74,7 +74,7 @@ impl IntoResponse for Answer {
 /// With an `Idempotency-Key`, sending the same file again gives the same clip again.
 #[utoipa::path(post, path = "/v1/homes/{home}/clips", tag = "clips",
     params(HomePath, AddQuery,
-        ("Idempotency-Key" = Option<String>, Header, description = "1 to 255 visible ASCII characters, unique to this file in this home")),
+        ("Idempotency-Key" = Option<String>, Header, pattern = "^[!-~]{1,255}$", description = "1 to 255 visible ASCII characters, unique to this file in this home")),
     request_body(content = FileBytes, content_type = "application/octet-stream",
         description = "An RGB-D recording: a zip, tar, tar.gz or tar.zst of its folder, or its one file (.r3d, .sens)"),
     responses(
@@ -167,24 +167,8 @@ pub(super) fn open(file: Arrived) -> Result<(Arrived, clip::ClipInfo, Estimate),
 #[into_params(parameter_in = Query)]
 pub(super) struct StateQuery {
     /// Only clips in one of these states, with commas between them. To be given with every page.
-    #[param(value_type = Option<Vec<ClipState>>, style = Form, explode = false, example = json!(["ambiguous", "failed"]))]
+    #[param(value_type = Option<Vec<ClipState>>, style = Form, explode = false, min_items = 1, example = json!(["ambiguous", "failed"]))]
     state: Option<String>,
-}
-
-impl StateQuery {
-    fn states(&self) -> Result<Vec<ClipState>, Error> {
-        let names = self.state.iter().flat_map(|text| text.split(','));
-        names
-            .map(|name| ClipState::ALL.into_iter().find(|state| state.name() == name))
-            .collect::<Option<_>>()
-            .ok_or_else(|| Error::InvalidQuery {
-                field: Some("state"),
-                detail: format!(
-                    "state is of {}, with commas between them",
-                    ClipState::ALL.map(ClipState::name).join(", ")
-                ),
-            })
-    }
 }
 
 /// The clips of a home, the oldest first
@@ -198,7 +182,8 @@ pub(super) async fn list_clips(
     Query(updated): Query<UpdatedQuery>,
     Query(state): Query<StateQuery>,
 ) -> Result<Json<List<Clip>>, Error> {
-    let filter = ClipFilter { states: state.states()?, updated_after: updated.updated_after()? };
+    let states = states(state.state.as_deref(), &ClipState::ALL, ClipState::name)?;
+    let filter = ClipFilter { states, updated_after: updated.updated_after()? };
     let clips = app.storage.clips(&home, &filter, &query.page()?).await?;
     Ok(Json(query.list(clips, |clip| clip.id)?))
 }

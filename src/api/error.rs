@@ -4,7 +4,7 @@
 use super::uploads::UploadRefusal;
 use crate::clip::ClipError;
 use crate::lidar::LidarError;
-use crate::storage::StorageError;
+use crate::storage::{MOST_WEBHOOKS, StorageError};
 use axum::Json;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -68,6 +68,8 @@ pub(super) enum Error {
     NoAnswerYet(String),
     #[error("the job has ended with `{0}` and cannot be cancelled")]
     JobEnded(&'static str),
+    #[error("the tenant has {MOST_WEBHOOKS} webhooks already; remove one first")]
+    TooManyWebhooks,
     #[error("no job has this id")]
     NoSuchJob,
     #[error(
@@ -144,6 +146,9 @@ impl Error {
             Error::TenantFull { .. } => {
                 (S::INSUFFICIENT_STORAGE, "tenant_full", "The tenant has no room left")
             }
+            Error::TooManyWebhooks => {
+                (S::CONFLICT, "too_many_webhooks", "The tenant has as many webhooks as it may have")
+            }
             Error::NoSuchJob => (S::NOT_FOUND, "job_not_found", "There is no such job"),
             Error::NoSuchResult(_) => (S::NOT_FOUND, "result_not_found", "The clip has no such file now"),
             Error::NoSuchMap => (S::NOT_FOUND, "map_not_found", "The home has no such map"),
@@ -158,6 +163,12 @@ impl Error {
             }
             Error::Storage(StorageError::NoSuchClip) => {
                 (S::NOT_FOUND, "clip_not_found", "There is no such clip")
+            }
+            Error::Storage(StorageError::NoSuchWebhook) => {
+                (S::NOT_FOUND, "webhook_not_found", "There is no such webhook")
+            }
+            Error::Storage(StorageError::NoSuchDelivery) => {
+                (S::NOT_FOUND, "delivery_not_found", "The webhook has no such delivery")
             }
             Error::Storage(StorageError::NoLidarMap) => {
                 (S::NOT_FOUND, "lidar_map_not_found", "The home has no LiDAR map yet")

@@ -43,6 +43,38 @@ pub(super) struct JobPath {
     pub job: Uuid,
 }
 
+/// A path to a webhook.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Path)]
+pub(super) struct WebhookPath {
+    pub webhook: Uuid,
+}
+
+/// A path to a message of a webhook.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Path)]
+pub(super) struct DeliveryPath {
+    pub webhook: Uuid,
+    pub delivery: Uuid,
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for WebhookPath {
+    type Rejection = Error;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<WebhookPath, Error> {
+        Ok(WebhookPath { webhook: Path::of(parts, state).await?.part("webhook")? })
+    }
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for DeliveryPath {
+    type Rejection = Error;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<DeliveryPath, Error> {
+        let path = Path::of(parts, state).await?;
+        Ok(DeliveryPath { webhook: path.part("webhook")?, delivery: path.part("delivery")? })
+    }
+}
+
 impl<S: Send + Sync> FromRequestParts<S> for HomePath {
     type Rejection = Error;
 

@@ -45,7 +45,7 @@ pub(super) struct Readiness {
 }
 
 /// Whether the process lives
-#[utoipa::path(get, path = "/healthz", tag = "service",
+#[utoipa::path(get, path = "/healthz", tag = "service", security(()),
     responses((status = 200, description = "It does", body = Health)))]
 async fn healthz() -> Json<Health> {
     Json(Health { status: "ok", version: env!("CARGO_PKG_VERSION") })
@@ -55,7 +55,7 @@ async fn healthz() -> Json<Health> {
 ///
 /// Its database answers, its blobs can be written and read, and there is room for files that arrive. How long the queue
 /// is tells nothing about this process, and does not make it unready.
-#[utoipa::path(get, path = "/readyz", tag = "service",
+#[utoipa::path(get, path = "/readyz", tag = "service", security(()),
     responses(
         (status = 200, description = "It can", body = Readiness),
         (status = 503, description = "Its database or its blobs do not answer, or its disk is full: `not-ready`",

@@ -1,8 +1,10 @@
 //! `/v1/jobs`
 
 use super::App;
+use super::access::Caller;
 use super::error::{Error, Problem};
-use super::extract::JobPath;
+use super::extract::{JobPath, Query};
+use super::list::{List, ListQuery, states};
 use super::problems::CommonProblems;
 use crate::storage::{Job, JobState};
 use axum::Json;
@@ -11,7 +13,34 @@ use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures::{Stream, StreamExt};
+use serde::Deserialize;
 use uuid::Uuid;
+
+/// Which jobs a list has.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct JobsQuery {
+    /// Only jobs in one of these states, with commas between them. To be given with every page.
+    #[param(value_type = Option<Vec<JobState>>, style = Form, explode = false, min_items = 1, example = json!(["failed"]))]
+    state: Option<String>,
+}
+
+/// The jobs of all homes, the newest first
+///
+/// `state=failed` are those that came to no answer: `error` says why. A clip is tried again by
+/// `POST /v1/homes/{home}/clips/{clip}/align`.
+#[utoipa::path(get, path = "/v1/jobs", tag = "jobs", params(JobsQuery, ListQuery),
+    responses((status = 200, description = "One page", body = List<Job>), CommonProblems))]
+pub(super) async fn list_jobs(
+    State(app): State<App>,
+    caller: Caller,
+    Query(asked): Query<JobsQuery>,
+    Query(query): Query<ListQuery>,
+) -> Result<Json<List<Job>>, Error> {
+    let states = states(asked.state.as_deref(), &JobState::ALL, JobState::name)?;
+    let jobs = app.storage.jobs(caller.for_all_homes()?, &states, &query.page()?).await?;
+    Ok(Json(query.list(jobs, |job| job.id)?))
+}
 
 /// A job
 #[utoipa::path(get, path = "/v1/jobs/{job}", tag = "jobs", params(JobPath),

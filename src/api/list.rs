@@ -20,6 +20,7 @@ pub(super) struct ListQuery {
     #[param(value_type = Option<u32>, minimum = 1, maximum = 200)]
     limit: Option<String>,
     /// `next` of the page before.
+    #[param(min_length = 1, pattern = "^[A-Za-z0-9_-]+$")]
     after: Option<String>,
 }
 
@@ -75,13 +76,30 @@ impl ListQuery {
     }
 }
 
+/// States by their names, with commas between them; none when not given.
+pub(super) fn states<S: Copy>(
+    asked: Option<&str>,
+    all: &[S],
+    name: impl Fn(S) -> &'static str,
+) -> Result<Vec<S>, Error> {
+    let names = asked.iter().flat_map(|text| text.split(','));
+    let found =
+        names.map(|asked| all.iter().copied().find(|state| name(*state) == asked)).collect::<Option<_>>();
+    found.ok_or_else(|| {
+        let all: Vec<&str> = all.iter().map(|state| name(*state)).collect();
+        let detail = format!("state is of {}, with commas between them", all.join(", "));
+        Error::InvalidQuery { field: Some("state"), detail }
+    })
+}
+
 pub(super) fn encode(id: &str) -> String {
     BASE64_URL_SAFE_NO_PAD.encode(id)
 }
 
 fn decode<Id: FromStr>(cursor: &str) -> Result<Id, Error> {
     let bytes = BASE64_URL_SAFE_NO_PAD.decode(cursor).ok();
-    let text = bytes.and_then(|bytes| String::from_utf8(bytes).ok());
+    // Nothing is a cursor of no list, also where ids are any text.
+    let text = bytes.filter(|bytes| !bytes.is_empty()).and_then(|bytes| String::from_utf8(bytes).ok());
     text.and_then(|text| text.parse().ok()).ok_or_else(|| Error::InvalidQuery {
         field: Some("after"),
         detail: "after is not a cursor that this list gave as next".to_owned(),

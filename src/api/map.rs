@@ -5,7 +5,7 @@ mod scene;
 
 pub(super) use points::{__path_get_map_points, get_map_points};
 pub(super) use scene::{
-    __path_get_map_coverage, __path_get_map_objects, __path_get_map_plan, __path_get_map_rooms,
+    __path_get_map_coverage, __path_get_map_objects, __path_get_map_plan, __path_get_map_rooms, PlanFormat,
     get_map_coverage, get_map_objects, get_map_plan, get_map_rooms,
 };
 

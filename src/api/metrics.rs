@@ -51,6 +51,7 @@ fn describe() {
     describe_gauge!(MERGES_DUE, "Homes whose map is behind");
     describe_counter!(RECEIVED, Unit::Bytes, "Files that arrived");
     crate::jobs::describe_metrics();
+    crate::webhooks::describe_metrics();
 }
 
 /// Counts bytes of files that arrived whole, or in parts.
@@ -76,7 +77,7 @@ pub(super) async fn count(request: Request, next: Next) -> Response {
 }
 
 /// What was counted
-#[utoipa::path(get, path = "/metrics", tag = "service",
+#[utoipa::path(get, path = "/metrics", tag = "service", security(()),
     responses((status = 200, description = "Text for Prometheus", body = String, content_type = "text/plain")))]
 pub(super) async fn metrics(State(storage): State<Arc<Storage>>) -> Response {
     match storage.queue_state(Timestamp::now()).await {

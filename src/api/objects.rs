@@ -17,10 +17,10 @@ use serde::Deserialize;
 #[into_params(parameter_in = Query)]
 pub(super) struct ObjectsQuery {
     /// Only this class, by name.
-    #[param(example = "sofa")]
+    #[param(value_type = Option<Class>, example = "sofa")]
     class: Option<String>,
     /// Only this home's.
-    #[param(example = "home-42")]
+    #[param(value_type = Option<HomeId>, example = "home-42")]
     home: Option<String>,
 }
 

@@ -6,6 +6,7 @@ use super::uploads::{UploadParams, clean};
 use super::{App, connections, metrics};
 use crate::jobs::{self, Queue, WorkerParams};
 use crate::storage::{Storage, StorageError, StorageParams};
+use crate::webhooks::{self, WebhookParams};
 use std::net::SocketAddr;
 use std::sync::Arc;
 use tokio::net::TcpListener;
@@ -30,6 +31,7 @@ pub struct ServeParams {
     pub limits: LimitParams,
     pub connections: ConnectionParams,
     pub worker: WorkerParams,
+    pub webhooks: WebhookParams,
 }
 
 /// How to work.
@@ -39,6 +41,7 @@ pub struct WorkParams {
     /// Jobs at a time.
     pub workers: usize,
     pub worker: WorkerParams,
+    pub webhooks: WebhookParams,
     /// Where to tell how the process is; nowhere when there is none.
     pub listen: Option<SocketAddr>,
 }
@@ -65,16 +68,18 @@ pub async fn serve(
 ) -> Result<(), ServeError> {
     metrics::begin();
     let storage = Arc::new(Storage::open(&params.storage).await?);
-    check_keys(&storage, params.listen).await?;
+    let has_keys = check_keys(&storage, params.listen).await?;
     let listener = bind(params.listen).await?;
     let queue = Arc::new(Queue::new(storage.clone()));
-    let mut tasks = begin_work(&queue, params.workers, &params.worker, &stop);
+    let mut tasks = begin_work(&queue, &storage, params.workers, &params.worker, params.webhooks, &stop);
     let app = App {
         storage: storage.clone(),
         queue,
         max_upload_bytes: params.max_upload_bytes,
         uploads: Arc::new(params.uploads),
         limits: Arc::new(Limits::new(&params.limits)),
+        webhooks: params.webhooks,
+        has_keys: Arc::new(has_keys.into()),
         readers: Arc::new(Semaphore::new(READERS)),
         stop: stop.clone(),
     };
@@ -93,7 +98,7 @@ pub async fn work(
     metrics::begin();
     let storage = Arc::new(Storage::open(&params.storage).await?);
     let queue = Arc::new(Queue::new(storage.clone()));
-    let tasks = begin_work(&queue, params.workers, &params.worker, &stop);
+    let tasks = begin_work(&queue, &storage, params.workers, &params.worker, params.webhooks, &stop);
     info!(workers = params.workers, database = storage.database_name(), "working");
     match params.listen {
         Some(address) => {
@@ -107,31 +112,37 @@ pub async fn work(
     Ok(())
 }
 
-/// Without keys everybody may do everything, so that only this machine may come.
-async fn check_keys(storage: &Storage, address: SocketAddr) -> Result<(), ServeError> {
+/// Whether there are keys. Without them everybody may do everything, so that only this machine may come.
+async fn check_keys(storage: &Storage, address: SocketAddr) -> Result<bool, ServeError> {
     if storage.has_keys().await? {
-        return Ok(());
+        return Ok(true);
     }
     if !address.ip().is_loopback() {
         return Err(ServeError::Open { address });
     }
     warn!("there is no key: everybody on this machine may do everything; `viola keys create` makes one");
-    Ok(())
+    Ok(false)
 }
 
 async fn bind(address: SocketAddr) -> Result<TcpListener, ServeError> {
     TcpListener::bind(address).await.map_err(|source| ServeError::Listen { address, source })
 }
 
+/// Jobs, and webhooks where there are workers.
 fn begin_work(
     queue: &Arc<Queue>,
+    storage: &Arc<Storage>,
     workers: usize,
     params: &WorkerParams,
+    webhooks: WebhookParams,
     stop: &CancellationToken,
 ) -> JoinSet<()> {
     let mut tasks = JoinSet::new();
     for _ in 0..workers {
         tasks.spawn(jobs::work(queue.clone(), params.clone(), stop.clone()));
+    }
+    if workers > 0 {
+        tasks.spawn(webhooks::deliver(storage.clone(), webhooks, queue.changed(), stop.clone()));
     }
     tasks.spawn(queue.clone().exchange_signals(stop.clone()));
     tasks

@@ -46,7 +46,7 @@ pub(super) async fn get_session(caller: Caller) -> axum::Json<Session> {
 /// Use a key in this browser
 ///
 /// It is kept in a cookie that pages cannot read and that goes to this service alone.
-#[utoipa::path(put, path = "/v1/session", tag = "service", request_body = SessionBody,
+#[utoipa::path(put, path = "/v1/session", tag = "service", security(()), request_body = SessionBody,
     responses(
         (status = 204, description = "The cookie is set", headers(("Set-Cookie" = String, description = "The key"))),
         CommonProblems, JsonProblems))]
@@ -63,7 +63,7 @@ pub(super) async fn put_session(
 }
 
 /// Use no key any more in this browser
-#[utoipa::path(delete, path = "/v1/session", tag = "service",
+#[utoipa::path(delete, path = "/v1/session", tag = "service", security(()),
     responses((status = 204, description = "The cookie is gone"), CommonProblems))]
 pub(super) async fn delete_session() -> (StatusCode, HeaderMap) {
     (StatusCode::NO_CONTENT, set("", "0", false))

@@ -116,9 +116,9 @@ async fn speak_tus(request: Request, next: Next) -> Response {
 /// `Viola-Job` are their paths. A file that is no clip is refused then, as `POST /v1/homes/{home}/clips` does.
 #[utoipa::path(post, path = "/v1/uploads", tag = "uploads",
     params(
-        ("Tus-Resumable" = String, Header, description = "`1.0.0`"),
+        ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`"),
         ("Upload-Length" = Option<u64>, Header, description = "Bytes of the whole file"),
-        ("Upload-Defer-Length" = Option<u64>, Header, description = "`1`: the length is told by a later PATCH"),
+        ("Upload-Defer-Length" = Option<u64>, Header, minimum = 1, maximum = 1, description = "`1`: the length is told by a later PATCH"),
         ("Upload-Metadata" = Option<String>, Header, description = "`home`, and where known `filename`, `recorded_at` and \
             `idempotency_key`: pairs of a name and a value in base64, with commas between the pairs; at most 4096 bytes"),
         ("Upload-Concat" = Option<String>, Header, description = "`partial`, or `final;` and the paths of partial uploads"),
@@ -213,7 +213,7 @@ async fn get_upload(
 ///
 /// A client that was interrupted goes on at `Upload-Offset`.
 #[utoipa::path(head, path = "/v1/uploads/{upload}", tag = "uploads",
-    params(UploadPath, ("Tus-Resumable" = String, Header, description = "`1.0.0`")),
+    params(UploadPath, ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`")),
     responses(
         (status = 200, description = "It goes on at `Upload-Offset`, or is whole",
             headers(("Upload-Offset" = u64, description = "So many bytes are durable"),
@@ -245,7 +245,7 @@ async fn head_upload(
 /// more than 10 000 pieces is refused with 413, `too-many-pieces`.
 #[utoipa::path(patch, path = "/v1/uploads/{upload}", tag = "uploads",
     params(UploadPath,
-        ("Tus-Resumable" = String, Header, description = "`1.0.0`"),
+        ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`"),
         ("Upload-Offset" = u64, Header, description = "How many bytes the service has"),
         ("Upload-Length" = Option<u64>, Header, description = "Of the whole file, where it was not told before"),
         ("Upload-Checksum" = Option<String>, Header, description = "Of the body: `sha1` or `sha256`, and the sum in base64")),
@@ -304,7 +304,7 @@ async fn append(app: App, id: Uuid, sent: &HeaderMap, body: Body) -> Result<Resp
 ///
 /// Its bytes are removed. A clip that was made of it stays; it has a DELETE of its own.
 #[utoipa::path(delete, path = "/v1/uploads/{upload}", tag = "uploads",
-    params(UploadPath, ("Tus-Resumable" = String, Header, description = "`1.0.0`")),
+    params(UploadPath, ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`")),
     responses(
         (status = 204, description = "It is gone"),
         (status = 410, description = "It was gone before: `upload-gone`", body = Problem,
@@ -328,8 +328,8 @@ async fn delete_upload(
 /// `X-HTTP-Method-Override` says which; all else is as there.
 #[utoipa::path(post, path = "/v1/uploads/{upload}", tag = "uploads",
     params(UploadPath,
-        ("Tus-Resumable" = String, Header, description = "`1.0.0`"),
-        ("X-HTTP-Method-Override" = String, Header, description = "`PATCH` or `DELETE`"),
+        ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`"),
+        ("X-HTTP-Method-Override" = String, Header, pattern = "^(PATCH|DELETE)$", description = "`PATCH` or `DELETE`"),
         ("Upload-Offset" = Option<u64>, Header, description = "As of PATCH"),
         ("Upload-Length" = Option<u64>, Header, description = "As of PATCH"),
         ("Upload-Checksum" = Option<String>, Header, description = "As of PATCH")),
@@ -367,14 +367,14 @@ async fn override_method(
         headers(("Tus-Version" = String, description = "`1.0.0`"),
             ("Tus-Extension" = String, description = "The extensions"),
             ("Tus-Max-Size" = u64, description = "Of one file, in bytes"),
-            ("Tus-Checksum-Algorithm" = String, description = "Those of `Upload-Checksum`")))))]
+            ("Tus-Checksum-Algorithm" = String, description = "Those of `Upload-Checksum`"))), CommonProblems))]
 async fn describe_uploads(State(app): State<App>) -> (StatusCode, HeaderMap) {
     (StatusCode::NO_CONTENT, answer::abilities(app.max_upload_bytes))
 }
 
 /// What of the protocol is served; the same for every upload
 #[utoipa::path(options, path = "/v1/uploads/{upload}", tag = "uploads", params(UploadPath),
-    responses((status = 204, description = "In headers, as of `/v1/uploads`")))]
-async fn describe_upload(State(app): State<App>) -> (StatusCode, HeaderMap) {
+    responses((status = 204, description = "In headers, as of `/v1/uploads`"), CommonProblems))]
+async fn describe_upload(State(app): State<App>, UploadPath { .. }: UploadPath) -> (StatusCode, HeaderMap) {
     (StatusCode::NO_CONTENT, answer::abilities(app.max_upload_bytes))
 }

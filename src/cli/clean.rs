@@ -24,6 +24,7 @@ pub fn run(arguments: &CleanArguments) -> Result<()> {
         let storage = Storage::administer(&arguments.store.params()).await?;
         let age = SignedDuration::try_from(arguments.older_than_seconds)?;
         let uploads = storage.expire_uploads(Timestamp::now()).await?;
+        while storage.finish_deletions().await? > 0 {}
         let blobs = storage.sweep(Timestamp::now() - age).await?;
         storage.close().await;
         println!("removed {uploads} expired uploads and {blobs} blobs that nothing names");

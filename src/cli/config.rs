@@ -13,7 +13,7 @@ const FLAG: &str = "--config";
 const VARIABLE: &str = "VIOLA_CONFIG";
 
 /// Commands that take a configuration.
-const CONFIGURED: [&str; 5] = ["serve", "work", "migrate", "keys", "clean"];
+const CONFIGURED: [&str; 6] = ["serve", "work", "migrate", "keys", "tenants", "clean"];
 
 #[derive(Args)]
 pub struct ConfigArguments {

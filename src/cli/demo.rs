@@ -7,6 +7,7 @@ use crate::api::{ConnectionParams, LimitParams, ServeParams, UploadParams, serve
 use crate::geometry::angle_between;
 use crate::jobs::WorkerParams;
 use crate::storage::StorageParams;
+use crate::webhooks::WebhookParams;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use client::{Client, ClipAnswer};
@@ -67,6 +68,7 @@ async fn show(arguments: &DemoArguments, recordings: &Recordings) -> Result<()> 
         uploads: UploadParams::default(),
         limits: LimitParams::default(),
         connections: ConnectionParams::default(),
+        webhooks: WebhookParams::default(),
         worker: WorkerParams::default(),
     };
     let mut server = tokio::spawn(serve(params, stop.clone(), |address| {

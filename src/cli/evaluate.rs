@@ -2,14 +2,15 @@
 
 use super::networks::NetworkArguments;
 use super::progress::TerminalProgress;
-use crate::align::{AlignParams, LabelParams};
+use crate::align::track::DeviceParams;
+use crate::align::{AlignParams, LabelParams, TrackParams};
 use crate::clip::Clip;
 use crate::evaluate::{
     self, ClipResult, DrawnClips, DrawnParams, HomeClips, HomesParams, Journal, Method, NoMethod, Run, Scene,
     SceneClips, Suite, SurveyParams, labels, plot,
 };
 use crate::progress::Silent;
-use crate::simulate::{Sensor, Set};
+use crate::simulate::{ClipParams, Sensor, Set};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -46,9 +47,15 @@ pub struct EvaluateArguments {
     /// Also give every simulated clip the map of another home, where it belongs nowhere.
     #[arg(long, requires = "set")]
     foreign: bool,
-    /// Withhold the poses of simulated clips, so that they have to be tracked.
+    /// Withhold the poses of simulated clips, so that they have to be tracked; they are recorded four times as densely.
     #[arg(long, requires = "set")]
     withhold_poses: bool,
+    /// Error of the poses of simulated devices after one metre, in metres.
+    #[arg(long, requires = "set", default_value_t = ClipParams::default().drift)]
+    drift: f64,
+    /// Refine the poses of devices by what the pictures show.
+    #[arg(long)]
+    refine_poses: bool,
     /// Fit the probability to this run's results and write its coefficients.
     #[arg(long, value_name = "FILE")]
     fit: Option<PathBuf>,
@@ -117,7 +124,9 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     }
     // Simulated pictures are too plain for a network.
     let label = if arguments.scene.is_some() { arguments.networks.labels()? } else { LabelParams::default() };
-    let observe = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };
+    let device = arguments.refine_poses.then(DeviceParams::default);
+    let track = TrackParams { device, ..TrackParams::default() };
+    let observe = AlignParams { seed: arguments.seed, label, track, ..AlignParams::default() };
     let workers = match arguments.threads {
         Some(threads) => threads,
         None => std::thread::available_parallelism()?.get(),
@@ -219,6 +228,7 @@ fn suite(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
         picture_labels: arguments.picture_labels,
         foreign: arguments.foreign,
         withhold_poses: arguments.withhold_poses,
+        drift: arguments.drift,
     })))
 }
 

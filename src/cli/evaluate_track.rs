@@ -45,7 +45,8 @@ fn scene(path: &Path, trajectories: &[std::path::PathBuf], params: &TrackParams)
         ensure!(!batch.is_empty(), "the clip ended early");
         frames.extend(batch.into_iter().collect::<Result<Vec<_>, _>>()?);
     }
-    let mut rows = ours(&name, &frames, &truth, params);
+    let params = TrackParams { shutter: clip.shutter(), ..params.clone() };
+    let mut rows = ours(&name, &frames, &truth, &params);
     for file in trajectories {
         let text = fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
         let others: Vec<Foreign> =

@@ -54,6 +54,7 @@ pub fn run(arguments: &ServeArguments) -> Result<()> {
         },
         connections: ConnectionParams::default(),
         worker: arguments.worker.params()?,
+        webhooks: arguments.worker.webhooks(),
     };
     service::run(|stop| serve(params, stop, print_address))
 }

@@ -1,12 +1,12 @@
 //! What all commands that go on running share: a log, an end, and the line that says where they listen.
 
+use super::telemetry::Telemetry;
 use anyhow::Result;
 use std::future::Future;
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::net::SocketAddr;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
-use tracing_subscriber::EnvFilter;
 
 /// Runs a service until it ends, or is asked to by SIGTERM or SIGINT.
 pub fn run<E, F>(service: impl FnOnce(CancellationToken) -> F) -> Result<()>
@@ -14,7 +14,7 @@ where
     E: Into<anyhow::Error>,
     F: Future<Output = Result<(), E>>,
 {
-    start_log();
+    let _telemetry = Telemetry::start()?;
     let runtime = tokio::runtime::Runtime::new()?;
     let ended = runtime.block_on(async {
         let stop = CancellationToken::new();
@@ -47,16 +47,5 @@ async fn stop_asked() {
     tokio::select! {
         _ = terminate.recv() => {}
         _ = interrupt.recv() => {}
-    }
-}
-
-/// Logs go to standard error: for people on a terminal, JSON elsewhere. `RUST_LOG` filters them.
-fn start_log() {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
-    if std::io::stderr().is_terminal() {
-        log.init()
-    } else {
-        log.json().flatten_event(true).with_span_list(false).init()
     }
 }

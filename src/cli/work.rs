@@ -24,6 +24,7 @@ pub fn run(arguments: &WorkArguments) -> Result<()> {
         storage: arguments.store.params(),
         workers: arguments.worker.workers,
         worker: arguments.worker.params()?,
+        webhooks: arguments.worker.webhooks(),
         listen: arguments.status_listen,
     };
     service::run(|stop| work(params, stop, print_address))

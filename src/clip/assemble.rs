@@ -91,6 +91,7 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
         info,
         frames: headers,
         up_in_world: layout.up_in_world,
+        shutter: layout.shutter,
         origin: Origin::Files(Box::new(files)),
     })
 }

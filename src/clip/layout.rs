@@ -19,8 +19,8 @@ mod trajectory;
 mod tum;
 mod video;
 
-use super::ClipError;
 use super::files::{ColorAt, DepthAt};
+use super::{ClipError, Shutter};
 use crate::container::{Container, Region};
 use crate::geometry::{Pose3, Vector3};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
@@ -46,6 +46,8 @@ pub(super) struct Layout {
     /// Frames with only one of the two pictures.
     pub incomplete: usize,
     pub cameras: Cameras,
+    /// Where the cameras are of a kind whose shutters are known.
+    pub shutter: Option<Shutter>,
     /// Where the intrinsics come from, in words.
     pub intrinsics: String,
     /// In the order in which they were recorded.

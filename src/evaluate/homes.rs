@@ -27,9 +27,16 @@ pub struct HomesParams {
     pub picture_labels: Option<f64>,
     /// Also give every clip the map of the next seed's home, where it belongs nowhere.
     pub foreign: bool,
-    /// The clips are given without the device's poses, and have to be tracked.
+    /// The clips are given without the device's poses, and have to be tracked. They take as long and are recorded
+    /// [`DENSER`] times as densely.
     pub withhold_poses: bool,
+    /// Error of the device's poses after one metre, in metres, as in [`ClipParams`].
+    pub drift: f64,
 }
+
+/// A camera whose poses come by tracking films at 10 Hz or more, where a device with poses keeps a few frames a second:
+/// at 2.5 Hz half of the picture is new in every frame, and nobody records so for tracking.
+pub const DENSER: usize = 4;
 
 /// The true pose of a clip in the map of another home: one that no answer comes near.
 const NOWHERE: Pose2 = Pose2 { x_m: 1e6, y_m: 1e6, yaw_rad: 0.0 };
@@ -112,9 +119,13 @@ impl Suite for HomeClips {
 
     fn fingerprint(&self) -> String {
         // The rest of the parameters is in the cases.
-        let HomesParams { sensor, picture_labels, withhold_poses, .. } = &self.params;
-        let poses = if *withhold_poses { " without poses" } else { "" };
-        format!("simulated {sensor:?} {picture_labels:?}{poses}")
+        let HomesParams { sensor, picture_labels, withhold_poses, drift, .. } = &self.params;
+        let poses = if *withhold_poses {
+            format!(" without poses, {DENSER} times as densely")
+        } else {
+            String::new()
+        };
+        format!("simulated {sensor:?} {picture_labels:?}{poses} {drift}")
     }
 
     fn sample(
@@ -128,8 +139,15 @@ impl Suite for HomeClips {
         let map = if foreign { self.mapped(set, seed + 1)? } else { mapped.clone() };
         // Colour does not matter here: the cheapest pictures will do.
         let color_width = self.params.sensor.depth_camera().width;
-        let recording =
-            ClipParams { frames, sensor: self.params.sensor, color_width, ..ClipParams::default() };
+        let denser = if self.params.withhold_poses { DENSER } else { 1 };
+        let frames = frames * denser;
+        let recording = ClipParams {
+            frames,
+            rate_hz: ClipParams::default().rate_hz * denser as f64,
+            sensor: self.params.sensor,
+            color_width,
+            drift: self.params.drift,
+        };
         let recorded = mapped.home.clip(&mapped.survey, number, &recording);
         let truth = recorded.truth.clone();
         let recorded = if self.params.withhold_poses { recorded.without_poses() } else { recorded };

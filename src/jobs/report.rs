@@ -3,12 +3,15 @@
 use crate::progress::{Progress, Stage};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use tracing::{Span, info_span};
 
-/// A [`Progress`] that remembers the last word and passes on the order to stop.
+/// A [`Progress`] that remembers the last word and passes on the order to stop. Each stage is a span of its own.
 #[derive(Default)]
 pub(super) struct Report {
     heard: Mutex<Heard>,
     cancelled: AtomicBool,
+    job: Option<Span>,
+    stage: Mutex<Option<Span>>,
 }
 
 /// The last word of the method.
@@ -20,6 +23,11 @@ pub(super) struct Heard {
 }
 
 impl Report {
+    /// Of a job whose span is the current one.
+    pub fn here() -> Report {
+        Report { job: Some(Span::current()), ..Report::default() }
+    }
+
     pub fn heard(&self) -> Heard {
         *self.lock()
     }
@@ -36,6 +44,9 @@ impl Report {
 impl Progress for Report {
     fn enter(&self, stage: Stage) {
         *self.lock() = Heard { stage: Some(stage), progress: stage.overall(0.0) };
+        let parent = self.job.as_ref().and_then(Span::id);
+        let span = info_span!(parent: parent, "stage", otel.name = stage.name());
+        *self.stage.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(span);
     }
 
     fn advance(&self, fraction: f64) {

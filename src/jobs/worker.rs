@@ -13,7 +13,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::task::{JoinError, JoinHandle};
 use tokio_util::sync::CancellationToken;
-use tracing::{error, info, warn};
+use tracing::field::Empty;
+use tracing::{Instrument, Span, error, info, info_span, warn};
 
 /// How often a worker looks whether the job is still its own and what the method says.
 const TICK: Duration = Duration::from_millis(250);
@@ -56,14 +57,17 @@ pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationTok
             Ok(Some(claim)) => {
                 // There may be more: wake the next worker, and tell who listens to this job.
                 queue.wake();
-                Attempt { queue: &queue, params: &params, claim }.run(&stop).await;
+                let job = &claim.job;
+                let span = info_span!("job", job = %job.id, clip = %job.clip, home = %job.home, tenant = job.home.tenant(), attempt = job.attempts, outcome = Empty);
+                Attempt { queue: &queue, params: &params, claim }.run(&stop).instrument(span).await;
                 queue.wake();
                 continue;
             }
             // Maps come after clips, so that a home with many clips on their way is merged once.
             Ok(None) => match queue.storage.claim_merge(params.lease, Timestamp::now()).await {
                 Ok(Some(claim)) => {
-                    merge(&queue, &claim, params.lease).await;
+                    let span = info_span!("merge", home = %claim.home, tenant = claim.home.tenant());
+                    merge(&queue, &claim, params.lease).instrument(span).await;
                     continue;
                 }
                 Ok(None) => {}
@@ -101,6 +105,7 @@ impl Attempt<'_> {
         info!(job = %job.id, clip = %job.clip, home = %job.home, attempt = job.attempts, "job begins");
         let ending = self.work(stop).await;
         let outcome = outcome_name(&ending);
+        Span::current().record("outcome", outcome);
         let storage = &self.queue.storage;
         let kept = match &ending {
             Some(ending) => storage.finish(&self.claim, ending, &self.params.retry, Timestamp::now()).await,
@@ -120,7 +125,7 @@ impl Attempt<'_> {
 
     /// None when the job is no longer ours.
     async fn work(&self, stop: &CancellationToken) -> Option<Ending> {
-        let report = Arc::new(Report::default());
+        let report = Arc::new(Report::here());
         let mut method = match self.begin_alive(&report, stop).await {
             Begun::Working(method) => method,
             Begun::Failed(error) => return Some(broken("storage_error", &error)),

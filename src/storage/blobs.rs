@@ -81,10 +81,15 @@ impl Blobs {
         Ok(())
     }
 
+    /// Removes blobs that no row refers to any more, or tells why not all of them are gone.
+    pub async fn remove_all(&self, keys: &[String]) -> Result<(), StorageError> {
+        let tries = tried("removing blobs", || self.remove(keys));
+        Ok(limits::within(self.limits.removal, tries).await?)
+    }
+
     /// Removes blobs that no row refers to any more. What cannot be removed now is left to a sweep.
     pub async fn discard(&self, keys: &[String]) {
-        let tries = tried("removing blobs", || self.remove(keys));
-        if let Err(error) = limits::within(self.limits.removal, tries).await {
+        if let Err(error) = self.remove_all(keys).await {
             tracing::error!(blobs = keys.len(), first = ?keys.first(), %error, "blobs could not be removed");
         }
     }

@@ -40,6 +40,11 @@ pub enum ChangeKind {
     Map,
 }
 
+impl ChangeKind {
+    pub const ALL: [ChangeKind; 4] =
+        [ChangeKind::Home, ChangeKind::LidarMap, ChangeKind::Clip, ChangeKind::Map];
+}
+
 /// The newest change of a home, of its LiDAR map, of a clip, or of a fused map.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct Change {
@@ -96,7 +101,7 @@ impl FromStr for ChangesCursor {
     }
 }
 
-fn from_row(row: &Row) -> Result<Change, StorageError> {
+pub(super) fn from_row(row: &Row) -> Result<Change, StorageError> {
     let clip = Some(row.text("clip_id")?).filter(|id| !id.is_empty());
     Ok(Change {
         seq: row.number("seq")?,

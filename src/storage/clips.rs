@@ -1,5 +1,7 @@
 //! Clips.
 
+mod remove;
+
 use super::changes::{self, Changed};
 use super::choices::Verdict;
 use super::columns::{Columns, to_json};
@@ -134,22 +136,6 @@ impl Storage {
 
     pub async fn clip(&self, home: &HomeId, id: Uuid) -> Result<Clip, StorageError> {
         find(&mut *self.database.snapshot().await?, home, id).await
-    }
-
-    /// Removes a clip with its results. A worker that is busy with it loses its lease.
-    pub async fn delete_clip(&self, home: &HomeId, id: Uuid, now: Timestamp) -> Result<(), StorageError> {
-        let mut transaction = self.database.begin().await?;
-        let clip = find_locked(&mut transaction, home, id).await?;
-        jobs::lock_of_clip(&mut transaction, id).await?;
-        query("DELETE FROM clips WHERE id = $1").bind(id.to_string()).execute(&mut transaction).await?;
-        homes::grow(&mut transaction, home, -(clip.size_bytes as i64)).await?;
-        if clip.result_key.is_some() {
-            home_maps::changed(&mut transaction, home).await?;
-        }
-        changes::record(&mut transaction, home, Changed::ClipRemoved { id }, now).await?;
-        transaction.commit().await?;
-        self.blobs.discard(&blobs_of(id, clip.result_key.as_deref())).await;
-        Ok(())
     }
 
     /// Queues a clip again for the current LiDAR map. One that is under way already is left alone.

@@ -3,6 +3,7 @@
 
 mod changes;
 mod choices;
+mod deletions;
 mod fairness;
 mod faults;
 mod home_maps;
@@ -14,6 +15,7 @@ mod records;
 pub(in crate::storage) mod s3_server;
 mod tenants;
 mod uploads;
+mod webhooks;
 
 use super::*;
 use crate::align::{Alignment, AlignmentState, Reason};

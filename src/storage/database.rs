@@ -94,6 +94,20 @@ impl DerefMut for Transaction {
     }
 }
 
+/// Begins a transaction in a task of its own. Whoever hangs up cancels what is under way for it; a `BEGIN` that is cut
+/// off would go back to the pool as a connection within a transaction of which nobody knows.
+async fn begin_whole(pool: &PgPool, statement: Option<&'static str>) -> Result<Connection, StorageError> {
+    let pool = pool.clone();
+    let begun = tokio::spawn(async move {
+        match statement {
+            Some(statement) => pool.begin_with(statement).await,
+            None => pool.begin().await,
+        }
+    });
+    // The task ends without an answer only when the whole process does.
+    Ok(Connection::Postgres(begun.await.map_err(|_| sqlx::Error::PoolClosed)??))
+}
+
 impl Database {
     pub async fn open_sqlite(file: &Path) -> Result<Database, StorageError> {
         // FULL: a commit that gates an acknowledgement has reached the disk.
@@ -138,9 +152,9 @@ impl Database {
     pub async fn snapshot(&self) -> Result<Transaction, StorageError> {
         Ok(Transaction(match self {
             Database::Sqlite { reader, .. } => Connection::Sqlite(reader.begin().await?),
-            Database::Postgres(pool) => Connection::Postgres(
-                pool.begin_with("BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY").await?,
-            ),
+            Database::Postgres(pool) => {
+                begin_whole(pool, Some("BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY")).await?
+            }
         }))
     }
 
@@ -150,7 +164,7 @@ impl Database {
     pub async fn begin(&self) -> Result<Transaction, StorageError> {
         Ok(Transaction(match self {
             Database::Sqlite { writer, .. } => Connection::Sqlite(writer.begin().await?),
-            Database::Postgres(pool) => Connection::Postgres(pool.begin().await?),
+            Database::Postgres(pool) => begin_whole(pool, None).await?,
         }))
     }
 

@@ -7,9 +7,12 @@ pub use id::{HomeId, InvalidHomeId, InvalidTenant, Tenant};
 use super::changes::{self, Changed};
 use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
-use super::{Page, Storage, StorageError};
+use super::{Page, Storage, StorageError, doomed};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
+
+/// Rows over which a tenant's total of bytes is spread.
+const TOTAL_PARTS: i64 = 16;
 
 /// A home: what a LiDAR map and clips belong to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -120,17 +123,21 @@ impl Storage {
     /// How many bytes a tenant has sent as files that are still here.
     pub async fn tenant_bytes(&self, tenant: &Tenant) -> Result<u64, StorageError> {
         let sum = query(
-            "SELECT CAST(COALESCE(SUM(size_bytes), 0) AS BIGINT) AS size_bytes FROM homes WHERE tenant = $1",
+            "SELECT CAST(COALESCE(SUM(size_bytes), 0) AS BIGINT) AS size_bytes FROM tenant_sizes WHERE tenant = $1",
         );
         let sum = sum.bind(tenant.name()).fetch_one(&mut self.database.reader().await?).await?;
         sum.count("size_bytes")
     }
 
-    /// Removes a home with everything in it. A worker that is busy with one of its clips loses its lease.
+    /// Removes a home with everything in it. A worker that is busy with one of its clips loses its lease. Where the home
+    /// went and a file of it could not, this is an error; again, and it is tried again.
     pub async fn delete_home(&self, id: &HomeId, now: Timestamp) -> Result<(), StorageError> {
+        let owner = format!("home:{}", id.key());
         let mut transaction = self.database.begin().await?;
         if !lock(&mut transaction, id).await? {
-            return Err(StorageError::NoSuchHome);
+            drop(transaction);
+            let had_left = self.remove_doomed(&owner).await?;
+            return if had_left { Ok(()) } else { Err(StorageError::NoSuchHome) };
         }
         let blobs: Vec<String> = [
             super::clips::blob_keys(&mut transaction, Some(id)).await?,
@@ -140,10 +147,15 @@ impl Storage {
         ]
         .concat();
         super::jobs::lock_of_home(&mut transaction, id).await?;
+        let size = query("SELECT size_bytes FROM homes WHERE id = $1").bind(id.key());
+        let size_bytes = size.fetch_one(&mut transaction).await?.number("size_bytes")?;
+        grow(&mut transaction, id, -size_bytes).await?;
         query("DELETE FROM homes WHERE id = $1").bind(id.key()).execute(&mut transaction).await?;
         changes::record_home_removed(&mut transaction, id, now).await?;
+        doomed::doom(&mut transaction, &owner, &blobs, now).await?;
+        doomed::take_over(&mut transaction, &owner, &format!("clip:{}", id.key())).await?;
         transaction.commit().await?;
-        self.blobs.discard(&blobs).await;
+        self.remove_doomed(&owner).await?;
         Ok(())
     }
 }
@@ -183,5 +195,16 @@ pub(super) async fn grow(
         .bind(bytes)
         .execute(transaction)
         .await?;
+    // Any part will do, as long as homes are spread over all.
+    let part = home.key().bytes().map(i64::from).sum::<i64>() % TOTAL_PARTS;
+    query(
+        "INSERT INTO tenant_sizes (tenant, part, size_bytes) VALUES ($1, $2, $3)
+        ON CONFLICT (tenant, part) DO UPDATE SET size_bytes = tenant_sizes.size_bytes + excluded.size_bytes",
+    )
+    .bind(home.tenant())
+    .bind(part)
+    .bind(bytes)
+    .execute(transaction)
+    .await?;
     Ok(())
 }

@@ -56,6 +56,9 @@ pub enum JobState {
 }
 
 impl JobState {
+    pub const ALL: [JobState; 5] =
+        [JobState::Queued, JobState::Running, JobState::Succeeded, JobState::Failed, JobState::Cancelled];
+
     pub fn name(self) -> &'static str {
         match self {
             JobState::Queued => "queued",
@@ -101,7 +104,7 @@ pub struct Job {
     pub finished_at: Option<Timestamp>,
 }
 
-fn from_row(row: &Row) -> Result<Job, StorageError> {
+pub(super) fn from_row(row: &Row) -> Result<Job, StorageError> {
     Ok(Job {
         id: row.id("id")?,
         home: row.home("home_id")?,

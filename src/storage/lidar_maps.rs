@@ -72,12 +72,18 @@ impl Storage {
         let id = Uuid::now_v7();
         let row =
             NewRow { id, size_bytes: new.file.size_bytes, sha256: new.file.sha256.clone(), info: new.info };
-        self.blobs.keep(new.file, &file_key(id)).await?;
-        self.blobs.put(&image_key(id), new.image_png).await?;
+        // Side by side: a store that is slow is waited for once.
+        let (file_key, image_key) = (file_key(id), image_key(id));
+        let (file, image) =
+            tokio::join!(self.blobs.keep(new.file, &file_key), self.blobs.put(&image_key, new.image_png));
+        if let Err(error) = file.and(image) {
+            self.blobs.discard(&[file_key, image_key]).await;
+            return Err(error);
+        }
         let added = self.insert_lidar_map(home, row, now).await;
         // After a database error the row may be there nevertheless; then the next start's sweep decides.
         if matches!(added, Ok((_, false)) | Err(StorageError::NoSuchHome)) {
-            self.blobs.discard(&[file_key(id), image_key(id)]).await;
+            self.blobs.discard(&[file_key, image_key]).await;
         }
         added
     }

@@ -326,6 +326,18 @@ async fn piece_keys(connection: &mut Connection, upload: Uuid) -> Result<Vec<Str
 }
 
 /// The blobs of the uploads to one home.
+pub(super) async fn blob_keys_of_tenant(
+    connection: &mut Connection,
+    tenant: &Tenant,
+) -> Result<Vec<String>, StorageError> {
+    let rows = query(
+        "SELECT blob_key FROM upload_pieces
+        WHERE upload_id IN (SELECT id FROM uploads WHERE tenant = $1)",
+    );
+    let rows = rows.bind(tenant.name()).fetch_all(connection).await?;
+    rows.iter().map(|row| row.text("blob_key")).collect()
+}
+
 pub(super) async fn blob_keys_of_home(
     connection: &mut Connection,
     home: &HomeId,

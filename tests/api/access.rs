@@ -98,6 +98,8 @@ struct Belongings {
     clip: String,
     job: String,
     upload: String,
+    webhook: String,
+    delivery: String,
 }
 
 async fn belongings(client: &Client, home: &str) -> Belongings {
@@ -105,11 +107,18 @@ async fn belongings(client: &Client, home: &str) -> Belongings {
     client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
     let clip = client.post(&format!("{home}/clips"), small_clip()).await.ok(201);
     let upload = client.begin(home.rsplit('/').next().unwrap(), 100).await;
+    let webhook =
+        client.request(Method::POST, "/v1/webhooks").json(&json!({"url": "https://fleet.example/"}));
+    let webhook = client.send(webhook).await.ok(201);
+    let webhook = format!("/v1/webhooks/{}", webhook["id"].as_str().unwrap());
+    let delivery = client.post(&format!("{webhook}/test"), "").await.ok(201);
     Belongings {
         clip: format!("{home}/clips/{}", clip["id"].as_str().unwrap()),
         job: format!("/v1/jobs/{}", clip["job"]["id"].as_str().unwrap()),
         home,
         upload,
+        webhook,
+        delivery: delivery["id"].as_str().unwrap().to_owned(),
     }
 }
 
@@ -123,7 +132,9 @@ fn every_route(of: &Belongings) -> Vec<(Method, String)> {
     let mut routes = Vec::new();
     for (path, operations) in document["paths"].as_object().unwrap() {
         let filled = path.replace("{home}", home).replace("{clip}", clip).replace("{job}", job);
-        let filled = filled.replace("{upload}", upload);
+        let webhook = of.webhook.rsplit('/').next().unwrap();
+        let filled = filled.replace("{upload}", upload).replace("{webhook}", webhook);
+        let filled = filled.replace("{delivery}", &of.delivery);
         assert!(!filled.contains('{'), "{path} names something that this test does not know");
         for method in operations.as_object().unwrap().keys() {
             routes.push((method.to_uppercase().parse().unwrap(), filled.clone()));
@@ -169,7 +180,7 @@ async fn another_tenants_ids_are_nobodys_in_every_route() {
     let before = (acme.get(&own.clip).await.ok(200), acme.get(&secret.home).await.ok(200));
     for of in [&own, &secret] {
         for (method, path) in every_route(of) {
-            let names = ["clips/", "/v1/jobs/", "/v1/uploads/", "homes/secret"];
+            let names = ["clips/", "/v1/jobs/", "/v1/uploads/", "/v1/webhooks/", "homes/secret"];
             let makes_a_home = method == Method::PUT && path == "/v1/homes/secret";
             if !names.iter().any(|name| path.contains(name)) || makes_a_home || method == Method::OPTIONS {
                 continue;
@@ -186,7 +197,13 @@ async fn another_tenants_ids_are_nobodys_in_every_route() {
     // Nothing was changed by asking, and nothing of it is in lists.
     assert_eq!((acme.get(&own.clip).await.ok(200), acme.get(&secret.home).await.ok(200)), before);
     assert_eq!(acme.get(&own.upload).await.ok(200)["received_bytes"], 0);
-    for path in ["/v1/homes", "/v1/homes?updated_after=2000-01-01T00:00:00Z", "/v1/changes", "/v1/objects"] {
+    for path in [
+        "/v1/homes",
+        "/v1/homes?updated_after=2000-01-01T00:00:00Z",
+        "/v1/changes",
+        "/v1/objects",
+        "/v1/jobs",
+    ] {
         let text = String::from_utf8(bolt.get(path).await.bytes).unwrap();
         assert!(!text.contains("secret") && !text.contains(own.clip.rsplit('/').next().unwrap()), "{path}");
     }
@@ -202,8 +219,14 @@ async fn a_role_allows_what_it_says() {
     for (method, path) in every_route(&of) {
         let reads = [Method::GET, Method::HEAD, Method::OPTIONS].contains(&method);
         let is_open = ["/healthz", "/readyz", "/metrics", "/v1/session"].contains(&path.as_str());
+        let is_secret = path.starts_with("/v1/webhooks");
         let answer = send(&reader, &method, &path).await;
-        assert_eq!(answer.status == 403, !reads && !is_open, "reader: {method} {path}: {}", answer.status);
+        assert_eq!(
+            answer.status == 403,
+            (!reads || is_secret) && !is_open,
+            "reader: {method} {path}: {}",
+            answer.status
+        );
         // (What an uploader removes it has uploaded, so that it comes last.)
         let uploads = path.starts_with("/v1/uploads")
             || (method == Method::POST && path.ends_with("/clips"))
@@ -240,7 +263,7 @@ async fn a_key_for_one_home_knows_no_other() {
         clip.problem(404, "home-not-found");
     }
     let key = server.client("acme", Role::Admin, Some("own")).await;
-    for path in ["/v1/homes", "/v1/changes", "/v1/objects"] {
+    for path in ["/v1/homes", "/v1/changes", "/v1/objects", "/v1/jobs", "/v1/webhooks"] {
         key.get(path).await.problem(403, "forbidden");
     }
     key.put("/v1/homes/new", "").await.problem(404, "home-not-found");

@@ -32,6 +32,29 @@ async fn every_operation_has_what_a_client_generator_needs() {
     }
 }
 
+/// Every `$ref` in a part of the document.
+fn references(part: &serde_json::Value, into: &mut Vec<String>) {
+    match part {
+        serde_json::Value::Object(members) => {
+            into.extend(members.get("$ref").and_then(|name| name.as_str()).map(str::to_owned));
+            members.values().for_each(|member| references(member, into));
+        }
+        serde_json::Value::Array(items) => items.iter().for_each(|item| references(item, into)),
+        _ => {}
+    }
+}
+
+#[test]
+fn nothing_is_referred_to_that_is_not_there() {
+    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    let mut named = Vec::new();
+    references(&document, &mut named);
+    assert!(named.len() > 100);
+    for name in named {
+        assert!(document.pointer(name.strip_prefix('#').unwrap()).is_some(), "{name}");
+    }
+}
+
 #[tokio::test]
 async fn pages_load_nothing_from_elsewhere() {
     let server = Server::start().await;

@@ -126,3 +126,48 @@ async fn a_server_that_stops_ends_its_streams() {
     watching.bytes().await.unwrap();
     assert!(begun.elapsed().as_secs() < 5);
 }
+
+#[tokio::test]
+async fn what_failed_is_listed_newest_first_and_can_be_run_again() {
+    fn broken(
+        _: &std::path::Path,
+        _: &[u8],
+        _: &viola::jobs::JobParams,
+        _: &dyn viola::progress::Progress,
+    ) -> Result<viola::jobs::Finished, viola::jobs::Failure> {
+        panic!("a fault of ours")
+    }
+    let retry = viola::storage::RetryPolicy { first_delay: std::time::Duration::from_millis(1) };
+    let server = Server::with(|params| {
+        params.worker.method = broken;
+        params.worker.retry = retry;
+    })
+    .await;
+    let mut jobs = Vec::new();
+    for home in ["a", "b"] {
+        let home = server.make_home(home).await;
+        server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+        let answer = server.post(&format!("{home}/clips"), zips::zip(&room::clip(12))).await;
+        let clip = answer.header("location").to_owned();
+        server.settled(&clip).await;
+        jobs.push(server.get(&clip).await.ok(200)["job"].clone());
+    }
+    let listed = |query: &str| {
+        let path = format!("/v1/jobs{query}");
+        let server = &server;
+        async move { server.get(&path).await.ok(200) }
+    };
+    let failed = listed("?state=failed").await;
+    assert_eq!(failed["items"], json!([jobs[1], jobs[0]]));
+    assert!(failed["items"][0]["error"]["code"].is_string());
+    let first = listed("?limit=1").await;
+    assert_eq!(first["items"], json!([jobs[1]]));
+    let second = listed(&format!("?limit=1&after={}", first["next"].as_str().unwrap())).await;
+    assert_eq!((&second["items"], &second["next"]), (&json!([jobs[0]]), &Value::Null));
+    assert_eq!(listed("?state=succeeded,queued").await["items"], json!([]));
+    server.get("/v1/jobs?state=dead").await.problem(400, "invalid-query");
+    let clip = format!("/v1/homes/a/clips/{}", jobs[0]["clip"].as_str().unwrap());
+    server.post(&format!("{clip}/align"), "").await.ok(202);
+    server.settled(&clip).await;
+    assert_eq!(listed("?state=failed").await["items"].as_array().unwrap().len(), 3);
+}

@@ -17,6 +17,7 @@ use viola::jobs::WorkerParams;
 use viola::storage::{
     ApiKey, NewKey, PostgresParams, Role, S3Params, Secret, Storage, StorageParams, Tenant,
 };
+use viola::webhooks::WebhookParams;
 
 /// Where the servers of a run of this suite keep what they keep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -115,6 +116,7 @@ impl Server {
         };
         let postgres = schema.as_ref().map(|schema| PostgresParams { url: schema.url(), connections: 4 });
         let mut params = ServeParams {
+            webhooks: WebhookParams { private_addresses: true },
             listen: "127.0.0.1:0".parse().unwrap(),
             storage: StorageParams { data: folder.path().to_owned(), postgres, s3: s3_of_this_run() },
             workers: 1,

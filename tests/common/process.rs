@@ -13,7 +13,7 @@ pub struct Process {
 pub fn viola() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
     command.stdin(Stdio::null());
-    for name in ["RUST_LOG", "VIOLA_MODELS", "ORT_DYLIB_PATH"] {
+    for name in ["RUST_LOG", "VIOLA_MODELS", "ORT_DYLIB_PATH", "OTEL_EXPORTER_OTLP_ENDPOINT"] {
         command.env_remove(name);
     }
     command
@@ -31,6 +31,13 @@ impl Process {
     pub fn serve_with_log(data: &Path, log: &Path) -> Process {
         let log = std::fs::File::create(log).unwrap();
         Process::begin(viola().args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data).stderr(log))
+    }
+
+    /// Serves a data folder with some variables of the environment set.
+    pub fn serve_with(data: &Path, variables: &[(&str, &str)]) -> Process {
+        let mut command = viola();
+        let command = command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data);
+        Process::begin(command.envs(variables.iter().copied()).stderr(Stdio::null()))
     }
 
     fn begin(command: &mut Command) -> Process {

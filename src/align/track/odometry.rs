@@ -3,6 +3,7 @@
 use super::lost::Lost;
 use super::picture::Pyramid;
 use super::reference::Reference;
+use super::shutter::Rolling;
 use super::step::{Step, StepParams, align};
 use crate::geometry::Pose3;
 
@@ -12,6 +13,8 @@ pub struct OdometryParams {
     pub step: StepParams,
     /// Less of the key frame's points than this are in sight.
     pub key_overlap: f64,
+    /// It fits less well than this: the next key frame comes before steps are in doubt.
+    pub key_score: f64,
     /// The camera moved by this share of what it looks at ...
     pub key_motion: f64,
     /// ... or turned by this much.
@@ -32,6 +35,7 @@ impl Default for OdometryParams {
         OdometryParams {
             step: StepParams::default(),
             key_overlap: 0.75,
+            key_score: 0.6,
             key_motion: 0.12,
             key_turn_rad: 10f64.to_radians(),
             doubt_score: 0.55,
@@ -51,6 +55,8 @@ pub(super) struct Odometry {
 
 struct Key {
     reference: Reference,
+    /// The first key frame as it was recorded, until its motion is known.
+    raw: Option<Pyramid>,
     /// The frame before, and where it was.
     last: Pyramid,
     camera_from_key: Pose3,
@@ -64,6 +70,10 @@ struct Key {
 /// What became of a frame.
 #[derive(Debug, Clone)]
 pub(super) struct Moved {
+    /// The frame as all of it was seen at once.
+    pub pyramid: Pyramid,
+    /// The same of the first key frame, once its motion is known.
+    pub first: Option<Pyramid>,
     /// From the last key frame.
     pub step: Step,
     /// Whether the frame is the next key frame.
@@ -79,6 +89,7 @@ impl Odometry {
     pub fn begin(&mut self, pyramid: Pyramid) {
         self.key = Some(Key {
             reference: Reference::new(&pyramid),
+            raw: Some(pyramid.clone()),
             last: pyramid,
             camera_from_key: Pose3::identity(),
             motion: Pose3::identity(),
@@ -87,11 +98,26 @@ impl Odometry {
         });
     }
 
-    /// The next frame's step from the key frame.
-    pub fn follow(&mut self, pyramid: &Pyramid) -> Result<Moved, Lost> {
+    /// The next frame's step from the key frame; `expected` where more is known of it than how the camera moved before.
+    pub fn follow(
+        &mut self,
+        raw: Pyramid,
+        rolling: Option<Rolling>,
+        expected: Option<&Pose3>,
+    ) -> Result<Moved, Lost> {
         let params = &self.params;
         let Some(key) = self.key.as_mut() else { return Err(Lost::Jump) };
-        let step = key.step(pyramid, params).ok_or(Lost::Jump)?;
+        let rectified = |motion: &Pose3| rolling.and_then(|rolling| rolling.rectified(&raw, motion));
+        let guess = rectified(&key.motion);
+        let mut step = key.step(guess.as_ref().unwrap_or(&raw), expected, params).ok_or(Lost::Jump)?;
+        let first = key.raw.take().and_then(|first| rolling?.rectified(&first, &step.camera_from_key));
+        if let Some(first) = &first {
+            key.reference = Reference::new(first);
+            key.last = first.clone();
+            key.motion = step.camera_from_key;
+            let guess = rectified(&key.motion);
+            step = key.step(guess.as_ref().unwrap_or(&raw), expected, params).ok_or(Lost::Jump)?;
+        }
         if step.overlap < params.lost_overlap || step.score() < params.lost_score {
             return Err(Lost::Jump);
         }
@@ -102,12 +128,14 @@ impl Odometry {
         }
         key.motion = step.camera_from_key * key.camera_from_key.inverse();
         key.motion.rotation.renormalize();
+        let pyramid = rectified(&key.motion).unwrap_or(raw);
         let moved = step.camera_from_key.translation.vector.norm();
         let is_key = step.overlap < params.key_overlap
+            || step.score() < params.key_score
             || moved > params.key_motion * f64::from(key.reference.median_depth_m)
             || step.camera_from_key.rotation.angle() > params.key_turn_rad;
         if is_key {
-            key.reference = Reference::new(pyramid);
+            key.reference = Reference::new(&pyramid);
             key.camera_from_key = Pose3::identity();
             key.exposure = (1.0, 0.0);
         } else {
@@ -115,16 +143,16 @@ impl Odometry {
             key.exposure = (step.gain, step.offset);
         }
         key.last = pyramid.clone();
-        Ok(Moved { step, is_key })
+        Ok(Moved { pyramid, first, step, is_key })
     }
 }
 
 impl Key {
     /// The best step: from where the camera would be if it went on as before, and where that is in doubt, from where
     /// it was, from the frame before, and from directions all around.
-    fn step(&self, pyramid: &Pyramid, params: &OdometryParams) -> Option<Step> {
+    fn step(&self, pyramid: &Pyramid, expected: Option<&Pose3>, params: &OdometryParams) -> Option<Step> {
         let still = self.camera_from_key;
-        let going_on = self.motion * still;
+        let going_on = expected.copied().unwrap_or(self.motion * still);
         let try_from = |start: &Pose3| align(&self.reference, pyramid, start, self.exposure, 0, &params.step);
         let mut best = try_from(&going_on);
         if best.as_ref().is_some_and(|step| step.score() >= params.doubt_score) {

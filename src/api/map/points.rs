@@ -9,6 +9,7 @@ use crate::api::problems::CommonProblems;
 use crate::api::reply::{is_known, tag_of, tagged};
 use crate::home::{ClipNumbers, Glb, MAP_VOXEL_M, Ply, PointFilter, TileBytes};
 use crate::storage::{HomeMap, MapFile, StorageError, map_file};
+use crate::taxonomy::Class;
 use axum::body::Body;
 use axum::extract::{RawQuery, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -23,26 +24,30 @@ use std::sync::Arc;
 #[into_params(parameter_in = Query)]
 pub(in crate::api) struct PointsQuery {
     /// Only these classes, by name, with commas between them.
-    #[param(example = "wall,floor")]
+    #[param(value_type = Option<Vec<Class>>, style = Form, explode = false, min_items = 1, example = json!(["wall", "floor"]))]
     classes: Option<String>,
     /// Only what lies in this box: `x0,y0,z0,x1,y1,z1` in metres in the LiDAR map's frame.
-    #[param(example = "0,0,0,4,3,2.5")]
+    #[param(value_type = Option<Vec<f64>>, style = Form, explode = false, min_items = 6, max_items = 6,
+        example = json!([0, 0, 0, 4, 3, 2.5]))]
     r#box: Option<String>,
     /// Only what lies between these heights above the floor, in metres.
-    #[param(example = "0.1,2")]
+    #[param(value_type = Option<Vec<f64>>, style = Form, explode = false, min_items = 2, max_items = 2,
+        example = json!([0.1, 2]))]
     z: Option<String>,
     /// One point, the mean, for every cube of this side in metres, 0.03 to 1.
     #[param(value_type = Option<f64>, minimum = 0.03, maximum = 1)]
     voxel: Option<String>,
     /// `ply` or `glb`; what `Accept` asks for when not given, and `ply` when that does not say.
-    #[param(example = "glb")]
+    #[param(value_type = Option<Format>, example = "glb")]
     format: Option<String>,
     /// An earlier revision that is still kept; the current one when not given.
     #[param(value_type = Option<i64>, minimum = 1)]
     revision: Option<String>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// How points are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, utoipa::ToSchema)]
+#[schema(rename_all = "lowercase", as = PointFormat)]
 pub(in crate::api) enum Format {
     Ply,
     Glb,

@@ -44,11 +44,20 @@ pub(in crate::api) struct MapCoverage {
 #[into_params(parameter_in = Query)]
 pub(in crate::api) struct ObjectsQuery {
     /// Only these classes, by name, with commas between them.
-    #[param(example = "sofa,bed")]
+    #[param(value_type = Option<Vec<Class>>, style = Form, explode = false, min_items = 1, example = json!(["sofa", "bed"]))]
     class: Option<String>,
     /// An earlier revision that is still kept; the current one when not given.
     #[param(value_type = Option<i64>, minimum = 1)]
     revision: Option<String>,
+}
+
+/// How a plan is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, utoipa::ToSchema)]
+#[schema(rename_all = "lowercase")]
+pub(in crate::api) enum PlanFormat {
+    Png,
+    Svg,
+    Geojson,
 }
 
 /// How a plan is wanted.
@@ -56,7 +65,7 @@ pub(in crate::api) struct ObjectsQuery {
 #[into_params(parameter_in = Query)]
 pub(in crate::api) struct PlanQuery {
     /// `png`, `svg` or `geojson`; what `Accept` asks for when not given, and `svg` when that does not say.
-    #[param(example = "png")]
+    #[param(value_type = Option<PlanFormat>, example = "png")]
     format: Option<String>,
     /// An earlier revision that is still kept; the current one when not given.
     #[param(value_type = Option<i64>, minimum = 1)]
@@ -123,41 +132,61 @@ pub(in crate::api) async fn get_map_plan(
     Query(query): Query<PlanQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
-    let (name, media_type) = plan_format(query.format.as_deref(), &headers)?;
+    let format = PlanFormat::wanted(query.format.as_deref(), &headers)?;
     let map = revision(&app, &home, query.revision.as_deref()).await?;
     let tag = tag_of(&[
         &map.revision.to_le_bytes(),
         &map.created_at.as_millisecond().to_le_bytes(),
-        name.as_bytes(),
+        format.file().as_bytes(),
     ]);
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let files = app.storage.home_map_files(&home, map.revision, name).await?;
+    let files = app.storage.home_map_files(&home, map.revision, format.file()).await?;
     let file = files.first().ok_or(Error::NoSuchMap)?;
     let blob = app.storage.read_map_file(file).await?.ok_or(Error::NoSuchMap)?;
-    Ok(tagged(send(blob, media_type), &tag))
+    Ok(tagged(send(blob, format.media_type()), &tag))
 }
 
-fn plan_format(asked: Option<&str>, headers: &HeaderMap) -> Result<(&'static str, &'static str), Error> {
-    const PNG: (&str, &str) = (map_file::PLAN_PNG, "image/png");
-    const SVG: (&str, &str) = (map_file::PLAN_SVG, "image/svg+xml");
-    const GEOJSON: (&str, &str) = (map_file::PLAN_GEOJSON, "application/geo+json");
-    match asked {
-        Some("png") => return Ok(PNG),
-        Some("svg") => return Ok(SVG),
-        Some("geojson") => return Ok(GEOJSON),
-        Some(_) => {
-            let detail = "format is png, svg or geojson".to_owned();
-            return Err(Error::InvalidQuery { field: Some("format"), detail });
+impl PlanFormat {
+    const ALL: [PlanFormat; 3] = [PlanFormat::Svg, PlanFormat::Png, PlanFormat::Geojson];
+
+    fn name(self) -> &'static str {
+        match self {
+            PlanFormat::Png => "png",
+            PlanFormat::Svg => "svg",
+            PlanFormat::Geojson => "geojson",
         }
-        None => {}
     }
-    let accept = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok()).unwrap_or_default();
-    let mut kinds = accept.split(',').map(|kind| kind.split(';').next().unwrap_or_default().trim());
-    let wanted =
-        kinds.find_map(|kind| [SVG, PNG, GEOJSON].into_iter().find(|(_, media_type)| kind == *media_type));
-    Ok(wanted.unwrap_or(SVG))
+
+    fn media_type(self) -> &'static str {
+        match self {
+            PlanFormat::Png => "image/png",
+            PlanFormat::Svg => "image/svg+xml",
+            PlanFormat::Geojson => "application/geo+json",
+        }
+    }
+
+    fn file(self) -> &'static str {
+        match self {
+            PlanFormat::Png => map_file::PLAN_PNG,
+            PlanFormat::Svg => map_file::PLAN_SVG,
+            PlanFormat::Geojson => map_file::PLAN_GEOJSON,
+        }
+    }
+
+    fn wanted(asked: Option<&str>, headers: &HeaderMap) -> Result<PlanFormat, Error> {
+        if let Some(name) = asked {
+            return PlanFormat::ALL.into_iter().find(|format| format.name() == name).ok_or_else(|| {
+                let detail = "format is png, svg or geojson".to_owned();
+                Error::InvalidQuery { field: Some("format"), detail }
+            });
+        }
+        let accept = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok()).unwrap_or_default();
+        let mut kinds = accept.split(',').map(|kind| kind.split(';').next().unwrap_or_default().trim());
+        let of_kind = |kind| PlanFormat::ALL.into_iter().find(|format| format.media_type() == kind);
+        Ok(kinds.find_map(of_kind).unwrap_or(PlanFormat::Svg))
+    }
 }
 
 /// Classes by their names, with commas between them.

@@ -27,6 +27,10 @@ async fn pass(app: &App) -> Result<(), StorageError> {
     if expired > 0 {
         info!(expired, "uploads expired");
     }
+    let finished = app.storage.finish_deletions().await?;
+    if finished > 0 {
+        info!(finished, "files of what had been deleted are gone now");
+    }
     for id in app.storage.due_uploads(BATCH, Timestamp::now()).await? {
         if app.stop.is_cancelled() {
             break;

@@ -74,6 +74,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         up_in_world: Some(Vector3::z()),
         color_pictures: color.len(),
         depth_pictures: depth.len(),
+        shutter: None,
         incomplete,
         cameras: Cameras::One(Intrinsics { name, numbers }),
         intrinsics: format!("{folder}_intrinsics/*.pincam, for each frame; depth is scaled to it"),

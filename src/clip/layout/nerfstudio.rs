@@ -152,6 +152,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         up_in_world: Some(up),
         color_pictures,
         depth_pictures,
+        shutter: None,
         incomplete: file.frames.len() - sources.len(),
         cameras: Cameras::One(Intrinsics { name, numbers }),
         intrinsics: format!("{FILE}; depth is scaled to it"),

@@ -129,6 +129,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         up_in_world: Some(Vector3::y()),
         color_pictures: stems.len(),
         depth_pictures,
+        shutter: None,
         incomplete,
         cameras: Cameras::One(intrinsics),
         intrinsics: format!("keyframes/{kind}cameras/, for each frame; depth is scaled to it"),

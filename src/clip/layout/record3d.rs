@@ -108,6 +108,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         up_in_world: None,
         color_pictures: color.len(),
         depth_pictures: depth.len(),
+        shutter: None,
         incomplete,
         cameras: Cameras::One(Intrinsics { name, numbers: shared }),
         intrinsics: intrinsics.to_string(),

@@ -131,6 +131,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         up_in_world: None,
         color_pictures: color.len(),
         depth_pictures: depth.len(),
+        shutter: None,
         incomplete,
         cameras: Cameras::One(camera),
         intrinsics: words,

@@ -79,6 +79,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         up_in_world: Some(Vector3::y()),
         color_pictures,
         depth_pictures,
+        shutter: None,
         incomplete: all - sources.len(),
         cameras: Cameras::One(intrinsics),
         intrinsics: "frame_*.json, for each frame; depth is scaled to it".to_string(),

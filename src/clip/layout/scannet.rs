@@ -25,6 +25,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         up_in_world: Some(Vector3::z()),
         color_pictures: files.count(Kind::Color),
         depth_pictures: files.count(Kind::Depth),
+        shutter: None,
         incomplete,
         cameras,
         intrinsics: "intrinsic/intrinsic_color.txt and intrinsic/intrinsic_depth.txt".to_string(),

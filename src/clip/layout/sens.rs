@@ -61,6 +61,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         up_in_world: None,
         color_pictures: frames,
         depth_pictures: frames,
+        shutter: None,
         incomplete: 0,
         cameras: Cameras::Each { color, depth },
         intrinsics: "the header, for colour and for depth".to_string(),

@@ -28,6 +28,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         up_in_world: None,
         color_pictures: files.count(Kind::Color),
         depth_pictures: files.count(Kind::Depth),
+        shutter: None,
         incomplete,
         cameras: Cameras::One(read_intrinsics(container, &intrinsics, Of::Depth)?),
         intrinsics: format!("{INTRINSICS}, for colour and depth"),

@@ -190,6 +190,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         up_in_world: Some(Vector3::z()),
         color_pictures,
         depth_pictures: depth.len(),
+        shutter: None,
         incomplete,
         cameras: Cameras::One(Intrinsics { name, numbers }),
         intrinsics: "cameraParameters of each frame, else calibration.json; depth is scaled to it"

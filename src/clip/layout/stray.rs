@@ -109,6 +109,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         up_in_world: Some(Vector3::y()),
         color_pictures,
         depth_pictures: depth.len(),
+        shutter: None,
         incomplete,
         cameras: Cameras::One(intrinsics),
         intrinsics: words,

@@ -10,6 +10,7 @@ use super::trajectory::{Timed, pose_at, times};
 use super::{
     Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, OPENCV, Of, Source, only_root,
 };
+use crate::clip::Shutter;
 use crate::container::Container;
 use crate::geometry::{Pose3, Vector3};
 use nalgebra::Quaternion;
@@ -21,6 +22,9 @@ const MAX_GAP_S: f64 = 0.02;
 /// as the default.
 pub(super) const KINECT: Numbers =
     Numbers { fx: 525.0, fy: 525.0, cx: 319.5, cy: 239.5, of: Of::Size(640, 480) };
+
+/// A Kinect's, by Ringaby and Forssen ("Scan Rectification for Structured Light Range Sensors with Rolling Shutters", 2011).
+const KINECT_SHUTTER: Shutter = Shutter { color_s: 0.0261, depth_s: 0.0306 };
 
 /// Finds the recording in a container; none when there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
@@ -57,16 +61,17 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let sources = sources.collect();
 
     let file = format!("{root}{INTRINSICS}");
-    let (cameras, intrinsics) = if container.contains(&file) {
+    let (cameras, shutter, intrinsics) = if container.contains(&file) {
         (
             Cameras::One(read_intrinsics(container, &file, Of::Depth)?),
+            None,
             format!("{INTRINSICS}, for colour and depth"),
         )
     } else {
         notes.push(format!("there is no {INTRINSICS}; the Kinect's usual calibration was assumed"));
         let assumed = Intrinsics { name: format!("{INTRINSICS} (assumed)"), numbers: KINECT };
         let words = "assumed: fx = fy = 525, cx = 319.5, cy = 239.5 for 640x480, scaled to the pictures";
-        (Cameras::One(assumed), words.to_string())
+        (Cameras::One(assumed), Some(KINECT_SHUTTER), words.to_string())
     };
     if container.contains(&format!("{root}accelerometer.txt")) {
         notes.push("accelerometer.txt was not used".to_string());
@@ -81,6 +86,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         up_in_world: None,
         color_pictures,
         depth_pictures,
+        shutter,
         incomplete,
         cameras,
         intrinsics,

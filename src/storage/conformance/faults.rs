@@ -4,6 +4,7 @@ use super::*;
 use crate::geometry::Pose2;
 use crate::home::TileKey;
 use async_trait::async_trait;
+use futures::StreamExt;
 use futures::stream::BoxStream;
 use object_store::path::Path as Key;
 use object_store::*;
@@ -11,7 +12,7 @@ use std::fmt;
 use std::future::Future;
 use std::pin::pin;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::task::Poll;
 
 /// A blob store whose writes fail as it is told, every other of them after the blob was written.
@@ -20,6 +21,7 @@ struct Faulty {
     inner: Arc<dyn ObjectStore>,
     writes: Arc<AtomicU32>,
     fails: fn(u32) -> bool,
+    removals_fail: Arc<AtomicBool>,
 }
 
 impl fmt::Display for Faulty {
@@ -54,6 +56,10 @@ impl ObjectStore for Faulty {
     }
 
     fn delete_stream(&self, keys: BoxStream<'static, Result<Key>>) -> BoxStream<'static, Result<Key>> {
+        if self.removals_fail.load(Ordering::Relaxed) {
+            let fail = |_| Err(Error::Generic { store: "faulty", source: "this removal fails".into() });
+            return keys.map(fail).boxed();
+        }
         self.inner.delete_stream(keys)
     }
 
@@ -123,8 +129,20 @@ fn break_writes(storage: &mut Storage, fails: fn(u32) -> bool) -> Arc<AtomicU32>
     let nothing = Arc::new(object_store::memory::InMemory::new());
     let inner = std::mem::replace(&mut storage.blobs.store, nothing);
     let writes = Arc::new(AtomicU32::new(0));
-    storage.blobs.store = Arc::new(Faulty { inner, writes: writes.clone(), fails });
+    let removals_fail = Arc::default();
+    storage.blobs.store = Arc::new(Faulty { inner, writes: writes.clone(), fails, removals_fail });
     writes
+}
+
+/// Makes the removals of a storage fail until what this gives is called.
+pub fn removals_fail(storage: &mut Storage) -> impl Fn() + use<> {
+    let nothing = Arc::new(object_store::memory::InMemory::new());
+    let inner = std::mem::replace(&mut storage.blobs.store, nothing);
+    let removals_fail = Arc::new(AtomicBool::new(true));
+    let faulty =
+        Faulty { inner, writes: Arc::default(), fails: |_| false, removals_fail: removals_fail.clone() };
+    storage.blobs.store = Arc::new(faulty);
+    move || removals_fail.store(false, Ordering::Relaxed)
 }
 
 #[tokio::test]
@@ -180,6 +198,25 @@ async fn cut_off<T>(work: impl Future<Output = T>, waits: usize) -> Option<T> {
         }
     })
     .await
+}
+
+on_every_back_end!(a_beginning_that_is_cut_off_leaves_nothing_open);
+
+/// As when a client hangs up: what was under way for it is dropped wherever it waits.
+async fn a_beginning_that_is_cut_off_leaves_nothing_open(storage: Storage) {
+    for round in 0..30 {
+        for waits in 0..4 {
+            drop(cut_off(storage.database.snapshot(), waits).await);
+            drop(cut_off(storage.database.begin(), waits).await);
+        }
+        let id = home(&format!("h-{round}"));
+        storage.put_home(&id, None, at(round)).await.unwrap();
+        // Nobody sees what was before: an old snapshot would.
+        for _ in 0..4 {
+            storage.home(&id).await.unwrap();
+            storage.changes(&Tenant::default(), None, 9, at(round)).await.unwrap();
+        }
+    }
 }
 
 #[tokio::test]

@@ -194,3 +194,19 @@ async fn deleting_leaves_no_byte(storage: Storage) {
     assert!(!storage.finish(&running, &answer(AlignmentState::Aligned), &retry, at(4)).await.unwrap());
     assert_eq!(storage.blobs_that_exist().await, Vec::<String>::new());
 }
+
+/// While an upgrade is under way, older processes begin on tables that newer ones have brought up to date.
+#[tokio::test]
+async fn tables_of_a_newer_version_are_tolerated() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = in_folder(folder.path()).await;
+    storage.put_home(&home("h"), None, at(0)).await.unwrap();
+    let mut transaction = storage.database.begin().await.unwrap();
+    let later = "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
+        VALUES (9999, 'later', TRUE, x'00', 0)";
+    crate::storage::database::query(later).execute(&mut transaction).await.unwrap();
+    transaction.commit().await.unwrap();
+    storage.close().await;
+    drop(storage);
+    in_folder(folder.path()).await.home(&home("h")).await.unwrap();
+}

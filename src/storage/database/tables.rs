@@ -6,8 +6,13 @@ use std::borrow::Cow;
 
 static MIGRATIONS: Migrator = sqlx::migrate!();
 
-pub fn sqlite() -> &'static Migrator {
-    &MIGRATIONS
+/// Tables of a newer version are tolerated: they have what this one knows, and more.
+fn tolerant(migrations: Cow<'static, [Migration]>) -> Migrator {
+    Migrator { migrations, ignore_missing: true, ..Migrator::DEFAULT }
+}
+
+pub fn sqlite() -> Migrator {
+    tolerant(MIGRATIONS.migrations.clone())
 }
 
 /// Text is compared byte by byte, as SQLite does: pages of lists go by it, and it keeps indexes of ids small and fast
@@ -21,5 +26,5 @@ pub fn postgres() -> Migrator {
             ..migration.clone()
         }
     });
-    Migrator { migrations: Cow::Owned(migrations.collect()), ..Migrator::DEFAULT }
+    tolerant(Cow::Owned(migrations.collect()))
 }

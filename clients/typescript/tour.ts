@@ -1,0 +1,42 @@
+// A home from its map to its clip's pose, by the generated client: `node build/tour.js BASE MAP CLIP`.
+import assert from "node:assert/strict";
+import { readFile } from "node:fs/promises";
+import { accepted, type Clip, Refused, viola } from "./client.js";
+
+const [base, map, clip] = process.argv.slice(2);
+if (base === undefined || map === undefined || clip === undefined) throw new Error("give BASE MAP CLIP");
+const api = viola(base);
+const home = "typescript";
+const octets = { headers: { "content-type": "application/octet-stream" } };
+
+accepted(await api.PUT("/v1/homes/{home}", { params: { path: { home } }, body: { name: "Elm Street" } }));
+const lidar = new Blob([await readFile(map)]);
+const revision = accepted(
+  await api.PUT("/v1/homes/{home}/lidar-map", { params: { path: { home } }, body: lidar, ...octets }),
+);
+assert.equal(revision.revision, 1);
+
+const added = accepted(
+  await api.POST("/v1/homes/{home}/clips", {
+    params: { path: { home }, header: { "Idempotency-Key": "tour" } },
+    body: new Blob([await readFile(clip)]),
+    ...octets,
+  }),
+);
+assert.ok("id" in added);
+let now: Clip = added;
+while (now.state === "queued" || now.state === "aligning") {
+  await new Promise((resolve) => setTimeout(resolve, 100));
+  const path = { home, clip: added.id };
+  now = accepted(await api.GET("/v1/homes/{home}/clips/{clip}", { params: { path } }));
+}
+const changes = accepted(await api.GET("/v1/changes", { params: { query: { limit: 10 } } }));
+assert.ok(changes.items.some((change) => change.kind === "clip" && change.clip === added.id));
+
+// A refusal has a type that programs can tell apart.
+const nowhere = await api.GET("/v1/homes/{home}", { params: { path: { home: "nowhere" } } });
+assert.throws(
+  () => accepted(nowhere),
+  (error) => error instanceof Refused && error.problem.type === "urn:viola:problem:home-not-found",
+);
+console.log(JSON.stringify({ state: now.state, map_from_clip: now.alignment?.map_from_clip }));

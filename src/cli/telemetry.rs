@@ -1,0 +1,73 @@
+//! What a service tells of itself while it runs: a log on standard error, and traces for a collector of OpenTelemetry
+//! where one is named, by the standard's own variables (`OTEL_EXPORTER_OTLP_ENDPOINT`, `OTEL_SERVICE_NAME`,
+//! `OTEL_TRACES_SAMPLER`, ...).
+
+use anyhow::{Context, Result};
+use opentelemetry::global;
+use opentelemetry::trace::TracerProvider;
+use opentelemetry_sdk::Resource;
+use opentelemetry_sdk::propagation::TraceContextPropagator;
+use opentelemetry_sdk::trace::SdkTracerProvider;
+use std::io::IsTerminal;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+use tracing_subscriber::{EnvFilter, Layer};
+
+/// Either of them names a collector.
+const ENDPOINTS: [&str; 2] = ["OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT"];
+
+/// Goes on telling until it is dropped; then what is left is sent. Neither begins nor ends within a runtime.
+pub struct Telemetry {
+    traces: Option<SdkTracerProvider>,
+}
+
+impl Telemetry {
+    /// The log is for people on a terminal, JSON elsewhere; `RUST_LOG` filters it, and not the traces.
+    pub fn start() -> Result<Telemetry> {
+        let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+        let log = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+        let log = if std::io::stderr().is_terminal() {
+            log.boxed()
+        } else {
+            log.json().flatten_event(true).with_span_list(false).boxed()
+        };
+        let traces = collector().transpose()?;
+        let to_collector = traces.as_ref().map(|traces| {
+            // Of the libraries below, the exporter's own calls too, nobody asked.
+            let ours = EnvFilter::new("off,viola=info");
+            tracing_opentelemetry::layer().with_tracer(traces.tracer("viola")).with_filter(ours)
+        });
+        tracing_subscriber::registry().with(log.with_filter(filter)).with(to_collector).init();
+        Ok(Telemetry { traces })
+    }
+}
+
+/// None where no collector is named.
+fn collector() -> Option<Result<SdkTracerProvider>> {
+    let is_named = |name: &&str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    ENDPOINTS.into_iter().find(is_named)?;
+    let exporter = opentelemetry_otlp::SpanExporter::builder().with_http().build();
+    let exporter =
+        exporter.with_context(|| format!("traces cannot be sent; look at {}", ENDPOINTS.join(" and ")));
+    Some(exporter.map(|exporter| {
+        // What OTEL_SERVICE_NAME and OTEL_RESOURCE_ATTRIBUTES say goes before this.
+        let resource = Resource::builder();
+        let resource = match std::env::var_os("OTEL_SERVICE_NAME") {
+            Some(_) => resource,
+            None => resource.with_service_name("viola"),
+        };
+        // A caller's own trace goes on here (W3C Trace Context).
+        global::set_text_map_propagator(TraceContextPropagator::new());
+        SdkTracerProvider::builder().with_batch_exporter(exporter).with_resource(resource.build()).build()
+    }))
+}
+
+impl Drop for Telemetry {
+    fn drop(&mut self) {
+        if let Some(traces) = &self.traces
+            && let Err(error) = traces.shutdown()
+        {
+            tracing::warn!(%error, "the last traces could not be sent");
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! The end of a clip.
+
+use super::super::changes::{self, Changed};
+use super::super::database::query;
+use super::super::{HomeId, Storage, StorageError, doomed, home_maps, homes, jobs};
+use super::{blobs_of, find_locked};
+use jiff::Timestamp;
+use uuid::Uuid;
+
+impl Storage {
+    /// Removes a clip with its results. A worker that is busy with it loses its lease. Where the clip went and a file of
+    /// it could not, this is an error; again, and it is tried again.
+    pub async fn delete_clip(&self, home: &HomeId, id: Uuid, now: Timestamp) -> Result<(), StorageError> {
+        let owner = format!("clip:{}:{id}", home.key());
+        let mut transaction = self.database.begin().await?;
+        let clip = match find_locked(&mut transaction, home, id).await {
+            Err(StorageError::NoSuchClip) => {
+                drop(transaction);
+                let had_left = self.remove_doomed(&owner).await?;
+                return if had_left { Ok(()) } else { Err(StorageError::NoSuchClip) };
+            }
+            found => found?,
+        };
+        jobs::lock_of_clip(&mut transaction, id).await?;
+        query("DELETE FROM clips WHERE id = $1").bind(id.to_string()).execute(&mut transaction).await?;
+        homes::grow(&mut transaction, home, -(clip.size_bytes as i64)).await?;
+        if clip.result_key.is_some() {
+            home_maps::changed(&mut transaction, home).await?;
+        }
+        changes::record(&mut transaction, home, Changed::ClipRemoved { id }, now).await?;
+        doomed::doom(&mut transaction, &owner, &blobs_of(id, clip.result_key.as_deref()), now).await?;
+        transaction.commit().await?;
+        self.remove_doomed(&owner).await?;
+        Ok(())
+    }
+}

@@ -1,0 +1,85 @@
+//! Blobs of what was deleted: written down in the transaction of the deletion, and struck off when they are gone. So
+//! whoever deleted something is told that every byte is gone only when it is, may ask again where the store failed, and
+//! a process that dies in between leaves nothing that nobody knows of.
+
+use super::columns::{Columns, to_json};
+use super::database::{Transaction, query};
+use super::{Storage, StorageError};
+use jiff::Timestamp;
+use uuid::Uuid;
+
+/// Deletions that are looked at in one pass of cleaning.
+const AT_ONCE: i64 = 100;
+
+/// Writes down that blobs have to go. `owner` is by what they are asked for.
+pub(super) async fn doom(
+    transaction: &mut Transaction,
+    owner: &str,
+    keys: &[String],
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    if keys.is_empty() {
+        return Ok(());
+    }
+    query("INSERT INTO doomed_blobs (id, owner, blob_keys, created_at) VALUES ($1, $2, $3, $4)")
+        .bind(Uuid::now_v7().to_string())
+        .bind(owner)
+        .bind(to_json(&keys))
+        .bind(now.as_millisecond())
+        .execute(transaction)
+        .await?;
+    Ok(())
+}
+
+/// Makes an owner's what was left under `PREFIX:...`.
+pub(super) async fn take_over(
+    transaction: &mut Transaction,
+    owner: &str,
+    prefix: &str,
+) -> Result<(), StorageError> {
+    // A semicolon comes right after a colon.
+    query("UPDATE doomed_blobs SET owner = $1 WHERE owner > $2 AND owner < $3")
+        .bind(owner)
+        .bind(format!("{prefix}:"))
+        .bind(format!("{prefix};"))
+        .execute(transaction)
+        .await?;
+    Ok(())
+}
+
+impl Storage {
+    /// Removes what an owner left; tells whether it had left anything.
+    pub(super) async fn remove_doomed(&self, owner: &str) -> Result<bool, StorageError> {
+        let rows = query("SELECT id, blob_keys FROM doomed_blobs WHERE owner = $1 ORDER BY id").bind(owner);
+        let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
+        for row in &rows {
+            self.remove_row(row.id("id")?, row.json("blob_keys")?).await?;
+        }
+        Ok(!rows.is_empty())
+    }
+
+    /// Removes what deletions left whose store failed or whose process died; tells of how many.
+    pub async fn finish_deletions(&self) -> Result<u64, StorageError> {
+        let rows =
+            query("SELECT id, blob_keys FROM doomed_blobs ORDER BY created_at, id LIMIT $1").bind(AT_ONCE);
+        let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
+        // One that cannot go keeps none of the others.
+        let mut ended = Ok(rows.len() as u64);
+        for row in &rows {
+            if let Err(error) = self.remove_row(row.id("id")?, row.json("blob_keys")?).await {
+                ended = Err(error);
+            }
+        }
+        ended
+    }
+
+    async fn remove_row(&self, id: Uuid, keys: Vec<String>) -> Result<(), StorageError> {
+        self.blobs.remove_all(&keys).await?;
+        let mut transaction = self.database.begin().await?;
+        query("DELETE FROM doomed_blobs WHERE id = $1")
+            .bind(id.to_string())
+            .execute(&mut transaction)
+            .await?;
+        Ok(transaction.commit().await?)
+    }
+}

@@ -1,0 +1,53 @@
+//! Lists of jobs.
+
+use super::database::query;
+use super::jobs::{self, Job, JobState};
+use super::{Page, Storage, StorageError, Tenant};
+use uuid::Uuid;
+
+/// A page's worth of ids of each state by itself, so that an index finds the few that failed among millions that did not.
+macro_rules! newest {
+    ($state:literal) => {
+        concat!(
+            "SELECT id FROM (SELECT id FROM jobs WHERE tenant = $1 AND state = ",
+            $state,
+            " AND id < $2 ORDER BY id DESC LIMIT $3) AS newest"
+        )
+    };
+}
+
+impl Storage {
+    /// A tenant's in some states, in any when none is named, the newest first.
+    pub async fn jobs(
+        &self,
+        tenant: &Tenant,
+        states: &[JobState],
+        page: &Page<Uuid>,
+    ) -> Result<Vec<Job>, StorageError> {
+        // Behind every id.
+        let before = page.after.map_or("~".to_owned(), |id| id.to_string());
+        let mut rows = query(jobs::select_jobs!(
+            "WHERE jobs.id IN (",
+            newest!("$4"),
+            " UNION ALL ",
+            newest!("$5"),
+            " UNION ALL ",
+            newest!("$6"),
+            " UNION ALL ",
+            newest!("$7"),
+            " UNION ALL ",
+            newest!("$8"),
+            ") ORDER BY jobs.id DESC LIMIT $3"
+        ))
+        .bind(tenant.name())
+        .bind(before)
+        .bind(i64::from(page.limit));
+        for state in JobState::ALL {
+            let wanted = states.is_empty() || states.contains(&state);
+            // NULL is equal to none.
+            rows = rows.bind(wanted.then(|| state.name()));
+        }
+        let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
+        rows.iter().map(jobs::from_row).collect()
+    }
+}

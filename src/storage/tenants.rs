@@ -1,0 +1,90 @@
+//! A tenant as a whole.
+
+use super::columns::Columns;
+use super::database::query;
+use super::{Page, Storage, StorageError, Tenant, doomed, uploads};
+use jiff::Timestamp;
+
+/// Homes that are looked up at a time.
+const BATCH: u32 = 100;
+
+/// What went with a tenant.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Removed {
+    pub homes: u64,
+    pub uploads: u64,
+    pub webhooks: u64,
+    pub keys: u64,
+}
+
+impl Storage {
+    /// Removes a tenant with every row and every byte; when this returns without an error they are gone, and after an
+    /// error it may be called again. Its keys end first, so that nothing new comes. `progress` hears how many homes are
+    /// gone.
+    pub async fn delete_tenant(
+        &self,
+        tenant: &Tenant,
+        now: Timestamp,
+        mut progress: impl FnMut(u64),
+    ) -> Result<Removed, StorageError> {
+        let mut removed = Removed { webhooks: self.end_access(tenant, now).await?, ..Removed::default() };
+        loop {
+            let page = Page { limit: BATCH, after: None };
+            let homes = self.homes(tenant, None, &page).await?;
+            if homes.is_empty() {
+                break;
+            }
+            for home in homes {
+                match self.delete_home(&home.id, now).await {
+                    Ok(()) | Err(StorageError::NoSuchHome) => {}
+                    Err(error) => return Err(error),
+                }
+                removed.homes += 1;
+                progress(removed.homes);
+            }
+        }
+        let owner = format!("tenant:{}", tenant.name());
+        let mut transaction = self.database.begin().await?;
+        let pieces = uploads::blob_keys_of_tenant(&mut transaction, tenant).await?;
+        doomed::doom(&mut transaction, &owner, &pieces, now).await?;
+        let delete = query("DELETE FROM uploads WHERE tenant = $1").bind(tenant.name());
+        removed.uploads = delete.execute(&mut transaction).await?;
+        // The feed's memory of what was deleted is of no use to nobody.
+        query("DELETE FROM changes WHERE tenant = $1").bind(tenant.name()).execute(&mut transaction).await?;
+        transaction.commit().await?;
+        self.remove_doomed(&owner).await?;
+        // Deletions of before whose store had failed.
+        while self.finish_deletions().await? > 0 {}
+        let mut transaction = self.database.begin().await?;
+        let totals = query("DELETE FROM tenant_sizes WHERE tenant = $1").bind(tenant.name());
+        totals.execute(&mut transaction).await?;
+        let delete = query("DELETE FROM api_keys WHERE tenant = $1").bind(tenant.name());
+        removed.keys = delete.execute(&mut transaction).await?;
+        transaction.commit().await?;
+        Ok(removed)
+    }
+
+    /// Revokes all keys and removes the webhooks, of which it tells how many there were.
+    async fn end_access(&self, tenant: &Tenant, now: Timestamp) -> Result<u64, StorageError> {
+        let mut transaction = self.database.begin().await?;
+        query("UPDATE api_keys SET revoked_at = COALESCE(revoked_at, $2) WHERE tenant = $1")
+            .bind(tenant.name())
+            .bind(now.as_millisecond())
+            .execute(&mut transaction)
+            .await?;
+        let delete = query("DELETE FROM webhooks WHERE tenant = $1").bind(tenant.name());
+        let webhooks = delete.execute(&mut transaction).await?;
+        transaction.commit().await?;
+        Ok(webhooks)
+    }
+
+    /// The tenants that have anything here.
+    pub async fn tenants(&self) -> Result<Vec<Tenant>, StorageError> {
+        let rows = query(
+            "SELECT tenant FROM homes UNION SELECT tenant FROM api_keys UNION SELECT tenant FROM uploads
+            UNION SELECT tenant FROM webhooks UNION SELECT tenant FROM changes ORDER BY tenant",
+        );
+        let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
+        rows.iter().map(|row| row.tenant("tenant")).collect()
+    }
+}

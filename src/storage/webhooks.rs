@@ -1,0 +1,158 @@
+//! Webhooks: addresses that are told what changed in a tenant's homes. The changes feed is turned into deliveries
+//! (`fan_out`), and those are sent under a lease and tried again until they arrive (`deliveries`).
+//!
+//! A webhook is a reader of the feed whose cursor is kept here: as the feed has the newest change of each thing only,
+//! an address that is away for long is told less often, and never of what is not so any more.
+
+mod deliveries;
+mod fan_out;
+
+pub use deliveries::{Delivery, DeliveryState, RETRY_AFTER, Sending, Sent, ToSend};
+
+use super::changes::ChangeKind;
+use super::columns::{Columns, to_json};
+use super::database::{Connection, Row, query};
+use super::{Storage, StorageError, Tenant};
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use uuid::Uuid;
+
+/// Webhooks of one tenant, at most.
+pub const MOST_WEBHOOKS: i64 = 10;
+
+/// What a secret begins with (Standard Webhooks).
+const PREFIX: &str = "whsec_";
+/// Standard Webhooks asks for 24 to 64.
+const SECRET_BYTES: usize = 32;
+
+/// An address that is told what changes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Webhook {
+    #[schema(example = "01a1f766-7b11-7a07-8a2d-94cf1a0f2b11")]
+    pub id: Uuid,
+    #[schema(example = "https://fleet.example/hooks/viola")]
+    pub url: String,
+    /// Of which kinds of change it is told.
+    pub kinds: Vec<ChangeKind>,
+    pub created_at: Timestamp,
+    /// Since when it is told nothing, because it answered 410.
+    pub disabled_at: Option<Timestamp>,
+}
+
+/// What deliveries are signed with. It is never logged.
+#[derive(Clone, PartialEq, Eq)]
+pub struct WebhookSecret(String);
+
+impl fmt::Debug for WebhookSecret {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("WebhookSecret")
+    }
+}
+
+impl WebhookSecret {
+    fn new() -> Result<WebhookSecret, StorageError> {
+        let mut bytes = [0; SECRET_BYTES];
+        getrandom::fill(&mut bytes).map_err(|error| StorageError::Randomness(error.to_string()))?;
+        Ok(WebhookSecret(format!("{PREFIX}{}", BASE64_STANDARD.encode(bytes))))
+    }
+
+    /// The secret itself, to be shown to whom it is for.
+    pub fn show(&self) -> &str {
+        &self.0
+    }
+
+    /// What the HMAC takes; empty only for a row that was tampered with.
+    pub fn bytes(&self) -> Vec<u8> {
+        let encoded = self.0.strip_prefix(PREFIX).unwrap_or_default();
+        BASE64_STANDARD.decode(encoded).unwrap_or_default()
+    }
+}
+
+/// What became of a wish for a further webhook.
+#[derive(Debug)]
+pub enum WebhookMade {
+    Made(Webhook, WebhookSecret),
+    /// The tenant has as many as it may have.
+    TooMany,
+}
+
+fn from_row(row: &Row) -> Result<Webhook, StorageError> {
+    Ok(Webhook {
+        id: row.id("id")?,
+        url: row.text("url")?,
+        kinds: row.json("kinds")?,
+        created_at: row.time("created_at")?,
+        disabled_at: row.maybe_time("disabled_at")?,
+    })
+}
+
+impl Storage {
+    /// Makes a webhook, which is told what changes from now on. The secret is told here and never again.
+    pub async fn create_webhook(
+        &self,
+        tenant: &Tenant,
+        url: &str,
+        kinds: &[ChangeKind],
+        now: Timestamp,
+    ) -> Result<WebhookMade, StorageError> {
+        self.number_changes().await?;
+        let (id, secret) = (Uuid::now_v7(), WebhookSecret::new()?);
+        let mut transaction = self.database.begin().await?;
+        let made = query(
+            "INSERT INTO webhooks (id, tenant, url, kinds, secret, seq, created_at)
+            SELECT $1, $2, $3, $4, $5, last_seq, $6 FROM change_counter
+            WHERE (SELECT COUNT(*) FROM webhooks WHERE tenant = $2) < $7",
+        )
+        .bind(id.to_string())
+        .bind(tenant.name())
+        .bind(url)
+        .bind(to_json(&kinds))
+        .bind(secret.show())
+        .bind(now.as_millisecond())
+        .bind(MOST_WEBHOOKS)
+        .execute(&mut transaction)
+        .await?;
+        if made == 0 {
+            return Ok(WebhookMade::TooMany);
+        }
+        let webhook = find(&mut transaction, tenant, id).await?.ok_or(StorageError::NoSuchWebhook)?;
+        transaction.commit().await?;
+        Ok(WebhookMade::Made(webhook, secret))
+    }
+
+    /// A tenant's, the oldest first.
+    pub async fn webhooks(&self, tenant: &Tenant) -> Result<Vec<Webhook>, StorageError> {
+        let rows = query("SELECT * FROM webhooks WHERE tenant = $1 ORDER BY id").bind(tenant.name());
+        rows.fetch_all(&mut self.database.reader().await?).await?.iter().map(from_row).collect()
+    }
+
+    pub async fn webhook(&self, tenant: &Tenant, id: Uuid) -> Result<Webhook, StorageError> {
+        let found = find(&mut self.database.reader().await?, tenant, id).await?;
+        found.ok_or(StorageError::NoSuchWebhook)
+    }
+
+    /// Removes a webhook with its log. What is being sent at this moment still arrives.
+    pub async fn delete_webhook(&self, tenant: &Tenant, id: Uuid) -> Result<(), StorageError> {
+        let mut transaction = self.database.begin().await?;
+        let deleted = query("DELETE FROM webhooks WHERE tenant = $1 AND id = $2")
+            .bind(tenant.name())
+            .bind(id.to_string())
+            .execute(&mut transaction)
+            .await?;
+        transaction.commit().await?;
+        if deleted > 0 { Ok(()) } else { Err(StorageError::NoSuchWebhook) }
+    }
+}
+
+async fn find(
+    connection: &mut Connection,
+    tenant: &Tenant,
+    id: Uuid,
+) -> Result<Option<Webhook>, StorageError> {
+    let row = query("SELECT * FROM webhooks WHERE tenant = $1 AND id = $2");
+    let row = row.bind(tenant.name()).bind(id.to_string()).fetch_optional(connection).await?;
+    row.as_ref().map(from_row).transpose()
+}

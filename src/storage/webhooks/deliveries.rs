@@ -1,0 +1,321 @@
+//! Deliveries: sent by whoever holds the webhook's lease, tried again by the schedule of Standard Webhooks, and kept as
+//! a log. A delivery is sent at least once: a process that dies after sending and before noting it sends again, under
+//! the same id.
+
+use super::super::columns::Columns;
+use super::super::database::{Connection, Row, Transaction, query};
+use super::super::{Page, Storage, StorageError, Tenant};
+use super::{WebhookSecret, fan_out};
+use jiff::{SignedDuration, Timestamp};
+use serde::{Deserialize, Serialize};
+use std::time::Duration;
+use uuid::Uuid;
+
+/// How long after a failed attempt the next one follows; after the last of these there is none. The schedule that
+/// Standard Webhooks recommends: about three days.
+pub const RETRY_AFTER: [SignedDuration; 9] = [
+    SignedDuration::from_secs(5),
+    SignedDuration::from_mins(5),
+    SignedDuration::from_mins(30),
+    SignedDuration::from_hours(2),
+    SignedDuration::from_hours(5),
+    SignedDuration::from_hours(10),
+    SignedDuration::from_hours(14),
+    SignedDuration::from_hours(20),
+    SignedDuration::from_hours(24),
+];
+
+/// Where a delivery is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DeliveryState {
+    /// To be sent at `due_at`.
+    Pending,
+    /// The address answered 2xx.
+    Delivered,
+    /// It is not tried any more.
+    Failed,
+}
+
+/// One message to a webhook, and what became of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Delivery {
+    /// Sent as `webhook-id`; the same in every attempt.
+    #[schema(example = "01a1f766-7c20-7f53-9f0d-5b4d8fd9a1c2")]
+    pub id: Uuid,
+    /// The `type` of the message.
+    #[schema(example = "clip.changed")]
+    pub event: String,
+    pub state: DeliveryState,
+    #[schema(example = 1)]
+    pub attempts: u32,
+    /// When the next attempt is due, while it is pending.
+    pub due_at: Option<Timestamp>,
+    /// What the address answered to the last attempt, if it did.
+    #[schema(example = 503)]
+    pub status: Option<i64>,
+    /// Why the last attempt failed.
+    #[schema(example = "the address answered 503")]
+    pub error: Option<String>,
+    pub created_at: Timestamp,
+    pub updated_at: Timestamp,
+}
+
+/// What is to be sent, and a lease on its webhook.
+#[derive(Debug)]
+pub struct Sending {
+    pub webhook: Uuid,
+    pub url: String,
+    pub secret: WebhookSecret,
+    pub deliveries: Vec<ToSend>,
+    fence: i64,
+}
+
+/// A message that is due.
+#[derive(Debug, Clone)]
+pub struct ToSend {
+    pub id: Uuid,
+    pub body: String,
+    attempts: i64,
+}
+
+/// How an attempt went.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Sent {
+    Delivered {
+        status: u16,
+    },
+    /// `wait` is how long the address asks to be left alone.
+    Failed {
+        status: Option<u16>,
+        error: String,
+        wait: Option<Duration>,
+    },
+    /// The address wants nothing any more: 410.
+    Gone,
+}
+
+fn from_row(row: &Row) -> Result<Delivery, StorageError> {
+    let state = row.name("state")?;
+    Ok(Delivery {
+        id: row.id("id")?,
+        event: row.text("event")?,
+        state,
+        attempts: row.count("attempts")?,
+        due_at: Some(row.time("due_at")?).filter(|_| state == DeliveryState::Pending),
+        status: row.maybe_number("status")?,
+        error: row.maybe_text("error")?,
+        created_at: row.time("created_at")?,
+        updated_at: row.time("updated_at")?,
+    })
+}
+
+/// The webhook that has something due and was served longest ago.
+macro_rules! claim {
+    ($lock:literal) => {
+        concat!(
+            "UPDATE webhooks SET lease_until = $2, fence = fence + 1
+            WHERE id = (SELECT id FROM webhooks WHERE disabled_at IS NULL AND lease_until <= $1
+                AND EXISTS (SELECT 1 FROM webhook_deliveries
+                    WHERE webhook_id = webhooks.id AND state = 'pending' AND due_at <= $1)
+                ORDER BY lease_until, id LIMIT 1 ",
+            $lock,
+            ") RETURNING id, url, secret, fence"
+        )
+    };
+}
+
+impl Storage {
+    /// Takes a webhook with at most `limit` of its due deliveries, the oldest first. Nobody else sends to it until the
+    /// lease ends or [`Storage::release_webhook`] is called.
+    pub async fn claim_deliveries(
+        &self,
+        limit: u32,
+        lease: Duration,
+        now: Timestamp,
+    ) -> Result<Option<Sending>, StorageError> {
+        let mut transaction = self.database.begin().await?;
+        let claim = transaction.either(claim!(""), claim!("FOR NO KEY UPDATE SKIP LOCKED"));
+        let row = query(claim)
+            .bind(now.as_millisecond())
+            .bind((now + lease).as_millisecond())
+            .fetch_optional(&mut transaction)
+            .await?;
+        let Some(row) = row else { return Ok(None) };
+        let webhook = row.id("id")?;
+        let due = query(
+            "SELECT id, body, attempts FROM webhook_deliveries
+            WHERE webhook_id = $1 AND state = 'pending' AND due_at <= $2 ORDER BY due_at, id LIMIT $3",
+        );
+        let due = due
+            .bind(webhook.to_string())
+            .bind(now.as_millisecond())
+            .bind(i64::from(limit))
+            .fetch_all(&mut transaction)
+            .await?;
+        let to_send = |row: &Row| {
+            Ok(ToSend { id: row.id("id")?, body: row.text("body")?, attempts: row.number("attempts")? })
+        };
+        let deliveries = due.iter().map(to_send).collect::<Result<_, StorageError>>()?;
+        let (url, secret) = (row.text("url")?, WebhookSecret(row.text("secret")?));
+        let sending = Sending { webhook, url, secret, deliveries, fence: row.number("fence")? };
+        transaction.commit().await?;
+        Ok(Some(sending))
+    }
+
+    /// Notes how an attempt went, unless the lease was lost meanwhile.
+    pub async fn note_attempt(
+        &self,
+        sending: &Sending,
+        delivery: &ToSend,
+        sent: &Sent,
+        now: Timestamp,
+    ) -> Result<(), StorageError> {
+        let mut transaction = self.database.begin().await?;
+        if !holds(&mut transaction, sending).await? {
+            return Ok(());
+        }
+        let (state, due_at, status, error) = after(delivery, sent, now);
+        query(
+            "UPDATE webhook_deliveries SET state = $2, attempts = attempts + 1, due_at = $3, status = $4,
+                error = $5, updated_at = $6
+            WHERE id = $1 AND state = 'pending'",
+        )
+        .bind(delivery.id.to_string())
+        .bind(state)
+        .bind(due_at.as_millisecond())
+        .bind(status.map(i64::from))
+        .bind(error)
+        .bind(now.as_millisecond())
+        .execute(&mut transaction)
+        .await?;
+        if *sent == Sent::Gone {
+            query("UPDATE webhooks SET disabled_at = $2 WHERE id = $1")
+                .bind(sending.webhook.to_string())
+                .bind(now.as_millisecond())
+                .execute(&mut transaction)
+                .await?;
+        }
+        Ok(transaction.commit().await?)
+    }
+
+    /// Lets others send to the webhook.
+    pub async fn release_webhook(&self, sending: &Sending, now: Timestamp) -> Result<(), StorageError> {
+        let mut transaction = self.database.begin().await?;
+        query("UPDATE webhooks SET lease_until = $3 WHERE id = $1 AND fence = $2")
+            .bind(sending.webhook.to_string())
+            .bind(sending.fence)
+            .bind(now.as_millisecond())
+            .execute(&mut transaction)
+            .await?;
+        Ok(transaction.commit().await?)
+    }
+
+    /// The log of a webhook, the newest first.
+    pub async fn deliveries(
+        &self,
+        tenant: &Tenant,
+        webhook: Uuid,
+        page: &Page<Uuid>,
+    ) -> Result<Vec<Delivery>, StorageError> {
+        self.webhook(tenant, webhook).await?;
+        // Behind every id.
+        let before = page.after.map_or("~".to_owned(), |id| id.to_string());
+        let rows = query(
+            "SELECT * FROM webhook_deliveries WHERE webhook_id = $1 AND id < $2 ORDER BY id DESC LIMIT $3",
+        );
+        let rows = rows.bind(webhook.to_string()).bind(before).bind(i64::from(page.limit));
+        rows.fetch_all(&mut self.database.reader().await?).await?.iter().map(from_row).collect()
+    }
+
+    /// Sends a delivery once more, from the beginning of its schedule, whatever became of it. A webhook that was
+    /// disabled is enabled by this.
+    pub async fn retry_delivery(
+        &self,
+        tenant: &Tenant,
+        webhook: Uuid,
+        delivery: Uuid,
+        now: Timestamp,
+    ) -> Result<Delivery, StorageError> {
+        let mut transaction = self.database.begin().await?;
+        enable(&mut transaction, tenant, webhook).await?;
+        query(
+            "UPDATE webhook_deliveries SET state = 'pending', attempts = 0, due_at = $3, updated_at = $3
+            WHERE id = $1 AND webhook_id = $2",
+        )
+        .bind(delivery.to_string())
+        .bind(webhook.to_string())
+        .bind(now.as_millisecond())
+        .execute(&mut transaction)
+        .await?;
+        let found = find(&mut transaction, webhook, delivery).await?.ok_or(StorageError::NoSuchDelivery)?;
+        transaction.commit().await?;
+        Ok(found)
+    }
+
+    /// Sends a message that says nothing but that messages arrive. A webhook that was disabled is enabled by this.
+    pub async fn test_webhook(
+        &self,
+        tenant: &Tenant,
+        webhook: Uuid,
+        now: Timestamp,
+    ) -> Result<Delivery, StorageError> {
+        let mut transaction = self.database.begin().await?;
+        enable(&mut transaction, tenant, webhook).await?;
+        let id =
+            fan_out::insert(&mut transaction, webhook, "webhook.test", &now, "{}".to_owned(), now).await?;
+        let made = find(&mut transaction, webhook, id).await?.ok_or(StorageError::NoSuchDelivery)?;
+        transaction.commit().await?;
+        Ok(made)
+    }
+}
+
+/// Whether the lease is still this process's; if so, it cannot be taken until the transaction ends.
+async fn holds(transaction: &mut Transaction, sending: &Sending) -> Result<bool, StorageError> {
+    let row = query(transaction.either(
+        "SELECT id FROM webhooks WHERE id = $1 AND fence = $2",
+        "SELECT id FROM webhooks WHERE id = $1 AND fence = $2 FOR NO KEY UPDATE",
+    ));
+    let row = row.bind(sending.webhook.to_string()).bind(sending.fence);
+    Ok(row.fetch_optional(transaction).await?.is_some())
+}
+
+async fn enable(transaction: &mut Transaction, tenant: &Tenant, webhook: Uuid) -> Result<(), StorageError> {
+    let enabled = query("UPDATE webhooks SET disabled_at = NULL WHERE tenant = $1 AND id = $2")
+        .bind(tenant.name())
+        .bind(webhook.to_string())
+        .execute(transaction)
+        .await?;
+    if enabled > 0 { Ok(()) } else { Err(StorageError::NoSuchWebhook) }
+}
+
+async fn find(
+    connection: &mut Connection,
+    webhook: Uuid,
+    id: Uuid,
+) -> Result<Option<Delivery>, StorageError> {
+    let row = query("SELECT * FROM webhook_deliveries WHERE webhook_id = $1 AND id = $2");
+    let row = row.bind(webhook.to_string()).bind(id.to_string()).fetch_optional(connection).await?;
+    row.as_ref().map(from_row).transpose()
+}
+
+/// The row's state, when it is due again, and what is told of the attempt.
+fn after<'a>(
+    delivery: &ToSend,
+    sent: &'a Sent,
+    now: Timestamp,
+) -> (&'static str, Timestamp, Option<u16>, Option<&'a str>) {
+    match sent {
+        Sent::Delivered { status } => ("delivered", now, Some(*status), None),
+        Sent::Gone => {
+            ("failed", now, Some(410), Some("the address answered 410 and is told nothing any more"))
+        }
+        Sent::Failed { status, error, wait } => {
+            let next = usize::try_from(delivery.attempts).ok().and_then(|made| RETRY_AFTER.get(made));
+            let Some(delay) = next else { return ("failed", now, *status, Some(error)) };
+            let asked = wait.and_then(|wait| SignedDuration::try_from(wait).ok()).unwrap_or_default();
+            let longest = RETRY_AFTER[RETRY_AFTER.len() - 1];
+            ("pending", now + (*delay).max(asked.min(longest)), *status, Some(error))
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! From the changes feed to what each webhook is to be sent.
+
+use super::super::changes::{self, Change, ChangeKind};
+use super::super::columns::{Columns, to_json};
+use super::super::database::{Transaction, query};
+use super::super::{Storage, StorageError};
+use jiff::{SignedDuration, Timestamp};
+use serde_json::json;
+use uuid::Uuid;
+
+/// Changes that are read of the feed at a time.
+const AT_ONCE: i64 = 200;
+
+/// Deliveries that wait for one webhook, at most. Behind so many the feed waits, where changes of one thing become one.
+const MOST_PENDING: i64 = 1_000;
+
+/// How long what became of a delivery can be looked at.
+const LOG_LIFE: SignedDuration = SignedDuration::from_hours(30 * 24);
+
+impl Storage {
+    /// Makes deliveries of what the feed has that webhooks were not told of yet; tells whether there is more.
+    pub async fn fan_out(&self, now: Timestamp) -> Result<bool, StorageError> {
+        if !self.has_webhooks().await? {
+            return Ok(false);
+        }
+        self.number_changes().await?;
+        let behind = query(
+            "SELECT id FROM webhooks WHERE disabled_at IS NULL
+                AND EXISTS (SELECT 1 FROM changes WHERE changes.tenant = webhooks.tenant AND changes.seq > webhooks.seq)
+                AND (SELECT COUNT(*) FROM webhook_deliveries
+                    WHERE webhook_id = webhooks.id AND state = 'pending') < $1",
+        );
+        let behind = behind.bind(MOST_PENDING).fetch_all(&mut self.database.reader().await?).await?;
+        let mut has_more = false;
+        for row in &behind {
+            let mut transaction = self.database.begin().await?;
+            has_more |= fan_out_one(&mut transaction, row.id("id")?, now).await?;
+            transaction.commit().await?;
+        }
+        if !behind.is_empty() {
+            self.forget_deliveries(now).await?;
+        }
+        Ok(has_more)
+    }
+
+    async fn has_webhooks(&self) -> Result<bool, StorageError> {
+        let row = query("SELECT id FROM webhooks LIMIT 1");
+        Ok(row.fetch_optional(&mut self.database.reader().await?).await?.is_some())
+    }
+
+    async fn forget_deliveries(&self, now: Timestamp) -> Result<(), StorageError> {
+        let mut transaction = self.database.begin().await?;
+        let old = transaction.either(
+            "DELETE FROM webhook_deliveries WHERE state <> 'pending' AND updated_at < $1",
+            "DELETE FROM webhook_deliveries WHERE id IN (SELECT id FROM webhook_deliveries
+                WHERE state <> 'pending' AND updated_at < $1 FOR UPDATE SKIP LOCKED)",
+        );
+        query(old).bind((now - LOG_LIFE).as_millisecond()).execute(&mut transaction).await?;
+        Ok(transaction.commit().await?)
+    }
+}
+
+/// Tells whether there is more to read.
+async fn fan_out_one(transaction: &mut Transaction, id: Uuid, now: Timestamp) -> Result<bool, StorageError> {
+    let lock = transaction.either(
+        "SELECT * FROM webhooks WHERE id = $1",
+        "SELECT * FROM webhooks WHERE id = $1 FOR NO KEY UPDATE SKIP LOCKED",
+    );
+    // Another process may be at it, or it is gone.
+    let Some(row) = query(lock).bind(id.to_string()).fetch_optional(transaction).await? else {
+        return Ok(false);
+    };
+    let kinds: Vec<ChangeKind> = row.json("kinds")?;
+    let rows = query("SELECT * FROM changes WHERE tenant = $1 AND seq > $2 ORDER BY seq LIMIT $3")
+        .bind(row.text("tenant")?)
+        .bind(row.number("seq")?)
+        .bind(AT_ONCE)
+        .fetch_all(transaction)
+        .await?;
+    let Some(last) = rows.last() else { return Ok(false) };
+    let last = last.number("seq")?;
+    for row in &rows {
+        let change = changes::from_row(row)?;
+        if kinds.contains(&change.kind) {
+            let event = event_name(&change);
+            insert(transaction, id, &event, &change.at, to_json(&change), now).await?;
+        }
+    }
+    query("UPDATE webhooks SET seq = $2 WHERE id = $1")
+        .bind(id.to_string())
+        .bind(last)
+        .execute(transaction)
+        .await?;
+    Ok(rows.len() as i64 == AT_ONCE)
+}
+
+fn event_name(change: &Change) -> String {
+    let kind = match change.kind {
+        ChangeKind::Home => "home",
+        ChangeKind::LidarMap => "lidar_map",
+        ChangeKind::Clip => "clip",
+        ChangeKind::Map => "map",
+    };
+    format!("{kind}.{}", if change.deleted { "deleted" } else { "changed" })
+}
+
+/// Adds a delivery; the body is what Standard Webhooks calls the payload.
+pub(super) async fn insert(
+    transaction: &mut Transaction,
+    webhook: Uuid,
+    event: &str,
+    at: &Timestamp,
+    data: String,
+    now: Timestamp,
+) -> Result<Uuid, StorageError> {
+    let id = Uuid::now_v7();
+    // `data` is JSON already, and is put in as it is.
+    let body = format!("{{\"type\":{},\"timestamp\":{},\"data\":{data}}}", json!(event), json!(at));
+    query(
+        "INSERT INTO webhook_deliveries (id, webhook_id, event, body, state, due_at, created_at, updated_at)
+        VALUES ($1, $2, $3, $4, 'pending', $5, $5, $5)",
+    )
+    .bind(id.to_string())
+    .bind(webhook.to_string())
+    .bind(event)
+    .bind(body)
+    .bind(now.as_millisecond())
+    .execute(transaction)
+    .await?;
+    Ok(id)
+}

@@ -1,0 +1,118 @@
+//! Telling other services what changed: Standard Webhooks (https://www.standardwebhooks.com), version 1. What is sent to
+//! whom, and how often, is in storage; here is how.
+//!
+//! The addresses come from tenants, so that nothing of this service's own network may be reached by them: see `address`.
+
+mod address;
+mod send;
+mod sign;
+mod target;
+
+pub use target::{TargetError, check_url};
+
+use crate::storage::{Sending, Sent, Storage, StorageError};
+use jiff::Timestamp;
+use metrics::{counter, describe_counter};
+use send::Sender;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::Notify;
+use tokio_util::sync::CancellationToken;
+use tracing::{info, warn};
+
+/// How long one address may take to answer.
+const ANSWER: Duration = Duration::from_secs(15);
+/// Longer than a batch takes.
+const LEASE: Duration = Duration::from_secs(60);
+/// Messages that are on their way to one address at a time.
+const AT_ONCE: u32 = 16;
+/// Addresses that are served at a time by one process.
+const SENDERS: usize = 4;
+/// How often it is looked whether something is due, when nobody tells.
+const POLL: Duration = Duration::from_secs(1);
+
+const DELIVERIES: &str = "viola_webhook_deliveries_total";
+
+/// How webhooks are sent.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct WebhookParams {
+    /// Let them go to addresses of private networks and of this machine, and by plain http.
+    pub private_addresses: bool,
+}
+
+/// Tells whoever reads the numbers what they are.
+pub fn describe_metrics() {
+    describe_counter!(DELIVERIES, "Attempts to deliver to a webhook, by how they ended");
+    for outcome in ["delivered", "failed", "gone"] {
+        counter!(DELIVERIES, "outcome" => outcome).increment(0);
+    }
+}
+
+/// Sends what is due until `stop`; `changed` says that something changed in this process or another.
+pub async fn deliver(
+    storage: Arc<Storage>,
+    params: WebhookParams,
+    changed: Arc<Notify>,
+    stop: CancellationToken,
+) {
+    let sender = match Sender::new(&params, send::resolve) {
+        Ok(sender) => sender,
+        Err(error) => return warn!(%error, "webhooks cannot be sent"),
+    };
+    let fan_out = async {
+        loop {
+            let mut told = std::pin::pin!(changed.notified());
+            // Before looking, so that no change falls between the two.
+            told.as_mut().enable();
+            match storage.fan_out(Timestamp::now()).await {
+                Ok(true) => continue,
+                Ok(false) => {}
+                Err(error) => warn!(%error, "changes could not be prepared for webhooks; they wait"),
+            }
+            let _ = tokio::time::timeout(POLL, told).await;
+        }
+    };
+    let senders = futures::future::join_all((0..SENDERS).map(|_| send_for_ever(&storage, &sender)));
+    tokio::select! {
+        () = stop.cancelled() => {}
+        () = fan_out => {}
+        _ = senders => {}
+    }
+}
+
+async fn send_for_ever(storage: &Storage, sender: &Sender) {
+    loop {
+        match send_batch(storage, sender).await {
+            Ok(true) => continue,
+            Ok(false) => {}
+            Err(error) => warn!(%error, "webhooks could not be sent; they wait"),
+        }
+        tokio::time::sleep(POLL).await;
+    }
+}
+
+/// Sends what one webhook has due; false when none has.
+async fn send_batch(storage: &Storage, sender: &Sender) -> Result<bool, StorageError> {
+    let claimed = storage.claim_deliveries(AT_ONCE, LEASE, Timestamp::now()).await?;
+    let Some(sending) = claimed else { return Ok(false) };
+    let attempts = sending.deliveries.iter().map(async |delivery| {
+        let sent = sender.send(&sending, delivery).await;
+        tell(&sending, delivery.id, &sent);
+        storage.note_attempt(&sending, delivery, &sent, Timestamp::now()).await
+    });
+    let noted = futures::future::join_all(attempts).await;
+    storage.release_webhook(&sending, Timestamp::now()).await?;
+    noted.into_iter().collect::<Result<Vec<()>, _>>()?;
+    Ok(true)
+}
+
+/// The address is not logged: it may hold a password.
+fn tell(sending: &Sending, delivery: uuid::Uuid, sent: &Sent) {
+    let (outcome, status, error) = match sent {
+        Sent::Delivered { status } => ("delivered", Some(*status), None),
+        Sent::Failed { status, error, .. } => ("failed", *status, Some(error.as_str())),
+        Sent::Gone => ("gone", Some(410), None),
+    };
+    counter!(DELIVERIES, "outcome" => outcome).increment(1);
+    info!(webhook = %sending.webhook, %delivery, outcome, status, error, "webhook");
+}

@@ -1,0 +1,187 @@
+//! One message to one address.
+//!
+//! The name in the address is resolved for each connection, and the connection goes to what was found and checked then:
+//! a name that is public when the webhook is made and private later, or at every second question, leads nowhere.
+//! Redirects are not followed, proxies of the environment not used, and of the answer only its head is read.
+
+use super::address::is_public;
+use super::sign::signature;
+use super::target::check_url;
+use super::{ANSWER, WebhookParams};
+use crate::storage::{Sending, Sent, ToSend};
+use futures::future::BoxFuture;
+use jiff::Timestamp;
+use reqwest::StatusCode;
+use reqwest::dns::{Addrs, Name, Resolve, Resolving};
+use reqwest::header::{CONTENT_TYPE, HeaderMap, RETRY_AFTER};
+use std::error::Error;
+use std::net::SocketAddr;
+use std::time::Duration;
+
+/// From a name to its addresses.
+pub type Lookup = fn(String) -> BoxFuture<'static, std::io::Result<Vec<SocketAddr>>>;
+
+/// As the system does it.
+pub fn resolve(name: String) -> BoxFuture<'static, std::io::Result<Vec<SocketAddr>>> {
+    Box::pin(async move { Ok(tokio::net::lookup_host((name, 0)).await?.collect()) })
+}
+
+pub struct Sender {
+    client: reqwest::Client,
+    params: WebhookParams,
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("{name} leads to {address}, an address of a private network or of a machine itself")]
+struct NotPublic {
+    name: String,
+    address: std::net::IpAddr,
+}
+
+struct Checked {
+    lookup: Lookup,
+    private_addresses: bool,
+}
+
+impl Resolve for Checked {
+    fn resolve(&self, name: Name) -> Resolving {
+        let name = name.as_str().to_owned();
+        let (found, private_addresses) = ((self.lookup)(name.clone()), self.private_addresses);
+        Box::pin(async move {
+            let found = found.await?;
+            let refused = found.iter().map(SocketAddr::ip).find(|address| !is_public(*address));
+            if let Some(address) = refused.filter(|_| !private_addresses) {
+                return Err(NotPublic { name, address }.into());
+            }
+            Ok(Box::new(found.into_iter()) as Addrs)
+        })
+    }
+}
+
+impl Sender {
+    pub fn new(params: &WebhookParams, lookup: Lookup) -> Result<Sender, reqwest::Error> {
+        let resolver = Checked { lookup, private_addresses: params.private_addresses };
+        let client = reqwest::Client::builder()
+            .user_agent(concat!("viola/", env!("CARGO_PKG_VERSION")))
+            .timeout(ANSWER)
+            .redirect(reqwest::redirect::Policy::none())
+            .no_proxy()
+            .dns_resolver(resolver)
+            .build()?;
+        Ok(Sender { client, params: *params })
+    }
+
+    pub async fn send(&self, sending: &Sending, delivery: &ToSend) -> Sent {
+        let url = match check_url(&sending.url, &self.params) {
+            Ok(url) => url,
+            Err(error) => return Sent::Failed { status: None, error: error.to_string(), wait: None },
+        };
+        let timestamp_s = Timestamp::now().as_second();
+        let answer = self
+            .client
+            .post(url)
+            .header(CONTENT_TYPE, "application/json")
+            .header("webhook-id", delivery.id.to_string())
+            .header("webhook-timestamp", timestamp_s)
+            .header("webhook-signature", signature(&sending.secret, delivery.id, timestamp_s, &delivery.body))
+            .body(delivery.body.clone())
+            .send()
+            .await;
+        match answer {
+            Ok(answer) => judge(answer.status(), answer.headers()),
+            Err(error) => Sent::Failed { status: None, error: cause(&error), wait: None },
+        }
+    }
+}
+
+fn judge(status: StatusCode, headers: &HeaderMap) -> Sent {
+    let number = status.as_u16();
+    if status.is_success() {
+        return Sent::Delivered { status: number };
+    }
+    if status == StatusCode::GONE {
+        return Sent::Gone;
+    }
+    let error = if status.is_redirection() {
+        format!("the address answered {number}; redirects are not followed")
+    } else {
+        format!("the address answered {number}")
+    };
+    let wait = headers.get(RETRY_AFTER).and_then(|value| value.to_str().ok()?.parse().ok());
+    Sent::Failed { status: Some(number), error, wait: wait.map(Duration::from_secs) }
+}
+
+/// The innermost cause, without the address.
+fn cause(error: &reqwest::Error) -> String {
+    if error.is_timeout() {
+        return format!("the address did not answer in {} s", ANSWER.as_secs());
+    }
+    let mut cause: &dyn Error = error;
+    while let Some(inner) = cause.source() {
+        cause = inner;
+    }
+    if std::ptr::eq(cause as *const dyn Error as *const (), error as *const reqwest::Error as *const ()) {
+        return "the message could not be sent".to_owned();
+    }
+    cause.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    /// A name that is public first and then this machine.
+    fn rebinding(_: String) -> BoxFuture<'static, io::Result<Vec<SocketAddr>>> {
+        static ASKED: AtomicUsize = AtomicUsize::new(0);
+        let first = ASKED.fetch_add(1, Ordering::SeqCst) == 0;
+        let address = if first { [93, 184, 215, 14] } else { [169, 254, 169, 254] };
+        Box::pin(async move { Ok(vec![SocketAddr::from((address, 0))]) })
+    }
+
+    /// A public address beside a private one.
+    fn mixed(_: String) -> BoxFuture<'static, io::Result<Vec<SocketAddr>>> {
+        let both = [[93, 184, 215, 14], [10, 0, 0, 1]].map(|address| SocketAddr::from((address, 0)));
+        Box::pin(async move { Ok(both.to_vec()) })
+    }
+
+    async fn resolved(lookup: Lookup, private_addresses: bool) -> Result<usize, String> {
+        let resolver = Checked { lookup, private_addresses };
+        let found = resolver.resolve("hooks.example".parse().unwrap()).await;
+        found.map(Iterator::count).map_err(|error| error.to_string())
+    }
+
+    #[tokio::test]
+    async fn a_name_is_checked_at_every_resolution() {
+        assert_eq!(resolved(rebinding, false).await, Ok(1));
+        let refused = resolved(rebinding, false).await.unwrap_err();
+        assert!(refused.contains("hooks.example leads to 169.254.169.254"), "{refused}");
+        assert!(resolved(mixed, false).await.is_err(), "one private address spoils all");
+        assert_eq!(resolved(mixed, true).await, Ok(2));
+    }
+
+    #[test]
+    fn answers_are_judged() {
+        let cases = [
+            (200, "delivered"),
+            (204, "delivered"),
+            (301, "redirects are not followed"),
+            (400, "answered 400"),
+            (410, "gone"),
+            (429, "answered 429"),
+            (503, "answered 503"),
+        ];
+        let headers = HeaderMap::from_iter([(RETRY_AFTER, "120".parse().unwrap())]);
+        for (status, expected) in cases {
+            match judge(StatusCode::from_u16(status).unwrap(), &headers) {
+                Sent::Delivered { .. } => assert_eq!(expected, "delivered"),
+                Sent::Gone => assert_eq!(expected, "gone"),
+                Sent::Failed { error, wait, .. } => {
+                    assert!(error.contains(expected), "{error}");
+                    assert_eq!(wait, Some(Duration::from_secs(120)));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! What may be the address of a webhook, as far as it can be told without asking for its name.
+
+use super::WebhookParams;
+use super::address::is_public;
+use std::net::IpAddr;
+use url::{Host, Url};
+
+const MAX_URL_BYTES: usize = 2048;
+
+/// Why an address cannot be a webhook's.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum TargetError {
+    #[error("url is longer than {MAX_URL_BYTES} bytes")]
+    TooLong,
+    #[error("url is not a URL: {0}")]
+    Malformed(#[from] url::ParseError),
+    #[error("url begins with https://, so that nobody on the way can read or change what is sent")]
+    NotHttps,
+    #[error("url has no host")]
+    NoHost,
+    #[error("url names a user or a password; what is sent is signed, check the signature instead")]
+    Credentials,
+    #[error("{0} is an address of a private network or of a machine itself, which webhooks do not go to")]
+    NotPublic(String),
+}
+
+/// The address as it will be used.
+pub fn check_url(text: &str, params: &WebhookParams) -> Result<Url, TargetError> {
+    if text.len() > MAX_URL_BYTES {
+        return Err(TargetError::TooLong);
+    }
+    let url = Url::parse(text)?;
+    if !(url.scheme() == "https" || params.private_addresses && url.scheme() == "http") {
+        return Err(TargetError::NotHttps);
+    }
+    if !url.username().is_empty() || url.password().is_some() {
+        return Err(TargetError::Credentials);
+    }
+    let address = match url.host().ok_or(TargetError::NoHost)? {
+        Host::Ipv4(address) => Some(IpAddr::V4(address)),
+        Host::Ipv6(address) => Some(IpAddr::V6(address)),
+        // RFC 6761: such a name is this machine wherever it is asked for.
+        Host::Domain(name) => {
+            let name = name.trim_end_matches('.');
+            let is_local =
+                name.eq_ignore_ascii_case("localhost") || name.to_lowercase().ends_with(".localhost");
+            is_local.then_some(IpAddr::V4(std::net::Ipv4Addr::LOCALHOST))
+        }
+    };
+    if !params.private_addresses && address.is_some_and(|address| !is_public(address)) {
+        return Err(TargetError::NotPublic(url.host_str().unwrap_or_default().to_owned()));
+    }
+    Ok(url)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_public_addresses_by_https_are_taken() {
+        let strict = WebhookParams::default();
+        for good in
+            ["https://fleet.example/hooks?key=1", "https://8.8.8.8:8443/", "https://[2606:4700::1111]/x"]
+        {
+            assert_eq!(check_url(good, &strict).map(|url| url.to_string()), Ok(good.to_owned()));
+        }
+        let bad = [
+            "",
+            "fleet.example/hooks",
+            "http://fleet.example/",
+            "ftp://fleet.example/",
+            "file:///etc/passwd",
+            "https://user@fleet.example/",
+            "https://user:password@fleet.example/",
+            "https://169.254.169.254/latest/meta-data",
+            "https://127.0.0.1/",
+            "https://localhost:8080/",
+            "https://LOCALHOST./",
+            "https://a.localhost/",
+            "https://[::1]/",
+            "https://[::ffff:169.254.169.254]/",
+            // Other spellings of 127.0.0.1 and of 169.254.169.254, as browsers take them.
+            "https://2130706433/",
+            "https://0x7f.1/",
+            "https://0251.0376.0251.0376/",
+            "https://10.1/",
+        ];
+        for bad in bad {
+            assert!(check_url(bad, &strict).is_err(), "{bad}");
+        }
+        assert_eq!(check_url(&format!("https://a/{}", "x".repeat(2048)), &strict), Err(TargetError::TooLong));
+        let lax = WebhookParams { private_addresses: true };
+        assert!(check_url("http://127.0.0.1:9/", &lax).is_ok());
+        assert!(check_url("ftp://127.0.0.1:9/", &lax).is_err());
+    }
+}

@@ -1,0 +1,275 @@
+//! Webhooks over HTTP: a real receiver, the library of Standard Webhooks, and addresses that nobody may be sent to.
+
+use crate::common::eventually;
+use crate::server::Server;
+use reqwest::Method;
+use serde_json::{Value, json};
+use std::collections::VecDeque;
+use std::io::Write;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::{Arc, Mutex};
+use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
+use tokio::net::{TcpListener, TcpStream};
+use viola::storage::Role;
+use viola::webhooks::WebhookParams;
+
+/// A message as it arrived.
+#[derive(Debug, Clone)]
+struct Message {
+    headers: Value,
+    body: String,
+}
+
+/// An address that answers as it is told, and with 204 when it is told nothing.
+struct Receiver {
+    url: String,
+    got: Arc<Mutex<Vec<Message>>>,
+    answers: Arc<Mutex<VecDeque<String>>>,
+}
+
+impl Receiver {
+    async fn start() -> Receiver {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let url = format!("http://{}/hooks?key=value", listener.local_addr().unwrap());
+        let (got, answers) = (Arc::<Mutex<Vec<_>>>::default(), Arc::<Mutex<VecDeque<String>>>::default());
+        let (kept, told) = (got.clone(), answers.clone());
+        tokio::spawn(async move {
+            while let Ok((connection, _)) = listener.accept().await {
+                let (kept, told) = (kept.clone(), told.clone());
+                tokio::spawn(async move {
+                    let mut connection = BufReader::new(connection);
+                    while let Some(message) = read(&mut connection).await {
+                        kept.lock().unwrap().push(message);
+                        let answer = told.lock().unwrap().pop_front();
+                        let answer = answer.unwrap_or("204 No Content\r\n".to_owned());
+                        let answer = format!("HTTP/1.1 {answer}content-length: 0\r\n\r\n");
+                        let _ = connection.get_mut().write_all(answer.as_bytes()).await;
+                    }
+                });
+            }
+        });
+        Receiver { url, got, answers }
+    }
+
+    fn answer(&self, answers: &[&str]) {
+        self.answers.lock().unwrap().extend(answers.iter().map(|answer| format!("{answer}\r\n")));
+    }
+
+    async fn messages(&self, count: usize) -> Vec<Message> {
+        eventually("messages arrive", || async {
+            Some(self.got.lock().unwrap().clone()).filter(|got| got.len() >= count)
+        })
+        .await
+    }
+}
+
+async fn read(connection: &mut BufReader<TcpStream>) -> Option<Message> {
+    let mut headers = serde_json::Map::new();
+    let mut line = String::new();
+    connection.read_line(&mut line).await.ok().filter(|count| *count > 0)?;
+    assert_eq!(line, "POST /hooks?key=value HTTP/1.1\r\n");
+    loop {
+        line.clear();
+        connection.read_line(&mut line).await.ok()?;
+        let Some((name, value)) = line.trim_end().split_once(": ") else { break };
+        headers.insert(name.to_lowercase(), value.into());
+    }
+    let length: usize = headers["content-length"].as_str().unwrap().parse().unwrap();
+    let mut body = vec![0; length];
+    connection.read_exact(&mut body).await.ok()?;
+    Some(Message { headers: headers.into(), body: String::from_utf8(body).unwrap() })
+}
+
+async fn make(server: &Server, body: Value) -> Value {
+    let answer = server.send(server.request(Method::POST, "/v1/webhooks").json(&body)).await;
+    let location = answer.header("location").to_owned();
+    let made = answer.ok(201);
+    assert_eq!(location, format!("/v1/webhooks/{}", made["id"].as_str().unwrap()));
+    made
+}
+
+/// The log, the oldest first.
+async fn log(server: &Server, webhook: &Value) -> Vec<Value> {
+    let path = format!("/v1/webhooks/{}/deliveries", webhook["id"].as_str().unwrap());
+    let mut items = server.get(&path).await.ok(200)["items"].as_array().unwrap().clone();
+    items.reverse();
+    items
+}
+
+/// The log once all of its deliveries have been tried.
+async fn tried(server: &Server, webhook: &Value, count: usize) -> Vec<Value> {
+    eventually("deliveries were tried", || async {
+        let log = log(server, webhook).await;
+        let all = log.len() == count && log.iter().all(|delivery| delivery["attempts"] != 0);
+        all.then_some(log)
+    })
+    .await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn changes_are_told_as_standard_webhooks() {
+    let server = Server::start().await;
+    let receiver = Receiver::start().await;
+    let webhook = make(&server, json!({"url": receiver.url})).await;
+    let home = server.make_home("h").await;
+    receiver.messages(1).await;
+    let name = json!({"name": "\u{201c}Zo\u{eb}\u{201d} <a@b>"});
+    server.send(server.request(Method::PUT, &home).json(&name)).await.ok(200);
+    receiver.messages(2).await;
+    server.delete(&home).await.ok(204);
+    let got = receiver.messages(3).await;
+    assert!(got[2].body.contains("\"deleted\":true"), "{got:?}");
+    for message in &got {
+        let body: Value = serde_json::from_str(&message.body).unwrap();
+        let names: Vec<&String> = body.as_object().unwrap().keys().collect();
+        assert_eq!(names.len(), 3, "{body}");
+        assert_eq!((&body["data"]["home"], &body["data"]["kind"]), (&"h".into(), &"home".into()));
+        body["timestamp"].as_str().unwrap().parse::<jiff::Timestamp>().unwrap();
+        assert_eq!(message.headers["content-type"], "application/json");
+    }
+    let log = tried(&server, &webhook, got.len()).await;
+    assert!(
+        log.iter().all(|delivery| delivery["state"] == "delivered" && delivery["status"] == 204),
+        "{log:?}"
+    );
+    assert_eq!(log.last().unwrap()["event"], "home.deleted");
+    verified(&webhook, &got);
+}
+
+/// By the library; without it only said so, except where it must be there.
+fn verified(webhook: &Value, got: &[Message]) {
+    let web = Path::new(env!("CARGO_MANIFEST_DIR")).join("web");
+    let node = Command::new("node").arg("--version").output().is_ok_and(|answer| answer.status.success());
+    if !node || !web.join("node_modules/standardwebhooks").is_dir() {
+        let must = std::env::var_os("VIOLA_BROWSER").is_some_and(|value| value == "1");
+        assert!(!must, "not there: Node.js, or web/node_modules (npm ci in web/)");
+        eprintln!("SKIPPED: the library of Standard Webhooks, for want of Node.js or web/node_modules");
+        return;
+    }
+    let verify = |secret: &str| {
+        let mut command = Command::new("node");
+        let command = command.arg("tests/webhook.mjs").current_dir(&web);
+        let mut child =
+            command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let mut input = child.stdin.take().unwrap();
+        for Message { headers, body } in got {
+            let line = json!({"secret": secret, "headers": headers, "body": body});
+            // One that finds a message wrong has ended.
+            let _ = writeln!(input, "{line}");
+        }
+        drop(input);
+        let output = child.wait_with_output().unwrap();
+        (output.status.success(), String::from_utf8(output.stdout).unwrap().lines().count())
+    };
+    assert_eq!(verify(webhook["secret"].as_str().unwrap()), (true, got.len()));
+    assert!(!verify("whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw").0, "another secret does not fit");
+}
+
+#[tokio::test]
+async fn what_fails_is_in_the_log_and_can_be_sent_again() {
+    let server = Server::start().await;
+    let receiver = Receiver::start().await;
+    let elsewhere = Receiver::start().await;
+    let moved = format!("307 Temporary Redirect\r\nlocation: {}", elsewhere.url);
+    let webhook = make(&server, json!({"url": receiver.url, "kinds": ["map"]})).await;
+    let path = format!("/v1/webhooks/{}", webhook["id"].as_str().unwrap());
+    let test = async || server.post(&format!("{path}/test"), "").await.ok(201);
+    let cases = [
+        ("500 Internal Server Error", "pending", "the address answered 500"),
+        (moved.as_str(), "pending", "the address answered 307; redirects are not followed"),
+        ("429 Too Many Requests\r\nretry-after: 3600", "pending", "the address answered 429"),
+        ("410 Gone", "failed", "the address answered 410 and is told nothing any more"),
+    ];
+    for (count, (answer, state, error)) in cases.iter().enumerate() {
+        receiver.answer(&[answer]);
+        test().await;
+        let delivery = tried(&server, &webhook, count + 1).await.pop().unwrap();
+        assert_eq!((&delivery["state"], &delivery["error"]), (&json!(state), &json!(error)));
+    }
+    assert!(elsewhere.got.lock().unwrap().is_empty(), "a redirect was followed");
+    assert!(server.get(&path).await.ok(200)["disabled_at"].is_string());
+    let failed = log(&server, &webhook).await.pop().unwrap();
+    let retry = format!("{path}/deliveries/{}/retry", failed["id"].as_str().unwrap());
+    assert_eq!(server.post(&retry, "").await.ok(200)["state"], "pending");
+    eventually("it arrives at last", || async {
+        (log(&server, &webhook).await.pop()?["state"] == "delivered").then_some(())
+    })
+    .await;
+    assert!(server.get(&path).await.ok(200)["disabled_at"].is_null());
+    // The same message both times.
+    let got = receiver.messages(5).await;
+    let of_failed: Vec<&Message> =
+        got.iter().filter(|message| message.headers["webhook-id"] == failed["id"]).collect();
+    assert_eq!(of_failed.len(), 2);
+    assert_eq!(of_failed[0].body, of_failed[1].body);
+    server.delete(&path).await.ok(204);
+    server.get(&path).await.problem(404, "webhook-not-found");
+    server.post(&format!("{path}/test"), "").await.problem(404, "webhook-not-found");
+}
+
+/// The table of attacks by way of addresses; how names are resolved is with the sender.
+#[tokio::test]
+async fn no_webhook_leads_to_this_machine_or_its_neighbours() {
+    let server = Server::with(|params| params.webhooks = WebhookParams::default()).await;
+    let receiver = Receiver::start().await;
+    let bad = [
+        "https://169.254.169.254/latest/meta-data/",
+        "https://[fd00:ec2::254]/latest/meta-data/",
+        "https://127.0.0.1:8080/",
+        "https://localhost/",
+        "https://10.0.0.1/",
+        "https://192.168.1.1/",
+        "https://[::ffff:10.0.0.1]/",
+        "https://2852039166/",
+        "http://fleet.example/",
+        "gopher://fleet.example/",
+        "https://user:password@fleet.example/",
+        "not a url",
+        "",
+        receiver.url.as_str(),
+    ];
+    for url in bad {
+        let request = server.request(Method::POST, "/v1/webhooks").json(&json!({"url": url}));
+        let problem = server.send(request).await.problem(422, "invalid-body");
+        assert_eq!(problem["field"], "url", "{url}");
+    }
+    // A name that leads to this machine is found out when it is sent to: here one that every machine has.
+    let name =
+        server.request(Method::POST, "/v1/webhooks").json(&json!({"url": "https://localhost.localdomain/"}));
+    let webhook = server.send(name).await.ok(201);
+    server.post(&format!("/v1/webhooks/{}/test", webhook["id"].as_str().unwrap()), "").await.ok(201);
+    let delivery = tried(&server, &webhook, 1).await.remove(0);
+    assert_eq!(delivery["state"], "pending");
+    assert!(delivery["error"].is_string() && delivery["status"].is_null(), "{delivery}");
+}
+
+#[tokio::test]
+async fn webhooks_are_an_admins_and_not_many() {
+    let server = Server::without_workers().await;
+    let admin = server.client("acme", Role::Admin, None).await;
+    let other = server.client("bolt", Role::Admin, None).await;
+    let one_home = server.client("acme", Role::Admin, Some("h")).await;
+    let make = |url: &str| admin.request(Method::POST, "/v1/webhooks").json(&json!({"url": url}));
+    for n in 0..10 {
+        admin.send(make(&format!("https://fleet.example/{n}"))).await.ok(201);
+    }
+    admin.send(make("https://fleet.example/11")).await.problem(409, "too-many-webhooks");
+    let listed = admin.get("/v1/webhooks").await.ok(200);
+    let listed = listed["items"].as_array().unwrap();
+    assert_eq!(listed.len(), 10);
+    assert!(listed.iter().all(|webhook| webhook["secret"].is_null()), "the secret is shown once");
+    assert!(other.get("/v1/webhooks").await.ok(200)["items"].as_array().unwrap().is_empty());
+    one_home.get("/v1/webhooks").await.problem(403, "forbidden");
+    let bad = [
+        (json!({"url": "https://a.example", "kinds": []}), "kinds"),
+        (json!({"kinds": ["map"]}), "url"),
+        (json!({"url": "https://a.example", "kinds": ["maps"]}), ""),
+        (json!({"url": "https://a.example", "secret": "mine"}), ""),
+    ];
+    for (body, field) in bad {
+        let request = admin.request(Method::POST, "/v1/webhooks").json(&body);
+        let problem = admin.send(request).await.problem(422, "invalid-body");
+        assert!(field.is_empty() || problem["field"] == field, "{problem}");
+    }
+}

@@ -1,0 +1,83 @@
+//! An address that is told what changes, and remembers the newest of each thing.
+
+use crate::common::client::Client;
+use crate::common::eventually;
+use crate::fleet::Fleet;
+use serde_json::{Value, json};
+use std::collections::HashMap;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::sync::{Arc, Mutex};
+
+#[derive(Clone, Default)]
+pub struct Hooks {
+    /// By the thing: the highest number that was told of it.
+    told: Arc<Mutex<HashMap<String, i64>>>,
+    messages: Arc<Mutex<u64>>,
+}
+
+fn thing(change: &Value) -> String {
+    format!("{} {} {}", change["home"], change["kind"], change["clip"])
+}
+
+impl Hooks {
+    pub async fn start(fleet: &Fleet) -> Hooks {
+        let hooks = Hooks::default();
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let url = format!("http://{}/", listener.local_addr().unwrap());
+        let hearing = hooks.clone();
+        std::thread::spawn(move || {
+            for connection in listener.incoming() {
+                let hooks = hearing.clone();
+                std::thread::spawn(move || while hooks.hear(connection.as_ref().unwrap()).is_some() {});
+            }
+        });
+        let request = fleet.server(0).request(reqwest::Method::POST, "/v1/webhooks");
+        Client::read(request.json(&json!({"url": url})).send().await.unwrap()).await.ok(201);
+        hooks
+    }
+
+    /// None when whoever sent has hung up, or was killed in the middle.
+    fn hear(&self, mut connection: &TcpStream) -> Option<()> {
+        let mut reader = BufReader::new(connection);
+        let (mut line, mut length) = (String::new(), 0);
+        while reader.read_line(&mut line).ok()? > 2 {
+            if let Some(value) = line.to_lowercase().strip_prefix("content-length:") {
+                length = value.trim().parse().ok()?;
+            }
+            line.clear();
+        }
+        let mut body = vec![0; length];
+        reader.read_exact(&mut body).ok()?;
+        let message: Value = serde_json::from_slice(&body).ok()?;
+        let change = &message["data"];
+        let seq = change["seq"].as_i64()?;
+        let mut told = self.told.lock().unwrap();
+        let newest = told.entry(thing(change)).or_default();
+        *newest = seq.max(*newest);
+        *self.messages.lock().unwrap() += 1;
+        connection.write_all(b"HTTP/1.1 204 No Content\r\n\r\n").ok()
+    }
+
+    /// Everything that the feed has was told, in its newest form.
+    pub async fn check(&self, fleet: &Fleet) -> String {
+        let mut feed = HashMap::new();
+        let mut path = "/v1/changes?limit=200".to_owned();
+        loop {
+            let page = fleet.server(0).get(&path).await.ok(200);
+            for change in page["items"].as_array().unwrap() {
+                feed.insert(thing(change), change["seq"].as_i64().unwrap());
+            }
+            if page["more"] == false {
+                break;
+            }
+            path = format!("/v1/changes?limit=200&after={}", page["next"].as_str().unwrap());
+        }
+        eventually("the webhook was told everything", || async {
+            let told = self.told.lock().unwrap();
+            feed.iter().all(|(thing, seq)| told.get(thing) == Some(seq)).then_some(())
+        })
+        .await;
+        format!("{} webhook messages about {} things", self.messages.lock().unwrap(), feed.len())
+    }
+}
