@@ -13,10 +13,12 @@ mod npy;
 mod part;
 mod picture;
 mod stream;
+mod up;
 pub mod write;
 
 pub use error::ClipError;
 pub use stream::FrameStream;
+pub use up::Up;
 
 use crate::container::{self, Container};
 use crate::geometry::{Pinhole, Pose3, Vector3};
@@ -69,6 +71,8 @@ pub struct FrameHeader {
     pub time_s: Option<f64>,
     /// Finite, with a unit rotation; none where the capture has none.
     pub world_from_camera: Option<Pose3>,
+    /// What the accelerometer felt around then, in the camera's axes and any unit: against gravity, when at rest.
+    pub force_in_camera: Option<Vector3>,
 }
 
 /// How long cameras take to read their pictures, from the first row to the last: what moves meanwhile leans.
@@ -159,9 +163,10 @@ impl Clip {
         &self.frames
     }
 
-    /// The unit vector against gravity, when the layout's world is known to be aligned to it.
-    pub fn up_in_world(&self) -> Option<Vector3> {
-        self.up_in_world
+    /// Against gravity in the world of the device's poses: as the layout has it, else as the device felt it.
+    pub fn up_in_world(&self) -> Option<Up> {
+        let posed = self.frames.iter().filter_map(|frame| Some((frame, frame.world_from_camera.as_ref()?)));
+        self.up_in_world.map(Up::of_device).or_else(|| Up::felt(posed))
     }
 
     /// How the cameras read their pictures, where that is known.

@@ -3,7 +3,7 @@
 use image::{Rgb, RgbImage};
 use viola::align::TrackParams;
 use viola::align::track::{DeviceParams, Lost, Track, Tracker};
-use viola::clip::{DepthImage, Frame, FrameHeader, Shutter};
+use viola::clip::{DepthImage, Frame, FrameHeader, Shutter, Up};
 use viola::evaluate::track::{TrajectoryErrors, measure};
 use viola::geometry::{Pinhole, Point3, Pose3, Vector3};
 use viola::simulate::{ClipParams, Home, HomeParams, Set};
@@ -54,6 +54,18 @@ fn a_walk_is_followed_alike_by_any_number_of_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         assert_eq!(pool.install(|| follow(&frames)).poses, track.poses, "{threads} threads");
     }
+}
+
+/// The world of tracking is any; what was felt tells which way is up in it.
+#[test]
+fn what_the_accelerometer_felt_tells_up() {
+    let (frames, truth) = walk(1002, 60);
+    let track = follow(&frames);
+    let poses: Vec<Pose3> = track.poses_of(0).into_iter().map(Option::unwrap).collect();
+    let up = Up::felt(frames.iter().map(|frame| &frame.header).zip(&poses)).unwrap();
+    let world_from_home = poses[0] * truth[0].inverse();
+    let off_rad = up.direction.angle(&(world_from_home.rotation * Vector3::z()));
+    assert!(off_rad < 3f64.to_radians() && off_rad < 2.0 * up.deviation_rad, "{off_rad} {up:?}");
 }
 
 /// Frames spoiled in the middle of a walk: they have no pose, and what follows is right again.
@@ -160,7 +172,7 @@ fn in_a_box_by_rows(world_from_camera: impl Fn(u32) -> Pose3, is_plain: bool) ->
         }
     }
     Frame {
-        header: FrameHeader { number: 0, time_s: None, world_from_camera: None },
+        header: FrameHeader { number: 0, time_s: None, world_from_camera: None, force_in_camera: None },
         color_camera: CAMERA,
         color,
         depth_camera: CAMERA,

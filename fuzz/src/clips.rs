@@ -68,7 +68,7 @@ fn check_container(container: Box<dyn Container>) {
     assert_eq!(info.frames, frames.len());
     assert_eq!(info.frames_with_pose + info.skipped_without_pose, info.frames);
     assert!(info.duration_s.is_none_or(|s| s.is_finite() && s >= 0.0), "{:?}", info.duration_s);
-    assert!(clip.up_in_world().is_none_or(|up| (up.norm() - 1.0).abs() < 1e-9));
+    assert!(clip.up_in_world().is_none_or(|up| (up.direction.norm() - 1.0).abs() < 1e-9));
     for header in frames {
         assert!(header.time_s.is_none_or(f64::is_finite));
         let pose = header.world_from_camera;

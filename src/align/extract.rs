@@ -127,7 +127,12 @@ mod tests {
     fn wall(depth_m: f32) -> Frame {
         let camera = Pinhole { width: 80, height: 60, fx: 70.0, fy: 70.0, cx: 39.5, cy: 29.5 };
         Frame {
-            header: FrameHeader { number: 0, time_s: None, world_from_camera: Some(Pose3::identity()) },
+            header: FrameHeader {
+                number: 0,
+                time_s: None,
+                world_from_camera: Some(Pose3::identity()),
+                force_in_camera: None,
+            },
             color_camera: camera,
             color: image::RgbImage::from_pixel(80, 60, image::Rgb([200, 100, 50])),
             depth_camera: camera,

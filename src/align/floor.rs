@@ -4,6 +4,7 @@ use super::cloud::{CloudPoint, PointCloud};
 use super::fuse::{KeyFrame, mean_camera_up};
 use super::label::Label;
 use super::{FloorReport, Reason};
+use crate::clip::Up;
 use crate::geometry::{Plane, Point3, Pose3, Vector2, Vector3};
 use crate::taxonomy::Class;
 use nalgebra::{Matrix2, Matrix3, Rotation3, UnitQuaternion};
@@ -25,9 +26,6 @@ pub struct FloorParams {
     pub gravity_cone_rad: f64,
     /// ... or, without gravity, from the mean of the cameras' upward axes.
     pub camera_cone_rad: f64,
-    /// How far gravity is off, standard deviation: a floor of which only a strip was seen leans by its own unevenness,
-    /// and then gravity knows better.
-    pub gravity_deviation_rad: f64,
     /// Where the first camera may be above the floor.
     pub camera_height_m: std::ops::RangeInclusive<f64>,
     /// Heights of the camera that are tried when no floor is in sight.
@@ -46,7 +44,6 @@ impl Default for FloorParams {
             inlier_m: 0.03,
             below_m: 0.08,
             gravity_cone_rad: 10f64.to_radians(),
-            gravity_deviation_rad: 0.6f64.to_radians(),
             camera_cone_rad: 50f64.to_radians(),
             camera_height_m: 0.25..=2.6,
             assumed_heights_m: vec![1.45, 1.25, 1.65],
@@ -118,12 +115,13 @@ impl Floor {
 pub fn find_floor(
     cloud: &PointCloud,
     key_frames: &[KeyFrame],
-    up_in_world: Option<Vector3>,
+    up_in_world: Option<&Up>,
     params: &FloorParams,
     seed: u64,
 ) -> Result<Floor, NoFloor> {
     let first = key_frames.first().ok_or(NoFloor::EmptyCloud)?;
-    let up = up_in_world.or_else(|| mean_camera_up(key_frames)).ok_or(NoFloor::UpUnknown)?.normalize();
+    let known = up_in_world.map(|up| up.direction);
+    let up = known.or_else(|| mean_camera_up(key_frames)).ok_or(NoFloor::UpUnknown)?.normalize();
     let cone = if up_in_world.is_some() { params.gravity_cone_rad } else { params.camera_cone_rad };
     let stride = cloud.points.len().div_ceil(params.scored_points).max(1);
     let scored: Vec<Scored> = cloud.points.iter().step_by(stride).map(Scored::from).collect();
@@ -153,7 +151,7 @@ pub fn find_floor(
         return Err(NoFloor::NoPlane { best_area_m2: area_m2, below_share });
     }
     let plane = match up_in_world {
-        Some(up) => scorer.steadied(&best.plane, area_m2, &up.normalize()),
+        Some(up) => scorer.steadied(&best.plane, area_m2, up),
         None => best.plane,
     };
     Ok(Floor {
@@ -162,15 +160,15 @@ pub fn find_floor(
         first_camera_height_m: plane.height_m(&cameras[0]),
         support_points: cloud.points.iter().filter(|p| plane.height_m(&p.position()).abs() < 0.02).count(),
         assumed: false,
-        gravity_angle_rad: up_in_world.map(|up| plane.normal.dot(&up.normalize()).clamp(-1.0, 1.0).acos()),
+        gravity_angle_rad: known.map(|up| plane.normal.dot(&up).clamp(-1.0, 1.0).acos()),
     })
 }
 
 /// Floors for a clip that shows none (the paper's future work): level, with the first camera at the heights
 /// at which people hold a phone, and not above anything that was seen.
-pub fn assume(cloud: &PointCloud, key_frames: &[KeyFrame], up: &Vector3, params: &FloorParams) -> Vec<Floor> {
+pub fn assume(cloud: &PointCloud, key_frames: &[KeyFrame], up: &Up, params: &FloorParams) -> Vec<Floor> {
     let Some(first) = key_frames.first() else { return Vec::new() };
-    let up = up.normalize();
+    let up = up.direction;
     let camera = Point3::from(first.world_from_camera.translation.vector);
     let stride = cloud.points.len().div_ceil(params.scored_points).max(1);
     let mut depths_m: Vec<f64> =
@@ -286,7 +284,8 @@ impl Scorer<'_> {
 
 impl Scorer<'_> {
     /// A plane of which so much was seen, drawn towards level as far as its own unevenness leaves its lean open.
-    fn steadied(&self, plane: &Plane, area_m2: f64, up: &Vector3) -> Plane {
+    fn steadied(&self, plane: &Plane, area_m2: f64, known_up: &Up) -> Plane {
+        let up = &known_up.direction;
         /// Standard deviation of a scanned floor's height, and the area over which it is off alike.
         const UNEVEN_M: f64 = 0.01;
         const ALIKE_M2: f64 = 0.1;
@@ -307,7 +306,7 @@ impl Scorer<'_> {
         let flat = |p: &Point3| Vector2::new((p.coords - middle).dot(&east), (p.coords - middle).dot(&north));
         let spread: Matrix2<f64> = seen.iter().map(|p| flat(p) * flat(p).transpose()).sum();
         let known = spread * (area_m2 / ALIKE_M2 / seen.len() as f64 / (UNEVEN_M * UNEVEN_M));
-        let level = Matrix2::identity() / self.params.gravity_deviation_rad.powi(2);
+        let level = Matrix2::identity() / known_up.deviation_rad.powi(2);
         let lean = Vector2::new(plane.normal.dot(&east), plane.normal.dot(&north)) / plane.normal.dot(up);
         let Some(share) = (known + level).try_inverse() else { return *plane };
         let lean = share * known * lean;

@@ -6,7 +6,7 @@ use super::label::{LabelReport, Labeller, Wall};
 use super::raycast::{self, RaycastParams, VirtualScan};
 use super::track::{self, TrackedClip};
 use super::{AlignError, AlignParams, Alignment, FloorReport, PointCloud, Reason};
-use crate::clip::Clip;
+use crate::clip::{Clip, Up};
 use crate::geometry::Pose3;
 use crate::progress::{self, Progress, Stage};
 use std::ops::Range;
@@ -72,9 +72,12 @@ pub fn observe(
 
     progress::begin(progress, Stage::Floor)?;
     let (cloud, keys) = (&fused.cloud_in_world, &fused.key_frames);
-    // Tracking has a world of its own.
-    let up = clip.up_in_world().filter(|_| tracked.as_ref().is_none_or(|tracked| tracked.is_refined));
-    let floors = match floor::find_floor(cloud, keys, up, &params.floor, params.seed) {
+    let up = match &tracked {
+        // Tracking has a world of its own, in which only what was felt tells up.
+        Some(tracked) if !tracked.is_refined => Up::felt(tracked.posed(clip)),
+        _ => clip.up_in_world(),
+    };
+    let floors = match floor::find_floor(cloud, keys, up.as_ref(), &params.floor, params.seed) {
         Ok(floor) => vec![floor],
         Err(why) => {
             observation.reasons.push(why.reason());

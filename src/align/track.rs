@@ -108,6 +108,15 @@ impl Track {
         (0..self.segments.len()).max_by_key(|i| (self.segments[*i].frames, std::cmp::Reverse(*i)))
     }
 
+    /// By how much the camera turned from frame to frame: nine of ten turns of a segment were smaller.
+    pub fn wide_turn_rad(&self, segment: usize) -> f64 {
+        let poses: Vec<Pose3> = self.poses_of(segment).into_iter().flatten().collect();
+        let mut turns_rad: Vec<f64> =
+            poses.windows(2).map(|pair| pair[0].rotation.angle_to(&pair[1].rotation)).collect();
+        turns_rad.sort_by(f64::total_cmp);
+        turns_rad.get(turns_rad.len() * 9 / 10).copied().unwrap_or(0.0)
+    }
+
     /// The poses of one segment.
     pub fn poses_of(&self, segment: usize) -> Vec<Option<Pose3>> {
         self.poses.iter().map(|pose| pose.filter(|(of, _)| *of == segment).map(|(_, pose)| pose)).collect()

@@ -47,7 +47,8 @@ pub struct EvaluateArguments {
     /// Also give every simulated clip the map of another home, where it belongs nowhere.
     #[arg(long, requires = "set")]
     foreign: bool,
-    /// Withhold the poses of simulated clips, so that they have to be tracked; they are recorded four times as densely.
+    /// Withhold the poses of simulated clips, so that they have to be tracked with what an accelerometer felt; they are
+    /// recorded four times as densely.
     #[arg(long, requires = "set")]
     withhold_poses: bool,
     /// Error of the poses of simulated devices after one metre, in metres.

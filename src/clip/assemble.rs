@@ -76,7 +76,8 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
     let mut pictures = Vec::with_capacity(frames);
     for Source { number, time_s, world_from_camera, color, depth, confidence, numbers } in layout.sources {
         let own = numbers.map(|own| sizes.cameras(&layout.cameras, Some(own))).transpose()?;
-        headers.push(FrameHeader { number, time_s, world_from_camera });
+        let force_in_camera = time_s.and_then(|time_s| layout.forces.around(time_s));
+        headers.push(FrameHeader { number, time_s, world_from_camera, force_in_camera });
         pictures.push(Pictures::new(container.as_ref(), color, depth, confidence, own)?);
     }
     let files = Files {

@@ -2,6 +2,7 @@
 
 mod arkit_scenes;
 mod associate;
+mod inertial;
 mod json;
 mod nerfstudio;
 mod numbered;
@@ -23,6 +24,7 @@ use super::files::{ColorAt, DepthAt};
 use super::{ClipError, Shutter};
 use crate::container::{Container, Region};
 use crate::geometry::{Pose3, Vector3};
+use inertial::Forces;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 
 pub(super) const OPENCV: &str = "camera-to-world, OpenCV (x right, y down, z forward)";
@@ -41,6 +43,7 @@ pub(super) struct Layout {
     pub depth_units_per_m: f32,
     pub gravity: String,
     pub up_in_world: Option<Vector3>,
+    pub forces: Forces,
     pub color_pictures: usize,
     pub depth_pictures: usize,
     /// Frames with only one of the two pictures.

@@ -137,7 +137,7 @@ fn upright(clip: &Clip, layout: WrittenLayout, notes: &mut Vec<String>) -> Pose3
         notes.push("which way is up is not known; the layout's world should be upright".to_string());
         return Pose3::identity();
     };
-    let turn = UnitQuaternion::rotation_between(&up, &wanted)
+    let turn = UnitQuaternion::rotation_between(&up.direction, &wanted)
         .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
     Pose3::from_parts(Translation3::identity(), turn)
 }

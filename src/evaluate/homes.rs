@@ -121,7 +121,7 @@ impl Suite for HomeClips {
         // The rest of the parameters is in the cases.
         let HomesParams { sensor, picture_labels, withhold_poses, drift, .. } = &self.params;
         let poses = if *withhold_poses {
-            format!(" without poses, {DENSER} times as densely")
+            format!(" without poses, with an accelerometer, {DENSER} times as densely")
         } else {
             String::new()
         };

@@ -53,7 +53,7 @@ impl Scene {
     /// A recording with its mesh (`mesh/*.ply`), out of which the LiDAR map is cut.
     pub fn open_with_mesh(scene: &Path, params: &SurveyParams) -> Result<(Scene, Survey), SceneError> {
         let clip = Clip::open(scene)?;
-        let is_upright = clip.up_in_world().is_some_and(|up| up.dot(&Vector3::z()) > 0.9999);
+        let is_upright = clip.up_in_world().is_some_and(|up| up.direction.dot(&Vector3::z()) > 0.9999);
         if !is_upright {
             return Err(SceneError::NotUpright);
         }

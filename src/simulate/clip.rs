@@ -101,6 +101,7 @@ impl SimulatedClip {
             UnitQuaternion::from_axis_angle(&Vector3::z_axis(), dice.between(-3.1, 3.1)),
         );
         let mut drift = Drift { error: Pose3::identity(), last: None, dice: dice.fork("drift", 0) };
+        let mut accelerometer = Accelerometer::new(dice.fork("accelerometer", 0));
         let headers = walk
             .home_from_camera
             .iter()
@@ -109,6 +110,7 @@ impl SimulatedClip {
                 number: number as u32,
                 time_s: Some(number as f64 / params.rate_hz),
                 world_from_camera: Some(world_from_home * drift.follow(pose, params.drift)),
+                force_in_camera: Some(accelerometer.feel(&walk.home_from_camera, number, params.rate_hz)),
             })
             .collect();
         let (yaw, height) = (dice.between(-3.1, 3.1), dice.between(0.3, 1.2));
@@ -200,6 +202,38 @@ impl SimulatedClip {
             classes: each(|class, _| class.id()),
             instances: each(|_, instance| instance),
         }
+    }
+}
+
+/// An accelerometer, which is mounted a little askew.
+struct Accelerometer {
+    felt_from_camera: UnitQuaternion<f64>,
+    dice: super::dice::Dice,
+}
+
+impl Accelerometer {
+    /// Standard deviations of how it is mounted, about each axis, and of a sample.
+    const MOUNTED_RAD: f64 = 0.015;
+    const NOISE_MPS2: f64 = 0.05;
+    const GRAVITY_MPS2: f64 = 9.81;
+
+    fn new(mut dice: super::dice::Dice) -> Accelerometer {
+        let askew = Vector3::from_fn(|_, _| dice.gaussian()) * Accelerometer::MOUNTED_RAD;
+        Accelerometer { felt_from_camera: UnitQuaternion::from_scaled_axis(askew), dice }
+    }
+
+    /// Gravity's counterforce and the walk's acceleration, which is that of the frames around.
+    fn feel(&mut self, home_from_camera: &[Pose3], index: usize, rate_hz: f64) -> Vector3 {
+        let at = |index: usize| home_from_camera[index].translation.vector;
+        let bend = match index {
+            // The walk begins and ends at rest.
+            0 => Vector3::zeros(),
+            index if index + 1 >= home_from_camera.len() => Vector3::zeros(),
+            index => at(index + 1) - 2.0 * at(index) + at(index - 1),
+        };
+        let force_in_home = Vector3::z() * Accelerometer::GRAVITY_MPS2 + bend * (rate_hz * rate_hz);
+        let noise = Vector3::from_fn(|_, _| self.dice.gaussian()) * Accelerometer::NOISE_MPS2;
+        self.felt_from_camera * (home_from_camera[index].rotation.inverse() * force_in_home) + noise
     }
 }
 

@@ -101,7 +101,7 @@ proptest! {
 fn up_is_known_for_scannet_only() {
     for (layout, write_files, _) in LAYOUTS {
         let folder = as_folder(&write_files("", &[0, 1]));
-        let up = Clip::open(folder.path()).unwrap().up_in_world();
+        let up = Clip::open(folder.path()).unwrap().up_in_world().map(|up| up.direction);
         assert_eq!(up, (layout == "scannet").then(Vector3::z), "{layout}");
     }
 }
@@ -345,6 +345,21 @@ fn tum_poses_are_interpolated_and_the_kinect_is_assumed() {
     // 525 for a picture of 640 pixels is 26.25 for one of 32.
     assert_eq!(clip.load(0).unwrap().depth_camera.fx, 26.25);
     assert!(clip.info().notes.iter().any(|note| note.contains("assumed")), "{:?}", clip.info().notes);
+}
+
+/// Its accelerometer has x and y the other way round than its camera.
+#[test]
+fn tum_feels_gravity() {
+    let mut files = tum("", &[0, 1, 2]);
+    let felt = "# timestamp ax ay az\n1305031229.49 1 2 -9\n1305031229.51 3 4 -7\n1305031229.59 nan 0 0\n";
+    set(&mut files, "accelerometer.txt", felt.as_bytes());
+    let folder = as_folder(&files);
+    let clip = Clip::open(folder.path()).unwrap();
+    let forces: Vec<_> =
+        clip.frames().iter().map(|frame| frame.force_in_camera.map(<[f64; 3]>::from)).collect();
+    assert_eq!(forces, [Some([-2.0, -3.0, -8.0]), None, None]);
+    assert_eq!(clip.up_in_world(), None, "one frame is not enough");
+    check_refused(tum, |f| set(f, "accelerometer.txt", b"1 2 3\n"), "bad_index", "accelerometer.txt, line 1");
 }
 
 #[test]

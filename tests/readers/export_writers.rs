@@ -287,12 +287,22 @@ pub fn sens(root: &str, recording: &Recording) -> Files {
     vec![(format!("{root}scene.sens"), bytes)]
 }
 
+const FELT_BY_IMU: [f64; 3] = [0.1, 9.8, -0.2];
+
+fn imu_turn() -> nalgebra::Rotation3<f64> {
+    nalgebra::Rotation3::from_euler_angles(0.3, -1.2, 2.0)
+}
+
+/// What each frame of [`spectacular`] felt.
+pub fn spectacular_force_in_camera() -> nalgebra::Vector3<f64> {
+    imu_turn() * nalgebra::Vector3::from(FELT_BY_IMU)
+}
+
 /// The inertial sensor sits beside the camera and is turned against it; its poses come between the frames.
 pub fn spectacular(root: &str, recording: &Recording) -> Files {
     let [fx, fy, cx, cy] = recording.color_k();
-    let turn = nalgebra::Rotation3::from_euler_angles(0.3, -1.2, 2.0);
     let camera_from_imu =
-        nalgebra::Translation3::new(0.02, -0.05, 0.01).to_homogeneous() * turn.to_homogeneous();
+        nalgebra::Translation3::new(0.02, -0.05, 0.01).to_homogeneous() * imu_turn().to_homogeneous();
     let camera =
         json!({ "focalLengthX": fx, "focalLengthY": fy, "principalPointX": cx, "principalPointY": cy });
     let mut files = Files::new();
@@ -309,7 +319,7 @@ pub fn spectacular(root: &str, recording: &Recording) -> Files {
             );
         }
         lines.push(
-            json!({ "sensor": { "type": "accelerometer", "values": [0.1, 9.8, -0.2] }, "time": time_s })
+            json!({ "sensor": { "type": "accelerometer", "values": FELT_BY_IMU }, "time": time_s })
                 .to_string(),
         );
         lines.push(

@@ -50,7 +50,8 @@ pub fn check_poses(clip: &Clip, recording: &Recording, what: &str) {
         );
         assert!(off.rotation.angle().to_degrees() < 0.01, "{what}: frame {i} is turned");
         if let Some(up) = clip.up_in_world() {
-            let off = (read[i].rotation.inverse() * up).angle(&(truth[i].rotation.inverse() * Vector3::z()));
+            let off = (read[i].rotation.inverse() * up.direction)
+                .angle(&(truth[i].rotation.inverse() * Vector3::z()));
             assert!(
                 off.to_degrees() < 0.01,
                 "{what}: frame {i} has another up, by {} degrees",
@@ -69,6 +70,11 @@ fn check(path: &Path, layout: &str, knows_up: bool, recording: &Recording) {
     assert_eq!((info.depth_width, info.depth_height), recording.depth_size, "{layout}");
     assert_eq!(clip.up_in_world().is_some(), knows_up, "{layout}");
     check_poses(&clip, recording, layout);
+    let felt = (layout == "spectacular_ai").then(writers::spectacular_force_in_camera);
+    for frame in clip.frames() {
+        let same = frame.force_in_camera.zip(felt).is_none_or(|(read, felt)| (read - felt).norm() < 1e-6);
+        assert!(same && frame.force_in_camera.is_some() == felt.is_some(), "{layout}: {frame:?}");
+    }
     let has_confidence =
         !matches!(layout, "redwood" | "nerfstudio" | "nerf_capture" | "sens" | "spectacular_ai");
     for (index, frame) in recording.frames.iter().enumerate() {

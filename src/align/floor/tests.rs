@@ -43,11 +43,16 @@ fn turned(axis: [f64; 3], angle: f64) -> Pose3 {
     Pose3::new(Vector3::new(3.0, -2.0, 1.0), axis * angle)
 }
 
+fn z_up() -> Up {
+    Up::of_device(Vector3::z())
+}
+
 /// The floor is found at 1.4 m below the camera, level to half a degree.
 fn check(surfaces: &[Vec<(Point3, Vector3)>], turn: &Pose3, gravity_known: bool) {
     let (cloud, keys) = room(surfaces, turn);
     let up = turn * Vector3::z();
-    let floor = find_floor(&cloud, &keys, gravity_known.then_some(up), &FloorParams::default(), 5).unwrap();
+    let known = gravity_known.then(|| Up::of_device(up));
+    let floor = find_floor(&cloud, &keys, known.as_ref(), &FloorParams::default(), 5).unwrap();
     assert!((floor.first_camera_height_m - 1.4).abs() < 0.01, "{floor:?}");
     assert!(floor.plane_in_world.normal.dot(&up) > 0.5f64.to_radians().cos(), "{floor:?}");
     // The clip frame: the first camera stands over the origin and faces along x.
@@ -80,7 +85,7 @@ fn a_table_or_a_bed_is_not_the_floor() {
 fn what_pictures_call_a_bed_is_not_the_floor() {
     let surfaces = [level((0.2, 2.8), (0.5, 3.0), 0.45)];
     let (mut cloud, keys) = room(&surfaces, &Pose3::identity());
-    let find = |cloud: &PointCloud| find_floor(cloud, &keys, Some(Vector3::z()), &FloorParams::default(), 5);
+    let find = |cloud: &PointCloud| find_floor(cloud, &keys, Some(&z_up()), &FloorParams::default(), 5);
     // By its shape alone the only level surface in sight passes for the floor.
     assert!((find(&cloud).unwrap().first_camera_height_m - 0.95).abs() < 0.01);
     for point in cloud.points.iter_mut().filter(|point| point.normal[2] > 0.9) {
@@ -96,12 +101,12 @@ fn what_pictures_call_a_bed_is_not_the_floor() {
 #[test]
 fn without_a_floor_there_is_a_reason() {
     let (cloud, keys) = room(&[wall(2.4)], &Pose3::identity());
-    let none = find_floor(&cloud, &keys, Some(Vector3::z()), &FloorParams::default(), 5).unwrap_err();
+    let none = find_floor(&cloud, &keys, Some(&z_up()), &FloorParams::default(), 5).unwrap_err();
     assert_eq!(none.reason().code, "no_floor");
     let none = find_floor(&PointCloud::default(), &keys, None, &FloorParams::default(), 5).unwrap_err();
     assert_eq!(none.reason().code, "nothing_fused");
     // The wall's foot is 1.4 m below the camera, so lower guesses stand.
-    let guesses = assume(&cloud, &keys, &Vector3::z(), &FloorParams::default());
+    let guesses = assume(&cloud, &keys, &z_up(), &FloorParams::default());
     assert!(guesses.iter().all(|g| g.assumed && g.first_camera_height_m > 1.39), "{guesses:?}");
     assert!(!guesses.is_empty());
 }

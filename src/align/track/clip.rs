@@ -2,12 +2,12 @@
 
 use super::{Track, TrackParams, Tracker};
 use crate::align::{AlignError, Alignment, AlignmentState, Reason};
-use crate::clip::{Clip, ClipError};
+use crate::clip::{Clip, ClipError, FrameHeader};
 use crate::geometry::Pose3;
 use crate::progress::{self, Progress};
 
-/// The reason's code that an answer from tracked poses has.
-const TRACKED: &str = "tracked";
+/// The reason's code that an answer has whose frames were too few to track them for sure.
+const SPARSE: &str = "sparse_frames";
 /// Frames that are decoded at a time.
 const BATCH: usize = 8;
 
@@ -21,6 +21,16 @@ pub struct TrackedClip {
     /// What the answer should tell of it.
     pub reasons: Vec<Reason>,
     pub track: Track,
+}
+
+impl TrackedClip {
+    /// The frames that have a pose.
+    pub fn posed<'a>(&'a self, clip: &'a Clip) -> impl Iterator<Item = (&'a FrameHeader, &'a Pose3)> {
+        clip.frames()
+            .iter()
+            .zip(&self.world_from_camera)
+            .filter_map(|(frame, pose)| Some((frame, pose.as_ref()?)))
+    }
 }
 
 /// Tracks some frames of a clip (`indices`, ascending places in it). A frame that cannot be decoded is left out; none
@@ -73,14 +83,16 @@ pub fn track(
     Ok(TrackedClip { world_from_camera, is_refined, reasons, track })
 }
 
-/// Where poses come by tracking at 2.5 Hz, 13 % of the simulated clips that were called aligned were not; at 10 Hz none of 53
-/// (BENCHMARKS.md). The probability does not know how sparse a recording was; until it does, no such answer is sure.
+/// Where poses come by tracking at 2.5 Hz, 13 % of the simulated clips that were called aligned were not; at 10 Hz none
+/// (BENCHMARKS.md). The probability does not know how sparse a recording was: beyond this turn from frame to frame, which
+/// lies between the two, no answer is surer than `MOST_PROBABLE`.
+const WIDE_TURN_RAD: f64 = 8.0 * std::f64::consts::PI / 180.0;
 const MOST_PROBABLE: f64 = 0.85;
 
-/// Makes the answer for a tracked clip at most ambiguous.
+/// Makes the answer for a clip that was tracked from too few frames at most ambiguous.
 pub(in crate::align) fn doubt(alignment: &mut Alignment) {
-    let is_tracked = alignment.reasons.iter().any(|reason| reason.code == TRACKED);
-    if !is_tracked || alignment.state != AlignmentState::Aligned {
+    let is_sparse = alignment.reasons.iter().any(|reason| reason.code == SPARSE);
+    if !is_sparse || alignment.state != AlignmentState::Aligned {
         return;
     }
     alignment.state = AlignmentState::Ambiguous;
@@ -100,7 +112,16 @@ fn reasons(track: &Track, frames: usize, number: impl Fn(usize) -> u32) -> Vec<R
     let detail = format!(
         "the recording has no camera poses; {kept} of {frames} frames were tracked by their pictures"
     );
-    let mut reasons = vec![Reason::new(TRACKED, detail)];
+    let mut reasons = vec![Reason::new("tracked", detail)];
+    let turn_rad = track.wide_turn_rad(longest);
+    if turn_rad > WIDE_TURN_RAD {
+        let detail = format!(
+            "the camera turned by {:.0} degrees from frame to frame, so that tracking may have gone wrong unnoticed; \
+             record at 10 frames a second or more",
+            turn_rad.to_degrees()
+        );
+        reasons.push(Reason::new(SPARSE, detail));
+    }
     for (place, segment) in track.segments.iter().enumerate() {
         let Some(why) = &segment.ended else { continue };
         let used = if place == longest { "the part that is used" } else { "a part that is left out" };
@@ -119,14 +140,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_answer_from_tracked_poses_is_never_sure() {
+    fn an_answer_from_few_tracked_frames_is_never_sure() {
         let sure =
             Alignment { state: AlignmentState::Aligned, probability: Some(0.99), ..Alignment::failed() };
         let mut posed = sure.clone();
         doubt(&mut posed);
         assert_eq!(posed, sure);
-        let mut tracked = Alignment { reasons: vec![Reason::new(TRACKED, "")], ..sure };
-        doubt(&mut tracked);
-        assert_eq!((tracked.state, tracked.probability), (AlignmentState::Ambiguous, Some(MOST_PROBABLE)));
+        let mut sparse = Alignment { reasons: vec![Reason::new(SPARSE, "")], ..sure };
+        doubt(&mut sparse);
+        assert_eq!((sparse.state, sparse.probability), (AlignmentState::Ambiguous, Some(MOST_PROBABLE)));
     }
 }

@@ -4,6 +4,7 @@
 //! The trajectory holds world-to-camera poses, about ten a second; pictures come up to sixty times a second.
 
 use super::associate::associate;
+use super::inertial::Forces;
 use super::text::{numbers, parse_row, read_table, rigid};
 use super::trajectory::{Timed, pose_at, times};
 use super::{
@@ -72,6 +73,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         depth_units_per_m: 1000.0,
         gravity: "world z is up (layout)".to_string(),
         up_in_world: Some(Vector3::z()),
+        forces: Forces::default(),
         color_pictures: color.len(),
         depth_pictures: depth.len(),
         shutter: None,

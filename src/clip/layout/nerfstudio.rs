@@ -1,6 +1,7 @@
 //! `transforms.json` of Nerfstudio and NeRFCapture (nerfstudio-project/nerfstudio,
 //! docs/quickstart/data_conventions.md; jc211/NeRFCapture, Manifest.swift and DatasetWriter.swift).
 
+use super::inertial::Forces;
 use super::json::read_json;
 use super::text::pose_from_rows;
 use super::{
@@ -150,6 +151,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         depth_units_per_m: units_per_m as f32,
         gravity: gravity.to_string(),
         up_in_world: Some(up),
+        forces: Forces::default(),
         color_pictures,
         depth_pictures,
         shutter: None,

@@ -2,6 +2,7 @@
 //! `corrected_images`, `corrected_cameras` where the app has optimised the poses (PolyCam/polyform, README and
 //! core/capture_folder.py).
 
+use super::inertial::Forces;
 use super::json::read_json;
 use super::text::pose_from_rows;
 use super::{
@@ -127,6 +128,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         depth_units_per_m: 1000.0,
         gravity: ARKIT_UP.to_string(),
         up_in_world: Some(Vector3::y()),
+        forces: Forces::default(),
         color_pictures: stems.len(),
         depth_pictures,
         shutter: None,

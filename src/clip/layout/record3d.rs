@@ -1,6 +1,7 @@
 //! Record3D's `.r3d`: a zip of `metadata` (JSON) and `rgbd/N.{jpg,depth,conf}`, depth and confidence packed with LZFSE
 //! (marek-simonik/record3d, issues 7, 24, 27, 43, 81, 83, 93, 99 and 108).
 
+use super::inertial::Forces;
 use super::json::read_json;
 use super::numbered::number;
 use super::text::pose_from_quaternion;
@@ -106,6 +107,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         depth_units_per_m: 1.0,
         gravity: "unknown: the world is that of the first camera".to_string(),
         up_in_world: None,
+        forces: Forces::default(),
         color_pictures: color.len(),
         depth_pictures: depth.len(),
         shutter: None,

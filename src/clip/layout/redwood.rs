@@ -1,6 +1,7 @@
 //! Redwood and Open3D: numbered pictures in two folders, and a trajectory of five lines a pose
 //! (redwood-data.org/indoor/fileformat.html; isl-org/Open3D, FileLOG.cpp).
 
+use super::inertial::Forces;
 use super::json::read_json;
 use super::numbered::{number, numbered_under};
 use super::text::{numbers, pose_from_rows, read_table};
@@ -129,6 +130,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         depth_units_per_m: 1000.0,
         gravity: "unknown".to_string(),
         up_in_world: None,
+        forces: Forces::default(),
         color_pictures: color.len(),
         depth_pictures: depth.len(),
         shutter: None,

@@ -1,6 +1,7 @@
 //! 3D Scanner App, "All data": `frame_00000.{jpg,json}`, `depth_00000.png`, `conf_00000.png`
 //! (introlab/rtabmap, corelib/src/camera/CameraImages.cpp). Only every so many frames have a colour picture.
 
+use super::inertial::Forces;
 use super::json::read_json;
 use super::numbered::number;
 use super::text::pose_from_rows;
@@ -77,6 +78,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         depth_units_per_m: 1000.0,
         gravity: ARKIT_UP.to_string(),
         up_in_world: Some(Vector3::y()),
+        forces: Forces::default(),
         color_pictures,
         depth_pictures,
         shutter: None,

@@ -1,6 +1,7 @@
 //! ScanNet's export: `color/N.jpg`, `depth/N.png`, `pose/N.txt`, `intrinsic/intrinsic_{color,depth}.txt`.
 //! Conventions as in the ScanNet repository's SensReader.
 
+use super::inertial::Forces;
 use super::numbered::{self, Kind, Part};
 use super::text::read_intrinsics;
 use super::{Cameras, ClipError, Layout, MILLIMETRES, OPENCV, Of};
@@ -23,6 +24,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         depth_units_per_m: 1000.0,
         gravity: "world z is up (layout)".to_string(),
         up_in_world: Some(Vector3::z()),
+        forces: Forces::default(),
         color_pictures: files.count(Kind::Color),
         depth_pictures: files.count(Kind::Depth),
         shutter: None,

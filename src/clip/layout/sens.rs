@@ -1,6 +1,7 @@
 //! ScanNet's `.sens`, version 4 (and 3, which has no inertial data): one file of a header and frames, little-endian
 //! (ScanNet/ScanNet, SensReader/c++/src/sensorData.h). Only its index is read here; pictures stay where they are.
 
+use super::inertial::Forces;
 use super::text::pose_from_rows;
 use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, OPENCV, Of, Source};
 use crate::clip::MAX_FRAMES;
@@ -59,6 +60,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         depth_units_per_m: header.units_per_m,
         gravity: "unknown".to_string(),
         up_in_world: None,
+        forces: Forces::default(),
         color_pictures: frames,
         depth_pictures: frames,
         shutter: None,

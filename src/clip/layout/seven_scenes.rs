@@ -2,6 +2,7 @@
 //! `camera-intrinsics.txt` there or one folder up, where it serves several sequences
 //! (andyzeng/tsdf-fusion-python, README).
 
+use super::inertial::Forces;
 use super::numbered::{self, Kind, Part};
 use super::text::read_intrinsics;
 use super::{Cameras, ClipError, Layout, OPENCV, Of};
@@ -26,6 +27,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         depth_units_per_m: 1000.0,
         gravity: "unknown".to_string(),
         up_in_world: None,
+        forces: Forces::default(),
         color_pictures: files.count(Kind::Color),
         depth_pictures: files.count(Kind::Depth),
         shutter: None,

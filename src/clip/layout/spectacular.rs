@@ -6,6 +6,7 @@
 
 mod lines;
 
+use super::inertial::Forces;
 use super::json::read_json;
 use super::numbered::{number, numbered_under};
 use super::text::{pose_from_quaternion, pose_from_rows};
@@ -28,6 +29,8 @@ const MAX_POSE_GAP_S: f64 = 0.05;
 const TRUTH: &str = "groundTruth";
 /// An hour and more at a hundred poses a second; those behind are not read.
 const MAX_POSES: usize = 500_000;
+/// As many of the accelerometer's.
+const MAX_FORCES: usize = 500_000;
 /// Depth of micrometres, and of decimetres, that nobody records.
 const DEPTH_SCALES_M: std::ops::RangeInclusive<f64> = 1e-6..=0.1;
 
@@ -94,6 +97,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let mut poses: Vec<Timed<Pose3>> = Vec::new();
     let mut frames = Vec::new();
     let mut method: Option<String> = None;
+    let mut felt: Vec<Timed<Vector3>> = Vec::new();
     lines::read(container, &name, |line| {
         if let Some(pose) = line.pose() {
             // The truth where there is one, else the method that comes first; never two at once.
@@ -116,6 +120,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
                 );
             }
         }
+        felt.extend(line.force().filter(|_| felt.len() < MAX_FORCES));
         frames.extend(line.frame());
         if frames.len() > MAX_FRAMES {
             return Err(ClipError::TooManyFrames { frames: frames.len(), max: MAX_FRAMES });
@@ -125,6 +130,14 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     frames.sort_by_key(|frame: &lines::FrameLine| frame.number);
     frames.dedup_by_key(|frame| frame.number);
+
+    let calibrated =
+        first.as_ref().and_then(|camera| pose_from_rows(camera.imu_to_camera.as_ref()?.as_flattened()));
+    let calibrated = calibrated.unwrap_or_else(Pose3::identity);
+    // The cameras stay where they are mounted.
+    let mounted = frames.first().and_then(|frame| frame.camera_from_imu).unwrap_or(calibrated);
+    felt.iter_mut().for_each(|sample| sample.value = mounted.rotation * sample.value);
+    let forces = Forces::new(felt);
 
     let shown = video.as_ref().map_or(0, |(_, _, info)| info.time_s.len());
     let mut units_per_m = None;
@@ -148,10 +161,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
             }
             units_per_m.get_or_insert((1.0 / scale) as f32);
         }
-        let camera_from_imu = frame
-            .camera_from_imu
-            .or_else(|| pose_from_rows(first.as_ref()?.imu_to_camera.as_ref()?.as_flattened()))
-            .unwrap_or_else(Pose3::identity);
+        let camera_from_imu = frame.camera_from_imu.unwrap_or(calibrated);
         sources.push(Source {
             number,
             time_s: Some(frame.time_s),
@@ -188,6 +198,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         depth_units_per_m: units_per_m.unwrap_or(1000.0),
         gravity: "world z is up (layout)".to_string(),
         up_in_world: Some(Vector3::z()),
+        forces,
         color_pictures,
         depth_pictures: depth.len(),
         shutter: None,

@@ -4,6 +4,7 @@
 
 mod imu;
 
+use super::inertial::Forces;
 use super::numbered::{number, numbered_under};
 use super::text::{all_numbers, pose_from_quaternion, read_intrinsics, read_table};
 use super::video;
@@ -107,6 +108,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         depth_units_per_m: 1000.0,
         gravity: ARKIT_UP.to_string(),
         up_in_world: Some(Vector3::y()),
+        forces: Forces::default(),
         color_pictures,
         depth_pictures: depth.len(),
         shutter: None,

@@ -5,6 +5,7 @@
 //! depth picture's, and its pose is interpolated for that time.
 
 use super::associate::associate;
+use super::inertial::Forces;
 use super::text::{parse_row, pose_from_quaternion, read_intrinsics, read_table};
 use super::trajectory::{Timed, pose_at, times};
 use super::{
@@ -73,17 +74,17 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         let words = "assumed: fx = fy = 525, cx = 319.5, cy = 239.5 for 640x480, scaled to the pictures";
         (Cameras::One(assumed), Some(KINECT_SHUTTER), words.to_string())
     };
-    if container.contains(&format!("{root}accelerometer.txt")) {
-        notes.push("accelerometer.txt was not used".to_string());
-    }
+    let forces = read_forces(container, &format!("{root}accelerometer.txt"))?;
+    let gravity = if forces.is_empty() { "unknown" } else { "as the accelerometer felt it" };
     Ok(Some(Layout {
         name: "tum_rgbd",
         pose_convention: OPENCV,
         pose_files: "groundtruth.txt",
         depth_unit: "5000 a metre (16-bit PNG)",
         depth_units_per_m: 5000.0,
-        gravity: "unknown".to_string(),
+        gravity: gravity.to_string(),
         up_in_world: None,
+        forces,
         color_pictures,
         depth_pictures,
         shutter,
@@ -120,6 +121,25 @@ fn read_list(container: &dyn Container, root: &str, file: &str) -> Result<List, 
     }
     list.present.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     Ok(list)
+}
+
+/// What the accelerometer felt, in the camera's axes. Empty without the file.
+///
+/// A Kinect's accelerometer has x and y the other way round than its camera: so turned, what `freiburg1_rpy` felt is
+/// upright in the motion capture's world to 4 degrees, and no other turn by right angles does that.
+fn read_forces(container: &dyn Container, name: &str) -> Result<Forces, ClipError> {
+    let mut samples = Vec::new();
+    if container.contains(name) {
+        for (line, text) in read_table(container, name)?.rows() {
+            let [time_s, ax, ay, az] = parse_row(text).ok_or_else(|| ClipError::BadIndex {
+                name: name.to_string(),
+                line,
+                reason: "expected 4 numbers: time ax ay az".to_string(),
+            })?;
+            samples.push(Timed { time_s, value: Vector3::new(-ax, -ay, az) });
+        }
+    }
+    Ok(Forces::new(samples))
 }
 
 /// The trajectory in the order of time; rows that are no finite pose are left out. Empty without the file.

@@ -2,9 +2,10 @@
 
 use crate::clip::ClipError;
 use crate::clip::layout::text::pose_from_rows;
+use crate::clip::layout::trajectory::Timed;
 use crate::clip::layout::{Numbers, Of};
 use crate::container::{Container, ContainerError};
-use crate::geometry::Pose3;
+use crate::geometry::{Pose3, Vector3};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 use std::io::{BufRead, BufReader, Read};
@@ -81,7 +82,23 @@ pub(super) struct FrameLine {
     pub depth_scale: Option<f64>,
 }
 
+/// What a sensor of the device felt.
+#[derive(Deserialize)]
+struct Sensor {
+    #[serde(rename = "type")]
+    kind: String,
+    values: Vec<f64>,
+}
+
 impl Line {
+    /// Of the accelerometer, in the axes of the device's sensors.
+    pub fn force(&self) -> Option<Timed<Vector3>> {
+        let sensor = Sensor::deserialize(self.others.get("sensor")?).ok()?;
+        let [x, y, z] = *sensor.values.as_slice() else { return None };
+        let value = Vector3::new(x, y, z);
+        (sensor.kind == "accelerometer").then_some(Timed { time_s: self.time?, value })
+    }
+
     pub fn pose(&self) -> Option<PoseLine<'_>> {
         let time_s = self.time.filter(|time_s| time_s.is_finite())?;
         let (name, entry) = self.others.iter().find(|(_, value)| value.get("orientation").is_some())?;
