@@ -37,8 +37,11 @@ SELECT tenant, n % 16, SUM(45000000) FROM sample GROUP BY tenant, n % 16;
 INSERT INTO lidar_maps (id, home_id, revision, size_bytes, sha256, info, created_at)
 SELECT gen_random_uuid(), home, 1, 20000, md5(home), '{}', at FROM sample;
 CREATE TEMP TABLE clip AS
-SELECT gen_random_uuid()::text AS clip, gen_random_uuid()::text AS job, sample.*, k
-FROM sample, generate_series(1, 3) AS k;
+SELECT format('%s-%s-7%s', substr(time, 1, 8), substr(time, 9), substr(dice, 1, 21)) AS clip,
+    format('%s-%s-7%s', substr(time, 1, 8), substr(time, 9), substr(dice, 22, 21)) AS job, n, home, tenant, at, k
+FROM (SELECT sample.*, k, lpad(to_hex(at), 12, '0') AS time,
+    regexp_replace(md5(n || '/' || k) || md5(k || '/' || n), '(...)(...)(.{12})(...)(...)(.{12}).*', '\1-8\2-\3\4-8\5-\6') AS dice
+    FROM sample, generate_series(1, 3) AS k) AS dated;
 INSERT INTO clips (id, home_id, size_bytes, sha256, info, state, reasons, alignment, job_id, created_at, updated_at)
 SELECT clip, home, 15000000, md5(clip), '{}', 'failed', '[]', repeat('x', 400), job, at, at FROM clip;
 INSERT INTO jobs (id, clip_id, lidar_map_id, state, progress, attempts, max_attempts, run_after, fence, version,
@@ -57,7 +60,8 @@ SELECT home, 'clip', clip, tenant, at, 'failed', 0, n * 4 + k FROM clip;
 UPDATE change_counter SET last_seq = :homes * 4 + 4;
 INSERT INTO home_objects (home_id, object_id, class, document, tenant)
 SELECT home, 'sofa-1', CASE WHEN n % 2 = 0 THEN 'sofa' ELSE 'bed' END, '{}', tenant FROM sample WHERE n % 3 = 0;
-ANALYZE;
+-- As autovacuum leaves the tables some minutes later.
+VACUUM ANALYZE;
 SQL
 echo "filled with $homes homes in $(($(date +%s) - begun)) s: $(psql -Atc "SELECT pg_size_pretty(sum(pg_total_relation_size(c.oid))) FROM pg_class c
     JOIN pg_namespace n ON n.oid = c.relnamespace WHERE n.nspname = '$schema' AND c.relkind = 'r'" "$url")"
@@ -75,7 +79,7 @@ ask POST /v1/webhooks -H 'content-type: application/json' -d '{"url": "https://f
 cursor() { printf %s "$1" | base64 | tr '+/' '-_' | tr -d '=\n'; }
 for state in '' '&state=failed' '&state=queued,running'; do
     ask GET "/v1/jobs?limit=200$state"
-    ask GET "/v1/jobs?limit=200$state&after=$(cursor 80000000-0000-0000-0000-000000000000)"
+    ask GET "/v1/jobs?limit=200$state&after=$(cursor 018bedb2-cd00-7000-8000-000000000000)"
 done
 for home in home-00000001 home-00500001 home-00999999; do
     ask GET "/v1/homes/$home"

@@ -326,10 +326,12 @@ fn pictures_are_checked_when_they_are_loaded() {
 fn tum_poses_are_interpolated_and_the_kinect_is_assumed() {
     let mut files = tum("", &[0, 1, 2]);
     drop_ending(&mut files, "camera-intrinsics.txt");
-    // Poses 10 ms before and after each depth picture but the last, whose nearest is 30 ms away.
+    // Poses 10 ms before and after the middle row of each depth picture but the last, whose nearest is 30 ms away. A
+    // Kinect reads its rows in 30.6 ms.
     let mut poses = String::new();
     for (time_s, x_m) in [(29.49, 1.0), (29.51, 2.0), (29.59, 4.0), (29.61, 5.0), (29.67, 9.0)] {
-        poses += &format!("13050312{time_s} {x_m} 0 0 0 0 0 1\n");
+        let middle_s: f64 = time_s - 0.0153;
+        poses += &format!("13050312{middle_s:.4} {x_m} 0 0 0 0 0 1\n");
     }
     set(&mut files, "groundtruth.txt", poses.as_bytes());
     let folder = as_folder(&files);
@@ -337,7 +339,7 @@ fn tum_poses_are_interpolated_and_the_kinect_is_assumed() {
     let x_m: Vec<_> = clip
         .frames()
         .iter()
-        .map(|f| f.world_from_camera.map(|p| (p.translation.x * 1e6).round() / 1e6))
+        .map(|f| f.world_from_camera.map(|p| (p.translation.x * 1e4).round() / 1e4))
         .collect();
     assert_eq!(x_m, [Some(1.5), Some(4.5), None]);
     assert!((clip.info().duration_s.unwrap() - 0.2).abs() < 1e-6);

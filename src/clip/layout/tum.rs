@@ -2,7 +2,7 @@
 //! (Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems", 2012, and the data set's pages).
 //!
 //! The three are not synchronised. Colour and depth pictures nearest in time make a frame; its time is the
-//! depth picture's, and its pose is interpolated for that time.
+//! depth picture's, and its pose is interpolated for when that picture's middle row was read.
 
 use super::associate::associate;
 use super::inertial::Forces;
@@ -42,25 +42,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let (color_pictures, depth_pictures) = (color.present.len(), depth.present.len());
 
     let pairs = associate(&times(&color.present), &times(&depth.present), MAX_GAP_S);
-    let mut notes = vec![format!(
-        "colour and depth were paired by nearest time within {MAX_GAP_S} s; poses were interpolated to the \
-         depth picture's time from those within {MAX_GAP_S} s of it"
-    )];
     let incomplete = (color_pictures + depth_pictures - 2 * pairs.len()) + color.missing + depth.missing;
-    let sources = pairs.iter().enumerate().map(|(number, &(color_index, depth_index))| {
-        let picture = &depth.present[depth_index];
-        Source {
-            number: number as u32,
-            time_s: Some(picture.time_s),
-            world_from_camera: pose_at(&poses, picture.time_s, MAX_GAP_S),
-            color: ColorAt::File(color.present[color_index].value.clone()),
-            depth: DepthAt::Png(picture.value.clone()),
-            confidence: None,
-            numbers: None,
-        }
-    });
-    let sources = sources.collect();
-
+    let mut notes = Vec::new();
     let file = format!("{root}{INTRINSICS}");
     let (cameras, shutter, intrinsics) = if container.contains(&file) {
         (
@@ -74,6 +57,28 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         let words = "assumed: fx = fy = 525, cx = 319.5, cy = 239.5 for 640x480, scaled to the pictures";
         (Cameras::One(assumed), Some(KINECT_SHUTTER), words.to_string())
     };
+    // A picture's time is when it has arrived whole; the row in its middle was read before. By how fast the camera turns,
+    // the pictures of `freiburg1_rpy` are 14 ms behind the motion capture (BENCHMARKS.md).
+    let late_s = shutter.map_or(0.0, |shutter: Shutter| shutter.depth_s / 2.0);
+    notes.push(format!(
+        "colour and depth were paired by nearest time within {MAX_GAP_S} s; poses were interpolated to when the depth \
+         picture's middle row was read, {:.0} ms before its time, from those within {MAX_GAP_S} s of it",
+        late_s * 1e3
+    ));
+    let sources = pairs.iter().enumerate().map(|(number, &(color_index, depth_index))| {
+        let picture = &depth.present[depth_index];
+        Source {
+            number: number as u32,
+            time_s: Some(picture.time_s),
+            world_from_camera: pose_at(&poses, picture.time_s - late_s, MAX_GAP_S),
+            color: ColorAt::File(color.present[color_index].value.clone()),
+            depth: DepthAt::Png(picture.value.clone()),
+            confidence: None,
+            numbers: None,
+        }
+    });
+    let sources = sources.collect();
+
     let forces = read_forces(container, &format!("{root}accelerometer.txt"))?;
     let gravity = if forces.is_empty() { "unknown" } else { "as the accelerometer felt it" };
     Ok(Some(Layout {
