@@ -1,9 +1,11 @@
 //! Clips without poses: what is followed, what is lost with which reason, and that no map is bent in silence.
 
+mod real;
+
 use image::{Rgb, RgbImage};
 use viola::align::TrackParams;
 use viola::align::track::{DeviceParams, Lost, Track, Tracker};
-use viola::clip::{DepthImage, Frame, FrameHeader, Shutter, Up};
+use viola::clip::{Clip, DepthImage, Frame, FrameHeader, Shutter, Up};
 use viola::evaluate::track::{TrajectoryErrors, measure};
 use viola::geometry::{Pinhole, Point3, Pose3, Vector3};
 use viola::simulate::{ClipParams, Home, HomeParams, Set};
@@ -262,4 +264,24 @@ fn the_poses_of_a_device_are_refined() {
     // In the device's world, not in one of its own.
     let first = track.poses[0].expect("the first frame has a pose").1;
     assert!((first.inverse() * given[0].unwrap()).translation.vector.norm() < 1e-9);
+}
+
+/// Recordings by hand, by the figures that are asked for of them.
+#[test]
+fn real_recordings_are_followed_as_well_as_asked_for() {
+    for (name, ate_m, rotation_deg) in
+        [("seven_scenes/redkitchen", 0.02, None), ("tum/freiburg1_rpy_excerpt", 0.03, Some(1.0))]
+    {
+        let Some(folder) = real::data(name) else { return };
+        let clip = Clip::open(&folder).unwrap();
+        let params = TrackParams { shutter: clip.shutter(), ..TrackParams::default() };
+        let mut tracker = Tracker::new(&params);
+        (0..clip.frames().len()).for_each(|index| tracker.add(&clip.load(index).unwrap()));
+        let track = tracker.finish();
+        let truth: Vec<_> = clip.frames().iter().map(|frame| frame.world_from_camera).collect();
+        assert_eq!(track.segments.len(), 1, "{name}");
+        let errors = measure(&track.poses_of(0), &truth).unwrap();
+        assert!(errors.ate_m <= ate_m, "{name}: {errors:?}");
+        assert!(rotation_deg.is_none_or(|limit| errors.rotation_deg <= limit), "{name}: {errors:?}");
+    }
 }
