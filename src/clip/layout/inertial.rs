@@ -5,15 +5,18 @@ use crate::geometry::Vector3;
 
 /// Samples this near to a frame's time are its: some hundredths of a second, over which a hand's tremor averages out.
 const WINDOW_S: f64 = 0.02;
+/// In g or in m/s2.
+const POSSIBLE: std::ops::Range<f64> = 1e-3..1e4;
 
 /// Samples in the order of time.
 #[derive(Default)]
 pub(in crate::clip) struct Forces(Vec<Timed<Vector3>>);
 
 impl Forces {
-    /// Samples in the camera's axes, in any order; what is no number is left out.
+    /// Samples in the camera's axes, in any order; what is no number, or nothing that a hand or gravity does in any unit, is
+    /// left out.
     pub(super) fn new(mut samples: Vec<Timed<Vector3>>) -> Forces {
-        samples.retain(|sample| sample.time_s.is_finite() && sample.value.norm_squared().is_finite());
+        samples.retain(|sample| sample.time_s.is_finite() && POSSIBLE.contains(&sample.value.norm()));
         samples.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         Forces(samples)
     }
@@ -39,8 +42,9 @@ mod tests {
     #[test]
     fn the_mean_of_what_is_near() {
         let sample = |time_s: f64, x: f64| Timed { time_s, value: Vector3::new(x, 0.0, 0.0) };
-        let nan = sample(1.0, f64::NAN);
-        let forces = Forces::new(vec![sample(1.01, 4.0), nan, sample(0.99, 2.0), sample(1.5, 9.0)]);
+        let wrong = [f64::NAN, 1e200, 1e-200].map(|x| sample(1.0, x));
+        let right = [sample(1.01, 4.0), sample(0.99, 2.0), sample(1.5, 9.0)];
+        let forces = Forces::new(wrong.into_iter().chain(right).collect());
         assert_eq!(forces.around(1.0).map(|force| force.x), Some(3.0));
         assert_eq!(forces.around(1.5).map(|force| force.x), Some(9.0));
         assert_eq!(forces.around(1.25), None);
