@@ -104,6 +104,9 @@ pub(super) enum Error {
     Upload(#[from] UploadRefusal),
     #[error("{0}")]
     Storage(#[from] StorageError),
+    /// As somebody else was told who looked at the same file.
+    #[error("{}", .0.detail)]
+    Told(Problem),
     #[error("a handler panicked: {0}")]
     Panicked(String),
 }
@@ -129,6 +132,10 @@ impl Error {
             }
             Error::BodyIncomplete(_) => (S::BAD_REQUEST, "body_incomplete", "The body is not whole"),
             Error::BodyEmpty => (S::UNPROCESSABLE_ENTITY, "body_empty", "The body is empty"),
+            Error::Told(problem) => {
+                let status = StatusCode::from_u16(problem.status).unwrap_or(S::UNPROCESSABLE_ENTITY);
+                (status, "told", "As it was told before")
+            }
             Error::Clip(error) => (refusal(error.code()), error.code(), "The clip cannot be used"),
             Error::Lidar(error) => (refusal(error.code()), error.code(), "The LiDAR map cannot be used"),
             Error::KeyReused => (
@@ -217,6 +224,9 @@ impl Error {
 
     /// As it is told. The cause of a fault of ours goes to the log.
     pub fn problem(&self) -> Problem {
+        if let Error::Told(problem) = self {
+            return problem.clone();
+        }
         let (status, code, title) = self.mapping();
         let is_ours = status.is_server_error() && !matches!(self, Error::TenantFull { .. });
         let detail = if is_ours {

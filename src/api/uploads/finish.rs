@@ -6,7 +6,7 @@ use crate::api::App;
 use crate::api::bodies::understand;
 use crate::api::clips;
 use crate::api::error::Error;
-use crate::storage::{Added, UploadClaim};
+use crate::storage::{Added, UploadClaim, UploadState};
 use jiff::Timestamp;
 use std::convert::Infallible;
 use std::time::{Duration, Instant};
@@ -29,6 +29,12 @@ pub(super) async fn finish(app: &App, id: Uuid) -> Result<(), Error> {
     loop {
         if finish_if_free(app, id).await? || begun.elapsed() >= MAX_WAIT {
             return Ok(());
+        }
+        // Who was first may have refused the file; its sender is told why, not that it is gone.
+        let upload = app.storage.upload(id, Timestamp::now()).await?;
+        let refused = upload.filter(|upload| upload.state == UploadState::Refused);
+        if let Some(problem) = refused.and_then(|upload| serde_json::from_value(upload.problem?).ok()) {
+            return Err(Error::Told(problem));
         }
         if !app.storage.living_upload(id, Timestamp::now()).await?.is_due() {
             return Ok(());
