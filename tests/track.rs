@@ -3,11 +3,12 @@
 mod real;
 
 use image::{Rgb, RgbImage};
-use viola::align::TrackParams;
 use viola::align::track::{DeviceParams, Lost, Track, Tracker};
+use viola::align::{self, AlignParams, KeyFrame, Observation, TrackParams};
 use viola::clip::{Clip, DepthImage, Frame, FrameHeader, Shutter, Up};
 use viola::evaluate::track::{TrajectoryErrors, measure};
 use viola::geometry::{Pinhole, Point3, Pose3, Vector3};
+use viola::progress::Silent;
 use viola::simulate::{ClipParams, Home, HomeParams, Set};
 
 /// A simulated walk with a phone, noise and all, and the true poses.
@@ -253,8 +254,7 @@ fn the_poses_of_a_device_are_refined() {
     }
     let given: Vec<_> = frames.iter().map(|frame| frame.header.world_from_camera).collect();
     let truth: Vec<_> = clip.truth.home_from_camera.iter().copied().map(Some).collect();
-    let device = Some(DeviceParams::default());
-    let mut tracker = Tracker::new(&TrackParams { device, ..TrackParams::default() });
+    let mut tracker = Tracker::refining(&TrackParams::default());
     frames.iter().for_each(|frame| tracker.add(frame));
     let track = tracker.finish();
     assert_eq!(track.segments.len(), 1, "{:?}", track.segments);
@@ -264,6 +264,36 @@ fn the_poses_of_a_device_are_refined() {
     // In the device's world, not in one of its own.
     let first = track.poses[0].expect("the first frame has a pose").1;
     assert!((first.inverse() * given[0].unwrap()).translation.vector.norm() < 1e-9);
+}
+
+/// Whether poses drift is seen in the clip itself, and told.
+#[test]
+fn poses_are_refined_where_they_drift_and_left_where_they_do_not() {
+    let home = Home::generate(&HomeParams::new(Set::Normal, 1000));
+    let survey = home.survey();
+    for (drift, is_refined) in [(0.06, true), (ClipParams::default().drift, false)] {
+        let params = ClipParams { frames: 40, color_width: 256, drift, ..ClipParams::default() };
+        let simulated = home.clip(&survey, 0, &params);
+        let truth = simulated.truth.home_from_camera.clone();
+        let clip = simulated.into_clip();
+        let observe = |device: Option<DeviceParams>| {
+            let track = TrackParams { device, ..TrackParams::default() };
+            align::observe(&clip, None, &AlignParams { track, ..AlignParams::default() }, &Silent).unwrap()
+        };
+        let (seen, as_it_was) = (observe(Some(DeviceParams::default())), observe(None));
+        let is_told = seen.reasons.iter().any(|reason| reason.code == "poses_refined");
+        assert_eq!(is_told, is_refined, "{drift}: {:?}", seen.reasons);
+        let ate_m = |seen: &Observation| {
+            let of = |key: &KeyFrame| (Some(key.world_from_camera), Some(truth[key.index]));
+            let (found, truth): (Vec<_>, Vec<_>) = seen.keys.iter().map(of).unzip();
+            measure(&found, &truth).unwrap().ate_m
+        };
+        if is_refined {
+            assert!(ate_m(&seen) < 0.5 * ate_m(&as_it_was), "{} {}", ate_m(&seen), ate_m(&as_it_was));
+        } else {
+            assert_eq!(seen.scan, as_it_was.scan);
+        }
+    }
 }
 
 /// Recordings by hand, by the figures that are asked for of them.

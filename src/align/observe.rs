@@ -47,12 +47,21 @@ pub fn observe(
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<Observation, AlignError> {
-    let tracked = track_where_needed(clip, frames.as_ref(), params, progress)?;
+    let mut tracked = track_where_needed(clip, frames.as_ref(), params, progress)?;
+    let fuse = |tracked: Option<&TrackedClip>| {
+        progress::begin(progress, Stage::Fuse)?;
+        let poses = tracked.map(|tracked| tracked.world_from_camera.as_slice());
+        fuse::fuse(clip, frames.clone(), poses, &params.fuse, progress)
+    };
+    let mut fused = fuse(tracked.as_ref())?;
+    if let (None, Ok(by_device)) = (&tracked, &fused)
+        && let Some(refined) = track::refine(clip, &by_device.key_frames, &params.track, progress)?
+    {
+        fused = fuse(Some(&refined))?;
+        tracked = Some(refined);
+    }
     let mut reasons = tracked.as_ref().map_or_else(Vec::new, |tracked| tracked.reasons.clone());
-    let poses = tracked.as_ref().map(|tracked| tracked.world_from_camera.as_slice());
-
-    progress::begin(progress, Stage::Fuse)?;
-    let mut fused = match fuse::fuse(clip, frames, poses, &params.fuse, progress)? {
+    let mut fused = match fused {
         Ok(fused) => fused,
         Err(why) => {
             reasons.push(why.reason(clip));
@@ -105,7 +114,7 @@ pub fn observe(
     Ok(observation)
 }
 
-/// Poses by tracking, for a clip none of whose wanted frames has one; and where they are to be refined.
+/// Poses by tracking, for a clip none of whose wanted frames has one.
 fn track_where_needed(
     clip: &Clip,
     frames: Option<&Range<u32>>,
@@ -113,15 +122,9 @@ fn track_where_needed(
     progress: &dyn Progress,
 ) -> Result<Option<TrackedClip>, AlignError> {
     let wanted = |number: u32| frames.is_none_or(|frames| frames.contains(&number));
-    let headers = clip.frames().iter().enumerate().filter(|(_, header)| wanted(header.number));
-    let posed = headers.clone().filter(|(_, header)| header.world_from_camera.is_some()).count();
-    // Where some frames have none, those that have one do not tell how the rest was reached.
-    let is_refined = params.track.device.is_some() && posed == headers.clone().count();
-    if posed > 0 && !is_refined {
-        return Ok(None);
-    }
-    let indices: Vec<usize> = headers.map(|(index, _)| index).collect();
-    if indices.is_empty() {
+    let mut headers = clip.frames().iter().enumerate().filter(|(_, header)| wanted(header.number));
+    let indices: Vec<usize> = headers.clone().map(|(index, _)| index).collect();
+    if indices.is_empty() || headers.any(|(_, header)| header.world_from_camera.is_some()) {
         return Ok(None);
     }
     progress::begin(progress, Stage::Track)?;

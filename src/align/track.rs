@@ -9,6 +9,7 @@
 //! Memory grows with the key frames alone, of which each keeps a picture of a quarter of a million bytes. A clip that
 //! cannot be followed ends in segments, each with the reason why the one before it ended.
 
+mod agreement;
 mod clip;
 mod corners;
 mod device;
@@ -23,8 +24,8 @@ mod reference;
 mod shutter;
 mod step;
 
-pub(super) use clip::doubt;
 pub use clip::{TrackedClip, track};
+pub(super) use clip::{doubt, refine};
 pub use device::DeviceParams;
 pub use loops::LoopParams;
 pub use lost::Lost;
@@ -55,7 +56,7 @@ pub struct TrackParams {
     pub least_frames: usize,
     /// How the cameras read their pictures; a clip that knows better has its own.
     pub shutter: Option<Shutter>,
-    /// Frames that have poses are followed too, from where these have them, and the poses are refined by what is seen.
+    /// How poses of devices that drift are refined by what is seen; not at all where there is none.
     pub device: Option<DeviceParams>,
 }
 
@@ -69,7 +70,7 @@ impl Default for TrackParams {
             relocalise_tries: 12,
             least_frames: 5,
             shutter: None,
-            device: None,
+            device: Some(DeviceParams::default()),
         }
     }
 }
@@ -144,11 +145,13 @@ pub struct Tracker {
     is_lost: bool,
     /// When the last frame was recorded.
     last_s: Option<f64>,
-    /// The poses that the device gave, where they count.
+    /// How far the device's poses are trusted, where they count, and those poses.
+    device: Option<DeviceParams>,
     devices: Vec<Option<Pose3>>,
 }
 
 impl Tracker {
+    /// For frames whose poses, if they have any, do not count.
     pub fn new(params: &TrackParams) -> Tracker {
         Tracker {
             odometry: Odometry::new(params.odometry.clone()),
@@ -160,8 +163,14 @@ impl Tracker {
             ended: Vec::new(),
             is_lost: true,
             last_s: None,
+            device: None,
             devices: Vec::new(),
         }
+    }
+
+    /// For frames whose poses are known, and are refined.
+    pub fn refining(params: &TrackParams) -> Tracker {
+        Tracker { device: params.device.clone(), ..Tracker::new(params) }
     }
 
     /// The next frame.
@@ -169,7 +178,7 @@ impl Tracker {
         let pyramid = Pyramid::new(frame);
         let rolling = Rolling::new(self.params.shutter, self.last_s, frame.header.time_s);
         self.last_s = frame.header.time_s;
-        self.devices.push(self.params.device.as_ref().and(frame.header.world_from_camera));
+        self.devices.push(self.device.as_ref().and(frame.header.world_from_camera));
         let followed = if self.is_lost { self.begin(pyramid) } else { self.follow(pyramid, rolling) };
         self.frames.push(followed);
     }

@@ -54,9 +54,9 @@ pub struct EvaluateArguments {
     /// Error of the poses of simulated devices after one metre, in metres.
     #[arg(long, requires = "set", default_value_t = ClipParams::default().drift)]
     drift: f64,
-    /// Refine the poses of devices by what the pictures show.
+    /// Take the poses of devices as they are, even where they drift.
     #[arg(long)]
-    refine_poses: bool,
+    keep_poses: bool,
     /// Fit the probability to this run's results and write its coefficients.
     #[arg(long, value_name = "FILE")]
     fit: Option<PathBuf>,
@@ -125,7 +125,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     }
     // Simulated pictures are too plain for a network.
     let label = if arguments.scene.is_some() { arguments.networks.labels()? } else { LabelParams::default() };
-    let device = arguments.refine_poses.then(DeviceParams::default);
+    let device = (!arguments.keep_poses).then(DeviceParams::default);
     let track = TrackParams { device, ..TrackParams::default() };
     let observe = AlignParams { seed: arguments.seed, label, track, ..AlignParams::default() };
     let workers = match arguments.threads {

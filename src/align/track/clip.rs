@@ -1,10 +1,12 @@
 //! A clip whose frames are read in their order and tracked.
 
+use super::agreement::Agreement;
 use super::{Track, TrackParams, Tracker};
+use crate::align::fuse::KeyFrame;
 use crate::align::{AlignError, Alignment, AlignmentState, Reason};
 use crate::clip::{Clip, ClipError, FrameHeader};
 use crate::geometry::Pose3;
-use crate::progress::{self, Progress};
+use crate::progress::{self, Progress, Stage};
 
 /// The reason's code that an answer has whose frames were too few to track them for sure.
 const SPARSE: &str = "sparse_frames";
@@ -43,8 +45,20 @@ pub fn track(
     params: &TrackParams,
     progress: &dyn Progress,
 ) -> Result<TrackedClip, AlignError> {
-    let shutter = clip.shutter().or(params.shutter);
-    let mut tracker = Tracker::new(&TrackParams { shutter, ..params.clone() });
+    follow(clip, indices, Tracker::new(&with_shutter(clip, params)), progress)
+}
+
+/// The clip knows its camera best.
+fn with_shutter(clip: &Clip, params: &TrackParams) -> TrackParams {
+    TrackParams { shutter: clip.shutter().or(params.shutter), ..params.clone() }
+}
+
+fn follow(
+    clip: &Clip,
+    indices: &[usize],
+    mut tracker: Tracker,
+    progress: &dyn Progress,
+) -> Result<TrackedClip, AlignError> {
     let mut followed = Vec::with_capacity(indices.len());
     let mut broken: Option<ClipError> = None;
     let mut frames = clip.stream(indices.to_vec());
@@ -77,10 +91,36 @@ pub fn track(
         }
     }
     let number = |place: usize| followed.get(place).map_or(0, |index| clip.frames()[*index].number);
-    let has_pose = |index: &usize| clip.frames()[*index].world_from_camera.is_some();
-    let is_refined = params.device.is_some() && indices.iter().any(has_pose);
-    let reasons = if is_refined { Vec::new() } else { reasons(&track, followed.len(), number) };
-    Ok(TrackedClip { world_from_camera, is_refined, reasons, track })
+    let reasons = reasons(&track, followed.len(), number);
+    Ok(TrackedClip { world_from_camera, is_refined: false, reasons, track })
+}
+
+/// Refines the poses that a device gave the key frames by what they show. None where these do not drift, where too little is
+/// seen twice to tell, or where what is read agrees no better afterwards.
+pub(in crate::align) fn refine(
+    clip: &Clip,
+    keys: &[KeyFrame],
+    params: &TrackParams,
+    progress: &dyn Progress,
+) -> Result<Option<TrackedClip>, AlignError> {
+    let Some(device) = &params.device else { return Ok(None) };
+    let agreement = Agreement::of(keys);
+    let growth_m = agreement.growth_m();
+    let Some(growth_m) = growth_m.filter(|growth_m| *growth_m > device.tolerated_m) else { return Ok(None) };
+    progress::begin(progress, Stage::Track)?;
+    let indices: Vec<usize> = keys.iter().map(|key| key.index).collect();
+    let tracker = Tracker::refining(&with_shutter(clip, params));
+    let refined = follow(clip, &indices, tracker, progress)?;
+    let left = agreement.share_left(keys, &refined.world_from_camera);
+    let Some(left) = left.filter(|left| *left <= device.most_left) else { return Ok(None) };
+    let detail = format!(
+        "the device's poses drift: what is seen again after one metre of way lies {:.0} mm off; they were refined by what \
+         the pictures show, which leaves {:.0} % of the disagreement",
+        growth_m * 1000.0,
+        left * 100.0
+    );
+    let reasons = vec![Reason::new("poses_refined", detail)];
+    Ok(Some(TrackedClip { is_refined: true, reasons, ..refined }))
 }
 
 /// Where poses come by tracking at 2.5 Hz, 13 % of the simulated clips that were called aligned were not; at 10 Hz none

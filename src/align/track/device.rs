@@ -23,6 +23,10 @@ pub struct DeviceParams {
     pub most_share: f64,
     pub most_rad: f64,
     pub most_turn_share: f64,
+    /// Poses by which readings disagree after one metre by no more than this do not drift ...
+    pub tolerated_m: f64,
+    /// ... and refined ones that leave more than this share of the disagreement are no better.
+    pub most_left: f64,
 }
 
 impl Default for DeviceParams {
@@ -36,6 +40,8 @@ impl Default for DeviceParams {
             most_share: 0.2,
             most_rad: 2f64.to_radians(),
             most_turn_share: 0.1,
+            tolerated_m: 0.012,
+            most_left: 0.95,
         }
     }
 }
@@ -72,13 +78,13 @@ impl Tracker {
     }
 
     pub(super) fn contradicts(&self, expected: Option<&Pose3>, found: &Pose3) -> bool {
-        let device = self.params.device.as_ref();
+        let device = self.device.as_ref();
         device.zip(expected).is_some_and(|(device, expected)| device.contradicts(expected, found))
     }
 
     /// To the key frame that comes next.
     pub(super) fn device_tie(&self, key: usize, expected: Pose3) -> Option<Tie> {
-        self.params.device.as_ref().map(|device| device.tie(key, self.keys.len(), expected))
+        self.device.as_ref().map(|device| device.tie(key, self.keys.len(), expected))
     }
 
     /// A frame whose pictures do not tell where it is, and whose device does.
