@@ -286,9 +286,10 @@ impl Scorer<'_> {
     /// A plane of which so much was seen, drawn towards level as far as its own unevenness leaves its lean open.
     fn steadied(&self, plane: &Plane, area_m2: f64, known_up: &Up) -> Plane {
         let up = &known_up.direction;
-        /// Standard deviation of a scanned floor's height, and the area over which it is off alike.
-        const UNEVEN_M: f64 = 0.01;
-        const ALIKE_M2: f64 = 0.1;
+        /// Standard deviation of a scanned floor's height, and the area over which it is off alike: the real apartment's
+        /// bends by two to five centimetres over a few metres.
+        const UNEVEN_M: f64 = 0.02;
+        const ALIKE_M2: f64 = 0.3;
         let on_plane = |s: &&Scored| {
             s.may_be_floor
                 && plane.height_m(&s.position_m).abs() < self.params.inlier_m
