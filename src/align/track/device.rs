@@ -40,7 +40,7 @@ impl Default for DeviceParams {
             most_share: 0.2,
             most_rad: 2f64.to_radians(),
             most_turn_share: 0.1,
-            tolerated_m: 0.012,
+            tolerated_m: 0.013,
             most_left: 0.95,
         }
     }
