@@ -1,4 +1,5 @@
-//! Poses for clips whose device gave none (METHOD stage 2; the paper's III-A reconstructs with RGB-D SLAM).
+//! Poses for clips whose device gave none, and for those whose device's poses drift (METHOD stage 2; the paper's III-A
+//! reconstructs with RGB-D SLAM).
 //!
 //! [`Tracker`] takes frames in the order of their recording, one at a time:
 //! - `odometry` aligns each to the latest key frame by its grey and its depth together (`step`), and says when it is lost;

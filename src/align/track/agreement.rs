@@ -28,7 +28,7 @@ const LEAST_PAIRS: usize = 6;
 
 /// Two key frames that see the same.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Pair {
+struct Pair {
     a: usize,
     b: usize,
     way_m: f64,
@@ -36,7 +36,7 @@ pub(super) struct Pair {
     off_m: f64,
 }
 
-/// The pairs among key frames, by poses of their own or others.
+/// The pairs among key frames.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Agreement {
     pairs: Vec<Pair>,

@@ -13,7 +13,7 @@ const SPARSE: &str = "sparse_frames";
 /// Frames that are decoded at a time.
 const BATCH: usize = 8;
 
-/// A clip's poses where it has none of its own.
+/// A clip's poses where it has none of its own, or better ones than its own.
 #[derive(Debug, Clone)]
 pub struct TrackedClip {
     /// For every frame of the clip; none where it was not tracked, or not in the segment that counts.
