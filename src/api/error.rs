@@ -136,6 +136,9 @@ impl Error {
                 let status = StatusCode::from_u16(problem.status).unwrap_or(S::UNPROCESSABLE_ENTITY);
                 (status, "told", "As it was told before")
             }
+            error if error.is_passing() => {
+                (S::SERVICE_UNAVAILABLE, "unavailable", "The service cannot do this at this moment")
+            }
             Error::Clip(error) => (refusal(error.code()), error.code(), "The clip cannot be used"),
             Error::Lidar(error) => (refusal(error.code()), error.code(), "The LiDAR map cannot be used"),
             Error::KeyReused => (
@@ -186,9 +189,6 @@ impl Error {
             Error::Storage(error) if error.is_full() => {
                 (S::INSUFFICIENT_STORAGE, "storage_full", "The service has no room left")
             }
-            Error::Storage(error) if error.is_transient() => {
-                (S::SERVICE_UNAVAILABLE, "unavailable", "The service cannot do this at this moment")
-            }
             Error::Storage(_) | Error::Panicked(_) => {
                 (S::INTERNAL_SERVER_ERROR, "internal_error", "The service failed")
             }
@@ -220,6 +220,16 @@ impl Error {
     /// Whether the request or its file is at fault, and not the service.
     pub fn is_refusal(&self) -> bool {
         self.mapping().0.is_client_error()
+    }
+
+    /// Whether the same request may go well in a moment.
+    fn is_passing(&self) -> bool {
+        match self {
+            Error::Clip(error) => error.is_ours(),
+            Error::Lidar(error) => error.is_ours(),
+            Error::Storage(error) => error.is_transient() && !error.is_full(),
+            _ => false,
+        }
     }
 
     /// As it is told. The cause of a fault of ours goes to the log.
@@ -260,7 +270,7 @@ impl IntoResponse for Error {
             Error::TooManyRequests { retry_after_s } => {
                 response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(retry_after_s));
             }
-            Error::Storage(error) if error.is_transient() => {
+            error if error.is_passing() => {
                 response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(2));
             }
             _ => {}
@@ -286,6 +296,7 @@ pub(super) fn panicked(panic: Box<dyn Any + Send>) -> Response {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::container::ContainerError;
 
     async fn problem(response: Response) -> (u16, Problem) {
         let status = response.status().as_u16();
@@ -308,6 +319,16 @@ mod tests {
             assert_eq!((answered, problem.status), (status, status));
             assert!(!format!("{problem:?}").contains("secret"));
         }
+    }
+
+    #[tokio::test]
+    async fn a_clip_that_there_is_no_room_for_may_be_sent_again() {
+        let source = std::io::Error::from(std::io::ErrorKind::StorageFull);
+        let error = ClipError::Container(ContainerError::CannotUnpack { name: "clip.tar.gz".into(), source });
+        let response = Error::Clip(error).into_response();
+        assert!(response.headers().contains_key(header::RETRY_AFTER));
+        let (status, problem) = problem(response).await;
+        assert_eq!((status, problem.kind.as_str()), (503, "urn:viola:problem:unavailable"));
     }
 
     #[tokio::test]

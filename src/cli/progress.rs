@@ -4,10 +4,13 @@ use crate::progress::{Progress, Stage};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 pub struct TerminalProgress {
     bar: Option<ProgressBar>,
     stage: Mutex<Option<Stage>>,
+    /// The furthest that was shown, in thousandths: stages may come again, and a bar does not go back.
+    furthest: AtomicU64,
 }
 
 impl TerminalProgress {
@@ -20,7 +23,7 @@ impl TerminalProgress {
             }
             bar
         });
-        TerminalProgress { bar, stage: Mutex::new(None) }
+        TerminalProgress { bar, stage: Mutex::new(None), furthest: AtomicU64::new(0) }
     }
 
     pub fn finish(&self) {
@@ -29,21 +32,25 @@ impl TerminalProgress {
         }
     }
 
-    fn show(&self, stage: Stage, fraction: f64) {
+    /// How far the work is, in thousandths.
+    fn show(&self, stage: Stage, fraction: f64) -> u64 {
+        let thousandths = (stage.overall(fraction) * 1000.0) as u64;
+        let furthest = self.furthest.fetch_max(thousandths, Ordering::Relaxed).max(thousandths);
         if let Some(bar) = &self.bar {
-            bar.set_position((stage.overall(fraction) * 1000.0) as u64);
+            bar.set_position(furthest);
         }
+        furthest
     }
 }
 
 impl Progress for TerminalProgress {
     fn enter(&self, stage: Stage) {
         *self.stage.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(stage);
+        let furthest = self.show(stage, 0.0);
         match &self.bar {
             Some(bar) => bar.set_message(stage.name()),
-            None => eprintln!("{:3.0} % {}", stage.overall(0.0) * 100.0, stage.name()),
+            None => eprintln!("{:3} % {}", furthest / 10, stage.name()),
         }
-        self.show(stage, 0.0);
     }
 
     fn advance(&self, fraction: f64) {

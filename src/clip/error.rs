@@ -64,6 +64,15 @@ pub enum ClipError {
 }
 
 impl ClipError {
+    /// Whether the machine is at fault and not the clip: what is tried again later may go well.
+    pub fn is_ours(&self) -> bool {
+        match self {
+            ClipError::Container(error) => error.is_ours(),
+            ClipError::Video { source, .. } => source.is_ours(),
+            _ => false,
+        }
+    }
+
     /// Stable name of the refusal, for programs.
     pub fn code(&self) -> &'static str {
         match self {

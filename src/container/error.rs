@@ -101,6 +101,11 @@ impl ContainerError {
         }
     }
 
+    /// Whether the machine is at fault and not the file: what is tried again later may go well.
+    pub fn is_ours(&self) -> bool {
+        matches!(self, ContainerError::CannotUnpack { .. })
+    }
+
     /// Only the last part of the path is told: the rest is the host's business.
     pub(crate) fn unreadable(path: &Path, source: io::Error) -> ContainerError {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();

@@ -38,6 +38,15 @@ impl From<AlignError> for Failure {
 }
 
 impl Failure {
+    /// Whether the machine is at fault and not the files: another attempt may go well.
+    pub fn is_ours(&self) -> bool {
+        match self {
+            Failure::Cancelled => false,
+            Failure::Clip(error) => error.is_ours(),
+            Failure::Lidar(error) => error.is_ours(),
+        }
+    }
+
     /// What the clip's owner is told.
     pub fn reason(&self) -> Reason {
         let code = match self {

@@ -18,8 +18,14 @@ pub(super) struct Report {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Heard {
     pub stage: Option<Stage>,
-    /// Of the whole job, 0..1.
+    /// Of the whole job, 0..1. It never goes back, though stages may come again.
     pub progress: f64,
+}
+
+impl Heard {
+    fn hear(&mut self, stage: Stage, fraction: f64) {
+        *self = Heard { stage: Some(stage), progress: self.progress.max(stage.overall(fraction)) };
+    }
 }
 
 impl Report {
@@ -43,7 +49,7 @@ impl Report {
 
 impl Progress for Report {
     fn enter(&self, stage: Stage) {
-        *self.lock() = Heard { stage: Some(stage), progress: stage.overall(0.0) };
+        self.lock().hear(stage, 0.0);
         let parent = self.job.as_ref().and_then(Span::id);
         let span = info_span!(parent: parent, "stage", otel.name = stage.name());
         *self.stage.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(span);
@@ -52,11 +58,31 @@ impl Progress for Report {
     fn advance(&self, fraction: f64) {
         let mut heard = self.lock();
         if let Some(stage) = heard.stage {
-            heard.progress = stage.overall(fraction);
+            heard.hear(stage, fraction);
         }
     }
 
     fn cancelled(&self) -> bool {
         self.cancelled.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stage_that_comes_again_takes_no_progress_back() {
+        let report = Report::default();
+        let mut told = Vec::new();
+        for (stage, fraction) in
+            [(Stage::Track, 0.9), (Stage::Fuse, 1.0), (Stage::Track, 0.5), (Stage::Label, 0.5)]
+        {
+            report.enter(stage);
+            report.advance(fraction);
+            assert_eq!(report.heard().stage, Some(stage));
+            told.push(report.heard().progress);
+        }
+        assert!(told.is_sorted() && told[1] == told[2] && told[3] > told[2], "{told:?}");
     }
 }

@@ -143,6 +143,7 @@ impl Attempt<'_> {
         match ended {
             Ok(Ok(finished)) => self.keep(finished).await,
             Ok(Err(Failure::Cancelled)) => Ending::GivenUp,
+            Ok(Err(failure)) if failure.is_ours() => broken("internal_error", &failure),
             Ok(Err(failure)) => Ending::Refused(failure.reason()),
             Err(panic) => broken("internal_error", &panic),
         }

@@ -53,6 +53,11 @@ pub enum LidarError {
 }
 
 impl LidarError {
+    /// Whether the machine is at fault and not the map: what is tried again later may go well.
+    pub fn is_ours(&self) -> bool {
+        matches!(self, LidarError::Container(error) if error.is_ours())
+    }
+
     /// Stable name of the refusal, for programs.
     pub fn code(&self) -> &'static str {
         match self {

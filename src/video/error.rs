@@ -55,6 +55,11 @@ pub enum VideoError {
 }
 
 impl VideoError {
+    /// Whether the machine is at fault and not the file: what is tried again later may go well.
+    pub fn is_ours(&self) -> bool {
+        matches!(self, VideoError::ChildStart(_))
+    }
+
     /// Stable name of the refusal, for programs.
     pub fn code(&self) -> &'static str {
         match self {
