@@ -48,6 +48,10 @@ pub struct FreeSpace {
     pub blocked_rays: f64,
     /// Share of the hits that stand where the robot saw free floor, 0..1.
     pub hits_on_floor: f64,
+    /// Share of the hits that fit a wall on the side from which the robot never saw it, 0..1.
+    #[serde(default)]
+    #[schema(required = true)]
+    pub unseen_sides: f64,
     /// Share of the map's walls that stand where the clip saw free floor, among those it speaks about, 0..1.
     pub walls_on_floor: f64,
 }

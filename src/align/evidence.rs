@@ -4,6 +4,7 @@ use super::raycast::{Hit, VirtualScan};
 use super::target::Target;
 use crate::geometry::{Point2, Pose2};
 use crate::lidar::Cell;
+use nalgebra::Rotation2;
 use rustc_hash::FxHashSet;
 
 /// How evidence is read.
@@ -19,6 +20,8 @@ pub struct EvidenceParams {
     pub short_of_hit_m: f64,
     /// A hit on free floor contradicts the map only this far from anything that the map has.
     pub off_wall_m: f64,
+    /// This far before a hit, along its normal, lies what the camera saw free: the robot should know it.
+    pub before_wall_m: f64,
 }
 
 impl Default for EvidenceParams {
@@ -29,6 +32,7 @@ impl Default for EvidenceParams {
             inlier_m: 0.1,
             short_of_hit_m: 0.25,
             off_wall_m: 0.15,
+            before_wall_m: 0.2,
         }
     }
 }
@@ -43,6 +47,8 @@ pub struct Evidence {
     pub blocked_rays: f64,
     /// Hits that stand where the map has free floor.
     pub hits_on_floor: f64,
+    /// Hits that have found their counterpart, but on the side from which the robot never saw it.
+    pub unseen_sides: f64,
     /// Walls of the map that stand where the clip saw free floor, as a share of the walls that the clip
     /// speaks about: those and its hits.
     pub walls_on_floor: f64,
@@ -84,6 +90,7 @@ impl<'a> Witness<'a> {
     /// Reads the evidence on one pose.
     pub fn examine(&self, map_from_clip: &Pose2, target: &Target) -> Evidence {
         let mut evidence = Evidence::default();
+        let turn = Rotation2::new(map_from_clip.yaw_rad);
         for hit in self.hits {
             let at = map_from_clip.apply(&hit.point_m);
             let distance_m = target.field.value(&at);
@@ -96,6 +103,10 @@ impl<'a> Witness<'a> {
             evidence.distance_m += hit.weight * distance_m.min(cut_m);
             evidence.inliers += hit.weight * share(distance_m < self.params.inlier_m);
             evidence.hits_on_floor += hit.weight * share(on_floor);
+            if distance_m < self.params.inlier_m && target.cells.is_some() {
+                let before = at + turn * hit.normal * self.params.before_wall_m;
+                evidence.unseen_sides += hit.weight * share(target.cell_at(&before) == Cell::Unknown);
+            }
             // What was filled in was not seen, so no light came from there.
             let blocked = !hit.completed && self.is_blocked(map_from_clip, hit, target);
             evidence.blocked_rays += hit.weight * share(blocked);
@@ -103,6 +114,7 @@ impl<'a> Witness<'a> {
         evidence.distance_m /= self.weight;
         evidence.inliers /= self.weight;
         evidence.hits_on_floor /= self.weight;
+        evidence.unseen_sides /= self.weight;
         evidence.blocked_rays /= self.weight;
         evidence.walls_on_floor = self.walls_on_floor(map_from_clip, target);
         evidence
@@ -142,4 +154,62 @@ impl<'a> Witness<'a> {
 
 fn share(of: bool) -> f64 {
     f64::from(u8::from(of))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Grid, GridFrame, Vector2};
+
+    /// A wall along x = 2 m that the robot saw from below it in x only.
+    fn target(known: bool) -> Target {
+        let frame = GridFrame::covering([0.0, 0.0], [4.0, 4.0], 0.0, 0.05);
+        let mut cells = Grid::filled(frame, Cell::Unknown);
+        let mut points = Vec::new();
+        for y in 0..frame.height {
+            for x in 0..frame.width {
+                let at = frame.centre(x, y);
+                if (at.x - 2.0).abs() < 0.04 {
+                    cells.set(x, y, Cell::Occupied);
+                    points.push(at);
+                } else if at.x < 2.0 {
+                    cells.set(x, y, Cell::Free);
+                }
+            }
+        }
+        Target::from_points(points, Some(0.05), known.then_some(cells)).unwrap()
+    }
+
+    fn hit(y_m: f64) -> Hit {
+        Hit {
+            point_m: Point2::new(1.0, y_m),
+            normal: Vector2::new(-1.0, 0.0),
+            weight: 1.0,
+            extent_m: 1.0,
+            at_vacuum_height: true,
+            fixed: 1.0,
+            completed: false,
+            from_m: Point2::origin(),
+        }
+    }
+
+    #[test]
+    fn a_wall_that_is_seen_from_where_the_robot_never_was_contradicts() {
+        use std::f64::consts::PI;
+        let hits: Vec<Hit> = (0..10).map(|i| hit(0.1 * f64::from(i))).collect();
+        let (scan, params) = (VirtualScan::default(), EvidenceParams::default());
+        let witness = Witness::new(&hits, &scan, &params);
+        let (front, behind, off) =
+            (Pose2::new(1.0, 1.0, 0.0), Pose2::new(3.0, 3.0, PI), Pose2::new(1.5, 1.0, 0.0));
+        for (known, pose, want) in [
+            (true, front, 0.0),
+            (true, behind, 1.0),
+            (true, off, 0.0),
+            (false, front, 0.0),
+            (false, behind, 0.0),
+        ] {
+            let evidence = witness.examine(&pose, &target(known));
+            assert_eq!(evidence.unseen_sides, want, "{known} {pose:?} {evidence:?}");
+        }
+    }
 }

@@ -30,10 +30,12 @@ pub const FEATURES: [&str; 12] = [
 const CLOSE_M: f64 = 0.3;
 const CLOSE_DEG: f64 = 20.0;
 /// Below this a gap is noise as likely as not, so its size counts on a scale of its own.
-const NEAR_GAP_M: f64 = 0.012;
-/// A rival that loses by this much is e times less probable. On training clips 6 mm would predict a little
-/// better; 10 mm calls one clip in 200 fewer `aligned`, and keeps rooms that look alike in doubt.
-const TEMPERATURE_M: f64 = 0.01;
+const NEAR_GAP_M: f64 = 0.008;
+/// A rival that loses by this much is e times less probable. The fit of the loss's own weights to training clips gives
+/// 6.2 mm; a little more keeps rooms that look alike in doubt.
+const TEMPERATURE_M: f64 = 0.007;
+/// A rival within this explains the clip nearly as well.
+const NEAR_RIVAL_M: f64 = 0.02;
 
 /// The explanations that are not close to the best one.
 fn rivals(alternatives: &[Alternative]) -> impl Iterator<Item = &Alternative> {
@@ -44,10 +46,10 @@ fn rivals(alternatives: &[Alternative]) -> impl Iterator<Item = &Alternative> {
     })
 }
 
-/// How many different explanations lose by less than 3 cm.
+/// How many different explanations lose by less than [`NEAR_RIVAL_M`].
 pub fn near_rivals(alignment: &Alignment) -> usize {
     let Some(best) = alignment.alternatives.first() else { return 0 };
-    rivals(&alignment.alternatives).filter(|a| a.loss_m - best.loss_m < 0.03).count()
+    rivals(&alignment.alternatives).filter(|a| a.loss_m - best.loss_m < NEAR_RIVAL_M).count()
 }
 
 /// The figures of an answer, in the order of [`FEATURES`]; none when it has no pose to judge.

@@ -2,7 +2,8 @@
 
 use super::observe::Observation;
 use super::posterior::{self, POSTERIOR};
-use super::raycast::VirtualScan;
+use super::raycast::{Hit, VirtualScan};
+use super::search::SearchParams;
 use super::{
     AlignError, AlignParams, Alignment, AlignmentState, FloorReport, Reason, Target, decide, refine, search,
     weigh,
@@ -76,23 +77,41 @@ fn register_scan(
         answer.reasons.push(Reason::new("too_few_hits", detail));
         return Ok(answer);
     }
+    let place = |search: &SearchParams| place(&hits, scan, answer.clone(), target, search, params, progress);
+    let (answer, complete) = place(&params.search)?;
+    if answer.state == AlignmentState::Aligned || !complete {
+        return Ok(answer);
+    }
+    // The truth may score too low to be among what was looked at.
+    Ok(place(&params.search.in_doubt())?.0)
+}
 
+/// Fills in where hits lie in the map, and tells whether the search ended by itself.
+fn place(
+    hits: &[Hit],
+    scan: &VirtualScan,
+    mut answer: Alignment,
+    target: &Target,
+    search: &SearchParams,
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<(Alignment, bool), AlignError> {
     progress::begin(progress, Stage::Search)?;
-    let found = search::search(&hits, target, &params.search, progress)?;
+    let found = search::search(hits, target, search, progress)?;
 
     progress::begin(progress, Stage::Refine)?;
     let starts: Vec<Pose2> = found.modes.iter().map(|mode| mode.map_from_clip).collect();
-    let refined = refine::refine(&starts, &hits, target, &params.refine);
+    let refined = refine::refine(&starts, hits, target, &params.refine);
 
     progress::begin(progress, Stage::Decide)?;
-    let ranked = decide::rank(&refined, &hits, scan, target, &params.decide);
+    let ranked = decide::rank(&refined, hits, scan, target, &params.decide);
     let Some(best) = ranked.first() else {
         let detail = "the search found no place in the map where the clip could lie";
         answer.reasons.push(Reason::new("no_candidate", detail));
-        return Ok(answer);
+        return Ok((answer, found.complete));
     };
     let pose = best.alternative.map_from_clip;
-    answer.coverage = Some(decide::coverage(&pose, &hits, target, params.decide.evidence.inlier_m));
+    answer.coverage = Some(decide::coverage(&pose, hits, target, params.decide.evidence.inlier_m));
     answer.loss_m = Some(best.alternative.loss_m);
     answer.inliers = Some(best.alternative.inliers);
     answer.covariance = Some(best.covariance.into());
@@ -117,7 +136,7 @@ fn register_scan(
     } else {
         answer.covariance = None;
     }
-    Ok(answer)
+    Ok((answer, found.complete))
 }
 
 /// `aligned` from the bar on, `failed` without support, and the reasons for anything but `aligned`.

@@ -41,6 +41,9 @@ pub struct SearchParams {
     pub modes: usize,
     /// ... as long as they reach this share of the best score.
     pub bar: f64,
+    /// The same where the answer is in doubt, which then is worth the time.
+    pub modes_in_doubt: usize,
+    pub bar_in_doubt: f64,
     /// Poses nearer than this, and turned less than `apart_rad` from each other, are one mode.
     pub apart_m: f64,
     pub apart_rad: f64,
@@ -60,10 +63,19 @@ impl Default for SearchParams {
             levels: 5,
             modes: 40,
             bar: 0.8,
+            modes_in_doubt: 100,
+            bar_in_doubt: 0.7,
             apart_m: 0.25,
             apart_rad: 8f64.to_radians(),
             max_nodes: 1_500_000,
         }
+    }
+}
+
+impl SearchParams {
+    /// How the search runs where the answer is in doubt.
+    pub fn in_doubt(&self) -> SearchParams {
+        SearchParams { modes: self.modes_in_doubt, bar: self.bar_in_doubt, ..self.clone() }
     }
 }
 

@@ -57,7 +57,8 @@ pub struct EvaluateArguments {
     /// Take the poses of devices as they are, even where they drift.
     #[arg(long)]
     keep_poses: bool,
-    /// Fit the probability to this run's results and write its coefficients.
+    /// Fit the probability to this run's results and write its coefficients; and to OUT/weights.json the weights of the loss
+    /// that would have ranked the true poses best.
     #[arg(long, value_name = "FILE")]
     fit: Option<PathBuf>,
     /// The scene's LiDAR map. Without one, it is simulated from the mesh in SCENE/mesh.
@@ -157,6 +158,9 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
             .context("the probability cannot be fitted: the results are all right or all wrong")?;
         fs::write(path, serde_json::to_string_pretty(&posterior)? + "\n")
             .with_context(|| format!("cannot write {}", path.display()))?;
+        if let Some(weights) = evaluate::weights(&results, &AlignParams::default().decide) {
+            save(out, "weights.json", &serde_json::to_string_pretty(&weights)?)?;
+        }
     }
     let labels_by =
         observe.label.segmenter.as_ref().map_or("geometry".to_owned(), |segmenter| segmenter.name());

@@ -28,6 +28,7 @@ const ABLATIONS: &[Ablation] = &[
     ("free-space", |params| {
         params.decide.blocked_m = 0.0;
         params.decide.hits_on_floor_m = 0.0;
+        params.decide.unseen_sides_m = 0.0;
         params.decide.walls_on_floor_m = 0.0;
     }),
     // What is low counts as much as what is tall.

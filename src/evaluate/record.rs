@@ -2,7 +2,7 @@
 
 use super::{Case, Sample};
 use crate::align::paper::Nearest;
-use crate::align::{Alignment, AlignmentState, features};
+use crate::align::{Alignment, AlignmentState, Alternative, FreeSpace, features};
 use crate::geometry::Point2;
 use serde::{Deserialize, Serialize};
 
@@ -31,12 +31,24 @@ pub struct ClipResult {
     pub unknowable: bool,
     /// Place of the true pose in the ranked alternatives, from 0.
     pub truth_rank: Option<usize>,
+    /// The ranked alternatives, judged.
+    #[serde(default)]
+    pub alternatives: Vec<Listed>,
     /// What the probability is computed from; null for methods without one.
     pub features: Option<Vec<f64>>,
     /// Search, refinement and decision, on one thread.
     pub register_seconds: f64,
     /// Everything from the clip's pictures to its pose, on one thread.
     pub seconds: f64,
+}
+
+/// One of the answer's alternatives.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Listed {
+    /// Under 10 degrees and 0.3 m from the truth.
+    pub right: bool,
+    pub loss_m: f64,
+    pub free_space: Option<FreeSpace>,
 }
 
 impl ClipResult {
@@ -59,10 +71,15 @@ impl ClipResult {
         seconds: Seconds,
     ) -> ClipResult {
         let error = alignment.map_from_clip.as_ref().map(|pose| sample.errors(pose));
-        let truth_rank = alignment.alternatives.iter().position(|alternative| {
+        let judge = |alternative: &Alternative| {
             let (rotation_deg, translation_m) = sample.errors(&alternative.map_from_clip);
-            rotation_deg < 10.0 && translation_m < 0.3
-        });
+            Listed {
+                right: rotation_deg < 10.0 && translation_m < 0.3,
+                loss_m: alternative.loss_m,
+                free_space: alternative.free_space,
+            }
+        };
+        let alternatives: Vec<Listed> = alignment.alternatives.iter().map(judge).collect();
         ClipResult {
             method: method.to_owned(),
             set: case.set.clone(),
@@ -78,7 +95,8 @@ impl ClipResult {
             coverage,
             inliers: alignment.inliers,
             unknowable: sample.equivalent_poses.len() > 1,
-            truth_rank,
+            truth_rank: alternatives.iter().position(|alternative| alternative.right),
+            alternatives,
             features: features(alignment).map(|features| features.to_vec()),
             register_seconds: seconds.register,
             seconds: seconds.all,
@@ -106,6 +124,7 @@ impl ClipResult {
             inliers: Some(0.9),
             unknowable: false,
             truth_rank: None,
+            alternatives: Vec::new(),
             features: None,
             register_seconds: 0.1,
             seconds: 1.0,

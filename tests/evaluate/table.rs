@@ -20,6 +20,7 @@ fn result(state: AlignmentState, errors: Option<(f64, f64)>) -> ClipResult {
         inliers: None,
         unknowable: false,
         truth_rank: None,
+        alternatives: Vec::new(),
         features: None,
         register_seconds: 0.1,
         seconds: 1.0,

@@ -94,5 +94,6 @@ function freeSpace({ free_space }: Alternative): HTMLElement[] {
   return [
     h("dt", {}, "Rays through walls"), h("dd", {}, percent(free_space.blocked_rays)),
     h("dt", {}, "Hits on free floor"), h("dd", {}, percent(free_space.hits_on_floor)),
+    h("dt", {}, "Walls' unseen sides"), h("dd", {}, percent(free_space.unseen_sides)),
   ];
 }

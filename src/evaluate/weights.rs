@@ -1,0 +1,189 @@
+//! Which weights of the loss make the true pose the best of the alternatives, learned from clips with known truth.
+
+use super::ClipResult;
+use crate::align::DecideParams;
+use nalgebra::{Matrix5, Vector5};
+use serde::Serialize;
+
+/// What [`DecideParams`] should hold by these clips.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LossWeights {
+    /// Clips with the true pose and another one among their alternatives.
+    pub clips: usize,
+    pub blocked_m: f64,
+    pub hits_on_floor_m: f64,
+    pub unseen_sides_m: f64,
+    pub walls_on_floor_m: f64,
+    /// A pose that loses by this much is e times less probable.
+    pub temperature_m: f64,
+}
+
+/// The evidence on one pose: distance in metres, then the shares in the order of [`LossWeights`].
+type Figures = Vector5<f64>;
+
+/// A conditional logit (McFadden, 1974) with a ridge, by Newton's method: the odds of two alternatives are an exponential
+/// of their evidence. None when no clip has both a right and a wrong alternative.
+pub fn weights(results: &[ClipResult], params: &DecideParams) -> Option<LossWeights> {
+    const RIDGE: f64 = 1.0;
+    const STEPS: usize = 50;
+    let clips: Vec<Vec<(Figures, bool)>> =
+        results.iter().filter(|r| !r.unknowable).filter_map(|r| figures(r, params)).collect();
+    let scale = spread(&clips)?;
+    let mut slopes = Figures::zeros();
+    for _ in 0..STEPS {
+        let mut gradient = slopes * RIDGE;
+        let mut hessian = Matrix5::identity() * RIDGE;
+        for clip in &clips {
+            let of_all = Mean::of(clip.iter(), &slopes, &scale);
+            let of_right = Mean::of(clip.iter().filter(|(_, right)| *right), &slopes, &scale);
+            gradient += of_all.mean - of_right.mean;
+            hessian += of_all.square - of_all.mean * of_all.mean.transpose();
+        }
+        let step = hessian.cholesky()?.solve(&gradient);
+        // Far from the end a full step may lead away.
+        slopes -= step / f64::max(step.amax(), 1.0);
+        if step.amax() < 1e-9 {
+            break;
+        }
+    }
+    let slopes = slopes.component_div(&scale);
+    let weight = |i: usize| slopes[i] / slopes[0];
+    Some(LossWeights {
+        clips: clips.len(),
+        blocked_m: weight(1),
+        hits_on_floor_m: weight(2),
+        unseen_sides_m: weight(3),
+        walls_on_floor_m: weight(4),
+        temperature_m: -1.0 / slopes[0],
+    })
+}
+
+/// The alternatives of a clip; none where there is nothing to choose.
+fn figures(result: &ClipResult, params: &DecideParams) -> Option<Vec<(Figures, bool)>> {
+    let of = |listed: &super::Listed| {
+        let free = listed.free_space?;
+        let shares = [free.blocked_rays, free.hits_on_floor, free.unseen_sides, free.walls_on_floor];
+        let weights =
+            [params.blocked_m, params.hits_on_floor_m, params.unseen_sides_m, params.walls_on_floor_m];
+        let distance_m = listed.loss_m - shares.iter().zip(weights).map(|(s, w)| s * w).sum::<f64>();
+        Some((Figures::new(distance_m, shares[0], shares[1], shares[2], shares[3]), listed.right))
+    };
+    let clip: Vec<(Figures, bool)> = result.alternatives.iter().filter_map(of).collect();
+    let is_choice = clip.iter().any(|(_, right)| *right) && clip.iter().any(|(_, right)| !right);
+    is_choice.then_some(clip)
+}
+
+/// Standard deviation of each figure among the alternatives of a clip.
+fn spread(clips: &[Vec<(Figures, bool)>]) -> Option<Figures> {
+    let (mut squares, mut count) = (Figures::zeros(), 0.0);
+    for clip in clips {
+        let mean = clip.iter().map(|(x, _)| x).sum::<Figures>() / clip.len() as f64;
+        for (x, _) in clip {
+            squares += (x - mean).map(|d| d * d);
+            count += 1.0;
+        }
+    }
+    (count > 0.0).then(|| squares.map(|square| (square / count).sqrt().max(1e-6)))
+}
+
+/// Mean and mean square of alternatives, each counted by its odds.
+struct Mean {
+    mean: Figures,
+    square: Matrix5<f64>,
+}
+
+impl Mean {
+    fn of<'a>(
+        alternatives: impl Iterator<Item = &'a (Figures, bool)> + Clone,
+        slopes: &Figures,
+        scale: &Figures,
+    ) -> Mean {
+        let standard = alternatives.map(|(x, _)| x.component_div(scale));
+        let highest = standard.clone().map(|x| slopes.dot(&x)).fold(f64::MIN, f64::max);
+        let (mut sum, mut mean, mut square) = (0.0, Figures::zeros(), Matrix5::zeros());
+        for x in standard {
+            let odds = (slopes.dot(&x) - highest).exp();
+            sum += odds;
+            mean += x * odds;
+            square += x * x.transpose() * odds;
+        }
+        Mean { mean: mean / sum, square: square / sum }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::align::{AlignmentState, FreeSpace};
+    use crate::evaluate::Listed;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    const TRUTH: LossWeights = LossWeights {
+        clips: 3000,
+        blocked_m: 0.05,
+        hits_on_floor_m: 0.1,
+        unseen_sides_m: 0.0,
+        walls_on_floor_m: 0.2,
+        temperature_m: 0.02,
+    };
+
+    /// A clip of four alternatives, of which one is right by the odds of `TRUTH`.
+    fn clip(dice: &mut ChaCha8Rng, params: &DecideParams) -> ClipResult {
+        let mut listed = Vec::new();
+        let mut odds = Vec::new();
+        for _ in 0..4 {
+            let [distance_m, blocked_rays, hits_on_floor, unseen_sides, walls_on_floor]: [f64; 5] =
+                std::array::from_fn(|i| dice.random::<f64>() * if i == 0 { 0.1 } else { 0.5 });
+            let loss = |blocked_m, floor_m, unseen_m, walls_m| {
+                distance_m
+                    + blocked_m * blocked_rays
+                    + floor_m * hits_on_floor
+                    + unseen_m * unseen_sides
+                    + walls_m * walls_on_floor
+            };
+            let true_m = loss(0.05, 0.1, 0.0, 0.2);
+            odds.push((-true_m / TRUTH.temperature_m).exp());
+            listed.push(Listed {
+                right: false,
+                loss_m: loss(
+                    params.blocked_m,
+                    params.hits_on_floor_m,
+                    params.unseen_sides_m,
+                    params.walls_on_floor_m,
+                ),
+                free_space: Some(FreeSpace { blocked_rays, hits_on_floor, unseen_sides, walls_on_floor }),
+            });
+        }
+        let mut at = dice.random::<f64>() * odds.iter().sum::<f64>();
+        let right = odds.iter().position(|odds| {
+            at -= odds;
+            at < 0.0
+        });
+        listed[right.unwrap_or(3)].right = true;
+        ClipResult { alternatives: listed, ..ClipResult::example(AlignmentState::Aligned, Some((1.0, 0.1))) }
+    }
+
+    #[test]
+    fn finds_the_weights_that_made_the_data() {
+        let params = DecideParams::default();
+        let mut dice = ChaCha8Rng::seed_from_u64(5);
+        let clips: Vec<ClipResult> = (0..TRUTH.clips).map(|_| clip(&mut dice, &params)).collect();
+        let found = weights(&clips, &params).unwrap();
+        let of = |w: &LossWeights| {
+            [w.blocked_m, w.hits_on_floor_m, w.unseen_sides_m, w.walls_on_floor_m, w.temperature_m]
+        };
+        for (found, want) in of(&found).into_iter().zip(of(&TRUTH)) {
+            assert!((found - want).abs() < 0.01, "{found} is not {want}");
+        }
+        assert_eq!(found.clips, TRUTH.clips);
+    }
+
+    #[test]
+    fn clips_without_a_choice_teach_nothing() {
+        let params = DecideParams::default();
+        let alone = ClipResult::example(AlignmentState::Aligned, Some((1.0, 0.1)));
+        assert_eq!(weights(&[alone], &params), None);
+        assert_eq!(weights(&[], &params), None);
+    }
+}
