@@ -35,13 +35,15 @@ const NEAR_GAP_M: f64 = 0.008;
 /// 6 mm, which holds where the truth is listed; at 12 mm half as many of the training clips whose truth cannot be known,
 /// or that belong to another home, are called `aligned`, for one in 20 of the others.
 const TEMPERATURE_M: f64 = 0.012;
+/// Answers have so many alternatives, and the figures are of no more where more are listed.
+const LISTED: usize = 8;
 /// A rival within this explains the clip nearly as well.
 const NEAR_RIVAL_M: f64 = 0.02;
 
 /// The explanations that are not close to the best one.
 fn rivals(alternatives: &[Alternative]) -> impl Iterator<Item = &Alternative> {
     let best = alternatives.first().map(|best| best.map_from_clip).unwrap_or_default();
-    alternatives.iter().skip(1).filter(move |a| {
+    alternatives.iter().take(LISTED).skip(1).filter(move |a| {
         a.map_from_clip.distance_m(&best) > CLOSE_M
             || angle_between(a.map_from_clip.yaw_rad, best.yaw_rad).to_degrees() > CLOSE_DEG
     })

@@ -116,7 +116,10 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
             None => super::evaluate_home::simulated(arguments),
         };
     }
-    let methods = methods(arguments)?;
+    let mut methods = methods(arguments)?;
+    if arguments.fit.is_some() {
+        methods.iter_mut().for_each(Method::list_all);
+    }
     let pictures = out.join("failed");
     fs::create_dir_all(&pictures)
         .with_context(|| format!("cannot make the folder {}", pictures.display()))?;

@@ -119,6 +119,14 @@ impl Method {
         Ok(Method { name: name.to_owned(), kind, by_truth })
     }
 
+    /// Lists every mode that was refined among the alternatives: weights are learned from all of them, since the best few are
+    /// chosen by the very weights.
+    pub fn list_all(&mut self) {
+        if let MethodKind::Viola(params) = &mut self.kind {
+            params.decide.alternatives = params.search.modes.max(params.search.modes_in_doubt);
+        }
+    }
+
     /// All names that [`Method::named`] knows.
     pub fn names() -> Vec<String> {
         let ablations = ABLATIONS.iter().map(|(evidence, _)| format!("viola-without-{evidence}"));
