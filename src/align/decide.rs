@@ -13,8 +13,9 @@ use rustc_hash::FxHashMap;
 #[derive(Debug, Clone, PartialEq)]
 pub struct DecideParams {
     pub evidence: EvidenceParams,
-    /// What a scan whose rays are all blocked adds to the loss, and likewise below. The weights are those of a conditional
-    /// logit on the refined modes of simulated clips (seeds 0-129): that the true one is the best of them.
+    /// What a scan whose rays are all blocked adds to the loss, and likewise below. The weights are near those of
+    /// a conditional logit on the refined modes of simulated clips (seeds 0-129; `evaluate/weights`): that the true one is
+    /// the best of them.
     pub blocked_m: f64,
     pub hits_on_floor_m: f64,
     pub unseen_sides_m: f64,
