@@ -181,16 +181,7 @@ mod tests {
     }
 
     fn hit(y_m: f64) -> Hit {
-        Hit {
-            point_m: Point2::new(1.0, y_m),
-            normal: Vector2::new(-1.0, 0.0),
-            weight: 1.0,
-            extent_m: 1.0,
-            at_vacuum_height: true,
-            fixed: 1.0,
-            completed: false,
-            from_m: Point2::origin(),
-        }
+        Hit::standing(Point2::new(1.0, y_m), Vector2::new(-1.0, 0.0))
     }
 
     #[test]

@@ -75,6 +75,23 @@ pub struct Hit {
     pub from_m: Point2,
 }
 
+#[cfg(test)]
+impl Hit {
+    /// On a wall, seen from the origin, that counts in full.
+    pub(super) fn standing(point_m: Point2, normal: Vector2) -> Hit {
+        Hit {
+            point_m,
+            normal,
+            weight: 1.0,
+            extent_m: 1.0,
+            at_vacuum_height: true,
+            fixed: 1.0,
+            completed: false,
+            from_m: Point2::origin(),
+        }
+    }
+}
+
 /// The virtual scan of a clip, in the clip frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct VirtualScan {

@@ -183,16 +183,7 @@ mod tests {
     }
 
     fn hit(x: f64, y: f64) -> Hit {
-        Hit {
-            point_m: Point2::new(x, y),
-            normal: Vector2::x(),
-            weight: 1.0,
-            extent_m: 1.0,
-            at_vacuum_height: true,
-            fixed: 1.0,
-            completed: false,
-            from_m: Point2::origin(),
-        }
+        Hit::standing(Point2::new(x, y), Vector2::x())
     }
 
     fn small() -> SearchParams {
