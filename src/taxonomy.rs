@@ -3,6 +3,9 @@
 mod ade20k;
 mod coco;
 mod nyu40;
+mod purpose;
+
+pub use purpose::Purposes;
 
 use serde::{Deserialize, Serialize};
 

@@ -3,10 +3,12 @@
 use proptest::prelude::*;
 use std::f64::consts::PI;
 use viola::align::{
-    self, AlignParams, Alignment, AlignmentState, FloorReport, Hit, Observation, Target, VirtualScan,
+    self, AlignParams, Alignment, AlignmentState, FloorReport, Hit, Observation, Target, Thing, VirtualScan,
 };
 use viola::geometry::{Point2, Pose2, Vector2, angle_between};
+use viola::lidar::LidarMap;
 use viola::progress::Silent;
+use viola::taxonomy::Class;
 
 type Corner = (f64, f64);
 
@@ -54,7 +56,6 @@ fn observation(seen: &[Point2], map_from_clip: &Pose2) -> Observation {
         weight: 1.0,
         extent_m: 2.0,
         at_vacuum_height: true,
-        fixed: 1.0,
         completed: false,
         from_m: Point2::origin(),
     };
@@ -63,6 +64,7 @@ fn observation(seen: &[Point2], map_from_clip: &Pose2) -> Observation {
             hits: seen.iter().map(hit).collect(),
             free_m: Vec::new(),
             cameras: vec![Pose2::IDENTITY],
+            things: Vec::new(),
         },
         key_frames: 10,
         floor: Some(FloorReport {
@@ -150,4 +152,73 @@ fn too_little_is_said_to_be_too_little() {
     let answer = register(&observation(&few, &Pose2::IDENTITY), &target(walls(&[OUTLINE])));
     assert_eq!((answer.state, answer.map_from_clip), (AlignmentState::Failed, None));
     assert_eq!(answer.reasons[0].code, "too_few_hits");
+}
+
+/// Two rooms beside each other that nobody can tell apart by their walls, 4 m apart, as Valetudo has them.
+fn twin_rooms(names: [&str; 2]) -> LidarMap {
+    let (mut wall, mut floors) = (Vec::new(), [Vec::new(), Vec::new()]);
+    for (room, floor) in floors.iter_mut().enumerate() {
+        let left = 10 + 80 * room;
+        for y in 0..60 {
+            for x in 0..70 {
+                // A notch in one corner, so that a room has one way round.
+                let is_inside =
+                    |x: i32, y: i32| (1..69).contains(&x) && (1..59).contains(&y) && !(x > 48 && y > 44);
+                if is_inside(x, y) {
+                    floor.extend([left as i32 + x, 10 + y, 1]);
+                } else if (-1..=1).any(|dx| (-1..=1).any(|dy| is_inside(x + dx, y + dy))) {
+                    wall.extend([left as i32 + x, 10 + y, 1]);
+                }
+            }
+        }
+    }
+    let mut layers = vec![serde_json::json!({"type": "wall", "compressedPixels": wall, "metaData": {}})];
+    for ((name, floor), id) in names.iter().zip(&floors).zip(["1", "2"]) {
+        let meta = serde_json::json!({"segmentId": id, "name": name});
+        layers.push(serde_json::json!({"type": "segment", "compressedPixels": floor, "metaData": meta}));
+    }
+    let map = serde_json::json!({
+        "__class": "ValetudoMap",
+        "metaData": {"version": 2},
+        "size": {"x": 1000, "y": 400},
+        "pixelSize": 5,
+        "layers": layers,
+        "entities": [],
+    });
+    LidarMap::read(map.to_string().as_bytes()).unwrap()
+}
+
+#[test]
+fn a_bed_tells_a_bedroom_from_a_kitchen_with_the_same_walls() {
+    // In whichever of the two the clip was recorded, and whatever people there call it.
+    for (names, is_told) in [
+        (["Bedroom", "Kitchen"], true),
+        (["Küche", "Schlafzimmer"], true),
+        (["Anna", "room2"], false),
+        (["Bedroom 1", "Bedroom 2"], false),
+    ] {
+        let lidar = twin_rooms(names);
+        let target = Target::new(&lidar).unwrap();
+        for room in 0..2 {
+            let middle = lidar.info.rooms[room].centre_m;
+            let truth = Pose2::new(middle[0], middle[1], 0.7);
+            let seen: Vec<Point2> =
+                lidar.occupied_m.iter().filter(|p| (p.x - middle[0]).abs() < 2.0).copied().collect();
+            let mut clip = observation(&seen, &truth);
+            assert_eq!(register(&clip, &target).state, AlignmentState::Ambiguous, "{names:?}");
+            let class = if names[room].starts_with(['K', 'k']) { Class::Stove } else { Class::Bed };
+            let thing =
+                Thing { point_m: Point2::new(0.5, 0.5), from_m: Point2::origin(), class, share: 0.15 };
+            clip.scan.things = vec![thing];
+            let answer = register(&clip, &target);
+            let [best, rival] = &answer.alternatives[..2] else { panic!("{answer:?}") };
+            if is_told {
+                assert!(best.map_from_clip.distance_m(&truth) < 0.05, "{names:?} {room}: {answer:?}");
+                assert_eq!((best.misplaced, rival.misplaced), (Some(0.0), Some(0.15)), "{names:?}");
+            } else {
+                assert!(rival.loss_m - best.loss_m < 0.005, "{names:?} {room}: {answer:?}");
+                assert_eq!(best.misplaced.unwrap_or(0.0), 0.0, "{names:?}");
+            }
+        }
+    }
 }

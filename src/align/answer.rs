@@ -31,12 +31,18 @@ pub struct Reason {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct Alternative {
     pub map_from_clip: Pose2,
-    /// Mean robust distance of the hits to the map plus the free-space penalty, in metres: what ranks them.
+    /// Mean robust distance of the hits to the map, plus what free space and the rooms' names say against the pose, in metres:
+    /// what ranks them.
     pub loss_m: f64,
     /// Share of the hits within 0.1 m of the map, 0..1.
     pub inliers: f64,
     /// What free space says against the pose; null where the method does not look at it.
     pub free_space: Option<FreeSpace>,
+    /// What does not belong in the room of the map in which it would stand, such as a bed in a kitchen, by the classes that a
+    /// network gave and the rooms' names: its share of all that was named above the floor, 0..1. Null where no room's name
+    /// tells what it is for.
+    #[serde(default)]
+    pub misplaced: Option<f64>,
     /// That this pose is right, 0..1; null where the method does not give one.
     pub probability: Option<f64>,
 }

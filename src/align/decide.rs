@@ -20,6 +20,9 @@ pub struct DecideParams {
     pub hits_on_floor_m: f64,
     pub unseen_sides_m: f64,
     pub walls_on_floor_m: f64,
+    pub misplaced_m: f64,
+    /// More than this share misplaced costs no more: rooms may have other names than they deserve, and networks err.
+    pub most_misplaced: f64,
     /// Poses nearer than this to a better one are not listed again.
     pub same_m: f64,
     pub same_rad: f64,
@@ -38,6 +41,8 @@ impl Default for DecideParams {
             hits_on_floor_m: 0.06,
             unseen_sides_m: 0.02,
             walls_on_floor_m: 0.17,
+            misplaced_m: 0.2,
+            most_misplaced: 0.15,
             same_m: 0.15,
             same_rad: 5f64.to_radians(),
             alternatives: 8,
@@ -75,7 +80,8 @@ fn judge(pose: &Refined, witness: &Witness, target: &Target, params: &DecidePara
         + params.blocked_m * evidence.blocked_rays
         + params.hits_on_floor_m * evidence.hits_on_floor
         + params.unseen_sides_m * evidence.unseen_sides
-        + params.walls_on_floor_m * evidence.walls_on_floor;
+        + params.walls_on_floor_m * evidence.walls_on_floor
+        + params.misplaced_m * evidence.misplaced.min(params.most_misplaced);
     let alternative = Alternative {
         map_from_clip: pose.map_from_clip,
         loss_m,
@@ -86,6 +92,7 @@ fn judge(pose: &Refined, witness: &Witness, target: &Target, params: &DecidePara
             unseen_sides: evidence.unseen_sides,
             walls_on_floor: evidence.walls_on_floor,
         }),
+        misplaced: target.rooms.as_ref().map(|_| evidence.misplaced),
         probability: None,
     };
     Ranked { alternative, covariance: pose.covariance }

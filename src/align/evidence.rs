@@ -1,7 +1,9 @@
 //! What speaks for and against a pose: the distance of the hits, and free space on both sides.
 
 use super::raycast::{Hit, VirtualScan};
+use super::rooms::NamedRooms;
 use super::target::Target;
+use super::things::Thing;
 use crate::geometry::{Point2, Pose2};
 use crate::lidar::Cell;
 use nalgebra::Rotation2;
@@ -52,6 +54,9 @@ pub struct Evidence {
     /// Walls of the map that stand where the clip saw free floor, as a share of the walls that the clip
     /// speaks about: those and its hits.
     pub walls_on_floor: f64,
+    /// What pictures show that does not belong in the named room in which it would stand, as a share of all that they show
+    /// standing.
+    pub misplaced: f64,
 }
 
 /// The clip's side of the evidence, made once for all poses.
@@ -62,6 +67,7 @@ pub struct Witness<'a> {
     free: FxHashSet<[i32; 2]>,
     /// Everything free lies within this distance of the clip's origin.
     free_reach_m: f64,
+    things: &'a [Thing],
     params: &'a EvidenceParams,
 }
 
@@ -73,7 +79,7 @@ fn cell(point: &Point2) -> [i32; 2] {
 }
 
 impl<'a> Witness<'a> {
-    pub fn new(hits: &'a [Hit], scan: &VirtualScan, params: &'a EvidenceParams) -> Witness<'a> {
+    pub fn new(hits: &'a [Hit], scan: &'a VirtualScan, params: &'a EvidenceParams) -> Witness<'a> {
         let seen: FxHashSet<[i32; 2]> = scan.free_m.iter().map(cell).collect();
         // One cell in from the edge: the edge itself is where walls stand.
         let inner =
@@ -83,6 +89,7 @@ impl<'a> Witness<'a> {
             weight: hits.iter().map(|hit| hit.weight).sum::<f64>().max(f64::MIN_POSITIVE),
             free: seen.iter().filter(|c| inner(c)).copied().collect(),
             free_reach_m: scan.free_m.iter().map(|p| p.coords.norm()).fold(0.0, f64::max) + CELL_M,
+            things: &scan.things,
             params,
         }
     }
@@ -117,6 +124,7 @@ impl<'a> Witness<'a> {
         evidence.unseen_sides /= self.weight;
         evidence.blocked_rays /= self.weight;
         evidence.walls_on_floor = self.walls_on_floor(map_from_clip, target);
+        evidence.misplaced = target.rooms.as_ref().map_or(0.0, |rooms| self.misplaced(map_from_clip, rooms));
         evidence
     }
 
@@ -131,6 +139,14 @@ impl<'a> Witness<'a> {
             .filter(|p| self.free.contains(&cell(&clip_from_map.apply(p))))
             .count() as f64;
         contradicted / (contradicted + self.hits.len() as f64).max(1.0)
+    }
+
+    fn misplaced(&self, map_from_clip: &Pose2, rooms: &NamedRooms) -> f64 {
+        let is_misplaced = |thing: &&Thing| {
+            let (at, from) = (map_from_clip.apply(&thing.point_m), map_from_clip.apply(&thing.from_m));
+            rooms.around(&at, &from).suit(thing.class) == Some(false)
+        };
+        self.things.iter().filter(is_misplaced).map(|thing| thing.share).sum()
     }
 
     /// The distance field says how far the next obstacle is at least, so the ray may leap.
@@ -160,6 +176,8 @@ fn share(of: bool) -> f64 {
 mod tests {
     use super::*;
     use crate::geometry::{Grid, GridFrame, Vector2};
+    use crate::simulate::{Home, HomeParams, Set};
+    use crate::taxonomy::Class;
 
     /// A wall along x = 2 m that the robot saw from below it in x only.
     fn target(known: bool) -> Target {
@@ -182,6 +200,26 @@ mod tests {
 
     fn hit(y_m: f64) -> Hit {
         Hit::standing(Point2::new(1.0, y_m), Vector2::new(-1.0, 0.0))
+    }
+
+    #[test]
+    fn a_bed_in_a_kitchen_speaks_against_a_pose() {
+        let mut lidar = Home::generate(&HomeParams::new(Set::Normal, 3)).survey().lidar_map();
+        let names = ["Kitchen", "Bedroom"];
+        lidar.rooms.truncate(2);
+        lidar.rooms.iter_mut().zip(names).for_each(|(room, name)| room.name = Some(name.to_owned()));
+        let [kitchen, bedroom] = [0, 1].map(|i| lidar.rooms[i].cells_m[0].coords);
+        let thing =
+            |class, share| Thing { point_m: Point2::origin(), from_m: Point2::origin(), class, share };
+        let things = vec![thing(Class::Bed, 0.2), thing(Class::Stove, 0.1), thing(Class::Chair, 0.05)];
+        let scan = VirtualScan { things, ..VirtualScan::default() };
+        let params = EvidenceParams::default();
+        let witness = Witness::new(&[], &scan, &params);
+        let target = Target::new(&lidar).unwrap();
+        for (at, want) in [(kitchen, 0.2), (bedroom, 0.1), (Vector2::new(-99.0, 0.0), 0.0)] {
+            let evidence = witness.examine(&Pose2::new(at.x, at.y, 0.0), &target);
+            assert!((evidence.misplaced - want).abs() < 1e-9, "{at} {evidence:?}");
+        }
     }
 
     #[test]

@@ -105,20 +105,6 @@ impl Label {
         f32::from(self.probability) / 255.0
     }
 
-    /// That it is part of the building or built in, 0..1; 1 where no picture tells.
-    pub fn fixed(&self) -> f64 {
-        if self.views == 0 {
-            return 1.0;
-        }
-        let probability = f64::from(self.probability());
-        match self.class {
-            // What has no better name may be built in.
-            Class::Other => 1.0,
-            class if class.is_fixed() => probability,
-            _ => 1.0 - probability,
-        }
-    }
-
     /// The class with the largest sum within the family with the largest sum; its share is its probability.
     fn likeliest(sums: &[f32], views: u16) -> Label {
         let total: f32 = sums.iter().sum();
@@ -282,18 +268,5 @@ mod tests {
         check(&[(Class::Wall, 4.0), (Class::Window, 3.0), (Class::Curtain, 3.0)], Class::Window, 0.3);
         check(&[(Class::Wall, 4.0), (Class::Shelf, 3.0), (Class::Cabinet, 2.0)], Class::Shelf, 1.0 / 3.0);
         assert_eq!(Label::likeliest(&[0.0; CLASSES], 0), Label::NONE);
-    }
-
-    #[test]
-    fn only_what_pictures_call_movable_counts_less() {
-        for (label, want) in [
-            (Label::NONE, 1.0),
-            (Label::new(Class::Chair, 1.0, 0), 1.0),
-            (Label::new(Class::Chair, 1.0, 3), 0.0),
-            (Label::new(Class::Wall, 1.0, 3), 1.0),
-            (Label::new(Class::Other, 1.0, 3), 1.0),
-        ] {
-            assert_eq!(label.fixed(), want, "{label:?}");
-        }
     }
 }

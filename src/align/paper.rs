@@ -226,6 +226,7 @@ fn decide(
                 loss_m: pose.loss_m,
                 inliers: near as f64 / hits_m.len() as f64,
                 free_space: None,
+                misplaced: None,
                 probability: None,
             }
         })

@@ -4,6 +4,7 @@ use super::cloud::PointCloud;
 use super::free::free_cells;
 use super::fuse::KeyFrame;
 use super::standing::Standing;
+use super::things::{Thing, things};
 use crate::geometry::{Point2, Pose2, Pose3, Vector2, Vector3};
 use rustc_hash::FxHashMap;
 
@@ -67,8 +68,6 @@ pub struct Hit {
     pub extent_m: f64,
     /// Seen at the vacuum's height; otherwise only above, and projected down along gravity.
     pub at_vacuum_height: bool,
-    /// That it is part of the building or built in, 0..1, by its class; 1 where classes say nothing.
-    pub fixed: f64,
     /// Not seen but filled in by [`super::complete`].
     pub completed: bool,
     /// Where the ray began.
@@ -85,7 +84,6 @@ impl Hit {
             weight: 1.0,
             extent_m: 1.0,
             at_vacuum_height: true,
-            fixed: 1.0,
             completed: false,
             from_m: Point2::origin(),
         }
@@ -100,6 +98,8 @@ pub struct VirtualScan {
     pub free_m: Vec<Point2>,
     /// The key cameras, laid flat; the first is the identity by the definition of the clip frame.
     pub cameras: Vec<Pose2>,
+    /// What pictures show that belongs into some rooms and not into others.
+    pub things: Vec<Thing>,
 }
 
 /// Casts the rays.
@@ -113,7 +113,8 @@ pub fn raycast(
         key_frames.iter().map(|k| lay_flat(&(clip_from_world * k.world_from_camera))).collect();
     let free_m = free_cells(key_frames, clip_from_world, params);
     let standing = Standing::new(cloud_in_clip, &free_m, params);
-    VirtualScan { hits: cast(&standing, &cameras, params), free_m, cameras }
+    let things = things(cloud_in_clip, &cameras, params);
+    VirtualScan { hits: cast(&standing, &cameras, params), free_m, cameras, things }
 }
 
 /// Casts the rays of a scan again, with what was filled in beside what was seen. `observed_in_clip` is the cloud

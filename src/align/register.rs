@@ -1,14 +1,13 @@
 //! Stages 7-9: from what the vacuum would see to a ranked answer with a probability.
 
+use super::decide::Ranked;
 use super::observe::Observation;
 use super::posterior::{self, POSTERIOR};
 use super::raycast::{Hit, VirtualScan};
-use super::search::SearchParams;
+use super::search::{Modes, Reach, Search};
 use super::{
-    AlignError, AlignParams, Alignment, AlignmentState, FloorReport, Reason, Target, decide, refine, search,
-    weigh,
+    AlignError, AlignParams, Alignment, AlignmentState, FloorReport, Reason, Target, decide, refine, weigh,
 };
-use crate::geometry::Pose2;
 use crate::progress::{self, Progress, Stage};
 
 /// Fewer hits than this say nothing: a metre of wall.
@@ -77,38 +76,39 @@ fn register_scan(
         answer.reasons.push(Reason::new("too_few_hits", detail));
         return Ok(answer);
     }
-    let place = |search: &SearchParams| place(&hits, scan, answer.clone(), target, search, params, progress);
-    let (answer, complete) = place(&params.search)?;
-    if answer.state == AlignmentState::Aligned || !complete {
-        return Ok(answer);
+    let mut search = Search::new(&hits, target, &params.search);
+    let mut refined = Vec::new();
+    let mut place = |reach: &Reach| {
+        progress::begin(progress, Stage::Search)?;
+        let found = search.run(reach, progress)?;
+        progress::begin(progress, Stage::Refine)?;
+        let new = found.modes.iter().skip(refined.len()).map(|mode| mode.map_from_clip);
+        refined.extend(refine::refine(&new.collect::<Vec<_>>(), &hits, target, &params.refine));
+        progress::begin(progress, Stage::Decide)?;
+        let ranked = decide::rank(&refined, &hits, scan, target, &params.decide);
+        Ok::<_, AlignError>((judge(ranked, &found, &hits, answer.clone(), target, params), found.complete))
+    };
+    let (first, complete) = place(&params.search.first)?;
+    if first.state == AlignmentState::Aligned || !complete {
+        return Ok(first);
     }
     // The truth may score too low to be among what was looked at.
-    Ok(place(&params.search.in_doubt())?.0)
+    Ok(place(&params.search.in_doubt)?.0)
 }
 
-/// Fills in where hits lie in the map, and tells whether the search ended by itself.
-fn place(
+/// Fills in where hits lie in the map.
+fn judge(
+    ranked: Vec<Ranked>,
+    found: &Modes,
     hits: &[Hit],
-    scan: &VirtualScan,
     mut answer: Alignment,
     target: &Target,
-    search: &SearchParams,
     params: &AlignParams,
-    progress: &dyn Progress,
-) -> Result<(Alignment, bool), AlignError> {
-    progress::begin(progress, Stage::Search)?;
-    let found = search::search(hits, target, search, progress)?;
-
-    progress::begin(progress, Stage::Refine)?;
-    let starts: Vec<Pose2> = found.modes.iter().map(|mode| mode.map_from_clip).collect();
-    let refined = refine::refine(&starts, hits, target, &params.refine);
-
-    progress::begin(progress, Stage::Decide)?;
-    let ranked = decide::rank(&refined, hits, scan, target, &params.decide);
+) -> Alignment {
     let Some(best) = ranked.first() else {
         let detail = "the search found no place in the map where the clip could lie";
         answer.reasons.push(Reason::new("no_candidate", detail));
-        return Ok((answer, found.complete));
+        return answer;
     };
     let pose = best.alternative.map_from_clip;
     answer.coverage = Some(decide::coverage(&pose, hits, target, params.decide.evidence.inlier_m));
@@ -136,7 +136,7 @@ fn place(
     } else {
         answer.covariance = None;
     }
-    Ok((answer, found.complete))
+    answer
 }
 
 /// `aligned` from the bar on, `failed` without support, and the reasons for anything but `aligned`.

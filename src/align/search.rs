@@ -23,6 +23,15 @@ pub struct Candidate {
     pub score: f64,
 }
 
+/// Where a search ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reach {
+    /// Modes that are enough.
+    pub modes: usize,
+    /// Those that do not reach this share of the best score are not wanted.
+    pub bar: f64,
+}
+
 /// How the search runs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SearchParams {
@@ -37,13 +46,10 @@ pub struct SearchParams {
     pub margin_m: f64,
     /// Height of the pyramid: squares of up to `2^levels` cells.
     pub levels: u32,
-    /// Modes returned ...
-    pub modes: usize,
-    /// ... as long as they reach this share of the best score.
-    pub bar: f64,
-    /// The same where the answer is in doubt, which then is worth the time.
-    pub modes_in_doubt: usize,
-    pub bar_in_doubt: f64,
+    /// How far it goes.
+    pub first: Reach,
+    /// How far it goes on where the answer is in doubt, which then is worth the time.
+    pub in_doubt: Reach,
     /// Poses nearer than this, and turned less than `apart_rad` from each other, are one mode.
     pub apart_m: f64,
     pub apart_rad: f64,
@@ -61,21 +67,12 @@ impl Default for SearchParams {
             hits: 128,
             margin_m: 0.3,
             levels: 5,
-            modes: 40,
-            bar: 0.8,
-            modes_in_doubt: 100,
-            bar_in_doubt: 0.7,
+            first: Reach { modes: 40, bar: 0.8 },
+            in_doubt: Reach { modes: 100, bar: 0.7 },
             apart_m: 0.25,
             apart_rad: 8f64.to_radians(),
             max_nodes: 1_500_000,
         }
-    }
-}
-
-impl SearchParams {
-    /// How the search runs where the answer is in doubt.
-    pub fn in_doubt(&self) -> SearchParams {
-        SearchParams { modes: self.modes_in_doubt, bar: self.bar_in_doubt, ..self.clone() }
     }
 }
 
@@ -91,49 +88,66 @@ pub struct Modes {
     pub complete: bool,
 }
 
-/// Searches all poses whose origin lies in the map.
-pub fn search(
-    hits: &[Hit],
-    target: &Target,
-    params: &SearchParams,
-    progress: &dyn Progress,
-) -> Result<Modes, AlignError> {
-    let hits = thin(hits, params.hits);
-    let space = Space::new(&hits, target, params);
-    let roots = space.roots();
-    // What cannot reach the bar even of this need not be remembered.
-    let dived = space.dive(&roots);
-    let hopeless = (params.bar * f64::from(dived.map_or(0, |leaf| leaf.bound))) as u32;
-    let mut open: BinaryHeap<Node> = roots.into_iter().filter(|node| node.bound > hopeless).collect();
-    let mut modes: Vec<Candidate> = Vec::new();
-    let mut nodes = 0;
-    while let Some(top) = open.peek() {
-        let enough = modes.len() == params.modes || nodes >= params.max_nodes;
-        let low = modes.first().is_some_and(|best| space.share(top.bound) < params.bar * best.score);
-        if enough || low {
-            break;
-        }
-        if top.level == 0 {
-            let Some(leaf) = open.pop() else { break };
-            let pose = space.pose(&leaf);
-            if !modes.iter().any(|mode| is_close(&mode.map_from_clip, &pose, params)) {
-                modes.push(Candidate { map_from_clip: pose, score: space.share(leaf.bound) });
+/// A search over all poses whose origin lies in the map; it can go on where it ended.
+pub struct Search<'a> {
+    params: &'a SearchParams,
+    space: Space<'a>,
+    open: BinaryHeap<Node>,
+    dived: Option<Node>,
+    /// Nodes that can score no more were not kept.
+    hopeless: u32,
+    modes: Vec<Candidate>,
+    nodes: usize,
+}
+
+impl<'a> Search<'a> {
+    pub fn new(hits: &[Hit], target: &Target, params: &'a SearchParams) -> Search<'a> {
+        let hits = thin(hits, params.hits);
+        let space = Space::new(&hits, target, params);
+        let roots = space.roots();
+        // What cannot reach the lowest bar even of this need not be remembered.
+        let dived = space.dive(&roots);
+        let lowest = params.first.bar.min(params.in_doubt.bar);
+        let hopeless = (lowest * f64::from(dived.map_or(0, |leaf| leaf.bound))) as u32;
+        let open = roots.into_iter().filter(|node| node.bound > hopeless).collect();
+        Search { params, space, open, dived, hopeless, modes: Vec::new(), nodes: 0 }
+    }
+
+    /// Goes on as far as that: all modes so far, best first. What comes out does not depend on where it paused.
+    pub fn run(&mut self, reach: &Reach, progress: &dyn Progress) -> Result<Modes, AlignError> {
+        let params = self.params;
+        while let Some(top) = self.open.peek() {
+            let enough = self.modes.len() >= reach.modes || self.nodes >= params.max_nodes;
+            let low =
+                self.modes.first().is_some_and(|best| self.space.share(top.bound) < reach.bar * best.score);
+            if enough || low {
+                break;
             }
-            continue;
+            if top.level == 0 {
+                let Some(leaf) = self.open.pop() else { break };
+                let pose = self.space.pose(&leaf);
+                if !self.modes.iter().any(|mode| is_close(&mode.map_from_clip, &pose, params)) {
+                    self.modes.push(Candidate { map_from_clip: pose, score: self.space.share(leaf.bound) });
+                }
+                continue;
+            }
+            progress::check(progress)?;
+            let (space, modes) = (&self.space, &self.modes);
+            let batch = pop_batch(&mut self.open, |node| space.is_taken(node, modes));
+            self.nodes += batch.len();
+            let children: Vec<[Node; 4]> =
+                batch.par_iter().with_min_len(32).map(|node| space.children(node)).collect();
+            self.open.extend(children.into_iter().flatten().filter(|child| child.bound > self.hopeless));
         }
-        progress::check(progress)?;
-        let batch = pop_batch(&mut open, |node| space.is_taken(node, &modes));
-        nodes += batch.len();
-        let children: Vec<[Node; 4]> =
-            batch.par_iter().with_min_len(32).map(|node| space.children(node)).collect();
-        open.extend(children.into_iter().flatten().filter(|child| child.bound > hopeless));
+        let mut modes = self.modes.clone();
+        if let (true, Some(leaf)) = (modes.is_empty(), self.dived) {
+            // The budget ended before the first proof: the best that is known is better than nothing.
+            let map_from_clip = self.space.pose(&leaf);
+            modes.push(Candidate { map_from_clip, score: self.space.share(leaf.bound) });
+        }
+        let open_bound = self.space.share(self.open.peek().map_or(self.hopeless, |top| top.bound));
+        Ok(Modes { modes, open_bound, nodes: self.nodes, complete: self.nodes < params.max_nodes })
     }
-    if let (true, Some(leaf)) = (modes.is_empty(), dived) {
-        // The budget ended before the first proof: the best that is known is better than nothing.
-        modes.push(Candidate { map_from_clip: space.pose(&leaf), score: space.share(leaf.bound) });
-    }
-    let open_bound = space.share(open.peek().map_or(hopeless, |top| top.bound));
-    Ok(Modes { modes, open_bound, nodes, complete: nodes < params.max_nodes })
 }
 
 fn thin(hits: &[Hit], most: usize) -> Vec<Hit> {
@@ -179,6 +193,7 @@ mod tests {
             points_m: Vec::new(),
             cells: None,
             field: DistanceField::new(&occupied),
+            rooms: None,
         }
     }
 
@@ -187,7 +202,12 @@ mod tests {
     }
 
     fn small() -> SearchParams {
-        SearchParams { rotations: 24, levels: 3, modes: 1, ..SearchParams::default() }
+        let first = Reach { modes: 1, bar: 0.8 };
+        SearchParams { rotations: 24, levels: 3, first, ..SearchParams::default() }
+    }
+
+    fn search(hits: &[Hit], target: &Target, params: &SearchParams) -> Modes {
+        Search::new(hits, target, params).run(&params.first, &Silent).unwrap()
     }
 
     /// The best score over every rotation and cell, without a pyramid.
@@ -211,7 +231,7 @@ mod tests {
         ) {
             let target = target(&walls);
             let hits: Vec<Hit> = points.iter().map(|&(x, y)| hit(x, y)).collect();
-            let found = search(&hits, &target, &small(), &Silent).unwrap();
+            let found = search(&hits, &target, &small());
             let best = found.modes.first().map_or(0.0, |mode| mode.score);
             prop_assert_eq!(best, brute_force(&hits, &target, &small()));
             prop_assert!(found.open_bound <= best);
@@ -220,13 +240,30 @@ mod tests {
         #[test]
         fn the_order_of_hits_does_not_matter(points in prop::collection::vec((-0.6..0.6f64, -0.6..0.6f64), 3..25)) {
             let target = target(&[(0, 0), (1, 0), (2, 0), (3, 0), (3, 1), (3, 2), (9, 7)]);
-            let params = SearchParams { modes: 10, ..small() };
+            let params = SearchParams { first: Reach { modes: 10, bar: 0.8 }, ..small() };
             let hits: Vec<Hit> = points.iter().map(|&(x, y)| hit(x, y)).collect();
             let mut turned = hits.clone();
             turned.reverse();
             prop_assert_eq!(
-                search(&hits, &target, &params, &Silent).unwrap(),
-                search(&turned, &target, &params, &Silent).unwrap()
+                search(&hits, &target, &params),
+                search(&turned, &target, &params)
+            );
+        }
+
+        #[test]
+        fn a_search_that_goes_on_finds_what_one_that_never_paused_does(
+            walls in prop::collection::vec((0usize..16, 0usize..10), 5..30),
+            points in prop::collection::vec((-0.6..0.6f64, -0.6..0.6f64), 3..25),
+        ) {
+            let target = target(&walls);
+            let params = SearchParams { in_doubt: Reach { modes: 12, bar: 0.5 }, ..small() };
+            let hits: Vec<Hit> = points.iter().map(|&(x, y)| hit(x, y)).collect();
+            let mut paused = Search::new(&hits, &target, &params);
+            paused.run(&params.first, &Silent).unwrap();
+            let mut straight = Search::new(&hits, &target, &params);
+            prop_assert_eq!(
+                paused.run(&params.in_doubt, &Silent).unwrap(),
+                straight.run(&params.in_doubt, &Silent).unwrap()
             );
         }
     }
@@ -236,7 +273,7 @@ mod tests {
         let target = target(&[(0, 0), (5, 3), (9, 7), (12, 1)]);
         let hits: Vec<Hit> =
             (0..12).map(|i| hit(0.1 * f64::from(i) - 0.6, 0.05 * f64::from(i % 5))).collect();
-        let found = search(&hits, &target, &SearchParams { max_nodes: 128, ..small() }, &Silent).unwrap();
+        let found = search(&hits, &target, &SearchParams { max_nodes: 128, ..small() });
         assert!(found.nodes <= 256);
         assert!(!found.complete && found.modes.len() == 1, "{found:?}");
         assert!(found.open_bound >= found.modes[0].score, "{found:?}");

@@ -29,7 +29,6 @@ struct Column {
     high_m: f64,
     in_slab: bool,
     count: u32,
-    fixed_sum: f64,
     point_sum: Vector2,
     normal_sum: Vector2,
 }
@@ -53,7 +52,6 @@ impl Standing {
             column.high_m = column.high_m.max(at.z);
             column.in_slab |= in_slab(at.z);
             column.count += 1;
-            column.fixed_sum += point.label.fixed();
             column.point_sum += at.coords.xy();
             column.normal_sum += normal.xy();
         }
@@ -62,13 +60,12 @@ impl Standing {
             let (low, high) = near.fold((f64::INFINITY, 0f64), |(l, h), c| (l.min(c.low_m), h.max(c.high_m)));
             (high - low).max(0.0)
         };
-        let hit = |point_m: Point2, normal: Vector2, extent_m: f64, at_vacuum_height: bool, fixed: f64| Hit {
+        let hit = |point_m: Point2, normal: Vector2, extent_m: f64, at_vacuum_height: bool| Hit {
             point_m,
             normal,
             weight: 1.0,
             extent_m,
             at_vacuum_height,
-            fixed,
             completed: false,
             from_m: Point2::origin(),
         };
@@ -80,7 +77,7 @@ impl Standing {
             .map(|p| {
                 let (at, n) = (p.position(), p.normal());
                 let cell = cell_of(at.x, at.y, params.column_m);
-                hit(at.xy(), n.xy().normalize(), extent(cell), true, p.label.fixed())
+                hit(at.xy(), n.xy().normalize(), extent(cell), true)
             })
             .collect();
         // A wall whose foot was not seen still stands on the floor, unless the floor was seen there.
@@ -96,16 +93,7 @@ impl Standing {
             .filter_map(|(cell, column)| {
                 let normal = column.normal_sum.try_normalize(0.5 * f64::from(column.count))?;
                 let mean = column.point_sum / f64::from(column.count);
-                Some((
-                    *cell,
-                    hit(
-                        Point2::from(mean),
-                        normal,
-                        extent(*cell),
-                        false,
-                        column.fixed_sum / f64::from(column.count),
-                    ),
-                ))
+                Some((*cell, hit(Point2::from(mean), normal, extent(*cell), false)))
             })
             .collect();
         upper.sort_by_key(|(cell, _)| *cell);

@@ -1,5 +1,6 @@
 //! The LiDAR map as registration needs it: points, and the distance to the nearest one everywhere.
 
+use super::rooms::NamedRooms;
 use crate::geometry::{DistanceField, Grid, GridFrame, Point2};
 use crate::lidar::{Cell, LidarMap};
 use rustc_hash::FxHashSet;
@@ -13,6 +14,8 @@ pub struct Target {
     /// What the robot knows of each cell, for maps that have cells.
     pub cells: Option<Grid<Cell>>,
     pub field: DistanceField,
+    /// None where no room has a name that tells what it is for.
+    pub rooms: Option<NamedRooms>,
 }
 
 /// Cells of the distance field for maps that are bare points: finer than their noise.
@@ -25,7 +28,8 @@ const MAX_CELLS: f64 = 16e6;
 impl Target {
     /// None when the map has no occupied point.
     pub fn new(lidar: &LidarMap) -> Option<Target> {
-        Target::from_points(lidar.occupied_m.clone(), lidar.info.cell_m, lidar.cells.clone())
+        let target = Target::from_points(lidar.occupied_m.clone(), lidar.info.cell_m, lidar.cells.clone())?;
+        Some(Target { rooms: NamedRooms::new(lidar), ..target })
     }
 
     /// From bare points; `cell_m` is their raster, if they have one.
@@ -47,7 +51,7 @@ impl Target {
             .filter(|p| taken.insert([p.x, p.y].map(|c| (c / 0.05).floor() as i64)))
             .copied()
             .collect();
-        Some(Target { points_m, thinned_m, cells, field: DistanceField::new(&occupied) })
+        Some(Target { points_m, thinned_m, cells, field: DistanceField::new(&occupied), rooms: None })
     }
 
     /// What the robot knows of the place of a point.

@@ -11,22 +11,13 @@ pub struct WeighParams {
     pub tall_m: f64,
     /// Factor for walls that were seen only above the vacuum's height.
     pub upper_weight: f64,
-    /// Factor for what may have been moved, by its class. Most of it stands where it stood: any factor below one lost
-    /// more on homes that changed than it won.
-    pub movable_weight: f64,
     /// Factor for what was filled in.
     pub completed_weight: f64,
 }
 
 impl Default for WeighParams {
     fn default() -> Self {
-        WeighParams {
-            low_weight: 0.5,
-            tall_m: 1.2,
-            upper_weight: 0.5,
-            movable_weight: 1.0,
-            completed_weight: 0.5,
-        }
+        WeighParams { low_weight: 0.5, tall_m: 1.2, upper_weight: 0.5, completed_weight: 0.5 }
     }
 }
 
@@ -36,7 +27,6 @@ pub fn weigh(hits: &[Hit], params: &WeighParams) -> Vec<Hit> {
     let weight = |hit: &Hit| {
         let tall = (hit.extent_m / params.tall_m).clamp(0.0, 1.0);
         let standing = params.low_weight + (1.0 - params.low_weight) * tall;
-        let standing = standing * (params.movable_weight + (1.0 - params.movable_weight) * hit.fixed);
         let standing = if hit.at_vacuum_height { standing } else { standing * params.upper_weight };
         if hit.completed { standing * params.completed_weight } else { standing }
     };

@@ -219,7 +219,6 @@ fn look(
                     weight: 1.0,
                     extent_m,
                     at_vacuum_height,
-                    fixed: 1.0,
                     completed: false,
                     from_m,
                 });
@@ -243,6 +242,7 @@ fn look(
         hits,
         free_m: free_cells.into_iter().map(|[x, y]| Point2::new(centre(x), centre(y))).collect(),
         cameras: path.iter().map(|camera| clip_from_map.compose(camera)).collect(),
+        things: Vec::new(),
     }
 }
 

@@ -33,8 +33,8 @@ const ABLATIONS: &[Ablation] = &[
     }),
     // What is low counts as much as what is tall.
     ("structure", |params| params.weigh.low_weight = 1.0),
-    // What a network calls movable does not count.
-    ("movable", |params| params.weigh.movable_weight = 0.0),
+    // What a network calls a bed may stand in a kitchen.
+    ("named-rooms", |params| params.decide.misplaced_m = 0.0),
     ("upper-walls", |params| params.weigh.upper_weight = 0.0),
     // A hit where the map knows nothing costs as much as one on free floor.
     ("unknown-cells", |params| params.decide.evidence.unknown_share = 1.0),
@@ -123,7 +123,7 @@ impl Method {
     /// chosen by the very weights.
     pub fn list_all(&mut self) {
         if let MethodKind::Viola(params) = &mut self.kind {
-            params.decide.alternatives = params.search.modes.max(params.search.modes_in_doubt);
+            params.decide.alternatives = params.search.first.modes.max(params.search.in_doubt.modes);
         }
     }
 

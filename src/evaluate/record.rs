@@ -49,6 +49,8 @@ pub struct Listed {
     pub right: bool,
     pub loss_m: f64,
     pub free_space: Option<FreeSpace>,
+    #[serde(default)]
+    pub misplaced: Option<f64>,
 }
 
 impl ClipResult {
@@ -77,6 +79,7 @@ impl ClipResult {
                 right: rotation_deg < 10.0 && translation_m < 0.3,
                 loss_m: alternative.loss_m,
                 free_space: alternative.free_space,
+                misplaced: alternative.misplaced,
             }
         };
         let alternatives: Vec<Listed> = alignment.alternatives.iter().map(judge).collect();

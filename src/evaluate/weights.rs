@@ -2,10 +2,10 @@
 
 use super::ClipResult;
 use crate::align::DecideParams;
-use nalgebra::{Matrix5, Vector5};
+use nalgebra::{Matrix6, Vector6};
 use serde::Serialize;
 
-/// What [`DecideParams`] should hold by these clips.
+/// What [`DecideParams`] should hold by these clips. Where no network names things, nothing says what `misplaced_m` should be.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LossWeights {
     /// Clips with the true pose and another one among their alternatives.
@@ -14,12 +14,13 @@ pub struct LossWeights {
     pub hits_on_floor_m: f64,
     pub unseen_sides_m: f64,
     pub walls_on_floor_m: f64,
+    pub misplaced_m: f64,
     /// A pose that loses by this much is e times less probable.
     pub temperature_m: f64,
 }
 
 /// The evidence on one pose: distance in metres, then the shares in the order of [`LossWeights`].
-type Figures = Vector5<f64>;
+type Figures = Vector6<f64>;
 
 /// A conditional logit (McFadden, 1974) with a ridge, by Newton's method: the odds of two alternatives are an exponential
 /// of their evidence. None when no clip has both a right and a wrong alternative.
@@ -32,7 +33,7 @@ pub fn weights(results: &[ClipResult], params: &DecideParams) -> Option<LossWeig
     let mut slopes = Figures::zeros();
     for _ in 0..STEPS {
         let mut gradient = slopes * RIDGE;
-        let mut hessian = Matrix5::identity() * RIDGE;
+        let mut hessian = Matrix6::identity() * RIDGE;
         for clip in &clips {
             let of_all = Mean::of(clip.iter(), &slopes, &scale);
             let of_right = Mean::of(clip.iter().filter(|(_, right)| *right), &slopes, &scale);
@@ -54,6 +55,7 @@ pub fn weights(results: &[ClipResult], params: &DecideParams) -> Option<LossWeig
         hits_on_floor_m: weight(2),
         unseen_sides_m: weight(3),
         walls_on_floor_m: weight(4),
+        misplaced_m: weight(5),
         temperature_m: -1.0 / slopes[0],
     })
 }
@@ -62,11 +64,18 @@ pub fn weights(results: &[ClipResult], params: &DecideParams) -> Option<LossWeig
 fn figures(result: &ClipResult, params: &DecideParams) -> Option<Vec<(Figures, bool)>> {
     let of = |listed: &super::Listed| {
         let free = listed.free_space?;
-        let shares = [free.blocked_rays, free.hits_on_floor, free.unseen_sides, free.walls_on_floor];
-        let weights =
-            [params.blocked_m, params.hits_on_floor_m, params.unseen_sides_m, params.walls_on_floor_m];
+        let misplaced = listed.misplaced.unwrap_or(0.0).min(params.most_misplaced);
+        let shares =
+            [free.blocked_rays, free.hits_on_floor, free.unseen_sides, free.walls_on_floor, misplaced];
+        let weights = [
+            params.blocked_m,
+            params.hits_on_floor_m,
+            params.unseen_sides_m,
+            params.walls_on_floor_m,
+            params.misplaced_m,
+        ];
         let distance_m = listed.loss_m - shares.iter().zip(weights).map(|(s, w)| s * w).sum::<f64>();
-        Some((Figures::new(distance_m, shares[0], shares[1], shares[2], shares[3]), listed.right))
+        Some((Figures::new(distance_m, shares[0], shares[1], shares[2], shares[3], shares[4]), listed.right))
     };
     let clip: Vec<(Figures, bool)> = result.alternatives.iter().filter_map(of).collect();
     let is_choice = clip.iter().any(|(_, right)| *right) && clip.iter().any(|(_, right)| !right);
@@ -89,7 +98,7 @@ fn spread(clips: &[Vec<(Figures, bool)>]) -> Option<Figures> {
 /// Mean and mean square of alternatives, each counted by its odds.
 struct Mean {
     mean: Figures,
-    square: Matrix5<f64>,
+    square: Matrix6<f64>,
 }
 
 impl Mean {
@@ -100,7 +109,7 @@ impl Mean {
     ) -> Mean {
         let standard = alternatives.map(|(x, _)| x.component_div(scale));
         let highest = standard.clone().map(|x| slopes.dot(&x)).fold(f64::MIN, f64::max);
-        let (mut sum, mut mean, mut square) = (0.0, Figures::zeros(), Matrix5::zeros());
+        let (mut sum, mut mean, mut square) = (0.0, Figures::zeros(), Matrix6::zeros());
         for x in standard {
             let odds = (slopes.dot(&x) - highest).exp();
             sum += odds;
@@ -125,6 +134,7 @@ mod tests {
         hits_on_floor_m: 0.1,
         unseen_sides_m: 0.0,
         walls_on_floor_m: 0.2,
+        misplaced_m: 0.15,
         temperature_m: 0.02,
     };
 
@@ -133,16 +143,17 @@ mod tests {
         let mut listed = Vec::new();
         let mut odds = Vec::new();
         for _ in 0..4 {
-            let [distance_m, blocked_rays, hits_on_floor, unseen_sides, walls_on_floor]: [f64; 5] =
+            let [distance_m, blocked_rays, hits_on_floor, unseen_sides, walls_on_floor, misplaced]: [f64; 6] =
                 std::array::from_fn(|i| dice.random::<f64>() * if i == 0 { 0.1 } else { 0.5 });
-            let loss = |blocked_m, floor_m, unseen_m, walls_m| {
+            let loss = |blocked_m, floor_m, unseen_m, walls_m, misplaced_m| {
                 distance_m
                     + blocked_m * blocked_rays
                     + floor_m * hits_on_floor
                     + unseen_m * unseen_sides
                     + walls_m * walls_on_floor
+                    + misplaced_m * misplaced
             };
-            let true_m = loss(0.05, 0.1, 0.0, 0.2);
+            let true_m = loss(0.05, 0.1, 0.0, 0.2, 0.15);
             odds.push((-true_m / TRUTH.temperature_m).exp());
             listed.push(Listed {
                 right: false,
@@ -151,8 +162,10 @@ mod tests {
                     params.hits_on_floor_m,
                     params.unseen_sides_m,
                     params.walls_on_floor_m,
+                    params.misplaced_m,
                 ),
                 free_space: Some(FreeSpace { blocked_rays, hits_on_floor, unseen_sides, walls_on_floor }),
+                misplaced: Some(misplaced),
             });
         }
         let mut at = dice.random::<f64>() * odds.iter().sum::<f64>();
@@ -171,7 +184,14 @@ mod tests {
         let clips: Vec<ClipResult> = (0..TRUTH.clips).map(|_| clip(&mut dice, &params)).collect();
         let found = weights(&clips, &params).unwrap();
         let of = |w: &LossWeights| {
-            [w.blocked_m, w.hits_on_floor_m, w.unseen_sides_m, w.walls_on_floor_m, w.temperature_m]
+            [
+                w.blocked_m,
+                w.hits_on_floor_m,
+                w.unseen_sides_m,
+                w.walls_on_floor_m,
+                w.misplaced_m,
+                w.temperature_m,
+            ]
         };
         for (found, want) in of(&found).into_iter().zip(of(&TRUTH)) {
             assert!((found - want).abs() < 0.01, "{found} is not {want}");

@@ -24,6 +24,7 @@ fn of_two_minds(
         loss_m: 0.1,
         inliers: 0.9,
         free_space: None,
+        misplaced: None,
         probability: Some(0.5),
     };
     finished.alignment.state = AlignmentState::Ambiguous;

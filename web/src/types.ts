@@ -70,6 +70,7 @@ export interface Alternative {
   loss_m: number;
   inliers: number;
   probability: number | null;
+  misplaced: number | null;
   free_space: { blocked_rays: number; hits_on_floor: number; unseen_sides: number; walls_on_floor: number } | null;
 }
 

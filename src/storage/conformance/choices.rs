@@ -26,6 +26,7 @@ fn two_modes(state: AlignmentState) -> Ending {
         loss_m: 0.1,
         inliers: 0.9,
         free_space: None,
+        misplaced: None,
         probability: None,
     };
     alignment.alternatives = vec![alternative(1.0), alternative(2.0)];

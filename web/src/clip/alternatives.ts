@@ -85,7 +85,7 @@ function card(
           h("dt", {}, "Turn"), h("dd", {}, degrees(yaw_rad)),
           h("dt", {}, "Loss"), h("dd", {}, metres(one.loss_m)),
           h("dt", {}, "Hits on walls"), h("dd", {}, percent(one.inliers)),
-          ...freeSpace(one)),
+          ...freeSpace(one), ...misplaced(one)),
         onChoose || isChosen ? button : null)));
 }
 
@@ -96,4 +96,9 @@ function freeSpace({ free_space }: Alternative): HTMLElement[] {
     h("dt", {}, "Hits on free floor"), h("dd", {}, percent(free_space.hits_on_floor)),
     h("dt", {}, "Walls' unseen sides"), h("dd", {}, percent(free_space.unseen_sides)),
   ];
+}
+
+function misplaced({ misplaced: share }: Alternative): HTMLElement[] {
+  // Answers of older servers do not have it.
+  return typeof share === "number" ? [h("dt", {}, "Things in the wrong room"), h("dd", {}, percent(share))] : [];
 }

@@ -39,7 +39,6 @@ fn room() -> Observation {
         weight: 1.0,
         extent_m: 2.4,
         at_vacuum_height: true,
-        fixed: 1.0,
         completed: false,
         from_m: Point2::new(1.0, 1.0),
     };

@@ -116,7 +116,7 @@ impl Extra {
     }
 }
 
-/// `{"3": {"name": base64, "material": number, "direction": degrees}}`
+/// `{"3": {"name": base64, "type": number, "material": number, "direction": degrees}}`
 fn segments(object: Option<&Value>) -> BTreeMap<usize, SegmentInfo> {
     let Some(members) = object.and_then(Value::as_object) else { return BTreeMap::new() };
     let info = |(id, segment): (&String, &Value)| {
@@ -130,13 +130,37 @@ fn segments(object: Option<&Value>) -> BTreeMap<usize, SegmentInfo> {
             (Some(2), _) => Some("tile"),
             _ => None,
         };
+        let name = name.map(|name| String::from_utf8_lossy(&name).into_owned());
         let info = SegmentInfo {
-            name: name.map(|name| String::from_utf8_lossy(&name).into_owned()),
+            name: name.or_else(|| kind_of_room(segment.get("type")?.as_i64()?).map(str::to_string)),
             material: material.map(str::to_string),
         };
         Some((id.parse().ok()?, info))
     };
     members.iter().filter_map(info).collect()
+}
+
+/// What the robot's application shows in place of a name that nobody gave (as in Tasshack's `dreame-vacuum`).
+fn kind_of_room(number: i64) -> Option<&'static str> {
+    const KINDS: [&str; 15] = [
+        "Living room",
+        "Primary bedroom",
+        "Study",
+        "Kitchen",
+        "Dining hall",
+        "Bathroom",
+        "Balcony",
+        "Corridor",
+        "Utility room",
+        "Closet",
+        "Meeting room",
+        "Office",
+        "Fitness area",
+        "Recreation area",
+        "Secondary bedroom",
+    ];
+    // 0 is a room of no kind.
+    KINDS.get(usize::try_from(number).ok()?.checked_sub(1)?).copied()
 }
 
 fn obstacle_name(kind: &str) -> &'static str {
