@@ -76,15 +76,17 @@ mod tests {
                 if purposes.suit(thing.class).is_some() {
                     let middle = room.inner.centre();
                     let [x, y, _] = thing.centre_m;
-                    if rooms.around(&on_map(x, y), &on_map(middle.x, middle.y)) == purposes {
-                        right += 1;
-                    } else {
-                        wrong.push((seed, thing.class, &room.name == "Bathroom"));
+                    let around = rooms.around(&on_map(x, y), &on_map(middle.x, middle.y));
+                    right += usize::from(around == purposes);
+                    if !around.is_none() && around != purposes {
+                        wrong.push((seed, thing.class, around, purposes));
                     }
                 }
             }
         }
-        assert!(right > 40 && 20 * wrong.len() < right, "{right} right, but {wrong:?}");
+        // In front of a bed that fills a room there may be no floor at all, and where a kitchen is open to the living room
+        // what stands between them may belong to either.
+        assert!(right > 90 && 20 * wrong.len() < right, "{right} right, but {wrong:?}");
     }
 
     #[test]

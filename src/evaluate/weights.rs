@@ -129,7 +129,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     const TRUTH: LossWeights = LossWeights {
-        clips: 3000,
+        clips: 20_000,
         blocked_m: 0.05,
         hits_on_floor_m: 0.1,
         unseen_sides_m: 0.0,
@@ -144,7 +144,7 @@ mod tests {
         let mut odds = Vec::new();
         for _ in 0..4 {
             let [distance_m, blocked_rays, hits_on_floor, unseen_sides, walls_on_floor, misplaced]: [f64; 6] =
-                std::array::from_fn(|i| dice.random::<f64>() * if i == 0 { 0.1 } else { 0.5 });
+                [0.1, 0.5, 0.5, 0.5, 0.5, params.most_misplaced].map(|most| dice.random::<f64>() * most);
             let loss = |blocked_m, floor_m, unseen_m, walls_m, misplaced_m| {
                 distance_m
                     + blocked_m * blocked_rays

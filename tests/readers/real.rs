@@ -192,16 +192,7 @@ fn check_valetudo(path: &Path) {
     let segments = layers.iter().filter(|layer| layer["type"] == "segment");
     let names =
         segments.clone().map(|layer| layer["metaData"]["name"].as_str().filter(|name| !name.is_empty()));
-    // Valetudo knows the names that people gave; rooms without one have that of their kind.
-    for (given, room) in names.zip(&map.rooms) {
-        let room = room.name.as_deref();
-        let is_kind = matches!(room, Some("Corridor" | "Primary bedroom" | "Kitchen"));
-        assert!(given == room || (given.is_none() && is_kind), "{name}: {room:?}");
-    }
-    if name.starts_with("l10su_") {
-        let kinds: Vec<Option<&str>> = map.rooms.iter().map(|room| room.name.as_deref()).collect();
-        assert_eq!(kinds[..4], [Some("Corridor"), Some("Kitchen"), None, Some("Primary bedroom")], "{name}");
-    }
+    assert!(names.eq(map.rooms.iter().map(|room| room.name.as_deref())), "{name}");
     for (segment, room) in segments.zip(&info.rooms) {
         assert!((segment["metaData"]["area"].as_f64().unwrap() / 1e4 - room.area_m2).abs() < 1e-9, "{name}");
     }
