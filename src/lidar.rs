@@ -30,6 +30,9 @@ pub const MAX_CELLS: usize = 64 << 20;
 /// Occupied points of one map, and cells of all its rooms together.
 pub const MAX_POINTS: usize = 5_000_000;
 
+/// Rooms of one map that are looked at: more than a home has.
+pub const MAX_ROOMS: usize = 200;
+
 /// What a robot knows of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cell {

@@ -1,7 +1,7 @@
 //! The rooms of a LiDAR map whose names tell what they are for.
 
 use crate::geometry::{Grid, Point2};
-use crate::lidar::LidarMap;
+use crate::lidar::{LidarMap, MAX_ROOMS};
 use crate::taxonomy::Purposes;
 
 /// Which room each cell of a map belongs to, as far as that says what may stand there.
@@ -26,7 +26,7 @@ impl NamedRooms {
         let frame = lidar.cells.as_ref()?.frame;
         let mut cells = Grid::filled(frame, NOWHERE);
         let mut known: Vec<Purposes> = Vec::new();
-        for room in &lidar.rooms {
+        for room in lidar.rooms.iter().take(MAX_ROOMS) {
             let purposes = room.name.as_deref().map_or(Purposes::NONE, Purposes::of_name);
             let place = known.iter().position(|other| *other == purposes).unwrap_or(known.len());
             // There are fewer kinds of rooms than that; names of more are as good as none.
@@ -59,6 +59,7 @@ impl NamedRooms {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lidar::Room;
     use crate::simulate::{Home, HomeParams, Set};
 
     #[test]
@@ -97,6 +98,12 @@ mod tests {
         lidar.rooms[0].name = Some("Anna".to_owned());
         assert!(NamedRooms::new(&lidar).unwrap().around(&inside, &inside).is_none());
         lidar.rooms.iter_mut().for_each(|room| room.name = None);
+        assert!(NamedRooms::new(&lidar).is_none());
+        // Nobody has so many rooms, and every name costs time.
+        let named = Room { name: Some("Kitchen".to_owned()), ..lidar.rooms[0].clone() };
+        lidar.rooms[0].name = None;
+        lidar.rooms.resize(MAX_ROOMS, lidar.rooms[0].clone());
+        lidar.rooms.push(named);
         assert!(NamedRooms::new(&lidar).is_none());
     }
 }

@@ -9,7 +9,7 @@ pub use space::SpaceParams;
 
 use super::map_point::MapPoint;
 use crate::geometry::{DistanceField, Grid, GridFrame, Point2};
-use crate::lidar::LidarMap;
+use crate::lidar::{LidarMap, MAX_ROOMS};
 use outline::{Outline, contains, distance_m};
 use serde::{Deserialize, Serialize};
 use space::Space;
@@ -122,8 +122,6 @@ fn rooms_in(lidar: &LidarMap, space: &Space, params: &RoomsParams) -> Vec<Room> 
     (1..).zip(shapes).map(|(n, shape)| shape.into_room(n.to_string(), None, RoomSource::Computed)).collect()
 }
 
-/// More rooms than a home has.
-const MAX_ROOMS: usize = 200;
 /// Cells of all rooms' boxes together: rooms beyond are left out.
 const MAX_BOXES: usize = 16 << 20;
 

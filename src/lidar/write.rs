@@ -55,7 +55,9 @@ fn raster_of(
     cell_m: f64,
     fill: impl FnOnce(&mut Grid<Cell>),
 ) -> Result<Grid<Cell>, LidarError> {
-    let least = min_m.map(|v| (v / cell_m).floor() * cell_m);
+    // The product may come out above what was divided, which then would lie in no cell.
+    let edge = |v: f64| (v / cell_m).floor() * cell_m;
+    let least = min_m.map(|v| if edge(v) > v { edge(v) - cell_m } else { edge(v) });
     let frame = GridFrame::covering(least, max_m, 0.0, cell_m);
     let cells = frame.width.saturating_mul(frame.height);
     if cells > MAX_CELLS {
@@ -70,6 +72,22 @@ fn mark(grid: &mut Grid<Cell>, points: &[Point2]) {
     for point in points {
         if let Some((x, y)) = grid.frame.cell(point) {
             grid.set(x, y, Cell::Occupied);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_on_the_edges_of_cells_are_kept() {
+        for n in -400..400 {
+            let at = f64::from(n) / 20.0;
+            let map = LidarMap::read(format!("{at},{at}\n{},{at}", at + 0.1).as_bytes()).unwrap();
+            let written = map.to_valetudo().unwrap();
+            let read = LidarMap::read(&written.bytes).map(|read| read.occupied_m.len());
+            assert_eq!(read.ok(), Some(2), "{at}");
         }
     }
 }
