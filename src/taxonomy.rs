@@ -119,6 +119,33 @@ impl Class {
             )
     }
 
+    /// Has a level top, or treads, broad enough to be taken for a floor. What is flat and called something else is
+    /// called so wrongly: walls, curtains and pictures lie nowhere.
+    pub fn has_level_top(self) -> bool {
+        matches!(
+            self,
+            Class::Stairs
+                | Class::Bed
+                | Class::Sofa
+                | Class::Chair
+                | Class::Table
+                | Class::Desk
+                | Class::Cabinet
+                | Class::Shelf
+                | Class::Counter
+                | Class::Refrigerator
+                | Class::Stove
+                | Class::WashingMachine
+                | Class::Toilet
+                | Class::Sink
+                | Class::Bathtub
+                | Class::Shower
+                | Class::Pillow
+                | Class::Clothes
+                | Class::Box
+        )
+    }
+
     /// Lies flat on the floor, so that its surface is the floor's.
     pub fn is_ground(self) -> bool {
         matches!(self, Class::Floor | Class::Rug)

@@ -6,7 +6,6 @@ use super::label::Label;
 use super::{FloorReport, Reason};
 use crate::clip::Up;
 use crate::geometry::{Plane, Point3, Pose3, Vector2, Vector3};
-use crate::taxonomy::Class;
 use nalgebra::{Matrix2, Matrix3, Rotation3, UnitQuaternion};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -221,7 +220,7 @@ impl From<&CloudPoint> for Scored {
     fn from(point: &CloudPoint) -> Scored {
         const SURE: f32 = 0.5;
         let Label { class, .. } = point.label;
-        let else_for_sure = !class.is_ground() && class != Class::Other && point.label.probability() > SURE;
+        let else_for_sure = class.has_level_top() && point.label.probability() > SURE;
         Scored { position_m: point.position(), normal: point.normal(), may_be_floor: !else_for_sure }
     }
 }
@@ -283,13 +282,17 @@ impl Scorer<'_> {
 }
 
 impl Scorer<'_> {
-    /// A plane of which so much was seen, drawn towards level as far as its own unevenness leaves its lean open.
+    /// A plane of which so much was seen, drawn towards level as far as what was seen leaves its lean open: by its own
+    /// unevenness over how far it reaches, and by what bends whole recordings.
     fn steadied(&self, plane: &Plane, area_m2: f64, known_up: &Up) -> Plane {
-        let up = &known_up.direction;
-        /// Standard deviation of a scanned floor's height, and the area over which it is off alike: the real apartment's
-        /// bends by two to five centimetres over a few metres.
-        const UNEVEN_M: f64 = 0.02;
+        /// The area over which a floor is off alike.
         const ALIKE_M2: f64 = 0.3;
+        /// No surface is measured better.
+        const LEAST_UNEVEN_M: f64 = 0.002;
+        /// How far a recording leans by itself, as standard deviation: poses drift, and so do the floors of the real
+        /// apartment, of which some parts lean by 1.9 degrees.
+        const DRIFT_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
+        let up = &known_up.direction;
         let on_plane = |s: &&Scored| {
             s.may_be_floor
                 && plane.height_m(&s.position_m).abs() < self.params.inlier_m
@@ -305,8 +308,13 @@ impl Scorer<'_> {
         let north = up.cross(&east);
         let middle = seen.iter().map(|p| p.coords).sum::<Vector3>() / seen.len() as f64;
         let flat = |p: &Point3| Vector2::new((p.coords - middle).dot(&east), (p.coords - middle).dot(&north));
+        let squares_m2: f64 = seen.iter().map(|p| plane.height_m(p).powi(2)).sum();
+        let uneven_m2 = (squares_m2 / seen.len() as f64).max(LEAST_UNEVEN_M * LEAST_UNEVEN_M);
         let spread: Matrix2<f64> = seen.iter().map(|p| flat(p) * flat(p).transpose()).sum();
-        let known = spread * (area_m2 / ALIKE_M2 / seen.len() as f64 / (UNEVEN_M * UNEVEN_M));
+        // What is known of the lean, as the inverse of a covariance.
+        let by_points = spread * (area_m2 / ALIKE_M2 / seen.len() as f64 / uneven_m2);
+        let with_drift = Matrix2::identity() + by_points * DRIFT_RAD.powi(2);
+        let Some(known) = with_drift.try_inverse().map(|inverse| by_points * inverse) else { return *plane };
         let level = Matrix2::identity() / known_up.deviation_rad.powi(2);
         let lean = Vector2::new(plane.normal.dot(&east), plane.normal.dot(&north)) / plane.normal.dot(up);
         let Some(share) = (known + level).try_inverse() else { return *plane };

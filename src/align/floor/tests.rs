@@ -1,6 +1,7 @@
 //! The floor in rooms of any orientation.
 
 use super::*;
+use crate::taxonomy::Class;
 use proptest::prelude::*;
 
 const VOXEL_M: f64 = 0.05;
@@ -96,6 +97,38 @@ fn what_pictures_call_a_bed_is_not_the_floor() {
         point.label = Label::new(Class::Rug, 0.8, 3);
     }
     assert!(find(&cloud).is_ok());
+}
+
+/// Walls have no level top: what pictures wrongly call one, lying flat, is still looked at.
+#[test]
+fn a_floor_that_pictures_call_a_wall_is_the_floor() {
+    let surfaces = [level((0.0, 3.0), (0.5, 3.0), 0.0), wall(2.4)];
+    let (mut cloud, keys) = room(&surfaces, &Pose3::identity());
+    for class in [Class::Wall, Class::Door, Class::Curtain, Class::Mirror] {
+        for point in &mut cloud.points {
+            point.label = Label::new(class, 0.9, 3);
+        }
+        let floor = find_floor(&cloud, &keys, Some(&z_up()), &FloorParams::default(), 5).unwrap();
+        assert!((floor.first_camera_height_m - 1.4).abs() < 0.01, "{class:?} {floor:?}");
+    }
+}
+
+/// Of a floor that leans, as recordings' do, a strip follows gravity and a broad part itself; an accelerometer that may be
+/// mounted askew weighs little.
+#[test]
+fn the_less_of_a_floor_is_seen_the_more_gravity_levels_it() {
+    const LEAN_RAD: f64 = 0.03;
+    let lean = Pose3::new(Vector3::zeros(), Vector3::x() * LEAN_RAD);
+    let leaning = |y_end_m: f64, up: &Up| {
+        let surfaces = [level((0.0, 3.0), (0.5, y_end_m), 0.0)];
+        let (cloud, keys) = room(&surfaces, &lean);
+        find_floor(&cloud, &keys, Some(up), &FloorParams::default(), 5).unwrap().gravity_angle_rad.unwrap()
+    };
+    let of_device = z_up();
+    let (strip, broad) = (leaning(0.7, &of_device), leaning(3.0, &of_device));
+    assert!(strip < 0.3 * LEAN_RAD && 0.5 * LEAN_RAD < broad && broad < 0.8 * LEAN_RAD, "{strip} {broad}");
+    let askew = Up { deviation_rad: 3f64.to_radians(), ..of_device };
+    assert!(leaning(3.0, &askew) > 0.95 * LEAN_RAD);
 }
 
 #[test]
