@@ -149,9 +149,10 @@ pub fn find_floor(
     if area_m2 < params.min_area_m2 || below_share > params.max_below_share {
         return Err(NoFloor::NoPlane { best_area_m2: area_m2, below_share });
     }
+    let settled = scorer.settled(best.plane);
     let plane = match up_in_world {
-        Some(up) => scorer.steadied(&best.plane, area_m2, up),
-        None => best.plane,
+        Some(up) => scorer.steadied(&settled, area_m2, up),
+        None => settled,
     };
     Ok(Floor {
         plane_in_world: plane,
@@ -282,6 +283,36 @@ impl Scorer<'_> {
 }
 
 impl Scorer<'_> {
+    /// What lies on a plane to within a distance.
+    fn on<'a>(&'a self, plane: &'a Plane, within_m: f64) -> impl Iterator<Item = &'a Point3> + Clone {
+        let is_on = move |s: &&Scored| {
+            s.may_be_floor
+                && plane.height_m(&s.position_m).abs() < within_m
+                && s.normal.dot(&plane.normal) > 0.9
+        };
+        self.scored.iter().filter(is_on).map(|s| &s.position_m)
+    }
+
+    /// The plane through all that lies on it. A floor that bends reaches out of the first one's band, so that it starts
+    /// wider.
+    fn settled(&self, plane: Plane) -> Plane {
+        const ROUNDS: i32 = 20;
+        const WIDER: f64 = 1.7;
+        const NARROWER: f64 = 0.8;
+        let mut plane = plane;
+        for round in 0..ROUNDS {
+            let within_m = self.params.inlier_m * (WIDER * NARROWER.powi(round)).max(1.0);
+            let Some(fitted) = Plane::fit(self.on(&plane, within_m)) else { return plane };
+            let fitted = if fitted.normal.dot(&plane.normal) < 0.0 { fitted.flipped() } else { fitted };
+            let moved = (fitted.normal - plane.normal).norm() + (fitted.offset_m - plane.offset_m).abs();
+            plane = fitted;
+            if moved < 1e-9 && within_m == self.params.inlier_m {
+                break;
+            }
+        }
+        plane
+    }
+
     /// A plane of which so much was seen, drawn towards level as far as what was seen leaves its lean open: by its own
     /// unevenness over how far it reaches, and by what bends whole recordings.
     fn steadied(&self, plane: &Plane, area_m2: f64, known_up: &Up) -> Plane {
@@ -293,12 +324,7 @@ impl Scorer<'_> {
         /// apartment, of which some parts lean by 1.9 degrees.
         const DRIFT_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
         let up = &known_up.direction;
-        let on_plane = |s: &&Scored| {
-            s.may_be_floor
-                && plane.height_m(&s.position_m).abs() < self.params.inlier_m
-                && s.normal.dot(&plane.normal) > 0.9
-        };
-        let seen: Vec<&Point3> = self.scored.iter().filter(on_plane).map(|s| &s.position_m).collect();
+        let seen: Vec<&Point3> = self.on(plane, self.params.inlier_m).collect();
         if seen.is_empty() {
             return *plane;
         }
