@@ -149,9 +149,10 @@ pub fn find_floor(
     if area_m2 < params.min_area_m2 || below_share > params.max_below_share {
         return Err(NoFloor::NoPlane { best_area_m2: area_m2, below_share });
     }
+    let settled = scorer.settled(best.plane);
     let plane = match up_in_world {
-        Some(up) => scorer.steadied(&best.plane, area_m2, up),
-        None => best.plane,
+        Some(up) => scorer.steadied(&settled, area_m2, up),
+        None => settled,
     };
     Ok(Floor {
         plane_in_world: plane,
@@ -282,19 +283,48 @@ impl Scorer<'_> {
 }
 
 impl Scorer<'_> {
-    /// A plane of which so much was seen, drawn towards level as far as its own unevenness leaves its lean open.
-    fn steadied(&self, plane: &Plane, area_m2: f64, known_up: &Up) -> Plane {
-        let up = &known_up.direction;
-        /// Standard deviation of a scanned floor's height, and the area over which it is off alike: the real apartment's
-        /// bends by two to five centimetres over a few metres.
-        const UNEVEN_M: f64 = 0.02;
-        const ALIKE_M2: f64 = 0.3;
-        let on_plane = |s: &&Scored| {
+    /// What lies on a plane to within a distance.
+    fn on<'a>(&'a self, plane: &'a Plane, within_m: f64) -> impl Iterator<Item = &'a Point3> + Clone {
+        let is_on = move |s: &&Scored| {
             s.may_be_floor
-                && plane.height_m(&s.position_m).abs() < self.params.inlier_m
+                && plane.height_m(&s.position_m).abs() < within_m
                 && s.normal.dot(&plane.normal) > 0.9
         };
-        let seen: Vec<&Point3> = self.scored.iter().filter(on_plane).map(|s| &s.position_m).collect();
+        self.scored.iter().filter(is_on).map(|s| &s.position_m)
+    }
+
+    /// The plane through all that lies on it. A floor that bends reaches out of the first one's band, so that it starts
+    /// wider.
+    fn settled(&self, plane: Plane) -> Plane {
+        const ROUNDS: i32 = 20;
+        const WIDER: f64 = 1.7;
+        const NARROWER: f64 = 0.8;
+        let mut plane = plane;
+        for round in 0..ROUNDS {
+            let within_m = self.params.inlier_m * (WIDER * NARROWER.powi(round)).max(1.0);
+            let Some(fitted) = Plane::fit(self.on(&plane, within_m)) else { return plane };
+            let fitted = if fitted.normal.dot(&plane.normal) < 0.0 { fitted.flipped() } else { fitted };
+            let moved = (fitted.normal - plane.normal).norm() + (fitted.offset_m - plane.offset_m).abs();
+            plane = fitted;
+            if moved < 1e-9 && within_m == self.params.inlier_m {
+                break;
+            }
+        }
+        plane
+    }
+
+    /// A plane of which so much was seen, drawn towards level as far as what was seen leaves its lean open: by its own
+    /// unevenness over how far it reaches, and by what bends whole recordings.
+    fn steadied(&self, plane: &Plane, area_m2: f64, known_up: &Up) -> Plane {
+        /// The area over which a floor is off alike.
+        const ALIKE_M2: f64 = 0.3;
+        /// No surface is measured better.
+        const LEAST_UNEVEN_M: f64 = 0.002;
+        /// How far a recording leans by itself, as standard deviation: poses drift, and so do the floors of the real
+        /// apartment, of which some parts lean by 1.9 degrees.
+        const DRIFT_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
+        let up = &known_up.direction;
+        let seen: Vec<&Point3> = self.on(plane, self.params.inlier_m).collect();
         if seen.is_empty() {
             return *plane;
         }
@@ -304,8 +334,13 @@ impl Scorer<'_> {
         let north = up.cross(&east);
         let middle = seen.iter().map(|p| p.coords).sum::<Vector3>() / seen.len() as f64;
         let flat = |p: &Point3| Vector2::new((p.coords - middle).dot(&east), (p.coords - middle).dot(&north));
+        let squares_m2: f64 = seen.iter().map(|p| plane.height_m(p).powi(2)).sum();
+        let uneven_m2 = (squares_m2 / seen.len() as f64).max(LEAST_UNEVEN_M * LEAST_UNEVEN_M);
         let spread: Matrix2<f64> = seen.iter().map(|p| flat(p) * flat(p).transpose()).sum();
-        let known = spread * (area_m2 / ALIKE_M2 / seen.len() as f64 / (UNEVEN_M * UNEVEN_M));
+        // What is known of the lean, as the inverse of a covariance.
+        let by_points = spread * (area_m2 / ALIKE_M2 / seen.len() as f64 / uneven_m2);
+        let with_drift = Matrix2::identity() + by_points * DRIFT_RAD.powi(2);
+        let Some(known) = with_drift.try_inverse().map(|inverse| by_points * inverse) else { return *plane };
         let level = Matrix2::identity() / known_up.deviation_rad.powi(2);
         let lean = Vector2::new(plane.normal.dot(&east), plane.normal.dot(&north)) / plane.normal.dot(up);
         let Some(share) = (known + level).try_inverse() else { return *plane };

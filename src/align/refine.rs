@@ -1,5 +1,9 @@
 //! Continuous refinement of all candidates at once on the map's distance field (paper III-C).
 
+mod mean;
+
+pub use mean::mean;
+
 use super::raycast::Hit;
 use super::target::Target;
 use crate::geometry::{Point2, Pose2, angle_between};
@@ -187,9 +191,21 @@ impl Normal {
     }
 }
 
-/// Residual variance times the inverse information. Neighbouring hits share the map's and the fusion's
+/// What the descents lower.
+fn cost(pose: &Pose2, hits: &[Weighted], target: &Target, kernel_m: f64) -> f64 {
+    let c2 = kernel_m * kernel_m;
+    let (sin, cos) = pose.yaw_rad.sin_cos();
+    let of_hit = |hit: &Weighted| {
+        let (rx, ry) = (cos * hit.x_m - sin * hit.y_m, sin * hit.x_m + cos * hit.y_m);
+        let (d, _) = target.field.value_and_gradient(&Point2::new(rx + pose.x_m, ry + pose.y_m));
+        hit.weight * d * d * c2 / (c2 + d * d)
+    };
+    hits.iter().map(of_hit).sum()
+}
+
+/// Variance of one hit's distance from the map at a pose. Neighbouring hits share the map's and the fusion's
 /// errors, so only one in [`CORRELATED_HITS`] counts as an observation of its own.
-fn covariance(pose: &Pose2, hits: &[Weighted], target: &Target, kernel_m: f64) -> Matrix3<f64> {
+fn variance_m2(pose: &Pose2, hits: &[Weighted], target: &Target, kernel_m: f64) -> f64 {
     const CORRELATED_HITS: f64 = 5.0;
     const FLOOR_M: f64 = 0.01;
     let c2 = kernel_m * kernel_m;
@@ -201,10 +217,15 @@ fn covariance(pose: &Pose2, hits: &[Weighted], target: &Target, kernel_m: f64) -
         weights += hit.weight * share * share;
     }
     let variance = if weights > 0.0 { squared / weights } else { 1.0 };
-    let variance = variance.max(FLOOR_M * FLOOR_M) * CORRELATED_HITS;
+    variance.max(FLOOR_M * FLOOR_M) * CORRELATED_HITS
+}
+
+/// [`variance_m2`] times the inverse information.
+fn covariance(pose: &Pose2, hits: &[Weighted], target: &Target, kernel_m: f64) -> Matrix3<f64> {
     // A direction that nothing holds gets a metre (a radian) of doubt, not infinity.
-    let information =
-        Normal::gather(pose, hits, target, kernel_m).information() / variance + Matrix3::identity();
+    let information = Normal::gather(pose, hits, target, kernel_m).information()
+        / variance_m2(pose, hits, target, kernel_m)
+        + Matrix3::identity();
     let inverse = information.try_inverse().unwrap_or_else(Matrix3::identity);
     (inverse + inverse.transpose()) * 0.5
 }

@@ -4,6 +4,7 @@ use super::decide::Ranked;
 use super::observe::Observation;
 use super::posterior::{self, POSTERIOR};
 use super::raycast::{Hit, VirtualScan};
+use super::refine::Refined;
 use super::search::{Modes, Reach, Search};
 use super::{
     AlignError, AlignParams, Alignment, AlignmentState, FloorReport, Reason, Target, decide, refine, weigh,
@@ -88,12 +89,20 @@ fn register_scan(
         let ranked = decide::rank(&refined, &hits, scan, target, &params.decide);
         Ok::<_, AlignError>((judge(ranked, &found, &hits, answer.clone(), target, params), found.complete))
     };
-    let (first, complete) = place(&params.search.first)?;
-    if first.state == AlignmentState::Aligned || !complete {
-        return Ok(first);
+    let (mut answer, complete) = place(&params.search.first)?;
+    if answer.state != AlignmentState::Aligned && complete {
+        // The truth may score too low to be among what was looked at.
+        answer = place(&params.search.in_doubt)?.0;
     }
-    // The truth may score too low to be among what was looked at.
-    Ok(place(&params.search.in_doubt)?.0)
+    if let (Some(map_from_clip), Some(covariance)) = (answer.map_from_clip, answer.covariance) {
+        let best = Refined { map_from_clip, covariance: covariance.into() };
+        let mean = refine::mean(&best, &hits, target, &params.refine);
+        answer.map_from_clip = Some(mean);
+        if let Some(best) = answer.alternatives.first_mut() {
+            best.map_from_clip = mean;
+        }
+    }
+    Ok(answer)
 }
 
 /// Fills in where hits lie in the map.
