@@ -3,7 +3,7 @@
 use super::planes::{self, Upright};
 use super::sites::Sites;
 use crate::geometry::Vector2;
-use rustc_hash::FxHashSet;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 /// What a place looks like without its picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -12,7 +12,7 @@ pub enum Shape {
     /// In an upright plane that has what walls have.
     Wall,
     Ceiling,
-    /// In an upright plane with a wall close behind it, or with a top: the front of a cabinet.
+    /// In an upright plane with a wall close behind most of it, or with a top: the front of a cabinet.
     Front,
     /// In another upright plane.
     Upright,
@@ -115,7 +115,7 @@ fn judge(patch: &Upright, all: &[Upright], sites: &Sites, params: &StructurePara
     if height_m < 0.3 {
         return Shape::Upright;
     }
-    if wall_behind(patch, all, sites, params) > 0.3 || has_top(patch, sites) {
+    if wall_behind(patch, all, sites, params) > 0.5 || has_top(patch, sites) {
         Shape::Front
     } else if patch.high_m >= params.tall_m || height_m >= params.extent_m {
         Shape::Wall
@@ -124,26 +124,34 @@ fn judge(patch: &Upright, all: &[Upright], sites: &Sites, params: &StructurePara
     }
 }
 
-/// How much parallel wall stands close behind a patch, as a share of it.
+/// Over how much of a patch's length a parallel wall stands close behind it, as a share. Furniture hides most of the wall that
+/// it stands before, so that little of it need be seen.
 fn wall_behind(patch: &Upright, all: &[Upright], sites: &Sites, params: &StructureParams) -> f64 {
-    const BESIDE_M: f64 = 0.4;
+    const SECTION_M: f64 = 0.25;
     const CLOSE_M: f64 = 0.1;
+    /// Wall behind a section or those beside it.
+    const LEAST_M2: f64 = 0.01;
     let along = patch.along();
-    let beside = patch.from_m - BESIDE_M..patch.to_m + BESIDE_M;
     let is_wall = |other: &&Upright| {
         other.area_m2 >= params.min_area_m2
             && other.high_m >= params.tall_m
             && other.normal.dot(&patch.normal) > 0.97
             && !std::ptr::eq(*other, patch)
     };
-    let behind = |i: &&u32| {
-        let at: Vector2 = sites.positions_m[**i as usize].coords.xy();
-        let behind_m = patch.offset_m - at.dot(&patch.normal);
-        (CLOSE_M..params.depth_m).contains(&behind_m) && beside.contains(&at.dot(&along))
+    let place = |i: u32| -> Vector2 { sites.positions_m[i as usize].coords.xy() };
+    let section = |at: &Vector2| (at.dot(&along) / SECTION_M).floor() as i32;
+    let mut behind: FxHashMap<i32, usize> = FxHashMap::default();
+    for at in all.iter().filter(is_wall).flat_map(|other| &other.members).map(|&i| place(i)) {
+        if (CLOSE_M..params.depth_m).contains(&(patch.offset_m - at.dot(&patch.normal))) {
+            *behind.entry(section(&at)).or_default() += 1;
+        }
+    }
+    let own: FxHashSet<i32> = patch.members.iter().map(|&i| section(&place(i))).collect();
+    let has_wall = |own: &&i32| {
+        let near = (-1..=1).map(|step| behind.get(&(**own + step)).copied().unwrap_or(0));
+        sites.area_m2(near.sum()) > LEAST_M2
     };
-    let count: usize =
-        all.iter().filter(is_wall).map(|other| other.members.iter().filter(behind).count()).sum();
-    count as f64 / patch.members.len() as f64
+    own.iter().filter(has_wall).count() as f64 / own.len().max(1) as f64
 }
 
 /// Whether a level surface begins at the upper edge of a patch and goes back from it.
