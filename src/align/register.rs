@@ -98,6 +98,7 @@ fn register_scan(
         let best = Refined { map_from_clip, covariance: covariance.into() };
         let mean = refine::mean(&best, &hits, target, &params.refine);
         answer.map_from_clip = Some(mean);
+        // What ranks it stays that of the minimum, as for its rivals.
         if let Some(best) = answer.alternatives.first_mut() {
             best.map_from_clip = mean;
         }
