@@ -196,3 +196,52 @@ fn claim(wall: &Upright, sites: &Sites, shapes: &mut [Shape]) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Point3;
+
+    /// Upright surface that faces +x at a distance, two metres long and tall, seen from one place along it to another.
+    fn upright(sites: &mut Sites, offset_m: f64, seen_m: std::ops::Range<f64>) -> Upright {
+        const STEP_M: f64 = 0.05;
+        let first = sites.positions_m.len() as u32;
+        let cells =
+            |range: &std::ops::Range<f64>| (range.start / STEP_M) as usize..(range.end / STEP_M) as usize;
+        for along in cells(&seen_m) {
+            let at = |up: usize| Point3::new(offset_m, along as f64 * STEP_M, up as f64 * STEP_M);
+            sites.positions_m.extend((0..40).map(at));
+        }
+        sites.voxel_m = STEP_M;
+        let members: Vec<u32> = (first..sites.positions_m.len() as u32).collect();
+        Upright {
+            normal: Vector2::x(),
+            offset_m,
+            area_m2: sites.area_m2(members.len()),
+            members,
+            low_m: 0.0,
+            high_m: 2.0,
+            from_m: seen_m.start,
+            to_m: seen_m.end,
+        }
+    }
+
+    /// A patch of two metres, the wall's distance behind it, how much of that wall was seen, and the share it comes to.
+    fn check(behind_m: f64, seen_m: std::ops::Range<f64>, want: std::ops::RangeInclusive<f64>) {
+        let mut sites = Sites::default();
+        let all = [upright(&mut sites, 0.0, 0.0..2.0), upright(&mut sites, -behind_m, seen_m.clone())];
+        let share = wall_behind(&all[0], &all, &sites, &StructureParams::default());
+        assert!(want.contains(&share), "{behind_m} m behind, {seen_m:?}: {share}");
+    }
+
+    #[test]
+    fn a_wall_behind_counts_by_the_length_that_it_stands_behind() {
+        check(0.5, 0.0..2.0, 1.0..=1.0);
+        // A section beside one with a wall behind it has one, too.
+        check(0.5, 0.0..1.0, 0.5..=0.75);
+        check(0.5, 2.5..4.0, 0.0..=0.0);
+        // The same wall, and one of another room.
+        check(0.05, 0.0..2.0, 0.0..=0.0);
+        check(1.2, 0.0..2.0, 0.0..=0.0);
+    }
+}
