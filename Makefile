@@ -1,9 +1,15 @@
-.PHONY: demo test
+.PHONY: demo test quick
 
-# A simulated home is mapped, filmed, uploaded over HTTP and aligned; then the server stays up to be looked at.
+# A simulated home is mapped, filmed, uploaded over HTTP and aligned; then the server stays up to be looked at. The first
+# call compiles for about 15 minutes on two cores.
 demo:
-	cargo run --release --quiet -- demo
+	cargo run --release -- demo
 
 # All tests. VIOLA_TEST_DATA names the folder with the real recordings; without it those tests say so.
 test:
-	cargo test
+	cargo test --workspace
+
+# Unit tests and the rules of the house: what to run after every edit.
+quick:
+	cargo test --workspace --lib
+	cargo test --test house

@@ -6,13 +6,13 @@ use image::{GrayImage, RgbImage};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
-use viola::align::complete::inpaint::{InpaintError, Inpainter};
-use viola::align::complete::monocular::{DepthError, DepthEstimator};
-use viola::align::complete::{self, Imagination, View, ViewStrategy};
-use viola::align::{Activation, AlignParams, CompleteParams, register_completing};
-use viola::evaluate::{HomeClips, HomesParams, Method, Sample, Scene, SceneClips, Suite, excerpts};
-use viola::progress::Silent;
-use viola::simulate::{Sensor, Set};
+use viola_align::complete::inpaint::{InpaintError, Inpainter};
+use viola_align::complete::monocular::{DepthError, DepthEstimator};
+use viola_align::complete::{self, Imagination, View, ViewStrategy};
+use viola_align::{Activation, AlignParams, CompleteParams, register_completing};
+use viola_geometry::progress::Silent;
+use viola_lab::evaluate::{HomeClips, HomesParams, Method, Sample, Scene, SceneClips, Suite, excerpts};
+use viola_lab::simulate::{Sensor, Set};
 
 fn main() {
     let with_paper = std::env::args().any(|argument| argument == "--paper");

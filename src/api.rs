@@ -67,6 +67,7 @@ struct App {
     has_keys: Arc<AtomicBool>,
     /// A place for everyone who may open an uploaded file at a time: readers use memory.
     readers: Arc<Semaphore>,
+    exports: export::Places,
     /// Ends the answers that would otherwise go on for ever.
     stop: CancellationToken,
 }
@@ -88,7 +89,7 @@ impl Modify for Security {
 #[derive(OpenApi)]
 #[openapi(
     modifiers(&Security),
-    components(schemas(crate::taxonomy::Class, map::points::Format, map::PlanFormat)),
+    components(schemas(viola_geometry::taxonomy::Class, map::points::Format, map::PlanFormat)),
     info(title = "viola", description = "Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.\n\n\
         Every error is an RFC 9457 problem document with a stable `type`. Lists page by cursor."),
     tags(

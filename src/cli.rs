@@ -1,6 +1,7 @@
 //! The command line: one file a command.
 
 mod align;
+mod align_job;
 mod clean;
 mod completion;
 mod config;
@@ -13,6 +14,7 @@ mod evaluate_track;
 mod health;
 mod inspect;
 mod keys;
+mod method;
 mod migrate;
 mod models;
 mod networks;
@@ -77,12 +79,16 @@ enum Command {
     /// Decode frames of the video that is the standard input, for another process of viola.
     #[command(hide = true)]
     DecodeVideo(decode_video::DecodeVideoArguments),
+    /// Align the clip of a job, for another process of viola.
+    #[command(hide = true)]
+    AlignJob(align_job::AlignJobArguments),
     /// Print the OpenAPI document of the service.
     Openapi,
 }
 
 /// Runs the command of the process's arguments; an error is printed with its causes.
 pub fn main() -> ExitCode {
+    crate::tls::use_ring();
     let program = Arguments::command();
     let arguments = match config::with_file(std::env::args_os(), &program) {
         Ok(arguments) => arguments,
@@ -105,6 +111,7 @@ pub fn main() -> ExitCode {
         Command::Config(arguments) => config::run(&arguments, &program),
         Command::Migrate(arguments) => migrate::run(&arguments),
         Command::DecodeVideo(arguments) => decode_video::run(&arguments),
+        Command::AlignJob(arguments) => align_job::run(&arguments),
         Command::Openapi => openapi::run(),
     };
     match done {

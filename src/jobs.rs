@@ -1,12 +1,16 @@
 //! The queue as one process sees it: it wakes workers and listeners; what is true is in storage.
 
 mod align_clip;
+mod child;
 mod merge;
 mod metrics;
 mod report;
+mod run;
+mod trouble;
 mod worker;
 
 pub use align_clip::{Failure, Finished, JobParams, align_clip};
+pub use child::{ChildOrder, ChildParams, serve_child};
 pub use metrics::describe_metrics;
 pub use worker::{Method, WorkerParams, work};
 

@@ -53,10 +53,11 @@ pub use homes::{Home, HomeId, InvalidHomeId, InvalidTenant, Tenant};
 pub use incoming::{Arrived, Incoming};
 pub use jobs::{Job, JobState, QueueState};
 pub use keys::{ApiKey, NewKey, Role, Secret};
-pub use leases::{Claim, Ending, RetryPolicy};
+pub use leases::{Claim, Ending, Fault, RetryPolicy};
 pub use lidar_maps::{LidarMapRevision, NewLidarMap};
 pub use placement::Placement;
 pub use signals::{Signal, Signals};
+pub use sweep::SweepLimit;
 pub use tenants::Removed;
 pub use uploads::{
     Joining, NewUpload, Upload, UploadClaim, UploadError, UploadKind, UploadLimits, UploadState, UploadWriter,
@@ -68,10 +69,11 @@ pub use webhooks::{
 
 use blobs::Blobs;
 pub use database::POSTGRES_CONNECTIONS;
-use database::{Database, query};
+use database::{Database, DatabaseFault};
 use folder_lock::FolderLock;
 use jiff::Timestamp;
 use std::fmt;
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 
 /// All that a service keeps.
@@ -127,13 +129,36 @@ pub struct Page<Id> {
 
 impl Storage {
     /// Opens what is there, makes what is not, brings the tables up to date, and, where no other process can be at
-    /// work, removes what interrupted writes left behind.
+    /// work, removes what interrupted writes left behind. Refuses blobs of which the database knows nothing.
     pub async fn open(params: &StorageParams) -> Result<Storage, StorageError> {
         let storage = Storage::migrate(params).await?;
-        if storage._lock.is_some() {
-            storage.sweep(Timestamp::now()).await?;
+        if let Err(error) = storage.compare_blobs().await {
+            // Without this, SQLite's log stays, and would be applied to the copy that is put in the database's place.
+            storage.close().await;
+            return Err(error);
         }
         Ok(storage)
+    }
+
+    /// Refuses blobs of which the database knows nothing; removes leftovers where no other process can be at work.
+    async fn compare_blobs(&self) -> Result<(), StorageError> {
+        let is_alone = self._lock.is_some();
+        match self.check_blobs_are_known().await {
+            // Nothing is swept here, and `/readyz` tells of a store that does not answer.
+            Err(error @ StorageError::Blobs(_)) if !is_alone => {
+                tracing::warn!(%error, "the blobs could not be compared with the database");
+            }
+            checked => checked?,
+        }
+        if is_alone {
+            match self.sweep(Timestamp::now(), SweepLimit::Leftovers).await {
+                Err(error @ StorageError::TooMuchToSweep { .. }) => {
+                    tracing::error!(%error, "nothing was swept");
+                }
+                swept => drop(swept?),
+            }
+        }
+        Ok(())
     }
 
     /// The same without removing anything.
@@ -143,7 +168,8 @@ impl Storage {
 
     async fn connect(params: &StorageParams, is_alone: bool) -> Result<Storage, StorageError> {
         let file_error = |source| StorageError::File { path: params.data.clone(), source };
-        std::fs::create_dir_all(&params.data).map_err(file_error)?;
+        // Recordings of homes are nobody else's business on this machine.
+        std::fs::DirBuilder::new().recursive(true).mode(0o700).create(&params.data).map_err(file_error)?;
         let folder = &params.data.canonicalize().map_err(file_error)?;
         let (database, lock) = match &params.postgres {
             Some(postgres) => (Database::open_postgres(&postgres.url, postgres.connections).await?, None),
@@ -170,10 +196,9 @@ impl Storage {
         self.database.name()
     }
 
-    /// Whether the database answers.
-    pub async fn ready(&self) -> Result<(), StorageError> {
-        query("SELECT 1").fetch_one(&mut self.database.reader().await?).await?;
-        Ok(())
+    /// Checks that the database can write.
+    pub async fn check_writes(&self) -> Result<(), StorageError> {
+        self.database.check_writes().await
     }
 
     /// Ends all connections; what is under way is finished first.
@@ -201,10 +226,27 @@ pub enum StorageError {
     File { path: PathBuf, source: std::io::Error },
     #[error("database: {0}")]
     Database(#[from] sqlx::Error),
+    /// The commit was sent, and whether it took effect is not known.
+    #[error("database, while it committed: {0}")]
+    Unsettled(#[source] sqlx::Error),
+    #[error("writes to the database failed in the last seconds")]
+    WritesFail { is_full: bool },
     #[error("database tables: {0}")]
     Migrate(#[from] sqlx::migrate::MigrateError),
     #[error("blob store: {0}")]
     Blobs(#[from] object_store::Error),
+    #[error(
+        "the blob store has at least {blobs} files, and the database names none of them: the database was lost, or one of \
+         the two is the wrong one. Restore the database, or correct the data folder, the database URL or the bucket. To \
+         begin anew, delete these files: `viola clean --remove-unknown --older-than-seconds 0`"
+    )]
+    LostDatabase { blobs: usize },
+    #[error(
+        "the database names {named} files, but not {sent} recordings, LiDAR maps and uploads, nor {made} results and \
+         parts of maps. Killed processes leave fewer, so none was removed. Check that the database is the right one and \
+         not an old copy; then delete them: `viola clean --remove-unknown`"
+    )]
+    TooMuchToSweep { sent: u64, made: u64, named: u64 },
     #[error("column {column} holds what this version cannot read: {detail}")]
     Column { column: &'static str, detail: String },
     #[error("the system gives no random numbers: {0}")]
@@ -224,36 +266,35 @@ pub enum StorageError {
 }
 
 impl StorageError {
-    /// Whether the same may well succeed a moment later: the database or the store could not be reached, or had to
-    /// give way to somebody else.
+    /// Whether a retry may succeed: the database or the store could not be reached, gave way to somebody else, or met a
+    /// fault of the system.
     pub fn is_transient(&self) -> bool {
-        use sqlx::Error::{Database, Io, PoolClosed, PoolTimedOut, Protocol, Tls};
         match self {
-            StorageError::Database(Io(_) | PoolClosed | PoolTimedOut | Protocol(_) | Tls(_)) => true,
-            // Of PostgreSQL: connection lost, transaction rolled back, no resources, operator's intervention, lock not
-            // to be had.
-            StorageError::Database(Database(error)) => error.code().is_some_and(|code| {
-                let is_of_postgres = code.len() == 5;
-                let class = code.get(..2).unwrap_or_default();
-                is_of_postgres && (["08", "40", "53", "57"].contains(&class) || code == "55P03")
-            }),
+            StorageError::Database(error) => DatabaseFault::of(error) != DatabaseFault::Lasting,
+            StorageError::Unsettled(_) | StorageError::WritesFail { .. } => true,
             StorageError::Blobs(object_store::Error::NotFound { .. }) => false,
             StorageError::Blobs(_) => true,
             _ => false,
         }
     }
 
-    /// Whether the disk is full.
+    /// Whether a change may have taken effect all the same.
+    fn is_unsettled(&self) -> bool {
+        matches!(self, StorageError::Unsettled(_))
+    }
+
+    /// Whether the disk is full, or this process may not take more of it.
     pub fn is_full(&self) -> bool {
+        use std::io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
         fn find(error: &(dyn std::error::Error + 'static)) -> bool {
             let full = error
                 .downcast_ref::<std::io::Error>()
-                .is_some_and(|error| error.kind() == std::io::ErrorKind::StorageFull);
+                .is_some_and(|error| [StorageFull, QuotaExceeded, FileTooLarge].contains(&error.kind()));
             full || error.source().is_some_and(find)
         }
         match self {
-            // SQLITE_FULL
-            StorageError::Database(sqlx::Error::Database(error)) => error.code().as_deref() == Some("13"),
+            StorageError::Database(error) if DatabaseFault::of(error) == DatabaseFault::Full => true,
+            StorageError::WritesFail { is_full } => *is_full,
             StorageError::File { source, .. } => find(source),
             other => std::error::Error::source(other).is_some_and(find),
         }

@@ -4,10 +4,12 @@
 //! The addresses come from tenants, so that nothing of this service's own network may be reached by them: see `address`.
 
 mod address;
+mod params;
 mod send;
 mod sign;
 mod target;
 
+pub use params::WebhookParams;
 pub use target::{TargetError, check_url};
 
 use crate::storage::{Sending, Sent, Storage, StorageError};
@@ -20,8 +22,6 @@ use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
-/// How long one address may take to answer.
-const ANSWER: Duration = Duration::from_secs(15);
 /// Longer than a batch takes.
 const LEASE: Duration = Duration::from_secs(60);
 /// Messages that are on their way to one address at a time.
@@ -32,13 +32,6 @@ const SENDERS: usize = 4;
 const POLL: Duration = Duration::from_secs(1);
 
 const DELIVERIES: &str = "viola_webhook_deliveries_total";
-
-/// How webhooks are sent.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct WebhookParams {
-    /// Let them go to addresses of private networks and of this machine, and by plain http.
-    pub private_addresses: bool,
-}
 
 /// Tells whoever reads the numbers what they are.
 pub fn describe_metrics() {

@@ -3,11 +3,12 @@
 mod real;
 
 use std::path::{Path, PathBuf};
-use viola::align::{self, AlignParams, Alignment, AlignmentState};
-use viola::clip::Clip;
-use viola::evaluate::{self, ClipResult, Method, Run, Scene, SceneClips};
-use viola::lidar::LidarMap;
-use viola::progress::{Progress, Silent, Stage};
+use viola_align as align;
+use viola_align::{AlignParams, Alignment, AlignmentState};
+use viola_formats::clip::Clip;
+use viola_formats::lidar::LidarMap;
+use viola_geometry::progress::{Progress, Silent, Stage};
+use viola_lab::evaluate::{self, ClipResult, Method, Run, Scene, SceneClips};
 
 fn apartment() -> Option<PathBuf> {
     real::data("scannet/scene0000_00")

@@ -11,8 +11,8 @@ use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
-use viola::evaluate::Scene;
-use viola::geometry::{Pose2, angle_between};
+use viola_geometry::{Pose2, angle_between};
+use viola_lab::evaluate::Scene;
 
 fn excerpt(scene: &Path, frames: std::ops::Range<u32>) -> Vec<u8> {
     let read = |name: String| (name.clone(), fs::read(scene.join(&name)).unwrap());

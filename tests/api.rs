@@ -8,12 +8,16 @@ mod access;
 mod attacks;
 #[path = "api/changes.rs"]
 mod changes;
+#[path = "api/children.rs"]
+mod children;
 #[path = "api/choice.rs"]
 mod choice;
 #[path = "api/clips.rs"]
 mod clips;
 #[path = "api/document.rs"]
 mod document;
+#[path = "api/exports.rs"]
+mod exports;
 #[path = "api/homes.rs"]
 mod homes;
 #[path = "api/hostile.rs"]

@@ -5,23 +5,25 @@ use image::{GrayImage, Rgb, RgbImage};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use viola::align::complete::inpaint::{InpaintError, Inpainter, open_inpainter};
-use viola::align::complete::monocular::{DepthError, DepthEstimator, open_estimator};
-use viola::align::complete::{Imagination, Take, ViewStrategy};
-use viola::align::{self, Activation, AlignError, AlignParams, Aligned, CompleteParams};
-use viola::clip::Clip;
-use viola::home;
-use viola::lidar::LidarMap;
-use viola::network::manifest::Manifest;
-use viola::network::{self, RuntimeParams};
-use viola::progress::{Progress, Silent, Stage};
-use viola::simulate::{ClipParams, Home, HomeParams, Set, valetudo_json};
+use viola_align as align;
+use viola_align::complete::inpaint::{InpaintError, Inpainter, open_inpainter};
+use viola_align::complete::monocular::{DepthError, DepthEstimator, open_estimator};
+use viola_align::complete::{Imagination, Take, ViewStrategy};
+use viola_align::{Activation, AlignError, AlignParams, Aligned, CompleteParams};
+use viola_formats::clip::Clip;
+use viola_formats::lidar::LidarMap;
+use viola_geometry::progress::{Progress, Silent, Stage};
+use viola_home as home;
+use viola_lab::simulate::{ClipParams, Home, HomeParams, Set, valetudo_json};
+use viola_network as network;
+use viola_network::RuntimeParams;
+use viola_network::manifest::Manifest;
 
 /// A clip that saw mostly the upper part of a room, its map, and the truth.
 struct Recorded {
     clip: Clip,
     lidar: LidarMap,
-    truth: viola::geometry::Pose2,
+    truth: viola_geometry::Pose2,
 }
 
 fn recorded(seed: u64, number: u64) -> Recorded {
@@ -218,7 +220,7 @@ fn walls_that_go_on_help_clips_of_the_upper_part() {
     for (seed, number) in [(107, 0), (107, 1), (108, 0), (110, 0), (110, 1), (111, 0)] {
         let recorded = recorded(seed, number);
         let mut base = AlignParams::default();
-        base.weigh.upper_weight = 0.0;
+        base.hit_weights.upper_weight = 0.0;
         base.complete.when = Activation::Never;
         let right = |params: &AlignParams| {
             let pose = align(&recorded, params).alignment.map_from_clip;

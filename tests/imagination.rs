@@ -15,7 +15,7 @@ mod fetched;
 mod small;
 
 use image::{GrayImage, Luma};
-use viola::network::manifest::{Manifest, ModelEntry};
+use viola_network::manifest::{Manifest, ModelEntry};
 
 /// An entry as a user would write it.
 fn entry(task: &str, file: &str, input: &str, output: &str) -> ModelEntry {

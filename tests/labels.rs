@@ -5,13 +5,15 @@ mod common;
 use common::process::viola;
 use image::RgbImage;
 use std::sync::Arc;
-use viola::align::label::{ClassMap, SegmentError, Segmenter};
-use viola::align::{self, AlignParams, LabelParams, Observation};
-use viola::clip::Clip;
-use viola::evaluate::Oracle;
-use viola::progress::Silent;
-use viola::simulate::{ClipParams, Home, HomeParams, Set, SimulatedClip, clip_in_memory};
-use viola::taxonomy::Class;
+use viola_align as align;
+use viola_align::{AlignParams, Observation};
+use viola_formats::clip::Clip;
+use viola_geometry::progress::Silent;
+use viola_geometry::taxonomy::Class;
+use viola_lab::evaluate::Oracle;
+use viola_lab::simulate::{ClipParams, Home, HomeParams, Set, SimulatedClip, clip_in_memory};
+use viola_reconstruct::LabelParams;
+use viola_reconstruct::label::{ClassMap, SegmentError, Segmenter};
 
 fn simulated(set: Set, seed: u64, frames: usize) -> Arc<SimulatedClip> {
     let home = Home::generate(&HomeParams::new(set, seed));

@@ -11,10 +11,11 @@ use runtimes::{fixture, runtimes, stripes};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
-use viola::align::label::{ClassMap, SegmentError, open_segmenter};
-use viola::network::manifest::{Manifest, ModelEntry};
-use viola::network::{self, Network, NetworkError, Runtime, RuntimeParams, Tensor};
-use viola::taxonomy::{CLASSES, ClassTable};
+use viola_geometry::taxonomy::{CLASSES, ClassTable};
+use viola_network as network;
+use viola_network::manifest::{Manifest, ModelEntry};
+use viola_network::{Network, NetworkError, Runtime, RuntimeParams, Tensor};
+use viola_reconstruct::label::{ClassMap, SegmentError, open_segmenter};
 
 fn open(name: &str, params: &RuntimeParams) -> Arc<dyn Network> {
     network::open(&fixture(name), params).unwrap_or_else(|error| panic!("{name}: {error}"))
@@ -251,7 +252,7 @@ fn both_runtimes_see_the_same_classes() {
         return;
     };
     let Some(scene) = real::data("scannet/scene0000_00") else { return };
-    let Some(entry) = viola::align::label::installed(&models).unwrap() else {
+    let Some(entry) = viola_reconstruct::label::installed(&models).unwrap() else {
         panic!("VIOLA_MODELS is set but no segmentation network is in {}", models.display());
     };
     let picture = image::open(scene.join("color/100.jpg")).unwrap().into_rgb8();

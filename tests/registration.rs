@@ -2,13 +2,13 @@
 
 use proptest::prelude::*;
 use std::f64::consts::PI;
-use viola::align::{
-    self, AlignParams, Alignment, AlignmentState, FloorReport, Hit, Observation, Target, Thing, VirtualScan,
-};
-use viola::geometry::{Point2, Pose2, Vector2, angle_between};
-use viola::lidar::LidarMap;
-use viola::progress::Silent;
-use viola::taxonomy::Class;
+use viola_align as align;
+use viola_align::{AlignParams, Alignment, AlignmentState, Hit, Landmark, Observation, Target, VirtualScan};
+use viola_formats::lidar::LidarMap;
+use viola_geometry::progress::Silent;
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{Point2, Pose2, Vector2, angle_between};
+use viola_reconstruct::FloorReport;
 
 type Corner = (f64, f64);
 
@@ -64,7 +64,7 @@ fn observation(seen: &[Point2], map_from_clip: &Pose2) -> Observation {
             hits: seen.iter().map(hit).collect(),
             free_m: Vec::new(),
             cameras: vec![Pose2::IDENTITY],
-            things: Vec::new(),
+            landmarks: Vec::new(),
         },
         key_frames: 10,
         floor: Some(FloorReport {
@@ -208,8 +208,8 @@ fn a_bed_tells_a_bedroom_from_a_kitchen_with_the_same_walls() {
             assert_eq!(register(&clip, &target).state, AlignmentState::Ambiguous, "{names:?}");
             let class = if names[room].starts_with(['K', 'k']) { Class::Stove } else { Class::Bed };
             let thing =
-                Thing { point_m: Point2::new(0.5, 0.5), from_m: Point2::origin(), class, share: 0.15 };
-            clip.scan.things = vec![thing];
+                Landmark { point_m: Point2::new(0.5, 0.5), from_m: Point2::origin(), class, share: 0.15 };
+            clip.scan.landmarks = vec![thing];
             let answer = register(&clip, &target);
             let [best, rival] = &answer.alternatives[..2] else { panic!("{answer:?}") };
             if is_told {

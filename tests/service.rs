@@ -1,13 +1,16 @@
-//! The binary as an operator runs it: what it tells a collector of traces, and the end of a tenant.
+//! The binary as an operator runs it: what it tells a collector of traces, the end of a tenant, and many exports at once.
 
 mod common;
 
+use common::client::Client;
 use common::process::{Process, viola};
 use common::{eventually, room, zips};
-use std::io::{BufRead, BufReader, Read, Write};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use std::io::{BufRead, BufReader, Cursor, Read, Write};
 use std::net::TcpListener;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
 /// What a collector of OpenTelemetry is sent, as it arrives: protobuf, in which texts and ids stand as they are.
 fn collector() -> (String, Arc<Mutex<Vec<u8>>>) {
@@ -132,4 +135,70 @@ async fn a_tenant_is_removed_beside_a_running_server() {
     })
     .await;
     assert!(files.is_empty());
+}
+
+/// More than the threads that may block (512), and more than the connections that wait to be accepted.
+const EXPORTS: usize = 2000;
+
+/// Asks for one thing over and over on a connection of its own; tells the longest wait for an answer, which ends with
+/// `stop`.
+async fn longest_wait(client: Client, path: String, stop: Arc<tokio::sync::Notify>) -> Duration {
+    let mut longest = Duration::ZERO;
+    loop {
+        let begun = Instant::now();
+        tokio::select! {
+            answer = client.get(&path) => assert_eq!(answer.status, 200),
+            () = stop.notified() => return longest.max(begun.elapsed()),
+        }
+        longest = longest.max(begun.elapsed());
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn two_thousand_exports_at_once_end() {
+    // Both ends of each connection; the server inherits the limit.
+    let descriptors = getrlimit(Resource::Nofile);
+    setrlimit(Resource::Nofile, Rlimit { current: descriptors.maximum, ..descriptors }).unwrap();
+    let data = tempfile::tempdir().unwrap();
+    let server = Process::serve(data.path(), &["--no-worker"]);
+    let home = server.client.make_home("h").await;
+    server.client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let recording = zips::zip_of_size(&room::clip(2), 2 << 20);
+    server.client.post(&format!("{home}/clips"), recording.clone()).await.ok(201);
+
+    let other = Client::new(server.client.base.clone());
+    other.lives().await;
+    let stop = Arc::new(tokio::sync::Notify::new());
+    let others = tokio::spawn(longest_wait(other, home.clone(), stop.clone()));
+    let exports = async {
+        // None is read before all are answered, so that all are under way at once.
+        let path = format!("{home}/export");
+        let asked = (0..EXPORTS).map(|_| server.client.request(reqwest::Method::GET, &path).send());
+        let answers = futures::future::join_all(asked).await.into_iter().map(Result::unwrap);
+        futures::future::join_all(answers.map(Client::read)).await
+    };
+    let begun = Instant::now();
+    let answers = tokio::time::timeout(Duration::from_secs(60), exports).await.expect("all exports end");
+    let took = begun.elapsed();
+    stop.notify_one();
+    let longest = others.await.unwrap();
+    let mut whole = 0;
+    for answer in answers {
+        if answer.status == 200 {
+            let mut zip = zip::ZipArchive::new(Cursor::new(answer.bytes)).unwrap();
+            let name = zip.file_names().map(|name| name.unwrap().into_owned());
+            let name = name.into_iter().find(|name| name.ends_with("/recording")).unwrap();
+            let mut read = Vec::new();
+            zip.by_name(&name).unwrap().read_to_end(&mut read).unwrap();
+            assert!(read == recording);
+            whole += 1;
+        } else {
+            assert!(answer.header("retry-after").parse::<u64>().unwrap() >= 1);
+            answer.problem(503, "too-many-exports");
+        }
+    }
+    eprintln!("{whole} of {EXPORTS} exports were served within {took:?}; others waited at most {longest:?}");
+    assert!((1..100).contains(&whole), "{whole}");
+    assert!(longest < Duration::from_secs(5), "another request waited {longest:?}");
+    assert_eq!(server.client.get(&format!("{home}/export")).await.status, 200);
 }

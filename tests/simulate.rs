@@ -1,13 +1,13 @@
 //! Simulated homes: their truth is true, they are the same for any number of threads, and every seed works.
 
 use std::io::Cursor;
-use viola::geometry::{Grid, Point2, Point3, Pose3, Vector3};
-use viola::lidar::Cell;
-use viola::simulate::{
+use viola_formats::lidar::Cell;
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{Grid, Point2, Point3, Pose3, Vector3};
+use viola_lab::simulate::{
     ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, plan_png, points_csv, ros_pgm,
     ros_yaml, valetudo_json, write_scannet_zip,
 };
-use viola::taxonomy::Class;
 
 fn home(set: Set, seed: u64) -> Home {
     Home::generate(&HomeParams::new(set, seed))
@@ -330,7 +330,7 @@ fn the_vacuum_sees_under_tables() {
         for table in truth.objects.iter().filter(|o| o.class == Class::Table && o.size_m[2] > 0.6) {
             tables += 1;
             let [x, y, _] = table.centre_m;
-            let quarter = viola::geometry::Pose2::new(x, y, table.yaw_rad)
+            let quarter = viola_geometry::Pose2::new(x, y, table.yaw_rad)
                 .apply(&Point2::new(table.size_m[0] / 4.0, 0.0));
             let at = survey.robot_from_home.apply(&quarter);
             open += usize::from(survey.cells.at(&at) == Some(Cell::Free));
@@ -364,7 +364,7 @@ fn difference(home: &Home) -> f64 {
         let middle = room.inner.centre();
         for k in 0..720 {
             let (s, c) = (f64::from(k) / 720.0 * std::f64::consts::TAU).sin_cos();
-            let cast = |scene: &viola::simulate::Scene| {
+            let cast = |scene: &viola_lab::simulate::Scene| {
                 let hit = scene.cast(&Point3::new(middle.x, middle.y, 0.1), &Vector3::new(c, s, 0.0), 9.0);
                 hit.map_or(9.0, |hit| hit.distance)
             };
@@ -394,7 +394,7 @@ fn repeated_homes_say_what_cannot_be_known() {
                 knowable += 1
             }
             // Around every equivalent pose the map has walls where it has them around the true one.
-            let near = |pose: &viola::geometry::Pose2, within_m: f64| -> Vec<Point2> {
+            let near = |pose: &viola_geometry::Pose2, within_m: f64| -> Vec<Point2> {
                 let clip_from_map = pose.inverse();
                 let all = map.occupied_m.iter().map(|p| clip_from_map.apply(p));
                 all.filter(|p| p.coords.norm() < within_m).collect()

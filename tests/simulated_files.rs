@@ -2,10 +2,10 @@
 
 use std::collections::BTreeSet;
 use std::io::Write;
-use viola::clip::Clip;
-use viola::geometry::{Point2, angle_between};
-use viola::lidar::{Cell, LidarMap};
-use viola::simulate::{
+use viola_formats::clip::Clip;
+use viola_formats::lidar::{Cell, LidarMap};
+use viola_geometry::{Point2, angle_between};
+use viola_lab::simulate::{
     ClipParams, Home, HomeParams, Sensor, Set, Survey, points_csv, ros_pgm, ros_yaml, valetudo_json,
     write_scannet_zip,
 };
@@ -77,7 +77,7 @@ fn a_clip_is_read_back_as_the_frames_in_memory() {
         assert_eq!(read.frames().len(), 6);
         for index in 0..6 {
             let (frame, expected) = (read.load(index).unwrap(), clip.frame(index));
-            let pose = |frame: &viola::clip::Frame| frame.header.world_from_camera.unwrap();
+            let pose = |frame: &viola_formats::clip::Frame| frame.header.world_from_camera.unwrap();
             let error = pose(&expected).inverse() * pose(&frame);
             assert!(error.translation.vector.norm() < 1e-5 && error.rotation.angle() < 1e-5);
             for (camera, same) in

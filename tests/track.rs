@@ -3,13 +3,15 @@
 mod real;
 
 use image::{Rgb, RgbImage};
-use viola::align::track::{DeviceParams, Lost, Track, Tracker};
-use viola::align::{self, AlignParams, KeyFrame, Observation, TrackParams};
-use viola::clip::{Clip, DepthImage, Frame, FrameHeader, Shutter, Up};
-use viola::evaluate::track::{TrajectoryErrors, measure};
-use viola::geometry::{Pinhole, Point3, Pose3, Vector3};
-use viola::progress::Silent;
-use viola::simulate::{ClipParams, Home, HomeParams, Set};
+use viola_align as align;
+use viola_align::{AlignParams, Observation};
+use viola_formats::clip::{Clip, DepthImage, Frame, FrameHeader, Shutter, Up};
+use viola_geometry::progress::Silent;
+use viola_geometry::{Pinhole, Point3, Pose3, Vector3};
+use viola_lab::evaluate::track::{TrajectoryErrors, measure};
+use viola_lab::simulate::{ClipParams, Home, HomeParams, Set};
+use viola_reconstruct::track::{DeviceParams, Lost, Track, Tracker};
+use viola_reconstruct::{KeyFrame, TrackParams};
 
 /// A simulated walk with a phone, noise and all, and the true poses.
 fn walk(seed: u64, frames: usize) -> (Vec<Frame>, Vec<Pose3>) {

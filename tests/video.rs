@@ -11,8 +11,8 @@ use sha2::{Digest, Sha256};
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use viola::container::Region;
-use viola::video::{self, Codec, Tools, VideoError};
+use viola_formats::container::Region;
+use viola_formats::video::{self, Codec, Tools, VideoError};
 
 const FIXTURES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/video");
 const VIOLA: &str = env!("CARGO_BIN_EXE_viola");

@@ -7,11 +7,11 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
-use viola::clip::{Clip, ClipInfo};
 use viola::jobs::{Failure, Finished, JobParams, Queue, WorkerParams, work};
-use viola::lidar::LidarMap;
-use viola::progress::Progress;
 use viola::storage::{Added, Arrived, HomeId, NewClip, NewLidarMap, PostgresParams, Storage, StorageParams};
+use viola_formats::clip::{Clip, ClipInfo};
+use viola_formats::lidar::LidarMap;
+use viola_geometry::progress::Progress;
 
 const SCHEMA: &str = "viola_load";
 const HOMES: u64 = 200;

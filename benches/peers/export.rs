@@ -4,11 +4,12 @@
 use rand::{RngExt, SeedableRng};
 use serde_json::json;
 use std::time::Instant;
-use viola::align::{self, AlignParams, RefineParams};
-use viola::evaluate::{HomeClips, HomesParams, Suite};
-use viola::geometry::Pose2;
-use viola::progress::Silent;
-use viola::simulate::{Sensor, Set};
+use viola_align as align;
+use viola_align::{AlignParams, RefineParams};
+use viola_geometry::Pose2;
+use viola_geometry::progress::Silent;
+use viola_lab::evaluate::{HomeClips, HomesParams, Suite};
+use viola_lab::simulate::{Sensor, Set};
 
 const STARTS: usize = 100;
 /// The fastest of so many runs counts: others were disturbed.

@@ -1,8 +1,8 @@
 //! Decodes all frames of a video and makes nothing of them; see `benches/video.sh`.
 
 use std::fs::File;
-use viola::container::Region;
-use viola::video::{self, VideoError};
+use viola_formats::container::Region;
+use viola_formats::video::{self, VideoError};
 
 fn main() -> Result<(), VideoError> {
     let path = std::env::args_os().nth(1).expect("decode_video VIDEO");

@@ -1,9 +1,9 @@
 //! What must hold of any clip, and a container that lies in memory.
 
-use crate::clip::Clip;
 use crate::clip_files;
-use crate::container::{self, Container, ContainerError, Region};
 use std::io::Write;
+use viola_formats::clip::Clip;
+use viola_formats::container::{self, Container, ContainerError, Region};
 
 /// Frames that are looked at; a .sens file of 64 KiB can have more without pictures.
 const MAX_FRAMES: usize = 16;

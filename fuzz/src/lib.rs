@@ -1,22 +1,10 @@
-//! The readers of archives, clips, maps and videos and what they stand on, from viola's own sources, and what must hold
-//! of any of them.
+//! What must hold of any reader of archives, clips, maps and videos.
 
 pub mod clip_files;
 mod clips;
 
-#[path = "../../src"]
-#[allow(dead_code)]
-mod viola {
-    pub mod clip;
-    pub mod container;
-    pub mod geometry;
-    pub mod lidar;
-    pub mod progress;
-    pub mod video;
-}
-
 pub use clips::{check_file, check_layout};
-pub use viola::{clip, container, geometry, lidar, progress, video};
+pub use viola_formats::{clip, container, lidar, video};
 
 use container::Region;
 use flate2::Compression;

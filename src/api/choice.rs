@@ -5,12 +5,12 @@ use super::bodies::to_the_end;
 use super::error::{Error, Problem};
 use super::extract::{ClipPath, Json};
 use super::problems::{CommonProblems, JsonProblems};
-use crate::geometry::Pose2;
 use crate::storage::{ChoiceError, Chosen, Clip, StorageError};
 use axum::extract::State;
 use jiff::Timestamp;
 use serde::Deserialize;
 use serde_json::Value;
+use viola_geometry::Pose2;
 
 /// An angle beyond a whole turn is one in degrees.
 const MAX_YAW_RAD: f64 = std::f64::consts::TAU;

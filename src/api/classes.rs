@@ -1,10 +1,10 @@
 //! `/v1/classes`
 
 use super::problems::CommonProblems;
-use crate::taxonomy;
 use axum::Json;
 use axum::http::{HeaderName, header};
 use serde::Serialize;
+use viola_geometry::taxonomy;
 
 /// A class of points and objects
 #[derive(Serialize, utoipa::ToSchema)]

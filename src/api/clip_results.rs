@@ -5,12 +5,12 @@ use super::bodies::{FileBytes, send, understand};
 use super::error::Error;
 use super::extract::ClipPath;
 use super::problems::CommonProblems;
-use crate::home::{ClipScan, MAP_VOXEL_M, NotOurs, cloud_ply, read_cloud_ply};
 use crate::storage::{HomeId, StorageError, result_file};
 use axum::extract::State;
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use uuid::Uuid;
+use viola_home::{ClipScan, MAP_VOXEL_M, NotOurs, cloud_ply, read_cloud_ply};
 
 /// The LiDAR map with the clip's hit points and path drawn over it
 #[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}/overlay.png", tag = "clips",

@@ -7,8 +7,6 @@ use super::error::{Error, Problem};
 use super::extract::{ClipPath, HomePath, IdempotencyKey, Query, timestamp};
 use super::list::{List, ListQuery, UpdatedQuery, states};
 use super::problems::{CommonProblems, FileProblems};
-use crate::align::{Estimate, FuseParams, estimate};
-use crate::clip;
 use crate::storage::{Added, Arrived, Clip, ClipFilter, ClipState, NewClip, StorageError};
 use axum::Json;
 use axum::extract::{Request, State};
@@ -16,6 +14,8 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
+use viola_formats::clip;
+use viola_reconstruct::{Estimate, FuseParams, estimate};
 
 /// No phone recorded depth before the year 2000.
 const EARLIEST: Timestamp = Timestamp::constant(946_684_800, 0);

@@ -1,4 +1,5 @@
-//! Connections: how many there may be, how long one may take to say what it wants, and how they end.
+//! Connections: how many there may be, how long one may take to say what it wants and to read its answer, and how they
+//! end.
 
 use super::server::ServeError;
 use axum::Router;
@@ -14,6 +15,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
+use tokio_io_timeout::TimeoutWriter;
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 use tracing::{debug, info, warn};
@@ -29,15 +31,23 @@ const MAX_HEAD_BYTES: usize = 64 << 10;
 pub struct ConnectionParams {
     /// A connection on which the head of a request is not whole after so long is closed.
     pub head: Duration,
+    /// A connection that takes no byte of a waiting answer for so long is closed. A client that reads, however slowly,
+    /// and a stream of events without news are not affected.
+    pub write: Duration,
     /// More connections wait until others end.
     pub most: usize,
 }
 
 impl Default for ConnectionParams {
     fn default() -> ConnectionParams {
-        ConnectionParams { head: Duration::from_secs(30), most: 4096 }
+        ConnectionParams { head: Duration::from_secs(30), write: Duration::from_secs(60), most: 4096 }
     }
 }
+
+/// Bytes of a connection that the kernel queues unsent. By default it queues megabytes and takes more only once a third of
+/// them is gone: a write to a client that reads 200 kB/s then waits up to 7.5 s, with this bound up to 0.65 s.
+#[cfg(target_os = "linux")]
+const UNSENT_BYTES: u32 = 128 << 10;
 
 /// How long to wait when the system gives no more connections.
 const PAUSE: Duration = Duration::from_millis(500);
@@ -67,7 +77,7 @@ pub(super) async fn answer(
                     continue;
                 }
             };
-            let connection = open.watch(connection(stream, router.clone(), params.head));
+            let connection = open.watch(connection(stream, router.clone(), params));
             tokio::spawn(async move {
                 if let Err(error) = connection.await {
                     debug!(%error, "a connection broke");
@@ -99,17 +109,26 @@ fn is_of_one(error: &io::Error) -> bool {
 fn connection(
     stream: TcpStream,
     router: Router,
-    head: Duration,
-) -> impl hyper_util::server::graceful::GracefulConnection<Error = hyper::Error> {
-    // Events are small and must not wait for more to come.
-    if let Err(error) = stream.set_nodelay(true) {
-        warn!(%error, "a connection keeps Nagle's delay");
+    params: &ConnectionParams,
+) -> impl hyper_util::server::graceful::GracefulConnection<Error = hyper::Error> + use<> {
+    if let Err(error) = prepare(&stream) {
+        warn!(%error, "a connection keeps the system's defaults");
     }
+    let mut stream = TimeoutWriter::new(stream);
+    stream.set_timeout(Some(params.write));
     let service =
         service_fn(move |request: hyper::Request<Incoming>| router.clone().oneshot(request.map(Body::new)));
     http1::Builder::new()
         .timer(TokioTimer::new())
-        .header_read_timeout(head)
+        .header_read_timeout(params.head)
         .max_buf_size(MAX_HEAD_BYTES)
-        .serve_connection(TokioIo::new(stream), service)
+        .serve_connection(TokioIo::new(Box::pin(stream)), service)
+}
+
+fn prepare(stream: &TcpStream) -> io::Result<()> {
+    // Events are small and must not wait for more to come.
+    stream.set_nodelay(true)?;
+    #[cfg(target_os = "linux")]
+    socket2::SockRef::from(stream).set_tcp_notsent_lowat(UNSENT_BYTES)?;
+    Ok(())
 }

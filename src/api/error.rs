@@ -2,14 +2,17 @@
 //! of a fault of ours goes to the log, never into an answer.
 
 use super::uploads::UploadRefusal;
-use crate::clip::ClipError;
-use crate::lidar::LidarError;
 use crate::storage::{MOST_WEBHOOKS, StorageError};
 use axum::Json;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use std::any::Any;
+use viola_formats::clip::ClipError;
+use viola_formats::lidar::LidarError;
+
+/// When an export that found no place is tried again.
+const EXPORT_RETRY_AFTER_S: u64 = 5;
 
 /// An RFC 9457 problem document.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -83,6 +86,10 @@ pub(super) enum Error {
     #[error("too many requests for this tenant; wait {retry_after_s} s")]
     TooManyRequests { retry_after_s: u64 },
     #[error(
+        "as many exports run as may at once: {most} of all tenants, {most_of_tenant} of one; try again when one has ended"
+    )]
+    TooManyExports { most: usize, most_of_tenant: usize },
+    #[error(
         "the tenant has {used} bytes here, of at most {limit}; remove clips or homes, or ask for more room"
     )]
     TenantFull { used: u64, limit: u64 },
@@ -98,7 +105,7 @@ pub(super) enum Error {
     NoSuchRoute,
     #[error("this path does not serve this method; the Allow header lists those it does")]
     MethodNotAllowed,
-    #[error("the service has no use of its {what}: {}", .cause.as_ref().map_or("it is full".to_owned(), ToString::to_string))]
+    #[error("the {what} is unavailable: {}", .cause.as_ref().map_or("it is full".to_owned(), ToString::to_string))]
     NotReady { what: &'static str, cause: Option<StorageError> },
     #[error("{0}")]
     Upload(#[from] UploadRefusal),
@@ -153,6 +160,9 @@ impl Error {
             Error::KeyInvalid => (S::UNAUTHORIZED, "key_invalid", "The key is not valid"),
             Error::Forbidden(_) => (S::FORBIDDEN, "forbidden", "The key does not allow this"),
             Error::TooManyRequests { .. } => (S::TOO_MANY_REQUESTS, "too_many_requests", "Too many requests"),
+            Error::TooManyExports { .. } => {
+                (S::SERVICE_UNAVAILABLE, "too_many_exports", "Too many exports run at once")
+            }
             Error::TenantFull { .. } => {
                 (S::INSUFFICIENT_STORAGE, "tenant_full", "The tenant has no room left")
             }
@@ -238,7 +248,8 @@ impl Error {
             return problem.clone();
         }
         let (status, code, title) = self.mapping();
-        let is_ours = status.is_server_error() && !matches!(self, Error::TenantFull { .. });
+        let is_bound = matches!(self, Error::TenantFull { .. } | Error::TooManyExports { .. });
+        let is_ours = status.is_server_error() && !is_bound;
         let detail = if is_ours {
             tracing::error!(code, cause = %self, "a request failed");
             let advice = if code == "unavailable" { "Try again in a few seconds. " } else { "" };
@@ -270,6 +281,9 @@ impl IntoResponse for Error {
             Error::TooManyRequests { retry_after_s } => {
                 response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(retry_after_s));
             }
+            Error::TooManyExports { .. } => {
+                response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(EXPORT_RETRY_AFTER_S));
+            }
             error if error.is_passing() => {
                 response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(2));
             }
@@ -296,7 +310,7 @@ pub(super) fn panicked(panic: Box<dyn Any + Send>) -> Response {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::container::ContainerError;
+    use viola_formats::container::ContainerError;
 
     async fn problem(response: Response) -> (u16, Problem) {
         let status = response.status().as_u16();

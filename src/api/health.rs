@@ -53,12 +53,14 @@ async fn healthz() -> Json<Health> {
 
 /// Whether the service can serve
 ///
-/// Its database answers, its blobs can be written and read, and there is room for files that arrive. How long the queue
-/// is tells nothing about this process, and does not make it unready.
+/// Its database answers and can write, its blobs can be written and read, and there is room for files that arrive. After
+/// a write that failed for want of room the answer is 503 for five seconds at least. How long the queue is tells nothing
+/// about this process, and does not make it unready.
 #[utoipa::path(get, path = "/readyz", tag = "service", security(()),
     responses(
         (status = 200, description = "It can", body = Readiness),
-        (status = 503, description = "Its database or its blobs do not answer, or its disk is full: `not-ready`",
+        (status = 503, description = "Its database or its blobs do not answer, or a disk is full: `not-ready`; `field` is \
+            `database`, `blobs` or `disk`",
             body = Problem, content_type = "application/problem+json")))]
 async fn readyz(State(storage): State<Arc<Storage>>) -> Result<Json<Readiness>, Error> {
     let not_ready =
@@ -68,6 +70,10 @@ async fn readyz(State(storage): State<Arc<Storage>>) -> Result<Json<Readiness>, 
     if free_bytes < LEAST_FREE_BYTES {
         return Err(Error::NotReady { what: "disk", cause: None });
     }
+    storage.check_writes().await.map_err(|error| {
+        let what = if error.is_full() { "disk" } else { "database" };
+        Error::NotReady { what, cause: Some(error) }
+    })?;
     Ok(Json(Readiness {
         status: "ok",
         version: env!("CARGO_PKG_VERSION"),

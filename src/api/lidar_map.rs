@@ -6,8 +6,6 @@ use super::error::Error;
 use super::extract::{HomePath, Query};
 use super::list::{List, ListQuery};
 use super::problems::{CommonProblems, FileProblems};
-use crate::home;
-use crate::lidar::{LidarMap, MAX_FILE_BYTES};
 use crate::storage::{Arrived, LidarMapRevision, NewLidarMap};
 use axum::Json;
 use axum::extract::{Request, State};
@@ -15,6 +13,8 @@ use axum::http::StatusCode;
 use axum::response::Response;
 use jiff::Timestamp;
 use serde::Serialize;
+use viola_formats::lidar::{LidarMap, MAX_FILE_BYTES};
+use viola_home as home;
 
 /// The current LiDAR map, and where its picture lies
 #[derive(Serialize, utoipa::ToSchema)]

@@ -7,10 +7,10 @@ use super::extract::Query;
 use super::list::{List, ListQuery};
 use super::problems::CommonProblems;
 use crate::storage::{HomeId, HomeObject, ObjectFilter};
-use crate::taxonomy::Class;
 use axum::Json;
 use axum::extract::State;
 use serde::Deserialize;
+use viola_geometry::taxonomy::Class;
 
 /// Which objects.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]

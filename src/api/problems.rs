@@ -56,6 +56,18 @@ impl IntoResponses for CommonProblems {
     }
 }
 
+/// Of the export of a home.
+pub(super) struct ExportProblems;
+
+impl IntoResponses for ExportProblems {
+    fn responses() -> Responses {
+        responses(&[(
+            "503",
+            "As many exports as may run at once run already: `too-many-exports`; or the database or the store of files does not answer now: `unavailable`. `Retry-After` says when to try again",
+        )])
+    }
+}
+
 /// Of operations that take a JSON body.
 pub(super) struct JsonProblems;
 

@@ -1,6 +1,7 @@
 //! A process from start to graceful stop: HTTP with or without workers (`viola serve`), or workers alone (`viola work`).
 
 use super::connections::ConnectionParams;
+use super::export::Places;
 use super::limits::{LimitParams, Limits};
 use super::uploads::{UploadParams, clean};
 use super::{App, connections, metrics};
@@ -81,6 +82,7 @@ pub async fn serve(
         webhooks: params.webhooks,
         has_keys: Arc::new(has_keys.into()),
         readers: Arc::new(Semaphore::new(READERS)),
+        exports: Places::default(),
         stop: stop.clone(),
     };
     tasks.spawn(clean(app.clone()));

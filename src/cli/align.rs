@@ -4,17 +4,18 @@ use super::completion::CompletionArguments;
 use super::networks::NetworkArguments;
 use super::progress::TerminalProgress;
 use super::video_tools::video_tools;
-use crate::align::{self, AlignParams, Alignment, AlignmentState};
-use crate::clip::{Clip, ClipInfo};
-use crate::home;
-use crate::lidar::{LidarInfo, LidarMap};
-use crate::progress::{Progress, Stage};
-use crate::stopwatch::Stopwatch;
 use anyhow::{Context, Result};
 use clap::Args;
 use serde::Serialize;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use viola_align as align;
+use viola_align::{AlignParams, Alignment, AlignmentState};
+use viola_formats::clip::{Clip, ClipInfo};
+use viola_formats::lidar::{LidarInfo, LidarMap};
+use viola_geometry::progress::{Progress, Stage};
+use viola_geometry::stopwatch::Stopwatch;
+use viola_home as home;
 
 #[derive(Args)]
 pub struct AlignArguments {
@@ -50,7 +51,8 @@ pub fn run(arguments: &AlignArguments) -> Result<()> {
     let label = arguments.networks.labels()?;
     let complete = arguments.completion.params(&arguments.networks)?;
     let progress = TerminalProgress::new();
-    let watch = Stopwatch::around(&progress).with_budget(Stage::Complete, complete.time);
+    let watch =
+        Stopwatch::around(&progress, std::time::Instant::now).with_budget(Stage::Complete, complete.time);
     watch.enter(Stage::Decode);
     let clip = Clip::open_with(&arguments.clip, &video_tools())
         .with_context(|| format!("clip {}", arguments.clip.display()))?;

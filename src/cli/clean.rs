@@ -3,7 +3,7 @@
 
 use super::store::StoreArguments;
 use super::worker::seconds;
-use crate::storage::Storage;
+use crate::storage::{Storage, SweepLimit};
 use anyhow::Result;
 use clap::Args;
 use jiff::{SignedDuration, Timestamp};
@@ -16,6 +16,10 @@ pub struct CleanArguments {
     /// Leave what is younger: a job writes its files for so long before they are named.
     #[arg(long, value_name = "SECONDS", default_value = "86400", value_parser = seconds)]
     older_than_seconds: Duration,
+    /// Remove files that no row names however many they are; by default nothing is removed if they are more than killed
+    /// processes leave, since then the database may be the wrong one. Stop all servers before it.
+    #[arg(long)]
+    remove_unknown: bool,
 }
 
 pub fn run(arguments: &CleanArguments) -> Result<()> {
@@ -25,8 +29,10 @@ pub fn run(arguments: &CleanArguments) -> Result<()> {
         let age = SignedDuration::try_from(arguments.older_than_seconds)?;
         let uploads = storage.expire_uploads(Timestamp::now()).await?;
         while storage.finish_deletions().await? > 0 {}
-        let blobs = storage.sweep(Timestamp::now() - age).await?;
+        let limit = if arguments.remove_unknown { SweepLimit::Everything } else { SweepLimit::Leftovers };
+        let blobs = storage.sweep(Timestamp::now() - age, limit).await;
         storage.close().await;
+        let blobs = blobs?;
         println!("removed {uploads} expired uploads and {blobs} blobs that nothing names");
         Ok(())
     })

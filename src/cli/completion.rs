@@ -1,12 +1,13 @@
 //! Whether and how a command completes what a clip did not see.
 
 use super::networks::NetworkArguments;
-use crate::align::{Activation, CompleteParams};
 use anyhow::{Result, anyhow};
 use clap::{Args, ValueEnum};
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
+use viola_align::{Activation, CompleteParams};
 
-#[derive(Args, Debug, Clone)]
+#[derive(Args, Debug, Clone, Serialize, Deserialize)]
 pub struct CompletionArguments {
     /// When to fill in what a clip did not see at the vacuum's height, and with what.
     #[arg(long, value_enum, default_value_t = Completion::Structure)]
@@ -19,7 +20,7 @@ pub struct CompletionArguments {
     complete_seconds: f64,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 enum Completion {
     /// Nothing is filled in.
     Never,

@@ -37,7 +37,7 @@ enum Target {
 }
 
 pub fn run(arguments: &ConvertArguments) -> Result<()> {
-    use crate::clip::write::WrittenLayout;
+    use viola_formats::clip::write::WrittenLayout;
     if !arguments.file.exists() {
         bail!("there is no {}", arguments.file.display());
     }

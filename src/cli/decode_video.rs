@@ -1,12 +1,12 @@
 //! `viola decode-video`: the child that decodes video for another process; see `video`.
 
-use crate::container::Region;
-use crate::video::{self, NumberList};
 use anyhow::{Context, Result};
 use clap::Args;
 use std::fs::File;
 use std::io;
 use std::os::fd::AsFd;
+use viola_formats::container::Region;
+use viola_formats::video::{self, NumberList};
 
 #[derive(Args)]
 pub struct DecodeVideoArguments {

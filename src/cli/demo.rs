@@ -4,7 +4,6 @@ mod client;
 mod recordings;
 
 use crate::api::{ConnectionParams, LimitParams, ServeParams, UploadParams, serve};
-use crate::geometry::angle_between;
 use crate::jobs::WorkerParams;
 use crate::storage::StorageParams;
 use crate::webhooks::WebhookParams;
@@ -19,6 +18,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
+use viola_geometry::angle_between;
 
 const HOME: &str = "demo";
 /// Says that a folder was made here and may be emptied.

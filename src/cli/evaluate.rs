@@ -2,15 +2,6 @@
 
 use super::networks::NetworkArguments;
 use super::progress::TerminalProgress;
-use crate::align::track::DeviceParams;
-use crate::align::{AlignParams, LabelParams, TrackParams};
-use crate::clip::Clip;
-use crate::evaluate::{
-    self, ClipResult, DrawnClips, DrawnParams, HomeClips, HomesParams, Journal, Method, NoMethod, Run, Scene,
-    SceneClips, Suite, SurveyParams, labels, plot,
-};
-use crate::progress::Silent;
-use crate::simulate::{ClipParams, Sensor, Set};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -21,6 +12,16 @@ use std::io::IsTerminal;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use viola_align::{AlignParams, MadeBy};
+use viola_formats::clip::Clip;
+use viola_geometry::progress::Silent;
+use viola_lab::evaluate::{
+    self, ClipResult, DrawnClips, DrawnParams, HomeClips, HomesParams, Journal, Method, NoMethod, Run, Scene,
+    SceneClips, Suite, SurveyParams, labels, plot,
+};
+use viola_lab::simulate::{ClipParams, Sensor, Set};
+use viola_reconstruct::track::DeviceParams;
+use viola_reconstruct::{LabelParams, TrackParams};
 
 #[derive(Args)]
 #[command(group = clap::ArgGroup::new("source").required(true))]
@@ -57,8 +58,8 @@ pub struct EvaluateArguments {
     /// Take the poses of devices as they are, even where they drift.
     #[arg(long)]
     keep_poses: bool,
-    /// Fit the probability to this run's results and write its coefficients; and to OUT/weights.json the weights of the loss
-    /// that would have ranked the true poses best.
+    /// Fit the model to this run's results and write it: the weights of the loss, the temperature and the coefficients of
+    /// the probability (`crates/viola-align/src/score/model.json`).
     #[arg(long, value_name = "FILE")]
     fit: Option<PathBuf>,
     /// The scene's LiDAR map. Without one, it is simulated from the mesh in SCENE/mesh.
@@ -157,13 +158,16 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
             arguments.frames,
             results.len()
         );
-        let posterior = evaluate::fit(&results, fitted_to)
+        let made_by = MadeBy {
+            command: std::env::args().collect::<Vec<_>>().join(" "),
+            fitted_to,
+            commit: commit(),
+            note: None,
+        };
+        let model = evaluate::fit(&results, made_by)
             .context("the probability cannot be fitted: the results are all right or all wrong")?;
-        fs::write(path, serde_json::to_string_pretty(&posterior)? + "\n")
+        fs::write(path, serde_json::to_string_pretty(&model)? + "\n")
             .with_context(|| format!("cannot write {}", path.display()))?;
-        if let Some(weights) = evaluate::weights(&results, &AlignParams::default().decide) {
-            save(out, "weights.json", &serde_json::to_string_pretty(&weights)?)?;
-        }
     }
     let labels_by =
         observe.label.segmenter.as_ref().map_or("geometry".to_owned(), |segmenter| segmenter.name());
@@ -276,6 +280,13 @@ fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<Box<dyn Suite>> {
 fn share(text: &str) -> Result<f64, String> {
     let share = text.parse::<f64>().map_err(|error| error.to_string())?;
     if (0.0..=1.0).contains(&share) { Ok(share) } else { Err(format!("{text} is not between 0 and 1")) }
+}
+
+/// The commit of the working tree that the command runs in; empty where there is none.
+fn commit() -> String {
+    let git = std::process::Command::new("git").args(["rev-parse", "--short", "HEAD"]).output();
+    let told = git.ok().filter(|output| output.status.success());
+    told.map_or_else(String::new, |output| String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
 /// Tells builds of this program apart: their results do not mix.

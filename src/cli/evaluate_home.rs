@@ -2,12 +2,13 @@
 
 use super::evaluate::{EvaluateArguments, save, scene_of};
 use super::progress::TerminalProgress;
-use crate::align::AlignParams;
-use crate::evaluate::home::{self as judge, Matches, SampleParams, consecutive, evaluate};
-use crate::home;
 use anyhow::{Context, Result};
 use std::fs;
 use std::path::Path;
+use viola_align::AlignParams;
+use viola_home as home;
+use viola_lab::evaluate::home as judge;
+use viola_lab::evaluate::home::{Matches, SampleParams, consecutive, evaluate};
 
 /// Writes `home.json`, `home.md` and the plan as PNG, SVG and GeoJSON.
 pub fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<()> {
@@ -53,7 +54,7 @@ pub fn simulated(arguments: &EvaluateArguments) -> Result<()> {
         rows.push(
             serde_json::json!({ "set": set.name(), "objects": matches, "rooms": there, "matched": matched }),
         );
-        let home = crate::simulate::HomeParams::new(*set, arguments.seeds.start);
+        let home = viola_lab::simulate::HomeParams::new(*set, arguments.seeds.start);
         let map = judge::sample(&home, &params)?;
         let rooms = home::rooms(&map.lidar, &map.points, &home::RoomsParams::default());
         let sizes = home::ObjectsParams { voxel_m: params.voxel_m, ..home::ObjectsParams::default() };

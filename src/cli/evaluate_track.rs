@@ -1,14 +1,14 @@
 //! `viola evaluate --track`: how well clips are tracked by their pictures alone.
 
 use super::evaluate::{EvaluateArguments, save};
-use crate::align::TrackParams;
-use crate::clip::{Clip, Frame};
-use crate::evaluate::track::{Foreign, TrackRow, foreign, markdown, ours, summary};
-use crate::geometry::Pose3;
-use crate::simulate::{ClipParams, Home, HomeParams};
 use anyhow::{Context, Result, ensure};
 use std::fs;
 use std::path::Path;
+use viola_formats::clip::{Clip, Frame};
+use viola_geometry::Pose3;
+use viola_lab::evaluate::track::{Foreign, TrackRow, foreign, markdown, ours, summary};
+use viola_lab::simulate::{ClipParams, Home, HomeParams};
+use viola_reconstruct::TrackParams;
 
 /// Frames a second of simulated recordings.
 const RATE_HZ: f64 = 10.0;

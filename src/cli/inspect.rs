@@ -3,12 +3,12 @@
 mod sketch;
 
 use super::video_tools::video_tools;
-use crate::clip::{Clip, ClipInfo};
-use crate::home;
-use crate::lidar::{LidarError, LidarInfo, LidarMap};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use std::path::PathBuf;
+use viola_formats::clip::{Clip, ClipInfo};
+use viola_formats::lidar::{LidarError, LidarInfo, LidarMap};
+use viola_home as home;
 
 #[derive(Args)]
 pub struct InspectArguments {

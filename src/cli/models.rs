@@ -8,10 +8,10 @@ mod fetch;
 mod sum;
 mod timed;
 
-use crate::network::manifest::{Manifest, ModelEntry, Source, Task};
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
+use viola_network::manifest::{Manifest, ModelEntry, Source, Task};
 
 #[derive(Args)]
 pub struct ModelsArguments {

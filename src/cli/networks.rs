@@ -1,19 +1,20 @@
 //! Which networks a command uses, and how they are run.
 
 use super::runtime::RuntimeArguments;
-use crate::align::LabelParams;
-use crate::align::complete::inpaint::open_inpainter;
-use crate::align::complete::monocular::open_estimator;
-use crate::align::complete::{Imagination, ViewStrategy};
-use crate::align::label::{self, Segmenter};
-use crate::network;
-use crate::network::manifest::{self, Task};
 use anyhow::{Context, Result};
 use clap::Args;
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
+use viola_align::complete::inpaint::open_inpainter;
+use viola_align::complete::monocular::open_estimator;
+use viola_align::complete::{Imagination, ViewStrategy};
+use viola_network as network;
+use viola_network::manifest::{self, Task};
+use viola_reconstruct::LabelParams;
+use viola_reconstruct::label::{self, Segmenter};
 
-#[derive(Args, Debug, Clone)]
+#[derive(Args, Debug, Clone, Serialize, Deserialize)]
 pub struct NetworkArguments {
     /// Folder of neural networks (see `viola models list`). Without one, classes come from geometry alone.
     #[arg(long, env = "VIOLA_MODELS", value_name = "DIR")]

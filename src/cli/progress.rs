@@ -1,10 +1,10 @@
 //! Progress for people: a bar on a terminal, a plain line a stage elsewhere.
 
-use crate::progress::{Progress, Stage};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use viola_geometry::progress::{Progress, Stage};
 
 pub struct TerminalProgress {
     bar: Option<ProgressBar>,

@@ -1,11 +1,12 @@
 //! Where the networks are and what runs them: the same arguments for every command that uses one.
 
-use crate::network::{Device, Runtime, RuntimeParams};
 use clap::{Args, ValueEnum};
+use serde::{Deserialize, Serialize};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use viola_network::{Device, Runtime, RuntimeParams};
 
-#[derive(Args, Debug, Clone)]
+#[derive(Args, Debug, Clone, Serialize, Deserialize)]
 pub struct RuntimeArguments {
     /// What runs networks; ONNX Runtime where its library is found unless told otherwise.
     #[arg(long, value_enum, default_value_t = RuntimeChoice::Auto)]
@@ -21,14 +22,14 @@ pub struct RuntimeArguments {
     network_threads: Option<NonZeroUsize>,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
+#[derive(Debug, Clone, Copy, ValueEnum, Serialize, Deserialize)]
 enum RuntimeChoice {
     Auto,
     Rten,
     Onnxruntime,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
+#[derive(Debug, Clone, Copy, ValueEnum, Serialize, Deserialize)]
 enum DeviceChoice {
     Cpu,
     Cuda,

@@ -1,14 +1,14 @@
 //! `viola simulate`: a furnished home with its vacuum's map and clips, written to a folder.
 
-use crate::simulate::{
-    ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, plan_png, points_csv, ros_pgm, ros_yaml,
-    valetudo_json, write_scannet_zip,
-};
 use anyhow::{Context, Result};
 use serde_json::json;
 use std::fs;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
+use viola_lab::simulate::{
+    ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, plan_png, points_csv, ros_pgm, ros_yaml,
+    valetudo_json, write_scannet_zip,
+};
 
 #[derive(clap::Args)]
 pub struct SimulateArguments {

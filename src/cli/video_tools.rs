@@ -1,8 +1,8 @@
 //! The programs that decode video: this one, and ffmpeg where it is installed.
 
-use crate::video::Tools;
 use std::env;
 use std::path::PathBuf;
+use viola_formats::video::Tools;
 
 /// Looks for them.
 pub(super) fn video_tools() -> Tools {

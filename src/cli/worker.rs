@@ -1,10 +1,9 @@
 //! How jobs are done, as the command line says it.
 
-use super::completion::CompletionArguments;
-use super::networks::NetworkArguments;
-use super::video_tools::video_tools;
-use crate::align::AlignParams;
-use crate::jobs::{JobParams, WorkerParams};
+use super::align_job::child_params;
+use super::method::MethodArguments;
+use crate::jobs::WorkerParams;
+use crate::storage::RetryPolicy;
 use crate::webhooks::WebhookParams;
 use anyhow::Result;
 use clap::Args;
@@ -17,9 +16,7 @@ pub struct WorkerArguments {
     #[arg(long, value_name = "N", env = "VIOLA_WORKERS", default_value_t = 1)]
     pub workers: usize,
     #[command(flatten)]
-    networks: NetworkArguments,
-    #[command(flatten)]
-    completion: CompletionArguments,
+    method: MethodArguments,
     /// Let webhooks go to addresses of private networks and of this machine, and by plain http. Only where all tenants
     /// are trusted: whatever this process can reach, they can then send messages to.
     #[arg(long, env = "VIOLA_WEBHOOKS_TO_PRIVATE_ADDRESSES")]
@@ -27,6 +24,9 @@ pub struct WorkerArguments {
     /// How long a job stays with a worker that gives no sign of life.
     #[arg(long, value_name = "SECONDS", hide = true, default_value = "30", value_parser = seconds)]
     lease_seconds: Duration,
+    /// First pause between two tries of a job.
+    #[arg(long, value_name = "SECONDS", hide = true, default_value = "5", value_parser = seconds)]
+    retry_seconds: Duration,
 }
 
 impl WorkerArguments {
@@ -35,14 +35,11 @@ impl WorkerArguments {
     }
 
     pub fn params(&self) -> Result<WorkerParams> {
-        let align = AlignParams {
-            label: self.networks.labels_or_geometry(),
-            complete: self.completion.params(&self.networks)?,
-            ..AlignParams::default()
-        };
         Ok(WorkerParams {
             lease: self.lease_seconds,
-            align: Arc::new(JobParams { align, video: video_tools() }),
+            retry: RetryPolicy { first_delay: self.retry_seconds, ..RetryPolicy::default() },
+            align: Arc::new(self.method.params()?),
+            child: Some(child_params(&self.method)?),
             ..WorkerParams::default()
         })
     }

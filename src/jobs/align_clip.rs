@@ -1,14 +1,16 @@
 //! The work of one job: open the clip and the map, align, make the pictures.
 
-use crate::align::{self, AlignError, AlignParams, Alignment, Reason};
-use crate::clip::{Clip, ClipError};
-use crate::home;
-use crate::lidar::{LidarError, LidarMap};
-use crate::progress::{Progress, Stage};
-use crate::stopwatch::Stopwatch;
 use crate::storage::result_file;
-use crate::video;
 use std::path::Path;
+use viola_align as align;
+use viola_align::{AlignError, AlignParams, Alignment};
+use viola_formats::clip::{Clip, ClipError};
+use viola_formats::lidar::{LidarError, LidarMap};
+use viola_formats::video;
+use viola_geometry::progress::{Progress, Stage};
+use viola_geometry::stopwatch::Stopwatch;
+use viola_home as home;
+use viola_reconstruct::Reason;
 
 /// What one job makes.
 pub struct Finished {
@@ -38,7 +40,7 @@ impl From<AlignError> for Failure {
 }
 
 impl Failure {
-    /// Whether the machine is at fault and not the files: another attempt may go well.
+    /// Whether the machine is at fault and not the files: the attempt does not count.
     pub fn is_ours(&self) -> bool {
         match self {
             Failure::Cancelled => false,
@@ -73,7 +75,8 @@ pub fn align_clip(
     progress: &dyn Progress,
 ) -> Result<Finished, Failure> {
     let JobParams { align: params, video } = params;
-    let watch = Stopwatch::around(progress).with_budget(Stage::Complete, params.complete.time);
+    let watch = Stopwatch::around(progress, std::time::Instant::now)
+        .with_budget(Stage::Complete, params.complete.time);
     watch.enter(Stage::Decode);
     let clip = Clip::open_with(clip_path, video)?;
     let lidar = LidarMap::read(lidar_bytes)?;

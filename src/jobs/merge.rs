@@ -1,21 +1,19 @@
 //! Makes a home's next map out of its clips.
 
+mod assembling;
+
 use super::{Queue, metrics};
-use crate::home::{
-    self, AssembleParams, Assembly, ClipNumbers, Description, MAP_VOXEL_M, Member, NotOurs, Share, Tile,
-    TileKey, read_cloud_ply, read_views,
-};
-use crate::lidar::{LidarError, LidarMap};
-use crate::storage::{
-    MapObject, MapScene, MergeClaim, NewRevision, Storage, StorageError, map_file, result_file,
-};
+use crate::storage::{MapObject, MapScene, MergeClaim, NewRevision, Storage, StorageError, map_file};
+use assembling::assemble;
 use bytes::Bytes;
 use jiff::Timestamp;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::runtime::Handle;
 use tracing::{error, info};
+use viola_formats::lidar::{LidarError, LidarMap};
+use viola_home as home;
+use viola_home::{Assembly, ClipNumbers, Description, NotOurs, Tile, TileKey};
 
 /// How long a home whose merge broke is left alone.
 const PAUSE: Duration = Duration::from_secs(5);
@@ -79,25 +77,21 @@ enum MergeError {
     Storage(#[from] StorageError),
     #[error("the merge panicked")]
     Panicked,
+    #[error("no thread could be started for the merge: {0}")]
+    NoThread(std::io::Error),
     #[error("what is kept of the clip or the map is damaged: {0}")]
     Damaged(#[from] NotOurs),
     #[error("the LiDAR map cannot be read any more: {0}")]
     Lidar(#[from] LidarError),
     #[error("a clip was removed or aligned anew meanwhile")]
     Gone,
+    #[error("nobody waits for the merge any more")]
+    Abandoned,
 }
 
 async fn try_merge(storage: &Arc<Storage>, claim: &MergeClaim) -> Result<Merged, MergeError> {
     let last = storage.last_manifest(claim).await?;
-    let assembly = {
-        let (storage, members, last) = (storage.clone(), claim.members.clone(), last.clone());
-        let runtime = Handle::current();
-        blocking(move || {
-            let mut load = |member: &Member| runtime.block_on(share(&storage, member));
-            home::assemble(&last, members, &mut load, &AssembleParams::default())
-        })
-        .await?
-    };
+    let assembly = assemble(storage, &last, &claim.members).await?;
     if claim.last_revision > 0 && !claim.has_new_lidar_map() && assembly.manifest == last {
         let kept = storage.finish_merge(claim, None, Timestamp::now()).await?;
         return Ok(if kept { Merged::Nothing } else { Merged::Lost });
@@ -108,7 +102,8 @@ async fn try_merge(storage: &Arc<Storage>, claim: &MergeClaim) -> Result<Merged,
         Some(id) => Some(storage.lidar_map_file(id).await?),
         None => None,
     };
-    let new = blocking(move || revision(assembly, kept, lidar.as_deref())).await?;
+    let new = tokio::task::spawn_blocking(move || revision(assembly, kept, lidar.as_deref()));
+    let new = new.await.unwrap_or(Err(MergeError::Panicked))?;
     let kept = storage.finish_merge(claim, Some(&new), Timestamp::now()).await?;
     Ok(if kept { Merged::Revision { tiles } } else { Merged::Lost })
 }
@@ -158,17 +153,4 @@ fn revision(
         new.files.push((map_file::SCENE, serde_json::to_vec(&scene).unwrap_or_default()));
     }
     Ok(new)
-}
-
-/// What a clip brings.
-async fn share(storage: &Storage, member: &Member) -> Result<Share, MergeError> {
-    let cloud = storage.member_file(member, result_file::CLOUD).await?.ok_or(MergeError::Gone)?;
-    let views = storage.member_file(member, result_file::VIEWS).await?.ok_or(MergeError::Gone)?;
-    Ok(Share { cloud_in_clip: read_cloud_ply(&cloud, MAP_VOXEL_M)?, views: read_views(&views)? })
-}
-
-async fn blocking<T: Send + 'static>(
-    work: impl FnOnce() -> Result<T, MergeError> + Send + 'static,
-) -> Result<T, MergeError> {
-    tokio::task::spawn_blocking(work).await.unwrap_or(Err(MergeError::Panicked))
 }

@@ -1,15 +1,17 @@
 //! What the method says while it works, kept where the worker can look at it.
 
-use crate::progress::{Progress, Stage};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use tokio::sync::Notify;
 use tracing::{Span, info_span};
+use viola_geometry::progress::{Progress, Stage};
 
 /// A [`Progress`] that remembers the last word and passes on the order to stop. Each stage is a span of its own.
 #[derive(Default)]
 pub(super) struct Report {
     heard: Mutex<Heard>,
     cancelled: AtomicBool,
+    stop: Notify,
     job: Option<Span>,
     stage: Mutex<Option<Span>>,
 }
@@ -40,6 +42,12 @@ impl Report {
 
     pub fn cancel(&self) {
         self.cancelled.store(true, Ordering::Relaxed);
+        self.stop.notify_one();
+    }
+
+    /// Returns when [`Report::cancel`] is called, or was. For one listener.
+    pub async fn stop_asked(&self) {
+        self.stop.notified().await;
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Heard> {

@@ -1,20 +1,22 @@
 //! Takes one job after the other and does it.
 
 use super::align_clip::{Failure, Finished, JobParams, align_clip};
+use super::child::{ChildParams, run_in_child};
 use super::merge::merge;
 use super::report::{Heard, Report};
+use super::run::{Inputs, Working, run_here};
+use super::trouble::{Ended, Trouble};
 use super::{POLL, Queue, metrics};
-use crate::align::Reason;
-use crate::progress::Progress;
 use crate::storage::{Claim, Ending, RetryPolicy, StorageError};
 use jiff::Timestamp;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::task::{JoinError, JoinHandle};
 use tokio_util::sync::CancellationToken;
 use tracing::field::Empty;
 use tracing::{Instrument, Span, error, info, info_span, warn};
+use viola_geometry::progress::Progress;
+use viola_reconstruct::Reason;
 
 /// How often a worker looks whether the job is still its own and what the method says.
 const TICK: Duration = Duration::from_millis(250);
@@ -33,6 +35,8 @@ pub struct WorkerParams {
     pub method: Method,
     /// The same for every job, its seed too: the same clip and map give the same answer in every job.
     pub align: Arc<JobParams>,
+    /// How a suspect job is done apart from all others. Without it, it is done as they are.
+    pub child: Option<ChildParams>,
 }
 
 /// From a clip's file, a map's bytes and parameters to an answer. It may take long and may panic.
@@ -46,6 +50,7 @@ impl Default for WorkerParams {
             retry: RetryPolicy::default(),
             method: align_clip,
             align: Arc::default(),
+            child: None,
         }
     }
 }
@@ -53,6 +58,14 @@ impl Default for WorkerParams {
 /// Works until `stop`; then gives up the job in hand.
 pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationToken) {
     while !stop.is_cancelled() {
+        match queue.storage.release_lost(&params.retry, Timestamp::now()).await {
+            Ok(0) => {}
+            Ok(jobs) => {
+                warn!(jobs, "jobs of lost workers are queued again");
+                queue.wake();
+            }
+            Err(error) => error!(%error, "jobs of lost workers could not be queued again"),
+        }
         match queue.storage.claim(params.lease, Timestamp::now()).await {
             Ok(Some(claim)) => {
                 // There may be more: wake the next worker, and tell who listens to this job.
@@ -90,25 +103,20 @@ struct Attempt<'a> {
     claim: Claim,
 }
 
-type Working = JoinHandle<Result<Finished, Failure>>;
-/// A panic of the method is a `JoinError`.
-type Ended = Result<Result<Finished, Failure>, JoinError>;
-
 impl Attempt<'_> {
     async fn run(&self, stop: &CancellationToken) {
         let job = &self.claim.job;
         let begun = Instant::now();
         // Of a further attempt one cannot tell when it was due.
-        if job.attempts == 1 {
+        if self.claim.is_first() {
             metrics::started(Timestamp::now().duration_since(job.created_at).unsigned_abs());
         }
         info!(job = %job.id, clip = %job.clip, home = %job.home, attempt = job.attempts, "job begins");
         let ending = self.work(stop).await;
         let outcome = outcome_name(&ending);
         Span::current().record("outcome", outcome);
-        let storage = &self.queue.storage;
         let kept = match &ending {
-            Some(ending) => storage.finish(&self.claim, ending, &self.params.retry, Timestamp::now()).await,
+            Some(ending) => self.record(ending, stop).await,
             None => Ok(false),
         };
         let took = begun.elapsed();
@@ -123,12 +131,28 @@ impl Attempt<'_> {
         }
     }
 
+    /// Records the end of the attempt. Storage that fails is asked again for as long as nobody else takes the job: the
+    /// answer may have cost much.
+    async fn record(&self, ending: &Ending, stop: &CancellationToken) -> Result<bool, StorageError> {
+        let (begun, storage) = (Instant::now(), &self.queue.storage);
+        loop {
+            let recorded = storage.finish(&self.claim, ending, &self.params.retry, Timestamp::now()).await;
+            match recorded {
+                Err(error) if !stop.is_cancelled() && begun.elapsed() < self.params.lease / 2 => {
+                    warn!(job = %self.claim.job.id, %error, "the end of a job is recorded once more");
+                    tokio::time::sleep(TICK).await;
+                }
+                recorded => return recorded,
+            }
+        }
+    }
+
     /// None when the job is no longer ours.
     async fn work(&self, stop: &CancellationToken) -> Option<Ending> {
         let report = Arc::new(Report::here());
         let mut method = match self.begin_alive(&report, stop).await {
             Begun::Working(method) => method,
-            Begun::Failed(error) => return Some(broken("storage_error", &error)),
+            Begun::Failed(trouble) => return Some(ending_of(trouble)),
             Begun::Lost => return None,
             Begun::Stopped => return Some(Ending::GivenUp),
         };
@@ -141,11 +165,8 @@ impl Attempt<'_> {
 
     async fn conclude(&self, ended: Ended) -> Ending {
         match ended {
-            Ok(Ok(finished)) => self.keep(finished).await,
-            Ok(Err(Failure::Cancelled)) => Ending::GivenUp,
-            Ok(Err(failure)) if failure.is_ours() => broken("internal_error", &failure),
-            Ok(Err(failure)) => Ending::Refused(failure.reason()),
-            Err(panic) => broken("internal_error", &panic),
+            Ok(finished) => self.keep(finished).await,
+            Err(trouble) => ending_of(trouble),
         }
     }
 
@@ -156,7 +177,7 @@ impl Attempt<'_> {
         let mut said = Said { heard: Heard::default(), at: Instant::now() };
         loop {
             tokio::select! {
-                begun = &mut begin => return begun.map_or_else(Begun::Failed, Begun::Working),
+                begun = &mut begin => return begun.map_or_else(|error| Begun::Failed(error.into()), Begun::Working),
                 () = stop.cancelled() => return Begun::Stopped,
                 _ = tick.tick() => match self.beat(report.heard(), &mut said).await {
                     Ok(true) => {}
@@ -171,8 +192,14 @@ impl Attempt<'_> {
         let storage = &self.queue.storage;
         let clip = storage.clip_file(self.claim.job.clip).await?;
         let lidar = storage.lidar_map_file(self.claim.lidar_map_id).await?;
-        let (report, method, align) = (report.clone(), self.params.method, self.params.align.clone());
-        Ok(tokio::task::spawn_blocking(move || method(&clip, &lidar, &align, report.as_ref())))
+        let (inputs, report) = (Inputs { clip, lidar }, report.clone());
+        match &self.params.child {
+            Some(child) if self.claim.suspect => {
+                info!(job = %self.claim.job.id, "a worker was lost with this job: it runs in a process of its own");
+                Ok(run_in_child(child, inputs, storage.work_folder()?, report))
+            }
+            _ => Ok(run_here(self.params.method, self.params.align.clone(), inputs, report)),
+        }
     }
 
     /// Renews the lease and records progress while the method works, and passes on the order to stop.
@@ -220,7 +247,7 @@ impl Attempt<'_> {
         let storage = &self.queue.storage;
         for (name, bytes) in finished.files {
             if let Err(error) = storage.put_result(&self.claim, name, bytes).await {
-                return broken("storage_error", &error);
+                return ending_of(error.into());
             }
         }
         Ending::Answered(Box::new(finished.alignment))
@@ -230,7 +257,7 @@ impl Attempt<'_> {
 /// How a job began.
 enum Begun {
     Working(Working),
-    Failed(StorageError),
+    Failed(Trouble),
     /// As below.
     Lost,
     Stopped,
@@ -251,18 +278,32 @@ struct Said {
 }
 
 /// The cause is for the log; who sent the clip could do nothing with it.
-fn broken(code: &str, cause: &dyn std::error::Error) -> Ending {
-    error!(code, %cause, "an attempt broke");
-    Ending::Broken(Reason::new(
-        code,
-        "the service failed while it worked on this clip; its log has the cause",
-    ))
+fn ending_of(trouble: Trouble) -> Ending {
+    match trouble {
+        Trouble::Cancelled => Ending::GivenUp,
+        Trouble::Refused(reason) => Ending::Refused(reason),
+        Trouble::Broken { code, cause } => {
+            error!(code, cause, "an attempt broke");
+            let detail = match code.as_str() {
+                "worker_died" => {
+                    "the process that worked on this clip alone died; it may need more memory than there is"
+                }
+                _ => "the service failed while it worked on this clip; its log has the cause",
+            };
+            Ending::Broken(Reason::new(&code, detail))
+        }
+        Trouble::Fault { fault, cause } => {
+            warn!(code = fault.code(), cause, "a fault ended an attempt, which does not count");
+            Ending::Fault(fault)
+        }
+    }
 }
 
 fn outcome_name(ending: &Option<Ending>) -> &str {
     match ending {
         Some(Ending::Answered(alignment)) => crate::storage::ClipState::from(alignment.state).name(),
         Some(Ending::Refused(reason) | Ending::Broken(reason)) => &reason.code,
+        Some(Ending::Fault(fault)) => fault.code(),
         Some(Ending::GivenUp) => "given_up",
         None => "lost",
     }

@@ -69,6 +69,11 @@ impl Blobs {
         Incoming::new_in(&self.incoming)
     }
 
+    /// The folder of files that are not blobs yet.
+    pub fn incoming_folder(&self) -> &Path {
+        &self.incoming
+    }
+
     /// Writes a blob; a store that fails is asked again before the caller is told. Under the same key, since a write
     /// that failed may have come through.
     pub async fn put(&self, key: &str, bytes: Vec<u8>) -> Result<(), StorageError> {

@@ -5,12 +5,12 @@ use super::changes::{self, Changed};
 use super::columns::to_json;
 use super::database::{Transaction, query};
 use super::{Clip, ClipState, HomeId, Storage, StorageError, clips, home_maps, lidar_maps};
-use crate::align::Reason;
-use crate::geometry::Pose2;
-use crate::lidar::LidarInfo;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
+use viola_formats::lidar::LidarInfo;
+use viola_geometry::Pose2;
+use viola_reconstruct::Reason;
 
 /// How far from the box around everything that the LiDAR map knows a clip may begin: the camera may stand in a room
 /// that the robot never entered, but not in another house.

@@ -1,7 +1,7 @@
 //! The states of a clip.
 
-use crate::align::AlignmentState;
 use serde::{Deserialize, Serialize};
+use viola_align::AlignmentState;
 
 /// Where a clip is on its way into the home's map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]

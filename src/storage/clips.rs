@@ -7,17 +7,18 @@ use super::choices::Verdict;
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Row, Transaction, query};
 use super::incoming::Arrived;
-use super::jobs::Priority;
+use super::jobs::{self, Priority};
 use super::{
     BlobReader, Choice, ClipState, HomeId, Job, LocalFile, Placement, Storage, StorageError, home_maps,
-    homes, idempotency, jobs, lidar_maps, result_file,
+    homes, idempotency, lidar_maps, result_file,
 };
-use crate::align::{Alignment, Reason};
-use crate::clip::ClipInfo;
-use crate::geometry::Pose2;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
+use viola_align::Alignment;
+use viola_formats::clip::ClipInfo;
+use viola_geometry::Pose2;
+use viola_reconstruct::Reason;
 
 /// An uploaded clip.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -120,8 +121,12 @@ impl Storage {
         let (file, row) = NewRow::of(id, new);
         self.blobs.keep(file, &file_key(id)).await?;
         let added = self.insert_clip(home, row, now).await;
-        // After a database error the row may be there nevertheless; then the next start's sweep decides.
-        if matches!(added, Ok(Added::Replayed(_) | Added::KeyReused) | Err(StorageError::NoSuchHome)) {
+        let is_for_nothing = match &added {
+            Ok(added) => !matches!(added, Added::New(_)),
+            // The row may be there all the same; a sweep decides.
+            Err(error) => !error.is_unsettled(),
+        };
+        if is_for_nothing {
             self.blobs.discard(&[file_key(id)]).await;
         }
         added

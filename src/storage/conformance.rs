@@ -6,11 +6,13 @@ mod choices;
 mod deletions;
 mod fairness;
 mod faults;
+mod full_disk;
 mod home_maps;
 mod keys;
 mod leases;
 mod lists;
 mod local_files;
+mod lost_database;
 mod records;
 pub(in crate::storage) mod s3_server;
 mod tenants;
@@ -18,14 +20,15 @@ mod uploads;
 mod webhooks;
 
 use super::*;
-use crate::align::{Alignment, AlignmentState, Reason};
-use crate::clip::ClipInfo;
-use crate::lidar::LidarInfo;
 use futures::TryStreamExt;
 use jiff::Timestamp;
 use std::path::Path;
 use std::time::Duration;
 use uuid::Uuid;
+use viola_align::{Alignment, AlignmentState};
+use viola_formats::clip::ClipInfo;
+use viola_formats::lidar::LidarInfo;
+use viola_reconstruct::Reason;
 
 const LEASE: Duration = Duration::from_secs(30);
 

@@ -1,20 +1,25 @@
 //! The database: SQLite in the data folder, or PostgreSQL for many processes. Two pools behind one type, and one text
 //! for each statement wherever both understand it.
 
+mod connection;
+mod fault;
+mod health;
 mod query;
 mod tables;
 
+pub(super) use connection::{Connection, Transaction};
+pub(super) use fault::DatabaseFault;
 pub(super) use query::{Query, Row, query};
 
 use super::StorageError;
+use health::{Verdict, WriteHealth};
 use sqlx::postgres::{PgConnectOptions, PgListener, PgPool, PgPoolOptions};
 use sqlx::sqlite::{
     SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
 };
-use sqlx::{PgConnection, Postgres, Sqlite, SqliteConnection};
-use std::ops::{Deref, DerefMut};
 use std::path::Path;
 use std::str::FromStr;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Connections of SQLite that read.
@@ -26,7 +31,15 @@ pub const POSTGRES_CONNECTIONS: u32 = 8;
 /// How long a statement waits for a free connection before the caller is told that the service is busy.
 const ACQUIRE: Duration = Duration::from_secs(10);
 
-pub(super) enum Database {
+/// How long a write may take that checks whether the database can write.
+const CHECK: Duration = Duration::from_secs(3);
+
+pub(super) struct Database {
+    pools: Pools,
+    health: Arc<WriteHealth>,
+}
+
+enum Pools {
     /// One connection that writes, several that read.
     Sqlite {
         writer: SqlitePool,
@@ -35,80 +48,24 @@ pub(super) enum Database {
     Postgres(PgPool),
 }
 
-/// A connection, in a transaction or not.
-pub(super) enum Connection {
-    Sqlite(sqlx::Transaction<'static, Sqlite>),
-    Postgres(sqlx::Transaction<'static, Postgres>),
-    /// Reads one thing, so that it needs no transaction.
-    PostgresAlone(sqlx::pool::PoolConnection<Postgres>),
-}
-
-/// A connection whose statements take effect together, with [`Transaction::commit`], or not at all.
-pub(super) struct Transaction(Connection);
-
-enum Executor<'c> {
-    Sqlite(&'c mut SqliteConnection),
-    Postgres(&'c mut PgConnection),
-}
-
-impl Connection {
-    fn executor(&mut self) -> Executor<'_> {
-        match self {
-            Connection::Sqlite(transaction) => Executor::Sqlite(transaction),
-            Connection::Postgres(transaction) => Executor::Postgres(transaction),
-            Connection::PostgresAlone(connection) => Executor::Postgres(connection),
-        }
-    }
-
-    /// The text of a statement that the two must be told differently.
-    pub fn either<T>(&self, sqlite: T, postgres: T) -> T {
-        match self {
-            Connection::Sqlite(_) => sqlite,
-            Connection::Postgres(_) | Connection::PostgresAlone(_) => postgres,
-        }
-    }
-}
-
-impl Transaction {
-    pub async fn commit(self) -> Result<(), sqlx::Error> {
-        match self.0 {
-            Connection::Sqlite(transaction) => transaction.commit().await,
-            Connection::Postgres(transaction) => transaction.commit().await,
-            // Never made.
-            Connection::PostgresAlone(_) => Ok(()),
-        }
-    }
-}
-
-impl Deref for Transaction {
-    type Target = Connection;
-
-    fn deref(&self) -> &Connection {
-        &self.0
-    }
-}
-
-impl DerefMut for Transaction {
-    fn deref_mut(&mut self) -> &mut Connection {
-        &mut self.0
-    }
-}
-
 /// Begins a transaction in a task of its own. Whoever hangs up cancels what is under way for it; a `BEGIN` that is cut
 /// off would go back to the pool as a connection within a transaction of which nobody knows.
-async fn begin_whole(pool: &PgPool, statement: Option<&'static str>) -> Result<Connection, StorageError> {
+async fn begin_whole(
+    pool: &PgPool,
+    statement: &'static str,
+    health: Option<Arc<WriteHealth>>,
+) -> Result<Transaction, sqlx::Error> {
     let pool = pool.clone();
-    let begun = tokio::spawn(async move {
-        match statement {
-            Some(statement) => pool.begin_with(statement).await,
-            None => pool.begin().await,
-        }
-    });
+    let begun = tokio::spawn(async move { pool.begin_with(statement).await });
     // The task ends without an answer only when the whole process does.
-    Ok(Connection::Postgres(begun.await.map_err(|_| sqlx::Error::PoolClosed)??))
+    Ok(Transaction::of_postgres(begun.await.map_err(|_| sqlx::Error::PoolClosed)??, health))
 }
 
 impl Database {
+    fn new(pools: Pools) -> Database {
+        Database { pools, health: Arc::default() }
+    }
+
     pub async fn open_sqlite(file: &Path) -> Result<Database, StorageError> {
         // FULL: a commit that gates an acknowledgement has reached the disk.
         let options = SqliteConnectOptions::new()
@@ -122,7 +79,7 @@ impl Database {
         tables::sqlite().run(&writer).await?;
         let reader =
             SqlitePoolOptions::new().max_connections(READERS).connect_with(options.read_only(true)).await?;
-        Ok(Database::Sqlite { writer, reader })
+        Ok(Database::new(Pools::Sqlite { writer, reader }))
     }
 
     /// `url` as libpq knows it: `postgres://user:password@host:port/database?sslmode=...`.
@@ -137,64 +94,94 @@ impl Database {
             .connect_with(options)
             .await?;
         tables::postgres().run(&pool).await?;
-        Ok(Database::Postgres(pool))
+        Ok(Database::new(Pools::Postgres(pool)))
     }
 
     /// For one read.
     pub async fn reader(&self) -> Result<Connection, StorageError> {
-        Ok(match self {
-            Database::Sqlite { reader, .. } => Connection::Sqlite(reader.begin().await?),
-            Database::Postgres(pool) => Connection::PostgresAlone(pool.acquire().await?),
+        Ok(match &self.pools {
+            Pools::Sqlite { reader, .. } => Connection::of_sqlite(reader.acquire().await?),
+            Pools::Postgres(pool) => Connection::of_postgres(pool.acquire().await?),
         })
     }
 
     /// For several reads that must agree with each other.
     pub async fn snapshot(&self) -> Result<Transaction, StorageError> {
-        Ok(Transaction(match self {
-            Database::Sqlite { reader, .. } => Connection::Sqlite(reader.begin().await?),
-            Database::Postgres(pool) => {
-                begin_whole(pool, Some("BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY")).await?
+        Ok(match &self.pools {
+            Pools::Sqlite { reader, .. } => Transaction::begin_sqlite(reader, "BEGIN", None).await?,
+            Pools::Postgres(pool) => {
+                begin_whole(pool, "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY", None).await?
             }
-        }))
+        })
     }
 
-    /// To write. SQLite's writers take turns here, so none ever meets a locked database. PostgreSQL's go side by side:
-    /// who changes a home or what is in it locks its row first (`homes::lock`), then jobs, then clips, then changes;
-    /// in this order nobody waits in a circle.
+    /// To write. SQLite's writers take turns here, and wait in `BEGIN` for those of other processes, so none ever meets
+    /// a locked database later. PostgreSQL's go side by side: who changes a home or what is in it locks its row first
+    /// (`homes::lock`), then jobs, then clips, then changes; in this order nobody waits in a circle.
     pub async fn begin(&self) -> Result<Transaction, StorageError> {
-        Ok(Transaction(match self {
-            Database::Sqlite { writer, .. } => Connection::Sqlite(writer.begin().await?),
-            Database::Postgres(pool) => begin_whole(pool, None).await?,
-        }))
+        let health = Some(self.health.clone());
+        Ok(match &self.pools {
+            Pools::Sqlite { writer, .. } => {
+                Transaction::begin_sqlite(writer, "BEGIN IMMEDIATE", health).await?
+            }
+            Pools::Postgres(pool) => begin_whole(pool, "BEGIN", health).await?,
+        })
+    }
+
+    /// Checks that the database can write. Recent writes tell; without any, one row is written.
+    pub async fn check_writes(&self) -> Result<(), StorageError> {
+        let _turn = self.health.check.lock().await;
+        match self.health.verdict() {
+            Verdict::Works => return Ok(()),
+            Verdict::Fails(fault) => {
+                return Err(StorageError::WritesFail { is_full: fault == DatabaseFault::Full });
+            }
+            Verdict::Unknown => {}
+        }
+        let write = async {
+            let mut transaction = self.begin().await?;
+            query("UPDATE change_counter SET last_seq = last_seq").execute(&mut transaction).await?;
+            transaction.commit().await
+        };
+        tokio::time::timeout(CHECK, write).await.map_err(|_| sqlx::Error::PoolTimedOut)?
+    }
+
+    /// The pool of the one connection of SQLite that writes.
+    #[cfg(test)]
+    pub fn writer(&self) -> &SqlitePool {
+        match &self.pools {
+            Pools::Sqlite { writer, .. } => writer,
+            Pools::Postgres(_) => panic!("it is PostgreSQL"),
+        }
     }
 
     /// Hears what other processes tell; none where there is but this one.
     pub async fn listener(&self) -> Result<Option<PgListener>, StorageError> {
-        Ok(match self {
-            Database::Sqlite { .. } => None,
-            Database::Postgres(pool) => Some(PgListener::connect_with(pool).await?),
+        Ok(match &self.pools {
+            Pools::Sqlite { .. } => None,
+            Pools::Postgres(pool) => Some(PgListener::connect_with(pool).await?),
         })
     }
 
     /// Whether other processes may be at work on it.
     pub fn is_shared(&self) -> bool {
-        matches!(self, Database::Postgres(_))
+        matches!(self.pools, Pools::Postgres(_))
     }
 
     pub fn name(&self) -> &'static str {
-        match self {
-            Database::Sqlite { .. } => "sqlite",
-            Database::Postgres(_) => "postgresql",
+        match &self.pools {
+            Pools::Sqlite { .. } => "sqlite",
+            Pools::Postgres(_) => "postgresql",
         }
     }
 
     pub async fn close(&self) {
-        match self {
-            Database::Sqlite { writer, reader } => {
+        match &self.pools {
+            Pools::Sqlite { writer, reader } => {
                 reader.close().await;
                 writer.close().await;
             }
-            Database::Postgres(pool) => pool.close().await,
+            Pools::Postgres(pool) => pool.close().await,
         }
     }
 }

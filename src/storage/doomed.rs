@@ -80,6 +80,6 @@ impl Storage {
             .bind(id.to_string())
             .execute(&mut transaction)
             .await?;
-        Ok(transaction.commit().await?)
+        transaction.commit().await
     }
 }

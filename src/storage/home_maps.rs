@@ -10,12 +10,12 @@ pub use objects::{HomeObject, MapObject, MapScene, ObjectFilter};
 use super::columns::Columns;
 use super::database::{Connection, Row, query};
 use super::{BlobReader, ClipState, HomeId, Page, Storage, StorageError, homes};
-use crate::align::Reason;
-use crate::geometry::Pose2;
-use crate::home::{HomeMapInfo, PlacedBy, TileKey};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
+use viola_geometry::Pose2;
+use viola_home::{HomeMapInfo, PlacedBy, TileKey};
+use viola_reconstruct::Reason;
 
 /// One state of a home's fused map. It never changes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]

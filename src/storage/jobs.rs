@@ -3,15 +3,15 @@
 use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
 use super::{HomeId, Storage, StorageError, clips};
-use crate::align::Reason;
-use crate::progress::Stage;
 use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::time::Duration;
 use uuid::Uuid;
+use viola_geometry::progress::Stage;
+use viola_reconstruct::Reason;
 
-/// How often a job is tried before it fails for good. A try whose worker died counts.
+/// How often a job is tried before it fails for good. A try that a fault of the service ended does not count.
 const MAX_ATTEMPTS: i64 = 3;
 
 /// The time by which a job that waits behind another one of its home or tenant is put back: about what one takes.
@@ -88,7 +88,7 @@ pub struct Job {
     /// Of the whole job, 0..1.
     #[schema(minimum = 0, maximum = 1, example = 0.43)]
     pub progress: f64,
-    /// How often a worker has begun.
+    /// Attempts that count, the current one among them. One that a fault of the service ended does not count.
     #[schema(example = 1)]
     pub attempts: u32,
     #[schema(example = 3)]

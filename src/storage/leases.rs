@@ -2,25 +2,39 @@
 //! it. Every claim raises the job's fence, and a write counts only while the fence is the claim's own, so a
 //! worker that was thought dead and comes back changes nothing.
 
+mod again;
+mod retry;
+
+pub use retry::{Fault, RetryPolicy};
+
 use super::clips::{self, Outcome};
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Transaction, query};
 use super::{ClipState, Job, JobState, Storage, StorageError, homes, jobs};
-use crate::align::{Alignment, Reason};
-use crate::progress::Stage;
+use again::{Failures, bear_fault, requeue};
 use jiff::Timestamp;
 use std::time::Duration;
 use uuid::Uuid;
+use viola_align::Alignment;
+use viola_geometry::progress::Stage;
+use viola_reconstruct::Reason;
 
 /// A job that this worker holds.
 #[derive(Debug, Clone)]
 pub struct Claim {
     pub job: Job,
     pub lidar_map_id: Uuid,
+    /// Whether a worker was lost with this job before: it may have been the job that killed it.
+    pub suspect: bool,
     fence: i64,
 }
 
 impl Claim {
+    /// Whether nobody had the job before.
+    pub fn is_first(&self) -> bool {
+        self.fence == 1
+    }
+
     /// Where this attempt's pictures and clouds are kept.
     fn result_key(&self) -> String {
         clips::result_key(self.job.clip, self.job.id, self.fence)
@@ -34,54 +48,34 @@ pub enum Ending {
     Answered(Box<Alignment>),
     /// The clip or the map cannot be used; another attempt would end alike.
     Refused(Reason),
-    /// Something of ours broke; another attempt may go better.
+    /// The method broke on this clip. The attempt counts; another one may go better.
     Broken(Reason),
+    /// The service had a fault that is not the clip's. The attempt does not count.
+    Fault(Fault),
     /// The worker stops and gives the job back, to be tried again at once.
     GivenUp,
 }
 
-/// How long a failed attempt waits for the next.
-#[derive(Debug, Clone)]
-pub struct RetryPolicy {
-    /// After the first failed attempt; doubles with every further one.
-    pub first_delay: Duration,
-}
-
-impl Default for RetryPolicy {
-    fn default() -> RetryPolicy {
-        RetryPolicy { first_delay: Duration::from_secs(5) }
-    }
-}
-
-impl RetryPolicy {
-    fn delay(&self, attempts: u32) -> Duration {
-        self.first_delay.saturating_mul(1 << attempts.saturating_sub(1).min(6))
-    }
-}
-
-/// Takes a job whose worker's lease ran out, else the one whose turn it is. Those that another worker is taking at this
-/// moment are passed over, so that workers do not wait for each other.
+/// Takes the job whose turn it is. Those that another worker is taking at this moment are passed over, so that workers do
+/// not wait for each other.
 macro_rules! claim {
     ($lock:literal) => {
         concat!(
             "UPDATE jobs SET state = 'running', attempts = attempts + 1, fence = fence + 1, lease_until = $2,
                 stage = NULL, progress = 0, version = version + 1, updated_at = $1,
                 started_at = COALESCE(started_at, $1)
-            WHERE id = COALESCE(
-                (SELECT id FROM jobs WHERE state = 'running' AND lease_until <= $1 AND attempts < max_attempts
-                    ORDER BY lease_until LIMIT 1 ",
-            $lock,
-            "),
+            WHERE id =
                 (SELECT id FROM jobs WHERE state = 'queued' AND run_after <= $1 ORDER BY order_at, id LIMIT 1 ",
             $lock,
-            "))
-            RETURNING id, lidar_map_id, fence"
+            ")
+            RETURNING id, lidar_map_id, fence, suspect"
         )
     };
 }
 
 impl Storage {
-    /// Gives a job that is due to a worker, none when there is none.
+    /// Gives a job that is due to a worker, none when there is none. Jobs of lost workers are due after
+    /// [`Storage::release_lost`].
     pub async fn claim(&self, lease: Duration, now: Timestamp) -> Result<Option<Claim>, StorageError> {
         let mut transaction = self.database.begin().await?;
         let statement = transaction.either(claim!(""), claim!("FOR UPDATE SKIP LOCKED"));
@@ -90,15 +84,16 @@ impl Storage {
             .bind((now + lease).as_millisecond())
             .fetch_optional(&mut transaction)
             .await?;
-        let Some(row) = row else {
-            drop(transaction);
-            self.bury_the_hopeless(now).await?;
-            return Ok(None);
-        };
+        let Some(row) = row else { return Ok(None) };
         let id = row.id("id")?;
         change_clip(&mut transaction, id, ClipState::Aligning, &[], now).await?;
         let job = jobs::find(&mut transaction, id).await?.ok_or(StorageError::NoSuchClip)?;
-        let claim = Claim { job, lidar_map_id: row.id("lidar_map_id")?, fence: row.number("fence")? };
+        let claim = Claim {
+            job,
+            lidar_map_id: row.id("lidar_map_id")?,
+            suspect: row.number("suspect")? != 0,
+            fence: row.number("fence")?,
+        };
         transaction.commit().await?;
         Ok(Some(claim))
     }
@@ -191,31 +186,6 @@ impl Storage {
         transaction.commit().await?;
         Ok(job)
     }
-
-    /// Fails the jobs whose last allowed worker died: a job that kills its worker must not run for ever.
-    async fn bury_the_hopeless(&self, now: Timestamp) -> Result<(), StorageError> {
-        let rows = query(
-            "SELECT jobs.id, clips.home_id, jobs.fence FROM jobs JOIN clips ON clips.id = jobs.clip_id
-            WHERE jobs.state = 'running' AND jobs.lease_until <= $1 AND jobs.attempts >= jobs.max_attempts",
-        );
-        let rows = rows.bind(now.as_millisecond()).fetch_all(&mut self.database.reader().await?).await?;
-        for row in &rows {
-            let mut transaction = self.database.begin().await?;
-            homes::lock(&mut transaction, &row.home("home_id")?).await?;
-            // Unless somebody did so, or the worker gave a sign of life, since.
-            let buried = query(
-                "UPDATE jobs SET fence = fence + 1
-                WHERE id = $1 AND fence = $2 AND state = 'running' AND lease_until <= $3",
-            );
-            let buried = buried.bind(row.text("id")?).bind(row.number("fence")?).bind(now.as_millisecond());
-            if buried.execute(&mut transaction).await? == 1 {
-                let detail = "every worker that tried this clip died; it may need more memory than there is";
-                fail(&mut transaction, row.id("id")?, Reason::new("worker_died", detail), now).await?;
-            }
-            transaction.commit().await?;
-        }
-        Ok(())
-    }
 }
 
 async fn end(
@@ -228,14 +198,14 @@ async fn end(
     let id = claim.job.id;
     let row = query(
         "UPDATE jobs SET version = version + 1 WHERE id = $1 AND fence = $2 AND state = 'running'
-        RETURNING attempts, max_attempts",
+        RETURNING attempts, max_attempts, faults, first_fault_at",
     )
     .bind(id.to_string())
     .bind(claim.fence)
     .fetch_optional(transaction)
     .await?;
     let Some(row) = row else { return Ok(false) };
-    let (attempts, max_attempts): (u32, u32) = (row.count("attempts")?, row.count("max_attempts")?);
+    let failures = Failures::from_row(&row)?;
     match ending {
         Ending::Answered(alignment) => {
             close(transaction, id, JobState::Succeeded, None, now).await?;
@@ -249,14 +219,19 @@ async fn end(
             clips::change(transaction, id, answer, now).await?;
         }
         Ending::Refused(reason) => fail(transaction, id, reason.clone(), now).await?,
-        Ending::Broken(reason) if attempts >= max_attempts => {
+        Ending::Broken(reason) if failures.attempts >= failures.max_attempts => {
             fail(transaction, id, reason.clone(), now).await?;
         }
         Ending::Broken(reason) => {
-            requeue(transaction, id, attempts, Some(reason), now + retry.delay(attempts), now).await?;
+            let run_after = now + retry.delay(failures.attempts);
+            let failures = failures.with_counted_attempt();
+            requeue(transaction, id, failures, Some(reason), run_after, now).await?;
         }
+        Ending::Fault(fault) => bear_fault(transaction, id, failures, *fault, retry, now).await?,
         // The attempt was ours to give up, not the clip's fault: it does not count.
-        Ending::GivenUp => requeue(transaction, id, attempts.saturating_sub(1), None, now, now).await?,
+        Ending::GivenUp => {
+            requeue(transaction, id, failures.without_attempt(), None, now, now).await?;
+        }
     }
     Ok(true)
 }
@@ -291,30 +266,6 @@ async fn close(
     .execute(transaction)
     .await?;
     Ok(())
-}
-
-async fn requeue(
-    transaction: &mut Transaction,
-    id: Uuid,
-    attempts: u32,
-    error: Option<&Reason>,
-    run_after: Timestamp,
-    now: Timestamp,
-) -> Result<(), StorageError> {
-    query(
-        "UPDATE jobs SET state = 'queued', attempts = $2, error = $3, run_after = $4, stage = NULL, progress = 0,
-            lease_until = NULL, version = version + 1, updated_at = $5
-        WHERE id = $1",
-    )
-    .bind(id.to_string())
-    .bind(i64::from(attempts))
-    .bind(error.map(to_json))
-    .bind(run_after.as_millisecond())
-    .bind(now.as_millisecond())
-    .execute(transaction)
-    .await?;
-    let reasons: Vec<Reason> = error.into_iter().cloned().collect();
-    change_clip(transaction, id, ClipState::Queued, &reasons, now).await
 }
 
 /// The clip of a job goes to a state in which it has no answer.

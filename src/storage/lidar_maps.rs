@@ -5,10 +5,10 @@ use super::columns::{Columns, to_json};
 use super::database::{Connection, Row, query};
 use super::incoming::Arrived;
 use super::{BlobReader, HomeId, Page, Storage, StorageError, homes, jobs};
-use crate::lidar::LidarInfo;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
+use viola_formats::lidar::LidarInfo;
 
 /// One file that was put, and what was understood of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -81,8 +81,12 @@ impl Storage {
             return Err(error);
         }
         let added = self.insert_lidar_map(home, row, now).await;
-        // After a database error the row may be there nevertheless; then the next start's sweep decides.
-        if matches!(added, Ok((_, false)) | Err(StorageError::NoSuchHome)) {
+        let is_for_nothing = match &added {
+            Ok((_, is_new)) => !is_new,
+            // The row may be there all the same; a sweep decides.
+            Err(error) => !error.is_unsettled(),
+        };
+        if is_for_nothing {
             self.blobs.discard(&[file_key, image_key]).await;
         }
         added

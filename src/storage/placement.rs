@@ -1,8 +1,8 @@
 //! Where a home's map has a clip.
 
-use crate::geometry::Pose2;
-use crate::home::PlacedBy;
 use serde::{Deserialize, Serialize};
+use viola_geometry::Pose2;
+use viola_home::PlacedBy;
 
 /// Where a revision of the home's map has a clip, and who says so.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]

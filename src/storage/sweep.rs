@@ -1,4 +1,4 @@
-//! Blobs that no row names any more, or that never had one: what a killed process leaves.
+//! Blobs that no row names: what killed processes leave, or what is left when the database is lost.
 
 use super::columns::Columns;
 use super::database::{Connection, query};
@@ -25,7 +25,15 @@ const NAMED: [[&str; 2]; 5] = [
     among!("SELECT blob_key AS name FROM upload_pieces WHERE blob_key"),
 ];
 
-/// Which of the statements a key is found by, and under which name. None for what is not ours; that is removed.
+/// Blobs of deleted things. The deletion removes them, and a sweep has no part in it.
+const DOOMED: [&str; 2] = [
+    "SELECT gone.value AS name FROM doomed_blobs, json_each(doomed_blobs.blob_keys) AS gone
+    WHERE gone.value IN (SELECT value FROM json_each($1))",
+    "SELECT gone AS name FROM doomed_blobs, jsonb_array_elements_text(CAST(blob_keys AS JSONB)) AS gone
+    WHERE gone IN (SELECT jsonb_array_elements_text(CAST($1 AS JSONB)))",
+];
+
+/// Which of the statements a key is found by, and under which name. None for a file that is not ours.
 fn name_of(key: &str) -> Option<(usize, &str)> {
     let parts: Vec<&str> = key.split('/').collect();
     match parts.as_slice() {
@@ -38,13 +46,106 @@ fn name_of(key: &str) -> Option<(usize, &str)> {
     }
 }
 
+/// What an unnamed blob was part of.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+enum Owner<'a> {
+    /// A recording, a LiDAR map or an upload, which only its client has again. All pieces of an upload are one.
+    Sent(&'a str),
+    /// A result or a home map, which can be made again.
+    Made(&'a str),
+}
+
+fn owner_of(key: &str) -> Owner<'_> {
+    match name_of(key) {
+        Some((1 | 3, name)) => Owner::Made(name),
+        // `uploads/UPLOAD-PIECE`, two UUIDs.
+        Some((4, name)) => Owner::Sent(name.get(.."uploads/".len() + 36).unwrap_or(name)),
+        Some((_, name)) => Owner::Sent(name),
+        None => Owner::Sent(key),
+    }
+}
+
+/// A sweep removes at most this fraction of the blobs, or the numbers below if they are larger. A killed process leaves
+/// far less: a database that names fewer is older than its blobs, or another one's.
+const MOST_FRACTION: u64 = 100;
+
+/// A file of a client lacks its row only between its last fsync and the commit: one for each request that was cut off
+/// there.
+const MOST_SENT: u64 = 16;
+
+/// A killed worker leaves the results of its jobs and the tiles of its merges.
+const MOST_MADE: u64 = 1000;
+
+/// A start accepts this many unnamed blobs beside none that is named.
+const MOST_ALONE: usize = 100;
+
+/// How much a sweep may remove.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SweepLimit {
+    /// What killed processes leave. Nothing is removed if there is more.
+    Leftovers,
+    /// Whatever no row names.
+    Everything,
+}
+
 impl Storage {
     /// Removes blobs that were written before `older_than` and that no row names, and files of then that were never
     /// kept; tells how many. A row follows its blob within seconds, and a job or a merge within an hour.
-    pub async fn sweep(&self, older_than: Timestamp) -> Result<u64, StorageError> {
-        let look = |keys: Vec<String>| async move { named(&mut self.database.reader().await?, &keys).await };
-        self.blobs.sweep(older_than, look).await
+    pub async fn sweep(&self, older_than: Timestamp, limit: SweepLimit) -> Result<u64, StorageError> {
+        let mut removed = 0;
+        loop {
+            let unnamed = self.blobs.unnamed(older_than, |keys| self.named(keys)).await?;
+            if limit == SweepLimit::Leftovers {
+                check(&unnamed.keys, unnamed.more, unnamed.named)?;
+            }
+            self.blobs.sweep(&unnamed).await?;
+            removed += unnamed.leftovers + unnamed.keys.len() as u64;
+            if unnamed.more == 0 {
+                return Ok(removed);
+            }
+        }
     }
+
+    /// Refuses a database that knows nothing of the blobs that are there: it is new, lost, or another one's.
+    pub(super) async fn check_blobs_are_known(&self) -> Result<(), StorageError> {
+        let keys = self.blobs.sample().await?;
+        let blobs = keys.len();
+        if blobs == 0 || !self.named(keys).await?.is_empty() {
+            return Ok(());
+        }
+        if blobs <= MOST_ALONE && self.has_lived().await? {
+            return Ok(());
+        }
+        Err(StorageError::LostDatabase { blobs })
+    }
+
+    /// Whether the database has, or lately had, a home. Blobs come after their home.
+    async fn has_lived(&self) -> Result<bool, StorageError> {
+        let row = query(
+            "SELECT (SELECT COUNT(*) FROM (SELECT 1 FROM homes LIMIT 1) AS h)
+                + (SELECT COUNT(*) FROM (SELECT 1 FROM changes LIMIT 1) AS c)
+                + (SELECT COUNT(*) FROM (SELECT 1 FROM doomed_blobs LIMIT 1) AS d) AS n",
+        );
+        Ok(row.fetch_one(&mut self.database.reader().await?).await?.number("n")? > 0)
+    }
+
+    async fn named(&self, keys: Vec<String>) -> Result<HashSet<String>, StorageError> {
+        named(&mut self.database.reader().await?, &keys).await
+    }
+}
+
+/// Refuses more unnamed blobs than killed processes leave. `more` are those beyond `keys`.
+fn check(keys: &[String], more: u64, named: u64) -> Result<(), StorageError> {
+    let owners: HashSet<Owner> = keys.iter().map(|key| owner_of(key)).collect();
+    let sent = owners.iter().filter(|owner| matches!(owner, Owner::Sent(_))).count() as u64;
+    let made = owners.len() as u64 - sent;
+    let fraction = named / MOST_FRACTION;
+    // A database that names no blob at all may be a new one.
+    let most_sent = if named == 0 { 0 } else { fraction.max(MOST_SENT) };
+    if sent > most_sent || made + more > fraction.max(MOST_MADE) {
+        return Err(StorageError::TooMuchToSweep { sent, made: made + more, named });
+    }
+    Ok(())
 }
 
 async fn named(connection: &mut Connection, keys: &[String]) -> Result<HashSet<String>, StorageError> {
@@ -54,15 +155,59 @@ async fn named(connection: &mut Connection, keys: &[String]) -> Result<HashSet<S
     }
     let mut found: HashSet<(usize, String)> = HashSet::new();
     for (statement, names) in asked {
-        let [sqlite, postgres] = NAMED[statement];
-        let names = serde_json::to_string(&names).unwrap_or_default();
-        let rows = query(connection.either(sqlite, postgres)).bind(names).fetch_all(connection).await?;
-        for row in &rows {
-            found.insert((statement, row.text("name")?));
+        for name in names_among(connection, NAMED[statement], &names).await? {
+            found.insert((statement, name));
         }
     }
+    let doomed = names_among(connection, DOOMED, &keys.iter().map(String::as_str).collect()).await?;
     let is_named = |key: &&String| {
-        name_of(key).is_some_and(|(statement, name)| found.contains(&(statement, name.to_owned())))
+        let is_of_row =
+            name_of(key).is_some_and(|(statement, name)| found.contains(&(statement, name.to_owned())));
+        is_of_row || doomed.contains(*key)
     };
     Ok(keys.iter().filter(is_named).cloned().collect())
+}
+
+async fn names_among(
+    connection: &mut Connection,
+    [sqlite, postgres]: [&'static str; 2],
+    names: &HashSet<&str>,
+) -> Result<HashSet<String>, StorageError> {
+    let names = serde_json::to_string(names).unwrap_or_default();
+    let rows = query(connection.either(sqlite, postgres)).bind(names).fetch_all(connection).await?;
+    rows.iter().map(|row| row.text("name")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use uuid::Uuid;
+
+    fn recordings(number: usize) -> Vec<String> {
+        (0..number).map(|_| format!("clips/{}/file", Uuid::now_v7())).collect()
+    }
+
+    fn tiles(number: usize) -> Vec<String> {
+        (0..number).map(|_| format!("home-maps/{}", Uuid::now_v7())).collect()
+    }
+
+    #[test]
+    fn a_small_part_may_go_and_a_large_one_not() {
+        assert!(check(&recordings(16), 0, 1).is_ok());
+        assert!(check(&recordings(17), 0, 1).is_err());
+        assert!(check(&recordings(17), 0, 1700).is_ok(), "one in a hundred");
+        assert!(check(&recordings(1), 0, 0).is_err(), "nothing is named");
+        assert!(check(&tiles(1000), 0, 0).is_ok());
+        assert!(check(&tiles(1001), 0, 1000).is_err());
+        assert!(check(&tiles(1000), 1, 1000).is_err(), "and one that is not in memory");
+        let foreign: Vec<String> = (0..17).map(|number| format!("backup/{number}")).collect();
+        assert!(check(&foreign, 0, 100).is_err(), "files of somebody else");
+    }
+
+    #[test]
+    fn an_upload_counts_once() {
+        let upload = Uuid::now_v7();
+        let pieces: Vec<String> = (0..500).map(|_| format!("uploads/{upload}-{}", Uuid::now_v7())).collect();
+        assert!(check(&pieces, 0, 1).is_ok());
+    }
 }

@@ -5,10 +5,11 @@
 //! Redirects are not followed, proxies of the environment not used, and of the answer only its head is read.
 
 use super::address::is_public;
+use super::params::{ANSWER, WebhookParams};
 use super::sign::signature;
 use super::target::check_url;
-use super::{ANSWER, WebhookParams};
 use crate::storage::{Sending, Sent, ToSend};
+use crate::tls::use_ring;
 use futures::future::BoxFuture;
 use jiff::Timestamp;
 use reqwest::StatusCode;
@@ -60,6 +61,7 @@ impl Resolve for Checked {
 
 impl Sender {
     pub fn new(params: &WebhookParams, lookup: Lookup) -> Result<Sender, reqwest::Error> {
+        use_ring();
         let resolver = Checked { lookup, private_addresses: params.private_addresses };
         let client = reqwest::Client::builder()
             .user_agent(concat!("viola/", env!("CARGO_PKG_VERSION")))
@@ -147,6 +149,7 @@ mod tests {
     }
 
     async fn resolved(lookup: Lookup, private_addresses: bool) -> Result<usize, String> {
+        use_ring();
         let resolver = Checked { lookup, private_addresses };
         let found = resolver.resolve("hooks.example".parse().unwrap()).await;
         found.map(Iterator::count).map_err(|error| error.to_string())

@@ -1,7 +1,7 @@
 //! What may be the address of a webhook, as far as it can be told without asking for its name.
 
-use super::WebhookParams;
 use super::address::is_public;
+use super::params::WebhookParams;
 use std::net::IpAddr;
 use url::{Host, Url};
 

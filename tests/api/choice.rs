@@ -6,10 +6,10 @@ use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
 use std::path::Path;
-use viola::align::{AlignmentState, Alternative};
-use viola::geometry::Pose2;
 use viola::jobs::{Failure, Finished, JobParams, align_clip};
-use viola::progress::Progress;
+use viola_align::{AlignmentState, Alternative};
+use viola_geometry::Pose2;
+use viola_geometry::progress::Progress;
 
 /// The real method, whose answer is then said to be one of two poses.
 fn of_two_minds(
@@ -26,6 +26,7 @@ fn of_two_minds(
         free_space: None,
         misplaced: None,
         probability: Some(0.5),
+        evidence: None,
     };
     finished.alignment.state = AlignmentState::Ambiguous;
     finished.alignment.alternatives = vec![alternative(1.0), alternative(2.0)];

@@ -100,8 +100,8 @@ async fn classes_are_told_as_points_carry_them() {
     let server = Server::start().await;
     let answer = server.get("/v1/classes").await.ok(200);
     let classes = answer["classes"].as_array().unwrap();
-    assert_eq!(classes.len(), viola::taxonomy::Class::ALL.len());
-    for (class, known) in classes.iter().zip(viola::taxonomy::Class::ALL) {
+    assert_eq!(classes.len(), viola_geometry::taxonomy::Class::ALL.len());
+    for (class, known) in classes.iter().zip(viola_geometry::taxonomy::Class::ALL) {
         assert_eq!((&class["id"], &class["name"]), (&known.id().into(), &known.name().into()));
         let color = class["color"].as_str().unwrap().strip_prefix('#').unwrap();
         let [_, red, green, blue] = u32::from_str_radix(color, 16).unwrap().to_be_bytes();

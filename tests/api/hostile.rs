@@ -131,6 +131,7 @@ async fn maps_that_are_no_maps() {
     check_map(r#"{"layers":"#.to_owned() + &"[".repeat(200_000), 422, "bad-json").await;
     check_map("x,y\n1.0,2.0\n1.0,two\n", 422, "bad-points").await;
     check_map("x,y\n1e400,nan\n", 422, "no-walls").await;
+    check_map("x,y\n0,0\n99999,99999\n", 422, "map-too-large").await;
 }
 
 #[tokio::test]

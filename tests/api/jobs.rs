@@ -133,11 +133,12 @@ async fn what_failed_is_listed_newest_first_and_can_be_run_again() {
         _: &std::path::Path,
         _: &[u8],
         _: &viola::jobs::JobParams,
-        _: &dyn viola::progress::Progress,
+        _: &dyn viola_geometry::progress::Progress,
     ) -> Result<viola::jobs::Finished, viola::jobs::Failure> {
         panic!("a fault of ours")
     }
-    let retry = viola::storage::RetryPolicy { first_delay: std::time::Duration::from_millis(1) };
+    let first_delay = std::time::Duration::from_millis(1);
+    let retry = viola::storage::RetryPolicy { first_delay, ..Default::default() };
     let server = Server::with(|params| {
         params.worker.method = broken;
         params.worker.retry = retry;

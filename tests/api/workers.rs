@@ -7,15 +7,17 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use viola::jobs::{Failure, Finished, JobParams, Method, align_clip};
-use viola::progress::{Progress, Stage, check};
 use viola::storage::RetryPolicy;
+use viola_formats::clip::ClipError;
+use viola_formats::container::ContainerError;
+use viola_geometry::progress::{Progress, Stage, check};
 
 async fn server(method: Method, lease: Duration) -> Server {
     Server::with(|params| {
         params.worker.method = method;
         params.worker.lease = lease;
         params.worker.grace = Duration::from_millis(100);
-        params.worker.retry = RetryPolicy { first_delay: Duration::from_millis(1) };
+        params.worker.retry = RetryPolicy { first_delay: Duration::from_millis(1), ..RetryPolicy::default() };
     })
     .await
 }
@@ -63,6 +65,55 @@ async fn panics_end_in_a_failed_clip_and_not_in_a_dead_worker() {
         assert_eq!((&clip["job"]["state"], &clip["job"]["error"]), (&"failed".into(), &clip["reasons"][0]));
         assert!(!clip.to_string().contains("secret"));
     }
+}
+
+/// As often as an attempt that counts may not be made.
+#[tokio::test]
+async fn a_machine_without_descriptors_costs_no_attempt() {
+    static CALLS: AtomicU32 = AtomicU32::new(0);
+    fn none_for_a_while(
+        clip: &Path,
+        map: &[u8],
+        params: &JobParams,
+        progress: &dyn Progress,
+    ) -> Result<Finished, Failure> {
+        if CALLS.fetch_add(1, Ordering::SeqCst) < 6 {
+            let source = rustix::io::Errno::MFILE.into();
+            return Err(
+                ClipError::Container(ContainerError::Unreadable { name: "clip".into(), source }).into()
+            );
+        }
+        align_clip(clip, map, params, progress)
+    }
+    let server = server(none_for_a_while, Duration::from_secs(30)).await;
+    let clip = upload(&server).await;
+    assert_eq!(outcome(&server.settled(&clip).await), ("aligned", 1));
+    assert_eq!(CALLS.load(Ordering::SeqCst), 7);
+}
+
+#[tokio::test]
+async fn a_clip_whose_blob_is_away_for_a_while_is_aligned() {
+    let server = server(align_clip, Duration::from_secs(30)).await;
+    let home = server.make_home("h").await;
+    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(12))).await;
+    let clip = clip.header("location").to_owned();
+    let blob = server.blobs().into_iter().find(|path| path.ends_with("file")).unwrap();
+    let away = blob.parent().unwrap().with_file_name("away");
+    std::fs::rename(&blob, &away).unwrap();
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    eventually("more than three attempts came to nothing", || async {
+        let clip = server.get(&clip).await.ok(200);
+        let code = clip["reasons"].get(0).map(|reason| reason["code"].clone());
+        // The job changes three times in each.
+        (code == Some("storage_fault".into()) && clip["job"]["version"].as_i64().unwrap() > 3 * 5).then(
+            || {
+                assert_eq!(clip["state"], "queued", "{clip:#}");
+            },
+        )
+    })
+    .await;
+    std::fs::rename(&away, &blob).unwrap();
+    assert_eq!(outcome(&server.settled(&clip).await), ("aligned", 1));
 }
 
 #[tokio::test]

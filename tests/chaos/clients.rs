@@ -82,7 +82,7 @@ pub async fn go_on(
 impl Person {
     /// Any of the servers.
     fn client(&mut self) -> Client {
-        self.fleet.server(self.random.random_range(0..2))
+        self.fleet.server(self.random.random_range(0..self.fleet.servers()))
     }
 
     /// None when no answer came, or that something of the service's failed.
@@ -223,6 +223,10 @@ impl Ledger {
                         ["aligned", "ambiguous", "failed"].contains(&state),
                         "{path} is {state}: {clip:#}"
                     );
+                    // Disasters are the service's own faults, and fail no clip.
+                    let faults = ["worker", "storage", "system", "internal"];
+                    let code = clip["job"]["error"]["code"].as_str().unwrap_or_default();
+                    assert!(!faults.iter().any(|fault| code.starts_with(fault)), "{path}: {clip:#}");
                     assert_eq!(clip["sha256"], promise.sha256);
                     here += 1;
                 }

@@ -1,9 +1,11 @@
-//! Two servers and two workers that are begun anew whenever one was killed.
+//! Processes that are begun anew whenever one was killed: two servers and two workers, or one process alone.
 
 use crate::clients::Ledger;
 use crate::common::client::Client;
+use crate::common::disk::Disk;
 use crate::common::eventually;
 use crate::common::postgres::Schema;
+use crate::common::process::{VIOLA, prepared, viola};
 use crate::common::s3_server::S3Server;
 use serde_json::Value;
 use std::collections::HashMap;
@@ -15,12 +17,17 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tempfile::TempDir;
 
-/// The first two are servers.
-pub const PROCESSES: usize = 4;
-pub const SERVERS: usize = 2;
+/// What the processes stand on.
+enum Place {
+    /// PostgreSQL and a bucket. The first two processes are servers, the others workers.
+    Shared,
+    /// SQLite and files, for one process.
+    Disk(Box<dyn Disk>),
+}
 
 pub struct Fleet {
     settings: Vec<(&'static str, String)>,
+    place: Place,
     folder: TempDir,
     processes: Mutex<Vec<Member>>,
     pub killed: AtomicU64,
@@ -33,7 +40,7 @@ struct Member {
 }
 
 impl Fleet {
-    pub async fn start(schema: &Schema, bucket: &S3Server) -> Fleet {
+    pub fn start(schema: &Schema, bucket: &S3Server) -> Fleet {
         let s3 = bucket.params();
         let settings = vec![
             ("VIOLA_DATABASE_URL", schema.url()),
@@ -45,25 +52,54 @@ impl Fleet {
             ("VIOLA_S3_ACCESS_KEY_ID", s3.access_key_id),
             ("VIOLA_S3_SECRET_ACCESS_KEY", s3.secret_access_key),
             ("VIOLA_S3_ALLOW_HTTP", "true".to_owned()),
-            ("VIOLA_UPLOAD_PATIENCE_SECONDS", "10".to_owned()),
-            ("VIOLA_WEBHOOKS_TO_PRIVATE_ADDRESSES", "true".to_owned()),
         ];
+        Fleet::begin_all(settings, Place::Shared)
+    }
+
+    /// One process that does everything on one disk.
+    pub fn alone(disk: Box<dyn Disk>) -> Fleet {
+        Fleet::begin_all(Vec::new(), Place::Disk(disk))
+    }
+
+    fn begin_all(mut settings: Vec<(&'static str, String)>, place: Place) -> Fleet {
+        settings.push(("VIOLA_UPLOAD_PATIENCE_SECONDS", "10".to_owned()));
+        settings.push(("VIOLA_WEBHOOKS_TO_PRIVATE_ADDRESSES", "true".to_owned()));
         let fleet = Fleet {
             settings,
+            place,
             folder: TempDir::new().unwrap(),
             processes: Mutex::default(),
             killed: AtomicU64::new(0),
         };
-        for number in 0..PROCESSES {
+        for number in 0..fleet.size() {
             let member = fleet.begin(number);
             fleet.processes.lock().unwrap().push(member);
         }
         fleet
     }
 
-    fn command(&self) -> Command {
-        let mut command = crate::common::process::viola();
+    pub fn size(&self) -> usize {
+        match self.place {
+            Place::Shared => 4,
+            Place::Disk(_) => 1,
+        }
+    }
+
+    pub fn servers(&self) -> usize {
+        self.size().div_ceil(2)
+    }
+
+    /// A command of the binary on what the process with this number stands on.
+    fn command(&self, number: usize) -> Command {
+        let mut command = match &self.place {
+            Place::Shared => viola(),
+            Place::Disk(disk) => prepared(disk.command(VIOLA)),
+        };
         command.envs(self.settings.iter().map(|(name, value)| (*name, value)));
+        match &self.place {
+            Place::Shared => command.env("VIOLA_DATA", self.folder.path().join(number.to_string())),
+            Place::Disk(disk) => command.env("VIOLA_DATA", disk.data()),
+        };
         command
     }
 
@@ -72,17 +108,19 @@ impl Fleet {
     }
 
     fn begin(&self, number: usize) -> Member {
-        let is_server = number < SERVERS;
-        let arguments: &[&str] =
-            if is_server { &["serve", "--no-worker", "--listen", "127.0.0.1:0"] } else { &["work"] };
+        let is_server = number < self.servers();
+        let arguments: &[&str] = match &self.place {
+            Place::Disk(_) => &["serve", "--listen", "127.0.0.1:0"],
+            Place::Shared if is_server => &["serve", "--no-worker", "--listen", "127.0.0.1:0"],
+            Place::Shared => &["work"],
+        };
         let log = OpenOptions::new().create(true).append(true).open(self.log(number)).unwrap();
         // The database may be refusing at this moment: it is tried again, as any supervisor would.
         for _ in 0..50 {
             let mut child = self
-                .command()
+                .command(number)
                 .args(arguments)
-                .args(["--lease-seconds", "2"])
-                .env("VIOLA_DATA", self.folder.path().join(number.to_string()))
+                .args(["--lease-seconds", "2", "--retry-seconds", "0.2"])
                 .stdout(Stdio::piped())
                 .stderr(log.try_clone().unwrap())
                 .spawn()
@@ -109,13 +147,34 @@ impl Fleet {
             child.wait().unwrap();
         }
         self.killed.fetch_add(1, Ordering::Relaxed);
+        // Whoever begins it anew has made room.
+        if let Place::Disk(_) = &self.place {
+            self.free_disk();
+        }
         let member = self.begin(number);
         self.processes.lock().unwrap()[number] = member;
     }
 
+    /// Fills the disk of a process alone.
+    pub fn fill_disk(&self) {
+        if let Place::Disk(disk) = &self.place {
+            disk.fill(self.process_id());
+        }
+    }
+
+    pub fn free_disk(&self) {
+        if let Place::Disk(disk) = &self.place {
+            disk.free(self.process_id());
+        }
+    }
+
+    fn process_id(&self) -> u32 {
+        self.processes.lock().unwrap()[0].child.id()
+    }
+
     /// One of the servers, as it is now.
     pub fn server(&self, number: usize) -> Client {
-        let base = self.processes.lock().unwrap()[number % SERVERS].base.clone();
+        let base = self.processes.lock().unwrap()[number % self.servers()].base.clone();
         Client::new(base.expect("it is a server"))
     }
 
@@ -144,7 +203,7 @@ impl Fleet {
     /// No job's end was recorded twice: a worker says `job ends` when its end counted.
     pub fn check_logs(&self, ledger: &Ledger) {
         let mut ends: HashMap<String, u32> = HashMap::new();
-        for number in 0..PROCESSES {
+        for number in 0..self.size() {
             let log = BufReader::new(File::open(self.log(number)).unwrap());
             for line in log.lines().map(Result::unwrap) {
                 let Ok(event) = serde_json::from_str::<Value>(&line) else { continue };
@@ -162,9 +221,10 @@ impl Fleet {
     /// The cleaner finds what the killed left, and a second time nothing.
     pub fn clean_twice(&self) {
         let clean = || {
-            let mut command = self.command();
-            command.args(["clean", "--older-than-seconds", "0"]);
-            let output = command.env("VIOLA_DATA", self.folder.path().join("0")).output().unwrap();
+            let mut command = self.command(0);
+            // So many processes were killed, and so few files are here, that they are no small part.
+            command.args(["clean", "--remove-unknown", "--older-than-seconds", "0"]);
+            let output = command.output().unwrap();
             let text = String::from_utf8_lossy(&output.stdout).into_owned();
             assert!(output.status.success(), "{text} {}", String::from_utf8_lossy(&output.stderr));
             text

@@ -52,6 +52,7 @@ impl Answer {
 
 impl Client {
     pub fn new(base: String) -> Client {
+        viola::tls::use_ring();
         Client { base, http: reqwest::Client::new() }
     }
 

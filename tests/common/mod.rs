@@ -3,11 +3,13 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 pub mod client;
+pub mod disk;
 pub mod postgres;
 pub mod process;
 pub mod room;
 #[path = "../../src/storage/conformance/s3_server.rs"]
 pub mod s3_server;
+pub mod tablespace;
 pub mod tus;
 pub mod zips;
 

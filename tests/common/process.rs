@@ -1,6 +1,7 @@
 //! The real binary as a process that can be killed.
 
 use super::client::Client;
+use super::disk::Disk;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -10,8 +11,14 @@ pub struct Process {
     pub client: Client,
 }
 
+pub const VIOLA: &str = env!("CARGO_BIN_EXE_viola");
+
 pub fn viola() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
+    prepared(Command::new(VIOLA))
+}
+
+/// A command that becomes the binary, without what the environment of the tests would tell it.
+pub fn prepared(mut command: Command) -> Command {
     command.stdin(Stdio::null());
     for name in ["RUST_LOG", "VIOLA_MODELS", "ORT_DYLIB_PATH", "OTEL_EXPORTER_OTLP_ENDPOINT"] {
         command.env_remove(name);
@@ -29,8 +36,20 @@ impl Process {
 
     /// Serves a data folder and writes its log to a file.
     pub fn serve_with_log(data: &Path, log: &Path) -> Process {
+        Process::serve_logged(data, log, &[])
+    }
+
+    /// The same with arguments.
+    pub fn serve_logged(data: &Path, log: &Path, arguments: &[&str]) -> Process {
         let log = std::fs::File::create(log).unwrap();
-        Process::begin(viola().args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data).stderr(log))
+        let mut command = viola();
+        let command = command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data).args(arguments);
+        Process::begin(command.stderr(log))
+    }
+
+    /// The process's number.
+    pub fn id(&self) -> u32 {
+        self.child.id()
     }
 
     /// Serves a data folder with some variables of the environment set.
@@ -38,6 +57,13 @@ impl Process {
         let mut command = viola();
         let command = command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data);
         Process::begin(command.envs(variables.iter().copied()).stderr(Stdio::null()))
+    }
+
+    /// Serves a folder of a disk.
+    pub fn serve_on(disk: &dyn Disk, arguments: &[&str]) -> Process {
+        let mut command = prepared(disk.command(VIOLA));
+        let command = command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(disk.data());
+        Process::begin(command.args(arguments).stderr(Stdio::null()))
     }
 
     fn begin(command: &mut Command) -> Process {

@@ -15,6 +15,18 @@ pub fn zip(files: &Files) -> Vec<u8> {
     archive.finish().unwrap().into_inner()
 }
 
+/// The archive with one more file that cannot be compressed, so that it has at least `size_bytes`.
+pub fn zip_of_size(files: &Files, size_bytes: usize) -> Vec<u8> {
+    let mut state = 1_u64;
+    let noise = (0..size_bytes).map(|_| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (state >> 56) as u8
+    });
+    let mut files = files.clone();
+    files.push(("notes.bin".to_owned(), noise.collect()));
+    zip(&files)
+}
+
 /// The archive with one more file: `size_bytes` zeros, deflated as they are written.
 pub fn zip_with_zeros(files: &Files, name: &str, size_bytes: u64) -> Vec<u8> {
     let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));

@@ -1,10 +1,10 @@
 //! Every method on clips drawn inside a flat.
 
 use super::flat;
-use viola::align::AlignParams;
-use viola::align::paper::{PaperParams, Refiner};
-use viola::evaluate::{ClipResult, DrawnClips, DrawnError, DrawnParams, Method, MethodKind, Run};
-use viola::progress::Silent;
+use viola_align::AlignParams;
+use viola_geometry::progress::Silent;
+use viola_lab::evaluate::{ClipResult, DrawnClips, DrawnError, DrawnParams, Method, MethodKind, Run};
+use viola_lab::paper::{PaperParams, Refiner};
 
 fn results(drawn: DrawnParams, methods: &[Method], workers: usize) -> Vec<ClipResult> {
     let folder = tempfile::tempdir().unwrap();

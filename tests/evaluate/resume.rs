@@ -3,11 +3,11 @@
 use super::flat;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use viola::align::AlignParams;
-use viola::evaluate::{
+use viola_align::AlignParams;
+use viola_geometry::progress::{Progress, Silent};
+use viola_lab::evaluate::{
     Case, ClipResult, DrawnClips, DrawnParams, Journal, JournalError, Method, Run, RunError, Sample, Suite,
 };
-use viola::progress::{Progress, Silent};
 
 /// Counts how often a clip is made.
 struct Counting {

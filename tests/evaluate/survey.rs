@@ -1,9 +1,9 @@
 //! The LiDAR map cut out of a real mesh, against the one that was cut independently by the same protocol.
 
 use super::real;
-use viola::align::paper::Nearest;
-use viola::evaluate::{Scene, SurveyParams};
-use viola::geometry::Point2;
+use viola_geometry::Point2;
+use viola_lab::evaluate::{Scene, SurveyParams};
+use viola_lab::paper::Nearest;
 
 #[test]
 fn agrees_with_the_map_of_the_apartment() {

@@ -1,7 +1,7 @@
 //! Tables, calibration and plots of results made by hand.
 
-use viola::align::AlignmentState::{self, Aligned, Ambiguous, Failed};
-use viola::evaluate::{Calibration, ClipResult, clips_csv, markdown, plot, tabulate};
+use viola_align::AlignmentState::{self, Aligned, Ambiguous, Failed};
+use viola_lab::evaluate::{Calibration, ClipResult, clips_csv, markdown, plot, tabulate};
 
 fn result(state: AlignmentState, errors: Option<(f64, f64)>) -> ClipResult {
     ClipResult {

@@ -7,9 +7,9 @@ use std::cell::Cell;
 use std::fs;
 use std::num::NonZeroUsize;
 use std::path::Path;
-use viola::align::complete::inpaint::{InpaintError, Inpainter, Noise, StableDiffusion, open_inpainter};
-use viola::network::RuntimeParams;
-use viola::network::manifest::ModelEntry;
+use viola_align::complete::inpaint::{InpaintError, Inpainter, Noise, StableDiffusion, open_inpainter};
+use viola_network::RuntimeParams;
+use viola_network::manifest::ModelEntry;
 
 const HALVES: &str = "width = \"any\", height = \"any\", mean = [0.5, 0.5, 0.5], std = [0.5, 0.5, 0.5]";
 

@@ -1,16 +1,16 @@
 //! MI-GAN and FastDepth themselves, where they were fetched.
 
-use crate::real;
-use crate::rectangle;
 use crate::runtimes::runtimes;
+use crate::{real, rectangle};
 use image::{Rgb, RgbImage};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Instant;
-use viola::align::complete::inpaint::{InpaintError, open_inpainter};
-use viola::align::complete::monocular::open_estimator;
-use viola::network::manifest::{Manifest, ModelEntry};
-use viola::network::{self, RuntimeParams};
+use viola_align::complete::inpaint::{InpaintError, open_inpainter};
+use viola_align::complete::monocular::open_estimator;
+use viola_network as network;
+use viola_network::RuntimeParams;
+use viola_network::manifest::{Manifest, ModelEntry};
 
 /// The folder and the built-in entry of a network; none, said plainly, when nothing was fetched.
 fn fetched(name: &str) -> Option<(PathBuf, ModelEntry)> {

@@ -4,10 +4,11 @@ use crate::runtimes::{fixture, runtimes, stripes};
 use crate::{entry, rectangle};
 use image::{GrayImage, RgbImage};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use viola::align::complete::inpaint::{InpaintError, Inpainter, open_inpainter};
-use viola::align::complete::monocular::{DepthError, DepthEstimator, open_estimator};
-use viola::network::manifest::ModelEntry;
-use viola::network::{self, RuntimeParams};
+use viola_align::complete::inpaint::{InpaintError, Inpainter, open_inpainter};
+use viola_align::complete::monocular::{DepthError, DepthEstimator, open_estimator};
+use viola_network as network;
+use viola_network::RuntimeParams;
+use viola_network::manifest::ModelEntry;
 
 const OPEN: &str = "width = \"any\", height = \"any\"";
 

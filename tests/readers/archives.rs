@@ -9,7 +9,7 @@ use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 use std::io::{BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
-use viola::container::{self, Container};
+use viola_formats::container::{self, Container};
 
 /// Formats of tar's headers for names of more than 100 bytes.
 #[derive(Clone, Copy, PartialEq)]

@@ -5,8 +5,8 @@ use crate::writers::*;
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 use std::path::Path;
-use viola::clip::Clip;
-use viola::geometry::Vector3;
+use viola_formats::clip::Clip;
+use viola_geometry::Vector3;
 
 /// Opens a clip that must hold `numbers` as the writers wrote them, `units_per_m` deep.
 fn check_clip(path: &Path, layout: &str, numbers: &[u32], units_per_m: f32) {

@@ -4,9 +4,9 @@ use crate::exports::{EXPORTS, check_poses};
 use crate::recording::Recording;
 use crate::writers::as_folder;
 use std::io::{Cursor, Write};
-use viola::clip::Clip;
-use viola::clip::write::{FolderSink, WrittenClip, WrittenLayout, ZipSink, write};
-use viola::progress::Silent;
+use viola_formats::clip::Clip;
+use viola_formats::clip::write::{FolderSink, WrittenClip, WrittenLayout, ZipSink, write};
+use viola_geometry::progress::Silent;
 
 const LAYOUTS: [(WrittenLayout, &str); 3] = [
     (WrittenLayout::StrayScanner, "stray_scanner"),

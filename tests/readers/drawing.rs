@@ -3,8 +3,8 @@
 use crate::writers::{encode, zip_bytes};
 use image::{GrayImage, ImageFormat, Luma};
 use serde_json::{Value, json};
-use viola::geometry::Point2;
-use viola::lidar::Cell;
+use viola_formats::lidar::Cell;
+use viola_geometry::Point2;
 
 /// A home from above, the top row first: `#` wall, `.` floor, `a` and `b` floor of two rooms. No symmetry.
 pub const HOME: [&str; 6] = [

@@ -5,7 +5,7 @@ use crate::recording::Recording;
 use crate::writers::{Files, as_folder, as_zip};
 use nalgebra::{Isometry3, Matrix4, Vector3};
 use std::path::Path;
-use viola::clip::Clip;
+use viola_formats::clip::Clip;
 
 pub type Writer = fn(&str, &Recording) -> Files;
 

@@ -6,10 +6,10 @@ use crate::real::data;
 use crate::recording::Recording;
 use crate::writers::{as_folder, as_zip};
 use std::path::Path;
-use viola::align::{AlignParams, Alignment, align};
-use viola::clip::Clip;
-use viola::lidar::LidarMap;
-use viola::progress::Silent;
+use viola_align::{AlignParams, Alignment, align};
+use viola_formats::clip::Clip;
+use viola_formats::lidar::LidarMap;
+use viola_geometry::progress::Silent;
 
 /// A stretch that the method aligns without doubt.
 const FRAMES: std::ops::Range<u32> = 120..180;

@@ -1,12 +1,13 @@
 //! What apps export, damaged: every refusal has its name, and its message names what is wrong.
 
 use crate::edits::*;
-use crate::export_writers::{self as writers, lzfse};
+use crate::export_writers as writers;
+use crate::export_writers::lzfse;
 use crate::exports::Writer;
 use crate::refusals::*;
 use crate::writers::{Files, as_folder, depth_png};
 use serde_json::json;
-use viola::clip::Clip;
+use viola_formats::clip::Clip;
 
 /// What is the same for all layouts of files: the colour, the depth and the poses' file of the last frame.
 #[test]

@@ -6,8 +6,8 @@ use crate::exports::{EXPORTS, Writer, check_poses};
 use crate::recording::Recording;
 use crate::writers::{Files, as_folder, zip_bytes};
 use serde_json::json;
-use viola::clip::{Clip, DepthImage};
-use viola::container::Zip;
+use viola_formats::clip::{Clip, DepthImage};
+use viola_formats::container::Zip;
 
 /// The export, changed, must be read with all its frames; its poses and its depth must be the recording's.
 fn check_recording(write: Writer, recording: &Recording, change: impl FnOnce(&mut Files)) -> Clip {

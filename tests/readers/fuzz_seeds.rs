@@ -11,7 +11,7 @@ use crate::recording::Recording;
 use crate::robot_files::*;
 use crate::writers::{as_folder, scannet, seven_scenes, tum, zip_bytes};
 use std::path::PathBuf;
-use viola::clip::Clip;
+use viola_formats::clip::Clip;
 
 /// The seeds by target; what a target puts in front of its bytes is left out.
 fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {

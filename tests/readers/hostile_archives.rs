@@ -7,8 +7,8 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 use tempfile::NamedTempFile;
-use viola::clip::Clip;
-use viola::container;
+use viola_formats::clip::Clip;
+use viola_formats::container;
 
 /// One entry with the fields that an attacker can choose (POSIX.1-2017, pax, "ustar Interchange Format").
 #[derive(Clone)]

@@ -4,7 +4,7 @@ use crate::memory::peak_bytes;
 use crate::writers::*;
 use std::io::Write;
 use std::time::{Duration, Instant};
-use viola::clip::Clip;
+use viola_formats::clip::Clip;
 
 /// One entry with every field that an attacker can choose (PKWARE APPNOTE 4.3.7 and 4.3.12).
 #[derive(Clone)]

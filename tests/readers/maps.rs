@@ -4,8 +4,8 @@ use crate::drawing::*;
 use crate::writers::{as_folder, encode};
 use image::{DynamicImage, ImageFormat, LumaA};
 use serde_json::json;
-use viola::geometry::{Point2, Pose2, angle_between};
-use viola::lidar::{Cell, LidarMap};
+use viola_formats::lidar::{Cell, LidarMap};
+use viola_geometry::{Point2, Pose2, angle_between};
 
 /// The map must show the drawing with its lower-left corner at `corner`: cells, points and what is told.
 pub fn check_home(what: &str, map: &LidarMap, corner: [f64; 2]) {

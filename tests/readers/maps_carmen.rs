@@ -4,9 +4,9 @@ use crate::robot_files::carmen;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::fmt::Write;
-use viola::geometry::{Point2, Point3, Pose2, Vector3};
-use viola::lidar::LidarMap;
-use viola::simulate::{Home, HomeParams, Set};
+use viola_formats::lidar::LidarMap;
+use viola_geometry::{Point2, Point3, Pose2, Vector3};
+use viola_lab::simulate::{Home, HomeParams, Set};
 
 #[test]
 fn a_short_log_is_a_map() {
@@ -21,7 +21,7 @@ fn a_short_log_is_a_map() {
             assert!(nearest < 0.08, "{name}: {nearest} m from {point:?} to a wall");
         }
         let grid = map.cells.as_ref().unwrap();
-        assert_eq!(grid.at(&Point2::new(2.5, 0.3)), Some(viola::lidar::Cell::Free), "{name}");
+        assert_eq!(grid.at(&Point2::new(2.5, 0.3)), Some(viola_formats::lidar::Cell::Free), "{name}");
     }
 }
 
@@ -69,7 +69,7 @@ fn way(home: &Home, scans: &[Pose2], height_m: f64) -> Vec<Pose2> {
             continue;
         }
         let yaw_rad = way.y.atan2(way.x);
-        let turn = viola::geometry::wrap_angle(yaw_rad - from.yaw_rad);
+        let turn = viola_geometry::wrap_angle(yaw_rad - from.yaw_rad);
         let turns = (turn.abs() / 0.53).ceil().max(1.0);
         for step in 1..=turns as usize {
             let yaw_rad = yaw_rad - turn * (1.0 - step as f64 / turns);

@@ -4,7 +4,7 @@ use crate::drawing::*;
 use crate::robot_files::*;
 use crate::writers::{as_folder, scannet, zip_bytes};
 use std::process::{Command, Output};
-use viola::lidar::LidarMap;
+use viola_formats::lidar::LidarMap;
 
 fn viola(arguments: &[&str], folder: &std::path::Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_viola")).args(arguments).current_dir(folder).output().unwrap()
@@ -40,7 +40,7 @@ fn inspect_tells_what_a_file_is() {
     let sketch = text_of(&viola(&["inspect", "map.rrmap"], folder.path()).stdout);
     assert!(sketch.contains("###") && sketch.contains('@'), "{sketch}");
     let json = viola(&["inspect", "map.rrmap", "--json"], folder.path());
-    let info: viola::lidar::LidarInfo = serde_json::from_slice(&json.stdout).unwrap();
+    let info: viola_formats::lidar::LidarInfo = serde_json::from_slice(&json.stdout).unwrap();
     assert_eq!(info, LidarMap::read(&roborock()).unwrap().info);
     let clip = text_of(&viola(&["inspect", "clip.zip"], folder.path()).stdout);
     assert!(clip.contains("clip:   scannet") && clip.contains("frames: 3"), "{clip}");

@@ -2,8 +2,8 @@
 
 use crate::real::data;
 use std::path::{Path, PathBuf};
-use viola::geometry::{Pose2, angle_between};
-use viola::lidar::{LidarMap, Obstacle};
+use viola_formats::lidar::{LidarMap, Obstacle};
+use viola_geometry::{Pose2, angle_between};
 
 /// Every `.bin` beside a `.json`, with the name of its format.
 fn pairs() -> Option<Vec<(&'static str, PathBuf)>> {
@@ -92,7 +92,7 @@ fn docks_face_away_from_their_walls() {
         let map = LidarMap::open(path).unwrap();
         let dock = map.charger.unwrap();
         let nearest_ahead = |reach_m: f64| {
-            let along = dock.apply(&viola::geometry::Point2::new(reach_m, 0.0));
+            let along = dock.apply(&viola_geometry::Point2::new(reach_m, 0.0));
             map.occupied_m.iter().map(|p| (p - along).norm()).fold(f64::INFINITY, f64::min)
         };
         assert!(nearest_ahead(0.4) > nearest_ahead(-0.15) + 0.1, "{}", path.display());

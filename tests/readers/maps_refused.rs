@@ -5,7 +5,7 @@ use crate::memory::peak_bytes;
 use crate::writers::zip_bytes;
 use image::{GrayImage, Luma};
 use serde_json::{Value, json};
-use viola::lidar::LidarMap;
+use viola_formats::lidar::LidarMap;
 
 pub fn check_refused(what: &str, bytes: &[u8], code: &str) {
     let (result, peak) = peak_bytes(|| LidarMap::read(bytes).map(drop));
@@ -76,6 +76,12 @@ fn large_hostile_json_costs_little_more_than_itself() {
 }
 
 #[test]
+fn a_map_that_is_too_large_tells_how_large_and_what_may_be() {
+    let told = LidarMap::read(b"x,y\n0,0\n99999,1.5\n").unwrap_err().to_string();
+    assert!(["99999.0 m by 1.5 m", "250 m", "metres"].iter().all(|part| told.contains(part)), "{told}");
+}
+
+#[test]
 fn ros_maps_that_cannot_be_used_are_refused_by_name() {
     let image = pgm(grey(0, 254, 205));
     let good = String::from_utf8(yaml("")).unwrap();
@@ -99,6 +105,13 @@ fn ros_maps_that_cannot_be_used_are_refused_by_name() {
     }
     let no_wall = pgm(GrayImage::from_pixel(8, 6, Luma([254])));
     check_refused("no wall", &ros_zip(&yaml(""), &no_wall), "no_walls");
+    // Only what is known counts, so that a home on a large sheet is taken.
+    let mut sheet = GrayImage::from_pixel(600, 400, Luma([205]));
+    (0..8).for_each(|x| sheet.put_pixel(x, 3, Luma([0])));
+    let metres = good.replace("0.05", "1.0");
+    assert!(LidarMap::read(&ros_zip(metres.as_bytes(), &pgm(sheet.clone()))).is_ok());
+    sheet.put_pixel(300, 3, Luma([254]));
+    check_refused("300 m of floor", &ros_zip(metres.as_bytes(), &pgm(sheet)), "map_too_large");
     check_refused("a cut image", &ros_zip(&yaml(""), &image[..20]), "bad_image");
     check_refused("no image", &ros_zip(&yaml(""), b"nothing"), "bad_image");
     check_refused("100 000 x 100 000", &ros_zip(&yaml(""), b"P5 100000 100000 255\n"), "too_many_cells");
@@ -129,6 +142,9 @@ fn points_that_cannot_be_used_are_refused_by_name() {
     check_refused("no finite point", b"x,y\nnan,nan\n", "no_walls");
     check_refused("a word", b"x,y\n1,2\n1,two\n", "bad_points");
     check_refused("one column", b"x,y\n1\n", "bad_points");
+    check_refused("a hundred kilometres", b"x,y\n0,0\n99999,99999\n", "map_too_large");
+    check_refused("millimetres", b"x,y\n0,0\n8200,4100\n", "map_too_large");
+    assert!(LidarMap::read(b"x,y\n-90000,0\n-89750,250\n").is_ok(), "where the map lies does not matter");
     check_refused("five million and one points", &b"1 2\n".repeat(5_000_001), "too_many_points");
 
     let ascii = String::from_utf8(ply("ascii")).unwrap();

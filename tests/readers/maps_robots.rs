@@ -4,8 +4,8 @@ use crate::drawing::*;
 use crate::maps::check_home;
 use crate::maps_refused::check_refused;
 use crate::robot_files::*;
-use viola::geometry::{Point2, Pose2};
-use viola::lidar::{LidarMap, LineKind, ZoneKind};
+use viola_formats::lidar::{LidarMap, LineKind, ZoneKind};
+use viola_geometry::{Point2, Pose2};
 
 fn close(a: [f64; 2], b: [f64; 2]) -> bool {
     (a[0] - b[0]).abs() < 1e-9 && (a[1] - b[1]).abs() < 1e-9
@@ -13,7 +13,7 @@ fn close(a: [f64; 2], b: [f64; 2]) -> bool {
 
 fn check_pose(what: &str, pose: Option<Pose2>, at: [f64; 2], yaw_deg: f64) {
     let pose = pose.unwrap_or_else(|| panic!("{what}: no pose"));
-    let off_rad = viola::geometry::angle_between(pose.yaw_rad, yaw_deg.to_radians());
+    let off_rad = viola_geometry::angle_between(pose.yaw_rad, yaw_deg.to_radians());
     assert!(close([pose.x_m, pose.y_m], at) && off_rad.abs() < 1e-6, "{what}: {pose:?}");
 }
 

@@ -12,9 +12,9 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
-use viola::clip::Clip;
-use viola::container;
-use viola::lidar::LidarMap;
+use viola_formats::clip::Clip;
+use viola_formats::container;
+use viola_formats::lidar::LidarMap;
 
 const MAX_BYTES: usize = 48 << 20;
 const MAX_TIME: Duration = Duration::from_secs(5);

@@ -3,9 +3,9 @@
 use crate::writers::as_zip;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use viola::clip::{Clip, Frame};
-use viola::geometry::{Point2, Pose2, Vector3};
-use viola::lidar::{Cell, LidarMap};
+use viola_formats::clip::{Clip, Frame};
+use viola_formats::lidar::{Cell, LidarMap};
+use viola_geometry::{Point2, Pose2, Vector3};
 
 /// The folder of real recordings. Says so when it is absent; the test then has nothing to check.
 pub fn data() -> Option<PathBuf> {

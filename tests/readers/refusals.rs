@@ -4,7 +4,7 @@ use crate::exports::Writer;
 use crate::recording::Recording;
 use crate::writers::{Files, as_folder, as_zip, encode};
 use image::ImageFormat;
-use viola::clip::{Clip, ClipError};
+use viola_formats::clip::{Clip, ClipError};
 
 pub fn changed(write: Writer, change: impl FnOnce(&mut Files)) -> Files {
     let mut files = write("", &Recording::small(3));

@@ -201,7 +201,7 @@ pub fn pcd(data: &str) -> Vec<u8> {
     )
     .into_bytes();
     let field = |index: usize| -> Vec<Vec<u8>> {
-        let one = |p: &viola::geometry::Point2| match index {
+        let one = |p: &viola_geometry::Point2| match index {
             0 => (p.x as f32).to_le_bytes().to_vec(),
             1 => 0x00ff_8040u32.to_le_bytes().to_vec(),
             2 => p.y.to_le_bytes().to_vec(),

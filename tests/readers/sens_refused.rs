@@ -8,7 +8,7 @@ use crate::refusals::check_error;
 use crate::robot_files::zlib;
 use crate::writers::{as_file, as_zip};
 use std::time::{Duration, Instant};
-use viola::clip::Clip;
+use viola_formats::clip::Clip;
 
 /// Where the fields lie behind the version and a sensor's name of 15 bytes.
 const NAME_BYTES: usize = 4;

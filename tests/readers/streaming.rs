@@ -8,7 +8,10 @@ use flate2::write::GzEncoder;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use tempfile::NamedTempFile;
-use viola::clip::Clip;
+use viola_align::{AlignError, AlignParams, align};
+use viola_formats::clip::Clip;
+use viola_formats::lidar::LidarMap;
+use viola_geometry::progress::Silent;
 
 /// As ScanNet's cameras have them.
 const COLOR: (u32, u32) = (1296, 968);
@@ -126,4 +129,22 @@ fn a_long_tar_gz_takes_no_more_memory_than_a_short_one() {
 #[test]
 fn a_long_sens_takes_no_more_memory_than_a_short_one() {
     check(sens);
+}
+
+/// As when its disk is away for a while: the clip is not called damaged, and no answer leaves its frames out.
+#[test]
+fn a_clip_that_cannot_be_read_for_now_is_a_fault_of_the_machine() {
+    let file = NamedTempFile::new().unwrap();
+    zip(4, BufWriter::new(File::create(file.path()).unwrap()));
+    let clip = Clip::open(file.path()).unwrap();
+    drop(file);
+    for frame in clip.stream(vec![0, 1]).next_batch(2) {
+        let error = frame.expect_err("its file is away");
+        assert!(error.is_ours(), "{error}");
+    }
+    let lidar = LidarMap::read(b"x,y\n0,0\n0,1\n1,1\n").unwrap();
+    match align(&clip, None, &lidar, &AlignParams::default(), &Silent) {
+        Err(AlignError::Clip(error)) => assert!(error.is_ours(), "{error}"),
+        other => panic!("{:?}", other.map(|aligned| aligned.alignment)),
+    }
 }

@@ -2,7 +2,7 @@
 
 use image::{Rgb, RgbImage};
 use std::path::{Path, PathBuf};
-use viola::network::{Runtime, RuntimeParams};
+use viola_network::{Runtime, RuntimeParams};
 
 pub fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/models").join(name)

@@ -8,7 +8,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tempfile::TempDir;
-use viola::video::{self, Limits, Tools};
+use viola_formats::video::{self, Limits, Tools};
 
 /// A program in the place of the child.
 fn script(folder: &TempDir, lines: &str) -> PathBuf {

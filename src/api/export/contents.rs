@@ -1,15 +1,10 @@
 //! What is in an export, file by file.
 
-use super::super::App;
+use super::archive::Archive;
+use crate::api::App;
 use crate::api::map::points::{Format, Points};
-use crate::home::{ClipNumbers, PointFilter};
-use crate::storage::{BlobReader, Clip, ClipFilter, Home, HomeId, Page, StorageError, map_file, result_file};
-use futures::TryStreamExt;
-use serde::Serialize;
-use std::io::Write;
-use tokio::runtime::Handle;
-use zip::CompressionMethod;
-use zip::write::{SimpleFileOptions, StreamWriter, ZipWriter};
+use crate::storage::{Clip, ClipFilter, Home, HomeId, Page, StorageError, map_file, result_file};
+use viola_home::{ClipNumbers, PointFilter};
 
 const README: &str = include_str!("README.txt");
 /// Clips that are read at a time.
@@ -22,8 +17,10 @@ pub(super) enum ExportError {
     Storage(#[from] StorageError),
     #[error("the zip could not be written: {0}")]
     Zip(#[from] zip::result::ZipError),
-    #[error("the zip could not be sent: {0}")]
+    #[error("the zip could not be written: {0}")]
     Write(#[from] std::io::Error),
+    #[error("nobody reads the zip any more")]
+    Abandoned,
     #[error("the home's map changed too often while it was read")]
     Changing,
 }
@@ -33,112 +30,77 @@ pub(super) struct Contents {
     pub app: App,
     pub home: HomeId,
     pub about: Home,
-    pub runtime: Handle,
 }
 
-type Zip<W> = ZipWriter<StreamWriter<W>>;
-
 impl Contents {
-    pub fn write(self, writer: impl Write) -> Result<(), ExportError> {
-        let mut zip = ZipWriter::new_stream(writer);
-        file(&mut zip, "README.txt", README.as_bytes())?;
-        document(&mut zip, "home.json", &self.about)?;
-        self.lidar_map(&mut zip)?;
-        self.map(&mut zip)?;
+    pub async fn write(self, mut zip: Archive) -> Result<(), ExportError> {
+        zip.file("README.txt", README.as_bytes()).await?;
+        zip.document("home.json", &self.about).await?;
+        self.lidar_map(&mut zip).await?;
+        self.map(&mut zip).await?;
         let mut page = Page { limit: PAGE, after: None };
         loop {
-            let clips =
-                self.runtime.block_on(self.app.storage.clips(&self.home, &ClipFilter::default(), &page))?;
+            let clips = self.app.storage.clips(&self.home, &ClipFilter::default(), &page).await?;
             for clip in &clips {
-                self.clip(&mut zip, clip)?;
+                self.clip(&mut zip, clip).await?;
             }
             match clips.last() {
                 Some(last) if clips.len() == PAGE as usize => page.after = Some(last.id),
                 _ => break,
             }
         }
-        zip.finish()?;
-        Ok(())
+        zip.finish().await
     }
 
-    fn lidar_map<W: Write>(&self, zip: &mut Zip<W>) -> Result<(), ExportError> {
-        let map = match self.runtime.block_on(self.app.storage.lidar_map(&self.home)) {
+    async fn lidar_map(&self, zip: &mut Archive) -> Result<(), ExportError> {
+        let storage = &self.app.storage;
+        let map = match storage.lidar_map(&self.home).await {
             Err(StorageError::NoLidarMap) => return Ok(()),
             map => map?,
         };
-        document(zip, "lidar-map/lidar-map.json", &map)?;
-        file(zip, "lidar-map/file", &self.runtime.block_on(self.app.storage.lidar_map_file(map.id()))?)?;
-        let image = self.runtime.block_on(self.app.storage.lidar_map_image(&self.home))?;
-        self.blob(zip, "lidar-map/image.png", image)
+        zip.document("lidar-map/lidar-map.json", &map).await?;
+        zip.file("lidar-map/file", &storage.lidar_map_file(map.id()).await?).await?;
+        let image = storage.lidar_map_image(&self.home).await?;
+        zip.stream("lidar-map/image.png", image.stream).await
     }
 
-    fn map<W: Write>(&self, zip: &mut Zip<W>) -> Result<(), ExportError> {
+    async fn map(&self, zip: &mut Archive) -> Result<(), ExportError> {
         let storage = &self.app.storage;
-        let Some(map) = self.runtime.block_on(storage.home_map(&self.home, None))? else { return Ok(()) };
-        document(zip, "map/map.json", &map)?;
+        let Some(map) = storage.home_map(&self.home, None).await? else { return Ok(()) };
+        zip.document("map/map.json", &map).await?;
         for name in [map_file::PLAN_PNG, map_file::PLAN_SVG, map_file::PLAN_GEOJSON, map_file::SCENE] {
-            let files = self.runtime.block_on(storage.home_map_files(&self.home, map.revision, name))?;
-            for found in &files {
-                let blob =
-                    self.runtime.block_on(storage.read_map_file(found))?.ok_or(ExportError::Changing)?;
-                self.blob(zip, &format!("map/{name}"), blob)?;
+            for found in &storage.home_map_files(&self.home, map.revision, name).await? {
+                let blob = storage.read_map_file(found).await?.ok_or(ExportError::Changing)?;
+                zip.stream(&format!("map/{name}"), blob.stream).await?;
             }
         }
         for (format, name) in [(Format::Ply, "map/points.ply"), (Format::Glb, "map/points.glb")] {
-            let tiles =
-                self.runtime.block_on(storage.home_map_files(&self.home, map.revision, map_file::TILE))?;
+            let tiles = storage.home_map_files(&self.home, map.revision, map_file::TILE).await?;
             let points = Points {
                 app: self.app.clone(),
                 clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)),
                 filter: PointFilter::default(),
             };
             // More points than a GLB can hold are in the PLY.
-            let Ok((head, _)) = self.runtime.block_on(points.head(format, &map, &tiles)) else { continue };
-            zip.start_file(name, stored())?;
-            let mut body = std::pin::pin!(points.body(format, head, tiles));
-            while let Some(bytes) = self.runtime.block_on(body.try_next())? {
-                zip.write_all(&bytes)?;
-            }
+            let Ok((head, _)) = points.head(format, &map, &tiles).await else { continue };
+            zip.stream(name, points.body(format, head, tiles)).await?;
         }
         Ok(())
     }
 
-    fn clip<W: Write>(&self, zip: &mut Zip<W>, clip: &Clip) -> Result<(), ExportError> {
+    async fn clip(&self, zip: &mut Archive, clip: &Clip) -> Result<(), ExportError> {
+        let storage = &self.app.storage;
         let folder = format!("clips/{}", clip.id);
-        document(zip, &format!("{folder}/clip.json"), clip)?;
+        zip.document(&format!("{folder}/clip.json"), clip).await?;
         for name in [result_file::OVERLAY, result_file::COMPLETION, result_file::SCAN, result_file::CLOUD] {
-            if let Some(blob) = self.runtime.block_on(self.app.storage.clip_result(clip, name))? {
-                self.blob(zip, &format!("{folder}/{name}"), blob)?;
+            if let Some(blob) = storage.clip_result(clip, name).await? {
+                zip.stream(&format!("{folder}/{name}"), blob.stream).await?;
             }
         }
         // Removed since the list was read: then it is not in the export.
-        if let Some(blob) = self.runtime.block_on(self.app.storage.clip_recording(clip.id))? {
-            self.blob(zip, &format!("{folder}/recording"), blob)?;
+        if let Some(blob) = storage.clip_recording(clip.id).await? {
+            zip.stream(&format!("{folder}/recording"), blob.stream).await?;
         }
         Ok(())
     }
-
-    fn blob<W: Write>(&self, zip: &mut Zip<W>, name: &str, mut blob: BlobReader) -> Result<(), ExportError> {
-        zip.start_file(name, stored())?;
-        while let Some(bytes) = self.runtime.block_on(blob.stream.try_next())? {
-            zip.write_all(&bytes)?;
-        }
-        Ok(())
-    }
-}
-
-/// Pictures, recordings and floats do not get smaller.
-fn stored() -> SimpleFileOptions {
-    SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(true)
-}
-
-fn file<W: Write>(zip: &mut Zip<W>, name: &str, bytes: &[u8]) -> Result<(), ExportError> {
-    zip.start_file(name, SimpleFileOptions::default())?;
-    zip.write_all(bytes)?;
-    Ok(())
-}
-
-fn document<W: Write>(zip: &mut Zip<W>, name: &str, value: &impl Serialize) -> Result<(), ExportError> {
-    let text = serde_json::to_vec_pretty(value).map_err(std::io::Error::other)?;
-    file(zip, name, &text)
 }

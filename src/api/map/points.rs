@@ -7,9 +7,7 @@ use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::{is_known, tag_of, tagged};
-use crate::home::{ClipNumbers, Glb, MAP_VOXEL_M, Ply, PointFilter, TileBytes};
 use crate::storage::{HomeMap, MapFile, StorageError, map_file};
-use crate::taxonomy::Class;
 use axum::body::Body;
 use axum::extract::{RawQuery, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -18,6 +16,8 @@ use bytes::Bytes;
 use futures::{Stream, StreamExt};
 use serde::Deserialize;
 use std::sync::Arc;
+use viola_geometry::taxonomy::Class;
+use viola_home::{ClipNumbers, Glb, MAP_VOXEL_M, Ply, PointFilter, TileBytes};
 
 /// Which points, and how.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -185,7 +185,7 @@ impl Points {
         let mut glb = Glb::default();
         for tile in tiles {
             let points = self.of_tile(tile).await?;
-            count += points.len() / crate::home::POINT_BYTES;
+            count += points.len() / viola_home::POINT_BYTES;
             if format == Format::Glb {
                 glb.announce(&points);
             }

@@ -6,13 +6,13 @@ use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::{is_known, tag_of, tagged, unless_known};
-use crate::home::{Coverage, Room};
 use crate::storage::{HomeId, HomeMap, MapObject, MapScene, map_file};
-use crate::taxonomy::Class;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
+use viola_geometry::taxonomy::Class;
+use viola_home::{Coverage, Room};
 
 /// The rooms of a home: the segments of its LiDAR map, or computed from it where it has none
 #[derive(Serialize, utoipa::ToSchema)]

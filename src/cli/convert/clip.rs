@@ -2,13 +2,13 @@
 
 use crate::cli::progress::TerminalProgress;
 use crate::cli::video_tools::video_tools;
-use crate::clip::Clip;
-use crate::clip::write::{FolderSink, WrittenLayout, ZipSink, write};
-use crate::progress::{Progress, Stage};
 use anyhow::{Context, Result, bail};
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::Path;
+use viola_formats::clip::Clip;
+use viola_formats::clip::write::{FolderSink, WrittenLayout, ZipSink, write};
+use viola_geometry::progress::{Progress, Stage};
 
 /// Writes a clip into a folder that is empty or not there yet, or into a zip archive.
 pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<Vec<String>> {

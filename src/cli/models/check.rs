@@ -7,11 +7,11 @@ mod times;
 
 use super::{Folder, find};
 use crate::cli::runtime::RuntimeArguments;
-use crate::network::manifest::{Manifest, ModelEntry, Task};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use image::DynamicImage;
 use std::path::{Path, PathBuf};
+use viola_network::manifest::{Manifest, ModelEntry, Task};
 
 #[derive(Args)]
 pub struct CheckArguments {
@@ -76,7 +76,7 @@ fn entry<'m>(manifest: &'m Manifest, models: &Path, network: &str) -> Result<&'m
         format!(
             "{network} is in no entry of a models.toml, so it is unknown how pictures go in; \
              write an entry for it into {}",
-            models.join(crate::network::manifest::FILE).display()
+            models.join(viola_network::manifest::FILE).display()
         )
     })
 }

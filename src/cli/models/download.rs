@@ -1,6 +1,5 @@
 //! A file by HTTPS. What an earlier try has left is gone on with.
 
-use crate::network::MAX_MODEL_BYTES;
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use reqwest::header::{CONTENT_RANGE, RANGE};
@@ -8,6 +7,7 @@ use reqwest::{Response, StatusCode};
 use std::path::Path;
 use tokio::fs::{File, OpenOptions};
 use tokio::io::AsyncWriteExt;
+use viola_network::MAX_MODEL_BYTES;
 
 /// Downloads to `part`, which may hold the beginning already.
 pub(super) fn to_file(url: &str, part: &Path) -> Result<()> {
@@ -20,6 +20,7 @@ pub(super) fn to_file(url: &str, part: &Path) -> Result<()> {
 
 async fn fetch(url: &str, part: &Path) -> Result<()> {
     let have = part.metadata().map_or(0, |metadata| metadata.len());
+    crate::tls::use_ring();
     let client = reqwest::Client::new();
     let ask = client.get(url);
     let ask = if have > 0 { ask.header(RANGE, format!("bytes={have}-")) } else { ask };

@@ -1,9 +1,9 @@
 //! Classes drawn over a picture, with a legend beside it.
 
-use crate::home::write_words;
-use crate::taxonomy::Class;
 use image::{ImageResult, Rgb, RgbImage};
 use std::path::Path;
+use viola_geometry::taxonomy::Class;
+use viola_home::write_words;
 
 /// How much of the class's colour shows; the rest is the picture.
 const COVER: f32 = 0.6;

@@ -1,13 +1,13 @@
 //! `viola models fetch`: from where the manifest says, checked, into its place.
 
 use super::{archive, download, sum};
-use crate::network::manifest::{ModelEntry, Source};
 use anyhow::{Context, Result, bail};
 use indicatif::ProgressBar;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
+use viola_network::manifest::{ModelEntry, Source};
 
 pub(super) fn run(entry: &ModelEntry, models: &Path) -> Result<()> {
     let path = entry.path(models);

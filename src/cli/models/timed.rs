@@ -1,9 +1,9 @@
 //! A network that tells how long its runs take.
 
-use crate::network::{Network, NetworkError, Tensor, TensorInfo};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
+use viola_network::{Network, NetworkError, Tensor, TensorInfo};
 
 pub(super) struct Timed {
     network: Arc<dyn Network>,

@@ -2,6 +2,7 @@
 
 use super::StorageError;
 use super::limits::{Limits, within};
+use crate::tls::use_ring;
 use object_store::ObjectStore;
 use object_store::aws::{AmazonS3, AmazonS3Builder};
 use object_store::list::{PaginatedListOptions, PaginatedListStore};
@@ -117,6 +118,7 @@ pub(super) fn open_folder(root: &Path, incoming: &Path) -> Result<Opened, Storag
 }
 
 pub(super) fn open_s3(params: &S3Params, limits: &Limits) -> Result<Opened, StorageError> {
+    use_ring();
     let unusable = |why: String| object_store::Error::Generic { store: "S3", source: why.into() };
     // With no credentials the client would look for some elsewhere.
     for (name, value) in [

@@ -9,12 +9,27 @@ use object_store::aws::AmazonS3;
 use object_store::list::{PaginatedListOptions, PaginatedListStore};
 use object_store::path::Path as Key;
 use std::collections::HashSet;
+use std::fs::{DirEntry, ReadDir};
 use std::io;
 use std::path::{Path, PathBuf};
-use tokio::sync::mpsc;
 
 /// Blobs that are looked up at a time; S3 gives and removes so many in one request.
 const BATCH: usize = 1000;
+
+/// Keys that one look keeps in memory. More are left to the next one.
+const MOST_KEYS: usize = 100_000;
+
+/// The blobs that no row names.
+#[derive(Debug, Default)]
+pub struct Unnamed {
+    pub keys: Vec<String>,
+    /// How many there are beyond `keys`.
+    pub more: u64,
+    /// How many blobs rows do name.
+    pub named: u64,
+    /// Files that never became a blob; they have been removed.
+    pub leftovers: u64,
+}
 
 /// Something found where blobs lie, and when it was last written.
 enum Found {
@@ -29,9 +44,23 @@ enum Found {
     },
 }
 
+impl Unnamed {
+    fn add(&mut self, keys: &[String], named: &HashSet<String>) {
+        for key in keys {
+            if named.contains(key) {
+                self.named += 1;
+            } else if self.keys.len() < MOST_KEYS {
+                self.keys.push(key.clone());
+            } else {
+                self.more += 1;
+            }
+        }
+    }
+}
+
 impl Blobs {
-    /// Removes blobs that no row names, and files that never became one, if they were last written before `older_than`.
-    /// `named` tells which of some keys rows name. Gives how many were removed.
+    /// Removes files that never became a blob, and gives the blobs that no row names, if they were last written before
+    /// `older_than`. `named` tells which of some keys rows name.
     ///
     /// Sound while others write as long as whatever was written before `older_than` has its row by now or never will:
     /// more time has to have passed since than from the last byte of an upload to its row, or than a job reads a copy
@@ -39,51 +68,56 @@ impl Blobs {
     ///
     /// Uploads in parts that a killed server left on S3 cannot be listed with this client: the bucket's lifecycle rule
     /// ends those.
-    pub async fn sweep<Named>(
+    pub async fn unnamed<Named>(
         &self,
         older_than: Timestamp,
         named: impl Fn(Vec<String>) -> Named,
-    ) -> Result<u64, StorageError>
+    ) -> Result<Unnamed, StorageError>
     where
         Named: Future<Output = Result<HashSet<String>, StorageError>>,
     {
-        let mut removed = 0;
+        let mut unnamed = Unnamed::default();
         let mut keys = Vec::new();
         let mut listing = self.listing();
         while let Some(found) = listing.try_next().await? {
             match found {
                 Found::Blob { key, modified } if modified < older_than => keys.push(key),
                 Found::Leftover { path, modified } if modified < older_than => {
-                    removed += remove_leftover(path).await?;
+                    unnamed.leftovers += remove_leftover(path).await?;
                 }
                 _ => {}
             }
             if keys.len() == BATCH {
-                removed += self.sweep_batch(std::mem::take(&mut keys), &named).await?;
+                let batch = std::mem::take(&mut keys);
+                unnamed.add(&batch, &named(batch.clone()).await?);
             }
         }
-        Ok(removed + self.sweep_batch(keys, &named).await?)
+        if !keys.is_empty() {
+            unnamed.add(&keys, &named(keys.clone()).await?);
+        }
+        Ok(unnamed)
     }
 
-    async fn sweep_batch<Named>(
-        &self,
-        mut keys: Vec<String>,
-        named: &impl Fn(Vec<String>) -> Named,
-    ) -> Result<u64, StorageError>
-    where
-        Named: Future<Output = Result<HashSet<String>, StorageError>>,
-    {
-        if keys.is_empty() {
-            return Ok(0);
+    /// Removes the blobs that a look found.
+    pub async fn sweep(&self, unnamed: &Unnamed) -> Result<(), StorageError> {
+        for keys in unnamed.keys.chunks(BATCH) {
+            for key in keys {
+                tracing::info!(key, "removing a blob that no row names");
+            }
+            let tries = tried("removing blobs", || self.remove(keys));
+            self.limits.bound(tries).await?;
         }
-        let named = named(keys.clone()).await?;
-        keys.retain(|key| !named.contains(key));
-        for key in &keys {
-            tracing::info!(key, "removing a blob that no row names");
-        }
-        let tries = tried("removing blobs", || self.remove(&keys));
-        self.limits.bound(tries).await?;
-        Ok(keys.len() as u64)
+        Ok(())
+    }
+
+    /// Some of the blobs, at most as many as are looked up at a time.
+    pub async fn sample(&self) -> Result<Vec<String>, StorageError> {
+        let key = |found| match found {
+            Found::Blob { key, .. } => Some(key),
+            Found::Leftover { .. } => None,
+        };
+        let keys = self.listing().try_filter_map(|found| std::future::ready(Ok(key(found))));
+        keys.take(BATCH).try_collect().await
     }
 
     /// All there is, also what is arriving.
@@ -152,71 +186,117 @@ async fn remove_leftover(path: PathBuf) -> Result<u64, StorageError> {
             Ok(1)
         }
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(0),
+        Err(error) if is_folder(&error) => remove_empty_folder(path).await,
         Err(source) => Err(StorageError::File { path, source }),
     }
+}
+
+/// Removes a folder of leftovers; one that is not empty is left to the next sweep.
+async fn remove_empty_folder(path: PathBuf) -> Result<u64, StorageError> {
+    match tokio::fs::remove_dir(&path).await {
+        Ok(()) => Ok(0),
+        Err(error) if [io::ErrorKind::NotFound, io::ErrorKind::DirectoryNotEmpty].contains(&error.kind()) => {
+            Ok(0)
+        }
+        Err(source) => Err(StorageError::File { path, source }),
+    }
+}
+
+/// macOS refuses to remove a folder as a file with another error than Linux.
+fn is_folder(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::IsADirectory | io::ErrorKind::PermissionDenied)
 }
 
 /// The files below a folder, those below `leftovers` in it as such. The store's own listing would hide those that are
 /// being written.
 fn walk(root: &Path, leftovers: Option<Key>) -> BoxStream<'static, Result<Found, StorageError>> {
-    let (to, from) = mpsc::channel(2);
-    let root = root.to_owned();
-    tokio::task::spawn_blocking(move || {
-        let mut batch = Vec::new();
-        let mut folders = vec![root.clone()];
-        while let Some(folder) = folders.pop() {
-            let walked = walk_folder(&folder, &mut folders, &mut |path, modified| {
-                batch.push(Ok(found(&root, path, modified, leftovers.as_ref())));
-                // Whoever listens no longer has ended the walk.
-                batch.len() < BATCH || to.blocking_send(std::mem::take(&mut batch)).is_ok()
-            });
-            match walked {
-                Ok(true) => {}
-                Ok(false) => return,
-                Err(source) => {
-                    batch.push(Err(StorageError::File { path: folder, source }));
-                    break;
-                }
-            }
-        }
-        // The listener may be gone.
-        let _ = to.blocking_send(batch);
+    let walk = Walk { root: root.to_owned(), leftovers, folders: vec![root.to_owned()], open: None };
+    let batches = futures::stream::try_unfold(walk, |mut walk| async move {
+        let work = move || {
+            let batch = walk.batch();
+            (batch, walk)
+        };
+        let (batch, walk) = tokio::task::spawn_blocking(work).await.map_err(object_store::Error::from)?;
+        let batch = batch?;
+        Ok::<_, StorageError>(
+            (!batch.is_empty()).then(|| (futures::stream::iter(batch.into_iter().map(Ok)), walk)),
+        )
     });
-    let batches = futures::stream::unfold(from, |mut from| async move {
-        from.recv().await.map(|batch: Vec<_>| (futures::stream::iter(batch), from))
-    });
-    batches.flatten().boxed()
+    batches.try_flatten().boxed()
 }
 
-/// Gives the files of one folder to `each` until it has enough; false then. What goes while it is looked at is left
-/// out.
-fn walk_folder(
-    folder: &Path,
-    folders: &mut Vec<PathBuf>,
-    each: &mut impl FnMut(PathBuf, Timestamp) -> bool,
-) -> io::Result<bool> {
-    let gone = |error: &io::Error| error.kind() == io::ErrorKind::NotFound;
-    let entries = match std::fs::read_dir(folder) {
-        Err(error) if gone(&error) => return Ok(true),
-        entries => entries?,
-    };
-    for entry in entries {
-        let entry = entry?;
-        let metadata = match entry.metadata() {
-            Err(error) if gone(&error) => continue,
-            metadata => metadata?,
-        };
-        if metadata.is_dir() {
-            folders.push(entry.path());
-            continue;
+/// Where a walk through folders is.
+struct Walk {
+    root: PathBuf,
+    leftovers: Option<Key>,
+    /// Folders still to be opened.
+    folders: Vec<PathBuf>,
+    open: Option<(PathBuf, ReadDir)>,
+}
+
+impl Walk {
+    /// Returns the next files, none at the end.
+    fn batch(&mut self) -> Result<Vec<Found>, StorageError> {
+        let mut batch = Vec::new();
+        while batch.len() < BATCH {
+            let Some((folder, entries)) = &mut self.open else {
+                let Some(folder) = self.folders.pop() else { break };
+                self.open = open(&folder)?.map(|entries| (folder, entries));
+                continue;
+            };
+            let Some(entry) = entries.next() else {
+                self.open = None;
+                continue;
+            };
+            let looked = entry.and_then(|entry| look(&entry));
+            match looked.map_err(|source| StorageError::File { path: folder.clone(), source })? {
+                Some(Entry::Folder(path, modified)) => {
+                    // Only a folder of leftovers goes, which has no key: the store looks after those of its blobs.
+                    if is_below(&self.root, &path, self.leftovers.as_ref()) {
+                        batch.push(found(&self.root, path.clone(), modified, self.leftovers.as_ref()));
+                    }
+                    self.folders.push(path);
+                }
+                Some(Entry::File(path, modified)) => {
+                    batch.push(found(&self.root, path, modified, self.leftovers.as_ref()));
+                }
+                None => {}
+            }
         }
-        // Never swept if its time is none.
-        let modified = Timestamp::try_from(metadata.modified()?).unwrap_or(Timestamp::MAX);
-        if !each(entry.path(), modified) {
-            return Ok(false);
-        }
+        Ok(batch)
     }
-    Ok(true)
+}
+
+enum Entry {
+    Folder(PathBuf, Timestamp),
+    File(PathBuf, Timestamp),
+}
+
+/// None when the folder went meanwhile.
+fn open(folder: &Path) -> Result<Option<ReadDir>, StorageError> {
+    match std::fs::read_dir(folder) {
+        Ok(entries) => Ok(Some(entries)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(source) => Err(StorageError::File { path: folder.to_owned(), source }),
+    }
+}
+
+/// None when the entry went meanwhile.
+fn look(entry: &DirEntry) -> io::Result<Option<Entry>> {
+    let metadata = match entry.metadata() {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        metadata => metadata?,
+    };
+    // Never swept if its time is none.
+    let modified = Timestamp::try_from(metadata.modified()?).unwrap_or(Timestamp::MAX);
+    let path = entry.path();
+    Ok(Some(if metadata.is_dir() { Entry::Folder(path, modified) } else { Entry::File(path, modified) }))
+}
+
+/// Whether a path lies below the folder of leftovers.
+fn is_below(root: &Path, path: &Path, leftovers: Option<&Key>) -> bool {
+    let key = path.strip_prefix(root).ok().and_then(Path::to_str).and_then(|key| Key::parse(key).ok());
+    leftovers.is_some_and(|folder| key.is_some_and(|key| key != *folder && key.prefix_matches(folder)))
 }
 
 fn found(root: &Path, path: PathBuf, modified: Timestamp, leftovers: Option<&Key>) -> Found {

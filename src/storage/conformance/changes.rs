@@ -1,11 +1,11 @@
 //! The changes feed: a copy that follows it is the same as what is there.
 
 use super::*;
-use crate::geometry::Pose2;
 use crate::storage::changes as feed;
 use crate::storage::database::query;
 use sqlx::AssertSqlSafe;
 use std::collections::BTreeMap;
+use viola_geometry::Pose2;
 
 on_every_back_end!(
     every_change_is_told_once_and_in_order,

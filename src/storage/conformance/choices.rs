@@ -1,9 +1,9 @@
 //! A person's choice beside the method's own answer.
 
 use super::*;
-use crate::align::Alternative;
-use crate::geometry::Pose2;
-use crate::home::Verdict;
+use viola_align::Alternative;
+use viola_geometry::Pose2;
+use viola_home::Verdict;
 
 on_every_back_end!(
     an_alternative_is_chosen_and_withdrawn,
@@ -28,6 +28,7 @@ fn two_modes(state: AlignmentState) -> Ending {
         free_space: None,
         misplaced: None,
         probability: None,
+        evidence: None,
     };
     alignment.alternatives = vec![alternative(1.0), alternative(2.0)];
     Ending::Answered(alignment)

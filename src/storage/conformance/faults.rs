@@ -1,8 +1,6 @@
 //! Storage that breaks in the middle of things: what was there stays, whole.
 
 use super::*;
-use crate::geometry::Pose2;
-use crate::home::TileKey;
 use async_trait::async_trait;
 use futures::StreamExt;
 use futures::stream::BoxStream;
@@ -14,6 +12,8 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::task::Poll;
+use viola_geometry::Pose2;
+use viola_home::TileKey;
 
 /// A blob store whose writes fail as it is told, every other of them after the blob was written.
 #[derive(Debug)]
@@ -186,7 +186,7 @@ async fn a_store_that_fails_for_good_leaves_the_map_as_it_was() {
 }
 
 /// Runs `work` until it has waited `waits` times, and drops it there: what a kill at that moment leaves.
-async fn cut_off<T>(work: impl Future<Output = T>, waits: usize) -> Option<T> {
+pub async fn cut_off<T>(work: impl Future<Output = T>, waits: usize) -> Option<T> {
     let mut work = pin!(work);
     let mut waited = 0;
     std::future::poll_fn(|context| match work.as_mut().poll(context) {

@@ -1,12 +1,13 @@
 //! Which homes are merged, by whom, and what is kept of it.
 
 use super::*;
-use crate::geometry::Pose2;
-use crate::home::{Extent, Level, Manifest, PlacedBy, PlacedClip, TileKey, Verdict};
-use crate::taxonomy::Class;
+use viola_geometry::Pose2;
+use viola_geometry::taxonomy::Class;
+use viola_home::{Extent, Level, Manifest, PlacedBy, PlacedClip, TileKey, Verdict};
 
 on_every_back_end!(
     a_home_is_merged_when_its_clips_have_settled,
+    a_clip_that_rests_after_faults_keeps_no_merge_waiting,
     one_worker_merges_a_home_at_a_time,
     a_change_during_a_merge_makes_it_due_again,
     removing_a_clip_makes_a_new_revision,
@@ -56,7 +57,7 @@ const TILE: TileKey = TileKey { x: 1, y: -2 };
 
 /// A revision that has the claim's clips in it, placed by `by`, and one tile.
 fn revision(claim: &MergeClaim, by: PlacedBy, tile: &[u8]) -> NewRevision {
-    let place = |member: &crate::home::Member| PlacedClip {
+    let place = |member: &viola_home::Member| PlacedClip {
         clip: member.clip,
         share: member.share.clone(),
         recorded_at_ms: member.recorded_at_ms,
@@ -131,6 +132,24 @@ async fn a_home_is_merged_when_its_clips_have_settled(storage: Storage) {
     let left_out = storage.clips_left_out(&home).await.unwrap();
     assert_eq!((left_out.len(), left_out[0].clip, left_out[0].state), (1, third.id, ClipState::Failed));
     assert_eq!(left_out[0].reasons, [reason("unreadable")]);
+}
+
+async fn a_clip_that_rests_after_faults_keeps_no_merge_waiting(storage: Storage) {
+    let (home, clips) = two_aligned(&storage).await;
+    let third = add(&storage, &home, b"third").await;
+    let mut now_s = 200;
+    // Pauses of 5 s, 10 s, 20 s and 40 s are waited for; the next, of 80 s, is not.
+    for pause_s in [5, 10, 20, 40, 80] {
+        assert!(due(&storage, now_s).await.is_none(), "a clip is on its way");
+        let held = storage.claim(LEASE, at(now_s)).await.unwrap().expect("the job is due");
+        assert_eq!(held.job.clip, third.id);
+        let fault = Ending::Fault(Fault::Storage);
+        assert!(storage.finish(&held, &fault, &RetryPolicy::default(), at(now_s)).await.unwrap());
+        now_s += pause_s;
+    }
+    let claim = due(&storage, now_s - 79).await.expect("the home is due");
+    assert!(finish(&storage, &claim, b"both", now_s - 78).await);
+    assert_eq!(clips_of(&current(&storage, &home).await), clips);
 }
 
 async fn one_worker_merges_a_home_at_a_time(storage: Storage) {

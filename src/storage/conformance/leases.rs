@@ -1,23 +1,33 @@
 //! Who works on a job, and what becomes of it when workers die, fail, dawdle or are told to stop.
 
 use super::*;
-use crate::progress::Stage;
 use std::collections::HashSet;
 use std::sync::Arc;
+use viola_geometry::progress::Stage;
 
 on_every_back_end!(
     every_job_goes_to_one_worker,
     a_heartbeat_keeps_the_lease,
     a_late_worker_changes_nothing,
-    a_job_that_kills_its_workers_fails,
+    a_lost_worker_costs_no_attempt,
+    a_job_whose_workers_are_lost_for_a_day_fails,
+    faults_cost_no_attempt_and_are_borne_for_a_day,
+    an_attempt_that_counts_ends_a_row_of_faults,
+    a_machine_that_was_off_for_a_day_fails_nothing,
     a_broken_attempt_is_tried_later_and_not_for_ever,
     a_refused_clip_fails_at_once,
     a_job_given_up_is_not_held_against_it,
     cancelling_ends_what_waits_or_runs,
 );
 
+/// What a worker takes at this moment.
+async fn due(storage: &Storage, seconds: i64) -> Option<Claim> {
+    storage.release_lost(&RetryPolicy::default(), at(seconds)).await.unwrap();
+    storage.claim(LEASE, at(seconds)).await.unwrap()
+}
+
 async fn claim(storage: &Storage, seconds: i64) -> Claim {
-    storage.claim(LEASE, at(seconds)).await.unwrap().expect("a job is due")
+    due(storage, seconds).await.expect("a job is due")
 }
 
 async fn finish(storage: &Storage, claim: &Claim, ending: Ending, seconds: i64) -> bool {
@@ -52,7 +62,7 @@ async fn a_heartbeat_keeps_the_lease(storage: Storage) {
     assert_eq!(clip_of(&storage, &held).await.state, ClipState::Aligning);
     for seconds in [20, 40, 60] {
         assert!(storage.heartbeat(&held, Some(Stage::Fuse), 0.5, LEASE, at(seconds)).await.unwrap());
-        assert!(storage.claim(LEASE, at(seconds + 29)).await.unwrap().is_none());
+        assert!(due(&storage, seconds + 29).await.is_none());
     }
     let job = storage.job(held.job.id).await.unwrap().unwrap();
     assert_eq!((job.stage, job.progress, job.updated_at), (Some(Stage::Fuse), 0.5, at(60)));
@@ -64,7 +74,7 @@ async fn a_late_worker_changes_nothing(storage: Storage) {
     one_job(&storage).await;
     let late = claim(&storage, 0).await;
     let next = claim(&storage, 30).await;
-    assert_eq!((next.job.id, next.job.attempts), (late.job.id, 2));
+    assert_eq!((next.job.id, next.job.attempts), (late.job.id, 1));
     storage.put_result(&late, "overlay.png", b"late".to_vec()).await.unwrap();
     storage.put_result(&next, "overlay.png", b"next".to_vec()).await.unwrap();
     assert!(!storage.holds(&late).await.unwrap() && storage.holds(&next).await.unwrap());
@@ -81,18 +91,126 @@ async fn a_late_worker_changes_nothing(storage: Storage) {
     assert_eq!(bytes_of(storage.clip_result(&clip, "overlay.png").await.unwrap()).await, b"next");
 }
 
-async fn a_job_that_kills_its_workers_fails(storage: Storage) {
+async fn a_lost_worker_costs_no_attempt(storage: Storage) {
     one_job(&storage).await;
-    let mut held = claim(&storage, 0).await;
-    for attempt in 2..=held.job.max_attempts {
-        held = claim(&storage, i64::from(attempt) * 100).await;
-        assert_eq!(held.job.attempts, attempt);
+    let first = claim(&storage, 0).await;
+    assert!(!first.suspect && first.is_first());
+    // At once the first time, and at the default policy's pauses after that: 5 s, 10 s, 20 s.
+    let mut now_s = 0;
+    for pause_s in [0, 5, 10, 20] {
+        now_s += 30 + pause_s;
+        if pause_s > 0 {
+            assert_eq!(storage.release_lost(&RetryPolicy::default(), at(now_s - pause_s)).await.unwrap(), 1);
+            let clip = clip_of(&storage, &first).await;
+            assert_eq!((clip.state, clip.reasons[0].code.as_str()), (ClipState::Queued, "worker_lost"));
+            assert!(due(&storage, now_s - 1).await.is_none());
+        }
+        let next = claim(&storage, now_s).await;
+        assert_eq!((next.job.id, next.job.attempts), (first.job.id, 1));
+        assert!(next.suspect && !next.is_first());
     }
-    assert!(storage.claim(LEASE, at(1000)).await.unwrap().is_none());
-    let job = storage.job(held.job.id).await.unwrap().unwrap();
-    assert_eq!((job.state, job.error.unwrap().code.as_str()), (JobState::Failed, "worker_died"));
-    let clip = clip_of(&storage, &held).await;
-    assert_eq!((clip.state, clip.reasons[0].code.as_str()), (ClipState::Failed, "worker_died"));
+    assert_eq!(storage.release_lost(&RetryPolicy::default(), at(now_s + 30)).await.unwrap(), 1);
+    let last = claim(&storage, now_s + 1000).await;
+    assert!(finish(&storage, &last, answer(AlignmentState::Aligned), now_s + 1001).await);
+    assert_eq!(clip_of(&storage, &last).await.state, ClipState::Aligned);
+}
+
+async fn a_job_whose_workers_are_lost_for_a_day_fails(storage: Storage) {
+    one_job(&storage).await;
+    let (mut now_s, mut lost) = (0, 0);
+    let mut last = claim(&storage, now_s).await;
+    loop {
+        // As a machine that goes down with the job, and comes back when the job is due again.
+        now_s += 30 + 1800;
+        assert_eq!(storage.release_lost(&RetryPolicy::default(), at(now_s)).await.unwrap(), 1);
+        lost += 1;
+        now_s += 1800;
+        let Some(next) = due(&storage, now_s).await else { break };
+        assert_eq!((next.job.id, next.job.attempts), (last.job.id, 1));
+        last = next;
+    }
+    assert!(lost >= 20 && now_s >= 24 * 3600, "{lost} workers in {now_s} s");
+    let job = storage.job(last.job.id).await.unwrap().unwrap();
+    assert_eq!((job.state, job.error.unwrap().code.as_str()), (JobState::Failed, "worker_lost"));
+    let clip = clip_of(&storage, &last).await;
+    assert_eq!((clip.state, clip.reasons[0].code.as_str()), (ClipState::Failed, "worker_lost"));
+    assert!(clip.reasons[0].detail.contains("24 hours"), "{:?}", clip.reasons);
+}
+
+async fn faults_cost_no_attempt_and_are_borne_for_a_day(storage: Storage) {
+    one_job(&storage).await;
+    let (mut now_s, mut pause_s, mut faults) = (0, 5, 0);
+    let last = loop {
+        let held = claim(&storage, now_s).await;
+        assert_eq!((held.job.attempts, held.suspect), (1, false));
+        assert!(finish(&storage, &held, Ending::Fault(Fault::Storage), now_s).await);
+        faults += 1;
+        let clip = clip_of(&storage, &held).await;
+        assert_eq!(clip.reasons[0].code, "storage_fault");
+        if clip.state == ClipState::Failed {
+            break clip;
+        }
+        assert_eq!((clip.state, clip.job.unwrap().state), (ClipState::Queued, JobState::Queued));
+        assert!(due(&storage, now_s + pause_s - 1).await.is_none(), "fault {faults}");
+        now_s += pause_s;
+        pause_s = (2 * pause_s).min(30 * 60);
+    };
+    let day_s = 24 * 3600;
+    assert!((day_s..day_s + 1800).contains(&now_s), "{faults} faults in {now_s} s");
+    assert!(last.reasons[0].detail.contains("24 hours"), "{:?}", last.reasons);
+    assert!(due(&storage, 2 * day_s).await.is_none());
+}
+
+async fn an_attempt_that_counts_ends_a_row_of_faults(storage: Storage) {
+    one_job(&storage).await;
+    let mut now_s = 0;
+    for _ in 0..30 {
+        let held = claim(&storage, now_s).await;
+        assert!(finish(&storage, &held, Ending::Fault(Fault::System), now_s).await);
+        now_s += 1800;
+    }
+    let held = claim(&storage, now_s).await;
+    assert!(finish(&storage, &held, Ending::Broken(reason("internal_error")), now_s).await);
+    // Another 30 of them are less than a day again, though both rows together are more.
+    for _ in 0..30 {
+        now_s += 1800;
+        let held = claim(&storage, now_s).await;
+        assert_eq!(held.job.attempts, 2);
+        assert!(finish(&storage, &held, Ending::Fault(Fault::System), now_s).await);
+    }
+    assert!(now_s > 24 * 3600);
+    let held = claim(&storage, now_s + 1800).await;
+    assert!(finish(&storage, &held, answer(AlignmentState::Aligned), now_s + 1801).await);
+}
+
+async fn a_machine_that_was_off_for_a_day_fails_nothing(storage: Storage) {
+    one_job(&storage).await;
+    for now_s in [0, 100_000, 200_000] {
+        let held = claim(&storage, now_s).await;
+        assert!(finish(&storage, &held, Ending::Fault(Fault::Storage), now_s).await);
+        assert_eq!(clip_of(&storage, &held).await.state, ClipState::Queued);
+    }
+}
+
+#[tokio::test]
+async fn faults_and_suspicion_outlive_a_restart() {
+    let folder = tempfile::tempdir().unwrap();
+    let storage = in_folder(folder.path()).await;
+    one_job(&storage).await;
+    let held = claim(&storage, 0).await;
+    assert!(finish(&storage, &held, Ending::Fault(Fault::System), 0).await);
+    claim(&storage, 5).await;
+    storage.close().await;
+    drop(storage);
+    let storage = in_folder(folder.path()).await;
+    // The lost worker is the second fault in a row.
+    assert_eq!(storage.release_lost(&RetryPolicy::default(), at(35)).await.unwrap(), 1);
+    assert!(due(&storage, 35 + 4).await.is_none());
+    let held = claim(&storage, 35 + 5).await;
+    assert!(held.suspect && held.job.attempts == 1);
+    assert!(finish(&storage, &held, Ending::Fault(Fault::System), 100).await);
+    assert!(due(&storage, 100 + 19).await.is_none());
+    assert!(claim(&storage, 100 + 20).await.suspect);
 }
 
 async fn a_broken_attempt_is_tried_later_and_not_for_ever(storage: Storage) {
@@ -101,13 +219,13 @@ async fn a_broken_attempt_is_tried_later_and_not_for_ever(storage: Storage) {
     let held = claim(&storage, 0).await;
     assert!(finish(&storage, &held, Ending::Broken(reason("first")), 0).await);
     assert_eq!(clip_of(&storage, &held).await.reasons[0].code, "first");
-    assert!(storage.claim(LEASE, at(4)).await.unwrap().is_none());
+    assert!(due(&storage, 4).await.is_none());
     let held = claim(&storage, 5).await;
     assert!(finish(&storage, &held, Ending::Broken(reason("second")), 10).await);
-    assert!(storage.claim(LEASE, at(19)).await.unwrap().is_none());
+    assert!(due(&storage, 19).await.is_none());
     let held = claim(&storage, 20).await;
     assert!(finish(&storage, &held, Ending::Broken(reason("third")), 21).await);
-    assert!(storage.claim(LEASE, at(9999)).await.unwrap().is_none());
+    assert!(due(&storage, 9999).await.is_none());
     let clip = clip_of(&storage, &held).await;
     assert_eq!((clip.state, clip.reasons[0].code.as_str()), (ClipState::Failed, "third"));
     assert_eq!(clip.job.unwrap().state, JobState::Failed);
@@ -117,7 +235,7 @@ async fn a_refused_clip_fails_at_once(storage: Storage) {
     one_job(&storage).await;
     let held = claim(&storage, 0).await;
     assert!(finish(&storage, &held, Ending::Refused(reason("bad_picture")), 1).await);
-    assert!(storage.claim(LEASE, at(9999)).await.unwrap().is_none());
+    assert!(due(&storage, 9999).await.is_none());
     let clip = clip_of(&storage, &held).await;
     assert_eq!((clip.state, clip.reasons), (ClipState::Failed, vec![reason("bad_picture")]));
 }
@@ -137,7 +255,7 @@ async fn cancelling_ends_what_waits_or_runs(storage: Storage) {
     let waiting = clip.job.unwrap().id;
     let cancelled = storage.cancel_job(waiting, at(1)).await.unwrap().unwrap();
     assert_eq!((cancelled.state, cancelled.finished_at), (JobState::Cancelled, Some(at(1))));
-    assert!(storage.claim(LEASE, at(2)).await.unwrap().is_none());
+    assert!(due(&storage, 2).await.is_none());
     let clip = storage.clip(&id, clip.id).await.unwrap();
     assert_eq!((clip.state, clip.reasons[0].code.as_str()), (ClipState::Uploaded, "cancelled"));
 

@@ -54,6 +54,15 @@ async fn an_upload_dropped_half_way_leaves_nothing() {
     assert_eq!(storage.blobs_that_exist().await, Vec::<String>::new());
 }
 
+#[tokio::test]
+async fn a_data_folder_is_for_its_owner_alone() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    open(&data).await;
+    assert_eq!(std::fs::metadata(&data).unwrap().permissions().mode() & 0o777, 0o700);
+}
+
 #[test]
 fn only_harmless_home_ids_pass() {
     for good in ["a", "A.b_c-9", "...", &"x".repeat(64)] {

@@ -3,7 +3,7 @@
 
 use super::super::StorageError;
 use super::super::columns::Columns;
-use super::{Connection, Executor};
+use super::connection::{Connection, Executor};
 use sqlx::postgres::{PgArguments, PgRow};
 use sqlx::sqlite::{SqliteArguments, SqliteRow};
 use sqlx::{Arguments, Postgres, Row as _, SqlSafeStr, SqlStr, Sqlite};
@@ -76,29 +76,33 @@ impl Query {
     }
 
     pub async fn fetch_all(self, connection: &mut Connection) -> Result<Vec<Row>, sqlx::Error> {
-        Ok(match connection.executor() {
+        let fetched = match connection.executor()? {
             Executor::Sqlite(connection) => {
                 let query = sqlx::query_with::<Sqlite, _>(self.sql, arguments!(SqliteArguments, self.values));
-                query.fetch_all(connection).await?.into_iter().map(Row::Sqlite).collect()
+                let rows = query.fetch_all(connection).await;
+                rows.map(|rows| rows.into_iter().map(Row::Sqlite).collect())
             }
             Executor::Postgres(connection) => {
                 let query = sqlx::query_with::<Postgres, _>(self.sql, arguments!(PgArguments, self.values));
-                query.fetch_all(connection).await?.into_iter().map(Row::Postgres).collect()
+                let rows = query.fetch_all(connection).await;
+                rows.map(|rows| rows.into_iter().map(Row::Postgres).collect())
             }
-        })
+        };
+        connection.ended(fetched)
     }
 
     pub async fn fetch_optional(self, connection: &mut Connection) -> Result<Option<Row>, sqlx::Error> {
-        Ok(match connection.executor() {
+        let fetched = match connection.executor()? {
             Executor::Sqlite(connection) => {
                 let query = sqlx::query_with::<Sqlite, _>(self.sql, arguments!(SqliteArguments, self.values));
-                query.fetch_optional(connection).await?.map(Row::Sqlite)
+                query.fetch_optional(connection).await.map(|row| row.map(Row::Sqlite))
             }
             Executor::Postgres(connection) => {
                 let query = sqlx::query_with::<Postgres, _>(self.sql, arguments!(PgArguments, self.values));
-                query.fetch_optional(connection).await?.map(Row::Postgres)
+                query.fetch_optional(connection).await.map(|row| row.map(Row::Postgres))
             }
-        })
+        };
+        connection.ended(fetched)
     }
 
     pub async fn fetch_one(self, connection: &mut Connection) -> Result<Row, sqlx::Error> {
@@ -107,16 +111,19 @@ impl Query {
 
     /// How many rows were changed.
     pub async fn execute(self, connection: &mut Connection) -> Result<u64, sqlx::Error> {
-        Ok(match connection.executor() {
+        let executed = match connection.executor()? {
             Executor::Sqlite(connection) => {
                 let query = sqlx::query_with::<Sqlite, _>(self.sql, arguments!(SqliteArguments, self.values));
-                query.execute(connection).await?.rows_affected()
+                query.execute(connection).await.map(|done| done.rows_affected())
             }
             Executor::Postgres(connection) => {
                 let query = sqlx::query_with::<Postgres, _>(self.sql, arguments!(PgArguments, self.values));
-                query.execute(connection).await?.rows_affected()
+                query.execute(connection).await.map(|done| done.rows_affected())
             }
-        })
+        };
+        let rows = connection.ended(executed)?;
+        connection.changed(rows);
+        Ok(rows)
     }
 }
 

@@ -1,9 +1,6 @@
 //! Which homes are due to be merged, by whom, and what comes of it.
 
 use super::{HomeMap, MapClip, MapFile, MapObject, map_file};
-use crate::align::{Alignment, AlignmentState};
-use crate::geometry::angle_between;
-use crate::home::{HomeMapInfo, Manifest, Member, PlacedClip, TileKey, Verdict};
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Connection, Row, Transaction, query};
@@ -12,10 +9,16 @@ use jiff::Timestamp;
 use nalgebra::Matrix3;
 use std::time::Duration;
 use uuid::Uuid;
+use viola_align::{Alignment, AlignmentState};
+use viola_geometry::angle_between;
+use viola_home::{HomeMapInfo, Manifest, Member, PlacedClip, TileKey, Verdict};
 
 /// Revisions of a home's map that are kept; older ones go when a new one comes. Readers that began with one have long
 /// ended when it is this old.
 const KEPT: i64 = 5;
+
+/// A job that is not tried again within this time keeps no merge waiting.
+const LONG_REST: Duration = Duration::from_mins(1);
 
 /// A home whose map this worker makes.
 #[derive(Debug, Clone)]
@@ -51,7 +54,8 @@ pub struct NewRevision {
 }
 
 /// Takes a home whose map is behind, that nobody merges now, and none of whose clips is on its way: a new LiDAR map
-/// that sends all of them around again makes one new revision, and the old one stays until then.
+/// that sends all of them around again makes one new revision, and the old one stays until then. A clip whose job rests
+/// for long after a fault is not waited for.
 macro_rules! claim {
     ($lock:literal) => {
         concat!(
@@ -59,7 +63,9 @@ macro_rules! claim {
     WHERE id = (
         SELECT id FROM homes
         WHERE map_made < map_wanted AND (map_lease_until IS NULL OR map_lease_until <= $1)
-            AND NOT EXISTS (SELECT 1 FROM clips WHERE home_id = homes.id AND state IN ('queued', 'aligning'))
+            AND NOT EXISTS (SELECT 1 FROM clips WHERE home_id = homes.id AND state IN ('queued', 'aligning')
+                AND NOT EXISTS (SELECT 1 FROM jobs
+                    WHERE jobs.id = clips.job_id AND jobs.state = 'queued' AND jobs.run_after > $3))
         ORDER BY id LIMIT 1 ",
             $lock,
             ")
@@ -80,6 +86,7 @@ impl Storage {
         let row = query(statement)
             .bind(now.as_millisecond())
             .bind((now + lease).as_millisecond())
+            .bind((now + LONG_REST).as_millisecond())
             .fetch_optional(&mut transaction)
             .await?;
         let Some(row) = row else { return Ok(None) };
@@ -156,9 +163,9 @@ impl Storage {
         let kept = self.keep_revision(claim, new, &mut keys, now).await;
         match &kept {
             Ok(Some(stale)) => self.blobs.discard(stale).await,
-            // After an error in the database the rows may be there nevertheless: the next start's sweep decides.
-            Ok(None) | Err(StorageError::Blobs(_)) => self.blobs.discard(&keys).await,
-            Err(_) => {}
+            // The rows may be there all the same; a sweep decides.
+            Err(error) if error.is_unsettled() => {}
+            Ok(None) | Err(_) => self.blobs.discard(&keys).await,
         }
         Ok(kept?.is_some())
     }

@@ -1,13 +1,13 @@
 //! The objects of all homes, as their current maps have them.
 
-use crate::home::{Coverage, Object, PlacedClip, Room};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Row, Transaction, query};
 use crate::storage::{HomeId, MapFile, Page, Storage, StorageError, Tenant};
-use crate::taxonomy::Class;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
+use viola_geometry::taxonomy::Class;
+use viola_home::{Coverage, Object, PlacedClip, Room};
 
 /// A thing in a home, in the LiDAR map's frame: an upright box, and what is known of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]

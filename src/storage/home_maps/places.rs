@@ -1,13 +1,14 @@
 //! Where a new revision has its home's clips, told to the clips.
 
 use super::MergeClaim;
-use crate::align::{Alignment, Reason};
-use crate::home::{PlacedBy, PlacedClip, Verdict};
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Transaction, query};
 use crate::storage::{ClipState, Placement, StorageError};
 use jiff::Timestamp;
+use viola_align::Alignment;
+use viola_home::{PlacedBy, PlacedClip, Verdict};
+use viola_reconstruct::Reason;
 
 /// Tells the clips where they are. An ambiguous clip that its neighbours placed is aligned; when they do not any more,
 /// it is ambiguous again. A clip that has another answer by now is left alone: its home is due again.

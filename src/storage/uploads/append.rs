@@ -1,7 +1,6 @@
 //! Growing an upload by what one request brings.
 
 use super::{Storage, UploadError, UploadKind, UploadLimits, UploadState, find_living, later};
-use crate::storage::StorageError;
 use crate::storage::columns::Columns;
 use crate::storage::database::query;
 use crate::storage::incoming::Arrived;
@@ -88,8 +87,8 @@ impl Storage {
         let added = self.add_piece(writer, size_bytes, &key, limits, now).await;
         match &added {
             Ok(()) => writer.offset += size_bytes,
-            // The row may be there nevertheless; then the next start's sweep decides.
-            Err(UploadError::Storage(StorageError::Database(_))) => {}
+            // The row may be there all the same; a sweep decides.
+            Err(UploadError::Storage(error)) if error.is_unsettled() => {}
             Err(_) => self.blobs.discard(&[key]).await,
         }
         added

@@ -112,7 +112,8 @@ impl Storage {
         let ended = self.end_with_clip(claim, row, record, now).await;
         let kept_for_nothing = match &ended {
             Ok((added, _)) => !matches!(added, Some(Added::New(_))),
-            Err(error) => matches!(error, StorageError::NoSuchHome),
+            // The row may be there all the same; a sweep decides.
+            Err(error) => !error.is_unsettled(),
         };
         if kept_for_nothing {
             self.blobs.discard(&[clips::file_key(id)]).await;

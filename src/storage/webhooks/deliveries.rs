@@ -196,7 +196,7 @@ impl Storage {
                 .execute(&mut transaction)
                 .await?;
         }
-        Ok(transaction.commit().await?)
+        transaction.commit().await
     }
 
     /// Lets others send to the webhook.
@@ -208,7 +208,7 @@ impl Storage {
             .bind(now.as_millisecond())
             .execute(&mut transaction)
             .await?;
-        Ok(transaction.commit().await?)
+        transaction.commit().await
     }
 
     /// The log of a webhook, the newest first.

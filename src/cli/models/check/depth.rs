@@ -2,12 +2,13 @@
 
 use super::CheckArguments;
 use super::times::Times;
-use crate::align::complete::monocular::open_estimator;
-use crate::network::manifest::ModelEntry;
-use crate::network::{self, RuntimeParams};
 use anyhow::{Context, Result};
 use image::{ImageFormat, Rgb, RgbImage};
 use std::time::Instant;
+use viola_align::complete::monocular::open_estimator;
+use viola_network as network;
+use viola_network::RuntimeParams;
+use viola_network::manifest::ModelEntry;
 
 /// From near to far.
 const COLORS: [[f32; 3]; 5] = [

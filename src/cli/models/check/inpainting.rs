@@ -2,12 +2,12 @@
 
 use super::times::Times;
 use super::{CheckArguments, read};
-use crate::align::complete::inpaint::open_inpainter;
-use crate::network::RuntimeParams;
-use crate::network::manifest::ModelEntry;
 use anyhow::{Context, Result};
 use image::{GrayImage, ImageFormat, Luma, RgbImage};
 use std::time::Instant;
+use viola_align::complete::inpaint::open_inpainter;
+use viola_network::RuntimeParams;
+use viola_network::manifest::ModelEntry;
 
 /// Where noise is drawn, it is drawn from this.
 const SEED: u64 = 1;

@@ -4,13 +4,14 @@ use super::super::drawing::Drawing;
 use super::super::timed::Timed;
 use super::CheckArguments;
 use super::times::Times;
-use crate::align::label::{ClassMap, open_segmenter};
-use crate::network::manifest::ModelEntry;
-use crate::network::{self, RuntimeParams};
-use crate::taxonomy::{CLASSES, Class};
 use anyhow::{Context, Result};
 use image::RgbImage;
 use std::time::Instant;
+use viola_geometry::taxonomy::{CLASSES, Class};
+use viola_network as network;
+use viola_network::RuntimeParams;
+use viola_network::manifest::ModelEntry;
+use viola_reconstruct::label::{ClassMap, open_segmenter};
 
 pub(super) fn run(
     entry: &ModelEntry,

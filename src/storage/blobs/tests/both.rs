@@ -38,6 +38,7 @@ on_both! {
     discarded_blobs_are_gone,
     a_sweep_leaves_what_is_named_or_recent,
     a_sweep_asks_for_a_thousand_at_a_time,
+    folders_of_killed_jobs_go,
     a_place_that_is_there_is_ready,
 }
 
@@ -110,6 +111,16 @@ fn written(path: &Path, at: Timestamp) {
     file.set_modified(at.into()).unwrap();
 }
 
+/// How many files a look and a sweep removed.
+async fn swept<Named>(bench: &Bench, older_than: Timestamp, named: impl Fn(Vec<String>) -> Named) -> u64
+where
+    Named: Future<Output = Result<HashSet<String>, StorageError>>,
+{
+    let unnamed = bench.blobs.unnamed(older_than, named).await.unwrap();
+    bench.blobs.sweep(&unnamed).await.unwrap();
+    unnamed.leftovers + unnamed.keys.len() as u64
+}
+
 async fn a_sweep_leaves_what_is_named_or_recent(bench: Bench) {
     // To the second, as S3 tells it.
     let now = Timestamp::from_second(Timestamp::now().as_second()).unwrap();
@@ -137,11 +148,11 @@ async fn a_sweep_leaves_what_is_named_or_recent(bench: Bench) {
         Ok(keys.iter().filter(|key| key.contains("named")).cloned().collect())
     };
     let all = bench.keys().await.len();
-    assert_eq!(bench.blobs.sweep(before, named).await.unwrap(), 0, "nothing is older than the oldest");
+    assert_eq!(swept(&bench, before, named).await, 0, "nothing is older than the oldest");
     assert_eq!(bench.keys().await.len(), all);
     assert!(asked.lock().unwrap().is_empty(), "nothing is looked up that is too young");
 
-    let removed = bench.blobs.sweep(now - SignedDuration::from_hours(1), named).await.unwrap();
+    let removed = swept(&bench, now - SignedDuration::from_hours(1), named).await;
     assert_eq!(removed, 1 + leftovers);
     let mut asked = asked.into_inner().unwrap();
     asked.sort();
@@ -169,12 +180,27 @@ async fn a_sweep_asks_for_a_thousand_at_a_time(bench: Bench) {
         Ok(keys.iter().filter(|key| key.ends_with('7')).cloned().collect())
     };
     let later = Timestamp::now() + SignedDuration::from_hours(1);
-    let removed = bench.blobs.sweep(later, named).await.unwrap();
+    let removed = swept(&bench, later, named).await;
     let asked = asked.into_inner().unwrap();
     assert_eq!((asked.0.len(), asked.1), (BLOBS, BLOBS), "each blob is looked up once");
     let kept = bench.keys().await;
     assert!(kept.len() == 210 && kept.iter().all(|key| key.ends_with('7')), "{}", kept.len());
     assert_eq!(removed, (BLOBS - 210) as u64);
+}
+
+async fn folders_of_killed_jobs_go(bench: Bench) {
+    let folder = bench.blobs.incoming.join("job-1");
+    std::fs::create_dir(&folder).unwrap();
+    std::fs::write(folder.join("alignment.json"), b"half").unwrap();
+    let none = async |_| Ok(HashSet::new());
+    let (before, later) =
+        (Timestamp::now() - SignedDuration::from_hours(1), Timestamp::now() + SignedDuration::from_hours(1));
+    assert_eq!(bench.blobs.unnamed(before, none).await.unwrap().leftovers, 0);
+    assert!(folder.join("alignment.json").exists(), "the job may be at work");
+    // The file, and the empty folder at the next sweep at the latest.
+    assert_eq!(bench.blobs.unnamed(later, none).await.unwrap().leftovers, 1);
+    assert_eq!(bench.blobs.unnamed(later, none).await.unwrap().leftovers, 0);
+    assert!(!folder.exists() && bench.blobs.incoming.exists());
 }
 
 async fn a_place_that_is_there_is_ready(bench: Bench) {

@@ -117,8 +117,9 @@ async fn all_fail_in_time(bench: &Bench) {
     assert!(in_time("local file", blobs.local_file("there")).await.is_err());
     in_time("discard", blobs.discard(&["there".to_owned()])).await;
     assert!(in_time("ready", blobs.ready()).await.is_err());
-    let sweep = blobs.sweep(Timestamp::MAX, async |_: Vec<String>| unreachable!("nothing was listed"));
-    assert!(in_time("sweep", sweep).await.is_err());
+    let look = blobs.unnamed(Timestamp::MAX, async |_: Vec<String>| unreachable!("nothing was listed"));
+    assert!(in_time("look for unnamed blobs", look).await.is_err());
+    assert!(in_time("sample", blobs.sample()).await.is_err());
 }
 
 #[tokio::test]
@@ -250,7 +251,9 @@ async fn all_is_done_in_tasks_of_their_own() {
         let names = ["three".to_owned()];
         let named =
             |keys: Vec<String>| async { Ok(keys.into_iter().filter(|key| names.contains(key)).collect()) };
-        blobs.sweep(Timestamp::MAX, named).await
+        let unnamed = blobs.unnamed(Timestamp::MAX, named).await?;
+        blobs.sweep(&unnamed).await?;
+        Ok::<_, StorageError>(unnamed.keys)
     });
-    assert_eq!(task.await.unwrap().unwrap(), 1);
+    assert_eq!(task.await.unwrap().unwrap(), ["two"]);
 }

@@ -1,0 +1,233 @@
+//! Stage 10: what the clip did not see at the vacuum's height is filled in, marked as such, and the clip is
+//! registered again (paper III-D).
+//!
+//! Structure comes first: walls go down to the floor and on to each other. Imagination comes behind it, for
+//! those who installed the networks: pictures from virtual cameras are completed and fused.
+
+mod depth;
+mod fusion;
+mod imagine;
+pub mod inpaint;
+pub mod monocular;
+pub mod render;
+mod structure;
+mod view;
+mod viewpoints;
+
+pub use imagine::{CompletedView, Imagination};
+pub use structure::StructureCompletion;
+pub use view::{View, camera_like};
+pub use viewpoints::{PointSets, ViewStrategy};
+
+use super::answer::{CompletionReport, Judged, ViewReport};
+use super::observe::Observation;
+use super::register::register;
+use super::scan::{self, RaycastParams, VirtualScan};
+use super::score::is_different;
+use super::{AlignError, AlignParams, Alignment, AlignmentState, Target};
+use std::time::Duration;
+use viola_geometry::progress::{self, Progress, Stage};
+use viola_reconstruct::{PointCloud, Reason};
+
+/// How clips are completed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CompleteParams {
+    pub when: Activation,
+    /// None: walls end where they were last seen.
+    pub structure: Option<StructureCompletion>,
+    /// None: no network is asked for what was not seen.
+    pub imagination: Option<Imagination>,
+    /// Which of the two answers is given.
+    pub take: Take,
+    /// No view is begun once completion has taken this long. The method knows no clock: who runs it holds the time
+    /// ([`Progress::out_of_time`]).
+    pub time: Duration,
+}
+
+/// Which answer to a completed clip is given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Take {
+    /// The one with what was filled in, as the paper has it.
+    After,
+    /// The likelier one.
+    Likelier,
+}
+
+/// Which clips are completed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Activation {
+    Never,
+    /// Two poses that are not close have losses within `margin_m` of each other (paper IV-A).
+    SeveralMinima {
+        margin_m: f64,
+    },
+    /// The clip is not called aligned.
+    Unsure,
+    Always,
+}
+
+impl Default for CompleteParams {
+    fn default() -> Self {
+        CompleteParams {
+            when: Activation::Unsure,
+            structure: Some(StructureCompletion::default()),
+            imagination: None,
+            take: Take::Likelier,
+            time: Duration::from_secs(60),
+        }
+    }
+}
+
+/// What was filled in, apart from what was seen: it never becomes part of a home's map.
+#[derive(Debug, Clone)]
+pub struct Completion {
+    pub cloud_in_clip: PointCloud,
+    /// What the vacuum would see with it.
+    pub scan: VirtualScan,
+    /// The views of which pictures were filled in.
+    pub views: Vec<CompletedView>,
+    /// What the views were chosen by.
+    pub sets: PointSets,
+}
+
+/// Registers an observation, and once more with what can be filled in where the first answer leaves doubt.
+pub fn register_completing(
+    observation: &Observation,
+    target: Option<&Target>,
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<(Alignment, Option<Completion>), AlignError> {
+    let before = register(observation, target, params, progress)?;
+    if !params.complete.when.applies(&before) {
+        return Ok((before, None));
+    }
+    progress::begin(progress, Stage::Complete)?;
+    let Some(settled) = observation.settled(&before) else { return Ok((before, None)) };
+    let filled = fill(&settled, params, progress)?;
+    if filled.completion.cloud_in_clip.points.is_empty() {
+        return Ok((Alignment { reasons: [before.reasons, filled.remarks].concat(), ..before }, None));
+    }
+    let completed = Observation { scan: filled.completion.scan.clone(), ..settled };
+    let after = register(&completed, target, params, &Within(progress))?;
+    let taken = params.complete.take.after(&before, &after);
+    let scan = &filled.completion.scan;
+    let report = CompletionReport {
+        structure_points: filled.structure_points,
+        imagined_points: filled.completion.cloud_in_clip.points.len() - filled.structure_points,
+        hits: scan.hits.iter().filter(|hit| hit.completed).count(),
+        imagined_by: filled.imagined_by,
+        views: filled.completion.views.iter().map(ViewReport::of).collect(),
+        cut_short: filled.cut_short,
+        taken,
+        before: Judged::of(&before),
+        after: Judged::of(&after),
+    };
+    let mut chosen = if taken { after } else { before };
+    chosen.reasons.extend(filled.remarks);
+    chosen.completion = Some(report);
+    Ok((chosen, Some(filled.completion)))
+}
+
+/// The work goes on within the stage that it is in.
+struct Within<'a>(&'a dyn Progress);
+
+impl Progress for Within<'_> {
+    fn enter(&self, _stage: Stage) {}
+
+    fn advance(&self, _fraction: f64) {}
+
+    fn cancelled(&self) -> bool {
+        self.0.cancelled()
+    }
+}
+
+/// What was filled in, and what is told of it.
+struct Filled {
+    completion: Completion,
+    /// The first points of the completion's cloud.
+    structure_points: usize,
+    imagined_by: Vec<String>,
+    cut_short: bool,
+    remarks: Vec<Reason>,
+}
+
+/// Fills in an observation that has its floor at 0.
+fn fill(settled: &Observation, params: &AlignParams, progress: &dyn Progress) -> Result<Filled, AlignError> {
+    let voxel_m = settled.cloud_in_clip.voxel_m;
+    let structure = params.complete.structure.clone().unwrap_or_default();
+    let walls = structure::Extended::new(&settled.walls, &structure);
+    let mut points = match (&params.complete.structure, &settled.clip_from_world) {
+        (Some(structure), Some(clip_from_world)) => {
+            walls.points(&settled.keys, clip_from_world, voxel_m, structure)
+        }
+        _ => Vec::new(),
+    };
+    let structure_points = points.len();
+    let (mut imagined, mut imagined_by) = (imagine::Imagined::default(), Vec::new());
+    if let Some(imagination) = &params.complete.imagination {
+        let segmenter = params.label.segmenter.as_deref();
+        let height_m = params.raycast.vacuum_height_m;
+        let setting =
+            imagine::Setting { walls: &walls, segmenter, vacuum_height_m: height_m, seed: params.seed };
+        imagined = imagine::imagine(settled, &points, imagination, &setting, progress)?;
+        if !imagined.views.is_empty() {
+            imagined_by.push(imagination.inpainter.name());
+            imagined_by.extend(imagination.estimator.iter().map(|estimator| estimator.name()));
+        }
+        points.extend_from_slice(&imagined.points);
+    }
+    let cloud_in_clip = PointCloud { points, voxel_m };
+    let raycast = RaycastParams { floor_m: 0.0, ..params.raycast.clone() };
+    let scan = scan::recast(&settled.scan, &settled.cloud_in_clip, &cloud_in_clip, &raycast);
+    let remarks = imagined.failure.map(|why| {
+        Reason::new("imagination_failed", format!("what was not seen was completed without a network: {why}"))
+    });
+    Ok(Filled {
+        completion: Completion { cloud_in_clip, scan, views: imagined.views, sets: imagined.sets },
+        structure_points,
+        imagined_by,
+        cut_short: imagined.cut_short,
+        remarks: remarks.into_iter().collect(),
+    })
+}
+
+impl ViewReport {
+    fn of(completed: &CompletedView) -> ViewReport {
+        let filled = completed.mask.pixels().filter(|pixel| pixel.0[0] > 0).count();
+        let pixels = (completed.mask.width() * completed.mask.height()).max(1);
+        ViewReport {
+            view: completed.view,
+            imagined_share: filled as f64 / f64::from(pixels),
+            points: completed.added,
+        }
+    }
+}
+
+impl Take {
+    fn after(self, before: &Alignment, after: &Alignment) -> bool {
+        let probability = |answer: &Alignment| answer.probability.unwrap_or(0.0);
+        match self {
+            Take::After => true,
+            Take::Likelier => after.map_from_clip.is_some() && probability(after) >= probability(before),
+        }
+    }
+}
+
+impl Activation {
+    fn applies(self, answer: &Alignment) -> bool {
+        match self {
+            Activation::Never => false,
+            Activation::Always => true,
+            Activation::Unsure => answer.state != AlignmentState::Aligned,
+            Activation::SeveralMinima { margin_m } => several_minima(answer, margin_m),
+        }
+    }
+}
+
+/// Whether a different pose explains the clip nearly as well.
+fn several_minima(answer: &Alignment, margin_m: f64) -> bool {
+    let Some(best) = answer.alternatives.first() else { return true };
+    answer.alternatives[1..].iter().any(|other| {
+        is_different(&other.map_from_clip, &best.map_from_clip) && other.loss_m - best.loss_m < margin_m
+    })
+}

@@ -1,0 +1,179 @@
+//! Completes the cloud view after view: render, fill the picture, complete its depth, fuse; the next view sees
+//! what the one before it added (paper III-D).
+
+use super::inpaint::{InpaintError, Inpainter};
+use super::monocular::DepthEstimator;
+use super::structure::Extended;
+use super::view::{View, camera_like};
+use super::viewpoints::{self, PointSets, ViewParams, ViewStrategy};
+use super::{depth, fusion, render};
+use crate::AlignError;
+use crate::observe::Observation;
+use image::{GrayImage, RgbImage};
+use std::sync::Arc;
+use viola_geometry::Pinhole;
+use viola_geometry::progress::{self, Progress};
+use viola_geometry::taxonomy::{CLASSES, Class};
+use viola_reconstruct::CloudPoint;
+use viola_reconstruct::label::Segmenter;
+
+/// What fills in pictures, and how.
+#[derive(Clone)]
+pub struct Imagination {
+    pub inpainter: Arc<dyn Inpainter>,
+    /// None: the planes of the walls and the floor.
+    pub estimator: Option<Arc<dyn DepthEstimator>>,
+    pub views: ViewStrategy,
+    pub max_views: usize,
+}
+
+impl std::fmt::Debug for Imagination {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Imagination")
+            .field("inpainter", &self.inpainter.name())
+            .field("estimator", &self.estimator.as_ref().map(|estimator| estimator.name()))
+            .field("views", &self.views)
+            .field("max_views", &self.max_views)
+            .finish()
+    }
+}
+
+impl PartialEq for Imagination {
+    fn eq(&self, other: &Self) -> bool {
+        format!("{self:?}") == format!("{other:?}")
+    }
+}
+
+/// A view that was completed, with what one looks at to understand it.
+#[derive(Debug, Clone)]
+pub struct CompletedView {
+    pub view: View,
+    pub camera: Pinhole,
+    /// What the cloud shows, black where it shows nothing.
+    pub rendered: RgbImage,
+    /// 255 where the picture was filled in.
+    pub mask: GrayImage,
+    pub inpainted: RgbImage,
+    /// On a coarser raster; 0 where nothing is known.
+    pub depth_m: Vec<f32>,
+    pub depth_camera: Pinhole,
+    /// Points that it added.
+    pub added: usize,
+}
+
+/// What imagination made.
+#[derive(Debug, Clone, Default)]
+pub struct Imagined {
+    pub points: Vec<CloudPoint>,
+    pub views: Vec<CompletedView>,
+    pub sets: PointSets,
+    /// The time allowed was over before the last view.
+    pub cut_short: bool,
+    /// Why a network was not heard to the end.
+    pub failure: Option<String>,
+}
+
+/// A view that shows less than this of the cloud gives nothing to go on; one that shows more needs nothing.
+const LEAST_COVERED: f64 = 0.15;
+const MOST_COVERED: f64 = 0.99;
+
+/// What else imagination needs to know.
+pub(super) struct Setting<'a> {
+    /// Where rays end without a network for depth.
+    pub walls: &'a Extended,
+    /// Tells the floor of filled pictures.
+    pub segmenter: Option<&'a dyn Segmenter>,
+    pub vacuum_height_m: f64,
+    pub seed: u64,
+}
+
+/// Completes `observation`, which has its floor at 0; `given` is what was filled in before.
+pub(super) fn imagine(
+    observation: &Observation,
+    given: &[CloudPoint],
+    imagination: &Imagination,
+    setting: &Setting,
+    progress: &dyn Progress,
+) -> Result<Imagined, AlignError> {
+    let Some(key) = observation.keys.first() else { return Ok(Imagined::default()) };
+    let camera = camera_like(key.readings.camera());
+    let params = ViewParams {
+        strategy: imagination.views,
+        vacuum_height_m: setting.vacuum_height_m,
+        max_views: imagination.max_views,
+    };
+    let (views, sets) = viewpoints::views(observation, &camera, &params);
+    let voxel_m = observation.cloud_in_clip.voxel_m;
+    let known = [observation.cloud_in_clip.points.as_slice(), given].concat();
+    let mut surface = render::thin(&known, voxel_m);
+    let observed = surface.len();
+    let mut imagined = Imagined { sets, ..Imagined::default() };
+    for (number, view) in views.iter().enumerate() {
+        progress::check(progress)?;
+        if progress.out_of_time() {
+            imagined.cut_short = true;
+            break;
+        }
+        progress.advance(number as f64 / views.len() as f64);
+        let clip_from_camera = view.clip_from_camera();
+        let rendering = render::render(&surface, voxel_m, &camera, &clip_from_camera);
+        if !(LEAST_COVERED..MOST_COVERED).contains(&rendering.covered()) {
+            continue;
+        }
+        let mask = rendering.mask();
+        let keep_going = || !progress.cancelled();
+        let seed = setting.seed.wrapping_add(number as u64);
+        let inpainted = match imagination.inpainter.inpaint(&rendering.color, &mask, seed, &keep_going) {
+            Ok(inpainted) => inpainted,
+            Err(InpaintError::Cancelled) => return Err(AlignError::Cancelled),
+            Err(error) => {
+                imagined.failure = Some(format!("{}: {error}", imagination.inpainter.name()));
+                break;
+            }
+        };
+        let completed = match &imagination.estimator {
+            None => Some(depth::by_planes(&rendering, &clip_from_camera, &|eye, ray| {
+                setting.walls.first_hit(eye, ray)
+            })),
+            Some(estimator) => match estimator.depth(&inpainted) {
+                Ok(estimated) => {
+                    let floor = setting.segmenter.and_then(|segmenter| floor_pixels(segmenter, &inpainted));
+                    depth::complete(&rendering, &inpainted, &estimated, floor.as_deref(), &clip_from_camera)
+                }
+                Err(error) => {
+                    imagined.failure = Some(format!("{}: {error}", estimator.name()));
+                    break;
+                }
+            },
+        };
+        let Some(completed) = completed else { continue };
+        let before = surface.len();
+        surface.extend(fusion::points(&completed, &inpainted, &clip_from_camera));
+        surface = render::thin(&surface, voxel_m);
+        imagined.views.push(CompletedView {
+            view: *view,
+            camera,
+            rendered: rendering.color,
+            mask,
+            inpainted,
+            depth_camera: completed.camera,
+            depth_m: completed.depth_m,
+            added: surface.len() - before,
+        });
+    }
+    let made_up = surface.split_off(observed);
+    imagined.points = fusion::without_outliers(made_up, &surface, voxel_m);
+    Ok(imagined)
+}
+
+/// The pixels that a segmentation calls floor. One that fails says nothing: the depth goes on without it.
+fn floor_pixels(segmenter: &dyn Segmenter, picture: &RgbImage) -> Option<Vec<bool>> {
+    let map = segmenter.segment(picture).ok()?;
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let mut probabilities = [0f32; CLASSES];
+    let floor = (0..width * height).map(|i| {
+        map.sample((i % width) as f32, (i / width) as f32, width, height, &mut probabilities);
+        probabilities[Class::Floor as usize] + probabilities[Class::Rug as usize] > 0.5
+    });
+    Some(floor.collect())
+}

@@ -1,0 +1,202 @@
+//! The networks of a pipeline: opened, held against each other, and run.
+
+use super::settings::Latents;
+use crate::complete::inpaint::InpaintError;
+use std::path::Path;
+use std::sync::Arc;
+use viola_network as network;
+use viola_network::manifest::Input;
+use viola_network::signature::{expect, one};
+use viola_network::{Data, Element, Network, RuntimeParams, Tensor};
+use viola_reconstruct::label::numbers::all_finite;
+use viola_reconstruct::label::picture::Raster;
+
+/// The sides of pictures that a pipeline may be made for, in pixels.
+const SIDES: std::ops::RangeInclusive<usize> = 8..=2048;
+
+/// The networks, and the sizes that they agree on.
+pub(super) struct Parts {
+    encoder: Arc<dyn Network>,
+    unet: Arc<dyn Network>,
+    decoder: Arc<dyn Network>,
+    /// Of the picture, in pixels.
+    pub(super) size: Raster,
+    channels: usize,
+    /// Of the latents.
+    rows: usize,
+    columns: usize,
+}
+
+/// Opens one of the networks in a pipeline's folder.
+pub(super) fn open(
+    folder: &Path,
+    name: &str,
+    params: &RuntimeParams,
+) -> Result<Arc<dyn Network>, InpaintError> {
+    network::open(&folder.join(name), params).map_err(|error| InpaintError::Open(error.to_string()))
+}
+
+/// Checks a network's inputs and outputs; each is a name, its kind of number and its axes.
+fn is(network: &dyn Network, name: &str, inputs: &[Port], outputs: &[Port]) -> Result<(), String> {
+    for (what, infos, ports) in [("input", network.inputs(), inputs), ("output", network.outputs(), outputs)]
+    {
+        for (port, element, axes) in ports {
+            let info = one(infos, Some(port), what).map_err(|problem| format!("{name}: {problem}"))?;
+            expect(info, what, *element, axes).map_err(|problem| format!("{name}: {problem}"))?;
+        }
+        if infos.len() != ports.len() {
+            return Err(format!("{name} has {} {what}s, not {}", infos.len(), ports.len()));
+        }
+    }
+    Ok(())
+}
+
+type Port<'a> = (&'a str, Element, &'a [Option<usize>]);
+
+/// What the text encoder, 1 x length to 1 x length x width, makes of a prompt's tokens.
+pub(super) fn embed(encoder: &dyn Network, tokens: Vec<i64>) -> Result<Tensor, InpaintError> {
+    let length = tokens.len();
+    let input = Tensor { shape: vec![1, length], data: Data::I64(tokens) };
+    let [embeds] = run(encoder, &[("input_ids", input)], ["prompt_embeds"])?;
+    match (embeds.shape.as_slice(), embeds.as_f32()) {
+        (&[1, rows, width], Some(values)) if rows == length && values.len() == rows * width => Ok(embeds),
+        _ => Err(wrong(&embeds, &format!("[1, {length}, width]"))),
+    }
+}
+
+/// That a network is a text encoder for so many tokens.
+pub(super) fn is_text_encoder(encoder: &dyn Network, length: usize) -> Result<(), String> {
+    let input: Port = ("input_ids", Element::I64, &[Some(1), Some(length)]);
+    let output: Port = ("prompt_embeds", Element::F32, &[Some(1), Some(length), None]);
+    is(encoder, "text_encoder.onnx", &[input], &[output])
+}
+
+impl Parts {
+    /// Opens the networks for pictures, once it is seen that they fit each other and prompts of such a shape.
+    pub(super) fn open(
+        folder: &Path,
+        params: &RuntimeParams,
+        input: &Input,
+        latents: &Latents,
+        prompt: &[usize],
+        misfit: impl Fn(String) -> InpaintError,
+    ) -> Result<Parts, InpaintError> {
+        let encoder = open(folder, "vae_encoder.onnx", params)?;
+        let unet = open(folder, "unet.onnx", params)?;
+        let decoder = open(folder, "vae_decoder.onnx", params)?;
+        let shape = one(encoder.inputs(), Some("picture"), "input").map_err(&misfit)?;
+        let (Some(height), Some(width)) =
+            (input.height.pixels().or(shape.axis(2)), input.width.pixels().or(shape.axis(3)))
+        else {
+            return Err(misfit("vae_encoder.onnx is not made for pictures of one size".to_owned()));
+        };
+        let whole = |side: usize| SIDES.contains(&side) && side.is_multiple_of(latents.cell);
+        if !whole(width) || !whole(height) {
+            return Err(misfit(format!("it is made for pictures of {width} x {height} pixels")));
+        }
+        let (channels, rows, columns) = (latents.channels, height / latents.cell, width / latents.cell);
+        let of = |channels: usize| [Some(1), Some(channels), Some(rows), Some(columns)];
+        let picture = [Some(1), Some(3), Some(height), Some(width)];
+        let prompt: Vec<Option<usize>> = prompt.iter().map(|n| Some(*n)).collect();
+        let f32 = Element::F32;
+        is(
+            &*encoder,
+            "vae_encoder.onnx",
+            &[("picture", f32, &picture)],
+            &[("mean", f32, &of(channels)), ("std", f32, &of(channels))],
+        )
+        .map_err(&misfit)?;
+        is(
+            &*unet,
+            "unet.onnx",
+            &[
+                ("sample", f32, &of(2 * channels + 1)),
+                ("timestep", f32, &[Some(1)]),
+                ("prompt_embeds", f32, &prompt),
+            ],
+            &[("prediction", f32, &of(channels))],
+        )
+        .map_err(&misfit)?;
+        is(&*decoder, "vae_decoder.onnx", &[("latents", f32, &of(channels))], &[("picture", f32, &picture)])
+            .map_err(&misfit)?;
+        Ok(Parts { encoder, unet, decoder, size: Raster { width, height }, channels, rows, columns })
+    }
+
+    /// Numbers of one picture's latents, channel after channel.
+    pub(super) fn latents(&self) -> usize {
+        self.channels * self.rows * self.columns
+    }
+
+    /// Mean and standard deviation of a picture's latents.
+    pub(super) fn encode(&self, picture: Tensor) -> Result<(Vec<f32>, Vec<f32>), InpaintError> {
+        let [mean, std] = run(&*self.encoder, &[("picture", picture)], ["mean", "std"])?;
+        let shape = [1, self.channels, self.rows, self.columns];
+        Ok((numbers(mean, &shape)?, numbers(std, &shape)?))
+    }
+
+    /// What the U-Net says of `latents`, of the mask and of the masked picture's latents.
+    pub(super) fn predict(
+        &self,
+        latents: &[f32],
+        mask: &[f32],
+        masked: &[f32],
+        timestep: f64,
+        prompt: &Tensor,
+    ) -> Result<Vec<f32>, InpaintError> {
+        let sample = Tensor::f32(
+            [1, 2 * self.channels + 1, self.rows, self.columns],
+            [latents, mask, masked].concat(),
+        );
+        let timestep = Tensor::f32([1], vec![timestep as f32]);
+        let inputs = [("sample", sample), ("timestep", timestep), ("prompt_embeds", prompt.clone())];
+        let [prediction] = run(&*self.unet, &inputs, ["prediction"])?;
+        numbers(prediction, &[1, self.channels, self.rows, self.columns])
+    }
+
+    /// The picture of some latents, from -1 to 1, 3 x height x width.
+    pub(super) fn decode(&self, latents: Vec<f32>) -> Result<Vec<f32>, InpaintError> {
+        let latents = Tensor::f32([1, self.channels, self.rows, self.columns], latents);
+        let [picture] = run(&*self.decoder, &[("latents", latents)], ["picture"])?;
+        numbers(picture, &[1, 3, self.size.height, self.size.width])
+    }
+
+    pub(super) fn runtime(&self) -> &str {
+        self.unet.runtime()
+    }
+}
+
+/// Runs a network, and gives its outputs of these names.
+fn run<const N: usize>(
+    network: &dyn Network,
+    inputs: &[(&str, Tensor)],
+    names: [&str; N],
+) -> Result<[Tensor; N], InpaintError> {
+    let mut outputs = network.run(inputs).map_err(|error| InpaintError::Run(error.to_string()))?;
+    let mut found = Vec::with_capacity(N);
+    for name in names {
+        let place = outputs
+            .iter()
+            .position(|(output, _)| output == name)
+            .ok_or_else(|| InpaintError::Run(format!("the output {name} is missing")))?;
+        found.push(outputs.swap_remove(place).1);
+    }
+    found.try_into().map_err(|_| InpaintError::Run("outputs are missing".to_owned()))
+}
+
+/// The finite numbers of a tensor of this shape.
+fn numbers(tensor: Tensor, shape: &[usize]) -> Result<Vec<f32>, InpaintError> {
+    let count: usize = shape.iter().product();
+    if tensor.shape != shape || tensor.data.len() != count {
+        return Err(wrong(&tensor, &format!("{shape:?}")));
+    }
+    match tensor.data {
+        Data::F32(values) if all_finite(&values) => Ok(values),
+        Data::F32(_) => Err(InpaintError::NotFinite),
+        data => Err(InpaintError::Shape { got: format!("{:?}", data.element()), want: "F32".to_owned() }),
+    }
+}
+
+fn wrong(tensor: &Tensor, want: &str) -> InpaintError {
+    let got = format!("{:?} {:?}", tensor.data.element(), tensor.shape);
+    InpaintError::Shape { got, want: format!("F32 {want}") }
+}

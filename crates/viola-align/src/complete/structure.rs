@@ -1,0 +1,292 @@
+//! Walls go on: down to the floor where only their upper part was seen, through gaps between their seen parts,
+//! and on to the wall that they meet. Where the camera looked through them they are open.
+
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{Point2, Point3, Pose3, Vector2, Vector3};
+use viola_reconstruct::label::Wall;
+use viola_reconstruct::{CloudPoint, KeyFrame, Label};
+
+/// How walls are continued.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StructureCompletion {
+    /// How far beyond its seen end a wall may go on to meet another one.
+    pub reach_m: f64,
+    /// Walls that meet at less than this angle do not end each other.
+    pub min_corner_rad: f64,
+    /// What is seen only above this, and less of it than the next, is the lintel of a door.
+    pub lintel_m: f64,
+    pub lintel_height_m: f64,
+    /// Walls are continued from the floor up to this height: what the vacuum sees is low.
+    pub height_m: f64,
+    /// Readings that must have passed through a place of a wall to open it.
+    pub passages: u32,
+}
+
+impl Default for StructureCompletion {
+    fn default() -> Self {
+        StructureCompletion {
+            reach_m: 1.0,
+            min_corner_rad: 30f64.to_radians(),
+            lintel_m: 1.8,
+            lintel_height_m: 0.7,
+            height_m: 0.5,
+            passages: 2,
+        }
+    }
+}
+
+/// Walls with the ends that they have when they go on to each other.
+#[derive(Debug, Clone)]
+pub(super) struct Extended {
+    /// Each with where it begins and ends along itself.
+    walls: Vec<(Wall, f64, f64)>,
+}
+
+impl Extended {
+    pub(super) fn new(walls: &[Wall], params: &StructureCompletion) -> Extended {
+        let extended = walls.iter().map(|wall| {
+            let (from_m, to_m) = ends(wall, walls, params);
+            (wall.clone(), from_m, to_m)
+        });
+        Extended { walls: extended.collect() }
+    }
+
+    /// The continued walls as points in the clip frame, apart from what was seen of them.
+    pub(super) fn points(
+        &self,
+        keys: &[KeyFrame],
+        clip_from_world: &Pose3,
+        voxel_m: f64,
+        params: &StructureCompletion,
+    ) -> Vec<CloudPoint> {
+        let mut points = Vec::new();
+        for (wall, from_m, to_m) in &self.walls {
+            let open = Openings::of(wall, *from_m, *to_m, keys, clip_from_world, params);
+            continue_wall(wall, *from_m, *to_m, &open, voxel_m, params, &mut points);
+        }
+        points
+    }
+
+    /// Where a ray first meets the front of a wall, as a multiple of its direction.
+    pub(super) fn first_hit(&self, from: &Point3, ray: &Vector3) -> Option<f64> {
+        /// Rooms are about this high.
+        const CEILING_M: f64 = 2.6;
+        let meets = |(wall, from_m, to_m): &(Wall, f64, f64)| {
+            let approach = ray.xy().dot(&wall.normal);
+            let share = (wall.offset_m - from.coords.xy().dot(&wall.normal)) / approach;
+            let at = from + ray * share;
+            let along_m = at.coords.xy().dot(&wall.along());
+            let on = (*from_m..=*to_m).contains(&along_m) && (0.0..CEILING_M).contains(&at.z);
+            (approach < 0.0 && share > 0.0 && on).then_some(share)
+        };
+        self.walls.iter().filter_map(meets).min_by(f64::total_cmp)
+    }
+}
+
+/// Where a wall begins and ends when it goes on to the walls that it meets.
+fn ends(wall: &Wall, walls: &[Wall], params: &StructureCompletion) -> (f64, f64) {
+    let (mut from_m, mut to_m) = (wall.from_m, wall.to_m());
+    let (seen_from_m, seen_to_m) = (from_m, to_m);
+    for other in walls {
+        let Some(corner) = crossing(wall, other, params.min_corner_rad) else { continue };
+        let on_other_m = corner.coords.dot(&other.along());
+        if on_other_m < other.from_m - params.reach_m || on_other_m > other.to_m() + params.reach_m {
+            continue;
+        }
+        let here_m = corner.coords.dot(&wall.along());
+        // Of several corners beyond an end the nearest one counts: walls do not cross.
+        if here_m < seen_from_m && here_m > seen_from_m - params.reach_m {
+            from_m = if from_m < seen_from_m { from_m.max(here_m) } else { here_m };
+        } else if here_m > seen_to_m && here_m < seen_to_m + params.reach_m {
+            to_m = if to_m > seen_to_m { to_m.min(here_m) } else { here_m };
+        }
+    }
+    (from_m, to_m)
+}
+
+/// Where the planes of two walls cross on the floor plan.
+fn crossing(a: &Wall, b: &Wall, min_angle_rad: f64) -> Option<Point2> {
+    let turn = a.normal.x * b.normal.y - a.normal.y * b.normal.x;
+    if turn.abs() < min_angle_rad.sin() {
+        return None;
+    }
+    let x = (a.offset_m * b.normal.y - b.offset_m * a.normal.y) / turn;
+    let y = (a.normal.x * b.offset_m - b.normal.x * a.offset_m) / turn;
+    Some(Point2::new(x, y))
+}
+
+/// Where the camera looked through a wall's plane.
+struct Openings {
+    from_m: f64,
+    /// In each [`Wall::STEP_M`] from there.
+    open: Vec<bool>,
+}
+
+impl Openings {
+    fn of(
+        wall: &Wall,
+        from_m: f64,
+        to_m: f64,
+        keys: &[KeyFrame],
+        clip_from_world: &Pose3,
+        params: &StructureCompletion,
+    ) -> Openings {
+        /// A reading this far behind the plane went through it: less may be noise.
+        const BEHIND_M: f64 = 0.2;
+        let steps = ((to_m - from_m) / Wall::STEP_M) as usize + 1;
+        let mut passages = vec![0; steps];
+        let along = wall.along();
+        for key in keys {
+            let clip_from_camera = clip_from_world * key.world_from_camera;
+            let eye = clip_from_camera.translation.vector;
+            let before_m = eye.xy().dot(&wall.normal) - wall.offset_m;
+            if before_m <= 0.0 {
+                continue;
+            }
+            for reading in key.readings.points_in_camera() {
+                let hit = (clip_from_camera * reading).coords;
+                let behind_m = wall.offset_m - hit.xy().dot(&wall.normal);
+                if behind_m < BEHIND_M {
+                    continue;
+                }
+                let at = eye + (hit - eye) * (before_m / (before_m + behind_m));
+                let step = (at.xy().dot(&along) - from_m) / Wall::STEP_M;
+                if at.z < params.lintel_m && step >= 0.0 && (step as usize) < steps {
+                    passages[step as usize] += 1;
+                }
+            }
+        }
+        Openings { from_m, open: passages.into_iter().map(|count| count >= params.passages).collect() }
+    }
+
+    /// Whether a place along the wall, or the one beside it, is open.
+    fn at(&self, along_m: f64) -> bool {
+        let step = ((along_m - self.from_m) / Wall::STEP_M) as usize;
+        let near = step.saturating_sub(1)..(step + 2).min(self.open.len());
+        self.open.get(near).is_some_and(|near| near.contains(&true))
+    }
+}
+
+fn continue_wall(
+    wall: &Wall,
+    from_m: f64,
+    to_m: f64,
+    open: &Openings,
+    voxel_m: f64,
+    params: &StructureCompletion,
+    into: &mut Vec<CloudPoint>,
+) {
+    let along = wall.along();
+    let columns = ((to_m - from_m) / voxel_m) as usize;
+    for column in 0..=columns {
+        let along_m = from_m + column as f64 * voxel_m;
+        let step = (along_m - wall.from_m) / Wall::STEP_M;
+        let seen = if step < 0.0 { None } else { wall.seen_m.get(step as usize).copied().flatten() };
+        let top_m = match seen {
+            Some((low_m, high_m)) if low_m > params.lintel_m && high_m - low_m < params.lintel_height_m => {
+                continue;
+            }
+            Some((low_m, _)) => low_m.min(params.height_m),
+            None => params.height_m,
+        };
+        if open.at(along_m) {
+            continue;
+        }
+        let at: Vector2 = wall.normal * wall.offset_m + along * along_m;
+        let rows = (top_m / voxel_m) as usize;
+        into.extend((0..rows).map(|row| CloudPoint {
+            position_m: [at.x as f32, at.y as f32, ((row as f64 + 0.5) * voxel_m) as f32],
+            normal: [wall.normal.x as f32, wall.normal.y as f32, 0.0],
+            color: [200, 200, 200],
+            label: Label::new(Class::Wall, 0.8, 0),
+            weight: 1,
+        }));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::view::View;
+    use super::*;
+    use viola_formats::clip::DepthImage;
+    use viola_geometry::Pinhole;
+    use viola_reconstruct::{Readings, TsdfParams};
+
+    /// A wall along x at `y`, seen from the side of larger y, from x = 0 on; each value is the lowest height
+    /// seen in a step, none where nothing was seen. It reaches up to 2.4 m.
+    fn wall(y: f64, lowest_m: &[Option<f64>]) -> Wall {
+        let seen_m = lowest_m.iter().map(|low| low.map(|low| (low, 2.4))).collect();
+        // along() is (-1, 0) for this normal: from_m is minus the largest x.
+        let length_m = lowest_m.len() as f64 * Wall::STEP_M;
+        Wall { normal: Vector2::new(0.0, 1.0), offset_m: y, from_m: -length_m, seen_m }
+    }
+
+    fn side(x: f64) -> Wall {
+        // Seen from larger x; along() is (0, 1).
+        Wall { normal: Vector2::new(1.0, 0.0), offset_m: x, from_m: 0.5, seen_m: vec![Some((1.0, 2.4)); 20] }
+    }
+
+    fn xs(points: &[CloudPoint]) -> (f64, f64) {
+        points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| {
+            (low.min(p.position().x), high.max(p.position().x))
+        })
+    }
+
+    fn completed(walls: &[Wall]) -> Vec<CloudPoint> {
+        let params = StructureCompletion::default();
+        Extended::new(walls, &params).points(&[], &Pose3::identity(), 0.03, &params)
+    }
+
+    #[test]
+    fn a_wall_seen_above_stands_on_the_floor() {
+        let cloud = completed(&[wall(0.0, &[Some(1.2); 30])]);
+        let (low, high) = xs(&cloud);
+        assert!(low.abs() < 0.04 && (high - 1.8).abs() < 0.04, "{low} {high}");
+        assert!(cloud.iter().all(|p| p.position().y.abs() < 1e-6 && p.position().z < 0.5));
+        // What was seen down to the floor needs nothing.
+        assert!(completed(&[wall(0.0, &[Some(0.0); 30])]).is_empty());
+        // The lintel of a door is no wall.
+        assert!(completed(&[wall(0.0, &[Some(2.0); 30])]).is_empty());
+    }
+
+    #[test]
+    fn where_the_camera_looked_through_there_is_no_wall() {
+        // From y = 2 at a height of 1.4 m towards the wall at y = 0: the middle third of the picture is 4 m deep.
+        let camera = Pinhole { width: 96, height: 72, fx: 80.0, fy: 80.0, cx: 47.5, cy: 35.5 };
+        let depth_m = |x: u32| if (32..64).contains(&x) { 4.0 } else { 2.0 };
+        let depth =
+            DepthImage { width: 96, height: 72, depth_m: (0..96 * 72).map(|i| depth_m(i % 96)).collect() };
+        let yaw_rad = -std::f64::consts::FRAC_PI_2;
+        let view = View { eye_m: [0.9, 2.0, 1.4], yaw_rad, pitch_rad: 0.0 };
+        let readings = Readings::thin(&depth, camera, &TsdfParams::default());
+        let key = KeyFrame::first(view.clip_from_camera(), readings);
+        let params = StructureCompletion::default();
+        let walls = Extended::new(&[wall(0.0, &[Some(1.2); 30])], &params);
+        let points = walls.points(&[key], &Pose3::identity(), 0.03, &params);
+        // A third of 2.4 m of picture at 2 m: from 0.5 to 1.3 m.
+        let open = |x: f64| (0.55..1.25).contains(&x);
+        assert!(points.iter().all(|p| !open(p.position().x)), "the opening is respected");
+        assert!(points.iter().any(|p| p.position().x < 0.4) && points.iter().any(|p| p.position().x > 1.45));
+    }
+
+    #[test]
+    fn walls_meet_in_corners() {
+        let cloud = completed(&[wall(0.0, &[Some(0.0); 30]), side(-0.6)]);
+        let along_x = cloud.iter().filter(|p| p.position().y.abs() < 1e-6);
+        let low = along_x.map(|p| p.position().x).fold(f64::INFINITY, f64::min);
+        assert!((low + 0.6).abs() < 0.04, "{low}");
+        let along_y = cloud.iter().filter(|p| (p.position().x + 0.6).abs() < 1e-6);
+        let low = along_y.map(|p| p.position().y).fold(f64::INFINITY, f64::min);
+        assert!(low.abs() < 0.04, "{low}");
+        // A ray ends at the wall also beyond what was seen of it.
+        let params = StructureCompletion::default();
+        let extended = Extended::new(&[wall(0.0, &[Some(0.0); 30]), side(-0.6)], &params);
+        let ray = Vector3::new(0.0, -1.0, -0.2);
+        assert_eq!(extended.first_hit(&Point3::new(-0.3, 2.0, 1.5), &ray), Some(2.0));
+        assert_eq!(extended.first_hit(&Point3::new(-0.9, 2.0, 1.5), &ray), None);
+        assert_eq!(extended.first_hit(&Point3::new(-0.3, -2.0, 1.5), &-ray), None, "from behind");
+        // Too far to be a corner.
+        let far = completed(&[wall(0.0, &[Some(0.0); 30]), side(-3.0)]);
+        assert!(far.iter().all(|p| p.position().x < -2.9));
+    }
+}

@@ -1,0 +1,339 @@
+//! From where missing parts are completed (paper III-D): views that begin where the seen part ends and go on,
+//! little by little, over what was not seen at the vacuum's height.
+
+use super::view::View;
+use crate::observe::Observation;
+use geo::{ConcaveHull, MultiPoint};
+use rustc_hash::{FxHashMap, FxHashSet};
+use serde::{Deserialize, Serialize};
+use viola_geometry::{Pinhole, Point2, Point3, Vector2};
+use viola_reconstruct::PointCloud;
+
+/// How views are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ViewStrategy {
+    /// The paper's: from the boundary of the seen part, back, and around over the frontier.
+    Frontier,
+    /// Its first rival: the clip's own cameras, half a metre back.
+    StepBack,
+    /// Its second rival: the clip's own cameras at the vacuum's height, level.
+    VacuumHeight,
+}
+
+/// The steps of the strategies.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ViewParams {
+    pub strategy: ViewStrategy,
+    pub vacuum_height_m: f64,
+    /// More views are not taken.
+    pub max_views: usize,
+}
+
+const STEP_BACK_M: f64 = 0.2;
+const RIVAL_STEP_BACK_M: f64 = 0.5;
+const MAX_STEPS_BACK: usize = 10;
+const TURN_RAD: f64 = 10.0 / 180.0 * std::f64::consts::PI;
+const MAX_TURNS: usize = 3;
+/// How far the frontier goes from the boundary.
+const FRONTIER_M: f64 = 2.0;
+const FRONTIER_STEP_M: f64 = 0.1;
+/// A point of the plan has a hit in its vicinity this near.
+const VICINITY_M: f64 = 0.3;
+/// Side of the cells in which points of the plan are thinned.
+const CELL_M: f64 = 0.06;
+
+/// The point sets of the paper, on the plan at the vacuum's height.
+#[derive(Debug, Clone, Default)]
+pub struct PointSets {
+    /// Seen at the vacuum's height.
+    pub hits_m: Vec<Point2>,
+    /// What stands at any height, projected down.
+    pub down_projected_m: Vec<Point2>,
+    /// Those of them without a hit in their vicinity.
+    pub missing_m: Vec<Point2>,
+    /// Where the seen part ends and the missing one begins.
+    pub boundary_m: Option<Point2>,
+    /// Along the outline of everything seen, from the boundary on, where there are no hits.
+    pub frontier_m: Vec<Point2>,
+}
+
+/// The views, in the order in which they are to be completed. `observation` has its floor at 0.
+pub fn views(observation: &Observation, camera: &Pinhole, params: &ViewParams) -> (Vec<View>, PointSets) {
+    let Some(clip_from_world) = &observation.clip_from_world else { return Default::default() };
+    let own: Vec<View> = observation.keys.iter().map(|key| View::of(key, clip_from_world)).collect();
+    let sets = PointSets::of(observation);
+    let evenly = |views: Vec<View>| -> Vec<View> {
+        let stride = views.len().div_ceil(params.max_views).max(1);
+        views.into_iter().step_by(stride).collect()
+    };
+    let views = match params.strategy {
+        ViewStrategy::StepBack => evenly(own).iter().map(|view| view.back(RIVAL_STEP_BACK_M)).collect(),
+        ViewStrategy::VacuumHeight => {
+            let lower = |view: &View| View {
+                eye_m: [view.eye_m[0], view.eye_m[1], params.vacuum_height_m],
+                pitch_rad: 0.0,
+                ..*view
+            };
+            evenly(own).iter().map(lower).collect()
+        }
+        ViewStrategy::Frontier => frontier_views(observation, &own, &sets, camera, params),
+    };
+    (views, sets)
+}
+
+impl PointSets {
+    fn of(observation: &Observation) -> PointSets {
+        let seen = observation.scan.hits.iter().filter(|hit| hit.at_vacuum_height);
+        let hits_m: Vec<Point2> = seen.map(|hit| hit.point_m).collect();
+        let down_projected_m = down_projected(&observation.cloud_in_clip);
+        let near_hits = Vicinity::of(&hits_m);
+        let missing_m: Vec<Point2> = down_projected_m.iter().filter(|p| !near_hits.has(p)).copied().collect();
+        let mut sets = PointSets { hits_m, down_projected_m, missing_m, ..PointSets::default() };
+        sets.boundary_m = sets.boundary();
+        if let Some(boundary) = sets.boundary_m {
+            sets.frontier_m = frontier(&outline(&observation.cloud_in_clip), &boundary, &near_hits);
+        }
+        sets
+    }
+
+    /// The point of the largest cluster of hits that is nearest to what is missing. A clip without a hit begins
+    /// where it looked first.
+    fn boundary(&self) -> Option<Point2> {
+        let cluster = largest_cluster(&self.hits_m);
+        if cluster.is_empty() {
+            return nearest(&Point2::origin(), &self.missing_m);
+        }
+        let missing = Thinned::of(&self.missing_m);
+        let gap = |p: &&Point2| missing.distance2(p);
+        cluster.iter().min_by(|a, b| gap(a).total_cmp(&gap(b))).copied()
+    }
+}
+
+fn nearest(to: &Point2, of: &[Point2]) -> Option<Point2> {
+    of.iter().min_by(|a, b| (*a - to).norm_squared().total_cmp(&(*b - to).norm_squared())).copied()
+}
+
+fn cell(p: &Point2, side_m: f64) -> [i32; 2] {
+    [p.x, p.y].map(|c| (c / side_m).floor() as i32)
+}
+
+/// Points thinned to one in 20 cm, for distances that need not be exact.
+struct Thinned(Vec<Point2>);
+
+impl Thinned {
+    fn of(points: &[Point2]) -> Thinned {
+        let mut seen = FxHashSet::default();
+        Thinned(points.iter().filter(|p| seen.insert(cell(p, 0.2))).copied().collect())
+    }
+
+    fn distance2(&self, from: &Point2) -> f64 {
+        self.0.iter().map(|p| (p - from).norm_squared()).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// Whether a place has one of some points near.
+struct Vicinity(FxHashMap<[i32; 2], Vec<Point2>>);
+
+impl Vicinity {
+    fn of(points: &[Point2]) -> Vicinity {
+        let mut cells: FxHashMap<[i32; 2], Vec<Point2>> = FxHashMap::default();
+        for point in points {
+            cells.entry(cell(point, VICINITY_M)).or_default().push(*point);
+        }
+        Vicinity(cells)
+    }
+
+    fn has(&self, at: &Point2) -> bool {
+        let [x, y] = cell(at, VICINITY_M);
+        (-1..=1)
+            .flat_map(|dy| (-1..=1).map(move |dx| [x + dx, y + dy]))
+            .filter_map(|key| self.0.get(&key))
+            .flatten()
+            .any(|p| (p - at).norm_squared() < VICINITY_M * VICINITY_M)
+    }
+}
+
+/// One point for each cell of the plan in which something stands. The floor is left out: where it was seen
+/// nothing is missing.
+fn down_projected(cloud: &PointCloud) -> Vec<Point2> {
+    let stands = |z: f64| (0.2..2.2).contains(&z);
+    plan(cloud, &stands)
+}
+
+/// One point for each cell of the plan that was seen at all.
+fn plan(cloud: &PointCloud, at_height: &dyn Fn(f64) -> bool) -> Vec<Point2> {
+    let mut seen = FxHashSet::default();
+    let mut points = Vec::new();
+    for point in cloud.points.iter().filter(|p| at_height(f64::from(p.position_m[2]))) {
+        let at = point.position().xy();
+        if seen.insert(cell(&at, CELL_M)) {
+            points.push(at);
+        }
+    }
+    points
+}
+
+/// The connected points with the most members; a gap of more than 20 cm parts them.
+fn largest_cluster(points: &[Point2]) -> Vec<Point2> {
+    const GAP_M: f64 = 0.2;
+    let mut cells: FxHashMap<[i32; 2], Vec<Point2>> = FxHashMap::default();
+    for point in points {
+        cells.entry(cell(point, GAP_M)).or_default().push(*point);
+    }
+    let mut largest = Vec::new();
+    for point in points {
+        let Some(first) = cells.remove(&cell(point, GAP_M)) else { continue };
+        let (mut open, mut cluster) = (vec![cell(point, GAP_M)], first);
+        while let Some([x, y]) = open.pop() {
+            for (dx, dy) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy))) {
+                if let Some(more) = cells.remove(&[x + dx, y + dy]) {
+                    open.push([x + dx, y + dy]);
+                    cluster.extend(more);
+                }
+            }
+        }
+        if cluster.len() > largest.len() {
+            largest = cluster;
+        }
+    }
+    largest
+}
+
+/// The concave hull of everything seen (Park and Oh, 2012), as points along it, no two further apart than a step
+/// of the frontier.
+fn outline(cloud: &PointCloud) -> Vec<Point2> {
+    let points: MultiPoint<f64> =
+        plan(cloud, &|z| z < 2.2).iter().map(|p| geo::Point::new(p.x, p.y)).collect();
+    if points.0.len() < 3 {
+        return Vec::new();
+    }
+    let hull = points.concave_hull();
+    let mut outline = Vec::new();
+    for line in hull.exterior().lines() {
+        let (a, b) = (Point2::new(line.start.x, line.start.y), Point2::new(line.end.x, line.end.y));
+        let steps = ((b - a).norm() / FRONTIER_STEP_M).ceil().max(1.0);
+        outline.extend((0..steps as usize).map(|step| a + (b - a) * (step as f64 / steps)));
+    }
+    outline
+}
+
+/// The outline from the point nearest to the boundary on, in the direction with fewer hits.
+fn frontier(outline: &[Point2], boundary: &Point2, hits: &Vicinity) -> Vec<Point2> {
+    let gap = |i: &usize| (outline[*i] - boundary).norm_squared();
+    let Some(begin) = (0..outline.len()).min_by(|a, b| gap(a).total_cmp(&gap(b))) else { return Vec::new() };
+    let walk = |forward: bool| -> Vec<Point2> {
+        let mut points = vec![outline[begin]];
+        let mut length_m = 0.0;
+        for step in 1..outline.len() {
+            let at = if forward { begin + step } else { begin + outline.len() - step } % outline.len();
+            length_m += (outline[at] - points[points.len() - 1]).norm();
+            if length_m > FRONTIER_M {
+                break;
+            }
+            points.push(outline[at]);
+        }
+        points
+    };
+    let seen = |points: &[Point2]| points.iter().filter(|p| hits.has(p)).count();
+    let [forward, backward] = [walk(true), walk(false)];
+    let chosen = if seen(&forward) <= seen(&backward) { forward } else { backward };
+    chosen.into_iter().filter(|p| !hits.has(p)).collect()
+}
+
+fn frontier_views(
+    observation: &Observation,
+    own: &[View],
+    sets: &PointSets,
+    camera: &Pinhole,
+    params: &ViewParams,
+) -> Vec<View> {
+    let Some(boundary) = sets.boundary_m else { return Vec::new() };
+    let at_height = |p: &Point2| Point3::new(p.x, p.y, params.vacuum_height_m);
+    let frontier: Vec<Point3> = sets.frontier_m.iter().map(at_height).collect();
+    let Some(first) = first_camera(observation, own, &at_height(&boundary), camera) else {
+        return Vec::new();
+    };
+    let seen = |view: &View| frontier.iter().filter(|p| view.sees(p, camera)).count();
+    let room = Room::of(&observation.cloud_in_clip);
+    let mut views = vec![first];
+    let mut last = first;
+    for _ in 0..MAX_STEPS_BACK {
+        let next = last.back(STEP_BACK_M);
+        if 2 * seen(&last) >= frontier.len() || !room.is_free(&next.eye()) {
+            break;
+        }
+        views.push(next);
+        last = next;
+    }
+    for _ in 0..MAX_TURNS {
+        if seen(&last) == frontier.len() {
+            break;
+        }
+        let turn = TURN_RAD * side_of_unseen(&last, &frontier, camera);
+        last = last.turned(turn);
+        views.push(last);
+    }
+    // The last ones reach furthest; of too many the first ones are left out, which mostly show what is known.
+    views.split_off(views.len().saturating_sub(params.max_views))
+}
+
+/// Of the cameras that see the boundary the one that looks down most steeply. Without one that sees it, the one that
+/// looks most towards it, turned and tilted as little as brings it into the picture.
+fn first_camera(
+    observation: &Observation,
+    own: &[View],
+    boundary: &Point3,
+    camera: &Pinhole,
+) -> Option<View> {
+    /// A surface this far before the boundary hides it.
+    const HIDDEN_M: f64 = 0.3;
+    let clip_from_world = observation.clip_from_world?;
+    let unhidden = |(key, view): &(&viola_reconstruct::KeyFrame, &View)| {
+        if !view.sees(boundary, camera) {
+            return false;
+        }
+        let in_camera = (clip_from_world * key.world_from_camera).inverse() * boundary;
+        let depth_m = key.readings.camera().project(&in_camera).and_then(|p| key.readings.depth_at(p.x, p.y));
+        depth_m.is_none_or(|depth_m| depth_m > in_camera.z - HIDDEN_M)
+    };
+    let steepest = observation.keys.iter().zip(own).filter(unhidden).map(|(_, view)| view);
+    if let Some(view) = steepest.max_by(|a, b| a.pitch_rad.total_cmp(&b.pitch_rad)) {
+        return Some(*view);
+    }
+    let towards = |view: &View| (boundary - view.eye()).normalize().dot(&view.forward());
+    own.iter().max_by(|a, b| towards(a).total_cmp(&towards(b))).map(|view| view.towards(boundary, camera))
+}
+
+/// 1 where the frontier that a view does not see lies to its left, -1 where it lies to its right.
+fn side_of_unseen(view: &View, frontier: &[Point3], camera: &Pinhole) -> f64 {
+    let unseen = frontier.iter().filter(|p| !view.sees(p, camera));
+    let sum: Vector2 = unseen.map(|p| (p - view.eye()).xy()).sum();
+    let left = Vector2::new(-view.yaw_rad.sin(), view.yaw_rad.cos());
+    if sum.dot(&left) >= 0.0 { 1.0 } else { -1.0 }
+}
+
+/// Where a camera may be: not in a surface, not behind a wall, not above the ceiling.
+struct Room(FxHashSet<[i32; 3]>);
+
+const ROOM_CELL_M: f64 = 0.12;
+
+impl Room {
+    fn of(cloud: &PointCloud) -> Room {
+        Room(cloud.points.iter().map(|p| Room::cell(&p.position())).collect())
+    }
+
+    fn cell(p: &Point3) -> [i32; 3] {
+        [p.x, p.y, p.z].map(|c| (c / ROOM_CELL_M).floor() as i32)
+    }
+
+    fn is_free(&self, at: &Point3) -> bool {
+        let [x, y, z] = Room::cell(at);
+        (0.1..2.3).contains(&at.z)
+            && (-1..=1)
+                .all(|dz| (-1..=1).all(|dy| (-1..=1).all(|dx| !self.0.contains(&[x + dx, y + dy, z + dz]))))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,130 @@
+//! The method: from a clip and a LiDAR map to the clip's pose in the map.
+//!
+//! [`align`] reads like the paper's overview, one line a stage. Everything here is a pure function of its
+//! arguments: the same clip, map, parameters and seed give the same answer on any number of threads.
+
+mod answer;
+pub mod complete;
+mod observe;
+mod refine;
+mod register;
+mod rooms;
+mod scan;
+mod score;
+mod search;
+mod target;
+
+pub use answer::{Alignment, AlignmentState, Alternative, CompletionReport, FreeSpace, Judged};
+pub use complete::{Activation, CompleteParams, Completion, register_completing};
+pub use observe::{FloorHypothesis, Observation, observe};
+pub use refine::{RefineParams, Refined, refine};
+pub use register::register;
+pub use rooms::NamedRooms;
+pub use scan::{Hit, Landmark, RaycastParams, VirtualScan};
+pub use score::{
+    Coefficient, Evidence, FEATURES, HitWeightParams, LossWeights, MODEL, MadeBy, Model, PoseScorer,
+    ScoreParams, features, is_different,
+};
+pub use search::{Candidate, Modes, SearchLimits, SearchParams};
+pub use target::Target;
+
+use std::ops::Range;
+use viola_formats::clip::{Clip, ClipError};
+use viola_formats::lidar::LidarMap;
+use viola_geometry::Pose3;
+use viola_geometry::progress::{Cancelled, Progress};
+use viola_reconstruct::{
+    FloorParams, FuseParams, KeyFrame, LabelParams, PointCloud, ReconstructError, TrackParams, View,
+};
+
+/// How a clip is aligned, stage by stage.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct AlignParams {
+    pub seed: u64,
+    pub track: TrackParams,
+    pub fuse: FuseParams,
+    pub label: LabelParams,
+    pub floor: FloorParams,
+    pub raycast: RaycastParams,
+    pub hit_weights: HitWeightParams,
+    pub search: SearchParams,
+    pub refine: RefineParams,
+    pub score: ScoreParams,
+    pub complete: CompleteParams,
+}
+
+/// Why there is no answer at all. Everything that is known of the clip itself, such as that no floor is in
+/// sight, is an answer: an [`Alignment`] in the state `failed`.
+#[derive(Debug, thiserror::Error)]
+pub enum AlignError {
+    #[error("the work was cancelled")]
+    Cancelled,
+    #[error(transparent)]
+    Clip(#[from] ClipError),
+}
+
+impl From<ReconstructError> for AlignError {
+    fn from(error: ReconstructError) -> Self {
+        match error {
+            ReconstructError::Cancelled => AlignError::Cancelled,
+            ReconstructError::Clip(error) => AlignError::Clip(error),
+        }
+    }
+}
+
+impl From<Cancelled> for AlignError {
+    fn from(_: Cancelled) -> Self {
+        AlignError::Cancelled
+    }
+}
+
+/// The answer and what it was made from.
+#[derive(Debug, Clone)]
+pub struct Aligned {
+    pub alignment: Alignment,
+    /// In the clip frame; empty when the floor was not found.
+    pub cloud_in_clip: PointCloud,
+    pub scan: VirtualScan,
+    /// What the key frames saw; empty when the floor was not found.
+    pub views: Vec<View>,
+    /// What was filled in, where it was.
+    pub completion: Option<Completion>,
+}
+
+/// Finds the pose of a clip in a LiDAR map. `frames` restricts the clip to frame numbers of its layout.
+///
+/// Fails only when cancelled or when the clip's pictures cannot be read; a clip that cannot be aligned is
+/// an answer with its reasons. The stage times of the answer are left to the caller, who has a clock.
+pub fn align(
+    clip: &Clip,
+    frames: Option<Range<u32>>,
+    lidar: &LidarMap,
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<Aligned, AlignError> {
+    let observation = observe(clip, frames, params, progress)?;
+    let target = Target::new(lidar);
+    let (alignment, completion) = register_completing(&observation, target.as_ref(), params, progress)?;
+    Ok(Aligned::new(observation, alignment, completion))
+}
+
+impl Aligned {
+    fn new(observation: Observation, alignment: Alignment, completion: Option<Completion>) -> Aligned {
+        let (scan, sunk_m) = observation.view_of(&alignment);
+        let lower = Pose3::translation(0.0, 0.0, sunk_m);
+        let views = observation.clip_from_world.map_or_else(Vec::new, |clip_from_world| {
+            let view = |key: KeyFrame| View {
+                clip_from_camera: lower * clip_from_world * key.world_from_camera,
+                readings: key.readings,
+            };
+            observation.keys.into_iter().map(view).collect()
+        });
+        Aligned {
+            alignment,
+            scan,
+            cloud_in_clip: observation.cloud_in_clip.transformed(&lower),
+            views,
+            completion,
+        }
+    }
+}

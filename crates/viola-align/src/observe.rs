@@ -1,0 +1,215 @@
+//! Stages 1-6: from a clip to what the vacuum would see of it.
+
+use super::scan::{self, RaycastParams, VirtualScan};
+use super::{AlignError, AlignParams, Alignment};
+use std::ops::Range;
+use viola_formats::clip::{Clip, Up};
+use viola_geometry::Pose3;
+use viola_geometry::progress::{self, Progress, Stage};
+use viola_reconstruct::floor::{self, Floor};
+use viola_reconstruct::label::{LabelReport, Labeller, Wall};
+use viola_reconstruct::track::{self, TrackedClip};
+use viola_reconstruct::trajectory::Trajectory;
+use viola_reconstruct::{FloorReport, KeyFrame, PointCloud, Reason, fuse, trajectory};
+
+/// What a clip shows, before any map is looked at.
+#[derive(Debug, Clone, Default)]
+pub struct Observation {
+    pub cloud_in_clip: PointCloud,
+    pub scan: VirtualScan,
+    pub key_frames: usize,
+    /// The key frames themselves, where the clip is a recording.
+    pub keys: Vec<KeyFrame>,
+    /// In the clip frame.
+    pub walls: Vec<Wall>,
+    pub labels: Option<LabelReport>,
+    /// The places in the clip of the frames that a network looked at.
+    pub pictures: Vec<usize>,
+    /// None when there is no floor, not even a guessed one.
+    pub clip_from_world: Option<Pose3>,
+    pub floor: Option<FloorReport>,
+    /// Scans for other heights of the camera, when the floor was not seen and its height is a guess.
+    pub other_floors: Vec<FloorHypothesis>,
+    /// The camera was tracked from frames that are far apart.
+    pub sparse_track: bool,
+    /// Remarks, and last the reason why there is no scan when `scan` is empty for one.
+    pub reasons: Vec<Reason>,
+}
+
+/// What the vacuum would see if the floor lay elsewhere.
+#[derive(Debug, Clone)]
+pub struct FloorHypothesis {
+    pub scan: VirtualScan,
+    pub floor: FloorReport,
+}
+
+/// One scan of an observation, above one floor.
+pub struct ScanView<'a> {
+    pub scan: &'a VirtualScan,
+    pub floor: &'a FloorReport,
+    pub sparse_track: bool,
+}
+
+/// Fuses the clip, finds the floor and casts the rays.
+pub fn observe(
+    clip: &Clip,
+    frames: Option<Range<u32>>,
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<Observation, AlignError> {
+    let mut tracked = track_where_needed(clip, frames.as_ref(), params, progress)?;
+    let by_device =
+        if tracked.is_none() { trajectory::without_outliers(clip, frames.as_ref()) } else { None };
+    let fuse = |tracked: Option<&TrackedClip>| {
+        progress::begin(progress, Stage::Fuse)?;
+        let tracked = tracked.map(|tracked| tracked.world_from_camera.as_slice());
+        let poses = tracked.or(by_device.as_ref().map(|trajectory| trajectory.world_from_camera.as_slice()));
+        fuse::fuse(clip, frames.clone(), poses, &params.fuse, progress)
+    };
+    let mut fused = fuse(tracked.as_ref())?;
+    if let (None, Ok(first)) = (&tracked, &fused)
+        && let Some(refined) = track::refine(clip, &first.key_frames, &params.track, progress)?
+    {
+        fused = fuse(Some(&refined))?;
+        tracked = Some(refined);
+    }
+    let mut reasons: Vec<Reason> = by_device.iter().map(|trajectory| trajectory.reason.clone()).collect();
+    reasons.extend(tracked.iter().flat_map(|tracked| tracked.reasons.clone()));
+    let mut fused = match fused {
+        Ok(fused) => fused,
+        Err(why) => {
+            reasons.push(why.reason(clip));
+            return Ok(Observation { reasons, ..Observation::default() });
+        }
+    };
+    reasons.extend(fused.remarks());
+    let mut observation = Observation {
+        key_frames: fused.key_frames.len(),
+        sparse_track: tracked.as_ref().is_some_and(|tracked| tracked.is_sparse),
+        reasons,
+        ..Observation::default()
+    };
+
+    progress::begin(progress, Stage::Label)?;
+    let labeller =
+        Labeller::listen(clip, &mut fused.cloud_in_world, &fused.key_frames, &params.label, progress)?;
+    observation.labels = Some(labeller.report.clone());
+    observation.pictures = labeller.pictures.clone();
+    observation.reasons.extend(labeller.remark.clone());
+
+    progress::begin(progress, Stage::Floor)?;
+    let (cloud, keys) = (&fused.cloud_in_world, &fused.key_frames);
+    let up = up_in_world(clip, tracked.as_ref(), by_device.as_ref());
+    let floors = match floor::find_floor(cloud, keys, up.as_ref(), &params.floor, params.seed) {
+        Ok(floor) => vec![floor],
+        Err(why) => {
+            observation.reasons.push(why.reason());
+            up.map_or_else(Vec::new, |up| floor::assume(cloud, keys, &up, &params.floor))
+        }
+    };
+    let Some(first) = floors.first() else {
+        observation.keys = fused.key_frames;
+        return Ok(observation);
+    };
+
+    observation.walls = labeller.finish(&mut fused.cloud_in_world, &first.clip_from_world, &params.label);
+
+    progress::begin(progress, Stage::Raycast)?;
+    observation.cloud_in_clip = fused.cloud_in_world.transformed(&first.clip_from_world);
+    observation.floor = Some(first.report());
+    observation.clip_from_world = Some(first.clip_from_world);
+    observation.scan = observation.scan_above(first, first, &fused.key_frames, &params.raycast);
+    for floor in &floors[1..] {
+        progress::check(progress)?;
+        let scan = observation.scan_above(floor, first, &fused.key_frames, &params.raycast);
+        observation.other_floors.push(FloorHypothesis { scan, floor: floor.report() });
+    }
+    observation.keys = fused.key_frames;
+    Ok(observation)
+}
+
+/// The upward direction in the world of the poses that are used.
+fn up_in_world(clip: &Clip, tracked: Option<&TrackedClip>, by_device: Option<&Trajectory>) -> Option<Up> {
+    match (tracked, by_device) {
+        // Tracking has a world of its own, in which only what was felt tells up.
+        (Some(tracked), _) if !tracked.is_refined => Up::felt(tracked.posed(clip)),
+        (_, Some(trajectory)) => clip.up_by(trajectory.posed(clip)),
+        _ => clip.up_in_world(),
+    }
+}
+
+/// Poses by tracking, for a clip none of whose wanted frames has one.
+fn track_where_needed(
+    clip: &Clip,
+    frames: Option<&Range<u32>>,
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<Option<TrackedClip>, AlignError> {
+    let wanted = |number: u32| frames.is_none_or(|frames| frames.contains(&number));
+    let mut headers = clip.frames().iter().enumerate().filter(|(_, header)| wanted(header.number));
+    let indices: Vec<usize> = headers.clone().map(|(index, _)| index).collect();
+    if indices.is_empty() || headers.any(|(_, header)| header.world_from_camera.is_some()) {
+        return Ok(None);
+    }
+    progress::begin(progress, Stage::Track)?;
+    Ok(Some(track::track(clip, &indices, &params.track, progress)?))
+}
+
+impl Observation {
+    /// The scan if `floor` were the floor; the cloud stays where `first` put it.
+    fn scan_above(
+        &self,
+        floor: &Floor,
+        first: &Floor,
+        keys: &[KeyFrame],
+        params: &RaycastParams,
+    ) -> VirtualScan {
+        let rise_m = first.first_camera_height_m - floor.first_camera_height_m;
+        let params = RaycastParams {
+            vacuum_height_m: params.vacuum_height_m + rise_m,
+            floor_m: rise_m,
+            ..params.clone()
+        };
+        scan::raycast(&self.cloud_in_clip, keys, &first.clip_from_world, &params)
+    }
+
+    /// All scans with their floors, the likeliest first; none when there is no floor, not even a guessed one.
+    pub(super) fn views(&self) -> impl Iterator<Item = ScanView<'_>> {
+        let first = self.floor.iter().map(|floor| (&self.scan, floor));
+        let others = self.other_floors.iter().map(|other| (&other.scan, &other.floor));
+        first.chain(others).map(|(scan, floor)| ScanView { scan, floor, sparse_track: self.sparse_track })
+    }
+
+    /// Returns this observation with the chosen floor at z = 0; none without a floor.
+    pub(super) fn settled(&self, alignment: &Alignment) -> Option<Observation> {
+        let floor = alignment.floor.clone().or_else(|| self.floor.clone())?;
+        let (scan, sunk_m) = self.view_of(alignment);
+        let lower = Pose3::translation(0.0, 0.0, sunk_m);
+        let raise = |range: (f64, f64)| (range.0 + sunk_m, range.1 + sunk_m);
+        let mut walls = self.walls.clone();
+        walls.iter_mut().flat_map(|wall| &mut wall.seen_m).for_each(|seen| *seen = seen.map(raise));
+        Some(Observation {
+            cloud_in_clip: self.cloud_in_clip.clone().transformed(&lower),
+            scan,
+            walls,
+            clip_from_world: self.clip_from_world.map(|clip_from_world| lower * clip_from_world),
+            floor: Some(floor),
+            other_floors: Vec::new(),
+            sparse_track: self.sparse_track,
+            keys: self.keys.clone(),
+            key_frames: self.key_frames,
+            labels: self.labels.clone(),
+            pictures: self.pictures.clone(),
+            reasons: self.reasons.clone(),
+        })
+    }
+
+    /// The scan that an answer chose, and how far its floor lies below that of the cloud.
+    pub(super) fn view_of(&self, alignment: &Alignment) -> (VirtualScan, f64) {
+        let first_m = self.floor.as_ref().map_or(0.0, |floor| floor.camera_height_m);
+        self.views().find(|view| Some(view.floor) == alignment.floor.as_ref()).map_or_else(
+            || (self.scan.clone(), 0.0),
+            |view| (view.scan.clone(), view.floor.camera_height_m - first_m),
+        )
+    }
+}

@@ -1,0 +1,152 @@
+//! What stands on the floor plan and stops a ray at the vacuum's height.
+
+use super::hit::{Hit, RaycastParams};
+use rustc_hash::{FxHashMap, FxHashSet};
+use viola_geometry::{Point2, Vector2};
+use viola_reconstruct::{CloudPoint, PointCloud};
+
+/// What stands, as points on the floor plan that stop a ray.
+pub(super) struct Obstacles {
+    points: Vec<Hit>,
+    spacing_m: f64,
+}
+
+pub(super) type Cell = [i32; 2];
+
+fn cell_of(x: f64, y: f64, side_m: f64) -> Cell {
+    [x, y].map(|c| (c / side_m).floor() as i32)
+}
+
+/// A cell and the eight around it.
+fn around([x, y]: Cell) -> impl Iterator<Item = Cell> {
+    (-1..=1).flat_map(move |dy| (-1..=1).map(move |dx| [x + dx, y + dy]))
+}
+
+/// The vertical surface above one cell of the floor plan.
+#[derive(Default)]
+struct Column {
+    low_m: f64,
+    high_m: f64,
+    in_slab: bool,
+    count: u32,
+    point_sum: Vector2,
+    normal_sum: Vector2,
+}
+
+impl Obstacles {
+    pub(super) fn new(cloud: &PointCloud, free_m: &[Point2], params: &RaycastParams) -> Obstacles {
+        let upright = |p: &&CloudPoint| {
+            f64::from(p.normal[2]).abs() <= params.max_normal_z
+                && (0.0..params.max_height_m).contains(&(f64::from(p.position_m[2]) - params.floor_m))
+        };
+        let in_slab = |z: f64| (z - params.vacuum_height_m).abs() <= params.slab_m;
+        let mut columns: FxHashMap<Cell, Column> = FxHashMap::default();
+        for point in cloud.points.iter().filter(upright) {
+            let (at, normal) = (point.position(), point.normal());
+            let column = columns.entry(cell_of(at.x, at.y, params.column_m)).or_insert_with(|| Column {
+                low_m: at.z,
+                high_m: at.z,
+                ..Column::default()
+            });
+            column.low_m = column.low_m.min(at.z);
+            column.high_m = column.high_m.max(at.z);
+            column.in_slab |= in_slab(at.z);
+            column.count += 1;
+            column.point_sum += at.coords.xy();
+            column.normal_sum += normal.xy();
+        }
+        let extent = |cell: Cell| -> f64 {
+            let near = around(cell).filter_map(|c| columns.get(&c));
+            let (low, high) = near.fold((f64::INFINITY, 0f64), |(l, h), c| (l.min(c.low_m), h.max(c.high_m)));
+            (high - low).max(0.0)
+        };
+        let hit = |point_m: Point2, normal: Vector2, extent_m: f64, at_vacuum_height: bool| Hit {
+            point_m,
+            normal,
+            weight: 1.0,
+            extent_m,
+            at_vacuum_height,
+            completed: false,
+            from_m: Point2::origin(),
+        };
+        let mut points: Vec<Hit> = cloud
+            .points
+            .iter()
+            .filter(upright)
+            .filter(|p| in_slab(f64::from(p.position_m[2])))
+            .map(|p| {
+                let (at, n) = (p.position(), p.normal());
+                let cell = cell_of(at.x, at.y, params.column_m);
+                hit(at.xy(), n.xy().normalize(), extent(cell), true)
+            })
+            .collect();
+        // A wall whose foot was not seen still stands on the floor, unless the floor was seen there.
+        let free: FxHashSet<Cell> = free_m.iter().map(|p| cell_of(p.x, p.y, params.column_m)).collect();
+        let mut upper: Vec<(Cell, Hit)> = columns
+            .iter()
+            .filter(|(cell, column)| {
+                column.count >= 4
+                    && column.high_m - column.low_m >= params.min_upper_extent_m
+                    && !free.contains(*cell)
+                    && around(**cell).all(|c| columns.get(&c).is_none_or(|near| !near.in_slab))
+            })
+            .filter_map(|(cell, column)| {
+                let normal = column.normal_sum.try_normalize(0.5 * f64::from(column.count))?;
+                let mean = column.point_sum / f64::from(column.count);
+                Some((*cell, hit(Point2::from(mean), normal, extent(*cell), false)))
+            })
+            .collect();
+        upper.sort_by_key(|(cell, _)| *cell);
+        points.extend(upper.into_iter().map(|(_, hit)| hit));
+        Obstacles { points, spacing_m: cloud.voxel_m.max(params.column_m * 0.5) }
+    }
+
+    /// Adds what was filled in, but for what stands where the clip saw free floor, or where it saw something
+    /// standing itself.
+    pub(super) fn add_completed(&mut self, completed: Obstacles, free_m: &[Point2], params: &RaycastParams) {
+        let free_cell = |p: &Point2| cell_of(p.x, p.y, params.free_cell_m);
+        let free: FxHashSet<Cell> = free_m.iter().map(free_cell).collect();
+        let column = |p: &Point2| cell_of(p.x, p.y, params.column_m);
+        let seen: FxHashSet<Cell> = self.points.iter().flat_map(|hit| around(column(&hit.point_m))).collect();
+        let is_new =
+            |hit: &Hit| !free.contains(&free_cell(&hit.point_m)) && !seen.contains(&column(&hit.point_m));
+        let new = completed.points.into_iter().filter(is_new);
+        self.points.extend(new.map(|hit| Hit { completed: true, ..hit }));
+    }
+
+    /// Adds the first hits seen from one place. Keyed by cell, so that cameras do not repeat each other;
+    /// the earliest camera that sees a cell keeps it.
+    pub(super) fn cast(
+        &self,
+        from: &Point2,
+        params: &RaycastParams,
+        hits: &mut FxHashMap<Cell, (usize, Hit)>,
+    ) {
+        use std::f64::consts::TAU;
+        const NOTHING: (f32, u32) = (f32::INFINITY, u32::MAX);
+        let mut nearest = vec![NOTHING; params.rays];
+        let rays = params.rays as f64;
+        for (index, standing) in self.points.iter().enumerate() {
+            let offset = standing.point_m - from;
+            let range_m = offset.norm();
+            if range_m < 0.05 || range_m > params.max_range_m {
+                continue;
+            }
+            // Neighbouring points of one surface shade without a gap between them.
+            let half_width = (0.75 * self.spacing_m / range_m).atan() * rays / TAU;
+            let middle = offset.y.atan2(offset.x).rem_euclid(TAU) * rays / TAU;
+            let (first, last) = ((middle - half_width).ceil() as i64, (middle + half_width).floor() as i64);
+            for ray in first..=last {
+                let slot = &mut nearest[ray.rem_euclid(params.rays as i64) as usize];
+                if (range_m as f32, index as u32) < *slot {
+                    *slot = (range_m as f32, index as u32);
+                }
+            }
+        }
+        for (_, index) in nearest.into_iter().filter(|slot| *slot != NOTHING) {
+            let standing = &self.points[index as usize];
+            let cell = cell_of(standing.point_m.x, standing.point_m.y, params.hit_spacing_m);
+            hits.entry(cell).or_insert((index as usize, Hit { from_m: *from, ..*standing }));
+        }
+    }
+}

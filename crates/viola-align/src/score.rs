@@ -1,0 +1,17 @@
+//! Stage 9: how well each pose explains the clip, and how probable it is that the best one is right (paper IV-A).
+
+mod confidence;
+mod different;
+mod evidence;
+mod hit_weights;
+mod model;
+mod rank;
+mod verdict;
+
+pub use confidence::{Doubts, FEATURES, features, set_probabilities};
+pub use different::is_different;
+pub use evidence::{Evidence, PoseScorer};
+pub use hit_weights::{HitWeightParams, hit_weights};
+pub use model::{Coefficient, LossWeights, MODEL, MadeBy, Model};
+pub use rank::{Ranked, ScoreParams, coverage, rank};
+pub use verdict::set_state;

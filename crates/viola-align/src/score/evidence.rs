@@ -1,0 +1,204 @@
+//! What speaks for and against a pose: the distance of the hits, and free space on both sides.
+
+use crate::rooms::NamedRooms;
+use crate::scan::{Hit, Landmark, VirtualScan};
+use crate::target::Target;
+use nalgebra::Rotation2;
+use rustc_hash::FxHashSet;
+use serde::{Deserialize, Serialize};
+use viola_formats::lidar::Cell;
+use viola_geometry::{Point2, Pose2};
+
+/// Distances count up to this: a hit without a counterpart is clutter, however far it is.
+const TRUNCATION_M: f64 = 0.2;
+/// A hit this near to the map has found its counterpart.
+pub const INLIER_M: f64 = 0.1;
+/// A ray is blocked by the map only this far before its hit or earlier.
+const SHORT_OF_HIT_M: f64 = 0.25;
+/// A hit on free floor contradicts the map only this far from anything that the map has.
+const OFF_WALL_M: f64 = 0.15;
+/// This far before a hit, along its normal, lies what the camera saw free: the robot should know it.
+const BEFORE_WALL_M: f64 = 0.2;
+
+/// The evidence on one pose. Shares are of the hits' weight unless said otherwise, 0..1.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Evidence {
+    /// Mean truncated distance of the hits to the map.
+    pub distance_m: f64,
+    pub inliers: f64,
+    /// Hits whose ray runs into something of the map well before the hit.
+    pub blocked_rays: f64,
+    /// Hits that stand where the map has free floor.
+    pub hits_on_floor: f64,
+    /// Hits that have found their counterpart, but on the side from which the robot never saw it.
+    pub unseen_sides: f64,
+    /// Walls of the map that stand where the clip saw free floor, as a share of the walls that the clip
+    /// speaks about: those and its hits.
+    pub walls_on_floor: f64,
+    /// What pictures show that does not belong in the named room in which it would stand, as a share of all that they show
+    /// standing.
+    pub misplaced: f64,
+}
+
+/// Reads the evidence on poses of one clip.
+pub struct PoseScorer<'a> {
+    hits: &'a [Hit],
+    weight: f64,
+    /// Cells that the clip saw free, and all their neighbours too.
+    free: FxHashSet<[i32; 2]>,
+    /// Everything free lies within this distance of the clip's origin.
+    free_reach_m: f64,
+    landmarks: &'a [Landmark],
+    unknown_share: f64,
+}
+
+/// Side of the cells in which free floor is compared.
+const CELL_M: f64 = 0.05;
+
+fn cell(point: &Point2) -> [i32; 2] {
+    [point.x, point.y].map(|c| (c / CELL_M).floor() as i32)
+}
+
+impl<'a> PoseScorer<'a> {
+    pub fn new(hits: &'a [Hit], scan: &'a VirtualScan, unknown_share: f64) -> PoseScorer<'a> {
+        let seen: FxHashSet<[i32; 2]> = scan.free_m.iter().map(cell).collect();
+        // One cell in from the edge: the edge itself is where walls stand.
+        let inner =
+            |[x, y]: &[i32; 2]| (-1..=1).all(|dy| (-1..=1).all(|dx| seen.contains(&[x + dx, y + dy])));
+        PoseScorer {
+            hits,
+            weight: hits.iter().map(|hit| hit.weight).sum::<f64>().max(f64::MIN_POSITIVE),
+            free: seen.iter().filter(|c| inner(c)).copied().collect(),
+            free_reach_m: scan.free_m.iter().map(|p| p.coords.norm()).fold(0.0, f64::max) + CELL_M,
+            landmarks: &scan.landmarks,
+            unknown_share,
+        }
+    }
+
+    /// Returns the evidence on one pose. `unknown_share` of the truncation is what a hit without a counterpart costs where
+    /// the map knows nothing.
+    pub fn evidence(&self, map_from_clip: &Pose2, target: &Target) -> Evidence {
+        let mut evidence = Evidence::default();
+        let turn = Rotation2::new(map_from_clip.yaw_rad);
+        for hit in self.hits {
+            let at = map_from_clip.apply(&hit.point_m);
+            let distance_m = target.field.value(&at);
+            let state = target.cell_at(&at);
+            let cut_m = match state {
+                Cell::Unknown => TRUNCATION_M * self.unknown_share,
+                _ => TRUNCATION_M,
+            };
+            let on_floor = state == Cell::Free && distance_m > OFF_WALL_M;
+            evidence.distance_m += hit.weight * distance_m.min(cut_m);
+            evidence.inliers += hit.weight * share(distance_m < INLIER_M);
+            evidence.hits_on_floor += hit.weight * share(on_floor);
+            if distance_m < INLIER_M && target.cells.is_some() {
+                let before = at + turn * hit.normal * BEFORE_WALL_M;
+                evidence.unseen_sides += hit.weight * share(target.cell_at(&before) == Cell::Unknown);
+            }
+            // What was filled in was not seen, so no light came from there.
+            let blocked = !hit.completed && self.is_blocked(map_from_clip, hit, target);
+            evidence.blocked_rays += hit.weight * share(blocked);
+        }
+        evidence.distance_m /= self.weight;
+        evidence.inliers /= self.weight;
+        evidence.hits_on_floor /= self.weight;
+        evidence.unseen_sides /= self.weight;
+        evidence.blocked_rays /= self.weight;
+        evidence.walls_on_floor = self.walls_on_floor(map_from_clip, target);
+        evidence.misplaced = target.rooms.as_ref().map_or(0.0, |rooms| self.misplaced(map_from_clip, rooms));
+        evidence
+    }
+
+    fn walls_on_floor(&self, map_from_clip: &Pose2, target: &Target) -> f64 {
+        let clip_from_map = map_from_clip.inverse();
+        let reach2 = self.free_reach_m * self.free_reach_m;
+        let origin = Point2::new(map_from_clip.x_m, map_from_clip.y_m);
+        let contradicted = target
+            .thinned_m
+            .iter()
+            .filter(|p| (*p - origin).norm_squared() < reach2)
+            .filter(|p| self.free.contains(&cell(&clip_from_map.apply(p))))
+            .count() as f64;
+        contradicted / (contradicted + self.hits.len() as f64).max(1.0)
+    }
+
+    fn misplaced(&self, map_from_clip: &Pose2, rooms: &NamedRooms) -> f64 {
+        let is_misplaced = |thing: &&Landmark| {
+            let (at, from) = (map_from_clip.apply(&thing.point_m), map_from_clip.apply(&thing.from_m));
+            rooms.around(&at, &from).suit(thing.class) == Some(false)
+        };
+        self.landmarks.iter().filter(is_misplaced).map(|thing| thing.share).sum()
+    }
+
+    /// The distance field says how far the next obstacle is at least, so the ray may leap.
+    fn is_blocked(&self, map_from_clip: &Pose2, hit: &Hit, target: &Target) -> bool {
+        let cell_m = target.field.frame().cell_m;
+        let wall_m = f64::max(0.5 * cell_m, 0.02);
+        let (from, to) = (map_from_clip.apply(&hit.from_m), map_from_clip.apply(&hit.point_m));
+        let range_m = (to - from).norm();
+        let direction = (to - from) / range_m.max(1e-9);
+        let mut along_m = 0.0;
+        while along_m < range_m - SHORT_OF_HIT_M {
+            let distance_m = target.field.value(&(from + direction * along_m));
+            if distance_m < wall_m {
+                return true;
+            }
+            along_m += f64::max(distance_m - wall_m, 0.5 * cell_m);
+        }
+        false
+    }
+}
+
+fn share(of: bool) -> f64 {
+    f64::from(u8::from(of))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_geometry::{Grid, GridFrame, Vector2};
+
+    /// A wall along x = 2 m that the robot saw from below it in x only.
+    fn target(known: bool) -> Target {
+        let frame = GridFrame::covering([0.0, 0.0], [4.0, 4.0], 0.0, 0.05);
+        let mut cells = Grid::filled(frame, Cell::Unknown);
+        let mut points = Vec::new();
+        for y in 0..frame.height {
+            for x in 0..frame.width {
+                let at = frame.centre(x, y);
+                if (at.x - 2.0).abs() < 0.04 {
+                    cells.set(x, y, Cell::Occupied);
+                    points.push(at);
+                } else if at.x < 2.0 {
+                    cells.set(x, y, Cell::Free);
+                }
+            }
+        }
+        Target::from_points(points, Some(0.05), known.then_some(cells)).unwrap()
+    }
+
+    fn hit(y_m: f64) -> Hit {
+        Hit::standing(Point2::new(1.0, y_m), Vector2::new(-1.0, 0.0))
+    }
+
+    #[test]
+    fn a_wall_that_is_seen_from_where_the_robot_never_was_contradicts() {
+        use std::f64::consts::PI;
+        let hits: Vec<Hit> = (0..10).map(|i| hit(0.1 * f64::from(i))).collect();
+        let (scan, unknown_share) = (VirtualScan::default(), 0.6);
+        let scorer = PoseScorer::new(&hits, &scan, unknown_share);
+        let (front, behind, off) =
+            (Pose2::new(1.0, 1.0, 0.0), Pose2::new(3.0, 3.0, PI), Pose2::new(1.5, 1.0, 0.0));
+        for (known, pose, want) in [
+            (true, front, 0.0),
+            (true, behind, 1.0),
+            (true, off, 0.0),
+            (false, front, 0.0),
+            (false, behind, 0.0),
+        ] {
+            let evidence = scorer.evidence(&pose, &target(known));
+            assert_eq!(evidence.unseen_sides, want, "{known} {pose:?} {evidence:?}");
+        }
+    }
+}

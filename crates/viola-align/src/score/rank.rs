@@ -1,0 +1,109 @@
+//! How well each pose explains the clip (paper IV-A).
+
+use super::evidence::{INLIER_M, PoseScorer};
+use super::model::{LossWeights, MODEL};
+use crate::refine::Refined;
+use crate::scan::{Hit, VirtualScan};
+use crate::target::Target;
+use crate::{Alternative, FreeSpace};
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+use viola_geometry::{Point2, Pose2, angle_between};
+
+/// How poses are compared; the experiments vary it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScoreParams {
+    pub weights: LossWeights,
+    /// Share of the truncation that a hit without a counterpart costs where the map knows nothing.
+    pub unknown_share: f64,
+    /// Explanations that an answer lists.
+    pub alternatives: usize,
+}
+
+impl Default for ScoreParams {
+    fn default() -> Self {
+        ScoreParams { weights: MODEL.loss, unknown_share: 0.6, alternatives: 8 }
+    }
+}
+
+/// Poses nearer than this to a better one are not listed again.
+const SAME_M: f64 = 0.15;
+const SAME_RAD: f64 = 5f64.to_radians();
+
+/// An explanation with its covariance of (x_m, y_m, yaw_rad).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ranked {
+    pub alternative: Alternative,
+    pub covariance: nalgebra::Matrix3<f64>,
+}
+
+/// The refined poses by how well they explain the clip, the best first, no two of them the same.
+pub fn rank(
+    refined: &[Refined],
+    hits: &[Hit],
+    scan: &VirtualScan,
+    target: &Target,
+    params: &ScoreParams,
+) -> Vec<Ranked> {
+    let scorer = PoseScorer::new(hits, scan, params.unknown_share);
+    let mut ranked: Vec<Ranked> =
+        refined.par_iter().map(|pose| ranked(pose, &scorer, target, params)).collect();
+    ranked.sort_by(|a, b| a.alternative.loss_m.total_cmp(&b.alternative.loss_m));
+    distinct(ranked, params.alternatives)
+}
+
+fn ranked(pose: &Refined, scorer: &PoseScorer, target: &Target, params: &ScoreParams) -> Ranked {
+    let evidence = scorer.evidence(&pose.map_from_clip, target);
+    let alternative = Alternative {
+        map_from_clip: pose.map_from_clip,
+        loss_m: params.weights.loss_m(&evidence),
+        inliers: evidence.inliers,
+        free_space: Some(FreeSpace {
+            blocked_rays: evidence.blocked_rays,
+            hits_on_floor: evidence.hits_on_floor,
+            unseen_sides: evidence.unseen_sides,
+            walls_on_floor: evidence.walls_on_floor,
+        }),
+        misplaced: target.rooms.as_ref().map(|_| evidence.misplaced),
+        probability: None,
+        evidence: Some(evidence),
+    };
+    Ranked { alternative, covariance: pose.covariance }
+}
+
+fn is_same(a: &Pose2, b: &Pose2) -> bool {
+    a.distance_m(b) < SAME_M && angle_between(a.yaw_rad, b.yaw_rad) < SAME_RAD
+}
+
+fn distinct(sorted: Vec<Ranked>, most: usize) -> Vec<Ranked> {
+    let mut kept: Vec<Ranked> = Vec::new();
+    for ranked in sorted {
+        let pose = &ranked.alternative.map_from_clip;
+        let known = kept.iter().any(|k| is_same(&k.alternative.map_from_clip, pose));
+        if !known {
+            kept.push(ranked);
+            if kept.len() == most {
+                break;
+            }
+        }
+    }
+    kept
+}
+
+/// The share of the map's points with a hit beside them (the paper's coverage, at the estimated pose).
+pub fn coverage(map_from_clip: &Pose2, hits: &[Hit], target: &Target) -> f64 {
+    let cell = |p: &Point2| [p.x, p.y].map(|c| (c / INLIER_M).floor() as i32);
+    let mut placed: FxHashMap<[i32; 2], Vec<Point2>> = FxHashMap::default();
+    for hit in hits {
+        let point = map_from_clip.apply(&hit.point_m);
+        placed.entry(cell(&point)).or_default().push(point);
+    }
+    let covered = |point: &Point2| {
+        let [x, y] = cell(point);
+        (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| [x + dx, y + dy])).any(|key| {
+            placed.get(&key).is_some_and(|near| near.iter().any(|p| (p - point).norm() < INLIER_M))
+        })
+    };
+    let count = target.points_m.iter().filter(|p| covered(p)).count();
+    count as f64 / target.points_m.len().max(1) as f64
+}

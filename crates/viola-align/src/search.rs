@@ -1,0 +1,300 @@
+//! The global optimum of the likelihood over the whole map, with a certificate (Olson, 2009; Hess et al., 2016).
+//!
+//! The score of a pose is the weighted mean likelihood of the cells that its hits fall into. A node of the
+//! search is one rotation and a square of translations; its bound takes, for each hit, the largest
+//! likelihood that the square lets it reach, from a pyramid of maxima. Nodes are opened best first, so poses
+//! come out in the order of their scores, and the first one is the optimum. All sums are integers: neither
+//! threads nor the order of the hits change a bit.
+
+mod pyramid;
+mod space;
+
+use super::AlignError;
+use super::scan::Hit;
+use super::search::space::{Node, Space};
+use super::target::Target;
+use rayon::prelude::*;
+use std::collections::BinaryHeap;
+use viola_geometry::progress::{self, Progress};
+use viola_geometry::{Pose2, angle_between};
+
+/// A pose worth refining.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidate {
+    pub map_from_clip: Pose2,
+    /// Weighted mean likelihood of the hits, 0..1.
+    pub score: f64,
+}
+
+/// Where a search ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SearchLimits {
+    /// Modes that are enough.
+    pub modes: usize,
+    /// Those that do not reach this share of the best score are not wanted.
+    pub bar: f64,
+}
+
+/// How the search runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SearchParams {
+    /// Translations are multiples of this.
+    pub cell_m: f64,
+    pub rotations: usize,
+    /// Scale of the likelihood that a hit belongs to a map point, by their distance.
+    pub sigma_m: f64,
+    /// Hits used; of more, every so many-th is taken, so that clutter keeps its share and no more.
+    pub hits: usize,
+    /// The clip's origin may lie this far outside the box around the map.
+    pub margin_m: f64,
+    /// Height of the pyramid: squares of up to `2^levels` cells; more on maps larger than a home.
+    pub levels: u32,
+    /// How far it goes.
+    pub first: SearchLimits,
+    /// How far it goes on where the answer is in doubt, which then is worth the time.
+    pub in_doubt: SearchLimits,
+    /// Poses nearer than this, and turned less than `apart_rad` from each other, are one mode.
+    pub apart_m: f64,
+    pub apart_rad: f64,
+    /// Nodes opened before the search stops early and says so in the certificate. A count and not a time,
+    /// so that the answer is the same on a slow machine.
+    pub max_nodes: usize,
+}
+
+impl Default for SearchParams {
+    fn default() -> Self {
+        SearchParams {
+            cell_m: 0.05,
+            rotations: 360,
+            sigma_m: 0.10,
+            hits: 128,
+            margin_m: 0.3,
+            levels: 5,
+            first: SearchLimits { modes: 40, bar: 0.8 },
+            in_doubt: SearchLimits { modes: 100, bar: 0.7 },
+            apart_m: 0.25,
+            apart_rad: 8f64.to_radians(),
+            max_nodes: 1_500_000,
+        }
+    }
+}
+
+/// The modes, best first, and what is proven about them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Modes {
+    pub modes: Vec<Candidate>,
+    /// No pose outside the neighbourhoods of the modes scores above this. When the first mode's score is at
+    /// least this, it is the global optimum.
+    pub open_bound: f64,
+    pub nodes: usize,
+    /// Whether the search ended by itself and not by its budget.
+    pub complete: bool,
+}
+
+/// A search over all poses whose origin lies in the map; it can go on where it ended.
+pub struct Search<'a> {
+    params: &'a SearchParams,
+    space: Space<'a>,
+    open: BinaryHeap<Node>,
+    dived: Option<Node>,
+    /// Nodes that can score no more were not kept.
+    hopeless: u32,
+    modes: Vec<Candidate>,
+    nodes: usize,
+}
+
+impl<'a> Search<'a> {
+    pub fn new(hits: &[Hit], target: &Target, params: &'a SearchParams) -> Search<'a> {
+        let hits = thin(hits, params.hits);
+        let space = Space::new(&hits, target, params);
+        let roots = space.roots();
+        // What cannot reach the lowest bar even of this need not be remembered.
+        let dived = space.dive(&roots);
+        let lowest = params.first.bar.min(params.in_doubt.bar);
+        let hopeless = (lowest * f64::from(dived.map_or(0, |leaf| leaf.bound))) as u32;
+        let open = roots.into_iter().filter(|node| node.bound > hopeless).collect();
+        Search { params, space, open, dived, hopeless, modes: Vec::new(), nodes: 0 }
+    }
+
+    /// Goes on as far as that: all modes so far, best first. What comes out does not depend on where it paused.
+    pub fn run(&mut self, reach: &SearchLimits, progress: &dyn Progress) -> Result<Modes, AlignError> {
+        let params = self.params;
+        while let Some(top) = self.open.peek() {
+            let enough = self.modes.len() >= reach.modes || self.nodes >= params.max_nodes;
+            let low =
+                self.modes.first().is_some_and(|best| self.space.share(top.bound) < reach.bar * best.score);
+            if enough || low {
+                break;
+            }
+            if top.level == 0 {
+                let Some(leaf) = self.open.pop() else { break };
+                let pose = self.space.pose(&leaf);
+                if !self.modes.iter().any(|mode| is_close(&mode.map_from_clip, &pose, params)) {
+                    self.modes.push(Candidate { map_from_clip: pose, score: self.space.share(leaf.bound) });
+                }
+                continue;
+            }
+            progress::check(progress)?;
+            let (space, modes) = (&self.space, &self.modes);
+            let batch = pop_batch(&mut self.open, |node| space.is_taken(node, modes));
+            self.nodes += batch.len();
+            let children: Vec<[Node; 4]> =
+                batch.par_iter().with_min_len(32).map(|node| space.children(node)).collect();
+            self.open.extend(children.into_iter().flatten().filter(|child| child.bound > self.hopeless));
+        }
+        let mut modes = self.modes.clone();
+        if let (true, Some(leaf)) = (modes.is_empty(), self.dived) {
+            // The budget ended before the first proof: the best that is known is better than nothing.
+            let map_from_clip = self.space.pose(&leaf);
+            modes.push(Candidate { map_from_clip, score: self.space.share(leaf.bound) });
+        }
+        let open_bound = self.space.share(self.open.peek().map_or(self.hopeless, |top| top.bound));
+        Ok(Modes { modes, open_bound, nodes: self.nodes, complete: self.nodes < params.max_nodes })
+    }
+}
+
+fn thin(hits: &[Hit], most: usize) -> Vec<Hit> {
+    let kept = most.min(hits.len());
+    (0..kept).map(|i| hits[i * hits.len() / kept]).collect()
+}
+
+/// The best inner nodes, up to the first leaf. The number is fixed: it must not depend on threads.
+fn pop_batch(open: &mut BinaryHeap<Node>, is_taken: impl Fn(&Node) -> bool) -> Vec<Node> {
+    const BATCH: usize = 128;
+    let mut batch = Vec::with_capacity(BATCH);
+    while batch.len() < BATCH && open.peek().is_some_and(|node| node.level > 0) {
+        match open.pop() {
+            Some(node) if !is_taken(&node) => batch.push(node),
+            Some(_) => {}
+            None => break,
+        }
+    }
+    batch
+}
+
+fn is_close(a: &Pose2, b: &Pose2, params: &SearchParams) -> bool {
+    a.distance_m(b) < params.apart_m && angle_between(a.yaw_rad, b.yaw_rad) < params.apart_rad
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use viola_geometry::progress::Silent;
+    use viola_geometry::{DistanceField, Grid, GridFrame, Point2, Vector2};
+
+    fn target(walls: &[(usize, usize)]) -> Target {
+        let frame = GridFrame { origin_m: [-1.0, 0.5], cell_m: 0.05, width: 56, height: 50 };
+        let mut occupied = Grid::filled(frame, false);
+        for &(x, y) in walls {
+            occupied.set(20 + x % 16, 20 + y % 10, true);
+        }
+        let points_m: Vec<Point2> =
+            walls.iter().map(|&(x, y)| frame.centre(20 + x % 16, 20 + y % 10)).collect();
+        Target {
+            thinned_m: points_m,
+            points_m: Vec::new(),
+            cells: None,
+            field: DistanceField::new(&occupied),
+            rooms: None,
+        }
+    }
+
+    fn hit(x: f64, y: f64) -> Hit {
+        Hit::standing(Point2::new(x, y), Vector2::x())
+    }
+
+    fn small() -> SearchParams {
+        let first = SearchLimits { modes: 1, bar: 0.8 };
+        SearchParams { rotations: 24, levels: 3, first, ..SearchParams::default() }
+    }
+
+    fn search(hits: &[Hit], target: &Target, params: &SearchParams) -> Modes {
+        Search::new(hits, target, params).run(&params.first, &Silent).unwrap()
+    }
+
+    /// The best score over every rotation and cell, without a pyramid.
+    fn brute_force(hits: &[Hit], target: &Target, params: &SearchParams) -> f64 {
+        let space = Space::new(hits, target, params);
+        let roots = space.roots();
+        let side = 1i32 << params.levels;
+        let leaves = roots.iter().flat_map(|root| {
+            (0..side * side).map(|i| space.node(root.rotation, 0, root.x + i % side, root.y + i / side))
+        });
+        leaves.map(|leaf| space.share(leaf.bound)).fold(0.0, f64::max)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        #[test]
+        fn finds_what_brute_force_finds(
+            walls in prop::collection::vec((0usize..16, 0usize..10), 5..30),
+            points in prop::collection::vec((-0.6..0.6f64, -0.6..0.6f64), 3..25),
+        ) {
+            let target = target(&walls);
+            let hits: Vec<Hit> = points.iter().map(|&(x, y)| hit(x, y)).collect();
+            let found = search(&hits, &target, &small());
+            let best = found.modes.first().map_or(0.0, |mode| mode.score);
+            prop_assert_eq!(best, brute_force(&hits, &target, &small()));
+            prop_assert!(found.open_bound <= best);
+        }
+
+        #[test]
+        fn the_order_of_hits_does_not_matter(points in prop::collection::vec((-0.6..0.6f64, -0.6..0.6f64), 3..25)) {
+            let target = target(&[(0, 0), (1, 0), (2, 0), (3, 0), (3, 1), (3, 2), (9, 7)]);
+            let params = SearchParams { first: SearchLimits { modes: 10, bar: 0.8 }, ..small() };
+            let hits: Vec<Hit> = points.iter().map(|&(x, y)| hit(x, y)).collect();
+            let mut turned = hits.clone();
+            turned.reverse();
+            prop_assert_eq!(
+                search(&hits, &target, &params),
+                search(&turned, &target, &params)
+            );
+        }
+
+        #[test]
+        fn a_search_that_goes_on_finds_what_one_that_never_paused_does(
+            walls in prop::collection::vec((0usize..16, 0usize..10), 5..30),
+            points in prop::collection::vec((-0.6..0.6f64, -0.6..0.6f64), 3..25),
+        ) {
+            let target = target(&walls);
+            let params = SearchParams { in_doubt: SearchLimits { modes: 12, bar: 0.5 }, ..small() };
+            let hits: Vec<Hit> = points.iter().map(|&(x, y)| hit(x, y)).collect();
+            let mut paused = Search::new(&hits, &target, &params);
+            paused.run(&params.first, &Silent).unwrap();
+            let mut straight = Search::new(&hits, &target, &params);
+            prop_assert_eq!(
+                paused.run(&params.in_doubt, &Silent).unwrap(),
+                straight.run(&params.in_doubt, &Silent).unwrap()
+            );
+        }
+    }
+
+    /// What was seen where no map reaches costs the same score everywhere.
+    #[test]
+    fn hits_far_away_change_no_mode() {
+        let target = target(&[(0, 0), (1, 0), (2, 0), (3, 0), (3, 1), (3, 2), (9, 7)]);
+        let params = SearchParams { first: SearchLimits { modes: 10, bar: 0.8 }, ..small() };
+        let mut hits: Vec<Hit> =
+            (0..16).map(|i| hit(0.05 * f64::from(i % 4), 0.05 * f64::from(i / 4))).collect();
+        let alone = search(&hits, &target, &params);
+        hits.extend((0..16).map(|i| hit(9e4 - f64::from(i), 40.0 * f64::from(i) - 500.0)));
+        let with_far_hits = search(&hits, &target, &params);
+        assert_eq!(with_far_hits.nodes, alone.nodes);
+        let poses = |found: &Modes| found.modes.iter().map(|mode| mode.map_from_clip).collect::<Vec<_>>();
+        assert_eq!(poses(&with_far_hits), poses(&alone));
+        assert_eq!(with_far_hits.modes[0].score, alone.modes[0].score / 2.0);
+    }
+
+    #[test]
+    fn a_budget_ends_the_search_and_says_so() {
+        let target = target(&[(0, 0), (5, 3), (9, 7), (12, 1)]);
+        let hits: Vec<Hit> =
+            (0..12).map(|i| hit(0.1 * f64::from(i) - 0.6, 0.05 * f64::from(i % 5))).collect();
+        let found = search(&hits, &target, &SearchParams { max_nodes: 128, ..small() });
+        assert!(found.nodes <= 256);
+        assert!(!found.complete && found.modes.len() == 1, "{found:?}");
+        assert!(found.open_bound >= found.modes[0].score, "{found:?}");
+    }
+}

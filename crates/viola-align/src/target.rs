@@ -1,0 +1,84 @@
+//! The LiDAR map as registration needs it: points, and the distance to the nearest one everywhere.
+
+use super::rooms::NamedRooms;
+use rustc_hash::FxHashSet;
+use viola_formats::lidar::{Cell, LidarMap};
+use viola_geometry::{DistanceField, Grid, GridFrame, Point2};
+
+/// What a virtual scan is registered to.
+#[derive(Debug, Clone)]
+pub struct Target {
+    pub points_m: Vec<Point2>,
+    /// One of the points in each 5 cm cell.
+    pub thinned_m: Vec<Point2>,
+    /// What the robot knows of each cell, for maps that have cells.
+    pub cells: Option<Grid<Cell>>,
+    pub field: DistanceField,
+    /// None where no room has a name that tells what it is for.
+    pub rooms: Option<NamedRooms>,
+}
+
+/// Cells of the distance field for maps that are bare points: finer than their noise.
+const POINT_CELL_M: f64 = 0.02;
+/// Beyond the map by this much the field is still exact.
+const MARGIN_M: f64 = 1.0;
+/// A bound on the field's memory (4 bytes a cell); larger maps get coarser cells.
+const MAX_CELLS: f64 = 16e6;
+
+impl Target {
+    /// None when the map has no occupied point.
+    pub fn new(lidar: &LidarMap) -> Option<Target> {
+        let target = Target::from_points(lidar.occupied_m.clone(), lidar.info.cell_m, lidar.cells.clone())?;
+        Some(Target { rooms: NamedRooms::new(lidar), ..target })
+    }
+
+    /// From bare points; `cell_m` is their raster, if they have one.
+    pub fn from_points(
+        points_m: Vec<Point2>,
+        cell_m: Option<f64>,
+        cells: Option<Grid<Cell>>,
+    ) -> Option<Target> {
+        let frame = field_frame(&points_m, cell_m)?;
+        let mut occupied = Grid::filled(frame, false);
+        for point in &points_m {
+            if let Some((x, y)) = frame.cell(point) {
+                occupied.set(x, y, true);
+            }
+        }
+        let mut taken = FxHashSet::default();
+        let thinned_m = points_m
+            .iter()
+            .filter(|p| taken.insert([p.x, p.y].map(|c| (c / 0.05).floor() as i32)))
+            .copied()
+            .collect();
+        Some(Target { points_m, thinned_m, cells, field: DistanceField::new(&occupied), rooms: None })
+    }
+
+    /// What the robot knows of the place of a point.
+    pub fn cell_at(&self, point: &Point2) -> Cell {
+        self.cells.as_ref().and_then(|cells| cells.at(point)).unwrap_or(Cell::Unknown)
+    }
+}
+
+/// Cells whose centres are those of the map's own cells where it has any: then the field's zeros lie on
+/// the middle of the walls.
+fn field_frame(points_m: &[Point2], map_cell_m: Option<f64>) -> Option<GridFrame> {
+    let first = points_m.first()?;
+    let (mut min, mut max) = ([first.x, first.y], [first.x, first.y]);
+    for point in points_m {
+        for (axis, value) in [point.x, point.y].into_iter().enumerate() {
+            min[axis] = min[axis].min(value);
+            max[axis] = max[axis].max(value);
+        }
+    }
+    let area = |cell_m: f64| {
+        (max[0] - min[0] + 2.0 * MARGIN_M) * (max[1] - min[1] + 2.0 * MARGIN_M) / (cell_m * cell_m)
+    };
+    let mut cell_m = map_cell_m.unwrap_or(POINT_CELL_M);
+    while area(cell_m) > MAX_CELLS {
+        cell_m *= 2.0;
+    }
+    // A whole number of cells of margin, then half a cell, puts centres on the lower-left point.
+    let margin_m = ((MARGIN_M / cell_m).ceil() + 0.5) * cell_m;
+    Some(GridFrame::covering(min, max, margin_m, cell_m))
+}

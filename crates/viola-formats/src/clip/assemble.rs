@@ -1,0 +1,195 @@
+//! From what a layout's reader found to a checked [`Clip`].
+
+use super::files::{Cameras as FrameCameras, Files, Pictures, Video};
+use super::layout::{self, Cameras, Intrinsics, Numbers, Source};
+use super::{Clip, ClipError, ClipInfo, FrameHeader, MAX_FRAMES, Origin};
+use crate::container::Container;
+use crate::video::Tools;
+use viola_geometry::Pinhole;
+
+/// The principal point lies this close to the picture's middle, as a part of the picture's side. Cropped
+/// pictures stay below a fifth; intrinsics of a picture of twice the size are at a half.
+const MAX_OFF_CENTRE: f64 = 0.25;
+/// Colour and depth cameras of one device look at the same thing: neither sees this many times more of it
+/// along a side.
+const MAX_VIEW_RATIO: f64 = 1.3;
+/// By how much the shapes of the two views may differ.
+const MAX_ASPECT_RATIO: f64 = 1.1;
+
+/// Tries the layouts and checks what the first that fits has found.
+pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<Clip, ClipError> {
+    let layout = layout::find(container.as_ref())?;
+    let frames = layout.sources.len();
+    if frames == 0 {
+        let (color, depth) = (layout.color_pictures, layout.depth_pictures);
+        if color > 0 && depth > 0 {
+            let reason = format!("{color} colour and {depth} depth pictures, and no frame has one of each");
+            return Err(ClipError::ColorDepthMismatch { reason });
+        }
+        return Err(ClipError::NoFrames { color, depth });
+    }
+    if frames > MAX_FRAMES {
+        return Err(ClipError::TooManyFrames { frames, max: MAX_FRAMES });
+    }
+    let frames_with_pose = layout.sources.iter().filter(|s| s.world_from_camera.is_some()).count();
+
+    let first = &layout.sources[0];
+    let color_size = first.color.size(container.as_ref())?;
+    let depth_size = first.depth.size(container.as_ref())?;
+    let sizes = Sizes { color: color_size, depth: depth_size };
+    // The first frame may have intrinsics of its own, and its pictures are looked at.
+    let cameras = sizes.cameras(&layout.cameras, first.numbers)?;
+    check_views(&cameras.color, &cameras.depth)?;
+
+    let duration_s = match (first.time_s, layout.sources.last().and_then(|s| s.time_s)) {
+        // Times that run backwards are those of no clock.
+        (Some(from), Some(to)) if to >= from => Some(to - from),
+        _ => None,
+    };
+    let without_poses = (frames_with_pose == 0).then(|| {
+        format!(
+            "no frame has a pose in {} that is a finite rigid motion: the camera will be tracked by its pictures",
+            layout.pose_files
+        )
+    });
+    let info = ClipInfo {
+        layout: layout.name.to_string(),
+        pose_convention: layout.pose_convention.to_string(),
+        depth_unit: layout.depth_unit.to_string(),
+        gravity: layout.gravity,
+        intrinsics: layout.intrinsics,
+        frames,
+        frames_with_pose,
+        skipped_without_pose: frames - frames_with_pose,
+        skipped_incomplete: layout.incomplete,
+        color_width: color_size.0,
+        color_height: color_size.1,
+        depth_width: depth_size.0,
+        depth_height: depth_size.1,
+        duration_s,
+        recorded_at_ms: first.time_s.and_then(unix_ms),
+        notes: layout.notes.into_iter().chain(without_poses).collect(),
+    };
+    let tools = tools.clone();
+    let video = layout.video.map(|(name, region)| Video { name, region, tools });
+    let mut headers = Vec::with_capacity(frames);
+    let mut pictures = Vec::with_capacity(frames);
+    for Source { number, time_s, world_from_camera, color, depth, confidence, numbers } in layout.sources {
+        let own = numbers.map(|own| sizes.cameras(&layout.cameras, Some(own))).transpose()?;
+        let force_in_camera = time_s.and_then(|time_s| layout.forces.around(time_s));
+        headers.push(FrameHeader { number, time_s, world_from_camera, force_in_camera });
+        pictures.push(Pictures::new(container.as_ref(), color, depth, confidence, own)?);
+    }
+    let files = Files {
+        container,
+        region: layout.region,
+        video,
+        pictures,
+        cameras,
+        depth_units_per_m: layout.depth_units_per_m,
+    };
+    Ok(Clip {
+        info,
+        frames: headers,
+        up_in_world: layout.up_in_world,
+        shutter: layout.shutter,
+        origin: Origin::Files(Box::new(files)),
+    })
+}
+
+/// Frames' times are seconds since 1970 in some layouts and since the device's start in others. Those between the
+/// years 2000 and 2100 are taken for times of day: no device has been running for 30 years.
+fn unix_ms(time_s: f64) -> Option<i64> {
+    (946_684_800.0..4_102_444_800.0).contains(&time_s).then(|| (time_s * 1e3).round() as i64)
+}
+
+/// Widths and heights of the clip's pictures.
+#[derive(Clone, Copy)]
+struct Sizes {
+    color: (u32, u32),
+    depth: (u32, u32),
+}
+
+impl Sizes {
+    /// The colour and the depth camera of a frame with these intrinsics of its own, or without.
+    fn cameras(&self, cameras: &Cameras, own: Option<Numbers>) -> Result<FrameCameras, ClipError> {
+        match cameras {
+            Cameras::Each { color, depth } => Ok(FrameCameras {
+                color: self.camera(&color.name, &color.numbers, self.color)?,
+                depth: self.camera(&depth.name, &depth.numbers, self.depth)?,
+            }),
+            Cameras::One(Intrinsics { name, numbers }) => {
+                let numbers = own.as_ref().unwrap_or(numbers);
+                self.check_aspect(numbers)?;
+                Ok(FrameCameras {
+                    color: self.camera(name, numbers, self.color)?,
+                    depth: self.camera(name, numbers, self.depth)?,
+                })
+            }
+        }
+    }
+
+    /// Pictures of one camera have one shape.
+    fn check_aspect(&self, numbers: &Numbers) -> Result<(), ClipError> {
+        let aspect = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
+        let of = numbers.size(self.color, self.depth);
+        for picture in [self.color, self.depth] {
+            if differs(aspect(picture), aspect(of), MAX_ASPECT_RATIO) {
+                let reason = format!(
+                    "colour is {}x{}, depth is {}x{}, and the one set of intrinsics is for {}x{}",
+                    self.color.0, self.color.1, self.depth.0, self.depth.1, of.0, of.1
+                );
+                return Err(ClipError::ColorDepthMismatch { reason });
+            }
+        }
+        Ok(())
+    }
+
+    /// The camera of a picture of this size, when the intrinsics can be those of such a picture.
+    fn camera(&self, name: &str, numbers: &Numbers, wanted: (u32, u32)) -> Result<Pinhole, ClipError> {
+        let Numbers { fx, fy, cx, cy, .. } = *numbers;
+        let (width, height) = numbers.size(self.color, self.depth);
+        let camera = Pinhole { width, height, fx, fy, cx, cy };
+        let bad = |reason: String| ClipError::BadIntrinsics { name: name.to_string(), reason };
+        // The principal point is looked at by itself, so that the message names what is wrong.
+        let centred = Pinhole { cx: f64::from(width) / 2.0, cy: f64::from(height) / 2.0, ..camera };
+        if !centred.is_plausible() {
+            return Err(bad(format!(
+                "fx {fx}, fy {fy} are no focal lengths of a picture of {width}x{height}"
+            )));
+        }
+        let is_central = |c: f64, side: u32| (c / f64::from(side) - 0.5).abs() <= MAX_OFF_CENTRE;
+        if !is_central(cx, width) || !is_central(cy, height) || !camera.is_plausible() {
+            return Err(bad(format!(
+                "the principal point ({cx}, {cy}) is far from the middle of the {width}x{height} picture; \
+                 the intrinsics belong to a picture of another size"
+            )));
+        }
+        let is_same = (width, height) == wanted;
+        Ok(if is_same { camera } else { camera.resized(wanted.0, wanted.1) })
+    }
+}
+
+/// Whether one of two positive numbers is more than `ratio` times the other.
+fn differs(a: f64, b: f64, ratio: f64) -> bool {
+    a > b * ratio || b > a * ratio
+}
+
+/// Refuses colour and depth cameras that cannot look at the same thing.
+fn check_views(color: &Pinhole, depth: &Pinhole) -> Result<(), ClipError> {
+    // The tangents of the angles of view: what the camera sees at a distance of one metre.
+    let view_m = |c: &Pinhole| (f64::from(c.width) / c.fx, f64::from(c.height) / c.fy);
+    let ((color_x, color_y), (depth_x, depth_y)) = (view_m(color), view_m(depth));
+    let aspect_differs = differs(color_x / color_y, depth_x / depth_y, MAX_ASPECT_RATIO);
+    if aspect_differs
+        || differs(color_x, depth_x, MAX_VIEW_RATIO)
+        || differs(color_y, depth_y, MAX_VIEW_RATIO)
+    {
+        let reason = format!(
+            "at one metre, colour ({}x{}) sees {color_x:.2} x {color_y:.2} m and depth ({}x{}) {depth_x:.2} x {depth_y:.2} m",
+            color.width, color.height, depth.width, depth.height
+        );
+        return Err(ClipError::ColorDepthMismatch { reason });
+    }
+    Ok(())
+}

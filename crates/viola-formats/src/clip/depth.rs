@@ -1,0 +1,115 @@
+//! Depth that is no picture, and confidence.
+
+use super::{ClipError, DepthImage, picture};
+use crate::container::Container;
+use lzfse_rust::LzfseRingDecoder;
+use std::io::Read;
+use viola_geometry::Pinhole;
+
+/// A packed file of depth or confidence.
+const MAX_PACKED_BYTES: u64 = 16 << 20;
+/// The sizes that phones record depth at, upright or lying.
+const KNOWN_SIZES: [(u32, u32); 8] =
+    [(192, 256), (256, 192), (480, 640), (640, 480), (720, 960), (960, 720), (240, 320), (320, 240)];
+/// 4 : 3 pictures up to 2 300 x 1 700, which is more than any phone's depth; packed floats of 16 MiB.
+const MAX_PIXELS: u64 = 4 << 20;
+
+/// Metres of a reading of 16 bits. The largest number is a sensor that has given up: 7-Scenes writes it, and no layout
+/// means it.
+pub(super) fn metres(units: u16, units_per_m: f32) -> f32 {
+    if units == u16::MAX { 0.0 } else { f32::from(units) / units_per_m }
+}
+
+/// Width and height of LZFSE-packed floats: as told, and otherwise by how many there are.
+pub(super) fn floats_size(
+    container: &dyn Container,
+    name: &str,
+    told: Option<(u32, u32)>,
+) -> Result<(u32, u32), ClipError> {
+    let bad = |reason: String| ClipError::BadDepth { name: name.to_string(), reason };
+    if let Some((width, height)) = told {
+        let pixels = u64::from(width) * u64::from(height);
+        if pixels == 0 || pixels > MAX_PIXELS {
+            return Err(bad(format!("{width}x{height} is no size of a depth picture")));
+        }
+        return Ok((width, height));
+    }
+    let bytes = unpack(container, name, (960 * 720) * 4)?;
+    let has_length = |&&(width, height): &&(u32, u32)| u64::from(width * height) * 4 == bytes.len() as u64;
+    KNOWN_SIZES
+        .iter()
+        .find(has_length)
+        .copied()
+        .ok_or_else(|| bad(format!("{} bytes are those of no depth picture that is known", bytes.len())))
+}
+
+/// Decodes LZFSE-packed 32-bit floats, metres, row after row.
+pub(super) fn decode_floats(
+    container: &dyn Container,
+    name: &str,
+    camera: &Pinhole,
+) -> Result<DepthImage, ClipError> {
+    let (width, height) = (camera.width, camera.height);
+    let wanted = width as usize * height as usize * 4;
+    let bytes = unpack(container, name, wanted)?;
+    if bytes.len() != wanted {
+        let reason = format!("{} bytes instead of those of {width}x{height} floats", bytes.len());
+        return Err(ClipError::BadDepth { name: name.to_string(), reason });
+    }
+    let metres = |bytes: &[u8; 4]| match f32::from_le_bytes(*bytes) {
+        depth_m if depth_m.is_finite() && depth_m > 0.0 => depth_m,
+        _ => 0.0,
+    };
+    let depth_m = bytes.as_chunks().0.iter().map(metres).collect();
+    Ok(DepthImage { width, height, depth_m })
+}
+
+/// Drops the readings that the device itself does not trust: those with the lowest confidence, of three (0, 1, 2, or
+/// 0, 127, 255). The picture may have another size than the depth's.
+pub(super) fn drop_doubtful(
+    container: &dyn Container,
+    name: &str,
+    depth: &mut DepthImage,
+) -> Result<(), ClipError> {
+    let (width, height) = (depth.width, depth.height);
+    let (confidence, (from_width, from_height)) = if name.ends_with(".conf") {
+        let bytes = unpack(container, name, depth.depth_m.len())?;
+        if bytes.len() != depth.depth_m.len() {
+            let reason = format!("{} bytes instead of those of {width}x{height} pixels", bytes.len());
+            return Err(ClipError::BadDepth { name: name.to_string(), reason });
+        }
+        (bytes, (width, height))
+    } else {
+        let image = picture::decode_grey8(container, name)?;
+        let size = image.dimensions();
+        (image.into_raw(), size)
+    };
+    let column = |x: u32| (u64::from(x) * u64::from(from_width) / u64::from(width)) as usize;
+    for (y, row) in depth.depth_m.chunks_mut(width as usize).enumerate() {
+        let from_y = y * from_height as usize / height as usize;
+        let trust = &confidence[from_y * from_width as usize..][..from_width as usize];
+        for (x, depth_m) in row.iter_mut().enumerate() {
+            if trust[column(x as u32)] == 0 {
+                *depth_m = 0.0;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Unpacks LZFSE to at most `max_bytes`.
+fn unpack(container: &dyn Container, name: &str, max_bytes: usize) -> Result<Vec<u8>, ClipError> {
+    let packed = container.read(name, MAX_PACKED_BYTES)?;
+    let bad = |reason: String| ClipError::BadDepth { name: name.to_string(), reason };
+    let mut decoder = LzfseRingDecoder::default();
+    let mut bytes = Vec::new();
+    decoder
+        .reader_bytes(&packed)
+        .take(max_bytes as u64 + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|error| bad(format!("it is not LZFSE ({error})")))?;
+    if bytes.len() > max_bytes {
+        return Err(bad(format!("it unpacks to more than {max_bytes} bytes")));
+    }
+    Ok(bytes)
+}

@@ -1,0 +1,230 @@
+//! A clip whose pictures lie in a container: where each is, and how it becomes a frame.
+
+use super::{ClipError, Frame, FrameHeader, depth, npy, picture};
+use crate::container::{Container, ContainerError, Region};
+use crate::video::Tools;
+use image::RgbImage;
+use viola_geometry::Pinhole;
+
+/// Where a frame's colour picture is.
+#[derive(Debug, Clone)]
+pub(super) enum ColorAt {
+    /// A file, JPEG or PNG.
+    File(String),
+    /// A part of the clip's one large file.
+    Part { part: Part, size: (u32, u32) },
+    /// A frame of the clip's video, counted in the order of showing; the video has this size.
+    Video { frame: u32, size: (u32, u32) },
+}
+
+/// Where a frame's depth is.
+#[derive(Debug, Clone)]
+pub(super) enum DepthAt {
+    /// A file, PNG with 16 bits of grey.
+    Png(String),
+    /// A file, NumPy's array of 16-bit numbers.
+    Npy(String),
+    /// A file, LZFSE of 32-bit floats in metres; the size where it is known.
+    Floats { name: String, size: Option<(u32, u32)> },
+    /// A part of the clip's one large file.
+    Part { part: Part, size: (u32, u32) },
+}
+
+/// A picture inside of a large file.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Part {
+    pub at: u64,
+    pub bytes: u32,
+    pub coding: Coding,
+    /// The frame's, for messages.
+    pub number: u32,
+}
+
+/// How a part is packed.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Coding {
+    /// A JPEG or PNG file.
+    Picture,
+    /// Pixels of a picture of this width and height, row after row.
+    Raw((u32, u32)),
+    /// Readings of 16 bits, packed with zlib.
+    Zlib,
+}
+
+impl Part {
+    pub fn read(&self, region: Option<&Region>, kind: &str) -> Result<Vec<u8>, ClipError> {
+        let name = self.name(kind);
+        let region =
+            region.ok_or_else(|| ClipError::BadMetadata { name: name.clone(), reason: "lost".into() })?;
+        let mut bytes = vec![0; self.bytes as usize];
+        region
+            .read_exact_at(self.at, &mut bytes)
+            .map_err(|source| ContainerError::Unreadable { name, source })?;
+        Ok(bytes)
+    }
+
+    pub fn name(&self, kind: &str) -> String {
+        format!("the {kind} of frame {}", self.number)
+    }
+}
+
+impl ColorAt {
+    /// Width and height, from the picture's header.
+    pub fn size(&self, container: &dyn Container) -> Result<(u32, u32), ClipError> {
+        match self {
+            ColorAt::File(name) => picture::size(container, name),
+            ColorAt::Part { size, .. } | ColorAt::Video { size, .. } => Ok(*size),
+        }
+    }
+}
+
+impl DepthAt {
+    /// Width and height, from the picture's header.
+    pub fn size(&self, container: &dyn Container) -> Result<(u32, u32), ClipError> {
+        match self {
+            DepthAt::Png(name) => picture::size(container, name),
+            DepthAt::Npy(name) => npy::size(container, name),
+            DepthAt::Floats { name, size } => depth::floats_size(container, name, *size),
+            DepthAt::Part { size, .. } => Ok(*size),
+        }
+    }
+}
+
+/// The two cameras of a frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cameras {
+    pub color: Pinhole,
+    pub depth: Pinhole,
+}
+
+/// What a frame is made of, in some fifty bytes: files are told by their place among the container's names.
+pub(super) struct Pictures {
+    color: Place,
+    depth: DepthPlace,
+    confidence: Option<u32>,
+    /// Where they are not those of the clip.
+    cameras: Option<Box<Cameras>>,
+}
+
+/// A picture without its name.
+enum Place {
+    File(u32),
+    Part(Box<Part>),
+    /// The number of the video's frame.
+    Video(u32),
+}
+
+enum DepthPlace {
+    Png(u32),
+    Npy(u32),
+    Floats(u32),
+    Part(Box<Part>),
+}
+
+impl Pictures {
+    /// Looks the names up, which must be there.
+    pub fn new(
+        container: &dyn Container,
+        color: ColorAt,
+        depth: DepthAt,
+        confidence: Option<String>,
+        cameras: Option<Cameras>,
+    ) -> Result<Pictures, ContainerError> {
+        let names = container.names();
+        let place = |name: String| match names.binary_search(&name) {
+            Ok(place) => Ok(place as u32),
+            Err(_) => Err(ContainerError::Missing { name }),
+        };
+        Ok(Pictures {
+            color: match color {
+                ColorAt::File(name) => Place::File(place(name)?),
+                ColorAt::Part { part, .. } => Place::Part(Box::new(part)),
+                ColorAt::Video { frame, .. } => Place::Video(frame),
+            },
+            depth: match depth {
+                DepthAt::Png(name) => DepthPlace::Png(place(name)?),
+                DepthAt::Npy(name) => DepthPlace::Npy(place(name)?),
+                DepthAt::Floats { name, .. } => DepthPlace::Floats(place(name)?),
+                DepthAt::Part { part, .. } => DepthPlace::Part(Box::new(part)),
+            },
+            confidence: confidence.map(place).transpose()?,
+            cameras: cameras.map(Box::new),
+        })
+    }
+
+    /// The number of the video's frame that is the colour, where it is of a video.
+    pub fn video_frame(&self) -> Option<usize> {
+        match self.color {
+            Place::Video(frame) => Some(frame as usize),
+            _ => None,
+        }
+    }
+}
+
+/// A clip's video.
+pub(super) struct Video {
+    pub name: String,
+    pub region: Region,
+    pub tools: Tools,
+}
+
+/// The clip's container, and what is the same for all frames.
+pub(super) struct Files {
+    pub container: Box<dyn Container>,
+    /// The large file that [`Part`]s are of.
+    pub region: Option<Region>,
+    /// The video that colour is of, and what decodes it.
+    pub video: Option<Video>,
+    pub pictures: Vec<Pictures>,
+    pub cameras: Cameras,
+    pub depth_units_per_m: f32,
+}
+
+impl Files {
+    /// Decodes a frame; its colour comes along where it is of a video.
+    pub fn load(
+        &self,
+        index: usize,
+        header: &FrameHeader,
+        of_video: Option<Result<RgbImage, ClipError>>,
+    ) -> Result<Frame, ClipError> {
+        let Pictures { color, depth, confidence, cameras } = &self.pictures[index];
+        let container = self.container.as_ref();
+        let name = |place: &u32| container.names()[*place as usize].as_str();
+        let cameras = cameras.as_deref().unwrap_or(&self.cameras);
+        let color = match color {
+            Place::File(place) => {
+                let name = name(place);
+                picture::decode_color(&picture::read(container, name)?, name, &cameras.color)?
+            }
+            Place::Video(frame) => of_video.unwrap_or(Err(ClipError::VideoEnded { frame: *frame }))?,
+            Place::Part(part) => {
+                let bytes = part.read(self.region.as_ref(), "colour")?;
+                part.decode_color(bytes, &cameras.color)?
+            }
+        };
+        let mut depth = match depth {
+            DepthPlace::Png(place) => {
+                picture::decode_depth(container, name(place), &cameras.depth, self.depth_units_per_m)?
+            }
+            DepthPlace::Npy(place) => {
+                npy::decode(container, name(place), &cameras.depth, self.depth_units_per_m)?
+            }
+            DepthPlace::Part(part) => {
+                let bytes = part.read(self.region.as_ref(), "depth")?;
+                part.decode_depth(&bytes, &cameras.depth, self.depth_units_per_m)?
+            }
+            DepthPlace::Floats(place) => depth::decode_floats(container, name(place), &cameras.depth)?,
+        };
+        if let Some(place) = confidence {
+            depth::drop_doubtful(container, name(place), &mut depth)?;
+        }
+        Ok(Frame {
+            header: header.clone(),
+            color_camera: cameras.color,
+            color,
+            depth_camera: cameras.depth,
+            depth,
+        })
+    }
+}

@@ -1,0 +1,210 @@
+//! What the reader of one layout finds, and the list of the readers.
+
+mod arkit_scenes;
+mod associate;
+mod inertial;
+mod json;
+mod nerfstudio;
+mod numbered;
+mod polycam;
+mod record3d;
+mod redwood;
+mod scanner_3d;
+mod scannet;
+mod sens;
+mod seven_scenes;
+mod spectacular;
+mod stray;
+mod text;
+mod trajectory;
+mod tum;
+mod video;
+
+use super::files::{ColorAt, DepthAt};
+use super::{ClipError, Shutter};
+use crate::container::{Container, Region};
+use inertial::Forces;
+use nalgebra::{Quaternion, Translation3, UnitQuaternion};
+use viola_geometry::{Pose3, Vector3};
+
+pub(super) const OPENCV: &str = "camera-to-world, OpenCV (x right, y down, z forward)";
+pub(super) const OPENGL: &str = "camera-to-world, OpenGL (x right, y up, z backward)";
+pub(super) const MILLIMETRES: &str = "millimetres (16-bit PNG)";
+/// ARKit's worlds are aligned to gravity, y up.
+pub(super) const ARKIT_UP: &str = "world y is up (layout, ARKit)";
+
+/// What the reader of one layout found.
+pub(super) struct Layout {
+    pub name: &'static str,
+    pub pose_convention: &'static str,
+    /// Where poses were looked for, for messages.
+    pub pose_files: &'static str,
+    pub depth_unit: &'static str,
+    pub depth_units_per_m: f32,
+    pub gravity: String,
+    pub up_in_world: Option<Vector3>,
+    pub forces: Forces,
+    pub color_pictures: usize,
+    pub depth_pictures: usize,
+    /// Frames with only one of the two pictures.
+    pub incomplete: usize,
+    pub cameras: Cameras,
+    /// Where the cameras are of a kind whose shutters are known.
+    pub shutter: Option<Shutter>,
+    /// Where the intrinsics come from, in words.
+    pub intrinsics: String,
+    /// In the order in which they were recorded.
+    pub sources: Vec<Source>,
+    /// The one large file that pictures are parts of.
+    pub region: Option<Region>,
+    /// The video that colour is of, by its name in the container.
+    pub video: Option<(String, Region)>,
+    pub notes: Vec<String>,
+}
+
+impl Layout {
+    /// A layout of one camera-to-world pose a frame with OpenCV's axes, and of depth in millimetres.
+    fn new(name: &'static str, cameras: Cameras, sources: Vec<Source>) -> Layout {
+        Layout {
+            name,
+            pose_convention: OPENCV,
+            pose_files: "",
+            depth_unit: MILLIMETRES,
+            depth_units_per_m: 1000.0,
+            gravity: "unknown".to_string(),
+            up_in_world: None,
+            forces: Forces::default(),
+            color_pictures: 0,
+            depth_pictures: 0,
+            incomplete: 0,
+            cameras,
+            shutter: None,
+            intrinsics: String::new(),
+            sources,
+            region: None,
+            video: None,
+            notes: Vec::new(),
+        }
+    }
+}
+
+/// What a layout says of its two cameras.
+pub(super) enum Cameras {
+    /// One set of numbers for each.
+    Each { color: Intrinsics, depth: Intrinsics },
+    /// One set for both: colour and depth see the same, in pictures of their own sizes.
+    One(Intrinsics),
+}
+
+/// Focal lengths and principal point, in pixels of a picture.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Intrinsics {
+    /// The file that they come from, for messages.
+    pub name: String,
+    pub numbers: Numbers,
+}
+
+/// Intrinsics without the name of their file: frames may have their own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Numbers {
+    pub fx: f64,
+    pub fy: f64,
+    pub cx: f64,
+    pub cy: f64,
+    pub of: Of,
+}
+
+/// Whose pixels the intrinsics are in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Of {
+    Color,
+    Depth,
+    /// A picture of this width and height.
+    Size(u32, u32),
+}
+
+/// One frame: where its pictures are and what is known of it.
+pub(super) struct Source {
+    pub number: u32,
+    pub time_s: Option<f64>,
+    pub world_from_camera: Option<Pose3>,
+    pub color: ColorAt,
+    pub depth: DepthAt,
+    /// A picture of how far the depth can be trusted: readings with the lowest value are dropped.
+    pub confidence: Option<String>,
+    /// The frame's own intrinsics, where the layout has them; in place of those of [`Cameras::One`].
+    pub numbers: Option<Numbers>,
+}
+
+/// A reader: what it found, or nothing when the container holds another layout.
+type Find = fn(&dyn Container) -> Result<Option<Layout>, ClipError>;
+
+/// Those that look for a file that only they have come first; those that look for any numbered pictures last.
+const READERS: [Find; 12] = [
+    record3d::find,
+    stray::find,
+    spectacular::find,
+    polycam::find,
+    arkit_scenes::find,
+    scanner_3d::find,
+    nerfstudio::find,
+    redwood::find,
+    scannet::find,
+    seven_scenes::find,
+    tum::find,
+    sens::find,
+];
+
+/// Tries the readers in turn.
+pub(super) fn find(container: &dyn Container) -> Result<Layout, ClipError> {
+    for find in READERS {
+        if let Some(layout) = find(container)? {
+            return Ok(layout);
+        }
+    }
+    Err(ClipError::UnknownLayout { files: container.names().len() })
+}
+
+/// The one root among those where a layout was found; none when there is none.
+fn only_root<'a>(mut roots: impl Iterator<Item = &'a str>) -> Result<Option<&'a str>, ClipError> {
+    let Some(first) = roots.next() else { return Ok(None) };
+    match roots.find(|root| *root != first) {
+        None => Ok(Some(first)),
+        Some(second) => {
+            let shown = |root: &str| if root.is_empty() { "the top folder".into() } else { root.to_string() };
+            Err(ClipError::SeveralClips { first: shown(first), second: shown(second) })
+        }
+    }
+}
+
+/// The roots of the folders that hold a file of this name.
+fn roots_of<'a>(container: &'a dyn Container, file: &'a str) -> impl Iterator<Item = &'a str> {
+    let roots = container.names().iter().filter_map(move |name| name.strip_suffix(file));
+    roots.filter(|root| root.is_empty() || root.ends_with('/'))
+}
+
+/// OpenCV's camera from one with OpenGL's axes: half a turn about x.
+fn with_opencv_axes(world_from_camera: Pose3) -> Pose3 {
+    let half_turn = UnitQuaternion::from_quaternion(Quaternion::new(0.0, 1.0, 0.0, 0.0));
+    world_from_camera * Pose3::from_parts(Translation3::identity(), half_turn)
+}
+
+impl Numbers {
+    /// Whether no number is further from the other's than this part of it.
+    pub fn is_near(&self, other: &Numbers, max_drift: f64) -> bool {
+        let near = |a: f64, b: f64| (a - b).abs() <= max_drift * b.abs();
+        near(self.fx, other.fx)
+            && near(self.fy, other.fy)
+            && near(self.cx, other.cx)
+            && near(self.cy, other.cy)
+    }
+
+    /// The picture that the numbers are of, given the sizes of the clip's two.
+    pub fn size(&self, color: (u32, u32), depth: (u32, u32)) -> (u32, u32) {
+        match self.of {
+            Of::Color => color,
+            Of::Depth => depth,
+            Of::Size(width, height) => (width, height),
+        }
+    }
+}

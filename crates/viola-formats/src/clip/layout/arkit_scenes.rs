@@ -1,0 +1,136 @@
+//! ARKitScenes: `lowres_wide/`, `lowres_depth/`, `confidence/` (`<video>_<seconds>.png`), `lowres_wide_intrinsics/`
+//! (`.pincam`), `lowres_wide.traj` (apple/ARKitScenes, DATA.md, raw/README.md, threedod/benchmark_scripts).
+//!
+//! The trajectory holds world-to-camera poses, about ten a second; pictures come up to sixty times a second.
+
+use super::associate::associate;
+use super::text::{numbers, parse_row, read_table, rigid};
+use super::trajectory::{Timed, pose_at, times};
+use super::{
+    Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, only_root, roots_of,
+};
+use crate::container::Container;
+use nalgebra::UnitQuaternion;
+use viola_geometry::{Pose3, Vector3};
+
+const TRAJECTORY: &str = "lowres_wide.traj";
+const MAX_PINCAM_BYTES: u64 = 4 << 10;
+/// Colour and depth of one frame have the same time, printed to a millisecond.
+const MAX_PAIR_GAP_S: f64 = 0.006;
+/// Poses come ten times a second; a frame between two of them is at most this far from either.
+const MAX_POSE_GAP_S: f64 = 0.11;
+/// Colour at the depth's own size is all that is needed; larger ones stand in for it.
+const COLOR_FOLDERS: [&str; 3] = ["lowres_wide", "vga_wide", "wide"];
+
+/// Finds the recording in a container; none when there is none.
+pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
+    let Some(root) = only_root(roots_of(container, TRAJECTORY))? else { return Ok(None) };
+    let depth = timed_files(container, &format!("{root}lowres_depth/"), ".png");
+    let confidence = timed_files(container, &format!("{root}confidence/"), ".png");
+    let color_of = |folder: &&str| timed_files(container, &format!("{root}{folder}/"), ".png");
+    let (folder, color) = COLOR_FOLDERS
+        .iter()
+        .map(|folder| (*folder, color_of(folder)))
+        .find(|(_, files)| !files.is_empty())
+        .unwrap_or((COLOR_FOLDERS[0], Vec::new()));
+    let cameras = timed_files(container, &format!("{root}{folder}_intrinsics/"), ".pincam");
+    if cameras.is_empty() {
+        return Err(ClipError::MissingIntrinsics { name: format!("{root}{folder}_intrinsics/*.pincam") });
+    }
+    let poses = read_trajectory(container, &format!("{root}{TRAJECTORY}"))?;
+
+    let (color_s, depth_s, camera_s) = (times(&color), times(&depth), times(&cameras));
+    let confidence_s = times(&confidence);
+    let mut sources = Vec::new();
+    for (number, (color_index, depth_index)) in
+        associate(&color_s, &depth_s, MAX_PAIR_GAP_S).into_iter().enumerate()
+    {
+        let time_s = depth_s[depth_index];
+        // Frames may lack a file of their own; the one nearest in time will do, for the lens moves little.
+        let camera = nearest(&camera_s, time_s).map(|index| &cameras[index].value);
+        let trust = nearest(&confidence_s, time_s)
+            .filter(|&index| (confidence_s[index] - time_s).abs() <= MAX_PAIR_GAP_S);
+        sources.push(Source {
+            number: number as u32,
+            time_s: Some(time_s),
+            world_from_camera: pose_at(&poses, time_s, MAX_POSE_GAP_S),
+            color: ColorAt::File(color[color_index].value.to_string()),
+            depth: DepthAt::Png(depth[depth_index].value.to_string()),
+            confidence: trust.map(|index| confidence[index].value.to_string()),
+            numbers: camera.map(|name| read_pincam(container, name)).transpose()?,
+        });
+    }
+    let name = cameras[0].value.to_string();
+    let numbers = read_pincam(container, &name)?;
+    let incomplete = color.len() + depth.len() - 2 * sources.len();
+    Ok(Some(Layout {
+        pose_convention: "world-to-camera (axis and angle), OpenCV (x right, y down, z forward)",
+        pose_files: TRAJECTORY,
+        gravity: "world z is up (layout)".to_string(),
+        up_in_world: Some(Vector3::z()),
+        color_pictures: color.len(),
+        depth_pictures: depth.len(),
+        incomplete,
+        intrinsics: format!("{folder}_intrinsics/*.pincam, for each frame; depth is scaled to it"),
+        notes: vec![format!(
+            "{folder} and lowres_depth were paired by time; poses were interpolated between those of {TRAJECTORY}"
+        )],
+        ..Layout::new("arkit_scenes", Cameras::One(Intrinsics { name, numbers }), sources)
+    }))
+}
+
+/// The files `<anything>_<seconds><ending>` right under a folder, in the order of their times.
+fn timed_files<'a>(container: &'a dyn Container, folder: &str, ending: &str) -> Vec<Timed<&'a str>> {
+    let names = container.names();
+    let first = names.partition_point(|name| name.as_str() < folder);
+    let mut files: Vec<Timed<&str>> = names[first..]
+        .iter()
+        .take_while(|name| name.starts_with(folder))
+        .filter_map(|name| {
+            let stem = name.strip_suffix(ending)?;
+            let time_s: f64 = stem.rsplit(['_', '/']).next()?.parse().ok()?;
+            time_s.is_finite().then_some(Timed { time_s, value: name.as_str() })
+        })
+        .collect();
+    files.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    files
+}
+
+/// The place of the time nearest to `time_s` in an ascending list.
+fn nearest(times_s: &[f64], time_s: f64) -> Option<usize> {
+    let after = times_s.partition_point(|&t| t < time_s);
+    let candidates = [after.checked_sub(1), Some(after).filter(|&index| index < times_s.len())];
+    let gap_s = |&index: &usize| (times_s[index] - time_s).abs();
+    candidates.into_iter().flatten().min_by(|a, b| gap_s(a).total_cmp(&gap_s(b)))
+}
+
+/// One line: width, height, fx, fy, cx, cy.
+fn read_pincam(container: &dyn Container, name: &str) -> Result<Numbers, ClipError> {
+    let bytes = container.read(name, MAX_PINCAM_BYTES)?;
+    let bad = |reason: &str| ClipError::BadIntrinsics { name: name.to_string(), reason: reason.to_string() };
+    let row = numbers(&bytes, 6).ok_or_else(|| bad("expected 6 numbers: width height fx fy cx cy"))?;
+    let is_side = |side: f64| side.fract() == 0.0 && (1.0..=65_535.0).contains(&side);
+    if !is_side(row[0]) || !is_side(row[1]) {
+        return Err(bad("width and height are not those of a picture"));
+    }
+    let of = Of::Size(row[0] as u32, row[1] as u32);
+    Ok(Numbers { fx: row[2], fy: row[3], cx: row[4], cy: row[5], of })
+}
+
+/// The poses, turned round to camera-to-world; rows that are no finite pose are left out.
+fn read_trajectory(container: &dyn Container, name: &str) -> Result<Vec<Timed<Pose3>>, ClipError> {
+    let mut poses = Vec::new();
+    for (line, text) in read_table(container, name)?.rows() {
+        let [time_s, rx, ry, rz, tx, ty, tz] = parse_row(text).ok_or_else(|| ClipError::BadIndex {
+            name: name.to_string(),
+            line,
+            reason: "expected 7 numbers: time, rotation (axis times angle), translation".to_string(),
+        })?;
+        let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(rx, ry, rz));
+        if let (true, Some(pose)) = (time_s.is_finite(), rigid(rotation, Vector3::new(tx, ty, tz))) {
+            poses.push(Timed { time_s, value: pose.inverse() });
+        }
+    }
+    poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    Ok(poses)
+}

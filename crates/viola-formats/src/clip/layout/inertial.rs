@@ -1,0 +1,53 @@
+//! What accelerometers felt, by time.
+
+use super::trajectory::Timed;
+use viola_geometry::Vector3;
+
+/// Samples this near to a frame's time are its: some hundredths of a second, over which a hand's tremor averages out.
+const WINDOW_S: f64 = 0.02;
+/// In g or in m/s2.
+const POSSIBLE: std::ops::Range<f64> = 1e-3..1e4;
+
+/// Samples in the order of time.
+#[derive(Default)]
+pub(in crate::clip) struct Forces(Vec<Timed<Vector3>>);
+
+impl Forces {
+    /// Samples in the camera's axes, in any order; what is no number, or nothing that a hand or gravity does in any unit, is
+    /// left out.
+    pub(super) fn new(mut samples: Vec<Timed<Vector3>>) -> Forces {
+        samples.retain(|sample| sample.time_s.is_finite() && POSSIBLE.contains(&sample.value.norm()));
+        samples.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        Forces(samples)
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The mean around a time; none without a sample near it.
+    pub fn around(&self, time_s: f64) -> Option<Vector3> {
+        let first = self.0.partition_point(|sample| sample.time_s < time_s - WINDOW_S);
+        let near = self.0[first..].iter().take_while(|sample| sample.time_s <= time_s + WINDOW_S);
+        let (sum, count) =
+            near.fold((Vector3::zeros(), 0), |(sum, count), sample| (sum + sample.value, count + 1));
+        (count > 0).then(|| sum / f64::from(count))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_of_what_is_near() {
+        let sample = |time_s: f64, x: f64| Timed { time_s, value: Vector3::new(x, 0.0, 0.0) };
+        let wrong = [f64::NAN, 1e200, 1e-200].map(|x| sample(1.0, x));
+        let right = [sample(1.01, 4.0), sample(0.99, 2.0), sample(1.5, 9.0)];
+        let forces = Forces::new(wrong.into_iter().chain(right).collect());
+        assert_eq!(forces.around(1.0).map(|force| force.x), Some(3.0));
+        assert_eq!(forces.around(1.5).map(|force| force.x), Some(9.0));
+        assert_eq!(forces.around(1.25), None);
+        assert!(Forces::default().around(f64::NAN).is_none());
+    }
+}

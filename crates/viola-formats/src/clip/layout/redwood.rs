@@ -1,0 +1,194 @@
+//! Redwood and Open3D: numbered pictures in two folders, and a trajectory of five lines a pose
+//! (redwood-data.org/indoor/fileformat.html; isl-org/Open3D, FileLOG.cpp).
+
+use super::json::read_json;
+use super::numbered::{number, numbered_under};
+use super::text::{numbers, pose_from_rows, read_table};
+use super::tum::KINECT;
+use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, only_root};
+use crate::container::Container;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use viola_geometry::Pose3;
+
+const COLOR_FOLDERS: [&str; 4] = ["color", "image", "rgb", "images"];
+const INTRINSICS: [&str; 3] = ["camera_intrinsic.json", "intrinsic.json", "camera_primesense.json"];
+const MAX_INTRINSICS_BYTES: u64 = 4 << 10;
+
+/// Open3D's camera, as its own JSON has it.
+#[derive(Deserialize)]
+struct CameraFile {
+    width: u32,
+    height: u32,
+    /// 3x3, column after column.
+    intrinsic_matrix: [f64; 9],
+}
+
+/// Finds the recording in a container; none when there is none.
+pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
+    let is_log = |name: &&String| name.ends_with(".log") || name.ends_with("-traj.txt");
+    let logs: Vec<&String> = container.names().iter().filter(is_log).collect();
+    // Where the trajectory is missing or damaged, Open3D's camera beside the pictures tells the layout, or the
+    // trajectory's name, as long as there are no poses of another layout.
+    let is_told = |root: &str| {
+        let has = |file: &str| container.contains(&format!("{root}{file}"));
+        let poses = format!("{root}pose/");
+        let has_poses = has("rgb.txt") || container.names().iter().any(|name| name.starts_with(&poses));
+        !has_poses && (INTRINSICS.into_iter().any(has) || logs.iter().any(|log| log.ends_with("-traj.txt")))
+    };
+    let roots_of = |kinds: &'static [&str]| {
+        container.names().iter().filter_map(move |name| {
+            let (folder, file) = name.rsplit_once('/')?;
+            let root = kinds.iter().find_map(|kind| folder.strip_suffix(kind))?;
+            (picture(file).is_some() && (root.is_empty() || root.ends_with('/'))).then_some(root)
+        })
+    };
+    // Without depth at all there is still a recording to tell about.
+    let roots: Vec<&str> = match roots_of(&["depth"]).collect::<Vec<_>>() {
+        roots if roots.is_empty() => roots_of(&COLOR_FOLDERS).collect(),
+        roots => roots,
+    };
+    let found = trajectories(container, &logs)?;
+    let root = match only_root(roots.into_iter()) {
+        Ok(Some(root)) if !found.is_empty() || is_told(root) => root,
+        Err(error) if !found.is_empty() => return Err(error),
+        _ => return Ok(None),
+    };
+    if let (true, Some(name)) = (found.is_empty(), logs.first()) {
+        return Err(bad(name, 1, "expected 3 whole numbers, and four rows of a pose behind them"));
+    }
+    let (log, poses) = beside(root, found)?;
+
+    let pictures = |folder: &str| numbered_under(container, &format!("{root}{folder}/"), picture);
+    let depth = pictures("depth")?;
+    let mut color = BTreeMap::new();
+    for folder in COLOR_FOLDERS {
+        color = pictures(folder)?;
+        if !color.is_empty() {
+            break;
+        }
+    }
+    // The trajectory counts frames from 1; pictures are numbered from 0 or from 1.
+    let first = depth.keys().next().copied().unwrap_or(0);
+    let mut sources = Vec::new();
+    for (&number, &depth) in &depth {
+        let Some(color) = color.get(&number) else { continue };
+        sources.push(Source {
+            number,
+            time_s: None,
+            world_from_camera: (number - first).checked_add(1).and_then(|n| *poses.get(&n)?),
+            color: ColorAt::File(color.to_string()),
+            depth: DepthAt::Png(depth.to_string()),
+            confidence: None,
+            numbers: None,
+        });
+    }
+    let incomplete = color.len() + depth.len() - 2 * sources.len();
+    let mut notes = vec![format!(
+        "poses are those of {log}, whose frame 1 was taken for the picture with the lowest number, {first}"
+    )];
+    let (camera, words) = camera(container, root, &mut notes)?;
+    Ok(Some(Layout {
+        pose_files: "the trajectory (.log)",
+        color_pictures: color.len(),
+        depth_pictures: depth.len(),
+        incomplete,
+        intrinsics: words,
+        notes,
+        ..Layout::new("redwood", Cameras::One(camera), sources)
+    }))
+}
+
+type Poses = BTreeMap<u32, Option<Pose3>>;
+
+/// The logs that are trajectories: a program's log is none.
+fn trajectories<'a>(
+    container: &dyn Container,
+    logs: &[&'a String],
+) -> Result<Vec<(&'a str, Poses)>, ClipError> {
+    let mut found = Vec::new();
+    for name in logs {
+        if let Some(poses) = read_log(container, name)? {
+            found.push((name.as_str(), poses));
+        }
+    }
+    Ok(found)
+}
+
+/// Of several trajectories the one beside the pictures is meant; of several there, nobody knows which.
+fn beside<'a>(root: &str, found: Vec<(&'a str, Poses)>) -> Result<(&'a str, Poses), ClipError> {
+    let (beside, elsewhere): (Vec<_>, Vec<_>) =
+        found.into_iter().partition(|(name, _)| name.starts_with(root));
+    let mut candidates = if beside.is_empty() { elsewhere } else { beside };
+    if let [(first, _), (second, _), ..] = candidates.as_slice() {
+        return Err(ClipError::SeveralTrajectories { first: first.to_string(), second: second.to_string() });
+    }
+    Ok(candidates.pop().unwrap_or_default())
+}
+
+/// The camera of Open3D's file, or the one that Open3D assumes; and in words where it comes from.
+fn camera(
+    container: &dyn Container,
+    root: &str,
+    notes: &mut Vec<String>,
+) -> Result<(Intrinsics, String), ClipError> {
+    let file = INTRINSICS.iter().map(|file| format!("{root}{file}")).find(|name| container.contains(name));
+    Ok(match file {
+        Some(name) => {
+            let file: CameraFile = read_json(container, &name, MAX_INTRINSICS_BYTES)?;
+            let [fx, _, _, _, fy, _, cx, cy, _] = file.intrinsic_matrix;
+            let numbers = Numbers { fx, fy, cx, cy, of: Of::Size(file.width, file.height) };
+            let words = format!("{}, for colour and depth", name.rsplit('/').next().unwrap_or_default());
+            (Intrinsics { name, numbers }, words)
+        }
+        None => {
+            notes.push(format!(
+                "there is no {}; the calibration that Open3D assumes for a PrimeSense camera was assumed",
+                INTRINSICS[0]
+            ));
+            let words = "assumed: fx = fy = 525, cx = 319.5, cy = 239.5 for 640x480, scaled to the pictures";
+            (Intrinsics { name: format!("{} (assumed)", INTRINSICS[0]), numbers: KINECT }, words.to_string())
+        }
+    })
+}
+
+/// The number of a picture: `000012.png`, or `0000012-000000400000.png` with its time in microseconds.
+fn picture(file: &str) -> Option<u32> {
+    let (stem, "png" | "jpg" | "jpeg") = file.rsplit_once('.')? else { return None };
+    number(stem.split_once('-').map_or(stem, |(number, _)| number))
+}
+
+/// The poses by frame number, from 1; none when the file is something else. A pose that is no rigid motion is none.
+fn read_log(container: &dyn Container, name: &str) -> Result<Option<Poses>, ClipError> {
+    let Ok(table) = read_table(container, name) else { return Ok(None) };
+    let mut rows = table.rows();
+    let mut poses = BTreeMap::new();
+    while let Some((line, head)) = rows.next() {
+        let Some(head) = numbers(head.as_bytes(), 3) else {
+            // The first line tells what the file is; a line further down that does not fit is damage.
+            return if poses.is_empty() {
+                Ok(None)
+            } else {
+                Err(bad(name, line, "expected 3 whole numbers"))
+            };
+        };
+        let mut matrix = Vec::with_capacity(16);
+        for _ in 0..4 {
+            let Some((line, row)) = rows.next() else {
+                return Err(bad(name, line, "the pose ends before its four rows"));
+            };
+            let row = numbers(row.as_bytes(), 4).ok_or_else(|| bad(name, line, "expected 4 numbers"))?;
+            matrix.extend(row);
+        }
+        let is_number = head[2].fract() == 0.0 && (1.0..=4e9).contains(&head[2]);
+        if !is_number {
+            return Err(bad(name, line, "the third number is the frame's, counted from 1"));
+        }
+        poses.insert(head[2] as u32, pose_from_rows(&matrix));
+    }
+    Ok((!poses.is_empty()).then_some(poses))
+}
+
+fn bad(name: &str, line: usize, reason: &str) -> ClipError {
+    ClipError::BadIndex { name: name.to_string(), line, reason: reason.to_string() }
+}

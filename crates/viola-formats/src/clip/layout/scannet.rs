@@ -1,0 +1,43 @@
+//! ScanNet's export: `color/N.jpg`, `depth/N.png`, `pose/N.txt`, `intrinsic/intrinsic_{color,depth}.txt`.
+//! Conventions as in the ScanNet repository's SensReader.
+
+use super::numbered::{self, Kind, Part};
+use super::text::read_intrinsics;
+use super::{Cameras, ClipError, Layout, Of};
+use crate::container::Container;
+use viola_geometry::Vector3;
+
+/// Finds the export in a container; none when there is none.
+pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
+    let Some((root, files)) = numbered::find(container, split)? else { return Ok(None) };
+    let (sources, incomplete) = files.sources(container)?;
+    let cameras = Cameras::Each {
+        color: read_intrinsics(container, &format!("{root}intrinsic/intrinsic_color.txt"), Of::Color)?,
+        depth: read_intrinsics(container, &format!("{root}intrinsic/intrinsic_depth.txt"), Of::Depth)?,
+    };
+    Ok(Some(Layout {
+        pose_files: "pose/",
+        gravity: "world z is up (layout)".to_string(),
+        up_in_world: Some(Vector3::z()),
+        color_pictures: files.count(Kind::Color),
+        depth_pictures: files.count(Kind::Depth),
+        incomplete,
+        intrinsics: "intrinsic/intrinsic_color.txt and intrinsic/intrinsic_depth.txt".to_string(),
+        ..Layout::new("scannet", cameras, sources)
+    }))
+}
+
+/// Splits `scene/color/12.jpg` into `scene/`, colour and 12.
+fn split(name: &str) -> Option<Part<'_>> {
+    let (folder, file) = name.rsplit_once('/')?;
+    let (stem, extension) = file.rsplit_once('.')?;
+    let kind_name = folder.rsplit('/').next()?;
+    let kind = match (kind_name, extension) {
+        ("color", "jpg" | "jpeg" | "png") => Kind::Color,
+        ("depth", "png") => Kind::Depth,
+        ("pose", "txt") => Kind::Pose,
+        _ => return None,
+    };
+    let root = &folder[..folder.len() - kind_name.len()];
+    Some(Part { root, kind, number: numbered::number(stem)? })
+}

@@ -1,0 +1,150 @@
+//! Stray Scanner: `odometry.csv`, `camera_matrix.csv`, `depth/000000.png`, `confidence/000000.png`, and colour as
+//! `rgb.mp4`, `rgb.mov` or pictures in `rgb/` (strayrobots/scanner, docs/format.md and the encoders in Swift;
+//! OpenArCloud/openvps and YvigUnderscore/ReMap take the same).
+
+mod imu;
+
+use super::numbered::{number, numbered_under};
+use super::text::{all_numbers, pose_from_quaternion, read_intrinsics, read_table};
+use super::{
+    ARKIT_UP, Cameras, ClipError, ColorAt, DepthAt, Layout, MILLIMETRES, Numbers, Of, Source, only_root,
+    roots_of, video,
+};
+use crate::container::Container;
+use nalgebra::Quaternion;
+use std::collections::BTreeMap;
+use viola_geometry::{Pose3, Vector3};
+
+const ODOMETRY: &str = "odometry.csv";
+const INTRINSICS: &str = "camera_matrix.csv";
+const PICTURES: [&str; 3] = ["jpg", "jpeg", "png"];
+
+/// How far a frame's intrinsics may be from those of the last frame: the lens is moved to steady the picture.
+const MAX_DRIFT: f64 = 0.1;
+
+/// A row of the odometry.
+struct Row {
+    /// In pixels of the colour picture.
+    numbers: Option<Numbers>,
+    time_s: Option<f64>,
+    world_from_camera: Option<Pose3>,
+}
+
+/// Finds the recording in a container; none when there is none.
+pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
+    let Some(root) = only_root(roots_of(container, ODOMETRY))? else { return Ok(None) };
+    let rows = read_odometry(container, &format!("{root}{ODOMETRY}"))?;
+    let pictures = |folder: &str, endings: &[&str]| {
+        numbered_under(container, &format!("{root}{folder}/"), |file| {
+            let (stem, ending) = file.rsplit_once('.')?;
+            number(stem).filter(|_| endings.contains(&ending))
+        })
+    };
+    let (color, confidence) = (pictures("rgb", &PICTURES)?, pictures("confidence", &["png"])?);
+    let mut depth = pictures("depth", &["png"])?;
+    // Early versions of the app.
+    let is_npy = depth.is_empty();
+    if is_npy {
+        depth = pictures("depth", &["npy"])?;
+    }
+
+    let video = if color.is_empty() { video::find(container, root, &["rgb.mp4", "rgb.mov"])? } else { None };
+    let shown = video.as_ref().map_or(0, |(_, _, info)| info.time_s.len());
+    let color_at = |number: u32| match &video {
+        // Frames of the video are counted as the rows of the odometry are.
+        Some((_, _, info)) => {
+            let size = (info.width, info.height);
+            ((number as usize) < shown).then_some(ColorAt::Video { frame: number, size })
+        }
+        None => color.get(&number).map(|name| ColorAt::File(name.to_string())),
+    };
+    let intrinsics = read_intrinsics(container, &format!("{root}{INTRINSICS}"), Of::Color)?;
+    let mut notes = Vec::new();
+    let mut own_numbers = rows.values().filter_map(|row| row.numbers).peekable();
+    let has_own = own_numbers.peek().is_some();
+    let use_own = has_own && own_numbers.all(|own| own.is_near(&intrinsics.numbers, MAX_DRIFT));
+    if has_own && !use_own {
+        notes.push(format!(
+            "fx, fy, cx, cy of {ODOMETRY} are not near those of {INTRINSICS}, which were used"
+        ));
+    }
+
+    let mut sources = Vec::new();
+    for (&number, &depth) in &depth {
+        let Some(color) = color_at(number) else { continue };
+        let row = rows.get(&number);
+        sources.push(Source {
+            number,
+            time_s: row.and_then(|row| row.time_s),
+            world_from_camera: row.and_then(|row| row.world_from_camera),
+            color,
+            depth: if is_npy { DepthAt::Npy(depth.to_string()) } else { DepthAt::Png(depth.to_string()) },
+            confidence: confidence.get(&number).map(|name| name.to_string()),
+            numbers: row.and_then(|row| row.numbers).filter(|_| use_own),
+        });
+    }
+    let imu = format!("{root}imu.csv");
+    if container.contains(&imu) {
+        let poses = rows.values().filter_map(|row| Some((row.time_s?, row.world_from_camera?)));
+        notes.push(imu::compare(container, &imu, poses)?);
+    }
+    notes.extend(video.as_ref().map(|(name, _, info)| video::words(name, info)));
+    let color_pictures = color.len() + shown;
+    let incomplete = color_pictures + depth.len() - 2 * sources.len();
+    let words = if use_own {
+        format!("{ODOMETRY}, for each frame; depth is scaled to them")
+    } else {
+        format!("{INTRINSICS}, of the last frame, for all; depth is scaled to it")
+    };
+    Ok(Some(Layout {
+        pose_files: ODOMETRY,
+        depth_unit: if is_npy { "millimetres (16-bit .npy)" } else { MILLIMETRES },
+        gravity: ARKIT_UP.to_string(),
+        up_in_world: Some(Vector3::y()),
+        color_pictures,
+        depth_pictures: depth.len(),
+        incomplete,
+        intrinsics: words,
+        video: video.map(|(name, region, _)| (name, region)),
+        notes,
+        ..Layout::new("stray_scanner", Cameras::One(intrinsics), sources)
+    }))
+}
+
+/// The rows by frame number. Old recordings have neither times nor numbers: their rows are counted. Those made since
+/// April 2026 have the frame's intrinsics behind the pose, and the centre of the lens distortion, which may be empty.
+fn read_odometry(container: &dyn Container, name: &str) -> Result<BTreeMap<u32, Row>, ClipError> {
+    let mut rows = BTreeMap::new();
+    let table = read_table(container, name)?;
+    for (count, (line, text)) in table.rows().filter(|(_, text)| !is_head(text)).enumerate() {
+        let bad =
+            |reason: &str| ClipError::BadIndex { name: name.to_string(), line, reason: reason.to_string() };
+        let columns =
+            || bad("expected numbers: timestamp, frame, x, y, z, qx, qy, qz, qw, and maybe fx, fy, cx, cy");
+        let values = all_numbers(text).ok_or_else(columns)?;
+        let (head, [x, y, z, qx, qy, qz, qw], behind) = match values.as_slice() {
+            pose if pose.len() == 7 => (None, pose.first_chunk().ok_or_else(columns)?, &[][..]),
+            [time_s, frame, rest @ ..] if matches!(rest.len(), 7 | 11..) => {
+                let (pose, behind) = rest.split_first_chunk().ok_or_else(columns)?;
+                (Some((*time_s, *frame)), pose, behind)
+            }
+            _ => return Err(columns()),
+        };
+        let number = match head {
+            Some((_, frame)) if frame.fract() == 0.0 && (0.0..=4e9).contains(&frame) => frame as u32,
+            Some(_) => return Err(bad("the frame is no whole number")),
+            None => count as u32,
+        };
+        let numbers = behind.first_chunk().map(|&[fx, fy, cx, cy]| Numbers { fx, fy, cx, cy, of: Of::Color });
+        let world_from_camera =
+            pose_from_quaternion(Quaternion::new(*qw, *qx, *qy, *qz), Vector3::new(*x, *y, *z));
+        let time_s = head.map(|(time_s, _)| time_s).filter(|time_s| time_s.is_finite());
+        rows.insert(number, Row { numbers, time_s, world_from_camera });
+    }
+    Ok(rows)
+}
+
+/// The line with the columns' names.
+fn is_head(text: &str) -> bool {
+    text.split(',').next().is_none_or(|word| word.trim().parse::<f64>().is_err() && text.contains("qw"))
+}

@@ -1,0 +1,57 @@
+//! What the accelerometer says of the world's upright axis.
+
+use crate::clip::ClipError;
+use crate::clip::layout::text::{parse_row, read_table};
+use crate::container::Container;
+use viola_geometry::{Pose3, Vector3};
+
+/// A sample belongs to a frame when it is this near.
+const MAX_GAP_S: f64 = 0.03;
+/// Beyond this the file and the layout contradict each other.
+const MAX_ANGLE_DEG: f64 = 15.0;
+
+/// Compares gravity in `imu.csv` with the world's y, in words. Units do not matter, for the file's are in doubt: the
+/// documentation says m/s2 and the app writes g. Neither does the sign.
+pub(super) fn compare(
+    container: &dyn Container,
+    name: &str,
+    poses: impl Iterator<Item = (f64, Pose3)>,
+) -> Result<String, ClipError> {
+    let mut samples: Vec<(f64, Vector3)> = Vec::new();
+    for (_, text) in read_table(container, name)?.rows() {
+        // The line with the columns' names, and rows that were cut, say nothing.
+        let Some([time_s, ax, ay, az, ..]) = parse_row::<7>(text) else { continue };
+        let acceleration = Vector3::new(ax, ay, az);
+        if time_s.is_finite() && acceleration.norm().is_finite() && acceleration.norm() > 1e-6 {
+            samples.push((time_s, acceleration.normalize()));
+        }
+    }
+    samples.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut sum_in_world = Vector3::zeros();
+    let mut frames = 0;
+    for (time_s, world_from_camera) in poses {
+        let after = samples.partition_point(|(t, _)| *t < time_s);
+        let near = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|at| samples.get(at));
+        let gap_s = |sample: &&(f64, Vector3)| (sample.0 - time_s).abs();
+        let Some((_, a)) = near.min_by(|a, b| gap_s(a).total_cmp(&gap_s(b))).filter(|s| gap_s(s) < MAX_GAP_S)
+        else {
+            continue;
+        };
+        // The device's axes (x right, y up, z out of the screen, held upright) as the camera's, which records
+        // with the device on its side.
+        let in_camera = Vector3::new(-a.y, -a.x, -a.z);
+        sum_in_world += world_from_camera.rotation * in_camera;
+        frames += 1;
+    }
+    if frames == 0 || sum_in_world.norm() < 0.5 * f64::from(frames) {
+        return Ok("imu.csv does not tell gravity; the layout's world was taken as upright".to_string());
+    }
+    let angle_deg = sum_in_world.normalize().y.abs().min(1.0).acos().to_degrees();
+    Ok(if angle_deg <= MAX_ANGLE_DEG {
+        format!("gravity by imu.csv is {angle_deg:.1} degrees from the world's y, which agrees")
+    } else {
+        format!(
+            "gravity by imu.csv is {angle_deg:.1} degrees from the world's y; the layout was believed, which has y up"
+        )
+    })
+}

@@ -1,0 +1,138 @@
+//! The small text files of a clip: poses, intrinsics, lists of names.
+
+use super::{ClipError, Intrinsics, Numbers, Of};
+use crate::container::Container;
+use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
+use viola_geometry::{Pose3, Vector3};
+
+const MAX_POSE_BYTES: u64 = 4 << 10;
+const MAX_INTRINSICS_BYTES: u64 = 4 << 10;
+const MAX_TABLE_BYTES: u64 = 16 << 20;
+/// Poses further away than this from their origin are garbage, in metres.
+const MAX_DISTANCE_M: f64 = 1e5;
+/// How far the products of a rotation's columns may be from 0 and 1. Exports print six digits; 7-Scenes
+/// is off by up to 1e-3.
+const ROTATION_TOLERANCE: f64 = 0.02;
+/// How far a quaternion's length may be from 1.
+const QUATERNION_TOLERANCE: f64 = 0.1;
+
+/// A camera-to-world pose: 4x4 numbers, row after row. None when it is not a finite rigid motion.
+pub(super) fn read_pose(container: &dyn Container, name: &str) -> Result<Option<Pose3>, ClipError> {
+    Ok(parse_pose(&container.read(name, MAX_POSE_BYTES)?))
+}
+
+fn parse_pose(bytes: &[u8]) -> Option<Pose3> {
+    pose_from_rows(&numbers(bytes, 16)?)
+}
+
+/// A pose from the 12 or 16 numbers of a 3x4 or 4x4 matrix, row after row. None when it is not a finite rigid motion.
+pub(super) fn pose_from_rows(m: &[f64]) -> Option<Pose3> {
+    let last_row_is_affine = match m.len() {
+        12 => true,
+        16 => m[12..15].iter().all(|v| v.abs() < 1e-6) && (m[15] - 1.0).abs() < 1e-6,
+        _ => false,
+    };
+    if !last_row_is_affine {
+        return None;
+    }
+    let rotation = Matrix3::new(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]);
+    rigid(nearest_rotation(&rotation)?, Vector3::new(m[3], m[7], m[11]))
+}
+
+/// A pose from its parts, or none when it is not finite.
+pub(super) fn rigid(rotation: UnitQuaternion<f64>, translation: Vector3) -> Option<Pose3> {
+    let is_finite = rotation.coords.iter().all(|v| v.is_finite()) && translation.norm() < MAX_DISTANCE_M;
+    is_finite.then(|| Pose3::from_parts(Translation3::from(translation), rotation))
+}
+
+/// A pose from a quaternion and a translation, or none when the first is not of length one or anything is not finite.
+pub(super) fn pose_from_quaternion(rotation: Quaternion<f64>, translation: Vector3) -> Option<Pose3> {
+    let is_unit = (rotation.norm() - 1.0).abs() < QUATERNION_TOLERANCE;
+    rigid(UnitQuaternion::from_quaternion(rotation), translation).filter(|_| is_unit)
+}
+
+/// The rotation nearest to a matrix that is one up to printing; none for any other matrix.
+fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
+    let deviation = (matrix.transpose() * matrix - Matrix3::identity()).abs().max();
+    // NaN is not below anything; a mirror has a negative determinant.
+    let is_rotation = deviation < ROTATION_TOLERANCE && matrix.determinant() > 0.0;
+    if !is_rotation {
+        return None;
+    }
+    let svd = matrix.svd(true, true);
+    let rotation = Rotation3::from_matrix_unchecked(svd.u? * svd.v_t?);
+    Some(UnitQuaternion::from_rotation_matrix(&rotation))
+}
+
+/// Intrinsics as a 3x3 or a 4x4 matrix, row after row.
+pub(super) fn read_intrinsics(
+    container: &dyn Container,
+    name: &str,
+    of: Of,
+) -> Result<Intrinsics, ClipError> {
+    if !container.contains(name) {
+        return Err(ClipError::MissingIntrinsics { name: name.to_string() });
+    }
+    let bytes = container.read(name, MAX_INTRINSICS_BYTES)?;
+    let bad = |reason: &str| ClipError::BadIntrinsics { name: name.to_string(), reason: reason.to_string() };
+    let (m, stride) = match (numbers(&bytes, 9), numbers(&bytes, 16)) {
+        (Some(m), _) => (m, 3),
+        (_, Some(m)) => (m, 4),
+        _ => return Err(bad("expected a matrix of 3x3 or 4x4 numbers")),
+    };
+    let at = |row: usize, column: usize| m[row * stride + column];
+    if !m.iter().all(|v| v.is_finite()) {
+        return Err(bad("the matrix has numbers that are not finite"));
+    }
+    if at(1, 0) != 0.0 || at(2, 0) != 0.0 || at(2, 1) != 0.0 || at(2, 2) != 1.0 || at(0, 1).abs() > 1.0 {
+        return Err(bad("the matrix is not one of intrinsics (fx 0 cx / 0 fy cy / 0 0 1)"));
+    }
+    let numbers = Numbers { fx: at(0, 0), fy: at(1, 1), cx: at(0, 2), cy: at(1, 2), of };
+    Ok(Intrinsics { name: name.to_string(), numbers })
+}
+
+/// Exactly `count` numbers separated by blanks or commas.
+pub(super) fn numbers(bytes: &[u8], count: usize) -> Option<Vec<f64>> {
+    let text = std::str::from_utf8(bytes).ok()?;
+    let mut values = Vec::with_capacity(count);
+    for word in text.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty()) {
+        if values.len() == count {
+            return None;
+        }
+        values.push(word.parse().ok()?);
+    }
+    (values.len() == count).then_some(values)
+}
+
+/// The numbers of a line, separated by blanks or commas, as long as there is nothing else.
+pub(super) fn all_numbers(line: &str) -> Option<Vec<f64>> {
+    let words = line.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty());
+    words.map(|word| word.parse().ok()).collect()
+}
+
+/// A text file of one entry a line; `#` begins a comment.
+pub(super) struct Table {
+    text: String,
+}
+
+pub(super) fn read_table(container: &dyn Container, name: &str) -> Result<Table, ClipError> {
+    let bytes = container.read(name, MAX_TABLE_BYTES)?;
+    String::from_utf8(bytes).map(|text| Table { text }).map_err(|_| ClipError::BadIndex {
+        name: name.to_string(),
+        line: 1,
+        reason: "the file is not text".to_string(),
+    })
+}
+
+impl Table {
+    /// Lines with something on them, and their numbers, from 1.
+    pub fn rows(&self) -> impl Iterator<Item = (usize, &str)> {
+        let lines = self.text.lines().enumerate().map(|(index, line)| (index + 1, line.trim()));
+        lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
+    }
+}
+
+/// Exactly `N` numbers, none when there are more, fewer, or something else.
+pub(super) fn parse_row<const N: usize>(row: &str) -> Option<[f64; N]> {
+    numbers(row.as_bytes(), N)?.try_into().ok()
+}

@@ -1,0 +1,161 @@
+//! TUM RGB-D: `rgb.txt` and `depth.txt` list pictures by time, `groundtruth.txt` lists poses
+//! (Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems", 2012, and the data set's pages).
+//!
+//! The three are not synchronised. Colour and depth pictures nearest in time make a frame; its time is the
+//! depth picture's, and its pose is interpolated for when that picture's middle row was read.
+
+use super::associate::associate;
+use super::inertial::Forces;
+use super::text::{parse_row, pose_from_quaternion, read_intrinsics, read_table};
+use super::trajectory::{Timed, pose_at, times};
+use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, only_root};
+use crate::clip::Shutter;
+use crate::container::Container;
+use nalgebra::Quaternion;
+use viola_geometry::{Pose3, Vector3};
+
+const INTRINSICS: &str = "camera-intrinsics.txt";
+/// Pictures of a frame, and a frame and the poses around it, are at most this far apart.
+const MAX_GAP_S: f64 = 0.02;
+/// The calibration that ROS drivers assume for a Kinect's 640x480 pictures, which the data set's pages give
+/// as the default.
+pub(super) const KINECT: Numbers =
+    Numbers { fx: 525.0, fy: 525.0, cx: 319.5, cy: 239.5, of: Of::Size(640, 480) };
+
+/// A Kinect's, by Ringaby and Forssen ("Scan Rectification for Structured Light Range Sensors with Rolling Shutters", 2011).
+const KINECT_SHUTTER: Shutter = Shutter { color_s: 0.0261, depth_s: 0.0306 };
+
+/// Finds the recording in a container; none when there is none.
+pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
+    let has_lists = |root: &&str| {
+        container.contains(&format!("{root}rgb.txt")) && container.contains(&format!("{root}depth.txt"))
+    };
+    let roots = container.names().iter().filter_map(|name| name.strip_suffix("rgb.txt")).filter(has_lists);
+    let Some(root) = only_root(roots.filter(|root| root.is_empty() || root.ends_with('/')))? else {
+        return Ok(None);
+    };
+    let color = read_list(container, root, "rgb.txt")?;
+    let depth = read_list(container, root, "depth.txt")?;
+    let poses = read_poses(container, &format!("{root}groundtruth.txt"))?;
+    let (color_pictures, depth_pictures) = (color.present.len(), depth.present.len());
+
+    let pairs = associate(&times(&color.present), &times(&depth.present), MAX_GAP_S);
+    let incomplete = (color_pictures + depth_pictures - 2 * pairs.len()) + color.missing + depth.missing;
+    let mut notes = Vec::new();
+    let file = format!("{root}{INTRINSICS}");
+    let (cameras, shutter, intrinsics) = if container.contains(&file) {
+        (
+            Cameras::One(read_intrinsics(container, &file, Of::Depth)?),
+            None,
+            format!("{INTRINSICS}, for colour and depth"),
+        )
+    } else {
+        notes.push(format!("there is no {INTRINSICS}; the Kinect's usual calibration was assumed"));
+        let assumed = Intrinsics { name: format!("{INTRINSICS} (assumed)"), numbers: KINECT };
+        let words = "assumed: fx = fy = 525, cx = 319.5, cy = 239.5 for 640x480, scaled to the pictures";
+        (Cameras::One(assumed), Some(KINECT_SHUTTER), words.to_string())
+    };
+    // A picture's time is when it has arrived whole; the row in its middle was read before. By how fast the camera turns,
+    // the pictures of `freiburg1_rpy` are 14 ms behind the motion capture (BENCHMARKS.md).
+    let late_s = shutter.map_or(0.0, |shutter: Shutter| shutter.depth_s / 2.0);
+    notes.push(format!(
+        "colour and depth were paired by nearest time within {MAX_GAP_S} s; poses were interpolated to when the depth \
+         picture's middle row was read, {:.0} ms before its time, from those within {MAX_GAP_S} s of it",
+        late_s * 1e3
+    ));
+    let sources = pairs.iter().enumerate().map(|(number, &(color_index, depth_index))| {
+        let picture = &depth.present[depth_index];
+        Source {
+            number: number as u32,
+            time_s: Some(picture.time_s),
+            world_from_camera: pose_at(&poses, picture.time_s - late_s, MAX_GAP_S),
+            color: ColorAt::File(color.present[color_index].value.clone()),
+            depth: DepthAt::Png(picture.value.clone()),
+            confidence: None,
+            numbers: None,
+        }
+    });
+    let sources = sources.collect();
+
+    let forces = read_forces(container, &format!("{root}accelerometer.txt"))?;
+    let gravity = if forces.is_empty() { "unknown" } else { "as the accelerometer felt it" };
+    Ok(Some(Layout {
+        pose_files: "groundtruth.txt",
+        depth_unit: "5000 a metre (16-bit PNG)",
+        depth_units_per_m: 5000.0,
+        gravity: gravity.to_string(),
+        forces,
+        color_pictures,
+        depth_pictures,
+        shutter,
+        incomplete,
+        intrinsics,
+        notes,
+        ..Layout::new("tum_rgbd", cameras, sources)
+    }))
+}
+
+/// The pictures of a list in the order of their times, and how many of them are not there.
+struct List {
+    present: Vec<Timed<String>>,
+    missing: usize,
+}
+
+fn read_list(container: &dyn Container, root: &str, file: &str) -> Result<List, ClipError> {
+    let name = format!("{root}{file}");
+    let mut list = List { present: Vec::new(), missing: 0 };
+    for (line, text) in read_table(container, &name)?.rows() {
+        let bad = |reason: &str| ClipError::BadIndex { name: name.clone(), line, reason: reason.to_string() };
+        let (time, picture) =
+            text.split_once(char::is_whitespace).ok_or_else(|| bad("expected a time and a file name"))?;
+        let time_s = time.parse().ok().filter(|t: &f64| t.is_finite()).ok_or_else(|| bad("bad time"))?;
+        let value = format!("{root}{}", picture.trim().trim_start_matches("./"));
+        if container.contains(&value) {
+            list.present.push(Timed { time_s, value });
+        } else {
+            list.missing += 1;
+        }
+    }
+    list.present.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    Ok(list)
+}
+
+/// What the accelerometer felt, in the camera's axes. Empty without the file.
+///
+/// A Kinect's accelerometer has x and y the other way round than its camera: so turned, what `freiburg1_rpy` felt is
+/// upright in the motion capture's world to 4 degrees, and no other turn by right angles does that.
+fn read_forces(container: &dyn Container, name: &str) -> Result<Forces, ClipError> {
+    let mut samples = Vec::new();
+    if container.contains(name) {
+        for (line, text) in read_table(container, name)?.rows() {
+            let [time_s, ax, ay, az] = parse_row(text).ok_or_else(|| ClipError::BadIndex {
+                name: name.to_string(),
+                line,
+                reason: "expected 4 numbers: time ax ay az".to_string(),
+            })?;
+            samples.push(Timed { time_s, value: Vector3::new(-ax, -ay, az) });
+        }
+    }
+    Ok(Forces::new(samples))
+}
+
+/// The trajectory in the order of time; rows that are no finite pose are left out. Empty without the file.
+fn read_poses(container: &dyn Container, name: &str) -> Result<Vec<Timed<Pose3>>, ClipError> {
+    let mut poses = Vec::new();
+    if !container.contains(name) {
+        return Ok(poses);
+    }
+    for (line, text) in read_table(container, name)?.rows() {
+        let [time_s, tx, ty, tz, qx, qy, qz, qw] = parse_row(text).ok_or_else(|| ClipError::BadIndex {
+            name: name.to_string(),
+            line,
+            reason: "expected 8 numbers: time tx ty tz qx qy qz qw".to_string(),
+        })?;
+        let pose = pose_from_quaternion(Quaternion::new(qw, qx, qy, qz), Vector3::new(tx, ty, tz));
+        if let (true, Some(value)) = (time_s.is_finite(), pose) {
+            poses.push(Timed { time_s, value });
+        }
+    }
+    poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    Ok(poses)
+}

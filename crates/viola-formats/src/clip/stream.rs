@@ -1,0 +1,94 @@
+//! Frames in the order in which they are wanted.
+
+use super::files::Files;
+use super::{Clip, ClipError, Frame, Origin};
+use crate::video;
+use image::RgbImage;
+use rayon::prelude::*;
+
+/// Some of a clip's frames, decoded a few at a time and by several threads.
+pub struct FrameStream<'a> {
+    clip: &'a Clip,
+    indices: std::vec::IntoIter<usize>,
+    video: VideoStream,
+}
+
+/// The clip's video on its way.
+enum VideoStream {
+    /// Nothing of it was asked for yet.
+    Waiting,
+    Running(Box<video::Frames>),
+    /// It failed; no frame behind this place can be had.
+    Failed {
+        code: &'static str,
+        reason: String,
+        is_ours: bool,
+    },
+}
+
+impl<'a> FrameStream<'a> {
+    pub(super) fn new(clip: &'a Clip, indices: Vec<usize>) -> FrameStream<'a> {
+        FrameStream { clip, indices: indices.into_iter(), video: VideoStream::Waiting }
+    }
+
+    /// The next frames, at most `count`; none at the end. A frame that cannot be decoded does not stop those behind it,
+    /// but for those of a video: what is behind its damage is lost.
+    pub fn next_batch(&mut self, count: usize) -> Vec<Result<Frame, ClipError>> {
+        // A video is told once what will be wanted of it.
+        let of_video = matches!(&self.clip.origin, Origin::Files(files) if files.video.is_some());
+        let is_first = of_video && matches!(self.video, VideoStream::Waiting);
+        let wanted_after = if is_first { self.indices.as_slice().to_vec() } else { Vec::new() };
+        let indices: Vec<usize> = self.indices.by_ref().take(count).collect();
+        match &self.clip.origin {
+            Origin::Memory(load) => indices.par_iter().map(|&index| Ok(load(index))).collect(),
+            Origin::Files(files) => {
+                let colors: Vec<_> =
+                    indices.iter().map(|&index| self.video.color(files, index, &wanted_after)).collect();
+                let frame =
+                    |(index, color): (&usize, _)| files.load(*index, &self.clip.frames[*index], color);
+                indices.par_iter().zip(colors).map(frame).collect()
+            }
+        }
+    }
+}
+
+impl VideoStream {
+    /// The colour of a frame, when it is of a video. `wanted` are this frame and those that will be asked for after it.
+    fn color(
+        &mut self,
+        files: &Files,
+        index: usize,
+        wanted: &[usize],
+    ) -> Option<Result<RgbImage, ClipError>> {
+        let number = files.pictures[index].video_frame()?;
+        if matches!(self, VideoStream::Waiting) {
+            let video = files.video.as_ref()?;
+            let numbers: Vec<usize> =
+                wanted.iter().filter_map(|&index| files.pictures[index].video_frame()).collect();
+            match video::decode(&video.region, &numbers, &video.tools) {
+                Ok(frames) => *self = VideoStream::Running(Box::new(frames)),
+                Err(error) => self.fail(&error),
+            }
+        }
+        if let VideoStream::Running(frames) = self {
+            match frames.next() {
+                Some(Ok((got, picture))) if got == number => return Some(Ok(picture)),
+                Some(Err(error)) => self.fail(&error),
+                _ => return Some(Err(ClipError::VideoEnded { frame: number as u32 })),
+            }
+        }
+        match self {
+            VideoStream::Failed { code, reason, is_ours } => {
+                let name = files.video.as_ref().map(|video| video.name.clone()).unwrap_or_default();
+                let (reason, is_ours) = (reason.clone(), *is_ours);
+                Some(Err(ClipError::VideoFailed { name, code, reason, is_ours }))
+            }
+            _ => None,
+        }
+    }
+
+    fn fail(&mut self, error: &video::VideoError) {
+        let (code, reason, is_ours) = (error.code(), error.to_string(), error.is_ours());
+        *self = VideoStream::Failed { code, reason, is_ours };
+    }
+}

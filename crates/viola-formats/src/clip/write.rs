@@ -1,0 +1,172 @@
+//! Clips as files that other tools read: Stray Scanner, TUM RGB-D, ScanNet's export.
+
+mod encode;
+mod scannet;
+mod sink;
+mod stray;
+mod tum;
+
+pub use sink::{FolderSink, Sink, ZipSink};
+
+use super::{Clip, ClipError, Frame};
+use nalgebra::{Translation3, UnitQuaternion};
+use rayon::prelude::*;
+use viola_geometry::progress::{Cancelled, Progress};
+use viola_geometry::{Pose3, Vector3};
+
+/// Frames decoded and encoded at a time; they are written in order.
+const BATCH: usize = 8;
+/// Seconds from one frame to the next for clips without times.
+const STEP_S: f64 = 1.0 / 30.0;
+/// Angles of view that differ by more than this are told.
+const MAX_VIEW_RATIO: f64 = 1.01;
+
+/// A layout that clips are written in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WrittenLayout {
+    StrayScanner,
+    TumRgbd,
+    Scannet,
+}
+
+/// Why a clip was not written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    #[error(transparent)]
+    Clip(#[from] ClipError),
+    #[error("cannot encode a picture: {0}")]
+    Picture(#[from] image::ImageError),
+    #[error("cannot write {name}: {source}")]
+    Write { name: String, source: std::io::Error },
+    #[error("no frame has a pose, and this layout needs them")]
+    NoPose,
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// What was written.
+#[derive(Debug, Clone)]
+pub struct WrittenClip {
+    pub frames: usize,
+    /// What the layout cannot hold, and what was assumed.
+    pub notes: Vec<String>,
+}
+
+/// What a layout's writer does: a file for each frame first, those of the whole clip at the end.
+trait Writer: Sync {
+    /// The files of one frame; it is the `place`-th that is written.
+    fn frame(&self, place: usize, frame: &Frame) -> Result<Vec<(String, Vec<u8>)>, WriteError>;
+    /// Takes down what the closing files need.
+    fn record(&mut self, place: usize, frame: &Frame);
+    fn close(&mut self) -> Vec<(String, Vec<u8>)>;
+}
+
+/// Writes the frames that have a pose and can be decoded.
+pub fn write(
+    clip: &Clip,
+    layout: WrittenLayout,
+    sink: &mut dyn Sink,
+    progress: &dyn Progress,
+) -> Result<WrittenClip, WriteError> {
+    let posed: Vec<usize> =
+        (0..clip.frames().len()).filter(|&i| clip.frames()[i].world_from_camera.is_some()).collect();
+    let mut notes = Vec::new();
+    let without = clip.frames().len() - posed.len();
+    if without > 0 {
+        notes.push(format!("{without} frames without a pose were left out"));
+    }
+    if clip.frames().iter().any(|frame| frame.time_s.is_none()) && layout != WrittenLayout::Scannet {
+        notes.push("the clip has no times: 30 frames a second were assumed".to_string());
+    }
+    let turn = upright(clip, layout, &mut notes);
+    let mut writer: Box<dyn Writer> = match layout {
+        WrittenLayout::StrayScanner => Box::new(stray::Stray::default()),
+        WrittenLayout::TumRgbd => Box::new(tum::Tum::default()),
+        WrittenLayout::Scannet => Box::new(scannet::Scannet::default()),
+    };
+    let (mut written, mut broken) = (0, 0);
+    let mut frames = clip.stream(posed.clone());
+    for done in (0..posed.len()).step_by(BATCH) {
+        viola_geometry::progress::check(progress)?;
+        progress.advance(done as f64 / posed.len() as f64);
+        let mut batch = Vec::new();
+        for frame in frames.next_batch(BATCH) {
+            match frame {
+                Ok(mut frame) => {
+                    let place = written + batch.len();
+                    let header = &mut frame.header;
+                    header.world_from_camera = header.world_from_camera.map(|pose| turn * pose);
+                    header.time_s = header.time_s.or(Some(place as f64 * STEP_S));
+                    batch.push((place, frame));
+                }
+                Err(_) => broken += 1,
+            }
+        }
+        if let Some((0, first)) = batch.first() {
+            notes.extend(one_camera(first).filter(|_| layout != WrittenLayout::Scannet));
+        }
+        let encoded: Vec<_> = batch.par_iter().map(|(place, frame)| writer.frame(*place, frame)).collect();
+        for ((place, frame), files) in batch.iter().zip(encoded) {
+            for (name, bytes) in files? {
+                sink.put(&name, &bytes)?;
+            }
+            writer.record(*place, frame);
+        }
+        written += batch.len();
+    }
+    if written == 0 {
+        return Err(WriteError::NoPose);
+    }
+    if broken > 0 {
+        notes.push(format!("{broken} frames could not be decoded and were left out"));
+    }
+    for (name, bytes) in writer.close() {
+        sink.put(&name, &bytes)?;
+    }
+    Ok(WrittenClip { frames: written, notes })
+}
+
+/// What turns the clip's world so that the layout's axis is up.
+fn upright(clip: &Clip, layout: WrittenLayout, notes: &mut Vec<String>) -> Pose3 {
+    let wanted = match layout {
+        WrittenLayout::StrayScanner => Vector3::y(),
+        WrittenLayout::Scannet => Vector3::z(),
+        WrittenLayout::TumRgbd => return Pose3::identity(),
+    };
+    let Some(up) = clip.up_in_world() else {
+        notes.push("which way is up is not known; the layout's world should be upright".to_string());
+        return Pose3::identity();
+    };
+    let turn = UnitQuaternion::rotation_between(&up.direction, &wanted)
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+    Pose3::from_parts(Translation3::identity(), turn)
+}
+
+/// A remark where the two cameras do not see the same: these layouts have one set of intrinsics.
+fn one_camera(frame: &Frame) -> Option<String> {
+    let depth = &frame.depth_camera;
+    let color = frame.color_camera.resized(depth.width, depth.height);
+    let near = |a: f64, b: f64| a < b * MAX_VIEW_RATIO && b < a * MAX_VIEW_RATIO;
+    let is_same = near(color.fx, depth.fx)
+        && near(color.fy, depth.fy)
+        && (color.cx - depth.cx).abs() < 2.0
+        && (color.cy - depth.cy).abs() < 2.0;
+    (!is_same).then(|| {
+        "colour and depth see differently, and the layout has one set of intrinsics: the depth's was written"
+            .to_string()
+    })
+}
+
+/// Whole numbers, 0 where there is no reading; what does not fit is dropped.
+fn depth_units(frame: &Frame, units_per_m: f32) -> Vec<u16> {
+    let units = |depth_m: &f32| match (depth_m * units_per_m).round() {
+        units if units < f32::from(u16::MAX) => units as u16,
+        _ => 0,
+    };
+    frame.depth.depth_m.iter().map(units).collect()
+}
+
+/// Row after row, with the digits that give the same number back.
+fn row(numbers: &[f64], separator: &str) -> String {
+    numbers.iter().map(|value| format!("{value}")).collect::<Vec<_>>().join(separator) + "\n"
+}

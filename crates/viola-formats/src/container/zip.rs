@@ -1,0 +1,234 @@
+//! A zip archive, read entry by entry without unpacking it (PKWARE APPNOTE 6.3).
+
+mod entry;
+
+use super::contents::{RATIO_FREE_BYTES, read_bounded};
+use super::names::{Entries, required, safe_name, shown};
+use super::spool::spool;
+use super::{Container, ContainerError, MAX_ENTRIES, Region};
+use ::zip::read::{ArchiveOffset, Config};
+use ::zip::result::ZipError;
+use ::zip::{CompressionMethod, ZipArchive};
+use entry::Entry;
+use std::fs::File;
+use std::io::{BufReader, Cursor, ErrorKind, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// Declared size of one entry, unpacked: a large mesh beside the pictures passes, a bomb does not.
+const MAX_ENTRY_BYTES: u64 = 4 << 30;
+/// Declared size of all entries, unpacked.
+const MAX_TOTAL_BYTES: u64 = 64 << 30;
+/// Unpacked bytes for each packed one. Deflate reaches 1030 on zeros; text and raw pictures stay below 50.
+const MAX_RATIO: u64 = 200;
+
+trait ReadSeek: Read + Seek + Send + Sync {}
+impl<T: Read + Seek + Send + Sync> ReadSeek for T {}
+
+enum Source {
+    Path(PathBuf),
+    Bytes(Vec<u8>),
+}
+
+impl Source {
+    /// A reader of its own for whoever asks, so that threads do not wait for each other.
+    fn reader(&self) -> Result<Box<dyn ReadSeek + '_>, ContainerError> {
+        match self {
+            Source::Path(path) => match File::open(path) {
+                Ok(file) => Ok(Box::new(file)),
+                Err(source) => Err(ContainerError::unreadable(path, source)),
+            },
+            Source::Bytes(bytes) => Ok(Box::new(Cursor::new(bytes.as_slice()))),
+        }
+    }
+}
+
+/// A checked archive: its directory in memory, its entries where they are.
+pub struct Zip {
+    source: Source,
+    names: Vec<String>,
+    /// One for each name.
+    entries: Vec<Entry>,
+}
+
+impl Zip {
+    pub fn open(path: &Path) -> Result<Zip, ContainerError> {
+        Zip::check(Source::Path(path.to_path_buf()))
+    }
+
+    pub fn from_bytes(bytes: Vec<u8>) -> Result<Zip, ContainerError> {
+        Zip::check(Source::Bytes(bytes))
+    }
+
+    fn check(source: Source) -> Result<Zip, ContainerError> {
+        let mut reader = BufReader::new(source.reader()?);
+        let packed_bytes = check_footer(&mut reader)?;
+        // A known offset keeps the crate from searching a whole file for a directory that lies elsewhere.
+        let config = Config { archive_offset: ArchiveOffset::Known(0) };
+        let directory = ZipArchive::with_config(config, reader).map_err(damaged)?.metadata();
+        if directory.has_duplicate_names() {
+            return Err(ContainerError::DuplicateName { name: "the same".into() });
+        }
+        let mut found = Entries::new();
+        let mut total_bytes = 0u64;
+        for index in 0..directory.len() {
+            let entry = directory.entry(index).map_err(damaged)?;
+            let raw = entry.name().map_err(damaged)?;
+            let name = safe_name(&raw)?;
+            if entry.is_symlink() {
+                return Err(ContainerError::Link { name: shown(&raw) });
+            }
+            if entry.is_dir() || raw.ends_with('\\') {
+                continue;
+            }
+            if entry.encrypted() {
+                return Err(ContainerError::ZipEncrypted { name });
+            }
+            if !matches!(entry.compression(), CompressionMethod::Stored | CompressionMethod::Deflated) {
+                return Err(ContainerError::ZipMethod { name });
+            }
+            if entry.compression() == CompressionMethod::Stored && entry.size() != entry.compressed_size() {
+                let reason = format!("{name} is stored, and yet its packed size is another");
+                return Err(ContainerError::ZipDamaged { reason });
+            }
+            check_ratio(&name, entry.size(), entry.compressed_size(), MAX_ENTRY_BYTES)?;
+            total_bytes = total_bytes.saturating_add(entry.size());
+            let kept = Entry {
+                header_at: entry.header_start(),
+                packed: entry.compressed_size(),
+                bytes: entry.size(),
+                crc32: entry.crc32(),
+                is_deflated: entry.compression() == CompressionMethod::Deflated,
+            };
+            found.push(name, kept)?;
+        }
+        check_ratio("the archive", total_bytes, packed_bytes, MAX_TOTAL_BYTES)?;
+        let (names, entries) = found.finish()?;
+        Ok(Zip { source, names, entries })
+    }
+
+    /// The entry, if it declares no more than `max_bytes`.
+    fn sized(&self, name: &str, max_bytes: u64) -> Result<Entry, ContainerError> {
+        let entry = self.entries[required(&self.names, name)?];
+        if entry.bytes > max_bytes {
+            return Err(ContainerError::FileTooLarge { name: shown(name), max_bytes });
+        }
+        Ok(entry)
+    }
+
+    /// A stored entry of an archive on the disk, where it is. Its checksum is not checked.
+    fn stored(&self, path: &Path, name: &str, entry: Entry) -> Result<Region, ContainerError> {
+        let unreadable = |source| ContainerError::unreadable(path, source);
+        let mut file = File::open(path).map_err(unreadable)?;
+        let offset = entry.data_at(&mut file, name)?;
+        let whole = Region::whole(file).map_err(unreadable)?;
+        whole.part(offset, entry.bytes).map_err(|source| match source.kind() {
+            ErrorKind::UnexpectedEof => {
+                ContainerError::ZipDamaged { reason: format!("{name} does not lie inside the archive") }
+            }
+            _ => ContainerError::damaged_zip(name, source),
+        })
+    }
+}
+
+impl Container for Zip {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    fn read(&self, name: &str, max_bytes: u64) -> Result<Vec<u8>, ContainerError> {
+        let entry = self.sized(name, max_bytes)?;
+        let mut file = entry.reader(self.source.reader()?, name)?;
+        // An entry that unpacks to more than it declares has lied to the checks above.
+        match read_bounded(&mut file, name, entry.bytes) {
+            Err(ContainerError::FileTooLarge { name, .. }) => Err(larger_than_declared(&name)),
+            Err(ContainerError::Unreadable { name, source }) => {
+                Err(ContainerError::damaged_zip(&name, source))
+            }
+            Ok(bytes) => entry.check(&file, name).map(|()| bytes),
+            Err(other) => Err(other),
+        }
+    }
+
+    fn region(&self, name: &str, max_bytes: u64) -> Result<Region, ContainerError> {
+        let entry = self.sized(name, max_bytes)?;
+        if let (Source::Path(path), false) = (&self.source, entry.is_deflated) {
+            return self.stored(path, name, entry);
+        }
+        let mut file = entry.reader(self.source.reader()?, name)?;
+        let region = spool(
+            &mut file,
+            name,
+            entry.bytes,
+            || larger_than_declared(name),
+            |source| ContainerError::damaged_zip(name, source),
+        )?;
+        entry.check(&file, name).map(|()| region)
+    }
+}
+
+fn larger_than_declared(name: &str) -> ContainerError {
+    ContainerError::ZipDamaged { reason: format!("{name} is larger than the archive says") }
+}
+
+fn check_ratio(name: &str, bytes: u64, packed: u64, max_bytes: u64) -> Result<(), ContainerError> {
+    let allowed = packed.saturating_mul(MAX_RATIO).max(RATIO_FREE_BYTES).min(max_bytes);
+    if bytes > allowed {
+        return Err(ContainerError::ZipBomb { name: shown(name), bytes, packed });
+    }
+    Ok(())
+}
+
+fn damaged(error: ZipError) -> ContainerError {
+    match error {
+        ZipError::Io(source) => ContainerError::damaged_zip("the archive", source),
+        error => ContainerError::ZipDamaged { reason: error.to_string() },
+    }
+}
+
+/// Looks at the beginning and the end of the file before the crate does, and returns the file's size.
+///
+/// The crate allocates for as many entries as the end says. A plain end record cannot say more than
+/// 65 535; a zip64 record can, so every one that the crate could take is looked at here.
+fn check_footer(reader: &mut (impl Read + Seek)) -> Result<u64, ContainerError> {
+    const END: [u8; 4] = *b"PK\x05\x06";
+    const LOCATOR: [u8; 4] = *b"PK\x06\x07";
+    const LOCATOR_BYTES: usize = 20;
+    /// The end record, the longest comment, the zip64 locator before it, and some slack.
+    const TAIL_BYTES: u64 = 22 + 65_535 + LOCATOR_BYTES as u64 + 64;
+    let io = |source: std::io::Error| ContainerError::damaged_zip("the archive", source);
+
+    let len = reader.seek(SeekFrom::End(0)).map_err(io)?;
+    if len == 0 {
+        return Err(ContainerError::Empty);
+    }
+    reader.seek(SeekFrom::Start(0)).map_err(io)?;
+    let mut head = Vec::new();
+    reader.by_ref().take(4).read_to_end(&mut head).map_err(io)?;
+    if head != *b"PK\x03\x04" && head != END {
+        return Err(ContainerError::NotAnArchive);
+    }
+    reader.seek(SeekFrom::Start(len.saturating_sub(TAIL_BYTES))).map_err(io)?;
+    let mut tail = Vec::new();
+    reader.by_ref().take(TAIL_BYTES).read_to_end(&mut tail).map_err(io)?;
+    let ends: Vec<usize> = (0..tail.len().saturating_sub(21)).filter(|&at| tail[at..at + 4] == END).collect();
+    if ends.is_empty() {
+        return Err(ContainerError::ZipTruncated);
+    }
+    for end in ends {
+        let Some(locator) = end.checked_sub(LOCATOR_BYTES).map(|at| &tail[at..end]) else { continue };
+        if locator[..4] != LOCATOR {
+            continue;
+        }
+        let offset = u64::from_le_bytes(locator[8..16].try_into().expect("eight bytes"));
+        let mut record = Vec::new();
+        reader.seek(SeekFrom::Start(offset.min(len))).map_err(io)?;
+        reader.by_ref().take(40).read_to_end(&mut record).map_err(io)?;
+        // The number of entries is at byte 32 of the zip64 end record (APPNOTE 4.3.14).
+        if record.len() == 40
+            && u64::from_le_bytes(record[32..40].try_into().expect("eight bytes")) > MAX_ENTRIES as u64
+        {
+            return Err(ContainerError::TooManyEntries);
+        }
+    }
+    Ok(len)
+}

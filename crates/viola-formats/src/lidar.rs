@@ -1,0 +1,164 @@
+//! A home's 2D LiDAR map: what is occupied, what is free, which rooms it has.
+//!
+//! The map's frame has x right and y up, in metres: that of the file for CSV, PLY, PCD and ROS; for Valetudo and
+//! the robots' own files the origin is the lower-left corner of the sheet (`size`).
+
+mod build;
+mod carmen;
+mod drawing;
+mod error;
+mod marks;
+mod points;
+mod robot;
+mod ros;
+mod sheet;
+mod strays;
+mod valetudo;
+mod write;
+
+pub use error::LidarError;
+pub use marks::{Line, LineKind, MapMarks, Obstacle, Zone, ZoneKind};
+pub use write::{RosFiles, Written};
+
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use viola_geometry::{Grid, Point2, Pose2};
+
+/// Bytes of one map file.
+pub const MAX_FILE_BYTES: u64 = 64 << 20;
+/// Cells of one map, before anything is allocated for them.
+pub const MAX_CELLS: usize = 64 << 20;
+/// Occupied points of one map, and cells of all its rooms together.
+pub const MAX_POINTS: usize = 5_000_000;
+
+/// The longest side of a map in metres: six times that of the largest vacuum map that was seen, and less than that of a map in
+/// centimetres.
+pub const MAX_SIDE_M: f64 = 250.0;
+
+/// Rooms of one map that are looked at: more than a home has.
+pub const MAX_ROOMS: usize = 200;
+
+/// What a robot knows of a cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cell {
+    Unknown,
+    /// The robot drove there or saw through it.
+    Free,
+    Occupied,
+}
+
+/// A LiDAR map as the method uses it.
+#[derive(Debug, Clone)]
+pub struct LidarMap {
+    pub info: LidarInfo,
+    /// Points on what the LiDAR hit: measured points, or the centres of occupied cells.
+    pub occupied_m: Vec<Point2>,
+    /// The cells as the file has them; none for formats that are bare points.
+    pub cells: Option<Grid<Cell>>,
+    pub rooms: Vec<Room>,
+    /// The dock, when the file has it; yaw is where the robot faces when docked.
+    pub charger: Option<Pose2>,
+    /// Centres of the cells in which the robot felt carpet.
+    pub carpet_m: Vec<Point2>,
+}
+
+/// A room (segment) that the robot's software made out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Room {
+    pub id: String,
+    pub name: Option<String>,
+    /// What its floor is made of, as the robot's software calls it: `wood`, `tile`, `carpet_low`, ...
+    pub material: Option<String>,
+    /// Centres of its cells.
+    pub cells_m: Vec<Point2>,
+}
+
+/// What was understood of a map, told to whoever sent it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct LidarInfo {
+    /// Format by name: `valetudo`, `roborock`, `dreame`, `viomi`, `ros_map_server`, `csv_points`, `ply_points`,
+    /// `pcd_points`, `carmen_log`.
+    pub format: String,
+    /// The map's frame in words.
+    pub frame: String,
+    /// Side of a cell in metres, for formats with cells.
+    pub cell_m: Option<f64>,
+    pub occupied_points: usize,
+    pub free_cells: usize,
+    pub free_area_m2: f64,
+    /// Lower-left corner of the box around everything known, in the map's frame.
+    pub min_m: [f64; 2],
+    /// Upper-right corner of that box.
+    pub max_m: [f64; 2],
+    pub rooms: Vec<RoomInfo>,
+    pub charger: Option<Pose2>,
+    /// What else is drawn on the map.
+    #[serde(default)]
+    pub marks: MapMarks,
+    /// Anything else worth telling: assumptions made, entities ignored.
+    pub notes: Vec<String>,
+}
+
+/// A room in [`LidarInfo`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct RoomInfo {
+    pub id: String,
+    pub name: Option<String>,
+    /// What its floor is made of, where the robot's software knows.
+    #[serde(default)]
+    pub material: Option<String>,
+    pub area_m2: f64,
+    /// Mean of its cells, in the map's frame.
+    pub centre_m: [f64; 2],
+}
+
+impl LidarMap {
+    /// Opens a map file; the format is found by content. A ROS map is a zip of the `.yaml` file and its
+    /// image, or the `.yaml` file itself with the image beside it.
+    pub fn open(path: &Path) -> Result<LidarMap, LidarError> {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let bytes = read_file(path, &name)?;
+        if name.ends_with(".yaml") || name.ends_with(".yml") {
+            return ros::read(&bytes, &name, |image| read_file(&path.with_file_name(image), image));
+        }
+        LidarMap::read(&bytes)
+    }
+
+    /// Reads a map from the bytes of its file; the format is found by content. A ROS map is a zip.
+    pub fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
+        if bytes.len() as u64 > MAX_FILE_BYTES {
+            return Err(LidarError::FileTooLarge { max_bytes: MAX_FILE_BYTES });
+        }
+        match bytes {
+            [b'P', b'K', 3 | 5, ..] => return ros::read_zip(bytes),
+            [0x1f, 0x8b, ..] => return robot::read_gzip(bytes),
+            [0x89, b'P', b'N', b'G', ..] => return valetudo::read_png(bytes),
+            [b'r', b'r', ..] if robot::is_roborock(bytes) => return robot::read_roborock(bytes),
+            _ if robot::is_zlib(bytes) => return robot::read_zlib(bytes),
+            _ => {}
+        }
+        let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
+        match text {
+            [] => Err(LidarError::Empty),
+            [b'{', ..] => valetudo::read(text),
+            [b'P', b'2' | b'5', ..] => Err(LidarError::ImageWithoutYaml),
+            [b'p', b'l', b'y', b'\r' | b'\n', ..] => points::read_ply(text),
+            _ if points::is_pcd(text) => points::read_pcd(text),
+            _ if carmen::is_log(text) => carmen::read(text),
+            _ if robot::is_dreame_text(text) => robot::read_dreame_text(text),
+            _ => points::read_csv(text),
+        }
+    }
+}
+
+fn read_file(path: &Path, name: &str) -> Result<Vec<u8>, LidarError> {
+    use std::io::Read;
+    let unreadable = |source| LidarError::Unreadable { name: name.to_string(), source };
+    let file = std::fs::File::open(path).map_err(unreadable)?;
+    let mut bytes = Vec::new();
+    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        return Err(LidarError::FileTooLarge { max_bytes: MAX_FILE_BYTES });
+    }
+    Ok(bytes)
+}

@@ -1,0 +1,152 @@
+//! ROS map_server maps: a yaml file and a grey image (nav2_map_server `map_io.cpp`).
+
+mod raster;
+mod turn;
+
+use super::build::{Parts, build, occupied_centres};
+use super::{LidarError, LidarMap, MAX_FILE_BYTES, MapMarks};
+use crate::container::{Container, Zip};
+use serde::Deserialize;
+use viola_geometry::{Grid, GridFrame, Pose2};
+
+const MAX_YAML_BYTES: u64 = 64 << 10;
+/// The threshold under which a map saver's unknown (205) is not free.
+const SAVED_FREE_THRESHOLD: f64 = 0.196;
+/// Less than this turns the largest map by less than a cell.
+const MIN_YAW_RAD: f64 = 1e-6;
+
+#[derive(Deserialize)]
+struct Description {
+    image: String,
+    resolution: f64,
+    origin: Vec<f64>,
+    #[serde(default)]
+    negate: Option<Switch>,
+    occupied_thresh: f64,
+    free_thresh: f64,
+    #[serde(default)]
+    mode: Mode,
+}
+
+#[derive(Deserialize, Default, Clone, Copy, PartialEq)]
+#[serde(rename_all = "lowercase")]
+enum Mode {
+    #[default]
+    Trinary,
+    Scale,
+    Raw,
+}
+
+#[derive(Deserialize, Clone, Copy)]
+#[serde(untagged)]
+enum Switch {
+    Bool(bool),
+    Number(i64),
+}
+
+/// A zip with one yaml file and the image that it names.
+pub(super) fn read_zip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
+    let zip = Zip::from_bytes(bytes.to_vec())?;
+    let mut yamls = zip.names().iter().filter(|name| name.ends_with(".yaml") || name.ends_with(".yml"));
+    let name = yamls.next().ok_or(LidarError::UnknownFormat)?;
+    if let Some(second) = yamls.next() {
+        let reason = format!("the archive has another one, {second}; send one map");
+        return Err(LidarError::BadYaml { name: name.clone(), reason });
+    }
+    let folder = name.rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"));
+    read(&zip.read(name, MAX_YAML_BYTES)?, name, |image| {
+        let path = format!("{folder}{image}");
+        if !zip.contains(&path) {
+            return Err(LidarError::YamlWithoutImage);
+        }
+        Ok(zip.read(&path, MAX_FILE_BYTES)?)
+    })
+}
+
+/// A yaml file, and a way to read the image beside it.
+pub(super) fn read(
+    yaml: &[u8],
+    name: &str,
+    read_image: impl FnOnce(&str) -> Result<Vec<u8>, LidarError>,
+) -> Result<LidarMap, LidarError> {
+    let bad = |reason: String| LidarError::BadYaml { name: name.to_string(), reason };
+    if yaml.len() as u64 > MAX_YAML_BYTES {
+        return Err(bad(format!("it has more than {MAX_YAML_BYTES} bytes")));
+    }
+    let mut description: Description =
+        serde_yaml_ng::from_slice(yaml).map_err(|error| bad(error.to_string()))?;
+    let mut notes = Vec::new();
+    let image_name = image_beside(&description.image, &mut notes).map_err(bad)?;
+    let origin = check(&description).map_err(bad)?;
+    let image = raster::decode(&read_image(&image_name)?, &image_name)?;
+    if raster::is_saved_with_wide_threshold(&image, &description) {
+        notes.push(format!(
+            "the image's 205, which map savers write for unknown, is below free_thresh {}; it was read as unknown",
+            description.free_thresh
+        ));
+        description.free_thresh = SAVED_FREE_THRESHOLD;
+    }
+    let frame = GridFrame {
+        origin_m: [origin.x_m, origin.y_m],
+        cell_m: description.resolution,
+        width: image.width() as usize,
+        height: image.height() as usize,
+    };
+    let grid = Grid { frame, cells: raster::classify(&image, &description) };
+    let (grid, occupied_m) = if origin.yaw_rad.abs() > MIN_YAW_RAD {
+        notes.push("the origin has a yaw: the cells were sampled again on an upright grid".to_string());
+        turn::turn(&grid, &origin)?
+    } else {
+        let occupied_m = occupied_centres(&grid)?;
+        (grid, occupied_m)
+    };
+    build(Parts {
+        format: "ros_map_server",
+        frame: "metres, the map frame of the yaml file",
+        occupied_m,
+        cells: Some(grid),
+        rooms: Vec::new(),
+        charger: None,
+        marks: MapMarks::default(),
+        carpet_m: Vec::new(),
+        notes,
+    })
+}
+
+/// The image's name in the yaml file's own folder. Map savers write absolute names of the robot's disk;
+/// of those only the last part can be meant.
+fn image_beside(image: &str, notes: &mut Vec<String>) -> Result<String, String> {
+    let is_absolute = image.starts_with('/') || image.contains('\\') || image.contains(':');
+    let name = if is_absolute {
+        let name = image.rsplit(['/', '\\']).next().unwrap_or_default();
+        notes.push(format!("image is an absolute path; {name:.80} beside the yaml file was taken"));
+        name
+    } else {
+        image.strip_prefix("./").unwrap_or(image)
+    };
+    if name.is_empty() || name.len() > 255 || name.split('/').any(|part| part.is_empty() || part == "..") {
+        return Err(format!("image is {image:.80}, and must name a file beside the yaml file"));
+    }
+    Ok(name.to_string())
+}
+
+/// Checks the numbers and returns the pose of the image's lower-left corner in the map.
+fn check(description: &Description) -> Result<Pose2, String> {
+    let Description { resolution, occupied_thresh, free_thresh, .. } = *description;
+    if !(0.001..=1.0).contains(&resolution) {
+        return Err(format!("resolution is {resolution}, and must be from 0.001 to 1 metre for each pixel"));
+    }
+    let &[x_m, y_m, yaw_rad] = description.origin.as_slice() else {
+        return Err("origin must be [x, y, yaw]".to_string());
+    };
+    let is_bounded = |v: f64| v.abs() < 1e6;
+    if !(is_bounded(x_m) && is_bounded(y_m) && is_bounded(yaw_rad)) {
+        return Err("origin must be finite".to_string());
+    }
+    if !(0.0 <= free_thresh && free_thresh < occupied_thresh && occupied_thresh <= 1.0) {
+        return Err(format!(
+            "free_thresh is {free_thresh} and occupied_thresh is {occupied_thresh}; 0 <= free < occupied <= 1 must hold"
+        ));
+    }
+    Ok(Pose2::new(x_m, y_m, yaw_rad))
+}

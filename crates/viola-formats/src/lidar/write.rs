@@ -1,0 +1,93 @@
+//! Maps as files that other tools read: Valetudo JSON, ROS map_server, PLY.
+
+mod points;
+mod ros;
+mod valetudo;
+
+pub use ros::RosFiles;
+
+use super::{Cell, LidarError, LidarMap, MAX_CELLS};
+use viola_geometry::{Grid, GridFrame, Point2};
+
+/// Side of a cell for maps that are bare points.
+const CELL_M: f64 = 0.05;
+
+/// A written file.
+#[derive(Debug, Clone)]
+pub struct Written {
+    pub bytes: Vec<u8>,
+    /// What to add to a point of the map, in metres, to find it in the file; zero where the file has the map's frame.
+    pub file_from_map_m: [f64; 2],
+    /// What the format cannot hold.
+    pub notes: Vec<String>,
+}
+
+impl LidarMap {
+    /// The map as Valetudo's JSON, metaData.version 2. Cells whose side is no whole number of centimetres, and maps
+    /// that lie left of or below their origin, are moved to what the format can hold.
+    pub fn to_valetudo(&self) -> Result<Written, LidarError> {
+        valetudo::write(self)
+    }
+
+    /// The map as a yaml file and a PGM for ROS map_server; `image` is the name of the PGM.
+    pub fn to_ros(&self, image: &str) -> Result<RosFiles, LidarError> {
+        ros::write(self, image)
+    }
+
+    /// What the LiDAR hit, as binary PLY.
+    pub fn to_ply(&self) -> Written {
+        points::write(self)
+    }
+
+    /// The map's cells, or the cells in which its points lie.
+    fn raster(&self) -> Result<Grid<Cell>, LidarError> {
+        match &self.cells {
+            Some(cells) => Ok(cells.clone()),
+            None => raster_of(self.info.min_m, self.info.max_m, CELL_M, |grid| mark(grid, &self.occupied_m)),
+        }
+    }
+}
+
+/// A grid of cells at multiples of their side that covers a box.
+fn raster_of(
+    min_m: [f64; 2],
+    max_m: [f64; 2],
+    cell_m: f64,
+    fill: impl FnOnce(&mut Grid<Cell>),
+) -> Result<Grid<Cell>, LidarError> {
+    // The product may come out above what was divided, which then would lie in no cell.
+    let edge = |v: f64| (v / cell_m).floor() * cell_m;
+    let least = min_m.map(|v| if edge(v) > v { edge(v) - cell_m } else { edge(v) });
+    let frame = GridFrame::covering(least, max_m, 0.0, cell_m);
+    let cells = frame.width.saturating_mul(frame.height);
+    if cells > MAX_CELLS {
+        return Err(LidarError::TooManyCells { cells: cells as u64, max: MAX_CELLS });
+    }
+    let mut grid = Grid::filled(frame, Cell::Unknown);
+    fill(&mut grid);
+    Ok(grid)
+}
+
+fn mark(grid: &mut Grid<Cell>, points: &[Point2]) {
+    for point in points {
+        if let Some((x, y)) = grid.frame.cell(point) {
+            grid.set(x, y, Cell::Occupied);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_on_the_edges_of_cells_are_kept() {
+        for n in -400..400 {
+            let at = f64::from(n) / 20.0;
+            let map = LidarMap::read(format!("{at},{at}\n{},{at}", at + 0.1).as_bytes()).unwrap();
+            let written = map.to_valetudo().unwrap();
+            let read = LidarMap::read(&written.bytes).map(|read| read.occupied_m.len());
+            assert_eq!(read.ok(), Some(2), "{at}");
+        }
+    }
+}

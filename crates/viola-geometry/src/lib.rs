@@ -1,0 +1,28 @@
+//! Transforms, cameras, planes, grids and distance fields. No I/O; metres and radians throughout.
+//!
+//! Transforms are named by their spaces so that they cancel: `map_from_clip * clip_from_camera` is a
+//! `map_from_camera`. The spaces: `camera` is x right, y down, z forward; `world` is whatever frame the
+//! device poses are in; `clip` is z up with its origin on the floor below the first camera and x along
+//! that camera's heading; `map` is the LiDAR map's own frame, x right, y up.
+
+mod camera;
+mod distance_field;
+mod grid;
+mod plane;
+mod pose2;
+pub mod progress;
+pub mod stopwatch;
+pub mod taxonomy;
+
+pub use camera::Pinhole;
+pub use distance_field::DistanceField;
+pub use grid::{Grid, GridFrame};
+pub use plane::Plane;
+pub use pose2::{Pose2, angle_between, wrap_angle};
+
+pub type Point2 = nalgebra::Point2<f64>;
+pub type Point3 = nalgebra::Point3<f64>;
+pub type Vector2 = nalgebra::Vector2<f64>;
+pub type Vector3 = nalgebra::Vector3<f64>;
+/// A rigid motion in space.
+pub type Pose3 = nalgebra::Isometry3<f64>;

@@ -1,0 +1,105 @@
+//! Takes the time of each stage. The caller hands in the clock.
+
+use crate::progress::{Progress, Stage};
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+/// A [`Progress`] that passes everything on and remembers how long each stage took.
+pub struct Stopwatch<'a> {
+    inner: &'a dyn Progress,
+    laps: Mutex<Laps>,
+    budget: Option<(Stage, Duration)>,
+    clock: Clock,
+}
+
+/// Tells the time: `Instant::now`.
+pub type Clock = fn() -> Instant;
+
+struct Laps {
+    seconds: BTreeMap<String, f64>,
+    current: Option<(Stage, Instant)>,
+}
+
+impl<'a> Stopwatch<'a> {
+    pub fn around(inner: &'a dyn Progress, clock: Clock) -> Stopwatch<'a> {
+        let laps = Laps { seconds: BTreeMap::new(), current: None };
+        Stopwatch { inner, laps: Mutex::new(laps), budget: None, clock }
+    }
+
+    /// Gives a stage so much time.
+    pub fn with_budget(self, stage: Stage, time: Duration) -> Stopwatch<'a> {
+        Stopwatch { budget: Some((stage, time)), ..self }
+    }
+
+    /// Ends the current stage and gives the seconds of each.
+    pub fn stop(self) -> BTreeMap<String, f64> {
+        let now = (self.clock)();
+        let mut laps = self.laps.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+        laps.close(now);
+        laps.seconds
+    }
+}
+
+impl Laps {
+    fn close(&mut self, now: Instant) {
+        if let Some((stage, since)) = self.current.take() {
+            *self.seconds.entry(stage.name().to_owned()).or_default() +=
+                now.duration_since(since).as_secs_f64();
+        }
+    }
+}
+
+impl Progress for Stopwatch<'_> {
+    fn enter(&self, stage: Stage) {
+        let now = (self.clock)();
+        let mut laps = self.laps.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        laps.close(now);
+        laps.current = Some((stage, now));
+        drop(laps);
+        self.inner.enter(stage);
+    }
+
+    fn advance(&self, fraction: f64) {
+        self.inner.advance(fraction);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.inner.cancelled()
+    }
+
+    fn out_of_time(&self) -> bool {
+        let now = (self.clock)();
+        let laps = self.laps.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let over = match (self.budget, laps.current) {
+            (Some((stage, time)), Some((current, since))) => {
+                stage == current && now.duration_since(since) > time
+            }
+            _ => false,
+        };
+        drop(laps);
+        over || self.inner.out_of_time()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+
+    #[test]
+    fn only_the_stage_with_a_budget_runs_out_of_time() {
+        let watch = Stopwatch::around(&Silent, Instant::now).with_budget(Stage::Complete, Duration::ZERO);
+        assert!(!watch.out_of_time(), "nothing has begun");
+        watch.enter(Stage::Search);
+        assert!(!watch.out_of_time());
+        watch.enter(Stage::Complete);
+        // A clock that is too coarse has not moved yet.
+        while !watch.out_of_time() {}
+        let patient =
+            Stopwatch::around(&watch, Instant::now).with_budget(Stage::Complete, Duration::from_secs(3600));
+        patient.enter(Stage::Complete);
+        while !patient.out_of_time() {}
+        assert_eq!(patient.stop().keys().collect::<Vec<_>>(), ["complete"]);
+    }
+}

@@ -1,0 +1,52 @@
+//! A clip's place in space: its pose in the plane, and how far its floor was mistaken.
+
+use nalgebra::UnitQuaternion;
+use serde::{Deserialize, Serialize};
+use viola_geometry::{Pose2, Pose3, Vector3};
+
+/// What remains of a clip's pose in space beside its pose in the plane. Both are small: the clip's own floor is level and
+/// at 0 but for the errors of its plane.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Level {
+    pub z_m: f64,
+    /// The rotation vector about the map's x and y axes that comes after the yaw.
+    pub tilt_rad: [f64; 2],
+}
+
+/// The pose in space.
+pub(super) fn in_space(pose: &Pose2, level: &Level) -> Pose3 {
+    let yaw = UnitQuaternion::from_scaled_axis(Vector3::z() * pose.yaw_rad);
+    let tilt = UnitQuaternion::from_scaled_axis(Vector3::new(level.tilt_rad[0], level.tilt_rad[1], 0.0));
+    Pose3::from_parts(Vector3::new(pose.x_m, pose.y_m, level.z_m).into(), tilt * yaw)
+}
+
+/// The other way round; the rest of the rotation is the yaw.
+pub(super) fn apart(pose: &Pose3) -> (Pose2, Level) {
+    let up = pose.rotation * Vector3::z();
+    let tilt = UnitQuaternion::rotation_between(&Vector3::z(), &up).unwrap_or_default();
+    let yaw = (tilt.inverse() * pose.rotation).scaled_axis();
+    let at = pose.translation.vector;
+    let vector = tilt.scaled_axis();
+    (Pose2::new(at.x, at.y, yaw.z), Level { z_m: at.z, tilt_rad: [vector.x, vector.y] })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use viola_geometry::angle_between;
+
+    proptest! {
+        #[test]
+        fn taken_apart_and_put_together(
+            x in -20.0..20.0f64, y in -20.0..20.0f64, yaw in -3.1..3.1f64,
+            z in -0.1..0.1f64, rx in -0.1..0.1f64, ry in -0.1..0.1f64,
+        ) {
+            let (pose, level) = (Pose2::new(x, y, yaw), Level { z_m: z, tilt_rad: [rx, ry] });
+            let (pose2, level2) = apart(&in_space(&pose, &level));
+            prop_assert!(pose2.distance_m(&pose) < 1e-9 && angle_between(pose2.yaw_rad, yaw) < 1e-9);
+            prop_assert!((level2.z_m - z).abs() < 1e-9);
+            prop_assert!((0..2).all(|i| (level2.tilt_rad[i] - level.tilt_rad[i]).abs() < 1e-9));
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! The clips of a home as its map sees them.
+
+use super::level::{Level, in_space};
+use super::tile::TileKey;
+use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
+use uuid::Uuid;
+use viola_geometry::{Point2, Pose2, Pose3};
+
+/// A clip that may be in the map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Member {
+    pub clip: Uuid,
+    /// When it was recorded, in milliseconds since 1970, where that is known.
+    pub recorded_at_ms: Option<i64>,
+    /// Of its file: what orders clips whose times are not known.
+    pub sha256: String,
+    /// Names what it brings; another answer for the clip has another name.
+    pub share: String,
+    pub verdict: Verdict,
+}
+
+/// What is known of a clip's place by itself.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Verdict {
+    Aligned {
+        map_from_clip: Pose2,
+        covariance: Matrix3<f64>,
+        probability: Option<f64>,
+    },
+    /// Where a person put it.
+    Chosen {
+        map_from_clip: Pose2,
+    },
+    /// Alternatives with their probabilities.
+    Ambiguous {
+        alternatives: Vec<(Pose2, f64)>,
+    },
+}
+
+/// Who says where a clip is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PlacedBy {
+    /// The clip's own alignment to the LiDAR map.
+    Alignment,
+    /// The clips around it, which decided between its alternatives.
+    Neighbours,
+    /// A person's choice.
+    Person,
+}
+
+/// A clip in the map.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PlacedClip {
+    pub clip: Uuid,
+    pub share: String,
+    pub recorded_at_ms: Option<i64>,
+    pub by: PlacedBy,
+    pub probability: Option<f64>,
+    /// Where it was by itself.
+    pub alone: Pose2,
+    /// Where it is, refined together with the clips that it overlaps.
+    pub map_from_clip: Pose2,
+    /// The rest of that pose in space.
+    pub level: Level,
+    /// The shares of the clips that it was refined with.
+    pub with: Vec<String>,
+    pub extent: Extent,
+    /// The tiles that depend on it.
+    pub tiles: Vec<TileKey>,
+    pub points: usize,
+}
+
+/// The box around what a clip saw and where it was seen from, in its own frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Extent {
+    pub min_m: [f64; 2],
+    pub max_m: [f64; 2],
+}
+
+impl Member {
+    /// The canonical order of a map's clips: by what they are, and by their ids only where they are the same file.
+    pub(super) fn order(&self) -> (Option<i64>, &str, &Uuid) {
+        (self.recorded_at_ms, &self.sha256, &self.clip)
+    }
+}
+
+impl PlacedClip {
+    /// Its pose in space as it was by itself.
+    pub fn alone_in_space(&self) -> Pose3 {
+        in_space(&self.alone, &Level::default())
+    }
+
+    /// Its pose in space.
+    pub fn in_space(&self) -> Pose3 {
+        in_space(&self.map_from_clip, &self.level)
+    }
+}
+
+impl Extent {
+    pub(super) fn around(points: impl Iterator<Item = [f64; 2]>) -> Extent {
+        let mut extent = Extent { min_m: [f64::INFINITY; 2], max_m: [f64::NEG_INFINITY; 2] };
+        for point in points {
+            for (axis, c) in point.into_iter().enumerate() {
+                extent.min_m[axis] = extent.min_m[axis].min(c);
+                extent.max_m[axis] = extent.max_m[axis].max(c);
+            }
+        }
+        // Nothing seen: an empty box at the origin, which JSON can carry.
+        if extent.min_m[0] > extent.max_m[0] { Extent { min_m: [0.0; 2], max_m: [0.0; 2] } } else { extent }
+    }
+
+    /// The box around this one in the map's frame.
+    fn in_map(&self, map_from_clip: &Pose2) -> Extent {
+        let [[left, bottom], [right, top]] = [self.min_m, self.max_m];
+        let corners = [[left, bottom], [right, bottom], [left, top], [right, top]];
+        Extent::around(corners.into_iter().map(|[x, y]| {
+            let at = map_from_clip.apply(&Point2::new(x, y));
+            [at.x, at.y]
+        }))
+    }
+
+    /// Whether two clips can have seen the same thing.
+    pub(super) fn meets(&self, map_from_this: &Pose2, other: &Extent, map_from_other: &Pose2) -> bool {
+        const MARGIN_M: f64 = 0.3;
+        let (a, b) = (self.in_map(map_from_this), other.in_map(map_from_other));
+        (0..2).all(|i| a.min_m[i] < b.max_m[i] + MARGIN_M && b.min_m[i] < a.max_m[i] + MARGIN_M)
+    }
+}

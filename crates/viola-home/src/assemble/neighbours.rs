@@ -1,0 +1,183 @@
+//! An ambiguous clip looked at again beside the clips whose places are known: what they saw decides between its
+//! alternatives.
+
+use super::sight::Sights;
+use super::surface::{Surface, SurfacePoint};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use viola_geometry::{Point3, Pose2, Pose3, Vector3};
+use viola_reconstruct::View;
+
+/// How alternatives are compared.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NeighbourParams {
+    /// Points of the clip that are looked for in a neighbour.
+    pub samples: usize,
+    /// Side of the patches of surface that count as one observation each.
+    pub patch_m: f64,
+    /// A patch agrees, or does not, when this share of its points says so.
+    pub majority: f64,
+    /// Patches that agree for one that does not at the right pose: things are moved, and clips err.
+    pub agreeing_per_odd: i32,
+    /// How much likelier a further patch that does not agree is at a wrong pose than at the right one.
+    pub likelihood_ratio: f64,
+    /// Colours further apart than this, of 255, are not the same thing.
+    pub color: f64,
+    /// Probability from which a clip is placed.
+    pub sure: f64,
+    /// An alternative is placed only if so many patches agree: without overlap nothing is decided.
+    pub min_patches: i32,
+}
+
+impl Default for NeighbourParams {
+    fn default() -> Self {
+        NeighbourParams {
+            samples: 2_000,
+            patch_m: 0.5,
+            majority: 0.6,
+            agreeing_per_odd: 5,
+            likelihood_ratio: 1.5,
+            color: 60.0,
+            sure: 0.95,
+            min_patches: 20,
+        }
+    }
+}
+
+/// A clip at its place, as a neighbour sees it.
+pub(super) struct Neighbour<'a> {
+    pub map_from_clip: Pose3,
+    pub surface: &'a Surface,
+    pub sights: Sights<'a>,
+}
+
+/// The clip whose place is asked for.
+pub(super) struct Asked<'a> {
+    pub surface: &'a Surface,
+    pub views: &'a [View],
+}
+
+/// Patches of surface that agree with what a neighbour saw, and patches that do not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Agreement {
+    pub agree: i32,
+    pub differ: i32,
+}
+
+/// Compares a clip at one of its alternatives with a neighbour.
+pub(super) fn agreement(
+    asked: &Asked,
+    map_from_clip: &Pose3,
+    neighbour: &Neighbour,
+    params: &NeighbourParams,
+) -> Agreement {
+    let patch = |point: &Point3| [point.x, point.y, point.z].map(|c| (c / params.patch_m).floor() as i32);
+    let samples: Vec<&SurfacePoint> = asked.surface.some(params.samples).filter(|s| s.is_upright()).collect();
+    let forward = samples.into_par_iter().map(|sample| {
+        let position = map_from_clip * sample.position;
+        (patch(&position), ask(&position, &(map_from_clip * sample.normal), sample.color, neighbour, params))
+    });
+    // And the other way round: what the neighbour saw where this clip looked through.
+    let sights = Sights::new(asked.views, map_from_clip);
+    let samples: Vec<&SurfacePoint> =
+        neighbour.surface.some(params.samples).filter(|s| s.is_upright()).collect();
+    let backward = samples.into_par_iter().map(|sample| {
+        let position = neighbour.map_from_clip * sample.position;
+        let (surface, through) = sights.of(&position);
+        (patch(&position), if through > 2 * surface { Said::Gone } else { Said::Nothing })
+    });
+    let mut patches: BTreeMap<[i32; 3], (u32, u32)> = BTreeMap::new();
+    for (patch, said) in forward.chain(backward).collect::<Vec<_>>() {
+        let votes = patches.entry(patch).or_default();
+        votes.0 += u32::from(said == Said::There);
+        votes.1 += u32::from(said == Said::Gone);
+    }
+    let mut sum = Agreement::default();
+    for (yes, no) in patches.values().filter(|(yes, no)| yes + no >= 3) {
+        let all = f64::from(yes + no);
+        sum.agree += i32::from(f64::from(*yes) >= params.majority * all);
+        sum.differ += i32::from(f64::from(*no) >= params.majority * all);
+    }
+    sum
+}
+
+/// What one clip says of a point of the other's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Said {
+    /// It has the same thing there.
+    There,
+    /// It looked through the place.
+    Gone,
+    Nothing,
+}
+
+fn ask(
+    position: &Point3,
+    normal: &Vector3,
+    color: [u8; 3],
+    neighbour: &Neighbour,
+    params: &NeighbourParams,
+) -> Said {
+    let clip_from_map = neighbour.map_from_clip.inverse();
+    if let Some(near) = neighbour.surface.nearest(&(clip_from_map * position), &(clip_from_map * normal)) {
+        let squared: f64 = (0..3).map(|i| (f64::from(near.color[i]) - f64::from(color[i])).powi(2)).sum();
+        if squared < 3.0 * params.color * params.color {
+            return Said::There;
+        }
+    }
+    let (surface, through) = neighbour.sights.of(position);
+    if through > 2 * surface { Said::Gone } else { Said::Nothing }
+}
+
+/// The alternative that the neighbours leave, with its probability; none while they leave doubt.
+///
+/// What agrees speaks for nothing by itself: all alternatives fit the LiDAR map, so a room that looks like the right one
+/// agrees as well, and the right one may be where no neighbour has been. Only what differs speaks, against.
+pub(super) fn decide(
+    alternatives: &[(Pose2, f64)],
+    agreements: &[Vec<Agreement>],
+    params: &NeighbourParams,
+) -> Option<(usize, f64)> {
+    let odd = |one: &Agreement| (one.differ - one.agree / params.agreeing_per_odd).max(0);
+    let logs: Vec<f64> = alternatives
+        .iter()
+        .zip(agreements)
+        .map(|((_, probability), said)| {
+            let against: i32 = said.iter().map(odd).sum();
+            probability.max(1e-6).ln() - f64::from(against) * params.likelihood_ratio.ln()
+        })
+        .collect();
+    let (best, most) = logs.iter().enumerate().rev().max_by(|a, b| a.1.total_cmp(b.1))?;
+    let sum: f64 = logs.iter().map(|log| (log - most).exp()).sum();
+    let enough = agreements[best].iter().map(|one| one.agree).sum::<i32>() >= params.min_patches;
+    (enough && 1.0 / sum >= params.sure).then_some((best, 1.0 / sum))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_neighbours_saw_decides() {
+        let params = NeighbourParams::default();
+        let alternatives = [(Pose2::IDENTITY, 0.5), (Pose2::new(3.0, 0.0, 0.0), 0.5)];
+        // ((agree, differ) of each alternative, chosen)
+        let cases = [
+            ([(0, 0), (0, 0)], None),
+            ([(20, 1), (3, 9)], Some(0)),
+            ([(1, 9), (22, 2)], Some(1)),
+            // The other one is nowhere contradicted: it may be where nobody looked.
+            ([(40, 0), (0, 0)], None),
+            ([(20, 0), (19, 1)], None),
+            // Too little of the one that is left was seen.
+            ([(15, 0), (0, 30)], None),
+        ];
+        for (said, chosen) in cases {
+            let said = said.map(|(agree, differ)| vec![Agreement { agree, differ }]);
+            let decided = decide(&alternatives, &said, &params).map(|(place, _)| place);
+            assert_eq!(decided, chosen, "{said:?}");
+        }
+        assert_eq!(decide(&[], &[], &params), None);
+    }
+}

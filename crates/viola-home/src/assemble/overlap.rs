@@ -1,0 +1,191 @@
+//! How two clips that saw the same place lie to each other.
+
+use super::surface::{Surface, SurfacePoint};
+use nalgebra::{Matrix6, Translation3, UnitQuaternion, Vector6};
+use serde::{Deserialize, Serialize};
+use viola_geometry::{Pose3, Vector3};
+use viola_reconstruct::PointCloud;
+
+/// How two clips are compared.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OverlapParams {
+    /// Points of one clip that are looked for in the other.
+    pub samples: usize,
+    /// Scales of the robust kernel, wide to narrow, and the steps at each.
+    pub kernel_m: [f64; 3],
+    pub steps: usize,
+    /// A point this near to the other clip's surface, measured along its normal, has been found there.
+    pub near_m: f64,
+    /// Fewer found points on upright surfaces are no overlap.
+    pub min_found: usize,
+    /// Clips that would have to move further than this to agree do not see the same thing.
+    pub max_shift_m: f64,
+    pub max_turn_rad: f64,
+    /// Standard deviation of one found point's distance, and how many neighbouring ones share their errors.
+    pub noise_m: f64,
+    pub correlated: f64,
+}
+
+impl Default for OverlapParams {
+    fn default() -> Self {
+        OverlapParams {
+            samples: 3_000,
+            kernel_m: [0.12, 0.06, 0.03],
+            steps: 5,
+            near_m: 0.05,
+            min_found: 120,
+            max_shift_m: 0.25,
+            max_turn_rad: 5f64.to_radians(),
+            noise_m: 0.02,
+            correlated: 20.0,
+        }
+    }
+}
+
+/// What two clips say about each other.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Overlap {
+    pub b_from_a: Pose3,
+    /// Of a small motion of `a` in `b`'s frame: its translation, then its rotation vector about `b`'s axes through
+    /// `a`'s origin. Row after row.
+    pub information: [[f64; 6]; 6],
+    /// Upright points of `a` that were found in `b`.
+    pub found: usize,
+}
+
+/// Point-to-plane registration of the surface of `a` to that of `b`, from where the map has them.
+pub(super) fn overlap(a: &Surface, b: &Surface, start: &Pose3, params: &OverlapParams) -> Option<Overlap> {
+    let samples: Vec<&SurfacePoint> = a.some(params.samples).collect();
+    let mut pose = *start;
+    for kernel_m in params.kernel_m {
+        for _ in 0..params.steps {
+            let normal = Normal::gather(&samples, b, &pose, kernel_m, params.near_m);
+            let mut information = normal.information;
+            // Along a bare wall nothing holds: there it stays where the map put it.
+            (0..6).for_each(|i| information[(i, i)] += 1.0);
+            let step = information.cholesky().map(|c| -c.solve(&normal.gradient))?;
+            pose = moved(&pose, &step);
+            if step.fixed_rows::<3>(0).norm() < 1e-4 && step.fixed_rows::<3>(3).norm() < 1e-5 {
+                break;
+            }
+        }
+    }
+    let shift_m = (pose.translation.vector - start.translation.vector).norm();
+    let far = shift_m > params.max_shift_m || pose.rotation.angle_to(&start.rotation) > params.max_turn_rad;
+    let last = Normal::gather(&samples, b, &pose, params.kernel_m[2], params.near_m);
+    if far || !pose.translation.vector.iter().all(|c| c.is_finite()) || last.found < params.min_found {
+        return None;
+    }
+    let variance = params.noise_m * params.noise_m * params.correlated;
+    let information = last.information / variance;
+    let row = |i: usize| std::array::from_fn(|j| information[(i, j)]);
+    Some(Overlap { b_from_a: pose, information: std::array::from_fn(row), found: last.found })
+}
+
+/// A pose after a small motion: translation, and rotation about the pose's origin.
+pub(super) fn moved(pose: &Pose3, step: &Vector6<f64>) -> Pose3 {
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(step[3], step[4], step[5]));
+    let shift = Vector3::new(step[0], step[1], step[2]);
+    Pose3::from_parts(Translation3::from(pose.translation.vector + shift), turn * pose.rotation)
+}
+
+/// How far, along their normals, the points of `a` are from `b`'s surface: root of the mean square of those that are
+/// found within `near_m`, and how many they are.
+pub fn disagreement(a: &PointCloud, b: &PointCloud, b_from_a: &Pose3, near_m: f64) -> (f64, usize) {
+    let (a, b) = (Surface::new(a), Surface::new(b));
+    let (mut squares, mut found) = (0.0, 0usize);
+    for point in &a.points {
+        let position = b_from_a * point.position;
+        if let Some(near) = b.nearest(&position, &(b_from_a * point.normal)) {
+            let distance_m = near.normal.dot(&(position - near.position));
+            if distance_m.abs() < near_m {
+                squares += distance_m * distance_m;
+                found += 1;
+            }
+        }
+    }
+    ((squares / found.max(1) as f64).sqrt(), found)
+}
+
+/// The normal equations at one pose, and how many upright points were found.
+struct Normal {
+    information: Matrix6<f64>,
+    gradient: Vector6<f64>,
+    found: usize,
+}
+
+impl Normal {
+    fn gather(samples: &[&SurfacePoint], b: &Surface, pose: &Pose3, kernel_m: f64, near_m: f64) -> Normal {
+        let mut normal = Normal { information: Matrix6::zeros(), gradient: Vector6::zeros(), found: 0 };
+        let c2 = kernel_m * kernel_m;
+        for sample in samples {
+            let position = pose * sample.position;
+            let Some(near) = b.nearest(&position, &(pose.rotation * sample.normal)) else { continue };
+            let distance_m = near.normal.dot(&(position - near.position));
+            let share = c2 / (c2 + distance_m * distance_m);
+            let turn = (position.coords - pose.translation.vector).cross(&near.normal);
+            let n = near.normal;
+            let slope = Vector6::new(n.x, n.y, n.z, turn.x, turn.y, turn.z);
+            normal.information += slope * slope.transpose() * (share * share);
+            normal.gradient += slope * (distance_m * share * share);
+            normal.found += usize::from(sample.is_upright() && distance_m.abs() < near_m);
+        }
+        normal
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use viola_reconstruct::{CloudPoint, Label};
+
+    /// Two walls that meet, a pillar and a floor.
+    fn corner() -> PointCloud {
+        let mut points = Vec::new();
+        let mut add = |position_m: [f64; 3], normal: [f32; 3]| {
+            let position_m = position_m.map(|c| c as f32);
+            points.push(CloudPoint { position_m, normal, color: [9, 9, 9], label: Label::NONE, weight: 1 });
+        };
+        for up in 0..50 {
+            let z = f64::from(up) * 0.06;
+            for along in 0..50 {
+                let s = f64::from(along) * 0.06;
+                add([s, 0.0, z], [0.0, 1.0, 0.0]);
+                add([0.0, s, z], [1.0, 0.0, 0.0]);
+                add([s, z, 0.0], [0.0, 0.0, 1.0]);
+            }
+            for along in 0..6 {
+                let s = f64::from(along) * 0.06;
+                add([1.0 + s, 1.0, z], [0.0, -1.0, 0.0]);
+                add([1.0, 1.0 + s, z], [-1.0, 0.0, 0.0]);
+            }
+        }
+        PointCloud { points, voxel_m: 0.06 }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+        #[test]
+        fn a_moved_clip_is_found(
+            x in -5.0..5.0f64, y in -5.0..5.0f64, z in -0.5..0.5f64, yaw in -3.1..3.1f64,
+            off in prop::array::uniform3(-0.05..0.05f64), turn in prop::array::uniform3(-0.02..0.02f64),
+        ) {
+            let truth = Pose3::new(Vector3::new(x, y, z), Vector3::new(0.0, 0.0, yaw));
+            let there = corner().transformed(&truth);
+            let start = truth * Pose3::new(off.into(), turn.into());
+            let (a, b) = (Surface::new(&corner()), Surface::new(&there));
+            let found = overlap(&a, &b, &start, &OverlapParams::default()).unwrap().b_from_a;
+            prop_assert!((found.translation.vector - truth.translation.vector).norm() < 3e-3, "{found:?} {truth:?}");
+            prop_assert!(found.rotation.angle_to(&truth.rotation) < 2e-3);
+        }
+    }
+
+    #[test]
+    fn two_sides_of_a_wall_do_not_overlap() {
+        let mut behind = corner();
+        behind.points.iter_mut().for_each(|point| point.normal = point.normal.map(|c| -c));
+        let (a, b) = (Surface::new(&corner()), Surface::new(&behind));
+        assert_eq!(overlap(&a, &b, &Pose3::identity(), &OverlapParams::default()), None);
+    }
+}

@@ -1,0 +1,227 @@
+//! The poses of clips that overlap, refined together.
+//!
+//! A clip's pose is the solution, for that clip, of the pose graph of itself and the clips that it overlaps: every clip
+//! is held to the map by its own alignment and its own floor, and to its neighbours by their overlaps. Nothing further
+//! away takes part. So a pose depends on the set of the neighbours alone, and a new clip moves those that it overlaps
+//! and no others.
+
+use super::overlap::{Overlap, moved};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector6};
+use viola_geometry::{Pose3, Vector3};
+
+/// How poses are held.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SettleParams {
+    /// Added to what an alignment says of itself: the map's own errors, which its hits share.
+    pub map_m: f64,
+    pub map_rad: f64,
+    /// How well a clip knows the height and the level of its floor.
+    pub floor_m: f64,
+    pub floor_rad: f64,
+    pub steps: usize,
+    /// Terms that disagree by more than this many standard deviations fade out.
+    pub fade: f64,
+    /// A clip's neighbours that take part at most, those first that share most with it.
+    pub max_neighbours: usize,
+}
+
+impl Default for SettleParams {
+    fn default() -> Self {
+        SettleParams {
+            map_m: 0.015,
+            map_rad: 0.3f64.to_radians(),
+            floor_m: 0.02,
+            floor_rad: 0.6f64.to_radians(),
+            steps: 8,
+            fade: 3.0,
+            max_neighbours: 24,
+        }
+    }
+}
+
+/// A clip in the graph.
+#[derive(Debug, Clone)]
+pub(super) struct Held {
+    pub map_from_clip: Pose3,
+    /// Of (x_m, y_m, yaw_rad); none when a person has put it there and it stays.
+    pub covariance: Option<Matrix3<f64>>,
+}
+
+/// An overlap between two clips of the graph, by their places in it.
+#[derive(Debug, Clone)]
+pub(super) struct Tie<'a> {
+    pub a: usize,
+    pub b: usize,
+    pub overlap: &'a Overlap,
+}
+
+/// The refined pose of the first clip.
+pub(super) fn settle(clips: &[Held], ties: &[Tie], params: &SettleParams) -> Option<Pose3> {
+    let first = clips.first()?;
+    if ties.is_empty() {
+        return Some(first.map_from_clip);
+    }
+    let mut poses: Vec<Pose3> = clips.iter().map(|clip| clip.map_from_clip).collect();
+    for _ in 0..params.steps {
+        let mut graph = Graph::new(poses.len());
+        for (i, clip) in clips.iter().enumerate() {
+            graph.hold(i, &poses[i], clip, params);
+        }
+        for tie in ties {
+            graph.tie(tie, &poses, params);
+        }
+        let step = graph.solve()?;
+        for (i, pose) in poses.iter_mut().enumerate() {
+            *pose = moved(pose, &step.fixed_rows::<6>(6 * i).into_owned());
+        }
+        if step.amax() < 1e-7 {
+            break;
+        }
+    }
+    poses.first().copied().filter(|pose| pose.translation.vector.iter().all(|c| c.is_finite()))
+}
+
+struct Graph {
+    information: DMatrix<f64>,
+    gradient: DVector<f64>,
+}
+
+/// Of `pose` against `at`: how far it was moved, and turned about the axes of the frame that both are in.
+fn error(pose: &Pose3, at: &Pose3) -> Vector6<f64> {
+    let shift = pose.translation.vector - at.translation.vector;
+    let turn = (pose.rotation * at.rotation.inverse()).scaled_axis();
+    Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
+}
+
+impl Graph {
+    fn new(clips: usize) -> Graph {
+        Graph { information: DMatrix::zeros(6 * clips, 6 * clips), gradient: DVector::zeros(6 * clips) }
+    }
+
+    /// A clip is where its alignment has it, on its own floor.
+    fn hold(&mut self, i: usize, pose: &Pose3, clip: &Held, params: &SettleParams) {
+        let plane = match &clip.covariance {
+            None => Matrix3::identity() * 1e12,
+            Some(covariance) => {
+                let map = Vector3::new(params.map_m, params.map_m, params.map_rad).map(|s| s * s);
+                let sum = covariance + Matrix3::from_diagonal(&map);
+                sum.try_inverse().unwrap_or_else(Matrix3::identity)
+            }
+        };
+        let mut information = Matrix6::zeros();
+        // x, y and yaw.
+        let places = [0, 1, 5];
+        for (r, &row) in places.iter().enumerate() {
+            for (c, &column) in places.iter().enumerate() {
+                information[(row, column)] = plane[(r, c)];
+            }
+        }
+        information[(2, 2)] = params.floor_m.powi(-2);
+        information[(3, 3)] = params.floor_rad.powi(-2);
+        information[(4, 4)] = params.floor_rad.powi(-2);
+        self.add(&[(i, Matrix6::identity())], &error(pose, &clip.map_from_clip), &information);
+    }
+
+    /// Two clips lie to each other as their overlap has it.
+    fn tie(&mut self, tie: &Tie, poses: &[Pose3], params: &SettleParams) {
+        let (a, b) = (&poses[tie.a], &poses[tie.b]);
+        let error = error(&(b.inverse() * a), &tie.overlap.b_from_a);
+        let information = Matrix6::from_fn(|r, c| tie.overlap.information[r][c]);
+        let far = (error.transpose() * information * error)[0].max(0.0).sqrt() / params.fade;
+        let share = 1.0 / (1.0 + far * far);
+        let b_from_map = b.rotation.inverse().to_rotation_matrix().into_inner();
+        let between = (a.translation.vector - b.translation.vector).cross_matrix();
+        let mut by_a = Matrix6::zeros();
+        by_a.fixed_view_mut::<3, 3>(0, 0).copy_from(&b_from_map);
+        by_a.fixed_view_mut::<3, 3>(3, 3).copy_from(&b_from_map);
+        let mut by_b = -by_a;
+        by_b.fixed_view_mut::<3, 3>(0, 3).copy_from(&(b_from_map * between));
+        self.add(&[(tie.a, by_a), (tie.b, by_b)], &error, &(information * (share * share)));
+    }
+
+    fn add(&mut self, slopes: &[(usize, Matrix6<f64>)], error: &Vector6<f64>, information: &Matrix6<f64>) {
+        for (i, slope) in slopes {
+            let weighted = slope.transpose() * information;
+            let mut part = self.gradient.fixed_rows_mut::<6>(6 * i);
+            part += weighted * error;
+            for (j, other) in slopes {
+                let mut block = self.information.fixed_view_mut::<6, 6>(6 * i, 6 * j);
+                block += weighted * other;
+            }
+        }
+    }
+
+    fn solve(self) -> Option<DVector<f64>> {
+        Some(-self.information.cholesky()?.solve(&self.gradient))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sure(b_from_a: Pose3, information: f64) -> Overlap {
+        let row = |i: usize| std::array::from_fn(|j| if i == j { information } else { 0.0 });
+        Overlap { b_from_a, information: std::array::from_fn(row), found: 500 }
+    }
+
+    fn held(map_from_clip: Pose3, sigma: f64) -> Held {
+        Held { map_from_clip, covariance: Some(Matrix3::identity() * sigma * sigma) }
+    }
+
+    fn pose(x: f64, y: f64, yaw: f64) -> Pose3 {
+        Pose3::new(Vector3::new(x, y, 0.0), Vector3::new(0.0, 0.0, yaw))
+    }
+
+    fn distance_m(a: &Pose3, b: &Pose3) -> f64 {
+        (a.translation.vector - b.translation.vector).norm()
+    }
+
+    /// Two clips that are held alike meet half way.
+    #[test]
+    fn two_clips_meet_half_way() {
+        let mut second = pose(1.04, 2.0, 0.5);
+        second.translation.z = 0.02;
+        let clips = [held(pose(1.0, 2.0, 0.5), 0.05), held(second, 0.05)];
+        let overlap = sure(Pose3::identity(), 1e8);
+        let ties = [Tie { a: 0, b: 1, overlap: &overlap }];
+        let settled = settle(&clips, &ties, &SettleParams { fade: 1e9, ..SettleParams::default() }).unwrap();
+        let half = Pose3::from_parts(Vector3::new(1.02, 2.0, 0.01).into(), clips[0].map_from_clip.rotation);
+        assert!(distance_m(&settled, &half) < 1e-4, "{settled:?}");
+    }
+
+    /// The slopes agree with what small moves do to the error.
+    #[test]
+    fn consistent_clips_stay() {
+        let tilted = Pose3::new(Vector3::new(3.0, -1.0, 0.02), Vector3::new(0.01, -0.02, 3.0));
+        let poses = [pose(1.0, 2.0, 0.5), pose(-0.5, 1.0, -2.0), tilted];
+        let clips: Vec<Held> = poses.iter().map(|pose| held(*pose, 0.05)).collect();
+        let between = |a: usize, b: usize| sure(poses[b].inverse() * poses[a], 1e5);
+        let (ab, ac, bc) = (between(0, 1), between(0, 2), between(1, 2));
+        let ties = [
+            Tie { a: 0, b: 1, overlap: &ab },
+            Tie { a: 0, b: 2, overlap: &ac },
+            Tie { a: 1, b: 2, overlap: &bc },
+        ];
+        let settled = settle(&clips, &ties, &SettleParams::default()).unwrap();
+        assert!(distance_m(&settled, &poses[0]) < 1e-9);
+        // Moved away from it, strong ties to two clips that stay bring it back.
+        let mut moved = clips.clone();
+        moved[0].map_from_clip = poses[0] * Pose3::new(Vector3::new(0.05, -0.03, 0.0), Vector3::z() * 0.02);
+        moved[1].covariance = None;
+        moved[2].covariance = None;
+        let params = SettleParams { fade: 1e9, ..SettleParams::default() };
+        let settled = settle(&moved, &ties, &params).unwrap();
+        assert!(distance_m(&settled, &poses[0]) < 3e-3, "{settled:?}");
+    }
+
+    #[test]
+    fn what_a_person_chose_stays_in_the_plane() {
+        let clips =
+            [Held { covariance: None, ..held(pose(1.0, 2.0, 0.5), 0.1) }, held(pose(2.0, 2.0, 0.5), 0.1)];
+        let overlap = sure(Pose3::identity(), 1e8);
+        let ties = [Tie { a: 0, b: 1, overlap: &overlap }];
+        let settled = settle(&clips, &ties, &SettleParams::default()).unwrap();
+        assert!(distance_m(&settled, &clips[0].map_from_clip) < 1e-3);
+    }
+}

@@ -1,0 +1,58 @@
+//! The shares that are in use, so that none is read over and over and memory stays bounded.
+
+use super::members::{Extent, Member};
+use super::surface::Surface;
+use crate::share::Share;
+use std::collections::VecDeque;
+use std::sync::{Arc, OnceLock};
+
+/// Shares that are kept in memory at once: 10 to 20 MB each.
+const KEPT: usize = 16;
+
+/// A share, and its surface once it is asked for.
+pub(super) struct Loaded {
+    pub share: Share,
+    surface: OnceLock<Surface>,
+}
+
+impl Loaded {
+    pub fn surface(&self) -> &Surface {
+        self.surface.get_or_init(|| Surface::new(&self.share.cloud_in_clip))
+    }
+
+    pub fn extent(&self) -> Extent {
+        let points =
+            self.share.cloud_in_clip.points.iter().map(|p| [p.position_m[0], p.position_m[1]].map(f64::from));
+        let cameras = self.share.views.iter().map(|view| view.clip_from_camera.translation.vector);
+        Extent::around(points.chain(cameras.map(|at| [at.x, at.y])))
+    }
+}
+
+pub(super) struct Shelf<'a, E> {
+    load: &'a mut dyn FnMut(&Member) -> Result<Share, E>,
+    /// The one used last is at the end.
+    kept: VecDeque<(String, Arc<Loaded>)>,
+}
+
+impl<'a, E> Shelf<'a, E> {
+    pub fn new(load: &'a mut dyn FnMut(&Member) -> Result<Share, E>) -> Shelf<'a, E> {
+        Shelf { load, kept: VecDeque::new() }
+    }
+
+    pub fn get(&mut self, member: &Member) -> Result<Arc<Loaded>, E> {
+        let known = self.kept.iter().position(|(share, _)| *share == member.share);
+        let entry = match known.and_then(|place| self.kept.remove(place)) {
+            Some(entry) => entry,
+            None => {
+                let share = (self.load)(member)?;
+                (member.share.clone(), Arc::new(Loaded { share, surface: OnceLock::new() }))
+            }
+        };
+        let loaded = entry.1.clone();
+        self.kept.push_back(entry);
+        if self.kept.len() > KEPT {
+            self.kept.pop_front();
+        }
+        Ok(loaded)
+    }
+}

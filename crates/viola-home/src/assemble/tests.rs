@@ -1,0 +1,258 @@
+use super::*;
+use crate::MAP_VOXEL_M;
+use nalgebra::Matrix3;
+use proptest::prelude::*;
+use std::convert::Infallible;
+use uuid::Uuid;
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{Pinhole, Point3, Pose3, Vector3};
+use viola_reconstruct::{CloudPoint, Label, PointCloud, Readings, View};
+
+/// A room of 4 x 3 m with a pillar, as a clip that stands at `map_from_clip` sees it; `box_m` is a crate in it.
+fn room(map_from_clip: &Pose2, box_m: Option<[f64; 2]>) -> Share {
+    let mut points = Vec::new();
+    let mut add = |position: Point3, normal: Vector3, class: Class, color: [u8; 3]| {
+        let (position, normal) = (position.map(|c| c as f32), normal.map(|c| c as f32));
+        points.push(CloudPoint {
+            position_m: position.into(),
+            normal: normal.into(),
+            color,
+            label: Label::new(class, 0.9, 3),
+            weight: 100,
+        });
+    };
+    let step = 0.03;
+    for up in 0..70 {
+        let z = f64::from(up) * step;
+        for along in 0..133 {
+            let x = f64::from(along) * step;
+            add(Point3::new(x, 0.0, z), Vector3::y(), Class::Wall, [200, 200, 200]);
+            add(Point3::new(x, 3.0, z), -Vector3::y(), Class::Wall, [90, 120, 160]);
+        }
+        for along in 0..100 {
+            let y = f64::from(along) * step;
+            add(Point3::new(0.0, y, z), Vector3::x(), Class::Wall, [160, 90, 60]);
+            add(Point3::new(4.0, y, z), -Vector3::x(), Class::Wall, [60, 160, 90]);
+        }
+        for along in 0..20 {
+            let s = f64::from(along) * step;
+            add(Point3::new(1.2 + s, 1.0, z), -Vector3::y(), Class::Wall, [20, 20, 20]);
+            add(Point3::new(1.2, 1.0 + s, z), -Vector3::x(), Class::Wall, [20, 20, 20]);
+            if let Some([x, y]) = box_m {
+                add(Point3::new(x + s, y, z), -Vector3::y(), Class::Box, [250, 10, 10]);
+            }
+        }
+    }
+    let clip_from_map = level::in_space(map_from_clip, &Level::default()).inverse();
+    Share {
+        cloud_in_clip: PointCloud { points, voxel_m: MAP_VOXEL_M }.transformed(&clip_from_map),
+        views: Vec::new(),
+    }
+}
+
+fn member(name: &str, map_from_clip: Pose2) -> Member {
+    Member {
+        clip: Uuid::from_u128(name.bytes().map(u128::from).sum()),
+        recorded_at_ms: None,
+        sha256: name.to_owned(),
+        share: format!("share of {name}"),
+        verdict: Verdict::Aligned {
+            map_from_clip,
+            covariance: Matrix3::from_diagonal(&nalgebra::Vector3::new(4e-4, 4e-4, 1e-4)),
+            probability: Some(0.99),
+        },
+    }
+}
+
+/// What is true of a clip, and what its own alignment makes of it.
+struct Clip {
+    member: Member,
+    share: Share,
+}
+
+fn clips() -> Vec<Clip> {
+    // By name: where it was recorded, and how far off its own alignment is.
+    let all = [
+        ("d", Pose2::new(0.5, 0.5, 0.3), [0.02, -0.01, 0.01]),
+        ("a", Pose2::new(3.0, 1.0, 2.0), [-0.02, 0.02, -0.01]),
+        ("c", Pose2::new(2.0, 2.0, -1.0), [0.01, 0.02, 0.0]),
+        ("b", Pose2::new(0.7, 2.5, -2.9), [-0.02, -0.02, 0.005]),
+    ];
+    all.into_iter()
+        .map(|(name, truth, [x, y, yaw])| Clip {
+            member: member(name, Pose2::new(truth.x_m + x, truth.y_m + y, truth.yaw_rad + yaw)),
+            share: room(&truth, None),
+        })
+        .collect()
+}
+
+fn made(last: &Manifest, clips: &[&Clip]) -> Assembly {
+    let members = clips.iter().map(|clip| clip.member.clone()).collect();
+    let mut load = |member: &Member| -> Result<Share, Infallible> {
+        Ok(clips.iter().find(|clip| clip.member == *member).unwrap().share.clone())
+    };
+    assemble(last, members, &mut load, &AssembleParams::default()).unwrap()
+}
+
+type Tiles = BTreeMap<TileKey, Tile>;
+
+fn applied(mut tiles: Tiles, assembly: &Assembly) -> Tiles {
+    for (key, tile) in &assembly.changed {
+        match tile {
+            Some(tile) => tiles.insert(*key, tile.clone()),
+            None => tiles.remove(key),
+        };
+    }
+    tiles
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(6))]
+    /// The map is a function of the set: of clips that come and go one after the other in any order nothing is left but
+    /// the set that remains.
+    #[test]
+    fn any_history_gives_the_same_map(order in Just(vec![0usize, 1, 2, 3]).prop_shuffle(), gone in 0usize..4) {
+        let clips = clips();
+        let all: Vec<&Clip> = clips.iter().collect();
+        let at_once = made(&Manifest::default(), &all);
+        let tiles_at_once = applied(Tiles::new(), &at_once);
+        let (mut last, mut tiles) = (Manifest::default(), Tiles::new());
+        let mut there: Vec<&Clip> = Vec::new();
+        for place in &order {
+            there.push(&clips[*place]);
+            let next = made(&last, &there);
+            tiles = applied(tiles, &next);
+            last = next.manifest;
+        }
+        prop_assert_eq!(&last.clips, &at_once.manifest.clips);
+        prop_assert!(tiles == tiles_at_once);
+        // Taken out and put back.
+        let without: Vec<&Clip> = there.iter().copied().filter(|clip| clip.member != clips[gone].member).collect();
+        let less = made(&last, &without);
+        tiles = applied(tiles, &less);
+        prop_assert!(tiles == applied(Tiles::new(), &made(&Manifest::default(), &without)));
+        let back = made(&less.manifest, &there);
+        prop_assert!(applied(tiles, &back) == tiles_at_once);
+        prop_assert_eq!(back.manifest.tiles, at_once.manifest.tiles);
+        // And when nothing changed, nothing is made.
+        prop_assert!(made(&last, &there).changed.is_empty());
+    }
+}
+
+/// How far a clip is from where it was recorded.
+fn error_m(placed: &PlacedClip, clips: &[Clip], alone: bool) -> f64 {
+    let places = [(0.5, 0.5), (3.0, 1.0), (2.0, 2.0), (0.7, 2.5)];
+    let i = clips.iter().position(|clip| clip.member.clip == placed.clip).unwrap();
+    let pose = if alone { placed.alone } else { placed.map_from_clip };
+    pose.distance_m(&Pose2::new(places[i].0, places[i].1, 0.0))
+}
+
+#[test]
+fn clips_that_overlap_agree_better_together() {
+    let clips = clips();
+    let map = made(&Manifest::default(), &clips.iter().collect::<Vec<_>>());
+    let sum = |alone: bool| map.manifest.clips.iter().map(|p| error_m(p, &clips, alone)).sum::<f64>();
+    assert!(sum(false) < 0.5 * sum(true), "{} {}", sum(false), sum(true));
+    assert!(map.manifest.clips.iter().all(|placed| placed.with.len() == 3));
+}
+
+/// A new clip costs what it overlaps, however many clips are elsewhere in the home.
+#[test]
+fn a_clip_elsewhere_is_not_read_again() {
+    let far = Pose2::new(40.0, 0.0, 0.0);
+    let mut all = clips();
+    for (i, clip) in clips().into_iter().enumerate() {
+        let Verdict::Aligned { map_from_clip, .. } = clip.member.verdict else { unreachable!() };
+        let moved = member(["w", "x", "y", "z"][i], far.compose(&map_from_clip));
+        all.push(Clip { member: moved, share: clip.share });
+    }
+    let newest = all.remove(0);
+    let before = made(&Manifest::default(), &all.iter().collect::<Vec<_>>());
+    all.push(newest);
+    let members = all.iter().map(|clip| clip.member.clone()).collect();
+    let mut read = Vec::new();
+    let mut load = |member: &Member| -> Result<Share, Infallible> {
+        read.push(member.sha256.clone());
+        Ok(all.iter().find(|clip| clip.member == *member).unwrap().share.clone())
+    };
+    assemble(&before.manifest, members, &mut load, &AssembleParams::default()).unwrap();
+    read.sort();
+    assert_eq!(read, ["a", "b", "c", "d"], "each clip of its room once, and none of the other");
+}
+
+#[test]
+fn a_chosen_clip_stays_where_it_was_put() {
+    let mut clips = clips();
+    let chosen = Pose2::new(0.53, 0.5, 0.31);
+    clips[0].member.verdict = Verdict::Chosen { map_from_clip: chosen };
+    let map = made(&Manifest::default(), &clips.iter().collect::<Vec<_>>());
+    let placed = map.manifest.clips.iter().find(|placed| placed.by == PlacedBy::Person).unwrap();
+    assert_eq!((placed.map_from_clip, placed.probability), (chosen, None));
+}
+
+/// A room seen from two ends of a pair of alternatives that the LiDAR map cannot tell apart.
+#[test]
+fn neighbours_decide_between_alternatives() {
+    let mut clips = clips();
+    // The others looked through the place where the pillar would be if the room were the other way round.
+    for clip in &mut clips {
+        let Verdict::Aligned { map_from_clip, .. } = clip.member.verdict else { unreachable!() };
+        clip.share.views = [2.4, 2.5, 2.6].map(|x| view(&map_from_clip, [x, 0.6], 2.4)).to_vec();
+    }
+    // The room turned by half a turn about its centre looks the same to the vacuum.
+    let truth = Pose2::new(2.0, 2.0, -1.0);
+    let turned = Pose2::new(4.0, 3.0, std::f64::consts::PI).compose(&truth);
+    let alternatives = vec![(turned, 0.5), (truth, 0.5)];
+    clips[2].member.verdict = Verdict::Ambiguous { alternatives };
+    let map = made(&Manifest::default(), &clips.iter().collect::<Vec<_>>());
+    let placed = map.manifest.clips.iter().find(|placed| placed.by == PlacedBy::Neighbours).unwrap();
+    assert!(placed.map_from_clip.distance_m(&truth) < 0.03, "{placed:?}");
+    assert!(placed.probability.unwrap() > 0.95);
+    // By itself it stays out.
+    let alone = made(&Manifest::default(), &[&clips[2]]);
+    assert!(alone.manifest.clips.is_empty() && alone.changed.is_empty());
+}
+
+/// A view from the middle of the room along y that sees the wall behind, or the crate before it.
+fn view(map_from_clip: &Pose2, from: [f64; 2], depth_m: f64) -> View {
+    let camera = Pinhole { width: 64, height: 48, fx: 60.0, fy: 60.0, cx: 31.5, cy: 23.5 };
+    let forward = nalgebra::Rotation3::from_matrix_unchecked(Matrix3::new(
+        1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0,
+    ));
+    let map_from_camera = Pose3::from_parts(
+        nalgebra::Translation3::new(from[0], from[1], 1.0),
+        nalgebra::UnitQuaternion::from_rotation_matrix(&forward),
+    );
+    let clip_from_camera = level::in_space(map_from_clip, &Level::default()).inverse() * map_from_camera;
+    let depth_mm = vec![(depth_m * 1000.0) as u16; 64 * 48];
+    View { clip_from_camera, readings: Readings::new(camera, 64, 1, depth_mm).unwrap() }
+}
+
+#[test]
+fn later_clips_win_where_the_world_changed() {
+    let pose = Pose2::new(1.0, 0.5, 0.2);
+    let clip = |name: &str, at: Option<i64>, box_m: Option<[f64; 2]>, reach_m: f64| {
+        let mut share = room(&pose, box_m);
+        share.views = vec![view(&pose, [3.0, 0.6], reach_m), view(&pose, [3.1, 0.6], reach_m)];
+        let verdict = Verdict::Chosen { map_from_clip: pose };
+        Clip { member: Member { recorded_at_ms: at, verdict, ..member(name, pose) }, share }
+    };
+    let crate_points = |clips: &[&Clip]| {
+        let tiles = applied(Tiles::new(), &made(&Manifest::default(), clips));
+        let points = tiles.values().flat_map(|tile| &tile.points);
+        points.filter(|point| point.point.label.class == Class::Box).count()
+    };
+    let there = Some([2.8, 1.6]);
+    // The crate's near side is 1 m before the cameras, the wall 2.4 m.
+    let first = clip("with", Some(1000), there, 1.0);
+    let gone = clip("without", Some(2000), None, 2.4);
+    let all = crate_points(&[&first]);
+    assert!(all > 300);
+    let left = crate_points(&[&first, &gone]);
+    assert!(left < all * 3 / 4, "what the views reach is gone: {left} of {all}");
+    // What came later stays, and without times nobody wins.
+    let early = clip("without", Some(500), None, 2.4);
+    let timeless = clip("without", None, None, 2.4);
+    assert_eq!(crate_points(&[&first, &early]), all);
+    assert_eq!(crate_points(&[&first, &timeless]), all);
+}

@@ -1,0 +1,204 @@
+//! The map in square columns: what changes in one place is written anew there and nowhere else.
+
+use crate::ply::NotOurs;
+use crate::{MAP_VOXEL_M, MapPoint};
+use serde::{Deserialize, Serialize};
+use uuid::Uuid;
+use viola_geometry::taxonomy::{CLASSES, Class};
+use viola_reconstruct::{CloudPoint, Label};
+
+/// Voxels along a side of a tile: 2.4 m, so that a room has a few and a clip touches about ten.
+pub const TILE_VOXELS: i32 = 80;
+
+/// Which tile: its place in units of a tile's side, in the LiDAR map's frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct TileKey {
+    pub x: i32,
+    pub y: i32,
+}
+
+impl TileKey {
+    pub fn side_m() -> f64 {
+        f64::from(TILE_VOXELS) * MAP_VOXEL_M
+    }
+
+    /// The tile that a place of the map is in.
+    pub fn at(x_m: f64, y_m: f64) -> TileKey {
+        TileKey { x: (x_m / Self::side_m()).floor() as i32, y: (y_m / Self::side_m()).floor() as i32 }
+    }
+
+    pub(super) fn of_voxel(voxel: &[i32; 3]) -> TileKey {
+        TileKey { x: voxel[0].div_euclid(TILE_VOXELS), y: voxel[1].div_euclid(TILE_VOXELS) }
+    }
+}
+
+/// The points of one tile, one a voxel, in the order of their voxels. A point's `clip` is a place in `clips`.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Tile {
+    /// The clips that its points came from, in the canonical order of the map's clips.
+    pub clips: Vec<Uuid>,
+    pub points: Vec<MapPoint>,
+}
+
+/// What a tile holds, for whoever need not read it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TileInfo {
+    pub points: usize,
+    pub min_m: [f32; 3],
+    pub max_m: [f32; 3],
+    /// Points by class id.
+    pub classes: Vec<usize>,
+}
+
+const MAGIC: &[u8; 8] = b"violat01";
+/// A point as a tile and the PLY of a map have it.
+pub const POINT_BYTES: usize = 38;
+/// Where in it the number of the clip stands.
+pub const CLIP_AT: usize = 34;
+
+impl Tile {
+    pub fn info(&self) -> TileInfo {
+        let mut info = TileInfo {
+            points: self.points.len(),
+            min_m: [f32::INFINITY; 3],
+            max_m: [f32::NEG_INFINITY; 3],
+            classes: vec![0; CLASSES],
+        };
+        for MapPoint { point, .. } in &self.points {
+            info.classes[usize::from(point.label.class.id())] += 1;
+            for axis in 0..3 {
+                info.min_m[axis] = info.min_m[axis].min(point.position_m[axis]);
+                info.max_m[axis] = info.max_m[axis].max(point.position_m[axis]);
+            }
+        }
+        info
+    }
+
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut out = Vec::with_capacity(16 + self.clips.len() * 16 + self.points.len() * POINT_BYTES);
+        out.extend_from_slice(MAGIC);
+        out.extend_from_slice(&(self.clips.len() as u32).to_le_bytes());
+        out.extend_from_slice(&(self.points.len() as u32).to_le_bytes());
+        self.clips.iter().for_each(|clip| out.extend_from_slice(clip.as_bytes()));
+        self.points.iter().for_each(|point| out.extend_from_slice(&point_bytes(point)));
+        out
+    }
+
+    pub fn read(bytes: &[u8]) -> Result<Tile, NotOurs> {
+        let TileBytes { clips, points } = TileBytes::read(bytes)?;
+        let points: Result<Vec<MapPoint>, NotOurs> =
+            points.chunks_exact(POINT_BYTES).map(read_point).collect();
+        let points = points?;
+        if points.iter().any(|point| usize::from(point.clip) >= clips.len()) {
+            return Err(NotOurs);
+        }
+        Ok(Tile { clips, points })
+    }
+}
+
+/// A tile whose points have not been unpacked.
+pub struct TileBytes<'a> {
+    pub clips: Vec<Uuid>,
+    /// [`POINT_BYTES`] each.
+    pub points: &'a [u8],
+}
+
+impl TileBytes<'_> {
+    pub fn read(bytes: &[u8]) -> Result<TileBytes<'_>, NotOurs> {
+        let rest = bytes.strip_prefix(MAGIC).ok_or(NotOurs)?;
+        let (head, rest) = rest.split_at_checked(8).ok_or(NotOurs)?;
+        let count =
+            |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]) as usize;
+        let (clips, points) =
+            rest.split_at_checked(count(0).checked_mul(16).ok_or(NotOurs)?).ok_or(NotOurs)?;
+        if count(4).checked_mul(POINT_BYTES) != Some(points.len()) {
+            return Err(NotOurs);
+        }
+        let clips: Result<Vec<Uuid>, _> = clips.chunks_exact(16).map(Uuid::from_slice).collect();
+        Ok(TileBytes { clips: clips.map_err(|_| NotOurs)?, points })
+    }
+}
+
+/// A point as it stands in a tile and in a PLY file, little endian.
+pub fn point_bytes(map_point: &MapPoint) -> [u8; POINT_BYTES] {
+    let MapPoint { point, clip } = map_point;
+    let mut bytes = [0; POINT_BYTES];
+    for axis in 0..3 {
+        bytes[axis * 4..axis * 4 + 4].copy_from_slice(&point.position_m[axis].to_le_bytes());
+        bytes[12 + axis * 4..16 + axis * 4].copy_from_slice(&point.normal[axis].to_le_bytes());
+    }
+    bytes[24..27].copy_from_slice(&point.color);
+    bytes[27] = point.label.class.id() as u8;
+    bytes[28..32].copy_from_slice(&point.label.probability().to_le_bytes());
+    bytes[32..34].copy_from_slice(&point.label.views.to_le_bytes());
+    bytes[CLIP_AT..CLIP_AT + 2].copy_from_slice(&clip.to_le_bytes());
+    bytes[36..].copy_from_slice(&point.weight.to_le_bytes());
+    bytes
+}
+
+/// Reads what [`point_bytes`] wrote.
+pub fn read_point(bytes: &[u8]) -> Result<MapPoint, NotOurs> {
+    let bytes: &[u8; POINT_BYTES] = bytes.try_into().map_err(|_| NotOurs)?;
+    let float = |at: usize| f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
+    let short = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
+    let class = Class::from_id(usize::from(bytes[27])).ok_or(NotOurs)?;
+    let point = CloudPoint {
+        position_m: [float(0), float(4), float(8)],
+        normal: [float(12), float(16), float(20)],
+        color: [bytes[24], bytes[25], bytes[26]],
+        label: Label::new(class, float(28), short(32)),
+        weight: short(36),
+    };
+    let finite = point.position_m.iter().chain(&point.normal).all(|value| value.is_finite());
+    if finite { Ok(MapPoint { point, clip: short(CLIP_AT) }) } else { Err(NotOurs) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tile() -> Tile {
+        let point = |i: u16| MapPoint {
+            point: CloudPoint {
+                position_m: [f32::from(i) * 0.1, -1.5, 0.25],
+                normal: [0.0, 0.6, -0.8],
+                color: [i as u8, 2, 3],
+                label: Label::new(Class::ALL[usize::from(i) % CLASSES], 0.4, i),
+                weight: 3 * i,
+            },
+            clip: i % 2,
+        };
+        Tile { clips: vec![Uuid::from_u128(7), Uuid::from_u128(9)], points: (0..50).map(point).collect() }
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        assert_eq!(Tile::read(&tile().to_bytes()), Ok(tile()));
+        assert_eq!(Tile::read(&Tile::default().to_bytes()), Ok(Tile::default()));
+        let info = tile().info();
+        assert_eq!((info.points, info.classes.iter().sum::<usize>()), (50, 50));
+        assert_eq!(info.min_m, [0.0, -1.5, 0.25]);
+    }
+
+    #[test]
+    fn other_bytes_are_refused() {
+        let good = tile().to_bytes();
+        for length in (0..good.len()).step_by(7) {
+            assert_eq!(Tile::read(&good[..length]), Err(NotOurs), "{length}");
+        }
+        for at in 0..good.len() {
+            let mut bytes = good.clone();
+            bytes[at] ^= 0xff;
+            // Whatever was changed, it ends.
+            let _ = Tile::read(&bytes);
+        }
+    }
+
+    #[test]
+    fn tiles_meet_without_a_gap() {
+        for voxel in -200..200 {
+            let centre_m = (f64::from(voxel) + 0.5) * MAP_VOXEL_M;
+            assert_eq!(TileKey::of_voxel(&[voxel, 0, 0]).x, TileKey::at(centre_m, 0.0).x);
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! A clip at a glance: a dozen frames, colour above depth.
+
+use super::lettering;
+use super::shades::shades;
+use image::{ImageFormat, Rgb, RgbImage, imageops};
+use std::io::Cursor;
+use viola_formats::clip::{Clip, ClipError, Frame, FrameHeader};
+
+const COLUMNS: u32 = 4;
+const ROWS: u32 = 3;
+/// The longer side of a picture, in pixels.
+const SIDE: u32 = 300;
+const GAP: u32 = 10;
+const LETTER: u32 = 8;
+const CAPTION: u32 = 20;
+const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
+const TEXT: Rgb<u8> = Rgb([32, 32, 32]);
+const BROKEN: Rgb<u8> = Rgb([220, 38, 38]);
+
+/// Frames evenly spaced over the clip, as PNG; what cannot be decoded is a caption with the reason. Fails when no frame
+/// can be decoded.
+pub fn contact_sheet_png(clip: &Clip) -> Result<Vec<u8>, ClipError> {
+    let frames = clip.frames().len();
+    let count = frames.min((COLUMNS * ROWS) as usize);
+    let places: Vec<usize> = (0..count).map(|i| i * (frames - 1) / (count - 1).max(1)).collect();
+    let mut stream = clip.stream(places.clone());
+    // One by one: the pictures of a phone are large, and here they become small.
+    let tiles: Vec<Result<RgbImage, ClipError>> = places
+        .iter()
+        .flat_map(|_| stream.next_batch(1))
+        .map(|frame| frame.map(|frame| tile(&frame)))
+        .collect();
+    let (width, height) = tiles.iter().flatten().next().map_or((SIDE, SIDE), |tile| tile.dimensions());
+    if tiles.iter().all(Result::is_err) {
+        return Err(tiles
+            .into_iter()
+            .find_map(Result::err)
+            .unwrap_or(ClipError::NoFrames { color: 0, depth: 0 }));
+    }
+    let rows = (count as u32).div_ceil(COLUMNS);
+    let columns = COLUMNS.min(count as u32);
+    let (across, down) = (width + GAP, height + CAPTION + GAP);
+    let mut sheet = RgbImage::from_pixel(columns * across + GAP, rows * down + GAP, PAPER);
+    for (i, (tile, place)) in (0..).zip(tiles.iter().zip(&places)) {
+        let (left, top) = (GAP + i % COLUMNS * across, GAP + i / COLUMNS * down);
+        let header = &clip.frames()[*place];
+        let (ink, words) = match tile {
+            Ok(_) => (TEXT, caption(header)),
+            Err(error) => (BROKEN, format!("{}: {}", caption(header), error.code())),
+        };
+        lettering::write(&mut sheet, left, top + 4, LETTER, ink, &words);
+        if let Ok(tile) = tile {
+            imageops::replace(&mut sheet, tile, i64::from(left), i64::from(top + CAPTION));
+        }
+    }
+    let mut png = Cursor::new(Vec::new());
+    // Writing into memory cannot fail.
+    let _ = sheet.write_to(&mut png, ImageFormat::Png);
+    Ok(png.into_inner())
+}
+
+fn caption(header: &FrameHeader) -> String {
+    let time = header.time_s.map_or(String::new(), |time_s| format!(", {time_s:.1} s"));
+    let pose = if header.world_from_camera.is_some() { "" } else { ", no pose" };
+    format!("frame {}{time}{pose}", header.number)
+}
+
+/// Colour above depth, both of one size.
+fn tile(frame: &Frame) -> RgbImage {
+    let (width, height) = frame.color.dimensions();
+    let scale = f64::from(SIDE) / f64::from(width.max(height));
+    let side = |side: u32| ((f64::from(side) * scale).round() as u32).max(1);
+    let (width, height) = (side(width), side(height));
+    let color = imageops::thumbnail(&frame.color, width, height);
+    let depth = shades(frame.depth.width, frame.depth.height, &frame.depth.depth_m);
+    let depth = imageops::resize(&depth, width, height, imageops::FilterType::Nearest);
+    let mut tile = RgbImage::new(width, 2 * height);
+    imageops::replace(&mut tile, &color, 0, 0);
+    imageops::replace(&mut tile, &depth, 0, i64::from(height));
+    tile
+}

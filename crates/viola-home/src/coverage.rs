@@ -1,0 +1,191 @@
+//! Which part of the LiDAR map the fused map has seen.
+
+use super::map_point::MapPoint;
+use super::rooms::space::Space;
+use super::rooms::{Room, SpaceParams, room_at};
+use serde::{Deserialize, Serialize};
+use viola_formats::lidar::LidarMap;
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{DistanceField, Grid, Point2};
+
+/// What counts as seen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CoverageParams {
+    pub space: SpaceParams,
+    /// A point of the LiDAR map is explained by upright surface this near, seen from above, ...
+    pub near_m: f64,
+    /// at these heights above the floor: a wall hidden by a chair at the LiDAR's height is seen above it.
+    pub heights_m: [f64; 2],
+    /// Floor is seen where a fused point lies this near, seen from above, ...
+    pub floor_near_m: f64,
+    /// up to this height: the floor itself, or what stands on it.
+    pub floor_below_m: f64,
+    /// What the LiDAR hit this far from a room is of its walls.
+    pub room_reach_m: f64,
+}
+
+impl Default for CoverageParams {
+    fn default() -> Self {
+        CoverageParams {
+            space: SpaceParams::default(),
+            near_m: 0.1,
+            heights_m: [0.05, 2.0],
+            floor_near_m: 0.1,
+            floor_below_m: 1.5,
+            room_reach_m: 0.4,
+        }
+    }
+}
+
+/// How much of the LiDAR map was seen.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Coverage {
+    /// Share of the LiDAR map's occupied points that the fused map explains: it has a surface other than the floor
+    /// within 10 cm of it, below 2 m. 0 for a map without such points.
+    pub seen: f64,
+    /// Share of the LiDAR map's free area over which the fused map has the floor, or what stands on it. 0 for a map
+    /// without free area.
+    pub floor_seen: f64,
+    pub by_room: Vec<RoomCoverage>,
+}
+
+/// The same for one room.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct RoomCoverage {
+    /// Id of the room.
+    pub room: String,
+    /// Of the occupied points in the room and at its walls.
+    pub seen: f64,
+    pub floor_seen: f64,
+}
+
+#[derive(Default, Clone, Copy)]
+struct Share {
+    seen: u64,
+    of: u64,
+}
+
+impl Share {
+    fn count(&mut self, seen: bool) {
+        self.seen += u64::from(seen);
+        self.of += 1;
+    }
+
+    /// In thousandths, 0..1.
+    fn value(self) -> f64 {
+        (self.seen as f64 / self.of.max(1) as f64 * 1e3).round() / 1e3
+    }
+}
+
+/// How much of the LiDAR map the fused map has seen, on the whole and by room.
+pub fn coverage(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], params: &CoverageParams) -> Coverage {
+    let space = Space::new(lidar, &[], &params.space);
+    let near = |counts: &dyn Fn(&MapPoint, f64) -> bool| {
+        let mut mask = Grid::filled(space.frame, false);
+        for point in points {
+            let [x, y, z] = point.point.position_m.map(f64::from);
+            if counts(point, z)
+                && let Some(at) = space.index(&Point2::new(x, y))
+            {
+                mask.cells[at] = true;
+            }
+        }
+        mask.cells.contains(&true).then(|| DistanceField::new(&mask))
+    };
+    let structure = near(&|point, z| {
+        (params.heights_m[0]..params.heights_m[1]).contains(&z)
+            && !point.point.label.class.is_ground()
+            && point.point.label.class != Class::Ceiling
+    });
+    let ground = near(&|_, z| z < params.floor_below_m);
+    // Fields are exact between the centres of cells: half a cell of doubt is theirs.
+    let slack_m = space.frame.cell_m / 2.0;
+    let is_near = |field: &Option<DistanceField>, at: usize, reach_m: f64| {
+        field.as_ref().is_some_and(|field| f64::from(field.grid().cells[at]) <= reach_m + slack_m)
+    };
+    // Which room each cell is of, worked out once a cell.
+    let place = |at: usize, reach_m: f64| {
+        let room = room_at(rooms, &space.centre(at), reach_m)?;
+        rooms.iter().position(|other| std::ptr::eq(other, room))
+    };
+    let (mut all, mut floor) = (Share::default(), Share::default());
+    let mut by_room = vec![(Share::default(), Share::default()); rooms.len()];
+    for at in 0..space.frame.len() {
+        if space.occupied[at] {
+            let seen = is_near(&structure, at, params.near_m);
+            all.count(seen);
+            if let Some(room) = place(at, params.room_reach_m) {
+                by_room[room].0.count(seen);
+            }
+        } else if space.free[at] {
+            let seen = is_near(&ground, at, params.floor_near_m);
+            floor.count(seen);
+            if let Some(room) = place(at, 0.0) {
+                by_room[room].1.count(seen);
+            }
+        }
+    }
+    let room = |(room, (seen, floor)): (&Room, (Share, Share))| RoomCoverage {
+        room: room.id.clone(),
+        seen: seen.value(),
+        floor_seen: floor.value(),
+    };
+    Coverage {
+        seen: all.value(),
+        floor_seen: floor.value(),
+        by_room: rooms.iter().zip(by_room).map(room).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_reconstruct::{CloudPoint, Label};
+
+    fn point(x: f64, y: f64, z: f64, class: Class) -> MapPoint {
+        let position_m = [x as f32, y as f32, z as f32];
+        let label = Label::new(class, 0.9, 3);
+        MapPoint {
+            point: CloudPoint { position_m, normal: [0.0, 0.0, 1.0], color: [0; 3], label, weight: 1 },
+            clip: 0,
+        }
+    }
+
+    #[test]
+    fn half_of_a_room_is_half() {
+        let side = (0..=80).map(|i| f64::from(i) * 0.05);
+        let csv: String = side
+            .flat_map(|t| [[t, 0.0], [t, 4.0], [0.0, t], [4.0, t]])
+            .map(|[x, y]| format!("{x},{y}\n"))
+            .collect();
+        let lidar = LidarMap::read(csv.as_bytes()).unwrap();
+        let rooms = crate::rooms(&lidar, &[], &Default::default());
+        let params = CoverageParams::default();
+        let none = coverage(&lidar, &[], &rooms, &params);
+        assert_eq!((none.seen, none.floor_seen, none.by_room.len()), (0.0, 0.0, 1));
+        // The lower half: its walls above the LiDAR's height, and its floor.
+        let mut points = Vec::new();
+        for i in 0..=80 {
+            let t = f64::from(i) * 0.05;
+            points.push(point(t, 0.0, 1.5, Class::Wall));
+            if t < 1.95 {
+                points.push(point(0.0, t, 1.5, Class::Wall));
+                points.push(point(4.0, t, 1.5, Class::Wall));
+                points.extend((0..=80).map(|j| point(f64::from(j) * 0.05, t, 0.01, Class::Floor)));
+            }
+        }
+        let half = coverage(&lidar, &points, &rooms, &params);
+        assert!((half.seen - 0.5).abs() < 0.05, "{half:?}");
+        assert!((half.floor_seen - 0.5).abs() < 0.06, "{half:?}");
+        assert!((half.by_room[0].floor_seen - half.floor_seen).abs() < 0.05, "{half:?}");
+        // A ceiling explains no wall, and floor neither.
+        let other: Vec<MapPoint> = points
+            .iter()
+            .map(|p| {
+                let [x, y, _] = p.point.position_m.map(f64::from);
+                point(x, y, 1.8, Class::Ceiling)
+            })
+            .collect();
+        assert_eq!(coverage(&lidar, &other, &rooms, &params).seen, 0.0);
+    }
+}

@@ -1,0 +1,32 @@
+//! What a home's map shows beyond points.
+
+use super::assemble::Tile;
+use super::coverage::{Coverage, CoverageParams, coverage};
+use super::map_point::MapPoint;
+use super::objects::{Object, ObjectsParams, objects};
+use super::plan::{Plan, PlanParams, plan};
+use super::points::ClipNumbers;
+use super::rooms::{Room, RoomsParams, rooms};
+use viola_formats::lidar::LidarMap;
+
+/// Rooms, objects, the plan of both, and how much of the LiDAR map was seen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Description {
+    pub rooms: Vec<Room>,
+    pub objects: Vec<Object>,
+    pub coverage: Coverage,
+    pub plan: Plan,
+}
+
+/// Describes the map whose tiles are given in the order of their places.
+pub fn describe(lidar: &LidarMap, tiles: &[Tile], clips: &ClipNumbers) -> Description {
+    let points: Vec<MapPoint> = tiles.iter().flat_map(|tile| clips.in_map(tile)).collect();
+    let rooms = rooms(lidar, &points, &RoomsParams::default());
+    let objects = objects(&points, &rooms, &ObjectsParams::default());
+    Description {
+        coverage: coverage(lidar, &points, &rooms, &CoverageParams::default()),
+        plan: plan(lidar, &points, &rooms, &objects, &PlanParams::default()),
+        rooms,
+        objects,
+    }
+}

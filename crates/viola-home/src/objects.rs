@@ -1,0 +1,301 @@
+//! The things in a home: pieces of furniture and appliances, made out of the fused map's labelled points.
+//!
+//! Labels of single voxels are noisy: cells hear their neighbours on the same surface, cells of one class that touch
+//! are a fragment, fragments that look like parts of one thing are joined, and what the thing is follows from what its
+//! points are called and from how large things of that class are.
+
+mod cells;
+mod context;
+pub(super) mod fit;
+mod fragment;
+mod join;
+mod kind;
+mod split;
+
+pub use fit::{UprightBox, fit_box};
+pub use kind::is_furniture;
+
+use super::map_point::MapPoint;
+use super::rooms::{Room, room_at};
+use cells::Cells;
+use fragment::Fragment;
+use serde::{Deserialize, Serialize};
+use viola_geometry::taxonomy::Class;
+
+/// How objects are made out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObjectsParams {
+    /// Side of the map's voxels.
+    pub voxel_m: f64,
+    /// Side of the cells that points are gathered in; one and a half voxels where those are larger.
+    pub cell_m: f64,
+    /// Cells of one class this far apart touch. Less than an inner wall is thick, and the cells beside it.
+    pub reach_m: f64,
+    /// Surface that an object must show, in square metres ...
+    pub min_surface_m2: f64,
+    /// ... and the length of its longest side, in metres.
+    pub min_side_m: f64,
+    /// Less sure is left out.
+    pub min_confidence: f64,
+    /// An object this far from a room still belongs to it: it stands at the wall.
+    pub room_reach_m: f64,
+    /// Share of an object's points that a clip must have given to be named.
+    pub clip_share: f64,
+    pub join: join::JoinParams,
+}
+
+impl Default for ObjectsParams {
+    fn default() -> Self {
+        ObjectsParams {
+            voxel_m: 0.03,
+            cell_m: 0.06,
+            reach_m: 0.13,
+            min_surface_m2: 0.12,
+            min_side_m: 0.25,
+            min_confidence: 0.35,
+            room_reach_m: 1.0,
+            clip_share: 0.05,
+            join: join::JoinParams::default(),
+        }
+    }
+}
+
+/// A thing in a home, in the LiDAR map's frame: an upright box, and what is known of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Object {
+    pub id: String,
+    #[schema(value_type = String, example = "sofa")]
+    pub class: Class,
+    /// 0..1: how much of what is said of its points is this class, and how well its size fits.
+    pub confidence: f64,
+    pub centre_m: [f64; 3],
+    /// Along its own x, y and z: length, width, height. The length is not the shorter of the two.
+    pub size_m: [f64; 3],
+    /// Of its own x axis, in [0, pi).
+    pub yaw_rad: f64,
+    /// Id of the room that it is in.
+    pub room: Option<String>,
+    /// Points of the fused map.
+    pub points: usize,
+    /// The clips that gave a real share of its points, by their places in the map's list.
+    pub clips: Vec<u16>,
+}
+
+impl Object {
+    pub fn bounds(&self) -> UprightBox {
+        UprightBox { centre_m: self.centre_m, size_m: self.size_m, yaw_rad: self.yaw_rad }
+    }
+}
+
+/// An object and the places in the map of its points, in rising order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    pub object: Object,
+    pub members: Vec<u32>,
+}
+
+/// The things in a home, by class and then by place.
+pub fn objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams) -> Vec<Object> {
+    find_objects(points, rooms, params).into_iter().map(|found| found.object).collect()
+}
+
+/// The same with the points of each.
+pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams) -> Vec<Found> {
+    let cells = Cells::new(points, params.cell_m.max(1.5 * params.voxel_m));
+    let labels = cells.labels();
+    let wall_yaw_rad = cells.wall_direction(&labels);
+    let reach = ((params.reach_m / cells.side_m) as i64).max(1);
+    let fragments = fragment::fragments(&cells, &labels, reach);
+    // Before they are joined, so that a row of chairs is not taken for a part of the sofa beside it, and after.
+    let apart = fragments.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
+    let joined = join::join(apart.collect(), &cells, &labels, wall_yaw_rad, &params.join);
+    let split = joined.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
+    let mut found: Vec<Found> =
+        split.filter_map(|f| finish(&f, &cells, points, rooms, wall_yaw_rad, params)).collect();
+    context::tell_nightstands(&mut found);
+    let place = |found: &Found| found.object.centre_m;
+    found.sort_by(|a, b| {
+        let class = a.object.class.id().cmp(&b.object.class.id());
+        let [x, y, z] = [0, 1, 2].map(|axis| place(a)[axis].total_cmp(&place(b)[axis]));
+        class.then(x).then(y).then(z)
+    });
+    let mut number = (None, 0);
+    for Found { object, .. } in &mut found {
+        number =
+            if number.0 == Some(object.class) { (number.0, number.1 + 1) } else { (Some(object.class), 1) };
+        object.id = format!("{}-{}", object.class.name(), number.1);
+    }
+    found
+}
+
+/// The object that a fragment is; none when there is too little of it.
+fn finish(
+    fragment: &Fragment,
+    cells: &Cells,
+    points: &[MapPoint],
+    rooms: &[Room],
+    wall_yaw_rad: Option<f64>,
+    params: &ObjectsParams,
+) -> Option<Found> {
+    let surface_m2 = fragment.cells.len() as f64 * cells.side_m * cells.side_m;
+    if surface_m2 < params.min_surface_m2 {
+        return None;
+    }
+    let mut members: Vec<u32> =
+        fragment.cells.iter().flat_map(|cell| cells.points(*cell as usize)).copied().collect();
+    members.sort_unstable();
+    let at: Vec<[f64; 3]> =
+        members.iter().map(|i| points[*i as usize].point.position_m.map(f64::from)).collect();
+    let mut bounds = fit_box(&at, wall_yaw_rad, fit::BEYOND)?;
+    // Points are in the middle of the surface's voxels.
+    bounds.size_m = bounds.size_m.map(|side| side.max(params.voxel_m));
+    let decided = fragment.decide(&bounds, fragment::flatness(fragment, cells))?;
+    if decided.kind.stands && bounds.bottom_m() < decided.reaches_down_m {
+        let top_m = bounds.top_m();
+        bounds.size_m[2] = top_m;
+        bounds.centre_m[2] = top_m / 2.0;
+    }
+    if decided.class == Class::Sink && bounds.size_m[2] > kind::BASIN_M {
+        bounds.centre_m[2] = bounds.top_m() - kind::BASIN_M / 2.0;
+        bounds.size_m[2] = kind::BASIN_M;
+    }
+    let longest_m = bounds.size_m.iter().copied().fold(0.0, f64::max);
+    if longest_m < params.min_side_m || decided.confidence < params.min_confidence {
+        return None;
+    }
+    let mut shares: std::collections::BTreeMap<u16, usize> = std::collections::BTreeMap::new();
+    members.iter().for_each(|i| *shares.entry(points[*i as usize].clip).or_default() += 1);
+    let least = (params.clip_share * members.len() as f64).max(1.0);
+    let clips = shares.into_iter().filter(|(_, count)| *count as f64 >= least).map(|(clip, _)| clip);
+    let object = Object {
+        id: String::new(),
+        class: decided.class,
+        confidence: decided.confidence,
+        centre_m: bounds.centre_m,
+        size_m: bounds.size_m,
+        yaw_rad: bounds.yaw_rad,
+        room: room_at(rooms, &fit::middle(&bounds), params.room_reach_m).map(|room| room.id.clone()),
+        points: members.len(),
+        clips: clips.collect(),
+    };
+    Some(Found { object, members })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_reconstruct::{CloudPoint, Label};
+
+    /// The surface of a box of a class, points 3 cm apart, without its underside.
+    fn surface(class: Class, low: [f64; 3], high: [f64; 3], clip: u16) -> Vec<MapPoint> {
+        let count = [0, 1, 2].map(|axis| ((high[axis] - low[axis]) / 0.03).round() as usize + 1);
+        let mut points = Vec::new();
+        for i in 0..count[0] {
+            for j in 0..count[1] {
+                for k in 0..count[2] {
+                    let at = [i, j, k];
+                    let normal = if k + 1 == count[2] {
+                        [0.0, 0.0, 1.0]
+                    } else if i == 0 || i + 1 == count[0] {
+                        [if i == 0 { -1.0 } else { 1.0 }, 0.0, 0.0]
+                    } else if j == 0 || j + 1 == count[1] {
+                        [0.0, if j == 0 { -1.0 } else { 1.0 }, 0.0]
+                    } else {
+                        continue;
+                    };
+                    let place = |axis: usize| (low[axis] + at[axis] as f64 * 0.03) as f32;
+                    let point = CloudPoint {
+                        position_m: [place(0), place(1), place(2)],
+                        normal,
+                        color: [0; 3],
+                        label: Label::new(class, 0.8, 4),
+                        weight: 100,
+                    };
+                    points.push(MapPoint { point, clip });
+                }
+            }
+        }
+        points
+    }
+
+    fn found(points: &[MapPoint]) -> Vec<Object> {
+        objects(points, &[], &ObjectsParams::default())
+    }
+
+    #[test]
+    fn a_bed_is_a_bed_with_its_box_and_clips() {
+        let mut points = surface(Class::Bed, [1.0, 1.0, 0.1], [2.6, 3.0, 0.5], 0);
+        points.extend(surface(Class::Pillow, [1.2, 2.5, 0.5], [1.8, 2.9, 0.62], 3));
+        // A patch that is called something alike.
+        points.iter_mut().filter(|p| p.point.position_m[1] < 1.4).for_each(|p| {
+            p.point.label = Label::new(Class::Sofa, 0.6, 4);
+        });
+        let objects = found(&points);
+        assert_eq!(objects.len(), 1, "{objects:?}");
+        let bed = &objects[0];
+        assert_eq!((bed.class, bed.id.as_str(), bed.clips.as_slice()), (Class::Bed, "bed-1", &[0, 3][..]));
+        let want = UprightBox {
+            centre_m: [1.8, 2.0, 0.28],
+            size_m: [2.0, 1.6, 0.56],
+            yaw_rad: std::f64::consts::FRAC_PI_2,
+        };
+        assert!(bed.bounds().iou(&want) > 0.8, "{bed:?}");
+        // It stands on the floor although nothing was seen below it.
+        assert!(bed.bounds().bottom_m().abs() < 1e-9);
+        assert!(bed.confidence > 0.5);
+    }
+
+    #[test]
+    fn chairs_side_by_side_are_several() {
+        let mut points = Vec::new();
+        for i in 0..3 {
+            let x = f64::from(i) * 0.63;
+            points.extend(surface(Class::Chair, [x, 0.0, 0.42], [x + 0.48, 0.45, 0.46], 0));
+            points.extend(surface(Class::Chair, [x, 0.42, 0.46], [x + 0.48, 0.45, 0.9], 0));
+        }
+        let chairs = found(&points);
+        assert_eq!(chairs.iter().filter(|o| o.class == Class::Chair).count(), 3, "{chairs:?}");
+    }
+
+    #[test]
+    fn a_kitchen_has_units_below_and_above() {
+        let mut points = surface(Class::Cabinet, [0.0, 0.0, 0.06], [2.0, 0.6, 0.9], 0);
+        points.extend(surface(Class::Cabinet, [0.0, 0.3, 1.4], [2.0, 0.6, 2.1], 0));
+        // The wall between them, part of which is called a cabinet.
+        points.extend(surface(Class::Cabinet, [0.6, 0.6, 0.9], [1.0, 0.63, 1.4], 0));
+        let units = found(&points);
+        assert_eq!(units.len(), 2, "{units:?}");
+        assert!(units.iter().any(|unit| unit.bounds().bottom_m() > 1.0));
+    }
+
+    #[test]
+    fn a_small_table_at_a_bed_is_a_nightstand() {
+        let mut points = surface(Class::Bed, [0.0, 0.0, 0.1], [1.6, 2.0, 0.5], 0);
+        points.extend(surface(Class::Table, [1.75, 1.5, 0.05], [2.2, 1.95, 0.6], 0));
+        points.extend(surface(Class::Table, [4.75, 1.5, 0.05], [5.2, 1.95, 0.6], 0));
+        let classes: Vec<Class> = found(&points).iter().map(|o| o.class).collect();
+        assert_eq!(classes, [Class::Bed, Class::Table, Class::Cabinet]);
+    }
+
+    #[test]
+    fn structure_specks_and_people_are_no_objects() {
+        let mut points = surface(Class::Wall, [0.0, 0.0, 0.0], [3.0, 0.1, 2.4], 0);
+        points.extend(surface(Class::Chair, [1.0, 1.0, 0.4], [1.1, 1.1, 0.45], 0));
+        points.extend(surface(Class::Person, [2.0, 1.0, 0.1], [2.4, 1.3, 1.7], 0));
+        points.extend(surface(Class::Floor, [0.0, 0.0, 0.0], [3.0, 3.0, 0.02], 0));
+        assert_eq!(found(&points), []);
+        assert_eq!(found(&[]), []);
+    }
+
+    #[test]
+    fn places_beyond_any_home_are_left_out() {
+        let mut points = surface(Class::Sofa, [1.0, 1.0, 0.1], [3.0, 1.9, 0.8], 0);
+        let far = MapPoint { clip: 0, ..points[0] };
+        for x in [f32::MAX, -f32::MAX, 1e9] {
+            let mut far = far;
+            far.point.position_m[0] = x;
+            points.push(far);
+        }
+        assert_eq!(found(&points).len(), 1);
+    }
+}

@@ -1,0 +1,195 @@
+//! The fused points in cells that are coarse enough to be compared with their neighbours quickly.
+
+use super::fit::wall_direction;
+use crate::map_point::MapPoint;
+use rustc_hash::FxHashMap;
+use viola_geometry::taxonomy::{CLASSES, Class};
+
+/// Pictures beyond this many make a label no surer.
+const MOST_VIEWS: f32 = 4.0;
+/// Heights that a home's things have, in metres above the floor; above lies the ceiling.
+const HEIGHTS_M: std::ops::Range<f32> = 0.03..2.6;
+/// Half the range of cells along an axis.
+const HALF: i64 = 1 << 20;
+
+/// Cells with points that are neither floor nor ceiling, in the order of their places.
+pub struct Cells {
+    pub side_m: f64,
+    /// Packed places.
+    keys: Vec<u64>,
+    of_key: FxHashMap<u64, u32>,
+    /// The points of cell `i` are `points[start[i]..start[i + 1]]`, by their places in the map.
+    start: Vec<u32>,
+    points: Vec<u32>,
+    /// Sums of the points' normals.
+    normals: Vec<[f32; 3]>,
+    /// For each cell, each class's share in its points' labels.
+    votes: Vec<[f32; CLASSES]>,
+}
+
+impl Cells {
+    pub fn new(map: &[MapPoint], side_m: f64) -> Cells {
+        let mut placed: Vec<(u64, u32)> = (0u32..)
+            .zip(map)
+            .filter(|(_, p)| is_thing(p))
+            .filter_map(|(i, p)| {
+                Some((pack(p.point.position_m.map(|c| (f64::from(c) / side_m).floor() as i64))?, i))
+            })
+            .collect();
+        placed.sort_unstable();
+        let mut cells = Cells {
+            side_m,
+            keys: Vec::new(),
+            of_key: FxHashMap::default(),
+            start: Vec::new(),
+            points: Vec::with_capacity(placed.len()),
+            normals: Vec::new(),
+            votes: Vec::new(),
+        };
+        for (key, index) in placed {
+            if cells.keys.last() != Some(&key) {
+                cells.keys.push(key);
+                cells.start.push(cells.points.len() as u32);
+                cells.normals.push([0.0; 3]);
+                cells.votes.push([0.0; CLASSES]);
+            }
+            cells.points.push(index);
+            let point = &map[index as usize].point;
+            let cell = cells.keys.len() - 1;
+            for axis in 0..3 {
+                cells.normals[cell][axis] += point.normal[axis];
+            }
+            let views = f32::from(point.label.views).min(MOST_VIEWS) / MOST_VIEWS;
+            cells.votes[cell][point.label.class as usize] +=
+                point.label.probability() * (0.25 + 0.75 * views);
+        }
+        cells.start.push(cells.points.len() as u32);
+        cells.of_key = (0u32..).zip(&cells.keys).map(|(i, key)| (*key, i)).collect();
+        cells
+    }
+
+    pub fn len(&self) -> usize {
+        self.keys.len()
+    }
+
+    /// The middle of a cell, in metres.
+    pub fn centre(&self, cell: usize) -> [f64; 3] {
+        unpack(self.keys[cell]).map(|c| (c as f64 + 0.5) * self.side_m)
+    }
+
+    /// The cell that holds a place.
+    pub fn at(&self, place_m: &[f64; 3]) -> Option<usize> {
+        let key = pack(place_m.map(|c| (c / self.side_m).floor() as i64))?;
+        self.of_key.get(&key).map(|cell| *cell as usize)
+    }
+
+    /// The direction of the walls, modulo a quarter turn; of all upright surface where no wall is known.
+    pub fn wall_direction(&self, labels: &[Option<(Class, f32)>]) -> Option<f64> {
+        let upright = |only_walls: bool| {
+            let cells = self.normals.iter().zip(labels);
+            let cells = cells.filter(move |(_, label)| {
+                !only_walls || label.is_some_and(|(class, _)| matches!(class, Class::Wall))
+            });
+            let level = |n: &[f32; 3]| n[2].abs() < 0.3 * (n[0].hypot(n[1]));
+            let each = cells.filter(move |(n, _)| level(n));
+            wall_direction(each.map(|(n, _)| (f64::from(n[0]), f64::from(n[1]))))
+        };
+        upright(true).or_else(|| upright(false))
+    }
+
+    /// The places in the map of a cell's points.
+    pub fn points(&self, cell: usize) -> &[u32] {
+        &self.points[self.start[cell] as usize..self.start[cell + 1] as usize]
+    }
+
+    /// The cells up to `reach` cells away along each axis that come after this one.
+    pub fn later(&self, cell: usize, reach: i64) -> impl Iterator<Item = u32> + '_ {
+        let [x, y, z] = unpack(self.keys[cell]);
+        let side = -reach..=reach;
+        let steps = side.clone().flat_map(move |dx| {
+            let side = side.clone();
+            side.clone().flat_map(move |dy| side.clone().map(move |dz| [dx, dy, dz]))
+        });
+        let later = steps.filter(|step| *step > [0, 0, 0]);
+        later.filter_map(move |[dx, dy, dz]| self.of_key.get(&pack([x + dx, y + dy, z + dz])?).copied())
+    }
+
+    /// The cells beside this one, along axes and diagonals.
+    pub fn around(&self, cell: usize) -> impl Iterator<Item = u32> + '_ {
+        let [x, y, z] = unpack(self.keys[cell]);
+        let keys =
+            (0..27).filter(|i| *i != 13).map(move |i| [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]);
+        keys.filter_map(|key| self.of_key.get(&pack(key)?).copied())
+    }
+
+    /// The mean normal of a cell's points; none where they cancel out.
+    pub fn normal(&self, cell: usize) -> Option<[f32; 3]> {
+        let n = nalgebra::Vector3::from(self.normals[cell]).try_normalize(1e-6)?;
+        Some([n.x, n.y, n.z])
+    }
+
+    /// What each cell is: the vote of its points and of the cells around it on the same surface. None where nothing
+    /// was said. With its share of the votes.
+    pub fn labels(&self) -> Vec<Option<(Class, f32)>> {
+        let unit = |n: &[f32; 3]| {
+            let n = nalgebra::Vector3::from(*n);
+            n.try_normalize(1e-6).unwrap_or_else(nalgebra::Vector3::zeros)
+        };
+        let units: Vec<nalgebra::Vector3<f32>> = self.normals.iter().map(unit).collect();
+        // Most cells are called two or three things.
+        let said: Vec<Vec<(u8, f32)>> = self
+            .votes
+            .iter()
+            .map(|votes| (0u8..).zip(votes).filter(|(_, v)| **v > 0.0).map(|(c, v)| (c, *v)).collect())
+            .collect();
+        let mut sums = self.votes.clone();
+        for cell in 0..self.len() {
+            for other in self.later(cell, 1) {
+                let other = other as usize;
+                // Across an edge a neighbour says less.
+                let weight = 0.25 + 0.75 * units[cell].dot(&units[other]).max(0.0);
+                said[other].iter().for_each(|(class, vote)| sums[cell][usize::from(*class)] += weight * vote);
+                said[cell].iter().for_each(|(class, vote)| sums[other][usize::from(*class)] += weight * vote);
+            }
+        }
+        sums.iter().map(likeliest).collect()
+    }
+}
+
+fn likeliest(sums: &[f32; CLASSES]) -> Option<(Class, f32)> {
+    let total: f32 = sums.iter().sum();
+    let mut best = (Class::Other, 0.0);
+    for (class, sum) in Class::ALL.iter().zip(sums) {
+        if *sum > best.1 {
+            best = (*class, *sum);
+        }
+    }
+    (total > 0.0).then(|| (best.0, best.1 / total))
+}
+
+/// Neither floor nor ceiling.
+fn is_thing(point: &MapPoint) -> bool {
+    let class = point.point.label.class;
+    let z = point.point.position_m[2];
+    HEIGHTS_M.contains(&z)
+        && !class.is_ground()
+        && class != Class::Ceiling
+        // Flat and low is floor, whatever the pictures say.
+        && !(z < 0.06 && point.point.normal[2] > 0.8)
+}
+
+/// None for places further out than any home.
+fn pack(place: [i64; 3]) -> Option<u64> {
+    let mut key = 0;
+    for c in place {
+        if !(-HALF..HALF).contains(&c) {
+            return None;
+        }
+        key = key << 21 | (c + HALF) as u64;
+    }
+    Some(key)
+}
+
+fn unpack(key: u64) -> [i64; 3] {
+    [42, 21, 0].map(|shift| (key >> shift & ((1 << 21) - 1)) as i64 - HALF)
+}

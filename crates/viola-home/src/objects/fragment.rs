@@ -1,0 +1,169 @@
+//! Connected cells of one class, and what the thing is that they show.
+
+use super::cells::Cells;
+use super::fit::UprightBox;
+use super::kind::{Kind, confusable, kind};
+use viola_geometry::taxonomy::{CLASSES, Class};
+
+/// Cells that show one thing, or a part of it.
+#[derive(Debug, Clone)]
+pub struct Fragment {
+    /// In rising order.
+    pub cells: Vec<u32>,
+    /// What most of them are called.
+    pub class: Class,
+    /// What is said of the cells, by class: surface in cells, times its share of the votes.
+    pub evidence: [f32; CLASSES],
+}
+
+/// What a fragment was taken for.
+pub struct Decided {
+    pub class: Class,
+    pub kind: Kind,
+    pub confidence: f64,
+    /// A standing thing whose lowest point is below this goes on down to the floor.
+    pub reaches_down_m: f64,
+}
+
+impl Fragment {
+    pub fn new(mut cells: Vec<u32>, labels: &[Option<(Class, f32)>]) -> Fragment {
+        cells.sort_unstable();
+        let mut evidence = [0.0; CLASSES];
+        for (class, share) in cells.iter().filter_map(|cell| labels[*cell as usize]) {
+            evidence[class as usize] += share;
+        }
+        let mut fragment = Fragment { cells, class: Class::Other, evidence };
+        fragment.class = fragment.most();
+        fragment
+    }
+
+    fn most(&self) -> Class {
+        let best = Class::ALL.iter().max_by(|a, b| {
+            self.evidence[**a as usize].total_cmp(&self.evidence[**b as usize]).then(b.id().cmp(&a.id()))
+        });
+        best.copied().unwrap_or(Class::Other)
+    }
+
+    /// Some of its cells, with their share of what is said.
+    pub fn part(&self, cells: Vec<u32>) -> Fragment {
+        let share = cells.len() as f32 / self.cells.len().max(1) as f32;
+        Fragment { cells, class: self.class, evidence: self.evidence.map(|said| said * share) }
+    }
+
+    pub fn join(&mut self, other: Fragment) {
+        self.cells.extend(other.cells);
+        self.cells.sort_unstable();
+        for (sum, more) in self.evidence.iter_mut().zip(other.evidence) {
+            *sum += more;
+        }
+        self.class = self.most();
+    }
+
+    /// The class with the most evidence that its size and its surface allow. `flatness` is that of its surface, 0..1.
+    pub fn decide(&self, bounds: &UprightBox, flatness: f64) -> Option<Decided> {
+        let said = |class: Class| f64::from(self.evidence[class as usize]);
+        // What it could be mistaken for speaks for it too, if less.
+        let mistaken = |class: Class| -> f64 {
+            let others = Class::ALL.iter().filter(|other| **other != class && confusable(class, **other));
+            others.map(|other| said(*other)).sum()
+        };
+        let mut best: Option<(f64, f64, Class, Kind)> = None;
+        for &class in Class::ALL {
+            let Some(kind) = kind(class) else { continue };
+            let fit = kind.fit(bounds.size_m[0], bounds.size_m[1], bounds.top_m());
+            let score =
+                (said(class) + MISTAKEN * mistaken(class)) * fit * surface(class, flatness, self.cells.len());
+            if score > 0.0 && best.as_ref().is_none_or(|(most, ..)| score > *most) {
+                best = Some((score, fit, class, kind));
+            }
+        }
+        let (_, fit, class, kind) = best?;
+        let count = self.cells.len() as f64;
+        // That it is there at all is surer than which of its kind it is. The less of it was seen, the less is sure.
+        let heard = (said(class) + 0.75 * mistaken(class)) / count;
+        let confidence = (heard * (0.5 + 0.5 * fit) * count / (count + 30.0)).clamp(0.0, 1.0);
+        Some(Decided { class, kind, confidence: (confidence * 1e3).round() / 1e3, reaches_down_m: 0.6 })
+    }
+}
+
+/// How much of what is said of a class speaks for one that it is mistaken for.
+const MISTAKEN: f64 = 0.35;
+
+/// How well a surface fits what stores things, by how flat it is: cabinets have closed fronts, and shelves show what
+/// stands in them. Others say nothing by it.
+fn surface(class: Class, flatness: f64, cells: usize) -> f64 {
+    /// As flat is either; this much flatter is e times as likely a cabinet and e times less likely a shelf.
+    const EVEN: f64 = 0.62;
+    const STEP: f64 = 0.2;
+    /// Cells that tell half of what many would.
+    const FEW: f64 = 300.0;
+    let trust = cells as f64 / (cells as f64 + FEW);
+    let lean = trust * ((flatness - EVEN) / STEP).clamp(-0.75, 0.75);
+    match class {
+        Class::Shelf => (-lean).exp(),
+        Class::Cabinet => lean.exp(),
+        // Closed as well, but things stand on them and hang at them.
+        Class::Counter | Class::Refrigerator | Class::Stove | Class::WashingMachine => lean.max(0.0).exp(),
+        _ => 1.0,
+    }
+}
+
+/// Share of the cells that lie in level planes or in upright ones of the two main directions, 0..1.
+pub fn flatness(fragment: &Fragment, cells: &Cells) -> f64 {
+    /// Directions of upright surface, modulo a quarter turn.
+    const BINS: usize = 18;
+    let (mut level, mut all, mut bins) = (0.0, 0.0, [0.0; BINS]);
+    for normal in fragment.cells.iter().filter_map(|cell| cells.normal(*cell as usize)) {
+        all += 1.0;
+        if normal[2].abs() > 0.9 {
+            level += 1.0;
+        } else if normal[2].abs() < 0.35 {
+            let turn = f64::from(normal[1].atan2(normal[0])).rem_euclid(std::f64::consts::FRAC_PI_2);
+            let bin = (turn / std::f64::consts::FRAC_PI_2 * BINS as f64) as usize;
+            bins[bin.min(BINS - 1)] += 1.0;
+        }
+    }
+    // 25 degrees about the best direction.
+    let around = |i: usize| (0..5).map(|k| bins[(i + k + BINS - 2) % BINS]).sum::<f64>();
+    let upright = (0..BINS).map(around).fold(0.0, f64::max);
+    if all > 0.0 { (level + upright) / all } else { 0.0 }
+}
+
+/// The connected cells of each class that objects have, the largest first.
+pub fn fragments(cells: &Cells, labels: &[Option<(Class, f32)>], reach: i64) -> Vec<Fragment> {
+    let class = |cell: usize| labels[cell].map(|(class, _)| class).filter(|c| counts(*c));
+    let mut parent: Vec<u32> = (0..cells.len() as u32).collect();
+    for cell in 0..cells.len() {
+        let Some(mine) = class(cell) else { continue };
+        for other in cells.later(cell, reach) {
+            if class(other as usize) == Some(mine) {
+                let (a, b) = (root(&mut parent, cell as u32), root(&mut parent, other));
+                let (low, high) = (a.min(b), a.max(b));
+                parent[high as usize] = low;
+            }
+        }
+    }
+    let mut members: std::collections::BTreeMap<u32, Vec<u32>> = std::collections::BTreeMap::new();
+    for cell in 0..cells.len() as u32 {
+        if class(cell as usize).is_some() {
+            members.entry(root(&mut parent, cell)).or_default().push(cell);
+        }
+    }
+    let mut out: Vec<Fragment> = members.into_values().map(|cells| Fragment::new(cells, labels)).collect();
+    out.sort_by(|a, b| b.cells.len().cmp(&a.cells.len()).then(a.cells[0].cmp(&b.cells[0])));
+    out
+}
+
+/// Objects, and what lies on them and is part of them.
+fn counts(class: Class) -> bool {
+    kind(class).is_some() || class == Class::Pillow
+}
+
+fn root(parent: &mut [u32], mut cell: u32) -> u32 {
+    while parent[cell as usize] != cell {
+        let up = parent[parent[cell as usize] as usize];
+        parent[cell as usize] = up;
+        cell = up;
+    }
+    cell
+}

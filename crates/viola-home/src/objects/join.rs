@@ -1,0 +1,160 @@
+//! Which fragments are parts of one thing.
+
+use super::cells::Cells;
+use super::fit::{BEYOND, UprightBox, fit_box};
+use super::fragment::Fragment;
+use super::kind::{confusable, host_of, is_solid, is_storage, kind};
+use viola_geometry::taxonomy::Class;
+
+/// When two fragments are one thing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JoinParams {
+    /// Fragments below this many cells are noise.
+    pub min_cells: usize,
+    /// A fragment with this share of its cells in the box of a larger one is a part of it.
+    pub inside_share: f64,
+    /// The box is grown by this for that.
+    pub grow_m: f64,
+    /// A fragment with this share of its cells beside those of a larger one is a part of it; a fifth of that is
+    /// enough for what is no thing of its own.
+    pub touch_share: f64,
+    /// Fragments of one class this near are one thing if things of the class are that large.
+    pub gap_m: f64,
+}
+
+impl Default for JoinParams {
+    fn default() -> Self {
+        JoinParams { min_cells: 5, inside_share: 0.6, grow_m: 0.06, touch_share: 0.25, gap_m: 0.25 }
+    }
+}
+
+struct Part {
+    fragment: Fragment,
+    places: Vec<[f64; 3]>,
+    bounds: UprightBox,
+}
+
+/// Joins the smaller fragments to the larger ones, until nothing changes.
+pub fn join(
+    fragments: Vec<Fragment>,
+    cells: &Cells,
+    labels: &[Option<(Class, f32)>],
+    wall_yaw_rad: Option<f64>,
+    params: &JoinParams,
+) -> Vec<Fragment> {
+    let is_wall = |at: &[f64; 3]| {
+        cells.at(at).and_then(|cell| labels[cell]).is_some_and(|(class, _)| class == Class::Wall)
+    };
+    let part = |fragment: Fragment| {
+        let places: Vec<[f64; 3]> = fragment.cells.iter().map(|cell| cells.centre(*cell as usize)).collect();
+        let bounds = fit_box(&places, wall_yaw_rad, BEYOND)?;
+        Some(Part { fragment, places, bounds })
+    };
+    let large = fragments.into_iter().filter(|f| f.cells.len() >= params.min_cells);
+    let mut parts: Vec<Part> = large.filter_map(part).collect();
+    loop {
+        let before = parts.len();
+        let mut kept: Vec<Part> = Vec::new();
+        parts.sort_by(|a, b| {
+            let size = b.fragment.cells.len().cmp(&a.fragment.cells.len());
+            size.then(a.fragment.cells[0].cmp(&b.fragment.cells[0]))
+        });
+        for small in parts {
+            // One of its own class first: a stool's leg is the stool's, however large the sofa beside it.
+            let same = |large: &Part| large.fragment.class == small.fragment.class;
+            let is_host = |large: &Part| belongs(large, &small, cells, &is_wall, wall_yaw_rad, params);
+            let host = kept.iter().position(|large| same(large) && is_host(large));
+            let host = host.or_else(|| kept.iter().position(|large| !same(large) && is_host(large)));
+            match host {
+                Some(at) => {
+                    let host = &mut kept[at];
+                    host.fragment.join(small.fragment);
+                    host.places.extend(small.places);
+                    if let Some(bounds) = fit_box(&host.places, wall_yaw_rad, BEYOND) {
+                        host.bounds = bounds;
+                    }
+                }
+                None => kept.push(small),
+            }
+        }
+        parts = kept;
+        if parts.len() == before {
+            return parts.into_iter().map(|part| part.fragment).collect();
+        }
+    }
+}
+
+fn belongs(
+    large: &Part,
+    small: &Part,
+    cells: &Cells,
+    is_wall: &dyn Fn(&[f64; 3]) -> bool,
+    wall_yaw_rad: Option<f64>,
+    params: &JoinParams,
+) -> bool {
+    let (a, b) = (large.fragment.class, small.fragment.class);
+    let is_guest = host_of(b).is_some_and(|hosts| hosts.contains(&a));
+    if !is_guest && !confusable(a, b) {
+        return false;
+    }
+    // Boxes far apart have nothing to do with each other.
+    let between = (large.bounds.centre_m[0] - small.bounds.centre_m[0])
+        .hypot(large.bounds.centre_m[1] - small.bounds.centre_m[1]);
+    let reach = |part: &Part| part.bounds.size_m[0].hypot(part.bounds.size_m[1]) / 2.0;
+    if between > reach(large) + reach(small) + params.gap_m {
+        return false;
+    }
+    let count = small.places.len() as f64;
+    let inside = small.places.iter().filter(|p| large.bounds.holds(p, params.grow_m)).count() as f64 / count;
+    let touches = |cell: &u32| {
+        cells.around(*cell as usize).any(|other| large.fragment.cells.binary_search(&other).is_ok())
+    };
+    let beside = small.fragment.cells.iter().filter(|cell| touches(cell)).count() as f64 / count;
+    // What could be a thing of its own, a stool before a sofa, needs more of a border with the other.
+    let alone = kind(b)
+        .map_or(0.0, |kind| kind.fit(small.bounds.size_m[0], small.bounds.size_m[1], small.bounds.top_m()));
+    let ease = if a == b || alone < 0.5 { 0.2 } else { 1.0 };
+    if is_guest {
+        return inside >= params.inside_share || beside >= params.touch_share;
+    }
+    // Nothing else fits into a wardrobe's place.
+    let stored = is_storage(a) && is_storage(b);
+    let within = inside >= params.inside_share && (ease < 1.0 || stored || beside >= params.touch_share);
+    let grown_together = is_solid(a) && is_solid(b) && beside >= ease * params.touch_share;
+    if within || grown_together {
+        return plausible(large, small, wall_yaw_rad);
+    }
+    a == b && near(large, small, params.gap_m, is_wall) && plausible(large, small, wall_yaw_rad)
+}
+
+/// Whether both together are no less like one thing of the class than the larger one alone.
+fn plausible(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
+    let Some(kind) = kind(large.fragment.class) else { return false };
+    let both: Vec<[f64; 3]> = large.places.iter().chain(&small.places).copied().collect();
+    let Some(union) = fit_box(&both, wall_yaw_rad, BEYOND) else { return false };
+    let fit = |bounds: &UprightBox| kind.fit(bounds.size_m[0], bounds.size_m[1], bounds.top_m());
+    fit(&union) >= 0.9 * fit(&large.bounds)
+}
+
+/// Whether two places of the parts are near each other with no wall between them.
+fn near(large: &Part, small: &Part, gap_m: f64, is_wall: &dyn Fn(&[f64; 3]) -> bool) -> bool {
+    let is_open = |p: &[f64; 3], q: &[f64; 3]| {
+        let at = |t: f64| [0, 1, 2].map(|axis| p[axis] + t * (q[axis] - p[axis]));
+        ![0.25, 0.5, 0.75].iter().any(|t| is_wall(&at(*t)))
+    };
+    let mut nearest = (gap_m * gap_m, None);
+    for p in small.places.iter().filter(|p| large.bounds.holds(p, gap_m)) {
+        for q in &large.places {
+            let apart = (0..3).map(|axis| (p[axis] - q[axis]).powi(2)).sum::<f64>();
+            if apart < nearest.0 {
+                nearest = (apart, Some((p, q)));
+            }
+        }
+    }
+    nearest.1.is_some_and(|(p, q)| is_open(p, q))
+}
+
+/// Whether a class is one of which several stand close together.
+pub fn gregarious(class: Class) -> bool {
+    matches!(class, Class::Chair)
+}

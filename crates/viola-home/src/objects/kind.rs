@@ -1,0 +1,124 @@
+//! What is known of things before they are seen: which are objects, how large they are, what they are mistaken for.
+
+use std::ops::Range;
+use viola_geometry::taxonomy::Class;
+
+/// The usual size of a class of things, in metres. Sizes are those of furniture as it is sold.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Kind {
+    pub long_m: Range<f64>,
+    pub short_m: Range<f64>,
+    /// Height of its top above the floor.
+    pub top_m: Range<f64>,
+    /// It stands on the floor: what is seen of it goes on downwards.
+    pub stands: bool,
+}
+
+/// What objects of a class are like; none for what is no object: structure, people, what has no name.
+pub fn kind(class: Class) -> Option<Kind> {
+    use Class::*;
+    let kind = |long_m, short_m, top_m, stands| Some(Kind { long_m, short_m, top_m, stands });
+    match class {
+        Bed => kind(1.2..2.5, 0.7..2.3, 0.3..1.5, true),
+        Sofa => kind(1.1..4.0, 0.6..3.0, 0.55..1.2, true),
+        Chair => kind(0.35..1.1, 0.3..1.0, 0.4..1.4, true),
+        Table => kind(0.4..3.0, 0.3..1.6, 0.3..1.2, true),
+        Desk => kind(0.8..2.5, 0.4..1.6, 0.6..1.3, true),
+        Cabinet => kind(0.3..4.5, 0.2..0.8, 0.3..2.6, true),
+        Shelf => kind(0.3..4.5, 0.15..0.7, 0.3..2.6, true),
+        Counter => kind(0.6..5.0, 0.4..1.6, 0.8..1.2, true),
+        Refrigerator => kind(0.45..1.1, 0.45..0.9, 0.8..2.1, true),
+        Stove => kind(0.4..1.0, 0.4..0.8, 0.8..1.2, true),
+        WashingMachine => kind(0.45..0.8, 0.4..0.75, 0.7..1.1, true),
+        // Old ones are as deep as wide.
+        Television => kind(0.4..2.0, 0.02..0.6, 0.5..2.2, false),
+        Lamp => kind(0.1..0.8, 0.1..0.6, 0.3..2.6, false),
+        Radiator => kind(0.3..2.5, 0.05..0.3, 0.3..1.2, false),
+        Toilet => kind(0.45..0.9, 0.3..0.6, 0.35..1.2, true),
+        Sink => kind(0.3..0.9, 0.25..0.65, 0.7..1.1, false),
+        Bathtub => kind(1.1..2.1, 0.6..1.1, 0.35..0.9, true),
+        Shower => kind(0.6..1.8, 0.05..1.3, 1.6..2.6, true),
+        Curtain => kind(0.3..5.0, 0.03..0.5, 1.2..2.8, false),
+        Plant => kind(0.2..1.5, 0.2..1.2, 0.2..2.4, false),
+        Box => kind(0.2..1.0, 0.15..0.9, 0.15..1.5, false),
+        Mirror => kind(0.3..2.0, 0.01..0.15, 0.8..2.4, false),
+        Picture => kind(0.3..2.5, 0.01..0.15, 1.0..2.5, false),
+        Door => kind(0.6..1.2, 0.03..0.3, 1.8..2.3, true),
+        Window => kind(0.4..4.0, 0.03..0.4, 1.2..2.6, false),
+        Other | Floor | Wall | Ceiling | Stairs | Rug | Pillow | Clothes | Person | Animal => None,
+    }
+}
+
+impl Kind {
+    /// How well a size fits, 0..1: 1 inside of all ranges, less with every factor outside of one.
+    pub fn fit(&self, long_m: f64, short_m: f64, top_m: f64) -> f64 {
+        let one = |value: f64, range: &Range<f64>| {
+            let off = (range.start / value.max(1e-3)).max(value / range.end).max(1.0);
+            // Twice too large or too small is a sixth as likely.
+            off.powf(-2.5)
+        };
+        one(long_m, &self.long_m) * one(short_m, &self.short_m) * one(top_m, &self.top_m)
+    }
+}
+
+/// Furniture and appliances: what the evaluation counts.
+pub fn is_furniture(class: Class) -> bool {
+    use Class::*;
+    matches!(
+        class,
+        Bed | Sofa
+            | Chair
+            | Table
+            | Desk
+            | Cabinet
+            | Shelf
+            | Counter
+            | Refrigerator
+            | Stove
+            | WashingMachine
+            | Television
+            | Lamp
+            | Radiator
+            | Toilet
+            | Sink
+            | Bathtub
+            | Shower
+    )
+}
+
+/// A sink is its basin: what carries it is something else. No basin is deeper, with its tap.
+pub const BASIN_M: f64 = 0.35;
+
+/// What stands along walls and holds things.
+pub fn is_storage(class: Class) -> bool {
+    matches!(class, Class::Cabinet | Class::Shelf | Class::Counter)
+}
+
+/// Classes that networks take for each other: pieces of one object may be called by different ones.
+pub fn confusable(a: Class, b: Class) -> bool {
+    use Class::*;
+    const FAMILIES: [&[Class]; 6] = [
+        &[Bed, Sofa, Chair],
+        &[Table, Desk, Counter],
+        &[Cabinet, Shelf, Counter, Refrigerator, Stove, WashingMachine, Desk],
+        &[Bathtub, Shower, Sink, Toilet],
+        &[Curtain, Window, Shower],
+        &[Sink, Counter],
+    ];
+    a == b || FAMILIES.iter().any(|family| family.contains(&a) && family.contains(&b))
+}
+
+/// Things of one piece: where two fragments of such touch along a good part, they are one. Tables and desks are set
+/// against each other.
+pub fn is_solid(class: Class) -> bool {
+    use Class::*;
+    matches!(class, Bed | Sofa | Chair | Cabinet | Shelf)
+}
+
+/// What lies on furniture and belongs to it: pillows and blankets.
+pub fn host_of(class: Class) -> Option<&'static [Class]> {
+    match class {
+        Class::Pillow => Some(&[Class::Bed, Class::Sofa, Class::Chair]),
+        _ => None,
+    }
+}

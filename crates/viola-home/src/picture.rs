@@ -1,0 +1,219 @@
+//! Pictures of a LiDAR map, alone and with a clip laid over it.
+
+use serde::{Deserialize, Serialize};
+use tiny_skia::{Color, FillRule, LineCap, Paint, PathBuilder, Pixmap, Rect, Stroke, Transform};
+use viola_align::Aligned;
+use viola_formats::lidar::{Cell, LidarInfo, LidarMap};
+use viola_geometry::{Point2, Pose2, Vector2};
+
+/// The longer side of a picture.
+const SIDE_PX: f64 = 1200.0;
+const MARGIN_M: f64 = 0.5;
+
+mod ink {
+    pub const PAPER: [u8; 4] = [255, 255, 255, 255];
+    pub const FREE: [u8; 4] = [236, 240, 244, 255];
+    pub const WALL: [u8; 4] = [52, 58, 64, 255];
+    pub const ROOMS: [[u8; 4]; 6] = [
+        [219, 234, 254, 255],
+        [220, 252, 231, 255],
+        [254, 249, 195, 255],
+        [252, 231, 243, 255],
+        [237, 233, 254, 255],
+        [255, 237, 213, 255],
+    ];
+    pub const MATCHED: [u8; 4] = [22, 163, 74, 255];
+    pub const UNMATCHED: [u8; 4] = [220, 38, 38, 255];
+    pub const CAMERA: [u8; 4] = [37, 99, 235, 255];
+    pub const ALTERNATIVE: [u8; 4] = [234, 88, 12, 255];
+    pub const CHARGER: [u8; 4] = [147, 51, 234, 255];
+}
+
+/// Where a picture lies in the map's frame: x to the right, y up, as many pixels per metre both ways.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct PictureFrame {
+    /// The upper left corner of the picture: x and y in metres.
+    pub corner_m: [f64; 2],
+    #[schema(example = 96.5)]
+    pub px_per_m: f64,
+    pub width_px: u32,
+    pub height_px: u32,
+}
+
+impl PictureFrame {
+    /// Of [`lidar_png`]'s picture of a map.
+    pub fn of(info: &LidarInfo) -> PictureFrame {
+        PictureFrame::around(info.min_m, info.max_m)
+    }
+
+    fn around(min: [f64; 2], max: [f64; 2]) -> PictureFrame {
+        let size = [max[0] - min[0] + 2.0 * MARGIN_M, max[1] - min[1] + 2.0 * MARGIN_M];
+        let px_per_m = SIDE_PX / size[0].max(size[1]);
+        let pixels = |metres: f64| ((metres * px_per_m).ceil() as u32).clamp(1, SIDE_PX as u32 + 1);
+        PictureFrame {
+            corner_m: [min[0] - MARGIN_M, max[1] + MARGIN_M],
+            px_per_m,
+            width_px: pixels(size[0]),
+            height_px: pixels(size[1]),
+        }
+    }
+}
+
+/// The map: walls dark, free cells light, rooms tinted, the charger a violet dot. x right, y up.
+pub fn lidar_png(lidar: &LidarMap) -> Vec<u8> {
+    let mut canvas = Canvas::around(lidar, &[]);
+    canvas.lidar(lidar);
+    canvas.png()
+}
+
+/// The map with the clip at its pose: hits green where the map has a counterpart within 10 cm and red where
+/// not, the cameras' path blue with a wedge for the first one, and the other explanations as orange wedges.
+pub fn overlay_png(lidar: &LidarMap, aligned: &Aligned) -> Vec<u8> {
+    const MATCHED_M: f64 = 0.1;
+    let alternatives = &aligned.alignment.alternatives;
+    // A failed clip still shows its best try: that is what one wants to look at then.
+    let pose = aligned.alignment.map_from_clip.or_else(|| alternatives.first().map(|a| a.map_from_clip));
+    let Some(pose) = pose else { return lidar_png(lidar) };
+    let hits: Vec<Point2> = aligned.scan.hits.iter().map(|h| pose.apply(&h.point_m)).collect();
+    let mut canvas = Canvas::around(lidar, &hits);
+    canvas.lidar(lidar);
+    for alternative in alternatives.iter().skip(1).rev() {
+        canvas.wedge(&alternative.map_from_clip, ink::ALTERNATIVE);
+    }
+    let near = viola_align::Target::new(lidar);
+    for hit in &hits {
+        let matched = near.as_ref().is_some_and(|target| target.field.value(hit) < MATCHED_M);
+        canvas.dot(hit, 0.03, if matched { ink::MATCHED } else { ink::UNMATCHED });
+    }
+    let path: Vec<Point2> =
+        aligned.scan.cameras.iter().map(|c| pose.apply(&Point2::new(c.x_m, c.y_m))).collect();
+    canvas.line(&path, ink::CAMERA);
+    canvas.wedge(&pose, ink::CAMERA);
+    canvas.png()
+}
+
+struct Canvas {
+    pixmap: Pixmap,
+    frame: PictureFrame,
+}
+
+impl Canvas {
+    fn around(lidar: &LidarMap, points: &[Point2]) -> Canvas {
+        let (mut min, mut max) = (lidar.info.min_m, lidar.info.max_m);
+        // A pose far outside must not shrink the map to a dot.
+        let reach = 5.0;
+        let limit = [min[0] - reach, min[1] - reach, max[0] + reach, max[1] + reach];
+        for point in points {
+            let p = [point.x.clamp(limit[0], limit[2]), point.y.clamp(limit[1], limit[3])];
+            for axis in 0..2 {
+                min[axis] = min[axis].min(p[axis]);
+                max[axis] = max[axis].max(p[axis]);
+            }
+        }
+        let frame = PictureFrame::around(min, max);
+        let mut pixmap = Pixmap::new(frame.width_px, frame.height_px).expect("the size is not zero");
+        pixmap.fill(color(ink::PAPER));
+        Canvas { pixmap, frame }
+    }
+
+    fn lidar(&mut self, lidar: &LidarMap) {
+        if let Some(grid) = &lidar.cells {
+            self.cells(grid.frame.cell_m, lidar, Cell::Free, ink::FREE);
+        }
+        let cell_m = lidar.cells.as_ref().map_or(0.05, |grid| grid.frame.cell_m);
+        for (i, room) in lidar.rooms.iter().enumerate() {
+            let tint = ink::ROOMS[i % ink::ROOMS.len()];
+            room.cells_m.iter().for_each(|centre| self.square(centre, cell_m, tint));
+        }
+        match &lidar.cells {
+            Some(_) => self.cells(cell_m, lidar, Cell::Occupied, ink::WALL),
+            None => lidar.occupied_m.iter().for_each(|p| self.dot(p, 0.02, ink::WALL)),
+        }
+        if let Some(charger) = &lidar.charger {
+            self.dot(&Point2::new(charger.x_m, charger.y_m), 0.12, ink::CHARGER);
+        }
+    }
+
+    fn cells(&mut self, cell_m: f64, lidar: &LidarMap, kind: Cell, ink: [u8; 4]) {
+        let Some(grid) = &lidar.cells else { return };
+        for y in 0..grid.frame.height {
+            for x in 0..grid.frame.width {
+                if grid.get(x, y) == kind {
+                    self.square(&grid.frame.centre(x, y), cell_m, ink);
+                }
+            }
+        }
+    }
+
+    fn place(&self, point: &Point2) -> (f32, f32) {
+        let x = (point.x - self.frame.corner_m[0]) * self.frame.px_per_m;
+        let y = (self.frame.corner_m[1] - point.y) * self.frame.px_per_m;
+        (x as f32, y as f32)
+    }
+
+    fn square(&mut self, centre: &Point2, side_m: f64, ink: [u8; 4]) {
+        let (x, y) = self.place(centre);
+        // Neighbouring squares meet without a seam.
+        let side = (side_m * self.frame.px_per_m) as f32;
+        let (left, top) = ((x - side / 2.0).round(), (y - side / 2.0).round());
+        let (right, bottom) = ((x + side / 2.0).round(), (y + side / 2.0).round());
+        if let Some(rect) = Rect::from_ltrb(left, top, right.max(left + 1.0), bottom.max(top + 1.0)) {
+            let mut paint = paint(ink);
+            paint.anti_alias = false;
+            self.pixmap.fill_rect(rect, &paint, Transform::identity(), None);
+        }
+    }
+
+    fn dot(&mut self, centre: &Point2, radius_m: f64, ink: [u8; 4]) {
+        let (x, y) = self.place(centre);
+        let radius = ((radius_m * self.frame.px_per_m) as f32).max(1.5);
+        if let Some(path) = PathBuilder::from_circle(x, y, radius) {
+            self.pixmap.fill_path(&path, &paint(ink), FillRule::Winding, Transform::identity(), None);
+        }
+    }
+
+    fn line(&mut self, points: &[Point2], ink: [u8; 4]) {
+        let mut builder = PathBuilder::new();
+        for (i, point) in points.iter().enumerate() {
+            let (x, y) = self.place(point);
+            if i == 0 { builder.move_to(x, y) } else { builder.line_to(x, y) }
+        }
+        if let Some(path) = builder.finish() {
+            let stroke = Stroke { width: 2.5, line_cap: LineCap::Round, ..Stroke::default() };
+            self.pixmap.stroke_path(&path, &paint(ink), &stroke, Transform::identity(), None);
+        }
+    }
+
+    /// A camera: a wedge that opens where it looks.
+    fn wedge(&mut self, pose: &Pose2, ink: [u8; 4]) {
+        let apex = Point2::new(pose.x_m, pose.y_m);
+        let side = |y: f64| apex + pose.rotate(&Vector2::new(0.4, y));
+        let mut builder = PathBuilder::new();
+        for (i, point) in [apex, side(0.22), side(-0.22)].iter().enumerate() {
+            let (x, y) = self.place(point);
+            if i == 0 { builder.move_to(x, y) } else { builder.line_to(x, y) }
+        }
+        builder.close();
+        if let Some(path) = builder.finish() {
+            let mut fill = paint(ink);
+            fill.set_color(color([ink[0], ink[1], ink[2], 90]));
+            self.pixmap.fill_path(&path, &fill, FillRule::Winding, Transform::identity(), None);
+            let stroke = Stroke { width: 2.0, ..Stroke::default() };
+            self.pixmap.stroke_path(&path, &paint(ink), &stroke, Transform::identity(), None);
+        }
+    }
+
+    fn png(self) -> Vec<u8> {
+        self.pixmap.encode_png().expect("an RGBA picture in memory always encodes")
+    }
+}
+
+fn color(ink: [u8; 4]) -> Color {
+    Color::from_rgba8(ink[0], ink[1], ink[2], ink[3])
+}
+
+fn paint(ink: [u8; 4]) -> Paint<'static> {
+    let mut paint = Paint::default();
+    paint.set_color(color(ink));
+    paint
+}

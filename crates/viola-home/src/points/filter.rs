@@ -1,0 +1,79 @@
+//! Which points of a map are asked for.
+
+use super::ClipNumbers;
+use crate::assemble::{CLIP_AT, POINT_BYTES, TileBytes, Voxels, point_bytes, read_point};
+use crate::ply::NotOurs;
+use std::borrow::Cow;
+use viola_geometry::taxonomy::{CLASSES, Class};
+
+/// Everything unless something is said.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PointFilter {
+    /// Only these classes.
+    pub classes: Option<Vec<Class>>,
+    /// Only what lies between these corners, in the LiDAR map's frame.
+    pub box_m: Option<([f32; 3], [f32; 3])>,
+    /// Only what lies between these heights.
+    pub z_m: Option<(f32, f32)>,
+    /// One point for each cube of this side, their mean. Cubes do not reach over the border of a tile.
+    pub voxel_m: Option<f64>,
+}
+
+impl PointFilter {
+    pub fn is_everything(&self) -> bool {
+        *self == PointFilter::default()
+    }
+
+    /// The points of a tile that are asked for, [`POINT_BYTES`] each, with the map's numbers of the clips.
+    pub fn of_tile(&self, tile: &TileBytes, clips: &ClipNumbers) -> Result<Vec<u8>, NotOurs> {
+        let numbers = clips.of_tile(tile);
+        let mut points = self.chosen(tile).into_owned();
+        for point in points.chunks_exact_mut(POINT_BYTES) {
+            let local = u16::from_le_bytes([point[CLIP_AT], point[CLIP_AT + 1]]);
+            let number = numbers.get(usize::from(local)).ok_or(NotOurs)?;
+            point[CLIP_AT..CLIP_AT + 2].copy_from_slice(&number.to_le_bytes());
+        }
+        match self.voxel_m {
+            Some(voxel_m) => thinned(&points, voxel_m),
+            None => Ok(points),
+        }
+    }
+
+    fn chosen<'a>(&self, tile: &TileBytes<'a>) -> Cow<'a, [u8]> {
+        if self.classes.is_none() && self.box_m.is_none() && self.z_m.is_none() {
+            return Cow::Borrowed(tile.points);
+        }
+        let mut wanted = [self.classes.is_none(); CLASSES];
+        for class in self.classes.iter().flatten() {
+            wanted[usize::from(class.id())] = true;
+        }
+        let everywhere = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
+        let (mut min_m, mut max_m) = self.box_m.unwrap_or(everywhere);
+        if let Some((low_m, high_m)) = self.z_m {
+            min_m[2] = min_m[2].max(low_m);
+            max_m[2] = max_m[2].min(high_m);
+        }
+        let mut chosen = Vec::new();
+        for point in tile.points.chunks_exact(POINT_BYTES) {
+            let c = |axis: usize| {
+                let at = 4 * axis;
+                f32::from_le_bytes([point[at], point[at + 1], point[at + 2], point[at + 3]])
+            };
+            let inside = |axis: usize| (min_m[axis]..=max_m[axis]).contains(&c(axis));
+            if wanted.get(usize::from(point[27])).copied().unwrap_or(false) && (0..3).all(inside) {
+                chosen.extend_from_slice(point);
+            }
+        }
+        Cow::Owned(chosen)
+    }
+}
+
+fn thinned(points: &[u8], voxel_m: f64) -> Result<Vec<u8>, NotOurs> {
+    let mut points: Vec<_> =
+        points.chunks_exact(POINT_BYTES).map(read_point).collect::<Result<Vec<_>, NotOurs>>()?;
+    // Voxels take the clips one after the other.
+    points.sort_by_key(|point| point.clip);
+    let mut voxels = Voxels::new(voxel_m);
+    points.iter().for_each(|point| voxels.add(&point.point, point.clip));
+    Ok(voxels.into_points().iter().flat_map(point_bytes).collect())
+}

@@ -1,0 +1,337 @@
+//! The rooms of a home: as the vacuum's software made them out, or computed from the map.
+
+pub(super) mod outline;
+mod partition;
+pub(super) mod space;
+
+pub use partition::PartitionParams;
+pub use space::SpaceParams;
+
+use super::map_point::MapPoint;
+use outline::{Outline, contains, distance_m};
+use serde::{Deserialize, Serialize};
+use space::Space;
+use viola_formats::lidar::{LidarMap, MAX_ROOMS};
+use viola_geometry::{DistanceField, Grid, GridFrame, Point2};
+
+/// How rooms are made out.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RoomsParams {
+    pub space: SpaceParams,
+    pub partition: PartitionParams,
+    pub shape: RoomShapeParams,
+}
+
+/// How a room's cells become a polygon.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RoomShapeParams {
+    /// Gaps up to twice this are closed: the robot leaves out what stands on thin legs.
+    pub close_m: f64,
+    /// Holes smaller than this are filled: furniture stands in them.
+    pub fill_m2: f64,
+    /// How far the polygon may be from the cells' border.
+    pub tolerance_m: f64,
+}
+
+impl Default for RoomShapeParams {
+    fn default() -> Self {
+        RoomShapeParams { close_m: 0.15, fill_m2: 2.0, tolerance_m: 0.07 }
+    }
+}
+
+/// Where a room comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RoomSource {
+    /// The robot's software made it out.
+    LidarMap,
+    /// Computed from the map.
+    Computed,
+}
+
+/// A room, in the LiDAR map's frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Room {
+    pub id: String,
+    pub name: Option<String>,
+    pub source: RoomSource,
+    /// Of the polygon without its holes, in square metres.
+    pub area_m2: f64,
+    /// The outer ring, counter-clockwise; the last corner is not the first one again.
+    pub polygon_m: Vec<[f64; 2]>,
+    /// Rings inside, clockwise.
+    pub holes_m: Vec<Vec<[f64; 2]>>,
+    /// A point inside, far from the border: where a label goes.
+    pub label_at_m: [f64; 2],
+}
+
+impl Room {
+    pub fn contains(&self, point: &Point2) -> bool {
+        contains(&self.polygon_m, point) && !self.holes_m.iter().any(|hole| contains(hole, point))
+    }
+
+    /// From a point to the outer ring; 0 inside.
+    pub fn distance_m(&self, point: &Point2) -> f64 {
+        if contains(&self.polygon_m, point) { 0.0 } else { distance_m(&self.polygon_m, point) }
+    }
+}
+
+/// The room that holds a point, or the nearest one within `reach_m`: what stands at a wall is not on free floor.
+pub fn room_at<'a>(rooms: &'a [Room], point: &Point2, reach_m: f64) -> Option<&'a Room> {
+    let inside = rooms.iter().find(|room| room.contains(point));
+    inside.or_else(|| {
+        let near = rooms.iter().map(|room| (room.distance_m(point), room));
+        near.filter(|(m, _)| *m <= reach_m).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, room)| room)
+    })
+}
+
+/// The rooms, in the LiDAR map's order, or the largest first where they are computed.
+///
+/// `points` is the home's fused map, in the LiDAR map's frame; empty is allowed.
+pub fn rooms(lidar: &LidarMap, points: &[MapPoint], params: &RoomsParams) -> Vec<Room> {
+    let space = Space::new(lidar, points, &params.space);
+    rooms_in(lidar, &space, params)
+}
+
+fn rooms_in(lidar: &LidarMap, space: &Space, params: &RoomsParams) -> Vec<Room> {
+    // 0 is no room; a room's number is its place in the list and one.
+    let mut owner: Grid<u32> = Grid::filled(space.frame, 0);
+    let known = &lidar.rooms[..lidar.rooms.len().min(MAX_ROOMS)];
+    for (number, room) in (1..).zip(known) {
+        for cell in &room.cells_m {
+            if let Some((x, y)) = space.frame.cell(cell) {
+                owner.set(x, y, number);
+            }
+        }
+    }
+    if !known.is_empty() {
+        let shapes = shapes(&owner, known.len(), space, &params.shape);
+        let named = shapes.into_iter().zip(known).filter_map(|(shape, room)| {
+            Some(shape?.into_room(room.id.clone(), room.name.clone(), RoomSource::LidarMap))
+        });
+        return named.collect();
+    }
+    let count = partition::partition(space, &mut owner, &params.partition).min(MAX_ROOMS);
+    let mut shapes: Vec<Shape> = shapes(&owner, count, space, &params.shape).into_iter().flatten().collect();
+    shapes.retain(|shape| shape.outline.area_m2() >= params.partition.min_area_m2);
+    shapes.sort_by(|a, b| {
+        let order = b.outline.area_m2().total_cmp(&a.outline.area_m2());
+        let [axis_0, axis_1] = [0, 1].map(|axis| a.label_at_m[axis].total_cmp(&b.label_at_m[axis]));
+        order.then(axis_0).then(axis_1)
+    });
+    (1..).zip(shapes).map(|(n, shape)| shape.into_room(n.to_string(), None, RoomSource::Computed)).collect()
+}
+
+/// Cells of all rooms' boxes together: rooms beyond are left out.
+const MAX_BOXES: usize = 16 << 20;
+
+struct Shape {
+    outline: Outline,
+    label_at_m: [f64; 2],
+}
+
+impl Shape {
+    fn into_room(self, id: String, name: Option<String>, source: RoomSource) -> Room {
+        Room {
+            id,
+            name,
+            source,
+            area_m2: (self.outline.area_m2() * 100.0).round() / 100.0,
+            polygon_m: self.outline.ring_m,
+            holes_m: self.outline.holes_m,
+            label_at_m: self.label_at_m,
+        }
+    }
+}
+
+/// The polygons of the rooms 1 to `count`; none for a room without cells.
+fn shapes(owner: &Grid<u32>, count: usize, space: &Space, params: &RoomShapeParams) -> Vec<Option<Shape>> {
+    let frame = owner.frame;
+    let mut boxes = vec![([usize::MAX; 2], [0; 2]); count + 1];
+    for (index, number) in owner.cells.iter().enumerate() {
+        let at = [index % frame.width, index / frame.width];
+        if let Some((low, high)) = boxes.get_mut(*number as usize) {
+            *low = [low[0].min(at[0]), low[1].min(at[1])];
+            *high = [high[0].max(at[0]), high[1].max(at[1])];
+        }
+    }
+    let mut spent = 0;
+    (1..=count)
+        .map(|number| {
+            let (low, high) = boxes[number];
+            let window = (low[0] != usize::MAX).then(|| Window::around(low, high, &frame, params.close_m))?;
+            spent += window.frame.len();
+            if spent > MAX_BOXES { None } else { shape(owner, number as u32, &window, space, params) }
+        })
+        .collect()
+}
+
+/// The polygon of one room's cells: the largest piece of them, with gaps closed and small holes filled.
+fn shape(
+    owner: &Grid<u32>,
+    number: u32,
+    window: &Window,
+    space: &Space,
+    params: &RoomShapeParams,
+) -> Option<Shape> {
+    let frame = window.frame;
+    let whose =
+        |index: usize| owner.get(index % frame.width + window.left, index / frame.width + window.bottom);
+    let mut mask = Grid { frame, cells: (0..frame.len()).map(|i| whose(i) == number).collect() };
+    close(&mut mask, params.close_m);
+    for index in 0..frame.len() {
+        let (x, y) = (index % frame.width + window.left, index / frame.width + window.bottom);
+        // What is closed must not reach through a wall to what lies behind it.
+        if whose(index) != number && (whose(index) != 0 || space.is_wall(x, y)) {
+            mask.cells[index] = false;
+        }
+    }
+    keep_largest(&mut mask);
+    // A room within a room stays out of it.
+    let most = (params.fill_m2 / (frame.cell_m * frame.cell_m)) as usize;
+    fill_holes(&mut mask, most, |index| whose(index) != 0 && whose(index) != number);
+    let outside = Grid { frame, cells: mask.cells.iter().map(|set| !set).collect() };
+    let depth = DistanceField::new(&outside);
+    let deepest = (0..frame.len())
+        .max_by(|a, b| depth.grid().cells[*a].total_cmp(&depth.grid().cells[*b]).then(b.cmp(a)))?;
+    let at = frame.centre(deepest % frame.width, deepest / frame.width);
+    let outline = outline::trace(&mask).into_iter().next()?.simplified(params.tolerance_m)?;
+    Some(Shape { outline, label_at_m: [at.x, at.y] })
+}
+
+fn keep_largest(mask: &mut Grid<bool>) {
+    let (piece, count) = outline::pieces(mask);
+    let mut sizes = vec![0usize; count + 1];
+    piece.iter().for_each(|piece| sizes[*piece as usize] += 1);
+    let largest = (1..=count).max_by_key(|piece| (sizes[*piece], std::cmp::Reverse(*piece))).unwrap_or(0);
+    for (cell, piece) in mask.cells.iter_mut().zip(piece) {
+        *cell = *cell && piece as usize == largest;
+    }
+}
+
+/// Sets the cells of holes of up to `most` cells, none of which is `taken`.
+pub(super) fn fill_holes(mask: &mut Grid<bool>, most: usize, taken: impl Fn(usize) -> bool) {
+    let (width, height) = (mask.frame.width, mask.frame.height);
+    let outside = Grid { frame: mask.frame, cells: mask.cells.iter().map(|set| !set).collect() };
+    let (piece, count) = outline::pieces(&outside);
+    let (mut sizes, mut open) = (vec![0usize; count + 1], vec![false; count + 1]);
+    for (index, piece) in piece.iter().enumerate() {
+        let (x, y) = (index % width, index / width);
+        sizes[*piece as usize] += 1;
+        let at_edge = x == 0 || y == 0 || x + 1 == width || y + 1 == height;
+        open[*piece as usize] |= at_edge || taken(index);
+    }
+    for (cell, piece) in mask.cells.iter_mut().zip(piece) {
+        *cell |= !open[piece as usize] && sizes[piece as usize] <= most;
+    }
+}
+
+/// The part of a grid that holds a room.
+struct Window {
+    left: usize,
+    bottom: usize,
+    frame: GridFrame,
+}
+
+impl Window {
+    fn around(low: [usize; 2], high: [usize; 2], frame: &GridFrame, margin_m: f64) -> Window {
+        let margin = (margin_m / frame.cell_m).ceil() as usize + 1;
+        let [left, bottom] = low.map(|v| v.saturating_sub(margin));
+        let width = (high[0] + margin).min(frame.width - 1) + 1 - left;
+        let height = (high[1] + margin).min(frame.height - 1) + 1 - bottom;
+        let origin_m = [
+            frame.origin_m[0] + left as f64 * frame.cell_m,
+            frame.origin_m[1] + bottom as f64 * frame.cell_m,
+        ];
+        Window { left, bottom, frame: GridFrame { origin_m, cell_m: frame.cell_m, width, height } }
+    }
+}
+
+/// Grows and shrinks again: gaps narrower than twice `by_m` close.
+pub(super) fn close(mask: &mut Grid<bool>, by_m: f64) {
+    let grown: Vec<bool> =
+        DistanceField::new(mask).grid().cells.iter().map(|d| f64::from(*d) <= by_m).collect();
+    let outside = Grid { frame: mask.frame, cells: grown.iter().map(|set| !set).collect() };
+    if !outside.cells.contains(&true) {
+        return;
+    }
+    let left = DistanceField::new(&outside);
+    for (cell, distance_m) in mask.cells.iter_mut().zip(&left.grid().cells) {
+        *cell |= f64::from(*distance_m) > by_m;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_formats::lidar;
+
+    /// Two rooms of 4 m x 3 m and 3 m x 3 m with a door of 0.8 m between them, as points 2.5 cm apart.
+    fn flat() -> LidarMap {
+        let mut csv = String::new();
+        let mut wall = |from: [f64; 2], to: [f64; 2]| {
+            let length = (to[0] - from[0]).hypot(to[1] - from[1]);
+            for i in 0..=(length / 0.025) as usize {
+                let t = i as f64 * 0.025 / length;
+                let at = [0, 1].map(|axis| from[axis] + t * (to[axis] - from[axis]));
+                csv += &format!("{},{}\n", at[0], at[1]);
+            }
+        };
+        wall([0.0, 0.0], [7.1, 0.0]);
+        wall([0.0, 3.0], [7.1, 3.0]);
+        wall([0.0, 0.0], [0.0, 3.0]);
+        wall([7.1, 0.0], [7.1, 3.0]);
+        for x in [4.0, 4.1] {
+            wall([x, 0.0], [x, 1.0]);
+            wall([x, 1.8], [x, 3.0]);
+        }
+        LidarMap::read(csv.as_bytes()).unwrap()
+    }
+
+    #[test]
+    fn a_door_divides_rooms() {
+        let rooms = rooms(&flat(), &[], &RoomsParams::default());
+        assert_eq!(rooms.len(), 2, "{rooms:?}");
+        for (room, area, inside) in [(&rooms[0], 12.0, [2.0, 1.5]), (&rooms[1], 9.0, [5.5, 1.5])] {
+            assert!((room.area_m2 - area).abs() < 1.2, "{room:?}");
+            assert!(room.contains(&Point2::from(inside)) && room.contains(&Point2::from(room.label_at_m)));
+            assert!(outline::signed_area_m2(&room.polygon_m) > 0.0);
+            assert_eq!((room.source, &room.name), (RoomSource::Computed, &None));
+        }
+        // At a wall on the other side of it: the nearer room.
+        assert_eq!(room_at(&rooms, &Point2::new(-0.3, 1.0), 1.0).unwrap().id, "1");
+        assert_eq!(room_at(&rooms, &Point2::new(-1.3, 1.0), 1.0), None);
+    }
+
+    #[test]
+    fn the_robots_rooms_keep_their_names() {
+        let mut map = flat();
+        let cells = |x: f64| {
+            (0..50).flat_map(move |i| {
+                (0..50).map(move |j| Point2::new(x + f64::from(i) * 0.05, 0.3 + f64::from(j) * 0.05))
+            })
+        };
+        let room = |id: &str, name: Option<&str>, x: f64| lidar::Room {
+            id: id.into(),
+            name: name.map(str::to_owned),
+            cells_m: cells(x).collect(),
+            material: None,
+        };
+        map.rooms = vec![room("17", Some("Kitchen"), 0.4), room("3", None, 4.4)];
+        map.rooms.push(lidar::Room { id: "empty".into(), name: None, cells_m: vec![], material: None });
+        let rooms = rooms(&map, &[], &RoomsParams::default());
+        let named: Vec<(&str, Option<&str>)> =
+            rooms.iter().map(|room| (room.id.as_str(), room.name.as_deref())).collect();
+        assert_eq!(named, [("17", Some("Kitchen")), ("3", None)]);
+        assert!(rooms.iter().all(|room| (room.area_m2 - 6.25).abs() < 0.6), "{rooms:?}");
+        assert_eq!(rooms[0].source, RoomSource::LidarMap);
+    }
+
+    #[test]
+    fn a_map_without_an_inside_has_no_rooms() {
+        for csv in ["1,2\n", "0,0\n5,0\n", "0,0\n1000000,1000000\n"] {
+            let map = LidarMap::read(csv.as_bytes()).unwrap();
+            assert!(rooms(&map, &[], &RoomsParams::default()).is_empty(), "{csv}");
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! Free space divided at narrow places: a watershed of the distance to walls (Meyer, 1994; as rooms are made out of
+//! occupancy maps, Bormann et al., 2016).
+
+use super::outline::beside;
+use super::space::Space;
+use viola_geometry::{DistanceField, Grid};
+
+/// What divides rooms.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PartitionParams {
+    /// Openings wider than twice this are no doors. Doors are up to 1 m wide, double doors somewhat more.
+    pub door_half_m: f64,
+    /// An opening divides only where it is narrower than this share of what it joins, ...
+    pub neck_share: f64,
+    /// and where both sides are this large.
+    pub min_area_m2: f64,
+}
+
+impl Default for PartitionParams {
+    fn default() -> Self {
+        PartitionParams { door_half_m: 0.55, neck_share: 0.8, min_area_m2: 1.2 }
+    }
+}
+
+/// Basins that the water rises in.
+struct Basins {
+    parent: Vec<u32>,
+    /// Largest distance to a wall, in metres.
+    peak_m: Vec<f32>,
+    cells: Vec<u32>,
+}
+
+impl Basins {
+    fn root(&mut self, mut basin: u32) -> u32 {
+        while self.parent[basin as usize] != basin {
+            let up = self.parent[self.parent[basin as usize] as usize];
+            self.parent[basin as usize] = up;
+            basin = up;
+        }
+        basin
+    }
+
+    /// The lower number stays.
+    fn join(&mut self, a: u32, b: u32) {
+        let (keep, gone) = (a.min(b), a.max(b));
+        self.parent[gone as usize] = keep;
+        self.peak_m[keep as usize] = self.peak_m[keep as usize].max(self.peak_m[gone as usize]);
+        self.cells[keep as usize] += self.cells[gone as usize];
+    }
+}
+
+/// Numbers the rooms in `owner`, from 1, and says how many there are.
+pub(super) fn partition(space: &Space, owner: &mut Grid<u32>, params: &PartitionParams) -> usize {
+    let (width, height) = (space.frame.width, space.frame.height);
+    let open = open(space);
+    let barrier: Vec<bool> = open.iter().map(|open| !open).collect();
+    if !open.contains(&true) {
+        return 0;
+    }
+    let depth = DistanceField::new(&Grid { frame: space.frame, cells: barrier });
+    let depth = &depth.grid().cells;
+    let mut order: Vec<u32> = (0..open.len() as u32).filter(|i| open[*i as usize]).collect();
+    order.sort_unstable_by(|a, b| depth[*b as usize].total_cmp(&depth[*a as usize]).then(a.cmp(b)));
+    let mut basins = Basins { parent: vec![0], peak_m: vec![0.0], cells: vec![0] };
+    for &index in &order {
+        let at = index as usize;
+        let mut mine = 0;
+        // The neighbour furthest from walls has the first say.
+        let mut around: Vec<u32> = beside(at, width, height)
+            .into_iter()
+            .flatten()
+            .filter(|next| owner.cells[*next] != 0)
+            .map(|next| next as u32)
+            .collect();
+        around.sort_unstable_by(|a, b| depth[*b as usize].total_cmp(&depth[*a as usize]).then(a.cmp(b)));
+        for next in around {
+            let other = basins.root(owner.cells[next as usize]);
+            if mine == 0 {
+                mine = other;
+            } else if other != mine && !divides(&basins, mine, other, depth[at], space, params) {
+                basins.join(mine, other);
+                mine = mine.min(other);
+            }
+        }
+        if mine == 0 {
+            mine = basins.parent.len() as u32;
+            basins.parent.push(mine);
+            basins.peak_m.push(depth[at]);
+            basins.cells.push(0);
+        }
+        basins.cells[mine as usize] += 1;
+        owner.cells[at] = mine;
+    }
+    owner.cells.iter_mut().filter(|owner| **owner != 0).for_each(|owner| *owner = basins.root(*owner));
+    absorb(owner, &mut basins, space, params);
+    number(owner)
+}
+
+/// Free cells, and those that furniture hides from the robot; a door's leaf is as good as a wall.
+fn open(space: &Space) -> Vec<bool> {
+    let mut open = Grid { frame: space.frame, cells: space.free.clone() };
+    for (index, cell) in open.cells.iter_mut().enumerate() {
+        *cell = (*cell || space.furniture[index]) && !space.door[index];
+    }
+    // Specks are legs of furniture. Larger ones may be a wall between two doors.
+    let most = (0.12 / (space.frame.cell_m * space.frame.cell_m)) as usize;
+    super::fill_holes(&mut open, most, |index| space.door[index]);
+    open.cells
+}
+
+fn divides(basins: &Basins, a: u32, b: u32, depth_m: f32, space: &Space, params: &PartitionParams) -> bool {
+    let lower = basins.peak_m[a as usize].min(basins.peak_m[b as usize]);
+    let fewer = basins.cells[a as usize].min(basins.cells[b as usize]);
+    let cell_m2 = space.frame.cell_m * space.frame.cell_m;
+    f64::from(depth_m) <= params.door_half_m
+        && f64::from(depth_m) < params.neck_share * f64::from(lower)
+        // The rest of a room is still to come when its middle meets the next one.
+        && f64::from(fewer) * cell_m2 > 0.1 * params.min_area_m2
+}
+
+/// Joins what is too small for a room to the neighbour with the longest common border.
+fn absorb(owner: &mut Grid<u32>, basins: &mut Basins, space: &Space, params: &PartitionParams) {
+    let (width, height) = (space.frame.width, space.frame.height);
+    let least = (params.min_area_m2 / (space.frame.cell_m * space.frame.cell_m)) as u32;
+    let mut borders: std::collections::BTreeMap<(u32, u32), u32> = std::collections::BTreeMap::new();
+    for at in 0..owner.cells.len() {
+        for next in beside(at, width, height).into_iter().flatten() {
+            let (a, b) = (owner.cells[at], owner.cells[next]);
+            if a != 0 && b != 0 && a != b {
+                *borders.entry((a, b)).or_default() += 1;
+            }
+        }
+    }
+    // The smallest first. A room that grew by one may no longer be too small.
+    let mut small: Vec<u32> = borders.keys().map(|(a, _)| *a).collect();
+    small.dedup();
+    small.sort_by_key(|basin| (basins.cells[*basin as usize], *basin));
+    for basin in small {
+        let root = basins.root(basin);
+        if basins.cells[root as usize] >= least {
+            continue;
+        }
+        let mut best = (0, 0);
+        for ((_, other), length) in borders.range((basin, 0)..(basin + 1, 0)) {
+            let other = basins.root(*other);
+            if other != root && *length > best.0 {
+                best = (*length, other);
+            }
+        }
+        if best.1 != 0 {
+            basins.join(root, best.1);
+        }
+    }
+    owner.cells.iter_mut().filter(|owner| **owner != 0).for_each(|owner| *owner = basins.root(*owner));
+}
+
+/// Numbers from 1 without gaps, in the order of the first cells.
+fn number(owner: &mut Grid<u32>) -> usize {
+    let mut numbers = rustc_hash::FxHashMap::default();
+    for cell in owner.cells.iter_mut().filter(|cell| **cell != 0) {
+        let next = numbers.len() as u32 + 1;
+        *cell = *numbers.entry(*cell).or_insert(next);
+    }
+    numbers.len()
+}

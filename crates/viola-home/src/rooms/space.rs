@@ -1,0 +1,202 @@
+//! What of the LiDAR map is free, wall or furniture, on one raster.
+
+use crate::map_point::MapPoint;
+use viola_formats::lidar::{Cell, LidarMap};
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{DistanceField, Grid, GridFrame, Point2};
+
+/// How the raster is made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SpaceParams {
+    /// Side of its cells where the map has none.
+    pub cell_m: f64,
+    /// A bound on memory and time: larger maps get larger cells.
+    pub max_cells: usize,
+    /// Bare points this far apart, halved, are one wall.
+    pub gap_m: f64,
+    /// Of the eight directions from a place inside a home, so many end at a wall.
+    pub enclosed: u32,
+    /// Heights of the fused points that tell what the LiDAR hit.
+    pub heights_m: [f64; 2],
+    /// The fused points this near tell what an occupied cell is.
+    pub near_m: f64,
+}
+
+impl Default for SpaceParams {
+    fn default() -> Self {
+        SpaceParams {
+            cell_m: 0.05,
+            max_cells: 2 << 20,
+            gap_m: 0.06,
+            enclosed: 7,
+            heights_m: [0.05, 1.9],
+            near_m: 0.08,
+        }
+    }
+}
+
+/// The raster. `frame` is the LiDAR map's own where it has cells that are fine enough.
+pub struct Space {
+    pub frame: GridFrame,
+    pub occupied: Vec<bool>,
+    /// The robot's free cells; of bare points, what they enclose.
+    pub free: Vec<bool>,
+    /// Occupied cells where the fused map has furniture and no wall.
+    pub furniture: Vec<bool>,
+    /// Where the fused map has a door's leaf or frame.
+    pub door: Vec<bool>,
+}
+
+impl Space {
+    pub fn new(lidar: &LidarMap, points: &[MapPoint], params: &SpaceParams) -> Space {
+        let frame = frame(lidar, params);
+        let mut space = Space {
+            frame,
+            occupied: vec![false; frame.len()],
+            free: vec![false; frame.len()],
+            furniture: vec![false; frame.len()],
+            door: vec![false; frame.len()],
+        };
+        for point in &lidar.occupied_m {
+            if let Some(at) = space.index(point) {
+                space.occupied[at] = true;
+            }
+        }
+        match &lidar.cells {
+            Some(cells) => {
+                for (index, _) in cells.cells.iter().enumerate().filter(|(_, c)| **c == Cell::Free) {
+                    let centre = cells.frame.centre(index % cells.frame.width, index / cells.frame.width);
+                    if let Some(at) = space.index(&centre) {
+                        space.free[at] |= !space.occupied[at];
+                    }
+                }
+            }
+            None => space.enclose(params),
+        }
+        space.tell(points, params);
+        space
+    }
+
+    pub fn index(&self, point: &Point2) -> Option<usize> {
+        self.frame.cell(point).map(|(x, y)| y * self.frame.width + x)
+    }
+
+    pub fn centre(&self, index: usize) -> Point2 {
+        self.frame.centre(index % self.frame.width, index / self.frame.width)
+    }
+
+    /// Occupied by something that is not known to be furniture.
+    pub fn is_wall(&self, x: usize, y: usize) -> bool {
+        let index = y * self.frame.width + x;
+        self.occupied[index] && !self.furniture[index]
+    }
+
+    /// Bare points: free is what lies between walls on almost all sides.
+    fn enclose(&mut self, params: &SpaceParams) {
+        let thin = Grid { frame: self.frame, cells: self.occupied.clone() };
+        let field = DistanceField::new(&thin);
+        let walls: Vec<bool> = field.grid().cells.iter().map(|d| f64::from(*d) <= params.gap_m).collect();
+        let (width, height) = (self.frame.width as i64, self.frame.height as i64);
+        let mut hits = vec![0u8; walls.len()];
+        // Directions that look back at cells which were worked out before, first in one order, then in the other.
+        for forward in [true, false] {
+            for back in [[-1, 0], [-1, -1], [0, -1], [1, -1]] {
+                let mut seen = vec![false; walls.len()];
+                for step in 0..walls.len() {
+                    let index = if forward { step } else { walls.len() - 1 - step };
+                    let sign = if forward { 1 } else { -1 };
+                    let x = index as i64 % width + sign * back[0];
+                    let y = index as i64 / width + sign * back[1];
+                    if x >= 0 && y >= 0 && x < width && y < height {
+                        let before = (y * width + x) as usize;
+                        seen[index] = seen[before] || walls[before];
+                    }
+                    hits[index] += u8::from(seen[index]);
+                }
+            }
+        }
+        for (index, free) in self.free.iter_mut().enumerate() {
+            *free = !self.occupied[index] && u32::from(hits[index]) >= params.enclosed;
+        }
+    }
+
+    /// What the fused map says of the occupied cells, and where it has doors.
+    fn tell(&mut self, points: &[MapPoint], params: &SpaceParams) {
+        let mut counts = vec![[0u16; 3]; self.frame.len()];
+        for point in points {
+            let [x, y, z] = point.point.position_m.map(f64::from);
+            if !(params.heights_m[0]..params.heights_m[1]).contains(&z) {
+                continue;
+            }
+            let label = point.point.label;
+            let kind = match label.class {
+                Class::Floor | Class::Ceiling | Class::Rug => continue,
+                Class::Wall | Class::Window | Class::Picture | Class::Mirror | Class::Radiator => 0,
+                Class::Door => 1,
+                // Without a picture nobody knows.
+                _ if label.views == 0 => continue,
+                Class::Curtain | Class::Other => 0,
+                _ => 2,
+            };
+            if let Some(at) = self.index(&Point2::new(x, y)) {
+                counts[at][kind] = counts[at][kind].saturating_add(1);
+            }
+        }
+        let reach = (params.near_m / self.frame.cell_m).round() as usize;
+        let (width, height) = (self.frame.width, self.frame.height);
+        for index in 0..counts.len() {
+            // A door is upright: several points of a column.
+            self.door[index] =
+                counts[index][1] >= 5 && counts[index][1] > counts[index][0] + counts[index][2];
+            if !self.occupied[index] {
+                continue;
+            }
+            let (x, y) = (index % width, index / width);
+            let mut sums = [0u32; 3];
+            for y in y.saturating_sub(reach)..(y + reach + 1).min(height) {
+                for x in x.saturating_sub(reach)..(x + reach + 1).min(width) {
+                    let cell = counts[y * width + x];
+                    (0..3).for_each(|kind| sums[kind] += u32::from(cell[kind]));
+                }
+            }
+            self.furniture[index] = sums[2] >= 5 && sums[2] > 2 * (sums[0] + sums[1]);
+        }
+    }
+}
+
+/// The map's own raster with a margin, or a coarser one where that has too many cells.
+fn frame(lidar: &LidarMap, params: &SpaceParams) -> GridFrame {
+    const MARGIN: f64 = 4.0;
+    let (min, max) = (lidar.info.min_m, lidar.info.max_m);
+    let own = lidar.cells.as_ref().map(|cells| cells.frame);
+    let mut cell_m = own.map_or(params.cell_m, |own| own.cell_m).max(params.cell_m / 2.5);
+    let count = |cell_m: f64| {
+        let side = |axis: usize| (max[axis] - min[axis]) / cell_m + 2.0 * MARGIN + 1.0;
+        side(0) * side(1)
+    };
+    let most = params.max_cells as f64;
+    let mut same = own.is_some_and(|own| (own.cell_m - cell_m).abs() < 1e-12);
+    if count(cell_m) > most {
+        same = false;
+        while count(cell_m) > most {
+            cell_m *= 1.25;
+        }
+    }
+    let frame = GridFrame::covering(min, max, MARGIN * cell_m, cell_m);
+    match own.filter(|_| same) {
+        // Cell borders where the map has them.
+        Some(own) => {
+            let snap = |axis: usize| {
+                let cells = ((frame.origin_m[axis] - own.origin_m[axis]) / cell_m).floor();
+                own.origin_m[axis] + cells * cell_m
+            };
+            GridFrame {
+                origin_m: [snap(0), snap(1)],
+                width: frame.width + 1,
+                height: frame.height + 1,
+                ..frame
+            }
+        }
+        None => frame,
+    }
+}

@@ -1,0 +1,184 @@
+//! What a clip brings to its home's map, and how it is kept between two merges.
+
+use super::ply::NotOurs;
+use flate2::Compression;
+use flate2::read::ZlibDecoder;
+use flate2::write::ZlibEncoder;
+use nalgebra::{Quaternion, Translation3, UnitQuaternion};
+use serde::{Deserialize, Serialize};
+use std::io::{Read, Write};
+use viola_align::Aligned;
+use viola_geometry::{Pinhole, Pose3, Vector3};
+use viola_reconstruct::{PointCloud, Readings, View};
+
+/// What a clip saw, in its own frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Share {
+    pub cloud_in_clip: PointCloud,
+    pub views: Vec<View>,
+}
+
+impl Share {
+    pub fn nothing() -> Share {
+        Share { cloud_in_clip: PointCloud::default(), views: Vec::new() }
+    }
+}
+
+/// What the vacuum would have seen of a clip, and where its cameras were: for drawing it at any pose.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct ClipScan {
+    /// Hits at the vacuum's height, in the clip's frame: z up, its origin on the floor below the first camera.
+    pub hits_m: Vec<[f32; 2]>,
+    /// The key frames in the order of recording.
+    pub cameras: Vec<ScanCamera>,
+}
+
+/// A key frame's camera in the clip's frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct ScanCamera {
+    pub position_m: [f32; 3],
+    /// Unit length, where the camera looks.
+    pub forward: [f32; 3],
+}
+
+impl ClipScan {
+    pub fn of(aligned: &Aligned) -> ClipScan {
+        let camera = |view: &View| {
+            let position = view.clip_from_camera.translation.vector.map(|c| c as f32);
+            let forward = (view.clip_from_camera * Vector3::z()).map(|c| c as f32);
+            ScanCamera { position_m: position.into(), forward: forward.into() }
+        };
+        let hits = aligned.scan.hits.iter();
+        ClipScan {
+            hits_m: hits.map(|hit| [hit.point_m.x as f32, hit.point_m.y as f32]).collect(),
+            cameras: aligned.views.iter().map(camera).collect(),
+        }
+    }
+}
+
+const MAGIC: &[u8; 8] = b"violav01";
+/// Of one file, unpacked: far more than the most key frames that a clip may have.
+const MAX_BYTES: u64 = 64 << 20;
+/// A pose, a camera, and how many readings follow.
+const HEAD_BYTES: usize = 7 * 8 + 2 * 4 + 4 * 8 + 2 * 2 + 4;
+
+/// The views of a clip as a file; [`read_views`] reads it.
+pub fn views_bytes(views: &[View]) -> Vec<u8> {
+    let mut plain = Vec::new();
+    for view in views {
+        let (turn, place) = (view.clip_from_camera.rotation, view.clip_from_camera.translation);
+        let camera = view.readings.camera();
+        let pose = [turn.i, turn.j, turn.k, turn.w, place.x, place.y, place.z];
+        pose.iter().for_each(|value| plain.extend_from_slice(&value.to_le_bytes()));
+        [camera.width, camera.height].iter().for_each(|side| plain.extend_from_slice(&side.to_le_bytes()));
+        let lens = [camera.fx, camera.fy, camera.cx, camera.cy];
+        lens.iter().for_each(|value| plain.extend_from_slice(&value.to_le_bytes()));
+        plain.extend_from_slice(&view.readings.width().to_le_bytes());
+        plain.extend_from_slice(&view.readings.stride().to_le_bytes());
+        plain.extend_from_slice(&(view.readings.depth_mm().len() as u32).to_le_bytes());
+        view.readings.depth_mm().iter().for_each(|mm| plain.extend_from_slice(&mm.to_le_bytes()));
+    }
+    let mut packer = ZlibEncoder::new(MAGIC.to_vec(), Compression::fast());
+    // Writing into a vector cannot fail.
+    let _ = packer.write_all(&plain);
+    packer.finish().unwrap_or_default()
+}
+
+/// Reads what [`views_bytes`] wrote.
+pub fn read_views(bytes: &[u8]) -> Result<Vec<View>, NotOurs> {
+    let packed = bytes.strip_prefix(MAGIC).ok_or(NotOurs)?;
+    let mut plain = Vec::new();
+    let unpacked = ZlibDecoder::new(packed).take(MAX_BYTES + 1).read_to_end(&mut plain);
+    if unpacked.is_err() || plain.len() as u64 > MAX_BYTES {
+        return Err(NotOurs);
+    }
+    let mut views = Vec::new();
+    let mut rest = plain.as_slice();
+    while !rest.is_empty() {
+        let (head, tail) = rest.split_at_checked(HEAD_BYTES).ok_or(NotOurs)?;
+        let mut head = Numbers(head);
+        let pose = [(); 7].map(|()| head.f64());
+        let (width, height) = (head.u32(), head.u32());
+        let [fx, fy, cx, cy] = [(); 4].map(|()| head.f64());
+        let (columns, stride, count) = (head.u16(), head.u16(), head.u32() as usize);
+        let (depths, tail) = tail.split_at_checked(count.checked_mul(2).ok_or(NotOurs)?).ok_or(NotOurs)?;
+        rest = tail;
+        if pose.iter().any(|value| !value.is_finite()) {
+            return Err(NotOurs);
+        }
+        let turn = Quaternion::new(pose[3], pose[0], pose[1], pose[2]);
+        // Taken as it was written: to normalise it again would change its last bits.
+        if (turn.norm() - 1.0).abs() > 1e-6 {
+            return Err(NotOurs);
+        }
+        let rotation = UnitQuaternion::new_unchecked(turn);
+        let depth_mm = depths.chunks_exact(2).map(|two| u16::from_le_bytes([two[0], two[1]])).collect();
+        let camera = Pinhole { width, height, fx, fy, cx, cy };
+        views.push(View {
+            clip_from_camera: Pose3::from_parts(Translation3::new(pose[4], pose[5], pose[6]), rotation),
+            readings: Readings::new(camera, columns, stride, depth_mm).ok_or(NotOurs)?,
+        });
+    }
+    Ok(views)
+}
+
+/// Little-endian numbers one after the other; the caller has made sure that they are there.
+struct Numbers<'a>(&'a [u8]);
+
+impl Numbers<'_> {
+    fn take<const N: usize>(&mut self) -> [u8; N] {
+        let mut bytes = [0; N];
+        let (head, tail) = self.0.split_at(N.min(self.0.len()));
+        bytes[..head.len()].copy_from_slice(head);
+        self.0 = tail;
+        bytes
+    }
+
+    fn f64(&mut self) -> f64 {
+        f64::from_le_bytes(self.take())
+    }
+
+    fn u32(&mut self) -> u32 {
+        u32::from_le_bytes(self.take())
+    }
+
+    fn u16(&mut self) -> u16 {
+        u16::from_le_bytes(self.take())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn views() -> Vec<View> {
+        let camera = Pinhole { width: 640, height: 480, fx: 577.6, fy: 578.7, cx: 318.9, cy: 242.7 };
+        let view = |i: u16| View {
+            clip_from_camera: Pose3::new(
+                Vector3::new(f64::from(i), 0.3, 1.4),
+                Vector3::new(0.1, 0.2, f64::from(i)),
+            ),
+            readings: Readings::new(camera, 4, 160, (0..12).map(|k| k * 100 + i).collect()).unwrap(),
+        };
+        (0..5).map(view).collect()
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        assert_eq!(read_views(&views_bytes(&views())), Ok(views()));
+        assert_eq!(read_views(&views_bytes(&[])), Ok(Vec::new()));
+    }
+
+    #[test]
+    fn other_bytes_are_refused() {
+        let good = views_bytes(&views());
+        for length in 0..good.len() {
+            assert_eq!(read_views(&good[..length]), Err(NotOurs), "{length}");
+        }
+        for at in 0..good.len() {
+            let mut bytes = good.clone();
+            bytes[at] ^= 0x55;
+            assert!(read_views(&bytes).is_err() || at < 16, "{at}");
+        }
+    }
+}

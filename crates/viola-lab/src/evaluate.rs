@@ -1,0 +1,50 @@
+//! The paper's protocol on any data with a known truth: clips, methods, one table.
+//!
+//! A [`Suite`] gives clips with their truth: excerpts of a recorded scene ([`SceneClips`]), clips of
+//! simulated homes ([`HomeClips`]), or clips drawn inside a map ([`DrawnClips`]). [`Run`] has every
+//! [`Method`] align the same clips, [`tabulate`] sums up, and [`plot`] draws.
+
+mod calibration;
+mod draw;
+mod drawn;
+mod error;
+mod failure;
+mod fit;
+pub mod home;
+mod homes;
+mod journal;
+pub mod labels;
+mod memory;
+mod mesh;
+mod method;
+mod oracle;
+pub mod plot;
+mod record;
+mod run;
+mod scene;
+mod section;
+mod suite;
+mod survey;
+mod table;
+pub mod track;
+mod weights;
+
+pub use calibration::{Bin, Calibration};
+pub use draw::{excerpts, random_excerpts};
+pub use drawn::{DrawnClips, DrawnParams};
+pub use error::{DrawnError, JournalError, RunError, SceneError};
+pub use fit::fit;
+pub use homes::{HomeClips, HomesParams};
+pub use journal::Journal;
+pub use memory::peak_memory_bytes;
+pub use mesh::{Mesh, MeshError};
+pub use method::{Method, MethodKind, NoMethod};
+pub use oracle::Oracle;
+pub use record::{ClipResult, Listed};
+pub use run::Run;
+pub use scene::{Scene, SceneClips};
+pub use section::Section;
+pub use suite::{Case, Sample, Suite};
+pub use survey::{Survey, SurveyError, SurveyParams};
+pub use table::{TableRow, clips_csv, markdown, tabulate};
+pub use weights::{LearnedLoss, learned_loss};

@@ -1,0 +1,147 @@
+//! What a home's map says beyond points, against a labelled mesh: surface, rooms, objects.
+
+mod fused;
+mod instances;
+mod judge;
+mod matching;
+mod simulated;
+mod surface;
+
+pub use fused::{Agreement, Excerpt, Fused, consecutive, fuse};
+pub use instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
+pub use judge::{FoundRow, ObjectScore, TruthRow, judge};
+pub use matching::{ClassRow, MIN_IOU, Matches, Thing, matches};
+pub use simulated::{SampleParams, SimulatedMap, TrueRoom, judge_objects, judge_rooms, sample, simulated};
+pub use surface::{SurfaceScore, compare, seen_by};
+
+use super::{MeshError, Scene, labels};
+use serde::Serialize;
+use std::fmt::Write;
+use std::ops::Range;
+use std::path::Path;
+use viola_align::{AlignError, AlignParams};
+use viola_formats::clip::ClipError;
+use viola_geometry::progress::Progress;
+use viola_home as home;
+use viola_home::{Coverage, Object, Plan, Room};
+
+/// What became of a scene.
+#[derive(Debug, Clone, Serialize)]
+pub struct HomeReport {
+    pub excerpts: Vec<Excerpt>,
+    pub agreement: Agreement,
+    pub surface: SurfaceScore,
+    pub coverage: Coverage,
+    pub rooms: Vec<Room>,
+    pub objects: Vec<Object>,
+    pub score: ObjectScore,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum HomeError {
+    #[error(transparent)]
+    Align(#[from] AlignError),
+    #[error(transparent)]
+    Clip(#[from] ClipError),
+    #[error("the labelled mesh: {0}")]
+    Mesh(#[from] MeshError),
+    #[error(transparent)]
+    Truth(#[from] labels::TruthError),
+    #[error("the recording is shorter than one excerpt")]
+    TooShort,
+}
+
+/// Aligns and merges the excerpts of a scene, and judges what the map shows against the mesh in `folder/mesh`.
+pub fn evaluate(
+    scene: &Scene,
+    folder: &Path,
+    ranges: &[Range<usize>],
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<(HomeReport, Plan), HomeError> {
+    if ranges.is_empty() {
+        return Err(HomeError::TooShort);
+    }
+    let mesh = super::Mesh::open_labelled_in(&folder.join("mesh"))?;
+    let mesh = LabelledMesh::new(mesh, &labels::Folding::open(folder)?);
+    let Fused { points: map, excerpts, agreement } = fuse(scene, ranges, params, progress)?;
+    let rooms = home::rooms(&scene.lidar, &map, &home::RoomsParams::default());
+    let found = home::find_objects(&map, &rooms, &home::ObjectsParams::default());
+    let objects: Vec<Object> = found.iter().map(|found| found.object.clone()).collect();
+    let plan = home::plan(&scene.lidar, &map, &rooms, &objects, &home::PlanParams::default());
+    let truth = mesh.instances(&scene.map_from_world, home::is_furniture);
+    let aligned = excerpts.iter().filter(|e| e.state == viola_align::AlignmentState::Aligned);
+    let frames: Vec<Range<usize>> = aligned.map(|excerpt| excerpt.frames.clone()).collect();
+    let seen = seen_by(&scene.clip, &frames, &mesh)?;
+    let report = HomeReport {
+        surface: compare(&map, &mesh, &seen, &scene.map_from_world),
+        coverage: home::coverage(&scene.lidar, &map, &rooms, &home::CoverageParams::default()),
+        score: judge(&map, &found, &truth, &mesh, &scene.map_from_world),
+        excerpts,
+        agreement,
+        rooms,
+        objects,
+    };
+    Ok((report, plan))
+}
+
+impl HomeReport {
+    /// The report as tables in Markdown.
+    pub fn markdown(&self) -> String {
+        let percent = |share: f64| format!("{:.1} %", share * 100.0);
+        let aligned = self.excerpts.iter().filter(|e| e.state == viola_align::AlignmentState::Aligned);
+        let mut out = format!("{} of {} excerpts aligned\n\n", aligned.count(), self.excerpts.len());
+        // Writing into a string cannot fail.
+        let mean = |of: fn(&Excerpt) -> Option<f64>| {
+            let all: Vec<f64> = self.excerpts.iter().filter_map(of).collect();
+            all.iter().sum::<f64>() / all.len().max(1) as f64
+        };
+        let _ = writeln!(
+            out,
+            "| | mean error of poses | overlaps' disagreement ({} pairs) |\n|---|---|---|\n\
+             | each clip alone | {:.1} cm, {:.2} deg | {:.1} mm |\n| refined together | {:.1} cm, {:.2} deg | {:.1} mm |\n",
+            self.agreement.pairs,
+            100.0 * mean(|e| e.error_m),
+            mean(|e| e.error_deg),
+            1e3 * self.agreement.alone_m,
+            100.0 * mean(|e| e.together_m),
+            mean(|e| e.together_deg),
+            1e3 * self.agreement.together_m
+        );
+        let _ = writeln!(
+            out,
+            "| fused points | within 5 cm of the mesh | vertices seen | with a point within 5 cm | LiDAR map explained | \
+             floor seen |\n|---|---|---|---|---|---|\n| {} | {} | {} | {} | {} | {} |\n",
+            self.surface.points,
+            percent(self.surface.accuracy),
+            self.surface.seen_vertices,
+            percent(self.surface.completeness),
+            percent(self.coverage.seen),
+            percent(self.coverage.floor_seen)
+        );
+        let _ = writeln!(out, "| room | area | corners | objects |\n|---|---|---|---|");
+        for room in &self.rooms {
+            let inside = self.objects.iter().filter(|o| o.room.as_ref() == Some(&room.id)).count();
+            let name = room.name.as_deref().unwrap_or(&room.id);
+            let _ =
+                writeln!(out, "| {name} | {:.1} m2 | {} | {inside} |", room.area_m2, room.polygon_m.len());
+        }
+        let _ = write!(
+            out,
+            "\nFurniture over {MIN_EXTENT_M} m, same class, 3D IoU of at least {MIN_IOU} of boxes along the axes of the \
+             recording's world:\n\n{}",
+            self.score.along_axes.markdown()
+        );
+        let oriented = &self.score.oriented.total;
+        let _ = writeln!(
+            out,
+            "\nWith turned boxes {} of {} matched, precision {}. Neither right nor wrong, for the truth does not label \
+             them: {}.",
+            oriented.matched,
+            oriented.truth,
+            percent(oriented.precision()),
+            if self.score.unjudged.is_empty() { "none".to_owned() } else { self.score.unjudged.join(", ") }
+        );
+        out
+    }
+}

@@ -1,0 +1,147 @@
+//! One map out of the excerpts of a scene that align.
+
+use crate::evaluate::Scene;
+use nalgebra::Matrix3;
+use serde::Serialize;
+use std::convert::Infallible;
+use std::ops::Range;
+use uuid::Uuid;
+use viola_align as align;
+use viola_align::{AlignError, AlignParams, AlignmentState};
+use viola_geometry::progress::Progress;
+use viola_geometry::{Pose2, angle_between};
+use viola_home::{
+    AssembleParams, ClipNumbers, Manifest, MapPoint, Member, Pair, PlacedClip, Share, Verdict, assemble,
+    disagreement,
+};
+
+/// An excerpt and what became of it.
+#[derive(Debug, Clone, Serialize)]
+pub struct Excerpt {
+    /// Places in the recording's frames, the last one not included.
+    pub frames: Range<usize>,
+    pub state: AlignmentState,
+    pub map_from_clip: Option<Pose2>,
+    /// Against the truth, where it has a pose.
+    pub error_m: Option<f64>,
+    pub error_deg: Option<f64>,
+    /// The same after it was refined together with the others.
+    pub together_m: Option<f64>,
+    pub together_deg: Option<f64>,
+}
+
+/// How well clips agree where they overlap, before and after they were refined together.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Agreement {
+    pub pairs: usize,
+    /// Root mean square distance of points to the other clip's surface along its normal, over all pairs, of points
+    /// within 10 cm.
+    pub alone_m: f64,
+    pub together_m: f64,
+}
+
+/// The fused map of a scene.
+pub struct Fused {
+    pub points: Vec<MapPoint>,
+    pub excerpts: Vec<Excerpt>,
+    pub agreement: Agreement,
+}
+
+/// Consecutive runs of `length` frames that cover all `total`; the last one reaches back where it would be shorter.
+pub fn consecutive(total: usize, length: usize) -> Vec<Range<usize>> {
+    if length == 0 || total == 0 {
+        return Vec::new();
+    }
+    let firsts = (0..total).step_by(length);
+    firsts.map(|first| first.min(total.saturating_sub(length))..(first + length).min(total)).collect()
+}
+
+/// Aligns the excerpts one by one and makes one map of them, as the service does.
+pub fn fuse(
+    scene: &Scene,
+    ranges: &[Range<usize>],
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<Fused, AlignError> {
+    let headers = scene.clip.frames();
+    let (mut members, mut shares, mut excerpts) = (Vec::new(), Vec::new(), Vec::new());
+    let mut truths = Vec::new();
+    for (number, range) in ranges.iter().enumerate() {
+        let numbers = headers[range.start].number..headers[range.end - 1].number + 1;
+        let aligned = align::align(&scene.clip, Some(numbers), &scene.lidar, params, progress)?;
+        let answer = &aligned.alignment;
+        let begin = range.clone().find(|i| headers[*i].world_from_camera.is_some());
+        let truth = begin.and_then(|begin| scene.map_from_clip(begin));
+        let error = answer.map_from_clip.zip(truth).map(|(pose, truth)| errors(&pose, &truth));
+        truths.push(truth);
+        excerpts.push(Excerpt {
+            frames: range.clone(),
+            state: answer.state,
+            map_from_clip: answer.map_from_clip,
+            error_m: error.map(|(m, _)| m),
+            error_deg: error.map(|(_, deg)| deg),
+            together_m: None,
+            together_deg: None,
+        });
+        if let (AlignmentState::Aligned, Some(map_from_clip)) = (answer.state, answer.map_from_clip) {
+            let covariance = answer.covariance.unwrap_or_default();
+            members.push(Member {
+                clip: Uuid::from_u128(number as u128),
+                recorded_at_ms: None,
+                sha256: format!("{number:06}"),
+                share: number.to_string(),
+                verdict: Verdict::Aligned {
+                    map_from_clip,
+                    covariance: Matrix3::from_fn(|r, c| covariance[r][c]),
+                    probability: answer.probability,
+                },
+            });
+        }
+        shares.push(Share { cloud_in_clip: aligned.cloud_in_clip, views: aligned.views });
+    }
+    let share_of = |name: &str| name.parse::<usize>().ok().and_then(|number| shares.get(number));
+    let mut load = |member: &Member| -> Result<Share, Infallible> {
+        Ok(share_of(&member.share).cloned().unwrap_or_else(Share::nothing))
+    };
+    let Ok(assembly) = assemble(&Manifest::default(), members, &mut load, &AssembleParams::default());
+    let placed = &assembly.manifest.clips;
+    for clip in placed {
+        let number = clip.clip.as_u128() as usize;
+        if let Some(truth) = truths[number] {
+            let (m, deg) = errors(&clip.map_from_clip, &truth);
+            (excerpts[number].together_m, excerpts[number].together_deg) = (Some(m), Some(deg));
+        }
+    }
+    let clips = ClipNumbers::new(placed.iter().map(|clip| &clip.clip));
+    let points = assembly.changed.values().flatten().flat_map(|tile| clips.in_map(tile)).collect();
+    let agreement = agreement(placed, &assembly.manifest.pairs, |name| share_of(name));
+    Ok(Fused { points, excerpts, agreement })
+}
+
+fn errors(pose: &Pose2, truth: &Pose2) -> (f64, f64) {
+    (pose.distance_m(truth), angle_between(pose.yaw_rad, truth.yaw_rad).to_degrees())
+}
+
+fn agreement<'a>(
+    placed: &[PlacedClip],
+    pairs: &[Pair],
+    share_of: impl Fn(&str) -> Option<&'a Share>,
+) -> Agreement {
+    const NEAR_M: f64 = 0.1;
+    let (mut squares, mut counts, mut count) = ([0.0; 2], [0usize; 2], 0);
+    for pair in pairs.iter().filter(|pair| pair.overlap.is_some()) {
+        let find = |name: &str| placed.iter().find(|clip| clip.share == name);
+        let (Some(a), Some(b)) = (find(&pair.a), find(&pair.b)) else { continue };
+        let (Some(of_a), Some(of_b)) = (share_of(&pair.a), share_of(&pair.b)) else { continue };
+        count += 1;
+        let alone = b.alone_in_space().inverse() * a.alone_in_space();
+        let together = b.in_space().inverse() * a.in_space();
+        for (which, b_from_a) in [alone, together].iter().enumerate() {
+            let (rms_m, found) = disagreement(&of_a.cloud_in_clip, &of_b.cloud_in_clip, b_from_a, NEAR_M);
+            squares[which] += rms_m * rms_m * found as f64;
+            counts[which] += found;
+        }
+    }
+    let rms = |which: usize| (squares[which] / counts[which].max(1) as f64).sqrt();
+    Agreement { pairs: count, alone_m: rms(0), together_m: rms(1) }
+}

@@ -1,0 +1,167 @@
+//! Which of the found objects count, and how they compare with the truth.
+
+use super::instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
+use super::matching::{Matches, Thing, matches};
+use rustc_hash::FxHashMap;
+use serde::Serialize;
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{Point2, Point3, Pose2};
+use viola_home::{Found, MapPoint, UprightBox, is_furniture};
+
+/// A point of the map is of the nearest vertex this near.
+const NEAR_M: f64 = 0.1;
+/// Stray points that do not widen a found object's box along the axes of the world.
+const BEYOND: f64 = 0.01;
+
+/// What objects were found of what is there.
+#[derive(Debug, Clone, Serialize)]
+pub struct ObjectScore {
+    /// By boxes along the axes of the world, as detection in ScanNet is judged.
+    pub along_axes: Matches,
+    /// By upright boxes turned as they are.
+    pub oriented: Matches,
+    /// Found objects of classes that the truth does not know, on surface that it does not label: neither right nor
+    /// wrong.
+    pub unjudged: Vec<String>,
+    pub truth: Vec<TruthRow>,
+    pub found: Vec<FoundRow>,
+}
+
+/// A thing that is there.
+#[derive(Debug, Clone, Serialize)]
+pub struct TruthRow {
+    pub class: Class,
+    pub centre_m: [f64; 3],
+    pub size_m: [f64; 3],
+    pub found: Option<String>,
+    pub iou: Option<f64>,
+    /// The object that shares most with it, whatever its class.
+    pub nearest: Option<String>,
+}
+
+/// A thing that was found.
+#[derive(Debug, Clone, Serialize)]
+pub struct FoundRow {
+    pub id: String,
+    pub right: bool,
+    pub confidence: f64,
+    /// What the truth says of its points: the commonest first; `-` is unlabelled.
+    pub truth: Vec<(String, f64)>,
+}
+
+/// Compares. Things count that are furniture; shorter than half a metre along all axes they count only where they are
+/// right.
+pub fn judge(
+    map: &[MapPoint],
+    found: &[Found],
+    truth: &[Instance],
+    mesh: &LabelledMesh,
+    map_from_world: &Pose2,
+) -> ObjectScore {
+    let world_from_map = map_from_world.inverse();
+    let named = Named::new(mesh, map_from_world);
+    let is_known = |class: Class| mesh.classes.contains(&Some(class));
+    let (mut counted, mut unjudged, mut rows) = (Vec::new(), Vec::new(), Vec::new());
+    for found in found.iter().filter(|found| is_furniture(found.object.class)) {
+        let world_box = world_box(found, map, &world_from_map);
+        let said = named.said(found, map);
+        let unlabelled = said.iter().find(|(name, _)| name == UNLABELLED).map_or(0.0, |(_, share)| *share);
+        let id = found.object.id.clone();
+        if !is_known(found.object.class) && unlabelled > 0.5 {
+            unjudged.push(id);
+            continue;
+        }
+        rows.push(FoundRow { id, right: false, confidence: found.object.confidence, truth: said });
+        counted.push((found, world_box));
+    }
+    let thing = |class: Class, bounds: UprightBox| Thing { class, bounds };
+    let in_world = |of: &[(&Found, UprightBox)]| -> Vec<Thing> {
+        of.iter().map(|(found, bounds)| thing(found.object.class, *bounds)).collect()
+    };
+    let found_in_world = in_world(&counted);
+    let found_in_map: Vec<Thing> =
+        counted.iter().map(|(found, _)| thing(found.object.class, found.object.bounds())).collect();
+    let truth_in_world: Vec<Thing> = truth.iter().map(|t| thing(t.class, t.world_box)).collect();
+    let truth_in_map: Vec<Thing> = truth.iter().map(|t| thing(t.class, t.map_box)).collect();
+    let along_axes = matches(&truth_in_world, &found_in_world, MIN_EXTENT_M);
+    for (f, _) in along_axes.of_truth.iter().flatten() {
+        rows[*f].right = true;
+    }
+    let truth_rows = truth.iter().zip(&along_axes.of_truth).map(|(instance, matched)| {
+        let shares = found_in_world.iter().enumerate().map(|(f, o)| (f, instance.world_box.iou(&o.bounds)));
+        let nearest = shares.filter(|(_, iou)| *iou > 0.0).max_by(|a, b| a.1.total_cmp(&b.1));
+        let id = |f: usize| rows[f].id.clone();
+        TruthRow {
+            class: instance.class,
+            centre_m: instance.map_box.centre_m,
+            size_m: instance.map_box.size_m,
+            found: matched.map(|(f, _)| id(f)),
+            iou: matched.map(|(_, iou)| iou),
+            nearest: nearest.map(|(f, iou)| format!("{} ({iou:.2})", id(f))),
+        }
+    });
+    ObjectScore {
+        truth: truth_rows.collect(),
+        oriented: matches(&truth_in_map, &found_in_map, MIN_EXTENT_M),
+        along_axes,
+        unjudged,
+        found: rows,
+    }
+}
+
+/// The box of a found object along the axes of the world: that of its points, from its own bottom to its own top.
+fn world_box(found: &Found, map: &[MapPoint], world_from_map: &Pose2) -> UprightBox {
+    let place = |i: &u32| {
+        let [x, y, z] = map[*i as usize].point.position_m.map(f64::from);
+        let at = world_from_map.apply(&Point2::new(x, y));
+        [at.x, at.y, z]
+    };
+    let points: Vec<[f64; 3]> = found.members.iter().map(place).collect();
+    let mut bounds = along_axes(&points, BEYOND);
+    bounds.centre_m[2] = found.object.centre_m[2];
+    bounds.size_m[2] = found.object.size_m[2];
+    bounds
+}
+
+const UNLABELLED: &str = "-";
+
+/// The truth's vertices by place.
+struct Named<'a> {
+    mesh: &'a LabelledMesh,
+    cells: FxHashMap<[i32; 3], Vec<(Point3, u32)>>,
+}
+
+impl Named<'_> {
+    fn new<'a>(mesh: &'a LabelledMesh, map_from_world: &Pose2) -> Named<'a> {
+        let mut cells: FxHashMap<[i32; 3], Vec<(Point3, u32)>> = FxHashMap::default();
+        for (i, vertex) in (0u32..).zip(&mesh.mesh.vertices_m) {
+            let at = Point3::from(mesh.in_map(vertex, map_from_world));
+            cells.entry(cell(&at)).or_default().push((at, i));
+        }
+        Named { mesh, cells }
+    }
+
+    /// Shares of the object's points by the class of the nearest vertex. Where there is no surface nothing is labelled.
+    fn said(&self, found: &Found, map: &[MapPoint]) -> Vec<(String, f64)> {
+        let mut counts: std::collections::BTreeMap<String, usize> = Default::default();
+        for i in &found.members {
+            let at = map[*i as usize].point.position();
+            let [x, y, z] = cell(&at);
+            let keys = (0..27).map(|i| [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]);
+            let around = keys.filter_map(|key| self.cells.get(&key)).flatten();
+            let near = around.map(|(p, i)| ((p - at).norm(), *i)).filter(|(m, _)| *m <= NEAR_M);
+            let nearest = near.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            let class = nearest.and_then(|(_, i)| self.mesh.classes[i as usize]);
+            *counts.entry(class.map_or(UNLABELLED, Class::name).to_owned()).or_default() += 1;
+        }
+        let all = found.members.len().max(1) as f64;
+        let share = |count: usize| (count as f64 / all * 1e3).round() / 1e3;
+        let mut said: Vec<(String, f64)> = counts.into_iter().map(|(name, n)| (name, share(n))).collect();
+        said.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        said
+    }
+}
+
+fn cell(p: &Point3) -> [i32; 3] {
+    [p.x, p.y, p.z].map(|c| (c / NEAR_M).floor() as i32)
+}

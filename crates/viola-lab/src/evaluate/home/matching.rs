@@ -1,0 +1,153 @@
+//! Objects found against those that are there.
+
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use viola_geometry::taxonomy::Class;
+use viola_home::UprightBox;
+
+/// Boxes that share this much of their union are of one thing (the usual bar for detection in scans).
+pub const MIN_IOU: f64 = 0.25;
+
+/// A thing, there or found.
+#[derive(Debug, Clone, Copy)]
+pub struct Thing {
+    pub class: Class,
+    pub bounds: UprightBox,
+}
+
+/// A class of things.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct ClassRow {
+    pub truth: usize,
+    pub found: usize,
+    pub matched: usize,
+}
+
+/// How many were found, by class.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Matches {
+    pub classes: BTreeMap<String, ClassRow>,
+    pub total: ClassRow,
+    /// For each truth, which found one it is, and their intersection over union.
+    pub of_truth: Vec<Option<(usize, f64)>>,
+}
+
+impl ClassRow {
+    pub fn recall(&self) -> f64 {
+        self.matched as f64 / self.truth as f64
+    }
+
+    pub fn precision(&self) -> f64 {
+        self.matched as f64 / self.found as f64
+    }
+}
+
+/// Pairs of one class, those that share most first; each thing is in one pair at most. Found things that are not
+/// longer than `least_m` along any axis are no mistakes: they count only where they are right.
+pub fn matches(truth: &[Thing], found: &[Thing], least_m: f64) -> Matches {
+    let mut pairs = Vec::new();
+    for (t, thing) in truth.iter().enumerate() {
+        for (f, other) in found.iter().enumerate().filter(|(_, other)| other.class == thing.class) {
+            let iou = thing.bounds.iou(&other.bounds);
+            if iou >= MIN_IOU {
+                pairs.push((iou, t, f));
+            }
+        }
+    }
+    pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
+    let mut matches = Matches { of_truth: vec![None; truth.len()], ..Matches::default() };
+    let mut taken = vec![false; found.len()];
+    for (iou, t, f) in pairs {
+        if matches.of_truth[t].is_none() && !taken[f] {
+            matches.of_truth[t] = Some((f, iou));
+            taken[f] = true;
+        }
+    }
+    let mut count = |class: Class, add: fn(&mut ClassRow)| {
+        add(matches.classes.entry(class.name().to_owned()).or_default());
+        add(&mut matches.total);
+    };
+    truth.iter().for_each(|thing| count(thing.class, |row| row.truth += 1));
+    let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > least_m);
+    let counted = found.iter().zip(&taken).filter(|(thing, taken)| **taken || is_large(thing));
+    counted.for_each(|(thing, _)| count(thing.class, |row| row.found += 1));
+    let matched: Vec<Class> =
+        truth.iter().zip(&matches.of_truth).filter(|(_, m)| m.is_some()).map(|(t, _)| t.class).collect();
+    for class in matched {
+        matches.classes.entry(class.name().to_owned()).or_default().matched += 1;
+        matches.total.matched += 1;
+    }
+    matches
+}
+
+impl Matches {
+    /// Adds another home's counts; the pairs are forgotten.
+    pub fn add(&mut self, other: &Matches) {
+        let sum = |a: &mut ClassRow, b: &ClassRow| {
+            (a.truth, a.found, a.matched) = (a.truth + b.truth, a.found + b.found, a.matched + b.matched);
+        };
+        sum(&mut self.total, &other.total);
+        for (class, row) in &other.classes {
+            sum(self.classes.entry(class.clone()).or_default(), row);
+        }
+        self.of_truth.clear();
+    }
+
+    pub fn markdown(&self) -> String {
+        let mut out = "| class | truth | found | matched | recall | precision |\n|---|---|---|---|---|---|\n"
+            .to_owned();
+        let share =
+            |value: f64| if value.is_finite() { format!("{:.0} %", value * 100.0) } else { "-".into() };
+        let rows = self.classes.iter().map(|(name, row)| (name.as_str(), row));
+        for (name, row) in rows.chain([("all", &self.total)]) {
+            // Writing into a string cannot fail.
+            let _ = writeln!(
+                out,
+                "| {name} | {} | {} | {} | {} | {} |",
+                row.truth,
+                row.found,
+                row.matched,
+                share(row.recall()),
+                share(row.precision())
+            );
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn thing(class: Class, x: f64, side: f64) -> Thing {
+        Thing {
+            class,
+            bounds: UprightBox { centre_m: [x, 0.0, 0.5], size_m: [side, side, 1.0], yaw_rad: 0.0 },
+        }
+    }
+
+    #[test]
+    fn each_thing_is_matched_once_and_small_mistakes_do_not_count() {
+        let truth =
+            [thing(Class::Chair, 0.0, 1.0), thing(Class::Chair, 5.0, 1.0), thing(Class::Bed, 9.0, 1.0)];
+        let found = [
+            thing(Class::Chair, 0.1, 1.0),
+            thing(Class::Chair, 0.2, 1.0),
+            thing(Class::Sofa, 9.0, 1.0),
+            // 0.3 m high and wide: neither right nor large.
+            Thing {
+                bounds: UprightBox { size_m: [0.3; 3], ..thing(Class::Lamp, 2.0, 1.0).bounds },
+                class: Class::Lamp,
+            },
+        ];
+        let m = matches(&truth, &found, 0.5);
+        assert_eq!(m.total, ClassRow { truth: 3, found: 3, matched: 1 });
+        assert_eq!(m.of_truth[0].map(|(f, _)| f), Some(0));
+        assert_eq!(m.classes["chair"], ClassRow { truth: 2, found: 2, matched: 1 });
+        let mut sum = m.clone();
+        sum.add(&m);
+        assert_eq!(sum.total, ClassRow { truth: 6, found: 6, matched: 2 });
+        assert!(m.markdown().contains("| all | 3 | 3 | 1 | 33 % | 33 % |"));
+    }
+}

@@ -1,0 +1,118 @@
+//! The fused map against the true surface.
+
+use super::instances::LabelledMesh;
+use rustc_hash::FxHashMap;
+use serde::Serialize;
+use std::ops::Range;
+use viola_formats::clip::{Clip, ClipError};
+use viola_geometry::{Point3, Pose2, Vector3};
+use viola_home::MapPoint;
+use viola_reconstruct::label::seen_at;
+
+/// This near is the same surface.
+pub const NEAR_M: f64 = 0.05;
+
+/// How true and how complete a fused map is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct SurfaceScore {
+    pub points: usize,
+    /// Share of the fused points within 5 cm of the mesh.
+    pub accuracy: f64,
+    /// Vertices of the mesh that the frames see.
+    pub seen_vertices: usize,
+    /// Share of those with a fused point within 5 cm.
+    pub completeness: f64,
+}
+
+/// Points in cells of [`NEAR_M`].
+struct Near {
+    cells: FxHashMap<[i32; 3], Vec<u32>>,
+}
+
+impl Near {
+    fn new(points: impl Iterator<Item = Point3>) -> Near {
+        let mut cells: FxHashMap<[i32; 3], Vec<u32>> = FxHashMap::default();
+        (0u32..).zip(points).for_each(|(i, p)| cells.entry(cell(&p)).or_default().push(i));
+        Near { cells }
+    }
+
+    fn around(&self, at: &Point3) -> impl Iterator<Item = u32> + '_ {
+        let [x, y, z] = cell(at);
+        let keys = (0..27).map(move |i| [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]);
+        keys.filter_map(|key| self.cells.get(&key)).flatten().copied()
+    }
+}
+
+fn cell(p: &Point3) -> [i32; 3] {
+    [p.x, p.y, p.z].map(|c| (c / NEAR_M).floor() as i32)
+}
+
+/// Compares a fused map with the mesh. `seen` tells which vertices the clips' frames see.
+pub fn compare(map: &[MapPoint], mesh: &LabelledMesh, seen: &[bool], map_from_world: &Pose2) -> SurfaceScore {
+    let vertices: Vec<Point3> =
+        mesh.mesh.vertices_m.iter().map(|v| Point3::from(mesh.in_map(v, map_from_world))).collect();
+    // Corners of the mesh are up to a few centimetres apart: each stands for the faces around it.
+    let by_vertex = Near::new(vertices.iter().copied());
+    let mut faces_of: Vec<Vec<u32>> = vec![Vec::new(); vertices.len()];
+    for (number, face) in (0u32..).zip(&mesh.mesh.triangles) {
+        face.iter().for_each(|corner| faces_of[*corner as usize].push(number));
+    }
+    let on_mesh = |p: &Point3| {
+        let mut around: Vec<u32> =
+            by_vertex.around(p).flat_map(|vertex| faces_of[vertex as usize].iter().copied()).collect();
+        around.sort_unstable();
+        around.dedup();
+        around.into_iter().any(|face| {
+            let corners = mesh.mesh.triangles[face as usize].map(|i| vertices[i as usize]);
+            to_triangle_m(p, &corners) <= NEAR_M
+        })
+    };
+    let true_points = map.iter().filter(|p| on_mesh(&p.point.position())).count();
+    let by_point = Near::new(map.iter().map(|p| p.point.position()));
+    let (mut there, mut found) = (0, 0);
+    for (vertex, _) in vertices.iter().zip(seen).filter(|(_, seen)| **seen) {
+        there += 1;
+        let near = |i: u32| (map[i as usize].point.position() - vertex).norm() <= NEAR_M;
+        found += usize::from(by_point.around(vertex).any(near));
+    }
+    SurfaceScore {
+        points: map.len(),
+        accuracy: true_points as f64 / map.len().max(1) as f64,
+        seen_vertices: there,
+        completeness: found as f64 / there.max(1) as f64,
+    }
+}
+
+/// Which vertices the frames at these places of the clip see: within the picture, the sensor's range, and not behind
+/// anything.
+pub fn seen_by(clip: &Clip, frames: &[Range<usize>], mesh: &LabelledMesh) -> Result<Vec<bool>, ClipError> {
+    let mut seen = vec![false; mesh.mesh.vertices_m.len()];
+    let mut places: Vec<usize> = frames.iter().cloned().flatten().collect();
+    places.sort_unstable();
+    places.dedup();
+    for index in places {
+        let frame = clip.load(index)?;
+        let Some(world_from_camera) = frame.header.world_from_camera else { continue };
+        for (seen, vertex) in seen.iter_mut().zip(&mesh.mesh.vertices_m) {
+            *seen = *seen || seen_at(vertex, &frame, &world_from_camera).is_some();
+        }
+    }
+    Ok(seen)
+}
+
+/// From a point to a triangle (Ericson, "Real-Time Collision Detection", 2005, 5.1.5, by projection).
+fn to_triangle_m(p: &Point3, [a, b, c]: &[Point3; 3]) -> f64 {
+    let normal = (b - a).cross(&(c - a));
+    if let Some(unit) = normal.try_normalize(1e-12) {
+        let inside = |from: &Point3, to: &Point3| (to - from).cross(&(p - from)).dot(&normal) >= 0.0;
+        if inside(a, b) && inside(b, c) && inside(c, a) {
+            return (p - a).dot(&unit).abs();
+        }
+    }
+    let edge = |from: &Point3, to: &Point3| {
+        let along: Vector3 = to - from;
+        let t = ((p - from).dot(&along) / along.norm_squared().max(1e-18)).clamp(0.0, 1.0);
+        (p - (from + along * t)).norm()
+    };
+    edge(a, b).min(edge(b, c)).min(edge(c, a))
+}

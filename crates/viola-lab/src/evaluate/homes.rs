@@ -1,0 +1,176 @@
+//! Simulated homes: any number of clips with exact truth, rendered when they are wanted.
+
+use super::oracle::Oracle;
+use super::{Case, RunError, Sample, Suite};
+use crate::simulate::{ClipParams, Home, HomeParams, Sensor, Set, Survey, valetudo_json};
+use std::ops::Range;
+use std::sync::{Arc, Mutex};
+use viola_align as align;
+use viola_align::{AlignParams, Target};
+use viola_formats::lidar::LidarMap;
+use viola_geometry::Pose2;
+use viola_geometry::progress::Progress;
+use viola_reconstruct::LabelParams;
+
+/// Ends the name of a set whose clips are given the map of another home.
+pub(super) const FOREIGN: &str = "-foreign";
+
+/// Which homes, and how they are filmed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HomesParams {
+    pub sets: Vec<Set>,
+    /// One home of each set a seed.
+    pub seeds: Range<u64>,
+    pub clips_per_home: u64,
+    /// Lengths of the clips in frames.
+    pub frames: Vec<usize>,
+    pub sensor: Sensor,
+    /// Name the classes of the pictures by the truth, this share of it right, instead of by shape alone.
+    pub picture_labels: Option<f64>,
+    /// Also give every clip the map of the next seed's home, where it belongs nowhere.
+    pub foreign: bool,
+    /// The clips are given without the device's poses, and have to be tracked. They take as long and are recorded
+    /// [`DENSER`] times as densely.
+    pub withhold_poses: bool,
+    /// Error of the device's poses after one metre, in metres, as in [`ClipParams`].
+    pub drift: f64,
+}
+
+/// A camera whose poses come by tracking films at 10 Hz or more, where a device with poses keeps a few frames a second:
+/// at 2.5 Hz half of the picture is new in every frame, and nobody records so for tracking.
+pub const DENSER: usize = 4;
+
+/// The true pose of a clip in the map of another home: one that no answer comes near.
+const NOWHERE: Pose2 = Pose2 { x_m: 1e6, y_m: 1e6, yaw_rad: 0.0 };
+
+/// Clips of simulated homes.
+pub struct HomeClips {
+    params: HomesParams,
+    cases: Vec<Case>,
+    clips: Vec<HomeClip>,
+    /// The homes made last: neighbouring cases share theirs.
+    recent: Mutex<Vec<Arc<Mapped>>>,
+}
+
+/// Which clip a case is.
+#[derive(Clone, Copy)]
+struct HomeClip {
+    set: Set,
+    seed: u64,
+    number: u64,
+    frames: usize,
+    foreign: bool,
+}
+
+/// A home and its map.
+struct Mapped {
+    of: (Set, u64),
+    home: Home,
+    survey: Survey,
+    lidar: Arc<LidarMap>,
+    target: Option<Arc<Target>>,
+}
+
+impl HomeClips {
+    pub fn new(params: HomesParams) -> HomeClips {
+        let mut clips = Vec::new();
+        let maps: &[bool] = if params.foreign { &[false, true] } else { &[false] };
+        for &set in &params.sets {
+            for &foreign in maps {
+                for &frames in &params.frames {
+                    for seed in params.seeds.clone() {
+                        let numbers = 0..params.clips_per_home;
+                        clips.extend(numbers.map(|number| HomeClip { set, seed, number, frames, foreign }));
+                    }
+                }
+            }
+        }
+        let case = |clip: &HomeClip| Case {
+            name: format!("{:06}_{}", clip.seed, clip.number),
+            set: format!("{}{}", clip.set.name(), if clip.foreign { FOREIGN } else { "" }),
+            frames: clip.frames,
+        };
+        HomeClips { cases: clips.iter().map(case).collect(), clips, params, recent: Mutex::default() }
+    }
+
+    fn mapped(&self, set: Set, seed: u64) -> Result<Arc<Mapped>, RunError> {
+        const KEPT: usize = 4;
+        let recent = || self.recent.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        if let Some(mapped) = recent().iter().find(|mapped| mapped.of == (set, seed)) {
+            return Ok(mapped.clone());
+        }
+        let home = Home::generate(&HomeParams::new(set, seed));
+        let survey = home.survey();
+        let lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes())
+            .map_err(|source| RunError::Map { home: seed, source })?;
+        let target = Target::new(&lidar).map(Arc::new);
+        let mapped = Arc::new(Mapped { of: (set, seed), home, survey, lidar: Arc::new(lidar), target });
+        let mut recent = recent();
+        recent.push(mapped.clone());
+        if recent.len() > KEPT {
+            recent.remove(0);
+        }
+        Ok(mapped)
+    }
+}
+
+impl Suite for HomeClips {
+    fn cases(&self) -> &[Case] {
+        &self.cases
+    }
+
+    fn fingerprint(&self) -> String {
+        // The rest of the parameters is in the cases.
+        let HomesParams { sensor, picture_labels, withhold_poses, drift, .. } = &self.params;
+        let poses = if *withhold_poses {
+            format!(" without poses, with an accelerometer, {DENSER} times as densely")
+        } else {
+            String::new()
+        };
+        format!("simulated {sensor:?} {picture_labels:?}{poses} {drift}")
+    }
+
+    fn sample(
+        &self,
+        index: usize,
+        params: &AlignParams,
+        progress: &dyn Progress,
+    ) -> Result<Option<Sample>, RunError> {
+        let HomeClip { set, seed, number, frames, foreign } = self.clips[index];
+        let mapped = self.mapped(set, seed)?;
+        let map = if foreign { self.mapped(set, seed + 1)? } else { mapped.clone() };
+        // Colour does not matter here: the cheapest pictures will do.
+        let color_width = self.params.sensor.depth_camera().width;
+        let denser = if self.params.withhold_poses { DENSER } else { 1 };
+        let frames = frames * denser;
+        let recording = ClipParams {
+            frames,
+            rate_hz: ClipParams::default().rate_hz * denser as f64,
+            sensor: self.params.sensor,
+            color_width,
+            drift: self.params.drift,
+        };
+        let recorded = mapped.home.clip(&mapped.survey, number, &recording);
+        let truth = recorded.truth.clone();
+        let recorded = if self.params.withhold_poses { recorded.without_poses() } else { recorded };
+        let (clip, label) = match self.params.picture_labels {
+            Some(accuracy) => {
+                let (clip, oracle) = Oracle::with_clip(Arc::new(recorded), accuracy, seed);
+                (clip, LabelParams { segmenter: Some(oracle), ..params.label.clone() })
+            }
+            None => (recorded.into_clip(), params.label.clone()),
+        };
+        let params = &AlignParams { label, ..params.clone() };
+        let observation = align::observe(&clip, None, params, progress)
+            .map_err(|error| RunError::of_clip(&self.cases[index].name, error))?;
+        Ok(Some(Sample {
+            observation,
+            lidar: map.lidar.clone(),
+            target: map.target.clone(),
+            map_from_clip: if foreign { NOWHERE } else { truth.map_from_clip },
+            equivalent_poses: if foreign { vec![NOWHERE] } else { truth.equivalent_poses },
+            first_frame: 0,
+            last_frame: frames.saturating_sub(1) as u32,
+        }))
+    }
+}

@@ -1,0 +1,94 @@
+//! Results as they come, a line of JSON each, so that an interrupted run goes on where it stopped.
+
+use super::{ClipResult, JournalError};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+/// A file of results. What was computed from other arguments stays in it and is not found.
+pub struct Journal {
+    path: PathBuf,
+    known: HashMap<Key, ClipResult>,
+    file: Mutex<File>,
+}
+
+#[derive(PartialEq, Eq, Hash)]
+struct Key {
+    fingerprint: String,
+    method: String,
+    set: String,
+    frames: usize,
+    clip: String,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Line<R> {
+    /// Of everything that the result depends on.
+    fingerprint: String,
+    result: R,
+}
+
+impl Journal {
+    /// Opens or makes the file. A last line without an end was being written when the run was interrupted;
+    /// it is cut off.
+    pub fn open(path: &Path) -> Result<Journal, JournalError> {
+        let failed = |source| JournalError::File { path: path.to_owned(), source };
+        let file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(path)
+            .map_err(failed)?;
+        let mut known = HashMap::new();
+        let mut complete_bytes = 0;
+        let mut reader = BufReader::new(&file);
+        let mut text = Vec::new();
+        for line in 1.. {
+            text.clear();
+            let bytes = reader.read_until(b'\n', &mut text).map_err(failed)?;
+            if text.last() != Some(&b'\n') {
+                break;
+            }
+            complete_bytes += bytes as u64;
+            let Line { fingerprint, result } = serde_json::from_slice::<Line<ClipResult>>(&text)
+                .map_err(|source| JournalError::Damaged { path: path.to_owned(), line, source })?;
+            known.insert(key(&fingerprint, &result), result);
+        }
+        file.set_len(complete_bytes).map_err(failed)?;
+        (&file).seek(SeekFrom::End(0)).map_err(failed)?;
+        Ok(Journal { path: path.to_owned(), known, file: Mutex::new(file) })
+    }
+
+    /// The result that an earlier run left, if any.
+    pub(super) fn find(&self, fingerprint: &str, method: &str, case: &super::Case) -> Option<&ClipResult> {
+        self.known.get(&Key {
+            fingerprint: fingerprint.to_owned(),
+            method: method.to_owned(),
+            set: case.set.clone(),
+            frames: case.frames,
+            clip: case.name.clone(),
+        })
+    }
+
+    pub(super) fn append(&self, fingerprint: &str, result: &ClipResult) -> Result<(), JournalError> {
+        let failed = |source| JournalError::File { path: self.path.clone(), source };
+        let line = Line { fingerprint: fingerprint.to_owned(), result };
+        let mut text = serde_json::to_vec(&line).map_err(|e| failed(e.into()))?;
+        text.push(b'\n');
+        self.file.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).write_all(&text).map_err(failed)
+    }
+}
+
+fn key(fingerprint: &str, result: &ClipResult) -> Key {
+    Key {
+        fingerprint: fingerprint.to_owned(),
+        method: result.method.clone(),
+        set: result.set.clone(),
+        frames: result.frames,
+        clip: result.clip.clone(),
+    }
+}

@@ -1,0 +1,362 @@
+//! How right the classes of points are, against a mesh whose vertices are labelled.
+
+mod coarse;
+mod floors;
+mod truth;
+
+pub use coarse::{COARSE, coarse};
+pub use floors::{FloorRow, floors, floors_markdown};
+pub use truth::{Folding, Truth, TruthError};
+
+use image::RgbImage;
+use rustc_hash::{FxHashMap, FxHasher};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::hash::{Hash, Hasher};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+use viola_align as align;
+use viola_align::{AlignError, AlignParams};
+use viola_formats::clip::Clip;
+use viola_geometry::Point3;
+use viola_geometry::progress::{Progress, Stage};
+use viola_geometry::stopwatch::Stopwatch;
+use viola_geometry::taxonomy::{CLASSES, Class};
+use viola_reconstruct::label::{self, ClassMap, SegmentError, Segmenter};
+use viola_reconstruct::{LabelParams, PointCloud};
+
+/// One way to label, and how right it is.
+#[derive(Debug, Clone, Serialize)]
+pub struct LabelRow {
+    pub variant: String,
+    /// Share of the pairs of a labelled vertex and a picture that sees it in which the class is right.
+    pub pixel_accuracy: f64,
+    /// Share of the labelled vertices whose class is right; for single frames the mean over vertices of the
+    /// share of pictures.
+    pub voxel_accuracy: f64,
+    /// The same with all classes folded to floor, wall or opening, and object.
+    pub structure_accuracy: f64,
+    /// Over the classes that the truth has.
+    pub mean_iou: f64,
+    pub iou: BTreeMap<String, f64>,
+    /// Of the walls and what is in or before them: doors, windows, curtains.
+    pub wall_or_opening_iou: f64,
+    pub vertices: usize,
+    pub key_frames: usize,
+    /// Of one pass of the network.
+    pub network_ms: Option<f64>,
+    /// Everything else of the stage, per key frame that the network looked at (of fusion without one).
+    pub rest_ms_per_key_frame: Option<f64>,
+}
+
+/// A labelled point is that of a vertex if it is this near.
+const NEAR_M: f64 = 0.06;
+
+/// The rows: shapes alone, and with a network single frames, voting, and voting with what helps it.
+pub fn evaluate(
+    clip: &Clip,
+    truth: &Truth,
+    segmenter: Option<Arc<dyn Segmenter>>,
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<Vec<LabelRow>, AlignError> {
+    let mut rows = Vec::new();
+    let segmenter = segmenter.map(Timed::around);
+    // The first variant tells which pictures the network looks at.
+    let mut views: Option<Vec<u32>> = None;
+    let structure = params.label.structure.clone();
+    let augmentations = label::AUGMENTATIONS;
+    let variants = [
+        ("voting", true, 0, None),
+        ("voting + augmentation", true, augmentations, None),
+        ("voting + geometry", true, 0, structure.clone()),
+        ("voting + augmentation + geometry", true, augmentations, structure.clone()),
+        ("geometry", false, 0, structure),
+    ];
+    for (variant, network, augmentations, structure) in variants {
+        if network && segmenter.is_none() {
+            continue;
+        }
+        let timed = segmenter.clone().filter(|_| network);
+        let before_s = timed.as_ref().map_or(0.0, |timed| timed.seconds());
+        let label = LabelParams {
+            segmenter: timed.clone().map(|timed| timed as Arc<dyn Segmenter>),
+            augmentations,
+            structure,
+            ..params.label.clone()
+        };
+        let watch = Stopwatch::around(progress, std::time::Instant::now);
+        let observation = align::observe(clip, None, &AlignParams { label, ..params.clone() }, &watch)?;
+        let seconds = watch.stop();
+        if let (None, Some(segmenter)) = (&views, &segmenter) {
+            let single = single_frames(clip, &observation.pictures, truth, segmenter.as_ref(), progress)?;
+            rows.push(single.row(truth));
+            views = Some(single.views);
+        }
+        let Some(clip_from_world) = observation.clip_from_world else { continue };
+        let said = Said::of(&observation.cloud_in_clip, truth, |p| clip_from_world * p);
+        let key_frames = observation.labels.as_ref().map_or(0, |labels| labels.key_frames);
+        let looked_at = if key_frames > 0 { key_frames } else { observation.key_frames };
+        let stages = [Stage::Label, Stage::Floor].map(|s| seconds.get(s.name()).copied().unwrap_or(0.0));
+        let network_s = timed.as_ref().map_or(0.0, |timed| timed.seconds()) - before_s;
+        rows.push(LabelRow {
+            variant: variant.to_owned(),
+            key_frames,
+            network_ms: timed.map(|timed| timed.seconds() * 1e3 / timed.calls().max(1) as f64),
+            rest_ms_per_key_frame: Some(
+                (stages.iter().sum::<f64>() - network_s) * 1e3 / looked_at.max(1) as f64,
+            ),
+            ..said.row(truth, views.as_deref())
+        });
+    }
+    Ok(rows)
+}
+
+/// A segmenter with a clock, that remembers what it said of a picture: every variant shows it the same ones.
+struct Timed {
+    inner: Arc<dyn Segmenter>,
+    /// By the picture's hash.
+    said: Mutex<FxHashMap<u64, ClassMap>>,
+    nanoseconds: AtomicU64,
+    calls: AtomicU64,
+}
+
+impl Timed {
+    fn around(inner: Arc<dyn Segmenter>) -> Arc<Timed> {
+        Arc::new(Timed {
+            inner,
+            said: Mutex::default(),
+            nanoseconds: AtomicU64::new(0),
+            calls: AtomicU64::new(0),
+        })
+    }
+
+    fn seconds(&self) -> f64 {
+        self.nanoseconds.load(Ordering::Relaxed) as f64 * 1e-9
+    }
+
+    fn calls(&self) -> u64 {
+        self.calls.load(Ordering::Relaxed)
+    }
+}
+
+impl Segmenter for Timed {
+    fn segment(&self, picture: &RgbImage) -> Result<ClassMap, SegmentError> {
+        /// A megabyte or two each.
+        const MOST: usize = 1000;
+        let mut hasher = FxHasher::default();
+        picture.as_raw().hash(&mut hasher);
+        let key = hasher.finish();
+        let said = || self.said.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        if let Some(map) = said().get(&key) {
+            return Ok(map.clone());
+        }
+        let since = Instant::now();
+        let map = self.inner.segment(picture)?;
+        self.nanoseconds.fetch_add(since.elapsed().as_nanos() as u64, Ordering::Relaxed);
+        self.calls.fetch_add(1, Ordering::Relaxed);
+        if said().len() < MOST {
+            said().insert(key, map.clone());
+        }
+        Ok(map)
+    }
+
+    fn name(&self) -> String {
+        self.inner.name()
+    }
+}
+
+/// Counts of truth against answer.
+struct Confusion {
+    counts: [[f64; COARSE.len()]; COARSE.len()],
+}
+
+impl Confusion {
+    fn new() -> Confusion {
+        Confusion { counts: [[0.0; COARSE.len()]; COARSE.len()] }
+    }
+
+    fn add(&mut self, truth: usize, said: usize, weight: f64) {
+        self.counts[truth][said] += weight;
+    }
+
+    fn total(&self) -> f64 {
+        self.counts.iter().flatten().sum::<f64>().max(1e-9)
+    }
+
+    fn accuracy(&self, group: impl Fn(usize) -> usize) -> f64 {
+        let mut right = 0.0;
+        for (truth, row) in self.counts.iter().enumerate() {
+            for (said, count) in row.iter().enumerate() {
+                right += if group(truth) == group(said) { *count } else { 0.0 };
+            }
+        }
+        right / self.total()
+    }
+
+    fn iou(&self, is_in: impl Fn(usize) -> bool) -> Option<f64> {
+        let (mut both, mut either, mut true_ones) = (0.0, 0.0, 0.0);
+        for (truth, row) in self.counts.iter().enumerate() {
+            for (said, count) in row.iter().enumerate() {
+                let (t, s) = (is_in(truth), is_in(said));
+                both += if t && s { *count } else { 0.0 };
+                either += if t || s { *count } else { 0.0 };
+                true_ones += if t { *count } else { 0.0 };
+            }
+        }
+        (true_ones > 0.0).then(|| both / either)
+    }
+
+    fn row(&self, variant: &str, pixel_accuracy: f64, vertices: usize) -> LabelRow {
+        let iou: BTreeMap<String, f64> = COARSE
+            .iter()
+            .enumerate()
+            .filter_map(|(i, name)| Some(((*name).to_owned(), self.iou(|class| class == i)?)))
+            .collect();
+        LabelRow {
+            variant: variant.to_owned(),
+            pixel_accuracy,
+            voxel_accuracy: self.accuracy(|class| class),
+            structure_accuracy: self.accuracy(coarse::structure),
+            mean_iou: iou.values().sum::<f64>() / iou.len().max(1) as f64,
+            wall_or_opening_iou: self.iou(|class| coarse::structure(class) == 1).unwrap_or(0.0),
+            iou,
+            vertices,
+            key_frames: 0,
+            network_ms: None,
+            rest_ms_per_key_frame: None,
+        }
+    }
+}
+
+/// What each picture says of the vertices that it sees.
+struct Single {
+    /// By vertex: how often each coarse class was said.
+    said: Vec<[u32; COARSE.len()]>,
+    /// Pictures that see each vertex.
+    views: Vec<u32>,
+    pictures: usize,
+}
+
+fn single_frames(
+    clip: &Clip,
+    pictures: &[usize],
+    truth: &Truth,
+    segmenter: &dyn Segmenter,
+    progress: &dyn Progress,
+) -> Result<Single, AlignError> {
+    let count = truth.vertices_m.len();
+    let mut single = Single { said: vec![[0; COARSE.len()]; count], views: vec![0; count], pictures: 0 };
+    let mut probabilities = [0f32; CLASSES];
+    for &index in pictures {
+        viola_geometry::progress::check(progress)?;
+        let frame = clip.load(index)?;
+        let Some(world_from_camera) = frame.header.world_from_camera else { continue };
+        let Ok(map) = segmenter.segment(&frame.color) else { continue };
+        single.pictures += 1;
+        let (width, height) = frame.color.dimensions();
+        for (i, vertex) in truth.vertices_m.iter().enumerate() {
+            if truth.classes[i].is_none() {
+                continue;
+            }
+            if let Some((u, v)) = label::seen_at(vertex, &frame, &world_from_camera) {
+                map.sample(u, v, width as usize, height as usize, &mut probabilities);
+                single.said[i][coarse::likeliest(&probabilities)] += 1;
+                single.views[i] += 1;
+            }
+        }
+    }
+    Ok(single)
+}
+
+impl Single {
+    fn row(&self, truth: &Truth) -> LabelRow {
+        let (mut by_vertex, mut by_pixel, mut vertices) = (Confusion::new(), Confusion::new(), 0);
+        for (i, class) in truth.classes.iter().enumerate() {
+            let Some(class) = class.filter(|_| self.views[i] > 0) else { continue };
+            vertices += 1;
+            for (said, &count) in self.said[i].iter().enumerate() {
+                by_pixel.add(class, said, f64::from(count));
+                by_vertex.add(class, said, f64::from(count) / f64::from(self.views[i]));
+            }
+        }
+        let pixel_accuracy = by_pixel.accuracy(|class| class);
+        LabelRow { key_frames: self.pictures, ..by_vertex.row("single frames", pixel_accuracy, vertices) }
+    }
+}
+
+/// The class of the nearest labelled point of each vertex.
+struct Said {
+    classes: Vec<Option<usize>>,
+}
+
+impl Said {
+    fn of(cloud: &PointCloud, truth: &Truth, place: impl Fn(&Point3) -> Point3) -> Said {
+        let cell = |p: &Point3| [p.x, p.y, p.z].map(|c| (c / NEAR_M).floor() as i32);
+        let mut cells: FxHashMap<[i32; 3], Vec<(Point3, Class)>> = FxHashMap::default();
+        for point in &cloud.points {
+            let at = point.position();
+            cells.entry(cell(&at)).or_default().push((at, point.label.class));
+        }
+        let nearest = |vertex: &Point3| {
+            let at = place(vertex);
+            let [x, y, z] = cell(&at);
+            let mut best = (NEAR_M, None);
+            for step in 0..27 {
+                let key = [x + step % 3 - 1, y + step / 3 % 3 - 1, z + step / 9 - 1];
+                for (p, class) in cells.get(&key).into_iter().flatten() {
+                    let distance_m = (p - at).norm();
+                    if distance_m < best.0 {
+                        best = (distance_m, Some(coarse(*class)));
+                    }
+                }
+            }
+            best.1
+        };
+        Said { classes: truth.vertices_m.iter().map(nearest).collect() }
+    }
+
+    /// Over the vertices that a picture sees, or all with a point near them.
+    fn row(&self, truth: &Truth, views: Option<&[u32]>) -> LabelRow {
+        let (mut by_vertex, mut by_pixel, mut vertices) = (Confusion::new(), Confusion::new(), 0);
+        for (i, class) in truth.classes.iter().enumerate() {
+            let seen = views.map_or(1, |views| views[i]);
+            let (Some(class), Some(said)) = (class.filter(|_| seen > 0), self.classes[i]) else { continue };
+            vertices += 1;
+            by_vertex.add(class, said, 1.0);
+            by_pixel.add(class, said, f64::from(seen));
+        }
+        by_vertex.row("", by_pixel.accuracy(|class| class), vertices)
+    }
+}
+
+/// The rows as a table in Markdown.
+pub fn markdown(rows: &[LabelRow]) -> String {
+    let names: Vec<&str> =
+        COARSE.iter().copied().filter(|n| rows.iter().any(|row| row.iou.contains_key(*n))).collect();
+    let mut out = format!(
+        "| variant | pixel | voxel | structure | mean IoU | {} | wall or opening | network | rest |\n",
+        names.join(" | ")
+    );
+    out += &format!("|{}\n", "---|".repeat(8 + names.len()));
+    let percent = |share: f64| format!("{:.1} %", share * 100.0);
+    for row in rows {
+        let classes: Vec<String> =
+            names.iter().map(|n| row.iou.get(*n).map_or("-".into(), |iou| format!("{iou:.2}"))).collect();
+        let ms = |value: Option<f64>| value.map_or("-".into(), |ms| format!("{ms:.1} ms"));
+        out += &format!(
+            "| {} | {} | {} | {} | {:.3} | {} | {:.2} | {} | {} |\n",
+            row.variant,
+            percent(row.pixel_accuracy),
+            percent(row.voxel_accuracy),
+            percent(row.structure_accuracy),
+            row.mean_iou,
+            classes.join(" | "),
+            row.wall_or_opening_iou,
+            ms(row.network_ms),
+            ms(row.rest_ms_per_key_frame),
+        );
+    }
+    out
+}

@@ -1,0 +1,270 @@
+//! How well the floor is found in excerpts of a labelled scene.
+
+use super::{Truth, coarse};
+use crate::evaluate::excerpts;
+use rustc_hash::FxHashSet;
+use serde::Serialize;
+use std::fmt::Write;
+use viola_align as align;
+use viola_align::{AlignError, AlignParams, Observation};
+use viola_formats::clip::Clip;
+use viola_geometry::progress::Progress;
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{Plane, Point3, Pose3, Vector3};
+
+/// The floors of all excerpts of one length, found in one way.
+#[derive(Debug, Clone, Serialize)]
+pub struct FloorRow {
+    pub variant: String,
+    /// Length of the excerpts in frames.
+    pub frames: usize,
+    pub excerpts: usize,
+    /// Of those, excerpts that show enough floor for the truth to be known.
+    pub see_floor: usize,
+    /// Of those, excerpts in which a floor was found,
+    pub found: usize,
+    /// and in which it is within 1 degree and 2 cm of the truth: the plane through the labelled floor that the excerpt saw,
+    /// and through what is next to that. A strip of a mesh says little about its own lean.
+    pub within: usize,
+    /// The same against the floor that the excerpt saw and nothing else.
+    pub within_seen: usize,
+    /// Excerpts in which the plane through their own points on the labelled floor is within of what they saw: what the true
+    /// labels give, and no gravity.
+    pub within_by_true_labels: usize,
+    pub median_deg: f64,
+    pub median_m: f64,
+    pub worst_deg: f64,
+    pub worst_m: f64,
+}
+
+/// A vertex of the truth was seen if the fused cloud has a point in its cell of this side, or in one around it.
+const CELL_M: f64 = 0.06;
+/// Floor that an excerpt must show for its plane to be known: so many vertices (of 2 to 3 cm spacing), and so far
+/// apart in every direction, root mean square.
+const MIN_VERTICES: usize = 400;
+const MIN_SPREAD_M: f64 = 0.15;
+/// Floor is next to what was seen if it is in a cell of this side with it, or in one around that.
+const NEXT_M: f64 = 0.25;
+/// What is labelled floor and is farther from its plane is the foot of something: in the one labelled scene a fifth of what
+/// some excerpts see of the floor is 5 to 20 cm above it.
+const FOOT_M: f64 = 0.03;
+
+/// The excerpts of a clip, half overlapping, with the labels of `params`.
+pub fn floors(
+    variant: &str,
+    clip: &Clip,
+    truth: &Truth,
+    frames: usize,
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<FloorRow, AlignError> {
+    let headers = clip.frames();
+    let (mut count, mut see_floor, mut errors) = (0, 0, Vec::new());
+    let (mut within_seen, mut by_true_labels) = (0, 0);
+    for range in excerpts(headers.len(), frames) {
+        count += 1;
+        let numbers = headers[range.start].number..headers[range.end - 1].number + 1;
+        let seen = align::observe(clip, Some(numbers), params, progress)?;
+        let Some(clip_from_world) = seen.clip_from_world else { continue };
+        let Some(compared) = Compared::new(&seen, truth, &clip_from_world) else { continue };
+        see_floor += 1;
+        by_true_labels += usize::from(compared.by_true_labels.is_some_and(|error| error.is_near()));
+        if seen.floor.as_ref().is_some_and(|floor| !floor.assumed) {
+            errors.push(compared.found);
+            within_seen += usize::from(compared.to_seen.is_near());
+        }
+    }
+    let within = errors.iter().filter(|error| error.is_near()).count();
+    let sorted = |pick: fn(&FloorError) -> f64| {
+        let mut values: Vec<f64> = errors.iter().map(pick).collect();
+        values.sort_by(f64::total_cmp);
+        let middle = values.get(values.len() / 2).copied().unwrap_or(f64::NAN);
+        (middle, values.last().copied().unwrap_or(f64::NAN))
+    };
+    let ((median_deg, worst_deg), (median_m, worst_m)) = (sorted(|e| e.deg), sorted(|e| e.m));
+    Ok(FloorRow {
+        variant: variant.to_owned(),
+        frames,
+        excerpts: count,
+        see_floor,
+        found: errors.len(),
+        within,
+        within_seen,
+        within_by_true_labels: by_true_labels,
+        median_deg,
+        median_m,
+        worst_deg,
+        worst_m,
+    })
+}
+
+/// By how much two planes differ.
+#[derive(Debug, Clone, Copy)]
+struct FloorError {
+    deg: f64,
+    m: f64,
+}
+
+impl FloorError {
+    /// Metres are those at `middle`, upwards.
+    fn between(a: &Plane, b: &Plane, middle: &Point3) -> FloorError {
+        let deg = a.normal.dot(&b.normal).abs().min(1.0).acos().to_degrees();
+        // Where a vertical line through the middle meets them.
+        let rise_m = |plane: &Plane| plane.height_m(middle) / plane.normal.z;
+        FloorError { deg, m: (rise_m(a) - rise_m(b)).abs() }
+    }
+
+    fn is_near(&self) -> bool {
+        self.deg <= 1.0 && self.m <= 0.02
+    }
+}
+
+/// The floor that was found, which is z = 0 of the clip frame, against the truth.
+struct Compared {
+    /// To the plane through the vertices of the labelled floor that the excerpt saw and those next to them,
+    found: FloorError,
+    /// and through those that it saw alone.
+    to_seen: FloorError,
+    /// Between the plane through the excerpt's own points on the labelled floor and that through what it saw of that.
+    by_true_labels: Option<FloorError>,
+}
+
+impl Compared {
+    /// None where the excerpt shows too little floor for the truth to be known.
+    fn new(seen: &Observation, truth: &Truth, clip_from_world: &Pose3) -> Option<Compared> {
+        let up = clip_from_world.rotation * Vector3::z();
+        let floor_class = coarse(Class::Floor);
+        let labelled = truth.vertices_m.iter().zip(&truth.classes);
+        let floor: Vec<Point3> = labelled
+            .filter(|(_, class)| **class == Some(floor_class))
+            .map(|(vertex, _)| clip_from_world * vertex)
+            .collect();
+        let cloud = &seen.cloud_in_clip.points;
+        let points = Cells::of(cloud.iter().map(|p| p.position()), CELL_M);
+        let plane = plane_without_feet(floor.iter().filter(|v| points.are_near(v)), &up)?;
+        let on_plane = |v: &&Point3| points.are_near(v) && plane.height_m(v).abs() < FOOT_M;
+        let vertices: Vec<&Point3> = floor.iter().filter(on_plane).collect();
+        if vertices.len() < MIN_VERTICES {
+            return None;
+        }
+        let middle = Point3::from(vertices.iter().map(|v| v.coords).sum::<Vector3>() / vertices.len() as f64);
+        let spread: nalgebra::Matrix2<f64> =
+            vertices.iter().map(|v| (*v - middle).xy()).map(|d| d * d.transpose()).sum();
+        let narrowest = (spread / vertices.len() as f64).symmetric_eigenvalues().min().max(0.0).sqrt();
+        if narrowest < MIN_SPREAD_M {
+            return None;
+        }
+        let next = Cells::of(vertices.iter().map(|v| **v), NEXT_M);
+        let wider = plane_without_feet(floor.iter().filter(|v| next.are_near(v)), &up)?;
+        let of_floor = Cells::of(vertices.iter().map(|v| **v), CELL_M);
+        let own: Vec<Point3> = cloud
+            .iter()
+            .filter(|p| p.normal().dot(&up) > 0.9)
+            .map(|p| p.position())
+            .filter(|p| of_floor.are_near(p))
+            .collect();
+        let found = Plane::through(&Point3::origin(), Vector3::z());
+        let own = plane_without_feet(own.iter(), &up);
+        Some(Compared {
+            found: FloorError::between(&found, &wider, &middle),
+            to_seen: FloorError::between(&found, &plane, &middle),
+            by_true_labels: own.map(|own| FloorError::between(&own, &plane, &middle)),
+        })
+    }
+}
+
+/// Where points are, by cells.
+struct Cells {
+    side_m: f64,
+    filled: FxHashSet<[i32; 3]>,
+}
+
+impl Cells {
+    fn of(points: impl Iterator<Item = Point3>, side_m: f64) -> Cells {
+        Cells { side_m, filled: points.map(|p| Self::cell(&p, side_m)).collect() }
+    }
+
+    fn cell(p: &Point3, side_m: f64) -> [i32; 3] {
+        [p.x, p.y, p.z].map(|c| (c / side_m).floor() as i32)
+    }
+
+    /// In its cell or one around it.
+    fn are_near(&self, at: &Point3) -> bool {
+        let [x, y, z] = Self::cell(at, self.side_m);
+        (0..27).any(|i| self.filled.contains(&[x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]))
+    }
+}
+
+/// The plane through most of these points, which lie about level: from the level one at their median height, each time through
+/// what is nearer, in the end [`FOOT_M`].
+fn plane_without_feet<'a>(points: impl Iterator<Item = &'a Point3>, up: &Vector3) -> Option<Plane> {
+    const ROUNDS: i32 = 20;
+    let points: Vec<&Point3> = points.collect();
+    let mut heights_m: Vec<f64> = points.iter().map(|p| p.coords.dot(up)).collect();
+    heights_m.sort_by(f64::total_cmp);
+    let median_m = *heights_m.get(heights_m.len() / 2)?;
+    let mut plane = Plane::through(&Point3::from(up * median_m), *up);
+    for round in 0..ROUNDS {
+        let near_m = FOOT_M.max(0.1 * 0.8f64.powi(round));
+        let near = points.iter().copied().filter(|p| plane.height_m(p).abs() < near_m);
+        let fitted = Plane::fit(near)?;
+        plane = if fitted.normal.dot(up) < 0.0 { fitted.flipped() } else { fitted };
+    }
+    Some(plane)
+}
+
+/// The rows as a table in Markdown.
+pub fn floors_markdown(rows: &[FloorRow]) -> String {
+    let mut out =
+        "| floor by | frames | excerpts | see the floor | found | within 1 deg and 2 cm | of the floor seen alone | by true labels | median | worst |\n\
+                   |---|---|---|---|---|---|---|---|---|---|\n"
+            .to_owned();
+    for row in rows {
+        // Writing into a string cannot fail.
+        let _ = writeln!(
+            out,
+            "| {} | {} | {} | {} | {} | {} | {} | {} | {:.2} deg, {:.1} cm | {:.2} deg, {:.1} cm |",
+            row.variant,
+            row.frames,
+            row.excerpts,
+            row.see_floor,
+            row.found,
+            row.within,
+            row.within_seen,
+            row.within_by_true_labels,
+            row.median_deg,
+            row.median_m * 100.0,
+            row.worst_deg,
+            row.worst_m * 100.0
+        );
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Of any floor that leans up to two degrees, with things on it, called floor up to 20 cm above, on one side.
+        #[test]
+        fn feet_do_not_lift_the_floor(
+            lean in prop::array::uniform2(-0.035..0.035f64), height_m in -0.5..0.5f64, feet in 0..3usize,
+        ) {
+            let up = Vector3::z();
+            let at = |i: usize| {
+                let (x, y) = ((i % 40) as f64 * 0.03, (i / 40) as f64 * 0.03);
+                Point3::new(x, y, height_m + lean[0] * x + lean[1] * y)
+            };
+            let floor: Vec<Point3> = (0..1600).map(at).collect();
+            let above = (0..feet * 200).map(|i| at(i) + up * (0.04 + 0.0004 * (i % 400) as f64));
+            let all: Vec<Point3> = floor.iter().copied().chain(above).collect();
+            let plane = plane_without_feet(all.iter(), &up).unwrap();
+            let error = FloorError::between(&plane, &Plane::fit(floor.iter()).unwrap(), &floor[820]);
+            prop_assert!(error.deg < 0.1 && error.m < 0.001, "{error:?}");
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! The true classes of a mesh's vertices.
+
+use super::coarse;
+use crate::evaluate::{Mesh, MeshError};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use viola_geometry::Point3;
+use viola_geometry::taxonomy::{Class, ClassTable};
+
+/// Vertices of a labelled mesh, in the recording's world.
+pub struct Truth {
+    pub vertices_m: Vec<Point3>,
+    /// Coarse classes; none where the mesh is not labelled.
+    pub classes: Vec<Option<usize>>,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum TruthError {
+    #[error("the labelled mesh: {0}")]
+    Mesh(#[from] MeshError),
+    #[error("{path}: {source}")]
+    Unreadable { path: PathBuf, source: std::io::Error },
+    #[error("{path} has no columns 'id' and 'nyu40id', separated by tabs")]
+    NoColumns { path: PathBuf },
+}
+
+/// ScanNet's table from its own label ids to NYU40's.
+const TABLE: &str = "scannet-labels.combined.tsv";
+
+/// What a labelled mesh's numbers mean.
+pub struct Folding {
+    /// From the data set's own ids to NYU40's; none where the mesh has NYU40's.
+    nyu40: Option<HashMap<u32, usize>>,
+}
+
+impl Folding {
+    /// The numbers are ScanNet's ids where ScanNet's table lies in the scene's folder or the one above, NYU40's ids
+    /// otherwise.
+    pub fn open(scene: &Path) -> Result<Folding, TruthError> {
+        let folders = [Some(scene), scene.parent()];
+        let table = folders.into_iter().flatten().map(|f| f.join(TABLE)).find(|path| path.is_file());
+        Ok(Folding { nyu40: table.map(|path| read(&path)).transpose()? })
+    }
+
+    /// Our class for a label; none for 0, which is unlabelled.
+    pub fn class(&self, label: u32) -> Option<Class> {
+        let id = match &self.nyu40 {
+            Some(table) => table.get(&label).copied().unwrap_or(0),
+            None => label as usize,
+        };
+        // What the table does not know is still labelled: it is something else.
+        (label != 0).then(|| ClassTable::Nyu40.fold(id))
+    }
+}
+
+impl Truth {
+    /// The labelled mesh in `scene/mesh`; its labels are what [`Folding`] says.
+    pub fn open(scene: &Path) -> Result<Truth, TruthError> {
+        let mesh = Mesh::open_labelled_in(&scene.join("mesh"))?;
+        let folding = Folding::open(scene)?;
+        let class = |label: &u32| folding.class(*label).map(coarse);
+        Ok(Truth { classes: mesh.labels.iter().map(class).collect(), vertices_m: mesh.vertices_m })
+    }
+}
+
+fn read(path: &Path) -> Result<HashMap<u32, usize>, TruthError> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| TruthError::Unreadable { path: path.to_owned(), source })?;
+    let mut lines = text.lines().map(|line| line.split('\t').collect::<Vec<_>>());
+    let header = lines.next().unwrap_or_default();
+    let column = |name: &str| header.iter().position(|column| *column == name);
+    let (Some(id), Some(nyu40)) = (column("id"), column("nyu40id")) else {
+        return Err(TruthError::NoColumns { path: path.to_owned() });
+    };
+    // Rows without a number in either column map nothing.
+    let row = |row: Vec<&str>| Some((row.get(id)?.parse().ok()?, row.get(nyu40)?.parse().ok()?));
+    Ok(lines.filter_map(row).collect())
+}

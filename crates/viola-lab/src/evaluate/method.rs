@@ -1,0 +1,203 @@
+//! The ways to align a clip that can be compared: rows of the table.
+
+use super::Sample;
+use crate::paper::{self, PaperParams, Refiner};
+use viola_align as align;
+use viola_align::complete::{Imagination, Take, ViewStrategy};
+use viola_align::{Activation, AlignError, AlignParams, Alignment, CompleteParams};
+use viola_geometry::progress::Progress;
+
+/// A row of the table.
+#[derive(Debug, Clone)]
+pub struct Method {
+    pub name: String,
+    pub kind: MethodKind,
+    /// Clips that are right without completion are not completed.
+    pub by_truth: bool,
+}
+
+#[derive(Debug, Clone)]
+pub enum MethodKind {
+    Viola(Box<AlignParams>),
+    Paper(PaperParams),
+}
+
+/// Evidence that `viola` can be had without: the name after `viola-without-`, and how it is switched off.
+/// The probability is still the one that was fitted to answers with all evidence.
+type Ablation = (&'static str, fn(&mut AlignParams));
+const ABLATIONS: &[Ablation] = &[
+    ("free-space", |params| {
+        let weights = &mut params.score.weights;
+        weights.blocked_m = 0.0;
+        weights.hits_on_floor_m = 0.0;
+        weights.unseen_sides_m = 0.0;
+        weights.walls_on_floor_m = 0.0;
+    }),
+    // What is low counts as much as what is tall.
+    ("structure", |params| params.hit_weights.low_weight = 1.0),
+    // What a network calls a bed may stand in a kitchen.
+    ("named-rooms", |params| params.score.weights.misplaced_m = 0.0),
+    ("upper-walls", |params| params.hit_weights.upper_weight = 0.0),
+    // A hit where the map knows nothing costs as much as one on free floor.
+    ("unknown-cells", |params| params.score.unknown_share = 1.0),
+];
+
+/// A way to complete what a clip did not see.
+struct Way {
+    /// Behind `complete-`.
+    name: &'static str,
+    when: Activation,
+    /// Walls seen only above the vacuum's height are projected down, and walls go on to each other.
+    structure: bool,
+    /// The views from which networks complete; none without them.
+    views: Option<ViewStrategy>,
+    /// Only where the first answer is wrong, as only the truth can tell.
+    by_truth: bool,
+}
+
+const fn way(name: &'static str, when: Activation, structure: bool, views: Option<ViewStrategy>) -> Way {
+    Way { name, when, structure, views, by_truth: false }
+}
+
+/// The paper's two tables, and structure beside them. `base` takes only what was seen at the vacuum's height.
+const WAYS: &[Way] = {
+    use Activation::{Always, Never, Unsure};
+    const FRONTIER: Option<ViewStrategy> = Some(ViewStrategy::Frontier);
+    &[
+        way("base", Never, false, None),
+        way("all", Always, false, FRONTIER),
+        way("gated", Unsure, false, FRONTIER),
+        way("gated-by-minima", Activation::SeveralMinima { margin_m: 0.01 }, false, FRONTIER),
+        Way { by_truth: true, ..way("by-truth", Always, false, FRONTIER) },
+        way("step-back", Unsure, false, Some(ViewStrategy::StepBack)),
+        way("vacuum-height", Unsure, false, Some(ViewStrategy::VacuumHeight)),
+        way("upper-walls", Never, true, None),
+        way("structure", Unsure, true, None),
+        way("structure-all", Always, true, None),
+        Way { by_truth: true, ..way("structure-by-truth", Always, true, None) },
+        way("structure-then-imagination", Unsure, true, FRONTIER),
+    ]
+};
+
+/// Why a method cannot be had.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum NoMethod {
+    #[error("there is no method '{0}'; there are {all}", all = Method::names().join(", "))]
+    Unknown(String),
+    #[error(
+        "the method '{0}' needs networks for inpainting and depth; install them with `viola models fetch migan` and `fastdepth`, and name their folder by --models"
+    )]
+    NeedsNetworks(String),
+}
+
+impl Method {
+    pub fn viola(params: AlignParams) -> Method {
+        Method { name: "viola".into(), kind: MethodKind::Viola(Box::new(params)), by_truth: false }
+    }
+
+    /// The method of that name with its default parameters; `imagination` has the networks for those that need
+    /// them.
+    pub fn named(name: &str, seed: u64, imagination: Option<&Imagination>) -> Result<Method, NoMethod> {
+        let unknown = || NoMethod::Unknown(name.to_owned());
+        let mut params = AlignParams { seed, ..AlignParams::default() };
+        let mut by_truth = false;
+        let kind = match name {
+            "viola" => return Ok(Method::viola(params)),
+            "paper" => MethodKind::Paper(PaperParams::default()),
+            "paper-icp" => MethodKind::Paper(PaperParams { refiner: Refiner::Icp, ..PaperParams::default() }),
+            _ => {
+                if let Some(evidence) = name.strip_prefix("viola-without-") {
+                    let known = ABLATIONS.iter().find(|(known, _)| *known == evidence);
+                    known.ok_or_else(unknown)?.1(&mut params);
+                } else {
+                    let wanted = name.strip_prefix("complete-").ok_or_else(unknown)?;
+                    let way = WAYS.iter().find(|way| way.name == wanted).ok_or_else(unknown)?;
+                    by_truth = way.by_truth;
+                    way.set(&mut params, imagination).ok_or(NoMethod::NeedsNetworks(name.to_owned()))?;
+                }
+                MethodKind::Viola(Box::new(params))
+            }
+        };
+        Ok(Method { name: name.to_owned(), kind, by_truth })
+    }
+
+    /// Lists every mode that was refined among the alternatives: weights are learned from all of them, since the best few are
+    /// chosen by the very weights.
+    pub fn list_all(&mut self) {
+        if let MethodKind::Viola(params) = &mut self.kind {
+            params.score.alternatives = params.search.first.modes.max(params.search.in_doubt.modes);
+        }
+    }
+
+    /// All names that [`Method::named`] knows.
+    pub fn names() -> Vec<String> {
+        let ablations = ABLATIONS.iter().map(|(evidence, _)| format!("viola-without-{evidence}"));
+        let ways = WAYS.iter().map(|way| format!("complete-{}", way.name));
+        let names = ["viola", "paper", "paper-icp"].map(String::from).into_iter();
+        names.chain(ablations).chain(ways).collect()
+    }
+
+    /// Aligns a sample.
+    pub fn register(&self, sample: &Sample, progress: &dyn Progress) -> Result<Alignment, AlignError> {
+        let target = sample.target.as_deref();
+        match &self.kind {
+            MethodKind::Viola(params) => {
+                if self.by_truth {
+                    let alone = align::register(&sample.observation, target, params, progress)?;
+                    if sample.is_success(&alone) {
+                        return Ok(alone);
+                    }
+                }
+                Ok(align::register_completing(&sample.observation, target, params, progress)?.0)
+            }
+            MethodKind::Paper(params) => paper::register(&sample.observation, target, params, progress),
+        }
+    }
+}
+
+impl Way {
+    /// None where networks are needed and there are none.
+    fn set(&self, params: &mut AlignParams, imagination: Option<&Imagination>) -> Option<()> {
+        params.complete = CompleteParams { when: self.when, ..CompleteParams::default() };
+        // As the paper has it; where the probability decides when, it also decides which of the two answers.
+        if self.when != Activation::Unsure {
+            params.complete.take = Take::After;
+        }
+        if !self.structure {
+            params.hit_weights.upper_weight = 0.0;
+            params.complete.structure = None;
+        }
+        if let Some(views) = self.views {
+            params.complete.imagination = Some(Imagination { views, ..imagination?.clone() });
+        }
+        Some(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_is_a_method_of_its_own() {
+        let needs_networks =
+            |name: &String| matches!(Method::named(name, 3, None), Err(NoMethod::NeedsNetworks(_)));
+        let (with, without): (Vec<String>, Vec<String>) =
+            Method::names().into_iter().partition(needs_networks);
+        assert_eq!(with.len(), WAYS.iter().filter(|way| way.views.is_some()).count());
+        let methods: Vec<Method> =
+            without.iter().map(|name| Method::named(name, 3, None).expect(name)).collect();
+        let what = |method: &Method| format!("{:?}", (&method.kind, method.by_truth));
+        for (i, a) in methods.iter().enumerate() {
+            for b in &methods[..i] {
+                // What `viola` does where it is not told otherwise is a row of the table of completions.
+                let alike = (a.name.as_str(), b.name.as_str()) == ("complete-structure", "viola");
+                assert_eq!(what(a) == what(b), alike, "{} {}", a.name, b.name);
+            }
+        }
+        assert_eq!(
+            Method::named("viola-without-luck", 0, None).unwrap_err(),
+            NoMethod::Unknown("viola-without-luck".into())
+        );
+    }
+}

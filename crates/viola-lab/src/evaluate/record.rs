@@ -1,0 +1,155 @@
+//! What is remembered of one clip and one method.
+
+use super::{Case, Sample};
+use crate::paper::Nearest;
+use serde::{Deserialize, Serialize};
+use viola_align::{Alignment, AlignmentState, Alternative, Evidence, features};
+use viola_geometry::Point2;
+
+/// One clip by one method.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ClipResult {
+    pub method: String,
+    pub set: String,
+    /// Length of the clips in this row of the table, in frames.
+    pub frames: usize,
+    /// The clip's name in its set.
+    pub clip: String,
+    pub first_frame: u32,
+    pub last_frame: u32,
+    pub state: AlignmentState,
+    /// Codes of the answer's reasons.
+    pub reasons: Vec<String>,
+    pub probability: Option<f64>,
+    /// Null when there is no pose.
+    pub rotation_error_deg: Option<f64>,
+    pub translation_error_m: Option<f64>,
+    /// Share of the map's points that the clip's hits cover at the true pose (the paper's coverage).
+    pub coverage: f64,
+    pub inliers: Option<f64>,
+    /// What the clip shows fits the map equally well in several places.
+    pub unknowable: bool,
+    /// Place of the true pose in the ranked alternatives, from 0.
+    pub truth_rank: Option<usize>,
+    /// The ranked alternatives, judged.
+    #[serde(default)]
+    pub alternatives: Vec<Listed>,
+    /// What the probability is computed from; null for methods without one.
+    pub features: Option<Vec<f64>>,
+    /// Search, refinement and decision, on one thread.
+    pub register_seconds: f64,
+    /// Everything from the clip's pictures to its pose, on one thread.
+    pub seconds: f64,
+}
+
+/// One of the answer's alternatives.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Listed {
+    /// Under 10 degrees and 0.3 m from the truth.
+    pub right: bool,
+    pub loss_m: f64,
+    /// None for methods that rank by the distance alone.
+    pub evidence: Option<Evidence>,
+}
+
+impl ClipResult {
+    /// The paper's success: under 10 degrees and 0.3 m.
+    pub fn is_success(&self) -> bool {
+        self.rotation_error_deg.is_some_and(|e| e < 10.0) && self.translation_error_m.is_some_and(|e| e < 0.3)
+    }
+
+    /// Whether the first alternative is the true pose, whatever the verdict.
+    pub fn first_is_right(&self) -> bool {
+        self.truth_rank == Some(0)
+    }
+
+    pub(super) fn new(
+        case: &Case,
+        method: &str,
+        sample: &Sample,
+        alignment: &Alignment,
+        coverage: f64,
+        seconds: Seconds,
+    ) -> ClipResult {
+        let error = alignment.map_from_clip.as_ref().map(|pose| sample.errors(pose));
+        let judge = |alternative: &Alternative| {
+            let (rotation_deg, translation_m) = sample.errors(&alternative.map_from_clip);
+            Listed {
+                right: rotation_deg < 10.0 && translation_m < 0.3,
+                loss_m: alternative.loss_m,
+                evidence: alternative.evidence,
+            }
+        };
+        let alternatives: Vec<Listed> = alignment.alternatives.iter().map(judge).collect();
+        ClipResult {
+            method: method.to_owned(),
+            set: case.set.clone(),
+            frames: case.frames,
+            clip: case.name.clone(),
+            first_frame: sample.first_frame,
+            last_frame: sample.last_frame,
+            state: alignment.state,
+            reasons: alignment.reasons.iter().map(|reason| reason.code.clone()).collect(),
+            probability: alignment.probability,
+            rotation_error_deg: error.map(|e| e.0),
+            translation_error_m: error.map(|e| e.1),
+            coverage,
+            inliers: alignment.inliers,
+            unknowable: sample.equivalent_poses.len() > 1,
+            truth_rank: alternatives.iter().position(|alternative| alternative.right),
+            alternatives,
+            features: features(alignment).map(|features| features.to_vec()),
+            register_seconds: seconds.register,
+            seconds: seconds.all,
+        }
+    }
+}
+
+#[cfg(test)]
+impl ClipResult {
+    /// A clip with these errors; none without a pose.
+    pub(super) fn example(state: AlignmentState, errors: Option<(f64, f64)>) -> ClipResult {
+        ClipResult {
+            method: "viola".into(),
+            set: "normal".into(),
+            frames: 60,
+            clip: "000001_0".into(),
+            first_frame: 0,
+            last_frame: 59,
+            state,
+            reasons: Vec::new(),
+            probability: None,
+            rotation_error_deg: errors.map(|e| e.0),
+            translation_error_m: errors.map(|e| e.1),
+            coverage: 0.5,
+            inliers: Some(0.9),
+            unknowable: false,
+            truth_rank: None,
+            alternatives: Vec::new(),
+            features: None,
+            register_seconds: 0.1,
+            seconds: 1.0,
+        }
+    }
+}
+
+/// Times of one result.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Seconds {
+    pub register: f64,
+    pub all: f64,
+}
+
+/// The share of the map's points with a hit within 0.1 m when the clip is where it truly was.
+pub(super) fn coverage(sample: &Sample) -> f64 {
+    const NEAR_M: f64 = 0.1;
+    let place = |hit: &viola_align::Hit| sample.map_from_clip.apply(&hit.point_m);
+    let hits: Vec<Point2> = sample.observation.scan.hits.iter().map(place).collect();
+    let Some(target) = &sample.target else { return 0.0 };
+    if hits.is_empty() {
+        return 0.0;
+    }
+    let hits = Nearest::new(&hits);
+    let covered = target.points_m.iter().filter(|point| hits.distance_m(point) < NEAR_M).count();
+    covered as f64 / target.points_m.len().max(1) as f64
+}

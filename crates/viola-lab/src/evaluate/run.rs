@@ -1,0 +1,141 @@
+//! All methods over all clips, on all cores, each clip on one thread.
+
+use super::record::{self, Seconds};
+use super::{Case, ClipResult, Journal, Method, RunError, Sample, Suite, failure};
+use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use viola_align::AlignParams;
+use viola_geometry::progress::{Progress, Stage};
+use viola_geometry::stopwatch::Stopwatch;
+
+/// What is run, and where it leaves its traces.
+pub struct Run<'a> {
+    pub suite: &'a dyn Suite,
+    pub methods: &'a [Method],
+    /// How clips are observed; the same for all methods.
+    pub observe: &'a AlignParams,
+    /// Clips worked on at a time. Each is worked on by one thread, so that times compare.
+    pub workers: usize,
+    /// Results of earlier runs, and where new ones go.
+    pub journal: Option<&'a Journal>,
+    /// Names the program that runs: results of another one do not count.
+    pub program: &'a str,
+    /// Folder for a picture of every failed clip.
+    pub pictures: Option<&'a Path>,
+}
+
+impl Run<'_> {
+    /// How many results there will be at most.
+    pub fn total(&self) -> usize {
+        self.suite.cases().len() * self.methods.len()
+    }
+
+    /// Runs everything that the journal does not have, and gives all results in the order of the cases and
+    /// the methods. `report` hears of every result, from several threads, in no order.
+    pub fn results(
+        &self,
+        progress: &dyn Progress,
+        report: &(dyn Fn(&ClipResult) + Sync),
+    ) -> Result<Vec<ClipResult>, RunError> {
+        let fingerprints: Vec<String> = self.methods.iter().map(|method| self.fingerprint(method)).collect();
+        let cases = self.suite.cases();
+        let next = AtomicUsize::new(0);
+        let done: Mutex<BTreeMap<usize, Vec<ClipResult>>> = Mutex::default();
+        let work = || -> Result<(), RunError> {
+            // A pool of one thread: what the method spreads over threads stays on this one.
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+            loop {
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                let Some(case) = cases.get(index) else { return Ok(()) };
+                let results = pool.install(|| self.case(index, case, &fingerprints, progress, report));
+                // The others stop after the clips that they are at.
+                let results = results.inspect_err(|_| next.store(cases.len(), Ordering::Relaxed))?;
+                done.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).insert(index, results);
+            }
+        };
+        std::thread::scope(|scope| {
+            let workers = self.workers.clamp(1, cases.len().max(1));
+            let threads: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
+            threads.into_iter().try_for_each(|thread| match thread.join() {
+                Ok(result) => result,
+                Err(panic) => std::panic::resume_unwind(panic),
+            })
+        })?;
+        let done = done.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+        Ok(done.into_values().flatten().collect())
+    }
+
+    fn case(
+        &self,
+        index: usize,
+        case: &Case,
+        fingerprints: &[String],
+        progress: &dyn Progress,
+        report: &(dyn Fn(&ClipResult) + Sync),
+    ) -> Result<Vec<ClipResult>, RunError> {
+        let known = |at: usize| self.journal?.find(&fingerprints[at], &self.methods[at].name, case).cloned();
+        let mut results: Vec<Option<ClipResult>> = (0..self.methods.len()).map(known).collect();
+        results.iter().flatten().for_each(report);
+        if results.iter().any(Option::is_none) {
+            let watch = Stopwatch::around(progress, std::time::Instant::now);
+            let Some(sample) = self.suite.sample(index, self.observe, &watch)? else { return Ok(Vec::new()) };
+            let observe_seconds: f64 = watch.stop().values().sum();
+            let coverage = record::coverage(&sample);
+            for (at, method) in self.methods.iter().enumerate() {
+                if results[at].is_none() {
+                    let result = self.one(case, method, &sample, coverage, observe_seconds, progress)?;
+                    if let Some(journal) = self.journal {
+                        journal.append(&fingerprints[at], &result)?;
+                    }
+                    report(&result);
+                    results[at] = Some(result);
+                }
+            }
+        }
+        Ok(results.into_iter().flatten().collect())
+    }
+
+    fn one(
+        &self,
+        case: &Case,
+        method: &Method,
+        sample: &Sample,
+        coverage: f64,
+        observe_seconds: f64,
+        progress: &dyn Progress,
+    ) -> Result<ClipResult, RunError> {
+        let watch = Stopwatch::around(progress, std::time::Instant::now);
+        let alignment =
+            method.register(sample, &watch).map_err(|error| RunError::of_clip(&case.name, error))?;
+        let laps = watch.stop();
+        let lap = |stage: Stage| laps.get(stage.name()).copied().unwrap_or(0.0);
+        let register = lap(Stage::Search) + lap(Stage::Refine) + lap(Stage::Decide);
+        let seconds = Seconds { register, all: observe_seconds + laps.values().sum::<f64>() };
+        let result = ClipResult::new(case, &method.name, sample, &alignment, coverage, seconds);
+        if let Some(folder) = self.pictures.filter(|_| !result.is_success()) {
+            let path = folder.join(format!("{}_{}_{}_{}.png", case.set, case.frames, case.name, method.name));
+            std::fs::write(&path, failure::picture(sample, alignment))
+                .map_err(|source| RunError::Picture { path, source })?;
+        }
+        Ok(result)
+    }
+
+    /// Of everything that a method's results depend on.
+    fn fingerprint(&self, method: &Method) -> String {
+        let parts = [
+            self.program,
+            &self.suite.fingerprint(),
+            &format!("{:?}", self.observe),
+            &format!("{:?}", method.kind),
+        ];
+        let mut hash = Sha256::new();
+        for part in parts {
+            hash.update((part.len() as u64).to_le_bytes());
+            hash.update(part);
+        }
+        hash.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+    }
+}

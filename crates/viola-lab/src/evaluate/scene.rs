@@ -1,0 +1,123 @@
+//! Excerpts of a recording with known poses, against the LiDAR map of the whole scene.
+
+use super::{Case, RunError, Sample, SceneError, Suite, Survey, SurveyParams};
+use serde::Deserialize;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+use viola_align as align;
+use viola_align::{AlignParams, Target};
+use viola_formats::clip::Clip;
+use viola_formats::lidar::LidarMap;
+use viola_geometry::progress::Progress;
+use viola_geometry::{Pose2, Vector3};
+
+/// A recording with true poses, its LiDAR map, and where the map lies in the recording's world.
+pub struct Scene {
+    pub name: String,
+    pub clip: Clip,
+    pub lidar: Arc<LidarMap>,
+    pub map_from_world: Pose2,
+    target: Option<Arc<Target>>,
+}
+
+#[derive(Deserialize)]
+struct TruthFile {
+    map_from_world: Pose2,
+}
+
+impl Scene {
+    /// A recording, its LiDAR map, and a JSON file with the truth.
+    pub fn open(scene: &Path, lidar: &Path, truth: &Path) -> Result<Scene, SceneError> {
+        let bad_truth = |cause: String| SceneError::Truth { path: truth.display().to_string(), cause };
+        let text = std::fs::read_to_string(truth).map_err(|e| bad_truth(e.to_string()))?;
+        let truth: TruthFile = serde_json::from_str(&text).map_err(|e| bad_truth(e.to_string()))?;
+        Ok(Scene::new(scene, Clip::open(scene)?, LidarMap::open(lidar)?, truth.map_from_world))
+    }
+
+    /// A recording with its mesh (`mesh/*.ply`), out of which the LiDAR map is cut.
+    pub fn open_with_mesh(scene: &Path, params: &SurveyParams) -> Result<(Scene, Survey), SceneError> {
+        let clip = Clip::open(scene)?;
+        let is_upright = clip.up_in_world().is_some_and(|up| up.direction.dot(&Vector3::z()) > 0.9999);
+        if !is_upright {
+            return Err(SceneError::NotUpright);
+        }
+        let mesh = super::Mesh::open_in(&scene.join("mesh"))?;
+        let cameras: Vec<_> = clip.frames().iter().filter_map(|frame| frame.world_from_camera).collect();
+        let survey = Survey::new(&mesh, &cameras, params)?;
+        let lidar = LidarMap::read(survey.points_csv().as_bytes())?;
+        Ok((Scene::new(scene, clip, lidar, survey.map_from_world), survey))
+    }
+
+    fn new(folder: &Path, clip: Clip, lidar: LidarMap, map_from_world: Pose2) -> Scene {
+        let name = folder.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        let target = Target::new(&lidar).map(Arc::new);
+        Scene { name, clip, lidar: Arc::new(lidar), map_from_world, target }
+    }
+
+    /// The true pose of the clip that begins with frame `index`; none when that frame has no pose.
+    pub fn map_from_clip(&self, index: usize) -> Option<Pose2> {
+        let world_from_camera = self.clip.frames().get(index)?.world_from_camera?;
+        let heading = viola_reconstruct::heading(&world_from_camera, &Vector3::z());
+        let at = world_from_camera.translation.vector;
+        Some(self.map_from_world.compose(&Pose2::new(at.x, at.y, heading.y.atan2(heading.x))))
+    }
+}
+
+/// Excerpts of a scene.
+pub struct SceneClips {
+    scene: Scene,
+    cases: Vec<Case>,
+    ranges: Vec<Range<usize>>,
+}
+
+impl SceneClips {
+    /// `ranges` are places in the recording's frames, none of them empty.
+    pub fn new(scene: Scene, ranges: Vec<Range<usize>>) -> SceneClips {
+        let headers = scene.clip.frames();
+        let case = |range: &Range<usize>| Case {
+            name: format!("{:06}", headers[range.start].number),
+            set: scene.name.clone(),
+            frames: range.len(),
+        };
+        SceneClips { cases: ranges.iter().map(case).collect(), scene, ranges }
+    }
+}
+
+impl Suite for SceneClips {
+    fn cases(&self) -> &[Case] {
+        &self.cases
+    }
+
+    fn fingerprint(&self) -> String {
+        let Scene { name, clip, lidar, map_from_world, .. } = &self.scene;
+        let sum = lidar.occupied_m.iter().fold(0.0, |sum, p| sum * 0.999 + p.x + 3.0 * p.y);
+        format!("{name} {:?} {:?} {sum} {map_from_world:?}", clip.info(), lidar.info)
+    }
+
+    fn sample(
+        &self,
+        index: usize,
+        params: &AlignParams,
+        progress: &dyn Progress,
+    ) -> Result<Option<Sample>, RunError> {
+        let headers = self.scene.clip.frames();
+        let range = self.ranges[index].clone();
+        let Some(begin) = range.clone().find(|&i| headers[i].world_from_camera.is_some()) else {
+            return Ok(None);
+        };
+        let Some(map_from_clip) = self.scene.map_from_clip(begin) else { return Ok(None) };
+        let numbers = headers[range.start].number..headers[range.end - 1].number + 1;
+        let observation = align::observe(&self.scene.clip, Some(numbers.clone()), params, progress)
+            .map_err(|error| RunError::of_clip(&self.cases[index].name, error))?;
+        Ok(Some(Sample {
+            observation,
+            lidar: self.scene.lidar.clone(),
+            target: self.scene.target.clone(),
+            map_from_clip,
+            equivalent_poses: vec![map_from_clip],
+            first_frame: numbers.start,
+            last_frame: numbers.end - 1,
+        }))
+    }
+}

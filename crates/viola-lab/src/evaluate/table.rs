@@ -1,0 +1,223 @@
+//! The table of a run, for people (Markdown), for programs (JSON) and for plots (CSV, a row a clip).
+
+use super::{Calibration, ClipResult};
+use serde::Serialize;
+use std::fmt::Write;
+use viola_align::AlignmentState;
+
+/// One method on one kind of clip. Errors are over all clips that got a pose, be it called ambiguous; a clip
+/// without one counts as a failure in `success_rate` and in the recalls.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TableRow {
+    pub method: String,
+    pub set: String,
+    pub frames: usize,
+    pub clips: usize,
+    pub r_mean_deg: f64,
+    pub r_median_deg: f64,
+    pub t_mean_m: f64,
+    pub t_median_m: f64,
+    /// Share of the clips under 10 degrees and 0.3 m.
+    pub success_rate: f64,
+    /// Share of the clips with a translation error under each distance.
+    pub recall_at_m: Vec<Recall>,
+    /// Of the clips called `aligned`, the share that is no success; null when none was.
+    pub wrong_when_aligned: Option<f64>,
+    pub aligned_rate: f64,
+    /// How far the probabilities are from the truth; null when the method gives none.
+    pub expected_calibration_error: Option<f64>,
+    /// Clips that fit the map equally well in several places.
+    pub unknowable_clips: usize,
+    /// Of those, the share called `ambiguous` with the truth among the alternatives; null when there are none.
+    pub unknowable_admitted: Option<f64>,
+    /// Median time of search, refinement and decision, on one thread, over the clips that came so far.
+    pub seconds_median: f64,
+    /// Median time of everything from the clip's pictures to its pose, on one thread. For simulated clips
+    /// that includes rendering the pictures.
+    pub seconds_total_median: f64,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Recall {
+    pub within_m: f64,
+    pub share: f64,
+}
+
+/// One row for each method, set and clip length, in the order of their first results.
+pub fn tabulate(results: &[ClipResult]) -> Vec<TableRow> {
+    let mut keys: Vec<(&str, usize, &str)> = Vec::new();
+    for result in results {
+        let key = (result.set.as_str(), result.frames, result.method.as_str());
+        if !keys.contains(&key) {
+            keys.push(key);
+        }
+    }
+    keys.into_iter()
+        .map(|(set, frames, method)| {
+            let of: Vec<&ClipResult> = results
+                .iter()
+                .filter(|r| (r.set.as_str(), r.frames, r.method.as_str()) == (set, frames, method))
+                .collect();
+            row(method, set, frames, &of)
+        })
+        .collect()
+}
+
+fn row(method: &str, set: &str, frames: usize, results: &[&ClipResult]) -> TableRow {
+    let rotations: Vec<f64> = results.iter().filter_map(|r| r.rotation_error_deg).collect();
+    let translations: Vec<f64> = results.iter().filter_map(|r| r.translation_error_m).collect();
+    let register: Vec<f64> = results.iter().map(|r| r.register_seconds).filter(|s| *s > 0.0).collect();
+    let total: Vec<f64> = results.iter().map(|r| r.seconds).collect();
+    let share = |count: usize| count as f64 / results.len().max(1) as f64;
+    let count = |is: &dyn Fn(&ClipResult) -> bool| results.iter().filter(|r| is(r)).count();
+    let part = |part: usize, whole: usize| (whole > 0).then(|| part as f64 / whole as f64);
+    let aligned = count(&|r| r.state == AlignmentState::Aligned);
+    let wrong = count(&|r| r.state == AlignmentState::Aligned && !r.is_success());
+    let unknowable = count(&|r| r.unknowable);
+    let admitted = count(&|r| r.unknowable && r.state == AlignmentState::Ambiguous && r.truth_rank.is_some());
+    TableRow {
+        method: method.to_owned(),
+        set: set.to_owned(),
+        frames,
+        clips: results.len(),
+        r_mean_deg: mean(&rotations),
+        r_median_deg: median(&rotations),
+        t_mean_m: mean(&translations),
+        t_median_m: median(&translations),
+        success_rate: share(count(&ClipResult::is_success)),
+        recall_at_m: [0.1, 0.3, 0.5, 1.0]
+            .map(|within_m| {
+                let found = count(&|r| r.translation_error_m.is_some_and(|e| e < within_m));
+                Recall { within_m, share: share(found) }
+            })
+            .to_vec(),
+        wrong_when_aligned: part(wrong, aligned),
+        aligned_rate: share(aligned),
+        expected_calibration_error: Calibration::of(results.iter().copied())
+            .map(|calibration| calibration.expected_calibration_error),
+        unknowable_clips: unknowable,
+        unknowable_admitted: part(admitted, unknowable),
+        seconds_median: median(&register),
+        seconds_total_median: median(&total),
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    if values.is_empty() { f64::NAN } else { values.iter().sum::<f64>() / values.len() as f64 }
+}
+
+/// The lower of the two middle values when their number is even.
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len().saturating_sub(1) / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// Two tables: where the clips were placed, and how sure the methods were.
+pub fn markdown(rows: &[TableRow]) -> String {
+    let mut out = String::from(
+        "| set | frames | clips | method | success | R mean | R median | T mean | T median | <0.1 m | <0.3 m | <0.5 m | <1 m | register | total |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+    );
+    for r in rows {
+        let _ = write!(
+            out,
+            "| {} | {} | {} | {} | {:.1} % | {:.2} deg | {:.2} deg | {:.3} m | {:.3} m |",
+            r.set,
+            r.frames,
+            r.clips,
+            r.method,
+            100.0 * r.success_rate,
+            r.r_mean_deg,
+            r.r_median_deg,
+            r.t_mean_m,
+            r.t_median_m,
+        );
+        for recall in &r.recall_at_m {
+            let _ = write!(out, " {:.1} % |", 100.0 * recall.share);
+        }
+        let _ = writeln!(out, " {:.3} s | {:.2} s |", r.seconds_median, r.seconds_total_median);
+    }
+    out.push_str(
+        "\n| set | frames | clips | method | aligned | wrong when aligned | calibration error | unknowable | of those admitted |\n\
+         |---|---|---|---|---|---|---|---|---|\n",
+    );
+    for r in rows {
+        let percent =
+            |share: Option<f64>| share.map_or("-".to_owned(), |share| format!("{:.1} %", 100.0 * share));
+        let _ = writeln!(
+            out,
+            "| {} | {} | {} | {} | {:.1} % | {} | {} | {} | {} |",
+            r.set,
+            r.frames,
+            r.clips,
+            r.method,
+            100.0 * r.aligned_rate,
+            percent(r.wrong_when_aligned),
+            r.expected_calibration_error.map_or("-".to_owned(), |error| format!("{error:.3}")),
+            r.unknowable_clips,
+            percent(r.unknowable_admitted),
+        );
+    }
+    out
+}
+
+/// One row a clip and method. Empty fields are what is not known: errors of clips without a pose.
+pub fn clips_csv(results: &[ClipResult]) -> String {
+    let mut out = String::from(
+        "method,set,frames,clip,first_frame,last_frame,state,reasons,probability,r_error_deg,t_error_m,success,coverage,inliers,unknowable,truth_rank,register_seconds,seconds\n",
+    );
+    let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.4}"));
+    for r in results {
+        let state = match r.state {
+            AlignmentState::Aligned => "aligned",
+            AlignmentState::Ambiguous => "ambiguous",
+            AlignmentState::Failed => "failed",
+        };
+        let _ = writeln!(
+            out,
+            "{},{},{},{},{},{},{state},{},{},{},{},{},{:.4},{},{},{},{:.4},{:.4}",
+            r.method,
+            r.set,
+            r.frames,
+            r.clip,
+            r.first_frame,
+            r.last_frame,
+            r.reasons.join(" "),
+            number(r.probability),
+            number(r.rotation_error_deg),
+            number(r.translation_error_m),
+            r.is_success(),
+            r.coverage,
+            number(r.inliers),
+            r.unknowable,
+            r.truth_rank.map_or(String::new(), |rank| rank.to_string()),
+            r.register_seconds,
+            r.seconds,
+        );
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clip_without_a_pose_is_a_failure_and_no_error() {
+        let rows = tabulate(&[
+            ClipResult::example(AlignmentState::Aligned, Some((1.0, 0.05))),
+            ClipResult::example(AlignmentState::Aligned, Some((3.0, 0.35))),
+            ClipResult::example(AlignmentState::Ambiguous, Some((2.0, 0.2))),
+            ClipResult::example(AlignmentState::Failed, None),
+        ]);
+        assert_eq!(rows.len(), 1);
+        let row = &rows[0];
+        assert_eq!((row.clips, row.success_rate, row.aligned_rate), (4, 0.5, 0.5));
+        assert_eq!(row.wrong_when_aligned, Some(0.5));
+        assert!((row.r_mean_deg - 2.0).abs() < 1e-12 && (row.r_median_deg - 2.0).abs() < 1e-12);
+        let recalls: Vec<(f64, f64)> = row.recall_at_m.iter().map(|r| (r.within_m, r.share)).collect();
+        assert_eq!(recalls, [(0.1, 0.25), (0.3, 0.5), (0.5, 0.75), (1.0, 0.75)]);
+        assert_eq!((row.unknowable_clips, row.unknowable_admitted), (0, None));
+    }
+}

@@ -1,0 +1,188 @@
+//! Which weights of the loss make the true pose the best of the alternatives, learned from clips with known truth.
+
+use super::{ClipResult, Listed};
+use nalgebra::{Matrix6, Vector6};
+use viola_align::LossWeights;
+
+/// Weights of the loss that were learned. Where no network names things, nothing says what `misplaced_m` should be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LearnedLoss {
+    /// Clips with the true pose and another one among their alternatives.
+    pub clips: usize,
+    pub weights: LossWeights,
+    /// A pose that loses by this much is e times less probable.
+    pub temperature_m: f64,
+}
+
+/// The evidence on one pose: distance in metres, then the shares in the order of [`LossWeights`].
+type Figures = Vector6<f64>;
+
+/// A conditional logit (McFadden, 1974) with a ridge, by Newton's method: the odds of two alternatives are an exponential
+/// of their evidence. None when no clip has both a right and a wrong alternative.
+pub fn learned_loss(results: &[ClipResult], most_misplaced: f64) -> Option<LearnedLoss> {
+    const RIDGE: f64 = 1.0;
+    const STEPS: usize = 50;
+    let clips: Vec<Vec<(Figures, bool)>> =
+        results.iter().filter(|r| !r.unknowable).filter_map(|r| figures(r, most_misplaced)).collect();
+    let scale = spread(&clips)?;
+    let mut slopes = Figures::zeros();
+    for _ in 0..STEPS {
+        let mut gradient = slopes * RIDGE;
+        let mut hessian = Matrix6::identity() * RIDGE;
+        for clip in &clips {
+            let of_all = Mean::of(clip.iter(), &slopes, &scale);
+            let of_right = Mean::of(clip.iter().filter(|(_, right)| *right), &slopes, &scale);
+            gradient += of_all.mean - of_right.mean;
+            hessian += of_all.square - of_all.mean * of_all.mean.transpose();
+        }
+        let step = hessian.cholesky()?.solve(&gradient);
+        // Far from the end a full step may lead away.
+        slopes -= step / f64::max(step.amax(), 1.0);
+        if step.amax() < 1e-9 {
+            break;
+        }
+    }
+    let slopes = slopes.component_div(&scale);
+    let weight = |i: usize| slopes[i] / slopes[0];
+    Some(LearnedLoss {
+        clips: clips.len(),
+        weights: LossWeights {
+            blocked_m: weight(1),
+            hits_on_floor_m: weight(2),
+            unseen_sides_m: weight(3),
+            walls_on_floor_m: weight(4),
+            misplaced_m: weight(5),
+            most_misplaced,
+        },
+        temperature_m: -1.0 / slopes[0],
+    })
+}
+
+/// The alternatives of a clip; none where there is nothing to choose.
+fn figures(result: &ClipResult, most_misplaced: f64) -> Option<Vec<(Figures, bool)>> {
+    let of = |listed: &Listed| {
+        let e = listed.evidence?;
+        let misplaced = e.misplaced.min(most_misplaced);
+        let figures = Figures::new(
+            e.distance_m,
+            e.blocked_rays,
+            e.hits_on_floor,
+            e.unseen_sides,
+            e.walls_on_floor,
+            misplaced,
+        );
+        Some((figures, listed.right))
+    };
+    let clip: Vec<(Figures, bool)> = result.alternatives.iter().filter_map(of).collect();
+    let is_choice = clip.iter().any(|(_, right)| *right) && clip.iter().any(|(_, right)| !right);
+    is_choice.then_some(clip)
+}
+
+/// Standard deviation of each figure among the alternatives of a clip.
+fn spread(clips: &[Vec<(Figures, bool)>]) -> Option<Figures> {
+    let (mut squares, mut count) = (Figures::zeros(), 0.0);
+    for clip in clips {
+        let mean = clip.iter().map(|(x, _)| x).sum::<Figures>() / clip.len() as f64;
+        for (x, _) in clip {
+            squares += (x - mean).map(|d| d * d);
+            count += 1.0;
+        }
+    }
+    (count > 0.0).then(|| squares.map(|square| (square / count).sqrt().max(1e-6)))
+}
+
+/// Mean and mean square of alternatives, each counted by its odds.
+struct Mean {
+    mean: Figures,
+    square: Matrix6<f64>,
+}
+
+impl Mean {
+    fn of<'a>(
+        alternatives: impl Iterator<Item = &'a (Figures, bool)> + Clone,
+        slopes: &Figures,
+        scale: &Figures,
+    ) -> Mean {
+        let standard = alternatives.map(|(x, _)| x.component_div(scale));
+        let highest = standard.clone().map(|x| slopes.dot(&x)).fold(f64::MIN, f64::max);
+        let (mut sum, mut mean, mut square) = (0.0, Figures::zeros(), Matrix6::zeros());
+        for x in standard {
+            let odds = (slopes.dot(&x) - highest).exp();
+            sum += odds;
+            mean += x * odds;
+            square += x * x.transpose() * odds;
+        }
+        Mean { mean: mean / sum, square: square / sum }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use viola_align::{AlignmentState, Evidence};
+
+    const MOST_MISPLACED: f64 = 0.15;
+    const CLIPS: usize = 20_000;
+    const TRUTH: LossWeights = LossWeights {
+        blocked_m: 0.05,
+        hits_on_floor_m: 0.1,
+        unseen_sides_m: 0.0,
+        walls_on_floor_m: 0.2,
+        misplaced_m: 0.15,
+        most_misplaced: MOST_MISPLACED,
+    };
+    const TEMPERATURE_M: f64 = 0.02;
+
+    /// A clip of four alternatives, of which one is right by the odds of `TRUTH`.
+    fn clip(rng: &mut ChaCha8Rng) -> ClipResult {
+        let mut listed = Vec::new();
+        let mut odds = Vec::new();
+        for _ in 0..4 {
+            let [distance_m, blocked_rays, hits_on_floor, unseen_sides, walls_on_floor, misplaced]: [f64; 6] =
+                [0.1, 0.5, 0.5, 0.5, 0.5, MOST_MISPLACED].map(|most| rng.random::<f64>() * most);
+            let evidence = Evidence {
+                distance_m,
+                blocked_rays,
+                hits_on_floor,
+                unseen_sides,
+                walls_on_floor,
+                misplaced,
+                ..Evidence::default()
+            };
+            let loss_m = TRUTH.loss_m(&evidence);
+            odds.push((-loss_m / TEMPERATURE_M).exp());
+            listed.push(Listed { right: false, loss_m, evidence: Some(evidence) });
+        }
+        let mut at = rng.random::<f64>() * odds.iter().sum::<f64>();
+        let right = odds.iter().position(|odds| {
+            at -= odds;
+            at < 0.0
+        });
+        listed[right.unwrap_or(3)].right = true;
+        ClipResult { alternatives: listed, ..ClipResult::example(AlignmentState::Aligned, Some((1.0, 0.1))) }
+    }
+
+    #[test]
+    fn finds_the_weights_that_made_the_data() {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let clips: Vec<ClipResult> = (0..CLIPS).map(|_| clip(&mut rng)).collect();
+        let found = learned_loss(&clips, MOST_MISPLACED).unwrap();
+        let of = |w: &LossWeights| {
+            [w.blocked_m, w.hits_on_floor_m, w.unseen_sides_m, w.walls_on_floor_m, w.misplaced_m]
+        };
+        let pairs = of(&found.weights).into_iter().zip(of(&TRUTH));
+        for (found, want) in pairs.chain([(found.temperature_m, TEMPERATURE_M)]) {
+            assert!((found - want).abs() < 0.01, "{found} is not {want}");
+        }
+        assert_eq!(found.clips, CLIPS);
+    }
+
+    #[test]
+    fn clips_without_a_choice_teach_nothing() {
+        let alone = ClipResult::example(AlignmentState::Aligned, Some((1.0, 0.1)));
+        assert_eq!(learned_loss(&[alone], MOST_MISPLACED), None);
+        assert_eq!(learned_loss(&[], MOST_MISPLACED), None);
+    }
+}

@@ -1,0 +1,98 @@
+//! How far every place on the floor is from what stands on it.
+
+use super::piece::Footprint;
+use super::plan::Plan;
+use super::scene::{Primitive, Scene};
+use super::solid::Shape;
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{DistanceField, Grid, GridFrame};
+
+/// Distance to the nearest solid whose height lies in `band_m`, and to the outside of the rooms.
+pub(super) fn clearance(scene: &Scene, plan: &Plan, cell_m: f64, band_m: [f64; 2]) -> DistanceField {
+    let bounds = plan.bounds();
+    let frame = GridFrame::covering(bounds.min, bounds.max, 0.3, cell_m);
+    // Beyond the rooms nobody goes, also where a window reaches the floor.
+    let mut solid = Grid::filled(frame, true);
+    for room in &plan.rooms {
+        for (index, cell) in solid.cells.iter_mut().enumerate() {
+            *cell &= !room.outline.contains(&frame.centre(index % frame.width, index / frame.width));
+        }
+    }
+    for primitive in &scene.primitives {
+        let in_the_way = primitive.high.z > band_m[0] && primitive.low.z < band_m[1];
+        if in_the_way && !matches!(primitive.class, Class::Floor | Class::Ceiling) {
+            stamp(&mut solid, primitive);
+        }
+    }
+    DistanceField::new(&solid)
+}
+
+/// Marks the cells that a solid covers.
+fn stamp(grid: &mut Grid<bool>, primitive: &Primitive) {
+    let frame = grid.frame;
+    let cell = |value: f64, axis: usize, count: usize| {
+        ((value - frame.origin_m[axis]) / frame.cell_m).clamp(0.0, count as f64 - 1.0) as usize
+    };
+    let pad = frame.cell_m / 2.0;
+    let (x0, x1) =
+        (cell(primitive.low.x - pad, 0, frame.width), cell(primitive.high.x + pad, 0, frame.width));
+    let (y0, y1) =
+        (cell(primitive.low.y - pad, 1, frame.height), cell(primitive.high.y + pad, 1, frame.height));
+    let axis = primitive.home_from_unit.column(0);
+    let spot = Footprint {
+        centre: primitive.centre.xy(),
+        half: [primitive.half.x + pad, primitive.half.y + pad],
+        yaw_rad: axis.y.atan2(axis.x),
+    };
+    for y in y0..=y1 {
+        for x in x0..=x1 {
+            let centre = frame.centre(x, y);
+            let covered = match primitive.shape {
+                Shape::Block => spot.contains(&centre),
+                Shape::Cylinder | Shape::Ball => {
+                    (centre - spot.centre).norm() <= primitive.half.x.max(primitive.half.y) + pad
+                }
+            };
+            if covered {
+                grid.set(x, y, true);
+            }
+        }
+    }
+}
+
+/// The largest part of the marked cells that hangs together.
+pub(super) fn largest_region(marked: &Grid<bool>) -> Grid<bool> {
+    let frame = marked.frame;
+    let fits = &marked.cells;
+    let mut label = vec![0u32; fits.len()];
+    let (mut best, mut best_size, mut next) = (0, 0, 0);
+    for start in 0..fits.len() {
+        if !fits[start] || label[start] != 0 {
+            continue;
+        }
+        next += 1;
+        let mut size = 0;
+        let mut queue = vec![start];
+        label[start] = next;
+        while let Some(index) = queue.pop() {
+            size += 1;
+            let x = index % frame.width;
+            let neighbours = [
+                (x > 0).then(|| index - 1),
+                (x + 1 < frame.width).then_some(index + 1),
+                index.checked_sub(frame.width),
+                Some(index + frame.width).filter(|n| *n < fits.len()),
+            ];
+            for neighbour in neighbours.into_iter().flatten() {
+                if fits[neighbour] && label[neighbour] == 0 {
+                    label[neighbour] = next;
+                    queue.push(neighbour);
+                }
+            }
+        }
+        if size > best_size {
+            (best, best_size) = (next, size);
+        }
+    }
+    Grid { frame, cells: label.iter().map(|&l| l != 0 && l == best).collect() }
+}

@@ -1,0 +1,271 @@
+//! A recorded clip that exists only as its poses: frames are rendered when asked for.
+
+use super::dice::hash;
+use super::home::{Home, Set};
+use super::likeness;
+use super::render::{NOTHING, View, render};
+use super::scene::Scene;
+use super::sensor::Sensor;
+use super::shade::{Light, shade};
+use super::survey::Survey;
+use super::walk::{home_from_clip, walk};
+use nalgebra::{Translation3, UnitQuaternion};
+use serde::Serialize;
+use std::sync::Arc;
+use viola_formats::clip::{Frame, FrameHeader};
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{Pinhole, Pose2, Pose3, Vector3};
+
+/// How a clip is recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ClipParams {
+    pub frames: usize,
+    pub rate_hz: f64,
+    pub sensor: Sensor,
+    /// Width of the colour pictures, which are 4:3. The depth sensor's own width is the cheapest.
+    pub color_width: u32,
+    /// Error of the device's poses after one metre, in metres; it grows with the root of the way. The
+    /// heading errs by 0.3 rad where the position errs by one metre.
+    pub drift: f64,
+}
+
+impl Default for ClipParams {
+    fn default() -> ClipParams {
+        ClipParams { frames: 60, rate_hz: 2.5, sensor: Sensor::PhoneLidar, color_width: 640, drift: 0.005 }
+    }
+}
+
+/// The truth about a clip. Maps' frames: `map` is Valetudo's, `robot` that of the ROS and CSV files.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ClipTruth {
+    pub map_from_clip: Pose2,
+    pub robot_from_clip: Pose2,
+    pub home_from_clip: Pose2,
+    /// All poses in `map` around which the vacuum's map looks as it does around the true one, as far as
+    /// the clip sees; the true one first. More than one: nobody can know which it is.
+    pub equivalent_poses: Vec<Pose2>,
+    pub unknowable: bool,
+    /// Names of the rooms that the walk keeps to.
+    pub rooms: Vec<String>,
+    /// The frames' true poses. The device's poses, which drift, are in a world of their own.
+    pub home_from_camera: Vec<Pose3>,
+    pub world_from_home: Pose3,
+}
+
+/// Per-pixel truth, row after row from the top; 0 is nothing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LabelImage {
+    pub width: u32,
+    pub height: u32,
+    /// [`Class::id`].
+    pub classes: Vec<u16>,
+    /// [`HomeObject::instance`](super::HomeObject); 0 is the building too.
+    pub instances: Vec<u16>,
+}
+
+/// A clip in memory. Frames are rendered one at a time, the same for any order and number of threads.
+pub struct SimulatedClip {
+    pub params: ClipParams,
+    pub truth: ClipTruth,
+    pub color_camera: Pinhole,
+    pub depth_camera: Pinhole,
+    headers: Vec<FrameHeader>,
+    scene: Arc<Scene>,
+    light: Light,
+    seed: u64,
+}
+
+impl SimulatedClip {
+    pub(super) fn record(home: &Home, survey: &Survey, index: u64, params: &ClipParams) -> SimulatedClip {
+        let mut dice = home.dice.fork("clip", index);
+        let walk = walk(home, survey, &dice, params.frames, params.rate_hz);
+        let map_from_home = survey.valetudo_from_home();
+        let home_from_clip = walk.home_from_camera.first().map(home_from_clip).unwrap_or_default();
+        let depth_camera = params.sensor.depth_camera();
+        let equivalent: Vec<Pose2> = match home.params.set {
+            Set::Repeated => likeness::look_alikes(
+                home,
+                survey.vacuum_height_m,
+                &walk.home_from_camera,
+                &depth_camera,
+                params.sensor.range_m(),
+            ),
+            _ => vec![Pose2::IDENTITY],
+        };
+        let equivalent_poses: Vec<Pose2> = equivalent
+            .iter()
+            .map(|home_from_home| map_from_home.compose(home_from_home).compose(&home_from_clip))
+            .collect();
+        let world_from_home = Pose3::from_parts(
+            Translation3::new(dice.between(-5.0, 5.0), dice.between(-5.0, 5.0), dice.between(-1.6, 0.2)),
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), dice.between(-3.1, 3.1)),
+        );
+        let mut drift = Drift { error: Pose3::identity(), last: None, dice: dice.fork("drift", 0) };
+        let mut accelerometer = Accelerometer::new(dice.fork("accelerometer", 0));
+        let headers = walk
+            .home_from_camera
+            .iter()
+            .enumerate()
+            .map(|(number, pose)| FrameHeader {
+                number: number as u32,
+                time_s: Some(number as f64 / params.rate_hz),
+                world_from_camera: Some(world_from_home * drift.follow(pose, params.drift)),
+                force_in_camera: Some(accelerometer.feel(&walk.home_from_camera, number, params.rate_hz)),
+            })
+            .collect();
+        let (yaw, height) = (dice.between(-3.1, 3.1), dice.between(0.3, 1.2));
+        let light = Light {
+            toward: Vector3::new(yaw.cos(), yaw.sin(), height).normalize(),
+            exposure: dice.between(0.8, 1.2) as f32,
+            warmth: dice.between(0.93, 1.12) as f32,
+            noise: dice.between(0.006, 0.02) as f32,
+        };
+        SimulatedClip {
+            params: *params,
+            truth: ClipTruth {
+                map_from_clip: map_from_home.compose(&home_from_clip),
+                robot_from_clip: survey.robot_from_home.compose(&home_from_clip),
+                home_from_clip,
+                unknowable: equivalent_poses.len() > 1,
+                equivalent_poses,
+                rooms: walk.rooms.iter().map(|&room| home.plan.rooms[room].name.clone()).collect(),
+                home_from_camera: walk.home_from_camera,
+                world_from_home,
+            },
+            color_camera: depth_camera.resized(params.color_width, params.color_width * 3 / 4),
+            depth_camera,
+            headers,
+            scene: Arc::clone(&home.clip_day.scene),
+            light,
+            seed: dice.seed(),
+        }
+    }
+
+    /// The same as a camera records it that knows no poses.
+    pub fn without_poses(mut self) -> SimulatedClip {
+        self.headers.iter_mut().for_each(|header| header.world_from_camera = None);
+        self
+    }
+
+    pub fn headers(&self) -> &[FrameHeader] {
+        &self.headers
+    }
+
+    /// Renders frame `index`.
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn frame(&self, index: usize) -> Frame {
+        let pose = &self.truth.home_from_camera[index];
+        let salt = hash(self.seed ^ hash(index as u64));
+        let depth_view = render(&self.scene, &self.depth_camera, pose);
+        let depth = self.params.sensor.measure(&self.scene, &self.depth_camera, pose, &depth_view, salt);
+        let same = (self.color_camera.width, self.color_camera.height) == (depth.width, depth.height);
+        let color_view = if same { depth_view } else { render(&self.scene, &self.color_camera, pose) };
+        let color = shade(&self.scene, &self.color_camera, pose, &color_view, &self.light, hash(salt));
+        Frame {
+            header: self.headers[index].clone(),
+            color_camera: self.color_camera,
+            color,
+            depth_camera: self.depth_camera,
+            depth,
+        }
+    }
+
+    /// What the depth camera would see without noise.
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn true_view(&self, index: usize) -> View {
+        render(&self.scene, &self.depth_camera, &self.truth.home_from_camera[index])
+    }
+
+    /// The labels of frame `index`, pixel for pixel of its colour picture.
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn labels(&self, index: usize) -> LabelImage {
+        let view = render(&self.scene, &self.color_camera, &self.truth.home_from_camera[index]);
+        let each = |pick: fn(Class, u16) -> u16| {
+            let label = |&solid: &u32| match solid {
+                NOTHING => 0,
+                solid => {
+                    let primitive = &self.scene.primitives[solid as usize];
+                    pick(primitive.class, primitive.instance)
+                }
+            };
+            view.solid.iter().map(label).collect()
+        };
+        LabelImage {
+            width: view.width as u32,
+            height: view.height as u32,
+            classes: each(|class, _| class.id()),
+            instances: each(|_, instance| instance),
+        }
+    }
+}
+
+/// An accelerometer, which is mounted a little askew.
+struct Accelerometer {
+    felt_from_camera: UnitQuaternion<f64>,
+    dice: super::dice::Dice,
+}
+
+impl Accelerometer {
+    /// Standard deviations of how it is mounted, about each axis, and of a sample.
+    const MOUNTED_RAD: f64 = 0.015;
+    const NOISE_MPS2: f64 = 0.05;
+    const GRAVITY_MPS2: f64 = 9.81;
+
+    fn new(mut dice: super::dice::Dice) -> Accelerometer {
+        let askew = Vector3::from_fn(|_, _| dice.gaussian()) * Accelerometer::MOUNTED_RAD;
+        Accelerometer { felt_from_camera: UnitQuaternion::from_scaled_axis(askew), dice }
+    }
+
+    /// Gravity's counterforce and the walk's acceleration, which is that of the frames around.
+    fn feel(&mut self, home_from_camera: &[Pose3], index: usize, rate_hz: f64) -> Vector3 {
+        let at = |index: usize| home_from_camera[index].translation.vector;
+        let bend = match index {
+            // The walk begins and ends at rest.
+            0 => Vector3::zeros(),
+            index if index + 1 >= home_from_camera.len() => Vector3::zeros(),
+            index => at(index + 1) - 2.0 * at(index) + at(index - 1),
+        };
+        let force_in_home = Vector3::z() * Accelerometer::GRAVITY_MPS2 + bend * (rate_hz * rate_hz);
+        let noise = Vector3::from_fn(|_, _| self.dice.gaussian()) * Accelerometer::NOISE_MPS2;
+        self.felt_from_camera * (home_from_camera[index].rotation.inverse() * force_in_home) + noise
+    }
+}
+
+/// The random walk of a device's pose against the truth. The first frame is exact.
+struct Drift {
+    /// Moves true poses to where the device believes to be.
+    error: Pose3,
+    last: Option<Vector3>,
+    dice: super::dice::Dice,
+}
+
+impl Drift {
+    fn follow(&mut self, home_from_camera: &Pose3, drift: f64) -> Pose3 {
+        let at = home_from_camera.translation.vector;
+        if let Some(last) = self.last {
+            let scale = drift * (at - last).norm().max(0.01).sqrt();
+            let mut noise = |sigma: f64| self.dice.gaussian() * sigma;
+            let step = Vector3::new(noise(scale), noise(scale), noise(0.4 * scale)) / 3f64.sqrt();
+            // Gravity keeps the tilt.
+            let turn = Vector3::new(noise(0.04 * scale), noise(0.04 * scale), noise(0.3 * scale));
+            let here = Translation3::from(at);
+            let turn = here * UnitQuaternion::from_scaled_axis(turn) * here.inverse();
+            self.error = self.error * Translation3::from(step) * turn;
+        }
+        self.last = Some(at);
+        self.error * home_from_camera
+    }
+}
+
+impl Home {
+    /// Records clip number `index`. The survey gives the map's frame for the clip's truth.
+    pub fn clip(&self, survey: &Survey, index: u64, params: &ClipParams) -> SimulatedClip {
+        SimulatedClip::record(self, survey, index, params)
+    }
+}

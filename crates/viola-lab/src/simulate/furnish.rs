@@ -1,0 +1,55 @@
+//! Furniture by the kind of room, put where people put it.
+
+mod arrange;
+mod decor;
+mod dressing;
+mod passage;
+mod rooms;
+mod seating;
+mod storage;
+mod wet;
+
+use super::dice::Dice;
+use super::piece::Piece;
+use super::plan::{Plan, UnitPlace};
+use viola_geometry::Pose2;
+
+pub(super) use arrange::Arranger;
+pub(super) use storage::clutter;
+
+/// All furniture of a home. Copies of a repeated unit get copies of the first unit's furniture.
+pub(super) fn furnish(plan: &Plan, dice: &Dice) -> Vec<Piece> {
+    let mut pieces = vec![];
+    for room in 0..plan.rooms.len() {
+        let first = match plan.rooms[room].unit {
+            Some((copy, part)) if copy > 0 => {
+                plan.rooms.iter().position(|r| r.unit == Some((0, part))).map(|first| (first, copy))
+            }
+            _ => None,
+        };
+        let Some((first, copy)) = first else {
+            let mut arranger = Arranger::new(plan, room, dice.fork("room", room as u64));
+            rooms::furnish(&mut arranger);
+            pieces.extend(arranger.finish());
+            continue;
+        };
+        let copies: Vec<Piece> = pieces
+            .iter()
+            .filter(|piece: &&Piece| piece.room == first)
+            .map(|piece| copied(piece, room, &plan.units[0], &plan.units[copy]))
+            .collect();
+        pieces.extend(copies);
+    }
+    pieces
+}
+
+/// The same piece in another copy of the unit.
+fn copied(piece: &Piece, room: usize, from: &UnitPlace, to: &UnitPlace) -> Piece {
+    let in_unit = from.home_from_unit.inverse().compose(&piece.home_from_piece);
+    if from.mirrored == to.mirrored {
+        let home_from_piece = to.home_from_unit.compose(&in_unit);
+        return Piece { room, home_from_piece, ..piece.clone() };
+    }
+    let reflected = Pose2::new(-in_unit.x_m, in_unit.y_m, -in_unit.yaw_rad);
+    Piece { room, home_from_piece: to.home_from_unit.compose(&reflected), ..piece.mirrored() }
+}

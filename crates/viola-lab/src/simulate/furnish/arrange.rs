@@ -1,0 +1,313 @@
+//! Finding a place for a piece: against a wall, beside another, or free, without blocking the way.
+
+use super::passage::Passage;
+use crate::simulate::dice::Dice;
+use crate::simulate::piece::{Footprint, Mount, Piece};
+use crate::simulate::plan::{Opening, OpeningKind, Plan, Rect, Room};
+use std::f64::consts::{FRAC_PI_2, PI};
+use viola_geometry::{Point2, Pose2, angle_between};
+
+const TRIES: usize = 30;
+
+/// The inside of one room while it is furnished.
+pub(in crate::simulate) struct Arranger<'a> {
+    pub plan: &'a Plan,
+    pub room: usize,
+    pub dice: Dice,
+    pieces: Vec<Piece>,
+    /// Floor that is taken.
+    taken: Vec<Footprint>,
+    /// Floor before doors and passages, that stays free.
+    doorways: Vec<Footprint>,
+    /// Floor before cupboards and seats, that stays free but for what belongs to them.
+    fronts: Vec<Footprint>,
+    passage: Passage,
+}
+
+impl<'a> Arranger<'a> {
+    pub fn new(plan: &'a Plan, room: usize, dice: Dice) -> Arranger<'a> {
+        let inner = plan.rooms[room].inner;
+        let mut arranger = Arranger {
+            plan,
+            room,
+            dice,
+            pieces: vec![],
+            taken: vec![],
+            doorways: vec![],
+            fronts: vec![],
+            passage: Passage::new(inner),
+        };
+        for opening in arranger.openings().filter(|opening| opening.kind != OpeningKind::Window) {
+            let reach =
+                if opening.kind == OpeningKind::Entrance { 1.0 } else { opening.width_m.min(0.95) + 0.05 };
+            arranger.doorways.push(opening.zone(reach));
+            if opening.is_way() {
+                arranger.passage.lead_to(&opening.centre);
+            }
+        }
+        for feature in plan.features.iter().filter(|feature| feature.room == room) {
+            arranger.block(&feature.footprint);
+        }
+        arranger
+    }
+
+    pub fn room(&self) -> &'a Room {
+        &self.plan.rooms[self.room]
+    }
+
+    /// The openings in this room's walls.
+    pub fn openings(&self) -> impl Iterator<Item = &'a Opening> + use<'a> {
+        let room = self.room;
+        self.plan.openings.iter().filter(move |opening| opening.rooms.contains(&Some(room)))
+    }
+
+    pub fn finish(self) -> Vec<Piece> {
+        self.pieces
+    }
+
+    pub fn piece(&self, index: usize) -> &Piece {
+        &self.pieces[index]
+    }
+
+    /// Takes what stands in the room already, for changing it on another day.
+    pub fn with_pieces(mut self, pieces: impl IntoIterator<Item = Piece>) -> Arranger<'a> {
+        for piece in pieces {
+            if piece.mount == Mount::Floor {
+                self.block(&piece.footprint());
+            }
+            self.pieces.push(piece);
+        }
+        self
+    }
+
+    /// Against any wall, back to it, with `front_m` of floor kept free before it.
+    pub fn against_wall(&mut self, piece: Piece, front_m: f64) -> Option<usize> {
+        self.against(piece, front_m, |_| true, None)
+    }
+
+    /// Against a wall, in one of the room's corners.
+    pub fn in_corner(&mut self, piece: Piece, front_m: f64) -> Option<usize> {
+        let offset = if self.dice.chance(0.5) { 0.0 } else { 1.0 };
+        self.against(piece, front_m, |_| true, Some(offset))
+    }
+
+    /// Against the wall that another piece faces, at the place that it looks at.
+    pub fn opposite(&mut self, piece: Piece, other: usize, front_m: f64) -> Option<usize> {
+        let pose = self.pieces[other].home_from_piece;
+        let facing = pose.yaw_rad + PI;
+        let inner = self.room().inner;
+        let axis = if pose.yaw_rad.sin().abs() > 0.5 { 1 } else { 0 };
+        let at = [pose.x_m, pose.y_m][axis];
+        let share =
+            (at - inner.min[axis] - piece.size[0] / 2.0) / (inner.size(axis) - piece.size[0]).max(0.01);
+        let share = share.clamp(0.0, 1.0);
+        self.against(piece, front_m, move |yaw| angle_between(yaw, facing) < 0.1, Some(share))
+    }
+
+    fn against(
+        &mut self,
+        mut piece: Piece,
+        front_m: f64,
+        allowed: impl Fn(f64) -> bool,
+        share: Option<f64>,
+    ) -> Option<usize> {
+        let inner = self.room().inner;
+        let [width, depth, _] = piece.size;
+        for _ in 0..TRIES {
+            // The yaw turns the piece's back (+y) to the wall on that side.
+            let (yaw, axis, wall) = self.dice.pick([
+                (0.0, 0, inner.max[1]),
+                (PI, 0, inner.min[1]),
+                (-FRAC_PI_2, 1, inner.max[0]),
+                (FRAC_PI_2, 1, inner.min[0]),
+            ]);
+            let slack = inner.size(axis) - width;
+            if slack < 0.0 || !allowed(yaw) {
+                continue;
+            }
+            let gap = self.dice.between(0.002, 0.02);
+            let offset = match share {
+                Some(share) => share * (slack - 0.02).max(0.0) + 0.01,
+                None => self.dice.between(0.0, slack),
+            };
+            let along = inner.min[axis] + width / 2.0 + offset.min(slack);
+            let sign = if wall == inner.max[1 - axis] { 1.0 } else { -1.0 };
+            let across = wall - sign * (depth / 2.0 + gap);
+            let (x, y) = if axis == 0 { (along, across) } else { (across, along) };
+            let pose = Pose2::new(x, y, yaw);
+            if self.hides_window(&piece, &pose) {
+                continue;
+            }
+            let front = self.front(&piece, &pose, front_m);
+            if front.is_none_or(|front| self.front_is_free(&front)) && self.fits(&piece, &pose) {
+                piece.home_from_piece = pose;
+                return Some(self.put(piece, front));
+            }
+        }
+        None
+    }
+
+    /// Anywhere with room around it.
+    pub fn free(&mut self, mut piece: Piece, around_m: f64) -> Option<usize> {
+        let inner = self.room().inner;
+        let square = self.dice.chance(0.7);
+        for _ in 0..2 * TRIES {
+            let yaw = if square {
+                FRAC_PI_2 * self.dice.count(0, 3) as f64 + self.dice.between(-0.05, 0.05)
+            } else {
+                self.dice.between(-PI, PI)
+            };
+            let x = self.dice.between(inner.min[0], inner.max[0]);
+            let y = self.dice.between(inner.min[1], inner.max[1]);
+            let pose = Pose2::new(x, y, yaw);
+            let around = piece.footprint_at(&pose).grown(around_m);
+            if self.stands_free(&around, None) && self.fits(&piece, &pose) {
+                piece.home_from_piece = pose;
+                return Some(self.put(piece, None));
+            }
+        }
+        None
+    }
+
+    /// At a pose in the frame of another piece.
+    pub fn beside(&mut self, piece: Piece, other: usize, other_from_piece: Pose2) -> Option<usize> {
+        let pose = self.pieces[other].home_from_piece.compose(&other_from_piece);
+        self.at(piece, pose)
+    }
+
+    /// At this very pose.
+    pub fn at(&mut self, piece: Piece, pose: Pose2) -> Option<usize> {
+        self.at_if(piece, pose, Self::fits)
+    }
+
+    /// On the floor that is kept free before another piece, to which it belongs.
+    pub fn at_in_front(&mut self, piece: Piece, pose: Pose2) -> Option<usize> {
+        self.at_if(piece, pose, |this, piece, pose| {
+            let spot = piece.footprint_at(pose);
+            this.stands_free(&spot, None) && this.passage.stays_open_with(&spot)
+        })
+    }
+
+    /// Pushed under a table: the two may share floor.
+    pub fn at_table(&mut self, piece: Piece, pose: Pose2, table: usize) -> Option<usize> {
+        let under = self.pieces[table].footprint();
+        self.at_if(piece, pose, |this, piece, pose| {
+            let spot = piece.footprint_at(pose);
+            this.stands_free(&spot, Some(&under)) && this.passage.stays_open_with(&spot)
+        })
+    }
+
+    fn at_if(
+        &mut self,
+        mut piece: Piece,
+        pose: Pose2,
+        fits: impl Fn(&Self, &Piece, &Pose2) -> bool,
+    ) -> Option<usize> {
+        if !fits(self, &piece, &pose) {
+            return None;
+        }
+        piece.home_from_piece = pose;
+        Some(self.put(piece, None))
+    }
+
+    /// On a wall, above whatever is lower than its `bottom_m`.
+    pub fn hang(&mut self, mut piece: Piece, bottom_m: f64) -> Option<usize> {
+        let inner = self.room().inner;
+        let [width, depth, _] = piece.size;
+        for _ in 0..TRIES {
+            let (yaw, axis, wall, sign) = self.dice.pick([
+                (0.0, 0, inner.max[1], 1.0),
+                (PI, 0, inner.min[1], -1.0),
+                (-FRAC_PI_2, 1, inner.max[0], 1.0),
+                (FRAC_PI_2, 1, inner.min[0], -1.0),
+            ]);
+            let slack = inner.size(axis) - width - 0.2;
+            if slack < 0.0 {
+                continue;
+            }
+            let along = inner.min[axis] + 0.1 + width / 2.0 + self.dice.between(0.0, slack);
+            let across = wall - sign * (depth / 2.0 + 0.002);
+            let (x, y) = if axis == 0 { (along, across) } else { (across, along) };
+            let pose = Pose2::new(x, y, yaw);
+            let spot = piece.footprint_at(&pose);
+            let near_opening = self.openings().any(|opening| opening.zone(0.4).grown(0.05).overlaps(&spot));
+            let behind = self.pieces.iter().any(|p| {
+                p.mount != Mount::Flat
+                    && p.size[2] > bottom_m - 0.05
+                    && p.footprint().grown(0.05).overlaps(&spot)
+            });
+            let feature =
+                self.plan.features.iter().any(|f| f.room == self.room && f.footprint.overlaps(&spot));
+            // The middle of the ceiling is no wall: lamps hang elsewhere.
+            if !near_opening && !behind && !feature {
+                piece.home_from_piece = pose;
+                return Some(self.put(piece, None));
+            }
+        }
+        None
+    }
+
+    /// Adds a piece without asking whether it fits: what lies flat or hangs from the ceiling.
+    pub fn put_anyway(&mut self, mut piece: Piece, pose: Pose2) -> usize {
+        piece.home_from_piece = pose;
+        self.put(piece, None)
+    }
+
+    /// The middle of a side of the room's inside, as a rectangle shrunk by `by_m`.
+    pub fn inside(&self, by_m: f64) -> Rect {
+        self.room().inner.shrunk(by_m)
+    }
+
+    fn front(&self, piece: &Piece, pose: &Pose2, front_m: f64) -> Option<Footprint> {
+        if front_m <= 0.0 {
+            return None;
+        }
+        let centre = pose.apply(&Point2::new(0.0, -(piece.size[1] + front_m) / 2.0));
+        Some(Footprint {
+            centre,
+            half: [piece.size[0] / 2.0 - 0.01, front_m / 2.0 - 0.01],
+            yaw_rad: pose.yaw_rad,
+        })
+    }
+
+    fn hides_window(&self, piece: &Piece, pose: &Pose2) -> bool {
+        let spot = piece.footprint_at(pose);
+        self.openings()
+            .filter(|opening| opening.kind == OpeningKind::Window && piece.size[2] > opening.sill_m + 0.15)
+            .any(|opening| opening.zone(0.7).overlaps(&spot))
+    }
+
+    fn fits(&self, piece: &Piece, pose: &Pose2) -> bool {
+        let spot = piece.footprint_at(pose);
+        self.stands_free(&spot, None)
+            && self.fronts.iter().all(|front| !front.overlaps(&spot))
+            && self.passage.stays_open_with(&spot)
+    }
+
+    /// Whether the floor is free of furniture and doorways; `but` may be shared.
+    fn stands_free(&self, spot: &Footprint, but: Option<&Footprint>) -> bool {
+        spot.is_within(&self.room().inner)
+            && self.taken.iter().all(|other| Some(other) == but || !other.overlaps(spot))
+            && self.doorways.iter().all(|zone| !zone.overlaps(spot))
+    }
+
+    fn front_is_free(&self, front: &Footprint) -> bool {
+        front.is_within(&self.room().inner) && self.taken.iter().all(|other| !other.overlaps(front))
+    }
+
+    fn put(&mut self, mut piece: Piece, front: Option<Footprint>) -> usize {
+        piece.room = self.room;
+        if piece.mount == Mount::Floor {
+            let footprint = piece.footprint();
+            self.block(&footprint);
+        }
+        self.fronts.extend(front);
+        self.pieces.push(piece);
+        self.pieces.len() - 1
+    }
+
+    fn block(&mut self, footprint: &Footprint) {
+        self.passage.block(footprint);
+        self.taken.push(*footprint);
+    }
+}

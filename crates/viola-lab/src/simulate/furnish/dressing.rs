@@ -1,0 +1,88 @@
+//! What a room has beside its furniture: curtains, radiators, lamps, pictures, plants, clutter.
+
+use super::{Arranger, decor, storage};
+use crate::simulate::piece::Mount;
+use crate::simulate::plan::{OpeningKind, RoomKind};
+use viola_geometry::Pose2;
+
+/// A radiator and curtains for every window.
+pub(super) fn windows(room: &mut Arranger) {
+    let inner = room.room().inner;
+    let openings: Vec<_> = room.openings().filter(|o| o.kind == OpeningKind::Window).copied().collect();
+    let dressed = room.room().kind != RoomKind::Bathroom && room.dice.chance(0.75);
+    let to_floor = room.dice.chance(0.5);
+    for window in openings {
+        let inside_high = window.rooms[0] == Some(room.room);
+        let place = |depth: f64| {
+            // The wall is on the side of larger coordinates where the room is on that of smaller ones.
+            let sign = if inside_high { 1.0 } else { -1.0 };
+            if window.along_x {
+                let wall = if inside_high { inner.max[1] } else { inner.min[1] };
+                let yaw = if inside_high { 0.0 } else { std::f64::consts::PI };
+                Pose2::new(window.centre.x, wall - sign * (depth / 2.0 + 0.01), yaw)
+            } else {
+                let wall = if inside_high { inner.max[0] } else { inner.min[0] };
+                let yaw = -sign * std::f64::consts::FRAC_PI_2;
+                Pose2::new(wall - sign * (depth / 2.0 + 0.01), window.centre.y, yaw)
+            }
+        };
+        if window.sill_m > 0.7 && room.dice.chance(0.7) {
+            let radiator = decor::radiator((window.width_m - 0.1).clamp(0.4, 1.6));
+            room.at(radiator, place(0.12));
+        }
+        if dressed {
+            let mut curtains =
+                decor::curtains(window.width_m, to_floor, window.sill_m, window.head_m, &mut room.dice);
+            let pose = place(0.12);
+            if !curtains.footprint_at(&pose).is_within(&inner) {
+                continue;
+            }
+            let lands_free = room.at(curtains.clone(), pose).is_some();
+            if !lands_free {
+                // Something stands below: shorter ones.
+                curtains =
+                    decor::curtains(window.width_m, false, window.sill_m, window.head_m, &mut room.dice);
+                curtains.mount = Mount::Hung;
+                room.put_anyway(curtains, pose);
+            }
+        }
+    }
+}
+
+/// Lamps, pictures, plants, and what stands about.
+pub(super) fn decorate(room: &mut Arranger) {
+    let kind = room.room().kind;
+    let area = room.room().inner.area_m2();
+    let middle = room.room().inner.centre();
+    let lamp = decor::ceiling_lamp(room.plan.ceiling_m, &mut room.dice);
+    let under_pillar = room.plan.features.iter().any(|f| f.footprint.grown(0.3).contains(&middle));
+    if !under_pillar {
+        room.put_anyway(lamp, Pose2::new(middle.x, middle.y, 0.0));
+    }
+    let lived_in = !matches!(kind, RoomKind::Bathroom | RoomKind::Storage);
+    if lived_in {
+        for _ in 0..room.dice.count(0, if area > 12.0 { 5 } else { 3 }) {
+            if room.dice.chance(0.75) {
+                let piece = decor::picture(&mut room.dice);
+                room.hang(piece, 1.2);
+            } else {
+                let piece = decor::wall_shelf(&mut room.dice);
+                room.hang(piece, 1.3);
+            }
+        }
+        if area > 6.0 {
+            for _ in 0..room.dice.count(0, 2) {
+                let plant = decor::plant(&mut room.dice);
+                room.in_corner(plant, 0.0);
+            }
+        }
+    }
+    for _ in 0..room.dice.count(0, 1 + (area / 6.0) as usize) {
+        let item = storage::clutter(&mut room.dice);
+        if room.dice.chance(0.6) {
+            room.against_wall(item, 0.0);
+        } else {
+            room.free(item, 0.05);
+        }
+    }
+}

@@ -1,0 +1,186 @@
+//! A home: its plan, its furniture on two days, and what can be asked of it.
+
+use super::dice::Dice;
+use super::piece::Piece;
+use super::plan::Plan;
+use super::scene::Scene;
+use super::solid::Solid;
+use super::{change, furnish, structure};
+use serde::Serialize;
+use std::str::FromStr;
+use std::sync::Arc;
+use viola_geometry::taxonomy::Class;
+
+/// A kind of benchmark.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Set {
+    /// Flats and houses, recorded as people do.
+    Normal,
+    /// Clips that see mostly the upper part of the rooms (the paper's hard case).
+    Upper,
+    /// Rows of rooms that look alike.
+    Repeated,
+    /// Things moved, came and went between the vacuum's day and the clip's day.
+    Changed,
+}
+
+impl Set {
+    pub const ALL: [Set; 4] = [Set::Normal, Set::Upper, Set::Repeated, Set::Changed];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Set::Normal => "normal",
+            Set::Upper => "upper",
+            Set::Repeated => "repeated",
+            Set::Changed => "changed",
+        }
+    }
+}
+
+impl FromStr for Set {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Set, String> {
+        Set::ALL.into_iter().find(|set| set.name() == text).ok_or_else(|| {
+            let names: Vec<&str> = Set::ALL.iter().map(|set| set.name()).collect();
+            format!("no set is called {text:?}; there are {}", names.join(", "))
+        })
+    }
+}
+
+/// Which home.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct HomeParams {
+    pub set: Set,
+    pub seed: u64,
+    /// Share of the movable things and doors that another day finds changed; used by [`Set::Changed`].
+    pub changed_share: f64,
+}
+
+impl HomeParams {
+    pub fn new(set: Set, seed: u64) -> HomeParams {
+        HomeParams { set, seed, changed_share: 0.35 }
+    }
+}
+
+/// A furnished home with exact truth.
+pub struct Home {
+    pub params: HomeParams,
+    pub plan: Plan,
+    /// Furniture and doors on the day of the vacuum and on the day of the clips.
+    pub(super) vacuum_day: Day,
+    pub(super) clip_day: Day,
+    pub(super) dice: Dice,
+}
+
+/// The home on one day.
+#[derive(Clone)]
+pub(super) struct Day {
+    /// Furniture first, then the doors' leaves. A piece's number in label pictures is its index plus one.
+    pub pieces: Arc<Vec<Piece>>,
+    pub scene: Arc<Scene>,
+}
+
+impl Day {
+    fn new(building: &[Solid], pieces: Vec<Piece>) -> Day {
+        let structure = building.iter().map(|solid| (*solid, 0));
+        let furniture = pieces
+            .iter()
+            .enumerate()
+            .flat_map(|(index, piece)| piece.placed().map(move |solid| (solid, index as u16 + 1)));
+        let scene = Scene::new(structure.chain(furniture));
+        Day { scene: Arc::new(scene), pieces: Arc::new(pieces) }
+    }
+}
+
+/// A thing in the home.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct HomeObject {
+    /// Its number in the clips' instance pictures.
+    pub instance: u16,
+    pub class: Class,
+    pub class_id: u16,
+    pub room: String,
+    /// Middle of its box in the home's frame.
+    pub centre_m: [f64; 3],
+    /// Full size along its own x, y and z.
+    pub size_m: [f64; 3],
+    pub yaw_rad: f64,
+    pub movable: bool,
+}
+
+/// The truth about a home that does not depend on a clip.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct HomeTruth {
+    pub params: HomeParams,
+    pub area_m2: f64,
+    pub ceiling_m: f64,
+    pub rooms: Vec<super::plan::Room>,
+    /// On the day of the clips.
+    pub objects: Vec<HomeObject>,
+}
+
+impl Home {
+    /// Makes and furnishes the home of these parameters.
+    pub fn generate(params: &HomeParams) -> Home {
+        let dice = Dice::new(params.seed).fork(params.set.name(), 0);
+        let mut plan_dice = dice.fork("plan", 0);
+        let plan = match params.set {
+            Set::Repeated => Plan::of_a_row(&mut plan_dice),
+            _ => Plan::of_a_home(&mut plan_dice),
+        };
+        let building = structure::solids(&plan, &mut dice.fork("building", 0));
+        let mut pieces = furnish::furnish(&plan, &dice.fork("furniture", 0));
+        if params.set == Set::Repeated {
+            pieces = change::break_likeness(&plan, pieces, &mut dice.fork("likeness", 0));
+        }
+        let doors = structure::leaves(&plan, &mut dice.fork("leaves", 0));
+        let mut later = None;
+        if params.set == Set::Changed {
+            let day = dice.fork("another day", 0);
+            let mut moved = change::another_day(&plan, &pieces, params.changed_share, &day);
+            moved.extend(change::turn_doors(&plan, &doors, params.changed_share, &day));
+            later = Some(Day::new(&building, moved));
+        }
+        pieces.extend(doors);
+        let vacuum_day = Day::new(&building, pieces);
+        let clip_day = later.unwrap_or_else(|| vacuum_day.clone());
+        Home { params: *params, plan, vacuum_day, clip_day, dice }
+    }
+
+    /// The home on the day of the clips.
+    pub fn scene(&self) -> &Scene {
+        &self.clip_day.scene
+    }
+
+    /// The home on the day of the vacuum.
+    pub fn vacuum_scene(&self) -> &Scene {
+        &self.vacuum_day.scene
+    }
+
+    pub fn truth(&self) -> HomeTruth {
+        let objects = self.clip_day.pieces.iter().enumerate().map(|(index, piece)| {
+            let low = piece.solids.iter().map(Solid::bottom_m).fold(f64::INFINITY, f64::min).max(0.0);
+            let high = piece.solids.iter().map(Solid::top_m).fold(0.0, f64::max);
+            let pose = &piece.home_from_piece;
+            HomeObject {
+                instance: index as u16 + 1,
+                class: piece.class,
+                class_id: piece.class.id(),
+                room: self.plan.rooms[piece.room].name.clone(),
+                centre_m: [pose.x_m, pose.y_m, (low + high) / 2.0],
+                size_m: [piece.size[0], piece.size[1], high - low],
+                yaw_rad: pose.yaw_rad,
+                movable: piece.movable,
+            }
+        });
+        HomeTruth {
+            params: self.params,
+            area_m2: self.plan.area_m2(),
+            ceiling_m: self.plan.ceiling_m,
+            rooms: self.plan.rooms.clone(),
+            objects: objects.collect(),
+        }
+    }
+}

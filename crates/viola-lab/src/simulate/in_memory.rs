@@ -1,0 +1,51 @@
+//! A simulated recording as a clip without files.
+
+use super::clip::SimulatedClip;
+use std::sync::Arc;
+use viola_formats::clip::{Clip, ClipInfo, Frame};
+use viola_geometry::Vector3;
+
+impl SimulatedClip {
+    /// The clip whose frames are rendered when they are asked for.
+    pub fn into_clip(self) -> Clip {
+        clip_in_memory(Arc::new(self))
+    }
+}
+
+/// The same for a recording that others keep.
+pub fn clip_in_memory(recorded: Arc<SimulatedClip>) -> Clip {
+    clip_in_memory_heard(recorded, |_, _| ())
+}
+
+/// The same with somebody who hears of each frame that is made, and of its place in the clip.
+pub fn clip_in_memory_heard(
+    recorded: Arc<SimulatedClip>,
+    hear: impl Fn(usize, &Frame) + Send + Sync + 'static,
+) -> Clip {
+    let (color, depth) = (recorded.color_camera, recorded.depth_camera);
+    let frames = recorded.headers().to_vec();
+    let posed = frames.iter().filter(|frame| frame.world_from_camera.is_some()).count();
+    let info = ClipInfo {
+        layout: "simulated".into(),
+        pose_convention: "camera-to-world, OpenCV (x right, y down, z forward)".into(),
+        depth_unit: "metres".into(),
+        gravity: "world z is up".into(),
+        intrinsics: "exact".into(),
+        frames: frames.len(),
+        frames_with_pose: posed,
+        skipped_without_pose: frames.len() - posed,
+        skipped_incomplete: 0,
+        color_width: color.width,
+        color_height: color.height,
+        depth_width: depth.width,
+        depth_height: depth.height,
+        duration_s: frames.last().and_then(|last| last.time_s),
+        recorded_at_ms: None,
+        notes: Vec::new(),
+    };
+    Clip::from_frames(info, frames, Some(Vector3::z()), move |index| {
+        let frame = recorded.frame(index);
+        hear(index, &frame);
+        frame
+    })
+}

@@ -1,0 +1,217 @@
+//! The survey as a [`LidarMap`] and in the files that robots and their tools write.
+
+use super::survey::{CELL_M, Survey};
+use serde_json::{Value, json};
+use std::fmt::Write;
+use viola_formats::lidar::{Cell, LidarInfo, LidarMap, MapMarks, Room, RoomInfo};
+use viola_geometry::{Grid, GridFrame, Point2, Pose2};
+
+/// Empty cells around the Valetudo map: left and below, right and above.
+const MARGIN: [usize; 2] = [12, 7];
+
+impl Survey {
+    /// Valetudo's frame has its origin at the lower-left corner of the map's `size`.
+    pub fn valetudo_from_home(&self) -> Pose2 {
+        let origin = self.cells.frame.origin_m;
+        let margin = MARGIN[0] as f64 * CELL_M;
+        Pose2::new(margin - origin[0], margin - origin[1], 0.0).compose(&self.robot_from_home)
+    }
+
+    fn valetudo_cells(&self) -> Grid<Cell> {
+        let frame = self.cells.frame;
+        let around = MARGIN[0] + MARGIN[1];
+        let mut grid = Grid::filled(
+            GridFrame {
+                origin_m: [0.0, 0.0],
+                cell_m: CELL_M,
+                width: frame.width + around,
+                height: frame.height + around,
+            },
+            Cell::Unknown,
+        );
+        for y in 0..frame.height {
+            for x in 0..frame.width {
+                grid.set(x + MARGIN[0], y + MARGIN[0], self.cells.get(x, y));
+            }
+        }
+        grid
+    }
+
+    /// Whole centimetres, as Valetudo has them, y up.
+    fn charger_cm(&self) -> ([i64; 2], i64) {
+        let charger =
+            self.valetudo_from_home().compose(&self.robot_from_home.inverse()).compose(&self.charger);
+        let cm = [charger.x_m, charger.y_m].map(|v| (v * 100.0).round() as i64);
+        // Valetudo counts degrees clockwise from north.
+        let north = (90.0 - charger.yaw_rad.to_degrees()).round() as i64;
+        (cm, north.rem_euclid(360))
+    }
+
+    /// The map as it is read back from [`valetudo_json`].
+    pub fn lidar_map(&self) -> LidarMap {
+        let cells = self.valetudo_cells();
+        let frame = cells.frame;
+        let centres = |wanted: &dyn Fn(usize, usize) -> bool| -> Vec<Point2> {
+            let all = (0..frame.height).flat_map(|y| (0..frame.width).map(move |x| (x, y)));
+            all.filter(|&(x, y)| wanted(x, y)).map(|(x, y)| frame.centre(x, y)).collect()
+        };
+        let occupied_m = centres(&|x, y| cells.get(x, y) == Cell::Occupied);
+        let known = centres(&|x, y| cells.get(x, y) != Cell::Unknown);
+        let rooms: Vec<Room> = self
+            .segment_names
+            .iter()
+            .enumerate()
+            .map(|(index, name)| Room {
+                id: (index + 1).to_string(),
+                name: Some(name.clone()),
+                material: None,
+                cells_m: centres(&|x, y| self.segment_at(x, y) == index as u16 + 1),
+            })
+            .collect();
+        let ([x_cm, y_cm], north) = self.charger_cm();
+        let charger =
+            Pose2::new(x_cm as f64 / 100.0, y_cm as f64 / 100.0, (90.0 - north as f64).to_radians());
+        let free_cells = known.len() - occupied_m.len();
+        let half = CELL_M / 2.0;
+        let edge = |axis: usize, start: f64, better: fn(f64, f64) -> f64| {
+            known.iter().map(|p| p[axis]).fold(start, better)
+        };
+        let info = LidarInfo {
+            format: "valetudo".into(),
+            frame: "metres, x right, y up, origin at the lower-left corner of size".into(),
+            cell_m: Some(CELL_M),
+            occupied_points: occupied_m.len(),
+            free_cells,
+            free_area_m2: free_cells as f64 * CELL_M * CELL_M,
+            min_m: [0, 1].map(|axis| edge(axis, f64::INFINITY, f64::min) - half),
+            max_m: [0, 1].map(|axis| edge(axis, f64::NEG_INFINITY, f64::max) + half),
+            rooms: rooms.iter().map(room_info).collect(),
+            charger: Some(charger),
+            marks: MapMarks { robot: Some(charger), ..MapMarks::default() },
+            notes: vec![],
+        };
+        LidarMap { info, occupied_m, cells: Some(cells), rooms, charger: Some(charger), carpet_m: vec![] }
+    }
+
+    /// The segment of a cell of the Valetudo map.
+    fn segment_at(&self, x: usize, y: usize) -> u16 {
+        let frame = &self.cells.frame;
+        match (x.checked_sub(MARGIN[0]), y.checked_sub(MARGIN[0])) {
+            (Some(x), Some(y)) if x < frame.width && y < frame.height => self.segments[y * frame.width + x],
+            _ => 0,
+        }
+    }
+}
+
+fn room_info(room: &Room) -> RoomInfo {
+    let count = room.cells_m.len() as f64;
+    let sum = room.cells_m.iter().fold([0.0; 2], |sum, p| [sum[0] + p.x, sum[1] + p.y]);
+    RoomInfo {
+        id: room.id.clone(),
+        name: room.name.clone(),
+        material: None,
+        area_m2: count * CELL_M * CELL_M,
+        centre_m: sum.map(|s| s / count),
+    }
+}
+
+/// Valetudo's map JSON, version 2: centimetres, y down, runs of pixels.
+pub fn valetudo_json(survey: &Survey) -> Value {
+    let cells = survey.valetudo_cells();
+    let GridFrame { width, height, .. } = cells.frame;
+    let cm = (CELL_M * 100.0) as usize;
+    let layer = |kind: &str, mut meta: Value, wanted: &dyn Fn(usize, usize) -> bool| {
+        let mut runs: Vec<usize> = vec![];
+        let (mut xs, mut ys) = (vec![], vec![]);
+        for row in 0..height {
+            let y = height - 1 - row;
+            let mut x = 0;
+            while x < width {
+                if !wanted(x, y) {
+                    x += 1;
+                    continue;
+                }
+                let from = x;
+                while x < width && wanted(x, y) {
+                    xs.push(x);
+                    ys.push(row);
+                    x += 1;
+                }
+                runs.extend([from, row, x - from]);
+            }
+        }
+        if xs.is_empty() {
+            return None;
+        }
+        let span = |values: &[usize]| {
+            let (min, max) = values.iter().fold((usize::MAX, 0), |(low, high), &v| (low.min(v), high.max(v)));
+            let avg = values.iter().sum::<usize>() / values.len();
+            json!({"min": min, "max": max, "mid": (min + max) / 2, "avg": avg})
+        };
+        meta["area"] = json!(xs.len() * cm * cm);
+        Some(json!({
+            "__class": "MapLayer",
+            "metaData": meta,
+            "type": kind,
+            "pixels": [],
+            "compressedPixels": runs,
+            "dimensions": {"x": span(&xs), "y": span(&ys), "pixelCount": xs.len()},
+        }))
+    };
+    let free = |x, y| cells.get(x, y) == Cell::Free;
+    let mut layers = vec![
+        layer("floor", json!({}), &|x, y| free(x, y) && survey.segment_at(x, y) == 0),
+        layer("wall", json!({}), &|x, y| cells.get(x, y) == Cell::Occupied),
+    ];
+    for (index, name) in survey.segment_names.iter().enumerate() {
+        let meta = json!({"segmentId": (index + 1).to_string(), "active": false, "name": name});
+        layers
+            .push(layer("segment", meta, &|x, y| free(x, y) && survey.segment_at(x, y) == index as u16 + 1));
+    }
+    let layers: Vec<Value> = layers.into_iter().flatten().collect();
+    let total: u64 = layers.iter().filter_map(|layer| layer["metaData"]["area"].as_u64()).sum();
+    let ([x, y], north) = survey.charger_cm();
+    let down = (height * cm) as i64 - y;
+    let point = |kind: &str| json!({"__class": "PointMapEntity", "type": kind, "points": [x, down], "metaData": {"angle": north}});
+    json!({
+        "__class": "ValetudoMap",
+        "metaData": {"version": 2, "vendorMapId": 1, "totalLayerArea": total},
+        "size": {"x": width * cm, "y": height * cm},
+        "pixelSize": cm,
+        "layers": layers,
+        "entities": [point("charger_location"), point("robot_position")],
+    })
+}
+
+/// The picture of a ROS map_server map (binary PGM), in the frame `robot`.
+pub fn ros_pgm(survey: &Survey) -> Vec<u8> {
+    let GridFrame { width, height, .. } = survey.cells.frame;
+    let mut out = format!("P5\n{width} {height}\n255\n").into_bytes();
+    for y in (0..height).rev() {
+        out.extend((0..width).map(|x| match survey.cells.get(x, y) {
+            Cell::Occupied => 0u8,
+            Cell::Free => 254,
+            Cell::Unknown => 205,
+        }));
+    }
+    out
+}
+
+/// The description beside [`ros_pgm`].
+pub fn ros_yaml(survey: &Survey, image: &str) -> String {
+    let [x, y] = survey.cells.frame.origin_m;
+    format!(
+        "image: {image}\nmode: trinary\nresolution: {CELL_M}\norigin: [{x:.3}, {y:.3}, 0]\nnegate: 0\n\
+         occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+}
+
+/// The wall points in the frame `robot`, metres.
+pub fn points_csv(survey: &Survey) -> String {
+    let mut out = String::from("x_m,y_m\n");
+    for point in &survey.points_m {
+        // Writing to a string cannot fail.
+        let _ = writeln!(out, "{:.4},{:.4}", point.x, point.y);
+    }
+    out
+}

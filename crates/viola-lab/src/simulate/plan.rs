@@ -1,0 +1,268 @@
+//! Floor plans: rectangular rooms, the walls between them, and what opens in the walls.
+
+mod features;
+mod openings;
+mod programme;
+mod row;
+mod slicing;
+mod walls;
+
+use super::dice::Dice;
+use super::piece::Footprint;
+use super::solid::Solid;
+use serde::Serialize;
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{Point2, Pose2};
+
+/// What a room is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RoomKind {
+    /// One room to live, cook and sleep in.
+    Studio,
+    Living,
+    Kitchen,
+    Dining,
+    Bedroom,
+    Child,
+    Study,
+    Bathroom,
+    Corridor,
+    Storage,
+}
+
+impl RoomKind {
+    fn title(self) -> &'static str {
+        match self {
+            RoomKind::Studio => "Studio",
+            RoomKind::Living => "Living room",
+            RoomKind::Kitchen => "Kitchen",
+            RoomKind::Dining => "Dining room",
+            RoomKind::Bedroom => "Bedroom",
+            RoomKind::Child => "Child's room",
+            RoomKind::Study => "Study",
+            RoomKind::Bathroom => "Bathroom",
+            RoomKind::Corridor => "Corridor",
+            RoomKind::Storage => "Storage",
+        }
+    }
+}
+
+/// An upright rectangle of the plan.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Rect {
+    pub min: [f64; 2],
+    pub max: [f64; 2],
+}
+
+impl Rect {
+    pub fn size(&self, axis: usize) -> f64 {
+        self.max[axis] - self.min[axis]
+    }
+
+    pub fn area_m2(&self) -> f64 {
+        self.size(0) * self.size(1)
+    }
+
+    pub fn centre(&self) -> Point2 {
+        Point2::new((self.min[0] + self.max[0]) / 2.0, (self.min[1] + self.max[1]) / 2.0)
+    }
+
+    pub fn shrunk(&self, by_m: f64) -> Rect {
+        Rect { min: self.min.map(|v| v + by_m), max: self.max.map(|v| v - by_m) }
+    }
+
+    pub fn contains(&self, point: &Point2) -> bool {
+        (0..2).all(|axis| point[axis] >= self.min[axis] && point[axis] <= self.max[axis])
+    }
+}
+
+/// A room. Its walls' inner faces bound `inner`; `outline` runs along the middle of the walls.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Room {
+    pub kind: RoomKind,
+    pub name: String,
+    pub outline: Rect,
+    pub inner: Rect,
+    /// Which copy of the repeated unit it belongs to, and which part of the unit it is.
+    pub unit: Option<(usize, usize)>,
+}
+
+/// A straight wall between two rooms, or between a room and the outside.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Wall {
+    /// It runs along x; otherwise along y.
+    pub along_x: bool,
+    /// Its middle, across.
+    pub line: f64,
+    pub from: f64,
+    pub to: f64,
+    /// The rooms on the side of smaller and of larger coordinates.
+    pub rooms: [Option<usize>; 2],
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum OpeningKind {
+    Door,
+    /// The home's closed front door.
+    Entrance,
+    /// A doorway without a leaf.
+    Passage,
+    /// Open plan: most of the wall is missing.
+    Wide,
+    Window,
+}
+
+/// A hole in a wall.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Opening {
+    pub kind: OpeningKind,
+    pub centre: Point2,
+    pub along_x: bool,
+    pub width_m: f64,
+    pub sill_m: f64,
+    pub head_m: f64,
+    /// The rooms on the side of smaller and of larger coordinates.
+    pub rooms: [Option<usize>; 2],
+    /// Which end the hinge is at, -1 or 1 along the wall.
+    pub hinge: f64,
+    /// Which side the leaf opens to, -1 or 1 across the wall.
+    pub swing: f64,
+    pub open_rad: f64,
+}
+
+impl Opening {
+    pub fn line(&self) -> f64 {
+        if self.along_x { self.centre.y } else { self.centre.x }
+    }
+
+    pub fn at(&self) -> f64 {
+        if self.along_x { self.centre.x } else { self.centre.y }
+    }
+
+    /// Whether a person walks through it.
+    pub fn is_way(&self) -> bool {
+        matches!(self.kind, OpeningKind::Door | OpeningKind::Passage | OpeningKind::Wide)
+    }
+
+    /// The rectangle in front of and behind it, `reach_m` to each side of the wall's middle.
+    pub fn zone(&self, reach_m: f64) -> Footprint {
+        let half = [self.width_m / 2.0, reach_m];
+        let half = if self.along_x { half } else { [half[1], half[0]] };
+        Footprint { centre: self.centre, half, yaw_rad: 0.0 }
+    }
+}
+
+/// A part of the building that stands in a room: a chimney breast, a pillar, a cut corner.
+#[derive(Debug, Clone)]
+pub(super) struct Feature {
+    pub room: usize,
+    pub solid: Solid,
+    /// The floor that it takes.
+    pub footprint: Footprint,
+}
+
+/// Where a copy of the repeated unit lies: mirror (x to -x) if so, then move.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct UnitPlace {
+    pub mirrored: bool,
+    pub home_from_unit: Pose2,
+}
+
+/// A floor plan.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    pub rooms: Vec<Room>,
+    pub ceiling_m: f64,
+    /// Thickness of the inner walls.
+    pub wall_m: f64,
+    pub units: Vec<UnitPlace>,
+    pub(super) walls: Vec<Wall>,
+    pub(super) openings: Vec<Opening>,
+    pub(super) features: Vec<Feature>,
+}
+
+/// A room before it has walls.
+struct Cell {
+    kind: RoomKind,
+    outline: Rect,
+    unit: Option<(usize, usize)>,
+}
+
+impl Plan {
+    /// A flat or a house of 1 to 12 rooms.
+    pub(super) fn of_a_home(dice: &mut Dice) -> Plan {
+        let cells = slicing::layout(&mut dice.fork("layout", 0));
+        let mut plan = Plan::with_walls(cells, dice);
+        openings::open_doors(&mut plan, &mut dice.fork("doors", 0));
+        openings::open_windows(&mut plan, &mut dice.fork("windows", 0));
+        plan.features = features::add(&plan, &mut dice.fork("features", 0));
+        plan
+    }
+
+    /// A corridor with a row of rooms that look alike.
+    pub(super) fn of_a_row(dice: &mut Dice) -> Plan {
+        row::layout(dice)
+    }
+
+    fn with_walls(cells: Vec<Cell>, dice: &mut Dice) -> Plan {
+        let wall_m = dice.pick([0.10, 0.12, 0.15]);
+        let mut counts = std::collections::BTreeMap::new();
+        let rooms: Vec<Room> = cells
+            .iter()
+            .map(|cell| {
+                let count = counts.entry(cell.kind.title()).or_insert(0);
+                *count += 1;
+                let title = cell.kind.title();
+                let name = if *count == 1 { title.to_owned() } else { format!("{title} {count}") };
+                let inner = cell.outline.shrunk(wall_m / 2.0);
+                Room { kind: cell.kind, name, outline: cell.outline, inner, unit: cell.unit }
+            })
+            .collect();
+        let walls = walls::between(&rooms);
+        let ceiling_m = dice.between(2.4, 2.7);
+        Plan { rooms, ceiling_m, wall_m, units: vec![], walls, openings: vec![], features: vec![] }
+    }
+
+    /// The room whose inside holds a point.
+    pub fn room_at(&self, point: &Point2) -> Option<usize> {
+        self.rooms.iter().position(|room| room.inner.contains(point))
+    }
+
+    /// The box around all rooms.
+    pub fn bounds(&self) -> Rect {
+        let fold = |pick: fn(&Rect) -> [f64; 2], start: f64, better: fn(f64, f64) -> f64| {
+            let each = |axis: usize| self.rooms.iter().map(|r| pick(&r.outline)[axis]).fold(start, better);
+            [each(0), each(1)]
+        };
+        Rect {
+            min: fold(|r| r.min, f64::INFINITY, f64::min),
+            max: fold(|r| r.max, f64::NEG_INFINITY, f64::max),
+        }
+    }
+
+    /// Sum of the rooms' inner areas.
+    pub fn area_m2(&self) -> f64 {
+        self.rooms.iter().map(|room| room.inner.area_m2()).sum()
+    }
+}
+
+impl Feature {
+    fn wall_block(
+        room: usize,
+        footprint: Footprint,
+        ceiling_m: f64,
+        class: Class,
+        finish: super::finish::Finish,
+    ) -> Feature {
+        let size = [2.0 * footprint.half[0], 2.0 * footprint.half[1], ceiling_m];
+        let bottom = [footprint.centre.x, footprint.centre.y, 0.0];
+        let solid = Solid { yaw_rad: footprint.yaw_rad, ..Solid::block(class, bottom, size, finish) };
+        Feature { room, solid, footprint }
+    }
+}
+
+/// Plans lie on a 5 cm raster, so that walls meet exactly.
+fn snap(value: f64) -> f64 {
+    (value * 20.0).round() / 20.0
+}

@@ -1,0 +1,204 @@
+//! Doors, passages, open plans and windows.
+
+use super::{Opening, OpeningKind, Plan, RoomKind, Wall};
+use crate::simulate::dice::Dice;
+use viola_geometry::Point2;
+
+/// Room between an opening and the ends of its wall.
+const MARGIN_M: f64 = 0.2;
+
+/// Opens ways so that every room can be reached, prefers corridors and living rooms as hubs, and adds the
+/// home's entrance.
+pub(super) fn open_doors(plan: &mut Plan, dice: &mut Dice) {
+    let mut edges: Vec<(f64, usize)> = plan
+        .walls
+        .iter()
+        .enumerate()
+        .filter(|(_, wall)| wall.to - wall.from >= 0.8 + 2.0 * MARGIN_M)
+        .filter_map(|(index, wall)| match wall.rooms {
+            [Some(a), Some(b)] => {
+                Some((reluctance(plan.rooms[a].kind, plan.rooms[b].kind) + dice.between(0.0, 0.5), index))
+            }
+            _ => None,
+        })
+        .collect();
+    edges.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // Kruskal: the cheapest ways that join everything.
+    let mut group: Vec<usize> = (0..plan.rooms.len()).collect();
+    for (cost, index) in edges {
+        let wall = plan.walls[index].clone();
+        let [Some(a), Some(b)] = wall.rooms else { continue };
+        let joins = group[a] != group[b];
+        if joins {
+            let (from, to) = (group[b], group[a]);
+            group.iter_mut().filter(|g| **g == from).for_each(|g| *g = to);
+        }
+        // A second way between two groups makes loops, as many homes have.
+        if joins || (cost < 1.6 && dice.chance(0.25)) {
+            let opening = way(plan, &wall, [plan.rooms[a].kind, plan.rooms[b].kind], dice);
+            plan.openings.push(opening);
+        }
+    }
+    open_entrance(plan, dice);
+}
+
+/// How little one wants a door between two kinds of rooms.
+fn reluctance(a: RoomKind, b: RoomKind) -> f64 {
+    use RoomKind::*;
+    let either = |kind: RoomKind| a == kind || b == kind;
+    match () {
+        () if either(Corridor) => 0.0,
+        () if either(Living) && (either(Kitchen) || either(Dining)) => 0.5,
+        () if either(Living) || either(Studio) => 1.2,
+        () if either(Kitchen) && either(Dining) => 1.0,
+        () if either(Bedroom) && either(Bathroom) => 2.0,
+        () if either(Bathroom) => 5.0,
+        () if either(Storage) => 2.5,
+        () => 3.5,
+    }
+}
+
+fn way(plan: &Plan, wall: &Wall, kinds: [RoomKind; 2], dice: &mut Dice) -> Opening {
+    use RoomKind::*;
+    let both = |a: RoomKind, b: RoomKind| kinds == [a, b] || kinds == [b, a];
+    let length = wall.to - wall.from - 2.0 * MARGIN_M;
+    let day = kinds.iter().all(|kind| matches!(kind, Living | Kitchen | Dining | Studio | Corridor));
+    let kind = if (both(Living, Kitchen) || both(Living, Dining) || both(Kitchen, Dining))
+        && length > 1.6
+        && dice.chance(0.5)
+    {
+        OpeningKind::Wide
+    } else if day && dice.chance(0.35) {
+        OpeningKind::Passage
+    } else {
+        OpeningKind::Door
+    };
+    let width_m = match kind {
+        OpeningKind::Wide => dice.between(1.6, 4.0).min(length),
+        OpeningKind::Passage => dice.between(0.85, 1.2).min(length),
+        _ => dice.between(0.8, 0.9).min(length),
+    };
+    let head_m = match kind {
+        OpeningKind::Wide => dice.pick([plan.ceiling_m, plan.ceiling_m - 0.25]),
+        _ => dice.between(1.98, 2.12),
+    };
+    let slack = length - width_m;
+    // Most doors stand near a corner.
+    let offset = match dice.count(0, 3) {
+        0 => dice.between(0.0, slack),
+        1 => slack - dice.between(0.0, 0.15_f64.min(slack)),
+        _ => dice.between(0.0, 0.15_f64.min(slack)),
+    };
+    let at = wall.from + MARGIN_M + offset + width_m / 2.0;
+    // A leaf opens into the room, never into the corridor.
+    let swing = if kinds[0] == Corridor || (kinds[1] != Corridor && dice.chance(0.5)) { 1.0 } else { -1.0 };
+    // Most doors stand open; through some of the others the vacuum does not fit.
+    let open_deg = if dice.chance(0.07) { dice.between(10.0, 60.0) } else { dice.between(72.0, 100.0) };
+    Opening {
+        kind,
+        centre: if wall.along_x { Point2::new(at, wall.line) } else { Point2::new(wall.line, at) },
+        along_x: wall.along_x,
+        width_m,
+        sill_m: 0.0,
+        head_m,
+        rooms: wall.rooms,
+        hinge: if offset < slack / 2.0 { -1.0 } else { 1.0 },
+        swing,
+        open_rad: f64::to_radians(open_deg),
+    }
+}
+
+/// A closed door to the outside, from the corridor if it has an outer wall.
+fn open_entrance(plan: &mut Plan, dice: &mut Dice) {
+    let rank = |kind: RoomKind| match kind {
+        RoomKind::Corridor => 0,
+        RoomKind::Living | RoomKind::Studio => 1,
+        RoomKind::Kitchen | RoomKind::Dining => 2,
+        _ => 9,
+    };
+    let outer = plan.walls.iter().filter(|wall| wall.to - wall.from >= 0.9 + MARGIN_M);
+    let mut candidates: Vec<(usize, &Wall)> = outer
+        .filter_map(|wall| match wall.rooms {
+            [Some(room), None] | [None, Some(room)] => Some((rank(plan.rooms[room].kind), wall)),
+            _ => None,
+        })
+        .collect();
+    candidates.sort_by_key(|(rank, _)| *rank);
+    let Some(&(_, wall)) = candidates.first() else { return };
+    let half = 0.45 + MARGIN_M / 2.0;
+    let at = dice.between(wall.from + half, wall.to - half);
+    let opening = Opening {
+        kind: OpeningKind::Entrance,
+        centre: if wall.along_x { Point2::new(at, wall.line) } else { Point2::new(wall.line, at) },
+        along_x: wall.along_x,
+        width_m: 0.9,
+        sill_m: 0.0,
+        head_m: 2.05,
+        rooms: wall.rooms,
+        hinge: dice.sign(),
+        swing: if wall.rooms[0].is_some() { -1.0 } else { 1.0 },
+        open_rad: 0.0,
+    };
+    plan.openings.push(opening);
+}
+
+/// Windows in the outer walls, away from the entrance.
+pub(super) fn open_windows(plan: &mut Plan, dice: &mut Dice) {
+    let mut windows = vec![];
+    for wall in &plan.walls {
+        let room = match wall.rooms {
+            [Some(room), None] | [None, Some(room)] => room,
+            _ => continue,
+        };
+        let kind = plan.rooms[room].kind;
+        let length = wall.to - wall.from - 0.6;
+        let wanted = match kind {
+            RoomKind::Storage => 0.0,
+            RoomKind::Corridor => 0.4,
+            RoomKind::Bathroom => 0.6,
+            _ => 0.85,
+        };
+        if length < 0.7 || !dice.chance(wanted) {
+            continue;
+        }
+        let count = if length > 3.4 && dice.chance(0.6) { 2 } else { 1 };
+        let share = length / count as f64;
+        for index in 0..count {
+            let widest = if kind == RoomKind::Bathroom { 0.9 } else { 2.2 };
+            let width_m = dice.between(0.7, widest).min(share - 0.2).max(0.5);
+            let slack = share - width_m;
+            let at = wall.from
+                + 0.3
+                + share * (index as f64 + 0.5)
+                + dice.between(-0.3, 0.3).clamp(-slack / 2.0, slack / 2.0);
+            // Some windows reach the floor: the vacuum's LiDAR looks out through them.
+            let to_the_floor = matches!(kind, RoomKind::Living | RoomKind::Studio | RoomKind::Bedroom);
+            let sill_m = match kind {
+                RoomKind::Bathroom => dice.between(1.2, 1.5),
+                _ if to_the_floor && width_m > 0.8 && dice.chance(0.2) => 0.05,
+                _ => dice.between(0.75, 1.0),
+            };
+            let window = Opening {
+                kind: OpeningKind::Window,
+                centre: if wall.along_x { Point2::new(at, wall.line) } else { Point2::new(wall.line, at) },
+                along_x: wall.along_x,
+                width_m,
+                sill_m,
+                head_m: dice.between(2.05, 2.25),
+                rooms: wall.rooms,
+                hinge: 1.0,
+                swing: 1.0,
+                open_rad: 0.0,
+            };
+            let clear = plan.openings.iter().all(|other| {
+                other.along_x != window.along_x
+                    || other.line() != window.line()
+                    || (other.at() - window.at()).abs() > (other.width_m + window.width_m) / 2.0 + 0.2
+            });
+            if clear {
+                windows.push(window);
+            }
+        }
+    }
+    plan.openings.extend(windows);
+}

@@ -1,0 +1,276 @@
+//! Depth pictures: every pixel's first surface.
+//!
+//! Pixels of one tile see much the same solids, so each solid's transform is applied once a tile row and
+//! the arithmetic runs over sixteen neighbouring pixels at a time. Solids come nearest first; a tile ends
+//! when the next one begins behind everything seen.
+
+use super::scene::{Primitive, Scene};
+use super::solid::Shape;
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+use viola_geometry::{Pinhole, Pose3, Vector3};
+
+/// Side of a tile in pixels.
+const TILE: usize = 16;
+/// Nothing nearer than this is seen, in metres along z.
+const NEAR_M: f64 = 0.02;
+/// In [`View::solid`]: the pixel sees nothing.
+pub const NOTHING: u32 = u32::MAX;
+
+/// What a camera sees without noise, row after row from the top.
+#[derive(Debug, Clone, PartialEq)]
+pub struct View {
+    pub width: usize,
+    pub height: usize,
+    /// Along z, in metres; infinite where nothing is seen.
+    pub depth_m: Vec<f32>,
+    /// Index of the solid in the scene, or [`NOTHING`].
+    pub solid: Vec<u32>,
+}
+
+/// A solid as one camera sees it.
+struct Candidate {
+    index: u32,
+    shape: Shape,
+    /// The camera in the unit shape's frame.
+    origin: [f32; 3],
+    /// The direction of pixel (0, 0), and its change with the column and with the row.
+    corner: [f32; 3],
+    right: [f32; 3],
+    down: [f32; 3],
+    nearest_m: f32,
+    /// Columns and rows that may see it, the last ones excluded.
+    columns: [usize; 2],
+    rows: [usize; 2],
+}
+
+/// What `camera` sees of `scene` from a pose.
+pub fn render(scene: &Scene, camera: &Pinhole, home_from_camera: &Pose3) -> View {
+    let (width, height) = (camera.width as usize, camera.height as usize);
+    let mut candidates: Vec<Candidate> = scene
+        .primitives
+        .iter()
+        .enumerate()
+        .filter_map(|(index, primitive)| candidate(index as u32, primitive, camera, home_from_camera))
+        .collect();
+    candidates.sort_by(|a, b| a.nearest_m.total_cmp(&b.nearest_m).then(a.index.cmp(&b.index)));
+    let mut view = View {
+        width,
+        height,
+        depth_m: vec![f32::INFINITY; width * height],
+        solid: vec![NOTHING; width * height],
+    };
+    let rows_of_tiles =
+        view.depth_m.par_chunks_mut(TILE * width).zip(view.solid.par_chunks_mut(TILE * width));
+    rows_of_tiles.enumerate().for_each(|(row, (depth, solid))| {
+        let top = row * TILE;
+        let bottom = (top + TILE).min(height);
+        let here: Vec<&Candidate> =
+            candidates.iter().filter(|c| c.rows[0] < bottom && c.rows[1] > top).collect();
+        for left in (0..width).step_by(TILE) {
+            let mut tile = Tile::new();
+            tile.trace(&here, left, top, bottom);
+            let used = TILE.min(width - left);
+            for y in 0..bottom - top {
+                let at = y * width + left;
+                depth[at..at + used].copy_from_slice(&tile.depth[y][..used]);
+                solid[at..at + used].copy_from_slice(&tile.solid[y][..used]);
+            }
+        }
+    });
+    view
+}
+
+fn candidate(
+    index: u32,
+    primitive: &Primitive,
+    camera: &Pinhole,
+    home_from_camera: &Pose3,
+) -> Option<Candidate> {
+    let turn: Matrix3<f64> = *home_from_camera.rotation.to_rotation_matrix().matrix();
+    let eye = home_from_camera.translation.vector;
+    let camera_from_unit = turn.transpose() * primitive.home_from_unit;
+    let centre = turn.transpose() * (primitive.centre.coords - eye);
+    let bounds = screen_bounds(&camera_from_unit, &centre, camera)?;
+    let unit_from_camera = primitive.unit_from_home * turn;
+    let origin = primitive.unit_from_home * (eye - primitive.centre.coords);
+    let right = unit_from_camera.column(0) / camera.fx;
+    let down = unit_from_camera.column(1) / camera.fy;
+    let corner = unit_from_camera.column(2) - right * camera.cx - down * camera.cy;
+    let narrow = |v: Vector3| [v.x as f32, v.y as f32, v.z as f32];
+    let pixels = |low: f64, high: f64, count: u32| {
+        [
+            low.floor().clamp(0.0, f64::from(count)) as usize,
+            (high.ceil() + 1.0).clamp(0.0, f64::from(count)) as usize,
+        ]
+    };
+    let columns = pixels(bounds.left, bounds.right, camera.width);
+    let rows = pixels(bounds.top, bounds.bottom, camera.height);
+    if columns[0] >= columns[1] || rows[0] >= rows[1] {
+        return None;
+    }
+    Some(Candidate {
+        index,
+        shape: primitive.shape,
+        origin: narrow(origin),
+        corner: narrow(corner),
+        right: narrow(right),
+        down: narrow(down),
+        nearest_m: bounds.nearest_m as f32,
+        columns,
+        rows,
+    })
+}
+
+struct Bounds {
+    left: f64,
+    right: f64,
+    top: f64,
+    bottom: f64,
+    nearest_m: f64,
+}
+
+/// The picture's rectangle that holds a box, cut at the near plane; none when all of it is behind.
+fn screen_bounds(camera_from_unit: &Matrix3<f64>, centre: &Vector3, camera: &Pinhole) -> Option<Bounds> {
+    let corner = |k: usize| {
+        let sign = |bit: usize| if k >> bit & 1 == 1 { 1.0 } else { -1.0 };
+        centre + camera_from_unit * Vector3::new(sign(0), sign(1), sign(2))
+    };
+    let corners: [Vector3; 8] = std::array::from_fn(corner);
+    let mut bounds =
+        Bounds { left: f64::MAX, right: f64::MIN, top: f64::MAX, bottom: f64::MIN, nearest_m: f64::MAX };
+    let mut include = |p: &Vector3| {
+        let (u, v) = (camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy);
+        bounds.left = bounds.left.min(u);
+        bounds.right = bounds.right.max(u);
+        bounds.top = bounds.top.min(v);
+        bounds.bottom = bounds.bottom.max(v);
+        bounds.nearest_m = bounds.nearest_m.min(p.z);
+    };
+    let mut seen = false;
+    for (k, p) in corners.iter().enumerate() {
+        if p.z >= NEAR_M {
+            include(p);
+            seen = true;
+            continue;
+        }
+        for bit in 0..3 {
+            let q = &corners[k ^ (1 << bit)];
+            if q.z > NEAR_M {
+                let share = (NEAR_M - p.z) / (q.z - p.z);
+                let mut cut = p + (q - p) * share;
+                cut.z = NEAR_M;
+                include(&cut);
+                seen = true;
+            }
+        }
+    }
+    seen.then_some(bounds)
+}
+
+type Lanes = [f32; TILE];
+
+struct Tile {
+    depth: [Lanes; TILE],
+    solid: [[u32; TILE]; TILE],
+}
+
+impl Tile {
+    fn new() -> Tile {
+        Tile { depth: [[f32::INFINITY; TILE]; TILE], solid: [[NOTHING; TILE]; TILE] }
+    }
+
+    fn trace(&mut self, candidates: &[&Candidate], left: usize, top: usize, bottom: usize) {
+        let mut farthest = f32::INFINITY;
+        for candidate in candidates {
+            if candidate.nearest_m >= farthest {
+                break;
+            }
+            if candidate.columns[0] >= left + TILE || candidate.columns[1] <= left {
+                continue;
+            }
+            let (from, to) = (candidate.rows[0].max(top), candidate.rows[1].min(bottom));
+            for y in from..to {
+                let row = y - top;
+                candidate.trace_row(left, y, &mut self.depth[row], &mut self.solid[row]);
+            }
+            farthest = 0.0;
+            for row in &self.depth[..bottom - top] {
+                for &depth in row {
+                    farthest = if depth > farthest { depth } else { farthest };
+                }
+            }
+        }
+    }
+}
+
+fn min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+impl Candidate {
+    fn trace_row(&self, left: usize, y: usize, depth: &mut Lanes, solid: &mut [u32; TILE]) {
+        let start: [f32; 3] =
+            std::array::from_fn(|k| self.corner[k] + self.right[k] * left as f32 + self.down[k] * y as f32);
+        let mut dx = [0f32; TILE];
+        let mut dy = [0f32; TILE];
+        let mut dz = [0f32; TILE];
+        for lane in 0..TILE {
+            let step = lane as f32;
+            dx[lane] = start[0] + self.right[0] * step;
+            dy[lane] = start[1] + self.right[1] * step;
+            dz[lane] = start[2] + self.right[2] * step;
+        }
+        let mut enter = [0f32; TILE];
+        let mut leave = [0f32; TILE];
+        let [ox, oy, oz] = self.origin;
+        match self.shape {
+            Shape::Block => {
+                for lane in 0..TILE {
+                    let (ix, iy, iz) = (1.0 / dx[lane], 1.0 / dy[lane], 1.0 / dz[lane]);
+                    let (x0, x1) = ((-1.0 - ox) * ix, (1.0 - ox) * ix);
+                    let (y0, y1) = ((-1.0 - oy) * iy, (1.0 - oy) * iy);
+                    let (z0, z1) = ((-1.0 - oz) * iz, (1.0 - oz) * iz);
+                    enter[lane] = max(max(min(x0, x1), min(y0, y1)), min(z0, z1));
+                    leave[lane] = min(min(max(x0, x1), max(y0, y1)), max(z0, z1));
+                }
+            }
+            Shape::Cylinder => {
+                let c = ox * ox + oy * oy - 1.0;
+                for lane in 0..TILE {
+                    let a = dx[lane] * dx[lane] + dy[lane] * dy[lane];
+                    let b = ox * dx[lane] + oy * dy[lane];
+                    let square = b * b - a * c;
+                    let root = max(square, 0.0).sqrt();
+                    let (ia, iz) = (1.0 / a, 1.0 / dz[lane]);
+                    let (z0, z1) = ((-1.0 - oz) * iz, (1.0 - oz) * iz);
+                    enter[lane] = max((-b - root) * ia, min(z0, z1));
+                    let out = min((-b + root) * ia, max(z0, z1));
+                    leave[lane] = if square < 0.0 { -1.0 } else { out };
+                }
+            }
+            Shape::Ball => {
+                let c = ox * ox + oy * oy + oz * oz - 1.0;
+                for lane in 0..TILE {
+                    let a = dx[lane] * dx[lane] + dy[lane] * dy[lane] + dz[lane] * dz[lane];
+                    let b = ox * dx[lane] + oy * dy[lane] + oz * dz[lane];
+                    let square = b * b - a * c;
+                    let root = max(square, 0.0).sqrt();
+                    let ia = 1.0 / a;
+                    enter[lane] = (-b - root) * ia;
+                    leave[lane] = if square < 0.0 { -1.0 } else { (-b + root) * ia };
+                }
+            }
+        }
+        for lane in 0..TILE {
+            let t = enter[lane];
+            let hit = (t <= leave[lane]) & (t > NEAR_M as f32) & (t < depth[lane]);
+            depth[lane] = if hit { t } else { depth[lane] };
+            solid[lane] = if hit { self.index } else { solid[lane] };
+        }
+    }
+}

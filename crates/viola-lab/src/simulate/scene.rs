@@ -1,0 +1,396 @@
+//! Solids ready for rays: a bounding volume hierarchy for single rays and queries.
+
+use super::finish::Finish;
+use super::solid::{Shape, Solid};
+use nalgebra::Matrix3;
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{Point3, Vector3};
+
+/// What a ray hit first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// In units of the ray's direction.
+    pub distance: f64,
+    /// Index of the solid in its scene.
+    pub solid: usize,
+}
+
+/// A solid with its transform worked out.
+#[derive(Debug, Clone)]
+pub(super) struct Primitive {
+    pub shape: Shape,
+    pub centre: Point3,
+    pub unit_from_home: Matrix3<f64>,
+    pub home_from_unit: Matrix3<f64>,
+    pub low: Point3,
+    pub high: Point3,
+    pub half: Vector3,
+    pub class: Class,
+    /// Which piece of the home it belongs to; 0 is the building.
+    pub instance: u16,
+    pub finish: Finish,
+}
+
+impl Primitive {
+    fn new(solid: &Solid, instance: u16) -> Primitive {
+        let bounds = solid.half_bounds();
+        Primitive {
+            shape: solid.shape,
+            centre: solid.centre,
+            unit_from_home: solid.unit_from_home(),
+            home_from_unit: solid.home_from_unit(),
+            low: solid.centre - bounds,
+            high: solid.centre + bounds,
+            half: solid.half,
+            class: solid.class,
+            instance,
+            finish: solid.finish,
+        }
+    }
+
+    /// Distance to the first surface in front of the origin, or none; none from inside.
+    pub fn intersect(&self, origin: &Point3, direction: &Vector3) -> Option<f64> {
+        let o = self.unit_from_home * (origin - self.centre);
+        let d = self.unit_from_home * direction;
+        let slab = |axis: usize| {
+            let (a, b) = ((-1.0 - o[axis]) / d[axis], (1.0 - o[axis]) / d[axis]);
+            (a.min(b), a.max(b))
+        };
+        let round = |axes: &[usize]| {
+            let dot = |a: &Vector3, b: &Vector3| axes.iter().map(|&k| a[k] * b[k]).sum::<f64>();
+            let (a, b, c) = (dot(&d, &d), dot(&o, &d), dot(&o, &o) - 1.0);
+            let root = (b * b - a * c).sqrt();
+            ((-b - root) / a, (-b + root) / a)
+        };
+        let (enter, leave) = match self.shape {
+            Shape::Block => {
+                let ((x0, x1), (y0, y1), (z0, z1)) = (slab(0), slab(1), slab(2));
+                (x0.max(y0).max(z0), x1.min(y1).min(z1))
+            }
+            Shape::Cylinder => {
+                let ((r0, r1), (z0, z1)) = (round(&[0, 1]), slab(2));
+                if r0.is_nan() {
+                    // Either beside the cylinder, or along its axis.
+                    let along = d.x == 0.0 && d.y == 0.0 && o.x.hypot(o.y) < 1.0;
+                    if along { (z0, z1) } else { return None }
+                } else {
+                    (r0.max(z0), r1.min(z1))
+                }
+            }
+            Shape::Ball => round(&[0, 1, 2]),
+        };
+        (enter <= leave && enter > 0.0).then_some(enter)
+    }
+
+    pub fn contains(&self, point: &Point3) -> bool {
+        let local = self.unit_from_home * (point - self.centre);
+        match self.shape {
+            Shape::Block => local.amax() <= 1.0,
+            Shape::Cylinder => local.x.hypot(local.y) <= 1.0 && local.z.abs() <= 1.0,
+            Shape::Ball => local.norm() <= 1.0,
+        }
+    }
+
+    /// A point on the surface in the unit shape's frame, and the outward normal there in home.
+    pub fn surface(&self, point: &Point3) -> (Vector3, Vector3) {
+        let local = self.unit_from_home * (point - self.centre);
+        let normal = match self.shape {
+            Shape::Ball => local,
+            Shape::Cylinder if local.z.abs() < local.x.hypot(local.y) => Vector3::new(local.x, local.y, 0.0),
+            Shape::Cylinder => Vector3::new(0.0, 0.0, local.z.signum()),
+            Shape::Block => {
+                let axis = local.iamax();
+                let mut normal = Vector3::zeros();
+                normal[axis] = local[axis].signum();
+                normal
+            }
+        };
+        (local, (self.unit_from_home.transpose() * normal).normalize())
+    }
+}
+
+/// Everything that rays can hit on one day.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    pub(super) primitives: Vec<Primitive>,
+    /// The order of the primitives in the leaves.
+    order: Vec<u32>,
+    nodes: Vec<Node>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    low: Point3,
+    high: Point3,
+    /// Leaf: first and count in `order`. Inner node: index of the second child; the first follows the node.
+    first: u32,
+    count: u32,
+    /// Axis along which an inner node's children lie, the first on the side of smaller coordinates.
+    axis: usize,
+}
+
+const LEAF: usize = 2;
+
+impl Scene {
+    /// A scene of solids, each with the number of the piece that it belongs to.
+    pub(super) fn new(solids: impl IntoIterator<Item = (Solid, u16)>) -> Scene {
+        Scene::of(solids.into_iter().map(|(solid, instance)| Primitive::new(&solid, instance)).collect())
+    }
+
+    /// Only what stands at this height: all that a level ray there can hit.
+    pub(super) fn slice(&self, height_m: f64) -> Scene {
+        let crosses = |p: &&Primitive| p.low.z <= height_m && height_m <= p.high.z;
+        Scene::of(self.primitives.iter().filter(crosses).cloned().collect())
+    }
+
+    fn of(primitives: Vec<Primitive>) -> Scene {
+        let mut scene = Scene { order: (0..primitives.len() as u32).collect(), primitives, nodes: vec![] };
+        if !scene.primitives.is_empty() {
+            let mut order = std::mem::take(&mut scene.order);
+            scene.build(&mut order, 0);
+            scene.order = order;
+        }
+        scene
+    }
+
+    /// Halves at the median along the longest axis.
+    fn build(&mut self, order: &mut [u32], first: usize) {
+        let (mut low, mut high) = (Point3::from([f64::MAX; 3]), Point3::from([f64::MIN; 3]));
+        for &index in order.iter() {
+            low = low.inf(&self.primitives[index as usize].low);
+            high = high.sup(&self.primitives[index as usize].high);
+        }
+        let node = self.nodes.len();
+        self.nodes.push(Node { low, high, first: first as u32, count: order.len() as u32, axis: 0 });
+        if order.len() <= LEAF {
+            return;
+        }
+        let axis = (high - low).imax();
+        let key = |index: &u32| self.primitives[*index as usize].centre[axis];
+        order.sort_by(|a, b| key(a).total_cmp(&key(b)));
+        let half = order.len() / 2;
+        let (left, right) = order.split_at_mut(half);
+        self.build(left, first);
+        self.nodes[node] = Node { first: self.nodes.len() as u32, count: 0, axis, ..self.nodes[node] };
+        self.build(right, first + half);
+    }
+
+    pub fn len(&self) -> usize {
+        self.primitives.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.primitives.is_empty()
+    }
+
+    /// The class of a solid by its index in a [`Hit`].
+    pub fn class(&self, solid: usize) -> Class {
+        self.primitives[solid].class
+    }
+
+    /// The first surface along a ray, up to `reach` times its direction. Solids that hold the origin are
+    /// not seen.
+    pub fn cast(&self, origin: &Point3, direction: &Vector3, reach: f64) -> Option<Hit> {
+        self.cast_where(origin, direction, reach, |_| true)
+    }
+
+    pub(super) fn cast_where(
+        &self,
+        origin: &Point3,
+        direction: &Vector3,
+        reach: f64,
+        counts: impl Fn(&Primitive) -> bool,
+    ) -> Option<Hit> {
+        let inverse = direction.map(|v| 1.0 / v);
+        let mut best = Hit { distance: reach, solid: usize::MAX };
+        let mut stack = [0u32; 64];
+        let mut depth = usize::from(!self.nodes.is_empty());
+        while depth > 0 {
+            depth -= 1;
+            let node = &self.nodes[stack[depth] as usize];
+            let (mut enter, mut leave) = (0f64, best.distance);
+            for axis in 0..3 {
+                let a = (node.low[axis] - origin[axis]) * inverse[axis];
+                let b = (node.high[axis] - origin[axis]) * inverse[axis];
+                enter = enter.max(a.min(b));
+                leave = leave.min(a.max(b));
+            }
+            if enter > leave {
+                continue;
+            }
+            if node.count == 0 {
+                let children = [stack[depth] + 1, node.first];
+                let near = usize::from(direction[node.axis] < 0.0);
+                stack[depth] = children[1 - near];
+                stack[depth + 1] = children[near];
+                depth += 2;
+                continue;
+            }
+            for &index in &self.order[node.first as usize..(node.first + node.count) as usize] {
+                let primitive = &self.primitives[index as usize];
+                if !counts(primitive) {
+                    continue;
+                }
+                if let Some(distance) = primitive.intersect(origin, direction)
+                    && (distance < best.distance
+                        || distance == best.distance && (index as usize) < best.solid)
+                {
+                    best = Hit { distance, solid: index as usize };
+                }
+            }
+        }
+        (best.solid != usize::MAX).then_some(best)
+    }
+
+    /// Whether a point lies within a solid.
+    pub fn is_inside(&self, point: &Point3) -> bool {
+        let mut stack = vec![0u32];
+        while let Some(index) = stack.pop() {
+            let Some(node) = self.nodes.get(index as usize) else { break };
+            if (0..3).any(|axis| point[axis] < node.low[axis] || point[axis] > node.high[axis]) {
+                continue;
+            }
+            if node.count == 0 {
+                stack.extend([index + 1, node.first]);
+                continue;
+            }
+            let leaf = &self.order[node.first as usize..(node.first + node.count) as usize];
+            if leaf.iter().any(|&i| self.primitives[i as usize].contains(point)) {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// What a solid is, and the number of the piece that it belongs to; 0 is the building.
+    pub fn label(&self, solid: usize) -> (Class, u16) {
+        (self.primitives[solid].class, self.primitives[solid].instance)
+    }
+
+    /// The normal of a solid's surface at a point on it.
+    pub fn normal(&self, solid: usize, point: &Point3) -> Vector3 {
+        self.primitives[solid].surface(point).1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::finish::{Finish, WHITE};
+    use super::super::render::{NOTHING, render};
+    use super::*;
+    use viola_geometry::{Pinhole, Pose3};
+
+    fn solid(shape: Shape, centre: [f64; 3], half: [f64; 3], yaw_rad: f64, tilt_rad: f64) -> Solid {
+        let finish = Finish::plain(WHITE);
+        let (centre, half) = (Point3::from(centre), Vector3::from(half));
+        Solid { shape, centre, half, yaw_rad, tilt_rad, class: Class::Box, finish }
+    }
+
+    /// Distances worked out by hand.
+    #[test]
+    fn rays_end_where_geometry_says() {
+        let root = std::f64::consts::SQRT_2;
+        let eighth = std::f64::consts::FRAC_PI_4;
+        let unit = [1.0, 1.0, 1.0];
+        let ahead = [1.0, 0.0, 0.0];
+        let cases = [
+            (solid(Shape::Block, [5.0, 0.0, 0.0], unit, 0.0, 0.0), [0.0; 3], ahead, Some(4.0)),
+            // A block turned by 45 degrees shows its edge.
+            (solid(Shape::Block, [5.0, 0.0, 0.0], unit, eighth, 0.0), [0.0; 3], ahead, Some(5.0 - root)),
+            // Leant by 45 degrees about x, seen along y.
+            (
+                solid(Shape::Block, [0.0, 5.0, 0.0], unit, 0.0, eighth),
+                [0.0; 3],
+                [0.0, 1.0, 0.0],
+                Some(5.0 - root),
+            ),
+            (solid(Shape::Block, [5.0, 0.0, 0.0], [1.0, 0.1, 1.0], 0.0, 0.0), [0.0, 0.2, 0.0], ahead, None),
+            (solid(Shape::Cylinder, [5.0, 0.0, 0.0], [0.5, 0.5, 1.0], 0.0, 0.0), [0.0; 3], ahead, Some(4.5)),
+            // Off its axis by 0.3: the chord begins 0.4 before the middle.
+            (solid(Shape::Cylinder, [5.0, 0.3, 0.0], [0.5, 0.5, 1.0], 0.0, 0.0), [0.0; 3], ahead, Some(4.6)),
+            (solid(Shape::Cylinder, [5.0, 0.0, 3.0], [0.5, 0.5, 1.0], 0.0, 0.0), [0.0; 3], ahead, None),
+            // From above, along the axis.
+            (
+                solid(Shape::Cylinder, [0.0, 0.0, -3.0], [0.5, 0.5, 1.0], 0.0, 0.0),
+                [0.0; 3],
+                [0.0, 0.0, -1.0],
+                Some(2.0),
+            ),
+            (solid(Shape::Ball, [5.0, 0.0, 0.0], [2.0, 1.0, 1.0], 0.0, 0.0), [0.0; 3], ahead, Some(3.0)),
+            (
+                solid(Shape::Ball, [5.0, 0.0, 0.0], [2.0, 1.0, 1.0], 2.0 * eighth, 0.0),
+                [0.0; 3],
+                ahead,
+                Some(4.0),
+            ),
+            // Behind, and around the eye.
+            (solid(Shape::Block, [-5.0, 0.0, 0.0], unit, 0.0, 0.0), [0.0; 3], ahead, None),
+            (solid(Shape::Ball, [0.0, 0.0, 0.0], unit, 0.0, 0.0), [0.0; 3], ahead, None),
+        ];
+        for (index, (solid, origin, direction, expected)) in cases.into_iter().enumerate() {
+            let scene = Scene::new([(solid, 1)]);
+            let (origin, direction) = (Point3::from(origin), Vector3::from(direction));
+            let hit = scene.cast(&origin, &direction, 100.0).map(|hit| hit.distance);
+            let same = match (hit, expected) {
+                (Some(a), Some(b)) => f64::abs(a - b) < 1e-9,
+                (a, b) => a == b,
+            };
+            assert!(same, "case {index}: {hit:?}, not {expected:?}");
+            assert_eq!(scene.cast(&origin, &direction, 1.9), None, "case {index}: beyond reach");
+            // The renderer looks along z; its middle pixel is this very ray.
+            let turn =
+                nalgebra::UnitQuaternion::rotation_between(&Vector3::z(), &direction).unwrap_or_else(|| {
+                    nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI)
+                });
+            let camera = Pinhole { width: 33, height: 33, fx: 40.0, fy: 40.0, cx: 16.0, cy: 16.0 };
+            let view = render(&scene, &camera, &Pose3::from_parts(origin.coords.into(), turn));
+            let middle = 16 * 33 + 16;
+            match expected {
+                Some(distance) => {
+                    assert!((f64::from(view.depth_m[middle]) - distance).abs() < 1e-4, "case {index}")
+                }
+                None => assert_eq!(view.solid[middle], NOTHING, "case {index}"),
+            }
+        }
+    }
+
+    #[test]
+    fn normals_point_outwards() {
+        for shape in [Shape::Block, Shape::Cylinder, Shape::Ball] {
+            let scene = Scene::new([(solid(shape, [3.0, 0.2, 0.1], [0.7, 0.5, 0.9], 0.4, 0.3), 1)]);
+            let direction = Vector3::new(1.0, 0.02, 0.0);
+            let hit = scene.cast(&Point3::origin(), &direction, 10.0).unwrap();
+            let point = Point3::origin() + direction * hit.distance;
+            let normal = scene.normal(hit.solid, &point);
+            assert!((normal.norm() - 1.0).abs() < 1e-9 && normal.dot(&direction) < 0.0, "{shape:?}");
+            assert!(scene.is_inside(&(point - normal * 1e-6)) && !scene.is_inside(&(point + normal * 1e-6)));
+        }
+    }
+
+    #[test]
+    fn the_hierarchy_finds_what_a_list_finds() {
+        let mut dice = super::super::dice::Dice::new(5);
+        let mut around = |reach: f64| [0; 3].map(|_: i32| dice.between(-reach, reach));
+        let solids: Vec<(Solid, u16)> = (0..200)
+            .map(|k| {
+                let shape = [Shape::Block, Shape::Cylinder, Shape::Ball][k % 3];
+                let half = around(0.4).map(|v: f64| v.abs() + 0.02);
+                let [yaw, tilt, _] = around(3.0);
+                (solid(shape, around(4.0), half, yaw, tilt), k as u16)
+            })
+            .collect();
+        let scene = Scene::new(solids);
+        for _ in 0..500 {
+            let (origin, direction) = (Point3::from(around(5.0)), Vector3::from(around(1.0)));
+            let listed = scene
+                .primitives
+                .iter()
+                .filter_map(|primitive| primitive.intersect(&origin, &direction))
+                .fold(f64::INFINITY, f64::min);
+            let found = scene.cast(&origin, &direction, 1e9).map_or(f64::INFINITY, |hit| hit.distance);
+            assert_eq!(found, listed);
+            let inside = scene.primitives.iter().any(|primitive| primitive.contains(&origin));
+            assert_eq!(scene.is_inside(&origin), inside);
+        }
+    }
+}

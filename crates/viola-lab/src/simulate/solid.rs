@@ -1,0 +1,92 @@
+//! The few shapes that everything is made of.
+
+use super::finish::Finish;
+use nalgebra::{Matrix3, Rotation3};
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{Point3, Pose2, Vector3};
+
+/// A unit shape: within -1..1 along each axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shape {
+    Block,
+    /// Its axis is z.
+    Cylinder,
+    Ball,
+}
+
+/// A unit shape scaled by `half`, leant by `tilt_rad` about its x axis, turned by `yaw_rad`, moved to `centre`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Solid {
+    pub shape: Shape,
+    pub centre: Point3,
+    pub half: Vector3,
+    pub yaw_rad: f64,
+    pub tilt_rad: f64,
+    pub class: Class,
+    pub finish: Finish,
+}
+
+impl Solid {
+    /// An upright block by its middle at the bottom and its full size.
+    pub fn block(class: Class, bottom: [f64; 3], size: [f64; 3], finish: Finish) -> Solid {
+        Solid {
+            shape: Shape::Block,
+            centre: Point3::new(bottom[0], bottom[1], bottom[2] + size[2] / 2.0),
+            half: Vector3::new(size[0], size[1], size[2]) / 2.0,
+            yaw_rad: 0.0,
+            tilt_rad: 0.0,
+            class,
+            finish,
+        }
+    }
+
+    pub fn moved(&self, pose: &Pose2) -> Solid {
+        let ground = pose.apply(&self.centre.xy());
+        Solid {
+            centre: Point3::new(ground.x, ground.y, self.centre.z),
+            yaw_rad: self.yaw_rad + pose.yaw_rad,
+            ..*self
+        }
+    }
+
+    /// Its mirror image, x to -x.
+    pub fn mirrored(&self) -> Solid {
+        let centre = Point3::new(-self.centre.x, self.centre.y, self.centre.z);
+        Solid { centre, yaw_rad: -self.yaw_rad, ..*self }
+    }
+
+    pub fn rotation(&self) -> Rotation3<f64> {
+        Rotation3::from_axis_angle(&Vector3::z_axis(), self.yaw_rad)
+            * Rotation3::from_axis_angle(&Vector3::x_axis(), self.tilt_rad)
+    }
+
+    /// Takes directions from home to the unit shape.
+    pub fn unit_from_home(&self) -> Matrix3<f64> {
+        Matrix3::from_diagonal(&self.half.map(|h| 1.0 / h)) * self.rotation().inverse().matrix()
+    }
+
+    /// Takes directions from the unit shape to home.
+    pub fn home_from_unit(&self) -> Matrix3<f64> {
+        self.rotation().matrix() * Matrix3::from_diagonal(&self.half)
+    }
+
+    /// The box around it, by its half size about `centre`.
+    pub fn half_bounds(&self) -> Vector3 {
+        let axes = self.home_from_unit();
+        match self.shape {
+            Shape::Ball => Vector3::from_fn(|row, _| axes.row(row).norm()),
+            Shape::Block => Vector3::from_fn(|row, _| axes.row(row).iter().map(|v| v.abs()).sum()),
+            Shape::Cylinder => {
+                Vector3::from_fn(|row, _| axes[(row, 0)].hypot(axes[(row, 1)]) + axes[(row, 2)].abs())
+            }
+        }
+    }
+
+    pub fn bottom_m(&self) -> f64 {
+        self.centre.z - self.half_bounds().z
+    }
+
+    pub fn top_m(&self) -> f64 {
+        self.centre.z + self.half_bounds().z
+    }
+}

@@ -1,0 +1,322 @@
+//! The vacuum's day: it drives wherever it fits and maps what its LiDAR hits at turret height.
+
+use super::clearance::{clearance, largest_region};
+use super::dice::{Dice, bell, hash, unit};
+use super::home::Home;
+use super::piece::Footprint;
+use super::plan::{OpeningKind, Room};
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+use viola_formats::lidar::Cell;
+use viola_geometry::{DistanceField, Grid, GridFrame, Point2, Point3, Pose2, Vector2, Vector3};
+
+/// Raster on which it is decided where the robot fits.
+const DRIVE_CELL_M: f64 = 0.025;
+const BODY_RADIUS_M: f64 = 0.17;
+/// What it climbs: rugs.
+const CLIMB_M: f64 = 0.02;
+const RANGE_M: f64 = 8.0;
+const RAYS: usize = 720;
+const RANGE_NOISE_M: f64 = 0.01;
+const DROP_OUT: f32 = 0.1;
+/// Side of a cell of the map: that of all vacuums in the Valetudo fixtures.
+pub(super) const CELL_M: f64 = 0.05;
+/// Distance between scans.
+const SCAN_STEP_M: f64 = 0.45;
+/// A cell is wall when hit at least so often, and by this share of the rays that reached it.
+const WALL_HITS: u32 = 2;
+const WALL_SHARE: f64 = 0.2;
+
+/// What the vacuum knows of a home. Its frame `robot` has the dock at its origin and any heading.
+#[derive(Debug, Clone)]
+pub struct Survey {
+    pub vacuum_height_m: f64,
+    pub robot_from_home: Pose2,
+    /// The map, in the frame `robot`.
+    pub cells: Grid<Cell>,
+    /// For every cell of `cells`, the segment that it belongs to, counted from 1; 0 is none.
+    pub segments: Vec<u16>,
+    /// The segments' names; the first is segment 1.
+    pub segment_names: Vec<String>,
+    /// Mean of the hits in every wall cell, in the frame `robot`.
+    pub points_m: Vec<Point2>,
+    /// Where the robot stands when docked, in the frame `robot`.
+    pub charger: Pose2,
+    /// Where it scanned, in the order in which it did, in the frame `home`.
+    pub scans: Vec<Pose2>,
+}
+
+impl Survey {
+    /// Share of a room's floor that the robot scanned from within, about 0..1.
+    pub(super) fn coverage(&self, room: &Room) -> f64 {
+        let inside = |scan: &&Pose2| room.inner.contains(&Point2::new(scan.x_m, scan.y_m));
+        let scans = self.scans.iter().filter(inside).count();
+        scans as f64 * SCAN_STEP_M * SCAN_STEP_M / room.inner.area_m2()
+    }
+
+    pub(super) fn drive(home: &Home) -> Survey {
+        let mut dice = home.dice.fork("survey", 0);
+        let vacuum_height_m = dice.between(0.07, 0.12);
+        let floor = Drivable::new(home, vacuum_height_m + 0.015);
+        let charger = floor.charger(&mut dice);
+        let yaw = dice.between(-std::f64::consts::PI, std::f64::consts::PI);
+        let robot_from_home =
+            Pose2::new(0.0, 0.0, yaw).compose(&Pose2::new(charger.x_m, charger.y_m, 0.0).inverse());
+        let scans = floor.scans(&mut dice);
+        let beams = beams(home, &scans, vacuum_height_m, dice.seed());
+        let mut raster = Raster::over(home, &robot_from_home);
+        for beam in &beams {
+            raster.add(&robot_from_home, beam);
+        }
+        for point in floor.reached() {
+            raster.drive(&robot_from_home.apply(&point));
+        }
+        let (cells, points_m) = raster.finish();
+        let (segments, segment_names) = segment(home, &robot_from_home, &cells);
+        let charger = robot_from_home.compose(&charger);
+        Survey { vacuum_height_m, robot_from_home, cells, segments, segment_names, points_m, charger, scans }
+    }
+}
+
+/// One measured ray in the frame `home`; no end where nothing came back.
+struct Beam {
+    from: Point2,
+    toward: Vector2,
+    range_m: f64,
+    hit: bool,
+}
+
+/// Where the robot believes to be: an error that wanders by a centimetre and a quarter of a degree, so that
+/// the map's walls are as thick as those of real ones.
+fn believed_poses(scans: &[Pose2], dice: &mut Dice) -> Vec<Pose2> {
+    let sigma = [0.008, 0.008, 0.2f64.to_radians()];
+    let mut error = [0.0; 3];
+    let keep = 0.9f64;
+    let believe = |scan: &Pose2| {
+        for (value, sigma) in error.iter_mut().zip(sigma) {
+            *value = keep * *value + (1.0 - keep * keep).sqrt() * sigma * dice.gaussian();
+        }
+        Pose2::new(scan.x_m + error[0], scan.y_m + error[1], scan.yaw_rad + error[2])
+    };
+    scans.iter().map(believe).collect()
+}
+
+/// All scans' rays, with noise: 1 cm along the ray, some lost, and the robot's own doubt where it is.
+fn beams(home: &Home, scans: &[Pose2], height_m: f64, seed: u64) -> Vec<Beam> {
+    let scene = &home.vacuum_day.scene.slice(height_m);
+    let believed = believed_poses(scans, &mut Dice::new(hash(seed)));
+    scans
+        .par_iter()
+        .zip(&believed)
+        .enumerate()
+        .flat_map_iter(|(index, (scan, believed))| {
+            let salt = hash(seed ^ hash(index as u64));
+            let origin = Point3::new(scan.x_m, scan.y_m, height_m);
+            (0..RAYS).filter_map(move |ray| {
+                let salt = hash(salt ^ hash(1000 + ray as u64));
+                if unit(hash(salt ^ 1)) < DROP_OUT {
+                    return None;
+                }
+                let angle = (ray as f64 + f64::from(unit(salt))) / RAYS as f64 * TAU;
+                let (s, c) = angle.sin_cos();
+                let hit = scene.cast(&origin, &Vector3::new(c, s, 0.0), RANGE_M);
+                let range_m = match hit {
+                    Some(hit) => hit.distance + RANGE_NOISE_M * f64::from(bell(hash(salt ^ 2))),
+                    None => RANGE_M,
+                };
+                Some(Beam {
+                    from: Point2::new(believed.x_m, believed.y_m),
+                    toward: Pose2::new(0.0, 0.0, believed.yaw_rad - scan.yaw_rad).rotate(&Vector2::new(c, s)),
+                    range_m,
+                    hit: hit.is_some(),
+                })
+            })
+        })
+        .collect()
+}
+
+/// Hits and passes of rays, cell by cell.
+struct Raster {
+    frame: GridFrame,
+    hits: Vec<u32>,
+    passes: Vec<u32>,
+    sums: Vec<Vector2>,
+    driven: Vec<bool>,
+}
+
+impl Raster {
+    fn over(home: &Home, robot_from_home: &Pose2) -> Raster {
+        let bounds = home.plan.bounds();
+        let reach = 1.5;
+        let corners = Footprint::of_rect(&bounds).grown(reach).corners().map(|p| robot_from_home.apply(&p));
+        let low = corners.iter().fold([f64::MAX; 2], |low, p| [low[0].min(p.x), low[1].min(p.y)]);
+        let high = corners.iter().fold([f64::MIN; 2], |high, p| [high[0].max(p.x), high[1].max(p.y)]);
+        // Cells begin at multiples of their side.
+        let low = low.map(|v| (v / CELL_M).floor() * CELL_M);
+        let frame = GridFrame::covering(low, high, 0.0, CELL_M);
+        let n = frame.len();
+        Raster {
+            frame,
+            hits: vec![0; n],
+            passes: vec![0; n],
+            sums: vec![Vector2::zeros(); n],
+            driven: vec![false; n],
+        }
+    }
+
+    fn index(&self, point: &Point2) -> Option<usize> {
+        self.frame.cell(point).map(|(x, y)| y * self.frame.width + x)
+    }
+
+    fn add(&mut self, robot_from_home: &Pose2, beam: &Beam) {
+        let from = robot_from_home.apply(&beam.from);
+        let toward = robot_from_home.rotate(&beam.toward);
+        self.pass(&from, &toward, beam.range_m);
+        let end = from + toward * beam.range_m;
+        if let (true, Some(cell)) = (beam.hit, self.index(&end)) {
+            // The walk below counted the last cell as passed.
+            self.passes[cell] = self.passes[cell].saturating_sub(1);
+            self.hits[cell] += 1;
+            self.sums[cell] += end.coords;
+        }
+    }
+
+    /// Walks from cell to cell along a ray (Amanatides and Woo, 1987) until it ends or leaves the raster.
+    fn pass(&mut self, from: &Point2, toward: &Vector2, range_m: f64) {
+        let Some((x, y)) = self.frame.cell(from) else { return };
+        let mut cell = [x as i64, y as i64];
+        let count = [self.frame.width as i64, self.frame.height as i64];
+        let at = [0, 1].map(|axis| (from[axis] - self.frame.origin_m[axis]) / CELL_M);
+        let step = [0, 1].map(|axis| if toward[axis] > 0.0 { 1i64 } else { -1 });
+        // Metres along the ray from one border to the next, and to the first.
+        let stride = [0, 1].map(|axis| CELL_M / toward[axis].abs());
+        let mut next = [0, 1].map(|axis| {
+            let inside = at[axis] - cell[axis] as f64;
+            (if toward[axis] > 0.0 { 1.0 - inside } else { inside }) * stride[axis]
+        });
+        loop {
+            self.passes[(cell[1] * count[0] + cell[0]) as usize] += 1;
+            let axis = usize::from(next[1] < next[0]);
+            if next[axis] > range_m {
+                return;
+            }
+            cell[axis] += step[axis];
+            next[axis] += stride[axis];
+            if cell[axis] < 0 || cell[axis] >= count[axis] {
+                return;
+            }
+        }
+    }
+
+    fn drive(&mut self, point: &Point2) {
+        if let Some(cell) = self.index(point) {
+            self.driven[cell] = true;
+        }
+    }
+
+    fn finish(self) -> (Grid<Cell>, Vec<Point2>) {
+        let mut grid = Grid::filled(self.frame, Cell::Unknown);
+        let mut points = vec![];
+        for (index, cell) in grid.cells.iter_mut().enumerate() {
+            let (hits, passes) = (self.hits[index], self.passes[index]);
+            let wall = hits >= WALL_HITS && f64::from(hits) > WALL_SHARE * f64::from(hits + passes);
+            if wall && !self.driven[index] {
+                *cell = Cell::Occupied;
+                points.push(Point2::from(self.sums[index] / f64::from(hits)));
+            } else if self.driven[index] || passes >= 2 {
+                *cell = Cell::Free;
+            }
+        }
+        (grid, points)
+    }
+}
+
+/// The floor that the robot reaches.
+struct Drivable {
+    clearance: DistanceField,
+    reached: Grid<bool>,
+}
+
+impl Drivable {
+    fn new(home: &Home, body_height_m: f64) -> Drivable {
+        let band = [CLIMB_M, body_height_m];
+        let clearance = clearance(&home.vacuum_day.scene, &home.plan, DRIVE_CELL_M, band);
+        let fits = clearance.grid().cells.iter().map(|&d| f64::from(d) > BODY_RADIUS_M).collect();
+        let reached = largest_region(&Grid { frame: *clearance.frame(), cells: fits });
+        Drivable { clearance, reached }
+    }
+
+    fn reached(&self) -> impl Iterator<Item = Point2> + '_ {
+        let frame = self.reached.frame;
+        let cells = self.reached.cells.iter().enumerate().filter(|(_, reached)| **reached);
+        cells.map(move |(index, _)| frame.centre(index % frame.width, index / frame.width))
+    }
+
+    /// Somewhere at a wall, facing away from it.
+    fn charger(&self, dice: &mut Dice) -> Pose2 {
+        let at_walls: Vec<Point2> =
+            self.reached().filter(|point| self.clearance.value(point) < BODY_RADIUS_M + 0.05).collect();
+        let point = dice.any(&at_walls).copied().or_else(|| self.reached().next()).unwrap_or_default();
+        let (_, away) = self.clearance.value_and_gradient(&point);
+        Pose2::new(point.x, point.y, away.y.atan2(away.x))
+    }
+
+    /// Scan positions over the reached floor, one to a square, in lanes as the robot drives them.
+    fn scans(&self, dice: &mut Dice) -> Vec<Pose2> {
+        let mut squares: std::collections::BTreeMap<(i64, i64), (f64, Point2)> = Default::default();
+        for point in self.reached() {
+            let (x, y) = ((point.x / SCAN_STEP_M).floor(), (point.y / SCAN_STEP_M).floor());
+            let middle = Point2::new((x + 0.5) * SCAN_STEP_M, (y + 0.5) * SCAN_STEP_M);
+            let off = (point - middle).norm();
+            // Every other lane is driven the other way round.
+            let lane = y as i64;
+            let along = if lane % 2 == 0 { x as i64 } else { -(x as i64) };
+            let best = squares.entry((lane, along)).or_insert((off, point));
+            if off < best.0 {
+                *best = (off, point);
+            }
+        }
+        let turn = |dice: &mut Dice| dice.between(-std::f64::consts::PI, std::f64::consts::PI);
+        squares.into_values().map(|(_, point)| Pose2::new(point.x, point.y, turn(dice))).collect()
+    }
+}
+
+/// The rooms as the robot's software names them: what an open plan joins is one.
+fn segment(home: &Home, robot_from_home: &Pose2, cells: &Grid<Cell>) -> (Vec<u16>, Vec<String>) {
+    let rooms = &home.plan.rooms;
+    let mut group: Vec<usize> = (0..rooms.len()).collect();
+    for opening in home.plan.openings.iter().filter(|o| o.kind == OpeningKind::Wide) {
+        if let [Some(a), Some(b)] = opening.rooms {
+            let (low, high) = (group[a].min(group[b]), group[a].max(group[b]));
+            group.iter_mut().filter(|g| **g == high).for_each(|g| *g = low);
+        }
+    }
+    let home_from_robot = robot_from_home.inverse();
+    let mut numbers: std::collections::BTreeMap<usize, u16> = Default::default();
+    let mut names = vec![];
+    let segments = cells
+        .cells
+        .iter()
+        .enumerate()
+        .map(|(index, cell)| {
+            if *cell != Cell::Free {
+                return 0;
+            }
+            let centre = cells.frame.centre(index % cells.frame.width, index / cells.frame.width);
+            let point = home_from_robot.apply(&centre);
+            let Some(room) = rooms.iter().position(|room| room.outline.contains(&point)) else { return 0 };
+            *numbers.entry(group[room]).or_insert_with(|| {
+                names.push(rooms[group[room]].name.clone());
+                names.len() as u16
+            })
+        })
+        .collect();
+    (segments, names)
+}
+
+impl Home {
+    /// Drives the vacuum through the home.
+    pub fn survey(&self) -> Survey {
+        Survey::drive(self)
+    }
+}

@@ -1,0 +1,59 @@
+//! Runs a neural network: named tensors in, named tensors out.
+//!
+//! Two runtimes stand behind one interface. `rten` is part of the program and always there; ONNX Runtime is a
+//! library of the machine that is loaded when it is found, and is the only one that knows accelerators. A
+//! network is loaded once and shared; any thread may run it.
+
+mod check;
+mod error;
+mod library;
+pub mod manifest;
+mod runtime;
+pub mod signature;
+mod tensor;
+mod with_onnxruntime;
+mod with_rten;
+
+pub use error::{MAX_MODEL_BYTES, NetworkError};
+pub use runtime::{Device, Network, Runtime, RuntimeParams};
+pub use tensor::{Data, Element, Tensor, TensorInfo};
+
+use std::path::Path;
+use std::sync::Arc;
+use with_onnxruntime::OnnxRuntimeNetwork;
+use with_rten::RtenNetwork;
+
+/// Loads a network from an ONNX file.
+///
+/// An ONNX Runtime that was asked for, by its library's path or with an accelerator, must work. One that is only
+/// found and does not work is passed over, and [`Network::reason`] says so.
+pub fn open(path: &Path, params: &RuntimeParams) -> Result<Arc<dyn Network>, NetworkError> {
+    check::file(path)?;
+    let rten = |reason: String| -> Result<Arc<dyn Network>, NetworkError> {
+        Ok(Arc::new(RtenNetwork::open(path, params.threads, reason)?))
+    };
+    let onnxruntime = |library: &Path, reason: String| -> Result<Arc<dyn Network>, NetworkError> {
+        Ok(Arc::new(OnnxRuntimeNetwork::open(path, library, params.device, params.threads, reason)?))
+    };
+    let found = |library: &Path| format!("ONNX Runtime's library {} is there", library.display());
+    let asked = params.runtime == Runtime::OnnxRuntime || params.device != Device::Cpu;
+    match (params.runtime, &params.library) {
+        (Runtime::Rten, _) if params.device != Device::Cpu => Err(NetworkError::Device {
+            device: params.device.name(),
+            reason: "rten computes on the processor only".to_owned(),
+        }),
+        (Runtime::Rten, _) => rten("it was asked for".to_owned()),
+        (_, Some(library)) => onnxruntime(library, format!("{} was named", library.display())),
+        (_, None) => match library::find(&params.look_in) {
+            Some(library) if asked => onnxruntime(&library, found(&library)),
+            Some(library) => match library::load(&library) {
+                Ok(_) => onnxruntime(&library, found(&library)),
+                Err(error) => rten(format!("ONNX Runtime cannot be used: {error}")),
+            },
+            None if asked => Err(NetworkError::LibraryNowhere { places: library::places(&params.look_in) }),
+            None => {
+                rten(format!("no library of ONNX Runtime is found in {}", library::places(&params.look_in)))
+            }
+        },
+    }
+}

@@ -1,0 +1,359 @@
+//! The written form of a manifest's entry, and what must hold of it.
+
+use super::{Diffusion, ManifestError, ModelEntry, Task};
+use serde::{Deserialize, Serialize};
+use std::path::{Component, PathBuf};
+use viola_geometry::taxonomy::ClassTable;
+
+/// The longest text of a field, in bytes.
+const MAX_TEXT_BYTES: usize = 2000;
+/// The largest side of a network's picture, in pixels.
+const MAX_SIDE: usize = 4096;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Document {
+    #[serde(default)]
+    pub(super) network: Vec<EntryForm>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct EntryForm {
+    name: String,
+    task: Task,
+    file: String,
+    licence: String,
+    input: Option<Input>,
+    output: Option<Output>,
+    classes: Option<ClassTable>,
+    source: Source,
+    sha256: Option<String>,
+}
+
+/// How a picture becomes a network's input.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Input {
+    /// The input's name in the file; without it the network's only input.
+    pub name: Option<String>,
+    /// Pixels, or `any`: what the file says, and where that leaves it open, the picture's own by the rule below.
+    pub width: Side,
+    pub height: Side,
+    /// Of red, green and blue on the scale 0..1: the input is `(colour - mean) / std`.
+    #[serde(default)]
+    pub mean: [f32; 3],
+    #[serde(default = "ones")]
+    pub std: [f32; 3],
+    #[serde(default)]
+    pub layout: Layout,
+    #[serde(default)]
+    pub channels: Channels,
+    /// Where the size is open: the shorter side of the picture in the input.
+    #[serde(default = "shortest")]
+    pub shortest: usize,
+    /// Where the size is open: what the longer side never exceeds.
+    #[serde(default = "longest")]
+    pub longest: usize,
+    /// Where the size is open: what both sides of the input are multiples of; the rest is padding.
+    #[serde(default = "multiple")]
+    pub multiple: usize,
+}
+
+fn ones() -> [f32; 3] {
+    [1.0; 3]
+}
+
+fn shortest() -> usize {
+    512
+}
+
+fn longest() -> usize {
+    1024
+}
+
+fn multiple() -> usize {
+    32
+}
+
+/// One side of a network's picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Side {
+    Pixels(usize),
+    Open(Any),
+}
+
+/// The word `any`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Any {
+    Any,
+}
+
+impl Side {
+    pub fn pixels(self) -> Option<usize> {
+        match self {
+            Side::Pixels(pixels) => Some(pixels),
+            Side::Open(Any::Any) => None,
+        }
+    }
+}
+
+/// The order of an input's axes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Layout {
+    /// Picture, colour, row, column.
+    #[default]
+    Nchw,
+    /// Picture, row, column, colour.
+    Nhwc,
+}
+
+/// The order of an input's colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Channels {
+    #[default]
+    Rgb,
+    Bgr,
+}
+
+/// What a network's output means.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+pub enum Output {
+    /// One value for each class and pixel: 1 x classes x height x width.
+    Logits {
+        /// The output's name in the file; without it the network's only output.
+        name: Option<String>,
+        /// Whether the outermost pixels' centres of output and input coincide, or the outer edges.
+        #[serde(default)]
+        align_corners: bool,
+        /// The channel that is the class table's id 0; what comes before is `other`.
+        #[serde(default)]
+        first_class: usize,
+        /// Whether the values are logits (the usual case), or probabilities already.
+        #[serde(default = "yes")]
+        softmax: bool,
+    },
+    /// Class queries, 1 x queries x (classes + 1), and mask queries, 1 x queries x height x width
+    /// (Cheng et al., 2022).
+    Mask2former {
+        #[serde(default = "class_queries")]
+        class_queries: String,
+        #[serde(default = "mask_queries")]
+        mask_queries: String,
+    },
+    /// A depth for each pixel: 1 x 1 x height x width, or 1 x height x width.
+    Depth {
+        name: Option<String>,
+        /// What a value is multiplied with to be metres; for inverse depth, what is divided by the value.
+        #[serde(default = "one")]
+        scale: f32,
+        /// Whether the values grow towards the camera (inverse depth, disparity).
+        #[serde(default)]
+        inverse: bool,
+    },
+    /// The filled picture.
+    Inpainting { name: Option<String>, mask: Option<String> },
+    /// The filled picture, by a diffusion pipeline: the entry's file is its `pipeline.json`, and the networks lie
+    /// in the same folder.
+    Diffusion(Diffusion),
+}
+
+fn yes() -> bool {
+    true
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+fn class_queries() -> String {
+    "class_queries_logits".to_owned()
+}
+
+fn mask_queries() -> String {
+    "masks_queries_logits".to_owned()
+}
+
+/// Where a file comes from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+pub enum Source {
+    /// A package of the npm registry, and the file in it.
+    Npm { package: String, version: String, member: String, archive_sha256: Option<String> },
+    /// A package of the Python registry, and the file in its wheel. Wheels differ by platform and version of
+    /// Python; those of the computer that asks are taken where none are named.
+    Pypi {
+        package: String,
+        version: String,
+        member: String,
+        platform: Option<String>,
+        python: Option<String>,
+        archive_sha256: Option<String>,
+    },
+    /// The file itself.
+    Https { url: String },
+    /// It cannot be fetched: how it is made.
+    Export { how: String },
+}
+
+impl EntryForm {
+    pub(super) fn check(self) -> Result<ModelEntry, ManifestError> {
+        let network = self.name.chars().take(80).collect::<String>();
+        let refuse = |field: &'static str, problem: &str| {
+            Err(ManifestError::Field { network: network.clone(), field, problem: problem.to_owned() })
+        };
+        let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+        if self.name.is_empty() || self.name.len() > 80 || !self.name.chars().all(plain) {
+            return refuse("name", "must be 1 to 80 letters, digits, '-', '_' or '.'");
+        }
+        for (field, text) in [("file", &self.file), ("licence", &self.licence)] {
+            if text.is_empty() || text.len() > MAX_TEXT_BYTES {
+                return refuse(field, "must not be empty or longer than 2000 bytes");
+            }
+        }
+        let file = PathBuf::from(&self.file);
+        if !file.components().all(|part| matches!(part, Component::Normal(_))) || self.file.contains('\\') {
+            return refuse("file", "must be a path inside the models folder, without '..'");
+        }
+        let whole = |sum: &String| sum.len() == 64 && sum.bytes().all(|b| b.is_ascii_hexdigit());
+        if self.sha256.as_ref().is_some_and(|sum| !whole(sum)) {
+            return refuse("sha256", "must be 64 hexadecimal digits");
+        }
+        if let Err((field, problem)) = self.source.check() {
+            return refuse(field, problem);
+        }
+        if let Some(sum) = self.source.archive_sha256()
+            && !whole(sum)
+        {
+            return refuse("source.archive_sha256", "must be 64 hexadecimal digits");
+        }
+        if matches!(self.source, Source::Https { .. }) && self.sha256.is_none() {
+            return refuse("sha256", "is needed for what is fetched from an address");
+        }
+        let fits = match (self.task, &self.output) {
+            (Task::Segmentation, Some(Output::Logits { .. } | Output::Mask2former { .. })) => true,
+            (Task::Depth, Some(Output::Depth { scale, .. })) => scale.is_finite() && *scale > 0.0,
+            (Task::Inpainting, Some(Output::Inpainting { .. } | Output::Diffusion(_))) => true,
+            (Task::Runtime, None) => true,
+            _ => false,
+        };
+        if !fits {
+            return refuse("output", "does not fit the task");
+        }
+        if let Some(Output::Diffusion(diffusion)) = &self.output
+            && let Err((field, problem)) = diffusion.check()
+        {
+            return refuse(field, problem);
+        }
+        if (self.task == Task::Segmentation) != self.classes.is_some() {
+            return refuse("classes", "belongs to segmentation networks, and they need it");
+        }
+        if (self.task != Task::Runtime) != self.input.is_some() {
+            return refuse("input", "belongs to networks, and they need it");
+        }
+        if let Some(input) = &self.input
+            && let Err((field, problem)) = input.check()
+        {
+            return refuse(field, problem);
+        }
+        Ok(ModelEntry {
+            name: self.name,
+            task: self.task,
+            file,
+            licence: self.licence,
+            input: self.input,
+            output: self.output,
+            classes: self.classes,
+            source: self.source,
+            sha256: self.sha256.map(|sum| sum.to_ascii_lowercase()),
+        })
+    }
+}
+
+type Problem = (&'static str, &'static str);
+
+impl Input {
+    fn check(&self) -> Result<(), Problem> {
+        let side = |side: Side| side.pixels().is_none_or(|pixels| (1..=MAX_SIDE).contains(&pixels));
+        if !side(self.width) {
+            return Err(("input.width", "must be 1 to 4096 or \"any\""));
+        }
+        if !side(self.height) {
+            return Err(("input.height", "must be 1 to 4096 or \"any\""));
+        }
+        if self.mean.iter().any(|m| !m.is_finite()) {
+            return Err(("input.mean", "must be numbers"));
+        }
+        if self.std.iter().any(|s| !s.is_finite() || s.abs() < 1e-6) {
+            return Err(("input.std", "must be numbers other than zero"));
+        }
+        if !(16..=MAX_SIDE).contains(&self.shortest) {
+            return Err(("input.shortest", "must be 16 to 4096"));
+        }
+        if !(self.shortest..=MAX_SIDE).contains(&self.longest) {
+            return Err(("input.longest", "must be at least input.shortest and at most 4096"));
+        }
+        if !(1..=256).contains(&self.multiple) {
+            return Err(("input.multiple", "must be 1 to 256"));
+        }
+        Ok(())
+    }
+}
+
+impl Source {
+    /// The sum of the package, where it is known.
+    pub fn archive_sha256(&self) -> Option<&String> {
+        match self {
+            Source::Npm { archive_sha256, .. } | Source::Pypi { archive_sha256, .. } => {
+                archive_sha256.as_ref()
+            }
+            Source::Https { .. } | Source::Export { .. } => None,
+        }
+    }
+
+    /// Names of packages go to other programs' command lines: they must not look like anything else.
+    fn check(&self) -> Result<(), Problem> {
+        let name = |text: &str| {
+            (1..=200).contains(&text.len())
+                && text.starts_with(|c: char| c.is_ascii_alphanumeric() || c == '@')
+                && text.chars().all(|c| c.is_ascii_alphanumeric() || "-_./@+!".contains(c))
+        };
+        match self {
+            Source::Npm { package, version, member, .. } | Source::Pypi { package, version, member, .. } => {
+                if !name(package) {
+                    return Err(("source.package", "is not a package's name"));
+                }
+                if !name(version) || version.contains(['/', '@']) {
+                    return Err(("source.version", "is not a version"));
+                }
+                if member.is_empty() || member.len() > 500 {
+                    return Err(("source.member", "must name the file in the package"));
+                }
+                if let Source::Pypi { platform, python, .. } = self
+                    && [platform, python].into_iter().flatten().any(|text| !name(text) || text.contains('/'))
+                {
+                    return Err((
+                        "source.platform",
+                        "is not a platform or version of Python as wheels name it",
+                    ));
+                }
+            }
+            Source::Https { url } => {
+                if !url.starts_with("https://") || url.len() > MAX_TEXT_BYTES {
+                    return Err(("source.url", "must begin with https://"));
+                }
+            }
+            Source::Export { how } => {
+                if how.is_empty() || how.len() > MAX_TEXT_BYTES {
+                    return Err(("source.how", "must say how the file is made, in 2000 bytes"));
+                }
+            }
+        }
+        Ok(())
+    }
+}

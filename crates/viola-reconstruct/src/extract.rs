@@ -1,0 +1,164 @@
+//! Surface points out of a signed distance map: where it changes sign between neighbouring voxels.
+
+use super::cloud::{CloudPoint, Label};
+use super::tsdf::{Block, SIDE, Tsdf};
+use rayon::prelude::*;
+
+/// A block with one voxel more before it and two after it, so that no neighbour is missing.
+const PADDED: usize = SIDE + 3;
+
+/// All sign changes, block after block in the order of their making.
+pub(super) fn surface_points(tsdf: &Tsdf, voxel_m: f64) -> Vec<CloudPoint> {
+    // A few thousand blocks at a time, so that the points are not held twice.
+    let mut points = Vec::new();
+    for blocks in tsdf.blocks.chunks(4096) {
+        let each: Vec<Vec<CloudPoint>> = blocks
+            .par_iter()
+            .map_init(
+                || vec![f32::NAN; PADDED * PADDED * PADDED],
+                |padded, block| {
+                    pad(tsdf, block, padded);
+                    block_points(block, padded, voxel_m)
+                },
+            )
+            .collect();
+        points.extend(each.into_iter().flatten());
+    }
+    points
+}
+
+fn at(x: usize, y: usize, z: usize) -> usize {
+    (z * PADDED + y) * PADDED + x
+}
+
+/// Copies the distances of a block and of what surrounds it; index 1 is the block's first voxel.
+fn pad(tsdf: &Tsdf, block: &Block, padded: &mut [f32]) {
+    // Which block, and which voxel of it, each padded index falls into along one axis.
+    let source = |i: usize| -> (i32, usize) {
+        match i {
+            0 => (-1, SIDE - 1),
+            i if i <= SIDE => (0, i - 1),
+            i => (1, i - 1 - SIDE),
+        }
+    };
+    let mut neighbours = [None; 27];
+    for (i, neighbour) in neighbours.iter_mut().enumerate() {
+        let offset = [i % 3, i / 3 % 3, i / 9].map(|d| d as i32 - 1);
+        let key = [0, 1, 2].map(|axis| block.key[axis] + offset[axis]);
+        *neighbour = tsdf.index.get(&key).map(|&at| &tsdf.blocks[at as usize]);
+    }
+    for z in 0..PADDED {
+        let (bz, vz) = source(z);
+        for y in 0..PADDED {
+            let (by, vy) = source(y);
+            for x in 0..PADDED {
+                let (bx, vx) = source(x);
+                let which = ((bz + 1) * 9 + (by + 1) * 3 + bx + 1) as usize;
+                padded[at(x, y, z)] = neighbours[which]
+                    .map_or(f32::NAN, |b: &Block| b.voxels[(vz * SIDE + vy) * SIDE + vx].distance());
+            }
+        }
+    }
+}
+
+fn block_points(block: &Block, padded: &[f32], voxel_m: f64) -> Vec<CloudPoint> {
+    let mut points = Vec::new();
+    for z in 0..SIDE {
+        for y in 0..SIDE {
+            for x in 0..SIDE {
+                let here = [x + 1, y + 1, z + 1];
+                let d0 = padded[at(here[0], here[1], here[2])];
+                if d0.is_nan() {
+                    continue;
+                }
+                for axis in 0..3 {
+                    let mut there = here;
+                    there[axis] += 1;
+                    let d1 = padded[at(there[0], there[1], there[2])];
+                    // A jump from one cut-off to the other is an edge between near and far, not a surface.
+                    if d1.is_nan() || (d0 > 0.0) == (d1 > 0.0) || (d0 - d1).abs() > 1.0 {
+                        continue;
+                    }
+                    let share = d0 / (d0 - d1);
+                    let Some(normal) = normal(padded, here, there, share) else { continue };
+                    let position_m = std::array::from_fn(|i| {
+                        let step = if i == axis { share } else { 0.0 };
+                        let voxel = block.key[i] as f64 * SIDE as f64 + [x, y, z][i] as f64 + 0.5;
+                        ((voxel + f64::from(step)) * voxel_m) as f32
+                    });
+                    let voxel = &block.voxels[(z * SIDE + y) * SIDE + x];
+                    let (color, weight) = (voxel.color(), voxel.weight());
+                    points.push(CloudPoint { position_m, normal, color, label: Label::NONE, weight });
+                }
+            }
+        }
+    }
+    points
+}
+
+/// The direction in which the distance grows, from the slopes at both ends of the step.
+fn normal(padded: &[f32], a: [usize; 3], b: [usize; 3], share: f32) -> Option<[f32; 3]> {
+    let slope = |p: [usize; 3], axis: usize| -> f32 {
+        let (mut before, mut after) = (p, p);
+        before[axis] -= 1;
+        after[axis] += 1;
+        let [middle, before, after] = [p, before, after].map(|q| padded[at(q[0], q[1], q[2])]);
+        // One-sided where a neighbour was never seen.
+        match (before.is_nan(), after.is_nan()) {
+            (false, false) => (after - before) * 0.5,
+            (true, false) => after - middle,
+            (false, true) => middle - before,
+            (true, true) => 0.0,
+        }
+    };
+    let g: [f32; 3] = std::array::from_fn(|i| (1.0 - share) * slope(a, i) + share * slope(b, i));
+    let length = (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt();
+    (length > 1e-3).then(|| g.map(|c| c / length))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tsdf::{Tsdf, TsdfParams};
+    use viola_formats::clip::{DepthImage, Frame, FrameHeader};
+    use viola_geometry::{Pinhole, Pose3};
+
+    /// A camera at the world's origin that looks along z at a wall 1.5 m away.
+    fn wall(depth_m: f32) -> Frame {
+        let camera = Pinhole { width: 80, height: 60, fx: 70.0, fy: 70.0, cx: 39.5, cy: 29.5 };
+        Frame {
+            header: FrameHeader {
+                number: 0,
+                time_s: None,
+                world_from_camera: Some(Pose3::identity()),
+                force_in_camera: None,
+            },
+            color_camera: camera,
+            color: image::RgbImage::from_pixel(80, 60, image::Rgb([200, 100, 50])),
+            depth_camera: camera,
+            depth: DepthImage { width: 80, height: 60, depth_m: vec![depth_m; 80 * 60] },
+        }
+    }
+
+    #[test]
+    fn a_wall_comes_back_where_it_is() {
+        let mut tsdf = Tsdf::new(TsdfParams::default());
+        tsdf.integrate(&wall(1.5), &Pose3::identity());
+        tsdf.integrate(&wall(1.52), &Pose3::identity());
+        let cloud = tsdf.surface();
+        let inner: Vec<_> = cloud.points.iter().filter(|p| p.position_m[0].abs() < 0.5).collect();
+        assert!(inner.len() > 500, "{}", inner.len());
+        for point in inner {
+            assert!((point.position_m[2] - 1.51).abs() < 0.002, "{point:?}");
+            assert!(point.normal[2] < -0.99, "the normal faces the camera: {point:?}");
+            assert_eq!(point.color, [200, 100, 50]);
+        }
+    }
+
+    #[test]
+    fn memory_is_bounded_by_blocks() {
+        let mut tsdf = Tsdf::new(TsdfParams { max_blocks: 10, ..TsdfParams::default() });
+        tsdf.integrate(&wall(1.5), &Pose3::identity());
+        assert!(tsdf.is_full());
+        assert_eq!(tsdf.blocks.len(), 10);
+    }
+}

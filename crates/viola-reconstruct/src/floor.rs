@@ -1,0 +1,394 @@
+//! The floor plane, and with it the clip frame (paper III-B).
+
+use super::cloud::{CloudPoint, Label, PointCloud};
+use super::fuse::mean_camera_up;
+use super::key_frame::KeyFrame;
+use super::reason::Reason;
+use nalgebra::{Matrix2, Matrix3, Rotation3, UnitQuaternion};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use viola_formats::clip::Up;
+use viola_geometry::{Plane, Point3, Pose3, Vector2, Vector3};
+
+/// What was found of the floor.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct FloorReport {
+    /// The floor was not seen; its height is the guess that fits the map best.
+    pub assumed: bool,
+    /// Height of the first camera above it, in metres.
+    pub camera_height_m: f64,
+    /// Fused points within 2 cm of the plane.
+    pub support_points: usize,
+    /// Angle to the capture's gravity in degrees, when the capture knows gravity.
+    pub gravity_angle_deg: Option<f64>,
+}
+
+/// How the floor is found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FloorParams {
+    pub hypotheses: usize,
+    /// Points used to score a hypothesis; more are thinned evenly.
+    pub scored_points: usize,
+    /// A point this near supports the plane.
+    pub inlier_m: f64,
+    /// A point this far below speaks against it: nothing is under a floor.
+    pub below_m: f64,
+    /// How far the normal may lean from the capture's gravity ...
+    pub gravity_cone_rad: f64,
+    /// ... or, without gravity, from the mean of the cameras' upward axes.
+    pub camera_cone_rad: f64,
+    /// Where the first camera may be above the floor.
+    pub camera_height_m: std::ops::RangeInclusive<f64>,
+    /// Heights of the camera that are tried when no floor is in sight.
+    pub assumed_heights_m: Vec<f64>,
+    /// Area that a floor must show, square metres.
+    pub min_area_m2: f64,
+    /// Share of the cloud that may lie below.
+    pub max_below_share: f64,
+}
+
+impl Default for FloorParams {
+    fn default() -> Self {
+        FloorParams {
+            hypotheses: 400,
+            scored_points: 30_000,
+            inlier_m: 0.03,
+            below_m: 0.08,
+            gravity_cone_rad: 10f64.to_radians(),
+            camera_cone_rad: 50f64.to_radians(),
+            camera_height_m: 0.25..=2.6,
+            assumed_heights_m: vec![1.45, 1.25, 1.65],
+            min_area_m2: 0.15,
+            max_below_share: 0.02,
+        }
+    }
+}
+
+/// The floor of a clip.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Floor {
+    pub plane_in_world: Plane,
+    pub clip_from_world: Pose3,
+    pub first_camera_height_m: f64,
+    pub support_points: usize,
+    pub gravity_angle_rad: Option<f64>,
+    /// Not seen; see [`assume`].
+    pub assumed: bool,
+}
+
+/// Why there is no floor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum NoFloor {
+    /// Nothing was fused.
+    EmptyCloud,
+    /// Gravity is unknown and the cameras' upward axes contradict each other.
+    UpUnknown,
+    /// No horizontal plane with enough area lies under the cameras with nothing below it. The best one
+    /// had this much area and this share of the cloud below it.
+    NoPlane { best_area_m2: f64, below_share: f64 },
+}
+
+impl NoFloor {
+    /// The same for the answer.
+    pub fn reason(&self) -> Reason {
+        match self {
+            NoFloor::EmptyCloud => {
+                Reason::new("nothing_fused", "the depth pictures hold no surface within the sensor's range")
+            }
+            NoFloor::UpUnknown => Reason::new(
+                "up_unknown",
+                "the capture has no gravity and its cameras point every way, so the floor cannot be told from a wall",
+            ),
+            NoFloor::NoPlane { best_area_m2, below_share } => Reason::new(
+                "no_floor",
+                format!(
+                    "no floor in sight: the best flat surface below the camera shows {best_area_m2:.2} square metres and {:.0} % of the clip lies under it; include some floor in the recording",
+                    below_share * 100.0
+                ),
+            ),
+        }
+    }
+}
+
+impl Floor {
+    /// The part that goes into the answer.
+    pub fn report(&self) -> FloorReport {
+        FloorReport {
+            assumed: self.assumed,
+            camera_height_m: self.first_camera_height_m,
+            support_points: self.support_points,
+            gravity_angle_deg: self.gravity_angle_rad.map(f64::to_degrees),
+        }
+    }
+}
+
+/// Finds the floor by seeded RANSAC among planes that lie flat, in a world of any orientation.
+pub fn find_floor(
+    cloud: &PointCloud,
+    key_frames: &[KeyFrame],
+    up_in_world: Option<&Up>,
+    params: &FloorParams,
+    seed: u64,
+) -> Result<Floor, NoFloor> {
+    let first = key_frames.first().ok_or(NoFloor::EmptyCloud)?;
+    let known = up_in_world.map(|up| up.direction);
+    let up = known.or_else(|| mean_camera_up(key_frames)).ok_or(NoFloor::UpUnknown)?.normalize();
+    let cone = if up_in_world.is_some() { params.gravity_cone_rad } else { params.camera_cone_rad };
+    let stride = cloud.points.len().div_ceil(params.scored_points).max(1);
+    let scored: Vec<Scored> = cloud.points.iter().step_by(stride).map(Scored::from).collect();
+    let flat: Vec<usize> = (0..scored.len())
+        .filter(|&i| scored[i].may_be_floor && scored[i].normal.dot(&up) > cone.cos())
+        .collect();
+    if flat.is_empty() {
+        return Err(if scored.is_empty() { NoFloor::EmptyCloud } else { NO_PLANE_AT_ALL });
+    }
+    let cameras: Vec<Point3> =
+        key_frames.iter().map(|k| Point3::from(k.world_from_camera.translation.vector)).collect();
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let picks: Vec<usize> = (0..params.hypotheses).map(|_| flat[rng.random_range(0..flat.len())]).collect();
+    let scorer = Scorer { scored: &scored, cameras: &cameras, params, up, cone };
+    // Ties go to the earlier pick, so that the answer does not depend on threads.
+    let best = picks
+        .par_iter()
+        .enumerate()
+        .filter_map(|(order, &pick)| scorer.grow(pick).map(|candidate| (order, candidate)))
+        .max_by(|(i, a), (j, b)| a.score.total_cmp(&b.score).then(j.cmp(i)))
+        .map(|(_, candidate)| candidate)
+        .ok_or(NO_PLANE_AT_ALL)?;
+    // Sign changes of a flat surface are seen along about one axis, so points count voxel faces.
+    let area_m2 = best.inliers as f64 * stride as f64 * cloud.voxel_m * cloud.voxel_m;
+    let below_share = best.below as f64 / scored.len() as f64;
+    if area_m2 < params.min_area_m2 || below_share > params.max_below_share {
+        return Err(NoFloor::NoPlane { best_area_m2: area_m2, below_share });
+    }
+    let settled = scorer.settled(best.plane);
+    let plane = match up_in_world {
+        Some(up) => scorer.steadied(&settled, area_m2, up),
+        None => settled,
+    };
+    Ok(Floor {
+        plane_in_world: plane,
+        clip_from_world: clip_from_world(&plane, &first.world_from_camera),
+        first_camera_height_m: plane.height_m(&cameras[0]),
+        support_points: cloud.points.iter().filter(|p| plane.height_m(&p.position()).abs() < 0.02).count(),
+        assumed: false,
+        gravity_angle_rad: known.map(|up| plane.normal.dot(&up).clamp(-1.0, 1.0).acos()),
+    })
+}
+
+/// Floors for a clip that shows none (the paper's future work): level, with the first camera at the heights
+/// at which people hold a phone, and not above anything that was seen.
+pub fn assume(cloud: &PointCloud, key_frames: &[KeyFrame], up: &Up, params: &FloorParams) -> Vec<Floor> {
+    let Some(first) = key_frames.first() else { return Vec::new() };
+    let up = up.direction;
+    let camera = Point3::from(first.world_from_camera.translation.vector);
+    let stride = cloud.points.len().div_ceil(params.scored_points).max(1);
+    let mut depths_m: Vec<f64> =
+        cloud.points.iter().step_by(stride).map(|p| up.dot(&(camera - p.position()))).collect();
+    if depths_m.is_empty() {
+        return Vec::new();
+    }
+    // The lowest half percent may be noise.
+    depths_m.sort_by(f64::total_cmp);
+    let lowest_m = depths_m[(depths_m.len() - 1) * 199 / 200];
+    let mut heights_m: Vec<f64> =
+        params.assumed_heights_m.iter().copied().filter(|height| *height > lowest_m).collect();
+    if heights_m.is_empty() {
+        heights_m.push(lowest_m);
+    }
+    heights_m
+        .into_iter()
+        .map(|height_m| {
+            let plane = Plane::through(&(camera - up * height_m), up);
+            Floor {
+                plane_in_world: plane,
+                clip_from_world: clip_from_world(&plane, &first.world_from_camera),
+                first_camera_height_m: height_m,
+                support_points: 0,
+                gravity_angle_rad: Some(0.0),
+                assumed: true,
+            }
+        })
+        .collect()
+}
+
+const NO_PLANE_AT_ALL: NoFloor = NoFloor::NoPlane { best_area_m2: 0.0, below_share: 0.0 };
+
+struct Candidate {
+    plane: Plane,
+    inliers: usize,
+    below: usize,
+    score: f64,
+}
+
+/// A point of the cloud as the search for the floor sees it.
+struct Scored {
+    position_m: Point3,
+    normal: Vector3,
+    /// False where the pictures say that it is something else: the top of a bed, a table.
+    may_be_floor: bool,
+}
+
+impl From<&CloudPoint> for Scored {
+    fn from(point: &CloudPoint) -> Scored {
+        const SURE: f32 = 0.5;
+        let Label { class, .. } = point.label;
+        let else_for_sure = class.has_level_top() && point.label.probability() > SURE;
+        Scored { position_m: point.position(), normal: point.normal(), may_be_floor: !else_for_sure }
+    }
+}
+
+struct Scorer<'a> {
+    scored: &'a [Scored],
+    cameras: &'a [Point3],
+    params: &'a FloorParams,
+    up: Vector3,
+    cone: f64,
+}
+
+impl Scorer<'_> {
+    /// Grows a plane from one point and its normal: twice the inliers, twice a fit, each time stricter.
+    fn grow(&self, pick: usize) -> Option<Candidate> {
+        let Scored { position_m: point, normal, .. } = self.scored[pick];
+        let mut plane = Plane::through(&point, normal);
+        for (distance_m, radius_m, angle) in
+            [(0.05, 0.6, 0.35), (0.04, 2.0, 0.25), (self.params.inlier_m, 1e3, 0.25)]
+        {
+            let near = self.scored.iter().filter(|s| {
+                s.may_be_floor
+                    && plane.height_m(&s.position_m).abs() < distance_m
+                    && s.normal.dot(&plane.normal) > f64::cos(angle)
+                    && (s.position_m - point).norm_squared() < radius_m * radius_m
+            });
+            let fitted = Plane::fit(near.map(|s| &s.position_m))?;
+            plane = if fitted.normal.dot(&normal) < 0.0 { fitted.flipped() } else { fitted };
+        }
+        self.judge(plane)
+    }
+
+    fn judge(&self, plane: Plane) -> Option<Candidate> {
+        let heights = self.cameras.iter().map(|c| plane.height_m(c));
+        let under_all = heights.clone().all(|h| h > 0.0);
+        let first = plane.height_m(&self.cameras[0]);
+        if plane.normal.dot(&self.up) < self.cone.cos()
+            || !under_all
+            || !self.params.camera_height_m.contains(&first)
+        {
+            return None;
+        }
+        let (mut inliers, mut below) = (0, 0);
+        for Scored { position_m, normal, may_be_floor } in self.scored {
+            let height_m = plane.height_m(position_m);
+            if height_m < -self.params.below_m {
+                below += 1;
+            } else if height_m.abs() < self.params.inlier_m
+                && *may_be_floor
+                && normal.dot(&plane.normal) > 0.9
+            {
+                inliers += 1;
+            }
+        }
+        // A table top has the floor below it; each point there outweighs several on it.
+        let score = inliers as f64 - 5.0 * below as f64;
+        Some(Candidate { plane, inliers, below, score })
+    }
+}
+
+impl Scorer<'_> {
+    /// What lies on a plane to within a distance.
+    fn on<'a>(&'a self, plane: &'a Plane, within_m: f64) -> impl Iterator<Item = &'a Point3> + Clone {
+        let is_on = move |s: &&Scored| {
+            s.may_be_floor
+                && plane.height_m(&s.position_m).abs() < within_m
+                && s.normal.dot(&plane.normal) > 0.9
+        };
+        self.scored.iter().filter(is_on).map(|s| &s.position_m)
+    }
+
+    /// The plane through all that lies on it. A floor that bends reaches out of the first one's band, so that it starts
+    /// wider.
+    fn settled(&self, plane: Plane) -> Plane {
+        const ROUNDS: i32 = 20;
+        const WIDER: f64 = 1.7;
+        const NARROWER: f64 = 0.8;
+        let mut plane = plane;
+        for round in 0..ROUNDS {
+            let within_m = self.params.inlier_m * (WIDER * NARROWER.powi(round)).max(1.0);
+            let Some(fitted) = Plane::fit(self.on(&plane, within_m)) else { return plane };
+            let fitted = if fitted.normal.dot(&plane.normal) < 0.0 { fitted.flipped() } else { fitted };
+            let moved = (fitted.normal - plane.normal).norm() + (fitted.offset_m - plane.offset_m).abs();
+            plane = fitted;
+            if moved < 1e-9 && within_m == self.params.inlier_m {
+                break;
+            }
+        }
+        plane
+    }
+
+    /// A plane of which so much was seen, drawn towards level as far as what was seen leaves its lean open: by its own
+    /// unevenness over how far it reaches, and by what bends whole recordings.
+    fn steadied(&self, plane: &Plane, area_m2: f64, known_up: &Up) -> Plane {
+        /// The area over which a floor is off alike.
+        const ALIKE_M2: f64 = 0.3;
+        /// No surface is measured better.
+        const LEAST_UNEVEN_M: f64 = 0.002;
+        /// How far a recording leans by itself, as standard deviation: poses drift, and so do the floors of the real
+        /// apartment, of which some parts lean by 1.9 degrees.
+        const DRIFT_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
+        let up = &known_up.direction;
+        let seen: Vec<&Point3> = self.on(plane, self.params.inlier_m).collect();
+        if seen.is_empty() {
+            return *plane;
+        }
+        let east = up.cross(&plane.normal).try_normalize(1e-9);
+        // A plane that is level already stays.
+        let Some(east) = east else { return *plane };
+        let north = up.cross(&east);
+        let middle = seen.iter().map(|p| p.coords).sum::<Vector3>() / seen.len() as f64;
+        let flat = |p: &Point3| Vector2::new((p.coords - middle).dot(&east), (p.coords - middle).dot(&north));
+        let squares_m2: f64 = seen.iter().map(|p| plane.height_m(p).powi(2)).sum();
+        let uneven_m2 = (squares_m2 / seen.len() as f64).max(LEAST_UNEVEN_M * LEAST_UNEVEN_M);
+        let spread: Matrix2<f64> = seen.iter().map(|p| flat(p) * flat(p).transpose()).sum();
+        // What is known of the lean, as the inverse of a covariance.
+        let by_points = spread * (area_m2 / ALIKE_M2 / seen.len() as f64 / uneven_m2);
+        let with_drift = Matrix2::identity() + by_points * DRIFT_RAD.powi(2);
+        let Some(known) = with_drift.try_inverse().map(|inverse| by_points * inverse) else { return *plane };
+        let level = Matrix2::identity() / known_up.deviation_rad.powi(2);
+        let lean = Vector2::new(plane.normal.dot(&east), plane.normal.dot(&north)) / plane.normal.dot(up);
+        let Some(share) = (known + level).try_inverse() else { return *plane };
+        let lean = share * known * lean;
+        Plane::through(&Point3::from(middle), up + east * lean.x + north * lean.y)
+    }
+}
+
+/// z up, the origin on the floor below the first camera, x along its heading.
+fn clip_from_world(plane: &Plane, world_from_first: &Pose3) -> Pose3 {
+    let z = plane.normal;
+    let camera = Point3::from(world_from_first.translation.vector);
+    let origin = camera - z * plane.height_m(&camera);
+    let x = heading(world_from_first, &z);
+    let y = z.cross(&x);
+    let clip_from_world = Matrix3::from_rows(&[x.transpose(), y.transpose(), z.transpose()]);
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(clip_from_world));
+    Pose3::from_parts((rotation * -origin.coords).into(), rotation)
+}
+
+/// Where a camera faces along the floor: the viewing direction laid flat, or the picture's upward axis when
+/// the camera looks straight down (and its downward axis when straight up).
+pub fn heading(world_from_camera: &Pose3, up: &Vector3) -> Vector3 {
+    let flat = |v: Vector3| v - up * up.dot(&v);
+    let forward = world_from_camera.rotation * Vector3::z();
+    let along = flat(forward);
+    // Within about three degrees of the vertical the viewing direction says nothing.
+    let along = if along.norm() > 0.05 {
+        along
+    } else {
+        flat(world_from_camera.rotation * (Vector3::y() * forward.dot(up).signum()))
+    };
+    along.normalize()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,232 @@
+//! Key frames by motion, decoded a few at a time and fused in order (paper III-A).
+
+use super::cloud::PointCloud;
+use super::error::ReconstructError;
+use super::key_frame::{KeyFrame, Readings};
+use super::reason::Reason;
+use super::tsdf::{Tsdf, TsdfParams};
+use std::ops::Range;
+use viola_formats::clip::{Clip, ClipError};
+use viola_formats::lidar::MAX_SIDE_M;
+use viola_geometry::progress::{self, Progress};
+use viola_geometry::{Pose3, Vector3};
+
+/// How key frames are chosen and fused.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FuseParams {
+    /// A frame becomes a key frame when the camera moved this far since the last one ...
+    pub key_distance_m: f64,
+    /// ... or turned this far.
+    pub key_angle_rad: f64,
+    /// Key frames closer together than needed are thinned to this many, evenly.
+    pub max_key_frames: usize,
+    /// The share of key frames that may fail to decode before the clip is refused.
+    pub max_broken_share: f64,
+    pub tsdf: TsdfParams,
+}
+
+impl Default for FuseParams {
+    fn default() -> Self {
+        FuseParams {
+            key_distance_m: 0.08,
+            key_angle_rad: 6f64.to_radians(),
+            max_key_frames: 2_000,
+            max_broken_share: 0.1,
+            tsdf: TsdfParams::default(),
+        }
+    }
+}
+
+/// The fused clip.
+#[derive(Debug, Clone)]
+pub struct Fused {
+    pub cloud_in_world: PointCloud,
+    pub key_frames: Vec<KeyFrame>,
+    /// Key frames whose pictures could not be decoded.
+    pub broken: usize,
+    /// Surface beyond the memory bound was left out.
+    pub truncated: bool,
+}
+
+impl Fused {
+    /// What the answer should tell about the fusion.
+    pub fn remarks(&self) -> Vec<Reason> {
+        let mut remarks = Vec::new();
+        if self.broken > 0 {
+            let detail = format!("{} key frame(s) could not be decoded and were left out", self.broken);
+            remarks.push(Reason::new("frames_broken", detail));
+        }
+        if self.truncated {
+            remarks.push(Reason::new("clip_too_large", "surface beyond the memory bound was left out"));
+        }
+        remarks
+    }
+}
+
+/// Why there is nothing to align.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum NotFused {
+    /// The range holds no frame.
+    NoFrame,
+    /// No frame in the range has a pose.
+    NoPosedFrame,
+    /// The cameras are further apart than any home is wide.
+    TooFarApart { extent_m: f64 },
+}
+
+impl NotFused {
+    /// The same for the answer.
+    pub fn reason(self, clip: &Clip) -> Reason {
+        match self {
+            NotFused::NoFrame => {
+                let numbers = clip.frames().iter().map(|frame| frame.number);
+                let (first, last) = (numbers.clone().min().unwrap_or(0), numbers.max().unwrap_or(0));
+                let detail = format!(
+                    "no frame of the clip is in the range; its frames are numbered {first} to {last}"
+                );
+                Reason::new("no_frame_in_range", detail)
+            }
+            NotFused::NoPosedFrame => Reason::new(
+                "no_posed_frame",
+                "no frame in the range has a camera pose; record with an app that stores device poses",
+            ),
+            NotFused::TooFarApart { extent_m } => {
+                let detail = format!(
+                    "the camera poses extend over {extent_m:.0} m, and a home may have {MAX_SIDE_M} m a side; check that \
+                     the poses are in metres, or send the recording in parts"
+                );
+                Reason::new("clip_extent_too_large", detail)
+            }
+        }
+    }
+}
+
+/// The longest side of the box around the cameras.
+fn extent_m(chosen: &[(usize, Pose3)]) -> f64 {
+    let at = |(_, pose): &(usize, Pose3)| pose.translation.vector;
+    let Some(first) = chosen.first().map(at) else { return 0.0 };
+    let (low, high) =
+        chosen.iter().map(at).fold((first, first), |(low, high), p| (low.inf(&p), high.sup(&p)));
+    (high - low).max()
+}
+
+/// Fuses the key frames of `frames` (numbers as the layout gives them; all when none). `tracked` are poses for all of the
+/// clip's frames where it has none of its own.
+pub fn fuse(
+    clip: &Clip,
+    frames: Option<Range<u32>>,
+    tracked: Option<&[Option<Pose3>]>,
+    params: &FuseParams,
+    progress: &dyn Progress,
+) -> Result<Result<Fused, NotFused>, ReconstructError> {
+    let chosen = choose(clip, frames.as_ref(), tracked, params);
+    if chosen.is_empty() {
+        let any = clip.frames().iter().any(|frame| frames.as_ref().is_none_or(|f| f.contains(&frame.number)));
+        return Ok(Err(if any { NotFused::NoPosedFrame } else { NotFused::NoFrame }));
+    }
+    let extent_m = extent_m(&chosen);
+    if extent_m > MAX_SIDE_M {
+        return Ok(Err(NotFused::TooFarApart { extent_m }));
+    }
+    let mut tsdf = Tsdf::new(params.tsdf.clone());
+    let mut key_frames = Vec::with_capacity(chosen.len());
+    let mut broken: Option<ClipError> = None;
+    let mut broken_count = 0;
+    let mut frames = clip.stream(chosen.iter().map(|(index, _)| *index).collect());
+    for (done, batch) in chosen.chunks(BATCH).enumerate() {
+        progress::check(progress)?;
+        progress.advance((done * BATCH) as f64 / chosen.len() as f64);
+        for (frame, (index, world_from_camera)) in frames.next_batch(BATCH).into_iter().zip(batch) {
+            match frame {
+                Ok(frame) => {
+                    tsdf.integrate(&frame, world_from_camera);
+                    key_frames.push(KeyFrame {
+                        index: *index,
+                        number: frame.header.number,
+                        world_from_camera: *world_from_camera,
+                        sharpness: sharpness(&frame.color),
+                        readings: Readings::thin(&frame.depth, frame.depth_camera, &params.tsdf),
+                    });
+                }
+                // The frame may be fine: an answer without it would be another one.
+                Err(error) if error.is_ours() => return Err(ReconstructError::Clip(error)),
+                Err(error) => {
+                    broken_count += 1;
+                    broken.get_or_insert(error);
+                }
+            }
+        }
+        if broken_count as f64 > (params.max_broken_share * chosen.len() as f64).max(1.0)
+            && let Some(error) = broken.take()
+        {
+            return Err(ReconstructError::Clip(error));
+        }
+    }
+    if key_frames.is_empty()
+        && let Some(error) = broken
+    {
+        return Err(ReconstructError::Clip(error));
+    }
+    Ok(Ok(Fused {
+        cloud_in_world: tsdf.surface(),
+        key_frames,
+        broken: broken_count,
+        truncated: tsdf.is_full(),
+    }))
+}
+
+/// Frames in memory at a time: enough to keep many cores busy with decoding, and all that a long clip needs
+/// more than a short one is its surface.
+const BATCH: usize = 16;
+
+/// The posed frames far enough from the one chosen before, with their places in the clip.
+pub fn choose(
+    clip: &Clip,
+    frames: Option<&Range<u32>>,
+    tracked: Option<&[Option<Pose3>]>,
+    params: &FuseParams,
+) -> Vec<(usize, Pose3)> {
+    let wanted = |number: u32| frames.is_none_or(|range| range.contains(&number));
+    let mut chosen: Vec<(usize, Pose3)> = Vec::new();
+    for (index, header) in clip.frames().iter().enumerate() {
+        let pose = tracked.map_or(header.world_from_camera, |poses| poses.get(index).copied().flatten());
+        let Some(pose) = pose.filter(|_| wanted(header.number)) else { continue };
+        let moved = chosen.last().is_none_or(|(_, last)| {
+            let step = last.inverse() * pose;
+            step.translation.vector.norm() >= params.key_distance_m
+                || step.rotation.angle() >= params.key_angle_rad
+        });
+        if moved {
+            chosen.push((index, pose));
+        }
+    }
+    let stride = chosen.len().div_ceil(params.max_key_frames).max(1);
+    chosen.into_iter().step_by(stride).collect()
+}
+
+/// The variance of the Laplacian of a picture's green channel at a quarter of its size: motion blurs it away
+/// (Pech-Pacheco et al., 2000).
+fn sharpness(picture: &image::RgbImage) -> f32 {
+    const STEP: u32 = 2;
+    let (width, height) = picture.dimensions();
+    let green = |x: u32, y: u32| f32::from(picture.get_pixel(x, y).0[1]);
+    let (mut sum, mut squares, mut count) = (0f64, 0f64, 0u32);
+    for y in (STEP..height.saturating_sub(STEP)).step_by(2 * STEP as usize) {
+        for x in (STEP..width.saturating_sub(STEP)).step_by(2 * STEP as usize) {
+            let around = green(x - STEP, y) + green(x + STEP, y) + green(x, y - STEP) + green(x, y + STEP);
+            let bend = f64::from(around - 4.0 * green(x, y));
+            sum += bend;
+            squares += bend * bend;
+            count += 1;
+        }
+    }
+    let count = f64::from(count.max(1));
+    (squares / count - (sum / count).powi(2)) as f32
+}
+
+/// The mean of the cameras' upward picture axes: which way is up when nothing better is known, for a device
+/// that was held upright more often than not. None when the cameras contradict each other.
+pub fn mean_camera_up(key_frames: &[KeyFrame]) -> Option<Vector3> {
+    let sum: Vector3 = key_frames.iter().map(|k| k.world_from_camera.rotation * -Vector3::y()).sum();
+    (sum.norm() > 0.2 * key_frames.len() as f64).then(|| sum.normalize())
+}

@@ -1,0 +1,47 @@
+//! Class probabilities of a picture's pixels.
+
+use viola_geometry::taxonomy::CLASSES;
+
+/// What a network says of one picture: for every pixel of a (usually coarser) raster the probability of
+/// each class.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ClassMap {
+    pub width: usize,
+    pub height: usize,
+    /// Whether the centres of the raster's outermost pixels lie on those of the picture's (as networks
+    /// with `align_corners` have it), or the rasters' outer edges coincide.
+    pub align_corners: bool,
+    /// Row after row, [`CLASSES`] values a pixel; each is 0..1 and they add up to one.
+    pub probabilities: Vec<f32>,
+}
+
+impl ClassMap {
+    /// The probabilities at a place of a `width` x `height` picture, whose pixel centres have integer
+    /// coordinates. Bilinear; the edge goes on outside.
+    pub fn sample(&self, u: f32, v: f32, width: usize, height: usize, into: &mut [f32; CLASSES]) {
+        let place = |at: f32, picture: usize, raster: usize| -> (usize, usize, f32) {
+            let at = if self.align_corners {
+                at * (raster - 1) as f32 / (picture - 1).max(1) as f32
+            } else {
+                (at + 0.5) * raster as f32 / picture as f32 - 0.5
+            };
+            let at = at.clamp(0.0, (raster - 1) as f32);
+            let first = (at as usize).min(raster - 1);
+            (first, (first + 1).min(raster - 1), at - first as f32)
+        };
+        let (x0, x1, fx) = place(u, width, self.width);
+        let (y0, y1, fy) = place(v, height, self.height);
+        into.fill(0.0);
+        for (x, y, share) in [
+            (x0, y0, (1.0 - fx) * (1.0 - fy)),
+            (x1, y0, fx * (1.0 - fy)),
+            (x0, y1, (1.0 - fx) * fy),
+            (x1, y1, fx * fy),
+        ] {
+            let from = (y * self.width + x) * CLASSES;
+            for (sum, p) in into.iter_mut().zip(&self.probabilities[from..from + CLASSES]) {
+                *sum += share * p;
+            }
+        }
+    }
+}

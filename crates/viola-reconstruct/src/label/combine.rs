@@ -1,0 +1,121 @@
+//! One class for each site from what the pictures say, what its shape says, and what its piece of surface is.
+
+use super::sites::Sites;
+use super::structure::Shape;
+use super::vote::Votes;
+use super::{likeliest, segments};
+use crate::cloud::Label;
+use viola_geometry::taxonomy::{CLASSES, Class};
+
+/// Pictures beyond this many add nothing to a site's say in its piece.
+const MOST_VIEWS: f32 = 20.0;
+
+/// What the pictures alone say.
+pub(super) fn voted(votes: &Votes) -> Vec<Label> {
+    let sites = votes.sums.chunks_exact(CLASSES).zip(&votes.views);
+    sites.map(|(sums, &views)| likeliest(sums, views)).collect()
+}
+
+/// What shapes alone say.
+pub(super) fn shaped(shapes: &[Shape]) -> Vec<Label> {
+    // Set by reasoning, not measured: level planes are hardly mistaken, and doors and curtains pass for walls.
+    let label = |shape: &Shape| match shape {
+        Shape::Floor => Label::new(Class::Floor, 0.95, 0),
+        Shape::Wall => Label::new(Class::Wall, 0.8, 0),
+        Shape::Ceiling => Label::new(Class::Ceiling, 0.95, 0),
+        Shape::Front | Shape::Upright | Shape::Loose => Label::new(Class::Other, 0.8, 0),
+    };
+    shapes.iter().map(label).collect()
+}
+
+/// Both, with every piece of surface speaking for its sites. The shape has its say twice: where it
+/// contradicts the pictures a piece hears less of them, and within a piece each site is what its shape can be.
+pub(super) fn combined(sites: &Sites, votes: &Votes, shapes: &[Shape]) -> Vec<Label> {
+    let segments = segments::segments(sites);
+    let count = segments.iter().max().map_or(0, |last| *last as usize + 1);
+    let mut pieces = vec![[0f32; CLASSES]; count];
+    for (site, &segment) in segments.iter().enumerate() {
+        let Some(said) = weighed(votes, shapes, site) else { continue };
+        let views = f32::from(votes.views[site]).min(MOST_VIEWS);
+        for (sum, p) in pieces[segment as usize].iter_mut().zip(said) {
+            *sum += views * p;
+        }
+    }
+    let fallback = shaped(shapes);
+    segments
+        .iter()
+        .enumerate()
+        .map(|(site, &segment)| {
+            let mut said = pieces[segment as usize];
+            for (p, class) in said.iter_mut().zip(Class::ALL) {
+                *p *= likelihood(shapes[site], *class);
+            }
+            if said.iter().sum::<f32>() > 0.0 { likeliest(&said, votes.views[site]) } else { fallback[site] }
+        })
+        .collect()
+}
+
+/// What the pictures say of a site, given its shape; adds up to one. None when none saw it.
+fn weighed(votes: &Votes, shapes: &[Shape], site: usize) -> Option<[f32; CLASSES]> {
+    if votes.views[site] == 0 {
+        return None;
+    }
+    let sums = &votes.sums[site * CLASSES..][..CLASSES];
+    let mut said = [0f32; CLASSES];
+    let mut total = 0.0;
+    for (i, p) in said.iter_mut().enumerate() {
+        *p = sums[i] * likelihood(shapes[site], Class::ALL[i]);
+        total += *p;
+    }
+    (total > 0.0).then(|| said.map(|p| p / total))
+}
+
+/// How likely a thing of a class is to show a shape, up to a factor for each shape. Walls carry doors, windows,
+/// pictures and curtains; a floor carries rugs; hardly anything else lies in these planes. Wall is less likely
+/// everywhere than its share of the surface would make it: it is what networks call that which they do not know.
+fn likelihood(shape: Shape, class: Class) -> f32 {
+    use Class::*;
+    match shape {
+        Shape::Floor => match class {
+            Floor => 1.0,
+            Rug => 0.6,
+            _ => 0.05,
+        },
+        Shape::Ceiling => match class {
+            Ceiling => 1.0,
+            Wall => 0.07,
+            _ => 0.05,
+        },
+        Shape::Wall => match class {
+            Door | Window => 1.0,
+            Curtain => 0.8,
+            Wall => 0.55,
+            Mirror | Picture => 0.6,
+            // Some are as tall as the room and as flat as a wall.
+            Cabinet | Shelf | Refrigerator | Shower => 0.6,
+            Floor | Ceiling => 0.01,
+            _ => 0.3,
+        },
+        Shape::Front => match class {
+            Wall => 0.18,
+            Door => 0.7,
+            Window => 0.5,
+            Floor | Ceiling => 0.01,
+            _ => 1.0,
+        },
+        Shape::Upright => match class {
+            Wall => 0.28,
+            Door | Window => 0.7,
+            Floor | Ceiling => 0.01,
+            _ => 1.0,
+        },
+        Shape::Loose => match class {
+            Wall => 0.08,
+            Floor => 0.03,
+            Ceiling => 0.05,
+            Door => 0.4,
+            Window => 0.5,
+            _ => 1.0,
+        },
+    }
+}

@@ -1,0 +1,146 @@
+//! A segmentation network of the manifest, ready for pictures.
+
+use super::logits::Logits;
+use super::mask2former::Mask2Former;
+use super::picture::{self, Fit, Raster};
+use super::{ClassMap, SegmentError, Segmenter};
+use image::RgbImage;
+use std::path::Path;
+use std::sync::Arc;
+use viola_network::Element::F32;
+use viola_network::manifest::{self, Input, Layout, ManifestError, ModelEntry, Output, Task};
+use viola_network::signature::{expect, one};
+use viola_network::{Network, Tensor};
+
+/// The segmentation network to use with a models folder: the first of the folder's own manifest, then of the
+/// built-in one, whose file is there.
+pub fn installed(models: &Path) -> Result<Option<ModelEntry>, ManifestError> {
+    manifest::installed(Task::Segmentation, models)
+}
+
+/// Makes a segmenter of a loaded network, once it is seen that the network is what the entry says.
+pub fn open_segmenter(
+    entry: &ModelEntry,
+    network: Arc<dyn Network>,
+) -> Result<Box<dyn Segmenter>, SegmentError> {
+    let misfit = |problem: String| SegmentError::Misfit { network: entry.name.clone(), problem };
+    let (Some(input), Some(output), Some(table)) = (&entry.input, &entry.output, entry.classes) else {
+        return Err(misfit("it is not a segmentation network".to_owned()));
+    };
+    let head = match output {
+        Output::Logits { name, align_corners, first_class, softmax } => {
+            let logits = Logits::new(table, *first_class, *align_corners, *softmax);
+            let info = one(network.outputs(), name.as_deref(), "output").map_err(misfit)?;
+            expect(info, "output", F32, &[Some(1), Some(logits.channels()), None, None]).map_err(misfit)?;
+            Head::Logits { output: info.name.clone(), logits }
+        }
+        Output::Mask2former { class_queries, mask_queries } => {
+            let queries = Mask2Former { table };
+            let classes = one(network.outputs(), Some(class_queries), "output").map_err(misfit)?;
+            let masks = one(network.outputs(), Some(mask_queries), "output").map_err(misfit)?;
+            expect(classes, "output", F32, &[Some(1), None, Some(table.classes().len() + 1)])
+                .map_err(misfit)?;
+            expect(masks, "output", F32, &[Some(1), None, None, None]).map_err(misfit)?;
+            Head::Mask2Former { classes: classes.name.clone(), masks: masks.name.clone(), queries }
+        }
+        Output::Depth { .. } | Output::Inpainting { .. } | Output::Diffusion(_) => {
+            return Err(misfit("it is not a segmentation network".to_owned()));
+        }
+    };
+    let info = one(network.inputs(), input.name.as_deref(), "input").map_err(misfit)?;
+    let (width, height) = (input.width.pixels(), input.height.pixels());
+    let (axes, row_axis) = match input.layout {
+        Layout::Nchw => ([Some(1), Some(3), height, width], 2),
+        Layout::Nhwc => ([Some(1), height, width, Some(3)], 1),
+    };
+    expect(info, "input", F32, &axes).map_err(misfit)?;
+    let size = (height.or(info.axis(row_axis)), width.or(info.axis(row_axis + 1)));
+    let fixed = match size {
+        (Some(height), Some(width)) if width > 0 && height > 0 => Some(Raster { width, height }),
+        (None, None) => None,
+        _ => return Err(misfit("its input has one side of fixed length and an open one".to_owned())),
+    };
+    let raster = network.outputs().iter().find(|info| info.name == head.raster()).and_then(|info| {
+        let (height, width) = (info.axis(2)?, info.axis(3)?);
+        (width > 0 && height > 0).then_some(Raster { width, height })
+    });
+    Ok(Box::new(NetworkSegmenter {
+        name: format!("{}, {}", entry.name, network.runtime()),
+        input_name: info.name.clone(),
+        input: input.clone(),
+        fixed,
+        raster,
+        head,
+        network,
+    }))
+}
+
+/// How outputs are read.
+enum Head {
+    Logits { output: String, logits: Logits },
+    Mask2Former { classes: String, masks: String, queries: Mask2Former },
+}
+
+impl Head {
+    /// The output whose last axes are the raster.
+    fn raster(&self) -> &str {
+        match self {
+            Head::Logits { output, .. } => output,
+            Head::Mask2Former { masks, .. } => masks,
+        }
+    }
+
+    fn align_corners(&self) -> bool {
+        match self {
+            Head::Logits { logits, .. } => logits.align_corners,
+            Head::Mask2Former { .. } => false,
+        }
+    }
+}
+
+struct NetworkSegmenter {
+    name: String,
+    network: Arc<dyn Network>,
+    input_name: String,
+    input: Input,
+    /// The input's size where it is not free.
+    fixed: Option<Raster>,
+    /// The output's size where the file tells it.
+    raster: Option<Raster>,
+    head: Head,
+}
+
+impl Segmenter for NetworkSegmenter {
+    fn segment(&self, picture: &RgbImage) -> Result<ClassMap, SegmentError> {
+        let size = Raster { width: picture.width() as usize, height: picture.height() as usize };
+        if size.width == 0 || size.height == 0 {
+            return Err(SegmentError::NoPicture);
+        }
+        let align_corners = self.head.align_corners();
+        let fit = match self.fixed {
+            Some(input) => Fit::into_fixed(size, input, self.raster, align_corners),
+            None => Fit::by_rule(size, &self.input),
+        };
+        let input = picture::tensor(picture, fit, &self.input, align_corners);
+        let outputs = self
+            .network
+            .run(&[(&self.input_name, input)])
+            .map_err(|error| SegmentError::Run(error.to_string()))?;
+        let output = |wanted: &str| -> Result<&Tensor, SegmentError> {
+            let found = outputs.iter().find(|(name, _)| name == wanted);
+            found
+                .map(|(_, tensor)| tensor)
+                .ok_or_else(|| SegmentError::Run(format!("the output {wanted} is missing")))
+        };
+        match &self.head {
+            Head::Logits { output: name, logits } => logits.read(output(name)?, fit),
+            Head::Mask2Former { classes, masks, queries } => {
+                queries.read(output(classes)?, output(masks)?, fit)
+            }
+        }
+    }
+
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+}

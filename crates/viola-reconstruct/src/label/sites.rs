@@ -1,0 +1,111 @@
+//! The places of a clip that get a class: one a voxel of its fused surface.
+
+use crate::cloud::PointCloud;
+use rustc_hash::FxHashMap;
+use viola_geometry::{Point3, Pose3, Vector3};
+
+/// One a voxel, with what its points have in common.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Sites {
+    pub(super) positions_m: Vec<Point3>,
+    /// Mean of the points' normals, unit length.
+    pub(super) normals: Vec<Vector3>,
+    /// Mean of the normals of what lies around, unit length ...
+    pub(super) smooth_normals: Vec<Vector3>,
+    /// ... and the length of that mean: 1 on a plane, less on what is bent or rough.
+    pub(super) flatness: Vec<f64>,
+    /// Pairs of sites in touching voxels, the lower index first.
+    pub(super) neighbours: Vec<[u32; 2]>,
+    /// The site of each point of the cloud.
+    pub(super) of_point: Vec<u32>,
+    pub(super) voxel_m: f64,
+}
+
+impl Sites {
+    /// In the frame of the cloud. The order is that in which the cloud's points come.
+    pub(super) fn new(cloud: &PointCloud) -> Sites {
+        let voxel_m = cloud.voxel_m.max(1e-3);
+        let mut index: FxHashMap<[i32; 3], u32> = FxHashMap::default();
+        let mut keys: Vec<[i32; 3]> = Vec::new();
+        let mut sums: Vec<(Vector3, Vector3, f64)> = Vec::new();
+        let of_point = cloud.points.iter().map(|point| {
+            let at = point.position();
+            let key = [at.x, at.y, at.z].map(|c| (c / voxel_m).floor() as i32);
+            let site = *index.entry(key).or_insert_with(|| {
+                keys.push(key);
+                sums.push((Vector3::zeros(), Vector3::zeros(), 0.0));
+                sums.len() as u32 - 1
+            });
+            let (position, normal, count) = &mut sums[site as usize];
+            *position += at.coords;
+            *normal += point.normal();
+            *count += 1.0;
+            site
+        });
+        let of_point = of_point.collect();
+        let positions_m = sums.iter().map(|(sum, _, count)| Point3::from(sum / *count)).collect();
+        let normals: Vec<Vector3> =
+            sums.iter().map(|(_, sum, _)| sum.try_normalize(1e-9).unwrap_or(Vector3::z())).collect();
+        let neighbours = touching(&keys, &index);
+        let (smooth_normals, flatness) = smooth(&normals, &neighbours);
+        Sites { positions_m, normals, smooth_normals, flatness, neighbours, of_point, voxel_m }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.positions_m.len()
+    }
+
+    /// The same places in another frame.
+    pub(super) fn transform(&mut self, to_from_this: &Pose3) {
+        self.positions_m.iter_mut().for_each(|p| *p = to_from_this * *p);
+        for normals in [&mut self.normals, &mut self.smooth_normals] {
+            normals.iter_mut().for_each(|n| *n = to_from_this * *n);
+        }
+    }
+
+    /// Surface of a number of sites. A slanted surface crosses more voxels than a level one; half of the way
+    /// between both is within a quarter of either.
+    pub(super) fn area_m2(&self, sites: usize) -> f64 {
+        0.8 * sites as f64 * self.voxel_m * self.voxel_m
+    }
+}
+
+/// All pairs of touching voxels, each once.
+fn touching(keys: &[[i32; 3]], index: &FxHashMap<[i32; 3], u32>) -> Vec<[u32; 2]> {
+    let mut pairs = Vec::with_capacity(keys.len() * 5);
+    for (site, [x, y, z]) in keys.iter().enumerate() {
+        for step in 14..27 {
+            // Half of the 26 voxels around: the other half finds this one.
+            let [dx, dy, dz] = [step % 3 - 1, step / 3 % 3 - 1, step / 9 - 1];
+            if let Some(&other) = index.get(&[x + dx, y + dy, z + dz]) {
+                let site = site as u32;
+                pairs.push([site.min(other), site.max(other)]);
+            }
+        }
+    }
+    pairs
+}
+
+/// Averages over the touching sites, twice: about two voxels around.
+fn smooth(normals: &[Vector3], neighbours: &[[u32; 2]]) -> (Vec<Vector3>, Vec<f64>) {
+    let mut means = normals.to_vec();
+    for _ in 0..2 {
+        let mut sums = means.clone();
+        let mut counts = vec![1.0f64; means.len()];
+        for &[a, b] in neighbours {
+            let (a, b) = (a as usize, b as usize);
+            sums[a] += means[b];
+            sums[b] += means[a];
+            counts[a] += 1.0;
+            counts[b] += 1.0;
+        }
+        for ((mean, sum), count) in means.iter_mut().zip(sums).zip(counts) {
+            *mean = sum / count;
+        }
+    }
+    let flatness = means.iter().map(|mean| mean.norm()).collect();
+    for (mean, normal) in means.iter_mut().zip(normals) {
+        *mean = mean.try_normalize(1e-6).unwrap_or(*normal);
+    }
+    (means, flatness)
+}

@@ -1,0 +1,247 @@
+//! What the shape of a surface alone says: floor, wall, ceiling, or something in front of them.
+
+use super::planes::{self, Upright};
+use super::sites::Sites;
+use rustc_hash::{FxHashMap, FxHashSet};
+use viola_geometry::Vector2;
+
+/// What a place looks like without its picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Shape {
+    Floor,
+    /// In an upright plane that has what walls have.
+    Wall,
+    Ceiling,
+    /// In an upright plane with a wall close behind most of it, or with a top: the front of a cabinet.
+    Front,
+    /// In another upright plane.
+    Upright,
+    /// None of these.
+    Loose,
+}
+
+/// Heights and sizes that tell walls from furniture, in metres; homes everywhere are built alike enough.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StructureParams {
+    /// Upright surface that reaches this high is a wall unless something speaks against it ...
+    pub tall_m: f64,
+    /// ... and so is one of which this much was seen, bottom to top, wherever it ends.
+    pub extent_m: f64,
+    /// Smaller patches are not judged.
+    pub min_area_m2: f64,
+    /// A parallel wall less than this behind makes a patch the front of something.
+    pub depth_m: f64,
+    /// Ceilings are above this.
+    pub ceiling_m: f64,
+}
+
+impl Default for StructureParams {
+    fn default() -> Self {
+        StructureParams { tall_m: 1.9, extent_m: 1.2, min_area_m2: 0.25, depth_m: 0.9, ceiling_m: 2.0 }
+    }
+}
+
+/// A wall as far as it was seen, in the clip frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wall {
+    /// Towards the seen side.
+    pub normal: Vector2,
+    /// Distance of the wall's plane from the origin along the normal.
+    pub offset_m: f64,
+    /// Where it begins along [`Wall::along`].
+    pub from_m: f64,
+    /// The lowest and the highest surface in each [`Wall::STEP_M`] from there; none where nothing was seen.
+    pub seen_m: Vec<Option<(f64, f64)>>,
+}
+
+impl Wall {
+    pub const STEP_M: f64 = 0.06;
+
+    /// Horizontal direction in the wall.
+    pub fn along(&self) -> Vector2 {
+        Vector2::new(-self.normal.y, self.normal.x)
+    }
+
+    /// Where it ends along [`Wall::along`].
+    pub fn to_m(&self) -> f64 {
+        self.from_m + self.seen_m.len() as f64 * Wall::STEP_M
+    }
+
+    fn of(patch: &Upright, sites: &Sites) -> Wall {
+        let steps = ((patch.to_m - patch.from_m) / Wall::STEP_M) as usize + 1;
+        let mut seen_m = vec![None; steps];
+        let along = patch.along();
+        for &member in &patch.members {
+            let at = sites.positions_m[member as usize];
+            let step = ((at.coords.xy().dot(&along) - patch.from_m) / Wall::STEP_M) as usize;
+            let (low, high) = seen_m[step.min(steps - 1)].unwrap_or((at.z, at.z));
+            seen_m[step.min(steps - 1)] = Some((f64::min(low, at.z), f64::max(high, at.z)));
+        }
+        Wall { normal: patch.normal, offset_m: patch.offset_m, from_m: patch.from_m, seen_m }
+    }
+}
+
+/// The shape of each site, and the walls. `sites` are in the clip frame: z up, the floor at 0.
+pub fn shapes(sites: &Sites, params: &StructureParams) -> (Vec<Shape>, Vec<Wall>) {
+    let patches = planes::upright_patches(sites);
+    let mut shapes = vec![Shape::Loose; sites.len()];
+    let mut walls = Vec::new();
+    for patch in patches.iter().filter(|patch| patch.area_m2 >= params.min_area_m2) {
+        let shape = judge(patch, &patches, sites, params);
+        for &member in &patch.members {
+            shapes[member as usize] = shape;
+        }
+        if shape == Shape::Wall {
+            walls.push(patch);
+        }
+    }
+    for wall in &walls {
+        claim(wall, sites, &mut shapes);
+    }
+    for (i, shape) in shapes.iter_mut().enumerate() {
+        let (z, up) = (sites.positions_m[i].z, sites.smooth_normals[i].z);
+        // A scanned floor is uneven, and the fused surface of a long clip bends.
+        if z < 0.12 && up > 0.65 {
+            *shape = Shape::Floor;
+        } else if z > params.ceiling_m && up < -0.85 {
+            *shape = Shape::Ceiling;
+        }
+    }
+    (shapes, walls.into_iter().map(|patch| Wall::of(patch, sites)).collect())
+}
+
+fn judge(patch: &Upright, all: &[Upright], sites: &Sites, params: &StructureParams) -> Shape {
+    let height_m = patch.high_m - patch.low_m;
+    if height_m < 0.3 {
+        return Shape::Upright;
+    }
+    if wall_behind(patch, all, sites, params) > 0.5 || has_top(patch, sites) {
+        Shape::Front
+    } else if patch.high_m >= params.tall_m || height_m >= params.extent_m {
+        Shape::Wall
+    } else {
+        Shape::Upright
+    }
+}
+
+/// Over how much of a patch's length a parallel wall stands close behind it, as a share. Furniture hides most of the wall that
+/// it stands before, so that little of it need be seen.
+fn wall_behind(patch: &Upright, all: &[Upright], sites: &Sites, params: &StructureParams) -> f64 {
+    const SECTION_M: f64 = 0.25;
+    const CLOSE_M: f64 = 0.1;
+    /// Wall behind a section or those beside it.
+    const LEAST_M2: f64 = 0.01;
+    let along = patch.along();
+    let is_wall = |other: &&Upright| {
+        other.area_m2 >= params.min_area_m2
+            && other.high_m >= params.tall_m
+            && other.normal.dot(&patch.normal) > 0.97
+            && !std::ptr::eq(*other, patch)
+    };
+    let place = |i: u32| -> Vector2 { sites.positions_m[i as usize].coords.xy() };
+    let section = |at: &Vector2| (at.dot(&along) / SECTION_M).floor() as i32;
+    let mut behind: FxHashMap<i32, usize> = FxHashMap::default();
+    for at in all.iter().filter(is_wall).flat_map(|other| &other.members).map(|&i| place(i)) {
+        if (CLOSE_M..params.depth_m).contains(&(patch.offset_m - at.dot(&patch.normal))) {
+            *behind.entry(section(&at)).or_default() += 1;
+        }
+    }
+    let own: FxHashSet<i32> = patch.members.iter().map(|&i| section(&place(i))).collect();
+    let has_wall = |own: &&i32| {
+        let near = (-1..=1).map(|step| behind.get(&(**own + step)).copied().unwrap_or(0));
+        sites.area_m2(near.sum()) > LEAST_M2
+    };
+    own.iter().filter(has_wall).count() as f64 / own.len().max(1) as f64
+}
+
+/// Whether a level surface begins at the upper edge of a patch and goes back from it.
+fn has_top(patch: &Upright, sites: &Sites) -> bool {
+    /// Square metres of top for each metre of front: a strip of 10 cm.
+    const DEEP_M: f64 = 0.1;
+    let along = patch.along();
+    let count = (0..sites.len())
+        .filter(|&i| {
+            let at = sites.positions_m[i];
+            if sites.smooth_normals[i].z < 0.7 || (at.z - patch.high_m).abs() > 0.12 {
+                return false;
+            }
+            let behind_m = patch.offset_m - at.coords.xy().dot(&patch.normal);
+            (0.03..0.6).contains(&behind_m)
+                && (patch.from_m..patch.to_m).contains(&at.coords.xy().dot(&along))
+        })
+        .count();
+    sites.area_m2(count) > DEEP_M * (patch.to_m - patch.from_m)
+}
+
+/// Gives a wall what lies on it but leans: beside edges the mean of the normals is not the wall's.
+fn claim(wall: &Upright, sites: &Sites, shapes: &mut [Shape]) {
+    const ON_M: f64 = 0.08;
+    const CELL_M: f64 = 0.15;
+    let along = wall.along();
+    let cell = |i: usize| {
+        let at = sites.positions_m[i];
+        [at.coords.xy().dot(&along), at.z].map(|c| (c / CELL_M).floor() as i32)
+    };
+    let cells: FxHashSet<[i32; 2]> = wall.members.iter().map(|&i| cell(i as usize)).collect();
+    let beside = |[x, y]: [i32; 2]| (-1..=1).any(|dy| (-1..=1).any(|dx| cells.contains(&[x + dx, y + dy])));
+    for (i, shape) in shapes.iter_mut().enumerate() {
+        let at = sites.positions_m[i];
+        if matches!(shape, Shape::Loose | Shape::Upright)
+            && at.z > 0.08
+            && (at.coords.xy().dot(&wall.normal) - wall.offset_m).abs() < ON_M
+            && sites.normals[i].xy().dot(&wall.normal).abs() > 0.3
+            && beside(cell(i))
+        {
+            *shape = Shape::Wall;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_geometry::Point3;
+
+    /// Upright surface that faces +x at a distance, two metres long and tall, seen from one place along it to another.
+    fn upright(sites: &mut Sites, offset_m: f64, seen_m: std::ops::Range<f64>) -> Upright {
+        const STEP_M: f64 = 0.05;
+        let first = sites.positions_m.len() as u32;
+        let cells =
+            |range: &std::ops::Range<f64>| (range.start / STEP_M) as usize..(range.end / STEP_M) as usize;
+        for along in cells(&seen_m) {
+            let at = |up: usize| Point3::new(offset_m, along as f64 * STEP_M, up as f64 * STEP_M);
+            sites.positions_m.extend((0..40).map(at));
+        }
+        sites.voxel_m = STEP_M;
+        let members: Vec<u32> = (first..sites.positions_m.len() as u32).collect();
+        Upright {
+            normal: Vector2::x(),
+            offset_m,
+            area_m2: sites.area_m2(members.len()),
+            members,
+            low_m: 0.0,
+            high_m: 2.0,
+            from_m: seen_m.start,
+            to_m: seen_m.end,
+        }
+    }
+
+    /// A patch of two metres, the wall's distance behind it, how much of that wall was seen, and the share it comes to.
+    fn check(behind_m: f64, seen_m: std::ops::Range<f64>, want: std::ops::RangeInclusive<f64>) {
+        let mut sites = Sites::default();
+        let all = [upright(&mut sites, 0.0, 0.0..2.0), upright(&mut sites, -behind_m, seen_m.clone())];
+        let share = wall_behind(&all[0], &all, &sites, &StructureParams::default());
+        assert!(want.contains(&share), "{behind_m} m behind, {seen_m:?}: {share}");
+    }
+
+    #[test]
+    fn a_wall_behind_counts_by_the_length_that_it_stands_behind() {
+        check(0.5, 0.0..2.0, 1.0..=1.0);
+        // A section beside one with a wall behind it has one, too.
+        check(0.5, 0.0..1.0, 0.5..=0.75);
+        check(0.5, 2.5..4.0, 0.0..=0.0);
+        // The same wall, and one of another room.
+        check(0.05, 0.0..2.0, 0.0..=0.0);
+        check(1.2, 0.0..2.0, 0.0..=0.0);
+    }
+}

@@ -1,0 +1,173 @@
+//! Voting of the key frames on the class of each site (paper eq. 1).
+
+use super::sites::Sites;
+use super::{ClassMap, LabelParams, SegmentError, Segmenter, augment};
+use crate::error::ReconstructError;
+use crate::key_frame::KeyFrame;
+use rayon::prelude::*;
+use viola_formats::clip::{Clip, Frame};
+use viola_geometry::progress::{self, Progress};
+use viola_geometry::taxonomy::CLASSES;
+use viola_geometry::{Point3, Pose3, Vector3};
+
+/// What the pictures say of each site. Memory grows with the surface, not with the frames.
+#[derive(Debug, Clone)]
+pub(super) struct Votes {
+    /// [`CLASSES`] a site: the sum over the pictures that see it of confidence times probability.
+    pub(super) sums: Vec<f32>,
+    /// Pictures that see the site.
+    pub(super) views: Vec<u16>,
+}
+
+/// Sites handled together: they lie side by side, so that most of what a camera does not see is passed over
+/// as a whole.
+const CHUNK: usize = 1024;
+/// Frames decoded at a time.
+const BATCH: usize = 4;
+
+/// Streams the key frames once more, segments each, and sums up what it says of the sites it sees.
+/// `sites` are in the world frame.
+pub(super) fn vote(
+    clip: &Clip,
+    key_frames: &[KeyFrame],
+    sites: &Sites,
+    segmenter: &dyn Segmenter,
+    params: &LabelParams,
+    progress: &dyn Progress,
+) -> Result<Result<Votes, SegmentError>, ReconstructError> {
+    let mut votes = Votes { sums: vec![0.0; sites.len() * CLASSES], views: vec![0; sites.len()] };
+    let balls = balls(sites);
+    let chosen = choose(key_frames, params);
+    let mut frames = clip.stream(chosen.iter().map(|key| key.index).collect());
+    for (done, batch) in chosen.chunks(BATCH).enumerate() {
+        progress::check(progress)?;
+        for (i, (frame, key)) in frames.next_batch(BATCH).into_iter().zip(batch).enumerate() {
+            progress::check(progress)?;
+            progress.advance((done * BATCH + i) as f64 / chosen.len() as f64);
+            let frame = match frame {
+                Ok(frame) => frame,
+                Err(error) if error.is_ours() => return Err(ReconstructError::Clip(error)),
+                // It was decoded before; if it cannot be now, the others will do.
+                Err(_) => continue,
+            };
+            let map = match augment::segment(segmenter, &frame.color, params.augmentations) {
+                Ok(map) => map,
+                Err(error) => return Ok(Err(error)),
+            };
+            votes.add(sites, &balls, &frame, &key.world_from_camera, &map);
+        }
+    }
+    Ok(Ok(votes))
+}
+
+/// The sharpest key frame of each stretch: the network is slow, neighbours say the same, and of a blurred
+/// picture it says worse.
+pub(super) fn choose<'a>(key_frames: &'a [KeyFrame], params: &LabelParams) -> Vec<&'a KeyFrame> {
+    let mut chosen: Vec<&KeyFrame> = Vec::new();
+    let mut begin: Option<&KeyFrame> = None;
+    for key in key_frames {
+        let far = begin.is_none_or(|begin| {
+            let step = begin.world_from_camera.inverse() * key.world_from_camera;
+            step.translation.vector.norm() >= params.key_distance_m
+                || step.rotation.angle() >= params.key_angle_rad
+        });
+        match chosen.last_mut() {
+            Some(sharpest) if !far => {
+                if key.sharpness > sharpest.sharpness {
+                    *sharpest = key;
+                }
+            }
+            _ => {
+                chosen.push(key);
+                begin = Some(key);
+            }
+        }
+    }
+    chosen
+}
+
+/// Centre and radius of each chunk.
+fn balls(sites: &Sites) -> Vec<(Point3, f64)> {
+    let ball = |chunk: &[Point3]| {
+        let sum: Vector3 = chunk.iter().map(|p| p.coords).sum();
+        let centre = Point3::from(sum / chunk.len() as f64);
+        (centre, chunk.iter().map(|p| (p - centre).norm()).fold(0.0, f64::max))
+    };
+    sites.positions_m.chunks(CHUNK).map(ball).collect()
+}
+
+impl Votes {
+    fn add(
+        &mut self,
+        sites: &Sites,
+        balls: &[(Point3, f64)],
+        frame: &Frame,
+        world_from_camera: &Pose3,
+        map: &ClassMap,
+    ) {
+        let look = Look { frame, camera_from_world: world_from_camera.inverse() };
+        let chunks = self.sums.par_chunks_mut(CHUNK * CLASSES).zip(self.views.par_chunks_mut(CHUNK));
+        chunks.enumerate().for_each(|(i, (sums, views))| {
+            let (centre, radius_m) = &balls[i];
+            if !look.may_see(centre, *radius_m) {
+                return;
+            }
+            let mut probabilities = [0f32; CLASSES];
+            for (j, (sums, views)) in sums.chunks_exact_mut(CLASSES).zip(views).enumerate() {
+                let site = i * CHUNK + j;
+                let Some((u, v)) = look.pixel(&sites.positions_m[site], &sites.normals[site]) else {
+                    continue;
+                };
+                let (width, height) = frame.color.dimensions();
+                map.sample(u, v, width as usize, height as usize, &mut probabilities);
+                let confidence = probabilities.iter().copied().fold(0.0, f32::max);
+                for (sum, p) in sums.iter_mut().zip(&probabilities) {
+                    *sum += confidence * p;
+                }
+                *views = views.saturating_add(1);
+            }
+        });
+    }
+}
+
+/// One camera's view of the sites.
+pub(super) struct Look<'a> {
+    pub(super) frame: &'a Frame,
+    pub(super) camera_from_world: Pose3,
+}
+
+impl Look<'_> {
+    /// Whether anything in a ball could be in the picture.
+    fn may_see(&self, centre: &Point3, radius_m: f64) -> bool {
+        let at = self.camera_from_world * centre;
+        let camera = &self.frame.depth_camera;
+        let (wide, high) = (f64::from(camera.width) / camera.fx, f64::from(camera.height) / camera.fy);
+        // Twice the half widths, so that a principal point off the middle does not matter.
+        at.z > -radius_m && {
+            let reach_m = at.z.max(0.0) + radius_m;
+            at.x.abs() - radius_m < reach_m * wide && at.y.abs() - radius_m < reach_m * high
+        }
+    }
+
+    /// Where a site is in the colour picture, if the camera sees it: in both pictures, facing the camera,
+    /// and at the depth that was measured there.
+    pub(super) fn pixel(&self, position_m: &Point3, normal: &Vector3) -> Option<(f32, f32)> {
+        let at = self.camera_from_world * position_m;
+        if at.z < 0.15 || (self.camera_from_world.rotation * normal).dot(&at.coords) > 0.0 {
+            return None;
+        }
+        let inside = |value: f64, size: u32| value >= -0.5 && value < f64::from(size) - 0.5;
+        let camera = &self.frame.depth_camera;
+        let (u, v) = (camera.fx * at.x / at.z + camera.cx, camera.fy * at.y / at.z + camera.cy);
+        if !inside(u, camera.width) || !inside(v, camera.height) {
+            return None;
+        }
+        let depth_m = f64::from(self.frame.depth.at((u + 0.5) as u32, (v + 0.5) as u32));
+        if depth_m <= 0.0 || (depth_m - at.z).abs() > 0.05 + 0.01 * at.z {
+            return None;
+        }
+        let camera = &self.frame.color_camera;
+        let (u, v) = (camera.fx * at.x / at.z + camera.cx, camera.fy * at.y / at.z + camera.cy);
+        (inside(u, camera.width) && inside(v, camera.height)).then_some((u as f32, v as f32))
+    }
+}

@@ -1,0 +1,25 @@
+//! From a clip to a labelled surface with a floor: stages 2 to 5 of the method.
+
+pub mod cloud;
+pub mod error;
+mod estimate;
+mod extract;
+pub mod floor;
+pub mod fuse;
+pub mod key_frame;
+pub mod label;
+mod reason;
+pub mod track;
+pub mod trajectory;
+mod tsdf;
+
+pub use cloud::{CloudPoint, Label, PointCloud};
+pub use error::ReconstructError;
+pub use estimate::{Estimate, estimate};
+pub use floor::{Floor, FloorParams, FloorReport, NoFloor, heading};
+pub use fuse::{FuseParams, Fused};
+pub use key_frame::{KeyFrame, Readings, View};
+pub use label::{LabelParams, LabelReport};
+pub use reason::Reason;
+pub use track::TrackParams;
+pub use tsdf::TsdfParams;

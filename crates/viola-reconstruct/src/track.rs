@@ -1,0 +1,369 @@
+//! Poses for clips whose device gave none, and for those whose device's poses drift (METHOD stage 2; the paper's III-A
+//! reconstructs with RGB-D SLAM).
+//!
+//! [`Tracker`] takes frames in the order of their recording, one at a time:
+//! - `odometry` aligns each to the latest key frame by its grey and its depth together (`step`), and says when it is lost;
+//! - a lost frame is compared with all key frames; where none shows the same place, a new segment begins;
+//! - [`Tracker::finish`] looks for key frames that see the same again (`loops`), checks each by aligning the two, joins
+//!   segments, and moves the key frames to where all of that wants them (`graph`).
+//!
+//! Memory grows with the key frames alone, of which each keeps a picture of a quarter of a million bytes. A clip that
+//! cannot be followed ends in segments, each with the reason why the one before it ended.
+
+mod agreement;
+mod clip;
+mod corners;
+mod device;
+mod graph;
+mod keys;
+mod loops;
+mod lost;
+mod odometry;
+mod picture;
+mod place;
+mod reference;
+mod shutter;
+mod step;
+
+pub use clip::{TrackedClip, refine, track};
+pub use device::DeviceParams;
+pub use loops::LoopParams;
+pub use lost::Lost;
+pub use odometry::OdometryParams;
+pub use place::PlaceParams;
+pub use step::StepParams;
+
+use corners::Describer;
+use graph::Tie;
+use keys::KeyFrame;
+use odometry::Odometry;
+use picture::Pyramid;
+use shutter::Rolling;
+use viola_formats::clip::{Frame, Shutter};
+use viola_geometry::Pose3;
+
+/// How a clip is tracked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrackParams {
+    pub seed: u64,
+    pub odometry: OdometryParams,
+    pub loops: LoopParams,
+    /// Whether loops are looked for.
+    pub close_loops: bool,
+    /// Key frames that a lost frame is compared with at most, those first that look most alike.
+    pub relocalise_tries: usize,
+    /// Segments with fewer frames than this are not kept.
+    pub least_frames: usize,
+    /// How the cameras read their pictures; a clip that knows better has its own.
+    pub shutter: Option<Shutter>,
+    /// How poses of devices that drift are refined by what is seen; not at all where there is none.
+    pub device: Option<DeviceParams>,
+}
+
+impl Default for TrackParams {
+    fn default() -> Self {
+        TrackParams {
+            seed: 0,
+            odometry: OdometryParams::default(),
+            loops: LoopParams::default(),
+            close_loops: true,
+            relocalise_tries: 12,
+            least_frames: 5,
+            shutter: None,
+            device: Some(DeviceParams::default()),
+        }
+    }
+}
+
+/// A part of the clip that was followed without a gap that could not be bridged.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Segment {
+    /// Frames with a pose.
+    pub frames: usize,
+    /// Place in the clip of the first of them.
+    pub first: usize,
+    /// Why it ended before the clip did.
+    pub ended: Option<Lost>,
+}
+
+/// What became of the frames.
+#[derive(Debug, Clone)]
+pub struct Track {
+    /// For each frame the segment and the pose in the segment's world, whose origin is its first camera.
+    pub poses: Vec<Option<(usize, Pose3)>>,
+    /// The standard deviation of each frame's place against its key frame, in the direction that is known worst.
+    pub uncertainty_m: Vec<Option<f64>>,
+    /// In the order of their first frames.
+    pub segments: Vec<Segment>,
+    pub key_frames: usize,
+    /// Loops that were believed, and those that were found and then not believed.
+    pub loops: usize,
+    pub false_loops: usize,
+    /// Memory that the key frames take.
+    pub key_bytes: usize,
+}
+
+impl Track {
+    /// The segment with most frames, the first of those.
+    pub fn longest(&self) -> Option<usize> {
+        (0..self.segments.len()).max_by_key(|i| (self.segments[*i].frames, std::cmp::Reverse(*i)))
+    }
+
+    /// By how much the camera turned from frame to frame: nine of ten turns of a segment were smaller.
+    pub fn wide_turn_rad(&self, segment: usize) -> f64 {
+        let poses: Vec<Pose3> = self.poses_of(segment).into_iter().flatten().collect();
+        let mut turns_rad: Vec<f64> =
+            poses.windows(2).map(|pair| pair[0].rotation.angle_to(&pair[1].rotation)).collect();
+        turns_rad.sort_by(f64::total_cmp);
+        turns_rad.get(turns_rad.len() * 9 / 10).copied().unwrap_or(0.0)
+    }
+
+    /// The poses of one segment.
+    pub fn poses_of(&self, segment: usize) -> Vec<Option<Pose3>> {
+        self.poses.iter().map(|pose| pose.filter(|(of, _)| *of == segment).map(|(_, pose)| pose)).collect()
+    }
+}
+
+/// A frame that was followed: its place against a key frame.
+#[derive(Debug, Clone, Copy)]
+struct Followed {
+    key: usize,
+    camera_from_key: Pose3,
+    uncertainty_m: f64,
+}
+
+/// Follows the camera through frames in the order of their recording.
+pub struct Tracker {
+    params: TrackParams,
+    describer: Describer,
+    odometry: Odometry,
+    keys: Vec<KeyFrame>,
+    ties: Vec<Tie>,
+    frames: Vec<Option<Followed>>,
+    /// Why each segment ended, in the order of their beginning.
+    ended: Vec<Option<Lost>>,
+    is_lost: bool,
+    /// When the last frame was recorded.
+    last_s: Option<f64>,
+    /// How far the device's poses are trusted, where they count, and those poses.
+    device: Option<DeviceParams>,
+    devices: Vec<Option<Pose3>>,
+}
+
+impl Tracker {
+    /// For frames whose poses, if they have any, do not count.
+    pub fn new(params: &TrackParams) -> Tracker {
+        Tracker {
+            odometry: Odometry::new(params.odometry.clone()),
+            params: params.clone(),
+            describer: Describer::new(),
+            keys: Vec::new(),
+            ties: Vec::new(),
+            frames: Vec::new(),
+            ended: Vec::new(),
+            is_lost: true,
+            last_s: None,
+            device: None,
+            devices: Vec::new(),
+        }
+    }
+
+    /// For frames whose poses are known, and are refined.
+    pub fn refining(params: &TrackParams) -> Tracker {
+        Tracker { device: params.device.clone(), ..Tracker::new(params) }
+    }
+
+    /// The next frame.
+    pub fn add(&mut self, frame: &Frame) {
+        let pyramid = Pyramid::new(frame);
+        let rolling = Rolling::new(self.params.shutter, self.last_s, frame.header.time_s);
+        self.last_s = frame.header.time_s;
+        self.devices.push(self.device.as_ref().and(frame.header.world_from_camera));
+        let followed = if self.is_lost { self.begin(pyramid) } else { self.follow(pyramid, rolling) };
+        self.frames.push(followed);
+    }
+
+    fn follow(&mut self, pyramid: Pyramid, rolling: Option<Rolling>) -> Option<Followed> {
+        let key = self.keys.len() - 1;
+        let expected = self.expected(key);
+        let moved = Lost::of(&pyramid)
+            .map_or_else(|| self.odometry.follow(pyramid.clone(), rolling, expected.as_ref()), Err);
+        match moved {
+            Ok(moved) if !self.contradicts(expected.as_ref(), &moved.step.camera_from_key) => {
+                if let Some(first) = &moved.first {
+                    let KeyFrame { frame, segment, world_from_key, .. } = self.keys[key];
+                    self.keys[key] = KeyFrame::new(frame, segment, world_from_key, first, &self.describer);
+                }
+                let followed = Followed {
+                    key,
+                    camera_from_key: moved.step.camera_from_key,
+                    uncertainty_m: moved.step.worst_m(),
+                };
+                if moved.is_key {
+                    self.ties.push(Tie {
+                        a: key,
+                        b: key + 1,
+                        b_from_a: followed.camera_from_key,
+                        information: moved.step.trusted_information(),
+                        is_loop: false,
+                    });
+                    self.ties.extend(expected.and_then(|expected| self.device_tie(key, expected)));
+                    let pose = self.keys[key].world_from_key * followed.camera_from_key.inverse();
+                    self.keep(&moved.pyramid, self.keys[key].segment, pose);
+                }
+                Some(followed)
+            }
+            moved => {
+                if let Some(expected) = expected {
+                    return Some(self.carry(pyramid, expected));
+                }
+                let why = moved.err().unwrap_or(Lost::Jump);
+                if let Some(ended) = self.ended.last_mut() {
+                    *ended = Some(why);
+                }
+                self.is_lost = true;
+                self.begin(pyramid)
+            }
+        }
+    }
+
+    /// Starts from a frame: in a place that is known, or in a new segment.
+    fn begin(&mut self, pyramid: Pyramid) -> Option<Followed> {
+        if Lost::of(&pyramid).is_some() {
+            return None;
+        }
+        let frame = self.frames.len();
+        let world_from_key = self.devices[frame].unwrap_or_else(Pose3::identity);
+        let mut key = KeyFrame::new(frame, self.ended.len(), world_from_key, &pyramid, &self.describer);
+        if let Some((a, step)) = self.relocalise(&key) {
+            key.segment = self.keys[a].segment;
+            key.world_from_key = self.keys[a].world_from_key * step.camera_from_key.inverse();
+            self.ties.push(Tie {
+                a,
+                b: self.keys.len(),
+                b_from_a: step.camera_from_key,
+                information: step.trusted_information(),
+                is_loop: false,
+            });
+            // What ended goes on.
+            self.ended[key.segment] = None;
+            return Some(self.start(key, pyramid));
+        }
+        self.ended.push(None);
+        Some(self.start(key, pyramid))
+    }
+
+    fn start(&mut self, key: KeyFrame, pyramid: Pyramid) -> Followed {
+        self.keys.push(key);
+        self.odometry.begin(pyramid);
+        self.is_lost = false;
+        Followed { key: self.keys.len() - 1, camera_from_key: Pose3::identity(), uncertainty_m: 0.0 }
+    }
+
+    fn keep(&mut self, pyramid: &Pyramid, segment: usize, world_from_key: Pose3) {
+        let frame = self.frames.len();
+        self.keys.push(KeyFrame::new(frame, segment, world_from_key, pyramid, &self.describer));
+    }
+
+    /// The key frame that shows the place of a new one.
+    fn relocalise(&self, key: &KeyFrame) -> Option<(usize, step::Step)> {
+        let mut alike: Vec<(usize, usize)> =
+            self.keys.iter().enumerate().map(|(i, other)| (other.likeness(key.words()), i)).collect();
+        alike.sort_by(|a, b| b.cmp(a));
+        let (step, loops) = (&self.params.odometry.step, &self.params.loops);
+        alike.iter().take(self.params.relocalise_tries).find_map(|&(_, a)| {
+            let seed = self.params.seed ^ ((a as u64) << 32) ^ key.frame as u64;
+            let (place, found) = loops::same_place(&self.keys[a], key, seed, step, loops)?;
+            (place.pairs >= loops.joining_pairs).then_some((a, found))
+        })
+    }
+
+    /// Closes the loops and gives all frames their poses.
+    pub fn finish(mut self) -> Track {
+        let (mut loops, mut false_loops) = (0, 0);
+        if self.params.close_loops {
+            (loops, false_loops) = self.close_loops();
+        }
+        let uncertainty_m = self.frames.iter().map(|frame| frame.map(|frame| frame.uncertainty_m)).collect();
+        let key_bytes = self.keys.iter().map(KeyFrame::bytes).sum();
+        let mut poses: Vec<Option<(usize, Pose3)>> = self
+            .frames
+            .iter()
+            .map(|followed| {
+                followed.map(|Followed { key, camera_from_key, .. }| {
+                    let key = &self.keys[key];
+                    (key.segment, key.world_from_key * camera_from_key.inverse())
+                })
+            })
+            .collect();
+        let segments = segments(&mut poses, &self.ended, self.params.least_frames);
+        Track { poses, uncertainty_m, segments, key_frames: self.keys.len(), loops, false_loops, key_bytes }
+    }
+
+    fn close_loops(&mut self) -> (usize, usize) {
+        let (step, params) = (self.params.odometry.step.clone(), self.params.loops.clone());
+        let by_look = loops::by_look(&self.keys, self.params.seed, &step, &params);
+        self.ties.extend(by_look);
+        self.join_segments();
+        let believed = self.settle();
+        let dropped = believed.iter().filter(|believed| !**believed).count();
+        let mut believed = believed.into_iter();
+        self.ties.retain(|_| believed.next().unwrap_or(true));
+        let by_pose = loops::by_pose(&self.keys, &self.ties, &step, &params);
+        self.ties.extend(by_pose);
+        let believed = self.settle();
+        let ties = self.ties.iter().zip(&believed).filter(|(tie, _)| tie.is_loop);
+        let right = ties.clone().filter(|(_, believed)| **believed).count();
+        (right, dropped + ties.count() - right)
+    }
+
+    /// Brings segments that a loop connects into one world.
+    fn join_segments(&mut self) {
+        for tie in &self.ties {
+            let (a, b) = (self.keys[tie.a].segment, self.keys[tie.b].segment);
+            if a == b {
+                continue;
+            }
+            let (into, from) = (a.min(b), a.max(b));
+            let a_from_b = self.keys[tie.a].world_from_key
+                * tie.b_from_a.inverse()
+                * self.keys[tie.b].world_from_key.inverse();
+            let moved = if into == a { a_from_b } else { a_from_b.inverse() };
+            for key in self.keys.iter_mut().filter(|key| key.segment == from) {
+                key.segment = into;
+                key.world_from_key = moved * key.world_from_key;
+            }
+            self.ended[into] = self.ended[from].take();
+        }
+    }
+
+    fn settle(&mut self) -> Vec<bool> {
+        let mut poses: Vec<Pose3> = self.keys.iter().map(|key| key.world_from_key).collect();
+        let believed = graph::settle(&mut poses, &self.ties);
+        for (key, pose) in self.keys.iter_mut().zip(poses) {
+            key.world_from_key = pose;
+        }
+        believed
+    }
+}
+
+/// Counts the segments' frames, drops what is too short, and numbers the rest in the order of their first frames.
+fn segments(poses: &mut [Option<(usize, Pose3)>], ended: &[Option<Lost>], least: usize) -> Vec<Segment> {
+    let mut counts = vec![0; ended.len()];
+    poses.iter().flatten().for_each(|(segment, _)| counts[*segment] += 1);
+    let mut numbers: Vec<Option<usize>> = vec![None; ended.len()];
+    let mut segments: Vec<Segment> = Vec::new();
+    for (frame, pose) in poses.iter_mut().enumerate() {
+        let Some((segment, world_from_camera)) = *pose else { continue };
+        if counts[segment] < least {
+            *pose = None;
+            continue;
+        }
+        let number = *numbers[segment].get_or_insert_with(|| {
+            segments.push(Segment { frames: counts[segment], first: frame, ended: ended[segment].clone() });
+            segments.len() - 1
+        });
+        *pose = Some((number, world_from_camera));
+    }
+    segments
+}

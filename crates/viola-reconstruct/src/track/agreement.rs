@@ -1,0 +1,118 @@
+//! Whether what the key frames read agrees, by the poses that they have.
+//!
+//! Two key frames that see the same surface read it in the same place, as well as the sensor can. Where that gets worse
+//! with the way that the camera went between the two, the poses drift: what a device loses on its way adds up, while what
+//! each of its poses errs by itself does not. The readings are at hand once a clip is fused, so that asking costs
+//! milliseconds and no picture has to be decoded.
+
+use crate::key_frame::KeyFrame;
+use viola_geometry::Pose3;
+
+/// Key frames that are compared with each other, evenly over the clip.
+const COMPARED: usize = 60;
+/// Pairs whose cameras are further from each other than this see surfaces too differently.
+const MOST_TURN_RAD: f64 = 0.6;
+const MOST_APART_M: f64 = 1.0;
+/// Readings further apart than this are of different surfaces, and so are those further away than the sensor is true.
+const SAME_SURFACE_M: f64 = 0.15;
+const MOST_DEPTH_M: f64 = 4.0;
+/// Of a key frame's readings every so many-th is looked up, and so many at least must fall on the same surface.
+const EVERY: usize = 3;
+const LEAST_SHARE: f64 = 1.0 / 3.0;
+const LEAST_READINGS: usize = 100;
+/// The way between the frames of a pair that tells how true the sensor is, at most, and of one that tells of drift, at least.
+const NEAR_M: f64 = 0.3;
+const FAR_M: f64 = 0.6;
+/// Pairs of either kind that are needed.
+const LEAST_PAIRS: usize = 6;
+
+/// Two key frames that see the same.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Pair {
+    a: usize,
+    b: usize,
+    way_m: f64,
+    /// The median distance between what they read.
+    off_m: f64,
+}
+
+/// The pairs among key frames.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Agreement {
+    pairs: Vec<Pair>,
+}
+
+impl Agreement {
+    /// By the poses that the key frames have.
+    pub fn of(keys: &[KeyFrame]) -> Agreement {
+        let mut way_m = vec![0.0];
+        for pair in keys.windows(2) {
+            let step = pair[0].world_from_camera.inverse() * pair[1].world_from_camera;
+            way_m.push(way_m[way_m.len() - 1] + step.translation.vector.norm());
+        }
+        let stride = keys.len().div_ceil(COMPARED).max(1);
+        let mut pairs = Vec::new();
+        for a in (0..keys.len()).step_by(stride) {
+            for b in (a + 1..keys.len()).filter(|b| *b == a + 1 || (b - a).is_multiple_of(stride)) {
+                let b_from_a = keys[b].world_from_camera.inverse() * keys[a].world_from_camera;
+                let is_near = b_from_a.rotation.angle() < MOST_TURN_RAD
+                    && b_from_a.translation.vector.norm() < MOST_APART_M;
+                let off_m = if is_near { off_m(&keys[a], &keys[b], &b_from_a) } else { None };
+                pairs.extend(off_m.map(|off_m| Pair { a, b, way_m: way_m[b] - way_m[a], off_m }));
+            }
+        }
+        Agreement { pairs }
+    }
+
+    /// By how much readings disagree after one metre of way more than at once, in metres, as a random walk grows. None
+    /// where too little is seen twice.
+    pub fn growth_m(&self) -> Option<f64> {
+        let near: Vec<f64> =
+            self.pairs.iter().filter(|p| p.way_m < NEAR_M).map(|p| p.off_m.powi(2)).collect();
+        let far: Vec<&Pair> = self.pairs.iter().filter(|p| p.way_m > FAR_M).collect();
+        if near.len() < LEAST_PAIRS || far.len() < LEAST_PAIRS {
+            return None;
+        }
+        let at_once = median(near);
+        let growth = median(far.iter().map(|p| (p.off_m.powi(2) - at_once) / p.way_m).collect());
+        Some(growth.max(0.0).sqrt())
+    }
+
+    /// What readings of the same pairs disagree by with other poses, as a share of what they do with their own: the median
+    /// over the pairs. None where other poses bring too few of them together.
+    pub fn share_left(&self, keys: &[KeyFrame], world_from_camera: &[Option<Pose3>]) -> Option<f64> {
+        let pose = |place: usize| world_from_camera.get(keys[place].index).copied().flatten();
+        let shares: Vec<f64> = self
+            .pairs
+            .iter()
+            .filter_map(|pair| {
+                let b_from_a = pose(pair.b)?.inverse() * pose(pair.a)?;
+                Some(off_m(&keys[pair.a], &keys[pair.b], &b_from_a)? / pair.off_m.max(f64::MIN_POSITIVE))
+            })
+            .collect();
+        (2 * shares.len() > self.pairs.len()).then(|| median(shares))
+    }
+}
+
+/// The median distance, along the sight of `b`, between what the two read; none where they see too little in common.
+fn off_m(a: &KeyFrame, b: &KeyFrame, b_from_a: &Pose3) -> Option<f64> {
+    let camera = b.readings.camera();
+    let (mut looked_up, mut off_m) = (0, Vec::new());
+    for point in a.readings.points_in_camera().step_by(EVERY) {
+        looked_up += 1;
+        let point = b_from_a * point;
+        let Some(pixel) = camera.project(&point) else { continue };
+        let Some(depth_m) = b.readings.depth_at(pixel.x, pixel.y) else { continue };
+        let off = (point.z - depth_m).abs();
+        if depth_m < MOST_DEPTH_M && off < SAME_SURFACE_M {
+            off_m.push(off);
+        }
+    }
+    let is_enough = off_m.len() >= LEAST_READINGS && off_m.len() as f64 >= LEAST_SHARE * f64::from(looked_up);
+    is_enough.then(|| median(off_m))
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}

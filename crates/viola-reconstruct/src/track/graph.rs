@@ -1,0 +1,211 @@
+//! The poses of key frames from what is known between them, by Gauss and Newton, each step solved by conjugate gradients.
+//!
+//! Odometry is trusted as far as it says; loops fade out when they disagree with everything else, and those that went
+//! too far are left out for good (Geman and McClure, 1985; Agarwal et al., 2013).
+
+use super::step::exponential;
+use nalgebra::{Matrix6, Vector6};
+use viola_geometry::{Pose3, Vector3};
+
+/// Something known between two key frames.
+#[derive(Debug, Clone)]
+pub(super) struct Tie {
+    pub a: usize,
+    pub b: usize,
+    pub b_from_a: Pose3,
+    /// Of a small motion of `a` in its own frame: translation, then rotation.
+    pub information: Matrix6<f64>,
+    /// Loops may be wrong; steps are not.
+    pub is_loop: bool,
+}
+
+/// Squared errors, in standard deviations, at which loops fade.
+const FADE: f64 = 30.0;
+/// Loops that end with less weight than this are wrong.
+const WRONG: f64 = 0.1;
+const ROUNDS: usize = 12;
+
+/// Moves the poses (`world_from_key`) to where the ties want them; the first of each connected part stays. Gives which
+/// ties were believed.
+pub(super) fn settle(poses: &mut [Pose3], ties: &[Tie]) -> Vec<bool> {
+    let fixed = first_of_parts(poses.len(), ties);
+    let mut weights = vec![1.0; ties.len()];
+    for round in 0..ROUNDS {
+        let errors: Vec<Vector6<f64>> = ties.iter().map(|tie| error(tie, poses)).collect();
+        for ((weight, tie), error) in weights.iter_mut().zip(ties).zip(&errors) {
+            let squared = (error.transpose() * tie.information * error)[0];
+            // Loops fade more and more strictly, so that a wrong one cannot bend what it is judged by.
+            let fade = FADE * f64::powi(2.0, 6 - (round.min(6) as i32));
+            *weight = if tie.is_loop { (1.0 + squared / fade).powi(-2) } else { 1.0 };
+        }
+        let step = solve(poses, ties, &weights, &errors, &fixed);
+        for (pose, step) in poses.iter_mut().zip(&step) {
+            *pose *= exponential(step);
+            pose.rotation.renormalize();
+        }
+        if round > 6 && step.iter().all(|step| step.amax() < 1e-6) {
+            break;
+        }
+    }
+    ties.iter().zip(&weights).map(|(tie, weight)| !tie.is_loop || *weight > WRONG).collect()
+}
+
+fn first_of_parts(count: usize, ties: &[Tie]) -> Vec<bool> {
+    let mut part: Vec<usize> = (0..count).collect();
+    fn root(part: &mut [usize], mut at: usize) -> usize {
+        while part[at] != at {
+            part[at] = part[part[at]];
+            at = part[at];
+        }
+        at
+    }
+    for tie in ties {
+        let (a, b) = (root(&mut part, tie.a), root(&mut part, tie.b));
+        part[a.max(b)] = a.min(b);
+    }
+    (0..count).map(|at| root(&mut part, at) == at).collect()
+}
+
+/// How far `a` is from where the tie and `b` have it, in its own frame.
+fn error(tie: &Tie, poses: &[Pose3]) -> Vector6<f64> {
+    let off = tie.b_from_a.inverse() * poses[tie.b].inverse() * poses[tie.a];
+    let (shift, turn) = (off.translation.vector, off.rotation.scaled_axis());
+    Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
+}
+
+/// How a small motion of `b` in its own frame looks in that of `a`.
+fn carried(a_from_b: &Pose3) -> Matrix6<f64> {
+    let turn = a_from_b.rotation.to_rotation_matrix().into_inner();
+    let mut matrix = Matrix6::zeros();
+    matrix.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn);
+    matrix.fixed_view_mut::<3, 3>(3, 3).copy_from(&turn);
+    let lever: Vector3 = a_from_b.translation.vector;
+    matrix.fixed_view_mut::<3, 3>(0, 3).copy_from(&(lever.cross_matrix() * turn));
+    matrix
+}
+
+/// The next step of all poses.
+fn solve(
+    poses: &[Pose3],
+    ties: &[Tie],
+    weights: &[f64],
+    errors: &[Vector6<f64>],
+    fixed: &[bool],
+) -> Vec<Vector6<f64>> {
+    let count = poses.len();
+    let slopes: Vec<Matrix6<f64>> =
+        ties.iter().map(|tie| -carried(&(poses[tie.a].inverse() * poses[tie.b]))).collect();
+    let mut right = vec![Vector6::zeros(); count];
+    let mut diagonal = vec![Matrix6::identity() * 1e-6; count];
+    for (((tie, weight), error), slope) in ties.iter().zip(weights).zip(errors).zip(&slopes) {
+        let information = tie.information * *weight;
+        right[tie.a] -= information * error;
+        right[tie.b] -= slope.transpose() * information * error;
+        diagonal[tie.a] += information;
+        diagonal[tie.b] += slope.transpose() * information * slope;
+    }
+    let inverse: Vec<Matrix6<f64>> =
+        diagonal.iter().map(|block| block.try_inverse().unwrap_or_else(Matrix6::identity)).collect();
+    let hold = |values: &mut Vec<Vector6<f64>>| {
+        values.iter_mut().zip(fixed).filter(|(_, fixed)| **fixed).for_each(|(value, _)| value.fill(0.0));
+    };
+    hold(&mut right);
+    let times = |of: &[Vector6<f64>]| {
+        let mut out: Vec<Vector6<f64>> = of.iter().map(|value| value * 1e-6).collect();
+        for ((tie, weight), slope) in ties.iter().zip(weights).zip(&slopes) {
+            let pulled = tie.information * (of[tie.a] + slope * of[tie.b]) * *weight;
+            out[tie.a] += pulled;
+            out[tie.b] += slope.transpose() * pulled;
+        }
+        hold(&mut out);
+        out
+    };
+    let eased = |of: &[Vector6<f64>]| of.iter().zip(&inverse).map(|(v, m)| m * v).collect::<Vec<_>>();
+    let dot = |a: &[Vector6<f64>], b: &[Vector6<f64>]| a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>();
+    let mut answer = vec![Vector6::zeros(); count];
+    let mut left = right;
+    let mut toward = eased(&left);
+    let mut size = dot(&left, &toward);
+    let enough = size * 1e-16;
+    for _ in 0..20 * count.max(10) {
+        if size <= enough || size == 0.0 {
+            break;
+        }
+        let pulled = times(&toward);
+        let along = size / dot(&toward, &pulled);
+        if !along.is_finite() {
+            break;
+        }
+        for i in 0..count {
+            answer[i] += toward[i] * along;
+            left[i] -= pulled[i] * along;
+        }
+        let ahead = eased(&left);
+        let next = dot(&left, &ahead);
+        for i in 0..count {
+            toward[i] = ahead[i] + toward[i] * (next / size);
+        }
+        size = next;
+    }
+    answer
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sure(a: usize, b: usize, b_from_a: Pose3, is_loop: bool) -> Tie {
+        Tie { a, b, b_from_a, information: Matrix6::identity() * 1e4, is_loop }
+    }
+
+    /// A walk around a square whose odometry turns a little too much at each step, and the loops at its end.
+    fn square() -> (Vec<Pose3>, Vec<Pose3>, Vec<Tie>) {
+        let turn = |i: usize| if i % 5 == 4 { std::f64::consts::FRAC_PI_2 } else { 0.0 };
+        let step = |i: usize, extra: f64| {
+            Pose3::new(Vector3::new(0.5, 0.0, 0.0), Vector3::new(0.0, 0.0, turn(i) + extra))
+        };
+        let walk = |extra: f64| {
+            (0..19).fold(vec![Pose3::identity()], |mut poses, i| {
+                poses.push(poses[i] * step(i, extra));
+                poses
+            })
+        };
+        let ties = (0..19).map(|i| sure(i, i + 1, step(i, 0.004).inverse(), false)).collect();
+        (walk(0.0), walk(0.004), ties)
+    }
+
+    fn worst_m(poses: &[Pose3], truth: &[Pose3]) -> f64 {
+        let off = |(a, b): (&Pose3, &Pose3)| (a.translation.vector - b.translation.vector).norm();
+        poses.iter().zip(truth).map(off).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn loops_take_drift_away() {
+        let (truth, mut poses, mut ties) = square();
+        let before_m = worst_m(&poses, &truth);
+        ties.extend(
+            [(0, 19), (1, 18), (0, 18)].map(|(a, b)| sure(a, b, truth[b].inverse() * truth[a], true)),
+        );
+        let believed = settle(&mut poses, &ties);
+        assert!(believed.iter().all(|believed| *believed));
+        assert!(worst_m(&poses, &truth) < 0.4 * before_m, "{} {before_m}", worst_m(&poses, &truth));
+        assert_eq!(poses[0], Pose3::identity());
+    }
+
+    /// Loops that are planted between places that only look alike are left out, and bend nothing.
+    #[test]
+    fn false_loops_are_rejected() {
+        let (truth, mut right, mut ties) = square();
+        ties.extend(
+            [(0, 19), (1, 18), (0, 18)].map(|(a, b)| sure(a, b, truth[b].inverse() * truth[a], true)),
+        );
+        let mut poses = right.clone();
+        settle(&mut right, &ties);
+        let planted = [(2, 12), (7, 17), (4, 14)];
+        ties.extend(planted.map(|(a, b)| sure(a, b, Pose3::translation(0.1, 0.05, 0.0), true)));
+        let believed = settle(&mut poses, &ties);
+        assert_eq!(believed.iter().filter(|believed| !**believed).count(), planted.len());
+        assert!(believed[..22].iter().all(|believed| *believed));
+        assert!(worst_m(&poses, &right) < 0.01, "{}", worst_m(&poses, &right));
+    }
+}

@@ -1,0 +1,209 @@
+//! Frame after frame against the latest key frame.
+
+use super::lost::Lost;
+use super::picture::Pyramid;
+use super::reference::Reference;
+use super::shutter::Rolling;
+use super::step::{Step, StepParams, align};
+use viola_geometry::Pose3;
+
+/// When a frame becomes a key frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OdometryParams {
+    pub step: StepParams,
+    /// Less of the key frame's points than this are in sight.
+    pub key_overlap: f64,
+    /// It fits less well than this: the next key frame comes before steps are in doubt.
+    pub key_score: f64,
+    /// The camera moved by this share of what it looks at ...
+    pub key_motion: f64,
+    /// ... or turned by this much.
+    pub key_turn_rad: f64,
+    /// A step that fits less well than this is compared with others from other starts ...
+    pub doubt_score: f64,
+    /// ... and one that fits even less, or sees less of the key frame, is no step.
+    pub lost_score: f64,
+    pub lost_overlap: f64,
+    /// A place with a larger standard deviation than this in some direction is not known ...
+    pub unsure_m: f64,
+    /// ... and so many frames in a row without one are the end.
+    pub most_unsure: usize,
+}
+
+impl Default for OdometryParams {
+    fn default() -> Self {
+        OdometryParams {
+            step: StepParams::default(),
+            key_overlap: 0.75,
+            key_score: 0.6,
+            key_motion: 0.12,
+            key_turn_rad: 10f64.to_radians(),
+            doubt_score: 0.55,
+            lost_score: 0.4,
+            lost_overlap: 0.3,
+            unsure_m: 0.02,
+            most_unsure: 12,
+        }
+    }
+}
+
+/// The latest key frame and how the camera moves.
+pub(super) struct Odometry {
+    params: OdometryParams,
+    key: Option<Key>,
+}
+
+struct Key {
+    reference: Reference,
+    /// The first key frame as it was recorded, until its motion is known.
+    raw: Option<Pyramid>,
+    /// The frame before, and where it was.
+    last: Pyramid,
+    camera_from_key: Pose3,
+    /// From the frame before to the last one.
+    motion: Pose3,
+    exposure: (f64, f64),
+    /// Frames in a row whose place is not known.
+    unsure: usize,
+}
+
+/// What became of a frame.
+#[derive(Debug, Clone)]
+pub(super) struct Moved {
+    /// The frame as all of it was seen at once.
+    pub pyramid: Pyramid,
+    /// The same of the first key frame, once its motion is known.
+    pub first: Option<Pyramid>,
+    /// From the last key frame.
+    pub step: Step,
+    /// Whether the frame is the next key frame.
+    pub is_key: bool,
+}
+
+impl Odometry {
+    pub fn new(params: OdometryParams) -> Odometry {
+        Odometry { params, key: None }
+    }
+
+    /// Starts anew with a key frame.
+    pub fn begin(&mut self, pyramid: Pyramid) {
+        self.key = Some(Key {
+            reference: Reference::new(&pyramid),
+            raw: Some(pyramid.clone()),
+            last: pyramid,
+            camera_from_key: Pose3::identity(),
+            motion: Pose3::identity(),
+            exposure: (1.0, 0.0),
+            unsure: 0,
+        });
+    }
+
+    /// The next frame's step from the key frame; `expected` where more is known of it than how the camera moved before.
+    pub fn follow(
+        &mut self,
+        raw: Pyramid,
+        rolling: Option<Rolling>,
+        expected: Option<&Pose3>,
+    ) -> Result<Moved, Lost> {
+        let params = &self.params;
+        let Some(key) = self.key.as_mut() else { return Err(Lost::Jump) };
+        let rectified = |motion: &Pose3| rolling.and_then(|rolling| rolling.rectified(&raw, motion));
+        let guess = rectified(&key.motion);
+        let mut step = key.step(guess.as_ref().unwrap_or(&raw), expected, params).ok_or(Lost::Jump)?;
+        let first = key.raw.take().and_then(|first| rolling?.rectified(&first, &step.camera_from_key));
+        if let Some(first) = &first {
+            key.reference = Reference::new(first);
+            key.last = first.clone();
+            key.motion = step.camera_from_key;
+            let guess = rectified(&key.motion);
+            step = key.step(guess.as_ref().unwrap_or(&raw), expected, params).ok_or(Lost::Jump)?;
+        }
+        if step.overlap < params.lost_overlap || step.score() < params.lost_score {
+            return Err(Lost::Jump);
+        }
+        let worst_m = step.worst_m();
+        key.unsure = if worst_m > params.unsure_m { key.unsure + 1 } else { 0 };
+        if key.unsure > params.most_unsure {
+            return Err(Lost::Unconstrained);
+        }
+        key.motion = step.camera_from_key * key.camera_from_key.inverse();
+        key.motion.rotation.renormalize();
+        let pyramid = rectified(&key.motion).unwrap_or(raw);
+        let moved = step.camera_from_key.translation.vector.norm();
+        let is_key = step.overlap < params.key_overlap
+            || step.score() < params.key_score
+            || moved > params.key_motion * f64::from(key.reference.median_depth_m)
+            || step.camera_from_key.rotation.angle() > params.key_turn_rad;
+        if is_key {
+            key.reference = Reference::new(&pyramid);
+            key.camera_from_key = Pose3::identity();
+            key.exposure = (1.0, 0.0);
+        } else {
+            key.camera_from_key = step.camera_from_key;
+            key.exposure = (step.gain, step.offset);
+        }
+        key.last = pyramid.clone();
+        Ok(Moved { pyramid, first, step, is_key })
+    }
+}
+
+impl Key {
+    /// The best step: from where the camera would be if it went on as before, and where that is in doubt, from where
+    /// it was, from the frame before, and from directions all around.
+    fn step(&self, pyramid: &Pyramid, expected: Option<&Pose3>, params: &OdometryParams) -> Option<Step> {
+        let still = self.camera_from_key;
+        let going_on = expected.copied().unwrap_or(self.motion * still);
+        let try_from = |start: &Pose3| align(&self.reference, pyramid, start, self.exposure, 0, &params.step);
+        let mut best = try_from(&going_on);
+        if best.as_ref().is_some_and(|step| step.score() >= params.doubt_score) {
+            return best;
+        }
+        let better = |step: Step, best: &mut Option<Step>| {
+            if best.as_ref().is_none_or(|best| step.score() > best.score()) {
+                *best = Some(step);
+            }
+        };
+        if let Some(step) = try_from(&still) {
+            better(step, &mut best);
+        }
+        if best.as_ref().is_some_and(|step| step.score() >= params.doubt_score) {
+            return best;
+        }
+        let last = Reference::new(&self.last);
+        let starts = [Pose3::identity(), self.motion];
+        let mut wide: Vec<Step> = starts
+            .iter()
+            .chain(&around())
+            .filter_map(|start| align(&last, pyramid, start, (1.0, 0.0), COARSE, &params.step))
+            .collect();
+        wide.sort_by(|a, b| b.score().total_cmp(&a.score()));
+        for coarse in wide.iter().take(2) {
+            let exposure = (coarse.gain, coarse.offset);
+            if let Some(mut step) = align(&last, pyramid, &coarse.camera_from_key, exposure, 0, &params.step)
+            {
+                step.camera_from_key *= still;
+                better(step, &mut best);
+            }
+        }
+        best
+    }
+}
+
+/// Layers that a wide search looks at.
+const COARSE: usize = 2;
+
+/// Turns all around the last direction, by up to half a picture.
+fn around() -> Vec<Pose3> {
+    let turn = |yaw_deg: f64, pitch_deg: f64| {
+        let axis = viola_geometry::Vector3::new(pitch_deg.to_radians(), yaw_deg.to_radians(), 0.0);
+        Pose3::new(viola_geometry::Vector3::zeros(), axis)
+    };
+    let mut turns = Vec::new();
+    for pitch_deg in [0.0, -10.0, 10.0] {
+        for yaw_deg in [-24.0, -16.0, -8.0, 8.0, 16.0, 24.0] {
+            turns.push(turn(yaw_deg, pitch_deg));
+        }
+    }
+    turns.extend([turn(0.0, -10.0), turn(0.0, 10.0)]);
+    turns
+}

@@ -1,0 +1,139 @@
+//! Whether two key frames show the same place: their corners are matched, three pairs at a time propose a motion, and
+//! the motion that most pairs agree with counts (Fischler and Bolles, 1981).
+
+use super::corners::{Corner, distance};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use viola_geometry::{Point3, Pose3, Vector3};
+
+/// When a place counts as the same.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlaceParams {
+    /// Bits of 256 in which the descriptors of a pair may differ.
+    pub most_bits: u32,
+    /// The second best must differ by this many times as much.
+    pub next_best: f64,
+    pub tries: usize,
+    /// Pairs agree with a motion up to this, and this share of their depth.
+    pub near_m: f64,
+    pub near_share: f64,
+    /// Pairs that must agree.
+    pub least_pairs: usize,
+    pub least_share: f64,
+}
+
+impl Default for PlaceParams {
+    fn default() -> Self {
+        PlaceParams {
+            most_bits: 60,
+            next_best: 1.2,
+            tries: 300,
+            near_m: 0.02,
+            near_share: 0.02,
+            least_pairs: 14,
+            least_share: 0.3,
+        }
+    }
+}
+
+/// A motion that pairs of corners agree with.
+#[derive(Debug, Clone)]
+pub(super) struct Place {
+    pub b_from_a: Pose3,
+    pub pairs: usize,
+}
+
+/// The motion between two frames by their corners; none when they do not show the same.
+pub(super) fn recognise(a: &[Corner], b: &[Corner], seed: u64, params: &PlaceParams) -> Option<Place> {
+    let pairs = matches(a, b, params);
+    if pairs.len() < params.least_pairs {
+        return None;
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut best: Option<(usize, Pose3)> = None;
+    for _ in 0..params.tries {
+        let three: [usize; 3] = std::array::from_fn(|_| rng.random_range(0..pairs.len()));
+        if three[0] == three[1] || three[1] == three[2] || three[0] == three[2] {
+            continue;
+        }
+        let chosen = three.map(|i| pairs[i]);
+        if !is_spread(&chosen) {
+            continue;
+        }
+        let Some(motion) = motion(&chosen) else { continue };
+        let count = agreeing(&pairs, &motion, params).count();
+        if best.as_ref().is_none_or(|(most, _)| count > *most) {
+            best = Some((count, motion));
+        }
+    }
+    let (_, mut b_from_a) = best?;
+    for _ in 0..3 {
+        let near: Vec<(Point3, Point3)> = agreeing(&pairs, &b_from_a, params).copied().collect();
+        b_from_a = motion(&near)?;
+    }
+    let count = agreeing(&pairs, &b_from_a, params).count();
+    let is_enough = count >= params.least_pairs && count as f64 >= params.least_share * pairs.len() as f64;
+    is_enough.then_some(Place { b_from_a, pairs: count })
+}
+
+fn agreeing<'a>(
+    pairs: &'a [(Point3, Point3)],
+    b_from_a: &Pose3,
+    params: &PlaceParams,
+) -> impl Iterator<Item = &'a (Point3, Point3)> {
+    let b_from_a = *b_from_a;
+    let (near_m, near_share) = (params.near_m, params.near_share);
+    pairs.iter().filter(move |(a, b)| (b_from_a * a - b).norm() < near_m + near_share * b.z)
+}
+
+/// Corners that are each other's most alike.
+fn matches(a: &[Corner], b: &[Corner], params: &PlaceParams) -> Vec<(Point3, Point3)> {
+    let nearest = |corner: &Corner, among: &[Corner]| {
+        let (mut best, mut second) = ((u32::MAX, 0), u32::MAX);
+        for (i, other) in among.iter().enumerate() {
+            let bits = distance(&corner.bits, &other.bits);
+            if bits < best.0 {
+                second = best.0;
+                best = (bits, i);
+            } else if bits < second {
+                second = bits;
+            }
+        }
+        let is_alone = f64::from(second) >= params.next_best * f64::from(best.0);
+        (best.0 <= params.most_bits && is_alone).then_some(best.1)
+    };
+    let back: Vec<Option<usize>> = b.iter().map(|corner| nearest(corner, a)).collect();
+    let pair = |(i, corner): (usize, &Corner)| {
+        let j = nearest(corner, b)?;
+        (back[j] == Some(i)).then_some((corner.point_m, b[j].point_m))
+    };
+    a.iter().enumerate().filter_map(pair).collect()
+}
+
+/// Whether three points tell a rotation.
+fn is_spread(three: &[(Point3, Point3); 3]) -> bool {
+    let [a, b, c] = three.map(|(a, _)| a);
+    (b - a).cross(&(c - a)).norm() > 0.02
+}
+
+/// The rigid motion with the least squared distances (Arun, Huang and Blostein, 1987).
+fn motion(pairs: &[(Point3, Point3)]) -> Option<Pose3> {
+    if pairs.len() < 3 {
+        return None;
+    }
+    let mean = |pick: fn(&(Point3, Point3)) -> Point3| {
+        pairs.iter().fold(Vector3::zeros(), |sum, pair| sum + pick(pair).coords) / pairs.len() as f64
+    };
+    let (from, to) = (mean(|pair| pair.0), mean(|pair| pair.1));
+    let mut spread = Matrix3::zeros();
+    for (a, b) in pairs {
+        spread += (b.coords - to) * (a.coords - from).transpose();
+    }
+    let svd = spread.svd(true, true);
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    let mut mirror = Matrix3::identity();
+    mirror[(2, 2)] = (u * v_t).determinant().signum();
+    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * mirror * v_t));
+    Some(Pose3::from_parts((to - turn * from).into(), turn))
+}

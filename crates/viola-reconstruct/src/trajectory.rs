@@ -1,0 +1,142 @@
+//! Outliers among the poses that a device gave: poses that no hand-held camera can have moved between.
+
+use super::Reason;
+use std::ops::Range;
+use viola_formats::clip::{Clip, FrameHeader};
+use viola_geometry::Pose3;
+
+/// Nobody moves or turns a camera faster in a home.
+const MAX_SPEED_MPS: f64 = 10.0;
+const MAX_TURN_RADPS: f64 = 10.0;
+/// A device corrects its own poses by up to this from one frame to the next.
+const CORRECTION_M: f64 = 1.0;
+const CORRECTION_RAD: f64 = 0.6;
+/// The longest step from frame to frame if times are unknown: the range of a depth sensor, beyond which two frames share no
+/// surface.
+const MAX_STEP_M: f64 = 5.0;
+/// No camera records faster; closer times are wrong.
+const MIN_STEP_S: f64 = 1e-3;
+/// Groups that are compared with a frame, so that the time is linear in the number of frames.
+const OPEN_GROUPS: usize = 32;
+
+/// The poses of a clip without its outliers.
+#[derive(Debug, Clone)]
+pub struct Trajectory {
+    /// For every frame of the clip; none where it has no pose, is not wanted, or its pose is an outlier.
+    pub world_from_camera: Vec<Option<Pose3>>,
+    /// What the answer should tell of it.
+    pub reason: Reason,
+}
+
+impl Trajectory {
+    /// The frames that have a pose.
+    pub fn posed<'a>(&'a self, clip: &'a Clip) -> impl Iterator<Item = (&'a FrameHeader, &'a Pose3)> {
+        let frames = clip.frames().iter().zip(&self.world_from_camera);
+        frames.filter_map(|(frame, pose)| Some((frame, pose.as_ref()?)))
+    }
+}
+
+/// Drops the outliers among the poses of the frames in `range` (all when none); none when there are no outliers.
+pub fn without_outliers(clip: &Clip, range: Option<&Range<u32>>) -> Option<Trajectory> {
+    let wanted = |header: &FrameHeader| range.is_none_or(|range| range.contains(&header.number));
+    let frames = clip.frames();
+    let posed: Vec<Posed> = frames
+        .iter()
+        .enumerate()
+        .filter(|(_, header)| wanted(header))
+        .filter_map(|(index, header)| {
+            Some(Posed { index, time_s: header.time_s, pose: header.world_from_camera? })
+        })
+        .collect();
+    let kept = largest_group(&posed);
+    let dropped: Vec<&Posed> =
+        posed.iter().zip(&kept).filter(|(_, kept)| !**kept).map(|(posed, _)| posed).collect();
+    let first = frames[dropped.first()?.index].number;
+    let detail = format!(
+        "{} of {} camera poses, the first of them of frame {first}, were dropped: no camera moves that fast from the frames \
+         around them; the clip is aligned by the rest",
+        dropped.len(),
+        posed.len()
+    );
+    let mut world_from_camera = vec![None; frames.len()];
+    for (posed, _) in posed.iter().zip(&kept).filter(|(_, kept)| **kept) {
+        world_from_camera[posed.index] = Some(posed.pose);
+    }
+    Some(Trajectory { world_from_camera, reason: Reason::new("poses_dropped", detail) })
+}
+
+/// A frame that has a pose.
+struct Posed {
+    /// Its place in the clip.
+    index: usize,
+    time_s: Option<f64>,
+    pose: Pose3,
+}
+
+impl Posed {
+    /// Whether a camera can have moved here from an earlier frame.
+    fn can_follow(&self, earlier: &Posed) -> bool {
+        let moved_m = (self.pose.translation.vector - earlier.pose.translation.vector).norm();
+        let elapsed_s = self.time_s.zip(earlier.time_s).map(|(now, then)| now - then);
+        match elapsed_s.filter(|s| *s >= MIN_STEP_S) {
+            Some(s) => {
+                moved_m <= CORRECTION_M + MAX_SPEED_MPS * s
+                    && self.pose.rotation.angle_to(&earlier.pose.rotation)
+                        <= CORRECTION_RAD + MAX_TURN_RADPS * s
+            }
+            None => moved_m <= MAX_STEP_M * (self.index - earlier.index) as f64,
+        }
+    }
+}
+
+/// Frames that can follow each other one by one.
+#[derive(Clone, Copy)]
+struct Group {
+    number: usize,
+    /// The place of the last one.
+    last: usize,
+    frames: usize,
+}
+
+/// Which frames are in the largest group, the earliest of equals.
+///
+/// A frame joins the group of the frame before it, or else the largest group that it can follow: what comes back after a few
+/// wild poses goes on where it was, and a second segment elsewhere stays apart.
+fn largest_group(posed: &[Posed]) -> Vec<bool> {
+    let mut group_of = Vec::with_capacity(posed.len());
+    let mut frames_of: Vec<usize> = Vec::new();
+    // The group of the frame before is the last one.
+    let mut open: Vec<Group> = Vec::new();
+    for (place, frame) in posed.iter().enumerate() {
+        let follows = |group: &Group| frame.can_follow(&posed[group.last]);
+        let at = match open.last() {
+            Some(group) if follows(group) => Some(open.len() - 1),
+            _ => {
+                let possible = open.iter().enumerate().filter(|(_, group)| follows(group));
+                possible.max_by_key(|(_, g)| (g.frames, std::cmp::Reverse(g.number))).map(|(at, _)| at)
+            }
+        };
+        let mut group = match at {
+            Some(at) => open.remove(at),
+            None => {
+                frames_of.push(0);
+                Group { number: frames_of.len() - 1, last: place, frames: 0 }
+            }
+        };
+        group.last = place;
+        group.frames += 1;
+        frames_of[group.number] = group.frames;
+        group_of.push(group.number);
+        open.push(group);
+        if open.len() > OPEN_GROUPS {
+            let earlier = open[..OPEN_GROUPS].iter().enumerate();
+            let smallest = earlier.min_by_key(|(_, g)| (g.frames, g.last)).map(|(at, _)| at);
+            open.remove(smallest.unwrap_or(0));
+        }
+    }
+    let largest = (0..frames_of.len()).max_by_key(|number| (frames_of[*number], std::cmp::Reverse(*number)));
+    group_of.into_iter().map(|number| Some(number) == largest).collect()
+}
+
+#[cfg(test)]
+mod tests;

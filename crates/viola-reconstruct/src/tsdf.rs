@@ -1,0 +1,245 @@
+//! A truncated signed distance map on sparse voxel blocks (paper III-A; Curless and Levoy, 1996).
+
+use super::cloud::PointCloud;
+use super::extract;
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+use viola_formats::clip::Frame;
+use viola_geometry::{Point3, Pose3};
+
+/// Voxels along the side of a block.
+pub(super) const SIDE: usize = 4;
+pub(super) const VOXELS: usize = SIDE * SIDE * SIDE;
+
+/// How depth is fused.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TsdfParams {
+    pub voxel_m: f64,
+    /// Distances are cut off at this: several times the depth noise, less than the thickness of a wall.
+    pub truncation_m: f64,
+    /// Readings outside this range are ignored: too noisy, or the housing of the device.
+    pub min_depth_m: f32,
+    pub max_depth_m: f32,
+    /// A bound on memory: 4 KiB a block. Further surface is left out.
+    pub max_blocks: usize,
+}
+
+impl Default for TsdfParams {
+    fn default() -> Self {
+        TsdfParams {
+            voxel_m: 0.03,
+            truncation_m: 0.10,
+            min_depth_m: 0.15,
+            max_depth_m: 5.0,
+            max_blocks: 100_000,
+        }
+    }
+}
+
+/// One cell: eight bytes, because there are millions.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Voxel {
+    /// Distance to the surface in units of truncation / 32767, positive on the seen side.
+    distance: i16,
+    /// Sum of the readings' weights, saturating; 0 is never seen.
+    weight: u16,
+    color: [u8; 3],
+    /// Readings in `color`, saturating.
+    color_count: u8,
+}
+
+impl Voxel {
+    /// Distance in truncations, or NaN where nothing was seen.
+    pub(super) fn distance(&self) -> f32 {
+        if self.weight == 0 { f32::NAN } else { f32::from(self.distance) / 32767.0 }
+    }
+
+    pub(super) fn color(&self) -> [u8; 3] {
+        self.color
+    }
+
+    /// The sum of its readings' weights.
+    pub(super) fn weight(&self) -> u16 {
+        self.weight
+    }
+
+    fn add_distance(&mut self, distance: f32, weight: u16) {
+        let (old, new) = (f32::from(self.weight), f32::from(weight));
+        let mean = (f32::from(self.distance) * old + distance * 32767.0 * new) / (old + new);
+        self.distance = mean.round().clamp(-32767.0, 32767.0) as i16;
+        // A bounded memory lets the map follow a changed scene and keeps the sum from overflowing.
+        self.weight = self.weight.saturating_add(weight).min(16_384);
+    }
+
+    fn add_color(&mut self, color: [u8; 3]) {
+        let count = u32::from(self.color_count);
+        for (mean, value) in self.color.iter_mut().zip(color) {
+            let sum = u32::from(*mean) * count + u32::from(value);
+            let half = count.div_ceil(2);
+            *mean = ((sum + half) / (count + 1)) as u8;
+        }
+        self.color_count = (self.color_count + 1).min(32);
+    }
+}
+
+/// Four voxels a side, z slowest.
+pub(super) struct Block {
+    pub(super) key: [i32; 3],
+    /// The last frame that touched the block.
+    stamp: u32,
+    pub(super) voxels: Box<[Voxel; VOXELS]>,
+}
+
+/// The map. Voxel `(0, 0, 0)` of block `(0, 0, 0)` has its centre half a voxel from the world's origin.
+pub struct Tsdf {
+    params: TsdfParams,
+    pub(super) blocks: Vec<Block>,
+    pub(super) index: FxHashMap<[i32; 3], u32>,
+    frames: u32,
+    full: bool,
+}
+
+impl Tsdf {
+    pub fn new(params: TsdfParams) -> Tsdf {
+        Tsdf { params, blocks: Vec::new(), index: FxHashMap::default(), frames: 0, full: false }
+    }
+
+    /// Whether surface was left out because of `max_blocks`.
+    pub fn is_full(&self) -> bool {
+        self.full
+    }
+
+    /// Fuses one frame. Frames must come in the same order for the same result; threads do not matter.
+    pub fn integrate(&mut self, frame: &Frame, world_from_camera: &Pose3) {
+        self.frames += 1;
+        self.allocate(frame, world_from_camera);
+        let update = Update::new(&self.params, frame, world_from_camera);
+        let stamp = self.frames;
+        self.blocks.par_iter_mut().with_min_len(64).for_each(|block| {
+            if block.stamp == stamp {
+                update.block(block);
+            }
+        });
+    }
+
+    /// The surface as points in the world frame.
+    pub fn surface(&self) -> PointCloud {
+        PointCloud {
+            points: extract::surface_points(self, self.params.voxel_m),
+            voxel_m: self.params.voxel_m,
+        }
+    }
+
+    /// Makes and stamps the blocks around every reading.
+    fn allocate(&mut self, frame: &Frame, world_from_camera: &Pose3) {
+        const STRIDE: usize = 3;
+        let block_m = self.params.voxel_m * SIDE as f64;
+        let reach_m = self.params.truncation_m;
+        let origin = world_from_camera.translation.vector;
+        let mut last = None;
+        for y in (0..frame.depth.height).step_by(STRIDE) {
+            for x in (0..frame.depth.width).step_by(STRIDE) {
+                let depth_m = frame.depth.at(x, y);
+                if !(self.params.min_depth_m..=self.params.max_depth_m).contains(&depth_m) {
+                    continue;
+                }
+                let ray = world_from_camera.rotation * frame.depth_camera.ray(f64::from(x), f64::from(y));
+                let depth_m = f64::from(depth_m);
+                // Three samples reach every block that the truncation band crosses, but for corners that a
+                // neighbouring pixel's ray finds.
+                for along in [-reach_m, 0.0, reach_m] {
+                    let point = origin + ray * (depth_m + along / ray.norm());
+                    let key = [0, 1, 2].map(|axis| (point[axis] / block_m).floor() as i32);
+                    if last != Some(key) {
+                        last = Some(key);
+                        self.touch(key);
+                    }
+                }
+            }
+        }
+    }
+
+    fn touch(&mut self, key: [i32; 3]) {
+        let next = self.blocks.len();
+        if let Some(&at) = self.index.get(&key) {
+            self.blocks[at as usize].stamp = self.frames;
+        } else if next < self.params.max_blocks {
+            self.index.insert(key, next as u32);
+            self.blocks.push(Block { key, stamp: self.frames, voxels: Box::new([Voxel::default(); VOXELS]) });
+        } else {
+            self.full = true;
+        }
+    }
+}
+
+/// What one frame does to any block.
+struct Update<'a> {
+    params: &'a TsdfParams,
+    frame: &'a Frame,
+    camera_from_world: Pose3,
+    /// Camera-frame steps of one voxel along the world's axes.
+    steps: [nalgebra::Vector3<f32>; 3],
+}
+
+impl<'a> Update<'a> {
+    fn new(params: &'a TsdfParams, frame: &'a Frame, world_from_camera: &Pose3) -> Update<'a> {
+        let camera_from_world = world_from_camera.inverse();
+        let steps = [nalgebra::Vector3::x(), nalgebra::Vector3::y(), nalgebra::Vector3::z()]
+            .map(|axis| (camera_from_world.rotation * (axis * params.voxel_m)).cast::<f32>());
+        Update { params, frame, camera_from_world, steps }
+    }
+
+    fn block(&self, block: &mut Block) {
+        let voxel_m = self.params.voxel_m;
+        let first = Point3::from(nalgebra::Vector3::from_fn(|axis, _| {
+            (f64::from(block.key[axis]) * SIDE as f64 + 0.5) * voxel_m
+        }));
+        let first = (self.camera_from_world * first).coords.cast::<f32>();
+        for z in 0..SIDE {
+            for y in 0..SIDE {
+                let mut point = first + self.steps[2] * z as f32 + self.steps[1] * y as f32;
+                let row = (z * SIDE + y) * SIDE;
+                for voxel in &mut block.voxels[row..row + SIDE] {
+                    self.voxel(voxel, &point);
+                    point += self.steps[0];
+                }
+            }
+        }
+    }
+
+    fn voxel(&self, voxel: &mut Voxel, point: &nalgebra::Vector3<f32>) {
+        let camera = &self.frame.depth_camera;
+        if point.z < self.params.min_depth_m {
+            return;
+        }
+        let inverse_z = 1.0 / point.z;
+        let u = camera.fx as f32 * point.x * inverse_z + camera.cx as f32 + 0.5;
+        let v = camera.fy as f32 * point.y * inverse_z + camera.cy as f32 + 0.5;
+        if u < 0.0 || v < 0.0 || u >= camera.width as f32 || v >= camera.height as f32 {
+            return;
+        }
+        let depth_m = self.frame.depth.at(u as u32, v as u32);
+        if !(self.params.min_depth_m..=self.params.max_depth_m).contains(&depth_m) {
+            return;
+        }
+        let distance = (depth_m - point.z) / self.params.truncation_m as f32;
+        if distance < -1.0 {
+            return;
+        }
+        // Depth noise of these sensors grows with the square of the range.
+        let weight = (256.0 / (depth_m * depth_m)).clamp(8.0, 512.0) as u16;
+        voxel.add_distance(distance.min(1.0), weight);
+        if distance.abs() < 0.5 {
+            self.color(voxel, point, inverse_z);
+        }
+    }
+
+    fn color(&self, voxel: &mut Voxel, point: &nalgebra::Vector3<f32>, inverse_z: f32) {
+        let camera = &self.frame.color_camera;
+        let u = camera.fx as f32 * point.x * inverse_z + camera.cx as f32 + 0.5;
+        let v = camera.fy as f32 * point.y * inverse_z + camera.cy as f32 + 0.5;
+        if u >= 0.0 && v >= 0.0 && u < camera.width as f32 && v < camera.height as f32 {
+            voxel.add_color(self.frame.color.get_pixel(u as u32, v as u32).0);
+        }
+    }
+}

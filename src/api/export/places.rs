@@ -1,0 +1,71 @@
+//! How many exports run at once.
+
+use crate::api::error::Error;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Exports of a process at once. Each reads one blob at a time and holds about a megabyte.
+const MOST: usize = 64;
+/// The share of one tenant, so that others find a place.
+const MOST_OF_TENANT: usize = 16;
+
+/// The places of all exports of this process, by tenant.
+#[derive(Clone, Default)]
+pub(in crate::api) struct Places(Arc<Mutex<HashMap<String, usize>>>);
+
+/// The place of an export, until it is dropped.
+pub(super) struct Place {
+    places: Places,
+    tenant: String,
+}
+
+impl Places {
+    /// Takes a place, or refuses at once: exports that wait would hold a connection each.
+    pub(super) fn take(&self, tenant: &str) -> Result<Place, Error> {
+        let mut taken = self.taken();
+        let all: usize = taken.values().sum();
+        let own = taken.get(tenant).copied().unwrap_or_default();
+        if all >= MOST || own >= MOST_OF_TENANT {
+            return Err(Error::TooManyExports { most: MOST, most_of_tenant: MOST_OF_TENANT });
+        }
+        taken.insert(tenant.to_owned(), own + 1);
+        Ok(Place { places: self.clone(), tenant: tenant.to_owned() })
+    }
+
+    fn taken(&self) -> MutexGuard<'_, HashMap<String, usize>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let mut taken = self.places.taken();
+        match taken.get_mut(&self.tenant) {
+            Some(own) if *own > 1 => *own -= 1,
+            _ => {
+                taken.remove(&self.tenant);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tenant_takes_its_share_and_leaves_the_rest() {
+        let places = Places::default();
+        let mut held: Vec<Place> = (0..MOST_OF_TENANT).map(|_| places.take("acme").unwrap()).collect();
+        assert!(places.take("acme").is_err());
+        let of_others = (MOST - MOST_OF_TENANT) / MOST_OF_TENANT;
+        for tenant in 0..of_others {
+            held.extend((0..MOST_OF_TENANT).map(|_| places.take(&format!("tenant-{tenant}")).unwrap()));
+        }
+        assert!(places.take("late").is_err(), "all {MOST} places are taken");
+        held.pop();
+        held.push(places.take("late").unwrap());
+        held.clear();
+        assert!(places.taken().is_empty(), "nothing is kept of tenants without exports");
+    }
+}

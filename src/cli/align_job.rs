@@ -1,0 +1,60 @@
+//! `viola align-job`: the child that aligns the clip of one job for another process; see `jobs`.
+
+use super::method::MethodArguments;
+use super::video_tools::video_tools;
+use crate::jobs::{ChildOrder, ChildParams, JobParams, serve_child};
+use anyhow::{Context, Result};
+use clap::Args;
+use std::env;
+use std::ffi::OsString;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// What begins so may hold a secret of the service, which the child has no use for.
+const SECRET: [&str; 4] = ["VIOLA_", "OTEL_", "AWS_", "PG"];
+
+#[derive(Args)]
+pub struct AlignJobArguments {
+    /// The arguments of the method, as JSON; its defaults when not given.
+    #[arg(long, value_name = "JSON")]
+    method: Option<String>,
+    /// The clip's file.
+    #[arg(long, value_name = "FILE")]
+    clip: PathBuf,
+    /// The LiDAR map's file.
+    #[arg(long, value_name = "FILE")]
+    lidar: PathBuf,
+    /// Folder for the answer.
+    #[arg(long, value_name = "DIR")]
+    into: PathBuf,
+}
+
+pub fn run(arguments: &AlignJobArguments) -> Result<()> {
+    let AlignJobArguments { method, clip, lidar, into } = arguments;
+    let order = ChildOrder { clip: clip.clone(), lidar: lidar.clone(), into: into.clone() };
+    let params = || {
+        let Some(method) = method else {
+            return Ok(JobParams { video: video_tools(), ..JobParams::default() });
+        };
+        let method: MethodArguments = serde_json::from_str(method).map_err(|error| error.to_string())?;
+        method.params().map_err(|error| format!("{error:#}"))
+    };
+    serve_child(&order, params, io::stdout()).context("nobody listens")
+}
+
+/// How this program is started as the child that aligns by the same arguments.
+pub(super) fn child_params(method: &MethodArguments) -> Result<ChildParams> {
+    let method = serde_json::to_string(method).context("a path is not UTF-8")?;
+    let is_secret = |name: &OsString| SECRET.iter().any(|secret| name.to_string_lossy().starts_with(secret));
+    Ok(ChildParams {
+        program: own_program().context("the path of this program is not known")?,
+        arguments: ["align-job", "--method", &method].map(OsString::from).into(),
+        environment: env::vars_os().filter(|(name, _)| !is_secret(name)).collect(),
+    })
+}
+
+/// The program that runs, also when its file was replaced since by that of another version.
+fn own_program() -> io::Result<PathBuf> {
+    let running = Path::new("/proc/self/exe");
+    if running.exists() { Ok(running.to_owned()) } else { env::current_exe() }
+}

@@ -1,0 +1,164 @@
+//! A process of its own for the method, so that a clip that kills its process kills nothing else, and is known by it.
+
+mod leash;
+mod protocol;
+mod serve;
+
+pub use serve::{ChildOrder, serve_child};
+
+use super::report::Report;
+use super::run::{Inputs, Working};
+use super::trouble::{Ended, Trouble};
+use futures::FutureExt;
+use leash::Leash;
+use protocol::Message;
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus, Stdio};
+use std::sync::Arc;
+use tempfile::TempDir;
+use tokio::sync::oneshot;
+use viola_formats::video::was_asked_to_stop;
+use viola_geometry::progress::Progress;
+
+/// A longer message ends the child.
+const MAX_MESSAGE_BYTES: u64 = 1 << 20;
+/// As much of the child's standard error goes to the log.
+const MAX_SAID_BYTES: u64 = 2000;
+/// The status of a Rust program that panicked.
+const PANICKED: i32 = 101;
+
+/// How a process is started in which the method runs alone.
+#[derive(Debug, Clone)]
+pub struct ChildParams {
+    /// A program that calls [`serve_child`].
+    pub program: PathBuf,
+    /// Its arguments before those of [`ChildOrder`].
+    pub arguments: Vec<OsString>,
+    /// Its whole environment.
+    pub environment: Vec<(OsString, OsString)>,
+}
+
+/// Runs the method in a process of its own, which is killed when `report` is cancelled. Its files lie in `folder`.
+///
+/// The process ends with the thread that started it, so that this one is not taken from a pool.
+pub(super) fn run_in_child(
+    params: &ChildParams,
+    inputs: Inputs,
+    folder: TempDir,
+    report: Arc<Report>,
+) -> Working {
+    let leash = Arc::new(Leash::default());
+    let (tell, told) = oneshot::channel();
+    let tend = {
+        let (params, report, leash) = (params.clone(), report.clone(), leash.clone());
+        move || {
+            let ended = tend(&params, &inputs, folder.path(), &report, &leash);
+            drop(folder);
+            // The worker may have gone.
+            let _ = tell.send(ended);
+        }
+    };
+    let started = std::thread::Builder::new().name("job-child".to_owned()).spawn(tend);
+    let ended = async move {
+        started.map_err(Trouble::system)?;
+        let leash = KilledOnDrop(leash);
+        let mut told = told;
+        tokio::select! {
+            ended = &mut told => ended.unwrap_or_else(|_| Err(Trouble::internal("the child's thread panicked"))),
+            () = report.stop_asked() => {
+                leash.0.kill();
+                // Its folder is removed by then.
+                let _ = told.await;
+                Err(Trouble::Cancelled)
+            }
+        }
+    };
+    ended.boxed()
+}
+
+struct KilledOnDrop(Arc<Leash>);
+
+impl Drop for KilledOnDrop {
+    fn drop(&mut self) {
+        self.0.kill();
+    }
+}
+
+/// Starts the process and listens to it until it has ended.
+fn tend(params: &ChildParams, inputs: &Inputs, folder: &Path, report: &Report, leash: &Leash) -> Ended {
+    let order = ChildOrder {
+        clip: inputs.clip.to_path_buf(),
+        lidar: folder.join("lidar-map"),
+        into: folder.to_owned(),
+    };
+    fs::write(&order.lidar, &inputs.lidar).map_err(Trouble::system)?;
+    let said = folder.join("stderr");
+    let mut command = Command::new(&params.program);
+    command.args(&params.arguments).args(order.arguments());
+    command.env_clear().envs(params.environment.iter().cloned());
+    command.stdin(Stdio::null()).stdout(Stdio::piped());
+    command.stderr(File::create(&said).map_err(Trouble::system)?);
+    let Some(stdout) = leash.start(&mut command).map_err(Trouble::system)? else {
+        return Err(Trouble::Cancelled);
+    };
+    let last = listen(stdout, report);
+    let (status, is_killed) = leash.end().map_err(Trouble::system)?;
+    match last {
+        Some(Message::Finished) => protocol::read_result(folder),
+        Some(Message::Failed(trouble)) => Err(trouble),
+        Some(_) => Err(Trouble::internal("the child said what is no message")),
+        None if is_killed => Err(Trouble::Cancelled),
+        None => Err(without_a_word(status, &last_words(&said))),
+    }
+}
+
+/// Passes on the progress; returns the last message, none where the process ended without one.
+fn listen(stdout: impl Read, report: &Report) -> Option<Message> {
+    let mut stdout = BufReader::new(stdout);
+    loop {
+        let mut line = Vec::new();
+        let read = stdout.by_ref().take(MAX_MESSAGE_BYTES).read_until(b'\n', &mut line);
+        // A process may die in the middle of a message.
+        if read.is_err() || (line.last() != Some(&b'\n') && (line.len() as u64) < MAX_MESSAGE_BYTES) {
+            return None;
+        }
+        match serde_json::from_slice(&line) {
+            Ok(Message::Enter(stage)) => report.enter(stage),
+            Ok(Message::Advance(fraction)) => report.advance(fraction),
+            Ok(last) => return Some(last),
+            Err(_) => return Some(Message::Nonsense),
+        }
+    }
+}
+
+/// What the end of a process tells that gave no last message.
+fn without_a_word(status: ExitStatus, said: &str) -> Trouble {
+    let cause = format!("the child ended with {status}: {said}");
+    if was_asked_to_stop(status) {
+        return Trouble::system(cause);
+    }
+    match status.code() {
+        // By a signal: it aborted, or was killed as it took too much memory.
+        None => Trouble::died(cause),
+        Some(PANICKED) => Trouble::internal(cause),
+        // It did not come to begin.
+        Some(_) => Trouble::system(cause),
+    }
+}
+
+/// The end of what a process wrote to its standard error; empty where it cannot be read.
+fn last_words(file: &Path) -> String {
+    let read = || -> io::Result<Vec<u8>> {
+        let mut file = File::open(file)?;
+        let bytes = file.metadata()?.len();
+        file.seek(SeekFrom::Start(bytes.saturating_sub(MAX_SAID_BYTES)))?;
+        let mut tail = Vec::new();
+        file.take(MAX_SAID_BYTES).read_to_end(&mut tail)?;
+        Ok(tail)
+    };
+    let tail = read().unwrap_or_default();
+    String::from_utf8_lossy(&tail).trim().replace(char::is_control, " ")
+}

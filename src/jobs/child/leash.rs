@@ -1,0 +1,77 @@
+//! A running process that one thread waits for and another may kill.
+
+use std::io;
+use std::process::{Child, ChildStdout, Command, ExitStatus};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+#[derive(Default)]
+pub(super) struct Leash(Mutex<State>);
+
+#[derive(Default)]
+struct State {
+    child: Option<Child>,
+    is_killed: bool,
+}
+
+impl Leash {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Starts the process; none where it has been killed already. It ends with this thread.
+    pub fn start(&self, command: &mut Command) -> io::Result<Option<ChildStdout>> {
+        confine(command);
+        let mut state = self.lock();
+        if state.is_killed {
+            return Ok(None);
+        }
+        let mut child = command.spawn()?;
+        let stdout = child.stdout.take();
+        state.child = Some(child);
+        Ok(stdout)
+    }
+
+    pub fn kill(&self) {
+        let mut state = self.lock();
+        state.is_killed = true;
+        if let Some(child) = &mut state.child {
+            // It may have ended by itself.
+            let _ = child.kill();
+        }
+    }
+
+    /// Ends a process that has closed its standard output; returns its status, and whether [`Leash::kill`] came before.
+    pub fn end(&self) -> io::Result<(ExitStatus, bool)> {
+        let mut state = self.lock();
+        let is_killed = state.is_killed;
+        let child = state.child.as_mut().ok_or_else(|| io::Error::other("there is no process"))?;
+        // A process that ends closes its files after its status is set: this changes only one that lives on.
+        let _ = child.kill();
+        Ok((child.wait()?, is_killed))
+    }
+}
+
+/// Has the system kill the process when the thread that starts it ends, as it does when its own process dies, and write
+/// no core.
+#[cfg(target_os = "linux")]
+fn confine(command: &mut Command) {
+    use rustix::io::Errno;
+    use rustix::process::{
+        Resource, Rlimit, Signal, getpid, getppid, set_parent_process_death_signal, setrlimit,
+    };
+    use std::os::unix::process::CommandExt;
+    let parent = getpid();
+    // SAFETY: between fork and exec only system calls are made; nothing is allocated and no lock is taken.
+    unsafe {
+        command.pre_exec(move || {
+            setrlimit(Resource::Core, Rlimit { current: Some(0), maximum: Some(0) })?;
+            set_parent_process_death_signal(Some(Signal::KILL))?;
+            // The parent may have died before that.
+            if getppid() == Some(parent) { Ok(()) } else { Err(Errno::SRCH.into()) }
+        });
+    }
+}
+
+/// Elsewhere the process notices by its next message that nobody listens.
+#[cfg(not(target_os = "linux"))]
+fn confine(_: &mut Command) {}

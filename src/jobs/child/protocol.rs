@@ -1,0 +1,52 @@
+//! What a child says: one message in JSON a line. The answer and its files lie in the job's folder.
+
+use super::Ended;
+use crate::jobs::align_clip::Finished;
+use crate::jobs::trouble::Trouble;
+use crate::storage::result_file;
+use serde::{Deserialize, Serialize};
+use std::fs;
+use std::io;
+use std::path::Path;
+use viola_geometry::progress::Stage;
+
+const ALIGNMENT: &str = "alignment.json";
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Message {
+    /// A stage begins.
+    Enter(Stage),
+    /// This fraction of the stage is done.
+    Advance(f64),
+    /// The answer is in the folder. The last message.
+    Finished,
+    /// There is no answer. The last message.
+    Failed(Trouble),
+    /// A line that is no message.
+    #[serde(skip)]
+    Nonsense,
+}
+
+/// Writes an answer into the job's folder.
+pub(super) fn write_result(folder: &Path, finished: &Finished) -> io::Result<()> {
+    for (name, bytes) in &finished.files {
+        fs::write(folder.join(name), bytes)?;
+    }
+    fs::write(folder.join(ALIGNMENT), serde_json::to_vec(&finished.alignment)?)
+}
+
+/// Reads the answer of a child that has finished.
+pub(super) fn read_result(folder: &Path) -> Ended {
+    let alignment = fs::read(folder.join(ALIGNMENT)).map_err(Trouble::system)?;
+    let alignment = serde_json::from_slice(&alignment).map_err(Trouble::internal)?;
+    let mut files = Vec::new();
+    for name in result_file::ALL {
+        match fs::read(folder.join(name)) {
+            Ok(bytes) => files.push((name, bytes)),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            Err(error) => return Err(Trouble::system(error)),
+        }
+    }
+    Ok(Finished { alignment, files })
+}

@@ -1,0 +1,123 @@
+//! The child's side.
+
+use super::Ended;
+use super::protocol::{Message, write_result};
+use crate::jobs::align_clip::{JobParams, align_clip};
+use crate::jobs::trouble::Trouble;
+use std::any::Any;
+use std::ffi::OsString;
+use std::io::{self, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+use viola_geometry::progress::{Progress, Stage};
+
+/// Progress within a stage is told in steps of this.
+const STEP: f64 = 0.01;
+
+/// What a child works on.
+#[derive(Debug)]
+pub struct ChildOrder {
+    pub clip: PathBuf,
+    pub lidar: PathBuf,
+    /// The folder for the answer.
+    pub into: PathBuf,
+}
+
+impl ChildOrder {
+    /// The arguments by which a child is given the order.
+    pub(super) fn arguments(&self) -> [OsString; 6] {
+        let named = |name: &str, path: &PathBuf| [name.into(), path.clone().into_os_string()];
+        let [clip, lidar, into] =
+            [named("--clip", &self.clip), named("--lidar", &self.lidar), named("--into", &self.into)];
+        let ([a, b], [c, d], [e, f]) = (clip, lidar, into);
+        [a, b, c, d, e, f]
+    }
+}
+
+/// Does the work of a child: runs the method, writes its answer into the order's folder, and reports to `out`. Fails
+/// where nobody listens.
+pub fn serve_child(
+    order: &ChildOrder,
+    params: impl FnOnce() -> Result<JobParams, String>,
+    out: impl Write + Send,
+) -> io::Result<()> {
+    let told = Told { out: Mutex::new(Out { out, last: 0.0 }), is_cut: AtomicBool::new(false) };
+    let ended = catch_unwind(AssertUnwindSafe(|| run(order, params, &told)));
+    let ended = ended.unwrap_or_else(|panic| Err(Trouble::internal(text_of(panic.as_ref()))));
+    let written = ended.and_then(|finished| write_result(&order.into, &finished).map_err(Trouble::system));
+    told.say(&match written {
+        Ok(()) => Message::Finished,
+        Err(trouble) => Message::Failed(trouble),
+    })
+}
+
+fn run<W: Write + Send>(
+    order: &ChildOrder,
+    params: impl FnOnce() -> Result<JobParams, String>,
+    told: &Told<W>,
+) -> Ended {
+    let params = params().map_err(Trouble::system)?;
+    let lidar = std::fs::read(&order.lidar).map_err(Trouble::system)?;
+    Ok(align_clip(&order.clip, &lidar, &params, told)?)
+}
+
+fn text_of(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<&str>().copied();
+    text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("the method panicked")
+}
+
+/// A [`Progress`] that writes messages. It is cancelled when nobody reads them.
+struct Told<W> {
+    out: Mutex<Out<W>>,
+    is_cut: AtomicBool,
+}
+
+struct Out<W> {
+    out: W,
+    /// The fraction told last.
+    last: f64,
+}
+
+impl<W: Write> Out<W> {
+    fn say(&mut self, message: &Message) -> io::Result<()> {
+        let mut line = serde_json::to_vec(message)?;
+        line.push(b'\n');
+        self.out.write_all(&line)?;
+        self.out.flush()
+    }
+}
+
+impl<W: Write + Send> Told<W> {
+    fn say(&self, message: &Message) -> io::Result<()> {
+        self.out.lock().unwrap_or_else(PoisonError::into_inner).say(message)
+    }
+}
+
+impl<W: Write + Send> Progress for Told<W> {
+    fn enter(&self, stage: Stage) {
+        let mut out = self.out.lock().unwrap_or_else(PoisonError::into_inner);
+        out.last = 0.0;
+        if out.say(&Message::Enter(stage)).is_err() {
+            self.is_cut.store(true, Ordering::Relaxed);
+        }
+    }
+
+    fn advance(&self, fraction: f64) {
+        let mut out = self.out.lock().unwrap_or_else(PoisonError::into_inner);
+        let fraction = fraction.clamp(0.0, 1.0);
+        let is_news = fraction >= out.last + STEP;
+        if !is_news {
+            return;
+        }
+        out.last = fraction;
+        if out.say(&Message::Advance(fraction)).is_err() {
+            self.is_cut.store(true, Ordering::Relaxed);
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        self.is_cut.load(Ordering::Relaxed)
+    }
+}

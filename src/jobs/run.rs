@@ -1,0 +1,40 @@
+//! Running the method: in this process, or in one of its own.
+
+use super::align_clip::JobParams;
+use super::report::Report;
+use super::trouble::{Ended, Trouble};
+use super::worker::Method;
+use crate::storage::LocalFile;
+use bytes::Bytes;
+use futures::FutureExt;
+use futures::future::BoxFuture;
+use std::sync::Arc;
+
+/// The method at work. [`Report::cancel`] asks it to stop.
+pub(super) type Working = BoxFuture<'static, Ended>;
+
+/// What the method reads.
+pub(super) struct Inputs {
+    pub clip: LocalFile,
+    pub lidar: Bytes,
+}
+
+/// Runs the method in this process.
+pub(super) fn run_here(
+    method: Method,
+    params: Arc<JobParams>,
+    inputs: Inputs,
+    report: Arc<Report>,
+) -> Working {
+    let work = move || method(&inputs.clip, &inputs.lidar, &params, report.as_ref());
+    let work = tokio::task::spawn_blocking(work);
+    let ended = async move {
+        match work.await {
+            Ok(ended) => ended.map_err(Trouble::from),
+            // The process ends.
+            Err(error) if error.is_cancelled() => Err(Trouble::Cancelled),
+            Err(panic) => Err(Trouble::internal(panic)),
+        }
+    };
+    ended.boxed()
+}

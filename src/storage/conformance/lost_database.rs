@@ -1,0 +1,204 @@
+//! Blobs beside a database that does not know them: lost, empty, or another place's.
+
+use super::s3_server::S3Server;
+use super::*;
+use crate::storage::test_postgres::Schema;
+use tempfile::TempDir;
+use uuid::Uuid;
+
+/// A place for blobs, and a database that can be changed for an empty one.
+struct Bench {
+    folder: TempDir,
+    server: Option<S3Server>,
+    schemas: Vec<Schema>,
+}
+
+impl Bench {
+    fn params(&self) -> StorageParams {
+        let postgres = self.schemas.last();
+        StorageParams {
+            data: self.folder.path().to_owned(),
+            postgres: postgres.map(|schema| PostgresParams { url: schema.url(), connections: 4 }),
+            s3: self.server.as_ref().map(S3Server::params),
+        }
+    }
+
+    async fn open(&self) -> Result<Storage, StorageError> {
+        Storage::open(&self.params()).await
+    }
+
+    async fn with(&self, work: impl AsyncFnOnce(&Storage)) {
+        let storage = self.open().await.unwrap();
+        work(&storage).await;
+        storage.close().await;
+    }
+
+    /// Files of the database, without those of blobs.
+    fn database_files(&self) -> Vec<std::path::PathBuf> {
+        let names = ["viola.sqlite", "viola.sqlite-wal", "viola.sqlite-shm"];
+        let files = names.map(|name| self.folder.path().join(name));
+        files.into_iter().filter(|file| file.exists()).collect()
+    }
+
+    /// Takes the database away; it comes back with [`Bench::restore`].
+    async fn lose(&mut self) {
+        for file in self.database_files() {
+            let kept =
+                file.with_extension(file.extension().unwrap().to_string_lossy().replace("sqlite", "kept"));
+            std::fs::rename(file, kept).unwrap();
+        }
+        if !self.schemas.is_empty() {
+            self.schemas.push(Schema::new().await.unwrap());
+        }
+    }
+
+    async fn restore(&mut self) {
+        for file in self.database_files() {
+            std::fs::remove_file(file).unwrap();
+        }
+        for extension in ["", "-wal", "-shm"] {
+            let file = |kind| self.folder.path().join(format!("viola.{kind}{extension}"));
+            if file("kept").exists() {
+                std::fs::rename(file("kept"), file("sqlite")).unwrap();
+            }
+        }
+        if self.schemas.len() > 1 {
+            self.schemas.pop().unwrap().remove().await;
+        }
+    }
+
+    async fn remove(self) {
+        for schema in self.schemas {
+            schema.remove().await;
+        }
+    }
+
+    /// A file that no row names.
+    async fn orphan(&self, storage: &Storage, key: &str) {
+        storage.blobs.put(key, b"orphan".to_vec()).await.unwrap();
+    }
+}
+
+macro_rules! on_every_pair {
+    ($($case:ident),* $(,)?) => {
+        $(mod $case {
+            use super::*;
+
+            async fn run(on_postgres: bool, on_s3: bool) {
+                let mut schemas = Vec::new();
+                if on_postgres {
+                    let Some(schema) = Schema::new().await else { return };
+                    schemas.push(schema);
+                }
+                let server = on_s3.then(S3Server::start);
+                let folder = tempfile::tempdir().unwrap();
+                super::$case(Bench { folder, server, schemas }).await;
+            }
+
+            #[tokio::test]
+            async fn sqlite_and_local_files() {
+                run(false, false).await;
+            }
+
+            #[tokio::test]
+            async fn sqlite_and_s3() {
+                run(false, true).await;
+            }
+
+            #[tokio::test]
+            async fn postgres_and_local_files() {
+                run(true, false).await;
+            }
+
+            #[tokio::test]
+            async fn postgres_and_s3() {
+                run(true, true).await;
+            }
+        })*
+    };
+}
+on_every_pair!(a_lost_database_is_refused, a_sweep_removes_a_small_part, a_place_that_lived_is_no_lost_one);
+
+async fn a_lost_database_is_refused(mut bench: Bench) {
+    let mut kept = Vec::new();
+    let mut clip = None;
+    bench
+        .with(async |storage| {
+            clip = Some(one_job(storage).await);
+            kept = storage.blobs_that_exist().await;
+        })
+        .await;
+    bench.lose().await;
+    for _ in 0..2 {
+        let refused = bench.open().await.err();
+        assert!(matches!(refused, Some(StorageError::LostDatabase { blobs: 3 })), "{refused:?}");
+    }
+    let administered = Storage::administer(&bench.params()).await.unwrap();
+    let refused = administered.sweep(Timestamp::MAX, SweepLimit::Leftovers).await;
+    assert!(
+        matches!(refused, Err(StorageError::TooMuchToSweep { sent: 2, made: 0, named: 0 })),
+        "{refused:?}"
+    );
+    assert_eq!(administered.blobs_that_exist().await, kept);
+    administered.close().await;
+    drop(administered);
+
+    bench.restore().await;
+    let (id, clip) = clip.unwrap();
+    bench
+        .with(async |storage| {
+            assert_eq!(storage.clip(&id, clip.id).await.unwrap(), clip);
+            assert_eq!(storage.blobs_that_exist().await, kept);
+        })
+        .await;
+    // Somebody who wants to begin anew says so.
+    bench.lose().await;
+    let administered = Storage::administer(&bench.params()).await.unwrap();
+    assert_eq!(administered.sweep(Timestamp::MAX, SweepLimit::Everything).await.unwrap(), 3);
+    administered.close().await;
+    drop(administered);
+    bench.with(async |storage| assert!(storage.blobs_that_exist().await.is_empty())).await;
+    bench.remove().await;
+}
+
+async fn a_sweep_removes_a_small_part(bench: Bench) {
+    let recording = || format!("clips/{}/file", Uuid::now_v7());
+    bench
+        .with(async |storage| {
+            one_job(storage).await;
+            for _ in 0..16 {
+                bench.orphan(storage, &recording()).await;
+            }
+            assert_eq!(storage.blobs_that_exist().await.len(), 19);
+            assert_eq!(storage.sweep(Timestamp::MAX, SweepLimit::Leftovers).await.unwrap(), 16);
+            assert_eq!(storage.blobs_that_exist().await.len(), 3);
+            for _ in 0..17 {
+                bench.orphan(storage, &recording()).await;
+            }
+        })
+        .await;
+    // As an old copy of the database: a start goes on and removes nothing.
+    bench
+        .with(async |storage| {
+            let refused = storage.sweep(Timestamp::MAX, SweepLimit::Leftovers).await;
+            assert!(matches!(refused, Err(StorageError::TooMuchToSweep { sent: 17, .. })), "{refused:?}");
+            assert_eq!(storage.blobs_that_exist().await.len(), 20);
+            assert_eq!(storage.sweep(Timestamp::MAX, SweepLimit::Everything).await.unwrap(), 17);
+            assert_eq!(storage.blobs_that_exist().await.len(), 3);
+        })
+        .await;
+    bench.remove().await;
+}
+
+/// Deleted things, and the first upload that was cut off, are no reason to refuse.
+async fn a_place_that_lived_is_no_lost_one(bench: Bench) {
+    bench
+        .with(async |storage| {
+            storage.put_home(&home("h"), None, at(0)).await.unwrap();
+            bench.orphan(storage, &format!("clips/{}/file", Uuid::now_v7())).await;
+        })
+        .await;
+    bench.with(async |storage| storage.delete_home(&home("h"), at(1)).await.unwrap()).await;
+    bench.with(async |_| {}).await;
+    bench.remove().await;
+}

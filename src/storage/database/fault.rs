@@ -1,0 +1,106 @@
+//! Classes of database errors.
+
+use sqlx::error::DatabaseError;
+use sqlx::sqlite::SqliteError;
+
+/// What an error of the database says about a retry.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DatabaseFault {
+    /// The disk is full.
+    Full,
+    /// The operating system failed: I/O, memory, file descriptors.
+    System,
+    /// The connection was lost, a lock was not granted, or the transaction had to give way to another one.
+    Passing,
+    /// A retry fails too.
+    Lasting,
+}
+
+impl DatabaseFault {
+    pub fn of(error: &sqlx::Error) -> DatabaseFault {
+        use sqlx::Error as E;
+        match error {
+            E::Database(error) => DatabaseFault::of_answer(error.as_ref()),
+            E::Io(_) | E::Tls(_) | E::Protocol(_) | E::PoolClosed | E::PoolTimedOut | E::WorkerCrashed => {
+                DatabaseFault::Passing
+            }
+            _ => DatabaseFault::Lasting,
+        }
+    }
+
+    fn of_answer(error: &dyn DatabaseError) -> DatabaseFault {
+        let code = error.code().unwrap_or_default();
+        match error.try_downcast_ref::<SqliteError>() {
+            Some(_) => DatabaseFault::of_sqlite(code.parse().unwrap_or_default()),
+            None => DatabaseFault::of_postgres(&code),
+        }
+    }
+
+    /// By the result code of SQLite, whose low byte is the primary code.
+    fn of_sqlite(code: i32) -> DatabaseFault {
+        match code & 0xff {
+            // SQLITE_FULL
+            13 => DatabaseFault::Full,
+            // SQLITE_NOMEM, SQLITE_IOERR, SQLITE_CANTOPEN
+            7 | 10 | 14 => DatabaseFault::System,
+            // SQLITE_BUSY, SQLITE_LOCKED, SQLITE_INTERRUPT, SQLITE_PROTOCOL
+            5 | 6 | 9 | 15 => DatabaseFault::Passing,
+            _ => DatabaseFault::Lasting,
+        }
+    }
+
+    /// By SQLSTATE, whose first two characters are the class.
+    fn of_postgres(code: &str) -> DatabaseFault {
+        match (code, code.get(..2).unwrap_or_default()) {
+            // disk_full
+            ("53100", _) => DatabaseFault::Full,
+            // Insufficient resources, system error.
+            (_, "53" | "58") => DatabaseFault::System,
+            // lock_not_available; connection lost, transaction rolled back, operator intervention.
+            ("55P03", _) | (_, "08" | "40" | "57") => DatabaseFault::Passing,
+            _ => DatabaseFault::Lasting,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_of_sqlite_have_their_classes() {
+        // SQLITE_IOERR_WRITE, SQLITE_IOERR_NOMEM, SQLITE_BUSY_SNAPSHOT, SQLITE_CONSTRAINT_FOREIGNKEY
+        let classes = [
+            (13, DatabaseFault::Full),
+            (778, DatabaseFault::System),
+            (3082, DatabaseFault::System),
+            (7, DatabaseFault::System),
+            (5, DatabaseFault::Passing),
+            (517, DatabaseFault::Passing),
+            (6, DatabaseFault::Passing),
+            (787, DatabaseFault::Lasting),
+            (1, DatabaseFault::Lasting),
+        ];
+        for (code, class) in classes {
+            assert_eq!(DatabaseFault::of_sqlite(code), class, "{code}");
+        }
+    }
+
+    #[test]
+    fn codes_of_postgres_have_their_classes() {
+        let classes = [
+            ("53100", DatabaseFault::Full),
+            ("53200", DatabaseFault::System),
+            ("58030", DatabaseFault::System),
+            ("40001", DatabaseFault::Passing),
+            ("57P01", DatabaseFault::Passing),
+            ("55P03", DatabaseFault::Passing),
+            ("55000", DatabaseFault::Lasting),
+            ("23503", DatabaseFault::Lasting),
+            ("", DatabaseFault::Lasting),
+        ];
+        for (code, class) in classes {
+            assert_eq!(DatabaseFault::of_postgres(code), class, "{code}");
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! Jobs that go back to the queue.
+
+use super::{Fault, RetryPolicy, change_clip, fail};
+use crate::storage::columns::{Columns, to_json};
+use crate::storage::database::{Row, Transaction, query};
+use crate::storage::{ClipState, Storage, StorageError, homes};
+use jiff::Timestamp;
+use std::time::Duration;
+use uuid::Uuid;
+use viola_reconstruct::Reason;
+
+/// The failures that a job has met.
+pub(super) struct Failures {
+    pub attempts: u32,
+    pub max_attempts: u32,
+    /// In a row.
+    faults: u32,
+    first_fault_at: Option<Timestamp>,
+}
+
+impl Failures {
+    pub fn from_row(row: &Row) -> Result<Failures, StorageError> {
+        Ok(Failures {
+            attempts: row.count("attempts")?,
+            max_attempts: row.count("max_attempts")?,
+            faults: row.count("faults")?,
+            first_fault_at: row.maybe_time("first_fault_at")?,
+        })
+    }
+
+    /// The same after an attempt that counts. It ends a row of faults.
+    pub fn with_counted_attempt(self) -> Failures {
+        Failures { faults: 0, first_fault_at: None, ..self }
+    }
+
+    /// The same without the current attempt.
+    pub fn without_attempt(self) -> Failures {
+        Failures { attempts: self.attempts.saturating_sub(1), ..self }
+    }
+
+    /// The same after a fault, which costs no attempt.
+    fn with_fault(self, now: Timestamp) -> Failures {
+        Failures {
+            faults: self.faults.saturating_add(1),
+            first_fault_at: self.first_fault_at.or(Some(now)),
+            ..self.without_attempt()
+        }
+    }
+}
+
+impl Storage {
+    /// Puts back the jobs whose worker's lease ran out, and returns how many there were.
+    ///
+    /// Nobody saw how such a worker ended: its process may have been killed by anybody, so that the attempt does not
+    /// count. The job becomes suspect: the next attempt is best made in a process of its own.
+    pub async fn release_lost(&self, retry: &RetryPolicy, now: Timestamp) -> Result<usize, StorageError> {
+        let rows = query(
+            "SELECT jobs.id, clips.home_id, jobs.fence FROM jobs JOIN clips ON clips.id = jobs.clip_id
+            WHERE jobs.state = 'running' AND jobs.lease_until <= $1 ORDER BY jobs.lease_until",
+        );
+        let rows = rows.bind(now.as_millisecond()).fetch_all(&mut self.database.reader().await?).await?;
+        let mut released = 0;
+        for row in &rows {
+            let mut transaction = self.database.begin().await?;
+            homes::lock(&mut transaction, &row.home("home_id")?).await?;
+            // Unless somebody did so, or the worker gave a sign of life, since.
+            let lost = query(
+                "UPDATE jobs SET fence = fence + 1, suspect = 1
+                WHERE id = $1 AND fence = $2 AND state = 'running' AND lease_until <= $3
+                RETURNING attempts, max_attempts, faults, first_fault_at",
+            );
+            let lost = lost.bind(row.text("id")?).bind(row.number("fence")?).bind(now.as_millisecond());
+            if let Some(lost) = lost.fetch_optional(&mut transaction).await? {
+                let failures = Failures::from_row(&lost)?;
+                // The first time it is likely that the process was restarted, and somebody waits for the clip.
+                let pause = match failures.faults {
+                    0 => Duration::ZERO,
+                    faults => retry.delay(faults),
+                };
+                let id = row.id("id")?;
+                bear(&mut transaction, id, failures, Fault::WorkerLost, retry, pause, now).await?;
+                released += 1;
+            }
+            transaction.commit().await?;
+        }
+        Ok(released)
+    }
+}
+
+/// Puts a job back after a fault, with the pause of `retry`.
+pub(super) async fn bear_fault(
+    transaction: &mut Transaction,
+    id: Uuid,
+    failures: Failures,
+    fault: Fault,
+    retry: &RetryPolicy,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    let pause = retry.delay(failures.faults.saturating_add(1));
+    bear(transaction, id, failures, fault, retry, pause, now).await
+}
+
+/// Puts a job back after a fault; fails it where the faults have lasted for too long.
+async fn bear(
+    transaction: &mut Transaction,
+    id: Uuid,
+    failures: Failures,
+    fault: Fault,
+    retry: &RetryPolicy,
+    pause: Duration,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    let failures = failures.with_fault(now);
+    if retry.is_over(failures.faults, failures.first_fault_at.unwrap_or(now), now) {
+        return fail(transaction, id, fault.lasting(retry), now).await;
+    }
+    requeue(transaction, id, failures, Some(&fault.passing()), now + pause, now).await
+}
+
+/// Puts a job back into the queue, to be taken from `run_after` on.
+pub(super) async fn requeue(
+    transaction: &mut Transaction,
+    id: Uuid,
+    failures: Failures,
+    error: Option<&Reason>,
+    run_after: Timestamp,
+    now: Timestamp,
+) -> Result<(), StorageError> {
+    query(
+        "UPDATE jobs SET state = 'queued', attempts = $2, faults = $3, first_fault_at = $4, error = $5,
+            run_after = $6, stage = NULL, progress = 0, lease_until = NULL, version = version + 1, updated_at = $7
+        WHERE id = $1",
+    )
+    .bind(id.to_string())
+    .bind(i64::from(failures.attempts))
+    .bind(i64::from(failures.faults))
+    .bind(failures.first_fault_at.map(Timestamp::as_millisecond))
+    .bind(error.map(to_json))
+    .bind(run_after.as_millisecond())
+    .bind(now.as_millisecond())
+    .execute(transaction)
+    .await?;
+    let reasons: Vec<Reason> = error.into_iter().cloned().collect();
+    change_clip(transaction, id, ClipState::Queued, &reasons, now).await
+}

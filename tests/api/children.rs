@@ -1,0 +1,197 @@
+//! Jobs with which a worker was lost run in processes of their own.
+
+use crate::common::{eventually, room, zips};
+use crate::server::Server;
+use serde_json::Value;
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tempfile::TempDir;
+use viola::jobs::{ChildParams, Failure, Finished, JobParams};
+use viola::storage::RetryPolicy;
+use viola_geometry::progress::Progress;
+
+const VIOLA: &str = env!("CARGO_BIN_EXE_viola");
+
+/// A file of this name in a clip kills the process of [`deadly`].
+const DEADLY: &str = "deadly.txt";
+
+/// A program in the place of the child: `$clip` is its clip's file, `$into` its folder, `$tries` how often it was started.
+fn script(folder: &TempDir, lines: &str) -> PathBuf {
+    let path = folder.path().join("child");
+    let tries = folder.path().join("tries").display().to_string();
+    let head = format!(
+        "#!/bin/sh\necho . >> {tries}\ntries=$(wc -l < {tries})\n\
+        for word in \"$@\"; do\n[ \"$last\" = --clip ] && clip=$word\n[ \"$last\" = --into ] && into=$word\n\
+        last=$word\ndone\n"
+    );
+    fs::write(&path, format!("{head}{lines}\n")).unwrap();
+    fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();
+    path
+}
+
+/// Never ends by itself, so that its worker can be lost.
+fn endless(_: &Path, _: &[u8], _: &JobParams, progress: &dyn Progress) -> Result<Finished, Failure> {
+    while !progress.cancelled() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    Err(Failure::Cancelled)
+}
+
+/// A server whose jobs end only in children.
+async fn server(program: PathBuf) -> Server {
+    Server::with(|params| {
+        params.workers = 2;
+        params.worker.method = endless;
+        params.worker.retry = RetryPolicy { first_delay: Duration::from_millis(1), ..RetryPolicy::default() };
+        params.worker.child = Some(ChildParams {
+            program,
+            arguments: vec!["align-job".into()],
+            environment: vec![("PATH".into(), "/usr/bin:/bin".into())],
+        });
+    })
+    .await
+}
+
+/// Uploads clips, each with one more file, to a home with a map; their paths.
+async fn upload(server: &Server, names: &[&str]) -> Vec<String> {
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let mut paths = Vec::new();
+    for name in names {
+        let mut files = room::clip(12);
+        files.push(((*name).to_owned(), b"text".to_vec()));
+        let answer = server.post(&format!("{home}/clips"), zips::zip(&files)).await;
+        paths.push(answer.header("location").to_owned());
+        answer.ok(201);
+    }
+    paths
+}
+
+/// The clip when it is settled. Every worker that has a job here and not in a child is lost: nothing is heard of it any
+/// more.
+async fn settled(server: &Server, clip: &str) -> Value {
+    eventually("the clip is settled", || async {
+        lose_workers(server).await;
+        let clip = server.get(clip).await.ok(200);
+        (!["queued", "aligning"].contains(&clip["state"].as_str().unwrap())).then_some(clip)
+    })
+    .await
+}
+
+async fn lose_workers(server: &Server) {
+    server.execute("UPDATE jobs SET lease_until = 0 WHERE state = 'running' AND suspect = 0").await;
+    tokio::time::sleep(Duration::from_millis(20)).await;
+}
+
+fn outcome(clip: &Value) -> (&str, Option<&str>, u64) {
+    let reason = clip["reasons"].get(0).and_then(|reason| reason["code"].as_str());
+    (clip["state"].as_str().unwrap(), reason, clip["job"]["attempts"].as_u64().unwrap())
+}
+
+#[tokio::test]
+async fn a_child_gives_the_same_answer() {
+    let apart = server(VIOLA.into()).await;
+    let here = Server::start().await;
+    let mut answers = Vec::new();
+    for (server, clip) in [
+        (&apart, upload(&apart, &["a.txt"]).await.remove(0)),
+        (&here, upload(&here, &["a.txt"]).await.remove(0)),
+    ] {
+        let mut settled = settled(server, &clip).await;
+        assert_eq!(settled["job"]["attempts"], 1);
+        settled["alignment"].as_object_mut().unwrap().remove("seconds").unwrap();
+        let overlay = server.get(&format!("{clip}/overlay.png")).await;
+        assert_eq!(overlay.status, 200);
+        answers.push((settled["state"].clone(), settled["alignment"].clone(), overlay.bytes));
+    }
+    assert_eq!(answers[0].0, "aligned");
+    assert!(answers[0] == answers[1], "{:#}\n{:#}", answers[0].1, answers[1].1);
+    let incoming = apart.blobs().into_iter().filter(|path| path.to_string_lossy().contains("/job-"));
+    assert_eq!(incoming.count(), 0, "the job's folder is gone");
+}
+
+#[tokio::test]
+async fn a_clip_that_kills_its_process_fails_and_others_are_aligned() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = format!("grep -q {DEADLY} \"$clip\" && kill -ABRT $$\nexec {VIOLA} \"$@\"");
+    let server = server(script(&folder, &lines)).await;
+    let clips = upload(&server, &["a.txt", DEADLY, "b.txt"]).await;
+    let dead = settled(&server, &clips[1]).await;
+    assert_eq!(outcome(&dead), ("failed", Some("worker_died"), 3), "{dead:#}");
+    for clip in [&clips[0], &clips[2]] {
+        let clip = settled(&server, clip).await;
+        assert_eq!((outcome(&clip).0, outcome(&clip).2), ("aligned", 1), "{clip:#}");
+    }
+}
+
+/// An allocation that the system refuses aborts the process.
+#[tokio::test]
+async fn a_child_without_memory_dies_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = format!("ulimit -v 60000; exec {VIOLA} \"$@\"");
+    let server = server(script(&folder, &lines)).await;
+    let clip = upload(&server, &["a.txt"]).await.remove(0);
+    let clip = settled(&server, &clip).await;
+    assert_eq!((outcome(&clip).0, outcome(&clip).2), ("failed", 3), "{clip:#}");
+    server.lives().await;
+}
+
+/// A child that was told to stop, or that could not begin, tells nothing of its clip.
+#[tokio::test]
+async fn a_child_that_does_not_come_to_work_costs_no_attempt() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = format!(
+        "case $tries in 1) exit 1;; 2) kill -TERM $$;; 3) kill -INT $$;; 4) exit 127;; esac\nexec {VIOLA} \"$@\""
+    );
+    let server = server(script(&folder, &lines)).await;
+    let clip = upload(&server, &["a.txt"]).await.remove(0);
+    let clip = settled(&server, &clip).await;
+    assert_eq!((outcome(&clip).0, outcome(&clip).2), ("aligned", 1), "{clip:#}");
+}
+
+#[tokio::test]
+async fn a_child_that_talks_nonsense_is_a_failed_attempt() {
+    let folder = tempfile::tempdir().unwrap();
+    // The last line has no end, and the last answer is not there.
+    let lines = "case $tries in 1) echo nonsense;; 2) exec cat /dev/zero;; *) echo {} > \"$into/alignment.json\"; echo '\"finished\"';; esac";
+    let server = server(script(&folder, lines)).await;
+    let clip = upload(&server, &["a.txt"]).await.remove(0);
+    let clip = settled(&server, &clip).await;
+    assert_eq!(outcome(&clip), ("failed", Some("internal_error"), 3), "{clip:#}");
+}
+
+#[tokio::test]
+async fn a_job_that_is_cancelled_or_given_up_ends_its_child() {
+    let folder = tempfile::tempdir().unwrap();
+    let told = folder.path().join("pid");
+    let lines = format!("echo $$ > {0}.part; mv {0}.part {0}; exec tail -f /dev/null", told.display());
+    let server = server(script(&folder, &lines)).await;
+    let clip = upload(&server, &["a.txt"]).await.remove(0);
+    let began = || {
+        eventually("a child is at work", || async {
+            lose_workers(&server).await;
+            fs::read_to_string(&told).ok()?.trim().parse::<i32>().ok()
+        })
+    };
+    let process = began().await;
+    let job = server.get(&clip).await.ok(200)["job"]["id"].as_str().unwrap().to_owned();
+    server.post(&format!("/v1/jobs/{job}/cancel"), "").await.ok(200);
+    is_gone(process).await;
+    assert_eq!(server.get(&clip).await.ok(200)["state"], "uploaded");
+
+    fs::remove_file(&told).unwrap();
+    server.post(&format!("{clip}/align"), "").await.ok(202);
+    let process = began().await;
+    server.stop().await;
+    is_gone(process).await;
+}
+
+async fn is_gone(process: i32) {
+    let process = rustix::process::Pid::from_raw(process).unwrap();
+    eventually("the child is gone", || async {
+        (rustix::process::test_kill_process(process) == Err(rustix::io::Errno::SRCH)).then_some(())
+    })
+    .await;
+}

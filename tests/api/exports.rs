@@ -1,0 +1,146 @@
+//! Exports: how many run at once, who is cut off, and what they need of the process. What is in one is tested with the map.
+
+use crate::common::{eventually, room, zips};
+use crate::server::Server;
+use std::io::{Cursor, ErrorKind};
+use std::time::Duration;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpSocket, TcpStream};
+use viola::api::ConnectionParams;
+use viola::storage::SweepLimit;
+
+/// How long a client may read nothing.
+const LIMIT: Duration = Duration::from_secs(1);
+/// More than the system holds of a connection that nobody reads.
+const RECORDING_BYTES: usize = 3 << 20;
+
+async fn server() -> Server {
+    Server::with(|params| {
+        params.workers = 0;
+        params.connections = ConnectionParams { write: LIMIT, ..ConnectionParams::default() };
+    })
+    .await
+}
+
+/// A home with a large recording, and the path of its job.
+async fn home_with_recording(server: &Server) -> (String, String) {
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let recording = zips::zip_of_size(&room::clip(2), RECORDING_BYTES);
+    let clip = server.post(&format!("{home}/clips"), recording).await.ok(201);
+    (home, format!("/v1/jobs/{}", clip["job"]["id"].as_str().unwrap()))
+}
+
+/// Asks for an export and reads no more of the answer than its status.
+async fn ask(server: &Server, home: &str) -> (u16, TcpStream) {
+    let socket = TcpSocket::new_v4().unwrap();
+    socket.set_recv_buffer_size(16 << 10).unwrap();
+    let address = server.base.strip_prefix("http://").unwrap().parse().unwrap();
+    let mut connection = socket.connect(address).await.unwrap();
+    let request = format!("GET {home}/export HTTP/1.1\r\nhost: viola\r\nconnection: close\r\n\r\n");
+    connection.write_all(request.as_bytes()).await.unwrap();
+    let mut status = [0; 12];
+    connection.read_exact(&mut status).await.unwrap();
+    let status = status.strip_prefix(b"HTTP/1.1 ").unwrap();
+    (std::str::from_utf8(status).unwrap().parse().unwrap(), connection)
+}
+
+#[tokio::test]
+async fn clients_that_do_not_read_are_cut_off_and_free_their_places() {
+    let server = server().await;
+    let (home, job) = home_with_recording(&server).await;
+    // Nothing happens to the job: its events are a connection that is silent for long.
+    let mut events = server.request(reqwest::Method::GET, &format!("{job}/events")).send().await.unwrap();
+    assert!(events.chunk().await.unwrap().is_some());
+
+    let mut silent = Vec::new();
+    loop {
+        let (status, connection) = ask(&server, &home).await;
+        if status == 503 {
+            break;
+        }
+        silent.push(connection);
+        assert!(silent.len() < 100, "exports at once are not bounded");
+    }
+    let refused = server.get(&format!("{home}/export")).await;
+    assert!(refused.header("retry-after").parse::<u64>().unwrap() >= 1);
+    refused.problem(503, "too-many-exports");
+    server.get(&home).await.ok(200);
+
+    // As many again find a place at once: none of the first still has one.
+    eventually("all places are free again", || async {
+        let asked = futures::future::join_all(silent.iter().map(|_| ask(&server, &home))).await;
+        asked.iter().all(|(status, _)| *status == 200).then_some(())
+    })
+    .await;
+    let whole = eventually("clients that hang up free their places", || async {
+        let answer = server.get(&format!("{home}/export")).await;
+        (answer.status == 200).then_some(answer.bytes)
+    })
+    .await;
+    zip::ZipArchive::new(Cursor::new(&whole)).unwrap();
+    for mut connection in silent {
+        let mut rest = Vec::new();
+        // A reset is an end too.
+        let ended = connection.read_to_end(&mut rest).await;
+        assert!(ended.is_ok() || ended.is_err_and(|error| error.kind() == ErrorKind::ConnectionReset));
+        assert!(rest.len() < whole.len() / 2, "{} bytes of {}", rest.len(), whole.len());
+    }
+    server.post(&format!("{job}/cancel"), "").await.ok(200);
+    let end = events.chunk().await.unwrap().expect("silent listeners are not cut off");
+    assert!(end.starts_with(b"event: end"), "{end:?}");
+}
+
+#[tokio::test]
+async fn a_client_that_reads_slowly_gets_all() {
+    let server = server().await;
+    let (home, _) = home_with_recording(&server).await;
+    let (status, mut connection) = ask(&server, &home).await;
+    assert_eq!(status, 200);
+    let begun = tokio::time::Instant::now();
+    let (mut answer, mut part) = (Vec::new(), vec![0; 128 << 10]);
+    loop {
+        let read = connection.read(&mut part).await.unwrap();
+        if read == 0 {
+            break;
+        }
+        answer.extend_from_slice(&part[..read]);
+        // 1 MB/s, several times the limit for all of it.
+        tokio::time::sleep_until(begun + Duration::from_micros(answer.len() as u64)).await;
+    }
+    assert!(begun.elapsed() > 2 * LIMIT, "{:?}", begun.elapsed());
+    assert!(answer.len() > RECORDING_BYTES && answer.ends_with(b"\r\n0\r\n\r\n"), "{}", answer.len());
+}
+
+#[test]
+fn everything_works_with_one_blocking_thread() {
+    let runtime = tokio::runtime::Builder::new_multi_thread();
+    let runtime = { runtime }.worker_threads(2).max_blocking_threads(1).enable_all().build().unwrap();
+    let flow = async {
+        let server = Server::start().await;
+        let home = server.make_home("h").await;
+        server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+        let recording = zips::zip(&room::clip(24));
+        let clip = server.post(&format!("{home}/clips"), recording).await.header("location").to_owned();
+        assert_eq!(server.settled(&clip).await["state"], "aligned");
+        eventually("the map is merged", || async {
+            (server.get(&format!("{home}/map")).await.status == 200).then_some(())
+        })
+        .await;
+        let path = format!("{home}/export");
+        let exports = (0..8).map(|_| server.get(&path));
+        for export in futures::future::join_all(exports).await {
+            assert_eq!(export.status, 200);
+            let zip = zip::ZipArchive::new(Cursor::new(export.bytes)).unwrap();
+            assert!(zip.file_names().any(|name| name.unwrap().ends_with("/recording")));
+        }
+        let storage = server.administer().await;
+        assert_eq!(storage.sweep(jiff::Timestamp::now(), SweepLimit::Leftovers).await.unwrap(), 0);
+        storage.close().await;
+        server.stop().await;
+    };
+    let ended = runtime.block_on(async { tokio::time::timeout(Duration::from_secs(60), flow).await });
+    // Threads that wait for each other are not waited for.
+    runtime.shutdown_background();
+    ended.expect("work that waits for a second thread never ends");
+}
