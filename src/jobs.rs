@@ -12,7 +12,8 @@ mod worker;
 pub use align_clip::{Failure, Finished, JobParams, align_clip};
 pub use child::{ChildOrder, ChildParams, serve_child};
 pub use metrics::describe_metrics;
-pub use worker::{Method, WorkerParams, work};
+pub use run::Method;
+pub use worker::{WorkerParams, work};
 
 use crate::storage::{Changes, ChangesCursor, Job, Signal, Storage, StorageError, Tenant};
 use futures::Stream;

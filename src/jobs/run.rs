@@ -1,14 +1,18 @@
 //! Running the method: in this process, or in one of its own.
 
-use super::align_clip::JobParams;
+use super::align_clip::{Failure, Finished, JobParams};
 use super::report::Report;
 use super::trouble::{Ended, Trouble};
-use super::worker::Method;
 use crate::storage::LocalFile;
 use bytes::Bytes;
 use futures::FutureExt;
 use futures::future::BoxFuture;
+use std::path::Path;
 use std::sync::Arc;
+use viola_geometry::progress::Progress;
+
+/// From a clip's file, a map's bytes and parameters to an answer. It may take long and may panic.
+pub type Method = fn(&Path, &[u8], &JobParams, &dyn Progress) -> Result<Finished, Failure>;
 
 /// The method at work. [`Report::cancel`] asks it to stop.
 pub(super) type Working = BoxFuture<'static, Ended>;

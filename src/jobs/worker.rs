@@ -1,21 +1,19 @@
 //! Takes one job after the other and does it.
 
-use super::align_clip::{Failure, Finished, JobParams, align_clip};
+use super::align_clip::{Finished, JobParams, align_clip};
 use super::child::{ChildParams, run_in_child};
 use super::merge::merge;
 use super::report::{Heard, Report};
-use super::run::{Inputs, Working, run_here};
+use super::run::{Inputs, Method, Working, run_here};
 use super::trouble::{Ended, Trouble};
 use super::{POLL, Queue, metrics};
 use crate::storage::{Claim, Ending, RetryPolicy, StorageError};
 use jiff::Timestamp;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 use tracing::field::Empty;
 use tracing::{Instrument, Span, error, info, info_span, warn};
-use viola_geometry::progress::Progress;
 use viola_reconstruct::Reason;
 
 /// How often a worker looks whether the job is still its own and what the method says.
@@ -38,9 +36,6 @@ pub struct WorkerParams {
     /// How a suspect job is done apart from all others. Without it, it is done as they are.
     pub child: Option<ChildParams>,
 }
-
-/// From a clip's file, a map's bytes and parameters to an answer. It may take long and may panic.
-pub type Method = fn(&Path, &[u8], &JobParams, &dyn Progress) -> Result<Finished, Failure>;
 
 impl Default for WorkerParams {
     fn default() -> WorkerParams {

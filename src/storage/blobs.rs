@@ -16,7 +16,8 @@ pub use local_file::LocalFile;
 pub use place::{BlobPlace, S3Params};
 pub use read::BlobReader;
 
-use super::{Incoming, Storage, StorageError};
+use super::error::StorageError;
+use super::incoming::Incoming;
 use futures::StreamExt;
 use limits::Limits;
 use object_store::path::Path as Key;
@@ -128,16 +129,4 @@ where
         tokio::time::sleep(pause).await;
     }
     once().await
-}
-
-impl Storage {
-    /// Begins to receive a file.
-    pub fn incoming(&self) -> Result<Incoming, StorageError> {
-        self.blobs.incoming()
-    }
-
-    /// Whether blobs can be written and read; gives the bytes that are free for files that arrive.
-    pub async fn blobs_ready(&self) -> Result<u64, StorageError> {
-        self.blobs.ready().await
-    }
 }

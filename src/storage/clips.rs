@@ -3,7 +3,7 @@
 mod remove;
 
 use super::changes::{self, Changed};
-use super::choices::Verdict;
+use super::choice::Verdict;
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Row, Transaction, query};
 use super::incoming::Arrived;

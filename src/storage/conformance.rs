@@ -14,7 +14,6 @@ mod lists;
 mod local_files;
 mod lost_database;
 mod records;
-pub(in crate::storage) mod s3_server;
 mod tenants;
 mod uploads;
 mod webhooks;
@@ -29,6 +28,8 @@ use viola_align::{Alignment, AlignmentState};
 use viola_formats::clip::ClipInfo;
 use viola_formats::lidar::LidarInfo;
 use viola_reconstruct::Reason;
+use viola_testing::postgres::Schema;
+use viola_testing::s3_server::{ACCESS_KEY_ID, BUCKET, PREFIX, REGION, S3Server, SECRET_ACCESS_KEY};
 
 const LEASE: Duration = Duration::from_secs(30);
 
@@ -48,7 +49,7 @@ macro_rules! on_every_back_end {
             $(
                 #[tokio::test]
                 async fn $case() {
-                    let Some(postgres) = crate::storage::test_postgres::Schema::new().await else { return };
+                    let Some(postgres) = viola_testing::postgres::Schema::new().await else { return };
                     let folder = tempfile::tempdir().unwrap();
                     let storage = crate::storage::conformance::on(&postgres, folder.path(), None).await;
                     super::$case(storage).await;
@@ -61,10 +62,10 @@ macro_rules! on_every_back_end {
             $(
                 #[tokio::test]
                 async fn $case() {
-                    let Some(postgres) = crate::storage::test_postgres::Schema::new().await else { return };
+                    let Some(postgres) = viola_testing::postgres::Schema::new().await else { return };
                     let folder = tempfile::tempdir().unwrap();
-                    let s3 = crate::storage::conformance::s3_server::S3Server::start();
-                    let place = Some(s3.params());
+                    let s3 = viola_testing::s3_server::S3Server::start();
+                    let place = Some(crate::storage::conformance::bucket(&s3));
                     let storage = crate::storage::conformance::on(&postgres, folder.path(), place).await;
                     super::$case(storage).await;
                     postgres.remove().await;
@@ -76,9 +77,23 @@ macro_rules! on_every_back_end {
 use on_every_back_end;
 
 /// PostgreSQL, and files or a bucket.
-async fn on(postgres: &test_postgres::Schema, folder: &Path, s3: Option<S3Params>) -> Storage {
+async fn on(postgres: &Schema, folder: &Path, s3: Option<S3Params>) -> Storage {
     let postgres = Some(PostgresParams { url: postgres.url(), connections: 8 });
     Storage::open(&StorageParams { data: folder.to_owned(), postgres, s3 }).await.unwrap()
+}
+
+/// The bucket of a test's S3 endpoint.
+pub(in crate::storage) fn bucket(server: &S3Server) -> S3Params {
+    S3Params {
+        bucket: BUCKET.to_owned(),
+        prefix: PREFIX.to_owned(),
+        endpoint: Some(server.endpoint()),
+        region: REGION.to_owned(),
+        access_key_id: ACCESS_KEY_ID.to_owned(),
+        secret_access_key: SECRET_ACCESS_KEY.to_owned(),
+        allow_http: true,
+        path_style: true,
+    }
 }
 
 /// SQLite and files, in one folder.

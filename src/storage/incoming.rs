@@ -1,9 +1,9 @@
 //! A file on its way in: on the disk, but not yet a blob.
 
-use super::{Storage, StorageError};
+use super::error::StorageError;
 use sha2::{Digest, Sha256};
 use std::path::Path;
-use tempfile::{TempDir, TempPath};
+use tempfile::TempPath;
 use tokio::fs::File;
 use tokio::io::AsyncWriteExt;
 
@@ -61,17 +61,5 @@ impl Arrived {
     pub fn read(&self) -> Result<Vec<u8>, StorageError> {
         std::fs::read(&self.path)
             .map_err(|source| StorageError::File { path: self.path.to_path_buf(), source })
-    }
-}
-
-impl Storage {
-    /// Makes a folder for the files of one job on this machine. It goes with its value; a sweep removes what a killed
-    /// process left of it.
-    pub fn work_folder(&self) -> Result<TempDir, StorageError> {
-        let folder = self.blobs.incoming_folder();
-        tempfile::Builder::new()
-            .prefix("job-")
-            .tempdir_in(folder)
-            .map_err(|source| StorageError::File { path: folder.to_owned(), source })
     }
 }

@@ -1,8 +1,6 @@
 //! Keys, roles and tenants: what one of them cannot do, see or guess of another's.
 
 use crate::clips::small_clip;
-use crate::common::client::{Answer, Client};
-use crate::common::{room, tus};
 use crate::server::Server;
 use jiff::{SignedDuration, Timestamp};
 use reqwest::Method;
@@ -10,6 +8,8 @@ use serde_json::{Value, json};
 use std::num::NonZeroU32;
 use viola::api::LimitParams;
 use viola::storage::{NewKey, Role};
+use viola_testing::client::{Answer, Client};
+use viola_testing::{room, tus};
 
 #[tokio::test]
 async fn without_keys_everybody_on_this_machine_may_do_everything() {

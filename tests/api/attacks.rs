@@ -1,6 +1,5 @@
 //! Attacks that are not about files or other people's things: those are in `hostile` and `access`.
 
-use crate::common::eventually;
 use crate::server::{Server, Store};
 use reqwest::Method;
 use std::io::{Read, Write};
@@ -8,6 +7,7 @@ use std::net::TcpStream;
 use std::time::{Duration, Instant};
 use viola::api::ConnectionParams;
 use viola::storage::Role;
+use viola_testing::eventually;
 
 fn connect(server: &Server) -> TcpStream {
     TcpStream::connect(server.base.strip_prefix("http://").unwrap()).unwrap()

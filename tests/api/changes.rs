@@ -1,12 +1,12 @@
 //! The changes feed, as the mirror of a fleet reads it.
 
 use crate::clips::small_clip;
-use crate::common::room;
 use crate::server::Server;
 use base64::Engine;
 use base64::prelude::BASE64_URL_SAFE_NO_PAD;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
+use viola_testing::room;
 
 /// Home, kind and what else is told of it.
 fn told(page: &Value) -> Vec<(String, String, Value)> {
@@ -64,9 +64,9 @@ async fn a_clip_and_the_map_it_becomes_are_told() {
     let home = server.make_home("h").await;
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
     let clips = format!("{home}/clips");
-    server.post(&clips, crate::common::zips::zip(&room::clip(24))).await.ok(201);
+    server.post(&clips, viola_testing::zips::zip(&room::clip(24))).await.ok(201);
     let mut next = String::new();
-    let map = crate::common::eventually("the map is told", || async {
+    let map = viola_testing::eventually("the map is told", || async {
         let page = server.get("/v1/changes").await.ok(200);
         told(&page).into_iter().find(|(_, kind, _)| kind == "map").map(|told| (told, page))
     });

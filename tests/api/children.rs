@@ -1,6 +1,5 @@
 //! Jobs with which a worker was lost run in processes of their own.
 
-use crate::common::{eventually, room, zips};
 use crate::server::Server;
 use serde_json::Value;
 use std::fs;
@@ -11,6 +10,7 @@ use tempfile::TempDir;
 use viola::jobs::{ChildParams, Failure, Finished, JobParams};
 use viola::storage::RetryPolicy;
 use viola_geometry::progress::Progress;
+use viola_testing::{eventually, room, zips};
 
 const VIOLA: &str = env!("CARGO_BIN_EXE_viola");
 
@@ -44,6 +44,8 @@ async fn server(program: PathBuf) -> Server {
     Server::with(|params| {
         params.workers = 2;
         params.worker.method = endless;
+        // That another worker has the job is noticed at a third of this.
+        params.worker.lease = Duration::from_secs(3);
         params.worker.retry = RetryPolicy { first_delay: Duration::from_millis(1), ..RetryPolicy::default() };
         params.worker.child = Some(ChildParams {
             program,

@@ -1,7 +1,6 @@
 //! A person's choice of a clip's pose.
 
 use crate::clips::small_clip;
-use crate::common::room;
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
@@ -10,6 +9,7 @@ use viola::jobs::{Failure, Finished, JobParams, align_clip};
 use viola_align::{AlignmentState, Alternative};
 use viola_geometry::Pose2;
 use viola_geometry::progress::Progress;
+use viola_testing::room;
 
 /// The real method, whose answer is then said to be one of two poses.
 fn of_two_minds(
@@ -43,7 +43,7 @@ async fn settled() -> (Server, String) {
     (server, clip)
 }
 
-async fn choose(server: &Server, clip: &str, body: Value) -> crate::common::client::Answer {
+async fn choose(server: &Server, clip: &str, body: Value) -> viola_testing::client::Answer {
     server.send(server.request(Method::PUT, &format!("{clip}/alignment")).json(&body)).await
 }
 

@@ -1,7 +1,7 @@
-use crate::common::{room, zips};
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
+use viola_testing::{room, zips};
 
 /// Two frames: enough to be opened, too few to be aligned well.
 pub fn small_clip() -> Vec<u8> {

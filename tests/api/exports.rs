@@ -1,6 +1,5 @@
 //! Exports: how many run at once, who is cut off, and what they need of the process. What is in one is tested with the map.
 
-use crate::common::{eventually, room, zips};
 use crate::server::Server;
 use std::io::{Cursor, ErrorKind};
 use std::time::Duration;
@@ -8,6 +7,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpSocket, TcpStream};
 use viola::api::ConnectionParams;
 use viola::storage::SweepLimit;
+use viola_testing::{eventually, room, zips};
 
 /// How long a client may read nothing.
 const LIMIT: Duration = Duration::from_secs(1);

@@ -1,10 +1,10 @@
 //! Files that must not be believed. Each is refused with a stable type, or fails as a clip with its reason;
 //! nothing of it stays, and the server lives.
 
-use crate::common::zips::Files;
-use crate::common::{room, zips};
 use crate::server::Server;
 use reqwest::Method;
+use viola_testing::zips::Files;
+use viola_testing::{room, zips};
 
 /// Room for the archive that would unpack to 10 GB.
 const LIMIT_BYTES: u64 = 256 << 20;
@@ -151,7 +151,7 @@ async fn bodies_that_are_too_large_or_break_off() {
         futures::stream::iter([Ok(vec![0u8; 100]), Err(std::io::Error::other("the phone's battery"))]);
     let request = server.request(Method::POST, &clips).body(reqwest::Body::wrap_stream(broken));
     assert!(request.send().await.is_err());
-    crate::common::eventually("what the broken body left is gone", || async {
+    viola_testing::eventually("what the broken body left is gone", || async {
         server.blobs().is_empty().then_some(())
     })
     .await;

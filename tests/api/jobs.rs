@@ -1,8 +1,8 @@
-use crate::common::client::Client;
-use crate::common::{eventually, room, zips};
 use crate::server::Server;
 use futures::StreamExt;
 use serde_json::{Value, json};
+use viola_testing::client::Client;
+use viola_testing::{eventually, room, zips};
 
 /// A home with a map and a clip; the paths of the clip and of its job.
 async fn one_job(server: &Server, frames: u32) -> (String, String) {

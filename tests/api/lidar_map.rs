@@ -1,6 +1,6 @@
-use crate::common::room;
 use crate::server::Server;
 use serde_json::{Value, json};
+use viola_testing::room;
 
 #[tokio::test]
 async fn a_map_is_put_told_and_drawn() {

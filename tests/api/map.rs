@@ -1,7 +1,7 @@
-use crate::common::{eventually, room, zips};
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
+use viola_testing::{eventually, room, zips};
 
 /// The home's map once it has these clips in it.
 async fn merged(server: &Server, home: &str, clips: &[&Value]) -> Value {

@@ -1,8 +1,8 @@
 //! What is seen from outside.
 
-use crate::common::{eventually, room, zips};
 use crate::server::Server;
 use std::collections::BTreeSet;
+use viola_testing::{eventually, room, zips};
 
 /// Names of our metrics in a text.
 fn names(text: &str) -> BTreeSet<String> {

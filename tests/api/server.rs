@@ -1,8 +1,5 @@
 //! A server of one's own on a free port and a fresh data folder.
 
-use crate::common::client::Client;
-use crate::common::postgres::{Schema, Schemas};
-use crate::common::s3_server::S3Server;
 use jiff::Timestamp;
 use reqwest::header::HeaderMap;
 use sqlx::Connection;
@@ -18,6 +15,10 @@ use viola::storage::{
     ApiKey, NewKey, PostgresParams, Role, S3Params, Secret, Storage, StorageParams, Tenant,
 };
 use viola::webhooks::WebhookParams;
+use viola_testing::client::Client;
+use viola_testing::postgres::{Schema, Schemas};
+use viola_testing::s3_server::{ACCESS_KEY_ID, BUCKET, PREFIX, REGION, S3Server, SECRET_ACCESS_KEY};
+use viola_testing::skipped;
 
 /// Where the servers of a run of this suite keep what they keep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,7 +53,7 @@ async fn on_another_store(name: &str) {
         return;
     }
     let Some(schemas) = Schemas::new() else {
-        eprintln!("not tested on {name}: VIOLA_TEST_POSTGRES names no database");
+        skipped(&format!("the API on {name}"), "set VIOLA_TEST_POSTGRES to the address of a database");
         return;
     };
     let mut suite = tokio::process::Command::new(std::env::current_exe().unwrap());
@@ -81,9 +82,15 @@ fn bucket() -> &'static S3Server {
 
 /// The bucket of this run, below a prefix of its own.
 fn s3_of_this_run() -> Option<S3Params> {
-    (Store::of_this_run() == Store::PostgresAndS3).then(|| {
-        let params = bucket().params();
-        S3Params { prefix: format!("{}/{}", params.prefix, uuid::Uuid::now_v7()), ..params }
+    (Store::of_this_run() == Store::PostgresAndS3).then(|| S3Params {
+        bucket: BUCKET.to_owned(),
+        prefix: format!("{PREFIX}/{}", uuid::Uuid::now_v7()),
+        endpoint: Some(bucket().endpoint()),
+        region: REGION.to_owned(),
+        access_key_id: ACCESS_KEY_ID.to_owned(),
+        secret_access_key: SECRET_ACCESS_KEY.to_owned(),
+        allow_http: true,
+        path_style: true,
     })
 }
 

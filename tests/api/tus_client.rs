@@ -1,12 +1,12 @@
 //! A public client of tus, from npm, against the server. It needs Node.js and the packages of `web/`, which a build
 //! fetches; without them the test says so and passes, except where `VIOLA_BROWSER=1` says that they must be there.
 
-use crate::common::tus::sha256;
-use crate::common::{room, zips};
 use crate::server::Server;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::Command;
+use viola_testing::tus::sha256;
+use viola_testing::{room, zips};
 
 /// Ways of uploading that `web/tests/tus.mjs` goes.
 const WAYS: [&str; 9] = [
@@ -28,7 +28,7 @@ async fn a_public_client_uploads_in_every_way() {
     if !node || !web.join("node_modules/tus-js-client").is_dir() {
         let must = std::env::var_os("VIOLA_BROWSER").is_some_and(|value| value == "1");
         assert!(!must, "not there: Node.js, or web/node_modules (npm ci in web/)");
-        eprintln!("SKIPPED: no public tus client, for want of Node.js or web/node_modules (npm ci in web/)");
+        viola_testing::skipped("a public tus client", "install Node.js; npm ci in web");
         return;
     }
     let server = Server::without_workers().await;

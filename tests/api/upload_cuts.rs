@@ -1,14 +1,14 @@
 //! Connections that break, stall, lie and race: nothing that was acknowledged is lost or changed.
 
 use crate::clips::small_clip;
-use crate::common::eventually;
-use crate::common::tus::sha256;
 use crate::server::Server;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
 use serde_json::json;
 use std::io::{Read, Write};
 use std::time::Duration;
+use viola_testing::eventually;
+use viola_testing::tus::sha256;
 
 async fn check_made(server: &Server, clip: &str, bytes: &[u8]) {
     assert_eq!(server.get(clip).await.ok(200)["sha256"], json!(sha256(bytes)));

@@ -1,13 +1,13 @@
 //! Clips that arrive in parts: what the protocol promises, each extension of it, and what is refused.
 
 use crate::clips::small_clip;
-use crate::common::tus::{BYTES, encoded, metadata, sha256};
-use crate::common::{eventually, room};
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
 use sha1::{Digest, Sha1};
 use std::time::Duration;
+use viola_testing::tus::{BYTES, encoded, metadata, sha256};
+use viola_testing::{eventually, room};
 
 const ID: &str = "01a1f766-7a97-7747-9dbb-391e0eeccb64";
 const UPLOADS: &str = "/v1/uploads";
@@ -20,7 +20,7 @@ async fn check_clip(server: &Server, path: &str, bytes: &[u8]) -> Value {
 }
 
 async fn check_refused(request: reqwest::RequestBuilder, status: u16, code: &str, field: &str) {
-    let answer = crate::common::client::Client::read(request.send().await.unwrap()).await;
+    let answer = viola_testing::client::Client::read(request.send().await.unwrap()).await;
     assert_eq!(answer.header("tus-resumable"), "1.0.0", "{code}");
     let problem = answer.problem(status, code);
     assert_eq!(problem["field"].as_str().unwrap_or_default(), field, "{problem}");
@@ -522,7 +522,7 @@ async fn metadata_tells_of_the_clip() {
     assert_eq!(clip["recorded_at"], "2026-03-14T15:09:26Z");
     let again = upload(small_clip()).await;
     assert_eq!(again.header("viola-clip"), first.header("viola-clip"));
-    let other = crate::common::zips::zip(&room::clip(3));
+    let other = viola_testing::zips::zip(&room::clip(3));
     upload(other).await.problem(422, "idempotency-key-reused");
     assert_eq!(server.get("/v1/homes/h").await.ok(200)["clips"], 1);
     assert_eq!(server.blobs().len(), 1);

@@ -1,6 +1,5 @@
 //! Webhooks over HTTP: a real receiver, the library of Standard Webhooks, and addresses that nobody may be sent to.
 
-use crate::common::eventually;
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
@@ -13,6 +12,7 @@ use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
 use tokio::net::{TcpListener, TcpStream};
 use viola::storage::Role;
 use viola::webhooks::WebhookParams;
+use viola_testing::eventually;
 
 /// A message as it arrived.
 #[derive(Debug, Clone)]
@@ -144,7 +144,7 @@ fn verified(webhook: &Value, got: &[Message]) {
     if !node || !web.join("node_modules/standardwebhooks").is_dir() {
         let must = std::env::var_os("VIOLA_BROWSER").is_some_and(|value| value == "1");
         assert!(!must, "not there: Node.js, or web/node_modules (npm ci in web/)");
-        eprintln!("SKIPPED: the library of Standard Webhooks, for want of Node.js or web/node_modules");
+        viola_testing::skipped("the library of Standard Webhooks", "install Node.js; npm ci in web");
         return;
     }
     let verify = |secret: &str| {

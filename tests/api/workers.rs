@@ -1,6 +1,5 @@
 //! Workers whose method panics, dawdles, or does not hear.
 
-use crate::common::{eventually, room, zips};
 use crate::server::Server;
 use serde_json::Value;
 use std::path::Path;
@@ -11,6 +10,7 @@ use viola::storage::RetryPolicy;
 use viola_formats::clip::ClipError;
 use viola_formats::container::ContainerError;
 use viola_geometry::progress::{Progress, Stage, check};
+use viola_testing::{eventually, room, zips};
 
 async fn server(method: Method, lease: Duration) -> Server {
     Server::with(|params| {

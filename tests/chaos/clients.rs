@@ -1,8 +1,5 @@
 //! Clients that upload, ask and delete, on whichever server answers, and write down what they were promised.
 
-use crate::common::client::{Answer, Client};
-use crate::common::tus::sha256;
-use crate::common::{eventually, room, zips};
 use crate::fleet::Fleet;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -11,6 +8,9 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
+use viola_testing::client::{Answer, Client};
+use viola_testing::tus::sha256;
+use viola_testing::{eventually, room, zips};
 
 /// No request may take longer.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -156,7 +156,7 @@ impl Person {
     async fn upload_in_parts(&mut self, home: &str) {
         let (bytes, key) = (self.clip(), format!("{}-{}", self.number, self.sent));
         let id = home.rsplit('/').next().unwrap().to_owned();
-        let metadata = crate::common::tus::metadata(&[("home", &id), ("idempotency_key", &key)]);
+        let metadata = viola_testing::tus::metadata(&[("home", &id), ("idempotency_key", &key)]);
         let begin = |client: &Client| {
             let request = client.tus(Method::POST, "/v1/uploads").header("upload-length", bytes.len());
             request.header("upload-metadata", &metadata)

@@ -1,12 +1,12 @@
 //! What goes wrong.
 
-use crate::common::postgres::Schema;
-use crate::common::s3_server::{Fault, Faults, S3Server, When};
 use crate::fleet::Fleet;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
 use std::time::Duration;
+use viola_testing::postgres::Schema;
+use viola_testing::s3_server::{Fault, Faults, S3Server, When};
 
 async fn kill_one(fleet: &Arc<Fleet>, random: &mut ChaCha8Rng) {
     let (fleet, number) = (fleet.clone(), random.random_range(0..fleet.size()));

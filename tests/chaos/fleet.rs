@@ -1,12 +1,6 @@
 //! Processes that are begun anew whenever one was killed: two servers and two workers, or one process alone.
 
 use crate::clients::Ledger;
-use crate::common::client::Client;
-use crate::common::disk::Disk;
-use crate::common::eventually;
-use crate::common::postgres::Schema;
-use crate::common::process::{VIOLA, prepared, viola};
-use crate::common::s3_server::S3Server;
 use serde_json::Value;
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
@@ -16,6 +10,12 @@ use std::process::{Child, Command, Stdio};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tempfile::TempDir;
+use viola_testing::client::Client;
+use viola_testing::disk::Disk;
+use viola_testing::eventually;
+use viola_testing::postgres::Schema;
+use viola_testing::process::{prepared, program, viola};
+use viola_testing::s3_server::{ACCESS_KEY_ID, BUCKET, PREFIX, REGION, S3Server, SECRET_ACCESS_KEY};
 
 /// What the processes stand on.
 enum Place {
@@ -41,16 +41,15 @@ struct Member {
 
 impl Fleet {
     pub fn start(schema: &Schema, bucket: &S3Server) -> Fleet {
-        let s3 = bucket.params();
         let settings = vec![
             ("VIOLA_DATABASE_URL", schema.url()),
             ("VIOLA_DATABASE_CONNECTIONS", "6".to_owned()),
-            ("VIOLA_S3_BUCKET", s3.bucket),
-            ("VIOLA_S3_PREFIX", s3.prefix),
-            ("VIOLA_S3_ENDPOINT", s3.endpoint.expect("it is our own")),
-            ("VIOLA_S3_REGION", s3.region),
-            ("VIOLA_S3_ACCESS_KEY_ID", s3.access_key_id),
-            ("VIOLA_S3_SECRET_ACCESS_KEY", s3.secret_access_key),
+            ("VIOLA_S3_BUCKET", BUCKET.to_owned()),
+            ("VIOLA_S3_PREFIX", PREFIX.to_owned()),
+            ("VIOLA_S3_ENDPOINT", bucket.endpoint()),
+            ("VIOLA_S3_REGION", REGION.to_owned()),
+            ("VIOLA_S3_ACCESS_KEY_ID", ACCESS_KEY_ID.to_owned()),
+            ("VIOLA_S3_SECRET_ACCESS_KEY", SECRET_ACCESS_KEY.to_owned()),
             ("VIOLA_S3_ALLOW_HTTP", "true".to_owned()),
         ];
         Fleet::begin_all(settings, Place::Shared)
@@ -93,7 +92,7 @@ impl Fleet {
     fn command(&self, number: usize) -> Command {
         let mut command = match &self.place {
             Place::Shared => viola(),
-            Place::Disk(disk) => prepared(disk.command(VIOLA)),
+            Place::Disk(disk) => prepared(disk.command(program())),
         };
         command.envs(self.settings.iter().map(|(name, value)| (*name, value)));
         match &self.place {

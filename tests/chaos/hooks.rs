@@ -1,13 +1,13 @@
 //! An address that is told what changes, and remembers the newest of each thing.
 
-use crate::common::client::Client;
-use crate::common::eventually;
 use crate::fleet::Fleet;
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
+use viola_testing::client::Client;
+use viola_testing::eventually;
 
 #[derive(Clone, Default)]
 pub struct Hooks {

@@ -2,7 +2,6 @@
 
 use crate::export_writers::stray_with_video;
 use crate::exports::{EXPORTS, check_poses};
-use crate::real::data;
 use crate::recording::Recording;
 use crate::writers::{as_folder, as_zip};
 use std::path::Path;
@@ -10,6 +9,7 @@ use viola_align::{AlignParams, Alignment, align};
 use viola_formats::clip::Clip;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Silent;
+use viola_testing::data;
 
 /// A stretch that the method aligns without doubt.
 const FRAMES: std::ops::Range<u32> = 120..180;
@@ -34,7 +34,7 @@ pub fn check_aligned(path: &Path, layout: &str, recording: &Recording, direct: &
 
 #[test]
 fn the_apartment_in_every_layout_is_aligned_as_it_is_directly() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::root() else { return };
     let scene = data.join("scannet/scene0000_00");
     let lidar = LidarMap::open(&scene.join("lidar/points.csv")).unwrap();
     let direct = alignment(&Clip::open(&scene).unwrap(), &lidar);
@@ -71,7 +71,7 @@ fn video(recording: &Recording, coding: &[&str]) -> Vec<u8> {
 
 #[test]
 fn the_apartment_with_its_colour_as_video_is_aligned_as_it_is_directly() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::root() else { return };
     let scene = data.join("scannet/scene0000_00");
     let lidar = LidarMap::open(&scene.join("lidar/points.csv")).unwrap();
     let direct = alignment(&Clip::open(&scene).unwrap(), &lidar);

@@ -1,13 +1,13 @@
 //! What robots write, read directly, against the Valetudo maps that were made of it.
 
-use crate::real::data;
 use std::path::{Path, PathBuf};
 use viola_formats::lidar::{LidarMap, Obstacle};
 use viola_geometry::{Pose2, angle_between};
+use viola_testing::data;
 
 /// Every `.bin` beside a `.json`, with the name of its format.
 fn pairs() -> Option<Vec<(&'static str, PathBuf)>> {
-    let data = data()?;
+    let data = data::root()?;
     let mut pairs = Vec::new();
     for vendor in ["roborock", "dreame", "viomi"] {
         for entry in std::fs::read_dir(data.join("vacuum_maps").join(vendor)).unwrap() {

@@ -1,10 +1,10 @@
 //! Maps as other tools read them: written and read back they are the same.
 
 use crate::drawing::*;
-use crate::real::data;
 use crate::robot_files::*;
 use viola_formats::lidar::{Cell, LidarMap};
 use viola_geometry::{Point2, Pose2, angle_between};
+use viola_testing::data;
 
 /// Every cell, room, dock and mark of `a` is in `b` at the same place, moved by `shift_m`.
 fn check_same(what: &str, a: &LidarMap, b: &LidarMap, shift_m: [f64; 2]) {
@@ -66,7 +66,7 @@ fn with_cells() -> Vec<(String, LidarMap)> {
             maps.push((name.to_string(), map));
         }
     }
-    if let Some(data) = data() {
+    if let Some(data) = data::root() {
         for file in [
             "roborock/S6_FW2652_with_active_segment_and_no_mop_zone",
             "dreame/1c_1096_fullcleanup",
@@ -102,7 +102,7 @@ fn valetudo_is_read_back() {
 
 #[test]
 fn valetudo_says_what_its_own_says() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::root() else { return };
     let path = data.join("vacuum_maps/roborock/S5_FW2008_with_segments.json");
     let original: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     let written = LidarMap::open(&path).unwrap().to_valetudo().unwrap();

@@ -1,20 +1,12 @@
 //! The readers on the real recordings in `VIOLA_TEST_DATA`.
 
 use crate::writers::as_zip;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 use viola_formats::clip::{Clip, Frame};
 use viola_formats::lidar::{Cell, LidarMap};
 use viola_geometry::{Point2, Pose2, Vector3};
-
-/// The folder of real recordings. Says so when it is absent; the test then has nothing to check.
-pub fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("VIOLA_TEST_DATA").map(PathBuf::from);
-    if folder.is_none() {
-        eprintln!("VIOLA_TEST_DATA is not set: the real recordings are absent, nothing was checked");
-    }
-    folder
-}
+use viola_testing::data;
 
 /// Of the points that frame `a` measured and frame `b` must see, the part whose depth `b` agrees with.
 /// Poses of the wrong direction, axes or time, a wrong unit of depth or wrong intrinsics all spoil it.
@@ -69,7 +61,7 @@ fn check_recording(path: &Path, layout: &str, frames: usize, steps: &[(usize, us
 
 #[test]
 fn scannet_apartment() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::root() else { return };
     let folder = data.join("scannet/scene0000_00");
     let clip = check_recording(&folder, "scannet", 300, &[(0, 1), (60, 61), (150, 151), (250, 251)]);
     assert_eq!((clip.info().color_width, clip.info().color_height), (648, 484));
@@ -97,7 +89,7 @@ fn scannet_apartment() {
 
 #[test]
 fn seven_scenes_kitchen() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::root() else { return };
     let folder = data.join("seven_scenes/redkitchen");
     let clip = check_recording(&folder, "seven_scenes", 200, &[(0, 5), (60, 70), (150, 160)]);
     assert_eq!(clip.up_in_world(), None);
@@ -105,7 +97,7 @@ fn seven_scenes_kitchen() {
 
 #[test]
 fn tum_desk() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::root() else { return };
     let folder = data.join("tum/freiburg1_rpy_excerpt");
     let clip = check_recording(&folder, "tum_rgbd", 100, &[(0, 2), (40, 42), (80, 82)]);
     // The lists' first and last depth pictures.
@@ -127,7 +119,7 @@ fn distances_m(points: &[Point2], others: &[Point2]) -> Vec<f64> {
 
 #[test]
 fn three_forms_of_the_apartment_agree() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::root() else { return };
     let folder = data.join("scannet/scene0000_00/lidar");
     let in_world = |map: &str, truth: &str| -> Vec<Point2> {
         let truth: serde_json::Value =
@@ -153,7 +145,7 @@ fn three_forms_of_the_apartment_agree() {
 
 #[test]
 fn vacuum_maps() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::root() else { return };
     let mut maps = 0;
     for vendor in ["roborock", "dreame", "viomi"] {
         for entry in std::fs::read_dir(data.join("vacuum_maps").join(vendor)).unwrap() {
@@ -205,7 +197,7 @@ fn check_valetudo(path: &Path) {
 
 #[test]
 fn ros_home() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::root() else { return };
     let map = LidarMap::open(&data.join("vacuum_maps/ros/home.yaml")).unwrap();
     println!("{:#?}", map.info);
     // As counted in the image: 0, 254, and 205, which free_thresh 0.25 would turn into floor.

@@ -1,8 +1,7 @@
 //! What a child says: one message in JSON a line. The answer and its files lie in the job's folder.
 
-use super::Ended;
 use crate::jobs::align_clip::Finished;
-use crate::jobs::trouble::Trouble;
+use crate::jobs::trouble::{Ended, Trouble};
 use crate::storage::result_file;
 use serde::{Deserialize, Serialize};
 use std::fs;

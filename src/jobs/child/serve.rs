@@ -1,9 +1,8 @@
 //! The child's side.
 
-use super::Ended;
 use super::protocol::{Message, write_result};
 use crate::jobs::align_clip::{JobParams, align_clip};
-use crate::jobs::trouble::Trouble;
+use crate::jobs::trouble::{Ended, Trouble};
 use std::any::Any;
 use std::ffi::OsString;
 use std::io::{self, Write};

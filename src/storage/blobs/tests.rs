@@ -5,9 +5,10 @@ mod network;
 mod secrets;
 
 use super::*;
-use crate::storage::conformance::s3_server::S3Server;
+use crate::storage::conformance::bucket;
 use crate::storage::incoming::Arrived;
 use tempfile::TempDir;
+use viola_testing::s3_server::S3Server;
 
 /// More than three parts, and the last of them is not a whole one.
 const LARGE: usize = (3 << 23) + 12_345;
@@ -30,14 +31,14 @@ impl Bench {
 
     fn on_s3() -> Bench {
         let (folder, server) = (tempfile::tempdir().unwrap(), S3Server::start());
-        let place = BlobPlace::S3(server.params());
+        let place = BlobPlace::S3(bucket(&server));
         let blobs = Blobs::open(&place, &folder.path().join("incoming")).unwrap();
         Bench { blobs, folder, server: Some(server) }
     }
 
     /// The same place for one who waits less.
     fn within(&self, limits: Limits) -> Blobs {
-        let place = BlobPlace::S3(self.server().params());
+        let place = BlobPlace::S3(bucket(self.server()));
         Blobs::open_within(&place, &self.blobs.incoming, limits).unwrap()
     }
 

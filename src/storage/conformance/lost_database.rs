@@ -1,10 +1,11 @@
 //! Blobs beside a database that does not know them: lost, empty, or another place's.
 
-use super::s3_server::S3Server;
 use super::*;
-use crate::storage::test_postgres::Schema;
+use crate::storage::conformance::bucket;
 use tempfile::TempDir;
 use uuid::Uuid;
+use viola_testing::postgres::Schema;
+use viola_testing::s3_server::S3Server;
 
 /// A place for blobs, and a database that can be changed for an empty one.
 struct Bench {
@@ -19,7 +20,7 @@ impl Bench {
         StorageParams {
             data: self.folder.path().to_owned(),
             postgres: postgres.map(|schema| PostgresParams { url: schema.url(), connections: 4 }),
-            s3: self.server.as_ref().map(S3Server::params),
+            s3: self.server.as_ref().map(bucket),
         }
     }
 

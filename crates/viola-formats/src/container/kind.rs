@@ -1,7 +1,5 @@
 //! What a file is, by its first bytes.
 
-use super::packed::Packing;
-
 /// The containers that are told apart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
@@ -10,6 +8,22 @@ pub(super) enum Kind {
     Packed(Packing),
     /// None of these: a file that stands for itself.
     Other,
+}
+
+/// What a whole archive is packed with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Packing {
+    Gzip,
+    Zstd,
+}
+
+impl Packing {
+    pub fn name(self) -> &'static str {
+        match self {
+            Packing::Gzip => "gzip",
+            Packing::Zstd => "zstd",
+        }
+    }
 }
 
 impl Kind {

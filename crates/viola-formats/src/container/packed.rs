@@ -4,8 +4,9 @@ mod gzip;
 mod zstd;
 
 use super::contents::RATIO_FREE_BYTES;
+use super::kind::{Kind, Packing};
 use super::spool::spool;
-use super::{Container, ContainerError, Kind, Region, is_machine_fault, tar::Tar};
+use super::{Container, ContainerError, Region, is_machine_fault, tar::Tar};
 use std::cell::Cell;
 use std::io::{self, BufReader, Read};
 
@@ -17,22 +18,6 @@ const MAX_SPOOLED_RATIO: u64 = 50;
 /// Members of a gzip file, frames of a zstd file. Packers that work in parallel make one for each 64 KiB or more.
 const MAX_PIECES: u32 = 1 << 19;
 const BUFFER_BYTES: usize = 64 << 10;
-
-/// What a whole archive is packed with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Packing {
-    Gzip,
-    Zstd,
-}
-
-impl Packing {
-    fn name(self) -> &'static str {
-        match self {
-            Packing::Gzip => "gzip",
-            Packing::Zstd => "zstd",
-        }
-    }
-}
 
 /// Unpacks a file that must hold a tar archive, and looks at its headers.
 pub(super) fn open(packed: &Region, packing: Packing) -> Result<Box<dyn Container>, ContainerError> {

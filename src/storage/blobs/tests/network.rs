@@ -1,10 +1,10 @@
 use super::*;
 use crate::storage::StorageError;
-use crate::storage::conformance::s3_server::{Fault, Faults, When};
 use futures::TryStreamExt;
 use jiff::Timestamp;
 use std::future::Future;
 use std::time::Instant;
+use viola_testing::s3_server::{Fault, Faults, When};
 
 /// For whoever waits so little that a silent store costs a test little. A single request may take far longer.
 const IMPATIENT: Limits = Limits {

@@ -1,10 +1,11 @@
 use super::*;
-use crate::storage::conformance::s3_server::{ACCESS_KEY_ID, SECRET_ACCESS_KEY};
+use crate::storage::conformance::bucket;
+use viola_testing::s3_server::{ACCESS_KEY_ID, SECRET_ACCESS_KEY};
 
 #[tokio::test]
 async fn nothing_that_is_printed_shows_a_secret() {
     let bench = Bench::on_s3();
-    let params = bench.server().params();
+    let params = bucket(bench.server());
     let wrong = S3Params { access_key_id: "another".to_owned(), ..params.clone() };
     let blobs = Blobs::open(&BlobPlace::S3(wrong), bench.folder.path()).unwrap();
     let refused = blobs.put("key", vec![1]).await.unwrap_err();

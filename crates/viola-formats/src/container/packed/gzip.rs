@@ -1,6 +1,7 @@
 //! A gzip file: one member after another (RFC 1952, section 2.2).
 
-use super::{MAX_PIECES, Packing, too_many_pieces};
+use super::super::kind::Packing;
+use super::{MAX_PIECES, too_many_pieces};
 use flate2::bufread::GzDecoder;
 use std::io::{self, BufRead, Read};
 

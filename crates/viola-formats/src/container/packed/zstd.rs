@@ -1,7 +1,8 @@
 //! A Zstandard file: one frame after another, with frames between them that hold something else (RFC 8878, section 3.1).
 
 use super::super::ContainerError;
-use super::{MAX_PIECES, Packing, too_many_pieces};
+use super::super::kind::Packing;
+use super::{MAX_PIECES, too_many_pieces};
 use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 use std::io::{self, BufRead, Read};

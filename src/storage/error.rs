@@ -1,0 +1,88 @@
+//! Why storage could not do as asked.
+
+use super::database::DatabaseFault;
+use std::path::PathBuf;
+
+/// Why storage could not do as asked.
+#[derive(Debug, thiserror::Error)]
+pub enum StorageError {
+    #[error("the data folder {path} is in use by another viola server; stop it or choose another folder")]
+    InUse { path: PathBuf },
+    #[error("{path}: {source}")]
+    File { path: PathBuf, source: std::io::Error },
+    #[error("database: {0}")]
+    Database(#[from] sqlx::Error),
+    /// The commit was sent, and whether it took effect is not known.
+    #[error("database, while it committed: {0}")]
+    Unsettled(#[source] sqlx::Error),
+    #[error("writes to the database failed in the last seconds")]
+    WritesFail { is_full: bool },
+    #[error("database tables: {0}")]
+    Migrate(#[from] sqlx::migrate::MigrateError),
+    #[error("blob store: {0}")]
+    Blobs(#[from] object_store::Error),
+    #[error(
+        "the blob store has at least {blobs} files, and the database names none of them: the database was lost, or one of \
+         the two is the wrong one. Restore the database, or correct the data folder, the database URL or the bucket. To \
+         begin anew, delete these files: `viola clean --remove-unknown --older-than-seconds 0`"
+    )]
+    LostDatabase { blobs: usize },
+    #[error(
+        "the database names {named} files, but not {sent} recordings, LiDAR maps and uploads, nor {made} results and \
+         parts of maps. Killed processes leave fewer, so none was removed. Check that the database is the right one and \
+         not an old copy; then delete them: `viola clean --remove-unknown`"
+    )]
+    TooMuchToSweep { sent: u64, made: u64, named: u64 },
+    #[error("column {column} holds what this version cannot read: {detail}")]
+    Column { column: &'static str, detail: String },
+    #[error("the system gives no random numbers: {0}")]
+    Randomness(String),
+    #[error("no such home")]
+    NoSuchHome,
+    #[error("no such clip")]
+    NoSuchClip,
+    #[error("the home has no LiDAR map")]
+    NoLidarMap,
+    #[error("no such webhook")]
+    NoSuchWebhook,
+    #[error("no such delivery")]
+    NoSuchDelivery,
+    #[error("the cursor is too old for what was deleted since to be told; begin again without one")]
+    CursorExpired,
+}
+
+impl StorageError {
+    /// Whether a retry may succeed: the database or the store could not be reached, gave way to somebody else, or met a
+    /// fault of the system.
+    pub fn is_transient(&self) -> bool {
+        match self {
+            StorageError::Database(error) => DatabaseFault::of(error) != DatabaseFault::Lasting,
+            StorageError::Unsettled(_) | StorageError::WritesFail { .. } => true,
+            StorageError::Blobs(object_store::Error::NotFound { .. }) => false,
+            StorageError::Blobs(_) => true,
+            _ => false,
+        }
+    }
+
+    /// Whether a change may have taken effect all the same.
+    pub(super) fn is_unsettled(&self) -> bool {
+        matches!(self, StorageError::Unsettled(_))
+    }
+
+    /// Whether the disk is full, or this process may not take more of it.
+    pub fn is_full(&self) -> bool {
+        use std::io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+        fn find(error: &(dyn std::error::Error + 'static)) -> bool {
+            let full = error
+                .downcast_ref::<std::io::Error>()
+                .is_some_and(|error| [StorageFull, QuotaExceeded, FileTooLarge].contains(&error.kind()));
+            full || error.source().is_some_and(find)
+        }
+        match self {
+            StorageError::Database(error) if DatabaseFault::of(error) == DatabaseFault::Full => true,
+            StorageError::WritesFail { is_full } => *is_full,
+            StorageError::File { source, .. } => find(source),
+            other => std::error::Error::source(other).is_some_and(find),
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! All that a service keeps, opened and closed.
+
+use super::blobs::{BlobPlace, Blobs};
+use super::database::Database;
+use super::error::StorageError;
+use super::folder_lock::FolderLock;
+use super::incoming::Incoming;
+use super::params::StorageParams;
+use std::os::unix::fs::DirBuilderExt;
+use tempfile::TempDir;
+
+/// All that a service keeps.
+pub struct Storage {
+    pub(super) database: Database,
+    pub(super) blobs: Blobs,
+    /// Of the only process that serves, where there can be but one.
+    pub(super) lock: Option<FolderLock>,
+}
+
+impl Storage {
+    /// Opens what is there, makes what is not, and brings the tables up to date.
+    pub async fn migrate(params: &StorageParams) -> Result<Storage, StorageError> {
+        Storage::connect(params, true).await
+    }
+
+    async fn connect(params: &StorageParams, is_alone: bool) -> Result<Storage, StorageError> {
+        let file_error = |source| StorageError::File { path: params.data.clone(), source };
+        // Recordings of homes are nobody else's business on this machine.
+        std::fs::DirBuilder::new().recursive(true).mode(0o700).create(&params.data).map_err(file_error)?;
+        let folder = &params.data.canonicalize().map_err(file_error)?;
+        let (database, lock) = match &params.postgres {
+            Some(postgres) => (Database::open_postgres(&postgres.url, postgres.connections).await?, None),
+            None => {
+                let lock = is_alone.then(|| FolderLock::take(folder)).transpose()?;
+                (Database::open_sqlite(&folder.join("viola.sqlite")).await?, lock)
+            }
+        };
+        let (place, incoming) = match &params.s3 {
+            Some(s3) => (BlobPlace::S3(s3.clone()), folder.join("incoming")),
+            None => (BlobPlace::Folder(folder.join("blobs")), folder.join("blobs/incoming")),
+        };
+        let blobs = Blobs::open(&place, &incoming)?;
+        Ok(Storage { database, blobs, lock })
+    }
+
+    /// The records alone, beside a server that may be running.
+    pub async fn administer(params: &StorageParams) -> Result<Storage, StorageError> {
+        Storage::connect(params, false).await
+    }
+
+    /// What the database is.
+    pub fn database_name(&self) -> &'static str {
+        self.database.name()
+    }
+
+    /// Checks that the database can write.
+    pub async fn check_writes(&self) -> Result<(), StorageError> {
+        self.database.check_writes().await
+    }
+
+    /// Ends all connections; what is under way is finished first.
+    pub async fn close(&self) {
+        self.database.close().await;
+    }
+
+    /// Begins to receive a file.
+    pub fn incoming(&self) -> Result<Incoming, StorageError> {
+        self.blobs.incoming()
+    }
+
+    /// Whether blobs can be written and read; gives the bytes that are free for files that arrive.
+    pub async fn blobs_ready(&self) -> Result<u64, StorageError> {
+        self.blobs.ready().await
+    }
+
+    /// Makes a folder for the files of one job on this machine. It goes with its value; a sweep removes what a killed
+    /// process left of it.
+    pub fn work_folder(&self) -> Result<TempDir, StorageError> {
+        let folder = self.blobs.incoming_folder();
+        tempfile::Builder::new()
+            .prefix("job-")
+            .tempdir_in(folder)
+            .map_err(|source| StorageError::File { path: folder.to_owned(), source })
+    }
+
+    /// Every blob that a row refers to.
+    #[cfg(test)]
+    pub(super) async fn blob_keys(&self) -> Result<std::collections::HashSet<String>, StorageError> {
+        let mut keys = self.clip_blob_keys().await?;
+        keys.extend(self.lidar_map_blob_keys().await?);
+        keys.extend(self.home_map_blob_keys().await?);
+        keys.extend(self.upload_blob_keys().await?);
+        Ok(keys.into_iter().collect())
+    }
+}

@@ -1,0 +1,48 @@
+//! Where a service keeps what it keeps.
+
+use super::blobs::S3Params;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// Where a service keeps what it keeps.
+#[derive(Debug, Clone, Default)]
+pub struct StorageParams {
+    /// The data folder. Files on their way in lie here, and whatever has no other place.
+    pub data: PathBuf,
+    /// PostgreSQL in place of a file in the data folder.
+    pub postgres: Option<PostgresParams>,
+    /// A bucket in place of files in the data folder.
+    pub s3: Option<S3Params>,
+}
+
+/// A database that many processes share.
+#[derive(Clone)]
+pub struct PostgresParams {
+    /// As libpq has it, with the password.
+    pub url: String,
+    /// At most, of this process.
+    pub connections: u32,
+}
+
+impl fmt::Debug for PostgresParams {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter
+            .debug_struct("PostgresParams")
+            .field("connections", &self.connections)
+            .finish_non_exhaustive()
+    }
+}
+
+impl StorageParams {
+    /// SQLite and files, all in one folder.
+    pub fn in_folder(data: &Path) -> StorageParams {
+        StorageParams { data: data.to_owned(), ..StorageParams::default() }
+    }
+}
+
+/// One page of a list: at most `limit` items after the item `after`.
+#[derive(Debug, Clone)]
+pub struct Page<Id> {
+    pub limit: u32,
+    pub after: Option<Id>,
+}

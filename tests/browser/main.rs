@@ -1,0 +1,120 @@
+//! The viewer in a real browser over a real server, and the tests of its parts.
+//!
+//! They need Node.js, the packages of `web/` (a build fetches them) and Chromium (`$CHROMIUM`, or Debian's). Without
+//! them they say so and pass, except where `VIOLA_BROWSER=1` says that all of it must be there.
+
+use image::RgbImage;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use viola_testing::process::{Process, viola};
+
+/// Kinds of simulated homes: a clip of the first finds its place, a clip of the second fits several.
+/// The first is so long that its job can be watched.
+const SETS: [(&str, &str); 2] = [("normal", "100"), ("repeated", "40")];
+
+fn web() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("web")
+}
+
+fn chromium() -> PathBuf {
+    std::env::var_os("CHROMIUM").map_or_else(|| "/usr/bin/chromium".into(), PathBuf::from)
+}
+
+/// Whether everything is there; says what is not.
+fn can_run(needs_browser: bool) -> bool {
+    let node = Command::new("node").arg("--version").output().is_ok_and(|answer| answer.status.success());
+    let packages = web().join("node_modules/playwright-core").is_dir();
+    let browser = !needs_browser || chromium().is_file();
+    let missing: Vec<&str> =
+        [(node, "Node.js"), (packages, "web/node_modules (npm ci in web/)"), (browser, "Chromium")]
+            .into_iter()
+            .filter_map(|(is_there, name)| (!is_there).then_some(name))
+            .collect();
+    if missing.is_empty() {
+        return true;
+    }
+    let missing = missing.join(", ");
+    assert!(std::env::var_os("VIOLA_BROWSER").is_none_or(|value| value != "1"), "not there: {missing}");
+    viola_testing::skipped("the viewer in a browser", &format!("install {missing}"));
+    false
+}
+
+fn run(command: &mut Command) {
+    let output = command.output().unwrap();
+    let (said, erred) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    println!("{said}");
+    assert!(output.status.success(), "{command:?}\n{said}\n{erred}");
+}
+
+#[test]
+fn the_sources_are_sound() {
+    if !can_run(false) {
+        return;
+    }
+    run(Command::new("node").args(["node_modules/typescript/bin/tsc", "--noEmit"]).current_dir(web()));
+    run(Command::new("node").arg("tests/run.mjs").current_dir(web()));
+}
+
+#[test]
+fn a_person_uses_the_page() {
+    if !can_run(true) {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = folder.path().join("recordings");
+    for (set, frames) in SETS {
+        let arguments =
+            ["simulate", "--set", set, "--seed", "1", "--clips", "1", "--frames", frames, "--out"];
+        run(viola().args(arguments).arg(recordings.join(set)));
+    }
+    let pictures = std::env::var_os("VIOLA_ARTIFACTS")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("target"), PathBuf::from)
+        .join("browser");
+    if pictures.exists() {
+        std::fs::remove_dir_all(&pictures).unwrap();
+    }
+    std::fs::create_dir_all(&pictures).unwrap();
+    let server = Process::serve(&folder.path().join("data"), &[]);
+    run(Command::new("node")
+        .arg("tests/browser.mjs")
+        .current_dir(web())
+        .env("VIOLA_BASE", &server.client.base)
+        .env("VIOLA_RECORDINGS", &recordings)
+        .env("VIOLA_PICTURES", &pictures)
+        .env("CHROMIUM", chromium()));
+    look_at(&pictures);
+}
+
+/// Nothing is blank, and colourings differ.
+fn look_at(pictures: &Path) {
+    let mut by_name = HashMap::new();
+    for entry in std::fs::read_dir(pictures).unwrap() {
+        let path = entry.unwrap().path();
+        let picture = image::open(&path).unwrap().to_rgb8();
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        let counts = counts(&picture);
+        let most = counts.values().max().copied().unwrap_or(0);
+        let share = most as f64 / f64::from(picture.width() * picture.height());
+        // Pages are mostly ground; a stage with points on it holds many colours.
+        assert!(counts.len() > 40 && share < 0.985, "{name} is blank: {} colours, {share:.3}", counts.len());
+        by_name.insert(name, picture);
+    }
+    assert!(by_name.len() >= 18, "only {} pictures", by_name.len());
+    let stages = ["03-3d-colour", "03-3d-class", "03-3d-clip", "03-3d-probability", "04-3d-without-walls"];
+    for (i, a) in stages.iter().enumerate() {
+        assert!(counts(&by_name[*a]).len() > 300, "{a} shows no points");
+        for b in &stages[..i] {
+            let differing = by_name[*a].pixels().zip(by_name[*b].pixels()).filter(|(a, b)| a != b).count();
+            assert!(differing > 5000, "{a} and {b} differ in {differing} pixels only");
+        }
+    }
+}
+
+fn counts(picture: &RgbImage) -> HashMap<[u8; 3], usize> {
+    let mut counts = HashMap::new();
+    for pixel in picture.pixels() {
+        *counts.entry(pixel.0).or_insert(0) += 1;
+    }
+    counts
+}

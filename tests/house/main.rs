@@ -1,0 +1,271 @@
+//! The invariants of the house, held over the sources: who may import whom, and how long a file and a function may be.
+
+mod circles;
+mod sources;
+
+use sources::{Source, sources};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+/// Each crate of the method with its floor. A crate depends on crates of lower floors only.
+const CRATES: &[(&str, u8)] = &[
+    ("viola-geometry", 1),
+    ("viola-formats", 2),
+    ("viola-network", 2),
+    ("viola-reconstruct", 3),
+    ("viola-align", 4),
+    ("viola-home", 5),
+    ("viola-lab", 6),
+];
+
+/// Each module of the service with its floor.
+const MODULES: &[(&str, u8)] =
+    &[("tls", 0), ("storage", 1), ("jobs", 2), ("webhooks", 2), ("api", 3), ("cli", 4)];
+
+/// Dependencies that only some modules of the service may know.
+const OWNED: &[(&str, &[&str])] = &[
+    ("axum", &["api"]),
+    ("tower", &["api"]),
+    ("tower_http", &["api"]),
+    ("utoipa_axum", &["api"]),
+    ("sqlx", &["storage"]),
+    ("object_store", &["storage"]),
+    ("clap", &["cli"]),
+    ("reqwest", &["cli", "webhooks"]),
+];
+
+/// Dependencies that only one crate may have.
+const HELD: &[(&str, &str)] = &[
+    ("rten", "viola-network"),
+    ("ort", "viola-network"),
+    ("libloading", "viola-network"),
+    ("mp4-atom", "viola-formats"),
+    ("rust_h264", "viola-formats"),
+    ("rust_h265", "viola-formats"),
+];
+
+/// Words that the method's crates must not know.
+const IMPURE: &[&str] = &[
+    "tokio",
+    "async fn",
+    ".await",
+    "SystemTime",
+    "Instant::now",
+    "std::env",
+    "jiff",
+    "tracing::",
+    "rand::rng(",
+    "from_os_rng",
+    "thread_rng",
+];
+
+const MOST_LINES_OF_A_FILE: usize = 400;
+const MOST_LINES_OF_A_FUNCTION: usize = 80;
+/// Two files may import each other; three may not form a circle.
+const MOST_FILES_OF_A_CIRCLE: usize = 2;
+
+fn check(broken: Vec<String>) {
+    assert!(broken.is_empty(), "\n{}", broken.join("\n"));
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The dependencies of a crate, without those of its tests.
+fn dependencies(name: &str) -> Vec<String> {
+    let path = root().join("crates").join(name).join("Cargo.toml");
+    let text = fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let document: toml::Table = text.parse().unwrap();
+    document["dependencies"].as_table().unwrap().keys().cloned().collect()
+}
+
+#[test]
+fn crates_depend_downwards() {
+    let floors: BTreeMap<&str, u8> = CRATES.iter().copied().collect();
+    let mut broken = Vec::new();
+    for (name, floor) in CRATES {
+        for other in dependencies(name) {
+            if floors.get(other.as_str()).is_some_and(|other| other >= floor) {
+                broken.push(format!("{name} depends on {other}, which is not below it"));
+            }
+            for (held, owner) in HELD.iter().filter(|(held, _)| *held == other) {
+                if owner != name {
+                    broken.push(format!("{name} depends on {held}, which only {owner} may know"));
+                }
+            }
+        }
+    }
+    let folders = fs::read_dir(root().join("crates")).unwrap();
+    for folder in folders {
+        let name = folder.unwrap().file_name().into_string().unwrap();
+        if !floors.contains_key(name.as_str()) {
+            broken.push(format!("crate {name} has no floor in tests/house.rs"));
+        }
+    }
+    check(broken);
+}
+
+#[test]
+fn modules_of_the_service_import_downwards() {
+    let floors: BTreeMap<&str, u8> = MODULES.iter().copied().collect();
+    let mut broken = Vec::new();
+    for source in sources().iter().filter(|source| source.is_of_service()) {
+        let Some(&own) = floors.get(source.first_module()) else {
+            broken.push(format!("{} has no floor in tests/house.rs", source.path.display()));
+            continue;
+        };
+        for (number, line) in source.code() {
+            for (module, _) in MODULES.iter().filter(|(_, floor)| *floor >= own) {
+                let is_imported = names_path(line, &format!("crate::{module}"));
+                if *module != source.first_module() && is_imported {
+                    broken.push(format!("{}:{number} imports {module}", source.path.display()));
+                }
+            }
+        }
+    }
+    check(broken);
+}
+
+#[test]
+fn each_foreign_world_has_one_door() {
+    let mut broken = Vec::new();
+    for source in sources().iter().filter(|source| source.is_of_service()) {
+        for (number, line) in source.code() {
+            for (name, owners) in OWNED.iter().filter(|(_, owners)| !owners.contains(&source.first_module()))
+            {
+                if names_path(line, &format!("{name}::")) {
+                    broken
+                        .push(format!("{}:{number}: only {owners:?} may know {name}", source.path.display()));
+                }
+            }
+        }
+    }
+    check(broken);
+}
+
+/// Whether a line names something by a path that begins so.
+fn names_path(line: &str, path: &str) -> bool {
+    let is_word = |c: char| c.is_alphanumeric() || c == '_';
+    line.match_indices(path).any(|(at, _)| {
+        let before = line[..at].chars().next_back();
+        let after = line[at + path.len()..].chars().next();
+        let ends = path.ends_with(':') || !after.is_some_and(is_word);
+        ends && !before.is_some_and(|c| is_word(c) || c == ':')
+    })
+}
+
+/// Places that may start other processes: decoders of video, and jobs apart from all others. The command line has programs
+/// fetch and unpack networks.
+const START_PROCESSES: &[&str] = &["video", "jobs", "cli"];
+
+#[test]
+fn few_start_processes() {
+    let may_start = |source: &&Source| START_PROCESSES.contains(&source.first_module());
+    let mut broken = Vec::new();
+    for source in sources().iter().filter(|source| !may_start(source)) {
+        for (number, line) in source.code() {
+            if names_path(line, "process::Command") || names_path(line, "std::process::Command") {
+                broken.push(format!("{}:{number}: it starts a process", source.path.display()));
+            }
+        }
+    }
+    check(broken);
+}
+
+#[test]
+fn the_method_is_pure() {
+    let mut broken = Vec::new();
+    for source in sources().iter().filter(|source| !source.is_of_service() && source.krate != "viola-lab") {
+        for (number, line) in source.code() {
+            for word in IMPURE.iter().filter(|word| line.contains(**word)) {
+                broken.push(format!("{}:{number}: the method must not know '{word}'", source.path.display()));
+            }
+        }
+    }
+    check(broken);
+}
+
+/// Waits that hold a thread until async work is done. In tokio's pool of blocking threads they end in a deadlock: async
+/// work, such as reading a local blob, needs a thread of the same pool.
+const BLOCKING_WAITS: &[&str] = &[
+    "block_on(",
+    "blocking_send(",
+    "blocking_recv(",
+    "blocking_lock(",
+    "blocking_read(",
+    "blocking_write(",
+    "block_in_place(",
+    "SyncIoBridge",
+    "reqwest::blocking",
+];
+
+#[test]
+fn no_thread_waits_for_async_work() {
+    // A command of the command line waits on its own thread for all its work; tests have runtimes of their own.
+    let may_wait = |source: &Source| {
+        source.first_module() == "cli" || source.path.to_string_lossy().contains("conformance")
+    };
+    let mut broken = Vec::new();
+    for source in sources().iter().filter(|source| !may_wait(source)) {
+        for (number, line) in source.code() {
+            for wait in BLOCKING_WAITS.iter().filter(|wait| line.contains(**wait)) {
+                broken.push(format!("{}:{number}: {wait} waits for async work", source.path.display()));
+            }
+        }
+    }
+    check(broken);
+}
+
+#[test]
+fn files_stay_small() {
+    let long = |source: &Source| {
+        let lines = source.text.lines().count();
+        let place = source.path.display();
+        (lines > MOST_LINES_OF_A_FILE).then(|| format!("{place} has {lines} lines; split it by what it does"))
+    };
+    check(sources().iter().filter_map(long).collect());
+}
+
+#[test]
+fn functions_stay_short() {
+    let mut broken = Vec::new();
+    for source in sources() {
+        let lines: Vec<&str> = source.text.lines().collect();
+        for (at, line) in lines.iter().enumerate().filter(|(_, line)| is_function(line)) {
+            // rustfmt puts a function's last brace under its first letter.
+            let indent = &line[..line.len() - line.trim_start().len()];
+            let end = lines[at..].iter().position(|end| *end == format!("{indent}}}")).unwrap_or(0);
+            if end + 1 > MOST_LINES_OF_A_FUNCTION {
+                broken.push(format!("{}:{}: a function of {} lines", source.path.display(), at + 1, end + 1));
+            }
+        }
+    }
+    check(broken);
+}
+
+/// Functions that are tables.
+const TABLES: &[&str] = &["fn mapping("];
+
+fn is_function(line: &str) -> bool {
+    let head = line.trim_start();
+    let words = ["pub ", "pub(super) ", "pub(crate) ", "async ", "const ", "unsafe "];
+    let rest = words.iter().fold(head, |head, word| head.strip_prefix(word).unwrap_or(head));
+    let is_table = TABLES.iter().any(|table| rest.starts_with(table));
+    rest.starts_with("fn ") && !is_table && !line.trim_end().ends_with([';', '}'])
+}
+
+#[test]
+fn no_three_files_import_each_other_in_a_circle() {
+    let mut broken = Vec::new();
+    for krate in CRATES.iter().map(|(name, _)| *name).chain(["viola"]) {
+        let all = sources();
+        let own: Vec<&Source> = all.iter().filter(|source| source.krate == krate).collect();
+        let circles = circles::circles(&own);
+        for circle in circles.iter().filter(|circle| circle.len() > MOST_FILES_OF_A_CIRCLE) {
+            broken.push(format!("{krate}: {}", circle.join(" -> ")));
+        }
+    }
+    check(broken);
+}

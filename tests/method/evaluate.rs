@@ -1,0 +1,9 @@
+//! `viola evaluate`: clips with a known truth, methods that find it, results that outlive an interruption,
+//! and tables that add up.
+
+mod command;
+mod flat;
+mod methods;
+mod resume;
+mod survey;
+mod table;

@@ -1,0 +1,31 @@
+//! The runtimes that networks are tested under, and the small networks in tests/models.
+
+use image::{Rgb, RgbImage};
+use std::path::{Path, PathBuf};
+use viola_network::{Runtime, RuntimeParams};
+
+pub fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/models").join(name)
+}
+
+/// The runtimes at hand.
+pub fn runtimes() -> Vec<RuntimeParams> {
+    let rten = RuntimeParams { runtime: Runtime::Rten, ..RuntimeParams::default() };
+    match std::env::var_os("ORT_DYLIB_PATH") {
+        Some(path) => {
+            let library = Some(PathBuf::from(path));
+            vec![rten, RuntimeParams { runtime: Runtime::OnnxRuntime, library, ..RuntimeParams::default() }]
+        }
+        None => {
+            viola_testing::skipped("ONNX Runtime", "set ORT_DYLIB_PATH to its library");
+            vec![rten]
+        }
+    }
+}
+
+/// The picture that `models/export/tiny.py` draws.
+pub fn stripes(width: u32, height: u32) -> RgbImage {
+    RgbImage::from_fn(width, height, |x, y| {
+        Rgb([0, 1, 2].map(|c| ((x * (3 + 2 * c) + y * (7 - 2 * c) + x * y / 64) % 256) as u8))
+    })
+}

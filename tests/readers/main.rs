@@ -1,0 +1,33 @@
+//! Readers of clips and maps: round trips, refusals, mutated bytes, and the real recordings.
+
+mod archives;
+mod clips;
+mod clips_written;
+mod drawing;
+mod edits;
+mod export_writers;
+mod exports;
+mod exports_real;
+mod exports_refused;
+mod exports_tolerated;
+mod fuzz_seeds;
+mod hostile_archives;
+mod hostile_zips;
+mod maps;
+mod maps_carmen;
+mod maps_cli;
+mod maps_real;
+mod maps_refused;
+mod maps_robots;
+mod maps_written;
+mod memory;
+mod mutations;
+mod real;
+mod recording;
+mod refusals;
+mod robot_files;
+mod sens_refused;
+mod spectacular_refused;
+mod streaming;
+mod video;
+mod writers;

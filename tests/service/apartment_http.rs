@@ -1,0 +1,136 @@
+//! The main job as the README's tour does it: the real apartment as a zip and its robot's map go in over
+//! HTTP, the pose comes out. With the real binary, whose memory is looked at.
+
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+use viola_geometry::{Pose2, angle_between};
+use viola_lab::evaluate::Scene;
+use viola_testing::client::Client;
+use viola_testing::process::Process;
+use viola_testing::{eventually, zips};
+
+fn excerpt(scene: &Path, frames: std::ops::Range<u32>) -> Vec<u8> {
+    let read = |name: String| (name.clone(), fs::read(scene.join(&name)).unwrap());
+    let mut files: zips::Files = ["intrinsic_color", "intrinsic_depth"]
+        .map(|name| read(format!("intrinsic/{name}.txt")))
+        .into_iter()
+        .collect();
+    for i in frames {
+        files.extend([format!("color/{i}.jpg"), format!("depth/{i}.png"), format!("pose/{i}.txt")].map(read));
+    }
+    zips::zip(&files)
+}
+
+#[tokio::test]
+async fn an_excerpt_finds_its_place() {
+    let Some(scene) = viola_testing::data::folder("scannet/scene0000_00") else { return };
+    let lidar = scene.join("lidar/valetudo.json");
+    let truth = Scene::open(&scene, &lidar, &scene.join("lidar/ground_truth_valetudo.json")).unwrap();
+    let truth = truth.map_from_clip(120).unwrap();
+
+    let data = TempDir::new().unwrap();
+    let server = Process::serve(data.path(), &[]);
+    let client = &server.client;
+    let home = client.make_home("apartment").await;
+    let map = client.put(&format!("{home}/lidar-map"), fs::read(&lidar).unwrap()).await.ok(201);
+    assert_eq!(map["info"]["format"], "valetudo");
+    let answer = client.post(&format!("{home}/clips"), excerpt(&scene, 120..180)).await;
+    let path = answer.header("location").to_owned();
+    let clip = answer.ok(201);
+    assert_eq!((&clip["info"]["layout"], &clip["info"]["frames"]), (&"scannet".into(), &60.into()));
+
+    let clip = client.settled(&path).await;
+    assert_eq!(clip["state"], "aligned", "{clip:#}");
+    let pose: Pose2 = serde_json::from_value(clip["alignment"]["map_from_clip"].clone()).unwrap();
+    assert!(pose.distance_m(&truth) < 0.1, "{pose:?} is not {truth:?}");
+    assert!(angle_between(pose.yaw_rad, truth.yaw_rad) < 3f64.to_radians(), "{pose:?} is not {truth:?}");
+    assert!(client.get(&format!("{path}/overlay.png")).await.bytes.starts_with(b"\x89PNG"));
+    assert!(client.get(&format!("{path}/cloud.ply")).await.bytes.starts_with(b"ply\n"));
+    if let Some(peak_mib) = server.peak_mib() {
+        assert!(peak_mib < 700, "{peak_mib} MiB");
+    }
+}
+
+/// Eight excerpts of 40 frames that cover all 300: neighbours share a few frames.
+fn eight() -> Vec<std::ops::Range<u32>> {
+    (0..8u32).map(|i| (i * 260 / 7)..(i * 260 / 7 + 40)).collect()
+}
+
+/// The home's map once as many clips are in it: what of it does not depend on ids and times, and its points.
+async fn map_of(client: &Client, home: &str, clips: usize) -> (Value, Vec<u8>) {
+    let map = eventually("the map is merged", || async {
+        let answer = client.get(&format!("{home}/map")).await;
+        let map = (answer.status == 200).then(|| answer.json())?;
+        (map["clips"].as_array().unwrap().len() == clips && map["left_out"] == serde_json::json!([]))
+            .then_some(map)
+    })
+    .await;
+    let mut poses = map["clips"].clone();
+    poses.as_array_mut().unwrap().iter_mut().for_each(|clip| {
+        clip.as_object_mut().unwrap().remove("clip");
+    });
+    let told = serde_json::json!({ "clips": poses, "info": map["info"] });
+    (told, client.get(&format!("{home}/map/points")).await.bytes)
+}
+
+/// Kept to be looked at, beside the pictures of the browser's test; they are never part of the repository.
+async fn keep_pictures(client: &Client, home: &str) {
+    let folder = std::env::var_os("VIOLA_ARTIFACTS")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("target"), PathBuf::from)
+        .join("apartment");
+    fs::create_dir_all(&folder).unwrap();
+    for (query, name, start) in
+        [("png", "plan.png", &b"\x89PNG"[..]), ("svg", "plan.svg", b"<"), ("geojson", "plan.geojson", b"{")]
+    {
+        let plan = client.get(&format!("{home}/map/plan?format={query}")).await;
+        assert!(plan.status == 200 && plan.bytes.starts_with(start), "{name}");
+        fs::write(folder.join(name), plan.bytes).unwrap();
+    }
+}
+
+async fn add(client: &Client, home: &str, zip: &[u8]) -> String {
+    let answer = client.post(&format!("{home}/clips"), zip.to_vec()).await;
+    let path = answer.header("location").to_owned();
+    answer.ok(201);
+    let clip = client.settled(&path).await;
+    assert_eq!(clip["state"], "aligned", "{clip:#}");
+    path
+}
+
+/// The map is a function of the set of clips: eight excerpts in three orders, one taken out and put back.
+#[tokio::test]
+async fn the_order_of_clips_does_not_matter() {
+    let Some(scene) = viola_testing::data::folder("scannet/scene0000_00") else { return };
+    let data = TempDir::new().unwrap();
+    let server = Process::serve(data.path(), &[]);
+    let client = &server.client;
+    let zips: Vec<Vec<u8>> = eight().into_iter().map(|frames| excerpt(&scene, frames)).collect();
+    let lidar = fs::read(scene.join("lidar/valetudo.json")).unwrap();
+    let mut maps = Vec::new();
+    // Three orders drawn with dice.
+    for order in [[3, 0, 6, 1, 7, 5, 2, 4], [5, 2, 7, 4, 0, 3, 6, 1], [6, 4, 1, 0, 2, 7, 3, 5]] {
+        let home = client.make_home(&format!("home-{}", order[0])).await;
+        client.put(&format!("{home}/lidar-map"), lidar.clone()).await.ok(201);
+        let mut third = String::new();
+        for (n, i) in order.into_iter().enumerate() {
+            let path = add(client, &home, &zips[i]).await;
+            if n == 2 {
+                third = path;
+            }
+        }
+        let map = map_of(client, &home, 8).await;
+        assert!(map.1.len() > 1_000_000);
+        if maps.is_empty() {
+            keep_pictures(client, &home).await;
+            client.delete(&third).await.ok(204);
+            assert_ne!(map_of(client, &home, 7).await.1, map.1);
+            add(client, &home, &zips[order[2]]).await;
+            let again = map_of(client, &home, 8).await;
+            assert!(again == map, "one taken out and put back gives another map");
+        }
+        maps.push(map);
+    }
+    assert!(maps[0] == maps[1] && maps[0] == maps[2], "the order of the clips shows");
+}

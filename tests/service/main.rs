@@ -1,0 +1,11 @@
+//! The binary as an operator runs it: real processes, signals, disks and clients.
+
+mod apartment_http;
+#[cfg(target_os = "linux")]
+mod bounds;
+mod demo;
+mod disk_full;
+mod kill;
+mod schemathesis;
+mod serving;
+mod typescript;

@@ -1,0 +1,202 @@
+//! The binary as an operator runs it: what it tells a collector of traces, the end of a tenant, and many exports at once.
+
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use std::io::{BufRead, BufReader, Cursor, Read, Write};
+use std::net::TcpListener;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+use viola_testing::client::Client;
+use viola_testing::process::{Process, viola};
+use viola_testing::{eventually, room, zips};
+
+/// What a collector of OpenTelemetry is sent, as it arrives: protobuf, in which texts and ids stand as they are.
+fn collector() -> (String, Arc<Mutex<Vec<u8>>>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let url = format!("http://{}", listener.local_addr().unwrap());
+    let got = Arc::<Mutex<Vec<u8>>>::default();
+    let kept = got.clone();
+    std::thread::spawn(move || {
+        for connection in listener.incoming() {
+            let kept = kept.clone();
+            std::thread::spawn(move || {
+                let mut connection = BufReader::new(connection.unwrap());
+                loop {
+                    let (mut line, mut length) = (String::new(), 0);
+                    while connection.read_line(&mut line).unwrap_or(0) > 2 {
+                        let lower = line.to_lowercase();
+                        if let Some(value) = lower.strip_prefix("content-length:") {
+                            length = value.trim().parse().unwrap();
+                        }
+                        line.clear();
+                    }
+                    if length == 0 {
+                        return;
+                    }
+                    let mut body = vec![0; length];
+                    connection.read_exact(&mut body).unwrap();
+                    kept.lock().unwrap().extend(body);
+                    connection.get_mut().write_all(b"HTTP/1.1 200 OK\r\ncontent-length: 0\r\n\r\n").unwrap();
+                }
+            });
+        }
+    });
+    (url, got)
+}
+
+fn holds(bytes: &[u8], part: &[u8]) -> bool {
+    bytes.windows(part.len()).any(|window| window == part)
+}
+
+#[tokio::test]
+async fn traces_go_to_the_collector_that_is_named() {
+    let (url, got) = collector();
+    let data = tempfile::tempdir().unwrap();
+    let server = Process::serve_with(data.path(), &[("OTEL_EXPORTER_OTLP_ENDPOINT", &url)]);
+    let home = server.client.make_home("h").await;
+    server.client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let trace = "4bf92f3577b34da6a3ce929d0e0e4736";
+    let request = server.client.request(reqwest::Method::POST, &format!("{home}/clips"));
+    let request = request.header("traceparent", format!("00-{trace}-00f067aa0ba902b7-01"));
+    let answer = server.client.send(request.body(zips::zip(&room::clip(12)))).await;
+    let clip = answer.header("location").to_owned();
+    assert_eq!(server.client.settled(&clip).await["state"], "aligned");
+    assert!(server.stop("TERM").success(), "what is left is sent before the end");
+    let got = got.lock().unwrap().clone();
+    let id: Vec<u8> = (0..16).map(|n| u8::from_str_radix(&trace[2 * n..2 * n + 2], 16).unwrap()).collect();
+    let clip_id = clip.rsplit('/').next().unwrap();
+    let parts: [&[u8]; 8] = [
+        b"POST /v1/homes/{home}/clips",
+        b"PUT /v1/homes/{home}/lidar-map",
+        b"http.response.status_code",
+        b"job",
+        b"raycast",
+        b"service.name",
+        clip_id.as_bytes(),
+        &id,
+    ];
+    for part in parts {
+        assert!(holds(&got, part), "{:?} is not among the traces", String::from_utf8_lossy(part));
+    }
+}
+
+/// Runs a command that has to succeed; gives what it says.
+fn run(data: &Path, arguments: &[&str]) -> String {
+    let output = viola().args(arguments).arg("--data").arg(data).output().unwrap();
+    let erred = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {erred}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[tokio::test]
+async fn a_tenant_is_removed_beside_a_running_server() {
+    let data = tempfile::tempdir().unwrap();
+    let server = Process::serve(data.path(), &["--no-worker"]);
+    let key = |tenant| run(data.path(), &["keys", "create", "--tenant", tenant, "--role", "admin"]);
+    let (acme, bolt) = (key("acme"), key("bolt"));
+    let send = async |key: &str, method, path: &str, body: Vec<u8>| {
+        let request = server.client.request(method, path).bearer_auth(key.trim()).body(body);
+        server.client.send(request).await
+    };
+    use reqwest::Method;
+    for key in [&acme, &bolt] {
+        send(key, Method::PUT, "/v1/homes/h", vec![]).await.ok(201);
+        send(key, Method::PUT, "/v1/homes/h/lidar-map", room::lidar_csv().into()).await.ok(201);
+        send(key, Method::POST, "/v1/homes/h/clips", zips::zip(&room::clip(12))).await.ok(201);
+    }
+    assert!(run(data.path(), &["tenants", "list"]).contains("acme"));
+    for (refused, why) in [
+        (vec!["tenants", "delete", "acme"], "--yes"),
+        (vec!["tenants", "delete", "nobody", "--yes"], "nobody"),
+    ] {
+        let output = viola().args(refused).arg("--data").arg(data.path()).output().unwrap();
+        assert!(!output.status.success() && String::from_utf8_lossy(&output.stderr).contains(why));
+    }
+    let said = run(data.path(), &["tenants", "delete", "acme", "--yes"]);
+    assert!(said.contains("acme is gone: 1 homes, 0 uploads, 0 webhooks, 1 keys"), "{said}");
+    send(&acme, Method::GET, "/v1/homes/h", vec![]).await.problem(401, "key-invalid");
+    assert_eq!(send(&bolt, Method::GET, "/v1/homes/h", vec![]).await.ok(200)["clips"], 1);
+    assert!(!run(data.path(), &["tenants", "list"]).contains("acme"));
+    // The last one's keys go too, and nobody is let in for it.
+    run(data.path(), &["tenants", "delete", "bolt", "--yes"]);
+    server.client.get("/v1/homes/h").await.problem(401, "key-missing");
+    let files = eventually("every file is gone", || async {
+        let mut files = vec![];
+        let mut folders = vec![data.path().join("blobs")];
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() { folders.push(path) } else { files.push(path) }
+            }
+        }
+        files.is_empty().then_some(files)
+    })
+    .await;
+    assert!(files.is_empty());
+}
+
+/// More than the threads that may block (512), and more than the connections that wait to be accepted.
+const EXPORTS: usize = 2000;
+
+/// Asks for one thing over and over on a connection of its own; tells the longest wait for an answer, which ends with
+/// `stop`.
+async fn longest_wait(client: Client, path: String, stop: Arc<tokio::sync::Notify>) -> Duration {
+    let mut longest = Duration::ZERO;
+    loop {
+        let begun = Instant::now();
+        tokio::select! {
+            answer = client.get(&path) => assert_eq!(answer.status, 200),
+            () = stop.notified() => return longest.max(begun.elapsed()),
+        }
+        longest = longest.max(begun.elapsed());
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn two_thousand_exports_at_once_end() {
+    // Both ends of each connection; the server inherits the limit.
+    let descriptors = getrlimit(Resource::Nofile);
+    setrlimit(Resource::Nofile, Rlimit { current: descriptors.maximum, ..descriptors }).unwrap();
+    let data = tempfile::tempdir().unwrap();
+    let server = Process::serve(data.path(), &["--no-worker"]);
+    let home = server.client.make_home("h").await;
+    server.client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let recording = zips::zip_of_size(&room::clip(2), 2 << 20);
+    server.client.post(&format!("{home}/clips"), recording.clone()).await.ok(201);
+
+    let other = Client::new(server.client.base.clone());
+    other.lives().await;
+    let stop = Arc::new(tokio::sync::Notify::new());
+    let others = tokio::spawn(longest_wait(other, home.clone(), stop.clone()));
+    let exports = async {
+        // None is read before all are answered, so that all are under way at once.
+        let path = format!("{home}/export");
+        let asked = (0..EXPORTS).map(|_| server.client.request(reqwest::Method::GET, &path).send());
+        let answers = futures::future::join_all(asked).await.into_iter().map(Result::unwrap);
+        futures::future::join_all(answers.map(Client::read)).await
+    };
+    let begun = Instant::now();
+    let answers = tokio::time::timeout(Duration::from_secs(60), exports).await.expect("all exports end");
+    let took = begun.elapsed();
+    stop.notify_one();
+    let longest = others.await.unwrap();
+    let mut whole = 0;
+    for answer in answers {
+        if answer.status == 200 {
+            let mut zip = zip::ZipArchive::new(Cursor::new(answer.bytes)).unwrap();
+            let name = zip.file_names().map(|name| name.unwrap().into_owned());
+            let name = name.into_iter().find(|name| name.ends_with("/recording")).unwrap();
+            let mut read = Vec::new();
+            zip.by_name(&name).unwrap().read_to_end(&mut read).unwrap();
+            assert!(read == recording);
+            whole += 1;
+        } else {
+            assert!(answer.header("retry-after").parse::<u64>().unwrap() >= 1);
+            answer.problem(503, "too-many-exports");
+        }
+    }
+    eprintln!("{whole} of {EXPORTS} exports were served within {took:?}; others waited at most {longest:?}");
+    assert!((1..100).contains(&whole), "{whole}");
+    assert!(longest < Duration::from_secs(5), "another request waited {longest:?}");
+    assert_eq!(server.client.get(&format!("{home}/export")).await.status, 200);
+}

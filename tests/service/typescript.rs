@@ -1,0 +1,47 @@
+//! The TypeScript client: generated from the document as this build serves it, compiled, and run against a server.
+//!
+//! It needs Node.js and the packages of `clients/typescript` (npm ci there); without them the test says so and passes,
+//! except where `VIOLA_BROWSER=1` says that they must be there.
+
+use serde_json::Value;
+use std::path::Path;
+use std::process::Command;
+use viola_testing::process::Process;
+use viola_testing::{room, zips};
+
+fn run(folder: &Path, program: &str, arguments: &[&str]) -> String {
+    let output = Command::new(program).args(arguments).current_dir(folder).output().unwrap();
+    let (said, erred) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{program} {arguments:?}: {said}\n{erred}");
+    said.into_owned()
+}
+
+#[test]
+fn a_generated_client_compiles_and_maps_a_home() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("clients/typescript");
+    let node = Command::new("node").arg("--version").output().is_ok_and(|answer| answer.status.success());
+    if !node || !source.join("node_modules/openapi-typescript").is_dir() {
+        let must = std::env::var_os("VIOLA_BROWSER").is_some_and(|value| value == "1");
+        assert!(!must, "not there: Node.js, or clients/typescript/node_modules (npm ci there)");
+        viola_testing::skipped("the TypeScript client", "install Node.js; npm ci in clients/typescript");
+        return;
+    }
+    // A copy, so that nothing is written among the sources.
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["client.ts", "tour.ts", "generate.mjs", "tsconfig.json", "package.json"] {
+        std::fs::copy(source.join(name), folder.path().join(name)).unwrap();
+    }
+    std::os::unix::fs::symlink(source.join("node_modules"), folder.path().join("node_modules")).unwrap();
+    std::fs::write(folder.path().join("viola.json"), viola::api::document_json()).unwrap();
+    run(folder.path(), "node", &["generate.mjs", "viola.json", "schema.d.ts"]);
+    run(folder.path(), "node", &["node_modules/typescript/bin/tsc"]);
+
+    let data = tempfile::tempdir().unwrap();
+    let server = Process::serve(data.path(), &[]);
+    std::fs::write(folder.path().join("map.csv"), room::lidar_csv()).unwrap();
+    std::fs::write(folder.path().join("clip.zip"), zips::zip(&room::clip(12))).unwrap();
+    let said = run(folder.path(), "node", &["build/tour.js", &server.client.base, "map.csv", "clip.zip"]);
+    let said: Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(said["state"], "aligned", "{said}");
+    assert!(said["map_from_clip"]["yaw_rad"].is_number());
+}

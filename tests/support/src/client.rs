@@ -1,0 +1,111 @@
+//! Talks to a server as an app would.
+
+use crate::eventually;
+use reqwest::{Method, Response};
+use serde_json::Value;
+
+/// A server's address and a connection to it.
+#[derive(Clone)]
+pub struct Client {
+    pub base: String,
+    pub http: reqwest::Client,
+}
+
+/// An answer, read to its end.
+#[derive(Debug)]
+pub struct Answer {
+    pub status: u16,
+    pub headers: reqwest::header::HeaderMap,
+    pub bytes: Vec<u8>,
+}
+
+impl Answer {
+    pub fn header(&self, name: &str) -> &str {
+        self.headers.get(name).map_or("", |value| value.to_str().unwrap())
+    }
+
+    pub fn json(&self) -> Value {
+        serde_json::from_slice(&self.bytes)
+            .unwrap_or_else(|error| panic!("{error}: {}", String::from_utf8_lossy(&self.bytes)))
+    }
+
+    /// The body of a success.
+    pub fn ok(self, status: u16) -> Value {
+        assert_eq!(self.status, status, "{}", String::from_utf8_lossy(&self.bytes));
+        if self.bytes.is_empty() { Value::Null } else { self.json() }
+    }
+
+    /// Checks that this is a problem document in every respect, and gives it.
+    pub fn problem(self, status: u16, code: &str) -> Value {
+        let text = String::from_utf8_lossy(&self.bytes).into_owned();
+        assert_eq!(self.status, status, "{text}");
+        assert_eq!(self.header("content-type"), "application/problem+json", "{text}");
+        assert!(!self.header("x-request-id").is_empty());
+        let problem = self.json();
+        assert_eq!(problem["type"], format!("urn:viola:problem:{code}"), "{text}");
+        assert_eq!(problem["status"], status, "{text}");
+        assert!(problem["title"].as_str().is_some_and(|title| !title.is_empty()), "{text}");
+        assert!(problem["detail"].as_str().is_some_and(|detail| !detail.is_empty()), "{text}");
+        problem
+    }
+}
+
+impl Client {
+    pub fn new(base: String) -> Client {
+        // The first call installs it; later ones find it there.
+        let _ = rustls::crypto::ring::default_provider().install_default();
+        Client { base, http: reqwest::Client::new() }
+    }
+
+    pub fn request(&self, method: Method, path: &str) -> reqwest::RequestBuilder {
+        self.http.request(method, format!("{}{path}", self.base))
+    }
+
+    pub async fn read(response: Response) -> Answer {
+        Answer {
+            status: response.status().as_u16(),
+            headers: response.headers().clone(),
+            bytes: response.bytes().await.unwrap().to_vec(),
+        }
+    }
+
+    pub async fn send(&self, request: reqwest::RequestBuilder) -> Answer {
+        Client::read(request.send().await.unwrap()).await
+    }
+
+    pub async fn get(&self, path: &str) -> Answer {
+        self.send(self.request(Method::GET, path)).await
+    }
+
+    pub async fn delete(&self, path: &str) -> Answer {
+        self.send(self.request(Method::DELETE, path)).await
+    }
+
+    pub async fn post(&self, path: &str, body: impl Into<reqwest::Body>) -> Answer {
+        self.send(self.request(Method::POST, path).body(body)).await
+    }
+
+    pub async fn put(&self, path: &str, body: impl Into<reqwest::Body>) -> Answer {
+        self.send(self.request(Method::PUT, path).body(body)).await
+    }
+
+    pub async fn make_home(&self, id: &str) -> String {
+        let answer = self.put(&format!("/v1/homes/{id}"), "").await;
+        assert!(answer.status == 200 || answer.status == 201, "{answer:?}");
+        format!("/v1/homes/{id}")
+    }
+
+    /// The clip once its job has ended.
+    pub async fn settled(&self, clip: &str) -> Value {
+        eventually("the clip is settled", || async {
+            let clip = self.get(clip).await.ok(200);
+            let under_way = ["queued", "aligning"].contains(&clip["state"].as_str().unwrap());
+            (!under_way).then_some(clip)
+        })
+        .await
+    }
+
+    pub async fn lives(&self) {
+        assert_eq!(self.get("/healthz").await.ok(200)["status"], "ok");
+    }
+}

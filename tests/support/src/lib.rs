@@ -1,0 +1,18 @@
+//! What tests share: a client, recordings to upload, an S3 endpoint, schemas of PostgreSQL, disks to fill, waiting with a
+//! deadline, and a list of what was skipped.
+
+pub mod client;
+pub mod data;
+pub mod disk;
+pub mod postgres;
+pub mod process;
+pub mod room;
+pub mod s3_server;
+mod skip;
+pub mod tablespace;
+pub mod tus;
+mod wait;
+pub mod zips;
+
+pub use skip::skipped;
+pub use wait::{DEADLINE, eventually};

@@ -1,0 +1,147 @@
+//! A place of its own for every test in the PostgreSQL database that `VIOLA_TEST_POSTGRES` names.
+
+use crate::skipped;
+use sqlx::{AssertSqlSafe, Connection, PgConnection};
+use uuid::Uuid;
+
+const DATABASE: &str = "VIOLA_TEST_POSTGRES";
+/// What the names of schemas begin with, where the process that began the tests removes them.
+const PREFIX: &str = "VIOLA_TEST_SCHEMAS";
+
+/// Tables that grow with what clients send and workers make.
+const GROWING: [&str; 10] = [
+    "homes",
+    "lidar_maps",
+    "clips",
+    "jobs",
+    "changes",
+    "uploads",
+    "upload_pieces",
+    "home_maps",
+    "home_map_files",
+    "webhook_deliveries",
+];
+
+/// A schema that nobody else uses.
+pub struct Schema {
+    url: String,
+    name: String,
+    /// Where its tables lie, when it is not the database's own place.
+    tablespace: Option<String>,
+}
+
+impl Schema {
+    /// None where no database is named; that is said, so that nobody takes the test for done.
+    pub async fn new() -> Option<Schema> {
+        let Ok(url) = std::env::var(DATABASE) else {
+            skipped("PostgreSQL", "set VIOLA_TEST_POSTGRES to the address of a database");
+            return None;
+        };
+        let prefix = std::env::var(PREFIX).unwrap_or_else(|_| "viola_test".to_owned());
+        let name = format!("{prefix}_{}", Uuid::now_v7().simple());
+        let schema = Schema { url, name, tablespace: None };
+        execute(&schema.url, format!("CREATE SCHEMA {}", schema.name)).await;
+        Some(schema)
+    }
+
+    /// The database with this schema as the only one.
+    pub fn url(&self) -> String {
+        let separator = if self.url.contains('?') { '&' } else { '?' };
+        let tablespace = self.tablespace.iter().map(|name| format!("%20-cdefault_tablespace%3D{name}"));
+        let tablespace: String = tablespace.collect();
+        format!("{}{separator}options=-csearch_path%3D{}{tablespace}", self.url, self.name)
+    }
+
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Has the service make its tables in a tablespace.
+    pub fn set_tablespace(&mut self, name: String) {
+        self.tablespace = Some(name);
+    }
+
+    /// Prepares [`Schema::fill_disk`], once the service has made its tables.
+    pub async fn prepare_full_disk(&self) {
+        let name = &self.name;
+        execute(&self.url, format!("CREATE TABLE {name}.disk_full (since TIMESTAMPTZ)")).await;
+        let refuse = format!(
+            "CREATE FUNCTION {name}.refuse_rows() RETURNS trigger LANGUAGE plpgsql AS $$
+            BEGIN
+                IF EXISTS (SELECT 1 FROM {name}.disk_full) THEN
+                    RAISE EXCEPTION 'could not extend file: No space left on device' USING ERRCODE = 'disk_full';
+                END IF;
+                RETURN NULL;
+            END $$"
+        );
+        execute(&self.url, refuse).await;
+        for table in GROWING {
+            // One lock at a time, so that nobody waits in a circle.
+            let trigger = format!(
+                "CREATE TRIGGER disk_full BEFORE INSERT OR UPDATE ON {name}.{table}
+                FOR EACH STATEMENT EXECUTE FUNCTION {name}.refuse_rows()"
+            );
+            execute(&self.url, trigger).await;
+        }
+    }
+
+    /// Refuses rows from now on as the database does whose disk is full.
+    pub async fn fill_disk(&self) {
+        execute(&self.url, format!("INSERT INTO {}.disk_full VALUES (now())", self.name)).await;
+    }
+
+    pub async fn free_disk(&self) {
+        execute(&self.url, format!("DELETE FROM {}.disk_full", self.name)).await;
+    }
+
+    pub async fn remove(self) {
+        execute(&self.url, format!("DROP SCHEMA {} CASCADE", self.name)).await;
+    }
+
+    /// Ends all connections of the service, whoever has them.
+    pub async fn cut_connections(&self) {
+        let cut = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity
+            WHERE application_name = 'viola' AND datname = current_database() AND pid <> pg_backend_pid()";
+        execute(&self.url, cut.to_owned()).await;
+    }
+}
+
+/// Many schemas that are removed together, by the process that has others make them.
+pub struct Schemas {
+    prefix: String,
+}
+
+impl Schemas {
+    /// None where no database is named.
+    pub fn new() -> Option<Schemas> {
+        std::env::var_os(DATABASE)?;
+        Some(Schemas { prefix: format!("viola_{}", Uuid::now_v7().simple()) })
+    }
+
+    /// To be set for the processes that make them.
+    pub fn variable(&self) -> (&'static str, &str) {
+        (PREFIX, &self.prefix)
+    }
+
+    pub async fn remove(self) {
+        let url = std::env::var(DATABASE).expect("it was there");
+        let mut connection = PgConnection::connect(&url).await.expect("the test's database answers");
+        let names =
+            sqlx::query_scalar("SELECT nspname::text FROM pg_namespace WHERE starts_with(nspname, $1)");
+        let names: Vec<String> = names.bind(&self.prefix).fetch_all(&mut connection).await.expect("a list");
+        for name in names {
+            execute(&url, format!("DROP SCHEMA {name} CASCADE")).await;
+        }
+    }
+}
+
+async fn execute(url: &str, statement: String) {
+    try_execute(url, statement).await.expect("its owner may do so");
+}
+
+/// Runs a statement as whoever began the tests.
+pub async fn try_execute(url: &str, statement: String) -> Result<(), sqlx::Error> {
+    let mut connection = PgConnection::connect(url).await.expect("the test's database answers");
+    sqlx::raw_sql(AssertSqlSafe(statement)).execute(&mut connection).await?;
+    Ok(())
+}

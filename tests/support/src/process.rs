@@ -1,0 +1,114 @@
+//! The real binary as a process that can be killed.
+
+use crate::client::Client;
+use crate::disk::Disk;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::LazyLock;
+
+pub struct Process {
+    child: Child,
+    pub client: Client,
+}
+
+/// The binary, which Cargo builds beside the tests.
+pub fn program() -> &'static str {
+    static PROGRAM: LazyLock<String> = LazyLock::new(|| {
+        let tests = std::env::current_exe().unwrap();
+        let path = tests.parent().and_then(Path::parent).unwrap().join("viola");
+        assert!(path.is_file(), "{} is not there: cargo build", path.display());
+        path.into_os_string().into_string().unwrap()
+    });
+    &PROGRAM
+}
+
+pub fn viola() -> Command {
+    prepared(Command::new(program()))
+}
+
+/// A command that becomes the binary, without what the environment of the tests would tell it.
+pub fn prepared(mut command: Command) -> Command {
+    command.stdin(Stdio::null());
+    for name in ["RUST_LOG", "VIOLA_MODELS", "ORT_DYLIB_PATH", "OTEL_EXPORTER_OTLP_ENDPOINT"] {
+        command.env_remove(name);
+    }
+    command
+}
+
+impl Process {
+    /// Serves a data folder; returns once requests are accepted.
+    pub fn serve(data: &Path, arguments: &[&str]) -> Process {
+        let mut command = viola();
+        let command = command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data).args(arguments);
+        Process::begin(command.stderr(Stdio::null()))
+    }
+
+    /// Serves a data folder and writes its log to a file.
+    pub fn serve_with_log(data: &Path, log: &Path) -> Process {
+        Process::serve_logged(data, log, &[])
+    }
+
+    /// The same with arguments.
+    pub fn serve_logged(data: &Path, log: &Path, arguments: &[&str]) -> Process {
+        let log = std::fs::File::create(log).unwrap();
+        let mut command = viola();
+        let command = command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data).args(arguments);
+        Process::begin(command.stderr(log))
+    }
+
+    /// The process's number.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Serves a data folder with some variables of the environment set.
+    pub fn serve_with(data: &Path, variables: &[(&str, &str)]) -> Process {
+        let mut command = viola();
+        let command = command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data);
+        Process::begin(command.envs(variables.iter().copied()).stderr(Stdio::null()))
+    }
+
+    /// Serves a folder of a disk.
+    pub fn serve_on(disk: &dyn Disk, arguments: &[&str]) -> Process {
+        let mut command = prepared(disk.command(program()));
+        let command = command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(disk.data());
+        Process::begin(command.args(arguments).stderr(Stdio::null()))
+    }
+
+    fn begin(command: &mut Command) -> Process {
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let base = line.trim().strip_prefix("listening on ").unwrap_or_else(|| panic!("{line:?}"));
+        Process { client: Client::new(base.to_owned()), child }
+    }
+
+    /// As `kill -9` does.
+    pub fn kill(mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+
+    /// Asks the process to stop with a signal's name, and waits for its end.
+    pub fn stop(mut self, signal: &str) -> ExitStatus {
+        let id = self.child.id().to_string();
+        assert!(Command::new("kill").args(["-s", signal, &id]).status().unwrap().success());
+        self.child.wait().unwrap()
+    }
+
+    /// The most memory it ever had, where the system tells.
+    pub fn peak_mib(&self) -> Option<u64> {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).ok()?;
+        let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+        Some(line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()? / 1024)
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // A test that failed leaves no server behind; one that ended needs no killing.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

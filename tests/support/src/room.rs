@@ -1,0 +1,130 @@
+//! A furnished room that is filmed by a turning camera, in ScanNet's layout, and its LiDAR map: small enough
+//! to make in a test, real enough to be aligned.
+
+use crate::zips::Files;
+use image::{ImageFormat, Luma, Rgb};
+use std::f64::consts::TAU;
+use std::io::Cursor;
+
+/// Lower and upper corners in metres, z up. The first is the room, the others stand in it.
+const BOXES: [[[f64; 3]; 2]; 4] = [
+    [[0.0, 0.0, 0.0], [5.0, 4.0, 2.5]],
+    [[0.0, 3.3, 0.0], [1.4, 4.0, 2.0]],
+    [[4.2, 0.0, 0.0], [5.0, 1.0, 1.8]],
+    [[3.1, 3.2, 0.0], [3.5, 4.0, 2.5]],
+];
+const WIDTH: u32 = 160;
+const HEIGHT: u32 = 120;
+const FOCAL_PX: f64 = 110.0;
+const CAMERA_HEIGHT_M: f64 = 1.3;
+/// Down, so that the floor is seen.
+const PITCH_RAD: f64 = 0.45;
+/// The vacuum's origin is somewhere else: where the room's corner lies in the map, and how it is turned.
+pub const MAP_FROM_ROOM: (f64, f64, f64) = (2.0, -1.5, 0.6);
+
+/// The first camera: where it stands in the room and where it looks.
+pub const FIRST_CAMERA: (f64, f64, f64) = (2.9, 2.0, 0.0);
+
+/// One turn in `frames` frames.
+pub fn clip(frames: u32) -> Files {
+    let mut files = vec![
+        ("intrinsic/intrinsic_color.txt".to_owned(), intrinsics()),
+        ("intrinsic/intrinsic_depth.txt".to_owned(), intrinsics()),
+    ];
+    for number in 0..frames {
+        let yaw = TAU * f64::from(number) / f64::from(frames);
+        // On a circle around the middle, looking outwards.
+        let position = [2.5 + 0.4 * yaw.cos(), 2.0 + 0.4 * yaw.sin(), CAMERA_HEIGHT_M];
+        let axes = camera_axes(yaw);
+        let (color, depth) = render(position, axes);
+        files.push((format!("color/{number}.jpg"), color));
+        files.push((format!("depth/{number}.png"), depth));
+        files.push((format!("pose/{number}.txt"), pose(position, axes)));
+    }
+    files
+}
+
+/// Points along the outlines at the vacuum's height, every 2 cm.
+pub fn lidar_csv() -> String {
+    let (x0, y0, yaw) = MAP_FROM_ROOM;
+    let mut text = String::from("x,y\n");
+    for [low, high] in BOXES {
+        let corners = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]];
+        for (a, b) in corners.iter().zip(corners.iter().cycle().skip(1)) {
+            let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+            let steps = (length / 0.02) as usize;
+            for step in 0..steps {
+                let t = step as f64 / steps as f64;
+                let (x, y) = (a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]));
+                let hidden = BOXES[1..]
+                    .iter()
+                    .any(|[low, high]| inside(x, low[0], high[0]) && inside(y, low[1], high[1]));
+                if !hidden {
+                    let (u, v) = (x0 + yaw.cos() * x - yaw.sin() * y, y0 + yaw.sin() * x + yaw.cos() * y);
+                    text += &format!("{u:.4},{v:.4}\n");
+                }
+            }
+        }
+    }
+    text
+}
+
+fn inside(value: f64, low: f64, high: f64) -> bool {
+    value > low + 1e-9 && value < high - 1e-9
+}
+
+fn intrinsics() -> Vec<u8> {
+    let (cx, cy) = (f64::from(WIDTH - 1) / 2.0, f64::from(HEIGHT - 1) / 2.0);
+    format!("{FOCAL_PX} 0 {cx} 0\n0 {FOCAL_PX} {cy} 0\n0 0 1 0\n0 0 0 1\n").into_bytes()
+}
+
+/// The camera's right, down and forward in the room.
+fn camera_axes(yaw: f64) -> [[f64; 3]; 3] {
+    let (s, c) = yaw.sin_cos();
+    let (down, level) = PITCH_RAD.sin_cos();
+    [[s, -c, 0.0], [-down * c, -down * s, -level], [level * c, level * s, -down]]
+}
+
+fn pose(position: [f64; 3], axes: [[f64; 3]; 3]) -> Vec<u8> {
+    let row = |i: usize| format!("{} {} {} {}\n", axes[0][i], axes[1][i], axes[2][i], position[i]);
+    format!("{}{}{}0 0 0 1\n", row(0), row(1), row(2)).into_bytes()
+}
+
+fn render(position: [f64; 3], axes: [[f64; 3]; 3]) -> (Vec<u8>, Vec<u8>) {
+    let mut color = image::RgbImage::new(WIDTH, HEIGHT);
+    let mut depth = image::ImageBuffer::<Luma<u16>, Vec<u16>>::new(WIDTH, HEIGHT);
+    for (x, y, pixel) in color.enumerate_pixels_mut() {
+        let u = (f64::from(x) - f64::from(WIDTH - 1) / 2.0) / FOCAL_PX;
+        let v = (f64::from(y) - f64::from(HEIGHT - 1) / 2.0) / FOCAL_PX;
+        // Forward has length 1 along z, so the ray's parameter is the depth.
+        let ray: [f64; 3] = std::array::from_fn(|i| u * axes[0][i] + v * axes[1][i] + axes[2][i]);
+        let (which, depth_m) = hit(position, ray);
+        depth.put_pixel(x, y, Luma([(depth_m * 1000.0).round() as u16]));
+        *pixel = Rgb([60 + 45 * which as u8, (depth_m * 40.0) as u8, 140]);
+    }
+    (encode(&color.into(), ImageFormat::Jpeg), encode(&depth.into(), ImageFormat::Png))
+}
+
+/// The nearest surface along a ray: the room from within, its furniture from without.
+fn hit(from: [f64; 3], ray: [f64; 3]) -> (usize, f64) {
+    let mut nearest = (0, f64::INFINITY);
+    for (which, [low, high]) in BOXES.iter().enumerate() {
+        let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
+        for i in 0..3 {
+            let (a, b) = ((low[i] - from[i]) / ray[i], (high[i] - from[i]) / ray[i]);
+            enter = enter.max(a.min(b));
+            leave = leave.min(a.max(b));
+        }
+        let at = if which == 0 { leave } else { enter };
+        if enter <= leave && at > 0.0 && at < nearest.1 {
+            nearest = (which, at);
+        }
+    }
+    nearest
+}
+
+fn encode(image: &image::DynamicImage, format: ImageFormat) -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    image.write_to(&mut bytes, format).unwrap();
+    bytes.into_inner()
+}

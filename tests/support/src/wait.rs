@@ -1,0 +1,19 @@
+//! Waiting with a deadline.
+
+use std::future::Future;
+use std::time::{Duration, Instant};
+
+/// Longer than anything takes on a busy machine with two cores.
+pub const DEADLINE: Duration = Duration::from_secs(120);
+
+/// Asks again and again until there is an answer.
+pub async fn eventually<T, F: Future<Output = Option<T>>>(what: &str, mut ask: impl FnMut() -> F) -> T {
+    let begun = Instant::now();
+    loop {
+        if let Some(answer) = ask().await {
+            return answer;
+        }
+        assert!(begun.elapsed() < DEADLINE, "after {DEADLINE:?} still not so: {what}");
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+}
