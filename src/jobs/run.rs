@@ -30,9 +30,11 @@ pub(super) fn run_here(
     inputs: Inputs,
     report: Arc<Report>,
 ) -> Working {
+    let waiting = Waiting(report.clone());
     let work = move || method(&inputs.clip, &inputs.lidar, &params, report.as_ref());
     let work = tokio::task::spawn_blocking(work);
     let ended = async move {
+        let _waiting = waiting;
         match work.await {
             Ok(ended) => ended.map_err(Trouble::from),
             // The process ends.
@@ -41,4 +43,13 @@ pub(super) fn run_here(
         }
     };
     ended.boxed()
+}
+
+/// Somebody waits for the method. When nobody does any more, it is asked to stop.
+struct Waiting(Arc<Report>);
+
+impl Drop for Waiting {
+    fn drop(&mut self) {
+        self.0.cancel();
+    }
 }

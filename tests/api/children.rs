@@ -5,6 +5,7 @@ use serde_json::Value;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::Duration;
 use tempfile::TempDir;
 use viola::jobs::{ChildParams, Failure, Finished, JobParams};
@@ -128,11 +129,21 @@ async fn a_clip_that_kills_its_process_fails_and_others_are_aligned() {
     }
 }
 
+/// The least address space in which the program starts, in KiB.
+fn least_kib() -> u64 {
+    let starts = |kib: &u64| {
+        let script = format!("ulimit -c 0; ulimit -v {kib}; exec {VIOLA} --version");
+        Command::new("sh").args(["-c", &script]).output().unwrap().status.success()
+    };
+    (16 << 10..1 << 20).step_by(4 << 10).find(starts).unwrap()
+}
+
 /// An allocation that the system refuses aborts the process.
 #[tokio::test]
 async fn a_child_without_memory_dies_alone() {
     let folder = tempfile::tempdir().unwrap();
-    let lines = format!("ulimit -v 60000; exec {VIOLA} \"$@\"");
+    // Room for its threads, and for less than the clip takes.
+    let lines = format!("ulimit -v {}; exec {VIOLA} \"$@\"", least_kib() + (12 << 10));
     let server = server(script(&folder, &lines)).await;
     let clip = upload(&server, &["a.txt"]).await.remove(0);
     let clip = settled(&server, &clip).await;
