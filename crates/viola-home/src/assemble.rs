@@ -18,9 +18,8 @@ mod voxels;
 
 pub use level::Level;
 pub use members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
-pub use neighbours::{Agreement, NeighbourParams};
-pub use overlap::{Overlap, OverlapParams, disagreement};
-pub use settle::SettleParams;
+pub use neighbours::Agreement;
+pub use overlap::{Overlap, disagreement};
 pub use tile::{CLIP_AT, POINT_BYTES, Tile, TileBytes, TileInfo, TileKey, point_bytes, read_point};
 
 pub(super) use voxels::Voxels;
@@ -31,14 +30,6 @@ use serde::{Deserialize, Serialize};
 use shelf::Shelf;
 use std::collections::BTreeMap;
 use viola_geometry::Pose2;
-
-/// How a map is made.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct AssembleParams {
-    pub overlap: OverlapParams,
-    pub settle: SettleParams,
-    pub neighbours: NeighbourParams,
-}
 
 /// What is known of a map without its points. The next one starts from it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -85,11 +76,10 @@ pub fn assemble<E>(
     last: &Manifest,
     mut members: Vec<Member>,
     load: &mut dyn FnMut(&Member) -> Result<Share, E>,
-    params: &AssembleParams,
 ) -> Result<Assembly, E> {
     members.sort_by(|a, b| a.order().cmp(&b.order()));
     let mut shelf = Shelf::new(load);
-    let mut placed = poses::place(last, &members, &mut shelf, params)?;
+    let mut placed = poses::place(last, &members, &mut shelf)?;
     let (clips, changed) = tiles::rebuild(last, std::mem::take(&mut placed.clips), &mut shelf)?;
     let mut known: BTreeMap<TileKey, TileInfo> = last.tiles.iter().cloned().collect();
     for (key, tile) in &changed {

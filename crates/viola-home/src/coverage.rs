@@ -2,40 +2,22 @@
 
 use super::map_point::MapPoint;
 use super::rooms::space::Space;
-use super::rooms::{Room, SpaceParams, room_at};
+use super::rooms::{Room, room_at};
 use serde::{Deserialize, Serialize};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{DistanceField, Grid, Point2};
 
-/// What counts as seen.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CoverageParams {
-    pub space: SpaceParams,
-    /// A point of the LiDAR map is explained by upright surface this near, seen from above, ...
-    pub near_m: f64,
-    /// at these heights above the floor: a wall hidden by a chair at the LiDAR's height is seen above it.
-    pub heights_m: [f64; 2],
-    /// Floor is seen where a fused point lies this near, seen from above, ...
-    pub floor_near_m: f64,
-    /// up to this height: the floor itself, or what stands on it.
-    pub floor_below_m: f64,
-    /// What the LiDAR hit this far from a room is of its walls.
-    pub room_reach_m: f64,
-}
-
-impl Default for CoverageParams {
-    fn default() -> Self {
-        CoverageParams {
-            space: SpaceParams::default(),
-            near_m: 0.1,
-            heights_m: [0.05, 2.0],
-            floor_near_m: 0.1,
-            floor_below_m: 1.5,
-            room_reach_m: 0.4,
-        }
-    }
-}
+/// A point of the LiDAR map is explained by upright surface this near, seen from above.
+const NEAR_M: f64 = 0.1;
+/// Heights above the floor of such a surface: a wall hidden by a chair at the LiDAR's height is seen above it.
+const HEIGHTS_M: [f64; 2] = [0.05, 2.0];
+/// Floor is seen where a fused point lies this near, seen from above.
+const FLOOR_NEAR_M: f64 = 0.1;
+/// Height up to which such a point is the floor itself, or what stands on it.
+const FLOOR_BELOW_M: f64 = 1.5;
+/// What the LiDAR hit this far from a room is of its walls.
+const ROOM_REACH_M: f64 = 0.4;
 
 /// How much of the LiDAR map was seen.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -78,8 +60,8 @@ impl Share {
 }
 
 /// How much of the LiDAR map the fused map has seen, on the whole and by room.
-pub fn coverage(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], params: &CoverageParams) -> Coverage {
-    let space = Space::new(lidar, &[], &params.space);
+pub fn coverage(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room]) -> Coverage {
+    let space = Space::new(lidar, &[]);
     let near = |counts: &dyn Fn(&MapPoint, f64) -> bool| {
         let mut mask = Grid::filled(space.frame, false);
         for point in points {
@@ -93,11 +75,11 @@ pub fn coverage(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], params: &
         mask.cells.contains(&true).then(|| DistanceField::new(&mask))
     };
     let structure = near(&|point, z| {
-        (params.heights_m[0]..params.heights_m[1]).contains(&z)
+        (HEIGHTS_M[0]..HEIGHTS_M[1]).contains(&z)
             && !point.point.label.class.is_ground()
             && point.point.label.class != Class::Ceiling
     });
-    let ground = near(&|_, z| z < params.floor_below_m);
+    let ground = near(&|_, z| z < FLOOR_BELOW_M);
     // Fields are exact between the centres of cells: half a cell of doubt is theirs.
     let slack_m = space.frame.cell_m / 2.0;
     let is_near = |field: &Option<DistanceField>, at: usize, reach_m: f64| {
@@ -112,13 +94,13 @@ pub fn coverage(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], params: &
     let mut by_room = vec![(Share::default(), Share::default()); rooms.len()];
     for at in 0..space.frame.len() {
         if space.occupied[at] {
-            let seen = is_near(&structure, at, params.near_m);
+            let seen = is_near(&structure, at, NEAR_M);
             all.count(seen);
-            if let Some(room) = place(at, params.room_reach_m) {
+            if let Some(room) = place(at, ROOM_REACH_M) {
                 by_room[room].0.count(seen);
             }
         } else if space.free[at] {
-            let seen = is_near(&ground, at, params.floor_near_m);
+            let seen = is_near(&ground, at, FLOOR_NEAR_M);
             floor.count(seen);
             if let Some(room) = place(at, 0.0) {
                 by_room[room].1.count(seen);
@@ -159,9 +141,8 @@ mod tests {
             .map(|[x, y]| format!("{x},{y}\n"))
             .collect();
         let lidar = LidarMap::read(csv.as_bytes()).unwrap();
-        let rooms = crate::rooms(&lidar, &[], &Default::default());
-        let params = CoverageParams::default();
-        let none = coverage(&lidar, &[], &rooms, &params);
+        let rooms = crate::rooms(&lidar, &[]);
+        let none = coverage(&lidar, &[], &rooms);
         assert_eq!((none.seen, none.floor_seen, none.by_room.len()), (0.0, 0.0, 1));
         // The lower half: its walls above the LiDAR's height, and its floor.
         let mut points = Vec::new();
@@ -174,7 +155,7 @@ mod tests {
                 points.extend((0..=80).map(|j| point(f64::from(j) * 0.05, t, 0.01, Class::Floor)));
             }
         }
-        let half = coverage(&lidar, &points, &rooms, &params);
+        let half = coverage(&lidar, &points, &rooms);
         assert!((half.seen - 0.5).abs() < 0.05, "{half:?}");
         assert!((half.floor_seen - 0.5).abs() < 0.06, "{half:?}");
         assert!((half.by_room[0].floor_seen - half.floor_seen).abs() < 0.05, "{half:?}");
@@ -186,6 +167,6 @@ mod tests {
                 point(x, y, 1.8, Class::Ceiling)
             })
             .collect();
-        assert_eq!(coverage(&lidar, &other, &rooms, &params).seen, 0.0);
+        assert_eq!(coverage(&lidar, &other, &rooms).seen, 0.0);
     }
 }

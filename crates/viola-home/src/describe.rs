@@ -1,12 +1,12 @@
 //! What a home's map shows beyond points.
 
 use super::assemble::Tile;
-use super::coverage::{Coverage, CoverageParams, coverage};
+use super::coverage::{Coverage, coverage};
 use super::map_point::MapPoint;
 use super::objects::{Object, ObjectsParams, objects};
-use super::plan::{Plan, PlanParams, plan};
+use super::plan::{Plan, plan};
 use super::points::ClipNumbers;
-use super::rooms::{Room, RoomsParams, rooms};
+use super::rooms::{Room, rooms};
 use viola_formats::lidar::LidarMap;
 
 /// Rooms, objects, the plan of both, and how much of the LiDAR map was seen.
@@ -21,11 +21,11 @@ pub struct Description {
 /// Describes the map whose tiles are given in the order of their places.
 pub fn describe(lidar: &LidarMap, tiles: &[Tile], clips: &ClipNumbers) -> Description {
     let points: Vec<MapPoint> = tiles.iter().flat_map(|tile| clips.in_map(tile)).collect();
-    let rooms = rooms(lidar, &points, &RoomsParams::default());
+    let rooms = rooms(lidar, &points);
     let objects = objects(&points, &rooms, &ObjectsParams::default());
     Description {
-        coverage: coverage(lidar, &points, &rooms, &CoverageParams::default()),
-        plan: plan(lidar, &points, &rooms, &objects, &PlanParams::default()),
+        coverage: coverage(lidar, &points, &rooms),
+        plan: plan(lidar, &points, &rooms, &objects),
         rooms,
         objects,
     }

@@ -18,23 +18,22 @@ mod shades;
 mod share;
 
 pub use assemble::{
-    AssembleParams, Assembly, CLIP_AT, Extent, Level, Manifest, Member, NeighbourParams, Opinion, Overlap,
-    OverlapParams, POINT_BYTES, Pair, PlacedBy, PlacedClip, SettleParams, Tile, TileBytes, TileInfo, TileKey,
-    Verdict, assemble, disagreement, point_bytes, read_point,
+    Assembly, CLIP_AT, Extent, Level, Manifest, Member, Opinion, Overlap, POINT_BYTES, Pair, PlacedBy,
+    PlacedClip, Tile, TileBytes, TileInfo, TileKey, Verdict, assemble, disagreement, point_bytes, read_point,
 };
 pub use completion::{completion_png, completion_pngs};
 pub use contact_sheet::contact_sheet_png;
-pub use coverage::{Coverage, CoverageParams, RoomCoverage, coverage};
+pub use coverage::{Coverage, RoomCoverage, coverage};
 pub use describe::{Description, describe};
 pub use info::{ClassCount, HomeMapInfo};
 pub use lettering::write as write_words;
 pub use map_point::MapPoint;
 pub use objects::{Found, Object, ObjectsParams, UprightBox, find_objects, fit_box, is_furniture, objects};
 pub use picture::{PictureFrame, lidar_png, overlay_png};
-pub use plan::{Plan, PlanParams, plan, plan_geojson, plan_png, plan_svg};
+pub use plan::{Plan, plan, plan_geojson, plan_png, plan_svg};
 pub use ply::{NotOurs, cloud_ply, read_cloud_ply};
 pub use points::{ClipNumbers, Glb, Ply, PointFilter};
-pub use rooms::{PartitionParams, Room, RoomShapeParams, RoomSource, RoomsParams, SpaceParams, rooms};
+pub use rooms::{Room, RoomSource, rooms};
 pub use share::{ClipScan, ScanCamera, Share, read_views, views_bytes};
 
 /// Side of the map's voxels: that of the clips.

@@ -22,6 +22,19 @@ use fragment::Fragment;
 use serde::{Deserialize, Serialize};
 use viola_geometry::taxonomy::Class;
 
+/// Cells of one class this far apart touch. Less than an inner wall is thick, and the cells beside it.
+const REACH_M: f64 = 0.13;
+/// Surface that an object must show, in square metres ...
+const MIN_SURFACE_M2: f64 = 0.12;
+/// ... and the length of its longest side, in metres.
+const MIN_SIDE_M: f64 = 0.25;
+/// Less sure is left out.
+const MIN_CONFIDENCE: f64 = 0.35;
+/// An object this far from a room still belongs to it: it stands at the wall.
+const ROOM_REACH_M: f64 = 1.0;
+/// Share of an object's points that a clip must have given to be named.
+const CLIP_SHARE: f64 = 0.05;
+
 /// How objects are made out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectsParams {
@@ -29,34 +42,11 @@ pub struct ObjectsParams {
     pub voxel_m: f64,
     /// Side of the cells that points are gathered in; one and a half voxels where those are larger.
     pub cell_m: f64,
-    /// Cells of one class this far apart touch. Less than an inner wall is thick, and the cells beside it.
-    pub reach_m: f64,
-    /// Surface that an object must show, in square metres ...
-    pub min_surface_m2: f64,
-    /// ... and the length of its longest side, in metres.
-    pub min_side_m: f64,
-    /// Less sure is left out.
-    pub min_confidence: f64,
-    /// An object this far from a room still belongs to it: it stands at the wall.
-    pub room_reach_m: f64,
-    /// Share of an object's points that a clip must have given to be named.
-    pub clip_share: f64,
-    pub join: join::JoinParams,
 }
 
 impl Default for ObjectsParams {
     fn default() -> Self {
-        ObjectsParams {
-            voxel_m: 0.03,
-            cell_m: 0.06,
-            reach_m: 0.13,
-            min_surface_m2: 0.12,
-            min_side_m: 0.25,
-            min_confidence: 0.35,
-            room_reach_m: 1.0,
-            clip_share: 0.05,
-            join: join::JoinParams::default(),
-        }
+        ObjectsParams { voxel_m: 0.03, cell_m: 0.06 }
     }
 }
 
@@ -104,11 +94,11 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
     let cells = Cells::new(points, params.cell_m.max(1.5 * params.voxel_m));
     let labels = cells.labels();
     let wall_yaw_rad = cells.wall_direction(&labels);
-    let reach = ((params.reach_m / cells.side_m) as i64).max(1);
+    let reach = ((REACH_M / cells.side_m) as i64).max(1);
     let fragments = fragment::fragments(&cells, &labels, reach);
     // Before they are joined, so that a row of chairs is not taken for a part of the sofa beside it, and after.
     let apart = fragments.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
-    let joined = join::join(apart.collect(), &cells, &labels, wall_yaw_rad, &params.join);
+    let joined = join::join(apart.collect(), &cells, &labels, wall_yaw_rad);
     let split = joined.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
     let mut found: Vec<Found> =
         split.filter_map(|f| finish(&f, &cells, points, rooms, wall_yaw_rad, params)).collect();
@@ -138,7 +128,7 @@ fn finish(
     params: &ObjectsParams,
 ) -> Option<Found> {
     let surface_m2 = fragment.cells.len() as f64 * cells.side_m * cells.side_m;
-    if surface_m2 < params.min_surface_m2 {
+    if surface_m2 < MIN_SURFACE_M2 {
         return None;
     }
     let mut members: Vec<u32> =
@@ -160,12 +150,12 @@ fn finish(
         bounds.size_m[2] = kind::BASIN_M;
     }
     let longest_m = bounds.size_m.iter().copied().fold(0.0, f64::max);
-    if longest_m < params.min_side_m || decided.confidence < params.min_confidence {
+    if longest_m < MIN_SIDE_M || decided.confidence < MIN_CONFIDENCE {
         return None;
     }
     let mut shares: std::collections::BTreeMap<u16, usize> = std::collections::BTreeMap::new();
     members.iter().for_each(|i| *shares.entry(points[*i as usize].clip).or_default() += 1);
-    let least = (params.clip_share * members.len() as f64).max(1.0);
+    let least = (CLIP_SHARE * members.len() as f64).max(1.0);
     let clips = shares.into_iter().filter(|(_, count)| *count as f64 >= least).map(|(clip, _)| clip);
     let object = Object {
         id: String::new(),
@@ -174,7 +164,7 @@ fn finish(
         centre_m: bounds.centre_m,
         size_m: bounds.size_m,
         yaw_rad: bounds.yaw_rad,
-        room: room_at(rooms, &fit::middle(&bounds), params.room_reach_m).map(|room| room.id.clone()),
+        room: room_at(rooms, &fit::middle(&bounds), ROOM_REACH_M).map(|room| room.id.clone()),
         points: members.len(),
         clips: clips.collect(),
     };

@@ -10,7 +10,7 @@ use super::map_point::MapPoint;
 use super::objects::Object;
 use super::rooms::outline::{Outline, pieces, trace};
 use super::rooms::space::Space;
-use super::rooms::{Room, SpaceParams, close};
+use super::rooms::{Room, close};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::Grid;
 use viola_geometry::taxonomy::Class;
@@ -19,31 +19,14 @@ pub use geojson::plan_geojson;
 pub use png::plan_png;
 pub use svg::plan_svg;
 
-/// How a plan is drawn.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PlanParams {
-    pub space: SpaceParams,
-    /// Gaps in walls up to twice this are the LiDAR's, not the home's.
-    pub close_m: f64,
-    /// How far outlines may be from the cells' border: less than a cell, or walls one cell thick fall flat.
-    pub tolerance_m: f64,
-    /// Walls smaller than this are specks.
-    pub speck_m2: f64,
-    /// What the LiDAR hit this near to a piece of furniture is that piece.
-    pub near_furniture_m: f64,
-}
-
-impl Default for PlanParams {
-    fn default() -> Self {
-        PlanParams {
-            space: SpaceParams::default(),
-            close_m: 0.05,
-            tolerance_m: 0.045,
-            speck_m2: 0.015,
-            near_furniture_m: 0.06,
-        }
-    }
-}
+/// Gaps in walls up to twice this are the LiDAR's, not the home's.
+const CLOSE_M: f64 = 0.05;
+/// How far outlines may be from the cells' border: less than a cell, or walls one cell thick fall flat.
+const TOLERANCE_M: f64 = 0.045;
+/// Walls smaller than this are specks.
+const SPECK_M2: f64 = 0.015;
+/// What the LiDAR hit this near to a piece of furniture is that piece.
+const NEAR_FURNITURE_M: f64 = 0.06;
 
 /// A floor plan, in metres in the LiDAR map's frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,14 +43,8 @@ pub struct Plan {
 }
 
 /// The plan of a home. `points` is its fused map.
-pub fn plan(
-    lidar: &LidarMap,
-    points: &[MapPoint],
-    rooms: &[Room],
-    objects: &[Object],
-    params: &PlanParams,
-) -> Plan {
-    let space = Space::new(lidar, points, &params.space);
+pub fn plan(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], objects: &[Object]) -> Plan {
+    let space = Space::new(lidar, points);
     let furniture = objects.iter().filter(|object| !opens(object.class));
     let boxes: Vec<_> = furniture.map(Object::bounds).collect();
     let mut walls = Grid::filled(space.frame, false);
@@ -76,13 +53,13 @@ pub fn plan(
         let centre = space.centre(at);
         let is_furniture = space.furniture[at]
             || boxes.iter().any(|b| {
-                b.bottom_m() < 0.3 && b.holds(&[centre.x, centre.y, b.centre_m[2]], params.near_furniture_m)
+                b.bottom_m() < 0.3 && b.holds(&[centre.x, centre.y, b.centre_m[2]], NEAR_FURNITURE_M)
             });
         let kind = if is_furniture { &mut obstacles } else { &mut walls };
         kind.cells[at] = true;
     }
-    close(&mut walls, params.close_m);
-    let least = (params.speck_m2 / (space.frame.cell_m * space.frame.cell_m)).ceil() as usize;
+    close(&mut walls, CLOSE_M);
+    let least = (SPECK_M2 / (space.frame.cell_m * space.frame.cell_m)).ceil() as usize;
     let outlines = |mask: &mut Grid<bool>| {
         let (piece, count) = pieces(mask);
         let mut sizes = vec![0usize; count + 1];
@@ -90,7 +67,7 @@ pub fn plan(
         for (cell, piece) in mask.cells.iter_mut().zip(piece) {
             *cell = *cell && sizes[piece as usize] >= least;
         }
-        trace(mask).iter().filter_map(|outline| outline.simplified(params.tolerance_m)).collect()
+        trace(mask).iter().filter_map(|outline| outline.simplified(TOLERANCE_M)).collect()
     };
     let mut drawn: Vec<Object> = objects.to_vec();
     let area = |object: &Object| object.size_m[0] * object.size_m[1];
@@ -183,7 +160,7 @@ mod tests {
 
     fn plan_of(name: &str) -> Plan {
         let (lidar, rooms, objects) = home(name);
-        plan(&lidar, &[], &rooms, &objects, &PlanParams::default())
+        plan(&lidar, &[], &rooms, &objects)
     }
 
     #[test]
@@ -232,7 +209,7 @@ mod tests {
     #[test]
     fn a_map_of_one_point_has_a_plan() {
         let lidar = LidarMap::read(b"1,2\n").unwrap();
-        let plan = plan(&lidar, &[], &[], &[], &PlanParams::default());
+        let plan = plan(&lidar, &[], &[], &[]);
         assert!(image::load_from_memory(&plan_png(&plan)).is_ok());
     }
 }

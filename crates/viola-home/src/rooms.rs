@@ -4,40 +4,20 @@ pub(super) mod outline;
 mod partition;
 pub(super) mod space;
 
-pub use partition::PartitionParams;
-pub use space::SpaceParams;
-
 use super::map_point::MapPoint;
 use outline::{Outline, contains, distance_m};
+use partition::MIN_AREA_M2;
 use serde::{Deserialize, Serialize};
 use space::Space;
 use viola_formats::lidar::{LidarMap, MAX_ROOMS};
 use viola_geometry::{DistanceField, Grid, GridFrame, Point2};
 
-/// How rooms are made out.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct RoomsParams {
-    pub space: SpaceParams,
-    pub partition: PartitionParams,
-    pub shape: RoomShapeParams,
-}
-
-/// How a room's cells become a polygon.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RoomShapeParams {
-    /// Gaps up to twice this are closed: the robot leaves out what stands on thin legs.
-    pub close_m: f64,
-    /// Holes smaller than this are filled: furniture stands in them.
-    pub fill_m2: f64,
-    /// How far the polygon may be from the cells' border.
-    pub tolerance_m: f64,
-}
-
-impl Default for RoomShapeParams {
-    fn default() -> Self {
-        RoomShapeParams { close_m: 0.15, fill_m2: 2.0, tolerance_m: 0.07 }
-    }
-}
+/// Gaps up to twice this are closed: the robot leaves out what stands on thin legs.
+const CLOSE_M: f64 = 0.15;
+/// Holes smaller than this are filled: furniture stands in them.
+const FILL_M2: f64 = 2.0;
+/// How far the polygon may be from the cells' border.
+const TOLERANCE_M: f64 = 0.07;
 
 /// Where a room comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -88,12 +68,12 @@ pub fn room_at<'a>(rooms: &'a [Room], point: &Point2, reach_m: f64) -> Option<&'
 /// The rooms, in the LiDAR map's order, or the largest first where they are computed.
 ///
 /// `points` is the home's fused map, in the LiDAR map's frame; empty is allowed.
-pub fn rooms(lidar: &LidarMap, points: &[MapPoint], params: &RoomsParams) -> Vec<Room> {
-    let space = Space::new(lidar, points, &params.space);
-    rooms_in(lidar, &space, params)
+pub fn rooms(lidar: &LidarMap, points: &[MapPoint]) -> Vec<Room> {
+    let space = Space::new(lidar, points);
+    rooms_in(lidar, &space)
 }
 
-fn rooms_in(lidar: &LidarMap, space: &Space, params: &RoomsParams) -> Vec<Room> {
+fn rooms_in(lidar: &LidarMap, space: &Space) -> Vec<Room> {
     // 0 is no room; a room's number is its place in the list and one.
     let mut owner: Grid<u32> = Grid::filled(space.frame, 0);
     let known = &lidar.rooms[..lidar.rooms.len().min(MAX_ROOMS)];
@@ -105,15 +85,15 @@ fn rooms_in(lidar: &LidarMap, space: &Space, params: &RoomsParams) -> Vec<Room> 
         }
     }
     if !known.is_empty() {
-        let shapes = shapes(&owner, known.len(), space, &params.shape);
+        let shapes = shapes(&owner, known.len(), space);
         let named = shapes.into_iter().zip(known).filter_map(|(shape, room)| {
             Some(shape?.into_room(room.id.clone(), room.name.clone(), RoomSource::LidarMap))
         });
         return named.collect();
     }
-    let count = partition::partition(space, &mut owner, &params.partition).min(MAX_ROOMS);
-    let mut shapes: Vec<Shape> = shapes(&owner, count, space, &params.shape).into_iter().flatten().collect();
-    shapes.retain(|shape| shape.outline.area_m2() >= params.partition.min_area_m2);
+    let count = partition::partition(space, &mut owner).min(MAX_ROOMS);
+    let mut shapes: Vec<Shape> = shapes(&owner, count, space).into_iter().flatten().collect();
+    shapes.retain(|shape| shape.outline.area_m2() >= MIN_AREA_M2);
     shapes.sort_by(|a, b| {
         let order = b.outline.area_m2().total_cmp(&a.outline.area_m2());
         let [axis_0, axis_1] = [0, 1].map(|axis| a.label_at_m[axis].total_cmp(&b.label_at_m[axis]));
@@ -145,7 +125,7 @@ impl Shape {
 }
 
 /// The polygons of the rooms 1 to `count`; none for a room without cells.
-fn shapes(owner: &Grid<u32>, count: usize, space: &Space, params: &RoomShapeParams) -> Vec<Option<Shape>> {
+fn shapes(owner: &Grid<u32>, count: usize, space: &Space) -> Vec<Option<Shape>> {
     let frame = owner.frame;
     let mut boxes = vec![([usize::MAX; 2], [0; 2]); count + 1];
     for (index, number) in owner.cells.iter().enumerate() {
@@ -159,26 +139,20 @@ fn shapes(owner: &Grid<u32>, count: usize, space: &Space, params: &RoomShapePara
     (1..=count)
         .map(|number| {
             let (low, high) = boxes[number];
-            let window = (low[0] != usize::MAX).then(|| Window::around(low, high, &frame, params.close_m))?;
+            let window = (low[0] != usize::MAX).then(|| Window::around(low, high, &frame, CLOSE_M))?;
             spent += window.frame.len();
-            if spent > MAX_BOXES { None } else { shape(owner, number as u32, &window, space, params) }
+            if spent > MAX_BOXES { None } else { shape(owner, number as u32, &window, space) }
         })
         .collect()
 }
 
 /// The polygon of one room's cells: the largest piece of them, with gaps closed and small holes filled.
-fn shape(
-    owner: &Grid<u32>,
-    number: u32,
-    window: &Window,
-    space: &Space,
-    params: &RoomShapeParams,
-) -> Option<Shape> {
+fn shape(owner: &Grid<u32>, number: u32, window: &Window, space: &Space) -> Option<Shape> {
     let frame = window.frame;
     let whose =
         |index: usize| owner.get(index % frame.width + window.left, index / frame.width + window.bottom);
     let mut mask = Grid { frame, cells: (0..frame.len()).map(|i| whose(i) == number).collect() };
-    close(&mut mask, params.close_m);
+    close(&mut mask, CLOSE_M);
     for index in 0..frame.len() {
         let (x, y) = (index % frame.width + window.left, index / frame.width + window.bottom);
         // What is closed must not reach through a wall to what lies behind it.
@@ -188,14 +162,14 @@ fn shape(
     }
     keep_largest(&mut mask);
     // A room within a room stays out of it.
-    let most = (params.fill_m2 / (frame.cell_m * frame.cell_m)) as usize;
+    let most = (FILL_M2 / (frame.cell_m * frame.cell_m)) as usize;
     fill_holes(&mut mask, most, |index| whose(index) != 0 && whose(index) != number);
     let outside = Grid { frame, cells: mask.cells.iter().map(|set| !set).collect() };
     let depth = DistanceField::new(&outside);
     let deepest = (0..frame.len())
         .max_by(|a, b| depth.grid().cells[*a].total_cmp(&depth.grid().cells[*b]).then(b.cmp(a)))?;
     let at = frame.centre(deepest % frame.width, deepest / frame.width);
-    let outline = outline::trace(&mask).into_iter().next()?.simplified(params.tolerance_m)?;
+    let outline = outline::trace(&mask).into_iter().next()?.simplified(TOLERANCE_M)?;
     Some(Shape { outline, label_at_m: [at.x, at.y] })
 }
 
@@ -290,7 +264,7 @@ mod tests {
 
     #[test]
     fn a_door_divides_rooms() {
-        let rooms = rooms(&flat(), &[], &RoomsParams::default());
+        let rooms = rooms(&flat(), &[]);
         assert_eq!(rooms.len(), 2, "{rooms:?}");
         for (room, area, inside) in [(&rooms[0], 12.0, [2.0, 1.5]), (&rooms[1], 9.0, [5.5, 1.5])] {
             assert!((room.area_m2 - area).abs() < 1.2, "{room:?}");
@@ -319,7 +293,7 @@ mod tests {
         };
         map.rooms = vec![room("17", Some("Kitchen"), 0.4), room("3", None, 4.4)];
         map.rooms.push(lidar::Room { id: "empty".into(), name: None, cells_m: vec![], material: None });
-        let rooms = rooms(&map, &[], &RoomsParams::default());
+        let rooms = rooms(&map, &[]);
         let named: Vec<(&str, Option<&str>)> =
             rooms.iter().map(|room| (room.id.as_str(), room.name.as_deref())).collect();
         assert_eq!(named, [("17", Some("Kitchen")), ("3", None)]);
@@ -331,7 +305,7 @@ mod tests {
     fn a_map_without_an_inside_has_no_rooms() {
         for csv in ["1,2\n", "0,0\n5,0\n", "0,0\n1000000,1000000\n"] {
             let map = LidarMap::read(csv.as_bytes()).unwrap();
-            assert!(rooms(&map, &[], &RoomsParams::default()).is_empty(), "{csv}");
+            assert!(rooms(&map, &[]).is_empty(), "{csv}");
         }
     }
 }

@@ -11,9 +11,7 @@ use std::thread;
 use tokio::sync::{mpsc, oneshot};
 use tracing::Span;
 use viola_home as home;
-use viola_home::{
-    AssembleParams, Assembly, MAP_VOXEL_M, Manifest, Member, Share, read_cloud_ply, read_views,
-};
+use viola_home::{Assembly, MAP_VOXEL_M, Manifest, Member, Share, read_cloud_ply, read_views};
 
 /// The files of a clip that a merge reads.
 struct Files {
@@ -49,7 +47,7 @@ pub(super) async fn assemble(
         let _entered = span.entered();
         let loader = Loader { asked, answers };
         let mut load = |member: &Member| loader.load(member);
-        let assembled = home::assemble(&last, members, &mut load, &AssembleParams::default());
+        let assembled = home::assemble(&last, members, &mut load);
         // The worker may have given the merge up.
         let _ = ended.send(assembled);
     };

@@ -9,41 +9,22 @@ use std::collections::BTreeMap;
 use viola_geometry::{Point3, Pose2, Pose3, Vector3};
 use viola_reconstruct::View;
 
-/// How alternatives are compared.
-#[derive(Debug, Clone, PartialEq)]
-pub struct NeighbourParams {
-    /// Points of the clip that are looked for in a neighbour.
-    pub samples: usize,
-    /// Side of the patches of surface that count as one observation each.
-    pub patch_m: f64,
-    /// A patch agrees, or does not, when this share of its points says so.
-    pub majority: f64,
-    /// Patches that agree for one that does not at the right pose: things are moved, and clips err.
-    pub agreeing_per_odd: i32,
-    /// How much likelier a further patch that does not agree is at a wrong pose than at the right one.
-    pub likelihood_ratio: f64,
-    /// Colours further apart than this, of 255, are not the same thing.
-    pub color: f64,
-    /// Probability from which a clip is placed.
-    pub sure: f64,
-    /// An alternative is placed only if so many patches agree: without overlap nothing is decided.
-    pub min_patches: i32,
-}
-
-impl Default for NeighbourParams {
-    fn default() -> Self {
-        NeighbourParams {
-            samples: 2_000,
-            patch_m: 0.5,
-            majority: 0.6,
-            agreeing_per_odd: 5,
-            likelihood_ratio: 1.5,
-            color: 60.0,
-            sure: 0.95,
-            min_patches: 20,
-        }
-    }
-}
+/// Points of the clip that are looked for in a neighbour.
+const SAMPLES: usize = 2_000;
+/// Side of the patches of surface that count as one observation each.
+const PATCH_M: f64 = 0.5;
+/// A patch agrees, or does not, when this share of its points says so.
+const MAJORITY: f64 = 0.6;
+/// Patches that agree for one that does not at the right pose: things are moved, and clips err.
+const AGREEING_PER_ODD: i32 = 5;
+/// How much likelier a further patch that does not agree is at a wrong pose than at the right one.
+const LIKELIHOOD_RATIO: f64 = 1.5;
+/// Colours further apart than this, of 255, are not the same thing.
+const COLOR: f64 = 60.0;
+/// Probability from which a clip is placed.
+const SURE: f64 = 0.95;
+/// An alternative is placed only if so many patches agree: without overlap nothing is decided.
+const MIN_PATCHES: i32 = 20;
 
 /// A clip at its place, as a neighbour sees it.
 pub(super) struct Neighbour<'a> {
@@ -66,22 +47,16 @@ pub struct Agreement {
 }
 
 /// Compares a clip at one of its alternatives with a neighbour.
-pub(super) fn agreement(
-    asked: &Asked,
-    map_from_clip: &Pose3,
-    neighbour: &Neighbour,
-    params: &NeighbourParams,
-) -> Agreement {
-    let patch = |point: &Point3| [point.x, point.y, point.z].map(|c| (c / params.patch_m).floor() as i32);
-    let samples: Vec<&SurfacePoint> = asked.surface.some(params.samples).filter(|s| s.is_upright()).collect();
+pub(super) fn agreement(asked: &Asked, map_from_clip: &Pose3, neighbour: &Neighbour) -> Agreement {
+    let patch = |point: &Point3| [point.x, point.y, point.z].map(|c| (c / PATCH_M).floor() as i32);
+    let samples: Vec<&SurfacePoint> = asked.surface.some(SAMPLES).filter(|s| s.is_upright()).collect();
     let forward = samples.into_par_iter().map(|sample| {
         let position = map_from_clip * sample.position;
-        (patch(&position), ask(&position, &(map_from_clip * sample.normal), sample.color, neighbour, params))
+        (patch(&position), ask(&position, &(map_from_clip * sample.normal), sample.color, neighbour))
     });
     // And the other way round: what the neighbour saw where this clip looked through.
     let sights = Sights::new(asked.views, map_from_clip);
-    let samples: Vec<&SurfacePoint> =
-        neighbour.surface.some(params.samples).filter(|s| s.is_upright()).collect();
+    let samples: Vec<&SurfacePoint> = neighbour.surface.some(SAMPLES).filter(|s| s.is_upright()).collect();
     let backward = samples.into_par_iter().map(|sample| {
         let position = neighbour.map_from_clip * sample.position;
         let (surface, through) = sights.of(&position);
@@ -96,8 +71,8 @@ pub(super) fn agreement(
     let mut sum = Agreement::default();
     for (yes, no) in patches.values().filter(|(yes, no)| yes + no >= 3) {
         let all = f64::from(yes + no);
-        sum.agree += i32::from(f64::from(*yes) >= params.majority * all);
-        sum.differ += i32::from(f64::from(*no) >= params.majority * all);
+        sum.agree += i32::from(f64::from(*yes) >= MAJORITY * all);
+        sum.differ += i32::from(f64::from(*no) >= MAJORITY * all);
     }
     sum
 }
@@ -112,17 +87,11 @@ enum Said {
     Nothing,
 }
 
-fn ask(
-    position: &Point3,
-    normal: &Vector3,
-    color: [u8; 3],
-    neighbour: &Neighbour,
-    params: &NeighbourParams,
-) -> Said {
+fn ask(position: &Point3, normal: &Vector3, color: [u8; 3], neighbour: &Neighbour) -> Said {
     let clip_from_map = neighbour.map_from_clip.inverse();
     if let Some(near) = neighbour.surface.nearest(&(clip_from_map * position), &(clip_from_map * normal)) {
         let squared: f64 = (0..3).map(|i| (f64::from(near.color[i]) - f64::from(color[i])).powi(2)).sum();
-        if squared < 3.0 * params.color * params.color {
+        if squared < 3.0 * COLOR * COLOR {
             return Said::There;
         }
     }
@@ -134,24 +103,20 @@ fn ask(
 ///
 /// What agrees speaks for nothing by itself: all alternatives fit the LiDAR map, so a room that looks like the right one
 /// agrees as well, and the right one may be where no neighbour has been. Only what differs speaks, against.
-pub(super) fn decide(
-    alternatives: &[(Pose2, f64)],
-    agreements: &[Vec<Agreement>],
-    params: &NeighbourParams,
-) -> Option<(usize, f64)> {
-    let odd = |one: &Agreement| (one.differ - one.agree / params.agreeing_per_odd).max(0);
+pub(super) fn decide(alternatives: &[(Pose2, f64)], agreements: &[Vec<Agreement>]) -> Option<(usize, f64)> {
+    let odd = |one: &Agreement| (one.differ - one.agree / AGREEING_PER_ODD).max(0);
     let logs: Vec<f64> = alternatives
         .iter()
         .zip(agreements)
         .map(|((_, probability), said)| {
             let against: i32 = said.iter().map(odd).sum();
-            probability.max(1e-6).ln() - f64::from(against) * params.likelihood_ratio.ln()
+            probability.max(1e-6).ln() - f64::from(against) * LIKELIHOOD_RATIO.ln()
         })
         .collect();
     let (best, most) = logs.iter().enumerate().rev().max_by(|a, b| a.1.total_cmp(b.1))?;
     let sum: f64 = logs.iter().map(|log| (log - most).exp()).sum();
-    let enough = agreements[best].iter().map(|one| one.agree).sum::<i32>() >= params.min_patches;
-    (enough && 1.0 / sum >= params.sure).then_some((best, 1.0 / sum))
+    let enough = agreements[best].iter().map(|one| one.agree).sum::<i32>() >= MIN_PATCHES;
+    (enough && 1.0 / sum >= SURE).then_some((best, 1.0 / sum))
 }
 
 #[cfg(test)]
@@ -160,7 +125,6 @@ mod tests {
 
     #[test]
     fn only_what_neighbours_saw_decides() {
-        let params = NeighbourParams::default();
         let alternatives = [(Pose2::IDENTITY, 0.5), (Pose2::new(3.0, 0.0, 0.0), 0.5)];
         // ((agree, differ) of each alternative, chosen)
         let cases = [
@@ -175,9 +139,9 @@ mod tests {
         ];
         for (said, chosen) in cases {
             let said = said.map(|(agree, differ)| vec![Agreement { agree, differ }]);
-            let decided = decide(&alternatives, &said, &params).map(|(place, _)| place);
+            let decided = decide(&alternatives, &said).map(|(place, _)| place);
             assert_eq!(decided, chosen, "{said:?}");
         }
-        assert_eq!(decide(&[], &[], &params), None);
+        assert_eq!(decide(&[], &[]), None);
     }
 }

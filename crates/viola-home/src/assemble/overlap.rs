@@ -6,41 +6,21 @@ use serde::{Deserialize, Serialize};
 use viola_geometry::{Pose3, Vector3};
 use viola_reconstruct::PointCloud;
 
-/// How two clips are compared.
-#[derive(Debug, Clone, PartialEq)]
-pub struct OverlapParams {
-    /// Points of one clip that are looked for in the other.
-    pub samples: usize,
-    /// Scales of the robust kernel, wide to narrow, and the steps at each.
-    pub kernel_m: [f64; 3],
-    pub steps: usize,
-    /// A point this near to the other clip's surface, measured along its normal, has been found there.
-    pub near_m: f64,
-    /// Fewer found points on upright surfaces are no overlap.
-    pub min_found: usize,
-    /// Clips that would have to move further than this to agree do not see the same thing.
-    pub max_shift_m: f64,
-    pub max_turn_rad: f64,
-    /// Standard deviation of one found point's distance, and how many neighbouring ones share their errors.
-    pub noise_m: f64,
-    pub correlated: f64,
-}
-
-impl Default for OverlapParams {
-    fn default() -> Self {
-        OverlapParams {
-            samples: 3_000,
-            kernel_m: [0.12, 0.06, 0.03],
-            steps: 5,
-            near_m: 0.05,
-            min_found: 120,
-            max_shift_m: 0.25,
-            max_turn_rad: 5f64.to_radians(),
-            noise_m: 0.02,
-            correlated: 20.0,
-        }
-    }
-}
+/// Points of one clip that are looked for in the other.
+const SAMPLES: usize = 3_000;
+/// Scales of the robust kernel, wide to narrow, and the steps at each.
+const KERNEL_M: [f64; 3] = [0.12, 0.06, 0.03];
+const STEPS: usize = 5;
+/// A point this near to the other clip's surface, measured along its normal, has been found there.
+const NEAR_M: f64 = 0.05;
+/// Fewer found points on upright surfaces are no overlap.
+const MIN_FOUND: usize = 120;
+/// Clips that would have to move further than this to agree do not see the same thing.
+const MAX_SHIFT_M: f64 = 0.25;
+const MAX_TURN_RAD: f64 = 5f64.to_radians();
+/// Standard deviation of one found point's distance, and how many neighbouring ones share their errors.
+const NOISE_M: f64 = 0.02;
+const CORRELATED: f64 = 20.0;
 
 /// What two clips say about each other.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -54,12 +34,12 @@ pub struct Overlap {
 }
 
 /// Point-to-plane registration of the surface of `a` to that of `b`, from where the map has them.
-pub(super) fn overlap(a: &Surface, b: &Surface, start: &Pose3, params: &OverlapParams) -> Option<Overlap> {
-    let samples: Vec<&SurfacePoint> = a.some(params.samples).collect();
+pub(super) fn overlap(a: &Surface, b: &Surface, start: &Pose3) -> Option<Overlap> {
+    let samples: Vec<&SurfacePoint> = a.some(SAMPLES).collect();
     let mut pose = *start;
-    for kernel_m in params.kernel_m {
-        for _ in 0..params.steps {
-            let normal = Normal::gather(&samples, b, &pose, kernel_m, params.near_m);
+    for kernel_m in KERNEL_M {
+        for _ in 0..STEPS {
+            let normal = Normal::gather(&samples, b, &pose, kernel_m, NEAR_M);
             let mut information = normal.information;
             // Along a bare wall nothing holds: there it stays where the map put it.
             (0..6).for_each(|i| information[(i, i)] += 1.0);
@@ -71,12 +51,12 @@ pub(super) fn overlap(a: &Surface, b: &Surface, start: &Pose3, params: &OverlapP
         }
     }
     let shift_m = (pose.translation.vector - start.translation.vector).norm();
-    let far = shift_m > params.max_shift_m || pose.rotation.angle_to(&start.rotation) > params.max_turn_rad;
-    let last = Normal::gather(&samples, b, &pose, params.kernel_m[2], params.near_m);
-    if far || !pose.translation.vector.iter().all(|c| c.is_finite()) || last.found < params.min_found {
+    let far = shift_m > MAX_SHIFT_M || pose.rotation.angle_to(&start.rotation) > MAX_TURN_RAD;
+    let last = Normal::gather(&samples, b, &pose, KERNEL_M[2], NEAR_M);
+    if far || !pose.translation.vector.iter().all(|c| c.is_finite()) || last.found < MIN_FOUND {
         return None;
     }
-    let variance = params.noise_m * params.noise_m * params.correlated;
+    let variance = NOISE_M * NOISE_M * CORRELATED;
     let information = last.information / variance;
     let row = |i: usize| std::array::from_fn(|j| information[(i, j)]);
     Some(Overlap { b_from_a: pose, information: std::array::from_fn(row), found: last.found })
@@ -175,7 +155,7 @@ mod tests {
             let there = corner().transformed(&truth);
             let start = truth * Pose3::new(off.into(), turn.into());
             let (a, b) = (Surface::new(&corner()), Surface::new(&there));
-            let found = overlap(&a, &b, &start, &OverlapParams::default()).unwrap().b_from_a;
+            let found = overlap(&a, &b, &start).unwrap().b_from_a;
             prop_assert!((found.translation.vector - truth.translation.vector).norm() < 3e-3, "{found:?} {truth:?}");
             prop_assert!(found.rotation.angle_to(&truth.rotation) < 2e-3);
         }
@@ -186,6 +166,6 @@ mod tests {
         let mut behind = corner();
         behind.points.iter_mut().for_each(|point| point.normal = point.normal.map(|c| -c));
         let (a, b) = (Surface::new(&corner()), Surface::new(&behind));
-        assert_eq!(overlap(&a, &b, &Pose3::identity(), &OverlapParams::default()), None);
+        assert_eq!(overlap(&a, &b, &Pose3::identity()), None);
     }
 }

@@ -4,15 +4,18 @@ use super::level::{Level, apart, in_space};
 use super::members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
 use super::neighbours::{self, Asked, Neighbour};
 use super::overlap::{Overlap, overlap};
-use super::settle::{Held, Tie, settle};
+use super::settle::{FADE, Held, Tie, settle};
 use super::shelf::{Loaded, Shelf};
 use super::sight::Sights;
-use super::{AssembleParams, Manifest, Opinion, Pair};
+use super::{Manifest, Opinion, Pair};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::sync::Arc;
 use viola_geometry::Pose2;
+
+/// A clip's neighbours that take part at most, those first that share most with it.
+const MAX_NEIGHBOURS: usize = 24;
 
 /// A clip that has a place by itself.
 struct Known<'a> {
@@ -37,7 +40,6 @@ pub(super) fn place<'a, E>(
     last: &Manifest,
     members: &'a [Member],
     shelf: &mut Shelf<E>,
-    params: &AssembleParams,
 ) -> Result<Placed<'a>, E> {
     let mut known = Vec::new();
     let before: FxHashMap<&str, &PlacedClip> = last.clips.iter().map(|clip| (&*clip.share, clip)).collect();
@@ -58,11 +60,11 @@ pub(super) fn place<'a, E>(
         };
         known.push(Known { member, by, probability, alone, covariance, extent, points });
     }
-    let (decided, opinions) = ask_neighbours(last, members, &known, shelf, params)?;
+    let (decided, opinions) = ask_neighbours(last, members, &known, shelf)?;
     known.extend(decided);
     known.sort_by(|a, b| a.member.order().cmp(&b.member.order()));
-    let pairs = compare(last, &known, shelf, params)?;
-    let clips = together(&before, &known, &pairs, params);
+    let pairs = compare(last, &known, shelf)?;
+    let clips = together(&before, &known, &pairs);
     Ok(Placed { clips, pairs, opinions })
 }
 
@@ -73,7 +75,6 @@ fn ask_neighbours<'a, E>(
     members: &'a [Member],
     known: &[Known<'a>],
     shelf: &mut Shelf<E>,
-    params: &AssembleParams,
 ) -> Result<(Vec<Known<'a>>, Vec<Opinion>), E> {
     let said: FxHashMap<(&str, usize, &str), &Opinion> = last
         .opinions
@@ -101,7 +102,7 @@ fn ask_neighbours<'a, E>(
                         };
                         let asked = Asked { surface: asked.surface(), views: &asked.share.views };
                         let pose = in_space(pose, &Level::default());
-                        neighbours::agreement(&asked, &pose, &neighbour, &params.neighbours)
+                        neighbours::agreement(&asked, &pose, &neighbour)
                     }
                 };
                 agreements[alternative].push(said);
@@ -114,8 +115,7 @@ fn ask_neighbours<'a, E>(
                 });
             }
         }
-        if let Some((place, probability)) = neighbours::decide(alternatives, &agreements, &params.neighbours)
-        {
+        if let Some((place, probability)) = neighbours::decide(alternatives, &agreements) {
             /// An alternative's own covariance is not kept; this is that of an ordinary one.
             const SPREAD: [f64; 3] = [0.03, 0.03, 0.01];
             decided.push(Known {
@@ -133,12 +133,7 @@ fn ask_neighbours<'a, E>(
 }
 
 /// All pairs of clips whose boxes meet, the first of each before the second in the order.
-fn compare<E>(
-    last: &Manifest,
-    known: &[Known],
-    shelf: &mut Shelf<E>,
-    params: &AssembleParams,
-) -> Result<Vec<Pair>, E> {
+fn compare<E>(last: &Manifest, known: &[Known], shelf: &mut Shelf<E>) -> Result<Vec<Pair>, E> {
     let before: FxHashMap<(&str, &str), &Pair> =
         last.pairs.iter().map(|pair| ((&*pair.a, &*pair.b), pair)).collect();
     let mut pairs = Vec::new();
@@ -167,7 +162,7 @@ fn compare<E>(
                 let (map_from_a, map_from_b) = (&pair.map_from_a, &pair.map_from_b);
                 let level = Level::default();
                 let start = in_space(map_from_b, &level).inverse() * in_space(map_from_a, &level);
-                pair.overlap = overlap(a.surface(), b.surface(), &start, &params.overlap);
+                pair.overlap = overlap(a.surface(), b.surface(), &start);
             });
         }
         pairs.extend(fresh.into_iter().map(|(pair, _)| pair));
@@ -180,7 +175,6 @@ fn together<'a>(
     before: &FxHashMap<&str, &PlacedClip>,
     known: &[Known<'a>],
     pairs: &[Pair],
-    params: &AssembleParams,
 ) -> Vec<(&'a Member, PlacedClip)> {
     let place: FxHashMap<&str, usize> =
         known.iter().enumerate().map(|(i, k)| (&*k.member.share, i)).collect();
@@ -198,7 +192,7 @@ fn together<'a>(
     let settled = |(i, clip): (usize, &Known<'a>)| {
         let mut near = neighbours[i].clone();
         near.sort_by_key(|(found, at)| (std::cmp::Reverse(*found), *at));
-        near.truncate(params.settle.max_neighbours);
+        near.truncate(MAX_NEIGHBOURS);
         near.sort_by_key(|(_, at)| *at);
         let near: Vec<usize> = near.into_iter().map(|(_, at)| at).collect();
         let with: Vec<String> = near.iter().map(|at| known[*at].member.share.clone()).collect();
@@ -211,7 +205,7 @@ fn together<'a>(
         });
         let (map_from_clip, level) = match unchanged {
             Some(old) => (old.map_from_clip, old.level),
-            None => solve(i, &near, known, &overlaps, params),
+            None => solve(i, &near, known, &overlaps),
         };
         let placed = PlacedClip {
             clip: clip.member.clip,
@@ -237,7 +231,6 @@ fn solve(
     near: &[usize],
     known: &[Known],
     overlaps: &FxHashMap<(usize, usize), &Overlap>,
-    params: &AssembleParams,
 ) -> (Pose2, Level) {
     let chosen: Vec<usize> = std::iter::once(first).chain(near.iter().copied()).collect();
     let clips: Vec<Held> = chosen
@@ -256,7 +249,7 @@ fn solve(
         }
     }
     let alone = (known[first].alone, Level::default());
-    let settled = settle(&clips, &ties, &params.settle).map_or(alone, |pose| apart(&pose));
+    let settled = settle(&clips, &ties, FADE).map_or(alone, |pose| apart(&pose));
     // What a person chose stays as it is, to the last bit.
     if known[first].covariance.is_none() { (known[first].alone, settled.1) } else { settled }
 }

@@ -9,35 +9,15 @@ use super::overlap::{Overlap, moved};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector6};
 use viola_geometry::{Pose3, Vector3};
 
-/// How poses are held.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SettleParams {
-    /// Added to what an alignment says of itself: the map's own errors, which its hits share.
-    pub map_m: f64,
-    pub map_rad: f64,
-    /// How well a clip knows the height and the level of its floor.
-    pub floor_m: f64,
-    pub floor_rad: f64,
-    pub steps: usize,
-    /// Terms that disagree by more than this many standard deviations fade out.
-    pub fade: f64,
-    /// A clip's neighbours that take part at most, those first that share most with it.
-    pub max_neighbours: usize,
-}
-
-impl Default for SettleParams {
-    fn default() -> Self {
-        SettleParams {
-            map_m: 0.015,
-            map_rad: 0.3f64.to_radians(),
-            floor_m: 0.02,
-            floor_rad: 0.6f64.to_radians(),
-            steps: 8,
-            fade: 3.0,
-            max_neighbours: 24,
-        }
-    }
-}
+/// Added to what an alignment says of itself: the map's own errors, which its hits share.
+const MAP_M: f64 = 0.015;
+const MAP_RAD: f64 = 0.3f64.to_radians();
+/// How well a clip knows the height and the level of its floor.
+const FLOOR_M: f64 = 0.02;
+const FLOOR_RAD: f64 = 0.6f64.to_radians();
+const STEPS: usize = 8;
+/// Beyond so many standard deviations a term fades out.
+pub(super) const FADE: f64 = 3.0;
 
 /// A clip in the graph.
 #[derive(Debug, Clone)]
@@ -55,20 +35,20 @@ pub(super) struct Tie<'a> {
     pub overlap: &'a Overlap,
 }
 
-/// The refined pose of the first clip.
-pub(super) fn settle(clips: &[Held], ties: &[Tie], params: &SettleParams) -> Option<Pose3> {
+/// The refined pose of the first clip. Terms that disagree by more than `fade` standard deviations fade out.
+pub(super) fn settle(clips: &[Held], ties: &[Tie], fade: f64) -> Option<Pose3> {
     let first = clips.first()?;
     if ties.is_empty() {
         return Some(first.map_from_clip);
     }
     let mut poses: Vec<Pose3> = clips.iter().map(|clip| clip.map_from_clip).collect();
-    for _ in 0..params.steps {
+    for _ in 0..STEPS {
         let mut graph = Graph::new(poses.len());
         for (i, clip) in clips.iter().enumerate() {
-            graph.hold(i, &poses[i], clip, params);
+            graph.hold(i, &poses[i], clip);
         }
         for tie in ties {
-            graph.tie(tie, &poses, params);
+            graph.tie(tie, &poses, fade);
         }
         let step = graph.solve()?;
         for (i, pose) in poses.iter_mut().enumerate() {
@@ -99,11 +79,11 @@ impl Graph {
     }
 
     /// A clip is where its alignment has it, on its own floor.
-    fn hold(&mut self, i: usize, pose: &Pose3, clip: &Held, params: &SettleParams) {
+    fn hold(&mut self, i: usize, pose: &Pose3, clip: &Held) {
         let plane = match &clip.covariance {
             None => Matrix3::identity() * 1e12,
             Some(covariance) => {
-                let map = Vector3::new(params.map_m, params.map_m, params.map_rad).map(|s| s * s);
+                let map = Vector3::new(MAP_M, MAP_M, MAP_RAD).map(|s| s * s);
                 let sum = covariance + Matrix3::from_diagonal(&map);
                 sum.try_inverse().unwrap_or_else(Matrix3::identity)
             }
@@ -116,18 +96,18 @@ impl Graph {
                 information[(row, column)] = plane[(r, c)];
             }
         }
-        information[(2, 2)] = params.floor_m.powi(-2);
-        information[(3, 3)] = params.floor_rad.powi(-2);
-        information[(4, 4)] = params.floor_rad.powi(-2);
+        information[(2, 2)] = FLOOR_M.powi(-2);
+        information[(3, 3)] = FLOOR_RAD.powi(-2);
+        information[(4, 4)] = FLOOR_RAD.powi(-2);
         self.add(&[(i, Matrix6::identity())], &error(pose, &clip.map_from_clip), &information);
     }
 
     /// Two clips lie to each other as their overlap has it.
-    fn tie(&mut self, tie: &Tie, poses: &[Pose3], params: &SettleParams) {
+    fn tie(&mut self, tie: &Tie, poses: &[Pose3], fade: f64) {
         let (a, b) = (&poses[tie.a], &poses[tie.b]);
         let error = error(&(b.inverse() * a), &tie.overlap.b_from_a);
         let information = Matrix6::from_fn(|r, c| tie.overlap.information[r][c]);
-        let far = (error.transpose() * information * error)[0].max(0.0).sqrt() / params.fade;
+        let far = (error.transpose() * information * error)[0].max(0.0).sqrt() / fade;
         let share = 1.0 / (1.0 + far * far);
         let b_from_map = b.rotation.inverse().to_rotation_matrix().into_inner();
         let between = (a.translation.vector - b.translation.vector).cross_matrix();
@@ -185,7 +165,7 @@ mod tests {
         let clips = [held(pose(1.0, 2.0, 0.5), 0.05), held(second, 0.05)];
         let overlap = sure(Pose3::identity(), 1e8);
         let ties = [Tie { a: 0, b: 1, overlap: &overlap }];
-        let settled = settle(&clips, &ties, &SettleParams { fade: 1e9, ..SettleParams::default() }).unwrap();
+        let settled = settle(&clips, &ties, FADE).unwrap();
         let half = Pose3::from_parts(Vector3::new(1.02, 2.0, 0.01).into(), clips[0].map_from_clip.rotation);
         assert!(distance_m(&settled, &half) < 1e-4, "{settled:?}");
     }
@@ -203,15 +183,14 @@ mod tests {
             Tie { a: 0, b: 2, overlap: &ac },
             Tie { a: 1, b: 2, overlap: &bc },
         ];
-        let settled = settle(&clips, &ties, &SettleParams::default()).unwrap();
+        let settled = settle(&clips, &ties, FADE).unwrap();
         assert!(distance_m(&settled, &poses[0]) < 1e-9);
         // Moved away from it, strong ties to two clips that stay bring it back.
         let mut moved = clips.clone();
         moved[0].map_from_clip = poses[0] * Pose3::new(Vector3::new(0.05, -0.03, 0.0), Vector3::z() * 0.02);
         moved[1].covariance = None;
         moved[2].covariance = None;
-        let params = SettleParams { fade: 1e9, ..SettleParams::default() };
-        let settled = settle(&moved, &ties, &params).unwrap();
+        let settled = settle(&moved, &ties, 1e9).unwrap();
         assert!(distance_m(&settled, &poses[0]) < 3e-3, "{settled:?}");
     }
 
@@ -221,7 +200,7 @@ mod tests {
             [Held { covariance: None, ..held(pose(1.0, 2.0, 0.5), 0.1) }, held(pose(2.0, 2.0, 0.5), 0.1)];
         let overlap = sure(Pose3::identity(), 1e8);
         let ties = [Tie { a: 0, b: 1, overlap: &overlap }];
-        let settled = settle(&clips, &ties, &SettleParams::default()).unwrap();
+        let settled = settle(&clips, &ties, FADE).unwrap();
         assert!(distance_m(&settled, &clips[0].map_from_clip) < 1e-3);
     }
 }

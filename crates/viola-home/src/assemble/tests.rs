@@ -91,7 +91,7 @@ fn made(last: &Manifest, clips: &[&Clip]) -> Assembly {
     let mut load = |member: &Member| -> Result<Share, Infallible> {
         Ok(clips.iter().find(|clip| clip.member == *member).unwrap().share.clone())
     };
-    assemble(last, members, &mut load, &AssembleParams::default()).unwrap()
+    assemble(last, members, &mut load).unwrap()
 }
 
 type Tiles = BTreeMap<TileKey, Tile>;
@@ -175,7 +175,7 @@ fn a_clip_elsewhere_is_not_read_again() {
         read.push(member.sha256.clone());
         Ok(all.iter().find(|clip| clip.member == *member).unwrap().share.clone())
     };
-    assemble(&before.manifest, members, &mut load, &AssembleParams::default()).unwrap();
+    assemble(&before.manifest, members, &mut load).unwrap();
     read.sort();
     assert_eq!(read, ["a", "b", "c", "d"], "each clip of its room once, and none of the other");
 }

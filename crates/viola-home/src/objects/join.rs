@@ -6,27 +6,17 @@ use super::fragment::Fragment;
 use super::kind::{confusable, host_of, is_solid, is_storage, kind};
 use viola_geometry::taxonomy::Class;
 
-/// When two fragments are one thing.
-#[derive(Debug, Clone, PartialEq)]
-pub struct JoinParams {
-    /// Fragments below this many cells are noise.
-    pub min_cells: usize,
-    /// A fragment with this share of its cells in the box of a larger one is a part of it.
-    pub inside_share: f64,
-    /// The box is grown by this for that.
-    pub grow_m: f64,
-    /// A fragment with this share of its cells beside those of a larger one is a part of it; a fifth of that is
-    /// enough for what is no thing of its own.
-    pub touch_share: f64,
-    /// Fragments of one class this near are one thing if things of the class are that large.
-    pub gap_m: f64,
-}
-
-impl Default for JoinParams {
-    fn default() -> Self {
-        JoinParams { min_cells: 5, inside_share: 0.6, grow_m: 0.06, touch_share: 0.25, gap_m: 0.25 }
-    }
-}
+/// Fragments below this many cells are noise.
+const MIN_CELLS: usize = 5;
+/// A fragment with this share of its cells in the box of a larger one is a part of it.
+const INSIDE_SHARE: f64 = 0.6;
+/// The box is grown by this for that.
+const GROW_M: f64 = 0.06;
+/// A fragment with this share of its cells beside those of a larger one is a part of it; a fifth of that is
+/// enough for what is no thing of its own.
+const TOUCH_SHARE: f64 = 0.25;
+/// Fragments of one class this near are one thing if things of the class are that large.
+const GAP_M: f64 = 0.25;
 
 struct Part {
     fragment: Fragment,
@@ -40,7 +30,6 @@ pub fn join(
     cells: &Cells,
     labels: &[Option<(Class, f32)>],
     wall_yaw_rad: Option<f64>,
-    params: &JoinParams,
 ) -> Vec<Fragment> {
     let is_wall = |at: &[f64; 3]| {
         cells.at(at).and_then(|cell| labels[cell]).is_some_and(|(class, _)| class == Class::Wall)
@@ -50,7 +39,7 @@ pub fn join(
         let bounds = fit_box(&places, wall_yaw_rad, BEYOND)?;
         Some(Part { fragment, places, bounds })
     };
-    let large = fragments.into_iter().filter(|f| f.cells.len() >= params.min_cells);
+    let large = fragments.into_iter().filter(|f| f.cells.len() >= MIN_CELLS);
     let mut parts: Vec<Part> = large.filter_map(part).collect();
     loop {
         let before = parts.len();
@@ -62,7 +51,7 @@ pub fn join(
         for small in parts {
             // One of its own class first: a stool's leg is the stool's, however large the sofa beside it.
             let same = |large: &Part| large.fragment.class == small.fragment.class;
-            let is_host = |large: &Part| belongs(large, &small, cells, &is_wall, wall_yaw_rad, params);
+            let is_host = |large: &Part| belongs(large, &small, cells, &is_wall, wall_yaw_rad);
             let host = kept.iter().position(|large| same(large) && is_host(large));
             let host = host.or_else(|| kept.iter().position(|large| !same(large) && is_host(large)));
             match host {
@@ -90,7 +79,6 @@ fn belongs(
     cells: &Cells,
     is_wall: &dyn Fn(&[f64; 3]) -> bool,
     wall_yaw_rad: Option<f64>,
-    params: &JoinParams,
 ) -> bool {
     let (a, b) = (large.fragment.class, small.fragment.class);
     let is_guest = host_of(b).is_some_and(|hosts| hosts.contains(&a));
@@ -101,11 +89,11 @@ fn belongs(
     let between = (large.bounds.centre_m[0] - small.bounds.centre_m[0])
         .hypot(large.bounds.centre_m[1] - small.bounds.centre_m[1]);
     let reach = |part: &Part| part.bounds.size_m[0].hypot(part.bounds.size_m[1]) / 2.0;
-    if between > reach(large) + reach(small) + params.gap_m {
+    if between > reach(large) + reach(small) + GAP_M {
         return false;
     }
     let count = small.places.len() as f64;
-    let inside = small.places.iter().filter(|p| large.bounds.holds(p, params.grow_m)).count() as f64 / count;
+    let inside = small.places.iter().filter(|p| large.bounds.holds(p, GROW_M)).count() as f64 / count;
     let touches = |cell: &u32| {
         cells.around(*cell as usize).any(|other| large.fragment.cells.binary_search(&other).is_ok())
     };
@@ -115,16 +103,16 @@ fn belongs(
         .map_or(0.0, |kind| kind.fit(small.bounds.size_m[0], small.bounds.size_m[1], small.bounds.top_m()));
     let ease = if a == b || alone < 0.5 { 0.2 } else { 1.0 };
     if is_guest {
-        return inside >= params.inside_share || beside >= params.touch_share;
+        return inside >= INSIDE_SHARE || beside >= TOUCH_SHARE;
     }
     // Nothing else fits into a wardrobe's place.
     let stored = is_storage(a) && is_storage(b);
-    let within = inside >= params.inside_share && (ease < 1.0 || stored || beside >= params.touch_share);
-    let grown_together = is_solid(a) && is_solid(b) && beside >= ease * params.touch_share;
+    let within = inside >= INSIDE_SHARE && (ease < 1.0 || stored || beside >= TOUCH_SHARE);
+    let grown_together = is_solid(a) && is_solid(b) && beside >= ease * TOUCH_SHARE;
     if within || grown_together {
         return plausible(large, small, wall_yaw_rad);
     }
-    a == b && near(large, small, params.gap_m, is_wall) && plausible(large, small, wall_yaw_rad)
+    a == b && near(large, small, GAP_M, is_wall) && plausible(large, small, wall_yaw_rad)
 }
 
 /// Whether both together are no less like one thing of the class than the larger one alone.

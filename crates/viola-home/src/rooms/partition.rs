@@ -5,22 +5,12 @@ use super::outline::beside;
 use super::space::Space;
 use viola_geometry::{DistanceField, Grid};
 
-/// What divides rooms.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PartitionParams {
-    /// Openings wider than twice this are no doors. Doors are up to 1 m wide, double doors somewhat more.
-    pub door_half_m: f64,
-    /// An opening divides only where it is narrower than this share of what it joins, ...
-    pub neck_share: f64,
-    /// and where both sides are this large.
-    pub min_area_m2: f64,
-}
-
-impl Default for PartitionParams {
-    fn default() -> Self {
-        PartitionParams { door_half_m: 0.55, neck_share: 0.8, min_area_m2: 1.2 }
-    }
-}
+/// Openings wider than twice this are no doors. Doors are up to 1 m wide, double doors somewhat more.
+const DOOR_HALF_M: f64 = 0.55;
+/// An opening divides only where it is narrower than this share of what it joins, ...
+const NECK_SHARE: f64 = 0.8;
+/// and where both sides are this large.
+pub(super) const MIN_AREA_M2: f64 = 1.2;
 
 /// Basins that the water rises in.
 struct Basins {
@@ -50,7 +40,7 @@ impl Basins {
 }
 
 /// Numbers the rooms in `owner`, from 1, and says how many there are.
-pub(super) fn partition(space: &Space, owner: &mut Grid<u32>, params: &PartitionParams) -> usize {
+pub(super) fn partition(space: &Space, owner: &mut Grid<u32>) -> usize {
     let (width, height) = (space.frame.width, space.frame.height);
     let open = open(space);
     let barrier: Vec<bool> = open.iter().map(|open| !open).collect();
@@ -77,7 +67,7 @@ pub(super) fn partition(space: &Space, owner: &mut Grid<u32>, params: &Partition
             let other = basins.root(owner.cells[next as usize]);
             if mine == 0 {
                 mine = other;
-            } else if other != mine && !divides(&basins, mine, other, depth[at], space, params) {
+            } else if other != mine && !divides(&basins, mine, other, depth[at], space) {
                 basins.join(mine, other);
                 mine = mine.min(other);
             }
@@ -92,7 +82,7 @@ pub(super) fn partition(space: &Space, owner: &mut Grid<u32>, params: &Partition
         owner.cells[at] = mine;
     }
     owner.cells.iter_mut().filter(|owner| **owner != 0).for_each(|owner| *owner = basins.root(*owner));
-    absorb(owner, &mut basins, space, params);
+    absorb(owner, &mut basins, space);
     number(owner)
 }
 
@@ -108,20 +98,20 @@ fn open(space: &Space) -> Vec<bool> {
     open.cells
 }
 
-fn divides(basins: &Basins, a: u32, b: u32, depth_m: f32, space: &Space, params: &PartitionParams) -> bool {
+fn divides(basins: &Basins, a: u32, b: u32, depth_m: f32, space: &Space) -> bool {
     let lower = basins.peak_m[a as usize].min(basins.peak_m[b as usize]);
     let fewer = basins.cells[a as usize].min(basins.cells[b as usize]);
     let cell_m2 = space.frame.cell_m * space.frame.cell_m;
-    f64::from(depth_m) <= params.door_half_m
-        && f64::from(depth_m) < params.neck_share * f64::from(lower)
+    f64::from(depth_m) <= DOOR_HALF_M
+        && f64::from(depth_m) < NECK_SHARE * f64::from(lower)
         // The rest of a room is still to come when its middle meets the next one.
-        && f64::from(fewer) * cell_m2 > 0.1 * params.min_area_m2
+        && f64::from(fewer) * cell_m2 > 0.1 * MIN_AREA_M2
 }
 
 /// Joins what is too small for a room to the neighbour with the longest common border.
-fn absorb(owner: &mut Grid<u32>, basins: &mut Basins, space: &Space, params: &PartitionParams) {
+fn absorb(owner: &mut Grid<u32>, basins: &mut Basins, space: &Space) {
     let (width, height) = (space.frame.width, space.frame.height);
-    let least = (params.min_area_m2 / (space.frame.cell_m * space.frame.cell_m)) as u32;
+    let least = (MIN_AREA_M2 / (space.frame.cell_m * space.frame.cell_m)) as u32;
     let mut borders: std::collections::BTreeMap<(u32, u32), u32> = std::collections::BTreeMap::new();
     for at in 0..owner.cells.len() {
         for next in beside(at, width, height).into_iter().flatten() {

@@ -5,35 +5,19 @@ use viola_formats::lidar::{Cell, LidarMap};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{DistanceField, Grid, GridFrame, Point2};
 
-/// How the raster is made.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SpaceParams {
-    /// Side of its cells where the map has none.
-    pub cell_m: f64,
-    /// A bound on memory and time: larger maps get larger cells.
-    pub max_cells: usize,
-    /// Bare points this far apart, halved, are one wall.
-    pub gap_m: f64,
-    /// Of the eight directions from a place inside a home, so many end at a wall.
-    pub enclosed: u32,
-    /// Heights of the fused points that tell what the LiDAR hit.
-    pub heights_m: [f64; 2],
-    /// The fused points this near tell what an occupied cell is.
-    pub near_m: f64,
-}
+/// Side of its cells where the map has none.
+const CELL_M: f64 = 0.05;
+/// Heights of the fused points that tell what the LiDAR hit.
+const HEIGHTS_M: [f64; 2] = [0.05, 1.9];
 
-impl Default for SpaceParams {
-    fn default() -> Self {
-        SpaceParams {
-            cell_m: 0.05,
-            max_cells: 2 << 20,
-            gap_m: 0.06,
-            enclosed: 7,
-            heights_m: [0.05, 1.9],
-            near_m: 0.08,
-        }
-    }
-}
+/// A bound on memory and time: larger maps get larger cells.
+const MAX_CELLS: usize = 2 << 20;
+/// Bare points this far apart, halved, are one wall.
+const GAP_M: f64 = 0.06;
+/// Of the eight directions from a place inside a home, so many end at a wall.
+const ENCLOSED: u32 = 7;
+/// The fused points this near tell what an occupied cell is.
+const NEAR_M: f64 = 0.08;
 
 /// The raster. `frame` is the LiDAR map's own where it has cells that are fine enough.
 pub struct Space {
@@ -48,8 +32,8 @@ pub struct Space {
 }
 
 impl Space {
-    pub fn new(lidar: &LidarMap, points: &[MapPoint], params: &SpaceParams) -> Space {
-        let frame = frame(lidar, params);
+    pub fn new(lidar: &LidarMap, points: &[MapPoint]) -> Space {
+        let frame = frame(lidar);
         let mut space = Space {
             frame,
             occupied: vec![false; frame.len()],
@@ -71,9 +55,9 @@ impl Space {
                     }
                 }
             }
-            None => space.enclose(params),
+            None => space.enclose(),
         }
-        space.tell(points, params);
+        space.tell(points);
         space
     }
 
@@ -92,10 +76,10 @@ impl Space {
     }
 
     /// Bare points: free is what lies between walls on almost all sides.
-    fn enclose(&mut self, params: &SpaceParams) {
+    fn enclose(&mut self) {
         let thin = Grid { frame: self.frame, cells: self.occupied.clone() };
         let field = DistanceField::new(&thin);
-        let walls: Vec<bool> = field.grid().cells.iter().map(|d| f64::from(*d) <= params.gap_m).collect();
+        let walls: Vec<bool> = field.grid().cells.iter().map(|d| f64::from(*d) <= GAP_M).collect();
         let (width, height) = (self.frame.width as i64, self.frame.height as i64);
         let mut hits = vec![0u8; walls.len()];
         // Directions that look back at cells which were worked out before, first in one order, then in the other.
@@ -116,16 +100,16 @@ impl Space {
             }
         }
         for (index, free) in self.free.iter_mut().enumerate() {
-            *free = !self.occupied[index] && u32::from(hits[index]) >= params.enclosed;
+            *free = !self.occupied[index] && u32::from(hits[index]) >= ENCLOSED;
         }
     }
 
     /// What the fused map says of the occupied cells, and where it has doors.
-    fn tell(&mut self, points: &[MapPoint], params: &SpaceParams) {
+    fn tell(&mut self, points: &[MapPoint]) {
         let mut counts = vec![[0u16; 3]; self.frame.len()];
         for point in points {
             let [x, y, z] = point.point.position_m.map(f64::from);
-            if !(params.heights_m[0]..params.heights_m[1]).contains(&z) {
+            if !(HEIGHTS_M[0]..HEIGHTS_M[1]).contains(&z) {
                 continue;
             }
             let label = point.point.label;
@@ -142,7 +126,7 @@ impl Space {
                 counts[at][kind] = counts[at][kind].saturating_add(1);
             }
         }
-        let reach = (params.near_m / self.frame.cell_m).round() as usize;
+        let reach = (NEAR_M / self.frame.cell_m).round() as usize;
         let (width, height) = (self.frame.width, self.frame.height);
         for index in 0..counts.len() {
             // A door is upright: several points of a column.
@@ -165,16 +149,16 @@ impl Space {
 }
 
 /// The map's own raster with a margin, or a coarser one where that has too many cells.
-fn frame(lidar: &LidarMap, params: &SpaceParams) -> GridFrame {
+fn frame(lidar: &LidarMap) -> GridFrame {
     const MARGIN: f64 = 4.0;
     let (min, max) = (lidar.info.min_m, lidar.info.max_m);
     let own = lidar.cells.as_ref().map(|cells| cells.frame);
-    let mut cell_m = own.map_or(params.cell_m, |own| own.cell_m).max(params.cell_m / 2.5);
+    let mut cell_m = own.map_or(CELL_M, |own| own.cell_m).max(CELL_M / 2.5);
     let count = |cell_m: f64| {
         let side = |axis: usize| (max[axis] - min[axis]) / cell_m + 2.0 * MARGIN + 1.0;
         side(0) * side(1)
     };
-    let most = params.max_cells as f64;
+    let most = MAX_CELLS as f64;
     let mut same = own.is_some_and(|own| (own.cell_m - cell_m).abs() < 1e-12);
     if count(cell_m) > most {
         same = false;

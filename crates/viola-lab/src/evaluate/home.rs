@@ -65,17 +65,17 @@ pub fn evaluate(
     let mesh = super::Mesh::open_labelled_in(&folder.join("mesh"))?;
     let mesh = LabelledMesh::new(mesh, &labels::Folding::open(folder)?);
     let Fused { points: map, excerpts, agreement } = fuse(scene, ranges, params, progress)?;
-    let rooms = home::rooms(&scene.lidar, &map, &home::RoomsParams::default());
+    let rooms = home::rooms(&scene.lidar, &map);
     let found = home::find_objects(&map, &rooms, &home::ObjectsParams::default());
     let objects: Vec<Object> = found.iter().map(|found| found.object.clone()).collect();
-    let plan = home::plan(&scene.lidar, &map, &rooms, &objects, &home::PlanParams::default());
+    let plan = home::plan(&scene.lidar, &map, &rooms, &objects);
     let truth = mesh.instances(&scene.map_from_world, home::is_furniture);
     let aligned = excerpts.iter().filter(|e| e.state == viola_align::AlignmentState::Aligned);
     let frames: Vec<Range<usize>> = aligned.map(|excerpt| excerpt.frames.clone()).collect();
     let seen = seen_by(&scene.clip, &frames, &mesh)?;
     let report = HomeReport {
         surface: compare(&map, &mesh, &seen, &scene.map_from_world),
-        coverage: home::coverage(&scene.lidar, &map, &rooms, &home::CoverageParams::default()),
+        coverage: home::coverage(&scene.lidar, &map, &rooms),
         score: judge(&map, &found, &truth, &mesh, &scene.map_from_world),
         excerpts,
         agreement,

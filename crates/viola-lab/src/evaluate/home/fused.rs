@@ -11,8 +11,7 @@ use viola_align::{AlignError, AlignParams, AlignmentState};
 use viola_geometry::progress::Progress;
 use viola_geometry::{Pose2, angle_between};
 use viola_home::{
-    AssembleParams, ClipNumbers, Manifest, MapPoint, Member, Pair, PlacedClip, Share, Verdict, assemble,
-    disagreement,
+    ClipNumbers, Manifest, MapPoint, Member, Pair, PlacedClip, Share, Verdict, assemble, disagreement,
 };
 
 /// An excerpt and what became of it.
@@ -103,7 +102,7 @@ pub fn fuse(
     let mut load = |member: &Member| -> Result<Share, Infallible> {
         Ok(share_of(&member.share).cloned().unwrap_or_else(Share::nothing))
     };
-    let Ok(assembly) = assemble(&Manifest::default(), members, &mut load, &AssembleParams::default());
+    let Ok(assembly) = assemble(&Manifest::default(), members, &mut load);
     let placed = &assembly.manifest.clips;
     for clip in placed {
         let number = clip.clip.as_u128() as usize;

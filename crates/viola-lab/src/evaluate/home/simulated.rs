@@ -280,7 +280,7 @@ pub fn simulated(
         let mut map = sample(&HomeParams::new(set, seed), params)?;
         // The robot's own segments would be the truth.
         map.lidar.rooms.clear();
-        let computed = home::rooms(&map.lidar, &map.points, &home::RoomsParams::default());
+        let computed = home::rooms(&map.lidar, &map.points);
         let objects = home::ObjectsParams { voxel_m: params.voxel_m, ..home::ObjectsParams::default() };
         all.add(&judge_objects(&map, &home::objects(&map.points, &computed, &objects)));
         let (there, matched) = judge_rooms(&map, &computed);
