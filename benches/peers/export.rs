@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use serde_json::json;
 use std::time::Instant;
 use viola_align as align;
-use viola_align::{AlignParams, RefineParams};
+use viola_align::AlignParams;
 use viola_geometry::Pose2;
 use viola_geometry::progress::Silent;
 use viola_lab::evaluate::{HomeClips, HomesParams, Suite};
@@ -45,11 +45,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         })
         .collect();
     let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    let params = RefineParams::default();
     let (mut seconds, mut refined) = (f64::INFINITY, Vec::new());
     for _ in 0..RUNS {
         let since = Instant::now();
-        refined = one_thread.install(|| align::refine(&starts, hits, &target, &params));
+        refined = one_thread.install(|| align::refine(&starts, hits, &target));
         seconds = f64::min(seconds, since.elapsed().as_secs_f64());
     }
 

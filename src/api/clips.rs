@@ -15,7 +15,7 @@ use axum::response::{IntoResponse, Response};
 use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
 use viola_formats::clip;
-use viola_reconstruct::{Estimate, FuseParams, estimate};
+use viola_reconstruct::{Estimate, estimate};
 
 /// No phone recorded depth before the year 2000.
 const EARLIEST: Timestamp = Timestamp::constant(946_684_800, 0);
@@ -158,7 +158,7 @@ pub(super) fn recorded_at(text: &str) -> Result<Timestamp, Error> {
 /// Opens a file that has arrived, and refuses it when it is no clip.
 pub(super) fn open(file: Arrived) -> Result<(Arrived, clip::ClipInfo, Estimate), Error> {
     let clip = clip::Clip::open(file.path())?;
-    let estimate = estimate(&clip, &FuseParams::default());
+    let estimate = estimate(&clip);
     Ok((file, clip.info().clone(), estimate))
 }
 

@@ -20,7 +20,6 @@ use viola_lab::evaluate::{
     SceneClips, Suite, SurveyParams, labels, plot,
 };
 use viola_lab::simulate::{ClipParams, Sensor, Set};
-use viola_reconstruct::track::DeviceParams;
 use viola_reconstruct::{LabelParams, TrackParams};
 
 #[derive(Args)]
@@ -130,8 +129,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     }
     // Simulated pictures are too plain for a network.
     let label = if arguments.scene.is_some() { arguments.networks.labels()? } else { LabelParams::default() };
-    let device = (!arguments.keep_poses).then(DeviceParams::default);
-    let track = TrackParams { device, ..TrackParams::default() };
+    let track = TrackParams { refine: !arguments.keep_poses, ..TrackParams::default() };
     let observe = AlignParams { seed: arguments.seed, label, track, ..AlignParams::default() };
     let workers = match arguments.threads {
         Some(threads) => threads,

@@ -1,10 +1,12 @@
 //! The LiDAR maps of a home, one revision for every file that was put.
 
-use super::changes::{self, Changed};
-use super::columns::{Columns, to_json};
+mod put;
+
+pub use put::NewLidarMap;
+
+use super::columns::Columns;
 use super::database::{Connection, Row, query};
-use super::incoming::Arrived;
-use super::{BlobReader, HomeId, Page, Storage, StorageError, homes, jobs};
+use super::{BlobReader, HomeId, Page, Storage, StorageError, homes};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
@@ -24,14 +26,6 @@ pub struct LidarMapRevision {
     pub sha256: String,
     pub info: LidarInfo,
     pub created_at: Timestamp,
-}
-
-/// A map that was read and found good.
-pub struct NewLidarMap {
-    pub file: Arrived,
-    pub info: LidarInfo,
-    /// Preview picture.
-    pub image_png: Vec<u8>,
 }
 
 fn from_row(row: &Row) -> Result<LidarMapRevision, StorageError> {
@@ -61,76 +55,6 @@ impl LidarMapRevision {
 }
 
 impl Storage {
-    /// Adds a revision and queues every clip of the home for it. The same file as the current revision's
-    /// changes nothing; the flag tells whether there is a new revision.
-    pub async fn put_lidar_map(
-        &self,
-        home: &HomeId,
-        new: NewLidarMap,
-        now: Timestamp,
-    ) -> Result<(LidarMapRevision, bool), StorageError> {
-        let id = Uuid::now_v7();
-        let row =
-            NewRow { id, size_bytes: new.file.size_bytes, sha256: new.file.sha256.clone(), info: new.info };
-        // Side by side: a store that is slow is waited for once.
-        let (file_key, image_key) = (file_key(id), image_key(id));
-        let (file, image) =
-            tokio::join!(self.blobs.keep(new.file, &file_key), self.blobs.put(&image_key, new.image_png));
-        if let Err(error) = file.and(image) {
-            self.blobs.discard(&[file_key, image_key]).await;
-            return Err(error);
-        }
-        let added = self.insert_lidar_map(home, row, now).await;
-        let is_for_nothing = match &added {
-            Ok((_, is_new)) => !is_new,
-            // The row may be there all the same; a sweep decides.
-            Err(error) => !error.is_unsettled(),
-        };
-        if is_for_nothing {
-            self.blobs.discard(&[file_key, image_key]).await;
-        }
-        added
-    }
-
-    async fn insert_lidar_map(
-        &self,
-        home: &HomeId,
-        new: NewRow,
-        now: Timestamp,
-    ) -> Result<(LidarMapRevision, bool), StorageError> {
-        let mut transaction = self.database.begin().await?;
-        if !homes::lock(&mut transaction, home).await? {
-            return Err(StorageError::NoSuchHome);
-        }
-        let current = current(&mut transaction, home).await?;
-        let revision = current.as_ref().map_or(0, |current| current.revision) + 1;
-        if let Some(current) = current
-            && current.sha256 == new.sha256
-        {
-            return Ok((current, false));
-        }
-        query(
-            "INSERT INTO lidar_maps (id, home_id, revision, size_bytes, sha256, info, created_at)
-            VALUES ($1, $2, $3, $4, $5, $6, $7)",
-        )
-        .bind(new.id.to_string())
-        .bind(home.key())
-        .bind(revision)
-        .bind(new.size_bytes as i64)
-        .bind(&new.sha256)
-        .bind(to_json(&new.info))
-        .bind(now.as_millisecond())
-        .execute(&mut transaction)
-        .await?;
-        homes::grow(&mut transaction, home, new.size_bytes as i64).await?;
-        let stale_blobs = jobs::enqueue_home(&mut transaction, home, new.id, now).await?;
-        changes::record(&mut transaction, home, Changed::LidarMap { revision }, now).await?;
-        let added = current_or_missing(&mut transaction, home).await?;
-        transaction.commit().await?;
-        self.blobs.discard(&stale_blobs).await;
-        Ok((added, true))
-    }
-
     /// The current revision.
     pub async fn lidar_map(&self, home: &HomeId) -> Result<LidarMapRevision, StorageError> {
         let mut connection = self.database.snapshot().await?;
@@ -176,13 +100,6 @@ impl Storage {
     pub(super) async fn lidar_map_blob_keys(&self) -> Result<Vec<String>, StorageError> {
         blob_keys(&mut *self.database.snapshot().await?, None).await
     }
-}
-
-struct NewRow {
-    id: Uuid,
-    size_bytes: u64,
-    sha256: String,
-    info: LidarInfo,
 }
 
 pub(super) async fn current(

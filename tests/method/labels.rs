@@ -48,22 +48,21 @@ fn share(seen: &Observation, right: impl Fn(Class, f32) -> Option<bool>) -> f64 
 fn true_pictures_give_true_classes() {
     for (set, seed) in [(Set::Normal, 3), (Set::Changed, 5)] {
         let (clip, oracle) = Oracle::with_clip(simulated(set, seed, 12), 1.0, 0);
-        for structure in [None, LabelParams::default().structure] {
-            let with_shapes = structure.is_some();
-            let label = LabelParams { segmenter: Some(oracle.clone()), structure, ..LabelParams::default() };
+        for by_shape in [false, true] {
+            let label = LabelParams { segmenter: Some(oracle.clone()), by_shape, ..LabelParams::default() };
             let seen = observe(&clip, label);
             let report = seen.labels.clone().unwrap();
             assert_eq!(report.by, oracle.name());
             assert!(report.key_frames > 0 && report.key_frames == seen.pictures.len());
             // What is called floor lies at the floor; by shape also what is level and lower than a step.
-            let at_floor_m = if with_shapes { 0.12 } else { 0.06 };
+            let at_floor_m = if by_shape { 0.12 } else { 0.06 };
             let floor = share(&seen, |class, z| (class == Class::Floor).then_some(z.abs() <= at_floor_m));
-            assert!(floor > 0.97, "{set:?} {with_shapes}: {floor}");
+            assert!(floor > 0.97, "{set:?} {by_shape}: {floor}");
             // Nothing that furniture hides in is called a ceiling.
             let low = share(&seen, |class, z| {
                 (class == Class::Ceiling || z < 1.9).then_some(z > 1.9 || class != Class::Ceiling)
             });
-            assert!(low > 0.999, "{set:?} {with_shapes}: {low}");
+            assert!(low > 0.999, "{set:?} {by_shape}: {low}");
         }
     }
 }
@@ -72,7 +71,7 @@ fn true_pictures_give_true_classes() {
 #[test]
 fn shapes_alone_agree_with_the_truth() {
     let (clip, oracle) = Oracle::with_clip(simulated(Set::Normal, 3, 12), 1.0, 0);
-    let oracle = LabelParams { segmenter: Some(oracle), structure: None, ..LabelParams::default() };
+    let oracle = LabelParams { segmenter: Some(oracle), by_shape: false, ..LabelParams::default() };
     let (truth, shapes) = (observe(&clip, oracle), observe(&clip, LabelParams::default()));
     assert_eq!(shapes.labels.unwrap().by, "geometry");
     let (mut both, mut either) = ([0u32; 2], [0u32; 2]);

@@ -8,7 +8,7 @@ use viola_geometry::progress::Silent;
 use viola_geometry::{Pinhole, Point3, Pose3, Vector3};
 use viola_lab::evaluate::track::{TrajectoryErrors, measure};
 use viola_lab::simulate::{ClipParams, Home, HomeParams, Set};
-use viola_reconstruct::track::{DeviceParams, Lost, Track, Tracker};
+use viola_reconstruct::track::{Lost, Track, Tracker};
 use viola_reconstruct::{KeyFrame, TrackParams};
 
 /// A simulated walk with a phone, noise and all, and the true poses.
@@ -276,11 +276,11 @@ fn poses_are_refined_where_they_drift_and_left_where_they_do_not() {
         let simulated = home.clip(&survey, 0, &params);
         let truth = simulated.truth.home_from_camera.clone();
         let clip = simulated.into_clip();
-        let observe = |device: Option<DeviceParams>| {
-            let track = TrackParams { device, ..TrackParams::default() };
+        let observe = |refine: bool| {
+            let track = TrackParams { refine, ..TrackParams::default() };
             align::observe(&clip, None, &AlignParams { track, ..AlignParams::default() }, &Silent).unwrap()
         };
-        let (seen, as_it_was) = (observe(Some(DeviceParams::default())), observe(None));
+        let (seen, as_it_was) = (observe(true), observe(false));
         let is_told = seen.reasons.iter().any(|reason| reason.code == "poses_refined");
         assert_eq!(is_told, is_refined, "{drift}: {:?}", seen.reasons);
         let ate_m = |seen: &Observation| {

@@ -17,10 +17,10 @@ mod target;
 pub use answer::{Alignment, AlignmentState, Alternative, CompletionReport, FreeSpace, Judged};
 pub use complete::{Activation, CompleteParams, Completion, register_completing};
 pub use observe::{FloorHypothesis, Observation, observe};
-pub use refine::{RefineParams, Refined, refine};
+pub use refine::{Refined, refine};
 pub use register::register;
 pub use rooms::NamedRooms;
-pub use scan::{Hit, Landmark, RaycastParams, VirtualScan};
+pub use scan::{FREE_CELL_M, HIT_SPACING_M, Hit, Landmark, RaycastParams, VACUUM_HEIGHT_M, VirtualScan};
 pub use score::{
     Coefficient, Evidence, FEATURES, HitWeightParams, LossWeights, MODEL, MadeBy, Model, PoseScorer,
     ScoreParams, features, is_different,
@@ -33,9 +33,7 @@ use viola_formats::clip::{Clip, ClipError};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::Pose3;
 use viola_geometry::progress::{Cancelled, Progress};
-use viola_reconstruct::{
-    FloorParams, FuseParams, KeyFrame, LabelParams, PointCloud, ReconstructError, TrackParams, View,
-};
+use viola_reconstruct::{FuseParams, KeyFrame, LabelParams, PointCloud, ReconstructError, TrackParams, View};
 
 /// How a clip is aligned, stage by stage.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -44,11 +42,9 @@ pub struct AlignParams {
     pub track: TrackParams,
     pub fuse: FuseParams,
     pub label: LabelParams,
-    pub floor: FloorParams,
     pub raycast: RaycastParams,
     pub hit_weights: HitWeightParams,
     pub search: SearchParams,
-    pub refine: RefineParams,
     pub score: ScoreParams,
     pub complete: CompleteParams,
 }

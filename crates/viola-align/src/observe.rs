@@ -100,11 +100,11 @@ pub fn observe(
     progress::begin(progress, Stage::Floor)?;
     let (cloud, keys) = (&fused.cloud_in_world, &fused.key_frames);
     let up = up_in_world(clip, tracked.as_ref(), by_device.as_ref());
-    let floors = match floor::find_floor(cloud, keys, up.as_ref(), &params.floor, params.seed) {
+    let floors = match floor::find_floor(cloud, keys, up.as_ref(), params.seed) {
         Ok(floor) => vec![floor],
         Err(why) => {
             observation.reasons.push(why.reason());
-            up.map_or_else(Vec::new, |up| floor::assume(cloud, keys, &up, &params.floor))
+            up.map_or_else(Vec::new, |up| floor::assume(cloud, keys, &up))
         }
     };
     let Some(first) = floors.first() else {

@@ -10,20 +10,10 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use viola_geometry::{Point2, Pose2, angle_between};
 
-/// How poses are refined.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RefineParams {
-    /// Scales of the robust kernel, wide to narrow; a hit this far from the map counts a quarter.
-    pub kernel_m: Vec<f64>,
-    /// Steps at each scale.
-    pub steps: usize,
-}
-
-impl Default for RefineParams {
-    fn default() -> Self {
-        RefineParams { kernel_m: vec![0.4, 0.15, 0.05], steps: 6 }
-    }
-}
+/// Scales of the robust kernel, wide to narrow; a hit this far from the map counts a quarter.
+const KERNEL_M: [f64; 3] = [0.4, 0.15, 0.05];
+/// Steps at each scale.
+const STEPS: usize = 6;
 
 /// A pose at a minimum of the robust distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,24 +27,24 @@ pub struct Refined {
 /// one-directional distance of hits to the map, with hits that have no counterpart fading out.
 ///
 /// Descents that have met go on as one: the start of a bunch that comes first leads it.
-pub fn refine(starts: &[Pose2], hits: &[Hit], target: &Target, params: &RefineParams) -> Vec<Refined> {
+pub fn refine(starts: &[Pose2], hits: &[Hit], target: &Target) -> Vec<Refined> {
     // A quarter of the hits leads to the right valley; all of them find its bottom.
     let hits: Vec<Weighted> = hits.iter().map(Weighted::from).collect();
     let some: Vec<Weighted> = hits.iter().step_by((hits.len() / 100).clamp(1, 4)).copied().collect();
     let mut bunches = Bunches::new(starts);
-    for (i, &kernel_m) in params.kernel_m.iter().enumerate() {
+    for (i, &kernel_m) in KERNEL_M.iter().enumerate() {
         // On the way to the last scale a few millimetres do not matter.
-        let last = i + 1 == params.kernel_m.len();
+        let last = i + 1 == KERNEL_M.len();
         let (hits, still_m, still_rad) = if last { (&hits, 4e-4, 1e-4) } else { (&some, 3e-3, 1e-3) };
         let leaders = &mut bunches.leaders;
         leaders.par_iter_mut().for_each(|pose| {
-            *pose = descend(*pose, hits, target, kernel_m, params.steps, still_m, still_rad);
+            *pose = descend(*pose, hits, target, kernel_m, STEPS, still_m, still_rad);
         });
         if !last {
             bunches.join();
         }
     }
-    let kernel_m = params.kernel_m.last().copied().unwrap_or(0.1);
+    let kernel_m = KERNEL_M.last().copied().unwrap_or(0.1);
     let settle = |pose: &Pose2| Refined {
         map_from_clip: *pose,
         covariance: covariance(pose, &hits, target, kernel_m),

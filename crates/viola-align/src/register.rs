@@ -84,7 +84,7 @@ fn register_view(
         let found = search.run(limits, progress)?;
         progress::begin(progress, Stage::Refine)?;
         let new = found.modes.iter().skip(refined.len()).map(|mode| mode.map_from_clip);
-        refined.extend(refine::refine(&new.collect::<Vec<_>>(), &hits, target, &params.refine));
+        refined.extend(refine::refine(&new.collect::<Vec<_>>(), &hits, target));
         progress::begin(progress, Stage::Decide)?;
         let ranked = score::rank(&refined, &hits, scan, target, &params.score);
         let doubts = Doubts { search_incomplete: !found.complete, sparse_track: view.sparse_track };
@@ -98,7 +98,7 @@ fn register_view(
     }
     if let (Some(map_from_clip), Some(covariance)) = (answer.map_from_clip, answer.covariance) {
         let best = Refined { map_from_clip, covariance: covariance.into() };
-        let mean = refine::mean(&best, &hits, target, &params.refine);
+        let mean = refine::mean(&best, &hits, target);
         answer.map_from_clip = Some(mean);
         // Its rank stays that of the minimum, as for its rivals.
         if let Some(best) = answer.alternatives.first_mut() {

@@ -7,5 +7,5 @@ mod landmarks;
 mod obstacles;
 
 pub use cast::{VirtualScan, raycast, recast};
-pub use hit::{Hit, RaycastParams};
+pub use hit::{FREE_CELL_M, HIT_SPACING_M, Hit, RaycastParams, VACUUM_HEIGHT_M};
 pub use landmarks::Landmark;

@@ -18,6 +18,10 @@ use std::collections::BinaryHeap;
 use viola_geometry::progress::{self, Progress};
 use viola_geometry::{Pose2, angle_between};
 
+/// Poses nearer than this, and turned less than `apart_rad` from each other, are one mode.
+pub(crate) const APART_M: f64 = 0.25;
+pub(crate) const APART_RAD: f64 = 8f64.to_radians();
+
 /// A pose worth refining.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
@@ -41,21 +45,14 @@ pub struct SearchParams {
     /// Translations are multiples of this.
     pub cell_m: f64,
     pub rotations: usize,
-    /// Scale of the likelihood that a hit belongs to a map point, by their distance.
-    pub sigma_m: f64,
     /// Hits used; of more, every so many-th is taken, so that clutter keeps its share and no more.
     pub hits: usize,
-    /// The clip's origin may lie this far outside the box around the map.
-    pub margin_m: f64,
     /// Height of the pyramid: squares of up to `2^levels` cells; more on maps larger than a home.
     pub levels: u32,
     /// How far it goes.
     pub first: SearchLimits,
     /// How far it goes on where the answer is in doubt, which then is worth the time.
     pub in_doubt: SearchLimits,
-    /// Poses nearer than this, and turned less than `apart_rad` from each other, are one mode.
-    pub apart_m: f64,
-    pub apart_rad: f64,
     /// Nodes opened before the search stops early and says so in the certificate. A count and not a time,
     /// so that the answer is the same on a slow machine.
     pub max_nodes: usize,
@@ -66,14 +63,10 @@ impl Default for SearchParams {
         SearchParams {
             cell_m: 0.05,
             rotations: 360,
-            sigma_m: 0.10,
             hits: 128,
-            margin_m: 0.3,
             levels: 5,
             first: SearchLimits { modes: 40, bar: 0.8 },
             in_doubt: SearchLimits { modes: 100, bar: 0.7 },
-            apart_m: 0.25,
-            apart_rad: 8f64.to_radians(),
             max_nodes: 1_500_000,
         }
     }
@@ -129,7 +122,7 @@ impl<'a> Search<'a> {
             if top.level == 0 {
                 let Some(leaf) = self.open.pop() else { break };
                 let pose = self.space.pose(&leaf);
-                if !self.modes.iter().any(|mode| is_close(&mode.map_from_clip, &pose, params)) {
+                if !self.modes.iter().any(|mode| is_close(&mode.map_from_clip, &pose)) {
                     self.modes.push(Candidate { map_from_clip: pose, score: self.space.share(leaf.bound) });
                 }
                 continue;
@@ -172,8 +165,8 @@ fn pop_batch(open: &mut BinaryHeap<Node>, is_taken: impl Fn(&Node) -> bool) -> V
     batch
 }
 
-fn is_close(a: &Pose2, b: &Pose2, params: &SearchParams) -> bool {
-    a.distance_m(b) < params.apart_m && angle_between(a.yaw_rad, b.yaw_rad) < params.apart_rad
+fn is_close(a: &Pose2, b: &Pose2) -> bool {
+    a.distance_m(b) < APART_M && angle_between(a.yaw_rad, b.yaw_rad) < APART_RAD
 }
 
 #[cfg(test)]

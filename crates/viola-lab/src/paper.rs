@@ -17,10 +17,20 @@ mod sample;
 pub use nearest::Nearest;
 use rayon::prelude::*;
 use viola_align::Candidate;
-use viola_align::{AlignError, Alignment, AlignmentState, Alternative, Observation, RaycastParams, Target};
+use viola_align::{AlignError, Alignment, AlignmentState, Alternative, Observation, Target};
 use viola_geometry::progress::{self, Progress, Stage};
 use viola_geometry::{Point2, Pose2, angle_between};
 use viola_reconstruct::Reason;
+
+const MAP_POINTS: usize = 1800;
+/// ICP: its iterations at most.
+const ICP_ITERATIONS: usize = 60;
+/// Two poses nearer to each other than both of these are close.
+const CLOSE_M: f64 = 0.3;
+const CLOSE_RAD: f64 = 20f64.to_radians();
+/// The clip is ambiguous when a pose that is not close to the best one loses by less than this in mean
+/// distance: the authors' c = 20 is the sum over 500 hits.
+const MARGIN_LOSS_M: f64 = 0.04;
 
 /// How the starts are refined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,70 +45,25 @@ pub enum Refiner {
 #[derive(Debug, Clone, PartialEq)]
 pub struct PaperParams {
     pub refiner: Refiner,
-    /// Height at which the rays run, and the slab of points around it that they can hit.
-    pub vacuum_height_m: f64,
-    pub slab_m: f64,
-    /// Points no higher than this are floor and no hits. The paper knows the floor by its labels.
-    pub floor_m: f64,
-    /// Rays of one camera, spread evenly over `fan_rad` about its heading; a ray ends at the nearest point
-    /// within `cone_rad` of it.
-    pub rays: usize,
-    pub fan_rad: f64,
-    pub cone_rad: f64,
     /// Points kept by farthest-point sampling.
     pub hits: usize,
-    pub map_points: usize,
     /// Side of a raster cell, and of the square that a point fills, in cells.
     pub cell_m: f64,
     pub dilation: usize,
     pub rotations: usize,
     /// How far the box around the clip's hits may stick out of the box around the map's points.
     pub margin_m: f64,
-    /// The best candidates that are refined. Two that are nearer to each other than this, and turned less
-    /// than `apart_rad`, are one.
-    pub starts: usize,
-    pub apart_m: f64,
-    pub apart_rad: f64,
-    /// Adam: its steps, its rate in metres and radians, and the steps at which the rate is halved.
-    pub steps: usize,
-    pub rate: f64,
-    pub halved_at: [usize; 3],
-    /// ICP: its iterations at most.
-    pub icp_iterations: usize,
-    /// Two poses nearer to each other than both of these are close.
-    pub close_m: f64,
-    pub close_rad: f64,
-    /// The clip is ambiguous when a pose that is not close to the best one loses by less than this in mean
-    /// distance: the authors' c = 20 is the sum over 500 hits.
-    pub margin_loss_m: f64,
 }
 
 impl Default for PaperParams {
     fn default() -> Self {
         PaperParams {
             refiner: Refiner::Chamfer,
-            vacuum_height_m: RaycastParams::default().vacuum_height_m,
-            slab_m: 0.10,
-            floor_m: 0.05,
-            rays: 300,
-            fan_rad: std::f64::consts::PI,
-            cone_rad: 3f64.to_radians(),
             hits: 500,
-            map_points: 1800,
             cell_m: 0.01,
             dilation: 5,
             rotations: 360,
             margin_m: 1.0,
-            starts: 200,
-            apart_m: 0.2,
-            apart_rad: 8f64.to_radians(),
-            steps: 180,
-            rate: 0.1,
-            halved_at: [50, 100, 150],
-            icp_iterations: 60,
-            close_m: 0.3,
-            close_rad: 20f64.to_radians(),
-            margin_loss_m: 0.04,
         }
     }
 }
@@ -135,7 +100,7 @@ pub fn register(
     }
 
     progress::begin(progress, Stage::Raycast)?;
-    let hits_m = rays::cast(&observation.cloud_in_clip, &observation.scan.cameras, params);
+    let hits_m = rays::cast(&observation.cloud_in_clip, &observation.scan.cameras);
     let hits_m = sample::farthest(&hits_m, params.hits);
     alignment.hits = hits_m.len();
     if hits_m.len() < 2 {
@@ -145,7 +110,7 @@ pub fn register(
     }
 
     progress::begin(progress, Stage::Search)?;
-    let map_m = sample::farthest(&target.points_m, params.map_points);
+    let map_m = sample::farthest(&target.points_m, MAP_POINTS);
     let starts = correlate::correlate(&hits_m, &map_m, params, progress)?;
 
     progress::begin(progress, Stage::Refine)?;
@@ -153,15 +118,15 @@ pub fn register(
     let mut descended: Vec<Descended> = starts
         .par_iter()
         .map(|start: &Candidate| match params.refiner {
-            Refiner::Chamfer => chamfer::descend(&start.map_from_clip, &hits_m, &nearest, params),
-            Refiner::Icp => icp::iterate(&start.map_from_clip, &hits_m, &nearest, params.icp_iterations),
+            Refiner::Chamfer => chamfer::descend(&start.map_from_clip, &hits_m, &nearest),
+            Refiner::Icp => icp::iterate(&start.map_from_clip, &hits_m, &nearest, ICP_ITERATIONS),
         })
         .collect();
 
     progress::begin(progress, Stage::Decide)?;
     // A stable sort keeps the order of the starts among equals.
     descended.sort_by(|a, b| a.loss_m.total_cmp(&b.loss_m));
-    decide(&mut alignment, &descended, &hits_m, &nearest, params);
+    decide(&mut alignment, &descended, &hits_m, &nearest);
     if let Some(best) = alignment.map_from_clip {
         let placed: Vec<Point2> = hits_m.iter().map(|hit| best.apply(hit)).collect();
         let placed = Nearest::new(&placed);
@@ -177,18 +142,12 @@ const INLIER_M: f64 = 0.1;
 const ALTERNATIVES: usize = 8;
 
 /// The smallest loss wins; a pose that is not close to it and hardly worse makes the answer ambiguous.
-fn decide(
-    alignment: &mut Alignment,
-    ranked: &[Descended],
-    hits_m: &[Point2],
-    nearest: &Nearest,
-    params: &PaperParams,
-) {
+fn decide(alignment: &mut Alignment, ranked: &[Descended], hits_m: &[Point2], nearest: &Nearest) {
     let mut distinct: Vec<&Descended> = Vec::new();
     for pose in ranked {
         let is_known = distinct.iter().any(|known| {
-            known.map_from_clip.distance_m(&pose.map_from_clip) < params.close_m
-                && angle_between(known.map_from_clip.yaw_rad, pose.map_from_clip.yaw_rad) < params.close_rad
+            known.map_from_clip.distance_m(&pose.map_from_clip) < CLOSE_M
+                && angle_between(known.map_from_clip.yaw_rad, pose.map_from_clip.yaw_rad) < CLOSE_RAD
         });
         if !is_known {
             distinct.push(pose);
@@ -204,13 +163,11 @@ fn decide(
     };
     alignment.state = AlignmentState::Aligned;
     if let Some(second) = distinct.get(1)
-        && second.loss_m - best.loss_m < params.margin_loss_m
+        && second.loss_m - best.loss_m < MARGIN_LOSS_M
     {
         alignment.state = AlignmentState::Ambiguous;
-        let detail = format!(
-            "another pose explains the clip as well to within {:.1} cm",
-            100.0 * params.margin_loss_m
-        );
+        let detail =
+            format!("another pose explains the clip as well to within {:.1} cm", 100.0 * MARGIN_LOSS_M);
         alignment.reasons.push(Reason::new("several_modes", detail));
     }
     alignment.map_from_clip = Some(best.map_from_clip);

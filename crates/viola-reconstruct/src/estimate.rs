@@ -1,6 +1,6 @@
 //! How much work a clip will be, before any of its pictures is decoded.
 
-use super::fuse::{FuseParams, choose};
+use super::fuse::choose;
 use serde::{Deserialize, Serialize};
 use viola_formats::clip::Clip;
 
@@ -27,14 +27,14 @@ pub struct Estimate {
 }
 
 /// Counts the key frames and multiplies.
-pub fn estimate(clip: &Clip, params: &FuseParams) -> Estimate {
+pub fn estimate(clip: &Clip) -> Estimate {
     let info = clip.info();
     let megapixels = |width: u32, height: u32| f64::from(width) * f64::from(height) * 1e-6;
     let color = megapixels(info.color_width, info.color_height);
     let depth = megapixels(info.depth_width, info.depth_height);
     let is_tracked = info.frames_with_pose == 0;
     // How far the camera moves is not known before it was tracked.
-    let key_frames = if is_tracked { info.frames } else { choose(clip, None, None, params).len() };
+    let key_frames = if is_tracked { info.frames } else { choose(clip, None, None).len() };
     let a_key_frame = SECONDS_A_KEY_FRAME + SECONDS_A_MEGAPIXEL * (color + depth);
     let video =
         if clip.has_video() { info.frames as f64 * color * SECONDS_A_MEGAPIXEL_OF_VIDEO } else { 0.0 };

@@ -9,8 +9,30 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 use viola_formats::clip::Up;
 use viola_geometry::{Plane, Point3, Pose3, Vector2, Vector3};
+
+/// Planes that are tried.
+const HYPOTHESES: usize = 400;
+/// Points used to score a hypothesis; more are thinned evenly.
+const SCORED_POINTS: usize = 30_000;
+/// A point this near supports the plane.
+const INLIER_M: f64 = 0.03;
+/// A point this far below speaks against it: nothing is under a floor.
+const BELOW_M: f64 = 0.08;
+/// How far the normal may lean from the capture's gravity ...
+const GRAVITY_CONE_RAD: f64 = 10f64.to_radians();
+/// ... or, without gravity, from the mean of the cameras' upward axes.
+const CAMERA_CONE_RAD: f64 = 50f64.to_radians();
+/// Where the first camera may be above the floor.
+const CAMERA_HEIGHT_M: RangeInclusive<f64> = 0.25..=2.6;
+/// Heights of the camera that are tried when no floor is in sight.
+const ASSUMED_HEIGHTS_M: [f64; 3] = [1.45, 1.25, 1.65];
+/// Area that a floor must show, square metres.
+const MIN_AREA_M2: f64 = 0.15;
+/// Share of the cloud that may lie below.
+const MAX_BELOW_SHARE: f64 = 0.02;
 
 /// What was found of the floor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
@@ -23,47 +45,6 @@ pub struct FloorReport {
     pub support_points: usize,
     /// Angle to the capture's gravity in degrees, when the capture knows gravity.
     pub gravity_angle_deg: Option<f64>,
-}
-
-/// How the floor is found.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FloorParams {
-    pub hypotheses: usize,
-    /// Points used to score a hypothesis; more are thinned evenly.
-    pub scored_points: usize,
-    /// A point this near supports the plane.
-    pub inlier_m: f64,
-    /// A point this far below speaks against it: nothing is under a floor.
-    pub below_m: f64,
-    /// How far the normal may lean from the capture's gravity ...
-    pub gravity_cone_rad: f64,
-    /// ... or, without gravity, from the mean of the cameras' upward axes.
-    pub camera_cone_rad: f64,
-    /// Where the first camera may be above the floor.
-    pub camera_height_m: std::ops::RangeInclusive<f64>,
-    /// Heights of the camera that are tried when no floor is in sight.
-    pub assumed_heights_m: Vec<f64>,
-    /// Area that a floor must show, square metres.
-    pub min_area_m2: f64,
-    /// Share of the cloud that may lie below.
-    pub max_below_share: f64,
-}
-
-impl Default for FloorParams {
-    fn default() -> Self {
-        FloorParams {
-            hypotheses: 400,
-            scored_points: 30_000,
-            inlier_m: 0.03,
-            below_m: 0.08,
-            gravity_cone_rad: 10f64.to_radians(),
-            camera_cone_rad: 50f64.to_radians(),
-            camera_height_m: 0.25..=2.6,
-            assumed_heights_m: vec![1.45, 1.25, 1.65],
-            min_area_m2: 0.15,
-            max_below_share: 0.02,
-        }
-    }
 }
 
 /// The floor of a clip.
@@ -129,14 +110,13 @@ pub fn find_floor(
     cloud: &PointCloud,
     key_frames: &[KeyFrame],
     up_in_world: Option<&Up>,
-    params: &FloorParams,
     seed: u64,
 ) -> Result<Floor, NoFloor> {
     let first = key_frames.first().ok_or(NoFloor::EmptyCloud)?;
     let known = up_in_world.map(|up| up.direction);
     let up = known.or_else(|| mean_camera_up(key_frames)).ok_or(NoFloor::UpUnknown)?.normalize();
-    let cone = if up_in_world.is_some() { params.gravity_cone_rad } else { params.camera_cone_rad };
-    let stride = cloud.points.len().div_ceil(params.scored_points).max(1);
+    let cone = if up_in_world.is_some() { GRAVITY_CONE_RAD } else { CAMERA_CONE_RAD };
+    let stride = cloud.points.len().div_ceil(SCORED_POINTS).max(1);
     let scored: Vec<Scored> = cloud.points.iter().step_by(stride).map(Scored::from).collect();
     let flat: Vec<usize> = (0..scored.len())
         .filter(|&i| scored[i].may_be_floor && scored[i].normal.dot(&up) > cone.cos())
@@ -147,8 +127,8 @@ pub fn find_floor(
     let cameras: Vec<Point3> =
         key_frames.iter().map(|k| Point3::from(k.world_from_camera.translation.vector)).collect();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let picks: Vec<usize> = (0..params.hypotheses).map(|_| flat[rng.random_range(0..flat.len())]).collect();
-    let scorer = Scorer { scored: &scored, cameras: &cameras, params, up, cone };
+    let picks: Vec<usize> = (0..HYPOTHESES).map(|_| flat[rng.random_range(0..flat.len())]).collect();
+    let scorer = Scorer { scored: &scored, cameras: &cameras, up, cone };
     // Ties go to the earlier pick, so that the answer does not depend on threads.
     let best = picks
         .par_iter()
@@ -160,7 +140,7 @@ pub fn find_floor(
     // Sign changes of a flat surface are seen along about one axis, so points count voxel faces.
     let area_m2 = best.inliers as f64 * stride as f64 * cloud.voxel_m * cloud.voxel_m;
     let below_share = best.below as f64 / scored.len() as f64;
-    if area_m2 < params.min_area_m2 || below_share > params.max_below_share {
+    if area_m2 < MIN_AREA_M2 || below_share > MAX_BELOW_SHARE {
         return Err(NoFloor::NoPlane { best_area_m2: area_m2, below_share });
     }
     let settled = scorer.settled(best.plane);
@@ -180,11 +160,11 @@ pub fn find_floor(
 
 /// Floors for a clip that shows none (the paper's future work): level, with the first camera at the heights
 /// at which people hold a phone, and not above anything that was seen.
-pub fn assume(cloud: &PointCloud, key_frames: &[KeyFrame], up: &Up, params: &FloorParams) -> Vec<Floor> {
+pub fn assume(cloud: &PointCloud, key_frames: &[KeyFrame], up: &Up) -> Vec<Floor> {
     let Some(first) = key_frames.first() else { return Vec::new() };
     let up = up.direction;
     let camera = Point3::from(first.world_from_camera.translation.vector);
-    let stride = cloud.points.len().div_ceil(params.scored_points).max(1);
+    let stride = cloud.points.len().div_ceil(SCORED_POINTS).max(1);
     let mut depths_m: Vec<f64> =
         cloud.points.iter().step_by(stride).map(|p| up.dot(&(camera - p.position()))).collect();
     if depths_m.is_empty() {
@@ -194,7 +174,7 @@ pub fn assume(cloud: &PointCloud, key_frames: &[KeyFrame], up: &Up, params: &Flo
     depths_m.sort_by(f64::total_cmp);
     let lowest_m = depths_m[(depths_m.len() - 1) * 199 / 200];
     let mut heights_m: Vec<f64> =
-        params.assumed_heights_m.iter().copied().filter(|height| *height > lowest_m).collect();
+        ASSUMED_HEIGHTS_M.iter().copied().filter(|height| *height > lowest_m).collect();
     if heights_m.is_empty() {
         heights_m.push(lowest_m);
     }
@@ -243,7 +223,6 @@ impl From<&CloudPoint> for Scored {
 struct Scorer<'a> {
     scored: &'a [Scored],
     cameras: &'a [Point3],
-    params: &'a FloorParams,
     up: Vector3,
     cone: f64,
 }
@@ -253,9 +232,7 @@ impl Scorer<'_> {
     fn grow(&self, pick: usize) -> Option<Candidate> {
         let Scored { position_m: point, normal, .. } = self.scored[pick];
         let mut plane = Plane::through(&point, normal);
-        for (distance_m, radius_m, angle) in
-            [(0.05, 0.6, 0.35), (0.04, 2.0, 0.25), (self.params.inlier_m, 1e3, 0.25)]
-        {
+        for (distance_m, radius_m, angle) in [(0.05, 0.6, 0.35), (0.04, 2.0, 0.25), (INLIER_M, 1e3, 0.25)] {
             let near = self.scored.iter().filter(|s| {
                 s.may_be_floor
                     && plane.height_m(&s.position_m).abs() < distance_m
@@ -272,21 +249,15 @@ impl Scorer<'_> {
         let heights = self.cameras.iter().map(|c| plane.height_m(c));
         let under_all = heights.clone().all(|h| h > 0.0);
         let first = plane.height_m(&self.cameras[0]);
-        if plane.normal.dot(&self.up) < self.cone.cos()
-            || !under_all
-            || !self.params.camera_height_m.contains(&first)
-        {
+        if plane.normal.dot(&self.up) < self.cone.cos() || !under_all || !CAMERA_HEIGHT_M.contains(&first) {
             return None;
         }
         let (mut inliers, mut below) = (0, 0);
         for Scored { position_m, normal, may_be_floor } in self.scored {
             let height_m = plane.height_m(position_m);
-            if height_m < -self.params.below_m {
+            if height_m < -BELOW_M {
                 below += 1;
-            } else if height_m.abs() < self.params.inlier_m
-                && *may_be_floor
-                && normal.dot(&plane.normal) > 0.9
-            {
+            } else if height_m.abs() < INLIER_M && *may_be_floor && normal.dot(&plane.normal) > 0.9 {
                 inliers += 1;
             }
         }
@@ -315,12 +286,12 @@ impl Scorer<'_> {
         const NARROWER: f64 = 0.8;
         let mut plane = plane;
         for round in 0..ROUNDS {
-            let within_m = self.params.inlier_m * (WIDER * NARROWER.powi(round)).max(1.0);
+            let within_m = INLIER_M * (WIDER * NARROWER.powi(round)).max(1.0);
             let Some(fitted) = Plane::fit(self.on(&plane, within_m)) else { return plane };
             let fitted = if fitted.normal.dot(&plane.normal) < 0.0 { fitted.flipped() } else { fitted };
             let moved = (fitted.normal - plane.normal).norm() + (fitted.offset_m - plane.offset_m).abs();
             plane = fitted;
-            if moved < 1e-9 && within_m == self.params.inlier_m {
+            if moved < 1e-9 && within_m == INLIER_M {
                 break;
             }
         }
@@ -338,7 +309,7 @@ impl Scorer<'_> {
         /// apartment, of which some parts lean by 1.9 degrees.
         const DRIFT_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
         let up = &known_up.direction;
-        let seen: Vec<&Point3> = self.on(plane, self.params.inlier_m).collect();
+        let seen: Vec<&Point3> = self.on(plane, INLIER_M).collect();
         if seen.is_empty() {
             return *plane;
         }

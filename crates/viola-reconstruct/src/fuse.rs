@@ -11,29 +11,24 @@ use viola_formats::lidar::MAX_SIDE_M;
 use viola_geometry::progress::{self, Progress};
 use viola_geometry::{Pose3, Vector3};
 
+/// A frame becomes a key frame when the camera moved this far since the last one ...
+const KEY_DISTANCE_M: f64 = 0.08;
+/// ... or turned this far.
+const KEY_ANGLE_RAD: f64 = 6f64.to_radians();
+/// Key frames closer together than needed are thinned to this many, evenly.
+const MAX_KEY_FRAMES: usize = 2_000;
+/// The share of key frames that may fail to decode before the clip is refused.
+const MAX_BROKEN_SHARE: f64 = 0.1;
+
 /// How key frames are chosen and fused.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FuseParams {
-    /// A frame becomes a key frame when the camera moved this far since the last one ...
-    pub key_distance_m: f64,
-    /// ... or turned this far.
-    pub key_angle_rad: f64,
-    /// Key frames closer together than needed are thinned to this many, evenly.
-    pub max_key_frames: usize,
-    /// The share of key frames that may fail to decode before the clip is refused.
-    pub max_broken_share: f64,
     pub tsdf: TsdfParams,
 }
 
 impl Default for FuseParams {
     fn default() -> Self {
-        FuseParams {
-            key_distance_m: 0.08,
-            key_angle_rad: 6f64.to_radians(),
-            max_key_frames: 2_000,
-            max_broken_share: 0.1,
-            tsdf: TsdfParams::default(),
-        }
+        FuseParams { tsdf: TsdfParams::default() }
     }
 }
 
@@ -119,7 +114,7 @@ pub fn fuse(
     params: &FuseParams,
     progress: &dyn Progress,
 ) -> Result<Result<Fused, NotFused>, ReconstructError> {
-    let chosen = choose(clip, frames.as_ref(), tracked, params);
+    let chosen = choose(clip, frames.as_ref(), tracked);
     if chosen.is_empty() {
         let any = clip.frames().iter().any(|frame| frames.as_ref().is_none_or(|f| f.contains(&frame.number)));
         return Ok(Err(if any { NotFused::NoPosedFrame } else { NotFused::NoFrame }));
@@ -145,7 +140,7 @@ pub fn fuse(
                         number: frame.header.number,
                         world_from_camera: *world_from_camera,
                         sharpness: sharpness(&frame.color),
-                        readings: Readings::thin(&frame.depth, frame.depth_camera, &params.tsdf),
+                        readings: Readings::thin(&frame.depth, frame.depth_camera),
                     });
                 }
                 // The frame may be fine: an answer without it would be another one.
@@ -156,7 +151,7 @@ pub fn fuse(
                 }
             }
         }
-        if broken_count as f64 > (params.max_broken_share * chosen.len() as f64).max(1.0)
+        if broken_count as f64 > (MAX_BROKEN_SHARE * chosen.len() as f64).max(1.0)
             && let Some(error) = broken.take()
         {
             return Err(ReconstructError::Clip(error));
@@ -184,7 +179,6 @@ pub fn choose(
     clip: &Clip,
     frames: Option<&Range<u32>>,
     tracked: Option<&[Option<Pose3>]>,
-    params: &FuseParams,
 ) -> Vec<(usize, Pose3)> {
     let wanted = |number: u32| frames.is_none_or(|range| range.contains(&number));
     let mut chosen: Vec<(usize, Pose3)> = Vec::new();
@@ -193,14 +187,13 @@ pub fn choose(
         let Some(pose) = pose.filter(|_| wanted(header.number)) else { continue };
         let moved = chosen.last().is_none_or(|(_, last)| {
             let step = last.inverse() * pose;
-            step.translation.vector.norm() >= params.key_distance_m
-                || step.rotation.angle() >= params.key_angle_rad
+            step.translation.vector.norm() >= KEY_DISTANCE_M || step.rotation.angle() >= KEY_ANGLE_RAD
         });
         if moved {
             chosen.push((index, pose));
         }
     }
-    let stride = chosen.len().div_ceil(params.max_key_frames).max(1);
+    let stride = chosen.len().div_ceil(MAX_KEY_FRAMES).max(1);
     chosen.into_iter().step_by(stride).collect()
 }
 

@@ -1,6 +1,7 @@
 //! What is kept of a fused frame.
 
-use super::tsdf::TsdfParams;
+use crate::tsdf::MAX_DEPTH_M;
+use crate::tsdf::MIN_DEPTH_M;
 use viola_formats::clip::DepthImage;
 use viola_geometry::{Pinhole, Point3, Pose3};
 
@@ -36,7 +37,7 @@ pub struct Readings {
 
 impl Readings {
     /// Every so many-th reading of a depth picture, about 64 in a row.
-    pub fn thin(depth: &DepthImage, camera: Pinhole, params: &TsdfParams) -> Readings {
+    pub fn thin(depth: &DepthImage, camera: Pinhole) -> Readings {
         let stride = (depth.width / 64).max(1);
         let mut depth_mm = Vec::new();
         let mut width = 0;
@@ -44,7 +45,7 @@ impl Readings {
             width = 0;
             for x in (stride / 2..depth.width).step_by(stride as usize) {
                 let depth_m = depth.at(x, y);
-                let known = (params.min_depth_m..=params.max_depth_m).contains(&depth_m);
+                let known = (MIN_DEPTH_M..=MAX_DEPTH_M).contains(&depth_m);
                 depth_mm.push(if known { (depth_m * 1000.0) as u16 } else { 0 });
                 width += 1;
             }

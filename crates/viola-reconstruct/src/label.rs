@@ -24,7 +24,7 @@ pub use class_map::ClassMap;
 pub use open::{installed, open_segmenter};
 pub use params::LabelParams;
 pub use segmenter::{SegmentError, Segmenter};
-pub use structure::{Shape, StructureParams, Wall};
+pub use structure::{Shape, Wall};
 
 use super::cloud::{Label, PointCloud};
 use super::error::ReconstructError;
@@ -116,7 +116,7 @@ impl Labeller {
             Ok(votes) => {
                 labeller.write(&combine::voted(&votes), cloud_in_world);
                 labeller.votes = Some(votes);
-                labeller.pictures = vote::choose(key_frames, params).iter().map(|key| key.index).collect();
+                labeller.pictures = vote::choose(key_frames).iter().map(|key| key.index).collect();
                 let key_frames = labeller.pictures.len();
                 labeller.report = LabelReport { by: segmenter.name(), key_frames };
             }
@@ -137,9 +137,11 @@ impl Labeller {
         clip_from_world: &Pose3,
         params: &LabelParams,
     ) -> Vec<Wall> {
-        let Some(structure) = &params.structure else { return Vec::new() };
+        if !params.by_shape {
+            return Vec::new();
+        }
         self.sites.transform(clip_from_world);
-        let (shapes, walls) = structure::shapes(&self.sites, structure);
+        let (shapes, walls) = structure::shapes(&self.sites);
         let labels = match &self.votes {
             Some(votes) => combine::combined(&self.sites, votes, &shapes),
             None => combine::shaped(&shapes),

@@ -16,7 +16,7 @@ mod tsdf;
 pub use cloud::{CloudPoint, Label, PointCloud};
 pub use error::ReconstructError;
 pub use estimate::{Estimate, estimate};
-pub use floor::{Floor, FloorParams, FloorReport, NoFloor, heading};
+pub use floor::{Floor, FloorReport, NoFloor, heading};
 pub use fuse::{FuseParams, Fused};
 pub use key_frame::{KeyFrame, Readings, View};
 pub use label::{LabelParams, LabelReport};

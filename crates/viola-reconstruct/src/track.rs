@@ -26,12 +26,7 @@ mod shutter;
 mod step;
 
 pub use clip::{TrackedClip, refine, track};
-pub use device::DeviceParams;
-pub use loops::LoopParams;
 pub use lost::Lost;
-pub use odometry::OdometryParams;
-pub use place::PlaceParams;
-pub use step::StepParams;
 
 use corners::Describer;
 use graph::Tie;
@@ -42,36 +37,26 @@ use shutter::Rolling;
 use viola_formats::clip::{Frame, Shutter};
 use viola_geometry::Pose3;
 
+/// Key frames that a lost frame is compared with at most, those first that look most alike.
+const RELOCALISE_TRIES: usize = 12;
+/// Segments with fewer frames than this are not kept.
+const LEAST_FRAMES: usize = 5;
+
 /// How a clip is tracked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackParams {
     pub seed: u64,
-    pub odometry: OdometryParams,
-    pub loops: LoopParams,
     /// Whether loops are looked for.
     pub close_loops: bool,
-    /// Key frames that a lost frame is compared with at most, those first that look most alike.
-    pub relocalise_tries: usize,
-    /// Segments with fewer frames than this are not kept.
-    pub least_frames: usize,
     /// How the cameras read their pictures; a clip that knows better has its own.
     pub shutter: Option<Shutter>,
-    /// How poses of devices that drift are refined by what is seen; not at all where there is none.
-    pub device: Option<DeviceParams>,
+    /// Whether poses of devices that drift are refined by what is seen.
+    pub refine: bool,
 }
 
 impl Default for TrackParams {
     fn default() -> Self {
-        TrackParams {
-            seed: 0,
-            odometry: OdometryParams::default(),
-            loops: LoopParams::default(),
-            close_loops: true,
-            relocalise_tries: 12,
-            least_frames: 5,
-            shutter: None,
-            device: Some(DeviceParams::default()),
-        }
+        TrackParams { seed: 0, close_loops: true, shutter: None, refine: true }
     }
 }
 
@@ -145,8 +130,8 @@ pub struct Tracker {
     is_lost: bool,
     /// When the last frame was recorded.
     last_s: Option<f64>,
-    /// How far the device's poses are trusted, where they count, and those poses.
-    device: Option<DeviceParams>,
+    /// Whether the device's poses count, and those poses.
+    has_device: bool,
     devices: Vec<Option<Pose3>>,
 }
 
@@ -154,7 +139,7 @@ impl Tracker {
     /// For frames whose poses, if they have any, do not count.
     pub fn new(params: &TrackParams) -> Tracker {
         Tracker {
-            odometry: Odometry::new(params.odometry.clone()),
+            odometry: Odometry::new(),
             params: params.clone(),
             describer: Describer::new(),
             keys: Vec::new(),
@@ -163,14 +148,14 @@ impl Tracker {
             ended: Vec::new(),
             is_lost: true,
             last_s: None,
-            device: None,
+            has_device: false,
             devices: Vec::new(),
         }
     }
 
     /// For frames whose poses are known, and are refined.
     pub fn refining(params: &TrackParams) -> Tracker {
-        Tracker { device: params.device.clone(), ..Tracker::new(params) }
+        Tracker { has_device: true, ..Tracker::new(params) }
     }
 
     /// The next frame.
@@ -178,7 +163,7 @@ impl Tracker {
         let pyramid = Pyramid::new(frame);
         let rolling = Rolling::new(self.params.shutter, self.last_s, frame.header.time_s);
         self.last_s = frame.header.time_s;
-        self.devices.push(self.device.as_ref().and(frame.header.world_from_camera));
+        self.devices.push(frame.header.world_from_camera.filter(|_| self.has_device));
         let followed = if self.is_lost { self.begin(pyramid) } else { self.follow(pyramid, rolling) };
         self.frames.push(followed);
     }
@@ -270,11 +255,10 @@ impl Tracker {
         let mut alike: Vec<(usize, usize)> =
             self.keys.iter().enumerate().map(|(i, other)| (other.likeness(key.words()), i)).collect();
         alike.sort_by(|a, b| b.cmp(a));
-        let (step, loops) = (&self.params.odometry.step, &self.params.loops);
-        alike.iter().take(self.params.relocalise_tries).find_map(|&(_, a)| {
+        alike.iter().take(RELOCALISE_TRIES).find_map(|&(_, a)| {
             let seed = self.params.seed ^ ((a as u64) << 32) ^ key.frame as u64;
-            let (place, found) = loops::same_place(&self.keys[a], key, seed, step, loops)?;
-            (place.pairs >= loops.joining_pairs).then_some((a, found))
+            let (place, found) = loops::same_place(&self.keys[a], key, seed)?;
+            (place.pairs >= loops::JOINING_PAIRS).then_some((a, found))
         })
     }
 
@@ -296,20 +280,19 @@ impl Tracker {
                 })
             })
             .collect();
-        let segments = segments(&mut poses, &self.ended, self.params.least_frames);
+        let segments = segments(&mut poses, &self.ended, LEAST_FRAMES);
         Track { poses, uncertainty_m, segments, key_frames: self.keys.len(), loops, false_loops, key_bytes }
     }
 
     fn close_loops(&mut self) -> (usize, usize) {
-        let (step, params) = (self.params.odometry.step.clone(), self.params.loops.clone());
-        let by_look = loops::by_look(&self.keys, self.params.seed, &step, &params);
+        let by_look = loops::by_look(&self.keys, self.params.seed);
         self.ties.extend(by_look);
         self.join_segments();
         let believed = self.settle();
         let dropped = believed.iter().filter(|believed| !**believed).count();
         let mut believed = believed.into_iter();
         self.ties.retain(|_| believed.next().unwrap_or(true));
-        let by_pose = loops::by_pose(&self.keys, &self.ties, &step, &params);
+        let by_pose = loops::by_pose(&self.keys, &self.ties);
         self.ties.extend(by_pose);
         let believed = self.settle();
         let ties = self.ties.iter().zip(&believed).filter(|(tie, _)| tie.is_loop);

@@ -7,6 +7,12 @@ use rustc_hash::FxHashMap;
 use viola_formats::clip::Frame;
 use viola_geometry::{Point3, Pose3};
 
+/// Distances are cut off at this: several times the depth noise, less than the thickness of a wall.
+const TRUNCATION_M: f64 = 0.10;
+/// Readings outside this range are ignored: too noisy, or the housing of the device.
+pub(crate) const MIN_DEPTH_M: f32 = 0.15;
+pub(crate) const MAX_DEPTH_M: f32 = 5.0;
+
 /// Voxels along the side of a block.
 pub(super) const SIDE: usize = 4;
 pub(super) const VOXELS: usize = SIDE * SIDE * SIDE;
@@ -15,24 +21,13 @@ pub(super) const VOXELS: usize = SIDE * SIDE * SIDE;
 #[derive(Debug, Clone, PartialEq)]
 pub struct TsdfParams {
     pub voxel_m: f64,
-    /// Distances are cut off at this: several times the depth noise, less than the thickness of a wall.
-    pub truncation_m: f64,
-    /// Readings outside this range are ignored: too noisy, or the housing of the device.
-    pub min_depth_m: f32,
-    pub max_depth_m: f32,
     /// A bound on memory: 4 KiB a block. Further surface is left out.
     pub max_blocks: usize,
 }
 
 impl Default for TsdfParams {
     fn default() -> Self {
-        TsdfParams {
-            voxel_m: 0.03,
-            truncation_m: 0.10,
-            min_depth_m: 0.15,
-            max_depth_m: 5.0,
-            max_blocks: 100_000,
-        }
+        TsdfParams { voxel_m: 0.03, max_blocks: 100_000 }
     }
 }
 
@@ -134,13 +129,13 @@ impl Tsdf {
     fn allocate(&mut self, frame: &Frame, world_from_camera: &Pose3) {
         const STRIDE: usize = 3;
         let block_m = self.params.voxel_m * SIDE as f64;
-        let reach_m = self.params.truncation_m;
+        let reach_m = TRUNCATION_M;
         let origin = world_from_camera.translation.vector;
         let mut last = None;
         for y in (0..frame.depth.height).step_by(STRIDE) {
             for x in (0..frame.depth.width).step_by(STRIDE) {
                 let depth_m = frame.depth.at(x, y);
-                if !(self.params.min_depth_m..=self.params.max_depth_m).contains(&depth_m) {
+                if !(MIN_DEPTH_M..=MAX_DEPTH_M).contains(&depth_m) {
                     continue;
                 }
                 let ray = world_from_camera.rotation * frame.depth_camera.ray(f64::from(x), f64::from(y));
@@ -209,7 +204,7 @@ impl<'a> Update<'a> {
 
     fn voxel(&self, voxel: &mut Voxel, point: &nalgebra::Vector3<f32>) {
         let camera = &self.frame.depth_camera;
-        if point.z < self.params.min_depth_m {
+        if point.z < MIN_DEPTH_M {
             return;
         }
         let inverse_z = 1.0 / point.z;
@@ -219,10 +214,10 @@ impl<'a> Update<'a> {
             return;
         }
         let depth_m = self.frame.depth.at(u as u32, v as u32);
-        if !(self.params.min_depth_m..=self.params.max_depth_m).contains(&depth_m) {
+        if !(MIN_DEPTH_M..=MAX_DEPTH_M).contains(&depth_m) {
             return;
         }
-        let distance = (depth_m - point.z) / self.params.truncation_m as f32;
+        let distance = (depth_m - point.z) / TRUNCATION_M as f32;
         if distance < -1.0 {
             return;
         }

@@ -210,7 +210,7 @@ mod tests {
     use super::*;
     use viola_formats::clip::DepthImage;
     use viola_geometry::Pinhole;
-    use viola_reconstruct::{Readings, TsdfParams};
+    use viola_reconstruct::Readings;
 
     /// A wall along x at `y`, seen from the side of larger y, from x = 0 on; each value is the lowest height
     /// seen in a step, none where nothing was seen. It reaches up to 2.4 m.
@@ -258,7 +258,7 @@ mod tests {
             DepthImage { width: 96, height: 72, depth_m: (0..96 * 72).map(|i| depth_m(i % 96)).collect() };
         let yaw_rad = -std::f64::consts::FRAC_PI_2;
         let view = View { eye_m: [0.9, 2.0, 1.4], yaw_rad, pitch_rad: 0.0 };
-        let readings = Readings::thin(&depth, camera, &TsdfParams::default());
+        let readings = Readings::thin(&depth, camera);
         let key = KeyFrame::first(view.clip_from_camera(), readings);
         let params = StructureCompletion::default();
         let walls = Extended::new(&[wall(0.0, &[Some(1.2); 30])], &params);

@@ -3,7 +3,8 @@
 //! Within the thickness of a map's walls, and between narrow minima, the best pose jumps by centimetres when the clip changes by
 //! millimetres. The mean moves as little as the clip does, and errs least in the square.
 
-use super::{RefineParams, Refined, Weighted, cost, variance_m2};
+use super::{Refined, Weighted, cost, variance_m2};
+use crate::refine::KERNEL_M;
 use crate::scan::Hit;
 use crate::target::Target;
 use nalgebra::{Matrix3, Vector3};
@@ -21,8 +22,8 @@ const WIDER: f64 = 2.0;
 const LEAST: [f64; 3] = [1e-6, 1e-6, 1e-7];
 
 /// The mean of the poses around a refined one.
-pub fn mean(refined: &Refined, hits: &[Hit], target: &Target, params: &RefineParams) -> Pose2 {
-    let Some(&kernel_m) = params.kernel_m.last() else { return refined.map_from_clip };
+pub fn mean(refined: &Refined, hits: &[Hit], target: &Target) -> Pose2 {
+    let Some(&kernel_m) = KERNEL_M.last() else { return refined.map_from_clip };
     let hits: Vec<Weighted> = hits.iter().map(Weighted::from).collect();
     let around = Around::new(refined.map_from_clip, &hits);
     let variance_m2 = variance_m2(&refined.map_from_clip, &hits, target, kernel_m);
@@ -161,10 +162,10 @@ mod tests {
             dx in -0.06..0.06f64, dy in -0.06..0.06f64, turn in -0.02..0.02f64,
         ) {
             let truth = Pose2::new(x, y, yaw);
-            let (hits, target, params) = (hits(&truth), room(), RefineParams::default());
+            let (hits, target) = (hits(&truth), room());
             let start = Pose2::new(x + dx, y + dy, yaw + turn);
-            let refined = refine(&[start], &hits, &target, &params)[0];
-            let found = mean(&refined, &hits, &target, &params);
+            let refined = refine(&[start], &hits, &target)[0];
+            let found = mean(&refined, &hits, &target);
             let turned = found.inverse().compose(&truth).yaw_rad.abs();
             // Poses up to 3 cm off fit as well: distances are zero 5 cm to either side of a wall's middle, and hits lie within 2.
             prop_assert!(found.distance_m(&truth) < 0.015, "{refined:?} {found:?} {truth:?}");

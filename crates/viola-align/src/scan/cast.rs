@@ -8,6 +8,8 @@ use rustc_hash::FxHashMap;
 use viola_geometry::{Point2, Pose2, Pose3, Vector3};
 use viola_reconstruct::{KeyFrame, PointCloud};
 
+const MAX_HITS: usize = 500;
+
 /// The virtual scan of a clip, in the clip frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct VirtualScan {
@@ -32,7 +34,7 @@ pub fn raycast(
     let free_m = free_cells(key_frames, clip_from_world, params);
     let obstacles = Obstacles::new(cloud_in_clip, &free_m, params);
     let landmarks = landmarks(cloud_in_clip, &cameras, params);
-    VirtualScan { hits: cast(&obstacles, &cameras, params), free_m, cameras, landmarks }
+    VirtualScan { hits: cast(&obstacles, &cameras), free_m, cameras, landmarks }
 }
 
 /// Casts the rays of a scan again, with what was filled in beside what was seen. `observed_in_clip` is the cloud
@@ -44,18 +46,18 @@ pub fn recast(
     params: &RaycastParams,
 ) -> VirtualScan {
     let mut obstacles = Obstacles::new(observed_in_clip, &scan.free_m, params);
-    obstacles.add_completed(Obstacles::new(completed_in_clip, &scan.free_m, params), &scan.free_m, params);
-    VirtualScan { hits: cast(&obstacles, &scan.cameras, params), ..scan.clone() }
+    obstacles.add_completed(Obstacles::new(completed_in_clip, &scan.free_m, params), &scan.free_m);
+    VirtualScan { hits: cast(&obstacles, &scan.cameras), ..scan.clone() }
 }
 
-fn cast(obstacles: &Obstacles, cameras: &[Pose2], params: &RaycastParams) -> Vec<Hit> {
+fn cast(obstacles: &Obstacles, cameras: &[Pose2]) -> Vec<Hit> {
     let mut hits = FxHashMap::default();
     for camera in cameras {
-        obstacles.cast(&Point2::new(camera.x_m, camera.y_m), params, &mut hits);
+        obstacles.cast(&Point2::new(camera.x_m, camera.y_m), &mut hits);
     }
     let mut hits: Vec<(usize, Hit)> = hits.into_values().collect();
     hits.sort_by_key(|(index, _)| *index);
-    thin(hits.into_iter().map(|(_, hit)| hit).collect(), params.max_hits)
+    thin(hits.into_iter().map(|(_, hit)| hit).collect(), MAX_HITS)
 }
 
 /// A camera's place and heading on the floor.

@@ -1,5 +1,6 @@
 //! Free space: where the camera's readings passed through the vacuum's height.
 
+use super::hit::FREE_CELL_M;
 use super::hit::RaycastParams;
 use rustc_hash::FxHashMap;
 use viola_geometry::{Point2, Pose3};
@@ -14,7 +15,7 @@ pub(super) fn free_cells(
     // Below half the height the floor's noise would count, above one and a half a low table would.
     let height_m = params.vacuum_height_m - params.floor_m;
     let (low, high) = (params.floor_m + 0.5 * height_m, params.floor_m + 1.5 * height_m);
-    let cell_m = params.free_cell_m;
+    let cell_m = FREE_CELL_M;
     let mut counts: FxHashMap<[i32; 2], u32> = FxHashMap::default();
     for key in key_frames {
         let clip_from_camera = clip_from_world * key.world_from_camera;

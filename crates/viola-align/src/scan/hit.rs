@@ -2,51 +2,28 @@
 
 use viola_geometry::{Point2, Vector2};
 
+/// Surface above this is ceiling, lamps and beams.
+pub(crate) const MAX_HEIGHT_M: f64 = 2.2;
+/// Side of the cells in which free space is remembered.
+pub const FREE_CELL_M: f64 = 0.05;
+/// Hits closer together than this are one.
+pub const HIT_SPACING_M: f64 = 0.03;
+
+/// Height of the vacuum's LiDAR above the floor; turrets are 7-12 cm, a bare sensor up to 15.
+pub const VACUUM_HEIGHT_M: f64 = 0.12;
+
 /// How rays are cast.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RaycastParams {
-    /// Height of the vacuum's LiDAR above the floor; turrets are 7-12 cm, a bare sensor up to 15.
+    /// Height of the vacuum's LiDAR above the floor.
     pub vacuum_height_m: f64,
     /// Height of the floor in the clip frame: 0, unless another floor is tried.
     pub floor_m: f64,
-    /// Surface this far above and below counts as being at that height (the authors' slab).
-    pub slab_m: f64,
-    /// A surface whose normal leans at least this much towards the vertical is no obstacle.
-    pub max_normal_z: f64,
-    /// Rays in a full turn.
-    pub rays: usize,
-    /// Side of the columns in which the vertical extent of what stands is measured.
-    pub column_m: f64,
-    /// A column seen only above the slab counts as a wall down to the floor if at least this much of it
-    /// was seen.
-    pub min_upper_extent_m: f64,
-    /// Surface above this is ceiling, lamps and beams.
-    pub max_height_m: f64,
-    /// Hits closer together than this are one.
-    pub hit_spacing_m: f64,
-    pub max_hits: usize,
-    /// Longest ray.
-    pub max_range_m: f64,
-    /// Side of the cells in which free space is remembered.
-    pub free_cell_m: f64,
 }
 
 impl Default for RaycastParams {
     fn default() -> Self {
-        RaycastParams {
-            vacuum_height_m: 0.12,
-            floor_m: 0.0,
-            slab_m: 0.10,
-            max_normal_z: 0.6,
-            rays: 720,
-            column_m: 0.06,
-            min_upper_extent_m: 0.35,
-            max_height_m: 2.2,
-            hit_spacing_m: 0.03,
-            max_hits: 500,
-            max_range_m: 8.0,
-            free_cell_m: 0.05,
-        }
+        RaycastParams { vacuum_height_m: VACUUM_HEIGHT_M, floor_m: 0.0 }
     }
 }
 

@@ -1,6 +1,7 @@
 //! What pictures show that tells rooms apart: a bed stands in no bathroom.
 
 use super::hit::RaycastParams;
+use crate::scan::hit::MAX_HEIGHT_M;
 use rustc_hash::FxHashMap;
 use viola_geometry::taxonomy::{Class, Purposes};
 use viola_geometry::{Point2, Pose2, Vector2, angle_between};
@@ -41,7 +42,7 @@ pub(super) fn landmarks(
     let mut cells: FxHashMap<[i32; 2], Cell> = FxHashMap::default();
     for point in cloud_in_clip.points.iter().filter(|point| point.label.views > 0) {
         let at = point.position();
-        if !(ABOVE_FLOOR_M..params.max_height_m).contains(&(at.z - params.floor_m)) {
+        if !(ABOVE_FLOOR_M..MAX_HEIGHT_M).contains(&(at.z - params.floor_m)) {
             continue;
         }
         let cell = cells.entry([at.x, at.y].map(|c| (c / CELL_M).floor() as i32)).or_default();

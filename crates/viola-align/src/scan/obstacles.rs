@@ -1,9 +1,25 @@
 //! What stands on the floor plan and stops a ray at the vacuum's height.
 
+use super::hit::{FREE_CELL_M, HIT_SPACING_M};
 use super::hit::{Hit, RaycastParams};
+use crate::scan::hit::MAX_HEIGHT_M;
 use rustc_hash::{FxHashMap, FxHashSet};
 use viola_geometry::{Point2, Vector2};
 use viola_reconstruct::{CloudPoint, PointCloud};
+
+/// Surface this far above and below counts as being at that height (the authors' slab).
+const SLAB_M: f64 = 0.10;
+/// A surface whose normal leans at least this much towards the vertical is no obstacle.
+const MAX_NORMAL_Z: f64 = 0.6;
+/// Rays in a full turn.
+const RAYS: usize = 720;
+/// Side of the columns in which the vertical extent of what stands is measured.
+const COLUMN_M: f64 = 0.06;
+/// A column seen only above the slab counts as a wall down to the floor if at least this much of it
+/// was seen.
+const MIN_UPPER_EXTENT_M: f64 = 0.35;
+/// Longest ray.
+const MAX_RANGE_M: f64 = 8.0;
 
 /// What stands, as points on the floor plan that stop a ray.
 pub(super) struct Obstacles {
@@ -36,14 +52,14 @@ struct Column {
 impl Obstacles {
     pub(super) fn new(cloud: &PointCloud, free_m: &[Point2], params: &RaycastParams) -> Obstacles {
         let upright = |p: &&CloudPoint| {
-            f64::from(p.normal[2]).abs() <= params.max_normal_z
-                && (0.0..params.max_height_m).contains(&(f64::from(p.position_m[2]) - params.floor_m))
+            f64::from(p.normal[2]).abs() <= MAX_NORMAL_Z
+                && (0.0..MAX_HEIGHT_M).contains(&(f64::from(p.position_m[2]) - params.floor_m))
         };
-        let in_slab = |z: f64| (z - params.vacuum_height_m).abs() <= params.slab_m;
+        let in_slab = |z: f64| (z - params.vacuum_height_m).abs() <= SLAB_M;
         let mut columns: FxHashMap<Cell, Column> = FxHashMap::default();
         for point in cloud.points.iter().filter(upright) {
             let (at, normal) = (point.position(), point.normal());
-            let column = columns.entry(cell_of(at.x, at.y, params.column_m)).or_insert_with(|| Column {
+            let column = columns.entry(cell_of(at.x, at.y, COLUMN_M)).or_insert_with(|| Column {
                 low_m: at.z,
                 high_m: at.z,
                 ..Column::default()
@@ -76,17 +92,17 @@ impl Obstacles {
             .filter(|p| in_slab(f64::from(p.position_m[2])))
             .map(|p| {
                 let (at, n) = (p.position(), p.normal());
-                let cell = cell_of(at.x, at.y, params.column_m);
+                let cell = cell_of(at.x, at.y, COLUMN_M);
                 hit(at.xy(), n.xy().normalize(), extent(cell), true)
             })
             .collect();
         // A wall whose foot was not seen still stands on the floor, unless the floor was seen there.
-        let free: FxHashSet<Cell> = free_m.iter().map(|p| cell_of(p.x, p.y, params.column_m)).collect();
+        let free: FxHashSet<Cell> = free_m.iter().map(|p| cell_of(p.x, p.y, COLUMN_M)).collect();
         let mut upper: Vec<(Cell, Hit)> = columns
             .iter()
             .filter(|(cell, column)| {
                 column.count >= 4
-                    && column.high_m - column.low_m >= params.min_upper_extent_m
+                    && column.high_m - column.low_m >= MIN_UPPER_EXTENT_M
                     && !free.contains(*cell)
                     && around(**cell).all(|c| columns.get(&c).is_none_or(|near| !near.in_slab))
             })
@@ -98,15 +114,15 @@ impl Obstacles {
             .collect();
         upper.sort_by_key(|(cell, _)| *cell);
         points.extend(upper.into_iter().map(|(_, hit)| hit));
-        Obstacles { points, spacing_m: cloud.voxel_m.max(params.column_m * 0.5) }
+        Obstacles { points, spacing_m: cloud.voxel_m.max(COLUMN_M * 0.5) }
     }
 
     /// Adds what was filled in, but for what stands where the clip saw free floor, or where it saw something
     /// standing itself.
-    pub(super) fn add_completed(&mut self, completed: Obstacles, free_m: &[Point2], params: &RaycastParams) {
-        let free_cell = |p: &Point2| cell_of(p.x, p.y, params.free_cell_m);
+    pub(super) fn add_completed(&mut self, completed: Obstacles, free_m: &[Point2]) {
+        let free_cell = |p: &Point2| cell_of(p.x, p.y, FREE_CELL_M);
         let free: FxHashSet<Cell> = free_m.iter().map(free_cell).collect();
-        let column = |p: &Point2| cell_of(p.x, p.y, params.column_m);
+        let column = |p: &Point2| cell_of(p.x, p.y, COLUMN_M);
         let seen: FxHashSet<Cell> = self.points.iter().flat_map(|hit| around(column(&hit.point_m))).collect();
         let is_new =
             |hit: &Hit| !free.contains(&free_cell(&hit.point_m)) && !seen.contains(&column(&hit.point_m));
@@ -116,20 +132,15 @@ impl Obstacles {
 
     /// Adds the first hits seen from one place. Keyed by cell, so that cameras do not repeat each other;
     /// the earliest camera that sees a cell keeps it.
-    pub(super) fn cast(
-        &self,
-        from: &Point2,
-        params: &RaycastParams,
-        hits: &mut FxHashMap<Cell, (usize, Hit)>,
-    ) {
+    pub(super) fn cast(&self, from: &Point2, hits: &mut FxHashMap<Cell, (usize, Hit)>) {
         use std::f64::consts::TAU;
         const NOTHING: (f32, u32) = (f32::INFINITY, u32::MAX);
-        let mut nearest = vec![NOTHING; params.rays];
-        let rays = params.rays as f64;
+        let mut nearest = vec![NOTHING; RAYS];
+        let rays = RAYS as f64;
         for (index, standing) in self.points.iter().enumerate() {
             let offset = standing.point_m - from;
             let range_m = offset.norm();
-            if range_m < 0.05 || range_m > params.max_range_m {
+            if range_m < 0.05 || range_m > MAX_RANGE_M {
                 continue;
             }
             // Neighbouring points of one surface shade without a gap between them.
@@ -137,7 +148,7 @@ impl Obstacles {
             let middle = offset.y.atan2(offset.x).rem_euclid(TAU) * rays / TAU;
             let (first, last) = ((middle - half_width).ceil() as i64, (middle + half_width).floor() as i64);
             for ray in first..=last {
-                let slot = &mut nearest[ray.rem_euclid(params.rays as i64) as usize];
+                let slot = &mut nearest[ray.rem_euclid(RAYS as i64) as usize];
                 if (range_m as f32, index as u32) < *slot {
                     *slot = (range_m as f32, index as u32);
                 }
@@ -145,7 +156,7 @@ impl Obstacles {
         }
         for (_, index) in nearest.into_iter().filter(|slot| *slot != NOTHING) {
             let standing = &self.points[index as usize];
-            let cell = cell_of(standing.point_m.x, standing.point_m.y, params.hit_spacing_m);
+            let cell = cell_of(standing.point_m.x, standing.point_m.y, HIT_SPACING_M);
             hits.entry(cell).or_insert((index as usize, Hit { from_m: *from, ..*standing }));
         }
     }

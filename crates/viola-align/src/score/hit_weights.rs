@@ -2,22 +2,23 @@
 
 use crate::scan::Hit;
 
+/// From this vertical extent on a surface counts in full.
+const TALL_M: f64 = 1.2;
+/// Factor for what was filled in.
+const COMPLETED_WEIGHT: f64 = 0.5;
+
 /// How much hits count; the experiments vary it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HitWeightParams {
     /// Weight of a hit on something of no height; it grows to one at `tall_m`.
     pub low_weight: f64,
-    /// From this vertical extent on a surface counts in full.
-    pub tall_m: f64,
     /// Factor for walls that were seen only above the vacuum's height.
     pub upper_weight: f64,
-    /// Factor for what was filled in.
-    pub completed_weight: f64,
 }
 
 impl Default for HitWeightParams {
     fn default() -> Self {
-        HitWeightParams { low_weight: 0.5, tall_m: 1.2, upper_weight: 0.5, completed_weight: 0.5 }
+        HitWeightParams { low_weight: 0.5, upper_weight: 0.5 }
     }
 }
 
@@ -25,10 +26,10 @@ impl Default for HitWeightParams {
 /// which they came; those that count nothing are left out.
 pub fn hit_weights(hits: &[Hit], params: &HitWeightParams) -> Vec<Hit> {
     let weight = |hit: &Hit| {
-        let tall = (hit.extent_m / params.tall_m).clamp(0.0, 1.0);
+        let tall = (hit.extent_m / TALL_M).clamp(0.0, 1.0);
         let standing = params.low_weight + (1.0 - params.low_weight) * tall;
         let standing = if hit.at_vacuum_height { standing } else { standing * params.upper_weight };
-        if hit.completed { standing * params.completed_weight } else { standing }
+        if hit.completed { standing * COMPLETED_WEIGHT } else { standing }
     };
     let mut weighed: Vec<Hit> =
         hits.iter().map(|hit| Hit { weight: weight(hit), ..*hit }).filter(|hit| hit.weight > 0.0).collect();

@@ -4,10 +4,17 @@
 use super::pyramid::Pyramid;
 use super::{Candidate, SearchParams};
 use crate::scan::Hit;
+use crate::search::APART_M;
+use crate::search::APART_RAD;
 use crate::target::Target;
 use rayon::prelude::*;
 use std::cmp::Ordering;
 use viola_geometry::{GridFrame, Point2, Pose2, angle_between};
+
+/// Scale of the likelihood that a hit belongs to a map point, by their distance.
+const SIGMA_M: f64 = 0.10;
+/// The clip's origin may lie this far outside the box around the map.
+const MARGIN_M: f64 = 0.3;
 
 /// One rotation and the translations `x..x + 2^level`, `y..y + 2^level`, in cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -122,7 +129,7 @@ impl<'a> Space<'a> {
         let frame = raster.frame;
         let likelihood = |x: usize, y: usize| {
             let distance_m = target.field.value(&frame.centre(x, y));
-            (255.0 * (-0.5 * (distance_m / params.sigma_m).powi(2)).exp()).round() as u8
+            (255.0 * (-0.5 * (distance_m / SIGMA_M).powi(2)).exp()).round() as u8
         };
         let pyramid = Pyramid::new(frame.width, frame.height, raster.border(), raster.levels, likelihood);
         // Weights in sixteenths.
@@ -147,7 +154,7 @@ impl<'a> Space<'a> {
         let level = self.levels;
         let side = 1i32 << level;
         // The field reaches a metre beyond the map's points.
-        let inset = ((1.0 - self.params.margin_m) / self.frame.cell_m).max(0.0) as i32;
+        let inset = ((1.0 - MARGIN_M) / self.frame.cell_m).max(0.0) as i32;
         let (width, height) = (self.frame.width as i32 - inset, self.frame.height as i32 - inset);
         (0..self.params.rotations as u32)
             .into_par_iter()
@@ -227,10 +234,10 @@ impl<'a> Space<'a> {
         let corner = self.pose(node);
         modes.iter().any(|mode| {
             let pose = &mode.map_from_clip;
-            angle_between(pose.yaw_rad, corner.yaw_rad) < self.params.apart_rad
-                && [(0.0, 0.0), (last, 0.0), (0.0, last), (last, last)].iter().all(|(dx, dy)| {
-                    (corner.x_m + dx - pose.x_m).hypot(corner.y_m + dy - pose.y_m) < self.params.apart_m
-                })
+            angle_between(pose.yaw_rad, corner.yaw_rad) < APART_RAD
+                && [(0.0, 0.0), (last, 0.0), (0.0, last), (last, last)]
+                    .iter()
+                    .all(|(dx, dy)| (corner.x_m + dx - pose.x_m).hypot(corner.y_m + dy - pose.y_m) < APART_M)
         })
     }
 }

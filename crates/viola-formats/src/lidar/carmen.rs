@@ -7,7 +7,7 @@ mod matcher;
 mod raster;
 mod scan;
 
-use self::matcher::{MatcherParams, align_scans};
+use self::matcher::align_scans;
 use super::build::{Parts, build, occupied_centres};
 use super::{LidarError, LidarMap, MapMarks};
 use scan::Scan;
@@ -61,7 +61,7 @@ pub(super) fn is_log(text: &[u8]) -> bool {
 pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let mut notes = Vec::new();
     let scans = scans(bytes, &mut notes)?;
-    let poses = align_scans(&scans, &MatcherParams::default())?;
+    let poses = align_scans(&scans)?;
     let last = (scans.last(), poses.last());
     if let (Some(scan), Some(pose)) = last {
         let moved_m = pose.distance_m(&scan.by_odometry);

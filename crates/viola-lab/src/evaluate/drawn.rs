@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use rustc_hash::FxHashSet;
 use std::path::Path;
 use std::sync::Arc;
-use viola_align::{AlignParams, Hit, Observation, RaycastParams, Target, VirtualScan};
+use viola_align::{AlignParams, FREE_CELL_M, HIT_SPACING_M, Hit, Observation, Target, VirtualScan};
 use viola_formats::lidar::{Cell, LidarMap};
 use viola_geometry::progress::{self, Progress};
 use viola_geometry::{Grid, Point2, Pose2, Vector2};
@@ -128,7 +128,7 @@ impl Suite for DrawnClips {
             progress::check(progress)?;
             let path = walk(map, frames, &mut rng);
             let Some(first) = path.first() else { continue };
-            let scan = look(cells, &path, &self.params, &params.raycast, &mut rng);
+            let scan = look(cells, &path, &self.params, &mut rng);
             if scan.hits.len() >= ENOUGH_HITS {
                 return Ok(Some(Sample {
                     observation: observation(scan, params.raycast.vacuum_height_m),
@@ -172,13 +172,7 @@ fn walk(map: &Map, frames: usize, rng: &mut ChaCha8Rng) -> Vec<Pose2> {
 }
 
 /// What the cameras see of the map, in the frame of the first one.
-fn look(
-    cells: &Grid<Cell>,
-    path: &[Pose2],
-    drawn: &DrawnParams,
-    raycast: &RaycastParams,
-    rng: &mut ChaCha8Rng,
-) -> VirtualScan {
+fn look(cells: &Grid<Cell>, path: &[Pose2], drawn: &DrawnParams, rng: &mut ChaCha8Rng) -> VirtualScan {
     const VIEW_RAD: f64 = 1.1;
     const RAYS: usize = 80;
     const RANGE_M: f64 = 5.0;
@@ -195,10 +189,10 @@ fn look(
             let toward = camera.rotate(&Vector2::new(bearing.cos(), bearing.sin()));
             let (seen_m, wall_m) = march(cells, &from, &toward, RANGE_M);
             let (from_m, toward) = (clip_from_map.apply(&from), clip_from_map.rotate(&toward));
-            free(&from_m, &toward, seen_m - OFF_WALL_M, raycast.free_cell_m, &mut free_cells);
+            free(&from_m, &toward, seen_m - OFF_WALL_M, FREE_CELL_M, &mut free_cells);
             let Some(range_m) = wall_m.filter(|range_m| *range_m > NEAR_M) else { continue };
             let point_m = from_m + toward * range_m;
-            if hit_cells.insert(cell_of(&point_m, raycast.hit_spacing_m)) {
+            if hit_cells.insert(cell_of(&point_m, HIT_SPACING_M)) {
                 // Nothing may tell what the map has from what it has not, so all stand equally tall.
                 let (extent_m, at_vacuum_height) = (1.0, true);
                 hits.push(Hit {
@@ -218,14 +212,14 @@ fn look(
             let way = hit.point_m - hit.from_m;
             hit.point_m = hit.from_m + way * rng.random_range(NEAR_M / way.norm()..1.0);
             // Where something stands nobody sees free floor.
-            let [x, y] = cell_of(&hit.point_m, raycast.free_cell_m);
+            let [x, y] = cell_of(&hit.point_m, FREE_CELL_M);
             (-2..=2).for_each(|dx| (-2..=2).for_each(|dy| _ = free_cells.remove(&[x + dx, y + dy])));
         }
         hit.point_m += Vector2::new(bell(rng), bell(rng)) * drawn.noise_m;
     }
     let mut free_cells: Vec<[i32; 2]> = free_cells.into_iter().collect();
     free_cells.sort_unstable();
-    let centre = |c: i32| (f64::from(c) + 0.5) * raycast.free_cell_m;
+    let centre = |c: i32| (f64::from(c) + 0.5) * FREE_CELL_M;
     VirtualScan {
         hits,
         free_m: free_cells.into_iter().map(|[x, y]| Point2::new(centre(x), centre(y))).collect(),

@@ -65,16 +65,16 @@ pub fn evaluate(
     let segmenter = segmenter.map(Timed::around);
     // The first variant tells which pictures the network looks at.
     let mut views: Option<Vec<u32>> = None;
-    let structure = params.label.structure.clone();
+    let by_shape = params.label.by_shape;
     let augmentations = label::AUGMENTATIONS;
     let variants = [
-        ("voting", true, 0, None),
-        ("voting + augmentation", true, augmentations, None),
-        ("voting + geometry", true, 0, structure.clone()),
-        ("voting + augmentation + geometry", true, augmentations, structure.clone()),
-        ("geometry", false, 0, structure),
+        ("voting", true, 0, false),
+        ("voting + augmentation", true, augmentations, false),
+        ("voting + geometry", true, 0, by_shape),
+        ("voting + augmentation + geometry", true, augmentations, by_shape),
+        ("geometry", false, 0, by_shape),
     ];
-    for (variant, network, augmentations, structure) in variants {
+    for (variant, network, augmentations, by_shape) in variants {
         if network && segmenter.is_none() {
             continue;
         }
@@ -83,7 +83,7 @@ pub fn evaluate(
         let label = LabelParams {
             segmenter: timed.clone().map(|timed| timed as Arc<dyn Segmenter>),
             augmentations,
-            structure,
+            by_shape,
             ..params.label.clone()
         };
         let watch = Stopwatch::around(progress, std::time::Instant::now);

@@ -7,8 +7,15 @@ use rand_chacha::ChaCha8Rng;
 use rustc_hash::FxHashSet;
 use std::f64::consts::TAU;
 use std::fmt::Write;
-use viola_align::RaycastParams;
+use viola_align::VACUUM_HEIGHT_M;
 use viola_geometry::{DistanceField, Grid, GridFrame, Point2, Point3, Pose2, Pose3, Vector2};
+
+/// Distance between sensors.
+const SPACING_M: f64 = 0.8;
+/// Sensors keep this far from everything.
+const BODY_RADIUS_M: f64 = 0.17;
+const RAYS: usize = 720;
+const RANGE_M: f64 = 8.0;
 
 /// How the mesh is surveyed.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,12 +23,6 @@ pub struct SurveyParams {
     pub seed: u64,
     /// Height of the sensor above the floor.
     pub height_m: f64,
-    /// Distance between sensors.
-    pub spacing_m: f64,
-    /// Sensors keep this far from everything.
-    pub body_radius_m: f64,
-    pub rays: usize,
-    pub range_m: f64,
     /// Standard deviation of a hit in x and in y.
     pub noise_m: f64,
     /// Share of the hits that are lost.
@@ -32,17 +33,7 @@ pub struct SurveyParams {
 
 impl Default for SurveyParams {
     fn default() -> Self {
-        SurveyParams {
-            seed: 0,
-            height_m: RaycastParams::default().vacuum_height_m,
-            spacing_m: 0.8,
-            body_radius_m: 0.17,
-            rays: 720,
-            range_m: 8.0,
-            noise_m: 0.01,
-            drop_out: 0.1,
-            cell_m: 0.02,
-        }
+        SurveyParams { seed: 0, height_m: VACUUM_HEIGHT_M, noise_m: 0.01, drop_out: 0.1, cell_m: 0.02 }
     }
 }
 
@@ -93,13 +84,13 @@ impl Survey {
         let mut points_m = Vec::new();
         let mut taken = FxHashSet::default();
         for sensor in &sensors {
-            for ray in 0..params.rays {
-                let angle = TAU * ray as f64 / params.rays as f64;
+            for ray in 0..RAYS {
+                let angle = TAU * ray as f64 / RAYS as f64;
                 let toward = Vector2::new(angle.cos(), angle.sin());
                 // The dice fall for every ray, so that a sensor's hits do not hang on another's misses.
                 let noise = Vector2::new(bell(&mut rng), bell(&mut rng)) * params.noise_m;
                 let is_lost = rng.random_bool(params.drop_out);
-                let Some(range_m) = section.range_m(sensor, &toward, params.range_m) else { continue };
+                let Some(range_m) = section.range_m(sensor, &toward, RANGE_M) else { continue };
                 let point = map_from_world.apply(&(sensor + toward * range_m + noise));
                 let cell = [point.x, point.y].map(|c| (c / params.cell_m).floor() as i64);
                 if !is_lost && taken.insert(cell) {
@@ -161,7 +152,7 @@ fn sensors(mesh: &Mesh, cameras: &[Point2], floor_m: f64, params: &SurveyParams)
         ([min[0].min(p.x), min[1].min(p.y)], [max[0].max(p.x), max[1].max(p.y)])
     });
     // Nobody sees further into a home than this from where they walked.
-    let frame = GridFrame::covering(min, max, params.range_m, CELL_M);
+    let frame = GridFrame::covering(min, max, RANGE_M, CELL_M);
     let mut floor = Grid::filled(frame, false);
     let mut standing = Grid::filled(frame, false);
     for corners in mesh.corners() {
@@ -181,7 +172,7 @@ fn sensors(mesh: &Mesh, cameras: &[Point2], floor_m: f64, params: &SurveyParams)
     let (to_floor, to_standing) = (DistanceField::new(&floor), DistanceField::new(&standing));
     let is_free = |x: usize, y: usize| {
         f64::from(to_floor.grid().get(x, y)) <= HOLE_M
-            && f64::from(to_standing.grid().get(x, y)) >= params.body_radius_m
+            && f64::from(to_standing.grid().get(x, y)) >= BODY_RADIUS_M
     };
     let mut reached = Grid::filled(frame, false);
     let mut open = Vec::new();
@@ -207,7 +198,7 @@ fn sensors(mesh: &Mesh, cameras: &[Point2], floor_m: f64, params: &SurveyParams)
     for y in 0..frame.height {
         for x in 0..frame.width {
             let centre = frame.centre(x, y);
-            if reached.get(x, y) && sensors.iter().all(|s| (s - centre).norm() >= params.spacing_m) {
+            if reached.get(x, y) && sensors.iter().all(|s| (s - centre).norm() >= SPACING_M) {
                 sensors.push(centre);
             }
         }

@@ -1,25 +1,25 @@
 //! Gradient descent on the one-directional Chamfer distance (paper III-C).
 
+use super::Descended;
 use super::nearest::Nearest;
-use super::{Descended, PaperParams};
 use nalgebra::Vector3;
 use viola_geometry::{Point2, Pose2};
 
+/// Adam: its steps, its rate in metres and radians, and the steps at which the rate is halved.
+const STEPS: usize = 180;
+const RATE: f64 = 0.1;
+const HALVED_AT: [usize; 3] = [50, 100, 150];
+
 /// Adam (Kingma and Ba, 2015) from one start: each step looks up the hits' nearest map points anew.
-pub(super) fn descend(
-    start: &Pose2,
-    hits_m: &[Point2],
-    nearest: &Nearest,
-    params: &PaperParams,
-) -> Descended {
+pub(super) fn descend(start: &Pose2, hits_m: &[Point2], nearest: &Nearest) -> Descended {
     const KEEP_GRADIENT: f64 = 0.9;
     const KEEP_SQUARE: f64 = 0.999;
     const TINY: f64 = 1e-8;
     let mut pose = Vector3::new(start.x_m, start.y_m, start.yaw_rad);
     let (mut mean, mut square) = (Vector3::zeros(), Vector3::zeros());
-    let mut rate = params.rate;
-    for step in 0..params.steps {
-        if params.halved_at.contains(&step) {
+    let mut rate = RATE;
+    for step in 0..STEPS {
+        if HALVED_AT.contains(&step) {
             rate *= 0.5;
         }
         let (_, gradient) = loss_and_gradient(&pose, hits_m, nearest);

@@ -12,6 +12,12 @@ use viola_align::Candidate;
 use viola_geometry::progress::{self, Progress};
 use viola_geometry::{Point2, Pose2, angle_between};
 
+/// The best candidates that are refined. Two that are nearer to each other than this, and turned less
+/// than `apart_rad`, are one.
+const STARTS: usize = 200;
+const APART_M: f64 = 0.2;
+const APART_RAD: f64 = 8f64.to_radians();
+
 /// A bound on memory (about 20 bytes a cell and thread); larger maps get coarser cells.
 const MAX_CELLS: f64 = 32e6;
 
@@ -43,20 +49,20 @@ pub(super) fn correlate(
     }
     // A stable sort keeps the order of rotations and cells among equals.
     peaks.sort_by(|a, b| b.score.total_cmp(&a.score));
-    Ok(keep_apart(peaks, params))
+    Ok(keep_apart(peaks))
 }
 
 /// Non-maximum suppression: the best of each neighbourhood.
-fn keep_apart(sorted: Vec<Candidate>, params: &PaperParams) -> Vec<Candidate> {
+fn keep_apart(sorted: Vec<Candidate>) -> Vec<Candidate> {
     let mut kept: Vec<Candidate> = Vec::new();
     for candidate in sorted {
-        if kept.len() == params.starts {
+        if kept.len() == STARTS {
             break;
         }
         let pose = &candidate.map_from_clip;
         let is_close = kept.iter().any(|k| {
-            k.map_from_clip.distance_m(pose) < params.apart_m
-                && angle_between(k.map_from_clip.yaw_rad, pose.yaw_rad) < params.apart_rad
+            k.map_from_clip.distance_m(pose) < APART_M
+                && angle_between(k.map_from_clip.yaw_rad, pose.yaw_rad) < APART_RAD
         });
         if !is_close {
             kept.push(candidate);
@@ -154,7 +160,7 @@ impl MapRaster {
         let (min, _) = bounds(&turned);
         let template = self.template(&turned, params.dilation);
         let border = (params.dilation / 2) as f64;
-        let square = ((params.apart_m / self.cell_m) as usize).max(1);
+        let square = ((APART_M / self.cell_m) as usize).max(1);
         let squares_wide = self.width / square + 1;
         let mut best = vec![Peak::NONE; squares_wide * (self.height / square + 1)];
         self.scores(&template, bench, |x, y, score| {
@@ -175,7 +181,7 @@ impl MapRaster {
             })
             .collect();
         peaks.sort_by(|a, b| b.score.total_cmp(&a.score));
-        peaks.truncate(params.starts);
+        peaks.truncate(STARTS);
         peaks
     }
 

@@ -1,12 +1,22 @@
 //! Virtual LiDAR hits: rays at the vacuum's height from below every key camera (paper III-B).
 
-use super::PaperParams;
+use viola_align::VACUUM_HEIGHT_M;
 use viola_geometry::{Point2, Pose2, wrap_angle};
 use viola_reconstruct::PointCloud;
 
+/// Height at which the rays run, and the slab of points around it that they can hit.
+const SLAB_M: f64 = 0.10;
+/// Points no higher than this are floor and no hits. The paper knows the floor by its labels.
+const FLOOR_M: f64 = 0.05;
+/// Rays of one camera, spread evenly over `fan_rad` about its heading; a ray ends at the nearest point
+/// within `cone_rad` of it.
+const RAYS: usize = 300;
+const FAN_RAD: f64 = std::f64::consts::PI;
+const CONE_RAD: f64 = 3f64.to_radians();
+
 /// The hits of all cameras, in the clip frame; a point that several rays end at is there once.
-pub(super) fn cast(cloud_in_clip: &PointCloud, cameras: &[Pose2], params: &PaperParams) -> Vec<Point2> {
-    let is_in_slab = |z_m: f64| z_m > params.floor_m && (z_m - params.vacuum_height_m).abs() <= params.slab_m;
+pub(super) fn cast(cloud_in_clip: &PointCloud, cameras: &[Pose2]) -> Vec<Point2> {
+    let is_in_slab = |z_m: f64| z_m > FLOOR_M && (z_m - VACUUM_HEIGHT_M).abs() <= SLAB_M;
     let slab: Vec<Point2> = cloud_in_clip
         .points
         .iter()
@@ -15,7 +25,7 @@ pub(super) fn cast(cloud_in_clip: &PointCloud, cameras: &[Pose2], params: &Paper
         .collect();
     let mut is_hit = vec![false; slab.len()];
     for camera in cameras {
-        for index in nearest_in_cones(&slab, camera, params).into_iter().flatten() {
+        for index in nearest_in_cones(&slab, camera).into_iter().flatten() {
             is_hit[index] = true;
         }
     }
@@ -23,17 +33,17 @@ pub(super) fn cast(cloud_in_clip: &PointCloud, cameras: &[Pose2], params: &Paper
 }
 
 /// For each ray of one camera, the nearest point within the cone around it.
-fn nearest_in_cones(slab: &[Point2], camera: &Pose2, params: &PaperParams) -> Vec<Option<usize>> {
-    let step_rad = params.fan_rad / (params.rays - 1) as f64;
+fn nearest_in_cones(slab: &[Point2], camera: &Pose2) -> Vec<Option<usize>> {
+    let step_rad = FAN_RAD / (RAYS - 1) as f64;
     let clip_at = Point2::new(camera.x_m, camera.y_m);
-    let mut nearest: Vec<(f64, Option<usize>)> = vec![(f64::INFINITY, None); params.rays];
+    let mut nearest: Vec<(f64, Option<usize>)> = vec![(f64::INFINITY, None); RAYS];
     for (index, point) in slab.iter().enumerate() {
         let offset = point - clip_at;
         let range_m = offset.norm();
         let bearing_rad = wrap_angle(offset.y.atan2(offset.x) - camera.yaw_rad);
-        let from_first_rad = bearing_rad + 0.5 * params.fan_rad;
-        let first = ((from_first_rad - params.cone_rad) / step_rad).ceil().max(0.0) as usize;
-        let last = ((from_first_rad + params.cone_rad) / step_rad).floor();
+        let from_first_rad = bearing_rad + 0.5 * FAN_RAD;
+        let first = ((from_first_rad - CONE_RAD) / step_rad).ceil().max(0.0) as usize;
+        let last = ((from_first_rad + CONE_RAD) / step_rad).floor();
         if last < 0.0 {
             continue;
         }
@@ -75,9 +85,9 @@ mod tests {
             [-1.0, 0.1, 0.12], // behind the camera
             [0.0, 1.0, 0.20],  // at the edge of the fan
         ]);
-        let hits = cast(&cloud, &[Pose2::IDENTITY], &PaperParams::default());
+        let hits = cast(&cloud, &[Pose2::IDENTITY]);
         assert_eq!(hits, [Point2::new(1.0, 0.0), Point2::new(0.0, 1.0)]);
-        let turned = cast(&cloud, &[Pose2::new(0.0, 0.0, std::f64::consts::PI)], &PaperParams::default());
+        let turned = cast(&cloud, &[Pose2::new(0.0, 0.0, std::f64::consts::PI)]);
         assert_eq!(turned.len(), 2);
         assert_eq!(turned[0].x, -1.0, "{turned:?}");
     }

@@ -53,7 +53,7 @@ fn check(surfaces: &[Vec<(Point3, Vector3)>], turn: &Pose3, gravity_known: bool)
     let (cloud, keys) = room(surfaces, turn);
     let up = turn * Vector3::z();
     let known = gravity_known.then(|| Up::of_device(up));
-    let floor = find_floor(&cloud, &keys, known.as_ref(), &FloorParams::default(), 5).unwrap();
+    let floor = find_floor(&cloud, &keys, known.as_ref(), 5).unwrap();
     assert!((floor.first_camera_height_m - 1.4).abs() < 0.01, "{floor:?}");
     assert!(floor.plane_in_world.normal.dot(&up) > 0.5f64.to_radians().cos(), "{floor:?}");
     // The clip frame: the first camera stands over the origin and faces along x.
@@ -86,7 +86,7 @@ fn a_table_or_a_bed_is_not_the_floor() {
 fn what_pictures_call_a_bed_is_not_the_floor() {
     let surfaces = [level((0.2, 2.8), (0.5, 3.0), 0.45)];
     let (mut cloud, keys) = room(&surfaces, &Pose3::identity());
-    let find = |cloud: &PointCloud| find_floor(cloud, &keys, Some(&z_up()), &FloorParams::default(), 5);
+    let find = |cloud: &PointCloud| find_floor(cloud, &keys, Some(&z_up()), 5);
     // By its shape alone the only level surface in sight passes for the floor.
     assert!((find(&cloud).unwrap().first_camera_height_m - 0.95).abs() < 0.01);
     for point in cloud.points.iter_mut().filter(|point| point.normal[2] > 0.9) {
@@ -108,7 +108,7 @@ fn a_floor_that_pictures_call_a_wall_is_the_floor() {
         for point in &mut cloud.points {
             point.label = Label::new(class, 0.9, 3);
         }
-        let floor = find_floor(&cloud, &keys, Some(&z_up()), &FloorParams::default(), 5).unwrap();
+        let floor = find_floor(&cloud, &keys, Some(&z_up()), 5).unwrap();
         assert!((floor.first_camera_height_m - 1.4).abs() < 0.01, "{class:?} {floor:?}");
     }
 }
@@ -122,7 +122,7 @@ fn the_less_of_a_floor_is_seen_the_more_gravity_levels_it() {
     let leaning = |y_end_m: f64, up: &Up| {
         let surfaces = [level((0.0, 3.0), (0.5, y_end_m), 0.0)];
         let (cloud, keys) = room(&surfaces, &lean);
-        find_floor(&cloud, &keys, Some(up), &FloorParams::default(), 5).unwrap().gravity_angle_rad.unwrap()
+        find_floor(&cloud, &keys, Some(up), 5).unwrap().gravity_angle_rad.unwrap()
     };
     let of_device = z_up();
     let (strip, broad) = (leaning(0.7, &of_device), leaning(3.0, &of_device));
@@ -134,12 +134,12 @@ fn the_less_of_a_floor_is_seen_the_more_gravity_levels_it() {
 #[test]
 fn without_a_floor_there_is_a_reason() {
     let (cloud, keys) = room(&[wall(2.4)], &Pose3::identity());
-    let none = find_floor(&cloud, &keys, Some(&z_up()), &FloorParams::default(), 5).unwrap_err();
+    let none = find_floor(&cloud, &keys, Some(&z_up()), 5).unwrap_err();
     assert_eq!(none.reason().code, "no_floor");
-    let none = find_floor(&PointCloud::default(), &keys, None, &FloorParams::default(), 5).unwrap_err();
+    let none = find_floor(&PointCloud::default(), &keys, None, 5).unwrap_err();
     assert_eq!(none.reason().code, "nothing_fused");
     // The wall's foot is 1.4 m below the camera, so lower guesses stand.
-    let guesses = assume(&cloud, &keys, &z_up(), &FloorParams::default());
+    let guesses = assume(&cloud, &keys, &z_up());
     assert!(guesses.iter().all(|g| g.assumed && g.first_camera_height_m > 1.39), "{guesses:?}");
     assert!(!guesses.is_empty());
 }

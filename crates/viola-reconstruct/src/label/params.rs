@@ -1,8 +1,12 @@
 //! How points are labelled.
 
 use super::segmenter::Segmenter;
-use super::structure::StructureParams;
 use std::sync::Arc;
+
+/// The network looks at one key frame of each stretch in which the camera moves this far ...
+pub(super) const KEY_DISTANCE_M: f64 = 0.3;
+/// ... or turns this far.
+pub(super) const KEY_ANGLE_RAD: f64 = 20f64.to_radians();
 
 /// How points are labelled.
 #[derive(Clone)]
@@ -11,26 +15,15 @@ pub struct LabelParams {
     pub segmenter: Option<Arc<dyn Segmenter>>,
     /// Why there is none although one is wanted; every answer tells it.
     pub unavailable: Option<String>,
-    /// The network looks at one key frame of each stretch in which the camera moves this far ...
-    pub key_distance_m: f64,
-    /// ... or turns this far.
-    pub key_angle_rad: f64,
     /// Changes of colour under which each picture is looked at again, up to [`AUGMENTATIONS`].
     pub augmentations: usize,
-    /// None: by the pictures alone.
-    pub structure: Option<StructureParams>,
+    /// Whether shapes count, or the pictures alone.
+    pub by_shape: bool,
 }
 
 impl Default for LabelParams {
     fn default() -> Self {
-        LabelParams {
-            segmenter: None,
-            unavailable: None,
-            key_distance_m: 0.3,
-            key_angle_rad: 20f64.to_radians(),
-            augmentations: 0,
-            structure: Some(StructureParams::default()),
-        }
+        LabelParams { segmenter: None, unavailable: None, augmentations: 0, by_shape: true }
     }
 }
 
@@ -38,10 +31,8 @@ impl std::fmt::Debug for LabelParams {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("LabelParams")
             .field("segmenter", &self.segmenter.as_ref().map(|segmenter| segmenter.name()))
-            .field("key_distance_m", &self.key_distance_m)
-            .field("key_angle_rad", &self.key_angle_rad)
             .field("augmentations", &self.augmentations)
-            .field("structure", &self.structure)
+            .field("by_shape", &self.by_shape)
             .finish()
     }
 }

@@ -5,6 +5,17 @@ use super::sites::Sites;
 use rustc_hash::{FxHashMap, FxHashSet};
 use viola_geometry::Vector2;
 
+/// Upright surface that reaches this high is a wall unless something speaks against it ...
+const TALL_M: f64 = 1.9;
+/// ... and so is one of which this much was seen, bottom to top, wherever it ends.
+const EXTENT_M: f64 = 1.2;
+/// Smaller patches are not judged.
+const MIN_AREA_M2: f64 = 0.25;
+/// A parallel wall less than this behind makes a patch the front of something.
+const DEPTH_M: f64 = 0.9;
+/// Ceilings are above this.
+const CEILING_M: f64 = 2.0;
+
 /// What a place looks like without its picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Shape {
@@ -18,27 +29,6 @@ pub enum Shape {
     Upright,
     /// None of these.
     Loose,
-}
-
-/// Heights and sizes that tell walls from furniture, in metres; homes everywhere are built alike enough.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StructureParams {
-    /// Upright surface that reaches this high is a wall unless something speaks against it ...
-    pub tall_m: f64,
-    /// ... and so is one of which this much was seen, bottom to top, wherever it ends.
-    pub extent_m: f64,
-    /// Smaller patches are not judged.
-    pub min_area_m2: f64,
-    /// A parallel wall less than this behind makes a patch the front of something.
-    pub depth_m: f64,
-    /// Ceilings are above this.
-    pub ceiling_m: f64,
-}
-
-impl Default for StructureParams {
-    fn default() -> Self {
-        StructureParams { tall_m: 1.9, extent_m: 1.2, min_area_m2: 0.25, depth_m: 0.9, ceiling_m: 2.0 }
-    }
 }
 
 /// A wall as far as it was seen, in the clip frame.
@@ -82,12 +72,12 @@ impl Wall {
 }
 
 /// The shape of each site, and the walls. `sites` are in the clip frame: z up, the floor at 0.
-pub fn shapes(sites: &Sites, params: &StructureParams) -> (Vec<Shape>, Vec<Wall>) {
+pub fn shapes(sites: &Sites) -> (Vec<Shape>, Vec<Wall>) {
     let patches = planes::upright_patches(sites);
     let mut shapes = vec![Shape::Loose; sites.len()];
     let mut walls = Vec::new();
-    for patch in patches.iter().filter(|patch| patch.area_m2 >= params.min_area_m2) {
-        let shape = judge(patch, &patches, sites, params);
+    for patch in patches.iter().filter(|patch| patch.area_m2 >= MIN_AREA_M2) {
+        let shape = judge(patch, &patches, sites);
         for &member in &patch.members {
             shapes[member as usize] = shape;
         }
@@ -103,21 +93,21 @@ pub fn shapes(sites: &Sites, params: &StructureParams) -> (Vec<Shape>, Vec<Wall>
         // A scanned floor is uneven, and the fused surface of a long clip bends.
         if z < 0.12 && up > 0.65 {
             *shape = Shape::Floor;
-        } else if z > params.ceiling_m && up < -0.85 {
+        } else if z > CEILING_M && up < -0.85 {
             *shape = Shape::Ceiling;
         }
     }
     (shapes, walls.into_iter().map(|patch| Wall::of(patch, sites)).collect())
 }
 
-fn judge(patch: &Upright, all: &[Upright], sites: &Sites, params: &StructureParams) -> Shape {
+fn judge(patch: &Upright, all: &[Upright], sites: &Sites) -> Shape {
     let height_m = patch.high_m - patch.low_m;
     if height_m < 0.3 {
         return Shape::Upright;
     }
-    if wall_behind(patch, all, sites, params) > 0.5 || has_top(patch, sites) {
+    if wall_behind(patch, all, sites) > 0.5 || has_top(patch, sites) {
         Shape::Front
-    } else if patch.high_m >= params.tall_m || height_m >= params.extent_m {
+    } else if patch.high_m >= TALL_M || height_m >= EXTENT_M {
         Shape::Wall
     } else {
         Shape::Upright
@@ -126,15 +116,15 @@ fn judge(patch: &Upright, all: &[Upright], sites: &Sites, params: &StructurePara
 
 /// Over how much of a patch's length a parallel wall stands close behind it, as a share. Furniture hides most of the wall that
 /// it stands before, so that little of it need be seen.
-fn wall_behind(patch: &Upright, all: &[Upright], sites: &Sites, params: &StructureParams) -> f64 {
+fn wall_behind(patch: &Upright, all: &[Upright], sites: &Sites) -> f64 {
     const SECTION_M: f64 = 0.25;
     const CLOSE_M: f64 = 0.1;
     /// Wall behind a section or those beside it.
     const LEAST_M2: f64 = 0.01;
     let along = patch.along();
     let is_wall = |other: &&Upright| {
-        other.area_m2 >= params.min_area_m2
-            && other.high_m >= params.tall_m
+        other.area_m2 >= MIN_AREA_M2
+            && other.high_m >= TALL_M
             && other.normal.dot(&patch.normal) > 0.97
             && !std::ptr::eq(*other, patch)
     };
@@ -142,7 +132,7 @@ fn wall_behind(patch: &Upright, all: &[Upright], sites: &Sites, params: &Structu
     let section = |at: &Vector2| (at.dot(&along) / SECTION_M).floor() as i32;
     let mut behind: FxHashMap<i32, usize> = FxHashMap::default();
     for at in all.iter().filter(is_wall).flat_map(|other| &other.members).map(|&i| place(i)) {
-        if (CLOSE_M..params.depth_m).contains(&(patch.offset_m - at.dot(&patch.normal))) {
+        if (CLOSE_M..DEPTH_M).contains(&(patch.offset_m - at.dot(&patch.normal))) {
             *behind.entry(section(&at)).or_default() += 1;
         }
     }
@@ -230,7 +220,7 @@ mod tests {
     fn check(behind_m: f64, seen_m: std::ops::Range<f64>, want: std::ops::RangeInclusive<f64>) {
         let mut sites = Sites::default();
         let all = [upright(&mut sites, 0.0, 0.0..2.0), upright(&mut sites, -behind_m, seen_m.clone())];
-        let share = wall_behind(&all[0], &all, &sites, &StructureParams::default());
+        let share = wall_behind(&all[0], &all, &sites);
         assert!(want.contains(&share), "{behind_m} m behind, {seen_m:?}: {share}");
     }
 

@@ -4,6 +4,8 @@ use super::sites::Sites;
 use super::{ClassMap, LabelParams, SegmentError, Segmenter, augment};
 use crate::error::ReconstructError;
 use crate::key_frame::KeyFrame;
+use crate::label::params::KEY_ANGLE_RAD;
+use crate::label::params::KEY_DISTANCE_M;
 use rayon::prelude::*;
 use viola_formats::clip::{Clip, Frame};
 use viola_geometry::progress::{self, Progress};
@@ -37,7 +39,7 @@ pub(super) fn vote(
 ) -> Result<Result<Votes, SegmentError>, ReconstructError> {
     let mut votes = Votes { sums: vec![0.0; sites.len() * CLASSES], views: vec![0; sites.len()] };
     let balls = balls(sites);
-    let chosen = choose(key_frames, params);
+    let chosen = choose(key_frames);
     let mut frames = clip.stream(chosen.iter().map(|key| key.index).collect());
     for (done, batch) in chosen.chunks(BATCH).enumerate() {
         progress::check(progress)?;
@@ -62,14 +64,13 @@ pub(super) fn vote(
 
 /// The sharpest key frame of each stretch: the network is slow, neighbours say the same, and of a blurred
 /// picture it says worse.
-pub(super) fn choose<'a>(key_frames: &'a [KeyFrame], params: &LabelParams) -> Vec<&'a KeyFrame> {
+pub(super) fn choose(key_frames: &[KeyFrame]) -> Vec<&KeyFrame> {
     let mut chosen: Vec<&KeyFrame> = Vec::new();
     let mut begin: Option<&KeyFrame> = None;
     for key in key_frames {
         let far = begin.is_none_or(|begin| {
             let step = begin.world_from_camera.inverse() * key.world_from_camera;
-            step.translation.vector.norm() >= params.key_distance_m
-                || step.rotation.angle() >= params.key_angle_rad
+            step.translation.vector.norm() >= KEY_DISTANCE_M || step.rotation.angle() >= KEY_ANGLE_RAD
         });
         match chosen.last_mut() {
             Some(sharpest) if !far => {

@@ -9,6 +9,11 @@ use viola_formats::clip::{Clip, ClipError, FrameHeader};
 use viola_geometry::Pose3;
 use viola_geometry::progress::{self, Progress, Stage};
 
+/// Poses by which readings disagree after one metre by no more than this do not drift ...
+const TOLERATED_M: f64 = 0.013;
+/// ... and refined ones that leave more than this share of the disagreement are no better.
+const MOST_LEFT: f64 = 0.95;
+
 /// The reason's code that an answer has whose frames were too few to track them for sure.
 const SPARSE: &str = "sparse_frames";
 /// Frames that are decoded at a time.
@@ -108,16 +113,18 @@ pub fn refine(
     params: &TrackParams,
     progress: &dyn Progress,
 ) -> Result<Option<TrackedClip>, ReconstructError> {
-    let Some(device) = &params.device else { return Ok(None) };
+    if !params.refine {
+        return Ok(None);
+    }
     let agreement = Agreement::of(keys);
     let growth_m = agreement.growth_m();
-    let Some(growth_m) = growth_m.filter(|growth_m| *growth_m > device.tolerated_m) else { return Ok(None) };
+    let Some(growth_m) = growth_m.filter(|growth_m| *growth_m > TOLERATED_M) else { return Ok(None) };
     progress::begin(progress, Stage::Track)?;
     let indices: Vec<usize> = keys.iter().map(|key| key.index).collect();
     let tracker = Tracker::refining(&with_shutter(clip, params));
     let refined = follow(clip, &indices, tracker, progress)?;
     let left = agreement.share_left(keys, &refined.world_from_camera);
-    let Some(left) = left.filter(|left| *left <= device.most_left) else { return Ok(None) };
+    let Some(left) = left.filter(|left| *left <= MOST_LEFT) else { return Ok(None) };
     let detail = format!(
         "the device's poses drift: what is seen again after one metre of way lies {:.0} mm off; they were refined by what \
          the pictures show, which leaves {:.0} % of the disagreement",

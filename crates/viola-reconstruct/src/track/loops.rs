@@ -2,49 +2,26 @@
 
 use super::graph::Tie;
 use super::keys::KeyFrame;
-use super::place::{Place, PlaceParams, recognise};
-use super::step::{Step, StepParams, align};
+use super::place::{Place, recognise};
+use super::step::{Step, align};
 use rayon::prelude::*;
 use viola_geometry::Pose3;
 
-/// When a loop is closed.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LoopParams {
-    pub place: PlaceParams,
-    /// Key frames in between that are no loop but odometry.
-    pub apart: usize,
-    /// Key frames of the same look that are tried for each.
-    pub tries: usize,
-    /// Key frames that see the same by their poses that are tried for each.
-    pub neighbours: usize,
-    pub least_overlap: f64,
-    pub least_score: f64,
-    /// What odometry may have drifted: so much, and these shares of the way and of the turns.
-    pub drift_m: f64,
-    pub drift_share: f64,
-    pub drift_rad: f64,
-    pub drift_turn_share: f64,
-    /// Corners that must agree for two segments to be joined.
-    pub joining_pairs: usize,
-}
-
-impl Default for LoopParams {
-    fn default() -> Self {
-        LoopParams {
-            place: PlaceParams::default(),
-            apart: 3,
-            tries: 4,
-            neighbours: 4,
-            least_overlap: 0.4,
-            least_score: 0.6,
-            drift_m: 0.08,
-            drift_share: 0.05,
-            drift_rad: 4f64.to_radians(),
-            drift_turn_share: 0.05,
-            joining_pairs: 24,
-        }
-    }
-}
+/// Key frames in between that are no loop but odometry.
+const APART: usize = 3;
+/// Key frames of the same look that are tried for each.
+const TRIES: usize = 4;
+/// Key frames that see the same by their poses that are tried for each.
+const NEIGHBOURS: usize = 4;
+const LEAST_OVERLAP: f64 = 0.4;
+const LEAST_SCORE: f64 = 0.6;
+/// What odometry may have drifted: so much, and these shares of the way and of the turns.
+const DRIFT_M: f64 = 0.08;
+const DRIFT_SHARE: f64 = 0.05;
+const DRIFT_RAD: f64 = 4f64.to_radians();
+const DRIFT_TURN_SHARE: f64 = 0.05;
+/// Corners that must agree for two segments to be joined.
+pub(super) const JOINING_PAIRS: usize = 24;
 
 /// What the key frames' motions were along the clip, to know how far odometry can have drifted.
 struct Way {
@@ -64,75 +41,55 @@ impl Way {
     }
 
     /// Whether a loop is where odometry can have drifted to.
-    fn can_reach(
-        &self,
-        keys: &[KeyFrame],
-        a: usize,
-        b: usize,
-        b_from_a: &Pose3,
-        params: &LoopParams,
-    ) -> bool {
+    fn can_reach(&self, keys: &[KeyFrame], a: usize, b: usize, b_from_a: &Pose3) -> bool {
         if keys[a].segment != keys[b].segment {
             return true;
         }
         let off = b_from_a.inverse() * keys[b].world_from_key.inverse() * keys[a].world_from_key;
         let way_m = (self.moved_m[b] - self.moved_m[a]).abs();
         let turn_rad = (self.turned_rad[b] - self.turned_rad[a]).abs();
-        let turn_limit = params.drift_rad + params.drift_turn_share * turn_rad;
-        off.translation.vector.norm()
-            <= params.drift_m + params.drift_share * way_m + 0.5 * way_m.min(1.0) * turn_limit
+        let turn_limit = DRIFT_RAD + DRIFT_TURN_SHARE * turn_rad;
+        off.translation.vector.norm() <= DRIFT_M + DRIFT_SHARE * way_m + 0.5 * way_m.min(1.0) * turn_limit
             && off.rotation.angle() <= turn_limit
     }
 }
 
 /// Aligns two key frames from a start; none when they do not fit.
-pub(super) fn check(
-    a: &KeyFrame,
-    b: &KeyFrame,
-    start: &Pose3,
-    step: &StepParams,
-    params: &LoopParams,
-) -> Option<Step> {
-    let found = align(&a.reference(), &b.pyramid(), start, (1.0, 0.0), 0, step)?;
+pub(super) fn check(a: &KeyFrame, b: &KeyFrame, start: &Pose3) -> Option<Step> {
+    let found = align(&a.reference(), &b.pyramid(), start, (1.0, 0.0), 0)?;
     let off = start.inverse() * found.camera_from_key;
     let is_near = off.translation.vector.norm() < 0.15 && off.rotation.angle() < 0.12;
-    (found.overlap >= params.least_overlap && found.score() >= params.least_score && is_near).then_some(found)
+    (found.overlap >= LEAST_OVERLAP && found.score() >= LEAST_SCORE && is_near).then_some(found)
 }
 
 /// Whether two key frames show the same place, by their corners and then by all of them.
-pub(super) fn same_place(
-    a: &KeyFrame,
-    b: &KeyFrame,
-    seed: u64,
-    step: &StepParams,
-    params: &LoopParams,
-) -> Option<(Place, Step)> {
-    let place = recognise(&a.corners, &b.corners, seed, &params.place)?;
-    let found = check(a, b, &place.b_from_a, step, params)?;
+pub(super) fn same_place(a: &KeyFrame, b: &KeyFrame, seed: u64) -> Option<(Place, Step)> {
+    let place = recognise(&a.corners, &b.corners, seed)?;
+    let found = check(a, b, &place.b_from_a)?;
     Some((place, found))
 }
 
 /// Loops between key frames that look alike.
-pub(super) fn by_look(keys: &[KeyFrame], seed: u64, step: &StepParams, params: &LoopParams) -> Vec<Tie> {
+pub(super) fn by_look(keys: &[KeyFrame], seed: u64) -> Vec<Tie> {
     let way = Way::along(keys);
     let found: Vec<Vec<Tie>> = (0..keys.len())
         .into_par_iter()
         .map(|b| {
-            let apart = |a: &usize| keys[*a].segment != keys[b].segment || a + params.apart <= b;
+            let apart = |a: &usize| keys[*a].segment != keys[b].segment || a + APART <= b;
             let mut alike: Vec<(usize, usize)> =
                 (0..b).filter(apart).map(|a| (keys[a].likeness(keys[b].words()), a)).collect();
             alike.sort_by(|x, y| y.0.cmp(&x.0).then(x.1.cmp(&y.1)));
             let mut ties = Vec::new();
-            for &(_, a) in alike.iter().take(params.tries) {
+            for &(_, a) in alike.iter().take(TRIES) {
                 let seed = seed ^ ((a as u64) << 32) ^ b as u64;
-                let Some((place, found)) = same_place(&keys[a], &keys[b], seed, step, params) else {
+                let Some((place, found)) = same_place(&keys[a], &keys[b], seed) else {
                     continue;
                 };
                 let joins = keys[a].segment != keys[b].segment;
-                if joins && place.pairs < params.joining_pairs {
+                if joins && place.pairs < JOINING_PAIRS {
                     continue;
                 }
-                if way.can_reach(keys, a, b, &found.camera_from_key, params) {
+                if way.can_reach(keys, a, b, &found.camera_from_key) {
                     ties.push(tie(a, b, &found));
                 }
             }
@@ -143,7 +100,7 @@ pub(super) fn by_look(keys: &[KeyFrame], seed: u64, step: &StepParams, params: &
 }
 
 /// Loops between key frames that see the same by where they are.
-pub(super) fn by_pose(keys: &[KeyFrame], known: &[Tie], step: &StepParams, params: &LoopParams) -> Vec<Tie> {
+pub(super) fn by_pose(keys: &[KeyFrame], known: &[Tie]) -> Vec<Tie> {
     let way = Way::along(keys);
     let found: Vec<Vec<Tie>> = (0..keys.len())
         .into_par_iter()
@@ -161,10 +118,10 @@ pub(super) fn by_pose(keys: &[KeyFrame], known: &[Tie], step: &StepParams, param
             near.retain(|(far, _)| *far < 1.6);
             near.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
             let mut ties = Vec::new();
-            for &(_, a) in near.iter().take(params.neighbours) {
+            for &(_, a) in near.iter().take(NEIGHBOURS) {
                 let start = keys[b].world_from_key.inverse() * keys[a].world_from_key;
-                if let Some(found) = check(&keys[a], &keys[b], &start, step, params)
-                    && way.can_reach(keys, a, b, &found.camera_from_key, params)
+                if let Some(found) = check(&keys[a], &keys[b], &start)
+                    && way.can_reach(keys, a, b, &found.camera_from_key)
                 {
                     ties.push(tie(a, b, &found));
                 }

@@ -4,52 +4,29 @@ use super::lost::Lost;
 use super::picture::Pyramid;
 use super::reference::Reference;
 use super::shutter::Rolling;
-use super::step::{Step, StepParams, align};
+use super::step::{Step, align};
 use viola_geometry::Pose3;
 
-/// When a frame becomes a key frame.
-#[derive(Debug, Clone, PartialEq)]
-pub struct OdometryParams {
-    pub step: StepParams,
-    /// Less of the key frame's points than this are in sight.
-    pub key_overlap: f64,
-    /// It fits less well than this: the next key frame comes before steps are in doubt.
-    pub key_score: f64,
-    /// The camera moved by this share of what it looks at ...
-    pub key_motion: f64,
-    /// ... or turned by this much.
-    pub key_turn_rad: f64,
-    /// A step that fits less well than this is compared with others from other starts ...
-    pub doubt_score: f64,
-    /// ... and one that fits even less, or sees less of the key frame, is no step.
-    pub lost_score: f64,
-    pub lost_overlap: f64,
-    /// A place with a larger standard deviation than this in some direction is not known ...
-    pub unsure_m: f64,
-    /// ... and so many frames in a row without one are the end.
-    pub most_unsure: usize,
-}
-
-impl Default for OdometryParams {
-    fn default() -> Self {
-        OdometryParams {
-            step: StepParams::default(),
-            key_overlap: 0.75,
-            key_score: 0.6,
-            key_motion: 0.12,
-            key_turn_rad: 10f64.to_radians(),
-            doubt_score: 0.55,
-            lost_score: 0.4,
-            lost_overlap: 0.3,
-            unsure_m: 0.02,
-            most_unsure: 12,
-        }
-    }
-}
+/// Less of the key frame's points than this are in sight.
+const KEY_OVERLAP: f64 = 0.75;
+/// It fits less well than this: the next key frame comes before steps are in doubt.
+const KEY_SCORE: f64 = 0.6;
+/// The camera moved by this share of what it looks at ...
+pub(crate) const KEY_MOTION: f64 = 0.12;
+/// ... or turned by this much.
+pub(crate) const KEY_TURN_RAD: f64 = 10f64.to_radians();
+/// A step that fits less well than this is compared with others from other starts ...
+const DOUBT_SCORE: f64 = 0.55;
+/// ... and one that fits even less, or sees less of the key frame, is no step.
+const LOST_SCORE: f64 = 0.4;
+const LOST_OVERLAP: f64 = 0.3;
+/// A place with a larger standard deviation than this in some direction is not known ...
+const UNSURE_M: f64 = 0.02;
+/// ... and so many frames in a row without one are the end.
+const MOST_UNSURE: usize = 12;
 
 /// The latest key frame and how the camera moves.
 pub(super) struct Odometry {
-    params: OdometryParams,
     key: Option<Key>,
 }
 
@@ -81,8 +58,8 @@ pub(super) struct Moved {
 }
 
 impl Odometry {
-    pub fn new(params: OdometryParams) -> Odometry {
-        Odometry { params, key: None }
+    pub fn new() -> Odometry {
+        Odometry { key: None }
     }
 
     /// Starts anew with a key frame.
@@ -105,35 +82,34 @@ impl Odometry {
         rolling: Option<Rolling>,
         expected: Option<&Pose3>,
     ) -> Result<Moved, Lost> {
-        let params = &self.params;
         let Some(key) = self.key.as_mut() else { return Err(Lost::Jump) };
         let rectified = |motion: &Pose3| rolling.and_then(|rolling| rolling.rectified(&raw, motion));
         let guess = rectified(&key.motion);
-        let mut step = key.step(guess.as_ref().unwrap_or(&raw), expected, params).ok_or(Lost::Jump)?;
+        let mut step = key.step(guess.as_ref().unwrap_or(&raw), expected).ok_or(Lost::Jump)?;
         let first = key.raw.take().and_then(|first| rolling?.rectified(&first, &step.camera_from_key));
         if let Some(first) = &first {
             key.reference = Reference::new(first);
             key.last = first.clone();
             key.motion = step.camera_from_key;
             let guess = rectified(&key.motion);
-            step = key.step(guess.as_ref().unwrap_or(&raw), expected, params).ok_or(Lost::Jump)?;
+            step = key.step(guess.as_ref().unwrap_or(&raw), expected).ok_or(Lost::Jump)?;
         }
-        if step.overlap < params.lost_overlap || step.score() < params.lost_score {
+        if step.overlap < LOST_OVERLAP || step.score() < LOST_SCORE {
             return Err(Lost::Jump);
         }
         let worst_m = step.worst_m();
-        key.unsure = if worst_m > params.unsure_m { key.unsure + 1 } else { 0 };
-        if key.unsure > params.most_unsure {
+        key.unsure = if worst_m > UNSURE_M { key.unsure + 1 } else { 0 };
+        if key.unsure > MOST_UNSURE {
             return Err(Lost::Unconstrained);
         }
         key.motion = step.camera_from_key * key.camera_from_key.inverse();
         key.motion.rotation.renormalize();
         let pyramid = rectified(&key.motion).unwrap_or(raw);
         let moved = step.camera_from_key.translation.vector.norm();
-        let is_key = step.overlap < params.key_overlap
-            || step.score() < params.key_score
-            || moved > params.key_motion * f64::from(key.reference.median_depth_m)
-            || step.camera_from_key.rotation.angle() > params.key_turn_rad;
+        let is_key = step.overlap < KEY_OVERLAP
+            || step.score() < KEY_SCORE
+            || moved > KEY_MOTION * f64::from(key.reference.median_depth_m)
+            || step.camera_from_key.rotation.angle() > KEY_TURN_RAD;
         if is_key {
             key.reference = Reference::new(&pyramid);
             key.camera_from_key = Pose3::identity();
@@ -150,12 +126,12 @@ impl Odometry {
 impl Key {
     /// The best step: from where the camera would be if it went on as before, and where that is in doubt, from where
     /// it was, from the frame before, and from directions all around.
-    fn step(&self, pyramid: &Pyramid, expected: Option<&Pose3>, params: &OdometryParams) -> Option<Step> {
+    fn step(&self, pyramid: &Pyramid, expected: Option<&Pose3>) -> Option<Step> {
         let still = self.camera_from_key;
         let going_on = expected.copied().unwrap_or(self.motion * still);
-        let try_from = |start: &Pose3| align(&self.reference, pyramid, start, self.exposure, 0, &params.step);
+        let try_from = |start: &Pose3| align(&self.reference, pyramid, start, self.exposure, 0);
         let mut best = try_from(&going_on);
-        if best.as_ref().is_some_and(|step| step.score() >= params.doubt_score) {
+        if best.as_ref().is_some_and(|step| step.score() >= DOUBT_SCORE) {
             return best;
         }
         let better = |step: Step, best: &mut Option<Step>| {
@@ -166,7 +142,7 @@ impl Key {
         if let Some(step) = try_from(&still) {
             better(step, &mut best);
         }
-        if best.as_ref().is_some_and(|step| step.score() >= params.doubt_score) {
+        if best.as_ref().is_some_and(|step| step.score() >= DOUBT_SCORE) {
             return best;
         }
         let last = Reference::new(&self.last);
@@ -174,13 +150,12 @@ impl Key {
         let mut wide: Vec<Step> = starts
             .iter()
             .chain(&around())
-            .filter_map(|start| align(&last, pyramid, start, (1.0, 0.0), COARSE, &params.step))
+            .filter_map(|start| align(&last, pyramid, start, (1.0, 0.0), COARSE))
             .collect();
         wide.sort_by(|a, b| b.score().total_cmp(&a.score()));
         for coarse in wide.iter().take(2) {
             let exposure = (coarse.gain, coarse.offset);
-            if let Some(mut step) = align(&last, pyramid, &coarse.camera_from_key, exposure, 0, &params.step)
-            {
+            if let Some(mut step) = align(&last, pyramid, &coarse.camera_from_key, exposure, 0) {
                 step.camera_from_key *= still;
                 better(step, &mut best);
             }

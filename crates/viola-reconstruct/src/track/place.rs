@@ -7,35 +7,17 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use viola_geometry::{Point3, Pose3, Vector3};
 
-/// When a place counts as the same.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PlaceParams {
-    /// Bits of 256 in which the descriptors of a pair may differ.
-    pub most_bits: u32,
-    /// The second best must differ by this many times as much.
-    pub next_best: f64,
-    pub tries: usize,
-    /// Pairs agree with a motion up to this, and this share of their depth.
-    pub near_m: f64,
-    pub near_share: f64,
-    /// Pairs that must agree.
-    pub least_pairs: usize,
-    pub least_share: f64,
-}
-
-impl Default for PlaceParams {
-    fn default() -> Self {
-        PlaceParams {
-            most_bits: 60,
-            next_best: 1.2,
-            tries: 300,
-            near_m: 0.02,
-            near_share: 0.02,
-            least_pairs: 14,
-            least_share: 0.3,
-        }
-    }
-}
+/// Bits of 256 in which the descriptors of a pair may differ.
+const MOST_BITS: u32 = 60;
+/// The second best must differ by this many times as much.
+const NEXT_BEST: f64 = 1.2;
+const TRIES: usize = 300;
+/// Pairs agree with a motion up to this, and this share of their depth.
+const NEAR_M: f64 = 0.02;
+const NEAR_SHARE: f64 = 0.02;
+/// Pairs that must agree.
+const LEAST_PAIRS: usize = 14;
+const LEAST_SHARE: f64 = 0.3;
 
 /// A motion that pairs of corners agree with.
 #[derive(Debug, Clone)]
@@ -45,14 +27,14 @@ pub(super) struct Place {
 }
 
 /// The motion between two frames by their corners; none when they do not show the same.
-pub(super) fn recognise(a: &[Corner], b: &[Corner], seed: u64, params: &PlaceParams) -> Option<Place> {
-    let pairs = matches(a, b, params);
-    if pairs.len() < params.least_pairs {
+pub(super) fn recognise(a: &[Corner], b: &[Corner], seed: u64) -> Option<Place> {
+    let pairs = matches(a, b);
+    if pairs.len() < LEAST_PAIRS {
         return None;
     }
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut best: Option<(usize, Pose3)> = None;
-    for _ in 0..params.tries {
+    for _ in 0..TRIES {
         let three: [usize; 3] = std::array::from_fn(|_| rng.random_range(0..pairs.len()));
         if three[0] == three[1] || three[1] == three[2] || three[0] == three[2] {
             continue;
@@ -62,33 +44,32 @@ pub(super) fn recognise(a: &[Corner], b: &[Corner], seed: u64, params: &PlacePar
             continue;
         }
         let Some(motion) = motion(&chosen) else { continue };
-        let count = agreeing(&pairs, &motion, params).count();
+        let count = agreeing(&pairs, &motion).count();
         if best.as_ref().is_none_or(|(most, _)| count > *most) {
             best = Some((count, motion));
         }
     }
     let (_, mut b_from_a) = best?;
     for _ in 0..3 {
-        let near: Vec<(Point3, Point3)> = agreeing(&pairs, &b_from_a, params).copied().collect();
+        let near: Vec<(Point3, Point3)> = agreeing(&pairs, &b_from_a).copied().collect();
         b_from_a = motion(&near)?;
     }
-    let count = agreeing(&pairs, &b_from_a, params).count();
-    let is_enough = count >= params.least_pairs && count as f64 >= params.least_share * pairs.len() as f64;
+    let count = agreeing(&pairs, &b_from_a).count();
+    let is_enough = count >= LEAST_PAIRS && count as f64 >= LEAST_SHARE * pairs.len() as f64;
     is_enough.then_some(Place { b_from_a, pairs: count })
 }
 
 fn agreeing<'a>(
     pairs: &'a [(Point3, Point3)],
     b_from_a: &Pose3,
-    params: &PlaceParams,
 ) -> impl Iterator<Item = &'a (Point3, Point3)> {
     let b_from_a = *b_from_a;
-    let (near_m, near_share) = (params.near_m, params.near_share);
+    let (near_m, near_share) = (NEAR_M, NEAR_SHARE);
     pairs.iter().filter(move |(a, b)| (b_from_a * a - b).norm() < near_m + near_share * b.z)
 }
 
 /// Corners that are each other's most alike.
-fn matches(a: &[Corner], b: &[Corner], params: &PlaceParams) -> Vec<(Point3, Point3)> {
+fn matches(a: &[Corner], b: &[Corner]) -> Vec<(Point3, Point3)> {
     let nearest = |corner: &Corner, among: &[Corner]| {
         let (mut best, mut second) = ((u32::MAX, 0), u32::MAX);
         for (i, other) in among.iter().enumerate() {
@@ -100,8 +81,8 @@ fn matches(a: &[Corner], b: &[Corner], params: &PlaceParams) -> Vec<(Point3, Poi
                 second = bits;
             }
         }
-        let is_alone = f64::from(second) >= params.next_best * f64::from(best.0);
-        (best.0 <= params.most_bits && is_alone).then_some(best.1)
+        let is_alone = f64::from(second) >= NEXT_BEST * f64::from(best.0);
+        (best.0 <= MOST_BITS && is_alone).then_some(best.1)
     };
     let back: Vec<Option<usize>> = b.iter().map(|corner| nearest(corner, a)).collect();
     let pair = |(i, corner): (usize, &Corner)| {

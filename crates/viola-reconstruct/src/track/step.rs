@@ -9,8 +9,6 @@ mod look;
 mod state;
 mod sums;
 
-pub use state::StepParams;
-
 use super::picture::Pyramid;
 use super::reference::Reference;
 use look::sum;
@@ -18,6 +16,17 @@ use nalgebra::{Matrix6, UnitQuaternion, Vector6};
 use state::{Matrix8, State, Vector8};
 use sums::Sums;
 use viola_geometry::{Pose3, Vector3};
+
+/// Steps at each layer, the finest first; the last number holds for all further layers.
+const STEPS: [usize; 4] = [4, 6, 8, 10];
+/// Readings further from a point than this share of its depth are of something else, finest layer first.
+const GATES: [f32; 4] = [0.05, 0.08, 0.15, 0.3];
+/// Information, in points, that a start has of its place and of its direction: what holds a frame in front of
+/// which nothing can be told apart.
+const HOLD: [f64; 2] = [5e5, 3e4];
+/// Steps end below this.
+const ENOUGH_M: f64 = 1e-4;
+const ENOUGH_RAD: f64 = 1e-4;
 
 /// Points that err together.
 const TOGETHER: f64 = 100.0;
@@ -78,7 +87,6 @@ pub(super) fn align(
     start: &Pose3,
     exposure: (f64, f64),
     from_layer: usize,
-    params: &StepParams,
 ) -> Option<Step> {
     let mut state = State {
         camera_from_key: *start,
@@ -90,11 +98,11 @@ pub(super) fn align(
     let mut last = None;
     for layer in (from_layer..reference.layers.len().min(pyramid.layers.len())).rev() {
         let pick = |of: &[usize]| of.get(layer).or(of.last()).copied().unwrap_or(1);
-        let gate = params.gates.get(layer).or(params.gates.last()).copied().unwrap_or(0.1);
-        for _ in 0..pick(&params.steps) {
-            let sums = sum(&reference.layers[layer], &pyramid.layers[layer], &state, gate, params);
+        let gate = GATES.get(layer).or(GATES.last()).copied().unwrap_or(0.1);
+        for _ in 0..pick(&STEPS) {
+            let sums = sum(&reference.layers[layer], &pyramid.layers[layer], &state, gate);
             let away = start.inverse() * state.camera_from_key;
-            let step = solve(&sums, &away, params)?;
+            let step = solve(&sums, &away)?;
             let motion = Vector6::from_iterator(step.iter().take(6).copied());
             state.camera_from_key *= exponential(&motion);
             // Products of rotations drift away from unit length, and each frame starts from the ones before.
@@ -103,8 +111,8 @@ pub(super) fn align(
             state.offset += step[7];
             state.grey_sigma = sigma(&sums.grey, 0.004, 0.3).unwrap_or(state.grey_sigma);
             state.depth_sigma = sigma(&sums.depth, 0.25, 20.0).unwrap_or(state.depth_sigma);
-            let is_small = motion.fixed_rows::<3>(0).norm() < params.enough_m
-                && motion.fixed_rows::<3>(3).norm() < params.enough_rad;
+            let is_small =
+                motion.fixed_rows::<3>(0).norm() < ENOUGH_M && motion.fixed_rows::<3>(3).norm() < ENOUGH_RAD;
             last = Some((sums, layer));
             if is_small {
                 break;
@@ -139,14 +147,14 @@ pub(super) fn exponential(motion: &Vector6<f64>) -> Pose3 {
 }
 
 /// The step that is best by the points, and by the start where these say nothing.
-fn solve(sums: &Sums, away: &Pose3, params: &StepParams) -> Option<Vector8> {
+fn solve(sums: &Sums, away: &Pose3) -> Option<Vector8> {
     let mut matrix = sums.matrix();
     let mut gradient = Vector8::from_row_slice(&sums.gradient);
     let moved = Vector6::from_iterator(
         away.translation.vector.iter().copied().chain(away.rotation.scaled_axis().iter().copied()),
     );
     for i in 0..6 {
-        let hold = params.hold[i / 3];
+        let hold = HOLD[i / 3];
         matrix[(i, i)] += hold;
         gradient[i] += hold * moved[i];
     }

@@ -6,58 +6,36 @@ use super::scan::Scan;
 use crate::lidar::LidarError;
 use viola_geometry::{Grid, Point2, Pose2};
 
-/// How a scan is matched.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct MatcherParams {
-    /// How far from the guess poses are looked for, in each direction.
-    pub reach_m: f64,
-    pub reach_rad: f64,
-    /// Steps of the lattice.
-    pub step_m: f64,
-    pub step_rad: f64,
-    /// The finest steps.
-    pub fine_m: f64,
-    pub fine_rad: f64,
-    /// How often at most the pose is moved by finer steps.
-    pub fine_steps: usize,
-    /// How far a hit reaches, one standard deviation.
-    pub spread_m: f64,
-    /// Hits of a scan that are looked at on the lattice, and finer.
-    pub coarse_hits: usize,
-    pub fine_hits: usize,
-    /// What a pose at the end of the reach loses, as a share of all hits: keeps a scan of which little is known
-    /// where the odometry puts it.
-    pub penalty: f64,
-}
-
-impl Default for MatcherParams {
-    fn default() -> Self {
-        MatcherParams {
-            reach_m: 0.3,
-            reach_rad: 12f64.to_radians(),
-            step_m: 0.075,
-            step_rad: 1.5f64.to_radians(),
-            fine_m: 0.004,
-            fine_rad: 0.05f64.to_radians(),
-            fine_steps: 100,
-            spread_m: 0.07,
-            coarse_hits: 90,
-            fine_hits: 180,
-            penalty: 0.05,
-        }
-    }
-}
+/// How far from the guess poses are looked for, in each direction.
+const REACH_M: f64 = 0.3;
+const REACH_RAD: f64 = 12f64.to_radians();
+/// Steps of the lattice.
+const STEP_M: f64 = 0.075;
+const STEP_RAD: f64 = 1.5f64.to_radians();
+/// The finest steps.
+const FINE_M: f64 = 0.004;
+const FINE_RAD: f64 = 0.05f64.to_radians();
+/// How often at most the pose is moved by finer steps.
+const FINE_STEPS: usize = 100;
+/// How far a hit reaches, one standard deviation.
+const SPREAD_M: f64 = 0.07;
+/// Hits of a scan that are looked at on the lattice, and finer.
+const COARSE_HITS: usize = 90;
+const FINE_HITS: usize = 180;
+/// What a pose at the end of the reach loses, as a share of all hits: keeps a scan of which little is known
+/// where the odometry puts it.
+const PENALTY: f64 = 0.05;
 
 /// The pose of every scan in the frame of the first one's odometry.
-pub(super) fn align_scans(scans: &[Scan], params: &MatcherParams) -> Result<Vec<Pose2>, LidarError> {
+pub(super) fn align_scans(scans: &[Scan]) -> Result<Vec<Pose2>, LidarError> {
     let frame = raster::frame_around(scans)?;
-    let mut field = Field { near: Grid::filled(frame, 0u8), kernel: kernel(params.spread_m) };
+    let mut field = Field { near: Grid::filled(frame, 0u8), kernel: kernel(SPREAD_M) };
     let mut poses: Vec<Pose2> = Vec::with_capacity(scans.len());
     for (index, scan) in scans.iter().enumerate() {
         let pose = match (poses.last(), index.checked_sub(1)) {
             (Some(last), Some(before)) => {
                 let step = scans[before].by_odometry.inverse().compose(&scan.by_odometry);
-                field.best_pose(scan, &last.compose(&step), params)
+                field.best_pose(scan, &last.compose(&step))
             }
             _ => scan.by_odometry,
         };
@@ -99,28 +77,27 @@ impl Field {
         }
     }
 
-    fn best_pose(&self, scan: &Scan, guess: &Pose2, params: &MatcherParams) -> Pose2 {
+    fn best_pose(&self, scan: &Scan, guess: &Pose2) -> Pose2 {
         let thinned = |count: usize| -> Vec<Point2> {
             let every = scan.hits_m.len().div_ceil(count).max(1);
             scan.hits_m.iter().step_by(every).copied().collect()
         };
-        let (coarse, fine) = (thinned(params.coarse_hits), thinned(params.fine_hits));
+        let (coarse, fine) = (thinned(COARSE_HITS), thinned(FINE_HITS));
         let score = |hits: &[Point2], offset: [f64; 3]| {
             let pose = offset_by(guess, offset);
             let near: f64 = hits.iter().map(|hit| self.value(&pose.apply(hit))).sum();
             let [x, y, yaw] = offset;
-            let way = (x * x + y * y) / (params.reach_m * params.reach_m)
-                + yaw * yaw / (params.reach_rad * params.reach_rad);
-            near / hits.len().max(1) as f64 - params.penalty * way
+            let way = (x * x + y * y) / (REACH_M * REACH_M) + yaw * yaw / (REACH_RAD * REACH_RAD);
+            near / hits.len().max(1) as f64 - PENALTY * way
         };
         let mut best = ([0.0; 3], score(&coarse, [0.0; 3]));
         let steps = |reach: f64, step: f64| {
             let count = (reach / step).round() as i64;
             (-count..=count).map(move |index| index as f64 * step)
         };
-        for yaw in steps(params.reach_rad, params.step_rad) {
-            for x in steps(params.reach_m, params.step_m) {
-                for y in steps(params.reach_m, params.step_m) {
+        for yaw in steps(REACH_RAD, STEP_RAD) {
+            for x in steps(REACH_M, STEP_M) {
+                for y in steps(REACH_M, STEP_M) {
                     let score = score(&coarse, [x, y, yaw]);
                     if score > best.1 {
                         best = ([x, y, yaw], score);
@@ -129,9 +106,9 @@ impl Field {
             }
         }
         best.1 = score(&fine, best.0);
-        let (mut step_m, mut step_rad) = (params.step_m / 2.0, params.step_rad / 2.0);
-        for _ in 0..params.fine_steps {
-            if step_m <= params.fine_m && step_rad <= params.fine_rad {
+        let (mut step_m, mut step_rad) = (STEP_M / 2.0, STEP_RAD / 2.0);
+        for _ in 0..FINE_STEPS {
+            if step_m <= FINE_M && step_rad <= FINE_RAD {
                 break;
             }
             let from = best.1;

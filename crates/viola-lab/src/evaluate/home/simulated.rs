@@ -15,34 +15,27 @@ use viola_home as home;
 use viola_home::{MapPoint, Object, Room, UprightBox, is_furniture};
 use viola_reconstruct::{CloudPoint, Label};
 
+/// Eyes are this far apart, at a person's height.
+const EYES_M: f64 = 1.2;
+/// Errors come in patches of this size.
+const PATCH_M: f64 = 0.35;
+/// Errors of places and of normals, standard deviations.
+const PLACE_M: f64 = 0.008;
+const NORMAL_RAD: f64 = 0.2;
+
 /// How a home is looked at, and how wrong the labels are.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SampleParams {
     pub voxel_m: f64,
     /// Rays from each eye, all around.
     pub rays: usize,
-    /// Eyes are this far apart, at a person's height.
-    pub eyes_m: f64,
     /// Share of the patches of surface that are called what they are.
     pub accuracy: f64,
-    /// Errors come in patches of this size.
-    pub patch_m: f64,
-    /// Errors of places and of normals, standard deviations.
-    pub place_m: f64,
-    pub normal_rad: f64,
 }
 
 impl Default for SampleParams {
     fn default() -> Self {
-        SampleParams {
-            voxel_m: 0.05,
-            rays: 20_000,
-            eyes_m: 1.2,
-            accuracy: 0.75,
-            patch_m: 0.35,
-            place_m: 0.008,
-            normal_rad: 0.2,
-        }
+        SampleParams { voxel_m: 0.05, rays: 20_000, accuracy: 0.75 }
     }
 }
 
@@ -89,7 +82,7 @@ pub fn sample(home: &HomeParams, params: &SampleParams) -> Result<SimulatedMap, 
     // The first hit in a voxel stands for it.
     let mut voxels: BTreeMap<[i32; 3], (Point3, usize)> = BTreeMap::new();
     for room in &home.plan.rooms {
-        let count = |axis: usize| (room.inner.size(axis) / params.eyes_m).ceil().max(1.0) as usize;
+        let count = |axis: usize| (room.inner.size(axis) / EYES_M).ceil().max(1.0) as usize;
         for (i, j) in (0..count(0)).flat_map(|i| (0..count(1)).map(move |j| (i, j))) {
             let at = |axis: usize, i: usize| {
                 room.inner.min[axis] + (i as f64 + 0.5) / count(axis) as f64 * room.inner.size(axis)
@@ -194,9 +187,9 @@ impl Noise<'_> {
             2.0 * sigma * sum
         };
         let at = map_from_home.apply(&p.xy());
-        let place = self.params.place_m;
+        let place = PLACE_M;
         let at = [at.x + jitter(place), at.y + jitter(place), p.z + jitter(place)];
-        let lean = self.params.normal_rad;
+        let lean = NORMAL_RAD;
         let turned = map_from_home.rotate(&normal.xy());
         let normal = Vector3::new(turned.x + jitter(lean), turned.y + jitter(lean), normal.z + jitter(lean));
         let normal = normal.try_normalize(1e-6).unwrap_or_else(Vector3::z);
@@ -212,7 +205,7 @@ impl Noise<'_> {
     }
 
     fn called(&mut self, p: &Point3, class: Class, instance: u16) -> Class {
-        let key = [p.x, p.y, p.z].map(|c| (c / self.params.patch_m).floor() as i32);
+        let key = [p.x, p.y, p.z].map(|c| (c / PATCH_M).floor() as i32);
         let (dice, accuracy) = (&mut self.dice, self.params.accuracy);
         *self.patches.entry((key, instance, class.id())).or_insert_with(|| {
             if dice.random::<f64>() < accuracy {

@@ -1,10 +1,13 @@
 //! What a frame shows where a key frame's points fall, and what that says of the pose.
 
-use super::state::{State, StepParams};
+use super::state::State;
 use super::sums::Sums;
 use crate::track::picture::Layer;
 use crate::track::reference::{Group, LANES, Lanes};
 use rayon::prelude::*;
+
+/// Weight of grey against depth; 1 takes both at their estimated errors.
+const GREY_WEIGHT: f64 = 1.0;
 
 /// Groups that one thread works on. Fixed, so that sums do not hang on the number of threads.
 const CHUNK: usize = 256;
@@ -12,8 +15,8 @@ const CHUNK: usize = 256;
 const FREEDOM: f32 = 5.0;
 
 /// The sums over all points of a layer.
-pub(super) fn sum(groups: &[Group], layer: &Layer, state: &State, gate: f32, params: &StepParams) -> Sums {
-    let look = Look::new(layer, state, gate, params);
+pub(super) fn sum(groups: &[Group], layer: &Layer, state: &State, gate: f32) -> Sums {
+    let look = Look::new(layer, state, gate);
     let parts: Vec<Sums> = groups.par_chunks(CHUNK).map(|chunk| look.sum(chunk)).collect();
     let mut sums = Sums::ZERO;
     parts.iter().for_each(|part| sums.add(part));
@@ -48,7 +51,7 @@ struct Found {
 }
 
 impl<'a> Look<'a> {
-    fn new(layer: &'a Layer, state: &State, gate: f32, params: &StepParams) -> Look<'a> {
+    fn new(layer: &'a Layer, state: &State, gate: f32) -> Look<'a> {
         let turn = state.camera_from_key.rotation.to_rotation_matrix();
         let shift = state.camera_from_key.translation.vector;
         let camera = &layer.camera;
@@ -63,7 +66,7 @@ impl<'a> Look<'a> {
             gate,
             grey_scale: (1.0 / (state.grey_sigma * state.grey_sigma)) as f32,
             depth_scale: (1.0 / (state.depth_sigma * state.depth_sigma)) as f32,
-            grey_weight: params.grey_weight as f32,
+            grey_weight: GREY_WEIGHT as f32,
         }
     }
 

@@ -1,0 +1,98 @@
+//! A further revision, and the clips that are aligned to it.
+
+use super::{LidarMapRevision, current, current_or_missing, file_key, image_key};
+use crate::storage::changes::{self, Changed};
+use crate::storage::columns::to_json;
+use crate::storage::database::query;
+use crate::storage::incoming::Arrived;
+use crate::storage::{HomeId, Storage, StorageError, homes, jobs};
+use jiff::Timestamp;
+use uuid::Uuid;
+use viola_formats::lidar::LidarInfo;
+
+/// A map that was read and found good.
+pub struct NewLidarMap {
+    pub file: Arrived,
+    pub info: LidarInfo,
+    /// Preview picture.
+    pub image_png: Vec<u8>,
+}
+
+impl Storage {
+    /// Adds a revision and queues every clip of the home for it. The same file as the current revision's
+    /// changes nothing; the flag tells whether there is a new revision.
+    pub async fn put_lidar_map(
+        &self,
+        home: &HomeId,
+        new: NewLidarMap,
+        now: Timestamp,
+    ) -> Result<(LidarMapRevision, bool), StorageError> {
+        let id = Uuid::now_v7();
+        let row =
+            NewRow { id, size_bytes: new.file.size_bytes, sha256: new.file.sha256.clone(), info: new.info };
+        // Side by side: a store that is slow is waited for once.
+        let (file_key, image_key) = (file_key(id), image_key(id));
+        let (file, image) =
+            tokio::join!(self.blobs.keep(new.file, &file_key), self.blobs.put(&image_key, new.image_png));
+        if let Err(error) = file.and(image) {
+            self.blobs.discard(&[file_key, image_key]).await;
+            return Err(error);
+        }
+        let added = self.insert_lidar_map(home, row, now).await;
+        let is_for_nothing = match &added {
+            Ok((_, is_new)) => !is_new,
+            // The row may be there all the same; a sweep decides.
+            Err(error) => !error.is_unsettled(),
+        };
+        if is_for_nothing {
+            self.blobs.discard(&[file_key, image_key]).await;
+        }
+        added
+    }
+
+    async fn insert_lidar_map(
+        &self,
+        home: &HomeId,
+        new: NewRow,
+        now: Timestamp,
+    ) -> Result<(LidarMapRevision, bool), StorageError> {
+        let mut transaction = self.database.begin().await?;
+        if !homes::lock(&mut transaction, home).await? {
+            return Err(StorageError::NoSuchHome);
+        }
+        let current = current(&mut transaction, home).await?;
+        let revision = current.as_ref().map_or(0, |current| current.revision) + 1;
+        if let Some(current) = current
+            && current.sha256 == new.sha256
+        {
+            return Ok((current, false));
+        }
+        query(
+            "INSERT INTO lidar_maps (id, home_id, revision, size_bytes, sha256, info, created_at)
+            VALUES ($1, $2, $3, $4, $5, $6, $7)",
+        )
+        .bind(new.id.to_string())
+        .bind(home.key())
+        .bind(revision)
+        .bind(new.size_bytes as i64)
+        .bind(&new.sha256)
+        .bind(to_json(&new.info))
+        .bind(now.as_millisecond())
+        .execute(&mut transaction)
+        .await?;
+        homes::grow(&mut transaction, home, new.size_bytes as i64).await?;
+        let stale_blobs = jobs::enqueue_home(&mut transaction, home, new.id, now).await?;
+        changes::record(&mut transaction, home, Changed::LidarMap { revision }, now).await?;
+        let added = current_or_missing(&mut transaction, home).await?;
+        transaction.commit().await?;
+        self.blobs.discard(&stale_blobs).await;
+        Ok((added, true))
+    }
+}
+
+struct NewRow {
+    id: Uuid,
+    size_bytes: u64,
+    sha256: String,
+    info: LidarInfo,
+}
