@@ -57,7 +57,7 @@ pub fn simulated(arguments: &EvaluateArguments) -> Result<()> {
         let home = viola_lab::simulate::HomeParams::new(*set, arguments.seeds.start);
         let map = judge::sample(&home, &params)?;
         let rooms = home::rooms(&map.lidar, &map.points);
-        let sizes = home::ObjectsParams { voxel_m: params.voxel_m, ..home::ObjectsParams::default() };
+        let sizes = home::ObjectsParams { voxel_m: params.voxel_m };
         let objects = home::objects(&map.points, &rooms, &sizes);
         let plan = home::plan(&map.lidar, &map.points, &rooms, &objects);
         let picture = out.join(format!("plan_{}.png", set.name()));

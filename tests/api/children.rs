@@ -43,7 +43,8 @@ fn endless(_: &Path, _: &[u8], _: &JobParams, progress: &dyn Progress) -> Result
 /// A server whose jobs end only in children.
 async fn server(program: PathBuf) -> Server {
     Server::with(|params| {
-        params.workers = 2;
+        // One more than a test has clips: somebody must be free to find that a worker was lost.
+        params.workers = 4;
         params.worker.method = endless;
         // That another worker has the job is noticed at a third of this.
         params.worker.lease = Duration::from_secs(3);

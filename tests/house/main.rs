@@ -1,6 +1,7 @@
 //! The invariants of the house, held over the sources: who may import whom, and how long a file and a function may be.
 
 mod circles;
+mod knobs;
 mod sources;
 
 use sources::{Source, sources};
@@ -268,4 +269,9 @@ fn no_three_files_import_each_other_in_a_circle() {
         }
     }
     check(broken);
+}
+
+#[test]
+fn what_nobody_sets_is_a_constant() {
+    check(knobs::unset(&sources(), &sources::tests()));
 }

@@ -45,6 +45,13 @@ pub fn sources() -> Vec<Source> {
     all
 }
 
+/// The sources of the integration tests.
+pub fn tests() -> Vec<Source> {
+    let mut all = Vec::new();
+    collect("tests", &Path::new(env!("CARGO_MANIFEST_DIR")).join("tests"), &mut all);
+    all
+}
+
 fn collect(krate: &str, source_root: &Path, into: &mut Vec<Source>) {
     let mut folders = vec![source_root.to_owned()];
     while let Some(folder) = folders.pop() {

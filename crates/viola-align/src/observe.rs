@@ -165,11 +165,7 @@ impl Observation {
         params: &RaycastParams,
     ) -> VirtualScan {
         let rise_m = first.first_camera_height_m - floor.first_camera_height_m;
-        let params = RaycastParams {
-            vacuum_height_m: params.vacuum_height_m + rise_m,
-            floor_m: rise_m,
-            ..params.clone()
-        };
+        let params = RaycastParams { vacuum_height_m: params.vacuum_height_m + rise_m, floor_m: rise_m };
         scan::raycast(&self.cloud_in_clip, keys, &first.clip_from_world, &params)
     }
 

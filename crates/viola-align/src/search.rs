@@ -42,8 +42,6 @@ pub struct SearchLimits {
 /// How the search runs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SearchParams {
-    /// Translations are multiples of this.
-    pub cell_m: f64,
     pub rotations: usize,
     /// Hits used; of more, every so many-th is taken, so that clutter keeps its share and no more.
     pub hits: usize,
@@ -61,7 +59,6 @@ pub struct SearchParams {
 impl Default for SearchParams {
     fn default() -> Self {
         SearchParams {
-            cell_m: 0.05,
             rotations: 360,
             hits: 128,
             levels: 5,

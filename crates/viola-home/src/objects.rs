@@ -22,6 +22,9 @@ use fragment::Fragment;
 use serde::{Deserialize, Serialize};
 use viola_geometry::taxonomy::Class;
 
+/// Side of the cells that points are gathered in; one and a half voxels where those are larger.
+const CELL_M: f64 = 0.06;
+
 /// Cells of one class this far apart touch. Less than an inner wall is thick, and the cells beside it.
 const REACH_M: f64 = 0.13;
 /// Surface that an object must show, in square metres ...
@@ -40,13 +43,11 @@ const CLIP_SHARE: f64 = 0.05;
 pub struct ObjectsParams {
     /// Side of the map's voxels.
     pub voxel_m: f64,
-    /// Side of the cells that points are gathered in; one and a half voxels where those are larger.
-    pub cell_m: f64,
 }
 
 impl Default for ObjectsParams {
     fn default() -> Self {
-        ObjectsParams { voxel_m: 0.03, cell_m: 0.06 }
+        ObjectsParams { voxel_m: 0.03 }
     }
 }
 
@@ -91,7 +92,7 @@ pub fn objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams) -> V
 
 /// The same with the points of each.
 pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams) -> Vec<Found> {
-    let cells = Cells::new(points, params.cell_m.max(1.5 * params.voxel_m));
+    let cells = Cells::new(points, CELL_M.max(1.5 * params.voxel_m));
     let labels = cells.labels();
     let wall_yaw_rad = cells.wall_direction(&labels);
     let reach = ((REACH_M / cells.side_m) as i64).max(1);

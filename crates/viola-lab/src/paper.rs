@@ -47,9 +47,8 @@ pub struct PaperParams {
     pub refiner: Refiner,
     /// Points kept by farthest-point sampling.
     pub hits: usize,
-    /// Side of a raster cell, and of the square that a point fills, in cells.
+    /// Side of a raster cell.
     pub cell_m: f64,
-    pub dilation: usize,
     pub rotations: usize,
     /// How far the box around the clip's hits may stick out of the box around the map's points.
     pub margin_m: f64,
@@ -57,14 +56,7 @@ pub struct PaperParams {
 
 impl Default for PaperParams {
     fn default() -> Self {
-        PaperParams {
-            refiner: Refiner::Chamfer,
-            hits: 500,
-            cell_m: 0.01,
-            dilation: 5,
-            rotations: 360,
-            margin_m: 1.0,
-        }
+        PaperParams { refiner: Refiner::Chamfer, hits: 500, cell_m: 0.01, rotations: 360, margin_m: 1.0 }
     }
 }
 

@@ -21,15 +21,9 @@ const MAX_KEY_FRAMES: usize = 2_000;
 const MAX_BROKEN_SHARE: f64 = 0.1;
 
 /// How key frames are chosen and fused.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct FuseParams {
     pub tsdf: TsdfParams,
-}
-
-impl Default for FuseParams {
-    fn default() -> Self {
-        FuseParams { tsdf: TsdfParams::default() }
-    }
 }
 
 /// The fused clip.

@@ -140,7 +140,7 @@ impl Obstacles {
         for (index, standing) in self.points.iter().enumerate() {
             let offset = standing.point_m - from;
             let range_m = offset.norm();
-            if range_m < 0.05 || range_m > MAX_RANGE_M {
+            if !(0.05..=MAX_RANGE_M).contains(&range_m) {
                 continue;
             }
             // Neighbouring points of one surface shade without a gap between them.

@@ -11,6 +11,9 @@ use rayon::prelude::*;
 use std::cmp::Ordering;
 use viola_geometry::{GridFrame, Point2, Pose2, angle_between};
 
+/// Translations are multiples of this.
+const CELL_M: f64 = 0.05;
+
 /// Scale of the likelihood that a hit belongs to a map point, by their distance.
 const SIGMA_M: f64 = 0.10;
 /// The clip's origin may lie this far outside the box around the map.
@@ -62,7 +65,7 @@ struct Raster {
 
 impl Raster {
     fn new(field: &GridFrame, reach_m: f64, params: &SearchParams) -> Raster {
-        let mut cell_m = params.cell_m;
+        let mut cell_m = CELL_M;
         loop {
             let raster = Raster::of_cells(field, reach_m, cell_m, params);
             if raster.bytes() <= MAX_BYTES {
@@ -273,7 +276,7 @@ mod tests {
         let params = SearchParams::default();
         for (side_m, reach_m) in [(10.0, 8.0), (10.0, 1e5), (80.0, 40.0), (150.0, 15.0), (180.0, 5.0)] {
             let raster = Raster::new(&field(side_m, side_m), reach_m, &params);
-            assert_eq!(raster.frame.cell_m, params.cell_m, "{side_m} {reach_m}");
+            assert_eq!(raster.frame.cell_m, CELL_M, "{side_m} {reach_m}");
             assert_eq!(raster.levels == params.levels, side_m < 170.0, "{side_m} {reach_m}");
         }
     }

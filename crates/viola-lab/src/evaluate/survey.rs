@@ -10,6 +10,9 @@ use std::fmt::Write;
 use viola_align::VACUUM_HEIGHT_M;
 use viola_geometry::{DistanceField, Grid, GridFrame, Point2, Point3, Pose2, Pose3, Vector2};
 
+/// One hit is kept in each cell of this side, as robots' maps do.
+const CELL_M: f64 = 0.02;
+
 /// Distance between sensors.
 const SPACING_M: f64 = 0.8;
 /// Sensors keep this far from everything.
@@ -27,13 +30,11 @@ pub struct SurveyParams {
     pub noise_m: f64,
     /// Share of the hits that are lost.
     pub drop_out: f64,
-    /// One hit is kept in each cell of this side, as robots' maps do.
-    pub cell_m: f64,
 }
 
 impl Default for SurveyParams {
     fn default() -> Self {
-        SurveyParams { seed: 0, height_m: VACUUM_HEIGHT_M, noise_m: 0.01, drop_out: 0.1, cell_m: 0.02 }
+        SurveyParams { seed: 0, height_m: VACUUM_HEIGHT_M, noise_m: 0.01, drop_out: 0.1 }
     }
 }
 
@@ -92,7 +93,7 @@ impl Survey {
                 let is_lost = rng.random_bool(params.drop_out);
                 let Some(range_m) = section.range_m(sensor, &toward, RANGE_M) else { continue };
                 let point = map_from_world.apply(&(sensor + toward * range_m + noise));
-                let cell = [point.x, point.y].map(|c| (c / params.cell_m).floor() as i64);
+                let cell = [point.x, point.y].map(|c| (c / CELL_M).floor() as i64);
                 if !is_lost && taken.insert(cell) {
                     points_m.push(point);
                 }
@@ -139,7 +140,7 @@ fn floor(mesh: &Mesh, world_from_cameras: &[Pose3]) -> Option<f64> {
 
 /// Places on free floor that the robot can reach from below the cameras, in the world.
 fn sensors(mesh: &Mesh, cameras: &[Point2], floor_m: f64, params: &SurveyParams) -> Vec<Point2> {
-    const CELL_M: f64 = 0.05;
+    const STANDING_CELL_M: f64 = 0.05;
     /// Unevenness of a scanned floor; what is higher stands in the way.
     const LEVEL_M: f64 = 0.05;
     /// Scanned floors have holes of this radius.
@@ -152,14 +153,14 @@ fn sensors(mesh: &Mesh, cameras: &[Point2], floor_m: f64, params: &SurveyParams)
         ([min[0].min(p.x), min[1].min(p.y)], [max[0].max(p.x), max[1].max(p.y)])
     });
     // Nobody sees further into a home than this from where they walked.
-    let frame = GridFrame::covering(min, max, RANGE_M, CELL_M);
+    let frame = GridFrame::covering(min, max, RANGE_M, STANDING_CELL_M);
     let mut floor = Grid::filled(frame, false);
     let mut standing = Grid::filled(frame, false);
     for corners in mesh.corners() {
         if corners.iter().all(|c| c.z > top_m) || corners.iter().all(|c| c.z < floor_m - LEVEL_M) {
             continue;
         }
-        for point in spread(&corners, 0.5 * CELL_M) {
+        for point in spread(&corners, 0.5 * STANDING_CELL_M) {
             if let Some((x, y)) = frame.cell(&point.xy()) {
                 if (point.z - floor_m).abs() <= LEVEL_M {
                     floor.set(x, y, true);

@@ -12,6 +12,9 @@ use viola_align::Candidate;
 use viola_geometry::progress::{self, Progress};
 use viola_geometry::{Point2, Pose2, angle_between};
 
+/// Side of the square that a point fills, in cells.
+const DILATION: usize = 5;
+
 /// The best candidates that are refined. Two that are nearer to each other than this, and turned less
 /// than `apart_rad`, are one.
 const STARTS: usize = 200;
@@ -41,7 +44,7 @@ pub(super) fn correlate(
                 || map.fft.bench(),
                 |bench, step| {
                     let yaw_rad = step as f64 * std::f64::consts::TAU / params.rotations as f64;
-                    map.peaks(hits_m, yaw_rad, params, bench)
+                    map.peaks(hits_m, yaw_rad, bench)
                 },
             )
             .collect();
@@ -138,28 +141,22 @@ impl MapRaster {
         while size_m.x * size_m.y / (cell_m * cell_m) > MAX_CELLS {
             cell_m *= 2.0;
         }
-        let cells = |length_m: f64| (length_m / cell_m) as usize + 1 + params.dilation;
+        let cells = |length_m: f64| (length_m / cell_m) as usize + 1 + DILATION;
         let (width, height) = (cells(size_m.x), cells(size_m.y));
         let points = map_m.iter().map(|p| ((p - corner_m) / cell_m).into());
-        let raster = Raster::new(width, height, params.dilation, points);
+        let raster = Raster::new(width, height, DILATION, points);
         let fft = Fft2::at_least(width, height);
         let spectrum = fft.forward(&raster.cells, width);
         MapRaster { spectrum, sums: raster.sums(), width, height, corner_m, cell_m, fft }
     }
 
     /// The best of each square of `apart_m` over all shifts at one rotation, the best `starts` of them.
-    fn peaks(
-        &self,
-        hits_m: &[Point2],
-        yaw_rad: f64,
-        params: &PaperParams,
-        bench: &mut Bench,
-    ) -> Vec<Candidate> {
+    fn peaks(&self, hits_m: &[Point2], yaw_rad: f64, bench: &mut Bench) -> Vec<Candidate> {
         let turn = Pose2::new(0.0, 0.0, yaw_rad);
         let turned: Vec<Point2> = hits_m.iter().map(|hit| turn.apply(hit)).collect();
         let (min, _) = bounds(&turned);
-        let template = self.template(&turned, params.dilation);
-        let border = (params.dilation / 2) as f64;
+        let template = self.template(&turned, DILATION);
+        let border = (DILATION / 2) as f64;
         let square = ((APART_M / self.cell_m) as usize).max(1);
         let squares_wide = self.width / square + 1;
         let mut best = vec![Peak::NONE; squares_wide * (self.height / square + 1)];
@@ -267,9 +264,9 @@ mod tests {
         let params = PaperParams { cell_m: 0.05, margin_m: 0.2, ..PaperParams::default() };
         let (map_m, hits_m) = (scattered(30, 1, 1.6), scattered(12, 2, 0.7));
         let map = MapRaster::new(&hits_m, &map_m, &params);
-        let template = map.template(&hits_m, params.dilation);
+        let template = map.template(&hits_m, DILATION);
         let points = map_m.iter().map(|p| ((p - map.corner_m) / map.cell_m).into());
-        let picture = Raster::new(map.width, map.height, params.dilation, points);
+        let picture = Raster::new(map.width, map.height, DILATION, points);
         let mut count = 0;
         map.scores(&template, &mut map.fft.bench(), |dx, dy, score| {
             count += 1;

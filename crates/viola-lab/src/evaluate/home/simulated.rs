@@ -274,7 +274,7 @@ pub fn simulated(
         // The robot's own segments would be the truth.
         map.lidar.rooms.clear();
         let computed = home::rooms(&map.lidar, &map.points);
-        let objects = home::ObjectsParams { voxel_m: params.voxel_m, ..home::ObjectsParams::default() };
+        let objects = home::ObjectsParams { voxel_m: params.voxel_m };
         all.add(&judge_objects(&map, &home::objects(&map.points, &computed, &objects)));
         let (there, matched) = judge_rooms(&map, &computed);
         rooms = (rooms.0 + there, rooms.1 + matched);
