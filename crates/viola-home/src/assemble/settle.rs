@@ -165,7 +165,7 @@ mod tests {
         let clips = [held(pose(1.0, 2.0, 0.5), 0.05), held(second, 0.05)];
         let overlap = sure(Pose3::identity(), 1e8);
         let ties = [Tie { a: 0, b: 1, overlap: &overlap }];
-        let settled = settle(&clips, &ties, FADE).unwrap();
+        let settled = settle(&clips, &ties, 1e9).unwrap();
         let half = Pose3::from_parts(Vector3::new(1.02, 2.0, 0.01).into(), clips[0].map_from_clip.rotation);
         assert!(distance_m(&settled, &half) < 1e-4, "{settled:?}");
     }
