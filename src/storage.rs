@@ -18,7 +18,6 @@ mod columns;
 #[cfg(test)]
 mod conformance;
 mod database;
-mod doomed;
 mod error;
 mod folder_lock;
 mod home_maps;
@@ -32,6 +31,7 @@ mod leases;
 mod lidar_maps;
 mod open;
 mod params;
+mod pending_deletes;
 mod placement;
 pub mod result_file;
 mod signals;

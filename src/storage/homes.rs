@@ -7,7 +7,7 @@ pub use id::{HomeId, InvalidHomeId, InvalidTenant, Tenant};
 use super::changes::{self, Changed};
 use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
-use super::{Page, Storage, StorageError, doomed};
+use super::{Page, Storage, StorageError, pending_deletes};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
@@ -136,7 +136,7 @@ impl Storage {
         let mut transaction = self.database.begin().await?;
         if !lock(&mut transaction, id).await? {
             drop(transaction);
-            let had_left = self.remove_doomed(&owner).await?;
+            let had_left = self.delete_pending(&owner).await?;
             return if had_left { Ok(()) } else { Err(StorageError::NoSuchHome) };
         }
         let blobs: Vec<String> = [
@@ -152,10 +152,10 @@ impl Storage {
         grow(&mut transaction, id, -size_bytes).await?;
         query("DELETE FROM homes WHERE id = $1").bind(id.key()).execute(&mut transaction).await?;
         changes::record_home_removed(&mut transaction, id, now).await?;
-        doomed::doom(&mut transaction, &owner, &blobs, now).await?;
-        doomed::take_over(&mut transaction, &owner, &format!("clip:{}", id.key())).await?;
+        pending_deletes::add(&mut transaction, &owner, &blobs, now).await?;
+        pending_deletes::take_over(&mut transaction, &owner, &format!("clip:{}", id.key())).await?;
         transaction.commit().await?;
-        self.remove_doomed(&owner).await?;
+        self.delete_pending(&owner).await?;
         Ok(())
     }
 }

@@ -2,7 +2,7 @@
 
 use super::columns::Columns;
 use super::database::query;
-use super::{Page, Storage, StorageError, Tenant, doomed, uploads};
+use super::{Page, Storage, StorageError, Tenant, pending_deletes, uploads};
 use jiff::Timestamp;
 
 /// Homes that are looked up at a time.
@@ -46,13 +46,13 @@ impl Storage {
         let owner = format!("tenant:{}", tenant.name());
         let mut transaction = self.database.begin().await?;
         let pieces = uploads::blob_keys_of_tenant(&mut transaction, tenant).await?;
-        doomed::doom(&mut transaction, &owner, &pieces, now).await?;
+        pending_deletes::add(&mut transaction, &owner, &pieces, now).await?;
         let delete = query("DELETE FROM uploads WHERE tenant = $1").bind(tenant.name());
         removed.uploads = delete.execute(&mut transaction).await?;
         // The feed's memory of what was deleted is of no use to nobody.
         query("DELETE FROM changes WHERE tenant = $1").bind(tenant.name()).execute(&mut transaction).await?;
         transaction.commit().await?;
-        self.remove_doomed(&owner).await?;
+        self.delete_pending(&owner).await?;
         // Deletions of before whose store had failed.
         while self.finish_deletions().await? > 0 {}
         let mut transaction = self.database.begin().await?;

@@ -3,13 +3,13 @@
 //! [`assemble`] is a function of the set: the clips are brought into an order that depends on what they are and not on
 //! when they came, and everything that is kept from the last map is only there so as not to be computed again.
 
+mod cache;
 mod level;
 mod members;
 mod neighbours;
 mod overlap;
 mod poses;
 mod settle;
-mod shelf;
 mod sight;
 mod surface;
 mod tile;
@@ -24,10 +24,10 @@ pub use tile::{CLIP_AT, POINT_BYTES, Tile, TileBytes, TileInfo, TileKey, point_b
 
 pub(super) use voxels::Voxels;
 
-use super::share::Share;
+use super::contribution::ClipContribution;
+use cache::Cache;
 use poses::Placed;
 use serde::{Deserialize, Serialize};
-use shelf::Shelf;
 use std::collections::BTreeMap;
 use viola_geometry::Pose2;
 
@@ -75,12 +75,12 @@ pub struct Assembly {
 pub fn assemble<E>(
     last: &Manifest,
     mut members: Vec<Member>,
-    load: &mut dyn FnMut(&Member) -> Result<Share, E>,
+    load: &mut dyn FnMut(&Member) -> Result<ClipContribution, E>,
 ) -> Result<Assembly, E> {
     members.sort_by(|a, b| a.order().cmp(&b.order()));
-    let mut shelf = Shelf::new(load);
-    let mut placed = poses::place(last, &members, &mut shelf)?;
-    let (clips, changed) = tiles::rebuild(last, std::mem::take(&mut placed.clips), &mut shelf)?;
+    let mut cache = Cache::new(load);
+    let mut placed = poses::place(last, &members, &mut cache)?;
+    let (clips, changed) = tiles::rebuild(last, std::mem::take(&mut placed.clips), &mut cache)?;
     let mut known: BTreeMap<TileKey, TileInfo> = last.tiles.iter().cloned().collect();
     for (key, tile) in &changed {
         match tile {

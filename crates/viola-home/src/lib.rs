@@ -3,6 +3,7 @@
 mod assemble;
 mod completion;
 mod contact_sheet;
+mod contribution;
 mod coverage;
 mod describe;
 mod info;
@@ -15,7 +16,6 @@ mod ply;
 mod points;
 mod rooms;
 mod shades;
-mod share;
 
 pub use assemble::{
     Assembly, CLIP_AT, Extent, Level, Manifest, Member, Opinion, Overlap, POINT_BYTES, Pair, PlacedBy,
@@ -23,6 +23,7 @@ pub use assemble::{
 };
 pub use completion::{completion_png, completion_pngs};
 pub use contact_sheet::contact_sheet_png;
+pub use contribution::{ClipContribution, ClipScan, ScanCamera, read_views, views_bytes};
 pub use coverage::{Coverage, RoomCoverage, coverage};
 pub use describe::{Description, describe};
 pub use info::{ClassCount, HomeMapInfo};
@@ -34,7 +35,6 @@ pub use plan::{Plan, plan, plan_geojson, plan_png, plan_svg};
 pub use ply::{NotOurs, cloud_ply, read_cloud_ply};
 pub use points::{ClipNumbers, Glb, Ply, PointFilter};
 pub use rooms::{Room, RoomSource, rooms};
-pub use share::{ClipScan, ScanCamera, Share, read_views, views_bytes};
 
 /// Side of the map's voxels: that of the clips.
 pub const MAP_VOXEL_M: f64 = 0.03;

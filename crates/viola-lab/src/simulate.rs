@@ -12,24 +12,24 @@
 mod change;
 mod clearance;
 mod clip;
-mod dice;
 mod export;
 mod finish;
 mod furnish;
 mod home;
 mod in_memory;
 mod lidar_files;
-mod likeness;
 mod picture;
 mod piece;
 mod plan;
 mod render;
+mod rng;
 mod scene;
 mod sensor;
 mod shade;
 mod solid;
 mod structure;
 mod survey;
+mod symmetry;
 mod walk;
 
 pub use clip::{ClipParams, ClipTruth, LabelImage, SimulatedClip};

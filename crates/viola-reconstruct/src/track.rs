@@ -29,7 +29,7 @@ pub use clip::{TrackedClip, refine, track};
 pub use lost::Lost;
 
 use corners::Describer;
-use graph::Tie;
+use graph::Edge;
 use keys::KeyFrame;
 use odometry::Odometry;
 use picture::Pyramid;
@@ -123,7 +123,7 @@ pub struct Tracker {
     describer: Describer,
     odometry: Odometry,
     keys: Vec<KeyFrame>,
-    ties: Vec<Tie>,
+    edges: Vec<Edge>,
     frames: Vec<Option<Followed>>,
     /// Why each segment ended, in the order of their beginning.
     ended: Vec<Option<Lost>>,
@@ -143,7 +143,7 @@ impl Tracker {
             params: params.clone(),
             describer: Describer::new(),
             keys: Vec::new(),
-            ties: Vec::new(),
+            edges: Vec::new(),
             frames: Vec::new(),
             ended: Vec::new(),
             is_lost: true,
@@ -185,14 +185,14 @@ impl Tracker {
                     uncertainty_m: moved.step.worst_m(),
                 };
                 if moved.is_key {
-                    self.ties.push(Tie {
+                    self.edges.push(Edge {
                         a: key,
                         b: key + 1,
                         b_from_a: followed.camera_from_key,
                         information: moved.step.trusted_information(),
                         is_loop: false,
                     });
-                    self.ties.extend(expected.and_then(|expected| self.device_tie(key, expected)));
+                    self.edges.extend(expected.and_then(|expected| self.device_edge(key, expected)));
                     let pose = self.keys[key].world_from_key * followed.camera_from_key.inverse();
                     self.keep(&moved.pyramid, self.keys[key].segment, pose);
                 }
@@ -223,7 +223,7 @@ impl Tracker {
         if let Some((a, step)) = self.relocalise(&key) {
             key.segment = self.keys[a].segment;
             key.world_from_key = self.keys[a].world_from_key * step.camera_from_key.inverse();
-            self.ties.push(Tie {
+            self.edges.push(Edge {
                 a,
                 b: self.keys.len(),
                 b_from_a: step.camera_from_key,
@@ -253,7 +253,7 @@ impl Tracker {
     /// The key frame that shows the place of a new one.
     fn relocalise(&self, key: &KeyFrame) -> Option<(usize, step::Step)> {
         let mut alike: Vec<(usize, usize)> =
-            self.keys.iter().enumerate().map(|(i, other)| (other.likeness(key.words()), i)).collect();
+            self.keys.iter().enumerate().map(|(i, other)| (other.similarity(key.words()), i)).collect();
         alike.sort_by(|a, b| b.cmp(a));
         alike.iter().take(RELOCALISE_TRIES).find_map(|&(_, a)| {
             let seed = self.params.seed ^ ((a as u64) << 32) ^ key.frame as u64;
@@ -286,31 +286,31 @@ impl Tracker {
 
     fn close_loops(&mut self) -> (usize, usize) {
         let by_look = loops::by_look(&self.keys, self.params.seed);
-        self.ties.extend(by_look);
+        self.edges.extend(by_look);
         self.join_segments();
         let believed = self.settle();
         let dropped = believed.iter().filter(|believed| !**believed).count();
         let mut believed = believed.into_iter();
-        self.ties.retain(|_| believed.next().unwrap_or(true));
-        let by_pose = loops::by_pose(&self.keys, &self.ties);
-        self.ties.extend(by_pose);
+        self.edges.retain(|_| believed.next().unwrap_or(true));
+        let by_pose = loops::by_pose(&self.keys, &self.edges);
+        self.edges.extend(by_pose);
         let believed = self.settle();
-        let ties = self.ties.iter().zip(&believed).filter(|(tie, _)| tie.is_loop);
-        let right = ties.clone().filter(|(_, believed)| **believed).count();
-        (right, dropped + ties.count() - right)
+        let edges = self.edges.iter().zip(&believed).filter(|(edge, _)| edge.is_loop);
+        let right = edges.clone().filter(|(_, believed)| **believed).count();
+        (right, dropped + edges.count() - right)
     }
 
     /// Brings segments that a loop connects into one world.
     fn join_segments(&mut self) {
-        for tie in &self.ties {
-            let (a, b) = (self.keys[tie.a].segment, self.keys[tie.b].segment);
+        for edge in &self.edges {
+            let (a, b) = (self.keys[edge.a].segment, self.keys[edge.b].segment);
             if a == b {
                 continue;
             }
             let (into, from) = (a.min(b), a.max(b));
-            let a_from_b = self.keys[tie.a].world_from_key
-                * tie.b_from_a.inverse()
-                * self.keys[tie.b].world_from_key.inverse();
+            let a_from_b = self.keys[edge.a].world_from_key
+                * edge.b_from_a.inverse()
+                * self.keys[edge.b].world_from_key.inverse();
             let moved = if into == a { a_from_b } else { a_from_b.inverse() };
             for key in self.keys.iter_mut().filter(|key| key.segment == from) {
                 key.segment = into;
@@ -322,7 +322,7 @@ impl Tracker {
 
     fn settle(&mut self) -> Vec<bool> {
         let mut poses: Vec<Pose3> = self.keys.iter().map(|key| key.world_from_key).collect();
-        let believed = graph::settle(&mut poses, &self.ties);
+        let believed = graph::settle(&mut poses, &self.edges);
         for (key, pose) in self.keys.iter_mut().zip(poses) {
             key.world_from_key = pose;
         }

@@ -2,7 +2,7 @@
 
 use super::super::changes::{self, Changed};
 use super::super::database::query;
-use super::super::{HomeId, Storage, StorageError, doomed, home_maps, homes, jobs};
+use super::super::{HomeId, Storage, StorageError, home_maps, homes, jobs, pending_deletes};
 use super::{blobs_of, find_locked};
 use jiff::Timestamp;
 use uuid::Uuid;
@@ -16,7 +16,7 @@ impl Storage {
         let clip = match find_locked(&mut transaction, home, id).await {
             Err(StorageError::NoSuchClip) => {
                 drop(transaction);
-                let had_left = self.remove_doomed(&owner).await?;
+                let had_left = self.delete_pending(&owner).await?;
                 return if had_left { Ok(()) } else { Err(StorageError::NoSuchClip) };
             }
             found => found?,
@@ -28,9 +28,10 @@ impl Storage {
             home_maps::changed(&mut transaction, home).await?;
         }
         changes::record(&mut transaction, home, Changed::ClipRemoved { id }, now).await?;
-        doomed::doom(&mut transaction, &owner, &blobs_of(id, clip.result_key.as_deref()), now).await?;
+        pending_deletes::add(&mut transaction, &owner, &blobs_of(id, clip.result_key.as_deref()), now)
+            .await?;
         transaction.commit().await?;
-        self.remove_doomed(&owner).await?;
+        self.delete_pending(&owner).await?;
         Ok(())
     }
 }

@@ -1,11 +1,11 @@
 //! Where the clips of a home are: each by itself, then together.
 
+use super::cache::{Cache, Loaded};
 use super::level::{Level, apart, in_space};
 use super::members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
 use super::neighbours::{self, Asked, Neighbour};
 use super::overlap::{Overlap, overlap};
-use super::settle::{FADE, Held, Tie, settle};
-use super::shelf::{Loaded, Shelf};
+use super::settle::{Edge, FADE, Prior, settle};
 use super::sight::Sights;
 use super::{Manifest, Opinion, Pair};
 use nalgebra::Matrix3;
@@ -39,7 +39,7 @@ pub(super) struct Placed<'a> {
 pub(super) fn place<'a, E>(
     last: &Manifest,
     members: &'a [Member],
-    shelf: &mut Shelf<E>,
+    cache: &mut Cache<E>,
 ) -> Result<Placed<'a>, E> {
     let mut known = Vec::new();
     let before: FxHashMap<&str, &PlacedClip> = last.clips.iter().map(|clip| (&*clip.share, clip)).collect();
@@ -54,16 +54,16 @@ pub(super) fn place<'a, E>(
         let (extent, points) = match before.get(&*member.share) {
             Some(before) => (before.extent, before.points),
             None => {
-                let loaded = shelf.get(member)?;
+                let loaded = cache.get(member)?;
                 (loaded.extent(), loaded.share.cloud_in_clip.points.len())
             }
         };
         known.push(Known { member, by, probability, alone, covariance, extent, points });
     }
-    let (decided, opinions) = ask_neighbours(last, members, &known, shelf)?;
+    let (decided, opinions) = ask_neighbours(last, members, &known, cache)?;
     known.extend(decided);
     known.sort_by(|a, b| a.member.order().cmp(&b.member.order()));
-    let pairs = compare(last, &known, shelf)?;
+    let pairs = compare(last, &known, cache)?;
     let clips = together(&before, &known, &pairs);
     Ok(Placed { clips, pairs, opinions })
 }
@@ -74,7 +74,7 @@ fn ask_neighbours<'a, E>(
     last: &Manifest,
     members: &'a [Member],
     known: &[Known<'a>],
-    shelf: &mut Shelf<E>,
+    cache: &mut Cache<E>,
 ) -> Result<(Vec<Known<'a>>, Vec<Opinion>), E> {
     let said: FxHashMap<(&str, usize, &str), &Opinion> = last
         .opinions
@@ -84,7 +84,7 @@ fn ask_neighbours<'a, E>(
     let (mut decided, mut opinions) = (Vec::new(), Vec::new());
     for member in members {
         let Verdict::Ambiguous { alternatives } = &member.verdict else { continue };
-        let asked = shelf.get(member)?;
+        let asked = cache.get(member)?;
         let extent = asked.extent();
         let mut agreements = vec![Vec::new(); alternatives.len()];
         for (alternative, (pose, _)) in alternatives.iter().enumerate() {
@@ -93,7 +93,7 @@ fn ask_neighbours<'a, E>(
                 let said = match before.filter(|opinion| opinion.map_from_neighbour == other.alone) {
                     Some(opinion) => opinion.said,
                     None => {
-                        let loaded = shelf.get(other.member)?;
+                        let loaded = cache.get(other.member)?;
                         let map_from_clip = in_space(&other.alone, &Level::default());
                         let neighbour = Neighbour {
                             map_from_clip,
@@ -133,7 +133,7 @@ fn ask_neighbours<'a, E>(
 }
 
 /// All pairs of clips whose boxes meet, the first of each before the second in the order.
-fn compare<E>(last: &Manifest, known: &[Known], shelf: &mut Shelf<E>) -> Result<Vec<Pair>, E> {
+fn compare<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result<Vec<Pair>, E> {
     let before: FxHashMap<(&str, &str), &Pair> =
         last.pairs.iter().map(|pair| ((&*pair.a, &*pair.b), pair)).collect();
     let mut pairs = Vec::new();
@@ -152,12 +152,12 @@ fn compare<E>(last: &Manifest, known: &[Known], shelf: &mut Shelf<E>) -> Result<
                         map_from_b: b.alone,
                         overlap: None,
                     };
-                    fresh.push((pair, shelf.get(a.member)?));
+                    fresh.push((pair, cache.get(a.member)?));
                 }
             }
         }
         if !fresh.is_empty() {
-            let b = shelf.get(b.member)?;
+            let b = cache.get(b.member)?;
             fresh.par_iter_mut().for_each(|(pair, a)| {
                 let (map_from_a, map_from_b) = (&pair.map_from_a, &pair.map_from_b);
                 let level = Level::default();
@@ -233,23 +233,23 @@ fn solve(
     overlaps: &FxHashMap<(usize, usize), &Overlap>,
 ) -> (Pose2, Level) {
     let chosen: Vec<usize> = std::iter::once(first).chain(near.iter().copied()).collect();
-    let clips: Vec<Held> = chosen
+    let clips: Vec<Prior> = chosen
         .iter()
-        .map(|at| Held {
+        .map(|at| Prior {
             map_from_clip: in_space(&known[*at].alone, &Level::default()),
             covariance: known[*at].covariance,
         })
         .collect();
-    let mut ties = Vec::new();
+    let mut edges = Vec::new();
     for (i, a) in chosen.iter().enumerate() {
         for (j, b) in chosen.iter().enumerate() {
             if let Some(overlap) = overlaps.get(&(*a, *b)) {
-                ties.push(Tie { a: i, b: j, overlap });
+                edges.push(Edge { a: i, b: j, overlap });
             }
         }
     }
     let alone = (known[first].alone, Level::default());
-    let settled = settle(&clips, &ties, FADE).map_or(alone, |pose| apart(&pose));
+    let settled = settle(&clips, &edges, FADE).map_or(alone, |pose| apart(&pose));
     // What a person chose stays as it is, to the last bit.
     if known[first].covariance.is_none() { (known[first].alone, settled.1) } else { settled }
 }

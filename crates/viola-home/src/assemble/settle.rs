@@ -21,7 +21,7 @@ pub(super) const FADE: f64 = 3.0;
 
 /// A clip in the graph.
 #[derive(Debug, Clone)]
-pub(super) struct Held {
+pub(super) struct Prior {
     pub map_from_clip: Pose3,
     /// Of (x_m, y_m, yaw_rad); none when a person has put it there and it stays.
     pub covariance: Option<Matrix3<f64>>,
@@ -29,16 +29,16 @@ pub(super) struct Held {
 
 /// An overlap between two clips of the graph, by their places in it.
 #[derive(Debug, Clone)]
-pub(super) struct Tie<'a> {
+pub(super) struct Edge<'a> {
     pub a: usize,
     pub b: usize,
     pub overlap: &'a Overlap,
 }
 
 /// The refined pose of the first clip. Terms that disagree by more than `fade` standard deviations fade out.
-pub(super) fn settle(clips: &[Held], ties: &[Tie], fade: f64) -> Option<Pose3> {
+pub(super) fn settle(clips: &[Prior], edges: &[Edge], fade: f64) -> Option<Pose3> {
     let first = clips.first()?;
-    if ties.is_empty() {
+    if edges.is_empty() {
         return Some(first.map_from_clip);
     }
     let mut poses: Vec<Pose3> = clips.iter().map(|clip| clip.map_from_clip).collect();
@@ -47,8 +47,8 @@ pub(super) fn settle(clips: &[Held], ties: &[Tie], fade: f64) -> Option<Pose3> {
         for (i, clip) in clips.iter().enumerate() {
             graph.hold(i, &poses[i], clip);
         }
-        for tie in ties {
-            graph.tie(tie, &poses, fade);
+        for edge in edges {
+            graph.edge(edge, &poses, fade);
         }
         let step = graph.solve()?;
         for (i, pose) in poses.iter_mut().enumerate() {
@@ -79,7 +79,7 @@ impl Graph {
     }
 
     /// A clip is where its alignment has it, on its own floor.
-    fn hold(&mut self, i: usize, pose: &Pose3, clip: &Held) {
+    fn hold(&mut self, i: usize, pose: &Pose3, clip: &Prior) {
         let plane = match &clip.covariance {
             None => Matrix3::identity() * 1e12,
             Some(covariance) => {
@@ -103,10 +103,10 @@ impl Graph {
     }
 
     /// Two clips lie to each other as their overlap has it.
-    fn tie(&mut self, tie: &Tie, poses: &[Pose3], fade: f64) {
-        let (a, b) = (&poses[tie.a], &poses[tie.b]);
-        let error = error(&(b.inverse() * a), &tie.overlap.b_from_a);
-        let information = Matrix6::from_fn(|r, c| tie.overlap.information[r][c]);
+    fn edge(&mut self, edge: &Edge, poses: &[Pose3], fade: f64) {
+        let (a, b) = (&poses[edge.a], &poses[edge.b]);
+        let error = error(&(b.inverse() * a), &edge.overlap.b_from_a);
+        let information = Matrix6::from_fn(|r, c| edge.overlap.information[r][c]);
         let far = (error.transpose() * information * error)[0].max(0.0).sqrt() / fade;
         let share = 1.0 / (1.0 + far * far);
         let b_from_map = b.rotation.inverse().to_rotation_matrix().into_inner();
@@ -116,7 +116,7 @@ impl Graph {
         by_a.fixed_view_mut::<3, 3>(3, 3).copy_from(&b_from_map);
         let mut by_b = -by_a;
         by_b.fixed_view_mut::<3, 3>(0, 3).copy_from(&(b_from_map * between));
-        self.add(&[(tie.a, by_a), (tie.b, by_b)], &error, &(information * (share * share)));
+        self.add(&[(edge.a, by_a), (edge.b, by_b)], &error, &(information * (share * share)));
     }
 
     fn add(&mut self, slopes: &[(usize, Matrix6<f64>)], error: &Vector6<f64>, information: &Matrix6<f64>) {
@@ -145,8 +145,8 @@ mod tests {
         Overlap { b_from_a, information: std::array::from_fn(row), found: 500 }
     }
 
-    fn held(map_from_clip: Pose3, sigma: f64) -> Held {
-        Held { map_from_clip, covariance: Some(Matrix3::identity() * sigma * sigma) }
+    fn prior(map_from_clip: Pose3, sigma: f64) -> Prior {
+        Prior { map_from_clip, covariance: Some(Matrix3::identity() * sigma * sigma) }
     }
 
     fn pose(x: f64, y: f64, yaw: f64) -> Pose3 {
@@ -162,10 +162,10 @@ mod tests {
     fn two_clips_meet_half_way() {
         let mut second = pose(1.04, 2.0, 0.5);
         second.translation.z = 0.02;
-        let clips = [held(pose(1.0, 2.0, 0.5), 0.05), held(second, 0.05)];
+        let clips = [prior(pose(1.0, 2.0, 0.5), 0.05), prior(second, 0.05)];
         let overlap = sure(Pose3::identity(), 1e8);
-        let ties = [Tie { a: 0, b: 1, overlap: &overlap }];
-        let settled = settle(&clips, &ties, 1e9).unwrap();
+        let edges = [Edge { a: 0, b: 1, overlap: &overlap }];
+        let settled = settle(&clips, &edges, 1e9).unwrap();
         let half = Pose3::from_parts(Vector3::new(1.02, 2.0, 0.01).into(), clips[0].map_from_clip.rotation);
         assert!(distance_m(&settled, &half) < 1e-4, "{settled:?}");
     }
@@ -175,32 +175,32 @@ mod tests {
     fn consistent_clips_stay() {
         let tilted = Pose3::new(Vector3::new(3.0, -1.0, 0.02), Vector3::new(0.01, -0.02, 3.0));
         let poses = [pose(1.0, 2.0, 0.5), pose(-0.5, 1.0, -2.0), tilted];
-        let clips: Vec<Held> = poses.iter().map(|pose| held(*pose, 0.05)).collect();
+        let clips: Vec<Prior> = poses.iter().map(|pose| prior(*pose, 0.05)).collect();
         let between = |a: usize, b: usize| sure(poses[b].inverse() * poses[a], 1e5);
         let (ab, ac, bc) = (between(0, 1), between(0, 2), between(1, 2));
-        let ties = [
-            Tie { a: 0, b: 1, overlap: &ab },
-            Tie { a: 0, b: 2, overlap: &ac },
-            Tie { a: 1, b: 2, overlap: &bc },
+        let edges = [
+            Edge { a: 0, b: 1, overlap: &ab },
+            Edge { a: 0, b: 2, overlap: &ac },
+            Edge { a: 1, b: 2, overlap: &bc },
         ];
-        let settled = settle(&clips, &ties, FADE).unwrap();
+        let settled = settle(&clips, &edges, FADE).unwrap();
         assert!(distance_m(&settled, &poses[0]) < 1e-9);
-        // Moved away from it, strong ties to two clips that stay bring it back.
+        // Moved away from it, strong edges to two clips that stay bring it back.
         let mut moved = clips.clone();
         moved[0].map_from_clip = poses[0] * Pose3::new(Vector3::new(0.05, -0.03, 0.0), Vector3::z() * 0.02);
         moved[1].covariance = None;
         moved[2].covariance = None;
-        let settled = settle(&moved, &ties, 1e9).unwrap();
+        let settled = settle(&moved, &edges, 1e9).unwrap();
         assert!(distance_m(&settled, &poses[0]) < 3e-3, "{settled:?}");
     }
 
     #[test]
     fn what_a_person_chose_stays_in_the_plane() {
         let clips =
-            [Held { covariance: None, ..held(pose(1.0, 2.0, 0.5), 0.1) }, held(pose(2.0, 2.0, 0.5), 0.1)];
+            [Prior { covariance: None, ..prior(pose(1.0, 2.0, 0.5), 0.1) }, prior(pose(2.0, 2.0, 0.5), 0.1)];
         let overlap = sure(Pose3::identity(), 1e8);
-        let ties = [Tie { a: 0, b: 1, overlap: &overlap }];
-        let settled = settle(&clips, &ties, FADE).unwrap();
+        let edges = [Edge { a: 0, b: 1, overlap: &overlap }];
+        let settled = settle(&clips, &edges, FADE).unwrap();
         assert!(distance_m(&settled, &clips[0].map_from_clip) < 1e-3);
     }
 }

@@ -9,7 +9,7 @@ use viola_geometry::{Pinhole, Point3, Pose3, Vector3};
 use viola_reconstruct::{CloudPoint, Label, PointCloud, Readings, View};
 
 /// A room of 4 x 3 m with a pillar, as a clip that stands at `map_from_clip` sees it; `box_m` is a crate in it.
-fn room(map_from_clip: &Pose2, box_m: Option<[f64; 2]>) -> Share {
+fn room(map_from_clip: &Pose2, box_m: Option<[f64; 2]>) -> ClipContribution {
     let mut points = Vec::new();
     let mut add = |position: Point3, normal: Vector3, class: Class, color: [u8; 3]| {
         let (position, normal) = (position.map(|c| c as f32), normal.map(|c| c as f32));
@@ -44,7 +44,7 @@ fn room(map_from_clip: &Pose2, box_m: Option<[f64; 2]>) -> Share {
         }
     }
     let clip_from_map = level::in_space(map_from_clip, &Level::default()).inverse();
-    Share {
+    ClipContribution {
         cloud_in_clip: PointCloud { points, voxel_m: MAP_VOXEL_M }.transformed(&clip_from_map),
         views: Vec::new(),
     }
@@ -67,7 +67,7 @@ fn member(name: &str, map_from_clip: Pose2) -> Member {
 /// What is true of a clip, and what its own alignment makes of it.
 struct Clip {
     member: Member,
-    share: Share,
+    share: ClipContribution,
 }
 
 fn clips() -> Vec<Clip> {
@@ -88,7 +88,7 @@ fn clips() -> Vec<Clip> {
 
 fn made(last: &Manifest, clips: &[&Clip]) -> Assembly {
     let members = clips.iter().map(|clip| clip.member.clone()).collect();
-    let mut load = |member: &Member| -> Result<Share, Infallible> {
+    let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
         Ok(clips.iter().find(|clip| clip.member == *member).unwrap().share.clone())
     };
     assemble(last, members, &mut load).unwrap()
@@ -171,7 +171,7 @@ fn a_clip_elsewhere_is_not_read_again() {
     all.push(newest);
     let members = all.iter().map(|clip| clip.member.clone()).collect();
     let mut read = Vec::new();
-    let mut load = |member: &Member| -> Result<Share, Infallible> {
+    let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
         read.push(member.sha256.clone());
         Ok(all.iter().find(|clip| clip.member == *member).unwrap().share.clone())
     };

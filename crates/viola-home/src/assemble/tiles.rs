@@ -1,8 +1,8 @@
 //! The tiles that a change touches, made anew from the clips that touch them.
 
 use super::Manifest;
+use super::cache::{Cache, Loaded};
 use super::members::{Member, PlacedClip};
-use super::shelf::{Loaded, Shelf};
 use super::sight::{Sights, is_gone};
 use super::tile::{Tile, TileKey};
 use super::voxels::{Voxels, tile_of};
@@ -21,7 +21,7 @@ pub(super) type ChangedTiles = BTreeMap<TileKey, Option<Tile>>;
 pub(super) fn rebuild<E>(
     last: &Manifest,
     mut clips: Vec<(&Member, PlacedClip)>,
-    shelf: &mut Shelf<E>,
+    cache: &mut Cache<E>,
 ) -> Result<(Vec<PlacedClip>, ChangedTiles), E> {
     let mut dirty: BTreeSet<TileKey> = BTreeSet::new();
     for (member, clip) in &mut clips {
@@ -32,7 +32,7 @@ pub(super) fn rebuild<E>(
             clip.tiles.clone_from(&old.tiles);
             continue;
         }
-        clip.tiles = touched(&*shelf.get(member)?, &clip.in_space(), clip.recorded_at_ms.is_some());
+        clip.tiles = touched(&*cache.get(member)?, &clip.in_space(), clip.recorded_at_ms.is_some());
         dirty.extend(&clip.tiles);
         dirty.extend(old.iter().flat_map(|old| &old.tiles));
     }
@@ -43,8 +43,8 @@ pub(super) fn rebuild<E>(
         dirty.iter().map(|key| (*key, Voxels::new(MAP_VOXEL_M))).collect();
     for (number, (member, clip)) in clips.iter().enumerate() {
         if clip.tiles.iter().any(|key| dirty.contains(key)) {
-            let points = placed_points(&*shelf.get(member)?, &clip.in_space(), &dirty);
-            let points = without_what_is_gone(points, clip, &clips, shelf)?;
+            let points = placed_points(&*cache.get(member)?, &clip.in_space(), &dirty);
+            let points = without_what_is_gone(points, clip, &clips, cache)?;
             let mut of_tile: BTreeMap<TileKey, Vec<CloudPoint>> = BTreeMap::new();
             for (key, point) in points {
                 of_tile.entry(key).or_default().push(point);
@@ -122,7 +122,7 @@ fn without_what_is_gone<E>(
     mut points: Vec<(TileKey, CloudPoint)>,
     clip: &PlacedClip,
     clips: &[(&Member, PlacedClip)],
-    shelf: &mut Shelf<E>,
+    cache: &mut Cache<E>,
 ) -> Result<Vec<(TileKey, CloudPoint)>, E> {
     let Some(recorded_at_ms) = clip.recorded_at_ms else { return Ok(points) };
     let is_later = |other: &PlacedClip| other.recorded_at_ms.is_some_and(|at| at > recorded_at_ms);
@@ -131,7 +131,7 @@ fn without_what_is_gone<E>(
         if !points.iter().any(|(key, _)| tiles.contains(key)) {
             continue;
         }
-        let later: Arc<Loaded> = shelf.get(member)?;
+        let later: Arc<Loaded> = cache.get(member)?;
         let sights = Sights::new(&later.share.views, &other.in_space());
         points = points
             .into_par_iter()

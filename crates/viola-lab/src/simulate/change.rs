@@ -1,27 +1,27 @@
 //! What differs between days, and between rooms that look alike.
 
-use super::dice::Dice;
 use super::furnish::{Arranger, clutter};
 use super::piece::{Mount, Piece};
 use super::plan::{OpeningKind, Plan};
+use super::rng::Rng;
 use super::structure;
 
 /// The furniture on another day: some of what is movable was moved, turned or taken away, and things came.
-pub(super) fn another_day(plan: &Plan, pieces: &[Piece], share: f64, dice: &Dice) -> Vec<Piece> {
+pub(super) fn another_day(plan: &Plan, pieces: &[Piece], share: f64, rng: &Rng) -> Vec<Piece> {
     let mut out = vec![];
     for room in 0..plan.rooms.len() {
-        let mut dice = dice.fork("room", room as u64);
+        let mut rng = rng.fork("room", room as u64);
         let here: Vec<&Piece> = pieces.iter().filter(|piece| piece.room == room).collect();
         let (touched, kept): (Vec<&Piece>, Vec<&Piece>) =
-            here.into_iter().partition(|piece| piece.movable && dice.chance(share));
+            here.into_iter().partition(|piece| piece.movable && rng.chance(share));
         let mut arranger =
-            Arranger::new(plan, room, dice.fork("arrange", 0)).with_pieces(kept.into_iter().cloned());
+            Arranger::new(plan, room, rng.fork("arrange", 0)).with_pieces(kept.into_iter().cloned());
         for piece in touched {
-            change(&mut arranger, piece, &mut dice);
+            change(&mut arranger, piece, &mut rng);
         }
         let newcomers = (plan.rooms[room].inner.area_m2() / 6.0 * share * 2.0).round() as usize;
-        for _ in 0..dice.count(0, newcomers) {
-            let item = clutter(&mut dice);
+        for _ in 0..rng.count(0, newcomers) {
+            let item = clutter(&mut rng);
             arranger.free(item, 0.0);
         }
         out.extend(arranger.finish());
@@ -29,20 +29,20 @@ pub(super) fn another_day(plan: &Plan, pieces: &[Piece], share: f64, dice: &Dice
     out
 }
 
-fn change(arranger: &mut Arranger, piece: &Piece, dice: &mut Dice) {
+fn change(arranger: &mut Arranger, piece: &Piece, rng: &mut Rng) {
     let old = piece.home_from_piece;
-    let placed = match (piece.mount, dice.count(0, 3)) {
+    let placed = match (piece.mount, rng.count(0, 3)) {
         (Mount::Hung, 0 | 1) | (_, 0) => Some(0),
         (Mount::Hung, _) => {
             let bottom = piece.solids.iter().map(|solid| solid.bottom_m()).fold(f64::INFINITY, f64::min);
             arranger.hang(piece.clone(), bottom)
         }
         (Mount::Flat, _) => {
-            let pose = nudged(&old, dice);
+            let pose = nudged(&old, rng);
             let fits = piece.footprint_at(&pose).is_within(&arranger.inside(0.0));
             fits.then(|| arranger.put_anyway(piece.clone(), pose))
         }
-        (Mount::Floor, 1) => arranger.at_in_front(piece.clone(), nudged(&old, dice)),
+        (Mount::Floor, 1) => arranger.at_in_front(piece.clone(), nudged(&old, rng)),
         (Mount::Floor, 2) => arranger.free(piece.clone(), 0.05),
         (Mount::Floor, _) => arranger.against_wall(piece.clone(), 0.0),
     };
@@ -51,31 +51,31 @@ fn change(arranger: &mut Arranger, piece: &Piece, dice: &mut Dice) {
     }
 }
 
-fn nudged(pose: &viola_geometry::Pose2, dice: &mut Dice) -> viola_geometry::Pose2 {
-    let (x, y) = (dice.between(-0.5, 0.5), dice.between(-0.5, 0.5));
-    viola_geometry::Pose2::new(pose.x_m + x, pose.y_m + y, pose.yaw_rad + dice.between(-0.7, 0.7))
+fn nudged(pose: &viola_geometry::Pose2, rng: &mut Rng) -> viola_geometry::Pose2 {
+    let (x, y) = (rng.between(-0.5, 0.5), rng.between(-0.5, 0.5));
+    viola_geometry::Pose2::new(pose.x_m + x, pose.y_m + y, pose.yaw_rad + rng.between(-0.7, 0.7))
 }
 
 /// The doors' leaves on another day; `leaves` are those of the plan's doors, in order.
-pub(super) fn turn_doors(plan: &Plan, leaves: &[Piece], share: f64, dice: &Dice) -> Vec<Piece> {
-    let mut dice = dice.fork("doors", 0);
+pub(super) fn turn_doors(plan: &Plan, leaves: &[Piece], share: f64, rng: &Rng) -> Vec<Piece> {
+    let mut rng = rng.fork("doors", 0);
     let doors = plan.openings.iter().filter(|o| matches!(o.kind, OpeningKind::Door | OpeningKind::Entrance));
     let turned = doors.zip(leaves).map(|(opening, leaf)| {
-        if opening.kind == OpeningKind::Entrance || !dice.chance(share) {
+        if opening.kind == OpeningKind::Entrance || !rng.chance(share) {
             return leaf.clone();
         }
-        let open_rad = dice.between(0.0, 95f64.to_radians());
+        let open_rad = rng.between(0.0, 95f64.to_radians());
         Piece { home_from_piece: structure::leaf_pose(plan, opening, open_rad), ..leaf.clone() }
     });
     turned.collect()
 }
 
 /// Changes the furniture of some copies of the repeated unit, so that a few of them can be told apart.
-pub(super) fn break_likeness(plan: &Plan, pieces: Vec<Piece>, dice: &mut Dice) -> Vec<Piece> {
-    let share = dice.pick([0.0, 0.25, 0.5]);
-    let odd: Vec<bool> = plan.units.iter().map(|_| dice.chance(share)).collect();
+pub(super) fn break_symmetry(plan: &Plan, pieces: Vec<Piece>, rng: &mut Rng) -> Vec<Piece> {
+    let share = rng.pick([0.0, 0.25, 0.5]);
+    let odd: Vec<bool> = plan.units.iter().map(|_| rng.chance(share)).collect();
     let is_odd = |piece: &Piece| plan.rooms[piece.room].unit.is_some_and(|(copy, _)| odd[copy]);
     let (changing, mut out): (Vec<Piece>, Vec<Piece>) = pieces.into_iter().partition(is_odd);
-    out.extend(another_day(plan, &changing, 0.6, &dice.fork("odd", 0)).into_iter().filter(is_odd));
+    out.extend(another_day(plan, &changing, 0.6, &rng.fork("odd", 0)).into_iter().filter(is_odd));
     out
 }

@@ -1,13 +1,13 @@
 //! A recorded clip that exists only as its poses: frames are rendered when asked for.
 
-use super::dice::hash;
 use super::home::{Home, Set};
-use super::likeness;
 use super::render::{NOTHING, View, render};
+use super::rng::hash;
 use super::scene::Scene;
 use super::sensor::Sensor;
 use super::shade::{Light, shade};
 use super::survey::Survey;
+use super::symmetry;
 use super::walk::{home_from_clip, walk};
 use nalgebra::{Translation3, UnitQuaternion};
 use serde::Serialize;
@@ -77,13 +77,13 @@ pub struct SimulatedClip {
 
 impl SimulatedClip {
     pub(super) fn record(home: &Home, survey: &Survey, index: u64, params: &ClipParams) -> SimulatedClip {
-        let mut dice = home.dice.fork("clip", index);
-        let walk = walk(home, survey, &dice, params.frames, params.rate_hz);
+        let mut rng = home.rng.fork("clip", index);
+        let walk = walk(home, survey, &rng, params.frames, params.rate_hz);
         let map_from_home = survey.valetudo_from_home();
         let home_from_clip = walk.home_from_camera.first().map(home_from_clip).unwrap_or_default();
         let depth_camera = params.sensor.depth_camera();
         let equivalent: Vec<Pose2> = match home.params.set {
-            Set::Repeated => likeness::look_alikes(
+            Set::Repeated => symmetry::look_alikes(
                 home,
                 survey.vacuum_height_m,
                 &walk.home_from_camera,
@@ -97,11 +97,11 @@ impl SimulatedClip {
             .map(|home_from_home| map_from_home.compose(home_from_home).compose(&home_from_clip))
             .collect();
         let world_from_home = Pose3::from_parts(
-            Translation3::new(dice.between(-5.0, 5.0), dice.between(-5.0, 5.0), dice.between(-1.6, 0.2)),
-            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), dice.between(-3.1, 3.1)),
+            Translation3::new(rng.between(-5.0, 5.0), rng.between(-5.0, 5.0), rng.between(-1.6, 0.2)),
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), rng.between(-3.1, 3.1)),
         );
-        let mut drift = Drift { error: Pose3::identity(), last: None, dice: dice.fork("drift", 0) };
-        let mut accelerometer = Accelerometer::new(dice.fork("accelerometer", 0));
+        let mut drift = Drift { error: Pose3::identity(), last: None, rng: rng.fork("drift", 0) };
+        let mut accelerometer = Accelerometer::new(rng.fork("accelerometer", 0));
         let headers = walk
             .home_from_camera
             .iter()
@@ -113,12 +113,12 @@ impl SimulatedClip {
                 force_in_camera: Some(accelerometer.feel(&walk.home_from_camera, number, params.rate_hz)),
             })
             .collect();
-        let (yaw, height) = (dice.between(-3.1, 3.1), dice.between(0.3, 1.2));
+        let (yaw, height) = (rng.between(-3.1, 3.1), rng.between(0.3, 1.2));
         let light = Light {
             toward: Vector3::new(yaw.cos(), yaw.sin(), height).normalize(),
-            exposure: dice.between(0.8, 1.2) as f32,
-            warmth: dice.between(0.93, 1.12) as f32,
-            noise: dice.between(0.006, 0.02) as f32,
+            exposure: rng.between(0.8, 1.2) as f32,
+            warmth: rng.between(0.93, 1.12) as f32,
+            noise: rng.between(0.006, 0.02) as f32,
         };
         SimulatedClip {
             params: *params,
@@ -137,7 +137,7 @@ impl SimulatedClip {
             headers,
             scene: Arc::clone(&home.clip_day.scene),
             light,
-            seed: dice.seed(),
+            seed: rng.seed(),
         }
     }
 
@@ -208,7 +208,7 @@ impl SimulatedClip {
 /// An accelerometer, which is mounted a little askew.
 struct Accelerometer {
     felt_from_camera: UnitQuaternion<f64>,
-    dice: super::dice::Dice,
+    rng: super::rng::Rng,
 }
 
 impl Accelerometer {
@@ -217,9 +217,9 @@ impl Accelerometer {
     const NOISE_MPS2: f64 = 0.05;
     const GRAVITY_MPS2: f64 = 9.81;
 
-    fn new(mut dice: super::dice::Dice) -> Accelerometer {
-        let askew = Vector3::from_fn(|_, _| dice.gaussian()) * Accelerometer::MOUNTED_RAD;
-        Accelerometer { felt_from_camera: UnitQuaternion::from_scaled_axis(askew), dice }
+    fn new(mut rng: super::rng::Rng) -> Accelerometer {
+        let askew = Vector3::from_fn(|_, _| rng.gaussian()) * Accelerometer::MOUNTED_RAD;
+        Accelerometer { felt_from_camera: UnitQuaternion::from_scaled_axis(askew), rng }
     }
 
     /// Gravity's counterforce and the walk's acceleration, which is that of the frames around.
@@ -232,7 +232,7 @@ impl Accelerometer {
             index => at(index + 1) - 2.0 * at(index) + at(index - 1),
         };
         let force_in_home = Vector3::z() * Accelerometer::GRAVITY_MPS2 + bend * (rate_hz * rate_hz);
-        let noise = Vector3::from_fn(|_, _| self.dice.gaussian()) * Accelerometer::NOISE_MPS2;
+        let noise = Vector3::from_fn(|_, _| self.rng.gaussian()) * Accelerometer::NOISE_MPS2;
         self.felt_from_camera * (home_from_camera[index].rotation.inverse() * force_in_home) + noise
     }
 }
@@ -242,7 +242,7 @@ struct Drift {
     /// Moves true poses to where the device believes to be.
     error: Pose3,
     last: Option<Vector3>,
-    dice: super::dice::Dice,
+    rng: super::rng::Rng,
 }
 
 impl Drift {
@@ -250,7 +250,7 @@ impl Drift {
         let at = home_from_camera.translation.vector;
         if let Some(last) = self.last {
             let scale = drift * (at - last).norm().max(0.01).sqrt();
-            let mut noise = |sigma: f64| self.dice.gaussian() * sigma;
+            let mut noise = |sigma: f64| self.rng.gaussian() * sigma;
             let step = Vector3::new(noise(scale), noise(scale), noise(0.4 * scale)) / 3f64.sqrt();
             // Gravity keeps the tilt.
             let turn = Vector3::new(noise(0.04 * scale), noise(0.04 * scale), noise(0.3 * scale));

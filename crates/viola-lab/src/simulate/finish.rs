@@ -1,6 +1,6 @@
 //! What surfaces look like.
 
-use super::dice::{Dice, hash, unit};
+use super::rng::{Rng, hash, unit};
 
 /// A procedural texture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,23 +52,23 @@ impl Finish {
     /// `salt` tells apart surfaces of one finish.
     pub fn colour(&self, across_m: f32, up_m: f32, salt: u64) -> [f32; 3] {
         let cell = |value: f32, size: f32| (value / size).floor() as i64 as u64;
-        let dice = |a: u64, b: u64| unit(hash(salt ^ hash(a.wrapping_mul(0x5851_f42d).wrapping_add(b))));
+        let rng = |a: u64, b: u64| unit(hash(salt ^ hash(a.wrapping_mul(0x5851_f42d).wrapping_add(b))));
         let shade = |factor: f32| self.rgb.map(|c| c * factor);
         match self.pattern {
             Pattern::Plain => self.rgb,
-            Pattern::Grain => shade(0.96 + 0.08 * dice(cell(across_m, 0.012), cell(up_m, 0.012))),
+            Pattern::Grain => shade(0.96 + 0.08 * rng(cell(across_m, 0.012), cell(up_m, 0.012))),
             Pattern::Planks => {
                 let row = cell(up_m, self.scale_m);
-                let shift = dice(row, 17) * 1.3;
+                let shift = rng(row, 17) * 1.3;
                 let board = cell(across_m + shift, 1.3);
                 let joint = (up_m / self.scale_m).rem_euclid(1.0) < 0.03;
-                let grain = 0.06 * dice(cell(across_m, 0.15), cell(up_m, 0.006));
-                shade(if joint { 0.6 } else { 0.84 + 0.22 * dice(row, board) + grain })
+                let grain = 0.06 * rng(cell(across_m, 0.15), cell(up_m, 0.006));
+                shade(if joint { 0.6 } else { 0.84 + 0.22 * rng(row, board) + grain })
             }
             Pattern::Tiles => {
                 let joint =
                     |v: f32| (v / self.scale_m).rem_euclid(1.0) < 0.004 / self.scale_m.max(0.02) + 0.012;
-                let tile = dice(cell(across_m, self.scale_m), cell(up_m, self.scale_m));
+                let tile = rng(cell(across_m, self.scale_m), cell(up_m, self.scale_m));
                 shade(if joint(across_m) || joint(up_m) { 0.68 } else { 0.94 + 0.08 * tile })
             }
             Pattern::Stripes => {
@@ -77,14 +77,14 @@ impl Finish {
             }
             Pattern::Books => {
                 let spine = cell(across_m, self.scale_m);
-                let tint = |k: u64| 0.25 + 0.65 * dice(spine, k);
+                let tint = |k: u64| 0.25 + 0.65 * rng(spine, k);
                 [tint(1), tint(2), tint(3)]
             }
             Pattern::Picture => {
                 let (x, y) = (cell(across_m, self.scale_m), cell(up_m, self.scale_m));
-                let mix = dice(x / 2, y);
+                let mix = rng(x / 2, y);
                 [0, 1, 2]
-                    .map(|k| self.rgb[k as usize] * 0.5 + 0.5 * dice(x ^ k, y / 2 + k) * (0.6 + 0.4 * mix))
+                    .map(|k| self.rgb[k as usize] * 0.5 + 0.5 * rng(x ^ k, y / 2 + k) * (0.6 + 0.4 * mix))
             }
         }
     }
@@ -95,33 +95,33 @@ pub(super) const METAL: [f32; 3] = [0.60, 0.61, 0.63];
 pub(super) const DARK: [f32; 3] = [0.10, 0.10, 0.11];
 
 /// A wood tone.
-pub(super) fn wood(dice: &mut Dice) -> Finish {
-    let tone = dice.pick([[0.72, 0.55, 0.36], [0.55, 0.38, 0.24], [0.38, 0.25, 0.16], [0.82, 0.70, 0.52]]);
+pub(super) fn wood(rng: &mut Rng) -> Finish {
+    let tone = rng.pick([[0.72, 0.55, 0.36], [0.55, 0.38, 0.24], [0.38, 0.25, 0.16], [0.82, 0.70, 0.52]]);
     Finish::plain(tone).with(Pattern::Planks, 0.09).glossy(0.1)
 }
 
 /// The front of a cabinet: painted or wood.
-pub(super) fn front(dice: &mut Dice) -> Finish {
-    if dice.chance(0.45) {
-        return wood(dice);
+pub(super) fn front(rng: &mut Rng) -> Finish {
+    if rng.chance(0.45) {
+        return wood(rng);
     }
     let tone =
-        dice.pick([WHITE, [0.82, 0.80, 0.74], [0.55, 0.58, 0.60], [0.30, 0.36, 0.42], [0.62, 0.70, 0.62]]);
+        rng.pick([WHITE, [0.82, 0.80, 0.74], [0.55, 0.58, 0.60], [0.30, 0.36, 0.42], [0.62, 0.70, 0.62]]);
     Finish::plain(tone).with(Pattern::Grain, 0.1).glossy(0.15)
 }
 
 /// Cloth of any colour.
-pub(super) fn cloth(dice: &mut Dice) -> Finish {
-    let grey = dice.between(0.25, 0.85) as f32;
-    let tint = |dice: &mut Dice| (grey + dice.between(-0.18, 0.18) as f32).clamp(0.08, 0.95);
-    let rgb = [tint(dice), tint(dice), tint(dice)];
+pub(super) fn cloth(rng: &mut Rng) -> Finish {
+    let grey = rng.between(0.25, 0.85) as f32;
+    let tint = |rng: &mut Rng| (grey + rng.between(-0.18, 0.18) as f32).clamp(0.08, 0.95);
+    let rgb = [tint(rng), tint(rng), tint(rng)];
     Finish::plain(rgb).with(Pattern::Grain, 0.02)
 }
 
 /// Wall paint of any light colour.
-pub(super) fn paint(dice: &mut Dice) -> Finish {
-    let base = dice.between(0.72, 0.92) as f32;
-    let tint = |dice: &mut Dice| (base + dice.between(-0.08, 0.06) as f32).clamp(0.5, 0.95);
-    let rgb = [tint(dice), tint(dice), tint(dice)];
+pub(super) fn paint(rng: &mut Rng) -> Finish {
+    let base = rng.between(0.72, 0.92) as f32;
+    let tint = |rng: &mut Rng| (base + rng.between(-0.08, 0.06) as f32).clamp(0.5, 0.95);
+    let rgb = [tint(rng), tint(rng), tint(rng)];
     Finish::plain(rgb).with(Pattern::Grain, 0.02)
 }

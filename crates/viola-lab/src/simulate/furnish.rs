@@ -9,16 +9,16 @@ mod seating;
 mod storage;
 mod wet;
 
-use super::dice::Dice;
 use super::piece::Piece;
 use super::plan::{Plan, UnitPlace};
+use super::rng::Rng;
 use viola_geometry::Pose2;
 
 pub(super) use arrange::Arranger;
 pub(super) use storage::clutter;
 
 /// All furniture of a home. Copies of a repeated unit get copies of the first unit's furniture.
-pub(super) fn furnish(plan: &Plan, dice: &Dice) -> Vec<Piece> {
+pub(super) fn furnish(plan: &Plan, rng: &Rng) -> Vec<Piece> {
     let mut pieces = vec![];
     for room in 0..plan.rooms.len() {
         let first = match plan.rooms[room].unit {
@@ -28,7 +28,7 @@ pub(super) fn furnish(plan: &Plan, dice: &Dice) -> Vec<Piece> {
             _ => None,
         };
         let Some((first, copy)) = first else {
-            let mut arranger = Arranger::new(plan, room, dice.fork("room", room as u64));
+            let mut arranger = Arranger::new(plan, room, rng.fork("room", room as u64));
             rooms::furnish(&mut arranger);
             pieces.extend(arranger.finish());
             continue;

@@ -1,8 +1,8 @@
 //! A home: its plan, its furniture on two days, and what can be asked of it.
 
-use super::dice::Dice;
 use super::piece::Piece;
 use super::plan::Plan;
+use super::rng::Rng;
 use super::scene::Scene;
 use super::solid::Solid;
 use super::{change, furnish, structure};
@@ -71,7 +71,7 @@ pub struct Home {
     /// Furniture and doors on the day of the vacuum and on the day of the clips.
     pub(super) vacuum_day: Day,
     pub(super) clip_day: Day,
-    pub(super) dice: Dice,
+    pub(super) rng: Rng,
 }
 
 /// The home on one day.
@@ -124,21 +124,21 @@ pub struct HomeTruth {
 impl Home {
     /// Makes and furnishes the home of these parameters.
     pub fn generate(params: &HomeParams) -> Home {
-        let dice = Dice::new(params.seed).fork(params.set.name(), 0);
-        let mut plan_dice = dice.fork("plan", 0);
+        let rng = Rng::new(params.seed).fork(params.set.name(), 0);
+        let mut plan_dice = rng.fork("plan", 0);
         let plan = match params.set {
             Set::Repeated => Plan::of_a_row(&mut plan_dice),
             _ => Plan::of_a_home(&mut plan_dice),
         };
-        let building = structure::solids(&plan, &mut dice.fork("building", 0));
-        let mut pieces = furnish::furnish(&plan, &dice.fork("furniture", 0));
+        let building = structure::solids(&plan, &mut rng.fork("building", 0));
+        let mut pieces = furnish::furnish(&plan, &rng.fork("furniture", 0));
         if params.set == Set::Repeated {
-            pieces = change::break_likeness(&plan, pieces, &mut dice.fork("likeness", 0));
+            pieces = change::break_symmetry(&plan, pieces, &mut rng.fork("likeness", 0));
         }
-        let doors = structure::leaves(&plan, &mut dice.fork("leaves", 0));
+        let doors = structure::leaves(&plan, &mut rng.fork("leaves", 0));
         let mut later = None;
         if params.set == Set::Changed {
-            let day = dice.fork("another day", 0);
+            let day = rng.fork("another day", 0);
             let mut moved = change::another_day(&plan, &pieces, params.changed_share, &day);
             moved.extend(change::turn_doors(&plan, &doors, params.changed_share, &day));
             later = Some(Day::new(&building, moved));
@@ -146,7 +146,7 @@ impl Home {
         pieces.extend(doors);
         let vacuum_day = Day::new(&building, pieces);
         let clip_day = later.unwrap_or_else(|| vacuum_day.clone());
-        Home { params: *params, plan, vacuum_day, clip_day, dice }
+        Home { params: *params, plan, vacuum_day, clip_day, rng }
     }
 
     /// The home on the day of the clips.

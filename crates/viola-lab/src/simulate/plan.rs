@@ -7,8 +7,8 @@ mod row;
 mod slicing;
 mod walls;
 
-use super::dice::Dice;
 use super::piece::Footprint;
+use super::rng::Rng;
 use super::solid::Solid;
 use serde::Serialize;
 use viola_geometry::taxonomy::Class;
@@ -191,22 +191,22 @@ struct Cell {
 
 impl Plan {
     /// A flat or a house of 1 to 12 rooms.
-    pub(super) fn of_a_home(dice: &mut Dice) -> Plan {
-        let cells = slicing::layout(&mut dice.fork("layout", 0));
-        let mut plan = Plan::with_walls(cells, dice);
-        openings::open_doors(&mut plan, &mut dice.fork("doors", 0));
-        openings::open_windows(&mut plan, &mut dice.fork("windows", 0));
-        plan.features = features::add(&plan, &mut dice.fork("features", 0));
+    pub(super) fn of_a_home(rng: &mut Rng) -> Plan {
+        let cells = slicing::layout(&mut rng.fork("layout", 0));
+        let mut plan = Plan::with_walls(cells, rng);
+        openings::open_doors(&mut plan, &mut rng.fork("doors", 0));
+        openings::open_windows(&mut plan, &mut rng.fork("windows", 0));
+        plan.features = features::add(&plan, &mut rng.fork("features", 0));
         plan
     }
 
     /// A corridor with a row of rooms that look alike.
-    pub(super) fn of_a_row(dice: &mut Dice) -> Plan {
-        row::layout(dice)
+    pub(super) fn of_a_row(rng: &mut Rng) -> Plan {
+        row::layout(rng)
     }
 
-    fn with_walls(cells: Vec<Cell>, dice: &mut Dice) -> Plan {
-        let wall_m = dice.pick([0.10, 0.12, 0.15]);
+    fn with_walls(cells: Vec<Cell>, rng: &mut Rng) -> Plan {
+        let wall_m = rng.pick([0.10, 0.12, 0.15]);
         let mut counts = std::collections::BTreeMap::new();
         let rooms: Vec<Room> = cells
             .iter()
@@ -220,7 +220,7 @@ impl Plan {
             })
             .collect();
         let walls = walls::between(&rooms);
-        let ceiling_m = dice.between(2.4, 2.7);
+        let ceiling_m = rng.between(2.4, 2.7);
         Plan { rooms, ceiling_m, wall_m, units: vec![], walls, openings: vec![], features: vec![] }
     }
 

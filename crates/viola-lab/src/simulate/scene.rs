@@ -369,8 +369,8 @@ mod tests {
 
     #[test]
     fn the_hierarchy_finds_what_a_list_finds() {
-        let mut dice = super::super::dice::Dice::new(5);
-        let mut around = |reach: f64| [0; 3].map(|_: i32| dice.between(-reach, reach));
+        let mut rng = super::super::rng::Rng::new(5);
+        let mut around = |reach: f64| [0; 3].map(|_: i32| rng.between(-reach, reach));
         let solids: Vec<(Solid, u16)> = (0..200)
             .map(|k| {
                 let shape = [Shape::Block, Shape::Cylinder, Shape::Ball][k % 3];

@@ -1,7 +1,7 @@
 //! What depth sensors make of the truth.
 
-use super::dice::{bell, hash, unit};
 use super::render::{NOTHING, View};
+use super::rng::{bell, hash, unit};
 use super::scene::Scene;
 use serde::Serialize;
 use std::str::FromStr;

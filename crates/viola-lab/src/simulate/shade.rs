@@ -1,7 +1,7 @@
 //! Colour pictures: texture, simple light, and the noise of a phone's camera.
 
-use super::dice::{bell, hash};
 use super::render::{NOTHING, View};
+use super::rng::{bell, hash};
 use super::scene::{Primitive, Scene};
 use super::solid::Shape;
 use rayon::prelude::*;

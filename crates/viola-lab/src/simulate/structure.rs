@@ -1,9 +1,9 @@
 //! From a plan to the solids of the building: floors, ceilings, walls with their holes, frames, doors.
 
-use super::dice::Dice;
 use super::finish::{DARK, Finish, METAL, Pattern, WHITE, paint, wood};
 use super::piece::Piece;
 use super::plan::{Opening, OpeningKind, Plan, RoomKind, Wall};
+use super::rng::Rng;
 use super::solid::Solid;
 use viola_geometry::Pose2;
 use viola_geometry::taxonomy::Class;
@@ -12,18 +12,18 @@ use viola_geometry::taxonomy::Class;
 const OUTER_M: f64 = 0.3;
 
 /// The building without its door leaves.
-pub(super) fn solids(plan: &Plan, dice: &mut Dice) -> Vec<Solid> {
+pub(super) fn solids(plan: &Plan, rng: &mut Rng) -> Vec<Solid> {
     let mut out = vec![];
-    let paints: Vec<Finish> = plan.rooms.iter().map(|_| paint(dice)).collect();
-    let common = paint(dice);
-    let planks = wood(dice).with(Pattern::Planks, 0.13).glossy(0.2);
+    let paints: Vec<Finish> = plan.rooms.iter().map(|_| paint(rng)).collect();
+    let common = paint(rng);
+    let planks = wood(rng).with(Pattern::Planks, 0.13).glossy(0.2);
     for room in &plan.rooms {
         let centre = room.outline.centre();
         let size = [room.outline.size(0), room.outline.size(1), 0.1];
         let wet = matches!(room.kind, RoomKind::Bathroom | RoomKind::Kitchen);
         let floor = if wet {
-            let tone = dice.pick([[0.75, 0.74, 0.72], [0.45, 0.46, 0.48], [0.80, 0.72, 0.62]]);
-            Finish::plain(tone).with(Pattern::Tiles, dice.pick([0.2, 0.3, 0.45])).glossy(0.3)
+            let tone = rng.pick([[0.75, 0.74, 0.72], [0.45, 0.46, 0.48], [0.80, 0.72, 0.62]]);
+            Finish::plain(tone).with(Pattern::Tiles, rng.pick([0.2, 0.3, 0.45])).glossy(0.3)
         } else {
             planks
         };
@@ -130,8 +130,8 @@ fn frame(plan: &Plan, opening: &Opening, out: &mut Vec<Solid>) {
 }
 
 /// The leaf of every door, as a piece that turns about its hinge.
-pub(super) fn leaves(plan: &Plan, dice: &mut Dice) -> Vec<Piece> {
-    let finish = if dice.chance(0.6) { Finish::plain(WHITE).glossy(0.2) } else { wood(dice) };
+pub(super) fn leaves(plan: &Plan, rng: &mut Rng) -> Vec<Piece> {
+    let finish = if rng.chance(0.6) { Finish::plain(WHITE).glossy(0.2) } else { wood(rng) };
     let mut out = vec![];
     for opening in &plan.openings {
         if !matches!(opening.kind, OpeningKind::Door | OpeningKind::Entrance) {

@@ -1,10 +1,10 @@
 //! The vacuum's day: it drives wherever it fits and maps what its LiDAR hits at turret height.
 
 use super::clearance::{clearance, largest_region};
-use super::dice::{Dice, bell, hash, unit};
 use super::home::Home;
 use super::piece::Footprint;
 use super::plan::{OpeningKind, Room};
+use super::rng::{Rng, bell, hash, unit};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use viola_formats::lidar::Cell;
@@ -55,15 +55,15 @@ impl Survey {
     }
 
     pub(super) fn drive(home: &Home) -> Survey {
-        let mut dice = home.dice.fork("survey", 0);
-        let vacuum_height_m = dice.between(0.07, 0.12);
+        let mut rng = home.rng.fork("survey", 0);
+        let vacuum_height_m = rng.between(0.07, 0.12);
         let floor = Drivable::new(home, vacuum_height_m + 0.015);
-        let charger = floor.charger(&mut dice);
-        let yaw = dice.between(-std::f64::consts::PI, std::f64::consts::PI);
+        let charger = floor.charger(&mut rng);
+        let yaw = rng.between(-std::f64::consts::PI, std::f64::consts::PI);
         let robot_from_home =
             Pose2::new(0.0, 0.0, yaw).compose(&Pose2::new(charger.x_m, charger.y_m, 0.0).inverse());
-        let scans = floor.scans(&mut dice);
-        let beams = beams(home, &scans, vacuum_height_m, dice.seed());
+        let scans = floor.scans(&mut rng);
+        let beams = beams(home, &scans, vacuum_height_m, rng.seed());
         let mut raster = Raster::over(home, &robot_from_home);
         for beam in &beams {
             raster.add(&robot_from_home, beam);
@@ -88,13 +88,13 @@ struct Beam {
 
 /// Where the robot believes to be: an error that wanders by a centimetre and a quarter of a degree, so that
 /// the map's walls are as thick as those of real ones.
-fn believed_poses(scans: &[Pose2], dice: &mut Dice) -> Vec<Pose2> {
+fn believed_poses(scans: &[Pose2], rng: &mut Rng) -> Vec<Pose2> {
     let sigma = [0.008, 0.008, 0.2f64.to_radians()];
     let mut error = [0.0; 3];
     let keep = 0.9f64;
     let believe = |scan: &Pose2| {
         for (value, sigma) in error.iter_mut().zip(sigma) {
-            *value = keep * *value + (1.0 - keep * keep).sqrt() * sigma * dice.gaussian();
+            *value = keep * *value + (1.0 - keep * keep).sqrt() * sigma * rng.gaussian();
         }
         Pose2::new(scan.x_m + error[0], scan.y_m + error[1], scan.yaw_rad + error[2])
     };
@@ -104,7 +104,7 @@ fn believed_poses(scans: &[Pose2], dice: &mut Dice) -> Vec<Pose2> {
 /// All scans' rays, with noise: 1 cm along the ray, some lost, and the robot's own doubt where it is.
 fn beams(home: &Home, scans: &[Pose2], height_m: f64, seed: u64) -> Vec<Beam> {
     let scene = &home.vacuum_day.scene.slice(height_m);
-    let believed = believed_poses(scans, &mut Dice::new(hash(seed)));
+    let believed = believed_poses(scans, &mut Rng::new(hash(seed)));
     scans
         .par_iter()
         .zip(&believed)
@@ -253,16 +253,16 @@ impl Drivable {
     }
 
     /// Somewhere at a wall, facing away from it.
-    fn charger(&self, dice: &mut Dice) -> Pose2 {
+    fn charger(&self, rng: &mut Rng) -> Pose2 {
         let at_walls: Vec<Point2> =
             self.reached().filter(|point| self.clearance.value(point) < BODY_RADIUS_M + 0.05).collect();
-        let point = dice.any(&at_walls).copied().or_else(|| self.reached().next()).unwrap_or_default();
+        let point = rng.any(&at_walls).copied().or_else(|| self.reached().next()).unwrap_or_default();
         let (_, away) = self.clearance.value_and_gradient(&point);
         Pose2::new(point.x, point.y, away.y.atan2(away.x))
     }
 
     /// Scan positions over the reached floor, one to a square, in lanes as the robot drives them.
-    fn scans(&self, dice: &mut Dice) -> Vec<Pose2> {
+    fn scans(&self, rng: &mut Rng) -> Vec<Pose2> {
         let mut squares: std::collections::BTreeMap<(i64, i64), (f64, Point2)> = Default::default();
         for point in self.reached() {
             let (x, y) = ((point.x / SCAN_STEP_M).floor(), (point.y / SCAN_STEP_M).floor());
@@ -276,8 +276,8 @@ impl Drivable {
                 *best = (off, point);
             }
         }
-        let turn = |dice: &mut Dice| dice.between(-std::f64::consts::PI, std::f64::consts::PI);
-        squares.into_values().map(|(_, point)| Pose2::new(point.x, point.y, turn(dice))).collect()
+        let turn = |rng: &mut Rng| rng.between(-std::f64::consts::PI, std::f64::consts::PI);
+        squares.into_values().map(|(_, point)| Pose2::new(point.x, point.y, turn(rng))).collect()
     }
 }
 

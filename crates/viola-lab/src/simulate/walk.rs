@@ -3,8 +3,8 @@
 mod route;
 
 use super::clearance::clearance;
-use super::dice::Dice;
 use super::home::{Home, Set};
+use super::rng::Rng;
 use super::survey::Survey;
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 use std::collections::VecDeque;
@@ -31,15 +31,15 @@ pub(super) struct Walk {
 
 /// Walks for `frames` frames at `rate_hz`. Of several tries the first without a bad frame is taken, else
 /// the one with the fewest.
-pub(super) fn walk(home: &Home, survey: &Survey, dice: &Dice, frames: usize, rate_hz: f64) -> Walk {
+pub(super) fn walk(home: &Home, survey: &Survey, rng: &Rng, frames: usize, rate_hz: f64) -> Walk {
     let clear = clearance(&home.clip_day.scene, &home.plan, CELL_M, BAND_M);
     let free = clear.grid().cells.iter().map(|&d| f64::from(d) > BODY_M).collect();
     let free = Grid { frame: *clear.frame(), cells: free };
     let mut best: Option<(usize, Walk)> = None;
     for attempt in 0..TRIES {
-        let mut dice = dice.fork("attempt", attempt);
-        let (region, rooms) = route::region(home, survey, &free, &mut dice);
-        let Some(mut walker) = Walker::start(home, region, &rooms, &mut dice) else { continue };
+        let mut rng = rng.fork("attempt", attempt);
+        let (region, rooms) = route::region(home, survey, &free, &mut rng);
+        let Some(mut walker) = Walker::start(home, region, &rooms, &mut rng) else { continue };
         let poses = walker.record(frames, rate_hz);
         let faults = walker.faults(&poses);
         if best.as_ref().is_none_or(|(least, _)| faults < *least) {
@@ -62,7 +62,7 @@ pub(super) fn walk(home: &Home, survey: &Survey, dice: &Dice, frames: usize, rat
 
 struct Walker<'a> {
     home: &'a Home,
-    dice: Dice,
+    rng: Rng,
     region: Grid<bool>,
     places: Vec<Point2>,
     targets: Vec<Point3>,
@@ -84,24 +84,24 @@ struct Walker<'a> {
 }
 
 impl<'a> Walker<'a> {
-    fn start(home: &'a Home, region: Grid<bool>, rooms: &[usize], dice: &mut Dice) -> Option<Walker<'a>> {
+    fn start(home: &'a Home, region: Grid<bool>, rooms: &[usize], rng: &mut Rng) -> Option<Walker<'a>> {
         let frame = region.frame;
         let places: Vec<Point2> = (0..frame.len())
             .filter(|&index| region.cells[index])
             .map(|index| frame.centre(index % frame.width, index / frame.width))
             .collect();
-        let at = *dice.any(&places)?;
+        let at = *rng.any(&places)?;
         let upper = home.params.set == Set::Upper;
         // Half of the upper clips look up; the others look level from the chest.
-        let looks_up = dice.chance(0.5);
+        let looks_up = rng.chance(0.5);
         let (base_pitch, eye_m) = match (upper, looks_up) {
-            (false, _) => (dice.between(-30.0, -10.0), dice.between(1.25, 1.68)),
-            (true, true) => (dice.between(5.0, 22.0), dice.between(1.2, 1.6)),
-            (true, false) => (dice.between(-4.0, 6.0), dice.between(1.1, 1.35)),
+            (false, _) => (rng.between(-30.0, -10.0), rng.between(1.25, 1.68)),
+            (true, true) => (rng.between(5.0, 22.0), rng.between(1.2, 1.6)),
+            (true, false) => (rng.between(-4.0, 6.0), rng.between(1.1, 1.35)),
         };
         let mut walker = Walker {
             home,
-            dice: dice.fork("walk", 0),
+            rng: rng.fork("walk", 0),
             targets: targets(home, rooms),
             path: VecDeque::new(),
             at,
@@ -114,7 +114,7 @@ impl<'a> Walker<'a> {
             gaze: Point3::origin(),
             gaze_s: 0.0,
             time_s: 0.0,
-            phases: [0; 4].map(|_: i32| dice.between(0.0, TAU)),
+            phases: [0; 4].map(|_: i32| rng.between(0.0, TAU)),
             wander: [0.0; 3],
             region,
             places,
@@ -159,7 +159,7 @@ impl<'a> Walker<'a> {
         };
         self.pitch += (wanted - self.pitch) * 1.2 * STEP_S;
         for value in &mut self.wander {
-            *value += -0.4 * *value * STEP_S + self.dice.gaussian() * 0.9 * STEP_S.sqrt();
+            *value += -0.4 * *value * STEP_S + self.rng.gaussian() * 0.9 * STEP_S.sqrt();
         }
     }
 
@@ -172,9 +172,9 @@ impl<'a> Walker<'a> {
         let mut left = self.speed * STEP_S;
         while left > 0.0 {
             let Some(next) = self.path.front() else {
-                self.pause_s = if self.dice.chance(0.5) { self.dice.between(0.0, 1.5) } else { 0.0 };
-                self.speed = self.dice.between(0.2, 0.65);
-                if let Some(&goal) = self.dice.any(&self.places) {
+                self.pause_s = if self.rng.chance(0.5) { self.rng.between(0.0, 1.5) } else { 0.0 };
+                self.speed = self.rng.between(0.2, 0.65);
+                if let Some(&goal) = self.rng.any(&self.places) {
                     self.path = route::path(&self.region, &self.at, &goal);
                 }
                 return;
@@ -192,11 +192,11 @@ impl<'a> Walker<'a> {
 
     /// Chooses something to look at that is not too near, within `widest` of the present heading.
     fn look_somewhere(&mut self, widest: f64) {
-        self.gaze_s = self.dice.between(1.2, 3.5);
+        self.gaze_s = self.rng.between(1.2, 3.5);
         let eye = Point3::new(self.at.x, self.at.y, self.eye_m);
         let mut best = (f64::MIN, self.gaze);
         for _ in 0..8 {
-            let Some(&target) = self.dice.any(&self.targets) else { break };
+            let Some(&target) = self.rng.any(&self.targets) else { break };
             let to = target - eye;
             let yaw = to.y.atan2(to.x);
             let open = self.open_m(yaw, self.base_pitch);
@@ -205,7 +205,7 @@ impl<'a> Walker<'a> {
             if open < 0.9 {
                 score -= 3.0;
             }
-            score += self.dice.between(0.0, 1.0);
+            score += self.rng.between(0.0, 1.0);
             if score > best.0 {
                 best = (score, target);
             }

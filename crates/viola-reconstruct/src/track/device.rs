@@ -1,6 +1,6 @@
 //! Poses that a device gave, as something known beside what the pictures say.
 
-use super::graph::Tie;
+use super::graph::Edge;
 use super::keys::KeyFrame;
 use super::lost::Lost;
 use super::odometry::{KEY_MOTION, KEY_TURN_RAD};
@@ -23,7 +23,7 @@ const MOST_RAD: f64 = 2f64.to_radians();
 const MOST_TURN_SHARE: f64 = 0.1;
 
 /// What the device says of two key frames.
-fn tie(a: usize, b: usize, b_from_a: Pose3) -> Tie {
+fn edge(a: usize, b: usize, b_from_a: Pose3) -> Edge {
     let way_m = b_from_a.translation.vector.norm();
     let precision = |least: f64, drift: f64| 1.0 / (least * least + drift * drift * way_m);
     let (place, turn) = (precision(LEAST_M, DRIFT_M), precision(LEAST_RAD, DRIFT_RAD));
@@ -32,7 +32,7 @@ fn tie(a: usize, b: usize, b_from_a: Pose3) -> Tie {
         (true, true) => place,
         (true, false) => turn,
     });
-    Tie { a, b, b_from_a, information, is_loop: false }
+    Edge { a, b, b_from_a, information, is_loop: false }
 }
 
 /// Whether a step cannot be, by what the device says of it.
@@ -55,8 +55,8 @@ impl Tracker {
     }
 
     /// To the key frame that comes next.
-    pub(super) fn device_tie(&self, key: usize, expected: Pose3) -> Option<Tie> {
-        self.has_device.then(|| tie(key, self.keys.len(), expected))
+    pub(super) fn device_edge(&self, key: usize, expected: Pose3) -> Option<Edge> {
+        self.has_device.then(|| edge(key, self.keys.len(), expected))
     }
 
     /// A frame whose pictures do not tell where it is, and whose device does.
@@ -67,7 +67,7 @@ impl Tracker {
         if is_near || Lost::of(&pyramid).is_some() {
             return Followed { key, camera_from_key: expected, uncertainty_m: 0.0 };
         }
-        self.ties.extend(self.device_tie(key, expected));
+        self.edges.extend(self.device_edge(key, expected));
         let pose = self.keys[key].world_from_key * expected.inverse();
         let (frame, segment) = (self.frames.len(), self.keys[key].segment);
         let next = KeyFrame::new(frame, segment, pose, &pyramid, &self.describer);

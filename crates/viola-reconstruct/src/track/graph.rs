@@ -9,7 +9,7 @@ use viola_geometry::{Pose3, Vector3};
 
 /// Something known between two key frames.
 #[derive(Debug, Clone)]
-pub(super) struct Tie {
+pub(super) struct Edge {
     pub a: usize,
     pub b: usize,
     pub b_from_a: Pose3,
@@ -25,20 +25,20 @@ const FADE: f64 = 30.0;
 const WRONG: f64 = 0.1;
 const ROUNDS: usize = 12;
 
-/// Moves the poses (`world_from_key`) to where the ties want them; the first of each connected part stays. Gives which
-/// ties were believed.
-pub(super) fn settle(poses: &mut [Pose3], ties: &[Tie]) -> Vec<bool> {
-    let fixed = first_of_parts(poses.len(), ties);
-    let mut weights = vec![1.0; ties.len()];
+/// Moves the poses (`world_from_key`) to where the edges want them; the first of each connected part stays. Gives which
+/// edges were believed.
+pub(super) fn settle(poses: &mut [Pose3], edges: &[Edge]) -> Vec<bool> {
+    let fixed = first_of_parts(poses.len(), edges);
+    let mut weights = vec![1.0; edges.len()];
     for round in 0..ROUNDS {
-        let errors: Vec<Vector6<f64>> = ties.iter().map(|tie| error(tie, poses)).collect();
-        for ((weight, tie), error) in weights.iter_mut().zip(ties).zip(&errors) {
-            let squared = (error.transpose() * tie.information * error)[0];
+        let errors: Vec<Vector6<f64>> = edges.iter().map(|edge| error(edge, poses)).collect();
+        for ((weight, edge), error) in weights.iter_mut().zip(edges).zip(&errors) {
+            let squared = (error.transpose() * edge.information * error)[0];
             // Loops fade more and more strictly, so that a wrong one cannot bend what it is judged by.
             let fade = FADE * f64::powi(2.0, 6 - (round.min(6) as i32));
-            *weight = if tie.is_loop { (1.0 + squared / fade).powi(-2) } else { 1.0 };
+            *weight = if edge.is_loop { (1.0 + squared / fade).powi(-2) } else { 1.0 };
         }
-        let step = solve(poses, ties, &weights, &errors, &fixed);
+        let step = solve(poses, edges, &weights, &errors, &fixed);
         for (pose, step) in poses.iter_mut().zip(&step) {
             *pose *= exponential(step);
             pose.rotation.renormalize();
@@ -47,10 +47,10 @@ pub(super) fn settle(poses: &mut [Pose3], ties: &[Tie]) -> Vec<bool> {
             break;
         }
     }
-    ties.iter().zip(&weights).map(|(tie, weight)| !tie.is_loop || *weight > WRONG).collect()
+    edges.iter().zip(&weights).map(|(edge, weight)| !edge.is_loop || *weight > WRONG).collect()
 }
 
-fn first_of_parts(count: usize, ties: &[Tie]) -> Vec<bool> {
+fn first_of_parts(count: usize, edges: &[Edge]) -> Vec<bool> {
     let mut part: Vec<usize> = (0..count).collect();
     fn root(part: &mut [usize], mut at: usize) -> usize {
         while part[at] != at {
@@ -59,16 +59,16 @@ fn first_of_parts(count: usize, ties: &[Tie]) -> Vec<bool> {
         }
         at
     }
-    for tie in ties {
-        let (a, b) = (root(&mut part, tie.a), root(&mut part, tie.b));
+    for edge in edges {
+        let (a, b) = (root(&mut part, edge.a), root(&mut part, edge.b));
         part[a.max(b)] = a.min(b);
     }
     (0..count).map(|at| root(&mut part, at) == at).collect()
 }
 
-/// How far `a` is from where the tie and `b` have it, in its own frame.
-fn error(tie: &Tie, poses: &[Pose3]) -> Vector6<f64> {
-    let off = tie.b_from_a.inverse() * poses[tie.b].inverse() * poses[tie.a];
+/// How far `a` is from where the edge and `b` have it, in its own frame.
+fn error(edge: &Edge, poses: &[Pose3]) -> Vector6<f64> {
+    let off = edge.b_from_a.inverse() * poses[edge.b].inverse() * poses[edge.a];
     let (shift, turn) = (off.translation.vector, off.rotation.scaled_axis());
     Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
 }
@@ -87,22 +87,22 @@ fn carried(a_from_b: &Pose3) -> Matrix6<f64> {
 /// The next step of all poses.
 fn solve(
     poses: &[Pose3],
-    ties: &[Tie],
+    edges: &[Edge],
     weights: &[f64],
     errors: &[Vector6<f64>],
     fixed: &[bool],
 ) -> Vec<Vector6<f64>> {
     let count = poses.len();
     let slopes: Vec<Matrix6<f64>> =
-        ties.iter().map(|tie| -carried(&(poses[tie.a].inverse() * poses[tie.b]))).collect();
+        edges.iter().map(|edge| -carried(&(poses[edge.a].inverse() * poses[edge.b]))).collect();
     let mut right = vec![Vector6::zeros(); count];
     let mut diagonal = vec![Matrix6::identity() * 1e-6; count];
-    for (((tie, weight), error), slope) in ties.iter().zip(weights).zip(errors).zip(&slopes) {
-        let information = tie.information * *weight;
-        right[tie.a] -= information * error;
-        right[tie.b] -= slope.transpose() * information * error;
-        diagonal[tie.a] += information;
-        diagonal[tie.b] += slope.transpose() * information * slope;
+    for (((edge, weight), error), slope) in edges.iter().zip(weights).zip(errors).zip(&slopes) {
+        let information = edge.information * *weight;
+        right[edge.a] -= information * error;
+        right[edge.b] -= slope.transpose() * information * error;
+        diagonal[edge.a] += information;
+        diagonal[edge.b] += slope.transpose() * information * slope;
     }
     let inverse: Vec<Matrix6<f64>> =
         diagonal.iter().map(|block| block.try_inverse().unwrap_or_else(Matrix6::identity)).collect();
@@ -112,10 +112,10 @@ fn solve(
     hold(&mut right);
     let times = |of: &[Vector6<f64>]| {
         let mut out: Vec<Vector6<f64>> = of.iter().map(|value| value * 1e-6).collect();
-        for ((tie, weight), slope) in ties.iter().zip(weights).zip(&slopes) {
-            let pulled = tie.information * (of[tie.a] + slope * of[tie.b]) * *weight;
-            out[tie.a] += pulled;
-            out[tie.b] += slope.transpose() * pulled;
+        for ((edge, weight), slope) in edges.iter().zip(weights).zip(&slopes) {
+            let pulled = edge.information * (of[edge.a] + slope * of[edge.b]) * *weight;
+            out[edge.a] += pulled;
+            out[edge.b] += slope.transpose() * pulled;
         }
         hold(&mut out);
         out
@@ -154,12 +154,12 @@ fn solve(
 mod tests {
     use super::*;
 
-    fn sure(a: usize, b: usize, b_from_a: Pose3, is_loop: bool) -> Tie {
-        Tie { a, b, b_from_a, information: Matrix6::identity() * 1e4, is_loop }
+    fn sure(a: usize, b: usize, b_from_a: Pose3, is_loop: bool) -> Edge {
+        Edge { a, b, b_from_a, information: Matrix6::identity() * 1e4, is_loop }
     }
 
     /// A walk around a square whose odometry turns a little too much at each step, and the loops at its end.
-    fn square() -> (Vec<Pose3>, Vec<Pose3>, Vec<Tie>) {
+    fn square() -> (Vec<Pose3>, Vec<Pose3>, Vec<Edge>) {
         let turn = |i: usize| if i % 5 == 4 { std::f64::consts::FRAC_PI_2 } else { 0.0 };
         let step = |i: usize, extra: f64| {
             Pose3::new(Vector3::new(0.5, 0.0, 0.0), Vector3::new(0.0, 0.0, turn(i) + extra))
@@ -170,8 +170,8 @@ mod tests {
                 poses
             })
         };
-        let ties = (0..19).map(|i| sure(i, i + 1, step(i, 0.004).inverse(), false)).collect();
-        (walk(0.0), walk(0.004), ties)
+        let edges = (0..19).map(|i| sure(i, i + 1, step(i, 0.004).inverse(), false)).collect();
+        (walk(0.0), walk(0.004), edges)
     }
 
     fn worst_m(poses: &[Pose3], truth: &[Pose3]) -> f64 {
@@ -181,12 +181,12 @@ mod tests {
 
     #[test]
     fn loops_take_drift_away() {
-        let (truth, mut poses, mut ties) = square();
+        let (truth, mut poses, mut edges) = square();
         let before_m = worst_m(&poses, &truth);
-        ties.extend(
+        edges.extend(
             [(0, 19), (1, 18), (0, 18)].map(|(a, b)| sure(a, b, truth[b].inverse() * truth[a], true)),
         );
-        let believed = settle(&mut poses, &ties);
+        let believed = settle(&mut poses, &edges);
         assert!(believed.iter().all(|believed| *believed));
         assert!(worst_m(&poses, &truth) < 0.4 * before_m, "{} {before_m}", worst_m(&poses, &truth));
         assert_eq!(poses[0], Pose3::identity());
@@ -195,15 +195,15 @@ mod tests {
     /// Loops that are planted between places that only look alike are left out, and bend nothing.
     #[test]
     fn false_loops_are_rejected() {
-        let (truth, mut right, mut ties) = square();
-        ties.extend(
+        let (truth, mut right, mut edges) = square();
+        edges.extend(
             [(0, 19), (1, 18), (0, 18)].map(|(a, b)| sure(a, b, truth[b].inverse() * truth[a], true)),
         );
         let mut poses = right.clone();
-        settle(&mut right, &ties);
+        settle(&mut right, &edges);
         let planted = [(2, 12), (7, 17), (4, 14)];
-        ties.extend(planted.map(|(a, b)| sure(a, b, Pose3::translation(0.1, 0.05, 0.0), true)));
-        let believed = settle(&mut poses, &ties);
+        edges.extend(planted.map(|(a, b)| sure(a, b, Pose3::translation(0.1, 0.05, 0.0), true)));
+        let believed = settle(&mut poses, &edges);
         assert_eq!(believed.iter().filter(|believed| !**believed).count(), planted.len());
         assert!(believed[..22].iter().all(|believed| *believed));
         assert!(worst_m(&poses, &right) < 0.01, "{}", worst_m(&poses, &right));

@@ -66,7 +66,7 @@ impl KeyFrame {
     }
 
     /// How many words of their descriptors two key frames have in common.
-    pub fn likeness(&self, other: &[u32]) -> usize {
+    pub fn similarity(&self, other: &[u32]) -> usize {
         let (mut i, mut j, mut common) = (0, 0, 0);
         while let (Some(a), Some(b)) = (self.words.get(i), other.get(j)) {
             match a.cmp(b) {

@@ -1,6 +1,6 @@
 //! Key frames that see the same again: found by their corners and by where they are, checked by aligning them.
 
-use super::graph::Tie;
+use super::graph::Edge;
 use super::keys::KeyFrame;
 use super::place::{Place, recognise};
 use super::step::{Step, align};
@@ -70,16 +70,16 @@ pub(super) fn same_place(a: &KeyFrame, b: &KeyFrame, seed: u64) -> Option<(Place
 }
 
 /// Loops between key frames that look alike.
-pub(super) fn by_look(keys: &[KeyFrame], seed: u64) -> Vec<Tie> {
+pub(super) fn by_look(keys: &[KeyFrame], seed: u64) -> Vec<Edge> {
     let way = Way::along(keys);
-    let found: Vec<Vec<Tie>> = (0..keys.len())
+    let found: Vec<Vec<Edge>> = (0..keys.len())
         .into_par_iter()
         .map(|b| {
             let apart = |a: &usize| keys[*a].segment != keys[b].segment || a + APART <= b;
             let mut alike: Vec<(usize, usize)> =
-                (0..b).filter(apart).map(|a| (keys[a].likeness(keys[b].words()), a)).collect();
+                (0..b).filter(apart).map(|a| (keys[a].similarity(keys[b].words()), a)).collect();
             alike.sort_by(|x, y| y.0.cmp(&x.0).then(x.1.cmp(&y.1)));
-            let mut ties = Vec::new();
+            let mut edges = Vec::new();
             for &(_, a) in alike.iter().take(TRIES) {
                 let seed = seed ^ ((a as u64) << 32) ^ b as u64;
                 let Some((place, found)) = same_place(&keys[a], &keys[b], seed) else {
@@ -90,19 +90,19 @@ pub(super) fn by_look(keys: &[KeyFrame], seed: u64) -> Vec<Tie> {
                     continue;
                 }
                 if way.can_reach(keys, a, b, &found.camera_from_key) {
-                    ties.push(tie(a, b, &found));
+                    edges.push(edge(a, b, &found));
                 }
             }
-            ties
+            edges
         })
         .collect();
     found.concat()
 }
 
 /// Loops between key frames that see the same by where they are.
-pub(super) fn by_pose(keys: &[KeyFrame], known: &[Tie]) -> Vec<Tie> {
+pub(super) fn by_pose(keys: &[KeyFrame], known: &[Edge]) -> Vec<Edge> {
     let way = Way::along(keys);
-    let found: Vec<Vec<Tie>> = (0..keys.len())
+    let found: Vec<Vec<Edge>> = (0..keys.len())
         .into_par_iter()
         .map(|b| {
             let near = |a: usize| {
@@ -112,26 +112,26 @@ pub(super) fn by_pose(keys: &[KeyFrame], known: &[Tie]) -> Vec<Tie> {
                 (far, a)
             };
             let is_new = |a: &usize| {
-                keys[*a].segment == keys[b].segment && !known.iter().any(|tie| (tie.a, tie.b) == (*a, b))
+                keys[*a].segment == keys[b].segment && !known.iter().any(|edge| (edge.a, edge.b) == (*a, b))
             };
             let mut near: Vec<(f64, usize)> = (0..b.saturating_sub(1)).filter(is_new).map(near).collect();
             near.retain(|(far, _)| *far < 1.6);
             near.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
-            let mut ties = Vec::new();
+            let mut edges = Vec::new();
             for &(_, a) in near.iter().take(NEIGHBOURS) {
                 let start = keys[b].world_from_key.inverse() * keys[a].world_from_key;
                 if let Some(found) = check(&keys[a], &keys[b], &start)
                     && way.can_reach(keys, a, b, &found.camera_from_key)
                 {
-                    ties.push(tie(a, b, &found));
+                    edges.push(edge(a, b, &found));
                 }
             }
-            ties
+            edges
         })
         .collect();
     found.concat()
 }
 
-fn tie(a: usize, b: usize, found: &Step) -> Tie {
-    Tie { a, b, b_from_a: found.camera_from_key, information: found.trusted_information(), is_loop: true }
+fn edge(a: usize, b: usize, found: &Step) -> Edge {
+    Edge { a, b, b_from_a: found.camera_from_key, information: found.trusted_information(), is_loop: true }
 }

@@ -11,7 +11,8 @@ use viola_align::{AlignError, AlignParams, AlignmentState};
 use viola_geometry::progress::Progress;
 use viola_geometry::{Pose2, angle_between};
 use viola_home::{
-    ClipNumbers, Manifest, MapPoint, Member, Pair, PlacedClip, Share, Verdict, assemble, disagreement,
+    ClipContribution, ClipNumbers, Manifest, MapPoint, Member, Pair, PlacedClip, Verdict, assemble,
+    disagreement,
 };
 
 /// An excerpt and what became of it.
@@ -96,11 +97,11 @@ pub fn fuse(
                 },
             });
         }
-        shares.push(Share { cloud_in_clip: aligned.cloud_in_clip, views: aligned.views });
+        shares.push(ClipContribution { cloud_in_clip: aligned.cloud_in_clip, views: aligned.views });
     }
     let share_of = |name: &str| name.parse::<usize>().ok().and_then(|number| shares.get(number));
-    let mut load = |member: &Member| -> Result<Share, Infallible> {
-        Ok(share_of(&member.share).cloned().unwrap_or_else(Share::nothing))
+    let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
+        Ok(share_of(&member.share).cloned().unwrap_or_else(ClipContribution::nothing))
     };
     let Ok(assembly) = assemble(&Manifest::default(), members, &mut load);
     let placed = &assembly.manifest.clips;
@@ -124,7 +125,7 @@ fn errors(pose: &Pose2, truth: &Pose2) -> (f64, f64) {
 fn agreement<'a>(
     placed: &[PlacedClip],
     pairs: &[Pair],
-    share_of: impl Fn(&str) -> Option<&'a Share>,
+    share_of: impl Fn(&str) -> Option<&'a ClipContribution>,
 ) -> Agreement {
     const NEAR_M: f64 = 0.1;
     let (mut squares, mut counts, mut count) = ([0.0; 2], [0usize; 2], 0);

@@ -1,9 +1,9 @@
 //! Finding a place for a piece: against a wall, beside another, or free, without blocking the way.
 
 use super::passage::Passage;
-use crate::simulate::dice::Dice;
 use crate::simulate::piece::{Footprint, Mount, Piece};
 use crate::simulate::plan::{Opening, OpeningKind, Plan, Rect, Room};
+use crate::simulate::rng::Rng;
 use std::f64::consts::{FRAC_PI_2, PI};
 use viola_geometry::{Point2, Pose2, angle_between};
 
@@ -13,7 +13,7 @@ const TRIES: usize = 30;
 pub(in crate::simulate) struct Arranger<'a> {
     pub plan: &'a Plan,
     pub room: usize,
-    pub dice: Dice,
+    pub rng: Rng,
     pieces: Vec<Piece>,
     /// Floor that is taken.
     taken: Vec<Footprint>,
@@ -25,12 +25,12 @@ pub(in crate::simulate) struct Arranger<'a> {
 }
 
 impl<'a> Arranger<'a> {
-    pub fn new(plan: &'a Plan, room: usize, dice: Dice) -> Arranger<'a> {
+    pub fn new(plan: &'a Plan, room: usize, rng: Rng) -> Arranger<'a> {
         let inner = plan.rooms[room].inner;
         let mut arranger = Arranger {
             plan,
             room,
-            dice,
+            rng,
             pieces: vec![],
             taken: vec![],
             doorways: vec![],
@@ -87,7 +87,7 @@ impl<'a> Arranger<'a> {
 
     /// Against a wall, in one of the room's corners.
     pub fn in_corner(&mut self, piece: Piece, front_m: f64) -> Option<usize> {
-        let offset = if self.dice.chance(0.5) { 0.0 } else { 1.0 };
+        let offset = if self.rng.chance(0.5) { 0.0 } else { 1.0 };
         self.against(piece, front_m, |_| true, Some(offset))
     }
 
@@ -115,7 +115,7 @@ impl<'a> Arranger<'a> {
         let [width, depth, _] = piece.size;
         for _ in 0..TRIES {
             // The yaw turns the piece's back (+y) to the wall on that side.
-            let (yaw, axis, wall) = self.dice.pick([
+            let (yaw, axis, wall) = self.rng.pick([
                 (0.0, 0, inner.max[1]),
                 (PI, 0, inner.min[1]),
                 (-FRAC_PI_2, 1, inner.max[0]),
@@ -125,10 +125,10 @@ impl<'a> Arranger<'a> {
             if slack < 0.0 || !allowed(yaw) {
                 continue;
             }
-            let gap = self.dice.between(0.002, 0.02);
+            let gap = self.rng.between(0.002, 0.02);
             let offset = match share {
                 Some(share) => share * (slack - 0.02).max(0.0) + 0.01,
-                None => self.dice.between(0.0, slack),
+                None => self.rng.between(0.0, slack),
             };
             let along = inner.min[axis] + width / 2.0 + offset.min(slack);
             let sign = if wall == inner.max[1 - axis] { 1.0 } else { -1.0 };
@@ -150,15 +150,15 @@ impl<'a> Arranger<'a> {
     /// Anywhere with room around it.
     pub fn free(&mut self, mut piece: Piece, around_m: f64) -> Option<usize> {
         let inner = self.room().inner;
-        let square = self.dice.chance(0.7);
+        let square = self.rng.chance(0.7);
         for _ in 0..2 * TRIES {
             let yaw = if square {
-                FRAC_PI_2 * self.dice.count(0, 3) as f64 + self.dice.between(-0.05, 0.05)
+                FRAC_PI_2 * self.rng.count(0, 3) as f64 + self.rng.between(-0.05, 0.05)
             } else {
-                self.dice.between(-PI, PI)
+                self.rng.between(-PI, PI)
             };
-            let x = self.dice.between(inner.min[0], inner.max[0]);
-            let y = self.dice.between(inner.min[1], inner.max[1]);
+            let x = self.rng.between(inner.min[0], inner.max[0]);
+            let y = self.rng.between(inner.min[1], inner.max[1]);
             let pose = Pose2::new(x, y, yaw);
             let around = piece.footprint_at(&pose).grown(around_m);
             if self.stands_free(&around, None) && self.fits(&piece, &pose) {
@@ -215,7 +215,7 @@ impl<'a> Arranger<'a> {
         let inner = self.room().inner;
         let [width, depth, _] = piece.size;
         for _ in 0..TRIES {
-            let (yaw, axis, wall, sign) = self.dice.pick([
+            let (yaw, axis, wall, sign) = self.rng.pick([
                 (0.0, 0, inner.max[1], 1.0),
                 (PI, 0, inner.min[1], -1.0),
                 (-FRAC_PI_2, 1, inner.max[0], 1.0),
@@ -225,7 +225,7 @@ impl<'a> Arranger<'a> {
             if slack < 0.0 {
                 continue;
             }
-            let along = inner.min[axis] + 0.1 + width / 2.0 + self.dice.between(0.0, slack);
+            let along = inner.min[axis] + 0.1 + width / 2.0 + self.rng.between(0.0, slack);
             let across = wall - sign * (depth / 2.0 + 0.002);
             let (x, y) = if axis == 0 { (along, across) } else { (across, along) };
             let pose = Pose2::new(x, y, yaw);

@@ -9,8 +9,8 @@ use viola_geometry::Pose2;
 pub(super) fn windows(room: &mut Arranger) {
     let inner = room.room().inner;
     let openings: Vec<_> = room.openings().filter(|o| o.kind == OpeningKind::Window).copied().collect();
-    let dressed = room.room().kind != RoomKind::Bathroom && room.dice.chance(0.75);
-    let to_floor = room.dice.chance(0.5);
+    let dressed = room.room().kind != RoomKind::Bathroom && room.rng.chance(0.75);
+    let to_floor = room.rng.chance(0.5);
     for window in openings {
         let inside_high = window.rooms[0] == Some(room.room);
         let place = |depth: f64| {
@@ -26,13 +26,13 @@ pub(super) fn windows(room: &mut Arranger) {
                 Pose2::new(wall - sign * (depth / 2.0 + 0.01), window.centre.y, yaw)
             }
         };
-        if window.sill_m > 0.7 && room.dice.chance(0.7) {
+        if window.sill_m > 0.7 && room.rng.chance(0.7) {
             let radiator = decor::radiator((window.width_m - 0.1).clamp(0.4, 1.6));
             room.at(radiator, place(0.12));
         }
         if dressed {
             let mut curtains =
-                decor::curtains(window.width_m, to_floor, window.sill_m, window.head_m, &mut room.dice);
+                decor::curtains(window.width_m, to_floor, window.sill_m, window.head_m, &mut room.rng);
             let pose = place(0.12);
             if !curtains.footprint_at(&pose).is_within(&inner) {
                 continue;
@@ -41,7 +41,7 @@ pub(super) fn windows(room: &mut Arranger) {
             if !lands_free {
                 // Something stands below: shorter ones.
                 curtains =
-                    decor::curtains(window.width_m, false, window.sill_m, window.head_m, &mut room.dice);
+                    decor::curtains(window.width_m, false, window.sill_m, window.head_m, &mut room.rng);
                 curtains.mount = Mount::Hung;
                 room.put_anyway(curtains, pose);
             }
@@ -54,32 +54,32 @@ pub(super) fn decorate(room: &mut Arranger) {
     let kind = room.room().kind;
     let area = room.room().inner.area_m2();
     let middle = room.room().inner.centre();
-    let lamp = decor::ceiling_lamp(room.plan.ceiling_m, &mut room.dice);
+    let lamp = decor::ceiling_lamp(room.plan.ceiling_m, &mut room.rng);
     let under_pillar = room.plan.features.iter().any(|f| f.footprint.grown(0.3).contains(&middle));
     if !under_pillar {
         room.put_anyway(lamp, Pose2::new(middle.x, middle.y, 0.0));
     }
     let lived_in = !matches!(kind, RoomKind::Bathroom | RoomKind::Storage);
     if lived_in {
-        for _ in 0..room.dice.count(0, if area > 12.0 { 5 } else { 3 }) {
-            if room.dice.chance(0.75) {
-                let piece = decor::picture(&mut room.dice);
+        for _ in 0..room.rng.count(0, if area > 12.0 { 5 } else { 3 }) {
+            if room.rng.chance(0.75) {
+                let piece = decor::picture(&mut room.rng);
                 room.hang(piece, 1.2);
             } else {
-                let piece = decor::wall_shelf(&mut room.dice);
+                let piece = decor::wall_shelf(&mut room.rng);
                 room.hang(piece, 1.3);
             }
         }
         if area > 6.0 {
-            for _ in 0..room.dice.count(0, 2) {
-                let plant = decor::plant(&mut room.dice);
+            for _ in 0..room.rng.count(0, 2) {
+                let plant = decor::plant(&mut room.rng);
                 room.in_corner(plant, 0.0);
             }
         }
     }
-    for _ in 0..room.dice.count(0, 1 + (area / 6.0) as usize) {
-        let item = storage::clutter(&mut room.dice);
-        if room.dice.chance(0.6) {
+    for _ in 0..room.rng.count(0, 1 + (area / 6.0) as usize) {
+        let item = storage::clutter(&mut room.rng);
+        if room.rng.chance(0.6) {
             room.against_wall(item, 0.0);
         } else {
             room.free(item, 0.05);

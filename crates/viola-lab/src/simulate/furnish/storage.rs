@@ -1,20 +1,20 @@
 //! Beds, wardrobes, shelves, cabinets, and what stands on them.
 
-use crate::simulate::dice::Dice;
 use crate::simulate::finish::{DARK, Finish, Pattern, WHITE, cloth, front, wood};
 use crate::simulate::piece::Piece;
+use crate::simulate::rng::Rng;
 use viola_geometry::taxonomy::Class;
 
 /// A bed with its head at the wall; a vacuum drives under some and stops at the base of others.
-pub fn bed(width: f64, dice: &mut Dice) -> Piece {
-    let length = dice.between(2.0, 2.12);
-    let frame = if dice.chance(0.5) { wood(dice) } else { cloth(dice) };
-    let head = dice.between(0.75, 1.15);
+pub fn bed(width: f64, rng: &mut Rng) -> Piece {
+    let length = rng.between(2.0, 2.12);
+    let frame = if rng.chance(0.5) { wood(rng) } else { cloth(rng) };
+    let head = rng.between(0.75, 1.15);
     let mut bed = Piece::new(Class::Bed, [width, length, head]);
-    let gap = match dice.count(0, 3) {
+    let gap = match rng.count(0, 3) {
         0 => 0.0,
-        1 => dice.between(0.04, 0.08),
-        _ => dice.between(0.13, 0.22),
+        1 => rng.between(0.04, 0.08),
+        _ => rng.between(0.13, 0.22),
     };
     if gap > 0.1 {
         bed.legs(width, length, gap, 0.06, 0.03, frame);
@@ -27,8 +27,8 @@ pub fn bed(width: f64, dice: &mut Dice) -> Piece {
     bed.block([0.0, length / 2.0 - 0.03, rim], [width, 0.06, head - rim], frame);
     let sheet = Finish::plain(WHITE).with(Pattern::Grain, 0.02);
     bed.block([0.0, -0.03, rim], [width - 0.06, length - 0.1, 0.18], sheet);
-    let cover = cloth(dice);
-    let covered = dice.between(0.55, 0.75) * length;
+    let cover = cloth(rng);
+    let covered = rng.between(0.55, 0.75) * length;
     bed.block([0.0, -(length - covered) / 2.0 - 0.02, rim + 0.16], [width + 0.02, covered, 0.09], cover);
     let pillows = if width > 1.3 { 2 } else { 1 };
     for index in 0..pillows {
@@ -40,12 +40,12 @@ pub fn bed(width: f64, dice: &mut Dice) -> Piece {
 }
 
 /// A closed cabinet on a plinth or on feet: nightstand, dresser, sideboard, wardrobe.
-pub fn cabinet(class: Class, size: [f64; 3], dice: &mut Dice) -> Piece {
+pub fn cabinet(class: Class, size: [f64; 3], rng: &mut Rng) -> Piece {
     let [width, depth, height] = size;
-    let finish = front(dice);
+    let finish = front(rng);
     let mut piece = Piece::new(class, size);
-    if dice.chance(0.4) {
-        let gap = dice.between(0.06, 0.16);
+    if rng.chance(0.4) {
+        let gap = rng.between(0.06, 0.16);
         piece.legs(width, depth, gap, 0.035, 0.02, finish.darker(0.7));
         piece.block([0.0, 0.0, gap], [width, depth, height - gap], finish);
     } else {
@@ -68,17 +68,17 @@ pub fn cabinet(class: Class, size: [f64; 3], dice: &mut Dice) -> Piece {
 }
 
 /// An open shelf with books and boxes.
-pub fn shelf(width: f64, height: f64, dice: &mut Dice) -> Piece {
-    let depth = dice.between(0.26, 0.38);
-    let finish = if dice.chance(0.5) { wood(dice) } else { Finish::plain(WHITE) };
+pub fn shelf(width: f64, height: f64, rng: &mut Rng) -> Piece {
+    let depth = rng.between(0.26, 0.38);
+    let finish = if rng.chance(0.5) { wood(rng) } else { Finish::plain(WHITE) };
     let mut shelf = Piece::new(Class::Shelf, [width, depth, height]);
     for x in [-1.0, 1.0] {
         shelf.block([x * (width / 2.0 - 0.01), 0.0, 0.0], [0.02, depth, height], finish);
     }
     shelf.block([0.0, depth / 2.0 - 0.005, 0.0], [width, 0.01, height], finish.darker(0.85));
-    let foot = dice.between(0.02, 0.08);
+    let foot = rng.between(0.02, 0.08);
     shelf.block([0.0, 0.02, 0.0], [width - 0.04, depth - 0.06, foot], finish.darker(0.8));
-    let levels = ((height - foot) / dice.between(0.3, 0.42)).round().max(1.0);
+    let levels = ((height - foot) / rng.between(0.3, 0.42)).round().max(1.0);
     let step = (height - foot - 0.02) / levels;
     for level in 0..=levels as usize {
         let z = foot + level as f64 * step;
@@ -88,13 +88,13 @@ pub fn shelf(width: f64, height: f64, dice: &mut Dice) -> Piece {
         }
         let mut x = 0.02 - width / 2.0;
         while x < width / 2.0 - 0.1 {
-            let run = dice.between(0.1, 0.45).min(width / 2.0 - 0.02 - x);
+            let run = rng.between(0.1, 0.45).min(width / 2.0 - 0.02 - x);
             let room = step - 0.03;
-            match dice.count(0, 3) {
+            match rng.count(0, 3) {
                 0 => {}
                 1 => {
-                    let side = run.min(room) * dice.between(0.5, 0.9);
-                    let finish = cloth(dice);
+                    let side = run.min(room) * rng.between(0.5, 0.9);
+                    let finish = cloth(rng);
                     let item = shelf.block(
                         [x + run / 2.0, 0.0, z + 0.02],
                         [side, depth * 0.7, side.min(room)],
@@ -104,22 +104,22 @@ pub fn shelf(width: f64, height: f64, dice: &mut Dice) -> Piece {
                 }
                 _ => {
                     let books = Finish::plain([0.5, 0.4, 0.3]).with(Pattern::Books, 0.035);
-                    let tall = room * dice.between(0.6, 0.92);
+                    let tall = room * rng.between(0.6, 0.92);
                     shelf.block([x + run / 2.0, 0.03, z + 0.02], [run, depth * 0.65, tall], books);
                 }
             }
-            x += run + dice.between(0.0, 0.15);
+            x += run + rng.between(0.0, 0.15);
         }
     }
     shelf
 }
 
 /// A low board with a television on it.
-pub fn tv_stand(dice: &mut Dice) -> Piece {
-    let width = dice.between(1.2, 1.9);
-    let mut piece = cabinet(Class::Cabinet, [width, 0.42, dice.between(0.4, 0.55)], dice);
+pub fn tv_stand(rng: &mut Rng) -> Piece {
+    let width = rng.between(1.2, 1.9);
+    let mut piece = cabinet(Class::Cabinet, [width, 0.42, rng.between(0.4, 0.55)], rng);
     let top = piece.size[2];
-    let screen = dice.between(0.9, 1.4).min(width);
+    let screen = rng.between(0.9, 1.4).min(width);
     let black = Finish::plain([0.04, 0.04, 0.05]).glossy(0.8);
     for (bottom, size) in [
         ([0.0, 0.05, top], [0.4, 0.2, 0.015]),
@@ -133,11 +133,11 @@ pub fn tv_stand(dice: &mut Dice) -> Piece {
 }
 
 /// A cardboard box, a basket, a suitcase: what stands about.
-pub fn clutter(dice: &mut Dice) -> Piece {
-    let size = [dice.between(0.2, 0.5), dice.between(0.2, 0.4), dice.between(0.12, 0.5)];
+pub fn clutter(rng: &mut Rng) -> Piece {
+    let size = [rng.between(0.2, 0.5), rng.between(0.2, 0.4), rng.between(0.12, 0.5)];
     let mut piece = Piece::new(Class::Box, size).movable();
-    let finish = if dice.chance(0.5) { Finish::plain([0.70, 0.55, 0.38]) } else { cloth(dice) };
-    if dice.chance(0.25) {
+    let finish = if rng.chance(0.5) { Finish::plain([0.70, 0.55, 0.38]) } else { cloth(rng) };
+    if rng.chance(0.25) {
         let radius = size[0].min(size[1]) / 2.0;
         piece.size = [2.0 * radius, 2.0 * radius, size[2]];
         piece.post([0.0; 3], radius, size[2], finish);
@@ -148,16 +148,16 @@ pub fn clutter(dice: &mut Dice) -> Piece {
 }
 
 /// Coats on a rail: they end above the vacuum.
-pub fn coats(dice: &mut Dice) -> Piece {
-    let width = dice.between(0.5, 1.1);
+pub fn coats(rng: &mut Rng) -> Piece {
+    let width = rng.between(0.5, 1.1);
     let mut piece = Piece::new(Class::Clothes, [width, 0.3, 1.75]);
     piece.block([0.0, 0.13, 1.65], [width, 0.03, 0.08], Finish::plain(DARK)).class = Class::Shelf;
     let mut x = 0.12 - width / 2.0;
     while x < width / 2.0 - 0.08 {
-        let long = dice.between(0.6, 1.1);
-        let finish = cloth(dice).darker(0.7);
-        piece.block([x, 0.03, 1.68 - long], [0.1, dice.between(0.16, 0.26), long], finish);
-        x += dice.between(0.11, 0.25);
+        let long = rng.between(0.6, 1.1);
+        let finish = cloth(rng).darker(0.7);
+        piece.block([x, 0.03, 1.68 - long], [0.1, rng.between(0.16, 0.26), long], finish);
+        x += rng.between(0.11, 0.25);
     }
     piece
 }

@@ -1,8 +1,8 @@
 //! Kitchens and bathrooms.
 
-use crate::simulate::dice::Dice;
 use crate::simulate::finish::{DARK, Finish, METAL, Pattern, WHITE, cloth, front};
 use crate::simulate::piece::Piece;
+use crate::simulate::rng::Rng;
 use viola_geometry::taxonomy::Class;
 
 fn ceramic() -> Finish {
@@ -10,21 +10,21 @@ fn ceramic() -> Finish {
 }
 
 /// A run of kitchen units on a plinth that stands back, with sink, stove and wall cabinets.
-pub fn kitchen_run(width: f64, tall_ok: bool, dice: &mut Dice) -> Piece {
+pub fn kitchen_run(width: f64, tall_ok: bool, rng: &mut Rng) -> Piece {
     let depth = 0.62;
-    let finish = front(dice);
+    let finish = front(rng);
     let mut run = Piece::new(Class::Counter, [width, depth, 0.9]);
     run.block([0.0, 0.03, 0.0], [width, depth - 0.07, 0.1], finish.darker(0.45));
     run.block([0.0, 0.01, 0.1], [width, depth - 0.03, 0.76], finish);
     let top =
-        Finish::plain(dice.pick([[0.35, 0.33, 0.32], [0.75, 0.72, 0.68], [0.55, 0.42, 0.30]])).glossy(0.3);
+        Finish::plain(rng.pick([[0.35, 0.33, 0.32], [0.75, 0.72, 0.68], [0.55, 0.42, 0.30]])).glossy(0.3);
     run.block([0.0, 0.0, 0.86], [width, depth, 0.04], top.with(Pattern::Grain, 0.02));
     for joint in 1..(width / 0.6) as usize {
         let x = joint as f64 * 0.6 - width / 2.0;
         run.block([x, 0.025 - depth / 2.0, 0.12], [0.006, 0.01, 0.7], finish.darker(0.4));
     }
     let steel = Finish::plain(METAL).glossy(0.8);
-    let side = dice.sign();
+    let side = rng.sign();
     let stove = side * (width / 4.0);
     run.block([stove, 0.0, 0.9], [0.56, 0.5, 0.006], Finish::plain([0.05; 3]).glossy(0.8)).class =
         Class::Stove;
@@ -34,13 +34,13 @@ pub fn kitchen_run(width: f64, tall_ok: bool, dice: &mut Dice) -> Piece {
         run.block([-stove, 0.0, 0.9], [0.5, 0.42, 0.008], steel).class = Class::Sink;
         run.post([-stove, 0.24, 0.9], 0.015, 0.26, steel).class = Class::Sink;
     }
-    for _ in 0..dice.count(1, 4) {
-        let item = [dice.between(0.1, 0.3), dice.between(0.1, 0.25), dice.between(0.12, 0.35)];
-        let at = [dice.between(-0.45, 0.45) * width, 0.12, 0.9];
-        run.block(at, item, cloth(dice)).class = Class::Box;
+    for _ in 0..rng.count(1, 4) {
+        let item = [rng.between(0.1, 0.3), rng.between(0.1, 0.25), rng.between(0.12, 0.35)];
+        let at = [rng.between(-0.45, 0.45) * width, 0.12, 0.9];
+        run.block(at, item, cloth(rng)).class = Class::Box;
     }
     if tall_ok {
-        let (low, high) = (1.42, dice.between(2.0, 2.25));
+        let (low, high) = (1.42, rng.between(2.0, 2.25));
         run.block([0.0, depth / 2.0 - 0.18, low], [width, 0.36, high - low], finish);
         for joint in 1..(width / 0.6) as usize {
             let x = joint as f64 * 0.6 - width / 2.0;
@@ -52,9 +52,9 @@ pub fn kitchen_run(width: f64, tall_ok: bool, dice: &mut Dice) -> Piece {
 }
 
 /// A kitchen island: a plinth, a body, a worktop that overhangs.
-pub fn island(dice: &mut Dice) -> Piece {
-    let (width, depth) = (dice.between(1.2, 2.0), dice.between(0.7, 0.95));
-    let finish = front(dice);
+pub fn island(rng: &mut Rng) -> Piece {
+    let (width, depth) = (rng.between(1.2, 2.0), rng.between(0.7, 0.95));
+    let finish = front(rng);
     let mut piece = Piece::new(Class::Counter, [width, depth, 0.92]);
     piece.block([0.0, 0.0, 0.0], [width - 0.3, depth - 0.3, 0.1], finish.darker(0.5));
     piece.block([0.0, 0.0, 0.1], [width - 0.2, depth - 0.2, 0.78], finish);
@@ -62,9 +62,9 @@ pub fn island(dice: &mut Dice) -> Piece {
     piece
 }
 
-pub fn fridge(dice: &mut Dice) -> Piece {
-    let size = [dice.between(0.56, 0.68), dice.between(0.6, 0.68), dice.between(1.5, 1.95)];
-    let finish = Finish::plain(dice.pick([WHITE, METAL])).glossy(0.5);
+pub fn fridge(rng: &mut Rng) -> Piece {
+    let size = [rng.between(0.56, 0.68), rng.between(0.6, 0.68), rng.between(1.5, 1.95)];
+    let finish = Finish::plain(rng.pick([WHITE, METAL])).glossy(0.5);
     let mut piece = Piece::new(Class::Refrigerator, size);
     piece.block([0.0, 0.03, 0.0], [size[0] - 0.04, size[1] - 0.08, 0.05], Finish::plain(DARK));
     piece.block([0.0, 0.0, 0.05], [size[0], size[1], size[2] - 0.05], finish);
@@ -104,12 +104,12 @@ impl Piece {
 }
 
 /// A washbasin on a cabinet, on a pedestal, or hung on the wall, with a mirror above.
-pub fn washbasin(dice: &mut Dice) -> Piece {
-    let (width, depth) = (dice.between(0.5, 0.9), dice.between(0.42, 0.5));
+pub fn washbasin(rng: &mut Rng) -> Piece {
+    let (width, depth) = (rng.between(0.5, 0.9), rng.between(0.42, 0.5));
     let mut piece = Piece::new(Class::Sink, [width, depth, 1.9]);
-    match dice.count(0, 2) {
+    match rng.count(0, 2) {
         0 => {
-            let finish = front(dice);
+            let finish = front(rng);
             piece.block([0.0, 0.03, 0.0], [width - 0.04, depth - 0.1, 0.08], finish.darker(0.5));
             piece.block([0.0, 0.01, 0.08], [width, depth - 0.03, 0.68], finish);
         }
@@ -117,7 +117,7 @@ pub fn washbasin(dice: &mut Dice) -> Piece {
             piece.post([0.0, 0.08, 0.0], 0.1, 0.7, ceramic());
         }
         _ => {
-            piece.block([0.0, 0.01, 0.4], [width, depth - 0.03, 0.36], front(dice));
+            piece.block([0.0, 0.01, 0.4], [width, depth - 0.03, 0.36], front(rng));
         }
     }
     piece.block([0.0, 0.0, 0.76], [width, depth, 0.1], ceramic());
@@ -128,8 +128,8 @@ pub fn washbasin(dice: &mut Dice) -> Piece {
 }
 
 /// A bathtub: four sides and a bottom.
-pub fn bathtub(dice: &mut Dice) -> Piece {
-    let (width, depth, height) = (dice.between(1.5, 1.75), dice.between(0.7, 0.8), 0.58);
+pub fn bathtub(rng: &mut Rng) -> Piece {
+    let (width, depth, height) = (rng.between(1.5, 1.75), rng.between(0.7, 0.8), 0.58);
     let mut piece = Piece::new(Class::Bathtub, [width, depth, height]);
     piece.block([0.0, 0.0, 0.0], [width, depth, 0.16], ceramic());
     for y in [-1.0, 1.0] {
@@ -144,16 +144,16 @@ pub fn bathtub(dice: &mut Dice) -> Piece {
 }
 
 /// A shower tray with a curtain drawn to one side.
-pub fn shower(dice: &mut Dice) -> Piece {
-    let side = dice.between(0.8, 0.95);
+pub fn shower(rng: &mut Rng) -> Piece {
+    let side = rng.between(0.8, 0.95);
     let mut piece = Piece::new(Class::Shower, [side, side, 2.0]);
-    piece.block([0.0, 0.0, 0.0], [side, side, dice.between(0.03, 0.14)], ceramic());
+    piece.block([0.0, 0.0, 0.0], [side, side, rng.between(0.03, 0.14)], ceramic());
     let steel = Finish::plain(METAL).glossy(0.8);
     piece.post([0.0, side / 2.0 - 0.03, 0.9], 0.015, 1.1, steel);
     piece.post([0.0, side / 2.0 - 0.12, 1.98], 0.1, 0.02, steel);
     piece.block([0.0, 0.02 - side / 2.0, 1.97], [side, 0.02, 0.02], steel);
-    let curtain = cloth(dice).with(Pattern::Stripes, 0.08);
-    let drawn = dice.between(0.2, 0.5);
+    let curtain = cloth(rng).with(Pattern::Stripes, 0.08);
+    let drawn = rng.between(0.2, 0.5);
     let item = piece.block([(drawn - side) / 2.0, 0.03 - side / 2.0, 0.15], [drawn, 0.05, 1.82], curtain);
     item.class = Class::Curtain;
     piece

@@ -1,29 +1,29 @@
 //! What makes rooms differ from plain rectangles: cut corners, chimney breasts, pillars.
 
 use super::{Feature, Plan, RoomKind};
-use crate::simulate::dice::Dice;
 use crate::simulate::finish::{Finish, Pattern, WHITE};
 use crate::simulate::piece::Footprint;
+use crate::simulate::rng::Rng;
 use viola_geometry::Point2;
 use viola_geometry::taxonomy::Class;
 
-pub(super) fn add(plan: &Plan, dice: &mut Dice) -> Vec<Feature> {
+pub(super) fn add(plan: &Plan, rng: &mut Rng) -> Vec<Feature> {
     let mut features: Vec<Feature> = vec![];
     for (room, space) in plan.rooms.iter().enumerate() {
         let area = space.inner.area_m2();
         let mut wanted = vec![];
-        if area > 7.0 && dice.chance(0.3) {
-            wanted.push(cut_corner(plan, room, dice));
+        if area > 7.0 && rng.chance(0.3) {
+            wanted.push(cut_corner(plan, room, rng));
         }
         if area > 5.0 && space.kind != RoomKind::Corridor {
             for _ in 0..2 {
-                if dice.chance(0.4) {
-                    wanted.push(breast(plan, room, dice));
+                if rng.chance(0.4) {
+                    wanted.push(breast(plan, room, rng));
                 }
             }
         }
-        if area > 22.0 && dice.chance(0.3) {
-            wanted.push(pillar(plan, room, dice));
+        if area > 22.0 && rng.chance(0.3) {
+            wanted.push(pillar(plan, room, rng));
         }
         for feature in wanted {
             let of_ways = plan.openings.iter().all(|o| !o.zone(1.0).overlaps(&feature.footprint));
@@ -41,13 +41,13 @@ fn plaster() -> Finish {
 }
 
 /// A wall across a corner of the room.
-fn cut_corner(plan: &Plan, room: usize, dice: &mut Dice) -> Feature {
+fn cut_corner(plan: &Plan, room: usize, rng: &mut Rng) -> Feature {
     let inner = plan.rooms[room].inner;
-    let (sx, sy) = (dice.sign(), dice.sign());
+    let (sx, sy) = (rng.sign(), rng.sign());
     let pick = |sign: f64, axis: usize| if sign > 0.0 { inner.max[axis] } else { inner.min[axis] };
     let corner = Point2::new(pick(sx, 0), pick(sy, 1));
-    let dx = dice.between(0.6, (0.4 * inner.size(0)).clamp(0.7, 1.6));
-    let dy = dice.between(0.6, (0.4 * inner.size(1)).clamp(0.7, 1.6));
+    let dx = rng.between(0.6, (0.4 * inner.size(0)).clamp(0.7, 1.6));
+    let dy = rng.between(0.6, (0.4 * inner.size(1)).clamp(0.7, 1.6));
     let (a, b) = (Point2::new(corner.x - sx * dx, corner.y), Point2::new(corner.x, corner.y - sy * dy));
     let run = b - a;
     let thickness = 0.1;
@@ -65,18 +65,18 @@ fn cut_corner(plan: &Plan, room: usize, dice: &mut Dice) -> Feature {
 }
 
 /// A shaft or chimney breast against a wall; two of them make an alcove.
-fn breast(plan: &Plan, room: usize, dice: &mut Dice) -> Feature {
+fn breast(plan: &Plan, room: usize, rng: &mut Rng) -> Feature {
     let inner = plan.rooms[room].inner;
-    let axis = dice.count(0, 1);
-    let width = dice.between(0.4, (0.4 * inner.size(axis)).clamp(0.5, 1.5));
-    let depth = dice.between(0.15, 0.5_f64.min(0.15 * inner.size(1 - axis)));
-    let at = match dice.count(0, 2) {
+    let axis = rng.count(0, 1);
+    let width = rng.between(0.4, (0.4 * inner.size(axis)).clamp(0.5, 1.5));
+    let depth = rng.between(0.15, 0.5_f64.min(0.15 * inner.size(1 - axis)));
+    let at = match rng.count(0, 2) {
         0 => inner.min[axis] + width / 2.0,
         1 => inner.max[axis] - width / 2.0,
-        _ => dice.between(inner.min[axis] + width / 2.0, inner.max[axis] - width / 2.0),
+        _ => rng.between(inner.min[axis] + width / 2.0, inner.max[axis] - width / 2.0),
     };
     let across =
-        if dice.chance(0.5) { inner.min[1 - axis] + depth / 2.0 } else { inner.max[1 - axis] - depth / 2.0 };
+        if rng.chance(0.5) { inner.min[1 - axis] + depth / 2.0 } else { inner.max[1 - axis] - depth / 2.0 };
     let (centre, half) = if axis == 0 {
         (Point2::new(at, across), [width / 2.0, depth / 2.0])
     } else {
@@ -86,14 +86,14 @@ fn breast(plan: &Plan, room: usize, dice: &mut Dice) -> Feature {
     Feature::wall_block(room, footprint, plan.ceiling_m, Class::Wall, plaster())
 }
 
-fn pillar(plan: &Plan, room: usize, dice: &mut Dice) -> Feature {
+fn pillar(plan: &Plan, room: usize, rng: &mut Rng) -> Feature {
     let space = plan.rooms[room].inner.shrunk(1.1);
-    let side = dice.between(0.22, 0.4);
+    let side = rng.between(0.22, 0.4);
     let centre =
-        Point2::new(dice.between(space.min[0], space.max[0]), dice.between(space.min[1], space.max[1]));
+        Point2::new(rng.between(space.min[0], space.max[0]), rng.between(space.min[1], space.max[1]));
     let footprint = Footprint { centre, half: [side / 2.0, side / 2.0], yaw_rad: 0.0 };
     let mut feature = Feature::wall_block(room, footprint, plan.ceiling_m, Class::Wall, plaster());
-    if dice.chance(0.4) {
+    if rng.chance(0.4) {
         feature.solid.shape = crate::simulate::solid::Shape::Cylinder;
     }
     feature

@@ -1,7 +1,7 @@
 //! Doors, passages, open plans and windows.
 
 use super::{Opening, OpeningKind, Plan, RoomKind, Wall};
-use crate::simulate::dice::Dice;
+use crate::simulate::rng::Rng;
 use viola_geometry::Point2;
 
 /// Room between an opening and the ends of its wall.
@@ -9,7 +9,7 @@ const MARGIN_M: f64 = 0.2;
 
 /// Opens ways so that every room can be reached, prefers corridors and living rooms as hubs, and adds the
 /// home's entrance.
-pub(super) fn open_doors(plan: &mut Plan, dice: &mut Dice) {
+pub(super) fn open_doors(plan: &mut Plan, rng: &mut Rng) {
     let mut edges: Vec<(f64, usize)> = plan
         .walls
         .iter()
@@ -17,7 +17,7 @@ pub(super) fn open_doors(plan: &mut Plan, dice: &mut Dice) {
         .filter(|(_, wall)| wall.to - wall.from >= 0.8 + 2.0 * MARGIN_M)
         .filter_map(|(index, wall)| match wall.rooms {
             [Some(a), Some(b)] => {
-                Some((reluctance(plan.rooms[a].kind, plan.rooms[b].kind) + dice.between(0.0, 0.5), index))
+                Some((reluctance(plan.rooms[a].kind, plan.rooms[b].kind) + rng.between(0.0, 0.5), index))
             }
             _ => None,
         })
@@ -34,12 +34,12 @@ pub(super) fn open_doors(plan: &mut Plan, dice: &mut Dice) {
             group.iter_mut().filter(|g| **g == from).for_each(|g| *g = to);
         }
         // A second way between two groups makes loops, as many homes have.
-        if joins || (cost < 1.6 && dice.chance(0.25)) {
-            let opening = way(plan, &wall, [plan.rooms[a].kind, plan.rooms[b].kind], dice);
+        if joins || (cost < 1.6 && rng.chance(0.25)) {
+            let opening = way(plan, &wall, [plan.rooms[a].kind, plan.rooms[b].kind], rng);
             plan.openings.push(opening);
         }
     }
-    open_entrance(plan, dice);
+    open_entrance(plan, rng);
 }
 
 /// How little one wants a door between two kinds of rooms.
@@ -58,42 +58,42 @@ fn reluctance(a: RoomKind, b: RoomKind) -> f64 {
     }
 }
 
-fn way(plan: &Plan, wall: &Wall, kinds: [RoomKind; 2], dice: &mut Dice) -> Opening {
+fn way(plan: &Plan, wall: &Wall, kinds: [RoomKind; 2], rng: &mut Rng) -> Opening {
     use RoomKind::*;
     let both = |a: RoomKind, b: RoomKind| kinds == [a, b] || kinds == [b, a];
     let length = wall.to - wall.from - 2.0 * MARGIN_M;
     let day = kinds.iter().all(|kind| matches!(kind, Living | Kitchen | Dining | Studio | Corridor));
     let kind = if (both(Living, Kitchen) || both(Living, Dining) || both(Kitchen, Dining))
         && length > 1.6
-        && dice.chance(0.5)
+        && rng.chance(0.5)
     {
         OpeningKind::Wide
-    } else if day && dice.chance(0.35) {
+    } else if day && rng.chance(0.35) {
         OpeningKind::Passage
     } else {
         OpeningKind::Door
     };
     let width_m = match kind {
-        OpeningKind::Wide => dice.between(1.6, 4.0).min(length),
-        OpeningKind::Passage => dice.between(0.85, 1.2).min(length),
-        _ => dice.between(0.8, 0.9).min(length),
+        OpeningKind::Wide => rng.between(1.6, 4.0).min(length),
+        OpeningKind::Passage => rng.between(0.85, 1.2).min(length),
+        _ => rng.between(0.8, 0.9).min(length),
     };
     let head_m = match kind {
-        OpeningKind::Wide => dice.pick([plan.ceiling_m, plan.ceiling_m - 0.25]),
-        _ => dice.between(1.98, 2.12),
+        OpeningKind::Wide => rng.pick([plan.ceiling_m, plan.ceiling_m - 0.25]),
+        _ => rng.between(1.98, 2.12),
     };
     let slack = length - width_m;
     // Most doors stand near a corner.
-    let offset = match dice.count(0, 3) {
-        0 => dice.between(0.0, slack),
-        1 => slack - dice.between(0.0, 0.15_f64.min(slack)),
-        _ => dice.between(0.0, 0.15_f64.min(slack)),
+    let offset = match rng.count(0, 3) {
+        0 => rng.between(0.0, slack),
+        1 => slack - rng.between(0.0, 0.15_f64.min(slack)),
+        _ => rng.between(0.0, 0.15_f64.min(slack)),
     };
     let at = wall.from + MARGIN_M + offset + width_m / 2.0;
     // A leaf opens into the room, never into the corridor.
-    let swing = if kinds[0] == Corridor || (kinds[1] != Corridor && dice.chance(0.5)) { 1.0 } else { -1.0 };
+    let swing = if kinds[0] == Corridor || (kinds[1] != Corridor && rng.chance(0.5)) { 1.0 } else { -1.0 };
     // Most doors stand open; through some of the others the vacuum does not fit.
-    let open_deg = if dice.chance(0.07) { dice.between(10.0, 60.0) } else { dice.between(72.0, 100.0) };
+    let open_deg = if rng.chance(0.07) { rng.between(10.0, 60.0) } else { rng.between(72.0, 100.0) };
     Opening {
         kind,
         centre: if wall.along_x { Point2::new(at, wall.line) } else { Point2::new(wall.line, at) },
@@ -109,7 +109,7 @@ fn way(plan: &Plan, wall: &Wall, kinds: [RoomKind; 2], dice: &mut Dice) -> Openi
 }
 
 /// A closed door to the outside, from the corridor if it has an outer wall.
-fn open_entrance(plan: &mut Plan, dice: &mut Dice) {
+fn open_entrance(plan: &mut Plan, rng: &mut Rng) {
     let rank = |kind: RoomKind| match kind {
         RoomKind::Corridor => 0,
         RoomKind::Living | RoomKind::Studio => 1,
@@ -126,7 +126,7 @@ fn open_entrance(plan: &mut Plan, dice: &mut Dice) {
     candidates.sort_by_key(|(rank, _)| *rank);
     let Some(&(_, wall)) = candidates.first() else { return };
     let half = 0.45 + MARGIN_M / 2.0;
-    let at = dice.between(wall.from + half, wall.to - half);
+    let at = rng.between(wall.from + half, wall.to - half);
     let opening = Opening {
         kind: OpeningKind::Entrance,
         centre: if wall.along_x { Point2::new(at, wall.line) } else { Point2::new(wall.line, at) },
@@ -135,7 +135,7 @@ fn open_entrance(plan: &mut Plan, dice: &mut Dice) {
         sill_m: 0.0,
         head_m: 2.05,
         rooms: wall.rooms,
-        hinge: dice.sign(),
+        hinge: rng.sign(),
         swing: if wall.rooms[0].is_some() { -1.0 } else { 1.0 },
         open_rad: 0.0,
     };
@@ -143,7 +143,7 @@ fn open_entrance(plan: &mut Plan, dice: &mut Dice) {
 }
 
 /// Windows in the outer walls, away from the entrance.
-pub(super) fn open_windows(plan: &mut Plan, dice: &mut Dice) {
+pub(super) fn open_windows(plan: &mut Plan, rng: &mut Rng) {
     let mut windows = vec![];
     for wall in &plan.walls {
         let room = match wall.rooms {
@@ -158,25 +158,25 @@ pub(super) fn open_windows(plan: &mut Plan, dice: &mut Dice) {
             RoomKind::Bathroom => 0.6,
             _ => 0.85,
         };
-        if length < 0.7 || !dice.chance(wanted) {
+        if length < 0.7 || !rng.chance(wanted) {
             continue;
         }
-        let count = if length > 3.4 && dice.chance(0.6) { 2 } else { 1 };
+        let count = if length > 3.4 && rng.chance(0.6) { 2 } else { 1 };
         let share = length / count as f64;
         for index in 0..count {
             let widest = if kind == RoomKind::Bathroom { 0.9 } else { 2.2 };
-            let width_m = dice.between(0.7, widest).min(share - 0.2).max(0.5);
+            let width_m = rng.between(0.7, widest).min(share - 0.2).max(0.5);
             let slack = share - width_m;
             let at = wall.from
                 + 0.3
                 + share * (index as f64 + 0.5)
-                + dice.between(-0.3, 0.3).clamp(-slack / 2.0, slack / 2.0);
+                + rng.between(-0.3, 0.3).clamp(-slack / 2.0, slack / 2.0);
             // Some windows reach the floor: the vacuum's LiDAR looks out through them.
             let to_the_floor = matches!(kind, RoomKind::Living | RoomKind::Studio | RoomKind::Bedroom);
             let sill_m = match kind {
-                RoomKind::Bathroom => dice.between(1.2, 1.5),
-                _ if to_the_floor && width_m > 0.8 && dice.chance(0.2) => 0.05,
-                _ => dice.between(0.75, 1.0),
+                RoomKind::Bathroom => rng.between(1.2, 1.5),
+                _ if to_the_floor && width_m > 0.8 && rng.chance(0.2) => 0.05,
+                _ => rng.between(0.75, 1.0),
             };
             let window = Opening {
                 kind: OpeningKind::Window,
@@ -184,7 +184,7 @@ pub(super) fn open_windows(plan: &mut Plan, dice: &mut Dice) {
                 along_x: wall.along_x,
                 width_m,
                 sill_m,
-                head_m: dice.between(2.05, 2.25),
+                head_m: rng.between(2.05, 2.25),
                 rooms: wall.rooms,
                 hinge: 1.0,
                 swing: 1.0,

@@ -1,7 +1,7 @@
 //! Which rooms a home has, and how large they would like to be.
 
 use super::RoomKind;
-use crate::simulate::dice::Dice;
+use crate::simulate::rng::Rng;
 
 /// A wish for a room; none is a part of the outline that stays outside (an L-shaped home).
 #[derive(Debug, Clone, Copy)]
@@ -25,7 +25,7 @@ impl Wish {
 }
 
 /// The rooms of a home of `rooms` rooms, 25 to 200 m2 in all.
-pub(super) fn wishes(rooms: usize, dice: &mut Dice) -> Vec<Wish> {
+pub(super) fn wishes(rooms: usize, rng: &mut Rng) -> Vec<Wish> {
     use RoomKind::*;
     let base: &[(RoomKind, f64)] = match rooms {
         1 => &[(Studio, 28.0)],
@@ -48,10 +48,10 @@ pub(super) fn wishes(rooms: usize, dice: &mut Dice) -> Vec<Wish> {
     };
     let mut list: Vec<Wish> = base[..rooms.min(base.len())]
         .iter()
-        .map(|&(kind, area_m2)| Wish { kind: Some(kind), area_m2: area_m2 * dice.between(0.85, 1.2) })
+        .map(|&(kind, area_m2)| Wish { kind: Some(kind), area_m2: area_m2 * rng.between(0.85, 1.2) })
         .collect();
     let total: f64 = list.iter().map(|wish| wish.area_m2).sum();
-    let wanted = (total * dice.between(0.85, 1.35)).clamp(26.0, 195.0);
+    let wanted = (total * rng.between(0.85, 1.35)).clamp(26.0, 195.0);
     for wish in &mut list {
         wish.area_m2 *= wanted / total;
     }

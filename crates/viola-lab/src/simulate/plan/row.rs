@@ -1,7 +1,7 @@
 //! Rows of rooms that look alike, as in a hotel or a home for the elderly.
 
 use super::{Cell, Opening, OpeningKind, Plan, Rect, RoomKind, UnitPlace, openings, snap};
-use crate::simulate::dice::Dice;
+use crate::simulate::rng::Rng;
 use std::f64::consts::PI;
 use viola_geometry::{Point2, Pose2};
 
@@ -29,20 +29,20 @@ impl Unit {
     }
 }
 
-pub(super) fn layout(dice: &mut Dice) -> Plan {
+pub(super) fn layout(rng: &mut Rng) -> Plan {
     let unit = Unit {
         // Even steps, so that half of it lies on the plan's raster too.
-        width: 2.0 * snap(dice.between(1.55, 2.1)),
-        depth: snap(dice.between(4.8, 6.6)),
-        bath_width: snap(dice.between(1.6, 1.9)),
-        bath_depth: snap(dice.between(1.8, 2.4)),
+        width: 2.0 * snap(rng.between(1.55, 2.1)),
+        depth: snap(rng.between(4.8, 6.6)),
+        bath_width: snap(rng.between(1.6, 1.9)),
+        bath_depth: snap(rng.between(1.8, 2.4)),
     };
-    let aisle = snap(dice.between(1.3, 1.8));
-    let both_sides = dice.chance(0.6);
+    let aisle = snap(rng.between(1.3, 1.8));
+    let both_sides = rng.chance(0.6);
     let across = unit.depth * if both_sides { 2.0 } else { 1.0 } + aisle;
     let most = (LARGEST_M2 / across - LOUNGE_M) / unit.width;
-    let columns = dice.count(2, 4).min(most as usize).max(2);
-    let mirror_pairs = dice.chance(0.45);
+    let columns = rng.count(2, 4).min(most as usize).max(2);
+    let mirror_pairs = rng.chance(0.45);
     let mut units = vec![];
     for column in 0..columns {
         let x = snap(unit.width * (column as f64 + 0.5));
@@ -63,18 +63,18 @@ pub(super) fn layout(dice: &mut Dice) -> Plan {
     let (low, high) = (unit.depth, unit.depth + aisle);
     let corridor = Rect { min: [0.0, low], max: [length, high] };
     cells.push(Cell { kind: RoomKind::Corridor, outline: snapped(&corridor), unit: None });
-    if dice.chance(0.7) {
+    if rng.chance(0.7) {
         // A lounge across the corridor's end, where one knows where one is.
         let top = if both_sides { 2.0 * unit.depth + aisle } else { high };
-        let reach = dice.between(3.5, LOUNGE_M);
+        let reach = rng.between(3.5, LOUNGE_M);
         let lounge =
             Rect { min: [length, if both_sides { 0.0 } else { low - 2.5 }], max: [length + reach, top] };
         cells.push(Cell { kind: RoomKind::Living, outline: snapped(&lounge), unit: None });
     }
-    let mut plan = Plan::with_walls(cells, dice);
+    let mut plan = Plan::with_walls(cells, rng);
     plan.units = units;
-    open_units(&mut plan, &unit, &mut dice.fork("doors", 0));
-    open_rest(&mut plan, dice);
+    open_units(&mut plan, &unit, &mut rng.fork("doors", 0));
+    open_rest(&mut plan, rng);
     plan
 }
 
@@ -94,7 +94,7 @@ fn moved(rect: &Rect, place: &UnitPlace) -> Rect {
 }
 
 /// The same openings in every unit.
-fn open_units(plan: &mut Plan, unit: &Unit, dice: &mut Dice) {
+fn open_units(plan: &mut Plan, unit: &Unit, rng: &mut Rng) {
     let (half, bath) = (unit.width / 2.0, unit.depth - unit.bath_depth);
     let entry = (unit.bath_width - half + half) / 2.0;
     let opening = |kind, x: f64, y: f64, along_x, width_m, sill_m, head_m, open_deg: f64| Opening {
@@ -112,7 +112,7 @@ fn open_units(plan: &mut Plan, unit: &Unit, dice: &mut Dice) {
     let entry_width = unit.width - unit.bath_width;
     let ceiling = plan.ceiling_m;
     let template = [
-        opening(OpeningKind::Door, entry, unit.depth, true, 0.85, 0.0, 2.05, dice.between(72.0, 95.0)),
+        opening(OpeningKind::Door, entry, unit.depth, true, 0.85, 0.0, 2.05, rng.between(72.0, 95.0)),
         opening(OpeningKind::Wide, entry, bath, true, entry_width - plan.wall_m, 0.0, ceiling, 0.0),
         opening(
             OpeningKind::Door,
@@ -122,15 +122,15 @@ fn open_units(plan: &mut Plan, unit: &Unit, dice: &mut Dice) {
             0.75,
             0.0,
             2.05,
-            dice.between(70.0, 90.0),
+            rng.between(70.0, 90.0),
         ),
         opening(
             OpeningKind::Window,
             0.0,
             0.0,
             true,
-            dice.between(1.2, unit.width - 0.9),
-            dice.pick([0.05, 0.8, 0.9]),
+            rng.between(1.2, unit.width - 0.9),
+            rng.pick([0.05, 0.8, 0.9]),
             2.15,
             0.0,
         ),
@@ -159,12 +159,12 @@ fn rooms_beside(plan: &Plan, opening: &Opening) -> [Option<usize>; 2] {
 }
 
 /// The lounge's way and the windows outside the units.
-fn open_rest(plan: &mut Plan, dice: &mut Dice) {
+fn open_rest(plan: &mut Plan, rng: &mut Rng) {
     let mut rest = plan.clone();
     rest.openings.clear();
     let outside_units = |room: &Option<usize>| room.is_none_or(|r| plan.rooms[r].unit.is_none());
     rest.walls.retain(|wall| wall.rooms.iter().all(outside_units));
-    openings::open_doors(&mut rest, &mut dice.fork("lounge", 0));
-    openings::open_windows(&mut rest, &mut dice.fork("windows", 0));
+    openings::open_doors(&mut rest, &mut rng.fork("lounge", 0));
+    openings::open_windows(&mut rest, &mut rng.fork("windows", 0));
     plan.openings.extend(rest.openings);
 }

@@ -2,20 +2,20 @@
 
 use super::programme::{Wish, wishes};
 use super::{Cell, Rect, RoomKind, snap};
-use crate::simulate::dice::Dice;
+use crate::simulate::rng::Rng;
 
 /// At most so many layouts are drawn; the one whose rooms are shaped best is kept.
 const DRAWS: usize = 400;
 
-pub(super) fn layout(dice: &mut Dice) -> Vec<Cell> {
-    let rooms = dice.pick([1, 2, 3, 3, 4, 4, 5, 5, 5, 6, 6, 6, 7, 7, 8, 8, 9, 10, 11, 12]);
-    let mut list = wishes(rooms, dice);
-    if rooms >= 4 && dice.chance(0.35) {
-        let area_m2 = list.iter().map(|wish| wish.area_m2).sum::<f64>() * dice.between(0.06, 0.14);
+pub(super) fn layout(rng: &mut Rng) -> Vec<Cell> {
+    let rooms = rng.pick([1, 2, 3, 3, 4, 4, 5, 5, 5, 6, 6, 6, 7, 7, 8, 8, 9, 10, 11, 12]);
+    let mut list = wishes(rooms, rng);
+    if rooms >= 4 && rng.chance(0.35) {
+        let area_m2 = list.iter().map(|wish| wish.area_m2).sum::<f64>() * rng.between(0.06, 0.14);
         list.push(Wish { kind: None, area_m2 });
     }
     let has_corridor = list.iter().any(|wish| wish.kind == Some(RoomKind::Corridor));
-    let along_corridor = has_corridor && dice.chance(0.75);
+    let along_corridor = has_corridor && rng.chance(0.75);
     let mut best: Option<(f64, Vec<(Wish, Rect)>)> = None;
     for attempt in 0..DRAWS {
         if best.as_ref().is_some_and(|(least, _)| *least == 0.0) {
@@ -23,13 +23,13 @@ pub(super) fn layout(dice: &mut Dice) -> Vec<Cell> {
         }
         // Some lists do not fit along a corridor.
         let draw =
-            if along_corridor && attempt < DRAWS / 2 { corridor(&list, dice) } else { free(&list, dice) };
+            if along_corridor && attempt < DRAWS / 2 { corridor(&list, rng) } else { free(&list, rng) };
         let cost: f64 = draw.iter().map(|(wish, rect)| misfit(wish, rect)).sum();
         if best.as_ref().is_none_or(|(least, _)| cost < *least) {
             best = Some((cost, draw));
         }
     }
-    let transpose = dice.chance(0.5);
+    let transpose = rng.chance(0.5);
     let cells = best.into_iter().flat_map(|(_, draw)| draw);
     cells
         .filter_map(|(wish, rect)| {
@@ -49,31 +49,31 @@ fn misfit(wish: &Wish, rect: &Rect) -> f64 {
 }
 
 /// Slices one rectangle into all rooms.
-fn free(list: &[Wish], dice: &mut Dice) -> Vec<(Wish, Rect)> {
+fn free(list: &[Wish], rng: &mut Rng) -> Vec<(Wish, Rect)> {
     let area: f64 = list.iter().map(|wish| wish.area_m2).sum();
-    let width = snap((area * dice.between(1.0, 1.9)).sqrt());
+    let width = snap((area * rng.between(1.0, 1.9)).sqrt());
     let rect = Rect { min: [0.0, 0.0], max: [width, snap(area / width)] };
     let mut list = list.to_vec();
-    dice.shuffle(&mut list);
+    rng.shuffle(&mut list);
     // Slicing leaves the first of the list in a corner, which is where the outside may be.
     list.sort_by_key(|wish| wish.kind.is_some());
     let mut out = vec![];
-    slice(&list, rect, dice, &mut out);
+    slice(&list, rect, rng, &mut out);
     out
 }
 
 /// A corridor with rooms on both sides, and sometimes a room across its end.
-fn corridor(list: &[Wish], dice: &mut Dice) -> Vec<(Wish, Rect)> {
-    let width = snap(dice.between(1.2, 1.7));
+fn corridor(list: &[Wish], rng: &mut Rng) -> Vec<(Wish, Rect)> {
+    let width = snap(rng.between(1.2, 1.7));
     let (way, mut rest): (Vec<Wish>, Vec<Wish>) =
         list.iter().partition(|wish| wish.kind == Some(RoomKind::Corridor));
-    dice.shuffle(&mut rest);
+    rng.shuffle(&mut rest);
     let end =
-        dice.chance(0.6).then(|| rest.iter().position(|wish| wish.kind == Some(RoomKind::Living))).flatten();
+        rng.chance(0.6).then(|| rest.iter().position(|wish| wish.kind == Some(RoomKind::Living))).flatten();
     let end = end.map(|index| rest.remove(index));
     rest.sort_by_key(|wish| wish.kind.is_some());
     let area: f64 = rest.iter().map(|wish| wish.area_m2).sum();
-    let depths = dice.between(5.8, 8.6);
+    let depths = rng.between(5.8, 8.6);
     let length = snap((area / depths).max(2.4));
     let mut first = vec![];
     let mut second = vec![];
@@ -90,8 +90,8 @@ fn corridor(list: &[Wish], dice: &mut Dice) -> Vec<(Wish, Rect)> {
     let low = snap(sum_first / length);
     let high = snap(low + width + (sum_second / length).max(1.6));
     let mut out = vec![];
-    slice(&first, Rect { min: [0.0, 0.0], max: [length, low] }, dice, &mut out);
-    slice(&second, Rect { min: [0.0, low + width], max: [length, high] }, dice, &mut out);
+    slice(&first, Rect { min: [0.0, 0.0], max: [length, low] }, rng, &mut out);
+    slice(&second, Rect { min: [0.0, low + width], max: [length, high] }, rng, &mut out);
     out.extend(way.first().map(|&wish| (wish, Rect { min: [0.0, low], max: [length, low + width] })));
     if let Some(wish) = end {
         let reach = snap((wish.area_m2 / high).max(2.8));
@@ -105,13 +105,13 @@ fn corridor(list: &[Wish], dice: &mut Dice) -> Vec<(Wish, Rect)> {
 }
 
 /// Cuts `rect` in two by area, and each part again, until every wish has its own.
-fn slice(list: &[Wish], rect: Rect, dice: &mut Dice, out: &mut Vec<(Wish, Rect)>) {
+fn slice(list: &[Wish], rect: Rect, rng: &mut Rng, out: &mut Vec<(Wish, Rect)>) {
     match list {
         [] => {}
         [wish] => out.push((*wish, rect)),
         _ => {
             let total: f64 = list.iter().map(|wish| wish.area_m2).sum();
-            let half = total * dice.between(0.35, 0.65);
+            let half = total * rng.between(0.35, 0.65);
             let mut sum = 0.0;
             let mut cut = 0;
             while cut + 1 < list.len() && (cut == 0 || sum < half) {
@@ -119,13 +119,13 @@ fn slice(list: &[Wish], rect: Rect, dice: &mut Dice, out: &mut Vec<(Wish, Rect)>
                 cut += 1;
             }
             let longer = if rect.size(0) >= rect.size(1) { 0 } else { 1 };
-            let axis = if dice.chance(0.9) { longer } else { 1 - longer };
+            let axis = if rng.chance(0.9) { longer } else { 1 - longer };
             let at = snap(rect.min[axis] + rect.size(axis) * sum / total);
             let (mut first, mut second) = (rect, rect);
             first.max[axis] = at;
             second.min[axis] = at;
-            slice(&list[..cut], first, dice, out);
-            slice(&list[cut..], second, dice, out);
+            slice(&list[..cut], first, rng, out);
+            slice(&list[cut..], second, rng, out);
         }
     }
 }

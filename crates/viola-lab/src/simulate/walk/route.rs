@@ -1,9 +1,9 @@
 //! Where a walk keeps to, and the way from one place to the next.
 
 use crate::simulate::clearance::largest_region;
-use crate::simulate::dice::Dice;
 use crate::simulate::home::Home;
 use crate::simulate::plan::{Room, RoomKind};
+use crate::simulate::rng::Rng;
 use crate::simulate::survey::Survey;
 use std::collections::VecDeque;
 use viola_geometry::{Grid, Point2, Vector2};
@@ -13,11 +13,11 @@ pub(super) fn region(
     home: &Home,
     survey: &Survey,
     free: &Grid<bool>,
-    dice: &mut Dice,
+    rng: &mut Rng,
 ) -> (Grid<bool>, Vec<usize>) {
     let plan = &home.plan;
     let weights: Vec<f64> = plan.rooms.iter().map(|room| weight(room, survey)).collect();
-    let mut left = dice.between(0.0, weights.iter().sum());
+    let mut left = rng.between(0.0, weights.iter().sum());
     let mut first = 0;
     for (index, weight) in weights.iter().enumerate() {
         if *weight > 0.0 {
@@ -38,8 +38,8 @@ pub(super) fn region(
     };
     rooms.extend(joined(true));
     let small = plan.rooms[first].inner.area_m2() < 7.0;
-    if dice.chance(if small { 0.6 } else { 0.3 }) {
-        rooms.extend(dice.any(&joined(false)).copied());
+    if rng.chance(if small { 0.6 } else { 0.3 }) {
+        rooms.extend(rng.any(&joined(false)).copied());
     }
     rooms.sort_unstable();
     rooms.dedup();

@@ -6,23 +6,23 @@ use rand_chacha::ChaCha8Rng;
 
 /// A stream of random choices. Parts of a home draw from streams of their own, so that a change in one
 /// part leaves the others as they were.
-pub(super) struct Dice {
+pub(super) struct Rng {
     seed: u64,
     rng: ChaCha8Rng,
 }
 
-impl Dice {
-    pub fn new(seed: u64) -> Dice {
-        Dice { seed, rng: ChaCha8Rng::seed_from_u64(seed) }
+impl Rng {
+    pub fn new(seed: u64) -> Rng {
+        Rng { seed, rng: ChaCha8Rng::seed_from_u64(seed) }
     }
 
     /// A stream of its own, the same whatever was drawn from this one.
-    pub fn fork(&self, name: &str, index: u64) -> Dice {
+    pub fn fork(&self, name: &str, index: u64) -> Rng {
         let mut seed = hash(self.seed ^ 0x9e37_79b9_7f4a_7c15);
         for byte in name.bytes() {
             seed = hash(seed ^ u64::from(byte));
         }
-        Dice::new(hash(seed ^ index))
+        Rng::new(hash(seed ^ index))
     }
 
     pub fn seed(&self) -> u64 {
@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     fn forks_do_not_depend_on_what_was_drawn() {
-        let mut a = Dice::new(7);
+        let mut a = Rng::new(7);
         let first = a.fork("plan", 0).between(0.0, 1.0);
         a.between(0.0, 1.0);
         assert_eq!(first, a.fork("plan", 0).between(0.0, 1.0));

@@ -2,7 +2,7 @@
 
 use super::members::{Extent, Member};
 use super::surface::Surface;
-use crate::share::Share;
+use crate::contribution::ClipContribution;
 use std::collections::VecDeque;
 use std::sync::{Arc, OnceLock};
 
@@ -11,7 +11,7 @@ const KEPT: usize = 16;
 
 /// A share, and its surface once it is asked for.
 pub(super) struct Loaded {
-    pub share: Share,
+    pub share: ClipContribution,
     surface: OnceLock<Surface>,
 }
 
@@ -28,15 +28,15 @@ impl Loaded {
     }
 }
 
-pub(super) struct Shelf<'a, E> {
-    load: &'a mut dyn FnMut(&Member) -> Result<Share, E>,
+pub(super) struct Cache<'a, E> {
+    load: &'a mut dyn FnMut(&Member) -> Result<ClipContribution, E>,
     /// The one used last is at the end.
     kept: VecDeque<(String, Arc<Loaded>)>,
 }
 
-impl<'a, E> Shelf<'a, E> {
-    pub fn new(load: &'a mut dyn FnMut(&Member) -> Result<Share, E>) -> Shelf<'a, E> {
-        Shelf { load, kept: VecDeque::new() }
+impl<'a, E> Cache<'a, E> {
+    pub fn new(load: &'a mut dyn FnMut(&Member) -> Result<ClipContribution, E>) -> Cache<'a, E> {
+        Cache { load, kept: VecDeque::new() }
     }
 
     pub fn get(&mut self, member: &Member) -> Result<Arc<Loaded>, E> {

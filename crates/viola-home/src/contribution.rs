@@ -13,14 +13,14 @@ use viola_reconstruct::{PointCloud, Readings, View};
 
 /// What a clip saw, in its own frame.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Share {
+pub struct ClipContribution {
     pub cloud_in_clip: PointCloud,
     pub views: Vec<View>,
 }
 
-impl Share {
-    pub fn nothing() -> Share {
-        Share { cloud_in_clip: PointCloud::default(), views: Vec::new() }
+impl ClipContribution {
+    pub fn nothing() -> ClipContribution {
+        ClipContribution { cloud_in_clip: PointCloud::default(), views: Vec::new() }
     }
 }
 

@@ -12,7 +12,7 @@ use uuid::Uuid;
 const AT_ONCE: i64 = 100;
 
 /// Writes down that blobs have to go. `owner` is by what they are asked for.
-pub(super) async fn doom(
+pub(super) async fn add(
     transaction: &mut Transaction,
     owner: &str,
     keys: &[String],
@@ -49,7 +49,7 @@ pub(super) async fn take_over(
 
 impl Storage {
     /// Removes what an owner left; tells whether it had left anything.
-    pub(super) async fn remove_doomed(&self, owner: &str) -> Result<bool, StorageError> {
+    pub(super) async fn delete_pending(&self, owner: &str) -> Result<bool, StorageError> {
         let rows = query("SELECT id, blob_keys FROM doomed_blobs WHERE owner = $1 ORDER BY id").bind(owner);
         let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
         for row in &rows {
