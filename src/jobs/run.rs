@@ -45,7 +45,7 @@ pub(super) fn run_here(
     ended.boxed()
 }
 
-/// Somebody waits for the method. When nobody does any more, it is asked to stop.
+/// Cancels the method when its caller is dropped.
 struct Waiting(Arc<Report>);
 
 impl Drop for Waiting {

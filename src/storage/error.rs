@@ -1,9 +1,9 @@
-//! Why storage could not do as asked.
+//! Errors of storage.
 
 use super::database::DatabaseFault;
 use std::path::PathBuf;
 
-/// Why storage could not do as asked.
+/// An error of storage.
 #[derive(Debug, thiserror::Error)]
 pub enum StorageError {
     #[error("the data folder {path} is in use by another viola server; stop it or choose another folder")]

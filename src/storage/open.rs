@@ -1,4 +1,4 @@
-//! All that a service keeps, opened and closed.
+//! The storage of a service: opening and closing it.
 
 use super::blobs::{BlobPlace, Blobs};
 use super::database::Database;
@@ -9,7 +9,7 @@ use super::params::StorageParams;
 use std::os::unix::fs::DirBuilderExt;
 use tempfile::TempDir;
 
-/// All that a service keeps.
+/// Records and blobs of a service.
 pub struct Storage {
     pub(super) database: Database,
     pub(super) blobs: Blobs,

@@ -1,10 +1,10 @@
-//! Where a service keeps what it keeps.
+//! Parameters of storage: the data folder, the database, the bucket.
 
 use super::blobs::S3Params;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Where a service keeps what it keeps.
+/// The places of a service's records and blobs.
 #[derive(Debug, Clone, Default)]
 pub struct StorageParams {
     /// The data folder. Files on their way in lie here, and whatever has no other place.

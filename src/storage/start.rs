@@ -1,4 +1,4 @@
-//! What is checked and removed before a service begins.
+//! Checks and cleaning before a service begins.
 
 use super::error::StorageError;
 use super::open::Storage;

@@ -272,6 +272,6 @@ fn no_three_files_import_each_other_in_a_circle() {
 }
 
 #[test]
-fn what_nobody_sets_is_a_constant() {
+fn unset_fields_of_params_are_constants() {
     check(knobs::unset(&sources(), &sources::tests()));
 }

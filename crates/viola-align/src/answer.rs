@@ -110,7 +110,7 @@ impl Alignment {
     }
 }
 
-/// What an answer tells of its completion.
+/// The completion of an answer, as the answer reports it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct CompletionReport {
     /// Points that continue walls.

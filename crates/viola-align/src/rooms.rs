@@ -17,7 +17,7 @@ const NOWHERE: u8 = 0;
 /// To a room whose name does not tell.
 const UNNAMED: u8 = 1;
 
-/// What stands at a wall is so far from the floor that belongs to its room: the depth of a bed.
+/// Furniture at a wall lies within this distance of its room's free floor: the depth of a bed.
 const REACH_M: f64 = 2.0;
 
 impl NamedRooms {
@@ -41,7 +41,7 @@ impl NamedRooms {
         (!known.is_empty()).then_some(NamedRooms { cells, purposes: known })
     }
 
-    /// What the room is for in which something stands that was seen from `from`: the last one that the light came through.
+    /// Returns the purpose of the room of a landmark seen from `from`: the last room on the line of sight.
     /// None where nobody knows.
     pub fn around(&self, thing: &Point2, from: &Point2) -> Purposes {
         let back = from - thing;

@@ -50,7 +50,7 @@ pub struct TrackParams {
     pub close_loops: bool,
     /// How the cameras read their pictures; a clip that knows better has its own.
     pub shutter: Option<Shutter>,
-    /// Whether poses of devices that drift are refined by what is seen.
+    /// Refines the poses of devices that drift by the pictures.
     pub refine: bool,
 }
 
@@ -130,7 +130,7 @@ pub struct Tracker {
     is_lost: bool,
     /// When the last frame was recorded.
     last_s: Option<f64>,
-    /// Whether the device's poses count, and those poses.
+    /// Uses the device's poses, which are in `devices`.
     has_device: bool,
     devices: Vec<Option<Pose3>>,
 }

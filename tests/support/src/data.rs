@@ -1,4 +1,4 @@
-//! Where the real recordings are.
+//! The folder of the real recordings.
 
 use crate::skipped;
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! What tests share: a client, recordings to upload, an S3 endpoint, schemas of PostgreSQL, disks to fill, waiting with a
+//! Shared parts of the tests: a client, recordings to upload, an S3 endpoint, schemas of PostgreSQL, disks to fill, waiting with a
 //! deadline, and a list of what was skipped.
 
 pub mod client;

@@ -1,4 +1,4 @@
-//! Tests that cannot run here say so, and the run's end counts them.
+//! A list of the tests that cannot run here.
 
 use std::fs::OpenOptions;
 use std::io::Write;

@@ -1,4 +1,4 @@
-//! What the vacuum would see: rays at its height from below every key camera (paper III-B).
+//! The virtual scan: rays at the vacuum's height from below every key camera (paper III-B).
 
 use super::free::free_cells;
 use super::hit::{Hit, RaycastParams};
@@ -18,7 +18,7 @@ pub struct VirtualScan {
     pub free_m: Vec<Point2>,
     /// The key cameras, laid flat; the first is the identity by the definition of the clip frame.
     pub cameras: Vec<Pose2>,
-    /// What pictures show that belongs into some rooms and not into others.
+    /// Objects in the pictures that belong into some rooms and not into others.
     pub landmarks: Vec<Landmark>,
 }
 

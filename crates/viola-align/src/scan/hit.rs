@@ -41,7 +41,7 @@ pub struct Hit {
     pub at_vacuum_height: bool,
     /// Not seen but filled in by [`crate::complete`].
     pub completed: bool,
-    /// Where the ray began.
+    /// The start of the ray.
     pub from_m: Point2,
 }
 

@@ -17,7 +17,7 @@ pub struct LabelParams {
     pub unavailable: Option<String>,
     /// Changes of colour under which each picture is looked at again, up to [`AUGMENTATIONS`].
     pub augmentations: usize,
-    /// Whether shapes count, or the pictures alone.
+    /// Uses shapes beside the pictures.
     pub by_shape: bool,
 }
 

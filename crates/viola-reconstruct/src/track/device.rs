@@ -22,7 +22,7 @@ const MOST_SHARE: f64 = 0.2;
 const MOST_RAD: f64 = 2f64.to_radians();
 const MOST_TURN_SHARE: f64 = 0.1;
 
-/// What the device says of two key frames.
+/// Returns the edge between two key frames by the device's poses.
 fn edge(a: usize, b: usize, b_from_a: Pose3) -> Edge {
     let way_m = b_from_a.translation.vector.norm();
     let precision = |least: f64, drift: f64| 1.0 / (least * least + drift * drift * way_m);
@@ -35,7 +35,7 @@ fn edge(a: usize, b: usize, b_from_a: Pose3) -> Edge {
     Edge { a, b, b_from_a, information, is_loop: false }
 }
 
-/// Whether a step cannot be, by what the device says of it.
+/// Returns whether a step contradicts the device's poses.
 fn contradicts(expected: &Pose3, found: &Pose3) -> bool {
     let off = expected.inverse() * found;
     off.translation.vector.norm() > MOST_M + MOST_SHARE * expected.translation.vector.norm()
