@@ -15,6 +15,10 @@ use viola_testing::{eventually, room, zips};
 /// No request may take longer.
 const PATIENCE: Duration = Duration::from_secs(30);
 
+/// A client with so many clips in a home goes on in a new one: a home's export is read whole within `PATIENCE`, however
+/// long the run.
+const CLIPS_PER_HOME: u64 = 20;
+
 /// What was promised.
 #[derive(Default)]
 pub struct Ledger {
@@ -58,12 +62,13 @@ pub async fn go_on(
     over: Arc<AtomicBool>,
 ) {
     let mut person = Person { number, fleet, ledger, random, sent: 0 };
-    let home = format!("/v1/homes/home-{number}");
-    person.insist(|client| client.request(Method::PUT, &home)).await;
-    person
-        .insist(|client| client.request(Method::PUT, &format!("{home}/lidar-map")).body(room::lidar_csv()))
-        .await;
+    let mut home = person.new_home().await;
+    let mut full = CLIPS_PER_HOME;
     while !over.load(Ordering::Relaxed) {
+        if person.sent >= full {
+            home = person.new_home().await;
+            full = person.sent + CLIPS_PER_HOME;
+        }
         match person.random.random_range(0..12) {
             0 | 1 => person.upload(&home).await,
             2 => person.upload_in_parts(&home).await,
@@ -85,16 +90,28 @@ impl Person {
         self.fleet.server(self.random.random_range(0..self.fleet.servers()))
     }
 
+    /// A home with the vacuum's map, named for the clips that were sent before it.
+    async fn new_home(&mut self) -> String {
+        let home = format!("/v1/homes/home-{}-{}", self.number, self.sent);
+        self.insist(|client| client.request(Method::PUT, &home)).await;
+        let map = format!("{home}/lidar-map");
+        self.insist(|client| client.request(Method::PUT, &map).body(room::lidar_csv())).await;
+        home
+    }
+
     /// None when no answer came, or that something of the service's failed.
     async fn once(&mut self, request: RequestBuilder) -> Option<Answer> {
         let begun = Instant::now();
         self.ledger.requests.fetch_add(1, Ordering::Relaxed);
+        let (client, request) = request.build_split();
+        let request = request.expect("a request");
+        let asked = format!("{} {}", request.method(), request.url());
         let answer = tokio::time::timeout(PATIENCE, async {
-            let response = request.send().await.ok()?;
+            let response = client.execute(request).await.ok()?;
             let (status, headers) = (response.status().as_u16(), response.headers().clone());
             Some(Answer { status, headers, bytes: response.bytes().await.ok()?.to_vec() })
         });
-        let answer = answer.await.unwrap_or_else(|_| panic!("client {} waited {PATIENCE:?}", self.number));
+        let answer = answer.await.unwrap_or_else(|_| panic!("client {}: {asked} took more than {PATIENCE:?}", self.number));
         self.ledger.slowest_ms.fetch_max(begun.elapsed().as_millis() as u64, Ordering::Relaxed);
         let answer = answer.filter(|answer| answer.status < 500);
         if answer.is_none() {
