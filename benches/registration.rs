@@ -1,6 +1,6 @@
-//! Time of search, refinement and decision, of rendering a view and of completion, on one thread: `cargo bench`. The
-//! maps are simulated flats, and the real apartment where `VIOLA_TEST_DATA` names the folder that has it. `paper`
-//! runs on the same clips when asked for: `cargo bench -- --paper` (minutes).
+//! Times registration, view rendering and completion on one thread: `cargo bench`. Maps: simulated flats and,
+//! if `VIOLA_TEST_DATA` is set, a real apartment. `cargo bench -- --paper` also times `paper` on the same
+//! clips (minutes).
 
 use image::{GrayImage, RgbImage};
 use std::path::Path;
@@ -52,7 +52,7 @@ fn apartment(root: &Path) -> SceneClips {
     SceneClips::new(scene, ranges)
 }
 
-/// The views that the paper's strategy takes of the suite's clips.
+/// Times rendering of the views that the paper's strategy chooses for the suite's clips.
 fn render(suite: &dyn Suite) {
     let params = AlignParams::default();
     let mut milliseconds = Vec::new();
@@ -83,7 +83,7 @@ fn render(suite: &dyn Suite) {
     );
 }
 
-/// Fills holes grey at no cost.
+/// Inpainter of no cost: returns the picture unchanged.
 struct Grey;
 
 impl Inpainter for Grey {
@@ -102,7 +102,7 @@ impl Inpainter for Grey {
     }
 }
 
-/// Tells nothing at no cost.
+/// Depth estimator of no cost: constant depth.
 struct Flat;
 
 impl DepthEstimator for Flat {
@@ -115,7 +115,7 @@ impl DepthEstimator for Flat {
     }
 }
 
-/// What completion costs without its networks: of structure, and of each view.
+/// Times completion without its networks: structure, and each view.
 fn complete(suite: &dyn Suite) {
     let params = AlignParams::default();
     let imagination = Imagination {
@@ -158,7 +158,7 @@ fn complete(suite: &dyn Suite) {
     }
 }
 
-/// The median over the clips of each clip's fastest of three runs; `paper` runs once.
+/// Prints the median over clips of each clip's fastest run of three; `paper` runs once.
 fn measure(name: &str, suite: &dyn Suite, methods: &[Method]) {
     let params = AlignParams::default();
     let samples: Vec<Sample> = (0..suite.cases().len())

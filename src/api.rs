@@ -1,4 +1,4 @@
-//! HTTP: one file for each resource. What a request may not do is said in `error`, in one place.
+//! The HTTP API: one file per resource; all refusals are in `error`.
 
 mod access;
 mod bodies;
@@ -15,6 +15,7 @@ mod extract;
 mod health;
 mod homes;
 mod jobs;
+mod layers;
 mod lidar_map;
 mod limits;
 mod list;
@@ -27,13 +28,15 @@ mod reply;
 mod request_log;
 mod server;
 mod session;
+mod types;
 mod uploads;
 mod webhooks;
 
 pub use connections::ConnectionParams;
+pub use layers::Origin;
 pub use limits::LimitParams;
 pub use server::{ServeError, ServeParams, WorkParams, serve, work};
-pub use uploads::UploadParams;
+pub use uploads::{UploadParams, opened_clip_json};
 
 use crate::jobs::Queue;
 use crate::storage::Storage;
@@ -46,15 +49,16 @@ use std::sync::atomic::AtomicBool;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::request_id::{PropagateRequestIdLayer, SetRequestIdLayer};
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
 use utoipa::{Modify, OpenApi};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-/// Of a JSON body. Files are streamed and have limits of their own.
+/// Maximum size of a JSON body. Files are streamed and have limits of their own.
 const MAX_JSON_BYTES: usize = 64 << 10;
 
-/// What every handler may use.
+/// State shared by all handlers.
 #[derive(Clone)]
 struct App {
     storage: Arc<Storage>,
@@ -63,16 +67,18 @@ struct App {
     uploads: Arc<UploadParams>,
     limits: Arc<Limits>,
     webhooks: WebhookParams,
-    /// Whether there ever were keys while this process ran: from then on nobody is served without one.
+    /// Origins whose pages may call the service.
+    cors_origins: Vec<Origin>,
+    /// True once a key existed while this process ran: from then on every request needs one.
     has_keys: Arc<AtomicBool>,
-    /// A place for everyone who may open an uploaded file at a time: readers use memory.
+    /// Permits to open uploaded files: they bound the memory of concurrent readers.
     readers: Arc<Semaphore>,
     exports: export::Places,
-    /// Ends the answers that would otherwise go on for ever.
+    /// Ends endless answers, such as event streams, when the server stops.
     stop: CancellationToken,
 }
 
-/// How callers show who they are.
+/// The security scheme of the OpenAPI document.
 struct Security;
 
 impl Modify for Security {
@@ -89,7 +95,7 @@ impl Modify for Security {
 #[derive(OpenApi)]
 #[openapi(
     modifiers(&Security),
-    components(schemas(viola_geometry::taxonomy::Class, map::points::Format, map::PlanFormat)),
+    components(schemas(types::ClassName, map::points::Format, map::PlanFormat)),
     info(title = "viola", description = "Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.\n\n\
         Every error is an RFC 9457 problem document with a stable `type`. Lists page by cursor."),
     tags(
@@ -145,14 +151,14 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(session::get_session))
 }
 
-/// The OpenAPI document, as it is served and checked in.
+/// Returns the OpenAPI document.
 pub fn document() -> utoipa::openapi::OpenApi {
     let mut document = routes().merge(open_routes()).into_openapi();
     document.merge(health::routes().into_openapi());
     document
 }
 
-/// [`document`] as text, its members always in the same order.
+/// Returns [`document`] as text, its members always in the same order.
 pub fn document_json() -> String {
     let mut text =
         document().to_pretty_json().expect("the document has text keys and cannot fail to serialise");
@@ -160,12 +166,12 @@ pub fn document_json() -> String {
     text
 }
 
-/// What is served without a key.
+/// Returns the routes of the API that need no key.
 fn open_routes() -> OpenApiRouter<App> {
     OpenApiRouter::new().routes(routes!(session::put_session, session::delete_session))
 }
 
-/// How a process without an API is.
+/// Returns the router of a process without the API: health and metrics.
 fn health_router(storage: Arc<Storage>) -> Router {
     let (router, _) = health::routes().split_for_parts();
     router.fallback(error::no_such_route).with_state(storage)
@@ -185,6 +191,11 @@ fn router(app: App) -> Router {
         .layer(DefaultBodyLimit::max(MAX_JSON_BYTES))
         .layer(CatchPanicLayer::custom(error::panicked))
         .layer(axum::middleware::from_fn(metrics::count))
+        .layer(layers::compression())
         .layer(axum::middleware::from_fn(request_log::log))
+        .layer(PropagateRequestIdLayer::x_request_id())
+        .layer(SetRequestIdLayer::x_request_id(request_log::NewId))
+        .layer(axum::middleware::map_request(request_log::drop_harmful_id))
+        .layer(tower::util::option_layer(layers::cors(&app.cors_origins)))
         .with_state(app)
 }

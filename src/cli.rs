@@ -1,4 +1,4 @@
-//! The command line: one file a command.
+//! The command line, one file per command.
 
 mod align;
 mod align_job;
@@ -18,6 +18,7 @@ mod method;
 mod migrate;
 mod models;
 mod networks;
+mod open_clip;
 mod openapi;
 mod progress;
 mod runtime;
@@ -44,49 +45,52 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// See it all at work: serve, upload a simulated home, compare the poses with the truth.
+    /// Run a demonstration: serve, upload a simulated home, compare the poses with the truth.
     Demo(demo::DemoArguments),
     /// Find the pose of one clip in a LiDAR map.
     Align(align::AlignArguments),
-    /// Say what a file is, what was understood of it, and show a map.
+    /// Print the format and contents of a map or a clip, and sketch a map.
     Inspect(inspect::InspectArguments),
-    /// Write a map as Valetudo JSON, for ROS map_server, or as PLY.
+    /// Convert a map (to Valetudo, ROS map_server or PLY) or a clip (to Stray Scanner, TUM RGB-D or ScanNet).
     Convert(convert::ConvertArguments),
-    /// Align the excerpts of a scene with known poses and print the errors.
+    /// Evaluate the method on data with known truth: a recorded scene, simulated homes or LiDAR maps.
     Evaluate(evaluate::EvaluateArguments),
-    /// Make a furnished home with exact truth: LiDAR map, clips and a plan.
+    /// Simulate a furnished home: LiDAR maps, clips, a plan and the exact truth.
     Simulate(simulate::SimulateArguments),
-    /// The networks: list them, fetch them, look at what one says of a picture.
+    /// List, fetch and check the neural networks.
     Models(models::ModelsArguments),
     /// Serve the HTTP API, with workers in the same process.
     Serve(serve::ServeArguments),
-    /// Do jobs for servers that share a PostgreSQL database.
+    /// Run the jobs of servers that share a PostgreSQL database.
     Work(work::WorkArguments),
-    /// Remove what killed processes left behind.
+    /// Remove expired uploads and the files that killed processes left behind.
     Clean(clean::CleanArguments),
-    /// Ask a running process whether it can serve.
+    /// Check whether a running process can serve.
     Health(health::HealthArguments),
-    /// Make, list and revoke the keys of those who may call the service.
+    /// Create, list and revoke the keys of the service.
     Keys(keys::KeysArguments),
-    /// List the tenants, and remove one with every byte of it.
+    /// List the tenants, or remove one with all its data.
     Tenants(tenants::TenantsArguments),
-    /// Show the configuration that holds, where each value comes from, and the variables of the environment.
+    /// Show the effective configuration: each value, its source and its environment variable.
     ///
-    /// A file of settings is given to any command as `--config FILE` or in VIOLA_CONFIG.
+    /// Settings file: `--config FILE` or VIOLA_CONFIG, for serve, work, migrate, keys, tenants and clean.
     Config(config::ConfigArguments),
-    /// Bring the tables up to date without serving; `serve` and `work` do it too.
+    /// Create or update the database tables without serving; `serve` and `work` do it too.
     Migrate(migrate::MigrateArguments),
-    /// Decode frames of the video that is the standard input, for another process of viola.
+    /// Decode frames of the video on standard input, for another viola process.
     #[command(hide = true)]
     DecodeVideo(decode_video::DecodeVideoArguments),
-    /// Align the clip of a job, for another process of viola.
+    /// Align the clip of a job, for another viola process.
     #[command(hide = true)]
     AlignJob(align_job::AlignJobArguments),
+    /// Open an uploaded file, for another viola process.
+    #[command(hide = true)]
+    OpenClip(open_clip::OpenClipArguments),
     /// Print the OpenAPI document of the service.
     Openapi,
 }
 
-/// Runs the command of the process's arguments; an error is printed with its causes.
+/// Runs the command that the process's arguments name; prints an error with its causes.
 pub fn main() -> ExitCode {
     crate::tls::use_ring();
     let program = Arguments::command();
@@ -112,6 +116,7 @@ pub fn main() -> ExitCode {
         Command::Migrate(arguments) => migrate::run(&arguments),
         Command::DecodeVideo(arguments) => decode_video::run(&arguments),
         Command::AlignJob(arguments) => align_job::run(&arguments),
+        Command::OpenClip(arguments) => open_clip::run(&arguments),
         Command::Openapi => openapi::run(),
     };
     match done {
@@ -125,7 +130,7 @@ fn failed(error: &anyhow::Error) -> ExitCode {
     ExitCode::FAILURE
 }
 
-/// An error and its causes in one line; a cause that the error already tells is not told again.
+/// Returns an error and its causes in one line, without causes whose text the line already contains.
 fn with_causes(error: &anyhow::Error) -> String {
     let mut line = String::new();
     for cause in error.chain() {

@@ -1,4 +1,4 @@
-//! The queue as one process sees it: it wakes workers and listeners; what is true is in storage.
+//! The queue of one process: it wakes workers and listeners; its state is in storage.
 
 mod align_clip;
 mod child;
@@ -25,7 +25,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::warn;
 use uuid::Uuid;
 
-/// How long a listener or an idle worker sleeps when nobody wakes it: another process may have written.
+/// Polling interval of listeners and idle workers: another process may have written.
 const POLL: Duration = Duration::from_secs(1);
 
 /// The shortest time between two signals of a kind to other processes.
@@ -35,7 +35,7 @@ pub struct Queue {
     storage: Arc<Storage>,
     due: Notify,
     changed: Arc<Notify>,
-    /// The same, for the other processes.
+    /// Signals that the other processes have not had yet.
     untold_due: Notify,
     untold_change: Notify,
 }
@@ -51,25 +51,25 @@ impl Queue {
         }
     }
 
-    /// To be called after jobs were queued or changed.
+    /// Wakes workers and listeners. To be called after jobs were queued or changed.
     pub fn wake(&self) {
         self.due.notify_one();
         self.untold_due.notify_one();
         self.tell_of_change();
     }
 
-    /// Told of every change, of this process and of others.
+    /// Returns the notification of every change, by this process and by others.
     pub fn changed(&self) -> Arc<Notify> {
         self.changed.clone()
     }
 
-    /// To be called after something changed that workers need not know of.
+    /// Wakes listeners only. To be called after a change that does not concern workers.
     fn tell_of_change(&self) {
         self.changed.notify_waiters();
         self.untold_change.notify_one();
     }
 
-    /// Carries signals between this process and the others until `stop`. Many of one kind become one.
+    /// Exchanges signals with the other processes until `stop`. Many of one kind become one.
     pub async fn exchange_signals(self: Arc<Queue>, stop: CancellationToken) {
         let tell = async |untold: &Notify, signal: Signal| {
             loop {
@@ -109,14 +109,14 @@ impl Queue {
         }
     }
 
-    /// Ends a job that waits or runs; none when there is no such job.
+    /// Cancels a queued or running job; returns `None` if there is no such job.
     pub async fn cancel(&self, id: Uuid) -> Result<Option<Job>, StorageError> {
         let job = self.storage.cancel_job(id, Timestamp::now()).await?;
         self.tell_of_change();
         Ok(job)
     }
 
-    /// At most `limit` changes after a cursor; when there is none, waits up to `wait` for one.
+    /// Returns at most `limit` changes after a cursor; if there is none, waits up to `wait` for one.
     pub async fn changes(
         &self,
         tenant: &Tenant,
@@ -138,8 +138,8 @@ impl Queue {
         }
     }
 
-    /// The job now, unless the listener has `seen` this version of it, and again after every change, up to
-    /// its final state. `None` in the stream: the job has been removed with its clip.
+    /// Streams the job now, unless its version is `seen`, and again after every change, up to its final
+    /// state. `None` in the stream: the job was removed with its clip.
     pub fn watch(
         self: Arc<Queue>,
         id: Uuid,
@@ -156,11 +156,11 @@ impl Queue {
         })
     }
 
-    /// Waits until the job has another version than `seen`.
+    /// Waits until the job's version differs from `seen`.
     async fn next_change(&self, id: Uuid, seen: i64) -> Result<Option<Job>, StorageError> {
         loop {
             let mut changed = std::pin::pin!(self.changed.notified());
-            // Listening begins before looking, so that no change falls between the two.
+            // Listening begins before reading, so that no change is missed.
             changed.as_mut().enable();
             match self.storage.job(id).await? {
                 Some(job) if job.version == seen => {}

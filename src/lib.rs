@@ -1,10 +1,10 @@
-//! The service and the command line of `viola`, which aligns short RGB-D clips of a home to the 2D LiDAR map that the home's
-//! robot vacuum made. The method is in the crates below `crates/`.
+//! The service and the command line of `viola`, which aligns short RGB-D clips of a home to the 2D LiDAR map
+//! of its robot vacuum. The method is in the crates below `crates/`.
 //!
-//! The modules in reading order, ground floor first. A floor imports only from itself and from below;
-//! `tests/house.rs` holds that.
+//! The modules in reading order, lowest floor first. A module imports only from lower floors; `tests/house`
+//! checks this.
 //!
-//! | floor | module | what it knows |
+//! | floor | module | content |
 //! |---|---|---|
 //! | 6 | [`tls`] | the cryptography of TLS |
 //! | 7 | [`storage`] | records and blobs |

@@ -1,9 +1,8 @@
 //! Records and blobs: the only place that knows SQL and object stores.
 //!
-//! Small records live in a database, files in a blob store; a row refers to a blob by its key, and a blob
-//! is never changed once it is written. The order is always: blob durable, then the row committed, then
-//! the caller is told. A blob without a row is therefore rubbish from an interrupted write, and
-//! [`Storage::open`] sweeps it away.
+//! Records live in a database, files in a blob store. A row refers to a blob by its key, and a blob never
+//! changes. The order is always: the blob is durable, the row is committed, the call returns. A blob without
+//! a row is therefore a leftover of an interrupted write, and [`Storage::sweep`] removes it.
 //!
 //! Time is an argument everywhere, so that tests need no clock.
 

@@ -2,14 +2,14 @@
 
 use std::sync::Once;
 
-/// Makes `ring` the cryptography of this process's TLS clients. Every place that builds a client calls this first; only the
-/// first call counts.
+/// Makes `ring` the cryptography of this process's TLS clients. To be called before a client is built; only
+/// the first call counts.
 ///
 /// `aws-lc-rs`, the default of `rustls`, takes several minutes of one core to compile.
 pub fn use_ring() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
-        // An error says that the process has a provider already, which serves as well.
+        // An error means that the process has a provider already, which serves as well.
         let _ = rustls::crypto::ring::default_provider().install_default();
     });
 }

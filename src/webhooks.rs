@@ -1,7 +1,7 @@
-//! Telling other services what changed: Standard Webhooks (https://www.standardwebhooks.com), version 1. What is sent to
-//! whom, and how often, is in storage; here is how.
+//! Sending of webhooks: Standard Webhooks (https://www.standardwebhooks.com), version 1. Storage holds the
+//! messages, their addresses and retries.
 //!
-//! The addresses come from tenants, so that nothing of this service's own network may be reached by them: see `address`.
+//! The addresses come from tenants, so they must not reach this service's own network: see `address`.
 
 mod address;
 mod params;
@@ -22,18 +22,18 @@ use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
-/// Longer than a batch takes.
+/// Lease of a webhook, longer than a batch takes.
 const LEASE: Duration = Duration::from_secs(60);
-/// Messages that are on their way to one address at a time.
+/// Messages that are sent to one address at a time.
 const AT_ONCE: u32 = 16;
 /// Addresses that are served at a time by one process.
 const SENDERS: usize = 4;
-/// How often it is looked whether something is due, when nobody tells.
+/// Polling interval for changes and due deliveries.
 const POLL: Duration = Duration::from_secs(1);
 
 const DELIVERIES: &str = "viola_webhook_deliveries_total";
 
-/// Tells whoever reads the numbers what they are.
+/// Registers the descriptions of the metrics.
 pub fn describe_metrics() {
     describe_counter!(DELIVERIES, "Attempts to deliver to a webhook, by how they ended");
     for outcome in ["delivered", "failed", "gone"] {
@@ -41,7 +41,7 @@ pub fn describe_metrics() {
     }
 }
 
-/// Sends what is due until `stop`; `changed` says that something changed in this process or another.
+/// Sends due deliveries until `stop`; `changed` signals changes by this process or another.
 pub async fn deliver(
     storage: Arc<Storage>,
     params: WebhookParams,
@@ -55,7 +55,7 @@ pub async fn deliver(
     let fan_out = async {
         loop {
             let mut told = std::pin::pin!(changed.notified());
-            // Before looking, so that no change falls between the two.
+            // Listening begins before reading, so that no change is missed.
             told.as_mut().enable();
             match storage.fan_out(Timestamp::now()).await {
                 Ok(true) => continue,
@@ -84,7 +84,7 @@ async fn send_for_ever(storage: &Storage, sender: &Sender) {
     }
 }
 
-/// Sends what one webhook has due; false when none has.
+/// Sends the due deliveries of one webhook; returns false if there are none.
 async fn send_batch(storage: &Storage, sender: &Sender) -> Result<bool, StorageError> {
     let claimed = storage.claim_deliveries(AT_ONCE, LEASE, Timestamp::now()).await?;
     let Some(sending) = claimed else { return Ok(false) };
@@ -99,7 +99,7 @@ async fn send_batch(storage: &Storage, sender: &Sender) -> Result<bool, StorageE
     Ok(true)
 }
 
-/// The address is not logged: it may hold a password.
+/// Counts and logs an attempt. The address is not logged: it may hold a password.
 fn tell(sending: &Sending, delivery: uuid::Uuid, sent: &Sent) {
     let (outcome, status, error) = match sent {
         Sent::Delivered { status } => ("delivered", Some(*status), None),

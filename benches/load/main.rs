@@ -1,10 +1,10 @@
-//! What the service bears: `cargo run --release --example load -- COMMAND`.
+//! Load tests of the service: `cargo run --release --example load -- COMMAND`.
 //!
-//! - `queue POSTGRES_URL`: claims a second of sixteen workers at once, and how long a new job waits for an idle worker
-//!   of another process.
-//! - `reads BASE RATE SECONDS PATH...`: so many requests a second, at their times whether or not the answers come; the
-//!   time from when each was due to its last byte.
-//! - `phones BASE COUNT SECONDS HOME`: so many uploads at once that take so long, and are no clips.
+//! - `queue POSTGRES_URL`: claims per second of sixteen workers at once, and the latency until an idle worker
+//!   of another process starts a new job.
+//! - `reads BASE RATE SECONDS PATH...`: sends RATE requests per second at fixed times (open loop), and
+//!   measures from each due time to the last byte.
+//! - `phones BASE COUNT SECONDS HOME`: COUNT concurrent uploads of SECONDS each that are not valid clips.
 
 mod phones;
 mod queue;

@@ -4,7 +4,7 @@ use super::Times;
 use bytes::Bytes;
 use std::time::{Duration, Instant};
 
-/// A phone on a bad network: so much at a time, twenty times a second.
+/// Slow connection: `PIECE` bytes, twenty times a second.
 const PIECE: usize = 4096;
 const EVERY: Duration = Duration::from_millis(50);
 

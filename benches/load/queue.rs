@@ -1,4 +1,4 @@
-//! The queue on PostgreSQL. A schema of our own is used, and removed at the end.
+//! The queue on PostgreSQL, in a temporary schema.
 
 use super::Times;
 use jiff::Timestamp;
@@ -17,7 +17,7 @@ const SCHEMA: &str = "viola_load";
 const HOMES: u64 = 200;
 const CLIPS: u64 = 20;
 const WORKERS: usize = 16;
-/// Jobs that come one after the other, while workers wait.
+/// Jobs added one by one while workers wait.
 const LATE: u64 = 300;
 
 pub async fn run(url: &str) -> anyhow::Result<()> {
@@ -67,7 +67,7 @@ async fn home(storage: &Storage, number: u64) -> anyhow::Result<HomeId> {
     Ok(home)
 }
 
-/// What any clip says of itself; nobody opens these.
+/// Minimal clip metadata; nobody opens these clips.
 fn info() -> ClipInfo {
     let text = r#"{"layout":"none","pose_convention":"none","depth_unit":"none","gravity":"none","intrinsics":"none",
         "frames":1,"frames_with_pose":1,"skipped_without_pose":0,"skipped_incomplete":0,"color_width":1,"color_height":1,
@@ -84,7 +84,7 @@ async fn add(storage: &Storage, home: &HomeId) -> anyhow::Result<uuid::Uuid> {
     }
 }
 
-/// A backlog of many homes, claimed by many workers at once.
+/// Measures claims by many workers on a backlog of many homes.
 async fn claims(storage: &Arc<Storage>) -> anyhow::Result<()> {
     for number in 0..HOMES {
         let home = home(storage, number).await?;
@@ -119,7 +119,7 @@ async fn claims(storage: &Arc<Storage>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Ends at once: the clip is no clip.
+/// Fails at once: the file is not a valid clip.
 fn refuse(path: &Path, _: &[u8], _: &JobParams, _: &dyn Progress) -> Result<Finished, Failure> {
     match Clip::open(path) {
         Err(error) => Err(error.into()),
@@ -127,7 +127,7 @@ fn refuse(path: &Path, _: &[u8], _: &JobParams, _: &dyn Progress) -> Result<Fini
     }
 }
 
-/// Jobs that come while workers of another process wait.
+/// Measures the start latency of jobs added while workers of another process wait.
 async fn starts(storage: &Arc<Storage>, params: &StorageParams) -> anyhow::Result<()> {
     let other = Arc::new(Storage::open(params).await?);
     let stop = CancellationToken::new();
@@ -141,7 +141,7 @@ async fn starts(storage: &Arc<Storage>, params: &StorageParams) -> anyhow::Resul
         tasks.spawn(work(there.clone(), params, stop.clone()));
     }
     let home = home(storage, HOMES).await?;
-    // Until both listen.
+    // Wait until both queues listen.
     tokio::time::sleep(Duration::from_secs(2)).await;
     let mut times = Vec::new();
     for _ in 0..LATE {

@@ -1,4 +1,4 @@
-//! Requests at their times.
+//! Open-loop requests at fixed times.
 
 use super::Times;
 use std::time::Duration;

@@ -1,5 +1,5 @@
-//! Refines 100 starts in a simulated home on one thread, and writes the points, the starts and the time for
-//! `compare.py`, which does the same with Open3D.
+//! Refines 100 starts in a simulated home on one thread. Writes points, starts and time for `compare.py`,
+//! which repeats it with Open3D.
 
 use rand::{RngExt, SeedableRng};
 use serde_json::json;
@@ -12,7 +12,7 @@ use viola_lab::evaluate::{HomeClips, HomesParams, Suite};
 use viola_lab::simulate::{Sensor, Set};
 
 const STARTS: usize = 100;
-/// The fastest of so many runs counts: others were disturbed.
+/// Runs; the fastest counts, because other processes disturb the rest.
 const RUNS: usize = 5;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (hits, truth) = (&sample.observation.scan.hits, sample.map_from_clip);
 
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(0);
-    // Half of them anywhere in the map, as a search might leave them; half around the truth.
+    // Half are anywhere in the map, like search results; half are near the truth.
     let starts: Vec<Pose2> = (0..STARTS)
         .map(|i| {
             let place = target.points_m[rng.random_range(0..target.points_m.len())];

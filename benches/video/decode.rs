@@ -1,4 +1,4 @@
-//! Decodes all frames of a video and makes nothing of them; see `benches/video.sh`.
+//! Decodes all frames of a video and discards them; see `benches/video.sh`.
 
 use std::fs::File;
 use viola_formats::container::Region;

@@ -1,4 +1,4 @@
-//! ScanNet's `.sens`: the version in front is left out.
+//! ScanNet's `.sens` without the leading version.
 #![no_main]
 
 use viola_fuzz::check_file;

@@ -1,4 +1,4 @@
-//! Dreame's maps as they are inflated.
+//! Dreame's maps after inflation.
 #![no_main]
 
 use viola_fuzz::{check, zlib};

@@ -1,4 +1,4 @@
-//! Roborock's RRMap without its gzip, whose checksum no fuzzer finds.
+//! Roborock's RRMap without its gzip layer, whose checksum no fuzzer guesses.
 #![no_main]
 
 use viola_fuzz::check;

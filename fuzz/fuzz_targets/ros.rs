@@ -1,4 +1,4 @@
-//! A zip of a yaml file and an image, which are parted by the first zero.
+//! A zip of a yaml file and an image; the first zero byte separates the two.
 #![no_main]
 
 use viola_fuzz::{check, ros_zip};

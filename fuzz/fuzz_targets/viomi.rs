@@ -1,4 +1,4 @@
-//! The maps of Viomi and 3irobotix as they are inflated.
+//! Maps of Viomi and 3irobotix after inflation.
 #![no_main]
 
 use viola_fuzz::{check, zlib};

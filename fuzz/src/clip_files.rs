@@ -1,11 +1,11 @@
-//! How one fuzzed input stands for the files of a clip: its parts, in this order, are their contents.
+//! Splits one fuzzed input into the files of a clip: its parts, in order, are their contents.
 //!
-//! The writers of the seeds (tests/readers/fuzz_seeds.rs) take in this file as well, so that both know the same names.
+//! The writer of the seeds (tests/readers/fuzz_seeds.rs) includes this file, so that both use the same names.
 
-/// Between the parts. No picture is likely to hold it, and the fuzzer soon learns it from the seeds.
+/// Separator of the parts. Pictures are unlikely to contain it, and the fuzzer learns it from the seeds.
 pub const SEPARATOR: &[u8] = b"\n~~~~\n";
 
-/// The targets of layouts that are made of several files, and the files of two frames of each.
+/// Targets whose layout has several files, with the files of two frames each.
 pub const LAYOUTS: [(&str, &[&str]); 11] = [
     (
         "clip_stray",
@@ -151,12 +151,12 @@ pub const LAYOUTS: [(&str, &[&str]); 11] = [
     ),
 ];
 
-/// The files' names of a target; none for a target of another kind.
+/// Returns the file names of a target; empty for other targets.
 pub fn names(target: &str) -> &'static [&'static str] {
     LAYOUTS.iter().find(|(name, _)| *name == target).map_or(&[], |(_, names)| names)
 }
 
-/// Names and contents. A part without bytes is a file that is missing.
+/// Returns names and contents. An empty part means a missing file.
 pub fn split(target: &str, input: &[u8]) -> Vec<(String, Vec<u8>)> {
     let mut parts = Vec::new();
     let mut rest = input;
@@ -169,7 +169,7 @@ pub fn split(target: &str, input: &[u8]) -> Vec<(String, Vec<u8>)> {
     files.map(|(name, part)| (name.to_string(), part.to_vec())).collect()
 }
 
-/// The input that [`split`] makes these files of.
+/// Builds the input that [`split`] splits into these files.
 pub fn join(target: &str, files: &[(String, Vec<u8>)]) -> Vec<u8> {
     let part = |name: &&str| files.iter().find(|(own, _)| own == name).map_or(&[][..], |(_, bytes)| bytes);
     let parts: Vec<&[u8]> = names(target).iter().map(part).collect();

@@ -1,11 +1,11 @@
-//! What must hold of any clip, and a container that lies in memory.
+//! Invariants of every clip, and an in-memory container.
 
 use crate::clip_files;
 use std::io::Write;
 use viola_formats::clip::Clip;
 use viola_formats::container::{self, Container, ContainerError, Region};
 
-/// Frames that are looked at; a .sens file of 64 KiB can have more without pictures.
+/// Frames checked; a .sens file of 64 KiB can declare more frames without pictures.
 const MAX_FRAMES: usize = 16;
 
 /// Files in memory, sorted by name.
@@ -61,7 +61,7 @@ pub fn check_file(input: &[u8]) {
     }
 }
 
-/// Opens a clip and loads its frames: what is told must be true, and all numbers finite.
+/// Opens a clip and loads its frames: metadata must match the frames, and all numbers must be finite.
 fn check_container(container: Box<dyn Container>) {
     let Ok(clip) = Clip::from_container(container) else { return };
     let (info, frames) = (clip.info(), clip.frames());

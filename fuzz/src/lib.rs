@@ -1,4 +1,4 @@
-//! What must hold of any reader of archives, clips, maps and videos.
+//! Invariants of all readers of archives, clips, maps and videos.
 
 pub mod clip_files;
 mod clips;
@@ -17,8 +17,7 @@ use video::{Codec, VideoInfo};
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
-/// Reads a file, and writes what it is in each format; a map's numbers must be finite, and what is written must be
-/// read again.
+/// Reads a map and writes it in each format; all numbers must be finite, and written maps must be readable.
 pub fn check(bytes: &[u8]) {
     let Ok(map) = LidarMap::read(bytes) else { return };
     assert!(!map.occupied_m.is_empty());
@@ -28,7 +27,7 @@ pub fn check(bytes: &[u8]) {
     assert!(marks.robot.is_none_or(|pose| pose.is_finite()));
     assert!(marks.zones.iter().flat_map(|zone| &zone.outline_m).flatten().all(|v| v.is_finite()));
     assert!(LidarMap::read(&map.to_ply().bytes).is_ok());
-    // A map can be too wide for cells or for Valetudo, and is then refused.
+    // Maps too wide for cells or for Valetudo are refused.
     let _ = map.to_ros("map.pgm");
     if let Ok(written) = map.to_valetudo() {
         let read = LidarMap::read(&written.bytes);
@@ -36,7 +35,7 @@ pub fn check(bytes: &[u8]) {
     }
 }
 
-/// Reads every file of an archive, whole and in part: both must be the same.
+/// Reads every file of an archive, whole and by region: both must be equal.
 pub fn check_archive(bytes: &[u8]) {
     const MAX_BYTES: u64 = 1 << 20;
     let mut file = tempfile::NamedTempFile::new().expect("a temporary file");
@@ -44,7 +43,7 @@ pub fn check_archive(bytes: &[u8]) {
     let Ok(archive) = container::open(file.path()) else { return };
     for name in archive.names() {
         let (whole, region) = (archive.read(name, MAX_BYTES), archive.region(name, MAX_BYTES));
-        // The checksum of what is stored in a zip is checked only where it is read whole.
+        // A stored zip entry's checksum is verified only when it is read whole.
         let Ok(whole) = whole else { continue };
         let region = region.expect("what can be read whole can be read in part");
         let mut part = vec![0; whole.len()];
@@ -61,7 +60,7 @@ pub fn zlib(bytes: &[u8]) -> Vec<u8> {
     encoder.finish().unwrap_or_default()
 }
 
-/// A ROS map of a yaml file and an image, in one zip.
+/// Builds a zip with a ROS map: a yaml file and an image.
 pub fn ros_zip(bytes: &[u8]) -> Vec<u8> {
     let at = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
     let (yaml, image) = (&bytes[..at], bytes.get(at + 1..).unwrap_or_default());
@@ -74,12 +73,12 @@ pub fn ros_zip(bytes: &[u8]) -> Vec<u8> {
     zip.finish().map(Cursor::into_inner).unwrap_or_default()
 }
 
-/// Pixels of a picture above which decoding only takes time.
+/// Maximum pixels of a decoded picture; larger ones only take time.
 const MAX_PIXELS: u32 = 1 << 18;
 
-/// A video's file: its frames must have ascending times, and as many pictures as are told must come, or a refusal.
+/// Checks a video: frame times must ascend, and decoding must return all frames or an error.
 pub fn check_video(bytes: &[u8], decoded: Option<Codec>) {
-    // Files come at thousands a second, so that one is written over and over; reading goes by position.
+    // The fuzzer runs thousands of inputs a second, so one file is overwritten; reads are positional.
     static FILE: OnceLock<File> = OnceLock::new();
     let Ok(mut file) = FILE.get_or_init(|| tempfile::tempfile().expect("a file")).try_clone() else { return };
     let written = file.rewind().and_then(|()| file.set_len(0)).and_then(|()| file.write_all(bytes));
@@ -101,7 +100,7 @@ pub fn check_video(bytes: &[u8], decoded: Option<Codec>) {
     assert_eq!(came, wanted.len());
 }
 
-/// A panic within a decoder is a refusal: it is told here, and not taken for the end.
+/// Logs panics and continues: decoders catch them and return an error.
 pub fn allow_panics() {
     std::panic::set_hook(Box::new(|panic| eprintln!("{panic}")));
 }

@@ -1,7 +1,5 @@
-//! Who calls, and what they may do. Where no key was ever made, everyone who reaches the service may do everything, and
-//! it listens to its own machine alone.
-//!
-//! What a caller may not know of answers as if it were not there: 404 and not 403.
+//! Authentication and authorisation. Until the first key is created, every caller may do everything, and the
+//! service listens only on loopback addresses. Resources of other tenants and homes return 404, not 403.
 
 use super::App;
 use super::error::Error;
@@ -15,38 +13,38 @@ use jiff::Timestamp;
 use std::sync::atomic::Ordering;
 use uuid::Uuid;
 
-/// The cookie that the viewer's session lies in: pictures of a page cannot send a header.
+/// The cookie of the viewer's session: image requests of a page cannot send a header.
 pub(super) const COOKIE: &str = "viola_key";
 
-/// Whoever sent a request.
+/// The sender of a request.
 #[derive(Debug, Clone)]
 pub(super) struct Caller {
     pub tenant: Tenant,
     pub role: Role,
-    /// The only home that the caller may know of; all of the tenant's when there is none.
+    /// The only home that the caller may access; none means all homes of the tenant.
     home: Option<HomeId>,
-    /// None where no key is asked for.
+    /// None if the service requires no key.
     pub key: Option<Uuid>,
 }
 
 impl Caller {
-    /// Where no key is asked for.
+    /// Returns the caller of a service that requires no key.
     fn anyone() -> Caller {
         Caller { tenant: Tenant::default(), role: Role::Admin, home: None, key: None }
     }
 
-    /// The home that a client means by an id.
+    /// Returns the tenant's home with an id; refuses a home that the caller may not access.
     pub fn home(&self, id: &HomeId) -> Result<HomeId, Error> {
         let home = self.tenant.home(id);
         if self.may_know(&home) { Ok(home) } else { Err(crate::storage::StorageError::NoSuchHome.into()) }
     }
 
-    /// Whether a home, or what belongs to it, exists for this caller.
+    /// Returns whether the caller may access a home and its resources.
     pub fn may_know(&self, home: &HomeId) -> bool {
         self.tenant.has(home) && self.home.as_ref().is_none_or(|own| own == home)
     }
 
-    /// For what is about all homes of the tenant.
+    /// Returns the tenant; refuses a caller that is limited to one home.
     pub fn for_all_homes(&self) -> Result<&Tenant, Error> {
         match self.home {
             None => Ok(&self.tenant),
@@ -63,12 +61,12 @@ impl<S: Send + Sync> FromRequestParts<S> for Caller {
     }
 }
 
-/// The caller of a request that passed [`check`].
+/// Returns the caller of a request that passed [`check`].
 pub(super) fn of(parts: &Parts) -> Result<Caller, Error> {
     parts.extensions.get::<Caller>().cloned().ok_or(Error::KeyMissing)
 }
 
-/// Lets a request through that its caller may send.
+/// Identifies the caller of a request, and refuses the request if its role does not allow it.
 pub(super) async fn check(
     State(app): State<App>,
     mut request: Request,
@@ -100,7 +98,7 @@ pub(super) async fn check(
     Ok(next.run(request).await)
 }
 
-/// The last key's tenant may be deleted while this process runs; that opens the service to nobody.
+/// Returns whether requests need a key; remains true for the life of the process if the last key is deleted.
 async fn asks_for_keys(app: &App) -> Result<bool, Error> {
     if !app.has_keys.load(Ordering::Relaxed) && app.storage.has_keys().await? {
         app.has_keys.store(true, Ordering::Relaxed);
@@ -108,8 +106,8 @@ async fn asks_for_keys(app: &App) -> Result<bool, Error> {
     Ok(app.has_keys.load(Ordering::Relaxed))
 }
 
-/// The secret that a request shows, in a header or else in the cookie, which a browser sends only with what the service's
-/// own pages ask for (`SameSite=Strict`).
+/// Returns the secret of a request, from the header or else from the cookie. A browser sends the cookie only
+/// with requests of the service's own pages (`SameSite=Strict`).
 fn secret(headers: &HeaderMap) -> Result<Option<Secret>, Error> {
     let text = match headers.get(header::AUTHORIZATION) {
         Some(value) => {
@@ -128,7 +126,7 @@ fn cookie(headers: &HeaderMap) -> Option<&str> {
     pairs.find(|(name, _)| *name == COOKIE).map(|(_, value)| value)
 }
 
-/// What an uploader needs beside its uploads: the home and clip that it sent, and how far the work is.
+/// Operations of an uploader besides uploads: read its home and its clip, and follow the job.
 const OF_UPLOADERS: [(Method, &str); 9] = [
     (Method::POST, "/v1/homes/{home}/clips"),
     (Method::GET, "/v1/homes/{home}"),
@@ -146,7 +144,7 @@ fn may(role: Role, method: &Method, route: &str) -> bool {
     let is_session = route == "/v1/session";
     match role {
         Role::Admin => true,
-        // Addresses of webhooks may hold passwords.
+        // URLs of webhooks may contain passwords.
         Role::Reader if route.starts_with("/v1/webhooks") => false,
         Role::Reader => [Method::GET, Method::OPTIONS].contains(method) || is_session,
         Role::Uploader => {

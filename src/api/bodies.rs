@@ -1,4 +1,4 @@
-//! Bodies that are files: streamed to the disk on the way in, from it on the way out.
+//! Bodies that are files: requests are streamed to the disk, answers from storage.
 
 use super::App;
 use super::error::Error;
@@ -16,10 +16,10 @@ use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{KnownFormat, ObjectBuilder, Schema, SchemaFormat, Type};
 use utoipa::{PartialSchema, ToSchema};
 
-/// A client that is silent for longer has gone away.
+/// Idle timeout of a request's body.
 pub(super) const MAX_SILENCE: Duration = Duration::from_secs(60);
 
-/// Bytes of a file, in the OpenAPI document.
+/// The schema of a file's bytes in the OpenAPI document.
 pub(super) struct FileBytes;
 
 impl PartialSchema for FileBytes {
@@ -31,7 +31,7 @@ impl PartialSchema for FileBytes {
 
 impl ToSchema for FileBytes {}
 
-/// How many bytes the sender announces.
+/// Returns the value of `Content-Length`.
 pub(super) fn content_length(headers: &HeaderMap) -> Option<u64> {
     headers.get(header::CONTENT_LENGTH)?.to_str().ok()?.parse().ok()
 }
@@ -66,7 +66,7 @@ pub(super) async fn receive(storage: &Storage, request: Request, limit: u64) -> 
     Ok(arrived)
 }
 
-/// The format of a file is found by its content, so its media type does not matter; but a form wraps it.
+/// Refuses multipart forms, which wrap the file. Other media types are ignored: the content tells the format.
 fn refuse_form(headers: &HeaderMap) -> Result<(), Error> {
     let media_type =
         headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
@@ -77,7 +77,7 @@ fn refuse_form(headers: &HeaderMap) -> Result<(), Error> {
     Ok(())
 }
 
-/// Answers with a blob. It may change under its path, so caches must ask again.
+/// Returns an answer with a blob. The blob of a path may change, so caches must revalidate.
 pub(super) fn send(blob: BlobReader, media_type: &'static str) -> Response {
     let headers = [
         (header::CONTENT_TYPE, HeaderValue::from_static(media_type)),
@@ -87,7 +87,7 @@ pub(super) fn send(blob: BlobReader, media_type: &'static str) -> Response {
     (headers, Body::from_stream(blob.stream)).into_response()
 }
 
-/// Runs work to its end even when the client goes away in the middle of it.
+/// Runs work to its end even if the client disconnects.
 pub(super) async fn to_the_end<T: Send + 'static>(work: impl Future<Output = T> + Send + 'static) -> T {
     match tokio::spawn(work.in_current_span()).await {
         Ok(value) => value,
@@ -95,7 +95,7 @@ pub(super) async fn to_the_end<T: Send + 'static>(work: impl Future<Output = T> 
     }
 }
 
-/// Opens an uploaded file, which blocks, beside the threads that answer.
+/// Runs the blocking reader of an uploaded file on a thread of its own, once a permit is free.
 pub(super) async fn understand<T: Send + 'static>(app: &App, read: impl FnOnce() -> T + Send + 'static) -> T {
     let _place = app.readers.acquire().await.expect("the semaphore is never closed");
     match tokio::task::spawn_blocking(read).await {

@@ -6,7 +6,7 @@ use super::error::{Error, Problem};
 use super::extract::Query;
 use super::list::{ListQuery, encode};
 use super::problems::CommonProblems;
-use crate::storage::Change;
+use super::types::Change;
 use axum::Json;
 use axum::extract::State;
 use serde::{Deserialize, Serialize};
@@ -14,11 +14,11 @@ use std::time::Duration;
 
 const MAX_WAIT_S: u64 = 30;
 
-/// How long to wait for changes.
+/// The timeout for changes.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(super) struct WaitQuery {
-    /// When there is no change, wait this many seconds for one before answering with none; 0 when not given.
+    /// Seconds to wait for a change if there is none yet; default 0.
     #[param(value_type = Option<u64>, minimum = 0, maximum = 30)]
     wait: Option<String>,
 }
@@ -27,28 +27,28 @@ pub(super) struct WaitQuery {
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct ChangesPage {
     items: Vec<Change>,
-    /// Goes into `after` for what follows, also when there is nothing more now.
+    /// Cursor for `after` in the next request; it is also valid if there is nothing more now.
     #[schema(example = "NDcxMS4xNzczNTAwOTY2NTM1")]
     next: String,
-    /// Whether there are further changes already.
+    /// True if there are further changes already.
     more: bool,
 }
 
-/// What changed in all homes, in the order in which it was committed
+/// List the changes of all homes, in commit order
 ///
-/// For whoever keeps a copy: begin without `after`, apply the items in their order, keep `next` with them, and go on
-/// with it, at the end with `wait`. The feed has the newest change of every home, LiDAR map, clip and fused map, so a
-/// copy that begins with nothing is whole at the end of its first reading, and one that goes on may be told of a thing
-/// that it has in its newest form already. A clip may come before its home, since a home is told again when it is
-/// renamed. An item says that something changed; its present form is under the thing's own path.
+/// To keep a copy: begin without `after`, apply the items in order, store `next` with them, and send it as
+/// `after` in the next request; at the end of the feed, add `wait`. The feed has the newest change of every
+/// home, LiDAR map, clip and fused map. An empty copy is therefore complete after its first reading; a later
+/// reading may repeat a change that the copy has. A clip may come before its home, because a renamed home
+/// gets a new change. An item only says that something changed; GET the resource for its present state.
 ///
-/// What was removed is told with `deleted` for 30 days, a home after everything that was in it. Whoever did not come to
-/// the end of the feed for 30 days is refused with `cursor-expired` and begins again without `after`: what the new
-/// reading does not name is gone.
+/// Removed resources stay in the feed for 30 days, with `deleted`; a home comes after everything that was in
+/// it. A client that has not reached the end of the feed for 30 days gets `cursor-expired` and must begin
+/// again without `after`: resources that the new reading does not name are gone.
 #[utoipa::path(get, path = "/v1/changes", tag = "changes", params(ListQuery, WaitQuery),
     responses(
         (status = 200, description = "The changes after the cursor, perhaps none", body = ChangesPage),
-        (status = 410, description = "The cursor is too old to go on from: `cursor-expired`", body = Problem,
+        (status = 410, description = "The cursor is too old: `cursor-expired`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems))]
 pub(super) async fn list_changes(
@@ -61,11 +61,15 @@ pub(super) async fn list_changes(
     let tenant = caller.for_all_homes()?;
     let changes = tokio::select! {
         changes = app.queue.changes(tenant, after, limit, wait) => changes?,
-        // A server that stops waits for nobody.
+        // A stopping server does not wait.
         () = app.stop.cancelled() => app.queue.changes(tenant, after, limit, Duration::ZERO).await?,
     };
     let next = encode(&changes.next.to_string());
-    Ok(Json(ChangesPage { items: changes.items, next, more: changes.more }))
+    Ok(Json(ChangesPage {
+        items: changes.items.into_iter().map(Change::from).collect(),
+        next,
+        more: changes.more,
+    }))
 }
 
 impl WaitQuery {

@@ -1,21 +1,22 @@
-//! `/v1/homes/{home}/clips/{clip}/alignment`: a person's word on where a clip is.
+//! `/v1/homes/{home}/clips/{clip}/alignment`: the pose of a clip that a person chooses.
 
 use super::App;
 use super::bodies::to_the_end;
 use super::error::{Error, Problem};
 use super::extract::{ClipPath, Json};
 use super::problems::{CommonProblems, JsonProblems};
-use crate::storage::{ChoiceError, Chosen, Clip, StorageError};
+use super::types::{self, Clip};
+use crate::storage::{ChoiceError, Chosen, StorageError};
 use axum::extract::State;
 use jiff::Timestamp;
 use serde::Deserialize;
 use serde_json::Value;
 use viola_geometry::Pose2;
 
-/// An angle beyond a whole turn is one in degrees.
+/// Maximum angle: a larger one is probably in degrees.
 const MAX_YAW_RAD: f64 = std::f64::consts::TAU;
 
-// The values are read by hand, so that a refusal names the member at fault.
+// The values are parsed by hand, so that a refusal names the member at fault.
 /// A person's choice: one of the two members.
 #[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -27,26 +28,26 @@ pub(super) struct ChoiceBody {
     alternative: Option<Value>,
     /// The pose itself, in the frame of the current LiDAR map: within 10 m of what the map spans.
     #[serde(default)]
-    #[schema(value_type = Option<Pose2>)]
+    #[schema(value_type = Option<types::Pose2>)]
     map_from_clip: Option<Value>,
 }
 
-/// Choose where a clip is
+/// Choose the pose of a clip
 ///
-/// Either one of the clip's alternatives or a pose of one's own. The clip is then `aligned` with the reason
-/// `chosen_by_person`, and `choice` says what was chosen; the method's own answer stays beside it in `alignment`.
-/// The choice stands through every new alignment until it is withdrawn or replaced. After a new LiDAR map it stands too,
-/// with the reason `choice_of_earlier_lidar_map`: the frame may have moved, so somebody should look again.
+/// Give one of the clip's alternatives or a pose of your own. The clip is then `aligned` with the reason
+/// `chosen_by_person`, and `choice` has the chosen pose; the method's own answer stays in `alignment`. The
+/// choice holds for every new alignment until it is withdrawn or replaced. It also holds after a new LiDAR
+/// map, with the reason `choice_of_earlier_lidar_map`: the frame may have moved, so a person should check it.
 ///
-/// A pose may be given at any time: while a job is under way it takes effect when the job ends, and a clip without a
-/// result keeps its state, with the reason `choice_without_result`, until a job gives it one. The same choice again
-/// changes nothing.
+/// A pose may be given at any time. While a job is under way, it takes effect when the job ends. A clip
+/// without a result keeps its state, with the reason `choice_without_result`, until a job gives it a result.
+/// The same choice again changes nothing.
 #[utoipa::path(put, path = "/v1/homes/{home}/clips/{clip}/alignment", tag = "clips",
     params(ClipPath), request_body = ChoiceBody,
     responses(
         (status = 200, description = "The clip with the choice", body = Clip),
-        (status = 409, description = "The clip has no answer yet whose alternatives could be chosen from: `no-answer-yet`; \
-            or the home has no LiDAR map in whose frame a pose could be: `no-lidar-map`", body = Problem,
+        (status = 409, description = "The clip has no answer yet, so it has no alternatives: `no-answer-yet`; \
+            or the home has no LiDAR map, so a pose has no frame: `no-lidar-map`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems, JsonProblems))]
 pub(super) async fn choose_alignment(
@@ -58,14 +59,14 @@ pub(super) async fn choose_alignment(
     to_the_end(async move {
         let clip = app.storage.choose(&home, clip, chosen, Timestamp::now()).await?;
         app.queue.wake();
-        Ok(axum::Json(clip))
+        Ok(axum::Json(clip.into()))
     })
     .await
 }
 
 /// Withdraw a choice
 ///
-/// The clip goes back to the method's own verdict. Without a choice nothing changes.
+/// The clip returns to the method's own verdict. Without a choice, nothing changes.
 #[utoipa::path(delete, path = "/v1/homes/{home}/clips/{clip}/alignment", tag = "clips", params(ClipPath),
     responses((status = 200, description = "The clip without a choice", body = Clip), CommonProblems))]
 pub(super) async fn withdraw_alignment(
@@ -75,7 +76,7 @@ pub(super) async fn withdraw_alignment(
     to_the_end(async move {
         let clip = app.storage.withdraw_choice(&home, clip, Timestamp::now()).await?;
         app.queue.wake();
-        Ok(axum::Json(clip))
+        Ok(axum::Json(clip.into()))
     })
     .await
 }

@@ -15,10 +15,10 @@ pub(super) struct Class {
     /// Stable.
     #[schema(example = "desk")]
     name: &'static str,
-    /// As every picture of the service paints it.
+    /// Colour of the class in every picture of the service.
     #[schema(example = "#d97b00")]
     color: String,
-    /// Built in, or too heavy to be elsewhere on another day.
+    /// True if objects of the class are built in, or too heavy to be moved from day to day.
     is_fixed: bool,
 }
 
@@ -28,15 +28,15 @@ pub(super) struct Classes {
     classes: Vec<Class>,
 }
 
-/// The classes of points and objects
+/// List the classes of points and objects
 #[utoipa::path(get, path = "/v1/classes", tag = "service",
-    responses((status = 200, description = "All of them, by id", body = Classes), CommonProblems))]
+    responses((status = 200, description = "All classes, by id", body = Classes), CommonProblems))]
 pub(super) async fn list_classes() -> ([(HeaderName, &'static str); 1], Json<Classes>) {
     let classes = taxonomy::Class::ALL.iter().map(|&class| {
         let [red, green, blue] = class.color();
         let color = format!("#{red:02x}{green:02x}{blue:02x}");
         Class { id: class.id(), name: class.name(), color, is_fixed: class.is_fixed() }
     });
-    // They change with the program only.
+    // The classes change only with the program.
     ([(header::CACHE_CONTROL, "no-cache")], Json(Classes { classes: classes.collect() }))
 }

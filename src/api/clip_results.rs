@@ -5,14 +5,15 @@ use super::bodies::{FileBytes, send, understand};
 use super::error::Error;
 use super::extract::ClipPath;
 use super::problems::CommonProblems;
+use super::types::ClipScan;
 use crate::storage::{HomeId, StorageError, result_file};
 use axum::extract::State;
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use uuid::Uuid;
-use viola_home::{ClipScan, MAP_VOXEL_M, NotOurs, cloud_ply, read_cloud_ply};
+use viola_home::{MAP_VOXEL_M, NotOurs, cloud_ply, read_cloud_ply};
 
-/// The LiDAR map with the clip's hit points and path drawn over it
+/// Get a picture of the LiDAR map with the clip's hit points and path
 #[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}/overlay.png", tag = "clips",
     params(ClipPath),
     responses((status = 200, description = "The picture", body = FileBytes, content_type = "image/png"), CommonProblems))]
@@ -23,7 +24,7 @@ pub(super) async fn get_clip_overlay(
     send_result(app, home, clip, result_file::OVERLAY, "image/png").await
 }
 
-/// What was filled in where the clip left doubt: the views, what was made of them, and the plan before and after
+/// Get a picture of the clip's completion: the views, the filled-in pictures, and the plan before and after
 #[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}/completion.png", tag = "clips",
     params(ClipPath),
     responses((status = 200, description = "The picture", body = FileBytes, content_type = "image/png"), CommonProblems))]
@@ -34,10 +35,10 @@ pub(super) async fn get_clip_completion(
     send_result(app, home, clip, result_file::COMPLETION, "image/png").await
 }
 
-/// The clip's fused points with colours, in the map's frame when the clip has a place in the map
+/// Get the clip's fused points with colours, in the map's frame if the clip has a pose
 ///
-/// Its place is the one in the home's map, else a person's choice, else that of its own alignment; without one the
-/// points are in the clip's frame. The PLY's comment says which.
+/// The pose is the one in the home's map, else a person's choice, else that of the clip's own alignment.
+/// Without a pose, the points are in the clip's frame. The comment of the PLY names the frame.
 #[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}/cloud.ply", tag = "clips",
     params(ClipPath),
     responses((status = 200, description = "The points", body = FileBytes, content_type = "model/ply"), CommonProblems))]
@@ -60,7 +61,7 @@ pub(super) async fn get_clip_cloud(
     Ok(([(header::CONTENT_TYPE, HeaderValue::from_static("model/ply"))], moved).into_response())
 }
 
-/// What the vacuum would have seen of the clip, and where its cameras were, in the clip's frame: to draw it at any pose
+/// Get the clip's hits at the vacuum's height and its cameras, in the clip's frame, to draw it at any pose
 #[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}/scan", tag = "clips",
     params(ClipPath),
     responses((status = 200, description = "Hits and cameras", body = ClipScan), CommonProblems))]

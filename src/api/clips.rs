@@ -7,7 +7,8 @@ use super::error::{Error, Problem};
 use super::extract::{ClipPath, HomePath, IdempotencyKey, Query, timestamp};
 use super::list::{List, ListQuery, UpdatedQuery, states};
 use super::problems::{CommonProblems, FileProblems};
-use crate::storage::{Added, Arrived, Clip, ClipFilter, ClipState, NewClip, StorageError};
+use super::types::{Clip, ClipInfo, ClipState, Estimate};
+use crate::storage::{self, Added, Arrived, ClipFilter, NewClip, StorageError};
 use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::{StatusCode, header};
@@ -15,39 +16,39 @@ use axum::response::{IntoResponse, Response};
 use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
 use viola_formats::clip;
-use viola_reconstruct::{Estimate, estimate};
+use viola_reconstruct::estimate;
 
-/// No phone recorded depth before the year 2000.
+/// Earliest time of recording: no phone recorded depth before the year 2000.
 const EARLIEST: Timestamp = Timestamp::constant(946_684_800, 0);
-/// How far ahead of ours a phone's clock may be.
+/// Maximum time by which a phone's clock may be ahead of ours.
 const AHEAD: SignedDuration = SignedDuration::from_hours(24);
 
 /// The query of an upload.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(super) struct AddQuery {
-    /// When the clip was recorded; when not given, what the file says, where its layout has times of day. Where the
-    /// home changed between two clips, the later one is believed.
+    /// Time of recording. Default: the time in the file, if its layout has times of day. If the home changed
+    /// between two clips, the later clip counts.
     #[param(value_type = Option<Timestamp>, example = "2026-03-14T15:09:26Z")]
     recorded_at: Option<String>,
-    /// With `true` the file is only looked at: the answer tells what would be understood of it and how much work it
-    /// would be, and nothing is kept or queued.
+    /// With `true`, the file is only checked: the answer has a summary of the file and an estimate of the
+    /// work, and nothing is kept or queued.
     #[param(value_type = Option<bool>, example = true)]
     dry_run: Option<String>,
 }
 
-/// What would become of a file.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// The result of a dry run.
+#[derive(Debug, Clone, PartialEq, Serialize, utoipa::ToSchema)]
 pub(super) struct DryRun {
     /// Size of the file.
     size_bytes: u64,
-    understood: clip::ClipInfo,
+    understood: ClipInfo,
     estimate: Estimate,
-    /// Whether the home has a LiDAR map; without one the clip would wait for it.
+    /// True if the home has a LiDAR map; without one, the clip would wait for it.
     has_lidar_map: bool,
 }
 
-/// What an upload is answered with.
+/// The answer to an upload.
 pub(super) enum Answer {
     Added(Box<Clip>),
     Looked(Box<DryRun>),
@@ -57,7 +58,7 @@ impl IntoResponse for Answer {
     fn into_response(self) -> Response {
         match self {
             Answer::Added(clip) => {
-                let location = format!("/v1/homes/{}/clips/{}", clip.home, clip.id);
+                let location = format!("/v1/homes/{}/clips/{}", clip.home.as_str(), clip.id);
                 (StatusCode::CREATED, [(header::LOCATION, location)], Json(clip)).into_response()
             }
             Answer::Looked(report) => Json(report).into_response(),
@@ -67,18 +68,18 @@ impl IntoResponse for Answer {
 
 /// Upload a clip
 ///
-/// The body is the file; its layout is found by its content. What can be told at once is refused at once;
-/// everything else ends in the clip's state and reasons. When the answer arrives, the clip is durable and its
-/// job is queued, or waits for the home's first LiDAR map.
+/// The body is the file; its layout is detected from its content. A file that cannot be read is refused
+/// immediately; the outcome of everything else is in the clip's state and reasons. When the answer arrives,
+/// the clip is durable and its job is queued, or waits for the home's first LiDAR map.
 ///
-/// With an `Idempotency-Key`, sending the same file again gives the same clip again.
+/// With an `Idempotency-Key`, sending the same file again returns the same clip.
 #[utoipa::path(post, path = "/v1/homes/{home}/clips", tag = "clips",
     params(HomePath, AddQuery,
         ("Idempotency-Key" = Option<String>, Header, pattern = "^[!-~]{1,255}$", description = "1 to 255 visible ASCII characters, unique to this file in this home")),
     request_body(content = FileBytes, content_type = "application/octet-stream",
         description = "An RGB-D recording: a zip, tar, tar.gz or tar.zst of its folder, or its one file (.r3d, .sens)"),
     responses(
-        (status = 200, description = "With `dry_run`: what would become of the file", body = DryRun),
+        (status = 200, description = "With `dry_run`: summary of the file and estimate of the work", body = DryRun),
         (status = 201, description = "The clip and its job", body = Clip,
             headers(("Location" = String, description = "The clip's path"))),
         CommonProblems, FileProblems))]
@@ -100,7 +101,7 @@ pub(super) async fn add_clip(
     app.limits.room(&app.storage, &caller.tenant, size_bytes).await?;
     let (file, info, estimate) = understand(&app, move || open(file)).await?;
     if dry_run {
-        let report = DryRun { size_bytes, understood: info, estimate, has_lidar_map };
+        let report = DryRun { size_bytes, understood: info.into(), estimate: estimate.into(), has_lidar_map };
         return Ok(Answer::Looked(Box::new(report)));
     }
     let new = new_clip(file, info, told, idempotency_key);
@@ -114,10 +115,10 @@ pub(super) async fn add_clip(
         }
     })
     .await?;
-    Ok(Answer::Added(Box::new(clip)))
+    Ok(Answer::Added(Box::new(clip.into())))
 }
 
-/// `true` or `false`; not given is false.
+/// Parses `true` or `false`; the default is false.
 fn flag(field: &'static str, text: Option<&str>) -> Result<bool, Error> {
     match text {
         None | Some("false") => Ok(false),
@@ -128,7 +129,7 @@ fn flag(field: &'static str, text: Option<&str>) -> Result<bool, Error> {
     }
 }
 
-/// A file that was opened and found good.
+/// Returns the new clip of a file that could be opened.
 pub(super) fn new_clip(
     file: Arrived,
     info: clip::ClipInfo,
@@ -136,7 +137,7 @@ pub(super) fn new_clip(
     idempotency_key: Option<String>,
 ) -> NewClip {
     let in_file = info.recorded_at_ms.and_then(|ms| Timestamp::from_millisecond(ms).ok());
-    // A file whose clock is far ahead says nothing.
+    // A time too far ahead is ignored: the clock was wrong.
     let recorded_at = told_recorded_at.or(in_file.filter(|time| *time <= latest()));
     NewClip { file, info, idempotency_key, recorded_at }
 }
@@ -145,7 +146,7 @@ fn latest() -> Timestamp {
     Timestamp::now() + AHEAD
 }
 
-/// When a clip was recorded, as its sender says.
+/// Parses the time of recording that the sender gives.
 pub(super) fn recorded_at(text: &str) -> Result<Timestamp, Error> {
     let time = timestamp("recorded_at", text)?;
     if (EARLIEST..=latest()).contains(&time) {
@@ -155,23 +156,23 @@ pub(super) fn recorded_at(text: &str) -> Result<Timestamp, Error> {
     Err(Error::InvalidQuery { field: Some("recorded_at"), detail })
 }
 
-/// Opens a file that has arrived, and refuses it when it is no clip.
-pub(super) fn open(file: Arrived) -> Result<(Arrived, clip::ClipInfo, Estimate), Error> {
+/// Opens a received file; refuses it if it is not a clip.
+pub(super) fn open(file: Arrived) -> Result<(Arrived, clip::ClipInfo, viola_reconstruct::Estimate), Error> {
     let clip = clip::Clip::open(file.path())?;
     let estimate = estimate(&clip);
     Ok((file, clip.info().clone(), estimate))
 }
 
-/// Which clips a list has.
+/// The filter of a list of clips.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(super) struct StateQuery {
-    /// Only clips in one of these states, with commas between them. To be given with every page.
+    /// Only clips in one of these states, separated by commas. Send it with the request of every page.
     #[param(value_type = Option<Vec<ClipState>>, style = Form, explode = false, min_items = 1, example = json!(["ambiguous", "failed"]))]
     state: Option<String>,
 }
 
-/// The clips of a home, the oldest first
+/// List the clips of a home, oldest first
 #[utoipa::path(get, path = "/v1/homes/{home}/clips", tag = "clips",
     params(HomePath, ListQuery, UpdatedQuery, StateQuery),
     responses((status = 200, description = "One page", body = List<Clip>), CommonProblems))]
@@ -182,13 +183,13 @@ pub(super) async fn list_clips(
     Query(updated): Query<UpdatedQuery>,
     Query(state): Query<StateQuery>,
 ) -> Result<Json<List<Clip>>, Error> {
-    let states = states(state.state.as_deref(), &ClipState::ALL, ClipState::name)?;
+    let states = states(state.state.as_deref(), &storage::ClipState::ALL, storage::ClipState::name)?;
     let filter = ClipFilter { states, updated_after: updated.updated_after()? };
     let clips = app.storage.clips(&home, &filter, &query.page()?).await?;
     Ok(Json(query.list(clips, |clip| clip.id)?))
 }
 
-/// A clip: its state, what was understood of it, its alignment and its newest job
+/// Get a clip: its state, the summary of its file, its alignment and its newest job
 #[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}", tag = "clips",
     params(ClipPath),
     responses((status = 200, description = "The clip", body = Clip), CommonProblems))]
@@ -196,13 +197,13 @@ pub(super) async fn get_clip(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
 ) -> Result<Json<Clip>, Error> {
-    Ok(Json(app.storage.clip(&home, clip).await?))
+    Ok(Json(app.storage.clip(&home, clip).await?.into()))
 }
 
-/// Remove a clip with every byte of it
+/// Remove a clip with all its data
 #[utoipa::path(delete, path = "/v1/homes/{home}/clips/{clip}", tag = "clips",
     params(ClipPath),
-    responses((status = 204, description = "It is gone"), CommonProblems))]
+    responses((status = 204, description = "The clip is removed"), CommonProblems))]
 pub(super) async fn delete_clip(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
@@ -217,7 +218,7 @@ pub(super) async fn delete_clip(
 
 /// Align a clip again, to the current LiDAR map
 ///
-/// A clip whose job is under way is left alone.
+/// If a job of the clip is under way, nothing changes.
 #[utoipa::path(post, path = "/v1/homes/{home}/clips/{clip}/align", tag = "clips",
     params(ClipPath),
     responses(
@@ -236,5 +237,5 @@ pub(super) async fn align_clip(
     })?;
     app.queue.wake();
     let location = clip.job.as_ref().map(|job| format!("/v1/jobs/{}", job.id)).unwrap_or_default();
-    Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], Json(clip)))
+    Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], Json(clip.into())))
 }

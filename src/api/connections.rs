@@ -1,5 +1,4 @@
-//! Connections: how many there may be, how long one may take to say what it wants and to read its answer, and how they
-//! end.
+//! Connections: their maximum number, their timeouts and their graceful shutdown.
 
 use super::server::ServeError;
 use axum::Router;
@@ -20,21 +19,21 @@ use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 use tracing::{debug, info, warn};
 
-/// How long requests under way may take to end when the server stops.
+/// Timeout for requests under way when the server stops.
 const DRAIN: Duration = Duration::from_secs(10);
 
-/// Bytes of a request's head.
+/// Maximum size of a request's head.
 const MAX_HEAD_BYTES: usize = 64 << 10;
 
-/// How much a client may hold.
+/// Limits of connections.
 #[derive(Debug, Clone)]
 pub struct ConnectionParams {
-    /// A connection on which the head of a request is not whole after so long is closed.
+    /// Timeout for the complete head of a request; then the connection is closed.
     pub head: Duration,
-    /// A connection that takes no byte of a waiting answer for so long is closed. A client that reads, however slowly,
-    /// and a stream of events without news are not affected.
+    /// Timeout for a client that reads no byte of a waiting answer; then the connection is closed. Slow
+    /// readers and event streams without news are not affected.
     pub write: Duration,
-    /// More connections wait until others end.
+    /// Maximum number of connections; further ones wait until others end.
     pub most: usize,
 }
 
@@ -44,15 +43,15 @@ impl Default for ConnectionParams {
     }
 }
 
-/// Bytes of a connection that the kernel queues unsent. By default it queues megabytes and takes more only once a third of
-/// them is gone: a write to a client that reads 200 kB/s then waits up to 7.5 s, with this bound up to 0.65 s.
+/// Maximum of unsent bytes in the kernel. By default it queues megabytes and takes more only after a third is
+/// sent: a write to a client that reads 200 kB/s then waits up to 7.5 s, with this limit up to 0.65 s.
 #[cfg(target_os = "linux")]
 const UNSENT_BYTES: u32 = 128 << 10;
 
-/// How long to wait when the system gives no more connections.
+/// Delay after the system failed to accept a connection.
 const PAUSE: Duration = Duration::from_millis(500);
 
-/// Answers requests until `stop`, and those that have begun by then for a while longer.
+/// Answers requests until `stop`, then gives those under way a grace period.
 pub(super) async fn answer(
     listener: TcpListener,
     router: Router,
@@ -90,7 +89,7 @@ pub(super) async fn answer(
         () = accept => {}
         () = stop.cancelled() => {}
     }
-    // Nobody new: the next process may have the address.
+    // Frees the address for the next process.
     drop(listener);
     info!("stopping");
     tokio::select! {
@@ -100,7 +99,7 @@ pub(super) async fn answer(
     Ok(())
 }
 
-/// Whether only the connection that was to be accepted is lost.
+/// Returns whether an error concerns only the connection that was to be accepted.
 fn is_of_one(error: &io::Error) -> bool {
     use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
     [ConnectionAborted, ConnectionRefused, ConnectionReset].contains(&error.kind())
@@ -126,7 +125,7 @@ fn connection(
 }
 
 fn prepare(stream: &TcpStream) -> io::Result<()> {
-    // Events are small and must not wait for more to come.
+    // Small events must not wait for further data.
     stream.set_nodelay(true)?;
     #[cfg(target_os = "linux")]
     socket2::SockRef::from(stream).set_tcp_notsent_lowat(UNSENT_BYTES)?;

@@ -1,5 +1,5 @@
-//! What a request may not do, and how HTTP says so: RFC 9457 problem documents with stable types. The cause
-//! of a fault of ours goes to the log, never into an answer.
+//! Refusals and failures of requests as RFC 9457 problem documents with stable types. The cause of a failure
+//! of the service goes to the log, never into an answer.
 
 use super::uploads::UploadRefusal;
 use crate::storage::{MOST_WEBHOOKS, StorageError};
@@ -11,7 +11,7 @@ use std::any::Any;
 use viola_formats::clip::ClipError;
 use viola_formats::lidar::LidarError;
 
-/// When an export that found no place is tried again.
+/// `Retry-After` for an export that is refused because too many run.
 const EXPORT_RETRY_AFTER_S: u64 = 5;
 
 /// An RFC 9457 problem document.
@@ -27,14 +27,14 @@ pub(super) struct Problem {
     /// The HTTP status.
     #[schema(example = 404)]
     pub status: u16,
-    /// What happened this time and what to do, for people.
+    /// Explanation of this occurrence and what to do, for people.
     pub detail: String,
-    /// The parameter, header or member at fault, where it is one.
+    /// The parameter, header or member at fault, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub field: Option<String>,
 }
 
-/// Why a request is not served.
+/// The reason for which a request is not served.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Error {
     #[error("{detail}")]
@@ -111,7 +111,7 @@ pub(super) enum Error {
     Upload(#[from] UploadRefusal),
     #[error("{0}")]
     Storage(#[from] StorageError),
-    /// As somebody else was told who looked at the same file.
+    /// The stored refusal of the same file, from an earlier attempt to open it.
     #[error("{}", .0.detail)]
     Told(Problem),
     #[error("a handler panicked: {0}")]
@@ -119,7 +119,7 @@ pub(super) enum Error {
 }
 
 impl Error {
-    /// Status, code and title.
+    /// Returns the status, the code and the title.
     fn mapping(&self) -> (StatusCode, &'static str, &'static str) {
         use StatusCode as S;
         match self {
@@ -217,7 +217,7 @@ impl Error {
     }
 }
 
-/// A file of a kind that no reader knows is another media type; one that a reader refuses is not.
+/// Returns 415 for a file of an unknown kind, and 422 for a file that its reader refuses.
 fn refusal(code: &str) -> StatusCode {
     if code.starts_with("unknown_") || code == "not_an_archive" {
         StatusCode::UNSUPPORTED_MEDIA_TYPE
@@ -227,12 +227,12 @@ fn refusal(code: &str) -> StatusCode {
 }
 
 impl Error {
-    /// Whether the request or its file is at fault, and not the service.
+    /// Returns whether the request or its file is at fault, and not the service.
     pub fn is_refusal(&self) -> bool {
         self.mapping().0.is_client_error()
     }
 
-    /// Whether the same request may go well in a moment.
+    /// Returns whether a retry of the same request may succeed.
     fn is_passing(&self) -> bool {
         match self {
             Error::Clip(error) => error.is_ours(),
@@ -242,7 +242,7 @@ impl Error {
         }
     }
 
-    /// As it is told. The cause of a fault of ours goes to the log.
+    /// Returns the problem document, and logs the cause of a failure of the service.
     pub fn problem(&self) -> Problem {
         if let Error::Told(problem) = self {
             return problem.clone();

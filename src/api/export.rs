@@ -1,4 +1,4 @@
-//! `/v1/homes/{home}/export`: everything of a home as one zip, written while it is sent.
+//! `/v1/homes/{home}/export`: all data of a home as one zip, written while it is sent.
 
 mod archive;
 mod contents;
@@ -24,11 +24,11 @@ use std::io;
 use tokio::sync::mpsc;
 use tracing::Instrument;
 
-/// Everything of a home as one zip
+/// Export a home as one zip
 ///
-/// The LiDAR map, the current fused map (points, plan, rooms, objects, coverage), and every clip with its recording, its
-/// answer and its pictures; a README inside says what is what. It is written while it is sent: a zip that was cut off
-/// has no directory at its end, and no program opens it. A bounded number of exports runs at once.
+/// The zip has the LiDAR map, the current fused map (points, plan, rooms, objects, coverage), every clip with
+/// its recording, answer and pictures, and a README. It is written while it is sent: a zip that was cut off
+/// has no directory at its end, and no program opens it. The number of concurrent exports is limited.
 #[utoipa::path(get, path = "/v1/homes/{home}/export", tag = "homes", params(HomePath),
     responses((status = 200, description = "The zip", body = FileBytes, content_type = "application/zip"),
         CommonProblems, ExportProblems))]
@@ -50,8 +50,8 @@ pub(super) async fn export_home(
     Ok(answer)
 }
 
-/// A body that writes the zip whenever its reader asks for more. Nothing runs beside it, so that an export ends with its
-/// connection and frees its place then.
+/// Returns a body that writes the zip when its reader asks for more. It needs no task of its own, so an
+/// export ends with its connection and then frees its place.
 fn body(
     writing: impl Future<Output = Result<(), ExportError>> + Send + 'static,
     pieces: mpsc::Receiver<Bytes>,
@@ -63,7 +63,7 @@ fn body(
     let failed = writing.into_stream().filter_map(|written| async {
         let error = written.err()?;
         tracing::error!(%error, "an export broke off");
-        // The reader hears of it by an answer that breaks off.
+        // Breaks the answer off, so that the reader notices the error.
         Some(Err(io::Error::other(error)))
     });
     Body::from_stream(stream::select(pieces, failed))

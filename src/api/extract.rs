@@ -1,8 +1,9 @@
-//! axum's extractors with our own refusals: axum answers in plain text.
+//! axum's extractors with our own refusals, since axum's refusals are plain text.
 
 use super::App;
 use super::access;
 use super::error::Error;
+use super::types;
 use crate::storage::{HomeId, UploadError};
 use axum::extract::rejection::JsonRejection;
 use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};
@@ -18,6 +19,7 @@ use uuid::Uuid;
 #[into_params(parameter_in = Path)]
 pub(super) struct HomePath {
     /// Chosen by the client.
+    #[param(value_type = types::HomeId)]
     pub home: HomeId,
 }
 
@@ -25,6 +27,7 @@ pub(super) struct HomePath {
 #[derive(utoipa::IntoParams)]
 #[into_params(parameter_in = Path)]
 pub(super) struct ClipPath {
+    #[param(value_type = types::HomeId)]
     pub home: HomeId,
     pub clip: Uuid,
 }
@@ -93,7 +96,7 @@ impl<S: Send + Sync> FromRequestParts<S> for ClipPath {
     }
 }
 
-/// Of an upload that the caller may know of; one that is not there is for the handler to tell.
+/// Refuses an upload that the caller may not access; the handler refuses one that does not exist.
 impl FromRequestParts<App> for UploadPath {
     type Rejection = Error;
 
@@ -109,7 +112,7 @@ impl FromRequestParts<App> for UploadPath {
     }
 }
 
-/// Of a job that the caller may know of; one that is not there is for the handler to tell.
+/// Refuses a job that the caller may not access; the handler refuses one that does not exist.
 impl FromRequestParts<App> for JobPath {
     type Rejection = Error;
 
@@ -157,7 +160,7 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Query<T> {
     }
 }
 
-/// The moment that a query parameter names.
+/// Parses the time of a query parameter.
 pub(super) fn timestamp(field: &'static str, text: &str) -> Result<Timestamp, Error> {
     text.parse().map_err(|error: jiff::Error| Error::InvalidQuery {
         field: Some(field),
@@ -167,14 +170,14 @@ pub(super) fn timestamp(field: &'static str, text: &str) -> Result<Timestamp, Er
     })
 }
 
-/// A JSON object as the body. Without a body and its media type, or with `null`, the default.
+/// A JSON object as the body; the default if the body is `null`, or if it and its media type are absent.
 pub(super) struct Json<T>(pub T);
 
 impl<S: Send + Sync, T: DeserializeOwned + Default> FromRequest<S> for Json<T> {
     type Rejection = Error;
 
     async fn from_request(request: Request, state: &S) -> Result<Json<T>, Error> {
-        // By way of an object: serde would also take an array for a struct.
+        // Parsed as an object first, because serde also accepts an array for a struct.
         type Object = serde_json::Map<String, serde_json::Value>;
         match Option::<axum::Json<Option<Object>>>::from_request(request, state).await {
             Ok(None | Some(axum::Json(None))) => Ok(Json(T::default())),
@@ -199,7 +202,7 @@ fn refused_json(rejection: &JsonRejection) -> Error {
     }
 }
 
-/// The `Idempotency-Key` header, when there is one: 1 to 255 visible ASCII characters.
+/// The `Idempotency-Key` header, if there is one: 1 to 255 visible ASCII characters.
 pub(super) struct IdempotencyKey(pub Option<String>);
 
 impl<S: Send + Sync> FromRequestParts<S> for IdempotencyKey {

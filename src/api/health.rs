@@ -1,4 +1,4 @@
-//! For whoever watches over the service.
+//! Liveness and readiness, for monitoring.
 
 use super::error::{Error, Problem};
 use super::metrics;
@@ -11,7 +11,7 @@ use std::sync::Arc;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-/// With less free than this on the disk of files that arrive, a process is not given more.
+/// Minimum free space on the disk of incoming files; with less, the process is not ready.
 const LEAST_FREE_BYTES: u64 = 256 << 20;
 
 pub(super) fn routes() -> OpenApiRouter<Arc<Storage>> {
@@ -25,7 +25,7 @@ pub(super) struct Health {
     version: &'static str,
 }
 
-/// What a process that can serve stands on.
+/// State of a process that can serve.
 #[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct Readiness {
     #[schema(example = "ok")]
@@ -33,32 +33,32 @@ pub(super) struct Readiness {
     version: &'static str,
     #[schema(example = "postgresql")]
     database: &'static str,
-    /// On the disk of files that arrive.
+    /// Free space on the disk of incoming files.
     free_bytes: u64,
     queued: u64,
     running: u64,
-    /// How long the job that has been due longest has waited.
+    /// Waiting time of the job that has been due longest.
     #[schema(example = 1.5)]
     queue_age_s: f64,
-    /// Homes whose map is behind.
+    /// Number of homes whose fused map is out of date.
     merges_due: u64,
 }
 
-/// Whether the process lives
+/// Check liveness
 #[utoipa::path(get, path = "/healthz", tag = "service", security(()),
-    responses((status = 200, description = "It does", body = Health)))]
+    responses((status = 200, description = "The process is alive", body = Health)))]
 async fn healthz() -> Json<Health> {
     Json(Health { status: "ok", version: env!("CARGO_PKG_VERSION") })
 }
 
-/// Whether the service can serve
+/// Check readiness
 ///
-/// Its database answers and can write, its blobs can be written and read, and there is room for files that arrive. After
-/// a write that failed for want of room the answer is 503 for five seconds at least. How long the queue is tells nothing
-/// about this process, and does not make it unready.
+/// The service is ready if its database answers and can write, its blobs can be written and read, and the
+/// disk has room for incoming files. After a write that failed for lack of room, the answer is 503 for at
+/// least five seconds. The length of the queue says nothing about this process and has no effect.
 #[utoipa::path(get, path = "/readyz", tag = "service", security(()),
     responses(
-        (status = 200, description = "It can", body = Readiness),
+        (status = 200, description = "The service is ready", body = Readiness),
         (status = 503, description = "Its database or its blobs do not answer, or a disk is full: `not-ready`; `field` is \
             `database`, `blobs` or `disk`",
             body = Problem, content_type = "application/problem+json")))]

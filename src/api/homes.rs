@@ -7,7 +7,8 @@ use super::error::Error;
 use super::extract::{HomePath, Json, Query};
 use super::list::{List, ListQuery, UpdatedQuery};
 use super::problems::{CommonProblems, JsonProblems};
-use crate::storage::{Home, HomeId};
+use super::types::Home;
+use crate::storage::HomeId;
 use axum::extract::State;
 use axum::http::StatusCode;
 use jiff::Timestamp;
@@ -15,7 +16,7 @@ use serde::Deserialize;
 
 const MAX_NAME_CHARACTERS: usize = 200;
 
-/// What a client says of a home.
+/// The settings of a home.
 #[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct HomeBody {
@@ -25,13 +26,13 @@ pub(super) struct HomeBody {
     name: Option<String>,
 }
 
-/// Make a home, or rename it
+/// Create or rename a home
 ///
-/// Repeating it changes nothing.
+/// Repeating the request changes nothing.
 #[utoipa::path(put, path = "/v1/homes/{home}", tag = "homes",
     params(HomePath), request_body = Option<HomeBody>,
     responses(
-        (status = 200, description = "The home was there", body = Home),
+        (status = 200, description = "The home existed already", body = Home),
         (status = 201, description = "The home is new", body = Home),
         CommonProblems, JsonProblems))]
 pub(super) async fn put_home(
@@ -45,23 +46,23 @@ pub(super) async fn put_home(
     let (home, is_new) = app.storage.put_home(&home, body.name.as_deref(), Timestamp::now()).await?;
     app.queue.wake();
     let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
-    Ok((status, axum::Json(home)))
+    Ok((status, axum::Json(home.into())))
 }
 
-/// A home
+/// Get a home
 #[utoipa::path(get, path = "/v1/homes/{home}", tag = "homes", params(HomePath),
     responses((status = 200, description = "The home", body = Home), CommonProblems))]
 pub(super) async fn get_home(
     State(app): State<App>,
     HomePath { home }: HomePath,
 ) -> Result<axum::Json<Home>, Error> {
-    Ok(axum::Json(app.storage.home(&home).await?))
+    Ok(axum::Json(app.storage.home(&home).await?.into()))
 }
 
-/// All homes, by id
+/// List all homes, by id
 ///
-/// A home's `updated_at` moves with every change of anything in it, so `updated_after` finds the homes where anything
-/// happened.
+/// A home's `updated_at` moves with every change of anything in the home, so `updated_after` finds all homes
+/// with a change.
 #[utoipa::path(get, path = "/v1/homes", tag = "homes", params(ListQuery, UpdatedQuery),
     responses((status = 200, description = "One page", body = List<Home>), CommonProblems))]
 pub(super) async fn list_homes(
@@ -77,9 +78,9 @@ pub(super) async fn list_homes(
     Ok(axum::Json(query.list(homes, |home| home.id.clone())?))
 }
 
-/// Remove a home with every byte of it
+/// Remove a home with all its data
 #[utoipa::path(delete, path = "/v1/homes/{home}", tag = "homes", params(HomePath),
-    responses((status = 204, description = "It is gone"), CommonProblems))]
+    responses((status = 204, description = "The home is removed"), CommonProblems))]
 pub(super) async fn delete_home(
     State(app): State<App>,
     HomePath { home }: HomePath,

@@ -6,7 +6,8 @@ use super::error::{Error, Problem};
 use super::extract::{JobPath, Query};
 use super::list::{List, ListQuery, states};
 use super::problems::CommonProblems;
-use crate::storage::{Job, JobState};
+use super::types::{Job, JobState};
+use crate::storage;
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
@@ -16,18 +17,18 @@ use futures::{Stream, StreamExt};
 use serde::Deserialize;
 use uuid::Uuid;
 
-/// Which jobs a list has.
+/// The filter of a list of jobs.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(super) struct JobsQuery {
-    /// Only jobs in one of these states, with commas between them. To be given with every page.
+    /// Only jobs in one of these states, separated by commas. Send it with the request of every page.
     #[param(value_type = Option<Vec<JobState>>, style = Form, explode = false, min_items = 1, example = json!(["failed"]))]
     state: Option<String>,
 }
 
-/// The jobs of all homes, the newest first
+/// List the jobs of all homes, newest first
 ///
-/// `state=failed` are those that came to no answer: `error` says why. A clip is tried again by
+/// `state=failed` selects the jobs without an answer; `error` has the reason. To retry a clip, use
 /// `POST /v1/homes/{home}/clips/{clip}/align`.
 #[utoipa::path(get, path = "/v1/jobs", tag = "jobs", params(JobsQuery, ListQuery),
     responses((status = 200, description = "One page", body = List<Job>), CommonProblems))]
@@ -37,32 +38,32 @@ pub(super) async fn list_jobs(
     Query(asked): Query<JobsQuery>,
     Query(query): Query<ListQuery>,
 ) -> Result<Json<List<Job>>, Error> {
-    let states = states(asked.state.as_deref(), &JobState::ALL, JobState::name)?;
+    let states = states(asked.state.as_deref(), &storage::JobState::ALL, storage::JobState::name)?;
     let jobs = app.storage.jobs(caller.for_all_homes()?, &states, &query.page()?).await?;
     Ok(Json(query.list(jobs, |job| job.id)?))
 }
 
-/// A job
+/// Get a job
 #[utoipa::path(get, path = "/v1/jobs/{job}", tag = "jobs", params(JobPath),
     responses((status = 200, description = "The job", body = Job), CommonProblems))]
 pub(super) async fn get_job(
     State(app): State<App>,
     JobPath { job: id }: JobPath,
 ) -> Result<Json<Job>, Error> {
-    Ok(Json(app.storage.job(id).await?.ok_or(Error::NoSuchJob)?))
+    Ok(Json(app.storage.job(id).await?.ok_or(Error::NoSuchJob)?.into()))
 }
 
-/// The changes of a job, as server-sent events
+/// Watch a job by server-sent events
 ///
-/// Every `job` event carries the whole job, its `id` is the job's version. The last event is `end`: with the
-/// job in its final state, or with `null` when it was removed with its clip. A listener that comes back with
-/// the `Last-Event-ID` of the final state is told 204, which ends an EventSource.
+/// Every `job` event has the whole job, and its `id` is the job's version. The last event is `end`: with the
+/// job in its final state, or with `null` if the job was removed with its clip. A client that reconnects with
+/// the `Last-Event-ID` of the final state gets 204, which ends an EventSource.
 #[utoipa::path(get, path = "/v1/jobs/{job}/events", tag = "jobs",
     params(JobPath,
-        ("Last-Event-ID" = Option<String>, Header, description = "The version that the listener has seen")),
+        ("Last-Event-ID" = Option<String>, Header, description = "The last version that the client has seen")),
     responses(
         (status = 200, description = "The events", body = String, content_type = "text/event-stream"),
-        (status = 204, description = "The listener has seen the end"),
+        (status = 204, description = "The client has seen the final state"),
         CommonProblems))]
 pub(super) async fn watch_job(
     State(app): State<App>,
@@ -81,7 +82,7 @@ fn events(app: App, id: Uuid, seen: i64) -> impl Stream<Item = Result<Event, axu
     let changes = app.queue.watch(id, seen).map(move |job| match job {
         Ok(Some(job)) => {
             let name = if job.state.is_final() { "end" } else { "job" };
-            Event::default().event(name).id(job.version.to_string()).json_data(&job)
+            Event::default().event(name).id(job.version.to_string()).json_data(Job::from(job))
         }
         Ok(None) => Ok(Event::default().event("end").data("null")),
         Err(error) => {
@@ -98,7 +99,7 @@ fn events(app: App, id: Uuid, seen: i64) -> impl Stream<Item = Result<Event, axu
 #[utoipa::path(post, path = "/v1/jobs/{job}/cancel", tag = "jobs", params(JobPath),
     responses(
         (status = 200, description = "The job is cancelled", body = Job),
-        (status = 409, description = "The job has ended otherwise: `job-ended`", body = Problem,
+        (status = 409, description = "The job has ended in another state: `job-ended`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems))]
 pub(super) async fn cancel_job(
@@ -106,8 +107,8 @@ pub(super) async fn cancel_job(
     JobPath { job: id }: JobPath,
 ) -> Result<Json<Job>, Error> {
     let job = app.queue.cancel(id).await?.ok_or(Error::NoSuchJob)?;
-    if job.state != JobState::Cancelled {
+    if job.state != storage::JobState::Cancelled {
         return Err(Error::JobEnded(job.state.name()));
     }
-    Ok(Json(job))
+    Ok(Json(job.into()))
 }

@@ -6,7 +6,8 @@ use super::error::Error;
 use super::extract::{HomePath, Query};
 use super::list::{List, ListQuery};
 use super::problems::{CommonProblems, FileProblems};
-use crate::storage::{Arrived, LidarMapRevision, NewLidarMap};
+use super::types::{LidarMapRevision, PictureFrame};
+use crate::storage::{Arrived, NewLidarMap};
 use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
@@ -16,19 +17,19 @@ use serde::Serialize;
 use viola_formats::lidar::{LidarMap, MAX_FILE_BYTES};
 use viola_home as home;
 
-/// The current LiDAR map, and where its picture lies
+/// The current LiDAR map and the frame of its picture
 #[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct CurrentLidarMap {
     #[serde(flatten)]
     map: LidarMapRevision,
-    /// Of `image.png`.
-    image: home::PictureFrame,
+    /// Frame of `image.png`.
+    image: PictureFrame,
 }
 
-/// Put the LiDAR map of a home
+/// Upload the LiDAR map of a home
 ///
-/// The body is the file; its format is found by its content. A new file is a new revision, and every clip of
-/// the home is queued to be aligned to it. The current file again changes nothing.
+/// The body is the file; its format is detected from its content. A new file is a new revision, and every
+/// clip of the home is queued to be aligned to it. Sending the current file again changes nothing.
 #[utoipa::path(put, path = "/v1/homes/{home}/lidar-map", tag = "lidar-map", params(HomePath),
     request_body(content = FileBytes, content_type = "application/octet-stream",
         description = "Valetudo (JSON or PNG), the file of a Roborock, Dreame or Viomi robot, a zip of a ROS map_server yaml \
@@ -49,7 +50,7 @@ pub(super) async fn put_lidar_map(
         let (revision, is_new) = app.storage.put_lidar_map(&home, new, Timestamp::now()).await?;
         app.queue.wake();
         let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
-        Ok((status, Json(revision)))
+        Ok((status, Json(revision.into())))
     })
     .await
 }
@@ -60,7 +61,7 @@ fn open(file: Arrived) -> Result<NewLidarMap, Error> {
     Ok(NewLidarMap { file, image_png: home::lidar_png(&map), info: map.info })
 }
 
-/// The current LiDAR map: what was understood of it
+/// Get the current LiDAR map: the summary of its file
 #[utoipa::path(get, path = "/v1/homes/{home}/lidar-map", tag = "lidar-map", params(HomePath),
     responses((status = 200, description = "The current revision", body = CurrentLidarMap), CommonProblems))]
 pub(super) async fn get_lidar_map(
@@ -69,10 +70,10 @@ pub(super) async fn get_lidar_map(
 ) -> Result<Json<CurrentLidarMap>, Error> {
     let map = app.storage.lidar_map(&home).await?;
     let image = home::PictureFrame::of(&map.info);
-    Ok(Json(CurrentLidarMap { map, image }))
+    Ok(Json(CurrentLidarMap { map: map.into(), image: image.into() }))
 }
 
-/// A picture of the current LiDAR map
+/// Get a picture of the current LiDAR map
 #[utoipa::path(get, path = "/v1/homes/{home}/lidar-map/image.png", tag = "lidar-map", params(HomePath),
     responses((status = 200, description = "The picture", body = FileBytes, content_type = "image/png"), CommonProblems))]
 pub(super) async fn get_lidar_map_image(
@@ -82,7 +83,7 @@ pub(super) async fn get_lidar_map_image(
     Ok(send(app.storage.lidar_map_image(&home).await?, "image/png"))
 }
 
-/// All revisions of a home's LiDAR map, the newest first
+/// List all revisions of a home's LiDAR map, newest first
 #[utoipa::path(get, path = "/v1/homes/{home}/lidar-map/revisions", tag = "lidar-map",
     params(HomePath, ListQuery),
     responses((status = 200, description = "One page", body = List<LidarMapRevision>), CommonProblems))]

@@ -1,4 +1,4 @@
-//! What a tenant may ask for, so that none slows another down.
+//! Limits per tenant, so that no tenant slows another down.
 
 use super::error::Error;
 use crate::storage::{Storage, StorageError, Tenant};
@@ -9,16 +9,16 @@ use std::num::NonZeroU32;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How long the count of a tenant's bytes is believed.
+/// Lifetime of the cached count of a tenant's bytes.
 const COUNT_LIFE: Duration = Duration::from_secs(10);
 
-/// Bounds for every tenant.
+/// Limits of every tenant.
 #[derive(Debug, Clone, Default)]
 pub struct LimitParams {
-    /// Requests a second in the long run, of one process; without bound when there is none. Twice as many may come at
-    /// once.
+    /// Maximum mean rate of requests to one process, per second; none means unlimited. A burst may have twice
+    /// as many.
     pub requests_per_s: Option<NonZeroU32>,
-    /// Of the files that it has sent and not removed.
+    /// Maximum size of the files that it has sent and not removed; none means unlimited.
     pub storage_bytes: Option<u64>,
 }
 
@@ -38,7 +38,7 @@ impl Limits {
         }
     }
 
-    /// Counts a request.
+    /// Counts a request; refuses it if there are too many.
     pub fn pass(&self, tenant: &Tenant) -> Result<(), Error> {
         let Some(limiter) = &self.requests else { return Ok(()) };
         limiter.check_key(tenant).map_err(|until| {
@@ -47,7 +47,7 @@ impl Limits {
         })
     }
 
-    /// Whether a tenant may send so many more bytes.
+    /// Returns an error if a tenant has no room for `more_bytes`.
     pub async fn room(&self, storage: &Storage, tenant: &Tenant, more_bytes: u64) -> Result<(), Error> {
         let Some(limit) = self.storage_bytes else { return Ok(()) };
         let used = self.used(storage, tenant).await?;
@@ -70,7 +70,7 @@ impl Limits {
         Ok(bytes)
     }
 
-    /// Adds what just came to the count, which else would be too low until it is made anew.
+    /// Adds received bytes to the cached count, which would otherwise be too low until it is renewed.
     pub fn came(&self, tenant: &Tenant, bytes: u64) {
         let mut counts = self.counts.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((count, _)) = counts.get_mut(tenant) {

@@ -16,20 +16,20 @@ const MAX_LIMIT: u32 = 200;
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(super) struct ListQuery {
-    /// How many items at most; 50 when not given.
+    /// Maximum number of items; default 50.
     #[param(value_type = Option<u32>, minimum = 1, maximum = 200)]
     limit: Option<String>,
-    /// `next` of the page before.
+    /// `next` of the previous page.
     #[param(min_length = 1, pattern = "^[A-Za-z0-9_-]+$")]
     after: Option<String>,
 }
 
-/// The query of lists that can be asked for what changed.
+/// The query of lists that can be filtered by the time of the last change.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(super) struct UpdatedQuery {
-    /// Only what changed later than this. A page goes on behind an id, so what changes behind it while the pages are
-    /// read is found by the next reading, or in `/v1/changes`. To be given with every page.
+    /// Only items that changed after this time; send it for every page. Pages are ordered by id: the change
+    /// of an item on an earlier page is found by the next reading, or in `/v1/changes`.
     #[param(value_type = Option<Timestamp>, example = "2026-03-14T15:09:26Z")]
     updated_after: Option<String>,
 }
@@ -44,27 +44,31 @@ impl UpdatedQuery {
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct List<T> {
     items: Vec<T>,
-    /// Goes into `after` for the next page; null on the last.
+    /// Cursor for `after` in the request of the next page; null on the last page.
     next: Option<String>,
 }
 
 impl ListQuery {
-    /// One item more than asked for, to know whether there is a next page.
+    /// Returns the page to read, with one item more than asked for, to know whether there is a next page.
     pub fn page<Id: FromStr>(&self) -> Result<Page<Id>, Error> {
         Ok(Page { limit: self.limit()? + 1, after: self.after()? })
     }
 
-    /// The cursor.
+    /// Returns the decoded cursor.
     pub fn after<Id: FromStr>(&self) -> Result<Option<Id>, Error> {
         self.after.as_deref().map(decode).transpose()
     }
 
-    pub fn list<T, Id: ToString>(&self, mut items: Vec<T>, id: impl Fn(&T) -> Id) -> Result<List<T>, Error> {
+    pub fn list<Record, T: From<Record>, Id: ToString>(
+        &self,
+        mut records: Vec<Record>,
+        id: impl Fn(&Record) -> Id,
+    ) -> Result<List<T>, Error> {
         let limit = self.limit()? as usize;
-        let has_more = items.len() > limit;
-        items.truncate(limit);
-        let next = items.last().filter(|_| has_more).map(|item| encode(&id(item).to_string()));
-        Ok(List { items, next })
+        let has_more = records.len() > limit;
+        records.truncate(limit);
+        let next = records.last().filter(|_| has_more).map(|last| encode(&id(last).to_string()));
+        Ok(List { items: records.into_iter().map(T::from).collect(), next })
     }
 
     pub fn limit(&self) -> Result<u32, Error> {
@@ -76,7 +80,7 @@ impl ListQuery {
     }
 }
 
-/// States by their names, with commas between them; none when not given.
+/// Parses names of states, separated by commas; returns none if `asked` is absent.
 pub(super) fn states<S: Copy>(
     asked: Option<&str>,
     all: &[S],
@@ -98,7 +102,7 @@ pub(super) fn encode(id: &str) -> String {
 
 fn decode<Id: FromStr>(cursor: &str) -> Result<Id, Error> {
     let bytes = BASE64_URL_SAFE_NO_PAD.decode(cursor).ok();
-    // Nothing is a cursor of no list, also where ids are any text.
+    // An empty cursor is invalid in every list, even if its ids are any text.
     let text = bytes.filter(|bytes| !bytes.is_empty()).and_then(|bytes| String::from_utf8(bytes).ok());
     text.and_then(|text| text.parse().ok()).ok_or_else(|| Error::InvalidQuery {
         field: Some("after"),

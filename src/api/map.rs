@@ -15,18 +15,19 @@ use super::extract::{HomePath, Query};
 use super::list::{List, ListQuery};
 use super::problems::CommonProblems;
 use super::reply::{tag_of, unless_known};
-use crate::storage::{HomeId, HomeMap, LeftOut};
+use super::types::{self, LeftOut};
+use crate::storage::{HomeId, HomeMap};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 
-/// A revision of a home's map, and what is not in it
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// A revision of a home's map, and the clips that are not in it
+#[derive(Debug, Clone, PartialEq, Serialize, utoipa::ToSchema)]
 pub(super) struct CurrentMap {
     #[serde(flatten)]
-    map: HomeMap,
+    map: types::HomeMap,
     /// The home's other clips, with the reasons for which they are not in the map.
     left_out: Vec<LeftOut>,
 }
@@ -35,12 +36,12 @@ pub(super) struct CurrentMap {
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(super) struct RevisionQuery {
-    /// An earlier revision that is still kept; the current one when not given.
+    /// An earlier revision that is still kept; default: the current one.
     #[param(value_type = Option<i64>, minimum = 1)]
     revision: Option<String>,
 }
 
-/// The revision that is asked for.
+/// Returns the requested revision of a home's map, by default the current one.
 async fn revision(app: &App, home: &HomeId, asked: Option<&str>) -> Result<HomeMap, Error> {
     let number = asked.map(|text| {
         text.parse::<i64>().ok().filter(|number| *number > 0).ok_or_else(|| Error::InvalidQuery {
@@ -51,10 +52,10 @@ async fn revision(app: &App, home: &HomeId, asked: Option<&str>) -> Result<HomeM
     app.storage.home_map(home, number.transpose()?).await?.ok_or(Error::NoSuchMap)
 }
 
-/// The fused map of a home: which clips are in it, which are left out and why, and what it holds
+/// Get the fused map of a home: its clips, the clips left out with their reasons, and its contents
 ///
-/// Every change of what is known of the clips makes a new revision, a moment after it. `If-None-Match` with the `ETag`
-/// of an earlier answer is answered by 304 while nothing changed.
+/// Every change of the clips, their results or their choices creates a new revision shortly afterwards. A
+/// request with `If-None-Match` and the `ETag` of an earlier answer gets 304 if nothing has changed.
 #[utoipa::path(get, path = "/v1/homes/{home}/map", tag = "map", params(HomePath, RevisionQuery),
     responses(
         (status = 200, description = "The revision", body = CurrentMap),
@@ -66,7 +67,9 @@ pub(super) async fn get_map(
     headers: HeaderMap,
 ) -> Result<Response, Error> {
     let map = revision(&app, &home, query.revision.as_deref()).await?;
-    let current = CurrentMap { map, left_out: app.storage.clips_left_out(&home).await? };
+    let left_out = app.storage.clips_left_out(&home).await?;
+    let left_out = left_out.into_iter().map(LeftOut::from).collect();
+    let current = CurrentMap { map: map.into(), left_out };
     let text =
         serde_json::to_vec(&current).expect("our own records have text keys and cannot fail to serialise");
     let tag = tag_of(&[&text]);
@@ -74,14 +77,14 @@ pub(super) async fn get_map(
     Ok(unless_known(&headers, &tag, || (json, text).into_response()))
 }
 
-/// The revisions of a home's map that are kept, the newest first
+/// List the revisions of a home's map that are kept, newest first
 #[utoipa::path(get, path = "/v1/homes/{home}/map/revisions", tag = "map", params(HomePath, ListQuery),
-    responses((status = 200, description = "One page", body = List<HomeMap>), CommonProblems))]
+    responses((status = 200, description = "One page", body = List<types::HomeMap>), CommonProblems))]
 pub(super) async fn list_map_revisions(
     State(app): State<App>,
     HomePath { home }: HomePath,
     Query(query): Query<ListQuery>,
-) -> Result<Json<List<HomeMap>>, Error> {
+) -> Result<Json<List<types::HomeMap>>, Error> {
     let maps = app.storage.home_map_revisions(&home, &query.page()?).await?;
     Ok(Json(query.list(maps, |map| map.revision)?))
 }

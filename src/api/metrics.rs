@@ -1,4 +1,4 @@
-//! `/metrics`, in the text format of Prometheus. Names of tenants, homes and clips are in none of them.
+//! `/metrics`, in the text format of Prometheus. No metric contains names of tenants, homes or clips.
 
 use crate::storage::{QueueState, Storage, StorageError};
 use axum::extract::{MatchedPath, Request, State};
@@ -18,13 +18,13 @@ const QUEUE_AGE: &str = "viola_queue_age_seconds";
 const MERGES_DUE: &str = "viola_merges_due";
 const RECEIVED: &str = "viola_received_bytes_total";
 
-/// Upper bounds of a bucket each, in seconds: from a cached answer to a long job.
+/// Upper bounds of the buckets in seconds: from a cached answer to a long job.
 const SECONDS: [f64; 14] =
     [0.001, 0.0025, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 30.0, 120.0];
 
 static RECORDER: OnceLock<Option<PrometheusHandle>> = OnceLock::new();
 
-/// Begins to count, once in a process.
+/// Installs the recorder, once per process.
 pub(super) fn begin() {
     RECORDER.get_or_init(|| {
         let builder = PrometheusBuilder::new();
@@ -54,16 +54,16 @@ fn describe() {
     crate::webhooks::describe_metrics();
 }
 
-/// Counts bytes of files that arrived whole, or in parts.
+/// Counts bytes of received files; `by` tells whether they arrived whole or in parts.
 pub(super) fn received(by: &'static str, bytes: u64) {
     counter!(RECEIVED, "by" => by).increment(bytes);
 }
 
-/// Counts a request.
+/// Counts a request and measures its time.
 pub(super) async fn count(request: Request, next: Next) -> Response {
     let route = request.extensions().get::<MatchedPath>();
     let route = route.map_or("none", MatchedPath::as_str).to_owned();
-    // Anybody may send a method of his own invention, which must not make a new row.
+    // A client may invent a method, which must not create a new time series.
     let method = match request.method().as_str() {
         method @ ("GET" | "HEAD" | "POST" | "PUT" | "PATCH" | "DELETE" | "OPTIONS") => method.to_owned(),
         _ => "other".to_owned(),
@@ -76,7 +76,7 @@ pub(super) async fn count(request: Request, next: Next) -> Response {
     response
 }
 
-/// What was counted
+/// Get the metrics
 #[utoipa::path(get, path = "/metrics", tag = "service", security(()),
     responses((status = 200, description = "Text for Prometheus", body = String, content_type = "text/plain")))]
 pub(super) async fn metrics(State(storage): State<Arc<Storage>>) -> Response {
@@ -96,7 +96,7 @@ fn tell(state: &QueueState) {
     gauge!(MERGES_DUE).set(state.merges_due as f64);
 }
 
-/// Better no number than an old one.
+/// Sets the gauges of the queue to NaN, since no number is better than an old one.
 fn unknown(error: &StorageError) {
     tracing::warn!(%error, "the queue cannot be counted");
     for state in ["queued", "running"] {

@@ -6,25 +6,26 @@ use super::error::Error;
 use super::extract::Query;
 use super::list::{List, ListQuery};
 use super::problems::CommonProblems;
-use crate::storage::{HomeId, HomeObject, ObjectFilter};
+use super::types::{self, ClassName, HomeObject};
+use crate::storage::{HomeId, ObjectFilter};
 use axum::Json;
 use axum::extract::State;
 use serde::Deserialize;
 use viola_geometry::taxonomy::Class;
 
-/// Which objects.
+/// The filter of a list of objects.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(super) struct ObjectsQuery {
     /// Only this class, by name.
-    #[param(value_type = Option<Class>, example = "sofa")]
+    #[param(value_type = Option<ClassName>, example = "sofa")]
     class: Option<String>,
-    /// Only this home's.
-    #[param(value_type = Option<HomeId>, example = "home-42")]
+    /// Only objects of this home.
+    #[param(value_type = Option<types::HomeId>, example = "home-42")]
     home: Option<String>,
 }
 
-/// The objects of all homes, as their current maps have them, by home
+/// List the objects in the current maps of all homes, by home
 #[utoipa::path(get, path = "/v1/objects", tag = "map", params(ObjectsQuery, ListQuery),
     responses((status = 200, description = "One page", body = List<HomeObject>), CommonProblems))]
 pub(super) async fn list_objects(

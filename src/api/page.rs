@@ -14,8 +14,8 @@ use std::sync::LazyLock;
 // `INDEX`, the page, and `ASSETS`, whose names carry a hash of their content.
 include!(concat!(env!("OUT_DIR"), "/viewer/list.rs"));
 
-/// Nothing is loaded from elsewhere, and nothing in a name or reason can run. Pictures that the page draws itself
-/// have `blob:` addresses.
+/// Content security policy: the page loads nothing from other hosts, and text in a name or a reason cannot
+/// run as code. Pictures that the page draws itself have `blob:` addresses.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; \
     connect-src 'self'; worker-src 'self'; base-uri 'none'; form-action 'none'; \
     frame-ancestors 'none'";
@@ -33,7 +33,7 @@ async fn index(headers: HeaderMap) -> Response {
     unless_known(&headers, &INDEX_TAG, || file("text/html; charset=utf-8", "no-cache", INDEX))
 }
 
-/// Another content has another name, so that a browser need never ask again.
+/// Returns an asset. Its name changes with its content, so a browser never has to revalidate it.
 async fn asset(name: Result<Path<String>, PathRejection>) -> Result<Response, Error> {
     let wanted = name.map_err(|_| Error::NoSuchRoute)?.0;
     let (name, bytes) = ASSETS.iter().find(|(name, _)| *name == wanted).ok_or(Error::NoSuchRoute)?;

@@ -21,7 +21,7 @@ fn responses(problems: &[(&str, &str)]) -> Responses {
     responses
 }
 
-/// Of every operation.
+/// Problems of every operation.
 pub(super) struct CommonProblems;
 
 impl IntoResponses for CommonProblems {
@@ -56,7 +56,7 @@ impl IntoResponses for CommonProblems {
     }
 }
 
-/// Of the export of a home.
+/// Problems of the export of a home.
 pub(super) struct ExportProblems;
 
 impl IntoResponses for ExportProblems {
@@ -68,7 +68,7 @@ impl IntoResponses for ExportProblems {
     }
 }
 
-/// Of operations that take a JSON body.
+/// Problems of operations that take a JSON body.
 pub(super) struct JsonProblems;
 
 impl IntoResponses for JsonProblems {
@@ -85,7 +85,7 @@ impl IntoResponses for JsonProblems {
     }
 }
 
-/// Of operations that take a file.
+/// Problems of operations that take a file.
 pub(super) struct FileProblems;
 
 impl IntoResponses for FileProblems {

@@ -1,10 +1,10 @@
-//! Answers that a reader may have already (RFC 9110, 13.1.2).
+//! Entity tags and conditional requests (RFC 9110, 13.1.2).
 
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use sha2::{Digest, Sha256};
 
-/// An entity tag out of what an answer depends on.
+/// Returns the entity tag of an answer from everything that it depends on.
 pub(super) fn tag_of(parts: &[&[u8]]) -> String {
     let mut sum = Sha256::new();
     for part in parts {
@@ -15,20 +15,20 @@ pub(super) fn tag_of(parts: &[&[u8]]) -> String {
     format!("\"{sum}\"")
 }
 
-/// Whether the client has the answer with this tag.
+/// Returns whether the client has the answer with this tag.
 pub(super) fn is_known(headers: &HeaderMap, tag: &str) -> bool {
     let known = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
     let mut each = known.flat_map(|list| list.split(',')).map(|one| one.trim().trim_start_matches("W/"));
     each.any(|one| one == "*" || one == tag)
 }
 
-/// The answer with its entity tag, or 304 when the client has it.
+/// Returns the answer with its entity tag, or 304 if the client has it.
 pub(super) fn unless_known(headers: &HeaderMap, tag: &str, answer: impl FnOnce() -> Response) -> Response {
     let answer = if is_known(headers, tag) { StatusCode::NOT_MODIFIED.into_response() } else { answer() };
     tagged(answer, tag)
 }
 
-/// The answer with its entity tag; caches have to ask again.
+/// Returns the answer with its entity tag; caches must revalidate it.
 pub(super) fn tagged(mut answer: Response, tag: &str) -> Response {
     if let Ok(tag) = HeaderValue::from_str(tag) {
         answer.headers_mut().insert(header::ETAG, tag);

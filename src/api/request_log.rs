@@ -1,4 +1,4 @@
-//! One line of log for every request, joined to everything else it logged by its id.
+//! One log line per request; its id joins it to the other log lines of the request.
 
 use axum::extract::{MatchedPath, Request};
 use axum::http::{HeaderMap, HeaderName, HeaderValue};
@@ -7,6 +7,7 @@ use axum::response::Response;
 use opentelemetry::global::get_text_map_propagator;
 use opentelemetry::propagation::Extractor;
 use std::time::Instant;
+use tower_http::request_id::{MakeRequestId, RequestId};
 use tracing::field::Empty;
 use tracing::{Instrument, Span, info, info_span};
 use tracing_opentelemetry::OpenTelemetrySpanExt;
@@ -15,19 +16,33 @@ use uuid::Uuid;
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 const MAX_ID_BYTES: usize = 128;
 
-/// Takes the client's `x-request-id` when it is harmless, gives one otherwise, and sends it back.
-pub(super) async fn log(mut request: Request, next: Next) -> Response {
-    let id = request.headers().get(REQUEST_ID).filter(|id| is_harmless(id)).cloned();
-    let id = id.unwrap_or_else(|| {
-        HeaderValue::from_str(&Uuid::now_v7().to_string()).expect("an UUID is a valid header")
-    });
-    request.headers_mut().insert(REQUEST_ID, id.clone());
+/// A new `x-request-id`, for requests that bring none.
+#[derive(Clone, Copy)]
+pub(super) struct NewId;
+
+impl MakeRequestId for NewId {
+    fn make_request_id<B>(&mut self, _: &hyper::Request<B>) -> Option<RequestId> {
+        HeaderValue::from_str(&Uuid::now_v7().to_string()).ok().map(RequestId::new)
+    }
+}
+
+/// Removes an `x-request-id` that could forge a line of log.
+pub(super) async fn drop_harmful_id(mut request: Request) -> Request {
+    if request.headers().get(REQUEST_ID).is_some_and(|id| !is_harmless(id)) {
+        request.headers_mut().remove(REQUEST_ID);
+    }
+    request
+}
+
+/// Logs a request, within a span that has its id.
+pub(super) async fn log(request: Request, next: Next) -> Response {
+    let id = request.headers().get(REQUEST_ID).and_then(|id| id.to_str().ok()).unwrap_or_default();
     let method = request.method().clone();
     let path = request.uri().path().to_owned();
     let route = request.extensions().get::<MatchedPath>().map(|route| route.as_str().to_owned());
     let span = info_span!(
         "request",
-        id = id.to_str().unwrap_or_default(),
+        id,
         tenant = Empty,
         otel.name = format!("{method} {}", route.as_deref().unwrap_or_default()),
         otel.kind = "server",
@@ -35,23 +50,22 @@ pub(super) async fn log(mut request: Request, next: Next) -> Response {
         http.route = route,
         http.response.status_code = Empty,
     );
-    // Fails where no traces are made, or the caller has none.
+    // Fails if no traces are made, or if the caller sent none.
     let _ = span.set_parent(get_text_map_propagator(|trace| trace.extract(&Headers(request.headers()))));
     let begun = Instant::now();
     async move {
-        let mut response = next.run(request).await;
+        let response = next.run(request).await;
         let milliseconds = begun.elapsed().as_secs_f64() * 1e3;
         let status = response.status().as_u16();
         Span::current().record("http.response.status_code", status);
         info!(%method, path, route, status, milliseconds, "request");
-        response.headers_mut().insert(REQUEST_ID, id);
         response
     }
     .instrument(span)
     .await
 }
 
-/// Where a caller's trace is told (W3C Trace Context).
+/// The headers that carry a caller's trace (W3C Trace Context).
 struct Headers<'a>(&'a HeaderMap);
 
 impl Extractor for Headers<'_> {

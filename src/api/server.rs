@@ -2,6 +2,7 @@
 
 use super::connections::ConnectionParams;
 use super::export::Places;
+use super::layers::Origin;
 use super::limits::{LimitParams, Limits};
 use super::uploads::{UploadParams, clean};
 use super::{App, connections, metrics};
@@ -16,34 +17,36 @@ use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
-/// Uploaded files that are opened at the same time.
+/// Maximum number of uploaded files that are opened at the same time.
 const READERS: usize = 4;
 
-/// How to serve.
+/// Parameters of [`serve`].
 #[derive(Debug, Clone)]
 pub struct ServeParams {
     pub listen: SocketAddr,
     pub storage: StorageParams,
-    /// Jobs at a time; each uses all cores where it can. With none, they wait for other processes.
+    /// Number of parallel jobs; each job uses all cores if it can. With 0, jobs wait for other processes.
     pub workers: usize,
-    /// Of one clip.
+    /// Maximum size of one clip.
     pub max_upload_bytes: u64,
     pub uploads: UploadParams,
     pub limits: LimitParams,
     pub connections: ConnectionParams,
     pub worker: WorkerParams,
     pub webhooks: WebhookParams,
+    /// Origins whose pages may call the service, for example `https://app.example`.
+    pub cors_origins: Vec<Origin>,
 }
 
-/// How to work.
+/// Parameters of [`work`].
 #[derive(Debug, Clone)]
 pub struct WorkParams {
     pub storage: StorageParams,
-    /// Jobs at a time.
+    /// Number of parallel jobs.
     pub workers: usize,
     pub worker: WorkerParams,
     pub webhooks: WebhookParams,
-    /// Where to tell how the process is; nowhere when there is none.
+    /// Address for health and metrics; without it they are not served.
     pub listen: Option<SocketAddr>,
 }
 
@@ -61,7 +64,7 @@ pub enum ServeError {
     Serve(#[from] std::io::Error),
 }
 
-/// Serves until `stop`; `listening` is told the address once requests are accepted.
+/// Serves until `stop`; calls `listening` with the address once requests are accepted.
 pub async fn serve(
     params: ServeParams,
     stop: CancellationToken,
@@ -80,6 +83,7 @@ pub async fn serve(
         uploads: Arc::new(params.uploads),
         limits: Arc::new(Limits::new(&params.limits)),
         webhooks: params.webhooks,
+        cors_origins: params.cors_origins,
         has_keys: Arc::new(has_keys.into()),
         readers: Arc::new(Semaphore::new(READERS)),
         exports: Places::default(),
@@ -91,7 +95,7 @@ pub async fn serve(
     Ok(())
 }
 
-/// Works until `stop`; `listening` is told the address, where there is one.
+/// Runs jobs until `stop`; calls `listening` with the address, if there is one.
 pub async fn work(
     params: WorkParams,
     stop: CancellationToken,
@@ -114,7 +118,7 @@ pub async fn work(
     Ok(())
 }
 
-/// Whether there are keys. Without them everybody may do everything, so that only this machine may come.
+/// Returns whether keys exist. Without keys every caller may do everything, so the address must be loopback.
 async fn check_keys(storage: &Storage, address: SocketAddr) -> Result<bool, ServeError> {
     if storage.has_keys().await? {
         return Ok(true);
@@ -130,7 +134,7 @@ async fn bind(address: SocketAddr) -> Result<TcpListener, ServeError> {
     TcpListener::bind(address).await.map_err(|source| ServeError::Listen { address, source })
 }
 
-/// Jobs, and webhooks where there are workers.
+/// Starts the workers, the exchange of signals and, if there are workers, the delivery of webhooks.
 fn begin_work(
     queue: &Arc<Queue>,
     storage: &Arc<Storage>,

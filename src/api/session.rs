@@ -1,42 +1,47 @@
-//! `/v1/session`: a key in a cookie, for people in a browser. Pages cannot send a header with the pictures they show.
+//! `/v1/session`: a key in a cookie, for browsers: image requests of a page cannot send a header.
 
 use super::App;
 use super::access::{COOKIE, Caller};
 use super::error::Error;
 use super::extract::Json;
 use super::problems::{CommonProblems, JsonProblems};
-use crate::storage::{Role, Secret};
+use super::types::Role;
+use crate::storage::Secret;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
-/// A key to be used by this browser.
+/// The key that this browser shall use.
 #[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SessionBody {
-    /// As `viola keys create` showed it.
+    /// The key as `viola keys create` printed it.
     #[schema(example = "viola_0000000000000000000000000000000000000000000000000000000000000000")]
     key: String,
 }
 
-/// Whose requests these are.
+/// The tenant and the role of the caller.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(super) struct Session {
     #[schema(example = "acme")]
     tenant: String,
     role: Role,
-    /// Whether a key was shown; without one the service serves only its own machine.
+    /// True if the request has a key; until the first key exists, the service serves only its own machine.
     with_key: bool,
 }
 
 impl From<Caller> for Session {
     fn from(caller: Caller) -> Session {
-        Session { tenant: caller.tenant.name().to_owned(), role: caller.role, with_key: caller.key.is_some() }
+        Session {
+            tenant: caller.tenant.name().to_owned(),
+            role: caller.role.into(),
+            with_key: caller.key.is_some(),
+        }
     }
 }
 
-/// Who I am
+/// Get the tenant and role of the caller
 #[utoipa::path(get, path = "/v1/session", tag = "service",
     responses((status = 200, description = "The tenant and role of the key in use", body = Session), CommonProblems))]
 pub(super) async fn get_session(caller: Caller) -> axum::Json<Session> {
@@ -45,7 +50,7 @@ pub(super) async fn get_session(caller: Caller) -> axum::Json<Session> {
 
 /// Use a key in this browser
 ///
-/// It is kept in a cookie that pages cannot read and that goes to this service alone.
+/// The key is kept in a cookie that pages cannot read and that is sent only to this service.
 #[utoipa::path(put, path = "/v1/session", tag = "service", security(()), request_body = SessionBody,
     responses(
         (status = 204, description = "The cookie is set", headers(("Set-Cookie" = String, description = "The key"))),
@@ -57,14 +62,14 @@ pub(super) async fn put_session(
 ) -> Result<(StatusCode, HeaderMap), Error> {
     let secret: Secret = body.key.parse().map_err(|()| Error::KeyInvalid)?;
     app.storage.use_key(&secret, Timestamp::now()).await?.ok_or(Error::KeyInvalid)?;
-    // Behind a proxy that speaks TLS, the cookie goes back through TLS only.
+    // Behind a proxy that speaks TLS, the browser may return the cookie only over TLS.
     let is_secure = headers.get("x-forwarded-proto").is_some_and(|proto| proto == "https");
     Ok((StatusCode::NO_CONTENT, set(secret.show(), "2592000", is_secure)))
 }
 
-/// Use no key any more in this browser
+/// Stop using a key in this browser
 #[utoipa::path(delete, path = "/v1/session", tag = "service", security(()),
-    responses((status = 204, description = "The cookie is gone"), CommonProblems))]
+    responses((status = 204, description = "The cookie is removed"), CommonProblems))]
 pub(super) async fn delete_session() -> (StatusCode, HeaderMap) {
     (StatusCode::NO_CONTENT, set("", "0", false))
 }

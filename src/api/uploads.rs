@@ -1,8 +1,7 @@
 //! `/v1/uploads`: clips that arrive in parts, by the resumable upload protocol tus 1.0
 //! (<https://tus.io/protocols/resumable-upload>), which apps speak through ready-made clients.
 //!
-//! No request leaves anything in this process that another one would need: which bytes are here is in storage, so every
-//! request of an upload may reach another process.
+//! The state of an upload is only in storage, so every request of an upload may reach another process.
 
 mod answer;
 mod checksum;
@@ -10,10 +9,12 @@ mod clean;
 mod finish;
 mod headers;
 mod metadata;
+mod opener;
 mod receive;
 mod refusal;
 
 pub(super) use clean::clean;
+pub use opener::opened_clip_json;
 pub(super) use refusal::UploadRefusal;
 
 use super::App;
@@ -22,6 +23,7 @@ use super::bodies::{FileBytes, MAX_SILENCE, content_length, to_the_end};
 use super::error::{Error, Problem};
 use super::extract::UploadPath;
 use super::problems::{CommonProblems, FileProblems};
+use crate::jobs::ChildParams;
 use crate::storage::{Joining, NewUpload, UploadError, UploadKind, UploadLimits};
 use answer::UploadDocument;
 use axum::Json;
@@ -41,20 +43,22 @@ use uuid::Uuid;
 
 const VERSION: HeaderValue = HeaderValue::from_static("1.0.0");
 
-/// How uploads in parts are taken.
+/// Parameters of uploads in parts.
 #[derive(Debug, Clone)]
 pub struct UploadParams {
     pub limits: UploadLimits,
-    /// A client that is silent for longer has gone away.
+    /// Idle timeout of a request's body.
     pub silence: Duration,
-    /// While a request goes on, what it brought is made durable after so many bytes,
+    /// Number of received bytes after which a running request makes them durable.
     pub piece_bytes: u64,
-    /// or when the first of them are so old.
+    /// Age of the first received byte after which a running request makes them durable.
     pub piece_age: Duration,
-    /// How long an upload stays with a process that makes a clip of it and gives no sign of life.
+    /// Lease of a process that makes a clip of an upload; the process must renew it.
     pub lease: Duration,
-    /// How often abandoned uploads are looked for.
+    /// Interval between searches for abandoned uploads.
     pub clean_every: Duration,
+    /// Starts a process that opens one clip file; files are opened in this process only if none.
+    pub opener: Option<ChildParams>,
 }
 
 impl Default for UploadParams {
@@ -66,6 +70,7 @@ impl Default for UploadParams {
             piece_age: Duration::from_secs(10),
             lease: Duration::from_secs(30),
             clean_every: Duration::from_secs(30),
+            opener: None,
         }
     }
 }
@@ -84,8 +89,8 @@ pub(super) fn routes() -> OpenApiRouter<App> {
         .layer(axum::middleware::from_fn(speak_tus))
 }
 
-/// Every answer names the protocol's version, and a request of another version is not processed. OPTIONS asks for the
-/// version, and GET is not the protocol's.
+/// Adds the version of tus to every answer and refuses requests of another version. OPTIONS is exempt because
+/// it asks for the version, GET because it is not part of tus.
 async fn speak_tus(request: Request, next: Next) -> Response {
     let asks = [Method::OPTIONS, Method::GET].contains(request.method());
     let mut response = if asks || request.headers().get(headers::RESUMABLE) == Some(&VERSION) {
@@ -103,35 +108,35 @@ async fn speak_tus(request: Request, next: Next) -> Response {
     response
 }
 
-/// Begin an upload in parts
+/// Create an upload in parts
 ///
-/// By tus 1.0, with the extensions that OPTIONS lists. `Upload-Metadata` names the home to which the clip belongs
-/// (`home`), and may say its `filename`, when it was recorded (`recorded_at`, a time of RFC 3339) and an
-/// `idempotency_key`, which has the meaning of the header `Idempotency-Key` of `POST /v1/homes/{home}/clips`.
+/// The protocol is tus 1.0, with the extensions that OPTIONS lists. `Upload-Metadata` names the clip's
+/// `home`, and optionally its `filename`, its time of recording (`recorded_at`, RFC 3339) and an
+/// `idempotency_key`, with the meaning of the header `Idempotency-Key` of `POST /v1/homes/{home}/clips`.
 ///
 /// The body may be empty, or the first bytes of the file. A partial upload (`Upload-Concat: partial`) needs no home; a
 /// final one (`Upload-Concat: final;PATH PATH ...`) takes over its parts, which are gone from then on, and has no body.
 ///
-/// The request that brings the last byte is answered when the clip is durable and its job queued: `Viola-Clip` and
-/// `Viola-Job` are their paths. A file that is no clip is refused then, as `POST /v1/homes/{home}/clips` does.
+/// The request with the last byte is answered when the clip is durable and its job queued: `Viola-Clip` and
+/// `Viola-Job` are their paths. A file that is no clip is refused, as by `POST /v1/homes/{home}/clips`.
 #[utoipa::path(post, path = "/v1/uploads", tag = "uploads",
     params(
         ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`"),
         ("Upload-Length" = Option<u64>, Header, description = "Bytes of the whole file"),
-        ("Upload-Defer-Length" = Option<u64>, Header, minimum = 1, maximum = 1, description = "`1`: the length is told by a later PATCH"),
-        ("Upload-Metadata" = Option<String>, Header, description = "`home`, and where known `filename`, `recorded_at` and \
+        ("Upload-Defer-Length" = Option<u64>, Header, minimum = 1, maximum = 1, description = "`1`: a later PATCH gives the length"),
+        ("Upload-Metadata" = Option<String>, Header, description = "`home` and optionally `filename`, `recorded_at` and \
             `idempotency_key`: pairs of a name and a value in base64, with commas between the pairs; at most 4096 bytes"),
         ("Upload-Concat" = Option<String>, Header, description = "`partial`, or `final;` and the paths of partial uploads"),
         ("Upload-Checksum" = Option<String>, Header, description = "Of the body: `sha1` or `sha256`, and the sum in base64")),
     request_body(content = Option<FileBytes>, content_type = "application/offset+octet-stream",
         description = "Nothing, or the first bytes of the file"),
     responses(
-        (status = 201, description = "It is begun", body = UploadDocument,
+        (status = 201, description = "The upload is created", body = UploadDocument,
             headers(("Location" = String, description = "The upload's path"),
-                ("Upload-Offset" = u64, description = "So many bytes are durable"),
-                ("Upload-Expires" = String, description = "Until then the next byte is waited for"),
-                ("Viola-Clip" = String, description = "The clip's path, where the file is whole"),
-                ("Viola-Job" = String, description = "The path of the clip's job, where there is one"))),
+                ("Upload-Offset" = u64, description = "Number of durable bytes"),
+                ("Upload-Expires" = String, description = "Time at which the upload expires if no byte arrives"),
+                ("Viola-Clip" = String, description = "The clip's path, if the file is complete"),
+                ("Viola-Job" = String, description = "The path of the clip's job, if there is one"))),
         (status = 403, description = "A final upload takes no bytes: `upload-final`", body = Problem,
             content_type = "application/problem+json"),
         (status = 409, description = "Bytes of a partial upload are missing: `upload-unfinished`", body = Problem,
@@ -189,7 +194,7 @@ async fn create_upload(State(app): State<App>, caller: Caller, request: Request)
         if let Some(append) = append
             && let Err(error) = receive::receive(&app, append, body).await
         {
-            // Nobody knows its path yet.
+            // The client does not know its path yet.
             app.storage.delete_upload(id, Timestamp::now()).await?;
             return Err(error);
         }
@@ -199,7 +204,7 @@ async fn create_upload(State(app): State<App>, caller: Caller, request: Request)
     .await
 }
 
-/// How far an upload is, in words
+/// Get an upload
 #[utoipa::path(get, path = "/v1/uploads/{upload}", tag = "uploads", params(UploadPath),
     responses((status = 200, description = "The upload", body = UploadDocument), CommonProblems))]
 async fn get_upload(
@@ -209,21 +214,21 @@ async fn get_upload(
     answer::document(&app, id).await
 }
 
-/// How far an upload is
+/// Get the offset of an upload
 ///
-/// A client that was interrupted goes on at `Upload-Offset`.
+/// An interrupted client resumes at `Upload-Offset`.
 #[utoipa::path(head, path = "/v1/uploads/{upload}", tag = "uploads",
     params(UploadPath, ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`")),
     responses(
-        (status = 200, description = "It goes on at `Upload-Offset`, or is whole",
-            headers(("Upload-Offset" = u64, description = "So many bytes are durable"),
-                ("Upload-Length" = u64, description = "Of all; or `Upload-Defer-Length: 1` where it is not known"),
+        (status = 200, description = "The upload resumes at `Upload-Offset`, or is complete",
+            headers(("Upload-Offset" = u64, description = "Number of durable bytes"),
+                ("Upload-Length" = u64, description = "Bytes of the file; or `Upload-Defer-Length: 1` if unknown"),
                 ("Upload-Metadata" = String, description = "As it was sent"),
                 ("Upload-Concat" = String, description = "As it was sent"),
-                ("Upload-Expires" = String, description = "Until then the next byte is waited for"),
-                ("Viola-Clip" = String, description = "The clip's path, where the file is whole"),
-                ("Viola-Job" = String, description = "The path of the clip's job, where there is one"))),
-        (status = 410, description = "It expired, was joined into a final upload, or its file was refused: `upload-gone`; \
+                ("Upload-Expires" = String, description = "Time at which the upload expires if no byte arrives"),
+                ("Viola-Clip" = String, description = "The clip's path, if the file is complete"),
+                ("Viola-Job" = String, description = "The path of the clip's job, if there is one"))),
+        (status = 410, description = "The upload expired or was joined, or its file was refused: `upload-gone`; \
             GET says which", body = Problem, content_type = "application/problem+json"),
         (status = 412, description = "Another version of the protocol: `tus-version-unsupported`", body = Problem,
             content_type = "application/problem+json"),
@@ -235,39 +240,39 @@ async fn head_upload(
     answer::state(&app, id).await
 }
 
-/// Go on with an upload
+/// Resume an upload
 ///
-/// The body is the file from `Upload-Offset` on. What has arrived is kept when the connection breaks, and HEAD then
-/// says where to go on; with `Upload-Checksum` all of the body is kept or nothing. Of two requests that go on with the
-/// same upload, the one that began later does; the other is told 409.
+/// The body is the file from `Upload-Offset` on. If the connection breaks, the received bytes are kept, and
+/// HEAD returns the offset at which to resume; with `Upload-Checksum`, all of the body is kept or nothing. If
+/// two requests resume the same upload, the one that began later succeeds; the other gets 409.
 ///
-/// When the file is whole, the answer has the clip's path in `Viola-Clip`, or says why it is no clip. A file that comes in
-/// more than 10 000 pieces is refused with 413, `too-many-pieces`.
+/// When the file is complete, the answer has the clip's path in `Viola-Clip`, or the reason why it is not a
+/// clip. A file that comes in more than 10 000 pieces is refused with 413, `too-many-pieces`.
 #[utoipa::path(patch, path = "/v1/uploads/{upload}", tag = "uploads",
     params(UploadPath,
         ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`"),
-        ("Upload-Offset" = u64, Header, description = "How many bytes the service has"),
-        ("Upload-Length" = Option<u64>, Header, description = "Of the whole file, where it was not told before"),
+        ("Upload-Offset" = u64, Header, description = "Number of bytes that the service has"),
+        ("Upload-Length" = Option<u64>, Header, description = "Bytes of the whole file, if not given before"),
         ("Upload-Checksum" = Option<String>, Header, description = "Of the body: `sha1` or `sha256`, and the sum in base64")),
     request_body(content = FileBytes, content_type = "application/offset+octet-stream"),
     responses(
         (status = 204, description = "The body is durable",
-            headers(("Upload-Offset" = u64, description = "So many bytes are durable"),
-                ("Upload-Expires" = String, description = "Until then the next byte is waited for"),
-                ("Viola-Clip" = String, description = "The clip's path, where the file is whole"),
-                ("Viola-Job" = String, description = "The path of the clip's job, where there is one"))),
+            headers(("Upload-Offset" = u64, description = "Number of durable bytes"),
+                ("Upload-Expires" = String, description = "Time at which the upload expires if no byte arrives"),
+                ("Viola-Clip" = String, description = "The clip's path, if the file is complete"),
+                ("Viola-Job" = String, description = "The path of the clip's job, if there is one"))),
         (status = 403, description = "A final upload takes no bytes: `upload-final`", body = Problem,
             content_type = "application/problem+json"),
-        (status = 409, description = "The service has another number of bytes, or another request has gone on meanwhile: \
-            `upload-offset-mismatch`. HEAD says where to go on", body = Problem, content_type = "application/problem+json"),
-        (status = 410, description = "It expired, was joined into a final upload, or its file was refused: `upload-gone`; \
+        (status = 409, description = "The service has another number of bytes, or another request has resumed it: \
+            `upload-offset-mismatch`. HEAD returns the offset", body = Problem, content_type = "application/problem+json"),
+        (status = 410, description = "The upload expired or was joined, or its file was refused: `upload-gone`; \
             GET says which. Or the service lost bytes of it: `upload-lost`", body = Problem,
             content_type = "application/problem+json"),
         (status = 412, description = "Another version of the protocol: `tus-version-unsupported`", body = Problem,
             content_type = "application/problem+json"),
         (status = 460, description = "`checksum-mismatch`; the bytes are not kept", body = Problem,
             content_type = "application/problem+json"),
-        (status = 503, description = "The service is stopping; what had arrived is kept: `stopping`", body = Problem,
+        (status = 503, description = "The service is stopping; the received bytes are kept: `stopping`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems, FileProblems))]
 async fn append_to_upload(
@@ -300,14 +305,14 @@ async fn append(app: App, id: Uuid, sent: &HeaderMap, body: Body) -> Result<Resp
     .await
 }
 
-/// Give an upload up
+/// Cancel an upload
 ///
-/// Its bytes are removed. A clip that was made of it stays; it has a DELETE of its own.
+/// Its bytes are removed. A clip that was made of it stays; the clip has a DELETE of its own.
 #[utoipa::path(delete, path = "/v1/uploads/{upload}", tag = "uploads",
     params(UploadPath, ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`")),
     responses(
-        (status = 204, description = "It is gone"),
-        (status = 410, description = "It was gone before: `upload-gone`", body = Problem,
+        (status = 204, description = "The upload is removed"),
+        (status = 410, description = "The upload was gone already: `upload-gone`", body = Problem,
             content_type = "application/problem+json"),
         (status = 412, description = "Another version of the protocol: `tus-version-unsupported`", body = Problem,
             content_type = "application/problem+json"),
@@ -323,27 +328,27 @@ async fn delete_upload(
     .await
 }
 
-/// PATCH or DELETE, for clients that can send neither
+/// Send PATCH or DELETE as POST, from clients that can send neither
 ///
-/// `X-HTTP-Method-Override` says which; all else is as there.
+/// `X-HTTP-Method-Override` names the method; everything else is as for this method.
 #[utoipa::path(post, path = "/v1/uploads/{upload}", tag = "uploads",
     params(UploadPath,
         ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`"),
         ("X-HTTP-Method-Override" = String, Header, pattern = "^(PATCH|DELETE)$", description = "`PATCH` or `DELETE`"),
-        ("Upload-Offset" = Option<u64>, Header, description = "As of PATCH"),
-        ("Upload-Length" = Option<u64>, Header, description = "As of PATCH"),
-        ("Upload-Checksum" = Option<String>, Header, description = "As of PATCH")),
+        ("Upload-Offset" = Option<u64>, Header, description = "As for PATCH"),
+        ("Upload-Length" = Option<u64>, Header, description = "As for PATCH"),
+        ("Upload-Checksum" = Option<String>, Header, description = "As for PATCH")),
     request_body(content = Option<FileBytes>, content_type = "application/offset+octet-stream"),
     responses(
-        (status = 204, description = "As of PATCH, or as of DELETE"),
-        (status = 403, description = "As of PATCH", body = Problem, content_type = "application/problem+json"),
+        (status = 204, description = "As for PATCH or DELETE"),
+        (status = 403, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
         (status = 405, description = "The header names another method, or is missing: `method-not-allowed`",
             body = Problem, content_type = "application/problem+json"),
-        (status = 409, description = "As of PATCH", body = Problem, content_type = "application/problem+json"),
-        (status = 410, description = "As of PATCH", body = Problem, content_type = "application/problem+json"),
-        (status = 412, description = "As of PATCH", body = Problem, content_type = "application/problem+json"),
-        (status = 460, description = "As of PATCH", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "As of PATCH", body = Problem, content_type = "application/problem+json"),
+        (status = 409, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
+        (status = 410, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
+        (status = 412, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
+        (status = 460, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "As for PATCH", body = Problem, content_type = "application/problem+json"),
         CommonProblems, FileProblems))]
 async fn override_method(
     State(app): State<App>,
@@ -361,20 +366,20 @@ async fn override_method(
     }
 }
 
-/// What of the protocol is served
+/// Get the supported version and extensions of tus
 #[utoipa::path(options, path = "/v1/uploads", tag = "uploads",
-    responses((status = 204, description = "In headers",
+    responses((status = 204, description = "The answer is in the headers",
         headers(("Tus-Version" = String, description = "`1.0.0`"),
             ("Tus-Extension" = String, description = "The extensions"),
-            ("Tus-Max-Size" = u64, description = "Of one file, in bytes"),
-            ("Tus-Checksum-Algorithm" = String, description = "Those of `Upload-Checksum`"))), CommonProblems))]
+            ("Tus-Max-Size" = u64, description = "Maximum size of one file, in bytes"),
+            ("Tus-Checksum-Algorithm" = String, description = "Algorithms of `Upload-Checksum`"))), CommonProblems))]
 async fn describe_uploads(State(app): State<App>) -> (StatusCode, HeaderMap) {
     (StatusCode::NO_CONTENT, answer::abilities(app.max_upload_bytes))
 }
 
-/// What of the protocol is served; the same for every upload
+/// Get the supported version and extensions of tus, which are the same for every upload
 #[utoipa::path(options, path = "/v1/uploads/{upload}", tag = "uploads", params(UploadPath),
-    responses((status = 204, description = "In headers, as of `/v1/uploads`"), CommonProblems))]
+    responses((status = 204, description = "The answer is in the headers, as for `/v1/uploads`"), CommonProblems))]
 async fn describe_upload(State(app): State<App>, UploadPath { .. }: UploadPath) -> (StatusCode, HeaderMap) {
     (StatusCode::NO_CONTENT, answer::abilities(app.max_upload_bytes))
 }

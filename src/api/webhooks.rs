@@ -6,7 +6,8 @@ use super::error::{Error, Problem};
 use super::extract::{DeliveryPath, Json, Query, WebhookPath};
 use super::list::{List, ListQuery};
 use super::problems::{CommonProblems, JsonProblems};
-use crate::storage::{ChangeKind, Delivery, Webhook, WebhookMade};
+use super::types::{self, Delivery, Webhook};
+use crate::storage::{ChangeKind, WebhookMade};
 use crate::webhooks::check_url;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
@@ -15,18 +16,18 @@ use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
-/// What a client says of a webhook.
+/// The settings of a webhook.
 #[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct WebhookBody {
-    /// Where messages are posted to: https, and not an address of a private network.
+    /// URL to which messages are posted: https, and not an address of a private network.
     #[serde(default)]
     #[schema(required, format = "uri", max_length = 2048, example = "https://fleet.example/hooks/viola")]
     url: String,
-    /// Of which kinds of change; of all when not given. What is named twice is told once.
+    /// Kinds of change to send; default: all. A duplicate is ignored.
     #[serde(default)]
     #[schema(min_items = 1)]
-    kinds: Option<Vec<ChangeKind>>,
+    kinds: Option<Vec<types::ChangeKind>>,
 }
 
 /// A webhook with its secret.
@@ -34,7 +35,7 @@ pub(super) struct WebhookBody {
 pub(super) struct NewWebhook {
     #[serde(flatten)]
     webhook: Webhook,
-    /// What messages are signed with; it is not shown again.
+    /// Secret that signs the messages; it is not shown again.
     #[schema(example = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw0000000000A=")]
     secret: String,
 }
@@ -45,21 +46,23 @@ pub(super) struct Webhooks {
     items: Vec<Webhook>,
 }
 
-/// Be told of changes
+/// Create a webhook
 ///
-/// Messages are those of Standard Webhooks 1.0 (https://www.standardwebhooks.com), whose libraries check them: a POST of
-/// `{"type", "timestamp", "data"}`, where `data` is an item of `/v1/changes` and `type` its kind with `.changed` or
-/// `.deleted`, as `clip.changed`. The headers `webhook-id`, `webhook-timestamp` and `webhook-signature` carry what the
-/// secret signs. A message arrives at least once, and not always in order: `seq` tells which of two is newer.
+/// Messages follow Standard Webhooks 1.0 (https://www.standardwebhooks.com), whose libraries verify them: a
+/// POST of `{"type", "timestamp", "data"}`, where `data` is an item of `/v1/changes` and `type` its kind with
+/// `.changed` or `.deleted`, as in `clip.changed`. The secret signs the headers `webhook-id` and
+/// `webhook-timestamp` and the body; `webhook-signature` has the signature. Messages arrive at least once,
+/// and not always in order: the one with the higher `seq` is newer.
 ///
-/// Every answer but 2xx is tried again after 5 s, 5 min, 30 min, 2 h, 5 h, 10 h, 14 h, 20 h and 24 h; 410 ends the
-/// webhook, until it is tested. Redirects are not followed. While 1000 messages wait, further changes stay in the feed,
-/// where of each thing only the newest counts. Who was away for a month reads `/v1/changes` from its beginning.
+/// Every answer except 2xx is retried after 5 s, 5 min, 30 min, 2 h, 5 h, 10 h, 14 h, 20 h and 24 h; 410
+/// disables the webhook until a test or a retry of a delivery. Redirects are not followed. While 1000
+/// messages wait, further changes stay in the feed, which keeps only the newest change of each resource. A
+/// receiver that was away for a month must read `/v1/changes` from its beginning.
 #[utoipa::path(post, path = "/v1/webhooks", tag = "webhooks", request_body = WebhookBody,
     responses(
         (status = 201, description = "The webhook and its secret", body = NewWebhook,
             headers(("Location" = String, description = "The webhook's path"))),
-        (status = 409, description = "The tenant has ten: `too-many-webhooks`", body = Problem,
+        (status = 409, description = "The tenant has ten webhooks already: `too-many-webhooks`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems, JsonProblems))]
 pub(super) async fn create_webhook(
@@ -73,7 +76,9 @@ pub(super) async fn create_webhook(
         detail: format!("{field}: {detail}"),
     };
     let url = check_url(&body.url, &app.webhooks).map_err(|error| invalid(error.to_string(), "url"))?;
-    let mut kinds = body.kinds.unwrap_or_else(|| ChangeKind::ALL.to_vec());
+    let mut kinds = body
+        .kinds
+        .map_or_else(|| ChangeKind::ALL.to_vec(), |kinds| kinds.into_iter().map(ChangeKind::from).collect());
     let mut seen = Vec::new();
     kinds.retain(|kind| {
         !seen.contains(kind) && {
@@ -87,24 +92,25 @@ pub(super) async fn create_webhook(
     match app.storage.create_webhook(tenant, url.as_str(), &kinds, Timestamp::now()).await? {
         WebhookMade::Made(webhook, secret) => {
             let location = format!("/v1/webhooks/{}", webhook.id);
-            let made = NewWebhook { webhook, secret: secret.show().to_owned() };
+            let made = NewWebhook { webhook: webhook.into(), secret: secret.show().to_owned() };
             Ok((StatusCode::CREATED, [(header::LOCATION, location)], axum::Json(made)))
         }
         WebhookMade::TooMany => Err(Error::TooManyWebhooks),
     }
 }
 
-/// The webhooks
+/// List the webhooks
 #[utoipa::path(get, path = "/v1/webhooks", tag = "webhooks",
     responses((status = 200, description = "All, at most ten", body = Webhooks), CommonProblems))]
 pub(super) async fn list_webhooks(
     State(app): State<App>,
     caller: Caller,
 ) -> Result<axum::Json<Webhooks>, Error> {
-    Ok(axum::Json(Webhooks { items: app.storage.webhooks(caller.for_all_homes()?).await? }))
+    let webhooks = app.storage.webhooks(caller.for_all_homes()?).await?;
+    Ok(axum::Json(Webhooks { items: webhooks.into_iter().map(Webhook::from).collect() }))
 }
 
-/// A webhook
+/// Get a webhook
 #[utoipa::path(get, path = "/v1/webhooks/{webhook}", tag = "webhooks", params(WebhookPath),
     responses((status = 200, description = "The webhook", body = Webhook), CommonProblems))]
 pub(super) async fn get_webhook(
@@ -112,12 +118,12 @@ pub(super) async fn get_webhook(
     caller: Caller,
     WebhookPath { webhook }: WebhookPath,
 ) -> Result<axum::Json<Webhook>, Error> {
-    Ok(axum::Json(app.storage.webhook(caller.for_all_homes()?, webhook).await?))
+    Ok(axum::Json(app.storage.webhook(caller.for_all_homes()?, webhook).await?.into()))
 }
 
-/// Remove a webhook with its log
+/// Remove a webhook and its log
 #[utoipa::path(delete, path = "/v1/webhooks/{webhook}", tag = "webhooks", params(WebhookPath),
-    responses((status = 204, description = "It is gone"), CommonProblems))]
+    responses((status = 204, description = "The webhook is removed"), CommonProblems))]
 pub(super) async fn delete_webhook(
     State(app): State<App>,
     caller: Caller,
@@ -129,21 +135,21 @@ pub(super) async fn delete_webhook(
 
 /// Send a message of the type `webhook.test`
 ///
-/// Its `data` is empty. A webhook that was ended by 410 is told of changes again.
+/// Its `data` is empty. A webhook that was disabled by 410 is enabled again.
 #[utoipa::path(post, path = "/v1/webhooks/{webhook}/test", tag = "webhooks", params(WebhookPath),
-    responses((status = 201, description = "The delivery, to be looked at in the log", body = Delivery), CommonProblems))]
+    responses((status = 201, description = "The delivery; its state is in the log", body = Delivery), CommonProblems))]
 pub(super) async fn test_webhook(
     State(app): State<App>,
     caller: Caller,
     WebhookPath { webhook }: WebhookPath,
 ) -> Result<(StatusCode, axum::Json<Delivery>), Error> {
     let delivery = app.storage.test_webhook(caller.for_all_homes()?, webhook, Timestamp::now()).await?;
-    Ok((StatusCode::CREATED, axum::Json(delivery)))
+    Ok((StatusCode::CREATED, axum::Json(delivery.into())))
 }
 
-/// What was sent and what became of it, the newest first
+/// List the deliveries of a webhook, newest first
 ///
-/// What has ended is kept for 30 days.
+/// Deliveries that have ended are kept for 30 days.
 #[utoipa::path(get, path = "/v1/webhooks/{webhook}/deliveries", tag = "webhooks", params(WebhookPath, ListQuery),
     responses((status = 200, description = "One page", body = List<Delivery>), CommonProblems))]
 pub(super) async fn list_deliveries(
@@ -157,9 +163,9 @@ pub(super) async fn list_deliveries(
     Ok(axum::Json(query.list(deliveries, |delivery| delivery.id)?))
 }
 
-/// Send a message once more
+/// Retry a delivery
 ///
-/// At once and, if need be, by the whole schedule again, whatever became of it before.
+/// The message is sent immediately and, if necessary, by the whole schedule again, whatever its state was.
 #[utoipa::path(post, path = "/v1/webhooks/{webhook}/deliveries/{delivery}/retry", tag = "webhooks", params(DeliveryPath),
     responses((status = 200, description = "The delivery, which is pending now", body = Delivery), CommonProblems))]
 pub(super) async fn retry_delivery(
@@ -168,5 +174,6 @@ pub(super) async fn retry_delivery(
     DeliveryPath { webhook, delivery }: DeliveryPath,
 ) -> Result<axum::Json<Delivery>, Error> {
     let tenant = caller.for_all_homes()?;
-    Ok(axum::Json(app.storage.retry_delivery(tenant, webhook, delivery, Timestamp::now()).await?))
+    let delivery = app.storage.retry_delivery(tenant, webhook, delivery, Timestamp::now()).await?;
+    Ok(axum::Json(delivery.into()))
 }

@@ -1,4 +1,4 @@
-//! `viola align`: one clip, one map, one answer, without a server.
+//! `viola align`: aligns one clip to one map, without a server.
 
 use super::completion::CompletionArguments;
 use super::networks::NetworkArguments;
@@ -19,16 +19,19 @@ use viola_home as home;
 
 #[derive(Args)]
 pub struct AlignArguments {
-    /// The clip: a folder or a zip (ScanNet export, 7-Scenes, TUM RGB-D).
+    /// Clip: a folder, an archive (zip, tar, tar.gz, tar.zst) or a single file (.r3d, .sens), exported by
+    /// Stray Scanner, Record3D, Polycam, 3D Scanner App, Spectacular AI or NeRFCapture, or in the layout of
+    /// ScanNet, ARKitScenes, 7-Scenes, TUM RGB-D, Redwood or Nerfstudio.
     #[arg(long)]
     clip: PathBuf,
-    /// Only the frames with these numbers, the last one not included.
+    /// Numbers of the frames to use; END is excluded. Default: all frames.
     #[arg(long, value_name = "FIRST..END", value_parser = range::<u32>)]
     frames: Option<Range<u32>>,
-    /// The LiDAR map, in any format that `viola inspect` understands.
+    /// LiDAR map: Valetudo (JSON or PNG), the file of a Roborock, Dreame or Viomi robot, a ROS map_server
+    /// YAML or a zip of it and its image, a CARMEN log, or points as CSV, PLY or PCD.
     #[arg(long)]
     lidar: PathBuf,
-    /// Where result.json, inputs.json, overlay.png and cloud.ply go, and completion/ when something was filled in.
+    /// Output folder: result.json, inputs.json, overlay.png, cloud.ply and, after a completion, completion/.
     #[arg(long)]
     out: PathBuf,
     #[command(flatten)]
@@ -39,7 +42,7 @@ pub struct AlignArguments {
     seed: u64,
 }
 
-/// What was understood of the files, beside the answer.
+/// Contents of `inputs.json`: the summaries of both input files.
 #[derive(Serialize)]
 struct Inputs<'a> {
     clip: &'a ClipInfo,
@@ -47,7 +50,7 @@ struct Inputs<'a> {
 }
 
 pub fn run(arguments: &AlignArguments) -> Result<()> {
-    // First, because it needs no time to fail.
+    // First, because a missing network is found immediately.
     let label = arguments.networks.labels()?;
     let complete = arguments.completion.params(&arguments.networks)?;
     let progress = TerminalProgress::new();
@@ -121,7 +124,7 @@ fn print_answer(clip: &ClipInfo, lidar: &LidarInfo, alignment: &Alignment, out: 
     println!("wrote:  {}", out.display());
 }
 
-/// `120..180`
+/// Parses a range such as `120..180`, whose end is excluded.
 pub(super) fn range<T: std::str::FromStr + PartialOrd>(text: &str) -> Result<Range<T>, String> {
     let form = || format!("'{text}' is not of the form FIRST..END, for example 120..180");
     let (first, end) = text.split_once("..").ok_or_else(form)?;

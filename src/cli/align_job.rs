@@ -1,4 +1,4 @@
-//! `viola align-job`: the child that aligns the clip of one job for another process; see `jobs`.
+//! `viola align-job`: the child process that aligns the clip of one job; see `jobs`.
 
 use super::method::MethodArguments;
 use super::video_tools::video_tools;
@@ -10,12 +10,12 @@ use std::ffi::OsString;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What begins so may hold a secret of the service, which the child has no use for.
+/// Prefixes of environment variables that may hold secrets of the service, which the child does not need.
 const SECRET: [&str; 4] = ["VIOLA_", "OTEL_", "AWS_", "PG"];
 
 #[derive(Args)]
 pub struct AlignJobArguments {
-    /// The arguments of the method, as JSON; its defaults when not given.
+    /// Arguments of the method, as JSON; its defaults if absent.
     #[arg(long, value_name = "JSON")]
     method: Option<String>,
     /// The clip's file.
@@ -42,18 +42,23 @@ pub fn run(arguments: &AlignJobArguments) -> Result<()> {
     serve_child(&order, params, io::stdout()).context("nobody listens")
 }
 
-/// How this program is started as the child that aligns by the same arguments.
+/// Returns the command that starts this program as a child that aligns with the same arguments.
 pub(super) fn child_params(method: &MethodArguments) -> Result<ChildParams> {
     let method = serde_json::to_string(method).context("a path is not UTF-8")?;
+    child(&["align-job", "--method", &method])
+}
+
+/// Returns the command that starts this program with `arguments`, without the service's secrets.
+pub(super) fn child(arguments: &[&str]) -> Result<ChildParams> {
     let is_secret = |name: &OsString| SECRET.iter().any(|secret| name.to_string_lossy().starts_with(secret));
     Ok(ChildParams {
         program: own_program().context("the path of this program is not known")?,
-        arguments: ["align-job", "--method", &method].map(OsString::from).into(),
+        arguments: arguments.iter().map(OsString::from).collect(),
         environment: env::vars_os().filter(|(name, _)| !is_secret(name)).collect(),
     })
 }
 
-/// The program that runs, also when its file was replaced since by that of another version.
+/// Returns the path of the running program; on Linux it stays valid when another version replaces the file.
 fn own_program() -> io::Result<PathBuf> {
     let running = Path::new("/proc/self/exe");
     if running.exists() { Ok(running.to_owned()) } else { env::current_exe() }

@@ -1,5 +1,5 @@
-//! `viola clean`: removes what killed processes left behind. A server on SQLite does so when it starts; where many
-//! processes share a store, one runs this from time to time.
+//! `viola clean`: removes expired uploads and the files that killed processes left behind. A server on SQLite
+//! does so at its start; if many processes share a store, run this command periodically.
 
 use super::store::StoreArguments;
 use super::worker::seconds;
@@ -13,11 +13,11 @@ use std::time::Duration;
 pub struct CleanArguments {
     #[command(flatten)]
     store: StoreArguments,
-    /// Leave what is younger: a job writes its files for so long before they are named.
+    /// Minimum age of the files to remove, in seconds: a job writes its files before the database names them.
     #[arg(long, value_name = "SECONDS", default_value = "86400", value_parser = seconds)]
     older_than_seconds: Duration,
-    /// Remove files that no row names however many they are; by default nothing is removed if they are more than killed
-    /// processes leave, since then the database may be the wrong one. Stop all servers before it.
+    /// Remove all files that the database does not name. By default, nothing is removed if there are more of
+    /// them than killed processes leave, because the database may be the wrong one. Stop all servers first.
     #[arg(long)]
     remove_unknown: bool,
 }

@@ -1,4 +1,4 @@
-//! Whether and how a command completes what a clip did not see.
+//! Arguments for the completion of what a clip did not see.
 
 use super::networks::NetworkArguments;
 use anyhow::{Result, anyhow};
@@ -9,29 +9,29 @@ use viola_align::{Activation, CompleteParams};
 
 #[derive(Args, Debug, Clone, Serialize, Deserialize)]
 pub struct CompletionArguments {
-    /// When to fill in what a clip did not see at the vacuum's height, and with what.
+    /// Method that fills in what a clip did not see at the vacuum's height.
     #[arg(long, value_enum, default_value_t = Completion::Structure)]
     complete: Completion,
-    /// Complete every clip, not only those that leave doubt.
+    /// Complete every clip, not only those with an uncertain answer.
     #[arg(long)]
     complete_always: bool,
-    /// Take no new view once completion has taken this long.
+    /// Time after which the completion starts no new view, in seconds.
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
     complete_seconds: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 enum Completion {
-    /// Nothing is filled in.
+    /// No completion.
     Never,
-    /// Walls go on to the floor and to each other.
+    /// Extend walls to the floor and to each other.
     Structure,
-    /// After structure, pictures filled in by the inpainting and depth networks of the models folder.
+    /// Structure, then pictures filled in by the inpainting and depth networks of the models folder.
     Imagination,
 }
 
 impl CompletionArguments {
-    /// Imagination without an inpainting network in the models folder is an error.
+    /// Returns the parameters; fails for imagination without an inpainting network in the models folder.
     pub fn params(&self, networks: &NetworkArguments) -> Result<CompleteParams> {
         let time = Duration::from_secs_f64(self.complete_seconds.clamp(0.0, 86_400.0));
         let mut params = CompleteParams { time, ..CompleteParams::default() };

@@ -1,7 +1,6 @@
-//! Configuration: a flag goes before the environment, the environment before the file, the file before the default. The
-//! file is TOML whose keys are the names of the flags; a table `[serve]` or `[work]` is for that command alone.
-//!
-//! `viola config` shows what holds, and where it comes from.
+//! Configuration. A flag overrides the environment, the environment overrides the file, the file overrides
+//! the default. The file is TOML whose keys are the names of the flags; a table such as `[serve]` is for that
+//! command only. `viola config` shows each value and its source.
 
 use anyhow::{Context, Result, bail};
 use clap::{Arg, ArgAction, Args, Command};
@@ -17,7 +16,7 @@ const CONFIGURED: [&str; 6] = ["serve", "work", "migrate", "keys", "tenants", "c
 
 #[derive(Args)]
 pub struct ConfigArguments {
-    /// The command whose configuration is shown.
+    /// Command whose configuration is shown.
     #[arg(value_name = "serve|work", default_value = "serve")]
     command: String,
 }
@@ -25,7 +24,7 @@ pub struct ConfigArguments {
 /// A configuration file's settings for one command, by the names of flags.
 type Settings = BTreeMap<String, toml::Value>;
 
-/// The process's arguments with what the configuration file adds to them, and without the file's name.
+/// Returns the process's arguments with the settings of the configuration file and without its name.
 pub fn with_file(given: impl Iterator<Item = OsString>, program: &Command) -> Result<Vec<OsString>> {
     let (mut arguments, file) = take_file(given.collect())?;
     let Some(file) = file else { return Ok(arguments) };
@@ -50,7 +49,7 @@ pub fn with_file(given: impl Iterator<Item = OsString>, program: &Command) -> Re
     Ok(arguments)
 }
 
-/// Splits the file off the arguments.
+/// Takes `--config` out of the arguments and returns its file, by default that of the variable.
 fn take_file(mut arguments: Vec<OsString>) -> Result<(Vec<OsString>, Option<PathBuf>)> {
     let mut file = std::env::var_os(VARIABLE).map(PathBuf::from);
     let mut at = 1;
@@ -113,7 +112,7 @@ fn flag<'a>(command: &'a Command, name: &str) -> Option<&'a Arg> {
     command.get_arguments().find(|arg| arg.get_long() == Some(name))
 }
 
-/// The file's settings as flags, but for those that are given already.
+/// Returns the file's settings as flags, without those that the arguments or the environment set.
 fn added(settings: &Settings, command: &Command, given: &[OsString]) -> Result<Vec<OsString>> {
     let mut added = Vec::new();
     for (name, value) in settings {

@@ -1,4 +1,4 @@
-//! `viola convert`: a map or a clip as a file that other tools read.
+//! `viola convert`: writes a map or a clip in a format that other tools read.
 
 mod clip;
 mod map;
@@ -9,30 +9,30 @@ use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub struct ConvertArguments {
-    /// The map or the clip, in any format that is read.
+    /// Map or clip, in any format that `viola align` reads.
     file: PathBuf,
-    /// What to write.
+    /// Output format.
     #[arg(long, value_enum)]
     to: Target,
-    /// The file to write. For ROS the yaml file, with its image beside it; for a clip a folder, or a zip archive when
-    /// the name ends with .zip.
+    /// Output file. For ROS: the YAML file; its image is written beside it. For a clip: a folder, or a zip
+    /// archive if the name ends with .zip.
     #[arg(long)]
     out: PathBuf,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Target {
-    /// A map as Valetudo's JSON.
+    /// Map: Valetudo JSON.
     Valetudo,
-    /// A map as a yaml file and a PGM for map_server.
+    /// Map: YAML and PGM files for ROS map_server.
     Ros,
-    /// A map's hits as points.
+    /// Map: occupied points as PLY.
     Ply,
-    /// A clip as Stray Scanner exports it.
+    /// Clip: export of Stray Scanner.
     Stray,
-    /// A clip as the TUM RGB-D benchmark has it.
+    /// Clip: layout of the TUM RGB-D benchmark.
     Tum,
-    /// A clip as ScanNet's exporter writes it.
+    /// Clip: layout of ScanNet's exporter.
     Scannet,
 }
 

@@ -1,4 +1,4 @@
-//! `viola decode-video`: the child that decodes video for another process; see `video`.
+//! `viola decode-video`: the child process that decodes video; see `video`.
 
 use anyhow::{Context, Result};
 use clap::Args;
@@ -10,7 +10,7 @@ use viola_formats::video::{self, NumberList};
 
 #[derive(Args)]
 pub struct DecodeVideoArguments {
-    /// First byte of the video in the file that is the standard input.
+    /// Offset of the video in the file on standard input, in bytes.
     #[arg(long)]
     offset: u64,
     /// Length of the video in bytes.

@@ -1,4 +1,4 @@
-//! `viola demo`: the whole service shown at work on a simulated home, from the outside, over HTTP.
+//! `viola demo`: runs the whole service and sends it a simulated home over HTTP.
 
 mod client;
 mod recordings;
@@ -21,7 +21,7 @@ use tokio_util::sync::CancellationToken;
 use viola_geometry::angle_between;
 
 const HOME: &str = "demo";
-/// Says that a folder was made here and may be emptied.
+/// File that marks a folder as made by the demo: it may be emptied.
 const MARKER: &str = "made-by-viola-demo";
 /// The paper's bounds of success.
 const CLOSE_M: f64 = 0.3;
@@ -30,19 +30,19 @@ const CLOSE_DEG: f64 = 10.0;
 /// Serve on a fresh folder, upload a simulated home's map and clips, and compare the poses with the truth.
 #[derive(Args)]
 pub struct DemoArguments {
-    /// Address and port; port 0 takes a free one.
+    /// Address and port; port 0 selects a free port.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8080")]
     listen: SocketAddr,
-    /// The folder for the data, the recordings and the pictures; an earlier demo's is emptied.
+    /// Folder for the data, the recordings and the pictures; the folder of an earlier demo is emptied.
     #[arg(long, value_name = "DIR", default_value = "viola-demo")]
     data: PathBuf,
-    /// Which home.
+    /// Seed of the simulated home.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Frames of each clip.
     #[arg(long, default_value_t = 60)]
     frames: usize,
-    /// Stop after the report, with an error when a clip was not found.
+    /// Stop after the report; fail unless every pose is within 0.3 m and 10 degrees of the truth.
     #[arg(long)]
     exit: bool,
 }
@@ -70,9 +70,10 @@ async fn show(arguments: &DemoArguments, recordings: &Recordings) -> Result<()> 
         connections: ConnectionParams::default(),
         webhooks: WebhookParams::default(),
         worker: WorkerParams::default(),
+        cors_origins: Vec::new(),
     };
     let mut server = tokio::spawn(serve(params, stop.clone(), |address| {
-        // The receiver is gone only when the demo has ended.
+        // The receiver is dropped only after the demo has ended.
         let _ = listening.send(address);
     }));
     let address = tokio::select! {
@@ -100,7 +101,7 @@ async fn show(arguments: &DemoArguments, recordings: &Recordings) -> Result<()> 
     Ok(())
 }
 
-/// Uploads everything, waits for the poses, prints them beside the truth; how many are right.
+/// Uploads everything, waits for the poses and prints their errors; returns the number of correct poses.
 async fn report(address: SocketAddr, recordings: &Recordings, pictures: &Path) -> Result<usize> {
     let client = Client::new(address);
     println!("Serving at http://{address}/; uploading as an app would.");
@@ -131,7 +132,7 @@ async fn report(address: SocketAddr, recordings: &Recordings, pictures: &Path) -
     Ok(found)
 }
 
-/// One clip, from its upload to its answer.
+/// Uploads a clip, waits for its job and returns its answer.
 async fn follow(client: &Client, recording: &Recording, bars: &MultiProgress) -> Result<ClipAnswer> {
     let line = client::Line::new(bars, &recording.name);
     let clip = client.upload(HOME, &recording.path, &line).await?;
@@ -142,7 +143,7 @@ async fn follow(client: &Client, recording: &Recording, bars: &MultiProgress) ->
     Ok(answer)
 }
 
-/// One line of the table; whether the pose is right.
+/// Prints one line of the table and returns whether the pose is correct.
 fn print_answer(recording: &Recording, answer: &ClipAnswer) -> bool {
     let rooms = recording.rooms.join(", ");
     let pose = answer.alignment.as_ref().and_then(|alignment| alignment.map_from_clip);
@@ -166,7 +167,7 @@ fn print_answer(recording: &Recording, answer: &ClipAnswer) -> bool {
     close
 }
 
-/// Makes the folder, or empties that of an earlier demo; a folder with anything else is left alone.
+/// Creates the folder or empties that of an earlier demo; refuses any other folder that is not empty.
 fn fresh_folder(folder: &Path) -> Result<()> {
     let shown = folder.display();
     if folder.exists() {

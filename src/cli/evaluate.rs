@@ -25,79 +25,79 @@ use viola_reconstruct::{LabelParams, TrackParams};
 #[derive(Args)]
 #[command(group = clap::ArgGroup::new("source").required(true))]
 pub struct EvaluateArguments {
-    /// A recording with true poses, in a layout that the clip readers know.
+    /// Recording with true poses, in any layout that `viola align` reads.
     #[arg(long, group = "source")]
     pub(super) scene: Option<PathBuf>,
-    /// Sets of simulated homes instead: normal, upper, repeated, changed.
+    /// Sets of simulated homes, instead of a scene: normal, upper, repeated, changed.
     #[arg(long, group = "source", value_delimiter = ',')]
     pub(super) set: Vec<Set>,
-    /// LiDAR maps with free cells instead: clips are drawn inside them. May be given several times.
+    /// LiDAR map with free cells, instead of a scene: clips are drawn inside it. May be given several times.
     #[arg(long, group = "source")]
     map: Vec<PathBuf>,
-    /// Seeds of the simulated homes, the last one not included.
+    /// Seeds of the simulated homes; END is excluded.
     #[arg(long, value_name = "FIRST..END", default_value = "1000..1100", value_parser = super::align::range::<u64>)]
     pub(super) seeds: Range<u64>,
     /// Depth sensor of the simulated clips: phone-lidar, structured-light.
     #[arg(long, default_value = "phone-lidar")]
     pub(super) sensor: Sensor,
-    /// Name the classes of simulated pictures by the truth, this share of it right, as if by a network: simulated
-    /// pictures are too plain for a real one.
+    /// Accuracy of labels that simulated pictures get from the truth, 0 to 1. They replace a network, because
+    /// simulated pictures are too plain for one.
     #[arg(long, requires = "set", value_name = "SHARE", value_parser = share)]
     pub(super) picture_labels: Option<f64>,
-    /// Also give every simulated clip the map of another home, where it belongs nowhere.
+    /// Also align every simulated clip to the map of another home, in which no pose is right.
     #[arg(long, requires = "set")]
     foreign: bool,
-    /// Withhold the poses of simulated clips, so that they have to be tracked with what an accelerometer felt; they are
-    /// recorded four times as densely.
+    /// Withhold the poses of simulated clips, so that they are tracked by pictures and accelerometer. The
+    /// clips then have four times the frame rate.
     #[arg(long, requires = "set")]
     withhold_poses: bool,
-    /// Error of the poses of simulated devices after one metre, in metres.
+    /// Error of the poses of simulated devices after one metre of path, in metres.
     #[arg(long, requires = "set", default_value_t = ClipParams::default().drift)]
     drift: f64,
-    /// Take the poses of devices as they are, even where they drift.
+    /// Use the poses of devices without refinement, even if they drift.
     #[arg(long)]
     keep_poses: bool,
-    /// Fit the model to this run's results and write it: the weights of the loss, the temperature and the coefficients of
-    /// the probability (`crates/viola-align/src/score/model.json`).
+    /// Fit the model to this run's results and write it to FILE: the weights of the loss, the temperature and
+    /// the coefficients of the probability (`crates/viola-align/src/score/model.json`).
     #[arg(long, value_name = "FILE")]
     fit: Option<PathBuf>,
-    /// The scene's LiDAR map. Without one, it is simulated from the mesh in SCENE/mesh.
+    /// LiDAR map of the scene; by default it is simulated from the mesh in SCENE/mesh.
     #[arg(long, requires = "truth")]
     lidar: Option<PathBuf>,
-    /// JSON with map_from_world {x_m, y_m, yaw_rad}.
+    /// JSON file with the true map_from_world {x_m, y_m, yaw_rad}.
     #[arg(long, requires = "lidar")]
     truth: Option<PathBuf>,
-    /// Lengths of the clips in frames. Each cuts the scene into half-overlapping excerpts.
+    /// Lengths of the clips in frames. For each length, the scene is cut into half-overlapping excerpts.
     #[arg(long, default_value = "60", value_delimiter = ',')]
     pub(super) frames: Vec<usize>,
-    /// Scene: draw this many excerpts of each length at random instead. Simulated: clips of each home, 3 unless
-    /// said otherwise. Map: clips of each map, 10 unless said otherwise.
+    /// Number of clips. Scene: excerpts of each length, drawn at random. Simulated: clips of each home,
+    /// default 3 (1 with --track). Map: clips of each map, default 10.
     #[arg(long)]
     pub(super) clips: Option<usize>,
-    /// Instead of poses, judge the classes of the scene's points against its labelled mesh.
+    /// Evaluate the classes of the scene's points against its labelled mesh, instead of poses.
     #[arg(long, requires = "scene", conflicts_with_all = ["set", "map", "lidar", "fit"])]
     labels: bool,
-    /// Instead of poses, judge the map, the rooms and the objects that the scene's clips give together against its
-    /// labelled mesh, or those of simulated homes against their truth.
+    /// Evaluate the fused map, its rooms and its objects, instead of poses: for a scene against its labelled
+    /// mesh, for simulated homes against their truth.
     #[arg(long, conflicts_with_all = ["map", "labels", "fit"])]
     home: bool,
-    /// Instead of the clip's place, judge how well its camera is followed by the pictures alone, against the clip's poses.
+    /// Evaluate camera tracking by pictures alone against the clip's poses, instead of the alignment.
     #[arg(long, conflicts_with_all = ["map", "labels", "home", "fit"])]
     track: bool,
-    /// With --track: poses that other programs found for the scene's frames, as benches/peers/track.py writes them.
+    /// With --track: poses of the scene's frames by other programs, in the format of benches/peers/track.py.
     #[arg(long, requires = "track", value_name = "FILE")]
     pub(super) trajectories: Vec<PathBuf>,
     #[command(flatten)]
     pub(super) networks: NetworkArguments,
-    /// Methods to compare, by name.
+    /// Names of the methods to compare.
     #[arg(long, default_value = "viola", value_delimiter = ',')]
     methods: Vec<String>,
-    /// Where the tables, plots and pictures go. Results found there are not computed again.
+    /// Output folder for tables, plots and pictures. Results that it already has are not computed again.
     #[arg(long)]
     pub(super) out: PathBuf,
     #[arg(long, default_value_t = 0)]
     pub(super) seed: u64,
-    /// Clips worked on at a time, each on one thread; all cores by default.
+    /// Number of clips in parallel, each on one thread; default: the number of cores.
     #[arg(long)]
     threads: Option<usize>,
 }
@@ -207,7 +207,7 @@ fn judge_labels(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
 }
 
 fn methods(arguments: &EvaluateArguments) -> Result<Vec<Method>> {
-    // Loaded only where a method asks for them: a checkpoint may take gigabytes.
+    // Loaded only if a method needs them: a checkpoint may take gigabytes.
     let asks =
         |name: &String| matches!(Method::named(name, arguments.seed, None), Err(NoMethod::NeedsNetworks(_)));
     let imagination =
@@ -242,14 +242,14 @@ fn suite(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
     })))
 }
 
-/// The scene with its LiDAR map: the one that is given, or one cut out of its mesh.
+/// Returns the scene with the given LiDAR map, or with one cut out of its mesh.
 pub(super) fn scene_of(arguments: &EvaluateArguments, path: &Path) -> Result<Scene> {
     let scene = match (&arguments.lidar, &arguments.truth) {
         (Some(lidar), Some(truth)) => Scene::open(path, lidar, truth)?,
         _ => {
             let params = SurveyParams { seed: arguments.seed, ..SurveyParams::default() };
             let (scene, survey) = Scene::open_with_mesh(path, &params)?;
-            // The map that was cut can be looked at, and given again.
+            // Saved so that it can be inspected, and reused by --lidar and --truth.
             save(&arguments.out, "lidar.csv", &survey.points_csv())?;
             let truth = json!({
                 "map_from_world": survey.map_from_world,
@@ -280,21 +280,21 @@ fn share(text: &str) -> Result<f64, String> {
     if (0.0..=1.0).contains(&share) { Ok(share) } else { Err(format!("{text} is not between 0 and 1")) }
 }
 
-/// The commit of the working tree that the command runs in; empty where there is none.
+/// Returns the commit of the working tree that the command runs in; empty if there is none.
 fn commit() -> String {
     let git = std::process::Command::new("git").args(["rev-parse", "--short", "HEAD"]).output();
     let told = git.ok().filter(|output| output.status.success());
     told.map_or_else(String::new, |output| String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
-/// Tells builds of this program apart: their results do not mix.
+/// Returns the hash of this program's file, which separates the results of different builds.
 fn program() -> Result<String> {
     let path = std::env::current_exe().context("cannot find this program's own file")?;
     let bytes = fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
     Ok(Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// A bar with the time left on a terminal, a line a result elsewhere.
+/// Progress display: a bar with the remaining time on a terminal, else one line per result.
 struct Report {
     bar: Option<ProgressBar>,
     done: AtomicUsize,

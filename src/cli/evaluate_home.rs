@@ -1,4 +1,4 @@
-//! `viola evaluate --home`: a home's map, rooms and objects against a labelled mesh, or against simulated homes.
+//! `viola evaluate --home`: compares a home's map, rooms and objects with a mesh or a simulated truth.
 
 use super::evaluate::{EvaluateArguments, save, scene_of};
 use super::progress::TerminalProgress;
@@ -33,7 +33,7 @@ pub fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Writes `home.json` and `home.md`, and the plan of the first home as a picture.
+/// Writes `home.json`, `home.md` and, for each set, the plan of its first home as PNG and SVG.
 pub fn simulated(arguments: &EvaluateArguments) -> Result<()> {
     let out = &arguments.out;
     fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;

@@ -1,4 +1,4 @@
-//! `viola evaluate --track`: how well clips are tracked by their pictures alone.
+//! `viola evaluate --track`: evaluates the tracking of clips by their pictures alone.
 
 use super::evaluate::{EvaluateArguments, save};
 use anyhow::{Context, Result, ensure};
@@ -10,9 +10,9 @@ use viola_lab::evaluate::track::{Foreign, TrackRow, foreign, markdown, ours, sum
 use viola_lab::simulate::{ClipParams, Home, HomeParams};
 use viola_reconstruct::TrackParams;
 
-/// Frames a second of simulated recordings.
+/// Frame rate of simulated recordings.
 const RATE_HZ: f64 = 10.0;
-/// Frames that are decoded at a time.
+/// Number of frames decoded at a time.
 const BATCH: usize = 16;
 
 /// Writes `track.json` and `track.md`.
@@ -59,7 +59,7 @@ fn scene(path: &Path, trajectories: &[std::path::PathBuf], params: &TrackParams)
     Ok(rows)
 }
 
-/// The sets' homes, the device's poses withheld; the table by sets comes first.
+/// Tracks clips of simulated homes without the device's poses; returns the rows and a table by sets.
 fn simulated(arguments: &EvaluateArguments, params: &TrackParams) -> (Vec<TrackRow>, String) {
     let frames = arguments.frames.first().copied().unwrap_or(240);
     let (mut rows, mut text) = (Vec::new(), String::new());

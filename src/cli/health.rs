@@ -1,4 +1,4 @@
-//! `viola health`: asks a running process whether it can serve, for containers that have no other client.
+//! `viola health`: checks whether a running process can serve, for containers without another HTTP client.
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -9,7 +9,7 @@ const PATIENCE: Duration = Duration::from_secs(4);
 
 #[derive(Args)]
 pub struct HealthArguments {
-    /// Where the process listens.
+    /// Address of the process.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8080")]
     address: SocketAddr,
 }

@@ -1,4 +1,4 @@
-//! `viola inspect`: what a file is, and what was understood of it.
+//! `viola inspect`: prints the format and contents of a map or a clip.
 
 mod sketch;
 
@@ -12,13 +12,13 @@ use viola_home as home;
 
 #[derive(Args)]
 pub struct InspectArguments {
-    /// A map or a clip, in any format that is read; a folder or a file.
+    /// Map or clip, as a file or a folder, in any format that `viola align` reads.
     file: PathBuf,
-    /// Print what the service would tell of the file, as JSON.
+    /// Print the summary that the service returns, as JSON.
     #[arg(long)]
     json: bool,
-    /// Write a picture here (PNG): of a map, which is sketched in characters without it, or a contact sheet of a clip,
-    /// a dozen frames with colour above depth.
+    /// PNG file to write: a picture of the map, or a contact sheet of the clip with up to a dozen frames,
+    /// colour above depth. Without it, a map is sketched in characters.
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
 }

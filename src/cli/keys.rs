@@ -1,4 +1,4 @@
-//! `viola keys`: who may call the service.
+//! `viola keys`: manages the keys of the service.
 
 use super::store::StoreArguments;
 use crate::storage::{ApiKey, HomeId, NewKey, Role, Storage, Tenant};
@@ -15,11 +15,11 @@ pub struct KeysArguments {
 
 #[derive(Subcommand)]
 enum KeysCommand {
-    /// Make a key and show it, this once. From the first one on, the service serves nobody without a key.
+    /// Create a key and print it; it is not shown again. Once a key exists, the service requires one.
     Create(CreateArguments),
     /// List the keys, without their secrets.
     List(ListArguments),
-    /// End a key at once.
+    /// Revoke a key with immediate effect.
     Revoke(RevokeArguments),
 }
 
@@ -27,19 +27,19 @@ enum KeysCommand {
 struct CreateArguments {
     #[command(flatten)]
     store: StoreArguments,
-    /// Whose homes the key is for. What was there before there were keys belongs to the tenant `default`.
+    /// Tenant whose homes the key opens. Data from the time without keys belongs to the tenant `default`.
     #[arg(long, value_name = "NAME")]
     tenant: Tenant,
-    /// What the key allows: an uploader uploads clips and follows them, a reader reads everything, an admin does all.
+    /// Role: uploader (uploads clips, follows their jobs), reader (reads all but webhooks), admin (all).
     #[arg(long, value_name = "uploader|reader|admin")]
     role: Role,
-    /// Only for this home.
+    /// Only home that the key opens; default: all homes of the tenant.
     #[arg(long, value_name = "ID")]
     home: Option<HomeId>,
-    /// For people, to know the key by.
+    /// Label of the key, for people.
     #[arg(long, value_name = "TEXT", default_value = "")]
     label: String,
-    /// When the key ends by itself.
+    /// Lifetime of the key in days; by default it does not expire.
     #[arg(long, value_name = "DAYS", value_parser = clap::value_parser!(u32).range(1..=36500))]
     days: Option<u32>,
 }
@@ -48,7 +48,7 @@ struct CreateArguments {
 struct ListArguments {
     #[command(flatten)]
     store: StoreArguments,
-    /// Only this tenant's.
+    /// Tenant whose keys are listed; default: all tenants.
     #[arg(long, value_name = "NAME")]
     tenant: Option<Tenant>,
 }
@@ -57,7 +57,7 @@ struct ListArguments {
 struct RevokeArguments {
     #[command(flatten)]
     store: StoreArguments,
-    /// The key's id, as `viola keys list` shows it.
+    /// Id of the key, from `viola keys list`.
     id: Uuid,
 }
 
@@ -85,7 +85,7 @@ async fn create(arguments: &CreateArguments) -> Result<()> {
     };
     let (key, secret) = storage.create_key(new, now).await?;
     storage.close().await;
-    // Alone on standard output, so that a script can take it.
+    // The secret is alone on standard output, so that a script can read it.
     eprintln!("key {} of tenant {}; it is not shown again:", key.id, key.tenant.name());
     println!("{}", secret.show());
     Ok(())

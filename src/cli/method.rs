@@ -1,4 +1,4 @@
-//! How clips are aligned, as the command line of a service says it.
+//! Arguments of the alignment, for the commands of a service.
 
 use super::completion::CompletionArguments;
 use super::networks::NetworkArguments;
@@ -9,7 +9,7 @@ use clap::Args;
 use serde::{Deserialize, Serialize};
 use viola_align::AlignParams;
 
-/// Serialized for a child that is to align in the same way.
+/// Arguments of the alignment, serialised for a child process that aligns in the same way.
 #[derive(Args, Debug, Clone, Serialize, Deserialize)]
 pub struct MethodArguments {
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! `viola migrate`: the tables, brought up to date without serving.
+//! `viola migrate`: creates or updates the database tables without serving.
 
 use super::store::StoreArguments;
 use crate::storage::Storage;

@@ -1,4 +1,4 @@
-//! `viola models`: which networks there are, fetching them, and looking at what they say of a picture.
+//! `viola models`: lists, fetches and checks the neural networks.
 
 mod archive;
 mod check;
@@ -21,25 +21,25 @@ pub struct ModelsArguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// List the known networks, and which are installed.
+    /// List the known networks and whether they are installed.
     List {
         #[command(flatten)]
         folder: Folder,
     },
-    /// Fetch a network, or the library that runs them, into the models folder.
+    /// Fetch a network, or the runtime library, into the models folder.
     Fetch {
-        /// Its name in the list.
+        /// Name from `viola models list`.
         name: String,
         #[command(flatten)]
         folder: Folder,
     },
-    /// Run a network on a picture, and draw what it says.
+    /// Run a network on a picture and draw its output.
     Check(check::CheckArguments),
 }
 
 #[derive(Args, Debug, Clone)]
 struct Folder {
-    /// The models folder.
+    /// Models folder.
     #[arg(long, env = "VIOLA_MODELS", default_value = "viola-models", value_name = "DIR")]
     models: PathBuf,
 }
@@ -106,9 +106,9 @@ fn task(task: Task) -> &'static str {
     }
 }
 
-/// What lies in the models folder for an entry.
+/// State of an entry in the models folder.
 struct State {
-    /// The file's size, when it is there.
+    /// Size of the file, if it is installed.
     bytes: Option<u64>,
     sum: &'static str,
 }

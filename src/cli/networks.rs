@@ -1,4 +1,4 @@
-//! Which networks a command uses, and how they are run.
+//! Arguments for the networks of a command.
 
 use super::runtime::RuntimeArguments;
 use anyhow::{Context, Result};
@@ -16,7 +16,7 @@ use viola_reconstruct::label::{self, Segmenter};
 
 #[derive(Args, Debug, Clone, Serialize, Deserialize)]
 pub struct NetworkArguments {
-    /// Folder of neural networks (see `viola models list`). Without one, classes come from geometry alone.
+    /// Folder of neural networks (see `viola models list`). Without it, classes come from geometry alone.
     #[arg(long, env = "VIOLA_MODELS", value_name = "DIR")]
     pub models: Option<PathBuf>,
     #[command(flatten)]
@@ -24,7 +24,7 @@ pub struct NetworkArguments {
 }
 
 impl NetworkArguments {
-    /// The segmentation network of the models folder; none when there is none in it.
+    /// Returns the segmentation network of the models folder, if one is installed.
     pub fn segmenter(&self) -> Result<Option<Arc<dyn Segmenter>>> {
         let Some(models) = &self.models else { return Ok(None) };
         let Some(entry) = label::installed(models).context("the list of networks")? else {
@@ -42,7 +42,7 @@ impl NetworkArguments {
         Ok(Some(Arc::from(segmenter)))
     }
 
-    /// The networks that complete what a clip did not see; none where the models folder has none for inpainting.
+    /// Returns the networks for the completion; none without an inpainting network in the models folder.
     pub fn imagination(&self) -> Result<Option<Imagination>> {
         let Some(models) = &self.models else { return Ok(None) };
         let params = self.runtime.params(Some(models));
@@ -62,13 +62,13 @@ impl NetworkArguments {
         Ok(Some(Imagination { inpainter: Arc::from(inpainter), estimator, views, max_views: 6 }))
     }
 
-    /// How points are labelled: a network that cannot be used is an error.
+    /// Returns the parameters for labels; a network that cannot be used is an error.
     pub fn labels(&self) -> Result<LabelParams> {
         Ok(LabelParams { segmenter: self.segmenter()?, ..LabelParams::default() })
     }
 
-    /// The same for a service, which goes on without the network: the log has the cause, and every answer says
-    /// that its classes come from geometry.
+    /// Returns the parameters for a service. If the network cannot be used, classes come from geometry: the
+    /// cause is logged, and every answer says so.
     pub fn labels_or_geometry(&self) -> LabelParams {
         self.labels().unwrap_or_else(|error| {
             tracing::error!("the network cannot be used: {error:#}");

@@ -1,4 +1,4 @@
-//! `viola openapi`: the document that the service serves, and that is checked in as `openapi/viola.json`.
+//! `viola openapi`: prints the OpenAPI document of the service, which is checked in as `openapi/viola.json`.
 
 use anyhow::Result;
 use std::io::Write;

@@ -1,4 +1,4 @@
-//! Progress for people: a bar on a terminal, a plain line a stage elsewhere.
+//! Progress display: a bar on a terminal, else one plain line per stage.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
@@ -9,7 +9,7 @@ use viola_geometry::progress::{Progress, Stage};
 pub struct TerminalProgress {
     bar: Option<ProgressBar>,
     stage: Mutex<Option<Stage>>,
-    /// The furthest that was shown, in thousandths: stages may come again, and a bar does not go back.
+    /// Highest progress so far, in thousandths: stages may repeat, and the bar must not move back.
     furthest: AtomicU64,
 }
 
@@ -32,7 +32,7 @@ impl TerminalProgress {
         }
     }
 
-    /// How far the work is, in thousandths.
+    /// Shows the progress and returns the highest so far, in thousandths.
     fn show(&self, stage: Stage, fraction: f64) -> u64 {
         let thousandths = (stage.overall(fraction) * 1000.0) as u64;
         let furthest = self.furthest.fetch_max(thousandths, Ordering::Relaxed).max(thousandths);

@@ -1,4 +1,4 @@
-//! Where the networks are and what runs them: the same arguments for every command that uses one.
+//! Arguments for the runtime of networks, shared by every command that uses one.
 
 use clap::{Args, ValueEnum};
 use serde::{Deserialize, Serialize};
@@ -8,16 +8,16 @@ use viola_network::{Device, Runtime, RuntimeParams};
 
 #[derive(Args, Debug, Clone, Serialize, Deserialize)]
 pub struct RuntimeArguments {
-    /// What runs networks; ONNX Runtime where its library is found unless told otherwise.
+    /// Runtime of the networks; `auto` uses ONNX Runtime if its library is found, else rten.
     #[arg(long, value_enum, default_value_t = RuntimeChoice::Auto)]
     runtime: RuntimeChoice,
-    /// What computes; an accelerator needs an ONNX Runtime that was built for it.
+    /// Device that computes; an accelerator needs an ONNX Runtime that was built for it.
     #[arg(long, value_enum, default_value_t = DeviceChoice::Cpu)]
     device: DeviceChoice,
-    /// The file of ONNX Runtime's library. Without it, the models folder and the usual places are searched.
+    /// File of ONNX Runtime's library; by default the models folder and the usual places are searched.
     #[arg(long, env = "ORT_DYLIB_PATH", value_name = "FILE")]
     onnxruntime: Option<PathBuf>,
-    /// Threads that a network takes; all cores unless told otherwise.
+    /// Number of threads of a network; default: all cores.
     #[arg(long, value_name = "N")]
     network_threads: Option<NonZeroUsize>,
 }
@@ -37,7 +37,7 @@ enum DeviceChoice {
 }
 
 impl RuntimeArguments {
-    /// For networks; the library is also looked for in the models folder.
+    /// Returns the parameters of the runtime; its library is also searched for in the models folder.
     pub fn params(&self, models: Option<&Path>) -> RuntimeParams {
         RuntimeParams {
             runtime: match self.runtime {
@@ -45,7 +45,7 @@ impl RuntimeArguments {
                 RuntimeChoice::Rten => Runtime::Rten,
                 RuntimeChoice::Onnxruntime => Runtime::OnnxRuntime,
             },
-            // An empty variable is how a shell unsets one.
+            // A shell may unset a variable by making it empty.
             library: self.onnxruntime.clone().filter(|path| !path.as_os_str().is_empty()),
             look_in: models.map(|folder| folder.join("onnxruntime")).into_iter().collect(),
             device: match self.device {

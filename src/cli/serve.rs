@@ -1,9 +1,10 @@
-//! `viola serve`: the HTTP API, with workers in the same process or without.
+//! `viola serve`: serves the HTTP API, with or without workers in the same process.
 
+use super::align_job::child;
 use super::service::{self, print_address};
 use super::store::StoreArguments;
 use super::worker::{WorkerArguments, seconds};
-use crate::api::{ConnectionParams, LimitParams, ServeParams, UploadParams, serve};
+use crate::api::{ConnectionParams, LimitParams, Origin, ServeParams, UploadParams, serve};
 use crate::storage::UploadLimits;
 use anyhow::Result;
 use clap::Args;
@@ -13,29 +14,32 @@ use std::time::Duration;
 
 #[derive(Args)]
 pub struct ServeArguments {
-    /// Address and port; port 0 takes a free one. Other machines are served only once there is a key: see `viola keys`.
+    /// Address and port; port 0 selects a free port. Other than loopback needs a key: see `viola keys`.
     #[arg(long, value_name = "ADDRESS", env = "VIOLA_LISTEN", default_value = "127.0.0.1:8080")]
     listen: SocketAddr,
     #[command(flatten)]
     store: StoreArguments,
-    /// Leave jobs to `viola work`.
+    /// Run no jobs in this process; leave them to `viola work`.
     #[arg(long, env = "VIOLA_NO_WORKER")]
     no_worker: bool,
     #[command(flatten)]
     worker: WorkerArguments,
-    /// Largest clip.
+    /// Maximum size of a clip in MiB.
     #[arg(long, value_name = "MIB", env = "VIOLA_MAX_UPLOAD_MB", default_value_t = 2048)]
     max_upload_mb: u64,
-    /// How long an unfinished resumable upload waits for its next byte.
+    /// Idle time in seconds after which an unfinished resumable upload expires.
     #[arg(long, value_name = "SECONDS", env = "VIOLA_UPLOAD_PATIENCE_SECONDS", default_value = "86400",
         value_parser = seconds)]
     upload_patience_seconds: Duration,
-    /// Requests a second of one tenant to this process, in the long run; without bound when not given.
+    /// Maximum mean rate of one tenant's requests to this process, per second; default: unlimited.
     #[arg(long, value_name = "N", env = "VIOLA_TENANT_REQUESTS_PER_SECOND")]
     tenant_requests_per_second: Option<NonZeroU32>,
-    /// What one tenant may keep as uploaded files; without bound when not given.
+    /// Maximum size of one tenant's uploaded files in MiB; default: unlimited.
     #[arg(long, value_name = "MIB", env = "VIOLA_TENANT_STORAGE_MB")]
     tenant_storage_mb: Option<u64>,
+    /// Origin whose pages may call the service, for example https://app.example. May be given several times.
+    #[arg(long = "cors-origin", value_name = "ORIGIN", env = "VIOLA_CORS_ORIGINS", value_delimiter = ',')]
+    cors_origins: Vec<Origin>,
 }
 
 pub fn run(arguments: &ServeArguments) -> Result<()> {
@@ -46,6 +50,7 @@ pub fn run(arguments: &ServeArguments) -> Result<()> {
         max_upload_bytes: arguments.max_upload_mb.saturating_mul(1 << 20),
         uploads: UploadParams {
             limits: UploadLimits { patience: arguments.upload_patience_seconds, ..UploadLimits::default() },
+            opener: Some(child(&["open-clip"])?),
             ..UploadParams::default()
         },
         limits: LimitParams {
@@ -55,6 +60,7 @@ pub fn run(arguments: &ServeArguments) -> Result<()> {
         connections: ConnectionParams::default(),
         worker: arguments.worker.params()?,
         webhooks: arguments.worker.webhooks(),
+        cors_origins: arguments.cors_origins.clone(),
     };
     service::run(|stop| serve(params, stop, print_address))
 }

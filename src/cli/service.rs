@@ -1,4 +1,4 @@
-//! What all commands that go on running share: a log, an end, and the line that says where they listen.
+//! Common parts of the commands that keep running: telemetry, shutdown and the line with their address.
 
 use super::telemetry::Telemetry;
 use anyhow::Result;
@@ -8,7 +8,7 @@ use std::net::SocketAddr;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
 
-/// Runs a service until it ends, or is asked to by SIGTERM or SIGINT.
+/// Runs a service until it ends; SIGTERM or SIGINT asks it to stop.
 pub fn run<E, F>(service: impl FnOnce(CancellationToken) -> F) -> Result<()>
 where
     E: Into<anyhow::Error>,
@@ -25,19 +25,19 @@ where
         });
         service(stop).await
     });
-    // A method that did not stop in its grace would otherwise hold the process.
+    // Otherwise a method that did not stop within its grace period would block the process.
     runtime.shutdown_background();
     ended.map_err(Into::into)
 }
 
-/// The line that scripts wait for.
+/// Prints the line that scripts wait for.
 pub fn print_address(address: SocketAddr) {
     let mut out = std::io::stdout().lock();
-    // Nobody may be reading; that is no reason not to serve.
+    // The service must run even if nobody reads its output.
     let _ = writeln!(out, "listening on http://{address}").and_then(|()| out.flush());
 }
 
-/// Ends with the first SIGTERM or SIGINT.
+/// Returns at the first SIGTERM or SIGINT.
 async fn stop_asked() {
     let signals = (signal(SignalKind::terminate()), signal(SignalKind::interrupt()));
     let (Ok(mut terminate), Ok(mut interrupt)) = signals else {

@@ -1,4 +1,4 @@
-//! `viola simulate`: a furnished home with its vacuum's map and clips, written to a folder.
+//! `viola simulate`: writes a furnished home with its vacuum's map and clips to a folder.
 
 use anyhow::{Context, Result};
 use serde_json::json;
@@ -17,7 +17,7 @@ pub struct SimulateArguments {
     set: Set,
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// How many clips.
+    /// Number of clips.
     #[arg(long, default_value_t = 3)]
     clips: u64,
     /// Frames of each clip.
@@ -26,10 +26,10 @@ pub struct SimulateArguments {
     /// Depth sensor: phone-lidar, structured-light.
     #[arg(long, default_value = "phone-lidar")]
     sensor: Sensor,
-    /// Error of the device's poses after one metre, in metres.
+    /// Error of the device's poses after one metre of path, in metres.
     #[arg(long, default_value_t = ClipParams::default().drift)]
     drift: f64,
-    /// Folder to write to; made when it is not there.
+    /// Output folder, created if it is missing.
     #[arg(long)]
     out: PathBuf,
 }

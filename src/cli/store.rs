@@ -1,4 +1,4 @@
-//! Where the service keeps what it keeps, as the command line says it.
+//! Arguments for the storage of the service.
 
 use crate::storage::{POSTGRES_CONNECTIONS, PostgresParams, S3Params, StorageParams};
 use clap::Args;
@@ -6,24 +6,24 @@ use std::path::PathBuf;
 
 #[derive(Args)]
 pub struct StoreArguments {
-    /// The data folder; it is made when it is not there. Everything lies in it, unless another place is named.
+    /// Data folder, created if it is missing. It holds everything that is not in PostgreSQL or S3.
     #[arg(long, value_name = "DIR", env = "VIOLA_DATA", default_value = "viola-data")]
     data: PathBuf,
-    /// A PostgreSQL database in place of SQLite in the data folder: postgres://USER:PASSWORD@HOST/DATABASE. Many
-    /// processes may share it.
+    /// PostgreSQL database: postgres://USER:PASSWORD@HOST/DATABASE. Many processes may share it. Default:
+    /// SQLite in the data folder.
     #[arg(long, value_name = "URL", env = "VIOLA_DATABASE_URL", hide_env_values = true)]
     database_url: Option<String>,
-    /// Connections of this process to PostgreSQL, at most.
+    /// Maximum number of connections of this process to PostgreSQL.
     #[arg(long, value_name = "N", env = "VIOLA_DATABASE_CONNECTIONS", default_value_t = POSTGRES_CONNECTIONS)]
     database_connections: u32,
-    /// A bucket of S3, or of a store with its interface, in place of files in the data folder.
+    /// Bucket of S3 or of a compatible store. Default: files in the data folder.
     #[arg(long, value_name = "NAME", env = "VIOLA_S3_BUCKET",
         requires_all = ["s3_access_key_id", "s3_secret_access_key"])]
     s3_bucket: Option<String>,
-    /// What the names of all objects begin with; what lies there belongs to this service alone.
+    /// Prefix of the names of all objects; objects with this prefix must belong to this service only.
     #[arg(long, value_name = "PREFIX", env = "VIOLA_S3_PREFIX", default_value = "")]
     s3_prefix: String,
-    /// Where the store is, when it is not Amazon's.
+    /// URL of the store; default: Amazon's.
     #[arg(long, value_name = "URL", env = "VIOLA_S3_ENDPOINT")]
     s3_endpoint: Option<String>,
     #[arg(long, value_name = "NAME", env = "VIOLA_S3_REGION", default_value = "us-east-1")]
@@ -32,10 +32,10 @@ pub struct StoreArguments {
     s3_access_key_id: Option<String>,
     #[arg(long, value_name = "SECRET", env = "VIOLA_S3_SECRET_ACCESS_KEY", hide_env_values = true)]
     s3_secret_access_key: Option<String>,
-    /// Let the endpoint be http, which anybody on the way can read.
+    /// Allow an endpoint with http, which is not encrypted.
     #[arg(long, env = "VIOLA_S3_ALLOW_HTTP")]
     s3_allow_http: bool,
-    /// Name the bucket in the host name, as Amazon does, and not in the path.
+    /// Put the bucket's name into the host name, as Amazon does, instead of the path.
     #[arg(long, env = "VIOLA_S3_VIRTUAL_HOSTED")]
     s3_virtual_hosted: bool,
 }

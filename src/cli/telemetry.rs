@@ -1,6 +1,5 @@
-//! What a service tells of itself while it runs: a log on standard error, and traces for a collector of OpenTelemetry
-//! where one is named, by the standard's own variables (`OTEL_EXPORTER_OTLP_ENDPOINT`, `OTEL_SERVICE_NAME`,
-//! `OTEL_TRACES_SAMPLER`, ...).
+//! Telemetry of a running service: a log on standard error, and traces if the OpenTelemetry variables name a
+//! collector (`OTEL_EXPORTER_OTLP_ENDPOINT`, `OTEL_SERVICE_NAME`, `OTEL_TRACES_SAMPLER`, ...).
 
 use anyhow::{Context, Result};
 use opentelemetry::global;
@@ -13,16 +12,16 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer};
 
-/// Either of them names a collector.
+/// Variables that name a collector; one of them is enough.
 const ENDPOINTS: [&str; 2] = ["OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT"];
 
-/// Goes on telling until it is dropped; then what is left is sent. Neither begins nor ends within a runtime.
+/// Guard of the telemetry; its drop sends the remaining traces. Start and drop it outside the async runtime.
 pub struct Telemetry {
     traces: Option<SdkTracerProvider>,
 }
 
 impl Telemetry {
-    /// The log is for people on a terminal, JSON elsewhere; `RUST_LOG` filters it, and not the traces.
+    /// Starts the log (plain text on a terminal, else JSON) and the traces; `RUST_LOG` filters only the log.
     pub fn start() -> Result<Telemetry> {
         let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
         let log = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
@@ -33,7 +32,7 @@ impl Telemetry {
         };
         let traces = collector().transpose()?;
         let to_collector = traces.as_ref().map(|traces| {
-            // Of the libraries below, the exporter's own calls too, nobody asked.
+            // Only our own spans: those of libraries, such as the exporter's own calls, would be noise.
             let ours = EnvFilter::new("off,viola=info");
             tracing_opentelemetry::layer().with_tracer(traces.tracer("viola")).with_filter(ours)
         });
@@ -42,7 +41,7 @@ impl Telemetry {
     }
 }
 
-/// None where no collector is named.
+/// Returns the tracer provider; none if no collector is named.
 fn collector() -> Option<Result<SdkTracerProvider>> {
     let is_named = |name: &&str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     ENDPOINTS.into_iter().find(is_named)?;
@@ -50,13 +49,13 @@ fn collector() -> Option<Result<SdkTracerProvider>> {
     let exporter =
         exporter.with_context(|| format!("traces cannot be sent; look at {}", ENDPOINTS.join(" and ")));
     Some(exporter.map(|exporter| {
-        // What OTEL_SERVICE_NAME and OTEL_RESOURCE_ATTRIBUTES say goes before this.
+        // OTEL_SERVICE_NAME overrides this name.
         let resource = Resource::builder();
         let resource = match std::env::var_os("OTEL_SERVICE_NAME") {
             Some(_) => resource,
             None => resource.with_service_name("viola"),
         };
-        // A caller's own trace goes on here (W3C Trace Context).
+        // Requests continue the trace of their caller (W3C Trace Context).
         global::set_text_map_propagator(TraceContextPropagator::new());
         SdkTracerProvider::builder().with_batch_exporter(exporter).with_resource(resource.build()).build()
     }))

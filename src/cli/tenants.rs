@@ -1,4 +1,4 @@
-//! `viola tenants`: whose homes are here, and the end of one.
+//! `viola tenants`: lists the tenants and removes one.
 
 use super::store::StoreArguments;
 use crate::storage::{Storage, Tenant};
@@ -15,9 +15,9 @@ pub struct TenantsArguments {
 
 #[derive(Subcommand)]
 enum TenantsCommand {
-    /// List the tenants that have anything here.
+    /// List the tenants that have any data.
     List(ListArguments),
-    /// Remove a tenant: its keys, homes, clips, maps, uploads and webhooks, every row and every byte.
+    /// Remove a tenant with all its keys, homes, clips, maps, uploads and webhooks.
     Delete(DeleteArguments),
 }
 
@@ -33,7 +33,7 @@ struct DeleteArguments {
     store: StoreArguments,
     #[arg(value_name = "NAME")]
     tenant: Tenant,
-    /// Do it: what is removed cannot be had back.
+    /// Confirm the removal, which cannot be undone.
     #[arg(long)]
     yes: bool,
 }

@@ -1,10 +1,10 @@
-//! The programs that decode video: this one, and ffmpeg where it is installed.
+//! The programs that decode video: this one, and ffmpeg if it is installed.
 
 use std::env;
 use std::path::PathBuf;
 use viola_formats::video::Tools;
 
-/// Looks for them.
+/// Returns the programs that are found.
 pub(super) fn video_tools() -> Tools {
     Tools { viola: env::current_exe().ok(), ffmpeg: in_path("ffmpeg"), ..Tools::default() }
 }

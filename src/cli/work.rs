@@ -1,4 +1,4 @@
-//! `viola work`: jobs and nothing else, beside any number of servers and other workers.
+//! `viola work`: runs jobs only, beside any number of servers and other workers.
 
 use super::service::{self, print_address};
 use super::store::StoreArguments;
@@ -14,7 +14,7 @@ pub struct WorkArguments {
     store: StoreArguments,
     #[command(flatten)]
     worker: WorkerArguments,
-    /// Where to serve /healthz, /readyz and /metrics; nowhere when not given.
+    /// Address for /healthz, /readyz and /metrics; by default they are not served.
     #[arg(long, value_name = "ADDRESS", env = "VIOLA_STATUS_LISTEN")]
     status_listen: Option<SocketAddr>,
 }

@@ -1,4 +1,4 @@
-//! How jobs are done, as the command line says it.
+//! Arguments for the workers.
 
 use super::align_job::child_params;
 use super::method::MethodArguments;
@@ -12,19 +12,19 @@ use std::time::Duration;
 
 #[derive(Args)]
 pub struct WorkerArguments {
-    /// Jobs at a time; each uses all cores where it can.
+    /// Number of parallel jobs; each job uses all cores if it can.
     #[arg(long, value_name = "N", env = "VIOLA_WORKERS", default_value_t = 1)]
     pub workers: usize,
     #[command(flatten)]
     method: MethodArguments,
-    /// Let webhooks go to addresses of private networks and of this machine, and by plain http. Only where all tenants
-    /// are trusted: whatever this process can reach, they can then send messages to.
+    /// Allow webhooks to private networks and to this machine, and over plain http. Use it only if all
+    /// tenants are trusted: they can then send messages to every address that this process can reach.
     #[arg(long, env = "VIOLA_WEBHOOKS_TO_PRIVATE_ADDRESSES")]
     webhooks_to_private_addresses: bool,
-    /// How long a job stays with a worker that gives no sign of life.
+    /// Lease of a job in seconds; its worker must renew the lease to keep the job.
     #[arg(long, value_name = "SECONDS", hide = true, default_value = "30", value_parser = seconds)]
     lease_seconds: Duration,
-    /// First pause between two tries of a job.
+    /// Delay before the first retry of a job in seconds.
     #[arg(long, value_name = "SECONDS", hide = true, default_value = "5", value_parser = seconds)]
     retry_seconds: Duration,
 }

@@ -12,14 +12,14 @@ use viola_geometry::stopwatch::Stopwatch;
 use viola_home as home;
 use viola_reconstruct::Reason;
 
-/// What one job makes.
+/// Result of one job.
 pub struct Finished {
     pub alignment: Alignment,
-    /// By the names of [`crate::storage::result_file`].
+    /// Files by the names of [`crate::storage::result_file`].
     pub files: Vec<(&'static str, Vec<u8>)>,
 }
 
-/// Why a job made nothing.
+/// Reason why a job has no result.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
     #[error("the work was cancelled")]
@@ -40,7 +40,7 @@ impl From<AlignError> for Failure {
 }
 
 impl Failure {
-    /// Whether the machine is at fault and not the files: the attempt does not count.
+    /// Returns whether the machine is at fault and not the files: then the attempt does not count.
     pub fn is_ours(&self) -> bool {
         match self {
             Failure::Cancelled => false,
@@ -49,7 +49,7 @@ impl Failure {
         }
     }
 
-    /// What the clip's owner is told.
+    /// Returns the reason for the clip's owner.
     pub fn reason(&self) -> Reason {
         let code = match self {
             Failure::Cancelled => "cancelled",
@@ -60,11 +60,11 @@ impl Failure {
     }
 }
 
-/// What a job needs to know beside its files.
+/// Parameters of a job, beside its files.
 #[derive(Debug, Clone, Default)]
 pub struct JobParams {
     pub align: AlignParams,
-    /// What decodes clips' videos.
+    /// Decoders of clips' videos.
     pub video: video::Tools,
 }
 
@@ -85,7 +85,7 @@ pub fn align_clip(
     watch.enter(Stage::Report);
     let mut files = vec![
         (result_file::OVERLAY, home::overlay_png(&lidar, &aligned)),
-        // In the clip's own frame: its place in the map changes with its neighbours, and with a person's choice.
+        // In the clip's own frame: its pose in the map changes with its neighbours and with a choice.
         (result_file::CLOUD, home::cloud_ply(&aligned.cloud_in_clip, None)),
         (result_file::VIEWS, home::views_bytes(&aligned.views)),
         (result_file::SCAN, serde_json::to_vec(&home::ClipScan::of(&aligned)).unwrap_or_default()),

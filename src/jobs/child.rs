@@ -1,4 +1,4 @@
-//! A process of its own for the method, so that a clip that kills its process kills nothing else, and is known by it.
+//! A child process for the method, so that a clip that kills it kills nothing else and is identified.
 
 mod leash;
 mod protocol;
@@ -25,12 +25,12 @@ use viola_geometry::progress::Progress;
 
 /// A longer message ends the child.
 const MAX_MESSAGE_BYTES: u64 = 1 << 20;
-/// As much of the child's standard error goes to the log.
+/// Most bytes of the child's standard error that go to the log.
 const MAX_SAID_BYTES: u64 = 2000;
-/// The status of a Rust program that panicked.
+/// Exit status of a Rust program that panicked.
 const PANICKED: i32 = 101;
 
-/// How a process is started in which the method runs alone.
+/// Command that starts another process of this program.
 #[derive(Debug, Clone)]
 pub struct ChildParams {
     /// A program that calls [`serve_child`].
@@ -41,9 +41,9 @@ pub struct ChildParams {
     pub environment: Vec<(OsString, OsString)>,
 }
 
-/// Runs the method in a process of its own, which is killed when `report` is cancelled. Its files lie in `folder`.
+/// Runs the method in a child process, which is killed when `report` is cancelled. Its files lie in `folder`.
 ///
-/// The process ends with the thread that started it, so that this one is not taken from a pool.
+/// The process ends with the thread that started it, so this thread is not taken from a pool.
 pub(super) fn run_in_child(
     params: &ChildParams,
     inputs: Inputs,
@@ -57,7 +57,7 @@ pub(super) fn run_in_child(
         move || {
             let ended = tend(&params, &inputs, folder.path(), &report, &leash);
             drop(folder);
-            // The worker may have gone.
+            // The worker may have stopped waiting.
             let _ = tell.send(ended);
         }
     };
@@ -70,7 +70,7 @@ pub(super) fn run_in_child(
             ended = &mut told => ended.unwrap_or_else(|_| Err(Trouble::internal("the child's thread panicked"))),
             () = report.stop_asked() => {
                 leash.0.kill();
-                // Its folder is removed by then.
+                // The folder is removed before this returns.
                 let _ = told.await;
                 Err(Trouble::Cancelled)
             }
@@ -87,7 +87,7 @@ impl Drop for KilledOnDrop {
     }
 }
 
-/// Starts the process and listens to it until it has ended.
+/// Starts the process and reads its messages until it has ended.
 fn tend(params: &ChildParams, inputs: &Inputs, folder: &Path, report: &Report, leash: &Leash) -> Ended {
     let order = ChildOrder {
         clip: inputs.clip.to_path_buf(),
@@ -115,7 +115,7 @@ fn tend(params: &ChildParams, inputs: &Inputs, folder: &Path, report: &Report, l
     }
 }
 
-/// Passes on the progress; returns the last message, none where the process ended without one.
+/// Forwards the progress; returns the last message, `None` if the process ended without one.
 fn listen(stdout: impl Read, report: &Report) -> Option<Message> {
     let mut stdout = BufReader::new(stdout);
     loop {
@@ -134,22 +134,22 @@ fn listen(stdout: impl Read, report: &Report) -> Option<Message> {
     }
 }
 
-/// What the end of a process tells that gave no last message.
+/// Returns the trouble of a process that ended without a last message.
 fn without_a_word(status: ExitStatus, said: &str) -> Trouble {
     let cause = format!("the child ended with {status}: {said}");
     if was_asked_to_stop(status) {
         return Trouble::system(cause);
     }
     match status.code() {
-        // By a signal: it aborted, or was killed as it took too much memory.
+        // By a signal: it aborted, or was killed for its use of memory.
         None => Trouble::died(cause),
         Some(PANICKED) => Trouble::internal(cause),
-        // It did not come to begin.
+        // It did not start its work.
         Some(_) => Trouble::system(cause),
     }
 }
 
-/// The end of what a process wrote to its standard error; empty where it cannot be read.
+/// Returns the end of a process's standard error; empty if it cannot be read.
 fn last_words(file: &Path) -> String {
     let read = || -> io::Result<Vec<u8>> {
         let mut file = File::open(file)?;

@@ -1,4 +1,4 @@
-//! Makes a home's next map out of its clips.
+//! Merges a home's clips into its next map.
 
 mod assembling;
 
@@ -15,10 +15,10 @@ use viola_formats::lidar::{LidarError, LidarMap};
 use viola_home as home;
 use viola_home::{Assembly, ClipNumbers, Description, NotOurs, Tile, TileKey};
 
-/// How long a home whose merge broke is left alone.
+/// Pause of a home after a failed merge.
 const PAUSE: Duration = Duration::from_secs(5);
 
-/// Merges one home; an error gives it back.
+/// Merges one home; gives it back after an error.
 pub(super) async fn merge(queue: &Queue, claim: &MergeClaim, lease: Duration) {
     let begun = Instant::now();
     let merged = tokio::select! {
@@ -41,18 +41,18 @@ pub(super) async fn merge(queue: &Queue, claim: &MergeClaim, lease: Duration) {
         Ok(Merged::Lost) => info!(home = %claim.home, "the map is due again"),
         Err(cause) => {
             error!(home = %claim.home, %cause, "a map could not be merged");
-            // A clip that went meanwhile is no fault, and waiting would not bring it back.
+            // A clip that was removed meanwhile is no fault, and waiting would not bring it back.
             let pause = if matches!(cause, MergeError::Gone) { Duration::ZERO } else { PAUSE };
             let given_back = queue.storage.give_back_merge(claim, Timestamp::now() + pause).await;
             if let Err(error) = given_back {
-                // Its lease runs out, and it is merged again.
+                // The lease expires, and the home is merged again.
                 error!(home = %claim.home, %error, "a merge could not be given back");
             }
         }
     }
 }
 
-/// Renews the lease for as long as the home is ours; returns when it is not.
+/// Renews the lease until the home is no longer this worker's.
 async fn hold(storage: &Storage, claim: &MergeClaim, lease: Duration) {
     loop {
         tokio::time::sleep(lease / 3).await;
@@ -70,7 +70,7 @@ enum Merged {
     Lost,
 }
 
-/// Why a map could not be merged.
+/// Reason why a map could not be merged.
 #[derive(Debug, thiserror::Error)]
 enum MergeError {
     #[error(transparent)]
@@ -108,7 +108,7 @@ async fn try_merge(storage: &Arc<Storage>, claim: &MergeClaim) -> Result<Merged,
     Ok(if kept { Merged::Revision { tiles } } else { Merged::Lost })
 }
 
-/// The tiles of the last revision that are in the next as well.
+/// Returns the tiles of the last revision that the next one keeps.
 async fn kept_tiles(
     storage: &Storage,
     claim: &MergeClaim,
@@ -122,7 +122,7 @@ async fn kept_tiles(
     Ok(kept)
 }
 
-/// The next revision with everything that it shows.
+/// Returns the next revision with all its files.
 fn revision(
     assembly: Assembly,
     kept: Vec<(TileKey, Bytes)>,

@@ -1,4 +1,4 @@
-//! What is counted of the work.
+//! Metrics of jobs and merges.
 
 use crate::storage::Ending;
 use metrics::{Unit, counter, describe_counter, describe_histogram, histogram};
@@ -12,7 +12,7 @@ const LEASES_LOST: &str = "viola_leases_lost_total";
 const MERGES: &str = "viola_merges_total";
 const MERGE_SECONDS: &str = "viola_merge_seconds";
 
-/// Tells whoever reads the numbers what they are.
+/// Registers the descriptions of the metrics.
 pub fn describe_metrics() {
     describe_counter!(ATTEMPTS, "Attempts at jobs, by how they ended");
     describe_histogram!(ATTEMPT_SECONDS, Unit::Seconds, "Time of an attempt");
@@ -28,7 +28,7 @@ pub(super) fn started(waited: Duration) {
     histogram!(START_SECONDS).record(waited);
 }
 
-/// `ending` is none where the job went to somebody else.
+/// Records the end of an attempt; `ending` is `None` if the job was lost.
 pub(super) fn ended(outcome: &str, ending: Option<&Ending>, took: Duration) {
     counter!(ATTEMPTS, "outcome" => outcome.to_owned()).increment(1);
     histogram!(ATTEMPT_SECONDS).record(took);

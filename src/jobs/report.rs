@@ -1,4 +1,4 @@
-//! What the method says while it works, kept where the worker can look at it.
+//! Progress of the running method, shared with the worker.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -6,7 +6,7 @@ use tokio::sync::Notify;
 use tracing::{Span, info_span};
 use viola_geometry::progress::{Progress, Stage};
 
-/// A [`Progress`] that remembers the last word and passes on the order to stop. Each stage is a span of its own.
+/// A [`Progress`] that stores the last report and forwards the order to stop. Each stage has its own span.
 #[derive(Default)]
 pub(super) struct Report {
     heard: Mutex<Heard>,
@@ -16,11 +16,11 @@ pub(super) struct Report {
     stage: Mutex<Option<Span>>,
 }
 
-/// The last word of the method.
+/// Last report of the method.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Heard {
     pub stage: Option<Stage>,
-    /// Of the whole job, 0..1. It never goes back, though stages may come again.
+    /// Progress of the whole job, 0..1. It never decreases, though stages may repeat.
     pub progress: f64,
 }
 
@@ -31,7 +31,7 @@ impl Heard {
 }
 
 impl Report {
-    /// Of a job whose span is the current one.
+    /// Returns a report for the job of the current span.
     pub fn here() -> Report {
         Report { job: Some(Span::current()), ..Report::default() }
     }

@@ -1,4 +1,4 @@
-//! Running the method: in this process, or in one of its own.
+//! The method, and its run in this process.
 
 use super::align_clip::{Failure, Finished, JobParams};
 use super::report::Report;
@@ -11,13 +11,13 @@ use std::path::Path;
 use std::sync::Arc;
 use viola_geometry::progress::Progress;
 
-/// From a clip's file, a map's bytes and parameters to an answer. It may take long and may panic.
+/// Function from a clip's file, a map's bytes and parameters to an answer. It may take long and may panic.
 pub type Method = fn(&Path, &[u8], &JobParams, &dyn Progress) -> Result<Finished, Failure>;
 
-/// The method at work. [`Report::cancel`] asks it to stop.
+/// The running method. [`Report::cancel`] asks it to stop.
 pub(super) type Working = BoxFuture<'static, Ended>;
 
-/// What the method reads.
+/// Input of the method.
 pub(super) struct Inputs {
     pub clip: LocalFile,
     pub lidar: Bytes,

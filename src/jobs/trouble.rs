@@ -1,4 +1,4 @@
-//! Why an attempt gave no answer, and whether that counts against the clip.
+//! Reasons why an attempt gave no answer, and whether they count against the clip.
 
 use super::align_clip::{Failure, Finished};
 use crate::storage::{Fault, StorageError};
@@ -6,30 +6,30 @@ use serde::{Deserialize, Serialize};
 use std::fmt::Display;
 use viola_reconstruct::Reason;
 
-/// How the method ended.
+/// Result of the method.
 pub(super) type Ended = Result<Finished, Trouble>;
 
-/// Why the method gave no answer. A cause is for the log: a client could do nothing with it.
+/// Reason why the method gave no answer. A cause is for the log: a client cannot act on it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Trouble {
-    /// Somebody asked the method to stop.
+    /// The method was asked to stop.
     Cancelled,
-    /// The clip or the map cannot be used; another attempt would end alike.
+    /// The clip or the map cannot be used; another attempt would end the same way.
     Refused(Reason),
-    /// The method broke on this clip. The attempt counts.
+    /// The method failed on this clip. The attempt counts.
     Broken { code: String, cause: String },
     /// The service had a fault that is not the clip's. The attempt does not count.
     Fault { fault: Fault, cause: String },
 }
 
 impl Trouble {
-    /// The method panicked, or broke one of its own rules.
+    /// Returns the trouble of a method that panicked or broke one of its own rules.
     pub fn internal(cause: impl Display) -> Trouble {
         Trouble::Broken { code: "internal_error".to_owned(), cause: cause.to_string() }
     }
 
-    /// The process that had only this clip died, while the one that watched it lived.
+    /// Returns the trouble of a child process that died while it worked on this clip alone.
     pub fn died(cause: impl Display) -> Trouble {
         Trouble::Broken { code: "worker_died".to_owned(), cause: cause.to_string() }
     }
@@ -53,12 +53,12 @@ impl From<StorageError> for Trouble {
     fn from(error: StorageError) -> Trouble {
         let cause = error.to_string();
         match error {
-            // A missing blob is among them: its disk may be away for a while.
+            // This includes a missing blob: its disk may be unavailable for a while.
             StorageError::File { .. }
             | StorageError::Database(_)
             | StorageError::Blobs(_)
             | StorageError::Randomness(_) => Trouble::Fault { fault: Fault::Storage, cause },
-            // Waiting would not mend these.
+            // Waiting would not help.
             _ => Trouble::Broken { code: "storage_error".to_owned(), cause },
         }
     }

@@ -1,4 +1,4 @@
-//! Takes one job after the other and does it.
+//! A worker: claims and runs one job after the other.
 
 use super::align_clip::{Finished, JobParams, align_clip};
 use super::child::{ChildParams, run_in_child};
@@ -16,24 +16,24 @@ use tracing::field::Empty;
 use tracing::{Instrument, Span, error, info, info_span, warn};
 use viola_reconstruct::Reason;
 
-/// How often a worker looks whether the job is still its own and what the method says.
+/// Interval at which a worker checks its claim and reads the method's progress.
 const TICK: Duration = Duration::from_millis(250);
-/// How often progress within a stage is recorded.
+/// Interval at which progress within a stage is recorded.
 const PROGRESS_EVERY: Duration = Duration::from_secs(1);
 
-/// How a worker treats its jobs.
+/// Options of a worker.
 #[derive(Debug, Clone)]
 pub struct WorkerParams {
-    /// How long a job stays a worker's own without a sign of life. The sign comes at a third of it.
+    /// Lease of a job without a heartbeat. A heartbeat is due after a third of it.
     pub lease: Duration,
-    /// How long the method may take to stop when the server does.
+    /// Time that the method may take to stop when the server stops.
     pub grace: Duration,
     pub retry: RetryPolicy,
-    /// What a job does, and how.
+    /// The function that does a job.
     pub method: Method,
-    /// The same for every job, its seed too: the same clip and map give the same answer in every job.
+    /// The same for every job, with its seed, so that the same clip and map always give the same answer.
     pub align: Arc<JobParams>,
-    /// How a suspect job is done apart from all others. Without it, it is done as they are.
+    /// Child process for suspect jobs. Without it they run like all others.
     pub child: Option<ChildParams>,
 }
 
@@ -50,7 +50,7 @@ impl Default for WorkerParams {
     }
 }
 
-/// Works until `stop`; then gives up the job in hand.
+/// Works until `stop`; then gives up the current job.
 pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationToken) {
     while !stop.is_cancelled() {
         match queue.storage.release_lost(&params.retry, Timestamp::now()).await {
@@ -63,7 +63,7 @@ pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationTok
         }
         match queue.storage.claim(params.lease, Timestamp::now()).await {
             Ok(Some(claim)) => {
-                // There may be more: wake the next worker, and tell who listens to this job.
+                // There may be more jobs: wake the next worker, and this job's listeners.
                 queue.wake();
                 let job = &claim.job;
                 let span = info_span!("job", job = %job.id, clip = %job.clip, home = %job.home, tenant = job.home.tenant(), attempt = job.attempts, outcome = Empty);
@@ -71,7 +71,7 @@ pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationTok
                 queue.wake();
                 continue;
             }
-            // Maps come after clips, so that a home with many clips on their way is merged once.
+            // Merges come after jobs, so that a home with many queued clips is merged once.
             Ok(None) => match queue.storage.claim_merge(params.lease, Timestamp::now()).await {
                 Ok(Some(claim)) => {
                     let span = info_span!("merge", home = %claim.home, tenant = claim.home.tenant());
@@ -91,7 +91,7 @@ pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationTok
     }
 }
 
-/// One claim and what is done under it.
+/// An attempt at a job under one claim.
 struct Attempt<'a> {
     queue: &'a Queue,
     params: &'a WorkerParams,
@@ -102,7 +102,7 @@ impl Attempt<'_> {
     async fn run(&self, stop: &CancellationToken) {
         let job = &self.claim.job;
         let begun = Instant::now();
-        // Of a further attempt one cannot tell when it was due.
+        // The due time of a further attempt is unknown.
         if self.claim.is_first() {
             metrics::started(Timestamp::now().duration_since(job.created_at).unsigned_abs());
         }
@@ -121,13 +121,13 @@ impl Attempt<'_> {
         match kept {
             Ok(true) => info!(job = %job.id, clip = %job.clip, outcome, seconds, "job ends"),
             Ok(false) => info!(job = %job.id, clip = %job.clip, seconds, "job is no longer this worker's"),
-            // Its lease runs out, and it is done again.
+            // The lease expires, and the job runs again.
             Err(error) => error!(job = %job.id, outcome, %error, "the end of a job could not be recorded"),
         }
     }
 
-    /// Records the end of the attempt. Storage that fails is asked again for as long as nobody else takes the job: the
-    /// answer may have cost much.
+    /// Records the end of the attempt. Retries failed writes while no other worker can take the job: the
+    /// answer may have been expensive.
     async fn record(&self, ending: &Ending, stop: &CancellationToken) -> Result<bool, StorageError> {
         let (begun, storage) = (Instant::now(), &self.queue.storage);
         loop {
@@ -142,7 +142,7 @@ impl Attempt<'_> {
         }
     }
 
-    /// None when the job is no longer ours.
+    /// Runs the job; returns `None` if it is no longer this worker's.
     async fn work(&self, stop: &CancellationToken) -> Option<Ending> {
         let report = Arc::new(Report::here());
         let mut method = match self.begin_alive(&report, stop).await {
@@ -165,7 +165,7 @@ impl Attempt<'_> {
         }
     }
 
-    /// Renews the lease meanwhile: a clip that lies elsewhere has to be fetched first.
+    /// Starts the method and renews the lease meanwhile: a remote clip must be fetched first.
     async fn begin_alive(&self, report: &Arc<Report>, stop: &CancellationToken) -> Begun {
         let mut begin = std::pin::pin!(self.begin(report));
         let mut tick = tokio::time::interval(TICK);
@@ -197,7 +197,7 @@ impl Attempt<'_> {
         }
     }
 
-    /// Renews the lease and records progress while the method works, and passes on the order to stop.
+    /// Renews the lease and records progress while the method runs, and forwards the order to stop.
     async fn attend(&self, method: &mut Working, report: &Report, stop: &CancellationToken) -> Watched {
         let mut tick = tokio::time::interval(TICK);
         let mut said = Said { heard: Heard::default(), at: Instant::now() };
@@ -224,7 +224,7 @@ impl Attempt<'_> {
         }
     }
 
-    /// False when the job is no longer ours.
+    /// Sends a heartbeat if one is due; returns false if the job is no longer this worker's.
     async fn beat(&self, heard: Heard, said: &mut Said) -> Result<bool, StorageError> {
         let quiet = said.at.elapsed();
         let news = heard.stage != said.heard.stage || (heard != said.heard && quiet >= PROGRESS_EVERY);
@@ -249,16 +249,16 @@ impl Attempt<'_> {
     }
 }
 
-/// How a job began.
+/// Result of starting a job.
 enum Begun {
     Working(Working),
     Failed(Trouble),
-    /// As below.
+    /// As in [`Watched`].
     Lost,
     Stopped,
 }
 
-/// How the method ended while it was watched.
+/// Result of watching the method.
 enum Watched {
     Ended(Box<Ended>),
     /// The job was cancelled, removed, or given to another worker.
@@ -266,13 +266,13 @@ enum Watched {
     TooSlowToStop,
 }
 
-/// What was recorded last, and when.
+/// Last recorded progress and its time.
 struct Said {
     heard: Heard,
     at: Instant,
 }
 
-/// The cause is for the log; who sent the clip could do nothing with it.
+/// Converts a trouble into an ending. The cause is only logged: a client cannot act on it.
 fn ending_of(trouble: Trouble) -> Ending {
     match trouble {
         Trouble::Cancelled => Ending::GivenUp,

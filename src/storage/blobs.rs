@@ -1,7 +1,6 @@
-//! Files under keys, in a folder or on S3. A key is written once and holds no name that a client chose.
+//! Files under keys, in a folder or on S3. A key is written once and contains no name that a client chose.
 //!
-//! Files that are still arriving lie in a local folder either way. Every operation on S3 ends within a time of its
-//! own, see [`limits`].
+//! Incoming files lie in a local folder in both cases. Every operation on S3 has a timeout, see [`limits`].
 
 mod keep;
 mod limits;
@@ -28,23 +27,22 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::Semaphore;
 
-/// How long to wait after each failure.
+/// Pauses between tries.
 const PAUSES: [Duration; 2] = [Duration::from_millis(20), Duration::from_millis(200)];
 
 pub(super) struct Blobs {
     pub(super) store: Arc<dyn ObjectStore>,
     place: Place,
-    /// Folder of files that are still arriving and of temporary copies. Inside a blob folder it makes keeping a file a
-    /// rename.
+    /// Folder of incoming files and temporary copies. If it lies in the blob folder, a rename stores a file.
     incoming: PathBuf,
     limits: Limits,
-    /// One permit for each part of a file that is in memory on its way to the store.
+    /// One permit for each part of a file that is in memory while it is sent to the store.
     parts: Semaphore,
 }
 
 impl Blobs {
-    /// Opens a place; that it can be reached is not tried, see [`Blobs::ready`]. The folder `incoming` belongs to the
-    /// blobs alone: a sweep empties it.
+    /// Opens a place without checking that it is reachable, see [`Blobs::ready`]. The folder `incoming` must
+    /// hold nothing else: a sweep empties it.
     pub fn open(place: &BlobPlace, incoming: &Path) -> Result<Blobs, StorageError> {
         let limits = match place {
             BlobPlace::Folder(_) => Limits::NONE,
@@ -70,13 +68,12 @@ impl Blobs {
         Incoming::new_in(&self.incoming)
     }
 
-    /// The folder of files that are not blobs yet.
+    /// Returns the folder of files that are not blobs yet.
     pub fn incoming_folder(&self) -> &Path {
         &self.incoming
     }
 
-    /// Writes a blob; a store that fails is asked again before the caller is told. Under the same key, since a write
-    /// that failed may have come through.
+    /// Writes a blob. Retries use the same key, since a write that failed may have taken effect.
     pub async fn put(&self, key: &str, bytes: Vec<u8>) -> Result<(), StorageError> {
         self.put_payload(&Key::from(key), PutPayload::from(bytes)).await
     }
@@ -87,20 +84,20 @@ impl Blobs {
         Ok(())
     }
 
-    /// Removes blobs that no row refers to any more, or tells why not all of them are gone.
+    /// Removes blobs that no row refers to any more. Returns an error unless all of them are removed.
     pub async fn remove_all(&self, keys: &[String]) -> Result<(), StorageError> {
         let tries = tried("removing blobs", || self.remove(keys));
         Ok(limits::within(self.limits.removal, tries).await?)
     }
 
-    /// Removes blobs that no row refers to any more. What cannot be removed now is left to a sweep.
+    /// Removes blobs that no row refers to any more. If the store fails, a sweep removes the rest.
     pub async fn discard(&self, keys: &[String]) {
         if let Err(error) = self.remove_all(keys).await {
             tracing::error!(blobs = keys.len(), first = ?keys.first(), %error, "blobs could not be removed");
         }
     }
 
-    /// One that is not there is as good as removed.
+    /// Removes blobs; missing ones count as removed.
     async fn remove(&self, keys: &[String]) -> object_store::Result<()> {
         let keys: Vec<_> = keys.iter().map(|key| Ok(Key::from(key.as_str()))).collect();
         let mut removed = self.store.delete_stream(futures::stream::iter(keys).boxed());
@@ -115,7 +112,7 @@ impl Blobs {
     }
 }
 
-/// Does something until it succeeds, a few times. The client repeats what a store refuses, but not all that is cut off.
+/// Retries an operation after each of [`PAUSES`]. The client retries refusals, but not all broken requests.
 async fn tried<T, Once>(what: &'static str, once: impl Fn() -> Once) -> object_store::Result<T>
 where
     Once: Future<Output = object_store::Result<T>>,

@@ -1,13 +1,13 @@
-//! The changes feed: what happened to homes and to what is in them, in the order of commit.
+//! The changes feed: changes of homes and of their contents, in the order of commit.
 //!
-//! The newest change of each thing is kept, under a number that grows with every change, so that a reader that begins
-//! with nothing sees everything once, and one that goes on sees what changed since. A row is written in the
-//! transaction of its change: the feed tells nothing that was not committed, and everything that was.
+//! The feed keeps the newest change of each item, under a number that grows with every change. A reader
+//! without a cursor gets every item once; a reader with a cursor gets the changes since. A row is written in
+//! the transaction of its change, so the feed never differs from the committed state.
 //!
-//! Who writes gives no numbers: the numbers would have to be in the order of commit, and every writer would wait for
-//! every other. A change has a null in place of its number until somebody reads the feed, who
-//! numbers all that is committed by then, one after the other. A number that a reader has seen is therefore higher than
-//! all that were given before, and lower than all that will be.
+//! Writers assign no numbers: the numbers must follow the order of commit, so every writer would wait for
+//! every other. A change has a null number until a reader of the feed numbers all committed changes, one
+//! reader at a time. A number is therefore higher than all that were assigned before, and lower than all
+//! later ones.
 
 use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
@@ -18,16 +18,16 @@ use std::fmt;
 use std::str::FromStr;
 use uuid::Uuid;
 
-/// How long after its last full reading a reader may go on: for as long, what was deleted is told.
+/// Lifetime of a cursor since its reader last reached the end: the feed keeps deletions this long.
 pub const CURSOR_LIFE: SignedDuration = SignedDuration::from_hours(30 * 24);
-/// Deleted things are told for a day more, so that clocks and slow requests cannot hide one from a good cursor.
+/// Time that deletions stay in the feed. The extra day covers clock differences and slow requests.
 const TOLD: SignedDuration = SignedDuration::from_hours(31 * 24);
 
-/// Changes that are numbered in one transaction.
+/// Most changes that are numbered in one transaction.
 const NUMBERED_AT_ONCE: i64 = 10_000;
 
-/// What changed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+/// Kind of a change.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ChangeKind {
     /// The home was made, renamed, or removed with everything in it.
@@ -46,40 +46,38 @@ impl ChangeKind {
 }
 
 /// The newest change of a home, of its LiDAR map, of a clip, or of a fused map.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Change {
     /// Grows with every change, not always by 1.
-    #[schema(minimum = 1, example = 4711)]
     pub seq: i64,
     pub at: Timestamp,
     pub home: HomeId,
     pub kind: ChangeKind,
-    /// Of kind `clip`.
-    #[schema(example = "01a1f766-7a97-7747-9dbb-391e0eeccb64")]
+    /// Set for kind `clip`.
     pub clip: Option<Uuid>,
-    /// Of kinds `lidar_map` and `map`: the current one.
+    /// The current revision; set for kinds `lidar_map` and `map`.
     pub revision: Option<i64>,
-    /// Of kind `clip`; null when it was removed.
+    /// Set for kind `clip`; null if the clip was removed.
     pub state: Option<ClipState>,
-    /// Whether it is gone.
+    /// True if it was removed.
     pub deleted: bool,
 }
 
-/// How far a reader has come.
+/// Position of a reader in the feed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ChangesCursor {
     seq: i64,
-    /// When the reader last was at the end of the feed, or began with nothing: of what was deleted before, it knows.
+    /// Time when the reader last reached the end of the feed, or started: it knows all earlier deletions.
     knows_until: Timestamp,
 }
 
-/// A part of the feed.
+/// A page of the feed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Changes {
     pub items: Vec<Change>,
-    /// Where to go on, also at the end.
+    /// Cursor of the next page, also at the end of the feed.
     pub next: ChangesCursor,
-    /// Whether there are further changes now.
+    /// True if there are further changes now.
     pub more: bool,
 }
 
@@ -116,7 +114,7 @@ pub(super) fn from_row(row: &Row) -> Result<Change, StorageError> {
 }
 
 impl Storage {
-    /// At most `limit` changes of a tenant's after a cursor, or from the beginning.
+    /// Returns at most `limit` changes of a tenant after a cursor, or from the beginning.
     pub async fn changes(
         &self,
         tenant: &Tenant,
@@ -128,7 +126,7 @@ impl Storage {
         let after = after.unwrap_or(ChangesCursor { seq: 0, knows_until: now });
         let mut snapshot = self.database.snapshot().await?;
         let last = query("SELECT last_seq FROM change_counter").fetch_one(&mut snapshot).await?;
-        // A number that was not given out yet is from before the database was restored from a copy.
+        // A number that was not assigned yet comes from before the database was restored from a copy.
         if now.duration_since(after.knows_until) > CURSOR_LIFE || after.seq > last.number("last_seq")? {
             return Err(StorageError::CursorExpired);
         }
@@ -145,7 +143,7 @@ impl Storage {
         Ok(Changes { items, next: ChangesCursor { seq, knows_until }, more })
     }
 
-    /// Numbers the changes that have none yet, in the order in which they were made.
+    /// Numbers the changes that have no number yet, in the order in which they were made.
     pub async fn number_changes(&self) -> Result<(), StorageError> {
         let mut numbered = NUMBERED_AT_ONCE;
         while numbered == NUMBERED_AT_ONCE && fresh_is_there(&mut self.database.reader().await?).await? {
@@ -162,7 +160,7 @@ async fn fresh_is_there(connection: &mut Connection) -> Result<bool, StorageErro
     Ok(fresh.fetch_optional(connection).await?.is_some())
 }
 
-/// The rows that are numbered next. A row that somebody changes at this moment has a turn later.
+/// Numbers the next rows. A row that another transaction is changing is numbered later.
 macro_rules! number_changes {
     ($lock:literal) => {
         concat!(
@@ -178,9 +176,9 @@ macro_rules! number_changes {
     };
 }
 
-/// Tells how many there were.
+/// Numbers at most [`NUMBERED_AT_ONCE`] changes and returns how many it numbered.
 async fn number_some(transaction: &mut Transaction) -> Result<i64, StorageError> {
-    // Held to the end: one process numbers at a time.
+    // The lock is held until the commit: one process numbers at a time.
     let counter = transaction
         .either("SELECT last_seq FROM change_counter", "SELECT last_seq FROM change_counter FOR UPDATE");
     let last = query(counter).fetch_one(transaction).await?.number("last_seq")?;
@@ -190,7 +188,7 @@ async fn number_some(transaction: &mut Transaction) -> Result<i64, StorageError>
     Ok(numbered)
 }
 
-/// What a transaction changes.
+/// A change that a transaction records.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Changed {
     Home,
@@ -200,7 +198,7 @@ pub(super) enum Changed {
     Map { revision: i64 },
 }
 
-/// Tells the feed of a change, in the transaction of the change.
+/// Records a change in the feed, in the transaction of the change.
 pub(super) async fn record(
     connection: &mut Connection,
     home: &HomeId,
@@ -234,7 +232,7 @@ pub(super) async fn record(
     .execute(connection)
     .await?;
     if is_removed {
-        // The row is forgotten some day, and the home's time must not go back then. (Who removes has locked the home.)
+        // `forget` deletes this row later; the home's time must not go back then. The caller locked the home.
         query("UPDATE homes SET updated_at = $2 WHERE id = $1 AND updated_at < $2")
             .bind(home.key())
             .bind(now.as_millisecond())
@@ -245,13 +243,13 @@ pub(super) async fn record(
     Ok(())
 }
 
-/// Grows with time; those of one process strictly.
+/// Returns a sort key that grows with time, strictly within one process.
 fn ticket() -> String {
     Uuid::now_v7().to_string()
 }
 
-/// Tells the feed that a home is gone, after everything that was in it: a home that is made anew under the same id
-/// would otherwise hide that its old contents went.
+/// Records that a home was removed, after all its contents: a new home under the same id would otherwise hide
+/// the removal of the old contents.
 pub(super) async fn record_home_removed(
     connection: &mut Connection,
     home: &HomeId,
@@ -270,8 +268,8 @@ pub(super) async fn record_home_removed(
     forget(connection, now).await
 }
 
-/// Removes what has been told for long enough. Every removal clears the way for itself, so the feed stays as large as
-/// what there is and a month of removals.
+/// Deletes the removals older than [`TOLD`]. Every removal calls this, so the feed holds the existing items
+/// and a month of removals.
 async fn forget(connection: &mut Connection, now: Timestamp) -> Result<(), StorageError> {
     let old = connection.either(
         "DELETE FROM changes WHERE deleted = 1 AND at < $1",

@@ -1,4 +1,4 @@
-//! The pose that a person chose for a clip, and what becomes of the method's own verdict.
+//! The pose that a person chose for a clip, and its effect on the method's own verdict.
 
 use super::ClipState;
 use jiff::Timestamp;
@@ -11,29 +11,27 @@ const EARLIER: &str = "choice_of_earlier_lidar_map";
 pub(super) const WAITS: &str = "choice_without_result";
 
 /// The pose of a clip that a person chose.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Choice {
     /// In the frame of the LiDAR map of `lidar_map_revision`.
     pub map_from_clip: Pose2,
-    /// Index among the alternatives that the clip had then; null when the person gave a pose.
-    #[schema(minimum = 0, example = 1)]
+    /// Index among the alternatives that the clip had then; null if the person gave a pose.
     pub alternative: Option<u32>,
-    /// The LiDAR map that the person looked at.
-    #[schema(minimum = 1, example = 1)]
+    /// Revision of the LiDAR map at the time of the choice.
     pub lidar_map_revision: i64,
     pub chosen_at: Timestamp,
 }
 
-/// The state of a clip and why it is in it.
+/// State of a clip and its reasons.
 pub(super) struct Verdict {
     pub state: ClipState,
     pub reasons: Vec<Reason>,
 }
 
 impl Choice {
-    /// What becomes of the method's own verdict when the choice stands. A choice for an earlier LiDAR map goes on, in
-    /// the hope that the frames agree, and says so. Without a result there is nothing to place, and while a job is under
-    /// way it takes effect when that ends.
+    /// Applies the choice to the method's own verdict. A choice for an earlier LiDAR map stays valid, since
+    /// the frames may agree, and adds a reason. Without a result there is nothing to place. While a job is
+    /// queued or running, the choice waits for its end.
     pub(super) fn over(&self, own: Verdict, has_result: bool, lidar_map_revision: i64) -> Verdict {
         if own.state.is_under_way() {
             return own;
@@ -59,7 +57,7 @@ impl Choice {
         Verdict { state: ClipState::Aligned, reasons }
     }
 
-    /// Whether two choices differ in nothing but their time.
+    /// Returns whether two choices are equal apart from their time.
     pub(super) fn says_the_same(&self, other: &Choice) -> bool {
         Choice { chosen_at: other.chosen_at, ..self.clone() } == *other
     }

@@ -1,5 +1,5 @@
-//! A person's word on where a clip is. It stands beside the method's own answer, which is kept as it is, and goes
-//! before it until it is withdrawn, also through every new answer.
+//! Poses that a person chooses for clips. A choice overrides the method's answer, which is kept unchanged,
+//! until it is withdrawn, also after new answers.
 
 use super::changes::{self, Changed};
 use super::choice::{Choice, Verdict, WAITS};
@@ -11,11 +11,11 @@ use uuid::Uuid;
 use viola_formats::lidar::LidarInfo;
 use viola_geometry::Pose2;
 
-/// How far from the box around everything that the LiDAR map knows a clip may begin: the camera may stand in a room
+/// Margin around the LiDAR map's bounding box within which a clip may begin: the camera may stand in a room
 /// that the robot never entered, but not in another house.
 const REACH_M: f64 = 10.0;
 
-/// What a person says.
+/// A person's choice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Chosen {
     /// An index into the clip's present alternatives.
@@ -24,7 +24,7 @@ pub enum Chosen {
     Pose(Pose2),
 }
 
-/// Why a choice is not taken.
+/// Reason why a choice is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ChoiceError {
     #[error(transparent)]
@@ -39,7 +39,7 @@ pub enum ChoiceError {
     OutOfReach { field: &'static str, given_m: f64, min_m: f64, max_m: f64 },
 }
 
-/// The method's own verdict, without a choice.
+/// Returns the method's own verdict, without a choice.
 fn own_verdict(clip: &Clip) -> Verdict {
     match &clip.alignment {
         Some(alignment) => Verdict { state: alignment.state.into(), reasons: alignment.reasons.clone() },
@@ -51,7 +51,7 @@ fn own_verdict(clip: &Clip) -> Verdict {
 }
 
 impl Storage {
-    /// Records a person's choice in place of the one before. The same choice again changes nothing.
+    /// Records a person's choice in place of the previous one. The same choice again changes nothing.
     pub async fn choose(
         &self,
         home: &HomeId,
@@ -75,7 +75,7 @@ impl Storage {
         Ok(settle(transaction, &clip, Some(&choice), verdict, now).await?)
     }
 
-    /// Takes a person's choice back: the clip goes back to the method's own verdict. Without a choice nothing changes.
+    /// Withdraws a choice: the clip returns to the method's own verdict. Without a choice nothing changes.
     pub async fn withdraw_choice(
         &self,
         home: &HomeId,
@@ -100,7 +100,7 @@ fn alternative(clip: &Clip, index: u64) -> Result<(Pose2, Option<u32>), ChoiceEr
     Ok((found.map_from_clip, index))
 }
 
-/// The pose, its yaw in (-pi, pi], when a clip of this home can be there.
+/// Returns the pose, its yaw in (-pi, pi], if a clip of this home can be there.
 fn reachable(pose: Pose2, info: &LidarInfo) -> Result<Pose2, ChoiceError> {
     let sides = [("map_from_clip.x_m", pose.x_m), ("map_from_clip.y_m", pose.y_m)];
     for (axis, (field, given_m)) in sides.into_iter().enumerate() {
@@ -112,7 +112,7 @@ fn reachable(pose: Pose2, info: &LidarInfo) -> Result<Pose2, ChoiceError> {
     Ok(Pose2::new(pose.x_m, pose.y_m, pose.yaw_rad))
 }
 
-/// Writes what became of the clip.
+/// Writes the clip's choice and verdict, and commits.
 async fn settle(
     mut transaction: Transaction,
     clip: &Clip,

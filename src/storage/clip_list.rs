@@ -6,16 +6,16 @@ use super::{Clip, ClipState, HomeId, Page, Storage, StorageError, clips, homes, 
 use jiff::Timestamp;
 use uuid::Uuid;
 
-/// Which clips a list has.
+/// Filter of a list of clips.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ClipFilter {
-    /// In one of these states; in any when there is none.
+    /// States of the clips; empty for any.
     pub states: Vec<ClipState>,
-    /// Changed later than this.
+    /// Only clips that changed later than this.
     pub updated_after: Option<Timestamp>,
 }
 
-/// One page of a home's clips, to be bound by [`bind_page`].
+/// Selects one page of a home's clips; [`bind_page`] binds the values.
 macro_rules! page_of_clips {
     ($columns:literal) => {
         concat!(
@@ -32,14 +32,14 @@ fn bind_page(query: Query, home: &HomeId, filter: &ClipFilter, page: &Page<Uuid>
     let after = page.after.map(|id| id.to_string()).unwrap_or_default();
     let updated_after = filter.updated_after.map_or(i64::MIN, Timestamp::as_millisecond);
     let query = query.bind(home.key().to_owned()).bind(after).bind(updated_after);
-    // A place for every state there is; NULL is equal to none.
+    // One parameter for each state; NULL matches none.
     let wanted = |state: &ClipState| filter.states.is_empty() || filter.states.contains(state);
     let states = ClipState::ALL.iter().map(|state| wanted(state).then(|| state.name()));
     states.fold(query, Query::bind).bind(i64::from(page.limit))
 }
 
 impl Storage {
-    /// Those that a filter lets through, the oldest first.
+    /// Returns the clips that match a filter, oldest first.
     pub async fn clips(
         &self,
         home: &HomeId,

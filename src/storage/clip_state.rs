@@ -3,11 +3,11 @@
 use serde::{Deserialize, Serialize};
 use viola_align::AlignmentState;
 
-/// Where a clip is on its way into the home's map.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+/// State of a clip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ClipState {
-    /// Kept, and nothing is under way; the reasons say why: `no_lidar_map` or `cancelled`.
+    /// Stored, with no job queued or running; the reasons say why: `no_lidar_map` or `cancelled`.
     Uploaded,
     /// Its job waits for a worker.
     Queued,
@@ -31,7 +31,7 @@ impl ClipState {
         ClipState::Failed,
     ];
 
-    /// Whether a job waits or runs that will give the clip another state.
+    /// Returns whether a queued or running job will give the clip another state.
     pub fn is_under_way(self) -> bool {
         matches!(self, ClipState::Queued | ClipState::Aligning)
     }

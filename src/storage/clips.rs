@@ -13,7 +13,6 @@ use super::{
     homes, idempotency, lidar_maps, result_file,
 };
 use jiff::Timestamp;
-use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use viola_align::Alignment;
 use viola_formats::clip::ClipInfo;
@@ -21,40 +20,35 @@ use viola_geometry::Pose2;
 use viola_reconstruct::Reason;
 
 /// An uploaded clip.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Clip {
-    #[schema(example = "01a1f766-7a97-7747-9dbb-391e0eeccb64")]
     pub id: Uuid,
     pub home: HomeId,
     pub state: ClipState,
     /// Why the clip is in its state.
     pub reasons: Vec<Reason>,
-    #[schema(example = 15147863)]
     pub size_bytes: u64,
-    /// Of the file, in lower-case hexadecimal.
-    #[schema(example = "7a0339dd7ccb957e90eb77c14f3ee67f0aa0f22b2746d18fb8ef262c6f069c9e")]
+    /// SHA-256 of the file, in lower-case hexadecimal.
     pub sha256: String,
-    /// What was understood of the file.
+    /// Summary of the file.
     pub info: ClipInfo,
-    /// When the clip was recorded, as its sender or its file says; null when neither does.
-    #[schema(example = "2026-03-14T15:09:26Z")]
+    /// Time of the recording, from the sender or the file; null if neither gives it.
     pub recorded_at: Option<Timestamp>,
-    /// The method's own answer, once a job ran to one; null while a newer one is under way.
+    /// The method's own answer from the newest job; null if that job has none.
     pub alignment: Option<Alignment>,
-    /// The pose that a person chose; it goes before the method's own until it is withdrawn.
+    /// The pose that a person chose; it overrides the method's own until it is withdrawn.
     pub choice: Option<Choice>,
-    /// Where the newest revision of the home's map has the clip; null when it is not in it.
+    /// Placement in the newest revision of the home's map; null if the clip is not in it.
     pub placement: Option<Placement>,
     /// The newest job of the clip, null before the first one.
     pub job: Option<Job>,
     pub created_at: Timestamp,
     pub updated_at: Timestamp,
-    #[serde(skip)]
     pub(super) result_key: Option<String>,
 }
 
 impl Clip {
-    /// Where the clip is: in the home's map, else as a person chose, else as its own alignment has it.
+    /// Returns the clip's pose from the home's map, else from a person's choice, else from its alignment.
     pub fn map_from_clip(&self) -> Option<Pose2> {
         let placed = self.placement.as_ref().map(|placement| placement.map_from_clip);
         let chosen = self.choice.as_ref().map(|choice| choice.map_from_clip);
@@ -62,7 +56,7 @@ impl Clip {
     }
 }
 
-/// A clip that was opened and found good.
+/// A clip whose file was opened and validated.
 pub struct NewClip {
     pub file: Arrived,
     pub info: ClipInfo,
@@ -70,13 +64,13 @@ pub struct NewClip {
     pub recorded_at: Option<Timestamp>,
 }
 
-/// What became of a new clip.
+/// Result of adding a clip.
 #[derive(Debug)]
 pub enum Added {
     New(Clip),
-    /// The same key came with the same file before: this is the clip of then.
+    /// The idempotency key was used before with the same file; this is the earlier clip.
     Replayed(Clip),
-    /// The same key came with another file before.
+    /// The idempotency key was used before with another file.
     KeyReused,
 }
 
@@ -104,8 +98,8 @@ pub(super) fn file_key(id: Uuid) -> String {
     format!("clips/{id}/file")
 }
 
-/// Pictures and clouds that a job made. Every attempt has keys of its own, so that a worker that lost its
-/// lease cannot touch what its successor wrote.
+/// Returns the key prefix of the files that a job made. Every attempt has its own, so that a worker that lost
+/// its lease cannot overwrite its successor's files.
 pub(super) fn result_key(clip: Uuid, job: Uuid, fence: i64) -> String {
     format!("clips/{clip}/results/{job}-{fence}")
 }
@@ -115,7 +109,7 @@ pub(super) fn result_blobs(result_key: &str) -> [String; result_file::ALL.len()]
 }
 
 impl Storage {
-    /// Keeps a clip, and queues its job when the home has a LiDAR map.
+    /// Stores a clip, and queues its job if the home has a LiDAR map.
     pub async fn add_clip(&self, home: &HomeId, new: NewClip, now: Timestamp) -> Result<Added, StorageError> {
         let id = Uuid::now_v7();
         let (file, row) = NewRow::of(id, new);
@@ -123,7 +117,7 @@ impl Storage {
         let added = self.insert_clip(home, row, now).await;
         let is_for_nothing = match &added {
             Ok(added) => !matches!(added, Added::New(_)),
-            // The row may be there all the same; a sweep decides.
+            // The row may exist nevertheless; a sweep decides.
             Err(error) => !error.is_unsettled(),
         };
         if is_for_nothing {
@@ -143,7 +137,7 @@ impl Storage {
         find(&mut *self.database.snapshot().await?, home, id).await
     }
 
-    /// Queues a clip again for the current LiDAR map. One that is under way already is left alone.
+    /// Queues a clip again for the current LiDAR map, unless its job is already queued or running.
     pub async fn align_clip(&self, home: &HomeId, id: Uuid, now: Timestamp) -> Result<Clip, StorageError> {
         let mut transaction = self.database.begin().await?;
         let clip = find_locked(&mut transaction, home, id).await?;
@@ -158,7 +152,7 @@ impl Storage {
         Ok(clip)
     }
 
-    /// A picture or cloud that the clip's last job made, by its file name; none before there is one.
+    /// Returns a file of the clip's result by its name; `None` if there is no result.
     pub async fn clip_result(&self, clip: &Clip, name: &str) -> Result<Option<BlobReader>, StorageError> {
         match &clip.result_key {
             Some(key) => self.blobs.read(&format!("{key}/{name}")).await,
@@ -166,7 +160,7 @@ impl Storage {
         }
     }
 
-    /// The same in one piece.
+    /// Returns a file of the clip's result in one piece.
     pub async fn clip_result_bytes(
         &self,
         clip: &Clip,
@@ -176,12 +170,12 @@ impl Storage {
         self.blobs.read_if_there(&format!("{key}/{name}")).await
     }
 
-    /// The uploaded file as it is; none when the clip was removed.
+    /// Returns the uploaded file unchanged; `None` if the clip was removed.
     pub async fn clip_recording(&self, id: Uuid) -> Result<Option<BlobReader>, StorageError> {
         self.blobs.read(&file_key(id)).await
     }
 
-    /// The uploaded file, for readers that seek in it.
+    /// Returns the uploaded file, for readers that seek in it.
     pub async fn clip_file(&self, id: Uuid) -> Result<LocalFile, StorageError> {
         self.blobs.local_file(&file_key(id)).await
     }
@@ -202,7 +196,7 @@ pub(super) struct NewRow {
 }
 
 impl NewRow {
-    /// Apart from the file.
+    /// Splits a new clip into its file and its row.
     pub(super) fn of(id: Uuid, new: NewClip) -> (Arrived, NewRow) {
         let row = NewRow {
             id,
@@ -216,7 +210,7 @@ impl NewRow {
     }
 }
 
-/// The row of a clip whose file is kept, and its job when the home has a LiDAR map; neither where its key was used.
+/// Inserts the row of a stored file, and its job if the home has a LiDAR map; neither if its key was used.
 pub(super) async fn insert(
     transaction: &mut Transaction,
     home: &HomeId,
@@ -273,7 +267,7 @@ fn no_lidar_map() -> Reason {
     Reason::new("no_lidar_map", "the home has no LiDAR map yet; the clip is queued when one is put")
 }
 
-/// What a job says of its clip.
+/// Outcome of a job for its clip.
 pub(super) struct Outcome<'a> {
     pub state: ClipState,
     pub reasons: &'a [Reason],
@@ -281,7 +275,7 @@ pub(super) struct Outcome<'a> {
     pub result_key: Option<&'a str>,
 }
 
-/// Only for the clip's newest job, so that an older one cannot overrule it. A person's choice stands through it.
+/// Applies an outcome of the clip's newest job; an older one cannot overrule it. A choice stays in effect.
 pub(super) async fn change(
     connection: &mut Connection,
     job: Uuid,
@@ -320,7 +314,7 @@ pub(super) async fn change(
     changes::record(connection, &home, changed, now).await
 }
 
-/// Makes a job the clip's newest, takes back the answer of the one before, and gives its blobs.
+/// Makes a job the clip's newest, removes the previous answer, and returns the keys of its blobs.
 pub(super) async fn begin_job(
     transaction: &mut Transaction,
     id: Uuid,
@@ -335,7 +329,7 @@ pub(super) async fn begin_job(
     Ok(stale.map(|key| result_blobs(&key).to_vec()).unwrap_or_default())
 }
 
-/// [`find`] for who will change the clip.
+/// [`find`] for callers that change the clip: locks the home first.
 pub(super) async fn find_locked(
     transaction: &mut Transaction,
     home: &HomeId,
@@ -368,7 +362,7 @@ fn blobs_of(id: Uuid, result_key: Option<&str>) -> Vec<String> {
     keys
 }
 
-/// The blobs of one home's clips, or of all.
+/// Returns the blob keys of one home's clips, or of all clips.
 pub(super) async fn blob_keys(
     connection: &mut Connection,
     home: Option<&HomeId>,

@@ -1,4 +1,4 @@
-//! From columns to values and back: times are milliseconds, ids and documents are text.
+//! Conversion between columns and values: times are milliseconds, ids and documents are text.
 
 use super::{HomeId, StorageError, Tenant};
 use jiff::Timestamp;
@@ -50,7 +50,7 @@ pub(super) trait Columns {
         self.maybe_text(column)?.map(|text| parse_json(column, &text)).transpose()
     }
 
-    /// A value of an enumeration by its serde name.
+    /// Returns a value of an enumeration by its serde name.
     fn name<T: DeserializeOwned>(&self, column: &'static str) -> Result<T, StorageError> {
         parse_name(column, &self.text(column)?)
     }
@@ -60,7 +60,7 @@ pub(super) trait Columns {
     }
 }
 
-/// The text of a document column.
+/// Returns the text of a document column.
 pub(super) fn to_json<T: Serialize>(value: &T) -> String {
     serde_json::to_string(value).expect("our own records have text keys and cannot fail to serialise")
 }

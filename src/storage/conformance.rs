@@ -1,5 +1,5 @@
-//! What every pair of database and blob store must do, as functions over [`Storage`]: another pair joins
-//! with one line in [`on_every_back_end`].
+//! Tests that every pair of database and blob store must pass, as functions over [`Storage`]. Another pair
+//! needs one module in [`on_every_back_end`].
 
 mod changes;
 mod choices;
@@ -76,13 +76,13 @@ macro_rules! on_every_back_end {
 }
 use on_every_back_end;
 
-/// PostgreSQL, and files or a bucket.
+/// Opens storage on PostgreSQL with files or a bucket.
 async fn on(postgres: &Schema, folder: &Path, s3: Option<S3Params>) -> Storage {
     let postgres = Some(PostgresParams { url: postgres.url(), connections: 8 });
     Storage::open(&StorageParams { data: folder.to_owned(), postgres, s3 }).await.unwrap()
 }
 
-/// The bucket of a test's S3 endpoint.
+/// Returns the bucket of a test's S3 endpoint.
 pub(in crate::storage) fn bucket(server: &S3Server) -> S3Params {
     S3Params {
         bucket: BUCKET.to_owned(),
@@ -96,12 +96,12 @@ pub(in crate::storage) fn bucket(server: &S3Server) -> S3Params {
     }
 }
 
-/// SQLite and files, in one folder.
+/// Opens storage on SQLite and files, in one folder.
 async fn in_folder(folder: &Path) -> Storage {
     Storage::open(&StorageParams::in_folder(folder)).await.unwrap()
 }
 
-/// Seconds after an arbitrary moment.
+/// Returns the time this many seconds after an arbitrary one.
 fn at(seconds: i64) -> Timestamp {
     Timestamp::from_second(1_800_000_000 + seconds).unwrap()
 }
@@ -137,7 +137,7 @@ async fn put_map(storage: &Storage, home: &HomeId, bytes: &[u8]) -> (LidarMapRev
     storage.put_lidar_map(home, new, at(0)).await.unwrap()
 }
 
-/// A home with a map and one queued clip.
+/// Creates a home with a map and one queued clip.
 async fn one_job(storage: &Storage) -> (HomeId, Clip) {
     let home = home("h");
     storage.put_home(&home, None, at(0)).await.unwrap();
@@ -218,14 +218,14 @@ fn lidar_info() -> LidarInfo {
 }
 
 impl Storage {
-    /// Keys of all blobs that are there, in order.
+    /// Returns the keys of all existing blobs, sorted.
     async fn blobs_that_exist(&self) -> Vec<String> {
         let mut keys = self.blobs.keys().await.unwrap();
         keys.sort();
         keys
     }
 
-    /// Keys of all blobs that rows refer to, in order. A clip's results may be fewer than their keys.
+    /// Returns the keys of all blobs that rows refer to, sorted. Not every result file need exist.
     async fn blob_keys_that_matter(&self) -> Vec<String> {
         let mut keys: Vec<String> = self.blob_keys().await.unwrap().into_iter().collect();
         keys.sort();

@@ -1,5 +1,5 @@
-//! The database: SQLite in the data folder, or PostgreSQL for many processes. Two pools behind one type, and one text
-//! for each statement wherever both understand it.
+//! The database: SQLite in the data folder, or PostgreSQL for many processes. One type wraps both pools, and
+//! a statement has one text if both databases accept it.
 
 mod connection;
 mod fault;
@@ -22,16 +22,16 @@ use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Connections of SQLite that read.
+/// Read connections of SQLite.
 const READERS: u32 = 4;
 
-/// Connections of one process to PostgreSQL, unless it is told otherwise.
+/// Default number of connections of one process to PostgreSQL.
 pub const POSTGRES_CONNECTIONS: u32 = 8;
 
-/// How long a statement waits for a free connection before the caller is told that the service is busy.
+/// Timeout for a free connection; then the service counts as busy.
 const ACQUIRE: Duration = Duration::from_secs(10);
 
-/// How long a write may take that checks whether the database can write.
+/// Timeout of the write that checks whether the database can write.
 const CHECK: Duration = Duration::from_secs(3);
 
 pub(super) struct Database {
@@ -48,8 +48,8 @@ enum Pools {
     Postgres(PgPool),
 }
 
-/// Begins a transaction in a task of its own. Whoever hangs up cancels what is under way for it; a `BEGIN` that is cut
-/// off would go back to the pool as a connection within a transaction of which nobody knows.
+/// Begins a transaction in a task of its own, which a disconnecting client cannot cancel. A cancelled `BEGIN`
+/// would return a connection to the pool inside an unknown transaction.
 async fn begin_whole(
     pool: &PgPool,
     statement: &'static str,
@@ -57,7 +57,7 @@ async fn begin_whole(
 ) -> Result<Transaction, sqlx::Error> {
     let pool = pool.clone();
     let begun = tokio::spawn(async move { pool.begin_with(statement).await });
-    // The task ends without an answer only when the whole process does.
+    // The task ends without a result only when the whole process ends.
     Ok(Transaction::of_postgres(begun.await.map_err(|_| sqlx::Error::PoolClosed)??, health))
 }
 
@@ -67,7 +67,7 @@ impl Database {
     }
 
     pub async fn open_sqlite(file: &Path) -> Result<Database, StorageError> {
-        // FULL: a commit that gates an acknowledgement has reached the disk.
+        // FULL: a commit is on the disk before it is acknowledged.
         let options = SqliteConnectOptions::new()
             .filename(file)
             .create_if_missing(true)
@@ -82,9 +82,9 @@ impl Database {
         Ok(Database::new(Pools::Sqlite { writer, reader }))
     }
 
-    /// `url` as libpq knows it: `postgres://user:password@host:port/database?sslmode=...`.
+    /// Opens PostgreSQL. `url` is as for libpq: `postgres://user:password@host:port/database?sslmode=...`.
     pub async fn open_postgres(url: &str, connections: u32) -> Result<Database, StorageError> {
-        // A statement that waits for another one's lock for so long has met a fault of ours, and is ended.
+        // A statement that waits this long for a lock shows a bug of ours, and is aborted.
         let options = PgConnectOptions::from_str(url)?
             .application_name("viola")
             .options([("lock_timeout", "10s"), ("idle_in_transaction_session_timeout", "60s")]);
@@ -97,7 +97,7 @@ impl Database {
         Ok(Database::new(Pools::Postgres(pool)))
     }
 
-    /// For one read.
+    /// Returns a connection for one read.
     pub async fn reader(&self) -> Result<Connection, StorageError> {
         Ok(match &self.pools {
             Pools::Sqlite { reader, .. } => Connection::of_sqlite(reader.acquire().await?),
@@ -105,7 +105,7 @@ impl Database {
         })
     }
 
-    /// For several reads that must agree with each other.
+    /// Begins a transaction for several reads that must agree with each other.
     pub async fn snapshot(&self) -> Result<Transaction, StorageError> {
         Ok(match &self.pools {
             Pools::Sqlite { reader, .. } => Transaction::begin_sqlite(reader, "BEGIN", None).await?,
@@ -115,9 +115,9 @@ impl Database {
         })
     }
 
-    /// To write. SQLite's writers take turns here, and wait in `BEGIN` for those of other processes, so none ever meets
-    /// a locked database later. PostgreSQL's go side by side: who changes a home or what is in it locks its row first
-    /// (`homes::lock`), then jobs, then clips, then changes; in this order nobody waits in a circle.
+    /// Begins a transaction that writes. SQLite's writers take turns and wait in `BEGIN` for other processes,
+    /// so no later statement finds the database locked. PostgreSQL's run concurrently: to prevent deadlocks,
+    /// each locks the home's row first (`homes::lock`), then jobs, then clips, then changes.
     pub async fn begin(&self) -> Result<Transaction, StorageError> {
         let health = Some(self.health.clone());
         Ok(match &self.pools {
@@ -128,7 +128,7 @@ impl Database {
         })
     }
 
-    /// Checks that the database can write. Recent writes tell; without any, one row is written.
+    /// Checks that the database can write, from recent writes; without any, it writes one row.
     pub async fn check_writes(&self) -> Result<(), StorageError> {
         let _turn = self.health.check.lock().await;
         match self.health.verdict() {
@@ -146,7 +146,7 @@ impl Database {
         tokio::time::timeout(CHECK, write).await.map_err(|_| sqlx::Error::PoolTimedOut)?
     }
 
-    /// The pool of the one connection of SQLite that writes.
+    /// Returns the pool of SQLite's one write connection.
     #[cfg(test)]
     pub fn writer(&self) -> &SqlitePool {
         match &self.pools {
@@ -155,7 +155,7 @@ impl Database {
         }
     }
 
-    /// Hears what other processes tell; none where there is but this one.
+    /// Returns a listener for notifications of other processes; `None` for SQLite.
     pub async fn listener(&self) -> Result<Option<PgListener>, StorageError> {
         Ok(match &self.pools {
             Pools::Sqlite { .. } => None,
@@ -163,7 +163,7 @@ impl Database {
         })
     }
 
-    /// Whether other processes may be at work on it.
+    /// Returns whether other processes may share the database.
     pub fn is_shared(&self) -> bool {
         matches!(self.pools, Pools::Postgres(_))
     }

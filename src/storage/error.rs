@@ -3,7 +3,6 @@
 use super::database::DatabaseFault;
 use std::path::PathBuf;
 
-/// An error of storage.
 #[derive(Debug, thiserror::Error)]
 pub enum StorageError {
     #[error("the data folder {path} is in use by another viola server; stop it or choose another folder")]
@@ -12,7 +11,7 @@ pub enum StorageError {
     File { path: PathBuf, source: std::io::Error },
     #[error("database: {0}")]
     Database(#[from] sqlx::Error),
-    /// The commit was sent, and whether it took effect is not known.
+    /// The commit was sent; its effect is unknown.
     #[error("database, while it committed: {0}")]
     Unsettled(#[source] sqlx::Error),
     #[error("writes to the database failed in the last seconds")]
@@ -52,8 +51,8 @@ pub enum StorageError {
 }
 
 impl StorageError {
-    /// Whether a retry may succeed: the database or the store could not be reached, gave way to somebody else, or met a
-    /// fault of the system.
+    /// Returns whether a retry may succeed: the database or the store was unreachable, gave way to another
+    /// transaction, or met a fault of the system.
     pub fn is_transient(&self) -> bool {
         match self {
             StorageError::Database(error) => DatabaseFault::of(error) != DatabaseFault::Lasting,
@@ -64,12 +63,12 @@ impl StorageError {
         }
     }
 
-    /// Whether a change may have taken effect all the same.
+    /// Returns whether a change may have taken effect despite the error.
     pub(super) fn is_unsettled(&self) -> bool {
         matches!(self, StorageError::Unsettled(_))
     }
 
-    /// Whether the disk is full, or this process may not take more of it.
+    /// Returns whether the disk is full, or this process reached a limit on its disk use.
     pub fn is_full(&self) -> bool {
         use std::io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
         fn find(error: &(dyn std::error::Error + 'static)) -> bool {

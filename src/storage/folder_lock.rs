@@ -1,10 +1,10 @@
-//! One server at a time in a data folder.
+//! Lock for one server at a time in a data folder.
 
 use super::StorageError;
 use std::fs::{File, TryLockError};
 use std::path::Path;
 
-/// Held while the file is open; the system lets go of it when the process ends, however it ends.
+/// Held while the file is open; the system releases it when the process ends, also after a crash.
 pub(super) struct FolderLock {
     _file: File,
 }

@@ -17,42 +17,39 @@ use viola_geometry::Pose2;
 use viola_home::{HomeMapInfo, PlacedBy, TileKey};
 use viola_reconstruct::Reason;
 
-/// One state of a home's fused map. It never changes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// One revision of a home's fused map. It never changes.
+#[derive(Debug, Clone, PartialEq)]
 pub struct HomeMap {
     /// Counts from 1; the highest is the current one.
-    #[schema(minimum = 1, example = 4)]
     pub revision: i64,
-    /// The LiDAR map in whose frame it is.
-    #[schema(minimum = 1, example = 1)]
+    /// Revision of the LiDAR map whose frame it uses.
     pub lidar_map_revision: i64,
-    /// The clips that are in it. Their order does not depend on when they came; points name a clip by its place here.
+    /// The clips of the map, in an order independent of their arrival; points name a clip by its index here.
     pub clips: Vec<MapClip>,
     pub info: HomeMapInfo,
     pub created_at: Timestamp,
 }
 
 /// A clip in a home's map.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MapClip {
     pub clip: Uuid,
     /// Refined together with the clips that it overlaps.
     pub map_from_clip: Pose2,
     pub by: PlacedBy,
-    /// That the pose is right to 10 degrees and 0.3 m, 0..1; null where a person chose it.
-    #[schema(minimum = 0, maximum = 1, example = 0.97)]
+    /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1; null if a person chose it.
     pub probability: Option<f64>,
     pub recorded_at: Option<Timestamp>,
-    /// Points that the clip brought.
+    /// Points that the clip contributed.
     pub points: usize,
-    /// How far the refinement moved the clip's origin from where its own alignment has it.
+    /// Distance by which the refinement moved the clip's origin from its pose without other clips.
     pub moved_m: f64,
-    /// How far it turned the clip.
+    /// Angle by which the refinement turned the clip.
     pub moved_deg: f64,
 }
 
 /// A clip that is not in its home's map, and why.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct LeftOut {
     pub clip: Uuid,
     pub state: ClipState,
@@ -62,7 +59,7 @@ pub struct LeftOut {
 /// A file of a revision.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MapFile {
-    /// Which tile, when it is one.
+    /// The tile, if the file is one.
     pub tile: Option<TileKey>,
     key: String,
 }
@@ -88,8 +85,8 @@ fn from_row(row: &Row) -> Result<HomeMap, StorageError> {
 }
 
 impl Storage {
-    /// A revision of a home's map, the current one when none is named; none before the first merge, and when it is not
-    /// kept any more.
+    /// Returns a revision of a home's map, by default the current one; `None` before the first merge, or if
+    /// the revision was removed.
     pub async fn home_map(
         &self,
         home: &HomeId,
@@ -107,7 +104,7 @@ impl Storage {
         row.as_ref().map(from_row).transpose()
     }
 
-    /// The newest first; a page goes on below the revision `after`.
+    /// Returns a page of the revisions below `after`, newest first.
     pub async fn home_map_revisions(
         &self,
         home: &HomeId,
@@ -128,7 +125,7 @@ impl Storage {
         rows.iter().map(from_row).collect()
     }
 
-    /// The clips of a home that its newest map does not have, the oldest first.
+    /// Returns the clips of a home that are not in its newest map, oldest first.
     pub async fn clips_left_out(&self, home: &HomeId) -> Result<Vec<LeftOut>, StorageError> {
         let rows = query(
             "SELECT id, state, reasons FROM clips WHERE home_id = $1 AND placement IS NULL ORDER BY id",
@@ -142,7 +139,7 @@ impl Storage {
         rows.iter().map(left_out).collect()
     }
 
-    /// The files of a name that a revision has, tiles in the order of their places.
+    /// Returns a revision's files of one name, tiles in the order of their positions.
     pub async fn home_map_files(
         &self,
         home: &HomeId,
@@ -152,12 +149,12 @@ impl Storage {
         files(&mut *self.database.snapshot().await?, home, revision, name).await
     }
 
-    /// A file of a revision; none when the revision has been removed since.
+    /// Returns a file of a revision; `None` if the revision was removed since.
     pub async fn read_map_file(&self, file: &MapFile) -> Result<Option<BlobReader>, StorageError> {
         self.blobs.read(&file.key).await
     }
 
-    /// The same in one piece.
+    /// Returns a file of a revision in one piece.
     pub async fn map_file_bytes(&self, file: &MapFile) -> Result<Option<bytes::Bytes>, StorageError> {
         self.blobs.read_if_there(&file.key).await
     }
@@ -168,7 +165,7 @@ impl Storage {
     }
 }
 
-/// What a home's map is made of changed, or will have with this transaction.
+/// Marks a home's map as due for a merge, in the transaction that changes the map's inputs.
 pub(super) async fn changed(connection: &mut Connection, home: &HomeId) -> Result<(), StorageError> {
     query("UPDATE homes SET map_wanted = map_wanted + 1 WHERE id = $1")
         .bind(home.key())
@@ -203,7 +200,7 @@ async fn files(
     rows.iter().map(file).collect()
 }
 
-/// The blobs of one home's maps, or of all.
+/// Returns the blob keys of one home's maps, or of all maps.
 pub(super) async fn blob_keys(
     connection: &mut Connection,
     home: Option<&HomeId>,

@@ -9,26 +9,21 @@ use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
 use super::{Page, Storage, StorageError, pending_deletes};
 use jiff::Timestamp;
-use serde::{Deserialize, Serialize};
 
-/// Rows over which a tenant's total of bytes is spread.
+/// Rows that share a tenant's total of bytes.
 const TOTAL_PARTS: i64 = 16;
 
-/// A home: what a LiDAR map and clips belong to.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// A home, with its LiDAR map and clips.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Home {
     pub id: HomeId,
-    /// For people.
-    #[schema(example = "Flat 3, Elm Street")]
+    /// Display name.
     pub name: Option<String>,
     /// Revision of the current LiDAR map, null before the first one.
-    #[schema(example = 2)]
     pub lidar_map_revision: Option<i64>,
-    #[schema(example = 3)]
     pub clips: i64,
-    #[schema(example = "2026-03-14T15:09:26.535Z")]
     pub created_at: Timestamp,
-    /// Of the newest change of the home or of anything in it: its LiDAR map, its clips, its fused map.
+    /// Time of the newest change of the home, its LiDAR map, its clips or its fused map.
     pub updated_at: Timestamp,
 }
 
@@ -59,7 +54,7 @@ macro_rules! select_homes {
 }
 
 impl Storage {
-    /// Makes a home or renames it; tells whether it is new. The same name again changes nothing.
+    /// Creates or renames a home; returns it and whether it is new. The same name again changes nothing.
     pub async fn put_home(
         &self,
         id: &HomeId,
@@ -89,22 +84,22 @@ impl Storage {
         from_row(&row.ok_or(StorageError::NoSuchHome)?)
     }
 
-    /// A tenant's, by id; only those that changed later than `updated_after`, when it is given.
+    /// Returns a page of a tenant's homes by id; with `updated_after`, only those changed later.
     pub async fn homes(
         &self,
         tenant: &Tenant,
         updated_after: Option<Timestamp>,
         page: &Page<HomeId>,
     ) -> Result<Vec<Home>, StorageError> {
-        // Who asks for what changed expects little of it, so that is found by the indexes of times and then sorted.
+        // Few homes are expected to have changed: the indexes of times find them, then they are sorted.
         let statement = match updated_after {
             Some(_) => select_homes!(
                 "WHERE id IN (SELECT id FROM homes WHERE tenant = $1 AND updated_at > $4
                         UNION SELECT home_id FROM changes WHERE tenant = $1 AND at > $4)
                     AND id || '' > $2 ORDER BY id || '' LIMIT $3"
             ),
-            // That the tenant is no other is said so that planners begin in the index of both where the page does: else
-            // they go through the next tenant's homes, or through this one's from the first.
+            // With both conditions on the tenant, planners start in the index of both at the page's first
+            // row. Otherwise they scan the next tenant's homes, or this one's from the first.
             None => {
                 select_homes!("WHERE (tenant, id) > ($1, $2) AND tenant <= $1 ORDER BY tenant, id LIMIT $3")
             }
@@ -120,7 +115,7 @@ impl Storage {
         rows.iter().map(from_row).collect()
     }
 
-    /// How many bytes a tenant has sent as files that are still here.
+    /// Returns the total size in bytes of a tenant's stored clips and LiDAR maps.
     pub async fn tenant_bytes(&self, tenant: &Tenant) -> Result<u64, StorageError> {
         let sum = query(
             "SELECT CAST(COALESCE(SUM(size_bytes), 0) AS BIGINT) AS size_bytes FROM tenant_sizes WHERE tenant = $1",
@@ -129,8 +124,8 @@ impl Storage {
         sum.count("size_bytes")
     }
 
-    /// Removes a home with everything in it. A worker that is busy with one of its clips loses its lease. Where the home
-    /// went and a file of it could not, this is an error; again, and it is tried again.
+    /// Removes a home with everything in it. A worker on one of its clips loses its lease. Returns an error
+    /// if the home is removed but one of its files is not; another call retries that.
     pub async fn delete_home(&self, id: &HomeId, now: Timestamp) -> Result<(), StorageError> {
         let owner = format!("home:{}", id.key());
         let mut transaction = self.database.begin().await?;
@@ -174,8 +169,8 @@ pub(super) async fn exists(connection: &mut Connection, id: &HomeId) -> Result<b
     Ok(row.fetch_optional(connection).await?.is_some())
 }
 
-/// Keeps everyone else from changing the home and what is in it until the transaction ends; false when there is no such
-/// home. To be done before anything else of the home is locked.
+/// Locks the home and its contents against changes until the transaction ends; returns false if there is no
+/// such home. Must come before any other lock in the home.
 pub(super) async fn lock(transaction: &mut Transaction, id: &HomeId) -> Result<bool, StorageError> {
     let row = query(transaction.either(
         "SELECT id FROM homes WHERE id = $1",
@@ -184,7 +179,7 @@ pub(super) async fn lock(transaction: &mut Transaction, id: &HomeId) -> Result<b
     Ok(row.bind(id.key()).fetch_optional(transaction).await?.is_some())
 }
 
-/// Counts bytes that a home has more, or less, as files.
+/// Adds `bytes`, negative for a removal, to the file sizes of the home and its tenant.
 pub(super) async fn grow(
     transaction: &mut Transaction,
     home: &HomeId,

@@ -1,4 +1,4 @@
-//! Keys by which a client may repeat an upload without making a second clip. They live as long as the clip.
+//! Idempotency keys: a repeated upload makes no second clip. They live as long as the clip.
 
 use super::columns::Columns;
 use super::database::{Connection, query};
@@ -6,7 +6,7 @@ use super::{HomeId, StorageError};
 use jiff::Timestamp;
 use uuid::Uuid;
 
-/// What a key was used for.
+/// Earlier use of a key.
 pub(super) struct Used {
     pub clip: Uuid,
     pub sha256: String,

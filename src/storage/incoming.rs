@@ -1,4 +1,4 @@
-//! A file on its way in: on the disk, but not yet a blob.
+//! Incoming files: on the disk, but not yet blobs.
 
 use super::error::StorageError;
 use sha2::{Digest, Sha256};
@@ -7,7 +7,7 @@ use tempfile::TempPath;
 use tokio::fs::File;
 use tokio::io::AsyncWriteExt;
 
-/// Bytes that arrive piece by piece. Dropping it removes the file, so an aborted upload leaves nothing.
+/// A file that arrives piece by piece. Dropping it removes the file, so an aborted upload leaves nothing.
 pub struct Incoming {
     path: TempPath,
     file: File,
@@ -44,7 +44,7 @@ impl Incoming {
     }
 }
 
-/// A whole file, durable in itself but not yet kept under a name. Dropping it removes it.
+/// A complete, durable file that is not yet a blob. Dropping it removes the file.
 pub struct Arrived {
     pub(super) path: TempPath,
     /// In lower-case hexadecimal.
@@ -57,7 +57,7 @@ impl Arrived {
         &self.path
     }
 
-    /// The whole file. Blocks.
+    /// Reads the whole file. Blocks.
     pub fn read(&self) -> Result<Vec<u8>, StorageError> {
         std::fs::read(&self.path)
             .map_err(|source| StorageError::File { path: self.path.to_path_buf(), source })

@@ -5,7 +5,7 @@ use super::jobs::{self, Job, JobState};
 use super::{Page, Storage, StorageError, Tenant};
 use uuid::Uuid;
 
-/// A page's worth of ids of each state by itself, so that an index finds the few that failed among millions that did not.
+/// Selects a page of ids of one state, so that an index finds the few failed jobs among millions of others.
 macro_rules! newest {
     ($state:literal) => {
         concat!(
@@ -17,14 +17,14 @@ macro_rules! newest {
 }
 
 impl Storage {
-    /// A tenant's in some states, in any when none is named, the newest first.
+    /// Returns a page of a tenant's jobs in some states, by default in any, newest first.
     pub async fn jobs(
         &self,
         tenant: &Tenant,
         states: &[JobState],
         page: &Page<Uuid>,
     ) -> Result<Vec<Job>, StorageError> {
-        // Behind every id.
+        // Sorts after every id.
         let before = page.after.map_or("~".to_owned(), |id| id.to_string());
         let mut rows = query(jobs::select_jobs!(
             "WHERE jobs.id IN (",
@@ -44,7 +44,7 @@ impl Storage {
         .bind(i64::from(page.limit));
         for state in JobState::ALL {
             let wanted = states.is_empty() || states.contains(&state);
-            // NULL is equal to none.
+            // NULL matches none.
             rows = rows.bind(wanted.then(|| state.name()));
         }
         let rows = rows.fetch_all(&mut self.database.reader().await?).await?;

@@ -1,4 +1,4 @@
-//! Jobs as records: what is to be done, and what became of it. Who may work on one is in `leases`.
+//! Records of jobs: their order, state and result. The claims of workers are in `leases`.
 
 use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
@@ -11,19 +11,19 @@ use uuid::Uuid;
 use viola_geometry::progress::Stage;
 use viola_reconstruct::Reason;
 
-/// How often a job is tried before it fails for good. A try that a fault of the service ended does not count.
+/// Attempts before a job fails. An attempt that a fault of the service ended does not count.
 const MAX_ATTEMPTS: i64 = 3;
 
-/// The time by which a job that waits behind another one of its home or tenant is put back: about what one takes.
+/// Delay of a job in the queue for each job that comes before it: about the duration of one job.
 const TURN: SignedDuration = SignedDuration::from_secs(5);
 
-/// Jobs that are counted to find a turn; behind so many, one more makes no difference.
+/// Most jobs that are counted to find a turn; more make no difference.
 const MOST_TURNS: i64 = 2_000;
 
-/// Which jobs come first, if they do not wait too long.
+/// Priority of a job: a limited lead in the queue, so that no job waits for ever.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Priority {
-    /// Somebody asked for this clip and may be looking.
+    /// A client asked for this clip and may be waiting.
     Asked,
     /// A new clip.
     Uploaded,
@@ -32,7 +32,7 @@ pub(super) enum Priority {
 }
 
 impl Priority {
-    /// How much earlier a job is done than one that was just uploaded.
+    /// Returns the lead of a job over one whose clip was just uploaded.
     fn lead(self) -> SignedDuration {
         match self {
             Priority::Asked => SignedDuration::from_mins(10),
@@ -42,13 +42,13 @@ impl Priority {
     }
 }
 
-/// Where a job is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+/// State of a job.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum JobState {
     Queued,
     Running,
-    /// The method ran to an answer, which may be that the clip cannot be aligned.
+    /// The method gave an answer, which may be that the clip cannot be aligned.
     Succeeded,
     /// There is no answer; `error` says why.
     Failed,
@@ -75,28 +75,23 @@ impl JobState {
 }
 
 /// The alignment of one clip to one revision of its home's LiDAR map.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Job {
-    #[schema(example = "01a1f766-7abd-71fb-b5b7-3d59df71839d")]
     pub id: Uuid,
     pub home: HomeId,
     pub clip: Uuid,
     pub lidar_map_revision: i64,
     pub state: JobState,
-    /// What the method is doing, while the job runs.
+    /// Stage of the method, while the job runs.
     pub stage: Option<Stage>,
-    /// Of the whole job, 0..1.
-    #[schema(minimum = 0, maximum = 1, example = 0.43)]
+    /// Progress of the whole job, 0..1.
     pub progress: f64,
-    /// Attempts that count, the current one among them. One that a fault of the service ended does not count.
-    #[schema(example = 1)]
+    /// Attempts so far, with the current one; one that a fault of the service ended does not count.
     pub attempts: u32,
-    #[schema(example = 3)]
     pub max_attempts: u32,
-    /// Why the last attempt, or the job, failed.
+    /// Reason why the last attempt, or the job, failed.
     pub error: Option<Reason>,
     /// Grows with every change.
-    #[schema(example = 5)]
     pub version: i64,
     pub created_at: Timestamp,
     pub updated_at: Timestamp,
@@ -124,19 +119,19 @@ pub(super) fn from_row(row: &Row) -> Result<Job, StorageError> {
     })
 }
 
-/// How much there is to do.
+/// Load of the queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct QueueState {
     pub queued: u64,
     pub running: u64,
-    /// How long the job that has been due longest has waited; zero when none is due.
+    /// Waiting time of the job that has been due longest; zero if none is due.
     pub age: Duration,
-    /// Homes whose map is behind.
+    /// Homes whose map is due for a merge.
     pub merges_due: u64,
 }
 
 impl Storage {
-    /// How much there is to do now.
+    /// Returns the load of the queue.
     pub async fn queue_state(&self, now: Timestamp) -> Result<QueueState, StorageError> {
         let row = query(
             "SELECT (SELECT COUNT(*) FROM jobs WHERE state = 'queued') AS queued,
@@ -154,7 +149,7 @@ impl Storage {
         })
     }
 
-    /// The home of a job; none when there is no such job.
+    /// Returns the home of a job; `None` if there is no such job.
     pub async fn job_home(&self, id: Uuid) -> Result<Option<HomeId>, StorageError> {
         let row =
             query("SELECT clips.home_id FROM jobs JOIN clips ON clips.id = jobs.clip_id WHERE jobs.id = $1");
@@ -162,13 +157,13 @@ impl Storage {
         row.map(|row| row.home("home_id")).transpose()
     }
 
-    /// None when there is no such job, or no longer.
+    /// Returns a job; `None` if it does not exist or was removed.
     pub async fn job(&self, id: Uuid) -> Result<Option<Job>, StorageError> {
         find(&mut *self.database.snapshot().await?, id).await
     }
 }
 
-/// Jobs with what belongs to them; the rest of the statement in pieces.
+/// Selects jobs with their home and LiDAR map revision; takes the rest of the statement in pieces.
 macro_rules! select_jobs {
     ($($rest:expr),+) => {
         concat!(
@@ -186,13 +181,13 @@ pub(super) async fn find(connection: &mut Connection, id: Uuid) -> Result<Option
     row.fetch_optional(connection).await?.as_ref().map(from_row).transpose()
 }
 
-/// The jobs of rows of [`select_jobs`].
+/// Returns the jobs of rows of [`select_jobs`].
 pub(super) fn by_id(rows: &[Row]) -> Result<HashMap<Uuid, Job>, StorageError> {
     rows.iter().map(|row| Ok((row.id("id")?, from_row(row)?))).collect()
 }
 
-/// Queues the alignment of a clip to a map in place of whatever was under way for it; gives the blobs that
-/// the clip no longer refers to.
+/// Queues the alignment of a clip to a map and cancels the clip's earlier jobs. Returns the blobs that the
+/// clip no longer refers to.
 pub(super) async fn enqueue(
     transaction: &mut Transaction,
     home: &HomeId,
@@ -232,17 +227,17 @@ pub(super) async fn enqueue(
     clips::begin_job(transaction, clip, id, now).await
 }
 
-/// How many jobs are before a new one.
+/// Number of jobs before a new one.
 struct Turn {
-    /// Of its own home.
+    /// Jobs of its own home.
     in_home: i32,
-    /// Of its tenant: those that are not further back in their own homes than it is in its.
+    /// Jobs of its tenant that are not further back in their own homes than it is in its home.
     of_tenant: i32,
 }
 
-/// The fair place of a home's next job. Who has queued much waits behind its own, and not everyone else behind it: the
-/// first job of a home comes before the second one of any other home of its tenant, and the first of a tenant before
-/// the second of any other. Time passes for all of them alike, so that nobody waits for ever.
+/// Returns the fair turn of a home's next job. A home with many jobs delays only its own: the first job of a
+/// home comes before the second of any other home of its tenant, and the first job of a tenant before the
+/// second of any other. Time passes for all of them alike, so that no job waits for ever.
 async fn turn(transaction: &mut Transaction, home: &HomeId) -> Result<Turn, StorageError> {
     let in_home = query(
         "SELECT COUNT(*) AS jobs FROM (
@@ -260,8 +255,8 @@ async fn turn(transaction: &mut Transaction, home: &HomeId) -> Result<Turn, Stor
     Ok(Turn { in_home, of_tenant: of_tenant.fetch_one(transaction).await?.count("jobs")? })
 }
 
-/// Keeps workers off a clip's jobs until the transaction ends: whoever removes a clip with its jobs locks them first, as
-/// workers do, so that the two never wait for each other.
+/// Locks a clip's jobs until the transaction ends. The removal of a clip locks the jobs first, as workers do,
+/// which prevents deadlocks.
 pub(super) async fn lock_of_clip(transaction: &mut Transaction, clip: Uuid) -> Result<(), StorageError> {
     let lock = transaction.either(
         "SELECT id FROM jobs WHERE clip_id = $1",

@@ -1,4 +1,4 @@
-//! Keys by which tenants call the service. A key is shown once, when it is made; what is kept is its SHA-256.
+//! API keys of tenants. A key is shown once, when it is created; only its SHA-256 is stored.
 
 use super::columns::Columns;
 use super::database::{Row, query};
@@ -10,18 +10,18 @@ use std::fmt;
 use std::str::FromStr;
 use uuid::Uuid;
 
-/// What a secret begins with, so that one that leaked is recognised.
+/// Prefix of a secret, so that a leaked one is recognised.
 const PREFIX: &str = "viola_";
 const SECRET_BYTES: usize = 32;
 
-/// How exactly the last use of a key is known.
+/// Resolution of the last use of a key.
 const LAST_USE: SignedDuration = SignedDuration::from_secs(60);
 
-/// What a key allows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+/// Permissions of a key.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// Upload clips and follow what becomes of them: for an app on a phone.
+    /// Upload clips and follow their progress: for an app on a phone.
     Uploader,
     /// Read everything, change nothing.
     Reader,
@@ -58,14 +58,14 @@ pub struct ApiKey {
     pub id: Uuid,
     pub tenant: Tenant,
     pub role: Role,
-    /// The only home that it is for; all of the tenant's when there is none.
+    /// The only home that the key is for; `None` for all homes of the tenant.
     pub home: Option<HomeId>,
-    /// For people.
+    /// Description for people.
     pub label: String,
     pub created_at: Timestamp,
     pub expires_at: Option<Timestamp>,
     pub revoked_at: Option<Timestamp>,
-    /// To a minute.
+    /// Accurate to a minute.
     pub last_used_at: Option<Timestamp>,
 }
 
@@ -75,7 +75,7 @@ impl ApiKey {
     }
 }
 
-/// A key that is to be made.
+/// A key to create.
 #[derive(Debug, Clone)]
 pub struct NewKey {
     pub tenant: Tenant,
@@ -85,7 +85,7 @@ pub struct NewKey {
     pub expires_at: Option<Timestamp>,
 }
 
-/// What a caller shows. It is never logged.
+/// Secret of a key, which a caller presents. It is never logged.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Secret(String);
 
@@ -112,7 +112,7 @@ impl Secret {
         Ok(Secret(format!("{PREFIX}{}", hexadecimal(&bytes))))
     }
 
-    /// The secret itself, to be shown to whom it is for.
+    /// Returns the secret in plain text, to be shown to its owner.
     pub fn show(&self) -> &str {
         &self.0
     }
@@ -141,7 +141,7 @@ fn from_row(row: &Row) -> Result<ApiKey, StorageError> {
 }
 
 impl Storage {
-    /// Makes a key; the secret is told here and never again.
+    /// Creates a key; only this call returns the secret.
     pub async fn create_key(&self, new: NewKey, now: Timestamp) -> Result<(ApiKey, Secret), StorageError> {
         let (id, secret) = (Uuid::now_v7(), Secret::new()?);
         let mut transaction = self.database.begin().await?;
@@ -165,13 +165,13 @@ impl Storage {
         Ok((key, secret))
     }
 
-    /// Whether anybody has a key: then nobody is served without one.
+    /// Returns whether any key exists: then requests without a key are refused.
     pub async fn has_keys(&self) -> Result<bool, StorageError> {
         let row = query("SELECT id FROM api_keys LIMIT 1");
         Ok(row.fetch_optional(&mut self.database.reader().await?).await?.is_some())
     }
 
-    /// The valid key with this secret, whose use is noted.
+    /// Returns the valid key with this secret, and records its use.
     pub async fn use_key(&self, secret: &Secret, now: Timestamp) -> Result<Option<ApiKey>, StorageError> {
         let row = query("SELECT * FROM api_keys WHERE sha256 = $1").bind(secret.sha256());
         let row = row.fetch_optional(&mut self.database.reader().await?).await?;
@@ -190,14 +190,14 @@ impl Storage {
         Ok(key)
     }
 
-    /// All keys, or a tenant's, also those that are not valid any more, the oldest first.
+    /// Returns all keys, or a tenant's, including invalid ones, by tenant, oldest first.
     pub async fn keys(&self, tenant: Option<&Tenant>) -> Result<Vec<ApiKey>, StorageError> {
         let rows = query("SELECT * FROM api_keys WHERE $1 IS NULL OR tenant = $1 ORDER BY tenant, id");
         let rows = rows.bind(tenant.map(Tenant::name));
         rows.fetch_all(&mut self.database.reader().await?).await?.iter().map(from_row).collect()
     }
 
-    /// Ends a key at once; false when there is none of this id.
+    /// Revokes a key at once; returns false if there is none of this id.
     pub async fn revoke_key(&self, id: Uuid, now: Timestamp) -> Result<bool, StorageError> {
         let mut transaction = self.database.begin().await?;
         let revoked = query("UPDATE api_keys SET revoked_at = COALESCE(revoked_at, $2) WHERE id = $1");

@@ -1,6 +1,6 @@
-//! Who works on a job. A claim gives a worker the job for as long as its lease lasts; a heartbeat renews
-//! it. Every claim raises the job's fence, and a write counts only while the fence is the claim's own, so a
-//! worker that was thought dead and comes back changes nothing.
+//! Leases of jobs. A claim gives a worker the job until its lease expires; a heartbeat renews the lease.
+//! Every claim increments the job's fence, and a write counts only if the fence is still the claim's own, so
+//! a worker that was thought dead and comes back changes nothing.
 
 mod again;
 mod retry;
@@ -24,40 +24,40 @@ use viola_reconstruct::Reason;
 pub struct Claim {
     pub job: Job,
     pub lidar_map_id: Uuid,
-    /// Whether a worker was lost with this job before: it may have been the job that killed it.
+    /// True if a worker was lost with this job before: the job may have killed it.
     pub suspect: bool,
     fence: i64,
 }
 
 impl Claim {
-    /// Whether nobody had the job before.
+    /// Returns whether this is the first claim of the job.
     pub fn is_first(&self) -> bool {
         self.fence == 1
     }
 
-    /// Where this attempt's pictures and clouds are kept.
+    /// Returns the key prefix of this attempt's files.
     fn result_key(&self) -> String {
         clips::result_key(self.job.clip, self.job.id, self.fence)
     }
 }
 
-/// How an attempt ended.
+/// End of an attempt.
 #[derive(Debug)]
 pub enum Ending {
     /// The method gave an answer; its files have been put under the claim's result key.
     Answered(Box<Alignment>),
-    /// The clip or the map cannot be used; another attempt would end alike.
+    /// The clip or the map cannot be used; another attempt would end the same way.
     Refused(Reason),
-    /// The method broke on this clip. The attempt counts; another one may go better.
+    /// The method failed on this clip. The attempt counts; a retry may succeed.
     Broken(Reason),
     /// The service had a fault that is not the clip's. The attempt does not count.
     Fault(Fault),
-    /// The worker stops and gives the job back, to be tried again at once.
+    /// The worker stops and gives the job back for an immediate retry.
     GivenUp,
 }
 
-/// Takes the job whose turn it is. Those that another worker is taking at this moment are passed over, so that workers do
-/// not wait for each other.
+/// Takes the next due job. Jobs that another worker is taking are skipped, so that workers do not wait for
+/// each other.
 macro_rules! claim {
     ($lock:literal) => {
         concat!(
@@ -74,7 +74,7 @@ macro_rules! claim {
 }
 
 impl Storage {
-    /// Gives a job that is due to a worker, none when there is none. Jobs of lost workers are due after
+    /// Claims a due job for a worker; returns `None` if there is none. Jobs of lost workers are due after
     /// [`Storage::release_lost`].
     pub async fn claim(&self, lease: Duration, now: Timestamp) -> Result<Option<Claim>, StorageError> {
         let mut transaction = self.database.begin().await?;
@@ -98,7 +98,7 @@ impl Storage {
         Ok(Some(claim))
     }
 
-    /// Renews a lease and records the progress; false when the job is no longer this worker's.
+    /// Renews a lease and records the progress; returns false if the job is no longer this worker's.
     pub async fn heartbeat(
         &self,
         claim: &Claim,
@@ -124,7 +124,7 @@ impl Storage {
         Ok(updated == 1)
     }
 
-    /// Whether the job is still this worker's.
+    /// Returns whether the job is still this worker's.
     pub async fn holds(&self, claim: &Claim) -> Result<bool, StorageError> {
         let row = query("SELECT id FROM jobs WHERE id = $1 AND fence = $2 AND state = 'running'")
             .bind(claim.job.id.to_string())
@@ -132,13 +132,13 @@ impl Storage {
         Ok(row.fetch_optional(&mut self.database.reader().await?).await?.is_some())
     }
 
-    /// Keeps a file of this attempt's result.
+    /// Stores a file of this attempt's result.
     pub async fn put_result(&self, claim: &Claim, name: &str, bytes: Vec<u8>) -> Result<(), StorageError> {
         self.blobs.put(&format!("{}/{name}", claim.result_key()), bytes).await
     }
 
-    /// Ends an attempt: the job, its clip and the answer change in one transaction. False when the job is no
-    /// longer this worker's; then nothing changes and the attempt's files are removed.
+    /// Ends an attempt: the job, its clip and the answer change in one transaction. Returns false if the job
+    /// is no longer this worker's; then nothing changes and the attempt's files are removed.
     pub async fn finish(
         &self,
         claim: &Claim,
@@ -154,7 +154,7 @@ impl Storage {
         Ok(held)
     }
 
-    /// Removes the files of an attempt that came to nothing.
+    /// Removes the files of an attempt unless a clip refers to them.
     async fn discard_unless_kept(&self, result_key: &str) -> Result<(), StorageError> {
         let kept = query("SELECT id FROM clips WHERE result_key = $1").bind(result_key);
         if kept.fetch_optional(&mut self.database.reader().await?).await?.is_none() {
@@ -163,7 +163,7 @@ impl Storage {
         Ok(())
     }
 
-    /// Ends a job that waits or runs; its clip is as if never queued. A job that has ended stays as it is.
+    /// Cancels a queued or running job; its clip becomes `uploaded`. A job that has ended stays as it is.
     pub async fn cancel_job(&self, id: Uuid, now: Timestamp) -> Result<Option<Job>, StorageError> {
         let mut transaction = self.database.begin().await?;
         let Some(job) = jobs::find(&mut transaction, id).await? else { return Ok(None) };
@@ -228,7 +228,7 @@ async fn end(
             requeue(transaction, id, failures, Some(reason), run_after, now).await?;
         }
         Ending::Fault(fault) => bear_fault(transaction, id, failures, *fault, retry, now).await?,
-        // The attempt was ours to give up, not the clip's fault: it does not count.
+        // The worker gave up, not because of the clip: the attempt does not count.
         Ending::GivenUp => {
             requeue(transaction, id, failures.without_attempt(), None, now, now).await?;
         }
@@ -268,7 +268,7 @@ async fn close(
     Ok(())
 }
 
-/// The clip of a job goes to a state in which it has no answer.
+/// Sets the clip of a job to a state without an answer.
 async fn change_clip(
     connection: &mut Connection,
     job: Uuid,

@@ -8,21 +8,17 @@ use super::columns::Columns;
 use super::database::{Connection, Row, query};
 use super::{BlobReader, HomeId, Page, Storage, StorageError, homes};
 use jiff::Timestamp;
-use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use viola_formats::lidar::LidarInfo;
 
-/// One file that was put, and what was understood of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// One revision: a file that was put, and its summary.
+#[derive(Debug, Clone, PartialEq)]
 pub struct LidarMapRevision {
-    #[serde(skip)]
     id: Uuid,
     /// Counts from 1; the highest is the current one.
-    #[schema(minimum = 1, example = 2)]
     pub revision: i64,
-    #[schema(example = 15540)]
     pub size_bytes: u64,
-    /// Of the file, in lower-case hexadecimal.
+    /// SHA-256 of the file, in lower-case hexadecimal.
     pub sha256: String,
     pub info: LidarInfo,
     pub created_at: Timestamp,
@@ -48,14 +44,14 @@ fn image_key(id: Uuid) -> String {
 }
 
 impl LidarMapRevision {
-    /// What names its file.
+    /// Returns the id that names its file.
     pub fn id(&self) -> Uuid {
         self.id
     }
 }
 
 impl Storage {
-    /// The current revision.
+    /// Returns the current revision.
     pub async fn lidar_map(&self, home: &HomeId) -> Result<LidarMapRevision, StorageError> {
         let mut connection = self.database.snapshot().await?;
         if !homes::exists(&mut connection, home).await? {
@@ -64,7 +60,7 @@ impl Storage {
         current_or_missing(&mut connection, home).await
     }
 
-    /// The newest first; a page goes on below the revision `after`.
+    /// Returns a page of the revisions below `after`, newest first.
     pub async fn lidar_map_revisions(
         &self,
         home: &HomeId,
@@ -85,13 +81,13 @@ impl Storage {
         rows.iter().map(from_row).collect()
     }
 
-    /// The preview picture of the current revision.
+    /// Returns the preview picture of the current revision.
     pub async fn lidar_map_image(&self, home: &HomeId) -> Result<BlobReader, StorageError> {
         let map = self.lidar_map(home).await?;
         self.blobs.read(&image_key(map.id)).await?.ok_or(StorageError::NoLidarMap)
     }
 
-    /// The file of a revision.
+    /// Returns the file of a revision.
     pub async fn lidar_map_file(&self, id: Uuid) -> Result<bytes::Bytes, StorageError> {
         self.blobs.read_all(&file_key(id)).await
     }
@@ -120,8 +116,7 @@ async fn current_or_missing(
     current(connection, home).await?.ok_or(StorageError::NoLidarMap)
 }
 
-/// The id of the current revision.
-/// 0 before the first one.
+/// Returns the number of the current revision; 0 before the first one.
 pub(super) async fn current_revision(
     connection: &mut Connection,
     home: &HomeId,
@@ -136,7 +131,7 @@ pub(super) async fn current_id(
     Ok(current(connection, home).await?.map(|map| map.id))
 }
 
-/// The blobs of one home's maps, or of all.
+/// Returns the blob keys of one home's LiDAR maps, or of all.
 pub(super) async fn blob_keys(
     connection: &mut Connection,
     home: Option<&HomeId>,

@@ -13,19 +13,19 @@ use tempfile::TempDir;
 pub struct Storage {
     pub(super) database: Database,
     pub(super) blobs: Blobs,
-    /// Of the only process that serves, where there can be but one.
+    /// Lock of the data folder, if this is the only process that serves.
     pub(super) lock: Option<FolderLock>,
 }
 
 impl Storage {
-    /// Opens what is there, makes what is not, and brings the tables up to date.
+    /// Opens the storage, creates missing parts, and migrates the tables.
     pub async fn migrate(params: &StorageParams) -> Result<Storage, StorageError> {
         Storage::connect(params, true).await
     }
 
     async fn connect(params: &StorageParams, is_alone: bool) -> Result<Storage, StorageError> {
         let file_error = |source| StorageError::File { path: params.data.clone(), source };
-        // Recordings of homes are nobody else's business on this machine.
+        // Recordings of homes are private: no other user of this machine may read them.
         std::fs::DirBuilder::new().recursive(true).mode(0o700).create(&params.data).map_err(file_error)?;
         let folder = &params.data.canonicalize().map_err(file_error)?;
         let (database, lock) = match &params.postgres {
@@ -43,12 +43,12 @@ impl Storage {
         Ok(Storage { database, blobs, lock })
     }
 
-    /// The records alone, beside a server that may be running.
+    /// Opens the storage without the lock, beside a server that may be running.
     pub async fn administer(params: &StorageParams) -> Result<Storage, StorageError> {
         Storage::connect(params, false).await
     }
 
-    /// What the database is.
+    /// Returns the name of the database system.
     pub fn database_name(&self) -> &'static str {
         self.database.name()
     }
@@ -58,7 +58,7 @@ impl Storage {
         self.database.check_writes().await
     }
 
-    /// Ends all connections; what is under way is finished first.
+    /// Closes all connections after their current work.
     pub async fn close(&self) {
         self.database.close().await;
     }
@@ -68,13 +68,13 @@ impl Storage {
         self.blobs.incoming()
     }
 
-    /// Whether blobs can be written and read; gives the bytes that are free for files that arrive.
+    /// Checks that blobs can be written and read; returns the bytes that are free for incoming files.
     pub async fn blobs_ready(&self) -> Result<u64, StorageError> {
         self.blobs.ready().await
     }
 
-    /// Makes a folder for the files of one job on this machine. It goes with its value; a sweep removes what a killed
-    /// process left of it.
+    /// Creates a local folder for the files of one job. Dropping the value removes it; a sweep removes the
+    /// folders of killed processes.
     pub fn work_folder(&self) -> Result<TempDir, StorageError> {
         let folder = self.blobs.incoming_folder();
         tempfile::Builder::new()
@@ -83,7 +83,7 @@ impl Storage {
             .map_err(|source| StorageError::File { path: folder.to_owned(), source })
     }
 
-    /// Every blob that a row refers to.
+    /// Returns the keys of all blobs that rows refer to.
     #[cfg(test)]
     pub(super) async fn blob_keys(&self) -> Result<std::collections::HashSet<String>, StorageError> {
         let mut keys = self.clip_blob_keys().await?;

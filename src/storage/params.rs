@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// The places of a service's records and blobs.
 #[derive(Debug, Clone, Default)]
 pub struct StorageParams {
-    /// The data folder. Files on their way in lie here, and whatever has no other place.
+    /// The data folder, for incoming files and for everything without another place.
     pub data: PathBuf,
     /// PostgreSQL in place of a file in the data folder.
     pub postgres: Option<PostgresParams>,
@@ -18,9 +18,9 @@ pub struct StorageParams {
 /// A database that many processes share.
 #[derive(Clone)]
 pub struct PostgresParams {
-    /// As libpq has it, with the password.
+    /// URL as for libpq, with the password.
     pub url: String,
-    /// At most, of this process.
+    /// Most connections of this process.
     pub connections: u32,
 }
 
@@ -34,7 +34,7 @@ impl fmt::Debug for PostgresParams {
 }
 
 impl StorageParams {
-    /// SQLite and files, all in one folder.
+    /// Returns the params of SQLite and files in one folder.
     pub fn in_folder(data: &Path) -> StorageParams {
         StorageParams { data: data.to_owned(), ..StorageParams::default() }
     }

@@ -1,6 +1,6 @@
-//! Blobs of what was deleted: written down in the transaction of the deletion, and struck off when they are gone. So
-//! whoever deleted something is told that every byte is gone only when it is, may ask again where the store failed, and
-//! a process that dies in between leaves nothing that nobody knows of.
+//! Pending deletes: the blobs of deleted resources. They are recorded in the transaction of the deletion, and
+//! struck off once the store has removed them. So a deletion succeeds only when every byte is gone, a client
+//! can retry it if the store failed, and a process that dies in between leaves no unknown blobs.
 
 use super::columns::{Columns, to_json};
 use super::database::{Transaction, query};
@@ -8,10 +8,10 @@ use super::{Storage, StorageError};
 use jiff::Timestamp;
 use uuid::Uuid;
 
-/// Deletions that are looked at in one pass of cleaning.
+/// Most deletions that one pass of cleaning handles.
 const AT_ONCE: i64 = 100;
 
-/// Writes down that blobs have to go. `owner` is by what they are asked for.
+/// Records blobs to remove. `owner` names the deleted resource.
 pub(super) async fn add(
     transaction: &mut Transaction,
     owner: &str,
@@ -31,13 +31,13 @@ pub(super) async fn add(
     Ok(())
 }
 
-/// Makes an owner's what was left under `PREFIX:...`.
+/// Assigns the pending deletes of all owners `PREFIX:...` to one owner.
 pub(super) async fn take_over(
     transaction: &mut Transaction,
     owner: &str,
     prefix: &str,
 ) -> Result<(), StorageError> {
-    // A semicolon comes right after a colon.
+    // A semicolon sorts right after a colon.
     query("UPDATE doomed_blobs SET owner = $1 WHERE owner > $2 AND owner < $3")
         .bind(owner)
         .bind(format!("{prefix}:"))
@@ -48,7 +48,7 @@ pub(super) async fn take_over(
 }
 
 impl Storage {
-    /// Removes what an owner left; tells whether it had left anything.
+    /// Removes an owner's pending blobs; returns whether there were any.
     pub(super) async fn delete_pending(&self, owner: &str) -> Result<bool, StorageError> {
         let rows = query("SELECT id, blob_keys FROM doomed_blobs WHERE owner = $1 ORDER BY id").bind(owner);
         let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
@@ -58,12 +58,12 @@ impl Storage {
         Ok(!rows.is_empty())
     }
 
-    /// Removes what deletions left whose store failed or whose process died; tells of how many.
+    /// Finishes deletions that were interrupted or whose store failed; returns the number of deletions.
     pub async fn finish_deletions(&self) -> Result<u64, StorageError> {
         let rows =
             query("SELECT id, blob_keys FROM doomed_blobs ORDER BY created_at, id LIMIT $1").bind(AT_ONCE);
         let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
-        // One that cannot go keeps none of the others.
+        // One failure does not stop the others.
         let mut ended = Ok(rows.len() as u64);
         for row in &rows {
             if let Err(error) = self.remove_row(row.id("id")?, row.json("blob_keys")?).await {

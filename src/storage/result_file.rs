@@ -1,4 +1,4 @@
-//! The files that a job makes of its clip, by name.
+//! Names of the files in a clip's result.
 
 pub const OVERLAY: &str = "overlay.png";
 /// In the clip's frame.
@@ -7,5 +7,5 @@ pub const VIEWS: &str = "views.bin";
 pub const SCAN: &str = "scan.json";
 pub const COMPLETION: &str = "completion.png";
 
-/// Every name that a result may have; not every answer has all of them.
+/// All names; not every result has all of the files.
 pub const ALL: [&str; 5] = [OVERLAY, CLOUD, VIEWS, SCAN, COMPLETION];

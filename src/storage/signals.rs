@@ -1,14 +1,14 @@
-//! Telling the other processes that there is something to do or to look at. Nothing depends on it: who hears nothing
-//! looks by itself from time to time.
+//! Signals between processes: work is due, or something changed. No process depends on them: each one also
+//! polls.
 
 use super::database::query;
 use super::{Storage, StorageError};
 use sqlx::postgres::PgListener;
 
-/// What another process may want to know.
+/// Kind of a signal to other processes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Signal {
-    /// Something is due for a worker.
+    /// Work is due for a worker.
     Due,
     /// A job or a list changed.
     Changed,
@@ -25,11 +25,11 @@ impl Signal {
     }
 }
 
-/// Hears the signals of all processes, its own too.
+/// Receives the signals of all processes, including its own.
 pub struct Signals(PgListener);
 
 impl Signals {
-    /// The next one. After a connection that broke, it goes on with a new one; what was told meanwhile is lost.
+    /// Returns the next signal. It reconnects after a broken connection; signals sent meanwhile are lost.
     pub async fn next(&mut self) -> Result<Signal, StorageError> {
         loop {
             let heard = self.0.recv().await?;
@@ -41,14 +41,14 @@ impl Signals {
 }
 
 impl Storage {
-    /// Begins to listen; none where there is but this process.
+    /// Starts listening; returns `None` if there is only this process.
     pub async fn signals(&self) -> Result<Option<Signals>, StorageError> {
         let Some(mut listener) = self.database.listener().await? else { return Ok(None) };
         listener.listen_all(Signal::ALL.map(Signal::channel)).await?;
         Ok(Some(Signals(listener)))
     }
 
-    /// Tells all processes.
+    /// Sends a signal to all processes.
     pub async fn tell(&self, signal: Signal) -> Result<(), StorageError> {
         if self.database.is_shared() {
             let notify = query("SELECT pg_notify($1, '')").bind(signal.channel());

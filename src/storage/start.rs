@@ -7,23 +7,23 @@ use super::sweep::SweepLimit;
 use jiff::Timestamp;
 
 impl Storage {
-    /// Opens what is there, makes what is not, brings the tables up to date, and, where no other process can be at
-    /// work, removes what interrupted writes left behind. Refuses blobs of which the database knows nothing.
+    /// Opens the storage, creates missing parts and migrates the tables. If no other process can be running,
+    /// it removes the leftovers of interrupted writes. Refuses blobs that the database does not know.
     pub async fn open(params: &StorageParams) -> Result<Storage, StorageError> {
         let storage = Storage::migrate(params).await?;
         if let Err(error) = storage.compare_blobs().await {
-            // Without this, SQLite's log stays, and would be applied to the copy that is put in the database's place.
+            // Otherwise SQLite's log stays, and would be applied to a copy that replaces the database.
             storage.close().await;
             return Err(error);
         }
         Ok(storage)
     }
 
-    /// Refuses blobs of which the database knows nothing; removes leftovers where no other process can be at work.
+    /// Refuses blobs that the database does not know; removes leftovers if no other process can be running.
     async fn compare_blobs(&self) -> Result<(), StorageError> {
         let is_alone = self.lock.is_some();
         match self.check_blobs_are_known().await {
-            // Nothing is swept here, and `/readyz` tells of a store that does not answer.
+            // Nothing is swept in this case, and `/readyz` reports a store that does not answer.
             Err(error @ StorageError::Blobs(_)) if !is_alone => {
                 tracing::warn!(%error, "the blobs could not be compared with the database");
             }

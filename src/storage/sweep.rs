@@ -1,4 +1,4 @@
-//! Blobs that no row names: what killed processes leave, or what is left when the database is lost.
+//! Blobs that no row names: leftovers of killed processes, or of a lost database.
 
 use super::columns::Columns;
 use super::database::{Connection, query};
@@ -6,7 +6,7 @@ use super::{Storage, StorageError};
 use jiff::Timestamp;
 use std::collections::{HashMap, HashSet};
 
-/// The rows of a statement whose value is among some, which are bound as a JSON list.
+/// Ends a statement with a test for membership in a list of values, which is bound as JSON.
 macro_rules! among {
     ($statement:literal) => {
         [
@@ -16,7 +16,7 @@ macro_rules! among {
     };
 }
 
-/// What rows name: by what the keys of their blobs have in common.
+/// Statements that find rows by the common part of their blobs' keys.
 const NAMED: [[&str; 2]; 5] = [
     among!("SELECT id AS name FROM clips WHERE id"),
     among!("SELECT result_key AS name FROM clips WHERE result_key"),
@@ -25,7 +25,7 @@ const NAMED: [[&str; 2]; 5] = [
     among!("SELECT blob_key AS name FROM upload_pieces WHERE blob_key"),
 ];
 
-/// Blobs of deleted things. The deletion removes them, and a sweep has no part in it.
+/// Statements that find pending deletes. The deletion removes those blobs, and a sweep leaves them alone.
 const DOOMED: [&str; 2] = [
     "SELECT gone.value AS name FROM doomed_blobs, json_each(doomed_blobs.blob_keys) AS gone
     WHERE gone.value IN (SELECT value FROM json_each($1))",
@@ -33,7 +33,7 @@ const DOOMED: [&str; 2] = [
     WHERE gone IN (SELECT jsonb_array_elements_text(CAST($1 AS JSONB)))",
 ];
 
-/// Which of the statements a key is found by, and under which name. None for a file that is not ours.
+/// Returns the index of the statement in [`NAMED`] and the name that find a key; `None` for a foreign file.
 fn name_of(key: &str) -> Option<(usize, &str)> {
     let parts: Vec<&str> = key.split('/').collect();
     match parts.as_slice() {
@@ -46,12 +46,12 @@ fn name_of(key: &str) -> Option<(usize, &str)> {
     }
 }
 
-/// What an unnamed blob was part of.
+/// Owner of an unnamed blob.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 enum Owner<'a> {
-    /// A recording, a LiDAR map or an upload, which only its client has again. All pieces of an upload are one.
+    /// A recording, a LiDAR map or an upload, which only its client has. All pieces of an upload are one.
     Sent(&'a str),
-    /// A result or a home map, which can be made again.
+    /// A result or a home map, which can be computed again.
     Made(&'a str),
 }
 
@@ -65,32 +65,32 @@ fn owner_of(key: &str) -> Owner<'_> {
     }
 }
 
-/// A sweep removes at most this fraction of the blobs, or the numbers below if they are larger. A killed process leaves
-/// far less: a database that names fewer is older than its blobs, or another one's.
+/// A sweep removes at most one blob per this many named ones, or the numbers below if they are larger. A
+/// killed process leaves far less: more means that the database is older than its blobs, or another one's.
 const MOST_FRACTION: u64 = 100;
 
-/// A file of a client lacks its row only between its last fsync and the commit: one for each request that was cut off
+/// A client's file lacks its row only between its last fsync and the commit: one for each request cut off
 /// there.
 const MOST_SENT: u64 = 16;
 
 /// A killed worker leaves the results of its jobs and the tiles of its merges.
 const MOST_MADE: u64 = 1000;
 
-/// A start accepts this many unnamed blobs beside none that is named.
+/// Most unnamed blobs that a start accepts if no blob is named.
 const MOST_ALONE: usize = 100;
 
-/// How much a sweep may remove.
+/// Limit of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SweepLimit {
-    /// What killed processes leave. Nothing is removed if there is more.
+    /// Leftovers of killed processes. Nothing is removed if there is more.
     Leftovers,
-    /// Whatever no row names.
+    /// All blobs that no row names.
     Everything,
 }
 
 impl Storage {
-    /// Removes blobs that were written before `older_than` and that no row names, and files of then that were never
-    /// kept; tells how many. A row follows its blob within seconds, and a job or a merge within an hour.
+    /// Removes blobs without a row and files that never became blobs, if written before `older_than`; returns
+    /// their number. A row follows its blob within seconds, and that of a job or a merge within an hour.
     pub async fn sweep(&self, older_than: Timestamp, limit: SweepLimit) -> Result<u64, StorageError> {
         let mut removed = 0;
         loop {
@@ -106,7 +106,7 @@ impl Storage {
         }
     }
 
-    /// Refuses a database that knows nothing of the blobs that are there: it is new, lost, or another one's.
+    /// Refuses a database that knows none of the existing blobs: it is new, lost, or another one's.
     pub(super) async fn check_blobs_are_known(&self) -> Result<(), StorageError> {
         let keys = self.blobs.sample().await?;
         let blobs = keys.len();
@@ -119,7 +119,7 @@ impl Storage {
         Err(StorageError::LostDatabase { blobs })
     }
 
-    /// Whether the database has, or lately had, a home. Blobs come after their home.
+    /// Returns whether the database has, or recently had, a home. Blobs come after their home.
     async fn has_lived(&self) -> Result<bool, StorageError> {
         let row = query(
             "SELECT (SELECT COUNT(*) FROM (SELECT 1 FROM homes LIMIT 1) AS h)
@@ -134,7 +134,7 @@ impl Storage {
     }
 }
 
-/// Refuses more unnamed blobs than killed processes leave. `more` are those beyond `keys`.
+/// Refuses more unnamed blobs than killed processes leave. `more` is their number beyond `keys`.
 fn check(keys: &[String], more: u64, named: u64) -> Result<(), StorageError> {
     let owners: HashSet<Owner> = keys.iter().map(|key| owner_of(key)).collect();
     let sent = owners.iter().filter(|owner| matches!(owner, Owner::Sent(_))).count() as u64;

@@ -1,4 +1,4 @@
-//! A tenant as a whole.
+//! Removal and list of tenants.
 
 use super::columns::Columns;
 use super::database::query;
@@ -8,7 +8,7 @@ use jiff::Timestamp;
 /// Homes that are looked up at a time.
 const BATCH: u32 = 100;
 
-/// What went with a tenant.
+/// Number of items removed with a tenant.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Removed {
     pub homes: u64,
@@ -18,9 +18,8 @@ pub struct Removed {
 }
 
 impl Storage {
-    /// Removes a tenant with every row and every byte; when this returns without an error they are gone, and after an
-    /// error it may be called again. Its keys end first, so that nothing new comes. `progress` hears how many homes are
-    /// gone.
+    /// Removes a tenant with every row and every byte; after an error it may be called again. Revokes its
+    /// keys first, so that nothing new arrives. `progress` receives the number of homes removed so far.
     pub async fn delete_tenant(
         &self,
         tenant: &Tenant,
@@ -49,11 +48,11 @@ impl Storage {
         pending_deletes::add(&mut transaction, &owner, &pieces, now).await?;
         let delete = query("DELETE FROM uploads WHERE tenant = $1").bind(tenant.name());
         removed.uploads = delete.execute(&mut transaction).await?;
-        // The feed's memory of what was deleted is of no use to nobody.
+        // Nobody reads the feed of a removed tenant.
         query("DELETE FROM changes WHERE tenant = $1").bind(tenant.name()).execute(&mut transaction).await?;
         transaction.commit().await?;
         self.delete_pending(&owner).await?;
-        // Deletions of before whose store had failed.
+        // Earlier deletions whose store had failed.
         while self.finish_deletions().await? > 0 {}
         let mut transaction = self.database.begin().await?;
         let totals = query("DELETE FROM tenant_sizes WHERE tenant = $1").bind(tenant.name());
@@ -64,7 +63,7 @@ impl Storage {
         Ok(removed)
     }
 
-    /// Revokes all keys and removes the webhooks, of which it tells how many there were.
+    /// Revokes all keys and removes the webhooks; returns the number of webhooks.
     async fn end_access(&self, tenant: &Tenant, now: Timestamp) -> Result<u64, StorageError> {
         let mut transaction = self.database.begin().await?;
         query("UPDATE api_keys SET revoked_at = COALESCE(revoked_at, $2) WHERE tenant = $1")
@@ -78,7 +77,7 @@ impl Storage {
         Ok(webhooks)
     }
 
-    /// The tenants that have anything here.
+    /// Returns the tenants that have any data.
     pub async fn tenants(&self) -> Result<Vec<Tenant>, StorageError> {
         let rows = query(
             "SELECT tenant FROM homes UNION SELECT tenant FROM api_keys UNION SELECT tenant FROM uploads

@@ -1,9 +1,9 @@
-//! Files that arrive in parts, over as many connections, processes and restarts as it takes.
+//! Resumable uploads: files that arrive in parts, over several connections, processes and restarts.
 //!
-//! What was acknowledged is a list of pieces, each a blob that never changes. To append is to write a blob of one's own
-//! and then to add it to the list in a transaction, under the condition that the list still ends where the writer
-//! thought and that no newer writer has begun. So nothing is locked while bytes arrive, nothing is ever truncated, and
-//! it does not matter which process a request reaches.
+//! The acknowledged bytes are a list of pieces, each a blob that never changes. An append writes a new blob,
+//! then adds it to the list in a transaction, if the list still ends at the writer's offset and no newer
+//! writer has begun. So nothing is locked while bytes arrive, nothing is ever truncated, and any process can
+//! serve any request.
 
 mod append;
 mod expire;
@@ -22,29 +22,29 @@ use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use uuid::Uuid;
 
-/// What an upload is part of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+/// Kind of an upload.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum UploadKind {
     /// One file.
     Whole,
-    /// A stretch of a file; a final upload joins it with others.
+    /// A part of a file; a final upload joins it with others.
     Partial,
-    /// Joined of partial ones.
+    /// Joined from partial ones.
     Final,
 }
 
-/// How far an upload is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+/// State of an upload.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum UploadState {
     /// Bytes are missing.
     Arriving,
-    /// Every byte is here, and durable.
+    /// Every byte has arrived and is durable.
     Arrived,
     /// A final upload took it over.
     Joined,
-    /// It is a clip.
+    /// It became a clip.
     Finished,
     /// It cannot become a clip; its bytes are gone.
     Refused,
@@ -67,37 +67,37 @@ pub struct Upload {
     pub kind: UploadKind,
     pub state: UploadState,
     pub tenant: Tenant,
-    /// None for partial ones, whose home is that of the final one.
+    /// `None` for partial uploads, whose home is that of the final one.
     pub home: Option<HomeId>,
-    /// What its creator said of it, as it was sent.
+    /// Metadata from the client, as sent.
     pub metadata: String,
-    /// How it is joined, as it was sent.
+    /// `Upload-Concat` from the client, as sent.
     pub concat: Option<String>,
-    /// None while its sender does not know it.
+    /// `None` until the client knows it.
     pub length_bytes: Option<u64>,
-    /// That many from the start are durable.
+    /// Bytes from the start that are durable.
     pub received_bytes: u64,
     pub clip: Option<Uuid>,
-    /// Why it was refused: the document that was given with it.
+    /// Problem document of the refusal.
     pub problem: Option<serde_json::Value>,
     pub created_at: Timestamp,
     pub expires_at: Timestamp,
 }
 
 impl Upload {
-    /// Whether it waits for nothing but being made into a clip.
+    /// Returns whether the upload is complete and waits to become a clip.
     pub fn is_due(&self) -> bool {
         self.state == UploadState::Arrived && self.kind != UploadKind::Partial
     }
 
-    /// Whether it can still be continued or used. A whole file that has arrived is kept until it is a clip.
+    /// Returns whether it can no longer be continued or used. A complete file is kept until it is a clip.
     fn is_gone(&self, now: Timestamp) -> bool {
         let ended = matches!(self.state, UploadState::Joined | UploadState::Refused);
         ended || (!self.is_due() && self.expires_at <= now)
     }
 }
 
-/// An upload that begins.
+/// An upload to create.
 #[derive(Debug, Clone)]
 pub struct NewUpload {
     /// [`UploadKind::Whole`] or [`UploadKind::Partial`].
@@ -109,16 +109,16 @@ pub struct NewUpload {
     pub length_bytes: Option<u64>,
 }
 
-/// How much unfinished there may be, and for how long.
+/// Limits of uploads.
 #[derive(Debug, Clone)]
 pub struct UploadLimits {
     pub in_home: u64,
     pub in_all: u64,
-    /// Pieces of one upload, so that a file cannot come byte by byte.
+    /// Most pieces of one upload, so that a file cannot come byte by byte.
     pub pieces: u64,
-    /// How long an unfinished upload waits for its next byte.
+    /// Time after which an idle unfinished upload expires.
     pub patience: Duration,
-    /// How long the record of a finished or refused upload is kept.
+    /// Time that the record of a finished or refused upload is kept.
     pub record: Duration,
 }
 
@@ -129,7 +129,7 @@ impl Default for UploadLimits {
     }
 }
 
-/// Why an upload cannot be begun, continued or joined.
+/// Reason why an upload cannot be begun, continued or joined.
 #[derive(Debug, thiserror::Error)]
 pub enum UploadError {
     #[error(transparent)]
@@ -199,20 +199,20 @@ async fn find(connection: &mut Connection, id: Uuid) -> Result<Option<Upload>, S
     row.fetch_optional(connection).await?.as_ref().map(from_row).transpose()
 }
 
-/// One that can still be continued or used.
+/// Returns an upload that can still be continued or used.
 async fn find_living(connection: &mut Connection, id: Uuid, now: Timestamp) -> Result<Upload, UploadError> {
     let upload = find(connection, id).await?.ok_or(UploadError::NotFound)?;
     if upload.is_gone(now) { Err(UploadError::Gone) } else { Ok(upload) }
 }
 
-/// `wait` after `now`, at the end of time at the latest.
+/// Returns `now + wait`, at most the latest possible time.
 fn later(now: Timestamp, wait: Duration) -> Timestamp {
     let wait = SignedDuration::try_from(wait).unwrap_or(SignedDuration::MAX);
     now.checked_add(wait).unwrap_or(Timestamp::MAX)
 }
 
 impl Storage {
-    /// Begins an upload. The limits on how many there are hold but for requests that come at the same moment.
+    /// Begins an upload. Concurrent requests may exceed the limits on the number of uploads.
     pub async fn create_upload(
         &self,
         new: NewUpload,
@@ -228,13 +228,13 @@ impl Storage {
         Ok(upload)
     }
 
-    /// An upload as it is, also one that was refused or joined; none when its record has expired.
+    /// Returns an upload, also a refused or joined one; `None` if its record has expired.
     pub async fn upload(&self, id: Uuid, now: Timestamp) -> Result<Option<Upload>, StorageError> {
         let upload = find(&mut *self.database.snapshot().await?, id).await?;
         Ok(upload.filter(|upload| upload.is_due() || upload.expires_at > now))
     }
 
-    /// Whose an upload is, and of which home where it has one; none when there is no such upload.
+    /// Returns the tenant of an upload and its home, if it has one; `None` if there is no such upload.
     pub async fn upload_owner(&self, id: Uuid) -> Result<Option<(Tenant, Option<HomeId>)>, StorageError> {
         let row = query("SELECT tenant, home_id FROM uploads WHERE id = $1").bind(id.to_string());
         let row = row.fetch_optional(&mut self.database.reader().await?).await?;
@@ -245,12 +245,12 @@ impl Storage {
         row.map(owner).transpose()
     }
 
-    /// One that can still be continued or used.
+    /// Returns an upload that can still be continued or used.
     pub async fn living_upload(&self, id: Uuid, now: Timestamp) -> Result<Upload, UploadError> {
         find_living(&mut *self.database.snapshot().await?, id, now).await
     }
 
-    /// Forgets an upload and removes its bytes. A clip that was made of it stays.
+    /// Deletes an upload and its bytes. A clip that was made of it stays.
     pub async fn delete_upload(&self, id: Uuid, now: Timestamp) -> Result<(), UploadError> {
         let mut transaction = self.database.begin().await?;
         find_living(&mut transaction, id, now).await?;
@@ -325,7 +325,7 @@ async fn piece_keys(connection: &mut Connection, upload: Uuid) -> Result<Vec<Str
     rows.iter().map(|row| row.text("blob_key")).collect()
 }
 
-/// The blobs of the uploads to one home.
+/// Returns the blob keys of a tenant's uploads.
 pub(super) async fn blob_keys_of_tenant(
     connection: &mut Connection,
     tenant: &Tenant,

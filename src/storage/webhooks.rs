@@ -1,8 +1,8 @@
-//! Webhooks: addresses that are told what changed in a tenant's homes. The changes feed is turned into deliveries
-//! (`fan_out`), and those are sent under a lease and tried again until they arrive (`deliveries`).
+//! Webhooks: addresses that are notified of changes in a tenant's homes. `fan_out` turns the changes feed
+//! into deliveries, and `deliveries` has their leases and retries.
 //!
-//! A webhook is a reader of the feed whose cursor is kept here: as the feed has the newest change of each thing only,
-//! an address that is away for long is told less often, and never of what is not so any more.
+//! A webhook is a reader of the feed with a stored cursor. The feed has only the newest change of each item,
+//! so an address that is unreachable for long gets fewer messages.
 
 mod deliveries;
 mod fan_out;
@@ -16,33 +16,30 @@ use super::{Storage, StorageError, Tenant};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use jiff::Timestamp;
-use serde::{Deserialize, Serialize};
 use std::fmt;
 use uuid::Uuid;
 
-/// Webhooks of one tenant, at most.
+/// Most webhooks of one tenant.
 pub const MOST_WEBHOOKS: i64 = 10;
 
-/// What a secret begins with (Standard Webhooks).
+/// Prefix of a secret (Standard Webhooks).
 const PREFIX: &str = "whsec_";
-/// Standard Webhooks asks for 24 to 64.
+/// Standard Webhooks asks for 24 to 64 bytes.
 const SECRET_BYTES: usize = 32;
 
-/// An address that is told what changes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// An address that is notified of changes.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Webhook {
-    #[schema(example = "01a1f766-7b11-7a07-8a2d-94cf1a0f2b11")]
     pub id: Uuid,
-    #[schema(example = "https://fleet.example/hooks/viola")]
     pub url: String,
-    /// Of which kinds of change it is told.
+    /// Kinds of change that it is notified of.
     pub kinds: Vec<ChangeKind>,
     pub created_at: Timestamp,
-    /// Since when it is told nothing, because it answered 410.
+    /// Time since when it is not notified, because it answered 410.
     pub disabled_at: Option<Timestamp>,
 }
 
-/// What deliveries are signed with. It is never logged.
+/// Secret that signs deliveries. It is never logged.
 #[derive(Clone, PartialEq, Eq)]
 pub struct WebhookSecret(String);
 
@@ -59,23 +56,23 @@ impl WebhookSecret {
         Ok(WebhookSecret(format!("{PREFIX}{}", BASE64_STANDARD.encode(bytes))))
     }
 
-    /// The secret itself, to be shown to whom it is for.
+    /// Returns the secret in plain text, to be shown to its owner.
     pub fn show(&self) -> &str {
         &self.0
     }
 
-    /// What the HMAC takes; empty only for a row that was tampered with.
+    /// Returns the key of the HMAC; empty only for a row that was tampered with.
     pub fn bytes(&self) -> Vec<u8> {
         let encoded = self.0.strip_prefix(PREFIX).unwrap_or_default();
         BASE64_STANDARD.decode(encoded).unwrap_or_default()
     }
 }
 
-/// What became of a wish for a further webhook.
+/// Result of creating a webhook.
 #[derive(Debug)]
 pub enum WebhookMade {
     Made(Webhook, WebhookSecret),
-    /// The tenant has as many as it may have.
+    /// The tenant has [`MOST_WEBHOOKS`] already.
     TooMany,
 }
 
@@ -90,7 +87,7 @@ fn from_row(row: &Row) -> Result<Webhook, StorageError> {
 }
 
 impl Storage {
-    /// Makes a webhook, which is told what changes from now on. The secret is told here and never again.
+    /// Creates a webhook, notified of changes from now on. Only this call returns the secret.
     pub async fn create_webhook(
         &self,
         tenant: &Tenant,
@@ -123,7 +120,7 @@ impl Storage {
         Ok(WebhookMade::Made(webhook, secret))
     }
 
-    /// A tenant's, the oldest first.
+    /// Returns a tenant's webhooks, oldest first.
     pub async fn webhooks(&self, tenant: &Tenant) -> Result<Vec<Webhook>, StorageError> {
         let rows = query("SELECT * FROM webhooks WHERE tenant = $1 ORDER BY id").bind(tenant.name());
         rows.fetch_all(&mut self.database.reader().await?).await?.iter().map(from_row).collect()
@@ -134,7 +131,7 @@ impl Storage {
         found.ok_or(StorageError::NoSuchWebhook)
     }
 
-    /// Removes a webhook with its log. What is being sent at this moment still arrives.
+    /// Removes a webhook with its log. A message that is being sent still arrives.
     pub async fn delete_webhook(&self, tenant: &Tenant, id: Uuid) -> Result<(), StorageError> {
         let mut transaction = self.database.begin().await?;
         let deleted = query("DELETE FROM webhooks WHERE tenant = $1 AND id = $2")

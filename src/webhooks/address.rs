@@ -1,5 +1,5 @@
-//! Which addresses belong to the public network: the special-purpose registries of IANA (RFC 6890 and its successors).
-//! Everything that leads to this machine, its neighbours, or a cloud's metadata is not among them.
+//! Public addresses, by the special-purpose registries of IANA (RFC 6890 and its successors). Addresses of
+//! this machine, its neighbours, or a cloud's metadata are not public.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
@@ -22,7 +22,7 @@ const NOT_PUBLIC_V4: [([u8; 4], u32); 15] = [
     ([240, 0, 0, 0], 4),
 ];
 
-/// Whether an address is one that anybody on the internet may be reached at.
+/// Returns whether an address belongs to the public internet.
 pub fn is_public(address: IpAddr) -> bool {
     match address {
         IpAddr::V4(address) => is_public_v4(address),
@@ -43,7 +43,7 @@ fn is_public_v6(address: Ipv6Addr) -> bool {
     let parts = address.segments();
     let last = |high: u16, low: u16| Ipv4Addr::from_bits(u32::from(high) << 16 | u32::from(low));
     match parts {
-        // IPv4 in IPv6, mapped, and translated (RFC 6052): as public as what is within.
+        // IPv4 in IPv6, mapped, and translated (RFC 6052): as public as the IPv4 address.
         [0, 0, 0, 0, 0, 0xffff, high, low] | [0x64, 0xff9b, 0, 0, 0, 0, high, low] => {
             is_public_v4(last(high, low))
         }
@@ -52,7 +52,7 @@ fn is_public_v6(address: Ipv6Addr) -> bool {
         // IETF protocol assignments with Teredo and benchmarking, and documentation.
         [0x2001, second, ..] if second < 0x200 || second == 0xdb8 => false,
         [0x3fff, second, ..] if second < 0x1000 => false,
-        // Global unicast is all there is beyond.
+        // Of the rest, only global unicast is public.
         [first, ..] => first & 0xe000 == 0x2000,
     }
 }

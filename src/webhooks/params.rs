@@ -1,13 +1,13 @@
-//! How webhooks are sent.
+//! Options of webhooks.
 
 use std::time::Duration;
 
-/// How long one address may take to answer.
+/// Timeout of the answer of one address.
 pub(super) const ANSWER: Duration = Duration::from_secs(15);
 
-/// How webhooks are sent.
+/// Options of webhooks.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct WebhookParams {
-    /// Let them go to addresses of private networks and of this machine, and by plain http.
+    /// True if webhooks may use addresses of private networks and of this machine, and plain http.
     pub private_addresses: bool,
 }

@@ -1,8 +1,8 @@
-//! One message to one address.
+//! Sending of one message to one address.
 //!
-//! The name in the address is resolved for each connection, and the connection goes to what was found and checked then:
-//! a name that is public when the webhook is made and private later, or at every second question, leads nowhere.
-//! Redirects are not followed, proxies of the environment not used, and of the answer only its head is read.
+//! The host name is resolved for each connection, and the connection uses only the addresses that were
+//! checked then. So a name that is public when the webhook is created and private later is refused. Redirects
+//! are not followed, the environment's proxies are not used, and only the head of the answer is read.
 
 use super::address::is_public;
 use super::params::{ANSWER, WebhookParams};
@@ -19,10 +19,10 @@ use std::error::Error;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-/// From a name to its addresses.
+/// Function from a name to its addresses.
 pub type Lookup = fn(String) -> BoxFuture<'static, std::io::Result<Vec<SocketAddr>>>;
 
-/// As the system does it.
+/// Resolves a name as the system does.
 pub fn resolve(name: String) -> BoxFuture<'static, std::io::Result<Vec<SocketAddr>>> {
     Box::pin(async move { Ok(tokio::net::lookup_host((name, 0)).await?.collect()) })
 }
@@ -113,7 +113,7 @@ fn judge(status: StatusCode, headers: &HeaderMap) -> Sent {
     Sent::Failed { status: Some(number), error, wait: wait.map(Duration::from_secs) }
 }
 
-/// The innermost cause, without the address.
+/// Returns the innermost cause, without the address.
 fn cause(error: &reqwest::Error) -> String {
     if error.is_timeout() {
         return format!("the address did not answer in {} s", ANSWER.as_secs());
@@ -134,7 +134,7 @@ mod tests {
     use std::io;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
-    /// A name that is public first and then this machine.
+    /// Resolves a name to a public address first, then to a link-local one.
     fn rebinding(_: String) -> BoxFuture<'static, io::Result<Vec<SocketAddr>>> {
         static ASKED: AtomicUsize = AtomicUsize::new(0);
         let first = ASKED.fetch_add(1, Ordering::SeqCst) == 0;
@@ -142,7 +142,7 @@ mod tests {
         Box::pin(async move { Ok(vec![SocketAddr::from((address, 0))]) })
     }
 
-    /// A public address beside a private one.
+    /// Resolves a name to a public address and a private one.
     fn mixed(_: String) -> BoxFuture<'static, io::Result<Vec<SocketAddr>>> {
         let both = [[93, 184, 215, 14], [10, 0, 0, 1]].map(|address| SocketAddr::from((address, 0)));
         Box::pin(async move { Ok(both.to_vec()) })

@@ -7,7 +7,7 @@ use hmac::{Hmac, KeyInit, Mac};
 use sha2::Sha256;
 use uuid::Uuid;
 
-/// What goes into `webhook-signature`. `timestamp_s` are seconds since 1970, as sent in `webhook-timestamp`.
+/// Returns `webhook-signature`. `timestamp_s` is in seconds since 1970, as sent in `webhook-timestamp`.
 pub fn signature(secret: &WebhookSecret, id: Uuid, timestamp_s: i64, body: &str) -> String {
     let message = format!("{id}.{timestamp_s}.{body}");
     format!("v1,{}", BASE64_STANDARD.encode(hmac_sha256(&secret.bytes(), message.as_bytes())))

@@ -1,4 +1,4 @@
-//! What may be the address of a webhook, as far as it can be told without asking for its name.
+//! Checks of a webhook's address that need no name resolution.
 
 use super::address::is_public;
 use super::params::WebhookParams;
@@ -7,7 +7,7 @@ use url::{Host, Url};
 
 const MAX_URL_BYTES: usize = 2048;
 
-/// Why an address cannot be a webhook's.
+/// Reason why an address cannot be a webhook's.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TargetError {
     #[error("url is longer than {MAX_URL_BYTES} bytes")]
@@ -24,7 +24,7 @@ pub enum TargetError {
     NotPublic(String),
 }
 
-/// The address as it will be used.
+/// Returns the parsed address, if it is allowed.
 pub fn check_url(text: &str, params: &WebhookParams) -> Result<Url, TargetError> {
     if text.len() > MAX_URL_BYTES {
         return Err(TargetError::TooLong);
@@ -39,7 +39,7 @@ pub fn check_url(text: &str, params: &WebhookParams) -> Result<Url, TargetError>
     let address = match url.host().ok_or(TargetError::NoHost)? {
         Host::Ipv4(address) => Some(IpAddr::V4(address)),
         Host::Ipv6(address) => Some(IpAddr::V6(address)),
-        // RFC 6761: such a name is this machine wherever it is asked for.
+        // RFC 6761: such a name always means this machine.
         Host::Domain(name) => {
             let name = name.trim_end_matches('.');
             let is_local =
@@ -80,7 +80,7 @@ mod tests {
             "https://a.localhost/",
             "https://[::1]/",
             "https://[::ffff:169.254.169.254]/",
-            // Other spellings of 127.0.0.1 and of 169.254.169.254, as browsers take them.
+            // Other spellings of private addresses, as browsers accept them.
             "https://2130706433/",
             "https://0x7f.1/",
             "https://0251.0376.0251.0376/",

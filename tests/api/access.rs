@@ -1,4 +1,4 @@
-//! Keys, roles and tenants: what one of them cannot do, see or guess of another's.
+//! Keys, roles and tenants: none can change, see or guess the resources of another.
 
 use crate::clips::small_clip;
 use crate::server::Server;
@@ -17,13 +17,13 @@ async fn without_keys_everybody_on_this_machine_may_do_everything() {
     server.make_home("h").await;
     let session = server.get("/v1/session").await.ok(200);
     assert_eq!(session, json!({"tenant": "default", "role": "admin", "with_key": false}));
-    // From the first key on, nobody does without one.
+    // After the first key, every request needs one.
     let admin = server.client("default", Role::Admin, None).await;
     let problem = server.get("/v1/homes").await;
     assert_eq!(problem.header("www-authenticate"), "Bearer realm=\"viola\"");
     problem.problem(401, "key-missing");
     assert_eq!(admin.get("/v1/homes").await.ok(200)["items"][0]["id"], "h");
-    // What tells how the process is, and the page, need none.
+    // The probes, the metrics, the page and the document need none.
     for path in ["/healthz", "/readyz", "/metrics", "/", "/openapi.json"] {
         assert_eq!(server.get(path).await.status, 200, "{path}");
     }
@@ -92,7 +92,7 @@ async fn a_browser_keeps_a_key_in_a_cookie() {
     assert!(gone.status == 204 && gone.header("set-cookie").contains("Max-Age=0"));
 }
 
-/// A home with a map, a clip with its job, and an upload that is not finished.
+/// A home with a map, a clip with its job, and an unfinished upload.
 struct Belongings {
     home: String,
     clip: String,
@@ -122,7 +122,7 @@ async fn belongings(client: &Client, home: &str) -> Belongings {
     }
 }
 
-/// Every route of the document with these belongings in it, for every method.
+/// Returns every route of the document with these belongings in it, for every method.
 fn every_route(of: &Belongings) -> Vec<(Method, String)> {
     let document: Value = serde_json::from_str(&viola::api::document_json()).unwrap();
     let clip = of.clip.rsplit('/').next().unwrap();
@@ -143,7 +143,7 @@ fn every_route(of: &Belongings) -> Vec<(Method, String)> {
     routes
 }
 
-/// With a body that would be good, so that nothing but the key stands in the way.
+/// Sends a request with a valid body, so that only the key can be the reason of a refusal.
 async fn send(client: &Client, method: &Method, path: &str) -> Answer {
     let request = client.request(method.clone(), path).header("tus-resumable", "1.0.0");
     let request = match (method.as_str(), path) {
@@ -160,7 +160,7 @@ async fn send(client: &Client, method: &Method, path: &str) -> Answer {
         _ => request,
     };
     if path.ends_with("/events") {
-        // Events of a job that waits go on for ever.
+        // Events of a queued job never end.
         let response = request.send().await.unwrap();
         let (status, headers) = (response.status().as_u16(), response.headers().clone());
         return Answer { status, headers, bytes: vec![] };
@@ -173,7 +173,7 @@ async fn another_tenants_ids_are_nobodys_in_every_route() {
     let server = Server::without_workers().await;
     let acme = server.client("acme", Role::Admin, None).await;
     let bolt = server.client("bolt", Role::Admin, None).await;
-    // One id is in use by both, the other by the first alone.
+    // Both tenants use one id, only the first one uses the other.
     let own = belongings(&acme, "shared").await;
     belongings(&bolt, "shared").await;
     let secret = belongings(&acme, "secret").await;
@@ -194,7 +194,7 @@ async fn another_tenants_ids_are_nobodys_in_every_route() {
             );
         }
     }
-    // Nothing was changed by asking, and nothing of it is in lists.
+    // The requests changed nothing, and no list shows anything of it.
     assert_eq!((acme.get(&own.clip).await.ok(200), acme.get(&secret.home).await.ok(200)), before);
     assert_eq!(acme.get(&own.upload).await.ok(200)["received_bytes"], 0);
     for path in [
@@ -227,7 +227,7 @@ async fn a_role_allows_what_it_says() {
             "reader: {method} {path}: {}",
             answer.status
         );
-        // (What an uploader removes it has uploaded, so that it comes last.)
+        // (An uploader may remove uploads, so it comes after the reader.)
         let uploads = path.starts_with("/v1/uploads")
             || (method == Method::POST && path.ends_with("/clips"))
             || (method == Method::GET
@@ -241,7 +241,7 @@ async fn a_role_allows_what_it_says() {
             answer.status
         );
     }
-    // Nothing that a reader or an uploader may not do was done.
+    // No forbidden request took effect.
     assert_eq!(admin.get(&of.home).await.ok(200)["lidar_map_revision"], 1);
     admin.get(&of.clip).await.ok(200);
 }

@@ -1,4 +1,4 @@
-//! Attacks that are not about files or other people's things: those are in `hostile` and `access`.
+//! Attacks other than those by files (`hostile`) and on other tenants (`access`).
 
 use crate::server::{Server, Store};
 use reqwest::Method;
@@ -13,7 +13,7 @@ fn connect(server: &Server) -> TcpStream {
     TcpStream::connect(server.base.strip_prefix("http://").unwrap()).unwrap()
 }
 
-/// What comes until the server closes the connection.
+/// Returns the bytes received until the server closes the connection.
 async fn until_closed(mut connection: TcpStream) -> String {
     connection.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
     let read = tokio::task::spawn_blocking(move || {
@@ -69,7 +69,7 @@ async fn heads_are_bounded() {
     let many = format!("GET /healthz HTTP/1.1\r\nhost: viola\r\n{many}\r\n");
     for attack in [bomb, many] {
         let mut connection = connect(&server);
-        // The server may hang up before all of it was sent.
+        // The server may close the connection before all of it is sent.
         let _ = connection.write_all(attack.as_bytes());
         let answer = until_closed(connection).await;
         assert!(answer.is_empty() || answer.starts_with("HTTP/1.1 431"), "{answer}");
@@ -153,7 +153,7 @@ async fn ten_thousand_homes_are_listed_by_a_reader() {
         after = format!("&after={next}");
     }
     assert_eq!(seen, HOMES);
-    // A page is read from an index, however many homes there are: on the slowest machine not a second.
+    // A page is read from an index, for any number of homes: under a second on the slowest machine.
     assert!(slowest < Duration::from_secs(1), "{slowest:?}");
     reader.get("/v1/homes?limit=10000").await.problem(400, "invalid-query");
 }

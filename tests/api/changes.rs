@@ -1,4 +1,4 @@
-//! The changes feed, as the mirror of a fleet reads it.
+//! The changes feed, as the mirror of a fleet's operator reads it.
 
 use crate::clips::small_clip;
 use crate::server::Server;
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 use viola_testing::room;
 
-/// Home, kind and what else is told of it.
+/// Returns home, kind, and revision, state or `deleted` of each item.
 fn told(page: &Value) -> Vec<(String, String, Value)> {
     let items = page["items"].as_array().unwrap();
     let text = |value: &Value| value.as_str().unwrap().to_owned();
@@ -34,7 +34,7 @@ async fn a_mirror_follows_the_feed() {
     let home = server.make_home("h").await;
     let clip = server.post(&format!("{home}/clips"), small_clip()).await.ok(201);
     server.make_home("i").await;
-    // By pages from the beginning, and on from the end.
+    // Pages from the beginning, then again from the end.
     let first = server.get("/v1/changes?limit=2").await.ok(200);
     assert_eq!(told(&first), [row("h", "home", Value::Null), row("h", "clip", json!("uploaded"))]);
     assert_eq!((&first["more"], &first["items"][1]["clip"]), (&json!(true), &clip["id"]));
@@ -75,7 +75,7 @@ async fn a_clip_and_the_map_it_becomes_are_told() {
     assert!(told(&page).contains(&row("h", "clip", json!("aligned"))));
     next.push_str(page["next"].as_str().unwrap());
 
-    // Who waits at the end is told at once of what comes.
+    // A request that waits at the end gets the next change at once.
     let waiting = tokio::spawn({
         let client = (*server).clone();
         async move { client.get(&format!("/v1/changes?after={next}&wait=30")).await.ok(200) }
@@ -95,7 +95,7 @@ async fn a_server_that_stops_does_not_wait_for_changes() {
     let begun = Instant::now();
     server.stop().await;
     assert!(begun.elapsed() < Duration::from_secs(8));
-    // When the stop came before the request, there is no answer at all.
+    // If the stop comes before the request, there is no answer at all.
     if let Ok(answer) = waiting.await.unwrap() {
         assert_eq!(answer.status(), 200);
     }

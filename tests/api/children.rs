@@ -1,4 +1,4 @@
-//! Jobs with which a worker was lost run in processes of their own.
+//! Suspect jobs, with which a worker was lost, run in processes of their own.
 
 use crate::server::Server;
 use serde_json::Value;
@@ -18,7 +18,7 @@ const VIOLA: &str = env!("CARGO_BIN_EXE_viola");
 /// A file of this name in a clip kills the process of [`deadly`].
 const DEADLY: &str = "deadly.txt";
 
-/// A program in the place of the child: `$clip` is its clip's file, `$into` its folder, `$tries` how often it was started.
+/// Writes a program that replaces the child. `$clip` is its clip, `$into` its folder, `$tries` its starts.
 fn script(folder: &TempDir, lines: &str) -> PathBuf {
     let path = folder.path().join("child");
     let tries = folder.path().join("tries").display().to_string();
@@ -32,7 +32,7 @@ fn script(folder: &TempDir, lines: &str) -> PathBuf {
     path
 }
 
-/// Never ends by itself, so that its worker can be lost.
+/// A method that never ends by itself, so that its worker can be lost.
 fn endless(_: &Path, _: &[u8], _: &JobParams, progress: &dyn Progress) -> Result<Finished, Failure> {
     while !progress.cancelled() {
         std::thread::sleep(Duration::from_millis(1));
@@ -40,13 +40,13 @@ fn endless(_: &Path, _: &[u8], _: &JobParams, progress: &dyn Progress) -> Result
     Err(Failure::Cancelled)
 }
 
-/// A server whose jobs end only in children.
+/// Starts a server whose jobs end only in children.
 async fn server(program: PathBuf) -> Server {
     Server::with(|params| {
-        // One more than a test has clips: somebody must be free to find that a worker was lost.
+        // One more than a test has clips: a free worker must find the lost one.
         params.workers = 4;
         params.worker.method = endless;
-        // That another worker has the job is noticed at a third of this.
+        // A worker notices the loss of its job at a third of this.
         params.worker.lease = Duration::from_secs(3);
         params.worker.retry = RetryPolicy { first_delay: Duration::from_millis(1), ..RetryPolicy::default() };
         params.worker.child = Some(ChildParams {
@@ -58,7 +58,7 @@ async fn server(program: PathBuf) -> Server {
     .await
 }
 
-/// Uploads clips, each with one more file, to a home with a map; their paths.
+/// Uploads clips, each with one more file, to a home with a map; returns their paths.
 async fn upload(server: &Server, names: &[&str]) -> Vec<String> {
     let home = server.make_home("h").await;
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
@@ -73,8 +73,8 @@ async fn upload(server: &Server, names: &[&str]) -> Vec<String> {
     paths
 }
 
-/// The clip when it is settled. Every worker that has a job here and not in a child is lost: nothing is heard of it any
-/// more.
+/// Returns the clip when it is settled. Every worker that runs a job itself, not in a child, is lost: it
+/// sends no more heartbeats.
 async fn settled(server: &Server, clip: &str) -> Value {
     eventually("the clip is settled", || async {
         lose_workers(server).await;
@@ -130,7 +130,7 @@ async fn a_clip_that_kills_its_process_fails_and_others_are_aligned() {
     }
 }
 
-/// The least address space in which the program starts, in KiB.
+/// Returns the least address space in which the program starts, in KiB.
 fn least_kib() -> u64 {
     let starts = |kib: &u64| {
         let script = format!("ulimit -c 0; ulimit -v {kib}; exec {VIOLA} --version");
@@ -143,7 +143,7 @@ fn least_kib() -> u64 {
 #[tokio::test]
 async fn a_child_without_memory_dies_alone() {
     let folder = tempfile::tempdir().unwrap();
-    // Room for its threads, and for less than the clip takes.
+    // Memory for its threads, and for less than the clip needs.
     let lines = format!("ulimit -v {}; exec {VIOLA} \"$@\"", least_kib() + (12 << 10));
     let server = server(script(&folder, &lines)).await;
     let clip = upload(&server, &["a.txt"]).await.remove(0);
@@ -152,7 +152,7 @@ async fn a_child_without_memory_dies_alone() {
     server.lives().await;
 }
 
-/// A child that was told to stop, or that could not begin, tells nothing of its clip.
+/// A child that was asked to stop, or could not start, is no evidence against its clip.
 #[tokio::test]
 async fn a_child_that_does_not_come_to_work_costs_no_attempt() {
     let folder = tempfile::tempdir().unwrap();
@@ -168,7 +168,7 @@ async fn a_child_that_does_not_come_to_work_costs_no_attempt() {
 #[tokio::test]
 async fn a_child_that_talks_nonsense_is_a_failed_attempt() {
     let folder = tempfile::tempdir().unwrap();
-    // The last line has no end, and the last answer is not there.
+    // Nonsense, an endless line, and an empty result.
     let lines = "case $tries in 1) echo nonsense;; 2) exec cat /dev/zero;; *) echo {} > \"$into/alignment.json\"; echo '\"finished\"';; esac";
     let server = server(script(&folder, lines)).await;
     let clip = upload(&server, &["a.txt"]).await.remove(0);

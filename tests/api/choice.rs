@@ -11,7 +11,7 @@ use viola_geometry::Pose2;
 use viola_geometry::progress::Progress;
 use viola_testing::room;
 
-/// The real method, whose answer is then said to be one of two poses.
+/// Runs the real method, then turns its answer into one of two poses.
 fn of_two_minds(
     clip: &Path,
     map: &[u8],
@@ -33,7 +33,7 @@ fn of_two_minds(
     Ok(finished)
 }
 
-/// A server whose one clip is settled with two alternatives; the clip's path.
+/// Starts a server whose one clip is settled with two alternatives; returns it and the clip's path.
 async fn settled() -> (Server, String) {
     let server = Server::with(|params| params.worker.method = of_two_minds).await;
     let home = server.make_home("h").await;
@@ -67,7 +67,7 @@ async fn a_person_decides_where_the_method_could_not() {
     assert_eq!(choose(&server, &path, json!({"alternative": 1})).await.ok(200), chosen);
     assert_eq!(server.get(&path).await.ok(200)["choice"], chosen["choice"]);
 
-    // It stands through a new alignment, and is taken back.
+    // It stays through a new alignment, and is withdrawn.
     server.post(&format!("{path}/align"), "").await.ok(202);
     let again = server.settled(&path).await;
     assert_eq!((&again["state"], &again["choice"]), (&json!("aligned"), &chosen["choice"]));

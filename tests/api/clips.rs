@@ -3,7 +3,7 @@ use reqwest::Method;
 use serde_json::{Value, json};
 use viola_testing::{room, zips};
 
-/// Two frames: enough to be opened, too few to be aligned well.
+/// Returns a clip of two frames: enough to be opened, too few to be aligned well.
 pub fn small_clip() -> Vec<u8> {
     zips::zip(&room::clip(2))
 }
@@ -36,7 +36,7 @@ async fn a_clip_goes_from_upload_to_its_pose_in_the_map() {
     assert_eq!((cloud.status, cloud.header("content-type")), (200, "model/ply"));
     assert!(cloud.bytes.starts_with(b"ply\n"));
 
-    // Again: the same answer, but for the times.
+    // Again: the same answer apart from the times.
     let again = server.post(&format!("{path}/align"), "").await.ok(202);
     assert_eq!(again["alignment"], Value::Null);
     let mut again = server.settled(&path).await["alignment"].clone();
@@ -47,7 +47,7 @@ async fn a_clip_goes_from_upload_to_its_pose_in_the_map() {
     assert_eq!(again, first);
 }
 
-/// Within the bounds that the issue sets for real clips: 3 degrees and 0.1 m.
+/// Checks a pose against the bounds for real clips: 3 degrees and 0.1 m.
 fn check_pose(map_from_clip: &Value) {
     let (x0, y0, turn) = room::MAP_FROM_ROOM;
     let (x, y, yaw) = room::FIRST_CAMERA;
@@ -99,7 +99,7 @@ async fn an_idempotency_key_makes_one_clip_of_many_uploads() {
     let other = zips::zip(&room::clip(3));
     let problem = upload("k", other).await.problem(422, "idempotency-key-reused");
     assert_eq!(problem["field"], "Idempotency-Key");
-    // All at once, as a phone with a bad connection does.
+    // All at once, as from a phone with a bad connection.
     let many = (0..6).map(|_| upload("at-once", small_clip()));
     let many = futures::future::join_all(many).await;
     let ids: std::collections::HashSet<String> =
@@ -215,7 +215,7 @@ async fn a_dry_run_tells_what_would_become_of_a_file_and_keeps_nothing() {
     let report = server.post(&format!("{clips}?dry_run=true"), file.clone()).await.ok(200);
     assert_eq!(report["has_lidar_map"], true);
 
-    // What would be refused is refused.
+    // A dry run refuses the same files.
     server.post(&format!("{clips}?dry_run=true"), "no clip").await.problem(415, "unknown-layout");
     let problem =
         server.post(&format!("{clips}?dry_run=maybe"), file.clone()).await.problem(400, "invalid-query");

@@ -32,7 +32,7 @@ async fn every_operation_has_what_a_client_generator_needs() {
     }
 }
 
-/// Every `$ref` in a part of the document.
+/// Collects every `$ref` in a part of the document.
 fn references(part: &serde_json::Value, into: &mut Vec<String>) {
     match part {
         serde_json::Value::Object(members) => {

@@ -1,4 +1,4 @@
-//! Exports: how many run at once, who is cut off, and what they need of the process. What is in one is tested with the map.
+//! Exports: their limit, slow clients, and their use of threads. The map's tests check their content.
 
 use crate::server::Server;
 use std::io::{Cursor, ErrorKind};
@@ -9,9 +9,9 @@ use viola::api::ConnectionParams;
 use viola::storage::SweepLimit;
 use viola_testing::{eventually, room, zips};
 
-/// How long a client may read nothing.
+/// Timeout for a client that reads nothing.
 const LIMIT: Duration = Duration::from_secs(1);
-/// More than the system holds of a connection that nobody reads.
+/// More than the system buffers for a connection that nobody reads.
 const RECORDING_BYTES: usize = 3 << 20;
 
 async fn server() -> Server {
@@ -22,7 +22,7 @@ async fn server() -> Server {
     .await
 }
 
-/// A home with a large recording, and the path of its job.
+/// Creates a home with a large recording; returns its path and that of the job.
 async fn home_with_recording(server: &Server) -> (String, String) {
     let home = server.make_home("h").await;
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
@@ -31,7 +31,7 @@ async fn home_with_recording(server: &Server) -> (String, String) {
     (home, format!("/v1/jobs/{}", clip["job"]["id"].as_str().unwrap()))
 }
 
-/// Asks for an export and reads no more of the answer than its status.
+/// Requests an export and reads only the status of the answer.
 async fn ask(server: &Server, home: &str) -> (u16, TcpStream) {
     let socket = TcpSocket::new_v4().unwrap();
     socket.set_recv_buffer_size(16 << 10).unwrap();
@@ -49,7 +49,7 @@ async fn ask(server: &Server, home: &str) -> (u16, TcpStream) {
 async fn clients_that_do_not_read_are_cut_off_and_free_their_places() {
     let server = server().await;
     let (home, job) = home_with_recording(&server).await;
-    // Nothing happens to the job: its events are a connection that is silent for long.
+    // The job does not change, so its events are a connection that is silent for long.
     let mut events = server.request(reqwest::Method::GET, &format!("{job}/events")).send().await.unwrap();
     assert!(events.chunk().await.unwrap().is_some());
 
@@ -67,7 +67,7 @@ async fn clients_that_do_not_read_are_cut_off_and_free_their_places() {
     refused.problem(503, "too-many-exports");
     server.get(&home).await.ok(200);
 
-    // As many again find a place at once: none of the first still has one.
+    // The same number finds a place at once: none of the first still has one.
     eventually("all places are free again", || async {
         let asked = futures::future::join_all(silent.iter().map(|_| ask(&server, &home))).await;
         asked.iter().all(|(status, _)| *status == 200).then_some(())
@@ -105,7 +105,7 @@ async fn a_client_that_reads_slowly_gets_all() {
             break;
         }
         answer.extend_from_slice(&part[..read]);
-        // 1 MB/s, several times the limit for all of it.
+        // 1 MB/s: the whole export takes several times the limit.
         tokio::time::sleep_until(begun + Duration::from_micros(answer.len() as u64)).await;
     }
     assert!(begun.elapsed() > 2 * LIMIT, "{:?}", begun.elapsed());
@@ -140,7 +140,7 @@ fn everything_works_with_one_blocking_thread() {
         server.stop().await;
     };
     let ended = runtime.block_on(async { tokio::time::timeout(Duration::from_secs(60), flow).await });
-    // Threads that wait for each other are not waited for.
+    // Deadlocked threads must not block the shutdown.
     runtime.shutdown_background();
     ended.expect("work that waits for a second thread never ends");
 }

@@ -1,5 +1,5 @@
-//! Files that must not be believed. Each is refused with a stable type, or fails as a clip with its reason;
-//! nothing of it stays, and the server lives.
+//! Hostile files. Each is refused with a stable type, or fails as a clip with a reason; nothing of it stays,
+//! and the server lives.
 
 use crate::server::Server;
 use reqwest::Method;
@@ -28,7 +28,7 @@ async fn check_map(body: impl Into<Vec<u8>>, status: u16, code: &str) {
     check_refused("lidar-map", Method::PUT, body.into(), status, code).await;
 }
 
-/// A clip that can be opened, and whose job then tells what is wrong.
+/// Checks a clip that can be opened and whose job then fails with a reason.
 async fn check_told(files: &Files, lidar_map: String, code: &str) {
     let server = Server::start().await;
     let home = server.make_home("h").await;
@@ -44,7 +44,7 @@ async fn check_told(files: &Files, lidar_map: String, code: &str) {
     server.stop().await;
 }
 
-/// Replaces files whose name begins so.
+/// Returns a clip with other bytes in the files whose name begins with `name`.
 fn with(name: &str, bytes: &[u8]) -> Files {
     let mut files = room::clip(3);
     for (_, old) in files.iter_mut().filter(|(other, _)| other.starts_with(name)) {
@@ -88,7 +88,7 @@ async fn a_zip_bomb() {
 
 #[tokio::test]
 async fn clips_whose_pictures_are_wrong() {
-    // The first frame's are looked at when the clip is opened, the others' when they are used.
+    // The first frame's pictures are read when the clip is opened, the others' when they are used.
     check_clip(zips::zip(&with("color/0", b"no picture")), 422, "bad-picture").await;
     // A picture twice as wide as high cannot show what a depth picture of 4:3 shows.
     let wide = image::RgbImage::from_pixel(200, 100, image::Rgb([90, 90, 90]));

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 use viola_testing::client::Client;
 use viola_testing::{eventually, room, zips};
 
-/// A home with a map and a clip; the paths of the clip and of its job.
+/// Creates a home with a map and a clip; returns the paths of the clip and of its job.
 async fn one_job(server: &Server, frames: u32) -> (String, String) {
     let home = server.make_home("h").await;
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
@@ -14,7 +14,7 @@ async fn one_job(server: &Server, frames: u32) -> (String, String) {
     (clip, format!("/v1/jobs/{job}"))
 }
 
-/// Name, id and data of every event up to the stream's end.
+/// Returns name, id and data of every event up to the stream's end.
 async fn events(client: &Client, path: &str, last_event_id: Option<&str>) -> Vec<(String, String, Value)> {
     let mut request = client.request(reqwest::Method::GET, path);
     if let Some(id) = last_event_id {
@@ -53,7 +53,7 @@ async fn a_job_is_watched_to_its_end() {
     assert_eq!(server.get(&job).await.ok(200), last.2);
     assert_eq!(server.get(&clip).await.ok(200)["job"], last.2);
 
-    // Who comes back is told what is new, and in the end that there is nothing more.
+    // A client that reconnects gets the new events, and 204 after the last one.
     assert_eq!(events(&server, &format!("{job}/events"), Some(&seen[0].1)).await.last(), Some(last));
     let request = server.request(reqwest::Method::GET, &format!("{job}/events"));
     server.send(request.header("Last-Event-ID", &last.1)).await.ok(204);
@@ -80,7 +80,7 @@ async fn a_waiting_job_is_cancelled_and_queued_again() {
     assert_eq!(again["state"], "queued");
     assert_eq!(location, format!("/v1/jobs/{}", again["job"]["id"].as_str().unwrap()));
     assert_ne!(location, job);
-    // While it is under way, asking again changes nothing.
+    // While the job is queued or running, another request changes nothing.
     assert_eq!(server.post(&format!("{clip}/align"), "").await.ok(202), again);
 }
 

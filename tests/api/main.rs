@@ -1,4 +1,4 @@
-//! The service over HTTP, in this process: what it promises, and what it refuses.
+//! The service over HTTP, in this process: its promises and its refusals.
 
 mod access;
 mod attacks;
@@ -11,6 +11,7 @@ mod exports;
 mod homes;
 mod hostile;
 mod jobs;
+mod layers;
 mod lidar_map;
 mod map;
 mod metrics;

@@ -3,7 +3,7 @@ use reqwest::Method;
 use serde_json::{Value, json};
 use viola_testing::{eventually, room, zips};
 
-/// The home's map once it has these clips in it.
+/// Returns the home's map once it contains these clips.
 async fn merged(server: &Server, home: &str, clips: &[&Value]) -> Value {
     eventually("the map is merged", || async {
         let answer = server.get(&format!("{home}/map")).await;
@@ -52,7 +52,7 @@ async fn clips_become_one_map_that_does_not_depend_on_their_order() {
         both.starts_with(b"ply\n") && String::from_utf8_lossy(&both[..200]).contains("comment frame map")
     );
 
-    // Taken out and added again, the other way around in time: the same bytes.
+    // Removed and added again in the opposite order: the same bytes.
     server.delete(&first_path).await.ok(204);
     let alone = merged(&server, &home, &[&second]).await;
     assert!(alone["revision"].as_i64() > map["revision"].as_i64());
@@ -78,7 +78,7 @@ async fn what_a_reader_has_is_not_sent_again() {
             assert_eq!(answer.bytes.is_empty(), status == 304);
         }
     }
-    // A clip that is left out is told, which changes the answer but not the points.
+    // A clip that is left out is listed, which changes the answer but not the points.
     let map_tag = server.get(&format!("{home}/map")).await.header("etag").to_owned();
     let short = server.post(&format!("{home}/clips"), crate::clips::small_clip()).await.ok(201);
     let path = format!("{home}/clips/{}", short["id"].as_str().unwrap());
@@ -91,7 +91,7 @@ async fn what_a_reader_has_is_not_sent_again() {
     assert!(left_out[0]["reasons"][0]["code"].is_string());
 }
 
-/// The vertices of a binary PLY of 38 bytes each.
+/// Returns the vertices of a binary PLY, of 38 bytes each.
 fn vertices(ply: &[u8]) -> Vec<&[u8]> {
     let end = ply.windows(11).position(|part| part == b"end_header\n").unwrap() + 11;
     let head = std::str::from_utf8(&ply[..end]).unwrap();
@@ -105,7 +105,7 @@ fn float(vertex: &[u8], at: usize) -> f32 {
     f32::from_le_bytes(vertex[at..at + 4].try_into().unwrap())
 }
 
-/// The document and the binary part of a GLB (glTF 2.0, 4.4).
+/// Returns the document and the binary part of a GLB (glTF 2.0, 4.4).
 fn glb(bytes: &[u8]) -> (Value, &[u8]) {
     let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
     assert_eq!((&bytes[..4], word(4), word(8)), (&b"glTF"[..], 2, bytes.len()));
@@ -259,7 +259,7 @@ async fn a_map_tells_rooms_objects_plan_and_coverage() {
         let problem = server.get(&path).await.problem(400, "invalid-query");
         assert_eq!(problem["field"], field, "{path}");
     }
-    // What was seen of a clip, to draw it anywhere, and the clip's points where the map has it.
+    // The scan of a clip, to draw it anywhere, and the clip's points in the map.
     let path = format!("{home}/clips/{}", clip["id"].as_str().unwrap());
     let scan = server.get(&format!("{path}/scan")).await.ok(200);
     assert!(scan["hits_m"].as_array().unwrap().len() > 50 && scan["cameras"][0]["forward"].is_array());
@@ -288,7 +288,7 @@ async fn a_map_tells_rooms_objects_plan_and_coverage() {
     assert_eq!(told["sha256"], clip["sha256"]);
     assert!(String::from_utf8(read("README.txt")).unwrap().contains("map_from_clip"));
     server.get("/v1/homes/nowhere/export").await.problem(404, "home-not-found");
-    // The clip gone, the map is empty, and the revision before it is still to be read.
+    // Without the clip the map is empty, and the previous revision can still be read.
     server.delete(&path).await.ok(204);
     merged(&server, &home, &[]).await;
     assert_eq!(server.get(&format!("{home}/map/objects")).await.ok(200)["objects"], json!([]));

@@ -1,10 +1,10 @@
-//! What is seen from outside.
+//! Metrics and readiness.
 
 use crate::server::Server;
 use std::collections::BTreeSet;
 use viola_testing::{eventually, room, zips};
 
-/// Names of our metrics in a text.
+/// Returns the names of our metrics in a text.
 fn names(text: &str) -> BTreeSet<String> {
     let words = text.split(|letter: char| !letter.is_ascii_alphanumeric() && letter != '_');
     words.filter(|word| word.starts_with("viola_")).map(str::to_owned).collect()
@@ -29,7 +29,7 @@ async fn the_dashboard_shows_what_is_counted() {
         shown.iter().all(|name| counted.contains(name)).then_some(text)
     })
     .await;
-    // Whoever reads the numbers learns nothing of whose they are, and nobody makes rows by inventing paths.
+    // The metrics reveal no owner, and invented paths add no series.
     server.get("/v1/homes/secret-home/invented").await.problem(404, "route-not-found");
     assert!(!text.contains("secret-home") && !text.contains(clip.rsplit('/').next().unwrap()), "{text}");
     let again = String::from_utf8(server.get("/metrics").await.bytes).unwrap();

@@ -1,4 +1,4 @@
-//! A server of one's own on a free port and a fresh data folder.
+//! A server for one test, on a free port and a fresh data folder.
 
 use jiff::Timestamp;
 use reqwest::header::HeaderMap;
@@ -20,7 +20,7 @@ use viola_testing::postgres::{Schema, Schemas};
 use viola_testing::s3_server::{ACCESS_KEY_ID, BUCKET, PREFIX, REGION, S3Server, SECRET_ACCESS_KEY};
 use viola_testing::skipped;
 
-/// Where the servers of a run of this suite keep what they keep.
+/// Storage of the servers of one run of this suite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Store {
     /// SQLite and local files.
@@ -44,9 +44,9 @@ impl Store {
     }
 }
 
-/// The suite once more on another store, in a process of its own, as its environment holds for all of it.
+/// Runs the suite on another store, in a process of its own, since the environment applies to all of it.
 async fn on_another_store(name: &str) {
-    // The database has only so many connections, and each server of a suite takes some.
+    // The number of database connections is limited, and each server of a suite takes some.
     static ONE_AT_A_TIME: tokio::sync::Mutex<()> = tokio::sync::Mutex::const_new(());
     let _turn = ONE_AT_A_TIME.lock().await;
     if Store::of_this_run() != Store::Embedded {
@@ -80,7 +80,7 @@ fn bucket() -> &'static S3Server {
     SERVER.get_or_init(S3Server::start)
 }
 
-/// The bucket of this run, below a prefix of its own.
+/// Returns the bucket of this run, below a prefix of its own.
 fn s3_of_this_run() -> Option<S3Params> {
     (Store::of_this_run() == Store::PostgresAndS3).then(|| S3Params {
         bucket: BUCKET.to_owned(),
@@ -108,7 +108,7 @@ impl Server {
         Server::with(|_| {}).await
     }
 
-    /// Without workers, jobs stay queued.
+    /// Starts a server without workers: jobs stay queued.
     pub async fn without_workers() -> Server {
         Server::with(|params| params.workers = 0).await
     }
@@ -132,6 +132,7 @@ impl Server {
             limits: LimitParams::default(),
             connections: ConnectionParams::default(),
             worker: WorkerParams::default(),
+            cors_origins: Vec::new(),
         };
         change(&mut params);
         let storage = params.storage.clone();
@@ -145,7 +146,7 @@ impl Server {
         Server { client, storage, folder, stop, running }
     }
 
-    /// Makes a key, as `viola keys create` does.
+    /// Creates a key, as `viola keys create` does.
     pub async fn key(&self, tenant: &str, role: Role, home: Option<&str>) -> (ApiKey, Secret) {
         let tenant: Tenant = tenant.parse().unwrap();
         let home = home.map(|id| tenant.home(&id.parse().unwrap()));
@@ -156,7 +157,7 @@ impl Server {
         made
     }
 
-    /// A client with a new key.
+    /// Returns a client with a new key.
     pub async fn client(&self, tenant: &str, role: Role, home: Option<&str>) -> Client {
         self.client_with(&self.key(tenant, role, home).await.1)
     }
@@ -188,7 +189,7 @@ impl Server {
         }
     }
 
-    /// Every file of the blob store, also those that are arriving.
+    /// Returns every file of the blob store, including arriving ones.
     pub fn blobs(&self) -> Vec<PathBuf> {
         let mut files = Vec::new();
         let mut folders = match &self.storage.s3 {
@@ -199,7 +200,7 @@ impl Server {
             }
         };
         while let Some(folder) = folders.pop() {
-            // Below a prefix of the bucket there is no folder before the first object; everything else is there.
+            // The prefix has no folder in the bucket before its first object; all other folders exist.
             let entries = match std::fs::read_dir(&folder) {
                 Err(_) if self.storage.s3.is_some() && !folder.exists() => continue,
                 entries => entries.unwrap(),

@@ -1,5 +1,5 @@
-//! A public client of tus, from npm, against the server. It needs Node.js and the packages of `web/`, which a build
-//! fetches; without them the test says so and passes, except where `VIOLA_BROWSER=1` says that they must be there.
+//! A public client of tus, from npm, against the server. It needs Node.js and the packages of `web/`, which a
+//! build fetches. Without them the test is skipped with a message, or fails if `VIOLA_BROWSER=1`.
 
 use crate::server::Server;
 use serde_json::{Value, json};
@@ -8,7 +8,7 @@ use std::process::Command;
 use viola_testing::tus::sha256;
 use viola_testing::{room, zips};
 
-/// Ways of uploading that `web/tests/tus.mjs` goes.
+/// Ways of uploading that `web/tests/tus.mjs` tests.
 const WAYS: [&str; 9] = [
     "whole",
     "chunks",
@@ -35,7 +35,7 @@ async fn a_public_client_uploads_in_every_way() {
     let home = server.make_home("h").await;
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("clip.zip");
-    // Longer than what comes through before the last of the cuts.
+    // Longer than the bytes that arrive before the last of the cuts.
     let clip = zips::zip(&room::clip(24));
     std::fs::write(&file, &clip).unwrap();
     let mut command = Command::new("node");

@@ -1,4 +1,4 @@
-//! Connections that break, stall, lie and race: nothing that was acknowledged is lost or changed.
+//! Connections that break, stall, lie and race: no acknowledged byte is lost or changed.
 
 use crate::clips::small_clip;
 use crate::server::Server;
@@ -12,7 +12,7 @@ use viola_testing::tus::sha256;
 
 async fn check_made(server: &Server, clip: &str, bytes: &[u8]) {
     assert_eq!(server.get(clip).await.ok(200)["sha256"], json!(sha256(bytes)));
-    // A request that was cut off or overtaken may still be clearing up.
+    // A request that was cut off or overtaken may still be cleaning up.
     eventually("nothing is left but the clip", || async { (server.blobs().len() == 1).then_some(()) }).await;
 }
 
@@ -20,7 +20,7 @@ async fn check_made(server: &Server, clip: &str, bytes: &[u8]) {
 fn any_cuts_resume_to_the_same_bytes() {
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let clip = small_clip();
-    // Shares of what is missing that arrive before each cut, and the size of pieces within a request.
+    // Fractions of the missing bytes that arrive before each cut, and the size of pieces within a request.
     let cuts =
         (proptest::collection::vec(0.0..1.0f64, 0..8), prop_oneof![Just(1u64), 500..5000u64, Just(1 << 20)]);
     let config = Config { cases: 16, failure_persistence: None, ..Config::default() };
@@ -63,7 +63,7 @@ async fn what_arrived_on_a_broken_connection_is_kept() {
     let upload = server.begin("h", clip.len()).await;
     drop(server.patch_partly(&upload, 0, &clip, 1234));
     eventually("the bytes are kept", || async { (server.offset(&upload).await == 1234).then_some(()) }).await;
-    // A checksum holds for the whole body or for nothing.
+    // A checksum covers the whole body or nothing.
     let mut connection = std::net::TcpStream::connect(server.base.strip_prefix("http://").unwrap()).unwrap();
     write!(
         connection,
@@ -124,7 +124,7 @@ async fn the_newer_of_two_writers_goes_on() {
     server.make_home("h").await;
     let clip = small_clip();
     let upload = server.begin("h", clip.len()).await;
-    // Other bytes from a connection that is not known to be dead.
+    // Other bytes from an old connection that is still open.
     let mut old = server.patch_partly(&upload, 0, &vec![7; clip.len()], 2000);
     eventually("its bytes have arrived", || async { (server.blobs().len() == 1).then_some(()) }).await;
     let half = clip.len() / 2;

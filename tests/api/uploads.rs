@@ -1,4 +1,4 @@
-//! Clips that arrive in parts: what the protocol promises, each extension of it, and what is refused.
+//! Clips that arrive in parts: the protocol, each of its extensions, and the refusals.
 
 use crate::clips::small_clip;
 use crate::server::Server;
@@ -12,7 +12,7 @@ use viola_testing::{eventually, room};
 const ID: &str = "01a1f766-7a97-7747-9dbb-391e0eeccb64";
 const UPLOADS: &str = "/v1/uploads";
 
-/// The clip that an answer's header names is the file, byte for byte.
+/// Checks that the clip at `path` is the file, byte for byte, and returns it.
 async fn check_clip(server: &Server, path: &str, bytes: &[u8]) -> Value {
     let clip = server.get(path).await.ok(200);
     assert_eq!((&clip["sha256"], &clip["size_bytes"]), (&json!(sha256(bytes)), &json!(bytes.len())));
@@ -56,7 +56,7 @@ async fn a_clip_arrives_in_two_parts() {
     assert_eq!(last.header("viola-job"), format!("/v1/jobs/{}", made["job"]["id"].as_str().unwrap()));
     assert_eq!(server.get(last.header("viola-job")).await.ok(200)["state"], "queued");
 
-    // Whose last answer was lost finds the clip, and may repeat the end.
+    // A client that lost the last answer finds the clip, and may repeat the last request.
     let empty = server.send(server.patch(&upload, clip.len(), b"")).await;
     for again in [server.head(&upload).await, empty] {
         assert_eq!(again.header("upload-offset"), clip.len().to_string());
@@ -75,7 +75,7 @@ async fn a_clip_arrives_in_two_parts() {
 async fn options_tell_what_is_served() {
     let server = Server::with(|params| params.max_upload_bytes = 12_345).await;
     for path in [UPLOADS.to_owned(), format!("{UPLOADS}/{ID}")] {
-        // A version is not asked for here.
+        // OPTIONS needs no version.
         let asked = server.request(Method::OPTIONS, &path).header("Tus-Resumable", "0.2.2");
         let answer = server.send(asked).await;
         let told =
@@ -98,7 +98,7 @@ async fn creation_is_refused_for_a_reason() {
     let good = metadata(&[("home", "h")]);
     let and = |name: &str, value: &str| format!("{good},{}", metadata(&[(name, value)]));
     let long = "x".repeat(4000);
-    // Headers, and the status, the problem and the words that they are answered with.
+    // Headers, and the status, problem and words of the answer.
     type Case = (Vec<(&'static str, String)>, u16, &'static str, &'static str);
     let cases: Vec<Case> = vec![
         (vec![("Upload-Metadata", good.clone())], 400, "invalid-header", "Upload-Length"),
@@ -174,7 +174,7 @@ async fn creation_is_refused_for_a_reason() {
         let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", 5);
         check_refused(request.header("Upload-Metadata", sent), status, code, field).await;
     }
-    // Names that are not ours are the client's.
+    // Metadata under other names belongs to the client and is kept.
     let sent = format!("{},is_confidential", and("type", "application/zip"));
     let request = server.tus(Method::POST, UPLOADS).header("Upload-Length", 5);
     let begun = server.send(request.header("Upload-Metadata", &sent)).await;
@@ -259,7 +259,7 @@ async fn going_on_is_refused_for_a_reason() {
     assert_eq!((head.status, head.header("upload-offset")), (404, ""));
     let other = server.send(bare(Method::HEAD)).await;
     assert_eq!((other.status, other.header("tus-version")), (412, "1.0.0"));
-    // Nothing of all that came in.
+    // None of these requests took effect.
     assert_eq!(server.offset(upload).await, 10);
     assert_eq!(server.blobs().len(), 1);
 }
@@ -390,7 +390,7 @@ async fn an_upload_is_given_up() {
     server.send(server.tus(Method::DELETE, &upload)).await.ok(204);
     server.send(server.tus(Method::DELETE, &upload)).await.problem(404, "upload-not-found");
     assert_eq!((server.head(&upload).await.status, server.blobs().len()), (404, 0));
-    // By clients that can only POST; and a clip outlives its upload.
+    // Deletion by clients that can only POST; a clip outlives its upload.
     let clip = small_clip();
     let upload = server.begin("h", clip.len()).await;
     let post =
@@ -401,7 +401,7 @@ async fn an_upload_is_given_up() {
     server.send(post("DELETE")).await.ok(204);
     assert_eq!(server.head(&upload).await.status, 404);
     check_clip(&server, last.header("viola-clip"), &clip).await;
-    // With a home go its uploads.
+    // The deletion of a home deletes its uploads.
     let upload = server.begin("h", 100).await;
     server.send(server.patch(&upload, 0, &[7; 10])).await.ok(204);
     server.delete("/v1/homes/h").await.ok(204);
@@ -443,7 +443,7 @@ async fn parts_are_joined() {
     assert_eq!(head.header("upload-concat"), format!("final;{a} {absolute} {c}"));
     assert_eq!(head.header("upload-offset"), head.header("upload-length"));
     check_refused(server.patch(upload, clip.len(), b""), 403, "upload-final", "").await;
-    // Each part goes into one file, once; whose answer was lost may repeat the request.
+    // Each part goes into one file, once; a client that lost the answer may repeat the request.
     assert_eq!(server.head(a).await.status, 410);
     check_refused(join(&[a, c]), 410, "upload-gone", "Upload-Concat").await;
     let again = server.send(join(&[a, &absolute, c])).await;
@@ -474,7 +474,7 @@ async fn abandoned_uploads_expire() {
     .await;
     server.send(server.patch(&upload, 10, b"x")).await.problem(404, "upload-not-found");
     eventually("its bytes are gone", || async { (server.blobs().len() == 1).then_some(()) }).await;
-    // What became of a file is told for longer.
+    // The record of a finished upload is kept for longer.
     assert_eq!(server.head(&finished).await.header("viola-clip"), last.header("viola-clip"));
 }
 

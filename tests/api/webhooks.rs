@@ -1,4 +1,4 @@
-//! Webhooks over HTTP: a real receiver, the library of Standard Webhooks, and addresses that nobody may be sent to.
+//! Webhooks over HTTP: a real receiver, the library of Standard Webhooks, and forbidden addresses.
 
 use crate::server::Server;
 use reqwest::Method;
@@ -14,14 +14,14 @@ use viola::storage::Role;
 use viola::webhooks::WebhookParams;
 use viola_testing::eventually;
 
-/// A message as it arrived.
+/// A received message.
 #[derive(Debug, Clone)]
 struct Message {
     headers: Value,
     body: String,
 }
 
-/// An address that answers as it is told, and with 204 when it is told nothing.
+/// An address that sends prepared answers, and 204 if there are none.
 struct Receiver {
     url: String,
     got: Arc<Mutex<Vec<Message>>>,
@@ -89,7 +89,7 @@ async fn make(server: &Server, body: Value) -> Value {
     made
 }
 
-/// The log, the oldest first.
+/// Returns the log, oldest first.
 async fn log(server: &Server, webhook: &Value) -> Vec<Value> {
     let path = format!("/v1/webhooks/{}/deliveries", webhook["id"].as_str().unwrap());
     let mut items = server.get(&path).await.ok(200)["items"].as_array().unwrap().clone();
@@ -97,7 +97,7 @@ async fn log(server: &Server, webhook: &Value) -> Vec<Value> {
     items
 }
 
-/// The log once all of its deliveries have been tried.
+/// Returns the log once all of its deliveries have been tried.
 async fn tried(server: &Server, webhook: &Value, count: usize) -> Vec<Value> {
     eventually("deliveries were tried", || async {
         let log = log(server, webhook).await;
@@ -137,7 +137,7 @@ async fn changes_are_told_as_standard_webhooks() {
     verified(&webhook, &got);
 }
 
-/// By the library; without it only said so, except where it must be there.
+/// Verifies messages by the library; skips with a message if it is missing and not required.
 fn verified(webhook: &Value, got: &[Message]) {
     let web = Path::new(env!("CARGO_MANIFEST_DIR")).join("web");
     let node = Command::new("node").arg("--version").output().is_ok_and(|answer| answer.status.success());
@@ -155,7 +155,7 @@ fn verified(webhook: &Value, got: &[Message]) {
         let mut input = child.stdin.take().unwrap();
         for Message { headers, body } in got {
             let line = json!({"secret": secret, "headers": headers, "body": body});
-            // One that finds a message wrong has ended.
+            // The process ends at the first wrong message.
             let _ = writeln!(input, "{line}");
         }
         drop(input);
@@ -208,7 +208,7 @@ async fn what_fails_is_in_the_log_and_can_be_sent_again() {
     server.post(&format!("{path}/test"), "").await.problem(404, "webhook-not-found");
 }
 
-/// The table of attacks by way of addresses; how names are resolved is with the sender.
+/// Attacks by addresses; the resolution of names is tested with the sender.
 #[tokio::test]
 async fn no_webhook_leads_to_this_machine_or_its_neighbours() {
     let server = Server::with(|params| params.webhooks = WebhookParams::default()).await;
@@ -234,7 +234,7 @@ async fn no_webhook_leads_to_this_machine_or_its_neighbours() {
         let problem = server.send(request).await.problem(422, "invalid-body");
         assert_eq!(problem["field"], "url", "{url}");
     }
-    // A name that leads to this machine is found out when it is sent to: here one that every machine has.
+    // A name of this machine is refused at the delivery: here one that every machine has.
     let name =
         server.request(Method::POST, "/v1/webhooks").json(&json!({"url": "https://localhost.localdomain/"}));
     let webhook = server.send(name).await.ok(201);

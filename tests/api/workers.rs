@@ -1,4 +1,4 @@
-//! Workers whose method panics, dawdles, or does not hear.
+//! Workers whose method panics, is slow, or does not react to a stop.
 
 use crate::server::Server;
 use serde_json::Value;
@@ -22,7 +22,7 @@ async fn server(method: Method, lease: Duration) -> Server {
     .await
 }
 
-/// Uploads a clip that has all it needs; gives its path.
+/// Uploads a clip to a home with a map; returns its path.
 async fn upload(server: &Server) -> String {
     let home = server.make_home("h").await;
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await;
@@ -67,7 +67,7 @@ async fn panics_end_in_a_failed_clip_and_not_in_a_dead_worker() {
     }
 }
 
-/// As often as an attempt that counts may not be made.
+/// Six faults are more than the three attempts of a job.
 #[tokio::test]
 async fn a_machine_without_descriptors_costs_no_attempt() {
     static CALLS: AtomicU32 = AtomicU32::new(0);

@@ -1,7 +1,7 @@
 //! The viewer in a real browser over a real server, and the tests of its parts.
 //!
-//! They need Node.js, the packages of `web/` (a build fetches them) and Chromium (`$CHROMIUM`, or Debian's). Without
-//! them they say so and pass, except where `VIOLA_BROWSER=1` says that all of it must be there.
+//! They need Node.js, the packages of `web/` (a build fetches them) and Chromium (`$CHROMIUM`, or Debian's).
+//! Without them they are skipped with a message, or fail if `VIOLA_BROWSER=1`.
 
 use image::RgbImage;
 use std::collections::HashMap;
@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use viola_testing::process::{Process, viola};
 
-/// Kinds of simulated homes: a clip of the first finds its place, a clip of the second fits several.
-/// The first is so long that its job can be watched.
+/// Kinds of simulated homes and frames of their clips: a clip of the first is aligned, one of the second is
+/// ambiguous. The first is so long that its job can be watched.
 const SETS: [(&str, &str); 2] = [("normal", "100"), ("repeated", "40")];
 
 fn web() -> PathBuf {
@@ -21,7 +21,7 @@ fn chromium() -> PathBuf {
     std::env::var_os("CHROMIUM").map_or_else(|| "/usr/bin/chromium".into(), PathBuf::from)
 }
 
-/// Whether everything is there; says what is not.
+/// Returns whether all requirements are met; prints the missing ones.
 fn can_run(needs_browser: bool) -> bool {
     let node = Command::new("node").arg("--version").output().is_ok_and(|answer| answer.status.success());
     let packages = web().join("node_modules/playwright-core").is_dir();
@@ -86,7 +86,7 @@ fn a_person_uses_the_page() {
     look_at(&pictures);
 }
 
-/// Nothing is blank, and colourings differ.
+/// Checks that no picture is blank, and that colourings differ.
 fn look_at(pictures: &Path) {
     let mut by_name = HashMap::new();
     for entry in std::fs::read_dir(pictures).unwrap() {
@@ -96,7 +96,7 @@ fn look_at(pictures: &Path) {
         let counts = counts(&picture);
         let most = counts.values().max().copied().unwrap_or(0);
         let share = most as f64 / f64::from(picture.width() * picture.height());
-        // Pages are mostly ground; a stage with points on it holds many colours.
+        // Pages are mostly background; a stage with points on it has many colours.
         assert!(counts.len() > 40 && share < 0.985, "{name} is blank: {} colours, {share:.3}", counts.len());
         by_name.insert(name, picture);
     }

@@ -1,4 +1,4 @@
-//! Clients that upload, ask and delete, on whichever server answers, and write down what they were promised.
+//! Clients that upload, read and delete on any server, and record the acknowledgements.
 
 use crate::fleet::Fleet;
 use rand::RngExt;
@@ -12,14 +12,14 @@ use viola_testing::client::{Answer, Client};
 use viola_testing::tus::sha256;
 use viola_testing::{eventually, room, zips};
 
-/// No request may take longer.
+/// Longest time of a request.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// A client with so many clips in a home goes on in a new one: a home's export is read whole within `PATIENCE`, however
-/// long the run.
+/// Clips after which a client moves on to a new home: a home's export is read whole within `PATIENCE`, in a
+/// run of any length.
 const CLIPS_PER_HOME: u64 = 20;
 
-/// What was promised.
+/// The acknowledgements of the service.
 #[derive(Default)]
 pub struct Ledger {
     /// Clips by their paths.
@@ -40,7 +40,7 @@ struct Promise {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Kept {
     Here,
-    /// It was asked to be deleted, and no answer came.
+    /// Its deletion was requested, and no answer came.
     Unsure,
     Gone,
 }
@@ -53,7 +53,7 @@ struct Person {
     sent: u64,
 }
 
-/// One client, until it is over; then it comes to the end of what it has begun.
+/// Runs one client until `over`; then it completes its current work.
 pub async fn go_on(
     number: u64,
     fleet: Arc<Fleet>,
@@ -85,12 +85,12 @@ pub async fn go_on(
 }
 
 impl Person {
-    /// Any of the servers.
+    /// Returns a random server.
     fn client(&mut self) -> Client {
         self.fleet.server(self.random.random_range(0..self.fleet.servers()))
     }
 
-    /// A home with the vacuum's map, named for the clips that were sent before it.
+    /// Creates a home with the vacuum's map, named by the number of clips sent before it.
     async fn new_home(&mut self) -> String {
         let home = format!("/v1/homes/home-{}-{}", self.number, self.sent);
         self.insist(|client| client.request(Method::PUT, &home)).await;
@@ -99,7 +99,7 @@ impl Person {
         home
     }
 
-    /// None when no answer came, or that something of the service's failed.
+    /// Sends a request; returns `None` if there was no answer, or a fault of the service.
     async fn once(&mut self, request: RequestBuilder) -> Option<Answer> {
         let begun = Instant::now();
         self.ledger.requests.fetch_add(1, Ordering::Relaxed);
@@ -111,7 +111,9 @@ impl Person {
             let (status, headers) = (response.status().as_u16(), response.headers().clone());
             Some(Answer { status, headers, bytes: response.bytes().await.ok()?.to_vec() })
         });
-        let answer = answer.await.unwrap_or_else(|_| panic!("client {}: {asked} took more than {PATIENCE:?}", self.number));
+        let answer = answer
+            .await
+            .unwrap_or_else(|_| panic!("client {}: {asked} took more than {PATIENCE:?}", self.number));
         self.ledger.slowest_ms.fetch_max(begun.elapsed().as_millis() as u64, Ordering::Relaxed);
         let answer = answer.filter(|answer| answer.status < 500);
         if answer.is_none() {
@@ -120,7 +122,7 @@ impl Person {
         answer
     }
 
-    /// Sends it again, to whoever is there, until somebody answers.
+    /// Retries on random servers until there is an answer.
     async fn insist(&mut self, request: impl Fn(&Client) -> RequestBuilder) -> Answer {
         let begun = Instant::now();
         loop {
@@ -140,7 +142,7 @@ impl Person {
         }
     }
 
-    /// A clip that no other is the same as.
+    /// Returns a unique clip.
     fn clip(&mut self) -> Vec<u8> {
         self.sent += 1;
         let mut files = room::clip(2);
@@ -183,7 +185,7 @@ impl Person {
         loop {
             let head = self.insist(|client| client.tus(Method::HEAD, &upload)).await;
             if head.status == 410 || head.status == 404 {
-                // It lay still for longer than uploads may here, and nothing of it was a promise yet.
+                // The upload was idle for too long and expired; none of it was promised yet.
                 return;
             }
             assert_eq!(head.status, 200);
@@ -224,7 +226,7 @@ impl Person {
 }
 
 impl Ledger {
-    /// Compares what there is with what was promised; tells how much it was.
+    /// Compares the stored clips with the promises; returns a summary.
     pub async fn check(&self, fleet: &Fleet) -> String {
         let clips = self.clips.lock().unwrap().clone();
         let mut here = 0;
@@ -240,7 +242,7 @@ impl Ledger {
                         ["aligned", "ambiguous", "failed"].contains(&state),
                         "{path} is {state}: {clip:#}"
                     );
-                    // Disasters are the service's own faults, and fail no clip.
+                    // Disasters are faults of the service and fail no clip.
                     let faults = ["worker", "storage", "system", "internal"];
                     let code = clip["job"]["error"]["code"].as_str().unwrap_or_default();
                     assert!(!faults.iter().any(|fault| code.starts_with(fault)), "{path}: {clip:#}");
@@ -265,7 +267,7 @@ impl Ledger {
         )
     }
 
-    /// The recordings of a home, out of its export, against what was sent; tells how many.
+    /// Compares the recordings in a home's export with the sent ones; returns their number.
     async fn compare(&self, fleet: &Fleet, home: &str, clips: &BTreeMap<String, Promise>) -> u64 {
         let bytes = eventually("the export comes whole", || async {
             let response =
@@ -282,7 +284,7 @@ impl Ledger {
             std::io::Read::read_to_end(&mut export.by_name(name).unwrap(), &mut recording).unwrap();
             let id = name.split('/').nth_back(1).unwrap();
             let Some(promise) = clips.get(&format!("{home}/clips/{id}")) else {
-                // Its upload came through, and the answer did not.
+                // Its upload took effect, and the answer was lost.
                 continue;
             };
             assert_eq!((recording.len(), sha256(&recording)), (promise.size_bytes, promise.sha256.clone()));

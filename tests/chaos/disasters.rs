@@ -1,4 +1,4 @@
-//! What goes wrong.
+//! Disasters.
 
 use crate::fleet::Fleet;
 use rand::RngExt;
@@ -13,7 +13,7 @@ async fn kill_one(fleet: &Arc<Fleet>, random: &mut ChaCha8Rng) {
     tokio::task::spawn_blocking(move || fleet.kill(number)).await.unwrap();
 }
 
-/// One disaster of many processes on PostgreSQL and a bucket.
+/// Strikes many processes on PostgreSQL and a bucket with one disaster.
 pub async fn strike(fleet: &Arc<Fleet>, bucket: &S3Server, schema: &Schema, random: &mut ChaCha8Rng) {
     // The database's disk is full until the next disaster.
     schema.free_disk().await;
@@ -31,7 +31,7 @@ pub async fn strike(fleet: &Arc<Fleet>, bucket: &S3Server, schema: &Schema, rand
             kinds: vec![Fault::Slow(Duration::from_millis(random.random_range(50..800)))],
         }),
         9 => schema.fill_disk().await,
-        // Its disk is full.
+        // The bucket's disk is full.
         10 => bucket.fail(Faults {
             seed: random.random(),
             when: When::Method("PUT"),
@@ -41,7 +41,7 @@ pub async fn strike(fleet: &Arc<Fleet>, bucket: &S3Server, schema: &Schema, rand
     }
 }
 
-/// One disaster of a process alone on its disk.
+/// Strikes a process alone on its disk with one disaster.
 pub async fn strike_alone(fleet: &Arc<Fleet>, random: &mut ChaCha8Rng) {
     match random.random_range(0..10) {
         0..3 => kill_one(fleet, random).await,

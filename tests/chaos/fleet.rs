@@ -1,4 +1,4 @@
-//! Processes that are begun anew whenever one was killed: two servers and two workers, or one process alone.
+//! Processes that are restarted after a kill: two servers and two workers, or one process alone.
 
 use crate::clients::Ledger;
 use serde_json::Value;
@@ -17,7 +17,7 @@ use viola_testing::postgres::Schema;
 use viola_testing::process::{prepared, program, viola};
 use viola_testing::s3_server::{ACCESS_KEY_ID, BUCKET, PREFIX, REGION, S3Server, SECRET_ACCESS_KEY};
 
-/// What the processes stand on.
+/// Storage of the processes.
 enum Place {
     /// PostgreSQL and a bucket. The first two processes are servers, the others workers.
     Shared,
@@ -35,7 +35,7 @@ pub struct Fleet {
 
 struct Member {
     child: Child,
-    /// Of a server.
+    /// Base URL of a server.
     base: Option<String>,
 }
 
@@ -55,7 +55,7 @@ impl Fleet {
         Fleet::begin_all(settings, Place::Shared)
     }
 
-    /// One process that does everything on one disk.
+    /// Starts one process that does everything on one disk.
     pub fn alone(disk: Box<dyn Disk>) -> Fleet {
         Fleet::begin_all(Vec::new(), Place::Disk(disk))
     }
@@ -88,7 +88,7 @@ impl Fleet {
         self.size().div_ceil(2)
     }
 
-    /// A command of the binary on what the process with this number stands on.
+    /// Returns a command of the binary on the storage of the process with this number.
     fn command(&self, number: usize) -> Command {
         let mut command = match &self.place {
             Place::Shared => viola(),
@@ -114,7 +114,7 @@ impl Fleet {
             Place::Shared => &["work"],
         };
         let log = OpenOptions::new().create(true).append(true).open(self.log(number)).unwrap();
-        // The database may be refusing at this moment: it is tried again, as any supervisor would.
+        // The database may refuse at this moment: retry, as any supervisor would.
         for _ in 0..50 {
             let mut child = self
                 .command(number)
@@ -137,7 +137,7 @@ impl Fleet {
         panic!("process {number} does not start; its log is {}", self.log_text(number));
     }
 
-    /// `kill -9`, and a new one in its place.
+    /// Kills a process with `kill -9` and starts a new one in its place.
     pub fn kill(&self, number: usize) {
         {
             let mut processes = self.processes.lock().unwrap();
@@ -146,7 +146,7 @@ impl Fleet {
             child.wait().unwrap();
         }
         self.killed.fetch_add(1, Ordering::Relaxed);
-        // Whoever begins it anew has made room.
+        // An operator frees the disk before a restart.
         if let Place::Disk(_) = &self.place {
             self.free_disk();
         }
@@ -171,7 +171,7 @@ impl Fleet {
         self.processes.lock().unwrap()[0].child.id()
     }
 
-    /// One of the servers, as it is now.
+    /// Returns a client of one of the servers, as it is now.
     pub fn server(&self, number: usize) -> Client {
         let base = self.processes.lock().unwrap()[number % self.servers()].base.clone();
         Client::new(base.expect("it is a server"))
@@ -179,11 +179,11 @@ impl Fleet {
 
     /// Waits until there is nothing more to do.
     pub async fn settle(&self) {
-        // A worker that ended by itself has met an error that it should have lived through.
+        // A worker that ended by itself met an error that it should have survived.
         for (number, member) in self.processes.lock().unwrap().iter_mut().enumerate() {
             assert!(member.child.try_wait().unwrap().is_none(), "{number} ended: {}", self.log_text(number));
         }
-        // However many clips are still waiting after a long run: each has its time.
+        // The deadline is for each job, since many clips may be queued after a long run.
         let mut before = None;
         while before != Some([0, 0, 0]) {
             let left = eventually("another job or merge is done", || async {
@@ -199,7 +199,7 @@ impl Fleet {
         }
     }
 
-    /// No job's end was recorded twice: a worker says `job ends` when its end counted.
+    /// Checks that no job's end was recorded twice: a worker logs `job ends` when its end counted.
     pub fn check_logs(&self, ledger: &Ledger) {
         let mut ends: HashMap<String, u32> = HashMap::new();
         for number in 0..self.size() {
@@ -217,11 +217,11 @@ impl Fleet {
         ledger.jobs_ended.store(ends.len() as u64, Ordering::Relaxed);
     }
 
-    /// The cleaner finds what the killed left, and a second time nothing.
+    /// Checks that the cleaner removes the leftovers of killed processes, and finds none a second time.
     pub fn clean_twice(&self) {
         let clean = || {
             let mut command = self.command(0);
-            // So many processes were killed, and so few files are here, that they are no small part.
+            // With many kills and few files, the leftovers may exceed the limit of a sweep.
             command.args(["clean", "--remove-unknown", "--older-than-seconds", "0"]);
             let output = command.output().unwrap();
             let text = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -240,7 +240,7 @@ impl Fleet {
     }
 }
 
-/// What a job ends with for good.
+/// Returns whether an outcome is final.
 fn is_answer(outcome: &Value) -> bool {
     ["aligned", "ambiguous", "failed"].contains(&outcome.as_str().unwrap_or_default())
 }

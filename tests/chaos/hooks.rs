@@ -1,4 +1,4 @@
-//! An address that is told what changes, and remembers the newest of each thing.
+//! A receiver of webhooks that remembers the newest change of each item.
 
 use crate::fleet::Fleet;
 use serde_json::{Value, json};
@@ -11,7 +11,7 @@ use viola_testing::eventually;
 
 #[derive(Clone, Default)]
 pub struct Hooks {
-    /// By the thing: the highest number that was told of it.
+    /// Highest sequence number received for each item.
     told: Arc<Mutex<HashMap<String, i64>>>,
     messages: Arc<Mutex<u64>>,
 }
@@ -37,7 +37,7 @@ impl Hooks {
         hooks
     }
 
-    /// None when whoever sent has hung up, or was killed in the middle.
+    /// Reads a message; returns `None` if the sender hung up or was killed in the middle.
     fn hear(&self, mut connection: &TcpStream) -> Option<()> {
         let mut reader = BufReader::new(connection);
         let (mut line, mut length) = (String::new(), 0);
@@ -59,7 +59,7 @@ impl Hooks {
         connection.write_all(b"HTTP/1.1 204 No Content\r\n\r\n").ok()
     }
 
-    /// Everything that the feed has was told, in its newest form.
+    /// Checks that the newest change of every item in the feed was received.
     pub async fn check(&self, fleet: &Fleet) -> String {
         let mut feed = HashMap::new();
         let mut path = "/v1/changes?limit=200".to_owned();

@@ -1,9 +1,9 @@
-//! Two servers and two workers on PostgreSQL and S3, of which any may be killed at any moment, while the database's
-//! connections are cut and its disk is full, the bucket fails and dawdles, and twenty clients go on. The same with one
-//! process on SQLite whose disk is filled and freed. At the end nothing that was acknowledged is missing or undone, and
-//! a webhook was told all of it.
+//! Chaos: two servers and two workers on PostgreSQL and S3 are killed at any moment, the database's
+//! connections are cut and its disk is full, the bucket fails and is slow, and twenty clients continue. The
+//! same with one process on SQLite whose disk is filled and freed. At the end nothing acknowledged is missing
+//! or undone, and a webhook received the newest change of each item.
 //!
-//! `VIOLA_CHAOS_SECONDS` says for how long each (20), `VIOLA_CHAOS_SEED` which disasters.
+//! `VIOLA_CHAOS_SECONDS` sets the length of each test (20), `VIOLA_CHAOS_SEED` the disasters.
 
 mod clients;
 mod disasters;
@@ -34,8 +34,8 @@ fn seconds() -> u64 {
     setting("VIOLA_CHAOS_SECONDS", 20)
 }
 
-/// Clients go on while disasters strike, until the time is over and `heal` has ended the last one; then everything is
-/// compared with what was promised.
+/// Runs clients and disasters until the time is over and `heal` has ended the last one; then compares the
+/// stored state with the promises.
 async fn survive(
     fleet: Arc<Fleet>,
     mut strike: impl AsyncFnMut(&mut ChaCha8Rng),
@@ -97,7 +97,7 @@ async fn nothing_acknowledged_is_lost() {
 async fn nothing_acknowledged_is_lost_on_a_disk_that_fills() {
     let _turn = TURN.lock().await;
     let folder = tempfile::tempdir().unwrap();
-    // A minute of clients takes some tens of megabytes.
+    // A minute of clients writes some tens of megabytes.
     let small =
         SmallDisk::mount(folder.path(), 600 + seconds() / 2).map(|disk| Box::new(disk) as Box<dyn Disk>);
     let limited = || LimitedDisk::new(folder.path()).map(|disk| Box::new(disk) as Box<dyn Disk>);

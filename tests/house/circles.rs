@@ -1,22 +1,22 @@
 //! Files of a crate that import each other in a circle.
 //!
-//! An arrow runs from a file to the file that defines a name which its `use` declarations import. A name that a module only
-//! hands on (`pub use`) is followed to its definition, and handing it on draws no arrow.
+//! An edge runs from a file to each file that defines a name which its `use` declarations import. A re-export
+//! (`pub use`) is followed to the definition, and adds no edge itself.
 
 use crate::sources::Source;
 use std::collections::{BTreeMap, BTreeSet};
 
 type Path = Vec<String>;
 
-/// One `use` declaration of a file, taken apart.
+/// One parsed `use` declaration of a file.
 struct Import {
     path: Path,
-    /// The name under which others find it here.
+    /// The name under which other files import it from here.
     name: String,
     is_public: bool,
 }
 
-/// Every circle, as the modules in it.
+/// Returns every circle, as the modules in it.
 pub fn circles(sources: &[&Source]) -> Vec<Vec<String>> {
     let imports: BTreeMap<Path, Vec<Import>> =
         sources.iter().map(|source| (source.module.clone(), imports(source))).collect();
@@ -58,7 +58,7 @@ fn reachable<'a>(arrows: &BTreeMap<&'a Path, BTreeSet<&'a Path>>, from: &Path) -
     seen
 }
 
-/// The module that defines what a path names; none for other crates.
+/// Returns the module that defines the target of a path; `None` for other crates.
 fn resolve<'a>(
     imports: &'a BTreeMap<Path, Vec<Import>>,
     module: &[String],
@@ -129,7 +129,7 @@ fn imports(source: &Source) -> Vec<Import> {
     found
 }
 
-/// Takes `a::{b, c::d as e}` apart.
+/// Parses `a::{b, c::d as e}`.
 fn flatten(tree: &str, prefix: &[String], is_public: bool, found: &mut Vec<Import>) {
     let tree = tree.trim();
     if let Some((head, group)) = tree.split_once('{') {

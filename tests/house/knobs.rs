@@ -10,7 +10,7 @@ struct Field {
     path: String,
 }
 
-/// The fields that neither code nor a test sets, as `Owner::field in file`.
+/// Returns the fields that neither code nor a test sets, as `Owner::field in file`.
 pub fn unset(sources: &[Source], tests: &[Source]) -> Vec<String> {
     let codes: Vec<String> = sources.iter().chain(tests).map(code_without_defaults).collect();
     let fields = sources.iter().flat_map(fields);
@@ -18,7 +18,7 @@ pub fn unset(sources: &[Source], tests: &[Source]) -> Vec<String> {
     unset.map(|field| format!("{}::{} in {}", field.owner, field.name, field.path)).collect()
 }
 
-/// The fields of a file, without those that are parameters of a part: these have fields of their own.
+/// Returns the fields of a file, without those that are parameters of a part: these have fields of their own.
 fn fields(source: &Source) -> Vec<Field> {
     let mut found = Vec::new();
     let mut owner = None;
@@ -39,7 +39,7 @@ fn fields(source: &Source) -> Vec<Field> {
     found
 }
 
-/// The code of a file without definitions of parameters and their defaults.
+/// Returns the code of a file without definitions of parameters and their defaults.
 fn code_without_defaults(source: &Source) -> String {
     let mut kept = String::new();
     let mut is_inside = false;
@@ -57,7 +57,7 @@ fn code_without_defaults(source: &Source) -> String {
     kept
 }
 
-/// Whether code assigns the field, lends it to be changed, or names it in a literal of its struct.
+/// Returns whether code assigns the field, borrows it mutably, or names it in a literal of its struct.
 fn sets(code: &str, field: &Field) -> bool {
     let Field { owner, name, .. } = field;
     if ["=", "+=", "*="].iter().any(|sign| code.contains(&format!(".{name} {sign} "))) {
@@ -72,13 +72,13 @@ fn sets(code: &str, field: &Field) -> bool {
     })
 }
 
-/// A path of fields at the beginning of a text.
+/// Returns the path of fields at the beginning of a text.
 fn path_of(text: &str) -> &str {
     let end = text.find(|c: char| !(c.is_alphanumeric() || "_.".contains(c)));
     text.get(..end.unwrap_or(text.len())).unwrap_or_default().trim_end_matches('.')
 }
 
-/// What stands before the brace that ends a literal.
+/// Returns the text before the brace that ends a literal.
 fn literal(text: &str) -> &str {
     let mut depth = 1_u32;
     for (at, sign) in text.char_indices() {

@@ -1,6 +1,7 @@
-//! The invariants of the house, held over the sources: who may import whom, and how long a file and a function may be.
+//! The invariants of the sources: allowed imports, and the limits on the length of files and functions.
 
 mod circles;
+mod features;
 mod knobs;
 mod sources;
 
@@ -24,11 +25,12 @@ const CRATES: &[(&str, u8)] = &[
 const MODULES: &[(&str, u8)] =
     &[("tls", 0), ("storage", 1), ("jobs", 2), ("webhooks", 2), ("api", 3), ("cli", 4)];
 
-/// Dependencies that only some modules of the service may know.
+/// Dependencies that only some modules of the service may use.
 const OWNED: &[(&str, &[&str])] = &[
     ("axum", &["api"]),
     ("tower", &["api"]),
     ("tower_http", &["api"]),
+    ("utoipa", &["api"]),
     ("utoipa_axum", &["api"]),
     ("sqlx", &["storage"]),
     ("object_store", &["storage"]),
@@ -46,7 +48,7 @@ const HELD: &[(&str, &str)] = &[
     ("rust_h265", "viola-formats"),
 ];
 
-/// Words that the method's crates must not know.
+/// Words that the method's crates must not contain.
 const IMPURE: &[&str] = &[
     "tokio",
     "async fn",
@@ -74,7 +76,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The dependencies of a crate, without those of its tests.
+/// Returns the dependencies of a crate, without those of its tests.
 fn dependencies(name: &str) -> Vec<String> {
     let path = root().join("crates").join(name).join("Cargo.toml");
     let text = fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
@@ -146,7 +148,7 @@ fn each_foreign_world_has_one_door() {
     check(broken);
 }
 
-/// Whether a line names something by a path that begins so.
+/// Returns whether a line contains `path` as the start of a path.
 fn names_path(line: &str, path: &str) -> bool {
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     line.match_indices(path).any(|(at, _)| {
@@ -157,8 +159,8 @@ fn names_path(line: &str, path: &str) -> bool {
     })
 }
 
-/// Places that may start other processes: decoders of video, and jobs apart from all others. The command line has programs
-/// fetch and unpack networks.
+/// Modules that may start other processes: video decoders, suspect jobs, and the command line, which fetches
+/// and unpacks networks by other programs.
 const START_PROCESSES: &[&str] = &["video", "jobs", "cli"];
 
 #[test]
@@ -188,8 +190,8 @@ fn the_method_is_pure() {
     check(broken);
 }
 
-/// Waits that hold a thread until async work is done. In tokio's pool of blocking threads they end in a deadlock: async
-/// work, such as reading a local blob, needs a thread of the same pool.
+/// Calls that block a thread until async work is done. In tokio's pool of blocking threads they deadlock:
+/// async work, such as reading a local blob, needs a thread of the same pool.
 const BLOCKING_WAITS: &[&str] = &[
     "block_on(",
     "blocking_send(",
@@ -204,7 +206,7 @@ const BLOCKING_WAITS: &[&str] = &[
 
 #[test]
 fn no_thread_waits_for_async_work() {
-    // A command of the command line waits on its own thread for all its work; tests have runtimes of their own.
+    // A command of the command line waits on its own thread; tests have runtimes of their own.
     let may_wait = |source: &Source| {
         source.first_module() == "cli" || source.path.to_string_lossy().contains("conformance")
     };

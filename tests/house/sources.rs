@@ -7,14 +7,14 @@ use std::path::{Path, PathBuf};
 pub struct Source {
     /// The crate's name; `viola` is the service.
     pub krate: String,
-    /// The module that it is, from the crate's root: `storage::blobs` is `["storage", "blobs"]`.
+    /// Path of its module from the crate's root: `storage::blobs` is `["storage", "blobs"]`.
     pub module: Vec<String>,
     pub path: PathBuf,
     pub text: String,
 }
 
 impl Source {
-    /// Whether it belongs to the service's own crate, its root files apart.
+    /// Returns whether it belongs to the service's own crate, apart from its root files.
     pub fn is_of_service(&self) -> bool {
         self.krate == "viola" && !self.module.is_empty()
     }
@@ -23,7 +23,7 @@ impl Source {
         self.module.first().map_or("", String::as_str)
     }
 
-    /// Lines with their numbers, without comments and without the tests at the file's end.
+    /// Returns lines with their numbers, without comments and without the tests at the file's end.
     pub fn code(&self) -> impl Iterator<Item = (usize, &str)> {
         let code = self.text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
         let lines = code.lines().enumerate().map(|(index, line)| (index + 1, line));
@@ -31,7 +31,7 @@ impl Source {
     }
 }
 
-/// All sources of the workspace, in the order of their paths.
+/// Returns all sources of the workspace, in the order of their paths.
 pub fn sources() -> Vec<Source> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut all = Vec::new();
@@ -45,7 +45,7 @@ pub fn sources() -> Vec<Source> {
     all
 }
 
-/// The sources of the integration tests.
+/// Returns the sources of the integration tests.
 pub fn tests() -> Vec<Source> {
     let mut all = Vec::new();
     collect("tests", &Path::new(env!("CARGO_MANIFEST_DIR")).join("tests"), &mut all);

@@ -1,4 +1,4 @@
-//! The whole method on a real apartment (ScanNet scene0000_00), with the bars of the paper's protocol.
+//! The whole method on a real apartment (ScanNet scene0000_00), with the thresholds of the paper's protocol.
 
 use std::path::{Path, PathBuf};
 use viola_align as align;
@@ -12,7 +12,7 @@ fn apartment() -> Option<PathBuf> {
     viola_testing::data::folder("scannet/scene0000_00")
 }
 
-/// `viola` on clips of a scene, given as places in its frames.
+/// Runs `viola` on clips of a scene, given as ranges of its frames.
 fn evaluate(scene: Scene, clips: Vec<std::ops::Range<usize>>) -> Vec<ClipResult> {
     let observe = AlignParams::default();
     let run = Run {
@@ -27,8 +27,8 @@ fn evaluate(scene: Scene, clips: Vec<std::ops::Range<usize>>) -> Vec<ClipResult>
     run.results(&Silent, &|_| {}).unwrap()
 }
 
-/// Three of the nine 60-frame excerpts against one form of the map: success in each, medians under half a
-/// degree and 5 cm. `viola evaluate` runs all nine.
+/// Checks three of the nine 60-frame excerpts against one form of the map: success in each, medians under
+/// half a degree and 5 cm. `viola evaluate` runs all nine.
 fn check(scene: &Path, lidar: &str, truth: &str) {
     let lidar_folder = scene.join("lidar");
     let scene = Scene::open(scene, &lidar_folder.join(lidar), &lidar_folder.join(truth)).unwrap();
@@ -80,7 +80,7 @@ fn threads_do_not_change_a_bit() {
     assert_eq!(one, three);
 }
 
-/// Stops in one stage and remembers which stages began.
+/// Stops in one stage and remembers the stages that began.
 struct StopIn {
     stage: Stage,
     seen: std::sync::Mutex<Vec<Stage>>,
@@ -140,7 +140,7 @@ fn check_floor_or_reason(folder: &Path, frames: Option<std::ops::Range<u32>>) {
     eprintln!("{}: floor {:?}, reasons {:?}", folder.display(), observation.floor, observation.reasons);
 }
 
-/// Without a network. The vertices' labels are ScanNet's own.
+/// Without a network; the truth is ScanNet's labels of the vertices.
 #[test]
 fn geometry_alone_tells_floor_and_walls() {
     let Some(scene) = apartment() else { return };

@@ -1,5 +1,5 @@
-//! Completion of clips that did not see enough at the vacuum's height: what is filled in, what is told of it, and
-//! that it stays apart from what was seen.
+//! Completion of clips with too few points at the vacuum's height: the completed points, their report, and
+//! their separation from the seen points.
 
 use image::{GrayImage, Rgb, RgbImage};
 use std::path::PathBuf;
@@ -71,7 +71,7 @@ impl Inpainter for White {
     }
 }
 
-/// Everything is two metres away.
+/// Estimates two metres everywhere.
 struct Flat;
 
 impl DepthEstimator for Flat {
@@ -120,7 +120,7 @@ fn what_is_filled_in_is_told_and_stays_apart() {
         (Some(imagination(white.clone(), Some(Arc::new(Flat)))), vec!["white", "flat"]),
     ] {
         let completed = align(&recorded, &params(imagination));
-        // Nothing of it is among the points that a home's map is made of.
+        // The points for the home's map contain no completed ones.
         assert_eq!(completed.cloud_in_clip, seen.cloud_in_clip, "{names:?}");
         assert_eq!(completed.scan, seen.scan);
         let report = completed.alignment.completion.as_ref().unwrap();
@@ -160,7 +160,7 @@ fn any_number_of_threads_completes_alike() {
     assert_eq!(one, on(3));
 }
 
-/// Stops, or is out of time, once completion begins.
+/// Cancels, or runs out of time, once completion begins.
 struct Impatient {
     cancels: bool,
     completing: std::sync::atomic::AtomicBool,
@@ -196,7 +196,7 @@ fn completion_ends_when_it_is_told_to() {
     let run =
         |progress: &dyn Progress| align::align(&recorded.clip, None, &recorded.lidar, &params, progress);
     assert!(matches!(run(&Impatient::that(true)), Err(AlignError::Cancelled)));
-    // Without time for a view the walls still go on, and the answer says that it was cut short.
+    // Without time for a view the walls are still extended, and the answer reports that it was cut short.
     let report = run(&Impatient::that(false)).unwrap().alignment.completion.unwrap();
     assert!(report.cut_short && report.views.is_empty() && report.structure_points > 0);
     assert_eq!(white.asked.load(Ordering::Relaxed), 0);
@@ -213,7 +213,7 @@ fn a_network_that_fails_is_told_and_structure_stays() {
     assert!(codes.contains(&"imagination_failed"), "{codes:?}");
 }
 
-/// Structure finds clips that what was seen at the vacuum's height alone does not, and loses none.
+/// With structure, clips are found that the points at the vacuum's height alone do not find; none is lost.
 #[test]
 fn walls_that_go_on_help_clips_of_the_upper_part() {
     let (mut base_right, mut structure_right) = (0, 0);
@@ -234,7 +234,7 @@ fn walls_that_go_on_help_clips_of_the_upper_part() {
     assert!(structure_right > base_right, "{base_right} {structure_right}");
 }
 
-/// The networks of the package registries, where `VIOLA_FETCHED_MODELS` names the folder that has them.
+/// The networks of the package registries, if `VIOLA_FETCHED_MODELS` names their folder.
 #[test]
 fn fetched_networks_complete_a_clip() {
     let Some(models) = std::env::var_os("VIOLA_FETCHED_MODELS").map(PathBuf::from) else {
@@ -261,7 +261,7 @@ fn fetched_networks_complete_a_clip() {
             assert!(hole.0[0] > 0 || before == after, "what the cloud shows stays");
         }
     }
-    // To be looked at, where a folder for it is named.
+    // Pictures for people, if a folder is named.
     if let Some(folder) = std::env::var_os("VIOLA_TEST_PICTURES").map(PathBuf::from) {
         std::fs::create_dir_all(&folder).unwrap();
         for (name, bytes) in home::completion_pngs(&aligned) {

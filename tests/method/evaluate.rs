@@ -1,4 +1,4 @@
-//! `viola evaluate`: clips with a known truth, methods that find it, results that outlive an interruption,
+//! `viola evaluate`: clips with a known truth, methods that find it, results that survive an interruption,
 //! and tables that add up.
 
 mod command;

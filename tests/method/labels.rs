@@ -1,4 +1,4 @@
-//! Classes of points: pictures that tell the truth give the true classes, and shapes, floor and answer use them.
+//! Classes of points: true labels of pictures give the true classes, and shapes, floor and answer use them.
 
 use image::RgbImage;
 use std::sync::Arc;
@@ -36,7 +36,7 @@ fn observe(clip: &Clip, label: LabelParams) -> Observation {
     align::observe(clip, None, &AlignParams { label, ..AlignParams::default() }, &Silent).unwrap()
 }
 
-/// Share of the points that a picture saw for which `right` holds.
+/// Returns the fraction of the seen points for which `right` holds, without those for which it is `None`.
 fn share(seen: &Observation, right: impl Fn(Class, f32) -> Option<bool>) -> f64 {
     let points = seen.cloud_in_clip.points.iter().filter(|p| p.label.views > 0);
     let judged: Vec<bool> = points.filter_map(|p| right(p.label.class, p.position_m[2])).collect();
@@ -54,11 +54,11 @@ fn true_pictures_give_true_classes() {
             let report = seen.labels.clone().unwrap();
             assert_eq!(report.by, oracle.name());
             assert!(report.key_frames > 0 && report.key_frames == seen.pictures.len());
-            // What is called floor lies at the floor; by shape also what is level and lower than a step.
+            // Points labelled floor lie at the floor; by shape also level points lower than a step.
             let at_floor_m = if by_shape { 0.12 } else { 0.06 };
             let floor = share(&seen, |class, z| (class == Class::Floor).then_some(z.abs() <= at_floor_m));
             assert!(floor > 0.97, "{set:?} {by_shape}: {floor}");
-            // Nothing that furniture hides in is called a ceiling.
+            // No point at the height of furniture is labelled ceiling.
             let low = share(&seen, |class, z| {
                 (class == Class::Ceiling || z < 1.9).then_some(z > 1.9 || class != Class::Ceiling)
             });
@@ -89,7 +89,7 @@ fn shapes_alone_agree_with_the_truth() {
         }
     }
     let iou = [0, 1].map(|i| f64::from(both[i]) / f64::from(either[i]));
-    // Asked of the real apartment: 0.85 and 0.65.
+    // The thresholds for the real apartment: 0.85 and 0.65.
     assert!(iou[0] >= 0.85 && iou[1] >= 0.65, "{iou:?}");
 }
 
@@ -107,7 +107,7 @@ fn a_network_that_fails_leaves_geometry_and_a_reason() {
     }
 }
 
-/// The answer must not depend on how the work was divided.
+/// The answer must not depend on the number of threads.
 #[test]
 fn threads_change_nothing() {
     let (clip, oracle) = Oracle::with_clip(simulated(Set::Normal, 4, 6), 1.0, 0);

@@ -1,7 +1,7 @@
 //! Networks under each runtime, against the library that the networks come from.
 //!
-//! `models/export/tiny.py` makes the fixtures. ONNX Runtime is tested when `ORT_DYLIB_PATH` names its library,
-//! the real network when `VIOLA_MODELS` names a models folder; what is not tested is said.
+//! `models/export/tiny.py` makes the fixtures. ONNX Runtime is tested if `ORT_DYLIB_PATH` names its library,
+//! the real network if `VIOLA_MODELS` names a models folder; skipped tests are listed.
 
 use crate::runtimes::{fixture, runtimes, stripes};
 use image::RgbImage;
@@ -18,7 +18,7 @@ fn open(name: &str, params: &RuntimeParams) -> Arc<dyn Network> {
     network::open(&fixture(name), params).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-/// An entry as a user would write it.
+/// Returns an entry as a user would write it.
 fn entry(classes: &str, input: &str, output: &str) -> ModelEntry {
     let text = format!(
         "[[network]]\nname = \"tiny\"\ntask = \"segmentation\"\nfile = \"tiny.onnx\"\nlicence = \"none\"\n\
@@ -38,7 +38,7 @@ fn mask2former() -> ModelEntry {
     entry("coco", OPEN, "kind = \"mask2former\"")
 }
 
-/// The library's own scores at every `step`-th pixel from the first, folded to our classes.
+/// Checks scores against the library's own at every `step`-th pixel from the first, mapped to our classes.
 fn check_scores(name: &str, entry: &ModelEntry, table: ClassTable, step: usize) {
     let text = std::fs::read(fixture("expected.json")).unwrap();
     let expected: serde_json::Value = serde_json::from_slice(&text).unwrap();
@@ -201,7 +201,7 @@ fn inputs_are_checked_before_a_run() {
     }
 }
 
-/// Same picture, same answer to the last bit, however many threads compute it.
+/// The same picture gives the same answer to the last bit, for any number of threads.
 #[test]
 fn threads_do_not_change_the_answer() {
     for params in runtimes() {
@@ -241,7 +241,7 @@ fn a_runtime_that_is_asked_for_and_not_there_is_an_error() {
     }
 }
 
-/// The real network on a real picture, where both are at hand.
+/// The real network on a real picture, if both are available.
 #[test]
 fn both_runtimes_see_the_same_classes() {
     let Some(models) = std::env::var_os("VIOLA_MODELS").map(PathBuf::from) else {

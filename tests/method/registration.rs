@@ -1,4 +1,4 @@
-//! Registration on rooms drawn by hand: the answer follows the map, whatever its pose.
+//! Registration on rooms drawn by hand: the answer follows the map in any pose.
 
 use proptest::prelude::*;
 use std::f64::consts::PI;
@@ -30,7 +30,7 @@ const OUTLINE: &[Corner] = &[
 ];
 const ANNEX: &[Corner] = &[(5.0, 4.0), (5.0, 7.0), (1.5, 7.0), (1.5, 5.2), (0.6, 5.2), (0.6, 4.0)];
 
-/// Points every 2 cm along walls.
+/// Returns points every 2 cm along walls.
 fn walls(lines: &[&[Corner]]) -> Vec<Point2> {
     let mut points = Vec::new();
     for line in lines {
@@ -47,7 +47,7 @@ fn target(points: Vec<Point2>) -> Target {
     Target::from_points(points, None, None).unwrap()
 }
 
-/// What a clip that starts at `map_from_clip` sees of these walls.
+/// Returns the observation of these points by a clip that starts at `map_from_clip`.
 fn observation(seen: &[Point2], map_from_clip: &Pose2) -> Observation {
     let clip_from_map = map_from_clip.inverse();
     let hit = |p: &Point2| Hit {
@@ -81,7 +81,7 @@ fn register(observation: &Observation, target: &Target) -> Alignment {
     align::register(observation, Some(target), &AlignParams::default(), &Silent).unwrap()
 }
 
-/// Every fifth point of the living room: 10 cm apart.
+/// Returns every fifth point of the living room: 10 cm apart.
 fn seen() -> Vec<Point2> {
     walls(&[OUTLINE]).into_iter().step_by(5).collect()
 }
@@ -154,14 +154,14 @@ fn too_little_is_said_to_be_too_little() {
     assert_eq!(answer.reasons[0].code, "too_few_hits");
 }
 
-/// Two rooms beside each other that nobody can tell apart by their walls, 4 m apart, as Valetudo has them.
+/// Returns a Valetudo map of two adjacent rooms with the same walls, 4 m apart.
 fn twin_rooms(names: [&str; 2]) -> LidarMap {
     let (mut wall, mut floors) = (Vec::new(), [Vec::new(), Vec::new()]);
     for (room, floor) in floors.iter_mut().enumerate() {
         let left = 10 + 80 * room;
         for y in 0..60 {
             for x in 0..70 {
-                // A notch in one corner, so that a room has one way round.
+                // A notch in one corner, so that a room has no symmetry.
                 let is_inside =
                     |x: i32, y: i32| (1..69).contains(&x) && (1..59).contains(&y) && !(x > 48 && y > 44);
                 if is_inside(x, y) {
@@ -190,7 +190,7 @@ fn twin_rooms(names: [&str; 2]) -> LidarMap {
 
 #[test]
 fn a_bed_tells_a_bedroom_from_a_kitchen_with_the_same_walls() {
-    // In whichever of the two the clip was recorded, and whatever people there call it.
+    // For a clip in either room, and for several names of the rooms.
     for (names, is_told) in [
         (["Bedroom", "Kitchen"], true),
         (["Küche", "Schlafzimmer"], true),

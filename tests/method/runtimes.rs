@@ -1,4 +1,4 @@
-//! The runtimes that networks are tested under, and the small networks in tests/models.
+//! The runtimes for tests of networks, and the small networks in tests/models.
 
 use image::{Rgb, RgbImage};
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ pub fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/models").join(name)
 }
 
-/// The runtimes at hand.
+/// Returns the available runtimes.
 pub fn runtimes() -> Vec<RuntimeParams> {
     let rten = RuntimeParams { runtime: Runtime::Rten, ..RuntimeParams::default() };
     match std::env::var_os("ORT_DYLIB_PATH") {
@@ -23,7 +23,7 @@ pub fn runtimes() -> Vec<RuntimeParams> {
     }
 }
 
-/// The picture that `models/export/tiny.py` draws.
+/// Returns the picture that `models/export/tiny.py` draws.
 pub fn stripes(width: u32, height: u32) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| {
         Rgb([0, 1, 2].map(|c| ((x * (3 + 2 * c) + y * (7 - 2 * c) + x * y / 64) % 256) as u8))

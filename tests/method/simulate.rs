@@ -1,4 +1,4 @@
-//! Simulated homes: their truth is true, they are the same for any number of threads, and every seed works.
+//! Simulated homes have a correct truth, are equal for any number of threads, and every seed works.
 
 use std::io::Cursor;
 use viola_formats::lidar::Cell;
@@ -17,7 +17,7 @@ fn short(frames: usize) -> ClipParams {
     ClipParams { frames, color_width: 256, ..ClipParams::default() }
 }
 
-/// Everything that `viola simulate` writes.
+/// Returns everything that `viola simulate` writes.
 fn everything(set: Set, seed: u64) -> Vec<Vec<u8>> {
     let home = home(set, seed);
     let survey = home.survey();
@@ -74,7 +74,7 @@ fn every_seed_makes_a_plan_that_one_can_live_in() {
     }
 }
 
-/// The walls of the map, moved back by the truth, stand where the home's surfaces are.
+/// The walls of the map, transformed by the truth, lie on the home's surfaces.
 #[test]
 fn the_map_lies_on_the_home() {
     for (set, seed) in
@@ -107,8 +107,8 @@ fn near_surface(home: &Home, survey: &Survey, point: &Point2, within_m: f64) -> 
         })
 }
 
-/// What the clip sees at the vacuum's height, moved by the clip's own poses and the truth, is in the map.
-/// This goes through every frame there is: pixel, camera, the device's world, clip, map.
+/// The clip's points at the vacuum's height, transformed by its own poses and the truth, are in the map. This
+/// uses every coordinate frame: pixel, camera, the device's world, clip, map.
 #[test]
 fn the_clip_lies_on_the_map() {
     for (set, seed, sensor) in [
@@ -128,7 +128,7 @@ fn the_clip_lies_on_the_map() {
                 |at: &Point2| map.occupied_m.iter().map(|p| (p - at).norm()).fold(f64::MAX, f64::min);
             distances.extend(points.iter().map(nearest));
         }
-        // Clips of the upper part of a room see little there.
+        // Clips of the upper part of a room have few such points.
         if set != Set::Upper {
             let named = format!("{} {seed}", set.name());
             assert!(distances.len() > 200, "{named}: {} points at the vacuum's height", distances.len());
@@ -140,7 +140,7 @@ fn the_clip_lies_on_the_map() {
     }
 }
 
-/// Points of the clip's depth pictures at the vacuum's height, in the map's frame.
+/// Returns points of the clip's depth pictures at the vacuum's height, in the map's frame.
 fn at_the_vacuums_height(clip: &SimulatedClip, height_m: f64) -> Vec<Point2> {
     let clip_from_world = clip_from_world(clip);
     let mut points = vec![];
@@ -161,7 +161,7 @@ fn at_the_vacuums_height(clip: &SimulatedClip, height_m: f64) -> Vec<Point2> {
     points
 }
 
-/// By the definition of the clip's frame, from the device's first pose and the floor's true height.
+/// Returns the transform by the clip frame's definition, from the first pose and the floor's true height.
 fn clip_from_world(clip: &SimulatedClip) -> Pose3 {
     let first = clip.headers()[0].world_from_camera.unwrap();
     let toward = first.rotation * Vector3::z();
@@ -171,7 +171,7 @@ fn clip_from_world(clip: &SimulatedClip) -> Pose3 {
     Pose3::from_parts(at, turn).inverse()
 }
 
-/// The picture renderer and the ray caster are written apart and agree.
+/// The picture renderer and the ray caster are independent and agree.
 #[test]
 fn pictures_agree_with_rays() {
     for (set, seed) in [(Set::Normal, 0), (Set::Changed, 4)] {
@@ -198,7 +198,7 @@ fn pictures_agree_with_rays() {
     }
 }
 
-/// Noise of the size that the sensors are said to have, whole millimetres, nothing beyond the range.
+/// The noise is that of the sensor's model; depth is in whole millimetres and within the range.
 #[test]
 fn sensors_are_as_noisy_as_they_say() {
     let home = home(Set::Normal, 2);
@@ -256,7 +256,7 @@ fn cameras_are_where_a_person_holds_them() {
     }
 }
 
-/// Device poses drift by about as much as was asked, and start true.
+/// Device poses start without error and drift by about the given amount.
 #[test]
 fn drift_is_what_was_asked() {
     let home = home(Set::Normal, 6);
@@ -281,7 +281,7 @@ fn drift_is_what_was_asked() {
     assert!(some > 0.1 * sigma && some < 4.0 * sigma, "{some} m after {length} m");
 }
 
-/// Read back by rules of our own: runs of pixels, centimetres, y down.
+/// The file is read by an independent reader: runs of pixels, centimetres, y down.
 #[test]
 fn the_valetudo_file_says_what_the_map_says() {
     let survey = home(Set::Normal, 9).survey();
@@ -357,7 +357,7 @@ fn another_day_changes_what_it_may() {
     }
 }
 
-/// Share of level rays from the rooms' middles that the two days answer differently.
+/// Returns the fraction of level rays from the rooms' centres that differ between the two days.
 fn difference(home: &Home) -> f64 {
     let (mut differ, mut all) = (0, 0);
     for room in &home.plan.rooms {
@@ -375,7 +375,7 @@ fn difference(home: &Home) -> f64 {
     f64::from(differ as u32) / f64::from(all)
 }
 
-/// Some clips among look-alike rooms have several poses that nobody can tell apart, and those look alike.
+/// Some clips among similar rooms have several equivalent poses, where the map looks the same.
 #[test]
 fn repeated_homes_say_what_cannot_be_known() {
     let (mut unknowable, mut knowable) = (0, 0);
@@ -393,7 +393,7 @@ fn repeated_homes_say_what_cannot_be_known() {
             } else {
                 knowable += 1
             }
-            // Around every equivalent pose the map has walls where it has them around the true one.
+            // Around every equivalent pose the map has the same walls as around the true one.
             let near = |pose: &viola_geometry::Pose2, within_m: f64| -> Vec<Point2> {
                 let clip_from_map = pose.inverse();
                 let all = map.occupied_m.iter().map(|p| clip_from_map.apply(p));
@@ -411,7 +411,7 @@ fn repeated_homes_say_what_cannot_be_known() {
     assert!(knowable >= 8, "{knowable} of {}", unknowable + knowable);
 }
 
-/// Labels are those of what the rays hit.
+/// Labels are those of the surfaces that the rays hit.
 #[test]
 fn labels_belong_to_the_picture() {
     let home = home(Set::Normal, 5);

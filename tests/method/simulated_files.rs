@@ -1,4 +1,4 @@
-//! What the simulation writes is what the readers read.
+//! The readers read the files of the simulation.
 
 use std::collections::BTreeSet;
 use std::io::Write;

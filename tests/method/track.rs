@@ -1,4 +1,4 @@
-//! Clips without poses: what is followed, what is lost with which reason, and that no map is bent in silence.
+//! Clips without poses: tracked frames, lost frames with their reasons, and no bent segments.
 
 use image::{Rgb, RgbImage};
 use viola_align as align;
@@ -11,7 +11,7 @@ use viola_lab::simulate::{ClipParams, Home, HomeParams, Set};
 use viola_reconstruct::track::{Lost, Track, Tracker};
 use viola_reconstruct::{KeyFrame, TrackParams};
 
-/// A simulated walk with a phone, noise and all, and the true poses.
+/// Returns a simulated walk with a phone, with noise, and the true poses.
 fn walk(seed: u64, frames: usize) -> (Vec<Frame>, Vec<Pose3>) {
     let home = Home::generate(&HomeParams::new(Set::Normal, seed));
     let survey = home.survey();
@@ -26,13 +26,13 @@ fn follow(frames: &[Frame]) -> Track {
     tracker.finish()
 }
 
-/// The errors of one segment.
+/// Returns the errors of one segment.
 fn errors(track: &Track, segment: usize, truth: &[Pose3]) -> TrajectoryErrors {
     let truth: Vec<_> = truth.iter().copied().map(Some).collect();
     measure(&track.poses_of(segment), &truth).expect("a segment with poses")
 }
 
-/// No segment is bent: whatever has a pose has one that is right within its segment.
+/// Checks that no segment is bent: every pose is right within its segment.
 fn check_no_segment_is_bent(track: &Track, truth: &[Pose3]) {
     for segment in 0..track.segments.len() {
         let errors = errors(track, segment, truth);
@@ -50,7 +50,7 @@ fn a_walk_is_followed_alike_by_any_number_of_threads() {
     let track = follow(&frames);
     assert_eq!(track.segments.len(), 1);
     assert_eq!(track.segments[0].frames, 60);
-    // The figure that is asked for of simulated clips is one hundredth of the way.
+    // The threshold for simulated clips is one hundredth of the path.
     let errors = errors(&track, 0, &truth);
     assert!(errors.share_of_path < 0.01, "{errors:?}");
     for threads in [1, 3] {
@@ -59,7 +59,7 @@ fn a_walk_is_followed_alike_by_any_number_of_threads() {
     }
 }
 
-/// The world of tracking is any; what was felt tells which way is up in it.
+/// The world of tracking is arbitrary; the accelerometer gives its up direction.
 #[test]
 fn what_the_accelerometer_felt_tells_up() {
     let (frames, truth) = walk(1002, 60);
@@ -71,7 +71,7 @@ fn what_the_accelerometer_felt_tells_up() {
     assert!(off_rad < 3f64.to_radians() && off_rad < 2.0 * up.deviation_rad, "{off_rad} {up:?}");
 }
 
-/// Frames spoiled in the middle of a walk: they have no pose, and what follows is right again.
+/// Checks that frames spoiled in the middle of a walk have no pose, and that later ones are right again.
 fn check_spoiled(spoil: impl Fn(&mut Frame), why: &Lost) {
     let (mut frames, truth) = walk(1002, 70);
     frames[30..38].iter_mut().for_each(spoil);
@@ -81,7 +81,7 @@ fn check_spoiled(spoil: impl Fn(&mut Frame), why: &Lost) {
     let after = track.poses[40..].iter().flatten().count();
     assert!(after >= 25, "{after} of the 30 frames behind have a pose");
     check_no_segment_is_bent(&track, &truth);
-    // Either the place was known again, or the first segment says why it ended.
+    // Either the place was recognised, or the first segment has the reason of its end.
     let is_one = track.segments.len() == 1;
     assert!(is_one || track.segments[0].ended.as_ref() == Some(why), "{:?}", track.segments);
 }
@@ -96,7 +96,7 @@ fn missing_depth_is_waited_for() {
     check_spoiled(|frame| frame.depth.depth_m.fill(0.0), &Lost::NoDepth);
 }
 
-/// A recording that hangs shows the same frame again and again, whose pose is that of the first one.
+/// A frozen recording repeats one frame; all copies have its pose.
 #[test]
 fn frozen_frames_stay_where_they_are() {
     let (mut frames, mut truth) = walk(1002, 60);
@@ -110,7 +110,7 @@ fn frozen_frames_stay_where_they_are() {
     assert!(tracked >= 55, "{tracked}");
 }
 
-/// Two recordings in one: each half is right, and nothing connects them.
+/// Two recordings in one: each half is right, and the halves are not connected.
 #[test]
 fn a_jump_cut_ends_a_segment() {
     let ((mut frames, mut truth), (others, other_truth)) = (walk(1002, 40), walk(1001, 40));
@@ -123,7 +123,7 @@ fn a_jump_cut_ends_a_segment() {
     check_no_segment_is_bent(&track, &truth);
 }
 
-/// Somebody walks through, from left to right, a quarter of the picture wide, and what they wear goes with them.
+/// A person walks through from left to right, a quarter of the picture wide, with a texture that moves along.
 #[test]
 fn a_person_walking_through_is_not_followed() {
     let (mut frames, truth) = walk(1002, 60);
@@ -140,20 +140,20 @@ fn a_person_walking_through_is_not_followed() {
     }
     let track = follow(&frames);
     assert!(track.segments[0].frames >= 55, "{:?}", track.segments);
-    // The person walks 1.4 m: a camera that followed them would be off by a good part of it. The bound is chosen, not taken
-    // from a source.
+    // The person walks 1.4 m: a camera tracked on them would be off by much of it. The bound is chosen, not
+    // taken from a source.
     let errors = errors(&track, 0, &truth);
     assert!(errors.ate_m < 0.03 && errors.rotation_deg < 1.0, "{errors:?}");
 }
 
 const CAMERA: Pinhole = Pinhole { width: 256, height: 192, fx: 200.0, fy: 200.0, cx: 127.5, cy: 95.5 };
 
-/// A picture inside a box of 5 x 3 x 6 m around the world's origin; its faces are plain or have squares of many greys.
+/// Renders the inside of a box of 5 x 3 x 6 m around the world's origin; its faces are plain or chequered.
 fn in_a_box(world_from_camera: &Pose3, is_plain: bool) -> Frame {
     in_a_box_by_rows(|_| *world_from_camera, is_plain)
 }
 
-/// The same with a camera that moves while its rows are read.
+/// Renders the box with a camera that moves while its rows are read.
 fn in_a_box_by_rows(world_from_camera: impl Fn(u32) -> Pose3, is_plain: bool) -> Frame {
     let half = [2.5, 1.5, 3.0];
     let mut depth_m = vec![0.0; (CAMERA.width * CAMERA.height) as usize];
@@ -186,7 +186,7 @@ fn in_a_box_by_rows(world_from_camera: impl Fn(u32) -> Pose3, is_plain: bool) ->
 #[test]
 fn a_camera_that_only_turns_stays_in_its_place() {
     let turn = |step: i32| Pose3::new(Vector3::zeros(), Vector3::new(0.0, 0.07 * f64::from(step), 0.0));
-    // All around, and a little further: the end sees the beginning again.
+    // A full turn and a little more: the end sees the beginning again.
     let truth: Vec<Pose3> = (0..95).map(turn).collect();
     let frames: Vec<Frame> = truth.iter().map(|pose| in_a_box(pose, false)).collect();
     let track = follow(&frames);
@@ -197,7 +197,7 @@ fn a_camera_that_only_turns_stays_in_its_place() {
     assert!(errors(&track, 0, &truth).rotation_deg < 0.5);
 }
 
-/// Along a white wall nothing tells how far the camera went: it is lost and says so, and does not stand still.
+/// A white wall does not show the camera's motion: tracking reports a loss, and no standstill.
 #[test]
 fn a_white_wall_is_admitted() {
     let slide = |step: i32| Pose3::translation(0.03 * f64::from(step) - 1.0, 0.0, 2.0);
@@ -209,8 +209,8 @@ fn a_white_wall_is_admitted() {
     assert!(all_short && ended.iter().all(|why| *why == Lost::Unconstrained), "{:?}", track.segments);
 }
 
-/// Rows that are read one after the other let a room lean while the camera turns, and lean the other way when it turns
-/// back. Whose shutter is known is followed better.
+/// A rolling shutter skews a room while the camera turns, and the other way when it turns back. Tracking with
+/// a known shutter is better.
 #[test]
 fn a_rolling_shutter_is_allowed_for() {
     const READOUT_S: f64 = 0.03;
@@ -241,7 +241,7 @@ fn a_rolling_shutter_is_allowed_for() {
     assert!(aware.ate_m < 0.5 * unaware.ate_m, "{aware:?} {unaware:?}");
 }
 
-/// A device whose poses drift: what its pictures show takes drift away, and where they show nothing, the device leads.
+/// Drifting poses of a device: pictures reduce the drift; without useful pictures its poses are used.
 #[test]
 fn the_poses_of_a_device_are_refined() {
     let home = Home::generate(&HomeParams::new(Set::Normal, 1002));
@@ -261,12 +261,12 @@ fn the_poses_of_a_device_are_refined() {
     assert_eq!(track.segments[0].frames, 60);
     let (before, after) = (measure(&given, &truth).unwrap(), errors(&track, 0, &clip.truth.home_from_camera));
     assert!(after.ate_m < 0.7 * before.ate_m, "{after:?} {before:?}");
-    // In the device's world, not in one of its own.
+    // The poses are in the device's world.
     let first = track.poses[0].expect("the first frame has a pose").1;
     assert!((first.inverse() * given[0].unwrap()).translation.vector.norm() < 1e-9);
 }
 
-/// Whether poses drift is seen in the clip itself, and told.
+/// Drift of poses is detected in the clip itself, and reported.
 #[test]
 fn poses_are_refined_where_they_drift_and_left_where_they_do_not() {
     let home = Home::generate(&HomeParams::new(Set::Normal, 1000));
@@ -296,7 +296,7 @@ fn poses_are_refined_where_they_drift_and_left_where_they_do_not() {
     }
 }
 
-/// Recordings by hand, by the figures that are asked for of them.
+/// Handheld recordings, by the thresholds for them.
 #[test]
 fn real_recordings_are_followed_as_well_as_asked_for() {
     for (name, ate_m, rotation_deg) in

@@ -1,4 +1,4 @@
-//! Containers: the same files are the same from a folder and from every archive, whole and in part.
+//! Containers: a folder and every archive of the same files return the same bytes, whole and in part.
 
 use crate::writers::*;
 use base64::Engine;
@@ -49,7 +49,7 @@ pub fn zstd(bytes: &[u8]) -> Vec<u8> {
     compress_to_vec(bytes, CompressionLevel::Fastest)
 }
 
-/// A frame of Zstandard that holds nothing for who unpacks (RFC 8878, section 3.1.2).
+/// Returns a skippable frame of Zstandard (RFC 8878, section 3.1.2).
 pub fn skipped(bytes: &[u8]) -> Vec<u8> {
     [&0x184d_2a53u32.to_le_bytes()[..], &(bytes.len() as u32).to_le_bytes(), bytes].concat()
 }
@@ -64,7 +64,7 @@ fn stored_zip(files: &[(String, Vec<u8>)]) -> Vec<u8> {
     zip.finish().unwrap().into_inner()
 }
 
-/// The files in every archive, by what it is.
+/// Returns the files in every kind of archive, with its name.
 pub fn archives(files: &[(String, Vec<u8>)]) -> Vec<(&'static str, Vec<u8>)> {
     let (gnu, pax) = (tar_bytes(files, Names::Gnu), tar_bytes(files, Names::Pax));
     let (head, tail) = pax.split_at(pax.len() / 3);
@@ -80,7 +80,7 @@ pub fn archives(files: &[(String, Vec<u8>)]) -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-/// The files in a folder and in every archive, whose names say nothing of what they are.
+/// Writes the files to a folder and to every archive, whose names do not show their kind.
 pub fn everywhere(files: &[(String, Vec<u8>)]) -> (TempDir, Vec<(&'static str, PathBuf)>) {
     let root = TempDir::new().unwrap();
     let mut places = vec![("folder", root.path().join("folder"))];
@@ -100,7 +100,7 @@ fn open(path: &Path) -> Box<dyn Container> {
     container::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Every file must be there as it was written, read whole and in parts, by several threads at once.
+/// Checks that every file reads as it was written, whole and in parts, by several threads at once.
 fn check(what: &str, container: &dyn Container, files: &[(String, Vec<u8>)]) {
     let mut sorted: Vec<_> = files.iter().collect();
     sorted.sort();
@@ -139,7 +139,7 @@ fn check_file(what: &str, container: &dyn Container, name: &str, bytes: &[u8]) {
             });
         }
     });
-    // Nothing of what lies behind is to be had.
+    // No byte beyond the region can be read.
     assert_eq!(region.read_at(len, &mut [0; 9]).unwrap(), 0);
     assert_eq!(region.read_at(u64::MAX, &mut [0; 9]).unwrap(), 0);
     assert!(region.read_exact_at(len.saturating_sub(3), &mut [0; 9]).is_err());
@@ -174,7 +174,7 @@ fn every_container_gives_the_same_bytes() {
     let files = mixed_files();
     let (_root, places) = everywhere(&files);
     for (what, path) in &places {
-        // Folders are looked into eight levels deep.
+        // Folders are read eight levels deep.
         let files: Vec<_> = files
             .iter()
             .filter(|(name, _)| *what != "folder" || name.matches('/').count() < 8)
@@ -197,7 +197,7 @@ fn what_is_hidden_is_left_out() {
     }
 }
 
-/// `clip/b.txt`, `clip/color/0.txt`, and one whose name is 120 n, as GNU tar 1.34 packs them.
+/// `clip/b.txt`, `clip/color/0.txt`, and a file whose name is 120 times `n`, packed by GNU tar 1.34.
 #[test]
 fn archives_of_other_programs_are_read() {
     let made = [

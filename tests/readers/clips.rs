@@ -1,4 +1,4 @@
-//! Clips in each layout: what is written is read, and what cannot be used is refused by name.
+//! Clips in each layout: written clips are read, and unusable ones are refused by name.
 
 use crate::archives::{everywhere, gzip, zstd};
 use crate::writers::*;
@@ -8,7 +8,7 @@ use std::path::Path;
 use viola_formats::clip::Clip;
 use viola_geometry::Vector3;
 
-/// Opens a clip that must hold `numbers` as the writers wrote them, `units_per_m` deep.
+/// Checks that a clip holds the frames `numbers` as the writers wrote them, with depth in `units_per_m`.
 fn check_clip(path: &Path, layout: &str, numbers: &[u32], units_per_m: f32) {
     let clip = Clip::open(path).unwrap_or_else(|error| panic!("{layout}: {error}"));
     assert_eq!(clip.info().layout, layout);
@@ -53,7 +53,7 @@ fn each_layout_is_read_from_every_container_wherever_it_lies() {
     for (layout, write_files, units_per_m) in LAYOUTS {
         for root in ["", "scene0000_00/", "a/b/c/"] {
             let mut files = write_files(root, &numbers);
-            // What lies beside, as archives of real scenes have it.
+            // Other files, as in archives of real scenes.
             for name in ["mesh/scene.ply", "lidar/map.yaml", "lidar/points.csv", "notes.txt"] {
                 files.push((format!("{root}{name}"), b"ply".to_vec()));
             }
@@ -136,7 +136,7 @@ fn poses_that_are_no_rigid_motion_are_counted_and_none() {
         assert_eq!(clip.frames()[1].world_from_camera, None, "{what}");
         assert_eq!((clip.info().frames_with_pose, clip.info().skipped_without_pose), (1, 1), "{what}");
     }
-    // Rounded to three digits it is still a rotation, and is made one again.
+    // A rotation rounded to three digits is accepted and normalised.
     let rounded = pose(7).map(|row| row.map(|v| (v * 1000.0).round() / 1000.0));
     let mut files = scannet("", &[0]);
     files.iter_mut().find(|(name, _)| name == "pose/0.txt").unwrap().1 = matrix_text(&rounded);
@@ -154,8 +154,8 @@ fn frames_that_lack_a_picture_are_counted() {
     assert_eq!((clip.info().skipped_incomplete, clip.info().skipped_without_pose), (2, 1));
 }
 
-/// Files of a good clip, changed, must be refused with `code`, as a folder and as a zip, and the message
-/// must hold `naming`.
+/// Checks that a good clip with changed files is refused with `code`, as a folder and as a zip, and that the
+/// message contains `naming`.
 fn check_refused(write_files: Writer, change: impl FnOnce(&mut Files), code: &str, naming: &str) {
     let mut files = write_files("", &[0, 1, 2]);
     change(&mut files);
@@ -166,7 +166,7 @@ fn check_refused(write_files: Writer, change: impl FnOnce(&mut Files), code: &st
     }
 }
 
-/// Files of a good clip, changed, are a clip without a pose, which is told.
+/// Checks that a good clip with changed files is a clip without poses, with a note.
 fn check_without_poses(write_files: Writer, change: impl FnOnce(&mut Files)) {
     let mut files = write_files("", &[0, 1, 2]);
     change(&mut files);
@@ -286,7 +286,7 @@ fn what_is_no_container_is_refused() {
     assert_eq!(missing.code(), "unreadable");
 }
 
-/// The picture of the clip's second frame is changed: the clip opens, and only that frame is refused.
+/// Changes a picture of the second frame, and checks that the clip opens and only that frame is refused.
 fn check_second_frame(name: &str, bytes: &[u8], code: &str) {
     let mut files = scannet("", &[0, 1, 2]);
     set(&mut files, name, bytes);
@@ -326,8 +326,8 @@ fn pictures_are_checked_when_they_are_loaded() {
 fn tum_poses_are_interpolated_and_the_kinect_is_assumed() {
     let mut files = tum("", &[0, 1, 2]);
     drop_ending(&mut files, "camera-intrinsics.txt");
-    // Poses 10 ms before and after the middle row of each depth picture but the last, whose nearest is 30 ms away. A
-    // Kinect reads its rows in 30.6 ms.
+    // Poses 10 ms before and after the middle row of each depth picture; for the last one the nearest is 30
+    // ms away. A Kinect reads its rows in 30.6 ms.
     let mut poses = String::new();
     for (time_s, x_m) in [(29.49, 1.0), (29.51, 2.0), (29.59, 4.0), (29.61, 5.0), (29.67, 9.0)] {
         let middle_s: f64 = time_s - 0.0153;
@@ -349,7 +349,7 @@ fn tum_poses_are_interpolated_and_the_kinect_is_assumed() {
     assert!(clip.info().notes.iter().any(|note| note.contains("assumed")), "{:?}", clip.info().notes);
 }
 
-/// Its accelerometer has x and y the other way round than its camera.
+/// The axes x and y of its accelerometer are opposite to those of its camera.
 #[test]
 fn tum_feels_gravity() {
     let mut files = tum("", &[0, 1, 2]);

@@ -1,4 +1,4 @@
-//! Clips that are written are read again: the same poses, the same depth, from every layout to every layout.
+//! Written clips are read again: the same poses and depth, from every layout to every layout.
 
 use crate::exports::{EXPORTS, check_poses};
 use crate::recording::Recording;
@@ -14,7 +14,7 @@ const LAYOUTS: [(WrittenLayout, &str); 3] = [
     (WrittenLayout::Scannet, "scannet"),
 ];
 
-/// What must hold of a clip that was written and read again.
+/// Checks a clip that was written and read again.
 fn check(read: &Clip, written: &WrittenClip, name: &str, original: &Clip, recording: &Recording) {
     assert_eq!(read.info().layout, name);
     assert_eq!((read.info().frames, written.frames), (recording.frames.len(), recording.frames.len()));
@@ -49,7 +49,7 @@ fn clips_are_written_as_they_are_read() {
             let out = tempfile::tempdir().unwrap();
             let written = write(&original, layout, &mut FolderSink::new(out.path()), &Silent).unwrap();
             let read = Clip::open(out.path()).unwrap();
-            // A world that is not known to be upright stays as it is, and that is told.
+            // A world with unknown up direction stays as it is, with a note.
             let told = written.notes.iter().any(|note| note.contains("up is not known"));
             assert_eq!(
                 told,

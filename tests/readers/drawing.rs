@@ -1,4 +1,4 @@
-//! A small home, drawn, and written in each map format.
+//! A drawing of a small home, written in each map format.
 
 use crate::writers::{encode, zip_bytes};
 use image::{GrayImage, ImageFormat, Luma};
@@ -25,12 +25,12 @@ pub fn cell(symbol: char) -> Cell {
     }
 }
 
-/// Every cell of the drawing with its column from the left and its row from the top.
+/// Returns every cell of the drawing with its column from the left and its row from the top.
 pub fn cells() -> impl Iterator<Item = (usize, usize, char)> {
     HOME.iter().enumerate().flat_map(|(y, row)| row.chars().enumerate().map(move |(x, c)| (x, y, c)))
 }
 
-/// The drawing on a sheet of 100 x 80 pixels, its top-left corner at pixel (40, 30).
+/// Returns the drawing on a sheet of 100 x 80 pixels, its top-left corner at pixel (40, 30).
 pub fn valetudo(runs_of_walls: bool, runs_of_floors: bool) -> Value {
     let layer = |kind: &str, symbols: &str, runs: bool, meta: Value| {
         let (mut pixels, mut compressed): (Vec<usize>, Vec<usize>) = Default::default();
@@ -72,7 +72,7 @@ pub fn yaml(extra: &str) -> Vec<u8> {
         .into_bytes()
 }
 
-/// The drawing as an image with these values for wall, floor and unknown.
+/// Returns the drawing as an image with these values for wall, floor and unknown.
 pub fn grey(wall: u8, floor: u8, unknown: u8) -> GrayImage {
     let mut image = GrayImage::new(8, 6);
     for (x, y, symbol) in cells() {
@@ -95,13 +95,13 @@ pub fn ros_zip(yaml: &[u8], image: &[u8]) -> Vec<u8> {
     zip_bytes(&[("home/map.yaml".into(), yaml.to_vec()), ("home/map.pgm".into(), image.to_vec())])
 }
 
-/// The centres of the drawing's walls.
+/// Returns the centres of the drawing's walls.
 pub fn hits() -> Vec<Point2> {
     let walls = cells().filter(|(_, _, symbol)| *symbol == '#');
     walls.map(|(x, y, _)| Point2::new(x as f64 * 0.25 - 1.0, 7.5 - y as f64 * 0.25)).collect()
 }
 
-/// The walls as PLY with a colour between the coordinates, a height, and a face behind.
+/// Returns the walls as PLY with a colour between the coordinates, a height, and a face at the end.
 pub fn ply(format: &str) -> Vec<u8> {
     let hits = hits();
     let mut bytes = format!(
@@ -132,7 +132,7 @@ pub fn ply(format: &str) -> Vec<u8> {
     bytes
 }
 
-/// A small valid file of each format.
+/// Returns a small valid file of each format.
 pub fn one_of_each_format() -> Vec<(&'static str, Vec<u8>)> {
     let csv: Vec<String> = hits().iter().map(|p| format!("{},{}", p.x, p.y)).collect();
     let mut files = vec![

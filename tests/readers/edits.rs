@@ -3,7 +3,7 @@
 use crate::writers::Files;
 use serde_json::Value;
 
-/// The content of a file that must be there.
+/// Returns the content of a file that must exist.
 pub fn content<'a>(files: &'a mut Files, name: &str) -> &'a mut Vec<u8> {
     let file = files.iter_mut().find(|(own, _)| own == name);
     &mut file.unwrap_or_else(|| panic!("there is no {name}")).1
@@ -15,7 +15,7 @@ pub fn set(files: &mut Files, name: &str, bytes: impl Into<Vec<u8>>) {
     files.push((name.to_string(), bytes.into()));
 }
 
-/// Takes away what `is_gone`; something must be.
+/// Removes the files for which `is_gone` holds, at least one.
 pub fn remove(files: &mut Files, is_gone: impl Fn(&str) -> bool) {
     let before = files.len();
     files.retain(|(name, _)| !is_gone(name));
@@ -28,7 +28,7 @@ pub fn rename(files: &mut Files, from: &str, to: &str) {
     set(files, to, bytes);
 }
 
-/// Keeps this part of a file.
+/// Keeps the fraction `part` of a file, from its start.
 pub fn cut(files: &mut Files, name: &str, part: f64) {
     let bytes = content(files, name);
     bytes.truncate((bytes.len() as f64 * part) as usize);
@@ -41,14 +41,14 @@ pub fn edit_json(files: &mut Files, name: &str, edit: impl FnOnce(&mut Value)) {
     *bytes = serde_json::to_vec(&value).unwrap();
 }
 
-/// Takes a member out of a file of JSON.
+/// Removes a member from a JSON file.
 pub fn drop_member(files: &mut Files, name: &str, member: &str) {
     edit_json(files, name, |value| {
         value.as_object_mut().unwrap().remove(member).unwrap_or_else(|| panic!("no {member}"));
     });
 }
 
-/// Puts text into a file of JSON that no writer of JSON would write, in place of the member's value.
+/// Replaces a member's value in a JSON file by raw text, which need not be JSON.
 pub fn set_raw(files: &mut Files, name: &str, member: &str, raw: &str) {
     edit_json(files, name, |value| value[member] = Value::from("the place"));
     let bytes = content(files, name);

@@ -1,4 +1,4 @@
-//! Writers of what apps export, each from the description of its format and not from our readers.
+//! Writers of apps' exports, each from the description of its format and not from our readers.
 
 use crate::recording::{Recording, gl, quaternion, rows, y_up};
 use crate::writers::Files;
@@ -12,7 +12,7 @@ fn joined(numbers: &[f64], separator: &str) -> String {
     numbers.iter().map(|v| format!("{v:.17e}")).collect::<Vec<_>>().join(separator)
 }
 
-/// The files of a Stray Scanner recording but for its colour.
+/// Returns the files of a Stray Scanner recording without its colour.
 fn stray_base(root: &str, recording: &Recording) -> Files {
     let [fx, fy, cx, cy] = recording.color_k();
     let matrix = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]];
@@ -37,7 +37,7 @@ fn stray_base(root: &str, recording: &Recording) -> Files {
     files
 }
 
-/// Stray Scanner with pictures, as ReMap takes them.
+/// Returns a Stray Scanner recording with pictures, as ReMap writes it.
 pub fn stray(root: &str, recording: &Recording) -> Files {
     let mut files = stray_base(root, recording);
     for frame in &recording.frames {
@@ -46,14 +46,14 @@ pub fn stray(root: &str, recording: &Recording) -> Files {
     files
 }
 
-/// Stray Scanner with its video.
+/// Returns a Stray Scanner recording with its video.
 pub fn stray_with_video(root: &str, recording: &Recording, video: Vec<u8>) -> Files {
     let mut files = stray_base(root, recording);
     files.push((format!("{root}rgb.mp4"), video));
     files
 }
 
-/// LZFSE, of every other file without compression: a block `bvx-` of so many bytes, and the end `bvx$`.
+/// Packs as LZFSE; `plain` means uncompressed: a block `bvx-` with its size, and the end `bvx$`.
 pub fn lzfse(bytes: &[u8], plain: bool) -> Vec<u8> {
     if plain {
         return [&b"bvx-"[..], &(bytes.len() as u32).to_le_bytes(), bytes, b"bvx$"].concat();
@@ -100,7 +100,7 @@ pub fn record3d(root: &str, recording: &Recording) -> Files {
     files
 }
 
-/// Both kinds of cameras; those that were not corrected are a metre off.
+/// Returns a Polycam export with both kinds of cameras; the uncorrected ones are a metre off.
 pub fn polycam(root: &str, recording: &Recording) -> Files {
     let [fx, fy, cx, cy] = recording.color_k();
     let (width, height) = recording.color_size;
@@ -130,7 +130,6 @@ pub fn polycam(root: &str, recording: &Recording) -> Files {
     files
 }
 
-/// A frame more than has pictures of colour, as the app leaves them.
 pub fn scanner_3d(root: &str, recording: &Recording) -> Files {
     let [fx, fy, cx, cy] = recording.color_k();
     let mut files = vec![(format!("{root}info.json"), b"{\"device\": \"phone\"}".to_vec())];
@@ -151,7 +150,7 @@ pub fn arkit_scenes(root: &str, recording: &Recording) -> Files {
     let mut files = Files::new();
     let mut trajectory = Vec::new();
     let video = 41_069_021;
-    // Colour at the depth's size, as the set has it.
+    // Colour at the depth's size, as in the data set.
     let size = recording.color_size;
     let [fx, fy, cx, cy] = recording.color_k();
     for frame in &recording.frames {
@@ -216,7 +215,7 @@ pub fn nerfstudio(root: &str, recording: &Recording) -> Files {
     files
 }
 
-/// NeRFCapture's names, with depth that is metric, as its makers' streaming mode has it.
+/// Returns NeRFCapture's files with metric depth, as in its streaming mode.
 pub fn nerf_capture(root: &str, recording: &Recording) -> Files {
     let [fx, fy, cx, cy] = recording.color_k();
     let (width, height) = recording.color_size;
@@ -241,7 +240,7 @@ pub fn nerf_capture(root: &str, recording: &Recording) -> Files {
     files
 }
 
-/// One file; JPEG and zlib, as ScanNet's are.
+/// Returns one `.sens` file with JPEG and zlib, as ScanNet's are.
 pub fn sens(root: &str, recording: &Recording) -> Files {
     let mut bytes = Vec::new();
     let matrix = |bytes: &mut Vec<u8>, m: &nalgebra::Matrix4<f64>| {
@@ -293,12 +292,12 @@ fn imu_turn() -> nalgebra::Rotation3<f64> {
     nalgebra::Rotation3::from_euler_angles(0.3, -1.2, 2.0)
 }
 
-/// What each frame of [`spectacular`] felt.
+/// Returns the force of each frame of [`spectacular`], in the camera.
 pub fn spectacular_force_in_camera() -> nalgebra::Vector3<f64> {
     imu_turn() * nalgebra::Vector3::from(FELT_BY_IMU)
 }
 
-/// The inertial sensor sits beside the camera and is turned against it; its poses come between the frames.
+/// Returns a recording whose inertial sensor is offset and rotated; lines of poses lie between frames'.
 pub fn spectacular(root: &str, recording: &Recording) -> Files {
     let [fx, fy, cx, cy] = recording.color_k();
     let camera_from_imu =

@@ -1,4 +1,4 @@
-//! What apps export, written by test code and read back.
+//! Apps' exports, written by test code and read back.
 
 use crate::export_writers as writers;
 use crate::recording::Recording;
@@ -9,7 +9,7 @@ use viola_formats::clip::Clip;
 
 pub type Writer = fn(&str, &Recording) -> Files;
 
-/// The layouts of phones' apps and of data sets, and whether they know which way is up.
+/// The layouts of phones' apps and of data sets; the flag is true if they give the up direction.
 pub const EXPORTS: [(&str, Writer, bool); 10] = [
     ("stray_scanner", writers::stray, true),
     ("record3d", writers::record3d, false),
@@ -25,7 +25,7 @@ pub const EXPORTS: [(&str, Writer, bool); 10] = [
 
 fn rigid(matrix: &Matrix4<f64>) -> Isometry3<f64> {
     nalgebra::try_convert(*matrix).unwrap_or_else(|| {
-        // Printed matrices are rotations up to their digits.
+        // Printed matrices are rotations up to rounding.
         let rotation = matrix.fixed_view::<3, 3>(0, 0).into_owned();
         let rotation = nalgebra::UnitQuaternion::from_matrix(&rotation);
         Isometry3::from_parts(
@@ -35,8 +35,8 @@ fn rigid(matrix: &Matrix4<f64>) -> Isometry3<f64> {
     })
 }
 
-/// Checks poses against the recording's without regard to the world: a wrong direction, a wrong axis of the camera or
-/// a wrong upright axis all show.
+/// Checks relative poses against the recording's, independent of the world: this detects a wrong direction, a
+/// wrong camera axis or a wrong up axis.
 pub fn check_poses(clip: &Clip, recording: &Recording, what: &str) {
     let truth: Vec<_> = recording.frames.iter().map(|frame| rigid(&frame.world_from_camera)).collect();
     let read: Vec<_> = clip.frames().iter().map(|header| header.world_from_camera.expect(what)).collect();

@@ -1,4 +1,4 @@
-//! The real apartment as apps would have exported it, read back and aligned.
+//! The real apartment in the apps' export formats, read back and aligned.
 
 use crate::export_writers::stray_with_video;
 use crate::exports::{EXPORTS, check_poses};
@@ -11,7 +11,7 @@ use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Silent;
 use viola_testing::data;
 
-/// A stretch that the method aligns without doubt.
+/// Frames that the method aligns without ambiguity.
 const FRAMES: std::ops::Range<u32> = 120..180;
 
 fn alignment(clip: &Clip, lidar: &LidarMap) -> Alignment {
@@ -19,7 +19,7 @@ fn alignment(clip: &Clip, lidar: &LidarMap) -> Alignment {
     align(clip, range, lidar, &AlignParams::default(), &Silent).unwrap().alignment
 }
 
-/// Aligns an export of the stretch; the pose must be that of the recording read as it is.
+/// Checks that an export of [`FRAMES`] gets the pose of the original recording.
 pub fn check_aligned(path: &Path, layout: &str, recording: &Recording, direct: &Alignment, lidar: &LidarMap) {
     let clip = Clip::open(path).unwrap_or_else(|error| panic!("{layout}: {error}"));
     assert_eq!(clip.info().layout, layout);
@@ -41,7 +41,7 @@ fn the_apartment_in_every_layout_is_aligned_as_it_is_directly() {
     let recording = Recording::scannet(&scene, FRAMES);
     for (layout, write, _) in EXPORTS {
         let files = write("apartment/", &recording);
-        // What nothing has to be unpacked for is faster as a folder; both are containers.
+        // A folder is faster for layouts that need no unpacking; both are containers.
         if layout == "record3d" {
             check_aligned(as_zip(&files).path(), layout, &recording, &direct, &lidar);
         } else {
@@ -50,7 +50,7 @@ fn the_apartment_in_every_layout_is_aligned_as_it_is_directly() {
     }
 }
 
-/// The recording's colour as a video, by ffmpeg.
+/// Encodes the recording's colour as a video with ffmpeg.
 fn video(recording: &Recording, coding: &[&str]) -> Vec<u8> {
     let folder = tempfile::TempDir::new().unwrap();
     for frame in &recording.frames {
@@ -85,7 +85,7 @@ fn the_apartment_with_its_colour_as_video_is_aligned_as_it_is_directly() {
         let files = stray_with_video("", &recording, video(&recording, coding));
         let zip = as_zip(&files);
         check_aligned(zip.path(), "stray_scanner", &recording, &direct, &lidar);
-        // Frame by frame the colour is that of the pictures, and not of their neighbours.
+        // Each frame's colour is that of its own picture, and not of its neighbour.
         let clip = Clip::open(zip.path()).unwrap();
         for index in [0, 17, 30, 59] {
             let read = clip.load(index).unwrap().color;
@@ -99,7 +99,7 @@ fn the_apartment_with_its_colour_as_video_is_aligned_as_it_is_directly() {
     }
 }
 
-/// Mean difference of a picture from a JPEG of another size, in levels.
+/// Returns the mean difference of a picture from a JPEG of another size, in levels.
 fn difference(picture: &image::RgbImage, jpeg: &[u8]) -> f64 {
     let other = image::load_from_memory(jpeg).unwrap().into_rgb8();
     let (width, height) = picture.dimensions();

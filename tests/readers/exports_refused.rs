@@ -1,4 +1,4 @@
-//! What apps export, damaged: every refusal has its name, and its message names what is wrong.
+//! Damaged exports of apps: every refusal has its code, and its message names the fault.
 
 use crate::edits::*;
 use crate::export_writers as writers;
@@ -9,7 +9,7 @@ use crate::writers::{Files, as_folder, depth_png};
 use serde_json::json;
 use viola_formats::clip::Clip;
 
-/// What is the same for all layouts of files: the colour, the depth and the poses' file of the last frame.
+/// The common cases of all layouts of files: colour, depth and pose file of the last frame.
 #[test]
 fn frames_with_bad_pictures_are_refused_by_name() {
     let layouts: [(Writer, &str, &str); 6] = [
@@ -33,7 +33,7 @@ fn frames_with_bad_pictures_are_refused_by_name() {
         let folder = |name: &str| name.rsplit_once(['/', '_']).unwrap().0.to_string();
         let (color, depth) = (folder(color), folder(depth));
         check(write, only(Box::leak(depth.into_boxed_str())), "no_frames", "3 colour");
-        // Polycam's pictures as they were recorded stand in for those that were corrected.
+        // Polycam's recorded pictures replace missing corrected ones.
         if color != "frame" && !color.contains("corrected") {
             check(write, only(Box::leak(color.into_boxed_str())), "no_frames", "3 depth");
         }
@@ -51,7 +51,7 @@ fn stray_scanner() {
     check(stray, |f| set(f, matrix, "1e400, 0, 3\n0, 9, 3\n0, 0, 1\n"), "bad_intrinsics", "finite");
     check(stray, |f| set(f, matrix, "0, 0, 32\n0, 0, 24\n0, 0, 1\n"), "bad_intrinsics", "focal");
     check(stray, |f| set(f, matrix, "-56, 0, 32\n0, 57, 24\n0, 0, 1\n"), "bad_intrinsics", "focal");
-    // The app's own, of 1920x1440, beside pictures that were made smaller.
+    // The app's own intrinsics, for 1920x1440, beside scaled-down pictures.
     check(
         stray,
         |f| set(f, matrix, "1339, 0, 960\n0, 1339, 720\n0, 0, 1\n"),
@@ -85,7 +85,7 @@ fn stray_scanner() {
     let confidence = "confidence/000002.png";
     check_frame(stray, |f| set(f, confidence, depth_png(32, 24, |_, _| 2)), "bad_picture", confidence);
     check_frame(stray, |f| cut(f, confidence, 0.5), "bad_picture", confidence);
-    // A video that lies beside, and no pictures.
+    // A video, and no pictures.
     check(stray, |f| remove(f, |name| name.starts_with("rgb/")), "no_frames", "3 depth");
 }
 
@@ -165,7 +165,7 @@ fn record3d() {
         let sizes = move |f: &mut Files| edit_json(f, json, |m| (m["dw"], m["dh"]) = (json!(dw), json!(dh)));
         check(record3d, sizes, "bad_depth", "no size");
     }
-    // The picture's intrinsics are those of one of 1920x1440.
+    // Intrinsics for a picture of 1920x1440.
     let double =
         |f: &mut Files| edit_json(f, json, |m| m["K"] = json!([56., 0, 0, 0, 56., 0, 960., 720., 1]));
     check(record3d, double, "bad_intrinsics", "another size");
@@ -188,7 +188,7 @@ fn record3d() {
     check_frame(record3d, |f| set(f, depth, [0; 32 * 24 * 4]), "bad_depth", "LZFSE");
     check_frame(record3d, |f| set(f, depth, lzfse(&[0; 32 * 23 * 4], true)), "bad_depth", "2944 bytes");
     check_frame(record3d, |f| set(f, depth, lzfse(&vec![0; 64 << 20], false)), "bad_depth", "more than 3072");
-    // A block that says it has 4 GiB.
+    // A block that declares 4 GiB.
     check_frame(record3d, |f| set(f, depth, *b"bvx-\xff\xff\xff\xff0123bvx$"), "bad_depth", "LZFSE");
     check_frame(record3d, |f| cut(f, trust, 0.5), "bad_depth", trust);
     check_frame(record3d, |f| set(f, trust, lzfse(&[2; 100], true)), "bad_depth", "100 bytes");

@@ -1,4 +1,4 @@
-//! Exports of older versions of the apps, and with parts missing that are not needed: all are read.
+//! Exports of older versions of the apps, and exports without optional parts: all are read.
 
 use crate::edits::*;
 use crate::export_writers as writers;
@@ -9,7 +9,7 @@ use serde_json::json;
 use viola_formats::clip::{Clip, DepthImage};
 use viola_formats::container::Zip;
 
-/// The export, changed, must be read with all its frames; its poses and its depth must be the recording's.
+/// Checks that a changed export is read with all its frames, and with the recording's poses and depth.
 fn check_recording(write: Writer, recording: &Recording, change: impl FnOnce(&mut Files)) -> Clip {
     let mut files = write("", recording);
     change(&mut files);
@@ -37,7 +37,7 @@ fn check_told(clip: &Clip, words: &str) {
     assert!(told.contains(words), "{words}: {told}");
 }
 
-/// An array as NumPy and cnpy write it, padded so that the readings begin at a multiple of 16 bytes.
+/// Returns an array as NumPy and cnpy write it, padded so that the readings begin at a multiple of 16 bytes.
 pub fn npy(dtype: &str, fortran: &str, shape: &str, readings: &[u8]) -> Vec<u8> {
     let mut header = format!("{{'descr': '{dtype}', 'fortran_order': {fortran}, 'shape': {shape}, }}");
     while (10 + header.len() + 1) % 16 != 0 {
@@ -90,7 +90,7 @@ fn stray_scanner_of_all_ages() {
         let camera = clip.load(2).unwrap().color_camera;
         assert_eq!([camera.fx, camera.fy, camera.cx, camera.cy], [57.3, 57.5, 31.25, 23.5]);
     }
-    // Numbers of another picture's size are not believed.
+    // Intrinsics for another picture size are ignored.
     let clip = check(stray, |f| {
         edit_lines(f, odometry, |number, line| {
             Some(if number == 0 { line.to_string() } else { format!("{line}, 1339, 1339, 960, 720") })
@@ -118,7 +118,7 @@ fn record3d_of_all_ages() {
         drop_member(f, "metadata", "fps");
     });
     assert_eq!(clip.info().duration_s, None);
-    // Times that run backwards are no times.
+    // Decreasing times are ignored.
     let backwards = json!([3.0, 2.0, 1.0]);
     let clip = check(record3d, |f| edit_json(f, "metadata", |m| m["frameTimestamps"] = backwards));
     assert_eq!(clip.info().duration_s, None);
@@ -143,7 +143,7 @@ fn record3d_of_all_ages() {
 
 #[test]
 fn other_apps_with_parts_missing() {
-    // Poses of the recording: a metre from those that were corrected, all by the same.
+    // The uncorrected poses are all a metre off.
     let clip = check(writers::polycam, |f| remove(f, |name| name.contains("corrected_")));
     check_told(&clip, "no corrected cameras");
     // Corrected pictures alone, or corrected cameras alone, are not used.
@@ -152,7 +152,7 @@ fn other_apps_with_parts_missing() {
     check(writers::polycam, |f| remove(f, |name| name.contains("confidence/")));
     check(writers::scanner_3d, |f| remove(f, |name| name.starts_with("conf_")));
     check(writers::arkit_scenes, |f| remove(f, |name| name.starts_with("confidence/")));
-    // A frame's camera may be missing; the one nearest in time stands in for it.
+    // A frame's camera may be missing; the one nearest in time replaces it.
     check(writers::arkit_scenes, |f| remove(f, |name| name.ends_with("5000.350.pincam")));
     for wide in ["vga_wide", "wide"] {
         let clip = check(writers::arkit_scenes, |f| {
@@ -212,7 +212,7 @@ fn redwood_and_nerfstudio_as_others_write_them() {
     check(nerfstudio, |f| edit_json(f, "transforms.json", |file| file["integer_depth_scale"] = json!(0.001)));
 }
 
-/// What makes the second frame's pose of an export one that is no rigid motion.
+/// Makes the second frame's pose of an export no rigid motion.
 fn spoil(layout: &str, f: &mut Files) {
     let stretched = |matrix: &mut serde_json::Value| matrix[0] = json!(3.5);
     match layout {
@@ -257,7 +257,7 @@ fn poses_that_are_no_rigid_motion_are_none_in_every_layout() {
         spoil(layout, &mut files);
         let clip = Clip::open(as_folder(&files).path()).unwrap_or_else(|error| panic!("{layout}: {error}"));
         let has_pose: Vec<bool> = clip.frames().iter().map(|f| f.world_from_camera.is_some()).collect();
-        // Poses are interpolated within 0.11 s in ARKitScenes, where a neighbour's stands in.
+        // ARKitScenes' poses are interpolated within 0.11 s, so neighbours replace a missing one.
         let want = if layout == "arkit_scenes" { [true; 3] } else { [true, false, true] };
         assert_eq!(has_pose, want, "{layout}");
         let info = clip.info();

@@ -1,4 +1,4 @@
-//! What the fuzz targets begin with: a small file of each format, as the target expects it.
+//! Seeds of the fuzz targets: a small file of each format, as the target expects it.
 
 #[path = "../../fuzz/src/clip_files.rs"]
 mod clip_files;
@@ -13,7 +13,7 @@ use crate::writers::{as_folder, scannet, seven_scenes, tum, zip_bytes};
 use std::path::PathBuf;
 use viola_formats::clip::Clip;
 
-/// The seeds by target; what a target puts in front of its bytes is left out.
+/// Returns the seeds by target, without the bytes that a target prepends itself.
 fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let mut seeds = vec![
         ("dreame", "inflated", dreame_inflated(b'I')),
@@ -44,7 +44,7 @@ fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     seeds
 }
 
-/// Two frames of each layout, as files for the layout's own target and as a zip for the one of any file.
+/// Returns two frames of each layout, as files for the layout's own target and as a zip for `clip_any`.
 fn clips() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let recording = Recording::small(2);
     let numbers = [0, 1];
@@ -88,7 +88,7 @@ fn fuzz_seeds_are_there_for_every_target() {
     let seeds = seeds();
     for entry in std::fs::read_dir(root).unwrap() {
         let target = entry.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned();
-        // Those of videos begin with the files in tests/video, which fuzz/run copies.
+        // The seeds of videos are the files in tests/video, which fuzz/run copies.
         if target.starts_with("video_") {
             continue;
         }

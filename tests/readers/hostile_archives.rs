@@ -1,4 +1,4 @@
-//! Tar archives made by hand to hurt, bare and packed: each is refused by name, quickly, and in little memory.
+//! Hostile tar archives, bare and packed: each is refused by name, quickly, and in little memory.
 
 use crate::archives::*;
 use crate::memory::peak_bytes;
@@ -73,7 +73,7 @@ fn good() -> Vec<Entry> {
     scannet("", &[0, 1]).iter().map(|(name, bytes)| Entry::file(name, bytes)).collect()
 }
 
-/// A good recording with `more` in front of its last file.
+/// Returns a good recording with `more` before its last file.
 fn with(more: &[Entry]) -> Vec<u8> {
     let mut entries = good();
     let last = entries.pop().unwrap();
@@ -95,7 +95,7 @@ fn check_bytes(bytes: &[u8], code: &str) {
     check_path(as_file(bytes).path(), code);
 }
 
-/// The tar archive must be refused with `code` in little time and memory, bare and packed.
+/// Checks that the tar archive is refused with `code` in little time and memory, bare and packed.
 fn check(tar: &[u8], code: &str) {
     check_bytes(tar, code);
     check_bytes(&gzip(tar), code);
@@ -140,7 +140,7 @@ fn names_that_lead_out_are_refused_however_they_are_written() {
         check(&with(&[Entry::of_kind(b'x', "pax", &pax("path", name)), plain.clone()]), "path_escapes");
         check(&with(&[Entry::of_kind(b'L', "././@LongLink", name.as_bytes()), plain]), "path_escapes");
     }
-    // What is not UTF-8 is not read, and yet it must stay inside.
+    // A name that is not UTF-8 is not read, but must still not escape.
     check(&with(&[Entry::file(b"../\xff", b"content")]), "path_escapes");
 }
 
@@ -152,7 +152,7 @@ fn what_is_no_plain_file_is_refused() {
         let target = Entry::of_kind(b'K', "././@LongLink", &[b'x'; 3000]);
         check(&with(&[target, Entry::of_kind(kind, "depth/2.png", b"")]), "link");
     }
-    // Devices, a pipe, a part of a file, and what nobody knows.
+    // Devices, a pipe, a part of a file, and unknown kinds.
     for kind in [b'3', b'4', b'6', b'M', b'D', b'Z'] {
         check(&with(&[Entry::of_kind(kind, "depth/2.png", b"")]), "tar_special_file");
     }
@@ -172,7 +172,7 @@ fn lies_are_refused() {
     let file = |declared_bytes| Entry { declared_bytes, ..Entry::file("a.bin", b"little") };
     check(&with(&[file(1 << 20)]), "tar_truncated");
     check(&with(&[file((8 << 30) - 1)]), "tar_truncated");
-    // A size of GNU's binary form, near the end of what can be counted.
+    // A size in GNU's binary form, near the largest number.
     let mut tar = raw_tar(&[file(0)]);
     tar[124..136].copy_from_slice(b"\x80\0\0\0\xff\xff\xff\xff\xff\xff\xff\xff");
     let sum: u32 = tar[..512]
@@ -206,10 +206,10 @@ fn lies_are_refused() {
     for (key, value) in [("path", "all/of/them"), ("size", "0"), ("GNU.sparse.major", "1")] {
         check(&with(&[Entry::of_kind(b'g', "pax", &pax(key, value))]), "tar_damaged");
     }
-    // More of what extends a file than any program writes.
+    // More extension headers than any program writes.
     check(&with(&[Entry::of_kind(b'x', "pax", &[b'x'; 2 << 20]), after.clone()]), "tar_damaged");
     check(&with(&vec![Entry::of_kind(b'x', "pax", &pax("mtime", "1")); 100]), "tar_damaged");
-    // An extension of nothing.
+    // An extension header without a file.
     let announced = raw_tar(&[after, Entry::of_kind(b'L', "././@LongLink", b"name")]);
     check(&announced, "tar_damaged");
 }
@@ -238,7 +238,7 @@ fn archives_that_were_cut_are_refused() {
         [gzip(&tar), zstd(&tar), [gzip(&tar), gzip(b"more")].concat(), [zstd(&tar), zstd(b"more")].concat()]
     {
         for cut in (5..packed.len()).step_by(packed.len() / 200) {
-            // Where the first piece ends, nothing shows that there was another.
+            // A cut at the end of the first piece cannot be detected.
             if cut != gzip(&tar).len() && cut != zstd(&tar).len() {
                 check_bytes(&packed[..cut], "packing_truncated");
             }
@@ -265,13 +265,13 @@ fn damaged_streams_are_refused() {
     check_bytes(&checksum, "packing_damaged");
     check_bytes(&[gzip(&tar), b"what is this".to_vec()].concat(), "packing_damaged");
     check_bytes(&[zstd(&tar), b"what is this".to_vec()].concat(), "packing_damaged");
-    // A frame that wants a dictionary (RFC 8878, section 3.1.1.1.3): a window of 1 KiB, dictionary 7.
+    // A frame that needs a dictionary (RFC 8878, section 3.1.1.1.3): a window of 1 KiB, dictionary 7.
     check_bytes(b"\x28\xb5\x2f\xfd\x01\x00\x07\x01\x00\x00", "packing_damaged");
-    // A block of a kind that is reserved.
+    // A block of a reserved type.
     check_bytes(b"\x28\xb5\x2f\xfd\x00\x00\x07\x00\x00", "packing_damaged");
 }
 
-/// A frame of Zstandard that becomes `blocks` times 128 KiB of zeros, in four bytes for each (RFC 8878, section 3.1.1.2).
+/// Returns a Zstandard frame of `blocks` times 128 KiB of zeros, four bytes each (RFC 8878, section 3.1.1.2).
 fn zstd_zeros(blocks: usize, window: u8) -> Vec<u8> {
     let mut frame = b"\x28\xb5\x2f\xfd\x00".to_vec();
     frame.push(window);
@@ -287,7 +287,7 @@ fn zstd_zeros(blocks: usize, window: u8) -> Vec<u8> {
 
 #[test]
 fn bombs_are_refused() {
-    // 4 GiB are told, of which 400 MiB of zeros come: 400 KiB packed by gzip, which are allowed 20 MiB.
+    // 4 GiB are declared, and 400 MiB of zeros follow: 400 KiB packed by gzip, which are allowed 20 MiB.
     let head = Entry { declared_bytes: 4 << 30, ..Entry::file("zeros.bin", b"") }.header();
     let member = gzip(&vec![0; 1 << 20]);
     let zeros = member.repeat(400);
@@ -296,15 +296,15 @@ fn bombs_are_refused() {
     for blocks in [1 << 15, 1 << 18] {
         check_bytes(&[zstd(&head), zstd_zeros(blocks, 7 << 3)].concat(), "archive_bomb");
     }
-    // The decoder keeps what a frame may look back over: 64 MiB and no more. 1 << (10 + exponent).
+    // The decoder allows a window of at most 64 MiB: 1 << (10 + exponent).
     check_bytes(&[zstd(&head), zstd_zeros(4, 17 << 3)].concat(), "zstd_window");
     check_bytes(&[zstd(&head), zstd_zeros(4, 31 << 3)].concat(), "zstd_window");
     check_bytes(&zstd_zeros(4, 17 << 3), "zstd_window");
-    // Pieces of nothing.
+    // Empty pieces.
     check_bytes(&[gzip(&head), gzip(b"").repeat(600_000)].concat(), "packing_pieces");
     check_bytes(&[zstd(&head), skipped(b"").repeat(600_000)].concat(), "packing_pieces");
     check_bytes(&skipped(b"").repeat(600_000), "packing_pieces");
-    // No archive: nothing is unpacked but the first block.
+    // No archive: only the first block is unpacked.
     check_bytes(&gzip(&vec![0; 1 << 20]).repeat(1000), "not_an_archive");
     check_bytes(&zstd_zeros(1 << 20, 7 << 3), "not_an_archive");
 }

@@ -1,4 +1,4 @@
-//! Zip archives made by hand to hurt: each is refused by name, quickly, and in little memory.
+//! Hostile zip archives: each is refused by name, quickly, and in little memory.
 
 use crate::memory::peak_bytes;
 use crate::writers::*;
@@ -23,8 +23,8 @@ impl Entry {
         Entry { name, method: 0, flags: 0, declared_bytes: data.len() as u64, data, unix_mode: 0o100_644 }
     }
 
-    /// A deflate stream that becomes `bytes` zeros: the head of a block whose codes for "258 times the last
-    /// byte" have one bit, and then such codes, 1032 zeros a byte. It has no end, which nobody should reach.
+    /// Returns a deflate stream of `bytes` zeros: the head of a block with one-bit codes for "258 times the
+    /// last byte", then such codes, 1032 zeros a byte. It has no end, which no reader should reach.
     fn zeros(name: &str, bytes: u64, declared_bytes: u64) -> Entry {
         const HEAD: [u8; 14] = [0xec, 0xc1, 1, 1, 0, 0, 0, 0x80, 0x90, 0xfe, 0xaf, 0xee, 8, 0x0a];
         let mut data = HEAD.to_vec();
@@ -43,7 +43,7 @@ fn raw_zip(entries: &[Entry]) -> Vec<u8> {
         for value in [45, entry.flags, entry.method, 0, 0x21] {
             common.extend(value.to_le_bytes());
         }
-        // Nobody gets as far as the checksum of what is packed here.
+        // No reader reaches the checksum of the packed entries.
         let checksum = if entry.method == 0 { crc32(&entry.data) } else { 0 };
         for value in [checksum, entry.data.len() as u32, declared] {
             common.extend(value.to_le_bytes());
@@ -78,7 +78,7 @@ fn raw_zip(entries: &[Entry]) -> Vec<u8> {
     zip
 }
 
-/// The archive must be refused with `code` in little time and memory, whatever it says that it holds.
+/// Checks that the archive is refused with `code` in little time and memory, for any declared sizes.
 fn check(zip: &[u8], code: &str) {
     let file = as_file(zip);
     let start = Instant::now();
@@ -133,12 +133,12 @@ fn archives_with_more_entries_than_zip32_can_count_are_read() {
 #[test]
 fn bombs_are_refused() {
     const GIB: u64 = 1 << 30;
-    // Ten gigabytes that are declared, whether or not anybody would read them.
+    // Ten gigabytes that are declared, in files that are read or not.
     for name in ["intrinsic/intrinsic_color.txt", "color/0.jpg", "nobody/reads/this.bin"] {
         check(&with(Entry::zeros(name, 10 * GIB, 10 * GIB)), "zip_bomb");
         check(&with(Entry::zeros(name, 3 * GIB, 3 * GIB)), "zip_bomb");
     }
-    // Ten gigabytes that are declared as little.
+    // Ten gigabytes that are declared as 300 bytes.
     check(&with(Entry::zeros("intrinsic/intrinsic_color.txt", 10 * GIB, 300)), "zip_damaged");
     check(&with(Entry::zeros("pose/0.txt", 10 * GIB, 300)), "zip_damaged");
     // Ten gigabytes in small pieces.

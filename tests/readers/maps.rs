@@ -1,4 +1,4 @@
-//! Maps in each format: what is drawn is read.
+//! Maps in each format: the drawing is read.
 
 use crate::drawing::*;
 use crate::writers::{as_folder, encode};
@@ -7,7 +7,7 @@ use serde_json::json;
 use viola_formats::lidar::{Cell, LidarMap};
 use viola_geometry::{Point2, Pose2, angle_between};
 
-/// The map must show the drawing with its lower-left corner at `corner`: cells, points and what is told.
+/// Checks that the map shows the drawing with its lower-left corner at `corner`: cells, points and info.
 pub fn check_home(what: &str, map: &LidarMap, corner: [f64; 2]) {
     let centre = |x: usize, y: usize| {
         let from_bottom = (HOME.len() - 1 - y) as f64;
@@ -51,7 +51,7 @@ fn valetudo_in_both_versions_is_y_up_from_the_lower_left_corner() {
         let charger = map.charger.unwrap();
         assert!(charger.distance_m(&Pose2::new(2.3, 2.3, 0.0)) < 1e-9 && charger.yaw_rad.abs() < 1e-9);
     }
-    // A mark in front, as some tools write.
+    // With a byte order mark, as some tools write it.
     assert!(LidarMap::read(&[b"\xef\xbb\xbf", text(&valetudo(true, true)).as_slice()].concat()).is_ok());
 }
 
@@ -112,10 +112,10 @@ fn ros_maps_in_each_mode_and_encoding() {
     let wide = String::from_utf8(yaml("")).unwrap().replace("0.196", "0.25").into_bytes();
     let map = check("free_thresh 0.25", &wide, &saved);
     assert!(map.info.notes[0].contains("205"), "{:?}", map.info.notes);
-    // Where the image is not a saver's, the file's threshold holds.
+    // For an image that is not a saver's, the file's threshold applies.
     let map = LidarMap::read(&ros_zip(&wide, &pgm(grey(0, 250, 205)))).unwrap();
     assert_eq!(map.info.free_cells, 48 - map.info.occupied_points);
-    // In scale mode what is transparent is unknown.
+    // In scale mode transparent pixels are unknown.
     let mut clear = image::GrayAlphaImage::from_pixel(8, 6, LumaA([255, 0]));
     for (x, y, symbol) in cells().filter(|(_, _, symbol)| *symbol != ' ') {
         clear.put_pixel(x as u32, y as u32, LumaA([if symbol == '#' { 0 } else { 255 }, 255]));

@@ -28,12 +28,12 @@ fn a_short_log_is_a_map() {
 /// The robot of a home drives through it with wheels that slip; its laser has 1 cm of noise.
 struct Drive {
     log: String,
-    /// By how much the odometry is wrong at the end, in metres.
+    /// Error of the odometry at the end, in metres.
     drift_m: f64,
 }
 
-/// The way to all places at which the vacuum scanned, from one to the next within sight: ahead as long as there
-/// is one that is new, else back. A pose each 30 cm and each 30 degrees.
+/// Returns a path to all scan poses of the vacuum, from one to the next in sight: to a new one if there is
+/// any, else back. It has a pose each 30 cm and each 30 degrees.
 fn way(home: &Home, scans: &[Pose2], height_m: f64) -> Vec<Pose2> {
     let scene = home.vacuum_scene();
     let is_open = |a: &Pose2, b: &Pose2| {
@@ -131,13 +131,13 @@ fn a_log_of_a_home_becomes_its_map() {
     let map = LidarMap::read(drive.log.as_bytes()).unwrap();
     let survey = home.survey();
     let home_from_robot = survey.robot_from_home.inverse();
-    // What the vacuum's own map has, which was made with poses exact to a centimetre.
+    // Points of the vacuum's own map, which was made with poses exact to a centimetre.
     let truth: Vec<Point2> = survey.points_m.iter().map(|p| home_from_robot.apply(p)).collect();
     let shares = |from: &[Point2], to: &[Point2], within_m: f64| {
         let near = |p: &&Point2| to.iter().any(|q| (*p - q).norm() < within_m);
         from.iter().filter(near).count() as f64 / from.len() as f64
     };
-    // The log's frame is that of its first pose, which the drift leaves as it was.
+    // The log's frame is that of its first pose, which has no drift.
     let exact = shares(&map.occupied_m, &truth, 0.15);
     let complete = shares(&truth, &map.occupied_m, 0.15);
     println!(

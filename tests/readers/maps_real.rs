@@ -1,11 +1,11 @@
-//! What robots write, read directly, against the Valetudo maps that were made of it.
+//! Robots' own files, read directly, against the Valetudo maps that were made of them.
 
 use std::path::{Path, PathBuf};
 use viola_formats::lidar::{LidarMap, Obstacle};
 use viola_geometry::{Pose2, angle_between};
 use viola_testing::data;
 
-/// Every `.bin` beside a `.json`, with the name of its format.
+/// Returns every `.bin` beside a `.json`, with the name of its format.
 fn pairs() -> Option<Vec<(&'static str, PathBuf)>> {
     let data = data::root()?;
     let mut pairs = Vec::new();
@@ -24,14 +24,14 @@ fn pairs() -> Option<Vec<(&'static str, PathBuf)>> {
 
 const KINDS: [Option<&str>; 3] = [Some("Corridor"), Some("Kitchen"), Some("Primary bedroom")];
 
-/// Every cell, point, room, zone and pose is equal. What differs, and is compared apart:
+/// Every cell, point, room, zone and pose is equal. The differences, which are compared separately:
 /// - Roborock's charger has an angle from the third generation on, which Valetudo does not keep; without one
 ///   both take the dock as facing the top of the map.
 /// - Viomi's angles are radians. Valetudo adds 180 to them as if they were degrees, so that all its angles of
 ///   Viomi maps lie within 4 degrees of 180.
 /// - Dreame's carpet is not in Valetudo's maps, and the words for obstacles are our own.
-/// - Dreame's rooms without a name have that of their kind.
-/// - The robot's heading is that of the JSON to its rounding to whole degrees.
+/// - Dreame's rooms without a name have the name of their kind.
+/// - The robot's heading is that of the JSON up to rounding to whole degrees.
 #[test]
 fn each_robots_own_file_equals_its_valetudo_map() {
     let Some(pairs) = pairs() else { return };
@@ -81,7 +81,7 @@ fn check_pose(name: &str, what: &str, own: Option<Pose2>, valetudo: Option<Pose2
     assert!(off.abs() < 0.1, "{name}: the {what} faces {own_deg}, not {expected_deg} degrees");
 }
 
-/// The docks whose angle only we read face away from the wall that they stand at.
+/// The docks whose angle only our reader reads face away from their wall.
 #[test]
 fn docks_face_away_from_their_walls() {
     let Some(pairs) = pairs() else { return };

@@ -105,7 +105,7 @@ fn ros_maps_that_cannot_be_used_are_refused_by_name() {
     }
     let no_wall = pgm(GrayImage::from_pixel(8, 6, Luma([254])));
     check_refused("no wall", &ros_zip(&yaml(""), &no_wall), "no_walls");
-    // Only what is known counts, so that a home on a large sheet is taken.
+    // Only known cells count, so a home on a large sheet is accepted.
     let mut sheet = GrayImage::from_pixel(600, 400, Luma([205]));
     (0..8).for_each(|x| sheet.put_pixel(x, 3, Luma([0])));
     let metres = good.replace("0.05", "1.0");

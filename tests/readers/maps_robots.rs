@@ -1,4 +1,4 @@
-//! Robots' own files: what is drawn is read, and what cannot be used is refused by name.
+//! Robots' own files: the drawing is read, and unusable files are refused by name.
 
 use crate::drawing::*;
 use crate::maps::check_home;
@@ -17,7 +17,7 @@ fn check_pose(what: &str, pose: Option<Pose2>, at: [f64; 2], yaw_deg: f64) {
     assert!(close([pose.x_m, pose.y_m], at) && off_rad.abs() < 1e-6, "{what}: {pose:?}");
 }
 
-/// Rooms 16 and 17 over the cells `a` and `b` of the drawing.
+/// Checks the rooms over the cells `a` and `b` of the drawing.
 fn check_rooms(what: &str, map: &LidarMap, expected: &[(&str, Option<&str>, Option<&str>)]) {
     let found: Vec<_> =
         map.rooms.iter().map(|r| (r.id.as_str(), r.name.as_deref(), r.material.as_deref())).collect();
@@ -70,7 +70,7 @@ fn dreame_with_its_saved_map() {
         // The four cells `b` are of type 3.
         assert_eq!(map.carpet_m.len(), 4);
     }
-    // A text behind the image that is no JSON costs only what is in it.
+    // Text behind the image that is not JSON is ignored; the image is read.
     let inflated = dreame_inflated(b'I');
     let map = LidarMap::read(&dreame(&inflated[..27 + 48 + 10])).unwrap();
     assert_eq!(map.rooms.len(), 1);
@@ -93,7 +93,7 @@ fn viomi_with_and_without_a_number() {
     let first = LidarMap::read(&zlib(&viomi_inflated(0))).unwrap();
     check_home("temporary", &first, VIOMI_CORNER);
     assert!(first.rooms.is_empty() && first.charger.is_none());
-    // Blocks that are not what the flags say are not read; the image is.
+    // Blocks that contradict the flags are not read; the image is.
     let mut other = viomi_inflated(77);
     let charger = 48 + 40 + 3_000 + 12;
     other[charger] ^= 1;
@@ -158,7 +158,7 @@ fn pcd_points_in_each_encoding() {
     }
     let moved = String::from_utf8(pcd("ascii")).unwrap().replace("VIEWPOINT 0", "VIEWPOINT 1");
     assert!(LidarMap::read(moved.as_bytes()).unwrap().info.notes[0].contains("VIEWPOINT"));
-    // Neither a comment nor COUNT nor POINTS need be there.
+    // Comments, COUNT and POINTS are optional.
     let bare = "FIELDS x y\nSIZE 4 4\nTYPE F F\nWIDTH 1\nHEIGHT 2\nDATA ascii\n1 2\nnan nan\n";
     assert_eq!(LidarMap::read(bare.as_bytes()).unwrap().occupied_m, [Point2::new(1.0, 2.0)]);
 }
@@ -171,7 +171,7 @@ fn edited(bytes: &[u8], at: usize, with: &[u8]) -> Vec<u8> {
 
 #[test]
 fn robot_files_that_cannot_be_used_are_refused_by_name() {
-    // The image block of the bare file: 8 bytes of its head, 4 of its segments, then top, left, height, width.
+    // The image block of the bare file: 8 bytes of head, 4 of segments, then top, left, height, width.
     let image = rrmap(&[roborock_image(28, true)]);
     let huge = i32::MAX.to_le_bytes();
     for (what, bytes, code) in [

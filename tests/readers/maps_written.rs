@@ -1,4 +1,4 @@
-//! Maps as other tools read them: written and read back they are the same.
+//! Maps in the formats of other tools: written and read back, they are the same.
 
 use crate::drawing::*;
 use crate::robot_files::*;
@@ -6,7 +6,7 @@ use viola_formats::lidar::{Cell, LidarMap};
 use viola_geometry::{Point2, Pose2, angle_between};
 use viola_testing::data;
 
-/// Every cell, room, dock and mark of `a` is in `b` at the same place, moved by `shift_m`.
+/// Checks that every cell, room, dock and mark of `a` is in `b`, moved by `shift_m`.
 fn check_same(what: &str, a: &LidarMap, b: &LidarMap, shift_m: [f64; 2]) {
     let shift = viola_geometry::Vector2::new(shift_m[0], shift_m[1]);
     let grid = b.cells.as_ref().unwrap();
@@ -91,10 +91,10 @@ fn valetudo_is_read_back() {
         let read = LidarMap::read(&written.bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_eq!(read.info.format, "valetudo");
         let moved = written.file_from_map_m != [0.0; 2];
-        // Only a map with cells left of or below its origin has to be moved.
+        // Only a map with cells left of or below its origin must be moved.
         assert_eq!(moved, map.info.min_m.iter().any(|v| *v < 0.0), "{name}: {:?}", written.notes);
         check_same(&name, &map, &read, written.file_from_map_m);
-        // Once on a sheet it stays where it is.
+        // Once on a sheet it keeps its place.
         let again = LidarMap::read(&read.to_valetudo().unwrap().bytes).unwrap();
         check_same(&name, &read, &again, [0.0; 2]);
     }
@@ -175,7 +175,7 @@ fn a_map_far_from_its_origin_is_moved_for_valetudo() {
     assert!(LidarMap::read(&written.bytes).is_ok() && written.file_from_map_m[0] < -80_000.0);
 }
 
-/// What was stored before there were marks is still read.
+/// Stored infos without marks are still read.
 #[test]
 fn infos_of_before_are_read() {
     let map = LidarMap::read(&roborock()).unwrap();

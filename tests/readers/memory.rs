@@ -1,4 +1,4 @@
-//! What a piece of code allocates, on the thread that runs it.
+//! Memory that a piece of code allocates, on the thread that runs it.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -11,7 +11,7 @@ thread_local! {
 }
 
 fn count(bytes: isize) {
-    // The counters are gone while a thread ends; nobody asks then.
+    // The counters are gone while a thread ends; nothing reads them then.
     let _ = NOW.try_with(|now| {
         now.set(now.get() + bytes);
         let _ = PEAK.try_with(|peak| peak.set(peak.get().max(now.get())));
@@ -37,7 +37,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// What `work` gives, and the most bytes that it held at once on this thread.
+/// Returns the result of `work`, and the most bytes that it held at once on this thread.
 pub fn peak_bytes<T>(work: impl FnOnce() -> T) -> (T, usize) {
     let before = NOW.get();
     PEAK.set(before);

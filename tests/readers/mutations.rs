@@ -1,4 +1,4 @@
-//! Valid small files with random damage: a reader may refuse them or not, but it neither panics nor takes
+//! Valid small files with random damage: a reader may accept or refuse them, but it neither panics nor takes
 //! much time or memory.
 
 use crate::archives::{archives, gzip, zstd};
@@ -49,7 +49,7 @@ static ALONE: LazyLock<rayon::ThreadPool> =
 
 fn check_bounded(what: &str, work: impl FnOnce() + Send) {
     let start = Instant::now();
-    // Pictures are decoded by a pool's threads, and only one thread's memory is counted: this is a pool of itself.
+    // A pool's threads decode pictures, but only one thread's memory is counted: this pool has only one.
     let ((), peak) = ALONE.install(|| peak_bytes(work));
     assert!(peak < MAX_BYTES, "{what}: {peak} bytes at once");
     assert!(start.elapsed() < MAX_TIME, "{what}: {:?}", start.elapsed());
@@ -104,11 +104,11 @@ fn damaged_exports_end_quickly() {
     check_damaged("stray_scanner, npy", &old, &mut random);
 }
 
-/// Whatever is there must be the same in whole and in part.
+/// Checks that every readable file is the same in whole and in part.
 fn read_archive(path: &std::path::Path) {
     let Ok(archive) = container::open(path) else { return };
     for name in archive.names() {
-        // A stored entry's checksum is checked only when it is read whole, and a damaged one is refused.
+        // A stored entry's checksum is checked only if it is read whole, and a damaged one is refused.
         if let Ok(whole) = archive.read(name, 1 << 20) {
             let region = archive.region(name, 1 << 20).unwrap_or_else(|error| panic!("{name}: {error}"));
             let mut part = vec![0; whole.len()];
@@ -126,7 +126,7 @@ fn damaged_archives_end_quickly() {
         for round in 0..600 {
             let damaged = damage(&bytes, &mut random);
             check_bounded(&format!("{what} {round}"), || read_archive(as_file(&damaged).path()));
-            // Compression hides damage of what is inside.
+            // Compression hides damage of the content.
             if what == "tar" || what == "tar, pax" {
                 for packed in [gzip(&damaged), zstd(&damaged)] {
                     check_bounded(&format!("{what}, packed, {round}"), || {
@@ -138,7 +138,7 @@ fn damaged_archives_end_quickly() {
     }
 }
 
-/// Compression hides damage behind its checksum; here what was compressed is damaged before.
+/// A checksum of the compression hides later damage; here the content is damaged before it is compressed.
 #[test]
 fn maps_damaged_before_they_were_compressed_end_quickly() {
     let mut random = ChaCha8Rng::seed_from_u64(3);

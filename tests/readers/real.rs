@@ -8,8 +8,8 @@ use viola_formats::lidar::{Cell, LidarMap};
 use viola_geometry::{Point2, Pose2, Vector3};
 use viola_testing::data;
 
-/// Of the points that frame `a` measured and frame `b` must see, the part whose depth `b` agrees with.
-/// Poses of the wrong direction, axes or time, a wrong unit of depth or wrong intrinsics all spoil it.
+/// Returns the fraction of points of frame `a`, visible in frame `b`, with the same depth in `b`. Wrong
+/// directions, axes or times of poses, a wrong unit of depth or wrong intrinsics lower it.
 fn agreement(a: &Frame, b: &Frame) -> f64 {
     let b_from_a = b.header.world_from_camera.unwrap().inverse() * a.header.world_from_camera.unwrap();
     let (mut seen, mut agreed) = (0, 0);
@@ -103,13 +103,13 @@ fn tum_desk() {
     // The lists' first and last depth pictures.
     assert!((clip.info().duration_s.unwrap() - 3.305_861).abs() < 1e-3);
     assert!(clip.info().notes.iter().any(|note| note.contains("assumed")));
-    // The motion capture's z is up; nobody told the reader.
+    // The motion capture's z is up; the reader finds it by itself.
     let up = clip.up_in_world().unwrap();
     let off_rad = up.direction.angle(&Vector3::z());
     assert!(off_rad < 6f64.to_radians() && off_rad < 2.0 * up.deviation_rad, "{off_rad} {up:?}");
 }
 
-/// Distance from each point to the nearest of the others, sorted.
+/// Returns the distance from each point to the nearest of the others, sorted.
 fn distances_m(points: &[Point2], others: &[Point2]) -> Vec<f64> {
     let nearest = |p: &Point2| others.iter().map(|o| (o - p).norm()).fold(f64::INFINITY, f64::min);
     let mut all: Vec<f64> = points.iter().map(nearest).collect();
@@ -159,7 +159,7 @@ fn vacuum_maps() {
     assert_eq!(maps, 11);
 }
 
-/// Checks a map against what the file says of itself beside the cells.
+/// Checks a map against the statistics in its file.
 fn check_valetudo(path: &Path) {
     let name = path.file_name().unwrap().to_string_lossy();
     let file: serde_json::Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
@@ -173,7 +173,7 @@ fn check_valetudo(path: &Path) {
     };
     let floor = count("floor") + count("segment");
     if name.starts_with("1c_") {
-        // Its 123 walls are none; 784 cells are floor and room, and 32 are floor and wall.
+        // Its 123 wall cells are not walls; 784 cells are floor and room, and 32 are floor and wall.
         assert!(info.occupied_points as f64 > 5.0 * count("wall"), "{name}: {info:?}");
         assert_eq!(info.free_cells as f64, floor - 784.0 - 32.0);
     } else {
@@ -188,7 +188,7 @@ fn check_valetudo(path: &Path) {
     for (segment, room) in segments.zip(&info.rooms) {
         assert!((segment["metaData"]["area"].as_f64().unwrap() / 1e4 - room.area_m2).abs() < 1e-9, "{name}");
     }
-    // A dock stands at a wall of the home, which it does not when y is the wrong way up.
+    // A dock stands at a wall of the home, unless y has the wrong sign.
     let charger = map.charger.unwrap();
     let at = Point2::new(charger.x_m, charger.y_m);
     let nearest_m = distances_m(&[at], &map.occupied_m)[0];

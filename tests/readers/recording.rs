@@ -1,4 +1,4 @@
-//! A recording before any app has given it a layout: what every writer of a layout is given.
+//! A recording without a layout: the input of every writer of a layout.
 
 use crate::writers::{color_jpeg, pose, units};
 use nalgebra::{Matrix3, Matrix4, Rotation3, UnitQuaternion};
@@ -25,7 +25,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// A few small frames with no numbers that are easy.
+    /// Returns a few small frames without round numbers.
     pub fn small(frames: u32) -> Recording {
         let depth_size = (32, 24);
         let frame = |number: u32| Recorded {
@@ -49,7 +49,7 @@ impl Recording {
         }
     }
 
-    /// Some frames of a recording in ScanNet's layout.
+    /// Reads some frames of a recording in ScanNet's layout.
     pub fn scannet(folder: &Path, numbers: std::ops::Range<u32>) -> Recording {
         let matrix = |name: String| -> Matrix4<f64> {
             let text = std::fs::read_to_string(folder.join(name)).unwrap();
@@ -75,7 +75,7 @@ impl Recording {
         Recording { frames, color_size: sizes.0, depth_size: sizes.1, depth_k, doubtful: Vec::new() }
     }
 
-    /// The intrinsics in pixels of a picture of another size that sees the same.
+    /// Returns the intrinsics in pixels of a picture of another size with the same view.
     pub fn k_of(&self, size: (u32, u32)) -> [f64; 4] {
         let [fx, fy, cx, cy] = self.depth_k;
         let sx = f64::from(size.0) / f64::from(self.depth_size.0);
@@ -83,7 +83,7 @@ impl Recording {
         [fx * sx, fy * sy, (cx + 0.5) * sx - 0.5, (cy + 0.5) * sy - 0.5]
     }
 
-    /// The intrinsics in pixels of the colour picture.
+    /// Returns the intrinsics in pixels of the colour picture.
     pub fn color_k(&self) -> [f64; 4] {
         self.k_of(self.color_size)
     }
@@ -93,7 +93,7 @@ impl Recording {
         crate::writers::depth_png(width, height, |x, y| frame.depth_mm[(y * width + x) as usize])
     }
 
-    /// Row after row; `best` where the reading is trusted.
+    /// Returns the confidence row after row, `best` for trusted readings.
     pub fn confidence(&self, best: u8) -> Vec<u8> {
         let (width, height) = self.depth_size;
         let mut values = vec![best; (width * height) as usize];
@@ -110,25 +110,25 @@ impl Recording {
     }
 }
 
-/// ARKit's world has y up: x stays, z up becomes y up.
+/// Converts to ARKit's world, with y up: x stays, z up becomes y up.
 pub fn y_up(world_from_camera: &Matrix4<f64>) -> Matrix4<f64> {
     let turn = Matrix4::new(1., 0., 0., 0., 0., 0., 1., 0., 0., -1., 0., 0., 0., 0., 0., 1.);
     turn * world_from_camera
 }
 
-/// OpenGL's camera looks along its -z and has y up.
+/// Converts to OpenGL's camera, which looks along -z and has y up.
 pub fn gl(world_from_camera: &Matrix4<f64>) -> Matrix4<f64> {
     world_from_camera * Matrix4::from_diagonal(&nalgebra::Vector4::new(1.0, -1.0, -1.0, 1.0))
 }
 
-/// x y z w
+/// Returns the rotation as x y z w.
 pub fn quaternion(matrix: &Matrix4<f64>) -> [f64; 4] {
     let rotation: Matrix3<f64> = matrix.fixed_view::<3, 3>(0, 0).into();
     let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
     [q.i, q.j, q.k, q.w]
 }
 
-/// Row after row.
+/// Returns the elements row after row.
 pub fn rows(matrix: &Matrix4<f64>) -> Vec<f64> {
     matrix.transpose().iter().copied().collect()
 }

@@ -1,4 +1,4 @@
-//! How a refusal is checked.
+//! Checks of refusals.
 
 use crate::exports::Writer;
 use crate::recording::Recording;
@@ -17,7 +17,7 @@ pub fn check_error(error: ClipError, code: &str, naming: &str) {
     assert!(error.to_string().contains(naming), "{code}: {error} does not name {naming}");
 }
 
-/// The export, changed, must be refused when it is opened, as a folder and as a zip.
+/// Checks that a changed export is refused when it is opened, as a folder and as a zip.
 pub fn check(write: Writer, change: impl FnOnce(&mut Files), code: &str, naming: &str) {
     let files = changed(write, change);
     for opened in [Clip::open(as_folder(&files).path()), Clip::open(as_zip(&files).path())] {
@@ -25,7 +25,7 @@ pub fn check(write: Writer, change: impl FnOnce(&mut Files), code: &str, naming:
     }
 }
 
-/// Only the last frame of the export, changed, must be refused.
+/// Checks that only the last frame of a changed export is refused.
 pub fn check_frame(write: Writer, change: impl FnOnce(&mut Files), code: &str, naming: &str) {
     let folder = as_folder(&changed(write, change));
     let clip = Clip::open(folder.path()).unwrap_or_else(|error| panic!("{code}, {naming}: {error}"));
@@ -37,7 +37,7 @@ pub fn grey8(width: u32, height: u32) -> Vec<u8> {
     encode(&image::DynamicImage::new_luma8(width, height), ImageFormat::Png)
 }
 
-/// Files of a good export, changed, are a clip without a pose, which is told.
+/// Checks that a changed export is a clip without poses, with a note.
 pub fn check_without_poses(write: Writer, change: impl FnOnce(&mut Files)) {
     let mut files = write("", &Recording::small(3));
     change(&mut files);

@@ -1,4 +1,4 @@
-//! The drawn home in the layouts of robots' own files.
+//! The drawing in the layouts of robots' own files.
 
 use crate::drawing::*;
 use base64::Engine;
@@ -20,7 +20,7 @@ pub fn gzip(bytes: &[u8]) -> Vec<u8> {
     encoder.finish().unwrap()
 }
 
-/// The drawing's bytes, row after row from the bottom.
+/// Returns the drawing's bytes, row after row from the bottom.
 fn image(value: impl Fn(char) -> u8) -> Vec<u8> {
     HOME.iter().rev().flat_map(|row| row.chars().map(&value).collect::<Vec<_>>()).collect()
 }
@@ -41,7 +41,7 @@ fn f32s(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
-/// A block: its header is filled up with `header` behind the first eight bytes.
+/// Returns a block; its header is eight bytes followed by `header`.
 pub fn block(kind: u16, header: &[u8], data: &[u8]) -> Vec<u8> {
     let head = u16s(&[kind, 8 + header.len() as u16]);
     [head, u32s(&[data.len() as u32]), header.to_vec(), data.to_vec()].concat()
@@ -56,7 +56,7 @@ pub fn rrmap(blocks: &[Vec<u8>]) -> Vec<u8> {
 /// The corner of the drawing in [`roborock`], in metres.
 pub const ROBOROCK_CORNER: [f64; 2] = [2.0, 5.0];
 
-/// The image block of a generation, told by the bytes of its header, and with `segments` as 16 and 17.
+/// Returns the image block of a generation with this header size, and segments 16 and 17 if `segments`.
 pub fn roborock_image(header_bytes: usize, segments: bool) -> Vec<u8> {
     let cells = image(|symbol| match symbol {
         '#' => 1,
@@ -71,7 +71,7 @@ pub fn roborock_image(header_bytes: usize, segments: bool) -> Vec<u8> {
     block(2, &[more, place].concat(), &cells)
 }
 
-/// Everything that is read of an RRMap, in the layout of the third generation.
+/// Returns all blocks that are read of an RRMap, in the layout of the third generation.
 pub fn roborock_blocks() -> Vec<Vec<u8>> {
     let mut materials = vec![0; 18];
     (materials[16], materials[17]) = (3, 4);
@@ -94,16 +94,16 @@ pub fn roborock() -> Vec<u8> {
     rrmap(&roborock_blocks())
 }
 
-/// The header of a Dreame frame of 8 x 6 cells of 50 mm at -2000, -1000.
+/// Returns the header of a Dreame frame of 8 x 6 cells of 50 mm at -2000, -1000.
 fn dreame_header(kind: u8, robot: [i16; 3], charger: [i16; 3]) -> Vec<u8> {
     [i16s(&[1, 2]), vec![kind], i16s(&robot), i16s(&charger), i16s(&[50, 8, 6, -2_000, -1_000])].concat()
 }
 
-/// The corner of the drawing in [`dreame_inflated`]: -2000 and -1000 mm are 3077 and 3177 cm from the sheet's edges,
-/// which is cell 615 from the left, and cell 675 (1310.8 - 635.4) from the top of 65.54 m.
+/// The corner of the drawing in [`dreame_inflated`]: -2000 and -1000 mm are 3077 and 3177 cm from the sheet's
+/// edges: cell 615 from the left, and cell 675 (1310.8 - 635.4) from the top of 65.54 m.
 pub const DREAME_CORNER: [f64; 2] = [30.75, 65.54 - 676.0 * 0.05];
 
-/// Floor, walls and a room in the image; the other room, the names and the restrictions in the saved map.
+/// Returns floor, walls and a room in the image; the other room, names and restrictions in the saved map.
 pub fn dreame_inflated(kind: u8) -> Vec<u8> {
     let unset = [32_767, 32_767, 0];
     let saved_cells = image(|symbol| match symbol {
@@ -173,7 +173,7 @@ pub fn viomi_inflated(number: u32) -> Vec<u8> {
     .concat()
 }
 
-/// The JSON as Valetudo puts it into a PNG.
+/// Returns the JSON in a PNG, as Valetudo writes it.
 pub fn valetudo_png(json: &Value) -> Vec<u8> {
     let chunk = |kind: &[u8], data: &[u8]| {
         let crc = [0; 4];
@@ -190,7 +190,7 @@ pub fn valetudo_png(json: &Value) -> Vec<u8> {
     .concat()
 }
 
-/// The walls as PCD with a colour between the coordinates and two numbers behind.
+/// Returns the walls as PCD with a colour between the coordinates and two numbers at the end.
 pub fn pcd(data: &str) -> Vec<u8> {
     let hits = hits();
     let mut bytes = format!(
@@ -228,7 +228,7 @@ pub fn pcd(data: &str) -> Vec<u8> {
     bytes
 }
 
-/// A log of three scans in a room of 4 x 3 m with a box in it, the robot going along x.
+/// Returns a log of three scans in a room of 4 x 3 m with a box in it; the robot moves along x.
 pub fn carmen(name: &str) -> Vec<u8> {
     let mut lines = vec!["# CARMEN Logfile".to_string(), "PARAM robot_length 0.4 host 0.0".to_string()];
     for step in 0..3 {
@@ -249,7 +249,7 @@ pub fn carmen(name: &str) -> Vec<u8> {
     lines.join("\n").into_bytes()
 }
 
-/// From (x, 0) in the room [0, 4] x [-1, 2], whose corner beyond x = 3, y = 1 is filled.
+/// Returns the range from (x, 0) in the room [0, 4] x [-1, 2], whose corner beyond x = 3, y = 1 is filled.
 fn range_in_room(x: f64, angle_deg: f64) -> f64 {
     let (s, c) = angle_deg.to_radians().sin_cos();
     let mut range_m = 0.0;
@@ -261,7 +261,7 @@ fn range_in_room(x: f64, angle_deg: f64) -> f64 {
     range_m
 }
 
-/// A small valid file of each of these formats.
+/// Returns a small valid file of each of these formats.
 pub fn robot_files() -> Vec<(&'static str, Vec<u8>)> {
     vec![
         ("roborock", roborock()),

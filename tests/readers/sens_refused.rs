@@ -1,4 +1,4 @@
-//! ScanNet's `.sens`, damaged where each of its fields lies (ScanNet/ScanNet, SensReader/c++/src/sensorData.h).
+//! ScanNet's `.sens`, damaged in each of its fields (ScanNet/ScanNet, SensReader/c++/src/sensorData.h).
 
 use crate::edits::content;
 use crate::export_writers as writers;
@@ -10,7 +10,7 @@ use crate::writers::{as_file, as_zip};
 use std::time::{Duration, Instant};
 use viola_formats::clip::Clip;
 
-/// Where the fields lie behind the version and a sensor's name of 15 bytes.
+/// Offsets of the fields after the version and a sensor's name of 15 bytes.
 const NAME_BYTES: usize = 4;
 const COLOR_INTRINSICS: usize = 27;
 const DEPTH_INTRINSICS: usize = COLOR_INTRINSICS + 128;
@@ -25,7 +25,7 @@ fn u64_at(bytes: &[u8], at: usize) -> usize {
     u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()) as usize
 }
 
-/// Where a frame begins: its pose, two times, two lengths, two pictures.
+/// Returns the offset of a frame: its pose, two times, two lengths, two pictures.
 pub fn frame_at(bytes: &[u8], number: usize) -> usize {
     let next = |at: usize, _: usize| at + 96 + u64_at(bytes, at + 80) + u64_at(bytes, at + 88);
     (0..number).fold(FIRST_FRAME, next)
@@ -41,7 +41,7 @@ fn with(at: usize, field: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// The file with another picture of the last frame in place of its depth.
+/// Returns the file with other bytes for the depth of the last frame.
 fn with_depth(depth: &[u8]) -> Vec<u8> {
     let mut bytes = sens();
     let at = frame_at(&bytes, 2);
@@ -52,7 +52,7 @@ fn with_depth(depth: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Refused in little time and memory, as an entry of a zip.
+/// Checks that a file is refused in little time and memory, as an entry of a zip.
 fn check(bytes: Vec<u8>, code: &str, naming: &str) {
     let file = as_zip(&[("scene.sens".to_string(), bytes)]);
     let start = Instant::now();
@@ -61,7 +61,7 @@ fn check(bytes: Vec<u8>, code: &str, naming: &str) {
     assert!(peak < 4 << 20 && start.elapsed() < Duration::from_secs(5), "{code}: {peak} bytes");
 }
 
-/// Only the last frame is refused.
+/// Checks that only the last frame is refused.
 fn check_frame(bytes: Vec<u8>, code: &str, naming: &str) {
     let file = as_file(&bytes);
     let clip = Clip::open(file.path()).unwrap_or_else(|error| panic!("{code}, {naming}: {error}"));
@@ -137,9 +137,9 @@ fn frames_with_bad_pictures_are_refused_by_name() {
     let packed = zlib(&readings);
     check_frame(with_depth(&packed[..packed.len() / 2]), "bad_depth", "zlib");
     check_frame(with_depth(&zlib(&readings[2..])), "bad_depth", "1534 bytes");
-    // A bomb stops one byte behind what the picture has.
+    // Unpacking of a bomb stops one byte after the picture's size.
     check_frame(with_depth(&zlib(&vec![0; 256 << 20])), "bad_depth", "1537 bytes");
-    // The colour's JPEG in its place.
+    // The colour's JPEG in place of the depth.
     let jpeg = Recording::small(1).frames[0].jpeg.clone();
     check_frame(with_depth(&jpeg), "bad_depth", "zlib");
     let mut bytes = sens();
@@ -148,7 +148,7 @@ fn frames_with_bad_pictures_are_refused_by_name() {
     check_frame(bytes, "bad_picture", "the colour of frame 2");
 }
 
-/// The file with another coding of all pictures.
+/// Returns the file with another coding of all pictures.
 fn recoded(color: (i32, &[u8]), depth: (i32, &[u8])) -> Vec<u8> {
     let whole = sens();
     let mut bytes = whole[..FIRST_FRAME].to_vec();

@@ -1,4 +1,4 @@
-//! Memory while a clip is read is bounded by a frame, not by the clip: ten times the frames cost at most a fifth more.
+//! A frame bounds the memory of reading, not the clip: ten times the frames cost at most a fifth more.
 
 use crate::memory::peak_bytes;
 use crate::robot_files::zlib;
@@ -13,7 +13,7 @@ use viola_formats::clip::Clip;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Silent;
 
-/// As ScanNet's cameras have them.
+/// Sizes and intrinsics of ScanNet's cameras.
 const COLOR: (u32, u32) = (1296, 968);
 const SIZE: (u32, u32) = (640, 480);
 const INTRINSICS: [[f64; 4]; 4] =
@@ -26,7 +26,7 @@ fn units(x: u32, y: u32) -> u16 {
     (1000 + x + 2 * y) as u16
 }
 
-/// Puts the files of an export of ScanNet one by one; the pictures of all frames are the same.
+/// Calls `put` with the files of a ScanNet export one by one; the pictures of all frames are the same.
 fn put_export(frames: u32, mut put: impl FnMut(&str, &[u8])) {
     let (color, depth) = (color_jpeg(COLOR.0, COLOR.1), depth_png(SIZE.0, SIZE.1, units));
     put("intrinsic/intrinsic_color.txt", &matrix_text(&COLOR_INTRINSICS));
@@ -47,7 +47,7 @@ fn zip(frames: u32, file: impl Write + std::io::Seek) {
     zip.finish().unwrap();
 }
 
-/// Not packed any more than the pictures are, or it would be taken for a bomb: all are the same.
+/// Writes a tar.gz without compression: the equal pictures would otherwise make it look like a bomb.
 fn tar_gz(frames: u32, file: impl Write) {
     let mut tar = tar::Builder::new(GzEncoder::new(file, Compression::none()));
     put_export(frames, |name, bytes| {
@@ -88,7 +88,7 @@ fn sens(frames: u32, mut file: impl Write) {
     }
 }
 
-/// The most bytes at once while all frames of a clip are read one after the other, by one thread.
+/// Returns the most bytes at once while one thread reads all frames of a clip one after the other.
 fn peak_of(frames: u32, write: impl Fn(u32, BufWriter<File>)) -> usize {
     let file = NamedTempFile::new().unwrap();
     write(frames, BufWriter::new(file.reopen().unwrap()));
@@ -131,7 +131,7 @@ fn a_long_sens_takes_no_more_memory_than_a_short_one() {
     check(sens);
 }
 
-/// As when its disk is away for a while: the clip is not called damaged, and no answer leaves its frames out.
+/// As when a disk is unavailable: the clip is not reported as damaged, and no answer omits its frames.
 #[test]
 fn a_clip_that_cannot_be_read_for_now_is_a_fault_of_the_machine() {
     let file = NamedTempFile::new().unwrap();

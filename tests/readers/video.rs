@@ -1,4 +1,4 @@
-//! Videos: frames as ffmpeg decodes them, numbered and timed as it does, by every way of decoding; and what is refused.
+//! Videos: every decoder returns the frames, numbers and times of ffmpeg; and refusals.
 
 mod children;
 
@@ -20,7 +20,7 @@ fn fixture(name: &str) -> Region {
     Region::whole(File::open(Path::new(FIXTURES).join(name)).unwrap()).unwrap()
 }
 
-/// Name, seconds and sum of each frame, as ffmpeg told them when the fixtures were made.
+/// Returns name, seconds and sum of each frame, as ffmpeg printed them for the fixtures.
 fn expected() -> Vec<(String, Vec<(f64, String)>)> {
     let mut files: Vec<(String, Vec<(f64, String)>)> = Vec::new();
     for line in fs::read_to_string(Path::new(FIXTURES).join("frames.txt")).unwrap().lines() {
@@ -58,7 +58,7 @@ fn child() -> Tools {
     Tools { viola: Some(VIOLA.into()), ..Tools::default() }
 }
 
-/// ffmpeg where it is installed; the tests say so where it is not.
+/// Returns the path of ffmpeg; skips with a message if it is not installed.
 fn ffmpeg() -> Option<PathBuf> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let found = std::env::split_paths(&path).map(|folder| folder.join("ffmpeg")).find(|file| file.is_file());
@@ -109,7 +109,7 @@ fn tables_are_understood() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Which other frames are wanted changes nothing about a frame.
+    /// A frame does not depend on the other wanted frames.
     #[test]
     fn any_subset_gives_the_same_frames(file in 0usize..12, chosen in prop::collection::vec(any::<bool>(), 30)) {
         let (name, frames) = &expected()[file];
@@ -146,7 +146,7 @@ fn every_way_of_decoding_gives_the_same_pixels() {
     }
 }
 
-/// A part of a larger file is decoded where it lies, by every way, and neither reads beyond it nor moves the handle.
+/// Every decoder decodes a part of a larger file in place, without reading beyond it or moving the handle.
 #[test]
 fn a_video_inside_of_a_file_is_decoded_in_place() {
     let bytes = fs::read(Path::new(FIXTURES).join("hevc_b.mp4")).unwrap();
@@ -206,7 +206,7 @@ fn region_of(bytes: &[u8]) -> Region {
     Region::whole(file).unwrap()
 }
 
-/// A file whose box `kind` has `value` written at `at`, counted from the first byte after its four letters.
+/// Returns a file with `value` in box `kind` at offset `at` after its four letters.
 fn patched(name: &str, kind: &[u8; 4], at: usize, value: &[u8]) -> Region {
     let mut bytes = fs::read(Path::new(FIXTURES).join(name)).unwrap();
     let found = bytes.windows(4).position(|four| four == kind).unwrap();
@@ -256,7 +256,7 @@ fn damaged_tables_are_refused() {
     assert!(matches!(refused, VideoError::Size { .. }), "{refused}");
 }
 
-/// A video whose parameter set says a picture 16 382 wide and without height, where it had one of 160 by 120.
+/// Returns a video whose parameter set declares a picture 16 382 wide and 0 high instead of 160 by 120.
 fn absurd() -> Region {
     let mut bytes = fs::read(Path::new(FIXTURES).join("hevc_b.mp4")).unwrap();
     let hvcc = bytes.windows(4).position(|four| four == b"hvcC").unwrap();
@@ -266,8 +266,8 @@ fn absurd() -> Region {
         + 3;
     let length = usize::from(u16::from_be_bytes([bytes[set], bytes[set + 1]]));
     let payload = &mut bytes[set + 2..][..length];
-    // Twelve bytes of profile follow two of head and one of layers; escapes lie in between, so the place is looked
-    // for: an id of 0 (1), chroma format 1 (010), and 160 (15 bits of Exp-Golomb 000000010100001).
+    // Twelve bytes of profile follow two of head and one of layers. Escapes lie in between, so this searches:
+    // an id of 0 (1), chroma format 1 (010), and 160 (15 bits of Exp-Golomb 000000010100001).
     let bits: String = payload.iter().map(|byte| format!("{byte:08b}")).collect();
     let at = bits.find(concat!("1", "010", "000000010100001")).unwrap() + 4;
     // In the 28 bits of both: 16 382 (27 bits), and nothing (one bit).
@@ -278,7 +278,7 @@ fn absurd() -> Region {
     region_of(&bytes)
 }
 
-/// Whatever bytes are changed: an answer or a refusal, never a panic out of it, and never without end.
+/// Any changed bytes give an answer or a refusal, never a panic, and always end.
 #[test]
 fn random_damage_ends() {
     let mut dice = ChaCha8Rng::seed_from_u64(7);

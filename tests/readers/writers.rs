@@ -31,7 +31,7 @@ pub fn encode(image: &image::DynamicImage, format: ImageFormat) -> Vec<u8> {
     bytes.into_inner()
 }
 
-/// The depth picture of a frame, in the file's units: every frame's is different.
+/// Returns a pixel of a frame's depth picture, in the file's units: every frame's is different.
 pub fn units(number: u32, x: u32, y: u32) -> u16 {
     match (x, y) {
         (0, 0) => 0,
@@ -40,7 +40,7 @@ pub fn units(number: u32, x: u32, y: u32) -> u16 {
     }
 }
 
-/// The pose of a frame, row after row, with no numbers that are easy.
+/// Returns the pose of a frame, row after row, without round numbers.
 pub fn pose(number: u32) -> [[f64; 4]; 4] {
     let n = f64::from(number % 10_000);
     let rotation = nalgebra::Rotation3::from_euler_angles(0.1 + 0.01 * n, -1.9 + 0.003 * n, 0.7 - 0.02 * n);
@@ -90,7 +90,7 @@ pub fn seven_scenes(root: &str, numbers: &[u32]) -> Files {
     files
 }
 
-/// A tenth of a second between the frames, colour 4 ms after depth, a pose at each depth picture's time.
+/// Returns frames 0.1 s apart, colour 4 ms after depth, with a pose at each depth picture's time.
 pub fn tum(root: &str, numbers: &[u32]) -> Files {
     let mut files = vec![(format!("{root}camera-intrinsics.txt"), intrinsics3())];
     let [mut rgb, mut depth, mut poses] = [(); 3].map(|()| String::from("# a comment\n"));
@@ -148,7 +148,7 @@ pub fn write(path: &Path, bytes: &[u8]) {
     std::fs::write(path, bytes).unwrap();
 }
 
-/// CRC-32 as in PNG (RFC 2083, appendix 15) and zip.
+/// Returns the CRC-32 of PNG (RFC 2083, appendix 15) and zip.
 pub fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0u32, |crc, byte| {
         (0..8).fold(

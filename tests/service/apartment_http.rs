@@ -1,5 +1,5 @@
-//! The main job as the README's tour does it: the real apartment as a zip and its robot's map go in over
-//! HTTP, the pose comes out. With the real binary, whose memory is looked at.
+//! The main job as in the README's tour: the real apartment as a zip and its robot's map are sent over HTTP,
+//! and the pose is returned. With the real binary, whose memory is checked.
 
 use serde_json::Value;
 use std::fs;
@@ -53,12 +53,12 @@ async fn an_excerpt_finds_its_place() {
     }
 }
 
-/// Eight excerpts of 40 frames that cover all 300: neighbours share a few frames.
+/// Returns eight excerpts of 40 frames that cover all 300: neighbours share a few frames.
 fn eight() -> Vec<std::ops::Range<u32>> {
     (0..8u32).map(|i| (i * 260 / 7)..(i * 260 / 7 + 40)).collect()
 }
 
-/// The home's map once as many clips are in it: what of it does not depend on ids and times, and its points.
+/// Returns the home's map once it contains `clips` clips, without ids and times, and its points.
 async fn map_of(client: &Client, home: &str, clips: usize) -> (Value, Vec<u8>) {
     let map = eventually("the map is merged", || async {
         let answer = client.get(&format!("{home}/map")).await;
@@ -75,7 +75,7 @@ async fn map_of(client: &Client, home: &str, clips: usize) -> (Value, Vec<u8>) {
     (told, client.get(&format!("{home}/map/points")).await.bytes)
 }
 
-/// Kept to be looked at, beside the pictures of the browser's test; they are never part of the repository.
+/// Keeps pictures for people, beside those of the browser's test; they are never part of the repository.
 async fn keep_pictures(client: &Client, home: &str) {
     let folder = std::env::var_os("VIOLA_ARTIFACTS")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("target"), PathBuf::from)
@@ -109,7 +109,7 @@ async fn the_order_of_clips_does_not_matter() {
     let zips: Vec<Vec<u8>> = eight().into_iter().map(|frames| excerpt(&scene, frames)).collect();
     let lidar = fs::read(scene.join("lidar/valetudo.json")).unwrap();
     let mut maps = Vec::new();
-    // Three orders drawn with dice.
+    // Three random orders.
     for order in [[3, 0, 6, 1, 7, 5, 2, 4], [5, 2, 7, 4, 0, 3, 6, 1], [6, 4, 1, 0, 2, 7, 3, 5]] {
         let home = client.make_home(&format!("home-{}", order[0])).await;
         client.put(&format!("{home}/lidar-map"), lidar.clone()).await.ok(201);

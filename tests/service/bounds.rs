@@ -1,4 +1,4 @@
-//! Memory and time of an alignment are bounded whatever the map and the clip say: the real binary under hard limits.
+//! Memory and time of an alignment are bounded for any map and clip: the real binary under hard limits.
 
 use serde_json::Value;
 use std::io::{Cursor, Read};
@@ -9,12 +9,12 @@ use viola_testing::process::viola;
 use viola_testing::room;
 use viola_testing::zips::{self, Files};
 
-/// Address space: 1 GiB of memory, and what a debug build and its threads map without using it.
+/// Address space: 1 GiB of memory, and the unused mappings of a debug build and its threads.
 const MAX_KIB: u64 = 1280 << 10;
-/// Of processor time, on a machine that may have a single slow core.
+/// Limit of processor time, on a machine that may have a single slow core.
 const MAX_SECONDS: u64 = 120;
 
-/// The answer of `viola align`.
+/// Returns the answer of `viola align`.
 fn align(clip: &Files, map: &str) -> Value {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
@@ -24,7 +24,7 @@ fn align(clip: &Files, map: &str) -> Value {
     let limits = format!("ulimit -v {MAX_KIB} && ulimit -t {MAX_SECONDS} && exec \"$0\" \"$@\"");
     limited.args(["-c", &limits]).arg(viola().get_program()).args(["align", "--clip"]).arg(path("clip.zip"));
     limited.arg("--lidar").arg(path("map.csv")).arg("--out").arg(path("out"));
-    // Each thread of many would reserve address space of its own.
+    // Each thread reserves address space of its own.
     limited.env("RAYON_NUM_THREADS", "2").env("MALLOC_ARENA_MAX", "2");
     let output = limited.output().unwrap();
     assert!(output.status.success(), "{}: {}", output.status, String::from_utf8_lossy(&output.stderr));
@@ -35,7 +35,7 @@ fn codes(answer: &Value) -> Vec<&str> {
     answer["reasons"].as_array().unwrap().iter().filter_map(|reason| reason["code"].as_str()).collect()
 }
 
-/// A clip of 20 frames of a simulated home, its map, and where the clip is in it.
+/// A clip of 20 frames of a simulated home, its map, and the true pose.
 struct Recorded {
     files: Files,
     map: String,
@@ -58,7 +58,7 @@ fn recorded() -> Recorded {
     Recorded { files: files.collect(), map: points_csv(&survey), truth: clip.truth.robot_from_clip }
 }
 
-/// Moves the cameras of some frames along x and y.
+/// Returns the files with the cameras of some frames moved along x and y.
 fn moved(files: &Files, by_m: impl Fn(u32) -> f64) -> Files {
     let mut files = files.clone();
     for (name, bytes) in &mut files {
@@ -89,7 +89,7 @@ fn a_stray_point_of_the_map_costs_nothing() {
     }
 }
 
-/// Two homes in one map, one of which has the clip's place a second time.
+/// Two homes in one map: the second repeats every other point of the first, 150 m away along x and y.
 #[test]
 fn a_map_of_two_homes_far_apart_is_searched() {
     let Recorded { files, map, truth } = recorded();
@@ -125,7 +125,7 @@ fn wild_poses_are_dropped_and_the_rest_is_aligned() {
     }
 }
 
-/// The first frame's pose is wild: the clip begins with the second one.
+/// The first frame's pose is an outlier: the clip begins with the second one.
 #[test]
 fn a_wild_first_pose_is_dropped() {
     let Recorded { files, map, .. } = recorded();
@@ -133,7 +133,7 @@ fn a_wild_first_pose_is_dropped() {
     assert_eq!((&answer["state"], codes(&answer)), (&"aligned".into(), vec!["poses_dropped"]), "{answer:#}");
 }
 
-/// The pictures of one frame under many poses.
+/// Returns the pictures of one frame under many poses.
 fn repeated(frames: u32) -> Files {
     let one = room::clip(1);
     let mut files: Files = one.iter().filter(|(name, _)| name.starts_with("intrinsic")).cloned().collect();

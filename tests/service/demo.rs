@@ -1,4 +1,4 @@
-//! `viola demo` does what it says, from the outside.
+//! `viola demo`, from the outside.
 
 use std::process::{Command, Output};
 
@@ -13,7 +13,7 @@ fn demo(folder: &std::path::Path) -> Output {
 fn all_clips_are_found_and_the_pictures_stay() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("demo");
-    // The second run begins afresh.
+    // The second run starts from scratch.
     for _ in 0..2 {
         let output = demo(&data);
         let (said, erred) =

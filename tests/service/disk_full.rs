@@ -1,5 +1,5 @@
-//! A disk that becomes full and is freed again: what was acknowledged is there after a kill, what was refused is not,
-//! and `/readyz` tells meanwhile.
+//! A disk that becomes full and is freed again: after a kill acknowledged writes exist, refused ones do not,
+//! and `/readyz` reports the state meanwhile.
 
 use futures::FutureExt;
 use serde_json::Value;
@@ -11,7 +11,7 @@ use viola_testing::postgres::Schema;
 use viola_testing::process::Process;
 use viola_testing::{eventually, room, zips};
 
-/// Homes and clips with the answers to them.
+/// Homes and clips by the answers to their writes.
 #[derive(Default)]
 struct Written {
     acknowledged: Vec<String>,
@@ -37,7 +37,7 @@ impl Written {
         panic!("a thousand homes were written on a full disk");
     }
 
-    /// A hundred writes, and requests in between whose transactions are undone.
+    /// Sends a hundred writes, and in between requests whose transactions are rolled back.
     async fn hundred(&mut self, client: &Client) {
         let clip = zips::zip(&room::clip(2));
         for number in 0..100 {
@@ -81,7 +81,7 @@ async fn ready(client: &Client) -> Value {
     .await
 }
 
-/// SQLite and files on one disk. `refusal` answers a write that needs the database alone.
+/// Tests SQLite and files on one disk. `refusal` is the answer to a write that needs the database alone.
 async fn nothing_is_lost(disk: &dyn Disk, refusal: (u16, &str), what: &str) {
     let server = Process::serve_on(disk, &["--workers", "0"]);
     let client = &server.client;
@@ -96,7 +96,7 @@ async fn nothing_is_lost(disk: &dyn Disk, refusal: (u16, &str), what: &str) {
     client.post("/v1/homes/before/clips", clip).await.problem(507, "storage-full");
     unready(client, &[what]).await;
     written.until_refused(client, "still-full").await.problem(refusal.0, refusal.1);
-    // Reading goes on.
+    // Reads still work.
     client.get("/v1/homes/before").await.ok(200);
 
     disk.free(server.id());
@@ -124,7 +124,7 @@ async fn writes_that_fail_lose_nothing_on_sqlite() {
     nothing_is_lost(&disk, (503, "unavailable"), "database").await;
 }
 
-/// A server on PostgreSQL that is refused room for its rows, and is given it again.
+/// Tests a server on PostgreSQL whose disk for rows is full, and is freed again.
 async fn nothing_is_lost_on_postgres(schema: &Schema, fill: impl AsyncFn(), free: impl AsyncFn()) {
     let folder = TempDir::new().unwrap();
     let url = schema.url();
@@ -144,7 +144,7 @@ async fn nothing_is_lost_on_postgres(schema: &Schema, fill: impl AsyncFn(), free
     unready(client, &["disk"]).await;
     let clip = zips::zip(&room::clip(2));
     let mut clips = 0;
-    // There may be room for some: its rows are small.
+    // Some may fit: the rows are small.
     loop {
         let answer = client.post("/v1/homes/before/clips", clip.clone()).await;
         if answer.status != 201 {
@@ -178,7 +178,7 @@ async fn a_full_tablespace_loses_nothing_on_postgresql() {
     let Some(space) = viola_testing::tablespace::Tablespace::new().await else { return };
     let fill = async || space.fill().await;
     let test = nothing_is_lost_on_postgres(space.schema(), fill, async || space.free().await);
-    // A tablespace whose folder is gone would trouble every later test on this database.
+    // A tablespace whose folder is gone would break every later test on this database.
     let tested = AssertUnwindSafe(test).catch_unwind().await;
     space.remove().await;
     if let Err(panic) = tested {

@@ -1,4 +1,4 @@
-//! Promises that hold when the server is killed, stopped, or started twice: the real binary, real signals.
+//! Guarantees of a server that is killed, stopped, or started twice: the real binary, real signals.
 
 mod blame;
 
@@ -12,7 +12,7 @@ use viola_testing::process::{Process, viola};
 use viola_testing::tus::sha256;
 use viola_testing::{eventually, room, zips};
 
-/// So many frames that a job is caught at work.
+/// Enough frames that a job is still running when it is interrupted.
 const FRAMES: u32 = 400;
 
 fn files_below(folder: &Path) -> Vec<PathBuf> {
@@ -27,7 +27,7 @@ fn files_below(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// A home with a map and a clip whose job runs; the paths of the clip and of the job.
+/// Creates a home with a map and a clip whose job runs; returns the paths of the clip and of the job.
 async fn running_job(client: &Client) -> (String, String) {
     let home = client.make_home("h").await;
     client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
@@ -55,7 +55,7 @@ async fn a_job_outlives_its_server() {
     let job = server.client.get(&job).await.ok(200);
     // The attempt that the kill ended does not count.
     assert_eq!((&job["state"], &job["attempts"]), (&"succeeded".into(), &1.into()));
-    // The LiDAR map's two files, the clip, and the four files of the one result; the home's map is made a moment later.
+    // The LiDAR map's two files, the clip, and the result's four files; the home's map follows later.
     let files = files_below(&data.path().join("blobs"));
     let of_clips = files.iter().filter(|path| !path.to_string_lossy().contains("home-maps"));
     assert_eq!(of_clips.count(), 7, "{files:?}");
@@ -86,7 +86,7 @@ async fn an_upload_cut_off_by_a_kill_leaves_nothing() {
     let server = Process::serve(data.path(), &[]);
     assert_eq!(files_below(&blobs).len(), 0);
     assert_eq!(server.client.get(&format!("{home}/clips")).await.ok(200)["items"], serde_json::json!([]));
-    // The phone tries again.
+    // The phone retries.
     let answer = server.client.post(&format!("{home}/clips"), body).await;
     assert_eq!(answer.ok(201)["state"], "uploaded");
 }
@@ -95,7 +95,7 @@ async fn an_upload_cut_off_by_a_kill_leaves_nothing() {
 async fn a_resumable_upload_outlives_its_server() {
     let data = TempDir::new().unwrap();
     let blobs = data.path().join("blobs");
-    // Larger than what is made durable at a time while a request goes on: 40 MiB that do not shrink.
+    // Larger than one durable piece of a request: 40 MiB that do not compress.
     let mut files = room::clip(2);
     let noise =
         (0..10u64 << 19).flat_map(|n| n.wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(31).to_le_bytes());
@@ -108,7 +108,7 @@ async fn a_resumable_upload_outlives_its_server() {
     let first = server.client.patch(&upload, 0, &body[..1000]);
     server.client.send(first).await.ok(204);
     let mut acknowledged = 1000;
-    // Killed in the middle of a request, each time further on; what HEAD told in between counts too.
+    // Killed in the middle of a request, each time later; offsets from HEAD in between are acknowledged too.
     for (sent, durable) in [(500_000, 1000), (17 << 20, 16 << 20), (17 << 20, 32 << 20)] {
         let offset = server.client.offset(&upload).await;
         assert!(offset >= acknowledged, "{acknowledged} bytes were acknowledged, {offset} are there");
@@ -149,7 +149,7 @@ async fn what_was_acknowledged_is_there_after_a_kill() {
     server.kill();
     let server = Process::serve(data.path(), &["--workers", "0"]);
     let mut kept = server.client.get(&format!("{home}/lidar-map")).await.ok(200);
-    // Where its picture lies is told to who reads it.
+    // Only a read returns the place of its picture.
     kept.as_object_mut().unwrap().remove("image");
     assert_eq!(kept, map);
     assert_eq!(server.client.get(&format!("{home}/clips")).await.ok(200)["items"], serde_json::json!([clip]));
@@ -163,7 +163,7 @@ async fn a_server_that_is_asked_to_stop_gives_its_job_back() {
         let server = Process::serve(data.path(), &[]);
         let (clip, job) = running_job(&server.client).await;
         assert!(server.stop(signal).success());
-        // The lease of 30 s is not waited for, and the attempt does not count.
+        // The job does not wait for the lease of 30 s, and the attempt does not count.
         let begun = std::time::Instant::now();
         let server = Process::serve(data.path(), &[]);
         assert_eq!(server.client.settled(&clip).await["state"], "aligned");
@@ -230,7 +230,7 @@ async fn a_lost_database_loses_no_file() {
         assert_eq!(line, "", "{arguments:?}: it says on its standard output that it works");
         assert!(said.contains("viola clean --remove-unknown"), "{arguments:?}: {said}");
         assert_eq!(files_below(&data.path().join("blobs")).len(), 1, "{arguments:?}");
-        // It would be applied to a copy of the database that is put in its place.
+        // The log would be applied to a copy that replaces the database.
         assert!(!data.path().join("viola.sqlite-wal").exists(), "{arguments:?} left a log");
     }
     let clean = begin(&["clean", "--remove-unknown", "--older-than-seconds", "0"]);

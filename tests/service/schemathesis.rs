@@ -1,7 +1,7 @@
-//! Requests that the API's document allows, and such that it does not, made by Schemathesis: no answer is a fault of
-//! ours, none has a status or a body that the document does not have, and what the document refuses is refused.
+//! Requests of Schemathesis that the API's document allows or forbids: no answer is a server error, every
+//! status and body is in the document, and forbidden requests are refused.
 //!
-//! `VIOLA_SCHEMATHESIS` is the path of the program (`pip install schemathesis`); without it the test says so and passes.
+//! `VIOLA_SCHEMATHESIS` is the path of the program (`pip install schemathesis`); else the test is skipped.
 
 use std::process::Command;
 

@@ -1,4 +1,4 @@
-//! The binary as an operator runs it: what it tells a collector of traces, the end of a tenant, and many exports at once.
+//! The binary as an operator runs it: traces to a collector, deletion of a tenant, many exports at once.
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::io::{BufRead, BufReader, Cursor, Read, Write};
@@ -10,7 +10,7 @@ use viola_testing::client::Client;
 use viola_testing::process::{Process, viola};
 use viola_testing::{eventually, room, zips};
 
-/// What a collector of OpenTelemetry is sent, as it arrives: protobuf, in which texts and ids stand as they are.
+/// Starts an OpenTelemetry collector; returns its URL and the received protobuf, with texts and ids in plain.
 fn collector() -> (String, Arc<Mutex<Vec<u8>>>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let url = format!("http://{}", listener.local_addr().unwrap());
@@ -80,7 +80,7 @@ async fn traces_go_to_the_collector_that_is_named() {
     }
 }
 
-/// Runs a command that has to succeed; gives what it says.
+/// Runs a command that must succeed; returns its output.
 fn run(data: &Path, arguments: &[&str]) -> String {
     let output = viola().args(arguments).arg("--data").arg(data).output().unwrap();
     let erred = String::from_utf8_lossy(&output.stderr);
@@ -117,7 +117,7 @@ async fn a_tenant_is_removed_beside_a_running_server() {
     send(&acme, Method::GET, "/v1/homes/h", vec![]).await.problem(401, "key-invalid");
     assert_eq!(send(&bolt, Method::GET, "/v1/homes/h", vec![]).await.ok(200)["clips"], 1);
     assert!(!run(data.path(), &["tenants", "list"]).contains("acme"));
-    // The last one's keys go too, and nobody is let in for it.
+    // The last tenant's keys are deleted too, and requests without a key are still refused.
     run(data.path(), &["tenants", "delete", "bolt", "--yes"]);
     server.client.get("/v1/homes/h").await.problem(401, "key-missing");
     let files = eventually("every file is gone", || async {
@@ -135,11 +135,11 @@ async fn a_tenant_is_removed_beside_a_running_server() {
     assert!(files.is_empty());
 }
 
-/// More than the threads that may block (512), and more than the connections that wait to be accepted.
+/// More than the blocking threads (512), and more than the queue of connections to be accepted.
 const EXPORTS: usize = 2000;
 
-/// Asks for one thing over and over on a connection of its own; tells the longest wait for an answer, which ends with
-/// `stop`.
+/// Requests one path repeatedly on a connection of its own until `stop`; returns the longest wait for an
+/// answer.
 async fn longest_wait(client: Client, path: String, stop: Arc<tokio::sync::Notify>) -> Duration {
     let mut longest = Duration::ZERO;
     loop {
@@ -169,7 +169,7 @@ async fn two_thousand_exports_at_once_end() {
     let stop = Arc::new(tokio::sync::Notify::new());
     let others = tokio::spawn(longest_wait(other, home.clone(), stop.clone()));
     let exports = async {
-        // None is read before all are answered, so that all are under way at once.
+        // No body is read before all requests are answered, so that all exports run at once.
         let path = format!("{home}/export");
         let asked = (0..EXPORTS).map(|_| server.client.request(reqwest::Method::GET, &path).send());
         let answers = futures::future::join_all(asked).await.into_iter().map(Result::unwrap);

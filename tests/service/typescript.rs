@@ -1,11 +1,13 @@
-//! The TypeScript client: generated from the document as this build serves it, compiled, and run against a server.
+//! The TypeScript client: generated from this build's document, compiled, and run against a server.
 //!
-//! It needs Node.js and the packages of `clients/typescript` (npm ci there); without them the test says so and passes,
-//! except where `VIOLA_BROWSER=1` says that they must be there.
+//! It needs Node.js and the packages of `clients/typescript` (npm ci there). Without them the test is skipped
+//! with a message, or fails if `VIOLA_BROWSER=1`.
 
 use serde_json::Value;
+use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::Command;
+use tempfile::TempDir;
 use viola_testing::process::Process;
 use viola_testing::{room, zips};
 
@@ -16,24 +18,29 @@ fn run(folder: &Path, program: &str, arguments: &[&str]) -> String {
     said.into_owned()
 }
 
-#[test]
-fn a_generated_client_compiles_and_maps_a_home() {
+/// Copies the client's sources with the types of this build's document; `None` without Node.js or packages.
+fn generated() -> Option<TempDir> {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("clients/typescript");
     let node = Command::new("node").arg("--version").output().is_ok_and(|answer| answer.status.success());
     if !node || !source.join("node_modules/openapi-typescript").is_dir() {
         let must = std::env::var_os("VIOLA_BROWSER").is_some_and(|value| value == "1");
         assert!(!must, "not there: Node.js, or clients/typescript/node_modules (npm ci there)");
         viola_testing::skipped("the TypeScript client", "install Node.js; npm ci in clients/typescript");
-        return;
+        return None;
     }
-    // A copy, so that nothing is written among the sources.
     let folder = tempfile::tempdir().unwrap();
     for name in ["client.ts", "tour.ts", "generate.mjs", "tsconfig.json", "package.json"] {
         std::fs::copy(source.join(name), folder.path().join(name)).unwrap();
     }
-    std::os::unix::fs::symlink(source.join("node_modules"), folder.path().join("node_modules")).unwrap();
+    symlink(source.join("node_modules"), folder.path().join("node_modules")).unwrap();
     std::fs::write(folder.path().join("viola.json"), viola::api::document_json()).unwrap();
     run(folder.path(), "node", &["generate.mjs", "viola.json", "schema.d.ts"]);
+    Some(folder)
+}
+
+#[test]
+fn a_generated_client_compiles_and_maps_a_home() {
+    let Some(folder) = generated() else { return };
     run(folder.path(), "node", &["node_modules/typescript/bin/tsc"]);
 
     let data = tempfile::tempdir().unwrap();
@@ -44,4 +51,17 @@ fn a_generated_client_compiles_and_maps_a_home() {
     let said: Value = serde_json::from_str(&said).unwrap();
     assert_eq!(said["state"], "aligned", "{said}");
     assert!(said["map_from_clip"]["yaw_rad"].is_number());
+}
+
+#[test]
+fn the_viewer_reads_the_document_s_types() {
+    let Some(generated) = generated() else { return };
+    let web = Path::new(env!("CARGO_MANIFEST_DIR")).join("web");
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["src", "tests", "node_modules", "tsconfig.json"] {
+        symlink(web.join(name), folder.path().join(name)).unwrap();
+    }
+    std::fs::copy(generated.path().join("schema.d.ts"), folder.path().join("schema.d.ts")).unwrap();
+    let arguments = ["node_modules/typescript/bin/tsc", "--noEmit", "--preserveSymlinks"];
+    run(folder.path(), "node", &arguments);
 }

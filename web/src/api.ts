@@ -1,6 +1,6 @@
 // Talks to the service, which is always the host that this page came from.
 
-import type { Class, Clip, Home, HomeMap, LidarMap, List, MapClip, Room, Scan, Thing } from "./types.ts";
+import type { Class, Clip, Home, HomeMap, LidarMap, List, Room, Scan, Thing } from "./types.ts";
 
 /** The service said no; the message is its own explanation. */
 export class Refusal extends Error {
@@ -134,16 +134,9 @@ export function scan(home: string, clip: string, signal: AbortSignal): Promise<S
   return getIfThere(homePath(home, "clips", clip, "scan"), signal);
 }
 
-/** The newest map; its clips are plain ids before revisions said where they are. */
-export async function homeMap(home: string, signal: AbortSignal): Promise<HomeMap | null> {
-  type Answer = Omit<HomeMap, "clips"> & { clips: (MapClip | string)[] };
-  const map: Answer | null = await getIfThere(homePath(home, "map"), signal);
-  return map && { ...map, clips: map.clips.map(placed) };
-}
-
-function placed(clip: MapClip | string): MapClip {
-  if (typeof clip !== "string") return clip;
-  return { clip, map_from_clip: null, by: null, probability: null, points: null };
+/** The newest map. */
+export function homeMap(home: string, signal: AbortSignal): Promise<HomeMap | null> {
+  return getIfThere(homePath(home, "map"), signal);
 }
 
 export async function rooms(home: string, signal: AbortSignal): Promise<Room[]> {

@@ -1,178 +1,42 @@
-// What the service answers, as far as the viewer reads it; the whole is in /openapi.json.
+// Answers of the service. `schema.d.ts` is generated from the OpenAPI document: `npm run types`.
 
-export interface Pose2 {
-  x_m: number;
-  y_m: number;
-  yaw_rad: number;
-}
+import type { components } from "../schema.d.ts";
 
-export interface Reason {
-  code: string;
-  detail: string;
-}
+type Schemas = components["schemas"];
+/** The service sends every member, null where there is no value; the document lets it leave such members out. */
+type Sent<T> = T extends readonly (infer Item)[]
+  ? Sent<Item>[]
+  : T extends object
+    ? { [Member in keyof T]-?: Sent<T[Member]> }
+    : T;
+/** The document does not say how long arrays are. */
+type With<Name extends keyof Schemas, Members> = Omit<Sent<Schemas[Name]>, keyof Members> & Members;
+type Point2 = [number, number];
+type Point3 = [number, number, number];
 
+export type Alternative = Sent<Schemas["Alternative"]>;
+export type Class = Schemas["Class"];
+export type Clip = Sent<Schemas["Clip"]>;
+export type ClipState = Schemas["ClipState"];
+export type Home = Sent<Schemas["Home"]>;
+export type Job = Sent<Schemas["Job"]>;
+export type Pose2 = Schemas["Pose2"];
+export type PictureFrame = With<"PictureFrame", { corner_m: Point2 }>;
+export type Room = With<"Room", { polygon_m: Point2[]; holes_m: Point2[][]; label_at_m: Point2 }>;
+export type Thing = With<"MapObject", { centre_m: Point3; size_m: Point3 }>;
+
+type LidarInfo = With<"LidarInfo", { min_m: Point2; max_m: Point2; rooms: With<"RoomInfo", { centre_m: Point2 }>[] }>;
+export type LidarMap = With<"CurrentLidarMap", { image: PictureFrame; info: LidarInfo }>;
+
+type HomeMapInfo = With<"HomeMapInfo", { min_m: Point3 | null; max_m: Point3 | null }>;
+export type HomeMap = With<"HomeMap", { info: HomeMapInfo }>;
+
+/** The hits and cameras of a clip, in its own frame. */
+export type Scan = With<"ClipScan", { hits_m: Point2[]; cameras: ScanCamera[] }>;
+type ScanCamera = With<"ScanCamera", { position_m: Point3; forward: Point3 }>;
+
+/** A page of a list. */
 export interface List<T> {
   items: T[];
   next: string | null;
-}
-
-export interface Home {
-  id: string;
-  name: string | null;
-  clips: number;
-  lidar_map_revision: number | null;
-  created_at: string;
-  updated_at: string;
-}
-
-/** Where a picture lies in the map's frame, x right and y up. */
-export interface PictureFrame {
-  /** The upper left corner. */
-  corner_m: [number, number];
-  px_per_m: number;
-  width_px: number;
-  height_px: number;
-}
-
-export interface LidarMap {
-  revision: number;
-  size_bytes: number;
-  created_at: string;
-  image: PictureFrame;
-  info: {
-    format: string;
-    frame: string;
-    cell_m: number | null;
-    occupied_points: number;
-    free_area_m2: number;
-    min_m: [number, number];
-    max_m: [number, number];
-    rooms: { id: string; name: string | null; area_m2: number; centre_m: [number, number] }[];
-    charger: Pose2 | null;
-    notes: string[];
-  };
-}
-
-export type ClipState = "uploaded" | "queued" | "aligning" | "aligned" | "ambiguous" | "failed";
-
-export interface Job {
-  id: string;
-  state: "queued" | "running" | "succeeded" | "failed" | "cancelled";
-  stage: string | null;
-  progress: number;
-  attempts: number;
-  max_attempts: number;
-  version: number;
-}
-
-export interface Alternative {
-  map_from_clip: Pose2;
-  loss_m: number;
-  inliers: number;
-  probability: number | null;
-  misplaced: number | null;
-  free_space: { blocked_rays: number; hits_on_floor: number; unseen_sides: number; walls_on_floor: number } | null;
-}
-
-export interface Alignment {
-  state: "aligned" | "ambiguous" | "failed";
-  probability: number | null;
-  map_from_clip: Pose2 | null;
-  loss_m: number | null;
-  inliers: number | null;
-  coverage: number | null;
-  alternatives: Alternative[];
-  reasons: Reason[];
-  hits: number;
-  key_frames: number;
-  floor: { assumed: boolean; camera_height_m: number } | null;
-  completion: { taken: boolean; views: unknown[]; imagined_by: string[] } | null;
-  labels: { by: string; key_frames: number } | null;
-  seconds: Record<string, number>;
-}
-
-export interface Clip {
-  id: string;
-  home: string;
-  state: ClipState;
-  reasons: Reason[];
-  size_bytes: number;
-  info: {
-    layout: string;
-    frames: number;
-    frames_with_pose: number;
-    color_width: number;
-    color_height: number;
-    depth_width: number;
-    depth_height: number;
-    duration_s: number | null;
-    gravity: string;
-    intrinsics: string;
-    depth_unit: string;
-    pose_convention: string;
-    notes: string[];
-  };
-  alignment?: Alignment | null;
-  job?: Job | null;
-  /** A person's choice. */
-  choice?: { map_from_clip: Pose2; alternative: number | null; chosen_at: string } | null;
-  /** Where the newest map has the clip. */
-  placement?: { map_from_clip: Pose2; by: string; probability: number | null } | null;
-  recorded_at?: string | null;
-  created_at: string;
-  updated_at: string;
-}
-
-export interface MapClip {
-  clip: string;
-  map_from_clip: Pose2 | null;
-  by: string | null;
-  probability: number | null;
-  points: number | null;
-}
-
-export interface HomeMap {
-  revision: number;
-  lidar_map_revision: number;
-  created_at: string;
-  clips: MapClip[];
-  info: {
-    points: number;
-    voxel_m: number;
-    min_m: [number, number, number] | null;
-    max_m: [number, number, number] | null;
-    classes: { class: string; points: number }[];
-  };
-}
-
-export interface Room {
-  id: string;
-  name: string | null;
-  area_m2: number;
-  polygon_m: [number, number][];
-  holes_m?: [number, number][][];
-  label_at_m: [number, number];
-}
-
-export interface Thing {
-  id: string;
-  class: string;
-  confidence: number;
-  centre_m: [number, number, number];
-  size_m: [number, number, number];
-  yaw_rad: number;
-  room: string | null;
-}
-
-/** What a virtual LiDAR saw in a clip, in the clip's frame. */
-export interface Scan {
-  hits_m: [number, number][];
-  cameras: { position_m: [number, number, number]; forward: [number, number, number] }[];
-}
-
-export interface Class {
-  id: number;
-  name: string;
-  color: string;
-  is_fixed: boolean;
 }

@@ -9,7 +9,7 @@ use viola_reconstruct::label::LabelReport;
 use viola_reconstruct::{FloorReport, Reason};
 
 /// The verdict on a clip.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AlignmentState {
     /// One pose stands out.
@@ -21,7 +21,7 @@ pub enum AlignmentState {
 }
 
 /// One explanation of the clip, the best first.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Alternative {
     pub map_from_clip: Pose2,
     /// Mean robust distance of the hits to the map, plus what free space and the rooms' names say against the pose, in metres:
@@ -44,7 +44,7 @@ pub struct Alternative {
 }
 
 /// Contradictions between what one side saw free and the other side has standing there.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FreeSpace {
     /// Share of the clip's rays that run through walls of the map, 0..1.
     pub blocked_rays: f64,
@@ -52,14 +52,13 @@ pub struct FreeSpace {
     pub hits_on_floor: f64,
     /// Share of the hits that fit a wall on the side from which the robot never saw it, 0..1.
     #[serde(default)]
-    #[schema(required = true)]
     pub unseen_sides: f64,
     /// Share of the map's walls that stand where the clip saw free floor, among those it speaks about, 0..1.
     pub walls_on_floor: f64,
 }
 
 /// The answer for one clip: `result.json` of `viola align`, and `alignment` of a clip over HTTP.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Alignment {
     pub state: AlignmentState,
     /// That the pose is right to 10 degrees and 0.3 m, 0..1; null when there is no pose.
@@ -111,7 +110,7 @@ impl Alignment {
 }
 
 /// The completion of an answer, as the answer reports it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CompletionReport {
     /// Points that continue walls.
     pub structure_points: usize,
@@ -132,7 +131,7 @@ pub struct CompletionReport {
 }
 
 /// A view in short.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ViewReport {
     /// In the clip frame.
     pub view: View,
@@ -143,7 +142,7 @@ pub struct ViewReport {
 }
 
 /// An answer in short.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
     pub state: AlignmentState,
     pub probability: Option<f64>,

@@ -14,7 +14,7 @@ mod score;
 mod search;
 mod target;
 
-pub use answer::{Alignment, AlignmentState, Alternative, CompletionReport, FreeSpace, Judged};
+pub use answer::{Alignment, AlignmentState, Alternative, CompletionReport, FreeSpace, Judged, ViewReport};
 pub use complete::{Activation, CompleteParams, Completion, register_completing};
 pub use observe::{FloorHypothesis, Observation, observe};
 pub use refine::{Refined, refine};

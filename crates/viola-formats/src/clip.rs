@@ -1,8 +1,8 @@
-//! A recorded RGB-D clip: what was understood of it, and its frames, one at a time.
+//! A recorded RGB-D clip: its summary, and its frames one at a time.
 //!
-//! [`Clip::open`] finds the layout by content, reads the small text files (poses, intrinsics, indices) and
-//! keeps them; pictures stay in their container until [`Clip::load`] asks for one, so memory does not grow
-//! with the clip's length beyond a hundred bytes a frame.
+//! [`Clip::open`] detects the layout by content, reads the small text files (poses, intrinsics, indices) and
+//! keeps them. Pictures stay in their container until [`Clip::load`], so memory grows by at most a hundred
+//! bytes per frame.
 
 mod assemble;
 mod depth;
@@ -26,28 +26,28 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use viola_geometry::{Pinhole, Pose3, Vector3};
 
-/// Frames of one clip.
+/// Maximum number of frames of one clip.
 const MAX_FRAMES: usize = 100_000;
 
-/// What was understood of a clip, told to whoever sent it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// Summary of a clip for its sender.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClipInfo {
-    /// Layout by name, for example `stray_scanner`, `record3d`, `polycam`, `scannet`, `tum_rgbd`.
+    /// Name of the layout, for example `stray_scanner`, `record3d`, `polycam`, `scannet`, `tum_rgbd`.
     pub layout: String,
-    /// Direction and camera axes of the poses as the files have them, for example
-    /// `camera-to-world, OpenCV (x right, y down, z forward)`.
+    /// Direction and camera axes of the poses in the files, for example `camera-to-world, OpenCV (x right, y
+    /// down, z forward)`.
     pub pose_convention: String,
     /// Unit of the depth pictures, for example `millimetres (16-bit PNG)`.
     pub depth_unit: String,
-    /// Which way is up and how it is known, for example `world z (layout)` or `unknown`.
+    /// Up direction and its source, for example `world z is up (layout)` or `unknown`.
     pub gravity: String,
-    /// Where the intrinsics come from.
+    /// Source of the intrinsics.
     pub intrinsics: String,
     /// Frames with both pictures.
     pub frames: usize,
     /// Frames with a finite pose.
     pub frames_with_pose: usize,
-    /// Frames that cannot be used because their pose is missing or not a finite rigid motion.
+    /// Frames whose pose is missing or not a finite rigid motion.
     pub skipped_without_pose: usize,
     /// Frames left out because one of their pictures is missing.
     pub skipped_incomplete: usize,
@@ -55,27 +55,27 @@ pub struct ClipInfo {
     pub color_height: u32,
     pub depth_width: u32,
     pub depth_height: u32,
-    /// Seconds from the first to the last frame, when the layout has times.
+    /// Seconds from the first to the last frame, if the layout has times.
     pub duration_s: Option<f64>,
-    /// When the first frame was recorded, in milliseconds since 1970 UTC, when the layout has times of day.
+    /// Time of the first frame in milliseconds since 1970 UTC, if the layout has times of day.
     pub recorded_at_ms: Option<i64>,
-    /// Anything else worth telling: assumptions made, files ignored.
+    /// Notes for the sender: assumptions made, files ignored.
     pub notes: Vec<String>,
 }
 
-/// What is known of a frame without decoding its pictures.
+/// Data of a frame that needs no decoding.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameHeader {
-    /// The number that the layout gives the frame; `--frames` counts in it.
+    /// Number of the frame in the layout; `--frames` refers to it.
     pub number: u32,
     pub time_s: Option<f64>,
-    /// Finite, with a unit rotation; none where the capture has none.
+    /// Finite, with a unit rotation; `None` if the capture has none.
     pub world_from_camera: Option<Pose3>,
-    /// What the accelerometer felt around then, in the camera's axes and any unit: against gravity, when at rest.
+    /// Specific force around that time, in the camera's axes and any unit: opposite to gravity at rest.
     pub force_in_camera: Option<Vector3>,
 }
 
-/// How long cameras take to read their pictures, from the first row to the last: what moves meanwhile leans.
+/// Readout times of the rolling shutters, from first to last row: motion meanwhile shears the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shutter {
     pub color_s: f64,
@@ -92,7 +92,7 @@ pub struct Frame {
     pub depth: DepthImage,
 }
 
-/// Metric depth along z, row after row from the top; 0 where there is no reading.
+/// Depth along z in metres, row by row from the top; 0 means no reading.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DepthImage {
     pub width: u32,
@@ -106,7 +106,7 @@ impl DepthImage {
     }
 }
 
-/// An opened clip. Frames are loaded one by one, from several threads at once where that helps.
+/// An opened clip. Several threads can load frames at once.
 pub struct Clip {
     info: ClipInfo,
     frames: Vec<FrameHeader>,
@@ -115,31 +115,31 @@ pub struct Clip {
     origin: Origin,
 }
 
-/// Where frames come from.
+/// Source of the frames.
 enum Origin {
     Files(Box<files::Files>),
     Memory(Box<dyn Fn(usize) -> Frame + Send + Sync>),
 }
 
 impl Clip {
-    /// Opens a folder, an archive or a file and finds the layout by content, wherever its root lies inside.
-    /// Reads poses, intrinsics and indices, and the headers of the first pictures. Video is decoded on the thread that
-    /// asks for it, which is for files that are trusted.
+    /// Opens a folder, an archive or a file and detects the layout by content, with its root at any depth.
+    /// Reads poses, intrinsics and indices, and the headers of the first pictures. Video is decoded on the
+    /// calling thread, so use this only for trusted files.
     pub fn open(path: &Path) -> Result<Clip, ClipError> {
         Clip::open_with(path, &Tools::default())
     }
 
-    /// The same for files of strangers: video is decoded by other processes.
+    /// Opens an untrusted clip like [`Clip::open`]; video is decoded by the processes of `tools`.
     pub fn open_with(path: &Path, tools: &Tools) -> Result<Clip, ClipError> {
         assemble::assemble(container::open(path)?, tools)
     }
 
-    /// [`Clip::open`] for what is in a container already, wherever that lies.
+    /// Opens a clip that is in a container already, like [`Clip::open`].
     pub fn from_container(container: Box<dyn Container>) -> Result<Clip, ClipError> {
         assemble::assemble(container, &Tools::default())
     }
 
-    /// A clip without files: `load(index)` makes the frame of `frames[index]`.
+    /// Returns a clip without files: `load(index)` makes the frame of `frames[index]`.
     pub fn from_frames(
         info: ClipInfo,
         frames: Vec<FrameHeader>,
@@ -153,45 +153,45 @@ impl Clip {
         &self.info
     }
 
-    /// Whether colour is a video, so that frames between those that are wanted are decoded too.
+    /// Returns whether colour is a video, so that frames between the wanted ones are decoded too.
     pub fn has_video(&self) -> bool {
         matches!(&self.origin, Origin::Files(files) if files.video.is_some())
     }
 
-    /// The frames with both pictures, in the order in which they were recorded.
+    /// Returns the frames with both pictures, in recording order.
     pub fn frames(&self) -> &[FrameHeader] {
         &self.frames
     }
 
-    /// Against gravity in the world of the device's poses: as the layout has it, else as the device felt it.
+    /// Returns the up direction in the world of the poses, by the layout or else by the accelerometer.
     pub fn up_in_world(&self) -> Option<Up> {
         self.up_by(self.frames.iter().filter_map(|frame| Some((frame, frame.world_from_camera.as_ref()?))))
     }
 
-    /// [`Clip::up_in_world`] by some of the device's poses only.
+    /// Returns [`Clip::up_in_world`] by the given poses only.
     pub fn up_by<'a>(&self, posed: impl IntoIterator<Item = (&'a FrameHeader, &'a Pose3)>) -> Option<Up> {
         self.up_in_world.map(Up::of_device).or_else(|| Up::felt(posed))
     }
 
-    /// How the cameras read their pictures, where that is known.
+    /// Returns the readout times of the cameras, if they are known.
     pub fn shutter(&self) -> Option<Shutter> {
         self.shutter
     }
 
-    /// Decodes frame `index` of [`Clip::frames`]. Where many frames are wanted, [`Clip::stream`] is faster.
+    /// Decodes frame `index` of [`Clip::frames`]. For many frames, [`Clip::stream`] is faster.
     ///
     /// # Panics
-    /// When there is no such frame.
+    /// If there is no such frame.
     pub fn load(&self, index: usize) -> Result<Frame, ClipError> {
         let mut decoded = self.stream(vec![index]).next_batch(1);
         decoded.pop().expect("one frame was asked for")
     }
 
-    /// Decodes the frames with these places in [`Clip::frames`], in their order, as many at a time as are asked for.
-    /// Places in ascending order are fastest: a video is then decoded once.
+    /// Decodes the frames at these indices of [`Clip::frames`], in their order and in batches. Indices of a
+    /// clip with video must ascend: the video is decoded once.
     ///
     /// # Panics
-    /// When there is no such frame.
+    /// If there is no such frame.
     pub fn stream(&self, indices: Vec<usize>) -> FrameStream<'_> {
         FrameStream::new(self, indices)
     }

@@ -1,7 +1,7 @@
-//! Where the files of a clip or a map lie: a folder, an archive that nobody has to unpack, or a file by itself.
+//! Containers of the files of a clip or a map: a folder, an archive read without unpacking, or a single file.
 //!
-//! All are hostile until shown otherwise. Names are checked before anything is read, every read says how
-//! many bytes it is prepared to take, and no size that an archive declares is believed.
+//! All content is untrusted. Names are checked before anything is read, every read has a limit in bytes, and
+//! sizes that an archive declares are not trusted.
 
 mod contents;
 mod error;
@@ -30,8 +30,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Opens a folder, or a file that is a zip or tar archive, a tar archive packed by gzip or zstd, or anything else: then
-/// it is a container of that one file. Which it is, its content says.
+/// Opens a folder, a zip or tar archive, a tar archive compressed with gzip or zstd, or any other file as a
+/// container of that file alone. The kind is detected by content.
 ///
 /// A packed tar archive is unpacked into an unnamed temporary file, within limits.
 pub fn open(path: &Path) -> Result<Box<dyn Container>, ContainerError> {
@@ -41,7 +41,7 @@ pub fn open(path: &Path) -> Result<Box<dyn Container>, ContainerError> {
         return Ok(Box::new(Folder::open(path)?));
     }
     if !metadata.is_file() {
-        // To open a pipe is to wait for whoever writes into it.
+        // Opening a pipe would block until there is a writer.
         return Err(unreadable(std::io::Error::other("it is neither a file nor a folder")));
     }
     let region = File::open(path).and_then(Region::whole).map_err(unreadable)?;

@@ -1,7 +1,9 @@
-//! Files from strangers: archives, recorded clips, LiDAR maps and videos. Every reader is bounded in memory and time, and
-//! refuses with a typed reason.
+//! Readers of untrusted files: archives, recorded clips, LiDAR maps and videos. Every reader is bounded in
+//! memory and time, and refuses with a typed reason.
 
 pub mod clip;
 pub mod container;
 pub mod lidar;
+pub mod ply;
+mod scalar;
 pub mod video;

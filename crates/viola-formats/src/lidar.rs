@@ -1,7 +1,7 @@
-//! A home's 2D LiDAR map: what is occupied, what is free, which rooms it has.
+//! A home's 2D LiDAR map: occupied and free cells, and rooms.
 //!
-//! The map's frame has x right and y up, in metres: that of the file for CSV, PLY, PCD and ROS; for Valetudo and
-//! the robots' own files the origin is the lower-left corner of the sheet (`size`).
+//! The map's frame has x right and y up, in metres. It is the file's for CSV, PLY, PCD and ROS; for Valetudo
+//! and the robots' own files the origin is the lower-left corner of the sheet (`size`).
 
 mod build;
 mod carmen;
@@ -24,21 +24,21 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use viola_geometry::{Grid, Point2, Pose2};
 
-/// Bytes of one map file.
+/// Maximum size of one map file, in bytes.
 pub const MAX_FILE_BYTES: u64 = 64 << 20;
-/// Cells of one map, before anything is allocated for them.
+/// Maximum number of cells of one map, checked before allocation.
 pub const MAX_CELLS: usize = 64 << 20;
-/// Occupied points of one map, and cells of all its rooms together.
+/// Maximum number of occupied points of one map, and of the cells of all its rooms together.
 pub const MAX_POINTS: usize = 5_000_000;
 
-/// The longest side of a map in metres: six times that of the largest vacuum map that was seen, and less than that of a map in
-/// centimetres.
+/// Maximum side of a map in metres: six times that of the largest known vacuum map, and less than that of a
+/// map in centimetres.
 pub const MAX_SIDE_M: f64 = 250.0;
 
-/// Rooms of one map that are looked at: more than a home has.
+/// Maximum number of rooms of one map that are used: more than a home has.
 pub const MAX_ROOMS: usize = 200;
 
-/// What a robot knows of a cell.
+/// State of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cell {
     Unknown,
@@ -51,33 +51,33 @@ pub enum Cell {
 #[derive(Debug, Clone)]
 pub struct LidarMap {
     pub info: LidarInfo,
-    /// Points on what the LiDAR hit: measured points, or the centres of occupied cells.
+    /// Points on obstacles: measured points, or the centres of occupied cells.
     pub occupied_m: Vec<Point2>,
-    /// The cells as the file has them; none for formats that are bare points.
+    /// The cells of the file; `None` for formats of bare points.
     pub cells: Option<Grid<Cell>>,
     pub rooms: Vec<Room>,
-    /// The dock, when the file has it; yaw is where the robot faces when docked.
+    /// The dock, if the file has it; yaw is the heading of the docked robot.
     pub charger: Option<Pose2>,
-    /// Centres of the cells in which the robot felt carpet.
+    /// Centres of the cells in which the robot detected carpet.
     pub carpet_m: Vec<Point2>,
 }
 
-/// A room (segment) that the robot's software made out.
+/// A room (segment) that the robot's software detected.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Room {
     pub id: String,
     pub name: Option<String>,
-    /// What its floor is made of, as the robot's software calls it: `wood`, `tile`, `carpet_low`, ...
+    /// Floor material in the terms of the robot's software: `wood`, `tile`, `carpet_low`, ...
     pub material: Option<String>,
     /// Centres of its cells.
     pub cells_m: Vec<Point2>,
 }
 
-/// What was understood of a map, told to whoever sent it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// Summary of a map for its sender.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LidarInfo {
-    /// Format by name: `valetudo`, `roborock`, `dreame`, `viomi`, `ros_map_server`, `csv_points`, `ply_points`,
-    /// `pcd_points`, `carmen_log`.
+    /// Name of the format: `valetudo`, `roborock`, `dreame`, `viomi`, `ros_map_server`, `csv_points`,
+    /// `ply_points`, `pcd_points`, `carmen_log`.
     pub format: String,
     /// The map's frame in words.
     pub frame: String,
@@ -92,19 +92,19 @@ pub struct LidarInfo {
     pub max_m: [f64; 2],
     pub rooms: Vec<RoomInfo>,
     pub charger: Option<Pose2>,
-    /// What else is drawn on the map.
+    /// Other marks on the map.
     #[serde(default)]
     pub marks: MapMarks,
-    /// Anything else worth telling: assumptions made, entities ignored.
+    /// Notes for the sender: assumptions made, entities ignored.
     pub notes: Vec<String>,
 }
 
 /// A room in [`LidarInfo`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RoomInfo {
     pub id: String,
     pub name: Option<String>,
-    /// What its floor is made of, where the robot's software knows.
+    /// Floor material, if the robot's software knows it.
     #[serde(default)]
     pub material: Option<String>,
     pub area_m2: f64,
@@ -113,7 +113,7 @@ pub struct RoomInfo {
 }
 
 impl LidarMap {
-    /// Opens a map file; the format is found by content. A ROS map is a zip of the `.yaml` file and its
+    /// Opens a map file; the format is detected by content. A ROS map is a zip of the `.yaml` file and its
     /// image, or the `.yaml` file itself with the image beside it.
     pub fn open(path: &Path) -> Result<LidarMap, LidarError> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -124,7 +124,7 @@ impl LidarMap {
         LidarMap::read(&bytes)
     }
 
-    /// Reads a map from the bytes of its file; the format is found by content. A ROS map is a zip.
+    /// Reads a map from the bytes of its file; the format is detected by content. A ROS map is a zip.
     pub fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
         if bytes.len() as u64 > MAX_FILE_BYTES {
             return Err(LidarError::FileTooLarge { max_bytes: MAX_FILE_BYTES });

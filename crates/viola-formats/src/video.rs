@@ -1,12 +1,12 @@
 //! Frames of a recorded video: mp4 and mov files with H.264 or HEVC.
 //!
-//! A video from a stranger is looked at in three steps. `inspect` reads the tables of the file, and nothing of the
-//! pictures. `decode` plans which samples must be decoded for the frames that are wanted, and decodes them: on this
-//! thread, or in another process with limits on memory and time ([`Tools`]), so that a file that breaks a decoder
-//! hurts nothing else. Only the frames that are wanted become RGB.
+//! An untrusted video is read in steps. `inspect` reads only the tables of the file. `decode` selects the
+//! samples that the wanted frames need, and decodes them on this thread, or in another process with limits on
+//! memory and time ([`Tools`]), so that a file that breaks a decoder harms nothing else. Only the wanted
+//! frames are converted to RGB.
 //!
-//! Frames are numbered in the order in which they are shown, from 0, after the file's edit list, as ffmpeg numbers
-//! them. The rotation in the track's header is told and not applied, because depth pictures and intrinsics of the
+//! Frames are numbered in presentation order, from 0, after the file's edit list, as ffmpeg numbers them. The
+//! rotation in the track's header is reported but not applied, because depth pictures and intrinsics of the
 //! recorders are not rotated either.
 
 mod boxes;
@@ -44,35 +44,35 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use track::Track;
 
-/// Programs that decode video outside this process, by their full paths. Default: none, and video is decoded on this
+/// Full paths of programs that decode video outside this process. Default: none, and video is decoded on this
 /// thread.
 #[derive(Debug, Clone, Default)]
 pub struct Tools {
     /// The `viola` binary, whose command `decode-video` is the child.
     pub viola: Option<PathBuf>,
-    /// ffmpeg, which is tried before `viola` and gives the same pixels; where it fails the other goes on.
+    /// ffmpeg, tried before `viola` and with the same pixels; the pure-Rust decoder is the fallback.
     pub ffmpeg: Option<PathBuf>,
-    /// What a child may take.
+    /// Limits of a child process.
     pub limits: Limits,
 }
 
-/// Reads the tables of a video. Costs at most the size of the tables in memory, and decodes nothing.
+/// Reads the tables of a video, without decoding. Memory is limited by the size of the tables.
 pub fn inspect(region: &Region) -> Result<VideoInfo, VideoError> {
     let track = Track::read(region)?;
     Ok(track.info())
 }
 
-/// Frames of a video, in the order of their numbers.
+/// Returns the wanted frames of a video, in the order of their numbers.
 ///
-/// `wanted` are numbers of frames in ascending order, each below the length of [`VideoInfo::time_s`]. Groups of
-/// pictures without a wanted frame are passed over. The tables are read at once, and what is wrong with them is told
-/// at once; pictures that cannot be decoded are told by the iterator, which then ends.
+/// `wanted` are numbers of frames in ascending order, each below the length of [`VideoInfo::time_s`]. Groups
+/// of pictures without a wanted frame are skipped. Bad tables are an error of this call; pictures that cannot
+/// be decoded are an error of the iterator, which then ends.
 pub fn decode(region: &Region, wanted: &[usize], tools: &Tools) -> Result<Frames, VideoError> {
     let track = open(region, wanted)?;
     Frames::open(clone(region)?, track, wanted, tools)
 }
 
-/// The same frames as they are coded, decoded on this thread: for comparison with other decoders.
+/// Returns the same frames as YUV planes, decoded on this thread: for comparison with other decoders.
 pub fn decode_planes(
     region: &Region,
     wanted: &[usize],
@@ -94,7 +94,7 @@ pub fn decode_planes(
     }))
 }
 
-/// The tables of a video that has the wanted frames.
+/// Reads the tables of a video, and checks that it has the wanted frames.
 fn open(region: &Region, wanted: &[usize]) -> Result<Track, VideoError> {
     let track = Track::read(region)?;
     let frames = track.shown.len();

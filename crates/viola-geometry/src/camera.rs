@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// A pinhole camera without distortion: x right, y down, z forward. Pixel centres are at integer
 /// coordinates, so `(0, 0)` is the centre of the first pixel.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pinhole {
     pub width: u32,
     pub height: u32,
@@ -17,8 +17,8 @@ pub struct Pinhole {
 }
 
 impl Pinhole {
-    /// The pixel that sees `point`, or none when the point is not in front of the camera.
-    /// The pixel may lie outside the picture.
+    /// Returns the pixel of a point, or `None` if the point is not in front of the camera. The pixel may lie
+    /// outside the picture.
     pub fn project(&self, point_in_camera: &Point3) -> Option<Point2<f64>> {
         if point_in_camera.z <= 1e-6 {
             return None;
@@ -29,17 +29,17 @@ impl Pinhole {
         ))
     }
 
-    /// The point at `depth_m` along z that pixel `(u, v)` sees.
+    /// Returns the point at `depth_m` along z on the ray of pixel `(u, v)`.
     pub fn unproject(&self, u: f64, v: f64, depth_m: f64) -> Point3 {
         Point3::from(self.ray(u, v) * depth_m)
     }
 
-    /// The viewing direction of pixel `(u, v)`, scaled to z = 1.
+    /// Returns the viewing direction of pixel `(u, v)`, scaled to z = 1.
     pub fn ray(&self, u: f64, v: f64) -> Vector3 {
         Vector3::new((u - self.cx) / self.fx, (v - self.cy) / self.fy, 1.0)
     }
 
-    /// The same camera with its picture resized to `width` x `height`.
+    /// Returns the camera with its picture resized to `width` x `height`.
     pub fn resized(&self, width: u32, height: u32) -> Pinhole {
         let (sx, sy) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
         Pinhole {
@@ -47,14 +47,14 @@ impl Pinhole {
             height,
             fx: self.fx * sx,
             fy: self.fy * sy,
-            // The corner of the picture stays; the first pixel's centre is half a pixel from it.
+            // The corner of the picture is fixed; the first pixel's centre is half a pixel from it.
             cx: (self.cx + 0.5) * sx - 0.5,
             cy: (self.cy + 0.5) * sy - 0.5,
         }
     }
 
-    /// Whether the numbers can be those of a camera: finite, focal lengths and principal point within
-    /// a few picture sizes.
+    /// Returns whether the intrinsics are plausible: focal lengths of 0.05 to 50 picture sizes, and a
+    /// principal point at most one picture size outside the picture.
     pub fn is_plausible(&self) -> bool {
         let size = f64::from(self.width.max(self.height));
         let focal = |f: f64| f.is_finite() && f > 0.05 * size && f < 50.0 * size;

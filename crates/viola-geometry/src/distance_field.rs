@@ -5,9 +5,9 @@ use rayon::prelude::*;
 
 /// Distance in metres from every cell's centre to the centre of the nearest occupied cell.
 ///
-/// Between centres the value is bilinear, so the distance to a wall of adjacent cells is zero all along
-/// the wall and grows linearly away from it. Outside the grid the value is that of the nearest cell plus
-/// the way there.
+/// Between centres the value is bilinear, so the distance to a wall of adjacent cells is zero all along the
+/// wall and grows linearly away from it. Outside the grid the value is that of the grid's nearest point plus
+/// the distance to it.
 #[derive(Debug, Clone)]
 pub struct DistanceField {
     grid: Grid<f32>,
@@ -15,8 +15,8 @@ pub struct DistanceField {
 }
 
 impl DistanceField {
-    /// Separable lower envelope of parabolas (Felzenszwalb and Huttenlocher, 2012): exact, linear in the
-    /// number of cells. Without any occupied cell the distance is the grid's diagonal everywhere.
+    /// Computes separable lower envelopes of parabolas (Felzenszwalb and Huttenlocher, 2012): exact, linear
+    /// in the number of cells. Without any occupied cell the distance is the grid's diagonal everywhere.
     pub fn new(occupied: &Grid<bool>) -> DistanceField {
         let GridFrame { width, height, cell_m, .. } = occupied.frame;
         let far = ((width * width + height * height) as f32).max(1.0);
@@ -59,24 +59,24 @@ impl DistanceField {
         &self.grid.frame
     }
 
-    /// The values at the cells' centres, in metres.
+    /// Returns the distances at the cells' centres, in metres.
     pub fn grid(&self) -> &Grid<f32> {
         &self.grid
     }
 
-    /// Distance at a point, in metres.
+    /// Returns the distance at a point, in metres.
     pub fn value(&self, point: &Point2) -> f64 {
         let at = self.locate(point);
         at.value() + at.outside_m
     }
 
-    /// Distance at a point and its gradient (metres per metre).
+    /// Returns the distance at a point in metres, and its gradient in metres per metre.
     #[inline]
     pub fn value_and_gradient(&self, point: &Point2) -> (f64, Vector2) {
         let GridFrame { origin_m, width, height, .. } = self.grid.frame;
         let u = (point.x - origin_m[0]) * self.cells_per_m - 0.5;
         let v = (point.y - origin_m[1]) * self.cells_per_m - 0.5;
-        // Refinement spends its time here, and nearly always inside. NaN fails the comparisons.
+        // Hot path of the refinement: nearly all points are inside. NaN fails the comparisons.
         if u >= 0.0 && v >= 0.0 && u < (width - 1) as f64 && v < (height - 1) as f64 {
             let (x0, y0) = (u as i32, v as i32);
             let from = y0 as usize * width + x0 as usize;
@@ -102,7 +102,7 @@ impl DistanceField {
         let cell_m = self.grid.frame.cell_m;
         let gx = ((1.0 - at.fy) * (at.v10 - at.v00) + at.fy * (at.v11 - at.v01)) / cell_m;
         let gy = ((1.0 - at.fx) * (at.v01 - at.v00) + at.fx * (at.v11 - at.v10)) / cell_m;
-        // Outside, the field below is constant along the axis that was clamped.
+        // Along a clamped axis the bilinear value is constant: only the distance to the grid has a slope.
         let inner = |slope: f64, outwards: f64| if outwards == 0.0 { slope } else { outwards };
         let gradient = Vector2::new(inner(gx, at.outwards.x), inner(gy, at.outwards.y));
         (at.value() + at.outside_m, gradient)
@@ -132,7 +132,7 @@ impl DistanceField {
     }
 }
 
-/// The four cells around a point and where it lies between them.
+/// The values of the four cells around a point, and its position between them.
 struct Located {
     v00: f64,
     v10: f64,
@@ -155,7 +155,7 @@ impl Located {
 struct Envelope {
     heights: Vec<f32>,
     vertices: Vec<usize>,
-    /// `bounds[k]` is where parabola `k` of the envelope takes over.
+    /// `bounds[k]` is the left bound of parabola `k` of the envelope.
     bounds: Vec<f32>,
 }
 
@@ -189,7 +189,7 @@ impl Envelope {
         }
     }
 
-    /// Where parabola `q` sinks below parabola `p < q`.
+    /// Returns the x from which parabola `q` is below parabola `p < q`.
     fn crossing(&self, p: usize, q: usize) -> f32 {
         let (pf, qf) = (p as f64, q as f64);
         let (hp, hq) = (f64::from(self.heights[p]), f64::from(self.heights[q]));

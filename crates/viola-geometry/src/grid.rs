@@ -2,7 +2,7 @@
 
 use super::Point2;
 
-/// Where the cells of a grid lie. Cell `(0, 0)` is the lower-left one; x runs right, y runs up.
+/// Position and size of a grid's cells. Cell `(0, 0)` is the lower-left one; x runs right, y runs up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GridFrame {
     /// The lower-left corner of cell `(0, 0)`, in metres.
@@ -14,14 +14,14 @@ pub struct GridFrame {
 }
 
 impl GridFrame {
-    /// The smallest frame of `cell_m` cells that holds the box `min..max` with `margin_m` around it.
+    /// Returns the smallest frame of `cell_m` cells that holds the box `min..max` with `margin_m` around it.
     pub fn covering(min_m: [f64; 2], max_m: [f64; 2], margin_m: f64, cell_m: f64) -> GridFrame {
         let origin_m = [min_m[0] - margin_m, min_m[1] - margin_m];
         let cells = |axis: usize| (((max_m[axis] + margin_m - origin_m[axis]) / cell_m).floor() as usize) + 1;
         GridFrame { origin_m, cell_m, width: cells(0), height: cells(1) }
     }
 
-    /// The cell that holds a point, or none outside the grid.
+    /// Returns the cell that holds a point, or `None` outside the grid.
     pub fn cell(&self, point: &Point2) -> Option<(usize, usize)> {
         let x = ((point.x - self.origin_m[0]) / self.cell_m).floor();
         let y = ((point.y - self.origin_m[1]) / self.cell_m).floor();
@@ -33,7 +33,7 @@ impl GridFrame {
         }
     }
 
-    /// The centre of a cell, in metres.
+    /// Returns the centre of a cell, in metres.
     pub fn centre(&self, x: usize, y: usize) -> Point2 {
         Point2::new(
             self.origin_m[0] + (x as f64 + 0.5) * self.cell_m,
@@ -50,7 +50,7 @@ impl GridFrame {
     }
 }
 
-/// One value a cell, row after row from the bottom.
+/// One value per cell, row by row from the bottom.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid<T> {
     pub frame: GridFrame,
@@ -70,7 +70,7 @@ impl<T: Copy> Grid<T> {
         self.cells[y * self.frame.width + x] = value;
     }
 
-    /// The value at a point, or none outside the grid.
+    /// Returns the value at a point, or `None` outside the grid.
     pub fn at(&self, point: &Point2) -> Option<T> {
         self.frame.cell(point).map(|(x, y)| self.get(x, y))
     }

@@ -1,9 +1,9 @@
 //! Transforms, cameras, planes, grids and distance fields. No I/O; metres and radians throughout.
 //!
 //! Transforms are named by their spaces so that they cancel: `map_from_clip * clip_from_camera` is a
-//! `map_from_camera`. The spaces: `camera` is x right, y down, z forward; `world` is whatever frame the
-//! device poses are in; `clip` is z up with its origin on the floor below the first camera and x along
-//! that camera's heading; `map` is the LiDAR map's own frame, x right, y up.
+//! `map_from_camera`. The spaces: `camera` is x right, y down, z forward; `world` is the frame of the
+//! device's poses; `clip` is z up with its origin on the floor below the first camera and x along that
+//! camera's heading; `map` is the LiDAR map's own frame, x right, y up.
 
 mod camera;
 mod distance_field;

@@ -15,7 +15,7 @@ impl Plane {
         Plane { normal, offset_m: normal.dot(&point.coords) }
     }
 
-    /// Signed distance: positive on the side that the normal points to.
+    /// Returns the signed distance, positive on the side that the normal points to.
     pub fn height_m(&self, point: &Point3) -> f64 {
         self.normal.dot(&point.coords) - self.offset_m
     }
@@ -24,7 +24,7 @@ impl Plane {
         Plane { normal: -self.normal, offset_m: -self.offset_m }
     }
 
-    /// The plane of least squared distance to the points, or none when they do not span one.
+    /// Returns the plane of least squared distance to the points, or `None` if they do not span one.
     pub fn fit<'a>(points: impl Iterator<Item = &'a Point3> + Clone) -> Option<Plane> {
         let mut count = 0usize;
         let mut sum = Vector3::zeros();

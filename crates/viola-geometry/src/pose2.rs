@@ -4,7 +4,7 @@ use super::{Point2, Vector2};
 use serde::{Deserialize, Serialize};
 
 /// A rigid motion of the plane, SE(2): rotate by `yaw_rad`, then move by `(x_m, y_m)`.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Pose2 {
     pub x_m: f64,
     pub y_m: f64,
@@ -36,7 +36,7 @@ impl Pose2 {
         Point2::new(rotated.x + self.x_m, rotated.y + self.y_m)
     }
 
-    /// Turns a direction; it is not moved.
+    /// Rotates a direction, without the translation.
     pub fn rotate(&self, direction: &Vector2) -> Vector2 {
         let (s, c) = self.yaw_rad.sin_cos();
         Vector2::new(c * direction.x - s * direction.y, s * direction.x + c * direction.y)
@@ -46,7 +46,7 @@ impl Pose2 {
         Vector2::new(self.x_m, self.y_m)
     }
 
-    /// Distance between the origins, in metres.
+    /// Returns the distance between the origins, in metres.
     pub fn distance_m(&self, other: &Pose2) -> f64 {
         (self.translation() - other.translation()).norm()
     }
@@ -56,14 +56,14 @@ impl Pose2 {
     }
 }
 
-/// The same angle in (-pi, pi].
+/// Returns the same angle in (-pi, pi].
 pub fn wrap_angle(angle_rad: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     let wrapped = (angle_rad + PI).rem_euclid(TAU) - PI;
     if wrapped <= -PI { wrapped + TAU } else { wrapped }
 }
 
-/// The unsigned difference of two angles, 0..pi.
+/// Returns the unsigned difference of two angles, 0..pi.
 pub fn angle_between(a_rad: f64, b_rad: f64) -> f64 {
     wrap_angle(a_rad - b_rad).abs()
 }

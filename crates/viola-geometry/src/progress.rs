@@ -1,11 +1,9 @@
-//! How long work reports itself and hears that it should stop, without knowing a clock or a channel.
+//! Progress and cancellation of long work, independent of clocks and channels.
 
 use serde::{Deserialize, Serialize};
 
 /// The stages of aligning one clip, in the order in which they run.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, utoipa::ToSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
     /// Open the container and read the poses and the intrinsics.
@@ -14,7 +12,7 @@ pub enum Stage {
     Track,
     /// Decode the key frames and fuse them into a signed distance map.
     Fuse,
-    /// Ask the network, if there is one, what the key frames show.
+    /// Label the key frames with the network, if there is one.
     Label,
     /// Find the floor plane.
     Floor,
@@ -24,9 +22,9 @@ pub enum Stage {
     Search,
     /// Refine all candidates at once.
     Refine,
-    /// Compare the candidates and say how sure the best one is.
+    /// Compare the candidates and compute the confidence of the best one.
     Decide,
-    /// Fill in what the clip did not see; search, refine and decide come again behind it.
+    /// Complete the unseen parts of the clip; then search, refine and decide run again.
     Complete,
     /// Write pictures and clouds.
     Report,
@@ -47,7 +45,7 @@ impl Stage {
         Stage::Report,
     ];
 
-    /// The name used in results, logs and events.
+    /// Returns the name in results, logs and events.
     pub fn name(self) -> &'static str {
         match self {
             Stage::Decode => "decode",
@@ -64,8 +62,8 @@ impl Stage {
         }
     }
 
-    /// Where this stage begins and ends on the whole job's scale 0..1. The shares are typical times,
-    /// so that a bar moves evenly; nothing else depends on them.
+    /// Returns the start and end of this stage as fractions of the whole job. They are typical times, so that
+    /// a progress bar moves evenly; nothing else depends on them.
     pub fn span(self) -> (f64, f64) {
         match self {
             Stage::Decode => (0.0, 0.03),
@@ -82,45 +80,45 @@ impl Stage {
         }
     }
 
-    /// `fraction` of this stage on the whole job's scale 0..1.
+    /// Converts a fraction of this stage to a fraction of the whole job.
     pub fn overall(self, fraction: f64) -> f64 {
         let (from, to) = self.span();
         from + (to - from) * fraction.clamp(0.0, 1.0)
     }
 }
 
-/// Heard by the method while it works. Called from worker threads, so it must be quick.
+/// Receives the progress of the method. Worker threads call it, so it must be quick.
 pub trait Progress: Sync {
-    /// A stage begins.
+    /// Reports the start of a stage.
     fn enter(&self, stage: Stage);
-    /// `fraction` (0..1) of the current stage is done.
+    /// Reports that `fraction` (0..1) of the current stage is done.
     fn advance(&self, fraction: f64);
-    /// Whether somebody asked to stop. Stages ask often and end with [`Cancelled`].
+    /// Returns whether a stop was requested. Stages poll this often and end with [`Cancelled`].
     fn cancelled(&self) -> bool;
-    /// Whether the time that the current stage may take is over: what it has by then counts. Only stages that say so
-    /// in their documentation ask.
+    /// Returns whether the current stage's time budget is used up; the stage then keeps its results so far.
+    /// Only stages with a documented budget poll this.
     fn out_of_time(&self) -> bool {
         false
     }
 }
 
-/// The work was stopped because [`Progress::cancelled`] said so.
+/// The work stopped because [`Progress::cancelled`] returned true.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("cancelled")]
 pub struct Cancelled;
 
-/// Ends the work with [`Cancelled`] when somebody asked to stop.
+/// Returns [`Cancelled`] if a stop was requested.
 pub fn check(progress: &dyn Progress) -> Result<(), Cancelled> {
     if progress.cancelled() { Err(Cancelled) } else { Ok(()) }
 }
 
-/// Begins a stage, unless somebody asked to stop.
+/// Reports the start of a stage, then returns [`Cancelled`] if a stop was requested.
 pub fn begin(progress: &dyn Progress, stage: Stage) -> Result<(), Cancelled> {
     progress.enter(stage);
     check(progress)
 }
 
-/// Nobody listens and nobody cancels.
+/// A [`Progress`] that ignores reports and never cancels.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

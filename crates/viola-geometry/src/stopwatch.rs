@@ -1,11 +1,11 @@
-//! Takes the time of each stage. The caller hands in the clock.
+//! Measures the time of each stage. The caller provides the clock.
 
 use crate::progress::{Progress, Stage};
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// A [`Progress`] that passes everything on and remembers how long each stage took.
+/// A [`Progress`] that forwards everything and records the duration of each stage.
 pub struct Stopwatch<'a> {
     inner: &'a dyn Progress,
     laps: Mutex<Laps>,
@@ -13,7 +13,7 @@ pub struct Stopwatch<'a> {
     clock: Clock,
 }
 
-/// Tells the time: `Instant::now`.
+/// A function that returns the time: `Instant::now`.
 pub type Clock = fn() -> Instant;
 
 struct Laps {
@@ -27,12 +27,12 @@ impl<'a> Stopwatch<'a> {
         Stopwatch { inner, laps: Mutex::new(laps), budget: None, clock }
     }
 
-    /// Gives a stage so much time.
+    /// Limits the time of a stage.
     pub fn with_budget(self, stage: Stage, time: Duration) -> Stopwatch<'a> {
         Stopwatch { budget: Some((stage, time)), ..self }
     }
 
-    /// Ends the current stage and gives the seconds of each.
+    /// Ends the current stage and returns the seconds of each.
     pub fn stop(self) -> BTreeMap<String, f64> {
         let now = (self.clock)();
         let mut laps = self.laps.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
@@ -94,7 +94,7 @@ mod tests {
         watch.enter(Stage::Search);
         assert!(!watch.out_of_time());
         watch.enter(Stage::Complete);
-        // A clock that is too coarse has not moved yet.
+        // A coarse clock may not have advanced yet.
         while !watch.out_of_time() {}
         let patient =
             Stopwatch::around(&watch, Instant::now).with_budget(Stage::Complete, Duration::from_secs(3600));

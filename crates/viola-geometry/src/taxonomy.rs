@@ -1,4 +1,4 @@
-//! What things in a home are: one list of classes, and how other people's lists fold into it.
+//! Classes of things in a home, and the mapping of other class lists to them.
 
 mod ade20k;
 mod coco;
@@ -13,16 +13,15 @@ macro_rules! classes {
     ($($variant:ident = $id:literal $name:literal $color:literal),+ $(,)?) => {
         /// The class of a point. Ids and names are stable: they are in stored maps and in label pictures.
         #[derive(
-            Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, utoipa::ToSchema,
+            Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
         )]
         #[serde(rename_all = "snake_case")]
-        #[schema(as = ClassName)]
         pub enum Class {
             $($variant = $id),+
         }
 
         impl Class {
-            /// All classes; the place of one is its id.
+            /// All classes; the index of a class is its id.
             pub const ALL: &[Class] = &[$(Class::$variant),+];
 
             pub fn name(self) -> &'static str {
@@ -31,7 +30,7 @@ macro_rules! classes {
                 }
             }
 
-            /// Red, green and blue.
+            /// Returns the colour as red, green and blue.
             pub fn color(self) -> [u8; 3] {
                 let rgb: u32 = match self {
                     $(Class::$variant => $color),+
@@ -81,11 +80,11 @@ classes! {
     Animal = 34 "animal" 0xff7f50,
 }
 
-/// How many classes there are.
+/// Number of classes.
 pub const CLASSES: usize = Class::ALL.len();
 
 impl Class {
-    /// The number in files and label pictures.
+    /// Returns the number in files and label pictures.
     pub fn id(self) -> u16 {
         self as u16
     }
@@ -94,13 +93,13 @@ impl Class {
         Class::ALL.get(id).copied()
     }
 
-    /// Part of the building, that no day changes.
+    /// Returns whether this is a permanent part of the building.
     pub fn is_structure(self) -> bool {
         matches!(self, Class::Floor | Class::Wall | Class::Ceiling | Class::Window | Class::Stairs)
     }
 
-    /// Built in, or too heavy to be elsewhere on another day. What is not fixed may have moved between the
-    /// day of the map and that of the clip.
+    /// Returns whether this is built in or too heavy to be moved. Other things may have moved between the day
+    /// of the map and that of the clip.
     pub fn is_fixed(self) -> bool {
         self.is_structure()
             || matches!(
@@ -119,8 +118,8 @@ impl Class {
             )
     }
 
-    /// Has a level top, or treads, broad enough to be taken for a floor. What is flat and called something else is
-    /// called so wrongly: walls, curtains and pictures lie nowhere.
+    /// Returns whether this has a level top, or treads, broad enough to be mistaken for a floor. A flat
+    /// surface of another class is mislabelled: walls, curtains and pictures do not lie flat.
     pub fn has_level_top(self) -> bool {
         matches!(
             self,
@@ -146,13 +145,13 @@ impl Class {
         )
     }
 
-    /// Lies flat on the floor, so that its surface is the floor's.
+    /// Returns whether its surface is the floor's: the floor itself, or a thing that lies flat on it.
     pub fn is_ground(self) -> bool {
         matches!(self, Class::Floor | Class::Rug)
     }
 }
 
-/// The lists of classes in which networks and data sets speak.
+/// Class lists of networks and data sets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ClassTable {
@@ -167,7 +166,7 @@ pub enum ClassTable {
 }
 
 impl ClassTable {
-    /// Our class for each of the table's ids, in their order.
+    /// Returns our class for each of the table's ids, in their order.
     pub fn classes(self) -> &'static [Class] {
         match self {
             ClassTable::Ade20k => &ade20k::CLASSES,
@@ -177,7 +176,7 @@ impl ClassTable {
         }
     }
 
-    /// Our class for an id of the table; what it does not know is [`Class::Other`].
+    /// Returns our class for an id of the table; unknown ids are [`Class::Other`].
     pub fn fold(self, id: usize) -> Class {
         self.classes().get(id).copied().unwrap_or(Class::Other)
     }

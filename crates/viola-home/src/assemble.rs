@@ -1,7 +1,7 @@
-//! A home's map out of the set of its clips.
+//! Builds a home's map from the set of its clips.
 //!
-//! [`assemble`] is a function of the set: the clips are brought into an order that depends on what they are and not on
-//! when they came, and everything that is kept from the last map is only there so as not to be computed again.
+//! [`assemble`] is a function of the set: clips are sorted by their content, not by their arrival, and the
+//! last map serves only as a cache.
 
 mod cache;
 mod level;
@@ -31,30 +31,30 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use viola_geometry::Pose2;
 
-/// What is known of a map without its points. The next one starts from it.
+/// Summary of a map without its points; input of the next merge.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// The clips in the map, in the canonical order.
     pub clips: Vec<PlacedClip>,
-    /// How clips that may overlap lie to each other.
+    /// Relative poses of clips that may overlap.
     pub pairs: Vec<Pair>,
-    /// What placed clips said of the alternatives of ambiguous ones.
+    /// Agreement of placed clips with the alternatives of ambiguous ones.
     pub opinions: Vec<Opinion>,
     pub tiles: Vec<(TileKey, TileInfo)>,
 }
 
-/// Two clips whose boxes meet, named by their shares, at the poses that they had by themselves.
+/// Two clips whose boxes meet, named by their contributions, at their poses before joint refinement.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Pair {
     pub a: String,
     pub b: String,
     pub map_from_a: Pose2,
     pub map_from_b: Pose2,
-    /// None when they did not see the same thing.
+    /// None if the clips do not overlap.
     pub overlap: Option<Overlap>,
 }
 
-/// What a clip that has a place says of one alternative of one that has none, both named by their shares.
+/// Agreement of a placed clip with one alternative of an ambiguous one, both named by their contributions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Opinion {
     pub asked: String,
@@ -64,14 +64,14 @@ pub struct Opinion {
     pub said: Agreement,
 }
 
-/// The next map: what is known of it, and the tiles that are not as they were; none for those that are empty now.
+/// The next map: its manifest and the changed tiles; none for tiles that became empty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Assembly {
     pub manifest: Manifest,
     pub changed: BTreeMap<TileKey, Option<Tile>>,
 }
 
-/// Makes the map of `members` from the last one and what `load` gives of each clip.
+/// Builds the map of `members` from the last manifest; `load` returns a clip's contribution.
 pub fn assemble<E>(
     last: &Manifest,
     mut members: Vec<Member>,

@@ -1,4 +1,4 @@
-//! Pictures of a completion: what each view showed, what was made of it, and the plan before and after.
+//! Pictures of a completion: each view, its inpainted result, and the plan before and after.
 
 use super::{lettering, shades};
 use image::{GrayImage, ImageFormat, Rgb, RgbImage, imageops};
@@ -27,7 +27,7 @@ mod ink {
     pub const BOUNDARY: Rgb<u8> = Rgb([220, 38, 38]);
 }
 
-/// All of it on one sheet; none without a completion.
+/// Returns a sheet with all pictures as PNG; none without a completion.
 pub fn completion_png(aligned: &Aligned) -> Option<Vec<u8>> {
     let (completion, report) = (aligned.completion.as_ref()?, aligned.alignment.completion.as_ref()?);
     let rows: Vec<[(&str, RgbImage); 4]> = completion.views.iter().map(tiles).collect();
@@ -35,7 +35,7 @@ pub fn completion_png(aligned: &Aligned) -> Option<Vec<u8>> {
     Some(png(&sheet(&rows, &plans, report)))
 }
 
-/// The sheet and every picture on it by itself, by their file names. None without a completion.
+/// Returns the sheet and each of its pictures as PNG, with file names; empty without a completion.
 pub fn completion_pngs(aligned: &Aligned) -> Vec<(String, Vec<u8>)> {
     let (Some(completion), Some(sheet)) = (&aligned.completion, completion_png(aligned)) else {
         return Vec::new();
@@ -75,7 +75,7 @@ fn expand(mask: &GrayImage) -> RgbImage {
     RgbImage::from_fn(mask.width(), mask.height(), |x, y| Rgb([mask.get_pixel(x, y).0[0]; 3]))
 }
 
-/// The view's depth at its picture's size.
+/// Returns the view's depth picture at the colour picture's size.
 fn shades(view: &CompletedView) -> RgbImage {
     let small = shades::shades(view.depth_camera.width, view.depth_camera.height, &view.depth_m);
     imageops::resize(&small, view.camera.width, view.camera.height, imageops::FilterType::Nearest)
@@ -114,7 +114,7 @@ fn sheet(
     canvas
 }
 
-/// The report in lines.
+/// Returns the report as lines of text.
 fn words(report: &CompletionReport) -> Vec<String> {
     let judged = |judged: &viola_align::Judged| {
         let state = format!("{:?}", judged.state).to_lowercase();
@@ -147,8 +147,7 @@ fn words(report: &CompletionReport) -> Vec<String> {
     ]
 }
 
-/// The clip from above, x to the right: what was seen, what was filled in, and what stops a ray at the vacuum's
-/// height.
+/// Draws the clip from above, x right: observed points, completed points, and hits at the vacuum's height.
 fn plan(aligned: &Aligned, completion: &Completion, after: bool) -> RgbImage {
     let observed = aligned.cloud_in_clip.points.iter().map(|p| p.position().xy());
     let filled = completion.cloud_in_clip.points.iter().map(|p| p.position().xy());
@@ -204,7 +203,7 @@ impl Paper {
         }
     }
 
-    /// A camera and where it looks.
+    /// Draws a camera and its viewing direction.
     fn wedge(&self, canvas: &mut RgbImage, pose: &Pose2, ink: Rgb<u8>) {
         let apex = Point2::new(pose.x_m, pose.y_m);
         self.dot(canvas, &apex, 3, ink);

@@ -1,4 +1,4 @@
-//! A clip at a glance: a dozen frames, colour above depth.
+//! Contact sheet of a clip: a dozen frames, colour above depth.
 
 use super::lettering;
 use super::shades::shades;
@@ -17,14 +17,14 @@ const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
 const TEXT: Rgb<u8> = Rgb([32, 32, 32]);
 const BROKEN: Rgb<u8> = Rgb([220, 38, 38]);
 
-/// Frames evenly spaced over the clip, as PNG; what cannot be decoded is a caption with the reason. Fails when no frame
-/// can be decoded.
+/// Returns evenly spaced frames of the clip as PNG; a frame that cannot be decoded is a caption with the
+/// reason. Fails if no frame can be decoded.
 pub fn contact_sheet_png(clip: &Clip) -> Result<Vec<u8>, ClipError> {
     let frames = clip.frames().len();
     let count = frames.min((COLUMNS * ROWS) as usize);
     let places: Vec<usize> = (0..count).map(|i| i * (frames - 1) / (count - 1).max(1)).collect();
     let mut stream = clip.stream(places.clone());
-    // One by one: the pictures of a phone are large, and here they become small.
+    // One by one: a phone's pictures are large, their tiles are small.
     let tiles: Vec<Result<RgbImage, ClipError>> = places
         .iter()
         .flat_map(|_| stream.next_batch(1))
@@ -65,7 +65,7 @@ fn caption(header: &FrameHeader) -> String {
     format!("frame {}{time}{pose}", header.number)
 }
 
-/// Colour above depth, both of one size.
+/// Returns colour above depth at the same size.
 fn tile(frame: &Frame) -> RgbImage {
     let (width, height) = frame.color.dimensions();
     let scale = f64::from(SIDE) / f64::from(width.max(height));

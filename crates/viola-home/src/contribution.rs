@@ -1,4 +1,4 @@
-//! What a clip brings to its home's map, and how it is kept between two merges.
+//! A clip's contribution to its home's map, and its storage format.
 
 use super::ply::NotOurs;
 use flate2::Compression;
@@ -11,7 +11,7 @@ use viola_align::Aligned;
 use viola_geometry::{Pinhole, Pose3, Vector3};
 use viola_reconstruct::{PointCloud, Readings, View};
 
-/// What a clip saw, in its own frame.
+/// A clip's points and views, in the clip's frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClipContribution {
     pub cloud_in_clip: PointCloud,
@@ -24,20 +24,20 @@ impl ClipContribution {
     }
 }
 
-/// What the vacuum would have seen of a clip, and where its cameras were: for drawing it at any pose.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// A clip's virtual LiDAR hits and cameras, for drawing it at any pose.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClipScan {
-    /// Hits at the vacuum's height, in the clip's frame: z up, its origin on the floor below the first camera.
+    /// Hits at the vacuum's height, in the clip's frame: z up, origin on the floor below the first camera.
     pub hits_m: Vec<[f32; 2]>,
     /// The key frames in the order of recording.
     pub cameras: Vec<ScanCamera>,
 }
 
 /// A key frame's camera in the clip's frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScanCamera {
     pub position_m: [f32; 3],
-    /// Unit length, where the camera looks.
+    /// Viewing direction, of unit length.
     pub forward: [f32; 3],
 }
 
@@ -57,12 +57,12 @@ impl ClipScan {
 }
 
 const MAGIC: &[u8; 8] = b"violav01";
-/// Of one file, unpacked: far more than the most key frames that a clip may have.
+/// Maximum size of a file after inflation: far above the maximum number of key frames.
 const MAX_BYTES: u64 = 64 << 20;
-/// A pose, a camera, and how many readings follow.
+/// Header of a view: pose, camera, and layout of the readings.
 const HEAD_BYTES: usize = 7 * 8 + 2 * 4 + 4 * 8 + 2 * 2 + 4;
 
-/// The views of a clip as a file; [`read_views`] reads it.
+/// Returns a clip's views as file bytes; [`read_views`] is the inverse.
 pub fn views_bytes(views: &[View]) -> Vec<u8> {
     let mut plain = Vec::new();
     for view in views {
@@ -84,7 +84,7 @@ pub fn views_bytes(views: &[View]) -> Vec<u8> {
     packer.finish().unwrap_or_default()
 }
 
-/// Reads what [`views_bytes`] wrote.
+/// Inverse of [`views_bytes`].
 pub fn read_views(bytes: &[u8]) -> Result<Vec<View>, NotOurs> {
     let packed = bytes.strip_prefix(MAGIC).ok_or(NotOurs)?;
     let mut plain = Vec::new();
@@ -107,7 +107,7 @@ pub fn read_views(bytes: &[u8]) -> Result<Vec<View>, NotOurs> {
             return Err(NotOurs);
         }
         let turn = Quaternion::new(pose[3], pose[0], pose[1], pose[2]);
-        // Taken as it was written: to normalise it again would change its last bits.
+        // Not normalised again: that would change its last bits.
         if (turn.norm() - 1.0).abs() > 1e-6 {
             return Err(NotOurs);
         }
@@ -122,7 +122,7 @@ pub fn read_views(bytes: &[u8]) -> Result<Vec<View>, NotOurs> {
     Ok(views)
 }
 
-/// Little-endian numbers one after the other; the caller has made sure that they are there.
+/// Reader of little-endian numbers; the caller checks the length.
 struct Numbers<'a>(&'a [u8]);
 
 impl Numbers<'_> {

@@ -1,4 +1,4 @@
-//! Which part of the LiDAR map the fused map has seen.
+//! Coverage of the LiDAR map by the fused map.
 
 use super::map_point::MapPoint;
 use super::rooms::space::Space;
@@ -8,35 +8,35 @@ use viola_formats::lidar::LidarMap;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{DistanceField, Grid, Point2};
 
-/// A point of the LiDAR map is explained by upright surface this near, seen from above.
+/// Maximum distance, seen from above, of a surface that explains a point of the LiDAR map.
 const NEAR_M: f64 = 0.1;
-/// Heights above the floor of such a surface: a wall hidden by a chair at the LiDAR's height is seen above it.
+/// Heights of such a surface above the floor: a wall behind a chair is seen above the LiDAR's height.
 const HEIGHTS_M: [f64; 2] = [0.05, 2.0];
-/// Floor is seen where a fused point lies this near, seen from above.
+/// Maximum distance, seen from above, of a fused point that covers a free cell.
 const FLOOR_NEAR_M: f64 = 0.1;
-/// Height up to which such a point is the floor itself, or what stands on it.
+/// Maximum height of such a point: the floor, or an object on it.
 const FLOOR_BELOW_M: f64 = 1.5;
-/// What the LiDAR hit this far from a room is of its walls.
+/// Occupied cells this far from a room belong to its walls.
 const ROOM_REACH_M: f64 = 0.4;
 
-/// How much of the LiDAR map was seen.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// Coverage of the LiDAR map by the fused map.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Coverage {
-    /// Share of the LiDAR map's occupied points that the fused map explains: it has a surface other than the floor
-    /// within 10 cm of it, below 2 m. 0 for a map without such points.
+    /// Fraction of the LiDAR map's occupied points that the fused map explains with a surface other than
+    /// floor and ceiling within 10 cm, 0.05 to 2 m high. 0 for a map without such points.
     pub seen: f64,
-    /// Share of the LiDAR map's free area over which the fused map has the floor, or what stands on it. 0 for a map
-    /// without free area.
+    /// Fraction of the LiDAR map's free area where the fused map has the floor or an object on it. 0 for a
+    /// map without free area.
     pub floor_seen: f64,
     pub by_room: Vec<RoomCoverage>,
 }
 
-/// The same for one room.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// Coverage of one room.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RoomCoverage {
     /// Id of the room.
     pub room: String,
-    /// Of the occupied points in the room and at its walls.
+    /// Fraction of the occupied points in the room and at its walls.
     pub seen: f64,
     pub floor_seen: f64,
 }
@@ -53,13 +53,13 @@ impl ClipContribution {
         self.of += 1;
     }
 
-    /// In thousandths, 0..1.
+    /// Returns the fraction in 0..1, rounded to thousandths.
     fn value(self) -> f64 {
         (self.seen as f64 / self.of.max(1) as f64 * 1e3).round() / 1e3
     }
 }
 
-/// How much of the LiDAR map the fused map has seen, on the whole and by room.
+/// Returns the fused map's coverage of the LiDAR map, overall and per room.
 pub fn coverage(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room]) -> Coverage {
     let space = Space::new(lidar, &[]);
     let near = |counts: &dyn Fn(&MapPoint, f64) -> bool| {
@@ -80,12 +80,12 @@ pub fn coverage(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room]) -> Covera
             && point.point.label.class != Class::Ceiling
     });
     let ground = near(&|_, z| z < FLOOR_BELOW_M);
-    // Fields are exact between the centres of cells: half a cell of doubt is theirs.
+    // Distance fields are between cell centres: half a cell of tolerance.
     let slack_m = space.frame.cell_m / 2.0;
     let is_near = |field: &Option<DistanceField>, at: usize, reach_m: f64| {
         field.as_ref().is_some_and(|field| f64::from(field.grid().cells[at]) <= reach_m + slack_m)
     };
-    // Which room each cell is of, worked out once a cell.
+    // Index of a cell's room.
     let place = |at: usize, reach_m: f64| {
         let room = room_at(rooms, &space.centre(at), reach_m)?;
         rooms.iter().position(|other| std::ptr::eq(other, room))
@@ -159,7 +159,7 @@ mod tests {
         assert!((half.seen - 0.5).abs() < 0.05, "{half:?}");
         assert!((half.floor_seen - 0.5).abs() < 0.06, "{half:?}");
         assert!((half.by_room[0].floor_seen - half.floor_seen).abs() < 0.05, "{half:?}");
-        // A ceiling explains no wall, and floor neither.
+        // Neither ceiling nor floor explains a wall.
         let other: Vec<MapPoint> = points
             .iter()
             .map(|p| {

@@ -1,4 +1,4 @@
-//! What a home's map shows beyond points.
+//! Description of a home's map: rooms, objects, coverage and plan.
 
 use super::assemble::Tile;
 use super::coverage::{Coverage, coverage};
@@ -9,7 +9,7 @@ use super::points::ClipNumbers;
 use super::rooms::{Room, rooms};
 use viola_formats::lidar::LidarMap;
 
-/// Rooms, objects, the plan of both, and how much of the LiDAR map was seen.
+/// Rooms, objects, their plan, and the coverage of the LiDAR map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Description {
     pub rooms: Vec<Room>,
@@ -18,7 +18,7 @@ pub struct Description {
     pub plan: Plan,
 }
 
-/// Describes the map whose tiles are given in the order of their places.
+/// Describes the map of `tiles`, which are in the order of their keys.
 pub fn describe(lidar: &LidarMap, tiles: &[Tile], clips: &ClipNumbers) -> Description {
     let points: Vec<MapPoint> = tiles.iter().flat_map(|tile| clips.in_map(tile)).collect();
     let rooms = rooms(lidar, &points);

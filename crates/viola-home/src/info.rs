@@ -1,25 +1,24 @@
-//! What a home's map holds, in numbers.
+//! Statistics of a home's map.
 
 use super::MAP_VOXEL_M;
 use super::assemble::TileInfo;
 use serde::{Deserialize, Serialize};
 use viola_geometry::taxonomy::{CLASSES, Class};
 
-/// What is in a home's map.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// Statistics of a home's map.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HomeMapInfo {
     pub points: usize,
     pub voxel_m: f64,
-    /// Corners of what it spans, in the LiDAR map's frame; null when it is empty.
+    /// Corners of its bounding box, in the LiDAR map's frame; null if it is empty.
     pub min_m: Option<[f32; 3]>,
     pub max_m: Option<[f32; 3]>,
     /// Points by class, the largest first.
     pub classes: Vec<ClassCount>,
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClassCount {
-    #[schema(value_type = String, example = "floor")]
     pub class: String,
     pub points: usize,
 }

@@ -1,20 +1,30 @@
-//! Words in pictures.
+//! Captions of pictures.
 
-use font8x8::{BASIC_FONTS, UnicodeFonts};
+use super::svg::{FONT_FAMILY, escape, hex, render};
 use image::{Rgb, RgbImage};
 
-/// Writes a line with letters `side` pixels wide and high; what does not fit is cut off.
-pub fn write(canvas: &mut RgbImage, left: u32, top: u32, side: u32, ink: Rgb<u8>, words: &str) {
-    let letters = words.chars().map(|letter| BASIC_FONTS.get(letter).unwrap_or_default());
-    for (place, rows) in (0..).zip(letters) {
-        for y in 0..side {
-            for x in 0..side {
-                let at = (left + place * side + x, top + y);
-                let set = rows[(y * 8 / side) as usize] >> (x * 8 / side) & 1 == 1;
-                if set && at.0 < canvas.width() && at.1 < canvas.height() {
-                    canvas.put_pixel(at.0, at.1, ink);
-                }
-            }
+/// Writes a line with letters `height` pixels high; the part beyond the picture is cut off.
+pub fn write(canvas: &mut RgbImage, left: u32, top: u32, height: u32, ink: Rgb<u8>, words: &str) {
+    let Some(width) = canvas.width().checked_sub(left).filter(|width| *width > 0) else { return };
+    let svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{}\" font-family=\"{FONT_FAMILY}\">\
+         <text y=\"{height}\" font-size=\"{height}\" fill=\"{}\">{}</text></svg>",
+        height * 3 / 2,
+        hex(ink.0),
+        escape(words)
+    );
+    let line = render(&svg, 1.0);
+    for (place, pixel) in (0..).zip(line.pixels()) {
+        let (x, y) = (left + place % line.width(), top + place / line.width());
+        if pixel.alpha() == 0 || x >= canvas.width() || y >= canvas.height() {
+            continue;
+        }
+        // The colours of `line` are premultiplied.
+        let under = 255 - u32::from(pixel.alpha());
+        let over = [pixel.red(), pixel.green(), pixel.blue()];
+        let Rgb(channels) = canvas.get_pixel_mut(x, y);
+        for (channel, over) in channels.iter_mut().zip(over) {
+            *channel = (u32::from(over) + under * u32::from(*channel) / 255) as u8;
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What a home looks like: one map out of its clips, what is in it, pictures and files for people and for other programs.
+//! A home's fused map: built from its clips, described, and exported as pictures and files.
 
 mod assemble;
 mod completion;
@@ -16,6 +16,7 @@ mod ply;
 mod points;
 mod rooms;
 mod shades;
+mod svg;
 
 pub use assemble::{
     Assembly, CLIP_AT, Extent, Level, Manifest, Member, Opinion, Overlap, POINT_BYTES, Pair, PlacedBy,
@@ -36,5 +37,5 @@ pub use ply::{NotOurs, cloud_ply, read_cloud_ply};
 pub use points::{ClipNumbers, Glb, Ply, PointFilter};
 pub use rooms::{Room, RoomSource, rooms};
 
-/// Side of the map's voxels: that of the clips.
+/// Side of the map's voxels; the same as of the clips' clouds.
 pub const MAP_VOXEL_M: f64 = 0.03;

@@ -2,10 +2,10 @@
 
 use viola_reconstruct::CloudPoint;
 
-/// A point of a home's map, in the LiDAR map's frame, and where it came from.
+/// A point of a home's map, in the LiDAR map's frame, with its source clip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MapPoint {
     pub point: CloudPoint,
-    /// The clip that saw most of it: its place in the list of the map's clips.
+    /// Clip with the largest weight: its index in the map's list of clips.
     pub clip: u16,
 }

@@ -1,8 +1,8 @@
-//! The things in a home: pieces of furniture and appliances, made out of the fused map's labelled points.
+//! Detection of objects (furniture and appliances) in the fused map's labelled points.
 //!
-//! Labels of single voxels are noisy: cells hear their neighbours on the same surface, cells of one class that touch
-//! are a fragment, fragments that look like parts of one thing are joined, and what the thing is follows from what its
-//! points are called and from how large things of that class are.
+//! Labels of single voxels are noisy, so neighbouring cells of one surface vote together. Connected cells of
+//! one class form a fragment, fragments of one object are joined, and the object's class follows from its
+//! labels and its size.
 
 mod cells;
 mod context;
@@ -22,23 +22,23 @@ use fragment::Fragment;
 use serde::{Deserialize, Serialize};
 use viola_geometry::taxonomy::Class;
 
-/// Side of the cells that points are gathered in; one and a half voxels where those are larger.
+/// Side of the cells; at least one and a half voxels.
 const CELL_M: f64 = 0.06;
 
-/// Cells of one class this far apart touch. Less than an inner wall is thick, and the cells beside it.
+/// Maximum gap between connected cells of a class: less than an inner wall with its adjacent cells.
 const REACH_M: f64 = 0.13;
-/// Surface that an object must show, in square metres ...
+/// Minimum surface of an object, in square metres.
 const MIN_SURFACE_M2: f64 = 0.12;
-/// ... and the length of its longest side, in metres.
+/// Minimum length of its longest side, in metres.
 const MIN_SIDE_M: f64 = 0.25;
-/// Less sure is left out.
+/// Minimum confidence of an object.
 const MIN_CONFIDENCE: f64 = 0.35;
-/// An object this far from a room still belongs to it: it stands at the wall.
+/// An object this far from a room belongs to it: objects stand at walls.
 const ROOM_REACH_M: f64 = 1.0;
-/// Share of an object's points that a clip must have given to be named.
+/// Minimum fraction of an object's points for a clip to be listed.
 const CLIP_SHARE: f64 = 0.05;
 
-/// How objects are made out.
+/// Parameters of the object detection.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectsParams {
     /// Side of the map's voxels.
@@ -51,24 +51,23 @@ impl Default for ObjectsParams {
     }
 }
 
-/// A thing in a home, in the LiDAR map's frame: an upright box, and what is known of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// An object in the LiDAR map's frame: an upright box with a class.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Object {
     pub id: String,
-    #[schema(value_type = String, example = "sofa")]
     pub class: Class,
-    /// 0..1: how much of what is said of its points is this class, and how well its size fits.
+    /// In 0..1: from the class's fraction of the votes, the fit of its size and the number of cells.
     pub confidence: f64,
     pub centre_m: [f64; 3],
-    /// Along its own x, y and z: length, width, height. The length is not the shorter of the two.
+    /// Length, width and height, along its own x, y and z. The length is at least the width.
     pub size_m: [f64; 3],
-    /// Of its own x axis, in [0, pi).
+    /// Yaw of its own x axis, in [0, pi).
     pub yaw_rad: f64,
-    /// Id of the room that it is in.
+    /// Id of its room.
     pub room: Option<String>,
-    /// Points of the fused map.
+    /// Number of its points in the fused map.
     pub points: usize,
-    /// The clips that gave a real share of its points, by their places in the map's list.
+    /// Clips with at least 5 % of its points, by their indices in the map's list.
     pub clips: Vec<u16>,
 }
 
@@ -78,26 +77,26 @@ impl Object {
     }
 }
 
-/// An object and the places in the map of its points, in rising order.
+/// An object and the sorted indices of its points in the map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
     pub object: Object,
     pub members: Vec<u32>,
 }
 
-/// The things in a home, by class and then by place.
+/// Returns the objects of a home, sorted by class, then by position.
 pub fn objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams) -> Vec<Object> {
     find_objects(points, rooms, params).into_iter().map(|found| found.object).collect()
 }
 
-/// The same with the points of each.
+/// Returns the objects of a home with their points, in the same order.
 pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams) -> Vec<Found> {
     let cells = Cells::new(points, CELL_M.max(1.5 * params.voxel_m));
     let labels = cells.labels();
     let wall_yaw_rad = cells.wall_direction(&labels);
     let reach = ((REACH_M / cells.side_m) as i64).max(1);
     let fragments = fragment::fragments(&cells, &labels, reach);
-    // Before they are joined, so that a row of chairs is not taken for a part of the sofa beside it, and after.
+    // Split before joining, so that a row of chairs is not joined to the sofa beside it, and again after.
     let apart = fragments.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
     let joined = join::join(apart.collect(), &cells, &labels, wall_yaw_rad);
     let split = joined.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
@@ -119,7 +118,7 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
     found
 }
 
-/// The object that a fragment is; none when there is too little of it.
+/// Returns a fragment's object; none if it is too small or too uncertain.
 fn finish(
     fragment: &Fragment,
     cells: &Cells,
@@ -138,7 +137,7 @@ fn finish(
     let at: Vec<[f64; 3]> =
         members.iter().map(|i| points[*i as usize].point.position_m.map(f64::from)).collect();
     let mut bounds = fit_box(&at, wall_yaw_rad, fit::BEYOND)?;
-    // Points are in the middle of the surface's voxels.
+    // Points are at voxel centres, so a side is at least one voxel.
     bounds.size_m = bounds.size_m.map(|side| side.max(params.voxel_m));
     let decided = fragment.decide(&bounds, fragment::flatness(fragment, cells))?;
     if decided.kind.stands && bounds.bottom_m() < decided.reaches_down_m {
@@ -177,7 +176,7 @@ mod tests {
     use super::*;
     use viola_reconstruct::{CloudPoint, Label};
 
-    /// The surface of a box of a class, points 3 cm apart, without its underside.
+    /// Points on a box's surface, 3 cm apart, without its underside.
     fn surface(class: Class, low: [f64; 3], high: [f64; 3], clip: u16) -> Vec<MapPoint> {
         let count = [0, 1, 2].map(|axis| ((high[axis] - low[axis]) / 0.03).round() as usize + 1);
         let mut points = Vec::new();
@@ -217,7 +216,7 @@ mod tests {
     fn a_bed_is_a_bed_with_its_box_and_clips() {
         let mut points = surface(Class::Bed, [1.0, 1.0, 0.1], [2.6, 3.0, 0.5], 0);
         points.extend(surface(Class::Pillow, [1.2, 2.5, 0.5], [1.8, 2.9, 0.62], 3));
-        // A patch that is called something alike.
+        // A patch with the label of a confusable class.
         points.iter_mut().filter(|p| p.point.position_m[1] < 1.4).for_each(|p| {
             p.point.label = Label::new(Class::Sofa, 0.6, 4);
         });
@@ -231,7 +230,7 @@ mod tests {
             yaw_rad: std::f64::consts::FRAC_PI_2,
         };
         assert!(bed.bounds().iou(&want) > 0.8, "{bed:?}");
-        // It stands on the floor although nothing was seen below it.
+        // The box extends to the floor although nothing was seen below.
         assert!(bed.bounds().bottom_m().abs() < 1e-9);
         assert!(bed.confidence > 0.5);
     }
@@ -252,7 +251,7 @@ mod tests {
     fn a_kitchen_has_units_below_and_above() {
         let mut points = surface(Class::Cabinet, [0.0, 0.0, 0.06], [2.0, 0.6, 0.9], 0);
         points.extend(surface(Class::Cabinet, [0.0, 0.3, 1.4], [2.0, 0.6, 2.1], 0));
-        // The wall between them, part of which is called a cabinet.
+        // A part of the wall between them, mislabelled as cabinet.
         points.extend(surface(Class::Cabinet, [0.6, 0.6, 0.9], [1.0, 0.63, 1.4], 0));
         let units = found(&points);
         assert_eq!(units.len(), 2, "{units:?}");

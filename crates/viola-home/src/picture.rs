@@ -1,4 +1,4 @@
-//! Pictures of a LiDAR map, alone and with a clip laid over it.
+//! Pictures of a LiDAR map, with and without a clip.
 
 use serde::{Deserialize, Serialize};
 use tiny_skia::{Color, FillRule, LineCap, Paint, PathBuilder, Pixmap, Rect, Stroke, Transform};
@@ -29,19 +29,18 @@ mod ink {
     pub const CHARGER: [u8; 4] = [147, 51, 234, 255];
 }
 
-/// Where a picture lies in the map's frame: x to the right, y up, as many pixels per metre both ways.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// Position of a picture in the map's frame: x right, y up, square pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PictureFrame {
-    /// The upper left corner of the picture: x and y in metres.
+    /// Upper left corner of the picture: x and y in metres.
     pub corner_m: [f64; 2],
-    #[schema(example = 96.5)]
     pub px_per_m: f64,
     pub width_px: u32,
     pub height_px: u32,
 }
 
 impl PictureFrame {
-    /// Of [`lidar_png`]'s picture of a map.
+    /// Returns the frame of [`lidar_png`]'s picture.
     pub fn of(info: &LidarInfo) -> PictureFrame {
         PictureFrame::around(info.min_m, info.max_m)
     }
@@ -59,19 +58,19 @@ impl PictureFrame {
     }
 }
 
-/// The map: walls dark, free cells light, rooms tinted, the charger a violet dot. x right, y up.
+/// Returns the map as PNG, x right, y up: walls dark, free cells light, rooms tinted, the charger violet.
 pub fn lidar_png(lidar: &LidarMap) -> Vec<u8> {
     let mut canvas = Canvas::around(lidar, &[]);
     canvas.lidar(lidar);
     canvas.png()
 }
 
-/// The map with the clip at its pose: hits green where the map has a counterpart within 10 cm and red where
-/// not, the cameras' path blue with a wedge for the first one, and the other explanations as orange wedges.
+/// Returns the map with the clip at its pose as PNG. Hits are green if the map has a point within 10 cm,
+/// otherwise red; the camera path is blue, with a wedge at the first camera; alternatives are orange wedges.
 pub fn overlay_png(lidar: &LidarMap, aligned: &Aligned) -> Vec<u8> {
     const MATCHED_M: f64 = 0.1;
     let alternatives = &aligned.alignment.alternatives;
-    // A failed clip still shows its best try: that is what one wants to look at then.
+    // A failed clip shows its best alternative, for diagnosis.
     let pose = aligned.alignment.map_from_clip.or_else(|| alternatives.first().map(|a| a.map_from_clip));
     let Some(pose) = pose else { return lidar_png(lidar) };
     let hits: Vec<Point2> = aligned.scan.hits.iter().map(|h| pose.apply(&h.point_m)).collect();
@@ -100,7 +99,7 @@ struct Canvas {
 impl Canvas {
     fn around(lidar: &LidarMap, points: &[Point2]) -> Canvas {
         let (mut min, mut max) = (lidar.info.min_m, lidar.info.max_m);
-        // A pose far outside must not shrink the map to a dot.
+        // A pose far outside must not shrink the map.
         let reach = 5.0;
         let limit = [min[0] - reach, min[1] - reach, max[0] + reach, max[1] + reach];
         for point in points {
@@ -153,7 +152,7 @@ impl Canvas {
 
     fn square(&mut self, centre: &Point2, side_m: f64, ink: [u8; 4]) {
         let (x, y) = self.place(centre);
-        // Neighbouring squares meet without a seam.
+        // Rounded to pixels, so that neighbouring squares leave no seam.
         let side = (side_m * self.frame.px_per_m) as f32;
         let (left, top) = ((x - side / 2.0).round(), (y - side / 2.0).round());
         let (right, bottom) = ((x + side / 2.0).round(), (y + side / 2.0).round());
@@ -184,7 +183,7 @@ impl Canvas {
         }
     }
 
-    /// A camera: a wedge that opens where it looks.
+    /// Draws a camera as a wedge open in its viewing direction.
     fn wedge(&mut self, pose: &Pose2, ink: [u8; 4]) {
         let apex = Point2::new(pose.x_m, pose.y_m);
         let side = |y: f64| apex + pose.rotate(&Vector2::new(0.4, y));

@@ -1,7 +1,6 @@
 //! A home's semantic floor plan: the LiDAR map's walls, its rooms, and the furniture that the fused map shows.
 
 mod geojson;
-mod letters;
 mod paper;
 mod png;
 mod svg;
@@ -19,13 +18,13 @@ pub use geojson::plan_geojson;
 pub use png::plan_png;
 pub use svg::plan_svg;
 
-/// Gaps in walls up to twice this are the LiDAR's, not the home's.
+/// Wall gaps up to twice this are closed as artefacts of the LiDAR.
 const CLOSE_M: f64 = 0.05;
-/// How far outlines may be from the cells' border: less than a cell, or walls one cell thick fall flat.
+/// Tolerance of outlines to the cells' border: less than a cell, or walls one cell thick collapse.
 const TOLERANCE_M: f64 = 0.045;
-/// Walls smaller than this are specks.
+/// Minimum area of a wall piece.
 const SPECK_M2: f64 = 0.015;
-/// What the LiDAR hit this near to a piece of furniture is that piece.
+/// Occupied cells this near a piece of furniture belong to it.
 const NEAR_FURNITURE_M: f64 = 0.06;
 
 /// A floor plan, in metres in the LiDAR map's frame.
@@ -33,16 +32,16 @@ const NEAR_FURNITURE_M: f64 = 0.06;
 pub struct Plan {
     pub min_m: [f64; 2],
     pub max_m: [f64; 2],
-    /// What the LiDAR hit and no furniture explains.
+    /// Occupied cells that no furniture explains.
     pub walls: Vec<Outline>,
-    /// What the LiDAR hit of furniture.
+    /// Occupied cells of furniture.
     pub obstacles: Vec<Outline>,
     pub rooms: Vec<Room>,
-    /// Things with a footprint, the largest first.
+    /// Objects with a footprint, the largest first.
     pub objects: Vec<Object>,
 }
 
-/// The plan of a home. `points` is its fused map.
+/// Returns the plan of a home. `points` is its fused map.
 pub fn plan(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], objects: &[Object]) -> Plan {
     let space = Space::new(lidar, points);
     let furniture = objects.iter().filter(|object| !opens(object.class));
@@ -79,14 +78,14 @@ pub fn plan(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], objects: &[Ob
             max_m[axis] = max_m[axis].max(corner[axis]);
         }
     }
-    // A thing that was seen far outside, in a mirror say, must not shrink the home to a dot.
+    // An object seen far outside, as in a mirror, must not shrink the home.
     drawn.retain(|object| {
         !overhead(object)
             && (0..2).all(|axis| (min_m[axis] - 0.5..max_m[axis] + 0.5).contains(&object.centre_m[axis]))
     });
     for corner in drawn.iter().flat_map(|object| object.bounds().corners()) {
         for axis in 0..2 {
-            // No thing of a home is longer than this.
+            // No object is longer than this.
             min_m[axis] = min_m[axis].min(corner[axis].max(min_m[axis] - 3.0));
             max_m[axis] = max_m[axis].max(corner[axis].min(max_m[axis] + 3.0));
         }
@@ -101,22 +100,22 @@ pub fn plan(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], objects: &[Ob
     }
 }
 
-/// Openings are drawn as parts of the walls.
+/// Returns whether a class is an opening, drawn as part of the walls.
 pub(super) fn opens(class: Class) -> bool {
     matches!(class, Class::Door | Class::Window)
 }
 
-/// What hangs above people's heads is not drawn: one walks under it. Wall units are, for they are part of a kitchen.
+/// Returns whether an object hangs overhead and is not drawn. Wall units are drawn: they belong to a kitchen.
 pub(super) fn overhead(object: &Object) -> bool {
     matches!(object.class, Class::Lamp | Class::Other) && object.bounds().bottom_m() > 1.5
 }
 
-/// What hangs flat on a wall or covers it: too thin for a label of its own.
+/// Returns whether a class is flat on a wall or covers it: too thin for a label.
 pub(super) fn hangs(class: Class) -> bool {
     matches!(class, Class::Mirror | Class::Picture | Class::Curtain)
 }
 
-/// `living room` for `living_room`.
+/// Returns the class name with spaces: `living room` for `living_room`.
 pub(super) fn words(class: Class) -> String {
     class.name().replace('_', " ")
 }
@@ -169,7 +168,7 @@ mod tests {
         let area: f64 = plan.walls.iter().map(Outline::area_m2).sum();
         // Four walls of 3 m, one or two cells thick.
         assert!((0.4..1.6).contains(&area), "{area}");
-        // What was seen far outside does not shrink the home.
+        // An object far outside does not shrink the home.
         assert_eq!(plan.objects.len(), 2);
     }
 

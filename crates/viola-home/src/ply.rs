@@ -1,27 +1,36 @@
-//! Point clouds as PLY, which every viewer of the field opens.
+//! Point clouds as PLY.
 
 use std::io::Write;
+use viola_formats::ply::{self, Encoding, Ply};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Pose2, Vector3};
 use viola_reconstruct::{CloudPoint, Label, PointCloud};
 
-/// One vertex, and the end of the header.
-const PROPERTIES: &str = "property float x\nproperty float y\nproperty float z\n\
-    property float nx\nproperty float ny\nproperty float nz\n\
-    property uchar red\nproperty uchar green\nproperty uchar blue\n\
-    property uchar label\nproperty float probability\nproperty ushort views\n\
-    property ushort weight\nend_header\n";
+/// Types and names of a vertex's properties.
+pub(crate) const PROPERTIES: [(&str, &str); 13] = [
+    ("float", "x"),
+    ("float", "y"),
+    ("float", "z"),
+    ("float", "nx"),
+    ("float", "ny"),
+    ("float", "nz"),
+    ("uchar", "red"),
+    ("uchar", "green"),
+    ("uchar", "blue"),
+    ("uchar", "label"),
+    ("float", "probability"),
+    ("ushort", "views"),
+    ("ushort", "weight"),
+];
 const VERTEX_BYTES: usize = 36;
 
-/// A binary little-endian PLY of a clip's cloud with normals and colours: in the map frame when the pose is
-/// known, in the clip frame otherwise. The header says which.
+/// Returns a clip's cloud as binary little-endian PLY: in the map frame if `map_from_clip` is given,
+/// otherwise in the clip frame. The header names the frame.
 pub fn cloud_ply(cloud_in_clip: &PointCloud, map_from_clip: Option<&Pose2>) -> Vec<u8> {
     let frame = if map_from_clip.is_some() { "map" } else { "clip" };
     let count = cloud_in_clip.points.len();
     let mut out = Vec::with_capacity(400 + count * VERTEX_BYTES);
-    let header = format!(
-        "ply\nformat binary_little_endian 1.0\ncomment frame {frame}, metres, z up\nelement vertex {count}\n{PROPERTIES}"
-    );
+    let header = ply::header(&[&format!("frame {frame}, metres, z up")], count, &PROPERTIES);
     out.extend_from_slice(header.as_bytes());
     let pose = map_from_clip.copied().unwrap_or(Pose2::IDENTITY);
     for point in &cloud_in_clip.points {
@@ -43,19 +52,20 @@ pub fn cloud_ply(cloud_in_clip: &PointCloud, map_from_clip: Option<&Pose2>) -> V
     out
 }
 
-/// Bytes that [`cloud_ply`] did not write.
+/// Error for bytes that [`cloud_ply`] did not write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("the bytes are not a cloud that this program wrote")]
 pub struct NotOurs;
 
-/// Reads what [`cloud_ply`] wrote. `voxel_m` is not in the file.
+/// Reads the output of [`cloud_ply`]. `voxel_m` is not in the file.
 pub fn read_cloud_ply(bytes: &[u8], voxel_m: f64) -> Result<PointCloud, NotOurs> {
-    let end = bytes.windows(PROPERTIES.len()).take(1000).position(|part| part == PROPERTIES.as_bytes());
-    let end = end.ok_or(NotOurs)?;
-    let head = std::str::from_utf8(&bytes[..end]).map_err(|_| NotOurs)?;
-    let count = head.lines().find_map(|line| line.strip_prefix("element vertex "));
-    let count: usize = count.and_then(|count| count.parse().ok()).ok_or(NotOurs)?;
-    let body = &bytes[end + PROPERTIES.len()..];
+    let Ply { elements, numbers } = Ply::parse(bytes).map_err(|_| NotOurs)?;
+    let [vertex] = elements.as_slice() else { return Err(NotOurs) };
+    let names = vertex.properties.iter().map(|property| property.name);
+    if numbers.encoding != Encoding::LittleEndian || !names.eq(PROPERTIES.map(|(_, name)| name)) {
+        return Err(NotOurs);
+    }
+    let (count, body) = (usize::try_from(vertex.count).map_err(|_| NotOurs)?, numbers.rest);
     if count.checked_mul(VERTEX_BYTES) != Some(body.len()) {
         return Err(NotOurs);
     }
@@ -109,7 +119,7 @@ mod tests {
         for at in 0..good.len() {
             let mut bytes = good.clone();
             bytes[at] ^= 0xff;
-            // Whatever was changed, it ends.
+            // Any change must return, with a value or an error.
             let _ = read_cloud_ply(&bytes, 0.03);
         }
         let mut longer = good.clone();

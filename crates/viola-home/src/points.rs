@@ -1,4 +1,4 @@
-//! The points of a home's map for other programs: filtered, tile by tile, so that memory does not grow with the map.
+//! Export of a home's points: filtered tile by tile, so that memory does not grow with the map.
 
 mod filter;
 mod glb;
@@ -13,7 +13,7 @@ use super::map_point::MapPoint;
 use rustc_hash::FxHashMap;
 use uuid::Uuid;
 
-/// From the clips of a tile to their places in the map's list.
+/// Index of each clip in the map's list.
 pub struct ClipNumbers(FxHashMap<Uuid, u16>);
 
 impl ClipNumbers {
@@ -21,7 +21,7 @@ impl ClipNumbers {
         ClipNumbers(clips.enumerate().map(|(number, clip)| (*clip, number as u16)).collect())
     }
 
-    /// The points of a tile with the map's numbers of their clips.
+    /// Returns a tile's points with the map's clip numbers.
     pub fn in_map<'a>(&self, tile: &'a Tile) -> impl Iterator<Item = MapPoint> + use<'a> {
         let numbers = self.of_clips(&tile.clips);
         let number = move |local: u16| numbers.get(usize::from(local)).copied().unwrap_or_default();

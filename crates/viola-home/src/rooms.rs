@@ -1,4 +1,4 @@
-//! The rooms of a home: as the vacuum's software made them out, or computed from the map.
+//! Rooms of a home: from the vacuum's software, or computed from the map.
 
 pub(super) mod outline;
 mod partition;
@@ -12,36 +12,36 @@ use space::Space;
 use viola_formats::lidar::{LidarMap, MAX_ROOMS};
 use viola_geometry::{DistanceField, Grid, GridFrame, Point2};
 
-/// Gaps up to twice this are closed: the robot leaves out what stands on thin legs.
+/// Gaps up to twice this are closed: the robot omits the cells around thin legs.
 const CLOSE_M: f64 = 0.15;
-/// Holes smaller than this are filled: furniture stands in them.
+/// Holes smaller than this are filled: they are furniture.
 const FILL_M2: f64 = 2.0;
-/// How far the polygon may be from the cells' border.
+/// Tolerance of the polygon to the cells' border.
 const TOLERANCE_M: f64 = 0.07;
 
-/// Where a room comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+/// Source of a room.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RoomSource {
-    /// The robot's software made it out.
+    /// From the robot's software.
     LidarMap,
     /// Computed from the map.
     Computed,
 }
 
 /// A room, in the LiDAR map's frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Room {
     pub id: String,
     pub name: Option<String>,
     pub source: RoomSource,
-    /// Of the polygon without its holes, in square metres.
+    /// Area of the polygon without its holes, in square metres.
     pub area_m2: f64,
-    /// The outer ring, counter-clockwise; the last corner is not the first one again.
+    /// Outer ring, counter-clockwise; the first corner is not repeated.
     pub polygon_m: Vec<[f64; 2]>,
-    /// Rings inside, clockwise.
+    /// Inner rings, clockwise.
     pub holes_m: Vec<Vec<[f64; 2]>>,
-    /// A point inside, far from the border: where a label goes.
+    /// Label position: the inner point furthest from the border.
     pub label_at_m: [f64; 2],
 }
 
@@ -50,13 +50,13 @@ impl Room {
         contains(&self.polygon_m, point) && !self.holes_m.iter().any(|hole| contains(hole, point))
     }
 
-    /// From a point to the outer ring; 0 inside.
+    /// Returns the distance from a point to the outer ring; 0 inside.
     pub fn distance_m(&self, point: &Point2) -> f64 {
         if contains(&self.polygon_m, point) { 0.0 } else { distance_m(&self.polygon_m, point) }
     }
 }
 
-/// The room that holds a point, or the nearest one within `reach_m`: what stands at a wall is not on free floor.
+/// Returns the room at a point, or the nearest within `reach_m`: objects at walls are off the free floor.
 pub fn room_at<'a>(rooms: &'a [Room], point: &Point2, reach_m: f64) -> Option<&'a Room> {
     let inside = rooms.iter().find(|room| room.contains(point));
     inside.or_else(|| {
@@ -65,16 +65,15 @@ pub fn room_at<'a>(rooms: &'a [Room], point: &Point2, reach_m: f64) -> Option<&'
     })
 }
 
-/// The rooms, in the LiDAR map's order, or the largest first where they are computed.
-///
-/// `points` is the home's fused map, in the LiDAR map's frame; empty is allowed.
+/// Returns the rooms: in the LiDAR map's order, or computed ones by descending area. `points` is the home's
+/// fused map, in the LiDAR map's frame; it may be empty.
 pub fn rooms(lidar: &LidarMap, points: &[MapPoint]) -> Vec<Room> {
     let space = Space::new(lidar, points);
     rooms_in(lidar, &space)
 }
 
 fn rooms_in(lidar: &LidarMap, space: &Space) -> Vec<Room> {
-    // 0 is no room; a room's number is its place in the list and one.
+    // 0 is no room; room numbers start at 1.
     let mut owner: Grid<u32> = Grid::filled(space.frame, 0);
     let known = &lidar.rooms[..lidar.rooms.len().min(MAX_ROOMS)];
     for (number, room) in (1..).zip(known) {
@@ -102,7 +101,7 @@ fn rooms_in(lidar: &LidarMap, space: &Space) -> Vec<Room> {
     (1..).zip(shapes).map(|(n, shape)| shape.into_room(n.to_string(), None, RoomSource::Computed)).collect()
 }
 
-/// Cells of all rooms' boxes together: rooms beyond are left out.
+/// Maximum cells of all rooms' boxes together; further rooms are dropped.
 const MAX_BOXES: usize = 16 << 20;
 
 struct Shape {
@@ -124,7 +123,7 @@ impl Shape {
     }
 }
 
-/// The polygons of the rooms 1 to `count`; none for a room without cells.
+/// Returns the polygons of rooms 1 to `count`; none for a room without cells.
 fn shapes(owner: &Grid<u32>, count: usize, space: &Space) -> Vec<Option<Shape>> {
     let frame = owner.frame;
     let mut boxes = vec![([usize::MAX; 2], [0; 2]); count + 1];
@@ -146,7 +145,7 @@ fn shapes(owner: &Grid<u32>, count: usize, space: &Space) -> Vec<Option<Shape>> 
         .collect()
 }
 
-/// The polygon of one room's cells: the largest piece of them, with gaps closed and small holes filled.
+/// Returns one room's polygon: its largest piece, with gaps closed and small holes filled.
 fn shape(owner: &Grid<u32>, number: u32, window: &Window, space: &Space) -> Option<Shape> {
     let frame = window.frame;
     let whose =
@@ -155,13 +154,13 @@ fn shape(owner: &Grid<u32>, number: u32, window: &Window, space: &Space) -> Opti
     close(&mut mask, CLOSE_M);
     for index in 0..frame.len() {
         let (x, y) = (index % frame.width + window.left, index / frame.width + window.bottom);
-        // What is closed must not reach through a wall to what lies behind it.
+        // Closing must not reach through a wall.
         if whose(index) != number && (whose(index) != 0 || space.is_wall(x, y)) {
             mask.cells[index] = false;
         }
     }
     keep_largest(&mut mask);
-    // A room within a room stays out of it.
+    // A room within a room is not filled.
     let most = (FILL_M2 / (frame.cell_m * frame.cell_m)) as usize;
     fill_holes(&mut mask, most, |index| whose(index) != 0 && whose(index) != number);
     let outside = Grid { frame, cells: mask.cells.iter().map(|set| !set).collect() };
@@ -183,7 +182,7 @@ fn keep_largest(mask: &mut Grid<bool>) {
     }
 }
 
-/// Sets the cells of holes of up to `most` cells, none of which is `taken`.
+/// Fills holes of at most `most` cells, none of which is `taken`.
 pub(super) fn fill_holes(mask: &mut Grid<bool>, most: usize, taken: impl Fn(usize) -> bool) {
     let (width, height) = (mask.frame.width, mask.frame.height);
     let outside = Grid { frame: mask.frame, cells: mask.cells.iter().map(|set| !set).collect() };
@@ -200,7 +199,7 @@ pub(super) fn fill_holes(mask: &mut Grid<bool>, most: usize, taken: impl Fn(usiz
     }
 }
 
-/// The part of a grid that holds a room.
+/// Part of a grid around a room.
 struct Window {
     left: usize,
     bottom: usize,
@@ -221,7 +220,7 @@ impl Window {
     }
 }
 
-/// Grows and shrinks again: gaps narrower than twice `by_m` close.
+/// Morphological closing: closes gaps narrower than twice `by_m`.
 pub(super) fn close(mask: &mut Grid<bool>, by_m: f64) {
     let grown: Vec<bool> =
         DistanceField::new(mask).grid().cells.iter().map(|d| f64::from(*d) <= by_m).collect();
@@ -272,7 +271,7 @@ mod tests {
             assert!(outline::signed_area_m2(&room.polygon_m) > 0.0);
             assert_eq!((room.source, &room.name), (RoomSource::Computed, &None));
         }
-        // At a wall on the other side of it: the nearer room.
+        // Beyond a wall: the nearer room.
         assert_eq!(room_at(&rooms, &Point2::new(-0.3, 1.0), 1.0).unwrap().id, "1");
         assert_eq!(room_at(&rooms, &Point2::new(-1.3, 1.0), 1.0), None);
     }

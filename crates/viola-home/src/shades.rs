@@ -1,8 +1,8 @@
-//! Depth as a picture.
+//! Depth pictures.
 
 use image::{Rgb, RgbImage};
 
-/// 0.5 m and nearer dark, 5 m and further bright, black where nothing is known. `depth_m` is row after row.
+/// Returns a depth picture: dark at 0.5 m, bright at 5 m, black without depth. `depth_m` is row-major.
 pub(super) fn shades(width: u32, height: u32, depth_m: &[f32]) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| {
         let depth_m = depth_m[(y * width + x) as usize];
@@ -10,7 +10,7 @@ pub(super) fn shades(width: u32, height: u32, depth_m: &[f32]) -> RgbImage {
             return Rgb([0; 3]);
         }
         let share = ((depth_m - 0.5) / 4.5).clamp(0.0, 1.0);
-        // From violet over green to yellow, ever brighter.
+        // From violet over green to yellow, with rising brightness.
         let channel = |low: f32, middle: f32, high: f32| {
             let (a, b, t) = if share < 0.5 { (low, middle, share) } else { (middle, high, share - 0.5) };
             (a + (b - a) * 2.0 * t) as u8

@@ -1,8 +1,8 @@
-//! The paper's protocol on any data with a known truth: clips, methods, one table.
+//! The paper's protocol on any data with ground truth: clips, methods, one table.
 //!
-//! A [`Suite`] gives clips with their truth: excerpts of a recorded scene ([`SceneClips`]), clips of
-//! simulated homes ([`HomeClips`]), or clips drawn inside a map ([`DrawnClips`]). [`Run`] has every
-//! [`Method`] align the same clips, [`tabulate`] sums up, and [`plot`] draws.
+//! A [`Suite`] provides clips with their truth: excerpts of a recorded scene ([`SceneClips`]), clips of
+//! simulated homes ([`HomeClips`]), or clips drawn inside a map ([`DrawnClips`]). [`Run`] aligns the same
+//! clips with every [`Method`], [`tabulate`] makes the table, and [`plot`] draws.
 
 mod calibration;
 mod draw;

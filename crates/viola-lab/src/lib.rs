@@ -1,4 +1,4 @@
-//! What measures and makes data: simulated homes with exact truth, the evaluation, and the paper's own method to compare with.
+//! Simulated homes with exact truth, the evaluation, and the paper's own method as its baseline.
 
 pub mod evaluate;
 pub mod paper;

@@ -1,10 +1,9 @@
-//! The paper's own stages 6-9, as the rows of the evaluation to compare with (paper III-B, III-C, IV-A):
-//! rays from below every key camera, normalised cross-correlation of rasters at all rotations, many starts
-//! refined by gradient descent on the one-directional Chamfer distance, the smallest loss wins.
-//!
-//! The constants are those of the authors' public implementation. Two of its faults are mended: the best
-//! candidates survive and not the worst, and translations are compared with the translation threshold. The
-//! third, that neither a robust kernel nor free space has a say, is what the method is, and stays.
+//! The paper's own stages 6-9, as a baseline of the evaluation (paper III-B, III-C, IV-A): rays from below
+//! every key camera, normalised cross-correlation of rasters at all rotations, many starts refined by
+//! gradient descent on the one-directional Chamfer distance; the smallest loss wins.
+//! The constants are those of the authors' public implementation. Two of its faults are fixed: the best
+//! candidates survive instead of the worst, and translations are compared with the translation threshold. The
+//! third, no robust kernel and no free space, is part of the method and stays.
 
 mod chamfer;
 mod correlate;
@@ -23,16 +22,16 @@ use viola_geometry::{Point2, Pose2, angle_between};
 use viola_reconstruct::Reason;
 
 const MAP_POINTS: usize = 1800;
-/// ICP: its iterations at most.
+/// Maximum ICP iterations.
 const ICP_ITERATIONS: usize = 60;
-/// Two poses nearer to each other than both of these are close.
+/// Two poses are close if they differ by less than both of these.
 const CLOSE_M: f64 = 0.3;
 const CLOSE_RAD: f64 = 20f64.to_radians();
-/// The clip is ambiguous when a pose that is not close to the best one loses by less than this in mean
-/// distance: the authors' c = 20 is the sum over 500 hits.
+/// The clip is ambiguous if a pose that is not close to the best one has a mean distance larger by less than
+/// this: the authors' c = 20 is the sum over 500 hits.
 const MARGIN_LOSS_M: f64 = 0.04;
 
-/// How the starts are refined.
+/// Refinement of the starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refiner {
     /// Adam on the mean distance of the hits to their nearest map points: the paper's choice.
@@ -41,16 +40,16 @@ pub enum Refiner {
     Icp,
 }
 
-/// The method's constants.
+/// Parameters of the method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PaperParams {
     pub refiner: Refiner,
-    /// Points kept by farthest-point sampling.
+    /// Hits kept by farthest-point sampling.
     pub hits: usize,
     /// Side of a raster cell.
     pub cell_m: f64,
     pub rotations: usize,
-    /// How far the box around the clip's hits may stick out of the box around the map's points.
+    /// Maximum distance that the clip's bounding box may extend beyond the map's.
     pub margin_m: f64,
 }
 
@@ -68,9 +67,9 @@ struct Descended {
     loss_m: f64,
 }
 
-/// Finds the pose of what a clip shows in a map, the paper's way. No target is a map without a point.
+/// Registers a clip to a map by the paper's method. No `target` means a map without points.
 ///
-/// The answer has no covariance and no probability, because the method gives none.
+/// The answer has neither covariance nor probability: the method provides none.
 pub fn register(
     observation: &Observation,
     target: Option<&Target>,
@@ -116,7 +115,7 @@ pub fn register(
         .collect();
 
     progress::begin(progress, Stage::Decide)?;
-    // A stable sort keeps the order of the starts among equals.
+    // A stable sort: ties keep the order of the starts.
     descended.sort_by(|a, b| a.loss_m.total_cmp(&b.loss_m));
     decide(&mut alignment, &descended, &hits_m, &nearest);
     if let Some(best) = alignment.map_from_clip {
@@ -128,12 +127,12 @@ pub fn register(
     Ok(alignment)
 }
 
-/// A hit this near to the map has found its counterpart. For the report; the method does not ask.
+/// Maximum distance of an inlier, for the report only.
 const INLIER_M: f64 = 0.1;
-/// Explanations that are listed.
+/// Maximum number of alternatives.
 const ALTERNATIVES: usize = 8;
 
-/// The smallest loss wins; a pose that is not close to it and hardly worse makes the answer ambiguous.
+/// Selects the pose with the smallest loss; ambiguous if a distinct pose is within the margin.
 fn decide(alignment: &mut Alignment, ranked: &[Descended], hits_m: &[Point2], nearest: &Nearest) {
     let mut distinct: Vec<&Descended> = Vec::new();
     for pose in ranked {

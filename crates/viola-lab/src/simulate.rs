@@ -1,13 +1,13 @@
-//! Furnished homes with exact truth, from a seed: what a robot vacuum would map of them and what a phone
-//! would record in them.
+//! Furnished homes with exact truth from a seed, the map that a robot vacuum would make of them, and clips
+//! that a phone would record in them.
 //!
-//! [`Home::generate`] makes a floor plan and furnishes it; [`Home::survey`] drives the vacuum through it
-//! and gives its map; [`Home::clip`] walks through it with a phone and gives RGB-D frames, rendered one at
-//! a time. Everything is a function of the parameters: the same bytes on any number of threads. Nothing
-//! here reads a clock or touches a file; the writers write to whatever they are given.
+//! [`Home::generate`] makes a floor plan and furnishes it; [`Home::survey`] drives the vacuum through it and
+//! returns its map; [`Home::clip`] walks through it with a phone and returns RGB-D frames, rendered one at a
+//! time. Everything is a function of the parameters: the same bytes on any number of threads. Nothing here
+//! reads a clock or a file; the writers write to the given output.
 //!
-//! The frame `home` is metres with z up, the floor at z = 0 and the walls mostly along x and y. The map's
-//! frames are turned and moved against it by the seed, and so is each clip's world.
+//! The frame `home` is in metres, z up, with the floor at z = 0 and the walls mostly along x and y. The seed
+//! rotates and moves the map's frames and each clip's world against it.
 
 mod change;
 mod clearance;

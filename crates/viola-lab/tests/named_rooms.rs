@@ -1,4 +1,4 @@
-//! What the names of a map's rooms tell, on simulated homes.
+//! Evidence of room names, on simulated homes.
 
 use viola_align::{Landmark, NamedRooms, PoseScorer, Target, VirtualScan};
 use viola_formats::lidar::{MAX_ROOMS, Room};
@@ -47,8 +47,8 @@ fn furniture_stands_in_its_room_for_whoever_looks_from_there() {
             }
         }
     }
-    // In front of a bed that fills a room there may be no floor at all, and where a kitchen is open to the living room
-    // what stands between them may belong to either.
+    // Exceptions: there may be no floor before a bed that fills its room, and objects between an open kitchen
+    // and the living room may belong to either.
     assert!(right > 90 && 20 * wrong.len() < right, "{right} right, but {wrong:?}");
 }
 
@@ -61,7 +61,7 @@ fn rooms_without_a_telling_name_say_nothing() {
     assert!(NamedRooms::new(&lidar).unwrap().around(&inside, &inside).is_none());
     lidar.rooms.iter_mut().for_each(|room| room.name = None);
     assert!(NamedRooms::new(&lidar).is_none());
-    // Nobody has so many rooms, and every name costs time.
+    // Too many rooms: every name costs time.
     let named = Room { name: Some("Kitchen".to_owned()), ..lidar.rooms[0].clone() };
     lidar.rooms[0].name = None;
     lidar.rooms.resize(MAX_ROOMS, lidar.rooms[0].clone());

@@ -1,16 +1,16 @@
-//! What is checked of files and inputs before a runtime sees them, so that both refuse in the same words.
+//! Checks of files and inputs before a runtime gets them, so that both runtimes return the same errors.
 
 use super::tensor::{TensorInfo, shown};
 use super::{MAX_MODEL_BYTES, NetworkError, Tensor};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-/// A file's name as messages show it: where it lies is the host's business.
+/// Returns a file's name for messages; its folder is private to the host.
 pub(super) fn name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-/// That a model file is there, and of a bearable size.
+/// Checks that a model file exists and has an allowed size.
 pub(super) fn file(path: &Path) -> Result<(), NetworkError> {
     let unreadable = |source| NetworkError::Unreadable { file: name(path), source };
     let metadata = std::fs::metadata(path).map_err(unreadable)?;
@@ -24,7 +24,7 @@ pub(super) fn file(path: &Path) -> Result<(), NetworkError> {
     }
 }
 
-/// That the values are what the network takes: each input once, of its type and shape.
+/// Checks that each input of the network is given once, with its type and shape.
 pub(super) fn inputs(expected: &[TensorInfo], given: &[(&str, Tensor)]) -> Result<(), NetworkError> {
     for info in expected {
         if !given.iter().any(|(name, _)| *name == info.name) {
@@ -65,7 +65,7 @@ fn input(info: &TensorInfo, tensor: &Tensor) -> Result<(), NetworkError> {
     Ok(())
 }
 
-/// Runs foreign code that works on a file nobody vouches for; that it panics is told as an error.
+/// Runs foreign code on an untrusted file, and returns a panic as an error.
 pub(super) fn guarded<T>(
     work: impl FnOnce() -> Result<T, NetworkError>,
     broken: impl FnOnce(String) -> NetworkError,

@@ -1,9 +1,9 @@
-//! Why a network cannot be opened or run.
+//! Errors of opening and running a network.
 
 use super::tensor::Element;
 use std::path::PathBuf;
 
-/// The largest model file that is opened: the weights lie in memory while the network lives.
+/// Maximum size of a model file in bytes: the weights stay in memory as long as the network.
 pub const MAX_MODEL_BYTES: u64 = 4 << 30;
 
 #[derive(Debug, thiserror::Error)]

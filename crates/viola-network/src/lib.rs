@@ -1,8 +1,8 @@
 //! Runs a neural network: named tensors in, named tensors out.
 //!
-//! Two runtimes stand behind one interface. `rten` is part of the program and always there; ONNX Runtime is a
-//! library of the machine that is loaded when it is found, and is the only one that knows accelerators. A
-//! network is loaded once and shared; any thread may run it.
+//! Two runtimes have one interface. `rten` is part of the program and always available. ONNX Runtime is a
+//! library of the machine, loaded if it is found, and the only runtime with accelerators. A network is loaded
+//! once and shared; any thread may run it.
 
 mod check;
 mod error;
@@ -25,8 +25,8 @@ use with_rten::RtenNetwork;
 
 /// Loads a network from an ONNX file.
 ///
-/// An ONNX Runtime that was asked for, by its library's path or with an accelerator, must work. One that is only
-/// found and does not work is passed over, and [`Network::reason`] says so.
+/// A requested ONNX Runtime (by name, library path or accelerator) must work. If one is only found and does
+/// not load, `rten` is the fallback, and [`Network::reason`] names the error.
 pub fn open(path: &Path, params: &RuntimeParams) -> Result<Arc<dyn Network>, NetworkError> {
     check::file(path)?;
     let rten = |reason: String| -> Result<Arc<dyn Network>, NetworkError> {

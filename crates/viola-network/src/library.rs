@@ -1,7 +1,7 @@
-//! ONNX Runtime's library: where it lies, whether it is one, and of which version.
+//! Search, check and loading of the ONNX Runtime library.
 //!
-//! A process can load one such library and never lets go of it. What is named is looked at by itself first: the
-//! crate that binds it ends the program on a library that has no interface for it.
+//! A process loads at most one such library and never unloads it. A library is probed first, because the
+//! binding crate ends the program if the library lacks its interface.
 
 use super::{NetworkError, check};
 use libloading::{Library, Symbol};
@@ -11,7 +11,7 @@ use std::ffi::CStr;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-/// Where packages put the library.
+/// Folders in which packages install the library.
 const USUAL: &[&str] = &[
     "/usr/local/lib",
     "/usr/local/lib64",
@@ -33,7 +33,7 @@ pub(super) struct OnnxRuntime {
 static LOADED: OnceLock<OnnxRuntime> = OnceLock::new();
 static LOADING: Mutex<()> = Mutex::new(());
 
-/// Loads the library, or gives the one that is loaded already.
+/// Loads the library, or returns it if it is loaded already.
 pub(super) fn load(path: &Path) -> Result<&'static OnnxRuntime, NetworkError> {
     let whole = std::fs::canonicalize(path)
         .map_err(|source| NetworkError::LibraryMissing { path: path.to_owned(), source })?;
@@ -53,7 +53,7 @@ pub(super) fn load(path: &Path) -> Result<&'static OnnxRuntime, NetworkError> {
                 .map_err(|error| broken(error.to_string()))?
                 .with_name("viola")
                 .with_telemetry(false)
-                // What it has to say is in its errors.
+                // No log: the errors hold the messages.
                 .with_logger(std::sync::Arc::new(|_, _, _, _, _| {}))
                 .build()
                 .map_err(|error| broken(error.to_string()))
@@ -63,15 +63,15 @@ pub(super) fn load(path: &Path) -> Result<&'static OnnxRuntime, NetworkError> {
     Ok(LOADED.get_or_init(|| OnnxRuntime { environment, version, path: whole }))
 }
 
-/// The version of a library that has the interface we need.
+/// Returns the version of a library that has the required interface.
 fn probe(path: &Path) -> Result<String, NetworkError> {
     let broken = |reason: &dyn std::fmt::Display| NetworkError::LibraryBroken {
         path: path.to_owned(),
         reason: reason.to_string(),
     };
-    // SAFETY: loading runs the library's own code; whoever names a library trusts it as they trust this program.
+    // SAFETY: loading runs the library's own code; the user who names a library trusts it like this program.
     let library = unsafe { Library::new(path) }.map_err(|error| {
-        // What the system's loader says is the error's cause.
+        // The error's cause holds the message of the system's loader.
         let cause = std::error::Error::source(&error).map(ToString::to_string);
         broken(&cause.unwrap_or_else(|| error.to_string()))
     })?;
@@ -79,8 +79,8 @@ fn probe(path: &Path) -> Result<String, NetworkError> {
     let entry: Symbol<unsafe extern "system" fn() -> *const OrtApiBase> =
         unsafe { library.get(b"OrtGetApiBase\0") }
             .map_err(|_| broken(&"it has no OrtGetApiBase, so it is not ONNX Runtime"))?;
-    // SAFETY: the entry point takes nothing; what it gives is null or a table that lives as long as the library,
-    // and the version is a text that ends with a zero.
+    // SAFETY: the entry point takes no arguments and returns null or a table that lives as long as the
+    // library; the version is a zero-terminated text.
     let (version, interface) = unsafe {
         let base = entry();
         if base.is_null() {
@@ -91,7 +91,7 @@ fn probe(path: &Path) -> Result<String, NetworkError> {
             return Err(broken(&"it does not tell its version"));
         }
         let version = CStr::from_ptr(text).to_string_lossy().into_owned();
-        // Versions 1.n have the interfaces up to n; asking an older one prints a complaint.
+        // Version 1.n has the interfaces up to n; a request for a newer one prints a warning.
         let mut parts = version.split('.').map_while(|part| part.parse::<u32>().ok());
         if (parts.next(), parts.next()) < (Some(1), Some(ORT_API_VERSION)) {
             return Err(NetworkError::LibraryTooOld {
@@ -108,18 +108,18 @@ fn probe(path: &Path) -> Result<String, NetworkError> {
     Ok(version)
 }
 
-/// The library in the folders given, or in the usual places of the system.
+/// Finds the library in the given folders, or in the usual folders of the system.
 pub(super) fn find(look_in: &[PathBuf]) -> Option<PathBuf> {
     look_in.iter().map(PathBuf::as_path).chain(USUAL.iter().map(Path::new)).find_map(in_folder)
 }
 
-/// Where it is looked for, for messages.
+/// Returns the searched folders, for messages.
 pub(super) fn places(look_in: &[PathBuf]) -> String {
     let own = look_in.iter().map(|path| path.display().to_string());
     own.chain(USUAL.iter().map(|path| (*path).to_owned())).collect::<Vec<_>>().join(", ")
 }
 
-/// The folder's library: that without a version in its name, or else the last by name.
+/// Returns the folder's library: the name without a version first, then the newest version.
 fn in_folder(folder: &Path) -> Option<PathBuf> {
     let mut found: Vec<(bool, Vec<u32>, PathBuf)> = std::fs::read_dir(folder)
         .ok()?
@@ -156,7 +156,7 @@ mod tests {
         assert_eq!(find().unwrap(), "libonnxruntime.so");
     }
 
-    /// A library with ONNX Runtime's entry point that says what `body` says.
+    /// Builds a library from the C code `body`, with the types of ONNX Runtime's entry point before it.
     #[cfg(unix)]
     fn imitation(folder: &Path, name: &str, body: &str) -> PathBuf {
         let (source, library) = (folder.join(format!("{name}.c")), folder.join(format!("lib{name}.so")));

@@ -1,7 +1,7 @@
-//! The list of networks: what each is for, how a picture goes in, what comes out, and where it is had.
+//! The manifest of networks: task, input, output and source of each.
 //!
-//! `models/models.toml` is part of the program. A `models.toml` in the user's models folder adds networks, and
-//! replaces those of the same name.
+//! `models/models.toml` is part of the program. A `models.toml` in the user's models folder adds networks,
+//! and replaces those of the same name.
 
 mod diffusion;
 mod entry;
@@ -20,19 +20,19 @@ use std::path::Path;
 pub const FILE: &str = "models.toml";
 const BUILT_IN: &str = include_str!("../../../models/models.toml");
 
-/// The networks that are known: the user's own first, then the built-in ones, each in its file's order.
+/// All known networks: the user's own first, then the built-in ones, each in its file's order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Manifest {
     pub networks: Vec<ModelEntry>,
 }
 
 impl Manifest {
-    /// The built-in networks.
+    /// Returns the built-in networks.
     pub fn built_in() -> Result<Manifest, ManifestError> {
         Manifest::parse(BUILT_IN)
     }
 
-    /// The networks that the models folder's own manifest tells, and the built-in ones.
+    /// Returns the networks of the models folder's own manifest, then the built-in ones.
     pub fn with_folder(models: &Path) -> Result<Manifest, ManifestError> {
         let built_in = Manifest::built_in()?;
         let path = models.join(FILE);
@@ -74,13 +74,13 @@ impl Manifest {
         self.networks.iter().find(|entry| entry.name == name)
     }
 
-    /// The first network for a task whose file lies in the models folder.
+    /// Returns the first network for a task whose file lies in the models folder.
     pub fn installed(&self, task: Task, models: &Path) -> Option<&ModelEntry> {
         self.networks.iter().find(|entry| entry.task == task && entry.path(models).is_file())
     }
 }
 
-/// The file's text, cut just above the bound.
+/// Reads the file's text, cut one byte above the limit.
 fn read(path: &Path) -> std::io::Result<String> {
     use std::io::Read;
     let mut text = String::new();
@@ -88,8 +88,7 @@ fn read(path: &Path) -> std::io::Result<String> {
     Ok(text)
 }
 
-/// The first network for a task that is installed in a models folder, by the folder's own manifest and the
-/// built-in one.
+/// Returns the first installed network for a task, by the models folder's own manifest and the built-in one.
 pub fn installed(task: Task, models: &Path) -> Result<Option<ModelEntry>, ManifestError> {
     Ok(Manifest::with_folder(models)?.installed(task, models).cloned())
 }

@@ -1,4 +1,4 @@
-//! A loaded network, and how networks are run.
+//! A loaded network, and the parameters of its runtime.
 
 use super::error::NetworkError;
 use super::tensor::{Tensor, TensorInfo};
@@ -11,48 +11,48 @@ pub trait Network: Send + Sync {
 
     fn outputs(&self) -> &[TensorInfo];
 
-    /// Runs the network on one value for each of its inputs, in any order; gives each of its outputs in the
-    /// order of [`Network::outputs`].
+    /// Runs the network on one value for each of its inputs, in any order; returns its outputs in the order
+    /// of [`Network::outputs`].
     fn run(&self, inputs: &[(&str, Tensor)]) -> Result<Vec<(String, Tensor)>, NetworkError>;
 
-    /// Which runtime and device, for reports: `rten 0.27`, `ONNX Runtime 1.31.1 (CPU)`.
+    /// Returns the runtime and device, for reports: `rten 0.27`, `ONNX Runtime 1.31.1 (CPU)`.
     fn runtime(&self) -> &str;
 
-    /// Why that runtime was taken, in a sentence for the log.
+    /// Returns the reason for the choice of the runtime, for the log.
     fn reason(&self) -> &str;
 }
 
-/// Which runtime is wanted.
+/// The wanted runtime.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Runtime {
-    /// ONNX Runtime where its library is found, `rten` elsewhere.
+    /// ONNX Runtime if its library is found, else `rten`.
     #[default]
     Auto,
     Rten,
     OnnxRuntime,
 }
 
-/// What computes.
+/// The device that runs networks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Device {
     #[default]
     Cpu,
-    /// An NVIDIA GPU, by an ONNX Runtime that was built for it.
+    /// An NVIDIA GPU; needs an ONNX Runtime built for it.
     Cuda,
-    /// Apple's Core ML, by an ONNX Runtime that was built for it.
+    /// Apple's Core ML; needs an ONNX Runtime built for it.
     CoreMl,
 }
 
-/// How networks are to be run.
+/// Parameters of running networks.
 #[derive(Debug, Clone, Default)]
 pub struct RuntimeParams {
     pub runtime: Runtime,
-    /// The file of ONNX Runtime's library that someone named. It must work: that it does not is an error.
+    /// ONNX Runtime's library, if the user names one. If it does not work, that is an error.
     pub library: Option<PathBuf>,
-    /// Folders in which the library may lie, looked at before the usual places of the system.
+    /// Folders that are searched for the library before the usual folders of the system.
     pub look_in: Vec<PathBuf>,
     pub device: Device,
-    /// Threads that one run takes; without a number the runtime decides.
+    /// Threads of one run. Default: the runtime decides.
     pub threads: Option<NonZeroUsize>,
 }
 

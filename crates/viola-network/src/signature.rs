@@ -1,9 +1,9 @@
-//! Whether a loaded network has the inputs and outputs that its entry in the manifest speaks of.
+//! Checks that a loaded network has the inputs and outputs of its manifest entry.
 
 use super::tensor::shown;
 use super::{Element, TensorInfo};
 
-/// The input or output of a name, or the only one; `what` is the word for it in the message.
+/// Returns the input or output called `name`, or the only one; `what` is its word in the message.
 pub fn one<'a>(infos: &'a [TensorInfo], name: Option<&str>, what: &str) -> Result<&'a TensorInfo, String> {
     match (name, infos) {
         (Some(name), _) => infos.iter().find(|info| info.name == name).ok_or_else(|| {
@@ -15,7 +15,7 @@ pub fn one<'a>(infos: &'a [TensorInfo], name: Option<&str>, what: &str) -> Resul
     }
 }
 
-/// That a tensor is of such numbers and has these axes, where the file tells and the caller asks.
+/// Checks a tensor's type and axes. A type unknown in the file and an axis of `None` match anything.
 pub fn expect(info: &TensorInfo, what: &str, element: Element, axes: &[Option<usize>]) -> Result<(), String> {
     let name = &info.name;
     if info.element.is_some_and(|got| got != element) {

@@ -1,7 +1,7 @@
 //! Values that go into a network and come out of it.
 
-/// The type of a tensor's numbers. Whole numbers of any other width count as [`Element::I64`], and `rten`,
-/// which has no truth values, tells those as [`Element::I64`] too.
+/// The type of a tensor's numbers. Integers of any other width count as [`Element::I64`]; `rten` has no
+/// booleans and reports them as [`Element::I64`] too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Element {
     F32,
@@ -10,7 +10,7 @@ pub enum Element {
     Bool,
 }
 
-/// The numbers of a tensor, the last axis running fastest.
+/// The numbers of a tensor, in row-major order.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Data {
     F32(Vec<f32>),
@@ -58,7 +58,7 @@ impl Tensor {
         Tensor { shape: shape.into(), data: Data::U8(values) }
     }
 
-    /// The numbers when they are [`Data::F32`].
+    /// Returns the numbers if they are [`Data::F32`].
     pub fn as_f32(&self) -> Option<&[f32]> {
         match &self.data {
             Data::F32(values) => Some(values),
@@ -67,25 +67,25 @@ impl Tensor {
     }
 }
 
-/// What a network says of one of its inputs or outputs.
+/// Description of a network's input or output.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TensorInfo {
     pub name: String,
-    /// The length of each axis, `None` for one that the caller chooses or that the input decides. Without a
-    /// list the file does not even tell the number of axes.
+    /// Length of each axis, `None` for a dynamic one. The whole shape is `None` if the file does not give the
+    /// number of axes.
     pub shape: Option<Vec<Option<usize>>>,
-    /// `None` when the file does not tell.
+    /// `None` if the file does not give it.
     pub element: Option<Element>,
 }
 
 impl TensorInfo {
-    /// The length of an axis, when it is known and fixed.
+    /// Returns the length of an axis, if it is known and fixed.
     pub fn axis(&self, axis: usize) -> Option<usize> {
         self.shape.as_ref()?.get(axis).copied()?
     }
 }
 
-/// A shape as messages show it: `1x3x?x513`.
+/// Formats a shape for messages: `1x3x?x513`.
 pub(super) fn shown<'a>(axes: impl IntoIterator<Item = &'a Option<usize>>) -> String {
     let parts: Vec<String> =
         axes.into_iter().map(|axis| axis.map_or("?".to_owned(), |n| n.to_string())).collect();

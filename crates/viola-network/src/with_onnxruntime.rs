@@ -1,4 +1,4 @@
-//! Networks run by ONNX Runtime, where its library is found.
+//! Networks run by ONNX Runtime.
 
 use super::library::{self, OnnxRuntime};
 use super::{Data, Device, Element, Network, NetworkError, Tensor, TensorInfo, check};
@@ -11,11 +11,11 @@ use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 pub(super) struct OnnxRuntimeNetwork {
-    /// The binding wants a session for itself while it runs. One run takes all threads anyway.
+    /// The binding needs exclusive access to a session during a run. One run takes all threads anyway.
     session: Mutex<Session>,
     inputs: Vec<TensorInfo>,
     outputs: Vec<TensorInfo>,
-    /// The types of the inputs as the file has them, in their order.
+    /// Types of the inputs in the file, in the order of `inputs`.
     types: Vec<Option<TensorElementType>>,
     runtime: String,
     reason: String,
@@ -60,7 +60,7 @@ fn session(
     let mut builder = Session::builder(&loaded.environment)?
         .with_optimization_level(GraphOptimizationLevel::Level3)?
         .with_deterministic_compute(true)?
-        // Threads that wait for work must not keep a core busy: other stages want it.
+        // Threads that wait for work must not keep a core busy: other stages need it.
         .with_intra_op_spinning(false)?;
     if let Some(threads) = threads {
         builder = builder.with_intra_threads(threads.get())?;
@@ -71,7 +71,7 @@ fn session(
     builder.commit_from_file(path)
 }
 
-/// The accelerator, when the library was built for it.
+/// Returns the accelerator's provider, or `None` for the CPU.
 fn provider(device: Device) -> Result<Option<ExecutionProviderDispatch>, NetworkError> {
     let (name, available, provider) = match device {
         Device::Cpu => return Ok(None),
@@ -88,7 +88,7 @@ fn provider(device: Device) -> Result<Option<ExecutionProviderDispatch>, Network
     }
 }
 
-/// ONNX Runtime adds a stack trace to some of its errors.
+/// Returns an error's first line: ONNX Runtime adds a stack trace to some of its errors.
 fn first_line<R>(error: &ort::Error<R>) -> String {
     error.message().lines().next().unwrap_or_default().to_owned()
 }
@@ -159,7 +159,7 @@ fn infos(outlets: &[Outlet]) -> Vec<TensorInfo> {
         .collect()
 }
 
-/// The value as the file wants it: numbers that are floating or bytes go in without a copy.
+/// Converts a value to the file's type. Only integers that are narrowed are copied.
 fn value<'t>(
     name: &str,
     tensor: &'t Tensor,

@@ -1,4 +1,4 @@
-//! Networks run by `rten`: pure Rust, on the processor, with nothing to install.
+//! Networks run by `rten`: pure Rust, on the CPU, with nothing to install.
 
 use super::check;
 use super::{Data, Element, Network, NetworkError, Tensor, TensorInfo};
@@ -12,7 +12,7 @@ pub(super) struct RtenNetwork {
     model: Model,
     inputs: Vec<TensorInfo>,
     outputs: Vec<TensorInfo>,
-    /// `None` is the pool that all networks share, one thread for each core.
+    /// `None` is the pool that all networks share, with one thread per core.
     pool: Option<Arc<ThreadPool>>,
     reason: String,
 }
@@ -26,7 +26,7 @@ impl RtenNetwork {
         let refuse = |reason: String| NetworkError::NotANetwork { file: check::name(path), reason };
         let model = check::guarded(
             || {
-                // Weights are packed once, when loading: every run is then faster.
+                // Packing the weights once, when loading, makes every run faster.
                 ModelOptions::with_all_ops()
                     .prepack_weights(true)
                     .load_file(path)
@@ -113,7 +113,7 @@ fn infos(model: &Model, nodes: &[NodeId]) -> Vec<TensorInfo> {
         .collect()
 }
 
-/// `rten` counts in 32 bits.
+/// Converts a value to `rten`'s types: its integers have 32 bits.
 fn value(name: &str, tensor: &Tensor) -> Result<Value, NetworkError> {
     let shape = tensor.shape.as_slice();
     let misfit = |reason: String| NetworkError::Run { reason };

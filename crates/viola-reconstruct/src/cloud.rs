@@ -7,21 +7,21 @@ use viola_geometry::{Point3, Pose3, Vector3};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Label {
     pub class: Class,
-    /// In 255ths: there are millions of points.
+    /// In 255ths, because there are millions of points.
     probability: u8,
-    /// Pictures that a network saw it in.
+    /// Number of pictures in which a network saw the point.
     pub views: u16,
 }
 
 impl Label {
-    /// Nothing is known.
+    /// The label of a point without evidence.
     pub const NONE: Label = Label { class: Class::Other, probability: 0, views: 0 };
 
     pub fn new(class: Class, probability: f32, views: u16) -> Label {
         Label { class, probability: (probability.clamp(0.0, 1.0) * 255.0).round() as u8, views }
     }
 
-    /// 0..1
+    /// Returns the probability, 0 to 1.
     pub fn probability(&self) -> f32 {
         f32::from(self.probability) / 255.0
     }
@@ -31,12 +31,11 @@ impl Label {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CloudPoint {
     pub position_m: [f32; 3],
-    /// Unit length, towards the side that was seen.
+    /// Unit length, towards the observed side.
     pub normal: [f32; 3],
     pub color: [u8; 3],
     pub label: Label,
-    /// How well it was measured: the sum over its readings of 256 over their range in metres squared, as depth noise
-    /// grows with the range.
+    /// Sum over its readings of 256 / range², range in metres, because depth noise grows with the range.
     pub weight: u16,
 }
 
@@ -54,16 +53,16 @@ impl CloudPoint {
     }
 }
 
-/// Surface points at about one a voxel face, so that their number measures area.
+/// Surface points, about one for each voxel face, so that their number measures area.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PointCloud {
     pub points: Vec<CloudPoint>,
-    /// Side of the voxels that the points came from, in metres.
+    /// Side of the source voxels, in metres.
     pub voxel_m: f64,
 }
 
 impl PointCloud {
-    /// The same points in another frame.
+    /// Returns the points in another frame.
     pub fn transformed(mut self, to_from_this: &Pose3) -> PointCloud {
         for point in &mut self.points {
             let position = to_from_this * point.position();

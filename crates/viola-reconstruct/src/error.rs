@@ -1,9 +1,9 @@
-//! Why a clip could not be reconstructed.
+//! Errors of a reconstruction.
 
 use viola_formats::clip::ClipError;
 use viola_geometry::progress::Cancelled;
 
-/// Why there is no surface. A clip that shows too little is no error: the reasons of its answer tell it.
+/// An error that leaves no surface. A clip that shows too little is no error: its answer has the reasons.
 #[derive(Debug, thiserror::Error)]
 pub enum ReconstructError {
     #[error("the work was cancelled")]

@@ -1,13 +1,13 @@
-//! Surface points out of a signed distance map: where it changes sign between neighbouring voxels.
+//! Extracts surface points from a signed distance map, at sign changes between neighbouring voxels.
 
 use super::cloud::{CloudPoint, Label};
 use super::tsdf::{Block, SIDE, Tsdf};
 use rayon::prelude::*;
 
-/// A block with one voxel more before it and two after it, so that no neighbour is missing.
+/// Side of a block with one voxel before it and two after it, so that no neighbour is missing.
 const PADDED: usize = SIDE + 3;
 
-/// All sign changes, block after block in the order of their making.
+/// Returns all sign changes, block by block in order of creation.
 pub(super) fn surface_points(tsdf: &Tsdf, voxel_m: f64) -> Vec<CloudPoint> {
     // A few thousand blocks at a time, so that the points are not held twice.
     let mut points = Vec::new();
@@ -31,9 +31,9 @@ fn at(x: usize, y: usize, z: usize) -> usize {
     (z * PADDED + y) * PADDED + x
 }
 
-/// Copies the distances of a block and of what surrounds it; index 1 is the block's first voxel.
+/// Copies the distances of a block and its surroundings; index 1 is the block's first voxel.
 fn pad(tsdf: &Tsdf, block: &Block, padded: &mut [f32]) {
-    // Which block, and which voxel of it, each padded index falls into along one axis.
+    // Maps a padded index along one axis to the block's offset and the voxel in that block.
     let source = |i: usize| -> (i32, usize) {
         match i {
             0 => (-1, SIDE - 1),
@@ -75,7 +75,7 @@ fn block_points(block: &Block, padded: &[f32], voxel_m: f64) -> Vec<CloudPoint> 
                     let mut there = here;
                     there[axis] += 1;
                     let d1 = padded[at(there[0], there[1], there[2])];
-                    // A jump from one cut-off to the other is an edge between near and far, not a surface.
+                    // A jump of more than the truncation distance is a depth edge, not a surface.
                     if d1.is_nan() || (d0 > 0.0) == (d1 > 0.0) || (d0 - d1).abs() > 1.0 {
                         continue;
                     }
@@ -96,14 +96,14 @@ fn block_points(block: &Block, padded: &[f32], voxel_m: f64) -> Vec<CloudPoint> 
     points
 }
 
-/// The direction in which the distance grows, from the slopes at both ends of the step.
+/// Returns the normalised gradient of the distance, from the slopes at both ends of the step.
 fn normal(padded: &[f32], a: [usize; 3], b: [usize; 3], share: f32) -> Option<[f32; 3]> {
     let slope = |p: [usize; 3], axis: usize| -> f32 {
         let (mut before, mut after) = (p, p);
         before[axis] -= 1;
         after[axis] += 1;
         let [middle, before, after] = [p, before, after].map(|q| padded[at(q[0], q[1], q[2])]);
-        // One-sided where a neighbour was never seen.
+        // One-sided if a neighbour was never seen.
         match (before.is_nan(), after.is_nan()) {
             (false, false) => (after - before) * 0.5,
             (true, false) => after - middle,
@@ -122,7 +122,7 @@ mod tests {
     use viola_formats::clip::{DepthImage, Frame, FrameHeader};
     use viola_geometry::{Pinhole, Pose3};
 
-    /// A camera at the world's origin that looks along z at a wall 1.5 m away.
+    /// Returns the frame of a camera at the world's origin that looks along z at a wall `depth_m` away.
     fn wall(depth_m: f32) -> Frame {
         let camera = Pinhole { width: 80, height: 60, fx: 70.0, fy: 70.0, cx: 39.5, cy: 29.5 };
         Frame {

@@ -1,4 +1,4 @@
-//! The floor plane, and with it the clip frame (paper III-B).
+//! Finds the floor plane, which defines the clip frame (paper III-B).
 
 use super::cloud::{CloudPoint, Label, PointCloud};
 use super::fuse::mean_camera_up;
@@ -13,37 +13,37 @@ use std::ops::RangeInclusive;
 use viola_formats::clip::Up;
 use viola_geometry::{Plane, Point3, Pose3, Vector2, Vector3};
 
-/// Planes that are tried.
+/// Number of RANSAC hypotheses.
 const HYPOTHESES: usize = 400;
-/// Points used to score a hypothesis; more are thinned evenly.
+/// Maximum number of points that score a hypothesis; larger clouds are subsampled evenly.
 const SCORED_POINTS: usize = 30_000;
-/// A point this near supports the plane.
+/// Maximum distance of an inlier from the plane.
 const INLIER_M: f64 = 0.03;
-/// A point this far below speaks against it: nothing is under a floor.
+/// A point further below the plane than this counts against it: nothing is under a floor.
 const BELOW_M: f64 = 0.08;
-/// How far the normal may lean from the capture's gravity ...
+/// Maximum angle between the normal and the capture's gravity.
 const GRAVITY_CONE_RAD: f64 = 10f64.to_radians();
-/// ... or, without gravity, from the mean of the cameras' upward axes.
+/// Maximum angle between the normal and the mean of the cameras' upward axes, if gravity is unknown.
 const CAMERA_CONE_RAD: f64 = 50f64.to_radians();
-/// Where the first camera may be above the floor.
+/// Allowed height of the first camera above the floor.
 const CAMERA_HEIGHT_M: RangeInclusive<f64> = 0.25..=2.6;
-/// Heights of the camera that are tried when no floor is in sight.
+/// Assumed heights of the first camera if no floor is in sight.
 const ASSUMED_HEIGHTS_M: [f64; 3] = [1.45, 1.25, 1.65];
-/// Area that a floor must show, square metres.
+/// Minimum visible area of a floor, in square metres.
 const MIN_AREA_M2: f64 = 0.15;
-/// Share of the cloud that may lie below.
+/// Maximum fraction of the cloud below the floor.
 const MAX_BELOW_SHARE: f64 = 0.02;
 
-/// What was found of the floor.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// Summary of the floor for the answer.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FloorReport {
-    /// The floor was not seen; its height is the guess that fits the map best.
+    /// True if the floor was not seen; its height is then the assumed one that fits the map best.
     pub assumed: bool,
     /// Height of the first camera above it, in metres.
     pub camera_height_m: f64,
     /// Fused points within 2 cm of the plane.
     pub support_points: usize,
-    /// Angle to the capture's gravity in degrees, when the capture knows gravity.
+    /// Angle to the capture's gravity in degrees, if the capture knows gravity.
     pub gravity_angle_deg: Option<f64>,
 }
 
@@ -55,24 +55,24 @@ pub struct Floor {
     pub first_camera_height_m: f64,
     pub support_points: usize,
     pub gravity_angle_rad: Option<f64>,
-    /// Not seen; see [`assume`].
+    /// True if the floor was not seen; see [`assume`].
     pub assumed: bool,
 }
 
-/// Why there is no floor.
+/// Reason why no floor was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NoFloor {
     /// Nothing was fused.
     EmptyCloud,
     /// Gravity is unknown and the cameras' upward axes contradict each other.
     UpUnknown,
-    /// No horizontal plane with enough area lies under the cameras with nothing below it. The best one
-    /// had this much area and this share of the cloud below it.
+    /// No level plane under the cameras has enough area and nothing below it. The fields are the best
+    /// plane's area and the fraction of the cloud below it.
     NoPlane { best_area_m2: f64, below_share: f64 },
 }
 
 impl NoFloor {
-    /// The same for the answer.
+    /// Returns the reason for the answer.
     pub fn reason(&self) -> Reason {
         match self {
             NoFloor::EmptyCloud => {
@@ -94,7 +94,7 @@ impl NoFloor {
 }
 
 impl Floor {
-    /// The part that goes into the answer.
+    /// Returns the summary for the answer.
     pub fn report(&self) -> FloorReport {
         FloorReport {
             assumed: self.assumed,
@@ -105,7 +105,7 @@ impl Floor {
     }
 }
 
-/// Finds the floor by seeded RANSAC among planes that lie flat, in a world of any orientation.
+/// Finds the floor by seeded RANSAC among nearly level planes, in a world of any orientation.
 pub fn find_floor(
     cloud: &PointCloud,
     key_frames: &[KeyFrame],
@@ -137,7 +137,7 @@ pub fn find_floor(
         .max_by(|(i, a), (j, b)| a.score.total_cmp(&b.score).then(j.cmp(i)))
         .map(|(_, candidate)| candidate)
         .ok_or(NO_PLANE_AT_ALL)?;
-    // Sign changes of a flat surface are seen along about one axis, so points count voxel faces.
+    // A flat surface changes sign along about one axis, so each point stands for one voxel face.
     let area_m2 = best.inliers as f64 * stride as f64 * cloud.voxel_m * cloud.voxel_m;
     let below_share = best.below as f64 / scored.len() as f64;
     if area_m2 < MIN_AREA_M2 || below_share > MAX_BELOW_SHARE {
@@ -158,8 +158,8 @@ pub fn find_floor(
     })
 }
 
-/// Floors for a clip that shows none (the paper's future work): level, with the first camera at the heights
-/// at which people hold a phone, and not above anything that was seen.
+/// Returns assumed level floors for a clip that shows none (the paper's future work): the first camera is
+/// at heights at which people hold a phone, and no floor is above the lowest seen surface.
 pub fn assume(cloud: &PointCloud, key_frames: &[KeyFrame], up: &Up) -> Vec<Floor> {
     let Some(first) = key_frames.first() else { return Vec::new() };
     let up = up.direction;
@@ -203,11 +203,11 @@ struct Candidate {
     score: f64,
 }
 
-/// A point of the cloud as the search for the floor sees it.
+/// A cloud point with the data that the floor search needs.
 struct Scored {
     position_m: Point3,
     normal: Vector3,
-    /// False where the pictures say that it is something else: the top of a bed, a table.
+    /// False if the pictures label it as another level surface: the top of a bed, a table.
     may_be_floor: bool,
 }
 
@@ -228,7 +228,7 @@ struct Scorer<'a> {
 }
 
 impl Scorer<'_> {
-    /// Grows a plane from one point and its normal: twice the inliers, twice a fit, each time stricter.
+    /// Grows a plane from one point and its normal by fits with a growing radius and a stricter distance.
     fn grow(&self, pick: usize) -> Option<Candidate> {
         let Scored { position_m: point, normal, .. } = self.scored[pick];
         let mut plane = Plane::through(&point, normal);
@@ -261,14 +261,14 @@ impl Scorer<'_> {
                 inliers += 1;
             }
         }
-        // A table top has the floor below it; each point there outweighs several on it.
+        // A table top has the floor below it; each point below outweighs several inliers.
         let score = inliers as f64 - 5.0 * below as f64;
         Some(Candidate { plane, inliers, below, score })
     }
 }
 
 impl Scorer<'_> {
-    /// What lies on a plane to within a distance.
+    /// Returns the floor points within a distance of a plane.
     fn on<'a>(&'a self, plane: &'a Plane, within_m: f64) -> impl Iterator<Item = &'a Point3> + Clone {
         let is_on = move |s: &&Scored| {
             s.may_be_floor
@@ -278,8 +278,8 @@ impl Scorer<'_> {
         self.scored.iter().filter(is_on).map(|s| &s.position_m)
     }
 
-    /// The plane through all that lies on it. A floor that bends reaches out of the first one's band, so that it starts
-    /// wider.
+    /// Refits the plane to its inliers until it converges. The inlier distance starts wider, because a bent
+    /// floor leaves the narrow band of the first plane.
     fn settled(&self, plane: Plane) -> Plane {
         const ROUNDS: i32 = 20;
         const WIDER: f64 = 1.7;
@@ -298,15 +298,15 @@ impl Scorer<'_> {
         plane
     }
 
-    /// A plane of which so much was seen, drawn towards level as far as what was seen leaves its lean open: by its own
-    /// unevenness over how far it reaches, and by what bends whole recordings.
+    /// Combines the fitted tilt and gravity by inverse covariance. The tilt's covariance comes from the
+    /// unevenness and extent of the seen floor, and from the drift of recordings.
     fn steadied(&self, plane: &Plane, area_m2: f64, known_up: &Up) -> Plane {
-        /// The area over which a floor is off alike.
+        /// Area over which the errors of a floor are correlated.
         const ALIKE_M2: f64 = 0.3;
-        /// No surface is measured better.
+        /// Lower bound of the measured unevenness.
         const LEAST_UNEVEN_M: f64 = 0.002;
-        /// How far a recording leans by itself, as standard deviation: poses drift, and so do the floors of the real
-        /// apartment, of which some parts lean by 1.9 degrees.
+        /// Standard deviation of a recording's own tilt: poses drift, and parts of the real apartment's
+        /// floors tilt by 1.9 degrees.
         const DRIFT_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
         let up = &known_up.direction;
         let seen: Vec<&Point3> = self.on(plane, INLIER_M).collect();
@@ -314,7 +314,7 @@ impl Scorer<'_> {
             return *plane;
         }
         let east = up.cross(&plane.normal).try_normalize(1e-9);
-        // A plane that is level already stays.
+        // A level plane stays as it is.
         let Some(east) = east else { return *plane };
         let north = up.cross(&east);
         let middle = seen.iter().map(|p| p.coords).sum::<Vector3>() / seen.len() as f64;
@@ -322,7 +322,7 @@ impl Scorer<'_> {
         let squares_m2: f64 = seen.iter().map(|p| plane.height_m(p).powi(2)).sum();
         let uneven_m2 = (squares_m2 / seen.len() as f64).max(LEAST_UNEVEN_M * LEAST_UNEVEN_M);
         let spread: Matrix2<f64> = seen.iter().map(|p| flat(p) * flat(p).transpose()).sum();
-        // What is known of the lean, as the inverse of a covariance.
+        // Inverse covariance of the fitted tilt.
         let by_points = spread * (area_m2 / ALIKE_M2 / seen.len() as f64 / uneven_m2);
         let with_drift = Matrix2::identity() + by_points * DRIFT_RAD.powi(2);
         let Some(known) = with_drift.try_inverse().map(|inverse| by_points * inverse) else { return *plane };
@@ -334,7 +334,7 @@ impl Scorer<'_> {
     }
 }
 
-/// z up, the origin on the floor below the first camera, x along its heading.
+/// Returns the clip frame: z up, origin on the floor below the first camera, x along its heading.
 fn clip_from_world(plane: &Plane, world_from_first: &Pose3) -> Pose3 {
     let z = plane.normal;
     let camera = Point3::from(world_from_first.translation.vector);
@@ -346,13 +346,13 @@ fn clip_from_world(plane: &Plane, world_from_first: &Pose3) -> Pose3 {
     Pose3::from_parts((rotation * -origin.coords).into(), rotation)
 }
 
-/// Where a camera faces along the floor: the viewing direction laid flat, or the picture's upward axis when
-/// the camera looks straight down (and its downward axis when straight up).
+/// Returns a camera's heading along the floor: its viewing direction projected to the floor, or the
+/// picture's upward axis if the camera looks straight down (its downward axis if straight up).
 pub fn heading(world_from_camera: &Pose3, up: &Vector3) -> Vector3 {
     let flat = |v: Vector3| v - up * up.dot(&v);
     let forward = world_from_camera.rotation * Vector3::z();
     let along = flat(forward);
-    // Within about three degrees of the vertical the viewing direction says nothing.
+    // Within about three degrees of the vertical, the viewing direction gives no heading.
     let along = if along.norm() > 0.05 {
         along
     } else {

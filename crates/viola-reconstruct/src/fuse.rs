@@ -1,4 +1,4 @@
-//! Key frames by motion, decoded a few at a time and fused in order (paper III-A).
+//! Selects key frames by motion, decodes them in batches and fuses them in order (paper III-A).
 
 use super::cloud::PointCloud;
 use super::error::ReconstructError;
@@ -11,16 +11,16 @@ use viola_formats::lidar::MAX_SIDE_M;
 use viola_geometry::progress::{self, Progress};
 use viola_geometry::{Pose3, Vector3};
 
-/// A frame becomes a key frame when the camera moved this far since the last one ...
+/// A frame becomes a key frame if the camera moved this far since the last one ...
 const KEY_DISTANCE_M: f64 = 0.08;
 /// ... or turned this far.
 const KEY_ANGLE_RAD: f64 = 6f64.to_radians();
-/// Key frames closer together than needed are thinned to this many, evenly.
+/// Maximum number of key frames; more are subsampled evenly.
 const MAX_KEY_FRAMES: usize = 2_000;
-/// The share of key frames that may fail to decode before the clip is refused.
+/// Maximum fraction of key frames that may fail to decode before the clip is refused.
 const MAX_BROKEN_SHARE: f64 = 0.1;
 
-/// How key frames are chosen and fused.
+/// Parameters of the fusion.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FuseParams {
     pub tsdf: TsdfParams,
@@ -33,12 +33,12 @@ pub struct Fused {
     pub key_frames: Vec<KeyFrame>,
     /// Key frames whose pictures could not be decoded.
     pub broken: usize,
-    /// Surface beyond the memory bound was left out.
+    /// True if surface beyond the memory bound was left out.
     pub truncated: bool,
 }
 
 impl Fused {
-    /// What the answer should tell about the fusion.
+    /// Returns the remarks on the fusion for the answer.
     pub fn remarks(&self) -> Vec<Reason> {
         let mut remarks = Vec::new();
         if self.broken > 0 {
@@ -52,7 +52,7 @@ impl Fused {
     }
 }
 
-/// Why there is nothing to align.
+/// Reason why there is nothing to align.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NotFused {
     /// The range holds no frame.
@@ -64,7 +64,7 @@ pub enum NotFused {
 }
 
 impl NotFused {
-    /// The same for the answer.
+    /// Returns the reason for the answer.
     pub fn reason(self, clip: &Clip) -> Reason {
         match self {
             NotFused::NoFrame => {
@@ -90,7 +90,7 @@ impl NotFused {
     }
 }
 
-/// The longest side of the box around the cameras.
+/// Returns the longest side of the box around the cameras.
 fn extent_m(chosen: &[(usize, Pose3)]) -> f64 {
     let at = |(_, pose): &(usize, Pose3)| pose.translation.vector;
     let Some(first) = chosen.first().map(at) else { return 0.0 };
@@ -99,8 +99,8 @@ fn extent_m(chosen: &[(usize, Pose3)]) -> f64 {
     (high - low).max()
 }
 
-/// Fuses the key frames of `frames` (numbers as the layout gives them; all when none). `tracked` are poses for all of the
-/// clip's frames where it has none of its own.
+/// Fuses the key frames of `frames` (frame numbers of the layout; all if `None`). `tracked` replaces the
+/// clip's own poses, one for each of its frames.
 pub fn fuse(
     clip: &Clip,
     frames: Option<Range<u32>>,
@@ -137,7 +137,7 @@ pub fn fuse(
                         readings: Readings::thin(&frame.depth, frame.depth_camera),
                     });
                 }
-                // The frame may be fine: an answer without it would be another one.
+                // The frame may be valid, and the answer without it would differ.
                 Err(error) if error.is_ours() => return Err(ReconstructError::Clip(error)),
                 Err(error) => {
                     broken_count += 1;
@@ -164,11 +164,11 @@ pub fn fuse(
     }))
 }
 
-/// Frames in memory at a time: enough to keep many cores busy with decoding, and all that a long clip needs
-/// more than a short one is its surface.
+/// Frames in memory at a time: enough to keep many cores busy with decoding. Memory then grows only with
+/// the surface, not with the length of the clip.
 const BATCH: usize = 16;
 
-/// The posed frames far enough from the one chosen before, with their places in the clip.
+/// Returns the posed frames far enough from the one chosen before, with their indices in the clip.
 pub fn choose(
     clip: &Clip,
     frames: Option<&Range<u32>>,
@@ -191,8 +191,8 @@ pub fn choose(
     chosen.into_iter().step_by(stride).collect()
 }
 
-/// The variance of the Laplacian of a picture's green channel at a quarter of its size: motion blurs it away
-/// (Pech-Pacheco et al., 2000).
+/// Returns the variance of the Laplacian of a picture's green channel at a quarter of its size. Motion blur
+/// lowers it (Pech-Pacheco et al., 2000).
 fn sharpness(picture: &image::RgbImage) -> f32 {
     const STEP: u32 = 2;
     let (width, height) = picture.dimensions();
@@ -211,8 +211,8 @@ fn sharpness(picture: &image::RgbImage) -> f32 {
     (squares / count - (sum / count).powi(2)) as f32
 }
 
-/// The mean of the cameras' upward picture axes: which way is up when nothing better is known, for a device
-/// that was held upright more often than not. None when the cameras contradict each other.
+/// Returns the mean of the cameras' upward picture axes, the fallback for unknown gravity: devices are mostly
+/// held upright. `None` if the cameras contradict each other.
 pub fn mean_camera_up(key_frames: &[KeyFrame]) -> Option<Vector3> {
     let sum: Vector3 = key_frames.iter().map(|k| k.world_from_camera.rotation * -Vector3::y()).sum();
     (sum.norm() > 0.2 * key_frames.len() as f64).then(|| sum.normalize())

@@ -1,4 +1,4 @@
-//! What is kept of a fused frame.
+//! Data kept of each fused frame.
 
 use crate::tsdf::MAX_DEPTH_M;
 use crate::tsdf::MIN_DEPTH_M;
@@ -8,35 +8,35 @@ use viola_geometry::{Pinhole, Point3, Pose3};
 /// A frame that was fused.
 #[derive(Debug, Clone)]
 pub struct KeyFrame {
-    /// Its place in the clip.
+    /// Index of the frame in the clip.
     pub index: usize,
     pub number: u32,
     pub world_from_camera: Pose3,
-    /// How sharp its colour picture is, to compare it with others of the clip.
+    /// Sharpness of its colour picture, comparable within one clip.
     pub sharpness: f32,
-    /// Some of its readings, as points in the camera frame: enough to know what the camera saw through.
+    /// Subset of its depth readings, enough to derive the free space that the camera saw.
     pub readings: Readings,
 }
 
-/// What a key frame saw, as the clip's other answers have it.
+/// Pose and readings of a key frame, in the clip frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
     pub clip_from_camera: Pose3,
     pub readings: Readings,
 }
 
-/// A thinned depth picture: a few thousand numbers, because every key frame keeps one.
+/// A subsampled depth picture: a few thousand readings, because every key frame keeps one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Readings {
     camera: Pinhole,
     width: u16,
-    /// Millimetres, row after row; 0 where there is none.
+    /// In millimetres, row by row; 0 if there is no reading.
     depth_mm: Vec<u16>,
     stride: u16,
 }
 
 impl Readings {
-    /// Every so many-th reading of a depth picture, about 64 in a row.
+    /// Subsamples a depth picture to about 64 readings a row.
     pub fn thin(depth: &DepthImage, camera: Pinhole) -> Readings {
         let stride = (depth.width / 64).max(1);
         let mut depth_mm = Vec::new();
@@ -53,7 +53,7 @@ impl Readings {
         Readings { camera, width, depth_mm, stride: stride as u16 }
     }
 
-    /// Readings from their parts, none when these do not belong together.
+    /// Returns readings from their parts; `None` if the parts are inconsistent.
     pub fn new(camera: Pinhole, width: u16, stride: u16, depth_mm: Vec<u16>) -> Option<Readings> {
         let rows_fit = width > 0 && depth_mm.len().is_multiple_of(usize::from(width));
         (camera.is_plausible() && stride > 0 && rows_fit).then_some(Readings {
@@ -68,17 +68,17 @@ impl Readings {
         self.width
     }
 
-    /// Pixels of the camera's picture from one reading to the next.
+    /// Returns the distance between two readings, in pixels of the camera's picture.
     pub fn stride(&self) -> u16 {
         self.stride
     }
 
-    /// Millimetres, row after row; 0 where there is none.
+    /// Returns the depths in millimetres, row by row; 0 if there is no reading.
     pub fn depth_mm(&self) -> &[u16] {
         &self.depth_mm
     }
 
-    /// The depth measured at a place of the picture, in metres; none where nothing was measured.
+    /// Returns the depth measured at a pixel, in metres; `None` if there is no reading.
     pub fn depth_at(&self, u: f64, v: f64) -> Option<f64> {
         if u < 0.0 || v < 0.0 || u >= f64::from(self.camera.width) || v >= f64::from(self.camera.height) {
             return None;
@@ -92,7 +92,7 @@ impl Readings {
         &self.camera
     }
 
-    /// What was hit, in the camera frame.
+    /// Returns the measured points, in the camera frame.
     pub fn points_in_camera(&self) -> impl Iterator<Item = Point3> + '_ {
         let first = self.stride / 2;
         self.depth_mm.iter().enumerate().filter(|(_, mm)| **mm > 0).map(move |(i, &mm)| {
@@ -104,12 +104,12 @@ impl Readings {
 }
 
 impl KeyFrame {
-    /// A key frame with these readings, the first of its clip.
+    /// Returns a key frame with these readings, the first of its clip.
     pub fn first(world_from_camera: Pose3, readings: Readings) -> KeyFrame {
         KeyFrame { index: 0, number: 0, world_from_camera, sharpness: 0.0, readings }
     }
 
-    /// A key frame that read nothing.
+    /// Returns a key frame without readings.
     pub fn blind(world_from_camera: Pose3) -> KeyFrame {
         let camera = Pinhole { width: 4, height: 3, fx: 4.0, fy: 4.0, cx: 1.5, cy: 1.0 };
         let readings = Readings { camera, width: 4, depth_mm: Vec::new(), stride: 1 };

@@ -1,7 +1,7 @@
 //! Stage 4: every point of the clip gets a class, with a probability (paper III-A).
 //!
-//! Pictures speak by a network's class probabilities, summed over the key frames that see a place; shapes
-//! speak by the planes that they lie in. Without a network shapes alone tell floor, wall and ceiling.
+//! Pictures give a network's class probabilities, summed over the key frames that see a place. Shapes are
+//! classified by their planes. Without a network, shapes alone give floor, wall and ceiling.
 
 mod augment;
 mod class_map;
@@ -37,7 +37,8 @@ use viola_geometry::taxonomy::{CLASSES, Class};
 use viola_geometry::{Point3, Pose3};
 use vote::{Look, Votes};
 
-/// The class with the largest sum within the family with the largest sum; its share is its probability.
+/// Returns the class with the largest sum in the family with the largest sum; its fraction of all sums is
+/// its probability.
 pub(super) fn likeliest(sums: &[f32], views: u16) -> Label {
     let total: f32 = sums.iter().sum();
     let mut families = [0f32; CLASSES];
@@ -54,7 +55,8 @@ pub(super) fn likeliest(sums: &[f32], views: u16) -> Label {
     if total > 0.0 { Label::new(best, most.1 / total, views) } else { Label::NONE }
 }
 
-/// Networks divide their say between classes that look alike: what such a family gets together counts first.
+/// Returns the family of a class. Networks split probability between similar classes, so that the sum of
+/// the family is compared first.
 fn family(class: Class) -> Class {
     match class {
         Class::Curtain => Class::Window,
@@ -66,35 +68,35 @@ fn family(class: Class) -> Class {
     }
 }
 
-/// How the points of an answer were labelled.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
+/// Summary of the labelling for the answer.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct LabelReport {
-    /// `geometry` where no network was used, else the network and what ran it.
+    /// `geometry` if no network was used, else the network and its runtime.
     pub by: String,
-    /// Pictures that the network looked at.
+    /// Number of pictures that the network segmented.
     pub key_frames: usize,
 }
 
-/// Where a point of the world is in a frame's colour picture, in pixels; none if the frame does not see it.
+/// Returns the pixel of a world point in a frame's colour picture; `None` if the frame does not see it.
 pub fn seen_at(point_in_world: &Point3, frame: &Frame, world_from_camera: &Pose3) -> Option<(f32, f32)> {
     let camera = world_from_camera.translation.vector;
     let towards = camera - point_in_world.coords;
     Look { frame, camera_from_world: world_from_camera.inverse() }.pixel(point_in_world, &towards)
 }
 
-/// The labels of a clip in the making: the pictures are heard before the floor is known, the shapes after it.
+/// Labels a clip in two steps: by pictures before the floor is known, by shapes after it.
 pub struct Labeller {
     sites: Sites,
     votes: Option<Votes>,
     pub report: LabelReport,
-    /// The places in the clip of the frames that the network looked at.
+    /// Indices in the clip of the frames that the network segmented.
     pub pictures: Vec<usize>,
-    /// Why there are no votes though there is a network.
+    /// Reason why there are no votes although a network was requested.
     pub remark: Option<Reason>,
 }
 
 impl Labeller {
-    /// Hears the pictures, and writes what they say into the cloud.
+    /// Segments the pictures, and writes their labels into the cloud.
     pub fn listen(
         clip: &Clip,
         cloud_in_world: &mut PointCloud,
@@ -129,8 +131,8 @@ impl Labeller {
         Ok(labeller)
     }
 
-    /// Adds what the shapes say, once the floor is known, and tells the walls. `cloud` is the one that was
-    /// listened to, in any frame.
+    /// Adds the shapes to the labels once the floor is known, and returns the walls. `cloud` is the cloud of
+    /// [`Labeller::listen`], in any frame.
     pub fn finish(
         mut self,
         cloud: &mut PointCloud,
@@ -161,7 +163,7 @@ impl Labeller {
 mod tests {
     use super::*;
 
-    /// Sums by class, and the class and probability that they come to.
+    /// Checks the class and probability that result from sums by class.
     fn check(sums: &[(Class, f32)], want: Class, probability: f32) {
         let mut all = [0f32; CLASSES];
         for (class, sum) in sums {

@@ -1,4 +1,4 @@
-//! From a clip to a labelled surface with a floor: stages 2 to 5 of the method.
+//! Reconstructs a labelled surface with a floor from a clip: stages 2 to 5 of the method.
 
 pub mod cloud;
 pub mod error;

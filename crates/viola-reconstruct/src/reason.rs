@@ -1,13 +1,13 @@
-//! Why an answer is as it is, for programs and for people.
+//! Reasons for a verdict, for programs and for people.
 
 use serde::{Deserialize, Serialize};
 
 /// A machine-readable reason for a verdict.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reason {
-    /// Stable, in snake case, for programs: `several_modes`, `too_few_hits`, `no_floor` ...
+    /// Stable identifier for programs, in snake case: `several_modes`, `too_few_hits`, `no_floor` ...
     pub code: String,
-    /// For people.
+    /// Explanation for people.
     pub detail: String,
 }
 

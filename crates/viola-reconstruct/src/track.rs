@@ -1,14 +1,14 @@
-//! Poses for clips whose device gave none, and for those whose device's poses drift (METHOD stage 2; the paper's III-A
-//! reconstructs with RGB-D SLAM).
+//! Tracks the camera of clips without device poses, and refines device poses that drift (METHOD stage 2; the
+//! paper's III-A reconstructs with RGB-D SLAM).
 //!
 //! [`Tracker`] takes frames in the order of their recording, one at a time:
-//! - `odometry` aligns each to the latest key frame by its grey and its depth together (`step`), and says when it is lost;
-//! - a lost frame is compared with all key frames; where none shows the same place, a new segment begins;
-//! - [`Tracker::finish`] looks for key frames that see the same again (`loops`), checks each by aligning the two, joins
-//!   segments, and moves the key frames to where all of that wants them (`graph`).
+//! - `odometry` aligns each to the latest key frame by grey and depth (`step`), and detects a lost frame;
+//! - a lost frame is compared with the key frames; if none shows the same place, a new segment begins;
+//! - [`Tracker::finish`] finds key frames that see the same again (`loops`), checks each pair by alignment,
+//!   joins segments, and optimises the poses of the key frames (`graph`).
 //!
-//! Memory grows with the key frames alone, of which each keeps a picture of a quarter of a million bytes. A clip that
-//! cannot be followed ends in segments, each with the reason why the one before it ended.
+//! Memory grows only with the key frames, each with a picture of a quarter of a million bytes. A clip that
+//! cannot be tracked in one piece has several segments, each with the reason why it ended.
 
 mod agreement;
 mod clip;
@@ -37,20 +37,20 @@ use shutter::Rolling;
 use viola_formats::clip::{Frame, Shutter};
 use viola_geometry::Pose3;
 
-/// Key frames that a lost frame is compared with at most, those first that look most alike.
+/// Maximum number of key frames that a lost frame is compared with, the most similar first.
 const RELOCALISE_TRIES: usize = 12;
-/// Segments with fewer frames than this are not kept.
+/// Minimum number of frames in a segment.
 const LEAST_FRAMES: usize = 5;
 
-/// How a clip is tracked.
+/// Parameters of the tracking.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackParams {
     pub seed: u64,
-    /// Whether loops are looked for.
+    /// True if loops are closed.
     pub close_loops: bool,
-    /// How the cameras read their pictures; a clip that knows better has its own.
+    /// Fallback for clips that do not state their shutter.
     pub shutter: Option<Shutter>,
-    /// Refines the poses of devices that drift by the pictures.
+    /// True if device poses that drift are refined by the pictures.
     pub refine: bool,
 }
 
@@ -60,41 +60,41 @@ impl Default for TrackParams {
     }
 }
 
-/// A part of the clip that was followed without a gap that could not be bridged.
+/// A part of the clip that was tracked without an unbridged gap.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Segment {
-    /// Frames with a pose.
+    /// Number of frames with a pose.
     pub frames: usize,
-    /// Place in the clip of the first of them.
+    /// Index of the first of them among the tracked frames.
     pub first: usize,
-    /// Why it ended before the clip did.
+    /// Reason why it ended before the clip did.
     pub ended: Option<Lost>,
 }
 
-/// What became of the frames.
+/// Result of the tracking.
 #[derive(Debug, Clone)]
 pub struct Track {
-    /// For each frame the segment and the pose in the segment's world, whose origin is its first camera.
+    /// For each frame, its segment and its pose in the segment's world, whose origin is its first camera.
     pub poses: Vec<Option<(usize, Pose3)>>,
-    /// The standard deviation of each frame's place against its key frame, in the direction that is known worst.
+    /// Standard deviation of each frame's position against its key frame, in the worst direction.
     pub uncertainty_m: Vec<Option<f64>>,
     /// In the order of their first frames.
     pub segments: Vec<Segment>,
     pub key_frames: usize,
-    /// Loops that were believed, and those that were found and then not believed.
+    /// Number of accepted loops, and of loops that were found and rejected.
     pub loops: usize,
     pub false_loops: usize,
-    /// Memory that the key frames take.
+    /// Memory of the key frames.
     pub key_bytes: usize,
 }
 
 impl Track {
-    /// The segment with most frames, the first of those.
+    /// Returns the segment with most frames, the first of equals.
     pub fn longest(&self) -> Option<usize> {
         (0..self.segments.len()).max_by_key(|i| (self.segments[*i].frames, std::cmp::Reverse(*i)))
     }
 
-    /// By how much the camera turned from frame to frame: nine of ten turns of a segment were smaller.
+    /// Returns the 90th percentile of a segment's turns from frame to frame.
     pub fn wide_turn_rad(&self, segment: usize) -> f64 {
         let poses: Vec<Pose3> = self.poses_of(segment).into_iter().flatten().collect();
         let mut turns_rad: Vec<f64> =
@@ -103,13 +103,13 @@ impl Track {
         turns_rad.get(turns_rad.len() * 9 / 10).copied().unwrap_or(0.0)
     }
 
-    /// The poses of one segment.
+    /// Returns the poses of one segment.
     pub fn poses_of(&self, segment: usize) -> Vec<Option<Pose3>> {
         self.poses.iter().map(|pose| pose.filter(|(of, _)| *of == segment).map(|(_, pose)| pose)).collect()
     }
 }
 
-/// A frame that was followed: its place against a key frame.
+/// A tracked frame: its pose against a key frame.
 #[derive(Debug, Clone, Copy)]
 struct Followed {
     key: usize,
@@ -117,7 +117,7 @@ struct Followed {
     uncertainty_m: f64,
 }
 
-/// Follows the camera through frames in the order of their recording.
+/// Tracks the camera through frames in the order of their recording.
 pub struct Tracker {
     params: TrackParams,
     describer: Describer,
@@ -125,18 +125,18 @@ pub struct Tracker {
     keys: Vec<KeyFrame>,
     edges: Vec<Edge>,
     frames: Vec<Option<Followed>>,
-    /// Why each segment ended, in the order of their beginning.
+    /// Reason why each segment ended, in the order of their beginning.
     ended: Vec<Option<Lost>>,
     is_lost: bool,
-    /// When the last frame was recorded.
+    /// Time of the last frame.
     last_s: Option<f64>,
-    /// Uses the device's poses, which are in `devices`.
+    /// True if the device's poses are used, which are in `devices`.
     has_device: bool,
     devices: Vec<Option<Pose3>>,
 }
 
 impl Tracker {
-    /// For frames whose poses, if they have any, do not count.
+    /// Returns a tracker that ignores the poses of the frames.
     pub fn new(params: &TrackParams) -> Tracker {
         Tracker {
             odometry: Odometry::new(),
@@ -153,12 +153,12 @@ impl Tracker {
         }
     }
 
-    /// For frames whose poses are known, and are refined.
+    /// Returns a tracker that refines the poses of the frames.
     pub fn refining(params: &TrackParams) -> Tracker {
         Tracker { has_device: true, ..Tracker::new(params) }
     }
 
-    /// The next frame.
+    /// Adds the next frame.
     pub fn add(&mut self, frame: &Frame) {
         let pyramid = Pyramid::new(frame);
         let rolling = Rolling::new(self.params.shutter, self.last_s, frame.header.time_s);
@@ -212,7 +212,7 @@ impl Tracker {
         }
     }
 
-    /// Starts from a frame: in a place that is known, or in a new segment.
+    /// Starts from a frame: at a known place, or in a new segment.
     fn begin(&mut self, pyramid: Pyramid) -> Option<Followed> {
         if Lost::of(&pyramid).is_some() {
             return None;
@@ -230,7 +230,7 @@ impl Tracker {
                 information: step.trusted_information(),
                 is_loop: false,
             });
-            // What ended goes on.
+            // The segment continues.
             self.ended[key.segment] = None;
             return Some(self.start(key, pyramid));
         }
@@ -250,7 +250,7 @@ impl Tracker {
         self.keys.push(KeyFrame::new(frame, segment, world_from_key, pyramid, &self.describer));
     }
 
-    /// The key frame that shows the place of a new one.
+    /// Returns the key frame that shows the place of a new one.
     fn relocalise(&self, key: &KeyFrame) -> Option<(usize, step::Step)> {
         let mut alike: Vec<(usize, usize)> =
             self.keys.iter().enumerate().map(|(i, other)| (other.similarity(key.words()), i)).collect();
@@ -262,7 +262,7 @@ impl Tracker {
         })
     }
 
-    /// Closes the loops and gives all frames their poses.
+    /// Closes the loops and returns the poses of all frames.
     pub fn finish(mut self) -> Track {
         let (mut loops, mut false_loops) = (0, 0);
         if self.params.close_loops {
@@ -300,7 +300,7 @@ impl Tracker {
         (right, dropped + edges.count() - right)
     }
 
-    /// Brings segments that a loop connects into one world.
+    /// Moves segments that an edge connects into one world.
     fn join_segments(&mut self) {
         for edge in &self.edges {
             let (a, b) = (self.keys[edge.a].segment, self.keys[edge.b].segment);
@@ -330,7 +330,7 @@ impl Tracker {
     }
 }
 
-/// Counts the segments' frames, drops what is too short, and numbers the rest in the order of their first frames.
+/// Counts the segments' frames, drops short segments, and numbers the rest in the order of first frames.
 fn segments(poses: &mut [Option<(usize, Pose3)>], ended: &[Option<Lost>], least: usize) -> Vec<Segment> {
     let mut counts = vec![0; ended.len()];
     poses.iter().flatten().for_each(|(segment, _)| counts[*segment] += 1);

@@ -1,42 +1,42 @@
-//! Outliers among the poses that a device gave: poses that no hand-held camera can have moved between.
+//! Drops outliers among a device's poses: poses that a hand-held camera cannot reach from those around them.
 
 use super::Reason;
 use std::ops::Range;
 use viola_formats::clip::{Clip, FrameHeader};
 use viola_geometry::Pose3;
 
-/// Nobody moves or turns a camera faster in a home.
+/// Maximum speed and turn rate of a camera in a home.
 const MAX_SPEED_MPS: f64 = 10.0;
 const MAX_TURN_RADPS: f64 = 10.0;
-/// A device corrects its own poses by up to this from one frame to the next.
+/// Maximum correction that a device makes to its own poses from one frame to the next.
 const CORRECTION_M: f64 = 1.0;
 const CORRECTION_RAD: f64 = 0.6;
-/// The longest step from frame to frame if times are unknown: the range of a depth sensor, beyond which two frames share no
-/// surface.
+/// Maximum step from frame to frame if times are unknown: the range of a depth sensor, beyond which two
+/// frames share no surface.
 const MAX_STEP_M: f64 = 5.0;
-/// No camera records faster; closer times are wrong.
+/// Minimum time between frames; smaller differences are errors, because no camera records faster.
 const MIN_STEP_S: f64 = 1e-3;
-/// Groups that are compared with a frame, so that the time is linear in the number of frames.
+/// Maximum number of groups compared with a frame, so that the time is linear in the number of frames.
 const OPEN_GROUPS: usize = 32;
 
 /// The poses of a clip without its outliers.
 #[derive(Debug, Clone)]
 pub struct Trajectory {
-    /// For every frame of the clip; none where it has no pose, is not wanted, or its pose is an outlier.
+    /// One for each frame of the clip; `None` if it has no pose, is out of range, or its pose is an outlier.
     pub world_from_camera: Vec<Option<Pose3>>,
-    /// What the answer should tell of it.
+    /// Remark for the answer.
     pub reason: Reason,
 }
 
 impl Trajectory {
-    /// The frames that have a pose.
+    /// Returns the frames that have a pose.
     pub fn posed<'a>(&'a self, clip: &'a Clip) -> impl Iterator<Item = (&'a FrameHeader, &'a Pose3)> {
         let frames = clip.frames().iter().zip(&self.world_from_camera);
         frames.filter_map(|(frame, pose)| Some((frame, pose.as_ref()?)))
     }
 }
 
-/// Drops the outliers among the poses of the frames in `range` (all when none); none when there are no outliers.
+/// Drops the outliers among the poses of the frames in `range` (all if `None`); `None` without outliers.
 pub fn without_outliers(clip: &Clip, range: Option<&Range<u32>>) -> Option<Trajectory> {
     let wanted = |header: &FrameHeader| range.is_none_or(|range| range.contains(&header.number));
     let frames = clip.frames();
@@ -67,14 +67,14 @@ pub fn without_outliers(clip: &Clip, range: Option<&Range<u32>>) -> Option<Traje
 
 /// A frame that has a pose.
 struct Posed {
-    /// Its place in the clip.
+    /// Index of the frame in the clip.
     index: usize,
     time_s: Option<f64>,
     pose: Pose3,
 }
 
 impl Posed {
-    /// Whether a camera can have moved here from an earlier frame.
+    /// Returns whether a camera can have moved here from an earlier frame.
     fn can_follow(&self, earlier: &Posed) -> bool {
         let moved_m = (self.pose.translation.vector - earlier.pose.translation.vector).norm();
         let elapsed_s = self.time_s.zip(earlier.time_s).map(|(now, then)| now - then);
@@ -93,19 +93,19 @@ impl Posed {
 #[derive(Clone, Copy)]
 struct Group {
     number: usize,
-    /// The place of the last one.
+    /// Index of the last one among the posed frames.
     last: usize,
     frames: usize,
 }
 
-/// Which frames are in the largest group, the earliest of equals.
+/// Returns for each frame whether it is in the largest group, the earliest of equals.
 ///
-/// A frame joins the group of the frame before it, or else the largest group that it can follow: what comes back after a few
-/// wild poses goes on where it was, and a second segment elsewhere stays apart.
+/// A frame joins the group of the frame before it, or else the largest group that it can follow. Frames after
+/// a few wild poses thus rejoin their group, and a second segment elsewhere stays apart.
 fn largest_group(posed: &[Posed]) -> Vec<bool> {
     let mut group_of = Vec::with_capacity(posed.len());
     let mut frames_of: Vec<usize> = Vec::new();
-    // The group of the frame before is the last one.
+    // The last entry is the group of the previous frame.
     let mut open: Vec<Group> = Vec::new();
     for (place, frame) in posed.iter().enumerate() {
         let follows = |group: &Group| frame.can_follow(&posed[group.last]);

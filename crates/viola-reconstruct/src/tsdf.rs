@@ -7,7 +7,7 @@ use rustc_hash::FxHashMap;
 use viola_formats::clip::Frame;
 use viola_geometry::{Point3, Pose3};
 
-/// Distances are cut off at this: several times the depth noise, less than the thickness of a wall.
+/// Truncation distance: several times the depth noise, less than the thickness of a wall.
 const TRUNCATION_M: f64 = 0.10;
 /// Readings outside this range are ignored: too noisy, or the housing of the device.
 pub(crate) const MIN_DEPTH_M: f32 = 0.15;
@@ -17,11 +17,11 @@ pub(crate) const MAX_DEPTH_M: f32 = 5.0;
 pub(super) const SIDE: usize = 4;
 pub(super) const VOXELS: usize = SIDE * SIDE * SIDE;
 
-/// How depth is fused.
+/// Parameters of the depth fusion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TsdfParams {
     pub voxel_m: f64,
-    /// A bound on memory: 4 KiB a block. Further surface is left out.
+    /// Maximum number of blocks, which bounds memory. Further surface is left out.
     pub max_blocks: usize,
 }
 
@@ -36,7 +36,7 @@ impl Default for TsdfParams {
 pub(super) struct Voxel {
     /// Distance to the surface in units of truncation / 32767, positive on the seen side.
     distance: i16,
-    /// Sum of the readings' weights, saturating; 0 is never seen.
+    /// Sum of the readings' weights, saturating; 0 if never seen.
     weight: u16,
     color: [u8; 3],
     /// Readings in `color`, saturating.
@@ -44,7 +44,7 @@ pub(super) struct Voxel {
 }
 
 impl Voxel {
-    /// Distance in truncations, or NaN where nothing was seen.
+    /// Returns the distance in units of truncation; NaN if never seen.
     pub(super) fn distance(&self) -> f32 {
         if self.weight == 0 { f32::NAN } else { f32::from(self.distance) / 32767.0 }
     }
@@ -53,7 +53,7 @@ impl Voxel {
         self.color
     }
 
-    /// The sum of its readings' weights.
+    /// Returns the sum of its readings' weights.
     pub(super) fn weight(&self) -> u16 {
         self.weight
     }
@@ -62,7 +62,7 @@ impl Voxel {
         let (old, new) = (f32::from(self.weight), f32::from(weight));
         let mean = (f32::from(self.distance) * old + distance * 32767.0 * new) / (old + new);
         self.distance = mean.round().clamp(-32767.0, 32767.0) as i16;
-        // A bounded memory lets the map follow a changed scene and keeps the sum from overflowing.
+        // A bounded weight lets the map follow a changed scene and keeps the sum from overflowing.
         self.weight = self.weight.saturating_add(weight).min(16_384);
     }
 
@@ -99,12 +99,12 @@ impl Tsdf {
         Tsdf { params, blocks: Vec::new(), index: FxHashMap::default(), frames: 0, full: false }
     }
 
-    /// Whether surface was left out because of `max_blocks`.
+    /// Returns whether surface was left out because of `max_blocks`.
     pub fn is_full(&self) -> bool {
         self.full
     }
 
-    /// Fuses one frame. Frames must come in the same order for the same result; threads do not matter.
+    /// Fuses one frame. The result depends on the order of the frames, not on threads.
     pub fn integrate(&mut self, frame: &Frame, world_from_camera: &Pose3) {
         self.frames += 1;
         self.allocate(frame, world_from_camera);
@@ -117,7 +117,7 @@ impl Tsdf {
         });
     }
 
-    /// The surface as points in the world frame.
+    /// Returns the surface as points in the world frame.
     pub fn surface(&self) -> PointCloud {
         PointCloud {
             points: extract::surface_points(self, self.params.voxel_m),
@@ -125,7 +125,7 @@ impl Tsdf {
         }
     }
 
-    /// Makes and stamps the blocks around every reading.
+    /// Creates and stamps the blocks around the readings.
     fn allocate(&mut self, frame: &Frame, world_from_camera: &Pose3) {
         const STRIDE: usize = 3;
         let block_m = self.params.voxel_m * SIDE as f64;
@@ -140,8 +140,8 @@ impl Tsdf {
                 }
                 let ray = world_from_camera.rotation * frame.depth_camera.ray(f64::from(x), f64::from(y));
                 let depth_m = f64::from(depth_m);
-                // Three samples reach every block that the truncation band crosses, but for corners that a
-                // neighbouring pixel's ray finds.
+                // Three samples reach every block in the truncation band, except corners that the ray of a
+                // neighbouring pixel reaches.
                 for along in [-reach_m, 0.0, reach_m] {
                     let point = origin + ray * (depth_m + along / ray.norm());
                     let key = [0, 1, 2].map(|axis| (point[axis] / block_m).floor() as i32);
@@ -167,7 +167,7 @@ impl Tsdf {
     }
 }
 
-/// What one frame does to any block.
+/// The update of a block by one frame.
 struct Update<'a> {
     params: &'a TsdfParams,
     frame: &'a Frame,

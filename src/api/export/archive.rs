@@ -13,7 +13,7 @@ use zip::write::{SimpleFileOptions, StreamWriter, ZipWriter};
 
 /// Size of the pieces that are sent, and of those that are compressed in one go.
 const PIECE_BYTES: usize = 128 << 10;
-/// Pieces that wait for a slow reader.
+/// Number of pieces that wait for a slow reader.
 const AHEAD: usize = 1;
 
 /// The writing end. The zip writer fills a buffer in memory, and full pieces of it wait for the reader.
@@ -36,7 +36,7 @@ impl Archive {
         for piece in bytes.chunks(PIECE_BYTES) {
             self.zip.write_all(piece)?;
             self.outlet.send_from(PIECE_BYTES).await?;
-            // Compression takes time and may give nothing to wait for.
+            // Compression takes time and may produce nothing to wait for: other tasks get a turn.
             tokio::task::yield_now().await;
         }
         Ok(())
@@ -72,7 +72,7 @@ impl Archive {
     }
 }
 
-/// The way from the buffer to the reader.
+/// Sends the bytes of the buffer to the reader.
 struct Outlet {
     buffer: Buffer,
     pieces: mpsc::Sender<Bytes>,
@@ -88,8 +88,8 @@ impl Outlet {
     }
 }
 
-/// Bytes that the zip writer has written and that were not sent yet. The lock is never contended: it is there because
-/// the writer of a streamed zip does not give its target back.
+/// Bytes that the zip writer has written and that are not sent yet. The lock is never contended; it is needed
+/// because the writer of a streamed zip does not return its target.
 #[derive(Clone, Default)]
 struct Buffer(Arc<Mutex<BytesMut>>);
 
@@ -98,7 +98,7 @@ impl Buffer {
         let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         (held.len() >= bytes).then(|| {
             let piece = held.split().freeze();
-            // Takes the memory of pieces that were sent, if there are any.
+            // Reuses the memory of sent pieces, if there are any.
             held.reserve(PIECE_BYTES);
             piece
         })

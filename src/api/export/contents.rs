@@ -1,16 +1,17 @@
-//! What is in an export, file by file.
+//! The files of an export.
 
 use super::archive::Archive;
 use crate::api::App;
 use crate::api::map::points::{Format, Points};
+use crate::api::types;
 use crate::storage::{Clip, ClipFilter, Home, HomeId, Page, StorageError, map_file, result_file};
 use viola_home::{ClipNumbers, PointFilter};
 
 const README: &str = include_str!("README.txt");
-/// Clips that are read at a time.
+/// Number of clips read at a time.
 const PAGE: u32 = 50;
 
-/// Why an export broke off.
+/// The reason for which an export broke off.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum ExportError {
     #[error(transparent)]
@@ -35,7 +36,7 @@ pub(super) struct Contents {
 impl Contents {
     pub async fn write(self, mut zip: Archive) -> Result<(), ExportError> {
         zip.file("README.txt", README.as_bytes()).await?;
-        zip.document("home.json", &self.about).await?;
+        zip.document("home.json", &types::Home::from(self.about.clone())).await?;
         self.lidar_map(&mut zip).await?;
         self.map(&mut zip).await?;
         let mut page = Page { limit: PAGE, after: None };
@@ -58,7 +59,7 @@ impl Contents {
             Err(StorageError::NoLidarMap) => return Ok(()),
             map => map?,
         };
-        zip.document("lidar-map/lidar-map.json", &map).await?;
+        zip.document("lidar-map/lidar-map.json", &types::LidarMapRevision::from(map.clone())).await?;
         zip.file("lidar-map/file", &storage.lidar_map_file(map.id()).await?).await?;
         let image = storage.lidar_map_image(&self.home).await?;
         zip.stream("lidar-map/image.png", image.stream).await
@@ -67,7 +68,7 @@ impl Contents {
     async fn map(&self, zip: &mut Archive) -> Result<(), ExportError> {
         let storage = &self.app.storage;
         let Some(map) = storage.home_map(&self.home, None).await? else { return Ok(()) };
-        zip.document("map/map.json", &map).await?;
+        zip.document("map/map.json", &types::HomeMap::from(map.clone())).await?;
         for name in [map_file::PLAN_PNG, map_file::PLAN_SVG, map_file::PLAN_GEOJSON, map_file::SCENE] {
             for found in &storage.home_map_files(&self.home, map.revision, name).await? {
                 let blob = storage.read_map_file(found).await?.ok_or(ExportError::Changing)?;
@@ -81,7 +82,7 @@ impl Contents {
                 clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)),
                 filter: PointFilter::default(),
             };
-            // More points than a GLB can hold are in the PLY.
+            // Points that are too many for a GLB are in the PLY.
             let Ok((head, _)) = points.head(format, &map, &tiles).await else { continue };
             zip.stream(name, points.body(format, head, tiles)).await?;
         }
@@ -91,13 +92,13 @@ impl Contents {
     async fn clip(&self, zip: &mut Archive, clip: &Clip) -> Result<(), ExportError> {
         let storage = &self.app.storage;
         let folder = format!("clips/{}", clip.id);
-        zip.document(&format!("{folder}/clip.json"), clip).await?;
+        zip.document(&format!("{folder}/clip.json"), &types::Clip::from(clip.clone())).await?;
         for name in [result_file::OVERLAY, result_file::COMPLETION, result_file::SCAN, result_file::CLOUD] {
             if let Some(blob) = storage.clip_result(clip, name).await? {
                 zip.stream(&format!("{folder}/{name}"), blob.stream).await?;
             }
         }
-        // Removed since the list was read: then it is not in the export.
+        // A recording removed since the list was read is not in the export.
         if let Some(blob) = storage.clip_recording(clip.id).await? {
             zip.stream(&format!("{folder}/recording"), blob.stream).await?;
         }

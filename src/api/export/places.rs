@@ -1,26 +1,26 @@
-//! How many exports run at once.
+//! The limit of concurrent exports.
 
 use crate::api::error::Error;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Exports of a process at once. Each reads one blob at a time and holds about a megabyte.
+/// Maximum number of concurrent exports. Each reads one blob at a time and holds about a megabyte.
 const MOST: usize = 64;
-/// The share of one tenant, so that others find a place.
+/// Maximum number for one tenant, so that others find a place.
 const MOST_OF_TENANT: usize = 16;
 
-/// The places of all exports of this process, by tenant.
+/// Number of running exports of this process, by tenant.
 #[derive(Clone, Default)]
 pub(in crate::api) struct Places(Arc<Mutex<HashMap<String, usize>>>);
 
-/// The place of an export, until it is dropped.
+/// The place of an export; its drop frees the place.
 pub(super) struct Place {
     places: Places,
     tenant: String,
 }
 
 impl Places {
-    /// Takes a place, or refuses at once: exports that wait would hold a connection each.
+    /// Takes a place or refuses immediately: each waiting export would hold a connection.
     pub(super) fn take(&self, tenant: &str) -> Result<Place, Error> {
         let mut taken = self.taken();
         let all: usize = taken.values().sum();

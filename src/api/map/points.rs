@@ -7,6 +7,7 @@ use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::{is_known, tag_of, tagged};
+use crate::api::types::ClassName;
 use crate::storage::{HomeMap, MapFile, StorageError, map_file};
 use axum::body::Body;
 use axum::extract::{RawQuery, State};
@@ -16,36 +17,35 @@ use bytes::Bytes;
 use futures::{Stream, StreamExt};
 use serde::Deserialize;
 use std::sync::Arc;
-use viola_geometry::taxonomy::Class;
 use viola_home::{ClipNumbers, Glb, MAP_VOXEL_M, Ply, PointFilter, TileBytes};
 
-/// Which points, and how.
+/// The filter and the format of points.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(in crate::api) struct PointsQuery {
-    /// Only these classes, by name, with commas between them.
-    #[param(value_type = Option<Vec<Class>>, style = Form, explode = false, min_items = 1, example = json!(["wall", "floor"]))]
+    /// Only these classes, by name, separated by commas.
+    #[param(value_type = Option<Vec<ClassName>>, style = Form, explode = false, min_items = 1, example = json!(["wall", "floor"]))]
     classes: Option<String>,
-    /// Only what lies in this box: `x0,y0,z0,x1,y1,z1` in metres in the LiDAR map's frame.
+    /// Only points in this box: `x0,y0,z0,x1,y1,z1` in metres in the LiDAR map's frame.
     #[param(value_type = Option<Vec<f64>>, style = Form, explode = false, min_items = 6, max_items = 6,
         example = json!([0, 0, 0, 4, 3, 2.5]))]
     r#box: Option<String>,
-    /// Only what lies between these heights above the floor, in metres.
+    /// Only points between these heights above the floor, in metres.
     #[param(value_type = Option<Vec<f64>>, style = Form, explode = false, min_items = 2, max_items = 2,
         example = json!([0.1, 2]))]
     z: Option<String>,
-    /// One point, the mean, for every cube of this side in metres, 0.03 to 1.
+    /// Side of cubes in metres, 0.03 to 1: the points in a cube are replaced by their mean.
     #[param(value_type = Option<f64>, minimum = 0.03, maximum = 1)]
     voxel: Option<String>,
-    /// `ply` or `glb`; what `Accept` asks for when not given, and `ply` when that does not say.
+    /// `ply` or `glb`; default: the format in `Accept`, else `ply`.
     #[param(value_type = Option<Format>, example = "glb")]
     format: Option<String>,
-    /// An earlier revision that is still kept; the current one when not given.
+    /// An earlier revision that is still kept; default: the current one.
     #[param(value_type = Option<i64>, minimum = 1)]
     revision: Option<String>,
 }
 
-/// How points are written.
+/// The file format of points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, utoipa::ToSchema)]
 #[schema(rename_all = "lowercase", as = PointFormat)]
 pub(in crate::api) enum Format {
@@ -111,11 +111,11 @@ impl PointsQuery {
     }
 }
 
-/// The points of a home's map, in the LiDAR map's frame
+/// Get the points of a home's map, in the LiDAR map's frame
 ///
-/// A binary PLY with normals, colours, classes (`label`, an id of `GET /v1/classes`), probabilities, views and clips
-/// (places in the map's list of clips), or a binary glTF with a node and a material for each class. Filters are joined:
-/// a point has to pass all of them.
+/// The answer is a binary PLY with normals, colours, classes (`label`, an id of `GET /v1/classes`),
+/// probabilities, views and clips (indices in the map's list of clips), or a binary glTF with a node and a
+/// material for each class. Filters are combined: a point must pass all of them.
 #[utoipa::path(get, path = "/v1/homes/{home}/map/points", tag = "map", params(HomePath, PointsQuery),
     responses(
         (status = 200, description = "The points", content(
@@ -161,7 +161,7 @@ pub(in crate::api) async fn get_map_points(
     Ok(tagged(answer, &tag))
 }
 
-/// What a stream of points needs.
+/// A stream of points.
 pub(in crate::api) struct Points {
     pub app: App,
     pub clips: ClipNumbers,
@@ -169,8 +169,8 @@ pub(in crate::api) struct Points {
 }
 
 impl Points {
-    /// What comes before the points, and the size of all. Both formats tell at their beginning how many points follow:
-    /// unless all are asked for, the tiles are looked at once before they are sent.
+    /// Returns the bytes before the points, and the total size. Both formats begin with the number of points:
+    /// the tiles are read once to count them before they are sent, except for a PLY of all points.
     pub async fn head(
         &self,
         format: Format,
@@ -226,7 +226,7 @@ impl Points {
 
     async fn of_tile(&self, tile: &MapFile) -> Result<Vec<u8>, StorageError> {
         let damaged = || StorageError::Column { column: "tile", detail: "it is damaged".to_owned() };
-        // Removed meanwhile: the revision is older than those that are kept.
+        // A tile is missing if its revision was removed meanwhile.
         let bytes = self.app.storage.map_file_bytes(tile).await?.ok_or_else(damaged)?;
         let tile = TileBytes::read(&bytes).map_err(|_| damaged())?;
         self.filter.of_tile(&tile, &self.clips).map_err(|_| damaged())

@@ -1,4 +1,4 @@
-//! What a map shows beyond points: `.../map/rooms`, `objects`, `coverage` and `plan`.
+//! The contents of a map beyond its points: `.../map/rooms`, `objects`, `coverage` and `plan`.
 
 use super::{App, RevisionQuery, revision};
 use crate::api::bodies::{FileBytes, send};
@@ -6,18 +6,18 @@ use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::{is_known, tag_of, tagged, unless_known};
-use crate::storage::{HomeId, HomeMap, MapObject, MapScene, map_file};
+use crate::api::types::{ClassName, Coverage, MapObject, Room};
+use crate::storage::{HomeId, HomeMap, MapScene, map_file};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use viola_geometry::taxonomy::Class;
-use viola_home::{Coverage, Room};
 
-/// The rooms of a home: the segments of its LiDAR map, or computed from it where it has none
+/// The rooms of a home: the segments of its LiDAR map, or computed from it if it has none
 #[derive(Serialize, utoipa::ToSchema)]
 pub(in crate::api) struct MapRooms {
-    /// Of the home's map.
+    /// Revision of the home's map.
     revision: i64,
     rooms: Vec<Room>,
 }
@@ -25,33 +25,33 @@ pub(in crate::api) struct MapRooms {
 /// The objects of a home
 #[derive(Serialize, utoipa::ToSchema)]
 pub(in crate::api) struct MapObjects {
-    /// Of the home's map.
+    /// Revision of the home's map.
     revision: i64,
     objects: Vec<MapObject>,
 }
 
-/// Which part of the LiDAR map the clips have seen
+/// The part of the LiDAR map that the clips have seen
 #[derive(Serialize, utoipa::ToSchema)]
 pub(in crate::api) struct MapCoverage {
-    /// Of the home's map.
+    /// Revision of the home's map.
     revision: i64,
     #[serde(flatten)]
     coverage: Coverage,
 }
 
-/// Which objects.
+/// The filter of a home's objects.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(in crate::api) struct ObjectsQuery {
-    /// Only these classes, by name, with commas between them.
-    #[param(value_type = Option<Vec<Class>>, style = Form, explode = false, min_items = 1, example = json!(["sofa", "bed"]))]
+    /// Only these classes, by name, separated by commas.
+    #[param(value_type = Option<Vec<ClassName>>, style = Form, explode = false, min_items = 1, example = json!(["sofa", "bed"]))]
     class: Option<String>,
-    /// An earlier revision that is still kept; the current one when not given.
+    /// An earlier revision that is still kept; default: the current one.
     #[param(value_type = Option<i64>, minimum = 1)]
     revision: Option<String>,
 }
 
-/// How a plan is drawn.
+/// The file format of a plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, utoipa::ToSchema)]
 #[schema(rename_all = "lowercase")]
 pub(in crate::api) enum PlanFormat {
@@ -60,19 +60,19 @@ pub(in crate::api) enum PlanFormat {
     Geojson,
 }
 
-/// How a plan is wanted.
+/// The format and the revision of a plan.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(in crate::api) struct PlanQuery {
-    /// `png`, `svg` or `geojson`; what `Accept` asks for when not given, and `svg` when that does not say.
+    /// `png`, `svg` or `geojson`; default: the format in `Accept`, else `svg`.
     #[param(value_type = Option<PlanFormat>, example = "png")]
     format: Option<String>,
-    /// An earlier revision that is still kept; the current one when not given.
+    /// An earlier revision that is still kept; default: the current one.
     #[param(value_type = Option<i64>, minimum = 1)]
     revision: Option<String>,
 }
 
-/// The rooms of a home
+/// Get the rooms of a home
 #[utoipa::path(get, path = "/v1/homes/{home}/map/rooms", tag = "map", params(HomePath, RevisionQuery),
     responses((status = 200, description = "The rooms", body = MapRooms),
         (status = 304, description = "The client has them"), CommonProblems))]
@@ -84,10 +84,11 @@ pub(in crate::api) async fn get_map_rooms(
 ) -> Result<Response, Error> {
     let map = revision(&app, &home, query.revision.as_deref()).await?;
     let scene = scene(&app, &home, &map).await?;
-    Ok(document(&headers, &map, &MapRooms { revision: map.revision, rooms: scene.rooms }))
+    let rooms = scene.rooms.into_iter().map(Room::from).collect();
+    Ok(document(&headers, &map, &MapRooms { revision: map.revision, rooms }))
 }
 
-/// The objects of a home: furniture and appliances, each with its box, its room and the clips that saw it
+/// Get the objects of a home: furniture and appliances, each with its box, its room and the clips that saw it
 #[utoipa::path(get, path = "/v1/homes/{home}/map/objects", tag = "map", params(HomePath, ObjectsQuery),
     responses((status = 200, description = "The objects", body = MapObjects),
         (status = 304, description = "The client has them"), CommonProblems))]
@@ -101,10 +102,11 @@ pub(in crate::api) async fn get_map_objects(
     let map = revision(&app, &home, query.revision.as_deref()).await?;
     let mut objects = scene(&app, &home, &map).await?.objects;
     objects.retain(|object| classes.as_ref().is_none_or(|classes| classes.contains(&object.class)));
+    let objects = objects.into_iter().map(MapObject::from).collect();
     Ok(document(&headers, &map, &MapObjects { revision: map.revision, objects }))
 }
 
-/// Which part of the LiDAR map the clips have seen, on the whole and by room
+/// Get the part of the LiDAR map that the clips have seen, as a whole and by room
 #[utoipa::path(get, path = "/v1/homes/{home}/map/coverage", tag = "map", params(HomePath, RevisionQuery),
     responses((status = 200, description = "The shares", body = MapCoverage),
         (status = 304, description = "The client has them"), CommonProblems))]
@@ -116,10 +118,10 @@ pub(in crate::api) async fn get_map_coverage(
 ) -> Result<Response, Error> {
     let map = revision(&app, &home, query.revision.as_deref()).await?;
     let scene = scene(&app, &home, &map).await?;
-    Ok(document(&headers, &map, &MapCoverage { revision: map.revision, coverage: scene.coverage }))
+    Ok(document(&headers, &map, &MapCoverage { revision: map.revision, coverage: scene.coverage.into() }))
 }
 
-/// The floor plan of a home: the LiDAR map's walls, rooms with their names, and what stands in them
+/// Get the floor plan of a home: the LiDAR map's walls, the rooms with their names, and the objects in them
 ///
 /// GeoJSON is in metres in the LiDAR map's frame, not in degrees.
 #[utoipa::path(get, path = "/v1/homes/{home}/map/plan", tag = "map", params(HomePath, PlanQuery),
@@ -189,7 +191,7 @@ impl PlanFormat {
     }
 }
 
-/// Classes by their names, with commas between them.
+/// Parses names of classes, separated by commas.
 pub(super) fn classes(field: &'static str, names: &str) -> Result<Vec<Class>, Error> {
     let class = |name: &str| {
         Class::ALL.iter().copied().find(|class| class.name() == name.trim()).ok_or_else(|| {

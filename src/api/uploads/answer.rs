@@ -1,10 +1,11 @@
-//! What is told of an upload: in headers, as the protocol has it, and as a document for people and programs.
+//! Answers about an upload: the headers of tus, and a document for people and programs.
 
 use super::metadata::Metadata;
 use super::{VERSION, checksum, headers};
 use crate::api::App;
 use crate::api::error::{Error, Problem};
-use crate::storage::{HomeId, StorageError, Upload, UploadError, UploadKind, UploadState};
+use crate::api::types::{self, HomeId, UploadKind};
+use crate::storage::{StorageError, Upload, UploadError, UploadState};
 use axum::Json;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -32,32 +33,32 @@ pub(super) struct UploadDocument {
     #[schema(example = "01a1f766-7a97-7747-9dbb-391e0eeccb64")]
     id: Uuid,
     kind: UploadKind,
-    state: UploadState,
+    state: types::UploadState,
     /// Null for partial ones.
     home: Option<HomeId>,
     #[schema(example = "kitchen.zip")]
     filename: Option<String>,
-    /// Null while its sender does not know it.
+    /// Length of the whole file; null while its sender does not know it.
     #[schema(example = 15147863)]
     length_bytes: Option<u64>,
-    /// So many from the start are durable.
+    /// Number of durable bytes, from the start of the file.
     #[schema(example = 8388608)]
     received_bytes: u64,
     /// The path of the clip that was made of it.
     #[schema(example = "/v1/homes/home-42/clips/01a1f766-7a97-7747-9dbb-391e0eeccb64")]
     clip: Option<String>,
-    /// The path of the clip's newest job, where there is one.
+    /// The path of the clip's newest job, if there is one.
     #[schema(example = "/v1/jobs/01a1f766-7a97-7747-9dbb-391e0eeccb64")]
     job: Option<String>,
-    /// Why the file was refused, where it was.
+    /// The problem for which the file was refused, if it was.
     #[schema(value_type = Option<Problem>)]
     problem: Option<serde_json::Value>,
     created_at: Timestamp,
-    /// Until then its next byte is waited for, or its record is kept.
+    /// Time at which it expires if no byte arrives, or until which its record is kept.
     expires_at: Timestamp,
 }
 
-/// The paths of what an upload became.
+/// The paths of the clip that an upload became and of the clip's job.
 #[derive(Debug, Default)]
 struct Made {
     clip: Option<String>,
@@ -84,13 +85,13 @@ fn path(id: Uuid) -> String {
     format!("/v1/uploads/{id}")
 }
 
-/// A time as HTTP has it.
+/// Returns a time in the format of HTTP headers (RFC 9110).
 fn http_date(time: Timestamp) -> String {
     DateTimePrinter::new().timestamp_to_rfc9110_string(&time).unwrap_or_default()
 }
 
 fn tell(headers: &mut HeaderMap, name: HeaderName, value: impl AsRef<str>) {
-    // Our own numbers and paths, and what came as a header before.
+    // Always valid: our own numbers and paths, and values that arrived as headers.
     if let Ok(value) = HeaderValue::from_str(value.as_ref()) {
         headers.insert(name, value);
     }
@@ -127,9 +128,9 @@ async fn document_of(app: &App, upload: Upload) -> Result<UploadDocument, Error>
     let filename = Metadata::parse(&upload.metadata).ok().and_then(|metadata| metadata.filename);
     Ok(UploadDocument {
         id: upload.id,
-        kind: upload.kind,
-        state: upload.state,
-        home: upload.home,
+        kind: upload.kind.into(),
+        state: upload.state.into(),
+        home: upload.home.map(HomeId::from),
         filename,
         length_bytes: upload.length_bytes,
         received_bytes: upload.received_bytes,
@@ -141,19 +142,19 @@ async fn document_of(app: &App, upload: Upload) -> Result<UploadDocument, Error>
     })
 }
 
-/// How far an upload is, for a client that would go on.
+/// Returns the state of an upload as headers, for a client that resumes it.
 pub(super) async fn state(app: &App, id: Uuid) -> Result<HeaderMap, Error> {
     let upload = app.storage.living_upload(id, Timestamp::now()).await?;
     headers_of(app, &upload).await
 }
 
-/// How far an upload is, also one that was refused.
+/// Returns the state of an upload as a document, even if its file was refused.
 pub(super) async fn document(app: &App, id: Uuid) -> Result<Json<UploadDocument>, Error> {
     let upload = app.storage.upload(id, Timestamp::now()).await?.ok_or(UploadError::NotFound)?;
     Ok(Json(document_of(app, upload).await?))
 }
 
-/// An upload that this request began.
+/// Returns the answer to the request that created an upload.
 pub(super) async fn created(app: &App, id: Uuid) -> Result<Response, Error> {
     let upload = app.storage.living_upload(id, Timestamp::now()).await?;
     let mut headers = headers_of(app, &upload).await?;
@@ -162,7 +163,7 @@ pub(super) async fn created(app: &App, id: Uuid) -> Result<Response, Error> {
     Ok((StatusCode::CREATED, headers, Json(document)).into_response())
 }
 
-/// What of the protocol is served.
+/// Returns the supported version, extensions and limits of tus as headers.
 pub(super) fn abilities(max_bytes: u64) -> HeaderMap {
     let mut abilities = HeaderMap::new();
     abilities.insert(headers::VERSION, VERSION);

@@ -1,4 +1,4 @@
-//! `Upload-Checksum`: the sum of a body, so that damage on the way is noticed before it is kept.
+//! `Upload-Checksum`: the checksum of a body, verified before the bytes are kept.
 
 use super::headers;
 use super::metadata::BASE64;
@@ -9,7 +9,7 @@ use base64::Engine;
 use sha1::Sha1;
 use sha2::{Digest, Sha256};
 
-/// In the order of preference; the protocol requires the first.
+/// Supported algorithms; tus requires the first.
 pub(super) const ALGORITHMS: &str = "sha1,sha256";
 
 enum Hasher {
@@ -17,7 +17,7 @@ enum Hasher {
     Sha256(Box<Sha256>),
 }
 
-/// A sum that grows with the body, and what it should be in the end.
+/// The checksum of the bytes so far, and its expected final value.
 pub(super) struct Checksum {
     hasher: Hasher,
     expected: Vec<u8>,

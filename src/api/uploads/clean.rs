@@ -1,4 +1,4 @@
-//! What nobody asks for again: abandoned uploads go, and whole files whose last request was cut off become clips.
+//! Clean-up of uploads: idle ones expire, and complete ones whose last request was cut off become clips.
 
 use super::finish::finish_if_free;
 use crate::api::App;
@@ -6,10 +6,10 @@ use crate::storage::StorageError;
 use jiff::Timestamp;
 use tracing::{info, warn};
 
-/// Looked for at a time.
+/// Maximum number of uploads made into clips per pass.
 const BATCH: u32 = 100;
 
-/// Cleans at the start and from time to time, until the server stops. Several processes may do so at once.
+/// Cleans at the start and then periodically until the server stops. Several processes may do so at once.
 pub(in crate::api) async fn clean(app: App) {
     while !app.stop.is_cancelled() {
         if let Err(error) = pass(&app).await {
@@ -35,7 +35,7 @@ async fn pass(app: &App) -> Result<(), StorageError> {
         if app.stop.is_cancelled() {
             break;
         }
-        // A refusal is kept with the upload, and a fault is in the log already.
+        // A refusal is stored with the upload; after a fault, a later pass retries.
         match finish_if_free(app, id).await {
             Ok(false) => {}
             Ok(true) => info!(upload = %id, "an upload that was left alone is a clip"),

@@ -1,7 +1,7 @@
-//! A whole file becomes a clip.
+//! Turns a complete upload into a clip.
 
 use super::metadata::Metadata;
-use super::refusal::UploadRefusal;
+use super::opener;
 use crate::api::App;
 use crate::api::bodies::understand;
 use crate::api::clips;
@@ -12,25 +12,25 @@ use std::convert::Infallible;
 use std::time::{Duration, Instant};
 use uuid::Uuid;
 
-/// After a fault of ours.
+/// Delay before the next attempt after a fault of the service.
 const PAUSE: Duration = Duration::from_secs(10);
 
-/// How long a request waits for another one, or the cleaner, that makes the clip, and how often it looks.
+/// Timeout and polling interval of a request while another one, or the cleaner, makes the clip.
 const MAX_WAIT: Duration = Duration::from_secs(15);
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// A file at which so many processes ended is not opened again.
-const MAX_LOST_ATTEMPTS: u32 = 3;
+/// Number of lost attempts after which a file is opened in its own process, since it may have caused them.
+const LOST_ATTEMPTS: u32 = 3;
 
-/// Makes a clip of an upload when all of it is here, or waits a while for who is at it, so that the answer can name the
-/// clip.
+/// Makes a clip of a complete upload. If another request or the cleaner already makes it, waits for a while,
+/// so that the answer can name the clip.
 pub(super) async fn finish(app: &App, id: Uuid) -> Result<(), Error> {
     let begun = Instant::now();
     loop {
         if finish_if_free(app, id).await? || begun.elapsed() >= MAX_WAIT {
             return Ok(());
         }
-        // Who was first may have refused the file; its sender is told why, not that it is gone.
+        // The other request may have refused the file: the sender needs the reason, not `upload-gone`.
         let upload = app.storage.upload(id, Timestamp::now()).await?;
         let refused = upload.filter(|upload| upload.state == UploadState::Refused);
         if let Some(problem) = refused.and_then(|upload| serde_json::from_value(upload.problem?).ok()) {
@@ -43,8 +43,8 @@ pub(super) async fn finish(app: &App, id: Uuid) -> Result<(), Error> {
     }
 }
 
-/// Makes a clip of an upload when all of it is here and nobody else is at it; tells whether it did. Bytes of a file that
-/// is refused go; after a fault of ours they stay, and the cleaner tries again.
+/// Makes a clip of a complete upload that nobody else has claimed; returns whether it made one. The bytes of a
+/// refused file are removed; after a fault of the service they stay, and the cleaner retries.
 pub(super) async fn finish_if_free(app: &App, id: Uuid) -> Result<bool, Error> {
     let (storage, params) = (&app.storage, &app.uploads);
     let Some(claim) = storage.claim_upload(id, params.lease, Timestamp::now()).await? else {
@@ -72,25 +72,28 @@ pub(super) async fn finish_if_free(app: &App, id: Uuid) -> Result<bool, Error> {
 }
 
 async fn make_clip(app: &App, claim: &UploadClaim) -> Result<(), Error> {
-    if claim.lost_attempts >= MAX_LOST_ATTEMPTS {
-        return Err(UploadRefusal::Unreadable.into());
-    }
     if claim.upload.received_bytes == 0 {
         return Err(Error::BodyEmpty);
     }
     let metadata = Metadata::parse(&claim.upload.metadata)?;
     let file = app.storage.assemble_upload(claim).await?;
-    let (file, info, _) = understand(app, move || clips::open(file)).await?;
+    let (file, info) = match &app.uploads.opener {
+        Some(opener) if claim.lost_attempts >= LOST_ATTEMPTS => opener::open(opener, file).await?,
+        _ => {
+            let (file, info, _) = understand(app, move || clips::open(file)).await?;
+            (file, info)
+        }
+    };
     let new = clips::new_clip(file, info, metadata.recorded_at, metadata.idempotency_key);
     let record = app.uploads.limits.record;
     match app.storage.finish_upload(claim, new, record, Timestamp::now()).await? {
         Some(Added::KeyReused) => Err(Error::KeyReused),
-        // Without an answer another process has done it meanwhile.
+        // None: another process has made the clip meanwhile.
         Some(Added::New(_) | Added::Replayed(_)) | None => Ok(()),
     }
 }
 
-/// Renews a claim for ever. One that was lost is noticed when the clip is to be kept.
+/// Renews a claim until it is dropped. The loss of a claim is noticed when the clip is stored.
 async fn hold(app: &App, claim: &UploadClaim) -> Infallible {
     loop {
         tokio::time::sleep(app.uploads.lease / 3).await;

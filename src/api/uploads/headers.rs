@@ -1,4 +1,4 @@
-//! The protocol's request headers. A header that is sent twice is refused: who reads the other one is fooled.
+//! Request headers of tus. A header that is sent twice is refused: a proxy could read the other value.
 
 use super::refusal::UploadRefusal;
 use crate::api::bodies::content_length;
@@ -14,11 +14,11 @@ const MAX_PARTS: usize = 128;
 const MAX_CONCAT_BYTES: usize = 16 << 10;
 const MEDIA_TYPE: &str = "application/offset+octet-stream";
 
-/// How long a file is.
+/// Length of a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Length {
     Known(u64),
-    /// A later request will tell.
+    /// A later request gives it.
     Deferred,
 }
 
@@ -31,7 +31,7 @@ impl Length {
     }
 }
 
-/// What an upload is part of.
+/// Kind of an upload, from `Upload-Concat`.
 #[derive(Debug, PartialEq)]
 pub(super) enum Concat {
     Whole,
@@ -43,7 +43,7 @@ fn invalid(field: &'static str, detail: impl Into<String>) -> Error {
     Error::InvalidHeader { field, detail: detail.into() }
 }
 
-/// A header's only value, in visible ASCII and spaces.
+/// Returns the only value of a header, in visible ASCII and spaces.
 pub(super) fn text<'a>(headers: &'a HeaderMap, name: &'static str) -> Result<Option<&'a str>, Error> {
     let mut values = headers.get_all(name).iter();
     let Some(value) = values.next() else { return Ok(None) };
@@ -55,7 +55,7 @@ pub(super) fn text<'a>(headers: &'a HeaderMap, name: &'static str) -> Result<Opt
 
 fn number(headers: &HeaderMap, name: &'static str) -> Result<Option<u64>, Error> {
     let Some(text) = text(headers, name)? else { return Ok(None) };
-    // Rust would also read a sign; and a database counts to 2^63.
+    // Rust would also parse a sign, and the database stores numbers below 2^63.
     let digits = text.bytes().all(|byte| byte.is_ascii_digit());
     let number = text.parse().ok().filter(|number| digits && i64::try_from(*number).is_ok());
     number.map(Some).ok_or_else(|| invalid(name, format!("{name} is a number of bytes")))
@@ -102,7 +102,7 @@ pub(super) fn metadata(headers: &HeaderMap) -> Result<String, Error> {
     Ok(sent.to_owned())
 }
 
-/// Parts are named by their paths, relative or absolute.
+/// Reads `Upload-Concat`. Parts are named by their paths, relative or absolute.
 pub(super) fn concat(headers: &HeaderMap) -> Result<Concat, Error> {
     const NAME: &str = "Upload-Concat";
     let Some(sent) = text(headers, NAME)? else { return Ok(Concat::Whole) };

@@ -1,4 +1,4 @@
-//! What a client says of its file: pairs of a name and a value in base64, with commas between the pairs.
+//! Metadata of a file from its sender: pairs of a name and a value in base64, separated by commas.
 
 use crate::api::clips;
 use crate::api::error::Error;
@@ -13,13 +13,13 @@ use std::collections::BTreeMap;
 const NAME: &str = "Upload-Metadata";
 const MAX_FILENAME_CHARS: usize = 255;
 
-/// Some clients leave the padding out.
+/// Base64 with optional padding, because some clients omit it.
 pub(super) const BASE64: GeneralPurpose = GeneralPurpose::new(
     &STANDARD,
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// What of it is used here. Other names are kept for the client and not looked at.
+/// The metadata that the service uses. Other names are stored for the client and ignored.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Metadata {
     home: Option<HomeId>,

@@ -1,4 +1,4 @@
-//! The body of a request that goes on with an upload.
+//! The body of a request that appends to an upload.
 
 use super::checksum::Checksum;
 use super::refusal::UploadRefusal;
@@ -12,7 +12,7 @@ use jiff::Timestamp;
 use std::time::Instant;
 use uuid::Uuid;
 
-/// What a request says of its body.
+/// Description of a body, from its request.
 pub(super) struct Append {
     pub id: Uuid,
     pub offset: u64,
@@ -27,8 +27,8 @@ struct Piece {
     begun: Instant,
 }
 
-/// Appends a body. However it ends, what has arrived by then is kept, but for a body with a checksum, which is kept
-/// whole or not at all.
+/// Appends a body. If the body breaks off, the received bytes are kept; a body with a checksum is kept whole
+/// or not at all.
 pub(super) async fn receive(app: &App, append: Append, body: Body) -> Result<(), Error> {
     let Append { id, offset, length_bytes, body_bytes, mut checksum } = append;
     let limits = &app.uploads.limits;

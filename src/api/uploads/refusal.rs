@@ -1,4 +1,4 @@
-//! Why a request of the protocol is not served.
+//! Refusals of tus requests.
 
 use crate::api::error::Error;
 use crate::storage::UploadError;
@@ -18,7 +18,9 @@ pub(in crate::api) enum UploadRefusal {
     ChecksumMismatch,
     #[error("the service is stopping; go on in a moment")]
     Stopping,
-    #[error("the service broke down each time that it opened this file")]
+    #[error(
+        "the process that opened this file died, or took too long; the file is damaged, or made to do so"
+    )]
     Unreadable,
 }
 
@@ -33,7 +35,7 @@ impl From<UploadError> for Error {
 }
 
 impl UploadRefusal {
-    /// Status, code and title.
+    /// Returns the status, the code and the title.
     pub fn mapping(&self) -> (StatusCode, &'static str, &'static str) {
         use StatusCode as S;
         use UploadError as E;
@@ -48,7 +50,7 @@ impl UploadRefusal {
                 (S::BAD_REQUEST, "unknown_checksum_algorithm", "The checksum's algorithm is not known")
             }
             UploadRefusal::ChecksumMismatch => {
-                // The protocol's own.
+                // Status of the checksum extension of tus.
                 let status = S::from_u16(460).unwrap_or(S::BAD_REQUEST);
                 (status, "checksum_mismatch", "The body was damaged on its way")
             }
@@ -79,7 +81,7 @@ impl UploadRefusal {
                     (S::CONFLICT, "upload_unfinished", "A part of the upload is unfinished")
                 }
                 E::Lost => (S::GONE, "upload_lost", "Bytes of the upload were lost"),
-                // Told as what they are, in `From` above.
+                // Converted to other errors in `From` above.
                 E::TooLarge { .. } | E::Storage(_) => {
                     (S::INTERNAL_SERVER_ERROR, "internal_error", "The service failed")
                 }

@@ -1,4 +1,4 @@
-//! Clips.
+//! Conversion of clips.
 
 use crate::cli::progress::TerminalProgress;
 use crate::cli::video_tools::video_tools;
@@ -10,7 +10,7 @@ use viola_formats::clip::Clip;
 use viola_formats::clip::write::{FolderSink, WrittenLayout, ZipSink, write};
 use viola_geometry::progress::{Progress, Stage};
 
-/// Writes a clip into a folder that is empty or not there yet, or into a zip archive.
+/// Writes a clip into a new or empty folder, or into a zip archive.
 pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<Vec<String>> {
     let clip = Clip::open_with(file, &video_tools()).with_context(|| format!("clip {}", file.display()))?;
     let progress = TerminalProgress::new();
@@ -22,7 +22,7 @@ pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<
         sink.finish().and_then(|to| to.into_inner()?.sync_all()).with_context(cannot)?;
         written
     } else {
-        // Files of another clip would be taken for this one's.
+        // Readers would mix this clip with files of another one.
         if fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some()) {
             bail!("{} is not empty; name a folder that is, or a .zip file", out.display());
         }

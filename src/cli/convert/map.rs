@@ -1,4 +1,4 @@
-//! Maps.
+//! Conversion of maps.
 
 use super::write;
 use anyhow::{Context, Result, bail};
@@ -9,7 +9,7 @@ fn open(file: &Path) -> Result<LidarMap> {
     LidarMap::open(file).with_context(|| format!("map {}", file.display()))
 }
 
-/// What was noted when the map was read, and what its writer adds.
+/// Returns the notes of the reader, then those of the writer.
 fn all_notes(map: &LidarMap, written: Vec<String>) -> Vec<String> {
     map.info.notes.iter().cloned().chain(written).collect()
 }

@@ -1,4 +1,4 @@
-//! The demo's app: what it says to the service, and what it shows while it waits.
+//! The demo's client: its requests to the service and its progress display.
 
 use anyhow::{Context, Result, bail};
 use futures::{StreamExt, TryStreamExt};
@@ -13,7 +13,7 @@ use std::path::Path;
 use tokio_util::io::ReaderStream;
 use viola_geometry::Pose2;
 
-/// What the app reads of a clip.
+/// The members of a clip that the client reads.
 #[derive(Debug, Deserialize)]
 pub struct ClipAnswer {
     pub id: String,
@@ -42,7 +42,7 @@ pub struct JobAnswer {
     progress: f64,
 }
 
-/// A clip's line: a bar on a terminal, a plain line for every new stage elsewhere.
+/// Progress display of a clip: a bar on a terminal, else a plain line for every new stage.
 pub struct Line {
     bar: ProgressBar,
     name: String,
@@ -98,7 +98,7 @@ impl Client {
         Ok(())
     }
 
-    /// Sends a file piece by piece, as it is read.
+    /// Uploads a file as a stream.
     pub async fn upload(&self, home: &str, path: &Path, line: &Line) -> Result<ClipAnswer> {
         let shown = path.display();
         let file = tokio::fs::File::open(path).await.with_context(|| format!("cannot read {shown}"))?;
@@ -121,7 +121,7 @@ impl Client {
         Ok(answer.json().await?)
     }
 
-    /// Listens to a job's events until it has ended.
+    /// Shows a job's events until it ends.
     pub async fn watch(&self, job: &str, line: &Line) -> Result<()> {
         let answer = good(self.http.get(format!("{}/jobs/{job}/events", self.base)).send().await?).await?;
         let mut bytes = answer.bytes_stream();
@@ -151,14 +151,14 @@ impl Client {
         Ok(good(request.send().await?).await?.json().await?)
     }
 
-    /// A file of a clip's results.
+    /// Downloads a file of a clip's results.
     pub async fn result(&self, home: &str, clip: &str, file: &str) -> Result<Vec<u8>> {
         let request = self.http.get(format!("{}/homes/{home}/clips/{clip}/{file}", self.base));
         Ok(good(request.send().await?).await?.bytes().await?.to_vec())
     }
 }
 
-/// The answer, or what the service says against the request.
+/// Returns a successful answer, or its text as an error.
 async fn good(answer: Response) -> Result<Response> {
     let status = answer.status();
     if status.is_success() {

@@ -1,4 +1,4 @@
-//! What the demo's app has recorded: a simulated home's map and clips, as files, and the truth to compare with.
+//! Recordings for the demo: a simulated home's map and clips as files, and the true poses.
 
 use anyhow::{Context, Result};
 use std::fs;
@@ -12,7 +12,7 @@ const CLIPS: u64 = 3;
 pub struct Recordings {
     /// Valetudo JSON.
     pub map: PathBuf,
-    /// The home from above, with the clips' ways.
+    /// Picture of the home from above, with the paths of the clips.
     pub plan: PathBuf,
     pub clips: Vec<Recording>,
 }
@@ -21,7 +21,7 @@ pub struct Recording {
     pub name: String,
     pub path: PathBuf,
     pub rooms: Vec<String>,
-    /// The truth.
+    /// The true pose.
     pub map_from_clip: Pose2,
 }
 

@@ -8,10 +8,10 @@ const COLUMNS: f64 = 78.0;
 const ASPECT: f64 = 2.0;
 const MAX_ROWS: f64 = 60.0;
 
-/// `#` walls, `.` free floor, letters for rooms, `@` the dock; the top row first.
+/// Returns the map in characters, top row first: `#` walls, `.` free floor, letters for rooms, `@` the dock.
 pub(super) fn sketch(map: &LidarMap) -> String {
     let size = [0, 1].map(|axis| (map.info.max_m[axis] - map.info.min_m[axis]).max(0.01));
-    // Not finer than the map's cells, between which there would be gaps.
+    // A step below the map's cell size would leave gaps.
     let finest_m = map.info.cell_m.unwrap_or(0.0);
     let step_m = (size[0] / COLUMNS).max(size[1] / MAX_ROWS / ASPECT).max(finest_m);
     let [columns, rows] = [size[0] / step_m, size[1] / step_m / ASPECT].map(|v| v.ceil().max(1.0) as usize);

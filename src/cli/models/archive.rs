@@ -1,4 +1,4 @@
-//! One file out of a package: npm's `.tgz` or a Python wheel.
+//! Extraction of one file from a package: npm's `.tgz` or a Python wheel.
 
 use anyhow::{Context, Result, bail};
 use std::fs::File;
@@ -7,7 +7,7 @@ use std::path::Path;
 use viola_formats::container::{Container, Zip};
 use viola_network::MAX_MODEL_BYTES;
 
-/// Entries of a package that are looked at.
+/// Maximum number of entries read of a package.
 const MAX_ENTRIES: usize = 100_000;
 
 /// Writes the member of a gzipped tar archive to `into`. Nothing else is unpacked.

@@ -1,4 +1,4 @@
-//! `viola models check`: what a network says of a picture, to be looked at.
+//! `viola models check`: runs a network on a picture and draws its output.
 
 mod depth;
 mod inpainting;
@@ -15,24 +15,23 @@ use viola_network::manifest::{Manifest, ModelEntry, Task};
 
 #[derive(Args)]
 pub struct CheckArguments {
-    /// A network's name in the list, or its file.
+    /// Network: a name from `viola models list`, or a file.
     network: String,
     #[command(flatten)]
     folder: Folder,
-    /// The picture (JPEG or PNG).
+    /// Picture (JPEG or PNG).
     #[arg(long)]
     picture: PathBuf,
-    /// Where the drawing goes: the classes' colours over the picture and a legend, the filled picture, or the
-    /// depth in colours.
+    /// PNG file to write: the picture with class colours and a legend, the filled picture, or the depth.
     #[arg(long)]
     out: PathBuf,
-    /// For inpainting: the holes, a picture of the same size that is white in them and black elsewhere. Without
-    /// it, a hole in the middle.
+    /// For inpainting: mask of the same size as the picture, white in the holes and black elsewhere. Default:
+    /// one hole in the middle.
     #[arg(long, value_name = "PNG")]
     mask: Option<PathBuf>,
     #[command(flatten)]
     runtime: RuntimeArguments,
-    /// How often it runs; the median time is told.
+    /// Number of runs; the median time is printed.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     runs: u32,
 }
@@ -64,7 +63,7 @@ fn read(path: &Path) -> Result<DynamicImage> {
         .with_context(|| format!("{} is no picture that can be read", path.display()))
 }
 
-/// The entry of a name, or the one whose file this is.
+/// Returns the manifest's entry with this name or this file.
 fn entry<'m>(manifest: &'m Manifest, models: &Path, network: &str) -> Result<&'m ModelEntry> {
     let Ok(file) = std::fs::canonicalize(network) else { return find(manifest, network) };
     if manifest.find(network).is_some() {

@@ -1,4 +1,4 @@
-//! A file by HTTPS. What an earlier try has left is gone on with.
+//! Download of a file by HTTPS; an interrupted download is resumed.
 
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -9,7 +9,7 @@ use tokio::fs::{File, OpenOptions};
 use tokio::io::AsyncWriteExt;
 use viola_network::MAX_MODEL_BYTES;
 
-/// Downloads to `part`, which may hold the beginning already.
+/// Downloads to `part`, which may already hold the beginning.
 pub(super) fn to_file(url: &str, part: &Path) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -30,7 +30,7 @@ async fn fetch(url: &str, part: &Path) -> Result<()> {
             (have, OpenOptions::new().append(true).open(part).await.context("cannot write the file")?)
         }
         StatusCode::OK => (0, File::create(part).await.context("cannot write the file")?),
-        // Nothing is left to send, or the part is not of this file: the sum tells which.
+        // The part is complete, or it is of another file: the checksum decides.
         StatusCode::RANGE_NOT_SATISFIABLE if have > 0 => return Ok(()),
         status => bail!("the server answers {status}"),
     };
@@ -41,7 +41,7 @@ async fn fetch(url: &str, part: &Path) -> Result<()> {
     }
     let done = write(answer, &mut file, &mut at, &bar).await;
     bar.finish_and_clear();
-    // Also of a broken transfer everything is kept that came.
+    // The bytes of a broken transfer are kept too, so that it can be resumed.
     file.flush().await.context("cannot write the file")?;
     file.sync_all().await.context("cannot write the file")?;
     done
@@ -59,7 +59,7 @@ async fn write(mut answer: Response, file: &mut File, at: &mut u64, bar: &Progre
     Ok(())
 }
 
-/// The first byte of a partial answer: `bytes 100-199/200`.
+/// Returns the first byte of a partial answer, such as 100 for `bytes 100-199/200`.
 fn begins_at(answer: &Response) -> Option<u64> {
     let range = answer.headers().get(CONTENT_RANGE)?.to_str().ok()?;
     range.strip_prefix("bytes ")?.split('-').next()?.parse().ok()
@@ -71,7 +71,7 @@ mod tests {
     use std::io::{Read, Write};
     use std::net::TcpListener;
 
-    /// Answers one request after the other with what `answer` makes of the request's text.
+    /// Serves one request per answer; an answer is a function of the request's text.
     fn serve(answers: Vec<fn(&str) -> Vec<u8>>) -> String {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let url = format!("http://{}/net.onnx", listener.local_addr().unwrap());
@@ -105,7 +105,7 @@ mod tests {
                 answer("206 Partial Content\r\ncontent-length: 5\r\ncontent-range: bytes 5-9/10", "56789")
             },
             |_| answer("416 Range Not Satisfiable\r\ncontent-length: 0", ""),
-            // A server that knows no ranges sends the whole file anew.
+            // A server without range support sends the whole file again.
             |_| answer("200 OK\r\ncontent-length: 3", "abc"),
             |_| answer("404 Not Found\r\ncontent-length: 0", ""),
         ]);

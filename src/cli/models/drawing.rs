@@ -5,9 +5,9 @@ use std::path::Path;
 use viola_geometry::taxonomy::Class;
 use viola_home::write_words;
 
-/// How much of the class's colour shows; the rest is the picture.
+/// Opacity of the class colours over the picture.
 const COVER: f32 = 0.6;
-/// Pixels of a letter's side, of a legend's line, and of the legend.
+/// Sizes in pixels: side of a letter, height of a legend's line, width of the legend.
 const LETTER: u32 = 16;
 const LINE: u32 = 24;
 const LEGEND: u32 = 380;

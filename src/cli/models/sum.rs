@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// In hexadecimal.
+/// Returns the sum in hexadecimal.
 pub(super) fn of_file(path: &Path) -> Result<String> {
     let unreadable = || format!("cannot read {}", path.display());
     let mut file = File::open(path).with_context(unreadable)?;
@@ -21,7 +21,7 @@ pub(super) fn of_file(path: &Path) -> Result<String> {
     Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// An error when the file's sum is not the one wanted.
+/// Returns an error if the file's sum is not `wanted`.
 pub(super) fn expect(path: &Path, wanted: &str, what: &str) -> Result<()> {
     let got = of_file(path)?;
     if !got.eq_ignore_ascii_case(wanted) {

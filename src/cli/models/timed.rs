@@ -1,4 +1,4 @@
-//! A network that tells how long its runs take.
+//! A network that measures the time of its runs.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -15,7 +15,7 @@ impl Timed {
         Arc::new(Timed { network, last_ns: AtomicU64::new(0) })
     }
 
-    /// Milliseconds of the last run.
+    /// Returns the time of the last run in milliseconds.
     pub(super) fn last_ms(&self) -> f64 {
         self.last_ns.load(Ordering::Relaxed) as f64 * 1e-6
     }

@@ -18,7 +18,7 @@ impl Leash {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Starts the process; none where it has been killed already. It ends with this thread.
+    /// Starts the process; returns `None` after a call of [`Leash::kill`]. The process ends with this thread.
     pub fn start(&self, command: &mut Command) -> io::Result<Option<ChildStdout>> {
         confine(command);
         let mut state = self.lock();
@@ -40,19 +40,19 @@ impl Leash {
         }
     }
 
-    /// Ends a process that has closed its standard output; returns its status, and whether [`Leash::kill`] came before.
+    /// Ends a process that closed its standard output; returns its status and whether it was killed before.
     pub fn end(&self) -> io::Result<(ExitStatus, bool)> {
         let mut state = self.lock();
         let is_killed = state.is_killed;
         let child = state.child.as_mut().ok_or_else(|| io::Error::other("there is no process"))?;
-        // A process that ends closes its files after its status is set: this changes only one that lives on.
+        // An ending process closes its files after its status is set: this kills only one that would live on.
         let _ = child.kill();
         Ok((child.wait()?, is_killed))
     }
 }
 
-/// Has the system kill the process when the thread that starts it ends, as it does when its own process dies, and write
-/// no core.
+/// Makes the system kill the process when the thread that starts it ends, also by the death of its process,
+/// and write no core file.
 #[cfg(target_os = "linux")]
 fn confine(command: &mut Command) {
     use rustix::io::Errno;
@@ -72,6 +72,6 @@ fn confine(command: &mut Command) {
     }
 }
 
-/// Elsewhere the process notices by its next message that nobody listens.
+/// On other systems the process notices at its next message that nobody reads.
 #[cfg(not(target_os = "linux"))]
 fn confine(_: &mut Command) {}

@@ -1,4 +1,4 @@
-//! What a child says: one message in JSON a line. The answer and its files lie in the job's folder.
+//! Messages of a child: one JSON message a line. The answer and its files lie in the job's folder.
 
 use crate::jobs::align_clip::Finished;
 use crate::jobs::trouble::{Ended, Trouble};

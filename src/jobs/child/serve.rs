@@ -1,4 +1,4 @@
-//! The child's side.
+//! The child's side of the protocol.
 
 use super::protocol::{Message, write_result};
 use crate::jobs::align_clip::{JobParams, align_clip};
@@ -12,10 +12,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use viola_geometry::progress::{Progress, Stage};
 
-/// Progress within a stage is told in steps of this.
+/// Step of the progress that is reported within a stage.
 const STEP: f64 = 0.01;
 
-/// What a child works on.
+/// Paths of a child's input and output.
 #[derive(Debug)]
 pub struct ChildOrder {
     pub clip: PathBuf,
@@ -25,7 +25,7 @@ pub struct ChildOrder {
 }
 
 impl ChildOrder {
-    /// The arguments by which a child is given the order.
+    /// Returns the child's command-line arguments.
     pub(super) fn arguments(&self) -> [OsString; 6] {
         let named = |name: &str, path: &PathBuf| [name.into(), path.clone().into_os_string()];
         let [clip, lidar, into] =
@@ -35,8 +35,8 @@ impl ChildOrder {
     }
 }
 
-/// Does the work of a child: runs the method, writes its answer into the order's folder, and reports to `out`. Fails
-/// where nobody listens.
+/// Runs the method, writes its answer into the order's folder, and reports to `out`. Fails if nobody reads
+/// `out`.
 pub fn serve_child(
     order: &ChildOrder,
     params: impl FnOnce() -> Result<JobParams, String>,
@@ -67,7 +67,7 @@ fn text_of(panic: &(dyn Any + Send)) -> &str {
     text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("the method panicked")
 }
 
-/// A [`Progress`] that writes messages. It is cancelled when nobody reads them.
+/// A [`Progress`] that writes messages. It is cancelled if no process reads them.
 struct Told<W> {
     out: Mutex<Out<W>>,
     is_cut: AtomicBool,
@@ -75,7 +75,7 @@ struct Told<W> {
 
 struct Out<W> {
     out: W,
-    /// The fraction told last.
+    /// Last reported fraction.
     last: f64,
 }
 

@@ -1,8 +1,8 @@
-//! Assembles a map on a thread of its own that asks for the clips it needs.
+//! Assembles a map on a thread of its own, which asks for the clips it needs.
 //!
-//! The thread waits for clips, and a clip in a local folder is read in tokio's pool of blocking threads. A thread of that
-//! pool must therefore not wait for one: once all of them do, none is left to read. A worker has one such thread at a
-//! time; if the worker gives the merge up, the thread ends when it next asks.
+//! The thread waits for clips, and tokio's pool of blocking threads reads clips in a local folder. A thread
+//! of that pool must therefore not wait for a clip: if all of them wait, none is left to read. A worker has
+//! one such thread at a time; if the worker gives up the merge, the thread ends at its next request.
 
 use super::MergeError;
 use crate::storage::{Storage, result_file};
@@ -19,7 +19,7 @@ struct Files {
     views: Bytes,
 }
 
-/// The thread's way to the files of clips.
+/// Loads the files of clips for the thread.
 struct Loader {
     asked: mpsc::UnboundedSender<Member>,
     answers: std::sync::mpsc::Receiver<Result<Files, MergeError>>,
@@ -36,7 +36,7 @@ impl Loader {
     }
 }
 
-/// Makes the map of `members` from the last one.
+/// Assembles the map of `members` from the last one.
 pub(super) async fn assemble(
     storage: &Storage,
     last: &Manifest,
@@ -51,7 +51,7 @@ pub(super) async fn assemble(
         let loader = Loader { asked, answers };
         let mut load = |member: &Member| loader.load(member);
         let assembled = home::assemble(&last, members, &mut load);
-        // The worker may have given the merge up.
+        // The worker may have given up the merge.
         let _ = ended.send(assembled);
     };
     thread::Builder::new().name("merge".to_owned()).spawn(work).map_err(MergeError::NoThread)?;

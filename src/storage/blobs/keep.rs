@@ -1,4 +1,4 @@
-//! Files that arrived become blobs.
+//! Storing of arrived files as blobs.
 
 use super::limits::{Limits, within};
 use super::place::Place;
@@ -13,21 +13,21 @@ use tokio::fs::File;
 use tokio::io::AsyncReadExt;
 use tokio::sync::SemaphorePermit;
 
-/// Larger files go to S3 in parts of this size. It allows files of 78 GiB, since there are 10,000 parts at most; S3
-/// wants 5 MiB at least.
+/// Size of the parts in which larger files go to S3. S3 allows at most 10,000 parts, so files of 78 GiB, and
+/// at least 5 MiB a part.
 const PART_BYTES: usize = 8 << 20;
 
-/// Parts of one file that are under way at once.
+/// Parts of one file that are sent at once.
 const PARTS_AT_ONCE: usize = 2;
 
-/// The same of all files: what limits the memory that they take.
+/// Parts of all files in memory at once; limits their memory.
 pub(super) const PARTS_IN_MEMORY: usize = 16;
 
-/// How often a move of a file to its key is tried.
+/// Tries of a move of a file to its key.
 const MOVE_TRIES: u32 = 5;
 
 impl Blobs {
-    /// Keeps an arrived file under a key; on return it is durable.
+    /// Stores an arrived file under a key; on return it is durable.
     pub async fn keep(&self, file: Arrived, key: &str) -> Result<(), StorageError> {
         let key = Key::from(key);
         match &self.place {
@@ -39,8 +39,8 @@ impl Blobs {
     async fn rename(&self, mut file: Arrived, incoming: &Key, key: &Key) -> Result<(), StorageError> {
         let name = file.path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
         let from = incoming.clone().join(name);
-        // The store removes a folder with the last file in it. Where that happens while this one's folder is made, the
-        // move fails; the file is then still where it was, and the next try makes the folder again.
+        // The store removes a folder with its last file. If that happens while this file's folder is created,
+        // the move fails, the file stays in place, and the next try creates the folder again.
         let mut moved = self.store.rename(&from, key).await;
         for _ in 1..MOVE_TRIES {
             if moved.is_ok() || !file.path.exists() {
@@ -68,7 +68,7 @@ impl Blobs {
         let complete = async {
             match upload.complete().await {
                 Ok(_) => Ok(()),
-                // It may have come through, and only the answer did not.
+                // The upload may be complete, and only the answer lost.
                 Err(error) => match self.store.head(key).await {
                     Ok(found) if found.size == file.size_bytes => Ok(()),
                     _ => Err(error),
@@ -80,7 +80,7 @@ impl Blobs {
         Ok(())
     }
 
-    /// Reads and sends side by side, in the order of the file.
+    /// Reads and sends parts concurrently, in the order of the file.
     async fn upload_parts(
         &self,
         upload: &mut dyn MultipartUpload,
@@ -104,7 +104,7 @@ impl Blobs {
         }
     }
 
-    /// Room for a part.
+    /// Waits for a permit for a part in memory.
     async fn permit(&self) -> Result<SemaphorePermit<'_>, StorageError> {
         let permit = async { Ok(self.parts.acquire().await.expect("it is never closed")) };
         Ok(self.limits.bound(permit).await?)
@@ -138,8 +138,8 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// An upload in parts. Dropping it aborts the upload in the background, also when its caller went away; otherwise the
-/// parts would stay, unseen and paid for.
+/// A multipart upload. Dropping it aborts the upload in the background, also if its caller is cancelled;
+/// otherwise the parts would stay, invisible and billed.
 struct Unfinished {
     upload: Option<Box<dyn MultipartUpload>>,
     limits: Limits,

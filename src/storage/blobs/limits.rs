@@ -1,28 +1,28 @@
-//! How long a store on the network may take.
+//! Timeouts of a store on the network.
 //!
-//! A store answers, fails, or is silent. So that nobody who waits for us waits on for a silent one, each operation on
-//! it (a blob or a part of one written, the next bytes of one read, a page listed) ends in time, with an error if need
-//! be. Large files take as many operations as they need.
+//! A store answers, fails, or is silent. So that no client waits for a silent store, each operation on it
+//! (write a blob or a part, read the next bytes, list a page) has a timeout. Large files take as many
+//! operations as they need.
 
 use object_store::{BackoffConfig, ClientOptions, RetryConfig};
 use std::future::Future;
 use std::time::Duration;
 
-/// How often a request that failed is repeated.
+/// Retries of a failed request.
 const REPEATS: usize = 4;
 
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limits {
     pub connect: Duration,
-    /// One request, from connecting to the last byte of its answer. A part of a file has to get through in it.
+    /// One request, from connecting to the last byte of its answer. A part of a file must fit into it.
     pub request: Duration,
-    /// After so long no request is repeated.
+    /// Time after which a request is not retried.
     pub repeat: Duration,
-    /// All that one operation does.
+    /// One operation, with all its requests.
     pub operation: Duration,
-    /// The same of a removal: nobody has to wait for it, since a sweep removes what it leaves.
+    /// One removal. It is short, since a sweep removes what is left.
     pub removal: Duration,
-    /// Whether the place can be used.
+    /// The check whether the place can be used.
     pub ready: Duration,
 }
 
@@ -39,7 +39,7 @@ impl Limits {
         ready: Duration::from_secs(5),
     };
 
-    /// A disk is not left in the middle of something: it could not be told to stop.
+    /// Operations on a disk have no timeout: they cannot be cancelled.
     pub const NONE: Limits = Limits {
         connect: Duration::MAX,
         request: Duration::MAX,
@@ -65,7 +65,7 @@ impl Limits {
         RetryConfig { backoff, max_retries: REPEATS, retry_timeout: self.repeat }
     }
 
-    /// An operation.
+    /// Runs an operation with its timeout.
     pub async fn bound<T>(
         &self,
         work: impl Future<Output = object_store::Result<T>>,

@@ -1,4 +1,4 @@
-//! Blobs for readers that seek in them, or that want a path.
+//! Blobs as local files, for readers that seek or need a path.
 
 use super::place::Place;
 use super::{Blobs, StorageError};
@@ -11,7 +11,7 @@ use tempfile::{NamedTempFile, TempPath};
 use tokio::fs::File;
 use tokio::io::AsyncWriteExt;
 
-/// A blob as a file on this machine, to be read and not changed. It may be a copy, which goes with this value.
+/// A blob as a local file, to be read and not changed. It may be a copy, which is removed with this value.
 #[derive(Debug)]
 pub struct LocalFile(Inner);
 
@@ -39,7 +39,7 @@ impl AsRef<Path> for LocalFile {
 }
 
 impl Blobs {
-    /// The blob as a file; `object_store::Error::NotFound` when it was removed.
+    /// Returns the blob as a file; `object_store::Error::NotFound` if it was removed.
     pub async fn local_file(&self, key: &str) -> Result<LocalFile, StorageError> {
         match &self.place {
             Place::Folder { root, .. } => {

@@ -1,4 +1,4 @@
-//! Where blobs lie.
+//! Places of blobs.
 
 use super::StorageError;
 use super::limits::{Limits, within};
@@ -14,35 +14,35 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use url::Url;
 
-/// Where a server keeps its blobs.
+/// Place of a server's blobs.
 #[derive(Debug, Clone)]
 pub enum BlobPlace {
-    /// Several servers can share one on a file system that they all mount.
+    /// Several servers can share a folder on a file system that they all mount.
     Folder(PathBuf),
     S3(S3Params),
 }
 
-/// A bucket on S3 or on a store with its interface.
+/// A bucket on S3 or on a compatible store.
 ///
-/// What is below the prefix belongs to one database: a sweep removes every object there that none of its rows names.
-/// The bucket should have a lifecycle rule that aborts incomplete multipart uploads after a few days. A server that
-/// fails in the middle of one aborts it itself, but one that is killed cannot.
+/// All objects below the prefix belong to one database: a sweep removes those that none of its rows names.
+/// The bucket should have a lifecycle rule that aborts incomplete multipart uploads after a few days: a
+/// server aborts its own if they fail, but a killed server cannot.
 ///
-/// The key has to allow `s3:GetObject`, `s3:PutObject`, `s3:DeleteObject`, `s3:AbortMultipartUpload` and
-/// `s3:ListBucket`, and the store to know `DeleteObjects`.
+/// The access key must allow `s3:GetObject`, `s3:PutObject`, `s3:DeleteObject`, `s3:AbortMultipartUpload` and
+/// `s3:ListBucket`, and the store must support `DeleteObjects`.
 #[derive(Clone)]
 pub struct S3Params {
     pub bucket: String,
-    /// Before every key; empty for none.
+    /// Prefix of every key; may be empty.
     pub prefix: String,
-    /// An address such as `https://s3.example.com`, without the bucket. None for Amazon's own of the region.
+    /// A URL such as `https://s3.example.com`, without the bucket. `None` for Amazon's own in the region.
     pub endpoint: Option<String>,
     pub region: String,
     pub access_key_id: String,
     pub secret_access_key: String,
-    /// Whether the endpoint may be reached without encryption.
+    /// True if the endpoint may be reached without encryption.
     pub allow_http: bool,
-    /// Whether the bucket is in the path of a request, and not in its host name.
+    /// True if the bucket is in the path of a request, and not in its host name.
     pub path_style: bool,
 }
 
@@ -61,13 +61,13 @@ impl fmt::Debug for S3Params {
     }
 }
 
-/// An endpoint with a name and a password is refused, but it is printed before that.
+/// Hides an endpoint with a user name or password: it is refused, but printed before that.
 fn without_user(endpoint: &str) -> &str {
     if endpoint.contains('@') { "(with a password)" } else { endpoint }
 }
 
 impl S3Params {
-    /// The endpoint as the client wants it: with the bucket in it unless that is in the path.
+    /// Returns the endpoint for the client: with the bucket in the host unless it is in the path.
     fn address(&self) -> Result<Option<String>, String> {
         let Some(endpoint) = &self.endpoint else { return Ok(None) };
         let unusable = |why: &str| format!("the endpoint {}: {why}", without_user(endpoint));
@@ -93,7 +93,7 @@ impl S3Params {
 pub(super) enum Place {
     Folder {
         root: PathBuf,
-        /// Keys of files that arrive begin with this, when they lie in the same folder.
+        /// Key prefix of incoming files, if they lie in the same folder.
         incoming: Option<Key>,
     },
     S3 {
@@ -104,7 +104,7 @@ pub(super) enum Place {
 
 type Opened = (Arc<dyn ObjectStore>, Place);
 
-/// Both folders are there, and their paths are canonical.
+/// Opens a folder. Both folders exist, and their paths are canonical.
 pub(super) fn open_folder(root: &Path, incoming: &Path) -> Result<Opened, StorageError> {
     let store = LocalFileSystem::new_with_prefix(root)?.with_fsync(true).with_automatic_cleanup(true);
     if root.starts_with(incoming) {
@@ -120,7 +120,7 @@ pub(super) fn open_folder(root: &Path, incoming: &Path) -> Result<Opened, Storag
 pub(super) fn open_s3(params: &S3Params, limits: &Limits) -> Result<Opened, StorageError> {
     use_ring();
     let unusable = |why: String| object_store::Error::Generic { store: "S3", source: why.into() };
-    // With no credentials the client would look for some elsewhere.
+    // Without credentials the client would look for some elsewhere.
     for (name, value) in [
         ("bucket", &params.bucket),
         ("region", &params.region),
@@ -149,8 +149,8 @@ pub(super) fn open_s3(params: &S3Params, limits: &Limits) -> Result<Opened, Stor
 }
 
 impl super::Blobs {
-    /// Whether the place can be used: its folders can be written, a bucket can be listed. Gives the bytes that are free
-    /// on the fullest of the disks that are written to.
+    /// Checks that the place can be used: its folders can be written, a bucket can be listed. Returns the
+    /// free bytes of the fullest disk that is written to.
     pub async fn ready(&self) -> Result<u64, StorageError> {
         let mut folders = vec![self.incoming.clone()];
         let listed = match &self.place {

@@ -1,4 +1,4 @@
-//! Blobs read in one piece or as they come.
+//! Reading of blobs, in one piece or as a stream.
 
 use super::limits::Limits;
 use super::{Blobs, PAUSES, StorageError, tried};
@@ -9,7 +9,7 @@ use object_store::path::Path as Key;
 use object_store::{GetOptions, GetRange, GetResult, ObjectStore};
 use std::sync::Arc;
 
-/// A blob as it is read: its size, then its bytes.
+/// A blob to be read: its size and the stream of its bytes.
 pub struct BlobReader {
     pub size_bytes: u64,
     pub stream: BoxStream<'static, Result<Bytes, StorageError>>,
@@ -31,7 +31,7 @@ impl BlobReader {
 }
 
 impl Blobs {
-    /// None when the blob was removed since the caller read its row.
+    /// Returns a reader; `None` if the blob was removed since the caller read its row.
     pub async fn read(&self, key: &str) -> Result<Option<BlobReader>, StorageError> {
         match self.begin_to_read(key).await {
             Err(object_store::Error::NotFound { .. }) => Ok(None),
@@ -39,7 +39,7 @@ impl Blobs {
         }
     }
 
-    /// The same in one piece.
+    /// Returns a blob in one piece; `None` if it was removed.
     pub async fn read_if_there(&self, key: &str) -> Result<Option<Bytes>, StorageError> {
         match self.read(key).await? {
             Some(reader) => Ok(Some(reader.all().await?)),
@@ -80,8 +80,8 @@ fn body(found: GetResult) -> Body {
     found.into_stream()
 }
 
-/// A blob that is being read. A request that ends too early is followed by one for the rest: a store cuts connections,
-/// and whoever reads slowly needs longer than one request may take.
+/// A blob that is being read. A request that ends early is followed by one for the rest: stores cut
+/// connections, and a slow reader needs longer than the timeout of one request.
 struct Reading {
     store: Arc<dyn ObjectStore>,
     limits: Limits,
@@ -118,7 +118,7 @@ impl Reading {
                 if_match: self.e_tag.clone(),
                 ..GetOptions::default()
             };
-            // Where it cannot be had, `failed` has been logged and what is told is why.
+            // If this fails too, its own error is returned; `failed` is in the log.
             match self.store.get_opts(&self.key, rest).await {
                 Ok(found) => self.body = body(found),
                 Err(error) => self.body = futures::stream::iter([Err(error)]).boxed(),

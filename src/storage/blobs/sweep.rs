@@ -1,4 +1,4 @@
-//! What interrupted writes left behind.
+//! Leftovers of interrupted writes.
 
 use super::place::Place;
 use super::{Blobs, StorageError, tried};
@@ -13,31 +13,31 @@ use std::fs::{DirEntry, ReadDir};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Blobs that are looked up at a time; S3 gives and removes so many in one request.
+/// Blobs that are looked up at a time; S3 lists and removes at most this many in one request.
 const BATCH: usize = 1000;
 
-/// Keys that one look keeps in memory. More are left to the next one.
+/// Most keys that one listing keeps in memory. The rest is left to the next one.
 const MOST_KEYS: usize = 100_000;
 
 /// The blobs that no row names.
 #[derive(Debug, Default)]
 pub struct Unnamed {
     pub keys: Vec<String>,
-    /// How many there are beyond `keys`.
+    /// Number of unnamed blobs beyond `keys`.
     pub more: u64,
-    /// How many blobs rows do name.
+    /// Number of blobs that rows name.
     pub named: u64,
-    /// Files that never became a blob; they have been removed.
+    /// Number of files that never became a blob; they have been removed.
     pub leftovers: u64,
 }
 
-/// Something found where blobs lie, and when it was last written.
+/// An entry of a listing, with the time of its last write.
 enum Found {
     Blob {
         key: String,
         modified: Timestamp,
     },
-    /// A file that is arriving or being written, or a copy. No key leads to it.
+    /// A file that is arriving or being written, or a copy. It has no key.
     Leftover {
         path: PathBuf,
         modified: Timestamp,
@@ -59,15 +59,15 @@ impl Unnamed {
 }
 
 impl Blobs {
-    /// Removes files that never became a blob, and gives the blobs that no row names, if they were last written before
-    /// `older_than`. `named` tells which of some keys rows name.
+    /// Removes files that never became a blob, and returns the blobs that no row names, if they were last
+    /// written before `older_than`. `named` returns those of some keys that rows name.
     ///
-    /// Sound while others write as long as whatever was written before `older_than` has its row by now or never will:
-    /// more time has to have passed since than from the last byte of an upload to its row, or than a job reads a copy
-    /// of its clip.
+    /// Safe beside concurrent writers if every file written before `older_than` has its row by now or never
+    /// will. The time since must be longer than from the last byte of an upload to its row, and longer than a
+    /// job reads a copy of its clip.
     ///
-    /// Uploads in parts that a killed server left on S3 cannot be listed with this client: the bucket's lifecycle rule
-    /// ends those.
+    /// This client cannot list multipart uploads that a killed server left on S3: the bucket's lifecycle rule
+    /// aborts those.
     pub async fn unnamed<Named>(
         &self,
         older_than: Timestamp,
@@ -98,7 +98,7 @@ impl Blobs {
         Ok(unnamed)
     }
 
-    /// Removes the blobs that a look found.
+    /// Removes the blobs that [`Blobs::unnamed`] found.
     pub async fn sweep(&self, unnamed: &Unnamed) -> Result<(), StorageError> {
         for keys in unnamed.keys.chunks(BATCH) {
             for key in keys {
@@ -110,7 +110,7 @@ impl Blobs {
         Ok(())
     }
 
-    /// Some of the blobs, at most as many as are looked up at a time.
+    /// Returns the keys of at most [`BATCH`] blobs.
     pub async fn sample(&self) -> Result<Vec<String>, StorageError> {
         let key = |found| match found {
             Found::Blob { key, .. } => Some(key),
@@ -120,7 +120,7 @@ impl Blobs {
         keys.take(BATCH).try_collect().await
     }
 
-    /// All there is, also what is arriving.
+    /// Lists all blobs and leftovers.
     fn listing(&self) -> BoxStream<'static, Result<Found, StorageError>> {
         match &self.place {
             Place::Folder { root, incoming } => {
@@ -146,7 +146,7 @@ impl Blobs {
         }
     }
 
-    /// Keys of all there is; files that are arriving have one too.
+    /// Returns the keys of all blobs and the paths of all leftovers.
     #[cfg(test)]
     pub async fn keys(&self) -> Result<Vec<String>, StorageError> {
         let key = |found| match found {
@@ -157,7 +157,7 @@ impl Blobs {
     }
 }
 
-/// What a page of a bucket's list has below a prefix, and where the next begins.
+/// Returns a page of a bucket's list below a prefix, and the token of the next page.
 async fn list_page(
     client: &AmazonS3,
     prefix: &Key,
@@ -171,14 +171,14 @@ async fn list_page(
     let page = page.await?;
     let found = page.result.objects.into_iter().filter_map(|object| {
         let key = object.location.as_ref().strip_prefix(&folder)?.to_owned();
-        // Never swept if its time is none.
+        // Without a valid time it is never swept.
         let modified = Timestamp::from_millisecond(object.last_modified.timestamp_millis());
         Some(Found::Blob { key, modified: modified.unwrap_or(Timestamp::MAX) })
     });
     Ok((found.collect(), page.page_token))
 }
 
-/// Another may have removed it, or kept it.
+/// Removes a leftover. Another process may have removed or stored it.
 async fn remove_leftover(path: PathBuf) -> Result<u64, StorageError> {
     match tokio::fs::remove_file(&path).await {
         Ok(()) => {
@@ -202,13 +202,13 @@ async fn remove_empty_folder(path: PathBuf) -> Result<u64, StorageError> {
     }
 }
 
-/// macOS refuses to remove a folder as a file with another error than Linux.
+/// Returns whether a removal failed because of a folder; macOS and Linux have different errors for this.
 fn is_folder(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::IsADirectory | io::ErrorKind::PermissionDenied)
 }
 
-/// The files below a folder, those below `leftovers` in it as such. The store's own listing would hide those that are
-/// being written.
+/// Lists the files below a folder, those below `leftovers` as leftovers. The store's own listing would hide
+/// files that are being written.
 fn walk(root: &Path, leftovers: Option<Key>) -> BoxStream<'static, Result<Found, StorageError>> {
     let walk = Walk { root: root.to_owned(), leftovers, folders: vec![root.to_owned()], open: None };
     let batches = futures::stream::try_unfold(walk, |mut walk| async move {
@@ -225,7 +225,7 @@ fn walk(root: &Path, leftovers: Option<Key>) -> BoxStream<'static, Result<Found,
     batches.try_flatten().boxed()
 }
 
-/// Where a walk through folders is.
+/// State of a walk through folders.
 struct Walk {
     root: PathBuf,
     leftovers: Option<Key>,
@@ -251,7 +251,7 @@ impl Walk {
             let looked = entry.and_then(|entry| look(&entry));
             match looked.map_err(|source| StorageError::File { path: folder.clone(), source })? {
                 Some(Entry::Folder(path, modified)) => {
-                    // Only a folder of leftovers goes, which has no key: the store looks after those of its blobs.
+                    // Only folders of leftovers are swept; the store removes the folders of its blobs.
                     if is_below(&self.root, &path, self.leftovers.as_ref()) {
                         batch.push(found(&self.root, path.clone(), modified, self.leftovers.as_ref()));
                     }
@@ -272,7 +272,7 @@ enum Entry {
     File(PathBuf, Timestamp),
 }
 
-/// None when the folder went meanwhile.
+/// Opens a folder; returns `None` if it was removed meanwhile.
 fn open(folder: &Path) -> Result<Option<ReadDir>, StorageError> {
     match std::fs::read_dir(folder) {
         Ok(entries) => Ok(Some(entries)),
@@ -281,19 +281,19 @@ fn open(folder: &Path) -> Result<Option<ReadDir>, StorageError> {
     }
 }
 
-/// None when the entry went meanwhile.
+/// Returns the kind and time of an entry; `None` if it was removed meanwhile.
 fn look(entry: &DirEntry) -> io::Result<Option<Entry>> {
     let metadata = match entry.metadata() {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         metadata => metadata?,
     };
-    // Never swept if its time is none.
+    // Without a valid time it is never swept.
     let modified = Timestamp::try_from(metadata.modified()?).unwrap_or(Timestamp::MAX);
     let path = entry.path();
     Ok(Some(if metadata.is_dir() { Entry::Folder(path, modified) } else { Entry::File(path, modified) }))
 }
 
-/// Whether a path lies below the folder of leftovers.
+/// Returns whether a path lies below the folder of leftovers.
 fn is_below(root: &Path, path: &Path, leftovers: Option<&Key>) -> bool {
     let key = path.strip_prefix(root).ok().and_then(Path::to_str).and_then(|key| Key::parse(key).ok());
     leftovers.is_some_and(|folder| key.is_some_and(|key| key != *folder && key.prefix_matches(folder)))
@@ -309,7 +309,7 @@ fn found(root: &Path, path: PathBuf, modified: Timestamp, leftovers: Option<&Key
     }
 }
 
-/// Whether a name is one that the store gives to a file until it is whole: `file#1` for `file`.
+/// Returns whether a name is the store's temporary name of an incomplete file: `file#1` for `file`.
 fn being_written(key: &Key) -> bool {
     let number = key.filename().and_then(|name| name.split_once('#')).map(|(_, number)| number);
     number.is_some_and(|number| !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()))

@@ -1,4 +1,4 @@
-//! The same of both places, and what only a store on the network has to do.
+//! Tests of both places, and of the store on the network alone.
 
 mod both;
 mod network;
@@ -10,7 +10,7 @@ use crate::storage::incoming::Arrived;
 use tempfile::TempDir;
 use viola_testing::s3_server::S3Server;
 
-/// More than three parts, and the last of them is not a whole one.
+/// More than three parts; the last one is not full.
 const LARGE: usize = (3 << 23) + 12_345;
 
 /// An empty place for blobs.
@@ -21,7 +21,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// `incoming` is where files arrive, below the folder.
+    /// Opens a folder; `incoming` is the path of arriving files below it.
     fn in_folder(incoming: &str) -> Bench {
         let folder = tempfile::tempdir().unwrap();
         let place = BlobPlace::Folder(folder.path().join("blobs"));
@@ -36,7 +36,7 @@ impl Bench {
         Bench { blobs, folder, server: Some(server) }
     }
 
-    /// The same place for one who waits less.
+    /// Opens the same place with other limits.
     fn within(&self, limits: Limits) -> Blobs {
         let place = BlobPlace::S3(bucket(self.server()));
         Blobs::open_within(&place, &self.blobs.incoming, limits).unwrap()
@@ -46,7 +46,7 @@ impl Bench {
         self.server.as_ref().expect("it is on S3")
     }
 
-    /// Where the bytes of a blob lie.
+    /// Returns the file with the bytes of a blob.
     fn path_of(&self, key: &str) -> PathBuf {
         match &self.server {
             Some(server) => server.path_of(key),
@@ -64,7 +64,7 @@ impl Bench {
         self.blobs.keep(self.arrived(bytes).await, key).await.unwrap();
     }
 
-    /// All keys, in order; those of files that are arriving as well.
+    /// Returns all keys, sorted, including those of arriving files.
     async fn keys(&self) -> Vec<String> {
         let mut keys = self.blobs.keys().await.unwrap();
         keys.sort();
@@ -76,7 +76,7 @@ impl Bench {
     }
 }
 
-/// Bytes that differ everywhere, so that parts in a wrong order show.
+/// Returns bytes that differ everywhere, so that a wrong order of parts is detected.
 fn large() -> Vec<u8> {
     (0..LARGE as u32 / 4 + 1).flat_map(u32::to_le_bytes).take(LARGE).collect()
 }

@@ -1,4 +1,4 @@
-//! The end of a clip.
+//! Removal of clips.
 
 use super::super::changes::{self, Changed};
 use super::super::database::query;
@@ -8,8 +8,8 @@ use jiff::Timestamp;
 use uuid::Uuid;
 
 impl Storage {
-    /// Removes a clip with its results. A worker that is busy with it loses its lease. Where the clip went and a file of
-    /// it could not, this is an error; again, and it is tried again.
+    /// Removes a clip with its results. A worker on it loses its lease. Returns an error if the clip is
+    /// removed but one of its files is not; another call retries that.
     pub async fn delete_clip(&self, home: &HomeId, id: Uuid, now: Timestamp) -> Result<(), StorageError> {
         let owner = format!("clip:{}:{id}", home.key());
         let mut transaction = self.database.begin().await?;

@@ -1,4 +1,4 @@
-//! The changes feed: a copy that follows it is the same as what is there.
+//! The changes feed: a copy that follows it equals the stored state.
 
 use super::*;
 use crate::storage::changes as feed;
@@ -38,7 +38,7 @@ fn shown(change: &Change) -> String {
     text
 }
 
-/// What is new since the cursor, which then stands at the end.
+/// Returns the changes since the cursor, and moves it to the end.
 async fn news(storage: &Storage, cursor: &mut Option<ChangesCursor>, seconds: i64) -> Vec<String> {
     let changes = part(storage, *cursor, 100, seconds).await;
     assert!(!changes.more);
@@ -85,11 +85,11 @@ async fn every_change_is_told_once_and_in_order(storage: Storage) {
     assert_eq!(news(&storage, &mut cursor, 8).await, ["h clip uploaded"]);
     storage.delete_clip(&id, clip.id, at(9)).await.unwrap();
     assert_eq!(news(&storage, &mut cursor, 9).await, ["h clip deleted"]);
-    // Who begins now is told of each thing once.
+    // A new reader gets each item once.
     assert_eq!(news(&storage, &mut None, 9).await, ["h home", "h lidar_map 1", "h clip deleted"]);
 }
 
-/// What a reader has who applies the feed, by home, kind and clip.
+/// Copy of a reader that applies the feed, by home, kind and clip.
 type Copy = BTreeMap<(String, String), Change>;
 
 fn apply(copy: &mut Copy, items: Vec<Change>) {
@@ -106,7 +106,7 @@ fn apply(copy: &mut Copy, items: Vec<Change>) {
 async fn a_copy_that_follows_is_whole(storage: Storage) {
     let (mut copy, mut cursor) = (Copy::new(), None);
     let mut clips: Vec<Clip> = Vec::new();
-    // Two items are read after every step, so the reader is always behind; what it has not read goes on changing.
+    // Two items are read after every step, so the reader is always behind, and unread items change again.
     for step in 0..30i64 {
         let id = home(&format!("h{}", step % 3));
         storage.put_home(&id, Some(&format!("name {}", step / 9)), at(step)).await.unwrap();
@@ -162,7 +162,7 @@ async fn a_home_goes_with_all_that_was_in_it(storage: Storage) {
     storage.delete_home(&id, at(1)).await.unwrap();
     let gone = ["h lidar_map 1 deleted", "h clip deleted", "h home deleted"];
     assert_eq!(news(&storage, &mut cursor, 1).await, gone);
-    // A home of the same id is another one; what was in the old one is still told.
+    // A home of the same id is another one; the feed still has the removals in the old one.
     storage.put_home(&id, None, at(2)).await.unwrap();
     assert_eq!(news(&storage, &mut cursor, 2).await, ["h home"]);
     assert_eq!(
@@ -203,7 +203,7 @@ async fn what_was_deleted_is_told_for_a_month(storage: Storage) {
     assert_eq!(deleted().await, [first.id, second.id]);
     storage.delete_clip(&id, third.id, at(31 * DAY_S + 1)).await.unwrap();
     assert_eq!(deleted().await, [second.id, third.id]);
-    // Numbers are not given out again when their rows are gone.
+    // Numbers are not reused when their rows are gone.
     let last = part(&storage, None, 100, 32 * DAY_S).await.items.pop().unwrap().seq;
     storage.delete_home(&id, at(40 * DAY_S)).await.unwrap();
     let gone = part(&storage, None, 100, 40 * DAY_S).await;
@@ -226,7 +226,7 @@ async fn a_cursor_ends_where_deletions_may_be_missed(storage: Storage) {
     for n in 0..3 {
         storage.put_home(&home(&format!("h{n}")), None, at(0)).await.unwrap();
     }
-    // Behind the end, the time counts from where the reading began; at the end, from there.
+    // The lifetime counts from the last read at the end, or else from the first read.
     let behind = part(&storage, None, 1, 0).await;
     assert!(behind.more);
     let still_behind = part(&storage, Some(behind.next), 1, 10).await;
@@ -237,7 +237,7 @@ async fn a_cursor_ends_where_deletions_may_be_missed(storage: Storage) {
     assert!(expired(end.next, 30 * DAY_S + 11).await);
     let kept_up = part(&storage, Some(end.next), 1, 20 * DAY_S).await;
     assert!(kept_up.items.is_empty() && !expired(kept_up.next, 50 * DAY_S).await);
-    // A number that this database never gave out.
+    // A number that this database never assigned.
     let text = end.next.to_string();
     let (seq, time) = text.split_once('.').unwrap();
     let ahead = format!("{}.{time}", seq.parse::<i64>().unwrap() + 1);

@@ -18,7 +18,7 @@ fn pose(x_m: f64) -> Pose2 {
     Pose2 { x_m, y_m: 0.5, yaw_rad: -1.0 }
 }
 
-/// An answer with two alternatives, at 1 m and at 2 m.
+/// Returns an answer with two alternatives, at 1 m and at 2 m.
 fn two_modes(state: AlignmentState) -> Ending {
     let Ending::Answered(mut alignment) = answer(state) else { unreachable!() };
     let alternative = |x_m| Alternative {
@@ -34,7 +34,7 @@ fn two_modes(state: AlignmentState) -> Ending {
     Ending::Answered(alignment)
 }
 
-/// Does the clip's next job.
+/// Runs the clip's next job.
 async fn end(storage: &Storage, ending: Ending) -> Clip {
     let claim = storage.claim(LEASE, at(900)).await.unwrap().expect("a job is due");
     storage.put_result(&claim, "cloud.ply", b"points".to_vec()).await.unwrap();
@@ -50,7 +50,7 @@ fn codes(clip: &Clip) -> Vec<&str> {
     clip.reasons.iter().map(|reason| reason.code.as_str()).collect()
 }
 
-/// The pose that stands, and where it comes from.
+/// Returns the chosen pose and its source.
 fn standing(clip: &Clip) -> Option<(f64, Option<u32>, i64)> {
     clip.choice.as_ref().map(|c| (c.map_from_clip.x_m, c.alternative, c.lidar_map_revision))
 }
@@ -63,7 +63,7 @@ async fn an_alternative_is_chosen_and_withdrawn(storage: Storage) {
     assert_eq!((chosen.state, codes(&chosen)), (ClipState::Aligned, vec!["chosen_by_person"]));
     assert_eq!(standing(&chosen), Some((2.0, Some(1), 1)));
     assert_eq!((&chosen.alignment, chosen.updated_at), (&own.alignment, at(200)));
-    // The same again changes nothing, not even its time; another one replaces it.
+    // The same choice again changes nothing, not even its time; another one replaces it.
     assert_eq!(choose(&storage, &own, Chosen::Alternative(1), 201).await, chosen);
     let other = choose(&storage, &own, Chosen::Pose(Pose2 { yaw_rad: 4.0, ..pose(2.0) }), 202).await;
     assert_eq!(standing(&other), Some((2.0, None, 1)));
@@ -124,7 +124,7 @@ async fn without_a_result_a_choice_waits(storage: Storage) {
         (failed.state, codes(&failed)),
         (ClipState::Failed, vec!["bad_picture", "choice_without_result"])
     );
-    // Another choice is told of once.
+    // Another choice adds its reason once.
     let failed = choose(&storage, &clip, Chosen::Pose(pose(2.0)), 200).await;
     assert_eq!(
         (failed.state, codes(&failed)),

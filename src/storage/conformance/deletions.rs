@@ -1,11 +1,11 @@
-//! What is deleted is gone to the last byte, and whoever deletes is told when it is.
+//! Deletions remove the last byte, and succeed only then.
 
 use super::faults::removals_fail;
 use super::*;
 
 on_every_back_end!(a_tenant_goes_whole, who_deletes_is_told_the_truth);
 
-/// A home with a map, a clip with results, and an upload that is not finished.
+/// Creates a home with a map, a clip with results, and an unfinished upload.
 async fn belongings(storage: &Storage, tenant: &Tenant) -> Clip {
     let id = tenant.home(&home("h"));
     storage.put_home(&id, None, at(0)).await.unwrap();
@@ -39,7 +39,7 @@ async fn belongings(storage: &Storage, tenant: &Tenant) -> Clip {
     clip
 }
 
-/// How many rows of each table are a tenant's.
+/// Returns the number of a tenant's rows in all tables.
 async fn rows(storage: &Storage, tenant: &Tenant) -> u64 {
     use crate::storage::columns::Columns;
     let mut rows = 0;

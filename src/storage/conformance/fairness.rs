@@ -1,10 +1,10 @@
-//! In which order jobs are done.
+//! The order of jobs.
 
 use super::*;
 
 on_every_back_end!(nobody_waits_behind_all_of_another, who_asks_comes_first, nobody_waits_for_ever);
 
-/// Homes of the jobs that are claimed, as `tenant/home`, all at one moment.
+/// Returns the homes of claimed jobs, as `tenant/home`, all at one moment.
 async fn order(storage: &Storage, now_s: i64, count: usize) -> Vec<String> {
     let mut homes = Vec::new();
     while homes.len() < count
@@ -27,7 +27,7 @@ async fn nobody_waits_behind_all_of_another(storage: Storage) {
     for n in 0..5u8 {
         add(&storage, &greedy, &[n]).await;
     }
-    // Another home of the same tenant, and another tenant, come last and each have their first turn after one job.
+    // Another home of this tenant, and another tenant, come last; each has its first turn after one job.
     let modest = home_with_map(&storage, "acme", "modest").await;
     add(&storage, &modest, b"one").await;
     let other = home_with_map(&storage, "bolt", "other").await;
@@ -44,7 +44,7 @@ async fn who_asks_comes_first(storage: Storage) {
     let again = home_with_map(&storage, "acme", "again").await;
     add(&storage, &again, b"clip").await;
     let fresh = home_with_map(&storage, "bolt", "fresh").await;
-    // A new map sends its home's clips around again, behind new clips; who asks for one clip does not wait for them.
+    // A new map queues its home's clips again, behind new clips; a clip that is asked for comes before them.
     put_map(&storage, &again, b"new map").await;
     add(&storage, &fresh, b"clip").await;
     let asked = home_with_map(&storage, "corp", "asked").await;
@@ -60,7 +60,7 @@ async fn nobody_waits_for_ever(storage: Storage) {
     put_map(&storage, &patient, b"new map").await;
     let busy = home_with_map(&storage, "bolt", "busy").await;
     let clip = add(&storage, &busy, b"clip").await;
-    // An hour later somebody asks: what has waited for an hour goes first nevertheless.
+    // A clip is asked for an hour later; the job that has waited for an hour still comes first.
     storage.cancel_job(clip.job.unwrap().id, at(1)).await.unwrap();
     storage.align_clip(&busy, clip.id, at(3600)).await.unwrap();
     assert_eq!(order(&storage, 3600, 1).await, ["acme/patient"]);

@@ -1,4 +1,4 @@
-//! Storage that breaks in the middle of things: what was there stays, whole.
+//! Faults of the storage in the middle of work: the earlier state stays whole.
 
 use super::*;
 use async_trait::async_trait;
@@ -15,7 +15,7 @@ use std::task::Poll;
 use viola_geometry::Pose2;
 use viola_home::TileKey;
 
-/// A blob store whose writes fail as it is told, every other of them after the blob was written.
+/// A blob store whose writes fail on order, every other of them after the blob was written.
 #[derive(Debug)]
 struct Faulty {
     inner: Arc<dyn ObjectStore>,
@@ -82,13 +82,13 @@ impl ObjectStore for Faulty {
 
 const TILES: i32 = 4;
 
-/// A revision whose tiles all hold `number`.
+/// Returns a revision whose tiles all hold `number`.
 fn revision(number: u8) -> NewRevision {
     let tile = |x| (TileKey { x, y: 0 }, Some(vec![number; 64]));
     NewRevision { tiles: (0..TILES).map(tile).collect(), ..NewRevision::default() }
 }
 
-/// The number that the current revision holds, the same in all its tiles; none before the first.
+/// Returns the number in the current revision, the same in all tiles; `None` before the first.
 async fn whole(storage: &Storage, home: &HomeId) -> Option<u8> {
     let map = storage.home_map(home, None).await.unwrap()?;
     let files = storage.home_map_files(home, map.revision, map_file::TILE).await.unwrap();
@@ -107,14 +107,14 @@ async fn whole(storage: &Storage, home: &HomeId) -> Option<u8> {
     Some(numbers[0])
 }
 
-/// A home with an aligned clip.
+/// Creates a home with an aligned clip.
 async fn aligned(storage: &Storage) -> (HomeId, Clip) {
     let (home, clip) = one_job(storage).await;
     align(storage).await;
     (home, clip)
 }
 
-/// Does the next job.
+/// Runs the next job.
 async fn align(storage: &Storage) {
     let claim = storage.claim(LEASE, at(10_000)).await.unwrap().expect("a job is due");
     let Ending::Answered(mut alignment) = answer(AlignmentState::Aligned) else { unreachable!() };
@@ -124,7 +124,7 @@ async fn align(storage: &Storage) {
     assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(10_000)).await.unwrap());
 }
 
-/// Makes the writes of a storage fail from now on; tells how many there have been.
+/// Makes the writes of a storage fail from now on; returns the counter of writes.
 fn break_writes(storage: &mut Storage, fails: fn(u32) -> bool) -> Arc<AtomicU32> {
     let nothing = Arc::new(object_store::memory::InMemory::new());
     let inner = std::mem::replace(&mut storage.blobs.store, nothing);
@@ -134,7 +134,7 @@ fn break_writes(storage: &mut Storage, fails: fn(u32) -> bool) -> Arc<AtomicU32>
     writes
 }
 
-/// Makes the removals of a storage fail until what this gives is called.
+/// Makes the removals of a storage fail until the returned function is called.
 pub fn removals_fail(storage: &mut Storage) -> impl Fn() + use<> {
     let nothing = Arc::new(object_store::memory::InMemory::new());
     let inner = std::mem::replace(&mut storage.blobs.store, nothing);
@@ -185,7 +185,7 @@ async fn a_store_that_fails_for_good_leaves_the_map_as_it_was() {
     assert!(storage.claim_merge(LEASE, at(13)).await.unwrap().is_some(), "it is tried again");
 }
 
-/// Runs `work` until it has waited `waits` times, and drops it there: what a kill at that moment leaves.
+/// Runs `work` until it has waited `waits` times, and drops it there, like a kill at that moment.
 pub async fn cut_off<T>(work: impl Future<Output = T>, waits: usize) -> Option<T> {
     let mut work = pin!(work);
     let mut waited = 0;
@@ -202,7 +202,7 @@ pub async fn cut_off<T>(work: impl Future<Output = T>, waits: usize) -> Option<T
 
 on_every_back_end!(a_beginning_that_is_cut_off_leaves_nothing_open);
 
-/// As when a client hangs up: what was under way for it is dropped wherever it waits.
+/// As when a client hangs up: its work is dropped wherever it waits.
 async fn a_beginning_that_is_cut_off_leaves_nothing_open(storage: Storage) {
     for round in 0..30 {
         for waits in 0..4 {
@@ -211,7 +211,7 @@ async fn a_beginning_that_is_cut_off_leaves_nothing_open(storage: Storage) {
         }
         let id = home(&format!("h-{round}"));
         storage.put_home(&id, None, at(round)).await.unwrap();
-        // Nobody sees what was before: an old snapshot would.
+        // No read sees an earlier state, as an old snapshot would.
         for _ in 0..4 {
             storage.home(&id).await.unwrap();
             storage.changes(&Tenant::default(), None, 9, at(round)).await.unwrap();
@@ -248,7 +248,7 @@ async fn a_merge_that_is_killed_anywhere_leaves_a_whole_map() {
             break;
         }
         cuts += 1;
-        // Its lease runs out; where it had come through, something new makes it due.
+        // The lease expires; if the merge took effect, a new answer makes the home due.
         now += 100;
         if after == Some(number) {
             storage.align_clip(&home, clip.id, at(now)).await.unwrap();

@@ -1,4 +1,4 @@
-//! Transactions that the database undoes by itself, and commits that are none.
+//! Transactions that the database rolls back by itself, and commits without effect.
 
 use super::faults::cut_off;
 use super::*;
@@ -13,7 +13,7 @@ async fn insert(transaction: &mut database::Transaction, id: &str) -> std::resul
         .await
 }
 
-/// Also where the caller takes the failure lightly.
+/// Also if the caller ignores the failure.
 async fn a_transaction_in_which_a_statement_failed_commits_nothing(storage: Storage) {
     let mut transaction = storage.database.begin().await.unwrap();
     insert(&mut transaction, "/one").await.unwrap();
@@ -33,7 +33,7 @@ async fn a_write_that_works_is_told(storage: Storage) {
     }
 }
 
-/// Homes with these names, as a process sees them that begins now.
+/// Returns the names of all homes, as a new process sees them.
 async fn fresh(folder: &Path) -> Vec<String> {
     let storage = Storage::administer(&StorageParams::in_folder(folder)).await.unwrap();
     let page = Page { limit: 1000, after: None };
@@ -42,7 +42,7 @@ async fn fresh(folder: &Path) -> Vec<String> {
     homes.iter().map(|home| home.id.to_string()).collect()
 }
 
-/// A transaction that is undone in good order.
+/// Rolls a transaction back in good order.
 async fn undo(storage: &Storage) {
     let mut transaction = storage.database.begin().await.unwrap();
     insert(&mut transaction, "/undone").await.unwrap();
@@ -54,7 +54,7 @@ async fn a_database_that_is_full_loses_nothing() {
     let storage = in_folder(folder.path()).await;
     let mut acknowledged = Vec::new();
     for round in 0..3 {
-        // Until this connection is closed the database takes no further page.
+        // Until this connection is closed the database accepts no further page.
         sqlx::query("PRAGMA max_page_count = 1").execute(storage.database.writer()).await.unwrap();
         let refused = loop {
             let id = format!("full-{round}-{}", acknowledged.len());

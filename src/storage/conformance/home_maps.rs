@@ -1,4 +1,4 @@
-//! Which homes are merged, by whom, and what is kept of it.
+//! Merges of homes: their claims and their revisions.
 
 use super::*;
 use viola_geometry::Pose2;
@@ -18,7 +18,7 @@ on_every_back_end!(
     objects_are_found_across_homes,
 );
 
-/// A home with two aligned clips.
+/// Creates a home with two aligned clips.
 async fn two_aligned(storage: &Storage) -> (HomeId, Vec<Uuid>) {
     let (home, first) = one_job(storage).await;
     let second = add(storage, &home, b"other").await;
@@ -28,7 +28,7 @@ async fn two_aligned(storage: &Storage) -> (HomeId, Vec<Uuid>) {
     (home, vec![first.id, second.id])
 }
 
-/// Does the next job: its clip has an answer, with a cloud that holds its id.
+/// Runs the next job: its clip gets an answer, with a cloud that holds its id.
 async fn align(storage: &Storage, state: AlignmentState) {
     let claim = storage.claim(LEASE, at(100)).await.unwrap().expect("a job is due");
     let cloud = claim.job.clip.to_string().into_bytes();
@@ -43,7 +43,7 @@ async fn due(storage: &Storage, seconds: i64) -> Option<MergeClaim> {
     storage.claim_merge(LEASE, at(seconds)).await.unwrap()
 }
 
-/// The clouds of a claim, one after the other.
+/// Returns the clouds of a claim, one after the other.
 async fn clouds(storage: &Storage, claim: &MergeClaim) -> Vec<u8> {
     let mut all = Vec::new();
     for member in &claim.members {
@@ -55,7 +55,7 @@ async fn clouds(storage: &Storage, claim: &MergeClaim) -> Vec<u8> {
 
 const TILE: TileKey = TileKey { x: 1, y: -2 };
 
-/// A revision that has the claim's clips in it, placed by `by`, and one tile.
+/// Returns a revision with the claim's clips, placed by `by`, and one tile.
 fn revision(claim: &MergeClaim, by: PlacedBy, tile: &[u8]) -> NewRevision {
     let place = |member: &viola_home::Member| PlacedClip {
         clip: member.clip,
@@ -91,7 +91,7 @@ fn clips_of(map: &HomeMap) -> Vec<Uuid> {
     map.clips.iter().map(|clip| clip.clip).collect()
 }
 
-/// What the tiles of a revision hold; none when it is not kept.
+/// Returns the bytes of a revision's tiles; `None` if it is not kept.
 async fn tiles(storage: &Storage, home: &HomeId, revision: i64) -> Option<Vec<Vec<u8>>> {
     storage.home_map(home, Some(revision)).await.unwrap()?;
     let mut all = Vec::new();
@@ -138,7 +138,7 @@ async fn a_clip_that_rests_after_faults_keeps_no_merge_waiting(storage: Storage)
     let (home, clips) = two_aligned(&storage).await;
     let third = add(&storage, &home, b"third").await;
     let mut now_s = 200;
-    // Pauses of 5 s, 10 s, 20 s and 40 s are waited for; the next, of 80 s, is not.
+    // The merge waits for pauses of 5 s, 10 s, 20 s and 40 s, but not for the next one, of 80 s.
     for pause_s in [5, 10, 20, 40, 80] {
         assert!(due(&storage, now_s).await.is_none(), "a clip is on its way");
         let held = storage.claim(LEASE, at(now_s)).await.unwrap().expect("the job is due");
@@ -179,7 +179,7 @@ async fn a_change_during_a_merge_makes_it_due_again(storage: Storage) {
     assert!(due(&storage, 14).await.is_none());
     let again = due(&storage, 15).await.expect("the home is due");
     assert_eq!(again.members.len(), 1);
-    // A change after the clouds were read: what was merged is kept, and the next merge follows.
+    // A change after the clouds were read: the merge is kept, and the next one follows.
     let third = add(&storage, &home, b"third").await;
     align(&storage, AlignmentState::Aligned).await;
     assert!(finish(&storage, &again, b"one", 16).await);
@@ -280,7 +280,7 @@ async fn neighbours_place_an_ambiguous_clip_and_take_it_back(storage: Storage) {
     let clip = storage.clip(&home, first.id).await.unwrap();
     assert_eq!((clip.state, clip.reasons[0].code.as_str()), (ClipState::Aligned, "decided_by_neighbours"));
     assert_eq!(clip.placement.unwrap().by, PlacedBy::Neighbours);
-    // It is still the ambiguous one that a merge asks about.
+    // For a merge it is still ambiguous.
     let second = add(&storage, &home, b"other").await;
     align(&storage, AlignmentState::Aligned).await;
     let claim = due(&storage, 11).await.unwrap();

@@ -1,4 +1,4 @@
-//! Keys: valid from their making to their end, and never kept as they are.
+//! Keys: valid from their creation to their end, and never stored in plain text.
 
 use super::*;
 use jiff::SignedDuration;

@@ -1,4 +1,4 @@
-//! Who works on a job, and what becomes of it when workers die, fail, dawdle or are told to stop.
+//! Leases of jobs, and jobs whose workers die, fail, are slow or are asked to stop.
 
 use super::*;
 use std::collections::HashSet;
@@ -20,7 +20,7 @@ on_every_back_end!(
     cancelling_ends_what_waits_or_runs,
 );
 
-/// What a worker takes at this moment.
+/// Returns the claim of a worker at this moment.
 async fn due(storage: &Storage, seconds: i64) -> Option<Claim> {
     storage.release_lost(&RetryPolicy::default(), at(seconds)).await.unwrap();
     storage.claim(LEASE, at(seconds)).await.unwrap()
@@ -83,7 +83,7 @@ async fn a_late_worker_changes_nothing(storage: Storage) {
         assert!(!finish(&storage, &late, ending, 31).await);
     }
     assert!(finish(&storage, &next, answer(AlignmentState::Aligned), 32).await);
-    // Nor when the job has ended.
+    // The same after the job has ended.
     assert!(!finish(&storage, &late, answer(AlignmentState::Failed), 33).await);
     assert!(!finish(&storage, &next, answer(AlignmentState::Failed), 33).await);
     let clip = clip_of(&storage, &next).await;
@@ -95,7 +95,7 @@ async fn a_lost_worker_costs_no_attempt(storage: Storage) {
     one_job(&storage).await;
     let first = claim(&storage, 0).await;
     assert!(!first.suspect && first.is_first());
-    // At once the first time, and at the default policy's pauses after that: 5 s, 10 s, 20 s.
+    // At once the first time, then after the default policy's pauses: 5 s, 10 s, 20 s.
     let mut now_s = 0;
     for pause_s in [0, 5, 10, 20] {
         now_s += 30 + pause_s;
@@ -171,7 +171,7 @@ async fn an_attempt_that_counts_ends_a_row_of_faults(storage: Storage) {
     }
     let held = claim(&storage, now_s).await;
     assert!(finish(&storage, &held, Ending::Broken(reason("internal_error")), now_s).await);
-    // Another 30 of them are less than a day again, though both rows together are more.
+    // Another 30 of them are less than a day again, though both series together are more.
     for _ in 0..30 {
         now_s += 1800;
         let held = claim(&storage, now_s).await;
@@ -266,7 +266,7 @@ async fn cancelling_ends_what_waits_or_runs(storage: Storage) {
     assert!(!finish(&storage, &running, answer(AlignmentState::Aligned), 5).await);
     assert_eq!(clip_of(&storage, &running).await.state, ClipState::Uploaded);
 
-    // What has ended stays as it is; a job of before does not touch the clip.
+    // An ended job stays as it is; an earlier job does not touch the clip.
     storage.align_clip(&id, clip.id, at(6)).await.unwrap();
     let done = claim(&storage, 6).await;
     assert!(finish(&storage, &done, answer(AlignmentState::Aligned), 7).await);

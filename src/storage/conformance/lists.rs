@@ -1,4 +1,4 @@
-//! Lists that are asked for a part only.
+//! Filters and pages of lists.
 
 use super::*;
 
@@ -65,7 +65,7 @@ async fn homes_by_time_of_anything_in_them(storage: Storage) {
     assert!(after(0, 9, None).await.is_empty());
     storage.put_home(&ids[0], Some("name"), at(1)).await.unwrap();
     assert_eq!(after(0, 9, None).await, ["c"]);
-    // Whatever happens in a home moves its time, and never back. (Clips and maps are added at 0 here.)
+    // Every change in a home moves its time forward, never back. (Clips and maps are added at 0 here.)
     put_map(&storage, &ids[1], b"map").await;
     let clip = add(&storage, &ids[1], b"clip").await;
     assert_eq!(after(0, 9, None).await, ["c"]);

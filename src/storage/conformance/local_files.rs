@@ -1,4 +1,4 @@
-//! What only a data folder on a disk must do.
+//! Tests of a data folder on a disk alone.
 
 use super::*;
 use std::path::Path;
@@ -27,7 +27,7 @@ async fn everything_is_there_after_a_restart_and_leftovers_are_not() {
     let (id, clip) = one_job(&storage).await;
     let kept = storage.blobs_that_exist().await;
     assert_eq!(kept.len(), 3);
-    // An upload cut off, a clip whose row was never committed, and a blob cut off while it was written.
+    // An interrupted upload, a clip whose row was never committed, and an interrupted write of a blob.
     let mut cut_off = storage.incoming().unwrap();
     cut_off.write(b"half a cl").await.unwrap();
     std::mem::forget(cut_off);

@@ -1,4 +1,4 @@
-//! Blobs beside a database that does not know them: lost, empty, or another place's.
+//! Blobs beside a database that does not know them: lost, empty, or of another place.
 
 use super::*;
 use crate::storage::conformance::bucket;
@@ -7,7 +7,7 @@ use uuid::Uuid;
 use viola_testing::postgres::Schema;
 use viola_testing::s3_server::S3Server;
 
-/// A place for blobs, and a database that can be changed for an empty one.
+/// A place for blobs, and a database that can be replaced by an empty one.
 struct Bench {
     folder: TempDir,
     server: Option<S3Server>,
@@ -34,7 +34,7 @@ impl Bench {
         storage.close().await;
     }
 
-    /// Files of the database, without those of blobs.
+    /// Returns the files of the database, without those of blobs.
     fn database_files(&self) -> Vec<std::path::PathBuf> {
         let names = ["viola.sqlite", "viola.sqlite-wal", "viola.sqlite-shm"];
         let files = names.map(|name| self.folder.path().join(name));
@@ -74,7 +74,7 @@ impl Bench {
         }
     }
 
-    /// A file that no row names.
+    /// Writes a file that no row names.
     async fn orphan(&self, storage: &Storage, key: &str) {
         storage.blobs.put(key, b"orphan".to_vec()).await.unwrap();
     }
@@ -152,7 +152,7 @@ async fn a_lost_database_is_refused(mut bench: Bench) {
             assert_eq!(storage.blobs_that_exist().await, kept);
         })
         .await;
-    // Somebody who wants to begin anew says so.
+    // An operator can start anew explicitly.
     bench.lose().await;
     let administered = Storage::administer(&bench.params()).await.unwrap();
     assert_eq!(administered.sweep(Timestamp::MAX, SweepLimit::Everything).await.unwrap(), 3);
@@ -178,7 +178,7 @@ async fn a_sweep_removes_a_small_part(bench: Bench) {
             }
         })
         .await;
-    // As an old copy of the database: a start goes on and removes nothing.
+    // As with an old copy of the database: a start succeeds and removes nothing.
     bench
         .with(async |storage| {
             let refused = storage.sweep(Timestamp::MAX, SweepLimit::Leftovers).await;
@@ -191,7 +191,7 @@ async fn a_sweep_removes_a_small_part(bench: Bench) {
     bench.remove().await;
 }
 
-/// Deleted things, and the first upload that was cut off, are no reason to refuse.
+/// Deletions and an interrupted first upload are no reason to refuse.
 async fn a_place_that_lived_is_no_lost_one(bench: Bench) {
     bench
         .with(async |storage| {

@@ -154,7 +154,7 @@ async fn a_key_replays_its_file_and_refuses_another(storage: Storage) {
 
 async fn aligning_again_replaces_the_answer(storage: Storage) {
     let (id, clip) = one_job(&storage).await;
-    // One that is under way is left alone.
+    // A clip with a queued or running job stays as it is.
     assert_eq!(storage.align_clip(&id, clip.id, at(0)).await.unwrap(), clip);
     let claim = storage.claim(LEASE, at(1)).await.unwrap().unwrap();
     storage.put_result(&claim, "overlay.png", b"a picture".to_vec()).await.unwrap();
@@ -189,13 +189,13 @@ async fn deleting_leaves_no_byte(storage: Storage) {
     assert_eq!(storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
     storage.delete_home(&id, at(500)).await.unwrap();
     assert_eq!(storage.blobs_that_exist().await, Vec::<String>::new());
-    // The worker that was busy meanwhile leaves nothing either.
+    // The worker that was running meanwhile leaves nothing either.
     storage.put_result(&running, "cloud.ply", b"points".to_vec()).await.unwrap();
     assert!(!storage.finish(&running, &answer(AlignmentState::Aligned), &retry, at(4)).await.unwrap());
     assert_eq!(storage.blobs_that_exist().await, Vec::<String>::new());
 }
 
-/// While an upgrade is under way, older processes begin on tables that newer ones have brought up to date.
+/// During an upgrade, older processes start on tables that newer ones have migrated.
 #[tokio::test]
 async fn tables_of_a_newer_version_are_tolerated() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Tenants: each has its own homes under its own names, and nothing of anybody else's.
+//! Tenants: each has its own homes under its own names, and nothing of others.
 
 use super::*;
 
@@ -13,7 +13,7 @@ fn tenant(name: &str) -> Tenant {
     name.parse().unwrap()
 }
 
-/// Two whose names begin alike, and the one that everything belonged to before there were tenants.
+/// Returns two tenants with the same prefix, and the default one.
 fn three() -> [Tenant; 3] {
     [tenant("acme"), tenant("acme-2"), Tenant::default()]
 }

@@ -1,4 +1,4 @@
-//! Uploads in parts: who may append, what is kept, and who makes the clip.
+//! Uploads in parts: rights to append, durable bytes, and the conversion into a clip.
 
 use super::*;
 
@@ -44,7 +44,7 @@ async fn write(storage: &Storage, writer: &mut UploadWriter, bytes: &[u8]) -> Re
     storage.append(writer, bytes, &limits(), at(2)).await
 }
 
-/// An upload of some bytes.
+/// Creates an upload with all its bytes.
 async fn whole(storage: &Storage, bytes: &[u8]) -> Uuid {
     let id = begin(storage, UploadKind::Whole, Some(bytes.len() as u64)).await;
     write(storage, &mut writer(storage, id, 0).await.unwrap(), bytes).await.unwrap();
@@ -72,7 +72,7 @@ async fn pieces_become_the_file(storage: Storage) {
     }
     assert_eq!((first.offset(), read(&storage, id).await.received_bytes), (8, 8));
     assert!(matches!(writer(&storage, id, 7).await, Err(UploadError::WrongOffset { received: 8 })));
-    // The length is told in between, and then stands.
+    // The length is set in between, and is fixed then.
     let told = storage.begin_append(id, 8, Some(13), &limits(), at(1)).await;
     write(&storage, &mut told.unwrap(), b"three").await.unwrap();
     let upload = read(&storage, id).await;
@@ -147,7 +147,7 @@ async fn only_one_makes_the_clip(storage: Storage) {
     assert!(storage.claim_upload(id, LEASE, at(12)).await.unwrap().is_none());
     let claim = storage.claim_upload(id, LEASE, at(13)).await.unwrap().expect("it is due again");
     assert_eq!(claim.lost_attempts, 0);
-    // One who is never heard of again counts.
+    // A lost claim counts.
     assert!(storage.renew_upload(&claim, LEASE, at(20)).await.unwrap());
     assert!(storage.claim_upload(id, LEASE, at(49)).await.unwrap().is_none());
     let next = storage.claim_upload(id, LEASE, at(50)).await.unwrap().expect("its lease ran out");
@@ -222,14 +222,14 @@ async fn joining_is_all_or_nothing(storage: Storage) {
     for part in all {
         assert_eq!(read(storage, part).await.state, UploadState::Arrived);
     }
-    // Several at once: one is made, and all are told of it.
+    // Several at once: one is made, and all requests return it.
     let made = futures::future::join_all((0..4).map(|_| join(joining(&all, 13)))).await;
     let ids: Vec<Uuid> = made.into_iter().map(|made| made.unwrap().id).collect();
     assert!(ids.iter().all(|id| *id == ids[0]), "{ids:?}");
     let claim = storage.claim_upload(ids[0], LEASE, at(3)).await.unwrap().expect("it is due");
     assert_eq!(storage.assemble_upload(&claim).await.unwrap().read().unwrap(), b"two one three");
     assert!(matches!(join(joining(&parts, 99)).await, Err(UploadError::PartGone { .. })));
-    // The parts' records go, and the whole file stays.
+    // The parts' records expire, and the whole file stays.
     assert_eq!(storage.expire_uploads(at(2 * HOUR)).await.unwrap(), 3);
     assert_eq!(storage.blobs_that_exist().await.len(), 3);
 }
@@ -240,7 +240,7 @@ async fn what_is_abandoned_goes_and_what_has_arrived_stays(storage: Storage) {
     let part = begin(&storage, UploadKind::Partial, Some(4)).await;
     write(&storage, &mut writer(&storage, part, 0).await.unwrap(), b"part").await.unwrap();
     let arrived = whole(&storage, b"whole").await;
-    // Every byte puts the end off: those of second 2.
+    // Every append extends the expiry; the last one was in second 2.
     let end = HOUR + 2;
     assert_eq!(storage.expire_uploads(at(end - 1)).await.unwrap(), 0);
     for gone in [arriving, part] {
@@ -254,7 +254,7 @@ async fn what_is_abandoned_goes_and_what_has_arrived_stays(storage: Storage) {
     }
     assert_eq!(storage.living_upload(arrived, at(99 * HOUR)).await.unwrap().received_bytes, 5);
     assert_eq!(storage.blobs_that_exist().await.len(), 1);
-    // More than are removed at a time.
+    // More than one transaction removes.
     for _ in 0..150 {
         let new = NewUpload {
             kind: UploadKind::Partial,
@@ -293,7 +293,7 @@ async fn pieces_outlive_a_restart() {
     write(&storage, &mut after, b"def").await.unwrap();
     let claim = storage.claim_upload(id, LEASE, at(3)).await.unwrap().expect("it is due");
     assert_eq!(storage.assemble_upload(&claim).await.unwrap().read().unwrap(), b"abcdef");
-    // A version that does not know of uploads removes their pieces at its start: that is noticed, not made a clip of.
+    // A version without uploads removes their pieces at its start: the loss is detected, and no clip made.
     for key in storage.blobs_that_exist().await.iter().take(1) {
         std::fs::remove_file(folder.path().join("blobs").join(key)).unwrap();
     }

@@ -1,4 +1,4 @@
-//! Webhooks: what changed is told once to each, tried again by its schedule, and kept as a log.
+//! Webhooks: each gets a change once, with retries by the schedule, and has a log.
 
 use super::*;
 
@@ -34,7 +34,7 @@ async fn claim(storage: &Storage, now: Timestamp) -> Option<Sending> {
     storage.claim_deliveries(16, MINUTE, now).await.unwrap()
 }
 
-/// Takes all that is due and notes the same of each; gives their ids.
+/// Takes all due deliveries and records the same result for each; returns their ids.
 async fn send_all(storage: &Storage, sent: &Sent, now: Timestamp) -> Vec<Uuid> {
     let mut ids = Vec::new();
     while let Some(sending) = claim(storage, now).await {
@@ -107,7 +107,7 @@ async fn failures_follow_the_schedule(storage: Storage) {
     send_all(&storage, &failed(), now).await;
     let delivery = log(&storage, id).await.remove(0);
     assert_eq!((delivery.state, delivery.attempts, delivery.due_at), (DeliveryState::Failed, 10, None));
-    // By hand, everything begins anew; an address that asks for patience is given it.
+    // A manual retry restarts the schedule; a delay that the address asks for is kept.
     let again = storage.retry_delivery(&acme(), id, delivery.id, now).await.unwrap();
     assert_eq!((again.state, again.attempts, again.due_at), (DeliveryState::Pending, 0, Some(now)));
     let busy = Sent::Failed { status: Some(429), error: String::new(), wait: Some(MINUTE) };
@@ -179,7 +179,7 @@ async fn an_address_that_is_away_is_not_drowned(storage: Storage) {
     let waiting = crate::storage::database::query("SELECT COUNT(*) AS n FROM webhook_deliveries");
     let waiting = waiting.fetch_one(&mut storage.database.reader().await.unwrap()).await.unwrap();
     use crate::storage::columns::Columns;
-    // 3000 changes; of what the feed holds back, each home counts once.
+    // 3000 changes; the feed holds those beyond the limit, one for each home.
     let waiting = waiting.number("n").unwrap();
     assert!((1000..=1200).contains(&waiting), "{waiting}");
     let mut told = send_all(&storage, &Sent::Delivered { status: 200 }, at(1)).await.len();
@@ -230,7 +230,7 @@ async fn the_log_is_a_tenants_own(storage: Storage) {
     let again = storage.retry_delivery(&other, id, delivery, at(0)).await;
     assert!(matches!(again, Err(StorageError::NoSuchWebhook)));
     assert_eq!(log(&storage, id).await.len(), 1);
-    // After 30 days what has ended is forgotten, with the next change.
+    // After 30 days ended deliveries are removed, with the next change.
     send_all(&storage, &Sent::Delivered { status: 200 }, at(0)).await;
     put(&storage, "h", "one").await;
     storage.fan_out(at(31 * 24 * 3600)).await.unwrap();

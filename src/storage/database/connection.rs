@@ -1,10 +1,10 @@
 //! A connection, and a transaction on it.
 //!
-//! SQLite rolls a transaction back by itself when the disk is full, memory runs out or I/O fails. The driver counts
-//! transactions and does not see this: its next transactions are savepoints of one that nobody commits. Transactions of
-//! SQLite are therefore begun and ended here by plain statements: `BEGIN` fails within a transaction, and `COMMIT`
-//! without one. A connection goes back to its pool only if every statement on it succeeded. Any other connection is
-//! closed, which rolls back whatever is open on it; the pool opens a new one.
+//! SQLite rolls a transaction back by itself when the disk is full, memory runs out or I/O fails. The driver
+//! counts transactions and does not see this: its next ones are savepoints of one that is never committed.
+//! SQLite's transactions therefore begin and end here by plain statements: `BEGIN` fails within a
+//! transaction, and `COMMIT` without one. A connection returns to its pool only if every statement on it
+//! succeeded. Any other one is closed, which rolls back; the pool opens a new one.
 
 use super::fault::DatabaseFault;
 use super::health::WriteHealth;
@@ -14,15 +14,15 @@ use sqlx::{PgConnection, Postgres, Sqlite, SqliteConnection, SqlitePool};
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
-/// A connection, in a transaction or not. After a statement that failed or was cut off, it refuses all others.
+/// A connection, in a transaction or not. After a failed or cancelled statement it refuses all others.
 pub struct Connection {
-    /// None once the transaction has ended.
+    /// `None` once the transaction has ended.
     link: Option<Link>,
-    /// Whether all statements so far succeeded.
+    /// True if all statements so far succeeded.
     is_sound: bool,
-    /// Whether a statement changed rows.
+    /// True if a statement changed rows.
     has_changed: bool,
-    /// Of connections that write.
+    /// Set for connections that write.
     health: Option<Arc<WriteHealth>>,
 }
 
@@ -32,7 +32,7 @@ enum Link {
         in_transaction: bool,
     },
     Postgres(sqlx::Transaction<'static, Postgres>),
-    /// Reads one thing, so that it needs no transaction.
+    /// For a single read, which needs no transaction.
     PostgresAlone(PoolConnection<Postgres>),
 }
 
@@ -49,18 +49,18 @@ impl Connection {
         Connection { link: Some(link), is_sound: true, has_changed: false, health }
     }
 
-    /// For single statements.
+    /// Returns a connection for single statements.
     pub(super) fn of_sqlite(connection: PoolConnection<Sqlite>) -> Connection {
         Connection::new(Link::Sqlite { connection, in_transaction: false }, None)
     }
 
-    /// For single statements.
+    /// Returns a connection for single statements.
     pub(super) fn of_postgres(connection: PoolConnection<Postgres>) -> Connection {
         Connection::new(Link::PostgresAlone(connection), None)
     }
 
-    /// Takes the connection for one statement, whose result goes to [`Connection::ended`]. A statement that is cut off
-    /// leaves the connection unsound.
+    /// Returns the connection for one statement, whose result goes to [`Connection::ended`]. A cancelled
+    /// statement leaves the connection unsound.
     pub(super) fn executor(&mut self) -> Result<Executor<'_>, sqlx::Error> {
         let is_sound = std::mem::replace(&mut self.is_sound, false);
         match &mut self.link {
@@ -73,7 +73,7 @@ impl Connection {
         }
     }
 
-    /// Notes how a statement ended.
+    /// Records the result of a statement.
     pub(super) fn ended<T>(&mut self, result: Result<T, sqlx::Error>) -> Result<T, sqlx::Error> {
         match &result {
             Ok(_) => self.is_sound = true,
@@ -102,7 +102,7 @@ impl Connection {
         }
     }
 
-    /// The text of a statement that the two must be told differently.
+    /// Returns the argument for this database, for statements that differ between the two.
     pub fn either<T>(&self, sqlite: T, postgres: T) -> T {
         match &self.link {
             Some(Link::Sqlite { .. }) => sqlite,
@@ -113,7 +113,7 @@ impl Connection {
 
 impl Drop for Connection {
     fn drop(&mut self) {
-        // The driver of PostgreSQL undoes what is open, and tests a connection before it is used again.
+        // The driver of PostgreSQL rolls back by itself, and tests a connection before it is used again.
         let Some(Link::Sqlite { mut connection, in_transaction }) = self.link.take() else { return };
         if !self.is_sound {
             connection.close_on_drop();
@@ -129,7 +129,7 @@ impl Drop for Connection {
 }
 
 impl Transaction {
-    /// Begins on SQLite by a statement that fails if the connection is within a transaction already.
+    /// Begins on SQLite by a statement that fails if the connection is already in a transaction.
     pub(super) async fn begin_sqlite(
         pool: &SqlitePool,
         statement: &'static str,
@@ -154,8 +154,8 @@ impl Transaction {
         Transaction(Connection::new(Link::Postgres(transaction), health))
     }
 
-    /// Makes all statements take effect. After [`StorageError::Unsettled`] they may have; after any other error they
-    /// have not, and never will.
+    /// Commits. After [`StorageError::Unsettled`] the statements may have taken effect; after any other error
+    /// they have not, and never will.
     pub async fn commit(mut self) -> Result<(), StorageError> {
         let connection = &mut self.0;
         if !connection.is_sound {
@@ -185,8 +185,8 @@ fn note(health: Option<&WriteHealth>, error: &sqlx::Error) {
     }
 }
 
-/// The error of a statement or a commit after a statement that failed or was cut off. The database may have rolled the
-/// transaction back by then, so that each later statement would be a transaction of its own.
+/// Returns the error of a statement or commit after one that failed or was cancelled. The database may have
+/// rolled the transaction back by then, so each later statement would be a transaction of its own.
 fn undone() -> sqlx::Error {
     sqlx::Error::Protocol("the transaction was rolled back after a statement in it failed".to_owned())
 }

@@ -3,7 +3,7 @@
 use sqlx::error::DatabaseError;
 use sqlx::sqlite::SqliteError;
 
-/// What an error of the database says about a retry.
+/// Class of a database error, which decides whether a retry may help.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DatabaseFault {
     /// The disk is full.
@@ -12,7 +12,7 @@ pub enum DatabaseFault {
     System,
     /// The connection was lost, a lock was not granted, or the transaction had to give way to another one.
     Passing,
-    /// A retry fails too.
+    /// A retry would fail too.
     Lasting,
 }
 
@@ -36,7 +36,7 @@ impl DatabaseFault {
         }
     }
 
-    /// By the result code of SQLite, whose low byte is the primary code.
+    /// Classifies a result code of SQLite, whose low byte is the primary code.
     fn of_sqlite(code: i32) -> DatabaseFault {
         match code & 0xff {
             // SQLITE_FULL
@@ -49,7 +49,7 @@ impl DatabaseFault {
         }
     }
 
-    /// By SQLSTATE, whose first two characters are the class.
+    /// Classifies an SQLSTATE, whose first two characters are the class.
     fn of_postgres(code: &str) -> DatabaseFault {
         match (code, code.get(..2).unwrap_or_default()) {
             // disk_full

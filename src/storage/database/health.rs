@@ -1,4 +1,4 @@
-//! Whether the database can write, for the readiness of the process.
+//! Write health of the database, for the readiness of the process.
 
 use super::fault::DatabaseFault;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -7,15 +7,15 @@ use std::time::{Duration, Instant};
 /// A commit younger than this proves that the database can write.
 const PROOF: Duration = Duration::from_secs(5);
 
-/// The process is not ready for this long after a write failed. A check alone would not do: on a full disk a small write
-/// still fits where a larger one does not.
+/// The process is not ready for this long after a write failed. A check alone is not enough: on a full disk a
+/// small write may succeed and a larger one fail.
 const HOLD: Duration = Duration::from_secs(5);
 
-/// The times of the last commit and of the last write that failed because the disk was full or the system failed.
+/// Times of the last commit, and of the last write that a full disk or a fault of the system made fail.
 #[derive(Default)]
 pub struct WriteHealth {
     last: Mutex<Last>,
-    /// Held during a check: there is one at a time, however many ask.
+    /// Held during a check, so that one runs at a time.
     pub check: tokio::sync::Mutex<()>,
 }
 
@@ -25,7 +25,7 @@ struct Last {
     failed: Option<(Instant, DatabaseFault)>,
 }
 
-/// What the last writes tell.
+/// Verdict from the last writes.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Verdict {
     Works,

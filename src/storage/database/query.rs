@@ -1,5 +1,5 @@
-//! A statement with its values, and the rows that it gives, on either database. Text, whole numbers and fractions are
-//! all that our tables have.
+//! A statement with its values, and the rows that it returns, on either database. Our tables have text,
+//! integers and floating-point numbers only.
 
 use super::super::StorageError;
 use super::super::columns::Columns;
@@ -8,7 +8,7 @@ use sqlx::postgres::{PgArguments, PgRow};
 use sqlx::sqlite::{SqliteArguments, SqliteRow};
 use sqlx::{Arguments, Postgres, Row as _, SqlSafeStr, SqlStr, Sqlite};
 
-/// A value that a statement is given.
+/// A parameter of a statement.
 pub enum Value {
     Text(Option<String>),
     Number(Option<i64>),
@@ -47,13 +47,13 @@ pub fn query(sql: impl SqlSafeStr) -> Query {
     Query { sql: sql.into_sql_str(), values: Vec::new() }
 }
 
-/// A row of an answer.
+/// A row of a result.
 pub enum Row {
     Sqlite(SqliteRow),
     Postgres(PgRow),
 }
 
-/// Adds the values to arguments of either kind.
+/// Converts the values to arguments of either database.
 macro_rules! arguments {
     ($type:ty, $values:expr) => {{
         let mut arguments = <$type>::default();
@@ -109,7 +109,7 @@ impl Query {
         self.fetch_optional(connection).await?.ok_or(sqlx::Error::RowNotFound)
     }
 
-    /// How many rows were changed.
+    /// Runs the statement and returns the number of changed rows.
     pub async fn execute(self, connection: &mut Connection) -> Result<u64, sqlx::Error> {
         let executed = match connection.executor()? {
             Executor::Sqlite(connection) => {

@@ -4,7 +4,7 @@ use sqlx::migrate::{Migration, MigrationType, Migrator};
 use sqlx::{AssertSqlSafe, SqlSafeStr};
 use std::borrow::Cow;
 
-/// Number, name and statements of each. sqlx's own macro for this has every driver compiled twice.
+/// Number, name and statements of each migration. sqlx's own macro compiles every driver twice.
 const MIGRATIONS: &[(i64, &str, &str)] = &[
     (1, "service", include_str!("../../../migrations/0001_service.sql")),
     (2, "home maps", include_str!("../../../migrations/0002_home_maps.sql")),
@@ -16,7 +16,7 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (8, "faults of jobs", include_str!("../../../migrations/0008_faults_of_jobs.sql")),
 ];
 
-/// Tables of a newer version are tolerated: they have what this one knows, and more.
+/// Tolerates tables of a newer version: they extend those of this one.
 fn migrator(sql: impl Fn(&'static str) -> Cow<'static, str>) -> Migrator {
     let migrations = MIGRATIONS.iter().map(|&(version, name, statements)| {
         let sql = AssertSqlSafe(sql(statements).into_owned()).into_sql_str();
@@ -29,8 +29,8 @@ pub fn sqlite() -> Migrator {
     migrator(Cow::Borrowed)
 }
 
-/// Text is compared byte by byte, as SQLite does: pages of lists go by it, and it keeps indexes of ids small and fast
-/// whatever language the database was made for. Several processes that start at once take turns.
+/// Compares text byte by byte, as SQLite does: pages of lists depend on it, and it keeps indexes of ids small
+/// and fast in every locale. Processes that start at once take turns.
 pub fn postgres() -> Migrator {
     migrator(|sql| sql.replace(" TEXT", " TEXT COLLATE \"C\"").into())
 }

@@ -1,4 +1,4 @@
-//! Which homes are due to be merged, by whom, and what comes of it.
+//! Merges of homes' maps: their claims, leases and results.
 
 use super::{HomeMap, MapClip, MapFile, MapObject, map_file};
 use crate::storage::changes::{self, Changed};
@@ -13,20 +13,20 @@ use viola_align::{Alignment, AlignmentState};
 use viola_geometry::angle_between;
 use viola_home::{HomeMapInfo, Manifest, Member, PlacedClip, TileKey, Verdict};
 
-/// Revisions of a home's map that are kept; older ones go when a new one comes. Readers that began with one have long
+/// Revisions of a home's map that are kept; a new one removes older ones. Readers of a revision have long
 /// ended when it is this old.
 const KEPT: i64 = 5;
 
-/// A job that is not tried again within this time keeps no merge waiting.
+/// A merge does not wait for a job whose next attempt is later than this.
 const LONG_REST: Duration = Duration::from_mins(1);
 
-/// A home whose map this worker makes.
+/// Claim on a home whose map this worker merges.
 #[derive(Debug, Clone)]
 pub struct MergeClaim {
     pub home: HomeId,
     /// The clips that may be in the map.
     pub members: Vec<Member>,
-    /// The LiDAR map that they were aligned to; none when there is none.
+    /// The home's LiDAR map, if it has one.
     pub lidar_map: Option<Uuid>,
     /// The revision that the new one starts from; 0 before the first.
     pub last_revision: i64,
@@ -37,25 +37,25 @@ pub struct MergeClaim {
 }
 
 impl MergeClaim {
-    /// Whether the LiDAR map is another than that of the last revision.
+    /// Returns whether the LiDAR map differs from that of the last revision.
     pub fn has_new_lidar_map(&self) -> bool {
         self.lidar_map_revision != self.last_lidar_map_revision
     }
 }
 
-/// What a merge made. Files and tiles that are not named are as they were.
+/// Result of a merge. Files and tiles that are not listed stay as they were.
 #[derive(Debug, Clone, Default)]
 pub struct NewRevision {
     pub manifest: Manifest,
-    /// Tiles that changed; none for those that are empty now.
+    /// Tiles that changed; `None` for those that are empty now.
     pub tiles: Vec<(TileKey, Option<Vec<u8>>)>,
     pub files: Vec<(&'static str, Vec<u8>)>,
     pub objects: Vec<MapObject>,
 }
 
-/// Takes a home whose map is behind, that nobody merges now, and none of whose clips is on its way: a new LiDAR map
-/// that sends all of them around again makes one new revision, and the old one stays until then. A clip whose job rests
-/// for long after a fault is not waited for.
+/// Takes a home whose map is due, that no worker merges, and that has no clip queued or running: a new LiDAR
+/// map, which queues all clips again, makes one new revision, and the old one stays until then. The merge
+/// does not wait for a job with a long pause after a fault.
 macro_rules! claim {
     ($lock:literal) => {
         concat!(
@@ -75,7 +75,7 @@ macro_rules! claim {
 }
 
 impl Storage {
-    /// Gives a home whose map is due to a worker, none when there is none.
+    /// Claims a home whose map is due; returns `None` if there is none.
     pub async fn claim_merge(
         &self,
         lease: Duration,
@@ -107,7 +107,7 @@ impl Storage {
         Ok(Some(claim))
     }
 
-    /// Renews a lease; false when the home is no longer this worker's.
+    /// Renews a lease; returns false if the home is no longer this worker's.
     pub async fn renew_merge(
         &self,
         claim: &MergeClaim,
@@ -127,8 +127,8 @@ impl Storage {
         Ok(renewed == 1)
     }
 
-    /// A file of one of a claim's clips. None when the clip was removed or aligned anew since: then the home is due
-    /// again anyway.
+    /// Returns a file of one of a claim's clips; `None` if the clip was removed or realigned since. The home
+    /// is then due again anyway.
     pub async fn member_file(
         &self,
         member: &Member,
@@ -137,12 +137,12 @@ impl Storage {
         self.blobs.read_if_there(&format!("{}/{name}", member.share)).await
     }
 
-    /// The tiles of the revision that a claim starts from.
+    /// Returns the tiles of the revision that a claim starts from.
     pub async fn last_tiles(&self, claim: &MergeClaim) -> Result<Vec<MapFile>, StorageError> {
         self.home_map_files(&claim.home, claim.last_revision, map_file::TILE).await
     }
 
-    /// What is known of the revision that a claim starts from; empty before the first.
+    /// Returns the manifest of the revision that a claim starts from; empty before the first.
     pub async fn last_manifest(&self, claim: &MergeClaim) -> Result<Manifest, StorageError> {
         let files = self.home_map_files(&claim.home, claim.last_revision, map_file::MANIFEST).await?;
         let Some(file) = files.first() else { return Ok(Manifest::default()) };
@@ -151,8 +151,8 @@ impl Storage {
             .map_err(|error| StorageError::Column { column: "manifest.json", detail: error.to_string() })
     }
 
-    /// Keeps what a merge made as the home's next revision, or, when it made nothing new, only that it was looked at.
-    /// False when the claim was lost; then nothing changes.
+    /// Stores the result of a merge as the home's next revision; without one, only marks the merge as done.
+    /// Returns false if the claim was lost; then nothing changes.
     pub async fn finish_merge(
         &self,
         claim: &MergeClaim,
@@ -163,15 +163,15 @@ impl Storage {
         let kept = self.keep_revision(claim, new, &mut keys, now).await;
         match &kept {
             Ok(Some(stale)) => self.blobs.discard(stale).await,
-            // The rows may be there all the same; a sweep decides.
+            // The rows may exist nevertheless; a sweep decides.
             Err(error) if error.is_unsettled() => {}
             Ok(None) | Err(_) => self.blobs.discard(&keys).await,
         }
         Ok(kept?.is_some())
     }
 
-    /// Blobs first, then one transaction: a reader sees all of a revision or nothing of it. Gives the blobs that no
-    /// kept revision has any more; none when the claim was lost. `keys` are the blobs that were written.
+    /// Writes blobs, then rows in one transaction: a reader sees a whole revision or none. Returns the blobs
+    /// that no kept revision has any more; `None` if the claim was lost. `keys` receives the written blobs.
     async fn keep_revision(
         &self,
         claim: &MergeClaim,
@@ -188,7 +188,7 @@ impl Storage {
             {
                 let mut key = None;
                 if let Some(bytes) = bytes {
-                    // A key of its own for every attempt, as with the results of clips.
+                    // Every attempt has its own keys, as with the results of clips.
                     let fresh = format!("home-maps/{}", Uuid::now_v7());
                     keys.push(fresh.clone());
                     self.blobs.put(&fresh, bytes).await?;
@@ -214,7 +214,7 @@ impl Storage {
         Ok(Some(stale))
     }
 
-    /// Gives a claim back after an error, to be tried again from `due` on.
+    /// Gives a claim back after an error; the merge is due again at `due`.
     pub async fn give_back_merge(&self, claim: &MergeClaim, due: Timestamp) -> Result<(), StorageError> {
         let mut transaction = self.database.begin().await?;
         query("UPDATE homes SET map_lease_until = $3 WHERE id = $1 AND map_fence = $2")
@@ -228,7 +228,7 @@ impl Storage {
     }
 }
 
-/// A file that a new revision has in place of the one before; no key when it has none.
+/// A file that a new revision replaces; no key if it removes the file.
 struct Written {
     name: &'static str,
     tile: Option<TileKey>,
@@ -241,7 +241,7 @@ async fn newest(connection: &mut Connection, home: &HomeId) -> Result<Option<Hom
     row.as_ref().map(super::from_row).transpose()
 }
 
-/// The clips with an answer that may be in the map.
+/// Returns the clips with an answer that may be in the map.
 async fn members(connection: &mut Connection, home: &HomeId) -> Result<Vec<Member>, StorageError> {
     let rows = query(
         "SELECT id, sha256, recorded_at, result_key, alignment, choice FROM clips
@@ -301,7 +301,7 @@ fn map_clip(placed: &PlacedClip) -> Result<MapClip, StorageError> {
     })
 }
 
-/// Adds a revision and removes the oldest; gives the blobs of those.
+/// Adds a revision and removes the oldest; returns the blobs of those.
 async fn insert(
     transaction: &mut Transaction,
     claim: &MergeClaim,

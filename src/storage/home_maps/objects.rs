@@ -9,33 +9,31 @@ use uuid::Uuid;
 use viola_geometry::taxonomy::Class;
 use viola_home::{Coverage, Object, PlacedClip, Room};
 
-/// A thing in a home, in the LiDAR map's frame: an upright box, and what is known of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// An object in a home: an upright box in the LiDAR map's frame, and its properties.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MapObject {
-    /// The same in the next revision where the object is in the same place.
-    #[schema(example = "sofa-1")]
+    /// Stays the same in the next revision if the object is in the same place.
     pub id: String,
-    #[schema(value_type = String, example = "sofa")]
     pub class: Class,
-    /// 0..1: how much of what is said of its points is this class, and how well its size fits.
+    /// In 0..1: from the class's fraction of the votes, the fit of its size and the number of cells.
     pub confidence: f64,
     pub centre_m: [f64; 3],
-    /// Along its own x, y and z: length, width, height. The length is not the shorter of the two.
+    /// Length, width and height, along its own x, y and z. The length is at least the width.
     pub size_m: [f64; 3],
-    /// Of its own x axis, in [0, pi).
+    /// Yaw of its own x axis, in [0, pi).
     pub yaw_rad: f64,
     /// Id of the room that it is in.
     pub room: Option<String>,
-    /// Points of the map.
+    /// Number of map points.
     pub points: usize,
-    /// The clips that saw a real share of it.
+    /// The clips that saw a substantial part of it.
     pub clips: Vec<Uuid>,
-    /// When the newest of those clips was recorded, where that is known.
+    /// Recording time of the newest of those clips, if known.
     pub last_seen: Option<Timestamp>,
 }
 
 impl MapObject {
-    /// With the clips of a map by their ids.
+    /// Replaces the numbers of clips by the ids of a map's clips.
     pub fn new(object: Object, clips: &[PlacedClip]) -> MapObject {
         let seen_by = object.clips.iter().filter_map(|number| clips.get(usize::from(*number)));
         let last_ms = seen_by.clone().filter_map(|clip| clip.recorded_at_ms).max();
@@ -55,14 +53,13 @@ impl MapObject {
 }
 
 /// An object and its home.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct HomeObject {
     pub home: HomeId,
-    #[serde(flatten)]
     pub object: MapObject,
 }
 
-/// What a home's map shows beyond points.
+/// Content of a home's map beyond points.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MapScene {
     pub rooms: Vec<Room>,
@@ -70,7 +67,7 @@ pub struct MapScene {
     pub coverage: Coverage,
 }
 
-/// Which objects are asked for; all when nothing is named.
+/// Filter of objects; all by default.
 #[derive(Debug, Clone, Default)]
 pub struct ObjectFilter {
     pub class: Option<String>,
@@ -78,7 +75,7 @@ pub struct ObjectFilter {
 }
 
 impl Storage {
-    /// What a revision shows beyond points; none when the revision has been removed since.
+    /// Returns the scene of a revision; `None` if the revision was removed since.
     pub async fn map_scene(&self, file: &MapFile) -> Result<Option<MapScene>, StorageError> {
         let Some(bytes) = self.map_file_bytes(file).await? else { return Ok(None) };
         let scene = serde_json::from_slice(&bytes);
@@ -88,7 +85,7 @@ impl Storage {
         ))
     }
 
-    /// By home and id. The cursor is `home` and `id` with a space between them, which no home's id has.
+    /// Returns a page of objects by home and id. The cursor is both with a space, which no home's id has.
     pub async fn objects(
         &self,
         tenant: &Tenant,
@@ -117,7 +114,7 @@ impl Storage {
     }
 }
 
-/// The objects of a home's new revision in place of those of the one before.
+/// Replaces the objects of a home by those of a new revision.
 pub(super) async fn replace(
     transaction: &mut Transaction,
     home: &HomeId,

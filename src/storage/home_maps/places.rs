@@ -1,4 +1,4 @@
-//! Where a new revision has its home's clips, told to the clips.
+//! Update of the clips' placements by a new revision.
 
 use super::MergeClaim;
 use crate::storage::changes::{self, Changed};
@@ -10,8 +10,8 @@ use viola_align::Alignment;
 use viola_home::{PlacedBy, PlacedClip, Verdict};
 use viola_reconstruct::Reason;
 
-/// Tells the clips where they are. An ambiguous clip that its neighbours placed is aligned; when they do not any more,
-/// it is ambiguous again. A clip that has another answer by now is left alone: its home is due again.
+/// Updates the clips' placements. An ambiguous clip that its neighbours placed becomes aligned; if they no
+/// longer do, it is ambiguous again. A clip with a newer answer stays as it is: its home is due again.
 pub(super) async fn tell(
     transaction: &mut Transaction,
     claim: &MergeClaim,
@@ -53,7 +53,7 @@ pub(super) async fn tell(
         let same = |old: &Placement| Placement { map_revision: revision, ..old.clone() };
         let before = row.maybe_json::<Placement>("placement")?;
         let ambiguous = matches!(member.verdict, Verdict::Ambiguous { .. });
-        // A clip that stays where it was is not told so with every revision.
+        // A clip that stays in place is not updated with every revision.
         let unchanged = before.as_ref().map(same) == placement;
         let state = match &placement {
             _ if !ambiguous => row.name("state")?,

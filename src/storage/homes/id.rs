@@ -1,39 +1,36 @@
-//! Names of homes and of whom they belong to.
+//! Ids of homes and names of tenants.
 
 use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
-use utoipa::openapi::RefOr;
-use utoipa::openapi::schema::{ObjectBuilder, Schema, Type};
-use utoipa::{PartialSchema, ToSchema};
 
-/// Stands in a key between a tenant and the id of its home; neither may have it.
+/// Separates a tenant from the id of its home in a key; neither may contain it.
 const BETWEEN: char = '/';
 
-/// Whoever has homes: a company, or a part of one. Tenants never see each other's.
+/// An owner of homes: a company, or a part of one. Tenants never see each other's homes.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Tenant(String);
 
 impl Tenant {
-    /// To whom everything belongs where no keys are used.
+    /// Tenant that owns everything if no API keys are used.
     pub const DEFAULT: &str = "default";
 
     pub fn name(&self) -> &str {
         &self.0
     }
 
-    /// Its home of this id.
+    /// Returns the tenant's home with this id.
     pub fn home(&self, id: &HomeId) -> HomeId {
         let id = id.as_str();
-        // As it was before there were tenants.
+        // Keys of the default tenant have no prefix.
         if self.0 == Tenant::DEFAULT {
             return HomeId { key: id.to_owned(), id_at: 0 };
         }
         HomeId { key: format!("{}{BETWEEN}{id}", self.0), id_at: self.0.len() + 1 }
     }
 
-    /// Whether the home is its own.
+    /// Returns whether the home belongs to this tenant.
     pub fn has(&self, home: &HomeId) -> bool {
         self.0 == home.tenant()
     }
@@ -71,13 +68,13 @@ impl FromStr for Tenant {
     }
 }
 
-/// The id of a home, chosen by the client: 1 to 64 characters of `A-Z a-z 0-9 . _ -`, not `.` or `..`. Within, it also
-/// tells the tenant; what is shown and sent is the id alone.
+/// The id of a home, chosen by the client: 1 to 64 characters of `A-Z a-z 0-9 . _ -`, not `.` or `..`.
+/// Internally it includes the tenant; only the id is shown and sent.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Deserialize)]
 #[serde(try_from = "String")]
 pub struct HomeId {
     key: String,
-    /// Where in the key the id begins.
+    /// Offset of the id in the key.
     id_at: usize,
 }
 
@@ -89,21 +86,6 @@ fn is_good(text: &str) -> bool {
     let allowed = |byte: u8| byte.is_ascii_alphanumeric() || b"._-".contains(&byte);
     !text.is_empty() && text.len() <= 64 && text.bytes().all(allowed) && text != "." && text != ".."
 }
-
-impl PartialSchema for HomeId {
-    fn schema() -> RefOr<Schema> {
-        ObjectBuilder::new()
-            .schema_type(Type::String)
-            .description(Some("The id of a home, chosen by the client; not `.` or `..`"))
-            .min_length(Some(1))
-            .max_length(Some(64))
-            .pattern(Some("^[A-Za-z0-9._-]{1,64}$"))
-            .examples(["home-42"])
-            .into()
-    }
-}
-
-impl ToSchema for HomeId {}
 
 impl TryFrom<String> for HomeId {
     type Error = InvalidHomeId;
@@ -134,17 +116,17 @@ impl fmt::Display for HomeId {
 }
 
 impl HomeId {
-    /// As its client knows it.
+    /// Returns the id as the client knows it.
     pub fn as_str(&self) -> &str {
         &self.key[self.id_at..]
     }
 
-    /// The name of its tenant.
+    /// Returns the name of its tenant.
     pub fn tenant(&self) -> &str {
         if self.id_at == 0 { Tenant::DEFAULT } else { &self.key[..self.id_at - 1] }
     }
 
-    /// As tables know it, one of its kind among all tenants.
+    /// Returns the key in tables, unique among all tenants.
     pub(in crate::storage) fn key(&self) -> &str {
         &self.key
     }

@@ -1,4 +1,4 @@
-//! Jobs that go back to the queue.
+//! Requeueing of jobs.
 
 use super::{Fault, RetryPolicy, change_clip, fail};
 use crate::storage::columns::{Columns, to_json};
@@ -9,11 +9,11 @@ use std::time::Duration;
 use uuid::Uuid;
 use viola_reconstruct::Reason;
 
-/// The failures that a job has met.
+/// Failures of a job so far.
 pub(super) struct Failures {
     pub attempts: u32,
     pub max_attempts: u32,
-    /// In a row.
+    /// Consecutive faults.
     faults: u32,
     first_fault_at: Option<Timestamp>,
 }
@@ -28,17 +28,17 @@ impl Failures {
         })
     }
 
-    /// The same after an attempt that counts. It ends a row of faults.
+    /// Returns the failures after an attempt that counts. It ends a series of faults.
     pub fn with_counted_attempt(self) -> Failures {
         Failures { faults: 0, first_fault_at: None, ..self }
     }
 
-    /// The same without the current attempt.
+    /// Returns the failures without the current attempt.
     pub fn without_attempt(self) -> Failures {
         Failures { attempts: self.attempts.saturating_sub(1), ..self }
     }
 
-    /// The same after a fault, which costs no attempt.
+    /// Returns the failures after a fault, which costs no attempt.
     fn with_fault(self, now: Timestamp) -> Failures {
         Failures {
             faults: self.faults.saturating_add(1),
@@ -49,10 +49,10 @@ impl Failures {
 }
 
 impl Storage {
-    /// Puts back the jobs whose worker's lease ran out, and returns how many there were.
+    /// Requeues the jobs whose lease expired, and returns their number.
     ///
-    /// Nobody saw how such a worker ended: its process may have been killed by anybody, so that the attempt does not
-    /// count. The job becomes suspect: the next attempt is best made in a process of its own.
+    /// The end of such a worker is unknown: anything may have killed its process, so the attempt does not
+    /// count. The job becomes suspect: its next attempt should run in a process of its own.
     pub async fn release_lost(&self, retry: &RetryPolicy, now: Timestamp) -> Result<usize, StorageError> {
         let rows = query(
             "SELECT jobs.id, clips.home_id, jobs.fence FROM jobs JOIN clips ON clips.id = jobs.clip_id
@@ -63,7 +63,7 @@ impl Storage {
         for row in &rows {
             let mut transaction = self.database.begin().await?;
             homes::lock(&mut transaction, &row.home("home_id")?).await?;
-            // Unless somebody did so, or the worker gave a sign of life, since.
+            // Unless another process did so, or the worker sent a heartbeat, since.
             let lost = query(
                 "UPDATE jobs SET fence = fence + 1, suspect = 1
                 WHERE id = $1 AND fence = $2 AND state = 'running' AND lease_until <= $3
@@ -72,7 +72,7 @@ impl Storage {
             let lost = lost.bind(row.text("id")?).bind(row.number("fence")?).bind(now.as_millisecond());
             if let Some(lost) = lost.fetch_optional(&mut transaction).await? {
                 let failures = Failures::from_row(&lost)?;
-                // The first time it is likely that the process was restarted, and somebody waits for the clip.
+                // The first time, the process was probably restarted, and a client may wait for the clip.
                 let pause = match failures.faults {
                     0 => Duration::ZERO,
                     faults => retry.delay(faults),
@@ -87,7 +87,7 @@ impl Storage {
     }
 }
 
-/// Puts a job back after a fault, with the pause of `retry`.
+/// Requeues a job after a fault, with the pause of `retry`.
 pub(super) async fn bear_fault(
     transaction: &mut Transaction,
     id: Uuid,
@@ -100,7 +100,7 @@ pub(super) async fn bear_fault(
     bear(transaction, id, failures, fault, retry, pause, now).await
 }
 
-/// Puts a job back after a fault; fails it where the faults have lasted for too long.
+/// Requeues a job after a fault; fails it if the faults have lasted too long.
 async fn bear(
     transaction: &mut Transaction,
     id: Uuid,
@@ -117,7 +117,7 @@ async fn bear(
     requeue(transaction, id, failures, Some(&fault.passing()), now + pause, now).await
 }
 
-/// Puts a job back into the queue, to be taken from `run_after` on.
+/// Requeues a job, due at `run_after`.
 pub(super) async fn requeue(
     transaction: &mut Transaction,
     id: Uuid,

@@ -1,21 +1,21 @@
-//! When a job that came to nothing is tried again.
+//! Retry policy of jobs.
 
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use viola_reconstruct::Reason;
 
-/// A job fails after at least so many faults in a row. Time alone does not count: a machine may have been switched off.
+/// Least consecutive faults before a job fails. Time alone does not count: the machine may have been off.
 const LEAST_FAULTS: u32 = 20;
 
-/// The pauses between tries, and the end of the tries that faults of the service cost.
+/// Pauses between attempts, and the limit for attempts that end in faults of the service.
 #[derive(Debug, Clone)]
 pub struct RetryPolicy {
     /// Pause after the first failure; doubled with every further one.
     pub first_delay: Duration,
     /// Longest pause.
     pub longest_delay: Duration,
-    /// Time after which a job that met nothing but faults fails.
+    /// Time after which a job with nothing but faults fails.
     pub patience: Duration,
 }
 
@@ -49,14 +49,14 @@ impl RetryPolicy {
 pub enum Fault {
     /// The database or the blob store failed, or a blob was missing.
     Storage,
-    /// The machine had no descriptors, no memory, no room on the disk, or could not start a process.
+    /// The machine lacked file descriptors, memory or disk space, or could not start a process.
     System,
-    /// The worker's lease ran out: its process was killed, or could not reach the database.
+    /// The worker's lease expired: its process was killed, or could not reach the database.
     WorkerLost,
 }
 
 impl Fault {
-    /// The code of the reason that a client sees.
+    /// Returns the code of the reason that a client sees.
     pub fn code(self) -> &'static str {
         match self {
             Fault::Storage => "storage_fault",
@@ -73,7 +73,7 @@ impl Fault {
         }
     }
 
-    /// Returns the reason of a clip that is tried again.
+    /// Returns the reason of a clip whose job is retried.
     pub(super) fn passing(self) -> Reason {
         Reason::new(self.code(), format!("{}; the service tries again by itself", self.detail()))
     }

@@ -1,4 +1,4 @@
-//! A further revision, and the clips that are aligned to it.
+//! New revisions of a LiDAR map, and the jobs that align clips to them.
 
 use super::{LidarMapRevision, current, current_or_missing, file_key, image_key};
 use crate::storage::changes::{self, Changed};
@@ -10,7 +10,7 @@ use jiff::Timestamp;
 use uuid::Uuid;
 use viola_formats::lidar::LidarInfo;
 
-/// A map that was read and found good.
+/// A map whose file was read and validated.
 pub struct NewLidarMap {
     pub file: Arrived,
     pub info: LidarInfo,
@@ -20,7 +20,7 @@ pub struct NewLidarMap {
 
 impl Storage {
     /// Adds a revision and queues every clip of the home for it. The same file as the current revision's
-    /// changes nothing; the flag tells whether there is a new revision.
+    /// changes nothing. Returns the revision and whether it is new.
     pub async fn put_lidar_map(
         &self,
         home: &HomeId,
@@ -30,7 +30,7 @@ impl Storage {
         let id = Uuid::now_v7();
         let row =
             NewRow { id, size_bytes: new.file.size_bytes, sha256: new.file.sha256.clone(), info: new.info };
-        // Side by side: a store that is slow is waited for once.
+        // Concurrently: a slow store delays this once.
         let (file_key, image_key) = (file_key(id), image_key(id));
         let (file, image) =
             tokio::join!(self.blobs.keep(new.file, &file_key), self.blobs.put(&image_key, new.image_png));
@@ -41,7 +41,7 @@ impl Storage {
         let added = self.insert_lidar_map(home, row, now).await;
         let is_for_nothing = match &added {
             Ok((_, is_new)) => !is_new,
-            // The row may be there all the same; a sweep decides.
+            // The row may exist nevertheless; a sweep decides.
             Err(error) => !error.is_unsettled(),
         };
         if is_for_nothing {

@@ -1,4 +1,4 @@
-//! Growing an upload by what one request brings.
+//! Appending the bytes of one request to an upload.
 
 use super::{Storage, UploadError, UploadKind, UploadLimits, UploadState, find_living, later};
 use crate::storage::columns::Columns;
@@ -7,27 +7,27 @@ use crate::storage::incoming::Arrived;
 use jiff::Timestamp;
 use uuid::Uuid;
 
-/// The right to append to an upload, until somebody else takes it.
+/// The right to append to an upload, until another request takes it.
 #[derive(Debug)]
 pub struct UploadWriter {
     id: Uuid,
     fence: i64,
     offset: u64,
-    /// None while its sender does not know it.
+    /// `None` until the client knows it.
     pub length_bytes: Option<u64>,
 }
 
 impl UploadWriter {
-    /// That many bytes from the start are durable.
+    /// Returns the number of bytes from the start that are durable.
     pub fn offset(&self) -> u64 {
         self.offset
     }
 }
 
 impl Storage {
-    /// Takes the right to append at `offset`, and sets the upload's length when it was not known. Who had the right
-    /// before has lost it: a client that goes on after an interruption must not wait until the old connection is
-    /// noticed to be dead.
+    /// Takes the right to append at `offset`, and sets the upload's length if it was unknown. The previous
+    /// holder loses the right: a client that resumes must not wait until the server notices that the old
+    /// connection is dead.
     pub async fn begin_append(
         &self,
         id: Uuid,
@@ -52,7 +52,7 @@ impl Storage {
         }
         let length_bytes = upload.length_bytes.or(length_bytes);
         if upload.state != UploadState::Arriving {
-            // Nothing is missing, and who makes a clip of it is not disturbed.
+            // No bytes are missing, and a claim on the upload stays valid.
             return Ok(UploadWriter { id, fence: -1, offset, length_bytes });
         }
         let taken = query(
@@ -72,8 +72,8 @@ impl Storage {
         Ok(UploadWriter { id, fence, offset, length_bytes })
     }
 
-    /// Adds bytes at the writer's offset; on return they are durable. Nothing changes when another writer has begun
-    /// since.
+    /// Adds bytes at the writer's offset; on return they are durable. Nothing changes if another writer has
+    /// begun since.
     pub async fn append(
         &self,
         writer: &mut UploadWriter,
@@ -87,7 +87,7 @@ impl Storage {
         let added = self.add_piece(writer, size_bytes, &key, limits, now).await;
         match &added {
             Ok(()) => writer.offset += size_bytes,
-            // The row may be there all the same; a sweep decides.
+            // The row may exist nevertheless; a sweep decides.
             Err(UploadError::Storage(error)) if error.is_unsettled() => {}
             Err(_) => self.blobs.discard(&[key]).await,
         }

@@ -1,4 +1,4 @@
-//! Taking abandoned uploads away.
+//! Expiry of uploads.
 
 use super::{Storage, piece_keys};
 use crate::storage::StorageError;
@@ -6,12 +6,12 @@ use crate::storage::columns::Columns;
 use crate::storage::database::query;
 use jiff::Timestamp;
 
-/// Removed in one transaction.
+/// Most uploads that are removed in one transaction.
 const BATCH: i64 = 100;
 
 impl Storage {
-    /// Removes uploads that have waited too long for their next byte, and records of those that ended long ago; tells
-    /// how many. A whole file that has arrived was acknowledged, and is never among them.
+    /// Removes idle uploads and old records of ended ones; returns their number. A complete file was
+    /// acknowledged and never expires.
     pub async fn expire_uploads(&self, now: Timestamp) -> Result<u64, StorageError> {
         let mut expired = 0;
         loop {

@@ -1,6 +1,5 @@
-//! Making a clip of an upload all of whose bytes are here. Whoever finds one may do it: the client's last request, or
-//! the cleaner where that was cut off. A claim keeps two from doing it at once, and the last transaction lets only one
-//! of them win.
+//! Conversion of complete uploads into clips, by the client's last request, or by the cleaner if that was cut
+//! off. A claim prevents two conversions at once, and only one can win the last transaction.
 
 use super::{Storage, Upload, UploadError, from_row, later, piece_keys};
 use crate::storage::clips::{self, Added, NewClip};
@@ -12,18 +11,18 @@ use jiff::Timestamp;
 use std::time::Duration;
 use uuid::Uuid;
 
-/// An upload that this process makes into a clip.
+/// Claim on an upload that this process makes into a clip.
 #[derive(Debug)]
 pub struct UploadClaim {
     pub upload: Upload,
     pub home: HomeId,
-    /// How often it was tried before by somebody who was never heard of again.
+    /// Number of earlier claims that were lost.
     pub lost_attempts: u32,
     fence: i64,
 }
 
 impl Storage {
-    /// Takes an upload to make a clip of it; none when somebody else is at it or nothing is to be done.
+    /// Claims an upload to make a clip of it; returns `None` if another process has it or it is not due.
     pub async fn claim_upload(
         &self,
         id: Uuid,
@@ -53,7 +52,7 @@ impl Storage {
         }))
     }
 
-    /// Keeps a claim for another lease; tells whether it was still held.
+    /// Renews the lease of a claim; returns whether it was still held.
     pub async fn renew_upload(
         &self,
         claim: &UploadClaim,
@@ -72,7 +71,7 @@ impl Storage {
         Ok(renewed > 0)
     }
 
-    /// Uploads that wait to be made into clips and that nobody is at.
+    /// Returns complete uploads that wait to become clips and that no process has claimed.
     pub async fn due_uploads(&self, limit: u32, now: Timestamp) -> Result<Vec<Uuid>, StorageError> {
         let rows = query(
             "SELECT id FROM uploads
@@ -84,7 +83,7 @@ impl Storage {
         rows.iter().map(|row| row.id("id")).collect()
     }
 
-    /// The whole file out of its pieces.
+    /// Assembles the file from its pieces.
     pub async fn assemble_upload(&self, claim: &UploadClaim) -> Result<Arrived, UploadError> {
         let keys = piece_keys(&mut *self.database.snapshot().await?, claim.upload.id).await?;
         let mut file = self.incoming()?;
@@ -98,7 +97,7 @@ impl Storage {
         if file.size_bytes == claim.upload.received_bytes { Ok(file) } else { Err(UploadError::Lost) }
     }
 
-    /// Keeps the clip and ends the upload, in one transaction. None when the claim was lost; then nothing changed.
+    /// Stores the clip and ends the upload, in one transaction; returns `None` if the claim was lost.
     pub async fn finish_upload(
         &self,
         claim: &UploadClaim,
@@ -112,7 +111,7 @@ impl Storage {
         let ended = self.end_with_clip(claim, row, record, now).await;
         let kept_for_nothing = match &ended {
             Ok((added, _)) => !matches!(added, Some(Added::New(_))),
-            // The row may be there all the same; a sweep decides.
+            // The row may exist nevertheless; a sweep decides.
             Err(error) => !error.is_unsettled(),
         };
         if kept_for_nothing {
@@ -135,7 +134,7 @@ impl Storage {
         let added = clips::insert(&mut transaction, &claim.home, row, now).await?;
         let clip = match &added {
             Added::New(clip) | Added::Replayed(clip) => clip.id,
-            // Not an end: the caller refuses the upload.
+            // The upload does not end here: the caller refuses it.
             Added::KeyReused => return Ok((Some(added), vec![])),
         };
         let ended = query(
@@ -154,7 +153,7 @@ impl Storage {
         Ok((Some(added), pieces))
     }
 
-    /// Ends an upload that cannot become a clip, with the reason to be told. Its bytes go.
+    /// Ends an upload that cannot become a clip, with a problem document, and removes its bytes.
     pub async fn refuse_upload(
         &self,
         claim: &UploadClaim,
@@ -180,7 +179,7 @@ impl Storage {
         Ok(())
     }
 
-    /// Gives a claim back, to be taken again after `pause`: something of ours failed, and not because of the file.
+    /// Gives a claim back, due again after `pause`: the service failed, and not because of the file.
     pub async fn give_back_upload(
         &self,
         claim: &UploadClaim,

@@ -17,15 +17,15 @@ pub struct Joining {
     pub tenant: Tenant,
     pub home: HomeId,
     pub metadata: String,
-    /// As it was sent.
+    /// As the client sent it.
     pub concat: String,
-    /// Of all parts together.
+    /// Limit of all parts together.
     pub max_bytes: u64,
 }
 
 impl Storage {
-    /// A final upload takes over the bytes of partial ones, which are gone from then on; all of them or none. The same
-    /// parts again give the same final upload again, so that a client whose answer was lost may repeat itself.
+    /// Joins partial uploads, all or none, into a final one, which takes over their bytes. The same parts
+    /// again return the same final upload, so that a client whose answer was lost can retry.
     pub async fn join_uploads(
         &self,
         joining: &Joining,
@@ -33,7 +33,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<Upload, UploadError> {
         let mut transaction = self.database.begin().await?;
-        // The same request twice at once: the second sees what the first made.
+        // Of two equal concurrent requests, the second finds the upload of the first.
         homes::lock(&mut transaction, &joining.home).await?;
         if let Some(earlier) = joined_earlier(&mut transaction, joining, now).await? {
             return Ok(earlier);
@@ -74,7 +74,7 @@ impl Storage {
     }
 }
 
-/// The final upload that was made of exactly these parts, when there is one.
+/// Returns the final upload that was made of exactly these parts, if there is one.
 async fn joined_earlier(
     transaction: &mut Transaction,
     joining: &Joining,
@@ -100,7 +100,7 @@ struct Into<'a> {
     expires_at: Timestamp,
 }
 
-/// Moves the pieces of a partial upload behind the first `at` bytes of a final one; tells how many bytes.
+/// Moves the pieces of a partial upload behind the first `at` bytes of a final one; returns their size.
 async fn take_over(
     transaction: &mut Transaction,
     part: Uuid,

@@ -1,6 +1,6 @@
-//! Deliveries: sent by whoever holds the webhook's lease, tried again by the schedule of Standard Webhooks, and kept as
-//! a log. A delivery is sent at least once: a process that dies after sending and before noting it sends again, under
-//! the same id.
+//! Deliveries: sent under the webhook's lease, retried by the schedule of Standard Webhooks, and kept as a
+//! log. A delivery is sent at least once: if a process dies after sending and before recording it, it is sent
+//! again with the same id.
 
 use super::super::columns::Columns;
 use super::super::database::{Connection, Row, Transaction, query};
@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use uuid::Uuid;
 
-/// How long after a failed attempt the next one follows; after the last of these there is none. The schedule that
-/// Standard Webhooks recommends: about three days.
+/// Delays after failed attempts, as Standard Webhooks recommends: about three days in total. There is no
+/// retry after the last one.
 pub const RETRY_AFTER: [SignedDuration; 9] = [
     SignedDuration::from_secs(5),
     SignedDuration::from_mins(5),
@@ -25,43 +25,38 @@ pub const RETRY_AFTER: [SignedDuration; 9] = [
     SignedDuration::from_hours(24),
 ];
 
-/// Where a delivery is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+/// State of a delivery.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DeliveryState {
     /// To be sent at `due_at`.
     Pending,
     /// The address answered 2xx.
     Delivered,
-    /// It is not tried any more.
+    /// It is not retried any more.
     Failed,
 }
 
-/// One message to a webhook, and what became of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// One message to a webhook, and its result.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Delivery {
     /// Sent as `webhook-id`; the same in every attempt.
-    #[schema(example = "01a1f766-7c20-7f53-9f0d-5b4d8fd9a1c2")]
     pub id: Uuid,
     /// The `type` of the message.
-    #[schema(example = "clip.changed")]
     pub event: String,
     pub state: DeliveryState,
-    #[schema(example = 1)]
     pub attempts: u32,
-    /// When the next attempt is due, while it is pending.
+    /// Time of the next attempt, while it is pending.
     pub due_at: Option<Timestamp>,
-    /// What the address answered to the last attempt, if it did.
-    #[schema(example = 503)]
+    /// HTTP status of the last attempt, if the address answered.
     pub status: Option<i64>,
-    /// Why the last attempt failed.
-    #[schema(example = "the address answered 503")]
+    /// Reason why the last attempt failed.
     pub error: Option<String>,
     pub created_at: Timestamp,
     pub updated_at: Timestamp,
 }
 
-/// What is to be sent, and a lease on its webhook.
+/// Due deliveries, and a lease on their webhook.
 #[derive(Debug)]
 pub struct Sending {
     pub webhook: Uuid,
@@ -79,19 +74,19 @@ pub struct ToSend {
     attempts: i64,
 }
 
-/// How an attempt went.
+/// Result of an attempt.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Sent {
     Delivered {
         status: u16,
     },
-    /// `wait` is how long the address asks to be left alone.
+    /// `wait` is the delay that the address asks for.
     Failed {
         status: Option<u16>,
         error: String,
         wait: Option<Duration>,
     },
-    /// The address wants nothing any more: 410.
+    /// The address wants no more messages: 410.
     Gone,
 }
 
@@ -110,7 +105,7 @@ fn from_row(row: &Row) -> Result<Delivery, StorageError> {
     })
 }
 
-/// The webhook that has something due and was served longest ago.
+/// Takes the webhook with a due delivery that was served longest ago.
 macro_rules! claim {
     ($lock:literal) => {
         concat!(
@@ -126,8 +121,8 @@ macro_rules! claim {
 }
 
 impl Storage {
-    /// Takes a webhook with at most `limit` of its due deliveries, the oldest first. Nobody else sends to it until the
-    /// lease ends or [`Storage::release_webhook`] is called.
+    /// Claims a webhook with at most `limit` of its due deliveries, oldest first. No other process sends to
+    /// it until the lease expires or [`Storage::release_webhook`] is called.
     pub async fn claim_deliveries(
         &self,
         limit: u32,
@@ -163,7 +158,7 @@ impl Storage {
         Ok(Some(sending))
     }
 
-    /// Notes how an attempt went, unless the lease was lost meanwhile.
+    /// Records the result of an attempt, unless the lease was lost meanwhile.
     pub async fn note_attempt(
         &self,
         sending: &Sending,
@@ -199,7 +194,7 @@ impl Storage {
         transaction.commit().await
     }
 
-    /// Lets others send to the webhook.
+    /// Ends the lease on the webhook.
     pub async fn release_webhook(&self, sending: &Sending, now: Timestamp) -> Result<(), StorageError> {
         let mut transaction = self.database.begin().await?;
         query("UPDATE webhooks SET lease_until = $3 WHERE id = $1 AND fence = $2")
@@ -211,7 +206,7 @@ impl Storage {
         transaction.commit().await
     }
 
-    /// The log of a webhook, the newest first.
+    /// Returns a page of the log of a webhook, newest first.
     pub async fn deliveries(
         &self,
         tenant: &Tenant,
@@ -219,7 +214,7 @@ impl Storage {
         page: &Page<Uuid>,
     ) -> Result<Vec<Delivery>, StorageError> {
         self.webhook(tenant, webhook).await?;
-        // Behind every id.
+        // Sorts after every id.
         let before = page.after.map_or("~".to_owned(), |id| id.to_string());
         let rows = query(
             "SELECT * FROM webhook_deliveries WHERE webhook_id = $1 AND id < $2 ORDER BY id DESC LIMIT $3",
@@ -228,8 +223,8 @@ impl Storage {
         rows.fetch_all(&mut self.database.reader().await?).await?.iter().map(from_row).collect()
     }
 
-    /// Sends a delivery once more, from the beginning of its schedule, whatever became of it. A webhook that was
-    /// disabled is enabled by this.
+    /// Makes a delivery pending again, in any state, from the beginning of its schedule. Enables a disabled
+    /// webhook.
     pub async fn retry_delivery(
         &self,
         tenant: &Tenant,
@@ -253,7 +248,7 @@ impl Storage {
         Ok(found)
     }
 
-    /// Sends a message that says nothing but that messages arrive. A webhook that was disabled is enabled by this.
+    /// Queues an empty test message. Enables a disabled webhook.
     pub async fn test_webhook(
         &self,
         tenant: &Tenant,
@@ -270,7 +265,7 @@ impl Storage {
     }
 }
 
-/// Whether the lease is still this process's; if so, it cannot be taken until the transaction ends.
+/// Returns whether the lease is still this process's; if so, locks it until the transaction ends.
 async fn holds(transaction: &mut Transaction, sending: &Sending) -> Result<bool, StorageError> {
     let row = query(transaction.either(
         "SELECT id FROM webhooks WHERE id = $1 AND fence = $2",
@@ -299,7 +294,7 @@ async fn find(
     row.as_ref().map(from_row).transpose()
 }
 
-/// The row's state, when it is due again, and what is told of the attempt.
+/// Returns the row's state, its next due time, and the status and error of the attempt.
 fn after<'a>(
     delivery: &ToSend,
     sent: &'a Sent,

@@ -1,4 +1,4 @@
-//! From the changes feed to what each webhook is to be sent.
+//! Conversion of the changes feed into deliveries for each webhook.
 
 use super::super::changes::{self, Change, ChangeKind};
 use super::super::columns::{Columns, to_json};
@@ -8,17 +8,17 @@ use jiff::{SignedDuration, Timestamp};
 use serde_json::json;
 use uuid::Uuid;
 
-/// Changes that are read of the feed at a time.
+/// Changes that are read from the feed at a time.
 const AT_ONCE: i64 = 200;
 
-/// Deliveries that wait for one webhook, at most. Behind so many the feed waits, where changes of one thing become one.
+/// Most pending deliveries of one webhook. Later changes wait in the feed, which combines those of one item.
 const MOST_PENDING: i64 = 1_000;
 
-/// How long what became of a delivery can be looked at.
+/// Time that an ended delivery stays in the log.
 const LOG_LIFE: SignedDuration = SignedDuration::from_hours(30 * 24);
 
 impl Storage {
-    /// Makes deliveries of what the feed has that webhooks were not told of yet; tells whether there is more.
+    /// Creates deliveries for the changes that webhooks have not had yet; returns whether there are more.
     pub async fn fan_out(&self, now: Timestamp) -> Result<bool, StorageError> {
         if !self.has_webhooks().await? {
             return Ok(false);
@@ -60,13 +60,13 @@ impl Storage {
     }
 }
 
-/// Tells whether there is more to read.
+/// Creates the deliveries of one webhook; returns whether there are more changes.
 async fn fan_out_one(transaction: &mut Transaction, id: Uuid, now: Timestamp) -> Result<bool, StorageError> {
     let lock = transaction.either(
         "SELECT * FROM webhooks WHERE id = $1",
         "SELECT * FROM webhooks WHERE id = $1 FOR NO KEY UPDATE SKIP LOCKED",
     );
-    // Another process may be at it, or it is gone.
+    // Another process has the lock, or the webhook was removed.
     let Some(row) = query(lock).bind(id.to_string()).fetch_optional(transaction).await? else {
         return Ok(false);
     };
@@ -114,7 +114,7 @@ pub(super) async fn insert(
     now: Timestamp,
 ) -> Result<Uuid, StorageError> {
     let id = Uuid::now_v7();
-    // `data` is JSON already, and is put in as it is.
+    // `data` is JSON already.
     let body = format!("{{\"type\":{},\"timestamp\":{},\"data\":{data}}}", json!(event), json!(at));
     query(
         "INSERT INTO webhook_deliveries (id, webhook_id, event, body, state, due_at, created_at, updated_at)

@@ -1,4 +1,4 @@
-//! The command and the files that it leaves.
+//! The command and the files that it writes.
 
 use super::flat;
 use std::process::Command;
@@ -22,7 +22,7 @@ fn leaves_tables_that_programs_can_read() {
     let table: serde_json::Value = serde_json::from_str(&read("table.json")).unwrap();
     let rows = table.as_array().unwrap();
     assert_eq!(rows.len(), 2);
-    // The members that others rely on.
+    // Members that other programs rely on.
     for member in [
         "method",
         "set",
@@ -43,7 +43,7 @@ fn leaves_tables_that_programs_can_read() {
     let run: serde_json::Value = serde_json::from_str(&read("run.json")).unwrap();
     assert!(run["peak_memory_bytes"].as_u64().is_none_or(|bytes| bytes > 1 << 20), "{run}");
     assert!(read("coverage.svg").starts_with("<svg"));
-    // Again: everything is known, times included.
+    // The second run takes all results from the journal, including the times.
     let csv = read("clips.csv");
     evaluate();
     assert_eq!(read("clips.csv"), csv);

@@ -24,7 +24,7 @@ const WALLS: &[[usize; 4]] = &[
     [7, 40, 14, 44],
 ];
 
-/// Writes the flat as a ROS map and gives the path of its yaml.
+/// Writes the flat as a ROS map and returns the path of its yaml.
 pub fn write(folder: &Path) -> PathBuf {
     let mut pixels = vec![205u8; WIDTH * HEIGHT];
     let mut fill = |[left, bottom, right, top]: [usize; 4], value: u8| {

@@ -22,7 +22,7 @@ fn results(drawn: DrawnParams, methods: &[Method], workers: usize) -> Vec<ClipRe
     run.results(&Silent, &|_| {}).unwrap()
 }
 
-/// The paper's constants on a coarser raster: the flat is small and the test should be quick.
+/// Returns the paper's method with its constants on a coarser raster, so that the test is quick.
 fn paper(refiner: Refiner) -> Method {
     let params = PaperParams { refiner, cell_m: 0.03, rotations: 180, ..PaperParams::default() };
     Method { name: format!("{refiner:?}"), kind: MethodKind::Paper(params), by_truth: false }
@@ -39,14 +39,14 @@ fn all_find_clips_that_show_enough() {
         assert!(result.coverage > 0.2, "{result:?}");
     }
     for chamfer in results.iter().filter(|r| r.method == "Chamfer") {
-        // Adam's last steps are of a centimetre; the noise of a hundred hits averages out.
+        // Adam's last steps are a centimetre; the noise of a hundred hits averages out.
         assert!(chamfer.translation_error_m.unwrap() < 0.05, "{chamfer:?}");
     }
 }
 
 #[test]
 fn drawn_clips_have_the_truth_that_they_claim() {
-    // Without noise and outliers nothing but the raster separates the answer from the truth.
+    // Without noise and outliers only the raster separates the answer from the truth.
     let drawn = DrawnParams { clips: 6, outliers: 0.0, noise_m: 0.0, ..DrawnParams::default() };
     for result in results(drawn, &[Method::viola(AlignParams::default())], 1) {
         assert!(result.translation_error_m.unwrap() < 0.03, "{result:?}");

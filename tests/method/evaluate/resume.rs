@@ -1,4 +1,4 @@
-//! An interrupted run goes on where it stopped.
+//! An interrupted run resumes where it stopped.
 
 use super::flat;
 use std::path::Path;
@@ -9,7 +9,7 @@ use viola_lab::evaluate::{
     Case, ClipResult, DrawnClips, DrawnParams, Journal, JournalError, Method, Run, RunError, Sample, Suite,
 };
 
-/// Counts how often a clip is made.
+/// Counts the clips that are made.
 struct Counting {
     inner: DrawnClips,
     made: AtomicUsize,
@@ -33,7 +33,7 @@ impl Suite for Counting {
     }
 }
 
-/// Runs four clips and says how many of them had to be made.
+/// Runs four clips; returns the results and the number of clips that were made.
 fn run(folder: &Path, program: &str, methods: &[&str]) -> (Vec<ClipResult>, usize) {
     let drawn = DrawnParams { clips: 4, frames: vec![20], ..DrawnParams::default() };
     let inner = DrawnClips::open(&[flat::write(folder)], drawn).unwrap();
@@ -84,7 +84,7 @@ fn only_what_is_missing_is_computed() {
     // Another method is missing everywhere; the first one is not computed again.
     let (both, made) = run(folder.path(), "a", &["viola", "viola-without-free-space"]);
     assert_eq!((both.len(), made), (8, 4));
-    // Another program has computed nothing yet, and does not take away what the first one did.
+    // Another program has no results yet, and does not remove those of the first one.
     assert_eq!(run(folder.path(), "b", &["viola"]).1, 4);
     assert_eq!(run(folder.path(), "a", &["viola"]).1, 0);
 }

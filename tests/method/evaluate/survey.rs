@@ -1,4 +1,4 @@
-//! The LiDAR map cut out of a real mesh, against the one that was cut independently by the same protocol.
+//! The LiDAR map cut from a real mesh, against one that was cut independently by the same protocol.
 
 use viola_geometry::Point2;
 use viola_lab::evaluate::{Scene, SurveyParams};

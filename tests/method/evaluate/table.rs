@@ -1,4 +1,4 @@
-//! Tables, calibration and plots of results made by hand.
+//! Tables, calibration and plots of handmade results.
 
 use viola_align::AlignmentState::{self, Aligned, Ambiguous, Failed};
 use viola_lab::evaluate::{Calibration, ClipResult, clips_csv, markdown, plot, tabulate};
@@ -95,7 +95,7 @@ fn calibration_error_is_the_mean_gap_over_answers() {
         probability: Some(probability),
         ..result(Aligned, Some(if is_right { (1.0, 0.1) } else { (90.0, 3.0) }))
     };
-    // One bin of four at 0.95 with three right, one of one at 0.25 that is wrong, and one without.
+    // A bin of four at 0.95, three right, a bin of one at 0.25, wrong, and a result without probability.
     let results = [
         said(0.95, true),
         said(0.95, true),

@@ -33,7 +33,7 @@ fn noise() -> Noise {
     Noise { initial, encoding }
 }
 
-/// The hole of the fixtures.
+/// Returns the hole of the fixtures.
 fn hole() -> image::GrayImage {
     rectangle((64, 64), 18..46, 12..40)
 }
@@ -62,7 +62,7 @@ fn euler_is_what_diffusers_makes() {
     check("euler");
 }
 
-/// Were these to make no difference, the comparison with `diffusers` would not see them.
+/// Checks that each of these inputs has an effect, which the comparison with `diffusers` does not show.
 #[test]
 fn words_guidance_and_noise_count() {
     let params = &runtimes()[0];
@@ -145,7 +145,7 @@ fn a_cancelled_run_ends_between_steps() {
     assert_eq!((error, left.get()), (InpaintError::Cancelled, 0));
 }
 
-/// A copy of the pipeline in which a file was changed by `change`.
+/// Returns a copy of the pipeline with a file changed by `change`.
 fn changed(file: &str, change: impl Fn(&Path)) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let inside = folder.path().join("stable_diffusion");

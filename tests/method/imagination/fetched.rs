@@ -1,4 +1,4 @@
-//! MI-GAN and FastDepth themselves, where they were fetched.
+//! MI-GAN and FastDepth themselves, if they were fetched.
 
 use super::rectangle;
 use crate::runtimes::runtimes;
@@ -13,7 +13,7 @@ use viola_network::RuntimeParams;
 use viola_network::manifest::{Manifest, ModelEntry};
 use viola_testing::skipped;
 
-/// The folder and the built-in entry of a network; none, said plainly, when nothing was fetched.
+/// Returns the folder and the built-in entry of a network; skips with `None` if nothing was fetched.
 fn fetched(name: &str) -> Option<(PathBuf, ModelEntry)> {
     let Some(models) = std::env::var_os("VIOLA_FETCHED_MODELS").map(PathBuf::from) else {
         skipped(name, "set VIOLA_FETCHED_MODELS to a models folder with it");
@@ -25,7 +25,7 @@ fn fetched(name: &str) -> Option<(PathBuf, ModelEntry)> {
     Some((models, entry))
 }
 
-/// A wall and a floor, in colours that change slowly, and a hole of a colour that is in neither.
+/// Returns a picture of a wall and a floor, in colours that change slowly.
 fn room(width: u32, height: u32) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| {
         let shade = (x * 20 / width) as u8;
@@ -74,7 +74,7 @@ fn migan_fills_a_hole_from_its_surroundings() {
         }
         let mean = off.map(|sum| f64::from(sum) / f64::from(inside));
         println!("{}: {mean:.1?} grey levels off the room behind the hole", inpainter.name());
-        // What was in the hole is off by 200, 180 and 100.
+        // The colour that was in the hole is off by 200, 180 and 100.
         assert!(mean.iter().all(|levels| *levels < 25.0), "{mean:?}");
         results.push(filled);
     }

@@ -1,4 +1,4 @@
-//! What surrounds inpainting and depth networks, by networks without weights.
+//! The code around inpainting and depth networks, tested by networks without weights.
 
 use super::{entry, rectangle};
 use crate::runtimes::{fixture, runtimes, stripes};
@@ -101,7 +101,7 @@ fn inpainting_that_cannot_be_is_told() {
     }
 }
 
-/// The network says the red of a picture of one colour.
+/// The network returns the red channel of a picture of one colour.
 #[test]
 fn depth_is_of_the_pictures_size_and_grows_with_depth() {
     for params in runtimes() {

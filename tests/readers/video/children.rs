@@ -1,4 +1,4 @@
-//! Processes that decode: those that fail, stall or lie, and that nothing else is hurt by them.
+//! Decoding processes that fail, stall or lie, and harm nothing else.
 
 use super::{FIXTURES, child, ffmpeg, fixture, pictures, region_of};
 use rand::{Rng, SeedableRng};
@@ -10,7 +10,7 @@ use std::time::Duration;
 use tempfile::TempDir;
 use viola_formats::video::{self, Limits, Tools};
 
-/// A program in the place of the child.
+/// Writes a program that replaces the child.
 fn script(folder: &TempDir, lines: &str) -> PathBuf {
     let path = folder.path().join("child");
     fs::write(&path, format!("#!/bin/sh\n{lines}\n")).unwrap();
@@ -61,7 +61,7 @@ fn a_child_has_its_limits_before_it_does_anything() {
     assert_eq!(fs::read_to_string(told).unwrap(), "1572864\n75\n0\n");
 }
 
-/// The real child in a thousandth of the memory that it may have.
+/// The real child with about a thousandth of its memory limit.
 #[test]
 fn a_child_without_memory_is_a_refusal() {
     let tools = Tools { limits: Limits { memory_bytes: 2 << 20, ..Limits::default() }, ..child() };
@@ -69,11 +69,11 @@ fn a_child_without_memory_is_a_refusal() {
     assert!(refused.code().starts_with("video_child"), "{refused}");
 }
 
-/// What the child refuses is told by the parent, in the child's words.
+/// The parent passes on a refusal of the child, in its words.
 #[test]
 fn a_hostile_file_is_refused_through_the_child() {
     let mut bytes = fs::read(Path::new(FIXTURES).join("hevc_b.mp4")).unwrap();
-    // The pictures lie between the head and the tables: everything there becomes noise, the tables stay sound.
+    // The pictures lie between the head and the tables: they become noise, the tables stay valid.
     let media = bytes.windows(4).position(|four| four == b"mdat").unwrap() + 4;
     let tables = bytes.windows(4).position(|four| four == b"moov").unwrap() - 4;
     ChaCha8Rng::seed_from_u64(3).fill_bytes(&mut bytes[media..tables]);
@@ -101,7 +101,7 @@ fn dropping_the_frames_ends_the_child() {
     assert_eq!(rustix::process::test_kill_process(process), Err(rustix::io::Errno::SRCH), "it lives on");
 }
 
-/// Where ffmpeg fails, before the first frame or after some, the other decoder gives what is missing.
+/// If ffmpeg fails, before the first frame or after some, the other decoder returns the missing frames.
 #[test]
 fn where_ffmpeg_fails_the_other_decoder_goes_on() {
     let region = fixture("h264_b.mp4");

@@ -1,4 +1,4 @@
-//! Whom a dead process and a fault of the machine are held against.
+//! Dead processes and faults of the machine, and the clips that they count against.
 
 use super::{FRAMES, files_below};
 use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, kill_process, prlimit};
@@ -10,10 +10,10 @@ use viola_testing::client::Client;
 use viola_testing::process::Process;
 use viola_testing::{eventually, room, zips};
 
-/// Leases and pauses that a test can wait for.
+/// Leases and pauses that are short enough for a test.
 const SHORT: [&str; 4] = ["--lease-seconds", "1", "--retry-seconds", "0.1"];
 
-/// Uploads clips to a home, and then its map; their paths.
+/// Uploads clips to a home, then its map; returns the paths of the clips.
 async fn upload(client: &Client, clips: usize, frames: u32) -> Vec<String> {
     let home = client.make_home("h").await;
     let mut paths = Vec::new();
@@ -33,7 +33,7 @@ async fn jobs_in(client: &Client, state: &str) -> usize {
     jobs["items"].as_array().unwrap().len()
 }
 
-/// Processes that align a clip below a data folder, and the name of their clip.
+/// Returns the processes that align a clip below a data folder, with the name of their clip.
 fn children(data: &Path) -> Vec<(Pid, String)> {
     let data = data.to_string_lossy();
     let mut found = Vec::new();
@@ -56,7 +56,7 @@ fn outcome(clip: &Value) -> (&str, Option<&str>, u64) {
     (clip["state"].as_str().unwrap(), reason, clip["job"]["attempts"].as_u64().unwrap())
 }
 
-/// Whoever kills a server, however often, blames none of the clips that it was working on.
+/// Kills of a server, however many, count against none of its clips.
 #[tokio::test]
 async fn kills_of_a_server_are_held_against_no_clip() {
     let data = TempDir::new().unwrap();
@@ -69,7 +69,7 @@ async fn kills_of_a_server_are_held_against_no_clip() {
             (jobs_in(&server.client, "running").await == clips.len()).then_some(())
         })
         .await;
-        // From the second time on, each is in a process of its own.
+        // From the second time on, each clip has a process of its own.
         if kill > 0 {
             eventually("each has a process", || async {
                 (children(data.path()).len() == clips.len()).then_some(())
@@ -109,7 +109,7 @@ async fn a_clip_whose_own_process_dies_fails_alone() {
     .await;
     server.kill();
     let server = Process::serve(data.path(), &arguments);
-    // As the system does with a process that takes too much memory.
+    // As the system kills a process that uses too much memory.
     let bad = clips[0].rsplit('/').next().unwrap();
     let blamed = eventually("the clip has failed", || async {
         for (process, clip) in children(data.path()) {
@@ -128,7 +128,7 @@ async fn a_clip_whose_own_process_dies_fails_alone() {
     assert!(!has_leftovers(data.path()), "the folders of jobs are gone");
 }
 
-/// A server that can open no file any more tries its clips again until it can.
+/// A server that cannot open files retries its clips until it can.
 #[tokio::test]
 async fn a_server_without_descriptors_fails_no_clip() {
     let folder = TempDir::new().unwrap();

@@ -1,4 +1,4 @@
-//! Talks to a server as an app would.
+//! A client that talks to a server as an app would.
 
 use crate::eventually;
 use reqwest::{Method, Response};
@@ -29,13 +29,13 @@ impl Answer {
             .unwrap_or_else(|error| panic!("{error}: {}", String::from_utf8_lossy(&self.bytes)))
     }
 
-    /// The body of a success.
+    /// Checks the status and returns the body.
     pub fn ok(self, status: u16) -> Value {
         assert_eq!(self.status, status, "{}", String::from_utf8_lossy(&self.bytes));
         if self.bytes.is_empty() { Value::Null } else { self.json() }
     }
 
-    /// Checks that this is a problem document in every respect, and gives it.
+    /// Checks that this is a problem document in every respect, and returns it.
     pub fn problem(self, status: u16, code: &str) -> Value {
         let text = String::from_utf8_lossy(&self.bytes).into_owned();
         assert_eq!(self.status, status, "{text}");
@@ -52,7 +52,7 @@ impl Answer {
 
 impl Client {
     pub fn new(base: String) -> Client {
-        // The first call installs it; later ones find it there.
+        // The first call installs it; later ones find it.
         let _ = rustls::crypto::ring::default_provider().install_default();
         Client { base, http: reqwest::Client::new() }
     }
@@ -95,7 +95,7 @@ impl Client {
         format!("/v1/homes/{id}")
     }
 
-    /// The clip once its job has ended.
+    /// Returns the clip once its job has ended.
     pub async fn settled(&self, clip: &str) -> Value {
         eventually("the clip is settled", || async {
             let clip = self.get(clip).await.ok(200);

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 const VARIABLE: &str = "VIOLA_TEST_DATA";
 
-/// The folder of all real recordings, where the environment names it.
+/// Returns the folder of all real recordings, if the environment names it.
 pub fn root() -> Option<PathBuf> {
     let root = std::env::var_os(VARIABLE).map(PathBuf::from);
     if root.is_none() {
@@ -14,8 +14,8 @@ pub fn root() -> Option<PathBuf> {
     root
 }
 
-/// One folder of the real recordings. A variable that names a folder without it is an error: nothing may be skipped by a
-/// typing mistake.
+/// Returns one folder of the real recordings. If the environment names a folder without it, this panics: a
+/// typing mistake must not skip a test.
 pub fn folder(name: &str) -> Option<PathBuf> {
     let path = root()?.join(name);
     assert!(path.is_dir(), "{VARIABLE} is set but {} is not there", path.display());

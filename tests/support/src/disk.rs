@@ -6,21 +6,21 @@ use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-/// Where a server keeps its data, and how this becomes full.
+/// A place for a server's data that can become full.
 pub trait Disk: Send + Sync {
-    /// The data folder, as the server sees it.
+    /// Returns the data folder, as the server sees it.
     fn data(&self) -> &Path;
-    /// The same folder, as the test sees it.
+    /// Returns the data folder, as the test sees it.
     fn seen(&self) -> PathBuf;
-    /// A command that runs a program on the disk. It becomes the program, with the same process id.
+    /// Returns a command that runs a program on the disk. It becomes the program, with the same process id.
     fn command(&self, program: &str) -> Command;
-    /// Leaves no byte to the server with this process id. Blocks.
+    /// Leaves no free byte to the server with this process id. Blocks.
     fn fill(&self, server: u32);
-    /// Does nothing if it is not full.
+    /// Frees the disk; does nothing if it is not full.
     fn free(&self, server: u32);
 }
 
-/// A small file system in a mount namespace, which a process of its own holds. It outlives servers that are killed, and
+/// A small file system in a mount namespace, which a process of its own holds. It outlives killed servers and
 /// ends with the test.
 pub struct SmallDisk {
     holder: Child,
@@ -28,8 +28,8 @@ pub struct SmallDisk {
 }
 
 impl SmallDisk {
-    /// Mounts over a folder; none where the system does not let an ordinary user do so, which is said. `/readyz` asks
-    /// for 256 MiB.
+    /// Mounts over a folder; skips with `None` if the system does not allow this to an ordinary user.
+    /// `/readyz` asks for 256 MiB.
     pub fn mount(folder: &Path, size_mib: u64) -> Option<SmallDisk> {
         let script = format!(
             "mount -t tmpfs -o size={size_mib}m tmpfs '{}' && echo mounted && exec cat",
@@ -99,14 +99,14 @@ impl Drop for SmallDisk {
     }
 }
 
-/// A folder whose server may write no byte into any file while the disk is "full": writes fail with `EFBIG`, which
-/// SQLite calls an I/O error. It takes no privilege.
+/// A folder whose server may not write to any file while the disk is "full": writes fail with `EFBIG`, which
+/// SQLite reports as an I/O error. It needs no privilege.
 pub struct LimitedDisk {
     data: PathBuf,
 }
 
 impl LimitedDisk {
-    /// None where limits of a running process cannot be changed, which is said.
+    /// Returns `None`, with a message, if limits of a running process cannot be changed.
     pub fn new(folder: &Path) -> Option<LimitedDisk> {
         let known = Command::new("prlimit").arg("--version").stdout(Stdio::null()).status();
         if !known.is_ok_and(|status| status.success()) {

@@ -1,5 +1,5 @@
-//! Shared parts of the tests: a client, recordings to upload, an S3 endpoint, schemas of PostgreSQL, disks to fill, waiting with a
-//! deadline, and a list of what was skipped.
+//! Shared parts of the tests: a client, recordings to upload, an S3 endpoint, PostgreSQL schemas, disks to
+//! fill, waiting with a deadline, and a list of skipped tests.
 
 pub mod client;
 pub mod data;

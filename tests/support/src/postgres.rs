@@ -1,14 +1,14 @@
-//! A place of its own for every test in the PostgreSQL database that `VIOLA_TEST_POSTGRES` names.
+//! A schema for every test in the PostgreSQL database that `VIOLA_TEST_POSTGRES` names.
 
 use crate::skipped;
 use sqlx::{AssertSqlSafe, Connection, PgConnection};
 use uuid::Uuid;
 
 const DATABASE: &str = "VIOLA_TEST_POSTGRES";
-/// What the names of schemas begin with, where the process that began the tests removes them.
+/// Variable with the prefix of schemas' names, if the process that started the tests removes them.
 const PREFIX: &str = "VIOLA_TEST_SCHEMAS";
 
-/// Tables that grow with what clients send and workers make.
+/// Tables that grow with data of clients and workers.
 const GROWING: [&str; 10] = [
     "homes",
     "lidar_maps",
@@ -22,16 +22,16 @@ const GROWING: [&str; 10] = [
     "webhook_deliveries",
 ];
 
-/// A schema that nobody else uses.
+/// A schema for one test.
 pub struct Schema {
     url: String,
     name: String,
-    /// Where its tables lie, when it is not the database's own place.
+    /// Tablespace of its tables, if it is not the database's default.
     tablespace: Option<String>,
 }
 
 impl Schema {
-    /// None where no database is named; that is said, so that nobody takes the test for done.
+    /// Creates a schema; skips with `None` if no database is named.
     pub async fn new() -> Option<Schema> {
         let Ok(url) = std::env::var(DATABASE) else {
             skipped("PostgreSQL", "set VIOLA_TEST_POSTGRES to the address of a database");
@@ -44,7 +44,7 @@ impl Schema {
         Some(schema)
     }
 
-    /// The database with this schema as the only one.
+    /// Returns the URL of the database with only this schema.
     pub fn url(&self) -> String {
         let separator = if self.url.contains('?') { '&' } else { '?' };
         let tablespace = self.tablespace.iter().map(|name| format!("%20-cdefault_tablespace%3D{name}"));
@@ -56,12 +56,12 @@ impl Schema {
         &self.name
     }
 
-    /// Has the service make its tables in a tablespace.
+    /// Makes the service create its tables in a tablespace.
     pub fn set_tablespace(&mut self, name: String) {
         self.tablespace = Some(name);
     }
 
-    /// Prepares [`Schema::fill_disk`], once the service has made its tables.
+    /// Prepares [`Schema::fill_disk`] after the service has created its tables.
     pub async fn prepare_full_disk(&self) {
         let name = &self.name;
         execute(&self.url, format!("CREATE TABLE {name}.disk_full (since TIMESTAMPTZ)")).await;
@@ -76,7 +76,7 @@ impl Schema {
         );
         execute(&self.url, refuse).await;
         for table in GROWING {
-            // One lock at a time, so that nobody waits in a circle.
+            // One lock at a time, which prevents deadlocks.
             let trigger = format!(
                 "CREATE TRIGGER disk_full BEFORE INSERT OR UPDATE ON {name}.{table}
                 FOR EACH STATEMENT EXECUTE FUNCTION {name}.refuse_rows()"
@@ -85,7 +85,7 @@ impl Schema {
         }
     }
 
-    /// Refuses rows from now on as the database does whose disk is full.
+    /// Refuses rows from now on, as a database with a full disk does.
     pub async fn fill_disk(&self) {
         execute(&self.url, format!("INSERT INTO {}.disk_full VALUES (now())", self.name)).await;
     }
@@ -98,7 +98,7 @@ impl Schema {
         execute(&self.url, format!("DROP SCHEMA {} CASCADE", self.name)).await;
     }
 
-    /// Ends all connections of the service, whoever has them.
+    /// Ends all connections of all processes of the service.
     pub async fn cut_connections(&self) {
         let cut = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity
             WHERE application_name = 'viola' AND datname = current_database() AND pid <> pg_backend_pid()";
@@ -106,19 +106,19 @@ impl Schema {
     }
 }
 
-/// Many schemas that are removed together, by the process that has others make them.
+/// Many schemas that child processes create and this process removes together.
 pub struct Schemas {
     prefix: String,
 }
 
 impl Schemas {
-    /// None where no database is named.
+    /// Returns `None` if no database is named.
     pub fn new() -> Option<Schemas> {
         std::env::var_os(DATABASE)?;
         Some(Schemas { prefix: format!("viola_{}", Uuid::now_v7().simple()) })
     }
 
-    /// To be set for the processes that make them.
+    /// Returns the environment variable for the processes that create them.
     pub fn variable(&self) -> (&'static str, &str) {
         (PREFIX, &self.prefix)
     }
@@ -139,7 +139,7 @@ async fn execute(url: &str, statement: String) {
     try_execute(url, statement).await.expect("its owner may do so");
 }
 
-/// Runs a statement as whoever began the tests.
+/// Runs a statement as the user of the tests.
 pub async fn try_execute(url: &str, statement: String) -> Result<(), sqlx::Error> {
     let mut connection = PgConnection::connect(url).await.expect("the test's database answers");
     sqlx::raw_sql(AssertSqlSafe(statement)).execute(&mut connection).await?;

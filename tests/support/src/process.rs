@@ -12,7 +12,7 @@ pub struct Process {
     pub client: Client,
 }
 
-/// The binary, which Cargo builds beside the tests.
+/// Returns the path of the binary, which Cargo builds beside the tests.
 pub fn program() -> &'static str {
     static PROGRAM: LazyLock<String> = LazyLock::new(|| {
         let tests = std::env::current_exe().unwrap();
@@ -27,7 +27,7 @@ pub fn viola() -> Command {
     prepared(Command::new(program()))
 }
 
-/// A command that becomes the binary, without what the environment of the tests would tell it.
+/// Prepares a command of the binary, without the environment variables of the tests that would affect it.
 pub fn prepared(mut command: Command) -> Command {
     command.stdin(Stdio::null());
     for name in ["RUST_LOG", "VIOLA_MODELS", "ORT_DYLIB_PATH", "OTEL_EXPORTER_OTLP_ENDPOINT"] {
@@ -49,7 +49,7 @@ impl Process {
         Process::serve_logged(data, log, &[])
     }
 
-    /// The same with arguments.
+    /// Serves a data folder with arguments and writes its log to a file.
     pub fn serve_logged(data: &Path, log: &Path, arguments: &[&str]) -> Process {
         let log = std::fs::File::create(log).unwrap();
         let mut command = viola();
@@ -57,7 +57,7 @@ impl Process {
         Process::begin(command.stderr(log))
     }
 
-    /// The process's number.
+    /// Returns the process id.
     pub fn id(&self) -> u32 {
         self.child.id()
     }
@@ -84,7 +84,7 @@ impl Process {
         Process { client: Client::new(base.to_owned()), child }
     }
 
-    /// As `kill -9` does.
+    /// Kills the process as `kill -9` does.
     pub fn kill(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
@@ -97,7 +97,7 @@ impl Process {
         self.child.wait().unwrap()
     }
 
-    /// The most memory it ever had, where the system tells.
+    /// Returns the peak memory of the process, if the system reports it.
     pub fn peak_mib(&self) -> Option<u64> {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).ok()?;
         let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
@@ -107,7 +107,7 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // A test that failed leaves no server behind; one that ended needs no killing.
+        // A failed test leaves no server behind; an ended process needs no kill.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

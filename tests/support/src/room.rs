@@ -1,5 +1,5 @@
-//! A furnished room that is filmed by a turning camera, in ScanNet's layout, and its LiDAR map: small enough
-//! to make in a test, real enough to be aligned.
+//! A furnished room recorded by a turning camera, in ScanNet's layout, and its LiDAR map: small enough for a
+//! test, real enough to be aligned.
 
 use crate::zips::Files;
 use image::{ImageFormat, Luma, Rgb};
@@ -17,15 +17,15 @@ const WIDTH: u32 = 160;
 const HEIGHT: u32 = 120;
 const FOCAL_PX: f64 = 110.0;
 const CAMERA_HEIGHT_M: f64 = 1.3;
-/// Down, so that the floor is seen.
+/// Downwards, so that the floor is seen.
 const PITCH_RAD: f64 = 0.45;
-/// The vacuum's origin is somewhere else: where the room's corner lies in the map, and how it is turned.
+/// Position of the room's corner in the map, and its rotation.
 pub const MAP_FROM_ROOM: (f64, f64, f64) = (2.0, -1.5, 0.6);
 
-/// The first camera: where it stands in the room and where it looks.
+/// Position and direction of the first camera in the room.
 pub const FIRST_CAMERA: (f64, f64, f64) = (2.9, 2.0, 0.0);
 
-/// One turn in `frames` frames.
+/// Returns a clip with one turn in `frames` frames.
 pub fn clip(frames: u32) -> Files {
     let mut files = vec![
         ("intrinsic/intrinsic_color.txt".to_owned(), intrinsics()),
@@ -44,7 +44,7 @@ pub fn clip(frames: u32) -> Files {
     files
 }
 
-/// Points along the outlines at the vacuum's height, every 2 cm.
+/// Returns points along the outlines at the vacuum's height, every 2 cm.
 pub fn lidar_csv() -> String {
     let (x0, y0, yaw) = MAP_FROM_ROOM;
     let mut text = String::from("x,y\n");
@@ -78,7 +78,7 @@ fn intrinsics() -> Vec<u8> {
     format!("{FOCAL_PX} 0 {cx} 0\n0 {FOCAL_PX} {cy} 0\n0 0 1 0\n0 0 0 1\n").into_bytes()
 }
 
-/// The camera's right, down and forward in the room.
+/// Returns the camera's right, down and forward in the room.
 fn camera_axes(yaw: f64) -> [[f64; 3]; 3] {
     let (s, c) = yaw.sin_cos();
     let (down, level) = PITCH_RAD.sin_cos();
@@ -105,7 +105,7 @@ fn render(position: [f64; 3], axes: [[f64; 3]; 3]) -> (Vec<u8>, Vec<u8>) {
     (encode(&color.into(), ImageFormat::Jpeg), encode(&depth.into(), ImageFormat::Png))
 }
 
-/// The nearest surface along a ray: the room from within, its furniture from without.
+/// Returns the nearest surface along a ray: the room from inside, its furniture from outside.
 fn hit(from: [f64; 3], ray: [f64; 3]) -> (usize, f64) {
     let mut nearest = (0, f64::INFINITY);
     for (which, [low, high]) in BOXES.iter().enumerate() {

@@ -1,5 +1,5 @@
-//! An S3 endpoint for tests, in the process of the test. It checks signatures, keeps objects in a temporary folder, and
-//! misbehaves on order. It has a thread and a runtime of its own, so that the runtime of a test can do without one.
+//! An S3 endpoint for tests, in the process of the test. It checks signatures, keeps objects in a temporary
+//! folder, and injects faults. It has a thread and a runtime of its own, so that a test needs no further one.
 
 use futures::StreamExt;
 use http_body_util::{BodyExt, StreamBody};
@@ -24,48 +24,48 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinSet;
 
 pub const REGION: &str = "eu-central-1";
-/// Before every key.
+/// Prefix of every key.
 pub const PREFIX: &str = "homes/one";
 pub const BUCKET: &str = "viola-blobs";
 pub const ACCESS_KEY_ID: &str = "test-access-key";
 pub const SECRET_ACCESS_KEY: &str = "test-secret-of-the-access-key";
 
-/// What the server does with a request instead of answering it.
+/// Fault of the server at a request.
 #[derive(Debug, Clone, Copy)]
 pub enum Fault {
-    /// Does nothing and answers with this status.
+    /// Does not execute the request and answers with this status.
     Refuse(u16),
-    /// Does it and answers that it failed.
+    /// Executes the request and answers that it failed.
     Deny,
-    /// Does nothing and closes the connection.
+    /// Does not execute the request and closes the connection.
     Cut,
-    /// Does it and closes the connection.
+    /// Executes the request and closes the connection.
     CutAfter,
-    /// Does it and closes the connection in the middle of the answer.
+    /// Executes the request and closes the connection in the middle of the answer.
     CutHalfway,
-    /// Does it after a time.
+    /// Executes the request after a delay.
     Slow(Duration),
-    /// Does nothing and keeps the connection open.
+    /// Does not execute the request and keeps the connection open.
     Silent,
 }
 
-/// Which requests go wrong, and how. The same seed and the same order of requests give the same faults.
+/// Plan of faults. The same seed and the same order of requests give the same faults.
 #[derive(Debug, Clone)]
 pub struct Faults {
     pub seed: u64,
     pub when: When,
-    /// Each with the same chance; none for no faults.
+    /// All with the same probability; empty for no faults.
     pub kinds: Vec<Fault>,
 }
 
 #[derive(Debug, Clone, Copy)]
 pub enum When {
     Always,
-    /// Each so-manieth.
+    /// Every n-th request.
     Every(u64),
-    /// This share of all.
+    /// This fraction of all requests.
     Share(f64),
-    /// Those with this method.
+    /// Requests with this method.
     Method(&'static str),
 }
 
@@ -73,7 +73,7 @@ pub struct S3Server {
     address: SocketAddr,
     folder: TempDir,
     shared: Arc<Shared>,
-    /// Orders to listen or not, each with whom to tell that it was done.
+    /// Orders to listen or not, each with a channel for its completion.
     orders: mpsc::UnboundedSender<(bool, oneshot::Sender<()>)>,
     thread: Option<std::thread::JoinHandle<()>>,
 }
@@ -85,7 +85,7 @@ struct Shared {
 }
 
 impl S3Server {
-    /// A server with an empty bucket.
+    /// Starts a server with an empty bucket.
     pub fn start() -> S3Server {
         let folder = tempfile::tempdir().expect("a temporary folder");
         std::fs::create_dir(folder.path().join(BUCKET)).expect("a bucket");
@@ -112,12 +112,12 @@ impl S3Server {
         format!("http://{}", self.address)
     }
 
-    /// Where an object lies, when it is there.
+    /// Returns the path of an object, which need not exist.
     pub fn path_of(&self, key: &str) -> PathBuf {
         self.folder.path().join(BUCKET).join(PREFIX).join(key)
     }
 
-    /// Misbehaves from now on, and counts requests anew.
+    /// Injects faults from now on, and resets the counts of requests.
     pub fn fail(&self, faults: Faults) {
         let mut current = self.shared.faults.lock().expect("nobody panics with it");
         *current = seeded(faults);
@@ -129,7 +129,7 @@ impl S3Server {
         self.fail(no_faults());
     }
 
-    /// Cuts all connections and accepts none until [`S3Server::listen`]. What was stored stays.
+    /// Cuts all connections and accepts none until [`S3Server::listen`]. Objects stay.
     pub fn stop(&self) {
         self.order(false);
     }
@@ -146,17 +146,17 @@ impl S3Server {
         }
     }
 
-    /// Requests since [`S3Server::fail`].
+    /// Returns the number of requests since [`S3Server::fail`].
     pub fn requests(&self) -> u64 {
         self.shared.requests.load(Ordering::Relaxed)
     }
 
-    /// Those of them that went wrong.
+    /// Returns the number of requests with a fault since [`S3Server::fail`].
     pub fn failed(&self) -> u64 {
         self.shared.failed.load(Ordering::Relaxed)
     }
 
-    /// Uploads in parts that were neither completed nor aborted.
+    /// Returns the number of multipart uploads that were neither completed nor aborted.
     pub fn unfinished_uploads(&self) -> usize {
         let names = std::fs::read_dir(self.folder.path()).expect("the folder is there");
         names
@@ -176,7 +176,7 @@ impl Drop for S3Server {
     }
 }
 
-/// Whether a file of s3s-fs says that an upload in parts has begun.
+/// Returns whether a file of s3s-fs is the record of a multipart upload.
 fn is_upload(name: &str) -> bool {
     name.starts_with(".upload-") && name.ends_with(".json")
 }
@@ -228,7 +228,7 @@ async fn serve(
     }
 }
 
-/// An error closes the connection.
+/// Answers a request, with its fault; an error closes the connection.
 async fn answer(
     service: S3Service,
     shared: Arc<Shared>,
@@ -279,7 +279,7 @@ fn failure(status: u16) -> Response<s3s::Body> {
     response
 }
 
-/// An answer that says how long it is and ends before that.
+/// Returns an answer that ends before its declared length.
 async fn half(answer: Response<s3s::Body>) -> io::Result<Response<s3s::Body>> {
     let (parts, body) = answer.into_parts();
     let bytes = BodyExt::collect(body).await.map_err(io::Error::other)?.to_bytes();

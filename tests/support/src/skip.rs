@@ -1,12 +1,12 @@
-//! A list of the tests that cannot run here.
+//! A list of skipped tests.
 
 use std::fs::OpenOptions;
 use std::io::Write;
 
-/// The file to which `tests/run` has skips written; it prints them at the end.
+/// Variable with the file of skipped tests, which `tests/run` prints at the end.
 const LIST: &str = "VIOLA_TEST_SKIPS";
 
-/// Notes that something is not tested, and what would switch it on.
+/// Records a skipped test and how to enable it.
 pub fn skipped(what: &str, switch: &str) {
     let line = format!("{what}: {switch}\n");
     eprint!("SKIPPED {line}");

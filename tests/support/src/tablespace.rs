@@ -1,4 +1,4 @@
-//! A place for PostgreSQL's tables on a small file system.
+//! A tablespace of PostgreSQL on a small file system.
 
 use crate::postgres::{Schema, try_execute};
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use uuid::Uuid;
 
 const SIZE_MIB: u32 = 16;
 
-/// A schema whose tables have little room.
+/// A schema whose tables have little disk space.
 pub struct Tablespace {
     schema: Schema,
     name: String,
@@ -43,7 +43,7 @@ impl Mount {
 
 impl Drop for Mount {
     fn drop(&mut self) {
-        // A test that failed did not drop its tablespace: without the folder the database would stop at its next checkpoint.
+        // A failed test keeps its tablespace: without the folder the database stops at its next checkpoint.
         if std::thread::panicking() {
             self.folder.disable_cleanup(true);
             return;
@@ -54,7 +54,7 @@ impl Drop for Mount {
 }
 
 impl Tablespace {
-    /// None where it takes more than the tests may do, which is said.
+    /// Creates a tablespace; skips with `None` if the tests lack the privileges.
     pub async fn new() -> Option<Tablespace> {
         let mut schema = Schema::new().await?;
         let name = format!("viola_test_{}", Uuid::now_v7().simple());
@@ -76,7 +76,7 @@ impl Tablespace {
         &self.schema
     }
 
-    /// Takes all room that is left.
+    /// Fills the file system.
     pub async fn fill(&self) {
         let (url, schema) = (self.schema.url(), self.schema.name());
         let table = format!("CREATE TABLE {schema}.ballast (bytes TEXT) TABLESPACE {}", self.name);
@@ -88,7 +88,7 @@ impl Tablespace {
             let fill = format!(
                 "INSERT INTO {schema}.ballast SELECT repeat('x', 7000) FROM generate_series(1, {rows})"
             );
-            // What a refused statement took stays taken.
+            // The space of a refused statement stays taken.
             let refused = try_execute(&url, fill).await.unwrap_err();
             let code =
                 refused.as_database_error().and_then(|error| error.code().map(|code| code.into_owned()));

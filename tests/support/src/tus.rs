@@ -1,4 +1,4 @@
-//! Speaks tus 1.0, by the letter and against it.
+//! Requests of tus 1.0, valid and invalid.
 
 use crate::client::{Answer, Client};
 use base64::Engine;
@@ -28,7 +28,7 @@ impl Client {
         self.request(method, path).header("Tus-Resumable", "1.0.0")
     }
 
-    /// Begins an upload of a clip to a home; its path.
+    /// Begins an upload of a clip to a home; returns its path.
     pub async fn begin(&self, home: &str, length: usize) -> String {
         let begun = self
             .tus(Method::POST, "/v1/uploads")
@@ -49,14 +49,14 @@ impl Client {
         self.send(self.tus(Method::HEAD, upload)).await
     }
 
-    /// As many bytes as the server says it has.
+    /// Returns the number of bytes that the server has.
     pub async fn offset(&self, upload: &str) -> usize {
         let answer = self.head(upload).await;
         assert_eq!(answer.status, 200, "{answer:?}");
         answer.header("upload-offset").parse().unwrap()
     }
 
-    /// Sends what is missing, as a client does that was interrupted; the last answer.
+    /// Sends the missing bytes, as an interrupted client does; returns the last answer.
     pub async fn go_on(&self, upload: &str, bytes: &[u8]) -> Answer {
         loop {
             let offset = self.offset(upload).await;
@@ -67,8 +67,8 @@ impl Client {
         }
     }
 
-    /// Promises all of `bytes` from `offset` on, and sends only so many; the connection, which is cut when it is
-    /// dropped.
+    /// Announces `bytes` from `offset` on, and sends only `sent` of them; returns the connection, which is
+    /// cut when it is dropped.
     pub fn patch_partly(&self, upload: &str, offset: usize, bytes: &[u8], sent: usize) -> TcpStream {
         let mut connection = TcpStream::connect(self.base.strip_prefix("http://").unwrap()).unwrap();
         let length = bytes.len() - offset;

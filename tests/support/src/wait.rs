@@ -3,10 +3,10 @@
 use std::future::Future;
 use std::time::{Duration, Instant};
 
-/// Longer than anything takes on a busy machine with two cores.
+/// Longer than any wait takes on a busy machine with two cores.
 pub const DEADLINE: Duration = Duration::from_secs(120);
 
-/// Asks again and again until there is an answer.
+/// Asks repeatedly until there is an answer.
 pub async fn eventually<T, F: Future<Output = Option<T>>>(what: &str, mut ask: impl FnMut() -> F) -> T {
     let begun = Instant::now();
     loop {

@@ -15,7 +15,7 @@ pub fn zip(files: &Files) -> Vec<u8> {
     archive.finish().unwrap().into_inner()
 }
 
-/// The archive with one more file that cannot be compressed, so that it has at least `size_bytes`.
+/// Returns the archive with one more incompressible file, so that it has at least `size_bytes`.
 pub fn zip_of_size(files: &Files, size_bytes: usize) -> Vec<u8> {
     let mut state = 1_u64;
     let noise = (0..size_bytes).map(|_| {
@@ -27,7 +27,7 @@ pub fn zip_of_size(files: &Files, size_bytes: usize) -> Vec<u8> {
     zip(&files)
 }
 
-/// The archive with one more file: `size_bytes` zeros, deflated as they are written.
+/// Returns the archive with one more file: `size_bytes` zeros, deflated as they are written.
 pub fn zip_with_zeros(files: &Files, name: &str, size_bytes: u64) -> Vec<u8> {
     let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
     let options = SimpleFileOptions::default().compression_level(Some(1)).large_file(true);

@@ -7,7 +7,7 @@ use viola_geometry::{Pinhole, Point3, Pose3, Vector3};
 use viola_reconstruct::KeyFrame;
 
 /// A camera that is held level, in the clip frame.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct View {
     /// Its place.
     pub eye_m: [f64; 3],

@@ -10,7 +10,7 @@ use viola_geometry::{Pinhole, Point2, Point3, Vector2};
 use viola_reconstruct::PointCloud;
 
 /// How views are chosen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ViewStrategy {
     /// The paper's: from the boundary of the seen part, back, and around over the frontier.

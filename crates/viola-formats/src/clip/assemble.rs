@@ -1,4 +1,4 @@
-//! From what a layout's reader found to a checked [`Clip`].
+//! Builds a checked [`Clip`] from the result of a layout's reader.
 
 use super::files::{Cameras as FrameCameras, Files, Pictures, Video};
 use super::layout::{self, Cameras, Intrinsics, Numbers, Source};
@@ -7,16 +7,15 @@ use crate::container::Container;
 use crate::video::Tools;
 use viola_geometry::Pinhole;
 
-/// The principal point lies this close to the picture's middle, as a part of the picture's side. Cropped
-/// pictures stay below a fifth; intrinsics of a picture of twice the size are at a half.
+/// Maximum distance of the principal point from the picture's middle, as a fraction of the picture's side.
+/// Cropped pictures stay below 0.2; intrinsics of a picture of twice the size are at 0.5.
 const MAX_OFF_CENTRE: f64 = 0.25;
-/// Colour and depth cameras of one device look at the same thing: neither sees this many times more of it
-/// along a side.
+/// Maximum ratio of the views of colour and depth along a side: the cameras of one device see the same scene.
 const MAX_VIEW_RATIO: f64 = 1.3;
-/// By how much the shapes of the two views may differ.
+/// Maximum ratio of two aspect ratios.
 const MAX_ASPECT_RATIO: f64 = 1.1;
 
-/// Tries the layouts and checks what the first that fits has found.
+/// Detects the layout and checks the contents.
 pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<Clip, ClipError> {
     let layout = layout::find(container.as_ref())?;
     let frames = layout.sources.len();
@@ -37,12 +36,12 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
     let color_size = first.color.size(container.as_ref())?;
     let depth_size = first.depth.size(container.as_ref())?;
     let sizes = Sizes { color: color_size, depth: depth_size };
-    // The first frame may have intrinsics of its own, and its pictures are looked at.
+    // The sizes are the first frame's, which may have intrinsics of its own.
     let cameras = sizes.cameras(&layout.cameras, first.numbers)?;
     check_views(&cameras.color, &cameras.depth)?;
 
     let duration_s = match (first.time_s, layout.sources.last().and_then(|s| s.time_s)) {
-        // Times that run backwards are those of no clock.
+        // Times that run backwards are invalid.
         (Some(from), Some(to)) if to >= from => Some(to - from),
         _ => None,
     };
@@ -97,8 +96,8 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
     })
 }
 
-/// Frames' times are seconds since 1970 in some layouts and since the device's start in others. Those between the
-/// years 2000 and 2100 are taken for times of day: no device has been running for 30 years.
+/// Returns a time of day in milliseconds. Layouts count seconds since 1970 or since the device's start; times
+/// in the years 2000 to 2100 count from 1970, as no device runs for 30 years.
 fn unix_ms(time_s: f64) -> Option<i64> {
     (946_684_800.0..4_102_444_800.0).contains(&time_s).then(|| (time_s * 1e3).round() as i64)
 }
@@ -111,7 +110,7 @@ struct Sizes {
 }
 
 impl Sizes {
-    /// The colour and the depth camera of a frame with these intrinsics of its own, or without.
+    /// Returns the colour and depth cameras of a frame, with its own intrinsics if it has any.
     fn cameras(&self, cameras: &Cameras, own: Option<Numbers>) -> Result<FrameCameras, ClipError> {
         match cameras {
             Cameras::Each { color, depth } => Ok(FrameCameras {
@@ -129,7 +128,7 @@ impl Sizes {
         }
     }
 
-    /// Pictures of one camera have one shape.
+    /// Checks that the pictures of one camera have its aspect ratio.
     fn check_aspect(&self, numbers: &Numbers) -> Result<(), ClipError> {
         let aspect = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
         let of = numbers.size(self.color, self.depth);
@@ -145,13 +144,13 @@ impl Sizes {
         Ok(())
     }
 
-    /// The camera of a picture of this size, when the intrinsics can be those of such a picture.
+    /// Returns the camera of a picture of this size, or an error if the intrinsics are implausible.
     fn camera(&self, name: &str, numbers: &Numbers, wanted: (u32, u32)) -> Result<Pinhole, ClipError> {
         let Numbers { fx, fy, cx, cy, .. } = *numbers;
         let (width, height) = numbers.size(self.color, self.depth);
         let camera = Pinhole { width, height, fx, fy, cx, cy };
         let bad = |reason: String| ClipError::BadIntrinsics { name: name.to_string(), reason };
-        // The principal point is looked at by itself, so that the message names what is wrong.
+        // The principal point is checked separately, so that the message names the wrong value.
         let centred = Pinhole { cx: f64::from(width) / 2.0, cy: f64::from(height) / 2.0, ..camera };
         if !centred.is_plausible() {
             return Err(bad(format!(
@@ -170,14 +169,14 @@ impl Sizes {
     }
 }
 
-/// Whether one of two positive numbers is more than `ratio` times the other.
+/// Returns whether one of two positive numbers is more than `ratio` times the other.
 fn differs(a: f64, b: f64, ratio: f64) -> bool {
     a > b * ratio || b > a * ratio
 }
 
-/// Refuses colour and depth cameras that cannot look at the same thing.
+/// Refuses colour and depth cameras with different views.
 fn check_views(color: &Pinhole, depth: &Pinhole) -> Result<(), ClipError> {
-    // The tangents of the angles of view: what the camera sees at a distance of one metre.
+    // Width and height of the view at a distance of one metre.
     let view_m = |c: &Pinhole| (f64::from(c.width) / c.fx, f64::from(c.height) / c.fy);
     let ((color_x, color_y), (depth_x, depth_y)) = (view_m(color), view_m(depth));
     let aspect_differs = differs(color_x / color_y, depth_x / depth_y, MAX_ASPECT_RATIO);

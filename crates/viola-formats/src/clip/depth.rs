@@ -1,4 +1,4 @@
-//! Depth that is no picture, and confidence.
+//! Depth in formats other than pictures, and confidence.
 
 use super::{ClipError, DepthImage, picture};
 use crate::container::Container;
@@ -6,21 +6,21 @@ use lzfse_rust::LzfseRingDecoder;
 use std::io::Read;
 use viola_geometry::Pinhole;
 
-/// A packed file of depth or confidence.
+/// Maximum size of a packed file of depth or confidence.
 const MAX_PACKED_BYTES: u64 = 16 << 20;
-/// The sizes that phones record depth at, upright or lying.
+/// Sizes of phones' depth, in portrait and landscape.
 const KNOWN_SIZES: [(u32, u32); 8] =
     [(192, 256), (256, 192), (480, 640), (640, 480), (720, 960), (960, 720), (240, 320), (320, 240)];
-/// 4 : 3 pictures up to 2 300 x 1 700, which is more than any phone's depth; packed floats of 16 MiB.
+/// 4:3 pictures up to 2300 x 1700, more than any phone's depth; 16 MiB of floats.
 const MAX_PIXELS: u64 = 4 << 20;
 
-/// Metres of a reading of 16 bits. The largest number is a sensor that has given up: 7-Scenes writes it, and no layout
-/// means it.
+/// Converts a 16-bit reading to metres. The largest number means no reading: 7-Scenes writes it, and no
+/// layout uses it as a depth.
 pub(super) fn metres(units: u16, units_per_m: f32) -> f32 {
     if units == u16::MAX { 0.0 } else { f32::from(units) / units_per_m }
 }
 
-/// Width and height of LZFSE-packed floats: as told, and otherwise by how many there are.
+/// Returns width and height of LZFSE-packed floats: as given, or else from the number of floats.
 pub(super) fn floats_size(
     container: &dyn Container,
     name: &str,
@@ -43,7 +43,7 @@ pub(super) fn floats_size(
         .ok_or_else(|| bad(format!("{} bytes are those of no depth picture that is known", bytes.len())))
 }
 
-/// Decodes LZFSE-packed 32-bit floats, metres, row after row.
+/// Decodes LZFSE-packed 32-bit floats in metres, row by row.
 pub(super) fn decode_floats(
     container: &dyn Container,
     name: &str,
@@ -64,8 +64,8 @@ pub(super) fn decode_floats(
     Ok(DepthImage { width, height, depth_m })
 }
 
-/// Drops the readings that the device itself does not trust: those with the lowest confidence, of three (0, 1, 2, or
-/// 0, 127, 255). The picture may have another size than the depth's.
+/// Drops the readings with the lowest of three confidences (0, 1, 2, or 0, 127, 255). The picture may have
+/// another size than the depth.
 pub(super) fn drop_doubtful(
     container: &dyn Container,
     name: &str,

@@ -1,4 +1,4 @@
-//! Why a clip is refused or cannot be read on.
+//! Errors of opening and reading a clip.
 
 use crate::container::ContainerError;
 use crate::video::VideoError;
@@ -64,7 +64,7 @@ pub enum ClipError {
 }
 
 impl ClipError {
-    /// Whether the machine is at fault and not the clip: what is tried again later may go well.
+    /// Returns whether the machine, not the clip, is at fault: a retry may succeed.
     pub fn is_ours(&self) -> bool {
         match self {
             ClipError::Container(error) => error.is_ours(),
@@ -74,7 +74,7 @@ impl ClipError {
         }
     }
 
-    /// Stable name of the refusal, for programs.
+    /// Returns the stable name of the refusal, for programs.
     pub fn code(&self) -> &'static str {
         match self {
             ClipError::Container(error) => error.code(),

@@ -1,4 +1,4 @@
-//! A clip whose pictures lie in a container: where each is, and how it becomes a frame.
+//! A clip whose pictures lie in a container: their places, and the decoding of frames.
 
 use super::{ClipError, Frame, FrameHeader, depth, npy, picture};
 use crate::container::{Container, ContainerError, Region};
@@ -6,25 +6,25 @@ use crate::video::Tools;
 use image::RgbImage;
 use viola_geometry::Pinhole;
 
-/// Where a frame's colour picture is.
+/// Place of a frame's colour picture.
 #[derive(Debug, Clone)]
 pub(super) enum ColorAt {
     /// A file, JPEG or PNG.
     File(String),
     /// A part of the clip's one large file.
     Part { part: Part, size: (u32, u32) },
-    /// A frame of the clip's video, counted in the order of showing; the video has this size.
+    /// A frame of the clip's video, numbered in presentation order; `size` is the video's.
     Video { frame: u32, size: (u32, u32) },
 }
 
-/// Where a frame's depth is.
+/// Place of a frame's depth.
 #[derive(Debug, Clone)]
 pub(super) enum DepthAt {
     /// A file, PNG with 16 bits of grey.
     Png(String),
     /// A file, NumPy's array of 16-bit numbers.
     Npy(String),
-    /// A file, LZFSE of 32-bit floats in metres; the size where it is known.
+    /// A file, LZFSE of 32-bit floats in metres; `size` if it is known.
     Floats { name: String, size: Option<(u32, u32)> },
     /// A part of the clip's one large file.
     Part { part: Part, size: (u32, u32) },
@@ -36,16 +36,16 @@ pub(super) struct Part {
     pub at: u64,
     pub bytes: u32,
     pub coding: Coding,
-    /// The frame's, for messages.
+    /// The frame's number, for messages.
     pub number: u32,
 }
 
-/// How a part is packed.
+/// Encoding of a part.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Coding {
     /// A JPEG or PNG file.
     Picture,
-    /// Pixels of a picture of this width and height, row after row.
+    /// Pixels of a picture of this width and height, row by row.
     Raw((u32, u32)),
     /// Readings of 16 bits, packed with zlib.
     Zlib,
@@ -69,7 +69,7 @@ impl Part {
 }
 
 impl ColorAt {
-    /// Width and height, from the picture's header.
+    /// Returns width and height, from the picture's header.
     pub fn size(&self, container: &dyn Container) -> Result<(u32, u32), ClipError> {
         match self {
             ColorAt::File(name) => picture::size(container, name),
@@ -79,7 +79,7 @@ impl ColorAt {
 }
 
 impl DepthAt {
-    /// Width and height, from the picture's header.
+    /// Returns width and height, from the picture's header.
     pub fn size(&self, container: &dyn Container) -> Result<(u32, u32), ClipError> {
         match self {
             DepthAt::Png(name) => picture::size(container, name),
@@ -97,12 +97,12 @@ pub(super) struct Cameras {
     pub depth: Pinhole,
 }
 
-/// What a frame is made of, in some fifty bytes: files are told by their place among the container's names.
+/// The pictures of a frame in about fifty bytes: files are indices into the container's names.
 pub(super) struct Pictures {
     color: Place,
     depth: DepthPlace,
     confidence: Option<u32>,
-    /// Where they are not those of the clip.
+    /// The frame's own cameras, if it has any.
     cameras: Option<Box<Cameras>>,
 }
 
@@ -122,7 +122,7 @@ enum DepthPlace {
 }
 
 impl Pictures {
-    /// Looks the names up, which must be there.
+    /// Looks up the names; a missing one is an error.
     pub fn new(
         container: &dyn Container,
         color: ColorAt,
@@ -152,7 +152,7 @@ impl Pictures {
         })
     }
 
-    /// The number of the video's frame that is the colour, where it is of a video.
+    /// Returns the number of the video's frame with the colour, if colour is a video.
     pub fn video_frame(&self) -> Option<usize> {
         match self.color {
             Place::Video(frame) => Some(frame as usize),
@@ -161,19 +161,18 @@ impl Pictures {
     }
 }
 
-/// A clip's video.
 pub(super) struct Video {
     pub name: String,
     pub region: Region,
     pub tools: Tools,
 }
 
-/// The clip's container, and what is the same for all frames.
+/// The clip's container, and the data common to all frames.
 pub(super) struct Files {
     pub container: Box<dyn Container>,
-    /// The large file that [`Part`]s are of.
+    /// The large file that contains the [`Part`]s.
     pub region: Option<Region>,
-    /// The video that colour is of, and what decodes it.
+    /// The video with the colour, and its decoding tools.
     pub video: Option<Video>,
     pub pictures: Vec<Pictures>,
     pub cameras: Cameras,
@@ -181,7 +180,7 @@ pub(super) struct Files {
 }
 
 impl Files {
-    /// Decodes a frame; its colour comes along where it is of a video.
+    /// Decodes a frame; `of_video` is its colour if colour is a video.
     pub fn load(
         &self,
         index: usize,

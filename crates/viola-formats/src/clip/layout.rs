@@ -1,4 +1,4 @@
-//! What the reader of one layout finds, and the list of the readers.
+//! The result of a layout's reader, and the list of the readers.
 
 mod arkit_scenes;
 mod associate;
@@ -33,11 +33,11 @@ pub(super) const MILLIMETRES: &str = "millimetres (16-bit PNG)";
 /// ARKit's worlds are aligned to gravity, y up.
 pub(super) const ARKIT_UP: &str = "world y is up (layout, ARKit)";
 
-/// What the reader of one layout found.
+/// The result of one layout's reader.
 pub(super) struct Layout {
     pub name: &'static str,
     pub pose_convention: &'static str,
-    /// Where poses were looked for, for messages.
+    /// Source of the poses, for messages.
     pub pose_files: &'static str,
     pub depth_unit: &'static str,
     pub depth_units_per_m: f32,
@@ -49,21 +49,21 @@ pub(super) struct Layout {
     /// Frames with only one of the two pictures.
     pub incomplete: usize,
     pub cameras: Cameras,
-    /// Where the cameras are of a kind whose shutters are known.
+    /// `None` if the readout times of the cameras are unknown.
     pub shutter: Option<Shutter>,
-    /// Where the intrinsics come from, in words.
+    /// Source of the intrinsics, in words.
     pub intrinsics: String,
-    /// In the order in which they were recorded.
+    /// In recording order.
     pub sources: Vec<Source>,
-    /// The one large file that pictures are parts of.
+    /// The one large file that contains the pictures.
     pub region: Option<Region>,
-    /// The video that colour is of, by its name in the container.
+    /// The video with the colour, and its name in the container.
     pub video: Option<(String, Region)>,
     pub notes: Vec<String>,
 }
 
 impl Layout {
-    /// A layout of one camera-to-world pose a frame with OpenCV's axes, and of depth in millimetres.
+    /// Returns a layout with one camera-to-world pose per frame, OpenCV's axes, and depth in millimetres.
     fn new(name: &'static str, cameras: Cameras, sources: Vec<Source>) -> Layout {
         Layout {
             name,
@@ -88,23 +88,23 @@ impl Layout {
     }
 }
 
-/// What a layout says of its two cameras.
+/// Intrinsics of a layout's two cameras.
 pub(super) enum Cameras {
-    /// One set of numbers for each.
+    /// One set of numbers for each camera.
     Each { color: Intrinsics, depth: Intrinsics },
-    /// One set for both: colour and depth see the same, in pictures of their own sizes.
+    /// One set for both: colour and depth have the same view, in pictures of their own sizes.
     One(Intrinsics),
 }
 
 /// Focal lengths and principal point, in pixels of a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Intrinsics {
-    /// The file that they come from, for messages.
+    /// Their file, for messages.
     pub name: String,
     pub numbers: Numbers,
 }
 
-/// Intrinsics without the name of their file: frames may have their own.
+/// Intrinsics without the name of their file; a frame may have its own.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Numbers {
     pub fx: f64,
@@ -114,7 +114,7 @@ pub(super) struct Numbers {
     pub of: Of,
 }
 
-/// Whose pixels the intrinsics are in.
+/// The picture whose pixels are the unit of the intrinsics.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Of {
     Color,
@@ -123,23 +123,23 @@ pub(super) enum Of {
     Size(u32, u32),
 }
 
-/// One frame: where its pictures are and what is known of it.
+/// One frame: its data, and the places of its pictures.
 pub(super) struct Source {
     pub number: u32,
     pub time_s: Option<f64>,
     pub world_from_camera: Option<Pose3>,
     pub color: ColorAt,
     pub depth: DepthAt,
-    /// A picture of how far the depth can be trusted: readings with the lowest value are dropped.
+    /// A picture of the depth's confidence: readings with the lowest value are dropped.
     pub confidence: Option<String>,
-    /// The frame's own intrinsics, where the layout has them; in place of those of [`Cameras::One`].
+    /// The frame's own intrinsics, if any; they replace those of [`Cameras::One`].
     pub numbers: Option<Numbers>,
 }
 
-/// A reader: what it found, or nothing when the container holds another layout.
+/// A reader: returns its result, or `None` if the container holds another layout.
 type Find = fn(&dyn Container) -> Result<Option<Layout>, ClipError>;
 
-/// Those that look for a file that only they have come first; those that look for any numbered pictures last.
+/// Readers of layouts with a unique file come first, readers of any numbered pictures last.
 const READERS: [Find; 12] = [
     record3d::find,
     stray::find,
@@ -165,7 +165,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Layout, ClipError> {
     Err(ClipError::UnknownLayout { files: container.names().len() })
 }
 
-/// The one root among those where a layout was found; none when there is none.
+/// Returns the only root of a layout, `None` without any, and an error for several.
 fn only_root<'a>(mut roots: impl Iterator<Item = &'a str>) -> Result<Option<&'a str>, ClipError> {
     let Some(first) = roots.next() else { return Ok(None) };
     match roots.find(|root| *root != first) {
@@ -177,20 +177,20 @@ fn only_root<'a>(mut roots: impl Iterator<Item = &'a str>) -> Result<Option<&'a 
     }
 }
 
-/// The roots of the folders that hold a file of this name.
+/// Returns the roots of the folders that hold a file of this name.
 fn roots_of<'a>(container: &'a dyn Container, file: &'a str) -> impl Iterator<Item = &'a str> {
     let roots = container.names().iter().filter_map(move |name| name.strip_suffix(file));
     roots.filter(|root| root.is_empty() || root.ends_with('/'))
 }
 
-/// OpenCV's camera from one with OpenGL's axes: half a turn about x.
+/// Converts a camera pose from OpenGL's to OpenCV's axes: half a turn about x.
 fn with_opencv_axes(world_from_camera: Pose3) -> Pose3 {
     let half_turn = UnitQuaternion::from_quaternion(Quaternion::new(0.0, 1.0, 0.0, 0.0));
     world_from_camera * Pose3::from_parts(Translation3::identity(), half_turn)
 }
 
 impl Numbers {
-    /// Whether no number is further from the other's than this part of it.
+    /// Returns whether every number is within the fraction `max_drift` of the other's.
     pub fn is_near(&self, other: &Numbers, max_drift: f64) -> bool {
         let near = |a: f64, b: f64| (a - b).abs() <= max_drift * b.abs();
         near(self.fx, other.fx)
@@ -199,7 +199,7 @@ impl Numbers {
             && near(self.cy, other.cy)
     }
 
-    /// The picture that the numbers are of, given the sizes of the clip's two.
+    /// Returns the size of the numbers' picture, given the sizes of the clip's two pictures.
     pub fn size(&self, color: (u32, u32), depth: (u32, u32)) -> (u32, u32) {
         match self.of {
             Of::Color => color,

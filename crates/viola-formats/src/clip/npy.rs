@@ -1,6 +1,6 @@
-//! Depth as NumPy's `.npy`: what early versions of Stray Scanner wrote instead of PNG (strayrobots/scanner,
-//! NPYArrayWrapper.mm; numpy/numpy, doc/neps/nep-0001-npy-format). Only whole numbers of 16 bits are read, for the app
-//! wrote nothing else; a parser of Python's literals would be more code than the three that the header holds.
+//! Depth as NumPy's `.npy`, from early versions of Stray Scanner (strayrobots/scanner, NPYArrayWrapper.mm;
+//! numpy/numpy, doc/neps/nep-0001-npy-format). Only 16-bit integers are read, because the app wrote nothing
+//! else. The header's three values are found by key, without a parser of Python's literals.
 
 use super::{ClipError, DepthImage, depth};
 use crate::container::Container;
@@ -8,18 +8,18 @@ use viola_geometry::Pinhole;
 
 /// 4 : 3 pictures up to 2 300 x 1 700.
 const MAX_PIXELS: u64 = 4 << 20;
-/// The three facts, and the blanks behind them.
+/// Three values, and the padding after them.
 const MAX_HEADER_BYTES: usize = 4 << 10;
 const MAX_FILE_BYTES: u64 = MAX_PIXELS * 2 + MAX_HEADER_BYTES as u64 + 12;
 
-/// What the header says, and the readings behind it.
+/// The size in the header, and the readings after it.
 struct Array<'a> {
     width: u32,
     height: u32,
     readings: &'a [[u8; 2]],
 }
 
-/// Width and height.
+/// Returns width and height.
 pub(super) fn size(container: &dyn Container, name: &str) -> Result<(u32, u32), ClipError> {
     let bytes = container.read(name, MAX_FILE_BYTES)?;
     let Array { width, height, .. } = parse(&bytes, name)?;
@@ -83,7 +83,7 @@ fn parse<'a>(bytes: &'a [u8], name: &str) -> Result<Array<'a>, ClipError> {
     Ok(Array { width, height, readings: rest.as_chunks().0 })
 }
 
-/// The header's text, and what is behind it.
+/// Splits a file into the header's text and the data after it.
 fn split(bytes: &[u8]) -> Option<(&str, &[u8])> {
     let (version, rest) = bytes.strip_prefix(b"\x93NUMPY")?.split_first_chunk::<2>()?;
     let (length, rest) = match version[0] {

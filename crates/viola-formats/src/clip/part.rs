@@ -8,7 +8,7 @@ use std::io::Read;
 use viola_geometry::Pinhole;
 
 impl Part {
-    /// A colour picture: JPEG, PNG, or three bytes a pixel.
+    /// Decodes a colour picture: JPEG, PNG, or three bytes per pixel.
     pub(super) fn decode_color(&self, bytes: Vec<u8>, camera: &Pinhole) -> Result<RgbImage, ClipError> {
         let name = self.name("colour");
         let bad = |reason: String| ClipError::BadPicture { name: name.clone(), reason };
@@ -16,7 +16,7 @@ impl Part {
             Coding::Picture => picture::decode_color(&bytes, &name, camera),
             Coding::Raw((width, height)) => {
                 let length = bytes.len();
-                // The library takes what is too long as well.
+                // The library also accepts too many bytes.
                 let is_exact = length as u64 == u64::from(width) * u64::from(height) * 3;
                 let image = if is_exact { RgbImage::from_raw(width, height, bytes) } else { None };
                 image
@@ -26,7 +26,7 @@ impl Part {
         }
     }
 
-    /// Depth of 16 bits, least significant byte first.
+    /// Decodes depth of 16 bits, least significant byte first.
     pub(super) fn decode_depth(
         &self,
         bytes: &[u8],

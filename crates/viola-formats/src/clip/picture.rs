@@ -6,18 +6,18 @@ use image::{ColorType, DynamicImage, GrayImage, ImageDecoder, ImageFormat, Image
 use std::io::Cursor;
 use viola_geometry::Pinhole;
 
-/// A file of one picture.
+/// Maximum size of a picture's file.
 const MAX_PICTURE_BYTES: u64 = 64 << 20;
-/// 4 : 3 pictures up to 4 700 x 3 500, which is more than phones record beside depth.
+/// 4:3 pictures up to 4700 x 3500, more than phones record beside depth.
 const MAX_PIXELS: u64 = 16 << 20;
 
-/// Width and height, from the picture's header.
+/// Returns width and height, from the picture's header.
 pub(super) fn size(container: &dyn Container, name: &str) -> Result<(u32, u32), ClipError> {
     let bytes = container.read(name, MAX_PICTURE_BYTES)?;
     Ok(decoder(&bytes, name)?.dimensions())
 }
 
-/// The bytes of a file of one picture.
+/// Reads the bytes of a picture's file.
 pub(super) fn read(container: &dyn Container, name: &str) -> Result<Vec<u8>, ClipError> {
     Ok(container.read(name, MAX_PICTURE_BYTES)?)
 }
@@ -64,7 +64,7 @@ pub(super) fn decode_grey8(container: &dyn Container, name: &str) -> Result<Gray
     Ok(pixels(decoder, name)?.into_luma8())
 }
 
-/// Reads the header; refuses sizes that nobody should allocate for.
+/// Reads the header, and refuses pictures that are too large to decode.
 fn decoder<'a>(bytes: &'a [u8], name: &str) -> Result<impl ImageDecoder + 'a, ClipError> {
     let bad = |reason: String| ClipError::BadPicture { name: name.to_string(), reason };
     let format = match bytes {
@@ -111,7 +111,7 @@ fn pixels(decoder: impl ImageDecoder, name: &str) -> Result<DynamicImage, ClipEr
         .map_err(|error| ClipError::BadPicture { name: name.to_string(), reason: error.to_string() })
 }
 
-/// Whether a JPEG lacks its end marker. The decoder would fill what is missing with grey and say nothing.
+/// Returns whether a JPEG lacks its end marker. The decoder would silently fill the rest with grey.
 fn is_cut_jpeg(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0xff, 0xd8]) && !bytes.windows(2).rev().any(|pair| pair == [0xff, 0xd9])
 }

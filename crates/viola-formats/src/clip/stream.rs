@@ -1,4 +1,4 @@
-//! Frames in the order in which they are wanted.
+//! Frames in the requested order.
 
 use super::files::Files;
 use super::{Clip, ClipError, Frame, Origin};
@@ -13,12 +13,12 @@ pub struct FrameStream<'a> {
     video: VideoStream,
 }
 
-/// The clip's video on its way.
+/// State of the clip's video.
 enum VideoStream {
-    /// Nothing of it was asked for yet.
+    /// No frame of it was requested yet.
     Waiting,
     Running(Box<video::Frames>),
-    /// It failed; no frame behind this place can be had.
+    /// It failed; all later frames are lost.
     Failed {
         code: &'static str,
         reason: String,
@@ -31,10 +31,10 @@ impl<'a> FrameStream<'a> {
         FrameStream { clip, indices: indices.into_iter(), video: VideoStream::Waiting }
     }
 
-    /// The next frames, at most `count`; none at the end. A frame that cannot be decoded does not stop those behind it,
-    /// but for those of a video: what is behind its damage is lost.
+    /// Returns the next frames, at most `count`; empty at the end. A frame that cannot be decoded does not
+    /// stop the later ones, except in a video: all frames after its damage are lost.
     pub fn next_batch(&mut self, count: usize) -> Vec<Result<Frame, ClipError>> {
-        // A video is told once what will be wanted of it.
+        // The video decoder gets all wanted frames at once.
         let of_video = matches!(&self.clip.origin, Origin::Files(files) if files.video.is_some());
         let is_first = of_video && matches!(self.video, VideoStream::Waiting);
         let wanted_after = if is_first { self.indices.as_slice().to_vec() } else { Vec::new() };
@@ -53,7 +53,7 @@ impl<'a> FrameStream<'a> {
 }
 
 impl VideoStream {
-    /// The colour of a frame, when it is of a video. `wanted` are this frame and those that will be asked for after it.
+    /// Returns the colour of a frame, if colour is a video. `wanted` are this frame and all later ones.
     fn color(
         &mut self,
         files: &Files,

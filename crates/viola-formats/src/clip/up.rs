@@ -1,9 +1,9 @@
-//! Which way is up: by the layout, or by what the device's accelerometer felt.
+//! The up direction, by the layout or by the device's accelerometer.
 
 use super::FrameHeader;
 use viola_geometry::{Pose3, Vector3};
 
-/// Against gravity in a world, and how well that is known.
+/// The up direction in a world, and its accuracy.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Up {
     /// A unit vector.
@@ -12,24 +12,24 @@ pub struct Up {
     pub deviation_rad: f64,
 }
 
-/// What devices make of all their sensors is off by this much.
+/// Standard deviation of the up direction of devices' own sensor fusion.
 const OF_DEVICES_RAD: f64 = 0.6 * std::f64::consts::PI / 180.0;
-/// How far an accelerometer is off as it is mounted: the Kinect of TUM's `freiburg1_rpy` is 4 degrees from the motion capture's
-/// upright axis. What the hand adds while it accelerates averages out.
+/// Standard deviation of an accelerometer's mounting: the Kinect of TUM's `freiburg1_rpy` is 4 degrees from
+/// the motion capture's upright axis. The hand's acceleration averages out.
 const MOUNTED_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
-/// Time in which a hand's acceleration turns back.
+/// Time in which a hand's acceleration reverses.
 const SWING_S: f64 = 0.5;
-/// The mean of all forces, in the world, is at least this share of their mean size; less was shaken, or is none of that world.
+/// Minimum length of the mean force as a fraction of the mean length; less means shaking or wrong poses.
 const LEAST_SHARE: f64 = 0.85;
 const LEAST_FRAMES: usize = 5;
 
 impl Up {
-    /// As a layout's world has it.
+    /// Returns the up direction of a layout's world.
     pub fn of_device(direction: Vector3) -> Up {
         Up { direction: direction.normalize(), deviation_rad: OF_DEVICES_RAD }
     }
 
-    /// The mean of what was felt, turned into the world of the frames' poses; none where that contradicts itself.
+    /// Returns the mean force in the world of the poses; `None` if forces are too few or contradictory.
     pub fn felt<'a>(frames: impl IntoIterator<Item = (&'a FrameHeader, &'a Pose3)>) -> Option<Up> {
         let mut times_s: Option<(f64, f64)> = None;
         let mut forces = Vec::new();
@@ -62,7 +62,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A camera that turns all about, in any world, and what its accelerometer felt: gravity, the hand, and a bias.
+    /// Returns a rotating camera in any world, and gravity and the hand's forces on its accelerometer.
     fn recording(world: &Pose3, shake_mps2: f64, unit: f64) -> (Vec<FrameHeader>, Vec<Pose3>) {
         let up_in_world = world.rotation * Vector3::z();
         let poses: Vec<Pose3> = (0..60)
@@ -88,7 +88,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
-        /// In any world, by any unit.
+        /// In any world and any unit.
         #[test]
         fn a_swinging_hand_does_not_tilt_the_world(
             turn in prop::array::uniform3(-3.0..3.0f64), shake_mps2 in 0.0..2.0f64, unit in 0.1..2.0f64,
@@ -102,7 +102,7 @@ mod tests {
         }
     }
 
-    /// Poses of another world than the forces', or none at all.
+    /// Poses of another world than the forces, or too few of them.
     #[test]
     fn what_contradicts_itself_is_no_gravity() {
         let (headers, mut poses) = recording(&Pose3::identity(), 0.1, 1.0);

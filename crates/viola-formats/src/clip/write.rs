@@ -18,7 +18,7 @@ use viola_geometry::{Pose3, Vector3};
 const BATCH: usize = 8;
 /// Seconds from one frame to the next for clips without times.
 const STEP_S: f64 = 1.0 / 30.0;
-/// Angles of view that differ by more than this are told.
+/// A note is added if the views of colour and depth differ by more than this ratio.
 const MAX_VIEW_RATIO: f64 = 1.01;
 
 /// A layout that clips are written in.
@@ -29,7 +29,7 @@ pub enum WrittenLayout {
     Scannet,
 }
 
-/// Why a clip was not written.
+/// Errors of writing a clip.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
     #[error(transparent)]
@@ -44,19 +44,19 @@ pub enum WriteError {
     Cancelled(#[from] Cancelled),
 }
 
-/// What was written.
+/// Summary of a written clip.
 #[derive(Debug, Clone)]
 pub struct WrittenClip {
     pub frames: usize,
-    /// What the layout cannot hold, and what was assumed.
+    /// Data that the layout cannot hold, and assumptions made.
     pub notes: Vec<String>,
 }
 
-/// What a layout's writer does: a file for each frame first, those of the whole clip at the end.
+/// The writer of a layout: files for each frame first, those of the whole clip at the end.
 trait Writer: Sync {
-    /// The files of one frame; it is the `place`-th that is written.
+    /// Returns the files of one frame, the `place`-th that is written.
     fn frame(&self, place: usize, frame: &Frame) -> Result<Vec<(String, Vec<u8>)>, WriteError>;
-    /// Takes down what the closing files need.
+    /// Records the frame's data for the closing files.
     fn record(&mut self, place: usize, frame: &Frame);
     fn close(&mut self) -> Vec<(String, Vec<u8>)>;
 }
@@ -126,7 +126,7 @@ pub fn write(
     Ok(WrittenClip { frames: written, notes })
 }
 
-/// What turns the clip's world so that the layout's axis is up.
+/// Returns the rotation of the clip's world that makes the layout's axis up.
 fn upright(clip: &Clip, layout: WrittenLayout, notes: &mut Vec<String>) -> Pose3 {
     let wanted = match layout {
         WrittenLayout::StrayScanner => Vector3::y(),
@@ -142,7 +142,7 @@ fn upright(clip: &Clip, layout: WrittenLayout, notes: &mut Vec<String>) -> Pose3
     Pose3::from_parts(Translation3::identity(), turn)
 }
 
-/// A remark where the two cameras do not see the same: these layouts have one set of intrinsics.
+/// Returns a note if the views of the two cameras differ: these layouts have one set of intrinsics.
 fn one_camera(frame: &Frame) -> Option<String> {
     let depth = &frame.depth_camera;
     let color = frame.color_camera.resized(depth.width, depth.height);
@@ -157,7 +157,7 @@ fn one_camera(frame: &Frame) -> Option<String> {
     })
 }
 
-/// Whole numbers, 0 where there is no reading; what does not fit is dropped.
+/// Converts depth to integers, 0 for no reading; values that do not fit are dropped.
 fn depth_units(frame: &Frame, units_per_m: f32) -> Vec<u16> {
     let units = |depth_m: &f32| match (depth_m * units_per_m).round() {
         units if units < f32::from(u16::MAX) => units as u16,
@@ -166,7 +166,7 @@ fn depth_units(frame: &Frame, units_per_m: f32) -> Vec<u16> {
     frame.depth.depth_m.iter().map(units).collect()
 }
 
-/// Row after row, with the digits that give the same number back.
+/// Formats a row, with the digits that restore the same numbers.
 fn row(numbers: &[f64], separator: &str) -> String {
     numbers.iter().map(|value| format!("{value}")).collect::<Vec<_>>().join(separator) + "\n"
 }

@@ -1,24 +1,24 @@
-//! What every container can do.
+//! The interface of all containers.
 
 use super::error::ContainerError;
 use super::names::{position, shown};
 use super::region::Region;
 use std::io::Read;
 
-/// Up to this size an entry, or an archive, may unpack to any multiple of what is packed.
+/// Up to this unpacked size, an entry or an archive may have any compression ratio.
 pub(super) const RATIO_FREE_BYTES: u64 = 16 << 20;
 
 /// Named files, readable from several threads at once.
 pub trait Container: Send + Sync {
-    /// Names relative to the container's root, parts separated by `/`, in byte order. Hidden files
-    /// (a part that begins with `.`) and what macOS adds to archives are left out.
+    /// Returns the names relative to the container's root, with `/` between parts, in byte order. Hidden
+    /// files (a part that begins with `.`) and macOS's additions to archives are left out.
     fn names(&self) -> &[String];
 
-    /// The whole file, or [`ContainerError::FileTooLarge`] when it has more than `max_bytes`.
+    /// Returns the whole file, or [`ContainerError::FileTooLarge`] if it has more than `max_bytes`.
     fn read(&self, name: &str, max_bytes: u64) -> Result<Vec<u8>, ContainerError>;
 
-    /// The file as a part of an open file, for readers that seek. An entry that is packed by itself is unpacked into an
-    /// unnamed temporary file first, which is gone with the region; every call does so again.
+    /// Returns the file as a part of an open file, for readers that seek. Every call unpacks a compressed
+    /// entry into an unnamed temporary file, which is deleted with the region.
     fn region(&self, name: &str, max_bytes: u64) -> Result<Region, ContainerError>;
 
     fn contains(&self, name: &str) -> bool {
@@ -26,7 +26,7 @@ pub trait Container: Send + Sync {
     }
 }
 
-/// Reads to the end, but no more than `max_bytes`.
+/// Reads to the end; more than `max_bytes` are an error.
 pub(super) fn read_bounded(
     reader: &mut dyn Read,
     name: &str,
@@ -43,7 +43,7 @@ pub(super) fn read_bounded(
     Ok(bytes)
 }
 
-/// A part of an open file, which the file's own length has been shown to hold, as a file called `name`.
+/// Returns a part of an open file as a file called `name`, if the part lies inside.
 pub(super) fn region_of(
     whole: &Region,
     name: &str,

@@ -1,10 +1,10 @@
-//! Why a container is refused or cannot be read on.
+//! Errors of opening and reading a container.
 
 use super::fault::is_machine_fault;
 use std::io;
 use std::path::Path;
 
-/// Entries of one container, directories included: a hundred thousand frames of four files each.
+/// Maximum number of entries, directories included: a hundred thousand frames of four files each.
 pub const MAX_ENTRIES: usize = 400_000;
 
 /// A refusal: its `Display` is for people, [`ContainerError::code`] for programs.
@@ -73,13 +73,13 @@ pub enum ContainerError {
 }
 
 impl ContainerError {
-    /// Stable name of the refusal, for programs.
+    /// Returns the stable name of the refusal, for programs.
     pub fn code(&self) -> &'static str {
         match self {
             ContainerError::Unreadable { .. } => "unreadable",
             ContainerError::CannotUnpack { .. } => "cannot_unpack",
             ContainerError::Empty => "empty",
-            // To a program it is the same: no archive of a recording.
+            // One code for both: the file is no archive of a recording.
             ContainerError::NotAnArchive | ContainerError::NoTarInside { .. } => "not_an_archive",
             ContainerError::ZipTruncated => "zip_truncated",
             ContainerError::ZipDamaged { .. } => "zip_damaged",
@@ -104,7 +104,7 @@ impl ContainerError {
         }
     }
 
-    /// Whether the machine is at fault and not the file: what is tried again later may go well.
+    /// Returns whether the machine, not the file, is at fault: a retry may succeed.
     pub fn is_ours(&self) -> bool {
         match self {
             ContainerError::CannotUnpack { .. } => true,
@@ -113,7 +113,7 @@ impl ContainerError {
         }
     }
 
-    /// The refusal of a zip archive that could not be read on, unless the machine is at fault.
+    /// Returns the error of a zip archive that cannot be read: damaged, unless the machine is at fault.
     pub(super) fn damaged_zip(name: &str, source: io::Error) -> ContainerError {
         if is_machine_fault(&source) {
             return ContainerError::Unreadable { name: name.to_owned(), source };
@@ -121,7 +121,7 @@ impl ContainerError {
         ContainerError::ZipDamaged { reason: format!("{name}: {source}") }
     }
 
-    /// Only the last part of the path is told: the rest is the host's business.
+    /// Returns an error with only the last part of the path: the rest is private to the host.
     pub(crate) fn unreadable(path: &Path, source: io::Error) -> ContainerError {
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         ContainerError::Unreadable { name, source }

@@ -1,10 +1,10 @@
-//! Which I/O errors are faults of the machine.
+//! Classification of I/O errors as faults of the machine.
 
 use std::error::Error;
 use std::io::{self, ErrorKind};
 
-/// Returns whether an I/O error is a fault of the machine and not of the file's content: no descriptors, no memory, a
-/// full or failing disk, a file that is away. The same operation may succeed later.
+/// Returns whether an I/O error is a fault of the machine, not of the file's content: no descriptors, no
+/// memory, a full or failing disk, a missing file. The same operation may succeed later.
 pub fn is_machine_fault(error: &io::Error) -> bool {
     if is_direct(error) {
         return true;
@@ -40,7 +40,7 @@ fn is_direct(error: &io::Error) -> bool {
     }
 }
 
-/// Errors without an [`ErrorKind`] of their own.
+/// Returns whether an error without an [`ErrorKind`] of its own is a fault of the machine.
 #[cfg(unix)]
 fn has_fault_number(error: &io::Error) -> bool {
     use rustix::io::Errno;

@@ -6,10 +6,10 @@ use super::{Container, ContainerError, MAX_ENTRIES, Region};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-/// Levels of folders that are looked into.
+/// Number of folder levels that are searched.
 const MAX_DEPTH: usize = 8;
 
-/// The files below a folder. Links to files are followed as long as they stay inside; links to folders are not.
+/// The files below a folder. Links to files inside it are followed, links to folders are not.
 pub struct Folder {
     root: PathBuf,
     names: Vec<String>,
@@ -54,7 +54,7 @@ impl Folder {
         Ok(())
     }
 
-    /// Whether a link leads to a file inside the folder; links that lead nowhere or to folders are not files.
+    /// Returns whether a link leads to a file inside the folder; broken links and links to folders do not.
     fn link_is_file(&self, name: &str) -> Result<bool, ContainerError> {
         let Ok(target) = fs::canonicalize(self.root.join(name)) else { return Ok(false) };
         if !target.starts_with(&self.root) {

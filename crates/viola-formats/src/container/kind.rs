@@ -1,16 +1,16 @@
-//! What a file is, by its first bytes.
+//! Detection of a file's kind by its first bytes.
 
-/// The containers that are told apart.
+/// Kinds of containers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Zip,
     Tar,
     Packed(Packing),
-    /// None of these: a file that stands for itself.
+    /// Any other file.
     Other,
 }
 
-/// What a whole archive is packed with.
+/// Compression of a whole archive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Packing {
     Gzip,
@@ -27,7 +27,7 @@ impl Packing {
 }
 
 impl Kind {
-    /// As many bytes from the beginning are looked at: one block of a tar archive.
+    /// Number of first bytes that are examined: one block of a tar archive.
     pub const HEAD_BYTES: usize = 512;
 
     pub fn of(head: &[u8]) -> Kind {
@@ -39,13 +39,13 @@ impl Kind {
         if head.starts_with(&[0x1f, 0x8b, 8]) {
             return Kind::Packed(Packing::Gzip);
         }
-        // RFC 8878, section 3.1.1; a frame to be skipped (3.1.2) may come first, as pzstd writes it.
+        // RFC 8878, section 3.1.1; a skippable frame (3.1.2) may come first, as pzstd writes it.
         if let Some(magic) = head.first_chunk().map(|bytes| u32::from_le_bytes(*bytes))
             && (magic == 0xfd2f_b528 || magic & 0xffff_fff0 == 0x184d_2a50)
         {
             return Kind::Packed(Packing::Zstd);
         }
-        // POSIX.1-1988 and later have a zero behind it, GNU tar a space. Older archives have nothing to know them by.
+        // POSIX.1-1988 and later have a zero after it, GNU tar a space. Older archives have no magic number.
         if head.get(257..262) == Some(b"ustar") { Kind::Tar } else { Kind::Other }
     }
 }

@@ -2,12 +2,12 @@
 
 use super::{ContainerError, MAX_ENTRIES};
 
-/// Length of an entry's name in bytes.
+/// Maximum length of an entry's name in bytes.
 pub(super) const MAX_NAME_BYTES: usize = 1024;
-/// Length of all names together: more than 150 bytes for each of the most entries.
+/// Maximum length of all names together: more than 150 bytes for each of `MAX_ENTRIES`.
 const MAX_NAMES_BYTES: usize = 64 << 20;
 
-/// Gathers an archive's entries, with what is known of each.
+/// Collects an archive's entries and their data.
 pub(super) struct Entries<T> {
     found: Vec<(String, T)>,
     names_bytes: usize,
@@ -18,7 +18,7 @@ impl<T> Entries<T> {
         Entries { found: Vec::new(), names_bytes: 0 }
     }
 
-    /// Takes a name that [`safe_name`] has checked.
+    /// Adds an entry whose name [`safe_name`] has checked.
     pub fn push(&mut self, name: String, entry: T) -> Result<(), ContainerError> {
         self.names_bytes += name.len();
         if self.found.len() >= MAX_ENTRIES || self.names_bytes > MAX_NAMES_BYTES {
@@ -28,8 +28,8 @@ impl<T> Entries<T> {
         Ok(())
     }
 
-    /// The names in byte order and what belongs to each. Names that occur twice are refused, also among those that are
-    /// then left out because nobody reads them.
+    /// Returns the names in byte order, and the data of each. Duplicate names are refused, also among ignored
+    /// entries.
     pub fn finish(mut self) -> Result<(Vec<String>, Vec<T>), ContainerError> {
         self.found.sort_unstable_by(|(a, _), (b, _)| a.cmp(b));
         if let Some(twice) = self.found.windows(2).find(|pair| pair[0].0 == pair[1].0) {
@@ -40,17 +40,17 @@ impl<T> Entries<T> {
     }
 }
 
-/// Where a name is in a sorted list of names.
+/// Returns the index of a name in a sorted list.
 pub(super) fn position(names: &[String], name: &str) -> Option<usize> {
     names.binary_search_by(|n| n.as_str().cmp(name)).ok()
 }
 
-/// [`position`], or the refusal of whoever asks for what is not there.
+/// Returns the [`position`] of a name, or [`ContainerError::Missing`].
 pub(super) fn required(names: &[String], name: &str) -> Result<usize, ContainerError> {
     position(names, name).ok_or_else(|| ContainerError::Missing { name: shown(name) })
 }
 
-/// An archive's name for an entry with `/` as the only separator, or a refusal when it leads out.
+/// Returns an entry's name with `/` as the only separator, or an error if it leads out.
 pub(super) fn safe_name(raw: &str) -> Result<String, ContainerError> {
     let escapes = || ContainerError::PathEscapes { name: shown(raw) };
     let name = raw.replace('\\', "/");
@@ -69,12 +69,12 @@ pub(super) fn safe_name(raw: &str) -> Result<String, ContainerError> {
     Ok(parts.join("/"))
 }
 
-/// A name as messages show it: short, and without control characters.
+/// Formats a name for messages: short, and without control characters.
 pub(super) fn shown(raw: &str) -> String {
     raw.chars().take(120).map(|c| if c.is_control() { '?' } else { c }).collect()
 }
 
-/// Whether a checked name is of no interest: hidden, or macOS's resource forks.
+/// Returns whether a checked name is ignored: hidden files and macOS's resource forks.
 pub(super) fn is_ignored(name: &str) -> bool {
     name.is_empty() || name.split('/').any(|part| part.starts_with('.') || part == "__MACOSX")
 }

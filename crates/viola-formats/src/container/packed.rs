@@ -1,4 +1,4 @@
-//! A tar archive that was packed as a whole: unpacked once, as a stream, into a temporary file.
+//! A tar archive compressed as a whole: unpacked once, as a stream, into a temporary file.
 
 mod gzip;
 mod zstd;
@@ -10,16 +10,16 @@ use super::{Container, ContainerError, Region, is_machine_fault, tar::Tar};
 use std::cell::Cell;
 use std::io::{self, BufReader, Read};
 
-/// Unpacked size of one archive. It lies on the disk as long as the archive is open.
+/// Maximum unpacked size of one archive. It stays on disk as long as the archive is open.
 const MAX_SPOOLED_BYTES: u64 = 16 << 30;
-/// Unpacked bytes for each packed one. It is less than for a zip, because all of it is unpacked: text and raw pictures
-/// stay below 50, and the pictures of a recording are packed already.
+/// Maximum ratio of unpacked to packed bytes. It is lower than a zip's, because everything is unpacked: text
+/// and raw pictures stay below 50, and a recording's pictures are compressed already.
 const MAX_SPOOLED_RATIO: u64 = 50;
-/// Members of a gzip file, frames of a zstd file. Packers that work in parallel make one for each 64 KiB or more.
+/// Maximum number of gzip members or zstd frames. Parallel packers make one per 64 KiB or more.
 const MAX_PIECES: u32 = 1 << 19;
 const BUFFER_BYTES: usize = 64 << 10;
 
-/// Unpacks a file that must hold a tar archive, and looks at its headers.
+/// Unpacks a file that must hold a tar archive, and reads its headers.
 pub(super) fn open(packed: &Region, packing: Packing) -> Result<Box<dyn Container>, ContainerError> {
     let ended = Cell::new(false);
     let source = BufReader::with_capacity(BUFFER_BYTES, Watched { reader: packed.reader(), ended: &ended });
@@ -29,7 +29,7 @@ pub(super) fn open(packed: &Region, packing: Packing) -> Result<Box<dyn Containe
     };
     let failed = |error: io::Error| refusal(error, packing, ended.get());
 
-    // What is no archive is not unpacked any further.
+    // A file without an archive is not unpacked further.
     let mut head = Vec::new();
     reader.by_ref().take(Kind::HEAD_BYTES as u64).read_to_end(&mut head).map_err(failed)?;
     if Kind::of(&head) != Kind::Tar {
@@ -41,7 +41,7 @@ pub(super) fn open(packed: &Region, packing: Packing) -> Result<Box<dyn Containe
     Ok(Box::new(Tar::index(spool(&mut whole, "the archive", max_bytes, bomb, failed)?)?))
 }
 
-/// Notices that somebody wanted more than there is: a stream that fails then was cut, any other is damaged.
+/// Records a read at the end: a stream that fails after it is truncated, any other is damaged.
 struct Watched<'a, R> {
     reader: R,
     ended: &'a Cell<bool>,
@@ -69,7 +69,7 @@ fn refusal(error: io::Error, packing: Packing, ended: bool) -> ContainerError {
     }
 }
 
-/// The refusal of a stream in too many pieces, each of which costs time even where it holds nothing.
+/// Returns the error of too many pieces: each one costs time, even if it is empty.
 fn too_many_pieces(packing: Packing) -> io::Error {
     io::Error::other(ContainerError::PackingPieces { packing: packing.name(), max: MAX_PIECES })
 }

@@ -7,20 +7,20 @@ use std::io::{self, Read, Seek, SeekFrom};
 #[derive(Debug)]
 pub struct Region {
     pub file: File,
-    /// Where the part begins, in bytes.
+    /// Start of the part, in bytes.
     pub offset: u64,
-    /// How long it is.
+    /// Length of the part, in bytes.
     pub bytes: u64,
 }
 
 impl Region {
-    /// The whole file.
+    /// Returns the whole file.
     pub fn whole(file: File) -> io::Result<Region> {
         let bytes = file.metadata()?.len();
         Ok(Region { file, offset: 0, bytes })
     }
 
-    /// A part of this part, which must lie inside of it.
+    /// Returns a part of this part, which must lie inside it.
     pub fn part(&self, at: u64, bytes: u64) -> io::Result<Region> {
         let inside = at.checked_add(bytes).is_some_and(|end| end <= self.bytes);
         let offset = self.offset.checked_add(at).filter(|_| inside);
@@ -28,7 +28,7 @@ impl Region {
         Ok(Region { file: self.file.try_clone()?, offset, bytes })
     }
 
-    /// Fills as much of `buffer` as there is from `at` on, counted from the part's beginning; 0 at its end.
+    /// Reads as much of `buffer` as there is from `at`, counted from the part's start; returns 0 at its end.
     pub fn read_at(&self, at: u64, buffer: &mut [u8]) -> io::Result<usize> {
         let left = self.bytes.saturating_sub(at);
         let take = buffer.len().min(usize::try_from(left).unwrap_or(usize::MAX));
@@ -39,7 +39,7 @@ impl Region {
         read_file_at(&self.file, &mut buffer[..take], offset)
     }
 
-    /// Fills `buffer`, or fails with [`io::ErrorKind::UnexpectedEof`] where the part ends before.
+    /// Fills `buffer`, or fails with [`io::ErrorKind::UnexpectedEof`] if the part ends before.
     pub fn read_exact_at(&self, mut at: u64, mut buffer: &mut [u8]) -> io::Result<()> {
         while !buffer.is_empty() {
             match self.read_at(at, buffer) {
@@ -55,7 +55,7 @@ impl Region {
         Ok(())
     }
 
-    /// A reader over just this part, with a position of its own. It does not buffer.
+    /// Returns an unbuffered reader of this part, with its own position.
     pub fn reader(&self) -> RegionReader<'_> {
         RegionReader { region: self, at: 0 }
     }
@@ -66,13 +66,13 @@ fn read_file_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<usize
     std::os::unix::fs::FileExt::read_at(file, buffer, offset)
 }
 
-/// Moves the file's own position, which nobody here relies on.
+/// Moves the file's own position, which is not used here.
 #[cfg(windows)]
 fn read_file_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<usize> {
     std::os::windows::fs::FileExt::seek_read(file, buffer, offset)
 }
 
-/// Reads and seeks in a [`Region`]: 0 is where it begins.
+/// Reads and seeks in a [`Region`]; position 0 is its start.
 #[derive(Debug, Clone)]
 pub struct RegionReader<'a> {
     region: &'a Region,

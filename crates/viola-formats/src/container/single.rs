@@ -5,7 +5,7 @@ use super::names::required;
 use super::{Container, ContainerError, Region};
 use std::path::Path;
 
-/// Length of the name in characters.
+/// Maximum length of the name in characters.
 const MAX_NAME_CHARS: usize = 200;
 
 /// One open file.
@@ -15,11 +15,11 @@ pub struct Single {
 }
 
 impl Single {
-    /// The name is that of the file where it can be one in a container; nothing is found by it.
+    /// Names the file as its path does, with characters replaced that are invalid in a container.
     pub(super) fn new(region: Region, path: &Path) -> Single {
         let own = path.file_name().unwrap_or_default().to_string_lossy();
         let plain = |c: char| if c.is_control() || matches!(c, '/' | '\\' | ':') { '_' } else { c };
-        // A dot in front would hide it.
+        // A leading dot would hide it.
         let name: String = own.trim_start_matches('.').chars().take(MAX_NAME_CHARS).map(plain).collect();
         let name = if name.is_empty() { "file".to_owned() } else { name };
         Single { region, names: [name] }

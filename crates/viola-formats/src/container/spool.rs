@@ -1,12 +1,12 @@
-//! What is unpacked on its way, in an unnamed file that is gone when nobody has it open.
+//! Unpacks a stream into an unnamed temporary file, which is deleted when it is closed.
 
 use super::{ContainerError, Region};
 use std::io::{self, Read, Write};
 
 const CHUNK_BYTES: usize = 128 << 10;
 
-/// Copies to the end into a temporary file. More than `max_bytes` end in `too_many()`, a reader that fails in
-/// `unreadable(error)`; `name` is what the message tells when there is no room.
+/// Copies a stream into a temporary file. More than `max_bytes` return `too_many()`, a failed read
+/// `unreadable(error)`; `name` is for the message of a full disk.
 pub(super) fn spool(
     reader: &mut dyn Read,
     name: &str,

@@ -1,5 +1,5 @@
-//! A tar archive, read entry by entry where they lie (POSIX.1-2017, pax, "ustar Interchange Format"; GNU tar manual,
-//! "Basic Tar Format").
+//! A tar archive whose entries are read in place (POSIX.1-2017, pax, "ustar Interchange Format"; GNU tar
+//! manual, "Basic Tar Format").
 
 mod extended;
 mod headers;
@@ -9,16 +9,16 @@ use super::names::{Entries, required, safe_name};
 use super::{Container, ContainerError, Region};
 use headers::{Entry, Headers};
 
-/// A checked archive: where each file lies in memory, the files where they are.
+/// A checked archive: its index is in memory, its files stay in place.
 pub struct Tar {
     region: Region,
     names: Vec<String>,
-    /// Offset and length in bytes, one for each name; both have been shown to lie in the archive.
+    /// Offset and length in bytes, one for each name; both are checked to lie in the archive.
     extents: Vec<(u64, u64)>,
 }
 
 impl Tar {
-    /// Goes over all headers once.
+    /// Reads all headers once.
     pub(super) fn index(region: Region) -> Result<Tar, ContainerError> {
         let mut entries = Entries::new();
         for entry in Headers::of(&region) {

@@ -14,11 +14,11 @@ use std::fs::File;
 use std::io::{BufReader, Cursor, ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// Declared size of one entry, unpacked: a large mesh beside the pictures passes, a bomb does not.
+/// Maximum declared size of one entry, unpacked: a large mesh beside the pictures passes, a bomb does not.
 const MAX_ENTRY_BYTES: u64 = 4 << 30;
-/// Declared size of all entries, unpacked.
+/// Maximum declared size of all entries, unpacked.
 const MAX_TOTAL_BYTES: u64 = 64 << 30;
-/// Unpacked bytes for each packed one. Deflate reaches 1030 on zeros; text and raw pictures stay below 50.
+/// Maximum unpacked bytes per packed one. Deflate reaches 1030 on zeros; text and raw pictures stay below 50.
 const MAX_RATIO: u64 = 200;
 
 trait ReadSeek: Read + Seek + Send + Sync {}
@@ -30,7 +30,7 @@ enum Source {
 }
 
 impl Source {
-    /// A reader of its own for whoever asks, so that threads do not wait for each other.
+    /// Returns a new reader for each caller, so that threads do not wait for each other.
     fn reader(&self) -> Result<Box<dyn ReadSeek + '_>, ContainerError> {
         match self {
             Source::Path(path) => match File::open(path) {
@@ -42,7 +42,7 @@ impl Source {
     }
 }
 
-/// A checked archive: its directory in memory, its entries where they are.
+/// A checked archive: its directory is in memory, its entries stay in place.
 pub struct Zip {
     source: Source,
     names: Vec<String>,
@@ -62,7 +62,7 @@ impl Zip {
     fn check(source: Source) -> Result<Zip, ContainerError> {
         let mut reader = BufReader::new(source.reader()?);
         let packed_bytes = check_footer(&mut reader)?;
-        // A known offset keeps the crate from searching a whole file for a directory that lies elsewhere.
+        // A known offset keeps the crate from searching the whole file for the directory.
         let config = Config { archive_offset: ArchiveOffset::Known(0) };
         let directory = ZipArchive::with_config(config, reader).map_err(damaged)?.metadata();
         if directory.has_duplicate_names() {
@@ -106,7 +106,7 @@ impl Zip {
         Ok(Zip { source, names, entries })
     }
 
-    /// The entry, if it declares no more than `max_bytes`.
+    /// Returns the entry, if it declares no more than `max_bytes`.
     fn sized(&self, name: &str, max_bytes: u64) -> Result<Entry, ContainerError> {
         let entry = self.entries[required(&self.names, name)?];
         if entry.bytes > max_bytes {
@@ -115,7 +115,7 @@ impl Zip {
         Ok(entry)
     }
 
-    /// A stored entry of an archive on the disk, where it is. Its checksum is not checked.
+    /// Returns a stored entry of an archive on disk, in place. Its checksum is not checked.
     fn stored(&self, path: &Path, name: &str, entry: Entry) -> Result<Region, ContainerError> {
         let unreadable = |source| ContainerError::unreadable(path, source);
         let mut file = File::open(path).map_err(unreadable)?;
@@ -138,7 +138,7 @@ impl Container for Zip {
     fn read(&self, name: &str, max_bytes: u64) -> Result<Vec<u8>, ContainerError> {
         let entry = self.sized(name, max_bytes)?;
         let mut file = entry.reader(self.source.reader()?, name)?;
-        // An entry that unpacks to more than it declares has lied to the checks above.
+        // An entry that unpacks to more than its declared size has evaded the checks at opening.
         match read_bounded(&mut file, name, entry.bytes) {
             Err(ContainerError::FileTooLarge { name, .. }) => Err(larger_than_declared(&name)),
             Err(ContainerError::Unreadable { name, source }) => {
@@ -185,10 +185,10 @@ fn damaged(error: ZipError) -> ContainerError {
     }
 }
 
-/// Looks at the beginning and the end of the file before the crate does, and returns the file's size.
+/// Checks the start and the end of the file before the crate does, and returns the file's size.
 ///
-/// The crate allocates for as many entries as the end says. A plain end record cannot say more than
-/// 65 535; a zip64 record can, so every one that the crate could take is looked at here.
+/// The crate allocates for the number of entries in the end record. A plain end record has at most 65 535; a
+/// zip64 record can have more, so every one that the crate could use is checked here.
 fn check_footer(reader: &mut (impl Read + Seek)) -> Result<u64, ContainerError> {
     const END: [u8; 4] = *b"PK\x05\x06";
     const LOCATOR: [u8; 4] = *b"PK\x06\x07";

@@ -1,11 +1,11 @@
-//! From what a format's reader found to a checked [`LidarMap`] with its [`LidarInfo`].
+//! Builds a checked [`LidarMap`] with its [`LidarInfo`] from the result of a format's reader.
 
 use super::strays::drop_strays;
 use super::{Cell, LidarError, LidarInfo, LidarMap, MAX_POINTS, MAX_SIDE_M, MapMarks, Room, RoomInfo};
 use std::collections::HashSet;
 use viola_geometry::{Grid, GridFrame, Point2, Pose2};
 
-/// What the reader of one format found.
+/// The result of one format's reader.
 pub(super) struct Parts {
     pub format: &'static str,
     pub frame: &'static str,
@@ -18,15 +18,15 @@ pub(super) struct Parts {
     pub notes: Vec<String>,
 }
 
-/// Drops points that are there twice and stray ones, refuses a map without any or one that is larger than a home, and describes
-/// the rest.
+/// Drops duplicate and stray points, refuses a map without points or larger than a home, and builds its
+/// summary.
 pub(super) fn build(mut parts: Parts) -> Result<LidarMap, LidarError> {
     if parts.occupied_m.len() > MAX_POINTS {
         return Err(LidarError::TooManyPoints { max: MAX_POINTS });
     }
     let all = parts.occupied_m.len();
     let mut seen = HashSet::with_capacity(all);
-    // Adding zero makes -0 and 0 the same point.
+    // Adding zero makes -0 and 0 equal.
     parts.occupied_m.retain(|p| seen.insert(((p.x + 0.0).to_bits(), (p.y + 0.0).to_bits())));
     if parts.occupied_m.len() < all {
         parts
@@ -84,7 +84,7 @@ pub(super) fn build(mut parts: Parts) -> Result<LidarMap, LidarError> {
     Ok(LidarMap { info, occupied_m, cells, rooms, charger, carpet_m })
 }
 
-/// The part of a grid that is known. Robots write sheets of which a home fills a tenth.
+/// Returns the known part of a grid. A home fills about a tenth of a robot's sheet.
 fn crop(grid: Grid<Cell>) -> Grid<Cell> {
     let GridFrame { origin_m, cell_m, width, height } = grid.frame;
     let (mut left, mut right, mut bottom, mut top) = (width, 0, height, 0);
@@ -106,7 +106,7 @@ fn crop(grid: Grid<Cell>) -> Grid<Cell> {
     Grid { frame, cells: rows.flat_map(|row| &row[left..right]).copied().collect() }
 }
 
-/// The centres of the occupied cells, row after row from the bottom.
+/// Returns the centres of the occupied cells, row by row from the bottom.
 pub(super) fn occupied_centres(grid: &Grid<Cell>) -> Result<Vec<Point2>, LidarError> {
     let width = grid.frame.width;
     let occupied = || grid.cells.iter().enumerate().filter(|(_, cell)| **cell == Cell::Occupied);

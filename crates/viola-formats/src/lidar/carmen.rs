@@ -1,5 +1,5 @@
-//! CARMEN logs made into maps: laser scans of a robot, with where its wheels say that it was. The messages are those
-//! of CARMEN's `logger_playback` page.
+//! Maps from CARMEN logs: laser scans of a robot with its wheel odometry. The messages are those of CARMEN's
+//! `logger_playback` page.
 //!
 //! The map's frame is the log's odometry frame, held at its first scan.
 
@@ -14,15 +14,15 @@ use scan::Scan;
 use std::f64::consts::PI;
 use viola_geometry::{Point2, Pose2, angle_between};
 
-/// Scans closer to the last one that was taken tell little more.
+/// Minimum motion between two used scans: closer ones add little.
 const SCAN_STEP_M: f64 = 0.15;
 const SCAN_STEP_RAD: f64 = 0.14;
-/// Scans of one log: 600 m of driving.
+/// Maximum number of scans of one log: 600 m of driving.
 const MAX_SCANS: usize = 4_000;
 const MAX_READINGS: usize = 4_096;
-/// Readings that are kept of a scan.
+/// Maximum number of readings that are used of a scan.
 const KEPT_READINGS: usize = 361;
-/// Farther readings are of outdoors, of glass, or no reading at all.
+/// Farther readings are outdoors, glass, or invalid.
 const MAX_RANGE_M: f64 = 30.0;
 const MIN_RANGE_M: f64 = 0.02;
 const MAX_POSITION_M: f64 = 1e4;
@@ -41,7 +41,7 @@ const MESSAGES: [&str; 12] = [
     "BUMPER",
 ];
 
-/// A line with a scan, as it stands in the log.
+/// A line with a scan of the log.
 struct Message {
     pose: Pose2,
     start_rad: f64,
@@ -50,7 +50,7 @@ struct Message {
     ranges_m: Vec<f64>,
 }
 
-/// Whether the first line that is no comment is a message of CARMEN's.
+/// Returns whether the first line that is not a comment is a message of CARMEN's.
 pub(super) fn is_log(text: &[u8]) -> bool {
     let mut lines = text.split(|b| *b == b'\n').map(<[u8]>::trim_ascii);
     let first = lines.find(|line| !line.is_empty() && !line.starts_with(b"#"));
@@ -84,7 +84,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     })
 }
 
-/// The scans of the front laser at which the robot had moved.
+/// Returns the front laser's scans, at least the minimum motion apart.
 fn scans(bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<Scan>, LidarError> {
     let mut scans: Vec<Scan> = Vec::new();
     let (mut old, mut is_full) = (false, false);
@@ -134,12 +134,12 @@ fn scans(bytes: &[u8], notes: &mut Vec<String>) -> Result<Vec<Scan>, LidarError>
     Ok(scans)
 }
 
-/// `FLASER n ranges... x y theta odom_x odom_y odom_theta time host time`
+/// Parses `FLASER n ranges... x y theta odom_x odom_y odom_theta time host time`.
 fn old_message<'a>(mut words: impl Iterator<Item = &'a str>) -> Option<Message> {
     let count: usize = words.next()?.parse().ok()?;
     let ranges_m = numbers(&mut words, count)?;
     let [x_m, y_m, yaw_rad] = array(&mut words)?;
-    // 181 readings are one at each degree with both ends, 180 leave out the last.
+    // 181 readings cover each degree with both ends, 180 omit the last.
     let gaps = if count % 2 == 1 { count.saturating_sub(1) } else { count }.max(1);
     Some(Message {
         pose: Pose2::new(x_m, y_m, yaw_rad),
@@ -150,8 +150,8 @@ fn old_message<'a>(mut words: impl Iterator<Item = &'a str>) -> Option<Message> 
     })
 }
 
-/// `ROBOTLASER1 type start fov step max accuracy remission_mode n ranges... m remissions... laser_x laser_y
-/// laser_theta robot_x ...`
+/// Parses `ROBOTLASER1 type start fov step max accuracy remission_mode n ranges... m remissions... laser_x
+/// laser_y laser_theta robot_x ...`.
 fn message<'a>(mut words: impl Iterator<Item = &'a str>) -> Option<Message> {
     let [_, start_rad, fov_rad, step_rad, max_range_m, _, _] = array(&mut words)?;
     let count: usize = words.next()?.parse().ok()?;
@@ -163,13 +163,13 @@ fn message<'a>(mut words: impl Iterator<Item = &'a str>) -> Option<Message> {
     if !is_angle(start_rad) || !is_angle(fov_rad) || !is_angle(step_rad) || count == 0 {
         return None;
     }
-    // Some loggers leave the step out.
+    // Some loggers omit the step.
     let step_rad = if step_rad == 0.0 { fov_rad / count as f64 } else { step_rad };
     let max_range_m = if max_range_m > 0.0 { max_range_m.min(MAX_RANGE_M) } else { MAX_RANGE_M };
     Some(Message { pose: Pose2::new(x_m, y_m, yaw_rad), start_rad, step_rad, max_range_m, ranges_m })
 }
 
-/// `count` numbers; no more are read than a laser has readings.
+/// Parses `count` numbers, at most `MAX_READINGS`.
 fn numbers<'a>(words: &mut impl Iterator<Item = &'a str>, count: usize) -> Option<Vec<f64>> {
     if count > MAX_READINGS {
         return None;
@@ -185,7 +185,7 @@ impl Message {
     fn hits_m(&self) -> Vec<Point2> {
         let every = self.ranges_m.len().div_ceil(KEPT_READINGS).max(1);
         let readings = self.ranges_m.iter().enumerate().step_by(every);
-        // A reading of the longest range is none. NaN fails both comparisons.
+        // A reading at the maximum range is no hit. NaN fails both comparisons.
         let hits = readings.filter(|(_, range)| **range > MIN_RANGE_M && **range < self.max_range_m - 0.01);
         hits.map(|(index, range)| {
             let (s, c) = (self.start_rad + index as f64 * self.step_rad).sin_cos();

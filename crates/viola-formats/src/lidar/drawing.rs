@@ -1,6 +1,5 @@
-//! A map as robots draw it: layers of cells on a sheet, and marks. The readers of robot files only find out
-//! what is drawn; what it means is here, so that a robot's own file and the Valetudo JSON made of it give the
-//! same map.
+//! A robot's map: layers of cells on a sheet, and marks. The readers of robot files only collect them. Their
+//! interpretation is here, so that a robot's own file and the Valetudo JSON made of it give the same map.
 
 use super::build::{Parts, build, occupied_centres};
 use super::marks::{MAX_CORNERS, MapMarks};
@@ -9,10 +8,10 @@ use super::{Cell, LidarError, LidarMap, Line, LineKind, MAX_POINTS, Room, Zone, 
 use viola_geometry::{Grid, Pose2};
 
 const MAX_NAME_CHARS: usize = 100;
-/// Below this many wall cells for each cell around the floor, the walls are taken from the floor's border.
+/// Below this ratio of wall cells to cells around the floor, the floor's border becomes walls.
 const MIN_WALL_SHARE: f64 = 0.25;
 
-/// A map before it is made of its layers.
+/// Layers and marks, before the map is made of them.
 pub(super) struct Drawing {
     pub format: &'static str,
     pub frame: &'static str,
@@ -20,9 +19,9 @@ pub(super) struct Drawing {
     pub layers: Vec<Layer>,
     pub charger: Option<Spot>,
     pub robot: Option<Spot>,
-    /// Its robot is taken from `robot`.
+    /// `robot` replaces the robot in it.
     pub marks: MapMarks,
-    /// Cells in which the robot felt carpet.
+    /// Cells in which the robot detected carpet.
     pub carpet: Vec<Run>,
     pub notes: Vec<String>,
 }
@@ -40,7 +39,7 @@ pub(super) enum LayerKind {
         name: Option<String>,
         material: Option<String>,
     },
-    /// Something that this crate does not know.
+    /// A kind that this crate does not know.
     Other,
 }
 
@@ -79,7 +78,7 @@ impl Drawing {
         }
     }
 
-    /// Adds a zone of corners in centimetres on the sheet; fewer than three are none.
+    /// Adds a zone of corners in centimetres on the sheet; a zone of fewer than three is ignored.
     pub fn add_zone(&mut self, kind: ZoneKind, corners_cm: &[[f64; 2]]) {
         let outline_m = self.points_m(corners_cm);
         match outline_m {
@@ -113,7 +112,7 @@ impl Drawing {
         let sheet = self.sheet;
         let mut grid = sheet.grid_around(runs())?;
         let (mut rooms, mut unknown_layers) = (Vec::new(), 0);
-        // Walls are written over floors, whatever the layers' order.
+        // Walls are written over floors, in any order of the layers.
         for Layer { kind, runs } in &self.layers {
             match kind {
                 LayerKind::Wall => {}
@@ -156,12 +155,12 @@ impl Drawing {
     }
 }
 
-/// Names go into every answer about the map.
+/// Shortens a name: names are part of every answer about the map.
 pub(super) fn shorten(name: &str) -> String {
     name.chars().filter(|c| !c.is_control()).take(MAX_NAME_CHARS).collect()
 }
 
-/// Some early robots (Dreame 1C) hardly store walls. Where the floor ends there is one.
+/// Adds walls at the floor's border if the map has few: some early robots (Dreame 1C) hardly store walls.
 fn add_floor_border(grid: &mut Grid<Cell>, notes: &mut Vec<String>) {
     let (width, height) = (grid.frame.width, grid.frame.height);
     let walls = grid.cells.iter().filter(|cell| **cell == Cell::Occupied).count();

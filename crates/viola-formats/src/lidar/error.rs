@@ -1,4 +1,4 @@
-//! Why a LiDAR map is refused.
+//! Errors of reading a LiDAR map.
 
 use crate::container::{ContainerError, is_machine_fault};
 
@@ -57,7 +57,7 @@ pub enum LidarError {
 }
 
 impl LidarError {
-    /// Whether the machine is at fault and not the map: what is tried again later may go well.
+    /// Returns whether the machine, not the map, is at fault: a retry may succeed.
     pub fn is_ours(&self) -> bool {
         match self {
             LidarError::Unreadable { source, .. } => is_machine_fault(source),
@@ -66,7 +66,7 @@ impl LidarError {
         }
     }
 
-    /// Stable name of the refusal, for programs.
+    /// Returns the stable name of the refusal, for programs.
     pub fn code(&self) -> &'static str {
         match self {
             LidarError::Unreadable { .. } => "unreadable",

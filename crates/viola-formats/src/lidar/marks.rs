@@ -1,37 +1,36 @@
-//! What a robot's software drew on a map beside its cells: where the robot is, where it must not go, what
-//! it found in its way.
+//! Marks of a robot's software on a map: the robot's pose, zones, lines and obstacles.
 
 use super::LidarInfo;
 use serde::{Deserialize, Serialize};
 use viola_geometry::Pose2;
 
-/// Marks of one kind that are kept; they are part of every answer about the map.
+/// Maximum number of marks of one kind; they are part of every answer about the map.
 pub(super) const MAX_MARKS: usize = 500;
-/// Corners of a zone.
+/// Maximum number of corners of a zone.
 pub(super) const MAX_CORNERS: usize = 64;
 
 /// Marks on a map, in the map's frame.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct MapMarks {
-    /// Where the robot stood when the map was written; yaw is where it faced.
+    /// Pose of the robot when the map was written; yaw is its heading.
     pub robot: Option<Pose2>,
     pub zones: Vec<Zone>,
     pub lines: Vec<Line>,
     pub obstacles: Vec<Obstacle>,
-    /// Area of the cells in which the robot felt carpet, in square metres.
+    /// Area of the cells in which the robot detected carpet, in square metres.
     pub carpet_m2: f64,
 }
 
-/// An area that somebody drew, or that the robot made out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// An area that a user drew or the robot detected.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Zone {
     pub kind: ZoneKind,
     /// Its corners in order, in metres.
     pub outline_m: Vec<[f64; 2]>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ZoneKind {
     /// The robot must not enter.
@@ -45,14 +44,14 @@ pub enum ZoneKind {
 }
 
 /// A line on the floor.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Line {
     pub kind: LineKind,
     /// Its two ends, in metres.
     pub ends_m: [[f64; 2]; 2],
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LineKind {
     /// The robot must not cross it.
@@ -61,18 +60,17 @@ pub enum LineKind {
     Curtain,
 }
 
-/// Something that the robot's camera saw on the floor.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+/// An object on the floor that the robot's camera detected.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Obstacle {
-    /// What the robot took it for, with its confidence, in the words of its software.
+    /// Class and confidence, in the words of the robot's software.
     pub label: String,
-    /// In metres.
+    /// Position, in metres.
     pub at_m: [f64; 2],
 }
 
 impl MapMarks {
-    /// Puts the marks in an order that does not depend on the file's, and keeps no more than a reader of the
-    /// answer would look at.
+    /// Sorts zones and lines by kind, and keeps at most `MAX_MARKS` zones, lines and obstacles.
     pub(super) fn settle(&mut self, notes: &mut Vec<String>) {
         self.zones.sort_by_key(|zone| zone.kind);
         self.lines.sort_by_key(|line| line.kind);
@@ -90,7 +88,7 @@ impl MapMarks {
 }
 
 impl LidarInfo {
-    /// How many marks there are, in words; empty without any.
+    /// Returns the number of marks in words; empty without any.
     pub fn marks_in_words(&self) -> String {
         let count = |number: usize, one: &str| match number {
             0 => None,

@@ -1,4 +1,4 @@
-//! Bare points: what CSV, PLY and PCD files have in common.
+//! Bare points, common to CSV, PLY and PCD files.
 
 mod csv;
 mod pcd;
@@ -13,10 +13,10 @@ use super::build::{Parts, build};
 use super::{LidarError, LidarMap, MAX_POINTS, MapMarks};
 use viola_geometry::Point2;
 
-/// Points further away than this from the origin are no home's, in metres.
+/// Points further than this from the origin, in metres, are dropped.
 const MAX_DISTANCE_M: f64 = 1e5;
 
-/// Points as they come in.
+/// Points collected from a file.
 #[derive(Default)]
 struct Cloud {
     points: Vec<Point2>,

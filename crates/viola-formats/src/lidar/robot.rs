@@ -1,4 +1,4 @@
-//! The files that robots write themselves: no text, a vendor's own layout, often compressed.
+//! Robots' own files: in a vendor's layout, often compressed.
 
 mod dreame;
 mod roborock;
@@ -11,19 +11,19 @@ use super::{LidarError, LidarMap, valetudo};
 use flate2::read::{MultiGzDecoder, ZlibDecoder};
 use std::io::Read;
 
-/// Of a robot's map when it is inflated; the largest known has 0.7 MB.
+/// Maximum inflated size of a robot's map in bytes; the largest known has 0.7 MB.
 const MAX_INFLATED_BYTES: u64 = 8 << 20;
-/// Cells along each side of a robot's map; the largest known has 1024.
+/// Maximum number of cells along each side of a robot's map; the largest known has 1024.
 const MAX_SIDE: i64 = 4096;
 
-/// Whether the bytes begin as a zlib stream without a preset dictionary (RFC 1950).
+/// Returns whether the bytes begin as a zlib stream without a preset dictionary (RFC 1950).
 pub(super) fn is_zlib(bytes: &[u8]) -> bool {
     let &[method, flags, ..] = bytes else { return false };
     let has_dictionary = flags & 0x20 != 0;
     method & 0x0f == 8 && u16::from_be_bytes([method, flags]) % 31 == 0 && !has_dictionary
 }
 
-/// A zlib stream, inflated; refuses what gets too large on the way.
+/// Inflates a zlib stream; refuses one that gets too large.
 pub(super) fn inflate(bytes: &[u8]) -> Result<Vec<u8>, LidarError> {
     read_bounded(ZlibDecoder::new(bytes))
 }
@@ -40,13 +40,13 @@ fn read_bounded(reader: impl Read) -> Result<Vec<u8>, LidarError> {
     Ok(inflated)
 }
 
-/// A gzip file: Roborock's RRMap as its cloud hands it out.
+/// Reads a gzip file: Roborock's RRMap from its cloud.
 pub(super) fn read_gzip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let inflated = read_bounded(MultiGzDecoder::new(bytes))?;
     if roborock::is(&inflated) { roborock::read(&inflated) } else { Err(LidarError::UnknownFormat) }
 }
 
-/// A zlib stream: a 3irobotix map, a Dreame map without its base64, or the JSON that Valetudo publishes
+/// Reads a zlib stream: a 3irobotix map, a Dreame map without its base64, or the JSON that Valetudo publishes
 /// by MQTT.
 pub(super) fn read_zlib(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let inflated = inflate(bytes)?;
@@ -58,7 +58,7 @@ pub(super) fn read_zlib(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     }
 }
 
-/// Bytes that numbers are read from, little-endian; none where they end before the number does.
+/// Reads little-endian numbers; returns `None` for a number past the end.
 #[derive(Clone, Copy)]
 struct Bytes<'a>(&'a [u8]);
 
@@ -92,12 +92,12 @@ impl Bytes<'_> {
     }
 }
 
-/// To whole centimetres, halves upwards, as Valetudo rounds.
+/// Rounds to whole centimetres, halves upwards, like Valetudo.
 fn round_cm(value: f64) -> f64 {
     (value + 0.5).floor()
 }
 
-/// Degrees clockwise from the top of the way from one point to the next, y down; none when they are one.
+/// Returns the direction between two points, y down, in degrees clockwise from the top; `None` if equal.
 fn heading_deg(from: [f64; 2], to: [f64; 2]) -> Option<f64> {
     let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
     (dx != 0.0 || dy != 0.0).then(|| (dy.atan2(dx).to_degrees().round() + 450.0) % 360.0)

@@ -10,9 +10,9 @@ use serde::Deserialize;
 use viola_geometry::{Grid, GridFrame, Pose2};
 
 const MAX_YAML_BYTES: u64 = 64 << 10;
-/// The threshold under which a map saver's unknown (205) is not free.
+/// A free threshold that keeps a map saver's unknown (205) from being free.
 const SAVED_FREE_THRESHOLD: f64 = 0.196;
-/// Less than this turns the largest map by less than a cell.
+/// A smaller yaw moves the largest map by less than a cell.
 const MIN_YAW_RAD: f64 = 1e-6;
 
 #[derive(Deserialize)]
@@ -44,7 +44,7 @@ enum Switch {
     Number(i64),
 }
 
-/// A zip with one yaml file and the image that it names.
+/// Reads a zip with one yaml file and the image that it names.
 pub(super) fn read_zip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let zip = Zip::from_bytes(bytes.to_vec())?;
     let mut yamls = zip.names().iter().filter(|name| name.ends_with(".yaml") || name.ends_with(".yml"));
@@ -63,7 +63,7 @@ pub(super) fn read_zip(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     })
 }
 
-/// A yaml file, and a way to read the image beside it.
+/// Reads a yaml file, and its image with `read_image`.
 pub(super) fn read(
     yaml: &[u8],
     name: &str,
@@ -113,8 +113,8 @@ pub(super) fn read(
     })
 }
 
-/// The image's name in the yaml file's own folder. Map savers write absolute names of the robot's disk;
-/// of those only the last part can be meant.
+/// Returns the image's name in the yaml file's own folder. Map savers write absolute names of the robot's
+/// disk; only the last part of those is used.
 fn image_beside(image: &str, notes: &mut Vec<String>) -> Result<String, String> {
     let is_absolute = image.starts_with('/') || image.contains('\\') || image.contains(':');
     let name = if is_absolute {

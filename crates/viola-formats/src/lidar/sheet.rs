@@ -1,7 +1,7 @@
 //! The sheet of cells on which robots draw their maps, and its cells in the map's frame.
 //!
-//! On the sheet everything counts from the top-left corner with y down, as Valetudo has it. In the map's frame
-//! y is up and the origin is the sheet's lower-left corner, whatever robot wrote the file.
+//! The origin of the sheet is its top-left corner with y down, as in Valetudo. In the map's frame y is up and
+//! the origin is the sheet's lower-left corner, for every robot.
 
 use crate::lidar::{Cell, LidarError, MAX_CELLS};
 use viola_geometry::{Grid, GridFrame, Point2};
@@ -14,7 +14,7 @@ pub(super) struct Run {
     pub count: u32,
 }
 
-/// The whole sheet that the file's `size` spans, in cells.
+/// The whole sheet of the file's `size`, in cells.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sheet {
     pub width: i64,
@@ -25,7 +25,7 @@ pub(super) struct Sheet {
 }
 
 impl Sheet {
-    /// Sizes in centimetres, as they are in Valetudo's JSON.
+    /// Returns a sheet from sizes in centimetres, as in Valetudo's JSON.
     pub fn new(width_cm: i64, height_cm: i64, pixel_cm: i64) -> Sheet {
         Sheet {
             width: width_cm / pixel_cm.max(1),
@@ -40,12 +40,12 @@ impl Sheet {
         x >= 0 && y >= 0 && count >= 1 && y < self.height && x + count <= self.width
     }
 
-    /// A point in centimetres from the top-left corner, y down, in the map's frame.
+    /// Converts a point in centimetres from the top-left corner, y down, to the map's frame.
     pub fn point(&self, x_cm: f64, y_cm: f64) -> Point2 {
         Point2::new(x_cm / 100.0, (self.height_cm - y_cm) / 100.0)
     }
 
-    /// An empty grid around all runs, so that an almost empty sheet costs nothing.
+    /// Returns an empty grid around all runs, so that an almost empty sheet needs little memory.
     pub fn grid_around<'a>(&self, mut runs: impl Iterator<Item = &'a Run>) -> Result<Grid<Cell>, LidarError> {
         let first = runs.next().ok_or(LidarError::NoWalls)?;
         let (mut left, mut right, mut top, mut bottom) =
@@ -66,12 +66,12 @@ impl Sheet {
         Ok(Grid::filled(GridFrame { origin_m, cell_m: self.cell_m, width, height }, Cell::Unknown))
     }
 
-    /// The centre of a cell, in the map's frame.
+    /// Returns the centre of a cell, in the map's frame.
     pub fn centre(&self, x: u32, y: u32) -> Point2 {
         Point2::new((f64::from(x) + 0.5) * self.cell_m, self.height_m - (f64::from(y) + 0.5) * self.cell_m)
     }
 
-    /// The centres of all cells of the runs, in their order.
+    /// Returns the centres of all cells of the runs, in their order.
     pub fn centres(&self, runs: &[Run]) -> Vec<Point2> {
         runs.iter().flat_map(|run| (run.x..run.x + run.count).map(|x| self.centre(x, run.y))).collect()
     }
@@ -86,7 +86,7 @@ impl Sheet {
     }
 }
 
-/// Collects cells that come row after row from the left into runs.
+/// Collects cells into runs; the cells come row by row, from the left.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Runs(pub Vec<Run>);
 

@@ -1,14 +1,14 @@
-//! Stray cells and points of a map: reflections that lie far away from all that is known of the home.
+//! Stray cells and points of a map: reflections far away from the rest of the home.
 
 use super::Cell;
 use rustc_hash::FxHashMap;
 use viola_geometry::{Grid, Point2};
 
-/// Squares in which what is known is counted. Parts of a map are apart if an empty square lies between them.
+/// Side of the squares in which points and free cells are counted. Empty squares separate parts of a map.
 const SQUARE_M: f64 = 10.0;
-/// A part with less than this share of the largest one is stray.
+/// A part with less than this fraction of the largest one's count is stray.
 const LEAST_SHARE: f64 = 0.01;
-/// A map that is known in more squares is no home, and is refused by its extent.
+/// A map with more squares is no home, and is refused by its extent.
 const MAX_SQUARES: usize = 10_000;
 
 type Square = [i32; 2];
@@ -17,7 +17,7 @@ fn square(point: &Point2) -> Square {
     [point.x, point.y].map(|c| (c / SQUARE_M).floor() as i32)
 }
 
-/// Drops the stray points, and makes the stray cells unknown. Returns how many points were dropped.
+/// Drops the stray points, and makes the stray cells unknown. Returns the number of dropped points.
 pub(super) fn drop_strays(occupied_m: &mut Vec<Point2>, cells: Option<&mut Grid<Cell>>) -> usize {
     let free = cells.iter().flat_map(|grid| {
         let frame = grid.frame;
@@ -44,11 +44,11 @@ pub(super) fn drop_strays(occupied_m: &mut Vec<Point2>, cells: Option<&mut Grid<
     all - occupied_m.len()
 }
 
-/// How often each square comes; none if there are too many.
+/// Returns the count of each square; `None` if there are none or too many.
 fn counted(squares: impl Iterator<Item = Square>) -> Option<FxHashMap<Square, usize>> {
     let mut counts: FxHashMap<Square, usize> = FxHashMap::default();
     let mut run: Option<(Square, usize)> = None;
-    // Cells come row by row, so that long runs are of one square.
+    // Cells come row by row, in long runs of one square.
     for square in squares {
         match &mut run {
             Some((last, count)) if *last == square => *count += 1,
@@ -66,7 +66,7 @@ fn counted(squares: impl Iterator<Item = Square>) -> Option<FxHashMap<Square, us
     Some(counts)
 }
 
-/// The squares of the parts that are large enough.
+/// Returns the squares of the parts that are large enough.
 fn without_small_parts(mut counts: FxHashMap<Square, usize>) -> FxHashMap<Square, usize> {
     let mut parts: Vec<Vec<(Square, usize)>> = Vec::new();
     let mut squares: Vec<Square> = counts.keys().copied().collect();
@@ -96,7 +96,7 @@ mod tests {
     use crate::lidar::LidarMap;
     use viola_geometry::GridFrame;
 
-    /// The outline of a room of 5 by 4 m, every 2 cm.
+    /// Returns the outline of a room of 5 by 4 m, every 2 cm.
     fn room() -> Vec<Point2> {
         let along = (0..200).map(|i| f64::from(i) * 0.02);
         along

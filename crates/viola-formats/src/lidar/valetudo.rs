@@ -1,8 +1,8 @@
 //! Valetudo's map JSON, metaData.version 1 and 2 (Hypfer/Valetudo, `backend/lib/entities/map`), and the PNG
 //! in which it goes to Home Assistant.
 //!
-//! In the file everything counts from the top-left corner with y down: cells in pixels, sizes and entities
-//! in centimetres.
+//! The origin in the file is the top-left corner with y down: cells are in pixels, sizes and entities in
+//! centimetres.
 
 mod file;
 mod png;
@@ -52,7 +52,7 @@ fn check_range(field: &str, value: i64, max: i64) -> Result<(), LidarError> {
     })
 }
 
-/// A layer's cells as checked runs. Where a layer has both encodings they say the same.
+/// Returns a layer's cells as checked runs. If a layer has both encodings, they are equal.
 fn runs(sheet: &Sheet, layer: &Layer, index: usize) -> Result<Vec<Run>, LidarError> {
     let (values, group, name) = if layer.compressed_pixels.0.is_empty() {
         (&layer.pixels.0, 2, "pixels")
@@ -78,7 +78,7 @@ fn runs(sheet: &Sheet, layer: &Layer, index: usize) -> Result<Vec<Run>, LidarErr
     Ok(runs)
 }
 
-/// What a layer is; `number` counts the segments so far, for those without an id.
+/// Returns a layer's kind; `number` counts the segments so far and is the id of one without.
 fn kind(layer: &Layer, number: usize) -> LayerKind {
     match layer.kind.as_str() {
         "floor" => LayerKind::Floor,
@@ -117,7 +117,7 @@ fn add_entities(drawing: &mut Drawing, entities: &[Entity]) {
                     drawing.marks.obstacles.push(Obstacle { label, at_m: [at.x, at.y] });
                 }
             }
-            // Paths, targets and the areas of one cleaning say nothing of the home.
+            // Paths, targets and the areas of one cleaning are no part of the home.
             _ => {}
         }
     }

@@ -16,30 +16,30 @@ const CELL_M: f64 = 0.05;
 #[derive(Debug, Clone)]
 pub struct Written {
     pub bytes: Vec<u8>,
-    /// What to add to a point of the map, in metres, to find it in the file; zero where the file has the map's frame.
+    /// Translation from the map's frame to the file's, in metres; zero if the frames are the same.
     pub file_from_map_m: [f64; 2],
-    /// What the format cannot hold.
+    /// Data that the format cannot hold.
     pub notes: Vec<String>,
 }
 
 impl LidarMap {
-    /// The map as Valetudo's JSON, metaData.version 2. Cells whose side is no whole number of centimetres, and maps
-    /// that lie left of or below their origin, are moved to what the format can hold.
+    /// Returns the map as Valetudo's JSON, metaData.version 2. Cells of a fraction of a centimetre are
+    /// resampled, and a map left of or below its origin is moved, to fit the format.
     pub fn to_valetudo(&self) -> Result<Written, LidarError> {
         valetudo::write(self)
     }
 
-    /// The map as a yaml file and a PGM for ROS map_server; `image` is the name of the PGM.
+    /// Returns the map as a yaml file and a PGM for ROS map_server; `image` is the name of the PGM.
     pub fn to_ros(&self, image: &str) -> Result<RosFiles, LidarError> {
         ros::write(self, image)
     }
 
-    /// What the LiDAR hit, as binary PLY.
+    /// Returns the occupied points as binary PLY.
     pub fn to_ply(&self) -> Written {
         points::write(self)
     }
 
-    /// The map's cells, or the cells in which its points lie.
+    /// Returns the map's cells, or a grid with the cells of its points.
     fn raster(&self) -> Result<Grid<Cell>, LidarError> {
         match &self.cells {
             Some(cells) => Ok(cells.clone()),
@@ -48,14 +48,14 @@ impl LidarMap {
     }
 }
 
-/// A grid of cells at multiples of their side that covers a box.
+/// Returns a grid that covers a box, with cells at multiples of their side.
 fn raster_of(
     min_m: [f64; 2],
     max_m: [f64; 2],
     cell_m: f64,
     fill: impl FnOnce(&mut Grid<Cell>),
 ) -> Result<Grid<Cell>, LidarError> {
-    // The product may come out above what was divided, which then would lie in no cell.
+    // Rounding may put the product above `v`, which would then lie in no cell.
     let edge = |v: f64| (v / cell_m).floor() * cell_m;
     let least = min_m.map(|v| if edge(v) > v { edge(v) - cell_m } else { edge(v) });
     let frame = GridFrame::covering(least, max_m, 0.0, cell_m);

@@ -1,7 +1,7 @@
-//! The boxes of an mp4 or mov file (ISO/IEC 14496-12, section 4.2): finding them, without trusting their sizes.
+//! Boxes of an mp4 or mov file (ISO/IEC 14496-12, section 4.2), found without trusting their sizes.
 //!
-//! What is inside the boxes that matter is read by `mp4_atom`, one box at a time. Its own walk over a whole `moov` is
-//! not used because it refuses a file for any odd box in it, and recorders write many that are of no interest here.
+//! `mp4_atom` reads the content of the relevant boxes, one at a time. Its own walk over a whole `moov` is not
+//! used: it refuses a file for any unusual box, and recorders write many irrelevant ones.
 
 use super::{VideoError, region};
 use crate::container::Region;
@@ -9,17 +9,17 @@ use mp4_atom::Atom;
 
 /// The tables of a hundred thousand frames are 3 MB; recorders add other tracks.
 const MAX_MOOV_BYTES: u64 = 32 << 20;
-/// Boxes at the file's top level: a fragmented hour has some thousands.
+/// Maximum number of boxes at the file's top level: a fragmented hour has some thousands.
 const MAX_TOP_BOXES: usize = 10_000;
 
-/// A box's four letters and what is inside.
+/// A box: its four letters and its content.
 #[derive(Clone, Copy)]
 pub struct Box<'a> {
     pub kind: [u8; 4],
     pub body: &'a [u8],
 }
 
-/// The body of the file's `moov` box. A fragmented file is refused by name.
+/// Returns the body of the file's `moov` box. A fragmented file has its own error.
 pub fn read_moov(region: &Region) -> Result<Vec<u8>, VideoError> {
     let mut at = 0;
     let mut known = false;
@@ -43,7 +43,7 @@ pub fn read_moov(region: &Region) -> Result<Vec<u8>, VideoError> {
                 return Err(VideoError::TooLarge { what: "table", bytes, max: MAX_MOOV_BYTES });
             }
             moov = Some(region::read(region, at + header, bytes as usize)?);
-            // What comes after is only looked at for fragments, which a finished file has none of.
+            // Later boxes are checked only for fragments, which a finished file does not have.
         }
         at = end;
     }
@@ -52,13 +52,13 @@ pub fn read_moov(region: &Region) -> Result<Vec<u8>, VideoError> {
     }
     match moov {
         Some(moov) => Ok(moov),
-        // A recorder that was interrupted leaves the pictures without their table.
+        // An interrupted recorder leaves the pictures without their table.
         None if known => Err(VideoError::Truncated),
         None => Err(VideoError::NotVideo),
     }
 }
 
-/// Kind of the box at `at`, length of its header, and length of all of it; 0 stands for the rest of the file.
+/// Returns a box's kind, and the lengths of its header and of all of it; size 0 means the rest of the file.
 fn top_header(region: &Region, at: u64) -> Result<([u8; 4], u64, u64), VideoError> {
     let head = region::read(region, at, 8)?;
     let kind = [head[4], head[5], head[6], head[7]];
@@ -77,7 +77,7 @@ fn top_header(region: &Region, at: u64) -> Result<([u8; 4], u64, u64), VideoErro
     Ok((kind, header, size))
 }
 
-/// The boxes directly inside a body. QuickTime ends some lists with zeros, which are passed over.
+/// Returns the boxes directly inside a body. QuickTime ends some lists with zeros, which are skipped.
 pub fn children(mut body: &[u8]) -> Result<Vec<Box<'_>>, VideoError> {
     let mut found = Vec::new();
     while let Some((head, rest)) = body.split_first_chunk::<8>() {
@@ -103,12 +103,12 @@ pub fn children(mut body: &[u8]) -> Result<Vec<Box<'_>>, VideoError> {
     Ok(found)
 }
 
-/// The first box of a kind.
+/// Returns the first box of a kind.
 pub fn find<'a>(boxes: &[Box<'a>], kind: &[u8; 4]) -> Option<Box<'a>> {
     boxes.iter().find(|found| &found.kind == kind).copied()
 }
 
-/// The boxes inside the first box of a kind; `missing` names it in the refusal.
+/// Returns the boxes inside the first box of a kind; `missing` names it in the error.
 pub fn inside<'a>(
     boxes: &[Box<'a>],
     kind: &[u8; 4],
@@ -117,7 +117,7 @@ pub fn inside<'a>(
     children(find(boxes, kind).ok_or(VideoError::malformed(missing))?.body)
 }
 
-/// Reads a box of a known layout, if it is there.
+/// Reads a box of a known layout, if it exists.
 pub fn read<T: Atom>(boxes: &[Box<'_>], damaged: &'static str) -> Result<Option<T>, VideoError> {
     let kind: [u8; 4] = T::KIND.into();
     let Some(found) = find(boxes, &kind) else { return Ok(None) };

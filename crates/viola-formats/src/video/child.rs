@@ -1,4 +1,4 @@
-//! A process that decodes, and the thread that reads what it says.
+//! A decoding process, and the thread that reads its output.
 
 use super::VideoError;
 use super::limits::Limits;
@@ -13,26 +13,26 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
 
-/// Frames that are read ahead.
+/// Number of frames that are read ahead.
 const AHEAD: usize = 2;
 /// Systems take at most 128 KiB in one argument.
 const NUMBERS_PER_ARGUMENT: usize = 8000;
 
-/// Says what came; false when nobody listens any more.
+/// Forwards a message; returns false if there is no receiver any more.
 pub type Say<'a> = &'a mut dyn FnMut(Result<Message, VideoError>) -> bool;
 
-/// A child; dropping it kills the process.
+/// A child process; dropping it kills the process.
 pub struct Child {
     process: std::process::Child,
     heard: Receiver<Result<Message, VideoError>>,
     silence: Duration,
-    /// Messages other than frames that may still come: a child cannot keep its parent waiting without end.
+    /// Maximum number of further messages other than frames: a child cannot keep its parent waiting forever.
     patience: usize,
 }
 
 impl Child {
-    /// Starts `command` with the region's file as standard input; `listen` reads its standard output on a thread of
-    /// its own, until there is no more or nobody listens.
+    /// Starts `command` with the region's file as standard input; `listen` reads its standard output on a
+    /// thread of its own, until the end or until there is no receiver.
     pub fn start(
         mut command: Command,
         region: &Region,
@@ -53,7 +53,7 @@ impl Child {
                 return Err(VideoError::ChildStart(error));
             }
         }
-        // A message a sample, and up to three for each group of pictures, which has a sample at least.
+        // One message per sample, and up to three per group of pictures, which has at least one sample.
         let patience = 4 * samples + 16;
         Ok(Child { process, heard, silence: limits.silence, patience })
     }
@@ -88,7 +88,7 @@ impl Child {
         })
     }
 
-    /// The next frame; none at the end.
+    /// Returns the next frame, or `None` at the end.
     pub fn next(&mut self) -> Result<Option<(usize, RgbImage)>, VideoError> {
         loop {
             match self.heard.recv_timeout(self.silence) {
@@ -113,11 +113,11 @@ impl Child {
         }
     }
 
-    /// How the process ended; one that closed its pipe and lives on is killed first.
+    /// Returns how the process ended; one that closed its pipe but still runs is killed first.
     fn ended(&mut self) -> VideoError {
         let status = match self.process.try_wait() {
             Ok(Some(status)) => Ok(status),
-            // It may be on its way out: the pipe is closed a moment before the process is gone.
+            // It may be exiting: the pipe closes a moment before the process ends.
             _ => self.process.kill().and_then(|()| self.process.wait()),
         };
         match status {
@@ -132,11 +132,11 @@ impl Child {
 
 impl Drop for Child {
     fn drop(&mut self) {
-        // The process may have ended by itself, and then there is nothing to kill.
+        // The errors are ignored: the process may have ended by itself.
         let _ = self.process.kill();
         let _ = self.process.wait();
-        // The reading thread ends with the pipe, or when nobody listens; it is not waited for, because a process of
-        // the child's own may hold the pipe open.
+        // The reading thread ends with the pipe, or without a receiver. It is not joined, because a process
+        // of the child's own may hold the pipe open.
     }
 }
 

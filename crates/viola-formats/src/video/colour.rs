@@ -1,4 +1,4 @@
-//! Colours out of luma and chroma (ITU-T H.273, section 8.3), in whole numbers.
+//! Conversion of luma and chroma to RGB (ITU-T H.273, section 8.3), in integers.
 
 use super::VideoError;
 use super::decoder::{Planes, Samples};
@@ -8,12 +8,12 @@ use image::RgbImage;
 /// Fractional bits of the factors.
 const BITS: u32 = 16;
 
-/// Whether pictures of this matrix are made; others are refused before anything is decoded.
+/// Returns whether the matrix is supported; others are refused before decoding.
 pub fn is_known(colour: Colour) -> bool {
     weights(colour.matrix).is_some()
 }
 
-/// Parts of red and blue in the luma. What is not said is taken for BT.601, as ffmpeg does.
+/// Returns the fractions of red and blue in the luma. The default is BT.601, as in ffmpeg.
 fn weights(matrix: u8) -> Option<(f64, f64)> {
     match matrix {
         1 => Some((0.2126, 0.0722)),
@@ -25,7 +25,7 @@ fn weights(matrix: u8) -> Option<(f64, f64)> {
     }
 }
 
-/// The picture. A chroma sample colours its four pixels.
+/// Converts planes to RGB. A chroma sample colours its four pixels.
 pub fn to_rgb(planes: &Planes, colour: Colour) -> Result<RgbImage, VideoError> {
     picture(planes, colour).ok_or(VideoError::Unsupported { what: "planes of another size" })
 }
@@ -40,7 +40,7 @@ fn picture(planes: &Planes, colour: Colour) -> Option<RgbImage> {
     RgbImage::from_raw(width, height, pixels)
 }
 
-/// Factors in units of 1/65536; what is added rounds, and takes the offset of the luma away.
+/// Factors in units of 1/65536; `added` rounds, and subtracts the offset of the luma.
 struct Factors {
     luma: i32,
     added: i32,
@@ -55,7 +55,7 @@ impl Factors {
         let (kr, kb) = weights(colour.matrix)?;
         let kg = 1.0 - kr - kb;
         let step = f64::from(1u32 << (bits - 8));
-        // Limited range leaves 16 to 235 for luma and 16 to 240 for chroma.
+        // Limited range is 16 to 235 for luma and 16 to 240 for chroma.
         let (luma, chroma, offset) = match colour.full_range {
             true => (255.0 / (256.0 * step - 1.0), 255.0 / (256.0 * step - 1.0), 0.0),
             false => (255.0 / (219.0 * step), 255.0 / (224.0 * step), 16.0 * step),

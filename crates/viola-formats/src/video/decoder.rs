@@ -1,7 +1,7 @@
-//! The two decoders behind one face.
+//! The two decoders behind one interface.
 //!
-//! `rust_h264` and `rust_h265` are what gave ffmpeg's pictures bit for bit in everything that was tried, and refused
-//! by name what they do not decode (`BENCHMARKS.md`, Video). Both are pure Rust. They work on two pictures at a time.
+//! In all tests `rust_h264` and `rust_h265` gave ffmpeg's pictures bit for bit, and refused by name what they
+//! do not decode (`BENCHMARKS.md`, Video). Both are pure Rust and decode two pictures at a time.
 
 use super::Codec;
 use super::parameters::Format;
@@ -11,20 +11,20 @@ use rust_h264::threading::ThreadedDecoder;
 use rust_h265::PixelData;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Pictures that are decoded at a time; the pixels are the same for any number.
+/// Number of pictures decoded at a time; the pixels are the same for any number.
 const THREADS: usize = 2;
 
-/// A picture as it is coded: three planes without padding, chroma half as wide and half as high.
+/// A decoded picture: three planes without padding, chroma half as wide and half as high.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Planes {
     pub width: u32,
     pub height: u32,
-    /// Bits a sample.
+    /// Bits per sample.
     pub bits: u8,
     pub samples: Samples,
 }
 
-/// Luma, then the two chroma planes; words where a sample has more than eight bits.
+/// Luma, then the two chroma planes; words if a sample has more than eight bits.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Samples {
     Bytes([Vec<u8>; 3]),
@@ -32,7 +32,7 @@ pub enum Samples {
 }
 
 impl Planes {
-    /// Whether the planes are of this size and depth, as they say and as they are.
+    /// Returns whether the planes have this size and depth, both declared and actual.
     pub(super) fn are(&self, format: Format) -> bool {
         let luma = format.width as usize * format.height as usize;
         let lengths = match &self.samples {
@@ -44,7 +44,7 @@ impl Planes {
             && lengths == [luma, luma / 4, luma / 4]
     }
 
-    /// All samples, in the layout that ffmpeg calls `yuv420p`, or `yuv420p10le`.
+    /// Returns all samples, in ffmpeg's layout `yuv420p` or `yuv420p10le`.
     pub fn bytes(&self) -> Vec<u8> {
         match &self.samples {
             Samples::Bytes(planes) => planes.concat(),
@@ -53,10 +53,10 @@ impl Planes {
     }
 }
 
-/// What went wrong in a decoder.
+/// Failure of a decoder.
 pub enum Failure {
     Refused(String),
-    /// It panicked, which a decoder of a stranger's bytes may, and its state is not to be used again.
+    /// It panicked, which untrusted data can cause; its state must not be used again.
     Broke,
 }
 
@@ -71,7 +71,7 @@ enum Engine {
 }
 
 impl Decoder {
-    /// A decoder that has the track's parameter sets.
+    /// Returns a decoder with the track's parameter sets.
     pub fn new(track: &Track) -> Result<Decoder, Failure> {
         let engine = match track.codec {
             Codec::H264 => Engine::H264(Box::new(ThreadedDecoder::with_max_depth(THREADS, track.reorder))),
@@ -84,12 +84,12 @@ impl Decoder {
         Ok(decoder)
     }
 
-    /// Whether pictures come out in the order of showing; in that of decoding otherwise.
+    /// Returns whether pictures come out in presentation order, otherwise in decoding order.
     pub fn in_order_of_showing(codec: Codec) -> bool {
         codec == Codec::H264
     }
 
-    /// Takes the units of one picture, and gives the pictures that are done.
+    /// Decodes the units of one picture, and returns the completed pictures.
     pub fn feed(&mut self, units: &[&[u8]]) -> Result<Vec<Planes>, Failure> {
         let engine = &mut self.engine;
         let length_bytes = self.length_bytes;
@@ -118,7 +118,7 @@ impl Decoder {
         })
     }
 
-    /// The pictures that are left, when nothing more comes.
+    /// Returns the remaining pictures, at the end of the input.
     pub fn finish(&mut self) -> Result<Vec<Planes>, Failure> {
         let engine = &mut self.engine;
         guarded(|| match engine {
@@ -160,7 +160,7 @@ fn from_hevc(frame: rust_h265::Frame) -> Result<Planes, Failure> {
     Ok(Planes { width: frame.width, height: frame.height, bits: frame.bit_depth, samples })
 }
 
-/// Words out of pairs of bytes, the lower one first.
+/// Converts pairs of bytes to words, the lower byte first.
 pub fn little_endian(bytes: &[u8]) -> Vec<u16> {
     bytes.as_chunks::<2>().0.iter().map(|pair| u16::from_le_bytes(*pair)).collect()
 }

@@ -1,4 +1,4 @@
-//! Why a video is refused or cannot be read on.
+//! Errors of opening and reading a video.
 
 use super::MAX_FRAMES;
 use crate::container::is_machine_fault;
@@ -58,7 +58,7 @@ pub enum VideoError {
 }
 
 impl VideoError {
-    /// Whether the machine is at fault and not the file: what is tried again later may go well.
+    /// Returns whether the machine, not the file, is at fault: a retry may succeed.
     pub fn is_ours(&self) -> bool {
         match self {
             VideoError::ChildStart(_) | VideoError::ChildStopped { .. } => true,
@@ -67,7 +67,7 @@ impl VideoError {
         }
     }
 
-    /// Stable name of the refusal, for programs.
+    /// Returns the stable name of the refusal, for programs.
     pub fn code(&self) -> &'static str {
         match self {
             VideoError::Unreadable(_) => "unreadable",

@@ -1,9 +1,9 @@
-//! ffmpeg as the process that decodes.
+//! ffmpeg as the decoding process.
 //!
-//! It gets the tables' reading of the file for granted nowhere: it demuxes by itself, and its pictures are counted in
-//! the order of showing, which is how [`super::VideoInfo`] numbers them. It writes YUV4MPEG2, whose head tells the
-//! size of the pictures, so that pictures of another size are noticed. The colours are made here, as for the other
-//! decoder, so that the pixels are the same.
+//! ffmpeg demuxes independently of our parser. Its pictures are counted in presentation order, as
+//! [`super::VideoInfo`] numbers them. It writes YUV4MPEG2, whose header has the size of the pictures, so that
+//! another size is detected. The colours are converted here, as for the other decoder, so that the pixels are
+//! the same.
 
 use super::child::{Child, Say};
 use super::decoder::{Planes, Samples, little_endian};
@@ -17,10 +17,10 @@ use std::io::Read;
 use std::path::Path;
 use std::process::Command;
 
-/// Heads of YUV4MPEG2 are about a hundred bytes.
+/// Headers of YUV4MPEG2 have about a hundred bytes.
 const MAX_HEAD_BYTES: usize = 400;
 
-/// Starts ffmpeg for the frames that are wanted.
+/// Starts ffmpeg for the wanted frames.
 pub fn start(
     program: &Path,
     region: &Region,

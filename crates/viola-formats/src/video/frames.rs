@@ -1,4 +1,4 @@
-//! The frames that were asked for, from whichever decoder gives them.
+//! The wanted frames, from any of the decoders.
 
 use super::child::Child;
 use super::inside::{Inside, Step};
@@ -8,8 +8,8 @@ use crate::container::Region;
 use image::RgbImage;
 use std::sync::Arc;
 
-/// Frames in the order of their numbers, each once; see [`super::decode`]. After an error there are no more. Dropping
-/// it ends the process that decodes.
+/// Frames in the order of their numbers, each once; see [`super::decode`]. After an error there are no more.
+/// Dropping it ends the decoding process.
 pub struct Frames {
     region: Region,
     track: Arc<Track>,
@@ -50,7 +50,7 @@ impl Frames {
         }
     }
 
-    /// The pure-Rust decoder for what was not given yet.
+    /// Returns the pure-Rust decoder for the remaining frames.
     fn pure(&self) -> Result<Source, VideoError> {
         let wanted = &self.wanted[self.given..];
         if let Some(program) = &self.tools.viola {
@@ -108,7 +108,7 @@ impl Iterator for Frames {
             if !was_ffmpeg {
                 return Some(Err(error));
             }
-            // ffmpeg could not; the other decoder tells what is wrong, or goes on.
+            // ffmpeg failed; the other decoder continues, or returns the error.
             match self.pure() {
                 Ok(source) => self.source = source,
                 Err(error) => return Some(Err(error)),

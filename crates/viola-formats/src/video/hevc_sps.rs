@@ -1,9 +1,9 @@
-//! The head of an HEVC sequence parameter set, up to the colours in its usability information (ITU-T H.265, sections
-//! 7.3.2.2, 7.3.3, 7.3.4, 7.3.7 and E.2.1). The decoder reads all of it again; it does not tell the colours.
+//! The start of an HEVC sequence parameter set, up to the colours (ITU-T H.265, sections 7.3.2.2, 7.3.3,
+//! 7.3.4, 7.3.7 and E.2.1). The decoder parses all of it again, but does not return the colours.
 
 use super::parameters::Sequence;
 
-/// What is told of the pictures; none when the set is broken.
+/// Returns the parameters of the pictures, or `None` if the set is broken.
 pub fn parse(unit: &[u8]) -> Option<Sequence> {
     let payload = unescape(unit.get(2..)?);
     let mut bits = Bits { bytes: &payload, at: 0 };
@@ -53,7 +53,7 @@ pub fn parse(unit: &[u8]) -> Option<Sequence> {
     }
     bits.skip(2)?;
     let (full_range, matrix, fields) = if bits.flag()? { usability(&mut bits)? } else { (false, 2, false) };
-    // Chroma of 4:2:0 and 4:2:2 is half as wide, of 4:2:0 half as high: the crop counts chroma samples.
+    // The crop counts chroma samples: half the width for 4:2:0 and 4:2:2, half the height for 4:2:0.
     let unit = (if matches!(chroma_format, 1 | 2) { 2 } else { 1 }, if chroma_format == 1 { 2 } else { 1 });
     Some(Sequence {
         width: coded_width.checked_sub(unit.0 * (crop[0] + crop[1]))?,
@@ -102,7 +102,7 @@ fn scaling_lists(bits: &mut Bits<'_>) -> Option<()> {
     Some(())
 }
 
-/// The short-term reference picture sets; a set may be told as a change of the one before it.
+/// Skips the short-term reference picture sets; a set may be coded as a change of the one before it.
 fn reference_sets(bits: &mut Bits<'_>) -> Option<()> {
     let count = bits.exp_golomb().filter(|count| *count <= 64)?;
     let mut pictures = 0;
@@ -131,7 +131,7 @@ fn reference_sets(bits: &mut Bits<'_>) -> Option<()> {
     Some(())
 }
 
-/// Full range, the code of the matrix, and whether pictures are fields.
+/// Returns full range, the code of the matrix, and whether pictures are fields.
 fn usability(bits: &mut Bits<'_>) -> Option<(bool, u8, bool)> {
     const EXTENDED_ASPECT: u32 = 255;
     if bits.flag()? && bits.take(8)? == EXTENDED_ASPECT {
@@ -157,7 +157,7 @@ fn usability(bits: &mut Bits<'_>) -> Option<(bool, u8, bool)> {
     Some((full_range, matrix, bits.flag()?))
 }
 
-/// Without the bytes that keep start codes out of the payload (section 7.3.1.1).
+/// Removes the emulation prevention bytes (section 7.3.1.1).
 fn unescape(bytes: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(bytes.len());
     let mut zeros = 0;
@@ -198,7 +198,7 @@ impl Bits<'_> {
         (self.at <= 8 * self.bytes.len()).then_some(())
     }
 
-    /// An unsigned or signed Exp-Golomb code as the number of its unsigned reading (section 9.2).
+    /// Reads an unsigned or signed Exp-Golomb code as an unsigned number (section 9.2).
     fn exp_golomb(&mut self) -> Option<u32> {
         let mut zeros = 0;
         while !self.flag()? {

@@ -1,9 +1,9 @@
-//! What the tables of a video say.
+//! Data from the tables of a video.
 
-/// A video with more frames than this is refused: an hour at 25 frames a second has 90 000.
+/// Maximum number of frames of a video: an hour at 25 frames per second has 90 000.
 pub const MAX_FRAMES: usize = 100_000;
 
-/// How the pictures are compressed.
+/// Compression of the pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Codec {
     /// ITU-T H.264.
@@ -12,15 +12,15 @@ pub enum Codec {
     Hevc,
 }
 
-/// What the tables of a video say.
+/// Data from the tables of a video.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VideoInfo {
     pub codec: Codec,
     /// Size in pixels of the pictures as they are coded and cropped, before any rotation.
     pub width: u32,
     pub height: u32,
-    /// Clockwise turn that a player would apply, of 0, 90, 180 and 270 degrees. The frames are not turned.
+    /// Clockwise rotation that a player would apply: 0, 90, 180 or 270 degrees. The frames are not rotated.
     pub rotation_deg: u16,
-    /// When each frame is shown, in the order of showing, in seconds from the first.
+    /// Presentation time of each frame, in presentation order, in seconds from the first.
     pub time_s: Vec<f64>,
 }

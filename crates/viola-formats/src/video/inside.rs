@@ -8,7 +8,7 @@ use crate::container::Region;
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::Arc;
 
-/// What a step brought.
+/// Result of a step.
 pub enum Step {
     /// A sample was decoded, and no frame is due yet.
     Working,
@@ -16,7 +16,7 @@ pub enum Step {
     Done,
 }
 
-/// The frames that are wanted, in order. Holds the pictures that wait for one that is shown before them, and no more.
+/// The wanted frames, in order. Holds only the pictures that wait for one shown before them.
 pub struct Inside {
     region: Region,
     track: Arc<Track>,
@@ -30,7 +30,7 @@ impl Inside {
         Ok(Inside { region, track, runs, active: None })
     }
 
-    /// Decodes one sample more, or gives a frame that is due.
+    /// Decodes one more sample, or returns a frame that is due.
     pub fn step(&mut self) -> Result<Step, VideoError> {
         let Some(active) = &mut self.active else {
             let Some(run) = self.runs.pop_front() else { return Ok(Step::Done) };
@@ -52,16 +52,16 @@ impl Inside {
 /// A run that is being decoded.
 struct Active {
     decoder: Decoder,
-    /// Samples that the decoder gets, in order, and how many it got.
+    /// Samples for the decoder, in order, and the number that it got.
     samples: Vec<usize>,
     fed: usize,
-    /// The samples in the order in which their pictures come out, and how many came.
+    /// The samples in the output order of their pictures, and the number of pictures so far.
     order: Vec<usize>,
     came: usize,
     finished: bool,
-    /// Number of the frame that is wanted of a sample.
+    /// Number of the wanted frame of a sample.
     numbers: HashMap<usize, usize>,
-    /// Frames that are wanted and not given yet, ascending.
+    /// Wanted frames that are not returned yet, ascending.
     wanted: VecDeque<usize>,
     /// Those of them that are decoded.
     decoded: BTreeMap<usize, Planes>,
@@ -110,7 +110,7 @@ impl Active {
         }
         let planes = self.decoder.finish().map_err(|failure| failed(failure, self.at()))?;
         self.finished = true;
-        // Were one missing, all after it would get wrong numbers.
+        // If one were missing, all later ones would get wrong numbers.
         if self.came + planes.len() != self.order.len() {
             return Err(self.damaged("a picture did not come out"));
         }
@@ -132,7 +132,7 @@ impl Active {
         Ok(())
     }
 
-    /// The sample that the decoder got last.
+    /// Returns the sample that the decoder got last.
     fn at(&self) -> usize {
         self.samples.get(self.fed.saturating_sub(1)).copied().unwrap_or(0)
     }

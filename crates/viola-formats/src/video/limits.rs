@@ -1,16 +1,16 @@
-//! What a process that decodes may take.
+//! Limits of a decoding process.
 
 use std::process::Command;
 use std::time::Duration;
 
-/// Limits of a child. The defaults hold the largest pictures that are taken, and a slow machine.
+/// Limits of a child. The defaults suffice for the largest allowed pictures and a slow machine.
 #[derive(Debug, Clone)]
 pub struct Limits {
     /// Address space in bytes.
     pub memory_bytes: u64,
-    /// Seconds of processor time, to which half a second for each sample of the track is added.
+    /// Seconds of CPU time, plus half a second for each sample of the track.
     pub processor_s: u64,
-    /// How long it may say nothing while it is being waited for.
+    /// Timeout for a message while the parent waits.
     pub silence: Duration,
 }
 
@@ -21,8 +21,8 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// Has the system hold the child of `command` to the limits from before its first instruction; it writes no
-    /// core either.
+    /// Makes the system apply the limits to the child of `command` before its first instruction, and disables
+    /// core dumps.
     #[cfg(unix)]
     pub(super) fn impose(&self, command: &mut Command, samples: usize) {
         use rustix::process::{Resource, Rlimit, setrlimit};
@@ -34,11 +34,11 @@ impl Limits {
             (Resource::Cpu, fixed(processor_s)),
             (Resource::Core, fixed(0)),
         ];
-        // SAFETY: between fork and exec only system calls are made; nothing is allocated and no lock is taken.
+        // SAFETY: between fork and exec there are only system calls, no allocations and no locks.
         unsafe {
             command.pre_exec(move || {
                 for (resource, limit) in limits {
-                    // macOS knows no limit of address space and refuses it; the others hold there.
+                    // macOS refuses a limit of address space; the others apply there.
                     let set = setrlimit(resource, limit);
                     if cfg!(target_os = "linux") {
                         set?;

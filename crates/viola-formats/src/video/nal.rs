@@ -1,22 +1,22 @@
-//! NAL units of a sample: what kind of picture it is, and whether the decoders number it as the file does.
+//! NAL units of a sample: its kind of picture, and a check that the decoders number it like the file.
 //!
-//! Pictures come out of the decoders without the number of their sample. They are counted instead, which is right
-//! only when every sample is exactly one picture; that is held here for each sample before it is decoded.
+//! Decoders return pictures without the number of their sample. They are counted instead, which is right only
+//! if every sample is exactly one picture; this is checked here before a sample is decoded.
 
 use super::Codec;
 
-/// How a sample can begin the decoding.
+/// Suitability of a sample as the start of decoding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Entry {
-    /// Nothing after it needs anything before it (IDR).
+    /// Nothing after it needs an earlier sample (IDR).
     Closed,
-    /// Pictures that are shown before it may need what lies before it (HEVC's CRA).
+    /// Pictures shown before it may need earlier samples (HEVC's CRA).
     Open,
-    /// It needs others.
+    /// It needs other samples.
     None,
 }
 
-/// The units of a sample: each is preceded by its length in `length_bytes` bytes (ISO/IEC 14496-15, section 5.3.3).
+/// Splits a sample; each unit follows its length in `length_bytes` bytes (ISO/IEC 14496-15, section 5.3.3).
 pub fn split(sample: &[u8], length_bytes: u8) -> Option<Vec<&[u8]>> {
     let mut units = Vec::new();
     let mut rest = sample;
@@ -30,7 +30,7 @@ pub fn split(sample: &[u8], length_bytes: u8) -> Option<Vec<&[u8]>> {
     Some(units)
 }
 
-/// What the decoders get of a sample.
+/// Data of a sample for the decoders.
 pub struct Picture<'a> {
     /// Units of the base layer, in order.
     pub units: Vec<&'a [u8]>,
@@ -38,8 +38,8 @@ pub struct Picture<'a> {
 }
 
 impl Codec {
-    /// Takes a sample apart, and refuses what the decoders would pass over in silence: a sample that is not one
-    /// picture, another sequence parameter set than the track's, and pictures after a splice.
+    /// Splits a sample, and refuses what the decoders would silently ignore: a sample that is not one
+    /// picture, a sequence parameter set other than the track's, and pictures after a splice.
     pub(super) fn picture<'a>(
         self,
         sample: &'a [u8],
@@ -67,7 +67,7 @@ impl Codec {
         if pictures == 1 { Ok(picture) } else { Err("a sample is not one picture") }
     }
 
-    /// Kind of a unit (tables 7-1 of ITU-T H.264 and H.265); none for units that no decoder looks at.
+    /// Returns the kind of a unit (tables 7-1 of ITU-T H.264 and H.265), or `None` if decoders ignore it.
     fn kind(self, unit: &[u8]) -> Option<Kind> {
         let head = *unit.first().filter(|head| *head & 0x80 == 0)?;
         match self {

@@ -1,4 +1,4 @@
-//! What the sequence parameter set says of the pictures, and what of it is refused before anything is decoded.
+//! Parameters of the pictures from the sequence parameter set, checked before decoding.
 
 use super::hevc_sps;
 use super::{Codec, VideoError};
@@ -7,9 +7,9 @@ use rust_h264::nal::{parse_avcc, parse_sps_info};
 
 /// 8K is 7680 wide.
 const MAX_SIDE: u32 = 8192;
-/// With 16 reference pictures and as many that wait to be shown, this is what a child's memory holds.
+/// A child's memory holds 16 reference pictures of this size, and as many that wait to be shown.
 const MAX_PIXELS: u64 = 16 << 20;
-/// The code for "not said" of ITU-T H.273.
+/// The code for "unspecified" of ITU-T H.273.
 const UNSPECIFIED: u8 = 2;
 
 /// Size, depth and colour of the pictures of a track.
@@ -17,20 +17,20 @@ const UNSPECIFIED: u8 = 2;
 pub struct Format {
     pub width: u32,
     pub height: u32,
-    /// Bits a sample: 8 or 10.
+    /// Bits per sample: 8 or 10.
     pub bits: u8,
     pub colour: Colour,
 }
 
-/// From which luma and chroma the colours are to be made (ITU-T H.273).
+/// Matrix and range of the conversion to RGB (ITU-T H.273).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Colour {
-    /// Code of the matrix, table 4; 2 is "not said".
+    /// Code of the matrix, table 4; 2 is "unspecified".
     pub matrix: u8,
     pub full_range: bool,
 }
 
-/// What a parameter set says, of either codec.
+/// Parameters of the pictures, for either codec.
 pub struct Sequence {
     pub width: u64,
     pub height: u64,
@@ -45,7 +45,7 @@ pub struct Sequence {
 }
 
 impl Format {
-    /// Reads the track's parameter set; what it leaves open of the colours, the file's `colr` box tells.
+    /// Reads the track's parameter set; the file's `colr` box is the fallback for unspecified colours.
     pub fn read(codec: Codec, sps: &[u8], box_colour: Option<&Colr>) -> Result<Format, VideoError> {
         let sequence = match codec {
             Codec::H264 => h264(sps),

@@ -1,8 +1,8 @@
-//! Which samples must be decoded for the frames that are wanted.
+//! Selection of the samples to decode for the wanted frames.
 //!
-//! Decoding begins at an IDR picture, or at one of HEVC's CRA pictures when none of the pictures that are shown before
-//! it is wanted. What a file calls a sync sample is not enough: H.264 recovery points are called so too, and pictures
-//! after them may still look back.
+//! Decoding begins at an IDR picture, or at one of HEVC's CRA pictures if no picture shown before it is
+//! wanted. A file's sync samples are not enough: H.264 recovery points are sync samples too, and pictures
+//! after them may still reference earlier ones.
 
 use super::nal::Entry;
 use super::track::Track;
@@ -10,20 +10,20 @@ use super::{VideoError, region};
 use crate::container::Region;
 use std::collections::HashMap;
 
-/// Samples that one decoder gets, in the order of decoding, and the frames that are wanted of them.
+/// Samples for one decoder, in decoding order, and the wanted frames among them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Run {
     pub start: usize,
-    /// The last sample that a wanted frame is made of; no wanted frame needs any after it.
+    /// The last sample of a wanted frame; no wanted frame needs a later one.
     pub last: usize,
-    /// Pictures shown before the first cannot be decoded, and are left out.
+    /// True if pictures shown before the first cannot be decoded and are left out.
     pub open: bool,
     /// Numbers of frames, ascending.
     pub wanted: Vec<usize>,
 }
 
 impl Run {
-    /// The samples to decode, in order.
+    /// Returns the samples to decode, in order.
     pub fn samples(&self, track: &Track) -> Vec<usize> {
         let from = track.samples[self.start].shown_at;
         let decoded = |sample: &usize| !self.open || track.samples[*sample].shown_at >= from;
@@ -31,11 +31,11 @@ impl Run {
     }
 }
 
-/// The runs for `wanted`, which is ascending and within the track. Reads the samples at which decoding may begin.
+/// Returns the runs for `wanted`, which is ascending and within the track. Reads the possible start samples.
 pub fn plan(region: &Region, track: &Track, wanted: &[usize]) -> Result<Vec<Run>, VideoError> {
     let mut entries = Entries { region, track, known: HashMap::new(), sync: Vec::new() };
     entries.sync = (0..track.samples.len()).filter(|sample| track.samples[*sample].sync).collect();
-    // ffmpeg leaves out what is shown before an open first picture, and numbers the frames without them.
+    // ffmpeg drops pictures shown before an open first picture, and does not number them.
     let first = track.samples[0].shown_at;
     if entries.of(0)? != Entry::Closed && track.samples.iter().any(|sample| sample.shown_at < first) {
         return Err(VideoError::Unsupported { what: "a first picture that is not the first shown" });
@@ -45,7 +45,7 @@ pub fn plan(region: &Region, track: &Track, wanted: &[usize]) -> Result<Vec<Run>
         let sample = track.shown[frame];
         let (start, open) = entries.before(sample)?;
         match runs.last_mut() {
-            // Going on is cheaper than, and as good as, beginning anew right behind.
+            // To continue is cheaper than to start again right after, with the same result.
             Some(run) if start <= run.last + 1 && (!run.open || reaches(track, run, sample)) => {
                 run.last = run.last.max(sample);
                 run.wanted.push(frame);
@@ -69,7 +69,7 @@ struct Entries<'a> {
 }
 
 impl Entries<'_> {
-    /// The nearest sample from which `sample` can be decoded, and whether it is an open one.
+    /// Returns the nearest sample from which `sample` can be decoded, and whether it is an open one.
     fn before(&mut self, sample: usize) -> Result<(usize, bool), VideoError> {
         let until = self.sync.partition_point(|sync| *sync <= sample);
         for at in (0..until).rev() {

@@ -1,10 +1,10 @@
-//! What `viola decode-video` and its parent say to each other.
+//! Protocol between `viola decode-video` and its parent.
 //!
-//! The child gets the file as its standard input, and the region and the numbers of frames as arguments. It answers
-//! with the bytes of [`GREETING`], and then messages that begin with one byte: `.` for a sample that was decoded; `F`
-//! for a frame, with its number, width and height as little-endian words of four bytes and then its pixels; `E` for a
-//! refusal, with the length of its text in two bytes; `D` at the end. The parent reads as many bytes as frames of the
-//! size in the video's table have, whatever the child announces.
+//! The child gets the file as its standard input, and the region and the numbers of frames as arguments. It
+//! answers with the bytes of [`GREETING`], and then messages that begin with one byte: `.` for a decoded
+//! sample; `F` for a frame, with its number, width and height as little-endian words of four bytes and then
+//! its pixels; `E` for a refusal, with the length of its text in two bytes; `D` at the end. The parent
+//! accepts only frames of the size in the video's table.
 
 use super::inside::{Inside, Step};
 use super::track::Track;
@@ -17,10 +17,10 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 const GREETING: &[u8; 8] = b"viola v1";
-/// A refusal's text is cut to this.
+/// Maximum length of a refusal's text.
 const MAX_TEXT_BYTES: usize = 1000;
 
-/// A message as the parent reads it.
+/// A message of the child.
 pub enum Message {
     Working,
     Frame(usize, RgbImage),
@@ -28,7 +28,7 @@ pub enum Message {
     Done,
 }
 
-/// Decodes frames of a region and writes them; what goes wrong with the video is written too.
+/// Decodes frames of a region and writes them; errors of the video are written too.
 pub fn serve(region: Region, wanted: &[usize], out: &mut impl Write) -> io::Result<()> {
     out.write_all(GREETING)?;
     out.flush()?;

@@ -3,7 +3,7 @@
 use super::error::VideoError;
 use crate::container::Region;
 
-/// `length` bytes from `at`, where 0 is the region's first byte; the caller has bounded `length`.
+/// Reads `length` bytes from `at`, counted from the region's start; the caller has limited `length`.
 pub(super) fn read(region: &Region, at: u64, length: usize) -> Result<Vec<u8>, VideoError> {
     let inside = at.checked_add(length as u64).is_some_and(|end| end <= region.bytes);
     if !inside {
@@ -17,7 +17,7 @@ pub(super) fn read(region: &Region, at: u64, length: usize) -> Result<Vec<u8>, V
     Ok(bytes)
 }
 
-/// The same part of the file, for another reader.
+/// Returns the same part of the file, for another reader.
 pub(super) fn clone(region: &Region) -> Result<Region, VideoError> {
     region.part(0, region.bytes).map_err(VideoError::Unreadable)
 }

@@ -1,26 +1,26 @@
-//! The sample table of a track (ISO/IEC 14496-12, section 8.6 and 8.7): where each coded picture lies, when it is
-//! shown, and whether decoding may begin there.
+//! The sample table of a track (ISO/IEC 14496-12, section 8.6 and 8.7): the offset, presentation time and
+//! sync flag of each coded picture.
 
 use super::boxes::{self, Box};
 use super::{MAX_FRAMES, VideoError};
 use mp4_atom::{Co64, Ctts, Stco, Stsc, Stss, Stsz, StszSamples, Stts};
 
-/// No coded picture of the sizes that are taken is larger.
+/// Coded pictures of the allowed sizes are not larger.
 const MAX_SAMPLE_BYTES: u32 = 32 << 20;
 
 /// One coded picture, in the order of decoding.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample {
-    /// First byte, counted from the region's first.
+    /// Offset from the region's start, in bytes.
     pub offset: u64,
     pub bytes: u32,
-    /// When it is shown, in units of the track's time scale, before the edit list.
+    /// Presentation time in units of the track's time scale, before the edit list.
     pub shown_at: i64,
-    /// The file says that decoding may begin here.
+    /// True if decoding may begin here, according to the file.
     pub sync: bool,
 }
 
-/// All samples of a track, in the order of decoding. Every one lies within `region_bytes`.
+/// Returns all samples of a track, in decoding order. Every one lies within `region_bytes`.
 pub fn read(stbl: &[Box<'_>], region_bytes: u64) -> Result<Vec<Sample>, VideoError> {
     let sizes = sizes(stbl)?;
     let offsets = offsets(stbl, &sizes)?;
@@ -45,7 +45,7 @@ pub fn read(stbl: &[Box<'_>], region_bytes: u64) -> Result<Vec<Sample>, VideoErr
 }
 
 fn sizes(stbl: &[Box<'_>]) -> Result<Vec<u32>, VideoError> {
-    // The count is looked at before the table is read, which would take as much memory as it says.
+    // The count is checked before the table is read, because reading allocates memory for it.
     let table = boxes::find(stbl, b"stsz").ok_or(VideoError::malformed("no sample sizes"))?;
     let count = table.body.get(8..12).ok_or(VideoError::malformed("stsz"))?;
     let count = count.iter().fold(0u64, |count, byte| count << 8 | u64::from(*byte));
@@ -71,7 +71,7 @@ fn sizes(stbl: &[Box<'_>]) -> Result<Vec<u32>, VideoError> {
     Ok(sizes)
 }
 
-/// Samples lie one after the other in chunks, whose places are told.
+/// Returns the samples' offsets: they lie one after the other in chunks, whose offsets the file has.
 fn offsets(stbl: &[Box<'_>], sizes: &[u32]) -> Result<Vec<u64>, VideoError> {
     const DAMAGED: &str = "the table of chunks";
     let chunks: Vec<u64> = match boxes::read::<Stco>(stbl, DAMAGED)? {
@@ -107,7 +107,7 @@ fn offsets(stbl: &[Box<'_>], sizes: &[u32]) -> Result<Vec<u64>, VideoError> {
     Ok(offsets)
 }
 
-/// When each sample is shown: the time of its decoding and its offset.
+/// Returns each sample's presentation time: its decoding time and its offset.
 fn times(stbl: &[Box<'_>], count: usize) -> Result<Vec<i64>, VideoError> {
     let steps: Stts = boxes::read(stbl, "stts")?.ok_or(VideoError::malformed("no times"))?;
     let mut times = Vec::with_capacity(count);

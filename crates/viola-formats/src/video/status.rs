@@ -1,9 +1,9 @@
-//! How processes end.
+//! Exit status of processes.
 
 use std::process::ExitStatus;
 
-/// Returns whether a process ended by a signal that asks it to. Whoever stops a service may signal all of its processes,
-/// so that such an end tells nothing of the work.
+/// Returns whether a process ended by a signal that requests it. A stop of the service may signal all of its
+/// processes, so such an end is no failure of the work.
 #[cfg(unix)]
 pub fn was_asked_to_stop(status: ExitStatus) -> bool {
     use rustix::process::Signal;

@@ -1,4 +1,4 @@
-//! The video track of a file: its coding, its samples, and which of them are shown when.
+//! The video track of a file: its coding, its samples, and their presentation order.
 
 use super::boxes::{self, Box};
 use super::parameters::Format;
@@ -7,12 +7,12 @@ use super::{Codec, VideoError, VideoInfo};
 use crate::container::Region;
 use mp4_atom::{Atom, Avcc, Colr, Elst, Hvcc, Mdhd, Mvhd, Tkhd};
 
-/// Length of the fields of a picture's sample entry before the boxes in it (ISO/IEC 14496-12, section 12.1.3).
+/// Length of the fields before the boxes in a picture's sample entry (ISO/IEC 14496-12, section 12.1.3).
 const VISUAL_ENTRY_BYTES: usize = 78;
-/// The standards let at most this many pictures wait for one that is shown before them.
+/// Maximum number of pictures that wait for one shown before them, by the standards.
 const MAX_REORDER: usize = 16;
 
-/// Everything that is needed to decode.
+/// All data for decoding.
 #[derive(Debug)]
 pub struct Track {
     pub codec: Codec,
@@ -21,14 +21,14 @@ pub struct Track {
     pub length_bytes: u8,
     /// The track's one sequence parameter set.
     pub sps: Vec<u8>,
-    /// Other parameter sets, in the order in which a decoder gets them: `vps` before the sequence's, `pps` after.
+    /// Other parameter sets, in a decoder's order: `vps` before the sequence's, `pps` after.
     pub vps: Vec<Vec<u8>>,
     pub pps: Vec<Vec<u8>>,
-    /// In the order of decoding.
+    /// In decoding order.
     pub samples: Vec<Sample>,
-    /// Sample of each frame, in the order of showing; samples that the edit list cuts off are in no frame.
+    /// Sample of each frame, in presentation order; samples cut by the edit list have no frame.
     pub shown: Vec<usize>,
-    /// Samples that are decoded before one that is shown before them, at most at any time.
+    /// Maximum number of decoded samples that wait for one shown before them.
     pub reorder: usize,
     rotation_deg: u16,
     ticks_per_s: u32,
@@ -107,7 +107,7 @@ impl Track {
     }
 }
 
-/// The sample description: how the pictures are coded.
+/// The sample description: the coding of the pictures.
 struct Entry {
     codec: Codec,
     format: Format,
@@ -173,7 +173,7 @@ fn hevc(record: Option<Hvcc>) -> Result<Sets, VideoError> {
     Ok((record.length_size_minus_one + 1, of(33), of(32), of(34)))
 }
 
-/// Decoding begins anew with each group of pictures, so there must be one set for the whole track.
+/// Returns the one set of the whole track: decoding restarts with each group of pictures.
 fn one(mut sets: Vec<Vec<u8>>) -> Result<Vec<u8>, VideoError> {
     sets.dedup();
     match <[Vec<u8>; 1]>::try_from(sets) {
@@ -185,7 +185,7 @@ fn one(mut sets: Vec<Vec<u8>>) -> Result<Vec<u8>, VideoError> {
     }
 }
 
-/// First time that is shown, and the first after it that is not, in units of the track's clock.
+/// Returns the first time that is shown, and the end of the shown part, in units of the track's clock.
 fn cut(edits: Option<&Elst>, track_per_s: u32, movie_per_s: u32) -> Result<(i64, i64), VideoError> {
     let entries = edits.map(|list| list.entries.as_slice()).unwrap_or_default();
     let wait = entries.iter().take_while(|entry| entry.media_time.is_none()).count();
@@ -199,7 +199,7 @@ fn cut(edits: Option<&Elst>, track_per_s: u32, movie_per_s: u32) -> Result<(i64,
         return Err(VideoError::EditList { what: "another speed" });
     }
     let start = i64::try_from(edit.media_time.unwrap_or(0)).unwrap_or(i64::MAX);
-    // The duration is in the movie's clock. A part of no length goes on to the end.
+    // The duration is in the movie's clock. A duration of 0 is up to the end.
     let scaled = |d: u64| {
         (u128::from(d) * u128::from(track_per_s) + u128::from(movie_per_s / 2)) / u128::from(movie_per_s)
     };
@@ -210,7 +210,7 @@ fn cut(edits: Option<&Elst>, track_per_s: u32, movie_per_s: u32) -> Result<(i64,
     Ok((start, end))
 }
 
-/// Samples in the order of showing; those shown at the same time stay in the order of decoding.
+/// Returns the samples in presentation order; those shown at the same time stay in decoding order.
 fn shown(samples: &[Sample], (start, end): (i64, i64)) -> Vec<usize> {
     let inside = |sample: &usize| (start..end).contains(&samples[*sample].shown_at);
     let mut shown: Vec<usize> = (0..samples.len()).filter(inside).collect();
@@ -218,7 +218,7 @@ fn shown(samples: &[Sample], (start, end): (i64, i64)) -> Vec<usize> {
     shown
 }
 
-/// How many samples are decoded before, and shown after, any one of them: the places that a decoder needs.
+/// Returns the maximum number of samples decoded before, but shown after, another: the reorder depth.
 fn reorder(samples: &[Sample]) -> usize {
     let mut waiting = std::collections::BTreeSet::new();
     let mut most = 0;
@@ -233,7 +233,7 @@ fn reorder(samples: &[Sample]) -> usize {
     most
 }
 
-/// The quarter turn nearest to the track's matrix.
+/// Returns the quarter turn nearest to the track's matrix.
 fn rotation_deg(header: &Tkhd) -> u16 {
     let degrees = f64::from(header.matrix.b).atan2(f64::from(header.matrix.a)).to_degrees();
     ((degrees / 90.0).round() as i32 * 90).rem_euclid(360) as u16

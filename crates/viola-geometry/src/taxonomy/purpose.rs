@@ -1,11 +1,11 @@
-//! What rooms are for, by the names that people give them, and which things belong where.
+//! Purposes of rooms from their names, and the rooms in which things belong.
 
 use super::Class;
 use std::sync::LazyLock;
 use unicode_normalization::UnicodeNormalization;
 use unicode_normalization::char::is_combining_mark;
 
-/// What is done in a room: several things in a studio, none where the name does not tell.
+/// Set of purposes of a room: several for a studio, none if the name does not tell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Purposes(u16);
 
@@ -31,9 +31,9 @@ impl Purposes {
         self == Purposes::NONE
     }
 
-    /// What a room of this name is for; people name them in their own languages.
+    /// Returns the purposes of a room by its name, in any of the languages of `WORDS`.
     pub fn of_name(name: &str) -> Purposes {
-        /// Names are shorter, and the files that they come from are not ours.
+        /// Longer names are cut, because the files are untrusted.
         const MOST_CHARS: usize = 100;
         let name = fold(&name.chars().take(MOST_CHARS).collect::<String>());
         let words: Vec<&str> =
@@ -42,12 +42,12 @@ impl Purposes {
         told.fold(Purposes::NONE, |sum, (_, purposes)| sum.or(*purposes))
     }
 
-    /// Whether things of this class belong into some rooms and not into others.
+    /// Returns whether things of this class belong only in some rooms.
     pub fn any_for(class: Class) -> bool {
         !class.purposes().is_none()
     }
 
-    /// Whether something stands where it belongs; none where either says nothing about that.
+    /// Returns whether a thing belongs in this room; `None` if the room or the class has no purpose.
     pub fn suit(self, class: Class) -> Option<bool> {
         let homes = class.purposes();
         (!self.is_none() && !homes.is_none()).then_some(self.0 & homes.0 != 0)
@@ -55,7 +55,7 @@ impl Purposes {
 }
 
 impl Class {
-    /// What the rooms are for in which such things stand; none for things that stand anywhere.
+    /// Returns the purposes of the rooms in which such things stand; none for things that stand anywhere.
     fn purposes(self) -> Purposes {
         use Purposes as P;
         match self {
@@ -81,12 +81,12 @@ impl Class {
     }
 }
 
-/// Small letters without accents.
+/// Returns the name in lower case, without accents.
 fn fold(name: &str) -> String {
     name.nfkd().filter(|c| !is_combining_mark(*c)).flat_map(char::to_lowercase).collect()
 }
 
-/// A word, or a part of one where `*` stands for the rest.
+/// A word, or a part of a word with `*` for the rest.
 struct Pattern {
     text: String,
     open_before: bool,
@@ -120,8 +120,8 @@ static PATTERNS: LazyLock<Vec<(Pattern, Purposes)>> = LazyLock::new(|| {
     WORDS.iter().flat_map(of).collect()
 });
 
-/// English, German, French, Spanish, Italian, Portuguese, Dutch, Swedish, Danish, Norwegian, Finnish, Polish, Turkish, Russian,
-/// Chinese, Japanese and Korean, in that order.
+/// Names in English, German, French, Spanish, Italian, Portuguese, Dutch, Swedish, Danish, Norwegian,
+/// Finnish, Polish, Turkish, Russian, Chinese, Japanese and Korean, in that order.
 const WORDS: &[(&str, Purposes)] = &[
     (
         "bath* *bathroom washroom restroom shower* toilet* wc ensuite powder lavatory \
@@ -174,7 +174,7 @@ const WORDS: &[(&str, Purposes)] = &[
          *ベランダ* *バルコニー* *베란다* *발코니*",
         Purposes::OUTSIDE,
     ),
-    // One room for all of it.
+    // One room for several purposes.
     (
         "studio* wohnkuche *apartment*",
         Purposes::SLEEP.or(Purposes::COOK).or(Purposes::LIVE).or(Purposes::DINE).or(Purposes::WORK),
@@ -193,7 +193,7 @@ mod tests {
             ("Kitchen", P::COOK),
             ("kitchen 2", P::COOK),
             ("Küche", P::COOK),
-            // The same with the dots on their own.
+            // The same with a combining diaeresis.
             ("Ku\u{308}che", P::COOK),
             ("KUECHE", P::COOK),
             ("Living/Kitchen", P::LIVE.or(P::COOK)),

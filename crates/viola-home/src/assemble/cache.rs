@@ -1,4 +1,4 @@
-//! The shares that are in use, so that none is read over and over and memory stays bounded.
+//! LRU cache of clip contributions: no repeated reads, bounded memory.
 
 use super::members::{Extent, Member};
 use super::surface::Surface;
@@ -6,10 +6,10 @@ use crate::contribution::ClipContribution;
 use std::collections::VecDeque;
 use std::sync::{Arc, OnceLock};
 
-/// Shares that are kept in memory at once: 10 to 20 MB each.
+/// Maximum number of cached contributions, of 10 to 20 MB each.
 const KEPT: usize = 16;
 
-/// A share, and its surface once it is asked for.
+/// A contribution and its lazily built surface.
 pub(super) struct Loaded {
     pub share: ClipContribution,
     surface: OnceLock<Surface>,
@@ -30,7 +30,7 @@ impl Loaded {
 
 pub(super) struct Cache<'a, E> {
     load: &'a mut dyn FnMut(&Member) -> Result<ClipContribution, E>,
-    /// The one used last is at the end.
+    /// Least recently used first.
     kept: VecDeque<(String, Arc<Loaded>)>,
 }
 

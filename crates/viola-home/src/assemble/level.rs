@@ -1,26 +1,26 @@
-//! A clip's place in space: its pose in the plane, and how far its floor was mistaken.
+//! A clip's pose in space: its planar pose and the error of its floor plane.
 
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
 use viola_geometry::{Pose2, Pose3, Vector3};
 
-/// What remains of a clip's pose in space beside its pose in the plane. Both are small: the clip's own floor is level and
-/// at 0 but for the errors of its plane.
+/// Height and tilt of a clip's pose in space. Both are small: the clip's own floor is level and at z = 0,
+/// except for the errors of its floor plane.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Level {
     pub z_m: f64,
-    /// The rotation vector about the map's x and y axes that comes after the yaw.
+    /// Rotation vector about the map's x and y axes, applied after the yaw.
     pub tilt_rad: [f64; 2],
 }
 
-/// The pose in space.
+/// Returns the pose in space.
 pub(super) fn in_space(pose: &Pose2, level: &Level) -> Pose3 {
     let yaw = UnitQuaternion::from_scaled_axis(Vector3::z() * pose.yaw_rad);
     let tilt = UnitQuaternion::from_scaled_axis(Vector3::new(level.tilt_rad[0], level.tilt_rad[1], 0.0));
     Pose3::from_parts(Vector3::new(pose.x_m, pose.y_m, level.z_m).into(), tilt * yaw)
 }
 
-/// The other way round; the rest of the rotation is the yaw.
+/// Inverse of [`in_space`]: the rotation without the tilt is the yaw.
 pub(super) fn apart(pose: &Pose3) -> (Pose2, Level) {
     let up = pose.rotation * Vector3::z();
     let tilt = UnitQuaternion::rotation_between(&Vector3::z(), &up).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! The clips of a home as its map sees them.
+//! Clips of a home, as its map uses them.
 
 use super::level::{Level, in_space};
 use super::tile::TileKey;
@@ -11,16 +11,16 @@ use viola_geometry::{Point2, Pose2, Pose3};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Member {
     pub clip: Uuid,
-    /// When it was recorded, in milliseconds since 1970, where that is known.
+    /// Recording time in milliseconds since 1970, if known.
     pub recorded_at_ms: Option<i64>,
-    /// Of its file: what orders clips whose times are not known.
+    /// Hash of the file; orders clips whose times are unknown.
     pub sha256: String,
-    /// Names what it brings; another answer for the clip has another name.
+    /// Name of its contribution; each new alignment result has a new name.
     pub share: String,
     pub verdict: Verdict,
 }
 
-/// What is known of a clip's place by itself.
+/// A clip's own alignment result.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
     Aligned {
@@ -28,7 +28,7 @@ pub enum Verdict {
         covariance: Matrix3<f64>,
         probability: Option<f64>,
     },
-    /// Where a person put it.
+    /// Pose chosen by a person.
     Chosen {
         map_from_clip: Pose2,
     },
@@ -38,13 +38,13 @@ pub enum Verdict {
     },
 }
 
-/// Who says where a clip is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+/// Source of a clip's pose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PlacedBy {
     /// The clip's own alignment to the LiDAR map.
     Alignment,
-    /// The clips around it, which decided between its alternatives.
+    /// The overlapping clips, which decided between its alternatives.
     Neighbours,
     /// A person's choice.
     Person,
@@ -58,13 +58,13 @@ pub struct PlacedClip {
     pub recorded_at_ms: Option<i64>,
     pub by: PlacedBy,
     pub probability: Option<f64>,
-    /// Where it was by itself.
+    /// Pose before joint refinement.
     pub alone: Pose2,
-    /// Where it is, refined together with the clips that it overlaps.
+    /// Pose refined jointly with the clips that it overlaps.
     pub map_from_clip: Pose2,
-    /// The rest of that pose in space.
+    /// Height and tilt of that pose.
     pub level: Level,
-    /// The shares of the clips that it was refined with.
+    /// Contributions of the clips that it was refined with.
     pub with: Vec<String>,
     pub extent: Extent,
     /// The tiles that depend on it.
@@ -72,7 +72,7 @@ pub struct PlacedClip {
     pub points: usize,
 }
 
-/// The box around what a clip saw and where it was seen from, in its own frame.
+/// Bounding box of a clip's points and cameras, in the clip's frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Extent {
     pub min_m: [f64; 2],
@@ -80,19 +80,19 @@ pub struct Extent {
 }
 
 impl Member {
-    /// The canonical order of a map's clips: by what they are, and by their ids only where they are the same file.
+    /// Returns the canonical sort key: the content; the id only breaks ties of equal files.
     pub(super) fn order(&self) -> (Option<i64>, &str, &Uuid) {
         (self.recorded_at_ms, &self.sha256, &self.clip)
     }
 }
 
 impl PlacedClip {
-    /// Its pose in space as it was by itself.
+    /// Returns its pose in space before joint refinement.
     pub fn alone_in_space(&self) -> Pose3 {
         in_space(&self.alone, &Level::default())
     }
 
-    /// Its pose in space.
+    /// Returns its pose in space.
     pub fn in_space(&self) -> Pose3 {
         in_space(&self.map_from_clip, &self.level)
     }
@@ -107,11 +107,11 @@ impl Extent {
                 extent.max_m[axis] = extent.max_m[axis].max(c);
             }
         }
-        // Nothing seen: an empty box at the origin, which JSON can carry.
+        // Without points: an empty box at the origin, which JSON can represent.
         if extent.min_m[0] > extent.max_m[0] { Extent { min_m: [0.0; 2], max_m: [0.0; 2] } } else { extent }
     }
 
-    /// The box around this one in the map's frame.
+    /// Returns the bounding box of this one in the map's frame.
     fn in_map(&self, map_from_clip: &Pose2) -> Extent {
         let [[left, bottom], [right, top]] = [self.min_m, self.max_m];
         let corners = [[left, bottom], [right, bottom], [left, top], [right, top]];
@@ -121,7 +121,7 @@ impl Extent {
         }))
     }
 
-    /// Whether two clips can have seen the same thing.
+    /// Returns whether two clips may overlap.
     pub(super) fn meets(&self, map_from_this: &Pose2, other: &Extent, map_from_other: &Pose2) -> bool {
         const MARGIN_M: f64 = 0.3;
         let (a, b) = (self.in_map(map_from_this), other.in_map(map_from_other));

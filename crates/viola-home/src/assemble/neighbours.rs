@@ -1,5 +1,4 @@
-//! An ambiguous clip looked at again beside the clips whose places are known: what they saw decides between its
-//! alternatives.
+//! Resolves ambiguous clips: the observations of placed clips decide between the alternatives.
 
 use super::sight::Sights;
 use super::surface::{Surface, SurfacePoint};
@@ -9,37 +8,37 @@ use std::collections::BTreeMap;
 use viola_geometry::{Point3, Pose2, Pose3, Vector3};
 use viola_reconstruct::View;
 
-/// Points of the clip that are looked for in a neighbour.
+/// Sampled points of each clip.
 const SAMPLES: usize = 2_000;
 /// Side of the patches of surface that count as one observation each.
 const PATCH_M: f64 = 0.5;
-/// A patch agrees, or does not, when this share of its points says so.
+/// Fraction of a patch's points needed to call it agreeing or differing.
 const MAJORITY: f64 = 0.6;
-/// Patches that agree for one that does not at the right pose: things are moved, and clips err.
+/// Agreeing patches per differing patch at the right pose: objects move, and clips err.
 const AGREEING_PER_ODD: i32 = 5;
-/// How much likelier a further patch that does not agree is at a wrong pose than at the right one.
+/// Likelihood ratio of one more differing patch: wrong pose over right pose.
 const LIKELIHOOD_RATIO: f64 = 1.5;
-/// Colours further apart than this, of 255, are not the same thing.
+/// RMS colour difference, of 255, above which surfaces differ.
 const COLOR: f64 = 60.0;
-/// Probability from which a clip is placed.
+/// Minimum probability to place a clip.
 const SURE: f64 = 0.95;
-/// An alternative is placed only if so many patches agree: without overlap nothing is decided.
+/// Minimum agreeing patches to place a clip: without overlap nothing is decided.
 const MIN_PATCHES: i32 = 20;
 
-/// A clip at its place, as a neighbour sees it.
+/// A placed clip, as a neighbour of the ambiguous one.
 pub(super) struct Neighbour<'a> {
     pub map_from_clip: Pose3,
     pub surface: &'a Surface,
     pub sights: Sights<'a>,
 }
 
-/// The clip whose place is asked for.
+/// The ambiguous clip.
 pub(super) struct Asked<'a> {
     pub surface: &'a Surface,
     pub views: &'a [View],
 }
 
-/// Patches of surface that agree with what a neighbour saw, and patches that do not.
+/// Numbers of surface patches that agree and differ with a neighbour's observations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Agreement {
     pub agree: i32,
@@ -54,7 +53,7 @@ pub(super) fn agreement(asked: &Asked, map_from_clip: &Pose3, neighbour: &Neighb
         let position = map_from_clip * sample.position;
         (patch(&position), ask(&position, &(map_from_clip * sample.normal), sample.color, neighbour))
     });
-    // And the other way round: what the neighbour saw where this clip looked through.
+    // Backward: neighbour points that this clip looked through.
     let sights = Sights::new(asked.views, map_from_clip);
     let samples: Vec<&SurfacePoint> = neighbour.surface.some(SAMPLES).filter(|s| s.is_upright()).collect();
     let backward = samples.into_par_iter().map(|sample| {
@@ -77,10 +76,10 @@ pub(super) fn agreement(asked: &Asked, map_from_clip: &Pose3, neighbour: &Neighb
     sum
 }
 
-/// What one clip says of a point of the other's.
+/// One clip's observation of a point of the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Said {
-    /// It has the same thing there.
+    /// It measured the same surface there.
     There,
     /// It looked through the place.
     Gone,
@@ -99,10 +98,10 @@ fn ask(position: &Point3, normal: &Vector3, color: [u8; 3], neighbour: &Neighbou
     if through > 2 * surface { Said::Gone } else { Said::Nothing }
 }
 
-/// The alternative that the neighbours leave, with its probability; none while they leave doubt.
+/// Returns the alternative chosen by the neighbours with its probability; none if still ambiguous.
 ///
-/// What agrees speaks for nothing by itself: all alternatives fit the LiDAR map, so a room that looks like the right one
-/// agrees as well, and the right one may be where no neighbour has been. Only what differs speaks, against.
+/// Only contradictions count. Agreement is no evidence: all alternatives fit the LiDAR map, look-alike rooms
+/// agree as well, and the right place may be unseen by all neighbours.
 pub(super) fn decide(alternatives: &[(Pose2, f64)], agreements: &[Vec<Agreement>]) -> Option<(usize, f64)> {
     let odd = |one: &Agreement| (one.differ - one.agree / AGREEING_PER_ODD).max(0);
     let logs: Vec<f64> = alternatives
@@ -131,10 +130,10 @@ mod tests {
             ([(0, 0), (0, 0)], None),
             ([(20, 1), (3, 9)], Some(0)),
             ([(1, 9), (22, 2)], Some(1)),
-            // The other one is nowhere contradicted: it may be where nobody looked.
+            // The other one is not contradicted: it may be in an unseen place.
             ([(40, 0), (0, 0)], None),
             ([(20, 0), (19, 1)], None),
-            // Too little of the one that is left was seen.
+            // Too few patches of the remaining one were seen.
             ([(15, 0), (0, 30)], None),
         ];
         for (said, chosen) in cases {

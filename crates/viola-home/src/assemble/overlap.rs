@@ -1,4 +1,4 @@
-//! How two clips that saw the same place lie to each other.
+//! Relative pose of two clips that saw the same place.
 
 use super::surface::{Surface, SurfacePoint};
 use nalgebra::{Matrix6, Translation3, UnitQuaternion, Vector6};
@@ -6,34 +6,34 @@ use serde::{Deserialize, Serialize};
 use viola_geometry::{Pose3, Vector3};
 use viola_reconstruct::PointCloud;
 
-/// Points of one clip that are looked for in the other.
+/// Points of one clip that are searched in the other.
 const SAMPLES: usize = 3_000;
 /// Scales of the robust kernel, wide to narrow, and the steps at each.
 const KERNEL_M: [f64; 3] = [0.12, 0.06, 0.03];
 const STEPS: usize = 5;
-/// A point this near to the other clip's surface, measured along its normal, has been found there.
+/// A point is found if its distance to the other surface, along the normal, is below this.
 const NEAR_M: f64 = 0.05;
-/// Fewer found points on upright surfaces are no overlap.
+/// Minimum found points on upright surfaces of an overlap.
 const MIN_FOUND: usize = 120;
-/// Clips that would have to move further than this to agree do not see the same thing.
+/// Larger corrections mean that the clips do not see the same place.
 const MAX_SHIFT_M: f64 = 0.25;
 const MAX_TURN_RAD: f64 = 5f64.to_radians();
-/// Standard deviation of one found point's distance, and how many neighbouring ones share their errors.
+/// Standard deviation of a found point's distance, and the number of neighbouring points with the same error.
 const NOISE_M: f64 = 0.02;
 const CORRELATED: f64 = 20.0;
 
-/// What two clips say about each other.
+/// Relative pose of two clips.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Overlap {
     pub b_from_a: Pose3,
-    /// Of a small motion of `a` in `b`'s frame: its translation, then its rotation vector about `b`'s axes through
-    /// `a`'s origin. Row after row.
+    /// Information of a small motion of `a` in `b`'s frame: translation, then rotation vector about `b`'s
+    /// axes through `a`'s origin. Row-major.
     pub information: [[f64; 6]; 6],
-    /// Upright points of `a` that were found in `b`.
+    /// Upright points of `a` found in `b`.
     pub found: usize,
 }
 
-/// Point-to-plane registration of the surface of `a` to that of `b`, from where the map has them.
+/// Registers the surface of `a` to that of `b` (point-to-plane), starting at `start`.
 pub(super) fn overlap(a: &Surface, b: &Surface, start: &Pose3) -> Option<Overlap> {
     let samples: Vec<&SurfacePoint> = a.some(SAMPLES).collect();
     let mut pose = *start;
@@ -41,7 +41,7 @@ pub(super) fn overlap(a: &Surface, b: &Surface, start: &Pose3) -> Option<Overlap
         for _ in 0..STEPS {
             let normal = Normal::gather(&samples, b, &pose, kernel_m, NEAR_M);
             let mut information = normal.information;
-            // Along a bare wall nothing holds: there it stays where the map put it.
+            // Damping: directions without constraint, as along a bare wall, keep the start.
             (0..6).for_each(|i| information[(i, i)] += 1.0);
             let step = information.cholesky().map(|c| -c.solve(&normal.gradient))?;
             pose = moved(&pose, &step);
@@ -62,15 +62,15 @@ pub(super) fn overlap(a: &Surface, b: &Surface, start: &Pose3) -> Option<Overlap
     Some(Overlap { b_from_a: pose, information: std::array::from_fn(row), found: last.found })
 }
 
-/// A pose after a small motion: translation, and rotation about the pose's origin.
+/// Returns a pose after a small motion: translation, and rotation about the pose's origin.
 pub(super) fn moved(pose: &Pose3, step: &Vector6<f64>) -> Pose3 {
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(step[3], step[4], step[5]));
     let shift = Vector3::new(step[0], step[1], step[2]);
     Pose3::from_parts(Translation3::from(pose.translation.vector + shift), turn * pose.rotation)
 }
 
-/// How far, along their normals, the points of `a` are from `b`'s surface: root of the mean square of those that are
-/// found within `near_m`, and how many they are.
+/// Returns the RMS distance, along normals, of the points of `a` from `b`'s surface, and their number. Only
+/// points within `near_m` count.
 pub fn disagreement(a: &PointCloud, b: &PointCloud, b_from_a: &Pose3, near_m: f64) -> (f64, usize) {
     let (a, b) = (Surface::new(a), Surface::new(b));
     let (mut squares, mut found) = (0.0, 0usize);
@@ -87,7 +87,7 @@ pub fn disagreement(a: &PointCloud, b: &PointCloud, b_from_a: &Pose3, near_m: f6
     ((squares / found.max(1) as f64).sqrt(), found)
 }
 
-/// The normal equations at one pose, and how many upright points were found.
+/// The normal equations at one pose, and the number of upright points found.
 struct Normal {
     information: Matrix6<f64>,
     gradient: Vector6<f64>,

@@ -1,4 +1,4 @@
-//! Where the clips of a home are: each by itself, then together.
+//! Poses of a home's clips: each by itself, then jointly.
 
 use super::cache::{Cache, Loaded};
 use super::level::{Level, apart, in_space};
@@ -14,22 +14,22 @@ use rustc_hash::FxHashMap;
 use std::sync::Arc;
 use viola_geometry::Pose2;
 
-/// A clip's neighbours that take part at most, those first that share most with it.
+/// Maximum neighbours of a clip in its pose graph; those with the largest overlap are kept.
 const MAX_NEIGHBOURS: usize = 24;
 
-/// A clip that has a place by itself.
+/// A clip with a known pose.
 struct Known<'a> {
     member: &'a Member,
     by: PlacedBy,
     probability: Option<f64>,
     alone: Pose2,
-    /// None: it stays.
+    /// None for a fixed pose.
     covariance: Option<Matrix3<f64>>,
     extent: Extent,
     points: usize,
 }
 
-/// The clips with their places, and the pairs that were compared.
+/// The placed clips and the compared pairs.
 pub(super) struct Placed<'a> {
     pub clips: Vec<(&'a Member, PlacedClip)>,
     pub pairs: Vec<Pair>,
@@ -68,8 +68,8 @@ pub(super) fn place<'a, E>(
     Ok(Placed { clips, pairs, opinions })
 }
 
-/// The ambiguous clips between whose alternatives the others decide, and what these said. They are asked about the
-/// clips that have a place by themselves, not about each other: the answer is the same in any order.
+/// Returns the ambiguous clips that their neighbours resolve, and the agreements. Only clips with a pose of
+/// their own are neighbours, so the result does not depend on the order.
 fn ask_neighbours<'a, E>(
     last: &Manifest,
     members: &'a [Member],
@@ -116,7 +116,7 @@ fn ask_neighbours<'a, E>(
             }
         }
         if let Some((place, probability)) = neighbours::decide(alternatives, &agreements) {
-            /// An alternative's own covariance is not kept; this is that of an ordinary one.
+            /// Typical standard deviations (x_m, y_m, yaw_rad): alternatives carry no covariance.
             const SPREAD: [f64; 3] = [0.03, 0.03, 0.01];
             decided.push(Known {
                 member,
@@ -132,7 +132,7 @@ fn ask_neighbours<'a, E>(
     Ok((decided, opinions))
 }
 
-/// All pairs of clips whose boxes meet, the first of each before the second in the order.
+/// Returns all pairs of clips whose boxes meet, in canonical order.
 fn compare<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result<Vec<Pair>, E> {
     let before: FxHashMap<(&str, &str), &Pair> =
         last.pairs.iter().map(|pair| ((&*pair.a, &*pair.b), pair)).collect();
@@ -170,7 +170,7 @@ fn compare<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result<
     Ok(pairs)
 }
 
-/// Every clip settles among those that it overlaps.
+/// Refines each clip with the clips that it overlaps.
 fn together<'a>(
     before: &FxHashMap<&str, &PlacedClip>,
     known: &[Known<'a>],
@@ -250,6 +250,6 @@ fn solve(
     }
     let alone = (known[first].alone, Level::default());
     let settled = settle(&clips, &edges, FADE).map_or(alone, |pose| apart(&pose));
-    // What a person chose stays as it is, to the last bit.
+    // A person's choice stays bit-identical in the plane.
     if known[first].covariance.is_none() { (known[first].alone, settled.1) } else { settled }
 }

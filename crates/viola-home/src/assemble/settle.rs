@@ -1,33 +1,32 @@
-//! The poses of clips that overlap, refined together.
+//! Joint refinement of the poses of overlapping clips.
 //!
-//! A clip's pose is the solution, for that clip, of the pose graph of itself and the clips that it overlaps: every clip
-//! is held to the map by its own alignment and its own floor, and to its neighbours by their overlaps. Nothing further
-//! away takes part. So a pose depends on the set of the neighbours alone, and a new clip moves those that it overlaps
-//! and no others.
+//! A clip's pose is solved in the pose graph of the clip and the clips that it overlaps. Each clip has a
+//! prior from its own alignment and floor; each overlap is an edge. Clips further away are excluded, so a
+//! pose depends only on its neighbours, and a new clip moves only the clips that it overlaps.
 
 use super::overlap::{Overlap, moved};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector6};
 use viola_geometry::{Pose3, Vector3};
 
-/// Added to what an alignment says of itself: the map's own errors, which its hits share.
+/// Added to an alignment's standard deviations: errors of the map, common to all hits.
 const MAP_M: f64 = 0.015;
 const MAP_RAD: f64 = 0.3f64.to_radians();
-/// How well a clip knows the height and the level of its floor.
+/// Standard deviations of a clip's floor height and tilt.
 const FLOOR_M: f64 = 0.02;
 const FLOOR_RAD: f64 = 0.6f64.to_radians();
 const STEPS: usize = 8;
-/// Beyond so many standard deviations a term fades out.
+/// Scale of the edges' robust kernel, in standard deviations.
 pub(super) const FADE: f64 = 3.0;
 
-/// A clip in the graph.
+/// A clip's prior in the graph.
 #[derive(Debug, Clone)]
 pub(super) struct Prior {
     pub map_from_clip: Pose3,
-    /// Of (x_m, y_m, yaw_rad); none when a person has put it there and it stays.
+    /// Of (x_m, y_m, yaw_rad); none for a pose fixed by a person.
     pub covariance: Option<Matrix3<f64>>,
 }
 
-/// An overlap between two clips of the graph, by their places in it.
+/// An overlap of two clips, by their indices in the graph.
 #[derive(Debug, Clone)]
 pub(super) struct Edge<'a> {
     pub a: usize,
@@ -35,7 +34,7 @@ pub(super) struct Edge<'a> {
     pub overlap: &'a Overlap,
 }
 
-/// The refined pose of the first clip. Terms that disagree by more than `fade` standard deviations fade out.
+/// Returns the first clip's refined pose. `fade`: scale of the edges' robust kernel, in standard deviations.
 pub(super) fn settle(clips: &[Prior], edges: &[Edge], fade: f64) -> Option<Pose3> {
     let first = clips.first()?;
     if edges.is_empty() {
@@ -66,7 +65,7 @@ struct Graph {
     gradient: DVector<f64>,
 }
 
-/// Of `pose` against `at`: how far it was moved, and turned about the axes of the frame that both are in.
+/// Returns the error of `pose` against `at`: translation, then rotation vector, in their common frame.
 fn error(pose: &Pose3, at: &Pose3) -> Vector6<f64> {
     let shift = pose.translation.vector - at.translation.vector;
     let turn = (pose.rotation * at.rotation.inverse()).scaled_axis();
@@ -78,7 +77,7 @@ impl Graph {
         Graph { information: DMatrix::zeros(6 * clips, 6 * clips), gradient: DVector::zeros(6 * clips) }
     }
 
-    /// A clip is where its alignment has it, on its own floor.
+    /// Adds a clip's prior: its own alignment and floor.
     fn hold(&mut self, i: usize, pose: &Pose3, clip: &Prior) {
         let plane = match &clip.covariance {
             None => Matrix3::identity() * 1e12,
@@ -102,7 +101,7 @@ impl Graph {
         self.add(&[(i, Matrix6::identity())], &error(pose, &clip.map_from_clip), &information);
     }
 
-    /// Two clips lie to each other as their overlap has it.
+    /// Adds the edge of an overlap.
     fn edge(&mut self, edge: &Edge, poses: &[Pose3], fade: f64) {
         let (a, b) = (&poses[edge.a], &poses[edge.b]);
         let error = error(&(b.inverse() * a), &edge.overlap.b_from_a);
@@ -157,7 +156,7 @@ mod tests {
         (a.translation.vector - b.translation.vector).norm()
     }
 
-    /// Two clips that are held alike meet half way.
+    /// Two clips with equal priors meet half way.
     #[test]
     fn two_clips_meet_half_way() {
         let mut second = pose(1.04, 2.0, 0.5);
@@ -170,7 +169,7 @@ mod tests {
         assert!(distance_m(&settled, &half) < 1e-4, "{settled:?}");
     }
 
-    /// The slopes agree with what small moves do to the error.
+    /// The Jacobians match the error's change under small motions.
     #[test]
     fn consistent_clips_stay() {
         let tilted = Pose3::new(Vector3::new(3.0, -1.0, 0.02), Vector3::new(0.01, -0.02, 3.0));
@@ -185,7 +184,7 @@ mod tests {
         ];
         let settled = settle(&clips, &edges, FADE).unwrap();
         assert!(distance_m(&settled, &poses[0]) < 1e-9);
-        // Moved away from it, strong edges to two clips that stay bring it back.
+        // Displaced, strong edges to two fixed clips bring it back.
         let mut moved = clips.clone();
         moved[0].map_from_clip = poses[0] * Pose3::new(Vector3::new(0.05, -0.03, 0.0), Vector3::z() * 0.02);
         moved[1].covariance = None;

@@ -1,19 +1,19 @@
-//! What a clip's views say of a place in the map: whether it saw something there, or saw through it.
+//! Observations of a map point by a clip's views: surface seen there, or seen through.
 
 use viola_geometry::{Point3, Pose3};
 use viola_reconstruct::View;
 
-/// What one view says of a place.
+/// Observation of a place by one view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sight {
-    /// Something is there, or the place is hidden, out of the picture or too near to tell.
+    /// The view measured a surface at the place.
     Surface,
-    /// It looked through the place at something further away.
+    /// The view measured a surface behind the place.
     Through,
     Unknown,
 }
 
-/// The views of a clip at its place in the map.
+/// Views of a placed clip.
 pub(super) struct Sights<'a> {
     views: Vec<(Pose3, &'a View)>,
 }
@@ -24,7 +24,7 @@ impl<'a> Sights<'a> {
         Sights { views: views.iter().map(placed).collect() }
     }
 
-    /// How many views saw something at a place, and how many saw through it.
+    /// Returns the numbers of views that saw a surface at a point, and that saw through it.
     pub fn of(&self, point_in_map: &Point3) -> (usize, usize) {
         let (mut surface, mut through) = (0, 0);
         for (camera_from_map, view) in &self.views {
@@ -38,8 +38,8 @@ impl<'a> Sights<'a> {
     }
 }
 
-/// Readings of a thinned picture lie several centimetres apart, poses are off by a few, and depth gets worse with
-/// distance: what lies within this of a reading may be what was read.
+/// Tolerance of a depth comparison: thinned readings lie several centimetres apart, poses err by a few, and
+/// depth errors grow with distance.
 fn margin_m(depth_m: f64) -> f64 {
     0.12 + 0.03 * depth_m
 }
@@ -57,7 +57,7 @@ fn sight(view: &View, point_in_camera: &Point3) -> Sight {
     if (read_m - depth_m).abs() < margin_m {
         return Sight::Surface;
     }
-    // Beside an edge the reading next to it may be the one that counts: all around have to agree.
+    // At a depth edge the adjacent reading may be the right one: all four must agree.
     let step = f64::from(readings.stride());
     let around = [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)];
     let all_through = around.iter().all(|(du, dv)| {
@@ -66,7 +66,7 @@ fn sight(view: &View, point_in_camera: &Point3) -> Sight {
     if read_m > depth_m && all_through { Sight::Through } else { Sight::Unknown }
 }
 
-/// Whether a later clip's views say that what an earlier one saw at a place is gone.
+/// Returns whether a later clip's views saw through a point of an earlier clip.
 pub(super) fn is_gone(sights: &Sights, point_in_map: &Point3) -> bool {
     const VIEWS: usize = 2;
     let (surface, through) = sights.of(point_in_map);

@@ -1,15 +1,14 @@
-//! A clip's surface, thinned and sorted into cells, to find what lies near a point.
+//! A clip's thinned surface in a cell grid, for nearest-point search.
 
 use rustc_hash::{FxHashMap, FxHashSet};
 use viola_geometry::{Point3, Vector3};
 use viola_reconstruct::PointCloud;
 
-/// Side of the cells, and the farthest that a neighbour is looked for.
+/// Side of the cells, and the search radius.
 pub(super) const REACH_M: f64 = 0.15;
-/// One point is kept of so much space: two of the clouds' voxels.
+/// Side of the thinning cells: two voxels of the clouds.
 const THIN_M: f64 = 0.06;
 
-/// A point of a surface.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SurfacePoint {
     pub position: Point3,
@@ -18,14 +17,14 @@ pub(super) struct SurfacePoint {
 }
 
 impl SurfacePoint {
-    /// What lies flat (floors, tops, ceilings) is alike in every room and says nothing of where in the plane a clip is.
+    /// Returns whether it is upright: flat surfaces (floors, ceilings) do not constrain the planar pose.
     pub fn is_upright(&self) -> bool {
         const FLAT: f64 = 0.8;
         self.normal.z.abs() < FLAT
     }
 }
 
-/// A clip's cloud, thinned, in the clip's frame.
+/// A clip's thinned cloud, in the clip's frame.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Surface {
     pub points: Vec<SurfacePoint>,
@@ -51,7 +50,7 @@ impl Surface {
         surface
     }
 
-    /// The nearest point within [`REACH_M`] that faces about the same way; of equally near ones the first.
+    /// Returns the nearest point within [`REACH_M`] with a similar normal; of equally near ones the first.
     pub fn nearest(&self, position: &Point3, normal: &Vector3) -> Option<&SurfacePoint> {
         const SAME_WAY: f64 = 0.7;
         let [x, y, z] = cell(position, REACH_M);
@@ -71,7 +70,7 @@ impl Surface {
         best.map(|(_, number)| &self.points[number as usize])
     }
 
-    /// About `count` of its points, spread evenly.
+    /// Returns about `count` of its points, evenly spread.
     pub fn some(&self, count: usize) -> impl Iterator<Item = &SurfacePoint> {
         self.points.iter().step_by(self.points.len().div_ceil(count.max(1)).max(1))
     }

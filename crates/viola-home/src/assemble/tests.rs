@@ -8,7 +8,7 @@ use viola_geometry::taxonomy::Class;
 use viola_geometry::{Pinhole, Point3, Pose3, Vector3};
 use viola_reconstruct::{CloudPoint, Label, PointCloud, Readings, View};
 
-/// A room of 4 x 3 m with a pillar, as a clip that stands at `map_from_clip` sees it; `box_m` is a crate in it.
+/// A room of 4 x 3 m with a pillar, seen by a clip at `map_from_clip`; `box_m` is the place of a crate in it.
 fn room(map_from_clip: &Pose2, box_m: Option<[f64; 2]>) -> ClipContribution {
     let mut points = Vec::new();
     let mut add = |position: Point3, normal: Vector3, class: Class, color: [u8; 3]| {
@@ -64,14 +64,14 @@ fn member(name: &str, map_from_clip: Pose2) -> Member {
     }
 }
 
-/// What is true of a clip, and what its own alignment makes of it.
+/// A clip, placed by its own alignment, and its contribution at the true pose.
 struct Clip {
     member: Member,
     share: ClipContribution,
 }
 
 fn clips() -> Vec<Clip> {
-    // By name: where it was recorded, and how far off its own alignment is.
+    // Name, true pose, and error of its own alignment.
     let all = [
         ("d", Pose2::new(0.5, 0.5, 0.3), [0.02, -0.01, 0.01]),
         ("a", Pose2::new(3.0, 1.0, 2.0), [-0.02, 0.02, -0.01]),
@@ -108,8 +108,8 @@ fn applied(mut tiles: Tiles, assembly: &Assembly) -> Tiles {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(6))]
-    /// The map is a function of the set: of clips that come and go one after the other in any order nothing is left but
-    /// the set that remains.
+    /// The map is a function of the set: only the remaining clips determine it, not the history of additions
+    /// and removals.
     #[test]
     fn any_history_gives_the_same_map(order in Just(vec![0usize, 1, 2, 3]).prop_shuffle(), gone in 0usize..4) {
         let clips = clips();
@@ -126,7 +126,7 @@ proptest! {
         }
         prop_assert_eq!(&last.clips, &at_once.manifest.clips);
         prop_assert!(tiles == tiles_at_once);
-        // Taken out and put back.
+        // Remove one clip and add it again.
         let without: Vec<&Clip> = there.iter().copied().filter(|clip| clip.member != clips[gone].member).collect();
         let less = made(&last, &without);
         tiles = applied(tiles, &less);
@@ -134,12 +134,12 @@ proptest! {
         let back = made(&less.manifest, &there);
         prop_assert!(applied(tiles, &back) == tiles_at_once);
         prop_assert_eq!(back.manifest.tiles, at_once.manifest.tiles);
-        // And when nothing changed, nothing is made.
+        // An unchanged set changes no tile.
         prop_assert!(made(&last, &there).changed.is_empty());
     }
 }
 
-/// How far a clip is from where it was recorded.
+/// Returns the distance of a clip from its true place.
 fn error_m(placed: &PlacedClip, clips: &[Clip], alone: bool) -> f64 {
     let places = [(0.5, 0.5), (3.0, 1.0), (2.0, 2.0), (0.7, 2.5)];
     let i = clips.iter().position(|clip| clip.member.clip == placed.clip).unwrap();
@@ -156,7 +156,7 @@ fn clips_that_overlap_agree_better_together() {
     assert!(map.manifest.clips.iter().all(|placed| placed.with.len() == 3));
 }
 
-/// A new clip costs what it overlaps, however many clips are elsewhere in the home.
+/// A new clip loads only the clips that it overlaps.
 #[test]
 fn a_clip_elsewhere_is_not_read_again() {
     let far = Pose2::new(40.0, 0.0, 0.0);
@@ -190,16 +190,16 @@ fn a_chosen_clip_stays_where_it_was_put() {
     assert_eq!((placed.map_from_clip, placed.probability), (chosen, None));
 }
 
-/// A room seen from two ends of a pair of alternatives that the LiDAR map cannot tell apart.
+/// An ambiguous clip with two alternatives that the LiDAR map cannot distinguish.
 #[test]
 fn neighbours_decide_between_alternatives() {
     let mut clips = clips();
-    // The others looked through the place where the pillar would be if the room were the other way round.
+    // The others looked through the place of the pillar in the turned room.
     for clip in &mut clips {
         let Verdict::Aligned { map_from_clip, .. } = clip.member.verdict else { unreachable!() };
         clip.share.views = [2.4, 2.5, 2.6].map(|x| view(&map_from_clip, [x, 0.6], 2.4)).to_vec();
     }
-    // The room turned by half a turn about its centre looks the same to the vacuum.
+    // The room looks the same to the vacuum after half a turn about its centre.
     let truth = Pose2::new(2.0, 2.0, -1.0);
     let turned = Pose2::new(4.0, 3.0, std::f64::consts::PI).compose(&truth);
     let alternatives = vec![(turned, 0.5), (truth, 0.5)];
@@ -208,12 +208,12 @@ fn neighbours_decide_between_alternatives() {
     let placed = map.manifest.clips.iter().find(|placed| placed.by == PlacedBy::Neighbours).unwrap();
     assert!(placed.map_from_clip.distance_m(&truth) < 0.03, "{placed:?}");
     assert!(placed.probability.unwrap() > 0.95);
-    // By itself it stays out.
+    // Without neighbours it is not placed.
     let alone = made(&Manifest::default(), &[&clips[2]]);
     assert!(alone.manifest.clips.is_empty() && alone.changed.is_empty());
 }
 
-/// A view from the middle of the room along y that sees the wall behind, or the crate before it.
+/// A view along y from `from` in the room; every pixel reads `depth_m`.
 fn view(map_from_clip: &Pose2, from: [f64; 2], depth_m: f64) -> View {
     let camera = Pinhole { width: 64, height: 48, fx: 60.0, fy: 60.0, cx: 31.5, cy: 23.5 };
     let forward = nalgebra::Rotation3::from_matrix_unchecked(Matrix3::new(
@@ -243,14 +243,14 @@ fn later_clips_win_where_the_world_changed() {
         points.filter(|point| point.point.label.class == Class::Box).count()
     };
     let there = Some([2.8, 1.6]);
-    // The crate's near side is 1 m before the cameras, the wall 2.4 m.
+    // The crate's front is 1 m before the cameras, the wall 2.4 m.
     let first = clip("with", Some(1000), there, 1.0);
     let gone = clip("without", Some(2000), None, 2.4);
     let all = crate_points(&[&first]);
     assert!(all > 300);
     let left = crate_points(&[&first, &gone]);
     assert!(left < all * 3 / 4, "what the views reach is gone: {left} of {all}");
-    // What came later stays, and without times nobody wins.
+    // Later points stay, and without times no points are removed.
     let early = clip("without", Some(500), None, 2.4);
     let timeless = clip("without", None, None, 2.4);
     assert_eq!(crate_points(&[&first, &early]), all);

@@ -1,4 +1,4 @@
-//! The map in square columns: what changes in one place is written anew there and nowhere else.
+//! Square tiles of the map: a local change rewrites only its own tiles.
 
 use crate::ply::NotOurs;
 use crate::{MAP_VOXEL_M, MapPoint};
@@ -7,10 +7,10 @@ use uuid::Uuid;
 use viola_geometry::taxonomy::{CLASSES, Class};
 use viola_reconstruct::{CloudPoint, Label};
 
-/// Voxels along a side of a tile: 2.4 m, so that a room has a few and a clip touches about ten.
+/// Voxels along a tile's side (2.4 m): a room has a few tiles, and a clip touches about ten.
 pub const TILE_VOXELS: i32 = 80;
 
-/// Which tile: its place in units of a tile's side, in the LiDAR map's frame.
+/// Index of a tile, in units of a tile's side, in the LiDAR map's frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct TileKey {
     pub x: i32,
@@ -22,7 +22,7 @@ impl TileKey {
         f64::from(TILE_VOXELS) * MAP_VOXEL_M
     }
 
-    /// The tile that a place of the map is in.
+    /// Returns the tile that contains a point of the map.
     pub fn at(x_m: f64, y_m: f64) -> TileKey {
         TileKey { x: (x_m / Self::side_m()).floor() as i32, y: (y_m / Self::side_m()).floor() as i32 }
     }
@@ -32,15 +32,15 @@ impl TileKey {
     }
 }
 
-/// The points of one tile, one a voxel, in the order of their voxels. A point's `clip` is a place in `clips`.
+/// Points of one tile, one per voxel, in voxel order. A point's `clip` is an index into `clips`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Tile {
-    /// The clips that its points came from, in the canonical order of the map's clips.
+    /// Source clips of its points, in the map's canonical order.
     pub clips: Vec<Uuid>,
     pub points: Vec<MapPoint>,
 }
 
-/// What a tile holds, for whoever need not read it.
+/// Summary of a tile.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TileInfo {
     pub points: usize,
@@ -51,9 +51,9 @@ pub struct TileInfo {
 }
 
 const MAGIC: &[u8; 8] = b"violat01";
-/// A point as a tile and the PLY of a map have it.
+/// Bytes of a point in tiles and in a map's PLY.
 pub const POINT_BYTES: usize = 38;
-/// Where in it the number of the clip stands.
+/// Byte offset of the clip number in a point.
 pub const CLIP_AT: usize = 34;
 
 impl Tile {
@@ -96,7 +96,7 @@ impl Tile {
     }
 }
 
-/// A tile whose points have not been unpacked.
+/// A tile with packed points.
 pub struct TileBytes<'a> {
     pub clips: Vec<Uuid>,
     /// [`POINT_BYTES`] each.
@@ -119,7 +119,7 @@ impl TileBytes<'_> {
     }
 }
 
-/// A point as it stands in a tile and in a PLY file, little endian.
+/// Returns a point's bytes as in tiles and PLY files, little endian.
 pub fn point_bytes(map_point: &MapPoint) -> [u8; POINT_BYTES] {
     let MapPoint { point, clip } = map_point;
     let mut bytes = [0; POINT_BYTES];
@@ -136,7 +136,7 @@ pub fn point_bytes(map_point: &MapPoint) -> [u8; POINT_BYTES] {
     bytes
 }
 
-/// Reads what [`point_bytes`] wrote.
+/// Inverse of [`point_bytes`].
 pub fn read_point(bytes: &[u8]) -> Result<MapPoint, NotOurs> {
     let bytes: &[u8; POINT_BYTES] = bytes.try_into().map_err(|_| NotOurs)?;
     let float = |at: usize| f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
@@ -189,7 +189,7 @@ mod tests {
         for at in 0..good.len() {
             let mut bytes = good.clone();
             bytes[at] ^= 0xff;
-            // Whatever was changed, it ends.
+            // Any change must return, with a value or an error.
             let _ = Tile::read(&bytes);
         }
     }

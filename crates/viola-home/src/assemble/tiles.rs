@@ -1,4 +1,4 @@
-//! The tiles that a change touches, made anew from the clips that touch them.
+//! Rebuilds the tiles that a change affects, from the clips in them.
 
 use super::Manifest;
 use super::cache::{Cache, Loaded};
@@ -14,10 +14,10 @@ use uuid::Uuid;
 use viola_geometry::{Point3, Pose3};
 use viola_reconstruct::CloudPoint;
 
-/// Tiles that are not as they were; none for those that are empty now.
+/// Changed tiles; none for tiles that became empty.
 pub(super) type ChangedTiles = BTreeMap<TileKey, Option<Tile>>;
 
-/// Gives the clips with the tiles that they touch, and the tiles that are not as they were.
+/// Returns the clips with the tiles that they affect, and the changed tiles.
 pub(super) fn rebuild<E>(
     last: &Manifest,
     mut clips: Vec<(&Member, PlacedClip)>,
@@ -60,7 +60,7 @@ pub(super) fn rebuild<E>(
     Ok((clips.clone(), tiles.collect::<Vec<_>>().into_iter().collect()))
 }
 
-/// Numbers the clips within the tile; none when there is nothing in it.
+/// Builds a tile with its own clip numbers; none without points.
 fn tile(voxels: Voxels, clips: &[PlacedClip]) -> Option<Tile> {
     let mut points = voxels.into_points();
     let numbers: BTreeSet<u16> = points.iter().map(|point| point.clip).collect();
@@ -72,8 +72,8 @@ fn tile(voxels: Voxels, clips: &[PlacedClip]) -> Option<Tile> {
     (!points.is_empty()).then_some(Tile { clips: ids, points })
 }
 
-/// The tiles of a clip's points; where its time is known, also those that its views looked into, because there it may
-/// say that something is gone.
+/// Returns the tiles of a clip's points. Clips with a known time add the tiles that their views looked into,
+/// because they may remove points there.
 fn touched(loaded: &Loaded, map_from_clip: &Pose3, timed: bool) -> Vec<TileKey> {
     let points = &loaded.share.cloud_in_clip.points;
     let mut tiles: BTreeSet<TileKey> =
@@ -82,7 +82,7 @@ fn touched(loaded: &Loaded, map_from_clip: &Pose3, timed: bool) -> Vec<TileKey> 
     for view in views {
         let map_from_camera = map_from_clip * view.clip_from_camera;
         let eye = map_from_camera.translation.vector;
-        // Rays lie a few centimetres apart where tiles are metres wide: some of them are enough.
+        // Rays are centimetres apart and tiles metres wide: a sample of the rays is enough.
         for hit in view.readings.points_in_camera().step_by(16) {
             let reach = (map_from_camera * hit).coords - eye;
             let steps = (reach.xy().norm() / (TileKey::side_m() / 4.0)).ceil().max(1.0);
@@ -104,7 +104,7 @@ fn placed(point: &CloudPoint, map_from_clip: &Pose3) -> CloudPoint {
     }
 }
 
-/// A clip's points in the map's frame that lie in tiles that are made anew.
+/// Returns a clip's points in the map's frame that lie in tiles to rebuild.
 fn placed_points(
     loaded: &Loaded,
     map_from_clip: &Pose3,
@@ -117,7 +117,7 @@ fn placed_points(
     points.filter(|(key, _)| dirty.contains(key)).collect()
 }
 
-/// Later clips win where the world changed: what a clip that was recorded later looked through is left out.
+/// Removes points that a later clip looked through: the world changed there.
 fn without_what_is_gone<E>(
     mut points: Vec<(TileKey, CloudPoint)>,
     clip: &PlacedClip,

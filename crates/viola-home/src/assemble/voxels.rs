@@ -1,4 +1,4 @@
-//! Points of several clips summed up in voxels.
+//! Fusion of the points of several clips in voxels.
 
 use super::tile::TileKey;
 use crate::{MAP_VOXEL_M, MapPoint};
@@ -7,37 +7,37 @@ use viola_geometry::Vector3;
 use viola_geometry::taxonomy::Class;
 use viola_reconstruct::{CloudPoint, Label};
 
-/// What was measured less well than once from 4 m is left out: there depth cameras are off by more than a voxel.
+/// Minimum weight of a voxel: one reading from 4 m. Further away depth errors exceed a voxel.
 const LEAST_WEIGHT: i64 = 16;
-/// No point weighs more than this, a metre away for eight readings: what one recording saw shares its errors.
+/// Maximum weight of a point: eight readings from 1 m. Readings of one recording have correlated errors.
 const MOST_WEIGHT: u16 = 2_048;
 
-/// What is known of one voxel. Whole numbers, so that sums do not depend on their order.
+/// Sums of one voxel. Integers, so that they do not depend on the order.
 #[derive(Debug, Clone, Default)]
 struct Voxel {
     weight: i64,
     points: i64,
-    /// In hundredths of a millimetre from the voxel's corner.
+    /// In 0.01 mm from the voxel's corner.
     position: [i64; 3],
     /// In thousandths.
     normal: [i64; 3],
     color: [i64; 3],
-    /// Sums of probabilities, in 255ths, by class; few are not 0.
+    /// Sums of probabilities, in 255ths, of the classes seen.
     classes: Vec<(Class, i64)>,
     views: i64,
-    /// The clip with the largest weight so far, and the clip that adds now: clips come one after the other.
+    /// Clip with the largest weight so far, and the current clip: clips are added one after the other.
     most: (u16, i64),
     now: (u16, i64),
 }
 
-/// The voxels of one tile in the making. Clips are added one after the other, in the order of the map's clips.
+/// Voxels of one tile under construction. Clips are added one after the other, in the map's order.
 #[derive(Debug, Clone)]
 pub(crate) struct Voxels {
     side_m: f64,
     voxels: FxHashMap<[i32; 3], Voxel>,
 }
 
-/// The voxel that a point in the map's frame lies in.
+/// Returns the voxel that contains a point in the map's frame.
 fn voxel_of(position_m: &[f32; 3], side_m: f64) -> [i32; 3] {
     position_m.map(|c| (f64::from(c) / side_m).floor() as i32)
 }
@@ -74,7 +74,7 @@ impl Voxels {
         }
     }
 
-    /// One point a voxel, in the order of their voxels; what was hardly measured is left out.
+    /// Returns one point per voxel, in voxel order, without voxels below `LEAST_WEIGHT`.
     pub fn into_points(self) -> Vec<MapPoint> {
         let well = self.voxels.into_iter().filter(|(_, voxel)| voxel.weight >= LEAST_WEIGHT);
         let mut voxels: Vec<([i32; 3], Voxel)> = well.collect();
@@ -94,11 +94,11 @@ impl Voxel {
             [0, 1, 2].map(|axis| (f64::from(key[axis]) * side_m + mean(self.position[axis]) * 1e-5) as f32);
         let normal = Vector3::from(self.normal.map(|sum| sum as f64)).try_normalize(1e-9);
         let normal = normal.unwrap_or(Vector3::z());
-        // Of equal sums the class with the lower id: the list is in the order of arrival.
+        // Ties go to the lower class id: the list is in order of arrival.
         let best = self.classes.iter().max_by_key(|(class, sum)| (*sum, std::cmp::Reverse(class.id())));
         let label = match best {
             Some((class, sum)) if *sum > 0 => {
-                // How sure the points were on the whole, and how much of that is for this class.
+                // Mean probability of this class over all points.
                 let probability = *sum as f64 / (255.0 * self.points as f64);
                 let views = (self.views as f64 / self.points as f64).round().min(f64::from(u16::MAX)) as u16;
                 Label::new(*class, probability as f32, views)
@@ -115,7 +115,7 @@ impl Voxel {
     }
 }
 
-/// The tile that a point in the map's frame lies in.
+/// Returns the tile that contains a point in the map's frame.
 pub(super) fn tile_of(position_m: &[f32; 3]) -> TileKey {
     TileKey::of_voxel(&voxel_of(position_m, MAP_VOXEL_M))
 }

@@ -1,29 +1,29 @@
-//! The fused points in cells that are coarse enough to be compared with their neighbours quickly.
+//! The fused points in coarse cells, for fast comparison of neighbours.
 
 use super::fit::wall_direction;
 use crate::map_point::MapPoint;
 use rustc_hash::FxHashMap;
 use viola_geometry::taxonomy::{CLASSES, Class};
 
-/// Pictures beyond this many make a label no surer.
+/// Views beyond this number do not increase a label's weight.
 const MOST_VIEWS: f32 = 4.0;
-/// Heights that a home's things have, in metres above the floor; above lies the ceiling.
+/// Heights of objects in metres above the floor; above is the ceiling.
 const HEIGHTS_M: std::ops::Range<f32> = 0.03..2.6;
-/// Half the range of cells along an axis.
+/// Half the number of cells along an axis.
 const HALF: i64 = 1 << 20;
 
-/// Cells with points that are neither floor nor ceiling, in the order of their places.
+/// Cells with points that are neither floor nor ceiling, sorted by key.
 pub struct Cells {
     pub side_m: f64,
-    /// Packed places.
+    /// Packed cell indices.
     keys: Vec<u64>,
     of_key: FxHashMap<u64, u32>,
-    /// The points of cell `i` are `points[start[i]..start[i + 1]]`, by their places in the map.
+    /// The points of cell `i` are `points[start[i]..start[i + 1]]`, as indices into the map.
     start: Vec<u32>,
     points: Vec<u32>,
     /// Sums of the points' normals.
     normals: Vec<[f32; 3]>,
-    /// For each cell, each class's share in its points' labels.
+    /// Votes of each cell's points, by class.
     votes: Vec<[f32; CLASSES]>,
 }
 
@@ -72,18 +72,18 @@ impl Cells {
         self.keys.len()
     }
 
-    /// The middle of a cell, in metres.
+    /// Returns a cell's centre, in metres.
     pub fn centre(&self, cell: usize) -> [f64; 3] {
         unpack(self.keys[cell]).map(|c| (c as f64 + 0.5) * self.side_m)
     }
 
-    /// The cell that holds a place.
+    /// Returns the cell that contains a position.
     pub fn at(&self, place_m: &[f64; 3]) -> Option<usize> {
         let key = pack(place_m.map(|c| (c / self.side_m).floor() as i64))?;
         self.of_key.get(&key).map(|cell| *cell as usize)
     }
 
-    /// The direction of the walls, modulo a quarter turn; of all upright surface where no wall is known.
+    /// Returns the walls' direction modulo a quarter turn; without walls, that of all upright surface.
     pub fn wall_direction(&self, labels: &[Option<(Class, f32)>]) -> Option<f64> {
         let upright = |only_walls: bool| {
             let cells = self.normals.iter().zip(labels);
@@ -97,12 +97,12 @@ impl Cells {
         upright(true).or_else(|| upright(false))
     }
 
-    /// The places in the map of a cell's points.
+    /// Returns the map indices of a cell's points.
     pub fn points(&self, cell: usize) -> &[u32] {
         &self.points[self.start[cell] as usize..self.start[cell + 1] as usize]
     }
 
-    /// The cells up to `reach` cells away along each axis that come after this one.
+    /// Returns the later cells at most `reach` cells away along each axis.
     pub fn later(&self, cell: usize, reach: i64) -> impl Iterator<Item = u32> + '_ {
         let [x, y, z] = unpack(self.keys[cell]);
         let side = -reach..=reach;
@@ -114,7 +114,7 @@ impl Cells {
         later.filter_map(move |[dx, dy, dz]| self.of_key.get(&pack([x + dx, y + dy, z + dz])?).copied())
     }
 
-    /// The cells beside this one, along axes and diagonals.
+    /// Returns the adjacent cells, along axes and diagonals.
     pub fn around(&self, cell: usize) -> impl Iterator<Item = u32> + '_ {
         let [x, y, z] = unpack(self.keys[cell]);
         let keys =
@@ -122,21 +122,21 @@ impl Cells {
         keys.filter_map(|key| self.of_key.get(&pack(key)?).copied())
     }
 
-    /// The mean normal of a cell's points; none where they cancel out.
+    /// Returns the mean normal of a cell's points; none if they cancel out.
     pub fn normal(&self, cell: usize) -> Option<[f32; 3]> {
         let n = nalgebra::Vector3::from(self.normals[cell]).try_normalize(1e-6)?;
         Some([n.x, n.y, n.z])
     }
 
-    /// What each cell is: the vote of its points and of the cells around it on the same surface. None where nothing
-    /// was said. With its share of the votes.
+    /// Returns each cell's class and its fraction of the votes of the cell and the cells around it on the
+    /// same surface. None without votes.
     pub fn labels(&self) -> Vec<Option<(Class, f32)>> {
         let unit = |n: &[f32; 3]| {
             let n = nalgebra::Vector3::from(*n);
             n.try_normalize(1e-6).unwrap_or_else(nalgebra::Vector3::zeros)
         };
         let units: Vec<nalgebra::Vector3<f32>> = self.normals.iter().map(unit).collect();
-        // Most cells are called two or three things.
+        // Sparse votes: most cells have two or three classes.
         let said: Vec<Vec<(u8, f32)>> = self
             .votes
             .iter()
@@ -146,7 +146,7 @@ impl Cells {
         for cell in 0..self.len() {
             for other in self.later(cell, 1) {
                 let other = other as usize;
-                // Across an edge a neighbour says less.
+                // Neighbours across a surface edge count less.
                 let weight = 0.25 + 0.75 * units[cell].dot(&units[other]).max(0.0);
                 said[other].iter().for_each(|(class, vote)| sums[cell][usize::from(*class)] += weight * vote);
                 said[cell].iter().for_each(|(class, vote)| sums[other][usize::from(*class)] += weight * vote);
@@ -167,18 +167,18 @@ fn likeliest(sums: &[f32; CLASSES]) -> Option<(Class, f32)> {
     (total > 0.0).then(|| (best.0, best.1 / total))
 }
 
-/// Neither floor nor ceiling.
+/// Returns whether a point is neither floor nor ceiling.
 fn is_thing(point: &MapPoint) -> bool {
     let class = point.point.label.class;
     let z = point.point.position_m[2];
     HEIGHTS_M.contains(&z)
         && !class.is_ground()
         && class != Class::Ceiling
-        // Flat and low is floor, whatever the pictures say.
+        // Flat, low surface is floor, whatever its label.
         && !(z < 0.06 && point.point.normal[2] > 0.8)
 }
 
-/// None for places further out than any home.
+/// Returns the packed cell index; none far outside any home.
 fn pack(place: [i64; 3]) -> Option<u64> {
     let mut key = 0;
     for c in place {

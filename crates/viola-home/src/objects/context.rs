@@ -1,11 +1,11 @@
-//! What things are by what they stand beside.
+//! Corrects classes by the objects beside.
 
 use super::Found;
 use viola_geometry::taxonomy::Class;
 
-/// A small table at a bed is a nightstand, which is a cabinet: networks tell the two by little more than this.
+/// Reclassifies small tables at a bed as cabinets: networks hardly distinguish nightstands from tables.
 pub fn tell_nightstands(found: &mut [Found]) {
-    /// Nightstands are up to this long and wide, and about as high as a bed.
+    /// Maximum length of a nightstand; its top is about as high as a bed.
     const LONGEST_M: f64 = 0.65;
     const HEIGHT_M: std::ops::Range<f64> = 0.35..0.85;
     const BESIDE_M: f64 = 0.35;

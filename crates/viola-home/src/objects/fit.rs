@@ -2,13 +2,13 @@
 
 use viola_geometry::{Point2, wrap_angle};
 
-/// An upright box: its own x axis is the longer side.
+/// An upright box; its own x axis is along the longer side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UprightBox {
     pub centre_m: [f64; 3],
     /// Length, width, height.
     pub size_m: [f64; 3],
-    /// In [0, pi): a box looks the same from both ends.
+    /// In [0, pi): a half turn does not change a box.
     pub yaw_rad: f64,
 }
 
@@ -17,7 +17,7 @@ impl UprightBox {
         self.size_m.iter().product()
     }
 
-    /// A point in the box's own axes, from its centre.
+    /// Returns a point in the box's own axes, relative to its centre.
     pub fn local(&self, x: f64, y: f64) -> [f64; 2] {
         let (s, c) = self.yaw_rad.sin_cos();
         let (dx, dy) = (x - self.centre_m[0], y - self.centre_m[1]);
@@ -39,7 +39,7 @@ impl UprightBox {
         self.centre_m[2] + self.size_m[2] / 2.0
     }
 
-    /// Whether a point is in the box grown by `by_m` on all sides.
+    /// Returns whether a point is in the box grown by `by_m` on all sides.
     pub fn holds(&self, point: &[f64; 3], by_m: f64) -> bool {
         let [x, y] = self.local(point[0], point[1]);
         x.abs() <= self.size_m[0] / 2.0 + by_m
@@ -47,9 +47,9 @@ impl UprightBox {
             && (point[2] - self.centre_m[2]).abs() <= self.size_m[2] / 2.0 + by_m
     }
 
-    /// Area that the footprints share.
+    /// Returns the area of the footprints' intersection.
     pub fn shared_m2(&self, other: &UprightBox) -> f64 {
-        // The one polygon cut at each side of the other (Sutherland and Hodgman, 1974).
+        // Clips one polygon at each side of the other (Sutherland and Hodgman, 1974).
         let mut polygon: Vec<[f64; 2]> = self.corners().to_vec();
         let frame = other.corners();
         for side in 0..4 {
@@ -79,7 +79,7 @@ impl UprightBox {
         (area.sum::<f64>() / 2.0).max(0.0)
     }
 
-    /// Intersection over union of the volumes.
+    /// Returns the intersection over union of the volumes.
     pub fn iou(&self, other: &UprightBox) -> f64 {
         let low = self.bottom_m().max(other.bottom_m());
         let high = self.top_m().min(other.top_m());
@@ -89,18 +89,18 @@ impl UprightBox {
     }
 }
 
-/// Share of the points that may lie beyond each face: stray points do not make a box.
+/// Fraction of the points allowed beyond each face, as outliers.
 pub const BEYOND: f64 = 0.02;
-/// A box along the home's walls may be this much larger in area: furniture mostly stands along them.
+/// Area ratio up to which a box along the walls is preferred: furniture mostly stands along them.
 const ALONG_WALLS: f64 = 1.15;
 
-/// The box around points: of the smallest area among upright ones, or along the walls where that is about as small.
-/// `wall_yaw_rad` is the direction of the walls, if it is known. None for fewer than four points.
+/// Returns the upright bounding box of the smallest area, or the one along the walls if it is about as small.
+/// `wall_yaw_rad` is the walls' direction, if known. None for fewer than four points.
 pub fn fit_box(points: &[[f64; 3]], wall_yaw_rad: Option<f64>, beyond: f64) -> Option<UprightBox> {
     if points.len() < 4 {
         return None;
     }
-    // Directions that a hull of noisy points could have are no finer than this.
+    // Step of the directions: noisy points do not support a finer one.
     const STEP_DEG: f64 = 3.0;
     let mut best: Option<(f64, UprightBox)> = None;
     let sample: Vec<&[f64; 3]> = points.iter().step_by(points.len().div_ceil(2000)).collect();
@@ -117,7 +117,7 @@ pub fn fit_box(points: &[[f64; 3]], wall_yaw_rad: Option<f64>, beyond: f64) -> O
     best.map(|(_, fitted)| around(&all, fitted.yaw_rad, beyond))
 }
 
-/// The box around points along a direction, but for the share `beyond` at each face.
+/// Returns the box around points along a direction, without the fraction `beyond` at each face.
 pub fn around(points: &[&[f64; 3]], yaw_rad: f64, beyond: f64) -> UprightBox {
     let (s, c) = yaw_rad.sin_cos();
     let [x, y, z] = [
@@ -138,7 +138,7 @@ pub fn around(points: &[&[f64; 3]], yaw_rad: f64, beyond: f64) -> UprightBox {
     UprightBox { centre_m, size_m, yaw_rad }
 }
 
-/// The values but for a share at each end.
+/// Returns the range of the values without the fraction `beyond` at each end.
 pub fn span(values: impl Iterator<Item = f64>, beyond: f64) -> [f64; 2] {
     let mut values: Vec<f64> = values.collect();
     if values.is_empty() {
@@ -151,10 +151,10 @@ pub fn span(values: impl Iterator<Item = f64>, beyond: f64) -> [f64; 2] {
     [low, high]
 }
 
-/// The direction along which most upright surface lies, modulo a quarter turn, in [0, pi/2): that of the walls.
-/// `normals` are horizontal directions with weights. None without any.
+/// Returns the dominant direction of upright surface, modulo a quarter turn, in [0, pi/2): that of the walls.
+/// `normals` are horizontal; their lengths are weights. None without any.
 pub fn wall_direction(normals: impl Iterator<Item = (f64, f64)>) -> Option<f64> {
-    // Four times the angle makes quarter turns fall together.
+    // Four times the angle maps quarter turns to the same value.
     let (mut x, mut y) = (0.0, 0.0);
     for (nx, ny) in normals {
         let angle = 4.0 * ny.atan2(nx);
@@ -165,7 +165,7 @@ pub fn wall_direction(normals: impl Iterator<Item = (f64, f64)>) -> Option<f64> 
     (x.hypot(y) > 1e-9).then(|| (y.atan2(x) / 4.0).rem_euclid(std::f64::consts::FRAC_PI_2))
 }
 
-/// The middle of a footprint.
+/// Returns the centre of a footprint.
 pub fn middle(fitted: &UprightBox) -> Point2 {
     Point2::new(fitted.centre_m[0], fitted.centre_m[1])
 }
@@ -218,7 +218,7 @@ mod tests {
         for (other, shared) in [
             (square(0.5, 0.0), 0.5),
             (square(1.5, 0.0), 0.0),
-            // A square turned by 45 degrees cuts off four corners: an octagon is left.
+            // A square turned by 45 degrees cuts off four corners and leaves an octagon.
             (square(0.0, PI / 4.0), 2.0 * (2f64.sqrt() - 1.0)),
         ] {
             assert!((square(0.0, 0.0).shared_m2(&other) - shared).abs() < 1e-9, "{other:?}");

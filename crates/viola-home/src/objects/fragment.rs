@@ -1,27 +1,27 @@
-//! Connected cells of one class, and what the thing is that they show.
+//! Connected cells of one class, and the object's class that they indicate.
 
 use super::cells::Cells;
 use super::fit::UprightBox;
 use super::kind::{Kind, confusable, kind};
 use viola_geometry::taxonomy::{CLASSES, Class};
 
-/// Cells that show one thing, or a part of it.
+/// Cells of one object, or of a part of it.
 #[derive(Debug, Clone)]
 pub struct Fragment {
-    /// In rising order.
+    /// Sorted.
     pub cells: Vec<u32>,
-    /// What most of them are called.
+    /// Class with the most evidence.
     pub class: Class,
-    /// What is said of the cells, by class: surface in cells, times its share of the votes.
+    /// Sum over the cells of their class's fraction of the votes, by class.
     pub evidence: [f32; CLASSES],
 }
 
-/// What a fragment was taken for.
+/// Class decision for a fragment.
 pub struct Decided {
     pub class: Class,
     pub kind: Kind,
     pub confidence: f64,
-    /// A standing thing whose lowest point is below this goes on down to the floor.
+    /// The box of a standing object extends to the floor if its bottom is below this height.
     pub reaches_down_m: f64,
 }
 
@@ -44,7 +44,7 @@ impl Fragment {
         best.copied().unwrap_or(Class::Other)
     }
 
-    /// Some of its cells, with their share of what is said.
+    /// Returns a part of it with `cells` and their fraction of the evidence.
     pub fn part(&self, cells: Vec<u32>) -> Fragment {
         let share = cells.len() as f32 / self.cells.len().max(1) as f32;
         Fragment { cells, class: self.class, evidence: self.evidence.map(|said| said * share) }
@@ -59,10 +59,10 @@ impl Fragment {
         self.class = self.most();
     }
 
-    /// The class with the most evidence that its size and its surface allow. `flatness` is that of its surface, 0..1.
+    /// Returns the class with the largest evidence x size fit x surface factor. `flatness` is in 0..1.
     pub fn decide(&self, bounds: &UprightBox, flatness: f64) -> Option<Decided> {
         let said = |class: Class| f64::from(self.evidence[class as usize]);
-        // What it could be mistaken for speaks for it too, if less.
+        // Evidence for a confusable class counts too, with less weight.
         let mistaken = |class: Class| -> f64 {
             let others = Class::ALL.iter().filter(|other| **other != class && confusable(class, **other));
             others.map(|other| said(*other)).sum()
@@ -79,36 +79,36 @@ impl Fragment {
         }
         let (_, fit, class, kind) = best?;
         let count = self.cells.len() as f64;
-        // That it is there at all is surer than which of its kind it is. The less of it was seen, the less is sure.
+        // The existence is more certain than the class. Fewer cells lower the confidence.
         let heard = (said(class) + 0.75 * mistaken(class)) / count;
         let confidence = (heard * (0.5 + 0.5 * fit) * count / (count + 30.0)).clamp(0.0, 1.0);
         Some(Decided { class, kind, confidence: (confidence * 1e3).round() / 1e3, reaches_down_m: 0.6 })
     }
 }
 
-/// How much of what is said of a class speaks for one that it is mistaken for.
+/// Weight of evidence for a confusable class.
 const MISTAKEN: f64 = 0.35;
 
-/// How well a surface fits what stores things, by how flat it is: cabinets have closed fronts, and shelves show what
-/// stands in them. Others say nothing by it.
+/// Returns the likelihood factor of a surface's flatness. Cabinets have closed fronts; shelves show their
+/// contents. Most other classes have factor 1.
 fn surface(class: Class, flatness: f64, cells: usize) -> f64 {
-    /// As flat is either; this much flatter is e times as likely a cabinet and e times less likely a shelf.
+    /// Flatness with factor 1, and the scale of the factor's logarithm.
     const EVEN: f64 = 0.62;
     const STEP: f64 = 0.2;
-    /// Cells that tell half of what many would.
+    /// Number of cells at which the flatness has half its weight.
     const FEW: f64 = 300.0;
     let trust = cells as f64 / (cells as f64 + FEW);
     let lean = trust * ((flatness - EVEN) / STEP).clamp(-0.75, 0.75);
     match class {
         Class::Shelf => (-lean).exp(),
         Class::Cabinet => lean.exp(),
-        // Closed as well, but things stand on them and hang at them.
+        // Also closed, but objects stand on them and hang at them.
         Class::Counter | Class::Refrigerator | Class::Stove | Class::WashingMachine => lean.max(0.0).exp(),
         _ => 1.0,
     }
 }
 
-/// Share of the cells that lie in level planes or in upright ones of the two main directions, 0..1.
+/// Returns the fraction of the cells in level planes or in upright planes of the two main directions, 0..1.
 pub fn flatness(fragment: &Fragment, cells: &Cells) -> f64 {
     /// Directions of upright surface, modulo a quarter turn.
     const BINS: usize = 18;
@@ -123,13 +123,13 @@ pub fn flatness(fragment: &Fragment, cells: &Cells) -> f64 {
             bins[bin.min(BINS - 1)] += 1.0;
         }
     }
-    // 25 degrees about the best direction.
+    // A window of 25 degrees around each bin.
     let around = |i: usize| (0..5).map(|k| bins[(i + k + BINS - 2) % BINS]).sum::<f64>();
     let upright = (0..BINS).map(around).fold(0.0, f64::max);
     if all > 0.0 { (level + upright) / all } else { 0.0 }
 }
 
-/// The connected cells of each class that objects have, the largest first.
+/// Returns the connected cells of each object class, the largest first.
 pub fn fragments(cells: &Cells, labels: &[Option<(Class, f32)>], reach: i64) -> Vec<Fragment> {
     let class = |cell: usize| labels[cell].map(|(class, _)| class).filter(|c| counts(*c));
     let mut parent: Vec<u32> = (0..cells.len() as u32).collect();
@@ -154,7 +154,7 @@ pub fn fragments(cells: &Cells, labels: &[Option<(Class, f32)>], reach: i64) -> 
     out
 }
 
-/// Objects, and what lies on them and is part of them.
+/// Returns whether a class is an object or a part of one.
 fn counts(class: Class) -> bool {
     kind(class).is_some() || class == Class::Pillow
 }

@@ -1,4 +1,4 @@
-//! Which fragments are parts of one thing.
+//! Joins fragments of one object.
 
 use super::cells::Cells;
 use super::fit::{BEYOND, UprightBox, fit_box};
@@ -6,16 +6,16 @@ use super::fragment::Fragment;
 use super::kind::{confusable, host_of, is_solid, is_storage, kind};
 use viola_geometry::taxonomy::Class;
 
-/// Fragments below this many cells are noise.
+/// Minimum cells of a fragment; smaller ones are noise.
 const MIN_CELLS: usize = 5;
-/// A fragment with this share of its cells in the box of a larger one is a part of it.
+/// A fragment with this fraction of its cells in a larger one's box is a part of it.
 const INSIDE_SHARE: f64 = 0.6;
-/// The box is grown by this for that.
+/// Margin of the box in that test.
 const GROW_M: f64 = 0.06;
-/// A fragment with this share of its cells beside those of a larger one is a part of it; a fifth of that is
-/// enough for what is no thing of its own.
+/// A fragment with this fraction of its cells adjacent to a larger one is a part of it; a fifth is enough for
+/// a fragment that is not a plausible object.
 const TOUCH_SHARE: f64 = 0.25;
-/// Fragments of one class this near are one thing if things of the class are that large.
+/// Maximum gap between fragments of one class that form one object of plausible size.
 const GAP_M: f64 = 0.25;
 
 struct Part {
@@ -24,7 +24,7 @@ struct Part {
     bounds: UprightBox,
 }
 
-/// Joins the smaller fragments to the larger ones, until nothing changes.
+/// Joins smaller fragments to larger ones until nothing changes.
 pub fn join(
     fragments: Vec<Fragment>,
     cells: &Cells,
@@ -49,7 +49,7 @@ pub fn join(
             size.then(a.fragment.cells[0].cmp(&b.fragment.cells[0]))
         });
         for small in parts {
-            // One of its own class first: a stool's leg is the stool's, however large the sofa beside it.
+            // The same class first: a stool's leg belongs to the stool, however large the sofa beside it.
             let same = |large: &Part| large.fragment.class == small.fragment.class;
             let is_host = |large: &Part| belongs(large, &small, cells, &is_wall, wall_yaw_rad);
             let host = kept.iter().position(|large| same(large) && is_host(large));
@@ -85,7 +85,7 @@ fn belongs(
     if !is_guest && !confusable(a, b) {
         return false;
     }
-    // Boxes far apart have nothing to do with each other.
+    // Boxes far apart are unrelated.
     let between = (large.bounds.centre_m[0] - small.bounds.centre_m[0])
         .hypot(large.bounds.centre_m[1] - small.bounds.centre_m[1]);
     let reach = |part: &Part| part.bounds.size_m[0].hypot(part.bounds.size_m[1]) / 2.0;
@@ -98,14 +98,14 @@ fn belongs(
         cells.around(*cell as usize).any(|other| large.fragment.cells.binary_search(&other).is_ok())
     };
     let beside = small.fragment.cells.iter().filter(|cell| touches(cell)).count() as f64 / count;
-    // What could be a thing of its own, a stool before a sofa, needs more of a border with the other.
+    // A plausible object by itself, like a stool before a sofa, needs a longer common border.
     let alone = kind(b)
         .map_or(0.0, |kind| kind.fit(small.bounds.size_m[0], small.bounds.size_m[1], small.bounds.top_m()));
     let ease = if a == b || alone < 0.5 { 0.2 } else { 1.0 };
     if is_guest {
         return inside >= INSIDE_SHARE || beside >= TOUCH_SHARE;
     }
-    // Nothing else fits into a wardrobe's place.
+    // Storage overlapping storage is one object: nothing else fits inside a wardrobe.
     let stored = is_storage(a) && is_storage(b);
     let within = inside >= INSIDE_SHARE && (ease < 1.0 || stored || beside >= TOUCH_SHARE);
     let grown_together = is_solid(a) && is_solid(b) && beside >= ease * TOUCH_SHARE;
@@ -115,7 +115,7 @@ fn belongs(
     a == b && near(large, small, GAP_M, is_wall) && plausible(large, small, wall_yaw_rad)
 }
 
-/// Whether both together are no less like one thing of the class than the larger one alone.
+/// Returns whether both together fit the class's size about as well as the larger one alone.
 fn plausible(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
     let Some(kind) = kind(large.fragment.class) else { return false };
     let both: Vec<[f64; 3]> = large.places.iter().chain(&small.places).copied().collect();
@@ -124,7 +124,7 @@ fn plausible(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
     fit(&union) >= 0.9 * fit(&large.bounds)
 }
 
-/// Whether two places of the parts are near each other with no wall between them.
+/// Returns whether the parts' nearest cells are within `gap_m` with no wall between them.
 fn near(large: &Part, small: &Part, gap_m: f64, is_wall: &dyn Fn(&[f64; 3]) -> bool) -> bool {
     let is_open = |p: &[f64; 3], q: &[f64; 3]| {
         let at = |t: f64| [0, 1, 2].map(|axis| p[axis] + t * (q[axis] - p[axis]));
@@ -142,7 +142,7 @@ fn near(large: &Part, small: &Part, gap_m: f64, is_wall: &dyn Fn(&[f64; 3]) -> b
     nearest.1.is_some_and(|(p, q)| is_open(p, q))
 }
 
-/// Whether a class is one of which several stand close together.
+/// Returns whether several objects of a class stand close together.
 pub fn gregarious(class: Class) -> bool {
     matches!(class, Class::Chair)
 }

@@ -1,20 +1,20 @@
-//! What is known of things before they are seen: which are objects, how large they are, what they are mistaken for.
+//! Prior knowledge of object classes: usual sizes, and confusable classes.
 
 use std::ops::Range;
 use viola_geometry::taxonomy::Class;
 
-/// The usual size of a class of things, in metres. Sizes are those of furniture as it is sold.
+/// Usual size of a class, in metres, as furniture is sold.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Kind {
     pub long_m: Range<f64>,
     pub short_m: Range<f64>,
     /// Height of its top above the floor.
     pub top_m: Range<f64>,
-    /// It stands on the floor: what is seen of it goes on downwards.
+    /// True if it stands on the floor: its box extends downwards.
     pub stands: bool,
 }
 
-/// What objects of a class are like; none for what is no object: structure, people, what has no name.
+/// Returns the kind of a class; none for structure, people and unnamed things.
 pub fn kind(class: Class) -> Option<Kind> {
     use Class::*;
     let kind = |long_m, short_m, top_m, stands| Some(Kind { long_m, short_m, top_m, stands });
@@ -50,18 +50,18 @@ pub fn kind(class: Class) -> Option<Kind> {
 }
 
 impl Kind {
-    /// How well a size fits, 0..1: 1 inside of all ranges, less with every factor outside of one.
+    /// Returns the fit of a size, 0..1: 1 inside all ranges, less for every factor outside.
     pub fn fit(&self, long_m: f64, short_m: f64, top_m: f64) -> f64 {
         let one = |value: f64, range: &Range<f64>| {
             let off = (range.start / value.max(1e-3)).max(value / range.end).max(1.0);
-            // Twice too large or too small is a sixth as likely.
+            // A factor of two outside a range is a sixth as likely.
             off.powf(-2.5)
         };
         one(long_m, &self.long_m) * one(short_m, &self.short_m) * one(top_m, &self.top_m)
     }
 }
 
-/// Furniture and appliances: what the evaluation counts.
+/// Returns whether the evaluation counts a class: furniture and appliances.
 pub fn is_furniture(class: Class) -> bool {
     use Class::*;
     matches!(
@@ -86,15 +86,15 @@ pub fn is_furniture(class: Class) -> bool {
     )
 }
 
-/// A sink is its basin: what carries it is something else. No basin is deeper, with its tap.
+/// Maximum height of a sink: only its basin with the tap belongs to it, not the cabinet below.
 pub const BASIN_M: f64 = 0.35;
 
-/// What stands along walls and holds things.
+/// Returns whether a class is storage furniture along walls.
 pub fn is_storage(class: Class) -> bool {
     matches!(class, Class::Cabinet | Class::Shelf | Class::Counter)
 }
 
-/// Classes that networks take for each other: pieces of one object may be called by different ones.
+/// Returns whether networks confuse two classes: parts of one object may get either label.
 pub fn confusable(a: Class, b: Class) -> bool {
     use Class::*;
     const FAMILIES: [&[Class]; 6] = [
@@ -108,14 +108,14 @@ pub fn confusable(a: Class, b: Class) -> bool {
     a == b || FAMILIES.iter().any(|family| family.contains(&a) && family.contains(&b))
 }
 
-/// Things of one piece: where two fragments of such touch along a good part, they are one. Tables and desks are set
+/// Returns whether two touching fragments of the class are one object. Tables and desks are not: they are set
 /// against each other.
 pub fn is_solid(class: Class) -> bool {
     use Class::*;
     matches!(class, Bed | Sofa | Chair | Cabinet | Shelf)
 }
 
-/// What lies on furniture and belongs to it: pillows and blankets.
+/// Returns the classes that a class of loose parts belongs to: pillows lie on beds, sofas and chairs.
 pub fn host_of(class: Class) -> Option<&'static [Class]> {
     match class {
         Class::Pillow => Some(&[Class::Bed, Class::Sofa, Class::Chair]),

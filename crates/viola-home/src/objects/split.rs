@@ -1,4 +1,4 @@
-//! Several things that became one.
+//! Splits fragments that contain several objects.
 
 use super::cells::Cells;
 use super::fit::{BEYOND, fit_box};
@@ -6,7 +6,7 @@ use super::fragment::Fragment;
 use super::join::gregarious;
 use super::kind::{is_storage, kind};
 
-/// Chairs side by side are taken apart where the least of them is, and what hangs on a wall from what stands under it.
+/// Splits rows of chairs at their thinnest place, and wall units from base units.
 pub fn split(fragment: Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Vec<Fragment> {
     let mut done = Vec::new();
     let mut open = vec![fragment];
@@ -24,7 +24,7 @@ fn halves(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Opti
     let places: Vec<[f64; 3]> = fragment.cells.iter().map(|cell| cells.centre(*cell as usize)).collect();
     let bounds = fit_box(&places, wall_yaw_rad, BEYOND)?;
     let length_m = bounds.size_m[0];
-    // One alone may be this long, if it is as wide.
+    // A single object may be this long if it is also wide.
     let is_row = length_m > 1.8 * bounds.size_m[1] && length_m > 2.2 * kind.short_m.start;
     if length_m <= kind.long_m.end && !is_row {
         return None;
@@ -34,13 +34,13 @@ fn halves(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Opti
     let bin = |p: &[f64; 3]| ((along(p) / BIN_M) as i64).clamp(0, (length_m / BIN_M) as i64) as usize;
     let mut counts = vec![0usize; (length_m / BIN_M) as usize + 1];
     places.iter().for_each(|p| counts[bin(p)] += 1);
-    // Each side keeps the width of a thing.
+    // Each side keeps at least the width of one object.
     let margin = (kind.short_m.start / BIN_M) as usize;
     let cut = (margin..counts.len().saturating_sub(margin)).min_by_key(|i| {
         let around = counts[i.saturating_sub(1)..(i + 2).min(counts.len())].iter().sum::<usize>();
         (around, i.abs_diff(counts.len() / 2))
     })?;
-    // What is one by its length has to show where the other begins.
+    // A fragment of plausible length is split only at a distinct minimum.
     let least = counts[cut] as f64;
     if length_m <= kind.long_m.end && least > 0.5 * places.len() as f64 / counts.len() as f64 {
         return None;
@@ -52,12 +52,12 @@ fn halves(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Opti
     (!one.is_empty() && !other.is_empty()).then(|| [fragment.part(one), fragment.part(other)])
 }
 
-/// A kitchen's wall units and base units: between them, above the worktop, hardly anything is in front of the wall.
+/// Splits a kitchen's wall units from its base units: few cells lie between them, above the worktop.
 fn storeys(fragment: &Fragment, cells: &Cells) -> Option<[Fragment; 2]> {
     const BIN_M: f64 = 0.12;
     /// Worktops are 0.85 m to 0.95 m high, and wall units hang 0.4 m to 0.7 m above them.
     const GAP_M: std::ops::Range<f64> = 0.84..1.5;
-    /// Both sides have more than this many times what is between them.
+    /// Minimum ratio of the cells on both sides to those between.
     const TIMES: f64 = 2.0;
     if !is_storage(fragment.class) {
         return None;

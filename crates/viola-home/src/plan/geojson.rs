@@ -4,8 +4,8 @@ use super::{Plan, opens};
 use crate::rooms::outline::Outline;
 use serde_json::{Value, json};
 
-/// The plan as a GeoJSON feature collection (RFC 7946 in everything but the coordinates: a home's map is not placed on
-/// the Earth, so they are metres in the LiDAR map's frame; the foreign member `frame` says so).
+/// Returns the plan as a GeoJSON feature collection (RFC 7946, except that coordinates are metres in the
+/// LiDAR map's frame, because a home's map has no place on the Earth; the foreign member `frame` says so).
 pub fn plan_geojson(plan: &Plan) -> Value {
     let mut features = Vec::new();
     for room in &plan.rooms {
@@ -51,7 +51,7 @@ pub fn plan_geojson(plan: &Plan) -> Value {
 
 fn feature(id: &str, outline: &Outline, properties: Value) -> Value {
     let rings = std::iter::once(&outline.ring_m).chain(&outline.holes_m);
-    // Rings are closed: their first place is their last one too.
+    // GeoJSON rings repeat their first position at the end.
     let closed = rings.map(|ring| {
         ring.iter().chain(ring.first()).map(|corner| corner.map(round)).collect::<Vec<[f64; 2]>>()
     });
@@ -63,7 +63,7 @@ fn feature(id: &str, outline: &Outline, properties: Value) -> Value {
     })
 }
 
-/// To the millimetre.
+/// Rounds to a millimetre.
 fn round(metres: f64) -> f64 {
     (metres * 1e3).round() / 1e3
 }

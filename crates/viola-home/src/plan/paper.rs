@@ -1,11 +1,11 @@
-//! What pictures of plans have in common: inks, labels and the scale bar.
+//! Common parts of plan pictures: colours, labels and scale bar.
 
 use super::{Plan, hangs, opens, words};
 use crate::objects::Object;
 use crate::rooms::Room;
 
 pub const MARGIN_M: f64 = 0.6;
-/// Below the plan, for the scale bar.
+/// Height of the scale bar's strip below the plan.
 pub const FOOT_M: f64 = 0.7;
 
 pub const PAPER: [u8; 3] = [255, 255, 255];
@@ -13,7 +13,7 @@ pub const WALL: [u8; 3] = [38, 43, 51];
 pub const OBSTACLE: [u8; 3] = [173, 179, 189];
 pub const TEXT: [u8; 3] = [33, 37, 43];
 pub const QUIET: [u8; 3] = [95, 103, 115];
-/// Tints of rooms: light, and apart from each other.
+/// Tints of rooms: light and distinct.
 pub const ROOMS: [[u8; 3]; 8] = [
     [253, 244, 227],
     [230, 241, 252],
@@ -25,12 +25,12 @@ pub const ROOMS: [[u8; 3]; 8] = [
     [243, 246, 222],
 ];
 
-/// The tint of the room at a place of the list.
+/// Returns the tint of the room with an index.
 pub fn tint(place: usize) -> [u8; 3] {
     ROOMS[place % ROOMS.len()]
 }
 
-/// A colour this much nearer to white, 0..1.
+/// Returns a colour mixed with white by a fraction in 0..1.
 pub fn lighter(color: [u8; 3], by: f64) -> [u8; 3] {
     color.map(|c| (f64::from(c) + (255.0 - f64::from(c)) * by).round() as u8)
 }
@@ -39,20 +39,20 @@ pub fn darker(color: [u8; 3], by: f64) -> [u8; 3] {
     color.map(|c| (f64::from(c) * (1.0 - by)).round() as u8)
 }
 
-/// A line of text around a middle.
+/// A centred line of text.
 pub struct Label {
     pub words: String,
     pub at_m: [f64; 2],
-    /// Height of its capitals.
+    /// Height of capitals.
     pub height_m: f64,
     pub ink: [u8; 3],
     pub bold: bool,
 }
 
-/// Characters of a name that is drawn; the rest is cut.
+/// Maximum characters of a drawn name.
 const LONGEST: usize = 28;
 
-/// All labels: rooms' names and areas, and what the things are.
+/// Returns all labels: room names, areas and object classes.
 pub fn labels(plan: &Plan) -> Vec<Label> {
     let mut labels: Vec<Label> = Vec::new();
     for room in &plan.rooms {
@@ -61,7 +61,7 @@ pub fn labels(plan: &Plan) -> Vec<Label> {
     for object in plan.objects.iter().filter(|o| !opens(o.class) && !hangs(o.class)) {
         let label = object_label(object);
         let mut place = label;
-        // Of several that would lie on each other the first stays; a step aside is tried.
+        // Of overlapping labels the first stays; the others are shifted, or dropped.
         for step in [0.0, 1.0, -1.0, 2.0, -2.0] {
             let moved = [place.at_m[0], object.centre_m[1] + step * 1.5 * place.height_m];
             if labels.iter().all(|other| !overlap(&place.words, place.height_m, moved, other)) {
@@ -79,7 +79,7 @@ fn room_labels(room: &Room, plan: &Plan) -> Vec<Label> {
         Some(name) => name.chars().filter(|c| !c.is_control()).take(LONGEST).collect(),
         None => format!("Room {}", room.id),
     };
-    // Where fewest things stand: the label's own place, or a step above or below it.
+    // At the fewest objects: the label's own position, or a step above or below.
     let busy = |y: f64| {
         let spots = [-0.5, 0.0, 0.5].map(|dx| [room.label_at_m[0] + dx, y]);
         let holds = |spot: &[f64; 2]| {
@@ -119,7 +119,7 @@ fn overlap(words: &str, height_m: f64, at_m: [f64; 2], other: &Label) -> bool {
     (at_m[0] - other.at_m[0]).abs() < wide && (at_m[1] - other.at_m[1]).abs() < high
 }
 
-/// Length of the scale bar: a round number of metres, about a quarter of the plan's width.
+/// Returns the scale bar's length: a round number of metres, about a quarter of the plan's width.
 pub fn bar_m(plan: &Plan) -> f64 {
     let quarter = (plan.max_m[0] - plan.min_m[0]) / 4.0;
     let round = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0];

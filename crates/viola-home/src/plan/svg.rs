@@ -1,21 +1,21 @@
-//! A plan as a drawing that scales.
+//! A plan as SVG.
 
 use super::paper::{self, FOOT_M, MARGIN_M};
 use super::{Plan, hangs, opens};
 use crate::rooms::outline::Outline;
+use crate::svg::{FONT_FAMILY, escape, hex};
 use std::fmt::Write;
 
-/// Units of the drawing a metre.
-const UNITS: f64 = 100.0;
+/// SVG units per metre.
+pub const UNITS_PER_M: f64 = 100.0;
 
-/// The plan as a standalone SVG, y up, with real text. Names are escaped.
+/// Returns the plan as a standalone SVG, y up, with text elements. Names are escaped.
 pub fn plan_svg(plan: &Plan) -> String {
-    let width = (plan.max_m[0] - plan.min_m[0] + 2.0 * MARGIN_M) * UNITS;
-    let height = (plan.max_m[1] - plan.min_m[1] + 2.0 * MARGIN_M + FOOT_M) * UNITS;
+    let [width, height] = size_units(plan);
     let drawing = Drawing { corner_m: [plan.min_m[0] - MARGIN_M, plan.max_m[1] + MARGIN_M] };
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" \
-         font-family=\"Helvetica, Arial, sans-serif\" text-anchor=\"middle\">\n\
+         font-family=\"{FONT_FAMILY}\" text-anchor=\"middle\">\n\
          <title>Floor plan</title>\n<rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n",
         hex(paper::PAPER)
     );
@@ -59,7 +59,7 @@ pub fn plan_svg(plan: &Plan) -> String {
     for label in paper::labels(plan) {
         let [x, y] = drawing.place(&label.at_m);
         // Capitals are about seven tenths of a font's size.
-        let size = label.height_m * UNITS / 0.7;
+        let size = label.height_m * UNITS_PER_M / 0.7;
         let weight = if label.bold { " font-weight=\"600\"" } else { "" };
         let _ = writeln!(
             out,
@@ -69,8 +69,8 @@ pub fn plan_svg(plan: &Plan) -> String {
         );
     }
     let bar_m = paper::bar_m(plan);
-    let (left, y) = (MARGIN_M * UNITS, height - 0.55 * FOOT_M * UNITS);
-    let (middle, right) = (left + bar_m * UNITS / 2.0, left + bar_m * UNITS);
+    let (left, y) = (MARGIN_M * UNITS_PER_M, height - 0.55 * FOOT_M * UNITS_PER_M);
+    let (middle, right) = (left + bar_m * UNITS_PER_M / 2.0, left + bar_m * UNITS_PER_M);
     let _ = writeln!(
         out,
         "</g>\n<g id=\"scale\"><path d=\"M{left:.1} {y:.1}H{right:.1}M{left:.1} {0:.1}V{1:.1}M{middle:.1} \
@@ -85,6 +85,12 @@ pub fn plan_svg(plan: &Plan) -> String {
     out
 }
 
+/// Width and height of the drawing.
+pub fn size_units(plan: &Plan) -> [f64; 2] {
+    let [width_m, height_m] = [0, 1].map(|axis| plan.max_m[axis] - plan.min_m[axis] + 2.0 * MARGIN_M);
+    [width_m * UNITS_PER_M, (height_m + FOOT_M) * UNITS_PER_M]
+}
+
 struct Drawing {
     /// Upper-left corner.
     corner_m: [f64; 2],
@@ -92,7 +98,7 @@ struct Drawing {
 
 impl Drawing {
     fn place(&self, at_m: &[f64; 2]) -> [f64; 2] {
-        [(at_m[0] - self.corner_m[0]) * UNITS, (self.corner_m[1] - at_m[1]) * UNITS]
+        [(at_m[0] - self.corner_m[0]) * UNITS_PER_M, (self.corner_m[1] - at_m[1]) * UNITS_PER_M]
     }
 
     fn path(&self, outline: &Outline) -> String {
@@ -124,26 +130,4 @@ impl Drawing {
             escape(&object.id)
         );
     }
-}
-
-fn hex([red, green, blue]: [u8; 3]) -> String {
-    format!("#{red:02x}{green:02x}{blue:02x}")
-}
-
-/// Text that stays text: markup is escaped, and what XML has no way to write is left out.
-fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for letter in text.chars() {
-        match letter {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\'' => out.push_str("&#39;"),
-            '\u{fffe}' | '\u{ffff}' => {}
-            letter if letter.is_control() => {}
-            letter => out.push(letter),
-        }
-    }
-    out
 }

@@ -1,4 +1,4 @@
-//! Which points of a map are asked for.
+//! Selection of a map's points.
 
 use super::ClipNumbers;
 use crate::assemble::{CLIP_AT, POINT_BYTES, TileBytes, Voxels, point_bytes, read_point};
@@ -6,16 +6,16 @@ use crate::ply::NotOurs;
 use std::borrow::Cow;
 use viola_geometry::taxonomy::{CLASSES, Class};
 
-/// Everything unless something is said.
+/// Selects all points by default.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PointFilter {
     /// Only these classes.
     pub classes: Option<Vec<Class>>,
-    /// Only what lies between these corners, in the LiDAR map's frame.
+    /// Only points between these corners, in the LiDAR map's frame.
     pub box_m: Option<([f32; 3], [f32; 3])>,
-    /// Only what lies between these heights.
+    /// Only points between these heights.
     pub z_m: Option<(f32, f32)>,
-    /// One point for each cube of this side, their mean. Cubes do not reach over the border of a tile.
+    /// Side of thinning voxels: one mean point per voxel. Voxels do not span tiles.
     pub voxel_m: Option<f64>,
 }
 
@@ -24,7 +24,7 @@ impl PointFilter {
         *self == PointFilter::default()
     }
 
-    /// The points of a tile that are asked for, [`POINT_BYTES`] each, with the map's numbers of the clips.
+    /// Returns the selected points of a tile, [`POINT_BYTES`] each, with the map's clip numbers.
     pub fn of_tile(&self, tile: &TileBytes, clips: &ClipNumbers) -> Result<Vec<u8>, NotOurs> {
         let numbers = clips.of_tile(tile);
         let mut points = self.chosen(tile).into_owned();
@@ -71,7 +71,7 @@ impl PointFilter {
 fn thinned(points: &[u8], voxel_m: f64) -> Result<Vec<u8>, NotOurs> {
     let mut points: Vec<_> =
         points.chunks_exact(POINT_BYTES).map(read_point).collect::<Result<Vec<_>, NotOurs>>()?;
-    // Voxels take the clips one after the other.
+    // Voxels expect one clip after the other.
     points.sort_by_key(|point| point.clip);
     let mut voxels = Voxels::new(voxel_m);
     points.iter().for_each(|point| voxels.add(&point.point, point.clip));

@@ -1,16 +1,16 @@
-//! The points of a map as binary glTF 2.0 (Khronos; the GLB container): a node, a mesh and a material for each class,
-//! by name, so that classes can be told apart, hidden and coloured in any viewer.
+//! A map's points as binary glTF 2.0 (Khronos, GLB container), with a named node, mesh and material per
+//! class, so that any viewer can distinguish, hide and colour classes.
 //!
-//! glTF has y up: a point (x, y, z) of the map is (x, z, -y) there.
+//! glTF has y up: a map point (x, y, z) becomes (x, z, -y).
 
 use crate::assemble::POINT_BYTES;
 use serde_json::{Value, json};
 use viola_geometry::taxonomy::{CLASSES, Class};
 
-/// Position, normal, colour with alpha, probability, clip and padding.
+/// Position, normal, RGBA colour, probability, clip and padding.
 const VERTEX_BYTES: usize = 36;
 
-/// The points of one class in one tile.
+/// Extent of one class's points in one tile.
 #[derive(Debug, Clone, Copy)]
 struct Part {
     points: usize,
@@ -20,8 +20,8 @@ struct Part {
 
 const NOTHING: Part = Part { points: 0, min_m: [f32::INFINITY; 3], max_m: [f32::NEG_INFINITY; 3] };
 
-/// A GLB file in the making. It is told all tiles first, since its head says where everything is; then it takes the
-/// tiles again, in the same order, and gives their bytes.
+/// Streaming writer of a GLB file. Needs two passes over the tiles in the same order: `announce` for the
+/// header's offsets, then `tile` for the bytes.
 #[derive(Default)]
 pub struct Glb {
     tiles: Vec<[Part; CLASSES]>,
@@ -33,7 +33,7 @@ fn position(point: &[u8]) -> [f32; 3] {
 }
 
 impl Glb {
-    /// Takes note of a tile's points.
+    /// Registers a tile's points for the header.
     pub fn announce(&mut self, points: &[u8]) {
         let mut parts = [NOTHING; CLASSES];
         for point in points.chunks_exact(POINT_BYTES) {
@@ -47,7 +47,7 @@ impl Glb {
         self.tiles.push(parts);
     }
 
-    /// A tile's points, those of a class together.
+    /// Returns a tile's points as vertices, grouped by class.
     pub fn tile(points: &[u8]) -> Vec<u8> {
         let mut by_class: Vec<Vec<u8>> = vec![Vec::new(); CLASSES];
         for point in points.chunks_exact(POINT_BYTES) {
@@ -134,7 +134,7 @@ impl Glb {
         text
     }
 
-    /// Everything before the points.
+    /// Returns the header and the JSON chunk: all bytes before the points.
     pub fn head(&self) -> Vec<u8> {
         let document = self.document();
         let body = self.body_bytes();
@@ -152,7 +152,7 @@ impl Glb {
         out
     }
 
-    /// Of the whole file; none when it would be larger than a GLB can be.
+    /// Returns the file's size; none if it exceeds the GLB limit of 4 GiB.
     pub fn size_bytes(&self) -> Option<u64> {
         let size = (self.head().len() + self.body_bytes()) as u64;
         (size <= u64::from(u32::MAX)).then_some(size)

@@ -1,8 +1,10 @@
-//! The points of a map as binary PLY.
+//! A map's points as binary PLY.
 
 use crate::assemble::POINT_BYTES;
+use crate::ply::PROPERTIES;
+use viola_formats::ply;
 
-/// A PLY file in the making: its head, then the points of one tile after the other.
+/// Streaming writer of a PLY file: its header, then the points of one tile after the other.
 pub struct Ply {
     points: usize,
 }
@@ -13,18 +15,10 @@ impl Ply {
     }
 
     pub fn head(&self) -> Vec<u8> {
-        format!(
-            "ply\nformat binary_little_endian 1.0\ncomment frame map, metres, z up\n\
-            comment clip: place in the list of the map's clips\nelement vertex {}\n\
-            property float x\nproperty float y\nproperty float z\n\
-            property float nx\nproperty float ny\nproperty float nz\n\
-            property uchar red\nproperty uchar green\nproperty uchar blue\n\
-            property uchar label\nproperty float probability\nproperty ushort views\nproperty ushort clip\n\
-            property ushort weight\n\
-            end_header\n",
-            self.points
-        )
-        .into_bytes()
+        let [head @ .., weight] = PROPERTIES;
+        let properties: Vec<_> = head.into_iter().chain([("ushort", "clip"), weight]).collect();
+        let comments = ["frame map, metres, z up", "clip: place in the list of the map's clips"];
+        ply::header(&comments, self.points, &properties).into_bytes()
     }
 
     pub fn size_bytes(&self) -> u64 {

@@ -1,4 +1,4 @@
-//! Polygons around cells of a grid.
+//! Polygons of a grid's cells.
 
 use viola_geometry::{Grid, Point2};
 
@@ -11,17 +11,17 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// Without the holes.
+    /// Returns the area without the holes.
     pub fn area_m2(&self) -> f64 {
         signed_area_m2(&self.ring_m) + self.holes_m.iter().map(|hole| signed_area_m2(hole)).sum::<f64>()
     }
 
-    /// Of the outer ring, with what is in the holes.
+    /// Returns the outer ring's area, holes included.
     pub fn outer_area_m2(&self) -> f64 {
         signed_area_m2(&self.ring_m)
     }
 
-    /// With fewer corners, none further than `tolerance_m` from the line; none when nothing is left.
+    /// Returns it with fewer corners, none further than `tolerance_m` from the line; none if degenerate.
     pub fn simplified(&self, tolerance_m: f64) -> Option<Outline> {
         let ring_m = simplify(&self.ring_m, tolerance_m);
         let holes_m = self.holes_m.iter().map(|hole| simplify(hole, tolerance_m));
@@ -30,12 +30,12 @@ impl Outline {
     }
 }
 
-/// Twice the area under the ring's edges, halved: positive when counter-clockwise.
+/// Returns a ring's signed area: positive if counter-clockwise.
 pub fn signed_area_m2(ring: &[[f64; 2]]) -> f64 {
     edges(ring).map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum::<f64>() / 2.0
 }
 
-/// Whether a ring, of either direction, holds a point.
+/// Returns whether a ring, of either direction, contains a point.
 pub fn contains(ring: &[[f64; 2]], point: &Point2) -> bool {
     let crosses = |(a, b): &([f64; 2], [f64; 2])| {
         (a[1] > point.y) != (b[1] > point.y)
@@ -44,7 +44,7 @@ pub fn contains(ring: &[[f64; 2]], point: &Point2) -> bool {
     edges(ring).filter(crosses).count() % 2 == 1
 }
 
-/// From a point to the nearest place on a ring.
+/// Returns the distance from a point to a ring.
 pub fn distance_m(ring: &[[f64; 2]], point: &Point2) -> f64 {
     edges(ring).map(|(a, b)| to_segment_m(&[point.x, point.y], &a, &b)).fold(f64::INFINITY, f64::min)
 }
@@ -61,7 +61,7 @@ fn to_segment_m(p: &[f64; 2], a: &[f64; 2], b: &[f64; 2]) -> f64 {
     (p[0] - a[0] - t * dx).hypot(p[1] - a[1] - t * dy)
 }
 
-/// The polygons around the set cells of a mask. Cells that only share a corner are apart.
+/// Returns the polygons of a mask's set cells. Cells that share only a corner are separate.
 pub fn trace(mask: &Grid<bool>) -> Vec<Outline> {
     let frame = mask.frame;
     let corner = |[x, y]: [i64; 2]| {
@@ -70,7 +70,7 @@ pub fn trace(mask: &Grid<bool>) -> Vec<Outline> {
     let (pieces, count) = pieces(mask);
     let mut outlines = vec![Outline { ring_m: Vec::new(), holes_m: Vec::new() }; count];
     for corners in rings(mask) {
-        // The cell on the left of the first edge is of the piece that the ring is around.
+        // The cell left of the first edge belongs to the ring's piece.
         let (a, b) = (corners[0], corners[1]);
         let direction = [(b[0] - a[0]).signum(), (b[1] - a[1]).signum()];
         let beside = [0, 1].map(|axis| {
@@ -88,7 +88,7 @@ pub fn trace(mask: &Grid<bool>) -> Vec<Outline> {
     outlines
 }
 
-/// For every cell, which connected piece of the mask it is in, from 1; 0 is none. And how many there are.
+/// Returns the connected piece of every cell (4-neighbourhood), from 1, 0 for none, and the number of pieces.
 pub fn pieces(mask: &Grid<bool>) -> (Vec<u32>, usize) {
     let (width, height) = (mask.frame.width, mask.frame.height);
     let mut piece = vec![0u32; width * height];
@@ -112,7 +112,7 @@ pub fn pieces(mask: &Grid<bool>) -> (Vec<u32>, usize) {
     (piece, count as usize)
 }
 
-/// The places of the cells that share a side with a cell.
+/// Returns the indices of the cells that share a side with a cell.
 pub fn beside(at: usize, width: usize, height: usize) -> [Option<usize>; 4] {
     let (x, y) = (at % width, at / width);
     [
@@ -125,12 +125,12 @@ pub fn beside(at: usize, width: usize, height: usize) -> [Option<usize>; 4] {
 
 const STEPS: [[i64; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 
-/// Closed ways along the cells' borders with the mask on the left, straight stretches as one.
+/// Returns closed paths along the cells' borders with the mask on the left; straight stretches are one edge.
 fn rings(mask: &Grid<bool>) -> Vec<Vec<[i64; 2]>> {
     let (width, height) = (mask.frame.width as i64, mask.frame.height as i64);
     let set =
         |x: i64, y: i64| x >= 0 && y >= 0 && x < width && y < height && mask.get(x as usize, y as usize);
-    // For each corner, the directions in which a border leaves it.
+    // Directions of the borders that leave each corner, as bits.
     let at = |x: i64, y: i64| (y * (width + 1) + x) as usize;
     let mut leaving = vec![0u8; ((width + 1) * (height + 1)) as usize];
     for y in 0..height {
@@ -165,7 +165,7 @@ fn rings(mask: &Grid<bool>) -> Vec<Vec<[i64; 2]>> {
                 leaving[at(place[0], place[1])] &= !(1 << direction);
                 place = [place[0] + STEPS[direction][0], place[1] + STEPS[direction][1]];
                 let open = leaving[at(place[0], place[1])];
-                // To the left first: around the same cell.
+                // Left turns first: around the same cell.
                 let next = [1, 0, 3].map(|turn| (direction + turn) % 4);
                 match next.into_iter().find(|next| open & (1 << next) != 0) {
                     Some(next) => {
@@ -175,7 +175,7 @@ fn rings(mask: &Grid<bool>) -> Vec<Vec<[i64; 2]>> {
                     None => break,
                 }
             }
-            // The way may have begun in the middle of a straight stretch.
+            // The path may start within a straight stretch.
             if ring.len() > 2 && direction == first {
                 ring.remove(0);
             }
@@ -185,7 +185,7 @@ fn rings(mask: &Grid<bool>) -> Vec<Vec<[i64; 2]>> {
     rings
 }
 
-/// Douglas and Peucker (1973) on a ring, between its first corner and the one furthest from it.
+/// Simplifies a ring (Douglas and Peucker, 1973) between its first corner and the one furthest from it.
 pub fn simplify(ring: &[[f64; 2]], tolerance_m: f64) -> Vec<[f64; 2]> {
     if ring.len() < 4 {
         return ring.to_vec();
@@ -194,7 +194,7 @@ pub fn simplify(ring: &[[f64; 2]], tolerance_m: f64) -> Vec<[f64; 2]> {
     let far = (1..ring.len()).max_by(|a, b| away(&ring[*a]).total_cmp(&away(&ring[*b])).then(b.cmp(a)));
     let far = far.unwrap_or(0);
     let mut kept = vec![false; ring.len()];
-    // Spans of a bounded length, so that no ring takes a time that grows with the square of its corners.
+    // Spans of bounded length avoid a quadratic time.
     const LONGEST: usize = 500;
     let mut anchors: Vec<usize> = (0..ring.len()).step_by(LONGEST).chain([far]).collect();
     anchors.sort_unstable();
@@ -273,7 +273,7 @@ mod tests {
         assert!(trace(&mask(5, vec![false; 25])).is_empty());
     }
 
-    /// A comb and a chequerboard of half a million cells take no time to speak of.
+    /// A comb and a chequerboard of half a million cells are traced quickly.
     #[test]
     fn hostile_masks_are_no_work() {
         let comb = |i: usize| (i % 1000).is_multiple_of(2) || i < 1000;

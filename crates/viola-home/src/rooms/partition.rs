@@ -1,21 +1,21 @@
-//! Free space divided at narrow places: a watershed of the distance to walls (Meyer, 1994; as rooms are made out of
-//! occupancy maps, Bormann et al., 2016).
+//! Splits free space at narrow places by a watershed of the distance to walls (Meyer, 1994; for rooms of
+//! occupancy maps: Bormann et al., 2016).
 
 use super::outline::beside;
 use super::space::Space;
 use viola_geometry::{DistanceField, Grid};
 
-/// Openings wider than twice this are no doors. Doors are up to 1 m wide, double doors somewhat more.
+/// Half of a door's maximum width. Doors are up to 1 m wide, double doors somewhat more.
 const DOOR_HALF_M: f64 = 0.55;
-/// An opening divides only where it is narrower than this share of what it joins, ...
+/// An opening splits only if its distance to walls is below this fraction of the smaller basin's peak, ...
 const NECK_SHARE: f64 = 0.8;
-/// and where both sides are this large.
+/// and if both sides are this large.
 pub(super) const MIN_AREA_M2: f64 = 1.2;
 
-/// Basins that the water rises in.
+/// Basins of the watershed.
 struct Basins {
     parent: Vec<u32>,
-    /// Largest distance to a wall, in metres.
+    /// Largest distance to a wall in each basin, in metres.
     peak_m: Vec<f32>,
     cells: Vec<u32>,
 }
@@ -30,7 +30,7 @@ impl Basins {
         basin
     }
 
-    /// The lower number stays.
+    /// Joins two basins; the lower number stays.
     fn join(&mut self, a: u32, b: u32) {
         let (keep, gone) = (a.min(b), a.max(b));
         self.parent[gone as usize] = keep;
@@ -39,7 +39,7 @@ impl Basins {
     }
 }
 
-/// Numbers the rooms in `owner`, from 1, and says how many there are.
+/// Numbers the rooms in `owner` from 1, and returns their count.
 pub(super) fn partition(space: &Space, owner: &mut Grid<u32>) -> usize {
     let (width, height) = (space.frame.width, space.frame.height);
     let open = open(space);
@@ -55,7 +55,7 @@ pub(super) fn partition(space: &Space, owner: &mut Grid<u32>) -> usize {
     for &index in &order {
         let at = index as usize;
         let mut mine = 0;
-        // The neighbour furthest from walls has the first say.
+        // The neighbour furthest from walls comes first.
         let mut around: Vec<u32> = beside(at, width, height)
             .into_iter()
             .flatten()
@@ -86,13 +86,13 @@ pub(super) fn partition(space: &Space, owner: &mut Grid<u32>) -> usize {
     number(owner)
 }
 
-/// Free cells, and those that furniture hides from the robot; a door's leaf is as good as a wall.
+/// Returns the free cells and those under furniture, without door leaves, which count as walls.
 fn open(space: &Space) -> Vec<bool> {
     let mut open = Grid { frame: space.frame, cells: space.free.clone() };
     for (index, cell) in open.cells.iter_mut().enumerate() {
         *cell = (*cell || space.furniture[index]) && !space.door[index];
     }
-    // Specks are legs of furniture. Larger ones may be a wall between two doors.
+    // Specks are furniture legs; larger ones may be a wall between two doors.
     let most = (0.12 / (space.frame.cell_m * space.frame.cell_m)) as usize;
     super::fill_holes(&mut open, most, |index| space.door[index]);
     open.cells
@@ -104,11 +104,11 @@ fn divides(basins: &Basins, a: u32, b: u32, depth_m: f32, space: &Space) -> bool
     let cell_m2 = space.frame.cell_m * space.frame.cell_m;
     f64::from(depth_m) <= DOOR_HALF_M
         && f64::from(depth_m) < NECK_SHARE * f64::from(lower)
-        // The rest of a room is still to come when its middle meets the next one.
+        // A basin may still be growing when it meets the next one: a tenth of the area is enough.
         && f64::from(fewer) * cell_m2 > 0.1 * MIN_AREA_M2
 }
 
-/// Joins what is too small for a room to the neighbour with the longest common border.
+/// Joins basins too small for a room to the neighbour with the longest common border.
 fn absorb(owner: &mut Grid<u32>, basins: &mut Basins, space: &Space) {
     let (width, height) = (space.frame.width, space.frame.height);
     let least = (MIN_AREA_M2 / (space.frame.cell_m * space.frame.cell_m)) as u32;
@@ -121,7 +121,7 @@ fn absorb(owner: &mut Grid<u32>, basins: &mut Basins, space: &Space) {
             }
         }
     }
-    // The smallest first. A room that grew by one may no longer be too small.
+    // Smallest first: a room that grew by one may be large enough.
     let mut small: Vec<u32> = borders.keys().map(|(a, _)| *a).collect();
     small.dedup();
     small.sort_by_key(|basin| (basins.cells[*basin as usize], *basin));
@@ -144,7 +144,7 @@ fn absorb(owner: &mut Grid<u32>, basins: &mut Basins, space: &Space) {
     owner.cells.iter_mut().filter(|owner| **owner != 0).for_each(|owner| *owner = basins.root(*owner));
 }
 
-/// Numbers from 1 without gaps, in the order of the first cells.
+/// Renumbers from 1 without gaps, in the order of the first cells.
 fn number(owner: &mut Grid<u32>) -> usize {
     let mut numbers = rustc_hash::FxHashMap::default();
     for cell in owner.cells.iter_mut().filter(|cell| **cell != 0) {

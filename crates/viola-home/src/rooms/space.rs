@@ -1,33 +1,33 @@
-//! What of the LiDAR map is free, wall or furniture, on one raster.
+//! Raster of the LiDAR map: free, wall or furniture.
 
 use crate::map_point::MapPoint;
 use viola_formats::lidar::{Cell, LidarMap};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{DistanceField, Grid, GridFrame, Point2};
 
-/// Side of its cells where the map has none.
+/// Side of the cells for a map without cells.
 const CELL_M: f64 = 0.05;
-/// Heights of the fused points that tell what the LiDAR hit.
+/// Heights of the fused points that classify occupied cells.
 const HEIGHTS_M: [f64; 2] = [0.05, 1.9];
 
 /// A bound on memory and time: larger maps get larger cells.
 const MAX_CELLS: usize = 2 << 20;
-/// Bare points this far apart, halved, are one wall.
+/// Maximum distance to a bare point's cell that counts as wall; closes gaps up to twice this.
 const GAP_M: f64 = 0.06;
-/// Of the eight directions from a place inside a home, so many end at a wall.
+/// Minimum number of the eight directions that end at a wall, for an enclosed cell.
 const ENCLOSED: u32 = 7;
-/// The fused points this near tell what an occupied cell is.
+/// Radius of the fused points that classify an occupied cell.
 const NEAR_M: f64 = 0.08;
 
-/// The raster. `frame` is the LiDAR map's own where it has cells that are fine enough.
+/// The raster. `frame` follows the LiDAR map's own raster if that is fine enough.
 pub struct Space {
     pub frame: GridFrame,
     pub occupied: Vec<bool>,
-    /// The robot's free cells; of bare points, what they enclose.
+    /// Free cells of the robot; for bare points, the enclosed cells.
     pub free: Vec<bool>,
-    /// Occupied cells where the fused map has furniture and no wall.
+    /// Occupied cells with furniture and no wall in the fused map.
     pub furniture: Vec<bool>,
-    /// Where the fused map has a door's leaf or frame.
+    /// Cells with a door's leaf or frame in the fused map.
     pub door: Vec<bool>,
 }
 
@@ -69,20 +69,20 @@ impl Space {
         self.frame.centre(index % self.frame.width, index / self.frame.width)
     }
 
-    /// Occupied by something that is not known to be furniture.
+    /// Returns whether a cell is occupied and not known to be furniture.
     pub fn is_wall(&self, x: usize, y: usize) -> bool {
         let index = y * self.frame.width + x;
         self.occupied[index] && !self.furniture[index]
     }
 
-    /// Bare points: free is what lies between walls on almost all sides.
+    /// Sets the free cells of bare points: those with walls on almost all sides.
     fn enclose(&mut self) {
         let thin = Grid { frame: self.frame, cells: self.occupied.clone() };
         let field = DistanceField::new(&thin);
         let walls: Vec<bool> = field.grid().cells.iter().map(|d| f64::from(*d) <= GAP_M).collect();
         let (width, height) = (self.frame.width as i64, self.frame.height as i64);
         let mut hits = vec![0u8; walls.len()];
-        // Directions that look back at cells which were worked out before, first in one order, then in the other.
+        // Each sweep propagates along directions whose earlier cells are already known.
         for forward in [true, false] {
             for back in [[-1, 0], [-1, -1], [0, -1], [1, -1]] {
                 let mut seen = vec![false; walls.len()];
@@ -104,7 +104,7 @@ impl Space {
         }
     }
 
-    /// What the fused map says of the occupied cells, and where it has doors.
+    /// Classifies occupied cells and doors by the fused map.
     fn tell(&mut self, points: &[MapPoint]) {
         let mut counts = vec![[0u16; 3]; self.frame.len()];
         for point in points {
@@ -117,7 +117,7 @@ impl Space {
                 Class::Floor | Class::Ceiling | Class::Rug => continue,
                 Class::Wall | Class::Window | Class::Picture | Class::Mirror | Class::Radiator => 0,
                 Class::Door => 1,
-                // Without a picture nobody knows.
+                // Without views the class is unknown.
                 _ if label.views == 0 => continue,
                 Class::Curtain | Class::Other => 0,
                 _ => 2,
@@ -129,7 +129,7 @@ impl Space {
         let reach = (NEAR_M / self.frame.cell_m).round() as usize;
         let (width, height) = (self.frame.width, self.frame.height);
         for index in 0..counts.len() {
-            // A door is upright: several points of a column.
+            // A door is upright: several points per column.
             self.door[index] =
                 counts[index][1] >= 5 && counts[index][1] > counts[index][0] + counts[index][2];
             if !self.occupied[index] {
@@ -148,7 +148,7 @@ impl Space {
     }
 }
 
-/// The map's own raster with a margin, or a coarser one where that has too many cells.
+/// Returns the map's own raster with a margin, or a coarser one if that has too many cells.
 fn frame(lidar: &LidarMap) -> GridFrame {
     const MARGIN: f64 = 4.0;
     let (min, max) = (lidar.info.min_m, lidar.info.max_m);
@@ -168,7 +168,7 @@ fn frame(lidar: &LidarMap) -> GridFrame {
     }
     let frame = GridFrame::covering(min, max, MARGIN * cell_m, cell_m);
     match own.filter(|_| same) {
-        // Cell borders where the map has them.
+        // Align the cell borders with the map's.
         Some(own) => {
             let snap = |axis: usize| {
                 let cells = ((frame.origin_m[axis] - own.origin_m[axis]) / cell_m).floor();

@@ -1,13 +1,13 @@
-//! Whether probabilities mean what they say (Naeini et al., 2015).
+//! Calibration of probabilities (Naeini et al., 2015).
 
 use super::ClipResult;
 use serde::Serialize;
 
-/// Answers with a probability, sorted into ten bins by it.
+/// Results with a probability, in ten bins.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Calibration {
     pub bins: [Bin; 10],
-    /// Mean over the answers of the difference between a bin's mean probability and its share of successes.
+    /// Mean over the results of the difference between a bin's mean probability and its success rate.
     pub expected_calibration_error: f64,
 }
 
@@ -19,7 +19,7 @@ pub struct Bin {
 }
 
 impl Calibration {
-    /// None when no answer has a probability.
+    /// Returns the calibration; none if no result has a probability.
     pub fn of<'a>(results: impl IntoIterator<Item = &'a ClipResult>) -> Option<Calibration> {
         let mut bins = [Bin::default(); 10];
         for result in results {

@@ -1,10 +1,10 @@
-//! Which clips a recording is cut into.
+//! Splits a recording into clips.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::ops::Range;
 
-/// Half-overlapping runs of `length` out of `total` consecutive frames.
+/// Returns half-overlapping runs of `length` out of `total` consecutive frames.
 pub fn excerpts(total: usize, length: usize) -> Vec<Range<usize>> {
     if length == 0 || total < length {
         return Vec::new();
@@ -13,15 +13,15 @@ pub fn excerpts(total: usize, length: usize) -> Vec<Range<usize>> {
     (0..=total - length).step_by(step).map(|first| first..first + length).collect()
 }
 
-/// `count` runs of `length` out of `total` consecutive frames, in the order of their beginnings. No two are
-/// the same, so there are fewer when the recording is short.
+/// Returns `count` distinct runs of `length` out of `total` consecutive frames, in order; fewer if the
+/// recording is short.
 pub fn random_excerpts(total: usize, length: usize, count: usize, seed: u64) -> Vec<Range<usize>> {
     if length == 0 || total < length {
         return Vec::new();
     }
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut firsts: Vec<usize> = (0..=total - length).collect();
-    // The first `count` places of a shuffle.
+    // Partial Fisher-Yates shuffle of the first `count`.
     for place in 0..count.min(firsts.len()) {
         let other = rng.random_range(place..firsts.len());
         firsts.swap(place, other);
@@ -37,7 +37,7 @@ mod tests {
 
     #[test]
     fn as_many_as_the_protocol_says() {
-        // Counts of the yardstick on 300 frames.
+        // Reference counts for 300 frames.
         for (length, count) in [(60, 9), (40, 14), (20, 29), (10, 59), (5, 148)] {
             assert_eq!(excerpts(300, length).len(), count, "{length}");
         }

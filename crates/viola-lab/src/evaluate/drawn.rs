@@ -1,7 +1,7 @@
-//! Clips drawn inside a LiDAR map: what a camera that walks through it would hit, made from the map itself.
+//! Clips drawn inside a LiDAR map: hits of a camera that walks through it, cast in the map itself.
 //!
-//! No pictures and no mesh are needed, so every map that loads can be tried: the map of a real home gives
-//! its own truth.
+//! They need no pictures and no mesh, so every map with free cells can be evaluated; the map itself is the
+//! ground truth.
 
 use super::survey::bell;
 use super::{Case, DrawnError, RunError, Sample, Suite};
@@ -16,17 +16,17 @@ use viola_geometry::progress::{self, Progress};
 use viola_geometry::{Grid, Point2, Pose2, Vector2};
 use viola_reconstruct::{CloudPoint, FloorReport, Label, PointCloud};
 
-/// How clips are drawn.
+/// Parameters of drawn clips.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrawnParams {
     pub seed: u64,
-    /// Clips of each map and length.
+    /// Clips per map and length.
     pub clips: usize,
-    /// Lengths of the clips in frames: the camera walks or turns between each two.
+    /// Lengths of the clips in frames; between two frames the camera walks or turns.
     pub frames: Vec<usize>,
     /// Standard deviation of a hit in x and in y.
     pub noise_m: f64,
-    /// Share of the hits on things that the map does not have: they stand somewhere on the ray.
+    /// Fraction of outliers: hits on objects absent from the map, at random positions on their rays.
     pub outliers: f64,
 }
 
@@ -36,12 +36,12 @@ impl Default for DrawnParams {
     }
 }
 
-/// Clips drawn inside maps; each map is a set of its own.
+/// Clips drawn inside maps; each map is its own set.
 pub struct DrawnClips {
     params: DrawnParams,
     maps: Vec<Map>,
     cases: Vec<Case>,
-    /// Place in `maps` and seed of each case.
+    /// Index into `maps` and seed of each case.
     draws: Vec<(usize, u64)>,
 }
 
@@ -49,7 +49,7 @@ struct Map {
     path: String,
     lidar: Arc<LidarMap>,
     target: Arc<Target>,
-    /// Free cells with room for a person.
+    /// Free cells with clearance for a person.
     places_m: Vec<Point2>,
 }
 
@@ -62,7 +62,7 @@ impl DrawnClips {
             let stem = path.as_ref().file_stem().unwrap_or_default().to_string_lossy();
             let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
             let mut set: String = stem.chars().map(|c| if is_plain(c) { c } else { '_' }).collect();
-            // Two files may have one name in different folders.
+            // Files in different folders may have the same name.
             if cases.iter().any(|case| case.set == set) {
                 set = format!("{set}-{at}");
             }
@@ -116,7 +116,7 @@ impl Suite for DrawnClips {
         params: &AlignParams,
         progress: &dyn Progress,
     ) -> Result<Option<Sample>, RunError> {
-        /// Draws until a clip sees this much: two metres of wall.
+        /// Minimum hits of a clip: two metres of wall.
         const ENOUGH_HITS: usize = 60;
         const DRAWS: usize = 200;
         let (at, seed) = self.draws[index];
@@ -145,9 +145,9 @@ impl Suite for DrawnClips {
     }
 }
 
-/// The poses of a camera that strolls and looks around, in the map.
+/// Returns the poses of a camera that walks and looks around, in the map.
 fn walk(map: &Map, frames: usize, rng: &mut ChaCha8Rng) -> Vec<Pose2> {
-    /// Half a metre a second at 2.5 frames a second, and up to 20 degrees of turning between frames.
+    /// 0.5 m/s at 2.5 frames per second; turns up to 20 degrees between frames.
     const STEP_M: f64 = 0.2;
     const TURN_RAD: f64 = 0.35;
     const ROOM_M: f64 = 0.25;
@@ -164,14 +164,14 @@ fn walk(map: &Map, frames: usize, rng: &mut ChaCha8Rng) -> Vec<Pose2> {
         pose = if is_free {
             Pose2::new(ahead.x, ahead.y, pose.yaw_rad + turn)
         } else {
-            // In front of something one turns, to the side that one was turning to.
+            // At an obstacle the camera turns further in its current direction.
             Pose2::new(pose.x_m, pose.y_m, pose.yaw_rad + TURN_RAD.copysign(turn))
         };
     }
     path
 }
 
-/// What the cameras see of the map, in the frame of the first one.
+/// Returns the cameras' scan of the map, in the first camera's frame.
 fn look(cells: &Grid<Cell>, path: &[Pose2], drawn: &DrawnParams, rng: &mut ChaCha8Rng) -> VirtualScan {
     const VIEW_RAD: f64 = 1.1;
     const RAYS: usize = 80;
@@ -193,7 +193,7 @@ fn look(cells: &Grid<Cell>, path: &[Pose2], drawn: &DrawnParams, rng: &mut ChaCh
             let Some(range_m) = wall_m.filter(|range_m| *range_m > NEAR_M) else { continue };
             let point_m = from_m + toward * range_m;
             if hit_cells.insert(cell_of(&point_m, HIT_SPACING_M)) {
-                // Nothing may tell what the map has from what it has not, so all stand equally tall.
+                // Equal heights, so that outliers cannot be distinguished from the map's walls.
                 let (extent_m, at_vacuum_height) = (1.0, true);
                 hits.push(Hit {
                     point_m,
@@ -211,7 +211,7 @@ fn look(cells: &Grid<Cell>, path: &[Pose2], drawn: &DrawnParams, rng: &mut ChaCh
         if rng.random_bool(drawn.outliers) {
             let way = hit.point_m - hit.from_m;
             hit.point_m = hit.from_m + way * rng.random_range(NEAR_M / way.norm()..1.0);
-            // Where something stands nobody sees free floor.
+            // Cells around an outlier are not seen as free.
             let [x, y] = cell_of(&hit.point_m, FREE_CELL_M);
             (-2..=2).for_each(|dx| (-2..=2).for_each(|dy| _ = free_cells.remove(&[x + dx, y + dy])));
         }
@@ -232,8 +232,8 @@ fn cell_of(point: &Point2, side_m: f64) -> [i32; 2] {
     [point.x, point.y].map(|c| (c / side_m).floor() as i32)
 }
 
-/// How far a ray runs through free cells, and where it meets the middle of an occupied one; it ends where
-/// the map knows nothing.
+/// Returns a ray's free length, and the range to the middle of the first occupied cell, if any. The ray ends
+/// at unknown cells.
 fn march(cells: &Grid<Cell>, from: &Point2, toward: &Vector2, most_m: f64) -> (f64, Option<f64>) {
     let step_m = 0.1 * cells.frame.cell_m;
     let mut along_m = 0.0;
@@ -251,7 +251,7 @@ fn march(cells: &Grid<Cell>, from: &Point2, toward: &Vector2, most_m: f64) -> (f
     (along_m, None)
 }
 
-/// Remembers the cells that a ray of this length crosses.
+/// Adds the cells that a ray of this length crosses.
 fn free(from: &Point2, toward: &Vector2, length_m: f64, cell_m: f64, cells: &mut FxHashSet<[i32; 2]>) {
     let mut along_m = 0.0;
     while along_m < length_m {
@@ -260,7 +260,7 @@ fn free(from: &Point2, toward: &Vector2, length_m: f64, cell_m: f64, cells: &mut
     }
 }
 
-/// The scan, with a surface at the vacuum's height for methods that cast rays of their own.
+/// Returns an observation of the scan, with surface points at the vacuum's height for methods that cast rays.
 fn observation(scan: VirtualScan, vacuum_height_m: f64) -> Observation {
     let surface = |hit: &Hit| CloudPoint {
         position_m: [hit.point_m.x as f32, hit.point_m.y as f32, vacuum_height_m as f32],

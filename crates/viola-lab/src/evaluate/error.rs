@@ -1,4 +1,4 @@
-//! Why an evaluation ends early.
+//! Errors of an evaluation.
 
 use super::mesh::MeshError;
 use super::survey::SurveyError;
@@ -29,7 +29,7 @@ pub enum RunError {
 }
 
 impl RunError {
-    /// Why the clip of a case could not be observed or aligned.
+    /// Wraps the error of a clip that could not be observed or aligned.
     pub(super) fn of_clip(clip: &str, error: AlignError) -> RunError {
         match error {
             AlignError::Cancelled => RunError::Cancelled,

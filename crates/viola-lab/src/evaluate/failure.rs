@@ -1,4 +1,4 @@
-//! A picture of a clip that was not found: the answer on the left, the truth on the right.
+//! Picture of a failed clip: the answer on the left, the truth on the right.
 
 use super::Sample;
 use viola_align::{Aligned, Alignment};

@@ -1,17 +1,16 @@
-//! Fits the whole model to clips with known truth: the weights of the loss, the temperature, and the probability.
+//! Fits the whole model to clips with ground truth: loss weights, temperature and probability.
 
 use super::ClipResult;
 use super::homes::FOREIGN;
 use super::weights::learned_loss;
 use viola_align::{Coefficient, FEATURES, MODEL, MadeBy, Model};
 
-/// How much a clip with the map of another home counts: they are as many as the others in training, and few
-/// in the field.
+/// Weight of clips with the map of another home: half of the training data, but rare in the field.
 const FOREIGN_WEIGHT: f64 = 0.35;
 
-/// The model that these clips teach; `made_by` tells where it comes from. None when right or wrong answers are missing.
+/// Returns the model fitted to these clips; none unless right and wrong answers are present.
 ///
-/// Where no clip has a choice to make, the loss stays as it is.
+/// Without clips that have a choice, the loss stays that of [`MODEL`]. `made_by` is the model's provenance.
 pub fn fit(results: &[ClipResult], made_by: MadeBy) -> Option<Model> {
     let (intercept, coefficients) = regress(results)?;
     let learned = learned_loss(results, MODEL.loss.most_misplaced);
@@ -20,7 +19,7 @@ pub fn fit(results: &[ClipResult], made_by: MadeBy) -> Option<Model> {
     Some(Model { made_by, loss, temperature_m, intercept, coefficients })
 }
 
-/// Logistic regression with a ridge, by Newton's method.
+/// Fits a ridge logistic regression by Newton's method.
 fn regress(results: &[ClipResult]) -> Option<(f64, Vec<Coefficient>)> {
     const RIDGE: f64 = 1.0;
     const STEPS: usize = 50;
@@ -83,12 +82,12 @@ mod tests {
     use super::*;
     use viola_align::AlignmentState;
 
-    /// Clips whose first figure alone decides, with the odds e to the power of it.
+    /// Clips whose correctness depends only on the first feature x, with odds e^x.
     fn results() -> Vec<ClipResult> {
         (0..4000u64)
             .map(|i| {
                 let x = ((i * 37) % 1000) as f64 / 100.0 - 5.0;
-                // An even spread of 0..1 that has nothing to do with x.
+                // Evenly spread in 0..1, independent of x.
                 let luck = ((i * 7919 + i / 1000 * 1231) % 997) as f64 / 997.0;
                 let right = luck < 1.0 / (1.0 + (-x).exp());
                 let mut features = vec![0.0; FEATURES.len()];

@@ -1,4 +1,4 @@
-//! What a home's map says beyond points, against a labelled mesh: surface, rooms, objects.
+//! Evaluation of a home's map against a labelled mesh: surface, rooms, objects.
 
 mod fused;
 mod instances;
@@ -25,7 +25,7 @@ use viola_geometry::progress::Progress;
 use viola_home as home;
 use viola_home::{Coverage, Object, Plan, Room};
 
-/// What became of a scene.
+/// Results of one scene.
 #[derive(Debug, Clone, Serialize)]
 pub struct HomeReport {
     pub excerpts: Vec<Excerpt>,
@@ -51,7 +51,7 @@ pub enum HomeError {
     TooShort,
 }
 
-/// Aligns and merges the excerpts of a scene, and judges what the map shows against the mesh in `folder/mesh`.
+/// Aligns and merges the excerpts of a scene, and compares the map with the labelled mesh in `folder/mesh`.
 pub fn evaluate(
     scene: &Scene,
     folder: &Path,
@@ -86,7 +86,7 @@ pub fn evaluate(
 }
 
 impl HomeReport {
-    /// The report as tables in Markdown.
+    /// Returns the report as Markdown tables.
     pub fn markdown(&self) -> String {
         let percent = |share: f64| format!("{:.1} %", share * 100.0);
         let aligned = self.excerpts.iter().filter(|e| e.state == viola_align::AlignmentState::Aligned);

@@ -1,4 +1,4 @@
-//! Simulated homes: any number of clips with exact truth, rendered when they are wanted.
+//! Simulated homes: any number of clips with exact truth, rendered on demand.
 
 use super::oracle::Oracle;
 use super::{Case, RunError, Sample, Suite};
@@ -12,47 +12,46 @@ use viola_geometry::Pose2;
 use viola_geometry::progress::Progress;
 use viola_reconstruct::LabelParams;
 
-/// Ends the name of a set whose clips are given the map of another home.
+/// Suffix of sets whose clips get the map of another home.
 pub(super) const FOREIGN: &str = "-foreign";
 
-/// Which homes, and how they are filmed.
+/// Selection of homes, and recording of their clips.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HomesParams {
     pub sets: Vec<Set>,
-    /// One home of each set a seed.
+    /// One home per set and seed.
     pub seeds: Range<u64>,
     pub clips_per_home: u64,
     /// Lengths of the clips in frames.
     pub frames: Vec<usize>,
     pub sensor: Sensor,
-    /// Name the classes of the pictures by the truth, this share of it right, instead of by shape alone.
+    /// Labels pictures by the truth with this accuracy, instead of by shape alone.
     pub picture_labels: Option<f64>,
-    /// Also give every clip the map of the next seed's home, where it belongs nowhere.
+    /// Pairs every clip also with the map of the next seed's home, to which it does not belong.
     pub foreign: bool,
-    /// The clips are given without the device's poses, and have to be tracked. They take as long and are recorded
-    /// [`DENSER`] times as densely.
+    /// Withholds the device's poses, so that the clips must be tracked. They last as long, with [`DENSER`]
+    /// times as many frames.
     pub withhold_poses: bool,
     /// Error of the device's poses after one metre, in metres, as in [`ClipParams`].
     pub drift: f64,
 }
 
-/// A camera whose poses come by tracking films at 10 Hz or more, where a device with poses keeps a few frames a second:
-/// at 2.5 Hz half of the picture is new in every frame, and nobody records so for tracking.
+/// Factor of the frame rate without device poses: 10 Hz instead of 2.5 Hz. At 2.5 Hz half of the picture is
+/// new in every frame, and nobody records like that for tracking.
 pub const DENSER: usize = 4;
 
-/// The true pose of a clip in the map of another home: one that no answer comes near.
+/// The true pose of a clip in the map of another home: far from every answer.
 const NOWHERE: Pose2 = Pose2 { x_m: 1e6, y_m: 1e6, yaw_rad: 0.0 };
 
-/// Clips of simulated homes.
 pub struct HomeClips {
     params: HomesParams,
     cases: Vec<Case>,
     clips: Vec<HomeClip>,
-    /// The homes made last: neighbouring cases share theirs.
+    /// Recently generated homes, shared by neighbouring cases.
     recent: Mutex<Vec<Arc<Mapped>>>,
 }
 
-/// Which clip a case is.
+/// The clip of a case.
 #[derive(Clone, Copy)]
 struct HomeClip {
     set: Set,
@@ -120,7 +119,7 @@ impl Suite for HomeClips {
     }
 
     fn fingerprint(&self) -> String {
-        // The rest of the parameters is in the cases.
+        // The cases contain the other parameters.
         let HomesParams { sensor, picture_labels, withhold_poses, drift, .. } = &self.params;
         let poses = if *withhold_poses {
             format!(" without poses, with an accelerometer, {DENSER} times as densely")
@@ -139,7 +138,7 @@ impl Suite for HomeClips {
         let HomeClip { set, seed, number, frames, foreign } = self.clips[index];
         let mapped = self.mapped(set, seed)?;
         let map = if foreign { self.mapped(set, seed + 1)? } else { mapped.clone() };
-        // Colour does not matter here: the cheapest pictures will do.
+        // Colour is not used: small pictures suffice.
         let color_width = self.params.sensor.depth_camera().width;
         let denser = if self.params.withhold_poses { DENSER } else { 1 };
         let frames = frames * denser;

@@ -1,4 +1,4 @@
-//! Results as they come, a line of JSON each, so that an interrupted run goes on where it stopped.
+//! Journal of results, one JSON line each, so that an interrupted run can resume.
 
 use super::{ClipResult, JournalError};
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-/// A file of results. What was computed from other arguments stays in it and is not found.
+/// A file of results. Results of other arguments stay in it and are ignored.
 pub struct Journal {
     path: PathBuf,
     known: HashMap<Key, ClipResult>,
@@ -26,14 +26,13 @@ struct Key {
 
 #[derive(Serialize, Deserialize)]
 struct Line<R> {
-    /// Of everything that the result depends on.
+    /// Hash of everything that the result depends on.
     fingerprint: String,
     result: R,
 }
 
 impl Journal {
-    /// Opens or makes the file. A last line without an end was being written when the run was interrupted;
-    /// it is cut off.
+    /// Opens or creates the file. An incomplete last line, left by an interrupted run, is removed.
     pub fn open(path: &Path) -> Result<Journal, JournalError> {
         let failed = |source| JournalError::File { path: path.to_owned(), source };
         let file = OpenOptions::new()
@@ -63,7 +62,7 @@ impl Journal {
         Ok(Journal { path: path.to_owned(), known, file: Mutex::new(file) })
     }
 
-    /// The result that an earlier run left, if any.
+    /// Returns the result of an earlier run, if any.
     pub(super) fn find(&self, fingerprint: &str, method: &str, case: &super::Case) -> Option<&ClipResult> {
         self.known.get(&Key {
             fingerprint: fingerprint.to_owned(),

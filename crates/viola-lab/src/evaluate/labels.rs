@@ -1,4 +1,4 @@
-//! How right the classes of points are, against a mesh whose vertices are labelled.
+//! Accuracy of point classes against a mesh with labelled vertices.
 
 mod coarse;
 mod floors;
@@ -26,34 +26,34 @@ use viola_geometry::taxonomy::{CLASSES, Class};
 use viola_reconstruct::label::{self, ClassMap, SegmentError, Segmenter};
 use viola_reconstruct::{LabelParams, PointCloud};
 
-/// One way to label, and how right it is.
+/// Accuracy of one labelling variant.
 #[derive(Debug, Clone, Serialize)]
 pub struct LabelRow {
     pub variant: String,
-    /// Share of the pairs of a labelled vertex and a picture that sees it in which the class is right.
+    /// Fraction of the pairs of a labelled vertex and a picture that sees it with the right class.
     pub pixel_accuracy: f64,
-    /// Share of the labelled vertices whose class is right; for single frames the mean over vertices of the
-    /// share of pictures.
+    /// Fraction of the labelled vertices with the right class; for single frames the mean over vertices of
+    /// the fraction of pictures.
     pub voxel_accuracy: f64,
-    /// The same with all classes folded to floor, wall or opening, and object.
+    /// Voxel accuracy with all classes folded to floor, wall or opening, ceiling, and object.
     pub structure_accuracy: f64,
-    /// Over the classes that the truth has.
+    /// Mean over the classes in the truth.
     pub mean_iou: f64,
     pub iou: BTreeMap<String, f64>,
-    /// Of the walls and what is in or before them: doors, windows, curtains.
+    /// IoU of walls with their openings: doors, windows, curtains.
     pub wall_or_opening_iou: f64,
     pub vertices: usize,
     pub key_frames: usize,
-    /// Of one pass of the network.
+    /// Time of one network pass.
     pub network_ms: Option<f64>,
-    /// Everything else of the stage, per key frame that the network looked at (of fusion without one).
+    /// Rest of the stage, per key frame given to the network (without a network: per fused key frame).
     pub rest_ms_per_key_frame: Option<f64>,
 }
 
-/// A labelled point is that of a vertex if it is this near.
+/// Maximum distance from a vertex to its labelled point.
 const NEAR_M: f64 = 0.06;
 
-/// The rows: shapes alone, and with a network single frames, voting, and voting with what helps it.
+/// Returns the rows: geometry alone, and with a network single frames, voting, and voting with its additions.
 pub fn evaluate(
     clip: &Clip,
     truth: &Truth,
@@ -63,7 +63,7 @@ pub fn evaluate(
 ) -> Result<Vec<LabelRow>, AlignError> {
     let mut rows = Vec::new();
     let segmenter = segmenter.map(Timed::around);
-    // The first variant tells which pictures the network looks at.
+    // The first variant determines the pictures that the network sees.
     let mut views: Option<Vec<u32>> = None;
     let by_shape = params.label.by_shape;
     let augmentations = label::AUGMENTATIONS;
@@ -113,7 +113,7 @@ pub fn evaluate(
     Ok(rows)
 }
 
-/// A segmenter with a clock, that remembers what it said of a picture: every variant shows it the same ones.
+/// A timed segmenter with a cache: every variant shows it the same pictures.
 struct Timed {
     inner: Arc<dyn Segmenter>,
     /// By the picture's hash.
@@ -143,7 +143,7 @@ impl Timed {
 
 impl Segmenter for Timed {
     fn segment(&self, picture: &RgbImage) -> Result<ClassMap, SegmentError> {
-        /// A megabyte or two each.
+        /// Maximum cached class maps, of one or two megabytes each.
         const MOST: usize = 1000;
         let mut hasher = FxHasher::default();
         picture.as_raw().hash(&mut hasher);
@@ -167,7 +167,7 @@ impl Segmenter for Timed {
     }
 }
 
-/// Counts of truth against answer.
+/// Confusion matrix: truth by answer.
 struct Confusion {
     counts: [[f64; COARSE.len()]; COARSE.len()],
 }
@@ -230,11 +230,11 @@ impl Confusion {
     }
 }
 
-/// What each picture says of the vertices that it sees.
+/// Classes that single pictures give the vertices that they see.
 struct Single {
-    /// By vertex: how often each coarse class was said.
+    /// Votes of each vertex, by coarse class.
     said: Vec<[u32; COARSE.len()]>,
-    /// Pictures that see each vertex.
+    /// Number of pictures that see each vertex.
     views: Vec<u32>,
     pictures: usize,
 }
@@ -317,7 +317,7 @@ impl Said {
         Said { classes: truth.vertices_m.iter().map(nearest).collect() }
     }
 
-    /// Over the vertices that a picture sees, or all with a point near them.
+    /// Counts the vertices that a picture sees; without `views` all with a point near them.
     fn row(&self, truth: &Truth, views: Option<&[u32]>) -> LabelRow {
         let (mut by_vertex, mut by_pixel, mut vertices) = (Confusion::new(), Confusion::new(), 0);
         for (i, class) in truth.classes.iter().enumerate() {
@@ -331,7 +331,7 @@ impl Said {
     }
 }
 
-/// The rows as a table in Markdown.
+/// Returns the rows as a Markdown table.
 pub fn markdown(rows: &[LabelRow]) -> String {
     let names: Vec<&str> =
         COARSE.iter().copied().filter(|n| rows.iter().any(|row| row.iou.contains_key(*n))).collect();

@@ -1,6 +1,6 @@
-//! How much memory the process has used at most.
+//! Peak memory of the process.
 
-/// The peak of the process's resident memory (`VmHWM` of Linux); none where the system does not say.
+/// Returns the process's peak resident memory (`VmHWM` of Linux); none on other systems.
 pub fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

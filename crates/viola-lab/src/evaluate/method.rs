@@ -1,4 +1,4 @@
-//! The ways to align a clip that can be compared: rows of the table.
+//! Alignment methods to compare: rows of the table.
 
 use super::Sample;
 use crate::paper::{self, PaperParams, Refiner};
@@ -12,7 +12,7 @@ use viola_geometry::progress::Progress;
 pub struct Method {
     pub name: String,
     pub kind: MethodKind,
-    /// Clips that are right without completion are not completed.
+    /// True if clips that are right without completion are not completed.
     pub by_truth: bool,
 }
 
@@ -22,8 +22,8 @@ pub enum MethodKind {
     Paper(PaperParams),
 }
 
-/// Evidence that `viola` can be had without: the name after `viola-without-`, and how it is switched off.
-/// The probability is still the one that was fitted to answers with all evidence.
+/// Ablation of evidence: the name after `viola-without-`, and the function that switches it off. The
+/// probability remains the one fitted with all evidence.
 type Ablation = (&'static str, fn(&mut AlignParams));
 const ABLATIONS: &[Ablation] = &[
     ("free-space", |params| {
@@ -33,25 +33,25 @@ const ABLATIONS: &[Ablation] = &[
         weights.unseen_sides_m = 0.0;
         weights.walls_on_floor_m = 0.0;
     }),
-    // What is low counts as much as what is tall.
+    // Low obstacles count as much as tall ones.
     ("structure", |params| params.hit_weights.low_weight = 1.0),
-    // What a network calls a bed may stand in a kitchen.
+    // A bed by the network may be in any room.
     ("named-rooms", |params| params.score.weights.misplaced_m = 0.0),
     ("upper-walls", |params| params.hit_weights.upper_weight = 0.0),
-    // A hit where the map knows nothing costs as much as one on free floor.
+    // A hit on unknown cells costs as much as one on free floor.
     ("unknown-cells", |params| params.score.unknown_share = 1.0),
 ];
 
-/// A way to complete what a clip did not see.
+/// A completion variant.
 struct Way {
-    /// Behind `complete-`.
+    /// Name after `complete-`.
     name: &'static str,
     when: Activation,
-    /// Walls seen only above the vacuum's height are projected down, and walls go on to each other.
+    /// True to project walls seen only above the vacuum's height down, and to extend walls to each other.
     structure: bool,
-    /// The views from which networks complete; none without them.
+    /// View strategy of the networks; none without networks.
     views: Option<ViewStrategy>,
-    /// Only where the first answer is wrong, as only the truth can tell.
+    /// True if only wrong first answers are completed, as judged by the truth.
     by_truth: bool,
 }
 
@@ -59,7 +59,7 @@ const fn way(name: &'static str, when: Activation, structure: bool, views: Optio
     Way { name, when, structure, views, by_truth: false }
 }
 
-/// The paper's two tables, and structure beside them. `base` takes only what was seen at the vacuum's height.
+/// The paper's two tables, and structure variants. `base` uses only points at the vacuum's height.
 const WAYS: &[Way] = {
     use Activation::{Always, Never, Unsure};
     const FRONTIER: Option<ViewStrategy> = Some(ViewStrategy::Frontier);
@@ -79,7 +79,7 @@ const WAYS: &[Way] = {
     ]
 };
 
-/// Why a method cannot be had.
+/// Error for an unavailable method.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum NoMethod {
     #[error("there is no method '{0}'; there are {all}", all = Method::names().join(", "))]
@@ -95,8 +95,8 @@ impl Method {
         Method { name: "viola".into(), kind: MethodKind::Viola(Box::new(params)), by_truth: false }
     }
 
-    /// The method of that name with its default parameters; `imagination` has the networks for those that need
-    /// them.
+    /// Returns the named method with its default parameters; `imagination` provides the networks for those
+    /// that need them.
     pub fn named(name: &str, seed: u64, imagination: Option<&Imagination>) -> Result<Method, NoMethod> {
         let unknown = || NoMethod::Unknown(name.to_owned());
         let mut params = AlignParams { seed, ..AlignParams::default() };
@@ -121,15 +121,15 @@ impl Method {
         Ok(Method { name: name.to_owned(), kind, by_truth })
     }
 
-    /// Lists every mode that was refined among the alternatives: weights are learned from all of them, since the best few are
-    /// chosen by the very weights.
+    /// Lists all refined modes as alternatives: weights must be learned from all of them, because the weights
+    /// themselves choose the best few.
     pub fn list_all(&mut self) {
         if let MethodKind::Viola(params) = &mut self.kind {
             params.score.alternatives = params.search.first.modes.max(params.search.in_doubt.modes);
         }
     }
 
-    /// All names that [`Method::named`] knows.
+    /// Returns all names that [`Method::named`] accepts.
     pub fn names() -> Vec<String> {
         let ablations = ABLATIONS.iter().map(|(evidence, _)| format!("viola-without-{evidence}"));
         let ways = WAYS.iter().map(|way| format!("complete-{}", way.name));
@@ -156,10 +156,10 @@ impl Method {
 }
 
 impl Way {
-    /// None where networks are needed and there are none.
+    /// Sets the parameters; none if required networks are missing.
     fn set(&self, params: &mut AlignParams, imagination: Option<&Imagination>) -> Option<()> {
         params.complete = CompleteParams { when: self.when, ..CompleteParams::default() };
-        // As the paper has it; where the probability decides when, it also decides which of the two answers.
+        // As in the paper. With `Unsure` the probability also chooses between the two answers.
         if self.when != Activation::Unsure {
             params.complete.take = Take::After;
         }
@@ -190,7 +190,7 @@ mod tests {
         let what = |method: &Method| format!("{:?}", (&method.kind, method.by_truth));
         for (i, a) in methods.iter().enumerate() {
             for b in &methods[..i] {
-                // What `viola` does where it is not told otherwise is a row of the table of completions.
+                // The default of `viola` is also a row of the completion table.
                 let alike = (a.name.as_str(), b.name.as_str()) == ("complete-structure", "viola");
                 assert_eq!(what(a) == what(b), alike, "{} {}", a.name, b.name);
             }

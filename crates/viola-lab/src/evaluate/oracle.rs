@@ -1,5 +1,5 @@
-//! Classes of simulated pictures from the truth, with errors: what a network would say of pictures that are less plain
-//! than simulated ones.
+//! Segmentation oracle: true classes of simulated pictures with errors. Simulated pictures are too plain for
+//! a network.
 
 use crate::simulate::{SimulatedClip, clip_in_memory_heard};
 use image::RgbImage;
@@ -12,23 +12,23 @@ use viola_formats::clip::{Clip, Frame};
 use viola_geometry::taxonomy::CLASSES;
 use viola_reconstruct::label::{ClassMap, SegmentError, Segmenter};
 
-/// Errors come in patches: so many side by side in a picture.
+/// Patches per side of a picture; errors are constant in a patch.
 const PATCHES: usize = 8;
-/// The probability that is given to the class that is named; the others share the rest.
+/// Probability of the named class; the others share the rest.
 const SURE: f32 = 0.7;
 
-/// Knows the pictures of one clip. Each patch of a picture is named as it is with the probability `accuracy`, and
-/// otherwise as another patch of the same picture.
+/// Segmenter for the pictures of one clip. A patch has its true classes with probability `accuracy`,
+/// otherwise those of another patch of the same picture.
 pub struct Oracle {
     recorded: Arc<SimulatedClip>,
     accuracy: f64,
     seed: u64,
-    /// Frames by their pictures' hashes.
+    /// Frame indices by picture hash.
     frames: Mutex<FxHashMap<u64, usize>>,
 }
 
 impl Oracle {
-    /// A recording as a clip, and the oracle that knows its pictures.
+    /// Returns a recording as a clip, and the oracle for its pictures.
     pub fn with_clip(recorded: Arc<SimulatedClip>, accuracy: f64, seed: u64) -> (Clip, Arc<Oracle>) {
         let oracle = Oracle { recorded: recorded.clone(), accuracy, seed, frames: Mutex::default() };
         let oracle = Arc::new(oracle);
@@ -58,7 +58,7 @@ impl Segmenter for Oracle {
         let labels = self.recorded.labels(index);
         let (width, height) = (labels.width as usize, labels.height as usize);
         let mut dice = ChaCha8Rng::seed_from_u64(self.seed.wrapping_add(index as u64));
-        // From where in the picture each patch has its names: in most cases from itself.
+        // Source patch of each patch's classes: mostly itself.
         let sources: Vec<usize> = (0..PATCHES * PATCHES)
             .map(|patch| {
                 if dice.random::<f64>() < self.accuracy {

@@ -5,10 +5,10 @@ mod chart;
 use super::{Calibration, ClipResult};
 use chart::{Axis, Chart};
 
-/// Colours that people with any colour vision tell apart (Okabe and Ito, 2008).
+/// Colours distinguishable with any colour vision (Okabe and Ito, 2008).
 const INKS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000"];
 
-/// The names of the methods, in the order of their first results.
+/// Returns the names of the methods, in the order of their first results.
 fn methods(results: &[ClipResult]) -> Vec<&str> {
     let mut names: Vec<&str> = Vec::new();
     for result in results {
@@ -19,9 +19,9 @@ fn methods(results: &[ClipResult]) -> Vec<&str> {
     names
 }
 
-/// The errors of every clip over the share of the map that it covers (paper, "The effect of the
-/// reconstruction's coverage"): rotation above, translation below, with the bounds of success. A clip
-/// without a pose is drawn at the upper edge.
+/// Plots every clip's errors against the fraction of the map that it covers (paper, "The effect of the
+/// reconstruction's coverage"): rotation above, translation below, with the bounds of success. A clip without
+/// a pose is at the upper edge.
 pub fn error_against_coverage(results: &[ClipResult]) -> String {
     let most = results.iter().map(|r| 100.0 * r.coverage).fold(1.0, f64::max);
     let coverage = Axis::linear("coverage of the map, %", 0.0, (most / 10.0).ceil() * 10.0, 10.0);
@@ -43,8 +43,8 @@ pub fn error_against_coverage(results: &[ClipResult]) -> String {
     chart::stack("Error against coverage: red 10 deg, blue 0.3 m", [upper, lower])
 }
 
-/// For every method that gives probabilities: how often it is right, by what it says. None when no method
-/// does.
+/// Plots the success rate against the stated probability for each method with probabilities; none without
+/// any.
 pub fn reliability(results: &[ClipResult]) -> Option<String> {
     let mut chart = Chart::new(
         Axis::linear("probability, as said", 0.0, 1.0, 0.1),

@@ -1,4 +1,4 @@
-//! What is remembered of one clip and one method.
+//! Record of one clip and one method.
 
 use super::{Case, Sample};
 use crate::paper::Nearest;
@@ -6,12 +6,12 @@ use serde::{Deserialize, Serialize};
 use viola_align::{Alignment, AlignmentState, Alternative, Evidence, features};
 use viola_geometry::Point2;
 
-/// One clip by one method.
+/// Result of one method on one clip.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClipResult {
     pub method: String,
     pub set: String,
-    /// Length of the clips in this row of the table, in frames.
+    /// Length of the clips in this table row, in frames.
     pub frames: usize,
     /// The clip's name in its set.
     pub clip: String,
@@ -21,24 +21,24 @@ pub struct ClipResult {
     /// Codes of the answer's reasons.
     pub reasons: Vec<String>,
     pub probability: Option<f64>,
-    /// Null when there is no pose.
+    /// Null without a pose.
     pub rotation_error_deg: Option<f64>,
     pub translation_error_m: Option<f64>,
-    /// Share of the map's points that the clip's hits cover at the true pose (the paper's coverage).
+    /// Fraction of the map's points that the clip's hits cover at the true pose (the paper's coverage).
     pub coverage: f64,
     pub inliers: Option<f64>,
-    /// What the clip shows fits the map equally well in several places.
+    /// True if the clip's content fits the map equally well in several places.
     pub unknowable: bool,
-    /// Place of the true pose in the ranked alternatives, from 0.
+    /// Index of the true pose in the ranked alternatives.
     pub truth_rank: Option<usize>,
-    /// The ranked alternatives, judged.
+    /// The ranked alternatives, compared with the truth.
     #[serde(default)]
     pub alternatives: Vec<Listed>,
-    /// What the probability is computed from; null for methods without one.
+    /// Inputs of the probability; null for methods without one.
     pub features: Option<Vec<f64>>,
-    /// Search, refinement and decision, on one thread.
+    /// Time of search, refinement and decision, on one thread.
     pub register_seconds: f64,
-    /// Everything from the clip's pictures to its pose, on one thread.
+    /// Time from the clip's pictures to its pose, on one thread.
     pub seconds: f64,
 }
 
@@ -48,17 +48,17 @@ pub struct Listed {
     /// Under 10 degrees and 0.3 m from the truth.
     pub right: bool,
     pub loss_m: f64,
-    /// None for methods that rank by the distance alone.
+    /// None for methods that rank by distance only.
     pub evidence: Option<Evidence>,
 }
 
 impl ClipResult {
-    /// The paper's success: under 10 degrees and 0.3 m.
+    /// Returns whether it is the paper's success: under 10 degrees and 0.3 m.
     pub fn is_success(&self) -> bool {
         self.rotation_error_deg.is_some_and(|e| e < 10.0) && self.translation_error_m.is_some_and(|e| e < 0.3)
     }
 
-    /// Whether the first alternative is the true pose, whatever the verdict.
+    /// Returns whether the first alternative is the true pose, whatever the verdict.
     pub fn first_is_right(&self) -> bool {
         self.truth_rank == Some(0)
     }
@@ -107,7 +107,7 @@ impl ClipResult {
 
 #[cfg(test)]
 impl ClipResult {
-    /// A clip with these errors; none without a pose.
+    /// Returns a clip with these errors, or without a pose.
     pub(super) fn example(state: AlignmentState, errors: Option<(f64, f64)>) -> ClipResult {
         ClipResult {
             method: "viola".into(),
@@ -140,7 +140,7 @@ pub(super) struct Seconds {
     pub all: f64,
 }
 
-/// The share of the map's points with a hit within 0.1 m when the clip is where it truly was.
+/// Returns the fraction of the map's points with a hit within 0.1 m when the clip is at its true pose.
 pub(super) fn coverage(sample: &Sample) -> f64 {
     const NEAR_M: f64 = 0.1;
     let place = |hit: &viola_align::Hit| sample.map_from_clip.apply(&hit.point_m);

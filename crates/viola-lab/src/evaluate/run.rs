@@ -1,4 +1,4 @@
-//! All methods over all clips, on all cores, each clip on one thread.
+//! Runs all methods on all clips, on all cores, each clip on one thread.
 
 use super::record::{self, Seconds};
 use super::{Case, ClipResult, Journal, Method, RunError, Sample, Suite, failure};
@@ -11,30 +11,30 @@ use viola_align::AlignParams;
 use viola_geometry::progress::{Progress, Stage};
 use viola_geometry::stopwatch::Stopwatch;
 
-/// What is run, and where it leaves its traces.
+/// Inputs and outputs of a run.
 pub struct Run<'a> {
     pub suite: &'a dyn Suite,
     pub methods: &'a [Method],
-    /// How clips are observed; the same for all methods.
+    /// Parameters of the observation; the same for all methods.
     pub observe: &'a AlignParams,
-    /// Clips worked on at a time. Each is worked on by one thread, so that times compare.
+    /// Concurrent clips. Each runs on one thread, so that times are comparable.
     pub workers: usize,
-    /// Results of earlier runs, and where new ones go.
+    /// Journal of earlier and new results.
     pub journal: Option<&'a Journal>,
-    /// Names the program that runs: results of another one do not count.
+    /// Version of the program: results of other versions are ignored.
     pub program: &'a str,
     /// Folder for a picture of every failed clip.
     pub pictures: Option<&'a Path>,
 }
 
 impl Run<'_> {
-    /// How many results there will be at most.
+    /// Returns the maximum number of results.
     pub fn total(&self) -> usize {
         self.suite.cases().len() * self.methods.len()
     }
 
-    /// Runs everything that the journal does not have, and gives all results in the order of the cases and
-    /// the methods. `report` hears of every result, from several threads, in no order.
+    /// Runs everything missing from the journal, and returns all results in the order of the cases and
+    /// methods. `report` is called for every result, from several threads, in no order.
     pub fn results(
         &self,
         progress: &dyn Progress,
@@ -45,13 +45,13 @@ impl Run<'_> {
         let next = AtomicUsize::new(0);
         let done: Mutex<BTreeMap<usize, Vec<ClipResult>>> = Mutex::default();
         let work = || -> Result<(), RunError> {
-            // A pool of one thread: what the method spreads over threads stays on this one.
+            // A pool of one thread: the method's parallel parts stay on this thread.
             let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
             loop {
                 let index = next.fetch_add(1, Ordering::Relaxed);
                 let Some(case) = cases.get(index) else { return Ok(()) };
                 let results = pool.install(|| self.case(index, case, &fingerprints, progress, report));
-                // The others stop after the clips that they are at.
+                // Stops the other workers after their current clips.
                 let results = results.inspect_err(|_| next.store(cases.len(), Ordering::Relaxed))?;
                 done.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).insert(index, results);
             }
@@ -123,7 +123,7 @@ impl Run<'_> {
         Ok(result)
     }
 
-    /// Of everything that a method's results depend on.
+    /// Returns the hash of everything that a method's results depend on.
     fn fingerprint(&self, method: &Method) -> String {
         let parts = [
             self.program,

@@ -12,7 +12,7 @@ use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Progress;
 use viola_geometry::{Pose2, Vector3};
 
-/// A recording with true poses, its LiDAR map, and where the map lies in the recording's world.
+/// A recording with true poses, its LiDAR map, and the transform between the two.
 pub struct Scene {
     pub name: String,
     pub clip: Clip,
@@ -27,7 +27,7 @@ struct TruthFile {
 }
 
 impl Scene {
-    /// A recording, its LiDAR map, and a JSON file with the truth.
+    /// Opens a recording, its LiDAR map, and a JSON file with the truth.
     pub fn open(scene: &Path, lidar: &Path, truth: &Path) -> Result<Scene, SceneError> {
         let bad_truth = |cause: String| SceneError::Truth { path: truth.display().to_string(), cause };
         let text = std::fs::read_to_string(truth).map_err(|e| bad_truth(e.to_string()))?;
@@ -35,7 +35,7 @@ impl Scene {
         Ok(Scene::new(scene, Clip::open(scene)?, LidarMap::open(lidar)?, truth.map_from_world))
     }
 
-    /// A recording with its mesh (`mesh/*.ply`), out of which the LiDAR map is cut.
+    /// Opens a recording with its mesh (`mesh/*.ply`), and cuts the LiDAR map out of the mesh.
     pub fn open_with_mesh(scene: &Path, params: &SurveyParams) -> Result<(Scene, Survey), SceneError> {
         let clip = Clip::open(scene)?;
         let is_upright = clip.up_in_world().is_some_and(|up| up.direction.dot(&Vector3::z()) > 0.9999);
@@ -55,7 +55,7 @@ impl Scene {
         Scene { name, clip, lidar: Arc::new(lidar), map_from_world, target }
     }
 
-    /// The true pose of the clip that begins with frame `index`; none when that frame has no pose.
+    /// Returns the true pose of the clip that begins with frame `index`; none if that frame has no pose.
     pub fn map_from_clip(&self, index: usize) -> Option<Pose2> {
         let world_from_camera = self.clip.frames().get(index)?.world_from_camera?;
         let heading = viola_reconstruct::heading(&world_from_camera, &Vector3::z());
@@ -72,7 +72,7 @@ pub struct SceneClips {
 }
 
 impl SceneClips {
-    /// `ranges` are places in the recording's frames, none of them empty.
+    /// `ranges` are non-empty index ranges of the recording's frames.
     pub fn new(scene: Scene, ranges: Vec<Range<usize>>) -> SceneClips {
         let headers = scene.clip.frames();
         let case = |range: &Range<usize>| Case {

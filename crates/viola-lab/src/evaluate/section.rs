@@ -1,11 +1,11 @@
-//! A horizontal section through a mesh, and rays in its plane.
+//! Horizontal section of a mesh, and rays in its plane.
 
 use super::Mesh;
 use viola_geometry::{GridFrame, Point2, Vector2};
 
-/// The lines in which a plane cuts a mesh, sorted into cells.
+/// Segments in which a plane cuts a mesh, in a cell grid.
 ///
-/// Horizontal rays meet the mesh where they meet these lines, so nothing in space needs to be searched.
+/// Horizontal rays hit the mesh at these segments, so no search in 3D is needed.
 pub struct Section {
     segments: Vec<[Point2; 2]>,
     frame: GridFrame,
@@ -15,11 +15,11 @@ pub struct Section {
 }
 
 const CELL_M: f64 = 0.10;
-/// A bound on memory: a mesh of kilometres gets coarser cells.
+/// Bounds the memory: a mesh of kilometres gets coarser cells.
 const MAX_CELLS: f64 = 4e6;
 
 impl Section {
-    /// None when the plane at `height_m` misses the mesh.
+    /// Returns the section; none if the plane at `height_m` misses the mesh.
     pub fn new(mesh: &Mesh, height_m: f64) -> Option<Section> {
         let segments: Vec<[Point2; 2]> =
             mesh.corners().filter_map(|corners| cut(&corners, height_m)).collect();
@@ -59,12 +59,12 @@ impl Section {
         &self.segments
     }
 
-    /// The distance to the first line on a ray from inside the section's box; `toward` has unit length.
+    /// Returns the distance to the first segment on a ray from inside the box; `toward` is a unit vector.
     pub fn range_m(&self, from: &Point2, toward: &Vector2, max_m: f64) -> Option<f64> {
         let (x, y) = self.frame.cell(from)?;
         let (mut x, mut y) = (x as i64, y as i64);
         let cell_m = self.frame.cell_m;
-        // From wall to wall of the cells, whichever comes next (Amanatides and Woo, 1987).
+        // Steps to the next cell border in x or y (Amanatides and Woo, 1987).
         let axis = |origin_m: f64, at_m: f64, cell: i64, speed: f64| -> (i64, f64, f64) {
             if speed == 0.0 {
                 return (0, f64::INFINITY, f64::INFINITY);
@@ -88,7 +88,7 @@ impl Section {
                     nearest = nearest.min(range_m);
                 }
             }
-            // A hit beyond this cell may not be the first one.
+            // A hit beyond this cell may not be the nearest.
             if nearest <= next_x.min(next_y) {
                 break;
             }
@@ -104,7 +104,7 @@ impl Section {
     }
 }
 
-/// Where a plane cuts a triangle. Corners on the plane count as above it, so every cut has two ends.
+/// Returns the segment in which a plane cuts a triangle. Corners on the plane count as above.
 fn cut(corners: &[viola_geometry::Point3; 3], height_m: f64) -> Option<[Point2; 2]> {
     let mut ends = Vec::with_capacity(2);
     for i in 0..3 {
@@ -116,7 +116,7 @@ fn cut(corners: &[viola_geometry::Point3; 3], height_m: f64) -> Option<[Point2; 
     <[Point2; 2]>::try_from(ends).ok()
 }
 
-/// How far along the ray it meets a segment.
+/// Returns the distance along the ray to a segment.
 fn meet(from: &Point2, toward: &Vector2, [a, b]: &[Point2; 2]) -> Option<f64> {
     let along = b - a;
     let turn = toward.perp(&along);
@@ -126,7 +126,7 @@ fn meet(from: &Point2, toward: &Vector2, [a, b]: &[Point2; 2]) -> Option<f64> {
     let offset = a - from;
     let range_m = offset.perp(&along) / turn;
     let share = offset.perp(toward) / turn;
-    // A hair over the ends: rays must not slip through between neighbouring segments.
+    // Tolerance at the ends: rays must not pass between adjacent segments.
     (range_m >= 0.0 && (-1e-9..=1.0 + 1e-9).contains(&share)).then_some(range_m)
 }
 

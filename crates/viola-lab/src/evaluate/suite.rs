@@ -1,4 +1,4 @@
-//! Where clips with a known truth come from.
+//! Sources of clips with ground truth.
 
 use super::RunError;
 use std::sync::Arc;
@@ -6,26 +6,26 @@ use viola_align::{AlignParams, Alignment, Observation, Target};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::{Pose2, angle_between};
 
-/// A clip that can be evaluated, by name.
+/// Name of a clip to evaluate.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Case {
-    /// Names the clip among all of its set; part of file names, so in letters, digits, `_` and `-`.
+    /// Unique in its set; part of file names, so only letters, digits, `_` and `-`.
     pub name: String,
-    /// Which data: a row of the table.
+    /// Data set: a row of the table.
     pub set: String,
     /// Length of the clips in this row, in frames.
     pub frames: usize,
 }
 
-/// A clip and its map as the methods get them, and the truth.
+/// A clip and its map, as methods get them, with the truth.
 pub struct Sample {
     pub observation: Observation,
     pub lidar: Arc<LidarMap>,
-    /// None when the map has no occupied point.
+    /// None if the map has no occupied point.
     pub target: Option<Arc<Target>>,
     pub map_from_clip: Pose2,
-    /// All poses that nobody could tell from the true one by what the clip shows, the true one included.
-    /// More than one: the clip is unknowable.
+    /// All poses that fit the clip's content as well as the true one, which is included. More than one means
+    /// that the clip is unknowable.
     pub equivalent_poses: Vec<Pose2>,
     /// Numbers of the first and the last frame.
     pub first_frame: u32,
@@ -33,7 +33,7 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Whether an answer is right: the paper's success, under 10 degrees and 0.3 m.
+    /// Returns whether an answer is the paper's success: under 10 degrees and 0.3 m.
     pub fn is_success(&self, alignment: &Alignment) -> bool {
         alignment.map_from_clip.as_ref().is_some_and(|pose| {
             let (rotation_deg, translation_m) = self.errors(pose);
@@ -41,21 +41,21 @@ impl Sample {
         })
     }
 
-    /// Degrees and metres between a pose and the true one.
+    /// Returns the errors of a pose, in degrees and metres.
     pub fn errors(&self, pose: &Pose2) -> (f64, f64) {
         let truth = &self.map_from_clip;
         (angle_between(pose.yaw_rad, truth.yaw_rad).to_degrees(), pose.distance_m(truth))
     }
 }
 
-/// Clips with their truth, made one at a time by several threads at once.
+/// Clips with their truth, made one at a time by several threads.
 pub trait Suite: Sync {
     fn cases(&self) -> &[Case];
 
-    /// Everything that the samples depend on, in words: when it changes, old results do not count.
+    /// Describes everything that the samples depend on; old results with another fingerprint are ignored.
     fn fingerprint(&self) -> String;
 
-    /// Makes `cases()[index]`, observed with `params`; none when the data has no truth for it.
+    /// Returns `cases()[index]`, observed with `params`; none if the data has no truth for it.
     fn sample(
         &self,
         index: usize,

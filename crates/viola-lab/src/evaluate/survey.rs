@@ -1,5 +1,5 @@
-//! The LiDAR map that a vacuum would make of a mesh, by the paper's protocol (paper IV): virtual sensors at
-//! the vacuum's height inside the mesh, rays in all directions, noise, and some hits lost.
+//! LiDAR map of a mesh by the paper's protocol (paper IV): virtual sensors at the vacuum's height inside the
+//! mesh, rays in all directions, noise, and lost hits.
 
 use super::{Mesh, Section};
 use rand::{RngExt, SeedableRng};
@@ -10,17 +10,17 @@ use std::fmt::Write;
 use viola_align::VACUUM_HEIGHT_M;
 use viola_geometry::{DistanceField, Grid, GridFrame, Point2, Point3, Pose2, Pose3, Vector2};
 
-/// One hit is kept in each cell of this side, as robots' maps do.
+/// Each cell of this side keeps one hit, as robots' maps do.
 const CELL_M: f64 = 0.02;
 
 /// Distance between sensors.
 const SPACING_M: f64 = 0.8;
-/// Sensors keep this far from everything.
+/// Minimum distance of sensors from obstacles.
 const BODY_RADIUS_M: f64 = 0.17;
 const RAYS: usize = 720;
 const RANGE_M: f64 = 8.0;
 
-/// How the mesh is surveyed.
+/// Parameters of a survey.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SurveyParams {
     pub seed: u64,
@@ -28,7 +28,7 @@ pub struct SurveyParams {
     pub height_m: f64,
     /// Standard deviation of a hit in x and in y.
     pub noise_m: f64,
-    /// Share of the hits that are lost.
+    /// Fraction of lost hits.
     pub drop_out: f64,
 }
 
@@ -38,15 +38,15 @@ impl Default for SurveyParams {
     }
 }
 
-/// What the vacuum saw.
+/// A virtual vacuum's map.
 #[derive(Debug, Clone)]
 pub struct Survey {
-    /// In the map's frame, which is moved against the world by the seed so that nothing is at its identity.
+    /// In the map's frame. The seed moves it against the world, so that no pose is the identity.
     pub points_m: Vec<Point2>,
     pub map_from_world: Pose2,
     /// Height of the floor in the world.
     pub floor_m: f64,
-    /// Where the sensors stood, in the map's frame.
+    /// Sensor positions in the map's frame.
     pub sensors_m: Vec<Point2>,
 }
 
@@ -61,8 +61,8 @@ pub enum SurveyError {
 }
 
 impl Survey {
-    /// `world_from_cameras` say where people walked: the vacuum drives wherever it fits from there. The
-    /// world's z is up.
+    /// Surveys the mesh wherever the vacuum fits and can reach from below the cameras, where people walked.
+    /// The world's z is up.
     pub fn new(
         mesh: &Mesh,
         world_from_cameras: &[Pose3],
@@ -88,7 +88,7 @@ impl Survey {
             for ray in 0..RAYS {
                 let angle = TAU * ray as f64 / RAYS as f64;
                 let toward = Vector2::new(angle.cos(), angle.sin());
-                // The dice fall for every ray, so that a sensor's hits do not hang on another's misses.
+                // Random numbers for every ray, so that a sensor's hits do not depend on another's misses.
                 let noise = Vector2::new(bell(&mut rng), bell(&mut rng)) * params.noise_m;
                 let is_lost = rng.random_bool(params.drop_out);
                 let Some(range_m) = section.range_m(sensor, &toward, RANGE_M) else { continue };
@@ -103,7 +103,7 @@ impl Survey {
         Ok(Survey { points_m, map_from_world, floor_m, sensors_m })
     }
 
-    /// The points as a file that the map readers know.
+    /// Returns the points as CSV that the map readers accept.
     pub fn points_csv(&self) -> String {
         let mut out = String::from("x_m,y_m\n");
         for point in &self.points_m {
@@ -114,13 +114,13 @@ impl Survey {
     }
 }
 
-/// A normally distributed number (Box and Muller, 1958).
+/// Returns a normally distributed number (Box and Muller, 1958).
 pub(super) fn bell(rng: &mut ChaCha8Rng) -> f64 {
     let u: f64 = 1.0 - rng.random::<f64>();
     (-2.0 * u.ln()).sqrt() * (TAU * rng.random::<f64>()).cos()
 }
 
-/// The height at which the most level surface lies below all cameras.
+/// Returns the height with the most level surface below all cameras.
 fn floor(mesh: &Mesh, world_from_cameras: &[Pose3]) -> Option<f64> {
     const BIN_M: f64 = 0.02;
     const BELOW_CAMERAS_M: f64 = 0.3;
@@ -138,21 +138,21 @@ fn floor(mesh: &Mesh, world_from_cameras: &[Pose3]) -> Option<f64> {
     Some((*best as f64 + 0.5) * BIN_M)
 }
 
-/// Places on free floor that the robot can reach from below the cameras, in the world.
+/// Returns sensor positions on free floor that the robot can reach from below the cameras, in the world.
 fn sensors(mesh: &Mesh, cameras: &[Point2], floor_m: f64, params: &SurveyParams) -> Vec<Point2> {
     const STANDING_CELL_M: f64 = 0.05;
-    /// Unevenness of a scanned floor; what is higher stands in the way.
+    /// Unevenness of a scanned floor; higher surface is an obstacle.
     const LEVEL_M: f64 = 0.05;
-    /// Scanned floors have holes of this radius.
+    /// Maximum radius of holes in scanned floors.
     const HOLE_M: f64 = 0.15;
-    /// A camera is held beside the body, and over furniture.
+    /// Maximum distance of a start from a camera, which is held beside the body and over furniture.
     const BESIDE_M: f64 = 0.7;
     let top_m = floor_m + params.height_m + LEVEL_M;
     let inf = f64::INFINITY;
     let (min, max) = cameras.iter().fold(([inf; 2], [-inf; 2]), |(min, max), p| {
         ([min[0].min(p.x), min[1].min(p.y)], [max[0].max(p.x), max[1].max(p.y)])
     });
-    // Nobody sees further into a home than this from where they walked.
+    // The map extends this far beyond the cameras: the sensor's range.
     let frame = GridFrame::covering(min, max, RANGE_M, STANDING_CELL_M);
     let mut floor = Grid::filled(frame, false);
     let mut standing = Grid::filled(frame, false);
@@ -207,7 +207,7 @@ fn sensors(mesh: &Mesh, cameras: &[Point2], floor_m: f64, params: &SurveyParams)
     sensors
 }
 
-/// Points all over a triangle, no further apart than `step_m`; a triangle of kilometres gets fewer.
+/// Returns points on a triangle, at most `step_m` apart; a triangle of kilometres gets fewer.
 fn spread([a, b, c]: &[Point3; 3], step_m: f64) -> impl Iterator<Item = Point3> {
     let longest = (b - a).norm().max((c - a).norm()).max((c - b).norm());
     let steps = ((longest / step_m).ceil() as usize).clamp(1, 2000);
@@ -219,7 +219,7 @@ fn spread([a, b, c]: &[Point3; 3], step_m: f64) -> impl Iterator<Item = Point3> 
 mod tests {
     use super::*;
 
-    /// A room of 4 x 3 m with a pillar of 0.4 m in the middle, and a room beyond a wall that nobody enters.
+    /// A room of 4 x 3 m with a pillar of 0.4 m in the middle, and an unreachable room beyond a wall.
     fn rooms() -> Mesh {
         let mut mesh = Mesh { vertices_m: Vec::new(), triangles: Vec::new(), labels: Vec::new() };
         let mut quad = |corners: [[f64; 3]; 4]| {
@@ -237,7 +237,7 @@ mod tests {
             wall(x0, y1, x0, y0);
         }
         quad([[0.0, 0.0, 0.0], [6.0, 0.0, 0.0], [6.0, 3.0, 0.0], [0.0, 3.0, 0.0]]);
-        // A table whose top must not be taken for the floor, nor stop a ray.
+        // A table whose top is neither floor nor obstacle.
         quad([[0.5, 0.5, 0.7], [1.2, 0.5, 0.7], [1.2, 1.0, 0.7], [0.5, 1.0, 0.7]]);
         mesh
     }

@@ -1,12 +1,12 @@
-//! The table of a run, for people (Markdown), for programs (JSON) and for plots (CSV, a row a clip).
+//! Table of a run: Markdown for people, JSON for programs, CSV (one row per clip) for plots.
 
 use super::{Calibration, ClipResult};
 use serde::Serialize;
 use std::fmt::Write;
 use viola_align::AlignmentState;
 
-/// One method on one kind of clip. Errors are over all clips that got a pose, be it called ambiguous; a clip
-/// without one counts as a failure in `success_rate` and in the recalls.
+/// Results of one method on one kind of clip. Errors are over all clips with a pose, even ambiguous ones; a
+/// clip without a pose counts as a failure in `success_rate` and in the recalls.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TableRow {
     pub method: String,
@@ -17,23 +17,23 @@ pub struct TableRow {
     pub r_median_deg: f64,
     pub t_mean_m: f64,
     pub t_median_m: f64,
-    /// Share of the clips under 10 degrees and 0.3 m.
+    /// Fraction of the clips under 10 degrees and 0.3 m.
     pub success_rate: f64,
-    /// Share of the clips with a translation error under each distance.
+    /// Fractions of the clips with a translation error under each distance.
     pub recall_at_m: Vec<Recall>,
-    /// Of the clips called `aligned`, the share that is no success; null when none was.
+    /// Fraction of the `aligned` clips that are no success; null if there are none.
     pub wrong_when_aligned: Option<f64>,
     pub aligned_rate: f64,
-    /// How far the probabilities are from the truth; null when the method gives none.
+    /// Calibration error of the probabilities; null without probabilities.
     pub expected_calibration_error: Option<f64>,
-    /// Clips that fit the map equally well in several places.
+    /// Number of clips that fit the map equally well in several places.
     pub unknowable_clips: usize,
-    /// Of those, the share called `ambiguous` with the truth among the alternatives; null when there are none.
+    /// Fraction of those with state `ambiguous` and the truth among the alternatives; null if there are none.
     pub unknowable_admitted: Option<f64>,
-    /// Median time of search, refinement and decision, on one thread, over the clips that came so far.
+    /// Median time of search, refinement and decision, on one thread, over the clips that were registered.
     pub seconds_median: f64,
-    /// Median time of everything from the clip's pictures to its pose, on one thread. For simulated clips
-    /// that includes rendering the pictures.
+    /// Median time from the clip's pictures to its pose, on one thread. For simulated clips it includes
+    /// rendering the pictures.
     pub seconds_total_median: f64,
 }
 
@@ -43,7 +43,7 @@ pub struct Recall {
     pub share: f64,
 }
 
-/// One row for each method, set and clip length, in the order of their first results.
+/// Returns one row per method, set and clip length, in the order of their first results.
 pub fn tabulate(results: &[ClipResult]) -> Vec<TableRow> {
     let mut keys: Vec<(&str, usize, &str)> = Vec::new();
     for result in results {
@@ -106,14 +106,14 @@ fn mean(values: &[f64]) -> f64 {
     if values.is_empty() { f64::NAN } else { values.iter().sum::<f64>() / values.len() as f64 }
 }
 
-/// The lower of the two middle values when their number is even.
+/// Returns the median; the lower of two middle values.
 fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted.get(sorted.len().saturating_sub(1) / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// Two tables: where the clips were placed, and how sure the methods were.
+/// Returns two tables: accuracy, and confidence of the methods.
 pub fn markdown(rows: &[TableRow]) -> String {
     let mut out = String::from(
         "| set | frames | clips | method | success | R mean | R median | T mean | T median | <0.1 m | <0.3 m | <0.5 m | <1 m | register | total |\n\
@@ -162,7 +162,7 @@ pub fn markdown(rows: &[TableRow]) -> String {
     out
 }
 
-/// One row a clip and method. Empty fields are what is not known: errors of clips without a pose.
+/// Returns one row per clip and method. Unknown values, such as errors without a pose, are empty.
 pub fn clips_csv(results: &[ClipResult]) -> String {
     let mut out = String::from(
         "method,set,frames,clip,first_frame,last_frame,state,reasons,probability,r_error_deg,t_error_m,success,coverage,inliers,unknowable,truth_rank,register_seconds,seconds\n",

@@ -1,4 +1,4 @@
-//! `viola evaluate --track`: trajectories against the truth, by the measures of Sturm et al. ("A Benchmark for the
+//! `viola evaluate --track`: trajectory errors by the measures of Sturm et al. ("A Benchmark for the
 //! Evaluation of RGB-D SLAM Systems", 2012).
 
 mod measure;
@@ -14,37 +14,37 @@ use viola_geometry::Pose3;
 use viola_reconstruct::TrackParams;
 use viola_reconstruct::track::{Lost, Tracker};
 
-/// One way of tracking one clip, or the median over several clips.
+/// Result of one tracking method on one clip.
 #[derive(Debug, Clone, Serialize)]
 pub struct TrackRow {
     pub clip: String,
     pub method: String,
     pub frames: usize,
     pub tracked: usize,
-    /// None when nothing was tracked.
+    /// None if nothing was tracked.
     pub errors: Option<TrajectoryErrors>,
     pub frame_ms: f64,
-    /// What the method kept of the clip at its end, or the peak of the whole process for other programs.
+    /// Memory of the method's key frames at the end, or peak memory of the process for other programs.
     pub memory_mb: f64,
     pub key_frames: Option<usize>,
     pub loops: Option<usize>,
     pub segments: usize,
-    /// Why segments ended, in the order of the clip.
+    /// Reasons why segments ended, in clip order.
     pub lost: Vec<String>,
 }
 
-/// A trajectory that another program made of the same frames.
+/// A trajectory of another program on the same frames.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Foreign {
     pub clip: String,
     pub method: String,
-    /// World from camera, row after row, for each frame; null where it has none.
+    /// World-from-camera matrix of each frame, row-major; null without a pose.
     pub poses: Vec<Option<[[f64; 4]; 4]>>,
     pub frame_ms: f64,
     pub memory_mb: f64,
 }
 
-/// Our rows: odometry alone, and with loops. `frames` are decoded before the clock starts.
+/// Returns our rows: odometry only, and with loops. Decoding `frames` is not timed.
 pub fn ours(clip: &str, frames: &[Frame], truth: &[Option<Pose3>], params: &TrackParams) -> Vec<TrackRow> {
     [("viola, odometry only", false), ("viola", true)]
         .into_iter()
@@ -79,7 +79,7 @@ pub fn ours(clip: &str, frames: &[Frame], truth: &[Option<Pose3>], params: &Trac
         .collect()
 }
 
-/// The row of another program.
+/// Returns the row of another program.
 pub fn foreign(other: &Foreign, truth: &[Option<Pose3>]) -> TrackRow {
     let poses: Vec<Option<Pose3>> = other.poses.iter().map(|rows| rows.as_ref().map(pose)).collect();
     TrackRow {
@@ -103,8 +103,8 @@ fn pose(rows: &[[f64; 4]; 4]) -> Pose3 {
     Pose3::from_parts(shift.into(), nalgebra::UnitQuaternion::from_matrix(&turn))
 }
 
-/// For clips of one set: the medians, and how many were lost. A clip is lost when less than nine tenths of its frames
-/// have a pose, or when it is off by more than a tenth of its way.
+/// Returns the medians and the number of lost clips of a set, as a table. A clip is lost if less than 90 % of
+/// its frames have a pose, or if its error exceeds 10 % of its path.
 pub fn summary(rows: &[TrackRow]) -> String {
     let mut methods: Vec<&str> = Vec::new();
     for row in rows {
@@ -143,7 +143,7 @@ pub fn summary(rows: &[TrackRow]) -> String {
     text
 }
 
-/// A row for each clip and method.
+/// Returns a table with one row per clip and method.
 pub fn markdown(rows: &[TrackRow]) -> String {
     let mut text = String::from(
         "| clip | method | tracked | ATE rmse | of the path | rotation rmse | RPE a metre | RPE a degree | time a frame | memory | key frames | loops | segments, why they ended |\n\

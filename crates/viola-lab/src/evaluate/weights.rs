@@ -1,24 +1,24 @@
-//! Which weights of the loss make the true pose the best of the alternatives, learned from clips with known truth.
+//! Learns the weights of the loss that rank the true pose first, from clips with ground truth.
 
 use super::{ClipResult, Listed};
 use nalgebra::{Matrix6, Vector6};
 use viola_align::LossWeights;
 
-/// Weights of the loss that were learned. Where no network names things, nothing says what `misplaced_m` should be.
+/// Learned weights of the loss. Without labels of a network the data does not determine `misplaced_m`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LearnedLoss {
-    /// Clips with the true pose and another one among their alternatives.
+    /// Number of clips with the true pose and another one among their alternatives.
     pub clips: usize,
     pub weights: LossWeights,
-    /// A pose that loses by this much is e times less probable.
+    /// A pose with a loss higher by this is e times less probable.
     pub temperature_m: f64,
 }
 
-/// The evidence on one pose: distance in metres, then the shares in the order of [`LossWeights`].
+/// Evidence on one pose: distance in metres, then the fractions in the order of [`LossWeights`].
 type Figures = Vector6<f64>;
 
-/// A conditional logit (McFadden, 1974) with a ridge, by Newton's method: the odds of two alternatives are an exponential
-/// of their evidence. None when no clip has both a right and a wrong alternative.
+/// Fits a ridge conditional logit (McFadden, 1974) by Newton's method: the odds of two alternatives are
+/// exponential in their evidence. None if no clip has both a right and a wrong alternative.
 pub fn learned_loss(results: &[ClipResult], most_misplaced: f64) -> Option<LearnedLoss> {
     const RIDGE: f64 = 1.0;
     const STEPS: usize = 50;
@@ -36,7 +36,7 @@ pub fn learned_loss(results: &[ClipResult], most_misplaced: f64) -> Option<Learn
             hessian += of_all.square - of_all.mean * of_all.mean.transpose();
         }
         let step = hessian.cholesky()?.solve(&gradient);
-        // Far from the end a full step may lead away.
+        // Far from the optimum a full step may diverge.
         slopes -= step / f64::max(step.amax(), 1.0);
         if step.amax() < 1e-9 {
             break;
@@ -58,7 +58,7 @@ pub fn learned_loss(results: &[ClipResult], most_misplaced: f64) -> Option<Learn
     })
 }
 
-/// The alternatives of a clip; none where there is nothing to choose.
+/// Returns the alternatives of a clip; none without a choice.
 fn figures(result: &ClipResult, most_misplaced: f64) -> Option<Vec<(Figures, bool)>> {
     let of = |listed: &Listed| {
         let e = listed.evidence?;
@@ -78,7 +78,7 @@ fn figures(result: &ClipResult, most_misplaced: f64) -> Option<Vec<(Figures, boo
     is_choice.then_some(clip)
 }
 
-/// Standard deviation of each figure among the alternatives of a clip.
+/// Returns the standard deviation of each figure among the alternatives of a clip.
 fn spread(clips: &[Vec<(Figures, bool)>]) -> Option<Figures> {
     let (mut squares, mut count) = (Figures::zeros(), 0.0);
     for clip in clips {
@@ -91,7 +91,7 @@ fn spread(clips: &[Vec<(Figures, bool)>]) -> Option<Figures> {
     (count > 0.0).then(|| squares.map(|square| (square / count).sqrt().max(1e-6)))
 }
 
-/// Mean and mean square of alternatives, each counted by its odds.
+/// Odds-weighted mean and mean square of alternatives.
 struct Mean {
     mean: Figures,
     square: Matrix6<f64>,
@@ -135,7 +135,7 @@ mod tests {
     };
     const TEMPERATURE_M: f64 = 0.02;
 
-    /// A clip of four alternatives, of which one is right by the odds of `TRUTH`.
+    /// Returns a clip of four alternatives, of which one is right by the odds of `TRUTH`.
     fn clip(rng: &mut ChaCha8Rng) -> ClipResult {
         let mut listed = Vec::new();
         let mut odds = Vec::new();

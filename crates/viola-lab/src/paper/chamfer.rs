@@ -5,12 +5,12 @@ use super::nearest::Nearest;
 use nalgebra::Vector3;
 use viola_geometry::{Point2, Pose2};
 
-/// Adam: its steps, its rate in metres and radians, and the steps at which the rate is halved.
+/// Adam: number of steps, learning rate in metres and radians, and the steps that halve the rate.
 const STEPS: usize = 180;
 const RATE: f64 = 0.1;
 const HALVED_AT: [usize; 3] = [50, 100, 150];
 
-/// Adam (Kingma and Ba, 2015) from one start: each step looks up the hits' nearest map points anew.
+/// Refines one start with Adam (Kingma and Ba, 2015); each step searches the nearest map points again.
 pub(super) fn descend(start: &Pose2, hits_m: &[Point2], nearest: &Nearest) -> Descended {
     const KEEP_GRADIENT: f64 = 0.9;
     const KEEP_SQUARE: f64 = 0.999;
@@ -34,7 +34,7 @@ pub(super) fn descend(start: &Pose2, hits_m: &[Point2], nearest: &Nearest) -> De
     Descended { map_from_clip: Pose2::new(pose.x, pose.y, pose.z), loss_m: loss / hits_m.len().max(1) as f64 }
 }
 
-/// The sum of the distances and its gradient in (x, y, yaw).
+/// Returns the sum of the distances and its gradient in (x, y, yaw).
 fn loss_and_gradient(pose: &Vector3<f64>, hits_m: &[Point2], nearest: &Nearest) -> (f64, Vector3<f64>) {
     let (sin, cos) = pose.z.sin_cos();
     let (mut loss, mut gradient) = (0.0, Vector3::zeros());

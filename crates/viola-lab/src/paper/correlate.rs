@@ -1,8 +1,8 @@
 //! Candidates over the whole map: normalised cross-correlation of rasters at all rotations (paper III-C).
 //!
-//! The score is the correlation coefficient of the two rasters under the template, what OpenCV calls
-//! `TM_CCOEFF_NORMED`. The template is the box around the turned hits; it moves over the map's raster,
-//! which has a margin around it so that clips may stick out.
+//! The score is the correlation coefficient of the two rasters under the template (OpenCV's
+//! `TM_CCOEFF_NORMED`). The template is the bounding box of the rotated hits; it moves over the map's raster,
+//! whose margin lets clips extend beyond the map.
 
 use super::PaperParams;
 use super::fft2::{Bench, Fft2, Spectrum};
@@ -15,16 +15,16 @@ use viola_geometry::{Point2, Pose2, angle_between};
 /// Side of the square that a point fills, in cells.
 const DILATION: usize = 5;
 
-/// The best candidates that are refined. Two that are nearer to each other than this, and turned less
-/// than `apart_rad`, are one.
+/// Number of candidates to refine. Candidates within `APART_M` and `APART_RAD` of a better one are
+/// suppressed.
 const STARTS: usize = 200;
 const APART_M: f64 = 0.2;
 const APART_RAD: f64 = 8f64.to_radians();
 
-/// A bound on memory (about 20 bytes a cell and thread); larger maps get coarser cells.
+/// Bounds the memory (about 20 bytes per cell and thread); larger maps get coarser cells.
 const MAX_CELLS: f64 = 32e6;
 
-/// The best poses of the whole map, best first, no two of them close.
+/// Returns the best poses in the map, best first, no two of them close.
 pub(super) fn correlate(
     hits_m: &[Point2],
     map_m: &[Point2],
@@ -50,12 +50,12 @@ pub(super) fn correlate(
             .collect();
         peaks.extend(found.into_iter().flatten());
     }
-    // A stable sort keeps the order of rotations and cells among equals.
+    // A stable sort: ties keep the order of rotations and cells.
     peaks.sort_by(|a, b| b.score.total_cmp(&a.score));
     Ok(keep_apart(peaks))
 }
 
-/// Non-maximum suppression: the best of each neighbourhood.
+/// Non-maximum suppression: keeps the best of each neighbourhood.
 fn keep_apart(sorted: Vec<Candidate>) -> Vec<Candidate> {
     let mut kept: Vec<Candidate> = Vec::new();
     for candidate in sorted {
@@ -74,7 +74,7 @@ fn keep_apart(sorted: Vec<Candidate>) -> Vec<Candidate> {
     kept
 }
 
-/// A picture of zeros and ones.
+/// A binary raster.
 struct Raster {
     width: usize,
     height: usize,
@@ -82,8 +82,8 @@ struct Raster {
 }
 
 impl Raster {
-    /// Squares of `dilation` cells around the cells of `points`, given in cells from the lower-left corner;
-    /// what leaves the picture is cut off.
+    /// Fills squares of `dilation` cells around `points`, given in cells from the lower-left corner, clipped
+    /// to the raster.
     fn new(width: usize, height: usize, dilation: usize, points: impl Iterator<Item = [f64; 2]>) -> Raster {
         let mut cells = vec![0f32; width * height];
         let before = dilation / 2;
@@ -101,7 +101,7 @@ impl Raster {
         self.cells.iter().map(|cell| f64::from(*cell)).sum()
     }
 
-    /// `sums[y * (width + 1) + x]` is the count of ones left of x and below y.
+    /// Returns the integral image: `sums[y * (width + 1) + x]` is the count of ones left of x and below y.
     fn sums(&self) -> Vec<u32> {
         let stride = self.width + 1;
         let mut sums = vec![0; stride * (self.height + 1)];
@@ -130,7 +130,7 @@ struct MapRaster {
 impl MapRaster {
     fn new(hits_m: &[Point2], map_m: &[Point2], params: &PaperParams) -> MapRaster {
         let (min, max) = bounds(map_m);
-        // A template larger than the map gets room too, however it is turned.
+        // The margin also fits templates larger than the map, at any rotation.
         let pairs = hits_m.iter().flat_map(|a| hits_m.iter().map(move |b| (a - b).norm()));
         let diameter_m = pairs.fold(0.0, f64::max);
         let margin_m = |extent_m: f64| params.margin_m + f64::max(0.0, 0.5 * (diameter_m - extent_m));
@@ -150,7 +150,7 @@ impl MapRaster {
         MapRaster { spectrum, sums: raster.sums(), width, height, corner_m, cell_m, fft }
     }
 
-    /// The best of each square of `apart_m` over all shifts at one rotation, the best `starts` of them.
+    /// Returns the best `STARTS` shifts at one rotation, at most one in each square of side `APART_M`.
     fn peaks(&self, hits_m: &[Point2], yaw_rad: f64, bench: &mut Bench) -> Vec<Candidate> {
         let turn = Pose2::new(0.0, 0.0, yaw_rad);
         let turned: Vec<Point2> = hits_m.iter().map(|hit| turn.apply(hit)).collect();
@@ -182,7 +182,7 @@ impl MapRaster {
         peaks
     }
 
-    /// The box around the turned hits, with room for the dilation.
+    /// Returns the raster of the rotated hits' bounding box, with room for the dilation.
     fn template(&self, turned_m: &[Point2], dilation: usize) -> Raster {
         let (min, max) = bounds(turned_m);
         let cells = |length_m: f64| (length_m / self.cell_m) as usize + dilation;
@@ -193,9 +193,9 @@ impl MapRaster {
         Raster::new(cells(max.x - min.x), cells(max.y - min.y), dilation, points)
     }
 
-    /// Calls `each(x, y, score)` for every shift that keeps the template on the map's raster, with the
-    /// square of the correlation coefficient under the coefficient's sign: the order is the same and
-    /// millions of roots are not taken.
+    /// Calls `each(x, y, score)` for every shift that keeps the template on the map's raster. The score is
+    /// the square of the correlation coefficient with the coefficient's sign: the order is the same, without
+    /// millions of square roots.
     fn scores(&self, template: &Raster, bench: &mut Bench, mut each: impl FnMut(usize, usize, f64)) {
         let (Some(columns), Some(rows)) =
             ((self.width + 1).checked_sub(template.width), (self.height + 1).checked_sub(template.height))
@@ -212,7 +212,7 @@ impl MapRaster {
             for x in 0..columns {
                 let right = x + template.width;
                 let under = f64::from(high[right] + low[x] - high[x] - low[right]);
-                // What both have in common is a number of cells, so rounding undoes the transform's error.
+                // The overlap is a number of cells, so rounding removes the transform's error.
                 let common = f64::from(both[x].round());
                 let covariance = common - ones * under / area;
                 let variance = template_variance * (under - under * under / area);
@@ -250,7 +250,7 @@ fn bounds(points_m: &[Point2]) -> (Point2, Point2) {
 mod tests {
     use super::*;
 
-    /// Places that look random and are the same every time.
+    /// Pseudo-random points with a fixed seed.
     fn scattered(count: usize, seed: u64, size_m: f64) -> Vec<Point2> {
         use rand::{RngExt, SeedableRng};
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);

@@ -1,10 +1,10 @@
-//! Cross-correlation of pictures through the fast Fourier transform.
+//! Cross-correlation of rasters by FFT.
 
 use realfft::num_complex::Complex32;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use std::sync::Arc;
 
-/// Plans for pictures of one size. Results do not depend on the thread that runs them.
+/// FFT plans of one raster size. Results do not depend on the thread.
 pub(super) struct Fft2 {
     pub(super) width: usize,
     pub(super) height: usize,
@@ -14,26 +14,26 @@ pub(super) struct Fft2 {
     columns_back: Arc<dyn rustfft::Fft<f32>>,
 }
 
-/// A spectrum, column after column.
+/// A spectrum, column-major.
 pub(super) type Spectrum = Vec<Complex32>;
 
-/// What one thread works in, kept from picture to picture.
+/// Buffers of one thread, reused between rasters.
 pub(super) struct Bench {
-    /// Column after column, of the template and then of the product.
+    /// Column-major, of the template and then of the product.
     spectrum: Spectrum,
-    /// Rows on their way from one layout to the other.
+    /// Rows between the two layouts.
     real: Vec<f32>,
     half: Vec<Complex32>,
     scratch: Vec<Complex32>,
 }
 
-/// Rows that are turned into columns together: their values of one column fill two cache lines.
+/// Rows transposed together: their values of one column fill two cache lines.
 const ROWS: usize = 16;
 
 const ZERO: Complex32 = Complex32 { re: 0.0, im: 0.0 };
 
 impl Fft2 {
-    /// For pictures of at least `width` x `height`.
+    /// Returns plans for rasters of at least `width` x `height`.
     pub(super) fn at_least(width: usize, height: usize) -> Fft2 {
         let (width, height) = (smooth(width), smooth(height));
         let mut real = RealFftPlanner::new();
@@ -67,7 +67,7 @@ impl Fft2 {
         self.width / 2 + 1
     }
 
-    /// The spectrum of a picture of `width` columns, zero beyond its edges.
+    /// Returns the spectrum of a raster of `width` columns, zero beyond its edges.
     pub(super) fn forward(&self, picture: &[f32], width: usize) -> Spectrum {
         let mut bench = self.bench();
         self.forward_rows(picture, width, &mut bench);
@@ -75,9 +75,8 @@ impl Fft2 {
         bench.spectrum
     }
 
-    /// Calls `row(y, values)` for the shifts' rows `0..rows`, with `values[x]` the sum over p of
-    /// `template[p] * picture[p + (x, y)]`, cyclic: shifts that keep the template inside the picture do
-    /// not wrap around.
+    /// Calls `row(y, values)` for the shifts' rows `0..rows`; `values[x]` is the sum over p of `template[p] *
+    /// picture[p + (x, y)]`, cyclic. Shifts that keep the template inside the picture do not wrap around.
     pub(super) fn correlate(
         &self,
         picture: &Spectrum,
@@ -89,7 +88,7 @@ impl Fft2 {
     ) {
         self.forward_rows(template, template_width, bench);
         let Bench { spectrum, real, half, scratch } = bench;
-        // Column by column, so that there and back again happen in the cache.
+        // Column by column, so that both transforms stay in the cache.
         for (t, p) in spectrum.chunks_exact_mut(self.height).zip(picture.chunks_exact(self.height)) {
             self.columns.process_with_scratch(t, scratch);
             for (t, p) in t.iter_mut().zip(p) {
@@ -108,10 +107,10 @@ impl Fft2 {
                 }
             }
             for (r, line) in half.chunks_exact_mut(bins).take(count).enumerate() {
-                // The imaginary parts of the first and the last bin are rounding; the plan insists on zero.
+                // The first and last bins' imaginary parts are rounding errors; the plan requires zero.
                 line[0].im = 0.0;
                 line[bins - 1].im = 0.0;
-                // Lengths come from the plan itself, so this cannot fail.
+                // Cannot fail: the lengths come from the plan.
                 let done = self.rows_back.process_with_scratch(line, real, scratch);
                 debug_assert!(done.is_ok());
                 row(first + r, real);
@@ -144,7 +143,7 @@ impl Fft2 {
     }
 }
 
-/// The next even number without prime factors above five: such lengths transform fastest.
+/// Returns the next even number without prime factors above five: such lengths transform fastest.
 fn smooth(at_least: usize) -> usize {
     (at_least.max(2)..)
         .find(|&n| {
@@ -173,7 +172,7 @@ mod tests {
         let template: Vec<f32> = (0..5 * 19).map(|i| value(i * 3)).collect();
         let spectrum = fft.forward(&picture, 37);
         let mut bench = fft.bench();
-        // Twice in one place: what is left of the first must not show in the second.
+        // Twice with the same buffers: the first run must not affect the second.
         for _ in 0..2 {
             let mut rows = 0;
             fft.correlate(&spectrum, &template, 5, h, &mut bench, |dy, got| {

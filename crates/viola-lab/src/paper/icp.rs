@@ -4,7 +4,7 @@ use super::Descended;
 use super::nearest::Nearest;
 use viola_geometry::{Point2, Pose2, Vector2, angle_between};
 
-/// Pairs every hit with its nearest map point and moves to the pairs' least-squares pose, until it rests.
+/// Pairs every hit with its nearest map point and solves for the least-squares pose, until convergence.
 pub(super) fn iterate(start: &Pose2, hits_m: &[Point2], nearest: &Nearest, most: usize) -> Descended {
     let mut pose = *start;
     for _ in 0..most {
@@ -20,7 +20,7 @@ pub(super) fn iterate(start: &Pose2, hits_m: &[Point2], nearest: &Nearest, most:
     Descended { map_from_clip: pose, loss_m: sum / hits_m.len().max(1) as f64 }
 }
 
-/// The pose that takes the first of each pair nearest to the second, in closed form.
+/// Returns the least-squares pose from the first to the second points, in closed form.
 fn least_squares(pairs: impl Iterator<Item = (Point2, Point2)> + Clone) -> Pose2 {
     let (mut from, mut to, mut count) = (Vector2::zeros(), Vector2::zeros(), 0.0);
     for (a, b) in pairs.clone() {

@@ -1,12 +1,12 @@
-//! Exact nearest neighbours among the map's points.
+//! Exact nearest-neighbour search among the map's points.
 
 use viola_geometry::Point2;
 
-/// A quadtree whose leaves hold every point that is the nearest one of some place in the leaf.
+/// A quadtree whose leaves hold every point that is nearest to some position in the leaf.
 ///
-/// A point is left out of a square when another one is nearer at every place of it, for certain: when its
-/// smallest distance to the square exceeds the other's largest. Few points survive in a small square, so a
-/// query is a walk down and a handful of distances.
+/// A square drops a point if another one is nearer everywhere in it: if the point's smallest distance to the
+/// square exceeds the other's largest. Small squares keep few points, so a query is one descent and a few
+/// distances.
 pub struct Nearest {
     points_m: Vec<Point2>,
     nodes: Vec<Node>,
@@ -18,7 +18,7 @@ pub struct Nearest {
 
 #[derive(Clone, Copy)]
 enum Node {
-    /// The first of four children, in the order (low, low), (high, low), (low, high), (high, high).
+    /// Index of the first of four children, in the order (low, low), (high, low), (low, high), (high, high).
     Inner(u32),
     Leaf {
         first: u32,
@@ -26,16 +26,16 @@ enum Node {
     },
 }
 
-/// A square with no more points than this is not split ...
+/// Squares with at most this many points are not split ...
 const FEW: usize = 4;
-/// ... nor is one of this half side.
+/// ... nor are squares of this half side.
 const SMALL_M: f64 = 0.01;
-/// Room around the points, as a share of their extent: clips stick out.
+/// Margin around the points as a fraction of their extent: clips extend beyond the map.
 const ROOM: f64 = 0.5;
 
 impl Nearest {
     /// # Panics
-    /// When there is no point.
+    /// If `points_m` is empty.
     pub fn new(points_m: &[Point2]) -> Nearest {
         let (mut min, mut max) = (points_m[0], points_m[0]);
         for p in points_m {
@@ -73,7 +73,7 @@ impl Nearest {
         }
     }
 
-    /// The nearest point; the first of several at the same distance.
+    /// Returns the nearest point; the first of several at the same distance.
     pub fn nearest(&self, to: &Point2) -> Point2 {
         let away = (to - self.centre_m).abs();
         if !(away.x < self.half_m && away.y < self.half_m) {
@@ -128,7 +128,7 @@ mod tests {
             let points: Vec<Point2> = points.into_iter().map(|(x, y)| Point2::new(x, y)).collect();
             let tree = Nearest::new(&points);
             for (x, y) in queries {
-                // Far places, and near ones where the leaves are small.
+                // Far queries, and near ones in small leaves.
                 for scale in [1.0, 0.1] {
                     let query = Point2::new(x * scale, y * scale);
                     let want = points.iter().map(|p| (p - query).norm()).fold(f64::INFINITY, f64::min);

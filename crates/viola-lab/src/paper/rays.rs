@@ -4,17 +4,17 @@ use viola_align::VACUUM_HEIGHT_M;
 use viola_geometry::{Point2, Pose2, wrap_angle};
 use viola_reconstruct::PointCloud;
 
-/// Height at which the rays run, and the slab of points around it that they can hit.
+/// Half height of the slab of points around the rays' height that rays can hit.
 const SLAB_M: f64 = 0.10;
-/// Points no higher than this are floor and no hits. The paper knows the floor by its labels.
+/// Points up to this height are floor, not hits. The paper identifies the floor by its labels.
 const FLOOR_M: f64 = 0.05;
-/// Rays of one camera, spread evenly over `fan_rad` about its heading; a ray ends at the nearest point
-/// within `cone_rad` of it.
+/// Rays of one camera, evenly over `FAN_RAD` about its heading; a ray ends at the nearest point within
+/// `CONE_RAD` of it.
 const RAYS: usize = 300;
 const FAN_RAD: f64 = std::f64::consts::PI;
 const CONE_RAD: f64 = 3f64.to_radians();
 
-/// The hits of all cameras, in the clip frame; a point that several rays end at is there once.
+/// Returns the hits of all cameras, in the clip frame, without duplicates.
 pub(super) fn cast(cloud_in_clip: &PointCloud, cameras: &[Pose2]) -> Vec<Point2> {
     let is_in_slab = |z_m: f64| z_m > FLOOR_M && (z_m - VACUUM_HEIGHT_M).abs() <= SLAB_M;
     let slab: Vec<Point2> = cloud_in_clip
@@ -32,7 +32,7 @@ pub(super) fn cast(cloud_in_clip: &PointCloud, cameras: &[Pose2]) -> Vec<Point2>
     slab.into_iter().zip(is_hit).filter(|(_, is_hit)| *is_hit).map(|(point, _)| point).collect()
 }
 
-/// For each ray of one camera, the nearest point within the cone around it.
+/// Returns the nearest point in the cone of each ray of one camera.
 fn nearest_in_cones(slab: &[Point2], camera: &Pose2) -> Vec<Option<usize>> {
     let step_rad = FAN_RAD / (RAYS - 1) as f64;
     let clip_at = Point2::new(camera.x_m, camera.y_m);
@@ -79,7 +79,7 @@ mod tests {
     fn the_nearest_in_the_slab_and_in_the_fan() {
         let cloud = cloud(&[
             [2.0, 0.0, 0.12],
-            [1.0, 0.0, 0.12],  // shades the first
+            [1.0, 0.0, 0.12],  // occludes the first
             [0.5, 0.0, 0.50],  // above the slab
             [0.5, 0.0, 0.04],  // floor, though in the slab
             [-1.0, 0.1, 0.12], // behind the camera

@@ -2,8 +2,8 @@
 
 use viola_geometry::Point2;
 
-/// `most` points that lie far from each other: each next one is the farthest from those taken, beginning
-/// with the first. Fewer when there are not that many different points.
+/// Returns up to `most` distinct points, each the farthest from those already taken, starting with the first
+/// point.
 pub(super) fn farthest(points_m: &[Point2], most: usize) -> Vec<Point2> {
     let mut taken = Vec::with_capacity(most.min(points_m.len()));
     let mut gap_m2 = vec![f64::INFINITY; points_m.len()];

@@ -1,4 +1,4 @@
-//! What differs between days, and between rooms that look alike.
+//! Changes between days, and between rooms that look alike.
 
 use super::furnish::{Arranger, clutter};
 use super::piece::{Mount, Piece};
@@ -6,7 +6,7 @@ use super::plan::{OpeningKind, Plan};
 use super::rng::Rng;
 use super::structure;
 
-/// The furniture on another day: some of what is movable was moved, turned or taken away, and things came.
+/// Returns the furniture on another day: a fraction of the movable pieces changes, and new ones are added.
 pub(super) fn another_day(plan: &Plan, pieces: &[Piece], share: f64, rng: &Rng) -> Vec<Piece> {
     let mut out = vec![];
     for room in 0..plan.rooms.len() {
@@ -56,7 +56,7 @@ fn nudged(pose: &viola_geometry::Pose2, rng: &mut Rng) -> viola_geometry::Pose2 
     viola_geometry::Pose2::new(pose.x_m + x, pose.y_m + y, pose.yaw_rad + rng.between(-0.7, 0.7))
 }
 
-/// The doors' leaves on another day; `leaves` are those of the plan's doors, in order.
+/// Returns the door leaves on another day; `leaves` are those of the plan's doors, in order.
 pub(super) fn turn_doors(plan: &Plan, leaves: &[Piece], share: f64, rng: &Rng) -> Vec<Piece> {
     let mut rng = rng.fork("doors", 0);
     let doors = plan.openings.iter().filter(|o| matches!(o.kind, OpeningKind::Door | OpeningKind::Entrance));
@@ -70,7 +70,7 @@ pub(super) fn turn_doors(plan: &Plan, leaves: &[Piece], share: f64, rng: &Rng) -
     turned.collect()
 }
 
-/// Changes the furniture of some copies of the repeated unit, so that a few of them can be told apart.
+/// Changes the furniture of some copies of the repeated unit, so that they can be distinguished.
 pub(super) fn break_symmetry(plan: &Plan, pieces: Vec<Piece>, rng: &mut Rng) -> Vec<Piece> {
     let share = rng.pick([0.0, 0.25, 0.5]);
     let odd: Vec<bool> = plan.units.iter().map(|_| rng.chance(share)).collect();

@@ -1,4 +1,4 @@
-//! How far every place on the floor is from what stands on it.
+//! Distance of every floor position to the nearest obstacle.
 
 use super::piece::Footprint;
 use super::plan::Plan;
@@ -7,11 +7,11 @@ use super::solid::Shape;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{DistanceField, Grid, GridFrame};
 
-/// Distance to the nearest solid whose height lies in `band_m`, and to the outside of the rooms.
+/// Returns the distance to the nearest solid within the heights `band_m`, and to the outside of the rooms.
 pub(super) fn clearance(scene: &Scene, plan: &Plan, cell_m: f64, band_m: [f64; 2]) -> DistanceField {
     let bounds = plan.bounds();
     let frame = GridFrame::covering(bounds.min, bounds.max, 0.3, cell_m);
-    // Beyond the rooms nobody goes, also where a window reaches the floor.
+    // The outside is blocked, also behind windows that reach the floor.
     let mut solid = Grid::filled(frame, true);
     for room in &plan.rooms {
         for (index, cell) in solid.cells.iter_mut().enumerate() {
@@ -60,7 +60,7 @@ fn stamp(grid: &mut Grid<bool>, primitive: &Primitive) {
     }
 }
 
-/// The largest part of the marked cells that hangs together.
+/// Returns the largest connected region of the marked cells.
 pub(super) fn largest_region(marked: &Grid<bool>) -> Grid<bool> {
     let frame = marked.frame;
     let fits = &marked.cells;

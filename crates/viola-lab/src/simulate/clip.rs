@@ -1,4 +1,4 @@
-//! A recorded clip that exists only as its poses: frames are rendered when asked for.
+//! A simulated clip, stored as its poses; frames are rendered on demand.
 
 use super::home::{Home, Set};
 use super::render::{NOTHING, View, render};
@@ -16,16 +16,16 @@ use viola_formats::clip::{Frame, FrameHeader};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Pinhole, Pose2, Pose3, Vector3};
 
-/// How a clip is recorded.
+/// Parameters of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ClipParams {
     pub frames: usize,
     pub rate_hz: f64,
     pub sensor: Sensor,
-    /// Width of the colour pictures, which are 4:3. The depth sensor's own width is the cheapest.
+    /// Width of the colour pictures, which are 4:3. The depth sensor's width is the cheapest.
     pub color_width: u32,
-    /// Error of the device's poses after one metre, in metres; it grows with the root of the way. The
-    /// heading errs by 0.3 rad where the position errs by one metre.
+    /// Position error of the device's poses after one metre, in metres; it grows with the square root of the
+    /// path. The heading error is 0.3 rad per metre of position error.
     pub drift: f64,
 }
 
@@ -35,35 +35,35 @@ impl Default for ClipParams {
     }
 }
 
-/// The truth about a clip. Maps' frames: `map` is Valetudo's, `robot` that of the ROS and CSV files.
+/// Ground truth of a clip. Map frames: `map` is Valetudo's, `robot` is that of the ROS and CSV files.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ClipTruth {
     pub map_from_clip: Pose2,
     pub robot_from_clip: Pose2,
     pub home_from_clip: Pose2,
-    /// All poses in `map` around which the vacuum's map looks as it does around the true one, as far as
-    /// the clip sees; the true one first. More than one: nobody can know which it is.
+    /// All poses in `map` whose surroundings in the vacuum's map look like those of the true pose, within the
+    /// clip's view; the true one first. More than one means that the clip is unknowable.
     pub equivalent_poses: Vec<Pose2>,
     pub unknowable: bool,
-    /// Names of the rooms that the walk keeps to.
+    /// Names of the rooms of the walk.
     pub rooms: Vec<String>,
-    /// The frames' true poses. The device's poses, which drift, are in a world of their own.
+    /// True poses of the frames. The device's drifting poses are in their own world frame.
     pub home_from_camera: Vec<Pose3>,
     pub world_from_home: Pose3,
 }
 
-/// Per-pixel truth, row after row from the top; 0 is nothing.
+/// Per-pixel truth, row-major from the top; 0 is nothing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LabelImage {
     pub width: u32,
     pub height: u32,
     /// [`Class::id`].
     pub classes: Vec<u16>,
-    /// [`HomeObject::instance`](super::HomeObject); 0 is the building too.
+    /// [`HomeObject::instance`](super::HomeObject); the building is 0, too.
     pub instances: Vec<u16>,
 }
 
-/// A clip in memory. Frames are rendered one at a time, the same for any order and number of threads.
+/// A clip in memory. Frames are rendered one at a time; they do not depend on order or thread count.
 pub struct SimulatedClip {
     pub params: ClipParams,
     pub truth: ClipTruth,
@@ -141,7 +141,7 @@ impl SimulatedClip {
         }
     }
 
-    /// The same as a camera records it that knows no poses.
+    /// Returns the clip without device poses.
     pub fn without_poses(mut self) -> SimulatedClip {
         self.headers.iter_mut().for_each(|header| header.world_from_camera = None);
         self
@@ -154,7 +154,7 @@ impl SimulatedClip {
     /// Renders frame `index`.
     ///
     /// # Panics
-    /// When there is no such frame.
+    /// If the frame does not exist.
     pub fn frame(&self, index: usize) -> Frame {
         let pose = &self.truth.home_from_camera[index];
         let salt = hash(self.seed ^ hash(index as u64));
@@ -172,18 +172,18 @@ impl SimulatedClip {
         }
     }
 
-    /// What the depth camera would see without noise.
+    /// Renders the noise-free view of the depth camera.
     ///
     /// # Panics
-    /// When there is no such frame.
+    /// If the frame does not exist.
     pub fn true_view(&self, index: usize) -> View {
         render(&self.scene, &self.depth_camera, &self.truth.home_from_camera[index])
     }
 
-    /// The labels of frame `index`, pixel for pixel of its colour picture.
+    /// Renders the labels of frame `index`, aligned with its colour picture.
     ///
     /// # Panics
-    /// When there is no such frame.
+    /// If the frame does not exist.
     pub fn labels(&self, index: usize) -> LabelImage {
         let view = render(&self.scene, &self.color_camera, &self.truth.home_from_camera[index]);
         let each = |pick: fn(Class, u16) -> u16| {
@@ -205,14 +205,14 @@ impl SimulatedClip {
     }
 }
 
-/// An accelerometer, which is mounted a little askew.
+/// An accelerometer with a mounting error.
 struct Accelerometer {
     felt_from_camera: UnitQuaternion<f64>,
     rng: super::rng::Rng,
 }
 
 impl Accelerometer {
-    /// Standard deviations of how it is mounted, about each axis, and of a sample.
+    /// Standard deviations: mounting error about each axis, and sample noise.
     const MOUNTED_RAD: f64 = 0.015;
     const NOISE_MPS2: f64 = 0.05;
     const GRAVITY_MPS2: f64 = 9.81;
@@ -222,11 +222,11 @@ impl Accelerometer {
         Accelerometer { felt_from_camera: UnitQuaternion::from_scaled_axis(askew), rng }
     }
 
-    /// Gravity's counterforce and the walk's acceleration, which is that of the frames around.
+    /// Returns the specific force: gravity's reaction and the walk's acceleration from adjacent frames.
     fn feel(&mut self, home_from_camera: &[Pose3], index: usize, rate_hz: f64) -> Vector3 {
         let at = |index: usize| home_from_camera[index].translation.vector;
         let bend = match index {
-            // The walk begins and ends at rest.
+            // The walk starts and ends at rest.
             0 => Vector3::zeros(),
             index if index + 1 >= home_from_camera.len() => Vector3::zeros(),
             index => at(index + 1) - 2.0 * at(index) + at(index - 1),
@@ -237,9 +237,9 @@ impl Accelerometer {
     }
 }
 
-/// The random walk of a device's pose against the truth. The first frame is exact.
+/// Random-walk error of a device's pose. The first frame is exact.
 struct Drift {
-    /// Moves true poses to where the device believes to be.
+    /// Transform from true to believed poses.
     error: Pose3,
     last: Option<Vector3>,
     rng: super::rng::Rng,
@@ -252,7 +252,7 @@ impl Drift {
             let scale = drift * (at - last).norm().max(0.01).sqrt();
             let mut noise = |sigma: f64| self.rng.gaussian() * sigma;
             let step = Vector3::new(noise(scale), noise(scale), noise(0.4 * scale)) / 3f64.sqrt();
-            // Gravity keeps the tilt.
+            // Gravity keeps the tilt error small.
             let turn = Vector3::new(noise(0.04 * scale), noise(0.04 * scale), noise(0.3 * scale));
             let here = Translation3::from(at);
             let turn = here * UnitQuaternion::from_scaled_axis(turn) * here.inverse();
@@ -264,7 +264,7 @@ impl Drift {
 }
 
 impl Home {
-    /// Records clip number `index`. The survey gives the map's frame for the clip's truth.
+    /// Records clip number `index`. The survey defines the map's frame of the truth.
     pub fn clip(&self, survey: &Survey, index: u64, params: &ClipParams) -> SimulatedClip {
         SimulatedClip::record(self, survey, index, params)
     }

@@ -11,7 +11,7 @@ use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 /// Frames rendered and encoded at a time; the archive is written in order.
 const BATCH: usize = 8;
 
-/// Why an archive could not be written.
+/// Error of writing an archive.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     #[error("cannot encode a picture: {0}")]

@@ -1,4 +1,4 @@
-//! What surfaces look like.
+//! Appearance of surfaces.
 
 use super::rng::{Rng, hash, unit};
 
@@ -27,7 +27,7 @@ pub(super) struct Finish {
     pub pattern: Pattern,
     /// Size of one element of the pattern, in metres.
     pub scale_m: f32,
-    /// 0 is matt, 1 is a mirror; depth sensors lose shiny and dark surfaces.
+    /// 0 is matt, 1 is a mirror; shiny and dark surfaces return no depth.
     pub gloss: f32,
 }
 
@@ -48,8 +48,8 @@ impl Finish {
         Finish { rgb: self.rgb.map(|c| c * factor), ..self }
     }
 
-    /// The colour at a point on the surface. `across_m` and `up_m` are coordinates on the surface;
-    /// `salt` tells apart surfaces of one finish.
+    /// Returns the colour at a point of the surface. `across_m` and `up_m` are surface coordinates; `salt`
+    /// distinguishes surfaces with the same finish.
     pub fn colour(&self, across_m: f32, up_m: f32, salt: u64) -> [f32; 3] {
         let cell = |value: f32, size: f32| (value / size).floor() as i64 as u64;
         let rng = |a: u64, b: u64| unit(hash(salt ^ hash(a.wrapping_mul(0x5851_f42d).wrapping_add(b))));
@@ -94,13 +94,13 @@ pub(super) const WHITE: [f32; 3] = [0.90, 0.90, 0.88];
 pub(super) const METAL: [f32; 3] = [0.60, 0.61, 0.63];
 pub(super) const DARK: [f32; 3] = [0.10, 0.10, 0.11];
 
-/// A wood tone.
+/// Returns a random wood finish.
 pub(super) fn wood(rng: &mut Rng) -> Finish {
     let tone = rng.pick([[0.72, 0.55, 0.36], [0.55, 0.38, 0.24], [0.38, 0.25, 0.16], [0.82, 0.70, 0.52]]);
     Finish::plain(tone).with(Pattern::Planks, 0.09).glossy(0.1)
 }
 
-/// The front of a cabinet: painted or wood.
+/// Returns a cabinet's front: painted or wood.
 pub(super) fn front(rng: &mut Rng) -> Finish {
     if rng.chance(0.45) {
         return wood(rng);
@@ -110,7 +110,7 @@ pub(super) fn front(rng: &mut Rng) -> Finish {
     Finish::plain(tone).with(Pattern::Grain, 0.1).glossy(0.15)
 }
 
-/// Cloth of any colour.
+/// Returns cloth of a random colour.
 pub(super) fn cloth(rng: &mut Rng) -> Finish {
     let grey = rng.between(0.25, 0.85) as f32;
     let tint = |rng: &mut Rng| (grey + rng.between(-0.18, 0.18) as f32).clamp(0.08, 0.95);
@@ -118,7 +118,7 @@ pub(super) fn cloth(rng: &mut Rng) -> Finish {
     Finish::plain(rgb).with(Pattern::Grain, 0.02)
 }
 
-/// Wall paint of any light colour.
+/// Returns wall paint of a random light colour.
 pub(super) fn paint(rng: &mut Rng) -> Finish {
     let base = rng.between(0.72, 0.92) as f32;
     let tint = |rng: &mut Rng| (base + rng.between(-0.08, 0.06) as f32).clamp(0.5, 0.95);

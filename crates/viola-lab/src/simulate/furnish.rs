@@ -1,4 +1,4 @@
-//! Furniture by the kind of room, put where people put it.
+//! Furniture by room kind, in usual places.
 
 mod arrange;
 mod decor;
@@ -17,7 +17,7 @@ use viola_geometry::Pose2;
 pub(super) use arrange::Arranger;
 pub(super) use storage::clutter;
 
-/// All furniture of a home. Copies of a repeated unit get copies of the first unit's furniture.
+/// Returns all furniture of a home. Copies of a repeated unit get copies of the first unit's furniture.
 pub(super) fn furnish(plan: &Plan, rng: &Rng) -> Vec<Piece> {
     let mut pieces = vec![];
     for room in 0..plan.rooms.len() {
@@ -43,7 +43,7 @@ pub(super) fn furnish(plan: &Plan, rng: &Rng) -> Vec<Piece> {
     pieces
 }
 
-/// The same piece in another copy of the unit.
+/// Returns a copy of a piece in another copy of the unit.
 fn copied(piece: &Piece, room: usize, from: &UnitPlace, to: &UnitPlace) -> Piece {
     let in_unit = from.home_from_unit.inverse().compose(&piece.home_from_piece);
     if from.mirrored == to.mirrored {

@@ -1,4 +1,4 @@
-//! A home: its plan, its furniture on two days, and what can be asked of it.
+//! A home: its plan, and its furniture on two days.
 
 use super::piece::Piece;
 use super::plan::Plan;
@@ -11,17 +11,17 @@ use std::str::FromStr;
 use std::sync::Arc;
 use viola_geometry::taxonomy::Class;
 
-/// A kind of benchmark.
+/// A benchmark set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Set {
-    /// Flats and houses, recorded as people do.
+    /// Flats and houses with ordinary recordings.
     Normal,
     /// Clips that see mostly the upper part of the rooms (the paper's hard case).
     Upper,
     /// Rows of rooms that look alike.
     Repeated,
-    /// Things moved, came and went between the vacuum's day and the clip's day.
+    /// Furniture moved, added and removed between the vacuum's day and the clips' day.
     Changed,
 }
 
@@ -49,12 +49,12 @@ impl FromStr for Set {
     }
 }
 
-/// Which home.
+/// Selection of a home.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct HomeParams {
     pub set: Set,
     pub seed: u64,
-    /// Share of the movable things and doors that another day finds changed; used by [`Set::Changed`].
+    /// Fraction of the movable pieces and doors that change by another day; used by [`Set::Changed`].
     pub changed_share: f64,
 }
 
@@ -68,7 +68,7 @@ impl HomeParams {
 pub struct Home {
     pub params: HomeParams,
     pub plan: Plan,
-    /// Furniture and doors on the day of the vacuum and on the day of the clips.
+    /// Furniture and doors on the vacuum's day and on the clips' day.
     pub(super) vacuum_day: Day,
     pub(super) clip_day: Day,
     pub(super) rng: Rng,
@@ -77,7 +77,7 @@ pub struct Home {
 /// The home on one day.
 #[derive(Clone)]
 pub(super) struct Day {
-    /// Furniture first, then the doors' leaves. A piece's number in label pictures is its index plus one.
+    /// Furniture first, then door leaves. A piece's number in label pictures is its index plus one.
     pub pieces: Arc<Vec<Piece>>,
     pub scene: Arc<Scene>,
 }
@@ -94,15 +94,15 @@ impl Day {
     }
 }
 
-/// A thing in the home.
+/// An object in the home.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HomeObject {
-    /// Its number in the clips' instance pictures.
+    /// Number in the clips' instance pictures.
     pub instance: u16,
     pub class: Class,
     pub class_id: u16,
     pub room: String,
-    /// Middle of its box in the home's frame.
+    /// Centre of its box in the home's frame.
     pub centre_m: [f64; 3],
     /// Full size along its own x, y and z.
     pub size_m: [f64; 3],
@@ -110,19 +110,19 @@ pub struct HomeObject {
     pub movable: bool,
 }
 
-/// The truth about a home that does not depend on a clip.
+/// Ground truth of a home that does not depend on a clip.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HomeTruth {
     pub params: HomeParams,
     pub area_m2: f64,
     pub ceiling_m: f64,
     pub rooms: Vec<super::plan::Room>,
-    /// On the day of the clips.
+    /// On the clips' day.
     pub objects: Vec<HomeObject>,
 }
 
 impl Home {
-    /// Makes and furnishes the home of these parameters.
+    /// Generates and furnishes the home of these parameters.
     pub fn generate(params: &HomeParams) -> Home {
         let rng = Rng::new(params.seed).fork(params.set.name(), 0);
         let mut plan_dice = rng.fork("plan", 0);
@@ -149,12 +149,12 @@ impl Home {
         Home { params: *params, plan, vacuum_day, clip_day, rng }
     }
 
-    /// The home on the day of the clips.
+    /// Returns the home on the clips' day.
     pub fn scene(&self) -> &Scene {
         &self.clip_day.scene
     }
 
-    /// The home on the day of the vacuum.
+    /// Returns the home on the vacuum's day.
     pub fn vacuum_scene(&self) -> &Scene {
         &self.vacuum_day.scene
     }

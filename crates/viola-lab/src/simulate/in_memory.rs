@@ -1,4 +1,4 @@
-//! A simulated recording as a clip without files.
+//! Simulated recordings as clips without files.
 
 use super::clip::SimulatedClip;
 use std::sync::Arc;
@@ -6,18 +6,18 @@ use viola_formats::clip::{Clip, ClipInfo, Frame};
 use viola_geometry::Vector3;
 
 impl SimulatedClip {
-    /// The clip whose frames are rendered when they are asked for.
+    /// Returns the recording as a clip; frames are rendered on demand.
     pub fn into_clip(self) -> Clip {
         clip_in_memory(Arc::new(self))
     }
 }
 
-/// The same for a recording that others keep.
+/// Returns a shared recording as a clip.
 pub fn clip_in_memory(recorded: Arc<SimulatedClip>) -> Clip {
     clip_in_memory_heard(recorded, |_, _| ())
 }
 
-/// The same with somebody who hears of each frame that is made, and of its place in the clip.
+/// Returns a shared recording as a clip; `hear` is called for each rendered frame.
 pub fn clip_in_memory_heard(
     recorded: Arc<SimulatedClip>,
     hear: impl Fn(usize, &Frame) + Send + Sync + 'static,

@@ -1,4 +1,4 @@
-//! The survey as a [`LidarMap`] and in the files that robots and their tools write.
+//! The survey as a [`LidarMap`] and in the file formats of robots and their tools.
 
 use super::survey::{CELL_M, Survey};
 use serde_json::{Value, json};
@@ -6,11 +6,11 @@ use std::fmt::Write;
 use viola_formats::lidar::{Cell, LidarInfo, LidarMap, MapMarks, Room, RoomInfo};
 use viola_geometry::{Grid, GridFrame, Point2, Pose2};
 
-/// Empty cells around the Valetudo map: left and below, right and above.
+/// Empty cells around the Valetudo map: left and below; right and above.
 const MARGIN: [usize; 2] = [12, 7];
 
 impl Survey {
-    /// Valetudo's frame has its origin at the lower-left corner of the map's `size`.
+    /// Returns the transform to Valetudo's frame, whose origin is the lower-left corner of the map's `size`.
     pub fn valetudo_from_home(&self) -> Pose2 {
         let origin = self.cells.frame.origin_m;
         let margin = MARGIN[0] as f64 * CELL_M;
@@ -37,17 +37,17 @@ impl Survey {
         grid
     }
 
-    /// Whole centimetres, as Valetudo has them, y up.
+    /// Returns the charger in whole centimetres, y up, and its angle in Valetudo's degrees.
     fn charger_cm(&self) -> ([i64; 2], i64) {
         let charger =
             self.valetudo_from_home().compose(&self.robot_from_home.inverse()).compose(&self.charger);
         let cm = [charger.x_m, charger.y_m].map(|v| (v * 100.0).round() as i64);
-        // Valetudo counts degrees clockwise from north.
+        // Valetudo's degrees are clockwise from north.
         let north = (90.0 - charger.yaw_rad.to_degrees()).round() as i64;
         (cm, north.rem_euclid(360))
     }
 
-    /// The map as it is read back from [`valetudo_json`].
+    /// Returns the map as read back from [`valetudo_json`].
     pub fn lidar_map(&self) -> LidarMap {
         let cells = self.valetudo_cells();
         let frame = cells.frame;
@@ -93,7 +93,7 @@ impl Survey {
         LidarMap { info, occupied_m, cells: Some(cells), rooms, charger: Some(charger), carpet_m: vec![] }
     }
 
-    /// The segment of a cell of the Valetudo map.
+    /// Returns the segment of a cell of the Valetudo map.
     fn segment_at(&self, x: usize, y: usize) -> u16 {
         let frame = &self.cells.frame;
         match (x.checked_sub(MARGIN[0]), y.checked_sub(MARGIN[0])) {
@@ -115,7 +115,7 @@ fn room_info(room: &Room) -> RoomInfo {
     }
 }
 
-/// Valetudo's map JSON, version 2: centimetres, y down, runs of pixels.
+/// Returns Valetudo's map JSON, version 2: centimetres, y down, runs of pixels.
 pub fn valetudo_json(survey: &Survey) -> Value {
     let cells = survey.valetudo_cells();
     let GridFrame { width, height, .. } = cells.frame;
@@ -183,7 +183,7 @@ pub fn valetudo_json(survey: &Survey) -> Value {
     })
 }
 
-/// The picture of a ROS map_server map (binary PGM), in the frame `robot`.
+/// Returns the picture of a ROS map_server map (binary PGM), in the frame `robot`.
 pub fn ros_pgm(survey: &Survey) -> Vec<u8> {
     let GridFrame { width, height, .. } = survey.cells.frame;
     let mut out = format!("P5\n{width} {height}\n255\n").into_bytes();
@@ -197,7 +197,7 @@ pub fn ros_pgm(survey: &Survey) -> Vec<u8> {
     out
 }
 
-/// The description beside [`ros_pgm`].
+/// Returns the YAML description of [`ros_pgm`].
 pub fn ros_yaml(survey: &Survey, image: &str) -> String {
     let [x, y] = survey.cells.frame.origin_m;
     format!(
@@ -206,7 +206,7 @@ pub fn ros_yaml(survey: &Survey, image: &str) -> String {
     )
 }
 
-/// The wall points in the frame `robot`, metres.
+/// Returns the wall points as CSV, in the frame `robot`, in metres.
 pub fn points_csv(survey: &Survey) -> String {
     let mut out = String::from("x_m,y_m\n");
     for point in &survey.points_m {

@@ -1,4 +1,4 @@
-//! A drawing of the home from above, for people to judge it by.
+//! Drawing of a home from above, for visual inspection.
 
 use super::clip::SimulatedClip;
 use super::home::Home;
@@ -20,8 +20,8 @@ struct Canvas {
     high: [f64; 2],
 }
 
-/// The home on the day of the clips, the vacuum's points (red) and scans (small crosses), what crosses the
-/// vacuum's height on its own day (black outlines), and the clips' ways with views (blue, green, violet).
+/// Draws the home on the clips' day, the vacuum's points (red) and scans (small dots), solids that cross the
+/// vacuum's height on its day (black outlines), and the clips' paths with views (blue, green, violet).
 pub fn plan_png(home: &Home, survey: &Survey, clips: &[&SimulatedClip]) -> Vec<u8> {
     let bounds = home.plan.bounds();
     let size = |axis: usize| ((bounds.size(axis) + 2.0 * MARGIN_M) * PIXELS_PER_M).ceil() as u32;
@@ -78,7 +78,7 @@ fn tint(kind: RoomKind) -> [u8; 3] {
     }
 }
 
-/// The solid's outline from above.
+/// Returns a solid's outline from above.
 fn outline_of(primitive: &Primitive) -> Vec<Point2> {
     let corner = |x: f64, y: f64| {
         let offset = primitive.home_from_unit * Vector3::new(x, y, 0.0);

@@ -1,4 +1,4 @@
-//! A piece of furniture: solids in a frame of its own, put somewhere.
+//! Pieces of furniture: solids in their own frame, with a pose.
 
 use super::finish::Finish;
 use super::plan::Rect;
@@ -6,7 +6,7 @@ use super::solid::{Shape, Solid};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Point3, Pose2, Vector3};
 
-/// A turned rectangle on the floor.
+/// A rotated rectangle on the floor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Footprint {
     pub centre: Point2,
@@ -34,7 +34,7 @@ impl Footprint {
         self.corners().iter().all(|corner| rect.contains(corner))
     }
 
-    /// Whether two rectangles share area: no side of either separates them.
+    /// Returns whether two rectangles share area (separating axis test).
     pub fn overlaps(&self, other: &Footprint) -> bool {
         let (a, b) = (self.corners(), other.corners());
         let axes = [self.yaw_rad, other.yaw_rad];
@@ -57,14 +57,14 @@ impl Footprint {
     }
 }
 
-/// How a piece takes its place.
+/// Mounting of a piece.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Mount {
-    /// It stands on the floor and keeps others away.
+    /// On the floor; blocks other pieces.
     Floor,
-    /// It lies flat: one may stand on it.
+    /// Flat on the floor; pieces may stand on it.
     Flat,
-    /// It hangs above the floor, on a wall or from the ceiling.
+    /// Above the floor, on a wall or from the ceiling.
     Hung,
 }
 
@@ -76,7 +76,7 @@ pub(super) struct Piece {
     pub size: [f64; 3],
     pub solids: Vec<Solid>,
     pub mount: Mount,
-    /// Whether another day may find it elsewhere.
+    /// True if it may move on another day.
     pub movable: bool,
     pub room: usize,
     pub home_from_piece: Pose2,
@@ -105,7 +105,7 @@ impl Piece {
         self
     }
 
-    /// Adds an upright block of the piece's class: the middle of its bottom, and its full size.
+    /// Adds an upright block of the piece's class, by the centre of its bottom and its full size.
     pub fn block(&mut self, bottom: [f64; 3], size: [f64; 3], finish: Finish) -> &mut Solid {
         self.solid(Shape::Block, bottom, size, finish)
     }
@@ -115,7 +115,7 @@ impl Piece {
         self.solid(Shape::Cylinder, bottom, [2.0 * radius, 2.0 * radius, height], finish)
     }
 
-    /// Adds an ellipsoid: the middle of its bottom, and its full size.
+    /// Adds an ellipsoid, by the centre of its bottom and its full size.
     pub fn ball(&mut self, bottom: [f64; 3], size: [f64; 3], finish: Finish) -> &mut Solid {
         self.solid(Shape::Ball, bottom, size, finish)
     }
@@ -135,7 +135,7 @@ impl Piece {
         &mut self.solids[index]
     }
 
-    /// Four legs under a `width` x `depth` top, `inset` from its edges.
+    /// Adds four legs under a `width` x `depth` top, `inset` from its edges.
     pub fn legs(&mut self, width: f64, depth: f64, height: f64, thick: f64, inset: f64, finish: Finish) {
         let (x, y) = (width / 2.0 - inset - thick / 2.0, depth / 2.0 - inset - thick / 2.0);
         for (sx, sy) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
@@ -143,7 +143,7 @@ impl Piece {
         }
     }
 
-    /// Takes the solids of another piece into this one, at a pose in this one's frame and `up_m` higher.
+    /// Adds the solids of another piece, at a pose in this one's frame and `up_m` higher.
     pub fn join(&mut self, other: &Piece, pose: &Pose2, up_m: f64) {
         self.solids.extend(other.solids.iter().map(|solid| {
             let mut moved = solid.moved(pose);
@@ -152,7 +152,7 @@ impl Piece {
         }));
     }
 
-    /// The mirror image of a piece in its own frame, x to -x.
+    /// Returns the mirror image of a piece in its own frame, x to -x.
     pub fn mirrored(&self) -> Piece {
         Piece { solids: self.solids.iter().map(Solid::mirrored).collect(), ..self.clone() }
     }
@@ -166,7 +166,7 @@ impl Piece {
         Footprint { centre: Point2::new(pose.x_m, pose.y_m), half, yaw_rad: pose.yaw_rad }
     }
 
-    /// Its solids where it stands.
+    /// Returns its solids at its pose.
     pub fn placed(&self) -> impl Iterator<Item = Solid> + '_ {
         self.solids.iter().map(|solid| solid.moved(&self.home_from_piece))
     }
@@ -183,7 +183,7 @@ mod tests {
         let cases = [
             (square(0.0, 0.0, 0.0), square(0.9, 0.0, 0.0), true),
             (square(0.0, 0.0, 0.0), square(1.1, 0.0, 0.0), false),
-            // Diamonds beside each other: their boxes overlap, they do not.
+            // Adjacent diamonds: only their bounding boxes overlap.
             (square(0.0, 0.0, 0.785), square(1.05, 1.05, 0.785), false),
             (square(0.0, 0.0, 0.0), square(1.15, 0.0, 0.785), true),
             (square(0.0, 0.0, 0.0), square(1.25, 0.0, 0.785), false),

@@ -1,4 +1,4 @@
-//! Floor plans: rectangular rooms, the walls between them, and what opens in the walls.
+//! Floor plans: rectangular rooms, their walls, and the openings in the walls.
 
 mod features;
 mod openings;
@@ -14,7 +14,7 @@ use serde::Serialize;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Pose2};
 
-/// What a room is for.
+/// Use of a room.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RoomKind {
@@ -48,7 +48,7 @@ impl RoomKind {
     }
 }
 
-/// An upright rectangle of the plan.
+/// An axis-aligned rectangle of the plan.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Rect {
     pub min: [f64; 2],
@@ -84,20 +84,20 @@ pub struct Room {
     pub name: String,
     pub outline: Rect,
     pub inner: Rect,
-    /// Which copy of the repeated unit it belongs to, and which part of the unit it is.
+    /// Copy of the repeated unit, and part of the unit.
     pub unit: Option<(usize, usize)>,
 }
 
 /// A straight wall between two rooms, or between a room and the outside.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Wall {
-    /// It runs along x; otherwise along y.
+    /// True along x, false along y.
     pub along_x: bool,
-    /// Its middle, across.
+    /// Coordinate of its centre line across the wall.
     pub line: f64,
     pub from: f64,
     pub to: f64,
-    /// The rooms on the side of smaller and of larger coordinates.
+    /// Rooms on the sides of smaller and of larger coordinates.
     pub rooms: [Option<usize>; 2],
 }
 
@@ -122,11 +122,11 @@ pub(super) struct Opening {
     pub width_m: f64,
     pub sill_m: f64,
     pub head_m: f64,
-    /// The rooms on the side of smaller and of larger coordinates.
+    /// Rooms on the sides of smaller and of larger coordinates.
     pub rooms: [Option<usize>; 2],
-    /// Which end the hinge is at, -1 or 1 along the wall.
+    /// End of the hinge, -1 or 1 along the wall.
     pub hinge: f64,
-    /// Which side the leaf opens to, -1 or 1 across the wall.
+    /// Side to which the leaf opens, -1 or 1 across the wall.
     pub swing: f64,
     pub open_rad: f64,
 }
@@ -140,12 +140,12 @@ impl Opening {
         if self.along_x { self.centre.x } else { self.centre.y }
     }
 
-    /// Whether a person walks through it.
+    /// Returns whether a person can walk through it.
     pub fn is_way(&self) -> bool {
         matches!(self.kind, OpeningKind::Door | OpeningKind::Passage | OpeningKind::Wide)
     }
 
-    /// The rectangle in front of and behind it, `reach_m` to each side of the wall's middle.
+    /// Returns the rectangle on both sides of it, up to `reach_m` from the wall's centre line.
     pub fn zone(&self, reach_m: f64) -> Footprint {
         let half = [self.width_m / 2.0, reach_m];
         let half = if self.along_x { half } else { [half[1], half[0]] };
@@ -153,16 +153,16 @@ impl Opening {
     }
 }
 
-/// A part of the building that stands in a room: a chimney breast, a pillar, a cut corner.
+/// A part of the building in a room: a chimney breast, a pillar, a cut corner.
 #[derive(Debug, Clone)]
 pub(super) struct Feature {
     pub room: usize,
     pub solid: Solid,
-    /// The floor that it takes.
+    /// Occupied floor.
     pub footprint: Footprint,
 }
 
-/// Where a copy of the repeated unit lies: mirror (x to -x) if so, then move.
+/// Placement of a copy of the repeated unit: mirrored (x to -x) if set, then moved.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct UnitPlace {
     pub mirrored: bool,
@@ -190,7 +190,7 @@ struct Cell {
 }
 
 impl Plan {
-    /// A flat or a house of 1 to 12 rooms.
+    /// Generates a flat or a house of 1 to 12 rooms.
     pub(super) fn of_a_home(rng: &mut Rng) -> Plan {
         let cells = slicing::layout(&mut rng.fork("layout", 0));
         let mut plan = Plan::with_walls(cells, rng);
@@ -200,7 +200,7 @@ impl Plan {
         plan
     }
 
-    /// A corridor with a row of rooms that look alike.
+    /// Generates a corridor with a row of look-alike rooms.
     pub(super) fn of_a_row(rng: &mut Rng) -> Plan {
         row::layout(rng)
     }
@@ -224,12 +224,12 @@ impl Plan {
         Plan { rooms, ceiling_m, wall_m, units: vec![], walls, openings: vec![], features: vec![] }
     }
 
-    /// The room whose inside holds a point.
+    /// Returns the room whose inside contains a point.
     pub fn room_at(&self, point: &Point2) -> Option<usize> {
         self.rooms.iter().position(|room| room.inner.contains(point))
     }
 
-    /// The box around all rooms.
+    /// Returns the bounding box of all rooms.
     pub fn bounds(&self) -> Rect {
         let fold = |pick: fn(&Rect) -> [f64; 2], start: f64, better: fn(f64, f64) -> f64| {
             let each = |axis: usize| self.rooms.iter().map(|r| pick(&r.outline)[axis]).fold(start, better);
@@ -241,7 +241,7 @@ impl Plan {
         }
     }
 
-    /// Sum of the rooms' inner areas.
+    /// Returns the sum of the rooms' inner areas.
     pub fn area_m2(&self) -> f64 {
         self.rooms.iter().map(|room| room.inner.area_m2()).sum()
     }
@@ -262,7 +262,7 @@ impl Feature {
     }
 }
 
-/// Plans lie on a 5 cm raster, so that walls meet exactly.
+/// Snaps to the plan's 5 cm raster, so that walls meet exactly.
 fn snap(value: f64) -> f64 {
     (value * 20.0).round() / 20.0
 }

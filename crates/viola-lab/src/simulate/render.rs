@@ -1,8 +1,8 @@
-//! Depth pictures: every pixel's first surface.
+//! Rendering of depth pictures: the first surface of every pixel.
 //!
-//! Pixels of one tile see much the same solids, so each solid's transform is applied once a tile row and
-//! the arithmetic runs over sixteen neighbouring pixels at a time. Solids come nearest first; a tile ends
-//! when the next one begins behind everything seen.
+//! Pixels of a tile see similar solids, so each solid's transform is computed once per tile row, for sixteen
+//! adjacent pixels at a time. Solids are sorted by distance; a tile ends when the next solid is behind
+//! everything seen.
 
 use super::scene::{Primitive, Scene};
 use super::solid::Shape;
@@ -12,39 +12,39 @@ use viola_geometry::{Pinhole, Pose3, Vector3};
 
 /// Side of a tile in pixels.
 const TILE: usize = 16;
-/// Nothing nearer than this is seen, in metres along z.
+/// Near plane, in metres along z.
 const NEAR_M: f64 = 0.02;
-/// In [`View::solid`]: the pixel sees nothing.
+/// Value of [`View::solid`] for pixels without a surface.
 pub const NOTHING: u32 = u32::MAX;
 
-/// What a camera sees without noise, row after row from the top.
+/// Noise-free view of a camera, row-major from the top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
     pub width: usize,
     pub height: usize,
-    /// Along z, in metres; infinite where nothing is seen.
+    /// Along z, in metres; infinite without a surface.
     pub depth_m: Vec<f32>,
     /// Index of the solid in the scene, or [`NOTHING`].
     pub solid: Vec<u32>,
 }
 
-/// A solid as one camera sees it.
+/// A solid in one camera's view.
 struct Candidate {
     index: u32,
     shape: Shape,
-    /// The camera in the unit shape's frame.
+    /// Camera position in the unit shape's frame.
     origin: [f32; 3],
-    /// The direction of pixel (0, 0), and its change with the column and with the row.
+    /// Direction of pixel (0, 0), and its change per column and per row.
     corner: [f32; 3],
     right: [f32; 3],
     down: [f32; 3],
     nearest_m: f32,
-    /// Columns and rows that may see it, the last ones excluded.
+    /// Range of columns and rows that may see it.
     columns: [usize; 2],
     rows: [usize; 2],
 }
 
-/// What `camera` sees of `scene` from a pose.
+/// Renders the view of `camera` from a pose.
 pub fn render(scene: &Scene, camera: &Pinhole, home_from_camera: &Pose3) -> View {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let mut candidates: Vec<Candidate> = scene
@@ -130,7 +130,7 @@ struct Bounds {
     nearest_m: f64,
 }
 
-/// The picture's rectangle that holds a box, cut at the near plane; none when all of it is behind.
+/// Returns the image rectangle of a box, clipped at the near plane; none if it is entirely behind.
 fn screen_bounds(camera_from_unit: &Matrix3<f64>, centre: &Vector3, camera: &Pinhole) -> Option<Bounds> {
     let corner = |k: usize| {
         let sign = |bit: usize| if k >> bit & 1 == 1 { 1.0 } else { -1.0 };

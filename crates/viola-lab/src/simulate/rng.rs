@@ -1,11 +1,11 @@
-//! Seeded randomness, and a hash for noise that must not depend on the order of the pixels.
+//! Seeded random numbers, and a hash for noise that does not depend on the order of pixels.
 
 use rand::seq::{IndexedRandom, SliceRandom};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// A stream of random choices. Parts of a home draw from streams of their own, so that a change in one
-/// part leaves the others as they were.
+/// A stream of random choices. Parts of a home have independent streams, so that a change in one part does
+/// not affect the others.
 pub(super) struct Rng {
     seed: u64,
     rng: ChaCha8Rng,
@@ -16,7 +16,7 @@ impl Rng {
         Rng { seed, rng: ChaCha8Rng::seed_from_u64(seed) }
     }
 
-    /// A stream of its own, the same whatever was drawn from this one.
+    /// Returns an independent stream that does not depend on the draws from this one.
     pub fn fork(&self, name: &str, index: u64) -> Rng {
         let mut seed = hash(self.seed ^ 0x9e37_79b9_7f4a_7c15);
         for byte in name.bytes() {
@@ -29,12 +29,12 @@ impl Rng {
         self.seed
     }
 
-    /// Uniform in `low..high`; `low` where the range is empty.
+    /// Returns a uniform number in `low..high`; `low` if the range is empty.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         if high > low { self.rng.random_range(low..high) } else { low }
     }
 
-    /// Uniform in `low..=high`.
+    /// Returns a uniform integer in `low..=high`.
     pub fn count(&mut self, low: usize, high: usize) -> usize {
         if high > low { self.rng.random_range(low..=high) } else { low }
     }
@@ -43,17 +43,17 @@ impl Rng {
         self.rng.random::<f64>() < probability
     }
 
-    /// -1 or 1.
+    /// Returns -1 or 1.
     pub fn sign(&mut self) -> f64 {
         if self.chance(0.5) { 1.0 } else { -1.0 }
     }
 
-    /// Any of the items, or none when there are none.
+    /// Returns a random item; none if there are no items.
     pub fn any<'a, T>(&mut self, items: &'a [T]) -> Option<&'a T> {
         items.choose(&mut self.rng)
     }
 
-    /// One of the items. The list is written in the code and never empty.
+    /// Returns a random item of a non-empty array.
     pub fn pick<T: Copy, const N: usize>(&mut self, items: [T; N]) -> T {
         items[self.count(0, N - 1)]
     }
@@ -62,7 +62,7 @@ impl Rng {
         items.shuffle(&mut self.rng);
     }
 
-    /// Normal with mean 0 and standard deviation 1 (Box and Muller, 1958).
+    /// Returns a standard normal number (Box and Muller, 1958).
     pub fn gaussian(&mut self) -> f64 {
         let u: f64 = 1.0 - self.rng.random::<f64>();
         let v: f64 = self.rng.random();
@@ -78,13 +78,13 @@ pub(super) fn hash(value: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Uniform in 0..1 from a hash.
+/// Returns a uniform number in 0..1 from a hash.
 pub(super) fn unit(hashed: u64) -> f32 {
     (hashed >> 40) as f32 / (1u64 << 24) as f32
 }
 
-/// About normal with mean 0 and standard deviation 1: the sum of four 16-bit uniforms. Its tails end at
-/// 3.46, which is what a sensor model needs.
+/// Returns an approximately standard normal number, the sum of four 16-bit uniforms. Its tails end at 3.46,
+/// enough for a sensor model.
 pub(super) fn bell(hashed: u64) -> f32 {
     let sum = (hashed & 0xffff) + ((hashed >> 16) & 0xffff) + ((hashed >> 32) & 0xffff) + (hashed >> 48);
     (sum as f32 / 65536.0 - 2.0) * 1.732_050_8

@@ -1,4 +1,4 @@
-//! Solids ready for rays: a bounding volume hierarchy for single rays and queries.
+//! Ray casting of solids with a bounding volume hierarchy.
 
 use super::finish::Finish;
 use super::solid::{Shape, Solid};
@@ -6,7 +6,7 @@ use nalgebra::Matrix3;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point3, Vector3};
 
-/// What a ray hit first.
+/// First hit of a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     /// In units of the ray's direction.
@@ -15,7 +15,7 @@ pub struct Hit {
     pub solid: usize,
 }
 
-/// A solid with its transform worked out.
+/// A solid with its precomputed transform.
 #[derive(Debug, Clone)]
 pub(super) struct Primitive {
     pub shape: Shape,
@@ -26,7 +26,7 @@ pub(super) struct Primitive {
     pub high: Point3,
     pub half: Vector3,
     pub class: Class,
-    /// Which piece of the home it belongs to; 0 is the building.
+    /// Number of its piece; 0 is the building.
     pub instance: u16,
     pub finish: Finish,
 }
@@ -48,7 +48,7 @@ impl Primitive {
         }
     }
 
-    /// Distance to the first surface in front of the origin, or none; none from inside.
+    /// Returns the distance to the first surface in front of the origin; none from inside.
     pub fn intersect(&self, origin: &Point3, direction: &Vector3) -> Option<f64> {
         let o = self.unit_from_home * (origin - self.centre);
         let d = self.unit_from_home * direction;
@@ -70,7 +70,7 @@ impl Primitive {
             Shape::Cylinder => {
                 let ((r0, r1), (z0, z1)) = (round(&[0, 1]), slab(2));
                 if r0.is_nan() {
-                    // Either beside the cylinder, or along its axis.
+                    // The ray passes the cylinder, or is parallel to its axis.
                     let along = d.x == 0.0 && d.y == 0.0 && o.x.hypot(o.y) < 1.0;
                     if along { (z0, z1) } else { return None }
                 } else {
@@ -91,7 +91,7 @@ impl Primitive {
         }
     }
 
-    /// A point on the surface in the unit shape's frame, and the outward normal there in home.
+    /// Returns a surface point in the unit shape's frame, and the outward normal in the home's frame.
     pub fn surface(&self, point: &Point3) -> (Vector3, Vector3) {
         let local = self.unit_from_home * (point - self.centre);
         let normal = match self.shape {
@@ -109,11 +109,11 @@ impl Primitive {
     }
 }
 
-/// Everything that rays can hit on one day.
+/// All solids of one day.
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub(super) primitives: Vec<Primitive>,
-    /// The order of the primitives in the leaves.
+    /// Primitive indices in leaf order.
     order: Vec<u32>,
     nodes: Vec<Node>,
 }
@@ -125,19 +125,19 @@ struct Node {
     /// Leaf: first and count in `order`. Inner node: index of the second child; the first follows the node.
     first: u32,
     count: u32,
-    /// Axis along which an inner node's children lie, the first on the side of smaller coordinates.
+    /// Axis that separates an inner node's children; the first has the smaller coordinates.
     axis: usize,
 }
 
 const LEAF: usize = 2;
 
 impl Scene {
-    /// A scene of solids, each with the number of the piece that it belongs to.
+    /// Builds a scene of solids with the numbers of their pieces.
     pub(super) fn new(solids: impl IntoIterator<Item = (Solid, u16)>) -> Scene {
         Scene::of(solids.into_iter().map(|(solid, instance)| Primitive::new(&solid, instance)).collect())
     }
 
-    /// Only what stands at this height: all that a level ray there can hit.
+    /// Returns the solids that cross this height: all that a horizontal ray there can hit.
     pub(super) fn slice(&self, height_m: f64) -> Scene {
         let crosses = |p: &&Primitive| p.low.z <= height_m && height_m <= p.high.z;
         Scene::of(self.primitives.iter().filter(crosses).cloned().collect())
@@ -153,7 +153,7 @@ impl Scene {
         scene
     }
 
-    /// Halves at the median along the longest axis.
+    /// Builds the hierarchy: median splits along the longest axis.
     fn build(&mut self, order: &mut [u32], first: usize) {
         let (mut low, mut high) = (Point3::from([f64::MAX; 3]), Point3::from([f64::MIN; 3]));
         for &index in order.iter() {
@@ -183,13 +183,13 @@ impl Scene {
         self.primitives.is_empty()
     }
 
-    /// The class of a solid by its index in a [`Hit`].
+    /// Returns the class of a solid by its index in a [`Hit`].
     pub fn class(&self, solid: usize) -> Class {
         self.primitives[solid].class
     }
 
-    /// The first surface along a ray, up to `reach` times its direction. Solids that hold the origin are
-    /// not seen.
+    /// Returns the first surface along a ray, up to `reach` times its direction. Solids that contain the
+    /// origin are not hit.
     pub fn cast(&self, origin: &Point3, direction: &Vector3, reach: f64) -> Option<Hit> {
         self.cast_where(origin, direction, reach, |_| true)
     }
@@ -242,7 +242,7 @@ impl Scene {
         (best.solid != usize::MAX).then_some(best)
     }
 
-    /// Whether a point lies within a solid.
+    /// Returns whether a point is inside a solid.
     pub fn is_inside(&self, point: &Point3) -> bool {
         let mut stack = vec![0u32];
         while let Some(index) = stack.pop() {
@@ -262,12 +262,12 @@ impl Scene {
         false
     }
 
-    /// What a solid is, and the number of the piece that it belongs to; 0 is the building.
+    /// Returns the class of a solid, and the number of its piece; 0 is the building.
     pub fn label(&self, solid: usize) -> (Class, u16) {
         (self.primitives[solid].class, self.primitives[solid].instance)
     }
 
-    /// The normal of a solid's surface at a point on it.
+    /// Returns the normal of a solid's surface at a point on it.
     pub fn normal(&self, solid: usize, point: &Point3) -> Vector3 {
         self.primitives[solid].surface(point).1
     }
@@ -286,7 +286,7 @@ mod tests {
         Solid { shape, centre, half, yaw_rad, tilt_rad, class: Class::Box, finish }
     }
 
-    /// Distances worked out by hand.
+    /// Distances computed by hand.
     #[test]
     fn rays_end_where_geometry_says() {
         let root = std::f64::consts::SQRT_2;
@@ -295,9 +295,9 @@ mod tests {
         let ahead = [1.0, 0.0, 0.0];
         let cases = [
             (solid(Shape::Block, [5.0, 0.0, 0.0], unit, 0.0, 0.0), [0.0; 3], ahead, Some(4.0)),
-            // A block turned by 45 degrees shows its edge.
+            // A block rotated by 45 degrees shows its edge.
             (solid(Shape::Block, [5.0, 0.0, 0.0], unit, eighth, 0.0), [0.0; 3], ahead, Some(5.0 - root)),
-            // Leant by 45 degrees about x, seen along y.
+            // Tilted by 45 degrees about x, seen along y.
             (
                 solid(Shape::Block, [0.0, 5.0, 0.0], unit, 0.0, eighth),
                 [0.0; 3],
@@ -306,7 +306,7 @@ mod tests {
             ),
             (solid(Shape::Block, [5.0, 0.0, 0.0], [1.0, 0.1, 1.0], 0.0, 0.0), [0.0, 0.2, 0.0], ahead, None),
             (solid(Shape::Cylinder, [5.0, 0.0, 0.0], [0.5, 0.5, 1.0], 0.0, 0.0), [0.0; 3], ahead, Some(4.5)),
-            // Off its axis by 0.3: the chord begins 0.4 before the middle.
+            // 0.3 off its axis: the chord begins 0.4 before the middle.
             (solid(Shape::Cylinder, [5.0, 0.3, 0.0], [0.5, 0.5, 1.0], 0.0, 0.0), [0.0; 3], ahead, Some(4.6)),
             (solid(Shape::Cylinder, [5.0, 0.0, 3.0], [0.5, 0.5, 1.0], 0.0, 0.0), [0.0; 3], ahead, None),
             // From above, along the axis.
@@ -323,7 +323,7 @@ mod tests {
                 ahead,
                 Some(4.0),
             ),
-            // Behind, and around the eye.
+            // Behind the eye, and around it.
             (solid(Shape::Block, [-5.0, 0.0, 0.0], unit, 0.0, 0.0), [0.0; 3], ahead, None),
             (solid(Shape::Ball, [0.0, 0.0, 0.0], unit, 0.0, 0.0), [0.0; 3], ahead, None),
         ];
@@ -337,7 +337,7 @@ mod tests {
             };
             assert!(same, "case {index}: {hit:?}, not {expected:?}");
             assert_eq!(scene.cast(&origin, &direction, 1.9), None, "case {index}: beyond reach");
-            // The renderer looks along z; its middle pixel is this very ray.
+            // The renderer looks along z; its middle pixel is the same ray.
             let turn =
                 nalgebra::UnitQuaternion::rotation_between(&Vector3::z(), &direction).unwrap_or_else(|| {
                     nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI)

@@ -1,4 +1,4 @@
-//! What depth sensors make of the truth.
+//! Error models of depth sensors.
 
 use super::render::{NOTHING, View};
 use super::rng::{bell, hash, unit};
@@ -12,11 +12,11 @@ use viola_geometry::{Pinhole, Point3, Pose3};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sensor {
-    /// A phone's LiDAR as its software gives it: 256x192, to 5 m, noise of about 1 % that varies slowly
-    /// over the picture, edges smeared over a pixel, millimetres.
+    /// A phone's processed LiDAR: 256x192, up to 5 m, noise of about 1 % that varies slowly over the picture,
+    /// edges smeared over a pixel, millimetres.
     PhoneLidar,
-    /// A structured-light camera: 640x480, 0.5 to 4.5 m, noise and steps that grow with the square of the
-    /// distance, holes at grazing angles, on dark and shiny surfaces, and in the projector's shadow.
+    /// A structured-light camera: 640x480, 0.5 to 4.5 m, noise and quantisation that grow with the square of
+    /// the distance; holes at grazing angles, on dark and shiny surfaces, and in the projector's shadow.
     StructuredLight,
 }
 
@@ -44,7 +44,7 @@ impl Sensor {
         }
     }
 
-    /// Farthest reading, in metres.
+    /// Returns the maximum range, in metres.
     pub fn range_m(self) -> f64 {
         match self {
             Sensor::PhoneLidar => 5.0,
@@ -52,7 +52,7 @@ impl Sensor {
         }
     }
 
-    /// The reading of a view; `salt` tells frames apart.
+    /// Returns the measured depth of a view; `salt` distinguishes frames.
     pub(super) fn measure(
         self,
         scene: &Scene,
@@ -70,7 +70,7 @@ impl Sensor {
     }
 }
 
-/// Noise that varies over `size` pixels: bilinear between normal values at the corners of squares.
+/// Noise that varies over `size` pixels: bilinear interpolation of normal values on a grid.
 struct SlowNoise {
     size: usize,
     columns: usize,
@@ -114,7 +114,7 @@ fn phone_lidar(view: &View, salt: u64) -> Vec<f32> {
     out
 }
 
-/// The depth with edges smeared: the software that fills in between the few laser dots bridges them.
+/// Returns the depth with smeared edges: the phone's software interpolates between few laser dots.
 fn smeared(view: &View, x: usize, y: usize, depth: f32) -> f32 {
     if x == 0 || y == 0 || x + 1 >= view.width || y + 1 >= view.height {
         return depth;
@@ -149,7 +149,7 @@ fn structured_light(
     let turn = home_from_camera.rotation.to_rotation_matrix();
     let mut out = vec![0f32; view.depth_m.len()];
     for y in 0..view.height {
-        // The projector is to the right: what lies further right and nearer shades what is left of it.
+        // The projector is to the right: nearer surface further right shadows the surface left of it.
         let mut shade = f32::INFINITY;
         for x in (0..view.width).rev() {
             let at = y * view.width + x;
@@ -171,14 +171,14 @@ fn structured_light(
             let facing = (normal.dot(&ray) / ray.norm()).abs() as f32;
             let finish = &primitive.finish;
             let bright = (finish.rgb[0] + finish.rgb[1] + finish.rgb[2]) / 3.0;
-            // Light that comes back, against what is needed at this distance.
+            // Returned light relative to the light needed at this distance.
             let signal = facing * bright * (1.0 - 0.8 * finish.gloss) * (4.5 / depth).min(3.0);
             let patch = hash(salt ^ hash((((x / 3) as u64) << 32) | (y / 3) as u64));
             if facing < 0.12 || signal < 0.12 * (0.5 + unit(patch)) {
                 continue;
             }
             let disparity = scale / depth + 0.07 * slow.at(x, y) + 0.05 * bell(hash(salt ^ hash(at as u64)));
-            // Steps of an eighth of a pixel.
+            // Quantised to an eighth of a pixel.
             let steps = (disparity * 8.0).round();
             let measured = scale * 8.0 / steps;
             if measured > 0.0 && measured < Sensor::StructuredLight.range_m() as f32 {

@@ -1,4 +1,4 @@
-//! Colour pictures: texture, simple light, and the noise of a phone's camera.
+//! Rendering of colour pictures: texture, simple lighting, and the noise of a phone's camera.
 
 use super::render::{NOTHING, View};
 use super::rng::{bell, hash};
@@ -7,10 +7,10 @@ use super::solid::Shape;
 use rayon::prelude::*;
 use viola_geometry::{Pinhole, Point3, Pose3, Vector3};
 
-/// How a clip is lit and exposed.
+/// Lighting and exposure of a clip.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Light {
-    /// Where most light comes from.
+    /// Direction of the main light.
     pub toward: Vector3,
     pub exposure: f32,
     /// Gain of red and blue against green.
@@ -19,7 +19,7 @@ pub(super) struct Light {
     pub noise: f32,
 }
 
-/// The picture of a view; `salt` tells frames apart.
+/// Returns the picture of a view; `salt` distinguishes frames.
 pub(super) fn shade(
     scene: &Scene,
     camera: &Pinhole,
@@ -69,7 +69,7 @@ fn lit(primitive: &Primitive, point: &Point3, ray: &Vector3, light: &Light, soli
     colour.map(|c| c * bright as f32 + sheen as f32)
 }
 
-/// Metres across and up the surface.
+/// Returns surface coordinates in metres, across and up.
 fn texture_coordinates(primitive: &Primitive, local: &Vector3) -> (f32, f32) {
     let metres = local.component_mul(&primitive.half);
     match primitive.shape {

@@ -1,11 +1,11 @@
-//! The few shapes that everything is made of.
+//! Basic shapes of all solids.
 
 use super::finish::Finish;
 use nalgebra::{Matrix3, Rotation3};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point3, Pose2, Vector3};
 
-/// A unit shape: within -1..1 along each axis.
+/// A unit shape, in -1..1 along each axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Shape {
     Block,
@@ -14,7 +14,7 @@ pub(super) enum Shape {
     Ball,
 }
 
-/// A unit shape scaled by `half`, leant by `tilt_rad` about its x axis, turned by `yaw_rad`, moved to `centre`.
+/// A unit shape scaled by `half`, tilted by `tilt_rad` about x, rotated by `yaw_rad`, moved to `centre`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Solid {
     pub shape: Shape,
@@ -27,7 +27,7 @@ pub(super) struct Solid {
 }
 
 impl Solid {
-    /// An upright block by its middle at the bottom and its full size.
+    /// Returns an upright block, by the centre of its bottom and its full size.
     pub fn block(class: Class, bottom: [f64; 3], size: [f64; 3], finish: Finish) -> Solid {
         Solid {
             shape: Shape::Block,
@@ -49,7 +49,7 @@ impl Solid {
         }
     }
 
-    /// Its mirror image, x to -x.
+    /// Returns its mirror image, x to -x.
     pub fn mirrored(&self) -> Solid {
         let centre = Point3::new(-self.centre.x, self.centre.y, self.centre.z);
         Solid { centre, yaw_rad: -self.yaw_rad, ..*self }
@@ -60,17 +60,17 @@ impl Solid {
             * Rotation3::from_axis_angle(&Vector3::x_axis(), self.tilt_rad)
     }
 
-    /// Takes directions from home to the unit shape.
+    /// Returns the transform of directions from home to the unit shape.
     pub fn unit_from_home(&self) -> Matrix3<f64> {
         Matrix3::from_diagonal(&self.half.map(|h| 1.0 / h)) * self.rotation().inverse().matrix()
     }
 
-    /// Takes directions from the unit shape to home.
+    /// Returns the transform of directions from the unit shape to home.
     pub fn home_from_unit(&self) -> Matrix3<f64> {
         self.rotation().matrix() * Matrix3::from_diagonal(&self.half)
     }
 
-    /// The box around it, by its half size about `centre`.
+    /// Returns the half size of its bounding box, about `centre`.
     pub fn half_bounds(&self) -> Vector3 {
         let axes = self.home_from_unit();
         match self.shape {

@@ -1,4 +1,4 @@
-//! From a plan to the solids of the building: floors, ceilings, walls with their holes, frames, doors.
+//! Solids of the building of a plan: floors, ceilings, walls with openings, frames, doors.
 
 use super::finish::{DARK, Finish, METAL, Pattern, WHITE, paint, wood};
 use super::piece::Piece;
@@ -11,7 +11,7 @@ use viola_geometry::taxonomy::Class;
 /// Thickness of the outer walls.
 const OUTER_M: f64 = 0.3;
 
-/// The building without its door leaves.
+/// Returns the building without door leaves.
 pub(super) fn solids(plan: &Plan, rng: &mut Rng) -> Vec<Solid> {
     let mut out = vec![];
     let paints: Vec<Finish> = plan.rooms.iter().map(|_| paint(rng)).collect();
@@ -45,7 +45,7 @@ pub(super) fn solids(plan: &Plan, rng: &mut Rng) -> Vec<Solid> {
     out
 }
 
-/// A block in a wall's own coordinates: `along` and `across` are intervals, `up` too.
+/// Returns a block in a wall's coordinates, by intervals.
 fn upright(
     class: Class,
     along_x: bool,
@@ -63,7 +63,7 @@ fn upright(
     Some(Solid::block(class, [middle(x), middle(y), up[0]], [size(x), size(y), size(up)], finish))
 }
 
-/// The wall's faces across: inner walls lie about their line, outer walls reach outwards.
+/// Returns a wall's faces across: inner walls are centred on their line, outer walls extend outwards.
 fn faces(plan: &Plan, rooms: [Option<usize>; 2], line: f64) -> [f64; 2] {
     let half = plan.wall_m / 2.0;
     match rooms {
@@ -86,7 +86,7 @@ fn build_wall(plan: &Plan, wall: &Wall, finish: Finish, out: &mut Vec<Solid>) {
     let mut piece = |along: [f64; 2], up: [f64; 2]| {
         out.extend(upright(Class::Wall, wall.along_x, along, across, up, finish));
     };
-    // Half a wall further than the line, so that corners are closed.
+    // Half a wall beyond the line, so that corners are closed.
     let mut from = wall.from - half;
     for hole in holes {
         let (left, right) = (hole.at() - hole.width_m / 2.0, hole.at() + hole.width_m / 2.0);
@@ -98,7 +98,7 @@ fn build_wall(plan: &Plan, wall: &Wall, finish: Finish, out: &mut Vec<Solid>) {
     piece([from, wall.to + half], [0.0, plan.ceiling_m]);
 }
 
-/// The frame around a door or a window. Panes are left out: neither LiDAR nor a depth camera sees glass.
+/// Adds a door's or window's frame. Panes are omitted: neither LiDAR nor a depth camera sees glass.
 fn frame(plan: &Plan, opening: &Opening, out: &mut Vec<Solid>) {
     let class = match opening.kind {
         OpeningKind::Window => Class::Window,
@@ -129,7 +129,7 @@ fn frame(plan: &Plan, opening: &Opening, out: &mut Vec<Solid>) {
     }
 }
 
-/// The leaf of every door, as a piece that turns about its hinge.
+/// Returns the leaf of every door as a piece.
 pub(super) fn leaves(plan: &Plan, rng: &mut Rng) -> Vec<Piece> {
     let finish = if rng.chance(0.6) { Finish::plain(WHITE).glossy(0.2) } else { wood(rng) };
     let mut out = vec![];
@@ -139,7 +139,7 @@ pub(super) fn leaves(plan: &Plan, rng: &mut Rng) -> Vec<Piece> {
         }
         let width = opening.width_m - 0.075;
         let height = opening.head_m - 0.05;
-        // The leaf's frame: its middle at the origin, its hinge at -x.
+        // The leaf's frame: centre at the origin, hinge at -x.
         let mut leaf = Piece::new(Class::Door, [width, 0.04, height]);
         leaf.movable = opening.kind == OpeningKind::Door;
         leaf.block([0.0, 0.0, 0.008], [width, 0.04, height], finish);
@@ -158,13 +158,13 @@ pub(super) fn leaves(plan: &Plan, rng: &mut Rng) -> Vec<Piece> {
     out
 }
 
-/// Where a door's leaf is when it is open by `open_rad`.
+/// Returns the pose of a door's leaf that is open by `open_rad`.
 pub(super) fn leaf_pose(plan: &Plan, opening: &Opening, open_rad: f64) -> Pose2 {
     let faces = faces(plan, opening.rooms, opening.line());
     let face = if opening.swing > 0.0 { faces[1] - 0.02 } else { faces[0] + 0.02 };
     let hinge = opening.at() + opening.hinge * (opening.width_m / 2.0 - 0.0375);
     let reach = (opening.width_m - 0.075) / 2.0;
-    // In the wall's coordinates the closed leaf points away from the hinge and turns towards the swing.
+    // In the wall's coordinates the closed leaf points away from the hinge and opens towards the swing.
     let (along, across) = (-opening.hinge * open_rad.cos(), opening.swing * open_rad.sin());
     let (at, off) = (hinge + reach * along, face + reach * across);
     if opening.along_x {

@@ -1,4 +1,4 @@
-//! The vacuum's day: it drives wherever it fits and maps what its LiDAR hits at turret height.
+//! Simulated vacuum: it drives wherever it fits and maps its LiDAR hits at turret height.
 
 use super::clearance::{clearance, largest_region};
 use super::home::Home;
@@ -10,44 +10,44 @@ use std::f64::consts::TAU;
 use viola_formats::lidar::Cell;
 use viola_geometry::{DistanceField, Grid, GridFrame, Point2, Point3, Pose2, Vector2, Vector3};
 
-/// Raster on which it is decided where the robot fits.
+/// Cell of the raster of drivable floor.
 const DRIVE_CELL_M: f64 = 0.025;
 const BODY_RADIUS_M: f64 = 0.17;
-/// What it climbs: rugs.
+/// Maximum height that it climbs: rugs.
 const CLIMB_M: f64 = 0.02;
 const RANGE_M: f64 = 8.0;
 const RAYS: usize = 720;
 const RANGE_NOISE_M: f64 = 0.01;
 const DROP_OUT: f32 = 0.1;
-/// Side of a cell of the map: that of all vacuums in the Valetudo fixtures.
+/// Side of a map cell, as of all vacuums in the Valetudo fixtures.
 pub(super) const CELL_M: f64 = 0.05;
 /// Distance between scans.
 const SCAN_STEP_M: f64 = 0.45;
-/// A cell is wall when hit at least so often, and by this share of the rays that reached it.
+/// Minimum hits of a wall cell, and minimum fraction of hits among the rays that reach it.
 const WALL_HITS: u32 = 2;
 const WALL_SHARE: f64 = 0.2;
 
-/// What the vacuum knows of a home. Its frame `robot` has the dock at its origin and any heading.
+/// A vacuum's map of a home. Its frame `robot` has the dock at its origin, with any heading.
 #[derive(Debug, Clone)]
 pub struct Survey {
     pub vacuum_height_m: f64,
     pub robot_from_home: Pose2,
     /// The map, in the frame `robot`.
     pub cells: Grid<Cell>,
-    /// For every cell of `cells`, the segment that it belongs to, counted from 1; 0 is none.
+    /// Segment of every cell of `cells`, from 1; 0 is none.
     pub segments: Vec<u16>,
-    /// The segments' names; the first is segment 1.
+    /// Names of the segments; the first is segment 1.
     pub segment_names: Vec<String>,
     /// Mean of the hits in every wall cell, in the frame `robot`.
     pub points_m: Vec<Point2>,
-    /// Where the robot stands when docked, in the frame `robot`.
+    /// Pose of the docked robot, in the frame `robot`.
     pub charger: Pose2,
-    /// Where it scanned, in the order in which it did, in the frame `home`.
+    /// Scan poses in order, in the frame `home`.
     pub scans: Vec<Pose2>,
 }
 
 impl Survey {
-    /// Share of a room's floor that the robot scanned from within, about 0..1.
+    /// Returns the approximate fraction of a room's floor that the robot scanned from within.
     pub(super) fn coverage(&self, room: &Room) -> f64 {
         let inside = |scan: &&Pose2| room.inner.contains(&Point2::new(scan.x_m, scan.y_m));
         let scans = self.scans.iter().filter(inside).count();
@@ -78,7 +78,7 @@ impl Survey {
     }
 }
 
-/// One measured ray in the frame `home`; no end where nothing came back.
+/// One measured ray in the frame `home`; `hit` is false beyond the range.
 struct Beam {
     from: Point2,
     toward: Vector2,
@@ -86,8 +86,8 @@ struct Beam {
     hit: bool,
 }
 
-/// Where the robot believes to be: an error that wanders by a centimetre and a quarter of a degree, so that
-/// the map's walls are as thick as those of real ones.
+/// Returns the robot's believed poses: an error of about a centimetre and a quarter of a degree varies
+/// slowly, so that the map's walls are as thick as real ones.
 fn believed_poses(scans: &[Pose2], rng: &mut Rng) -> Vec<Pose2> {
     let sigma = [0.008, 0.008, 0.2f64.to_radians()];
     let mut error = [0.0; 3];
@@ -101,7 +101,7 @@ fn believed_poses(scans: &[Pose2], rng: &mut Rng) -> Vec<Pose2> {
     scans.iter().map(believe).collect()
 }
 
-/// All scans' rays, with noise: 1 cm along the ray, some lost, and the robot's own doubt where it is.
+/// Returns the rays of all scans with noise: 1 cm along the ray, dropout, and the robot's pose error.
 fn beams(home: &Home, scans: &[Pose2], height_m: f64, seed: u64) -> Vec<Beam> {
     let scene = &home.vacuum_day.scene.slice(height_m);
     let believed = believed_poses(scans, &mut Rng::new(hash(seed)));
@@ -135,7 +135,7 @@ fn beams(home: &Home, scans: &[Pose2], height_m: f64, seed: u64) -> Vec<Beam> {
         .collect()
 }
 
-/// Hits and passes of rays, cell by cell.
+/// Counts of hits and passes per cell.
 struct Raster {
     frame: GridFrame,
     hits: Vec<u32>,
@@ -151,7 +151,7 @@ impl Raster {
         let corners = Footprint::of_rect(&bounds).grown(reach).corners().map(|p| robot_from_home.apply(&p));
         let low = corners.iter().fold([f64::MAX; 2], |low, p| [low[0].min(p.x), low[1].min(p.y)]);
         let high = corners.iter().fold([f64::MIN; 2], |high, p| [high[0].max(p.x), high[1].max(p.y)]);
-        // Cells begin at multiples of their side.
+        // Align cells with multiples of their side.
         let low = low.map(|v| (v / CELL_M).floor() * CELL_M);
         let frame = GridFrame::covering(low, high, 0.0, CELL_M);
         let n = frame.len();
@@ -174,21 +174,21 @@ impl Raster {
         self.pass(&from, &toward, beam.range_m);
         let end = from + toward * beam.range_m;
         if let (true, Some(cell)) = (beam.hit, self.index(&end)) {
-            // The walk below counted the last cell as passed.
+            // `pass` counted the last cell as passed.
             self.passes[cell] = self.passes[cell].saturating_sub(1);
             self.hits[cell] += 1;
             self.sums[cell] += end.coords;
         }
     }
 
-    /// Walks from cell to cell along a ray (Amanatides and Woo, 1987) until it ends or leaves the raster.
+    /// Counts the cells along a ray (Amanatides and Woo, 1987) until it ends or leaves the raster.
     fn pass(&mut self, from: &Point2, toward: &Vector2, range_m: f64) {
         let Some((x, y)) = self.frame.cell(from) else { return };
         let mut cell = [x as i64, y as i64];
         let count = [self.frame.width as i64, self.frame.height as i64];
         let at = [0, 1].map(|axis| (from[axis] - self.frame.origin_m[axis]) / CELL_M);
         let step = [0, 1].map(|axis| if toward[axis] > 0.0 { 1i64 } else { -1 });
-        // Metres along the ray from one border to the next, and to the first.
+        // Distances along the ray between cell borders, and to the first border.
         let stride = [0, 1].map(|axis| CELL_M / toward[axis].abs());
         let mut next = [0, 1].map(|axis| {
             let inside = at[axis] - cell[axis] as f64;
@@ -231,7 +231,7 @@ impl Raster {
     }
 }
 
-/// The floor that the robot reaches.
+/// Floor that the robot reaches.
 struct Drivable {
     clearance: DistanceField,
     reached: Grid<bool>,
@@ -252,7 +252,7 @@ impl Drivable {
         cells.map(move |(index, _)| frame.centre(index % frame.width, index / frame.width))
     }
 
-    /// Somewhere at a wall, facing away from it.
+    /// Returns a random pose at a wall, facing away from it.
     fn charger(&self, rng: &mut Rng) -> Pose2 {
         let at_walls: Vec<Point2> =
             self.reached().filter(|point| self.clearance.value(point) < BODY_RADIUS_M + 0.05).collect();
@@ -261,14 +261,14 @@ impl Drivable {
         Pose2::new(point.x, point.y, away.y.atan2(away.x))
     }
 
-    /// Scan positions over the reached floor, one to a square, in lanes as the robot drives them.
+    /// Returns scan poses over the reached floor, one per square, in alternating lanes.
     fn scans(&self, rng: &mut Rng) -> Vec<Pose2> {
         let mut squares: std::collections::BTreeMap<(i64, i64), (f64, Point2)> = Default::default();
         for point in self.reached() {
             let (x, y) = ((point.x / SCAN_STEP_M).floor(), (point.y / SCAN_STEP_M).floor());
             let middle = Point2::new((x + 0.5) * SCAN_STEP_M, (y + 0.5) * SCAN_STEP_M);
             let off = (point - middle).norm();
-            // Every other lane is driven the other way round.
+            // Every other lane is driven backwards.
             let lane = y as i64;
             let along = if lane % 2 == 0 { x as i64 } else { -(x as i64) };
             let best = squares.entry((lane, along)).or_insert((off, point));
@@ -281,7 +281,7 @@ impl Drivable {
     }
 }
 
-/// The rooms as the robot's software names them: what an open plan joins is one.
+/// Returns the robot's rooms: rooms joined by an open plan are one segment.
 fn segment(home: &Home, robot_from_home: &Pose2, cells: &Grid<Cell>) -> (Vec<u16>, Vec<String>) {
     let rooms = &home.plan.rooms;
     let mut group: Vec<usize> = (0..rooms.len()).collect();

@@ -1,24 +1,24 @@
-//! Where else in a home of look-alike rooms a clip could have been recorded.
+//! Look-alike poses of a clip in a home with repeated rooms.
 
 use super::home::Home;
 use super::scene::Primitive;
 use viola_geometry::{Pinhole, Point3, Pose2, Pose3, Vector3};
 
 const RAYS: usize = 41;
-/// Frames of the clip that are compared.
+/// Frames of the clip to compare.
 const FRAMES: usize = 24;
-/// Hits that agree to this are the same: the map's cells are 5 cm.
+/// Tolerance of equal hits: the map's cells are 5 cm.
 const SAME_M: f64 = 0.05;
-/// Rays that may differ.
+/// Fraction of rays that may differ.
 const DIFFERENT: f64 = 0.01;
-/// Where the building is compared above what the vacuum sees.
+/// Height of the comparison of the building above furniture.
 const STRUCTURE_M: f64 = 1.6;
 
-/// Motions of the home that take the clip to places where the vacuum's map looks the same as far as the
-/// clip sees; the identity first.
+/// Returns motions of the home that take the clip to places where the vacuum's map looks the same within the
+/// clip's view; the identity first.
 ///
-/// Compared are level rays within the frames' views: at the vacuum's height, and of the building alone
-/// above the furniture. Candidates come from the plan: the motions between copies of the repeated unit.
+/// Compares horizontal rays within the frames' views: at the vacuum's height, and to the building alone above
+/// the furniture. Candidates are the motions between copies of the repeated unit.
 pub(super) fn look_alikes(
     home: &Home,
     vacuum_height_m: f64,
@@ -60,7 +60,7 @@ pub(super) fn look_alikes(
     std::iter::once(first).chain(rest).collect()
 }
 
-/// A level ray of the clip: from where, along x.
+/// Origin of a horizontal ray of the clip, along x.
 struct Sight {
     from: Pose2,
 }
@@ -71,7 +71,7 @@ fn sights(home_from_camera: &Pose3, camera: &Pinhole) -> Vec<Sight> {
     columns
         .filter_map(|u| {
             let ray = home_from_camera.rotation * camera.ray(u, camera.cy);
-            // A column that looks straight down has no direction.
+            // Skip columns that look straight down: they have no heading.
             (ray.xy().norm() > 0.2 * ray.norm())
                 .then(|| Sight { from: Pose2::new(at.x, at.y, ray.y.atan2(ray.x)) })
         })

@@ -1,4 +1,4 @@
-//! How a person walks through a room with a phone in hand.
+//! Walk of a person with a phone in hand.
 
 mod route;
 
@@ -12,25 +12,25 @@ use std::f64::consts::{PI, TAU};
 use viola_geometry::{Grid, Point2, Point3, Pose2, Pose3, Vector2, Vector3, wrap_angle};
 
 const CELL_M: f64 = 0.1;
-/// The phone keeps so far from everything.
+/// Minimum distance of the phone from obstacles.
 const BODY_M: f64 = 0.24;
-/// What stands at these heights is in the way of a person.
+/// Heights of obstacles to a person.
 const BAND_M: [f64; 2] = [0.03, 1.95];
 const STEP_S: f64 = 0.1;
-/// A frame whose middle sees something nearer than this shows nothing but it.
+/// Minimum distance of the surface in a frame's middle: nearer surface fills the picture.
 const TOO_NEAR_M: f64 = 0.45;
 const TRIES: u64 = 14;
 
 /// The path of a clip.
 pub(super) struct Walk {
-    /// In the order of the frames; camera axes are x right, y down, z forward.
+    /// In frame order; camera axes are x right, y down, z forward.
     pub home_from_camera: Vec<Pose3>,
-    /// The rooms that it keeps to.
+    /// Rooms of the walk.
     pub rooms: Vec<usize>,
 }
 
-/// Walks for `frames` frames at `rate_hz`. Of several tries the first without a bad frame is taken, else
-/// the one with the fewest.
+/// Walks for `frames` frames at `rate_hz`. Takes the first try without a bad frame, else the one with the
+/// fewest.
 pub(super) fn walk(home: &Home, survey: &Survey, rng: &Rng, frames: usize, rate_hz: f64) -> Walk {
     let clear = clearance(&home.clip_day.scene, &home.plan, CELL_M, BAND_M);
     let free = clear.grid().cells.iter().map(|&d| f64::from(d) > BODY_M).collect();
@@ -51,7 +51,7 @@ pub(super) fn walk(home: &Home, survey: &Survey, rng: &Rng, frames: usize, rate_
     }
     match best {
         Some((_, walk)) => walk,
-        // A home where nobody can stand: look at it from the middle of its first room.
+        // No space to stand: look from the middle of the first room.
         None => {
             let middle = home.plan.rooms[0].inner.centre();
             let pose = look(&Point3::new(middle.x, middle.y, 1.5), 0.0, -0.3, 0.0);
@@ -66,7 +66,7 @@ struct Walker<'a> {
     region: Grid<bool>,
     places: Vec<Point2>,
     targets: Vec<Point3>,
-    /// What is left of the way to the next goal.
+    /// Remaining path to the next goal.
     path: VecDeque<Point2>,
     at: Point2,
     yaw: f64,
@@ -145,7 +145,7 @@ impl<'a> Walker<'a> {
         if self.gaze_s <= 0.0 {
             self.look_somewhere(1.9);
         } else if ahead < 0.7 {
-            // Turn away from what fills the picture.
+            // Turn away from surfaces that fill the picture.
             self.look_somewhere(PI);
         }
         let to = self.gaze - Point3::new(self.at.x, self.at.y, self.eye_m);
@@ -163,7 +163,7 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// A step along the way; at its end a pause and a new goal.
+    /// Moves along the path; at its end pauses and chooses a new goal.
     fn walk(&mut self) {
         if self.pause_s > 0.0 {
             self.pause_s -= STEP_S;
@@ -190,7 +190,7 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// Chooses something to look at that is not too near, within `widest` of the present heading.
+    /// Chooses a gaze target that is not too near, within `widest` of the current heading.
     fn look_somewhere(&mut self, widest: f64) {
         self.gaze_s = self.rng.between(1.2, 3.5);
         let eye = Point3::new(self.at.x, self.at.y, self.eye_m);
@@ -213,14 +213,14 @@ impl<'a> Walker<'a> {
         self.gaze = best.1;
     }
 
-    /// How far one sees in a direction.
+    /// Returns the distance to the first surface in a direction.
     fn open_m(&self, yaw: f64, pitch: f64) -> f64 {
         let eye = Point3::new(self.at.x, self.at.y, self.eye_m);
         let toward = Vector3::new(yaw.cos() * pitch.cos(), yaw.sin() * pitch.cos(), pitch.sin());
         self.home.clip_day.scene.cast(&eye, &toward, 10.0).map_or(10.0, |hit| hit.distance)
     }
 
-    /// The camera with the sway of hand and step.
+    /// Returns the camera pose with the sway of hand and step.
     fn pose(&self) -> Pose3 {
         let stride = if self.pause_s > 0.0 { 0.3 } else { 1.0 };
         let wave = |k: usize, hz: f64| (TAU * hz * self.time_s + self.phases[k]).sin();
@@ -235,7 +235,7 @@ impl<'a> Walker<'a> {
         look(&eye, self.yaw + 0.8 * shake(0), self.pitch + 0.8 * shake(1), shake(2))
     }
 
-    /// Frames that show next to nothing; a bad first frame weighs more than all others.
+    /// Returns the number of frames that show almost nothing; a bad first frame counts more than all others.
     fn faults(&self, poses: &[Pose3]) -> usize {
         let near = |pose: &Pose3| {
             let eye = Point3::from(pose.translation.vector);
@@ -247,7 +247,7 @@ impl<'a> Walker<'a> {
         poses.iter().filter(|pose| near(pose)).count() + if first { poses.len() } else { 0 }
     }
 
-    /// Whether less than half a metre is open over most of the picture.
+    /// Returns whether most rays across the picture hit a surface within 0.7 m of depth.
     fn blind(&self, pose: &Pose3) -> bool {
         let eye = Point3::from(pose.translation.vector);
         let open = (-2..=2).filter(|k| {
@@ -258,7 +258,7 @@ impl<'a> Walker<'a> {
     }
 }
 
-/// What there is to look at: furniture, and the walls of the rooms.
+/// Returns gaze targets: furniture, and the walls of the rooms.
 fn targets(home: &Home, rooms: &[usize]) -> Vec<Point3> {
     let furniture = home.clip_day.pieces.iter().filter(|piece| rooms.contains(&piece.room));
     let mut out: Vec<Point3> = furniture
@@ -280,7 +280,7 @@ fn targets(home: &Home, rooms: &[usize]) -> Vec<Point3> {
     out
 }
 
-/// A camera at `eye`; positive pitch looks up, positive roll turns the picture's content clockwise.
+/// Returns a camera pose; positive pitch looks up, positive roll turns the picture's content clockwise.
 pub(super) fn look(eye: &Point3, yaw: f64, pitch: f64, roll: f64) -> Pose3 {
     let forward = Vector3::new(yaw.cos() * pitch.cos(), yaw.sin() * pitch.cos(), pitch.sin());
     let right = Vector3::new(yaw.sin(), -yaw.cos(), 0.0);
@@ -290,8 +290,8 @@ pub(super) fn look(eye: &Point3, yaw: f64, pitch: f64, roll: f64) -> Pose3 {
     Pose3::from_parts(Translation3::from(eye.coords), UnitQuaternion::from_rotation_matrix(&turn))
 }
 
-/// The clip's frame at a first camera: on the floor below it, x along its heading. A camera that looks
-/// nearly straight down has the heading of its picture's upper edge.
+/// Returns the clip's frame of a first camera: on the floor below it, x along its heading. A camera that
+/// looks nearly straight down has the heading of its picture's upper edge.
 pub(super) fn home_from_clip(home_from_camera: &Pose3) -> Pose2 {
     let axis = |v: Vector3| (home_from_camera.rotation * v).xy();
     let forward = axis(Vector3::z());

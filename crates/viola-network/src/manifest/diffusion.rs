@@ -1,24 +1,24 @@
-//! The settings of a diffusion pipeline that an entry of the manifest gives.
+//! Settings of a diffusion pipeline in a manifest entry.
 
 use serde::{Deserialize, Serialize};
 
-/// The longest prompt, in bytes.
+/// Maximum length of a prompt, in bytes.
 const MAX_PROMPT_BYTES: usize = 500;
 const MAX_STEPS: usize = 200;
 const MAX_GUIDANCE: f32 = 50.0;
 
-/// How a picture is drawn out of noise.
+/// Settings of a diffusion pipeline.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Diffusion {
-    /// What is to be seen, in English and ASCII.
+    /// Description of the wanted content, in English and ASCII.
     #[serde(default = "prompt")]
     pub prompt: String,
-    /// What is not to be seen.
+    /// Description of the unwanted content.
     #[serde(default)]
     pub negative_prompt: String,
-    /// How much more the prompt counts than the negative one (Ho and Salimans, "Classifier-Free Diffusion
-    /// Guidance", 2022); at 1 the negative prompt is not looked at.
+    /// Guidance scale: weight of the prompt against the negative one (Ho and Salimans, "Classifier-Free
+    /// Diffusion Guidance", 2022); at 1 the negative prompt is ignored.
     #[serde(default = "guidance")]
     pub guidance: f32,
     #[serde(default = "steps")]
@@ -27,15 +27,15 @@ pub struct Diffusion {
     pub scheduler: Scheduler,
 }
 
-/// By which formula a step takes noise away.
+/// Formula of a denoising step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Scheduler {
     /// Song et al., "Denoising Diffusion Implicit Models", 2021, without noise between the steps.
     #[default]
     Ddim,
-    /// Euler's method as in Karras et al., "Elucidating the Design Space of Diffusion-Based Generative Models",
-    /// 2022, without noise between the steps.
+    /// Euler's method as in Karras et al., "Elucidating the Design Space of Diffusion-Based Generative
+    /// Models", 2022, without noise between the steps.
     Euler,
 }
 
@@ -52,7 +52,7 @@ fn steps() -> usize {
 }
 
 impl Diffusion {
-    /// The field that is wrong, and why.
+    /// Checks the settings; an error is the invalid field and the reason.
     pub(super) fn check(&self) -> Result<(), (&'static str, &'static str)> {
         for (field, text) in
             [("output.prompt", &self.prompt), ("output.negative_prompt", &self.negative_prompt)]

@@ -1,11 +1,11 @@
-//! One network of the manifest, checked.
+//! A checked network of the manifest.
 
 use super::form::{Input, Output, Source};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use viola_geometry::taxonomy::ClassTable;
 
-/// What a file of the models folder is for.
+/// Task of a file in the models folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Task {
@@ -15,30 +15,30 @@ pub enum Task {
     Depth,
     /// Colours for the holes of a picture.
     Inpainting,
-    /// Not a network, but the library that runs them.
+    /// The library that runs networks, not a network.
     Runtime,
 }
 
-/// One network, checked.
+/// A checked network.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelEntry {
     pub name: String,
     pub task: Task,
-    /// The file, relative to the models folder; it never leads out of it.
+    /// The file, relative to the models folder and inside it.
     pub file: PathBuf,
     pub licence: String,
-    /// How a picture goes in. Every network has it, a runtime does not.
+    /// Format of the input. Every network has one, a runtime has none.
     pub input: Option<Input>,
     pub output: Option<Output>,
-    /// The list that the output's classes are numbered by. Every segmentation network has it.
+    /// Class table of the output. Only segmentation networks have one, and all of them do.
     pub classes: Option<ClassTable>,
     pub source: Source,
-    /// Of the file, in hexadecimal. A user's own export has none.
+    /// SHA-256 of the file in hexadecimal. A user's own export has none.
     pub sha256: Option<String>,
 }
 
 impl ModelEntry {
-    /// Where the file lies or would lie.
+    /// Returns the path of the file, which may not exist yet.
     pub fn path(&self, models: &Path) -> PathBuf {
         models.join(&self.file)
     }

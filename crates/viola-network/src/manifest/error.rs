@@ -1,9 +1,9 @@
-//! Why a manifest is refused.
+//! Errors of reading a manifest.
 
-/// The largest manifest that is read, in bytes.
+/// Maximum size of a manifest, in bytes.
 pub const MAX_BYTES: u64 = 1 << 20;
 
-/// The most networks of one manifest.
+/// Maximum number of networks in one manifest.
 pub const MAX_NETWORKS: usize = 1000;
 
 #[derive(Debug, thiserror::Error)]

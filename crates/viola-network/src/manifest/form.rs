@@ -1,13 +1,13 @@
-//! The written form of a manifest's entry, and what must hold of it.
+//! The TOML form of a manifest entry, and its checks.
 
 use super::{Diffusion, ManifestError, ModelEntry, Task};
 use serde::{Deserialize, Serialize};
 use std::path::{Component, PathBuf};
 use viola_geometry::taxonomy::ClassTable;
 
-/// The longest text of a field, in bytes.
+/// Maximum length of a text field, in bytes.
 const MAX_TEXT_BYTES: usize = 2000;
-/// The largest side of a network's picture, in pixels.
+/// Maximum side of a network's picture, in pixels.
 const MAX_SIDE: usize = 4096;
 
 #[derive(Deserialize)]
@@ -31,16 +31,16 @@ pub(super) struct EntryForm {
     sha256: Option<String>,
 }
 
-/// How a picture becomes a network's input.
+/// Conversion of a picture to a network's input.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {
-    /// The input's name in the file; without it the network's only input.
+    /// Name of the input in the file. Default: the network's only input.
     pub name: Option<String>,
-    /// Pixels, or `any`: what the file says, and where that leaves it open, the picture's own by the rule below.
+    /// Pixels, or `any`: the file's size; if that is open, the size by `shortest`, `longest` and `multiple`.
     pub width: Side,
     pub height: Side,
-    /// Of red, green and blue on the scale 0..1: the input is `(colour - mean) / std`.
+    /// Mean of red, green and blue on the scale 0..1: the input is `(colour - mean) / std`.
     #[serde(default)]
     pub mean: [f32; 3],
     #[serde(default = "ones")]
@@ -49,13 +49,13 @@ pub struct Input {
     pub layout: Layout,
     #[serde(default)]
     pub channels: Channels,
-    /// Where the size is open: the shorter side of the picture in the input.
+    /// For an open size: length of the picture's shorter side in the input.
     #[serde(default = "shortest")]
     pub shortest: usize,
-    /// Where the size is open: what the longer side never exceeds.
+    /// For an open size: maximum length of the longer side.
     #[serde(default = "longest")]
     pub longest: usize,
-    /// Where the size is open: what both sides of the input are multiples of; the rest is padding.
+    /// For an open size: both sides of the input are padded to multiples of this.
     #[serde(default = "multiple")]
     pub multiple: usize,
 }
@@ -120,21 +120,21 @@ pub enum Channels {
     Bgr,
 }
 
-/// What a network's output means.
+/// Meaning of a network's output.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Output {
     /// One value for each class and pixel: 1 x classes x height x width.
     Logits {
-        /// The output's name in the file; without it the network's only output.
+        /// Name of the output in the file. Default: the network's only output.
         name: Option<String>,
-        /// Whether the outermost pixels' centres of output and input coincide, or the outer edges.
+        /// True if the centres of the corner pixels of output and input coincide, false if the edges do.
         #[serde(default)]
         align_corners: bool,
-        /// The channel that is the class table's id 0; what comes before is `other`.
+        /// Channel of the class table's id 0; channels before it are `other`.
         #[serde(default)]
         first_class: usize,
-        /// Whether the values are logits (the usual case), or probabilities already.
+        /// True if the values are logits (default), false if they are probabilities.
         #[serde(default = "yes")]
         softmax: bool,
     },
@@ -149,17 +149,17 @@ pub enum Output {
     /// A depth for each pixel: 1 x 1 x height x width, or 1 x height x width.
     Depth {
         name: Option<String>,
-        /// What a value is multiplied with to be metres; for inverse depth, what is divided by the value.
+        /// Factor from values to metres; for inverse depth, metres are `scale / value`.
         #[serde(default = "one")]
         scale: f32,
-        /// Whether the values grow towards the camera (inverse depth, disparity).
+        /// True if the values grow towards the camera (inverse depth, disparity).
         #[serde(default)]
         inverse: bool,
     },
     /// The filled picture.
     Inpainting { name: Option<String>, mask: Option<String> },
-    /// The filled picture, by a diffusion pipeline: the entry's file is its `pipeline.json`, and the networks lie
-    /// in the same folder.
+    /// The filled picture, by a diffusion pipeline: the entry's file is its `pipeline.json`, and the networks
+    /// lie in the same folder.
     Diffusion(Diffusion),
 }
 
@@ -179,14 +179,14 @@ fn mask_queries() -> String {
     "masks_queries_logits".to_owned()
 }
 
-/// Where a file comes from.
+/// Source of a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Source {
     /// A package of the npm registry, and the file in it.
     Npm { package: String, version: String, member: String, archive_sha256: Option<String> },
-    /// A package of the Python registry, and the file in its wheel. Wheels differ by platform and version of
-    /// Python; those of the computer that asks are taken where none are named.
+    /// A package of the Python registry, and the file in its wheel. Wheels differ by platform and Python
+    /// version; the defaults are those of this computer.
     Pypi {
         package: String,
         version: String,
@@ -195,9 +195,9 @@ pub enum Source {
         python: Option<String>,
         archive_sha256: Option<String>,
     },
-    /// The file itself.
+    /// URL of the file.
     Https { url: String },
-    /// It cannot be fetched: how it is made.
+    /// Instructions to make a file that cannot be fetched.
     Export { how: String },
 }
 
@@ -306,7 +306,7 @@ impl Input {
 }
 
 impl Source {
-    /// The sum of the package, where it is known.
+    /// Returns the SHA-256 of the package, if it is known.
     pub fn archive_sha256(&self) -> Option<&String> {
         match self {
             Source::Npm { archive_sha256, .. } | Source::Pypi { archive_sha256, .. } => {
@@ -316,7 +316,7 @@ impl Source {
         }
     }
 
-    /// Names of packages go to other programs' command lines: they must not look like anything else.
+    /// Checks the source. Package names are passed on command lines, so they must not look like options.
     fn check(&self) -> Result<(), Problem> {
         let name = |text: &str| {
             (1..=200).contains(&text.len())

@@ -1,4 +1,4 @@
-//! The floor in rooms of any orientation.
+//! Tests of the floor search in rooms of any orientation.
 
 use super::*;
 use proptest::prelude::*;
@@ -6,7 +6,7 @@ use viola_geometry::taxonomy::Class;
 
 const VOXEL_M: f64 = 0.05;
 
-/// A level rectangle at `z`, seen from above, with a ripple of a centimetre.
+/// Returns a level rectangle at `z`, seen from above, with a ripple of a centimetre.
 fn level(x: (f64, f64), y: (f64, f64), z: f64) -> Vec<(Point3, Vector3)> {
     let steps = |range: (f64, f64)| ((range.1 - range.0) / VOXEL_M) as usize;
     let at = |i: usize, j: usize| {
@@ -21,7 +21,7 @@ fn wall(height_m: f64) -> Vec<(Point3, Vector3)> {
     turned.into_iter().map(|(p, _)| (Point3::new(p.x, 3.0 + p.z, p.y), -Vector3::y())).collect()
 }
 
-/// A room seen from 1.4 m above its floor, looking a bit down along y, in a world turned by `turn`.
+/// Returns a room seen from 1.4 m above its floor, looking slightly down along y, in a world moved by `turn`.
 fn room(surfaces: &[Vec<(Point3, Vector3)>], turn: &Pose3) -> (PointCloud, Vec<KeyFrame>) {
     let point = |(p, n): &(Point3, Vector3)| {
         let (p, n) = (turn * p, turn * n);
@@ -48,7 +48,7 @@ fn z_up() -> Up {
     Up::of_device(Vector3::z())
 }
 
-/// The floor is found at 1.4 m below the camera, level to half a degree.
+/// Checks that the floor is found 1.4 m below the camera, level to half a degree.
 fn check(surfaces: &[Vec<(Point3, Vector3)>], turn: &Pose3, gravity_known: bool) {
     let (cloud, keys) = room(surfaces, turn);
     let up = turn * Vector3::z();
@@ -99,7 +99,7 @@ fn what_pictures_call_a_bed_is_not_the_floor() {
     assert!(find(&cloud).is_ok());
 }
 
-/// Walls have no level top: what pictures wrongly call one, lying flat, is still looked at.
+/// Walls have no level top, so a level surface that pictures mislabel as a wall stays a candidate.
 #[test]
 fn a_floor_that_pictures_call_a_wall_is_the_floor() {
     let surfaces = [level((0.0, 3.0), (0.5, 3.0), 0.0), wall(2.4)];
@@ -113,8 +113,8 @@ fn a_floor_that_pictures_call_a_wall_is_the_floor() {
     }
 }
 
-/// Of a floor that leans, as recordings' do, a strip follows gravity and a broad part itself; an accelerometer that may be
-/// mounted askew weighs little.
+/// Gravity levels a strip of a tilted floor; a broad part keeps most of its own tilt. An accelerometer that
+/// may be mounted askew has little weight.
 #[test]
 fn the_less_of_a_floor_is_seen_the_more_gravity_levels_it() {
     const LEAN_RAD: f64 = 0.03;

@@ -1,4 +1,4 @@
-//! The same picture under other light: what a network says of all of them together is steadier (paper III-A).
+//! Test-time augmentation: a network's mean over changes of a picture's light is more stable (paper III-A).
 
 use super::{ClassMap, SegmentError, Segmenter};
 use image::RgbImage;
@@ -10,10 +10,10 @@ const CHANGES: [fn(f32, f32) -> f32; 3] = [
     |value, grey| grey + (value - grey) * 0.6,
 ];
 
-/// How many changes there are.
+/// Number of changes.
 pub const AUGMENTATIONS: usize = CHANGES.len();
 
-/// The mean of what the network says of the picture and of its first `changes` changes.
+/// Returns the mean of the network's class maps of the picture and of its first `changes` changes.
 pub(super) fn segment(
     segmenter: &dyn Segmenter,
     picture: &RgbImage,

@@ -2,22 +2,21 @@
 
 use viola_geometry::taxonomy::CLASSES;
 
-/// What a network says of one picture: for every pixel of a (usually coarser) raster the probability of
-/// each class.
+/// Class probabilities of one picture, for every pixel of a (usually coarser) raster.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClassMap {
     pub width: usize,
     pub height: usize,
-    /// Whether the centres of the raster's outermost pixels lie on those of the picture's (as networks
-    /// with `align_corners` have it), or the rasters' outer edges coincide.
+    /// True if the centres of the raster's outermost pixels lie on those of the picture's, as in networks
+    /// with `align_corners`; false if the outer edges coincide.
     pub align_corners: bool,
-    /// Row after row, [`CLASSES`] values a pixel; each is 0..1 and they add up to one.
+    /// Row by row, [`CLASSES`] values for each pixel; each is 0 to 1, and their sum is one.
     pub probabilities: Vec<f32>,
 }
 
 impl ClassMap {
-    /// The probabilities at a place of a `width` x `height` picture, whose pixel centres have integer
-    /// coordinates. Bilinear; the edge goes on outside.
+    /// Samples the probabilities at a place of a `width` x `height` picture, whose pixel centres have integer
+    /// coordinates. Bilinear, clamped to the edge.
     pub fn sample(&self, u: f32, v: f32, width: usize, height: usize, into: &mut [f32; CLASSES]) {
         let place = |at: f32, picture: usize, raster: usize| -> (usize, usize, f32) {
             let at = if self.align_corners {

@@ -1,4 +1,4 @@
-//! One class for each site from what the pictures say, what its shape says, and what its piece of surface is.
+//! Combines pictures, shapes and segments into one class for each site.
 
 use super::sites::Sites;
 use super::structure::Shape;
@@ -7,18 +7,18 @@ use super::{likeliest, segments};
 use crate::cloud::Label;
 use viola_geometry::taxonomy::{CLASSES, Class};
 
-/// Pictures beyond this many add nothing to a site's say in its piece.
+/// Maximum number of pictures that count for a site's weight in its segment.
 const MOST_VIEWS: f32 = 20.0;
 
-/// What the pictures alone say.
+/// Returns the labels by pictures alone.
 pub(super) fn voted(votes: &Votes) -> Vec<Label> {
     let sites = votes.sums.chunks_exact(CLASSES).zip(&votes.views);
     sites.map(|(sums, &views)| likeliest(sums, views)).collect()
 }
 
-/// What shapes alone say.
+/// Returns the labels by shapes alone.
 pub(super) fn shaped(shapes: &[Shape]) -> Vec<Label> {
-    // Set by reasoning, not measured: level planes are hardly mistaken, and doors and curtains pass for walls.
+    // Chosen by reasoning, not measured: level planes are rarely wrong; doors and curtains look like walls.
     let label = |shape: &Shape| match shape {
         Shape::Floor => Label::new(Class::Floor, 0.95, 0),
         Shape::Wall => Label::new(Class::Wall, 0.8, 0),
@@ -28,8 +28,8 @@ pub(super) fn shaped(shapes: &[Shape]) -> Vec<Label> {
     shapes.iter().map(label).collect()
 }
 
-/// Both, with every piece of surface speaking for its sites. The shape has its say twice: where it
-/// contradicts the pictures a piece hears less of them, and within a piece each site is what its shape can be.
+/// Returns the labels by both, pooled over segments. The shape counts twice: it weights a site's votes for
+/// its segment, and then the votes of the segment for each site.
 pub(super) fn combined(sites: &Sites, votes: &Votes, shapes: &[Shape]) -> Vec<Label> {
     let segments = segments::segments(sites);
     let count = segments.iter().max().map_or(0, |last| *last as usize + 1);
@@ -55,7 +55,7 @@ pub(super) fn combined(sites: &Sites, votes: &Votes, shapes: &[Shape]) -> Vec<La
         .collect()
 }
 
-/// What the pictures say of a site, given its shape; adds up to one. None when none saw it.
+/// Returns a site's votes weighted by its shape, with sum one; `None` if no picture saw it.
 fn weighed(votes: &Votes, shapes: &[Shape], site: usize) -> Option<[f32; CLASSES]> {
     if votes.views[site] == 0 {
         return None;
@@ -70,9 +70,9 @@ fn weighed(votes: &Votes, shapes: &[Shape], site: usize) -> Option<[f32; CLASSES
     (total > 0.0).then(|| said.map(|p| p / total))
 }
 
-/// How likely a thing of a class is to show a shape, up to a factor for each shape. Walls carry doors, windows,
-/// pictures and curtains; a floor carries rugs; hardly anything else lies in these planes. Wall is less likely
-/// everywhere than its share of the surface would make it: it is what networks call that which they do not know.
+/// Returns the likelihood of a shape given a class, up to a factor for each shape. Walls carry doors,
+/// windows, pictures and curtains; a floor carries rugs; hardly anything else lies in these planes. Wall is
+/// weighted below its fraction of the surface, because networks call unknown surface a wall.
 fn likelihood(shape: Shape, class: Class) -> f32 {
     use Class::*;
     match shape {

@@ -1,4 +1,4 @@
-//! Networks that give one value for each class and pixel: DeepLab, SegFormer and the like.
+//! Networks with one value for each class and pixel: DeepLab, SegFormer and similar ones.
 
 use super::numbers::{all_finite, exp};
 use super::picture::{Fit, Raster};
@@ -6,10 +6,10 @@ use super::{ClassMap, SegmentError};
 use viola_geometry::taxonomy::{CLASSES, Class, ClassTable};
 use viola_network::Tensor;
 
-/// Pixels that are worked on at once, so that their rows stay in the processor's nearest memory.
+/// Pixels processed at once, so that their rows stay in the processor's nearest cache.
 const RUN: usize = 512;
 
-/// How the channels of such an output become our classes.
+/// Converts the channels of an output to our classes.
 #[derive(Debug, Clone)]
 pub(super) struct Logits {
     pub(super) align_corners: bool,
@@ -29,7 +29,7 @@ impl Logits {
         self.fold.len()
     }
 
-    /// The class map of an output 1 x channels x height x width.
+    /// Returns the class map of an output 1 x channels x height x width.
     pub(super) fn read(&self, output: &Tensor, fit: Fit) -> Result<ClassMap, SegmentError> {
         let channels = self.channels();
         let misfit = || SegmentError::Shape {
@@ -62,9 +62,9 @@ impl Logits {
     }
 }
 
-/// The pieces of a raster's crop: where each begins in the raster, where in the crop, and how long it is.
+/// Returns the runs of a raster's crop: start in the raster, start in the crop, and length.
 pub(super) fn runs(width: usize, crop: Raster) -> Vec<(usize, usize, usize)> {
-    // Rows that are kept whole lie one after the other.
+    // Uncropped rows are contiguous.
     let (rows, length) =
         if crop.width == width { (1, width * crop.height) } else { (crop.height, crop.width) };
     (0..rows)
@@ -76,7 +76,7 @@ pub(super) fn runs(width: usize, crop: Raster) -> Vec<(usize, usize, usize)> {
         .collect()
 }
 
-/// Sums for each of our classes over a run of pixels, class after class.
+/// Sums for each of our classes over a run of pixels, class by class.
 #[derive(Default)]
 pub(super) struct Scratch {
     largest: Vec<f32>,
@@ -84,7 +84,7 @@ pub(super) struct Scratch {
 }
 
 impl Scratch {
-    /// Softmax over the channels, summed by class; not yet divided by the total.
+    /// Sums the channels' softmax, or values without `softmax`, by class; not yet divided by the total.
     fn fold<'a>(&mut self, length: usize, fold: &[Class], softmax: bool, row: impl Fn(usize) -> &'a [f32]) {
         self.clear(length);
         if softmax {
@@ -115,7 +115,7 @@ impl Scratch {
         self.sums.resize(CLASSES * length, 0.0);
     }
 
-    /// Writes the sums pixel after pixel, each pixel's adding up to one.
+    /// Writes the sums pixel by pixel, normalised to one for each pixel.
     pub(super) fn write(&self, length: usize, into: &mut [f32]) {
         for (pixel, into) in into.chunks_exact_mut(CLASSES).enumerate() {
             let mut total = 0.0;
@@ -123,7 +123,7 @@ impl Scratch {
                 *p = self.sums[class * length + pixel];
                 total += *p;
             }
-            // A network can refuse to say anything of a pixel; then it is nothing that we know.
+            // A pixel without evidence for any class becomes `Other`.
             if total > f32::MIN_POSITIVE {
                 into.iter_mut().for_each(|p| *p /= total);
             } else {
@@ -144,7 +144,7 @@ mod tests {
         (0..channels * 10 * 8).map(|i| ((i * 7919) % 1009) as f32 * 0.05 - 30.0).collect()
     }
 
-    /// The definition, in double precision, for each pixel by itself.
+    /// Compares the map with the definition in double precision, pixel by pixel.
     fn check(softmax: bool, fit: Fit, crop: (usize, usize)) {
         let logits = Logits::new(ClassTable::Ade20k, 1, false, softmax);
         let values = values(151);

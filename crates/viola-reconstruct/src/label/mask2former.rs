@@ -1,5 +1,5 @@
-//! Mask2Former and its kin (Cheng et al., "Masked-attention Mask Transformer for Universal Image Segmentation",
-//! 2022): each query says what it is, and which pixels it covers.
+//! Mask2Former and related networks (Cheng et al., "Masked-attention Mask Transformer for Universal Image
+//! Segmentation", 2022): each query has a class and a mask of the pixels that it covers.
 
 use super::logits::{Scratch, runs};
 use super::numbers::{all_finite, exp, sigmoid};
@@ -8,19 +8,19 @@ use super::{ClassMap, SegmentError};
 use viola_geometry::taxonomy::{CLASSES, ClassTable};
 use viola_network::Tensor;
 
-/// The most queries that an output may have; published networks have 100 or 200.
+/// Maximum number of queries of an output; published networks have 100 or 200.
 const MAX_QUERIES: usize = 2000;
 
-/// How the queries become our classes.
+/// Converts queries to our classes.
 #[derive(Debug, Clone)]
 pub(super) struct Mask2Former {
     pub(super) table: ClassTable,
 }
 
 impl Mask2Former {
-    /// The class map of class queries 1 x queries x (classes + 1), the last of which is "nothing", and mask
-    /// queries 1 x queries x height x width. A pixel's value for a class is the sum over the queries of the
-    /// query's probability for the class times the pixel's probability in the query's mask.
+    /// Returns the class map of class queries 1 x queries x (classes + 1), whose last class is "nothing", and
+    /// mask queries 1 x queries x height x width. A pixel's value for a class is the sum over the queries of
+    /// the query's probability for the class times the pixel's probability in the query's mask.
     pub(super) fn read(&self, classes: &Tensor, masks: &Tensor, fit: Fit) -> Result<ClassMap, SegmentError> {
         let known = self.table.classes().len();
         let misfit = || SegmentError::Shape {
@@ -70,7 +70,7 @@ impl Mask2Former {
                 let logits = &mask_values[query * width * height + from..][..length];
                 mask.clear();
                 mask.extend(logits.iter().map(|x| sigmoid(*x)));
-                // Classes that the table does not know have no weight.
+                // Classes outside the table have no weight.
                 let known = scratch.sums.chunks_exact_mut(length).zip(weights).filter(|(_, w)| **w > 0.0);
                 for (sums, weight) in known {
                     for (sum, covered) in sums.iter_mut().zip(&mask) {
@@ -83,7 +83,7 @@ impl Mask2Former {
         Ok(map)
     }
 
-    /// A query's probability for each of our classes; "nothing" takes its share out of the sum.
+    /// Returns a query's probability for each of our classes; without "nothing", the sum is below one.
     fn weights(&self, logits: &[f32]) -> [f32; CLASSES] {
         let largest = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
         let total: f32 = logits.iter().map(|x| exp(x - largest)).sum();

@@ -1,9 +1,9 @@
-//! The exponential function over rows of numbers, written so that the compiler makes vector code of it.
+//! The exponential function over rows of numbers, written so that the compiler vectorises it.
 
-/// e to the power of `x`, to a few units in the last place; below -87 it stays at e^-87. For finite `x <= 88`.
+/// Returns e^`x` for finite `x <= 88`, to a few units in the last place; e^-87 below -87.
 ///
-/// `x` is split into whole turns of the binary exponent and a rest within +-ln(2)/2, whose power is the Taylor
-/// series to the sixth power; adding 1.5 * 2^23 leaves the whole turns in the lowest bits of the sum.
+/// `x` is split into a multiple of ln(2) and a remainder within +-ln(2)/2, whose exponential is the Taylor
+/// series to the sixth order. Adding 1.5 * 2^23 leaves the binary exponent in the lowest bits of the sum.
 #[inline(always)]
 pub(super) fn exp(x: f32) -> f32 {
     const WHOLE: f32 = 12_582_912.0;
@@ -23,7 +23,7 @@ pub(super) fn exp(x: f32) -> f32 {
     f32::from_bits(series.to_bits().wrapping_add(turns.to_bits() << 23))
 }
 
-/// 1 / (1 + e^-x).
+/// Returns 1 / (1 + e^-x).
 #[inline(always)]
 pub(super) fn sigmoid(x: f32) -> f32 {
     let x = if x < 80.0 { x } else { 80.0 };
@@ -31,9 +31,9 @@ pub(super) fn sigmoid(x: f32) -> f32 {
     power / (1.0 + power)
 }
 
-/// Whether all values are finite; without branches, so that it costs little.
+/// Returns whether all values are finite; without branches, so that it costs little.
 pub fn all_finite(values: &[f32]) -> bool {
-    // Zero times anything finite is zero, times anything else not a number.
+    // Zero times a finite value is zero; zero times any other value is NaN.
     let mut sums = [0.0f32; 16];
     let chunks = values.chunks_exact(16);
     let rest: f32 = chunks.remainder().iter().map(|v| v * 0.0).sum();

@@ -1,4 +1,4 @@
-//! A segmentation network of the manifest, ready for pictures.
+//! Opens a segmentation network of the manifest.
 
 use super::logits::Logits;
 use super::mask2former::Mask2Former;
@@ -12,13 +12,13 @@ use viola_network::manifest::{self, Input, Layout, ManifestError, ModelEntry, Ou
 use viola_network::signature::{expect, one};
 use viola_network::{Network, Tensor};
 
-/// The segmentation network to use with a models folder: the first of the folder's own manifest, then of the
-/// built-in one, whose file is there.
+/// Returns the segmentation network for a models folder: the first whose file exists, from the folder's own
+/// manifest, then from the built-in one.
 pub fn installed(models: &Path) -> Result<Option<ModelEntry>, ManifestError> {
     manifest::installed(Task::Segmentation, models)
 }
 
-/// Makes a segmenter of a loaded network, once it is seen that the network is what the entry says.
+/// Returns a segmenter for a loaded network, after a check of the network against its entry.
 pub fn open_segmenter(
     entry: &ModelEntry,
     network: Arc<dyn Network>,
@@ -75,14 +75,14 @@ pub fn open_segmenter(
     }))
 }
 
-/// How outputs are read.
+/// Reader of the network's outputs.
 enum Head {
     Logits { output: String, logits: Logits },
     Mask2Former { classes: String, masks: String, queries: Mask2Former },
 }
 
 impl Head {
-    /// The output whose last axes are the raster.
+    /// Returns the output whose last axes are the raster.
     fn raster(&self) -> &str {
         match self {
             Head::Logits { output, .. } => output,
@@ -103,9 +103,9 @@ struct NetworkSegmenter {
     network: Arc<dyn Network>,
     input_name: String,
     input: Input,
-    /// The input's size where it is not free.
+    /// Size of the input if it is fixed.
     fixed: Option<Raster>,
-    /// The output's size where the file tells it.
+    /// Size of the output if the file states it.
     raster: Option<Raster>,
     head: Head,
 }

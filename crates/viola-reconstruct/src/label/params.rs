@@ -1,23 +1,23 @@
-//! How points are labelled.
+//! Parameters of the labelling.
 
 use super::segmenter::Segmenter;
 use std::sync::Arc;
 
-/// The network looks at one key frame of each stretch in which the camera moves this far ...
+/// The network segments one key frame of each stretch in which the camera moves this far ...
 pub(super) const KEY_DISTANCE_M: f64 = 0.3;
 /// ... or turns this far.
 pub(super) const KEY_ANGLE_RAD: f64 = 20f64.to_radians();
 
-/// How points are labelled.
+/// Parameters of the labelling.
 #[derive(Clone)]
 pub struct LabelParams {
-    /// None: by shape alone.
+    /// `None` labels by shape alone.
     pub segmenter: Option<Arc<dyn Segmenter>>,
-    /// Why there is none although one is wanted; every answer tells it.
+    /// Reason why a requested network is unavailable; every answer reports it.
     pub unavailable: Option<String>,
-    /// Changes of colour under which each picture is looked at again, up to [`AUGMENTATIONS`].
+    /// Colour changes for further segmentations of a picture, up to [`AUGMENTATIONS`](super::AUGMENTATIONS).
     pub augmentations: usize,
-    /// Uses shapes beside the pictures.
+    /// True if shapes are used beside the pictures.
     pub by_shape: bool,
 }
 

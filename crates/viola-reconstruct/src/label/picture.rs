@@ -1,10 +1,10 @@
-//! A picture as a network takes it: resized with its sides' ratio kept, padded, normalised.
+//! Converts a picture to a network's input: resized with its aspect ratio kept, padded, normalised.
 
 use image::RgbImage;
 use viola_network::Tensor;
 use viola_network::manifest::{Channels, Input, Layout};
 
-/// Where a picture lies in a network's input: in its top left corner; the rest is padding.
+/// Placement of a picture in a network's input: in its top left corner; the rest is padding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Fit {
     pub input: Raster,
@@ -18,9 +18,8 @@ pub struct Raster {
 }
 
 impl Fit {
-    /// Fits a picture into an input of a given size. Where the raster of the output is known, the content ends
-    /// on one of its cells, so that the padding can be cut off without a rest; the ratio of the sides is kept to
-    /// half such a cell.
+    /// Fits a picture into an input of a given size. If the raster of the output is known, the content ends
+    /// on one of its cells, so that the padding can be cut off exactly; the aspect ratio holds to half a cell.
     pub fn into_fixed(picture: Raster, input: Raster, output: Option<Raster>, align_corners: bool) -> Fit {
         let scale =
             (input.width as f64 / picture.width as f64).min(input.height as f64 / picture.height as f64);
@@ -42,7 +41,7 @@ impl Fit {
         Fit { input, content }
     }
 
-    /// Fits a picture into an input whose size is free, by the entry's rule.
+    /// Fits a picture into an input of variable size, by the entry's rule.
     pub fn by_rule(picture: Raster, rule: &Input) -> Fit {
         let (short, long) =
             (picture.width.min(picture.height) as f64, picture.width.max(picture.height) as f64);
@@ -53,7 +52,7 @@ impl Fit {
         Fit { input: Raster { width: up(content.width), height: up(content.height) }, content }
     }
 
-    /// The part of an output raster that shows the picture.
+    /// Returns the part of an output raster that shows the picture.
     pub fn crop(&self, output: Raster, align_corners: bool) -> Raster {
         let side =
             |content: usize, input: usize, output: usize| cells(content as f64, input, output, align_corners);
@@ -64,7 +63,7 @@ impl Fit {
     }
 }
 
-/// How many of an output's cells the first `content` pixels of the input cover.
+/// Returns the number of an output's cells that the first `content` pixels of the input cover.
 fn cells(content: f64, input: usize, output: usize, align_corners: bool) -> usize {
     let cells = if align_corners {
         (content - 1.0) * (output as f64 - 1.0) / (input as f64 - 1.0).max(1.0) + 1.0
@@ -74,7 +73,7 @@ fn cells(content: f64, input: usize, output: usize, align_corners: bool) -> usiz
     (cells.round() as usize).clamp(1, output)
 }
 
-/// The picture in the network's input. Padding is zero after normalisation.
+/// Returns the picture as the network's input. Padding is zero after normalisation.
 pub fn tensor(picture: &RgbImage, fit: Fit, rule: &Input, align_corners: bool) -> Tensor {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let Raster { width: input_width, height: input_height } = fit.input;
@@ -90,7 +89,7 @@ pub fn tensor(picture: &RgbImage, fit: Fit, rule: &Input, align_corners: bool) -
     let mut values = vec![0.0f32; 3 * input_width * input_height];
     let mut row = vec![0.0f32; 3 * width];
     for y in 0..fit.content.height {
-        // Down first: that part runs over whole rows and is fast.
+        // Columns first: this pass runs over whole rows and is fast.
         row.fill(0.0);
         for (from, weight) in rows.of(y) {
             let source = &pixels[from * 3 * width..][..3 * width];
@@ -121,7 +120,7 @@ pub fn tensor(picture: &RgbImage, fit: Fit, rule: &Input, align_corners: bool) -
     Tensor::f32(shape, values)
 }
 
-/// A raster of numbers at another size, by the same weights as pictures.
+/// Resizes a raster of numbers with the same weights as pictures.
 pub fn resized(values: &[f32], from: Raster, to: Raster) -> Vec<f32> {
     let rows = Taps::new(from.height, to.height, false);
     let columns = Taps::new(from.width, to.width, false);
@@ -140,10 +139,10 @@ pub fn resized(values: &[f32], from: Raster, to: Raster) -> Vec<f32> {
     resized
 }
 
-/// Which source pixels make each target pixel, and with which weights: a triangle as wide as one target pixel,
-/// or as one source pixel where the picture grows.
+/// Source pixels of each target pixel and their weights: a triangle as wide as one target pixel, or as one
+/// source pixel if the picture grows.
 struct Taps {
-    /// The same number for each target pixel.
+    /// Number of source pixels for each target pixel.
     count: usize,
     first: Vec<usize>,
     weights: Vec<f32>,

@@ -1,4 +1,4 @@
-//! Upright planes in a clip's surface, found by their votes (Hough, 1962).
+//! Finds upright planes in a clip's surface by a Hough transform (Hough, 1962).
 
 use super::sites::Sites;
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -21,7 +21,7 @@ pub(super) struct Upright {
 }
 
 impl Upright {
-    /// Horizontal direction in the plane.
+    /// Returns the horizontal direction in the plane.
     pub(super) fn along(&self) -> Vector2 {
         Vector2::new(-self.normal.y, self.normal.x)
     }
@@ -29,21 +29,21 @@ impl Upright {
 
 const ANGLES: usize = 120;
 const OFFSET_M: f64 = 0.03;
-/// What lies further from the clip's origin than this is not looked at.
+/// Sites further from the clip's origin than this are ignored.
 const REACH_M: f64 = 40.0;
-/// Bins on both sides of a site's own direction that it votes for.
+/// Angle bins on each side of its own direction that a site votes for.
 const SPREAD: usize = 3;
-/// A member is this near to its plane and faces within about thirty degrees of its direction.
+/// Maximum distance of a member from its plane, and minimum cosine (about thirty degrees) to its normal.
 const NEAR_M: f64 = 0.05;
 const FACING: f64 = 0.85;
-/// Smaller planes are not looked for.
+/// Minimum area of a plane.
 const MIN_AREA_M2: f64 = 0.2;
 const MAX_PLANES: usize = 80;
-/// Side of the cells in which a plane's patches are told apart, and how many empty ones a patch may span.
+/// Side of the cells that split a plane into patches, and the maximum step between cells of one patch.
 const PATCH_CELL_M: f64 = 0.10;
 const PATCH_GAP: i32 = 3;
 
-/// The patches, plane after plane; the plane with the most surface first. `sites` are in the clip frame.
+/// Returns the patches plane by plane, the plane with the most surface first. `sites` are in the clip frame.
 pub(super) fn upright_patches(sites: &Sites) -> Vec<Upright> {
     let mut votes = Votes::new(sites);
     let mut patches = Vec::new();
@@ -72,7 +72,7 @@ fn direction(angle: usize) -> Vector2 {
 /// Counts of upright flat sites by direction and offset.
 struct Votes<'a> {
     sites: &'a Sites,
-    /// Those that vote, in order.
+    /// The voting sites, in order.
     voters: Vec<u32>,
     counts: Vec<u32>,
     bins: usize,
@@ -115,7 +115,7 @@ impl<'a> Votes<'a> {
         self.sites.positions_m[site as usize].xy()
     }
 
-    /// The fullest pair of neighbouring offsets: its direction, the offset between them, and the count.
+    /// Returns the fullest pair of neighbouring offsets: direction, the offset between them, and count.
     fn peak(&self) -> Option<(usize, f64, u32)> {
         let mut best = (0, 0, 0);
         for angle in 0..ANGLES {
@@ -129,7 +129,7 @@ impl<'a> Votes<'a> {
         (best.2 > 0).then(|| (best.0, (best.1 + 1) as f64 * OFFSET_M - REACH_M, best.2))
     }
 
-    /// A line through the sites near it, three times.
+    /// Fits a line to the sites near it, in three iterations.
     fn fit(&self, normal: Vector2, offset_m: f64) -> (Vector2, f64) {
         let (mut normal, mut offset_m) = (normal, offset_m);
         for _ in 0..3 {
@@ -160,7 +160,7 @@ impl<'a> Votes<'a> {
         self.voters.iter().copied().filter(is_near).collect()
     }
 
-    /// Takes sites out of the vote.
+    /// Removes the votes of sites.
     fn remove(&mut self, members: &[u32]) {
         for &member in members {
             self.count(member, |count| *count -= 1);
@@ -169,7 +169,7 @@ impl<'a> Votes<'a> {
         self.voters.retain(|voter| !gone.contains(voter));
     }
 
-    /// Forgets a peak that no plane could be fitted to.
+    /// Clears a peak without members.
     fn clear_peak(&mut self, angle: usize, offset_m: f64) {
         let bin = ((offset_m + REACH_M) / OFFSET_M) as usize;
         let row = &mut self.counts[angle * self.bins..][..self.bins];
@@ -177,7 +177,7 @@ impl<'a> Votes<'a> {
     }
 }
 
-/// The connected patches of a plane.
+/// Splits a plane into its connected patches.
 fn split(sites: &Sites, normal: Vector2, offset_m: f64, members: &[u32]) -> Vec<Upright> {
     let along = Vector2::new(-normal.y, normal.x);
     let place = |i: u32| {

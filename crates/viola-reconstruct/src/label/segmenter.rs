@@ -1,17 +1,17 @@
-//! A network that tells the classes of a picture.
+//! The interface of a segmentation network.
 
 use super::class_map::ClassMap;
 use image::RgbImage;
 
-/// Tells the classes of a picture's pixels.
+/// Classifies the pixels of a picture.
 pub trait Segmenter: Send + Sync {
     fn segment(&self, picture: &RgbImage) -> Result<ClassMap, SegmentError>;
 
-    /// Which network, and what runs it, for the answer.
+    /// Returns the network and its runtime, for the answer.
     fn name(&self) -> String;
 }
 
-/// Why a network could not be used. The clip goes on with geometry alone.
+/// Reason why a network could not be used. The clip is then labelled by geometry alone.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SegmentError {
     #[error("the network failed: {0}")]

@@ -1,14 +1,14 @@
-//! Pieces of surface that bend no more within than they do towards others (Felzenszwalb and Huttenlocher,
-//! 2004): what one piece is, all of it is.
+//! Graph-based segmentation of the surface: internal variation below the boundary's (Felzenszwalb and
+//! Huttenlocher, 2004). The weight of an edge is the bend between two sites.
 
 use super::sites::Sites;
 
-/// The larger, the larger the pieces.
+/// Scale of the threshold; a larger value gives larger segments.
 const SCALE: f64 = 0.05;
-/// Smaller pieces join the neighbour to which they bend least.
+/// Minimum size; smaller segments join the neighbour with the least bend.
 const MIN_SITES: u32 = 40;
 
-/// The piece of each site, numbered from 0 in the order of their first sites.
+/// Returns the segment of each site, numbered from 0 in the order of their first sites.
 pub(super) fn segments(sites: &Sites) -> Vec<u32> {
     let bend = |&[a, b]: &[u32; 2]| {
         let dot = sites.smooth_normals[a as usize].dot(&sites.smooth_normals[b as usize]);
@@ -46,7 +46,7 @@ pub(super) fn segments(sites: &Sites) -> Vec<u32> {
 struct Forest {
     parent: Vec<u32>,
     size: Vec<u32>,
-    /// The strongest bend within.
+    /// Internal variation: the largest bend that was joined.
     inner: Vec<f32>,
 }
 

@@ -1,18 +1,18 @@
-//! The places of a clip that get a class: one a voxel of its fused surface.
+//! The places of a clip that get a class: one for each voxel of its fused surface.
 
 use crate::cloud::PointCloud;
 use rustc_hash::FxHashMap;
 use viola_geometry::{Point3, Pose3, Vector3};
 
-/// One a voxel, with what its points have in common.
+/// Sites, one for each voxel, with the means of its points.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Sites {
     pub(super) positions_m: Vec<Point3>,
     /// Mean of the points' normals, unit length.
     pub(super) normals: Vec<Vector3>,
-    /// Mean of the normals of what lies around, unit length ...
+    /// Mean of the normals of the sites around, unit length ...
     pub(super) smooth_normals: Vec<Vector3>,
-    /// ... and the length of that mean: 1 on a plane, less on what is bent or rough.
+    /// ... and the length of that mean: 1 on a plane, less on bent or rough surface.
     pub(super) flatness: Vec<f64>,
     /// Pairs of sites in touching voxels, the lower index first.
     pub(super) neighbours: Vec<[u32; 2]>,
@@ -22,7 +22,7 @@ pub(super) struct Sites {
 }
 
 impl Sites {
-    /// In the frame of the cloud. The order is that in which the cloud's points come.
+    /// Returns the sites in the frame of the cloud, in the order of its points.
     pub(super) fn new(cloud: &PointCloud) -> Sites {
         let voxel_m = cloud.voxel_m.max(1e-3);
         let mut index: FxHashMap<[i32; 3], u32> = FxHashMap::default();
@@ -55,7 +55,7 @@ impl Sites {
         self.positions_m.len()
     }
 
-    /// The same places in another frame.
+    /// Transforms the sites to another frame.
     pub(super) fn transform(&mut self, to_from_this: &Pose3) {
         self.positions_m.iter_mut().for_each(|p| *p = to_from_this * *p);
         for normals in [&mut self.normals, &mut self.smooth_normals] {
@@ -63,14 +63,14 @@ impl Sites {
         }
     }
 
-    /// Surface of a number of sites. A slanted surface crosses more voxels than a level one; half of the way
-    /// between both is within a quarter of either.
+    /// Returns the area of a number of sites. A slanted surface crosses more voxels than a level one; the
+    /// factor lies halfway and is within a quarter of either.
     pub(super) fn area_m2(&self, sites: usize) -> f64 {
         0.8 * sites as f64 * self.voxel_m * self.voxel_m
     }
 }
 
-/// All pairs of touching voxels, each once.
+/// Returns all pairs of touching voxels, each once.
 fn touching(keys: &[[i32; 3]], index: &FxHashMap<[i32; 3], u32>) -> Vec<[u32; 2]> {
     let mut pairs = Vec::with_capacity(keys.len() * 5);
     for (site, [x, y, z]) in keys.iter().enumerate() {
@@ -86,7 +86,7 @@ fn touching(keys: &[[i32; 3]], index: &FxHashMap<[i32; 3], u32>) -> Vec<[u32; 2]
     pairs
 }
 
-/// Averages over the touching sites, twice: about two voxels around.
+/// Averages the normals over touching sites twice, which is about two voxels around.
 fn smooth(normals: &[Vector3], neighbours: &[[u32; 2]]) -> (Vec<Vector3>, Vec<f64>) {
     let mut means = normals.to_vec();
     for _ in 0..2 {

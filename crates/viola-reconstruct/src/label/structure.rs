@@ -1,26 +1,26 @@
-//! What the shape of a surface alone says: floor, wall, ceiling, or something in front of them.
+//! Classifies surface by shape alone: floor, wall, ceiling, or something in front of them.
 
 use super::planes::{self, Upright};
 use super::sites::Sites;
 use rustc_hash::{FxHashMap, FxHashSet};
 use viola_geometry::Vector2;
 
-/// Upright surface that reaches this high is a wall unless something speaks against it ...
+/// An upright patch that reaches this height is a wall, unless it is a front ...
 const TALL_M: f64 = 1.9;
-/// ... and so is one of which this much was seen, bottom to top, wherever it ends.
+/// ... and so is an upright patch of this height from bottom to top, at any place.
 const EXTENT_M: f64 = 1.2;
-/// Smaller patches are not judged.
+/// Minimum area of a classified patch.
 const MIN_AREA_M2: f64 = 0.25;
-/// A parallel wall less than this behind makes a patch the front of something.
+/// A patch with a parallel wall less than this behind it is the front of something.
 const DEPTH_M: f64 = 0.9;
-/// Ceilings are above this.
+/// Minimum height of a ceiling.
 const CEILING_M: f64 = 2.0;
 
-/// What a place looks like without its picture.
+/// Shape of a site, without its pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Shape {
     Floor,
-    /// In an upright plane that has what walls have.
+    /// In an upright plane that is tall enough for a wall.
     Wall,
     Ceiling,
     /// In an upright plane with a wall close behind most of it, or with a top: the front of a cabinet.
@@ -31,28 +31,28 @@ pub enum Shape {
     Loose,
 }
 
-/// A wall as far as it was seen, in the clip frame.
+/// The seen part of a wall, in the clip frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wall {
     /// Towards the seen side.
     pub normal: Vector2,
     /// Distance of the wall's plane from the origin along the normal.
     pub offset_m: f64,
-    /// Where it begins along [`Wall::along`].
+    /// Start along [`Wall::along`].
     pub from_m: f64,
-    /// The lowest and the highest surface in each [`Wall::STEP_M`] from there; none where nothing was seen.
+    /// Lowest and highest surface in each [`Wall::STEP_M`] from there; `None` if nothing was seen.
     pub seen_m: Vec<Option<(f64, f64)>>,
 }
 
 impl Wall {
     pub const STEP_M: f64 = 0.06;
 
-    /// Horizontal direction in the wall.
+    /// Returns the horizontal direction in the wall.
     pub fn along(&self) -> Vector2 {
         Vector2::new(-self.normal.y, self.normal.x)
     }
 
-    /// Where it ends along [`Wall::along`].
+    /// Returns the end along [`Wall::along`].
     pub fn to_m(&self) -> f64 {
         self.from_m + self.seen_m.len() as f64 * Wall::STEP_M
     }
@@ -71,7 +71,7 @@ impl Wall {
     }
 }
 
-/// The shape of each site, and the walls. `sites` are in the clip frame: z up, the floor at 0.
+/// Returns the shape of each site, and the walls. `sites` are in the clip frame: z up, the floor at 0.
 pub fn shapes(sites: &Sites) -> (Vec<Shape>, Vec<Wall>) {
     let patches = planes::upright_patches(sites);
     let mut shapes = vec![Shape::Loose; sites.len()];
@@ -114,12 +114,12 @@ fn judge(patch: &Upright, all: &[Upright], sites: &Sites) -> Shape {
     }
 }
 
-/// Over how much of a patch's length a parallel wall stands close behind it, as a share. Furniture hides most of the wall that
-/// it stands before, so that little of it need be seen.
+/// Returns the fraction of a patch's length that has a parallel wall close behind it. Furniture hides most of
+/// the wall behind it, so a small visible part of the wall is enough.
 fn wall_behind(patch: &Upright, all: &[Upright], sites: &Sites) -> f64 {
     const SECTION_M: f64 = 0.25;
     const CLOSE_M: f64 = 0.1;
-    /// Wall behind a section or those beside it.
+    /// Minimum area of wall behind a section and the two beside it.
     const LEAST_M2: f64 = 0.01;
     let along = patch.along();
     let is_wall = |other: &&Upright| {
@@ -144,9 +144,9 @@ fn wall_behind(patch: &Upright, all: &[Upright], sites: &Sites) -> f64 {
     own.iter().filter(has_wall).count() as f64 / own.len().max(1) as f64
 }
 
-/// Whether a level surface begins at the upper edge of a patch and goes back from it.
+/// Returns whether a level surface begins at the upper edge of a patch and extends back from it.
 fn has_top(patch: &Upright, sites: &Sites) -> bool {
-    /// Square metres of top for each metre of front: a strip of 10 cm.
+    /// Minimum square metres of top for each metre of front: a strip of 10 cm.
     const DEEP_M: f64 = 0.1;
     let along = patch.along();
     let count = (0..sites.len())
@@ -163,7 +163,7 @@ fn has_top(patch: &Upright, sites: &Sites) -> bool {
     sites.area_m2(count) > DEEP_M * (patch.to_m - patch.from_m)
 }
 
-/// Gives a wall what lies on it but leans: beside edges the mean of the normals is not the wall's.
+/// Adds tilted sites on the wall's plane to it: beside edges, the smoothed normal is not the wall's.
 fn claim(wall: &Upright, sites: &Sites, shapes: &mut [Shape]) {
     const ON_M: f64 = 0.08;
     const CELL_M: f64 = 0.15;
@@ -192,7 +192,7 @@ mod tests {
     use super::*;
     use viola_geometry::Point3;
 
-    /// Upright surface that faces +x at a distance, two metres long and tall, seen from one place along it to another.
+    /// Returns an upright patch that faces +x at `offset_m`, two metres tall, seen along `seen_m`.
     fn upright(sites: &mut Sites, offset_m: f64, seen_m: std::ops::Range<f64>) -> Upright {
         const STEP_M: f64 = 0.05;
         let first = sites.positions_m.len() as u32;
@@ -216,7 +216,7 @@ mod tests {
         }
     }
 
-    /// A patch of two metres, the wall's distance behind it, how much of that wall was seen, and the share it comes to.
+    /// Checks the fraction for a patch of two metres with a wall `behind_m` behind it, seen along `seen_m`.
     fn check(behind_m: f64, seen_m: std::ops::Range<f64>, want: std::ops::RangeInclusive<f64>) {
         let mut sites = Sites::default();
         let all = [upright(&mut sites, 0.0, 0.0..2.0), upright(&mut sites, -behind_m, seen_m.clone())];
@@ -227,10 +227,10 @@ mod tests {
     #[test]
     fn a_wall_behind_counts_by_the_length_that_it_stands_behind() {
         check(0.5, 0.0..2.0, 1.0..=1.0);
-        // A section beside one with a wall behind it has one, too.
+        // A section next to a section with a wall behind it counts, too.
         check(0.5, 0.0..1.0, 0.5..=0.75);
         check(0.5, 2.5..4.0, 0.0..=0.0);
-        // The same wall, and one of another room.
+        // The same wall, and a wall of another room.
         check(0.05, 0.0..2.0, 0.0..=0.0);
         check(1.2, 0.0..2.0, 0.0..=0.0);
     }

@@ -1,4 +1,4 @@
-//! Voting of the key frames on the class of each site (paper eq. 1).
+//! Votes of the key frames on the class of each site (paper eq. 1).
 
 use super::sites::Sites;
 use super::{ClassMap, LabelParams, SegmentError, Segmenter, augment};
@@ -12,22 +12,21 @@ use viola_geometry::progress::{self, Progress};
 use viola_geometry::taxonomy::CLASSES;
 use viola_geometry::{Point3, Pose3, Vector3};
 
-/// What the pictures say of each site. Memory grows with the surface, not with the frames.
+/// Votes of the pictures for each site. Memory grows with the surface, not with the frames.
 #[derive(Debug, Clone)]
 pub(super) struct Votes {
-    /// [`CLASSES`] a site: the sum over the pictures that see it of confidence times probability.
+    /// [`CLASSES`] values for each site: confidence times probability, summed over the pictures that see it.
     pub(super) sums: Vec<f32>,
-    /// Pictures that see the site.
+    /// Number of pictures that see each site.
     pub(super) views: Vec<u16>,
 }
 
-/// Sites handled together: they lie side by side, so that most of what a camera does not see is passed over
-/// as a whole.
+/// Sites processed together. They lie side by side, so that most sites out of view are skipped as a chunk.
 const CHUNK: usize = 1024;
 /// Frames decoded at a time.
 const BATCH: usize = 4;
 
-/// Streams the key frames once more, segments each, and sums up what it says of the sites it sees.
+/// Streams the chosen key frames again, segments each, and adds its votes for the sites that it sees.
 /// `sites` are in the world frame.
 pub(super) fn vote(
     clip: &Clip,
@@ -49,7 +48,7 @@ pub(super) fn vote(
             let frame = match frame {
                 Ok(frame) => frame,
                 Err(error) if error.is_ours() => return Err(ReconstructError::Clip(error)),
-                // It was decoded before; if it cannot be now, the others will do.
+                // It was decoded before; if that fails now, the other frames are enough.
                 Err(_) => continue,
             };
             let map = match augment::segment(segmenter, &frame.color, params.augmentations) {
@@ -62,8 +61,8 @@ pub(super) fn vote(
     Ok(Ok(votes))
 }
 
-/// The sharpest key frame of each stretch: the network is slow, neighbours say the same, and of a blurred
-/// picture it says worse.
+/// Returns the sharpest key frame of each stretch: the network is slow, neighbours give the same classes, and
+/// blurred pictures give worse ones.
 pub(super) fn choose(key_frames: &[KeyFrame]) -> Vec<&KeyFrame> {
     let mut chosen: Vec<&KeyFrame> = Vec::new();
     let mut begin: Option<&KeyFrame> = None;
@@ -87,7 +86,7 @@ pub(super) fn choose(key_frames: &[KeyFrame]) -> Vec<&KeyFrame> {
     chosen
 }
 
-/// Centre and radius of each chunk.
+/// Returns the centre and radius of each chunk.
 fn balls(sites: &Sites) -> Vec<(Point3, f64)> {
     let ball = |chunk: &[Point3]| {
         let sum: Vector3 = chunk.iter().map(|p| p.coords).sum();
@@ -138,7 +137,7 @@ pub(super) struct Look<'a> {
 }
 
 impl Look<'_> {
-    /// Whether anything in a ball could be in the picture.
+    /// Returns whether any point of a ball can be in the picture.
     fn may_see(&self, centre: &Point3, radius_m: f64) -> bool {
         let at = self.camera_from_world * centre;
         let camera = &self.frame.depth_camera;
@@ -150,8 +149,8 @@ impl Look<'_> {
         }
     }
 
-    /// Where a site is in the colour picture, if the camera sees it: in both pictures, facing the camera,
-    /// and at the depth that was measured there.
+    /// Returns the pixel of a site in the colour picture if the camera sees it: in both pictures, facing the
+    /// camera, and at the depth that was measured there.
     pub(super) fn pixel(&self, position_m: &Point3, normal: &Vector3) -> Option<(f32, f32)> {
         let at = self.camera_from_world * position_m;
         if at.z < 0.15 || (self.camera_from_world.rotation * normal).dot(&at.coords) > 0.0 {

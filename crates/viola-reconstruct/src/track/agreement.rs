@@ -1,38 +1,39 @@
-//! Whether what the key frames read agrees, by the poses that they have.
+//! Measures the agreement of the key frames' readings by their poses.
 //!
-//! Two key frames that see the same surface read it in the same place, as well as the sensor can. Where that gets worse
-//! with the way that the camera went between the two, the poses drift: what a device loses on its way adds up, while what
-//! each of its poses errs by itself does not. The readings are at hand once a clip is fused, so that asking costs
-//! milliseconds and no picture has to be decoded.
+//! Two key frames that see the same surface read it in the same place, to the accuracy of the sensor. If the
+//! disagreement grows with the camera's way between the two, the poses drift: drift accumulates, the errors of
+//! single poses do not. A fused clip has its readings in memory, so that the measurement takes milliseconds
+//! and decodes no picture.
 
 use crate::key_frame::KeyFrame;
 use viola_geometry::Pose3;
 
-/// Key frames that are compared with each other, evenly over the clip.
+/// Number of key frames that are compared with each other, evenly over the clip.
 const COMPARED: usize = 60;
-/// Pairs whose cameras are further from each other than this see surfaces too differently.
+/// Maximum angle and distance between the cameras of a pair; beyond, they see surfaces too differently.
 const MOST_TURN_RAD: f64 = 0.6;
 const MOST_APART_M: f64 = 1.0;
-/// Readings further apart than this are of different surfaces, and so are those further away than the sensor is true.
+/// Maximum distance between readings of one surface, and maximum depth at which the sensor is accurate.
 const SAME_SURFACE_M: f64 = 0.15;
 const MOST_DEPTH_M: f64 = 4.0;
-/// Of a key frame's readings every so many-th is looked up, and so many at least must fall on the same surface.
+/// Stride of a key frame's compared readings; minimum fraction and number of them on the same surface.
 const EVERY: usize = 3;
 const LEAST_SHARE: f64 = 1.0 / 3.0;
 const LEAST_READINGS: usize = 100;
-/// The way between the frames of a pair that tells how true the sensor is, at most, and of one that tells of drift, at least.
+/// Maximum way between the frames of a pair that measures the sensor's accuracy, and minimum way of a pair
+/// that measures drift.
 const NEAR_M: f64 = 0.3;
 const FAR_M: f64 = 0.6;
-/// Pairs of either kind that are needed.
+/// Minimum number of pairs of either kind.
 const LEAST_PAIRS: usize = 6;
 
-/// Two key frames that see the same.
+/// Two key frames that see the same surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Pair {
     a: usize,
     b: usize,
     way_m: f64,
-    /// The median distance between what they read.
+    /// Median distance between their readings.
     off_m: f64,
 }
 
@@ -43,7 +44,7 @@ pub(super) struct Agreement {
 }
 
 impl Agreement {
-    /// By the poses that the key frames have.
+    /// Compares the key frames by their own poses.
     pub fn of(keys: &[KeyFrame]) -> Agreement {
         let mut way_m = vec![0.0];
         for pair in keys.windows(2) {
@@ -64,8 +65,7 @@ impl Agreement {
         Agreement { pairs }
     }
 
-    /// By how much readings disagree after one metre of way more than at once, in metres, as a random walk grows. None
-    /// where too little is seen twice.
+    /// Returns the random-walk drift after one metre, in metres; `None` if too little is seen twice.
     pub fn growth_m(&self) -> Option<f64> {
         let near: Vec<f64> =
             self.pairs.iter().filter(|p| p.way_m < NEAR_M).map(|p| p.off_m.powi(2)).collect();
@@ -78,8 +78,8 @@ impl Agreement {
         Some(growth.max(0.0).sqrt())
     }
 
-    /// What readings of the same pairs disagree by with other poses, as a share of what they do with their own: the median
-    /// over the pairs. None where other poses bring too few of them together.
+    /// Returns the disagreement with other poses as a fraction of that with the own poses, median over the pairs;
+    /// `None` if too few pairs overlap with other poses.
     pub fn share_left(&self, keys: &[KeyFrame], world_from_camera: &[Option<Pose3>]) -> Option<f64> {
         let pose = |place: usize| world_from_camera.get(keys[place].index).copied().flatten();
         let shares: Vec<f64> = self
@@ -94,7 +94,7 @@ impl Agreement {
     }
 }
 
-/// The median distance, along the sight of `b`, between what the two read; none where they see too little in common.
+/// Returns the median distance, along the axis of `b`, between the two's readings; `None` with too few in common.
 fn off_m(a: &KeyFrame, b: &KeyFrame, b_from_a: &Pose3) -> Option<f64> {
     let camera = b.readings.camera();
     let (mut looked_up, mut off_m) = (0, Vec::new());

@@ -1,4 +1,4 @@
-//! A clip whose frames are read in their order and tracked.
+//! Tracks the frames of a clip in their order.
 
 use super::agreement::Agreement;
 use super::{Track, TrackParams, Tracker};
@@ -9,32 +9,32 @@ use viola_formats::clip::{Clip, ClipError, FrameHeader};
 use viola_geometry::Pose3;
 use viola_geometry::progress::{self, Progress, Stage};
 
-/// Poses by which readings disagree after one metre by no more than this do not drift ...
+/// Maximum drift after one metre, in metres, of poses that are not refined ...
 const TOLERATED_M: f64 = 0.013;
-/// ... and refined ones that leave more than this share of the disagreement are no better.
+/// ... and maximum fraction of the disagreement that refined poses may leave.
 const MOST_LEFT: f64 = 0.95;
 
-/// The reason's code that an answer has whose frames were too few to track them for sure.
+/// Reason code of answers whose frames are too sparse for reliable tracking.
 const SPARSE: &str = "sparse_frames";
-/// Frames that are decoded at a time.
+/// Frames decoded at a time.
 const BATCH: usize = 8;
 
-/// A clip's poses where it has none of its own, or better ones than its own.
+/// Tracked poses of a clip without poses, or its refined poses.
 #[derive(Debug, Clone)]
 pub struct TrackedClip {
-    /// For every frame of the clip; none where it was not tracked, or not in the segment that counts.
+    /// One for each frame of the clip; `None` if it was not tracked or is not in the longest segment.
     pub world_from_camera: Vec<Option<Pose3>>,
-    /// Whether the poses are the device's, refined, in the device's world.
+    /// True if the poses are the device's, refined, in the device's world.
     pub is_refined: bool,
-    /// Whether the frames are so far apart that tracking may have gone wrong unnoticed.
+    /// True if the frames are so far apart that tracking may have failed unnoticed.
     pub is_sparse: bool,
-    /// What the answer should tell of it.
+    /// Remarks for the answer.
     pub reasons: Vec<Reason>,
     pub track: Track,
 }
 
 impl TrackedClip {
-    /// The frames that have a pose.
+    /// Returns the frames that have a pose.
     pub fn posed<'a>(&'a self, clip: &'a Clip) -> impl Iterator<Item = (&'a FrameHeader, &'a Pose3)> {
         clip.frames()
             .iter()
@@ -43,8 +43,8 @@ impl TrackedClip {
     }
 }
 
-/// Tracks some frames of a clip (`indices`, ascending places in it). A frame that cannot be decoded is left out; none
-/// that can be is an error.
+/// Tracks some frames of a clip (`indices`, ascending). Frames that cannot be decoded are left out; it is an
+/// error if no frame can be decoded.
 ///
 /// Every frame is decoded once, a few at a time; frames in between are needed too, so nothing is skipped.
 pub fn track(
@@ -56,7 +56,7 @@ pub fn track(
     follow(clip, indices, Tracker::new(&with_shutter(clip, params)), progress)
 }
 
-/// The clip knows its camera best.
+/// Returns the parameters with the clip's own shutter, if it states one.
 fn with_shutter(clip: &Clip, params: &TrackParams) -> TrackParams {
     TrackParams { shutter: clip.shutter().or(params.shutter), ..params.clone() }
 }
@@ -105,8 +105,8 @@ fn follow(
     Ok(TrackedClip { world_from_camera, is_refined: false, is_sparse, reasons, track })
 }
 
-/// Refines the poses that a device gave the key frames by what they show. None where these do not drift, where too little is
-/// seen twice to tell, or where what is read agrees no better afterwards.
+/// Refines a device's poses of the key frames by their pictures. Returns `None` if they do not drift, if too
+/// little is seen twice to tell, or if the readings agree no better afterwards.
 pub fn refine(
     clip: &Clip,
     keys: &[KeyFrame],
@@ -135,12 +135,12 @@ pub fn refine(
     Ok(Some(TrackedClip { is_refined: true, is_sparse: false, reasons, ..refined }))
 }
 
-/// Where poses come by tracking at 2.5 Hz, 13 % of the simulated clips that were called aligned were not; at 10 Hz none
-/// (BENCHMARKS.md). The probability does not know how sparse a recording was: beyond this turn from frame to frame, which
-/// lies between the two, the clip is sparse.
+/// Maximum turn from frame to frame of a clip that is not sparse; it lies between those of 2.5 Hz and 10 Hz.
+/// With tracking at 2.5 Hz, 13 % of the simulated clips reported as aligned were not; at 10 Hz none
+/// (BENCHMARKS.md). The probability does not account for sparse recordings.
 const WIDE_TURN_RAD: f64 = 8.0 * std::f64::consts::PI / 180.0;
 
-/// In words: how much was followed, and why not all.
+/// Returns the remarks on the fraction of tracked frames, and on the ends of segments.
 fn reasons(track: &Track, frames: usize, number: impl Fn(usize) -> u32) -> Vec<Reason> {
     let Some(longest) = track.longest() else {
         let detail = "the recording has no camera poses, and its pictures do not tell how the camera moved";

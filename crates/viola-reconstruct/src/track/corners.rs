@@ -1,34 +1,34 @@
-//! Corners of a picture with binary descriptors, to know a place again (Shi and Tomasi, 1994; Calonder et al., 2010).
+//! Corners with binary descriptors for place recognition (Shi and Tomasi, 1994; Calonder et al., 2010).
 
 use super::picture::Layer;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use viola_geometry::Point3;
 
-/// One corner at most is kept in each square of this many pixels, so that they spread over the picture.
+/// Side of the cells with at most one corner each, in pixels, so that corners spread over the picture.
 const CELL: usize = 9;
 const MOST: usize = 400;
-/// A corner's picture must change in every direction by about this much a pixel.
+/// Approximate minimum change of grey around a corner, a pixel, in every direction.
 const LEAST_CHANGE: f32 = 0.004;
-/// Half the side of the patch that is described.
+/// Half the side of the described patch.
 const REACH: i32 = 12;
 const BITS: usize = 256;
 
 pub(super) type Bits = [u64; BITS / 64];
 
-/// A corner whose depth is known.
+/// A corner with known depth.
 #[derive(Debug, Clone)]
 pub(super) struct Corner {
     pub point_m: Point3,
     pub bits: Bits,
 }
 
-/// Of what two corners' descriptors differ.
+/// Returns the Hamming distance of two descriptors.
 pub(super) fn distance(a: &Bits, b: &Bits) -> u32 {
     a.iter().zip(b).map(|(a, b)| (a ^ b).count_ones()).sum()
 }
 
-/// The pairs of places that descriptors compare, the same for all pictures.
+/// The pairs of pixels that descriptors compare, the same for all pictures.
 pub(super) struct Describer {
     pairs: Vec<[i32; 4]>,
 }
@@ -36,12 +36,12 @@ pub(super) struct Describer {
 impl Describer {
     pub fn new() -> Describer {
         let mut rng = ChaCha8Rng::seed_from_u64(0x0070_6c61_6365);
-        // The sum of two even numbers prefers the middle, as the descriptor's authors found best.
+        // The sum of two uniform numbers prefers the middle, which the descriptor's authors found best.
         let mut at = || rng.random_range(-REACH / 2..=REACH / 2) + rng.random_range(-REACH / 2..=REACH / 2);
         Describer { pairs: (0..BITS).map(|_| [at(), at(), at(), at()]).collect() }
     }
 
-    /// The corners of a picture, the strongest first.
+    /// Returns the corners of a picture, the strongest first.
     pub fn corners(&self, layer: &Layer) -> Vec<Corner> {
         let (width, height) = (layer.width(), layer.height());
         let smooth = blurred(&layer.grey, width, height);
@@ -77,7 +77,7 @@ impl Describer {
     }
 }
 
-/// The lesser eigenvalue of the squared slopes around a pixel.
+/// Returns the lesser eigenvalue of the structure tensor around a pixel.
 fn change(smooth: &[f32], width: usize, x: usize, y: usize) -> f32 {
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
     for row in y - 1..=y + 1 {
@@ -93,7 +93,7 @@ fn change(smooth: &[f32], width: usize, x: usize, y: usize) -> f32 {
     if value.is_finite() { value } else { 0.0 }
 }
 
-/// The mean over five by five pixels; the margins stay as they are.
+/// Returns the mean over five by five pixels; margins are averaged along one axis only.
 fn blurred(grey: &[f32], width: usize, height: usize) -> Vec<f32> {
     let mut rows = grey.to_vec();
     for y in 0..height {

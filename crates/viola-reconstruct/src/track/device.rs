@@ -1,4 +1,4 @@
-//! Poses that a device gave, as something known beside what the pictures say.
+//! Device poses as measurements beside the pictures.
 
 use super::graph::Edge;
 use super::keys::KeyFrame;
@@ -9,14 +9,14 @@ use super::{Followed, Tracker};
 use nalgebra::Matrix6;
 use viola_geometry::Pose3;
 
-/// Standard deviations of a step of no length that a device tells, ...
+/// Standard deviations of a device's step of zero length, ...
 const LEAST_M: f64 = 0.002;
 const LEAST_RAD: f64 = 0.001;
-/// ... and what one metre adds: the errors grow as a random walk.
+/// ... and of its random-walk drift after one metre.
 const DRIFT_M: f64 = 0.01;
 const DRIFT_RAD: f64 = 0.003;
-/// A step by pictures that is further than this from the device's is wrong: something moved with the camera, or
-/// everything looks alike. The shares are of the step's own length and turn.
+/// Maximum deviation of a step by pictures from the device's step. A larger one is wrong: something moved with
+/// the camera, or everything looks alike. The shares are fractions of the device's step and turn.
 const MOST_M: f64 = 0.04;
 const MOST_SHARE: f64 = 0.2;
 const MOST_RAD: f64 = 2f64.to_radians();
@@ -43,7 +43,7 @@ fn contradicts(expected: &Pose3, found: &Pose3) -> bool {
 }
 
 impl Tracker {
-    /// Where the frame is against a key frame by what the device says of both.
+    /// Returns the frame's pose against a key frame by the device's poses of both.
     pub(super) fn expected(&self, key: usize) -> Option<Pose3> {
         let world_from_camera = (*self.devices.last()?)?;
         let world_from_key = self.devices[self.keys[key].frame]?;
@@ -54,12 +54,12 @@ impl Tracker {
         self.has_device && expected.is_some_and(|expected| contradicts(expected, found))
     }
 
-    /// To the key frame that comes next.
+    /// Returns the edge from a key frame to the next one by the device's poses.
     pub(super) fn device_edge(&self, key: usize, expected: Pose3) -> Option<Edge> {
         self.has_device.then(|| edge(key, self.keys.len(), expected))
     }
 
-    /// A frame whose pictures do not tell where it is, and whose device does.
+    /// Places a frame by its device's pose, because its pictures do not constrain it.
     pub(super) fn carry(&mut self, pyramid: Pyramid, expected: Pose3) -> Followed {
         let key = self.keys.len() - 1;
         let is_near = expected.translation.vector.norm() < KEY_MOTION * self.keys[key].median_depth_m

@@ -1,32 +1,32 @@
-//! The poses of key frames from what is known between them, by Gauss and Newton, each step solved by conjugate gradients.
+//! Pose graph of the key frames, optimised by Gauss-Newton; each step is solved by conjugate gradients.
 //!
-//! Odometry is trusted as far as it says; loops fade out when they disagree with everything else, and those that went
-//! too far are left out for good (Geman and McClure, 1985; Agarwal et al., 2013).
+//! Odometry is weighted by its information. Loops that disagree with everything else fade, and loops with too
+//! little weight are rejected (Geman and McClure, 1985; Agarwal et al., 2013).
 
 use super::step::exponential;
 use nalgebra::{Matrix6, Vector6};
 use viola_geometry::{Pose3, Vector3};
 
-/// Something known between two key frames.
+/// A measured motion between two key frames.
 #[derive(Debug, Clone)]
 pub(super) struct Edge {
     pub a: usize,
     pub b: usize,
     pub b_from_a: Pose3,
-    /// Of a small motion of `a` in its own frame: translation, then rotation.
+    /// Information of a small motion of `a` in its own frame: translation, then rotation.
     pub information: Matrix6<f64>,
-    /// Loops may be wrong; steps are not.
+    /// True for loops, which may be wrong; steps are trusted.
     pub is_loop: bool,
 }
 
-/// Squared errors, in standard deviations, at which loops fade.
+/// Squared error, in standard deviations, at which loops fade.
 const FADE: f64 = 30.0;
-/// Loops that end with less weight than this are wrong.
+/// Minimum final weight of a loop; others are rejected.
 const WRONG: f64 = 0.1;
 const ROUNDS: usize = 12;
 
-/// Moves the poses (`world_from_key`) to where the edges want them; the first of each connected part stays. Gives which
-/// edges were believed.
+/// Optimises the poses (`world_from_key`) by the edges; the first of each connected part stays fixed. Returns
+/// for each edge whether it is believed.
 pub(super) fn settle(poses: &mut [Pose3], edges: &[Edge]) -> Vec<bool> {
     let fixed = first_of_parts(poses.len(), edges);
     let mut weights = vec![1.0; edges.len()];
@@ -34,7 +34,7 @@ pub(super) fn settle(poses: &mut [Pose3], edges: &[Edge]) -> Vec<bool> {
         let errors: Vec<Vector6<f64>> = edges.iter().map(|edge| error(edge, poses)).collect();
         for ((weight, edge), error) in weights.iter_mut().zip(edges).zip(&errors) {
             let squared = (error.transpose() * edge.information * error)[0];
-            // Loops fade more and more strictly, so that a wrong one cannot bend what it is judged by.
+            // Loops fade more and more strictly, so that a wrong one cannot bend the poses that judge it.
             let fade = FADE * f64::powi(2.0, 6 - (round.min(6) as i32));
             *weight = if edge.is_loop { (1.0 + squared / fade).powi(-2) } else { 1.0 };
         }
@@ -66,14 +66,14 @@ fn first_of_parts(count: usize, edges: &[Edge]) -> Vec<bool> {
     (0..count).map(|at| root(&mut part, at) == at).collect()
 }
 
-/// How far `a` is from where the edge and `b` have it, in its own frame.
+/// Returns the residual of `a` against its pose by the edge and `b`, in its own frame.
 fn error(edge: &Edge, poses: &[Pose3]) -> Vector6<f64> {
     let off = edge.b_from_a.inverse() * poses[edge.b].inverse() * poses[edge.a];
     let (shift, turn) = (off.translation.vector, off.rotation.scaled_axis());
     Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
 }
 
-/// How a small motion of `b` in its own frame looks in that of `a`.
+/// Returns the adjoint matrix, which takes a small motion of `b` in its own frame to that of `a`.
 fn carried(a_from_b: &Pose3) -> Matrix6<f64> {
     let turn = a_from_b.rotation.to_rotation_matrix().into_inner();
     let mut matrix = Matrix6::zeros();
@@ -84,7 +84,7 @@ fn carried(a_from_b: &Pose3) -> Matrix6<f64> {
     matrix
 }
 
-/// The next step of all poses.
+/// Returns the next step of all poses.
 fn solve(
     poses: &[Pose3],
     edges: &[Edge],
@@ -158,7 +158,7 @@ mod tests {
         Edge { a, b, b_from_a, information: Matrix6::identity() * 1e4, is_loop }
     }
 
-    /// A walk around a square whose odometry turns a little too much at each step, and the loops at its end.
+    /// Returns a walk around a square as it is and by odometry that turns too much at each step, and its edges.
     fn square() -> (Vec<Pose3>, Vec<Pose3>, Vec<Edge>) {
         let turn = |i: usize| if i % 5 == 4 { std::f64::consts::FRAC_PI_2 } else { 0.0 };
         let step = |i: usize, extra: f64| {
@@ -192,7 +192,7 @@ mod tests {
         assert_eq!(poses[0], Pose3::identity());
     }
 
-    /// Loops that are planted between places that only look alike are left out, and bend nothing.
+    /// Planted loops between places that only look alike are rejected, and bend nothing.
     #[test]
     fn false_loops_are_rejected() {
         let (truth, mut right, mut edges) = square();

@@ -1,17 +1,17 @@
-//! Key frames as they are kept: small enough for thousands.
+//! Compact key frames, small enough for thousands.
 
 use super::corners::{Corner, Describer};
 use super::picture::{Layer, Pyramid};
 use super::reference::Reference;
 use viola_geometry::{Pinhole, Pose3};
 
-/// Steps of the kept depth.
+/// Steps of the kept depth, a metre.
 const DEPTH_STEPS_A_M: f32 = 5_000.0;
 
 /// A key frame: its picture at the finest layer, three bytes a pixel, and its corners.
 #[derive(Debug, Clone)]
 pub(super) struct KeyFrame {
-    /// Its place in the clip.
+    /// Index among the tracked frames.
     pub frame: usize,
     pub segment: usize,
     /// In the segment's own world.
@@ -34,7 +34,7 @@ impl KeyFrame {
     ) -> KeyFrame {
         let layer = pyramid.finest();
         let corners = describer.corners(layer);
-        // 255 is a pixel that the colour camera does not see.
+        // 255 marks a pixel that the colour camera does not see.
         let grey = |grey: &f32| if grey.is_finite() { (grey * 254.0).round() as u8 } else { 255 };
         let mut depths: Vec<f32> =
             layer.depth_m.iter().copied().filter(|depth| *depth > 0.0).step_by(16).collect();
@@ -65,7 +65,7 @@ impl KeyFrame {
         Reference::new(&self.pyramid())
     }
 
-    /// How many words of their descriptors two key frames have in common.
+    /// Returns the number of descriptor words that two key frames have in common.
     pub fn similarity(&self, other: &[u32]) -> usize {
         let (mut i, mut j, mut common) = (0, 0, 0);
         while let (Some(a), Some(b)) = (self.words.get(i), other.get(j)) {
@@ -82,7 +82,7 @@ impl KeyFrame {
         &self.words
     }
 
-    /// Bytes that it takes.
+    /// Returns its size in bytes.
     pub fn bytes(&self) -> usize {
         self.grey.len()
             + 2 * self.depth.len()
@@ -91,7 +91,7 @@ impl KeyFrame {
     }
 }
 
-/// Parts of the descriptors, in order: pictures of one place have many of them in common.
+/// Returns the parts of the descriptors, in order: pictures of one place have many of them in common.
 pub(super) fn words(corners: &[Corner]) -> Vec<u32> {
     let part = |corner: &Corner, k: usize| {
         ((k as u32) << 16) | (corner.bits[k / 4] >> (16 * (k % 4))) as u32 & 0xffff

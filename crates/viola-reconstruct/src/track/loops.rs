@@ -1,4 +1,4 @@
-//! Key frames that see the same again: found by their corners and by where they are, checked by aligning them.
+//! Finds loops, key frames that see the same again, by corners and by poses, and checks them by alignment.
 
 use super::graph::Edge;
 use super::keys::KeyFrame;
@@ -7,15 +7,15 @@ use super::step::{Step, align};
 use rayon::prelude::*;
 use viola_geometry::Pose3;
 
-/// Key frames in between that are no loop but odometry.
+/// Minimum distance of a loop's ends in a segment, in key frames.
 const APART: usize = 3;
-/// Key frames of the same look that are tried for each.
+/// Maximum number of similar key frames tried for each.
 const TRIES: usize = 4;
-/// Key frames that see the same by their poses that are tried for each.
+/// Maximum number of key frames near by pose tried for each.
 const NEIGHBOURS: usize = 4;
 const LEAST_OVERLAP: f64 = 0.4;
 const LEAST_SCORE: f64 = 0.6;
-/// What odometry may have drifted: so much, and these shares of the way and of the turns.
+/// Maximum drift of odometry: constants, and fractions of the way and of the turns.
 const DRIFT_M: f64 = 0.08;
 const DRIFT_SHARE: f64 = 0.05;
 const DRIFT_RAD: f64 = 4f64.to_radians();
@@ -23,7 +23,7 @@ const DRIFT_TURN_SHARE: f64 = 0.05;
 /// Corners that must agree for two segments to be joined.
 pub(super) const JOINING_PAIRS: usize = 24;
 
-/// What the key frames' motions were along the clip, to know how far odometry can have drifted.
+/// Accumulated motion of the key frames along the clip, which bounds the drift of odometry.
 struct Way {
     moved_m: Vec<f64>,
     turned_rad: Vec<f64>,
@@ -40,7 +40,7 @@ impl Way {
         Way { moved_m, turned_rad }
     }
 
-    /// Whether a loop is where odometry can have drifted to.
+    /// Returns whether a loop is within the maximum drift of odometry.
     fn can_reach(&self, keys: &[KeyFrame], a: usize, b: usize, b_from_a: &Pose3) -> bool {
         if keys[a].segment != keys[b].segment {
             return true;
@@ -54,7 +54,7 @@ impl Way {
     }
 }
 
-/// Aligns two key frames from a start; none when they do not fit.
+/// Aligns two key frames from a start; `None` if they do not fit.
 pub(super) fn check(a: &KeyFrame, b: &KeyFrame, start: &Pose3) -> Option<Step> {
     let found = align(&a.reference(), &b.pyramid(), start, (1.0, 0.0), 0)?;
     let off = start.inverse() * found.camera_from_key;
@@ -62,14 +62,14 @@ pub(super) fn check(a: &KeyFrame, b: &KeyFrame, start: &Pose3) -> Option<Step> {
     (found.overlap >= LEAST_OVERLAP && found.score() >= LEAST_SCORE && is_near).then_some(found)
 }
 
-/// Whether two key frames show the same place, by their corners and then by all of them.
+/// Returns the motion between two key frames of the same place, by their corners and then by alignment.
 pub(super) fn same_place(a: &KeyFrame, b: &KeyFrame, seed: u64) -> Option<(Place, Step)> {
     let place = recognise(&a.corners, &b.corners, seed)?;
     let found = check(a, b, &place.b_from_a)?;
     Some((place, found))
 }
 
-/// Loops between key frames that look alike.
+/// Returns loops between key frames that look alike.
 pub(super) fn by_look(keys: &[KeyFrame], seed: u64) -> Vec<Edge> {
     let way = Way::along(keys);
     let found: Vec<Vec<Edge>> = (0..keys.len())
@@ -99,7 +99,7 @@ pub(super) fn by_look(keys: &[KeyFrame], seed: u64) -> Vec<Edge> {
     found.concat()
 }
 
-/// Loops between key frames that see the same by where they are.
+/// Returns loops between key frames that are near by pose.
 pub(super) fn by_pose(keys: &[KeyFrame], known: &[Edge]) -> Vec<Edge> {
     let way = Way::along(keys);
     let found: Vec<Vec<Edge>> = (0..keys.len())

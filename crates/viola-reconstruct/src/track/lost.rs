@@ -1,9 +1,9 @@
-//! Why a frame cannot be followed.
+//! Reasons why a frame cannot be tracked.
 
 use super::picture::Pyramid;
 use serde::{Deserialize, Serialize};
 
-/// Why a segment ended.
+/// Reason why a segment ended.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, thiserror::Error)]
 #[serde(rename_all = "snake_case", tag = "why")]
 pub enum Lost {
@@ -19,13 +19,13 @@ pub enum Lost {
     Jump,
 }
 
-/// Less of the picture than this has depth.
+/// Minimum fraction of the picture with depth.
 const LEAST_DEPTH: f64 = 0.08;
-/// Grey of which a picture has less than this is dark.
+/// Mean grey below which a picture is dark.
 const DARK: f32 = 0.02;
 
 impl Lost {
-    /// What is wrong with a frame by itself.
+    /// Returns the fault of a frame by itself; `None` if it can be tracked.
     pub(super) fn of(pyramid: &Pyramid) -> Option<Lost> {
         let Some(layer) = pyramid.layers.get(1).or(pyramid.layers.first()) else {
             return Some(Lost::NoDepth);
@@ -36,11 +36,11 @@ impl Lost {
         }
         let seen = layer.grey.iter().filter(|grey| grey.is_finite());
         let (sum, count) = seen.fold((0.0, 0usize), |(sum, count), grey| (sum + grey, count + 1));
-        // Depth alone can follow where it is dark, but then nothing tells whether it does so rightly.
+        // Depth alone can track in the dark, but its errors would go unnoticed.
         (sum < DARK * count as f32).then_some(Lost::Dark)
     }
 
-    /// Stable name, for programs.
+    /// Returns the stable name, for programs.
     pub fn code(&self) -> &'static str {
         match self {
             Lost::NoDepth => "track_no_depth",

@@ -1,4 +1,4 @@
-//! Frame after frame against the latest key frame.
+//! Aligns frame after frame to the latest key frame.
 
 use super::lost::Lost;
 use super::picture::Pyramid;
@@ -7,53 +7,53 @@ use super::shutter::Rolling;
 use super::step::{Step, align};
 use viola_geometry::Pose3;
 
-/// Less of the key frame's points than this are in sight.
+/// A frame becomes a key frame if its overlap with the latest one is less than this, ...
 const KEY_OVERLAP: f64 = 0.75;
-/// It fits less well than this: the next key frame comes before steps are in doubt.
+/// ... or its score is, which is before steps are in doubt, ...
 const KEY_SCORE: f64 = 0.6;
-/// The camera moved by this share of what it looks at ...
+/// ... or the camera moved by this fraction of the median depth ...
 pub(crate) const KEY_MOTION: f64 = 0.12;
-/// ... or turned by this much.
+/// ... or turned by this.
 pub(crate) const KEY_TURN_RAD: f64 = 10f64.to_radians();
-/// A step that fits less well than this is compared with others from other starts ...
+/// A step with a lower score than this is compared with steps from other starts ...
 const DOUBT_SCORE: f64 = 0.55;
-/// ... and one that fits even less, or sees less of the key frame, is no step.
+/// ... and a step with a lower score or overlap than these is rejected.
 const LOST_SCORE: f64 = 0.4;
 const LOST_OVERLAP: f64 = 0.3;
-/// A place with a larger standard deviation than this in some direction is not known ...
+/// Maximum standard deviation of a known position in the worst direction ...
 const UNSURE_M: f64 = 0.02;
-/// ... and so many frames in a row without one are the end.
+/// ... and maximum number of frames in a row with an unknown position.
 const MOST_UNSURE: usize = 12;
 
-/// The latest key frame and how the camera moves.
+/// The latest key frame and the motion of the camera.
 pub(super) struct Odometry {
     key: Option<Key>,
 }
 
 struct Key {
     reference: Reference,
-    /// The first key frame as it was recorded, until its motion is known.
+    /// The first key frame before rectification, until its motion is known.
     raw: Option<Pyramid>,
-    /// The frame before, and where it was.
+    /// The last frame and its pose.
     last: Pyramid,
     camera_from_key: Pose3,
-    /// From the frame before to the last one.
+    /// Motion from the second last frame to the last one.
     motion: Pose3,
     exposure: (f64, f64),
-    /// Frames in a row whose place is not known.
+    /// Frames in a row with an unknown position.
     unsure: usize,
 }
 
-/// What became of a frame.
+/// Result for a tracked frame.
 #[derive(Debug, Clone)]
 pub(super) struct Moved {
-    /// The frame as all of it was seen at once.
+    /// The rectified frame.
     pub pyramid: Pyramid,
-    /// The same of the first key frame, once its motion is known.
+    /// The rectified first key frame, once its motion is known.
     pub first: Option<Pyramid>,
     /// From the last key frame.
     pub step: Step,
-    /// Whether the frame is the next key frame.
+    /// True if the frame is the next key frame.
     pub is_key: bool,
 }
 
@@ -62,7 +62,7 @@ impl Odometry {
         Odometry { key: None }
     }
 
-    /// Starts anew with a key frame.
+    /// Restarts with a key frame.
     pub fn begin(&mut self, pyramid: Pyramid) {
         self.key = Some(Key {
             reference: Reference::new(&pyramid),
@@ -75,7 +75,7 @@ impl Odometry {
         });
     }
 
-    /// The next frame's step from the key frame; `expected` where more is known of it than how the camera moved before.
+    /// Returns the next frame's step from the key frame. `expected` replaces the start by constant motion.
     pub fn follow(
         &mut self,
         raw: Pyramid,
@@ -124,8 +124,8 @@ impl Odometry {
 }
 
 impl Key {
-    /// The best step: from where the camera would be if it went on as before, and where that is in doubt, from where
-    /// it was, from the frame before, and from directions all around.
+    /// Returns the best step. It starts from constant motion; in doubt also from the last pose, from the last
+    /// frame, and from directions all around.
     fn step(&self, pyramid: &Pyramid, expected: Option<&Pose3>) -> Option<Step> {
         let still = self.camera_from_key;
         let going_on = expected.copied().unwrap_or(self.motion * still);
@@ -164,10 +164,10 @@ impl Key {
     }
 }
 
-/// Layers that a wide search looks at.
+/// Finest layer of a wide search.
 const COARSE: usize = 2;
 
-/// Turns all around the last direction, by up to half a picture.
+/// Returns turns all around the last direction, by up to half a picture.
 fn around() -> Vec<Pose3> {
     let turn = |yaw_deg: f64, pitch_deg: f64| {
         let axis = viola_geometry::Vector3::new(pitch_deg.to_radians(), yaw_deg.to_radians(), 0.0);

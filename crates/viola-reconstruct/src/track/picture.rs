@@ -1,23 +1,23 @@
-//! A frame as tracking wants it: grey and depth on one raster, at several sizes.
+//! Converts a frame for tracking: grey and depth on one raster, at several sizes.
 
 use rayon::prelude::*;
 use viola_formats::clip::Frame;
 use viola_geometry::Pinhole;
 
-/// The widest raster that is tracked on. Finer ones cost time and give nothing: depth cameras blur over pixels.
+/// Maximum width of the raster. Finer ones cost time without gain, because depth cameras blur over pixels.
 const MAX_WIDTH: u32 = 360;
-/// Layers end when the next would be narrower than this.
+/// Minimum width of a layer.
 const MIN_WIDTH: usize = 32;
 const MAX_LAYERS: usize = 4;
-/// Readings of one cell that differ by more than this share belong to several surfaces, of which none is taken: whichever
-/// was chosen, slanted surfaces would seem to move along with the camera.
+/// Maximum ratio between the readings of one surface in a cell. Cells with several surfaces have no depth,
+/// because with any choice slanted surfaces would seem to move along with the camera.
 const ONE_SURFACE: f32 = 1.06;
 /// The same for the four cells of a finer layer.
 const ONE_COARSE_SURFACE: f32 = 1.2;
-/// What depth cameras can measure in a home.
+/// Range that depth cameras can measure in a home.
 const DEPTH_M: std::ops::RangeInclusive<f32> = 0.15..=8.0;
 
-/// Grey (0..1) and depth (metres, 0 where unknown) of a frame on the same rays.
+/// Grey (0 to 1) and depth (metres, 0 if unknown) of a frame on the same rays.
 #[derive(Debug, Clone)]
 pub(super) struct Layer {
     pub camera: Pinhole,
@@ -69,8 +69,8 @@ impl Pyramid {
     }
 }
 
-/// Which colour pixels each column or row of the raster covers: first and last, the last not included. Empty outside
-/// of the colour picture.
+/// Returns the colour pixels that each column or row of the raster covers: first and last, the last not
+/// included. Empty outside of the colour picture.
 fn covered(size: u32, f: f64, c: f64, color_size: u32, color_f: f64, color_c: f64) -> Vec<(usize, usize)> {
     let scale = color_f / f;
     (0..size)
@@ -84,7 +84,7 @@ fn covered(size: u32, f: f64, c: f64, color_size: u32, color_f: f64, color_c: f6
         .collect()
 }
 
-/// The mean grey of the colour pixels behind each cell; NaN where the colour camera does not see.
+/// Returns the mean grey of the colour pixels behind each cell; NaN outside of the colour picture.
 fn grey(frame: &Frame, camera: &Pinhole) -> Vec<f32> {
     let color = &frame.color_camera;
     let columns = covered(camera.width, camera.fx, camera.cx, color.width, color.fx, color.cx);
@@ -117,7 +117,7 @@ fn grey(frame: &Frame, camera: &Pinhole) -> Vec<f32> {
     grey
 }
 
-/// The depth in the middle of each cell; 0 where there is none.
+/// Returns the depth in the middle of each cell; 0 if there is none.
 fn depth(frame: &Frame, camera: &Pinhole, factor: usize) -> Vec<f32> {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let stride = frame.depth.width as usize;
@@ -136,8 +136,8 @@ fn depth(frame: &Frame, camera: &Pinhole, factor: usize) -> Vec<f32> {
     depth_m
 }
 
-/// The depth in the middle of readings of one surface, which are linear in inverse depth; 0 when they are fewer than
-/// `least` or of several surfaces.
+/// Returns the depth in the middle of readings of one surface, which are linear in inverse depth; 0 if they
+/// are fewer than `least` or of several surfaces.
 fn middle(depths_m: impl Iterator<Item = f32>, least: usize, one_surface: f32) -> f32 {
     let (mut nearest, mut farthest, mut sum, mut count) = (f32::INFINITY, 0f32, 0f32, 0);
     for depth_m in depths_m {

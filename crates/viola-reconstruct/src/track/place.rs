@@ -1,5 +1,5 @@
-//! Whether two key frames show the same place: their corners are matched, three pairs at a time propose a motion, and
-//! the motion that most pairs agree with counts (Fischler and Bolles, 1981).
+//! Recognises the place of two key frames by RANSAC: their corners are matched, three pairs at a time propose
+//! a motion, and the motion with the most inliers is kept (Fischler and Bolles, 1981).
 
 use super::corners::{Corner, distance};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
@@ -7,26 +7,26 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use viola_geometry::{Point3, Pose3, Vector3};
 
-/// Bits of 256 in which the descriptors of a pair may differ.
+/// Maximum Hamming distance of a pair's descriptors, of 256 bits.
 const MOST_BITS: u32 = 60;
-/// The second best must differ by this many times as much.
+/// Minimum ratio of the second best match's distance to the best one's.
 const NEXT_BEST: f64 = 1.2;
 const TRIES: usize = 300;
-/// Pairs agree with a motion up to this, and this share of their depth.
+/// Maximum distance of an inlier: this, plus this fraction of its depth.
 const NEAR_M: f64 = 0.02;
 const NEAR_SHARE: f64 = 0.02;
-/// Pairs that must agree.
+/// Minimum number and fraction of inliers.
 const LEAST_PAIRS: usize = 14;
 const LEAST_SHARE: f64 = 0.3;
 
-/// A motion that pairs of corners agree with.
+/// A motion with its inliers among the pairs of corners.
 #[derive(Debug, Clone)]
 pub(super) struct Place {
     pub b_from_a: Pose3,
     pub pairs: usize,
 }
 
-/// The motion between two frames by their corners; none when they do not show the same.
+/// Returns the motion between two frames by their corners; `None` if they do not show the same place.
 pub(super) fn recognise(a: &[Corner], b: &[Corner], seed: u64) -> Option<Place> {
     let pairs = matches(a, b);
     if pairs.len() < LEAST_PAIRS {
@@ -68,7 +68,7 @@ fn agreeing<'a>(
     pairs.iter().filter(move |(a, b)| (b_from_a * a - b).norm() < near_m + near_share * b.z)
 }
 
-/// Corners that are each other's most alike.
+/// Returns the pairs of corners that are each other's best match.
 fn matches(a: &[Corner], b: &[Corner]) -> Vec<(Point3, Point3)> {
     let nearest = |corner: &Corner, among: &[Corner]| {
         let (mut best, mut second) = ((u32::MAX, 0), u32::MAX);
@@ -92,13 +92,13 @@ fn matches(a: &[Corner], b: &[Corner]) -> Vec<(Point3, Point3)> {
     a.iter().enumerate().filter_map(pair).collect()
 }
 
-/// Whether three points tell a rotation.
+/// Returns whether three points determine a rotation.
 fn is_spread(three: &[(Point3, Point3); 3]) -> bool {
     let [a, b, c] = three.map(|(a, _)| a);
     (b - a).cross(&(c - a)).norm() > 0.02
 }
 
-/// The rigid motion with the least squared distances (Arun, Huang and Blostein, 1987).
+/// Returns the rigid motion with the least squared distances (Arun, Huang and Blostein, 1987).
 fn motion(pairs: &[(Point3, Point3)]) -> Option<Pose3> {
     if pairs.len() < 3 {
         return None;

@@ -1,36 +1,36 @@
-//! What frames are aligned to: points of a key frame with their normals and the slopes of their grey.
+//! The reference of an alignment: points of a key frame with their normals and grey slopes.
 
 use super::picture::{Layer, Pyramid};
 use rayon::prelude::*;
 
-/// Points are kept in groups of this many, so that the compiler can work on them at once.
+/// Number of points in a group, so that the compiler can vectorise.
 pub(super) const LANES: usize = 8;
 pub(super) type Lanes = [f32; LANES];
 
-/// Neighbours whose depth differs by more than this share belong to another surface ...
+/// Neighbours whose depth differs by more than this fraction belong to another surface ...
 const JUMP: f32 = 0.25;
-/// ... and so do those that lie further from the plane through all than this share of their depth.
+/// ... and so do neighbours further from the fitted plane than this fraction of their depth.
 const OFF_PLANE: f32 = 0.015;
-/// Slopes of grey, a pixel, below which a point tells nothing by its colour.
+/// Minimum grey slope, a pixel, of points whose grey is used.
 const PLAIN: f32 = 0.012;
-/// Pixels to each side that a point's normal is made from, the finest layer first: depth cameras err alike over several
-/// pixels. Where so many are not of one surface, fewer have to do.
+/// Pixels to each side that a point's normal is fitted to, the finest layer first, because depth errors are
+/// correlated over several pixels. The fallback is fewer pixels if these are not of one surface.
 const REACH: [usize; 4] = [4, 3, 2, 1];
-/// Points of the finest layer without slope of grey are kept at every so many columns and rows.
+/// Stride in columns and rows of the finest layer's points without grey slope.
 const EVERY: usize = 2;
 
-/// Eight points in the key frame's camera frame. What a point has not is zero.
+/// Eight points in the key frame's camera frame. Missing values are zero.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Group {
     pub point_m: [Lanes; 3],
     /// Unit length.
     pub normal: [Lanes; 3],
-    /// How the grey grows with the point's place, a metre.
+    /// Gradient of the grey by the point's position, a metre.
     pub slope: [Lanes; 3],
     pub grey: Lanes,
-    /// One over the depth's expected error, a metre; 0 without a normal.
+    /// Inverse of the expected depth error, a metre; 0 at grazing angles.
     pub sharpness: Lanes,
-    /// 1 where the grey counts.
+    /// 1 if the grey is used.
     pub has_slope: Lanes,
 }
 
@@ -43,7 +43,8 @@ pub(super) struct Reference {
     pub median_depth_m: f32,
 }
 
-/// The depth error that is expected at a range: for all sensors it grows with it. The scale is estimated for each frame.
+/// Returns the expected depth error, which grows with the range for all sensors. Its scale is estimated for
+/// each frame.
 pub(super) fn expected_error_m(depth_m: f32) -> f32 {
     0.001 + 0.002 * depth_m + 0.001 * depth_m * depth_m
 }
@@ -80,7 +81,7 @@ fn group(points: &[Point]) -> Vec<Group> {
         .chunks(LANES)
         .map(|chunk| {
             let mut group = Group::default();
-            // Lanes without a point stay behind the camera, where nothing is seen.
+            // Lanes without a point are behind the camera, where nothing is seen.
             group.point_m[2] = [-1.0; LANES];
             for (lane, point) in chunk.iter().enumerate() {
                 for axis in 0..3 {
@@ -97,7 +98,7 @@ fn group(points: &[Point]) -> Vec<Group> {
         .collect()
 }
 
-/// The points of a layer that tell something, row after row.
+/// Returns the usable points of a layer, row by row.
 fn points(layer: &Layer, every: usize, reach: usize) -> Vec<Point> {
     let (width, height) = (layer.width(), layer.height());
     let rows: Vec<Vec<Point>> = (1..height.saturating_sub(1))
@@ -119,7 +120,7 @@ fn points(layer: &Layer, every: usize, reach: usize) -> Vec<Point> {
     rows.concat()
 }
 
-/// How grey grows a pixel to the right and down; zero where it is not known.
+/// Returns the slope of grey, a pixel, to the right and down; zero if unknown.
 fn grey_slope(layer: &Layer, x: usize, y: usize) -> (f32, f32) {
     let at = |dx: usize, dy: usize| layer.grey[(y + dy - 1) * layer.width() + x + dx - 1];
     // Scharr's weights.
@@ -130,8 +131,8 @@ fn grey_slope(layer: &Layer, x: usize, y: usize) -> (f32, f32) {
     if dx.is_finite() && dy.is_finite() { (dx, dy) } else { (0.0, 0.0) }
 }
 
-/// The plane of inverse depth around a pixel: its value in the middle, and its growth to the right and down. Inverse
-/// depth is linear over the picture of a plane. None where the pixels within `reach` are not of one surface.
+/// Returns the plane of inverse depth around a pixel: its middle value, and its slopes right and down; `None`
+/// if the pixels within `reach` are not of one surface. Inverse depth is linear over the picture of a plane.
 fn inverse_plane(layer: &Layer, x: usize, y: usize, reach: usize) -> Option<[f32; 3]> {
     let width = layer.width();
     if x < reach || y < reach || x + reach >= width || y + reach >= layer.height() {
@@ -169,7 +170,7 @@ fn inverse_plane(layer: &Layer, x: usize, y: usize, reach: usize) -> Option<[f32
     Some([middle, by_x, by_y])
 }
 
-/// A point with its normal, and its slope where the grey has one; none when it has neither.
+/// Returns a point with its normal, and its grey slope if there is one; `None` without a normal.
 fn point(layer: &Layer, x: usize, y: usize, reach: usize, grey_slope: Option<(f32, f32)>) -> Option<Point> {
     let camera = &layer.camera;
     let mut reaches = (1..=reach).rev().step_by(2);
@@ -187,7 +188,7 @@ fn point(layer: &Layer, x: usize, y: usize, reach: usize, grey_slope: Option<(f3
     let normal = across.map(|c| -c / length);
     let range_m = point_m.iter().map(|c| c * c).sum::<f32>().sqrt();
     let facing = -(0..3).map(|i| normal[i] * point_m[i]).sum::<f32>() / range_m;
-    // At grazing angles depth means little.
+    // At grazing angles, depth is unreliable.
     let sharpness = if facing > 0.15 { 1.0 / expected_error_m(depth_m) } else { 0.0 };
     let slope = grey_slope.map_or([0.0; 3], |(dx, dy)| {
         let (gx, gy) = (dx * fx / depth_m, dy * fy / depth_m);

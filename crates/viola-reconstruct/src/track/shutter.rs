@@ -1,19 +1,19 @@
-//! Pictures whose rows are read one after the other, as if all had been taken at once.
+//! Rectifies pictures of rolling shutters, as if all rows had been taken at once.
 //!
-//! A camera that turns by 100 degrees a second has turned by three degrees between the first row and the last of a Kinect's
-//! picture: seen so, a room leans, and leans the other way when the camera turns back. Every row is put where the camera of
-//! the middle row would see it (Ringaby and Forssen, "Scan Rectification for Structured Light Range Sensors with Rolling
-//! Shutters", 2011), with the motion since the frame before.
+//! A camera that turns by 100 degrees a second turns by three degrees between the first row and the last of a
+//! Kinect's picture, so that a room leans, and leans the other way when the camera turns back. Every row is
+//! moved to its pixels in the camera of the middle row (Ringaby and Forssen, "Scan Rectification for
+//! Structured Light Range Sensors with Rolling Shutters", 2011), by the motion since the previous frame.
 
 use super::picture::{Layer, Pyramid};
 use rayon::prelude::*;
 use viola_formats::clip::Shutter;
 use viola_geometry::Pose3;
 
-/// Pictures whose rows are off by less than this many pixels stay as they are.
+/// Minimum offset of a picture's rows, in pixels; below it, the picture is not rectified.
 const LEAST_PIXELS: f64 = 0.3;
 
-/// The rows' times, in parts of the time between two frames.
+/// Readout times of a picture, as fractions of the time between two frames.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rolling {
     depth_share: f32,
@@ -21,23 +21,23 @@ pub(super) struct Rolling {
 }
 
 impl Rolling {
-    /// None where nothing is known of it, or of the frames' times.
+    /// Returns the readout times; `None` if the shutter or the frames' times are unknown or implausible.
     pub fn new(shutter: Option<Shutter>, before_s: Option<f64>, now_s: Option<f64>) -> Option<Rolling> {
         let shutter = shutter?;
         let interval_s = now_s? - before_s?;
         let share = |readout_s: f64| (readout_s / interval_s) as f32;
         let rolling = Rolling { depth_share: share(shutter.depth_s), grey_share: share(shutter.color_s) };
-        // Nothing is read for longer than until the next: such times are wrong.
+        // A readout ends before the next one begins; other times are errors.
         let is_plausible = |share: f32| (0.0..1.2).contains(&share);
         (is_plausible(rolling.depth_share) && is_plausible(rolling.grey_share)).then_some(rolling)
     }
 
-    /// The frame as the camera of its middle row sees it. `motion` takes points from the camera of the frame before to
-    /// that of this one. None where it makes no difference.
+    /// Returns the frame as the camera of its middle row sees it; `None` if the difference is negligible.
+    /// `motion` takes points from the previous frame's camera to that of this one.
     pub fn rectified(&self, pyramid: &Pyramid, motion: &Pose3) -> Option<Pyramid> {
         let finest = pyramid.finest();
         let share = f64::from(self.depth_share.max(self.grey_share)) / 2.0;
-        // What is a metre away.
+        // For points a metre away.
         let off = motion.rotation.angle() + motion.translation.vector.norm();
         (share * off * finest.camera.fx > LEAST_PIXELS)
             .then(|| Pyramid::from_layer(self.rectified_layer(finest, motion)))
@@ -51,7 +51,7 @@ impl Rolling {
         let lines = grey.par_chunks_mut(width).zip(depth_m.par_chunks_mut(width)).enumerate();
         lines.for_each(|(v, (grey, depth_m))| {
             for u in 0..width {
-                // Where nothing is known of the depth, the picture moves as if it were far away.
+                // Pixels without depth move as if they were far away.
                 let inverse = rows.depth(layer, u, v, self.depth_share).unwrap_or(0.0);
                 if inverse > 0.0 {
                     depth_m[u] = 1.0 / inverse;
@@ -64,10 +64,10 @@ impl Rolling {
     }
 }
 
-/// Rounds in which a point's row, on which its place depends, is found.
+/// Iterations to find the row of a point, which depends on itself.
 const ROUNDS: usize = 2;
 
-/// Where the rows of a picture see what the middle row's camera sees.
+/// Maps pixels of the middle row's camera to pixels of the rolling rows.
 struct Rows {
     focal: [f32; 2],
     centre: [f32; 2],
@@ -89,7 +89,8 @@ impl Rows {
         }
     }
 
-    /// The pixel where row `row` sees a point of this inverse depth, and its depth there against that here.
+    /// Returns the pixel where row `row` sees a point of this inverse depth, and the ratio of its depth there
+    /// to that here.
     fn seen(&self, u: usize, v: usize, inverse: f32, row: f32, share: f32) -> [f32; 3] {
         let late = share * (row / self.height - 0.5);
         let x = (u as f32 - self.centre[0]) / self.focal[0];
@@ -105,7 +106,7 @@ impl Rows {
         (0..ROUNDS).fold([0.0, v as f32, 1.0], |[_, row, _], _| self.seen(u, v, inverse, row, share))
     }
 
-    /// The inverse depth that the middle row's camera has at a pixel; none without a reading.
+    /// Returns the inverse depth at a pixel of the middle row's camera; `None` without a reading.
     fn depth(&self, layer: &Layer, u: usize, v: usize, share: f32) -> Option<f32> {
         let (width, height) = (layer.width(), layer.height());
         let here_m = layer.depth_m[v * width + u];
@@ -126,7 +127,7 @@ impl Rows {
     }
 }
 
-/// The grey between pixels; NaN outside.
+/// Returns the grey, interpolated between pixels; NaN outside.
 fn between(layer: &Layer, x: f32, y: f32) -> f32 {
     let (width, height) = (layer.width(), layer.height());
     if !(x >= 0.0 && y >= 0.0 && x <= width as f32 - 1.0 && y <= height as f32 - 1.0) {

@@ -3,7 +3,7 @@ use proptest::prelude::*;
 use viola_formats::clip::ClipInfo;
 use viola_geometry::Vector3;
 
-/// A person walks along x at 1 m/s and looks about.
+/// Returns the poses of a person who walks along x at 1 m/s and looks around.
 fn walk(frames: usize, rate_hz: f64) -> Vec<Pose3> {
     (0..frames)
         .map(|i| {
@@ -41,7 +41,7 @@ fn clip(poses: &[Option<Pose3>], rate_hz: Option<f64>) -> Clip {
     Clip::from_frames(info, frames.collect(), None, |_| unreachable!())
 }
 
-/// The places that are dropped.
+/// Returns the indices of the dropped poses.
 fn dropped(poses: &[Pose3], rate_hz: Option<f64>) -> Vec<usize> {
     let poses: Vec<Option<Pose3>> = poses.iter().copied().map(Some).collect();
     let Some(trajectory) = without_outliers(&clip(&poses, rate_hz), None) else { return Vec::new() };
@@ -88,7 +88,7 @@ fn a_turn_that_is_too_fast_is_dropped_where_times_are_known() {
     assert_eq!(dropped(&poses, None), Vec::<usize>::new());
 }
 
-/// A tracker that lost itself goes on in another frame: the longer part counts.
+/// A lost tracker continues in another coordinate frame; the longer segment is kept.
 #[test]
 fn of_two_segments_the_longer_is_kept() {
     for rate_hz in [None, Some(30.0)] {
@@ -110,17 +110,17 @@ fn poses_without_any_order_leave_one() {
 
 #[test]
 fn corrections_pauses_and_frames_without_a_pose_are_no_outliers() {
-    // A correction of 0.8 m, as devices make them when they recognise a place.
+    // A correction of 0.8 m, as devices make when they recognise a place.
     let mut poses = walk(60, 30.0);
     moved(&mut poses, 31..60, [0.0, 0.8, 0.0]);
     assert_eq!(dropped(&poses, Some(30.0)), Vec::<usize>::new());
-    // Tracking that was lost for a while: the person walked on.
+    // Tracking was lost for a while, and the person walked on.
     let mut poses: Vec<Option<Pose3>> = walk(60, 1.0).into_iter().map(Some).collect();
     poses[10..40].fill(None);
     assert!(without_outliers(&clip(&poses, None), None).is_none());
     assert!(without_outliers(&clip(&poses, Some(1.0)), None).is_none());
     assert!(without_outliers(&clip(&[], None), None).is_none());
-    // Times of a clock that stands still tell nothing.
+    // Times of a stopped clock are ignored.
     assert!(without_outliers(&clip(&poses, Some(f64::INFINITY)), None).is_none());
 }
 
@@ -140,7 +140,6 @@ fn frames_that_are_not_wanted_are_not_looked_at() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Any few of many.
     #[test]
     fn wild_poses_are_dropped_and_no_others(
         wild in prop::collection::btree_set(0usize..60, 0..12), far in prop::collection::vec(100.0..9e4f64, 12),

@@ -1,4 +1,4 @@
-//! How far away a depth network takes things to be.
+//! Check of a depth network.
 
 use super::CheckArguments;
 use super::times::Times;
@@ -10,7 +10,7 @@ use viola_network as network;
 use viola_network::RuntimeParams;
 use viola_network::manifest::ModelEntry;
 
-/// From near to far.
+/// Colours from near to far.
 const COLORS: [[f32; 3]; 5] = [
     [180.0, 4.0, 38.0],
     [244.0, 152.0, 80.0],
@@ -50,7 +50,7 @@ pub(super) fn run(
         .with_context(|| format!("cannot write {}", arguments.out.display()))
 }
 
-/// The colour of a share of the way from near to far.
+/// Returns the colour at a fraction of the way from near to far.
 fn color(share: f32) -> Rgb<u8> {
     let at = share.clamp(0.0, 1.0) * (COLORS.len() - 1) as f32;
     let below = (at as usize).min(COLORS.len() - 2);

@@ -1,4 +1,4 @@
-//! What an inpainting network fills a hole with.
+//! Check of an inpainting network.
 
 use super::times::Times;
 use super::{CheckArguments, read};
@@ -9,7 +9,7 @@ use viola_align::complete::inpaint::open_inpainter;
 use viola_network::RuntimeParams;
 use viola_network::manifest::ModelEntry;
 
-/// Where noise is drawn, it is drawn from this.
+/// Seed of networks that draw noise.
 const SEED: u64 = 1;
 
 pub(super) fn run(
@@ -33,7 +33,7 @@ pub(super) fn run(
         .with_context(|| format!("cannot write {}", arguments.out.display()))
 }
 
-/// A hole over the middle third of both sides.
+/// Returns a mask with one hole over the middle third of both sides.
 fn middle(width: u32, height: u32) -> GrayImage {
     let within = |at: u32, side: u32| (side / 3..side - side / 3).contains(&at);
     GrayImage::from_fn(width, height, |x, y| {

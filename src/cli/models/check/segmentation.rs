@@ -1,4 +1,4 @@
-//! The classes that a segmentation network sees.
+//! Check of a segmentation network.
 
 use super::super::drawing::Drawing;
 use super::super::timed::Timed;
@@ -43,7 +43,7 @@ pub(super) fn run(
     drawing.save(&arguments.out).with_context(|| format!("cannot write {}", arguments.out.display()))
 }
 
-/// The likeliest class of each of the picture's pixels.
+/// Returns the likeliest class of each pixel.
 fn classes(map: &ClassMap, picture: &RgbImage) -> Vec<Class> {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let mut p = [0.0; CLASSES];
@@ -58,7 +58,7 @@ fn classes(map: &ClassMap, picture: &RgbImage) -> Vec<Class> {
     classes
 }
 
-/// The classes that are there, with their shares of the picture, the largest first.
+/// Returns the classes in the picture with their shares of it, largest first.
 fn shares(classes: &[Class]) -> Vec<(Class, f64)> {
     let mut shares: Vec<(Class, f64)> = Class::ALL
         .iter()

@@ -1,4 +1,4 @@
-//! How long a network takes.
+//! Run times of a network.
 
 use anyhow::{Result, bail};
 use std::fmt;
@@ -8,7 +8,7 @@ use std::time::Instant;
 pub(super) struct Times(Vec<f64>);
 
 impl Times {
-    /// Does some work several times, and gives its last result. The work is told when it began.
+    /// Runs `work` several times and returns its last result; `work` gets the start time of its run.
     pub(super) fn of<T>(runs: u32, mut work: impl FnMut(Instant) -> Result<T>) -> Result<(T, Times)> {
         let (mut last, mut times_ms) = (None, Vec::new());
         for _ in 0..runs {

@@ -111,7 +111,7 @@ fn written(path: &Path, at: Timestamp) {
     file.set_modified(at.into()).unwrap();
 }
 
-/// How many files a look and a sweep removed.
+/// Sweeps and returns the number of removed files.
 async fn swept<Named>(bench: &Bench, older_than: Timestamp, named: impl Fn(Vec<String>) -> Named) -> u64
 where
     Named: Future<Output = Result<HashSet<String>, StorageError>>,
@@ -122,14 +122,14 @@ where
 }
 
 async fn a_sweep_leaves_what_is_named_or_recent(bench: Bench) {
-    // To the second, as S3 tells it.
+    // To the second, the resolution of S3.
     let now = Timestamp::from_second(Timestamp::now().as_second()).unwrap();
     let before = now - SignedDuration::from_hours(2);
     for key in ["clips/old/file", "clips/named/file", "clips/recent/file"] {
         bench.blobs.put(key, b"bytes".to_vec()).await.unwrap();
         written(&bench.path_of(key), if key.contains("recent") { now } else { before });
     }
-    // Uploads cut off, and blobs cut off while they were written; a store on S3 shows none of those.
+    // Interrupted uploads, and interrupted writes of blobs; S3 does not show the latter.
     let (old, recent) = (bench.blobs.incoming.join("old"), bench.blobs.incoming.join("recent"));
     std::fs::write(&old, b"half").unwrap();
     std::fs::write(&recent, b"half").unwrap();
@@ -197,7 +197,7 @@ async fn folders_of_killed_jobs_go(bench: Bench) {
         (Timestamp::now() - SignedDuration::from_hours(1), Timestamp::now() + SignedDuration::from_hours(1));
     assert_eq!(bench.blobs.unnamed(before, none).await.unwrap().leftovers, 0);
     assert!(folder.join("alignment.json").exists(), "the job may be at work");
-    // The file, and the empty folder at the next sweep at the latest.
+    // The file goes first, the empty folder at the next sweep at the latest.
     assert_eq!(bench.blobs.unnamed(later, none).await.unwrap().leftovers, 1);
     assert_eq!(bench.blobs.unnamed(later, none).await.unwrap().leftovers, 0);
     assert!(!folder.exists() && bench.blobs.incoming.exists());

@@ -6,7 +6,7 @@ use std::future::Future;
 use std::time::Instant;
 use viola_testing::s3_server::{Fault, Faults, When};
 
-/// For whoever waits so little that a silent store costs a test little. A single request may take far longer.
+/// Short timeouts, so that a silent store costs a test little. A single request may take far longer.
 const IMPATIENT: Limits = Limits {
     connect: Duration::from_secs(60),
     request: Duration::from_secs(60),
@@ -16,11 +16,11 @@ const IMPATIENT: Limits = Limits {
     ready: Duration::from_millis(250),
 };
 
-/// With requests so short that a large file does not get through in one.
+/// A timeout so short that a large file needs more than one request.
 const SHORT_REQUESTS: Limits =
     Limits { request: Duration::from_millis(200), repeat: Duration::from_millis(100), ..Limits::S3 };
 
-/// What an impatient operation may take on a machine with much else to do.
+/// Time for an operation with [`IMPATIENT`] on a busy machine.
 const ENOUGH: Duration = Duration::from_secs(10);
 
 fn faults(when: When, kinds: &[Fault]) -> Faults {
@@ -99,7 +99,7 @@ async fn much_at_once_goes_through_a_store_that_often_fails() {
     assert_eq!(bench.keys().await.len(), 50);
 }
 
-/// Each operation on a store that does not work, and that it ends in time. All but a removal say that it failed.
+/// Checks that each operation on a broken store ends in time. All but a removal return an error.
 async fn all_fail_in_time(bench: &Bench) {
     async fn in_time<T>(what: &str, work: impl Future<Output = T>) -> T {
         let begun = Instant::now();
@@ -228,13 +228,13 @@ async fn many_files_share_the_memory_for_parts() {
         let blobs = &bench.blobs;
         async move { blobs.keep(file, &format!("clips/{number}/file")).await }
     });
-    // More files than parts have room: none waits for another's for ever.
+    // There are more files than permits for parts; none waits for ever.
     futures::future::try_join_all(kept).await.unwrap();
     assert_eq!(bench.keys().await.len(), 20);
     assert_eq!(bench.blobs.parts.available_permits(), keep::PARTS_IN_MEMORY);
 }
 
-/// The service's handlers are such tasks: this has to compile.
+/// The service's handlers are such tasks: this must compile.
 #[tokio::test]
 async fn all_is_done_in_tasks_of_their_own() {
     let bench = Bench::on_s3();

@@ -1,5 +1,6 @@
-//! ARKitScenes: `lowres_wide/`, `lowres_depth/`, `confidence/` (`<video>_<seconds>.png`), `lowres_wide_intrinsics/`
-//! (`.pincam`), `lowres_wide.traj` (apple/ARKitScenes, DATA.md, raw/README.md, threedod/benchmark_scripts).
+//! ARKitScenes: `lowres_wide/`, `lowres_depth/`, `confidence/` (`<video>_<seconds>.png`),
+//! `lowres_wide_intrinsics/` (`.pincam`), `lowres_wide.traj` (apple/ARKitScenes, DATA.md, raw/README.md,
+//! threedod/benchmark_scripts).
 //!
 //! The trajectory holds world-to-camera poses, about ten a second; pictures come up to sixty times a second.
 
@@ -19,10 +20,10 @@ const MAX_PINCAM_BYTES: u64 = 4 << 10;
 const MAX_PAIR_GAP_S: f64 = 0.006;
 /// Poses come ten times a second; a frame between two of them is at most this far from either.
 const MAX_POSE_GAP_S: f64 = 0.11;
-/// Colour at the depth's own size is all that is needed; larger ones stand in for it.
+/// Folders of colour: the depth's own size is enough, larger sizes are a fallback.
 const COLOR_FOLDERS: [&str; 3] = ["lowres_wide", "vga_wide", "wide"];
 
-/// Finds the recording in a container; none when there is none.
+/// Finds the recording in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let Some(root) = only_root(roots_of(container, TRAJECTORY))? else { return Ok(None) };
     let depth = timed_files(container, &format!("{root}lowres_depth/"), ".png");
@@ -46,7 +47,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         associate(&color_s, &depth_s, MAX_PAIR_GAP_S).into_iter().enumerate()
     {
         let time_s = depth_s[depth_index];
-        // Frames may lack a file of their own; the one nearest in time will do, for the lens moves little.
+        // A frame without its own file takes the one nearest in time: the lens moves little.
         let camera = nearest(&camera_s, time_s).map(|index| &cameras[index].value);
         let trust = nearest(&confidence_s, time_s)
             .filter(|&index| (confidence_s[index] - time_s).abs() <= MAX_PAIR_GAP_S);
@@ -79,7 +80,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     }))
 }
 
-/// The files `<anything>_<seconds><ending>` right under a folder, in the order of their times.
+/// Returns the files `<anything>_<seconds><ending>` right under a folder, in the order of their times.
 fn timed_files<'a>(container: &'a dyn Container, folder: &str, ending: &str) -> Vec<Timed<&'a str>> {
     let names = container.names();
     let first = names.partition_point(|name| name.as_str() < folder);
@@ -96,7 +97,7 @@ fn timed_files<'a>(container: &'a dyn Container, folder: &str, ending: &str) -> 
     files
 }
 
-/// The place of the time nearest to `time_s` in an ascending list.
+/// Returns the index of the time nearest to `time_s` in an ascending list.
 fn nearest(times_s: &[f64], time_s: f64) -> Option<usize> {
     let after = times_s.partition_point(|&t| t < time_s);
     let candidates = [after.checked_sub(1), Some(after).filter(|&index| index < times_s.len())];
@@ -104,7 +105,7 @@ fn nearest(times_s: &[f64], time_s: f64) -> Option<usize> {
     candidates.into_iter().flatten().min_by(|a, b| gap_s(a).total_cmp(&gap_s(b)))
 }
 
-/// One line: width, height, fx, fy, cx, cy.
+/// Reads one line: width, height, fx, fy, cx, cy.
 fn read_pincam(container: &dyn Container, name: &str) -> Result<Numbers, ClipError> {
     let bytes = container.read(name, MAX_PINCAM_BYTES)?;
     let bad = |reason: &str| ClipError::BadIntrinsics { name: name.to_string(), reason: reason.to_string() };
@@ -117,7 +118,7 @@ fn read_pincam(container: &dyn Container, name: &str) -> Result<Numbers, ClipErr
     Ok(Numbers { fx: row[2], fy: row[3], cx: row[4], cy: row[5], of })
 }
 
-/// The poses, turned round to camera-to-world; rows that are no finite pose are left out.
+/// Reads the poses, inverted to camera-to-world; rows without a finite pose are skipped.
 fn read_trajectory(container: &dyn Container, name: &str) -> Result<Vec<Timed<Pose3>>, ClipError> {
     let mut poses = Vec::new();
     for (line, text) in read_table(container, name)?.rows() {

@@ -1,12 +1,12 @@
-//! Pairs what was recorded at nearly the same time.
+//! Pairs records of nearly the same time.
 
-/// Pairs two ascending lists of times one to one, the closest first, none further apart than the gap.
-/// In the order of time.
+/// Pairs two ascending lists of times one to one, the closest first, with gaps of at most `max_gap_s`.
+/// Returns the pairs in the order of time.
 pub(super) fn associate(color_s: &[f64], depth_s: &[f64], max_gap_s: f64) -> Vec<(usize, usize)> {
     let mut candidates = Vec::new();
     for (color, &time_s) in color_s.iter().enumerate() {
         let after = depth_s.partition_point(|&t| t < time_s);
-        // Only the two neighbours can be nearest, so that lists of equal times stay cheap.
+        // Only the two neighbours can be nearest; this keeps lists of equal times cheap.
         for depth in [after.checked_sub(1), Some(after)].into_iter().flatten() {
             let gap_s = depth_s.get(depth).map_or(f64::INFINITY, |depth_s| (depth_s - time_s).abs());
             if gap_s <= max_gap_s {

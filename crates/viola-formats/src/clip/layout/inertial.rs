@@ -1,11 +1,11 @@
-//! What accelerometers felt, by time.
+//! Accelerometer samples by time.
 
 use super::trajectory::Timed;
 use viola_geometry::Vector3;
 
-/// Samples this near to a frame's time are its: some hundredths of a second, over which a hand's tremor averages out.
+/// Samples this near to a frame's time belong to it; a hand's tremor averages out in it.
 const WINDOW_S: f64 = 0.02;
-/// In g or in m/s2.
+/// Plausible forces, in g or in m/s2.
 const POSSIBLE: std::ops::Range<f64> = 1e-3..1e4;
 
 /// Samples in the order of time.
@@ -13,8 +13,8 @@ const POSSIBLE: std::ops::Range<f64> = 1e-3..1e4;
 pub(in crate::clip) struct Forces(Vec<Timed<Vector3>>);
 
 impl Forces {
-    /// Samples in the camera's axes, in any order; what is no number, or nothing that a hand or gravity does in any unit, is
-    /// left out.
+    /// Takes samples in the camera's axes, in any order; drops those that are not finite, or implausible for
+    /// gravity and a hand in any unit.
     pub(super) fn new(mut samples: Vec<Timed<Vector3>>) -> Forces {
         samples.retain(|sample| sample.time_s.is_finite() && POSSIBLE.contains(&sample.value.norm()));
         samples.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
@@ -25,7 +25,7 @@ impl Forces {
         self.0.is_empty()
     }
 
-    /// The mean around a time; none without a sample near it.
+    /// Returns the mean around a time, or `None` without a sample near it.
     pub fn around(&self, time_s: f64) -> Option<Vector3> {
         let first = self.0.partition_point(|sample| sample.time_s < time_s - WINDOW_S);
         let near = self.0[first..].iter().take_while(|sample| sample.time_s <= time_s + WINDOW_S);

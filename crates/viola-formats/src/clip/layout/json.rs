@@ -1,10 +1,10 @@
-//! Files of JSON that describe a clip or one of its frames.
+//! JSON files that describe a clip or one of its frames.
 
 use super::ClipError;
 use crate::container::Container;
 use serde::de::DeserializeOwned;
 
-/// Reads a file of at most `max_bytes` whose members are as `T` has them.
+/// Reads a `T` from a JSON file of at most `max_bytes`.
 pub(super) fn read_json<T: DeserializeOwned>(
     container: &dyn Container,
     name: &str,

@@ -14,7 +14,7 @@ use viola_geometry::Vector3;
 const FILE: &str = "transforms.json";
 /// 100 000 frames of some 400 bytes.
 const MAX_FILE_BYTES: u64 = 48 << 20;
-/// Distortion that moves a pixel at the edge by less than a depth pixel is none.
+/// Coefficients up to this are ignored: they move a pixel at the edge by less than a depth pixel.
 const MAX_DISTORTION: f64 = 0.02;
 
 #[derive(Deserialize)]
@@ -22,9 +22,9 @@ struct Transforms {
     #[serde(flatten)]
     camera: Camera,
     frames: Vec<FrameEntry>,
-    /// By how much the poses were scaled, so that they are not metric any more.
+    /// Scale applied to the poses, which are then not metric.
     applied_scale: Option<f64>,
-    /// Metres (or whatever the poses are in) for a unit of the depth pictures.
+    /// Metres (or the unit of the poses) per unit of the depth pictures.
     #[serde(alias = "depth_integer_scale")]
     integer_depth_scale: Option<f64>,
     k1: Option<f64>,
@@ -48,7 +48,7 @@ struct Camera {
 struct FrameEntry {
     file_path: String,
     depth_file_path: Option<String>,
-    /// NeRFCapture's name for it.
+    /// NeRFCapture's name of `depth_file_path`.
     depth_path: Option<String>,
     transform_matrix: [[f64; 4]; 4],
     timestamp: Option<f64>,
@@ -57,7 +57,7 @@ struct FrameEntry {
 }
 
 impl Camera {
-    /// The numbers, those that are not given from `or`; none where too few are given. `name` is the file's.
+    /// Returns the numbers, with missing ones from `or`; `None` if too few are given. `name` is the file's.
     fn numbers(&self, or: &Camera, name: &str) -> Result<Option<Numbers>, ClipError> {
         let of = match (self.w.or(or.w), self.h.or(or.h)) {
             (Some(width), Some(height)) => Of::Size(side(width, name)?, side(height, name)?),
@@ -75,7 +75,7 @@ impl Camera {
     }
 }
 
-/// A picture's width or height.
+/// Checks and returns a picture's width or height.
 fn side(side: f64, name: &str) -> Result<u32, ClipError> {
     if side.fract() == 0.0 && (1.0..=65_535.0).contains(&side) {
         return Ok(side as u32);
@@ -84,7 +84,7 @@ fn side(side: f64, name: &str) -> Result<u32, ClipError> {
     Err(ClipError::BadIntrinsics { name: name.to_string(), reason })
 }
 
-/// Finds the recording in a container; none when there is none.
+/// Finds the recording in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let Some(root) = only_root(roots_of(container, FILE))? else { return Ok(None) };
     let name = format!("{root}{FILE}");
@@ -95,7 +95,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         return Err(not_metric(format!("its poses were scaled by {scale} (applied_scale)")));
     }
     let units_per_m = match file.integer_depth_scale {
-        // NeRFCapture writes 1 for pictures that it has brought to eight bits.
+        // NeRFCapture writes 1 for pictures that it has reduced to 8 bits.
         Some(scale) if !(1e-5..=0.1).contains(&scale) => {
             return Err(not_metric(format!("{scale} m for a unit of depth (integer_depth_scale) cannot be")));
         }
@@ -158,7 +158,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     }))
 }
 
-/// The file that a path of the JSON means; NeRFCapture leaves the ending out.
+/// Returns the file of a path of the JSON; NeRFCapture omits the extension.
 fn picture(container: &dyn Container, root: &str, path: &str) -> Option<String> {
     let name = format!("{root}{}", path.trim_start_matches("./"));
     let endings = ["", ".png", ".jpg", ".jpeg"].into_iter().map(|ending| format!("{name}{ending}"));

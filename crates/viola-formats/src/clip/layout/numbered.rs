@@ -1,4 +1,4 @@
-//! Layouts with one file for each picture and pose, called by the frame's number.
+//! Layouts with one file for each picture and pose, named by the frame's number.
 
 use super::text::read_pose;
 use super::{ClipError, ColorAt, DepthAt, Source, only_root};
@@ -12,8 +12,8 @@ pub(super) enum Kind {
     Pose,
 }
 
-/// What a layout makes of a name: the folder where its root is (with a `/` at its end, or empty), what the
-/// file is, and the frame's number.
+/// The parts of a file's name: the folder of the layout's root (with a `/` at its end, or empty), the kind of
+/// file, and the frame's number.
 pub(super) struct Part<'a> {
     pub root: &'a str,
     pub kind: Kind,
@@ -26,7 +26,7 @@ pub(super) struct Files<'a> {
     by_kind: [BTreeMap<u32, &'a str>; 3],
 }
 
-/// Sorts a container's names; none when fewer than two kinds of files lie together anywhere.
+/// Sorts a container's names by root; `None` if no root has at least two kinds of files.
 pub(super) fn find<'a>(
     container: &'a dyn Container,
     split: impl Fn(&'a str) -> Option<Part<'a>>,
@@ -49,7 +49,7 @@ impl Files<'_> {
         self.by_kind[kind as usize].len()
     }
 
-    /// The frames with both pictures in the order of their numbers, and how many lack one.
+    /// Returns the frames with both pictures in the order of their numbers, and the number of the others.
     pub fn sources(&self, container: &dyn Container) -> Result<(Vec<Source>, usize), ClipError> {
         let [color, depth, pose] = &self.by_kind;
         let numbers: BTreeSet<u32> = color.keys().chain(depth.keys()).copied().collect();
@@ -75,7 +75,7 @@ impl Files<'_> {
     }
 }
 
-/// The files right under a folder that have a number in the eyes of `number_of`. No two may have the same.
+/// Returns the files under a folder by the number that `number_of` gives them; numbers must be unique.
 pub(super) fn numbered_under<'a>(
     container: &'a dyn Container,
     folder: &str,
@@ -93,7 +93,7 @@ pub(super) fn numbered_under<'a>(
     Ok(files)
 }
 
-/// A frame's number; only digits, so that `+1` and `1e3` are none.
+/// Parses a frame's number; only digits are allowed, not `+1` and `1e3`.
 pub(super) fn number(digits: &str) -> Option<u32> {
     digits.bytes().all(|byte| byte.is_ascii_digit()).then(|| digits.parse().ok())?
 }

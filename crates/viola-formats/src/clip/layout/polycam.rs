@@ -1,5 +1,5 @@
 //! Polycam's raw data: `keyframes/{images,cameras,depth,confidence}/<microseconds>.{jpg,json,png}`, and
-//! `corrected_images`, `corrected_cameras` where the app has optimised the poses (PolyCam/polyform, README and
+//! `corrected_images`, `corrected_cameras` if the app has optimised the poses (PolyCam/polyform, README and
 //! core/capture_folder.py).
 
 use super::json::read_json;
@@ -16,7 +16,7 @@ const MAX_CAMERA_BYTES: u64 = 64 << 10;
 const CAMERAS: &str = "keyframes/cameras/";
 const CORRECTED_CAMERAS: &str = "keyframes/corrected_cameras/";
 
-/// A camera's file: intrinsics in the picture's pixels, and a 3x4 camera-to-world matrix row after row.
+/// A camera's file: intrinsics in the picture's pixels, and a 3x4 camera-to-world matrix, row-major.
 #[derive(Deserialize)]
 struct Camera {
     fx: f64,
@@ -53,7 +53,7 @@ impl Camera {
     }
 }
 
-/// Finds the recording in a container; none when there is none.
+/// Finds the recording in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let names = container.names();
     let root_of = |name: &'_ String| {
@@ -74,7 +74,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let depth_pictures = under("depth").len();
     let pictures = under(&format!("{kind}images"));
 
-    // The stems are all of the same clock, in microseconds; a longer number is a later one.
+    // The stems are microseconds of one clock, sorted as numbers.
     let mut stems: Vec<(u64, &str, &str)> = Vec::new();
     for file in &pictures {
         let Some((stem, "jpg" | "jpeg" | "png")) = file.rsplit_once('.') else { continue };

@@ -1,4 +1,4 @@
-//! Record3D's `.r3d`: a zip of `metadata` (JSON) and `rgbd/N.{jpg,depth,conf}`, depth and confidence packed with LZFSE
+//! Record3D's `.r3d`: a zip of `metadata` (JSON) and `rgbd/N.{jpg,depth,conf}`, depth and confidence as LZFSE
 //! (marek-simonik/record3d, issues 7, 24, 27, 43, 81, 83, 93, 99 and 108).
 
 use super::json::read_json;
@@ -16,17 +16,17 @@ use viola_geometry::{Pose3, Vector3};
 
 /// 100 000 poses of seven long numbers.
 const MAX_METADATA_BYTES: u64 = 48 << 20;
-/// How far a frame's intrinsics may be from those of the first frame: the lens is moved to steady the picture.
+/// Maximum relative change of a frame's intrinsics from the first frame's: the lens moves to stabilise.
 const MAX_DRIFT: f64 = 0.1;
 
-/// Newer versions of the app write more of the members.
+/// Contents of `metadata`; only newer versions of the app write all of it.
 #[derive(Deserialize)]
 struct Metadata {
     w: u32,
     h: u32,
     dw: Option<u32>,
     dh: Option<u32>,
-    /// 3x3, column after column.
+    /// 3x3, column-major.
     #[serde(rename = "K")]
     intrinsics: [f64; 9],
     fps: Option<f64>,
@@ -39,7 +39,7 @@ struct Metadata {
     own_intrinsics: Vec<[f64; 4]>,
 }
 
-/// Finds the recording in a container; none when there is none.
+/// Finds the recording in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let files = || {
         container.names().iter().filter_map(|name| {

@@ -1,4 +1,4 @@
-//! Redwood and Open3D: numbered pictures in two folders, and a trajectory of five lines a pose
+//! Redwood and Open3D: numbered pictures in two folders, and a trajectory of five lines per pose
 //! (redwood-data.org/indoor/fileformat.html; isl-org/Open3D, FileLOG.cpp).
 
 use super::json::read_json;
@@ -15,21 +15,21 @@ const COLOR_FOLDERS: [&str; 4] = ["color", "image", "rgb", "images"];
 const INTRINSICS: [&str; 3] = ["camera_intrinsic.json", "intrinsic.json", "camera_primesense.json"];
 const MAX_INTRINSICS_BYTES: u64 = 4 << 10;
 
-/// Open3D's camera, as its own JSON has it.
+/// Open3D's camera in its JSON form.
 #[derive(Deserialize)]
 struct CameraFile {
     width: u32,
     height: u32,
-    /// 3x3, column after column.
+    /// 3x3, column-major.
     intrinsic_matrix: [f64; 9],
 }
 
-/// Finds the recording in a container; none when there is none.
+/// Finds the recording in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let is_log = |name: &&String| name.ends_with(".log") || name.ends_with("-traj.txt");
     let logs: Vec<&String> = container.names().iter().filter(is_log).collect();
-    // Where the trajectory is missing or damaged, Open3D's camera beside the pictures tells the layout, or the
-    // trajectory's name, as long as there are no poses of another layout.
+    // If the trajectory is missing or damaged, Open3D's camera file beside the pictures or the trajectory's
+    // name identifies the layout, unless there are poses of another layout.
     let is_told = |root: &str| {
         let has = |file: &str| container.contains(&format!("{root}{file}"));
         let poses = format!("{root}pose/");
@@ -43,7 +43,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
             (picture(file).is_some() && (root.is_empty() || root.ends_with('/'))).then_some(root)
         })
     };
-    // Without depth at all there is still a recording to tell about.
+    // Without any depth, the colour folders give the root, so that the recording gets an exact error.
     let roots: Vec<&str> = match roots_of(&["depth"]).collect::<Vec<_>>() {
         roots if roots.is_empty() => roots_of(&COLOR_FOLDERS).collect(),
         roots => roots,
@@ -101,7 +101,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
 
 type Poses = BTreeMap<u32, Option<Pose3>>;
 
-/// The logs that are trajectories: a program's log is none.
+/// Returns the logs that are trajectories; logs of programs are skipped.
 fn trajectories<'a>(
     container: &dyn Container,
     logs: &[&'a String],
@@ -115,7 +115,7 @@ fn trajectories<'a>(
     Ok(found)
 }
 
-/// Of several trajectories the one beside the pictures is meant; of several there, nobody knows which.
+/// Returns the trajectory. One beside the pictures is preferred; several candidates are an error.
 fn beside<'a>(root: &str, found: Vec<(&'a str, Poses)>) -> Result<(&'a str, Poses), ClipError> {
     let (beside, elsewhere): (Vec<_>, Vec<_>) =
         found.into_iter().partition(|(name, _)| name.starts_with(root));
@@ -126,7 +126,7 @@ fn beside<'a>(root: &str, found: Vec<(&'a str, Poses)>) -> Result<(&'a str, Pose
     Ok(candidates.pop().unwrap_or_default())
 }
 
-/// The camera of Open3D's file, or the one that Open3D assumes; and in words where it comes from.
+/// Returns the camera of Open3D's file, or Open3D's default, and its source in words.
 fn camera(
     container: &dyn Container,
     root: &str,
@@ -152,20 +152,20 @@ fn camera(
     })
 }
 
-/// The number of a picture: `000012.png`, or `0000012-000000400000.png` with its time in microseconds.
+/// Returns the number of a picture: `000012.png`, or `0000012-000000400000.png` with microseconds.
 fn picture(file: &str) -> Option<u32> {
     let (stem, "png" | "jpg" | "jpeg") = file.rsplit_once('.')? else { return None };
     number(stem.split_once('-').map_or(stem, |(number, _)| number))
 }
 
-/// The poses by frame number, from 1; none when the file is something else. A pose that is no rigid motion is none.
+/// Returns the poses by frame number, from 1, or `None` for another kind of file. Bad poses are `None`.
 fn read_log(container: &dyn Container, name: &str) -> Result<Option<Poses>, ClipError> {
     let Ok(table) = read_table(container, name) else { return Ok(None) };
     let mut rows = table.rows();
     let mut poses = BTreeMap::new();
     while let Some((line, head)) = rows.next() {
         let Some(head) = numbers(head.as_bytes(), 3) else {
-            // The first line tells what the file is; a line further down that does not fit is damage.
+            // A bad first line means another kind of file; a bad later line means damage.
             return if poses.is_empty() {
                 Ok(None)
             } else {

@@ -1,5 +1,5 @@
 //! 3D Scanner App, "All data": `frame_00000.{jpg,json}`, `depth_00000.png`, `conf_00000.png`
-//! (introlab/rtabmap, corelib/src/camera/CameraImages.cpp). Only every so many frames have a colour picture.
+//! (introlab/rtabmap, corelib/src/camera/CameraImages.cpp). Only some frames have a colour picture.
 
 use super::json::read_json;
 use super::numbered::number;
@@ -14,7 +14,7 @@ use viola_geometry::Vector3;
 
 const MAX_FRAME_BYTES: u64 = 64 << 10;
 
-/// A frame's file. Both matrices are row after row.
+/// A frame's file. Both matrices are row-major.
 #[derive(Deserialize)]
 struct FrameFile {
     #[serde(rename = "cameraPoseARFrame")]
@@ -30,7 +30,7 @@ fn split(name: &str) -> Option<(&str, &str)> {
     number(digits).map(|_| (root, digits))
 }
 
-/// Finds the recording in a container; none when there is none.
+/// Finds the recording in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let frames = || container.names().iter().filter_map(|name| split(name));
     let Some(root) = only_root(frames().map(|(root, _)| root))? else { return Ok(None) };
@@ -62,7 +62,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         });
     }
     let Some(intrinsics) = first else {
-        // Numbered JSON of something else.
+        // The numbered JSON files are of another program.
         if color_pictures + depth_pictures == 0 {
             return Ok(None);
         }

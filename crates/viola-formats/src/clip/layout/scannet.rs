@@ -7,7 +7,7 @@ use super::{Cameras, ClipError, Layout, Of};
 use crate::container::Container;
 use viola_geometry::Vector3;
 
-/// Finds the export in a container; none when there is none.
+/// Finds the export in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let Some((root, files)) = numbered::find(container, split)? else { return Ok(None) };
     let (sources, incomplete) = files.sources(container)?;

@@ -1,5 +1,5 @@
-//! ScanNet's `.sens`, version 4 (and 3, which has no inertial data): one file of a header and frames, little-endian
-//! (ScanNet/ScanNet, SensReader/c++/src/sensorData.h). Only its index is read here; pictures stay where they are.
+//! ScanNet's `.sens`, version 4 (and 3, which has no inertial data): one file of a header and frames,
+//! little-endian (ScanNet/ScanNet, SensReader/c++/src/sensorData.h). Only its index is read here.
 
 use super::text::pose_from_rows;
 use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source};
@@ -7,16 +7,16 @@ use crate::clip::MAX_FRAMES;
 use crate::clip::files::{Coding, Part};
 use crate::container::{Container, Region};
 
-/// Whole scenes are some gigabytes.
+/// Maximum size of a file: whole scenes have some gigabytes.
 const MAX_BYTES: u64 = 64 << 30;
 const MAX_NAME_BYTES: u64 = 4096;
 const MAX_SIDE: u32 = 8192;
-/// As of pictures by themselves: all of one is in memory at a time.
+/// The limit of single pictures: a whole picture is in memory at a time.
 const MAX_PIXELS: u64 = 16 << 20;
-/// The picture of one frame, packed.
+/// Maximum size of one packed picture.
 const MAX_PART_BYTES: u64 = 64 << 20;
 
-/// Finds the file in a container; none when there is none.
+/// Finds the file in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let names = container.names();
     // A file that was sent alone may have any name.
@@ -38,7 +38,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     }
     let header = match cursor.header() {
         Ok(header) => header,
-        // Four bytes do not make a .sens file.
+        // A version number alone does not make a .sens file.
         Err(_) if !name.ends_with(".sens") => return Ok(None),
         Err(error) => return Err(error),
     };
@@ -64,7 +64,6 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     }))
 }
 
-/// What the header says.
 struct Header {
     color: Numbers,
     depth: Numbers,
@@ -77,7 +76,7 @@ struct Header {
     frames: u64,
 }
 
-/// Reads on from a place in the file.
+/// A reader with a position in the file.
 struct Cursor<'a> {
     region: &'a Region,
     name: &'a str,
@@ -105,7 +104,7 @@ impl Cursor<'_> {
         Ok(u64::from_le_bytes(self.bytes()?))
     }
 
-    /// 4x4, row after row.
+    /// Reads a 4x4 matrix, row by row.
     fn matrix(&mut self) -> Result<[f64; 16], ClipError> {
         let bytes: [u8; 64] = self.bytes()?;
         let mut matrix = [0.0; 16];
@@ -177,17 +176,17 @@ impl Cursor<'_> {
         })
     }
 
-    /// The index of the frames; their pictures are passed over.
+    /// Reads the index of the frames and skips their pictures.
     fn frames(&mut self, header: &Header) -> Result<Vec<Source>, ClipError> {
         let mut sources: Vec<Source> = Vec::new();
         for number in 0..header.frames as u32 {
-            // Where tracking was lost, all numbers are -inf.
+            // If tracking was lost, all numbers are -inf.
             let world_from_camera = pose_from_rows(&self.matrix()?);
             let (_color_time, depth_time) = (self.u64()?, self.u64()?);
             let (color_bytes, depth_bytes) = (self.u64()?, self.u64()?);
             let color = self.part(color_bytes, header.color_coding, number)?;
             let depth = self.part(depth_bytes, header.depth_coding, number)?;
-            // Microseconds; 0 or anything where the recorder had no clock.
+            // Microseconds; arbitrary if the recorder had no clock.
             let time_s = depth_time as f64 * 1e-6;
             sources.push(Source {
                 number,

@@ -1,6 +1,6 @@
 //! The layout of 7-Scenes and 3DMatch: `frame-000000.{color.png,depth.png,pose.txt}` in one folder, and
-//! `camera-intrinsics.txt` there or one folder up, where it serves several sequences
-//! (andyzeng/tsdf-fusion-python, README).
+//! `camera-intrinsics.txt` there, or one folder up for several sequences (andyzeng/tsdf-fusion-python,
+//! README).
 
 use super::numbered::{self, Kind, Part};
 use super::text::read_intrinsics;
@@ -9,7 +9,7 @@ use crate::container::Container;
 
 const INTRINSICS: &str = "camera-intrinsics.txt";
 
-/// Finds the sequence in a container; none when there is none.
+/// Finds the sequence in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let Some((root, files)) = numbered::find(container, split)? else { return Ok(None) };
     let (sources, incomplete) = files.sources(container)?;

@@ -1,6 +1,6 @@
-//! Spectacular AI's recordings: `data.jsonl`, colour as `data.mp4` or `data.mov` (or pictures in `frames/`), depth as
-//! pictures in `frames2/`, `calibration.json` (SpectacularAI/docs, other/DATA_FORMAT.md; depth's scale: their
-//! sdk-examples, issue 123).
+//! Spectacular AI's recordings: `data.jsonl`, colour as `data.mp4` or `data.mov` (or pictures in `frames/`),
+//! depth as pictures in `frames2/`, `calibration.json` (SpectacularAI/docs, other/DATA_FORMAT.md; depth's
+//! scale: their sdk-examples, issue 123).
 //!
 //! Depth as a second video is not read: mp4 cannot hold 16 bits.
 
@@ -25,14 +25,14 @@ use viola_geometry::{Pose3, Vector3};
 const DATA: &str = "data.jsonl";
 const CALIBRATION: &str = "calibration.json";
 const MAX_CALIBRATION_BYTES: u64 = 1 << 20;
-/// A frame lies between two poses that are at most this far from it.
+/// Maximum time between a frame and the poses before and after it.
 const MAX_POSE_GAP_S: f64 = 0.05;
 const TRUTH: &str = "groundTruth";
-/// An hour and more at a hundred poses a second; those behind are not read.
+/// More than an hour at a hundred poses per second; later ones are ignored.
 const MAX_POSES: usize = 500_000;
-/// As many of the accelerometer's.
+/// The same number of accelerometer samples.
 const MAX_FORCES: usize = 500_000;
-/// Depth of micrometres, and of decimetres, that nobody records.
+/// From a micrometre to a decimetre per unit of depth; no recorder uses other units.
 const DEPTH_SCALES_M: std::ops::RangeInclusive<f64> = 1e-6..=0.1;
 
 #[derive(Deserialize)]
@@ -69,7 +69,7 @@ impl CalibratedCamera {
 #[derive(Default)]
 struct Recorded {
     poses: Vec<Timed<Pose3>>,
-    /// The method whose poses these are.
+    /// The method of these poses.
     method: Option<String>,
     frames: Vec<lines::FrameLine>,
     felt: Vec<Timed<Vector3>>,
@@ -95,7 +95,7 @@ impl Recorded {
         Ok(all)
     }
 
-    /// The truth where there is one, else the method that comes first; never two at once.
+    /// Keeps the poses of the ground truth if there is one, else of the first method; never of two.
     fn add_pose(&mut self, pose: &lines::PoseLine) {
         let is_better = pose.method == TRUTH && self.method.as_deref() != Some(TRUTH);
         if is_better || self.method.is_none() {
@@ -111,7 +111,7 @@ impl Recorded {
     }
 }
 
-/// Depth as a video cannot be read, and is told apart from depth that is missing.
+/// Refuses depth as a video, with another error than for missing depth.
 fn refuse_depth_video(container: &dyn Container, root: &str) -> Result<(), ClipError> {
     let names = ["data2.mkv", "data2.mp4", "data2.mov"].map(|file| format!("{root}{file}"));
     match names.into_iter().find(|name| container.contains(name)) {
@@ -147,13 +147,13 @@ fn notes(method: &str, are_millimetres_assumed: bool, is_distorted: bool) -> Vec
     notes
 }
 
-/// What the accelerometer felt, in the camera's axes; the cameras stay where they are mounted.
+/// Returns the accelerometer's forces in the camera's axes; the cameras' mounting is constant.
 fn forces_of(mut felt: Vec<Timed<Vector3>>, camera_from_imu: &Pose3) -> Forces {
     felt.iter_mut().for_each(|sample| sample.value = camera_from_imu.rotation * sample.value);
     Forces::new(felt)
 }
 
-/// Where a frame's colour is: in the video where there is one, else in a picture.
+/// Returns the place of a frame's colour: in the video if there is one, else in a picture.
 fn color_of(number: u32, video: Option<&VideoInfo>, pictures: &BTreeMap<u32, &str>) -> Option<ColorAt> {
     let Some(info) = video else {
         return pictures.get(&number).map(|name| ColorAt::File(name.to_string()));
@@ -162,7 +162,7 @@ fn color_of(number: u32, video: Option<&VideoInfo>, pictures: &BTreeMap<u32, &st
     is_shown.then_some(ColorAt::Video { frame: number, size: (info.width, info.height) })
 }
 
-/// Finds the recording in a container; none when there is none.
+/// Finds the recording in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let Some(root) = only_root(roots_of(container, DATA))? else { return Ok(None) };
     let pictures = |folder: &str| {

@@ -1,6 +1,6 @@
-//! Stray Scanner: `odometry.csv`, `camera_matrix.csv`, `depth/000000.png`, `confidence/000000.png`, and colour as
-//! `rgb.mp4`, `rgb.mov` or pictures in `rgb/` (strayrobots/scanner, docs/format.md and the encoders in Swift;
-//! OpenArCloud/openvps and YvigUnderscore/ReMap take the same).
+//! Stray Scanner: `odometry.csv`, `camera_matrix.csv`, `depth/000000.png`, `confidence/000000.png`, and
+//! colour as `rgb.mp4`, `rgb.mov` or pictures in `rgb/` (strayrobots/scanner, docs/format.md and the encoders
+//! in Swift; OpenArCloud/openvps and YvigUnderscore/ReMap read the same).
 
 mod imu;
 
@@ -19,7 +19,7 @@ const ODOMETRY: &str = "odometry.csv";
 const INTRINSICS: &str = "camera_matrix.csv";
 const PICTURES: [&str; 3] = ["jpg", "jpeg", "png"];
 
-/// How far a frame's intrinsics may be from those of the last frame: the lens is moved to steady the picture.
+/// Maximum relative change of a frame's intrinsics from the last frame's: the lens moves to stabilise.
 const MAX_DRIFT: f64 = 0.1;
 
 /// A row of the odometry.
@@ -30,7 +30,7 @@ struct Row {
     world_from_camera: Option<Pose3>,
 }
 
-/// Finds the recording in a container; none when there is none.
+/// Finds the recording in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let Some(root) = only_root(roots_of(container, ODOMETRY))? else { return Ok(None) };
     let rows = read_odometry(container, &format!("{root}{ODOMETRY}"))?;
@@ -42,7 +42,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     };
     let (color, confidence) = (pictures("rgb", &PICTURES)?, pictures("confidence", &["png"])?);
     let mut depth = pictures("depth", &["png"])?;
-    // Early versions of the app.
+    // Early versions of the app wrote NumPy files.
     let is_npy = depth.is_empty();
     if is_npy {
         depth = pictures("depth", &["npy"])?;
@@ -51,7 +51,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let video = if color.is_empty() { video::find(container, root, &["rgb.mp4", "rgb.mov"])? } else { None };
     let shown = video.as_ref().map_or(0, |(_, _, info)| info.time_s.len());
     let color_at = |number: u32| match &video {
-        // Frames of the video are counted as the rows of the odometry are.
+        // Frames of the video have the numbers of the odometry's rows.
         Some((_, _, info)) => {
             let size = (info.width, info.height);
             ((number as usize) < shown).then_some(ColorAt::Video { frame: number, size })
@@ -111,8 +111,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     }))
 }
 
-/// The rows by frame number. Old recordings have neither times nor numbers: their rows are counted. Those made since
-/// April 2026 have the frame's intrinsics behind the pose, and the centre of the lens distortion, which may be empty.
+/// Returns the rows by frame number; old recordings have no times and numbers, and are counted. Since April
+/// 2026 the frame's intrinsics and the centre of the lens distortion, which may be empty, follow the pose.
 fn read_odometry(container: &dyn Container, name: &str) -> Result<BTreeMap<u32, Row>, ClipError> {
     let mut rows = BTreeMap::new();
     let table = read_table(container, name)?;
@@ -144,7 +144,7 @@ fn read_odometry(container: &dyn Container, name: &str) -> Result<BTreeMap<u32, 
     Ok(rows)
 }
 
-/// The line with the columns' names.
+/// Returns whether a line holds the columns' names.
 fn is_head(text: &str) -> bool {
     text.split(',').next().is_none_or(|word| word.trim().parse::<f64>().is_err() && text.contains("qw"))
 }

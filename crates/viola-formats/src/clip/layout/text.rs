@@ -8,15 +8,15 @@ use viola_geometry::{Pose3, Vector3};
 const MAX_POSE_BYTES: u64 = 4 << 10;
 const MAX_INTRINSICS_BYTES: u64 = 4 << 10;
 const MAX_TABLE_BYTES: u64 = 16 << 20;
-/// Poses further away than this from their origin are garbage, in metres.
+/// Poses further than this from their origin are invalid.
 const MAX_DISTANCE_M: f64 = 1e5;
-/// How far the products of a rotation's columns may be from 0 and 1. Exports print six digits; 7-Scenes
-/// is off by up to 1e-3.
+/// Maximum error of the products of a rotation's columns. Exports print six digits; 7-Scenes is off by up to
+/// 1e-3.
 const ROTATION_TOLERANCE: f64 = 0.02;
-/// How far a quaternion's length may be from 1.
+/// Maximum difference of a quaternion's length from 1.
 const QUATERNION_TOLERANCE: f64 = 0.1;
 
-/// A camera-to-world pose: 4x4 numbers, row after row. None when it is not a finite rigid motion.
+/// Reads a camera-to-world pose of 4x4 numbers, row by row; `None` if it is not a finite rigid motion.
 pub(super) fn read_pose(container: &dyn Container, name: &str) -> Result<Option<Pose3>, ClipError> {
     Ok(parse_pose(&container.read(name, MAX_POSE_BYTES)?))
 }
@@ -25,7 +25,7 @@ fn parse_pose(bytes: &[u8]) -> Option<Pose3> {
     pose_from_rows(&numbers(bytes, 16)?)
 }
 
-/// A pose from the 12 or 16 numbers of a 3x4 or 4x4 matrix, row after row. None when it is not a finite rigid motion.
+/// Returns the pose of a 3x4 or 4x4 matrix, row by row; `None` if it is not a finite rigid motion.
 pub(super) fn pose_from_rows(m: &[f64]) -> Option<Pose3> {
     let last_row_is_affine = match m.len() {
         12 => true,
@@ -39,22 +39,22 @@ pub(super) fn pose_from_rows(m: &[f64]) -> Option<Pose3> {
     rigid(nearest_rotation(&rotation)?, Vector3::new(m[3], m[7], m[11]))
 }
 
-/// A pose from its parts, or none when it is not finite.
+/// Returns a pose from its parts, or `None` if it is not finite or too far away.
 pub(super) fn rigid(rotation: UnitQuaternion<f64>, translation: Vector3) -> Option<Pose3> {
     let is_finite = rotation.coords.iter().all(|v| v.is_finite()) && translation.norm() < MAX_DISTANCE_M;
     is_finite.then(|| Pose3::from_parts(Translation3::from(translation), rotation))
 }
 
-/// A pose from a quaternion and a translation, or none when the first is not of length one or anything is not finite.
+/// Returns a pose, or `None` if the quaternion is not of length one or a value is not finite.
 pub(super) fn pose_from_quaternion(rotation: Quaternion<f64>, translation: Vector3) -> Option<Pose3> {
     let is_unit = (rotation.norm() - 1.0).abs() < QUATERNION_TOLERANCE;
     rigid(UnitQuaternion::from_quaternion(rotation), translation).filter(|_| is_unit)
 }
 
-/// The rotation nearest to a matrix that is one up to printing; none for any other matrix.
+/// Returns the rotation nearest to a matrix, or `None` if the matrix differs by more than rounding.
 fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
     let deviation = (matrix.transpose() * matrix - Matrix3::identity()).abs().max();
-    // NaN is not below anything; a mirror has a negative determinant.
+    // NaN fails the comparison; a reflection has a negative determinant.
     let is_rotation = deviation < ROTATION_TOLERANCE && matrix.determinant() > 0.0;
     if !is_rotation {
         return None;
@@ -64,7 +64,7 @@ fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
     Some(UnitQuaternion::from_rotation_matrix(&rotation))
 }
 
-/// Intrinsics as a 3x3 or a 4x4 matrix, row after row.
+/// Reads intrinsics from a 3x3 or a 4x4 matrix, row by row.
 pub(super) fn read_intrinsics(
     container: &dyn Container,
     name: &str,
@@ -91,7 +91,7 @@ pub(super) fn read_intrinsics(
     Ok(Intrinsics { name: name.to_string(), numbers })
 }
 
-/// Exactly `count` numbers separated by blanks or commas.
+/// Parses exactly `count` numbers separated by blanks or commas.
 pub(super) fn numbers(bytes: &[u8], count: usize) -> Option<Vec<f64>> {
     let text = std::str::from_utf8(bytes).ok()?;
     let mut values = Vec::with_capacity(count);
@@ -104,13 +104,13 @@ pub(super) fn numbers(bytes: &[u8], count: usize) -> Option<Vec<f64>> {
     (values.len() == count).then_some(values)
 }
 
-/// The numbers of a line, separated by blanks or commas, as long as there is nothing else.
+/// Parses a line of numbers separated by blanks or commas; `None` if it holds anything else.
 pub(super) fn all_numbers(line: &str) -> Option<Vec<f64>> {
     let words = line.split(|c: char| c.is_whitespace() || c == ',').filter(|word| !word.is_empty());
     words.map(|word| word.parse().ok()).collect()
 }
 
-/// A text file of one entry a line; `#` begins a comment.
+/// A text file with one entry per line; `#` begins a comment.
 pub(super) struct Table {
     text: String,
 }
@@ -125,14 +125,14 @@ pub(super) fn read_table(container: &dyn Container, name: &str) -> Result<Table,
 }
 
 impl Table {
-    /// Lines with something on them, and their numbers, from 1.
+    /// Returns the lines that are not empty or comments, and their numbers, from 1.
     pub fn rows(&self) -> impl Iterator<Item = (usize, &str)> {
         let lines = self.text.lines().enumerate().map(|(index, line)| (index + 1, line.trim()));
         lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
     }
 }
 
-/// Exactly `N` numbers, none when there are more, fewer, or something else.
+/// Parses exactly `N` numbers; `None` for any other row.
 pub(super) fn parse_row<const N: usize>(row: &str) -> Option<[f64; N]> {
     numbers(row.as_bytes(), N)?.try_into().ok()
 }

@@ -2,7 +2,7 @@
 
 use viola_geometry::Pose3;
 
-/// Something, and when it was recorded.
+/// A value and its time.
 pub(super) struct Timed<T> {
     pub time_s: f64,
     pub value: T,
@@ -12,7 +12,7 @@ pub(super) fn times<T>(timed: &[Timed<T>]) -> Vec<f64> {
     timed.iter().map(|t| t.time_s).collect()
 }
 
-/// The pose at a time, between the poses before and after it that are near enough. `poses` are in the order of time.
+/// Interpolates ascending poses at a time, from the neighbours within the gap, or returns the only one.
 pub(super) fn pose_at(poses: &[Timed<Pose3>], time_s: f64, max_gap_s: f64) -> Option<Pose3> {
     let next = poses.partition_point(|pose| pose.time_s < time_s);
     let near = |pose: &&Timed<Pose3>| (pose.time_s - time_s).abs() <= max_gap_s;
@@ -21,7 +21,7 @@ pub(super) fn pose_at(poses: &[Timed<Pose3>], time_s: f64, max_gap_s: f64) -> Op
     match (before, after) {
         (Some(before), Some(after)) => {
             let share = (time_s - before.time_s) / (after.time_s - before.time_s);
-            // Opposite rotations have no way between them; then one of the two has to do.
+            // Opposite rotations cannot be interpolated; the earlier pose is the fallback.
             before.value.try_lerp_slerp(&after.value, share, 1e-9).or(Some(before.value))
         }
         (one, other) => one.or(other).map(|pose| pose.value),

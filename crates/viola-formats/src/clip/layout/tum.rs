@@ -1,8 +1,8 @@
 //! TUM RGB-D: `rgb.txt` and `depth.txt` list pictures by time, `groundtruth.txt` lists poses
 //! (Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems", 2012, and the data set's pages).
 //!
-//! The three are not synchronised. Colour and depth pictures nearest in time make a frame; its time is the
-//! depth picture's, and its pose is interpolated for when that picture's middle row was read.
+//! The three lists are not synchronised. Colour and depth pictures nearest in time form a frame; its time is
+//! the depth picture's, and its pose is interpolated to the readout of that picture's middle row.
 
 use super::associate::associate;
 use super::inertial::Forces;
@@ -15,17 +15,17 @@ use nalgebra::Quaternion;
 use viola_geometry::{Pose3, Vector3};
 
 const INTRINSICS: &str = "camera-intrinsics.txt";
-/// Pictures of a frame, and a frame and the poses around it, are at most this far apart.
+/// Maximum time between the pictures of a frame, and between a frame and the poses around it.
 const MAX_GAP_S: f64 = 0.02;
-/// The calibration that ROS drivers assume for a Kinect's 640x480 pictures, which the data set's pages give
-/// as the default.
+/// The default calibration of ROS drivers and of the data set's pages, for a Kinect's 640x480 pictures.
 pub(super) const KINECT: Numbers =
     Numbers { fx: 525.0, fy: 525.0, cx: 319.5, cy: 239.5, of: Of::Size(640, 480) };
 
-/// A Kinect's, by Ringaby and Forssen ("Scan Rectification for Structured Light Range Sensors with Rolling Shutters", 2011).
+/// Readout times of a Kinect (Ringaby and Forssen, "Scan Rectification for Structured Light Range Sensors
+/// with Rolling Shutters", 2011).
 const KINECT_SHUTTER: Shutter = Shutter { color_s: 0.0261, depth_s: 0.0306 };
 
-/// Finds the recording in a container; none when there is none.
+/// Finds the recording in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let has_lists = |root: &&str| {
         container.contains(&format!("{root}rgb.txt")) && container.contains(&format!("{root}depth.txt"))
@@ -55,7 +55,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         let words = "assumed: fx = fy = 525, cx = 319.5, cy = 239.5 for 640x480, scaled to the pictures";
         (Cameras::One(assumed), Some(KINECT_SHUTTER), words.to_string())
     };
-    // A picture's time is when it has arrived whole; the row in its middle was read before. By how fast the camera turns,
+    // A picture's time is its complete arrival; its middle row was read before. By the camera's turn rates,
     // the pictures of `freiburg1_rpy` are 14 ms behind the motion capture (BENCHMARKS.md).
     let late_s = shutter.map_or(0.0, |shutter: Shutter| shutter.depth_s / 2.0);
     notes.push(format!(
@@ -95,7 +95,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     }))
 }
 
-/// The pictures of a list in the order of their times, and how many of them are not there.
+/// The pictures of a list in the order of their times, and the number of missing ones.
 struct List {
     present: Vec<Timed<String>>,
     missing: usize,
@@ -120,10 +120,10 @@ fn read_list(container: &dyn Container, root: &str, file: &str) -> Result<List, 
     Ok(list)
 }
 
-/// What the accelerometer felt, in the camera's axes. Empty without the file.
+/// Reads the accelerometer's forces in the camera's axes. Empty without the file.
 ///
-/// A Kinect's accelerometer has x and y the other way round than its camera: so turned, what `freiburg1_rpy` felt is
-/// upright in the motion capture's world to 4 degrees, and no other turn by right angles does that.
+/// A Kinect's accelerometer has x and y opposite to its camera's. So rotated, the forces of `freiburg1_rpy`
+/// are upright in the motion capture's world to 4 degrees; no other right-angled rotation does that.
 fn read_forces(container: &dyn Container, name: &str) -> Result<Forces, ClipError> {
     let mut samples = Vec::new();
     if container.contains(name) {
@@ -139,7 +139,7 @@ fn read_forces(container: &dyn Container, name: &str) -> Result<Forces, ClipErro
     Ok(Forces::new(samples))
 }
 
-/// The trajectory in the order of time; rows that are no finite pose are left out. Empty without the file.
+/// Reads the trajectory in the order of time; rows without a finite pose are skipped. Empty without the file.
 fn read_poses(container: &dyn Container, name: &str) -> Result<Vec<Timed<Pose3>>, ClipError> {
     let mut poses = Vec::new();
     if !container.contains(name) {

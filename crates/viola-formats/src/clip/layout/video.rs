@@ -1,4 +1,4 @@
-//! Colour that is a video.
+//! Colour as a video.
 
 use super::ClipError;
 use crate::container::{Container, Region};
@@ -7,7 +7,7 @@ use crate::video::{Codec, VideoInfo, inspect};
 /// An hour of a phone's video.
 const MAX_BYTES: u64 = 16 << 30;
 
-/// The first of these files that is there, and what its tables say.
+/// Returns the first of these files that exists, and the contents of its tables.
 pub(super) fn find(
     container: &dyn Container,
     root: &str,
@@ -20,7 +20,7 @@ pub(super) fn find(
     Ok(Some((name, region, info)))
 }
 
-/// What is told of a video.
+/// Describes a video in words.
 pub(super) fn words(name: &str, info: &VideoInfo) -> String {
     let codec = match info.codec {
         Codec::H264 => "H.264",

@@ -4,7 +4,7 @@ use super::WriteError;
 use image::codecs::{jpeg::JpegEncoder, png::PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, RgbImage};
 
-/// What a phone's app writes loses about as much.
+/// A loss similar to that of phone apps.
 const QUALITY: u8 = 92;
 
 pub(super) fn jpeg(picture: &RgbImage) -> Result<Vec<u8>, WriteError> {
@@ -13,7 +13,7 @@ pub(super) fn jpeg(picture: &RgbImage) -> Result<Vec<u8>, WriteError> {
     Ok(bytes)
 }
 
-/// 16 bits of grey.
+/// Encodes 16 bits of grey.
 pub(super) fn grey16_png(width: u32, height: u32, values: &[u16]) -> Result<Vec<u8>, WriteError> {
     let mut png = Vec::new();
     // The encoder takes 16-bit samples in the machine's byte order.
@@ -22,7 +22,7 @@ pub(super) fn grey16_png(width: u32, height: u32, values: &[u16]) -> Result<Vec<
     Ok(png)
 }
 
-/// 8 bits of grey.
+/// Encodes 8 bits of grey.
 pub(super) fn grey8_png(width: u32, height: u32, values: &[u8]) -> Result<Vec<u8>, WriteError> {
     let mut png = Vec::new();
     PngEncoder::new(&mut png).write_image(values, width, height, ExtendedColorType::L8)?;

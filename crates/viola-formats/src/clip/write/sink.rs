@@ -1,4 +1,4 @@
-//! Where written files go.
+//! Destinations of written files.
 
 use super::WriteError;
 use std::io::{self, Seek, Write};
@@ -11,7 +11,7 @@ pub trait Sink {
     fn put(&mut self, name: &str, bytes: &[u8]) -> Result<(), WriteError>;
 }
 
-/// A folder; folders in names are made.
+/// A folder; subfolders in names are created.
 pub struct FolderSink {
     root: PathBuf,
 }
@@ -31,7 +31,7 @@ impl Sink for FolderSink {
     }
 }
 
-/// A zip archive; pictures are stored as they are, text is packed.
+/// A zip archive; pictures are stored, text is compressed.
 pub struct ZipSink<W: Write + Seek> {
     zip: ZipWriter<W>,
 }

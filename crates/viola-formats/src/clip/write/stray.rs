@@ -1,14 +1,14 @@
-//! Stray Scanner (strayrobots/scanner, docs/format.md), with colour as pictures in `rgb/`: the video is made of them by
-//! whoever has an encoder.
+//! Stray Scanner (strayrobots/scanner, docs/format.md), with colour as pictures in `rgb/`, from which an
+//! external encoder can make the video.
 
 use super::{WriteError, Writer, depth_units, encode, row};
 use crate::clip::Frame;
 use viola_geometry::Pinhole;
 
-/// Frames are counted anew.
+/// Frames are renumbered.
 #[derive(Default)]
 pub(super) struct Stray {
-    /// The depth's camera at the colour's size, of the last frame, as the app writes it.
+    /// The last frame's depth camera at the colour's size, as the app writes it.
     camera: Option<Pinhole>,
     odometry: String,
 }
@@ -16,7 +16,7 @@ pub(super) struct Stray {
 impl Writer for Stray {
     fn frame(&self, place: usize, frame: &Frame) -> Result<Vec<(String, Vec<u8>)>, WriteError> {
         let (width, height) = (frame.depth.width, frame.depth.height);
-        // Doubtful readings are dropped when a clip is read: those that are left are trusted.
+        // Readings of low confidence are dropped when a clip is read; the others are trusted.
         let trust: Vec<u8> =
             frame.depth.depth_m.iter().map(|depth_m| if *depth_m > 0.0 { 2 } else { 0 }).collect();
         Ok(vec![

@@ -1,5 +1,5 @@
-//! TUM RGB-D (Sturm et al., 2012): lists of pictures by time, 5000 units of depth a metre. The intrinsics are in
-//! `camera-intrinsics.txt`, which the data set itself gives on its pages only.
+//! TUM RGB-D (Sturm et al., 2012): lists of pictures by time, 5000 units of depth per metre. The intrinsics
+//! are in `camera-intrinsics.txt`; the data set itself gives them only on its pages.
 
 use super::{WriteError, Writer, depth_units, encode, row};
 use crate::clip::Frame;

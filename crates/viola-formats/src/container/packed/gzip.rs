@@ -5,9 +5,9 @@ use super::{MAX_PIECES, too_many_pieces};
 use flate2::bufread::GzDecoder;
 use std::io::{self, BufRead, Read};
 
-/// What the members hold, one after the other. Their checksums are checked.
+/// Reads the content of the members, one after the other. Their checksums are checked.
 pub(super) struct Members<R> {
-    /// None only after a failure.
+    /// `None` at the end of the file or after a failure.
     member: Option<GzDecoder<R>>,
     left: u32,
 }

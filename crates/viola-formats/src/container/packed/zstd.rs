@@ -1,4 +1,4 @@
-//! A Zstandard file: one frame after another, with frames between them that hold something else (RFC 8878, section 3.1).
+//! A Zstandard file: one frame after another, with skippable frames between them (RFC 8878, section 3.1).
 
 use super::super::ContainerError;
 use super::super::kind::Packing;
@@ -7,11 +7,11 @@ use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 use std::io::{self, BufRead, Read};
 
-/// How far back a frame may look, which is what the decoder keeps in memory. Every level up to 19 stays below 8 MiB;
-/// the section 3.1.1.1.2 of the RFC recommends that decoders bound it.
+/// Maximum window of a frame, which the decoder keeps in memory. Every level up to 19 needs at most 8 MiB;
+/// section 3.1.1.1.2 of the RFC recommends a limit for decoders.
 const MAX_WINDOW_BYTES: u64 = 64 << 20;
 
-/// What the frames hold, one after the other. Their checksums, where they have any, are checked.
+/// Reads the content of the frames, one after the other. Their checksums, if any, are checked.
 pub(super) struct Frames<R> {
     source: R,
     decoder: FrameDecoder,
@@ -26,7 +26,7 @@ impl<R: BufRead> Frames<R> {
         Frames { source, decoder, in_frame: false, left: MAX_PIECES }
     }
 
-    /// Goes on to the next frame that holds something; false at the end of the file.
+    /// Advances to the next frame with content; returns false at the end of the file.
     fn next_frame(&mut self) -> io::Result<bool> {
         while !self.source.fill_buf()?.is_empty() {
             self.left = self.left.checked_sub(1).ok_or_else(|| too_many_pieces(Packing::Zstd))?;
@@ -63,7 +63,7 @@ impl<R: BufRead> Read for Frames<R> {
             if !self.in_frame && !self.next_frame()? {
                 return Ok(0);
             }
-            // Block by block, so that no more is held than the window and one block of at most 128 KiB.
+            // Decoding block by block keeps only the window and one block of at most 128 KiB in memory.
             while self.decoder.can_collect() == 0 && !self.decoder.is_finished() {
                 self.decoder
                     .decode_blocks(&mut self.source, BlockDecodingStrategy::UptoBlocks(1))

@@ -1,4 +1,4 @@
-//! What headers before a file's own say of it: pax extended headers (POSIX.1-2017, pax, "pax Extended Header") and GNU
+//! Headers that extend the next one: pax extended headers (POSIX.1-2017, pax, "pax Extended Header") and GNU
 //! tar's long names.
 
 use super::super::ContainerError;
@@ -8,13 +8,13 @@ use super::headers::damaged;
 /// GNU tar writes a sparse file as a plain one whose content begins with a list of its holes.
 const SPARSE: &[u8] = b"GNU.sparse.";
 
-/// What replaces the fields of the next header.
+/// Replacements of the fields of the next header.
 #[derive(Debug, Default)]
 pub(super) struct Extended {
     pub name: Option<Vec<u8>>,
     pub bytes: Option<u64>,
     pub is_sparse: bool,
-    /// A name of pax goes before one of GNU, whatever their order.
+    /// A pax name takes precedence over a GNU name, in any order.
     has_pax_name: bool,
     has_any: bool,
 }
@@ -31,12 +31,12 @@ impl Extended {
         }
     }
 
-    /// Takes the records of an extended header for one file.
+    /// Adds the records of an extended header for one file.
     pub fn add_pax(&mut self, records: &[u8]) -> Result<(), ContainerError> {
         self.has_any = true;
         for record in Records(records) {
             match record? {
-                // An empty value takes back what was said.
+                // An empty value removes an earlier one.
                 (b"path", b"") => self.name = None,
                 (b"path", path) if path.len() > MAX_NAME_BYTES => {
                     return Err(ContainerError::PathEscapes { name: "with a long name".to_owned() });
@@ -51,8 +51,8 @@ impl Extended {
         Ok(())
     }
 
-    /// Looks at the records of a header for all files that follow. What programs write there, comments and times, is of
-    /// no interest; one name or one size for all files would make no sense.
+    /// Checks the records of a header for all files that follow. Comments and times in it are ignored; one
+    /// name or one size for all files is an error.
     pub fn check_global(records: &[u8]) -> Result<(), ContainerError> {
         for record in Records(records) {
             let (key, _) = record?;
@@ -64,14 +64,14 @@ impl Extended {
     }
 }
 
-/// Records of `LENGTH KEY=VALUE\n`, the length counting all of it. A value may have any bytes.
+/// Records of `LENGTH KEY=VALUE\n`; the length is that of the whole record. A value may have any bytes.
 struct Records<'a>(&'a [u8]);
 
 impl<'a> Iterator for Records<'a> {
     type Item = Result<(&'a [u8], &'a [u8]), ContainerError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        // Some programs fill up with zeros.
+        // Some programs pad with zeros.
         if self.0.first().is_none_or(|byte| *byte == 0) {
             return None;
         }

@@ -7,12 +7,12 @@ use std::io;
 use tar::{EntryType, Header};
 
 const BLOCK_BYTES: u64 = 512;
-/// An extended header: names and times of a file, and what systems keep beside it.
+/// Maximum size of an extended header: names, times and system attributes of a file.
 const MAX_EXTENDED_BYTES: u64 = 1 << 20;
-/// Headers that may come before the one that they extend.
+/// Maximum number of headers before the one that they extend.
 const MAX_EXTENSIONS: u32 = 8;
 
-/// A file or a directory as the archive has it. `offset .. offset + bytes` lies in the archive.
+/// A file or a directory of the archive. `offset .. offset + bytes` lies in the archive.
 pub(super) struct Entry {
     pub name: Vec<u8>,
     pub offset: u64,
@@ -20,7 +20,7 @@ pub(super) struct Entry {
     pub is_file: bool,
 }
 
-/// Walks over the headers; ends at the archive's end mark, or with the first refusal.
+/// Iterates over the headers; ends at the archive's end mark, or with the first error.
 pub(super) struct Headers<'a> {
     archive: &'a Region,
     at: u64,
@@ -33,13 +33,13 @@ impl<'a> Headers<'a> {
         Headers { archive, at: 0, entries: 0, is_over: false }
     }
 
-    /// The next file or directory, with what the headers before it say of it; none at the end mark.
+    /// Returns the next file or directory, with its extended headers applied; `None` at the end mark.
     fn entry(&mut self) -> Result<Option<Entry>, ContainerError> {
         let mut extended = Extended::default();
         for _ in 0..=MAX_EXTENSIONS {
             let mut header = Header::new_old();
             self.read(self.at, header.as_mut_bytes())?;
-            // One block of zeros ends an archive; the standard asks for two, and nobody writes on after one.
+            // One block of zeros ends an archive: the standard requires two, but no data follows one.
             if header.as_bytes().iter().all(|byte| *byte == 0) {
                 return if extended.is_empty() {
                     Ok(None)
@@ -70,9 +70,9 @@ impl<'a> Headers<'a> {
                     Extended::check_global(&self.bounded(offset, bytes, MAX_EXTENDED_BYTES)?)?
                 }
                 EntryType::GNULongName => extended.set_long_name(self.long_name(offset, bytes)?),
-                // A link is refused when its own header comes.
+                // A link is refused at its own header.
                 EntryType::GNULongLink => {}
-                // The name of the archive: it is no entry.
+                // The name of the archive is no entry.
                 _ if kind.as_byte() == b'V' => {}
                 _ => return self.finish(&header, extended, offset, bytes).map(Some),
             }
@@ -80,7 +80,7 @@ impl<'a> Headers<'a> {
         Err(damaged("more headers extend one file than any program writes"))
     }
 
-    /// Decides by its kind what an entry is that has no more headers to come.
+    /// Builds the entry of the last header, or refuses its kind.
     fn finish(
         &mut self,
         header: &Header,
@@ -99,7 +99,7 @@ impl<'a> Headers<'a> {
             return Err(ContainerError::TarSparse { name: told() });
         }
         let is_file = match header.entry_type() {
-            // Before POSIX, directories were files whose name ends so.
+            // Before POSIX, directories were files whose name ends with a slash.
             EntryType::Regular | EntryType::Continuous => !name.ends_with(b"/"),
             EntryType::Directory => false,
             EntryType::Link | EntryType::Symlink => return Err(ContainerError::Link { name: told() }),
@@ -113,7 +113,7 @@ impl<'a> Headers<'a> {
 
     fn check(&self, header: &Header) -> Result<(), ContainerError> {
         let told = header.cksum().map_err(|_| damaged("a header's checksum is no number"))?;
-        // The checksum is taken with spaces in its own place.
+        // The checksum's own field counts as spaces.
         let bytes = header.as_bytes().iter().enumerate();
         let sum: u32 =
             bytes.map(|(i, byte)| u32::from(if (148..156).contains(&i) { b' ' } else { *byte })).sum();
@@ -121,7 +121,7 @@ impl<'a> Headers<'a> {
     }
 
     fn long_name(&self, offset: u64, bytes: u64) -> Result<Vec<u8>, ContainerError> {
-        // The zero that ends it counts.
+        // The terminating zero counts.
         if bytes > MAX_NAME_BYTES as u64 + 1 {
             return Err(ContainerError::PathEscapes { name: "with a long name".to_owned() });
         }

@@ -1,4 +1,4 @@
-//! One entry of a zip archive: what is kept of the directory, and how its bytes are reached (APPNOTE 4.3.7, 4.4).
+//! One entry of a zip archive: its data from the directory, and a reader of its bytes (APPNOTE 4.3.7, 4.4).
 
 use crate::container::ContainerError;
 use flate2::CrcReader;
@@ -6,25 +6,25 @@ use flate2::read::DeflateDecoder;
 use std::io::{Read, Seek, SeekFrom};
 
 const LOCAL_HEADER: [u8; 4] = *b"PK\x03\x04";
-/// Up to the name.
+/// Length up to the name.
 const LOCAL_HEADER_BYTES: usize = 30;
 
-/// The crate's directory has some hundred bytes more for an entry, which add up in a long recording.
+/// Compact data of an entry. The crate's own has some hundred bytes more, which add up in a long recording.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Entry {
-    /// Where its local header is.
+    /// Offset of its local header.
     pub header_at: u64,
-    /// Its bytes in the archive.
+    /// Its size in the archive, in bytes.
     pub packed: u64,
-    /// Its bytes when unpacked, as it declares them.
+    /// Its declared unpacked size, in bytes.
     pub bytes: u64,
     pub crc32: u32,
-    /// Deflated, and otherwise stored.
+    /// True if deflated, false if stored.
     pub is_deflated: bool,
 }
 
 impl Entry {
-    /// Where its data begins: behind a local header, whose name and extra field may be longer than the directory's.
+    /// Returns the offset of the data. The local header's name and extra field have their own lengths.
     pub fn data_at(&self, reader: &mut (impl Read + Seek), name: &str) -> Result<u64, ContainerError> {
         let damaged = |reason: String| ContainerError::ZipDamaged { reason: format!("{name}: {reason}") };
         let mut header = [0; LOCAL_HEADER_BYTES];
@@ -39,7 +39,7 @@ impl Entry {
         self.header_at.checked_add(behind).ok_or_else(|| damaged("it lies too far away".into()))
     }
 
-    /// A reader of what it unpacks to, which may be more or less than it declares.
+    /// Returns a reader of the unpacked bytes, which may be more or fewer than declared.
     pub fn reader<'a, R: Read + Seek + 'a>(
         &self,
         mut reader: R,
@@ -53,7 +53,7 @@ impl Entry {
         Ok(CrcReader::new(unpacked))
     }
 
-    /// Whether what was read to its end is what was packed.
+    /// Checks the checksum of an entry that was read to its end.
     pub fn check(&self, read: &CrcReader<Box<dyn Read + '_>>, name: &str) -> Result<(), ContainerError> {
         if read.crc().sum() == self.crc32 {
             return Ok(());

@@ -1,12 +1,12 @@
-//! Where each scan was taken: from the odometry's guess, the pose at which its hits lie best on those of the scans
-//! before it (correlative scan matching after Olson, 2009: first on a lattice around the guess, then finer).
+//! Pose of each scan by correlative scan matching (after Olson, 2009): the pose near the odometry's guess at
+//! which its hits fit those of earlier scans best, searched first on a lattice around the guess, then finer.
 
 use super::raster::{self, CELL_M};
 use super::scan::Scan;
 use crate::lidar::LidarError;
 use viola_geometry::{Grid, Point2, Pose2};
 
-/// How far from the guess poses are looked for, in each direction.
+/// Search range around the guess, in each direction.
 const REACH_M: f64 = 0.3;
 const REACH_RAD: f64 = 12f64.to_radians();
 /// Steps of the lattice.
@@ -15,18 +15,18 @@ const STEP_RAD: f64 = 1.5f64.to_radians();
 /// The finest steps.
 const FINE_M: f64 = 0.004;
 const FINE_RAD: f64 = 0.05f64.to_radians();
-/// How often at most the pose is moved by finer steps.
+/// Maximum number of refinement iterations.
 const FINE_STEPS: usize = 100;
-/// How far a hit reaches, one standard deviation.
+/// Standard deviation of the kernel around a hit.
 const SPREAD_M: f64 = 0.07;
-/// Hits of a scan that are looked at on the lattice, and finer.
+/// Maximum number of a scan's hits that are scored, on the lattice and in the refinement.
 const COARSE_HITS: usize = 90;
 const FINE_HITS: usize = 180;
-/// What a pose at the end of the reach loses, as a share of all hits: keeps a scan of which little is known
-/// where the odometry puts it.
+/// Penalty of a pose at the end of the search range, as a fraction of all hits: a scan with few matches stays
+/// at its odometry pose.
 const PENALTY: f64 = 0.05;
 
-/// The pose of every scan in the frame of the first one's odometry.
+/// Returns the pose of every scan in the first scan's odometry frame.
 pub(super) fn align_scans(scans: &[Scan]) -> Result<Vec<Pose2>, LidarError> {
     let frame = raster::frame_around(scans)?;
     let mut field = Field { near: Grid::filled(frame, 0u8), kernel: kernel(SPREAD_M) };
@@ -45,10 +45,10 @@ pub(super) fn align_scans(scans: &[Scan]) -> Result<Vec<Pose2>, LidarError> {
     Ok(poses)
 }
 
-/// How near each cell is to a hit, 255 on one.
+/// Closeness of each cell to a hit, 255 at a hit.
 struct Field {
     near: Grid<u8>,
-    /// Offsets of cells around a hit and what they get.
+    /// Offsets of cells around a hit, and their values.
     kernel: Vec<(i64, i64, u8)>,
 }
 
@@ -129,7 +129,7 @@ impl Field {
         offset_by(guess, best.0)
     }
 
-    /// Bilinear between the cells' centres, 0 to 1.
+    /// Returns the closeness at a point, bilinear between the cells' centres, 0 to 1.
     fn value(&self, point: &Point2) -> f64 {
         let frame = &self.near.frame;
         let x = (point.x - frame.origin_m[0]) / CELL_M - 0.5;

@@ -1,22 +1,22 @@
-//! Scans at their poses as cells: walls where rays end, free floor where they pass.
+//! Rasterises scans at their poses: walls where rays end, free floor where they pass.
 
 use super::scan::Scan;
 use crate::lidar::{Cell, LidarError};
 use viola_geometry::{Grid, GridFrame, Point2, Pose2};
 
-/// Side of a cell, that of the robots' own maps.
+/// Side of a cell, as in the robots' own maps.
 pub(super) const CELL_M: f64 = 0.05;
-/// Cells of the map: 100 m by 100 m.
+/// Maximum number of cells: 100 m by 100 m.
 const MAX_CELLS: usize = 4 << 20;
-/// Room around what the odometry says, for where the scans really were.
+/// Margin around the odometry's extent, for the corrected poses.
 const MARGIN_M: f64 = 3.0;
-/// A cell is a wall when at least so many rays end in it, and this share of those that reach it.
+/// A wall needs at least this many rays that end in it, and this fraction of the rays that reach it.
 const WALL_HITS: u16 = 2;
 const WALL_SHARE: f64 = 0.2;
-/// With fewer scans than these a single ray has to do.
+/// With fewer scans, a single ray is enough.
 const FEW_SCANS: usize = 10;
 
-/// Cells for all that the scans saw.
+/// Returns a frame around all hits and poses of the scans.
 pub(super) fn frame_around(scans: &[Scan]) -> Result<GridFrame, LidarError> {
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for scan in scans {
@@ -39,7 +39,7 @@ pub(super) fn frame_around(scans: &[Scan]) -> Result<GridFrame, LidarError> {
 
 pub(super) fn raster(scans: &[Scan], poses: &[Pose2]) -> Result<Grid<Cell>, LidarError> {
     let frame = frame_around(scans)?;
-    // Rays that end in a cell, and rays that pass it.
+    // Numbers of rays that end in a cell, and of rays that pass it.
     let mut counts = Grid::filled(frame, [0u16; 2]);
     for (scan, pose) in scans.iter().zip(poses) {
         let Some(from) = frame.cell(&Point2::from(pose.translation())) else { continue };
@@ -67,11 +67,11 @@ pub(super) fn raster(scans: &[Scan], poses: &[Pose2]) -> Result<Grid<Cell>, Lida
     Ok(Grid { frame, cells: counts.cells.into_iter().map(decide).collect() })
 }
 
-/// The cells on the straight way from one to the other, the last one left out.
+/// Returns the cells on the straight line between two cells, without the last.
 fn between(from: (usize, usize), to: (usize, usize)) -> impl Iterator<Item = (usize, usize)> {
     let (dx, dy) = (to.0 as i64 - from.0 as i64, to.1 as i64 - from.1 as i64);
     let steps = dx.abs().max(dy.abs());
-    // Rounded division; `steps` is not zero where it is used.
+    // Rounded division; `steps` is not zero when used.
     let part = move |d: i64, index: i64| (2 * d * index + steps).div_euclid(2 * steps);
     (0..steps).map(move |index| {
         ((from.0 as i64 + part(dx, index)) as usize, (from.1 as i64 + part(dy, index)) as usize)

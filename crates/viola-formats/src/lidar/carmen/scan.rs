@@ -2,10 +2,9 @@
 
 use viola_geometry::{Point2, Pose2};
 
-/// A scan that is used.
 pub struct Scan {
-    /// Where the odometry puts the laser.
+    /// Pose of the laser by the odometry.
     pub by_odometry: Pose2,
-    /// What it hit, from the laser, x ahead.
+    /// Hits in the laser's frame, x ahead.
     pub hits_m: Vec<Point2>,
 }

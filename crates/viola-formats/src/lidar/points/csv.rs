@@ -3,7 +3,7 @@
 use super::Cloud;
 use crate::lidar::{LidarError, LidarMap};
 
-/// Lines of `x, y` in metres, with or without a header; separators are comma, semicolon, blank and tab.
+/// Reads lines of `x, y` in metres, with or without a header; separators are comma, semicolon, blank and tab.
 /// With a header the columns may be in any order, and those that are not x or y are ignored.
 pub(in super::super) fn read_csv(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let text = std::str::from_utf8(bytes).map_err(|_| LidarError::UnknownFormat)?;
@@ -35,7 +35,7 @@ pub(in super::super) fn read_csv(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     cloud.into_map("csv_points", notes)
 }
 
-/// The separator of a line; none stands for blanks and tabs.
+/// Returns the separator of a line; `None` stands for blanks and tabs.
 fn separator(line: &str) -> Option<char> {
     [';', ','].into_iter().find(|&c| line.contains(c))
 }
@@ -47,7 +47,7 @@ fn fields(line: &str, separator: Option<char>) -> Vec<&str> {
     }
 }
 
-/// Which columns a header calls x and y.
+/// Returns the columns that a header calls x and y.
 fn columns(header: &[&str]) -> Option<(usize, usize)> {
     let find = |axis: &str| {
         let names = [axis.to_string(), format!("{axis}_m"), format!("{axis}[m]"), format!("{axis} [m]")];

@@ -1,14 +1,15 @@
-//! Points as PCD: ascii, binary, or binary with all values of a field together and compressed by LZF. The header and
-//! the order of values are those of isl-org/Open3D, `cpp/open3d/io/file_format/FilePCD.cpp`.
+//! Points as PCD: ascii, binary, or binary with all values of a field together and compressed by LZF. The
+//! header and the order of values are those of isl-org/Open3D, `cpp/open3d/io/file_format/FilePCD.cpp`.
 
 mod lzf;
 
-use super::records::{Columns, Points, Scalar};
+use super::records::{Columns, Points};
 use crate::lidar::{LidarError, LidarMap, MAX_FILE_BYTES, MAX_POINTS};
+use crate::scalar::Scalar;
 
 const MAX_HEADER_BYTES: usize = 64 << 10;
 const MAX_FIELDS: usize = 256;
-/// Numbers of one field of one point; descriptors have hundreds.
+/// Maximum number of values in one field of a point; descriptors have hundreds.
 const MAX_COUNT: usize = 4096;
 
 #[derive(Clone, Copy, PartialEq)]
@@ -36,12 +37,12 @@ fn bad(reason: impl Into<String>) -> LidarError {
     LidarError::BadPcd { reason: reason.into() }
 }
 
-/// Whether a text begins as a PCD file does.
+/// Returns whether a text begins like a PCD file.
 pub(in super::super) fn is_pcd(text: &[u8]) -> bool {
     text.starts_with(b"# .PCD") || text.starts_with(b"VERSION ") || text.starts_with(b"FIELDS ")
 }
 
-/// The points' x and y, in metres. Other fields are ignored.
+/// Reads the points' x and y, in metres. Other fields are ignored.
 pub(in super::super) fn read_pcd(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let header = Header::parse(bytes)?;
     let column = |name: &str| header.fields.iter().position(|field| field.name == name);
@@ -119,7 +120,7 @@ impl<'a> Header<'a> {
     fn read_lines(&self, columns: &Columns, points: &mut Points) -> Result<(), LidarError> {
         let text = std::str::from_utf8(self.body).map_err(|_| bad("its points are not text"))?;
         let mut lines = text.lines().filter(|line| !line.trim().is_empty());
-        // Where the first number of each field stands in a line.
+        // Index of each field's first number in a line.
         let starts = self.starts(|field| field.count);
         let mut words: Vec<&str> = Vec::new();
         for index in 0..self.points {
@@ -150,7 +151,7 @@ impl<'a> Header<'a> {
         Ok(())
     }
 
-    /// All values of the first field, then all of the second, and so on.
+    /// Reads all values of the first field, then all of the second, and so on.
     fn read_planes(&self, columns: &Columns, points: &mut Points) -> Result<(), LidarError> {
         let size = |at: usize| {
             let bytes = self.body.get(at..).and_then(|rest| rest.first_chunk::<4>());
@@ -187,7 +188,7 @@ impl<'a> Header<'a> {
     }
 }
 
-/// Where the sensor stood: x, y, z, and a quaternion with w first.
+/// Returns whether the sensor's pose (x, y, z, and a quaternion with w first) is the identity.
 fn is_identity(viewpoint: &[&str]) -> bool {
     let numbers: Vec<f64> = viewpoint.iter().filter_map(|word| word.parse().ok()).collect();
     numbers == [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]

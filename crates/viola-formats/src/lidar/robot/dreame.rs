@@ -1,6 +1,6 @@
-//! Dreame's maps (1C, D9, Z10, L10, X10 and others): base64url of a zlib stream with a header, an image and a JSON
-//! object, in which the saved map with the rooms lies as such a string again (`rism`). The layout is that of
-//! Hypfer/Valetudo, `assets/kaitai_structs/dreame_map_file.ksy` and `DreameMapParser.js`.
+//! Dreame's maps (1C, D9, Z10, L10, X10 and others): base64url of a zlib stream with a header, an image and a
+//! JSON object, which holds the saved map with the rooms as such a string again (`rism`). The layout is that
+//! of Hypfer/Valetudo, `assets/kaitai_structs/dreame_map_file.ksy` and `DreameMapParser.js`.
 //!
 //! Positions are millimetres with y up, from -32768 on; cells are usually 5 cm, their rows from the bottom.
 
@@ -20,14 +20,14 @@ const WHOLE_FRAME: u8 = b'I';
 const CHANGES_FRAME: u8 = b'P';
 /// Positions are signed 16-bit millimetres; this moves them above zero.
 const OFFSET_MM: f64 = 32_768.0;
-/// Of the sheet: all that those positions can be, in whole centimetres.
+/// Side of the sheet: the range of those positions, in whole centimetres.
 const SIDE_CM: i64 = 6554;
-/// A position that is not known.
+/// An unknown position.
 const UNSET: i16 = 32_767;
-/// Above these segment numbers a cell of the image is floor or wall without a room.
+/// Above this segment number a cell of the image is floor or wall without a room.
 const MAX_SEGMENT: u8 = 61;
 
-/// Base64 with or without padding; whoever cuts a file out of a page may have lost some.
+/// Base64 with or without padding, which may be lost when a file is copied from a page.
 const BASE64URL: GeneralPurpose = GeneralPurpose::new(
     &URL_SAFE,
     GeneralPurposeConfig::new()
@@ -35,7 +35,7 @@ const BASE64URL: GeneralPurpose = GeneralPurpose::new(
         .with_decode_allow_trailing_bits(true),
 );
 
-/// A part of the file: the whole of it, or the saved map inside.
+/// The whole file, or the saved map inside it.
 struct Frame<'a> {
     kind: u8,
     robot: Option<Spot>,
@@ -49,7 +49,7 @@ struct Frame<'a> {
     extra: &'a [u8],
 }
 
-/// How the bits of a cell are shared out.
+/// Layout of the bits of a cell.
 #[derive(Clone, Copy, PartialEq)]
 enum Source {
     /// Six bits of segment, two of type.
@@ -58,7 +58,7 @@ enum Source {
     Saved,
 }
 
-/// The cells of a part, by what they are.
+/// The cells of a frame, by type.
 struct Cells {
     floor: Runs,
     wall: Runs,
@@ -70,7 +70,7 @@ fn bad(reason: impl Into<String>) -> LidarError {
     LidarError::BadRobotMap { format: "Dreame", reason: reason.into() }
 }
 
-/// Whether a text can be a map: base64 and nothing else, of a zlib stream.
+/// Returns whether a text can be a map: only base64, of a zlib stream.
 pub(in super::super) fn is_text(text: &[u8]) -> bool {
     let text = text.trim_ascii_end();
     let is_digit = |b: &u8| b.is_ascii_alphanumeric() || b"-_+/=".contains(b);
@@ -84,7 +84,7 @@ pub(in super::super) fn read_text(text: &[u8]) -> Result<LidarMap, LidarError> {
     read(&decode(text.trim_ascii_end())?)
 }
 
-/// From either alphabet of base64 to what was deflated.
+/// Decodes either alphabet of base64, and inflates the result.
 fn decode(text: &[u8]) -> Result<Vec<u8>, LidarError> {
     let url_safe: Vec<u8> = text
         .iter()
@@ -103,7 +103,7 @@ fn decode(text: &[u8]) -> Result<Vec<u8>, LidarError> {
     inflate(&deflated)
 }
 
-/// Whether inflated bytes can be a map; the format has no mark of its own.
+/// Returns whether inflated bytes can be a map; the format has no magic number.
 pub(super) fn is(bytes: &[u8]) -> bool {
     let frame = Bytes(bytes);
     let size = |at: usize| frame.i16(at).map_or(0, i64::from);
@@ -130,7 +130,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let mut layers = vec![(LayerKind::Floor, cells.floor.0), (LayerKind::Wall, cells.wall.0)];
     let mut infos = extra.segments.clone();
 
-    // The saved map is laid under this one: what is not here is taken from there.
+    // The saved map is the fallback for parts that this one lacks.
     let saved_bytes = match &extra.saved_map {
         Some(text) if extra.uses_saved_map() => Some(decode(text.as_bytes())?),
         _ => None,
@@ -229,7 +229,7 @@ impl<'a> Frame<'a> {
             carpet: Runs::default(),
             segments: vec![Runs::default(); usize::from(MAX_SEGMENT) + 3],
         };
-        // Valetudo rounds each cell's place on the sheet, whose side is no multiple of a cell's.
+        // Valetudo rounds each cell's position on the sheet, whose side is no multiple of a cell's.
         let x_of = |column: usize| round_cm(column as f64 + self.left_cm / pixel_cm) as i64;
         let y_of =
             |row: usize| round_cm(SIDE_CM as f64 / pixel_cm - (row as f64 + self.top_cm / pixel_cm)) as i64;
@@ -286,7 +286,7 @@ impl Cells {
     }
 }
 
-/// Millimetres with y up to centimetres with y down.
+/// Converts millimetres with y up to centimetres with y down.
 fn on_sheet(x_mm: f64, y_mm: f64) -> [f64; 2] {
     let cm = |mm: f64| round_cm((mm + OFFSET_MM) / 10.0);
     [cm(x_mm), SIDE_CM as f64 - cm(y_mm)]

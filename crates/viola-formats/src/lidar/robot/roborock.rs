@@ -1,5 +1,5 @@
-//! Roborock's RRMap (Xiaomi Mi Robot, S5, S6 and later): blocks of a type, a header and data. The layout is that
-//! of Hypfer/Valetudo, `assets/kaitai_structs/roborock_map_file.ksy` and `RoborockMapParser.js`, and of
+//! Roborock's RRMap (Xiaomi Mi Robot, S5, S6 and later): blocks of a type, a header and data. The layout is
+//! that of Hypfer/Valetudo, `assets/kaitai_structs/roborock_map_file.ksy` and `RoborockMapParser.js`, and of
 //! marcelrv/XiaomiRobotVacuumProtocol, `RRMapFile/RRFileFormat.md`.
 //!
 //! Positions are millimetres on a sheet of 51.2 m with y up; cells are 5 cm, their rows from the bottom.
@@ -11,9 +11,9 @@ use crate::lidar::{LidarError, LidarMap, LineKind, Obstacle, ZoneKind};
 
 const FILE_HEADER_BYTES: usize = 20;
 const BLOCK_HEADER_BYTES: usize = 8;
-/// The image's place is told by the last 16 bytes of its header.
+/// The last 16 bytes of the image's header are its position and size.
 const PLACE_BYTES: usize = 16;
-/// The first header length with a number of segments in it.
+/// Minimum length of a header with a number of segments.
 const HEADER_BYTES_WITH_SEGMENTS: usize = 28;
 const SIDE_CELLS: i64 = 1024;
 const SIDE_CM: i64 = 5120;
@@ -34,7 +34,7 @@ mod block {
     pub const MATERIALS: u16 = 24;
 }
 
-/// What the camera of the later models tells apart.
+/// Returns the name of an obstacle's type, from the camera of the later models.
 fn obstacle_name(kind: u16) -> &'static str {
     match kind {
         0 | 48 => "cable",
@@ -68,7 +68,7 @@ fn bad(reason: impl Into<String>) -> LidarError {
 
 pub(in super::super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let blocks = blocks(bytes)?;
-    // Where a type is there twice, the last one counts.
+    // If a type occurs twice, the last block counts.
     let find = |kind: u16| blocks.iter().rev().find(|block| block.kind == kind);
     let frame = "metres, x right, y up, origin at the lower-left corner of the robot's sheet of 51.2 m, as Valetudo \
                  has it";
@@ -130,8 +130,8 @@ fn blocks(bytes: &[u8]) -> Result<Vec<Block<'_>>, LidarError> {
     Ok(blocks)
 }
 
-/// A byte a cell: the lower three bits are 0 for nothing, 1 for a wall and more for floor, the upper five the
-/// segment. Files of robots without segments have other things there.
+/// Reads one byte per cell: the lower three bits are 0 for nothing, 1 for a wall and more for floor, the
+/// upper five the segment. Robots without segments use those five for something else.
 fn read_image(drawing: &mut Drawing, image: &Block, materials: &[u8]) -> Result<(), LidarError> {
     let header_bytes = image.header.0.len();
     let place = header_bytes.checked_sub(PLACE_BYTES).filter(|at| *at >= BLOCK_HEADER_BYTES);
@@ -183,12 +183,12 @@ fn read_image(drawing: &mut Drawing, image: &Block, materials: &[u8]) -> Result<
     Ok(())
 }
 
-/// Millimetres with y up to centimetres with y down.
+/// Converts millimetres with y up to centimetres with y down.
 fn on_sheet(x_mm: f64, y_mm: f64) -> [f64; 2] {
     [round_cm(x_mm / 10.0), round_cm((SIDE_MM - y_mm) / 10.0)]
 }
 
-/// A position, with an angle from the third generation on: degrees from the right, counter-clockwise.
+/// Reads a position, and since the third generation an angle: degrees counter-clockwise from the right.
 fn spot(data: &Bytes) -> Option<Spot> {
     let [x_cm, y_cm] = on_sheet(f64::from(data.u32(0)?), f64::from(data.u32(4)?));
     let angle_deg = data.i32(8).map(|angle| (90.0 - f64::from(angle)).rem_euclid(360.0));
@@ -204,7 +204,7 @@ fn last_heading(path: &Bytes) -> Option<f64> {
     heading_deg(point(count.checked_sub(2)?)?, point(count - 1)?)
 }
 
-/// Structures of `N` points. Their number is in the header; what lies behind it is not read.
+/// Reads structures of `N` points. Their number is in the header; data after them is ignored.
 fn structures<const N: usize>(block: &Block) -> Vec<[[f64; 2]; N]> {
     let told = block.header.u32(BLOCK_HEADER_BYTES).map_or(usize::MAX, |count| count as usize);
     let records = block.data.0.chunks_exact(4 * N).take(told);
@@ -215,7 +215,7 @@ fn structures<const N: usize>(block: &Block) -> Vec<[[f64; 2]; N]> {
     records.map(|record| std::array::from_fn(|index| point(record, index))).collect()
 }
 
-/// x, y, type and confidence of each, and in some files a picture's name.
+/// Adds obstacles with x, y, type and confidence; some files also name a picture.
 fn add_obstacles(drawing: &mut Drawing, block: &Block) {
     let count = block.header.u32(BLOCK_HEADER_BYTES).map_or(0, |count| count as usize);
     let Some(size) = block.data.0.len().checked_div(count).filter(|size| *size >= 8) else { return };

@@ -1,6 +1,6 @@
-//! The maps of Viomi and Cecotec (3irobotix): a zlib stream of flags and, for each flag in turn, a block that begins
-//! with the map's number. The layout is that of Hypfer/Valetudo, `assets/kaitai_structs/viomi_map_file.ksy`,
-//! `ViomiMapParser.js` and `ThreeIRobotixMapParser.js`.
+//! The maps of Viomi and Cecotec (3irobotix): a zlib stream of flags and, for each flag in turn, a block that
+//! begins with the map's number. The layout is that of Hypfer/Valetudo,
+//! `assets/kaitai_structs/viomi_map_file.ksy`, `ViomiMapParser.js` and `ThreeIRobotixMapParser.js`.
 //!
 //! Positions are metres with y up, the image covers -20 to 20 m; cells are 5 cm, their rows from the bottom.
 
@@ -14,7 +14,7 @@ const IMAGE_AT: usize = 48;
 const IMAGE_HEADER_BYTES: usize = 40;
 const PATH_POINT_BYTES: usize = 9;
 const AREA_BYTES: usize = 92;
-/// From this value on a cell is of a room that is being cleaned; its number is 50 less.
+/// Cells from this value on are of a room that is being cleaned, whose number is 50 less.
 const FIRST_ACTIVE: u8 = 60;
 const MAX_ROOMS: usize = 256;
 
@@ -43,7 +43,7 @@ fn bad(reason: impl Into<String>) -> LidarError {
     LidarError::BadRobotMap { format: "Viomi / 3irobotix", reason: reason.into() }
 }
 
-/// Whether inflated bytes can be a map; the format has no mark of its own.
+/// Returns whether inflated bytes can be a map; the format has no magic number.
 pub(super) fn is(bytes: &[u8]) -> bool {
     let map = Bytes(bytes);
     let has_image = map.u32(0).is_some_and(|flags| flags & flag::STATUS_AND_IMAGE == flag::STATUS_AND_IMAGE);
@@ -85,12 +85,12 @@ pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
             .push("the blocks behind the image were not all understood; the rest was ignored".to_string());
         BTreeMap::new()
     });
-    // A map without a number is a first, temporary one; its rooms mean nothing yet.
+    // A map without a number is temporary; its rooms are not valid yet.
     read_image(&mut drawing, &image, cells, &names, number != 0);
     drawing.into_map()
 }
 
-/// A byte a cell: 255 is a wall, 1 floor, and anything else a room.
+/// Reads one byte per cell: 0 is unknown, 1 floor, 255 a wall, and anything else a room.
 fn read_image(
     drawing: &mut Drawing,
     image: &Image,
@@ -122,21 +122,21 @@ fn read_image(
     }
 }
 
-/// Where the image lies in the robot's metres.
+/// Position of the image in the robot's frame.
 struct Place {
     min_m: [f64; 2],
     height_cm: f64,
 }
 
 impl Place {
-    /// Metres with y up to centimetres with y down; rounded upwards, as Valetudo does.
+    /// Converts metres with y up to centimetres with y down; rounds upwards, like Valetudo.
     fn on_sheet(&self, x_m: f64, y_m: f64) -> [f64; 2] {
         let cm = |value: f64, min: f64| ((value - min) * 100.0).ceil();
         [cm(x_m, self.min_m[0]), self.height_cm - cm(y_m, self.min_m[1])]
     }
 
-    /// A pose of x, y and an angle in radians from the right, counter-clockwise. Valetudo adds 180 to that number
-    /// as if it were degrees; read as radians, docks face away from the walls they stand at.
+    /// Reads a pose of x, y and an angle in radians counter-clockwise from the right. Valetudo adds 180 to
+    /// that number as if it were degrees; read as radians, docks face away from their walls.
     fn spot(&self, map: &Bytes, at: usize) -> Option<Spot> {
         let [x_m, y_m, yaw_rad] = [map.f32(at)?, map.f32(at + 4)?, map.f32(at + 8)?];
         let [x_cm, y_cm] = self.on_sheet(x_m, y_m);
@@ -144,7 +144,7 @@ impl Place {
     }
 }
 
-/// The blocks behind the image.
+/// The blocks after the image.
 struct Blocks<'a> {
     map: Bytes<'a>,
     number: u32,
@@ -152,7 +152,7 @@ struct Blocks<'a> {
 }
 
 impl Blocks<'_> {
-    /// Reads them into the drawing and returns the rooms' names; none when one is not what its flag says.
+    /// Reads the blocks into the drawing and returns the rooms' names; `None` if one does not match its flag.
     fn read(&mut self, flags: u32, place: &Place, drawing: &mut Drawing) -> Option<BTreeMap<u8, String>> {
         let mut heading = None;
         if flags & flag::PATH != 0 {
@@ -195,7 +195,7 @@ impl Blocks<'_> {
         if flags & flag::ROBOT != 0 {
             let at = self.next(21)?;
             drawing.robot = place.spot(&self.map, at + 9);
-            // The way it came is more exact than what it says.
+            // The heading of the path is more exact than the robot's own.
             if let (Some(robot), Some(heading)) = (&mut drawing.robot, heading) {
                 robot.angle_deg = Some(heading);
             }
@@ -209,12 +209,12 @@ impl Blocks<'_> {
         if flags & flag::NAMES != 0 { self.names() } else { Some(BTreeMap::new()) }
     }
 
-    /// How many items the block at hand has.
+    /// Returns the number of items of the current block.
     fn count(&self) -> Option<usize> {
         self.map.u32(self.at + 8).map(|count| count as usize)
     }
 
-    /// Passes a block of so many bytes, which must begin with the map's number, and returns its beginning.
+    /// Skips a block of this length, which must begin with the map's number, and returns its start.
     fn next(&mut self, bytes: usize) -> Option<usize> {
         let at = self.at;
         if self.map.u32(at)? != self.number || bytes > self.map.0.len() - at {
@@ -224,7 +224,7 @@ impl Blocks<'_> {
         Some(at)
     }
 
-    /// Four corners; where they are two points twice, they are a wall.
+    /// Reads four corners: two points twice are a wall, otherwise they are a zone.
     fn restrict(&self, at: usize, place: &Place, drawing: &mut Drawing) -> Option<()> {
         let mut corners = [[0.0; 2]; 4];
         for (index, corner) in corners.iter_mut().enumerate() {
@@ -239,7 +239,7 @@ impl Blocks<'_> {
         Some(())
     }
 
-    /// The map's own name, a number, and the rooms: number, name, a byte and a place of each.
+    /// Reads the rooms' names, after the map's own name and a number. A byte and a place follow each name.
     fn names(&self) -> Option<BTreeMap<u8, String>> {
         if self.map.u32(self.at)? != self.number {
             return None;

@@ -5,7 +5,7 @@ use crate::lidar::{Cell, LidarError, MAX_CELLS};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::io::Cursor;
 
-/// Of the decoded image.
+/// Maximum size of the decoded image.
 const MAX_IMAGE_BYTES: u64 = 256 << 20;
 
 /// Decodes a PGM or PNG image. Values of a PGM whose white is not 255 or 65535 are scaled up to that.
@@ -29,19 +29,19 @@ pub(super) fn decode(bytes: &[u8], name: &str) -> Result<DynamicImage, LidarErro
     if cells == 0 || decoder.total_bytes() > MAX_IMAGE_BYTES {
         return Err(bad(format!("it has {width}x{height} pixels of {:?}", decoder.color_type())));
     }
-    // A PGM is not compressed, so that its size tells before anything is allocated.
+    // A PGM is not compressed, so its size is checked before anything is allocated.
     if (bytes.len() as u64) < cells * bytes_per_cell {
         return Err(bad(format!("it ends before its {width}x{height} pixels do")));
     }
     DynamicImage::from_decoder(decoder).map_err(|error| bad(error.to_string()))
 }
 
-/// What map savers write for unknown, beside 254 for free and 0 for occupied.
+/// Map savers' value for unknown, besides 254 for free and 0 for occupied.
 const SAVED_UNKNOWN: u8 = 205;
 const SAVED_VALUES: [u8; 3] = [0, SAVED_UNKNOWN, 254];
 
-/// Whether the image is one that a map saver wrote and the file's `free_thresh` would turn what is unknown
-/// into free floor. nav2's saver writes 0.25 by default, and 205 is an occupancy of 0.196.
+/// Returns whether a map saver wrote the image and the file's `free_thresh` would make unknown cells free.
+/// nav2's saver writes 0.25 by default, and 205 is an occupancy of 0.196.
 pub(super) fn is_saved_with_wide_threshold(image: &DynamicImage, description: &Description) -> bool {
     let DynamicImage::ImageLuma8(grey) = image else { return false };
     let saved_occupancy = 1.0 - f64::from(SAVED_UNKNOWN) / 255.0;
@@ -60,7 +60,7 @@ fn negates(description: &Description) -> bool {
     }
 }
 
-/// One cell a pixel, row after row from the bottom; the image begins at the top.
+/// Returns one cell per pixel, row by row from the bottom; the image begins at the top.
 pub(super) fn classify(image: &DynamicImage, description: &Description) -> Vec<Cell> {
     let channels = usize::from(image.color().channel_count());
     let is_wide = image.as_flat_samples_u16().is_some();
@@ -88,7 +88,7 @@ fn rows<T: Copy + Into<u32>>(samples: &[T], row_values: usize, channels: usize, 
     rows_from_bottom.flat_map(|row| row.chunks_exact(channels)).map(|pixel| rule.cell(pixel)).collect()
 }
 
-/// How map_server reads a pixel.
+/// map_server's interpretation of a pixel.
 struct Rule {
     /// A channel after these is alpha.
     color_channels: usize,
@@ -108,10 +108,10 @@ impl Rule {
         match self.mode {
             // map_server averages alpha in with the colours here, and writers rely on it.
             Mode::Trinary => self.by_threshold(mean(pixel)),
-            // Between the thresholds the chance is neither that of a wall nor that of free floor.
+            // Between the thresholds the occupancy is neither a wall's nor free floor's.
             Mode::Scale if is_opaque => self.by_threshold(mean(&pixel[..self.color_channels])),
             Mode::Scale => Cell::Unknown,
-            // The value, of 255, is itself the occupancy in percent; above 100 nothing is known.
+            // The value, of 255, is itself the occupancy in percent; above 100 it is unknown.
             Mode::Raw => {
                 let percent = mean(&pixel[..self.color_channels]) * 255.0;
                 match percent / 100.0 {

@@ -1,10 +1,10 @@
-//! A grid whose image is turned in the map frame, on an upright grid.
+//! Resamples a grid that is rotated in the map frame on an upright grid.
 
 use crate::lidar::build::occupied_centres;
 use crate::lidar::{Cell, LidarError, MAX_CELLS};
 use viola_geometry::{Grid, GridFrame, Point2, Pose2};
 
-/// Turns `grid` about its own lower-left corner, which is at `origin`. Returns the upright grid and the
+/// Rotates `grid` about its own lower-left corner, which is at `origin`. Returns the upright grid and the
 /// exact centres of the occupied cells.
 pub(super) fn turn(grid: &Grid<Cell>, origin: &Pose2) -> Result<(Grid<Cell>, Vec<Point2>), LidarError> {
     let image_frame = GridFrame { origin_m: [0.0, 0.0], ..grid.frame };
@@ -28,7 +28,7 @@ pub(super) fn turn(grid: &Grid<Cell>, origin: &Pose2) -> Result<(Grid<Cell>, Vec
             turned.set(x, y, value.unwrap_or(Cell::Unknown));
         }
     }
-    // Sampling alone would tear holes into walls of one cell.
+    // Sampling alone would tear holes into walls one cell thick.
     for point in &occupied_m {
         if let Some((x, y)) = frame.cell(point) {
             turned.set(x, y, Cell::Occupied);

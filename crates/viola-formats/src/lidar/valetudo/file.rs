@@ -1,5 +1,5 @@
-//! The JSON of a Valetudo map. What this crate does not use is skipped without being stored, and every list
-//! that is stored is bounded.
+//! The JSON of a Valetudo map. Unused data is skipped without being stored, and every list that is stored is
+//! bounded.
 
 use crate::lidar::MAX_POINTS;
 use crate::lidar::marks::MAX_CORNERS;
@@ -38,7 +38,7 @@ pub(super) struct Layer {
     /// Version 1: x, y of every pixel.
     #[serde(default)]
     pub pixels: Bounded<Whole, MAX_NUMBERS>,
-    /// Version 2: x, y of a run's first pixel and how many there are to its right.
+    /// Version 2: x, y of a run's first pixel, and the run's length to the right.
     #[serde(default)]
     pub compressed_pixels: Bounded<Whole, MAX_NUMBERS>,
 }
@@ -51,7 +51,7 @@ pub(super) struct LayerMetaData {
     pub material: Option<String>,
 }
 
-/// Identifiers are strings; early versions wrote numbers.
+/// An identifier: a string, or a number in early versions.
 #[derive(serde::Deserialize)]
 #[serde(untagged)]
 pub(super) enum Label {
@@ -77,7 +77,7 @@ pub(super) struct EntityMetaData {
     pub label: Option<String>,
 }
 
-/// A whole number; one that is too large for any map is kept as the largest, and refused where it is used.
+/// A whole number, clamped to 32 bits; a clamped number is refused where it is used.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Whole(pub i32);
 
@@ -88,7 +88,7 @@ impl<'de> Deserialize<'de> for Whole {
     }
 }
 
-/// A list of at most `MAX` items; a longer one is an error as soon as it is.
+/// A list of at most `MAX` items; a longer one is an error at the first item too many.
 pub(super) struct Bounded<T, const MAX: usize>(pub Vec<T>);
 
 impl<T, const MAX: usize> Default for Bounded<T, MAX> {
@@ -120,8 +120,8 @@ impl<'de, T: Deserialize<'de>, const MAX: usize> Deserialize<'de> for Bounded<T,
     }
 }
 
-/// x and y of an entity's points. Of paths, which have thousands that nobody reads, only the first are kept;
-/// one more than a zone may have, so that too many are seen.
+/// x and y of an entity's first points: one more than a zone may have, so that too many are detected. Paths
+/// have thousands that are not used.
 #[derive(Default)]
 pub(super) struct FirstPoints {
     pub points: Vec<[f64; 2]>,

@@ -1,5 +1,5 @@
-//! The PNG in which Valetudo hands its map to Home Assistant: a picture that says to install the map card, with
-//! the JSON, deflated, in a `zTXt` chunk of the keyword `ValetudoMap` (Hypfer/Valetudo,
+//! The PNG of Valetudo's map for Home Assistant: a picture that says to install the map card, with the JSON,
+//! deflated, in a `zTXt` chunk with the keyword `ValetudoMap` (Hypfer/Valetudo,
 //! `backend/lib/mqtt/handles/MapNodeMqttHandle.js`; read back by Hypfer/lovelace-valetudo-map-card,
 //! `src/lib/pngUtils.ts`).
 
@@ -9,13 +9,13 @@ use crate::lidar::{LidarError, LidarMap};
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 const KEYWORD: &[u8] = b"ValetudoMap";
 
-/// The map in the picture; a picture without one is refused as a ROS map's image.
+/// Reads the map in the picture; a picture without one is refused as a ROS map's image.
 pub(in super::super) fn read_png(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let Some(deflated) = map_chunk(bytes) else { return Err(LidarError::ImageWithoutYaml) };
     super::read(&inflate(deflated)?)
 }
 
-/// What follows the keyword and the compression method in the map's chunk.
+/// Returns the data after the keyword and the compression method in the map's chunk.
 fn map_chunk(bytes: &[u8]) -> Option<&[u8]> {
     let mut rest = bytes.strip_prefix(SIGNATURE)?;
     loop {
@@ -28,7 +28,7 @@ fn map_chunk(bytes: &[u8]) -> Option<&[u8]> {
         {
             return Some(deflated);
         }
-        // The chunk's own checksum is passed over; the deflated stream has one.
+        // The chunk's own checksum is skipped; the deflated stream has one.
         rest = after.get(length.checked_add(4)?..)?;
     }
 }

@@ -1,15 +1,14 @@
-//! What the LiDAR hit, as PLY.
+//! The occupied points as PLY.
 
 use super::Written;
 use crate::lidar::LidarMap;
+use crate::ply;
 
-/// Binary little-endian, coordinates in full precision, z zero.
+/// Writes binary little-endian PLY, with coordinates in full precision and z zero.
 pub(super) fn write(map: &LidarMap) -> Written {
     let count = map.occupied_m.len();
-    let header = format!(
-        "ply\nformat binary_little_endian 1.0\ncomment metres, x right, y up\nelement vertex {count}\n\
-         property double x\nproperty double y\nproperty double z\nend_header\n"
-    );
+    let properties = [("double", "x"), ("double", "y"), ("double", "z")];
+    let header = ply::header(&["metres, x right, y up"], count, &properties);
     let mut bytes = Vec::with_capacity(header.len() + 24 * count);
     bytes.extend_from_slice(header.as_bytes());
     for point in &map.occupied_m {

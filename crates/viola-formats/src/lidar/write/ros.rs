@@ -7,7 +7,7 @@ use crate::lidar::{Cell, LidarError, LidarMap};
 pub struct RosFiles {
     pub yaml: Vec<u8>,
     pub pgm: Vec<u8>,
-    /// What the format cannot hold.
+    /// Data that the format cannot hold.
     pub notes: Vec<String>,
 }
 
@@ -24,7 +24,7 @@ pub(super) fn write(map: &LidarMap, image: &str) -> Result<RosFiles, LidarError>
         }));
     }
     let [x_m, y_m] = frame.origin_m;
-    // The quotes are JSON's, which YAML reads too. 0.196 keeps what is unknown out of the free cells.
+    // YAML reads JSON's quotes too. 0.196 keeps unknown cells from being free.
     let image = serde_json::Value::from(image);
     let yaml = format!(
         "image: {image}\nmode: trinary\nresolution: {}\norigin: [{x_m:?}, {y_m:?}, 0.0]\nnegate: 0\n\

@@ -6,11 +6,11 @@ use crate::lidar::{Cell, LidarError, LidarMap, LineKind, MAX_POINTS, Room, ZoneK
 use serde_json::{Map, Value, json};
 use viola_geometry::{Grid, GridFrame, Point2, Pose2};
 
-/// Free sheet around a map that has to be moved, in cells.
+/// Margin around the map on the sheet, in cells; left and below only if the map is moved.
 const MARGIN: usize = 20;
 const WHOLE: f64 = 1e-6;
 
-/// Where the cells lie on the sheet.
+/// Position of the cells on the sheet.
 struct Place {
     /// Columns of the sheet to the left of the map.
     left: usize,
@@ -74,7 +74,7 @@ pub(super) fn write(map: &LidarMap) -> Result<Written, LidarError> {
     Ok(Written { bytes: file.to_string().into_bytes(), file_from_map_m: place.file_from_map_m, notes })
 }
 
-/// The map's cells, or cells of 5 cm in their place where their side is no whole number of centimetres.
+/// Returns the map's cells, resampled to 5 cm if their side is no whole number of centimetres.
 fn whole_centimetres(map: &LidarMap, notes: &mut Vec<String>) -> Result<Grid<Cell>, LidarError> {
     let grid = map.raster()?;
     let side_cm = grid.frame.cell_m * 100.0;
@@ -99,7 +99,7 @@ impl Place {
     fn of(frame: &GridFrame) -> Result<Place, LidarError> {
         let pixel_cm = (frame.cell_m * 100.0).round();
         let [x_cm, y_cm] = frame.origin_m.map(|v| v * 100.0);
-        // The sheet begins with a whole cell on the left and at the top, so that only x must be a multiple of one.
+        // The sheet begins with a whole cell at the left and top, so only x must be a multiple of a cell.
         let columns = (x_cm / pixel_cm).round();
         let fits = (x_cm - columns * pixel_cm).abs() < WHOLE * pixel_cm
             && (y_cm - y_cm.round()).abs() < WHOLE * pixel_cm
@@ -124,7 +124,7 @@ impl Place {
         Ok(Place { left, file_from_map_m, size_cm, pixel_cm, above: MARGIN })
     }
 
-    /// Whole centimetres from the top-left corner.
+    /// Converts a point to whole centimetres from the top-left corner.
     fn on_sheet(&self, point_m: &[f64; 2]) -> [i64; 2] {
         let x_cm = (point_m[0] + self.file_from_map_m[0]) * 100.0;
         let y_cm = self.size_cm[1] as f64 - (point_m[1] + self.file_from_map_m[1]) * 100.0;
@@ -132,7 +132,7 @@ impl Place {
     }
 }
 
-/// Indices of a room's cells in the grid, each once.
+/// Returns the indices of a room's cells in the grid, each once.
 fn cells_of(room: &Room, frame: &GridFrame) -> Vec<usize> {
     let index = |point: &Point2| frame.cell(point).map(|(x, y)| y * frame.width + x);
     let mut cells: Vec<usize> = room.cells_m.iter().filter_map(index).collect();
@@ -141,7 +141,7 @@ fn cells_of(room: &Room, frame: &GridFrame) -> Vec<usize> {
     cells
 }
 
-/// A layer of cells, whose indices must rise.
+/// Returns a layer of cells, whose indices must ascend.
 fn layer(
     kind: &str,
     mut meta: Map<String, Value>,

@@ -1,4 +1,4 @@
-//! One map out of the excerpts of a scene that align.
+//! Fuses the aligned excerpts of a scene into one map.
 
 use crate::evaluate::Scene;
 use nalgebra::Matrix3;
@@ -15,27 +15,27 @@ use viola_home::{
     disagreement,
 };
 
-/// An excerpt and what became of it.
+/// An excerpt and its result.
 #[derive(Debug, Clone, Serialize)]
 pub struct Excerpt {
-    /// Places in the recording's frames, the last one not included.
+    /// Range of indices in the recording's frames.
     pub frames: Range<usize>,
     pub state: AlignmentState,
     pub map_from_clip: Option<Pose2>,
-    /// Against the truth, where it has a pose.
+    /// Error against the truth, if it has a pose.
     pub error_m: Option<f64>,
     pub error_deg: Option<f64>,
-    /// The same after it was refined together with the others.
+    /// Error after joint refinement.
     pub together_m: Option<f64>,
     pub together_deg: Option<f64>,
 }
 
-/// How well clips agree where they overlap, before and after they were refined together.
+/// Disagreement of overlapping clips, before and after joint refinement.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Agreement {
     pub pairs: usize,
-    /// Root mean square distance of points to the other clip's surface along its normal, over all pairs, of points
-    /// within 10 cm.
+    /// RMS distance of points to the other clip's surface along its normal, over all pairs, of points within
+    /// 10 cm.
     pub alone_m: f64,
     pub together_m: f64,
 }
@@ -47,7 +47,7 @@ pub struct Fused {
     pub agreement: Agreement,
 }
 
-/// Consecutive runs of `length` frames that cover all `total`; the last one reaches back where it would be shorter.
+/// Returns consecutive runs of `length` frames that cover `total`; the last may overlap to keep its length.
 pub fn consecutive(total: usize, length: usize) -> Vec<Range<usize>> {
     if length == 0 || total == 0 {
         return Vec::new();
@@ -56,7 +56,7 @@ pub fn consecutive(total: usize, length: usize) -> Vec<Range<usize>> {
     firsts.map(|first| first.min(total.saturating_sub(length))..(first + length).min(total)).collect()
 }
 
-/// Aligns the excerpts one by one and makes one map of them, as the service does.
+/// Aligns the excerpts one by one and fuses them into one map, as the service does.
 pub fn fuse(
     scene: &Scene,
     ranges: &[Range<usize>],

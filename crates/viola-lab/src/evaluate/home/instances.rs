@@ -1,4 +1,4 @@
-//! The furniture of a labelled mesh: connected surface of one class.
+//! Furniture of a labelled mesh: connected surface of one class.
 
 use super::super::Mesh;
 use super::super::labels::Folding;
@@ -6,29 +6,29 @@ use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point3, Pose2};
 use viola_home::{UprightBox, fit_box};
 
-/// A thing of the truth.
+/// A ground-truth object.
 #[derive(Debug, Clone)]
 pub struct Instance {
     pub class: Class,
     pub vertices: usize,
-    /// Along the axes of the recording's world: all of its vertices.
+    /// Bounding box of all its vertices along the axes of the recording's world.
     pub world_box: UprightBox,
-    /// Of the smallest footprint, in the map.
+    /// Box with the smallest footprint, in the map.
     pub map_box: UprightBox,
 }
 
 /// A labelled mesh, in the recording's world.
 pub struct LabelledMesh {
     pub mesh: Mesh,
-    /// The class of each vertex; none where it is not labelled.
+    /// Class of each vertex; none if unlabelled.
     pub classes: Vec<Option<Class>>,
-    /// Height of the floor in the world: the median of its vertices.
+    /// Height of the floor in the world: median of the floor's vertices.
     pub floor_m: f64,
 }
 
-/// Pieces of surface with fewer vertices are no things: the mesh has one every two centimetres.
+/// Minimum vertices of an object; the mesh has one every two centimetres.
 const MIN_VERTICES: usize = 50;
-/// What is smaller than this along every axis of the world is not counted, on either side.
+/// Minimum extent along some axis of the world, for true and found objects.
 pub const MIN_EXTENT_M: f64 = 0.5;
 
 impl LabelledMesh {
@@ -41,13 +41,13 @@ impl LabelledMesh {
         LabelledMesh { mesh, classes, floor_m }
     }
 
-    /// A vertex in the map, with z from the floor.
+    /// Returns a vertex in the map's frame, with z from the floor.
     pub fn in_map(&self, vertex: &Point3, map_from_world: &Pose2) -> [f64; 3] {
         let at = map_from_world.apply(&vertex.xy());
         [at.x, at.y, vertex.z - self.floor_m]
     }
 
-    /// The pieces of surface of one class that faces connect and that `counts` takes, the largest first.
+    /// Returns the connected surface pieces of classes that `counts` accepts, the largest first.
     pub fn instances(&self, map_from_world: &Pose2, counts: impl Fn(Class) -> bool) -> Vec<Instance> {
         let mut parent: Vec<u32> = (0..self.classes.len() as u32).collect();
         for face in &self.mesh.triangles {
@@ -88,7 +88,7 @@ impl LabelledMesh {
     }
 }
 
-/// The box along the axes, but for a share of the points at each face.
+/// Returns the axis-aligned box without the fraction `beyond` of the points at each face.
 pub fn along_axes(points: &[[f64; 3]], beyond: f64) -> UprightBox {
     let spans = [0, 1, 2].map(|axis| {
         let mut values: Vec<f64> = points.iter().map(|p| p[axis]).collect();

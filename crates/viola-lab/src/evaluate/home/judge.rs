@@ -1,4 +1,4 @@
-//! Which of the found objects count, and how they compare with the truth.
+//! Scores found objects against the truth.
 
 use super::instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
 use super::matching::{Matches, Thing, matches};
@@ -8,26 +8,25 @@ use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Point3, Pose2};
 use viola_home::{Found, MapPoint, UprightBox, is_furniture};
 
-/// A point of the map is of the nearest vertex this near.
+/// Maximum distance from a map point to its vertex.
 const NEAR_M: f64 = 0.1;
-/// Stray points that do not widen a found object's box along the axes of the world.
+/// Fraction of outliers allowed beyond each face of a found object's box along the axes of the world.
 const BEYOND: f64 = 0.01;
 
-/// What objects were found of what is there.
+/// Score of the found objects.
 #[derive(Debug, Clone, Serialize)]
 pub struct ObjectScore {
-    /// By boxes along the axes of the world, as detection in ScanNet is judged.
+    /// With boxes along the axes of the world, as in ScanNet's detection benchmark.
     pub along_axes: Matches,
-    /// By upright boxes turned as they are.
+    /// With oriented upright boxes.
     pub oriented: Matches,
-    /// Found objects of classes that the truth does not know, on surface that it does not label: neither right nor
-    /// wrong.
+    /// Found objects of classes absent from the truth, on unlabelled surface: neither right nor wrong.
     pub unjudged: Vec<String>,
     pub truth: Vec<TruthRow>,
     pub found: Vec<FoundRow>,
 }
 
-/// A thing that is there.
+/// A ground-truth object.
 #[derive(Debug, Clone, Serialize)]
 pub struct TruthRow {
     pub class: Class,
@@ -35,22 +34,21 @@ pub struct TruthRow {
     pub size_m: [f64; 3],
     pub found: Option<String>,
     pub iou: Option<f64>,
-    /// The object that shares most with it, whatever its class.
+    /// The found object with the largest IoU, of any class.
     pub nearest: Option<String>,
 }
 
-/// A thing that was found.
+/// A found object.
 #[derive(Debug, Clone, Serialize)]
 pub struct FoundRow {
     pub id: String,
     pub right: bool,
     pub confidence: f64,
-    /// What the truth says of its points: the commonest first; `-` is unlabelled.
+    /// True classes of its points with their fractions, the largest first; `-` is unlabelled.
     pub truth: Vec<(String, f64)>,
 }
 
-/// Compares. Things count that are furniture; shorter than half a metre along all axes they count only where they are
-/// right.
+/// Scores the found furniture. Objects shorter than half a metre along all axes count only if matched.
 pub fn judge(
     map: &[MapPoint],
     found: &[Found],
@@ -109,7 +107,7 @@ pub fn judge(
     }
 }
 
-/// The box of a found object along the axes of the world: that of its points, from its own bottom to its own top.
+/// Returns a found object's box along the axes of the world: x and y of its points, z of its own box.
 fn world_box(found: &Found, map: &[MapPoint], world_from_map: &Pose2) -> UprightBox {
     let place = |i: &u32| {
         let [x, y, z] = map[*i as usize].point.position_m.map(f64::from);
@@ -125,7 +123,7 @@ fn world_box(found: &Found, map: &[MapPoint], world_from_map: &Pose2) -> Upright
 
 const UNLABELLED: &str = "-";
 
-/// The truth's vertices by place.
+/// Cell grid of the mesh's vertices.
 struct Named<'a> {
     mesh: &'a LabelledMesh,
     cells: FxHashMap<[i32; 3], Vec<(Point3, u32)>>,
@@ -141,7 +139,7 @@ impl Named<'_> {
         Named { mesh, cells }
     }
 
-    /// Shares of the object's points by the class of the nearest vertex. Where there is no surface nothing is labelled.
+    /// Returns the fractions of the object's points by class of the nearest vertex, if one is near.
     fn said(&self, found: &Found, map: &[MapPoint]) -> Vec<(String, f64)> {
         let mut counts: std::collections::BTreeMap<String, usize> = Default::default();
         for i in &found.members {

@@ -1,4 +1,4 @@
-//! Objects found against those that are there.
+//! Matches found objects with true ones.
 
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -6,17 +6,17 @@ use std::fmt::Write;
 use viola_geometry::taxonomy::Class;
 use viola_home::UprightBox;
 
-/// Boxes that share this much of their union are of one thing (the usual bar for detection in scans).
+/// Minimum IoU of a match (the usual threshold for detection in scans).
 pub const MIN_IOU: f64 = 0.25;
 
-/// A thing, there or found.
+/// A true or found object.
 #[derive(Debug, Clone, Copy)]
 pub struct Thing {
     pub class: Class,
     pub bounds: UprightBox,
 }
 
-/// A class of things.
+/// Counts of one class.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct ClassRow {
     pub truth: usize,
@@ -24,12 +24,12 @@ pub struct ClassRow {
     pub matched: usize,
 }
 
-/// How many were found, by class.
+/// Counts of matches by class.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Matches {
     pub classes: BTreeMap<String, ClassRow>,
     pub total: ClassRow,
-    /// For each truth, which found one it is, and their intersection over union.
+    /// For each true object, the index of its match and their IoU.
     pub of_truth: Vec<Option<(usize, f64)>>,
 }
 
@@ -43,8 +43,8 @@ impl ClassRow {
     }
 }
 
-/// Pairs of one class, those that share most first; each thing is in one pair at most. Found things that are not
-/// longer than `least_m` along any axis are no mistakes: they count only where they are right.
+/// Matches objects of the same class greedily by IoU, each at most once. Found objects not longer than
+/// `least_m` along any axis are no false positives: they count only if matched.
 pub fn matches(truth: &[Thing], found: &[Thing], least_m: f64) -> Matches {
     let mut pairs = Vec::new();
     for (t, thing) in truth.iter().enumerate() {
@@ -82,7 +82,7 @@ pub fn matches(truth: &[Thing], found: &[Thing], least_m: f64) -> Matches {
 }
 
 impl Matches {
-    /// Adds another home's counts; the pairs are forgotten.
+    /// Adds another home's counts and clears the pairs.
     pub fn add(&mut self, other: &Matches) {
         let sum = |a: &mut ClassRow, b: &ClassRow| {
             (a.truth, a.found, a.matched) = (a.truth + b.truth, a.found + b.found, a.matched + b.matched);
@@ -135,7 +135,7 @@ mod tests {
             thing(Class::Chair, 0.1, 1.0),
             thing(Class::Chair, 0.2, 1.0),
             thing(Class::Sofa, 9.0, 1.0),
-            // 0.3 m high and wide: neither right nor large.
+            // Unmatched, but only 0.3 m high and wide.
             Thing {
                 bounds: UprightBox { size_m: [0.3; 3], ..thing(Class::Lamp, 2.0, 1.0).bounds },
                 class: Class::Lamp,

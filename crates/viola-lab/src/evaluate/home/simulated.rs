@@ -1,5 +1,5 @@
-//! Simulated homes as fused maps with noisy labels, without the way through clips: what rooms and objects are judged on
-//! where there is exact truth.
+//! Simulated homes as fused maps with noisy labels, without simulated clips: tests rooms and objects against
+//! exact truth.
 
 use super::matching::{Matches, Thing, matches};
 use super::{MIN_EXTENT_M, along_axes};
@@ -15,21 +15,21 @@ use viola_home as home;
 use viola_home::{MapPoint, Object, Room, UprightBox, is_furniture};
 use viola_reconstruct::{CloudPoint, Label};
 
-/// Eyes are this far apart, at a person's height.
+/// Distance between eyes (viewpoints at a person's height).
 const EYES_M: f64 = 1.2;
-/// Errors come in patches of this size.
+/// Label errors are constant in patches of this size.
 const PATCH_M: f64 = 0.35;
-/// Errors of places and of normals, standard deviations.
+/// Standard deviations of positions and normals.
 const PLACE_M: f64 = 0.008;
 const NORMAL_RAD: f64 = 0.2;
 
-/// How a home is looked at, and how wrong the labels are.
+/// Sampling of a home, and the label accuracy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SampleParams {
     pub voxel_m: f64,
-    /// Rays from each eye, all around.
+    /// Rays from each eye, in all directions.
     pub rays: usize,
-    /// Share of the patches of surface that are called what they are.
+    /// Fraction of correctly labelled patches.
     pub accuracy: f64,
 }
 
@@ -39,22 +39,22 @@ impl Default for SampleParams {
     }
 }
 
-/// A simulated home as a map.
+/// A simulated home as a fused map.
 pub struct SimulatedMap {
     pub lidar: LidarMap,
     pub points: Vec<MapPoint>,
-    /// Furniture over half a metre of which enough is in the map.
+    /// Furniture over half a metre with enough points in the map.
     pub truth: Vec<Thing>,
     pub rooms: Vec<TrueRoom>,
 }
 
-/// A room: the inside of its walls, in the map.
+/// A true room: the inner side of its walls, in the map.
 pub struct TrueRoom {
     pub name: String,
     pub corners_m: [Point2; 4],
 }
 
-/// What networks take for what.
+/// Typical confusions of networks: (true class, label).
 const MISTAKES: [(Class, Class); 10] = [
     (Class::Bed, Class::Sofa),
     (Class::Sofa, Class::Bed),
@@ -67,19 +67,19 @@ const MISTAKES: [(Class, Class); 10] = [
     (Class::Refrigerator, Class::Cabinet),
     (Class::WashingMachine, Class::Cabinet),
 ];
-/// Points that a thing shows to be found at all.
+/// Minimum points of a true object.
 const MIN_POINTS: usize = 40;
 const EYE_M: f64 = 1.5;
 const REACH_M: f64 = 5.0;
 
-/// Looks at a home of these parameters.
+/// Samples the home of these parameters.
 pub fn sample(home: &HomeParams, params: &SampleParams) -> Result<SimulatedMap, LidarError> {
     let home = Home::generate(home);
     let survey = home.survey();
     let lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes())?;
     let map_from_home = survey.valetudo_from_home();
     let scene = home.scene();
-    // The first hit in a voxel stands for it.
+    // Each voxel keeps its first hit.
     let mut voxels: BTreeMap<[i32; 3], (Point3, usize)> = BTreeMap::new();
     for room in &home.plan.rooms {
         let count = |axis: usize| (room.inner.size(axis) / EYES_M).ceil().max(1.0) as usize;
@@ -134,7 +134,7 @@ pub fn sample(home: &HomeParams, params: &SampleParams) -> Result<SimulatedMap, 
     Ok(SimulatedMap { truth: truth.collect(), rooms: rooms.collect(), lidar, points })
 }
 
-/// The box around points along a direction.
+/// Returns the bounding box of points along a direction.
 fn along(points: &[[f64; 3]], yaw_rad: f64) -> UprightBox {
     let turn = Pose2::new(0.0, 0.0, yaw_rad);
     let turned: Vec<[f64; 3]> = points
@@ -151,7 +151,7 @@ fn along(points: &[[f64; 3]], yaw_rad: f64) -> UprightBox {
     bounds
 }
 
-/// Directions evenly over the sphere (Fibonacci's lattice).
+/// Returns evenly distributed directions on the sphere (Fibonacci lattice).
 fn direction(i: usize, count: usize) -> Vector3 {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
@@ -160,11 +160,11 @@ fn direction(i: usize, count: usize) -> Vector3 {
     Vector3::new(level * c, level * s, z)
 }
 
-/// What sensor and network add.
+/// Noise of sensor and network.
 struct Noise<'a> {
     dice: ChaCha8Rng,
     params: &'a SampleParams,
-    /// What each patch is called.
+    /// Label of each patch.
     patches: FxHashMap<([i32; 3], u16, u16), Class>,
 }
 
@@ -182,7 +182,7 @@ impl Noise<'_> {
         map_from_home: &Pose2,
     ) -> MapPoint {
         let mut jitter = |sigma: f64| {
-            // Nearly a bell, from three even ones.
+            // Approximately normal: sum of three uniform numbers.
             let sum: f64 = (0..3).map(|_| self.dice.random::<f64>() - 0.5).sum();
             2.0 * sigma * sum
         };
@@ -221,7 +221,7 @@ impl Noise<'_> {
     }
 }
 
-/// Objects of a simulated home against its truth, by turned boxes.
+/// Matches objects of a simulated home with its truth, by oriented boxes.
 pub fn judge_objects(map: &SimulatedMap, objects: &[Object]) -> Matches {
     let furniture = objects.iter().filter(|object| is_furniture(object.class));
     let found: Vec<Thing> =
@@ -229,7 +229,7 @@ pub fn judge_objects(map: &SimulatedMap, objects: &[Object]) -> Matches {
     matches(&map.truth, &found, MIN_EXTENT_M)
 }
 
-/// How many rooms there are, and how many have a computed room with an IoU of at least a half.
+/// Returns the number of rooms, and of those matched by a computed room with an IoU of at least 0.5.
 pub fn judge_rooms(map: &SimulatedMap, rooms: &[Room]) -> (usize, usize) {
     let matched = map.rooms.iter().filter(|truth| rooms.iter().any(|room| room_iou(truth, room) >= 0.5));
     (map.rooms.len(), matched.count())
@@ -262,7 +262,7 @@ fn room_iou(truth: &TrueRoom, room: &Room) -> f64 {
     f64::from(both as u32) / f64::from(either.max(1) as u32)
 }
 
-/// Objects and computed rooms of simulated homes.
+/// Returns the scores of objects and computed rooms over simulated homes.
 pub fn simulated(
     set: Set,
     seeds: impl Iterator<Item = u64>,
@@ -271,7 +271,7 @@ pub fn simulated(
     let (mut all, mut rooms) = (Matches::default(), (0, 0));
     for seed in seeds {
         let mut map = sample(&HomeParams::new(set, seed), params)?;
-        // The robot's own segments would be the truth.
+        // Drop the robot's own segments: they are the truth.
         map.lidar.rooms.clear();
         let computed = home::rooms(&map.lidar, &map.points);
         let objects = home::ObjectsParams { voxel_m: params.voxel_m };
@@ -286,8 +286,8 @@ pub fn simulated(
 mod tests {
     use super::*;
 
-    /// Homes that no threshold was chosen on. The bars are the project's own: 70 % of the furniture, no more than 30 %
-    /// mistakes, four rooms of five.
+    /// Held-out homes. The thresholds are the project's goals: 70 % recall and precision of furniture, four
+    /// rooms of five.
     #[test]
     fn furniture_and_rooms_of_simulated_homes_are_found() {
         let params = SampleParams { rays: 10_000, ..SampleParams::default() };

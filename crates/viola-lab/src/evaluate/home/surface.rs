@@ -1,4 +1,4 @@
-//! The fused map against the true surface.
+//! Compares the fused map with the true surface.
 
 use super::instances::LabelledMesh;
 use rustc_hash::FxHashMap;
@@ -9,18 +9,18 @@ use viola_geometry::{Point3, Pose2, Vector3};
 use viola_home::MapPoint;
 use viola_reconstruct::label::seen_at;
 
-/// This near is the same surface.
+/// Maximum distance of matching surfaces.
 pub const NEAR_M: f64 = 0.05;
 
-/// How true and how complete a fused map is.
+/// Accuracy and completeness of a fused map.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SurfaceScore {
     pub points: usize,
-    /// Share of the fused points within 5 cm of the mesh.
+    /// Fraction of the fused points within 5 cm of the mesh.
     pub accuracy: f64,
-    /// Vertices of the mesh that the frames see.
+    /// Number of mesh vertices that the frames see.
     pub seen_vertices: usize,
-    /// Share of those with a fused point within 5 cm.
+    /// Fraction of those with a fused point within 5 cm.
     pub completeness: f64,
 }
 
@@ -47,11 +47,11 @@ fn cell(p: &Point3) -> [i32; 3] {
     [p.x, p.y, p.z].map(|c| (c / NEAR_M).floor() as i32)
 }
 
-/// Compares a fused map with the mesh. `seen` tells which vertices the clips' frames see.
+/// Compares a fused map with the mesh. `seen` marks the vertices that the clips' frames see.
 pub fn compare(map: &[MapPoint], mesh: &LabelledMesh, seen: &[bool], map_from_world: &Pose2) -> SurfaceScore {
     let vertices: Vec<Point3> =
         mesh.mesh.vertices_m.iter().map(|v| Point3::from(mesh.in_map(v, map_from_world))).collect();
-    // Corners of the mesh are up to a few centimetres apart: each stands for the faces around it.
+    // Vertices are a few centimetres apart: each one indexes its adjacent faces.
     let by_vertex = Near::new(vertices.iter().copied());
     let mut faces_of: Vec<Vec<u32>> = vec![Vec::new(); vertices.len()];
     for (number, face) in (0u32..).zip(&mesh.mesh.triangles) {
@@ -83,8 +83,8 @@ pub fn compare(map: &[MapPoint], mesh: &LabelledMesh, seen: &[bool], map_from_wo
     }
 }
 
-/// Which vertices the frames at these places of the clip see: within the picture, the sensor's range, and not behind
-/// anything.
+/// Marks the vertices that the given frames of the clip see: in the picture, in the sensor's range, and not
+/// occluded.
 pub fn seen_by(clip: &Clip, frames: &[Range<usize>], mesh: &LabelledMesh) -> Result<Vec<bool>, ClipError> {
     let mut seen = vec![false; mesh.mesh.vertices_m.len()];
     let mut places: Vec<usize> = frames.iter().cloned().flatten().collect();
@@ -100,7 +100,7 @@ pub fn seen_by(clip: &Clip, frames: &[Range<usize>], mesh: &LabelledMesh) -> Res
     Ok(seen)
 }
 
-/// From a point to a triangle (Ericson, "Real-Time Collision Detection", 2005, 5.1.5, by projection).
+/// Returns the distance to a triangle (Ericson, "Real-Time Collision Detection", 2005, 5.1.5, by projection).
 fn to_triangle_m(p: &Point3, [a, b, c]: &[Point3; 3]) -> f64 {
     let normal = (b - a).cross(&(c - a));
     if let Some(unit) = normal.try_normalize(1e-12) {

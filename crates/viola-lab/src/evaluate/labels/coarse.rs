@@ -1,16 +1,16 @@
-//! The eleven classes in which labels are compared, so that data sets and networks that divide furniture
-//! differently can be.
+//! Eleven coarse classes for comparing labels, common to data sets and networks that divide furniture
+//! differently.
 
 use viola_geometry::taxonomy::{CLASSES, Class};
 
-/// Their names.
+/// Names of the coarse classes.
 pub const COARSE: [&str; 11] =
     ["floor", "wall", "ceiling", "bed", "sofa", "chair", "table", "cabinet", "door", "window", "other"];
 
 const OTHER: usize = COARSE.len() - 1;
 
-/// The coarse class of a class, by its place in [`COARSE`]. Shelves count as cabinets, and what hangs before
-/// windows as windows: ScanNet labels both by what fills the place.
+/// Returns the index of a class's coarse class in [`COARSE`]. Shelves are cabinets and curtains are windows:
+/// ScanNet labels both by what fills the place.
 pub fn coarse(class: Class) -> usize {
     let name = match class {
         Class::Shelf => "cabinet",
@@ -20,7 +20,7 @@ pub fn coarse(class: Class) -> usize {
     COARSE.iter().position(|coarse| *coarse == name).unwrap_or(OTHER)
 }
 
-/// Of a coarse class: floor 0, wall or opening 1, ceiling 2, object 3.
+/// Returns the structure of a coarse class: floor 0, wall or opening 1, ceiling 2, object 3.
 pub(super) fn structure(coarse: usize) -> usize {
     match COARSE.get(coarse) {
         Some(&"floor") => 0,
@@ -30,7 +30,7 @@ pub(super) fn structure(coarse: usize) -> usize {
     }
 }
 
-/// The coarse class with the largest sum of probabilities.
+/// Returns the coarse class with the largest sum of probabilities.
 pub(super) fn likeliest(probabilities: &[f32; CLASSES]) -> usize {
     let mut sums = [0f32; COARSE.len()];
     for (class, p) in Class::ALL.iter().zip(probabilities) {

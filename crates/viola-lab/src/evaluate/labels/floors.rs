@@ -1,4 +1,4 @@
-//! How well the floor is found in excerpts of a labelled scene.
+//! Accuracy of the floor in excerpts of a labelled scene.
 
 use super::{Truth, coarse};
 use crate::evaluate::excerpts;
@@ -12,24 +12,24 @@ use viola_geometry::progress::Progress;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Plane, Point3, Pose3, Vector3};
 
-/// The floors of all excerpts of one length, found in one way.
+/// Floors of all excerpts of one length, by one variant.
 #[derive(Debug, Clone, Serialize)]
 pub struct FloorRow {
     pub variant: String,
     /// Length of the excerpts in frames.
     pub frames: usize,
     pub excerpts: usize,
-    /// Of those, excerpts that show enough floor for the truth to be known.
+    /// Excerpts with enough visible floor to know the truth.
     pub see_floor: usize,
-    /// Of those, excerpts in which a floor was found,
+    /// Of those, excerpts in which a floor was found.
     pub found: usize,
-    /// and in which it is within 1 degree and 2 cm of the truth: the plane through the labelled floor that the excerpt saw,
-    /// and through what is next to that. A strip of a mesh says little about its own lean.
+    /// Of those, excerpts with a floor within 1 degree and 2 cm of the truth: the plane through the labelled
+    /// floor seen and the floor next to it, since a narrow strip determines its tilt poorly.
     pub within: usize,
-    /// The same against the floor that the excerpt saw and nothing else.
+    /// The same against only the floor that the excerpt saw.
     pub within_seen: usize,
-    /// Excerpts in which the plane through their own points on the labelled floor is within of what they saw: what the true
-    /// labels give, and no gravity.
+    /// Excerpts whose own points on the labelled floor give a plane within 1 degree and 2 cm of the floor
+    /// seen: true labels, without gravity.
     pub within_by_true_labels: usize,
     pub median_deg: f64,
     pub median_m: f64,
@@ -37,19 +37,19 @@ pub struct FloorRow {
     pub worst_m: f64,
 }
 
-/// A vertex of the truth was seen if the fused cloud has a point in its cell of this side, or in one around it.
+/// A true vertex is seen if the fused cloud has a point in its cell of this side or an adjacent one.
 const CELL_M: f64 = 0.06;
-/// Floor that an excerpt must show for its plane to be known: so many vertices (of 2 to 3 cm spacing), and so far
-/// apart in every direction, root mean square.
+/// Minimum visible floor: number of vertices (2 to 3 cm apart), and their RMS spread in the narrowest
+/// direction.
 const MIN_VERTICES: usize = 400;
 const MIN_SPREAD_M: f64 = 0.15;
-/// Floor is next to what was seen if it is in a cell of this side with it, or in one around that.
+/// Floor is next to the floor seen if it is in the same cell of this side or an adjacent one.
 const NEXT_M: f64 = 0.25;
-/// What is labelled floor and is farther from its plane is the foot of something: in the one labelled scene a fifth of what
-/// some excerpts see of the floor is 5 to 20 cm above it.
+/// Labelled floor further from its plane is the foot of an object: in the labelled scene it is up to a fifth
+/// of an excerpt's floor, 5 to 20 cm high.
 const FOOT_M: f64 = 0.03;
 
-/// The excerpts of a clip, half overlapping, with the labels of `params`.
+/// Evaluates the half-overlapping excerpts of a clip with the labels of `params`.
 pub fn floors(
     variant: &str,
     clip: &Clip,
@@ -98,7 +98,7 @@ pub fn floors(
     })
 }
 
-/// By how much two planes differ.
+/// Difference of two planes.
 #[derive(Debug, Clone, Copy)]
 struct FloorError {
     deg: f64,
@@ -106,10 +106,10 @@ struct FloorError {
 }
 
 impl FloorError {
-    /// Metres are those at `middle`, upwards.
+    /// Returns the angle, and the vertical distance at `middle`.
     fn between(a: &Plane, b: &Plane, middle: &Point3) -> FloorError {
         let deg = a.normal.dot(&b.normal).abs().min(1.0).acos().to_degrees();
-        // Where a vertical line through the middle meets them.
+        // Height at which a vertical line through the middle meets a plane.
         let rise_m = |plane: &Plane| plane.height_m(middle) / plane.normal.z;
         FloorError { deg, m: (rise_m(a) - rise_m(b)).abs() }
     }
@@ -119,18 +119,18 @@ impl FloorError {
     }
 }
 
-/// The floor that was found, which is z = 0 of the clip frame, against the truth.
+/// Errors of the found floor, which is z = 0 of the clip frame.
 struct Compared {
-    /// To the plane through the vertices of the labelled floor that the excerpt saw and those next to them,
+    /// To the plane through the labelled floor vertices that the excerpt saw and those next to them.
     found: FloorError,
-    /// and through those that it saw alone.
+    /// To the plane through the vertices that it saw.
     to_seen: FloorError,
-    /// Between the plane through the excerpt's own points on the labelled floor and that through what it saw of that.
+    /// Between the planes through the excerpt's own points on the labelled floor and the vertices seen.
     by_true_labels: Option<FloorError>,
 }
 
 impl Compared {
-    /// None where the excerpt shows too little floor for the truth to be known.
+    /// None if the excerpt shows too little floor to know the truth.
     fn new(seen: &Observation, truth: &Truth, clip_from_world: &Pose3) -> Option<Compared> {
         let up = clip_from_world.rotation * Vector3::z();
         let floor_class = coarse(Class::Floor);
@@ -173,7 +173,7 @@ impl Compared {
     }
 }
 
-/// Where points are, by cells.
+/// Set of cells that contain points.
 struct Cells {
     side_m: f64,
     filled: FxHashSet<[i32; 3]>,
@@ -188,15 +188,15 @@ impl Cells {
         [p.x, p.y, p.z].map(|c| (c / side_m).floor() as i32)
     }
 
-    /// In its cell or one around it.
+    /// Returns whether a point is in the same cell or an adjacent one.
     fn are_near(&self, at: &Point3) -> bool {
         let [x, y, z] = Self::cell(at, self.side_m);
         (0..27).any(|i| self.filled.contains(&[x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]))
     }
 }
 
-/// The plane through most of these points, which lie about level: from the level one at their median height, each time through
-/// what is nearer, in the end [`FOOT_M`].
+/// Fits a roughly level plane to most of these points. Starts level at their median height, and refits to the
+/// points within a distance that shrinks to [`FOOT_M`].
 fn plane_without_feet<'a>(points: impl Iterator<Item = &'a Point3>, up: &Vector3) -> Option<Plane> {
     const ROUNDS: i32 = 20;
     let points: Vec<&Point3> = points.collect();
@@ -213,7 +213,7 @@ fn plane_without_feet<'a>(points: impl Iterator<Item = &'a Point3>, up: &Vector3
     Some(plane)
 }
 
-/// The rows as a table in Markdown.
+/// Returns the rows as a Markdown table.
 pub fn floors_markdown(rows: &[FloorRow]) -> String {
     let mut out =
         "| floor by | frames | excerpts | see the floor | found | within 1 deg and 2 cm | of the floor seen alone | by true labels | median | worst |\n\
@@ -249,7 +249,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
-        /// Of any floor that leans up to two degrees, with things on it, called floor up to 20 cm above, on one side.
+        /// Any floor tilted up to two degrees, with objects labelled floor up to 20 cm above it on one side.
         #[test]
         fn feet_do_not_lift_the_floor(
             lean in prop::array::uniform2(-0.035..0.035f64), height_m in -0.5..0.5f64, feet in 0..3usize,

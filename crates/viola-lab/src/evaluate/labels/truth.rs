@@ -1,4 +1,4 @@
-//! The true classes of a mesh's vertices.
+//! True classes of a mesh's vertices.
 
 use super::coarse;
 use crate::evaluate::{Mesh, MeshError};
@@ -10,7 +10,7 @@ use viola_geometry::taxonomy::{Class, ClassTable};
 /// Vertices of a labelled mesh, in the recording's world.
 pub struct Truth {
     pub vertices_m: Vec<Point3>,
-    /// Coarse classes; none where the mesh is not labelled.
+    /// Coarse classes; none if unlabelled.
     pub classes: Vec<Option<usize>>,
 }
 
@@ -24,37 +24,37 @@ pub enum TruthError {
     NoColumns { path: PathBuf },
 }
 
-/// ScanNet's table from its own label ids to NYU40's.
+/// ScanNet's table from its label ids to NYU40's.
 const TABLE: &str = "scannet-labels.combined.tsv";
 
-/// What a labelled mesh's numbers mean.
+/// Mapping from a mesh's label numbers to classes.
 pub struct Folding {
-    /// From the data set's own ids to NYU40's; none where the mesh has NYU40's.
+    /// From the data set's ids to NYU40's; none if the mesh has NYU40's.
     nyu40: Option<HashMap<u32, usize>>,
 }
 
 impl Folding {
-    /// The numbers are ScanNet's ids where ScanNet's table lies in the scene's folder or the one above, NYU40's ids
-    /// otherwise.
+    /// Opens the mapping: labels are ScanNet's ids if ScanNet's table is in the scene's folder or its parent,
+    /// otherwise NYU40's ids.
     pub fn open(scene: &Path) -> Result<Folding, TruthError> {
         let folders = [Some(scene), scene.parent()];
         let table = folders.into_iter().flatten().map(|f| f.join(TABLE)).find(|path| path.is_file());
         Ok(Folding { nyu40: table.map(|path| read(&path)).transpose()? })
     }
 
-    /// Our class for a label; none for 0, which is unlabelled.
+    /// Returns our class of a label; none for 0, which is unlabelled.
     pub fn class(&self, label: u32) -> Option<Class> {
         let id = match &self.nyu40 {
             Some(table) => table.get(&label).copied().unwrap_or(0),
             None => label as usize,
         };
-        // What the table does not know is still labelled: it is something else.
+        // Labels missing from the table are still labelled: their class is `Other`.
         (label != 0).then(|| ClassTable::Nyu40.fold(id))
     }
 }
 
 impl Truth {
-    /// The labelled mesh in `scene/mesh`; its labels are what [`Folding`] says.
+    /// Opens the labelled mesh in `scene/mesh`; [`Folding`] maps its labels.
     pub fn open(scene: &Path) -> Result<Truth, TruthError> {
         let mesh = Mesh::open_labelled_in(&scene.join("mesh"))?;
         let folding = Folding::open(scene)?;
@@ -72,7 +72,7 @@ fn read(path: &Path) -> Result<HashMap<u32, usize>, TruthError> {
     let (Some(id), Some(nyu40)) = (column("id"), column("nyu40id")) else {
         return Err(TruthError::NoColumns { path: path.to_owned() });
     };
-    // Rows without a number in either column map nothing.
+    // Skip rows without a number in either column.
     let row = |row: Vec<&str>| Some((row.get(id)?.parse().ok()?, row.get(nyu40)?.parse().ok()?));
     Ok(lines.filter_map(row).collect())
 }

@@ -1,4 +1,4 @@
-//! The little of SVG that a chart needs.
+//! Minimal SVG charts.
 
 use std::fmt::Write;
 
@@ -23,14 +23,14 @@ impl Axis {
         Axis { label: label.to_owned(), low, high, is_logarithmic: false, ticks }
     }
 
-    /// From one power of ten to another.
+    /// Returns a logarithmic axis between powers of ten.
     pub(super) fn logarithmic(label: &str, low: f64, high: f64) -> Axis {
         let powers = low.log10().round() as i32..=high.log10().round() as i32;
         let ticks = powers.map(|power| 10f64.powi(power)).collect();
         Axis { label: label.to_owned(), low, high, is_logarithmic: true, ticks }
     }
 
-    /// 0..1 along the axis; values beyond an end are put at it.
+    /// Returns a position in 0..1 along the axis; values outside are clamped.
     fn place(&self, value: f64) -> f64 {
         let value = value.clamp(self.low, self.high);
         if self.is_logarithmic {
@@ -41,7 +41,7 @@ impl Axis {
     }
 }
 
-/// One pair of axes and what lies between them.
+/// A chart with two axes.
 pub(super) struct Chart {
     x: Axis,
     y: Axis,
@@ -54,7 +54,7 @@ impl Chart {
         Chart { x, y, marks: String::new(), next_legend: 16.0 }
     }
 
-    /// Puts the legend below the middle, for charts that rise to the right.
+    /// Returns it with the legend below the middle, for rising curves.
     pub(super) fn with_low_legend(self) -> Chart {
         Chart { next_legend: 0.6 * HEIGHT, ..self }
     }
@@ -86,13 +86,13 @@ impl Chart {
         );
     }
 
-    /// Words beside a point.
+    /// Adds text beside a point.
     pub(super) fn label(&mut self, x: f64, y: f64, words: &str) {
         let (x, y) = self.place(x, y);
         self.text(x + 6.0, y + 14.0, "start", words, "#404040");
     }
 
-    /// A line of the legend: at the right edge, below the last one.
+    /// Adds a legend line at the right edge, below the last one.
     pub(super) fn legend(&mut self, words: &str, ink: &str) {
         let y = self.next_legend;
         self.next_legend += 16.0;
@@ -141,7 +141,7 @@ impl Chart {
     }
 }
 
-/// Charts below each other under one title.
+/// Returns an SVG of stacked charts under one title.
 pub(super) fn stack(title: &str, charts: impl IntoIterator<Item = Chart>) -> String {
     let charts: Vec<String> = charts.into_iter().map(Chart::finish).collect();
     let (width, each) = (LEFT + WIDTH + 30.0, HEIGHT + BELOW);
@@ -160,7 +160,7 @@ pub(super) fn stack(title: &str, charts: impl IntoIterator<Item = Chart>) -> Str
     out
 }
 
-/// A tick's number without a tail of rounding.
+/// Returns a tick's number without rounding errors.
 fn short(value: f64) -> String {
     format!("{}", (value * 1000.0).round() / 1000.0)
 }

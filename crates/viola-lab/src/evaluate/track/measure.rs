@@ -4,26 +4,26 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use serde::Serialize;
 use viola_geometry::{Point3, Pose3, Vector3};
 
-/// How far a trajectory is from the truth.
+/// Errors of a trajectory against the truth.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TrajectoryErrors {
-    /// Root mean square distance of the cameras after the trajectory was laid over the truth as a whole.
+    /// RMS distance of the cameras after rigid alignment of the whole trajectory.
     pub ate_m: f64,
-    /// The same as a share of the true way.
+    /// The same as a fraction of the true path.
     pub share_of_path: f64,
-    /// Root mean square angle to the true directions, after the same for directions.
+    /// RMS angle of the orientations after their own alignment.
     pub rotation_deg: f64,
-    /// Root mean square error of the motion over one metre of way, a metre; over the whole way where it is shorter.
+    /// RMS error of the motion over one metre of path, per metre; over the whole path if it is shorter.
     pub rpe_m_per_m: f64,
-    /// Root mean square error of the turn over 30 degrees of turning, a degree.
+    /// RMS error of the rotation over 30 degrees of turning, per degree.
     pub rpe_deg_per_deg: f64,
 }
 
-/// Way, and turning, over which relative errors are taken.
+/// Path length and turning of relative errors.
 const STRETCH_M: f64 = 1.0;
 const STRETCH_RAD: f64 = std::f64::consts::FRAC_PI_6;
 
-/// The errors over all frames that have both poses; none with fewer than three.
+/// Returns the errors over all frames with both poses; none for fewer than three.
 pub fn measure(found: &[Option<Pose3>], truth: &[Option<Pose3>]) -> Option<TrajectoryErrors> {
     let pairs: Vec<(Pose3, Pose3)> =
         found.iter().zip(truth).filter_map(|(f, t)| Some(((*f)?, (*t)?))).collect();
@@ -51,7 +51,7 @@ pub fn measure(found: &[Option<Pose3>], truth: &[Option<Pose3>]) -> Option<Traje
     })
 }
 
-/// Root mean square of the relative error over each stretch, divided by the stretch.
+/// Returns the RMS relative error over each stretch, divided by the stretch.
 fn relative(pairs: &[(Pose3, Pose3)], way: &[f64], stretch: f64, size: impl Fn(&Pose3) -> f64) -> f64 {
     let stretch = stretch.min(way[way.len() - 1]).max(1e-9);
     let (mut sum, mut count) = (0.0, 0);
@@ -65,7 +65,7 @@ fn relative(pairs: &[(Pose3, Pose3)], way: &[f64], stretch: f64, size: impl Fn(&
     (sum / f64::from(count.max(1))).sqrt()
 }
 
-/// Root mean square angle between directions, after one rotation brought them together (the chordal mean).
+/// Returns the RMS angle between orientations after the best common rotation (chordal mean).
 fn rotation_rad(pairs: &[(Pose3, Pose3)]) -> Option<f64> {
     let off = |(found, truth): &(Pose3, Pose3)| truth.rotation * found.rotation.inverse();
     let sum =
@@ -83,7 +83,7 @@ fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
     Some(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * mirror * v_t)))
 }
 
-/// The rigid motion that lays the first points over the second ones (Umeyama, 1991, without scale).
+/// Returns the rigid transform from the first points to the second (Umeyama, 1991, without scale).
 fn laid_over(pairs: &[(Point3, Point3)]) -> Option<Pose3> {
     let count = pairs.len() as f64;
     let (from, to) = pairs
@@ -120,12 +120,12 @@ mod tests {
         }
     }
 
-    /// One that is a tenth too long is off by a tenth of each stretch along the stretched axis.
+    /// A trajectory 10 % too long errs by 10 % of each stretch along the stretched axis.
     #[test]
     fn a_stretched_trajectory_has_its_error() {
         let errors = measure(&walk(1.1), &walk(1.0)).unwrap();
         assert!((0.05..0.1).contains(&errors.rpe_m_per_m), "{errors:?}");
-        // 4.4 m against 4 m laid over at the middle: a uniform error of up to 0.2 m is 0.115 m root mean square.
+        // 4.4 m against 4 m, aligned at the middle: a uniform error of up to 0.2 m has an RMS of 0.115 m.
         assert!((errors.ate_m - 0.115).abs() < 0.02, "{errors:?}");
         assert!(errors.rotation_deg < 1e-6);
     }

@@ -1,4 +1,4 @@
-//! Finding a place for a piece: against a wall, beside another, or free, without blocking the way.
+//! Placement of pieces: at a wall, beside another piece, or free, without blocking passages.
 
 use super::passage::Passage;
 use crate::simulate::piece::{Footprint, Mount, Piece};
@@ -9,17 +9,17 @@ use viola_geometry::{Point2, Pose2, angle_between};
 
 const TRIES: usize = 30;
 
-/// The inside of one room while it is furnished.
+/// State of one room while it is furnished.
 pub(in crate::simulate) struct Arranger<'a> {
     pub plan: &'a Plan,
     pub room: usize,
     pub rng: Rng,
     pieces: Vec<Piece>,
-    /// Floor that is taken.
+    /// Occupied floor.
     taken: Vec<Footprint>,
-    /// Floor before doors and passages, that stays free.
+    /// Floor at doors and passages; stays free.
     doorways: Vec<Footprint>,
-    /// Floor before cupboards and seats, that stays free but for what belongs to them.
+    /// Floor before cupboards and seats; free except for pieces that belong to them.
     fronts: Vec<Footprint>,
     passage: Passage,
 }
@@ -55,7 +55,7 @@ impl<'a> Arranger<'a> {
         &self.plan.rooms[self.room]
     }
 
-    /// The openings in this room's walls.
+    /// Returns the openings in this room's walls.
     pub fn openings(&self) -> impl Iterator<Item = &'a Opening> + use<'a> {
         let room = self.room;
         self.plan.openings.iter().filter(move |opening| opening.rooms.contains(&Some(room)))
@@ -69,7 +69,7 @@ impl<'a> Arranger<'a> {
         &self.pieces[index]
     }
 
-    /// Takes what stands in the room already, for changing it on another day.
+    /// Adds the room's existing pieces, for changes on another day.
     pub fn with_pieces(mut self, pieces: impl IntoIterator<Item = Piece>) -> Arranger<'a> {
         for piece in pieces {
             if piece.mount == Mount::Floor {
@@ -80,18 +80,18 @@ impl<'a> Arranger<'a> {
         self
     }
 
-    /// Against any wall, back to it, with `front_m` of floor kept free before it.
+    /// Places a piece with its back at any wall, with `front_m` of free floor before it.
     pub fn against_wall(&mut self, piece: Piece, front_m: f64) -> Option<usize> {
         self.against(piece, front_m, |_| true, None)
     }
 
-    /// Against a wall, in one of the room's corners.
+    /// Places a piece at a wall, in a corner of the room.
     pub fn in_corner(&mut self, piece: Piece, front_m: f64) -> Option<usize> {
         let offset = if self.rng.chance(0.5) { 0.0 } else { 1.0 };
         self.against(piece, front_m, |_| true, Some(offset))
     }
 
-    /// Against the wall that another piece faces, at the place that it looks at.
+    /// Places a piece at the wall that another piece faces, opposite to it.
     pub fn opposite(&mut self, piece: Piece, other: usize, front_m: f64) -> Option<usize> {
         let pose = self.pieces[other].home_from_piece;
         let facing = pose.yaw_rad + PI;
@@ -114,7 +114,7 @@ impl<'a> Arranger<'a> {
         let inner = self.room().inner;
         let [width, depth, _] = piece.size;
         for _ in 0..TRIES {
-            // The yaw turns the piece's back (+y) to the wall on that side.
+            // The yaw points the piece's back (+y) to that wall.
             let (yaw, axis, wall) = self.rng.pick([
                 (0.0, 0, inner.max[1]),
                 (PI, 0, inner.min[1]),
@@ -147,7 +147,7 @@ impl<'a> Arranger<'a> {
         None
     }
 
-    /// Anywhere with room around it.
+    /// Places a piece anywhere with clearance around it.
     pub fn free(&mut self, mut piece: Piece, around_m: f64) -> Option<usize> {
         let inner = self.room().inner;
         let square = self.rng.chance(0.7);
@@ -169,18 +169,18 @@ impl<'a> Arranger<'a> {
         None
     }
 
-    /// At a pose in the frame of another piece.
+    /// Places a piece at a pose in the frame of another piece.
     pub fn beside(&mut self, piece: Piece, other: usize, other_from_piece: Pose2) -> Option<usize> {
         let pose = self.pieces[other].home_from_piece.compose(&other_from_piece);
         self.at(piece, pose)
     }
 
-    /// At this very pose.
+    /// Places a piece at a pose, if it fits.
     pub fn at(&mut self, piece: Piece, pose: Pose2) -> Option<usize> {
         self.at_if(piece, pose, Self::fits)
     }
 
-    /// On the floor that is kept free before another piece, to which it belongs.
+    /// Places a piece on the free floor before the piece to which it belongs.
     pub fn at_in_front(&mut self, piece: Piece, pose: Pose2) -> Option<usize> {
         self.at_if(piece, pose, |this, piece, pose| {
             let spot = piece.footprint_at(pose);
@@ -188,7 +188,7 @@ impl<'a> Arranger<'a> {
         })
     }
 
-    /// Pushed under a table: the two may share floor.
+    /// Places a piece partly under a table: the two may share floor.
     pub fn at_table(&mut self, piece: Piece, pose: Pose2, table: usize) -> Option<usize> {
         let under = self.pieces[table].footprint();
         self.at_if(piece, pose, |this, piece, pose| {
@@ -210,7 +210,7 @@ impl<'a> Arranger<'a> {
         Some(self.put(piece, None))
     }
 
-    /// On a wall, above whatever is lower than its `bottom_m`.
+    /// Hangs a piece on a wall, above pieces lower than `bottom_m`.
     pub fn hang(&mut self, mut piece: Piece, bottom_m: f64) -> Option<usize> {
         let inner = self.room().inner;
         let [width, depth, _] = piece.size;
@@ -238,7 +238,6 @@ impl<'a> Arranger<'a> {
             });
             let feature =
                 self.plan.features.iter().any(|f| f.room == self.room && f.footprint.overlaps(&spot));
-            // The middle of the ceiling is no wall: lamps hang elsewhere.
             if !near_opening && !behind && !feature {
                 piece.home_from_piece = pose;
                 return Some(self.put(piece, None));
@@ -247,13 +246,13 @@ impl<'a> Arranger<'a> {
         None
     }
 
-    /// Adds a piece without asking whether it fits: what lies flat or hangs from the ceiling.
+    /// Adds a piece without checking the space, for flat pieces and ceiling lamps.
     pub fn put_anyway(&mut self, mut piece: Piece, pose: Pose2) -> usize {
         piece.home_from_piece = pose;
         self.put(piece, None)
     }
 
-    /// The middle of a side of the room's inside, as a rectangle shrunk by `by_m`.
+    /// Returns the room's inside shrunk by `by_m`.
     pub fn inside(&self, by_m: f64) -> Rect {
         self.room().inner.shrunk(by_m)
     }
@@ -284,7 +283,7 @@ impl<'a> Arranger<'a> {
             && self.passage.stays_open_with(&spot)
     }
 
-    /// Whether the floor is free of furniture and doorways; `but` may be shared.
+    /// Returns whether the floor is free of furniture and doorways; `but` may be shared.
     fn stands_free(&self, spot: &Footprint, but: Option<&Footprint>) -> bool {
         spot.is_within(&self.room().inner)
             && self.taken.iter().all(|other| Some(other) == but || !other.overlaps(spot))

@@ -23,7 +23,7 @@ pub fn table_lamp(rng: &mut Rng) -> Piece {
     piece
 }
 
-/// Hangs from a ceiling of the given height; its own frame is the floor below.
+/// Returns a lamp on a ceiling of the given height; the origin of its frame is on the floor below.
 pub fn ceiling_lamp(ceiling_m: f64, rng: &mut Rng) -> Piece {
     let mut piece = Piece::new(Class::Lamp, [0.5, 0.5, ceiling_m]).mounted(Mount::Hung);
     let shade = Finish::plain([0.95, 0.93, 0.86]);
@@ -58,7 +58,7 @@ pub fn plant(rng: &mut Rng) -> Piece {
     piece
 }
 
-/// Hangs at the wall behind it.
+/// Returns a picture on the wall behind it.
 pub fn picture(rng: &mut Rng) -> Piece {
     let (width, height) = (rng.between(0.25, 1.1), rng.between(0.25, 0.8));
     let bottom = rng.between(1.2, 1.5);
@@ -71,7 +71,7 @@ pub fn picture(rng: &mut Rng) -> Piece {
     piece
 }
 
-/// Boards on the wall with things on them.
+/// Returns a board on the wall with books on it.
 pub fn wall_shelf(rng: &mut Rng) -> Piece {
     let width = rng.between(0.6, 1.3);
     let bottom = rng.between(1.3, 1.6);
@@ -96,7 +96,7 @@ pub fn rug(width: f64, depth: f64, rng: &mut Rng) -> Piece {
     piece
 }
 
-/// Both curtains of a window of the given width, with their rail; the piece's back is the wall.
+/// Returns both curtains of a window of the given width, with their rail; the piece's back is at the wall.
 pub fn curtains(window_m: f64, to_floor: bool, sill_m: f64, head_m: f64, rng: &mut Rng) -> Piece {
     let width = window_m + 0.4;
     let top = head_m + 0.12;

@@ -1,11 +1,11 @@
-//! What a room has beside its furniture: curtains, radiators, lamps, pictures, plants, clutter.
+//! Decoration of rooms: curtains, radiators, lamps, pictures, plants, clutter.
 
 use super::{Arranger, decor, storage};
 use crate::simulate::piece::Mount;
 use crate::simulate::plan::{OpeningKind, RoomKind};
 use viola_geometry::Pose2;
 
-/// A radiator and curtains for every window.
+/// Adds radiators and curtains to windows.
 pub(super) fn windows(room: &mut Arranger) {
     let inner = room.room().inner;
     let openings: Vec<_> = room.openings().filter(|o| o.kind == OpeningKind::Window).copied().collect();
@@ -14,7 +14,7 @@ pub(super) fn windows(room: &mut Arranger) {
     for window in openings {
         let inside_high = window.rooms[0] == Some(room.room);
         let place = |depth: f64| {
-            // The wall is on the side of larger coordinates where the room is on that of smaller ones.
+            // If the room is at the smaller coordinates, the wall is at its maximum.
             let sign = if inside_high { 1.0 } else { -1.0 };
             if window.along_x {
                 let wall = if inside_high { inner.max[1] } else { inner.min[1] };
@@ -39,7 +39,7 @@ pub(super) fn windows(room: &mut Arranger) {
             }
             let lands_free = room.at(curtains.clone(), pose).is_some();
             if !lands_free {
-                // Something stands below: shorter ones.
+                // Blocked by furniture: use short ones.
                 curtains =
                     decor::curtains(window.width_m, false, window.sill_m, window.head_m, &mut room.rng);
                 curtains.mount = Mount::Hung;
@@ -49,7 +49,7 @@ pub(super) fn windows(room: &mut Arranger) {
     }
 }
 
-/// Lamps, pictures, plants, and what stands about.
+/// Adds lamps, pictures, wall shelves, plants and clutter.
 pub(super) fn decorate(room: &mut Arranger) {
     let kind = room.room().kind;
     let area = room.room().inner.area_m2();

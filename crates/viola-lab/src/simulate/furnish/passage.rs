@@ -1,20 +1,20 @@
-//! Whether people still get through a room while it fills.
+//! Connectivity of a room while it is furnished.
 
 use crate::simulate::piece::Footprint;
 use crate::simulate::plan::Rect;
 use viola_geometry::Point2;
 
 const CELL_M: f64 = 0.1;
-/// Half of the narrowest gap that a person takes.
+/// Half of the narrowest gap that a person passes.
 const BODY_M: f64 = 0.24;
 
-/// A raster of the places where a person can stand.
+/// Raster of the positions where a person can stand.
 pub(super) struct Passage {
     inner: Rect,
     blocked: Vec<bool>,
     columns: usize,
     rows: usize,
-    /// Just inside each of the room's ways.
+    /// Cells just inside each of the room's ways.
     ways: Vec<usize>,
 }
 
@@ -25,7 +25,7 @@ impl Passage {
         Passage { inner, blocked: vec![false; columns * rows], columns, rows, ways: vec![] }
     }
 
-    /// From now on the way through an opening in the room's wall stays open.
+    /// Adds an opening in the room's wall that must stay reachable.
     pub fn lead_to(&mut self, opening: &Point2) {
         let inside = |axis: usize| {
             let margin = 0.3f64.min(self.inner.size(axis) / 2.0);
@@ -49,8 +49,8 @@ impl Passage {
         Point2::new(self.inner.min[0] + (x + 0.5) * CELL_M, self.inner.min[1] + (y + 0.5) * CELL_M)
     }
 
-    /// Whether people would still get from every way to every other, and have somewhere to stand, with
-    /// one more thing on the floor.
+    /// Returns whether all ways stay connected, with enough free floor, after one more piece is placed at
+    /// `spot`.
     pub fn stays_open_with(&self, spot: &Footprint) -> bool {
         let wide = spot.grown(BODY_M);
         let open: Vec<bool> = (0..self.blocked.len())

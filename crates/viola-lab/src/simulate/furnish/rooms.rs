@@ -1,4 +1,4 @@
-//! What belongs into which room.
+//! Furniture of each room kind.
 
 use super::{Arranger, decor, dressing, seating, storage, wet};
 use crate::simulate::plan::RoomKind;
@@ -105,7 +105,7 @@ fn sit(room: &mut Arranger) {
         let height = room.rng.between(0.36, 0.48);
         let table = seating::table(w, d, height, finish, &mut room.rng);
         let turn = room.rng.between(-0.06, 0.06);
-        // It stands on the floor that is kept free before the sofa: people pass behind it.
+        // It is on the free floor before the sofa: people pass behind it.
         let pose = room.piece(sofa).home_from_piece.compose(&Pose2::new(0.0, -reach - 0.42 - d / 2.0, turn));
         room.at_in_front(table, pose);
     }
@@ -135,7 +135,7 @@ fn dine(room: &mut Arranger, seats: usize) {
     }
     let Some(table) = placed.or_else(|| room.against_wall(table, 0.3)) else { return };
     for (chair, pose) in chairs {
-        // A chair pushed in shares floor with its table; those that a wall leaves no room for are elsewhere.
+        // A chair shares floor with its table; chairs without space are dropped.
         let home = room.piece(table).home_from_piece.compose(&pose);
         room.at_table(chair, home, table);
     }

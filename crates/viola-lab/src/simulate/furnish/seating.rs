@@ -7,7 +7,7 @@ use std::f64::consts::{PI, TAU};
 use viola_geometry::Pose2;
 use viola_geometry::taxonomy::Class;
 
-/// A chair with four legs: what a vacuum sees of it is four dots.
+/// Returns a chair with four legs: four dots to a vacuum.
 pub fn chair(finish: Finish, rng: &mut Rng) -> Piece {
     let (width, depth) = (rng.between(0.40, 0.48), rng.between(0.42, 0.50));
     let seat = rng.between(0.44, 0.47);
@@ -24,7 +24,7 @@ pub fn chair(finish: Finish, rng: &mut Rng) -> Piece {
     chair
 }
 
-/// An office chair: a post on five castors.
+/// Returns an office chair: a post on five castors.
 pub fn office_chair(rng: &mut Rng) -> Piece {
     let black = Finish::plain(DARK);
     let seat = cloth(rng).darker(0.6);
@@ -41,14 +41,14 @@ pub fn office_chair(rng: &mut Rng) -> Piece {
     chair
 }
 
-/// A sofa of two or three seats, on legs or down to the floor.
+/// Returns a sofa of two or three seats, on legs or down to the floor.
 pub fn sofa(rng: &mut Rng) -> Piece {
     let width = rng.between(1.5, 2.3);
     let depth = rng.between(0.82, 0.98);
     seats(Class::Sofa, width, depth, if width > 1.9 { 3 } else { 2 }, rng).movable()
 }
 
-/// A sofa with a chaise at one end.
+/// Returns a sofa with a chaise at one end.
 pub fn corner_sofa(rng: &mut Rng) -> Piece {
     let (width, depth, reach) = (rng.between(2.2, 2.8), 0.92, rng.between(1.5, 1.75));
     let finish = cloth(rng);
@@ -80,7 +80,7 @@ fn seats(class: Class, width: f64, depth: f64, count: usize, rng: &mut Rng) -> P
     upholstery(class, width, depth, count, gap, finish, rng)
 }
 
-/// Room under a seat: none, too little for a vacuum, or enough.
+/// Returns the gap under a seat: none, too low for a vacuum, or high enough.
 fn under(rng: &mut Rng) -> f64 {
     match rng.count(0, 3) {
         0 => 0.0,
@@ -125,7 +125,7 @@ fn upholstery(
     piece
 }
 
-/// A table: four legs, or a pedestal under a round top.
+/// Returns a table: four legs, or a pedestal under a round top.
 pub fn table(width: f64, depth: f64, height: f64, finish: Finish, rng: &mut Rng) -> Piece {
     let mut table = Piece::new(Class::Table, [width, depth, height]).movable();
     let thick = rng.between(0.025, 0.04);
@@ -152,8 +152,7 @@ pub fn table(width: f64, depth: f64, height: f64, finish: Finish, rng: &mut Rng)
     table
 }
 
-/// A dining table with its chairs, as one set whose chairs stand as people left them. The set's own
-/// footprint is the table with half a chair around it.
+/// Returns a dining table, and its chairs with their poses in the table's frame, as people left them.
 pub fn dining_set(seats: usize, rng: &mut Rng) -> (Piece, Vec<(Piece, Pose2)>) {
     let finish = wood(rng);
     let pairs = seats.div_ceil(2).max(1);
@@ -168,7 +167,7 @@ pub fn dining_set(seats: usize, rng: &mut Rng) -> (Piece, Vec<(Piece, Pose2)>) {
     for index in 0..seats {
         let side = if index % 2 == 0 { -1.0 } else { 1.0 };
         let x = width * ((index / 2) as f64 + 0.5) / pairs as f64 - width / 2.0 + rng.between(-0.04, 0.04);
-        // Pushed in, or left a little way out.
+        // Pushed in, or pulled out a little.
         let out = rng.between(-0.12, 0.22);
         let yaw = if side < 0.0 { PI } else { 0.0 } + rng.between(-0.2, 0.2);
         chairs.push((model.clone(), Pose2::new(x, side * (depth / 2.0 + 0.12 + out), yaw)));
@@ -176,7 +175,7 @@ pub fn dining_set(seats: usize, rng: &mut Rng) -> (Piece, Vec<(Piece, Pose2)>) {
     (table, chairs)
 }
 
-/// A desk on legs or with a drawer unit under one end, with a screen on it.
+/// Returns a desk on legs, sometimes with a drawer unit under one end, with a screen on it.
 pub fn desk(rng: &mut Rng) -> Piece {
     let (width, depth, height) = (rng.between(1.1, 1.6), rng.between(0.6, 0.75), 0.74);
     let finish = wood(rng);

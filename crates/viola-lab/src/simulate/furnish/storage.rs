@@ -1,11 +1,11 @@
-//! Beds, wardrobes, shelves, cabinets, and what stands on them.
+//! Beds, wardrobes, shelves, cabinets and their contents.
 
 use crate::simulate::finish::{DARK, Finish, Pattern, WHITE, cloth, front, wood};
 use crate::simulate::piece::Piece;
 use crate::simulate::rng::Rng;
 use viola_geometry::taxonomy::Class;
 
-/// A bed with its head at the wall; a vacuum drives under some and stops at the base of others.
+/// Returns a bed with its head at the wall; a vacuum drives under some and stops at the base of others.
 pub fn bed(width: f64, rng: &mut Rng) -> Piece {
     let length = rng.between(2.0, 2.12);
     let frame = if rng.chance(0.5) { wood(rng) } else { cloth(rng) };
@@ -19,7 +19,7 @@ pub fn bed(width: f64, rng: &mut Rng) -> Piece {
     if gap > 0.1 {
         bed.legs(width, length, gap, 0.06, 0.03, frame);
     } else {
-        // A plinth that stands back from the edge.
+        // A plinth recessed from the edge.
         bed.block([0.0, 0.0, 0.0], [width - 0.1, length - 0.1, gap.max(0.02)], frame.darker(0.6));
     }
     let rim = 0.32;
@@ -39,7 +39,7 @@ pub fn bed(width: f64, rng: &mut Rng) -> Piece {
     bed
 }
 
-/// A closed cabinet on a plinth or on feet: nightstand, dresser, sideboard, wardrobe.
+/// Returns a closed cabinet on a plinth or on feet: nightstand, dresser, sideboard, wardrobe.
 pub fn cabinet(class: Class, size: [f64; 3], rng: &mut Rng) -> Piece {
     let [width, depth, height] = size;
     let finish = front(rng);
@@ -52,7 +52,7 @@ pub fn cabinet(class: Class, size: [f64; 3], rng: &mut Rng) -> Piece {
         piece.block([0.0, 0.02, 0.0], [width - 0.02, depth - 0.05, 0.07], finish.darker(0.6));
         piece.block([0.0, 0.0, 0.07], [width, depth, height - 0.07], finish);
     }
-    // The gaps between its doors or drawers.
+    // Gaps between its doors or drawers.
     let shadow = Finish::plain(finish.rgb).darker(0.45);
     let doors = (width / 0.5).round().max(1.0) as usize;
     for door in 1..doors {
@@ -67,7 +67,7 @@ pub fn cabinet(class: Class, size: [f64; 3], rng: &mut Rng) -> Piece {
     piece
 }
 
-/// An open shelf with books and boxes.
+/// Returns an open shelf with books and boxes.
 pub fn shelf(width: f64, height: f64, rng: &mut Rng) -> Piece {
     let depth = rng.between(0.26, 0.38);
     let finish = if rng.chance(0.5) { wood(rng) } else { Finish::plain(WHITE) };
@@ -114,7 +114,7 @@ pub fn shelf(width: f64, height: f64, rng: &mut Rng) -> Piece {
     shelf
 }
 
-/// A low board with a television on it.
+/// Returns a low cabinet with a television on it.
 pub fn tv_stand(rng: &mut Rng) -> Piece {
     let width = rng.between(1.2, 1.9);
     let mut piece = cabinet(Class::Cabinet, [width, 0.42, rng.between(0.4, 0.55)], rng);
@@ -132,7 +132,7 @@ pub fn tv_stand(rng: &mut Rng) -> Piece {
     piece.movable()
 }
 
-/// A cardboard box, a basket, a suitcase: what stands about.
+/// Returns clutter: a cardboard box, a basket or a suitcase.
 pub fn clutter(rng: &mut Rng) -> Piece {
     let size = [rng.between(0.2, 0.5), rng.between(0.2, 0.4), rng.between(0.12, 0.5)];
     let mut piece = Piece::new(Class::Box, size).movable();
@@ -147,7 +147,7 @@ pub fn clutter(rng: &mut Rng) -> Piece {
     piece
 }
 
-/// Coats on a rail: they end above the vacuum.
+/// Returns coats on a rail, above the vacuum.
 pub fn coats(rng: &mut Rng) -> Piece {
     let width = rng.between(0.5, 1.1);
     let mut piece = Piece::new(Class::Clothes, [width, 0.3, 1.75]);

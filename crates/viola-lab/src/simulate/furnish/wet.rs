@@ -9,7 +9,7 @@ fn ceramic() -> Finish {
     Finish::plain([0.94, 0.94, 0.93]).glossy(0.5)
 }
 
-/// A run of kitchen units on a plinth that stands back, with sink, stove and wall cabinets.
+/// Returns a run of kitchen units on a recessed plinth, with sink, stove and wall cabinets.
 pub fn kitchen_run(width: f64, tall_ok: bool, rng: &mut Rng) -> Piece {
     let depth = 0.62;
     let finish = front(rng);
@@ -51,7 +51,7 @@ pub fn kitchen_run(width: f64, tall_ok: bool, rng: &mut Rng) -> Piece {
     run
 }
 
-/// A kitchen island: a plinth, a body, a worktop that overhangs.
+/// Returns a kitchen island: a plinth, a body, and an overhanging worktop.
 pub fn island(rng: &mut Rng) -> Piece {
     let (width, depth) = (rng.between(1.2, 2.0), rng.between(0.7, 0.95));
     let finish = front(rng);
@@ -81,7 +81,7 @@ pub fn washing_machine() -> Piece {
     let mut piece = Piece::new(Class::WashingMachine, [0.6, 0.6, 0.85]);
     piece.block([0.0, 0.02, 0.0], [0.58, 0.54, 0.03], Finish::plain(DARK));
     piece.block([0.0, 0.0, 0.03], [0.6, 0.6, 0.82], ceramic());
-    // The round door, seen from the front.
+    // The round door in the front.
     let door =
         piece.ball([0.0, -0.3, 0.25], [0.36, 0.05, 0.36], Finish::plain([0.2, 0.22, 0.25]).glossy(0.7));
     door.class = Class::WashingMachine;
@@ -103,7 +103,7 @@ impl Piece {
     }
 }
 
-/// A washbasin on a cabinet, on a pedestal, or hung on the wall, with a mirror above.
+/// Returns a washbasin on a cabinet, on a pedestal, or on the wall, with a mirror above.
 pub fn washbasin(rng: &mut Rng) -> Piece {
     let (width, depth) = (rng.between(0.5, 0.9), rng.between(0.42, 0.5));
     let mut piece = Piece::new(Class::Sink, [width, depth, 1.9]);
@@ -127,7 +127,7 @@ pub fn washbasin(rng: &mut Rng) -> Piece {
     piece
 }
 
-/// A bathtub: four sides and a bottom.
+/// Returns a bathtub: four sides and a bottom.
 pub fn bathtub(rng: &mut Rng) -> Piece {
     let (width, depth, height) = (rng.between(1.5, 1.75), rng.between(0.7, 0.8), 0.58);
     let mut piece = Piece::new(Class::Bathtub, [width, depth, height]);
@@ -143,7 +143,7 @@ pub fn bathtub(rng: &mut Rng) -> Piece {
     piece
 }
 
-/// A shower tray with a curtain drawn to one side.
+/// Returns a shower tray with a curtain drawn to one side.
 pub fn shower(rng: &mut Rng) -> Piece {
     let side = rng.between(0.8, 0.95);
     let mut piece = Piece::new(Class::Shower, [side, side, 2.0]);

@@ -1,4 +1,4 @@
-//! What makes rooms differ from plain rectangles: cut corners, chimney breasts, pillars.
+//! Features of rooms beyond plain rectangles: cut corners, chimney breasts, pillars.
 
 use super::{Feature, Plan, RoomKind};
 use crate::simulate::finish::{Finish, Pattern, WHITE};
@@ -40,7 +40,7 @@ fn plaster() -> Finish {
     Finish::plain(WHITE).with(Pattern::Grain, 0.02)
 }
 
-/// A wall across a corner of the room.
+/// Returns a wall across a corner of the room.
 fn cut_corner(plan: &Plan, room: usize, rng: &mut Rng) -> Feature {
     let inner = plan.rooms[room].inner;
     let (sx, sy) = (rng.sign(), rng.sign());
@@ -64,7 +64,7 @@ fn cut_corner(plan: &Plan, room: usize, rng: &mut Rng) -> Feature {
     feature
 }
 
-/// A shaft or chimney breast against a wall; two of them make an alcove.
+/// Returns a shaft or chimney breast at a wall; two of them make an alcove.
 fn breast(plan: &Plan, room: usize, rng: &mut Rng) -> Feature {
     let inner = plan.rooms[room].inner;
     let axis = rng.count(0, 1);

@@ -4,11 +4,11 @@ use super::{Opening, OpeningKind, Plan, RoomKind, Wall};
 use crate::simulate::rng::Rng;
 use viola_geometry::Point2;
 
-/// Room between an opening and the ends of its wall.
+/// Minimum distance of an opening from the ends of its wall.
 const MARGIN_M: f64 = 0.2;
 
-/// Opens ways so that every room can be reached, prefers corridors and living rooms as hubs, and adds the
-/// home's entrance.
+/// Adds ways that connect all rooms, with corridors and living rooms as preferred hubs, and the home's
+/// entrance.
 pub(super) fn open_doors(plan: &mut Plan, rng: &mut Rng) {
     let mut edges: Vec<(f64, usize)> = plan
         .walls
@@ -23,7 +23,7 @@ pub(super) fn open_doors(plan: &mut Plan, rng: &mut Rng) {
         })
         .collect();
     edges.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // Kruskal: the cheapest ways that join everything.
+    // Kruskal's algorithm: a minimum spanning tree.
     let mut group: Vec<usize> = (0..plan.rooms.len()).collect();
     for (cost, index) in edges {
         let wall = plan.walls[index].clone();
@@ -33,7 +33,7 @@ pub(super) fn open_doors(plan: &mut Plan, rng: &mut Rng) {
             let (from, to) = (group[b], group[a]);
             group.iter_mut().filter(|g| **g == from).for_each(|g| *g = to);
         }
-        // A second way between two groups makes loops, as many homes have.
+        // Additional ways make loops, as in many homes.
         if joins || (cost < 1.6 && rng.chance(0.25)) {
             let opening = way(plan, &wall, [plan.rooms[a].kind, plan.rooms[b].kind], rng);
             plan.openings.push(opening);
@@ -42,7 +42,7 @@ pub(super) fn open_doors(plan: &mut Plan, rng: &mut Rng) {
     open_entrance(plan, rng);
 }
 
-/// How little one wants a door between two kinds of rooms.
+/// Returns the cost of a door between two kinds of rooms.
 fn reluctance(a: RoomKind, b: RoomKind) -> f64 {
     use RoomKind::*;
     let either = |kind: RoomKind| a == kind || b == kind;
@@ -83,16 +83,16 @@ fn way(plan: &Plan, wall: &Wall, kinds: [RoomKind; 2], rng: &mut Rng) -> Opening
         _ => rng.between(1.98, 2.12),
     };
     let slack = length - width_m;
-    // Most doors stand near a corner.
+    // Most doors are near a corner.
     let offset = match rng.count(0, 3) {
         0 => rng.between(0.0, slack),
         1 => slack - rng.between(0.0, 0.15_f64.min(slack)),
         _ => rng.between(0.0, 0.15_f64.min(slack)),
     };
     let at = wall.from + MARGIN_M + offset + width_m / 2.0;
-    // A leaf opens into the room, never into the corridor.
+    // Leaves open into the room, never into the corridor.
     let swing = if kinds[0] == Corridor || (kinds[1] != Corridor && rng.chance(0.5)) { 1.0 } else { -1.0 };
-    // Most doors stand open; through some of the others the vacuum does not fit.
+    // Most doors are open; some of the others leave too narrow a gap for the vacuum.
     let open_deg = if rng.chance(0.07) { rng.between(10.0, 60.0) } else { rng.between(72.0, 100.0) };
     Opening {
         kind,
@@ -108,7 +108,7 @@ fn way(plan: &Plan, wall: &Wall, kinds: [RoomKind; 2], rng: &mut Rng) -> Opening
     }
 }
 
-/// A closed door to the outside, from the corridor if it has an outer wall.
+/// Adds a closed door to the outside, from the corridor if it has an outer wall.
 fn open_entrance(plan: &mut Plan, rng: &mut Rng) {
     let rank = |kind: RoomKind| match kind {
         RoomKind::Corridor => 0,
@@ -142,7 +142,7 @@ fn open_entrance(plan: &mut Plan, rng: &mut Rng) {
     plan.openings.push(opening);
 }
 
-/// Windows in the outer walls, away from the entrance.
+/// Adds windows in the outer walls, away from the entrance.
 pub(super) fn open_windows(plan: &mut Plan, rng: &mut Rng) {
     let mut windows = vec![];
     for wall in &plan.walls {
@@ -171,7 +171,7 @@ pub(super) fn open_windows(plan: &mut Plan, rng: &mut Rng) {
                 + 0.3
                 + share * (index as f64 + 0.5)
                 + rng.between(-0.3, 0.3).clamp(-slack / 2.0, slack / 2.0);
-            // Some windows reach the floor: the vacuum's LiDAR looks out through them.
+            // Some windows reach the floor: the vacuum's LiDAR sees through them.
             let to_the_floor = matches!(kind, RoomKind::Living | RoomKind::Studio | RoomKind::Bedroom);
             let sill_m = match kind {
                 RoomKind::Bathroom => rng.between(1.2, 1.5),

@@ -1,9 +1,9 @@
-//! Which rooms a home has, and how large they would like to be.
+//! Rooms of a home with their target areas.
 
 use super::RoomKind;
 use crate::simulate::rng::Rng;
 
-/// A wish for a room; none is a part of the outline that stays outside (an L-shaped home).
+/// A requested room; none is a part of the outline left outside (an L-shaped home).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Wish {
     pub kind: Option<RoomKind>,
@@ -11,7 +11,7 @@ pub(super) struct Wish {
 }
 
 impl Wish {
-    /// The narrowest that the room may be, between the middles of its walls.
+    /// Returns the room's minimum width, between the centre lines of its walls.
     pub fn min_side_m(&self) -> f64 {
         match self.kind {
             Some(RoomKind::Corridor) => 1.2,
@@ -24,7 +24,7 @@ impl Wish {
     }
 }
 
-/// The rooms of a home of `rooms` rooms, 25 to 200 m2 in all.
+/// Returns the requests for a home of `rooms` rooms, 26 to 195 m2 in total.
 pub(super) fn wishes(rooms: usize, rng: &mut Rng) -> Vec<Wish> {
     use RoomKind::*;
     let base: &[(RoomKind, f64)] = match rooms {

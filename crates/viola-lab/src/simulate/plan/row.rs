@@ -1,16 +1,16 @@
-//! Rows of rooms that look alike, as in a hotel or a home for the elderly.
+//! Rows of look-alike rooms, as in a hotel or a nursing home.
 
 use super::{Cell, Opening, OpeningKind, Plan, Rect, RoomKind, UnitPlace, openings, snap};
 use crate::simulate::rng::Rng;
 use std::f64::consts::PI;
 use viola_geometry::{Point2, Pose2};
 
-/// Area of the largest building, and the widest lounge.
+/// Maximum area of the building, and maximum width of the lounge.
 const LARGEST_M2: f64 = 200.0;
 const LOUNGE_M: f64 = 4.8;
 
-/// Sizes of one unit. In the unit's frame x runs across, y from the window (0) to the corridor (`depth`);
-/// the bathroom is at the corridor, on the side of negative x.
+/// Sizes of one unit. In the unit's frame x is across, y from the window (0) to the corridor (`depth`); the
+/// bathroom is at the corridor, at negative x.
 struct Unit {
     width: f64,
     depth: f64,
@@ -31,7 +31,7 @@ impl Unit {
 
 pub(super) fn layout(rng: &mut Rng) -> Plan {
     let unit = Unit {
-        // Even steps, so that half of it lies on the plan's raster too.
+        // Even multiples, so that its half is on the plan's raster, too.
         width: 2.0 * snap(rng.between(1.55, 2.1)),
         depth: snap(rng.between(4.8, 6.6)),
         bath_width: snap(rng.between(1.6, 1.9)),
@@ -64,7 +64,7 @@ pub(super) fn layout(rng: &mut Rng) -> Plan {
     let corridor = Rect { min: [0.0, low], max: [length, high] };
     cells.push(Cell { kind: RoomKind::Corridor, outline: snapped(&corridor), unit: None });
     if rng.chance(0.7) {
-        // A lounge across the corridor's end, where one knows where one is.
+        // A lounge across the corridor's end, as a distinctive place.
         let top = if both_sides { 2.0 * unit.depth + aisle } else { high };
         let reach = rng.between(3.5, LOUNGE_M);
         let lounge =
@@ -93,7 +93,7 @@ fn moved(rect: &Rect, place: &UnitPlace) -> Rect {
     snapped(&Rect { min: [a.x.min(b.x), a.y.min(b.y)], max: [a.x.max(b.x), a.y.max(b.y)] })
 }
 
-/// The same openings in every unit.
+/// Adds the same openings to every unit.
 fn open_units(plan: &mut Plan, unit: &Unit, rng: &mut Rng) {
     let (half, bath) = (unit.width / 2.0, unit.depth - unit.bath_depth);
     let entry = (unit.bath_width - half + half) / 2.0;
@@ -158,7 +158,7 @@ fn rooms_beside(plan: &Plan, opening: &Opening) -> [Option<usize>; 2] {
     [plan.room_at(&(opening.centre - step.coords)), plan.room_at(&(opening.centre + step.coords))]
 }
 
-/// The lounge's way and the windows outside the units.
+/// Adds the lounge's way and the windows outside the units.
 fn open_rest(plan: &mut Plan, rng: &mut Rng) {
     let mut rest = plan.clone();
     rest.openings.clear();

@@ -4,7 +4,7 @@ use super::programme::{Wish, wishes};
 use super::{Cell, Rect, RoomKind, snap};
 use crate::simulate::rng::Rng;
 
-/// At most so many layouts are drawn; the one whose rooms are shaped best is kept.
+/// Maximum number of layouts drawn; the one with the lowest cost is kept.
 const DRAWS: usize = 400;
 
 pub(super) fn layout(rng: &mut Rng) -> Vec<Cell> {
@@ -21,7 +21,7 @@ pub(super) fn layout(rng: &mut Rng) -> Vec<Cell> {
         if best.as_ref().is_some_and(|(least, _)| *least == 0.0) {
             break;
         }
-        // Some lists do not fit along a corridor.
+        // Fall back to free layouts: some lists do not fit along a corridor.
         let draw =
             if along_corridor && attempt < DRAWS / 2 { corridor(&list, rng) } else { free(&list, rng) };
         let cost: f64 = draw.iter().map(|(wish, rect)| misfit(wish, rect)).sum();
@@ -40,7 +40,7 @@ pub(super) fn layout(rng: &mut Rng) -> Vec<Cell> {
         .collect()
 }
 
-/// How far a rectangle is from a usable room.
+/// Returns the cost of a rectangle as a room; 0 if it is usable.
 fn misfit(wish: &Wish, rect: &Rect) -> f64 {
     let (short, long) = (rect.size(0).min(rect.size(1)), rect.size(0).max(rect.size(1)));
     let narrow = (wish.min_side_m() - short).max(0.0) * 10.0;
@@ -55,14 +55,14 @@ fn free(list: &[Wish], rng: &mut Rng) -> Vec<(Wish, Rect)> {
     let rect = Rect { min: [0.0, 0.0], max: [width, snap(area / width)] };
     let mut list = list.to_vec();
     rng.shuffle(&mut list);
-    // Slicing leaves the first of the list in a corner, which is where the outside may be.
+    // Slicing leaves the first of the list in a corner, the only place for the outside.
     list.sort_by_key(|wish| wish.kind.is_some());
     let mut out = vec![];
     slice(&list, rect, rng, &mut out);
     out
 }
 
-/// A corridor with rooms on both sides, and sometimes a room across its end.
+/// Returns a corridor with rooms on both sides, and sometimes a room across its end.
 fn corridor(list: &[Wish], rng: &mut Rng) -> Vec<(Wish, Rect)> {
     let width = snap(rng.between(1.2, 1.7));
     let (way, mut rest): (Vec<Wish>, Vec<Wish>) =
@@ -97,14 +97,14 @@ fn corridor(list: &[Wish], rng: &mut Rng) -> Vec<(Wish, Rect)> {
         let reach = snap((wish.area_m2 / high).max(2.8));
         out.push((wish, Rect { min: [length, 0.0], max: [length + reach, high] }));
     }
-    // Sums of 5 cm steps are not exact; walls are found by equal coordinates.
+    // Sums of 5 cm steps are inexact, but walls are found by equal coordinates.
     for (_, rect) in &mut out {
         *rect = Rect { min: rect.min.map(snap), max: rect.max.map(snap) };
     }
     out
 }
 
-/// Cuts `rect` in two by area, and each part again, until every wish has its own.
+/// Cuts `rect` recursively by area until every request has its own.
 fn slice(list: &[Wish], rect: Rect, rng: &mut Rng, out: &mut Vec<(Wish, Rect)>) {
     match list {
         [] => {}

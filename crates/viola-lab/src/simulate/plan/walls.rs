@@ -1,8 +1,8 @@
-//! The walls that rectangles make where they meet.
+//! Walls between adjacent rectangles.
 
 use super::{Room, Wall};
 
-/// Every stretch of wall, with the room on either side.
+/// Returns every wall segment with the room on either side.
 pub(super) fn between(rooms: &[Room]) -> Vec<Wall> {
     let mut walls = vec![];
     for along_x in [true, false] {

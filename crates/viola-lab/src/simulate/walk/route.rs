@@ -1,4 +1,4 @@
-//! Where a walk keeps to, and the way from one place to the next.
+//! Region of a walk, and paths in it.
 
 use crate::simulate::clearance::largest_region;
 use crate::simulate::home::Home;
@@ -8,7 +8,7 @@ use crate::simulate::survey::Survey;
 use std::collections::VecDeque;
 use viola_geometry::{Grid, Point2, Vector2};
 
-/// One room, sometimes with one next to it, and where one can stand in it.
+/// Returns one room, sometimes with an adjacent one, and the cells where a person can stand.
 pub(super) fn region(
     home: &Home,
     survey: &Survey,
@@ -51,7 +51,7 @@ pub(super) fn region(
     (largest_region(&cells), rooms)
 }
 
-/// How likely a clip is recorded in a room; never in one that the vacuum did not map.
+/// Returns the relative probability of a clip in a room; 0 if the vacuum did not map it.
 fn weight(room: &Room, survey: &Survey) -> f64 {
     if survey.coverage(room) < 0.15 {
         return 0.0;
@@ -64,7 +64,7 @@ fn weight(room: &Room, survey: &Survey) -> f64 {
     }
 }
 
-/// The shortest way over the region's cells, rounded where that stays inside.
+/// Returns the shortest path over the region's cells, smoothed where it stays inside.
 pub(super) fn path(region: &Grid<bool>, from: &Point2, to: &Point2) -> VecDeque<Point2> {
     let frame = region.frame;
     let cell = |point: &Point2| frame.cell(point).map(|(x, y)| y * frame.width + x);

@@ -75,7 +75,7 @@ fn resizes_as_torch_does() {
     }
 }
 
-/// Where corners are aligned, the corners' pixels are the picture's own.
+/// With aligned corners, the corner pixels are the picture's own.
 #[test]
 fn aligned_corners_stay() {
     let fit = Fit { input: raster(17, 9), content: raster(11, 9) };

@@ -1,4 +1,4 @@
-//! What a frame shows where a key frame's points fall, and what that says of the pose.
+//! Samples a frame at a key frame's points, and sums up the normal equations of the pose.
 
 use super::state::State;
 use super::sums::Sums;
@@ -6,15 +6,15 @@ use crate::track::picture::Layer;
 use crate::track::reference::{Group, LANES, Lanes};
 use rayon::prelude::*;
 
-/// Weight of grey against depth; 1 takes both at their estimated errors.
+/// Weight of grey against depth; 1 weights both by their estimated errors.
 const GREY_WEIGHT: f64 = 1.0;
 
-/// Groups that one thread works on. Fixed, so that sums do not hang on the number of threads.
+/// Groups for one thread. Fixed, so that sums do not depend on the number of threads.
 const CHUNK: usize = 256;
 /// Degrees of freedom of the t-distribution (Kerl et al.).
 const FREEDOM: f32 = 5.0;
 
-/// The sums over all points of a layer.
+/// Returns the sums over all points of a layer.
 pub(super) fn sum(groups: &[Group], layer: &Layer, state: &State, gate: f32) -> Sums {
     let look = Look::new(layer, state, gate);
     let parts: Vec<Sums> = groups.par_chunks(CHUNK).map(|chunk| look.sum(chunk)).collect();
@@ -23,7 +23,7 @@ pub(super) fn sum(groups: &[Group], layer: &Layer, state: &State, gate: f32) -> 
     sums
 }
 
-/// What is the same for all points of a step.
+/// Constants for all points of a step.
 struct Look<'a> {
     layer: &'a Layer,
     turn: [[f32; 3]; 3],
@@ -33,15 +33,15 @@ struct Look<'a> {
     gain: f32,
     offset: f32,
     gate: f32,
-    /// One over the squared spreads.
+    /// Inverse of the squared spreads.
     grey_scale: f32,
     depth_scale: f32,
     grey_weight: f32,
 }
 
-/// What the frame shows where eight points fall.
+/// Samples of the frame at eight points.
 struct Found {
-    /// Where the points are in the camera's frame, and how far their readings lie from there.
+    /// Offset of each reading from its point, in the camera's frame.
     gap_m: [Lanes; 3],
     grey: Lanes,
     seen: Lanes,
@@ -156,7 +156,7 @@ impl<'a> Look<'a> {
         }
     }
 
-    /// The errors of eight points, with their weights and slopes; `counts` sums up what was seen.
+    /// Returns the errors of eight points, with their weights and slopes, and adds to `counts`.
     #[inline]
     fn errors(&self, group: &Group, counts: &mut [Lanes; 7]) -> Errors {
         let [[a, b, c], [d, e, f], [g, h, i]] = self.turn;
@@ -168,7 +168,7 @@ impl<'a> Look<'a> {
             let (nx, ny, nz) = (group.normal[0][l], group.normal[1][l], group.normal[2][l]);
             let (sx, sy, sz) = (group.slope[0][l], group.slope[1][l], group.slope[2][l]);
             let sharp = group.sharpness[l];
-            // The gap along the normal, which is turned into the camera's frame.
+            // The gap along the normal, rotated into the camera's frame.
             let along = (a * nx + b * ny + c * nz) * found.gap_m[0][l]
                 + (d * nx + e * ny + f * nz) * found.gap_m[1][l]
                 + (g * nx + h * ny + i * nz) * found.gap_m[2][l];

@@ -1,4 +1,4 @@
-//! What a step knows of a frame, and how it is taken.
+//! State of an alignment.
 
 use nalgebra::{SMatrix, SVector};
 use viola_geometry::Pose3;

@@ -1,11 +1,11 @@
-//! What a step sums up over points.
+//! Normal equations and counts of a step.
 
 use super::state::Matrix8;
 
 /// Sums over points.
 #[derive(Debug, Clone)]
 pub(super) struct Sums {
-    /// Upper triangle of the 6x6 part, row after row; then gain and offset with the pose; then the two with themselves.
+    /// Upper triangle of the 6x6 part, row by row; then gain and offset with the pose; then with each other.
     pub squares: [f64; 36],
     pub gradient: [f64; 8],
     pub seen: f64,

@@ -1,4 +1,4 @@
-//! `data.jsonl`, a line at a time: there are hundreds of them a second.
+//! Reads `data.jsonl` line by line: it has hundreds of lines per second.
 
 use crate::clip::ClipError;
 use crate::clip::layout::text::pose_from_rows;
@@ -29,7 +29,7 @@ struct FrameEntry {
     camera_ind: u32,
     camera_parameters: Option<Parameters>,
     imu_to_camera: Option<[[f64; 4]; 4]>,
-    /// Metres for a unit of the depth picture.
+    /// Metres per unit of the depth picture.
     depth_scale: Option<f64>,
 }
 
@@ -63,7 +63,7 @@ struct PoseEntry {
     orientation: Orientation,
 }
 
-/// Where the device was, by the truth or by a method.
+/// A pose of the device, by the ground truth or by a method.
 pub(super) struct PoseLine<'a> {
     pub time_s: f64,
     /// `groundTruth`, or the method's name.
@@ -72,17 +72,17 @@ pub(super) struct PoseLine<'a> {
     pub orientation: Orientation,
 }
 
-/// What is said of a frame.
+/// Data of a frame.
 pub(super) struct FrameLine {
     pub number: u32,
     pub time_s: f64,
     pub numbers: Option<Numbers>,
     pub camera_from_imu: Option<Pose3>,
-    /// Metres for a unit of the depth picture.
+    /// Metres per unit of the depth picture.
     pub depth_scale: Option<f64>,
 }
 
-/// What a sensor of the device felt.
+/// A reading of one of the device's sensors.
 #[derive(Deserialize)]
 struct Sensor {
     #[serde(rename = "type")]
@@ -91,7 +91,7 @@ struct Sensor {
 }
 
 impl Line {
-    /// Of the accelerometer, in the axes of the device's sensors.
+    /// Returns the accelerometer's force, in the axes of the device's sensors.
     pub fn force(&self) -> Option<Timed<Vector3>> {
         let sensor = Sensor::deserialize(self.others.get("sensor")?).ok()?;
         let [x, y, z] = *sensor.values.as_slice() else { return None };
@@ -126,7 +126,7 @@ impl Line {
     }
 }
 
-/// Gives every line to `take`.
+/// Passes every line to `take`.
 pub(super) fn read(
     container: &dyn Container,
     name: &str,

@@ -1,17 +1,17 @@
-//! What the accelerometer says of the world's upright axis.
+//! Check of the world's up axis by the accelerometer.
 
 use crate::clip::ClipError;
 use crate::clip::layout::text::{parse_row, read_table};
 use crate::container::Container;
 use viola_geometry::{Pose3, Vector3};
 
-/// A sample belongs to a frame when it is this near.
+/// Maximum time between a frame and its sample.
 const MAX_GAP_S: f64 = 0.03;
-/// Beyond this the file and the layout contradict each other.
+/// Above this angle the file and the layout contradict each other.
 const MAX_ANGLE_DEG: f64 = 15.0;
 
-/// Compares gravity in `imu.csv` with the world's y, in words. Units do not matter, for the file's are in doubt: the
-/// documentation says m/s2 and the app writes g. Neither does the sign.
+/// Compares gravity in `imu.csv` with the world's y and returns the result in words. Unit and sign do not
+/// matter: the documentation says m/s2, but the app writes g.
 pub(super) fn compare(
     container: &dyn Container,
     name: &str,
@@ -19,7 +19,7 @@ pub(super) fn compare(
 ) -> Result<String, ClipError> {
     let mut samples: Vec<(f64, Vector3)> = Vec::new();
     for (_, text) in read_table(container, name)?.rows() {
-        // The line with the columns' names, and rows that were cut, say nothing.
+        // The columns' names and truncated rows are skipped.
         let Some([time_s, ax, ay, az, ..]) = parse_row::<7>(text) else { continue };
         let acceleration = Vector3::new(ax, ay, az);
         if time_s.is_finite() && acceleration.norm().is_finite() && acceleration.norm() > 1e-6 {
@@ -37,8 +37,8 @@ pub(super) fn compare(
         else {
             continue;
         };
-        // The device's axes (x right, y up, z out of the screen, held upright) as the camera's, which records
-        // with the device on its side.
+        // Converts the device's axes (x right, y up, z out of the screen, held upright) to the camera's,
+        // which records with the device on its side.
         let in_camera = Vector3::new(-a.y, -a.x, -a.z);
         sum_in_world += world_from_camera.rotation * in_camera;
         frames += 1;

@@ -1,12 +1,12 @@
-//! LZF as PCD files have it (Marc Lehmann's liblzf): runs of bytes, and copies of what was there before.
+//! LZF of PCD files (Marc Lehmann's liblzf): runs of bytes, and copies of earlier bytes.
 
-/// Below this the control byte is the length of a run, less one.
+/// A control byte below this is the length of a run, less one.
 const FIRST_COPY: u8 = 32;
-/// This length of a copy is continued in the next byte.
+/// A copy of this length has more of its length in the next byte.
 const LONG_COPY: usize = 7;
 
-/// Exactly `size` bytes; none when the packed ones are broken or hold more or less. Memory is taken as the
-/// bytes come, not as `size` promises.
+/// Unpacks exactly `size` bytes; `None` if the data is broken or has another size. Memory grows with the
+/// unpacked bytes, because `size` is not trusted.
 pub(super) fn unpack(packed: &[u8], size: usize) -> Option<Vec<u8>> {
     let mut out: Vec<u8> = Vec::new();
     let mut bytes = packed;
@@ -33,7 +33,7 @@ pub(super) fn unpack(packed: &[u8], size: usize) -> Option<Vec<u8>> {
         if out.len() + length + 2 > size {
             return None;
         }
-        // A copy may reach into itself, which repeats it.
+        // A copy may overlap its own output, which repeats it.
         for index in from..from + length + 2 {
             out.push(out[index]);
         }

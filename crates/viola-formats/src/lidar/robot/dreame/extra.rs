@@ -1,5 +1,5 @@
-//! The JSON object behind the image of a Dreame map. What is not understood is passed over: firmwares write
-//! the same member as a number, a list or a text of Python.
+//! The JSON object after the image of a Dreame map. Unknown forms are ignored: firmwares write the same
+//! member as a number, a list or a string of Python.
 
 use super::on_sheet;
 use crate::lidar::drawing::Drawing;
@@ -9,14 +9,14 @@ use base64::engine::general_purpose::STANDARD;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// Longer ones are not parsed; the longest known has 0.1 MB.
+/// Maximum size of the object; the longest known has 0.1 MB.
 const MAX_JSON_BYTES: usize = 2 << 20;
 const SAVED_MAP_APPLIES: i64 = 2;
 
-/// What is used of the object.
+/// The used members of the object.
 #[derive(Default)]
 pub(super) struct Extra {
-    /// The saved map, as a text like the whole file.
+    /// The saved map, as a text in the form of the whole file.
     pub saved_map: Option<String>,
     saved_map_applies: bool,
     /// Rooms by their number.
@@ -32,7 +32,7 @@ pub(super) struct SegmentInfo {
 }
 
 impl SegmentInfo {
-    /// The saved map's words go before: it is where names are edited.
+    /// Merges the saved map's data: its name, edited there, takes precedence; its material is a fallback.
     pub fn take(&mut self, saved: SegmentInfo) {
         self.name = saved.name.or(self.name.take());
         self.material = self.material.take().or(saved.material);
@@ -40,7 +40,7 @@ impl SegmentInfo {
 }
 
 impl Extra {
-    /// An object that cannot be read costs the rooms' names and the restrictions, not the map.
+    /// Parses the object. If it is broken, the rooms' names and the restrictions are lost, not the map.
     pub fn parse(bytes: &[u8], notes: &mut Vec<String>) -> Extra {
         let bytes = bytes.trim_ascii();
         if bytes.is_empty() {
@@ -98,7 +98,7 @@ impl Extra {
         list.iter().filter_map(numbers).collect()
     }
 
-    /// Adds what the camera saw: texts of x, y in millimetres, a number of its kind, and the confidence.
+    /// Adds the camera's obstacles: texts of x, y in millimetres, a type number, and the confidence.
     pub fn add_obstacles(&self, drawing: &mut Drawing) {
         let list = self.obstacles.as_array().map_or(&[][..], Vec::as_slice);
         for item in list {
@@ -116,7 +116,7 @@ impl Extra {
     }
 }
 
-/// `{"3": {"name": base64, "type": number, "material": number, "direction": degrees}}`
+/// Reads `{"3": {"name": base64, "type": number, "material": number, "direction": degrees}}`.
 fn segments(object: Option<&Value>) -> BTreeMap<usize, SegmentInfo> {
     let Some(members) = object.and_then(Value::as_object) else { return BTreeMap::new() };
     let info = |(id, segment): (&String, &Value)| {
@@ -140,7 +140,7 @@ fn segments(object: Option<&Value>) -> BTreeMap<usize, SegmentInfo> {
     members.iter().filter_map(info).collect()
 }
 
-/// What the robot's application shows in place of a name that nobody gave (as in Tasshack's `dreame-vacuum`).
+/// Returns the default name of a room's type in the robot's app (as in Tasshack's `dreame-vacuum`).
 fn kind_of_room(number: i64) -> Option<&'static str> {
     const KINDS: [&str; 15] = [
         "Living room",
@@ -159,7 +159,7 @@ fn kind_of_room(number: i64) -> Option<&'static str> {
         "Recreation area",
         "Secondary bedroom",
     ];
-    // 0 is a room of no kind.
+    // Type 0 has no name.
     KINDS.get(usize::try_from(number).ok()?.checked_sub(1)?).copied()
 }
 

@@ -1,0 +1,90 @@
+//! Layers for all answers: compression, and CORS for pages of other origins.
+
+use axum::http::{Extensions, HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Version, header};
+use std::str::FromStr;
+use std::time::Duration;
+use tower_http::compression::CompressionLayer;
+use tower_http::compression::predicate::{And, Predicate, SizeAbove};
+use tower_http::cors::{AllowHeaders, CorsLayer};
+use url::Url;
+
+/// Minimum size of a compressed answer: a shorter one is one packet either way.
+const MIN_BYTES: u64 = 1024;
+/// Time for which a browser may cache the answer to a preflight request.
+const PREFLIGHT_LIFE: Duration = Duration::from_secs(600);
+
+/// A web origin (RFC 6454): a scheme, a host, and a port if it is not the scheme's default.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Origin(HeaderValue);
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("an origin is a scheme, a host and, if it is not the scheme's own, a port: https://app.example")]
+pub struct InvalidOrigin;
+
+impl FromStr for Origin {
+    type Err = InvalidOrigin;
+
+    fn from_str(text: &str) -> Result<Origin, InvalidOrigin> {
+        let origin = Url::parse(text).map_err(|_| InvalidOrigin)?.origin().ascii_serialization();
+        if origin != text.trim_end_matches('/') {
+            return Err(InvalidOrigin);
+        }
+        HeaderValue::from_str(&origin).map(Origin).map_err(|_| InvalidOrigin)
+    }
+}
+
+type IsCompressed = fn(StatusCode, Version, &HeaderMap, &Extensions) -> bool;
+
+/// Compresses text and points by gzip or Brotli, if the client accepts one. Pictures and archives are
+/// compressed already, and events must not wait in a buffer.
+pub(super) fn compression() -> CompressionLayer<And<SizeAbove, IsCompressed>> {
+    let is_compressed: IsCompressed = |_, _, headers, _| is_text_or_points(headers);
+    CompressionLayer::new().compress_when(SizeAbove::new(MIN_BYTES).and(is_compressed))
+}
+
+fn is_text_or_points(headers: &HeaderMap) -> bool {
+    let media_type =
+        headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    let media_type = media_type.split(';').next().unwrap_or_default().trim();
+    match media_type {
+        "text/event-stream" => false,
+        "application/javascript" | "application/json" | "image/svg+xml" => true,
+        other => other.starts_with("text/") || other.starts_with("model/") || other.ends_with("+json"),
+    }
+}
+
+/// Returns the layer that lets pages of `origins` call the service (CORS, Fetch standard) and read the
+/// headers of tus and of errors. Returns none without origins: browsers then refuse pages of other origins.
+pub(super) fn cors(origins: &[Origin]) -> Option<CorsLayer> {
+    if origins.is_empty() {
+        return None;
+    }
+    let exposed = [
+        "etag",
+        "location",
+        "retry-after",
+        "tus-checksum-algorithm",
+        "tus-extension",
+        "tus-max-size",
+        "tus-resumable",
+        "tus-version",
+        "upload-concat",
+        "upload-defer-length",
+        "upload-expires",
+        "upload-length",
+        "upload-metadata",
+        "upload-offset",
+        "viola-clip",
+        "viola-job",
+        "x-request-id",
+    ];
+    let methods = [Method::GET, Method::HEAD, Method::POST, Method::PUT, Method::PATCH, Method::DELETE];
+    Some(
+        CorsLayer::new()
+            .allow_origin(origins.iter().map(|origin| origin.0.clone()).collect::<Vec<_>>())
+            .allow_methods(methods)
+            .allow_headers(AllowHeaders::mirror_request())
+            .expose_headers(exposed.map(HeaderName::from_static))
+            .max_age(PREFLIGHT_LIFE),
+    )
+}

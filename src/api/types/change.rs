@@ -1,0 +1,53 @@
+//! The feed of changes.
+
+use super::answer;
+use super::clip::ClipState;
+use super::names::HomeId;
+use jiff::Timestamp;
+use uuid::Uuid;
+
+answer! {
+    /// Kind of a change.
+    enum ChangeKind from crate::storage::ChangeKind {
+        /// The home was made, renamed, or removed with everything in it.
+        Home,
+        /// The home's LiDAR map has a new revision.
+        LidarMap,
+        /// The clip is new, or its state, placement or choice changed, or it was removed.
+        Clip,
+        /// The home's fused map has a new revision.
+        Map,
+    }
+}
+
+answer! {
+    /// The newest change of a home, of its LiDAR map, of a clip, or of a fused map.
+    struct Change from crate::storage::Change {
+        /// Grows with every change, not always by 1.
+        #[schema(minimum = 1, example = 4711)]
+        seq: i64,
+        at: Timestamp,
+        home: HomeId,
+        kind: ChangeKind,
+        /// Id of the clip, for kind `clip`.
+        #[schema(example = "01a1f766-7a97-7747-9dbb-391e0eeccb64")]
+        clip: Option<Uuid>,
+        /// Current revision, for kinds `lidar_map` and `map`.
+        revision: Option<i64>,
+        /// State of the clip, for kind `clip`; null if it was removed.
+        state: Option<ClipState>,
+        /// True if it was removed.
+        deleted: bool,
+    }
+}
+
+impl From<ChangeKind> for crate::storage::ChangeKind {
+    fn from(kind: ChangeKind) -> crate::storage::ChangeKind {
+        match kind {
+            ChangeKind::Home => crate::storage::ChangeKind::Home,
+            ChangeKind::LidarMap => crate::storage::ChangeKind::LidarMap,
+            ChangeKind::Clip => crate::storage::ChangeKind::Clip,
+            ChangeKind::Map => crate::storage::ChangeKind::Map,
+        }
+    }
+}

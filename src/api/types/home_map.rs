@@ -1,0 +1,160 @@
+//! A home's fused map: revisions, rooms, objects, coverage.
+
+use super::answer;
+use super::clip::{ClipState, PlacedBy};
+use super::job::Reason;
+use super::names::{HomeId, Pose2};
+use jiff::Timestamp;
+use uuid::Uuid;
+
+answer! {
+    /// The part of the LiDAR map that was seen.
+    struct Coverage from viola_home::Coverage {
+        /// Share of the LiDAR map's occupied points that the fused map explains: it has a surface other than the floor
+        /// within 10 cm of it, below 2 m. 0 for a map without such points.
+        seen: f64,
+        /// Share of the LiDAR map's free area over which the fused map has the floor or an object on it. 0
+        /// for a map without free area.
+        floor_seen: f64,
+        by_room: Vec<RoomCoverage>,
+    }
+}
+
+answer! {
+    /// The part of one room that was seen.
+    struct RoomCoverage from viola_home::RoomCoverage {
+        /// Id of the room.
+        room: String,
+        /// Share of the occupied points in the room and at its walls.
+        seen: f64,
+        floor_seen: f64,
+    }
+}
+
+answer! {
+    /// Contents of a home's map.
+    struct HomeMapInfo from viola_home::HomeMapInfo {
+        points: usize,
+        voxel_m: f64,
+        /// Corners of its bounding box, in the LiDAR map's frame; null if it is empty.
+        min_m: Option<[f32; 3]>,
+        max_m: Option<[f32; 3]>,
+        /// Points by class, the largest first.
+        classes: Vec<ClassCount>,
+    }
+}
+
+answer! {
+    struct ClassCount from viola_home::ClassCount {
+        #[schema(example = "floor")]
+        class: String,
+        points: usize,
+    }
+}
+
+answer! {
+    /// Source of a room.
+    enum RoomSource from viola_home::RoomSource {
+        /// A segment of the robot's software.
+        LidarMap,
+        /// Computed from the map.
+        Computed,
+    }
+}
+
+answer! {
+    /// A room, in the LiDAR map's frame.
+    struct Room from viola_home::Room {
+        id: String,
+        name: Option<String>,
+        source: RoomSource,
+        /// Area of the polygon without its holes, in square metres.
+        area_m2: f64,
+        /// The outer ring, counter-clockwise; the last corner is not the first one again.
+        polygon_m: Vec<[f64; 2]>,
+        /// Rings inside, clockwise.
+        holes_m: Vec<Vec<[f64; 2]>>,
+        /// A point inside, far from the border, for a label.
+        label_at_m: [f64; 2],
+    }
+}
+
+answer! {
+    /// One state of a home's fused map. It never changes.
+    struct HomeMap from crate::storage::HomeMap {
+        /// Counts from 1; the highest is the current one.
+        #[schema(minimum = 1, example = 4)]
+        revision: i64,
+        /// The LiDAR map in whose frame it is.
+        #[schema(minimum = 1, example = 1)]
+        lidar_map_revision: i64,
+        /// The clips in it, in an order independent of their arrival; points name a clip by its index here.
+        clips: Vec<MapClip>,
+        info: HomeMapInfo,
+        created_at: Timestamp,
+    }
+}
+
+answer! {
+    /// A clip in a home's map.
+    struct MapClip from crate::storage::MapClip {
+        clip: Uuid,
+        /// Refined together with the clips that it overlaps.
+        map_from_clip: Pose2,
+        by: PlacedBy,
+        /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1; null if a person chose it.
+        #[schema(minimum = 0, maximum = 1, example = 0.97)]
+        probability: Option<f64>,
+        recorded_at: Option<Timestamp>,
+        /// Points that the clip brought.
+        points: usize,
+        /// Distance in metres by which the refinement moved the clip's origin from its own alignment.
+        moved_m: f64,
+        /// Angle in degrees by which it turned the clip.
+        moved_deg: f64,
+    }
+}
+
+answer! {
+    /// A clip that is not in its home's map, with the reasons.
+    struct LeftOut from crate::storage::LeftOut {
+        clip: Uuid,
+        state: ClipState,
+        reasons: Vec<Reason>,
+    }
+}
+
+answer! {
+    /// An object in a home, in the LiDAR map's frame: an upright box and its properties.
+    struct MapObject from crate::storage::MapObject {
+        /// The same in the next revision if the object is in the same place.
+        #[schema(example = "sofa-1")]
+        id: String,
+        #[schema(example = "sofa")]
+        class: String,
+        /// 0..1, from the share of its points' evidence for this class and from the fit of its size.
+        confidence: f64,
+        centre_m: [f64; 3],
+        /// Along its own x, y and z: length, width, height. The length is not the shorter of the two.
+        size_m: [f64; 3],
+        /// Direction of its own x axis, in [0, pi).
+        yaw_rad: f64,
+        /// Id of the room that it is in.
+        room: Option<String>,
+        /// Points of the map.
+        points: usize,
+        /// The clips that saw a substantial share of it.
+        clips: Vec<Uuid>,
+        /// Time of recording of the newest of those clips, if it is known.
+        last_seen: Option<Timestamp>,
+    }
+}
+
+answer! {
+    /// An object and its home.
+    struct HomeObject from crate::storage::HomeObject {
+        home: HomeId,
+        #[serde(flatten)]
+        object: MapObject,
+    }
+}

@@ -1,0 +1,88 @@
+//! A job.
+
+use super::answer;
+use super::names::HomeId;
+use jiff::Timestamp;
+use uuid::Uuid;
+
+answer! {
+    /// The stages of aligning one clip, in the order in which they run.
+    enum Stage from viola_geometry::progress::Stage {
+        /// Open the container and read the poses and the intrinsics.
+        Decode,
+        /// Follow the camera through the pictures of a clip without poses.
+        Track,
+        /// Decode the key frames and fuse them into a signed distance map.
+        Fuse,
+        /// Label the key frames by the network, if there is one.
+        Label,
+        /// Find the floor plane.
+        Floor,
+        /// Cast rays at the vacuum's height.
+        Raycast,
+        /// Search the whole map for candidate poses.
+        Search,
+        /// Refine all candidates at once.
+        Refine,
+        /// Compare the candidates and compute the probability of the best one.
+        Decide,
+        /// Fill in what the clip did not see; then search, refine and decide again.
+        Complete,
+        /// Write pictures and clouds.
+        Report,
+    }
+}
+
+answer! {
+    /// A machine-readable reason for a verdict.
+    struct Reason from viola_reconstruct::Reason {
+        /// Stable, in snake case, for programs: `several_modes`, `too_few_hits`, `no_floor` ...
+        code: String,
+        /// For people.
+        detail: String,
+    }
+}
+
+answer! {
+    /// State of a job.
+    enum JobState from crate::storage::JobState {
+        Queued,
+        Running,
+        /// The method gave an answer, which may be that the clip cannot be aligned.
+        Succeeded,
+        /// There is no answer; `error` says why.
+        Failed,
+        Cancelled,
+    }
+}
+
+answer! {
+    /// The alignment of one clip to one revision of its home's LiDAR map.
+    struct Job from crate::storage::Job {
+        #[schema(example = "01a1f766-7abd-71fb-b5b7-3d59df71839d")]
+        id: Uuid,
+        home: HomeId,
+        clip: Uuid,
+        lidar_map_revision: i64,
+        state: JobState,
+        /// Current stage of the method, while the job runs.
+        stage: Option<Stage>,
+        /// Progress of the whole job, 0..1.
+        #[schema(minimum = 0, maximum = 1, example = 0.43)]
+        progress: f64,
+        /// Number of attempts, with the current one but without those that a fault of the service ended.
+        #[schema(example = 1)]
+        attempts: u32,
+        #[schema(example = 3)]
+        max_attempts: u32,
+        /// Reason for the failure of the last attempt, or of the job.
+        error: Option<Reason>,
+        /// Grows with every change.
+        #[schema(example = 5)]
+        version: i64,
+        created_at: Timestamp,
+        updated_at: Timestamp,
+        started_at: Option<Timestamp>,
+        finished_at: Option<Timestamp>,
+    }
+}

@@ -1,0 +1,100 @@
+//! Opens a file in a process of its own, to find out whether the file ends its process, or whether earlier
+//! processes ended for another reason.
+
+use super::refusal::UploadRefusal;
+use crate::api::error::{Error, Problem};
+use crate::jobs::ChildParams;
+use crate::storage::Arrived;
+use serde::{Deserialize, Serialize};
+use std::ffi::OsStr;
+use std::path::Path;
+use std::process::Stdio;
+use std::time::Duration;
+use tokio::process::Command;
+use viola_formats::clip::{Clip, ClipInfo};
+use viola_formats::video::was_asked_to_stop;
+
+/// Timeout for opening a file; a file that takes longer is refused.
+const MAX_TIME: Duration = Duration::from_secs(120);
+
+/// Output of the process: one line of JSON. A process without output died.
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Opened {
+    Clip(Box<ClipInfo>),
+    Refused(Problem),
+    /// A fault of the service or of the system.
+    Failed(String),
+}
+
+/// Opens the clip at `path` and returns what its parent process reads.
+pub fn opened_clip_json(path: &Path) -> String {
+    let opened = match Clip::open(path).map_err(Error::from) {
+        Ok(clip) => Opened::Clip(Box::new(clip.info().clone())),
+        Err(error) if error.is_refusal() => Opened::Refused(error.problem()),
+        Err(error) => Opened::Failed(error.to_string()),
+    };
+    serde_json::to_string(&opened).expect("our own records have text keys and cannot fail to serialise")
+}
+
+/// Opens a file in a process that is started by `params`.
+pub(super) async fn open(params: &ChildParams, file: Arrived) -> Result<(Arrived, ClipInfo), Error> {
+    let failed = |cause: String| Error::Panicked(format!("a file could not be opened apart: {cause}"));
+    let mut command = Command::new(&params.program);
+    command.args(&params.arguments).arg(OsStr::new(file.path()));
+    command.env_clear().envs(params.environment.iter().cloned());
+    command.stdin(Stdio::null()).stderr(Stdio::null()).kill_on_drop(true);
+    let Ok(output) = tokio::time::timeout(MAX_TIME, command.output()).await else {
+        return Err(UploadRefusal::Unreadable.into());
+    };
+    let output = output.map_err(|error| failed(error.to_string()))?;
+    match serde_json::from_slice(&output.stdout) {
+        Ok(Opened::Clip(info)) => Ok((file, *info)),
+        Ok(Opened::Refused(problem)) => Err(Error::Told(problem)),
+        Ok(Opened::Failed(cause)) => Err(failed(cause)),
+        // By a signal: it aborted, or took too much memory.
+        Err(_) if output.status.code().is_none() && !was_asked_to_stop(output.status) => {
+            Err(UploadRefusal::Unreadable.into())
+        }
+        Err(error) => Err(failed(format!("{}: {error}", output.status))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::storage::{Storage, StorageParams};
+
+    /// Opens a file by a shell script that plays the child.
+    async fn open_by(script: &str) -> Result<(Arrived, ClipInfo), Error> {
+        let folder = tempfile::tempdir().unwrap();
+        let storage = Storage::open(&StorageParams::in_folder(folder.path())).await.unwrap();
+        let file = storage.incoming().unwrap().finish().await.unwrap();
+        let arguments = ["-c", script].map(Into::into).to_vec();
+        let params = ChildParams { program: "/bin/sh".into(), arguments, environment: Vec::new() };
+        let opened = open(&params, file).await;
+        storage.close().await;
+        opened
+    }
+
+    #[tokio::test]
+    async fn a_file_that_ends_its_process_is_refused_and_a_fault_of_ours_is_not() {
+        let refused = open_by("kill -9 $$").await.unwrap_err();
+        assert_eq!(refused.problem().kind, "urn:viola:problem:upload-unreadable");
+        for ours in ["exit 3", "kill -15 $$", "echo '{\"failed\":\"no descriptors\"}'", "echo {"] {
+            assert!(!open_by(ours).await.unwrap_err().is_refusal(), "{ours}");
+        }
+    }
+
+    #[tokio::test]
+    async fn the_parent_reads_what_the_child_writes() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = folder.path().join("text");
+        std::fs::write(&text, "no clip").unwrap();
+        let told = opened_clip_json(&text);
+        let refused = open_by(&format!("printf '%s' '{}'", told.replace('\'', "'\\''"))).await.unwrap_err();
+        assert_eq!(refused.problem(), Error::from(Clip::open(&text).err().unwrap()).problem());
+        let missing = opened_clip_json(&folder.path().join("missing"));
+        assert!(missing.contains("failed"), "{missing}");
+    }
+}

@@ -1,0 +1,52 @@
+//! Compression, and pages of other origins.
+
+use crate::server::Server;
+use flate2::read::GzDecoder;
+use reqwest::Method;
+use std::io::Read;
+
+#[tokio::test]
+async fn text_is_compressed_for_those_who_accept_it() {
+    let server = Server::start().await;
+    let plain = server.get("/openapi.json").await;
+    assert_eq!(plain.header("content-encoding"), "");
+    for encoding in ["gzip", "br"] {
+        let request = server.request(Method::GET, "/openapi.json").header("accept-encoding", encoding);
+        let packed = server.send(request).await;
+        assert_eq!(packed.header("content-encoding"), encoding);
+        let (packed_bytes, plain_bytes) = (packed.bytes.len(), plain.bytes.len());
+        assert!(4 * packed_bytes < plain_bytes, "{encoding}: {packed_bytes} of {plain_bytes} bytes");
+        if encoding == "gzip" {
+            let mut text = Vec::new();
+            GzDecoder::new(packed.bytes.as_slice()).read_to_end(&mut text).unwrap();
+            assert_eq!(text, plain.bytes);
+        }
+    }
+    let short = server.request(Method::GET, "/healthz").header("accept-encoding", "gzip");
+    assert_eq!(server.send(short).await.header("content-encoding"), "");
+}
+
+#[tokio::test]
+async fn pages_of_named_origins_may_call_and_no_others() {
+    let server =
+        Server::with(|params| params.cors_origins = vec!["https://app.example".parse().unwrap()]).await;
+    let preflight = |origin: &'static str| {
+        let request = server.request(Method::OPTIONS, "/v1/uploads").header("origin", origin);
+        let request = request.header("access-control-request-method", "PATCH");
+        server.send(request.header("access-control-request-headers", "authorization,upload-offset"))
+    };
+    let allowed = preflight("https://app.example").await;
+    assert_eq!(allowed.header("access-control-allow-origin"), "https://app.example");
+    assert_eq!(allowed.header("access-control-allow-headers"), "authorization,upload-offset");
+    assert!(allowed.header("access-control-allow-methods").contains("PATCH"));
+    assert_eq!(preflight("https://evil.example").await.header("access-control-allow-origin"), "");
+
+    let read = server.request(Method::GET, "/v1/homes/none").header("origin", "https://app.example");
+    let answer = server.send(read).await;
+    assert!(answer.header("access-control-expose-headers").contains("upload-offset"));
+    answer.problem(404, "home-not-found");
+
+    for wrong in ["app.example", "https://app.example/path", "*", "null", ""] {
+        assert!(wrong.parse::<viola::api::Origin>().is_err(), "{wrong}");
+    }
+}
