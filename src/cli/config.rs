@@ -17,8 +17,11 @@ const CONFIGURED: [&str; 6] = ["serve", "work", "migrate", "keys", "tenants", "c
 #[derive(Args)]
 pub struct ConfigArguments {
     /// Command whose configuration is shown.
-    #[arg(value_name = "serve|work", default_value = "serve")]
+    #[arg(value_name = "COMMAND", default_value = "serve")]
     command: String,
+    /// Configuration file.
+    #[arg(long = "config", value_name = "FILE", env = VARIABLE)]
+    file: Option<PathBuf>,
 }
 
 /// A configuration file's settings for one command, by the names of flags.
@@ -32,6 +35,9 @@ pub fn with_file(given: impl Iterator<Item = OsString>, program: &Command) -> Re
         return Ok(arguments);
     };
     if !CONFIGURED.contains(&name.as_str()) {
+        if name == "config" {
+            arguments.extend([FLAG.into(), file.into()]);
+        }
         return Ok(arguments);
     }
     let mut command = program.find_subcommand(&name);
@@ -147,8 +153,8 @@ pub fn run(arguments: &ConfigArguments, program: &Command) -> Result<()> {
     let Some(command) = command else {
         bail!("the commands with a configuration are {}", CONFIGURED.join(", "))
     };
-    let file = std::env::var_os(VARIABLE).map(PathBuf::from);
-    let settings = file.as_deref().map(|file| read(file, name, program)).transpose()?.unwrap_or_default();
+    let settings =
+        arguments.file.as_deref().map(|file| read(file, name, program)).transpose()?.unwrap_or_default();
     for arg in command.get_arguments().filter(|arg| !arg.is_hide_set()) {
         let Some(long) = arg.get_long().filter(|long| *long != "help") else { continue };
         let (value, source) = value_of(arg, settings.get(long));
@@ -191,13 +197,14 @@ mod tests {
         let config = format!("--config={}", path.display());
         let given = ["viola"].iter().chain(given).map(|text| OsString::from(*text)).chain([config.into()]);
         let arguments = with_file(given, &program()).map_err(|error| format!("{error:#}"))?;
-        Ok(arguments.into_iter().skip(1).map(|text| text.into_string().unwrap()).collect())
+        let text = |text: OsString| text.into_string().unwrap().replace(path.to_str().unwrap(), "FILE");
+        Ok(arguments.into_iter().skip(1).map(text).collect())
     }
 
     #[test]
     fn a_file_stands_behind_flags_and_before_defaults() {
         let file = "listen = \"127.0.0.1:1\"\nworkers = 2\nno-worker = true\n[work]\nworkers = 3\n";
-        let cases: [(&[&str], &[&str]); 6] = [
+        let cases: [(&[&str], &[&str]); 7] = [
             (&["serve"], &["serve", "--listen=127.0.0.1:1", "--no-worker", "--workers=2"]),
             (
                 &["serve", "--workers", "5"],
@@ -207,6 +214,7 @@ mod tests {
             (&["work"], &["work", "--workers=3"]),
             (&["keys", "list"], &["keys", "list"]),
             (&["openapi"], &["openapi"]),
+            (&["config", "work"], &["config", "work", "--config", "FILE"]),
         ];
         for (given, expected) in cases {
             assert_eq!(expanded(file, given).as_deref(), Ok(expected.map_to_owned().as_slice()), "{given:?}");

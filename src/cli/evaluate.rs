@@ -105,7 +105,7 @@ pub struct EvaluateArguments {
 pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     let out = &arguments.out;
     if let (true, Some(scene)) = (arguments.labels, &arguments.scene) {
-        return judge_labels(arguments, scene);
+        return evaluate_labels(arguments, scene);
     }
     if arguments.track {
         return super::evaluate_track::run(arguments);
@@ -173,7 +173,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
 }
 
 /// `--labels`: writes `labels.json` and `labels.md`.
-fn judge_labels(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
+fn evaluate_labels(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
     fs::create_dir_all(&arguments.out)
         .with_context(|| format!("cannot make the folder {}", arguments.out.display()))?;
     let clip = Clip::open(scene).with_context(|| format!("clip {}", scene.display()))?;

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 use viola_align::AlignParams;
 use viola_home as home;
-use viola_lab::evaluate::home as judge;
+use viola_lab::evaluate::home as lab;
 use viola_lab::evaluate::home::{Matches, SampleParams, consecutive, evaluate};
 
 /// Writes `home.json`, `home.md` and the plan as PNG, SVG and GeoJSON.
@@ -42,7 +42,7 @@ pub fn simulated(arguments: &EvaluateArguments) -> Result<()> {
     let (mut rows, mut text) = (Vec::new(), String::new());
     for set in &arguments.set {
         let (matches, (there, matched)): (Matches, _) =
-            judge::simulated(*set, arguments.seeds.clone(), &params)?;
+            lab::simulated(*set, arguments.seeds.clone(), &params)?;
         text += &format!(
             "{}, seeds {:?}, {:.0} % of the patches called what they are: {matched} of {there} rooms with an IoU of at \
              least 0.5; furniture:\n\n{}\n",
@@ -55,7 +55,7 @@ pub fn simulated(arguments: &EvaluateArguments) -> Result<()> {
             serde_json::json!({ "set": set.name(), "objects": matches, "rooms": there, "matched": matched }),
         );
         let home = viola_lab::simulate::HomeParams::new(*set, arguments.seeds.start);
-        let map = judge::sample(&home, &params)?;
+        let map = lab::sample(&home, &params)?;
         let rooms = home::rooms(&map.lidar, &map.points);
         let sizes = home::ObjectsParams { voxel_m: params.voxel_m };
         let objects = home::objects(&map.points, &rooms, &sizes);

@@ -57,7 +57,9 @@ impl From<StorageError> for Trouble {
             StorageError::File { .. }
             | StorageError::Database(_)
             | StorageError::Blobs(_)
-            | StorageError::Randomness(_) => Trouble::Fault { fault: Fault::Storage, cause },
+            | StorageError::Randomness(_)
+            | StorageError::Unsettled(_)
+            | StorageError::WritesFail { .. } => Trouble::Fault { fault: Fault::Storage, cause },
             // Waiting would not help.
             _ => Trouble::Broken { code: "storage_error".to_owned(), cause },
         }

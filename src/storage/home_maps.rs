@@ -192,9 +192,12 @@ async fn files(
     .fetch_all(connection)
     .await?;
     let file = |row: &Row| {
-        let side = |number: i64| i32::try_from(number).unwrap_or_default();
-        let (x, y) = (row.maybe_number("tile_x")?, row.maybe_number("tile_y")?);
-        let tile = x.zip(y).map(|(x, y)| TileKey { x: side(x), y: side(y) });
+        let side = |column| -> Result<Option<i32>, StorageError> {
+            let number = row.maybe_number(column)?;
+            let side = number.map(i32::try_from).transpose();
+            side.map_err(|error| StorageError::Column { column, detail: error.to_string() })
+        };
+        let tile = side("tile_x")?.zip(side("tile_y")?).map(|(x, y)| TileKey { x, y });
         Ok(MapFile { tile, key: row.text("blob_key")? })
     };
     rows.iter().map(file).collect()

@@ -67,7 +67,7 @@ fn owner_of(key: &str) -> Owner<'_> {
 
 /// A sweep removes at most one blob per this many named ones, or the numbers below if they are larger. A
 /// killed process leaves far less: more means that the database is older than its blobs, or another one's.
-const MOST_FRACTION: u64 = 100;
+const NAMED_FOR_ONE_REMOVED: u64 = 100;
 
 /// A client's file lacks its row only between its last fsync and the commit: one for each request cut off
 /// there.
@@ -139,7 +139,7 @@ fn check(keys: &[String], more: u64, named: u64) -> Result<(), StorageError> {
     let owners: HashSet<Owner> = keys.iter().map(|key| owner_of(key)).collect();
     let sent = owners.iter().filter(|owner| matches!(owner, Owner::Sent(_))).count() as u64;
     let made = owners.len() as u64 - sent;
-    let fraction = named / MOST_FRACTION;
+    let fraction = named / NAMED_FOR_ONE_REMOVED;
     // A database that names no blob at all may be a new one.
     let most_sent = if named == 0 { 0 } else { fraction.max(MOST_SENT) };
     if sent > most_sent || made + more > fraction.max(MOST_MADE) {

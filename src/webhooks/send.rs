@@ -90,13 +90,13 @@ impl Sender {
             .send()
             .await;
         match answer {
-            Ok(answer) => judge(answer.status(), answer.headers()),
+            Ok(answer) => outcome(answer.status(), answer.headers()),
             Err(error) => Sent::Failed { status: None, error: cause(&error), wait: None },
         }
     }
 }
 
-fn judge(status: StatusCode, headers: &HeaderMap) -> Sent {
+fn outcome(status: StatusCode, headers: &HeaderMap) -> Sent {
     let number = status.as_u16();
     if status.is_success() {
         return Sent::Delivered { status: number };
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn answers_are_judged() {
+    fn an_answer_decides_what_becomes_of_a_message() {
         let cases = [
             (200, "delivered"),
             (204, "delivered"),
@@ -177,7 +177,7 @@ mod tests {
         ];
         let headers = HeaderMap::from_iter([(RETRY_AFTER, "120".parse().unwrap())]);
         for (status, expected) in cases {
-            match judge(StatusCode::from_u16(status).unwrap(), &headers) {
+            match outcome(StatusCode::from_u16(status).unwrap(), &headers) {
                 Sent::Delivered { .. } => assert_eq!(expected, "delivered"),
                 Sent::Gone => assert_eq!(expected, "gone"),
                 Sent::Failed { error, wait, .. } => {

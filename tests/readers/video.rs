@@ -281,15 +281,15 @@ fn absurd() -> Region {
 /// Any changed bytes give an answer or a refusal, never a panic, and always end.
 #[test]
 fn random_damage_ends() {
-    let mut dice = ChaCha8Rng::seed_from_u64(7);
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
     for name in ["h264_b.mp4", "h264_open.mp4", "hevc_b.mp4", "hevc_10.mp4"] {
         let sound = fs::read(Path::new(FIXTURES).join(name)).unwrap();
         let mut decoded = 0;
         for round in 0..60 {
             let mut bytes = sound.clone();
             for _ in 0..1 << (round % 6) {
-                let at = dice.random_range(0..bytes.len());
-                bytes[at] = dice.random();
+                let at = rng.random_range(0..bytes.len());
+                bytes[at] = rng.random();
             }
             let region = region_of(&bytes);
             let Ok(info) = video::inspect(&region) else { continue };

@@ -24,36 +24,36 @@ pub enum AlignmentState {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Alternative {
     pub map_from_clip: Pose2,
-    /// Mean robust distance of the hits to the map, plus what free space and the rooms' names say against the pose, in metres:
-    /// what ranks them.
+    /// Loss in metres, which ranks the alternatives: mean robust distance of the hits to the map, plus
+    /// penalties by free space and by the rooms' names.
     pub loss_m: f64,
-    /// Share of the hits within 0.1 m of the map, 0..1.
+    /// Fraction of the hits within 0.1 m of the map, 0..1.
     pub inliers: f64,
-    /// What free space says against the pose; null where the method does not look at it.
+    /// Contradictions by free space; null if the method does not use it.
     pub free_space: Option<FreeSpace>,
-    /// What does not belong in the room of the map in which it would stand, such as a bed in a kitchen, by the classes that a
-    /// network gave and the rooms' names: its share of all that was named above the floor, 0..1. Null where no room's name
-    /// tells what it is for.
+    /// Fraction of the labelled surface above the floor that does not belong in its room of the map, such as
+    /// a bed in a kitchen, 0..1; by a network's classes and the rooms' names. Null if no room's name states
+    /// its purpose.
     #[serde(default)]
     pub misplaced: Option<f64>,
-    /// That this pose is right, 0..1; null where the method does not give one.
+    /// Probability that this pose is right, 0..1; null if the method gives none.
     pub probability: Option<f64>,
-    /// All evidence that the loss is made of; none where the method has none, or the answer was read from a file.
+    /// All evidence of the loss; `None` if the method has none, or the answer was read from a file.
     #[serde(skip)]
     pub evidence: Option<Evidence>,
 }
 
-/// Contradictions between what one side saw free and the other side has standing there.
+/// Contradictions between free space of one side and obstacles of the other.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FreeSpace {
-    /// Share of the clip's rays that run through walls of the map, 0..1.
+    /// Fraction of the clip's rays that run through walls of the map, 0..1.
     pub blocked_rays: f64,
-    /// Share of the hits that stand where the robot saw free floor, 0..1.
+    /// Fraction of the hits that stand where the robot saw free floor, 0..1.
     pub hits_on_floor: f64,
-    /// Share of the hits that fit a wall on the side from which the robot never saw it, 0..1.
+    /// Fraction of the hits that fit a wall on a side that the robot never saw, 0..1.
     #[serde(default)]
     pub unseen_sides: f64,
-    /// Share of the map's walls that stand where the clip saw free floor, among those it speaks about, 0..1.
+    /// Walls of the map where the clip saw free floor, as a fraction of these walls and the hits, 0..1.
     pub walls_on_floor: f64,
 }
 
@@ -61,33 +61,33 @@ pub struct FreeSpace {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Alignment {
     pub state: AlignmentState,
-    /// That the pose is right to 10 degrees and 0.3 m, 0..1; null when there is no pose.
+    /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1; null without a pose.
     pub probability: Option<f64>,
-    /// Null when the state is `failed`.
+    /// Null if the state is `failed`.
     pub map_from_clip: Option<Pose2>,
-    /// Of (x_m, y_m, yaw_rad), row after row: square metres, metre radians, square radians.
+    /// Covariance of (x_m, y_m, yaw_rad), row by row: square metres, metre radians, square radians.
     pub covariance: Option<[[f64; 3]; 3]>,
-    /// That of the best alternative.
+    /// Loss of the best alternative.
     pub loss_m: Option<f64>,
     pub inliers: Option<f64>,
-    /// Share of the LiDAR map's points that the clip's hits explain, 0..1 (the paper's coverage).
+    /// Fraction of the LiDAR map's points that the clip's hits explain, 0..1 (the paper's coverage).
     pub coverage: Option<f64>,
     /// The ranked explanations, the chosen one first.
     pub alternatives: Vec<Alternative>,
     pub reasons: Vec<Reason>,
     pub hits: usize,
     pub key_frames: usize,
-    /// What told the classes of the points; null when nothing was fused.
+    /// Summary of the labelling; null if nothing was fused.
     pub labels: Option<LabelReport>,
     pub floor: Option<FloorReport>,
-    /// What was filled in because the first answer left doubt; null where nothing was.
+    /// Completion because the first answer was in doubt; null without completion.
     pub completion: Option<CompletionReport>,
     /// Time of each stage. The only part that differs from run to run.
     pub seconds: BTreeMap<String, f64>,
 }
 
 impl Alignment {
-    /// No pose, and nothing known.
+    /// Returns an answer without a pose or any data.
     pub fn failed() -> Alignment {
         Alignment {
             state: AlignmentState::Failed,
@@ -109,39 +109,39 @@ impl Alignment {
     }
 }
 
-/// The completion of an answer, as the answer reports it.
+/// Summary of the completion of an answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CompletionReport {
-    /// Points that continue walls.
+    /// Number of points that extend walls.
     pub structure_points: usize,
-    /// Points that networks made up.
+    /// Number of points by networks.
     pub imagined_points: usize,
-    /// Hits at the vacuum's height that were filled in.
+    /// Number of completed hits.
     pub hits: usize,
-    /// The networks that made something up.
+    /// The networks that completed pictures or their depth.
     pub imagined_by: Vec<String>,
-    /// The views of which pictures were filled in, in their order.
+    /// The views with completed pictures, in their order.
     pub views: Vec<ViewReport>,
-    /// The time allowed was over before the last view.
+    /// True if the time budget ended before the last view.
     pub cut_short: bool,
-    /// Whether the answer is the one with what was filled in.
+    /// True if the answer is the one after completion.
     pub taken: bool,
     pub before: Judged,
     pub after: Judged,
 }
 
-/// A view in short.
+/// Summary of a view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ViewReport {
     /// In the clip frame.
     pub view: View,
-    /// Share of the picture that was filled in, 0..1.
+    /// Fraction of the picture that was completed, 0..1.
     pub imagined_share: f64,
-    /// Points that the view added.
+    /// Number of points that the view added.
     pub points: usize,
 }
 
-/// An answer in short.
+/// Summary of an answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
     pub state: AlignmentState,

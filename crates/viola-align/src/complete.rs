@@ -1,8 +1,8 @@
-//! Stage 10: what the clip did not see at the vacuum's height is filled in, marked as such, and the clip is
-//! registered again (paper III-D).
+//! Stage 10: completes unseen parts at the vacuum's height, marks them, and registers the clip again
+//! (paper III-D).
 //!
-//! Structure comes first: walls go down to the floor and on to each other. Imagination comes behind it, for
-//! those who installed the networks: pictures from virtual cameras are completed and fused.
+//! Structure comes first: walls are extended to the floor and to each other. Imagination follows if its
+//! networks are installed: pictures from virtual cameras are completed and fused.
 
 mod depth;
 mod fusion;
@@ -29,39 +29,39 @@ use std::time::Duration;
 use viola_geometry::progress::{self, Progress, Stage};
 use viola_reconstruct::{PointCloud, Reason};
 
-/// How clips are completed.
+/// Parameters of the completion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CompleteParams {
     pub when: Activation,
-    /// None: walls end where they were last seen.
+    /// `None` ends walls where they were last seen.
     pub structure: Option<StructureCompletion>,
-    /// None: no network is asked for what was not seen.
+    /// `None` uses no network for unseen parts.
     pub imagination: Option<Imagination>,
-    /// Which of the two answers is given.
+    /// Choice between the two answers.
     pub take: Take,
-    /// No view is begun once completion has taken this long. The method knows no clock: who runs it holds the time
+    /// Time budget, after which no view begins. The method has no clock, so the caller measures the time
     /// ([`Progress::out_of_time`]).
     pub time: Duration,
 }
 
-/// Which answer to a completed clip is given.
+/// Choice between the answers before and after completion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Take {
-    /// The one with what was filled in, as the paper has it.
+    /// The one after completion, as in the paper.
     After,
     /// The likelier one.
     Likelier,
 }
 
-/// Which clips are completed.
+/// Condition for completing a clip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Activation {
     Never,
-    /// Two poses that are not close have losses within `margin_m` of each other (paper IV-A).
+    /// A pose that is not close to the best one has a loss within `margin_m` of it (paper IV-A).
     SeveralMinima {
         margin_m: f64,
     },
-    /// The clip is not called aligned.
+    /// The state is not `aligned`.
     Unsure,
     Always,
 }
@@ -78,19 +78,19 @@ impl Default for CompleteParams {
     }
 }
 
-/// What was filled in, apart from what was seen: it never becomes part of a home's map.
+/// The completed points, apart from the observed ones: they never become part of a home's map.
 #[derive(Debug, Clone)]
 pub struct Completion {
     pub cloud_in_clip: PointCloud,
-    /// What the vacuum would see with it.
+    /// The virtual scan with the completed points.
     pub scan: VirtualScan,
-    /// The views of which pictures were filled in.
+    /// The views with completed pictures.
     pub views: Vec<CompletedView>,
-    /// What the views were chosen by.
+    /// The point sets that the views were chosen by.
     pub sets: PointSets,
 }
 
-/// Registers an observation, and once more with what can be filled in where the first answer leaves doubt.
+/// Registers an observation, and again with completed points if the first answer is in doubt.
 pub fn register_completing(
     observation: &Observation,
     target: Option<&Target>,
@@ -128,7 +128,7 @@ pub fn register_completing(
     Ok((chosen, Some(filled.completion)))
 }
 
-/// The work goes on within the stage that it is in.
+/// Progress that stays in the current stage.
 struct Within<'a>(&'a dyn Progress);
 
 impl Progress for Within<'_> {
@@ -141,17 +141,17 @@ impl Progress for Within<'_> {
     }
 }
 
-/// What was filled in, and what is told of it.
+/// The completion of an observation, and the facts for its report.
 struct Filled {
     completion: Completion,
-    /// The first points of the completion's cloud.
+    /// Number of points by structure, which come first in the completion's cloud.
     structure_points: usize,
     imagined_by: Vec<String>,
     cut_short: bool,
     remarks: Vec<Reason>,
 }
 
-/// Fills in an observation that has its floor at 0.
+/// Completes an observation that has its floor at 0.
 fn fill(settled: &Observation, params: &AlignParams, progress: &dyn Progress) -> Result<Filled, AlignError> {
     let voxel_m = settled.cloud_in_clip.voxel_m;
     let structure = params.complete.structure.clone().unwrap_or_default();
@@ -224,7 +224,7 @@ impl Activation {
     }
 }
 
-/// Whether a different pose explains the clip nearly as well.
+/// Returns whether a different pose explains the clip nearly as well.
 fn several_minima(answer: &Alignment, margin_m: f64) -> bool {
     let Some(best) = answer.alternatives.first() else { return true };
     answer.alternatives[1..].iter().any(|other| {

@@ -1,4 +1,4 @@
-//! The method: from a clip and a LiDAR map to the clip's pose in the map.
+//! The method: finds the pose of a clip in a LiDAR map.
 //!
 //! [`align`] reads like the paper's overview, one line a stage. Everything here is a pure function of its
 //! arguments: the same clip, map, parameters and seed give the same answer on any number of threads.
@@ -35,7 +35,7 @@ use viola_geometry::Pose3;
 use viola_geometry::progress::{Cancelled, Progress};
 use viola_reconstruct::{FuseParams, KeyFrame, LabelParams, PointCloud, ReconstructError, TrackParams, View};
 
-/// How a clip is aligned, stage by stage.
+/// Parameters of an alignment, stage by stage.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct AlignParams {
     pub seed: u64,
@@ -49,8 +49,8 @@ pub struct AlignParams {
     pub complete: CompleteParams,
 }
 
-/// Why there is no answer at all. Everything that is known of the clip itself, such as that no floor is in
-/// sight, is an answer: an [`Alignment`] in the state `failed`.
+/// An error that leaves no answer. A problem of the clip itself, such as no floor in sight, is an answer: an
+/// [`Alignment`] in the state `failed`.
 #[derive(Debug, thiserror::Error)]
 pub enum AlignError {
     #[error("the work was cancelled")]
@@ -74,23 +74,23 @@ impl From<Cancelled> for AlignError {
     }
 }
 
-/// The answer and what it was made from.
+/// The answer and the data that it was made from.
 #[derive(Debug, Clone)]
 pub struct Aligned {
     pub alignment: Alignment,
-    /// In the clip frame; empty when the floor was not found.
+    /// In the clip frame; empty if the floor was not found.
     pub cloud_in_clip: PointCloud,
     pub scan: VirtualScan,
-    /// What the key frames saw; empty when the floor was not found.
+    /// Views of the key frames; empty if the floor was not found.
     pub views: Vec<View>,
-    /// What was filled in, where it was.
+    /// The completed parts, if the clip was completed.
     pub completion: Option<Completion>,
 }
 
 /// Finds the pose of a clip in a LiDAR map. `frames` restricts the clip to frame numbers of its layout.
 ///
-/// Fails only when cancelled or when the clip's pictures cannot be read; a clip that cannot be aligned is
-/// an answer with its reasons. The stage times of the answer are left to the caller, who has a clock.
+/// Fails only if cancelled or if the clip's pictures cannot be read; a clip that cannot be aligned returns an
+/// answer with its reasons. The caller, which has a clock, sets the stage times of the answer.
 pub fn align(
     clip: &Clip,
     frames: Option<Range<u32>>,

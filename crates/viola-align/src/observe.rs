@@ -1,4 +1,4 @@
-//! Stages 1-6: from a clip to what the vacuum would see of it.
+//! Stages 1-6: from a clip to its virtual scan.
 
 use super::scan::{self, RaycastParams, VirtualScan};
 use super::{AlignError, AlignParams, Alignment};
@@ -12,31 +12,31 @@ use viola_reconstruct::track::{self, TrackedClip};
 use viola_reconstruct::trajectory::Trajectory;
 use viola_reconstruct::{FloorReport, KeyFrame, PointCloud, Reason, fuse, trajectory};
 
-/// What a clip shows, before any map is looked at.
+/// The data of a clip, without any map.
 #[derive(Debug, Clone, Default)]
 pub struct Observation {
     pub cloud_in_clip: PointCloud,
     pub scan: VirtualScan,
     pub key_frames: usize,
-    /// The key frames themselves, where the clip is a recording.
+    /// The key frames themselves, if the clip is a recording.
     pub keys: Vec<KeyFrame>,
     /// In the clip frame.
     pub walls: Vec<Wall>,
     pub labels: Option<LabelReport>,
-    /// The places in the clip of the frames that a network looked at.
+    /// Indices in the clip of the frames that a network segmented.
     pub pictures: Vec<usize>,
-    /// None when there is no floor, not even a guessed one.
+    /// `None` without a floor, seen or assumed.
     pub clip_from_world: Option<Pose3>,
     pub floor: Option<FloorReport>,
-    /// Scans for other heights of the camera, when the floor was not seen and its height is a guess.
+    /// Scans for other heights of the camera, if the floor was not seen and its height is assumed.
     pub other_floors: Vec<FloorHypothesis>,
-    /// The camera was tracked from frames that are far apart.
+    /// True if the camera was tracked from frames that are far apart.
     pub sparse_track: bool,
-    /// Remarks, and last the reason why there is no scan when `scan` is empty for one.
+    /// Remarks, and last the reason for an empty `scan`, if there is one.
     pub reasons: Vec<Reason>,
 }
 
-/// What the vacuum would see if the floor lay elsewhere.
+/// The virtual scan for another floor.
 #[derive(Debug, Clone)]
 pub struct FloorHypothesis {
     pub scan: VirtualScan,
@@ -128,17 +128,17 @@ pub fn observe(
     Ok(observation)
 }
 
-/// The upward direction in the world of the poses that are used.
+/// Returns the upward direction in the world of the used poses.
 fn up_in_world(clip: &Clip, tracked: Option<&TrackedClip>, by_device: Option<&Trajectory>) -> Option<Up> {
     match (tracked, by_device) {
-        // Tracking has a world of its own, in which only what was felt tells up.
+        // Tracking has a world of its own, in which only the measured forces give the upward direction.
         (Some(tracked), _) if !tracked.is_refined => Up::felt(tracked.posed(clip)),
         (_, Some(trajectory)) => clip.up_by(trajectory.posed(clip)),
         _ => clip.up_in_world(),
     }
 }
 
-/// Poses by tracking, for a clip none of whose wanted frames has one.
+/// Tracks the wanted frames of a clip if none of them has a pose.
 fn track_where_needed(
     clip: &Clip,
     frames: Option<&Range<u32>>,
@@ -156,7 +156,7 @@ fn track_where_needed(
 }
 
 impl Observation {
-    /// The scan if `floor` were the floor; the cloud stays where `first` put it.
+    /// Returns the scan above `floor`; the cloud stays in the frame of `first`.
     fn scan_above(
         &self,
         floor: &Floor,
@@ -169,14 +169,14 @@ impl Observation {
         scan::raycast(&self.cloud_in_clip, keys, &first.clip_from_world, &params)
     }
 
-    /// All scans with their floors, the likeliest first; none when there is no floor, not even a guessed one.
+    /// Returns all scans with their floors, the likeliest first; none without a floor, seen or assumed.
     pub(super) fn views(&self) -> impl Iterator<Item = ScanView<'_>> {
         let first = self.floor.iter().map(|floor| (&self.scan, floor));
         let others = self.other_floors.iter().map(|other| (&other.scan, &other.floor));
         first.chain(others).map(|(scan, floor)| ScanView { scan, floor, sparse_track: self.sparse_track })
     }
 
-    /// Returns this observation with the chosen floor at z = 0; none without a floor.
+    /// Returns this observation with the chosen floor at z = 0; `None` without a floor.
     pub(super) fn settled(&self, alignment: &Alignment) -> Option<Observation> {
         let floor = alignment.floor.clone().or_else(|| self.floor.clone())?;
         let (scan, sunk_m) = self.view_of(alignment);
@@ -200,7 +200,7 @@ impl Observation {
         })
     }
 
-    /// The scan that an answer chose, and how far its floor lies below that of the cloud.
+    /// Returns the scan that an answer chose, and the depth of its floor below that of the cloud.
     pub(super) fn view_of(&self, alignment: &Alignment) -> (VirtualScan, f64) {
         let first_m = self.floor.as_ref().map_or(0.0, |floor| floor.camera_height_m);
         self.views().find(|view| Some(view.floor) == alignment.floor.as_ref()).map_or_else(

@@ -1,4 +1,4 @@
-//! Continuous refinement of all candidates at once on the map's distance field (paper III-C).
+//! Refines all candidates at once, continuously, on the map's distance field (paper III-C).
 
 mod mean;
 
@@ -10,30 +10,30 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use viola_geometry::{Point2, Pose2, angle_between};
 
-/// Scales of the robust kernel, wide to narrow; a hit this far from the map counts a quarter.
+/// Scales of the robust kernel, wide to narrow; a hit this far from the map has a quarter of its weight.
 const KERNEL_M: [f64; 3] = [0.4, 0.15, 0.05];
-/// Steps at each scale.
+/// Maximum number of steps at each scale.
 const STEPS: usize = 6;
 
 /// A pose at a minimum of the robust distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Refined {
     pub map_from_clip: Pose2,
-    /// Of (x_m, y_m, yaw_rad).
+    /// Covariance of (x_m, y_m, yaw_rad).
     pub covariance: Matrix3<f64>,
 }
 
-/// Refines every pose; the order is kept. Gauss-Newton with the Geman-McClure kernel, annealed: the
-/// one-directional distance of hits to the map, with hits that have no counterpart fading out.
+/// Refines every pose; the order is kept. Gauss-Newton with the annealed Geman-McClure kernel minimises the
+/// one-directional distance of hits to the map; hits without a counterpart fade out.
 ///
-/// Descents that have met go on as one: the start of a bunch that comes first leads it.
+/// Descents that have met continue as one, from the first start of the bunch.
 pub fn refine(starts: &[Pose2], hits: &[Hit], target: &Target) -> Vec<Refined> {
-    // A quarter of the hits leads to the right valley; all of them find its bottom.
+    // A quarter of the hits finds the right valley; all of them find its bottom.
     let hits: Vec<Weighted> = hits.iter().map(Weighted::from).collect();
     let some: Vec<Weighted> = hits.iter().step_by((hits.len() / 100).clamp(1, 4)).copied().collect();
     let mut bunches = Bunches::new(starts);
     for (i, &kernel_m) in KERNEL_M.iter().enumerate() {
-        // On the way to the last scale a few millimetres do not matter.
+        // Before the last scale, a few millimetres do not matter.
         let last = i + 1 == KERNEL_M.len();
         let (hits, still_m, still_rad) = if last { (&hits, 4e-4, 1e-4) } else { (&some, 3e-3, 1e-3) };
         let leaders = &mut bunches.leaders;
@@ -53,7 +53,7 @@ pub fn refine(starts: &[Pose2], hits: &[Hit], target: &Target) -> Vec<Refined> {
     bunches.of_start.iter().map(|&leader| refined[leader]).collect()
 }
 
-/// What of a hit counts here, packed: the whole of them stays in the fastest cache.
+/// The used part of a hit, packed, so that all hits stay in the fastest cache.
 #[derive(Clone, Copy)]
 struct Weighted {
     x_m: f64,
@@ -67,7 +67,7 @@ impl From<&Hit> for Weighted {
     }
 }
 
-/// The distinct poses of a refinement, and which of them each start has become.
+/// The distinct poses of a refinement, and the pose of each start.
 struct Bunches {
     leaders: Vec<Pose2>,
     of_start: Vec<usize>,
@@ -78,7 +78,7 @@ impl Bunches {
         Bunches { leaders: starts.to_vec(), of_start: (0..starts.len()).collect() }
     }
 
-    /// Joins those that lie closer together than the narrowest kernel can tell.
+    /// Joins poses that lie closer together than the narrowest kernel can resolve.
     fn join(&mut self) {
         const MET_M: f64 = 0.02;
         const MET_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
@@ -99,7 +99,7 @@ impl Bunches {
     }
 }
 
-/// Steps at one scale, until a step moves less than `still_m` and `still_rad`.
+/// Descends at one scale, until a step moves less than `still_m` and `still_rad`.
 fn descend(
     start: Pose2,
     hits: &[Weighted],
@@ -131,7 +131,7 @@ fn descend(
 
 /// The normal equations of one pose.
 struct Normal {
-    /// Upper triangle, row after row.
+    /// Upper triangle, row by row.
     information: [f64; 6],
     gradient: Vector3<f64>,
     cost: f64,
@@ -181,7 +181,7 @@ impl Normal {
     }
 }
 
-/// What the descents lower.
+/// Returns the cost that the descents minimise.
 fn cost(pose: &Pose2, hits: &[Weighted], target: &Target, kernel_m: f64) -> f64 {
     let c2 = kernel_m * kernel_m;
     let (sin, cos) = pose.yaw_rad.sin_cos();
@@ -193,8 +193,8 @@ fn cost(pose: &Pose2, hits: &[Weighted], target: &Target, kernel_m: f64) -> f64 
     hits.iter().map(of_hit).sum()
 }
 
-/// Variance of one hit's distance from the map at a pose. Neighbouring hits share the map's and the fusion's
-/// errors, so only one in [`CORRELATED_HITS`] counts as an observation of its own.
+/// Returns the variance of one hit's distance from the map at a pose. Neighbouring hits share the map's and
+/// the fusion's errors, so only one in `CORRELATED_HITS` counts as an independent observation.
 fn variance_m2(pose: &Pose2, hits: &[Weighted], target: &Target, kernel_m: f64) -> f64 {
     const CORRELATED_HITS: f64 = 5.0;
     const FLOOR_M: f64 = 0.01;
@@ -210,9 +210,9 @@ fn variance_m2(pose: &Pose2, hits: &[Weighted], target: &Target, kernel_m: f64) 
     variance.max(FLOOR_M * FLOOR_M) * CORRELATED_HITS
 }
 
-/// [`variance_m2`] times the inverse information.
+/// Returns [`variance_m2`] times the inverse information.
 fn covariance(pose: &Pose2, hits: &[Weighted], target: &Target, kernel_m: f64) -> Matrix3<f64> {
-    // A direction that nothing holds gets a metre (a radian) of doubt, not infinity.
+    // An unconstrained direction gets a deviation of a metre (a radian), not infinity.
     let information = Normal::gather(pose, hits, target, kernel_m).information()
         / variance_m2(pose, hits, target, kernel_m)
         + Matrix3::identity();

@@ -1,4 +1,4 @@
-//! Stages 7-9: from what the vacuum would see to a ranked answer with a probability.
+//! Stages 7-9: registers a virtual scan, and returns a ranked answer with a probability.
 
 use crate::answer::{Alignment, AlignmentState};
 use crate::observe::{Observation, ScanView};
@@ -10,10 +10,10 @@ use crate::{AlignError, AlignParams, Target};
 use viola_geometry::progress::{self, Progress, Stage};
 use viola_reconstruct::Reason;
 
-/// Fewer hits than this say nothing: a metre of wall.
+/// Minimum number of hits: a metre of wall.
 const MIN_HITS: usize = 30;
 
-/// Registers an observation. No target is a map without a point.
+/// Registers an observation. `target` is `None` for a map without a point.
 pub fn register(
     observation: &Observation,
     target: Option<&Target>,
@@ -32,7 +32,7 @@ pub fn register(
         blank.reasons.push(Reason::new("map_empty", "the LiDAR map has no occupied point"));
         return Ok(blank);
     };
-    // Where the floor is a guess, the guess whose scan fits the map best is taken.
+    // Of several assumed floors, the one whose scan fits the map best is taken.
     let mut best: Option<Alignment> = None;
     for view in observation.views() {
         let answer = register_view(&view, &blank, target, params, progress)?;
@@ -53,12 +53,12 @@ pub fn register(
     Ok(answer)
 }
 
-/// The loss decides between hypotheses of the floor.
+/// Returns the loss, which decides between hypotheses of the floor.
 fn fit(answer: &Alignment) -> f64 {
     answer.loss_m.unwrap_or(f64::INFINITY)
 }
 
-/// Registers one scan: search, refine, rank, confidence, verdict. An answer in doubt is searched for further down.
+/// Registers one scan: search, refine, rank, confidence, verdict. An answer in doubt resumes the search.
 fn register_view(
     view: &ScanView,
     blank: &Alignment,
@@ -93,14 +93,14 @@ fn register_view(
     };
     let (mut answer, complete) = place(&params.search.first)?;
     if answer.state != AlignmentState::Aligned && complete {
-        // The truth may score too low to be among what was looked at.
+        // The right pose may score below the first limits.
         answer = place(&params.search.in_doubt)?.0;
     }
     if let (Some(map_from_clip), Some(covariance)) = (answer.map_from_clip, answer.covariance) {
         let best = Refined { map_from_clip, covariance: covariance.into() };
         let mean = refine::mean(&best, &hits, target);
         answer.map_from_clip = Some(mean);
-        // Its rank stays that of the minimum, as for its rivals.
+        // Its rank stays that of the minimum, as for the other alternatives.
         if let Some(best) = answer.alternatives.first_mut() {
             best.map_from_clip = mean;
         }

@@ -1,27 +1,27 @@
-//! The rooms of a LiDAR map whose names tell what they are for.
+//! The rooms of a LiDAR map whose names state their purpose.
 
 use viola_formats::lidar::{LidarMap, MAX_ROOMS};
 use viola_geometry::taxonomy::Purposes;
 use viola_geometry::{Grid, Point2};
 
-/// Which room each cell of a map belongs to, as far as that says what may stand there.
+/// The purpose of the room of each cell of a map.
 #[derive(Debug, Clone)]
 pub struct NamedRooms {
-    /// [`NOWHERE`], [`UNNAMED`], or the place in `purposes` after those two.
+    /// [`NOWHERE`], [`UNNAMED`], or the index in `purposes` plus two.
     cells: Grid<u8>,
     purposes: Vec<Purposes>,
 }
 
-/// The cell belongs to no room: a wall, furniture, or what nobody divided into rooms.
+/// The cell belongs to no room: a wall, furniture, or an area that is not divided into rooms.
 const NOWHERE: u8 = 0;
-/// To a room whose name does not tell.
+/// The cell belongs to a room whose name states no purpose.
 const UNNAMED: u8 = 1;
 
-/// Furniture at a wall lies within this distance of its room's free floor: the depth of a bed.
+/// Maximum distance of furniture at a wall from its room's free floor: the depth of a bed.
 const REACH_M: f64 = 2.0;
 
 impl NamedRooms {
-    /// None when no room's name tells what it is for.
+    /// Returns the rooms of a map; `None` if no room's name states its purpose.
     pub fn new(lidar: &LidarMap) -> Option<NamedRooms> {
         let frame = lidar.cells.as_ref()?.frame;
         let mut cells = Grid::filled(frame, NOWHERE);
@@ -29,7 +29,7 @@ impl NamedRooms {
         for room in lidar.rooms.iter().take(MAX_ROOMS) {
             let purposes = room.name.as_deref().map_or(Purposes::NONE, Purposes::of_name);
             let place = known.iter().position(|other| *other == purposes).unwrap_or(known.len());
-            // There are fewer kinds of rooms than that; names of more are as good as none.
+            // There are fewer kinds of rooms than numbers; further kinds count as unnamed.
             let number = u8::try_from(place + 2).ok().filter(|_| !purposes.is_none()).unwrap_or(UNNAMED);
             if number != UNNAMED && place == known.len() {
                 known.push(purposes);
@@ -42,7 +42,7 @@ impl NamedRooms {
     }
 
     /// Returns the purpose of the room of a landmark seen from `from`: the last room on the line of sight.
-    /// None where nobody knows.
+    /// [`Purposes::NONE`] if it is unknown.
     pub fn around(&self, thing: &Point2, from: &Point2) -> Purposes {
         let back = from - thing;
         let range_m = back.norm();

@@ -1,4 +1,4 @@
-//! Stage 6: what the vacuum would see (paper III-B).
+//! Stage 6: the virtual scan that the vacuum would see (paper III-B).
 
 mod cast;
 mod free;

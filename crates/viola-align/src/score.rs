@@ -1,4 +1,4 @@
-//! Stage 9: how well each pose explains the clip, and how probable it is that the best one is right (paper IV-A).
+//! Stage 9: scores each pose, and estimates the probability that the best one is right (paper IV-A).
 
 mod confidence;
 mod different;

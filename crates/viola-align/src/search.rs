@@ -1,4 +1,5 @@
-//! The global optimum of the likelihood over the whole map, with a certificate (Olson, 2009; Hess et al., 2016).
+//! Finds the global optimum of the likelihood over the whole map, with a certificate (Olson, 2009; Hess et
+//! al., 2016).
 //!
 //! The score of a pose is the weighted mean likelihood of the cells that its hits fall into. A node of the
 //! search is one rotation and a square of translations; its bound takes, for each hit, the largest
@@ -18,7 +19,7 @@ use std::collections::BinaryHeap;
 use viola_geometry::progress::{self, Progress};
 use viola_geometry::{Pose2, angle_between};
 
-/// Poses nearer than this, and turned less than `apart_rad` from each other, are one mode.
+/// Poses nearer than this, and turned by less than `APART_RAD` from each other, are one mode.
 pub(crate) const APART_M: f64 = 0.25;
 pub(crate) const APART_RAD: f64 = 8f64.to_radians();
 
@@ -30,29 +31,29 @@ pub struct Candidate {
     pub score: f64,
 }
 
-/// Where a search ends.
+/// Limits at which a search ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SearchLimits {
-    /// Modes that are enough.
+    /// Maximum number of modes.
     pub modes: usize,
-    /// Those that do not reach this share of the best score are not wanted.
+    /// Minimum score of a mode, as a fraction of the best score.
     pub bar: f64,
 }
 
-/// How the search runs.
+/// Parameters of the search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SearchParams {
     pub rotations: usize,
-    /// Hits used; of more, every so many-th is taken, so that clutter keeps its share and no more.
+    /// Maximum number of hits; more are subsampled evenly, so that clutter keeps its fraction.
     pub hits: usize,
     /// Height of the pyramid: squares of up to `2^levels` cells; more on maps larger than a home.
     pub levels: u32,
-    /// How far it goes.
+    /// Limits of the first search.
     pub first: SearchLimits,
-    /// How far it goes on where the answer is in doubt, which then is worth the time.
+    /// Limits of the resumed search if the answer is in doubt, which is worth the time.
     pub in_doubt: SearchLimits,
-    /// Nodes opened before the search stops early and says so in the certificate. A count and not a time,
-    /// so that the answer is the same on a slow machine.
+    /// Maximum number of opened nodes, after which the certificate is incomplete. A count and not a time, so
+    /// that the answer is the same on a slow machine.
     pub max_nodes: usize,
 }
 
@@ -69,25 +70,25 @@ impl Default for SearchParams {
     }
 }
 
-/// The modes, best first, and what is proven about them.
+/// The modes, best first, and the certificate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Modes {
     pub modes: Vec<Candidate>,
-    /// No pose outside the neighbourhoods of the modes scores above this. When the first mode's score is at
+    /// No pose outside the neighbourhoods of the modes scores above this. If the first mode's score is at
     /// least this, it is the global optimum.
     pub open_bound: f64,
     pub nodes: usize,
-    /// Whether the search ended by itself and not by its budget.
+    /// True if the search ended by itself and not by its budget.
     pub complete: bool,
 }
 
-/// A search over all poses whose origin lies in the map; it can go on where it ended.
+/// A search over all poses whose origin lies in the map. It can be resumed.
 pub struct Search<'a> {
     params: &'a SearchParams,
     space: Space<'a>,
     open: BinaryHeap<Node>,
     dived: Option<Node>,
-    /// Nodes that can score no more were not kept.
+    /// Nodes with a bound up to this are dropped.
     hopeless: u32,
     modes: Vec<Candidate>,
     nodes: usize,
@@ -98,7 +99,7 @@ impl<'a> Search<'a> {
         let hits = thin(hits, params.hits);
         let space = Space::new(&hits, target, params);
         let roots = space.roots();
-        // What cannot reach the lowest bar even of this need not be remembered.
+        // Nodes that cannot reach the lowest bar relative to this leaf are dropped.
         let dived = space.dive(&roots);
         let lowest = params.first.bar.min(params.in_doubt.bar);
         let hopeless = (lowest * f64::from(dived.map_or(0, |leaf| leaf.bound))) as u32;
@@ -106,7 +107,7 @@ impl<'a> Search<'a> {
         Search { params, space, open, dived, hopeless, modes: Vec::new(), nodes: 0 }
     }
 
-    /// Goes on as far as that: all modes so far, best first. What comes out does not depend on where it paused.
+    /// Resumes until `reach`; returns all modes so far, best first. Pauses do not change the result.
     pub fn run(&mut self, reach: &SearchLimits, progress: &dyn Progress) -> Result<Modes, AlignError> {
         let params = self.params;
         while let Some(top) = self.open.peek() {
@@ -134,7 +135,7 @@ impl<'a> Search<'a> {
         }
         let mut modes = self.modes.clone();
         if let (true, Some(leaf)) = (modes.is_empty(), self.dived) {
-            // The budget ended before the first proof: the best that is known is better than nothing.
+            // The budget ended before the first proof; the fallback is the best known leaf.
             let map_from_clip = self.space.pose(&leaf);
             modes.push(Candidate { map_from_clip, score: self.space.share(leaf.bound) });
         }
@@ -148,7 +149,7 @@ fn thin(hits: &[Hit], most: usize) -> Vec<Hit> {
     (0..kept).map(|i| hits[i * hits.len() / kept]).collect()
 }
 
-/// The best inner nodes, up to the first leaf. The number is fixed: it must not depend on threads.
+/// Pops the best inner nodes, up to the first leaf. The number is fixed, so as not to depend on threads.
 fn pop_batch(open: &mut BinaryHeap<Node>, is_taken: impl Fn(&Node) -> bool) -> Vec<Node> {
     const BATCH: usize = 128;
     let mut batch = Vec::with_capacity(BATCH);
@@ -203,7 +204,7 @@ mod tests {
         Search::new(hits, target, params).run(&params.first, &Silent).unwrap()
     }
 
-    /// The best score over every rotation and cell, without a pyramid.
+    /// Returns the best score over every rotation and cell, without a pyramid.
     fn brute_force(hits: &[Hit], target: &Target, params: &SearchParams) -> f64 {
         let space = Space::new(hits, target, params);
         let roots = space.roots();
@@ -261,7 +262,7 @@ mod tests {
         }
     }
 
-    /// What was seen where no map reaches costs the same score everywhere.
+    /// Hits beyond the map cost the same score everywhere.
     #[test]
     fn hits_far_away_change_no_mode() {
         let target = target(&[(0, 0), (1, 0), (2, 0), (3, 0), (3, 1), (3, 2), (9, 7)]);

@@ -1,38 +1,38 @@
-//! The LiDAR map as registration needs it: points, and the distance to the nearest one everywhere.
+//! The LiDAR map for registration: points, and the distance field to the nearest one.
 
 use super::rooms::NamedRooms;
 use rustc_hash::FxHashSet;
 use viola_formats::lidar::{Cell, LidarMap};
 use viola_geometry::{DistanceField, Grid, GridFrame, Point2};
 
-/// What a virtual scan is registered to.
+/// The map that a virtual scan is registered to.
 #[derive(Debug, Clone)]
 pub struct Target {
     pub points_m: Vec<Point2>,
     /// One of the points in each 5 cm cell.
     pub thinned_m: Vec<Point2>,
-    /// What the robot knows of each cell, for maps that have cells.
+    /// State of each cell, for maps that have cells.
     pub cells: Option<Grid<Cell>>,
     pub field: DistanceField,
-    /// None where no room has a name that tells what it is for.
+    /// `None` if no room's name states its purpose.
     pub rooms: Option<NamedRooms>,
 }
 
-/// Cells of the distance field for maps that are bare points: finer than their noise.
+/// Cell size of the distance field for maps that are bare points: finer than their noise.
 const POINT_CELL_M: f64 = 0.02;
-/// Beyond the map by this much the field is still exact.
+/// Distance beyond the map within which the field is exact.
 const MARGIN_M: f64 = 1.0;
-/// A bound on the field's memory (4 bytes a cell); larger maps get coarser cells.
+/// Maximum number of the field's cells (4 bytes each); larger maps get coarser cells.
 const MAX_CELLS: f64 = 16e6;
 
 impl Target {
-    /// None when the map has no occupied point.
+    /// Returns the target of a map; `None` if the map has no occupied point.
     pub fn new(lidar: &LidarMap) -> Option<Target> {
         let target = Target::from_points(lidar.occupied_m.clone(), lidar.info.cell_m, lidar.cells.clone())?;
         Some(Target { rooms: NamedRooms::new(lidar), ..target })
     }
 
-    /// From bare points; `cell_m` is their raster, if they have one.
+    /// Returns the target of bare points; `cell_m` is their raster, if they have one.
     pub fn from_points(
         points_m: Vec<Point2>,
         cell_m: Option<f64>,
@@ -54,13 +54,13 @@ impl Target {
         Some(Target { points_m, thinned_m, cells, field: DistanceField::new(&occupied), rooms: None })
     }
 
-    /// What the robot knows of the place of a point.
+    /// Returns the state of the cell at a point.
     pub fn cell_at(&self, point: &Point2) -> Cell {
         self.cells.as_ref().and_then(|cells| cells.at(point)).unwrap_or(Cell::Unknown)
     }
 }
 
-/// Cells whose centres are those of the map's own cells where it has any: then the field's zeros lie on
+/// Returns cells whose centres are those of the map's own cells, if it has any: then the field's zeros lie on
 /// the middle of the walls.
 fn field_frame(points_m: &[Point2], map_cell_m: Option<f64>) -> Option<GridFrame> {
     let first = points_m.first()?;

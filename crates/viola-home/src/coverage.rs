@@ -42,12 +42,12 @@ pub struct RoomCoverage {
 }
 
 #[derive(Default, Clone, Copy)]
-struct ClipContribution {
+struct Fraction {
     seen: u64,
     of: u64,
 }
 
-impl ClipContribution {
+impl Fraction {
     fn count(&mut self, seen: bool) {
         self.seen += u64::from(seen);
         self.of += 1;
@@ -90,8 +90,8 @@ pub fn coverage(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room]) -> Covera
         let room = room_at(rooms, &space.centre(at), reach_m)?;
         rooms.iter().position(|other| std::ptr::eq(other, room))
     };
-    let (mut all, mut floor) = (ClipContribution::default(), ClipContribution::default());
-    let mut by_room = vec![(ClipContribution::default(), ClipContribution::default()); rooms.len()];
+    let (mut all, mut floor) = (Fraction::default(), Fraction::default());
+    let mut by_room = vec![(Fraction::default(), Fraction::default()); rooms.len()];
     for at in 0..space.frame.len() {
         if space.occupied[at] {
             let seen = is_near(&structure, at, NEAR_M);
@@ -107,7 +107,7 @@ pub fn coverage(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room]) -> Covera
             }
         }
     }
-    let room = |(room, (seen, floor)): (&Room, (ClipContribution, ClipContribution))| RoomCoverage {
+    let room = |(room, (seen, floor)): (&Room, (Fraction, Fraction))| RoomCoverage {
         room: room.id.clone(),
         seen: seen.value(),
         floor_seen: floor.value(),

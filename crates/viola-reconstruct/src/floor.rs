@@ -242,10 +242,10 @@ impl Scorer<'_> {
             let fitted = Plane::fit(near.map(|s| &s.position_m))?;
             plane = if fitted.normal.dot(&normal) < 0.0 { fitted.flipped() } else { fitted };
         }
-        self.judge(plane)
+        self.candidate(plane)
     }
 
-    fn judge(&self, plane: Plane) -> Option<Candidate> {
+    fn candidate(&self, plane: Plane) -> Option<Candidate> {
         let heights = self.cameras.iter().map(|c| plane.height_m(c));
         let under_all = heights.clone().all(|h| h > 0.0);
         let first = plane.height_m(&self.cameras[0]);

@@ -2,6 +2,7 @@
 
 use super::archive::Archive;
 use crate::api::App;
+use crate::api::error::Error;
 use crate::api::map::points::{Format, Points};
 use crate::api::types;
 use crate::storage::{Clip, ClipFilter, Home, HomeId, Page, StorageError, map_file, result_file};
@@ -20,6 +21,8 @@ pub(super) enum ExportError {
     Zip(#[from] zip::result::ZipError),
     #[error("the zip could not be written: {0}")]
     Write(#[from] std::io::Error),
+    #[error("the points could not be read: {0}")]
+    Points(Box<Error>),
     #[error("nobody reads the zip any more")]
     Abandoned,
     #[error("the home's map changed too often while it was read")]
@@ -83,7 +86,11 @@ impl Contents {
                 filter: PointFilter::default(),
             };
             // Points that are too many for a GLB are in the PLY.
-            let Ok((head, _)) = points.head(format, &map, &tiles).await else { continue };
+            let head = match points.head(format, &map, &tiles).await {
+                Ok((head, _)) => head,
+                Err(Error::InvalidQuery { .. }) => continue,
+                Err(error) => return Err(ExportError::Points(Box::new(error))),
+            };
             zip.stream(name, points.body(format, head, tiles)).await?;
         }
         Ok(())

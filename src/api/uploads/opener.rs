@@ -66,7 +66,7 @@ mod tests {
     use crate::storage::{Storage, StorageParams};
 
     /// Opens a file by a shell script that plays the child.
-    async fn open_by(script: &str) -> Result<(Arrived, ClipInfo), Error> {
+    async fn open_by(script: &str) -> Result<ClipInfo, Error> {
         let folder = tempfile::tempdir().unwrap();
         let storage = Storage::open(&StorageParams::in_folder(folder.path())).await.unwrap();
         let file = storage.incoming().unwrap().finish().await.unwrap();
@@ -74,7 +74,7 @@ mod tests {
         let params = ChildParams { program: "/bin/sh".into(), arguments, environment: Vec::new() };
         let opened = open(&params, file).await;
         storage.close().await;
-        opened
+        opened.map(|(_, info)| info)
     }
 
     #[tokio::test]

@@ -1,20 +1,20 @@
-//! The depth of what a picture made up: what was rendered stays, a network's depth is fitted to it and carried
-//! into the holes, and the floor is where the floor is (paper III-D).
+//! Completes the depth of a completed picture: rendered depth stays, a network's depth is fitted to it and
+//! carried into the holes, and the floor keeps its known depth (paper III-D).
 
 use super::render::{Cover, Rendering};
 use image::RgbImage;
 use viola_geometry::{Pinhole, Point3, Pose3};
 
-/// The raster on which depth is completed: every so many pixels of the picture are one.
+/// Pixels of the picture along each side of a cell of the depth raster.
 pub(super) const STEP: usize = 4;
 
 /// Completed depth, coarser than its picture.
 #[derive(Debug, Clone)]
 pub struct CompletedDepth {
     pub camera: Pinhole,
-    /// Along the camera's axis; 0 where nothing is known.
+    /// Along the camera's axis; 0 if unknown.
     pub depth_m: Vec<f32>,
-    /// Whether it was made up.
+    /// True for holes that were filled.
     pub filled: Vec<bool>,
 }
 
@@ -28,8 +28,8 @@ struct Known {
 
 /// Fits a network's depth to the rendered one and carries it into the holes.
 ///
-/// `estimated` has a value for each pixel of the picture that grows with the depth. `is_floor` tells the pixels
-/// that a segmentation calls floor; `clip_from_camera` has the floor at z = 0.
+/// `estimated` has a value for each pixel of the picture that grows with the depth. `is_floor` marks the
+/// pixels that a segmentation labels as floor; `clip_from_camera` has the floor at z = 0.
 pub(super) fn complete(
     rendering: &Rendering,
     picture: &RgbImage,
@@ -44,7 +44,7 @@ pub(super) fn complete(
     let estimated: Vec<f32> = (0..known.len()).map(|i| estimated[middle(i)]).collect();
     let fitted = fitted(&known, &estimated)?;
     let floor_m = floor_depths(&camera, clip_from_camera);
-    // What is known of the fit's error: at the surfaces, and where the floor was recognised.
+    // The fit's known errors: at the surfaces, and at recognised floor.
     let anchors: Vec<Option<f32>> = (0..known.len())
         .map(|i| match known[i].cover {
             Cover::Surface => Some(known[i].depth_m - fitted[i]),
@@ -66,8 +66,8 @@ pub(super) fn complete(
     Some(CompletedDepth { camera, depth_m, filled })
 }
 
-/// Depth of the holes by the planes that are known, without a network: the nearest of the floor and the walls.
-/// `first_hit` gives where a ray from a place meets a wall, as a multiple of its direction.
+/// Returns the depth of the holes by known planes, without a network: the nearest of the floor and the walls.
+/// `first_hit` returns the wall hit of a ray from a point, as a multiple of the ray's direction.
 pub(super) fn by_planes(
     rendering: &Rendering,
     clip_from_camera: &Pose3,
@@ -93,7 +93,8 @@ pub(super) fn by_planes(
     CompletedDepth { camera, depth_m, filled }
 }
 
-/// A cell is a surface where most of its pixels are, and a hole where none is.
+/// Returns the cells and their camera. A cell is a surface if at least half of its pixels are, and a hole if
+/// all of them are.
 fn coarse(rendering: &Rendering, picture: &RgbImage) -> (Vec<Known>, Pinhole) {
     let full = &rendering.camera;
     let camera = full.resized(full.width / STEP as u32, full.height / STEP as u32);
@@ -133,8 +134,8 @@ fn coarse(rendering: &Rendering, picture: &RgbImage) -> (Vec<Known>, Pinhole) {
     (known.collect(), camera)
 }
 
-/// The estimate as depth in metres: by scale and shift of its depth, or of its inverse, whichever fits the surfaces
-/// better. Networks for relative depth know the inverse up to a scale and a shift.
+/// Returns the estimate as depth in metres: by scale and shift of its depth, or of its inverse, whichever
+/// fits the surfaces better. Networks for relative depth give the inverse up to a scale and a shift.
 fn fitted(known: &[Known], estimated: &[f32]) -> Option<Vec<f32>> {
     const MIN_CELLS: usize = 50;
     const NEAREST_M: f64 = 0.1;
@@ -162,11 +163,11 @@ fn fitted(known: &[Known], estimated: &[f32]) -> Option<Vec<f32>> {
     fitted.iter().all(|d| d.is_finite()).then_some(fitted)
 }
 
-/// How far a network may err in proportion before a cell counts less.
+/// Scale of the robust fit: relative error of a network's depth.
 const ERROR: f64 = 0.05;
 
-/// The line from the first to the second values by least squares relative to the second, in which what does not fit
-/// counts ever less (Cauchy). It rises; through the origin where everything lies at one depth.
+/// Returns a robust (Cauchy) line fit with positive slope from the first to the second values, by least
+/// squares relative to the second. The fallback, such as for a single depth, is a line through the origin.
 fn line(pairs: &[(f64, f64)]) -> (f64, f64) {
     let (mut scale, mut shift) = (0.0, 0.0);
     for round in 0..10 {
@@ -193,7 +194,7 @@ fn line(pairs: &[(f64, f64)]) -> (f64, f64) {
     (scale, shift)
 }
 
-/// How far the floor is along each ray; none where it looks above the horizon or too far.
+/// Returns the floor's depth along each ray; `None` if the ray rises or the floor is too far.
 fn floor_depths(camera: &Pinhole, clip_from_camera: &Pose3) -> Vec<Option<f32>> {
     const FAR_M: f64 = 12.0;
     let eye = clip_from_camera.translation.vector;
@@ -207,8 +208,8 @@ fn floor_depths(camera: &Pinhole, clip_from_camera: &Pose3) -> Vec<Option<f32>> 
         .collect()
 }
 
-/// Carries what is known at some cells to all others: the mean of the neighbours, of which those count little that
-/// differ in colour or lie across a jump of the depth. By over-relaxed sweeps in a fixed order.
+/// Spreads the anchors' values to all cells by over-relaxed sweeps in a fixed order. A cell takes the mean of
+/// its neighbours, with little weight across differences in colour or jumps of the depth.
 fn spread(anchors: &[Option<f32>], known: &[Known], fitted: &[f32], width: usize, height: usize) -> Vec<f32> {
     const SWEEPS: usize = 120;
     const RELAX: f32 = 1.8;
@@ -222,7 +223,7 @@ fn spread(anchors: &[Option<f32>], known: &[Known], fitted: &[f32], width: usize
         let jump = (fitted[a] / fitted[b]).ln() / JUMP;
         (-color / (2.0 * COLOR * COLOR) - 0.5 * jump * jump).exp().max(1e-3)
     };
-    // Of each cell to its right and to its lower neighbour; 0 where there is none.
+    // Weights of each cell's right and lower neighbour; 0 without a neighbour.
     let cells = 0..width * height;
     let right: Vec<f32> =
         cells.clone().map(|i| if i % width + 1 < width { affinity(i, i + 1) } else { 0.0 }).collect();
@@ -260,8 +261,8 @@ mod tests {
 
     const KEY: Pinhole = Pinhole { width: 512, height: 384, fx: 440.0, fy: 440.0, cx: 255.5, cy: 191.5 };
 
-    /// A camera 1.5 m above the floor that looks at a wall 3 m away, 20 degrees down: its true depth, and a
-    /// rendering of it in which the columns of `hole` are missing.
+    /// Returns a rendering without the columns of `hole`, the true depth, and the pose of a camera 1.5 m
+    /// above the floor that looks at a wall 3 m away, 20 degrees down.
     fn scene(hole: std::ops::Range<usize>) -> (Rendering, Vec<f32>, Pose3) {
         let camera = camera_like(&KEY);
         let view = View { eye_m: [0.0, 0.0, 1.5], yaw_rad: 0.0, pitch_rad: 20f64.to_radians() };
@@ -283,7 +284,7 @@ mod tests {
         (Rendering { camera, color, depth_m, cover }, truth, pose)
     }
 
-    /// The largest error in the holes, relative to the depth.
+    /// Returns the largest error in the holes, relative to the depth.
     fn worst(completed: &CompletedDepth, truth: &[f32]) -> f32 {
         let (width, full) = (completed.camera.width as usize, 512);
         let at = |i: usize| (i / width * STEP + STEP / 2) * full + i % width * STEP + STEP / 2;
@@ -295,7 +296,7 @@ mod tests {
     fn scale_and_shift_of_an_estimate_do_not_matter() {
         let (rendering, truth, pose) = scene(300..460);
         let depth: fn(f32) -> f32 = |d| 0.4 * d + 0.7;
-        // What is left of a relative disparity when it is turned over.
+        // The inverse of a relative disparity.
         let disparity: fn(f32) -> f32 = |d| 1.0 / (0.3 / d + 0.1);
         let mut completed = None;
         for change in [disparity, depth] {
@@ -306,7 +307,7 @@ mod tests {
             completed = Some(filled);
         }
         let completed = completed.unwrap();
-        // What is rendered stays.
+        // Rendered depth stays.
         for (i, d) in completed.depth_m.iter().enumerate().filter(|(i, _)| !completed.filled[*i]) {
             let at = (i / 128 * STEP + STEP / 2) * 512 + i % 128 * STEP + STEP / 2;
             assert!((d / truth[at] - 1.0).abs() < 0.05);
@@ -337,7 +338,7 @@ mod tests {
             let at = eye + pose.rotation * ray * f64::from(*d);
             assert!(at.z > -0.05, "{at}");
         }
-        // Where the floor is recognised the rest follows it.
+        // If the floor is recognised, the rest follows it.
         let camera = completed.camera;
         let is_floor: Vec<bool> = (0..truth.len())
             .map(|i| {

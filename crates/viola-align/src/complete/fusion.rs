@@ -1,4 +1,4 @@
-//! From completed depth to points, without what stands alone.
+//! Converts completed depth to points without outliers.
 
 use super::depth::CompletedDepth;
 use image::RgbImage;
@@ -6,8 +6,8 @@ use rustc_hash::FxHashMap;
 use viola_geometry::{Point3, Pose3};
 use viola_reconstruct::{CloudPoint, Label};
 
-/// The made-up cells of a completed depth as points in the clip frame. A cell on a jump of the depth belongs to
-/// neither side and is left out.
+/// Returns the filled cells of a completed depth as points in the clip frame. A cell on a jump of the depth
+/// belongs to neither side and is left out.
 pub(super) fn points(
     depth: &CompletedDepth,
     picture: &RgbImage,
@@ -48,7 +48,7 @@ pub(super) fn points(
 }
 
 /// Drops the points whose neighbours are unusually far: the mean distance to them is more than two standard
-/// deviations above the mean of all (Rusu et al., 2008). `observed` counts as neighbours.
+/// deviations above the mean of all (Rusu et al., 2008). Points of `observed` count as neighbours.
 pub(super) fn without_outliers(
     points: Vec<CloudPoint>,
     observed: &[CloudPoint],
@@ -60,7 +60,7 @@ pub(super) fn without_outliers(
     let mut cells: FxHashMap<[i32; 3], Vec<Point3>> = FxHashMap::default();
     for point in points.iter().chain(observed) {
         let near = cells.entry(cell(&point.position())).or_default();
-        // More than this in a cell is dense, however much more.
+        // A cell with this many points is dense; further points do not matter.
         if near.len() < 4 * NEIGHBOURS {
             near.push(point.position());
         }
@@ -77,7 +77,7 @@ pub(super) fn without_outliers(
             .collect();
         gaps.sort_by(f64::total_cmp);
         gaps.truncate(NEIGHBOURS);
-        // A neighbour that is not there is further than the cells reach.
+        // A missing neighbour counts as further than the cells reach.
         let missing = (NEIGHBOURS - gaps.len()) as f64 * 2.0 * side_m;
         (gaps.iter().sum::<f64>() + missing) / NEIGHBOURS as f64
     };
@@ -111,7 +111,7 @@ mod tests {
         points.push(point(2.0, 0.3, 0.0));
         let kept = without_outliers(points.clone(), &[], 0.03);
         assert!(kept.len() >= 390 && kept.iter().all(|p| p.position_m[0] < 0.6 && p.position_m[2] < 0.1));
-        // Beside what was observed nothing stands alone.
+        // Points beside observed ones are no outliers.
         let observed: Vec<CloudPoint> = (0..100)
             .map(|i| point(2.0 + (i % 10) as f32 * 0.02, 0.3 + (i / 10) as f32 * 0.02 - 0.1, 0.0))
             .collect();

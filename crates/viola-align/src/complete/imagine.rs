@@ -1,5 +1,5 @@
-//! Completes the cloud view after view: render, fill the picture, complete its depth, fuse; the next view sees
-//! what the one before it added (paper III-D).
+//! Completes the cloud view by view: render, fill the picture, complete its depth, fuse. Each view sees the
+//! points that earlier views added (paper III-D).
 
 use super::inpaint::{InpaintError, Inpainter};
 use super::monocular::DepthEstimator;
@@ -17,11 +17,11 @@ use viola_geometry::taxonomy::{CLASSES, Class};
 use viola_reconstruct::CloudPoint;
 use viola_reconstruct::label::Segmenter;
 
-/// What fills in pictures, and how.
+/// Networks and views for the completion of pictures.
 #[derive(Clone)]
 pub struct Imagination {
     pub inpainter: Arc<dyn Inpainter>,
-    /// None: the planes of the walls and the floor.
+    /// `None` uses the planes of the walls and the floor.
     pub estimator: Option<Arc<dyn DepthEstimator>>,
     pub views: ViewStrategy,
     pub max_views: usize,
@@ -44,50 +44,50 @@ impl PartialEq for Imagination {
     }
 }
 
-/// A view that was completed, with what one looks at to understand it.
+/// A completed view with its intermediate pictures.
 #[derive(Debug, Clone)]
 pub struct CompletedView {
     pub view: View,
     pub camera: Pinhole,
-    /// What the cloud shows, black where it shows nothing.
+    /// The rendered cloud, black without a surface's front.
     pub rendered: RgbImage,
-    /// 255 where the picture was filled in.
+    /// 255 for filled pixels.
     pub mask: GrayImage,
     pub inpainted: RgbImage,
-    /// On a coarser raster; 0 where nothing is known.
+    /// On a coarser raster; 0 if unknown.
     pub depth_m: Vec<f32>,
     pub depth_camera: Pinhole,
-    /// Points that it added.
+    /// Number of points that it added.
     pub added: usize,
 }
 
-/// What imagination made.
+/// Result of the imagination.
 #[derive(Debug, Clone, Default)]
 pub struct Imagined {
     pub points: Vec<CloudPoint>,
     pub views: Vec<CompletedView>,
     pub sets: PointSets,
-    /// The time allowed was over before the last view.
+    /// True if the time budget ended before the last view.
     pub cut_short: bool,
-    /// Why a network was not heard to the end.
+    /// Error of a network, which ended the imagination.
     pub failure: Option<String>,
 }
 
-/// A view that shows less than this of the cloud gives nothing to go on; one that shows more needs nothing.
+/// Covered fraction of a view: with less there is no context, and with more no need for completion.
 const LEAST_COVERED: f64 = 0.15;
 const MOST_COVERED: f64 = 0.99;
 
-/// What else imagination needs to know.
+/// Further inputs of the imagination.
 pub(super) struct Setting<'a> {
-    /// Where rays end without a network for depth.
+    /// The walls that end rays without a network for depth.
     pub walls: &'a Extended,
-    /// Tells the floor of filled pictures.
+    /// Finds the floor in filled pictures.
     pub segmenter: Option<&'a dyn Segmenter>,
     pub vacuum_height_m: f64,
     pub seed: u64,
 }
 
-/// Completes `observation`, which has its floor at 0; `given` is what was filled in before.
+/// Completes `observation`, which has its floor at 0; `given` are the points of earlier completion.
 pub(super) fn imagine(
     observation: &Observation,
     given: &[CloudPoint],
@@ -166,7 +166,7 @@ pub(super) fn imagine(
     Ok(imagined)
 }
 
-/// The pixels that a segmentation calls floor. One that fails says nothing: the depth goes on without it.
+/// Returns the pixels that a segmentation labels as floor; `None` if it fails, as depth needs no floor.
 fn floor_pixels(segmenter: &dyn Segmenter, picture: &RgbImage) -> Option<Vec<bool>> {
     let map = segmenter.segment(picture).ok()?;
     let (width, height) = (picture.width() as usize, picture.height() as usize);

@@ -10,11 +10,11 @@ pub use stable_diffusion::{Generated, Noise, StableDiffusion};
 
 use image::{GrayImage, RgbImage};
 
-/// Makes up what a picture does not show.
+/// Fills the holes of a picture.
 pub trait Inpainter: Send + Sync {
-    /// The picture with its holes filled; `hole` is of its size, 255 in the holes and 0 elsewhere, where the
-    /// picture stays as it is. The same seed gives the same picture. `keep_going` is asked between the steps of
-    /// what takes long.
+    /// Returns the picture with its holes filled; `hole` is of its size, 255 in the holes and 0 elsewhere,
+    /// where the picture stays as it is. The same seed gives the same picture. Long work polls `keep_going`
+    /// between its steps.
     fn inpaint(
         &self,
         picture: &RgbImage,
@@ -23,11 +23,11 @@ pub trait Inpainter: Send + Sync {
         keep_going: &dyn Fn() -> bool,
     ) -> Result<RgbImage, InpaintError>;
 
-    /// Which network, and what runs it, for the answer.
+    /// Returns the network and its runtime, for the answer.
     fn name(&self) -> String;
 }
 
-/// Why a hole was not filled.
+/// Reason why a hole was not filled.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum InpaintError {
     #[error("the work was cancelled")]

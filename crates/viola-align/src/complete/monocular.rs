@@ -1,4 +1,4 @@
-//! Depth of a single picture by a network.
+//! Estimates the depth of a single picture by a network.
 
 mod network;
 
@@ -6,17 +6,17 @@ pub use network::open_estimator;
 
 use image::RgbImage;
 
-/// Tells how far away the pixels of a picture are.
+/// Estimates the depth of a picture's pixels.
 pub trait DepthEstimator: Send + Sync {
-    /// One value a pixel of the picture, row after row, that grows with the depth along the camera's axis and is
-    /// positive and finite; metres where the network claims metres, to be trusted up to a scale and a shift.
+    /// Returns one value for each pixel, row by row, that grows with the depth along the camera's axis and is
+    /// positive and finite. Values in metres, too, are reliable only up to a scale and a shift.
     fn depth(&self, picture: &RgbImage) -> Result<Vec<f32>, DepthError>;
 
-    /// Which network, and what runs it, for the answer.
+    /// Returns the network and its runtime, for the answer.
     fn name(&self) -> String;
 }
 
-/// Why there is no depth.
+/// Reason why there is no depth.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DepthError {
     #[error("the network failed: {0}")]

@@ -1,15 +1,15 @@
-//! What a camera anywhere would see of a fused surface: colour, depth, and where nothing is known.
+//! Renders a fused surface from any camera: colour, depth, and holes.
 
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use viola_geometry::{Pinhole, Pose3};
 use viola_reconstruct::CloudPoint;
 
-/// What is known of a pixel.
+/// Coverage of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cover {
     /// A surface that was seen from this side.
     Surface,
-    /// The back of a surface: what lies behind it is hidden, and how it looks from here is not known.
+    /// The back of a surface: it hides the space behind it, and its look from here is unknown.
     Back,
     /// Nothing is known.
     Hole,
@@ -19,15 +19,15 @@ pub enum Cover {
 #[derive(Debug, Clone)]
 pub struct Rendering {
     pub camera: Pinhole,
-    /// Black where there is no surface.
+    /// Black without a surface's front.
     pub color: RgbImage,
-    /// Along the camera's axis, row after row; 0 in holes.
+    /// Along the camera's axis, row by row; 0 in holes.
     pub depth_m: Vec<f32>,
     pub cover: Vec<Cover>,
 }
 
 impl Rendering {
-    /// 255 wherever no surface shows its front, 0 elsewhere.
+    /// Returns 255 for pixels without a surface's front, 0 for others.
     pub fn mask(&self) -> GrayImage {
         let mut mask = GrayImage::new(self.camera.width, self.camera.height);
         for (pixel, cover) in mask.pixels_mut().zip(&self.cover) {
@@ -36,26 +36,26 @@ impl Rendering {
         mask
     }
 
-    /// Share of the pixels that show a surface's front, 0..1.
+    /// Returns the fraction of the pixels that show a surface's front, 0..1.
     pub fn covered(&self) -> f64 {
         let count = self.cover.iter().filter(|cover| **cover == Cover::Surface).count();
         count as f64 / self.cover.len().max(1) as f64
     }
 }
 
-/// One point a voxel, so that none is drawn three times; the first of each voxel is kept.
+/// Returns the first point of each voxel, so that no surface is drawn three times.
 pub fn thin(points: &[CloudPoint], voxel_m: f64) -> Vec<CloudPoint> {
     let mut seen = rustc_hash::FxHashSet::default();
     let voxel = |p: &CloudPoint| p.position_m.map(|c| (f64::from(c) / voxel_m).floor() as i32);
     points.iter().filter(|p| seen.insert(voxel(p))).copied().collect()
 }
 
-/// Draws points as discs that lie in the surface, the nearest in front. A disc is as wide as its voxel and a half, so
-/// that a surface has no gaps and what was not seen stays a hole.
+/// Draws points as discs that lie in the surface, the nearest in front. A disc's diameter is 1.7 voxels, so
+/// that a surface has no gaps and unseen parts stay holes.
 pub fn render(points: &[CloudPoint], voxel_m: f64, camera: &Pinhole, clip_from_camera: &Pose3) -> Rendering {
     /// Nothing nearer is drawn.
     const NEAR_M: f32 = 0.1;
-    /// How much a disc's rim lies behind its middle, so that neighbouring discs meet half way.
+    /// Depth added with the distance from a disc's middle, so that neighbouring discs meet half way.
     const RIM: f32 = 0.2;
     const NOTHING: (f32, f32, u32) = (f32::INFINITY, 0.0, u32::MAX);
     let (width, height) = (camera.width as usize, camera.height as usize);
@@ -84,7 +84,7 @@ pub fn render(points: &[CloudPoint], voxel_m: f64, camera: &Pinhole, clip_from_c
             for x in left as usize..=right as usize {
                 let dx = (x as f32 - cx) / fx;
                 let slope = normal.x * dx + normal.y * dy + normal.z;
-                // A disc seen from its edge is drawn as if it stood across the view.
+                // A disc seen from its edge is drawn as if it faced the camera.
                 let depth = if slope.abs() > 0.1 { distance / slope } else { at.z };
                 let off = [dx * depth - at.x, dy * depth - at.y, depth - at.z];
                 let off2 = off[0] * off[0] + off[1] * off[1] + off[2] * off[2];
@@ -124,7 +124,7 @@ mod tests {
     const VOXEL_M: f64 = 0.03;
     const CAMERA: Pinhole = Pinhole { width: 160, height: 120, fx: 140.0, fy: 140.0, cx: 79.5, cy: 59.5 };
 
-    /// A square of side 2 m across the view at a depth, facing the camera or not, with a hole of 0.6 m.
+    /// Returns a square of side 2 m across the view, facing the camera if `faces`; its hole is 0.6 m wide.
     fn square(depth_m: f64, faces: bool, hole: bool, color: [u8; 3]) -> Vec<CloudPoint> {
         let steps = (2.0 / VOXEL_M) as i32;
         let place = |i: i32| (f64::from(i) + 0.5) * VOXEL_M - 1.0;

@@ -1,24 +1,24 @@
-//! Walls go on: down to the floor where only their upper part was seen, through gaps between their seen parts,
-//! and on to the wall that they meet. Where the camera looked through them they are open.
+//! Extends walls: down to the floor if only their upper part was seen, through gaps between their seen parts,
+//! and to the wall that they meet. They stay open where the camera looked through them.
 
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Point3, Pose3, Vector2, Vector3};
 use viola_reconstruct::label::Wall;
 use viola_reconstruct::{CloudPoint, KeyFrame, Label};
 
-/// How walls are continued.
+/// Parameters of extended walls.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StructureCompletion {
-    /// How far beyond its seen end a wall may go on to meet another one.
+    /// Maximum extension of a wall beyond its seen end to meet another one.
     pub reach_m: f64,
-    /// Walls that meet at less than this angle do not end each other.
+    /// Minimum angle between walls that end each other.
     pub min_corner_rad: f64,
-    /// What is seen only above this, and less of it than the next, is the lintel of a door.
+    /// Wall seen only above this, and by less than the next height, is the lintel of a door.
     pub lintel_m: f64,
     pub lintel_height_m: f64,
-    /// Walls are continued from the floor up to this height: what the vacuum sees is low.
+    /// Walls are extended from the floor up to this height, because the vacuum sees only low parts.
     pub height_m: f64,
-    /// Readings that must have passed through a place of a wall to open it.
+    /// Minimum number of readings through a place of a wall that open it.
     pub passages: u32,
 }
 
@@ -35,10 +35,10 @@ impl Default for StructureCompletion {
     }
 }
 
-/// Walls with the ends that they have when they go on to each other.
+/// Walls with their ends extended to each other.
 #[derive(Debug, Clone)]
 pub(super) struct Extended {
-    /// Each with where it begins and ends along itself.
+    /// Each with its start and end along itself.
     walls: Vec<(Wall, f64, f64)>,
 }
 
@@ -51,7 +51,7 @@ impl Extended {
         Extended { walls: extended.collect() }
     }
 
-    /// The continued walls as points in the clip frame, apart from what was seen of them.
+    /// Returns the extended walls as points in the clip frame, without their seen parts.
     pub(super) fn points(
         &self,
         keys: &[KeyFrame],
@@ -67,9 +67,9 @@ impl Extended {
         points
     }
 
-    /// Where a ray first meets the front of a wall, as a multiple of its direction.
+    /// Returns the first hit of a ray on the front of a wall, as a multiple of the ray's direction.
     pub(super) fn first_hit(&self, from: &Point3, ray: &Vector3) -> Option<f64> {
-        /// Rooms are about this high.
+        /// Approximate height of rooms.
         const CEILING_M: f64 = 2.6;
         let meets = |(wall, from_m, to_m): &(Wall, f64, f64)| {
             let approach = ray.xy().dot(&wall.normal);
@@ -83,7 +83,7 @@ impl Extended {
     }
 }
 
-/// Where a wall begins and ends when it goes on to the walls that it meets.
+/// Returns the start and end of a wall, extended to the walls that it meets.
 fn ends(wall: &Wall, walls: &[Wall], params: &StructureCompletion) -> (f64, f64) {
     let (mut from_m, mut to_m) = (wall.from_m, wall.to_m());
     let (seen_from_m, seen_to_m) = (from_m, to_m);
@@ -104,7 +104,7 @@ fn ends(wall: &Wall, walls: &[Wall], params: &StructureCompletion) -> (f64, f64)
     (from_m, to_m)
 }
 
-/// Where the planes of two walls cross on the floor plan.
+/// Returns the crossing of two walls' planes on the floor plan.
 fn crossing(a: &Wall, b: &Wall, min_angle_rad: f64) -> Option<Point2> {
     let turn = a.normal.x * b.normal.y - a.normal.y * b.normal.x;
     if turn.abs() < min_angle_rad.sin() {
@@ -115,10 +115,10 @@ fn crossing(a: &Wall, b: &Wall, min_angle_rad: f64) -> Option<Point2> {
     Some(Point2::new(x, y))
 }
 
-/// Where the camera looked through a wall's plane.
+/// Places at which the camera looked through a wall's plane.
 struct Openings {
     from_m: f64,
-    /// In each [`Wall::STEP_M`] from there.
+    /// One for each [`Wall::STEP_M`] from there.
     open: Vec<bool>,
 }
 
@@ -131,7 +131,7 @@ impl Openings {
         clip_from_world: &Pose3,
         params: &StructureCompletion,
     ) -> Openings {
-        /// A reading this far behind the plane went through it: less may be noise.
+        /// Minimum distance behind the plane of a reading that went through it; less may be noise.
         const BEHIND_M: f64 = 0.2;
         let steps = ((to_m - from_m) / Wall::STEP_M) as usize + 1;
         let mut passages = vec![0; steps];
@@ -159,7 +159,7 @@ impl Openings {
         Openings { from_m, open: passages.into_iter().map(|count| count >= params.passages).collect() }
     }
 
-    /// Whether a place along the wall, or the one beside it, is open.
+    /// Returns whether a place along the wall, or the one beside it, is open.
     fn at(&self, along_m: f64) -> bool {
         let step = ((along_m - self.from_m) / Wall::STEP_M) as usize;
         let near = step.saturating_sub(1)..(step + 2).min(self.open.len());
@@ -212,8 +212,8 @@ mod tests {
     use viola_geometry::Pinhole;
     use viola_reconstruct::Readings;
 
-    /// A wall along x at `y`, seen from the side of larger y, from x = 0 on; each value is the lowest height
-    /// seen in a step, none where nothing was seen. It reaches up to 2.4 m.
+    /// Returns a wall along x at `y`, seen from the side of larger y, from x = 0 on, up to 2.4 m. Each value
+    /// is the lowest height seen in a step; `None` if nothing was seen.
     fn wall(y: f64, lowest_m: &[Option<f64>]) -> Wall {
         let seen_m = lowest_m.iter().map(|low| low.map(|low| (low, 2.4))).collect();
         // along() is (-1, 0) for this normal: from_m is minus the largest x.
@@ -243,7 +243,7 @@ mod tests {
         let (low, high) = xs(&cloud);
         assert!(low.abs() < 0.04 && (high - 1.8).abs() < 0.04, "{low} {high}");
         assert!(cloud.iter().all(|p| p.position().y.abs() < 1e-6 && p.position().z < 0.5));
-        // What was seen down to the floor needs nothing.
+        // A wall seen down to the floor needs no extension.
         assert!(completed(&[wall(0.0, &[Some(0.0); 30])]).is_empty());
         // The lintel of a door is no wall.
         assert!(completed(&[wall(0.0, &[Some(2.0); 30])]).is_empty());
@@ -251,7 +251,7 @@ mod tests {
 
     #[test]
     fn where_the_camera_looked_through_there_is_no_wall() {
-        // From y = 2 at a height of 1.4 m towards the wall at y = 0: the middle third of the picture is 4 m deep.
+        // From y = 2 at a height of 1.4 m to the wall at y = 0: the picture's middle third is 4 m deep.
         let camera = Pinhole { width: 96, height: 72, fx: 80.0, fy: 80.0, cx: 47.5, cy: 35.5 };
         let depth_m = |x: u32| if (32..64).contains(&x) { 4.0 } else { 2.0 };
         let depth =
@@ -278,7 +278,7 @@ mod tests {
         let along_y = cloud.iter().filter(|p| (p.position().x + 0.6).abs() < 1e-6);
         let low = along_y.map(|p| p.position().y).fold(f64::INFINITY, f64::min);
         assert!(low.abs() < 0.04, "{low}");
-        // A ray ends at the wall also beyond what was seen of it.
+        // A ray ends also at the unseen part of the wall.
         let params = StructureCompletion::default();
         let extended = Extended::new(&[wall(0.0, &[Some(0.0); 30]), side(-0.6)], &params);
         let ray = Vector3::new(0.0, -1.0, -0.2);

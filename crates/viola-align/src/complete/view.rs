@@ -6,23 +6,23 @@ use std::f64::consts::{PI, TAU};
 use viola_geometry::{Pinhole, Point3, Pose3, Vector3};
 use viola_reconstruct::KeyFrame;
 
-/// A camera that is held level, in the clip frame.
+/// A camera without roll, in the clip frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct View {
-    /// Its place.
+    /// Position.
     pub eye_m: [f64; 3],
-    /// Its heading: 0 looks along x, a quarter turn along y.
+    /// Heading: 0 looks along x, a quarter turn along y.
     pub yaw_rad: f64,
-    /// How far it looks down.
+    /// Downward tilt.
     pub pitch_rad: f64,
 }
 
-/// The size of the pictures that are completed.
+/// Size of the completed pictures, in pixels.
 const WIDTH: u32 = 512;
 const HEIGHT: u32 = 384;
 
 impl View {
-    /// The pose of a key camera, without its roll.
+    /// Returns the pose of a key camera, without its roll.
     pub fn of(key: &KeyFrame, clip_from_world: &Pose3) -> View {
         let clip_from_camera = clip_from_world * key.world_from_camera;
         let forward = clip_from_camera.rotation * Vector3::z();
@@ -52,17 +52,18 @@ impl View {
         Pose3::from_parts(self.eye().into(), UnitQuaternion::from_rotation_matrix(&rotation))
     }
 
-    /// Moved back along its axis.
+    /// Returns the view, moved back along its axis.
     pub fn back(&self, distance_m: f64) -> View {
         View { eye_m: (self.eye() - self.forward() * distance_m).into(), ..*self }
     }
 
-    /// Turned about the vertical, to the left.
+    /// Returns the view, turned about the vertical, to the left.
     pub fn turned(&self, angle_rad: f64) -> View {
         View { yaw_rad: self.yaw_rad + angle_rad, ..*self }
     }
 
-    /// Turned and tilted as little as brings a point into its picture, a tenth of it from the edge.
+    /// Returns the view, turned and tilted just enough to bring a point into its picture, a tenth of it from
+    /// the edge.
     pub fn towards(&self, point: &Point3, camera: &Pinhole) -> View {
         let offset = point - self.eye();
         let yaw_rad = offset.y.atan2(offset.x);
@@ -77,7 +78,7 @@ impl View {
         }
     }
 
-    /// Whether a point is in its picture, whatever stands between.
+    /// Returns whether a point is in its picture, ignoring occlusion.
     pub fn sees(&self, point: &Point3, camera: &Pinhole) -> bool {
         let in_camera = self.clip_from_camera().inverse() * point;
         camera.project(&in_camera).is_some_and(|pixel| {
@@ -87,8 +88,8 @@ impl View {
     }
 }
 
-/// The camera of the virtual views: as wide as that of the clip, and never so narrow that there is nothing to
-/// complete from.
+/// Returns the camera of the virtual views: as wide as that of the clip, with a minimum width, so that there
+/// is something to complete from.
 pub fn camera_like(key: &Pinhole) -> Pinhole {
     const NARROWEST: f64 = 1.1;
     let longer = f64::from(key.width.max(key.height));

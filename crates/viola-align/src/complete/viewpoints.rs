@@ -1,5 +1,5 @@
-//! From where missing parts are completed (paper III-D): views that begin where the seen part ends and go on,
-//! little by little, over what was not seen at the vacuum's height.
+//! Chooses the views that complete missing parts (paper III-D): they begin at the end of the seen part and
+//! move in small steps over the part that was not seen at the vacuum's height.
 
 use super::view::View;
 use crate::observe::Observation;
@@ -9,24 +9,24 @@ use serde::{Deserialize, Serialize};
 use viola_geometry::{Pinhole, Point2, Point3, Vector2};
 use viola_reconstruct::PointCloud;
 
-/// How views are chosen.
+/// Strategy for choosing views.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ViewStrategy {
     /// The paper's: from the boundary of the seen part, back, and around over the frontier.
     Frontier,
-    /// Its first rival: the clip's own cameras, half a metre back.
+    /// The paper's first baseline: the clip's own cameras, half a metre back.
     StepBack,
-    /// Its second rival: the clip's own cameras at the vacuum's height, level.
+    /// The paper's second baseline: the clip's own cameras at the vacuum's height, level.
     VacuumHeight,
 }
 
-/// The steps of the strategies.
+/// Parameters of the strategies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewParams {
     pub strategy: ViewStrategy,
     pub vacuum_height_m: f64,
-    /// More views are not taken.
+    /// Maximum number of views.
     pub max_views: usize,
 }
 
@@ -35,10 +35,10 @@ const RIVAL_STEP_BACK_M: f64 = 0.5;
 const MAX_STEPS_BACK: usize = 10;
 const TURN_RAD: f64 = 10.0 / 180.0 * std::f64::consts::PI;
 const MAX_TURNS: usize = 3;
-/// How far the frontier goes from the boundary.
+/// Maximum length of the frontier from the boundary.
 const FRONTIER_M: f64 = 2.0;
 const FRONTIER_STEP_M: f64 = 0.1;
-/// A point of the plan has a hit in its vicinity this near.
+/// Radius of a point's vicinity on the plan.
 const VICINITY_M: f64 = 0.3;
 /// Side of the cells in which points of the plan are thinned.
 const CELL_M: f64 = 0.06;
@@ -48,17 +48,17 @@ const CELL_M: f64 = 0.06;
 pub struct PointSets {
     /// Seen at the vacuum's height.
     pub hits_m: Vec<Point2>,
-    /// What stands at any height, projected down.
+    /// Upright surface at any height, projected down.
     pub down_projected_m: Vec<Point2>,
-    /// Those of them without a hit in their vicinity.
+    /// Projected points without a hit in their vicinity.
     pub missing_m: Vec<Point2>,
-    /// Where the seen part ends and the missing one begins.
+    /// Boundary between the seen part and the missing one.
     pub boundary_m: Option<Point2>,
-    /// Along the outline of everything seen, from the boundary on, where there are no hits.
+    /// Points without hits along the outline of everything seen, from the boundary on.
     pub frontier_m: Vec<Point2>,
 }
 
-/// The views, in the order in which they are to be completed. `observation` has its floor at 0.
+/// Returns the views in the order of their completion, and the point sets. `observation` has its floor at 0.
 pub fn views(observation: &Observation, camera: &Pinhole, params: &ViewParams) -> (Vec<View>, PointSets) {
     let Some(clip_from_world) = &observation.clip_from_world else { return Default::default() };
     let own: Vec<View> = observation.keys.iter().map(|key| View::of(key, clip_from_world)).collect();
@@ -97,8 +97,8 @@ impl PointSets {
         sets
     }
 
-    /// The point of the largest cluster of hits that is nearest to what is missing. A clip without a hit begins
-    /// where it looked first.
+    /// Returns the point of the largest cluster of hits that is nearest to the missing points. The fallback
+    /// without hits is the missing point nearest to the first camera.
     fn boundary(&self) -> Option<Point2> {
         let cluster = largest_cluster(&self.hits_m);
         if cluster.is_empty() {
@@ -132,7 +132,7 @@ impl Thinned {
     }
 }
 
-/// Whether a place has one of some points near.
+/// An index of points that finds whether one is near.
 struct Vicinity(FxHashMap<[i32; 2], Vec<Point2>>);
 
 impl Vicinity {
@@ -154,14 +154,14 @@ impl Vicinity {
     }
 }
 
-/// One point for each cell of the plan in which something stands. The floor is left out: where it was seen
-/// nothing is missing.
+/// Returns one point for each cell of the plan with surface above the floor. The floor is left out: where it
+/// was seen, nothing is missing.
 fn down_projected(cloud: &PointCloud) -> Vec<Point2> {
     let stands = |z: f64| (0.2..2.2).contains(&z);
     plan(cloud, &stands)
 }
 
-/// One point for each cell of the plan that was seen at all.
+/// Returns one point for each cell of the plan with surface at these heights.
 fn plan(cloud: &PointCloud, at_height: &dyn Fn(f64) -> bool) -> Vec<Point2> {
     let mut seen = FxHashSet::default();
     let mut points = Vec::new();
@@ -174,7 +174,7 @@ fn plan(cloud: &PointCloud, at_height: &dyn Fn(f64) -> bool) -> Vec<Point2> {
     points
 }
 
-/// The connected points with the most members; a gap of more than 20 cm parts them.
+/// Returns the largest connected cluster of points; a gap of more than 20 cm separates clusters.
 fn largest_cluster(points: &[Point2]) -> Vec<Point2> {
     const GAP_M: f64 = 0.2;
     let mut cells: FxHashMap<[i32; 2], Vec<Point2>> = FxHashMap::default();
@@ -200,8 +200,8 @@ fn largest_cluster(points: &[Point2]) -> Vec<Point2> {
     largest
 }
 
-/// The concave hull of everything seen (Park and Oh, 2012), as points along it, no two further apart than a step
-/// of the frontier.
+/// Returns the concave hull of everything seen (Park and Oh, 2012), as points at most one step of the
+/// frontier apart.
 fn outline(cloud: &PointCloud) -> Vec<Point2> {
     let points: MultiPoint<f64> =
         plan(cloud, &|z| z < 2.2).iter().map(|p| geo::Point::new(p.x, p.y)).collect();
@@ -218,7 +218,8 @@ fn outline(cloud: &PointCloud) -> Vec<Point2> {
     outline
 }
 
-/// The outline from the point nearest to the boundary on, in the direction with fewer hits.
+/// Returns the points without hits along the outline, from the point nearest to the boundary, in the
+/// direction with fewer hits.
 fn frontier(outline: &[Point2], boundary: &Point2, hits: &Vicinity) -> Vec<Point2> {
     let gap = |i: &usize| (outline[*i] - boundary).norm_squared();
     let Some(begin) = (0..outline.len()).min_by(|a, b| gap(a).total_cmp(&gap(b))) else { return Vec::new() };
@@ -274,19 +275,19 @@ fn frontier_views(
         last = last.turned(turn);
         views.push(last);
     }
-    // The last ones reach furthest; of too many the first ones are left out, which mostly show what is known.
+    // Keeps the last `max_views`, which reach furthest; the first views mostly show known surface.
     views.split_off(views.len().saturating_sub(params.max_views))
 }
 
-/// Of the cameras that see the boundary the one that looks down most steeply. Without one that sees it, the one that
-/// looks most towards it, turned and tilted as little as brings it into the picture.
+/// Returns the camera that looks down most steeply of those that see the boundary. The fallback is the one
+/// that looks most towards it, turned and tilted just enough to bring it into the picture.
 fn first_camera(
     observation: &Observation,
     own: &[View],
     boundary: &Point3,
     camera: &Pinhole,
 ) -> Option<View> {
-    /// A surface this far before the boundary hides it.
+    /// A surface further than this before the boundary hides it.
     const HIDDEN_M: f64 = 0.3;
     let clip_from_world = observation.clip_from_world?;
     let unhidden = |(key, view): &(&viola_reconstruct::KeyFrame, &View)| {
@@ -305,7 +306,7 @@ fn first_camera(
     own.iter().max_by(|a, b| towards(a).total_cmp(&towards(b))).map(|view| view.towards(boundary, camera))
 }
 
-/// 1 where the frontier that a view does not see lies to its left, -1 where it lies to its right.
+/// Returns 1 if the frontier that a view does not see lies to its left, -1 if it lies to its right.
 fn side_of_unseen(view: &View, frontier: &[Point3], camera: &Pinhole) -> f64 {
     let unseen = frontier.iter().filter(|p| !view.sees(p, camera));
     let sum: Vector2 = unseen.map(|p| (p - view.eye()).xy()).sum();
@@ -313,7 +314,7 @@ fn side_of_unseen(view: &View, frontier: &[Point3], camera: &Pinhole) -> f64 {
     if sum.dot(&left) >= 0.0 { 1.0 } else { -1.0 }
 }
 
-/// Where a camera may be: not in a surface, not behind a wall, not above the ceiling.
+/// Free positions of a camera: not in a surface, not behind a wall, not above the ceiling.
 struct Room(FxHashSet<[i32; 3]>);
 
 const ROOM_CELL_M: f64 = 0.12;

@@ -1,7 +1,7 @@
-//! The pose to answer with: the mean of those around a minimum, each counted by how well it explains the clip.
+//! The pose of the answer: the mean of the poses around a minimum, weighted by their likelihood.
 //!
-//! Within the thickness of a map's walls, and between narrow minima, the best pose jumps by centimetres when the clip changes by
-//! millimetres. The mean moves as little as the clip does, and errs least in the square.
+//! Within the thickness of a map's walls, and between narrow minima, the best pose jumps by centimetres if
+//! the clip changes by millimetres. The mean moves as little as the clip, and has the least squared error.
 
 use super::{Refined, Weighted, cost, variance_m2};
 use crate::refine::KERNEL_M;
@@ -11,17 +11,19 @@ use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::{PI, TAU};
 use viola_geometry::{Point2, Pose2, Vector2};
 
-/// Each round draws poses from where the one before found them likely (population Monte Carlo; Cappe et al., 2004).
+/// Each round draws from the distribution fitted by the previous one (population Monte Carlo; Cappe et al.,
+/// 2004).
 const ROUNDS: usize = 3;
 const PAIRS: u32 = 48;
-/// Standard deviations of where poses are looked for: farther away is another minimum, or nothing holds the clip there.
+/// Standard deviations of the prior around the minimum: further away is another minimum, or the clip is
+/// unconstrained.
 const AROUND_M: f64 = 0.05;
 const AROUND_RAD: f64 = 1.5 * PI / 180.0;
-/// Draws spread this much wider than what they look for, as variances, and never over less than the second.
+/// Factor of the draws' variances over the fitted ones, and a constant added to them.
 const WIDER: f64 = 2.0;
 const LEAST: [f64; 3] = [1e-6, 1e-6, 1e-7];
 
-/// The mean of the poses around a refined one.
+/// Returns the mean of the poses around a refined one.
 pub fn mean(refined: &Refined, hits: &[Hit], target: &Target) -> Pose2 {
     let Some(&kernel_m) = KERNEL_M.last() else { return refined.map_from_clip };
     let hits: Vec<Weighted> = hits.iter().map(Weighted::from).collect();
@@ -57,8 +59,8 @@ pub fn mean(refined: &Refined, hits: &[Hit], target: &Target) -> Pose2 {
     around.pose(&centre)
 }
 
-/// Poses as offsets from one of them, turned about the middle of the hits: about the clip's origin, turning and moving would
-/// make up for each other.
+/// Poses as offsets from one of them, rotated about the middle of the hits: about the clip's origin, rotation
+/// and translation would compensate each other.
 struct Around {
     mode: Pose2,
     middle_in_clip: Point2,
@@ -72,14 +74,14 @@ impl Around {
         Around { mode, middle_in_clip, middle_in_map: mode.apply(&middle_in_clip) }
     }
 
-    /// The pose at an offset of (x_m, y_m, yaw_rad).
+    /// Returns the pose at an offset of (x_m, y_m, yaw_rad).
     fn pose(&self, offset: &Vector3<f64>) -> Pose2 {
         let turned = Pose2::new(0.0, 0.0, self.mode.yaw_rad + offset.z);
         let at: Vector2 = self.middle_in_map.coords + offset.xy() - turned.apply(&self.middle_in_clip).coords;
         Pose2::new(at.x, at.y, turned.yaw_rad)
     }
 
-    /// The covariance of a pose as that of offsets.
+    /// Returns the covariance of a pose as that of offsets.
     fn of_middle(&self, covariance: &Matrix3<f64>) -> Matrix3<f64> {
         let arm = self.middle_in_map.coords - Vector2::new(self.mode.x_m, self.mode.y_m);
         let moved = Matrix3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x, 0.0, 0.0, 1.0);
@@ -87,8 +89,8 @@ impl Around {
     }
 }
 
-/// Draws of a standard normal in pairs around zero, spread evenly: by the sequence of Halton (1960) through the transform of Box
-/// and Muller (1958).
+/// Returns evenly spread draws of a standard normal, in pairs around zero: the sequence of Halton (1960)
+/// through the transform of Box and Muller (1958).
 fn draws() -> Vec<Vector3<f64>> {
     let normal = |index: u32, bases: [u32; 2]| {
         let [u, v] = bases.map(|base| radical_inverse(index, base));
@@ -102,7 +104,7 @@ fn draws() -> Vec<Vector3<f64>> {
     (1..=PAIRS).map(draw).flat_map(|draw| [draw, -draw]).collect()
 }
 
-/// The digits of a number behind the point, the last one first; above 0 and below 1 for numbers from 1 on.
+/// Returns the digits of a number behind the point, the last one first; in (0, 1) for numbers from 1 on.
 fn radical_inverse(mut number: u32, base: u32) -> f64 {
     let (mut value, mut place) = (0.0, 1.0);
     while number > 0 {
@@ -121,7 +123,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    /// The walls of a room of 4 by 3 metres, three cells of 5 cm thick.
+    /// Returns the walls of a room of 4 by 3 metres, three cells of 5 cm thick.
     fn room() -> Target {
         let mut points = Vec::new();
         for depth in -1..=1 {
@@ -137,7 +139,7 @@ mod tests {
         Target::from_points(points, Some(0.05), None).unwrap()
     }
 
-    /// What stands in the room, 2 cm off at random, seen from a pose in it.
+    /// Returns hits on the room's walls, up to 2 cm off at random, seen from a pose in it.
     fn hits(map_from_clip: &Pose2) -> Vec<Hit> {
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let mut off = || 0.04 * (rng.random::<f64>() - 0.5);
@@ -167,12 +169,12 @@ mod tests {
             let refined = refine(&[start], &hits, &target)[0];
             let found = mean(&refined, &hits, &target);
             let turned = found.inverse().compose(&truth).yaw_rad.abs();
-            // Poses up to 3 cm off fit as well: distances are zero 5 cm to either side of a wall's middle, and hits lie within 2.
+            // Poses up to 3 cm off fit as well: distances are zero within 5 cm of a wall's middle.
             prop_assert!(found.distance_m(&truth) < 0.015, "{refined:?} {found:?} {truth:?}");
             prop_assert!(turned < 0.3f64.to_radians(), "{refined:?} {found:?} {truth:?}");
         }
 
-        /// An offset and the covariance of the middle are what the pose makes of them.
+        /// Offsets and the covariance about the middle agree with the pose.
         #[test]
         fn turns_about_the_middle_of_the_hits(
             yaw in -3.1..3.1f64, x in -0.1..0.1f64, y in -0.1..0.1f64, turn in -0.1..0.1f64,
@@ -185,7 +187,7 @@ mod tests {
             let at = moved.apply(&middle) - mode.apply(&middle);
             prop_assert!((at - Vector2::new(x, y)).norm() < 1e-12);
             prop_assert!((moved.inverse().compose(&mode).yaw_rad + turn).abs() < 1e-9);
-            // All that is open is a turn about the middle.
+            // Only a rotation about the middle is uncertain.
             let arm = mode.apply(&middle).coords - Vector2::new(2.0, -1.0);
             let turning = Vector3::new(arm.y, -arm.x, 1.0);
             let of_middle = around.of_middle(&(turning * turning.transpose()));

@@ -14,11 +14,11 @@ const MAX_HITS: usize = 500;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct VirtualScan {
     pub hits: Vec<Hit>,
-    /// Centres of cells that a reading of the camera passed through at the vacuum's height.
+    /// Centres of the cells that the camera's readings passed through at the vacuum's height.
     pub free_m: Vec<Point2>,
-    /// The key cameras, laid flat; the first is the identity by the definition of the clip frame.
+    /// The key cameras on the floor plan; the first is the identity by the definition of the clip frame.
     pub cameras: Vec<Pose2>,
-    /// Objects in the pictures that belong into some rooms and not into others.
+    /// Objects in the pictures that belong in some rooms and not in others.
     pub landmarks: Vec<Landmark>,
 }
 
@@ -37,8 +37,8 @@ pub fn raycast(
     VirtualScan { hits: cast(&obstacles, &cameras), free_m, cameras, landmarks }
 }
 
-/// Casts the rays of a scan again, with what was filled in beside what was seen. `observed_in_clip` is the cloud
-/// that the scan was cast in, with the floor at 0.
+/// Casts the rays of a scan again, with completed points beside the observed ones. `observed_in_clip` is the
+/// cloud that the scan was cast in, with the floor at 0.
 pub fn recast(
     scan: &VirtualScan,
     observed_in_clip: &PointCloud,
@@ -60,14 +60,14 @@ fn cast(obstacles: &Obstacles, cameras: &[Pose2]) -> Vec<Hit> {
     thin(hits.into_iter().map(|(_, hit)| hit).collect(), MAX_HITS)
 }
 
-/// A camera's place and heading on the floor.
+/// Returns a camera's position and heading on the floor.
 pub fn lay_flat(clip_from_camera: &Pose3) -> Pose2 {
     let heading = viola_reconstruct::heading(clip_from_camera, &Vector3::z());
     let at = clip_from_camera.translation.vector;
     Pose2::new(at.x, at.y, heading.y.atan2(heading.x))
 }
 
-/// Keeps `most` hits that lie far from each other (farthest-point sampling), in their old order.
+/// Keeps `most` hits that lie far from each other (farthest-point sampling), in their original order.
 fn thin(hits: Vec<Hit>, most: usize) -> Vec<Hit> {
     if hits.len() <= most {
         return hits;

@@ -1,4 +1,4 @@
-//! Free space: where the camera's readings passed through the vacuum's height.
+//! Free space: cells through which the camera's readings passed at the vacuum's height.
 
 use super::hit::FREE_CELL_M;
 use super::hit::RaycastParams;
@@ -6,7 +6,7 @@ use rustc_hash::FxHashMap;
 use viola_geometry::{Point2, Pose3};
 use viola_reconstruct::KeyFrame;
 
-/// Cells that the cameras' rays crossed near the vacuum's height on their way to what they hit.
+/// Returns the cells that the cameras' rays crossed near the vacuum's height before their hits.
 pub(super) fn free_cells(
     key_frames: &[KeyFrame],
     clip_from_world: &Pose3,
@@ -22,7 +22,7 @@ pub(super) fn free_cells(
         let from = clip_from_camera.translation.vector;
         for point in key.readings.points_in_camera() {
             let to = (clip_from_camera * point).coords;
-            // The share of the way at which the ray enters and leaves the layer; it must fall through it.
+            // Fraction of the way at which the ray enters and leaves the layer; it must fall through it.
             if from.z <= high || to.z >= high {
                 continue;
             }

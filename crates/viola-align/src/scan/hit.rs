@@ -1,10 +1,10 @@
-//! Rays: how they are cast, and what they hit.
+//! Parameters of the rays, and their hits.
 
 use viola_geometry::{Point2, Vector2};
 
 /// Surface above this is ceiling, lamps and beams.
 pub(crate) const MAX_HEIGHT_M: f64 = 2.2;
-/// Side of the cells in which free space is remembered.
+/// Side of the cells of free space.
 pub const FREE_CELL_M: f64 = 0.05;
 /// Hits closer together than this are one.
 pub const HIT_SPACING_M: f64 = 0.03;
@@ -12,7 +12,7 @@ pub const HIT_SPACING_M: f64 = 0.03;
 /// Height of the vacuum's LiDAR above the floor; turrets are 7-12 cm, a bare sensor up to 15.
 pub const VACUUM_HEIGHT_M: f64 = 0.12;
 
-/// How rays are cast.
+/// Parameters of the rays.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RaycastParams {
     /// Height of the vacuum's LiDAR above the floor.
@@ -33,13 +33,13 @@ pub struct Hit {
     pub point_m: Point2,
     /// Unit length, towards the seen side.
     pub normal: Vector2,
-    /// How much it counts as evidence, 0..1; [`crate::score::hit_weights`] sets it.
+    /// Weight as evidence, 0..1; [`crate::score::hit_weights`] sets it.
     pub weight: f64,
-    /// How much of the column through it was seen standing, bottom to top.
+    /// Seen vertical extent of the column through it, bottom to top.
     pub extent_m: f64,
-    /// Seen at the vacuum's height; otherwise only above, and projected down along gravity.
+    /// True if seen at the vacuum's height; otherwise seen only above, and projected down along gravity.
     pub at_vacuum_height: bool,
-    /// Not seen but filled in by [`crate::complete`].
+    /// True if not seen but completed by [`crate::complete`].
     pub completed: bool,
     /// The start of the ray.
     pub from_m: Point2,
@@ -47,7 +47,7 @@ pub struct Hit {
 
 #[cfg(test)]
 impl Hit {
-    /// On a wall, seen from the origin, that counts in full.
+    /// Returns a hit on a wall with full weight, seen from the origin.
     pub(crate) fn standing(point_m: Point2, normal: Vector2) -> Hit {
         Hit {
             point_m,

@@ -1,4 +1,4 @@
-//! What pictures show that tells rooms apart: a bed stands in no bathroom.
+//! Objects in pictures that distinguish rooms: a bed stands in no bathroom.
 
 use super::hit::RaycastParams;
 use crate::scan::hit::MAX_HEIGHT_M;
@@ -7,33 +7,33 @@ use viola_geometry::taxonomy::{Class, Purposes};
 use viola_geometry::{Point2, Pose2, Vector2, angle_between};
 use viola_reconstruct::PointCloud;
 
-/// Something that belongs into some rooms and not into others, in the clip frame.
+/// An object that belongs in some rooms and not in others, in the clip frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Landmark {
     pub point_m: Point2,
-    /// The camera that it was seen from.
+    /// Position of the camera that it was seen from.
     pub from_m: Point2,
     pub class: Class,
-    /// Of the area above which pictures show anything standing, by the probability that it is of this class.
+    /// Fraction of the area with anything standing in pictures, times the probability of this class.
     pub share: f64,
 }
 
 /// Side of the cells of the floor plan in which classes are summed up.
 const CELL_M: f64 = 0.2;
-/// What is lower is the floor, as far as a picture can tell.
+/// Minimum height of an object; pictures cannot distinguish lower surface from the floor.
 const ABOVE_FLOOR_M: f64 = 0.05;
-/// Half of the field of view of a phone that is held upright, with some doubt.
+/// Half of the field of view of a phone that is held upright, with some tolerance.
 const HALF_VIEW_RAD: f64 = 0.6;
 
 #[derive(Default)]
 struct Cell {
-    /// Points and the sum of their probabilities, by class.
+    /// Sum of the points' probabilities, by class.
     classes: Vec<(Class, f64)>,
     count: f64,
     sum: Vector2,
 }
 
-/// The landmarks in a cloud, in the order of their cells.
+/// Returns the landmarks in a cloud, in the order of their cells.
 pub(super) fn landmarks(
     cloud_in_clip: &PointCloud,
     cameras: &[Pose2],
@@ -74,7 +74,7 @@ pub(super) fn landmarks(
     cells.iter().filter_map(thing).collect()
 }
 
-/// The nearest camera that looks there.
+/// Returns the nearest camera that looks there; the fallback is the nearest one.
 fn seen_from(point: &Point2, cameras: &[Pose2]) -> Option<Point2> {
     let distance = |camera: &&Pose2| {
         let way = point - Point2::new(camera.x_m, camera.y_m);
@@ -108,7 +108,7 @@ mod tests {
     fn things_are_what_pictures_call_so() {
         let bed = |views| Label::new(Class::Bed, 1.0, views);
         let wall = Label::new(Class::Wall, 1.0, 1);
-        // A bed, a wall with one point of a bed in it, a bed that only its shape calls so, and one on a picture on the ceiling.
+        // A bed, a wall with one point of a bed in it, a bed without a view, and one on the ceiling.
         let cloud = cloud(&[
             ([2.1, 0.1, 0.5], bed(1)),
             ([2.1, 1.1, 0.5], wall),

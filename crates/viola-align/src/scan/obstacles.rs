@@ -1,4 +1,4 @@
-//! What stands on the floor plan and stops a ray at the vacuum's height.
+//! Obstacles on the floor plan that stop a ray at the vacuum's height.
 
 use super::hit::{FREE_CELL_M, HIT_SPACING_M};
 use super::hit::{Hit, RaycastParams};
@@ -7,21 +7,20 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use viola_geometry::{Point2, Vector2};
 use viola_reconstruct::{CloudPoint, PointCloud};
 
-/// Surface this far above and below counts as being at that height (the authors' slab).
+/// Surface up to this far above and below counts as being at that height (the authors' slab).
 const SLAB_M: f64 = 0.10;
-/// A surface whose normal leans at least this much towards the vertical is no obstacle.
+/// Maximum vertical component of an obstacle's normal.
 const MAX_NORMAL_Z: f64 = 0.6;
 /// Rays in a full turn.
 const RAYS: usize = 720;
-/// Side of the columns in which the vertical extent of what stands is measured.
+/// Side of the columns in which the vertical extent of obstacles is measured.
 const COLUMN_M: f64 = 0.06;
-/// A column seen only above the slab counts as a wall down to the floor if at least this much of it
-/// was seen.
+/// Minimum seen extent of a column above the slab that counts as a wall down to the floor.
 const MIN_UPPER_EXTENT_M: f64 = 0.35;
-/// Longest ray.
+/// Maximum length of a ray.
 const MAX_RANGE_M: f64 = 8.0;
 
-/// What stands, as points on the floor plan that stop a ray.
+/// Obstacles, as points on the floor plan that stop a ray.
 pub(super) struct Obstacles {
     points: Vec<Hit>,
     spacing_m: f64,
@@ -33,7 +32,7 @@ fn cell_of(x: f64, y: f64, side_m: f64) -> Cell {
     [x, y].map(|c| (c / side_m).floor() as i32)
 }
 
-/// A cell and the eight around it.
+/// Returns a cell and the eight around it.
 fn around([x, y]: Cell) -> impl Iterator<Item = Cell> {
     (-1..=1).flat_map(move |dy| (-1..=1).map(move |dx| [x + dx, y + dy]))
 }
@@ -117,8 +116,7 @@ impl Obstacles {
         Obstacles { points, spacing_m: cloud.voxel_m.max(COLUMN_M * 0.5) }
     }
 
-    /// Adds what was filled in, but for what stands where the clip saw free floor, or where it saw something
-    /// standing itself.
+    /// Adds completed obstacles, except where the clip saw free floor or an obstacle itself.
     pub(super) fn add_completed(&mut self, completed: Obstacles, free_m: &[Point2]) {
         let free_cell = |p: &Point2| cell_of(p.x, p.y, FREE_CELL_M);
         let free: FxHashSet<Cell> = free_m.iter().map(free_cell).collect();

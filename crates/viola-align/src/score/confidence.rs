@@ -1,13 +1,13 @@
-//! How probable it is that the best pose is right, calibrated on simulated homes. Only this module writes a probability.
+//! Probability that the best pose is right, calibrated on simulated homes. Only this module sets it.
 //!
-//! A logistic regression on a dozen figures of the answer, capped by what the figures do not know. The coefficients are
-//! those of [`MODEL`].
+//! A logistic regression on a dozen features of the answer, capped by doubts that the features do not
+//! include. The coefficients are those of [`MODEL`].
 
 use super::different::is_different;
 use super::model::{MODEL, Model};
 use crate::answer::{Alignment, Alternative};
 
-/// The figures, by name.
+/// Names of the features.
 pub const FEATURES: [&str; 12] = [
     "gap",
     "near_gap",
@@ -23,30 +23,30 @@ pub const FEATURES: [&str; 12] = [
     "rivals",
 ];
 
-/// Below this a gap is noise as likely as not, so its size counts on a scale of its own.
+/// A smaller gap is noise as likely as not, so its size has a feature of its own.
 const NEAR_GAP_M: f64 = 0.008;
 /// Features use at most this many alternatives.
 const LISTED: usize = 8;
-/// A rival within this explains the clip nearly as well.
+/// Maximum difference in loss of a rival that explains the clip nearly as well.
 const NEAR_RIVAL_M: f64 = 0.02;
 
-/// The explanations that are not close to the best one.
+/// Returns the explanations that are not close to the best one.
 fn rivals(alternatives: &[Alternative]) -> impl Iterator<Item = &Alternative> {
     let best = alternatives.first().map(|best| best.map_from_clip).unwrap_or_default();
     alternatives.iter().take(LISTED).skip(1).filter(move |a| is_different(&a.map_from_clip, &best))
 }
 
-/// How many different explanations lose by less than [`NEAR_RIVAL_M`].
+/// Returns the number of different explanations that lose by less than [`NEAR_RIVAL_M`].
 pub fn near_rivals(alignment: &Alignment) -> usize {
     let Some(best) = alignment.alternatives.first() else { return 0 };
     rivals(&alignment.alternatives).filter(|a| a.loss_m - best.loss_m < NEAR_RIVAL_M).count()
 }
 
-/// The figures of an answer, in the order of [`FEATURES`]; none when it has no pose to judge.
+/// Returns the features of an answer, in the order of [`FEATURES`]; `None` without a pose to judge.
 pub fn features(alignment: &Alignment) -> Option<[f64; FEATURES.len()]> {
     let best = alignment.alternatives.first()?;
     let free_space = best.free_space?;
-    // A rival 10 cm worse is as good as none.
+    // The gap is at most 10 cm; a worse rival counts as none.
     let gap_m = rivals(&alignment.alternatives).map(|a| a.loss_m - best.loss_m).fold(0.1, f64::min);
     let log_hits = (alignment.hits.max(1) as f64 / 100.0).ln();
     let covariance = alignment.covariance.unwrap_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
@@ -67,22 +67,22 @@ pub fn features(alignment: &Alignment) -> Option<[f64; FEATURES.len()]> {
     ])
 }
 
-/// Facts about an answer that its figures do not show.
+/// Facts about an answer that its features do not show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Doubts {
-    /// The search ended at its budget: a place that was not looked at may explain the clip as well.
+    /// True if the search ended at its budget: an unsearched pose may explain the clip as well.
     pub search_incomplete: bool,
-    /// The camera was tracked from frames that are far apart.
+    /// True if the camera was tracked from frames that are far apart.
     pub sparse_track: bool,
 }
 
-/// No answer is surer than this when the search was incomplete.
+/// Maximum probability if the search was incomplete.
 const MOST_AFTER_INCOMPLETE_SEARCH: f64 = 0.5;
-/// No answer is surer than this when the camera was tracked from sparse frames: of the simulated clips at 2.5 frames a second
-/// that were called aligned, 13 % were wrong (BENCHMARKS.md).
+/// Maximum probability if the camera was tracked from sparse frames: of the simulated clips at 2.5 frames a
+/// second that were reported as aligned, 13 % were wrong (BENCHMARKS.md).
 const MOST_FOR_SPARSE_TRACK: f64 = 0.85;
 
-/// Puts probabilities into an answer.
+/// Sets the probabilities of an answer.
 pub fn set_probabilities(answer: &mut Alignment, doubts: Doubts) {
     regress(answer, &MODEL);
     if doubts.search_incomplete {
@@ -103,12 +103,12 @@ fn cap(probability: &mut Option<f64>, most: f64) {
     *probability = probability.map(|p| p.min(most));
 }
 
-/// The best pose's probability is the regression's, but no more than its gap to the next explanation allows; the rest is
-/// shared among the other explanations by their losses, with some kept for a place that is not listed.
+/// Sets the regression's probability for the best pose, capped by its gap to the next explanation. The rest
+/// is divided among the other explanations by their losses, with a part for unlisted poses.
 fn regress(answer: &mut Alignment, model: &Model) {
     const ELSEWHERE: f64 = 0.25;
     let Some(features) = features(answer) else { return };
-    // Evidence that speaks for the best pose speaks for a rival with nearly its loss, too.
+    // Evidence for the best pose is also evidence for a rival with nearly its loss.
     let ceiling = 1.0 / (1.0 + (-features[0] / model.temperature_m).exp());
     let best = model.probability(&features).min(ceiling);
     let loss_m = answer.alternatives[0].loss_m;
@@ -134,7 +134,7 @@ mod tests {
         assert!(MODEL.coefficients.iter().all(|c| c.scale > 0.0 && c.weight.is_finite()));
     }
 
-    /// An answer as sure as the model can be.
+    /// Returns an answer as sure as the model can be.
     fn sure() -> Alignment {
         let free_space =
             FreeSpace { blocked_rays: 0.0, hits_on_floor: 0.0, unseen_sides: 0.0, walls_on_floor: 0.0 };

@@ -1,4 +1,4 @@
-//! When two poses are different explanations of a clip.
+//! Finds whether two poses are different explanations of a clip.
 
 use viola_geometry::{Pose2, angle_between};
 
@@ -6,7 +6,7 @@ use viola_geometry::{Pose2, angle_between};
 const CLOSE_M: f64 = 0.3;
 const CLOSE_DEG: f64 = 20.0;
 
-/// Whether a pose is a different explanation than another one.
+/// Returns whether a pose is a different explanation than another one.
 pub fn is_different(a: &Pose2, b: &Pose2) -> bool {
     a.distance_m(b) > CLOSE_M || angle_between(a.yaw_rad, b.yaw_rad).to_degrees() > CLOSE_DEG
 }

@@ -1,4 +1,4 @@
-//! What speaks for and against a pose: the distance of the hits, and free space on both sides.
+//! Evidence for and against a pose: the distance of the hits, and free space on both sides.
 
 use crate::rooms::NamedRooms;
 use crate::scan::{Hit, Landmark, VirtualScan};
@@ -9,44 +9,43 @@ use serde::{Deserialize, Serialize};
 use viola_formats::lidar::Cell;
 use viola_geometry::{Point2, Pose2};
 
-/// Distances count up to this: a hit without a counterpart is clutter, however far it is.
+/// Maximum distance that counts: a hit without a counterpart is clutter, however far it is.
 const TRUNCATION_M: f64 = 0.2;
-/// A hit this near to the map has found its counterpart.
+/// Maximum distance to the map of a hit with a counterpart.
 pub const INLIER_M: f64 = 0.1;
-/// A ray is blocked by the map only this far before its hit or earlier.
+/// Minimum distance before its hit at which the map blocks a ray.
 const SHORT_OF_HIT_M: f64 = 0.25;
-/// A hit on free floor contradicts the map only this far from anything that the map has.
+/// Minimum distance from the map's points at which a hit on free floor contradicts the map.
 const OFF_WALL_M: f64 = 0.15;
-/// This far before a hit, along its normal, lies what the camera saw free: the robot should know it.
+/// Distance before a hit, along its normal, of space that the camera saw free: the robot should know it.
 const BEFORE_WALL_M: f64 = 0.2;
 
-/// The evidence on one pose. Shares are of the hits' weight unless said otherwise, 0..1.
+/// The evidence on one pose. Fractions are of the hits' weight unless stated otherwise, 0..1.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Evidence {
     /// Mean truncated distance of the hits to the map.
     pub distance_m: f64,
     pub inliers: f64,
-    /// Hits whose ray runs into something of the map well before the hit.
+    /// Hits whose ray meets the map well before the hit.
     pub blocked_rays: f64,
-    /// Hits that stand where the map has free floor.
+    /// Hits on free floor of the map.
     pub hits_on_floor: f64,
-    /// Hits that have found their counterpart, but on the side from which the robot never saw it.
+    /// Hits with a counterpart, but on a side that the robot never saw.
     pub unseen_sides: f64,
-    /// Walls of the map that stand where the clip saw free floor, as a share of the walls that the clip
-    /// speaks about: those and its hits.
+    /// Walls of the map where the clip saw free floor, as a fraction of these walls and the clip's hits.
     pub walls_on_floor: f64,
-    /// What pictures show that does not belong in the named room in which it would stand, as a share of all that they show
-    /// standing.
+    /// Objects in pictures that do not belong in the named room of the map, as a fraction of everything that
+    /// stands in pictures.
     pub misplaced: f64,
 }
 
-/// Reads the evidence on poses of one clip.
+/// Computes the evidence on poses of one clip.
 pub struct PoseScorer<'a> {
     hits: &'a [Hit],
     weight: f64,
-    /// Cells that the clip saw free, and all their neighbours too.
+    /// Cells that the clip saw free together with all their neighbours.
     free: FxHashSet<[i32; 2]>,
-    /// Everything free lies within this distance of the clip's origin.
+    /// Maximum distance of a free cell from the clip's origin.
     free_reach_m: f64,
     landmarks: &'a [Landmark],
     unknown_share: f64,
@@ -75,8 +74,8 @@ impl<'a> PoseScorer<'a> {
         }
     }
 
-    /// Returns the evidence on one pose. `unknown_share` of the truncation is what a hit without a counterpart costs where
-    /// the map knows nothing.
+    /// Returns the evidence on one pose. A hit without a counterpart costs the truncation, or a fraction of
+    /// `unknown_share` of it in unknown cells of the map.
     pub fn evidence(&self, map_from_clip: &Pose2, target: &Target) -> Evidence {
         let mut evidence = Evidence::default();
         let turn = Rotation2::new(map_from_clip.yaw_rad);
@@ -96,7 +95,7 @@ impl<'a> PoseScorer<'a> {
                 let before = at + turn * hit.normal * BEFORE_WALL_M;
                 evidence.unseen_sides += hit.weight * share(target.cell_at(&before) == Cell::Unknown);
             }
-            // What was filled in was not seen, so no light came from there.
+            // Completed hits were not seen, so they have no ray.
             let blocked = !hit.completed && self.is_blocked(map_from_clip, hit, target);
             evidence.blocked_rays += hit.weight * share(blocked);
         }
@@ -131,7 +130,7 @@ impl<'a> PoseScorer<'a> {
         self.landmarks.iter().filter(is_misplaced).map(|thing| thing.share).sum()
     }
 
-    /// The distance field says how far the next obstacle is at least, so the ray may leap.
+    /// Returns whether the map blocks the ray of a hit, by sphere tracing on the distance field.
     fn is_blocked(&self, map_from_clip: &Pose2, hit: &Hit, target: &Target) -> bool {
         let cell_m = target.field.frame().cell_m;
         let wall_m = f64::max(0.5 * cell_m, 0.02);
@@ -159,7 +158,7 @@ mod tests {
     use super::*;
     use viola_geometry::{Grid, GridFrame, Vector2};
 
-    /// A wall along x = 2 m that the robot saw from below it in x only.
+    /// Returns a wall along x = 2 m that the robot saw only from smaller x.
     fn target(known: bool) -> Target {
         let frame = GridFrame::covering([0.0, 0.0], [4.0, 4.0], 0.0, 0.05);
         let mut cells = Grid::filled(frame, Cell::Unknown);

@@ -1,16 +1,16 @@
-//! How much each hit counts: what stands tall is likely built in, what is low may have been moved.
+//! Weights of the hits: tall surface is probably built in, low surface may have been moved.
 
 use crate::scan::Hit;
 
-/// From this vertical extent on a surface counts in full.
+/// Minimum vertical extent of a surface with full weight.
 const TALL_M: f64 = 1.2;
-/// Factor for what was filled in.
+/// Factor for completed hits.
 const COMPLETED_WEIGHT: f64 = 0.5;
 
-/// How much hits count; the experiments vary it.
+/// Parameters of the hits' weights; the experiments vary them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HitWeightParams {
-    /// Weight of a hit on something of no height; it grows to one at `tall_m`.
+    /// Weight of a hit on surface of zero height; it grows to one at `TALL_M`.
     pub low_weight: f64,
     /// Factor for walls that were seen only above the vacuum's height.
     pub upper_weight: f64,
@@ -22,8 +22,8 @@ impl Default for HitWeightParams {
     }
 }
 
-/// The hits with their weights, in an order of their own, so that the answer does not depend on the order in
-/// which they came; those that count nothing are left out.
+/// Returns the hits with their weights, in a canonical order, so that the answer does not depend on the order
+/// of the input; hits of zero weight are left out.
 pub fn hit_weights(hits: &[Hit], params: &HitWeightParams) -> Vec<Hit> {
     let weight = |hit: &Hit| {
         let tall = (hit.extent_m / TALL_M).clamp(0.0, 1.0);

@@ -1,11 +1,11 @@
-//! The learned numbers: weights of the loss, temperature and coefficients of the probability. `model.json` is their only
-//! place; `viola evaluate --fit` writes it whole.
+//! The learned numbers: weights of the loss, temperature and coefficients of the probability. `model.json` is
+//! their only source; `viola evaluate --fit` writes all of it.
 
 use super::evidence::Evidence;
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
 
-/// A model with where it comes from.
+/// A model with its provenance.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Model {
     pub made_by: MadeBy,
@@ -28,7 +28,7 @@ pub struct MadeBy {
     pub note: Option<String>,
 }
 
-/// What each kind of evidence adds to the loss when its share is 1, in metres.
+/// Loss in metres of each kind of evidence at fraction 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LossWeights {
     pub blocked_m: f64,
@@ -36,15 +36,15 @@ pub struct LossWeights {
     pub unseen_sides_m: f64,
     pub walls_on_floor_m: f64,
     pub misplaced_m: f64,
-    /// More than this share misplaced costs no more: rooms may have other names than they deserve, and networks err.
+    /// Maximum misplaced fraction that counts, because rooms may have wrong names, and networks err.
     pub most_misplaced: f64,
 }
 
-/// One figure of the logistic regression.
+/// One feature of the logistic regression.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Coefficient {
     pub feature: String,
-    /// The figure's mean and spread in the training clips.
+    /// Mean and spread of the feature in the training clips.
     pub mean: f64,
     pub scale: f64,
     pub weight: f64,
@@ -56,7 +56,7 @@ pub static MODEL: LazyLock<Model> = LazyLock::new(|| {
 });
 
 impl LossWeights {
-    /// The loss of a pose in metres: what ranks poses.
+    /// Returns the loss of a pose in metres, which ranks poses.
     pub fn loss_m(&self, evidence: &Evidence) -> f64 {
         evidence.distance_m
             + self.blocked_m * evidence.blocked_rays
@@ -68,9 +68,9 @@ impl LossWeights {
 }
 
 impl Model {
-    /// The regression's probability that the first alternative is the right pose.
+    /// Returns the regression's probability that the first alternative is the right pose.
     pub fn probability(&self, features: &[f64]) -> f64 {
-        // Beyond what training saw, the figure says no more than at its edge.
+        // Beyond the range of the training, a feature counts as at the edge of the range.
         let terms = self
             .coefficients
             .iter()

@@ -1,4 +1,4 @@
-//! How well each pose explains the clip (paper IV-A).
+//! Ranks poses by how well they explain the clip (paper IV-A).
 
 use super::evidence::{INLIER_M, PoseScorer};
 use super::model::{LossWeights, MODEL};
@@ -10,13 +10,13 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use viola_geometry::{Point2, Pose2, angle_between};
 
-/// How poses are compared; the experiments vary it.
+/// Parameters of the ranking; the experiments vary them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScoreParams {
     pub weights: LossWeights,
-    /// Share of the truncation that a hit without a counterpart costs where the map knows nothing.
+    /// Cost of a hit without a counterpart in unknown cells of the map, as a fraction of the truncation.
     pub unknown_share: f64,
-    /// Explanations that an answer lists.
+    /// Maximum number of explanations in an answer.
     pub alternatives: usize,
 }
 
@@ -37,7 +37,7 @@ pub struct Ranked {
     pub covariance: nalgebra::Matrix3<f64>,
 }
 
-/// The refined poses by how well they explain the clip, the best first, no two of them the same.
+/// Returns the refined poses by how well they explain the clip, the best first, without duplicates.
 pub fn rank(
     refined: &[Refined],
     hits: &[Hit],
@@ -90,7 +90,7 @@ fn distinct(sorted: Vec<Ranked>, most: usize) -> Vec<Ranked> {
     kept
 }
 
-/// The share of the map's points with a hit beside them (the paper's coverage, at the estimated pose).
+/// Returns the fraction of the map's points with a hit beside them: the paper's coverage, at this pose.
 pub fn coverage(map_from_clip: &Pose2, hits: &[Hit], target: &Target) -> f64 {
     let cell = |p: &Point2| [p.x, p.y].map(|c| (c / INLIER_M).floor() as i32);
     let mut placed: FxHashMap<[i32; 2], Vec<Point2>> = FxHashMap::default();

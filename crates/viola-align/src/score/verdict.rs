@@ -1,12 +1,12 @@
-//! What an answer is called, and why.
+//! The state of an answer, and its reasons.
 
 use super::confidence::near_rivals;
 use crate::answer::{Alignment, AlignmentState};
 use viola_reconstruct::Reason;
 
-/// Share of the hits that must have a counterpart in the map.
+/// Minimum fraction of the hits with a counterpart in the map.
 const LEAST_INLIERS: f64 = 0.3;
-/// Probability from which an answer is called aligned.
+/// Minimum probability of the state `aligned`.
 const SURE: f64 = 0.9;
 
 /// Sets the state from inliers and probability, with the reasons for anything but `aligned`.

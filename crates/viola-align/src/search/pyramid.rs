@@ -1,9 +1,9 @@
-//! A pyramid of maxima: what a square of the map can offer at best.
+//! A pyramid of maxima: upper bounds over squares of the map.
 
 use rayon::prelude::*;
 
 /// Maxima of a picture over the squares that begin at each cell, for sides of 1, 2, 4 ... cells. The picture
-/// has a border of zeros, so that whoever stays within it need not ask where the picture ends.
+/// has a border of zeros, within which no bounds check is needed.
 pub(super) struct Pyramid {
     /// Cells left and right of the picture, and below and above it.
     pub(super) border: [usize; 2],
@@ -13,7 +13,7 @@ pub(super) struct Pyramid {
 }
 
 impl Pyramid {
-    /// `levels + 1` levels of a picture given by its rows.
+    /// Builds `levels + 1` levels of a picture.
     pub(super) fn new(
         width: usize,
         height: usize,
@@ -36,13 +36,13 @@ impl Pyramid {
         pyramid
     }
 
-    /// The place of a cell of the picture in each level.
+    /// Returns the index of a cell of the picture in each level.
     pub(super) fn place(&self, x: i32, y: i32) -> usize {
         let [beside, below] = self.border.map(|border| border as i32);
         (y + below) as usize * self.stride + (x + beside) as usize
     }
 
-    /// Squares of twice the side, out of the last level's squares of `side`.
+    /// Returns the squares of twice the side, from the last level's squares of `side`.
     fn doubled(&self, side: usize) -> Vec<u8> {
         let last = &self.levels[self.levels.len() - 1];
         let mut cells = vec![0u8; last.len()];

@@ -1,5 +1,5 @@
-//! The space of poses that the search divides: rotations, squares of translations, and what each can score at
-//! best.
+//! The space of poses that the search divides: rotations and squares of translations, with upper bounds of
+//! their scores.
 
 use super::pyramid::Pyramid;
 use super::{Candidate, SearchParams};
@@ -16,7 +16,7 @@ const CELL_M: f64 = 0.05;
 
 /// Scale of the likelihood that a hit belongs to a map point, by their distance.
 const SIGMA_M: f64 = 0.10;
-/// The clip's origin may lie this far outside the box around the map.
+/// Maximum distance of the clip's origin outside the box around the map.
 const MARGIN_M: f64 = 0.3;
 
 /// One rotation and the translations `x..x + 2^level`, `y..y + 2^level`, in cells.
@@ -30,7 +30,7 @@ pub(super) struct Node {
 }
 
 impl Ord for Node {
-    /// By bound; among equals the smaller square, then the lower place, so that the order is total.
+    /// Orders by bound; among equals the smaller square, then the lower place, so that the order is total.
     fn cmp(&self, other: &Self) -> Ordering {
         let key = |n: &Node| (n.bound, std::cmp::Reverse((n.level, n.rotation, n.y, n.x)));
         key(self).cmp(&key(other))
@@ -50,15 +50,15 @@ struct Offset {
     weight: u32,
 }
 
-/// Bytes of the pyramid. Beyond, the search's cells get coarser.
+/// Maximum bytes of the pyramid. Beyond, the search's cells get coarser.
 const MAX_BYTES: usize = 128 << 20;
-/// Squares of the top level over all rotations. Beyond, these squares get larger.
+/// Maximum number of squares of the top level over all rotations. Beyond, these squares get larger.
 const MAX_ROOTS: usize = 4 << 20;
 
-/// The raster of the search: what it costs is bounded for any map and any hits.
+/// The raster of the search, of bounded cost for any map and any hits.
 struct Raster {
     frame: GridFrame,
-    /// Further than this from the origin of a clip, in cells along each axis, no hit falls into the map, wherever the origin is.
+    /// Maximum distance of a hit that can fall into the map from the clip's origin, in cells along each axis.
     reach: [usize; 2],
     levels: u32,
 }
@@ -94,7 +94,7 @@ impl Raster {
         Raster { frame, reach, levels }
     }
 
-    /// A square that begins in the map, moved by the reach, stays within the border.
+    /// Returns the border. A square that begins in the map, moved by the reach, stays within it.
     fn border(&self) -> [usize; 2] {
         self.reach.map(|reach| reach + 1 + (1 << self.levels))
     }
@@ -105,7 +105,7 @@ impl Raster {
         cells.saturating_mul(self.levels as usize + 1)
     }
 
-    /// A step of whole cells; none if it leads out of the map from everywhere in it.
+    /// Returns a step of whole cells; `None` if it leads out of the map from everywhere in it.
     fn step(&self, to: &Point2) -> Option<[i32; 2]> {
         let step = [to.x, to.y].map(|v| (v / self.frame.cell_m).round() as i32);
         let is_near = (0..2).all(|axis| step[axis].unsigned_abs() as usize <= self.reach[axis]);
@@ -116,7 +116,7 @@ impl Raster {
 pub(super) struct Space<'a> {
     params: &'a SearchParams,
     frame: GridFrame,
-    /// The top one is of squares of `2^levels` cells.
+    /// The top level has squares of `2^levels` cells.
     levels: u32,
     pyramid: Pyramid,
     /// For each rotation, the hits that can fall into the map.
@@ -152,7 +152,7 @@ impl<'a> Space<'a> {
         Space { params, frame, levels: raster.levels, pyramid, offsets, full }
     }
 
-    /// Squares of the top level that together hold every place the origin may have.
+    /// Returns the squares of the top level that together hold every possible origin.
     pub(super) fn roots(&self) -> Vec<Node> {
         let level = self.levels;
         let side = 1i32 << level;
@@ -179,7 +179,7 @@ impl<'a> Space<'a> {
         Node { bound, level, rotation, x, y }
     }
 
-    /// The four quarters, summed together because their cells lie together.
+    /// Returns the four quarters, summed together because their cells lie together.
     pub(super) fn children(&self, node: &Node) -> [Node; 4] {
         let level = node.level - 1;
         let half = 1i32 << level;
@@ -204,7 +204,7 @@ impl<'a> Space<'a> {
         [quarter(0, 0, 0), quarter(1, half, 0), quarter(2, 0, half), quarter(3, half, half)]
     }
 
-    /// The best leaf under the most promising roots: what the optimum reaches at least.
+    /// Returns the best leaf under the most promising roots, a lower bound of the optimum.
     pub(super) fn dive(&self, roots: &[Node]) -> Option<Node> {
         const DIVES: usize = 64;
         let mut best: Vec<&Node> = roots.iter().collect();
@@ -231,7 +231,7 @@ impl<'a> Space<'a> {
         f64::from(bound) / self.full
     }
 
-    /// Whether every pose of a node belongs to the neighbourhood of one mode.
+    /// Returns whether every pose of a node belongs to the neighbourhood of one mode.
     pub(super) fn is_taken(&self, node: &Node, modes: &[Candidate]) -> bool {
         let last = f64::from((1i32 << node.level) - 1) * self.frame.cell_m;
         let corner = self.pose(node);

@@ -2,16 +2,16 @@
 
 mod fused;
 mod instances;
-mod judge;
 mod matching;
+mod score;
 mod simulated;
 mod surface;
 
 pub use fused::{Agreement, Excerpt, Fused, consecutive, fuse};
 pub use instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
-pub use judge::{FoundRow, ObjectScore, TruthRow, judge};
 pub use matching::{ClassRow, MIN_IOU, Matches, Thing, matches};
-pub use simulated::{SampleParams, SimulatedMap, TrueRoom, judge_objects, judge_rooms, sample, simulated};
+pub use score::{FoundRow, ObjectScore, TruthRow, score_objects};
+pub use simulated::{SampleParams, SimulatedMap, TrueRoom, count_rooms, match_objects, sample, simulated};
 pub use surface::{SurfaceScore, compare, seen_by};
 
 use super::{MeshError, Scene, labels};
@@ -76,7 +76,7 @@ pub fn evaluate(
     let report = HomeReport {
         surface: compare(&map, &mesh, &seen, &scene.map_from_world),
         coverage: home::coverage(&scene.lidar, &map, &rooms),
-        score: judge(&map, &found, &truth, &mesh, &scene.map_from_world),
+        score: score_objects(&map, &found, &truth, &mesh, &scene.map_from_world),
         excerpts,
         agreement,
         rooms,

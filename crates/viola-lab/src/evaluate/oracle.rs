@@ -57,14 +57,14 @@ impl Segmenter for Oracle {
         };
         let labels = self.recorded.labels(index);
         let (width, height) = (labels.width as usize, labels.height as usize);
-        let mut dice = ChaCha8Rng::seed_from_u64(self.seed.wrapping_add(index as u64));
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed.wrapping_add(index as u64));
         // Source patch of each patch's classes: mostly itself.
         let sources: Vec<usize> = (0..PATCHES * PATCHES)
             .map(|patch| {
-                if dice.random::<f64>() < self.accuracy {
+                if rng.random::<f64>() < self.accuracy {
                     patch
                 } else {
-                    dice.random_range(0..PATCHES * PATCHES)
+                    rng.random_range(0..PATCHES * PATCHES)
                 }
             })
             .collect();

@@ -125,10 +125,10 @@ impl Home {
     /// Generates and furnishes the home of these parameters.
     pub fn generate(params: &HomeParams) -> Home {
         let rng = Rng::new(params.seed).fork(params.set.name(), 0);
-        let mut plan_dice = rng.fork("plan", 0);
+        let mut plan_rng = rng.fork("plan", 0);
         let plan = match params.set {
-            Set::Repeated => Plan::of_a_row(&mut plan_dice),
-            _ => Plan::of_a_home(&mut plan_dice),
+            Set::Repeated => Plan::of_a_row(&mut plan_rng),
+            _ => Plan::of_a_home(&mut plan_rng),
         };
         let building = structure::solids(&plan, &mut rng.fork("building", 0));
         let mut pieces = furnish::furnish(&plan, &rng.fork("furniture", 0));

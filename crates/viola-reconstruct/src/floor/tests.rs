@@ -138,7 +138,7 @@ fn without_a_floor_there_is_a_reason() {
     assert_eq!(none.reason().code, "no_floor");
     let none = find_floor(&PointCloud::default(), &keys, None, 5).unwrap_err();
     assert_eq!(none.reason().code, "nothing_fused");
-    // The wall's foot is 1.4 m below the camera, so lower guesses stand.
+    // The wall's foot is 1.4 m below the camera, so lower assumed floors remain.
     let guesses = assume(&cloud, &keys, &z_up());
     assert!(guesses.iter().all(|g| g.assumed && g.first_camera_height_m > 1.39), "{guesses:?}");
     assert!(!guesses.is_empty());

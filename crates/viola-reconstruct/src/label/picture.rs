@@ -19,7 +19,8 @@ pub struct Raster {
 
 impl Fit {
     /// Fits a picture into an input of a given size. If the raster of the output is known, the content ends
-    /// on one of its cells, so that the padding can be cut off exactly; the aspect ratio holds to half a cell.
+    /// on one of its cells, so that the padding can be cut off exactly; the aspect ratio holds to half such a
+    /// cell.
     pub fn into_fixed(picture: Raster, input: Raster, output: Option<Raster>, align_corners: bool) -> Fit {
         let scale =
             (input.width as f64 / picture.width as f64).min(input.height as f64 / picture.height as f64);

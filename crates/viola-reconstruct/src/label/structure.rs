@@ -77,7 +77,7 @@ pub fn shapes(sites: &Sites) -> (Vec<Shape>, Vec<Wall>) {
     let mut shapes = vec![Shape::Loose; sites.len()];
     let mut walls = Vec::new();
     for patch in patches.iter().filter(|patch| patch.area_m2 >= MIN_AREA_M2) {
-        let shape = judge(patch, &patches, sites);
+        let shape = shape_of(patch, &patches, sites);
         for &member in &patch.members {
             shapes[member as usize] = shape;
         }
@@ -100,7 +100,7 @@ pub fn shapes(sites: &Sites) -> (Vec<Shape>, Vec<Wall>) {
     (shapes, walls.into_iter().map(|patch| Wall::of(patch, sites)).collect())
 }
 
-fn judge(patch: &Upright, all: &[Upright], sites: &Sites) -> Shape {
+fn shape_of(patch: &Upright, all: &[Upright], sites: &Sites) -> Shape {
     let height_m = patch.high_m - patch.low_m;
     if height_m < 0.3 {
         return Shape::Upright;

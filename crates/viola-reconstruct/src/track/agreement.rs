@@ -1,9 +1,9 @@
 //! Measures the agreement of the key frames' readings by their poses.
 //!
 //! Two key frames that see the same surface read it in the same place, to the accuracy of the sensor. If the
-//! disagreement grows with the camera's way between the two, the poses drift: drift accumulates, the errors of
-//! single poses do not. A fused clip has its readings in memory, so that the measurement takes milliseconds
-//! and decodes no picture.
+//! disagreement grows with the camera's way between the two, the poses drift: drift accumulates, the errors
+//! of single poses do not. A fused clip has its readings in memory, so that the measurement takes
+//! milliseconds and decodes no picture.
 
 use crate::key_frame::KeyFrame;
 use viola_geometry::Pose3;
@@ -78,8 +78,8 @@ impl Agreement {
         Some(growth.max(0.0).sqrt())
     }
 
-    /// Returns the disagreement with other poses as a fraction of that with the own poses, median over the pairs;
-    /// `None` if too few pairs overlap with other poses.
+    /// Returns the disagreement with other poses as a fraction of that with the own poses, median over the
+    /// pairs; `None` if too few pairs overlap with other poses.
     pub fn share_left(&self, keys: &[KeyFrame], world_from_camera: &[Option<Pose3>]) -> Option<f64> {
         let pose = |place: usize| world_from_camera.get(keys[place].index).copied().flatten();
         let shares: Vec<f64> = self
@@ -94,7 +94,7 @@ impl Agreement {
     }
 }
 
-/// Returns the median distance, along the axis of `b`, between the two's readings; `None` with too few in common.
+/// Returns the median distance between readings, along the axis of `b`; `None` with too few in common.
 fn off_m(a: &KeyFrame, b: &KeyFrame, b_from_a: &Pose3) -> Option<f64> {
     let camera = b.readings.camera();
     let (mut looked_up, mut off_m) = (0, Vec::new());

@@ -15,8 +15,8 @@ const LEAST_RAD: f64 = 0.001;
 /// ... and of its random-walk drift after one metre.
 const DRIFT_M: f64 = 0.01;
 const DRIFT_RAD: f64 = 0.003;
-/// Maximum deviation of a step by pictures from the device's step. A larger one is wrong: something moved with
-/// the camera, or everything looks alike. The shares are fractions of the device's step and turn.
+/// Maximum deviation of a step by pictures from the device's step. A larger one is wrong: something moved
+/// with the camera, or everything looks alike. The shares are fractions of the device's step and turn.
 const MOST_M: f64 = 0.04;
 const MOST_SHARE: f64 = 0.2;
 const MOST_RAD: f64 = 2f64.to_radians();

@@ -158,7 +158,7 @@ mod tests {
         Edge { a, b, b_from_a, information: Matrix6::identity() * 1e4, is_loop }
     }
 
-    /// Returns a walk around a square as it is and by odometry that turns too much at each step, and its edges.
+    /// Returns a walk around a square, its drift by odometry that turns too much at each step, and its edges.
     fn square() -> (Vec<Pose3>, Vec<Pose3>, Vec<Edge>) {
         let turn = |i: usize| if i % 5 == 4 { std::f64::consts::FRAC_PI_2 } else { 0.0 };
         let step = |i: usize, extra: f64| {

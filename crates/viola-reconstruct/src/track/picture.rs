@@ -46,7 +46,7 @@ impl Pyramid {
         let camera = &frame.depth_camera;
         let factor = camera.width.div_ceil(MAX_WIDTH).max(1);
         let size = (camera.width / factor, camera.height / factor);
-        // The rows and columns that do not fill a cell are cut off, so that cells are whole numbers of pixels.
+        // Rows and columns that do not fill a cell are cut off, so that cells are whole numbers of pixels.
         let whole = Pinhole { width: size.0 * factor, height: size.1 * factor, ..*camera };
         let camera = whole.resized(size.0, size.1);
         let (grey, depth_m) = rayon::join(|| grey(frame, &camera), || depth(frame, &camera, factor as usize));

@@ -1,6 +1,6 @@
 //! Aligns a frame to a key frame by grey and depth together, from coarse to fine (Steinbruecker, Sturm and
-//! Cremers, 2011; Kerl, Sturm and Cremers, 2013, for the weights; Chen and Medioni, 1992, for the distances to
-//! planes).
+//! Cremers, 2011; Kerl, Sturm and Cremers, 2013, for the weights; Chen and Medioni, 1992, for the distances
+//! to planes).
 //!
 //! The slopes are the key frame's and are the same at every step (Baker and Matthews, 2004), so that a step
 //! only samples the frame's grey and depth. A gain and an offset for changes of exposure are solved for, too.
@@ -57,8 +57,8 @@ impl Step {
         self.agreement - 4.0 * self.grey_error
     }
 
-    /// Returns the covariance of a small motion of the key frame's points. The errors of neighbouring pixels are
-    /// correlated, and no depth camera is accurate to less than some millimetres.
+    /// Returns the covariance of a small motion of the key frame's points. The errors of neighbouring pixels
+    /// are correlated, and no depth camera is accurate to less than some millimetres.
     pub fn covariance(&self) -> Matrix6<f64> {
         let spread = self.information / TOGETHER + Matrix6::identity() * 1e-3;
         let mut covariance = spread.try_inverse().unwrap_or_else(|| Matrix6::identity() * 1e3);

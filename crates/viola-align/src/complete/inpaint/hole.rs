@@ -1,9 +1,9 @@
-//! What all inpainters do with holes: whether there is anything to fill, and keeping what is outside.
+//! Holes of all inpainters: finds whether there is one, and keeps the picture outside of it.
 
 use super::InpaintError;
 use image::{GrayImage, Luma, RgbImage};
 
-/// That picture and mask belong together; whether there is a hole in them.
+/// Returns whether there is a hole, after a check that picture and mask have the same size.
 pub(super) fn any(picture: &RgbImage, hole: &GrayImage) -> Result<bool, InpaintError> {
     if picture.width() == 0 || picture.height() == 0 {
         return Err(InpaintError::NoPicture);
@@ -22,8 +22,8 @@ pub(super) fn is_hole(value: &Luma<u8>) -> bool {
     value.0[0] >= 128
 }
 
-/// The picture, with `filled` in its holes. Networks blend over a hole's edge or repaint the whole picture; what
-/// the camera saw stays to the bit.
+/// Returns the picture with `filled` in its holes. Networks blend over a hole's edge or repaint the whole
+/// picture; pixels outside the holes stay to the bit.
 pub(super) fn put_back(picture: &RgbImage, hole: &GrayImage, filled: &RgbImage) -> RgbImage {
     let mut whole = picture.clone();
     for ((pixel, hole), filled) in whole.pixels_mut().zip(hole.pixels()).zip(filled.pixels()) {

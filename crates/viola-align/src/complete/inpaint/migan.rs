@@ -1,5 +1,5 @@
-//! MI-GAN (Sargsyan et al., "MI-GAN: A Simple Baseline for Image Inpainting on Mobile Devices", 2023): one run
-//! fills a hole, without chance and without words.
+//! MI-GAN (Sargsyan et al., "MI-GAN: A Simple Baseline for Image Inpainting on Mobile Devices", 2023): one
+//! run fills a hole, without randomness and without a prompt.
 
 use super::{InpaintError, Inpainter, hole};
 use image::{GrayImage, RgbImage};
@@ -8,9 +8,9 @@ use viola_network::manifest::{Channels, Input, Layout};
 use viola_network::signature::{expect, one};
 use viola_network::{Data, Element, Network, Tensor};
 
-/// Bytes of a picture, 1 x 3 x height x width, and of a mask, 1 x 1 x height x width with 255 where the picture
-/// is kept, to the bytes of the filled picture. The file has all in it: it cuts out the hole's surroundings,
-/// resizes them to what the network was trained on and puts the result back.
+/// A network from the bytes of a picture, 1 x 3 x height x width, and of a mask, 1 x 1 x height x width with
+/// 255 where the picture is kept, to the bytes of the filled picture. The file contains all steps: it crops
+/// the hole's surroundings, resizes them to the training size and puts the result back.
 pub(super) struct MiGan {
     name: String,
     network: Arc<dyn Network>,
@@ -20,8 +20,8 @@ pub(super) struct MiGan {
 }
 
 impl MiGan {
-    /// Takes a network that is what the entry says. `output` and `mask` are the names of the entry's output; the
-    /// mask is the only other input where the entry does not name it.
+    /// Checks a network against its entry. `output` and `mask` are the names in the entry's output; the
+    /// default input names are `image` and `mask`.
     pub(super) fn new(
         entry: &str,
         network: Arc<dyn Network>,
@@ -86,12 +86,12 @@ impl Inpainter for MiGan {
     }
 }
 
-/// Colour after colour, as networks take them.
+/// Returns a picture's bytes colour by colour, as networks take them.
 fn planes(picture: &RgbImage) -> Vec<u8> {
     (0..3).flat_map(|c| picture.pixels().map(move |pixel| pixel.0[c])).collect()
 }
 
-/// The picture of 1 x 3 x height x width bytes.
+/// Returns the picture of 1 x 3 x height x width bytes.
 fn read(result: &Tensor, width: usize, height: usize) -> Result<RgbImage, InpaintError> {
     let misfit = || InpaintError::Shape {
         got: format!("{:?} {:?}", result.data.element(), result.shape),

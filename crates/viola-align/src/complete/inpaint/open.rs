@@ -1,4 +1,4 @@
-//! An inpainting network of the manifest, ready for pictures.
+//! Opens an inpainting network of the manifest.
 
 use super::migan::MiGan;
 use super::{InpaintError, Inpainter, StableDiffusion};
@@ -7,7 +7,7 @@ use viola_network as network;
 use viola_network::RuntimeParams;
 use viola_network::manifest::{ModelEntry, Output, Task};
 
-/// Opens the entry's file or files in the models folder, once it is seen that they are what the entry says.
+/// Opens the entry's file or files in the models folder, and checks them against the entry.
 pub fn open_inpainter(
     entry: &ModelEntry,
     models: &Path,

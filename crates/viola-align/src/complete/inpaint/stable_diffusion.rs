@@ -1,6 +1,6 @@
-//! Stable Diffusion for inpainting (Rombach et al., "High-Resolution Image Synthesis with Latent Diffusion Models",
-//! 2022): noise becomes a picture by many small steps, each of which sees the prompt, the mask and what is left of
-//! the picture.
+//! Stable Diffusion for inpainting (Rombach et al., "High-Resolution Image Synthesis with Latent Diffusion
+//! Models", 2022): noise becomes a picture in many small steps, each conditioned on the prompt, the mask and
+//! the masked picture.
 
 mod frame;
 mod parts;
@@ -21,7 +21,7 @@ use tokenizer::Tokenizer;
 use viola_network::manifest::{Channels, Input, Layout, ModelEntry, Output};
 use viola_network::{RuntimeParams, Tensor};
 
-/// A pipeline whose prompt, steps and networks are settled.
+/// A pipeline with fixed prompt, steps and networks.
 pub struct StableDiffusion {
     name: String,
     input: Input,
@@ -29,31 +29,31 @@ pub struct StableDiffusion {
     schedule: Schedule,
     guidance: f32,
     prompt: Tensor,
-    /// None where guidance does not look at it.
+    /// `None` if guidance does not use it.
     negative: Option<Tensor>,
     parts: Parts,
 }
 
-/// Standard normal numbers, one for each latent, channel after channel.
+/// Standard normal numbers, one for each latent, channel by channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Noise {
-    /// What the picture is made of.
+    /// Initial latents of the picture.
     pub initial: Vec<f32>,
-    /// With which the masked picture's latents are drawn from their distribution.
+    /// Noise that samples the masked picture's latents from their distribution.
     pub encoding: Vec<f32>,
 }
 
-/// What the networks made.
+/// Output of the networks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Generated {
-    /// The last latents, channel after channel, not yet scaled for the decoder.
+    /// The last latents, channel by channel, not yet scaled for the decoder.
     pub latents: Vec<f32>,
-    /// The decoded picture at the size of the one that was given: also what is outside the holes is made up.
+    /// The decoded picture at the size of the given one; parts outside the holes are generated, too.
     pub picture: RgbImage,
 }
 
 impl StableDiffusion {
-    /// Opens the pipeline that lies in the folder of the entry's file.
+    /// Opens the pipeline in the folder of the entry's file.
     pub fn open(
         entry: &ModelEntry,
         models: &Path,
@@ -76,7 +76,7 @@ impl StableDiffusion {
         let tokenizer = Tokenizer::new(words).map_err(misfit)?;
         let tokens = tokenizer.encode(&diffusion.prompt).map_err(misfit)?;
         let negative = tokenizer.encode(&diffusion.negative_prompt).map_err(misfit)?;
-        // The prompts do not change: their encoder is needed here only.
+        // The prompts are fixed, so their encoder is needed only here.
         let encoder = parts::open(folder, "text_encoder.onnx", params)?;
         parts::is_text_encoder(&*encoder, tokens.len()).map_err(misfit)?;
         let prompt = parts::embed(&*encoder, tokens)?;
@@ -98,7 +98,7 @@ impl StableDiffusion {
         })
     }
 
-    /// The noise of a seed.
+    /// Returns the noise of a seed.
     pub fn noise(&self, seed: u64) -> Noise {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut numbers = || (0..self.parts.latents()).map(|_| normal(&mut rng)).collect();
@@ -177,7 +177,7 @@ impl Inpainter for StableDiffusion {
     }
 }
 
-/// A standard normal number (Box and Muller, 1958).
+/// Returns a standard normal number (Box and Muller, 1958).
 fn normal(rng: &mut ChaCha8Rng) -> f32 {
     // In (0, 1], so that the logarithm is finite.
     let radius = (-2.0 * (1.0 - rng.random::<f64>()).ln()).sqrt();

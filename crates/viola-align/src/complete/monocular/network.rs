@@ -1,8 +1,8 @@
-//! A depth network of the manifest, ready for pictures.
+//! Opens a depth network of the manifest.
 //!
-//! FastDepth (Wofk et al., "FastDepth: Fast Monocular Depth Estimation on Embedded Systems", 2019) tells metres;
-//! MiDaS (Ranftl et al., 2020), Depth Anything (Yang et al., 2024) and their kin tell inverse depth up to a scale
-//! and a shift.
+//! FastDepth (Wofk et al., "FastDepth: Fast Monocular Depth Estimation on Embedded Systems", 2019) gives
+//! metres; MiDaS (Ranftl et al., 2020), Depth Anything (Yang et al., 2024) and similar networks give inverse
+//! depth up to a scale and a shift.
 
 use super::{DepthError, DepthEstimator};
 use image::RgbImage;
@@ -13,13 +13,13 @@ use viola_network::{Element, Network, Tensor};
 use viola_reconstruct::label::numbers::all_finite;
 use viola_reconstruct::label::picture::{self, Fit, Raster};
 
-/// The largest side of a raster that a network may give, in pixels.
+/// Maximum side of a network's output raster, in pixels.
 const MAX_SIDE: usize = 8192;
-/// Within a picture the farthest is at most this many times as far as the nearest. Inverse depth goes to zero
-/// with the distance, and a zero or a little less is common; indoors no picture spans more.
+/// Maximum ratio of the farthest depth in a picture to the nearest. Inverse depth goes to zero with the
+/// distance, and zero or slightly negative values are common; indoors no picture spans more.
 const MAX_RATIO: f32 = 100.0;
 
-/// Makes an estimator of a loaded network, once it is seen that the network is what the entry says.
+/// Returns an estimator for a loaded network, after a check of the network against its entry.
 pub fn open_estimator(
     entry: &ModelEntry,
     network: Arc<dyn Network>,
@@ -64,7 +64,7 @@ struct NetworkEstimator {
     input_name: String,
     output_name: String,
     input: Input,
-    /// The input's size where it is not free.
+    /// Size of the input if it is fixed.
     fixed: Option<Raster>,
     scale: f32,
     inverse: bool,
@@ -76,7 +76,7 @@ impl DepthEstimator for NetworkEstimator {
         if size.width == 0 || size.height == 0 {
             return Err(DepthError::NoPicture);
         }
-        // The picture fills the whole input: a border would have to have a depth too.
+        // The picture fills the whole input, because a border would need a depth, too.
         let raster = self.fixed.unwrap_or_else(|| Fit::by_rule(size, &self.input).input);
         let fit = Fit { input: raster, content: raster };
         let input = picture::tensor(picture, fit, &self.input, false);
@@ -98,7 +98,7 @@ impl DepthEstimator for NetworkEstimator {
     }
 }
 
-/// The numbers of 1 x 1 x height x width or 1 x height x width.
+/// Returns the values of 1 x 1 x height x width or 1 x height x width.
 fn read(output: &Tensor) -> Result<(&[f32], Raster), DepthError> {
     let misfit = || DepthError::Shape {
         got: format!("{:?} {:?}", output.data.element(), output.shape),
@@ -118,14 +118,14 @@ fn read(output: &Tensor) -> Result<(&[f32], Raster), DepthError> {
     }
 }
 
-/// Positive depths of a network's values.
+/// Returns positive depths from a network's values.
 fn depths(values: &[f32], scale: f32, inverse: bool) -> Result<Vec<f32>, DepthError> {
     if !all_finite(values) {
         return Err(DepthError::NotFinite);
     }
     let largest = values.iter().copied().fold(0.0, f32::max);
     let least = largest / MAX_RATIO;
-    // Also what a division could leave the range of numbers with.
+    // Rejects also values that would overflow or underflow in the division.
     if !(least * scale).is_normal() || !(scale / least).is_normal() || !(largest * scale).is_finite() {
         return Err(DepthError::NotPositive);
     }

@@ -6,8 +6,8 @@ use viola_reconstruct::{CloudPoint, KeyFrame, Label};
 const CAMERA: Pinhole = Pinhole { width: 512, height: 384, fx: 440.0, fy: 440.0, cx: 255.5, cy: 191.5 };
 const HEIGHT_M: f64 = 0.12;
 
-/// A room of 4 m x 3 m whose far wall (y = 3) was seen down to the vacuum's height only left of x = 2. The
-/// cameras stand at y = 1 and look at the wall, each a little further to the right.
+/// Returns a room of 4 m x 3 m whose far wall (y = 3) was seen down to the vacuum's height only left of
+/// x = 2. The cameras stand at y = 1 and look at the wall, each a little further to the right.
 fn room() -> Observation {
     let mut points = Vec::new();
     let mut add = |x: f64, y: f64, z: f64, normal: [f32; 3]| {

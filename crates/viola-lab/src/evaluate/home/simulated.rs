@@ -162,7 +162,7 @@ fn direction(i: usize, count: usize) -> Vector3 {
 
 /// Noise of sensor and network.
 struct Noise<'a> {
-    dice: ChaCha8Rng,
+    rng: ChaCha8Rng,
     params: &'a SampleParams,
     /// Label of each patch.
     patches: FxHashMap<([i32; 3], u16, u16), Class>,
@@ -170,7 +170,7 @@ struct Noise<'a> {
 
 impl Noise<'_> {
     fn new(seed: u64, params: &SampleParams) -> Noise<'_> {
-        Noise { dice: ChaCha8Rng::seed_from_u64(seed), params, patches: FxHashMap::default() }
+        Noise { rng: ChaCha8Rng::seed_from_u64(seed), params, patches: FxHashMap::default() }
     }
 
     fn point(
@@ -183,7 +183,7 @@ impl Noise<'_> {
     ) -> MapPoint {
         let mut jitter = |sigma: f64| {
             // Approximately normal: sum of three uniform numbers.
-            let sum: f64 = (0..3).map(|_| self.dice.random::<f64>() - 0.5).sum();
+            let sum: f64 = (0..3).map(|_| self.rng.random::<f64>() - 0.5).sum();
             2.0 * sigma * sum
         };
         let at = map_from_home.apply(&p.xy());
@@ -206,23 +206,23 @@ impl Noise<'_> {
 
     fn called(&mut self, p: &Point3, class: Class, instance: u16) -> Class {
         let key = [p.x, p.y, p.z].map(|c| (c / PATCH_M).floor() as i32);
-        let (dice, accuracy) = (&mut self.dice, self.params.accuracy);
+        let (rng, accuracy) = (&mut self.rng, self.params.accuracy);
         *self.patches.entry((key, instance, class.id())).or_insert_with(|| {
-            if dice.random::<f64>() < accuracy {
+            if rng.random::<f64>() < accuracy {
                 return class;
             }
             let mistake = MISTAKES.iter().find(|(of, _)| *of == class).map(|(_, by)| *by);
-            match mistake.filter(|_| dice.random::<f64>() < 0.6) {
+            match mistake.filter(|_| rng.random::<f64>() < 0.6) {
                 Some(mistake) => mistake,
-                None if dice.random::<f64>() < 0.5 => Class::Wall,
-                None => Class::ALL[dice.random_range(0..Class::ALL.len())],
+                None if rng.random::<f64>() < 0.5 => Class::Wall,
+                None => Class::ALL[rng.random_range(0..Class::ALL.len())],
             }
         })
     }
 }
 
 /// Matches objects of a simulated home with its truth, by oriented boxes.
-pub fn judge_objects(map: &SimulatedMap, objects: &[Object]) -> Matches {
+pub fn match_objects(map: &SimulatedMap, objects: &[Object]) -> Matches {
     let furniture = objects.iter().filter(|object| is_furniture(object.class));
     let found: Vec<Thing> =
         furniture.map(|object| Thing { class: object.class, bounds: object.bounds() }).collect();
@@ -230,7 +230,7 @@ pub fn judge_objects(map: &SimulatedMap, objects: &[Object]) -> Matches {
 }
 
 /// Returns the number of rooms, and of those matched by a computed room with an IoU of at least 0.5.
-pub fn judge_rooms(map: &SimulatedMap, rooms: &[Room]) -> (usize, usize) {
+pub fn count_rooms(map: &SimulatedMap, rooms: &[Room]) -> (usize, usize) {
     let matched = map.rooms.iter().filter(|truth| rooms.iter().any(|room| room_iou(truth, room) >= 0.5));
     (map.rooms.len(), matched.count())
 }
@@ -275,8 +275,8 @@ pub fn simulated(
         map.lidar.rooms.clear();
         let computed = home::rooms(&map.lidar, &map.points);
         let objects = home::ObjectsParams { voxel_m: params.voxel_m };
-        all.add(&judge_objects(&map, &home::objects(&map.points, &computed, &objects)));
-        let (there, matched) = judge_rooms(&map, &computed);
+        all.add(&match_objects(&map, &home::objects(&map.points, &computed, &objects)));
+        let (there, matched) = count_rooms(&map, &computed);
         rooms = (rooms.0 + there, rooms.1 + matched);
     }
     Ok((all, rooms))

@@ -91,7 +91,7 @@ fn aligned_corners_stay() {
 #[test]
 fn padding_ends_on_a_cell_of_the_output() {
     for (picture, input, output, align_corners, content, crop) in [
-        // A 4:3 picture fills DeepLab's input, although the ratios differ by a hair.
+        // A 4:3 picture fills DeepLab's input, although the ratios differ slightly.
         (raster(640, 480), raster(513, 385), raster(129, 97), true, raster(513, 385), raster(129, 97)),
         (raster(648, 484), raster(513, 385), raster(129, 97), true, raster(513, 385), raster(129, 97)),
         (raster(480, 640), raster(513, 385), raster(129, 97), true, raster(289, 385), raster(73, 97)),

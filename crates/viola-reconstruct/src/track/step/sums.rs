@@ -2,7 +2,6 @@
 
 use super::state::Matrix8;
 
-/// Sums over points.
 #[derive(Debug, Clone)]
 pub(super) struct Sums {
     /// Upper triangle of the 6x6 part, row by row; then gain and offset with the pose; then with each other.

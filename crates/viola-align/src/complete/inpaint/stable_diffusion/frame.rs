@@ -1,4 +1,4 @@
-//! A picture with holes of any size in the size that the networks take, and back.
+//! Converts a picture with holes to the networks' size, and back.
 
 use super::super::hole;
 use crate::complete::inpaint::InpaintError;
@@ -7,19 +7,19 @@ use viola_network::Tensor;
 use viola_network::manifest::Input;
 use viola_reconstruct::label::picture::{self, Fit, Raster};
 
-/// What the networks are to see of a picture.
+/// Input of the networks from a picture.
 pub(super) struct Frame {
     fit: Fit,
     size: Raster,
     /// The picture from -1 to 1, 1 x 3 x height x width, zero in the holes.
     pub(super) masked: Tensor,
-    /// 1 in the holes, 0 elsewhere, one value a latent.
+    /// 1 in the holes, 0 elsewhere, one value for each latent.
     pub(super) mask: Vec<f32>,
 }
 
 impl Frame {
-    /// Fits picture and holes into `input`, with the sides' ratio kept; what is left over shows the picture's
-    /// last rows and columns again. `cell` is the side of a latent in pixels.
+    /// Fits picture and holes into `input`, with the aspect ratio kept; the padding repeats the picture's
+    /// last rows and columns. `cell` is the side of a latent in pixels.
     pub(super) fn new(
         picture: &RgbImage,
         hole: &GrayImage,
@@ -42,7 +42,7 @@ impl Frame {
             }
         }
         let (columns, rows) = (input.width / cell, input.height / cell);
-        // The pixel in a cell's corner speaks for the cell: so the U-Net was trained.
+        // The pixel in a cell's corner decides for the cell, as in the U-Net's training.
         let mask = (0..rows * columns)
             .map(|at| holes[at / columns * cell * input.width + at % columns * cell])
             .map(|hole| if hole { 1.0 } else { 0.0 })
@@ -50,7 +50,7 @@ impl Frame {
         Frame { fit, size, masked, mask }
     }
 
-    /// The picture, at its own size, of the decoder's values from -1 to 1, 3 x height x width.
+    /// Returns the picture, at its own size, from the decoder's values, -1 to 1, 3 x height x width.
     pub(super) fn picture(&self, values: &[f32]) -> Result<RgbImage, InpaintError> {
         let Fit { input, content } = self.fit;
         let planes: Vec<Vec<f32>> = values
@@ -74,7 +74,7 @@ impl Frame {
     }
 }
 
-/// The holes in the network's size: a pixel is in one as soon as a part of it is.
+/// Returns the holes at the network's size: a pixel is in a hole if any part of it is.
 fn holes(hole: &GrayImage, fit: Fit) -> Vec<bool> {
     let Fit { input, content } = fit;
     let span = |at: usize, source: u32, target: usize| {
@@ -94,7 +94,7 @@ fn holes(hole: &GrayImage, fit: Fit) -> Vec<bool> {
     holes
 }
 
-/// Repeats the last column and row of the content over the rest.
+/// Repeats the last column and row of the content over the padding.
 fn extend(plane: &mut [f32], fit: Fit) {
     let Fit { input, content } = fit;
     for row in plane.chunks_exact_mut(input.width).take(content.height) {

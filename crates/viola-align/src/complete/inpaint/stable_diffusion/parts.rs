@@ -1,4 +1,4 @@
-//! The networks of a pipeline: opened, held against each other, and run.
+//! The networks of a pipeline: opened, checked against each other, and run.
 
 use super::settings::Latents;
 use crate::complete::inpaint::InpaintError;
@@ -11,7 +11,7 @@ use viola_network::{Data, Element, Network, RuntimeParams, Tensor};
 use viola_reconstruct::label::numbers::all_finite;
 use viola_reconstruct::label::picture::Raster;
 
-/// The sides of pictures that a pipeline may be made for, in pixels.
+/// Allowed sides of a pipeline's pictures, in pixels.
 const SIDES: std::ops::RangeInclusive<usize> = 8..=2048;
 
 /// The networks, and the sizes that they agree on.
@@ -19,10 +19,10 @@ pub(super) struct Parts {
     encoder: Arc<dyn Network>,
     unet: Arc<dyn Network>,
     decoder: Arc<dyn Network>,
-    /// Of the picture, in pixels.
+    /// Size of the picture, in pixels.
     pub(super) size: Raster,
     channels: usize,
-    /// Of the latents.
+    /// Size of the latents.
     rows: usize,
     columns: usize,
 }
@@ -36,7 +36,7 @@ pub(super) fn open(
     network::open(&folder.join(name), params).map_err(|error| InpaintError::Open(error.to_string()))
 }
 
-/// Checks a network's inputs and outputs; each is a name, its kind of number and its axes.
+/// Checks a network's inputs and outputs; each is a name, its element type and its axes.
 fn is(network: &dyn Network, name: &str, inputs: &[Port], outputs: &[Port]) -> Result<(), String> {
     for (what, infos, ports) in [("input", network.inputs(), inputs), ("output", network.outputs(), outputs)]
     {
@@ -53,7 +53,7 @@ fn is(network: &dyn Network, name: &str, inputs: &[Port], outputs: &[Port]) -> R
 
 type Port<'a> = (&'a str, Element, &'a [Option<usize>]);
 
-/// What the text encoder, 1 x length to 1 x length x width, makes of a prompt's tokens.
+/// Returns the text encoder's embedding of a prompt's tokens, 1 x length to 1 x length x width.
 pub(super) fn embed(encoder: &dyn Network, tokens: Vec<i64>) -> Result<Tensor, InpaintError> {
     let length = tokens.len();
     let input = Tensor { shape: vec![1, length], data: Data::I64(tokens) };
@@ -64,7 +64,7 @@ pub(super) fn embed(encoder: &dyn Network, tokens: Vec<i64>) -> Result<Tensor, I
     }
 }
 
-/// That a network is a text encoder for so many tokens.
+/// Checks that a network is a text encoder for `length` tokens.
 pub(super) fn is_text_encoder(encoder: &dyn Network, length: usize) -> Result<(), String> {
     let input: Port = ("input_ids", Element::I64, &[Some(1), Some(length)]);
     let output: Port = ("prompt_embeds", Element::F32, &[Some(1), Some(length), None]);
@@ -72,7 +72,7 @@ pub(super) fn is_text_encoder(encoder: &dyn Network, length: usize) -> Result<()
 }
 
 impl Parts {
-    /// Opens the networks for pictures, once it is seen that they fit each other and prompts of such a shape.
+    /// Opens the networks for pictures, and checks that they fit each other and prompts of this shape.
     pub(super) fn open(
         folder: &Path,
         params: &RuntimeParams,
@@ -122,19 +122,19 @@ impl Parts {
         Ok(Parts { encoder, unet, decoder, size: Raster { width, height }, channels, rows, columns })
     }
 
-    /// Numbers of one picture's latents, channel after channel.
+    /// Returns the number of one picture's latents.
     pub(super) fn latents(&self) -> usize {
         self.channels * self.rows * self.columns
     }
 
-    /// Mean and standard deviation of a picture's latents.
+    /// Returns mean and standard deviation of a picture's latents.
     pub(super) fn encode(&self, picture: Tensor) -> Result<(Vec<f32>, Vec<f32>), InpaintError> {
         let [mean, std] = run(&*self.encoder, &[("picture", picture)], ["mean", "std"])?;
         let shape = [1, self.channels, self.rows, self.columns];
         Ok((numbers(mean, &shape)?, numbers(std, &shape)?))
     }
 
-    /// What the U-Net says of `latents`, of the mask and of the masked picture's latents.
+    /// Returns the U-Net's prediction for `latents`, the mask and the masked picture's latents.
     pub(super) fn predict(
         &self,
         latents: &[f32],
@@ -153,7 +153,7 @@ impl Parts {
         numbers(prediction, &[1, self.channels, self.rows, self.columns])
     }
 
-    /// The picture of some latents, from -1 to 1, 3 x height x width.
+    /// Returns the picture of some latents, from -1 to 1, 3 x height x width.
     pub(super) fn decode(&self, latents: Vec<f32>) -> Result<Vec<f32>, InpaintError> {
         let latents = Tensor::f32([1, self.channels, self.rows, self.columns], latents);
         let [picture] = run(&*self.decoder, &[("latents", latents)], ["picture"])?;
@@ -165,7 +165,7 @@ impl Parts {
     }
 }
 
-/// Runs a network, and gives its outputs of these names.
+/// Runs a network, and returns its outputs of these names.
 fn run<const N: usize>(
     network: &dyn Network,
     inputs: &[(&str, Tensor)],
@@ -183,7 +183,7 @@ fn run<const N: usize>(
     found.try_into().map_err(|_| InpaintError::Run("outputs are missing".to_owned()))
 }
 
-/// The finite numbers of a tensor of this shape.
+/// Returns the finite numbers of a tensor of this shape.
 fn numbers(tensor: Tensor, shape: &[usize]) -> Result<Vec<f32>, InpaintError> {
     let count: usize = shape.iter().product();
     if tensor.shape != shape || tensor.data.len() != count {

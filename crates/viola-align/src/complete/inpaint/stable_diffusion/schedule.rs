@@ -1,7 +1,7 @@
-//! How noise is taken away, step by step, as numbers.
+//! Coefficients of the denoising steps.
 //!
-//! Both schedulers are linear: with x the latents and p what the U-Net says, a step makes of x the sum of x and p,
-//! each times a number that depends on the step alone.
+//! Both schedulers are linear: with x the latents and p the U-Net's prediction, a step replaces x by the sum
+//! of x and p, each times a number that depends only on the step.
 
 use super::settings::{BetaSchedule, NoiseLevels, Prediction, Settings, Spacing};
 use viola_network::manifest::Scheduler;
@@ -9,18 +9,18 @@ use viola_network::manifest::Scheduler;
 /// One step from more noise to less.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Step {
-    /// The step of the training that the U-Net is told.
+    /// Step of the training, an input of the U-Net.
     pub(super) timestep: f64,
-    /// What the latents are multiplied with where the U-Net sees them.
+    /// Factor of the latents at the U-Net's input.
     pub(super) input_scale: f64,
-    /// What the latents, and what the U-Net says, are multiplied with for the next step's latents.
+    /// Factors of the latents and of the U-Net's prediction in the next step's latents.
     pub(super) keep: f64,
     pub(super) add: f64,
 }
 
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Schedule {
-    /// The standard deviation of the noise at the beginning.
+    /// Standard deviation of the initial noise.
     pub(super) start: f64,
     pub(super) steps: Vec<Step>,
 }
@@ -56,7 +56,7 @@ impl Schedule {
     }
 }
 
-/// For each step of the training, the share of the variance that is still the picture's.
+/// Returns for each step of the training the fraction of the variance that is still the picture's.
 fn signal(noise: &NoiseLevels) -> Vec<f64> {
     let last = (noise.train_steps - 1).max(1) as f64;
     let beta = |step: usize| {
@@ -75,7 +75,7 @@ fn signal(noise: &NoiseLevels) -> Vec<f64> {
         .collect()
 }
 
-/// The training's steps that are walked through, from the one with the most noise.
+/// Returns the training's steps that are used, from the one with the most noise.
 fn timesteps(train_steps: usize, steps: usize, spacing: Spacing, offset: usize, whole: bool) -> Vec<f64> {
     let train = train_steps as f64;
     let at = |place: usize| match spacing {
@@ -90,7 +90,8 @@ fn timesteps(train_steps: usize, steps: usize, spacing: Spacing, offset: usize, 
     (0..steps).map(at).collect()
 }
 
-/// Song et al., equation 12 without its random part. `last` is the picture's share after the last step.
+/// Returns the schedule of Song et al., equation 12 without its random part. `last` is the picture's fraction
+/// of the variance after the last step.
 fn ddim(timesteps: &[f64], kept: &[f64], stride: usize, last: f64, prediction: Prediction) -> Schedule {
     let step = |timestep: &f64| {
         let at = *timestep as usize;
@@ -112,11 +113,11 @@ fn ddim(timesteps: &[f64], kept: &[f64], stride: usize, last: f64, prediction: P
     Schedule { start: 1.0, steps: timesteps.iter().map(step).collect() }
 }
 
-/// Karras et al., algorithm 1 with Euler's method, in which latents are the picture's plus noise of standard
-/// deviation sigma.
+/// Returns the schedule of Karras et al., algorithm 1 with Euler's method, in which latents are the picture's
+/// plus noise of standard deviation sigma.
 fn euler(timesteps: &[f64], kept: &[f64], spacing: Spacing, prediction: Prediction) -> Schedule {
     let sigma_at = |step: usize| ((1.0 - kept[step]) / kept[step]).sqrt();
-    // Between two steps of the training, evenly.
+    // Linear between two steps of the training.
     let sigma = |timestep: f64| {
         let below = timestep.floor() as usize;
         let above = (below + 1).min(kept.len() - 1);

@@ -5,10 +5,10 @@ use serde::de::DeserializeOwned;
 use std::io::Read;
 use std::path::Path;
 
-/// The most bytes that are read of a file of settings; CLIP's vocabulary with its merges has two millions.
+/// Maximum bytes of a settings file; CLIP's vocabulary with its merges has two million.
 const MAX_BYTES: u64 = 16 << 20;
 
-/// `pipeline.json`: what is computed outside the networks.
+/// `pipeline.json`: parameters of the computation outside the networks.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Settings {
@@ -24,11 +24,11 @@ pub(super) struct Latents {
     pub(super) channels: usize,
     /// Pixels of the picture along each side of a latent.
     pub(super) cell: usize,
-    /// What the encoder's latents are multiplied with.
+    /// Factor of the encoder's latents.
     pub(super) scaling_factor: f32,
 }
 
-/// How much noise there was at each step of the training.
+/// Noise at each step of the training.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct NoiseLevels {
@@ -42,24 +42,24 @@ pub(super) struct NoiseLevels {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum BetaSchedule {
-    /// The variance that a step adds grows evenly.
+    /// The variance that a step adds grows linearly.
     Linear,
-    /// Its root does.
+    /// The root of that variance grows linearly.
     ScaledLinear,
 }
 
-/// What the U-Net was trained to say.
+/// Quantity that the U-Net predicts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 pub(super) enum Prediction {
     /// The noise.
     #[serde(rename = "epsilon")]
     Epsilon,
-    /// The velocity of Salimans and Ho, "Progressive Distillation for Fast Sampling of Diffusion Models", 2022.
+    /// Velocity (Salimans and Ho, "Progressive Distillation for Fast Sampling of Diffusion Models", 2022).
     #[serde(rename = "v_prediction")]
     Velocity,
 }
 
-/// Which steps of the training are walked through.
+/// Selection of the training's steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Spacing {
@@ -77,7 +77,7 @@ pub(super) struct Ddim {
     pub(super) timestep_spacing: Spacing,
     /// Added to the steps of [`Spacing::Leading`].
     pub(super) steps_offset: usize,
-    /// Whether the last step ends without noise, or with that of the training's first step.
+    /// True if the last step ends without noise; otherwise with that of the training's first step.
     pub(super) set_alpha_to_one: bool,
 }
 
@@ -104,7 +104,7 @@ impl Settings {
     }
 }
 
-/// A JSON file of a bearable size.
+/// Reads a JSON file of at most [`MAX_BYTES`].
 pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<T, String> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let mut text = String::new();

@@ -1,12 +1,12 @@
-//! CLIP's tokenizer (Radford et al., "Learning Transferable Visual Models From Natural Language Supervision", 2021):
-//! pairs of letters that are often neighbours become one token (Sennrich et al., 2016).
+//! CLIP's tokenizer (Radford et al., "Learning Transferable Visual Models From Natural Language Supervision",
+//! 2021): frequent pairs of letters become one token (Sennrich et al., 2016).
 
 use serde::Deserialize;
 use std::collections::HashMap;
 
-/// The longest text in tokens that any encoder is known to take is 77; this bounds what a file may ask for.
+/// Maximum length of a text, in tokens, that a file may ask for. Known encoders take at most 77.
 const MAX_LENGTH: usize = 1024;
-/// What is cut off a word as one piece, in the order in which it is tried.
+/// Endings that are cut off a word as one piece, in the order of matching.
 const ENDINGS: [&str; 7] = ["'s", "'t", "'re", "'ve", "'m", "'ll", "'d"];
 /// Marks the last letter of a word.
 const END_OF_WORD: &str = "</w>";
@@ -26,7 +26,7 @@ pub(super) struct Words {
 
 pub(super) struct Tokenizer {
     vocab: HashMap<String, u32>,
-    /// For a pair of tokens its rank, and the token that it becomes.
+    /// For a pair of tokens, its rank and the token that it becomes.
     merges: HashMap<(u32, u32), (usize, u32)>,
     start: u32,
     end: u32,
@@ -52,10 +52,10 @@ impl Tokenizer {
         Ok(Tokenizer { vocab, merges, start, end, pad, length })
     }
 
-    /// The tokens of a text, framed and padded to the encoder's length.
+    /// Returns the tokens of a text, framed and padded to the encoder's length.
     pub(super) fn encode(&self, text: &str) -> Result<Vec<i64>, String> {
-        // Other scripts need Unicode's normal forms; English does not. Control characters and the names of the
-        // framing tokens have no place in a prompt.
+        // Other scripts need Unicode's normal forms; English does not. Control characters and the names of
+        // the framing tokens have no place in a prompt.
         let plain = |c: char| c.is_ascii_graphic() || c == ' ';
         if !text.chars().all(plain) || text.contains("<|") {
             return Err(format!("the prompt {text:?} is not of plain ASCII letters, digits and signs"));
@@ -95,8 +95,8 @@ impl Tokenizer {
     }
 }
 
-/// The pieces of a lower-case word that are tokenized by themselves: an ending after an apostrophe, a run of
-/// letters, one digit, or a run of other signs.
+/// Returns the pieces of a lower-case word that are tokenized separately: an ending after an apostrophe, a
+/// run of letters, one digit, or a run of other signs.
 fn pieces(word: &str) -> Vec<&str> {
     let mut pieces = Vec::new();
     let mut rest = word;

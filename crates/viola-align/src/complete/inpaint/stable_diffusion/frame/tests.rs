@@ -46,7 +46,7 @@ fn holes_are_empty_and_told_by_the_corner_of_a_cell() {
 
 #[test]
 fn what_is_left_over_repeats_the_edge() {
-    // Half as wide as the network wants: the right half is left over.
+    // Half as wide as the network's input: the right half is padding.
     let frame = frame(&drawn(20, 20), &GrayImage::new(20, 20));
     let values = frame.masked.as_f32().unwrap();
     for row in values.chunks_exact(64) {
@@ -55,7 +55,7 @@ fn what_is_left_over_repeats_the_edge() {
     assert_eq!(frame.picture(values).unwrap().dimensions(), (20, 20));
 }
 
-/// A pixel of the small picture is in a hole as soon as one of its pixels is.
+/// A pixel of the small picture is in a hole if one of its source pixels is.
 #[test]
 fn no_hole_is_lost_in_a_smaller_picture() {
     for (x, y) in [(0, 0), (639, 319), (317, 111), (5, 200)] {

@@ -2,7 +2,7 @@ use super::super::settings::{Ddim, Euler, Latents};
 use super::*;
 use serde::Deserialize;
 
-/// What a scheduler of `diffusers` made of a number; written by models/export/tiny_stable_diffusion.py.
+/// Result of a scheduler of `diffusers` for a number; written by models/export/tiny_stable_diffusion.py.
 #[derive(Debug, Deserialize)]
 struct Row {
     by: Scheduler,
@@ -63,7 +63,7 @@ fn steps_outside_the_training_are_refused() {
     for steps in [0, 1001] {
         assert!(Schedule::new(&settings(row), Scheduler::Ddim, steps).is_err(), "{steps}");
     }
-    // With an offset of one the thousandth step would be that after the last.
+    // With an offset of one, 1000 steps leave the training's range.
     assert!(Schedule::new(&settings(row), Scheduler::Ddim, 1000).is_err());
     assert!(Schedule::new(&settings(row), Scheduler::Ddim, 999).is_ok());
 }

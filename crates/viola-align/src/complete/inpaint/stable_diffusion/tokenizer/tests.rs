@@ -5,7 +5,7 @@ fn tokenizer() -> Tokenizer {
     Tokenizer::new(serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()).unwrap()
 }
 
-/// The tokens between start and end.
+/// Returns the tokens between start and end.
 fn tokens(text: &str) -> Vec<String> {
     let tokenizer = tokenizer();
     let ids = tokenizer.encode(text).unwrap();
@@ -15,7 +15,7 @@ fn tokens(text: &str) -> Vec<String> {
     ids[1..].iter().take_while(|id| **id != i64::from(tokenizer.end)).map(name).collect()
 }
 
-/// As `CLIPTokenizer` of `transformers` divides them.
+/// The expected tokens are those of `CLIPTokenizer` of `transformers`.
 #[test]
 fn words_are_divided_by_rank() {
     for (text, want) in [

@@ -49,7 +49,7 @@ pub struct FoundRow {
 }
 
 /// Scores the found furniture. Objects shorter than half a metre along all axes count only if matched.
-pub fn judge(
+pub fn score_objects(
     map: &[MapPoint],
     found: &[Found],
     truth: &[Instance],
