@@ -4,7 +4,7 @@ use crate::fleet::Fleet;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use reqwest::{Method, RequestBuilder};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -19,6 +19,9 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// run of any length.
 const CLIPS_PER_HOME: u64 = 20;
 
+/// Homes that a client keeps. It checks and deletes older ones, so that a long run needs no larger disk.
+const HOMES_KEPT: usize = 3;
+
 /// The acknowledgements of the service.
 #[derive(Default)]
 pub struct Ledger {
@@ -27,6 +30,7 @@ pub struct Ledger {
     requests: AtomicU64,
     unanswered: AtomicU64,
     slowest_ms: AtomicU64,
+    compared: AtomicU64,
     pub jobs_ended: AtomicU64,
 }
 
@@ -62,13 +66,19 @@ pub async fn go_on(
     over: Arc<AtomicBool>,
 ) {
     let mut person = Person { number, fleet, ledger, random, sent: 0 };
-    let mut home = person.new_home().await;
+    let mut homes = VecDeque::from([person.new_home().await]);
     let mut full = CLIPS_PER_HOME;
     while !over.load(Ordering::Relaxed) {
         if person.sent >= full {
-            home = person.new_home().await;
+            homes.push_back(person.new_home().await);
             full = person.sent + CLIPS_PER_HOME;
         }
+        if homes.len() > HOMES_KEPT
+            && let Some(oldest) = homes.pop_front()
+        {
+            person.leave(&oldest).await;
+        }
+        let home = homes.back().expect("the newest is kept").clone();
         match person.random.random_range(0..12) {
             0 | 1 => person.upload(&home).await,
             2 => person.upload_in_parts(&home).await,
@@ -97,6 +107,24 @@ impl Person {
         let map = format!("{home}/lidar-map");
         self.insist(|client| client.request(Method::PUT, &map).body(room::lidar_csv())).await;
         home
+    }
+
+    /// Compares a home with the promises, and deletes it.
+    async fn leave(&mut self, home: &str) {
+        let recordings = exported(&self.fleet, home).await;
+        self.ledger.compare(home, &recordings);
+        let answer = self.insist(|client| client.request(Method::DELETE, home)).await;
+        assert!([204, 404].contains(&answer.status), "{home}: {}", answer.status);
+        for promise in self
+            .ledger
+            .clips
+            .lock()
+            .unwrap()
+            .iter_mut()
+            .filter_map(|(path, promise)| path.starts_with(&format!("{home}/")).then_some(promise))
+        {
+            promise.state = Kept::Gone;
+        }
     }
 
     /// Sends a request; returns `None` if there was no answer, or a fault of the service.
@@ -251,45 +279,67 @@ impl Ledger {
                 }
             }
         }
-        let homes: std::collections::BTreeSet<&str> =
-            clips.keys().filter_map(|path| path.split("/clips/").next()).collect();
+        let left = clips.iter().filter(|(_, promise)| promise.state != Kept::Gone);
+        let homes: BTreeSet<&str> = left.filter_map(|(path, _)| path.split("/clips/").next()).collect();
         let mut compared = 0;
         for home in homes {
-            compared += self.compare(fleet, home, &clips).await;
+            compared += self.compare(home, &exported(fleet, home).await);
         }
         assert_eq!(compared, here, "every clip was compared byte by byte");
         format!(
-            "{here} clips of {} here byte for byte; {} requests, {} unanswered, the slowest {} ms",
+            "{} clips sent, {here} here at the end, {} compared byte for byte; {} requests, {} unanswered, the \
+             slowest {} ms",
             clips.len(),
+            self.compared.load(Ordering::Relaxed),
             self.requests.load(Ordering::Relaxed),
             self.unanswered.load(Ordering::Relaxed),
             self.slowest_ms.load(Ordering::Relaxed),
         )
     }
 
-    /// Compares the recordings in a home's export with the sent ones; returns their number.
-    async fn compare(&self, fleet: &Fleet, home: &str, clips: &BTreeMap<String, Promise>) -> u64 {
-        let bytes = eventually("the export comes whole", || async {
-            let response =
-                fleet.server(1).request(Method::GET, &format!("{home}/export")).send().await.ok()?;
-            response.bytes().await.ok()
-        })
-        .await;
-        let mut export = zip::ZipArchive::new(std::io::Cursor::new(bytes)).unwrap();
+    /// Compares a home's recordings with its promises; returns the number of promised ones.
+    fn compare(&self, home: &str, recordings: &BTreeMap<String, Recording>) -> u64 {
+        let clips = self.clips.lock().unwrap();
+        let mut compared = 0;
+        for (path, promise) in clips.iter().filter(|(path, _)| path.starts_with(&format!("{home}/"))) {
+            let promised = Recording { sha256: promise.sha256.clone(), size_bytes: promise.size_bytes };
+            match (promise.state, recordings.get(path)) {
+                (Kept::Gone, found) => assert_eq!(found, None, "{path} was deleted"),
+                (Kept::Unsure, None) => {}
+                (_, found) => {
+                    assert_eq!(found, Some(&promised), "{path}");
+                    compared += 1;
+                }
+            }
+        }
+        self.compared.fetch_add(compared, Ordering::Relaxed);
+        compared
+    }
+}
+
+#[derive(Debug, PartialEq)]
+struct Recording {
+    sha256: String,
+    size_bytes: usize,
+}
+
+/// The recordings in a home's export, by the paths of their clips.
+async fn exported(fleet: &Fleet, home: &str) -> BTreeMap<String, Recording> {
+    let once = || async {
+        let response = fleet.server(1).request(Method::GET, &format!("{home}/export")).send().await.ok()?;
+        let bytes = response.error_for_status().ok()?.bytes().await.ok()?;
+        let mut export = zip::ZipArchive::new(std::io::Cursor::new(bytes)).ok()?;
         let names = export.file_names().map(|name| name.unwrap().into_owned());
         let names: Vec<String> = names.filter(|name| name.ends_with("/recording")).collect();
-        let mut compared = 0;
+        let mut recordings = BTreeMap::new();
         for name in &names {
             let mut recording = Vec::new();
             std::io::Read::read_to_end(&mut export.by_name(name).unwrap(), &mut recording).unwrap();
             let id = name.split('/').nth_back(1).unwrap();
-            let Some(promise) = clips.get(&format!("{home}/clips/{id}")) else {
-                // Its upload took effect, and the answer was lost.
-                continue;
-            };
-            assert_eq!((recording.len(), sha256(&recording)), (promise.size_bytes, promise.sha256.clone()));
-            compared += 1;
+            let found = Recording { sha256: sha256(&recording), size_bytes: recording.len() };
+            recordings.insert(format!("{home}/clips/{id}"), found);
         }
-        compared
-    }
+        Some(recordings)
+    };
+    eventually("the export comes whole", once).await
 }

@@ -97,9 +97,8 @@ async fn nothing_acknowledged_is_lost() {
 async fn nothing_acknowledged_is_lost_on_a_disk_that_fills() {
     let _turn = TURN.lock().await;
     let folder = tempfile::tempdir().unwrap();
-    // A minute of clients writes some tens of megabytes.
-    let small =
-        SmallDisk::mount(folder.path(), 600 + seconds() / 2).map(|disk| Box::new(disk) as Box<dyn Disk>);
+    // Twenty clients with three homes of twenty clips each.
+    let small = SmallDisk::mount(folder.path(), 2600).map(|disk| Box::new(disk) as Box<dyn Disk>);
     let limited = || LimitedDisk::new(folder.path()).map(|disk| Box::new(disk) as Box<dyn Disk>);
     let Some(disk) = small.or_else(limited) else { return };
     let fleet = Arc::new(Fleet::alone(disk));
