@@ -26,6 +26,7 @@ mod serve;
 mod service;
 mod simulate;
 mod store;
+mod surfaces;
 mod telemetry;
 mod tenants;
 mod video_tools;
@@ -57,6 +58,8 @@ enum Command {
     Evaluate(evaluate::EvaluateArguments),
     /// Simulate a furnished home: LiDAR maps, clips, a plan and the exact truth.
     Simulate(simulate::SimulateArguments),
+    /// Write labelled surfaces of simulated clips, for training.
+    Surfaces(surfaces::SurfacesArguments),
     /// List, fetch and check the neural networks.
     Models(models::ModelsArguments),
     /// Serve the HTTP API, with workers in the same process.
@@ -105,6 +108,7 @@ pub fn main() -> ExitCode {
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Surfaces(arguments) => surfaces::run(&arguments),
         Command::Models(arguments) => models::run(&arguments),
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Work(arguments) => work::run(&arguments),

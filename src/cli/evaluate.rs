@@ -180,7 +180,8 @@ fn evaluate_labels(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
     let truth = labels::Truth::open(scene)?;
     let segmenter = arguments.networks.segmenter()?;
     let by = segmenter.as_ref().map_or("geometry".to_owned(), |segmenter| segmenter.name());
-    let params = AlignParams { seed: arguments.seed, ..AlignParams::default() };
+    let label = LabelParams { surface: arguments.networks.surface()?, ..LabelParams::default() };
+    let params = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };
     let progress = TerminalProgress::new();
     let rows = labels::evaluate(&clip, &truth, segmenter.clone(), &params, &progress)?;
     let mut floors = Vec::new();

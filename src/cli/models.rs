@@ -102,6 +102,7 @@ fn task(task: Task) -> &'static str {
         Task::Segmentation => "segmentation",
         Task::Depth => "depth",
         Task::Inpainting => "inpainting",
+        Task::Surface => "surface",
         Task::Runtime => "runtime",
     }
 }

@@ -12,7 +12,7 @@ use viola_align::complete::{Imagination, ViewStrategy};
 use viola_network as network;
 use viola_network::manifest::{self, Task};
 use viola_reconstruct::LabelParams;
-use viola_reconstruct::label::{self, Segmenter};
+use viola_reconstruct::label::{self, Segmenter, SurfaceNetwork};
 
 #[derive(Args, Debug, Clone, Serialize, Deserialize)]
 pub struct NetworkArguments {
@@ -42,6 +42,18 @@ impl NetworkArguments {
         Ok(Some(Arc::from(segmenter)))
     }
 
+    /// Returns the surface network of the models folder, if one is installed.
+    pub fn surface(&self) -> Result<Option<Arc<SurfaceNetwork>>> {
+        let Some(models) = &self.models else { return Ok(None) };
+        let Some(entry) = manifest::installed(Task::Surface, models).context("the list of networks")? else {
+            return Ok(None);
+        };
+        let network = network::open(&entry.path(models), &self.runtime.params(Some(models)))
+            .with_context(|| format!("network {}", entry.name))?;
+        tracing::info!(network = entry.name, runtime = network.runtime(), "{}", network.reason());
+        Ok(Some(Arc::new(SurfaceNetwork::new(&entry, network)?)))
+    }
+
     /// Returns the networks for the completion; none without an inpainting network in the models folder.
     pub fn imagination(&self) -> Result<Option<Imagination>> {
         let Some(models) = &self.models else { return Ok(None) };
@@ -64,7 +76,7 @@ impl NetworkArguments {
 
     /// Returns the parameters for labels; a network that cannot be used is an error.
     pub fn labels(&self) -> Result<LabelParams> {
-        Ok(LabelParams { segmenter: self.segmenter()?, ..LabelParams::default() })
+        Ok(LabelParams { segmenter: self.segmenter()?, surface: self.surface()?, ..LabelParams::default() })
     }
 
     /// Returns the parameters for a service. If the network cannot be used, classes come from geometry: the

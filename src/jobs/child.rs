@@ -12,12 +12,13 @@ use super::trouble::{Ended, Trouble};
 use futures::FutureExt;
 use leash::Leash;
 use protocol::Message;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::{Command, ExitStatus, Output, Stdio};
 use std::sync::Arc;
+use std::time::Duration;
 use tempfile::TempDir;
 use tokio::sync::oneshot;
 use viola_formats::video::was_asked_to_stop;
@@ -33,12 +34,23 @@ const PANICKED: i32 = 101;
 /// Command that starts another process of this program.
 #[derive(Debug, Clone)]
 pub struct ChildParams {
-    /// A program that calls [`serve_child`].
     pub program: PathBuf,
-    /// Its arguments before those of [`ChildOrder`].
+    /// Its arguments before those of the work.
     pub arguments: Vec<OsString>,
     /// Its whole environment.
     pub environment: Vec<(OsString, OsString)>,
+}
+
+impl ChildParams {
+    /// Runs the command with one more argument and returns its output; none if it took longer than `max_time`.
+    /// The process is killed if nobody waits for it any more.
+    pub async fn output(&self, argument: &OsStr, max_time: Duration) -> io::Result<Option<Output>> {
+        let mut command = tokio::process::Command::new(&self.program);
+        command.args(&self.arguments).arg(argument);
+        command.env_clear().envs(self.environment.iter().cloned());
+        command.stdin(Stdio::null()).stderr(Stdio::null()).kill_on_drop(true);
+        tokio::time::timeout(max_time, command.output()).await.ok().transpose()
+    }
 }
 
 /// Runs the method in a child process, which is killed when `report` is cancelled. Its files lie in `folder`.

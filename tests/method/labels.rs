@@ -1,6 +1,7 @@
 //! Classes of points: true labels of pictures give the true classes, and shapes, floor and answer use them.
 
 use image::RgbImage;
+use std::path::Path;
 use std::sync::Arc;
 use viola_align as align;
 use viola_align::{AlignParams, Observation};
@@ -9,8 +10,10 @@ use viola_geometry::progress::Silent;
 use viola_geometry::taxonomy::Class;
 use viola_lab::evaluate::Oracle;
 use viola_lab::simulate::{ClipParams, Home, HomeParams, Set, SimulatedClip, clip_in_memory};
+use viola_network::RuntimeParams;
+use viola_network::manifest::Manifest;
 use viola_reconstruct::LabelParams;
-use viola_reconstruct::label::{ClassMap, SegmentError, Segmenter};
+use viola_reconstruct::label::{ClassMap, SegmentError, Segmenter, SurfaceNetwork};
 use viola_testing::process::viola;
 
 fn simulated(set: Set, seed: u64, frames: usize) -> Arc<SimulatedClip> {
@@ -99,7 +102,10 @@ fn a_network_that_fails_leaves_geometry_and_a_reason() {
     let plain = observe(&clip, LabelParams::default());
     let failed = LabelParams { segmenter: Some(Arc::new(Broken)), ..LabelParams::default() };
     let absent = LabelParams { unavailable: Some("it is gone".into()), ..LabelParams::default() };
-    for (label, code) in [(failed, "network_failed"), (absent, "network_unavailable")] {
+    let broken = LabelParams { surface: Some(surface_network("columns_nan.onnx")), ..LabelParams::default() };
+    for (label, code) in
+        [(failed, "network_failed"), (absent, "network_unavailable"), (broken, "network_failed")]
+    {
         let seen = observe(&clip, label);
         assert_eq!(seen.labels.as_ref().unwrap().by, "geometry");
         assert!(seen.reasons.iter().any(|reason| reason.code == code), "{:?}", seen.reasons);
@@ -107,12 +113,33 @@ fn a_network_that_fails_leaves_geometry_and_a_reason() {
     }
 }
 
+fn surface_network(file: &str) -> Arc<SurfaceNetwork> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/models").join(file);
+    let network = viola_network::open(&path, &RuntimeParams::default()).unwrap();
+    let manifest = Manifest::built_in().unwrap();
+    Arc::new(SurfaceNetwork::new(manifest.find("columns").unwrap(), network).unwrap())
+}
+
+/// A network of random weights says nothing sensible, but of every point.
+#[test]
+fn a_surface_network_labels_without_pictures() {
+    let clip = clip_in_memory(simulated(Set::Normal, 3, 6));
+    let label = LabelParams { surface: Some(surface_network("columns.onnx")), ..LabelParams::default() };
+    let (seen, plain) = (observe(&clip, label), observe(&clip, LabelParams::default()));
+    assert!(seen.labels.unwrap().by.starts_with("columns, "));
+    assert_ne!(seen.cloud_in_clip, plain.cloud_in_clip);
+    // The floor and the scan do not depend on it.
+    assert_eq!((seen.floor, seen.scan), (plain.floor, plain.scan));
+}
+
 /// The answer must not depend on the number of threads.
 #[test]
 fn threads_change_nothing() {
     let (clip, oracle) = Oracle::with_clip(simulated(Set::Normal, 4, 6), 1.0, 0);
+    let surface = surface_network("columns.onnx");
     let with = |threads: usize| {
-        let label = LabelParams { segmenter: Some(oracle.clone()), ..LabelParams::default() };
+        let (segmenter, surface) = (Some(oracle.clone() as Arc<dyn Segmenter>), Some(surface.clone()));
+        let label = LabelParams { segmenter, surface, ..LabelParams::default() };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| observe(&clip, label).cloud_in_clip)
     };

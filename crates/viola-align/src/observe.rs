@@ -112,7 +112,10 @@ pub fn observe(
         return Ok(observation);
     };
 
-    observation.walls = labeller.finish(&mut fused.cloud_in_world, &first.clip_from_world, &params.label);
+    let labelled = labeller.finish(&mut fused.cloud_in_world, &first.clip_from_world, &params.label);
+    observation.walls = labelled.walls;
+    observation.labels = Some(labelled.report);
+    observation.reasons.extend(labelled.remark);
 
     progress::begin(progress, Stage::Raycast)?;
     observation.cloud_in_clip = fused.cloud_in_world.transformed(&first.clip_from_world);

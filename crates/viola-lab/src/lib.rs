@@ -3,3 +3,4 @@
 pub mod evaluate;
 pub mod paper;
 pub mod simulate;
+pub mod surfaces;

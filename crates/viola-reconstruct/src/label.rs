@@ -5,6 +5,7 @@
 
 mod augment;
 mod class_map;
+mod columns;
 mod combine;
 mod logits;
 mod mask2former;
@@ -17,6 +18,7 @@ mod segmenter;
 mod segments;
 mod sites;
 mod structure;
+mod surface;
 mod vote;
 
 pub use augment::AUGMENTATIONS;
@@ -25,6 +27,7 @@ pub use open::{installed, open_segmenter};
 pub use params::LabelParams;
 pub use segmenter::{SegmentError, Segmenter};
 pub use structure::{Shape, Wall};
+pub use surface::SurfaceNetwork;
 
 use super::cloud::{Label, PointCloud};
 use super::error::ReconstructError;
@@ -84,6 +87,14 @@ pub fn seen_at(point_in_world: &Point3, frame: &Frame, world_from_camera: &Pose3
     Look { frame, camera_from_world: world_from_camera.inverse() }.pixel(point_in_world, &towards)
 }
 
+/// The outcome of [`Labeller::finish`].
+pub struct Labelled {
+    pub walls: Vec<Wall>,
+    pub report: LabelReport,
+    /// Reason why the surface network was not used though there is one.
+    pub remark: Option<Reason>,
+}
+
 /// Labels a clip in two steps: by pictures before the floor is known, by shapes after it.
 pub struct Labeller {
     sites: Sites,
@@ -131,25 +142,42 @@ impl Labeller {
         Ok(labeller)
     }
 
-    /// Adds the shapes to the labels once the floor is known, and returns the walls. `cloud` is the cloud of
+    /// Adds the surface network and the shapes to the labels once the floor is known. `cloud` is the cloud of
     /// [`Labeller::listen`], in any frame.
     pub fn finish(
         mut self,
         cloud: &mut PointCloud,
         clip_from_world: &Pose3,
         params: &LabelParams,
-    ) -> Vec<Wall> {
+    ) -> Labelled {
         if !params.by_shape {
-            return Vec::new();
+            return Labelled { walls: Vec::new(), report: self.report, remark: None };
         }
         self.sites.transform(clip_from_world);
         let (shapes, walls) = structure::shapes(&self.sites);
+        let surface = params.surface.as_ref().map(|network| (network, network.classify(&self.sites)));
+        let mut remark = None;
+        let surface = match surface {
+            Some((network, Ok(classes))) => {
+                self.report.by = match &self.votes {
+                    Some(_) => format!("{}; {}", self.report.by, network.name()),
+                    None => network.name().to_owned(),
+                };
+                Some(classes)
+            }
+            Some((network, Err(error))) => {
+                let detail = format!("the surface network {} was not used: {error}", network.name());
+                remark = Some(Reason::new("network_failed", detail));
+                None
+            }
+            None => None,
+        };
         let labels = match &self.votes {
-            Some(votes) => combine::combined(&self.sites, votes, &shapes),
-            None => combine::shaped(&shapes),
+            Some(votes) => combine::combined(&self.sites, votes, &shapes, surface.as_deref()),
+            None => combine::shaped(&shapes, surface.as_deref()),
         };
         self.write(&labels, cloud);
-        walls
+        Labelled { walls, report: self.report, remark }
     }
 
     fn write(&self, labels: &[Label], cloud: &mut PointCloud) {

@@ -6,11 +6,8 @@ use crate::api::error::{Error, Problem};
 use crate::jobs::ChildParams;
 use crate::storage::Arrived;
 use serde::{Deserialize, Serialize};
-use std::ffi::OsStr;
 use std::path::Path;
-use std::process::Stdio;
 use std::time::Duration;
-use tokio::process::Command;
 use viola_formats::clip::{Clip, ClipInfo};
 use viola_formats::video::was_asked_to_stop;
 
@@ -40,14 +37,10 @@ pub fn opened_clip_json(path: &Path) -> String {
 /// Opens a file in a process that is started by `params`.
 pub(super) async fn open(params: &ChildParams, file: Arrived) -> Result<(Arrived, ClipInfo), Error> {
     let failed = |cause: String| Error::Panicked(format!("a file could not be opened apart: {cause}"));
-    let mut command = Command::new(&params.program);
-    command.args(&params.arguments).arg(OsStr::new(file.path()));
-    command.env_clear().envs(params.environment.iter().cloned());
-    command.stdin(Stdio::null()).stderr(Stdio::null()).kill_on_drop(true);
-    let Ok(output) = tokio::time::timeout(MAX_TIME, command.output()).await else {
+    let output = params.output(file.path().as_os_str(), MAX_TIME).await;
+    let Some(output) = output.map_err(|error| failed(error.to_string()))? else {
         return Err(UploadRefusal::Unreadable.into());
     };
-    let output = output.map_err(|error| failed(error.to_string()))?;
     match serde_json::from_slice(&output.stdout) {
         Ok(Opened::Clip(info)) => Ok((file, *info)),
         Ok(Opened::Refused(problem)) => Err(Error::Told(problem)),

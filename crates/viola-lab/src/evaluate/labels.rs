@@ -68,14 +68,16 @@ pub fn evaluate(
     let by_shape = params.label.by_shape;
     let augmentations = label::AUGMENTATIONS;
     let variants = [
-        ("voting", true, 0, false),
-        ("voting + augmentation", true, augmentations, false),
-        ("voting + geometry", true, 0, by_shape),
-        ("voting + augmentation + geometry", true, augmentations, by_shape),
-        ("geometry", false, 0, by_shape),
+        ("voting", true, 0, false, false),
+        ("voting + augmentation", true, augmentations, false, false),
+        ("voting + geometry", true, 0, by_shape, false),
+        ("voting + augmentation + geometry", true, augmentations, by_shape, false),
+        ("voting + augmentation + volume", true, augmentations, by_shape, true),
+        ("geometry", false, 0, by_shape, false),
+        ("volume", false, 0, by_shape, true),
     ];
-    for (variant, network, augmentations, by_shape) in variants {
-        if network && segmenter.is_none() {
+    for (variant, network, augmentations, by_shape, volume) in variants {
+        if network && segmenter.is_none() || volume && params.label.surface.is_none() {
             continue;
         }
         let timed = segmenter.clone().filter(|_| network);
@@ -84,6 +86,7 @@ pub fn evaluate(
             segmenter: timed.clone().map(|timed| timed as Arc<dyn Segmenter>),
             augmentations,
             by_shape,
+            surface: params.label.surface.clone().filter(|_| volume),
             ..params.label.clone()
         };
         let watch = Stopwatch::around(progress, std::time::Instant::now);

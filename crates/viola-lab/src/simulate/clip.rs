@@ -14,7 +14,7 @@ use serde::Serialize;
 use std::sync::Arc;
 use viola_formats::clip::{Frame, FrameHeader};
 use viola_geometry::taxonomy::Class;
-use viola_geometry::{Pinhole, Pose2, Pose3, Vector3};
+use viola_geometry::{Pinhole, Point3, Pose2, Pose3, Vector3};
 
 /// Parameters of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -178,6 +178,13 @@ impl SimulatedClip {
     /// If the frame does not exist.
     pub fn true_view(&self, index: usize) -> View {
         render(&self.scene, &self.depth_camera, &self.truth.home_from_camera[index])
+    }
+
+    /// Returns the class and the instance of the surface within `reach_m` of a measured point, if there is one.
+    /// `normal` points away from the surface.
+    pub fn label_at(&self, point_in_home: &Point3, normal: &Vector3, reach_m: f64) -> Option<(Class, u16)> {
+        let hit = self.scene.cast(&(point_in_home + normal * reach_m), &-normal, 2.0 * reach_m)?;
+        Some(self.scene.label(hit.solid))
     }
 
     /// Renders the labels of frame `index`, aligned with its colour picture.

@@ -15,6 +15,8 @@ pub enum Task {
     Depth,
     /// Colours for the holes of a picture.
     Inpainting,
+    /// A class for each voxel of a fused surface.
+    Surface,
     /// The library that runs networks, not a network.
     Runtime,
 }
@@ -27,7 +29,7 @@ pub struct ModelEntry {
     /// The file, relative to the models folder and inside it.
     pub file: PathBuf,
     pub licence: String,
-    /// Format of the input. Every network has one, a runtime has none.
+    /// Format of the input. Networks for pictures have one.
     pub input: Option<Input>,
     pub output: Option<Output>,
     /// Class table of the output. Only segmentation networks have one, and all of them do.

@@ -239,7 +239,7 @@ impl EntryForm {
             (Task::Segmentation, Some(Output::Logits { .. } | Output::Mask2former { .. })) => true,
             (Task::Depth, Some(Output::Depth { scale, .. })) => scale.is_finite() && *scale > 0.0,
             (Task::Inpainting, Some(Output::Inpainting { .. } | Output::Diffusion(_))) => true,
-            (Task::Runtime, None) => true,
+            (Task::Surface | Task::Runtime, None) => true,
             _ => false,
         };
         if !fits {
@@ -253,8 +253,8 @@ impl EntryForm {
         if (self.task == Task::Segmentation) != self.classes.is_some() {
             return refuse("classes", "belongs to segmentation networks, and they need it");
         }
-        if (self.task != Task::Runtime) != self.input.is_some() {
-            return refuse("input", "belongs to networks, and they need it");
+        if !matches!(self.task, Task::Surface | Task::Runtime) != self.input.is_some() {
+            return refuse("input", "belongs to networks for pictures, and they need it");
         }
         if let Some(input) = &self.input
             && let Err((field, problem)) = input.check()

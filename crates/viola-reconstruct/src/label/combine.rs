@@ -16,8 +16,14 @@ pub(super) fn voted(votes: &Votes) -> Vec<Label> {
     sites.map(|(sums, &views)| likeliest(sums, views)).collect()
 }
 
-/// Returns the labels by shapes alone.
-pub(super) fn shaped(shapes: &[Shape]) -> Vec<Label> {
+/// Classes of the sites by the surface network, where it has any.
+type Surface<'a> = Option<&'a [Option<[f32; CLASSES]>]>;
+
+/// The network's probability of a class is at least this in a product: it may be wrong.
+const LEAST_BY_SURFACE: f32 = 0.02;
+
+/// Returns the labels by the surface network, and by shapes alone where it has no answer.
+pub(super) fn shaped(shapes: &[Shape], surface: Surface) -> Vec<Label> {
     // Chosen by reasoning, not measured: level planes are rarely wrong; doors and curtains look like walls.
     let label = |shape: &Shape| match shape {
         Shape::Floor => Label::new(Class::Floor, 0.95, 0),
@@ -25,12 +31,16 @@ pub(super) fn shaped(shapes: &[Shape]) -> Vec<Label> {
         Shape::Ceiling => Label::new(Class::Ceiling, 0.95, 0),
         Shape::Front | Shape::Upright | Shape::Loose => Label::new(Class::Other, 0.8, 0),
     };
-    shapes.iter().map(label).collect()
+    let of_site = |(site, shape): (usize, &Shape)| match surface.and_then(|surface| surface[site].as_ref()) {
+        Some(probabilities) => likeliest(probabilities, 0),
+        None => label(shape),
+    };
+    shapes.iter().enumerate().map(of_site).collect()
 }
 
 /// Returns the labels by both, pooled over segments. The shape counts twice: it weights a site's votes for
 /// its segment, and then the votes of the segment for each site.
-pub(super) fn combined(sites: &Sites, votes: &Votes, shapes: &[Shape]) -> Vec<Label> {
+pub(super) fn combined(sites: &Sites, votes: &Votes, shapes: &[Shape], surface: Surface) -> Vec<Label> {
     let segments = segments::segments(sites);
     let count = segments.iter().max().map_or(0, |last| *last as usize + 1);
     let mut pieces = vec![[0f32; CLASSES]; count];
@@ -41,7 +51,7 @@ pub(super) fn combined(sites: &Sites, votes: &Votes, shapes: &[Shape]) -> Vec<La
             *sum += views * p;
         }
     }
-    let fallback = shaped(shapes);
+    let fallback = shaped(shapes, surface);
     segments
         .iter()
         .enumerate()
@@ -49,6 +59,11 @@ pub(super) fn combined(sites: &Sites, votes: &Votes, shapes: &[Shape]) -> Vec<La
             let mut said = pieces[segment as usize];
             for (p, class) in said.iter_mut().zip(Class::ALL) {
                 *p *= likelihood(shapes[site], *class);
+            }
+            if let Some(surface) = surface.and_then(|surface| surface[site].as_ref()) {
+                said.iter_mut()
+                    .zip(surface)
+                    .for_each(|(p, by_surface)| *p *= by_surface.max(LEAST_BY_SURFACE));
             }
             if said.iter().sum::<f32>() > 0.0 { likeliest(&said, votes.views[site]) } else { fallback[site] }
         })

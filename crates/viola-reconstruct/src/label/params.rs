@@ -1,6 +1,7 @@
 //! Parameters of the labelling.
 
 use super::segmenter::Segmenter;
+use super::surface::SurfaceNetwork;
 use std::sync::Arc;
 
 /// The network segments one key frame of each stretch in which the camera moves this far ...
@@ -13,6 +14,8 @@ pub(super) const KEY_ANGLE_RAD: f64 = 20f64.to_radians();
 pub struct LabelParams {
     /// `None` labels by shape alone.
     pub segmenter: Option<Arc<dyn Segmenter>>,
+    /// Network for the surface itself; `None` classifies it by its planes.
+    pub surface: Option<Arc<SurfaceNetwork>>,
     /// Reason why a requested network is unavailable; every answer reports it.
     pub unavailable: Option<String>,
     /// Colour changes for further segmentations of a picture, up to [`AUGMENTATIONS`](super::AUGMENTATIONS).
@@ -23,7 +26,7 @@ pub struct LabelParams {
 
 impl Default for LabelParams {
     fn default() -> Self {
-        LabelParams { segmenter: None, unavailable: None, augmentations: 0, by_shape: true }
+        LabelParams { segmenter: None, surface: None, unavailable: None, augmentations: 0, by_shape: true }
     }
 }
 
@@ -31,6 +34,8 @@ impl std::fmt::Debug for LabelParams {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("LabelParams")
             .field("segmenter", &self.segmenter.as_ref().map(|segmenter| segmenter.name()))
+            .field("surface", &self.surface.as_ref().map(|network| network.name()))
+            .field("unavailable", &self.unavailable)
             .field("augmentations", &self.augmentations)
             .field("by_shape", &self.by_shape)
             .finish()

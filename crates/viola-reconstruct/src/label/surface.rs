@@ -1,0 +1,184 @@
+//! A network that classifies the fused surface itself, without pictures.
+
+use super::SegmentError;
+use super::columns::{Columns, SLICES, WINDOW_NUMBERS};
+use super::sites::Sites;
+use std::sync::Arc;
+use viola_geometry::taxonomy::CLASSES;
+use viola_network::Element::{F32, I64};
+use viola_network::manifest::ModelEntry;
+use viola_network::signature::{expect, one};
+use viola_network::{Data, Network, Tensor};
+
+/// Classifies the voxels of a surface. Made by `models/train`.
+pub struct SurfaceNetwork {
+    name: String,
+    network: Arc<dyn Network>,
+}
+
+impl SurfaceNetwork {
+    /// Returns the network after a check of its inputs and outputs.
+    pub fn new(entry: &ModelEntry, network: Arc<dyn Network>) -> Result<SurfaceNetwork, SegmentError> {
+        let misfit = |problem: String| SegmentError::Misfit { network: entry.name.clone(), problem };
+        let inputs = [
+            ("grid", F32, vec![Some(1), Some(2 * SLICES), None, None]),
+            ("column", I64, vec![None]),
+            ("slice", I64, vec![None]),
+            ("window", F32, vec![None, Some(WINDOW_NUMBERS)]),
+        ];
+        for (name, element, axes) in inputs {
+            let input = one(network.inputs(), Some(name), "input").map_err(misfit)?;
+            expect(input, "input", element, &axes).map_err(misfit)?;
+        }
+        let output = one(network.outputs(), Some("logits"), "output").map_err(misfit)?;
+        expect(output, "output", F32, &[None, Some(CLASSES)]).map_err(misfit)?;
+        Ok(SurfaceNetwork { name: format!("{}, {}", entry.name, network.runtime()), network })
+    }
+
+    /// Returns the network and its runtime, for the answer.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Returns the probability of each class for each site; `sites` are in the clip frame. None for sites
+    /// outside the network's grid.
+    pub(super) fn classify(&self, sites: &Sites) -> Result<Vec<Option<[f32; CLASSES]>>, SegmentError> {
+        let Some(columns) = Columns::new(&sites.positions_m, &sites.normals) else {
+            return Ok(vec![None; sites.len()]);
+        };
+        let voxels = columns.column.len();
+        let numbers = |values: Vec<i64>| Tensor { shape: vec![voxels], data: Data::I64(values) };
+        let inputs = [
+            ("grid", Tensor::f32([1, 2 * SLICES, columns.height, columns.width], columns.grid)),
+            ("column", numbers(columns.column)),
+            ("slice", numbers(columns.slice)),
+            ("window", Tensor::f32([voxels, WINDOW_NUMBERS], columns.window)),
+        ];
+        let outputs = self.network.run(&inputs).map_err(|error| SegmentError::Run(error.to_string()))?;
+        let logits = outputs.iter().find(|(name, _)| name == "logits").map(|(_, tensor)| tensor);
+        let logits = logits.filter(|tensor| tensor.shape == [voxels, CLASSES]).and_then(Tensor::as_f32);
+        let logits = logits.ok_or_else(|| SegmentError::Shape {
+            got: "other outputs".to_owned(),
+            want: format!("logits of {voxels} x {CLASSES}"),
+        })?;
+        if !logits.iter().all(|value| value.is_finite()) {
+            return Err(SegmentError::NotFinite);
+        }
+        let of_voxel: Vec<[f32; CLASSES]> = logits.chunks_exact(CLASSES).map(softmax).collect();
+        Ok(columns.of_site.iter().map(|voxel| voxel.map(|voxel| of_voxel[voxel as usize])).collect())
+    }
+}
+
+fn softmax(logits: &[f32]) -> [f32; CLASSES] {
+    let highest = logits.iter().copied().fold(f32::MIN, f32::max);
+    let mut out = [0f32; CLASSES];
+    for (p, logit) in out.iter_mut().zip(logits) {
+        *p = (logit - highest).exp();
+    }
+    let total: f32 = out.iter().sum();
+    out.map(|p| p / total)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::label::columns::CELL_M;
+    use serde::Deserialize;
+    use std::path::Path;
+    use viola_geometry::taxonomy::Class;
+    use viola_geometry::{Point3, Vector3};
+    use viola_network::RuntimeParams;
+    use viola_network::manifest::Manifest;
+
+    fn opened(file: &str) -> Result<SurfaceNetwork, String> {
+        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/models");
+        let network = viola_network::open(&models.join(file), &RuntimeParams::default());
+        let manifest = Manifest::built_in().unwrap();
+        let network = network.map_err(|error| error.to_string())?;
+        SurfaceNetwork::new(manifest.find("columns").unwrap(), network).map_err(|error| error.to_string())
+    }
+
+    #[derive(Deserialize)]
+    struct Expected {
+        cells: Vec<[i32; 3]>,
+        sites: Vec<ExpectedSite>,
+    }
+
+    #[derive(Deserialize)]
+    struct ExpectedSite {
+        site: usize,
+        class: usize,
+        probability: f32,
+    }
+
+    /// A network with random weights against PyTorch (`models/train/small.py`): a floor and a wall.
+    #[test]
+    fn classes_are_those_of_pytorch() {
+        let expected: Expected =
+            serde_json::from_str(include_str!("../../../../tests/models/columns.json")).unwrap();
+        let middle = |cell: &[i32; 3]| Point3::from(cell.map(|c| (f64::from(c) + 0.5) * CELL_M));
+        let normal = |cell: &[i32; 3]| if cell[2] == 0 { Vector3::z() } else { -Vector3::y() };
+        let sites = Sites {
+            positions_m: expected.cells.iter().map(middle).collect(),
+            normals: expected.cells.iter().map(normal).collect(),
+            ..Sites::default()
+        };
+        let classes = opened("columns.onnx").unwrap().classify(&sites).unwrap();
+        assert!(expected.sites.len() > 10);
+        for ExpectedSite { site, class, probability } in expected.sites {
+            let got = classes[site].expect("it is in the grid");
+            let best = (0..CLASSES).max_by(|a, b| got[*a].total_cmp(&got[*b])).unwrap();
+            assert!((got[class] - probability).abs() < 1e-4 && best == class, "{site}: {got:?}");
+        }
+    }
+
+    #[test]
+    fn other_networks_and_their_answers_are_refused() {
+        let sites =
+            Sites { positions_m: vec![Point3::origin()], normals: vec![Vector3::z()], ..Sites::default() };
+        let nan = opened("columns_nan.onnx").unwrap().classify(&sites);
+        assert_eq!(nan, Err(SegmentError::NotFinite));
+        assert!(opened("red.onnx").err().unwrap().contains("it has no input grid"));
+        assert!(opened("missing.onnx").is_err());
+        let nothing = opened("columns.onnx").unwrap().classify(&Sites::default());
+        assert_eq!(nothing, Ok(Vec::new()));
+    }
+
+    #[test]
+    fn probabilities_sum_to_one() {
+        let mut logits = [0f32; CLASSES];
+        logits[Class::Bed as usize] = 90.0;
+        let p = softmax(&logits);
+        assert!((p.iter().sum::<f32>() - 1.0).abs() < 1e-5 && p[Class::Bed as usize] > 0.99);
+    }
+
+    /// The voxels that `models/train/surfaces.py` makes of the same points.
+    #[test]
+    fn columns_are_those_of_the_training() {
+        let positions = [
+            Point3::new(1.02, -0.33, 0.01),
+            Point3::new(1.04, -0.31, 0.02),
+            Point3::new(1.02, -0.33, 0.31),
+            Point3::new(2.0, 0.5, 2.59),
+            Point3::new(0.0, 0.0, 2.7),
+            Point3::new(0.0, 0.0, -0.01),
+        ];
+        let normals = [1.0, 0.5, -1.0, 0.25, 0.0, 0.0].map(|z| Vector3::new(0.0, 0.0, z));
+        let columns = Columns::new(&positions, &normals).unwrap();
+        assert_eq!((columns.height, columns.width), (32, 32));
+        assert_eq!(columns.of_site, [Some(0), Some(0), Some(1), Some(2), None, None]);
+        assert_eq!(columns.column, [0, 0, 17 * 32 + 20]);
+        assert_eq!(columns.slice, [0, 6, 51]);
+        let plane = 32 * 32;
+        assert_eq!(columns.grid.iter().filter(|value| **value != 0.0).count(), 6);
+        assert_eq!((columns.grid[0], columns.grid[SLICES * plane]), (1.0, 0.75));
+        let window = |voxel: usize| &columns.window[voxel * WINDOW_NUMBERS..][..WINDOW_NUMBERS];
+        // The voxel itself is in the middle; the one above the first is six slices further.
+        assert_eq!(
+            (window(0)[10], window(0)[16], window(0)[21 + 10], window(0)[21 + 16]),
+            (1.0, 1.0, 0.75, -1.0)
+        );
+        assert_eq!((window(1)[4], window(1)[10]), (1.0, 1.0));
+        assert_eq!(window(2).iter().filter(|value| **value != 0.0).count(), 2);
+    }
+}

@@ -1,0 +1,76 @@
+//! `viola surfaces`: labelled surfaces of simulated clips, for training.
+
+use anyhow::{Context, Result};
+use indicatif::ProgressBar;
+use std::fs;
+use std::ops::Range;
+use std::path::PathBuf;
+use viola_align::AlignParams;
+use viola_geometry::progress::Silent;
+use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set};
+use viola_lab::surfaces::labelled_surface;
+
+#[derive(clap::Args)]
+pub struct SurfacesArguments {
+    /// Kinds of homes, separated by commas: normal, upper, repeated, changed.
+    #[arg(long, value_delimiter = ',', default_value = "normal,changed")]
+    set: Vec<Set>,
+    /// Seeds of the homes; END is excluded.
+    #[arg(long, value_name = "FIRST..END", default_value = "0..10", value_parser = super::align::range::<u64>)]
+    seeds: Range<u64>,
+    /// Lengths of the clips in frames, separated by commas; each home has one clip of each.
+    #[arg(long, value_delimiter = ',', default_value = "6,15,30,60,120")]
+    frames: Vec<usize>,
+    /// Errors of the device's poses after one metre of path, in metres, taken in turn.
+    #[arg(long, value_delimiter = ',', default_value = "0.002,0.005,0.01")]
+    drift: Vec<f64>,
+    /// Output folder, created if it is missing. Surfaces that it has already are kept.
+    #[arg(long)]
+    out: PathBuf,
+}
+
+pub fn run(arguments: &SurfacesArguments) -> Result<()> {
+    let out = &arguments.out;
+    fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    let seeds = arguments.seeds.end.saturating_sub(arguments.seeds.start);
+    let bar = ProgressBar::new(seeds * arguments.set.len() as u64);
+    let mut turn = 0;
+    for seed in arguments.seeds.clone() {
+        for &set in &arguments.set {
+            surfaces_of_home(arguments, set, seed, &mut turn)?;
+            bar.inc(1);
+        }
+    }
+    bar.finish();
+    Ok(())
+}
+
+fn surfaces_of_home(arguments: &SurfacesArguments, set: Set, seed: u64, turn: &mut usize) -> Result<()> {
+    let home = Home::generate(&HomeParams::new(set, seed));
+    let survey = home.survey();
+    for (index, &frames) in (0..).zip(&arguments.frames) {
+        *turn += 1;
+        let path = arguments.out.join(format!("{}_{seed:06}_{frames:03}.surface", set.name()));
+        if path.exists() {
+            continue;
+        }
+        let sensor = if *turn % 2 == 0 { Sensor::PhoneLidar } else { Sensor::StructuredLight };
+        let params = ClipParams {
+            frames,
+            sensor,
+            color_width: Sensor::PhoneLidar.depth_camera().width,
+            drift: arguments.drift.get(*turn % arguments.drift.len().max(1)).copied().unwrap_or(0.005),
+            ..ClipParams::default()
+        };
+        let clip = home.clip(&survey, index, &params);
+        let surface = labelled_surface(clip, &AlignParams { seed, ..AlignParams::default() }, &Silent)?;
+        if let Some(surface) = surface {
+            // A file that is there is whole.
+            let unfinished = path.with_extension("part");
+            fs::write(&unfinished, &surface.bytes)
+                .and_then(|()| fs::rename(&unfinished, &path))
+                .with_context(|| format!("cannot write {}", path.display()))?;
+        }
+    }
+    Ok(())
+}
