@@ -84,7 +84,7 @@ struct Security;
 impl Modify for Security {
     fn modify(&self, document: &mut utoipa::openapi::OpenApi) {
         let bearer = HttpBuilder::new().scheme(HttpAuthScheme::Bearer).description(Some(
-            "A key, as `viola keys create` shows it. While there is none, the service asks for none and serves its own machine alone.",
+            "A key, as `viola keys create` shows it. Until the first key is made, the service asks for none and serves its own machine alone.",
         ));
         let components = document.components.get_or_insert_default();
         components.add_security_scheme("key", SecurityScheme::Http(bearer.build()));
@@ -99,13 +99,13 @@ impl Modify for Security {
     info(title = "viola", description = "Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.\n\n\
         Every error is an RFC 9457 problem document with a stable `type`. Lists page by cursor."),
     tags(
-        (name = "homes", description = "What a LiDAR map and clips belong to"),
+        (name = "homes", description = "Homes; each has a LiDAR map and clips"),
         (name = "lidar-map", description = "The map of the home's robot vacuum"),
         (name = "clips", description = "Recorded RGB-D clips and their poses in the map"),
         (name = "uploads", description = "Clips that arrive in parts, over bad connections: tus 1.0 (https://tus.io)"),
         (name = "map", description = "The fused map of a home"),
-        (name = "changes", description = "What happened to all homes, for whoever keeps a copy"),
-        (name = "webhooks", description = "Being told of changes, without asking"),
+        (name = "changes", description = "Feed of the changes of all homes, for backends that keep a copy"),
+        (name = "webhooks", description = "Messages about changes to addresses of yours"),
         (name = "jobs", description = "Work under way"),
         (name = "service", description = "The service itself"),
     )

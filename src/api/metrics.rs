@@ -47,7 +47,7 @@ fn describe() {
     describe_counter!(REQUESTS, "Requests that were answered");
     describe_histogram!(REQUEST_SECONDS, Unit::Seconds, "Time to the first byte of an answer");
     describe_gauge!(QUEUED, "Jobs that wait or run");
-    describe_gauge!(QUEUE_AGE, Unit::Seconds, "How long the job that has been due longest has waited");
+    describe_gauge!(QUEUE_AGE, Unit::Seconds, "Waiting time of the job that has been due longest");
     describe_gauge!(MERGES_DUE, "Homes whose map is behind");
     describe_counter!(RECEIVED, Unit::Bytes, "Files that arrived");
     crate::jobs::describe_metrics();

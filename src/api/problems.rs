@@ -42,7 +42,7 @@ impl IntoResponses for CommonProblems {
             ),
             (
                 "404",
-                "What the path names is not there: `home-not-found`, `clip-not-found`, `lidar-map-not-found`, `map-not-found`, `job-not-found`, `result-not-found`, `upload-not-found`, `webhook-not-found`, `delivery-not-found`",
+                "The resource of the path does not exist: `home-not-found`, `clip-not-found`, `lidar-map-not-found`, `map-not-found`, `job-not-found`, `result-not-found`, `upload-not-found`, `webhook-not-found`, `delivery-not-found`",
             ),
             (
                 "500",

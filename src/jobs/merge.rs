@@ -79,7 +79,7 @@ enum MergeError {
     Panicked,
     #[error("no thread could be started for the merge: {0}")]
     NoThread(std::io::Error),
-    #[error("what is kept of the clip or the map is damaged: {0}")]
+    #[error("a stored file of the clip or of the map is damaged: {0}")]
     Damaged(#[from] NotOurs),
     #[error("the LiDAR map cannot be read any more: {0}")]
     Lidar(#[from] LidarError),

@@ -11,7 +11,7 @@ pub enum Lost {
     NoDepth,
     #[error("the picture is dark; switch on the light")]
     Dark,
-    #[error("what the camera saw does not tell where it moved: a bare wall or floor filled the picture")]
+    #[error("the pictures do not tell the motion of the camera: a bare wall or floor filled them")]
     Unconstrained,
     #[error(
         "the picture does not continue the one before: the camera moved too fast, or the recording was cut"
