@@ -3,6 +3,11 @@
 use super::finish::Finish;
 use super::solid::{Shape, Solid};
 use nalgebra::Matrix3;
+use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::math::Vector;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
+use parry3d_f64::query::Ray;
+use std::cell::Cell;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point3, Vector3};
 
@@ -109,27 +114,16 @@ impl Primitive {
     }
 }
 
+fn vector(of: &Vector3) -> Vector {
+    Vector::new(of.x, of.y, of.z)
+}
+
 /// All solids of one day.
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub(super) primitives: Vec<Primitive>,
-    /// Primitive indices in leaf order.
-    order: Vec<u32>,
-    nodes: Vec<Node>,
+    bvh: Bvh,
 }
-
-#[derive(Debug, Clone, Copy)]
-struct Node {
-    low: Point3,
-    high: Point3,
-    /// Leaf: first and count in `order`. Inner node: index of the second child; the first follows the node.
-    first: u32,
-    count: u32,
-    /// Axis that separates an inner node's children; the first has the smaller coordinates.
-    axis: usize,
-}
-
-const LEAF: usize = 2;
 
 impl Scene {
     /// Builds a scene of solids with the numbers of their pieces.
@@ -144,35 +138,9 @@ impl Scene {
     }
 
     fn of(primitives: Vec<Primitive>) -> Scene {
-        let mut scene = Scene { order: (0..primitives.len() as u32).collect(), primitives, nodes: vec![] };
-        if !scene.primitives.is_empty() {
-            let mut order = std::mem::take(&mut scene.order);
-            scene.build(&mut order, 0);
-            scene.order = order;
-        }
-        scene
-    }
-
-    /// Builds the hierarchy: median splits along the longest axis.
-    fn build(&mut self, order: &mut [u32], first: usize) {
-        let (mut low, mut high) = (Point3::from([f64::MAX; 3]), Point3::from([f64::MIN; 3]));
-        for &index in order.iter() {
-            low = low.inf(&self.primitives[index as usize].low);
-            high = high.sup(&self.primitives[index as usize].high);
-        }
-        let node = self.nodes.len();
-        self.nodes.push(Node { low, high, first: first as u32, count: order.len() as u32, axis: 0 });
-        if order.len() <= LEAF {
-            return;
-        }
-        let axis = (high - low).imax();
-        let key = |index: &u32| self.primitives[*index as usize].centre[axis];
-        order.sort_by(|a, b| key(a).total_cmp(&key(b)));
-        let half = order.len() / 2;
-        let (left, right) = order.split_at_mut(half);
-        self.build(left, first);
-        self.nodes[node] = Node { first: self.nodes.len() as u32, count: 0, axis, ..self.nodes[node] };
-        self.build(right, first + half);
+        let bounds: Vec<Aabb> =
+            primitives.iter().map(|p| Aabb::new(vector(&p.low.coords), vector(&p.high.coords))).collect();
+        Scene { primitives, bvh: Bvh::from_leaves(BvhBuildStrategy::Binned, &bounds) }
     }
 
     pub fn len(&self) -> usize {
@@ -201,65 +169,29 @@ impl Scene {
         reach: f64,
         counts: impl Fn(&Primitive) -> bool,
     ) -> Option<Hit> {
-        let inverse = direction.map(|v| 1.0 / v);
-        let mut best = Hit { distance: reach, solid: usize::MAX };
-        let mut stack = [0u32; 64];
-        let mut depth = usize::from(!self.nodes.is_empty());
-        while depth > 0 {
-            depth -= 1;
-            let node = &self.nodes[stack[depth] as usize];
-            let (mut enter, mut leave) = (0f64, best.distance);
-            for axis in 0..3 {
-                let a = (node.low[axis] - origin[axis]) * inverse[axis];
-                let b = (node.high[axis] - origin[axis]) * inverse[axis];
-                enter = enter.max(a.min(b));
-                leave = leave.min(a.max(b));
+        let best_so_far = Cell::new(Hit { distance: reach, solid: usize::MAX });
+        let ray = Ray::new(vector(&origin.coords), vector(direction));
+        self.bvh.cast_ray(&ray, reach, |leaf, _| {
+            let solid = leaf as usize;
+            let primitive = Some(&self.primitives[solid]).filter(|primitive| counts(primitive))?;
+            let distance = primitive.intersect(origin, direction)?;
+            let best = best_so_far.get();
+            // The lower index wins a tie, whatever the order of the leaves.
+            if distance < best.distance || distance == best.distance && solid < best.solid {
+                best_so_far.set(Hit { distance, solid });
             }
-            if enter > leave {
-                continue;
-            }
-            if node.count == 0 {
-                let children = [stack[depth] + 1, node.first];
-                let near = usize::from(direction[node.axis] < 0.0);
-                stack[depth] = children[1 - near];
-                stack[depth + 1] = children[near];
-                depth += 2;
-                continue;
-            }
-            for &index in &self.order[node.first as usize..(node.first + node.count) as usize] {
-                let primitive = &self.primitives[index as usize];
-                if !counts(primitive) {
-                    continue;
-                }
-                if let Some(distance) = primitive.intersect(origin, direction)
-                    && (distance < best.distance
-                        || distance == best.distance && (index as usize) < best.solid)
-                {
-                    best = Hit { distance, solid: index as usize };
-                }
-            }
-        }
+            // A little more, so that boxes at the same distance are still visited.
+            Some(distance * (1.0 + 1e-12) + 1e-12)
+        });
+        let best = best_so_far.get();
         (best.solid != usize::MAX).then_some(best)
     }
 
     /// Returns whether a point is inside a solid.
     pub fn is_inside(&self, point: &Point3) -> bool {
-        let mut stack = vec![0u32];
-        while let Some(index) = stack.pop() {
-            let Some(node) = self.nodes.get(index as usize) else { break };
-            if (0..3).any(|axis| point[axis] < node.low[axis] || point[axis] > node.high[axis]) {
-                continue;
-            }
-            if node.count == 0 {
-                stack.extend([index + 1, node.first]);
-                continue;
-            }
-            let leaf = &self.order[node.first as usize..(node.first + node.count) as usize];
-            if leaf.iter().any(|&i| self.primitives[i as usize].contains(point)) {
-                return true;
-            }
-        }
-        false
+        let at = vector(&point.coords);
+        let mut leaves = self.bvh.leaves(|node| node.aabb().contains_local_point(at));
+        leaves.any(|leaf| self.primitives[leaf as usize].contains(point))
     }
 
     /// Returns the class of a solid, and the number of its piece; 0 is the building.
