@@ -54,7 +54,7 @@ fn surfaces_of_home(arguments: &SurfacesArguments, set: Set, seed: u64, turn: &m
         if path.exists() {
             continue;
         }
-        let sensor = if *turn % 2 == 0 { Sensor::PhoneLidar } else { Sensor::StructuredLight };
+        let sensor = if turn.is_multiple_of(2) { Sensor::PhoneLidar } else { Sensor::StructuredLight };
         let params = ClipParams {
             frames,
             sensor,
