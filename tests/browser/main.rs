@@ -47,12 +47,12 @@ fn run(command: &mut Command) {
     assert!(output.status.success(), "{command:?}\n{said}\n{erred}");
 }
 
+/// Their types are checked in `tests/service/typescript.rs`, with those of the document.
 #[test]
 fn the_sources_are_sound() {
     if !can_run(false) {
         return;
     }
-    run(Command::new("node").args(["node_modules/typescript/bin/tsc", "--noEmit"]).current_dir(web()));
     run(Command::new("node").arg("tests/run.mjs").current_dir(web()));
 }
 
