@@ -1,5 +1,6 @@
 //! Progress and cancellation of long work, independent of clocks and channels.
 
+use crate::Pose2;
 use serde::{Deserialize, Serialize};
 
 /// The stages of aligning one clip, in the order in which they run.
@@ -87,6 +88,14 @@ impl Stage {
     }
 }
 
+/// A pose that is known before the answer. The answer, which also uses the labels of pictures, may differ.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct EarlyPose {
+    pub map_from_clip: Pose2,
+    /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1.
+    pub probability: f64,
+}
+
 /// Receives the progress of the method. Worker threads call it, so it must be quick.
 pub trait Progress: Sync {
     /// Reports the start of a stage.
@@ -100,6 +109,12 @@ pub trait Progress: Sync {
     fn out_of_time(&self) -> bool {
         false
     }
+    /// Returns whether a pose before the answer is wanted; it costs a second registration.
+    fn wants_early_pose(&self) -> bool {
+        false
+    }
+    /// Reports a pose before the answer, at most once.
+    fn early_pose(&self, _pose: EarlyPose) {}
 }
 
 /// The work stopped because [`Progress::cancelled`] returned true.

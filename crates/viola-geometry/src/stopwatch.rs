@@ -1,6 +1,6 @@
 //! Measures the time of each stage. The caller provides the clock.
 
-use crate::progress::{Progress, Stage};
+use crate::progress::{EarlyPose, Progress, Stage};
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -79,6 +79,14 @@ impl Progress for Stopwatch<'_> {
         };
         drop(laps);
         over || self.inner.out_of_time()
+    }
+
+    fn wants_early_pose(&self) -> bool {
+        self.inner.wants_early_pose()
+    }
+
+    fn early_pose(&self, pose: EarlyPose) {
+        self.inner.early_pose(pose);
     }
 }
 

@@ -12,12 +12,14 @@
 mod change;
 mod clearance;
 mod clip;
+mod echo;
 mod export;
 mod finish;
 mod furnish;
 mod home;
 mod in_memory;
 mod lidar_files;
+mod optics;
 mod picture;
 mod piece;
 mod plan;

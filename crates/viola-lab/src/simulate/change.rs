@@ -1,6 +1,6 @@
 //! Changes between days, and between rooms that look alike.
 
-use super::furnish::{Arranger, clutter};
+use super::furnish::{Arranger, standing_thing};
 use super::piece::{Mount, Piece};
 use super::plan::{OpeningKind, Plan};
 use super::rng::Rng;
@@ -21,7 +21,7 @@ pub(super) fn another_day(plan: &Plan, pieces: &[Piece], share: f64, rng: &Rng) 
         }
         let newcomers = (plan.rooms[room].inner.area_m2() / 6.0 * share * 2.0).round() as usize;
         for _ in 0..rng.count(0, newcomers) {
-            let item = clutter(&mut rng);
+            let item = standing_thing(plan.rooms[room].kind, &mut rng);
             arranger.free(item, 0.0);
         }
         out.extend(arranger.finish());

@@ -5,7 +5,7 @@ use super::plan::Plan;
 use super::scene::{Primitive, Scene};
 use super::solid::Shape;
 use viola_geometry::taxonomy::Class;
-use viola_geometry::{DistanceField, Grid, GridFrame};
+use viola_geometry::{DistanceField, Grid, GridFrame, Point3, Vector3};
 
 /// Returns the distance to the nearest solid within the heights `band_m`, and to the outside of the rooms.
 pub(super) fn clearance(scene: &Scene, plan: &Plan, cell_m: f64, band_m: [f64; 2]) -> DistanceField {
@@ -20,15 +20,15 @@ pub(super) fn clearance(scene: &Scene, plan: &Plan, cell_m: f64, band_m: [f64; 2
     }
     for primitive in &scene.primitives {
         let in_the_way = primitive.high.z > band_m[0] && primitive.low.z < band_m[1];
-        if in_the_way && !matches!(primitive.class, Class::Floor | Class::Ceiling) {
-            stamp(&mut solid, primitive);
+        if in_the_way && primitive.class != Class::Floor {
+            stamp(&mut solid, primitive, band_m);
         }
     }
     DistanceField::new(&solid)
 }
 
-/// Marks the cells that a solid covers.
-fn stamp(grid: &mut Grid<bool>, primitive: &Primitive) {
+/// Marks the cells that a solid covers. A sloped ceiling covers the cells where its underside is in the band.
+fn stamp(grid: &mut Grid<bool>, primitive: &Primitive, band_m: [f64; 2]) {
     let frame = grid.frame;
     let cell = |value: f64, axis: usize, count: usize| {
         ((value - frame.origin_m[axis]) / frame.cell_m).clamp(0.0, count as f64 - 1.0) as usize
@@ -38,7 +38,10 @@ fn stamp(grid: &mut Grid<bool>, primitive: &Primitive) {
         (cell(primitive.low.x - pad, 0, frame.width), cell(primitive.high.x + pad, 0, frame.width));
     let (y0, y1) =
         (cell(primitive.low.y - pad, 1, frame.height), cell(primitive.high.y + pad, 1, frame.height));
-    let axis = primitive.home_from_unit.column(0);
+    let axes = &primitive.home_from_unit;
+    // A leaning solid covers its bounding box at most.
+    let upright = axes[(2, 0)].abs().max(axes[(2, 1)].abs()) < 0.01;
+    let axis = axes.column(0);
     let spot = Footprint {
         centre: primitive.centre.xy(),
         half: [primitive.half.x + pad, primitive.half.y + pad],
@@ -47,8 +50,15 @@ fn stamp(grid: &mut Grid<bool>, primitive: &Primitive) {
     for y in y0..=y1 {
         for x in x0..=x1 {
             let centre = frame.centre(x, y);
+            let is_low = || {
+                let below = Point3::new(centre.x, centre.y, band_m[0]);
+                let up = primitive.intersect(&below, &Vector3::z());
+                up.is_some_and(|up| up < band_m[1] - band_m[0]) || primitive.contains(&below)
+            };
             let covered = match primitive.shape {
-                Shape::Block => spot.contains(&centre),
+                _ if primitive.class == Class::Ceiling => is_low(),
+                _ if !upright => true,
+                Shape::Block | Shape::Cushion => spot.contains(&centre),
                 Shape::Cylinder | Shape::Ball => {
                     (centre - spot.centre).norm() <= primitive.half.x.max(primitive.half.y) + pad
                 }

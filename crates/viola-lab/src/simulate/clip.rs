@@ -1,6 +1,8 @@
 //! A simulated clip, stored as its poses; frames are rendered on demand.
 
+use super::echo::Shot;
 use super::home::{Home, Set};
+use super::optics::Sight;
 use super::render::{NOTHING, View, render};
 use super::rng::hash;
 use super::scene::Scene;
@@ -158,11 +160,18 @@ impl SimulatedClip {
     pub fn frame(&self, index: usize) -> Frame {
         let pose = &self.truth.home_from_camera[index];
         let salt = hash(self.seed ^ hash(index as u64));
-        let depth_view = render(&self.scene, &self.depth_camera, pose);
-        let depth = self.params.sensor.measure(&self.scene, &self.depth_camera, pose, &depth_view, salt);
+        let depth_sight = Sight::of(&self.scene, &self.depth_camera, pose);
+        let shot = Shot {
+            scene: &self.scene,
+            camera: &self.depth_camera,
+            home_from_camera: pose,
+            clip_salt: hash(self.seed ^ 0xc11b),
+            frame_salt: salt,
+        };
+        let depth = self.params.sensor.measure(&shot, &depth_sight);
         let same = (self.color_camera.width, self.color_camera.height) == (depth.width, depth.height);
-        let color_view = if same { depth_view } else { render(&self.scene, &self.color_camera, pose) };
-        let color = shade(&self.scene, &self.color_camera, pose, &color_view, &self.light, hash(salt));
+        let color_sight = if same { depth_sight } else { Sight::of(&self.scene, &self.color_camera, pose) };
+        let color = shade(&self.scene, &self.color_camera, pose, &color_sight, &self.light, hash(salt));
         Frame {
             header: self.headers[index].clone(),
             color_camera: self.color_camera,
@@ -172,7 +181,7 @@ impl SimulatedClip {
         }
     }
 
-    /// Renders the noise-free view of the depth camera.
+    /// Renders the noise-free view of the depth camera: the first surfaces, panes included.
     ///
     /// # Panics
     /// If the frame does not exist.

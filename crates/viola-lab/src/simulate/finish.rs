@@ -20,7 +20,16 @@ pub(super) enum Pattern {
     Picture,
 }
 
-/// Colour, texture and gloss of a surface.
+/// Effect of a surface on light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Optics {
+    Opaque,
+    /// Clear glass: a camera sees through it, a depth sensor measures it, passes it, or fails.
+    Glass,
+    Mirror,
+}
+
+/// Colour, texture, gloss and optics of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Finish {
     pub rgb: [f32; 3],
@@ -29,11 +38,21 @@ pub(super) struct Finish {
     pub scale_m: f32,
     /// 0 is matt, 1 is a mirror; shiny and dark surfaces return no depth.
     pub gloss: f32,
+    pub optics: Optics,
 }
 
 impl Finish {
     pub fn plain(rgb: [f32; 3]) -> Finish {
-        Finish { rgb, pattern: Pattern::Plain, scale_m: 0.1, gloss: 0.05 }
+        Finish { rgb, pattern: Pattern::Plain, scale_m: 0.1, gloss: 0.05, optics: Optics::Opaque }
+    }
+
+    /// Returns clear glass.
+    pub fn glass() -> Finish {
+        Finish { optics: Optics::Glass, ..Finish::plain([0.80, 0.88, 0.88]).glossy(0.9) }
+    }
+
+    pub fn mirror() -> Finish {
+        Finish { optics: Optics::Mirror, ..Finish::plain([0.72, 0.77, 0.80]).glossy(0.9) }
     }
 
     pub fn with(self, pattern: Pattern, scale_m: f32) -> Finish {

@@ -1,12 +1,31 @@
 //! Furniture by room kind, in usual places.
 
 mod arrange;
+mod bath;
+mod beds;
+mod chairs;
+mod colours;
+mod crockery;
 mod decor;
+mod desks;
 mod dressing;
+mod goods;
+mod kitchen;
+mod lamps;
+mod living;
+mod mess;
 mod passage;
+mod people;
 mod rooms;
-mod seating;
+mod shelves;
+mod sizes;
+mod sleeping;
+mod sofas;
 mod storage;
+mod tables;
+mod textiles;
+mod things;
+mod water;
 mod wet;
 
 use super::piece::Piece;
@@ -15,11 +34,14 @@ use super::rng::Rng;
 use viola_geometry::Pose2;
 
 pub(super) use arrange::Arranger;
-pub(super) use storage::clutter;
+pub(super) use people::at_home;
+pub(super) use things::standing_thing;
 
 /// Returns all furniture of a home. Copies of a repeated unit get copies of the first unit's furniture.
 pub(super) fn furnish(plan: &Plan, rng: &Rng) -> Vec<Piece> {
     let mut pieces = vec![];
+    // Tidy homes are as frequent as messy ones, and rooms of a home differ a little.
+    let mess = rng.fork("mess", 0).between(0.0, 1.0);
     for room in 0..plan.rooms.len() {
         let first = match plan.rooms[room].unit {
             Some((copy, part)) if copy > 0 => {
@@ -28,7 +50,8 @@ pub(super) fn furnish(plan: &Plan, rng: &Rng) -> Vec<Piece> {
             _ => None,
         };
         let Some((first, copy)) = first else {
-            let mut arranger = Arranger::new(plan, room, rng.fork("room", room as u64));
+            let here = (mess + rng.fork("mess", room as u64 + 1).between(-0.15, 0.15)).clamp(0.0, 1.0);
+            let mut arranger = Arranger::new(plan, room, rng.fork("room", room as u64)).in_mess(here);
             rooms::furnish(&mut arranger);
             pieces.extend(arranger.finish());
             continue;

@@ -1,4 +1,4 @@
-//! A home: its plan, and its furniture on two days.
+//! A home: its plan, its furniture on two days, and the people on the second.
 
 use super::piece::Piece;
 use super::plan::Plan;
@@ -9,6 +9,7 @@ use super::{change, furnish, structure};
 use serde::Serialize;
 use std::str::FromStr;
 use std::sync::Arc;
+use viola_geometry::Point2;
 use viola_geometry::taxonomy::Class;
 
 /// A benchmark set.
@@ -77,7 +78,8 @@ pub struct Home {
 /// The home on one day.
 #[derive(Clone)]
 pub(super) struct Day {
-    /// Furniture first, then door leaves. A piece's number in label pictures is its index plus one.
+    /// Furniture first, then door leaves, then people and pets. A piece's number in label pictures is its
+    /// index plus one.
     pub pieces: Arc<Vec<Piece>>,
     pub scene: Arc<Scene>,
 }
@@ -141,11 +143,19 @@ impl Home {
             let day = rng.fork("another day", 0);
             let mut moved = change::another_day(&plan, &pieces, params.changed_share, &day);
             moved.extend(change::turn_doors(&plan, &doors, params.changed_share, &day));
-            later = Some(Day::new(&building, moved));
+            later = Some(moved);
         }
         pieces.extend(doors);
+        let mut clip_pieces = later.unwrap_or_else(|| pieces.clone());
+        let people = match params.set {
+            // People would tell rooms apart that look alike.
+            Set::Repeated => vec![],
+            _ => furnish::at_home(&plan, &clip_pieces, &mut rng.fork("people", 0)),
+        };
+        let same = params.set != Set::Changed && people.is_empty();
+        clip_pieces.extend(people);
         let vacuum_day = Day::new(&building, pieces);
-        let clip_day = later.unwrap_or_else(|| vacuum_day.clone());
+        let clip_day = if same { vacuum_day.clone() } else { Day::new(&building, clip_pieces) };
         Home { params: *params, plan, vacuum_day, clip_day, rng }
     }
 
@@ -160,20 +170,12 @@ impl Home {
     }
 
     pub fn truth(&self) -> HomeTruth {
-        let objects = self.clip_day.pieces.iter().enumerate().map(|(index, piece)| {
+        let pieces = self.clip_day.pieces.iter().enumerate();
+        let objects = pieces.map(|(index, piece)| {
             let low = piece.solids.iter().map(Solid::bottom_m).fold(f64::INFINITY, f64::min).max(0.0);
             let high = piece.solids.iter().map(Solid::top_m).fold(0.0, f64::max);
-            let pose = &piece.home_from_piece;
-            HomeObject {
-                instance: index as u16 + 1,
-                class: piece.class,
-                class_id: piece.class.id(),
-                room: self.plan.rooms[piece.room].name.clone(),
-                centre_m: [pose.x_m, pose.y_m, (low + high) / 2.0],
-                size_m: [piece.size[0], piece.size[1], high - low],
-                yaw_rad: pose.yaw_rad,
-                movable: piece.movable,
-            }
+            let [width, depth, _] = piece.size;
+            self.object(index, piece, [0.0, 0.0, (low + high) / 2.0], [width, depth, high - low])
         });
         HomeTruth {
             params: self.params,
@@ -181,6 +183,37 @@ impl Home {
             ceiling_m: self.plan.ceiling_m,
             rooms: self.plan.rooms.clone(),
             objects: objects.collect(),
+        }
+    }
+
+    /// Returns the objects with the boxes of what has their class: a desk without the screen on it.
+    pub fn objects_alone(&self) -> Vec<HomeObject> {
+        let pieces = self.clip_day.pieces.iter().enumerate();
+        let objects = pieces.map(|(index, piece)| {
+            let of_class = piece.solids.iter().filter(|solid| solid.class == piece.class);
+            let bounds = of_class.map(|solid| (solid.centre, solid.half_bounds()));
+            let corners = bounds.map(|(centre, half)| (centre - half, centre + half));
+            let all = corners.reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)));
+            let (low, high) = all.unwrap_or_default();
+            self.object(index, piece, nalgebra::center(&low, &high).into(), (high - low).into())
+        });
+        objects.collect()
+    }
+
+    /// Returns a piece as an object with a box in its own frame.
+    fn object(&self, index: usize, piece: &Piece, centre_m: [f64; 3], size_m: [f64; 3]) -> HomeObject {
+        let [x, y, z] = centre_m;
+        let pose = &piece.home_from_piece;
+        let ground = pose.apply(&Point2::new(x, y));
+        HomeObject {
+            instance: index as u16 + 1,
+            class: piece.class,
+            class_id: piece.class.id(),
+            room: self.plan.rooms[piece.room].name.clone(),
+            centre_m: [ground.x, ground.y, z],
+            size_m,
+            yaw_rad: pose.yaw_rad,
+            movable: piece.movable,
         }
     }
 }

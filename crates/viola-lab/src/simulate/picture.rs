@@ -88,7 +88,7 @@ fn outline_of(primitive: &Primitive) -> Vec<Point2> {
         Shape::Block => {
             [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| corner(x, y)).into()
         }
-        Shape::Cylinder | Shape::Ball => (0..20)
+        Shape::Cylinder | Shape::Ball | Shape::Cushion => (0..20)
             .map(|k| {
                 let (s, c) = (f64::from(k) / 20.0 * std::f64::consts::TAU).sin_cos();
                 corner(c, s)

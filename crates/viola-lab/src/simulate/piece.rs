@@ -68,6 +68,30 @@ pub(super) enum Mount {
     Hung,
 }
 
+/// Use of a level place: it decides which things people put there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum TopKind {
+    Table,
+    Desk,
+    Kitchen,
+    Bath,
+    /// The top of a cabinet.
+    Store,
+    /// The seat of a sofa or a chair, or a bed.
+    Soft,
+}
+
+/// A level place on a piece, in the piece's frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Top {
+    pub centre: [f64; 3],
+    /// Full size: width, depth.
+    pub size: [f64; 2],
+    /// Free height above it, in metres.
+    pub above_m: f64,
+    pub kind: TopKind,
+}
+
 /// A piece of furniture. Its own frame: x along its width, back at +y, floor at z = 0, origin in its middle.
 #[derive(Debug, Clone)]
 pub(super) struct Piece {
@@ -75,6 +99,10 @@ pub(super) struct Piece {
     /// Full size: width, depth, height.
     pub size: [f64; 3],
     pub solids: Vec<Solid>,
+    /// Level places that nothing stands on yet.
+    pub tops: Vec<Top>,
+    /// Place where a person's hips rest, in the piece's frame; none if nobody sits or lies on it.
+    pub rest: Option<[f64; 3]>,
     pub mount: Mount,
     /// True if it may move on another day.
     pub movable: bool,
@@ -88,6 +116,8 @@ impl Piece {
             class,
             size,
             solids: vec![],
+            tops: vec![],
+            rest: None,
             mount: Mount::Floor,
             movable: false,
             room: 0,
@@ -120,6 +150,29 @@ impl Piece {
         self.solid(Shape::Ball, bottom, size, finish)
     }
 
+    /// Adds a soft block, by the centre of its bottom and its full size.
+    pub fn cushion(&mut self, bottom: [f64; 3], size: [f64; 3], finish: Finish) -> &mut Solid {
+        self.solid(Shape::Cushion, bottom, size, finish)
+    }
+
+    /// Adds a cylinder between two points.
+    pub fn bar(&mut self, from: [f64; 3], to: [f64; 3], radius: f64, finish: Finish) -> &mut Solid {
+        let (from, to) = (Point3::from(from), Point3::from(to));
+        let along = to - from;
+        let length = along.norm().max(1e-6);
+        let solid = self.solid(Shape::Cylinder, [0.0; 3], [2.0 * radius, 2.0 * radius, length], finish);
+        solid.centre = nalgebra::center(&from, &to);
+        // The axis z, tilted about x and then turned about z, points along the bar.
+        solid.tilt_rad = (along.z / length).clamp(-1.0, 1.0).acos();
+        solid.yaw_rad = along.x.atan2(-along.y);
+        solid
+    }
+
+    /// Adds a level place on which things may stand.
+    pub fn top(&mut self, kind: TopKind, centre: [f64; 3], size: [f64; 2], above_m: f64) {
+        self.tops.push(Top { centre, size, above_m, kind });
+    }
+
     fn solid(&mut self, shape: Shape, bottom: [f64; 3], size: [f64; 3], finish: Finish) -> &mut Solid {
         let solid = Solid {
             shape,
@@ -127,6 +180,7 @@ impl Piece {
             half: Vector3::new(size[0], size[1], size[2]) / 2.0,
             yaw_rad: 0.0,
             tilt_rad: 0.0,
+            roll_rad: 0.0,
             class: self.class,
             finish,
         };

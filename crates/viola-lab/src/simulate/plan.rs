@@ -1,18 +1,21 @@
 //! Floor plans: rectangular rooms, their walls, and the openings in the walls.
 
 mod features;
+mod fixtures;
 mod openings;
 mod programme;
 mod row;
 mod slicing;
+mod slopes;
 mod walls;
 
 use super::piece::Footprint;
 use super::rng::Rng;
 use super::solid::Solid;
 use serde::Serialize;
-use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Pose2};
+
+pub(super) use slopes::Slope;
 
 /// Use of a room.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -113,6 +116,14 @@ pub(super) enum OpeningKind {
     Window,
 }
 
+/// Mounting of a door's leaf.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Leaf {
+    Hinged,
+    /// Slides into the wall.
+    Sliding,
+}
+
 /// A hole in a wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Opening {
@@ -128,7 +139,11 @@ pub(super) struct Opening {
     pub hinge: f64,
     /// Side to which the leaf opens, -1 or 1 across the wall.
     pub swing: f64,
+    /// Of a hinged leaf; a sliding leaf at 90 degrees is entirely in the wall.
     pub open_rad: f64,
+    pub leaf: Leaf,
+    /// Seed of the frame and the panes; copies of a unit share it.
+    pub detail: u64,
 }
 
 impl Opening {
@@ -153,11 +168,11 @@ impl Opening {
     }
 }
 
-/// A part of the building in a room: a chimney breast, a pillar, a cut corner.
+/// A part of the building in a room: a chimney breast, a pillar, a cut corner, stairs.
 #[derive(Debug, Clone)]
 pub(super) struct Feature {
     pub room: usize,
-    pub solid: Solid,
+    pub solids: Vec<Solid>,
     /// Occupied floor.
     pub footprint: Footprint,
 }
@@ -176,10 +191,13 @@ pub struct Plan {
     pub ceiling_m: f64,
     /// Thickness of the inner walls.
     pub wall_m: f64,
+    /// Thickness of the outer walls.
+    pub outer_m: f64,
     pub units: Vec<UnitPlace>,
     pub(super) walls: Vec<Wall>,
     pub(super) openings: Vec<Opening>,
     pub(super) features: Vec<Feature>,
+    pub(super) slopes: Vec<Slope>,
 }
 
 /// A room before it has walls.
@@ -196,6 +214,7 @@ impl Plan {
         let mut plan = Plan::with_walls(cells, rng);
         openings::open_doors(&mut plan, &mut rng.fork("doors", 0));
         openings::open_windows(&mut plan, &mut rng.fork("windows", 0));
+        slopes::add(&mut plan, &mut rng.fork("slopes", 0));
         plan.features = features::add(&plan, &mut rng.fork("features", 0));
         plan
     }
@@ -206,7 +225,7 @@ impl Plan {
     }
 
     fn with_walls(cells: Vec<Cell>, rng: &mut Rng) -> Plan {
-        let wall_m = rng.pick([0.10, 0.12, 0.15]);
+        let wall_m = rng.pick([0.08, 0.10, 0.10, 0.12, 0.12, 0.15, 0.18]);
         let mut counts = std::collections::BTreeMap::new();
         let rooms: Vec<Room> = cells
             .iter()
@@ -220,13 +239,36 @@ impl Plan {
             })
             .collect();
         let walls = walls::between(&rooms);
-        let ceiling_m = rng.between(2.4, 2.7);
-        Plan { rooms, ceiling_m, wall_m, units: vec![], walls, openings: vec![], features: vec![] }
+        let (lowest, highest) = rng.pick([(2.2, 2.4), (2.4, 2.7), (2.4, 2.7), (2.4, 2.7), (2.7, 3.2)]);
+        Plan {
+            rooms,
+            ceiling_m: rng.between(lowest, highest),
+            wall_m,
+            outer_m: rng.between(0.24, 0.45),
+            units: vec![],
+            walls,
+            openings: vec![],
+            features: vec![],
+            slopes: vec![],
+        }
     }
 
     /// Returns the room whose inside contains a point.
     pub fn room_at(&self, point: &Point2) -> Option<usize> {
         self.rooms.iter().position(|room| room.inner.contains(point))
+    }
+
+    /// Returns the lowest height of the ceiling over a footprint in a room.
+    pub(super) fn headroom_m(&self, room: usize, footprint: &Footprint) -> f64 {
+        let slopes = self.slopes.iter().filter(|slope| slope.room == room);
+        slopes
+            .flat_map(|slope| footprint.corners().map(|corner| slope.height_at(&corner)))
+            .fold(self.ceiling_m, f64::min)
+    }
+
+    /// Returns the greatest height of the upper edge of doors and windows.
+    pub(super) fn head_limit_m(&self) -> f64 {
+        self.ceiling_m - 0.12
     }
 
     /// Returns the bounding box of all rooms.
@@ -244,21 +286,6 @@ impl Plan {
     /// Returns the sum of the rooms' inner areas.
     pub fn area_m2(&self) -> f64 {
         self.rooms.iter().map(|room| room.inner.area_m2()).sum()
-    }
-}
-
-impl Feature {
-    fn wall_block(
-        room: usize,
-        footprint: Footprint,
-        ceiling_m: f64,
-        class: Class,
-        finish: super::finish::Finish,
-    ) -> Feature {
-        let size = [2.0 * footprint.half[0], 2.0 * footprint.half[1], ceiling_m];
-        let bottom = [footprint.centre.x, footprint.centre.y, 0.0];
-        let solid = Solid { yaw_rad: footprint.yaw_rad, ..Solid::block(class, bottom, size, finish) };
-        Feature { room, solid, footprint }
     }
 }
 

@@ -5,7 +5,7 @@
 //! everything seen.
 
 use super::scene::{Primitive, Scene};
-use super::solid::Shape;
+use super::solid::{CUSHION_RADIUS, Shape};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 use viola_geometry::{Pinhole, Pose3, Vector3};
@@ -44,13 +44,24 @@ struct Candidate {
     rows: [usize; 2],
 }
 
-/// Renders the view of `camera` from a pose.
+/// Renders the view of `camera` from a pose. Glass is a surface like any other.
 pub fn render(scene: &Scene, camera: &Pinhole, home_from_camera: &Pose3) -> View {
+    render_where(scene, camera, home_from_camera, |_| true)
+}
+
+/// Renders the solids that count.
+pub(super) fn render_where(
+    scene: &Scene,
+    camera: &Pinhole,
+    home_from_camera: &Pose3,
+    counts: impl Fn(&Primitive) -> bool,
+) -> View {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let mut candidates: Vec<Candidate> = scene
         .primitives
         .iter()
         .enumerate()
+        .filter(|(_, primitive)| counts(primitive))
         .filter_map(|(index, primitive)| candidate(index as u32, primitive, camera, home_from_camera))
         .collect();
     candidates.sort_by(|a, b| a.nearest_m.total_cmp(&b.nearest_m).then(a.index.cmp(&b.index)));
@@ -212,6 +223,29 @@ fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
+/// Returns the interval of a ray inside the unit block.
+#[inline(always)]
+fn slabs(&[ox, oy, oz]: &[f32; 3], [dx, dy, dz]: [f32; 3]) -> (f32, f32) {
+    let (ix, iy, iz) = (1.0 / dx, 1.0 / dy, 1.0 / dz);
+    let (x0, x1) = ((-1.0 - ox) * ix, (1.0 - ox) * ix);
+    let (y0, y1) = ((-1.0 - oy) * iy, (1.0 - oy) * iy);
+    let (z0, z1) = ((-1.0 - oz) * iz, (1.0 - oz) * iz);
+    let enter = max(max(min(x0, x1), min(y0, y1)), min(z0, z1));
+    (enter, min(min(max(x0, x1), max(y0, y1)), max(z0, z1)))
+}
+
+/// Returns the interval of a ray inside a ball about the origin; one that ends before it begins is empty.
+#[inline(always)]
+fn ball(&[ox, oy, oz]: &[f32; 3], [dx, dy, dz]: [f32; 3], radius: f32) -> (f32, f32) {
+    let c = ox * ox + oy * oy + oz * oz - radius * radius;
+    let a = dx * dx + dy * dy + dz * dz;
+    let b = ox * dx + oy * dy + oz * dz;
+    let square = b * b - a * c;
+    let root = max(square, 0.0).sqrt();
+    let ia = 1.0 / a;
+    ((-b - root) * ia, if square < 0.0 { -1.0 } else { (-b + root) * ia })
+}
+
 impl Candidate {
     fn trace_row(&self, left: usize, y: usize, depth: &mut Lanes, solid: &mut [u32; TILE]) {
         let start: [f32; 3] =
@@ -231,12 +265,7 @@ impl Candidate {
         match self.shape {
             Shape::Block => {
                 for lane in 0..TILE {
-                    let (ix, iy, iz) = (1.0 / dx[lane], 1.0 / dy[lane], 1.0 / dz[lane]);
-                    let (x0, x1) = ((-1.0 - ox) * ix, (1.0 - ox) * ix);
-                    let (y0, y1) = ((-1.0 - oy) * iy, (1.0 - oy) * iy);
-                    let (z0, z1) = ((-1.0 - oz) * iz, (1.0 - oz) * iz);
-                    enter[lane] = max(max(min(x0, x1), min(y0, y1)), min(z0, z1));
-                    leave[lane] = min(min(max(x0, x1), max(y0, y1)), max(z0, z1));
+                    (enter[lane], leave[lane]) = slabs(&self.origin, [dx[lane], dy[lane], dz[lane]]);
                 }
             }
             Shape::Cylinder => {
@@ -254,15 +283,18 @@ impl Candidate {
                 }
             }
             Shape::Ball => {
-                let c = ox * ox + oy * oy + oz * oz - 1.0;
                 for lane in 0..TILE {
-                    let a = dx[lane] * dx[lane] + dy[lane] * dy[lane] + dz[lane] * dz[lane];
-                    let b = ox * dx[lane] + oy * dy[lane] + oz * dz[lane];
-                    let square = b * b - a * c;
-                    let root = max(square, 0.0).sqrt();
-                    let ia = 1.0 / a;
-                    enter[lane] = (-b - root) * ia;
-                    leave[lane] = if square < 0.0 { -1.0 } else { (-b + root) * ia };
+                    (enter[lane], leave[lane]) = ball(&self.origin, [dx[lane], dy[lane], dz[lane]], 1.0);
+                }
+            }
+            Shape::Cushion => {
+                let radius = CUSHION_RADIUS as f32;
+                for lane in 0..TILE {
+                    let toward = [dx[lane], dy[lane], dz[lane]];
+                    let ((b0, b1), (r0, r1)) =
+                        (slabs(&self.origin, toward), ball(&self.origin, toward, radius));
+                    enter[lane] = max(b0, r0);
+                    leave[lane] = min(b1, r1);
                 }
             }
         }

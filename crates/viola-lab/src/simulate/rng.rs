@@ -34,6 +34,11 @@ impl Rng {
         if high > low { self.rng.random_range(low..high) } else { low }
     }
 
+    /// Returns a uniform number in a range.
+    pub fn within(&mut self, [low, high]: [f64; 2]) -> f64 {
+        self.between(low, high)
+    }
+
     /// Returns a uniform integer in `low..=high`.
     pub fn count(&mut self, low: usize, high: usize) -> usize {
         if high > low { self.rng.random_range(low..=high) } else { low }

@@ -1,7 +1,7 @@
 //! Ray casting of solids with a bounding volume hierarchy.
 
-use super::finish::Finish;
-use super::solid::{Shape, Solid};
+use super::finish::{Finish, Optics};
+use super::solid::{CUSHION_RADIUS, Shape, Solid};
 use nalgebra::Matrix3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::math::Vector;
@@ -53,6 +53,11 @@ impl Primitive {
         }
     }
 
+    /// Returns whether it is not of glass.
+    pub fn is_solid(&self) -> bool {
+        self.finish.optics != Optics::Glass
+    }
+
     /// Returns the distance to the first surface in front of the origin; none from inside.
     pub fn intersect(&self, origin: &Point3, direction: &Vector3) -> Option<f64> {
         let o = self.unit_from_home * (origin - self.centre);
@@ -61,19 +66,20 @@ impl Primitive {
             let (a, b) = ((-1.0 - o[axis]) / d[axis], (1.0 - o[axis]) / d[axis]);
             (a.min(b), a.max(b))
         };
-        let round = |axes: &[usize]| {
+        let round = |axes: &[usize], radius: f64| {
             let dot = |a: &Vector3, b: &Vector3| axes.iter().map(|&k| a[k] * b[k]).sum::<f64>();
-            let (a, b, c) = (dot(&d, &d), dot(&o, &d), dot(&o, &o) - 1.0);
+            let (a, b, c) = (dot(&d, &d), dot(&o, &d), dot(&o, &o) - radius * radius);
             let root = (b * b - a * c).sqrt();
             ((-b - root) / a, (-b + root) / a)
         };
+        let block = || {
+            let ((x0, x1), (y0, y1), (z0, z1)) = (slab(0), slab(1), slab(2));
+            (x0.max(y0).max(z0), x1.min(y1).min(z1))
+        };
         let (enter, leave) = match self.shape {
-            Shape::Block => {
-                let ((x0, x1), (y0, y1), (z0, z1)) = (slab(0), slab(1), slab(2));
-                (x0.max(y0).max(z0), x1.min(y1).min(z1))
-            }
+            Shape::Block => block(),
             Shape::Cylinder => {
-                let ((r0, r1), (z0, z1)) = (round(&[0, 1]), slab(2));
+                let ((r0, r1), (z0, z1)) = (round(&[0, 1], 1.0), slab(2));
                 if r0.is_nan() {
                     // The ray passes the cylinder, or is parallel to its axis.
                     let along = d.x == 0.0 && d.y == 0.0 && o.x.hypot(o.y) < 1.0;
@@ -82,7 +88,14 @@ impl Primitive {
                     (r0.max(z0), r1.min(z1))
                 }
             }
-            Shape::Ball => round(&[0, 1, 2]),
+            Shape::Ball => round(&[0, 1, 2], 1.0),
+            Shape::Cushion => {
+                let ((r0, r1), (b0, b1)) = (round(&[0, 1, 2], CUSHION_RADIUS), block());
+                if r0.is_nan() {
+                    return None;
+                }
+                (r0.max(b0), r1.min(b1))
+            }
         };
         (enter <= leave && enter > 0.0).then_some(enter)
     }
@@ -93,6 +106,7 @@ impl Primitive {
             Shape::Block => local.amax() <= 1.0,
             Shape::Cylinder => local.x.hypot(local.y) <= 1.0 && local.z.abs() <= 1.0,
             Shape::Ball => local.norm() <= 1.0,
+            Shape::Cushion => local.amax() <= 1.0 && local.norm() <= CUSHION_RADIUS,
         }
     }
 
@@ -101,9 +115,10 @@ impl Primitive {
         let local = self.unit_from_home * (point - self.centre);
         let normal = match self.shape {
             Shape::Ball => local,
+            Shape::Cushion if local.norm() > CUSHION_RADIUS * local.amax() => local,
             Shape::Cylinder if local.z.abs() < local.x.hypot(local.y) => Vector3::new(local.x, local.y, 0.0),
             Shape::Cylinder => Vector3::new(0.0, 0.0, local.z.signum()),
-            Shape::Block => {
+            Shape::Block | Shape::Cushion => {
                 let axis = local.iamax();
                 let mut normal = Vector3::zeros();
                 normal[axis] = local[axis].signum();
@@ -162,6 +177,11 @@ impl Scene {
         self.cast_where(origin, direction, reach, |_| true)
     }
 
+    /// Returns the first surface along a ray that passes through glass.
+    pub fn cast_through_glass(&self, origin: &Point3, direction: &Vector3, reach: f64) -> Option<Hit> {
+        self.cast_where(origin, direction, reach, Primitive::is_solid)
+    }
+
     pub(super) fn cast_where(
         &self,
         origin: &Point3,
@@ -213,9 +233,10 @@ mod tests {
     use viola_geometry::{Pinhole, Pose3};
 
     fn solid(shape: Shape, centre: [f64; 3], half: [f64; 3], yaw_rad: f64, tilt_rad: f64) -> Solid {
+        let roll_rad = 0.0;
         let finish = Finish::plain(WHITE);
         let (centre, half) = (Point3::from(centre), Vector3::from(half));
-        Solid { shape, centre, half, yaw_rad, tilt_rad, class: Class::Box, finish }
+        Solid { shape, centre, half, yaw_rad, tilt_rad, roll_rad, class: Class::Box, finish }
     }
 
     /// Distances computed by hand.
@@ -225,6 +246,7 @@ mod tests {
         let eighth = std::f64::consts::FRAC_PI_4;
         let unit = [1.0, 1.0, 1.0];
         let ahead = [1.0, 0.0, 0.0];
+        let soft = solid(Shape::Cushion, [5.0, 0.0, 0.0], unit, 0.0, 0.0);
         let cases = [
             (solid(Shape::Block, [5.0, 0.0, 0.0], unit, 0.0, 0.0), [0.0; 3], ahead, Some(4.0)),
             // A block rotated by 45 degrees shows its edge.
@@ -255,6 +277,13 @@ mod tests {
                 ahead,
                 Some(4.0),
             ),
+            // The flat of a cushion, its rounded edge, and the missing edge of its block.
+            (soft, [0.0; 3], ahead, Some(4.0)),
+            (soft, [0.0, 0.9, 0.0], ahead, Some(5.0 - 0.88f64.sqrt())),
+            (Solid { yaw_rad: eighth, ..soft }, [0.0; 3], ahead, Some(3.7)),
+            (soft, [0.0, 0.95, 0.95], ahead, None),
+            // Rolled by 45 degrees about y, seen along x.
+            (Solid { roll_rad: eighth, shape: Shape::Block, ..soft }, [0.0; 3], ahead, Some(5.0 - root)),
             // Behind the eye, and around it.
             (solid(Shape::Block, [-5.0, 0.0, 0.0], unit, 0.0, 0.0), [0.0; 3], ahead, None),
             (solid(Shape::Ball, [0.0, 0.0, 0.0], unit, 0.0, 0.0), [0.0; 3], ahead, None),
@@ -288,7 +317,7 @@ mod tests {
 
     #[test]
     fn normals_point_outwards() {
-        for shape in [Shape::Block, Shape::Cylinder, Shape::Ball] {
+        for shape in [Shape::Block, Shape::Cylinder, Shape::Ball, Shape::Cushion] {
             let scene = Scene::new([(solid(shape, [3.0, 0.2, 0.1], [0.7, 0.5, 0.9], 0.4, 0.3), 1)]);
             let direction = Vector3::new(1.0, 0.02, 0.0);
             let hit = scene.cast(&Point3::origin(), &direction, 10.0).unwrap();
@@ -305,14 +334,14 @@ mod tests {
         let mut around = |reach: f64| [0; 3].map(|_: i32| rng.between(-reach, reach));
         let solids: Vec<(Solid, u16)> = (0..200)
             .map(|k| {
-                let shape = [Shape::Block, Shape::Cylinder, Shape::Ball][k % 3];
+                let shape = [Shape::Block, Shape::Cylinder, Shape::Ball, Shape::Cushion][k % 4];
                 let half = around(0.4).map(|v: f64| v.abs() + 0.02);
-                let [yaw, tilt, _] = around(3.0);
-                (solid(shape, around(4.0), half, yaw, tilt), k as u16)
+                let [yaw, tilt, roll_rad] = around(3.0);
+                (Solid { roll_rad, ..solid(shape, around(4.0), half, yaw, tilt) }, k as u16)
             })
             .collect();
         let scene = Scene::new(solids);
-        for _ in 0..500 {
+        for _ in 0..2000 {
             let (origin, direction) = (Point3::from(around(5.0)), Vector3::from(around(1.0)));
             let listed = scene
                 .primitives

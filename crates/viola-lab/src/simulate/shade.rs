@@ -1,6 +1,8 @@
 //! Rendering of colour pictures: texture, simple lighting, and the noise of a phone's camera.
 
-use super::render::{NOTHING, View};
+use super::finish::Optics;
+use super::optics::{Sight, reflect};
+use super::render::NOTHING;
 use super::rng::{bell, hash};
 use super::scene::{Primitive, Scene};
 use super::solid::Shape;
@@ -19,15 +21,22 @@ pub(super) struct Light {
     pub noise: f32,
 }
 
-/// Returns the picture of a view; `salt` distinguishes frames.
+/// Colour of the sky.
+const SKY: [f32; 3] = [0.86, 0.92, 0.98];
+/// Fraction of the light that a pane lets through, and that a mirror reflects.
+const CLEAR: f32 = 0.9;
+const MIRRORED: f32 = 0.88;
+
+/// Returns the picture of what a camera sees; `salt` distinguishes frames.
 pub(super) fn shade(
     scene: &Scene,
     camera: &Pinhole,
     home_from_camera: &Pose3,
-    view: &View,
+    sight: &Sight,
     light: &Light,
     salt: u64,
 ) -> image::RgbImage {
+    let (view, behind) = (&sight.first, sight.behind());
     let mut picture = image::RgbImage::new(view.width as u32, view.height as u32);
     let eye = Point3::from(home_from_camera.translation.vector);
     let turn = home_from_camera.rotation.to_rotation_matrix();
@@ -35,12 +44,12 @@ pub(super) fn shade(
         for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
             let at = y * view.width + x;
             let ray = turn * camera.ray(x as f64, y as f64);
-            let rgb = match view.solid[at] {
-                NOTHING => [0.86, 0.92, 0.98],
-                solid => {
-                    let point = eye + ray * f64::from(view.depth_m[at]);
-                    lit(&scene.primitives[solid as usize], &point, &ray, light, solid)
-                }
+            let through = seen(scene, behind.solid[at], &eye, &ray, behind.depth_m[at], light);
+            let rgb = if view.solid[at] == behind.solid[at] {
+                through
+            } else {
+                let pane = &scene.primitives[view.solid[at] as usize];
+                behind_pane(pane, &(eye + ray * f64::from(view.depth_m[at])), &ray, through)
             };
             let (dx, dy) = (x as f32 / view.width as f32 - 0.5, y as f32 / view.height as f32 - 0.5);
             let vignette = 1.0 - 0.35 * (dx * dx + dy * dy);
@@ -53,6 +62,34 @@ pub(super) fn shade(
         }
     });
     picture
+}
+
+/// Returns the colour of a solid surface, or of the reflection if it is a mirror.
+fn seen(scene: &Scene, solid: u32, eye: &Point3, ray: &Vector3, depth_m: f32, light: &Light) -> [f32; 3] {
+    if solid == NOTHING {
+        return SKY;
+    }
+    let point = eye + ray * f64::from(depth_m);
+    let primitive = &scene.primitives[solid as usize];
+    if primitive.finish.optics != Optics::Mirror {
+        return lit(primitive, &point, ray, light, solid);
+    }
+    let image = reflect(scene, solid as usize, &point, ray).map_or(SKY, |image| {
+        let at = point + image.direction * image.distance;
+        lit(&scene.primitives[image.solid], &at, &image.direction, light, image.solid as u32)
+    });
+    image.map(|c| c * MIRRORED + 0.02)
+}
+
+/// Returns a colour behind a pane. Glass reflects more of the sky at a flat angle (Schlick, 1994).
+fn behind_pane(pane: &Primitive, point: &Point3, ray: &Vector3, rgb: [f32; 3]) -> [f32; 3] {
+    let (_, normal) = pane.surface(point);
+    let facing = (normal.dot(ray) / ray.norm()).abs() as f32;
+    let mirrored = 0.06 + 0.94 * (1.0 - facing).powi(5);
+    std::array::from_fn(|k| {
+        let clear = rgb[k] * CLEAR * (0.9 + 0.1 * pane.finish.rgb[k]);
+        clear * (1.0 - mirrored) + 0.75 * SKY[k] * mirrored
+    })
 }
 
 fn lit(primitive: &Primitive, point: &Point3, ray: &Vector3, light: &Light, solid: u32) -> [f32; 3] {
@@ -70,10 +107,10 @@ fn lit(primitive: &Primitive, point: &Point3, ray: &Vector3, light: &Light, soli
 }
 
 /// Returns surface coordinates in metres, across and up.
-fn texture_coordinates(primitive: &Primitive, local: &Vector3) -> (f32, f32) {
+pub(super) fn texture_coordinates(primitive: &Primitive, local: &Vector3) -> (f32, f32) {
     let metres = local.component_mul(&primitive.half);
     match primitive.shape {
-        Shape::Block => match local.iamax() {
+        Shape::Block | Shape::Cushion => match local.iamax() {
             0 => (metres.y as f32, metres.z as f32),
             1 => (metres.x as f32, metres.z as f32),
             _ => (metres.x as f32, metres.y as f32),

@@ -12,9 +12,16 @@ pub(super) enum Shape {
     /// Its axis is z.
     Cylinder,
     Ball,
+    /// The block without its edges and corners: its intersection with a ball of [`CUSHION_RADIUS`].
+    Cushion,
 }
 
-/// A unit shape scaled by `half`, tilted by `tilt_rad` about x, rotated by `yaw_rad`, moved to `centre`.
+/// Radius of the ball that rounds a cushion, in half sides of its block: more than 1, which is a ball, and
+/// less than the square root of 2, where the edges begin.
+pub(super) const CUSHION_RADIUS: f64 = 1.3;
+
+/// A unit shape scaled by `half`, rolled by `roll_rad` about y, tilted by `tilt_rad` about x, rotated by
+/// `yaw_rad`, moved to `centre`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Solid {
     pub shape: Shape,
@@ -22,6 +29,7 @@ pub(super) struct Solid {
     pub half: Vector3,
     pub yaw_rad: f64,
     pub tilt_rad: f64,
+    pub roll_rad: f64,
     pub class: Class,
     pub finish: Finish,
 }
@@ -35,6 +43,7 @@ impl Solid {
             half: Vector3::new(size[0], size[1], size[2]) / 2.0,
             yaw_rad: 0.0,
             tilt_rad: 0.0,
+            roll_rad: 0.0,
             class,
             finish,
         }
@@ -52,12 +61,13 @@ impl Solid {
     /// Returns its mirror image, x to -x.
     pub fn mirrored(&self) -> Solid {
         let centre = Point3::new(-self.centre.x, self.centre.y, self.centre.z);
-        Solid { centre, yaw_rad: -self.yaw_rad, ..*self }
+        Solid { centre, yaw_rad: -self.yaw_rad, roll_rad: -self.roll_rad, ..*self }
     }
 
     pub fn rotation(&self) -> Rotation3<f64> {
         Rotation3::from_axis_angle(&Vector3::z_axis(), self.yaw_rad)
             * Rotation3::from_axis_angle(&Vector3::x_axis(), self.tilt_rad)
+            * Rotation3::from_axis_angle(&Vector3::y_axis(), self.roll_rad)
     }
 
     /// Returns the transform of directions from home to the unit shape.
@@ -73,9 +83,12 @@ impl Solid {
     /// Returns the half size of its bounding box, about `centre`.
     pub fn half_bounds(&self) -> Vector3 {
         let axes = self.home_from_unit();
+        let ball = Vector3::from_fn(|row, _| axes.row(row).norm());
+        let block = Vector3::from_fn(|row, _| axes.row(row).iter().map(|v| v.abs()).sum());
         match self.shape {
-            Shape::Ball => Vector3::from_fn(|row, _| axes.row(row).norm()),
-            Shape::Block => Vector3::from_fn(|row, _| axes.row(row).iter().map(|v| v.abs()).sum()),
+            Shape::Ball => ball,
+            Shape::Block => block,
+            Shape::Cushion => block.inf(&(ball * CUSHION_RADIUS)),
             Shape::Cylinder => {
                 Vector3::from_fn(|row, _| axes[(row, 0)].hypot(axes[(row, 1)]) + axes[(row, 2)].abs())
             }

@@ -5,6 +5,7 @@ use super::home::Home;
 use super::piece::Footprint;
 use super::plan::{OpeningKind, Room};
 use super::rng::{Rng, bell, hash, unit};
+use super::scene::{Hit, Scene};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use viola_formats::lidar::Cell;
@@ -19,6 +20,9 @@ const RANGE_M: f64 = 8.0;
 const RAYS: usize = 720;
 const RANGE_NOISE_M: f64 = 0.01;
 const DROP_OUT: f32 = 0.1;
+/// Fraction of the rays that glass reflects, and the minimum cosine of their angle of incidence.
+const GLASS_ECHO: f32 = 0.2;
+const GLASS_FACING: f64 = 0.97;
 /// Side of a map cell, as of all vacuums in the Valetudo fixtures.
 pub(super) const CELL_M: f64 = 0.05;
 /// Distance between scans.
@@ -119,7 +123,12 @@ fn beams(home: &Home, scans: &[Pose2], height_m: f64, seed: u64) -> Vec<Beam> {
                 }
                 let angle = (ray as f64 + f64::from(unit(salt))) / RAYS as f64 * TAU;
                 let (s, c) = angle.sin_cos();
-                let hit = scene.cast(&origin, &Vector3::new(c, s, 0.0), RANGE_M);
+                let toward = Vector3::new(c, s, 0.0);
+                let echo = scene.cast(&origin, &toward, RANGE_M).filter(|hit| {
+                    let glass = !scene.primitives[hit.solid].is_solid();
+                    !glass || echoes_on_glass(scene, hit, &origin, &toward, hash(salt ^ 3))
+                });
+                let hit = echo.or_else(|| scene.cast_through_glass(&origin, &toward, RANGE_M));
                 let range_m = match hit {
                     Some(hit) => hit.distance + RANGE_NOISE_M * f64::from(bell(hash(salt ^ 2))),
                     None => RANGE_M,
@@ -133,6 +142,12 @@ fn beams(home: &Home, scans: &[Pose2], height_m: f64, seed: u64) -> Vec<Beam> {
             })
         })
         .collect()
+}
+
+/// Returns whether a pane reflects a ray back: rarely, and only if it is hit nearly at a right angle.
+fn echoes_on_glass(scene: &Scene, hit: &Hit, origin: &Point3, toward: &Vector3, salt: u64) -> bool {
+    let normal = scene.normal(hit.solid, &(origin + toward * hit.distance));
+    unit(salt) < GLASS_ECHO && normal.dot(toward).abs() > GLASS_FACING
 }
 
 /// Counts of hits and passes per cell.

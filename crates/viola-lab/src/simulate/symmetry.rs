@@ -82,7 +82,8 @@ fn level_range(home: &Home, from: &Pose2, height_m: f64, range_m: f64) -> f64 {
     let (s, c) = from.yaw_rad.sin_cos();
     let origin = Point3::new(from.x_m, from.y_m, height_m);
     let high = height_m >= STRUCTURE_M;
-    let counts = |primitive: &Primitive| !high || primitive.class.is_structure();
+    // The vacuum's LiDAR rarely sees glass.
+    let counts = |primitive: &Primitive| primitive.is_solid() && (!high || primitive.class.is_structure());
     let hit = home.vacuum_day.scene.cast_where(&origin, &Vector3::new(c, s, 0.0), range_m, counts);
     hit.map_or(range_m, |hit| hit.distance)
 }

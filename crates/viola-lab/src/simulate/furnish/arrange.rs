@@ -14,6 +14,8 @@ pub(in crate::simulate) struct Arranger<'a> {
     pub plan: &'a Plan,
     pub room: usize,
     pub rng: Rng,
+    /// From 0, tidy, to 1.
+    pub mess: f64,
     pieces: Vec<Piece>,
     /// Occupied floor.
     taken: Vec<Footprint>,
@@ -31,6 +33,7 @@ impl<'a> Arranger<'a> {
             plan,
             room,
             rng,
+            mess: 0.0,
             pieces: vec![],
             taken: vec![],
             doorways: vec![],
@@ -67,6 +70,15 @@ impl<'a> Arranger<'a> {
 
     pub fn piece(&self, index: usize) -> &Piece {
         &self.pieces[index]
+    }
+
+    /// Sets how messy the room is, from 0 to 1.
+    pub fn in_mess(self, mess: f64) -> Arranger<'a> {
+        Arranger { mess, ..self }
+    }
+
+    pub fn pieces_mut(&mut self) -> &mut [Piece] {
+        &mut self.pieces
     }
 
     /// Adds the room's existing pieces, for changes on another day.
@@ -132,9 +144,13 @@ impl<'a> Arranger<'a> {
             };
             let along = inner.min[axis] + width / 2.0 + offset.min(slack);
             let sign = if wall == inner.max[1 - axis] { 1.0 } else { -1.0 };
-            let across = wall - sign * (depth / 2.0 + gap);
+            // Things that are moved now and then do not stand quite parallel to the wall.
+            let turn =
+                if piece.movable { self.rng.between(-1.0, 1.0) * (0.015 + 0.08 * self.mess) } else { 0.0 };
+            let reach = depth / 2.0 * turn.cos() + width / 2.0 * turn.sin().abs();
+            let across = wall - sign * (reach + gap);
             let (x, y) = if axis == 0 { (along, across) } else { (across, along) };
-            let pose = Pose2::new(x, y, yaw);
+            let pose = Pose2::new(x, y, yaw + turn);
             if self.hides_window(&piece, &pose) {
                 continue;
             }
@@ -238,7 +254,8 @@ impl<'a> Arranger<'a> {
             });
             let feature =
                 self.plan.features.iter().any(|f| f.room == self.room && f.footprint.overlaps(&spot));
-            if !near_opening && !behind && !feature {
+            let under_slope = self.plan.headroom_m(self.room, &spot) < piece.size[2];
+            if !near_opening && !behind && !feature && !under_slope {
                 piece.home_from_piece = pose;
                 return Some(self.put(piece, None));
             }
@@ -280,6 +297,7 @@ impl<'a> Arranger<'a> {
         let spot = piece.footprint_at(pose);
         self.stands_free(&spot, None)
             && self.fronts.iter().all(|front| !front.overlaps(&spot))
+            && self.plan.headroom_m(self.room, &spot) >= piece.size[2]
             && self.passage.stays_open_with(&spot)
     }
 

@@ -1,6 +1,7 @@
 //! Decoration of rooms: curtains, radiators, lamps, pictures, plants, clutter.
 
-use super::{Arranger, decor, storage};
+use super::textiles::{self, Pane};
+use super::{Arranger, decor, lamps, mess, shelves, things};
 use crate::simulate::piece::Mount;
 use crate::simulate::plan::{OpeningKind, RoomKind};
 use viola_geometry::Pose2;
@@ -27,24 +28,27 @@ pub(super) fn windows(room: &mut Arranger) {
             }
         };
         if window.sill_m > 0.7 && room.rng.chance(0.7) {
-            let radiator = decor::radiator((window.width_m - 0.1).clamp(0.4, 1.6));
+            let radiator = decor::radiator((window.width_m - 0.1).clamp(0.4, 1.6), &mut room.rng);
             room.at(radiator, place(0.12));
         }
         if dressed {
-            let mut curtains =
-                decor::curtains(window.width_m, to_floor, window.sill_m, window.head_m, &mut room.rng);
-            let pose = place(0.12);
+            let pane = Pane { width_m: window.width_m, sill_m: window.sill_m, head_m: window.head_m };
+            let mut curtains = textiles::curtains(pane, to_floor, &mut room.rng);
+            let pose = place(0.14);
             if !curtains.footprint_at(&pose).is_within(&inner) {
                 continue;
             }
             let lands_free = room.at(curtains.clone(), pose).is_some();
             if !lands_free {
                 // Blocked by furniture: use short ones.
-                curtains =
-                    decor::curtains(window.width_m, false, window.sill_m, window.head_m, &mut room.rng);
+                curtains = textiles::curtains(pane, false, &mut room.rng);
                 curtains.mount = Mount::Hung;
                 room.put_anyway(curtains, pose);
             }
+        } else if window.sill_m > 0.6 && room.rng.chance(0.6) {
+            let sill = decor::sill(window.width_m, window.sill_m, &mut room.rng);
+            let pose = place(sill.size[1]);
+            room.put_anyway(sill, pose);
         }
     }
 }
@@ -54,7 +58,7 @@ pub(super) fn decorate(room: &mut Arranger) {
     let kind = room.room().kind;
     let area = room.room().inner.area_m2();
     let middle = room.room().inner.centre();
-    let lamp = decor::ceiling_lamp(room.plan.ceiling_m, &mut room.rng);
+    let lamp = lamps::ceiling_lamp(room.plan.ceiling_m, &mut room.rng);
     let under_pillar = room.plan.features.iter().any(|f| f.footprint.grown(0.3).contains(&middle));
     if !under_pillar {
         room.put_anyway(lamp, Pose2::new(middle.x, middle.y, 0.0));
@@ -66,7 +70,7 @@ pub(super) fn decorate(room: &mut Arranger) {
                 let piece = decor::picture(&mut room.rng);
                 room.hang(piece, 1.2);
             } else {
-                let piece = decor::wall_shelf(&mut room.rng);
+                let piece = shelves::wall_shelf(&mut room.rng);
                 room.hang(piece, 1.3);
             }
         }
@@ -76,13 +80,20 @@ pub(super) fn decorate(room: &mut Arranger) {
                 room.in_corner(plant, 0.0);
             }
         }
+        if area > 7.0 && room.rng.chance(0.12) {
+            let mirror = decor::leaning_mirror(&mut room.rng);
+            room.against_wall(mirror, 0.0);
+        }
     }
-    for _ in 0..room.rng.count(0, 1 + (area / 6.0) as usize) {
-        let item = storage::clutter(&mut room.rng);
-        if room.rng.chance(0.6) {
+    // Messy rooms are also crowded.
+    let most = 1.0 + area / 6.0 * (0.6 + 1.2 * room.mess);
+    for _ in 0..room.rng.count(0, most as usize) {
+        let item = things::standing_thing(kind, &mut room.rng);
+        if room.rng.chance(0.75) {
             room.against_wall(item, 0.0);
         } else {
             room.free(item, 0.05);
         }
     }
+    mess::spread(room);
 }

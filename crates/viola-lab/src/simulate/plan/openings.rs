@@ -1,6 +1,6 @@
 //! Doors, passages, open plans and windows.
 
-use super::{Opening, OpeningKind, Plan, RoomKind, Wall};
+use super::{Leaf, Opening, OpeningKind, Plan, RoomKind, Wall};
 use crate::simulate::rng::Rng;
 use viola_geometry::Point2;
 
@@ -79,8 +79,8 @@ fn way(plan: &Plan, wall: &Wall, kinds: [RoomKind; 2], rng: &mut Rng) -> Opening
         _ => rng.between(0.8, 0.9).min(length),
     };
     let head_m = match kind {
-        OpeningKind::Wide => rng.pick([plan.ceiling_m, plan.ceiling_m - 0.25]),
-        _ => rng.between(1.98, 2.12),
+        OpeningKind::Wide => rng.pick([plan.ceiling_m, (plan.ceiling_m - 0.25).max(2.0)]),
+        _ => rng.between(1.98, 2.12).min(plan.head_limit_m()),
     };
     let slack = length - width_m;
     // Most doors are near a corner.
@@ -92,8 +92,17 @@ fn way(plan: &Plan, wall: &Wall, kinds: [RoomKind; 2], rng: &mut Rng) -> Opening
     let at = wall.from + MARGIN_M + offset + width_m / 2.0;
     // Leaves open into the room, never into the corridor.
     let swing = if kinds[0] == Corridor || (kinds[1] != Corridor && rng.chance(0.5)) { 1.0 } else { -1.0 };
-    // Most doors are open; some of the others leave too narrow a gap for the vacuum.
-    let open_deg = if rng.chance(0.07) { rng.between(10.0, 60.0) } else { rng.between(72.0, 100.0) };
+    // Most doors are open; some of the others leave too narrow a gap for the vacuum. A closed door hides its
+    // room from the vacuum, so that only rooms at the end of the ways have one.
+    let is_end = kinds.iter().any(|kind| matches!(kind, Storage | Bathroom | Child | Study));
+    let open_deg = match rng.between(0.0, 1.0) {
+        draw if is_end && draw < 0.04 => 0.0,
+        draw if draw > 0.96 => rng.between(10.0, 60.0),
+        _ => rng.between(72.0, 100.0),
+    };
+    let sliding = pocket(plan, wall, at, width_m).filter(|_| kind == OpeningKind::Door && rng.chance(0.2));
+    let leaf = if sliding.is_some() { Leaf::Sliding } else { Leaf::Hinged };
+    let hinge = sliding.unwrap_or(if offset < slack / 2.0 { -1.0 } else { 1.0 });
     Opening {
         kind,
         centre: if wall.along_x { Point2::new(at, wall.line) } else { Point2::new(wall.line, at) },
@@ -102,10 +111,22 @@ fn way(plan: &Plan, wall: &Wall, kinds: [RoomKind; 2], rng: &mut Rng) -> Opening
         sill_m: 0.0,
         head_m,
         rooms: wall.rooms,
-        hinge: if offset < slack / 2.0 { -1.0 } else { 1.0 },
+        hinge,
         swing,
         open_rad: f64::to_radians(open_deg),
+        leaf,
+        detail: rng.fork("detail", plan.openings.len() as u64).seed(),
     }
+}
+
+/// Returns the side of a door on which its leaf fits into the wall, -1 or 1.
+fn pocket(plan: &Plan, wall: &Wall, at: f64, width_m: f64) -> Option<f64> {
+    // A leaf needs some wall on both of its sides.
+    let thick_enough = plan.wall_m > 0.09;
+    [-1.0, 1.0].into_iter().find(|side| {
+        let end = at + side * (1.5 * width_m + 0.05);
+        thick_enough && end > wall.from && end < wall.to
+    })
 }
 
 /// Adds a closed door to the outside, from the corridor if it has an outer wall.
@@ -133,11 +154,13 @@ fn open_entrance(plan: &mut Plan, rng: &mut Rng) {
         along_x: wall.along_x,
         width_m: 0.9,
         sill_m: 0.0,
-        head_m: 2.05,
+        head_m: plan.head_limit_m().min(2.05),
         rooms: wall.rooms,
         hinge: rng.sign(),
         swing: if wall.rooms[0].is_some() { -1.0 } else { 1.0 },
         open_rad: 0.0,
+        leaf: Leaf::Hinged,
+        detail: rng.fork("entrance", 0).seed(),
     };
     plan.openings.push(opening);
 }
@@ -171,11 +194,12 @@ pub(super) fn open_windows(plan: &mut Plan, rng: &mut Rng) {
                 + 0.3
                 + share * (index as f64 + 0.5)
                 + rng.between(-0.3, 0.3).clamp(-slack / 2.0, slack / 2.0);
-            // Some windows reach the floor: the vacuum's LiDAR sees through them.
+            // French windows reach the floor: the vacuum's LiDAR sees through them.
             let to_the_floor = matches!(kind, RoomKind::Living | RoomKind::Studio | RoomKind::Bedroom);
             let sill_m = match kind {
                 RoomKind::Bathroom => rng.between(1.2, 1.5),
-                _ if to_the_floor && width_m > 0.8 && rng.chance(0.2) => 0.05,
+                _ if to_the_floor && width_m > 0.8 && rng.chance(0.3) => 0.05,
+                _ if rng.chance(0.15) => rng.between(0.4, 0.7),
                 _ => rng.between(0.75, 1.0),
             };
             let window = Opening {
@@ -184,11 +208,13 @@ pub(super) fn open_windows(plan: &mut Plan, rng: &mut Rng) {
                 along_x: wall.along_x,
                 width_m,
                 sill_m,
-                head_m: rng.between(2.05, 2.25),
+                head_m: rng.between(2.05, 2.4).min(plan.head_limit_m()),
                 rooms: wall.rooms,
                 hinge: 1.0,
                 swing: 1.0,
                 open_rad: 0.0,
+                leaf: Leaf::Hinged,
+                detail: rng.fork("detail", windows.len() as u64).seed(),
             };
             let clear = plan.openings.iter().all(|other| {
                 other.along_x != window.along_x

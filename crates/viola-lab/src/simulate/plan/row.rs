@@ -1,6 +1,6 @@
 //! Rows of look-alike rooms, as in a hotel or a nursing home.
 
-use super::{Cell, Opening, OpeningKind, Plan, Rect, RoomKind, UnitPlace, openings, snap};
+use super::{Cell, Leaf, Opening, OpeningKind, Plan, Rect, RoomKind, UnitPlace, openings, snap};
 use crate::simulate::rng::Rng;
 use std::f64::consts::PI;
 use viola_geometry::{Point2, Pose2};
@@ -108,11 +108,14 @@ fn open_units(plan: &mut Plan, unit: &Unit, rng: &mut Rng) {
         hinge: 1.0,
         swing: -1.0,
         open_rad: open_deg.to_radians(),
+        leaf: Leaf::Hinged,
+        detail: 0,
     };
     let entry_width = unit.width - unit.bath_width;
     let ceiling = plan.ceiling_m;
+    let door_head = plan.head_limit_m().min(2.05);
     let template = [
-        opening(OpeningKind::Door, entry, unit.depth, true, 0.85, 0.0, 2.05, rng.between(72.0, 95.0)),
+        opening(OpeningKind::Door, entry, unit.depth, true, 0.85, 0.0, door_head, rng.between(72.0, 95.0)),
         opening(OpeningKind::Wide, entry, bath, true, entry_width - plan.wall_m, 0.0, ceiling, 0.0),
         opening(
             OpeningKind::Door,
@@ -121,7 +124,7 @@ fn open_units(plan: &mut Plan, unit: &Unit, rng: &mut Rng) {
             false,
             0.75,
             0.0,
-            2.05,
+            door_head,
             rng.between(70.0, 90.0),
         ),
         opening(
@@ -131,7 +134,7 @@ fn open_units(plan: &mut Plan, unit: &Unit, rng: &mut Rng) {
             true,
             rng.between(1.2, unit.width - 0.9),
             rng.pick([0.05, 0.8, 0.9]),
-            2.15,
+            plan.head_limit_m().min(2.15),
             0.0,
         ),
     ];
@@ -139,14 +142,20 @@ fn open_units(plan: &mut Plan, unit: &Unit, rng: &mut Rng) {
         let upside_down = place.home_from_unit.yaw_rad.abs() > 1.0;
         let flip_y = if upside_down { -1.0 } else { 1.0 };
         let flip_x = if place.mirrored { -flip_y } else { flip_y };
-        for base in &template {
+        for (index, base) in template.iter().enumerate() {
             let centre = placed(&base.centre, place);
             let (along, across) = if base.along_x { (flip_x, flip_y) } else { (flip_y, flip_x) };
             let snap_line = |p: Point2| {
                 if base.along_x { Point2::new(p.x, snap(p.y)) } else { Point2::new(snap(p.x), p.y) }
             };
             let centre = snap_line(centre);
-            let mut copy = Opening { centre, hinge: base.hinge * along, swing: base.swing * across, ..*base };
+            let mut copy = Opening {
+                centre,
+                hinge: base.hinge * along,
+                swing: base.swing * across,
+                detail: rng.fork("detail", index as u64).seed(),
+                ..*base
+            };
             copy.rooms = rooms_beside(plan, &copy);
             plan.openings.push(copy);
         }
