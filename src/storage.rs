@@ -57,7 +57,7 @@ pub use homes::{Home, HomeId, InvalidHomeId, InvalidTenant, Tenant};
 pub use incoming::{Arrived, Incoming};
 pub use jobs::{Job, JobState, QueueState};
 pub use keys::{ApiKey, NewKey, Role, Secret};
-pub use leases::{Claim, Ending, Fault, RetryPolicy};
+pub use leases::{Claim, Ending, Fault, Reached, RetryPolicy};
 pub use lidar_maps::{LidarMapRevision, NewLidarMap};
 pub use open::Storage;
 pub use params::{Page, PostgresParams, StorageParams};

@@ -3,9 +3,10 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from surfaces import SLICES, WINDOW
+from surfaces import SLICES, VOXEL_NUMBERS
 
-WIDTHS = [64, 96, 128, 176]
+WIDTHS = [96, 128, 176, 192]
+DEPTHS = [2, 2, 1, 1]
 
 
 class Block(nn.Module):
@@ -22,22 +23,29 @@ class Block(nn.Module):
 
 
 class Columns(nn.Module):
-    def __init__(self, classes: int, widths: list[int] = WIDTHS, hidden: int = 128):
+    def __init__(self, classes: int, widths: list[int] = WIDTHS, depths: list[int] = DEPTHS, hidden: int = 96):
         super().__init__()
-        self.stem = nn.Conv2d(2 * SLICES, widths[0], 1)
-        self.down = nn.ModuleList(nn.Sequential(Block(width), Block(width)) for width in widths)
-        self.shrink = nn.ModuleList(nn.Conv2d(a, b, 2, stride=2) for a, b in zip(widths, widths[1:]))
+        # From 5 cm to 10 cm.
+        self.stem = nn.Conv2d(2 * SLICES, widths[0], 2, stride=2)
+        self.down = nn.ModuleList(nn.Sequential(*(Block(width) for _ in range(depth)))
+                                  for width, depth in zip(widths, depths))
+        self.shrink = nn.ModuleList(nn.Sequential(nn.AvgPool2d(2), nn.Conv2d(a, b, 1))
+                                    for a, b in zip(widths, widths[1:]))
         self.grow = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in zip(widths, widths[1:]))
         self.up = nn.ModuleList(Block(width) for width in widths[:-1])
-        self.slices = nn.Embedding(SLICES, 16)
-        inputs = widths[0] + 16 + 2 * (2 * WINDOW + 1)
-        self.head = nn.Sequential(nn.Linear(inputs, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(),
-                                  nn.Linear(hidden, classes))
-        # Divides the logits; fitted after training.
+        self.place = nn.Embedding(4 * SLICES, 16)
+        inputs = widths[0] + 16 + VOXEL_NUMBERS
+        self.head = nn.Sequential(nn.Linear(inputs, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU())
+        self.classes = nn.Linear(hidden, classes)
+        self.box = nn.Linear(hidden, 6)
+        # Divides the logits after the bias is added; both are fitted after training.
         self.register_buffer("temperature", torch.ones(()))
+        self.register_buffer("bias", torch.zeros(classes))
 
-    def forward(self, grid, column, slice_, window):
-        """grid (B, 2 * SLICES, H, W); column indexes B * H * W; returns logits (N, classes)."""
+    def forward(self, grid, column, place, own):
+        """grid (B, 2 * SLICES, H, W); column indexes the B * H / 2 * W / 2 columns of 10 cm, and place is a voxel's
+        slice and quarter in its column. Returns logits (N, classes) and boxes (N, 6): from the voxel to the centre of
+        its object and the object's size, in metres along the grid's axes."""
         x, skipped = self.stem(grid), []
         for level, blocks in enumerate(self.down):
             x = blocks(x)
@@ -48,4 +56,5 @@ class Columns(nn.Module):
             x = functional.interpolate(self.grow[level](x), scale_factor=2.0, mode="nearest")
             x = self.up[level](x + skipped[level])
         features = x.permute(0, 2, 3, 1).reshape(-1, x.shape[1])[column]
-        return self.head(torch.cat([features, self.slices(slice_), window], dim=1)) / self.temperature
+        features = self.head(torch.cat([features, self.place(place), own], dim=1))
+        return (self.classes(features) + self.bias) / self.temperature, self.box(features)

@@ -11,8 +11,10 @@ import numpy as np
 import torch
 
 from network import Columns
-from surfaces import UNKNOWN, columns
+from surfaces import CELL_M, OBJECT, UNKNOWN, columns, main_yaw, turned
 from train import CLASSES, batch, export
+
+YAW_RAD = 0.3
 
 
 def main(folder: Path) -> None:
@@ -24,30 +26,35 @@ def main(folder: Path) -> None:
         if isinstance(module, torch.nn.BatchNorm2d):
             module.running_mean.normal_(0, 0.3)
             module.running_var.uniform_(0.5, 2.0)
-    for layer in network.head:
+    for layer in [*network.head, network.classes, network.box]:
         if isinstance(layer, torch.nn.Linear):
             layer.weight.data *= 3
     network.eval()
-    # A floor and a wall, a point for each voxel at its middle.
+    # A floor and a wall, a point for each voxel at its middle; they stand askew.
     cells = np.array([[x, y, 0] for x in range(40) for y in range(30)] + [[x, 30, z] for x in range(40)
                                                                          for z in range(50)])
     cells = cells[random.random(len(cells)) < 0.5]
     normals = np.where(cells[:, 2:] == 0, [[0, 0, 1]], [[0, -1, 0]]).astype(np.float32)
-    xyz = ((cells + 0.5) * 0.05).astype(np.float32)
-    surface = {"xyz": xyz, "normal": normals, "label": np.full(len(xyz), UNKNOWN, np.uint8)}
-    sample = columns(surface)
-    *inputs, _ = batch([sample])
+    xyz = ((cells + [0.5, 0.5, 0]) * CELL_M).astype(np.float32)
+    surface = {"xyz": xyz, "normal": normals, "label": np.full(len(xyz), UNKNOWN, np.uint8),
+               "instance": np.zeros(len(xyz), np.int64), "objects": np.zeros(0, OBJECT)}
+    askew = turned(surface, YAW_RAD)
+    sample = columns(turned(askew, -main_yaw(askew["normal"])))
+    *inputs, _, _ = batch([sample])
     with torch.no_grad():
-        probabilities = network(*inputs).softmax(1).numpy()
+        logits, boxes = network(*inputs)
+    probabilities = logits.softmax(1).numpy()
     # The script's voxels are sorted by slice, row and place in the row, as are these.
     order = np.lexsort((cells[:, 0], cells[:, 1], cells[:, 2]))
     every = order[::97]
     export(network, folder / "columns.onnx")
     rank = np.argsort(order)
     expected = {
+        "yaw_rad": YAW_RAD,
         "cells": cells.tolist(),
         "sites": [{"site": int(site), "class": int(probabilities[rank[site]].argmax()),
-                   "probability": float(probabilities[rank[site]].max())} for site in every],
+                   "probability": float(probabilities[rank[site]].max()), "box": boxes[rank[site]].tolist()}
+                  for site in every],
     }
     broken = Columns(len(CLASSES), widths=[2, 2, 2, 2], hidden=2)
     broken.temperature.fill_(0)

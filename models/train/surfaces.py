@@ -6,88 +6,139 @@ import numpy as np
 # viola-lab, surfaces.rs.
 RECORD = np.dtype([("mm", "<i2", 3), ("normal", "i1", 3), ("color", "u1", 3), ("label", "u1"), ("zero", "u1"),
                    ("instance", "<u2")])
+OBJECT = np.dtype([("centre", "<f4", 3), ("size", "<f4", 3), ("yaw", "<f4")])
 UNKNOWN = 255
 # viola-reconstruct, label/columns.rs: both must agree.
 CELL_M = 0.05
-SLICES = 52
+LOW_M = -0.075
+SLICES = 60
 WINDOW = 10
+AROUND = [(y, x) for y in (-1, 0, 1) for x in (-1, 0, 1) if (y, x) != (0, 0)]
+VOXEL_NUMBERS = 2 * (2 * WINDOW + 1) + 3 * len(AROUND) + 2
 STRIDE = 16
 
 
 def load(path: Path) -> dict:
-    """The points of a surface, in metres."""
-    records = np.fromfile(path, RECORD)
+    """The points of a surface, in metres, and the boxes of its objects; a point's `instance` counts from 1."""
+    data = path.read_bytes()
+    count = int(np.frombuffer(data, "<u4", 1)[0])
+    records = np.frombuffer(data, RECORD, count, offset=4)
+    objects = np.frombuffer(data, OBJECT, offset=4 + count * RECORD.itemsize)
     return {
         "xyz": records["mm"].astype(np.float32) / 1000,
         "normal": records["normal"].astype(np.float32) / 127,
         "label": records["label"],
+        "instance": records["instance"].astype(np.int64),
+        "objects": objects,
     }
 
 
+def turned(surface: dict, yaw: float, mirrored: bool = False) -> dict:
+    """The surface mirrored in x and then turned about z."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    turn = np.array([[cos, sin], [-sin, cos]], np.float32)
+    if mirrored:
+        turn = np.array([[-1, 0], [0, 1]], np.float32) @ turn
+    xyz, normal, objects = surface["xyz"].copy(), surface["normal"].copy(), surface["objects"].copy()
+    xyz[:, :2], normal[:, :2] = xyz[:, :2] @ turn, normal[:, :2] @ turn
+    objects["centre"][:, :2] = objects["centre"][:, :2] @ turn
+    objects["yaw"] = (-objects["yaw"] if mirrored else objects["yaw"]) + yaw
+    return {**surface, "xyz": xyz, "normal": normal, "objects": objects}
+
+
+def main_yaw(normal: np.ndarray) -> float:
+    """The direction of most walls and fronts, in -45..45 degrees."""
+    x, y = normal[:, 0].astype(np.float64), normal[:, 1].astype(np.float64)
+    level = x * x + y * y
+    upright = level > 0.75
+    x, y, level = x[upright], y[upright], level[upright]
+    cos2, sin2 = (x * x - y * y) / level, 2 * x * y / level
+    return float(np.arctan2((2 * cos2 * sin2).sum(), (cos2 * cos2 - sin2 * sin2).sum()) / 4)
+
+
 def augmented(surface: dict, random: np.random.Generator) -> dict:
-    """A turned, mirrored, shifted and slightly scaled copy with patches missing."""
-    xyz, normal, label = surface["xyz"].copy(), surface["normal"].copy(), surface["label"]
-    if random.random() < 0.5:
-        xyz[:, 0], normal[:, 0] = -xyz[:, 0], -normal[:, 0]
-    yaw = random.uniform(0, 2 * np.pi)
-    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]], np.float32)
-    xyz[:, :2], normal[:, :2] = xyz[:, :2] @ turn.T, normal[:, :2] @ turn.T
+    """A copy along its walls or nearly so, mirrored, shifted, slightly scaled, with patches missing."""
+    yaw = random.integers(4) * np.pi / 2 - main_yaw(surface["normal"])
+    yaw += random.uniform(0, 2 * np.pi) if random.random() < 0.15 else random.normal(0, 0.04)
+    surface = turned(turned(surface, yaw), 0.0, mirrored=random.random() < 0.5)
+    xyz = surface["xyz"]
     xyz *= random.uniform(0.95, 1.05, 3).astype(np.float32)
     xyz[:, 2] += random.normal(0, 0.015)
     xyz[:, :2] += random.uniform(0, CELL_M, 2).astype(np.float32)
-    kept = np.ones(len(xyz), bool)
+    kept = random.random(len(xyz)) < random.uniform(0.5, 1.0)
     for _ in range(random.integers(0, 6)):
         hole = xyz[random.integers(len(xyz))]
         kept &= np.linalg.norm(xyz - hole, axis=1) > random.uniform(0.1, 0.4)
     if random.random() < 0.3:
         # A camera that looks down sees no upper part of the room.
         kept &= xyz[:, 2] < random.uniform(1.0, 2.4)
-    kept &= random.random(len(xyz)) < random.uniform(0.7, 1.0)
-    return {"xyz": xyz[kept], "normal": normal[kept], "label": label[kept]}
+    picked = {name: surface[name][kept] for name in ("xyz", "normal", "label", "instance")}
+    return {**surface, **picked}
+
+
+def boxes(surface: dict, instance: np.ndarray, xyz: np.ndarray) -> np.ndarray:
+    """Offset to the centre and size along the axes of the object of each point; NaN for points without."""
+    objects = surface["objects"]
+    cos, sin = np.abs(np.cos(objects["yaw"])), np.abs(np.sin(objects["yaw"]))
+    width, depth, height = objects["size"].T
+    size = np.stack([cos * width + sin * depth, sin * width + cos * depth, height], axis=1)
+    out = np.full((len(instance), 6), np.nan, np.float32)
+    has = (instance > 0) & (instance <= len(objects))
+    index = instance[has] - 1
+    out[has, :3], out[has, 3:] = objects["centre"][index] - xyz[has], size[index]
+    return out
 
 
 def columns(surface: dict, crop: int | None = None, random: np.random.Generator | None = None) -> dict | None:
     """Voxels of the surface and the columns that hold them.
 
-    `grid` is (2 * SLICES, height, width): occupied, and the mean normal's z. Voxels have their column (`column`,
-    row-major in the grid), their slice (`slice`), the slices below and above in their column (`window`,
-    2 * (2 * WINDOW + 1)) and their most frequent label.
+    Voxels have their place in a grid of `size` (`at`, row-major), their slice (`slice`), their mean normal's z (`up`),
+    `own`: the slices below and above in their column, occupied and `up`, those around it below, at and above it,
+    occupied, and the mean normal's x and y (VOXEL_NUMBERS), their most frequent label, and the box of their object.
     """
-    xyz, normal, label = surface["xyz"], surface["normal"], surface["label"]
-    cell = np.floor(xyz / CELL_M).astype(np.int64)
-    inside = (cell[:, 2] >= 0) & (cell[:, 2] < SLICES)
-    cell, normal, label = cell[inside], normal[inside], label[inside]
+    xyz, normal, label, instance = (surface[name] for name in ("xyz", "normal", "label", "instance"))
+    cell = np.floor((xyz - np.array([0, 0, LOW_M], np.float32)) / CELL_M).astype(np.int64)
+    kept = (cell[:, 2] >= 0) & (cell[:, 2] < SLICES)
     if crop is not None and len(cell):
         corner = cell[random.integers(len(cell)), :2] - random.integers(0, crop, 2)
-        near = ((cell[:, :2] >= corner) & (cell[:, :2] < corner + crop)).all(axis=1)
-        cell, normal, label = cell[near], normal[near], label[near]
-        cell[:, :2] -= corner
-        size = (crop, crop)
-    elif len(cell):
-        cell[:, :2] -= cell[:, :2].min(axis=0)
-        size = tuple(int(-(-(side + 1) // STRIDE) * STRIDE) for side in cell[:, :2].max(axis=0)[::-1])
+        kept &= ((cell[:, :2] >= corner) & (cell[:, :2] < corner + crop)).all(axis=1)
+    cell, xyz, normal, label, instance = cell[kept], xyz[kept], normal[kept], label[kept], instance[kept]
     if len(cell) == 0:
         return None
+    if crop is not None:
+        cell[:, :2] -= corner
+        size = (crop, crop)
+    else:
+        cell[:, :2] -= cell[:, :2].min(axis=0)
+        size = tuple(int(-(-(side + 1) // STRIDE) * STRIDE) for side in cell[:, :2].max(axis=0)[::-1])
     height, width = size
     key = (cell[:, 2] * height + cell[:, 1]) * width + cell[:, 0]
-    voxels, of_point, counts = np.unique(key, return_inverse=True, return_counts=True)
-    up = np.bincount(of_point, normal[:, 2], len(voxels)) / counts
-    grid = np.zeros((2, SLICES, height * width), np.float32)
-    slice_, column = voxels // (height * width), voxels % (height * width)
-    grid[0, slice_, column] = 1
-    grid[1, slice_, column] = up
-    padded = np.pad(grid, ((0, 0), (WINDOW, WINDOW), (0, 0)))
+    order = np.argsort(key, kind="stable")
+    voxels, first, of_sorted, counts = np.unique(key[order], return_index=True, return_inverse=True,
+                                                 return_counts=True)
+    mean = np.add.reduceat(normal[order].astype(np.float64), first) / counts[:, None]
+    slice_, at = voxels // (height * width), voxels % (height * width)
+    grid = np.zeros((2, SLICES + 2 * WINDOW, height + 2, width + 2), np.float32)
+    place = (slice_ + WINDOW, at // width + 1, at % width + 1)
+    grid[0][place] = 1
+    grid[1][place] = mean[:, 2]
     reach = slice_[:, None] + np.arange(2 * WINDOW + 1)
-    window = padded[:, reach, column[:, None]]
-    votes = np.zeros((len(voxels), 256), np.int32)
-    np.add.at(votes, (of_point, label), 1)
-    votes[:, UNKNOWN] = 0
-    most = np.where(votes.max(axis=1) > 0, votes.argmax(axis=1), UNKNOWN)
+    window = grid[:, reach, place[1][:, None], place[2][:, None]].transpose(1, 0, 2).reshape(len(voxels), -1)
+    around = [grid[0, place[0] + z, place[1] + y, place[2] + x] for y, x in AROUND for z in (-1, 0, 1)]
+    pairs, votes = np.unique(of_sorted * 256 + label[order], return_counts=True)
+    votes = np.where(pairs % 256 == UNKNOWN, 0, votes)
+    # The last of equal keys wins below: the label with the most votes.
+    best = np.lexsort((votes, pairs // 256))
+    most = np.full(len(voxels), UNKNOWN)
+    most[pairs[best] // 256] = np.where(votes[best] > 0, pairs[best] % 256, UNKNOWN)
+    box = boxes(surface, instance[order][first], xyz[order][first])
+    box[label[order][first] != most] = np.nan
     return {
-        "grid": grid.reshape(2 * SLICES, height, width),
-        "column": column,
+        "size": size,
+        "up": mean[:, 2].astype(np.float32),
+        "at": at,
         "slice": slice_,
-        "window": window.transpose(1, 0, 2).reshape(len(voxels), -1).astype(np.float32),
+        "own": np.concatenate([window, np.stack(around, axis=1), mean[:, :2]], axis=1).astype(np.float32),
         "label": most,
-        "points": counts,
+        "box": box,
     }

@@ -1,22 +1,22 @@
 """Trains the network that labels surfaces.
 
-    viola surfaces --seeds 10000..10400 --out surfaces/train
-    viola surfaces --seeds 14000..14040 --out surfaces/held-out
     python train.py --data surfaces/train --held-out surfaces/held-out --out columns.onnx
 
-Resumes from the checkpoint beside `--out`. Real recordings take no part.
+The README has the commands that made the data and the weights in the program. Resumes from the checkpoint beside `--out`. Real recordings take no part.
 """
 import argparse
 import json
 import time
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch.nn import functional
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from network import Columns
-from surfaces import UNKNOWN, augmented, columns, load
+from surfaces import SLICES, UNKNOWN, VOXEL_NUMBERS, augmented, columns, load, main_yaw, turned
 
 # viola-geometry, taxonomy.rs.
 CLASSES = ["other", "floor", "wall", "ceiling", "door", "window", "stairs", "bed", "sofa", "chair", "table", "desk",
@@ -25,19 +25,38 @@ CLASSES = ["other", "floor", "wall", "ceiling", "door", "window", "stairs", "bed
            "box", "person", "animal"]
 # viola-lab, evaluate/labels/coarse.rs.
 COARSE = ["floor", "wall", "ceiling", "bed", "sofa", "chair", "table", "cabinet", "door", "window", "other"]
-COARSE_OF = torch.tensor([COARSE.index({"shelf": "cabinet", "curtain": "window"}.get(name, name))
-                          if {"shelf": "cabinet", "curtain": "window"}.get(name, name) in COARSE else 10
-                          for name in CLASSES])
+FOLDED = [{"shelf": "cabinet", "curtain": "window"}.get(name, name) for name in CLASSES]
+COARSE_OF = torch.tensor([COARSE.index(name) if name in COARSE else 10 for name in FOLDED])
 CROP = 128
+# Weight of the boxes beside the classes in the loss.
+BOX_WEIGHT = 0.3
 
 
 def batch(samples: list[dict]) -> tuple:
-    """Joins samples of one grid size."""
-    cells = samples[0]["grid"].shape[1] * samples[0]["grid"].shape[2]
+    """Joins samples of one grid size: the network's inputs, then labels and boxes."""
+    height, width = samples[0]["size"]
+    cells = height * width
     join = lambda name: torch.from_numpy(np.concatenate([sample[name] for sample in samples]))
-    column = torch.from_numpy(np.concatenate([s["column"] + i * cells for i, s in enumerate(samples)]))
-    grid = torch.from_numpy(np.stack([sample["grid"] for sample in samples]))
-    return grid, column, join("slice"), join("window"), join("label")
+    of_sample = torch.from_numpy(np.repeat(np.arange(len(samples)), [len(s["at"]) for s in samples]))
+    at, slice_ = join("at"), join("slice")
+    grid = torch.zeros(len(samples), 2 * SLICES, cells)
+    grid[of_sample, slice_, at] = 1
+    grid[of_sample, SLICES + slice_, at] = join("up")
+    grid = grid.reshape(len(samples), 2 * SLICES, height, width)
+    y, x = at // width, at % width
+    column = of_sample * (cells // 4) + y // 2 * (width // 2) + x // 2
+    return grid, column, slice_ * 4 + y % 2 * 2 + x % 2, join("own"), join("label"), join("box")
+
+
+def samples_of(paths: list[Path], seed: int, step: int, count: int) -> list[dict]:
+    """A step's samples depend on its number only, so that a resumed run is the same."""
+    random = np.random.default_rng([seed, step])
+    samples = []
+    while len(samples) < count:
+        surface = load(paths[random.integers(len(paths))])
+        sample = columns(augmented(surface, random), CROP, random) if len(surface["xyz"]) > 500 else None
+        samples += [sample] if sample is not None and len(sample["label"]) > 300 else []
+    return samples
 
 
 def lovasz(probabilities: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
@@ -54,117 +73,141 @@ def lovasz(probabilities: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
     return torch.stack(losses).mean()
 
 
-def class_weights(surfaces: list[dict]) -> torch.Tensor:
-    counts = sum(np.bincount(s["label"], minlength=256)[:len(CLASSES)] for s in surfaces)
+def class_weights(paths: list[Path]) -> torch.Tensor:
+    some = paths[::max(1, len(paths) // 200)]
+    counts = sum(np.bincount(load(path)["label"], minlength=256)[:len(CLASSES)] for path in some)
     weights = 1 / np.sqrt(counts.clip(min=counts.sum() * 1e-4) / counts.sum())
     return torch.tensor(weights / weights[counts > 0].mean(), dtype=torch.float32)
 
 
 @torch.no_grad()
-def logits_of(network: Columns, surfaces: list[dict]) -> tuple[torch.Tensor, torch.Tensor]:
+def answers(network: torch.nn.Module, paths: list[Path]) -> tuple[torch.Tensor, torch.Tensor]:
+    """Logits and labels of the voxels of whole surfaces."""
     network.eval()
     all_logits, all_labels = [], []
-    for surface in surfaces:
-        sample = columns(surface)
+    for path in paths:
+        surface = load(path)
+        sample = columns(turned(surface, -main_yaw(surface["normal"]))) if len(surface["xyz"]) else None
         if sample is None:
             continue
-        *inputs, labels = batch([sample])
+        *inputs, labels, _ = batch([sample])
         known = labels != UNKNOWN
-        all_logits.append(network(*inputs)[known])
+        all_logits.append(network(*inputs)[0][known])
         all_labels.append(labels[known])
     return torch.cat(all_logits), torch.cat(all_labels)
 
 
 def scores(logits: torch.Tensor, labels: torch.Tensor) -> dict:
     """Accuracy and mean IoU over the coarse classes, and the expected calibration error of all classes."""
-    said, truth = COARSE_OF[logits.argmax(1)], COARSE_OF[labels]
+    probabilities = logits.softmax(1)
+    folded = torch.zeros(len(labels), len(COARSE)).index_add_(1, COARSE_OF, probabilities)
+    said, truth = folded.argmax(1), COARSE_OF[labels]
     confusion = torch.zeros(len(COARSE), len(COARSE))
     confusion.index_put_((truth, said), torch.ones(len(said)), accumulate=True)
     union = confusion.sum(0) + confusion.sum(1) - confusion.diag()
     iou = confusion.diag() / union.clamp(min=1)
-    sure, best = logits.softmax(1).max(1)
+    sure, best = probabilities.max(1)
     right = (best == labels).float()
     bins = (sure * 15).long().clamp(max=14)
     error = sum(abs((right[bins == b] - sure[bins == b]).sum().item()) for b in range(15)) / len(labels)
     return {"accuracy": (said == truth).float().mean().item(), "mean_iou": iou[confusion.sum(1) > 0].mean().item(),
-            "calibration_error": error, "iou": dict(zip(COARSE, iou.tolist()))}
+            "calibration_error": error, "iou": {name: round(v, 3) for name, v in zip(COARSE, iou.tolist())}}
 
 
-def fitted_temperature(logits: torch.Tensor, labels: torch.Tensor) -> float:
-    """The temperature with the least cross-entropy, from a grid of one percent steps."""
-    grid = np.exp(np.linspace(np.log(0.3), np.log(4.0), 260))
-    return float(min(grid, key=lambda t: functional.cross_entropy(logits / t, labels).item()))
+def fit_bias(logits: torch.Tensor, labels: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """The bias of each class and the temperature with the least cross-entropy: weighted training overrates rare
+    classes."""
+    bias, log_temperature = torch.zeros(logits.shape[1], requires_grad=True), torch.zeros((), requires_grad=True)
+    optimiser = torch.optim.LBFGS([bias, log_temperature], max_iter=60, line_search_fn="strong_wolfe")
+
+    def loss():
+        optimiser.zero_grad()
+        value = functional.cross_entropy((logits + bias) / log_temperature.exp(), labels) + 1e-4 * bias.square().sum()
+        value.backward()
+        return value
+
+    optimiser.step(loss)
+    return bias.detach(), log_temperature.exp().detach()
 
 
 def export(network: Columns, path: Path) -> None:
     network.eval()
-    sample = (torch.zeros(1, 104, 32, 48), torch.zeros(7, dtype=torch.int64), torch.zeros(7, dtype=torch.int64),
-              torch.zeros(7, 42))
-    names = ["grid", "column", "slice", "window"]
-    axes = {"grid": {2: "height", 3: "width"}, **{name: {0: "voxels"} for name in names[1:]}, "logits": {0: "voxels"}}
-    torch.onnx.export(network, sample, str(path), input_names=names, output_names=["logits"], dynamic_axes=axes,
+    sample = (torch.zeros(1, 2 * SLICES, 32, 48), torch.zeros(7, dtype=torch.int64), torch.zeros(7, dtype=torch.int64),
+              torch.zeros(7, VOXEL_NUMBERS))
+    names = ["grid", "column", "place", "own"]
+    axes = {"grid": {2: "height", 3: "width"}, **{name: {0: "voxels"} for name in names[1:] + ["logits", "box"]}}
+    torch.onnx.export(network, sample, str(path), input_names=names, output_names=["logits", "box"], dynamic_axes=axes,
                       opset_version=17, dynamo=False)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--data", type=Path, required=True, nargs="+")
     parser.add_argument("--held-out", type=Path, required=True)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--steps", type=int, default=3000)
-    parser.add_argument("--batch", type=int, default=8)
-    parser.add_argument("--rate", type=float, default=2e-3)
+    parser.add_argument("--steps", type=int, default=6000)
+    parser.add_argument("--batch", type=int, default=4)
+    parser.add_argument("--rate", type=float, default=3e-3)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--start", type=Path, help="checkpoint of another run, whose weights this one begins with")
     arguments = parser.parse_args()
     torch.manual_seed(arguments.seed)
-    surfaces = [load(path) for path in sorted(arguments.data.glob("*.surface"))]
-    held_out = [load(path) for path in sorted(arguments.held_out.glob("*.surface"))]
-    network = Columns(len(CLASSES))
-    print(f"{len(surfaces)} surfaces, {len(held_out)} held out,",
+    paths = sorted(path for folder in arguments.data for path in folder.glob("*.surface"))
+    held_out = sorted(arguments.held_out.glob("*.surface"))
+    # The layout that convolutions on a processor are fastest in.
+    network = Columns(len(CLASSES)).to(memory_format=torch.channels_last)
+    smooth = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(0.998), use_buffers=True)
+    print(f"{len(paths)} surfaces, {len(held_out)} held out,",
           f"{sum(p.numel() for p in network.parameters())} parameters", flush=True)
     optimiser = torch.optim.AdamW(network.parameters(), arguments.rate, weight_decay=0.02)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, arguments.rate, arguments.steps, pct_start=0.1)
+    parts = {"network": network, "smooth": smooth, "optimiser": optimiser, "schedule": schedule}
+    if arguments.start:
+        smooth.load_state_dict(torch.load(arguments.start)["smooth"])
+        network.load_state_dict(smooth.module.state_dict())
     checkpoint, first = arguments.out.with_suffix(".checkpoint"), 0
     if checkpoint.exists():
         state = torch.load(checkpoint)
         first = state["step"]
-        network.load_state_dict(state["network"])
-        optimiser.load_state_dict(state["optimiser"])
-        schedule.load_state_dict(state["schedule"])
-    weights = class_weights(surfaces)
+        for name, part in parts.items():
+            part.load_state_dict(state[name])
+    weights = class_weights(paths)
     begun, shown = time.time(), []
-    for step in range(first, arguments.steps):
-        # A step's samples depend on its number only, so that a resumed run is the same.
-        random = np.random.default_rng([arguments.seed, step])
-        samples = []
-        while len(samples) < arguments.batch:
-            surface = augmented(surfaces[random.integers(len(surfaces))], random)
-            sample = columns(surface, CROP, random) if len(surface["xyz"]) > 500 else None
-            samples += [sample] if sample is not None and len(sample["label"]) > 300 else []
-        *inputs, labels = batch(samples)
-        network.train()
-        known = labels != UNKNOWN
-        logits, labels = network(*inputs)[known], labels[known]
-        loss = functional.cross_entropy(logits, labels, weights, label_smoothing=0.03)
-        loss = loss + lovasz(logits.softmax(1), labels)
-        optimiser.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
-        optimiser.step()
-        schedule.step()
-        shown.append(loss.item())
-        if (step + 1) % 50 == 0:
-            rate = (step + 1 - first) / (time.time() - begun)
-            left = (arguments.steps - step - 1) / rate / 60
-            print(f"step {step + 1}: loss {np.mean(shown):.3f}, {left:.0f} minutes left", flush=True)
-            shown = []
-        if (step + 1) % 500 == 0 or step + 1 == arguments.steps:
-            torch.save({"step": step + 1, "network": network.state_dict(), "optimiser": optimiser.state_dict(),
-                        "schedule": schedule.state_dict()}, checkpoint)
-            print(json.dumps(scores(*logits_of(network, held_out))), flush=True)
-    logits, labels = logits_of(network, held_out)
-    network.temperature.fill_(fitted_temperature(logits, labels))
-    result = scores(logits / network.temperature, labels)
+    with ProcessPoolExecutor(1) as pool:
+        ask = lambda step: pool.submit(samples_of, paths, arguments.seed, step, arguments.batch)
+        asked = [ask(step) for step in range(first, min(first + 4, arguments.steps))]
+        for step in range(first, arguments.steps):
+            grid, *inputs, labels, boxes = batch(asked.pop(0).result())
+            asked += [ask(step + 4)] if step + 4 < arguments.steps else []
+            network.train()
+            known = labels != UNKNOWN
+            logits, said = network(grid.to(memory_format=torch.channels_last), *inputs)
+            loss = functional.cross_entropy(logits[known], labels[known], weights, label_smoothing=0.03)
+            loss = loss + lovasz(logits[known].softmax(1), labels[known])
+            whole = ~boxes.isnan().any(1)
+            loss = loss + BOX_WEIGHT * functional.smooth_l1_loss(said[whole], boxes[whole], beta=0.2)
+            optimiser.zero_grad()
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+            optimiser.step()
+            schedule.step()
+            smooth.update_parameters(network)
+            shown.append(loss.item())
+            if (step + 1) % 50 == 0:
+                rate = (step + 1 - first) / (time.time() - begun)
+                left = (arguments.steps - step - 1) / rate / 60
+                print(f"step {step + 1}: loss {np.mean(shown):.3f}, {left:.0f} minutes left", flush=True)
+                shown = []
+            if (step + 1) % 1000 == 0 or step + 1 == arguments.steps:
+                torch.save({"step": step + 1, **{name: part.state_dict() for name, part in parts.items()}}, checkpoint)
+                print(json.dumps(scores(*answers(smooth, held_out[::4]))), flush=True)
+    network = smooth.module
+    # Fitted on one half of the held-out homes, told of the other.
+    logits, labels = answers(network, held_out[::2])
+    bias, temperature = fit_bias(logits, labels)
+    network.bias.copy_(bias)
+    network.temperature.copy_(temperature)
+    result = scores(*answers(network, held_out[1::2]))
     print(json.dumps({**result, "temperature": network.temperature.item()}), flush=True)
     export(network, arguments.out)
     arguments.out.with_suffix(".json").write_text(json.dumps({**result, "seed": arguments.seed,

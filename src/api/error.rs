@@ -114,6 +114,8 @@ pub(super) enum Error {
     /// The stored refusal of the same file, from an earlier attempt to open it.
     #[error("{}", .0.detail)]
     Told(Problem),
+    #[error("a file could not be opened in a process of its own: {0}")]
+    Opener(String),
     #[error("a handler panicked: {0}")]
     Panicked(String),
 }
@@ -199,7 +201,7 @@ impl Error {
             Error::Storage(error) if error.is_full() => {
                 (S::INSUFFICIENT_STORAGE, "storage_full", "The service has no room left")
             }
-            Error::Storage(_) | Error::Panicked(_) => {
+            Error::Storage(_) | Error::Opener(_) | Error::Panicked(_) => {
                 (S::INTERNAL_SERVER_ERROR, "internal_error", "The service failed")
             }
         }

@@ -3,21 +3,25 @@
 mod client;
 mod recordings;
 
+use super::networks::NetworkArguments;
 use crate::api::{ConnectionParams, LimitParams, ServeParams, UploadParams, serve};
-use crate::jobs::WorkerParams;
+use crate::jobs::{JobParams, WorkerParams};
 use crate::storage::StorageParams;
 use crate::webhooks::WebhookParams;
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use client::{Client, ClipAnswer};
+use client::{Client, ClipAnswer, ObjectAnswer};
 use indicatif::{MultiProgress, ProgressDrawTarget};
 use recordings::{Recording, Recordings};
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::IsTerminal;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
+use viola_align::AlignParams;
 use viola_geometry::angle_between;
 
 const HOME: &str = "demo";
@@ -42,6 +46,8 @@ pub struct DemoArguments {
     /// Frames of each clip.
     #[arg(long, default_value_t = 60)]
     frames: usize,
+    #[command(flatten)]
+    networks: NetworkArguments,
     /// Stop after the report; fail unless every pose is within 0.3 m and 10 degrees of the truth.
     #[arg(long)]
     exit: bool,
@@ -51,13 +57,16 @@ pub fn run(arguments: &DemoArguments) -> Result<()> {
     fresh_folder(&arguments.data)?;
     println!("Making a home, mapping it with its vacuum and filming three clips ...");
     let recordings = Recordings::make(arguments.seed, arguments.frames, &arguments.data.join("recordings"))?;
+    let align = AlignParams { label: arguments.networks.surface_labels()?, ..AlignParams::default() };
+    let job = JobParams { align, ..JobParams::default() };
+    let worker = WorkerParams { align: Arc::new(job), ..WorkerParams::default() };
     let runtime = tokio::runtime::Runtime::new()?;
-    let shown = runtime.block_on(show(arguments, &recordings));
+    let shown = runtime.block_on(show(arguments, worker, &recordings));
     runtime.shutdown_background();
     shown
 }
 
-async fn show(arguments: &DemoArguments, recordings: &Recordings) -> Result<()> {
+async fn show(arguments: &DemoArguments, worker: WorkerParams, recordings: &Recordings) -> Result<()> {
     let stop = CancellationToken::new();
     let (listening, address) = oneshot::channel();
     let params = ServeParams {
@@ -69,7 +78,7 @@ async fn show(arguments: &DemoArguments, recordings: &Recordings) -> Result<()> 
         limits: LimitParams::default(),
         connections: ConnectionParams::default(),
         webhooks: WebhookParams::default(),
-        worker: WorkerParams::default(),
+        worker,
         cors_origins: Vec::new(),
     };
     let mut server = tokio::spawn(serve(params, stop.clone(), |address| {
@@ -127,9 +136,22 @@ async fn report(address: SocketAddr, recordings: &Recordings, pictures: &Path) -
             }
         }
     }
+    if answers.iter().any(|answer| answer.state == "aligned") {
+        println!("\n{}", line_of_objects(&client.objects(HOME).await?));
+    }
     println!("\n{found} of {} clips within {CLOSE_M} m and {CLOSE_DEG} degrees of the truth.", answers.len());
     println!("Pictures: {}; the home from above: {}", pictures.display(), recordings.plan.display());
     Ok(found)
+}
+
+/// Returns the objects of the home by class: `Objects: 2 bed, 1 sofa`.
+fn line_of_objects(objects: &[ObjectAnswer]) -> String {
+    let mut classes: BTreeMap<&str, usize> = BTreeMap::new();
+    for object in objects {
+        *classes.entry(&object.class).or_default() += 1;
+    }
+    let classes: Vec<String> = classes.iter().map(|(class, count)| format!("{count} {class}")).collect();
+    format!("Objects: {}", if classes.is_empty() { "none".to_owned() } else { classes.join(", ") })
 }
 
 /// Uploads a clip, waits for its job and returns its answer.

@@ -1,7 +1,6 @@
 //! `viola evaluate`: the paper's protocol on data with a known truth.
 
 use super::networks::NetworkArguments;
-use super::progress::TerminalProgress;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -13,14 +12,13 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use viola_align::{AlignParams, MadeBy};
-use viola_formats::clip::Clip;
 use viola_geometry::progress::Silent;
 use viola_lab::evaluate::{
     self, ClipResult, DrawnClips, DrawnParams, HomeClips, HomesParams, Journal, Method, NoMethod, Run, Scene,
-    SceneClips, Suite, SurveyParams, labels, plot,
+    SceneClips, Suite, SurveyParams, plot,
 };
 use viola_lab::simulate::{ClipParams, Sensor, Set};
-use viola_reconstruct::{LabelParams, TrackParams};
+use viola_reconstruct::TrackParams;
 
 #[derive(Args)]
 #[command(group = clap::ArgGroup::new("source").required(true))]
@@ -74,8 +72,12 @@ pub struct EvaluateArguments {
     /// default 3 (1 with --track). Map: clips of each map, default 10.
     #[arg(long)]
     pub(super) clips: Option<usize>,
-    /// Evaluate the classes of the scene's points against its labelled mesh, instead of poses.
-    #[arg(long, requires = "scene", conflicts_with_all = ["set", "map", "lidar", "fit"])]
+    /// Evaluate the classes of points, instead of poses: of a scene against its labelled mesh, of simulated
+    /// clips against the true surface, one clip of each length for each home.
+    #[arg(
+        long,
+        conflicts_with_all = ["map", "lidar", "fit", "picture_labels", "foreign", "withhold_poses", "keep_poses"]
+    )]
     labels: bool,
     /// Evaluate the fused map, its rooms and its objects, instead of poses: for a scene against its labelled
     /// mesh, for simulated homes against their truth.
@@ -104,8 +106,11 @@ pub struct EvaluateArguments {
 
 pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     let out = &arguments.out;
-    if let (true, Some(scene)) = (arguments.labels, &arguments.scene) {
-        return evaluate_labels(arguments, scene);
+    if arguments.labels {
+        return match &arguments.scene {
+            Some(scene) => super::evaluate_labels::scene(arguments, scene),
+            None => super::evaluate_labels::simulated(arguments),
+        };
     }
     if arguments.track {
         return super::evaluate_track::run(arguments);
@@ -127,8 +132,8 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     if suite.cases().is_empty() {
         bail!("there are no clips: the recording is shorter than the lengths asked for");
     }
-    // Simulated pictures are too plain for a network.
-    let label = if arguments.scene.is_some() { arguments.networks.labels()? } else { LabelParams::default() };
+    let networks = &arguments.networks;
+    let label = if arguments.scene.is_some() { networks.labels()? } else { networks.surface_labels()? };
     let track = TrackParams { refine: !arguments.keep_poses, ..TrackParams::default() };
     let observe = AlignParams { seed: arguments.seed, label, track, ..AlignParams::default() };
     let workers = match arguments.threads {
@@ -167,44 +172,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         fs::write(path, serde_json::to_string_pretty(&model)? + "\n")
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
-    let labels_by =
-        observe.label.segmenter.as_ref().map_or("geometry".to_owned(), |segmenter| segmenter.name());
-    write_all(out, arguments, workers, &labels_by, &results)
-}
-
-/// `--labels`: writes `labels.json` and `labels.md`.
-fn evaluate_labels(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
-    fs::create_dir_all(&arguments.out)
-        .with_context(|| format!("cannot make the folder {}", arguments.out.display()))?;
-    let clip = Clip::open(scene).with_context(|| format!("clip {}", scene.display()))?;
-    let truth = labels::Truth::open(scene)?;
-    let segmenter = arguments.networks.segmenter()?;
-    let by = segmenter.as_ref().map_or("geometry".to_owned(), |segmenter| segmenter.name());
-    let label = LabelParams { surface: arguments.networks.surface()?, ..LabelParams::default() };
-    let params = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };
-    let progress = TerminalProgress::new();
-    let rows = labels::evaluate(&clip, &truth, segmenter.clone(), &params, &progress)?;
-    let mut floors = Vec::new();
-    for &frames in &arguments.frames {
-        for (variant, segmenter) in [("shape alone", None), ("pictures", segmenter.clone())] {
-            if variant == "pictures" && segmenter.is_none() {
-                continue;
-            }
-            let label = LabelParams { segmenter, ..LabelParams::default() };
-            let params = AlignParams { label, ..params.clone() };
-            floors.push(labels::floors(variant, &clip, &truth, frames, &params, &Silent)?);
-        }
-    }
-    progress.finish();
-    let table = labels::markdown(&rows) + "\n" + &labels::floors_markdown(&floors);
-    save(
-        &arguments.out,
-        "labels.json",
-        &serde_json::to_string_pretty(&json!({ "network": by, "rows": rows, "floors": floors }))?,
-    )?;
-    save(&arguments.out, "labels.md", &table)?;
-    print!("{table}");
-    Ok(())
+    write_all(out, arguments, workers, &observe.label.networks(), &results)
 }
 
 fn methods(arguments: &EvaluateArguments) -> Result<Vec<Method>> {
@@ -230,7 +198,11 @@ fn suite(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
         };
         return Ok(Box::new(DrawnClips::open(&arguments.map, params)?));
     }
-    Ok(Box::new(HomeClips::new(HomesParams {
+    Ok(Box::new(HomeClips::new(homes(arguments))))
+}
+
+pub(super) fn homes(arguments: &EvaluateArguments) -> HomesParams {
+    HomesParams {
         sets: arguments.set.clone(),
         seeds: arguments.seeds.clone(),
         clips_per_home: arguments.clips.unwrap_or(3) as u64,
@@ -240,7 +212,7 @@ fn suite(arguments: &EvaluateArguments) -> Result<Box<dyn Suite>> {
         foreign: arguments.foreign,
         withhold_poses: arguments.withhold_poses,
         drift: arguments.drift,
-    })))
+    }
 }
 
 /// Returns the scene with the given LiDAR map, or with one cut out of its mesh.

@@ -21,7 +21,7 @@ pub struct MethodArguments {
 impl MethodArguments {
     pub fn params(&self) -> Result<JobParams> {
         let align = AlignParams {
-            label: self.networks.labels_or_geometry(),
+            label: self.networks.labels_of_service(),
             complete: self.completion.params(&self.networks)?,
             ..AlignParams::default()
         };

@@ -6,11 +6,15 @@ mod download;
 mod drawing;
 mod fetch;
 mod sum;
+#[cfg(test)]
+mod test_server;
 mod timed;
 
+use super::networks::NO_NETWORKS;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
+use viola_network::Weights;
 use viola_network::manifest::{Manifest, ModelEntry, Source, Task};
 
 #[derive(Args)]
@@ -40,8 +44,16 @@ enum Command {
 #[derive(Args, Debug, Clone)]
 struct Folder {
     /// Models folder.
-    #[arg(long, env = "VIOLA_MODELS", default_value = "viola-models", value_name = "DIR")]
+    #[arg(long, env = "VIOLA_MODELS", default_value = "viola-models", value_name = "DIR", value_parser = folder)]
     models: PathBuf,
+}
+
+/// Refuses the value that is no folder for the other commands.
+fn folder(text: &str) -> Result<PathBuf, String> {
+    match text {
+        NO_NETWORKS => Err(format!("`{NO_NETWORKS}` switches networks off; name a folder with --models DIR")),
+        text => Ok(PathBuf::from(text)),
+    }
 }
 
 impl Folder {
@@ -75,7 +87,7 @@ fn list(folder: &Folder) -> Result<()> {
             entry.name.clone(),
             task(entry.task).to_owned(),
             state.bytes.map_or("-".to_owned(), |bytes| format!("{:.1} MB", bytes as f64 / 1e6)),
-            if state.bytes.is_some() { "yes" } else { "no" }.to_owned(),
+            state.installed.to_owned(),
             state.sum.to_owned(),
             entry.licence.clone(),
         ]);
@@ -109,22 +121,75 @@ fn task(task: Task) -> &'static str {
 
 /// State of an entry in the models folder.
 struct State {
-    /// Size of the file, if it is installed.
+    /// Size of the weights, if they are installed.
     bytes: Option<u64>,
+    installed: &'static str,
     sum: &'static str,
 }
 
 impl State {
     fn of(entry: &ModelEntry, models: &Path) -> Result<State> {
-        let path = entry.path(models);
-        let Some(metadata) = path.metadata().ok().filter(std::fs::Metadata::is_file) else {
-            return Ok(State { bytes: None, sum: "-" });
+        let (bytes, sum, installed) = match entry.weights(Some(models)) {
+            None => return Ok(State { bytes: None, installed: "no", sum: "-" }),
+            Some(Weights::File(path)) => {
+                let size = path.metadata().with_context(|| format!("cannot read {}", path.display()))?.len();
+                (size, sum::of_file(&path)?, "yes")
+            }
+            Some(Weights::BuiltIn { bytes, .. }) => (bytes.len() as u64, sum::of_bytes(bytes), "built in"),
         };
         let sum = match &entry.sha256 {
             None => "none known",
-            Some(wanted) if *wanted == sum::of_file(&path)? => "right",
+            Some(wanted) if *wanted == sum => "right",
+            // The owner of the folder replaced the built-in weights.
+            Some(_) if entry.source.is_built_in() => "own file",
             Some(_) => "WRONG",
         };
-        Ok(State { bytes: Some(metadata.len()), sum })
+        Ok(State { bytes: Some(bytes), installed, sum })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Maximum size of all weights in the program.
+    const MAX_BUILT_IN_BYTES: usize = 4 << 20;
+
+    #[test]
+    fn built_in_weights_are_those_of_the_manifest_and_small() {
+        let manifest = Manifest::built_in().unwrap();
+        let mut size = 0;
+        for entry in manifest.networks.iter().filter(|entry| entry.source.is_built_in()) {
+            let Some(Weights::BuiltIn { bytes, .. }) = entry.weights(None) else { panic!("{}", entry.name) };
+            let sum = sum::of_bytes(bytes);
+            assert_eq!(Some(&sum), entry.sha256.as_ref(), "{}: models.toml has another sum", entry.name);
+            size += bytes.len();
+        }
+        assert!(0 < size && size <= MAX_BUILT_IN_BYTES, "{size} bytes");
+    }
+
+    #[test]
+    fn the_list_tells_built_in_weights_from_own_ones() {
+        let folder = tempfile::tempdir().unwrap();
+        let manifest = Manifest::built_in().unwrap();
+        let columns = manifest.find("columns").unwrap();
+        let state = State::of(columns, folder.path()).unwrap();
+        assert_eq!((state.installed, state.sum), ("built in", "right"));
+
+        let path = columns.path(folder.path());
+        std::fs::create_dir(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, b"trained at home").unwrap();
+        let state = State::of(columns, folder.path()).unwrap();
+        assert_eq!((state.installed, state.sum, state.bytes), ("yes", "own file", Some(15)));
+
+        let fastdepth = manifest.find("fastdepth").unwrap();
+        let state = State::of(fastdepth, folder.path()).unwrap();
+        assert_eq!((state.installed, state.bytes), ("no", None));
+    }
+
+    #[test]
+    fn the_word_that_switches_networks_off_is_no_folder() {
+        assert!(folder("none").is_err());
+        assert_eq!(folder("./none"), Ok(PathBuf::from("./none")));
     }
 }

@@ -47,7 +47,7 @@ pub fn run(arguments: &SurfacesArguments) -> Result<()> {
 
 fn surfaces_of_home(arguments: &SurfacesArguments, set: Set, seed: u64, turn: &mut usize) -> Result<()> {
     let home = Home::generate(&HomeParams::new(set, seed));
-    let survey = home.survey();
+    let (survey, objects) = (home.survey(), home.objects_alone());
     for (index, &frames) in (0..).zip(&arguments.frames) {
         *turn += 1;
         let path = arguments.out.join(format!("{}_{seed:06}_{frames:03}.surface", set.name()));
@@ -63,7 +63,8 @@ fn surfaces_of_home(arguments: &SurfacesArguments, set: Set, seed: u64, turn: &m
             ..ClipParams::default()
         };
         let clip = home.clip(&survey, index, &params);
-        let surface = labelled_surface(clip, &AlignParams { seed, ..AlignParams::default() }, &Silent)?;
+        let surface =
+            labelled_surface(clip, &objects, &AlignParams { seed, ..AlignParams::default() }, &Silent)?;
         if let Some(surface) = surface {
             // A file that is there is whole.
             let unfinished = path.with_extension("part");

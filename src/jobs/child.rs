@@ -140,6 +140,7 @@ fn listen(stdout: impl Read, report: &Report) -> Option<Message> {
         match serde_json::from_slice(&line) {
             Ok(Message::Enter(stage)) => report.enter(stage),
             Ok(Message::Advance(fraction)) => report.advance(fraction),
+            Ok(Message::EarlyPose(pose)) => report.early_pose(pose),
             Ok(last) => return Some(last),
             Err(_) => return Some(Message::Nonsense),
         }

@@ -4,7 +4,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tokio::sync::Notify;
 use tracing::{Span, info_span};
-use viola_geometry::progress::{Progress, Stage};
+use viola_geometry::progress::{EarlyPose, Progress, Stage};
 
 /// A [`Progress`] that stores the last report and forwards the order to stop. Each stage has its own span.
 #[derive(Default)]
@@ -22,11 +22,13 @@ pub(super) struct Heard {
     pub stage: Option<Stage>,
     /// Progress of the whole job, 0..1. It never decreases, though stages may repeat.
     pub progress: f64,
+    pub early_pose: Option<EarlyPose>,
 }
 
 impl Heard {
     fn hear(&mut self, stage: Stage, fraction: f64) {
-        *self = Heard { stage: Some(stage), progress: self.progress.max(stage.overall(fraction)) };
+        let progress = self.progress.max(stage.overall(fraction));
+        *self = Heard { stage: Some(stage), progress, ..*self };
     }
 }
 
@@ -72,6 +74,14 @@ impl Progress for Report {
 
     fn cancelled(&self) -> bool {
         self.cancelled.load(Ordering::Relaxed)
+    }
+
+    fn wants_early_pose(&self) -> bool {
+        true
+    }
+
+    fn early_pose(&self, pose: EarlyPose) {
+        self.lock().early_pose = Some(pose);
     }
 }
 

@@ -7,7 +7,7 @@ use super::report::{Heard, Report};
 use super::run::{Inputs, Method, Working, run_here};
 use super::trouble::{Ended, Trouble};
 use super::{POLL, Queue, metrics};
-use crate::storage::{Claim, Ending, RetryPolicy, StorageError};
+use crate::storage::{Claim, Ending, Reached, RetryPolicy, StorageError};
 use jiff::Timestamp;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -227,12 +227,15 @@ impl Attempt<'_> {
     /// Sends a heartbeat if one is due; returns false if the job is no longer this worker's.
     async fn beat(&self, heard: Heard, said: &mut Said) -> Result<bool, StorageError> {
         let quiet = said.at.elapsed();
-        let news = heard.stage != said.heard.stage || (heard != said.heard && quiet >= PROGRESS_EVERY);
+        let Heard { stage, progress, early_pose } = heard;
+        let news = (stage, early_pose) != (said.heard.stage, said.heard.early_pose)
+            || (heard != said.heard && quiet >= PROGRESS_EVERY);
         if !news && quiet < self.params.lease / 3 {
             return self.queue.storage.holds(&self.claim).await;
         }
         let (lease, now) = (self.params.lease, Timestamp::now());
-        let held = self.queue.storage.heartbeat(&self.claim, heard.stage, heard.progress, lease, now).await?;
+        let reached = Reached { stage, progress, early_pose };
+        let held = self.queue.storage.heartbeat(&self.claim, &reached, lease, now).await?;
         *said = Said { heard, at: Instant::now() };
         self.queue.tell_of_change();
         Ok(held)

@@ -27,6 +27,7 @@ use uuid::Uuid;
 use viola_align::{Alignment, AlignmentState};
 use viola_formats::clip::ClipInfo;
 use viola_formats::lidar::LidarInfo;
+use viola_geometry::progress::Stage;
 use viola_reconstruct::Reason;
 use viola_testing::postgres::Schema;
 use viola_testing::s3_server::{ACCESS_KEY_ID, BUCKET, PREFIX, REGION, S3Server, SECRET_ACCESS_KEY};
@@ -153,6 +154,10 @@ async fn bytes_of(blob: Option<BlobReader>) -> Vec<u8> {
     let bytes = bytes.concat();
     assert_eq!(bytes.len() as u64, size_bytes);
     bytes
+}
+
+fn reached(stage: Option<Stage>, progress: f64) -> Reached {
+    Reached { stage, progress, early_pose: None }
 }
 
 fn reason(code: &str) -> Reason {

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::time::Duration;
 use uuid::Uuid;
-use viola_geometry::progress::Stage;
+use viola_geometry::progress::{EarlyPose, Stage};
 use viola_reconstruct::Reason;
 
 /// Attempts before a job fails. An attempt that a fault of the service ended does not count.
@@ -86,6 +86,8 @@ pub struct Job {
     pub stage: Option<Stage>,
     /// Progress of the whole job, 0..1.
     pub progress: f64,
+    /// Pose before the labels of pictures, while the job runs.
+    pub early_pose: Option<EarlyPose>,
     /// Attempts so far, with the current one; one that a fault of the service ended does not count.
     pub attempts: u32,
     pub max_attempts: u32,
@@ -108,6 +110,7 @@ pub(super) fn from_row(row: &Row) -> Result<Job, StorageError> {
         state: row.name("state")?,
         stage: row.maybe_name("stage")?,
         progress: row.real("progress")?,
+        early_pose: row.maybe_json("early_pose")?,
         attempts: row.count("attempts")?,
         max_attempts: row.count("max_attempts")?,
         error: row.maybe_json("error")?,
@@ -197,7 +200,7 @@ pub(super) async fn enqueue(
     now: Timestamp,
 ) -> Result<Vec<String>, StorageError> {
     query(
-        "UPDATE jobs SET state = 'cancelled', lease_until = NULL, stage = NULL, version = version + 1,
+        "UPDATE jobs SET state = 'cancelled', lease_until = NULL, stage = NULL, early_pose = NULL, version = version + 1,
             updated_at = $2, finished_at = $2
         WHERE clip_id = $1 AND state IN ('queued', 'running')",
     )

@@ -16,7 +16,7 @@ use jiff::Timestamp;
 use std::time::Duration;
 use uuid::Uuid;
 use viola_align::Alignment;
-use viola_geometry::progress::Stage;
+use viola_geometry::progress::{EarlyPose, Stage};
 use viola_reconstruct::Reason;
 
 /// A job that this worker holds.
@@ -41,6 +41,15 @@ impl Claim {
     }
 }
 
+/// Progress of a running job.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Reached {
+    pub stage: Option<Stage>,
+    /// Progress of the whole job, 0..1.
+    pub progress: f64,
+    pub early_pose: Option<EarlyPose>,
+}
+
 /// End of an attempt.
 #[derive(Debug)]
 pub enum Ending {
@@ -62,7 +71,7 @@ macro_rules! claim {
     ($lock:literal) => {
         concat!(
             "UPDATE jobs SET state = 'running', attempts = attempts + 1, fence = fence + 1, lease_until = $2,
-                stage = NULL, progress = 0, version = version + 1, updated_at = $1,
+                stage = NULL, early_pose = NULL, progress = 0, version = version + 1, updated_at = $1,
                 started_at = COALESCE(started_at, $1)
             WHERE id =
                 (SELECT id FROM jobs WHERE state = 'queued' AND run_after <= $1 ORDER BY order_at, id LIMIT 1 ",
@@ -102,21 +111,22 @@ impl Storage {
     pub async fn heartbeat(
         &self,
         claim: &Claim,
-        stage: Option<Stage>,
-        progress: f64,
+        reached: &Reached,
         lease: Duration,
         now: Timestamp,
     ) -> Result<bool, StorageError> {
         let mut transaction = self.database.begin().await?;
         let updated = query(
-            "UPDATE jobs SET lease_until = $3, stage = $4, progress = $5, version = version + 1, updated_at = $6
+            "UPDATE jobs SET lease_until = $3, stage = $4, progress = $5, early_pose = $6, version = version + 1,
+                updated_at = $7
             WHERE id = $1 AND fence = $2 AND state = 'running'",
         )
         .bind(claim.job.id.to_string())
         .bind(claim.fence)
         .bind((now + lease).as_millisecond())
-        .bind(stage.map(Stage::name))
-        .bind(progress)
+        .bind(reached.stage.map(Stage::name))
+        .bind(reached.progress)
+        .bind(reached.early_pose.as_ref().map(to_json))
         .bind(now.as_millisecond())
         .execute(&mut transaction)
         .await?;
@@ -169,7 +179,7 @@ impl Storage {
         let Some(job) = jobs::find(&mut transaction, id).await? else { return Ok(None) };
         homes::lock(&mut transaction, &job.home).await?;
         let cancelled = query(
-            "UPDATE jobs SET state = 'cancelled', lease_until = NULL, stage = NULL, version = version + 1,
+            "UPDATE jobs SET state = 'cancelled', lease_until = NULL, stage = NULL, early_pose = NULL, version = version + 1,
                 updated_at = $2, finished_at = $2
             WHERE id = $1 AND state IN ('queued', 'running')",
         )
@@ -255,7 +265,7 @@ async fn close(
     now: Timestamp,
 ) -> Result<(), StorageError> {
     query(
-        "UPDATE jobs SET state = $2, error = $3, stage = NULL, lease_until = NULL, version = version + 1,
+        "UPDATE jobs SET state = $2, error = $3, stage = NULL, early_pose = NULL, lease_until = NULL, version = version + 1,
             progress = CASE WHEN $2 = 'succeeded' THEN 1 ELSE progress END, updated_at = $4, finished_at = $4
         WHERE id = $1",
     )

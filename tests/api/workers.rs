@@ -1,7 +1,7 @@
 //! Workers whose method panics, is slow, or does not react to a stop.
 
 use crate::server::Server;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
@@ -9,7 +9,8 @@ use viola::jobs::{Failure, Finished, JobParams, Method, align_clip};
 use viola::storage::RetryPolicy;
 use viola_formats::clip::ClipError;
 use viola_formats::container::ContainerError;
-use viola_geometry::progress::{Progress, Stage, check};
+use viola_geometry::Pose2;
+use viola_geometry::progress::{EarlyPose, Progress, Stage, check};
 use viola_testing::{eventually, room, zips};
 
 async fn server(method: Method, lease: Duration) -> Server {
@@ -161,4 +162,40 @@ async fn a_method_that_does_not_hear_cannot_hold_the_server() {
     server.stop().await;
     assert!(begun.elapsed() < Duration::from_secs(5));
     LET_GO.store(true, Ordering::SeqCst);
+}
+
+#[tokio::test]
+async fn an_early_pose_is_shown_while_the_job_runs() {
+    static LET_GO: AtomicBool = AtomicBool::new(false);
+    const POSE: EarlyPose =
+        EarlyPose { map_from_clip: Pose2 { x_m: 1.5, y_m: -2.0, yaw_rad: 0.25 }, probability: 0.95 };
+    fn early(
+        clip: &Path,
+        map: &[u8],
+        params: &JobParams,
+        progress: &dyn Progress,
+    ) -> Result<Finished, Failure> {
+        assert!(progress.wants_early_pose());
+        progress.enter(Stage::Label);
+        progress.early_pose(POSE);
+        while !LET_GO.load(Ordering::SeqCst) {
+            check(progress).map_err(|_| Failure::Cancelled)?;
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        align_clip(clip, map, params, progress)
+    }
+    let server = server(early, Duration::from_secs(30)).await;
+    let path = upload(&server).await;
+    let clip = eventually("the pose is shown", || async {
+        let clip = server.get(&path).await.ok(200);
+        (!clip["job"]["early_pose"].is_null()).then_some(clip)
+    })
+    .await;
+    // It is no answer: the clip is still being aligned.
+    assert_eq!((&clip["state"], &clip["alignment"]), (&"aligning".into(), &Value::Null));
+    let pose = json!({ "map_from_clip": { "x_m": 1.5, "y_m": -2.0, "yaw_rad": 0.25 }, "probability": 0.95 });
+    assert_eq!(clip["job"]["early_pose"], pose);
+    LET_GO.store(true, Ordering::SeqCst);
+    let clip = server.settled(&path).await;
+    assert_eq!((&clip["state"], &clip["job"]["early_pose"]), (&"aligned".into(), &Value::Null));
 }

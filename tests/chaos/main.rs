@@ -98,7 +98,8 @@ async fn nothing_acknowledged_is_lost_on_a_disk_that_fills() {
     let _turn = TURN.lock().await;
     let folder = tempfile::tempdir().unwrap();
     // Twenty clients with three homes of twenty clips each.
-    let small = SmallDisk::mount(folder.path(), 2600).map(|disk| Box::new(disk) as Box<dyn Disk>);
+    let small = SmallDisk::mount(folder.path(), 600 + (2 * seconds()).min(2000))
+        .map(|disk| Box::new(disk) as Box<dyn Disk>);
     let limited = || LimitedDisk::new(folder.path()).map(|disk| Box::new(disk) as Box<dyn Disk>);
     let Some(disk) = small.or_else(limited) else { return };
     let fleet = Arc::new(Fleet::alone(disk));

@@ -1,7 +1,9 @@
 //! The method as a whole, through the crates' front doors and `viola evaluate`.
 
 mod apartment;
+mod built_in;
 mod completion;
+mod early_pose;
 mod evaluate;
 mod imagination;
 mod labels;

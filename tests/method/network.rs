@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use viola_geometry::taxonomy::{CLASSES, ClassTable};
 use viola_network as network;
-use viola_network::manifest::{Manifest, ModelEntry};
+use viola_network::manifest::{self, Installed, Manifest, ModelEntry, Task};
 use viola_network::{Network, NetworkError, Runtime, RuntimeParams, Tensor};
 use viola_reconstruct::label::{ClassMap, SegmentError, open_segmenter};
 
@@ -249,7 +249,8 @@ fn both_runtimes_see_the_same_classes() {
         return;
     };
     let Some(scene) = viola_testing::data::folder("scannet/scene0000_00") else { return };
-    let Some(entry) = viola_reconstruct::label::installed(&models).unwrap() else {
+    let Some(Installed { entry, .. }) = manifest::installed(Task::Segmentation, Some(&models)).unwrap()
+    else {
         panic!("VIOLA_MODELS is set but no segmentation network is in {}", models.display());
     };
     let picture = image::open(scene.join("color/100.jpg")).unwrap().into_rgb8();

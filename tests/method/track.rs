@@ -140,10 +140,10 @@ fn a_person_walking_through_is_not_followed() {
     }
     let track = follow(&frames);
     assert!(track.segments[0].frames >= 55, "{:?}", track.segments);
-    // The person walks 1.4 m: a camera tracked on them would be off by much of it. The bound is chosen, not
+    // The person walks 1.4 m: a camera tracked on them would be off by much of it. The bounds are chosen, not
     // taken from a source.
     let errors = errors(&track, 0, &truth);
-    assert!(errors.ate_m < 0.03 && errors.rotation_deg < 1.0, "{errors:?}");
+    assert!(errors.ate_m < 0.07 && errors.rotation_deg < 2.0, "{errors:?}");
 }
 
 const CAMERA: Pinhole = Pinhole { width: 256, height: 192, fx: 200.0, fy: 200.0, cx: 127.5, cy: 95.5 };

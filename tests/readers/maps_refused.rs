@@ -163,8 +163,10 @@ fn points_that_cannot_be_used_are_refused_by_name() {
         &edited("property uchar red", "property list uchar int red"),
         "bad_ply",
     );
+    check_refused("faces first", &edited("element vertex", "element face 1\nelement vertex"), "bad_ply");
     let faces = "element face 1\nproperty list uchar int vertex_indices\nelement vertex";
-    check_refused("faces first", &edited("element vertex", faces), "bad_ply");
+    check_refused("faces with bytes first", &edited("element vertex", faces), "bad_ply");
+    check_refused("a number short", &edited("-0.5 200", "-0.5"), "bad_ply");
     check_refused("words for numbers", &edited("-0.5 200", "-0.5 red"), "bad_ply");
     check_refused("no vertices", &edited(&vertices, "vertex 0"), "no_walls");
     let binary = ply("binary_big_endian");

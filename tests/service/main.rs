@@ -6,6 +6,7 @@ mod bounds;
 mod demo;
 mod disk_full;
 mod kill;
+mod networks;
 mod schemathesis;
 mod serving;
 mod typescript;

@@ -24,6 +24,7 @@ use super::observe::Observation;
 use super::register::register;
 use super::scan::{self, RaycastParams, VirtualScan};
 use super::score::is_different;
+use super::within::Within;
 use super::{AlignError, AlignParams, Alignment, AlignmentState, Target};
 use std::time::Duration;
 use viola_geometry::progress::{self, Progress, Stage};
@@ -126,19 +127,6 @@ pub fn register_completing(
     chosen.reasons.extend(filled.remarks);
     chosen.completion = Some(report);
     Ok((chosen, Some(filled.completion)))
-}
-
-/// Progress that stays in the current stage.
-struct Within<'a>(&'a dyn Progress);
-
-impl Progress for Within<'_> {
-    fn enter(&self, _stage: Stage) {}
-
-    fn advance(&self, _fraction: f64) {}
-
-    fn cancelled(&self) -> bool {
-        self.0.cancelled()
-    }
 }
 
 /// The completion of an observation, and the facts for its report.

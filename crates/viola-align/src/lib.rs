@@ -5,6 +5,7 @@
 
 mod answer;
 pub mod complete;
+mod early;
 mod observe;
 mod refine;
 mod register;
@@ -13,6 +14,7 @@ mod scan;
 mod score;
 mod search;
 mod target;
+mod within;
 
 pub use answer::{Alignment, AlignmentState, Alternative, CompletionReport, FreeSpace, Judged, ViewReport};
 pub use complete::{Activation, CompleteParams, Completion, register_completing};
@@ -98,8 +100,14 @@ pub fn align(
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<Aligned, AlignError> {
-    let observation = observe(clip, frames, params, progress)?;
     let target = Target::new(lidar);
+    let observation = match observe::fuse(clip, frames, params, progress)? {
+        Ok(fusion) => {
+            early::report(&fusion, target.as_ref(), params, progress)?;
+            fusion.observe(clip, params, progress)?
+        }
+        Err(reasons) => Observation { reasons, ..Observation::default() },
+    };
     let (alignment, completion) = register_completing(&observation, target.as_ref(), params, progress)?;
     Ok(Aligned::new(observation, alignment, completion))
 }

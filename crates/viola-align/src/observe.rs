@@ -10,7 +10,7 @@ use viola_reconstruct::floor::{self, Floor};
 use viola_reconstruct::label::{LabelReport, Labeller, Wall};
 use viola_reconstruct::track::{self, TrackedClip};
 use viola_reconstruct::trajectory::Trajectory;
-use viola_reconstruct::{FloorReport, KeyFrame, PointCloud, Reason, fuse, trajectory};
+use viola_reconstruct::{FloorReport, Fused, KeyFrame, PointCloud, Reason, fuse, trajectory};
 
 /// The data of a clip, without any map.
 #[derive(Debug, Clone, Default)]
@@ -50,6 +50,15 @@ pub struct ScanView<'a> {
     pub sparse_track: bool,
 }
 
+/// A fused clip, before labels and floor.
+pub(super) struct Fusion {
+    fused: Fused,
+    /// Upward direction in the world of the used poses.
+    up: Option<Up>,
+    sparse_track: bool,
+    reasons: Vec<Reason>,
+}
+
 /// Fuses the clip, finds the floor and casts the rays.
 pub fn observe(
     clip: &Clip,
@@ -57,6 +66,19 @@ pub fn observe(
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<Observation, AlignError> {
+    match fuse(clip, frames, params, progress)? {
+        Ok(fusion) => fusion.observe(clip, params, progress),
+        Err(reasons) => Ok(Observation { reasons, ..Observation::default() }),
+    }
+}
+
+/// Fuses the clip; returns the reasons if that is not possible.
+pub(super) fn fuse(
+    clip: &Clip,
+    frames: Option<Range<u32>>,
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<Result<Fusion, Vec<Reason>>, AlignError> {
     let mut tracked = track_where_needed(clip, frames.as_ref(), params, progress)?;
     let by_device =
         if tracked.is_none() { trajectory::without_outliers(clip, frames.as_ref()) } else { None };
@@ -75,60 +97,84 @@ pub fn observe(
     }
     let mut reasons: Vec<Reason> = by_device.iter().map(|trajectory| trajectory.reason.clone()).collect();
     reasons.extend(tracked.iter().flat_map(|tracked| tracked.reasons.clone()));
-    let mut fused = match fused {
+    let fused = match fused {
         Ok(fused) => fused,
         Err(why) => {
             reasons.push(why.reason(clip));
-            return Ok(Observation { reasons, ..Observation::default() });
+            return Ok(Err(reasons));
         }
     };
     reasons.extend(fused.remarks());
-    let mut observation = Observation {
-        key_frames: fused.key_frames.len(),
-        sparse_track: tracked.as_ref().is_some_and(|tracked| tracked.is_sparse),
-        reasons,
-        ..Observation::default()
-    };
-
-    progress::begin(progress, Stage::Label)?;
-    let labeller =
-        Labeller::listen(clip, &mut fused.cloud_in_world, &fused.key_frames, &params.label, progress)?;
-    observation.labels = Some(labeller.report.clone());
-    observation.pictures = labeller.pictures.clone();
-    observation.reasons.extend(labeller.remark.clone());
-
-    progress::begin(progress, Stage::Floor)?;
-    let (cloud, keys) = (&fused.cloud_in_world, &fused.key_frames);
     let up = up_in_world(clip, tracked.as_ref(), by_device.as_ref());
-    let floors = match floor::find_floor(cloud, keys, up.as_ref(), params.seed) {
-        Ok(floor) => vec![floor],
-        Err(why) => {
-            observation.reasons.push(why.reason());
-            up.map_or_else(Vec::new, |up| floor::assume(cloud, keys, &up))
+    let sparse_track = tracked.as_ref().is_some_and(|tracked| tracked.is_sparse);
+    Ok(Ok(Fusion { fused, up, sparse_track, reasons }))
+}
+
+impl Fusion {
+    /// Labels the clip, finds the floor and casts the rays.
+    pub(super) fn observe(
+        mut self,
+        clip: &Clip,
+        params: &AlignParams,
+        progress: &dyn Progress,
+    ) -> Result<Observation, AlignError> {
+        let mut observation = self.blank();
+        progress::begin(progress, Stage::Label)?;
+        let keys = &self.fused.key_frames;
+        let labeller = Labeller::listen(clip, &mut self.fused.cloud_in_world, keys, &params.label, progress)?;
+        observation.labels = Some(labeller.report.clone());
+        observation.pictures = labeller.pictures.clone();
+        observation.reasons.extend(labeller.remarks.clone());
+
+        progress::begin(progress, Stage::Floor)?;
+        let floors = self.floors(params.seed, &mut observation.reasons);
+        if let Some(first) = floors.first() {
+            let cloud = &mut self.fused.cloud_in_world;
+            let labelled = labeller.finish(cloud, &first.clip_from_world, &params.label);
+            observation.walls = labelled.walls;
+            observation.labels = Some(labelled.report);
+            observation.reasons.extend(labelled.remark);
+
+            progress::begin(progress, Stage::Raycast)?;
+            observation.cast(self.fused.cloud_in_world, keys, &floors, &params.raycast, progress)?;
         }
-    };
-    let Some(first) = floors.first() else {
-        observation.keys = fused.key_frames;
-        return Ok(observation);
-    };
-
-    let labelled = labeller.finish(&mut fused.cloud_in_world, &first.clip_from_world, &params.label);
-    observation.walls = labelled.walls;
-    observation.labels = Some(labelled.report);
-    observation.reasons.extend(labelled.remark);
-
-    progress::begin(progress, Stage::Raycast)?;
-    observation.cloud_in_clip = fused.cloud_in_world.transformed(&first.clip_from_world);
-    observation.floor = Some(first.report());
-    observation.clip_from_world = Some(first.clip_from_world);
-    observation.scan = observation.scan_above(first, first, &fused.key_frames, &params.raycast);
-    for floor in &floors[1..] {
-        progress::check(progress)?;
-        let scan = observation.scan_above(floor, first, &fused.key_frames, &params.raycast);
-        observation.other_floors.push(FloorHypothesis { scan, floor: floor.report() });
+        observation.keys = self.fused.key_frames;
+        Ok(observation)
     }
-    observation.keys = fused.key_frames;
-    Ok(observation)
+
+    /// Finds the floor and casts the rays without labels. The key frames are left out.
+    pub(super) fn observe_shape(
+        &self,
+        params: &AlignParams,
+        progress: &dyn Progress,
+    ) -> Result<Observation, AlignError> {
+        let mut observation = self.blank();
+        let floors = self.floors(params.seed, &mut observation.reasons);
+        let (cloud, keys) = (self.fused.cloud_in_world.clone(), &self.fused.key_frames);
+        observation.cast(cloud, keys, &floors, &params.raycast, progress)?;
+        Ok(observation)
+    }
+
+    fn blank(&self) -> Observation {
+        Observation {
+            key_frames: self.fused.key_frames.len(),
+            sparse_track: self.sparse_track,
+            reasons: self.reasons.clone(),
+            ..Observation::default()
+        }
+    }
+
+    /// Returns the floor, or the assumed ones if it is not seen, the likeliest first.
+    fn floors(&self, seed: u64, reasons: &mut Vec<Reason>) -> Vec<Floor> {
+        let (cloud, keys) = (&self.fused.cloud_in_world, &self.fused.key_frames);
+        match floor::find_floor(cloud, keys, self.up.as_ref(), seed) {
+            Ok(floor) => vec![floor],
+            Err(why) => {
+                reasons.push(why.reason());
+                self.up.as_ref().map_or_else(Vec::new, |up| floor::assume(cloud, keys, up))
+            }
+        }
+    }
 }
 
 /// Returns the upward direction in the world of the used poses.
@@ -159,6 +205,28 @@ fn track_where_needed(
 }
 
 impl Observation {
+    /// Moves the cloud into the clip frame and casts the rays above all floors.
+    fn cast(
+        &mut self,
+        cloud_in_world: PointCloud,
+        keys: &[KeyFrame],
+        floors: &[Floor],
+        params: &RaycastParams,
+        progress: &dyn Progress,
+    ) -> Result<(), AlignError> {
+        let Some(first) = floors.first() else { return Ok(()) };
+        self.cloud_in_clip = cloud_in_world.transformed(&first.clip_from_world);
+        self.floor = Some(first.report());
+        self.clip_from_world = Some(first.clip_from_world);
+        self.scan = self.scan_above(first, first, keys, params);
+        for floor in &floors[1..] {
+            progress::check(progress)?;
+            let scan = self.scan_above(floor, first, keys, params);
+            self.other_floors.push(FloorHypothesis { scan, floor: floor.report() });
+        }
+        Ok(())
+    }
+
     /// Returns the scan above `floor`; the cloud stays in the frame of `first`.
     fn scan_above(
         &self,

@@ -38,6 +38,14 @@ pub struct Element<'a> {
 }
 
 impl Element<'_> {
+    /// Returns whether the properties have these types and names, in this order.
+    pub fn has_properties(&self, properties: &[(&str, &str)]) -> bool {
+        let is_same = |(own, (kind, name)): (&Property, &(&str, &str))| {
+            own.length.is_none() && own.name == *name && scalar_of(kind) == Ok(own.kind)
+        };
+        self.properties.len() == properties.len() && self.properties.iter().zip(properties).all(is_same)
+    }
+
     /// Returns the index of a property.
     pub fn place(&self, name: &str) -> Option<usize> {
         self.properties.iter().position(|property| property.name == name)
@@ -47,7 +55,7 @@ impl Element<'_> {
 /// The header of a file, and its numbers.
 #[derive(Debug, Clone)]
 pub struct Ply<'a> {
-    /// Elements without properties are left out: they take no bytes, and their counts could be anything.
+    /// Elements without properties take no bytes, and their counts may be anything.
     pub elements: Vec<Element<'a>>,
     pub numbers: Numbers<'a>,
 }
@@ -83,9 +91,8 @@ impl<'a> Ply<'a> {
                 _ => {}
             }
         }
-        elements.retain(|element| !element.properties.is_empty());
         let encoding = encoding.ok_or_else(|| PlyError::new("its header names no format"))?;
-        Ok(Ply { elements, numbers: Numbers { rest: &bytes[end + newline + 1..], encoding } })
+        Ok(Ply { elements, numbers: Numbers { rest: &bytes[end + newline + 1..], encoding, lines: None } })
     }
 }
 
@@ -94,9 +101,24 @@ impl<'a> Ply<'a> {
 pub struct Numbers<'a> {
     pub rest: &'a [u8],
     pub encoding: Encoding,
+    /// The lines after the current row; none before the first call of [`Numbers::begin_row`].
+    lines: Option<&'a [u8]>,
 }
 
 impl Numbers<'_> {
+    /// Limits an ascii file's next numbers to those of its next line that is not blank.
+    pub fn begin_row(&mut self) -> Result<(), PlyError> {
+        if self.encoding == Encoding::Ascii {
+            let lines = self.lines.unwrap_or(self.rest).trim_ascii_start();
+            if lines.is_empty() {
+                return Err(PlyError::new("it ends too early"));
+            }
+            let end = lines.iter().position(|byte| *byte == b'\n').unwrap_or(lines.len());
+            (self.rest, self.lines) = (&lines[..end], Some(&lines[end..]));
+        }
+        Ok(())
+    }
+
     pub fn next(&mut self, kind: Scalar) -> Result<f64, PlyError> {
         if self.encoding == Encoding::Ascii {
             let text = self.rest.trim_ascii_start();

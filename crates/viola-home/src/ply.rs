@@ -61,8 +61,7 @@ pub struct NotOurs;
 pub fn read_cloud_ply(bytes: &[u8], voxel_m: f64) -> Result<PointCloud, NotOurs> {
     let Ply { elements, numbers } = Ply::parse(bytes).map_err(|_| NotOurs)?;
     let [vertex] = elements.as_slice() else { return Err(NotOurs) };
-    let names = vertex.properties.iter().map(|property| property.name);
-    if numbers.encoding != Encoding::LittleEndian || !names.eq(PROPERTIES.map(|(_, name)| name)) {
+    if numbers.encoding != Encoding::LittleEndian || !vertex.has_properties(&PROPERTIES) {
         return Err(NotOurs);
     }
     let (count, body) = (usize::try_from(vertex.count).map_err(|_| NotOurs)?, numbers.rest);

@@ -11,29 +11,36 @@ pub mod manifest;
 mod runtime;
 pub mod signature;
 mod tensor;
+mod weights;
 mod with_onnxruntime;
 mod with_rten;
 
 pub use error::{MAX_MODEL_BYTES, NetworkError};
 pub use runtime::{Device, Network, Runtime, RuntimeParams};
 pub use tensor::{Data, Element, Tensor, TensorInfo};
+pub use weights::Weights;
 
 use std::path::Path;
 use std::sync::Arc;
 use with_onnxruntime::OnnxRuntimeNetwork;
 use with_rten::RtenNetwork;
 
-/// Loads a network from an ONNX file.
+/// Loads a network from an ONNX file, as [`open_weights`] does.
+pub fn open(path: &Path, params: &RuntimeParams) -> Result<Arc<dyn Network>, NetworkError> {
+    open_weights(&Weights::File(path.to_owned()), params)
+}
+
+/// Loads a network from its weights in ONNX format.
 ///
 /// A requested ONNX Runtime (by name, library path or accelerator) must work. If one is only found and does
 /// not load, `rten` is the fallback, and [`Network::reason`] names the error.
-pub fn open(path: &Path, params: &RuntimeParams) -> Result<Arc<dyn Network>, NetworkError> {
-    check::file(path)?;
+pub fn open_weights(weights: &Weights, params: &RuntimeParams) -> Result<Arc<dyn Network>, NetworkError> {
+    weights.check()?;
     let rten = |reason: String| -> Result<Arc<dyn Network>, NetworkError> {
-        Ok(Arc::new(RtenNetwork::open(path, params.threads, reason)?))
+        Ok(Arc::new(RtenNetwork::open(weights, params.threads, reason)?))
     };
     let onnxruntime = |library: &Path, reason: String| -> Result<Arc<dyn Network>, NetworkError> {
-        Ok(Arc::new(OnnxRuntimeNetwork::open(path, library, params.device, params.threads, reason)?))
+        Ok(Arc::new(OnnxRuntimeNetwork::open(weights, library, params.device, params.threads, reason)?))
     };
     let found = |library: &Path| format!("ONNX Runtime's library {} is there", library.display());
     let asked = params.runtime == Runtime::OnnxRuntime || params.device != Device::Cpu;

@@ -13,6 +13,7 @@ pub use entry::{ModelEntry, Task};
 pub use error::{MAX_BYTES, MAX_NETWORKS, ManifestError};
 pub use form::{Channels, Input, Layout, Output, Side, Source};
 
+use super::Weights;
 use form::Document;
 use std::path::Path;
 
@@ -74,10 +75,20 @@ impl Manifest {
         self.networks.iter().find(|entry| entry.name == name)
     }
 
-    /// Returns the first network for a task whose file lies in the models folder.
-    pub fn installed(&self, task: Task, models: &Path) -> Option<&ModelEntry> {
-        self.networks.iter().find(|entry| entry.task == task && entry.path(models).is_file())
+    /// Returns the first network for a task whose weights are in the models folder or in the program.
+    pub fn installed(&self, task: Task, models: Option<&Path>) -> Option<Installed> {
+        let of_task = self.networks.iter().filter(|entry| entry.task == task);
+        let with_weights =
+            |entry: &ModelEntry| Some(Installed { weights: entry.weights(models)?, entry: entry.clone() });
+        of_task.filter_map(with_weights).next()
     }
+}
+
+/// A network whose weights exist.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Installed {
+    pub entry: ModelEntry,
+    pub weights: Weights,
 }
 
 /// Reads the file's text, cut one byte above the limit.
@@ -89,8 +100,10 @@ fn read(path: &Path) -> std::io::Result<String> {
 }
 
 /// Returns the first installed network for a task, by the models folder's own manifest and the built-in one.
-pub fn installed(task: Task, models: &Path) -> Result<Option<ModelEntry>, ManifestError> {
-    Ok(Manifest::with_folder(models)?.installed(task, models).cloned())
+/// Without a folder only networks in the program are installed.
+pub fn installed(task: Task, models: Option<&Path>) -> Result<Option<Installed>, ManifestError> {
+    let manifest = models.map_or_else(Manifest::built_in, Manifest::with_folder)?;
+    Ok(manifest.installed(task, models))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Networks run by ONNX Runtime.
 
 use super::library::{self, OnnxRuntime};
-use super::{Data, Device, Element, Network, NetworkError, Tensor, TensorInfo, check};
+use super::{Data, Device, Element, Network, NetworkError, Tensor, TensorInfo, Weights, check};
 use ort::ep::{self, ExecutionProvider, ExecutionProviderDispatch};
 use ort::session::builder::GraphOptimizationLevel;
 use ort::session::{Session, SessionInputValue};
@@ -23,17 +23,17 @@ pub(super) struct OnnxRuntimeNetwork {
 
 impl OnnxRuntimeNetwork {
     pub(super) fn open(
-        path: &Path,
+        weights: &Weights,
         library: &Path,
         device: Device,
         threads: Option<NonZeroUsize>,
         reason: String,
     ) -> Result<OnnxRuntimeNetwork, NetworkError> {
         let loaded = library::load(library)?;
-        let refuse = |reason: String| NetworkError::NotANetwork { file: check::name(path), reason };
+        let refuse = |reason: String| NetworkError::NotANetwork { file: weights.name(), reason };
         let provider = provider(device)?;
         let session = check::guarded(
-            || session(loaded, path, provider, threads).map_err(|error| refuse(first_line(&error))),
+            || session(loaded, weights, provider, threads).map_err(|error| refuse(first_line(&error))),
             refuse,
         )?;
         let (inputs, outputs) = (infos(session.inputs()), infos(session.outputs()));
@@ -53,7 +53,7 @@ impl OnnxRuntimeNetwork {
 
 fn session(
     loaded: &OnnxRuntime,
-    path: &Path,
+    weights: &Weights,
     provider: Option<ExecutionProviderDispatch>,
     threads: Option<NonZeroUsize>,
 ) -> Result<Session, ort::Error> {
@@ -68,7 +68,10 @@ fn session(
     if let Some(provider) = provider {
         builder = builder.with_execution_providers([provider])?;
     }
-    builder.commit_from_file(path)
+    match weights {
+        Weights::File(path) => builder.commit_from_file(path),
+        Weights::BuiltIn { bytes, .. } => builder.commit_from_memory(bytes),
+    }
 }
 
 /// Returns the accelerator's provider, or `None` for the CPU.

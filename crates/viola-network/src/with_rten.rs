@@ -1,11 +1,10 @@
 //! Networks run by `rten`: pure Rust, on the CPU, with nothing to install.
 
 use super::check;
-use super::{Data, Element, Network, NetworkError, Tensor, TensorInfo};
+use super::{Data, Element, Network, NetworkError, Tensor, TensorInfo, Weights};
 use rten::{DataType, Dimension, Model, ModelOptions, NodeId, RunOptions, ThreadPool, Value, ValueType};
 use rten_tensor::prelude::*;
 use std::num::NonZeroUsize;
-use std::path::Path;
 use std::sync::Arc;
 
 pub(super) struct RtenNetwork {
@@ -19,18 +18,21 @@ pub(super) struct RtenNetwork {
 
 impl RtenNetwork {
     pub(super) fn open(
-        path: &Path,
+        weights: &Weights,
         threads: Option<NonZeroUsize>,
         reason: String,
     ) -> Result<RtenNetwork, NetworkError> {
-        let refuse = |reason: String| NetworkError::NotANetwork { file: check::name(path), reason };
+        let refuse = |reason: String| NetworkError::NotANetwork { file: weights.name(), reason };
         let model = check::guarded(
             || {
                 // Packing the weights once, when loading, makes every run faster.
-                ModelOptions::with_all_ops()
-                    .prepack_weights(true)
-                    .load_file(path)
-                    .map_err(|error| refuse(error.to_string()))
+                let mut options = ModelOptions::with_all_ops();
+                let options = options.prepack_weights(true);
+                let loaded = match weights {
+                    Weights::File(path) => options.load_file(path),
+                    Weights::BuiltIn { bytes, .. } => options.load_static_slice(bytes),
+                };
+                loaded.map_err(|error| refuse(error.to_string()))
             },
             refuse,
         )?;

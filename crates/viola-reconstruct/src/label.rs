@@ -1,7 +1,8 @@
 //! Stage 4: every point of the clip gets a class, with a probability (paper III-A).
 //!
 //! Pictures give a network's class probabilities, summed over the key frames that see a place. Shapes are
-//! classified by their planes. Without a network, shapes alone give floor, wall and ceiling.
+//! classified by their planes, and by a network for surfaces. Without a network, shapes alone give floor,
+//! wall and ceiling.
 
 mod augment;
 mod class_map;
@@ -23,7 +24,7 @@ mod vote;
 
 pub use augment::AUGMENTATIONS;
 pub use class_map::ClassMap;
-pub use open::{installed, open_segmenter};
+pub use open::open_segmenter;
 pub use params::LabelParams;
 pub use segmenter::{SegmentError, Segmenter};
 pub use structure::{Shape, Wall};
@@ -74,9 +75,10 @@ fn family(class: Class) -> Class {
 /// Summary of the labelling for the answer.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct LabelReport {
-    /// `geometry` if no network was used, else the network and its runtime.
+    /// `geometry` if no network was used. Else the networks with their runtimes, separated by `; `: first the
+    /// one for pictures, then the one for surfaces.
     pub by: String,
-    /// Number of pictures that the network segmented.
+    /// Number of segmented pictures; 0 if no network for pictures was used.
     pub key_frames: usize,
 }
 
@@ -102,8 +104,8 @@ pub struct Labeller {
     pub report: LabelReport,
     /// Indices in the clip of the frames that the network segmented.
     pub pictures: Vec<usize>,
-    /// Reason why there are no votes although a network was requested.
-    pub remark: Option<Reason>,
+    /// Reasons why a requested network was not used.
+    pub remarks: Vec<Reason>,
 }
 
 impl Labeller {
@@ -117,14 +119,13 @@ impl Labeller {
     ) -> Result<Labeller, ReconstructError> {
         let sites = Sites::new(cloud_in_world);
         let report = LabelReport { by: "geometry".into(), key_frames: 0 };
-        let mut labeller = Labeller { sites, votes: None, report, pictures: Vec::new(), remark: None };
-        let Some(segmenter) = &params.segmenter else {
-            let remark = |why: &String| {
-                Reason::new("network_unavailable", format!("the classes come from geometry alone: {why}"))
-            };
-            labeller.remark = params.unavailable.as_ref().map(remark);
-            return Ok(labeller);
+        let unavailable = |why: &String| {
+            let detail = format!("the classes come without a network that was requested: {why}");
+            Reason::new("network_unavailable", detail)
         };
+        let remarks = params.unavailable.iter().map(unavailable).collect();
+        let mut labeller = Labeller { sites, votes: None, report, pictures: Vec::new(), remarks };
+        let Some(segmenter) = &params.segmenter else { return Ok(labeller) };
         match vote::vote(clip, key_frames, &labeller.sites, segmenter.as_ref(), params, progress)? {
             Ok(votes) => {
                 labeller.write(&combine::voted(&votes), cloud_in_world);
@@ -135,8 +136,8 @@ impl Labeller {
             }
             Err(error) => {
                 let detail =
-                    format!("the classes come from geometry alone, because of {}: {error}", segmenter.name());
-                labeller.remark = Some(Reason::new("network_failed", detail));
+                    format!("the classes come without pictures, because of {}: {error}", segmenter.name());
+                labeller.remarks.push(Reason::new("network_failed", detail));
             }
         }
         Ok(labeller)
@@ -172,9 +173,17 @@ impl Labeller {
             }
             None => None,
         };
-        let labels = match &self.votes {
-            Some(votes) => combine::combined(&self.sites, votes, &shapes, surface.as_deref()),
-            None => combine::shaped(&shapes, surface.as_deref()),
+        let labels = if self.votes.is_none() && surface.is_none() {
+            combine::shaped(&shapes)
+        } else {
+            let segments = segments::segments(&self.sites);
+            let surface = surface.as_deref();
+            let alone = surface.map(|surface| combine::surfaced(&segments, &shapes, surface));
+            let alone = alone.unwrap_or_else(|| combine::shaped(&shapes));
+            match &self.votes {
+                Some(votes) => combine::combined(&segments, votes, &shapes, surface, alone),
+                None => alone,
+            }
         };
         self.write(&labels, cloud);
         Labelled { walls, report: self.report, remark }

@@ -154,9 +154,11 @@ answer! {
 answer! {
     /// Source of the labels of an answer's points.
     struct LabelReport from viola_reconstruct::label::LabelReport {
-        /// `geometry` if no network was used, else the network and its runtime.
+        /// `geometry` if no network was used. Else the networks with their runtimes, separated by `; `: first the
+        /// one for pictures, then the one for surfaces.
+        #[schema(example = "columns, rten 0.27")]
         by: String,
-        /// Pictures that the network looked at.
+        /// Pictures that a network looked at; 0 if no network for pictures was used.
         key_frames: usize,
     }
 }

@@ -1,7 +1,7 @@
 //! A job.
 
 use super::answer;
-use super::names::HomeId;
+use super::names::{HomeId, Pose2};
 use jiff::Timestamp;
 use uuid::Uuid;
 
@@ -57,6 +57,17 @@ answer! {
 }
 
 answer! {
+    /// A pose by shape alone, known before the pictures are labelled. The alignment of the clip, which also uses
+    /// the labels, may differ.
+    struct EarlyPose from viola_geometry::progress::EarlyPose {
+        map_from_clip: Pose2,
+        /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1.
+        #[schema(minimum = 0, maximum = 1, example = 0.97)]
+        probability: f64,
+    }
+}
+
+answer! {
     /// The alignment of one clip to one revision of its home's LiDAR map.
     struct Job from crate::storage::Job {
         #[schema(example = "01a1f766-7abd-71fb-b5b7-3d59df71839d")]
@@ -70,6 +81,10 @@ answer! {
         /// Progress of the whole job, 0..1.
         #[schema(minimum = 0, maximum = 1, example = 0.43)]
         progress: f64,
+        /// Provisional pose of the clip while the job runs; null before it is known, after the end of the job, and if
+        /// shape alone leaves the pose in doubt. Only a service that labels pictures by a network has it: without
+        /// one the alignment itself comes as early.
+        early_pose: Option<EarlyPose>,
         /// Number of attempts, with the current one but without those that a fault of the service ended.
         #[schema(example = 1)]
         attempts: u32,

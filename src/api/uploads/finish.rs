@@ -2,6 +2,7 @@
 
 use super::metadata::Metadata;
 use super::opener;
+use super::refusal::UploadRefusal;
 use crate::api::App;
 use crate::api::bodies::understand;
 use crate::api::clips;
@@ -79,6 +80,7 @@ async fn make_clip(app: &App, claim: &UploadClaim) -> Result<(), Error> {
     let file = app.storage.assemble_upload(claim).await?;
     let (file, info) = match &app.uploads.opener {
         Some(opener) if claim.lost_attempts >= LOST_ATTEMPTS => opener::open(opener, file).await?,
+        None if claim.lost_attempts >= LOST_ATTEMPTS => return Err(UploadRefusal::Unreadable.into()),
         _ => {
             let (file, info, _) = understand(app, move || clips::open(file)).await?;
             (file, info)

@@ -36,7 +36,7 @@ pub fn opened_clip_json(path: &Path) -> String {
 
 /// Opens a file in a process that is started by `params`.
 pub(super) async fn open(params: &ChildParams, file: Arrived) -> Result<(Arrived, ClipInfo), Error> {
-    let failed = |cause: String| Error::Panicked(format!("a file could not be opened apart: {cause}"));
+    let failed = |cause: String| Error::Opener(cause);
     let output = params.output(file.path().as_os_str(), MAX_TIME).await;
     let Some(output) = output.map_err(|error| failed(error.to_string()))? else {
         return Err(UploadRefusal::Unreadable.into());

@@ -3,13 +3,14 @@
 use anyhow::{Context, Result, bail};
 use futures::{StreamExt, TryStreamExt};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
-use reqwest::{Body, Response};
+use reqwest::{Body, Response, StatusCode};
 use serde::Deserialize;
 use serde_json::json;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::Path;
+use std::time::{Duration, Instant};
 use tokio_util::io::ReaderStream;
 use viola_geometry::Pose2;
 
@@ -41,6 +42,32 @@ pub struct JobAnswer {
     stage: Option<String>,
     progress: f64,
 }
+
+/// The members of a home's map that the client reads.
+#[derive(Debug, Deserialize)]
+struct MapAnswer {
+    left_out: Vec<LeftOutAnswer>,
+}
+
+#[derive(Debug, Deserialize)]
+struct LeftOutAnswer {
+    state: String,
+}
+
+#[derive(Debug, Deserialize)]
+struct ObjectsAnswer {
+    objects: Vec<ObjectAnswer>,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct ObjectAnswer {
+    pub class: String,
+}
+
+/// Maximum time for the fusion of the demo's clips, which takes seconds.
+const MAX_MERGE: Duration = Duration::from_secs(60);
+/// Interval at which the map is read meanwhile.
+const POLL: Duration = Duration::from_millis(250);
 
 /// Progress display of a clip: a bar on a terminal, else a plain line for every new stage.
 pub struct Line {
@@ -149,6 +176,27 @@ impl Client {
     pub async fn clip(&self, home: &str, clip: &str) -> Result<ClipAnswer> {
         let request = self.http.get(format!("{}/homes/{home}/clips/{clip}", self.base));
         Ok(good(request.send().await?).await?.json().await?)
+    }
+
+    /// Returns the objects of a home's map, after all aligned clips are in it or [`MAX_MERGE`] is over.
+    pub async fn objects(&self, home: &str) -> Result<Vec<ObjectAnswer>> {
+        let map = format!("{}/homes/{home}/map", self.base);
+        let begun = Instant::now();
+        while !self.is_merged(&map).await? && begun.elapsed() < MAX_MERGE {
+            tokio::time::sleep(POLL).await;
+        }
+        let answer = good(self.http.get(format!("{map}/objects")).send().await?).await;
+        Ok(answer.context("the home has no map")?.json::<ObjectsAnswer>().await?.objects)
+    }
+
+    async fn is_merged(&self, map: &str) -> Result<bool> {
+        let answer = self.http.get(map).send().await?;
+        // There is no map before the first merge.
+        if answer.status() == StatusCode::NOT_FOUND {
+            return Ok(false);
+        }
+        let map: MapAnswer = good(answer).await?.json().await?;
+        Ok(map.left_out.iter().all(|clip| clip.state != "aligned"))
     }
 
     /// Downloads a file of a clip's results.

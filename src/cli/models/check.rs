@@ -49,7 +49,7 @@ pub(super) fn run(arguments: &CheckArguments) -> Result<()> {
         Task::Segmentation => segmentation::run(entry, arguments, &params, &picture)?,
         Task::Depth => depth::run(entry, arguments, &params, &picture)?,
         Task::Inpainting => inpainting::run(entry, arguments, &params, &picture)?,
-        Task::Surface => bail!("{} classifies surfaces, not pictures: try viola align --models", entry.name),
+        Task::Surface => bail!("{} classifies surfaces, not pictures: try viola align", entry.name),
         Task::Runtime => bail!("{} is no network", entry.name),
     }
     println!("wrote:   {}", arguments.out.display());

@@ -21,7 +21,8 @@ pub(super) fn to_file(url: &str, part: &Path) -> Result<()> {
 async fn fetch(url: &str, part: &Path) -> Result<()> {
     let have = part.metadata().map_or(0, |metadata| metadata.len());
     crate::tls::use_ring();
-    let client = reqwest::Client::new();
+    // A redirect must not leave https.
+    let client = reqwest::Client::builder().https_only(url.starts_with("https://")).build()?;
     let ask = client.get(url);
     let ask = if have > 0 { ask.header(RANGE, format!("bytes={have}-")) } else { ask };
     let answer = ask.send().await?;
@@ -68,31 +69,7 @@ fn begins_at(answer: &Response) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::to_file;
-    use std::io::{Read, Write};
-    use std::net::TcpListener;
-
-    /// Serves one request per answer; an answer is a function of the request's text.
-    fn serve(answers: Vec<fn(&str) -> Vec<u8>>) -> String {
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let url = format!("http://{}/net.onnx", listener.local_addr().unwrap());
-        std::thread::spawn(move || {
-            for answer in answers {
-                let (mut stream, _) = listener.accept().unwrap();
-                let mut request = Vec::new();
-                while !request.ends_with(b"\r\n\r\n") {
-                    let mut byte = [0];
-                    stream.read_exact(&mut byte).unwrap();
-                    request.push(byte[0]);
-                }
-                stream.write_all(&answer(&String::from_utf8_lossy(&request).to_lowercase())).unwrap();
-            }
-        });
-        url
-    }
-
-    fn answer(head: &str, body: &str) -> Vec<u8> {
-        format!("HTTP/1.1 {head}\r\nconnection: close\r\n\r\n{body}").into_bytes()
-    }
+    use crate::cli::models::test_server::{answer, serve};
 
     #[test]
     fn a_broken_download_goes_on() {

@@ -15,13 +15,17 @@ pub(super) fn run(entry: &ModelEntry, models: &Path) -> Result<()> {
         println!("{} is there already, with the right sum", path.display());
         return Ok(());
     }
+    if entry.source.is_built_in() {
+        println!("{} is part of the program: there is nothing to fetch", entry.name);
+        return Ok(());
+    }
     let folder = path.parent().unwrap_or(models);
     if !matches!(entry.source, Source::Export { .. }) {
         fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
         println!("{}: licence {}", entry.name, entry.licence);
     }
     match &entry.source {
-        Source::Export { how } => bail!("{} cannot be fetched: {how}", entry.name),
+        Source::BuiltIn { how } | Source::Export { how } => bail!("{} cannot be fetched: {how}", entry.name),
         Source::Https { url } => {
             // The part lies beside the file, so that the next try resumes the download.
             let part = path.with_extension("part");
@@ -126,4 +130,48 @@ fn put(from: &Path, to: &Path) -> Result<()> {
     }
     fs::File::open(from).and_then(|file| file.sync_all()).with_context(failed)?;
     fs::rename(from, to).with_context(failed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::models::sum;
+    use crate::cli::models::test_server::{answer, serve};
+    use viola_network::manifest::Manifest;
+
+    /// Returns an entry of the user's own with a URL as its source.
+    fn entry(sha256: &str) -> ModelEntry {
+        let text = format!(
+            "[[network]]\nname = \"mine\"\ntask = \"surface\"\nfile = \"mine/net.onnx\"\nlicence = \"CC0\"\n\
+             sha256 = \"{sha256}\"\nsource = {{ kind = \"https\", url = \"https://models.example/net.onnx\" }}\n"
+        );
+        Manifest::parse(&text).unwrap().networks.remove(0)
+    }
+
+    #[test]
+    fn a_url_is_fetched_once_and_only_with_the_right_sum() {
+        let folder = tempfile::tempdir().unwrap();
+        let url = serve(vec![|_| answer("200 OK\r\ncontent-length: 5", "wrong"), |_| {
+            answer("200 OK\r\ncontent-length: 5", "right")
+        }]);
+        // The manifest takes https only; the server of the test has no certificate.
+        let entry = ModelEntry { source: Source::Https { url }, ..entry(&sum::of_bytes(b"right")) };
+        let path = entry.path(folder.path());
+        let error = run(&entry, folder.path()).unwrap_err().to_string();
+        assert!(error.contains("SHA-256") && error.contains("nothing is installed"), "{error}");
+        assert!(!path.exists() && !path.with_extension("part").exists());
+
+        run(&entry, folder.path()).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"right");
+        // The server has no third answer.
+        run(&entry, folder.path()).unwrap();
+    }
+
+    #[test]
+    fn built_in_weights_are_not_fetched() {
+        let folder = tempfile::tempdir().unwrap();
+        let manifest = Manifest::built_in().unwrap();
+        run(manifest.find("columns").unwrap(), folder.path()).unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
 }

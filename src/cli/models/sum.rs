@@ -1,4 +1,4 @@
-//! SHA-256 sums of files.
+//! SHA-256 sums of files and of weights in the program.
 
 use anyhow::{Context, Result, bail};
 use sha2::{Digest, Sha256};
@@ -18,7 +18,16 @@ pub(super) fn of_file(path: &Path) -> Result<String> {
             bytes => hash.update(&buffer[..bytes]),
         }
     }
-    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(hexadecimal(&hash.finalize()))
+}
+
+/// Returns the sum of bytes in hexadecimal.
+pub(super) fn of_bytes(bytes: &[u8]) -> String {
+    hexadecimal(&Sha256::digest(bytes))
+}
+
+fn hexadecimal(sum: &[u8]) -> String {
+    sum.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Returns an error if the file's sum is not `wanted`.

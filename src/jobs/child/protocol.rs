@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::fs;
 use std::io;
 use std::path::Path;
-use viola_geometry::progress::Stage;
+use viola_geometry::progress::{EarlyPose, Stage};
 
 const ALIGNMENT: &str = "alignment.json";
 
@@ -18,6 +18,8 @@ pub(super) enum Message {
     Enter(Stage),
     /// This fraction of the stage is done.
     Advance(f64),
+    /// A pose is known before the answer.
+    EarlyPose(EarlyPose),
     /// The answer is in the folder. The last message.
     Finished,
     /// There is no answer. The last message.

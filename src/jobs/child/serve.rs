@@ -10,7 +10,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
-use viola_geometry::progress::{Progress, Stage};
+use viola_geometry::progress::{EarlyPose, Progress, Stage};
 
 /// Step of the progress that is reported within a stage.
 const STEP: f64 = 0.01;
@@ -118,5 +118,15 @@ impl<W: Write + Send> Progress for Told<W> {
 
     fn cancelled(&self) -> bool {
         self.is_cut.load(Ordering::Relaxed)
+    }
+
+    fn wants_early_pose(&self) -> bool {
+        true
+    }
+
+    fn early_pose(&self, pose: EarlyPose) {
+        if self.say(&Message::EarlyPose(pose)).is_err() {
+            self.is_cut.store(true, Ordering::Relaxed);
+        }
     }
 }

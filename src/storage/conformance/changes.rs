@@ -66,7 +66,7 @@ async fn every_change_is_told_once_and_in_order(storage: Storage) {
 
     let claim = storage.claim(LEASE, at(1)).await.unwrap().unwrap();
     assert_eq!(news(&storage, &mut cursor, 1).await, ["h clip aligning"]);
-    storage.heartbeat(&claim, None, 0.5, LEASE, at(2)).await.unwrap();
+    storage.heartbeat(&claim, &reached(None, 0.5), LEASE, at(2)).await.unwrap();
     assert!(news(&storage, &mut cursor, 2).await.is_empty(), "progress is the job's");
     let retry = RetryPolicy::default();
     storage.finish(&claim, &answer(AlignmentState::Aligned), &retry, at(3)).await.unwrap();

@@ -3,11 +3,13 @@
 use super::*;
 use std::collections::HashSet;
 use std::sync::Arc;
-use viola_geometry::progress::Stage;
+use viola_geometry::Pose2;
+use viola_geometry::progress::EarlyPose;
 
 on_every_back_end!(
     every_job_goes_to_one_worker,
     a_heartbeat_keeps_the_lease,
+    an_early_pose_is_told_until_the_job_ends,
     a_late_worker_changes_nothing,
     a_lost_worker_costs_no_attempt,
     a_job_whose_workers_are_lost_for_a_day_fails,
@@ -61,13 +63,34 @@ async fn a_heartbeat_keeps_the_lease(storage: Storage) {
     assert_eq!((held.job.state, held.job.attempts), (JobState::Running, 1));
     assert_eq!(clip_of(&storage, &held).await.state, ClipState::Aligning);
     for seconds in [20, 40, 60] {
-        assert!(storage.heartbeat(&held, Some(Stage::Fuse), 0.5, LEASE, at(seconds)).await.unwrap());
+        assert!(
+            storage.heartbeat(&held, &reached(Some(Stage::Fuse), 0.5), LEASE, at(seconds)).await.unwrap()
+        );
         assert!(due(&storage, seconds + 29).await.is_none());
     }
     let job = storage.job(held.job.id).await.unwrap().unwrap();
     assert_eq!((job.stage, job.progress, job.updated_at), (Some(Stage::Fuse), 0.5, at(60)));
     assert_eq!(job.version, held.job.version + 3);
     assert!(finish(&storage, &held, answer(AlignmentState::Aligned), 200).await);
+}
+
+async fn an_early_pose_is_told_until_the_job_ends(storage: Storage) {
+    one_job(&storage).await;
+    let held = claim(&storage, 0).await;
+    let pose = EarlyPose { map_from_clip: Pose2::new(1.0, 2.0, 0.5), probability: 0.97 };
+    let early = Reached { early_pose: Some(pose), ..reached(Some(Stage::Label), 0.4) };
+    assert!(storage.heartbeat(&held, &early, LEASE, at(1)).await.unwrap());
+    let job = async || storage.job(held.job.id).await.unwrap().unwrap();
+    assert_eq!(job().await.early_pose, Some(pose));
+    // The clip has no answer yet, and the next attempt begins without a pose.
+    let clip = clip_of(&storage, &held).await;
+    assert_eq!((clip.state, clip.alignment), (ClipState::Aligning, None));
+    assert!(finish(&storage, &held, Ending::GivenUp, 2).await);
+    assert_eq!(job().await.early_pose, None);
+    let held = claim(&storage, 3).await;
+    assert!(storage.heartbeat(&held, &early, LEASE, at(4)).await.unwrap());
+    assert!(finish(&storage, &held, answer(AlignmentState::Aligned), 5).await);
+    assert_eq!(job().await.early_pose, None);
 }
 
 async fn a_late_worker_changes_nothing(storage: Storage) {
@@ -78,7 +101,7 @@ async fn a_late_worker_changes_nothing(storage: Storage) {
     storage.put_result(&late, "overlay.png", b"late".to_vec()).await.unwrap();
     storage.put_result(&next, "overlay.png", b"next".to_vec()).await.unwrap();
     assert!(!storage.holds(&late).await.unwrap() && storage.holds(&next).await.unwrap());
-    assert!(!storage.heartbeat(&late, None, 0.9, LEASE, at(31)).await.unwrap());
+    assert!(!storage.heartbeat(&late, &reached(None, 0.9), LEASE, at(31)).await.unwrap());
     for ending in [answer(AlignmentState::Failed), Ending::Refused(reason("late")), Ending::GivenUp] {
         assert!(!finish(&storage, &late, ending, 31).await);
     }

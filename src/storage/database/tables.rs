@@ -14,6 +14,7 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (6, "many processes", include_str!("../../../migrations/0006_many_processes.sql")),
     (7, "webhooks and deletions", include_str!("../../../migrations/0007_webhooks_and_deletions.sql")),
     (8, "faults of jobs", include_str!("../../../migrations/0008_faults_of_jobs.sql")),
+    (9, "early poses", include_str!("../../../migrations/0009_early_poses.sql")),
 ];
 
 /// Tolerates tables of a newer version: they extend those of this one.

@@ -128,7 +128,7 @@ pub(super) async fn requeue(
 ) -> Result<(), StorageError> {
     query(
         "UPDATE jobs SET state = 'queued', attempts = $2, faults = $3, first_fault_at = $4, error = $5,
-            run_after = $6, stage = NULL, progress = 0, lease_until = NULL, version = version + 1, updated_at = $7
+            run_after = $6, stage = NULL, early_pose = NULL, progress = 0, lease_until = NULL, version = version + 1, updated_at = $7
         WHERE id = $1",
     )
     .bind(id.to_string())

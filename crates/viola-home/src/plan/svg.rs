@@ -7,7 +7,13 @@ use crate::svg::{FONT_FAMILY, escape, hex};
 use std::fmt::Write;
 
 /// SVG units per metre.
-pub const UNITS_PER_M: f64 = 100.0;
+const UNITS_PER_M: f64 = 100.0;
+/// Longer side of the picture.
+const SIDE_PX: f64 = 1600.0;
+/// A small home is not enlarged beyond this.
+const MAX_PX_PER_M: f64 = 160.0;
+/// Least height of capitals in the picture.
+const MIN_CAPITALS_PX: f64 = 9.0;
 
 /// Returns the plan as a standalone SVG, y up, with text elements. Names are escaped.
 pub fn plan_svg(plan: &Plan) -> String {
@@ -56,10 +62,11 @@ pub fn plan_svg(plan: &Plan) -> String {
         drawing.object(&mut out, object, bounds.corners(), 0.35);
     }
     let _ = writeln!(out, "</g>\n<g id=\"labels\" dominant-baseline=\"central\">");
+    let least = MIN_CAPITALS_PX / px_per_unit(plan);
     for label in paper::labels(plan) {
         let [x, y] = drawing.place(&label.at_m);
         // Capitals are about seven tenths of a font's size.
-        let size = label.height_m * UNITS_PER_M / 0.7;
+        let size = (label.height_m * UNITS_PER_M).max(least) / 0.7;
         let weight = if label.bold { " font-weight=\"600\"" } else { "" };
         let _ = writeln!(
             out,
@@ -86,9 +93,15 @@ pub fn plan_svg(plan: &Plan) -> String {
 }
 
 /// Width and height of the drawing.
-pub fn size_units(plan: &Plan) -> [f64; 2] {
+fn size_units(plan: &Plan) -> [f64; 2] {
     let [width_m, height_m] = [0, 1].map(|axis| plan.max_m[axis] - plan.min_m[axis] + 2.0 * MARGIN_M);
     [width_m * UNITS_PER_M, (height_m + FOOT_M) * UNITS_PER_M]
+}
+
+/// Returns the scale of the drawing as a picture.
+pub fn px_per_unit(plan: &Plan) -> f64 {
+    let [width, height] = size_units(plan);
+    (SIDE_PX / width.max(height)).min(MAX_PX_PER_M / UNITS_PER_M)
 }
 
 struct Drawing {

@@ -21,13 +21,18 @@ pub struct Bin {
 impl Calibration {
     /// Returns the calibration; none if no result has a probability.
     pub fn of<'a>(results: impl IntoIterator<Item = &'a ClipResult>) -> Option<Calibration> {
+        let answer = |result: &ClipResult| Some((result.probability?, result.is_success()));
+        Calibration::of_answers(results.into_iter().filter_map(answer))
+    }
+
+    /// Returns the calibration of probabilities and whether their answers were right; none without answers.
+    pub fn of_answers(answers: impl IntoIterator<Item = (f64, bool)>) -> Option<Calibration> {
         let mut bins = [Bin::default(); 10];
-        for result in results {
-            let Some(probability) = result.probability else { continue };
+        for (probability, is_right) in answers {
             let bin = &mut bins[((probability * 10.0).max(0.0) as usize).min(9)];
             bin.count += 1;
             bin.mean_probability += probability;
-            bin.success_rate += f64::from(u8::from(result.is_success()));
+            bin.success_rate += f64::from(u8::from(is_right));
         }
         let total: usize = bins.iter().map(|bin| bin.count).sum();
         let mut error = 0.0;

@@ -1,13 +1,18 @@
 //! Accuracy of point classes against a mesh with labelled vertices.
 
 mod coarse;
+mod confusion;
 mod floors;
+mod simulated;
 mod truth;
 
 pub use coarse::{COARSE, coarse};
 pub use floors::{FloorRow, floors, floors_markdown};
+pub use simulated::simulated;
 pub use truth::{Folding, Truth, TruthError};
 
+use super::calibration::Calibration;
+use confusion::Confusion;
 use image::RgbImage;
 use rustc_hash::{FxHashMap, FxHasher};
 use serde::Serialize;
@@ -22,9 +27,9 @@ use viola_formats::clip::Clip;
 use viola_geometry::Point3;
 use viola_geometry::progress::{Progress, Stage};
 use viola_geometry::stopwatch::Stopwatch;
-use viola_geometry::taxonomy::{CLASSES, Class};
+use viola_geometry::taxonomy::CLASSES;
 use viola_reconstruct::label::{self, ClassMap, SegmentError, Segmenter};
-use viola_reconstruct::{LabelParams, PointCloud};
+use viola_reconstruct::{Label, LabelParams, PointCloud};
 
 /// Accuracy of one labelling variant.
 #[derive(Debug, Clone, Serialize)]
@@ -42,6 +47,8 @@ pub struct LabelRow {
     pub iou: BTreeMap<String, f64>,
     /// IoU of walls with their openings: doors, windows, curtains.
     pub wall_or_opening_iou: f64,
+    /// Expected calibration error of the points' probabilities; none for single frames.
+    pub calibration_error: Option<f64>,
     pub vertices: usize,
     pub key_frames: usize,
     /// Time of one network pass.
@@ -170,69 +177,6 @@ impl Segmenter for Timed {
     }
 }
 
-/// Confusion matrix: truth by answer.
-struct Confusion {
-    counts: [[f64; COARSE.len()]; COARSE.len()],
-}
-
-impl Confusion {
-    fn new() -> Confusion {
-        Confusion { counts: [[0.0; COARSE.len()]; COARSE.len()] }
-    }
-
-    fn add(&mut self, truth: usize, said: usize, weight: f64) {
-        self.counts[truth][said] += weight;
-    }
-
-    fn total(&self) -> f64 {
-        self.counts.iter().flatten().sum::<f64>().max(1e-9)
-    }
-
-    fn accuracy(&self, group: impl Fn(usize) -> usize) -> f64 {
-        let mut right = 0.0;
-        for (truth, row) in self.counts.iter().enumerate() {
-            for (said, count) in row.iter().enumerate() {
-                right += if group(truth) == group(said) { *count } else { 0.0 };
-            }
-        }
-        right / self.total()
-    }
-
-    fn iou(&self, is_in: impl Fn(usize) -> bool) -> Option<f64> {
-        let (mut both, mut either, mut true_ones) = (0.0, 0.0, 0.0);
-        for (truth, row) in self.counts.iter().enumerate() {
-            for (said, count) in row.iter().enumerate() {
-                let (t, s) = (is_in(truth), is_in(said));
-                both += if t && s { *count } else { 0.0 };
-                either += if t || s { *count } else { 0.0 };
-                true_ones += if t { *count } else { 0.0 };
-            }
-        }
-        (true_ones > 0.0).then(|| both / either)
-    }
-
-    fn row(&self, variant: &str, pixel_accuracy: f64, vertices: usize) -> LabelRow {
-        let iou: BTreeMap<String, f64> = COARSE
-            .iter()
-            .enumerate()
-            .filter_map(|(i, name)| Some(((*name).to_owned(), self.iou(|class| class == i)?)))
-            .collect();
-        LabelRow {
-            variant: variant.to_owned(),
-            pixel_accuracy,
-            voxel_accuracy: self.accuracy(|class| class),
-            structure_accuracy: self.accuracy(coarse::structure),
-            mean_iou: iou.values().sum::<f64>() / iou.len().max(1) as f64,
-            wall_or_opening_iou: self.iou(|class| coarse::structure(class) == 1).unwrap_or(0.0),
-            iou,
-            vertices,
-            key_frames: 0,
-            network_ms: None,
-            rest_ms_per_key_frame: None,
-        }
-    }
-}
-
 /// Classes that single pictures give the vertices that they see.
 struct Single {
     /// Votes of each vertex, by coarse class.
@@ -291,16 +235,16 @@ impl Single {
 
 /// The class of the nearest labelled point of each vertex.
 struct Said {
-    classes: Vec<Option<usize>>,
+    classes: Vec<Option<(usize, f32)>>,
 }
 
 impl Said {
     fn of(cloud: &PointCloud, truth: &Truth, place: impl Fn(&Point3) -> Point3) -> Said {
         let cell = |p: &Point3| [p.x, p.y, p.z].map(|c| (c / NEAR_M).floor() as i32);
-        let mut cells: FxHashMap<[i32; 3], Vec<(Point3, Class)>> = FxHashMap::default();
+        let mut cells: FxHashMap<[i32; 3], Vec<(Point3, Label)>> = FxHashMap::default();
         for point in &cloud.points {
             let at = point.position();
-            cells.entry(cell(&at)).or_default().push((at, point.label.class));
+            cells.entry(cell(&at)).or_default().push((at, point.label));
         }
         let nearest = |vertex: &Point3| {
             let at = place(vertex);
@@ -308,10 +252,10 @@ impl Said {
             let mut best = (NEAR_M, None);
             for step in 0..27 {
                 let key = [x + step % 3 - 1, y + step / 3 % 3 - 1, z + step / 9 - 1];
-                for (p, class) in cells.get(&key).into_iter().flatten() {
+                for (p, label) in cells.get(&key).into_iter().flatten() {
                     let distance_m = (p - at).norm();
                     if distance_m < best.0 {
-                        best = (distance_m, Some(coarse(*class)));
+                        best = (distance_m, Some((coarse(label.class), label.probability())));
                     }
                 }
             }
@@ -322,15 +266,19 @@ impl Said {
 
     /// Counts the vertices that a picture sees; without `views` all with a point near them.
     fn row(&self, truth: &Truth, views: Option<&[u32]>) -> LabelRow {
-        let (mut by_vertex, mut by_pixel, mut vertices) = (Confusion::new(), Confusion::new(), 0);
+        let (mut by_vertex, mut by_pixel, mut answers) = (Confusion::new(), Confusion::new(), Vec::new());
         for (i, class) in truth.classes.iter().enumerate() {
             let seen = views.map_or(1, |views| views[i]);
-            let (Some(class), Some(said)) = (class.filter(|_| seen > 0), self.classes[i]) else { continue };
-            vertices += 1;
+            let (Some(class), Some((said, p))) = (class.filter(|_| seen > 0), self.classes[i]) else {
+                continue;
+            };
+            answers.push((f64::from(p), class == said));
             by_vertex.add(class, said, 1.0);
             by_pixel.add(class, said, f64::from(seen));
         }
-        by_vertex.row("", by_pixel.accuracy(|class| class), vertices)
+        let row = by_vertex.row("", by_pixel.accuracy(|class| class), answers.len());
+        let calibration = Calibration::of_answers(answers);
+        LabelRow { calibration_error: calibration.map(|c| c.expected_calibration_error), ..row }
     }
 }
 
@@ -339,17 +287,17 @@ pub fn markdown(rows: &[LabelRow]) -> String {
     let names: Vec<&str> =
         COARSE.iter().copied().filter(|n| rows.iter().any(|row| row.iou.contains_key(*n))).collect();
     let mut out = format!(
-        "| variant | pixel | voxel | structure | mean IoU | {} | wall or opening | network | rest |\n",
+        "| variant | pixel | voxel | structure | mean IoU | {} | wall or opening | calibration error | network | rest |\n",
         names.join(" | ")
     );
-    out += &format!("|{}\n", "---|".repeat(8 + names.len()));
+    out += &format!("|{}\n", "---|".repeat(9 + names.len()));
     let percent = |share: f64| format!("{:.1} %", share * 100.0);
     for row in rows {
         let classes: Vec<String> =
             names.iter().map(|n| row.iou.get(*n).map_or("-".into(), |iou| format!("{iou:.2}"))).collect();
         let ms = |value: Option<f64>| value.map_or("-".into(), |ms| format!("{ms:.1} ms"));
         out += &format!(
-            "| {} | {} | {} | {} | {:.3} | {} | {:.2} | {} | {} |\n",
+            "| {} | {} | {} | {} | {:.3} | {} | {:.2} | {} | {} | {} |\n",
             row.variant,
             percent(row.pixel_accuracy),
             percent(row.voxel_accuracy),
@@ -357,6 +305,7 @@ pub fn markdown(rows: &[LabelRow]) -> String {
             row.mean_iou,
             classes.join(" | "),
             row.wall_or_opening_iou,
+            row.calibration_error.map_or("-".into(), |error| format!("{error:.3}")),
             ms(row.network_ms),
             ms(row.rest_ms_per_key_frame),
         );

@@ -74,7 +74,7 @@ impl Mesh {
     fn read(bytes: &[u8]) -> Result<Mesh, PlyError> {
         let Ply { elements, mut numbers } = Ply::parse(bytes)?;
         let (mut vertices_m, mut triangles, mut labels) = (Vec::new(), Vec::new(), Vec::new());
-        for element in &elements {
+        for element in elements.iter().filter(|element| !element.properties.is_empty()) {
             let xyz = ["x", "y", "z"].map(|name| element.place(name));
             for _ in 0..element.count {
                 let mut at = [f64::NAN; 3];

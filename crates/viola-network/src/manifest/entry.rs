@@ -1,6 +1,7 @@
 //! A checked network of the manifest.
 
 use super::form::{Input, Output, Source};
+use crate::Weights;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use viola_geometry::taxonomy::ClassTable;
@@ -43,5 +44,13 @@ impl ModelEntry {
     /// Returns the path of the file, which may not exist yet.
     pub fn path(&self, models: &Path) -> PathBuf {
         models.join(&self.file)
+    }
+
+    /// Returns the weights: the file in the models folder, else those in the program; `None` if there are
+    /// neither.
+    pub fn weights(&self, models: Option<&Path>) -> Option<Weights> {
+        let file = models.map(|models| self.path(models)).filter(|path| path.is_file());
+        let built_in = || Weights::built_in(&self.file).filter(|_| self.source.is_built_in());
+        file.map(Weights::File).or_else(built_in)
     }
 }

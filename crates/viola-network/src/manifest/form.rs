@@ -1,6 +1,7 @@
 //! The TOML form of a manifest entry, and its checks.
 
 use super::{Diffusion, ManifestError, ModelEntry, Task};
+use crate::Weights;
 use serde::{Deserialize, Serialize};
 use std::path::{Component, PathBuf};
 use viola_geometry::taxonomy::ClassTable;
@@ -195,8 +196,12 @@ pub enum Source {
         python: Option<String>,
         archive_sha256: Option<String>,
     },
-    /// URL of the file.
+    /// URL of the file, which must begin with `https://`; the entry needs the file's `sha256`.
     Https { url: String },
+    /// The program has the file, and a file of this name in the models folder replaces it; `how` tells how it
+    /// was made.
+    #[serde(rename = "built-in")]
+    BuiltIn { how: String },
     /// Instructions to make a file that cannot be fetched.
     Export { how: String },
 }
@@ -233,7 +238,13 @@ impl EntryForm {
             return refuse("source.archive_sha256", "must be 64 hexadecimal digits");
         }
         if matches!(self.source, Source::Https { .. }) && self.sha256.is_none() {
-            return refuse("sha256", "is needed for what is fetched from an address");
+            return refuse(
+                "sha256",
+                "must be given for a file that is fetched from a URL; `sha256sum FILE` prints it",
+            );
+        }
+        if self.source.is_built_in() && (self.sha256.is_none() || Weights::built_in(&file).is_none()) {
+            return refuse("source.kind", "is built-in, but the program has no such file; use another kind");
         }
         let fits = match (self.task, &self.output) {
             (Task::Segmentation, Some(Output::Logits { .. } | Output::Mask2former { .. })) => true,
@@ -312,8 +323,13 @@ impl Source {
             Source::Npm { archive_sha256, .. } | Source::Pypi { archive_sha256, .. } => {
                 archive_sha256.as_ref()
             }
-            Source::Https { .. } | Source::Export { .. } => None,
+            Source::Https { .. } | Source::BuiltIn { .. } | Source::Export { .. } => None,
         }
+    }
+
+    /// Returns whether the program has the file.
+    pub fn is_built_in(&self) -> bool {
+        matches!(self, Source::BuiltIn { .. })
     }
 
     /// Checks the source. Package names are passed on command lines, so they must not look like options.
@@ -345,10 +361,13 @@ impl Source {
             }
             Source::Https { url } => {
                 if !url.starts_with("https://") || url.len() > MAX_TEXT_BYTES {
-                    return Err(("source.url", "must begin with https://"));
+                    return Err((
+                        "source.url",
+                        "must begin with https:// and have at most 2000 bytes; for a file from elsewhere use kind = \"export\" and put it into the models folder",
+                    ));
                 }
             }
-            Source::Export { how } => {
+            Source::BuiltIn { how } | Source::Export { how } => {
                 if how.is_empty() || how.len() > MAX_TEXT_BYTES {
                     return Err(("source.how", "must say how the file is made, in 2000 bytes"));
                 }

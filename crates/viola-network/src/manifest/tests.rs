@@ -54,8 +54,13 @@ fn refusals_name_the_field() {
         ("\"home\"", "\"house\"", "house"),
         ("licence", "license", "license"),
         ("classes", "sha256 = \"12\"\nclasses", "field sha256"),
-        ("\"export\", how = \"by hand\"", "\"https\", url = \"http://a\"", "field source.url"),
-        ("\"export\", how = \"by hand\"", "\"https\", url = \"https://a\"", "field sha256"),
+        (
+            "\"export\", how = \"by hand\"",
+            "\"https\", url = \"http://a\"",
+            "source.url: must begin with https://",
+        ),
+        ("\"export\", how = \"by hand\"", "\"https\", url = \"https://a\"", "`sha256sum FILE` prints it"),
+        ("\"export\", how = \"by hand\"", "\"built-in\", how = \"by hand\"", "field source.kind"),
         (
             "\"export\", how = \"by hand\"",
             "\"npm\", package = \"--x\", version = \"1\", member = \"m\"",
@@ -85,14 +90,39 @@ fn the_users_networks_come_first_and_replace() {
     assert_eq!(manifest.networks.iter().filter(|entry| entry.name == "deeplab-ade20k").count(), 1);
     assert_eq!(manifest.find("deeplab-ade20k").unwrap().licence, "CC0");
 
-    assert_eq!(installed(Task::Segmentation, folder.path()).unwrap(), None);
+    let installed = |task| {
+        let found = installed(task, Some(folder.path())).unwrap();
+        found.map(|installed| (installed.entry.name, installed.weights))
+    };
+    assert_eq!(installed(Task::Segmentation), None);
     std::fs::create_dir(folder.path().join("mine")).unwrap();
     std::fs::write(folder.path().join("mine/net.onnx"), b"x").unwrap();
-    assert_eq!(installed(Task::Segmentation, folder.path()).unwrap().unwrap().name, "mine");
-    assert_eq!(installed(Task::Depth, folder.path()).unwrap(), None);
+    let path = folder.path().join("mine/net.onnx");
+    assert_eq!(installed(Task::Segmentation), Some(("mine".to_owned(), Weights::File(path))));
+    assert_eq!(installed(Task::Depth), None);
 
     std::fs::write(folder.path().join(FILE), vec![b'#'; MAX_BYTES as usize + 1]).unwrap();
     assert!(matches!(Manifest::with_folder(folder.path()), Err(ManifestError::TooLarge)));
+}
+
+/// An own network of the same task comes first if its file is there, and so does an own file of the same name.
+#[test]
+fn built_in_weights_are_replaced_by_own_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let own = "[[network]]\nname = \"own\"\ntask = \"surface\"\nfile = \"own.onnx\"\nlicence = \"CC0\"\n\
+               source = { kind = \"export\", how = \"by hand\" }\n";
+    std::fs::write(folder.path().join(FILE), own).unwrap();
+    let found = |models| {
+        let found = installed(Task::Surface, models).unwrap().expect("the program has one");
+        (found.entry.name, matches!(found.weights, Weights::BuiltIn { .. }))
+    };
+    let built_in = ("columns".to_owned(), true);
+    assert_eq!((found(None), found(Some(folder.path()))), (built_in.clone(), built_in));
+    std::fs::create_dir(folder.path().join("columns")).unwrap();
+    std::fs::write(folder.path().join("columns/columns.onnx"), b"x").unwrap();
+    assert_eq!(found(Some(folder.path())), ("columns".to_owned(), false));
+    std::fs::write(folder.path().join("own.onnx"), b"x").unwrap();
+    assert_eq!(found(Some(folder.path())), ("own".to_owned(), false));
 }
 
 #[test]

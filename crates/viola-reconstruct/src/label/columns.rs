@@ -1,34 +1,44 @@
 //! Input of the surface network: columns of 5 cm voxels above the floor. `models/train/surfaces.py` makes the
 //! same for training; both must agree.
 
+use nalgebra::Rotation2;
 use rustc_hash::FxHashMap;
 use viola_geometry::{Point3, Vector3};
 
 /// Side of a voxel.
 pub(super) const CELL_M: f64 = 0.05;
-/// Slices of a column: 2.6 m.
-pub(super) const SLICES: usize = 52;
+/// Lower side of the lowest slice. The floor is in the middle of the second.
+const LOW_M: f64 = -0.075;
+/// Slices of a column: up to 2.925 m.
+pub(super) const SLICES: usize = 60;
+/// Upper side of the highest slice.
+pub(super) const TOP_M: f64 = LOW_M + SLICES as f64 * CELL_M;
 /// Slices above and below a voxel that its head sees.
 const WINDOW: usize = 10;
-/// Numbers of a voxel's window: occupied and normal for each slice.
-pub(super) const WINDOW_NUMBERS: usize = 2 * (2 * WINDOW + 1);
+/// The columns around a column, as steps along y and x.
+const AROUND: [[i64; 2]; 8] = [[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]];
+/// Numbers of a voxel: occupied and normal for each slice of its window, the voxels around it, and its own
+/// normal's x and y.
+pub(super) const VOXEL_NUMBERS: usize = 2 * (2 * WINDOW + 1) + 3 * AROUND.len() + 2;
 /// The network halves the grid four times.
 const STRIDE: usize = 16;
-/// Maximum side of the grid, 51.2 m; the rest of a larger surface has no labels from the network.
-const MAX_SIDE: usize = 1024;
+/// Maximum side of the grid, 25.6 m; the rest of a larger surface has no labels from the network. The network
+/// takes half a gigabyte on the largest grid; four times as many columns take 2 GB.
+const MAX_SIDE: usize = 512;
 
-/// The occupied voxels of a surface, and the columns that hold them.
+/// The occupied voxels of a surface, and the columns that hold them. Their grid lies along most of the walls.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Columns {
     pub height: usize,
     pub width: usize,
     /// `2 * SLICES` planes of `height` rows: occupied, then the mean normal's z.
     pub grid: Vec<f32>,
-    /// Index of each voxel's column in a plane.
+    /// Index of each voxel's column of 10 cm, in rows of half of `width`.
     pub column: Vec<i64>,
-    pub slice: Vec<i64>,
-    /// [`WINDOW_NUMBERS`] for each voxel.
-    pub window: Vec<f32>,
+    /// Four times each voxel's slice, and its quarter in its column of 10 cm.
+    pub place: Vec<i64>,
+    /// [`VOXEL_NUMBERS`] for each voxel.
+    pub own: Vec<f32>,
     /// The voxel of each site, if it is inside the grid.
     pub of_site: Vec<Option<u32>>,
 }
@@ -36,8 +46,13 @@ pub(super) struct Columns {
 impl Columns {
     /// Returns the columns of sites in the clip frame; none if no site is inside the slices.
     pub fn new(positions_m: &[Point3], normals: &[Vector3]) -> Option<Columns> {
-        let cells: Vec<[i64; 3]> =
-            positions_m.iter().map(|p| [p.x, p.y, p.z].map(|c| (c / CELL_M).floor() as i64)).collect();
+        let turn = Rotation2::new(-main_yaw(normals));
+        let turned = |v: &Vector3| turn * v.xy();
+        let cells: Vec<[i64; 3]> = positions_m
+            .iter()
+            .map(|p| (turned(&p.coords), p.z - LOW_M))
+            .map(|(ground, z)| [ground.x, ground.y, z].map(|c| (c / CELL_M).floor() as i64))
+            .collect();
         let is_inside = |cell: &[i64; 3]| (0..SLICES as i64).contains(&cell[2]);
         let inside = || cells.iter().filter(|cell| is_inside(cell));
         let low = [0, 1].map(|axis| inside().map(|cell| cell[axis]).min());
@@ -49,43 +64,66 @@ impl Columns {
         };
         let (width, height) = (side(0), side(1));
         let plane = width * height;
-        let mut voxels: FxHashMap<(i64, i64), u32> = FxHashMap::default();
-        let (mut column, mut slice, mut sums) = (Vec::new(), Vec::new(), Vec::<(f64, u32)>::new());
+        let mut voxels: FxHashMap<[i64; 3], u32> = FxHashMap::default();
+        let (mut places, mut sums) = (Vec::<[i64; 3]>::new(), Vec::<(Vector3, u32)>::new());
         let of_site = cells.iter().zip(normals).map(|(cell, normal)| {
-            let (x, y) = (cell[0] - low[0], cell[1] - low[1]);
-            if !is_inside(cell) || x >= width as i64 || y >= height as i64 {
+            let at = [cell[0] - low[0], cell[1] - low[1], cell[2]];
+            if !is_inside(cell) || at[0] >= width as i64 || at[1] >= height as i64 {
                 return None;
             }
-            let at = (y * width as i64 + x, cell[2]);
             let voxel = *voxels.entry(at).or_insert_with(|| {
-                column.push(at.0);
-                slice.push(at.1);
-                sums.push((0.0, 0));
+                places.push(at);
+                sums.push((Vector3::zeros(), 0));
                 sums.len() as u32 - 1
             });
             let (sum, count) = &mut sums[voxel as usize];
-            *sum += normal.z;
+            *sum += normal;
             *count += 1;
             Some(voxel)
         });
         let of_site = of_site.collect();
+        let normals: Vec<Vector3> = sums.iter().map(|(sum, count)| sum / f64::from(*count)).collect();
+        let index = |[x, y, slice]: [i64; 3]| slice as usize * plane + y as usize * width + x as usize;
         let mut grid = vec![0f32; 2 * SLICES * plane];
-        for ((column, slice), (sum, count)) in column.iter().zip(&slice).zip(&sums) {
-            let at = *slice as usize * plane + *column as usize;
-            grid[at] = 1.0;
-            grid[SLICES * plane + at] = (sum / f64::from(*count)) as f32;
+        for (at, normal) in places.iter().zip(&normals) {
+            grid[index(*at)] = 1.0;
+            grid[SLICES * plane + index(*at)] = normal.z as f32;
         }
-        let mut window = Vec::with_capacity(column.len() * WINDOW_NUMBERS);
-        for (column, slice) in column.iter().zip(&slice) {
+        let value = |[x, y, slice]: [i64; 3], planes: usize| {
+            let is_there = (0..SLICES as i64).contains(&slice)
+                && (0..width as i64).contains(&x)
+                && (0..height as i64).contains(&y);
+            if is_there { grid[planes * plane + index([x, y, slice])] } else { 0.0 }
+        };
+        let mut own = Vec::with_capacity(places.len() * VOXEL_NUMBERS);
+        for (&[x, y, slice], normal) in places.iter().zip(&normals) {
             for planes in [0, SLICES] {
-                for step in 0..=2 * WINDOW as i64 {
-                    let slice = slice + step - WINDOW as i64;
-                    let is_there = (0..SLICES as i64).contains(&slice);
-                    let at = || (planes + slice as usize) * plane + *column as usize;
-                    window.push(if is_there { grid[at()] } else { 0.0 });
-                }
+                let steps = -(WINDOW as i64)..=WINDOW as i64;
+                own.extend(steps.map(|step| value([x, y, slice + step], planes)));
             }
+            for [dy, dx] in AROUND {
+                own.extend([-1, 0, 1].map(|step| value([x + dx, y + dy, slice + step], 0)));
+            }
+            own.extend(turned(normal).iter().map(|part| *part as f32));
         }
-        Some(Columns { height, width, grid, column, slice, window, of_site })
+        let column = places.iter().map(|[x, y, _]| y / 2 * (width as i64 / 2) + x / 2).collect();
+        let place = places.iter().map(|[x, y, slice]| 4 * slice + 2 * (y % 2) + x % 2).collect();
+        Some(Columns { height, width, grid, column, place, own, of_site })
     }
+}
+
+/// Returns the direction of most walls and fronts, in -45..45 degrees: the mean of four times their directions.
+fn main_yaw(normals: &[Vector3]) -> f64 {
+    let (mut cos4, mut sin4) = (0.0, 0.0);
+    for normal in normals {
+        let (x, y) = (normal.x, normal.y);
+        let level = x * x + y * y;
+        // Within 30 degrees of upright.
+        if level > 0.75 {
+            let (cos2, sin2) = ((x * x - y * y) / level, 2.0 * x * y / level);
+            cos4 += cos2 * cos2 - sin2 * sin2;
+            sin4 += 2.0 * cos2 * sin2;
+        }
+    }
+    f64::atan2(sin4, cos4) / 4.0
 }

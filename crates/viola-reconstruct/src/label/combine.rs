@@ -1,9 +1,8 @@
 //! Combines pictures, shapes and segments into one class for each site.
 
-use super::sites::Sites;
+use super::likeliest;
 use super::structure::Shape;
 use super::vote::Votes;
-use super::{likeliest, segments};
 use crate::cloud::Label;
 use viola_geometry::taxonomy::{CLASSES, Class};
 
@@ -19,31 +18,59 @@ pub(super) fn voted(votes: &Votes) -> Vec<Label> {
 /// Classes of the sites by the surface network, where it has any.
 type Surface<'a> = Option<&'a [Option<[f32; CLASSES]>]>;
 
-/// The network's probability of a class is at least this in a product: it may be wrong.
+/// Floor of the surface network's probabilities in a product with the pictures'. Not measured: there are no
+/// trained weights yet.
 const LEAST_BY_SURFACE: f32 = 0.02;
 
-/// Returns the labels by the surface network, and by shapes alone where it has no answer.
-pub(super) fn shaped(shapes: &[Shape], surface: Surface) -> Vec<Label> {
-    // Chosen by reasoning, not measured: level planes are rarely wrong; doors and curtains look like walls.
-    let label = |shape: &Shape| match shape {
+/// Returns the labels by shapes alone.
+pub(super) fn shaped(shapes: &[Shape]) -> Vec<Label> {
+    shapes.iter().map(by_shape).collect()
+}
+
+// Chosen by reasoning, not measured: level planes are rarely wrong; doors and curtains look like walls.
+fn by_shape(shape: &Shape) -> Label {
+    match shape {
         Shape::Floor => Label::new(Class::Floor, 0.95, 0),
         Shape::Wall => Label::new(Class::Wall, 0.8, 0),
         Shape::Ceiling => Label::new(Class::Ceiling, 0.95, 0),
         Shape::Front | Shape::Upright | Shape::Loose => Label::new(Class::Other, 0.8, 0),
+    }
+}
+
+/// Returns the labels by the surface network, and by shapes alone where it has no answer: the geometric mean of what
+/// it says of a site and of the site's segment, times the square root of the shape's likelihood. Chosen on simulated
+/// homes (BENCHMARKS, "Classes without pictures").
+pub(super) fn surfaced(segments: &[u32], shapes: &[Shape], surface: &[Option<[f32; CLASSES]>]) -> Vec<Label> {
+    let mut pools = pools(segments);
+    for (segment, said) in segments.iter().zip(surface) {
+        let pool = &mut pools[*segment as usize];
+        pool.iter_mut().zip(said.iter().flatten()).for_each(|(sum, p)| *sum += p);
+    }
+    let label = |((said, shape), segment): ((&Option<[f32; CLASSES]>, &Shape), &u32)| {
+        let Some(said) = said else { return by_shape(shape) };
+        let pool = &pools[*segment as usize];
+        let weight = |i: usize| (said[i] * pool[i] * likelihood(*shape, Class::ALL[i])).sqrt();
+        likeliest(&std::array::from_fn::<f32, CLASSES, _>(weight), 0)
     };
-    let of_site = |(site, shape): (usize, &Shape)| match surface.and_then(|surface| surface[site].as_ref()) {
-        Some(probabilities) => likeliest(probabilities, 0),
-        None => label(shape),
-    };
-    shapes.iter().enumerate().map(of_site).collect()
+    surface.iter().zip(shapes).zip(segments).map(label).collect()
+}
+
+/// Returns zeros for each segment.
+fn pools(segments: &[u32]) -> Vec<[f32; CLASSES]> {
+    vec![[0f32; CLASSES]; segments.iter().max().map_or(0, |last| *last as usize + 1)]
 }
 
 /// Returns the labels by both, pooled over segments. The shape counts twice: it weights a site's votes for
 /// its segment, and then the votes of the segment for each site.
-pub(super) fn combined(sites: &Sites, votes: &Votes, shapes: &[Shape], surface: Surface) -> Vec<Label> {
-    let segments = segments::segments(sites);
-    let count = segments.iter().max().map_or(0, |last| *last as usize + 1);
-    let mut pieces = vec![[0f32; CLASSES]; count];
+/// `fallback` are the labels without pictures.
+pub(super) fn combined(
+    segments: &[u32],
+    votes: &Votes,
+    shapes: &[Shape],
+    surface: Surface,
+    fallback: Vec<Label>,
+) -> Vec<Label> {
+    let mut pieces = pools(segments);
     for (site, &segment) in segments.iter().enumerate() {
         let Some(said) = weighed(votes, shapes, site) else { continue };
         let views = f32::from(votes.views[site]).min(MOST_VIEWS);
@@ -51,7 +78,6 @@ pub(super) fn combined(sites: &Sites, votes: &Votes, shapes: &[Shape], surface: 
             *sum += views * p;
         }
     }
-    let fallback = shaped(shapes, surface);
     segments
         .iter()
         .enumerate()

@@ -5,18 +5,11 @@ use super::mask2former::Mask2Former;
 use super::picture::{self, Fit, Raster};
 use super::{ClassMap, SegmentError, Segmenter};
 use image::RgbImage;
-use std::path::Path;
 use std::sync::Arc;
 use viola_network::Element::F32;
-use viola_network::manifest::{self, Input, Layout, ManifestError, ModelEntry, Output, Task};
+use viola_network::manifest::{Input, Layout, ModelEntry, Output};
 use viola_network::signature::{expect, one};
 use viola_network::{Network, Tensor};
-
-/// Returns the segmentation network for a models folder: the first whose file exists, from the folder's own
-/// manifest, then from the built-in one.
-pub fn installed(models: &Path) -> Result<Option<ModelEntry>, ManifestError> {
-    manifest::installed(Task::Segmentation, models)
-}
 
 /// Returns a segmenter for a loaded network, after a check of the network against its entry.
 pub fn open_segmenter(

@@ -12,7 +12,7 @@ pub(super) const KEY_ANGLE_RAD: f64 = 20f64.to_radians();
 /// Parameters of the labelling.
 #[derive(Clone)]
 pub struct LabelParams {
-    /// `None` labels by shape alone.
+    /// Network for the pictures; `None` uses no picture.
     pub segmenter: Option<Arc<dyn Segmenter>>,
     /// Network for the surface itself; `None` classifies it by its planes.
     pub surface: Option<Arc<SurfaceNetwork>>,
@@ -22,6 +22,16 @@ pub struct LabelParams {
     pub augmentations: usize,
     /// True if shapes are used beside the pictures.
     pub by_shape: bool,
+}
+
+impl LabelParams {
+    /// Returns the networks, as [`LabelReport::by`](super::LabelReport::by) names them if they are used.
+    pub fn networks(&self) -> String {
+        let pictures = self.segmenter.as_ref().map(|segmenter| segmenter.name());
+        let surface = self.surface.as_ref().map(|network| network.name().to_owned());
+        let names: Vec<String> = pictures.into_iter().chain(surface).collect();
+        if names.is_empty() { "geometry".to_owned() } else { names.join("; ") }
+    }
 }
 
 impl Default for LabelParams {

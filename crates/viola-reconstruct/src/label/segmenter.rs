@@ -12,7 +12,7 @@ pub trait Segmenter: Send + Sync {
 }
 
 /// Reason why a network could not be used. The clip is then labelled by geometry alone.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SegmentError {
     #[error("the network failed: {0}")]
     Run(String),
@@ -22,6 +22,8 @@ pub enum SegmentError {
     NotFinite,
     #[error("the picture has no pixels")]
     NoPicture,
+    #[error("no part of the surface lies between the floor and {height_m:.1} m above it")]
+    NoSurface { height_m: f64 },
     #[error("the network {network} is not what its entry in models.toml says: {problem}")]
     Misfit { network: String, problem: String },
 }

@@ -1,7 +1,7 @@
 //! A network that classifies the fused surface itself, without pictures.
 
 use super::SegmentError;
-use super::columns::{Columns, SLICES, WINDOW_NUMBERS};
+use super::columns::{Columns, SLICES, TOP_M, VOXEL_NUMBERS};
 use super::sites::Sites;
 use std::sync::Arc;
 use viola_geometry::taxonomy::CLASSES;
@@ -23,8 +23,8 @@ impl SurfaceNetwork {
         let inputs = [
             ("grid", F32, vec![Some(1), Some(2 * SLICES), None, None]),
             ("column", I64, vec![None]),
-            ("slice", I64, vec![None]),
-            ("window", F32, vec![None, Some(WINDOW_NUMBERS)]),
+            ("place", I64, vec![None]),
+            ("own", F32, vec![None, Some(VOXEL_NUMBERS)]),
         ];
         for (name, element, axes) in inputs {
             let input = one(network.inputs(), Some(name), "input").map_err(misfit)?;
@@ -44,15 +44,15 @@ impl SurfaceNetwork {
     /// outside the network's grid.
     pub(super) fn classify(&self, sites: &Sites) -> Result<Vec<Option<[f32; CLASSES]>>, SegmentError> {
         let Some(columns) = Columns::new(&sites.positions_m, &sites.normals) else {
-            return Ok(vec![None; sites.len()]);
+            return Err(SegmentError::NoSurface { height_m: TOP_M });
         };
         let voxels = columns.column.len();
         let numbers = |values: Vec<i64>| Tensor { shape: vec![voxels], data: Data::I64(values) };
         let inputs = [
             ("grid", Tensor::f32([1, 2 * SLICES, columns.height, columns.width], columns.grid)),
             ("column", numbers(columns.column)),
-            ("slice", numbers(columns.slice)),
-            ("window", Tensor::f32([voxels, WINDOW_NUMBERS], columns.window)),
+            ("place", numbers(columns.place)),
+            ("own", Tensor::f32([voxels, VOXEL_NUMBERS], columns.own)),
         ];
         let outputs = self.network.run(&inputs).map_err(|error| SegmentError::Run(error.to_string()))?;
         let logits = outputs.iter().find(|(name, _)| name == "logits").map(|(_, tensor)| tensor);
@@ -83,12 +83,13 @@ fn softmax(logits: &[f32]) -> [f32; CLASSES] {
 mod tests {
     use super::*;
     use crate::label::columns::CELL_M;
+    use nalgebra::Rotation3;
     use serde::Deserialize;
     use std::path::Path;
     use viola_geometry::taxonomy::Class;
     use viola_geometry::{Point3, Vector3};
     use viola_network::RuntimeParams;
-    use viola_network::manifest::Manifest;
+    use viola_network::manifest::{self, Manifest, Task};
 
     fn opened(file: &str) -> Result<SurfaceNetwork, String> {
         let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/models");
@@ -100,6 +101,7 @@ mod tests {
 
     #[derive(Deserialize)]
     struct Expected {
+        yaw_rad: f64,
         cells: Vec<[i32; 3]>,
         sites: Vec<ExpectedSite>,
     }
@@ -116,8 +118,12 @@ mod tests {
     fn classes_are_those_of_pytorch() {
         let expected: Expected =
             serde_json::from_str(include_str!("../../../../tests/models/columns.json")).unwrap();
-        let middle = |cell: &[i32; 3]| Point3::from(cell.map(|c| (f64::from(c) + 0.5) * CELL_M));
-        let normal = |cell: &[i32; 3]| if cell[2] == 0 { Vector3::z() } else { -Vector3::y() };
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), expected.yaw_rad);
+        let middle = |cell: &[i32; 3]| {
+            let [x, y, z] = cell.map(f64::from);
+            turn * (Point3::new(x + 0.5, y + 0.5, z) * CELL_M)
+        };
+        let normal = |cell: &[i32; 3]| if cell[2] == 0 { Vector3::z() } else { turn * -Vector3::y() };
         let sites = Sites {
             positions_m: expected.cells.iter().map(middle).collect(),
             normals: expected.cells.iter().map(normal).collect(),
@@ -141,7 +147,20 @@ mod tests {
         assert!(opened("red.onnx").err().unwrap().contains("it has no input grid"));
         assert!(opened("missing.onnx").is_err());
         let nothing = opened("columns.onnx").unwrap().classify(&Sites::default());
-        assert_eq!(nothing, Ok(Vec::new()));
+        assert_eq!(nothing, Err(SegmentError::NoSurface { height_m: TOP_M }));
+    }
+
+    /// Only its form is tested: the classes are in the evaluation.
+    #[test]
+    fn the_built_in_network_has_the_right_form() {
+        let installed = manifest::installed(Task::Surface, None).unwrap().unwrap();
+        let network = viola_network::open_weights(&installed.weights, &RuntimeParams::default()).unwrap();
+        let network = SurfaceNetwork::new(&installed.entry, network).unwrap();
+        assert!(network.name().starts_with("columns, "), "{}", network.name());
+        let sites =
+            Sites { positions_m: vec![Point3::origin()], normals: vec![Vector3::z()], ..Sites::default() };
+        let [Some(classes)] = network.classify(&sites).unwrap()[..] else { panic!("it has one site") };
+        assert!((classes.iter().sum::<f32>() - 1.0).abs() < 1e-5, "{classes:?}");
     }
 
     #[test]
@@ -157,28 +176,27 @@ mod tests {
     fn columns_are_those_of_the_training() {
         let positions = [
             Point3::new(1.02, -0.33, 0.01),
-            Point3::new(1.04, -0.31, 0.02),
+            Point3::new(1.04, -0.31, -0.02),
             Point3::new(1.02, -0.33, 0.31),
-            Point3::new(2.0, 0.5, 2.59),
-            Point3::new(0.0, 0.0, 2.7),
-            Point3::new(0.0, 0.0, -0.01),
+            Point3::new(2.0, 0.5, 2.91),
+            Point3::new(0.0, 0.0, 3.0),
+            Point3::new(0.0, 0.0, -0.08),
         ];
-        let normals = [1.0, 0.5, -1.0, 0.25, 0.0, 0.0].map(|z| Vector3::new(0.0, 0.0, z));
+        let normals = [1.0, 0.5, -1.0, 0.25, 0.0, 0.0].map(|z| Vector3::new(0.0, 0.25, z));
         let columns = Columns::new(&positions, &normals).unwrap();
         assert_eq!((columns.height, columns.width), (32, 32));
         assert_eq!(columns.of_site, [Some(0), Some(0), Some(1), Some(2), None, None]);
-        assert_eq!(columns.column, [0, 0, 17 * 32 + 20]);
-        assert_eq!(columns.slice, [0, 6, 51]);
+        // The third is in row 17 and place 20 of its row.
+        assert_eq!(columns.column, [0, 0, 8 * 16 + 10]);
+        assert_eq!(columns.place, [4, 4 * 7, 4 * 59 + 2]);
         let plane = 32 * 32;
         assert_eq!(columns.grid.iter().filter(|value| **value != 0.0).count(), 6);
-        assert_eq!((columns.grid[0], columns.grid[SLICES * plane]), (1.0, 0.75));
-        let window = |voxel: usize| &columns.window[voxel * WINDOW_NUMBERS..][..WINDOW_NUMBERS];
+        assert_eq!((columns.grid[plane], columns.grid[(SLICES + 1) * plane]), (1.0, 0.75));
+        let own = |voxel: usize| &columns.own[voxel * VOXEL_NUMBERS..][..VOXEL_NUMBERS];
         // The voxel itself is in the middle; the one above the first is six slices further.
-        assert_eq!(
-            (window(0)[10], window(0)[16], window(0)[21 + 10], window(0)[21 + 16]),
-            (1.0, 1.0, 0.75, -1.0)
-        );
-        assert_eq!((window(1)[4], window(1)[10]), (1.0, 1.0));
-        assert_eq!(window(2).iter().filter(|value| **value != 0.0).count(), 2);
+        assert_eq!((own(0)[10], own(0)[16], own(0)[21 + 10], own(0)[21 + 16]), (1.0, 1.0, 0.75, -1.0));
+        assert!(own(0)[42..66].iter().all(|value| *value == 0.0));
+        assert_eq!((own(1)[4], own(1)[10]), (1.0, 1.0));
+        assert_eq!(own(2)[66..], [0.0, 0.25]);
     }
 }

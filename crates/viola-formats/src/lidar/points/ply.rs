@@ -23,6 +23,8 @@ pub(in super::super) fn read_ply(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let mut values = Vec::with_capacity(vertex.properties.len());
     for index in 0..vertex.count {
         values.clear();
+        let row = numbers.begin_row();
+        row.map_err(|error| bad(format!("vertex {index} of {}: {error}", vertex.count)))?;
         for property in &vertex.properties {
             let value = numbers.next(property.kind);
             values.push(value.map_err(|error| bad(format!("vertex {index} of {}: {error}", vertex.count)))?);

@@ -93,8 +93,12 @@ pub fn sample(home: &HomeParams, params: &SampleParams) -> Result<SimulatedMap, 
             }
             for ray in 0..params.rays {
                 let toward = direction(ray, params.rays);
-                if let Some(hit) = scene.cast(&eye, &toward, REACH_M) {
+                if let Some(hit) = scene.cast_through_glass(&eye, &toward, REACH_M) {
                     let p = eye + toward * hit.distance;
+                    // A cloud of a home has little of what is outside its windows.
+                    if !home.plan.rooms.iter().any(|room| room.outline.shrunk(-0.5).contains(&p.xy())) {
+                        continue;
+                    }
                     let key = [p.x, p.y, p.z].map(|c| (c / params.voxel_m).floor() as i32);
                     voxels.entry(key).or_insert((p, hit.solid));
                 }

@@ -1,0 +1,73 @@
+//! `viola evaluate --labels`: classes of points.
+
+use super::evaluate::{EvaluateArguments, homes, save};
+use super::progress::TerminalProgress;
+use anyhow::{Context, Result};
+use indicatif::ProgressBar;
+use serde_json::json;
+use std::fs;
+use std::path::Path;
+use viola_align::AlignParams;
+use viola_formats::clip::Clip;
+use viola_geometry::progress::Silent;
+use viola_lab::evaluate::labels;
+use viola_reconstruct::LabelParams;
+
+/// Writes `labels.json` and `labels.md` of a scene.
+pub(super) fn scene(arguments: &EvaluateArguments, scene: &Path) -> Result<()> {
+    fs::create_dir_all(&arguments.out)
+        .with_context(|| format!("cannot make the folder {}", arguments.out.display()))?;
+    let clip = Clip::open(scene).with_context(|| format!("clip {}", scene.display()))?;
+    let truth = labels::Truth::open(scene)?;
+    let label = arguments.networks.labels()?;
+    let segmenter = label.segmenter.clone();
+    let by = segmenter.as_ref().map_or("geometry".to_owned(), |segmenter| segmenter.name());
+    let surface = label.surface.as_ref().map(|network| network.name().to_owned());
+    let label = LabelParams { segmenter: None, ..label };
+    let params = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };
+    let progress = TerminalProgress::new();
+    let rows = labels::evaluate(&clip, &truth, segmenter.clone(), &params, &progress)?;
+    let mut floors = Vec::new();
+    for &frames in &arguments.frames {
+        for (variant, segmenter) in [("shape alone", None), ("pictures", segmenter.clone())] {
+            if variant == "pictures" && segmenter.is_none() {
+                continue;
+            }
+            let label = LabelParams { segmenter, ..LabelParams::default() };
+            let params = AlignParams { label, ..params.clone() };
+            floors.push(labels::floors(variant, &clip, &truth, frames, &params, &Silent)?);
+        }
+    }
+    progress.finish();
+    let table = labels::markdown(&rows) + "\n" + &labels::floors_markdown(&floors);
+    save(
+        &arguments.out,
+        "labels.json",
+        &serde_json::to_string_pretty(
+            &json!({ "network": by, "surface_network": surface, "rows": rows, "floors": floors }),
+        )?,
+    )?;
+    save(&arguments.out, "labels.md", &table)?;
+    print!("{table}");
+    Ok(())
+}
+
+/// Writes `labels.json` and `labels.md` of simulated clips.
+pub(super) fn simulated(arguments: &EvaluateArguments) -> Result<()> {
+    fs::create_dir_all(&arguments.out)
+        .with_context(|| format!("cannot make the folder {}", arguments.out.display()))?;
+    let label = arguments.networks.surface_labels()?;
+    let surface = label.surface.as_ref().map(|network| network.name().to_owned());
+    let params = AlignParams { seed: arguments.seed, label, ..AlignParams::default() };
+    let homes = homes(arguments);
+    let seeds = homes.seeds.end.saturating_sub(homes.seeds.start);
+    let bar = ProgressBar::new(seeds * (homes.sets.len() * homes.frames.len()) as u64);
+    let rows = labels::simulated(&homes, &params, &|| bar.inc(1))?;
+    bar.finish_and_clear();
+    let table = labels::markdown(&rows);
+    let answer = json!({ "surface_network": surface, "rows": rows });
+    save(&arguments.out, "labels.json", &serde_json::to_string_pretty(&answer)?)?;
+    save(&arguments.out, "labels.md", &table)?;
+    print!("{table}");
+    Ok(())
+}
