@@ -250,7 +250,7 @@ fn fetched_networks_complete_a_clip() {
     let entry = manifest.find("fastdepth").unwrap();
     let estimator = open_estimator(entry, network::open(&entry.path(&models), &runtime).unwrap()).unwrap();
     let imagination = imagination(Arc::from(inpainter), Some(Arc::from(estimator)));
-    let aligned = align(&recorded(102, 1), &params(Some(imagination)));
+    let aligned = align(&recorded(103, 0), &params(Some(imagination)));
     let report = aligned.alignment.completion.as_ref().unwrap();
     assert!(!report.views.is_empty() && report.imagined_points > 100, "{report:?}");
     assert!(report.imagined_by[0].starts_with("migan") && report.imagined_by[1].starts_with("fastdepth"));

@@ -177,11 +177,12 @@ impl Labeller {
             combine::shaped(&shapes)
         } else {
             let segments = segments::segments(&self.sites);
-            let surface = surface.as_deref();
-            let alone = surface.map(|surface| combine::surfaced(&segments, &shapes, surface));
-            let alone = alone.unwrap_or_else(|| combine::shaped(&shapes));
+            let alone = match &surface {
+                Some(surface) => combine::surfaced(&segments, &shapes, surface),
+                None => combine::shaped(&shapes),
+            };
             match &self.votes {
-                Some(votes) => combine::combined(&segments, votes, &shapes, surface, alone),
+                Some(votes) => combine::combined(&segments, votes, &shapes, alone),
                 None => alone,
             }
         };

@@ -15,13 +15,6 @@ pub(super) fn voted(votes: &Votes) -> Vec<Label> {
     sites.map(|(sums, &views)| likeliest(sums, views)).collect()
 }
 
-/// Classes of the sites by the surface network, where it has any.
-type Surface<'a> = Option<&'a [Option<[f32; CLASSES]>]>;
-
-/// Floor of the surface network's probabilities in a product with the pictures'. Not measured: there are no
-/// trained weights yet.
-const LEAST_BY_SURFACE: f32 = 0.02;
-
 /// Returns the labels by shapes alone.
 pub(super) fn shaped(shapes: &[Shape]) -> Vec<Label> {
     shapes.iter().map(by_shape).collect()
@@ -62,12 +55,12 @@ fn pools(segments: &[u32]) -> Vec<[f32; CLASSES]> {
 
 /// Returns the labels by both, pooled over segments. The shape counts twice: it weights a site's votes for
 /// its segment, and then the votes of the segment for each site.
-/// `fallback` are the labels without pictures.
+/// `fallback` are the labels of segments that no picture saw. The surface network has no say elsewhere: multiplied
+/// with the pictures it cost six points in a hundred of the real apartment (BENCHMARKS, "Classes without pictures").
 pub(super) fn combined(
     segments: &[u32],
     votes: &Votes,
     shapes: &[Shape],
-    surface: Surface,
     fallback: Vec<Label>,
 ) -> Vec<Label> {
     let mut pieces = pools(segments);
@@ -85,11 +78,6 @@ pub(super) fn combined(
             let mut said = pieces[segment as usize];
             for (p, class) in said.iter_mut().zip(Class::ALL) {
                 *p *= likelihood(shapes[site], *class);
-            }
-            if let Some(surface) = surface.and_then(|surface| surface[site].as_ref()) {
-                said.iter_mut()
-                    .zip(surface)
-                    .for_each(|(p, by_surface)| *p *= by_surface.max(LEAST_BY_SURFACE));
             }
             if said.iter().sum::<f32>() > 0.0 { likeliest(&said, votes.views[site]) } else { fallback[site] }
         })
