@@ -1,9 +1,9 @@
 //! `viola map`: makes the map of a home out of its clips, without a server.
 //!
-//! It does what the service does: [`align_opened`](crate::jobs::align_opened) for each clip,
-//! [`assemble`](viola_home::assemble) for all of them, [`describe`](crate::jobs::describe) for the result. The clips
-//! are aligned one after the other, and each contribution waits in a file, so that memory does not grow with
-//! their number.
+//! It runs the functions of the service, so that both make the same map: [`align_opened`](crate::jobs::align_opened)
+//! for each clip, [`assemble`](viola_home::assemble) for all of them, [`describe`](crate::jobs::describe) for the
+//! result. Clips are aligned one after the other and their contributions are kept on the disk, so that the memory
+//! of the alignment does not grow with their number.
 
 mod clip;
 mod content;
@@ -72,13 +72,12 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let out = &arguments.out;
     std::fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
 
-    let contributions = Contributions::new_in(out)?;
-    let aligner = Aligner { lidar: &lidar, params: &params, contributions: &contributions };
-    let clips = align_all(&arguments.clips, &aligner)?;
+    let mut aligner = Aligner { lidar: &lidar, params: &params, contributions: Contributions::new_in(out)? };
+    let clips = align_all(&arguments.clips, &mut aligner)?;
     let members: Vec<Member> = clips.iter().filter_map(HomeClip::member).collect();
     eprintln!("map: fuse {} of {} clips", members.len(), clips.len());
-    let map = home::assemble(&Manifest::default(), members, &mut |member| contributions.load(member))?;
-    drop(contributions);
+    let mut load = |member: &Member| aligner.contributions.load(member);
+    let map = home::assemble(&Manifest::default(), members, &mut load)?;
     eprintln!("map: describe");
     let files = HomeFiles::new(&lidar, map, &clips)?;
     files.write(out)?;
@@ -88,7 +87,7 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
 }
 
 /// Aligns the clips one by one. Returns them in an order that does not depend on that of the arguments.
-fn align_all(paths: &[PathBuf], aligner: &Aligner) -> Result<Vec<HomeClip>> {
+fn align_all(paths: &[PathBuf], aligner: &mut Aligner) -> Result<Vec<HomeClip>> {
     let mut clips: Vec<HomeClip> = Vec::new();
     let mut known: BTreeMap<Content, usize> = BTreeMap::new();
     for (number, path) in (1..).zip(paths) {

@@ -54,12 +54,12 @@ impl HomeClip {
 pub struct Aligner<'a> {
     pub lidar: &'a LidarMap,
     pub params: &'a JobParams,
-    pub contributions: &'a Contributions,
+    pub contributions: Contributions,
 }
 
 impl Aligner<'_> {
     /// Aligns a clip. A clip that cannot be used is no error; a contribution that cannot be kept is one.
-    pub fn align(&self, path: &Path, content: Content, progress: &dyn Progress) -> Result<HomeClip> {
+    pub fn align(&mut self, path: &Path, content: Content, progress: &dyn Progress) -> Result<HomeClip> {
         let tried = catch_unwind(AssertUnwindSafe(|| self.finish(path, progress)));
         let (recorded_at, answer) = match tried {
             Ok(Ok((recorded_at, finished))) => {
