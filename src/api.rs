@@ -32,9 +32,11 @@ mod types;
 mod uploads;
 mod webhooks;
 
+pub use clips::recorded_at_of_file;
 pub use connections::ConnectionParams;
 pub use layers::Origin;
 pub use limits::LimitParams;
+pub use map::{objects_document, rooms_document};
 pub use server::{ServeError, ServeParams, WorkParams, serve, work};
 pub use uploads::{UploadParams, opened_clip_json};
 

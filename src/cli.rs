@@ -15,6 +15,7 @@ mod evaluate_track;
 mod health;
 mod inspect;
 mod keys;
+mod map;
 mod method;
 mod migrate;
 mod models;
@@ -51,6 +52,9 @@ enum Command {
     Demo(demo::DemoArguments),
     /// Find the pose of one clip in a LiDAR map.
     Align(align::AlignArguments),
+    /// Make the map of a home out of its clips and its LiDAR map, without a server.
+    #[command(after_help = map::EXIT_CODES)]
+    Map(map::MapArguments),
     /// Print the format and contents of a map or a clip, and sketch a map.
     Inspect(inspect::InspectArguments),
     /// Convert a map (to Valetudo, ROS map_server or PLY) or a clip (to Stray Scanner, TUM RGB-D or ScanNet).
@@ -105,6 +109,10 @@ pub fn main() -> ExitCode {
     let done = match Arguments::parse_from(arguments).command {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Align(arguments) => align::run(&arguments),
+        Command::Map(arguments) => match map::run(&arguments) {
+            Ok(code) => return code,
+            Err(error) => Err(error),
+        },
         Command::Inspect(arguments) => inspect::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),

@@ -9,8 +9,9 @@ mod run;
 mod trouble;
 mod worker;
 
-pub use align_clip::{Failure, Finished, JobParams, align_clip};
+pub use align_clip::{Failure, Finished, JobParams, align_clip, align_opened};
 pub use child::{ChildOrder, ChildParams, serve_child};
+pub use merge::{Described, describe};
 pub use metrics::describe_metrics;
 pub use run::Method;
 pub use worker::{WorkerParams, work};

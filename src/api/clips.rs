@@ -136,10 +136,14 @@ pub(super) fn new_clip(
     told_recorded_at: Option<Timestamp>,
     idempotency_key: Option<String>,
 ) -> NewClip {
-    let in_file = info.recorded_at_ms.and_then(|ms| Timestamp::from_millisecond(ms).ok());
-    // A time too far ahead is ignored: the clock was wrong.
-    let recorded_at = told_recorded_at.or(in_file.filter(|time| *time <= latest()));
+    let recorded_at = told_recorded_at.or_else(|| recorded_at_of_file(&info));
     NewClip { file, info, idempotency_key, recorded_at }
+}
+
+/// Returns the time of recording that a clip's file has. A time too far ahead is ignored: the clock was wrong.
+pub fn recorded_at_of_file(info: &clip::ClipInfo) -> Option<Timestamp> {
+    let in_file = info.recorded_at_ms.and_then(|ms| Timestamp::from_millisecond(ms).ok());
+    in_file.filter(|time| *time <= latest())
 }
 
 fn latest() -> Timestamp {

@@ -9,6 +9,8 @@ pub(super) use scene::{
     get_map_coverage, get_map_objects, get_map_plan, get_map_rooms,
 };
 
+pub use scene::{objects_document, rooms_document};
+
 use super::App;
 use super::error::Error;
 use super::extract::{HomePath, Query};

@@ -1,4 +1,6 @@
 //! Progress display: a bar on a terminal, else one plain line per stage.
+//!
+//! One clip of several has a bar of its own, named by its number; its plain lines have no percentages.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
@@ -8,6 +10,8 @@ use viola_geometry::progress::{Progress, Stage};
 
 pub struct TerminalProgress {
     bar: Option<ProgressBar>,
+    /// Name of this part of the work, such as `clip 2 of 6`; `None` if it is the whole work.
+    part: Option<String>,
     stage: Mutex<Option<Stage>>,
     /// Highest progress so far, in thousandths: stages may repeat, and the bar must not move back.
     furthest: AtomicU64,
@@ -15,6 +19,15 @@ pub struct TerminalProgress {
 
 impl TerminalProgress {
     pub fn new() -> TerminalProgress {
+        TerminalProgress::with(None)
+    }
+
+    /// Returns the progress of one part of the work.
+    pub fn of_part(part: String) -> TerminalProgress {
+        TerminalProgress::with(Some(part))
+    }
+
+    fn with(part: Option<String>) -> TerminalProgress {
         let bar = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::new(1000);
             if let Ok(style) = ProgressStyle::with_template("{msg:>8} {wide_bar} {percent:>3} % {elapsed:>4}")
@@ -23,7 +36,7 @@ impl TerminalProgress {
             }
             bar
         });
-        TerminalProgress { bar, stage: Mutex::new(None), furthest: AtomicU64::new(0) }
+        TerminalProgress { bar, part, stage: Mutex::new(None), furthest: AtomicU64::new(0) }
     }
 
     pub fn finish(&self) {
@@ -47,9 +60,12 @@ impl Progress for TerminalProgress {
     fn enter(&self, stage: Stage) {
         *self.stage.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(stage);
         let furthest = self.show(stage, 0.0);
-        match &self.bar {
-            Some(bar) => bar.set_message(stage.name()),
-            None => eprintln!("{:3} % {}", furthest / 10, stage.name()),
+        let name = stage.name();
+        match (&self.bar, &self.part) {
+            (Some(bar), Some(part)) => bar.set_message(format!("{part}: {name}")),
+            (Some(bar), None) => bar.set_message(name),
+            (None, Some(part)) => eprintln!("{part}: {name}"),
+            (None, None) => eprintln!("{:3} % {name}", furthest / 10),
         }
     }
 

@@ -68,23 +68,48 @@ pub struct JobParams {
     pub video: video::Tools,
 }
 
+/// Aligns the clip of a file to the map of a file.
 pub fn align_clip(
     clip_path: &Path,
     lidar_bytes: &[u8],
     params: &JobParams,
     progress: &dyn Progress,
 ) -> Result<Finished, Failure> {
-    let JobParams { align: params, video } = params;
+    let watch = start(&params.align, progress);
+    let clip = Clip::open_with(clip_path, &params.video)?;
+    let lidar = LidarMap::read(lidar_bytes)?;
+    finish(&clip, &lidar, &params.align, watch)
+}
+
+/// Aligns an opened clip to an opened map.
+pub fn align_opened(
+    clip: &Clip,
+    lidar: &LidarMap,
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<Finished, Failure> {
+    finish(clip, lidar, params, start(params, progress))
+}
+
+/// Starts the first stage, with the time budgets of the method.
+fn start<'a>(params: &AlignParams, progress: &'a dyn Progress) -> Stopwatch<'a> {
     let watch = Stopwatch::around(progress, std::time::Instant::now)
         .with_budget(Stage::Complete, params.complete.time);
     watch.enter(Stage::Decode);
-    let clip = Clip::open_with(clip_path, video)?;
-    let lidar = LidarMap::read(lidar_bytes)?;
-    let mut aligned = align::align(&clip, None, &lidar, params, &watch)?;
+    watch
+}
+
+fn finish(
+    clip: &Clip,
+    lidar: &LidarMap,
+    params: &AlignParams,
+    watch: Stopwatch,
+) -> Result<Finished, Failure> {
+    let mut aligned = align::align(clip, None, lidar, params, &watch)?;
 
     watch.enter(Stage::Report);
     let mut files = vec![
-        (result_file::OVERLAY, home::overlay_png(&lidar, &aligned)),
+        (result_file::OVERLAY, home::overlay_png(lidar, &aligned)),
         // In the clip's own frame: its pose in the map changes with its neighbours and with a choice.
         (result_file::CLOUD, home::cloud_ply(&aligned.cloud_in_clip, None)),
         (result_file::VIEWS, home::views_bytes(&aligned.views)),

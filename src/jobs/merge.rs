@@ -1,9 +1,12 @@
 //! Merges a home's clips into its next map.
 
 mod assembling;
+mod describing;
+
+pub use describing::{Described, describe};
 
 use super::{Queue, metrics};
-use crate::storage::{MapObject, MapScene, MergeClaim, NewRevision, Storage, StorageError, map_file};
+use crate::storage::{MergeClaim, NewRevision, Storage, StorageError, map_file};
 use assembling::assemble;
 use bytes::Bytes;
 use jiff::Timestamp;
@@ -12,8 +15,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tracing::{error, info};
 use viola_formats::lidar::{LidarError, LidarMap};
-use viola_home as home;
-use viola_home::{Assembly, ClipNumbers, Description, NotOurs, Tile, TileKey};
+use viola_home::{Assembly, NotOurs, Tile, TileKey};
 
 /// Pause of a home after a failed merge.
 const PAUSE: Duration = Duration::from_secs(5);
@@ -140,17 +142,10 @@ fn revision(
     }
     if let Some(lidar) = lidar {
         let tiles: Vec<Tile> = tiles.into_values().collect();
-        let numbers = ClipNumbers::new(new.manifest.clips.iter().map(|clip| &clip.clip));
-        let Description { rooms, objects, coverage, plan } =
-            home::describe(&LidarMap::read(lidar)?, &tiles, &numbers);
-        new.files = vec![
-            (map_file::PLAN_PNG, home::plan_png(&plan)),
-            (map_file::PLAN_SVG, home::plan_svg(&plan).into_bytes()),
-            (map_file::PLAN_GEOJSON, home::plan_geojson(&plan).to_string().into_bytes()),
-        ];
-        new.objects = objects.into_iter().map(|object| MapObject::new(object, &new.manifest.clips)).collect();
-        let scene = MapScene { rooms, objects: new.objects.clone(), coverage };
+        let Described { scene, plan } = describe(&LidarMap::read(lidar)?, &tiles, &new.manifest.clips);
+        new.files.extend(plan);
         new.files.push((map_file::SCENE, serde_json::to_vec(&scene).unwrap_or_default()));
+        new.objects = scene.objects;
     }
     Ok(new)
 }

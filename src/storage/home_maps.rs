@@ -13,8 +13,8 @@ use super::{BlobReader, ClipState, HomeId, Page, Storage, StorageError, homes};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
-use viola_geometry::Pose2;
-use viola_home::{HomeMapInfo, PlacedBy, TileKey};
+use viola_geometry::{Pose2, angle_between};
+use viola_home::{HomeMapInfo, PlacedBy, PlacedClip, TileKey};
 use viola_reconstruct::Reason;
 
 /// One revision of a home's fused map. It never changes.
@@ -46,6 +46,23 @@ pub struct MapClip {
     pub moved_m: f64,
     /// Angle by which the refinement turned the clip.
     pub moved_deg: f64,
+}
+
+impl MapClip {
+    pub fn new(placed: &PlacedClip) -> Result<MapClip, StorageError> {
+        let recorded_at = placed.recorded_at_ms.map(Timestamp::from_millisecond).transpose();
+        Ok(MapClip {
+            clip: placed.clip,
+            map_from_clip: placed.map_from_clip,
+            by: placed.by,
+            probability: placed.probability,
+            recorded_at: recorded_at
+                .map_err(|error| StorageError::Column { column: "recorded_at", detail: error.to_string() })?,
+            points: placed.points,
+            moved_m: placed.map_from_clip.distance_m(&placed.alone),
+            moved_deg: angle_between(placed.map_from_clip.yaw_rad, placed.alone.yaw_rad).to_degrees(),
+        })
+    }
 }
 
 /// A clip that is not in its home's map, and why.

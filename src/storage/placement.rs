@@ -1,8 +1,10 @@
 //! The placement of a clip in its home's map.
 
+use super::ClipState;
 use serde::{Deserialize, Serialize};
 use viola_geometry::Pose2;
 use viola_home::PlacedBy;
+use viola_reconstruct::Reason;
 
 /// Pose of a clip in a revision of the home's map, and its source.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -13,4 +15,18 @@ pub struct Placement {
     pub probability: Option<f64>,
     /// Revision of the home's map.
     pub map_revision: i64,
+}
+
+/// Returns the state of an ambiguous clip after a merge. `by` is the source of its pose in the map, if it has one.
+pub fn state_of_ambiguous(by: Option<PlacedBy>) -> ClipState {
+    if by.is_some() { ClipState::Aligned } else { ClipState::Ambiguous }
+}
+
+/// Returns the reasons that replace those of a clip's own alignment; `None` if its own stay.
+pub fn reasons_of_placement(by: Option<PlacedBy>) -> Option<Vec<Reason>> {
+    (by == Some(PlacedBy::Neighbours)).then(|| {
+        let detail =
+            "several poses explain the clip alike; what the clips around it saw decided between them";
+        vec![Reason::new("decided_by_neighbours", detail)]
+    })
 }

@@ -7,6 +7,7 @@ mod early_pose;
 mod evaluate;
 mod imagination;
 mod labels;
+mod map;
 mod network;
 mod registration;
 mod runtimes;

@@ -1,6 +1,7 @@
 //! A clip's contribution to its home's map, and its storage format.
 
-use super::ply::NotOurs;
+use super::MAP_VOXEL_M;
+use super::ply::{NotOurs, read_cloud_ply};
 use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
@@ -21,6 +22,12 @@ pub struct ClipContribution {
 impl ClipContribution {
     pub fn nothing() -> ClipContribution {
         ClipContribution { cloud_in_clip: PointCloud::default(), views: Vec::new() }
+    }
+
+    /// Reads the files of a clip's cloud in its own frame ([`cloud_ply`](crate::cloud_ply)) and of its views
+    /// ([`views_bytes`]).
+    pub fn read(cloud: &[u8], views: &[u8]) -> Result<ClipContribution, NotOurs> {
+        Ok(ClipContribution { cloud_in_clip: read_cloud_ply(cloud, MAP_VOXEL_M)?, views: read_views(views)? })
     }
 }
 

@@ -7,7 +7,7 @@ use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::{is_known, tag_of, tagged, unless_known};
 use crate::api::types::{ClassName, Coverage, MapObject, Room};
-use crate::storage::{HomeId, HomeMap, MapScene, map_file};
+use crate::storage::{self, HomeId, HomeMap, MapScene, map_file};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -37,6 +37,16 @@ pub(in crate::api) struct MapCoverage {
     revision: i64,
     #[serde(flatten)]
     coverage: Coverage,
+}
+
+/// Returns the document of `GET .../map/rooms`.
+pub fn rooms_document(revision: i64, rooms: Vec<viola_home::Room>) -> impl Serialize {
+    MapRooms { revision, rooms: rooms.into_iter().map(Room::from).collect() }
+}
+
+/// Returns the document of `GET .../map/objects`.
+pub fn objects_document(revision: i64, objects: Vec<storage::MapObject>) -> impl Serialize {
+    MapObjects { revision, objects: objects.into_iter().map(MapObject::from).collect() }
 }
 
 /// The filter of a home's objects.
@@ -84,8 +94,7 @@ pub(in crate::api) async fn get_map_rooms(
 ) -> Result<Response, Error> {
     let map = revision(&app, &home, query.revision.as_deref()).await?;
     let scene = scene(&app, &home, &map).await?;
-    let rooms = scene.rooms.into_iter().map(Room::from).collect();
-    Ok(document(&headers, &map, &MapRooms { revision: map.revision, rooms }))
+    Ok(document(&headers, &map, &rooms_document(map.revision, scene.rooms)))
 }
 
 /// Get the objects of a home: furniture and appliances, each with its box, its room and the clips that saw it
@@ -102,8 +111,7 @@ pub(in crate::api) async fn get_map_objects(
     let map = revision(&app, &home, query.revision.as_deref()).await?;
     let mut objects = scene(&app, &home, &map).await?.objects;
     objects.retain(|object| classes.as_ref().is_none_or(|classes| classes.contains(&object.class)));
-    let objects = objects.into_iter().map(MapObject::from).collect();
-    Ok(document(&headers, &map, &MapObjects { revision: map.revision, objects }))
+    Ok(document(&headers, &map, &objects_document(map.revision, objects)))
 }
 
 /// Get the part of the LiDAR map that the clips have seen, as a whole and by room

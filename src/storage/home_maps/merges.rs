@@ -6,12 +6,10 @@ use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Connection, Row, Transaction, query};
 use crate::storage::{Choice, HomeId, Storage, StorageError, lidar_maps};
 use jiff::Timestamp;
-use nalgebra::Matrix3;
 use std::time::Duration;
 use uuid::Uuid;
-use viola_align::{Alignment, AlignmentState};
-use viola_geometry::angle_between;
-use viola_home::{HomeMapInfo, Manifest, Member, PlacedClip, TileKey, Verdict};
+use viola_align::Alignment;
+use viola_home::{HomeMapInfo, Manifest, Member, TileKey, Verdict};
 
 /// Revisions of a home's map that are kept; a new one removes older ones. Readers of a revision have long
 /// ended when it is this old.
@@ -254,7 +252,7 @@ async fn members(connection: &mut Connection, home: &HomeId) -> Result<Vec<Membe
         let alignment: Option<Alignment> = row.maybe_json("alignment")?;
         let verdict = match row.maybe_json::<Choice>("choice")? {
             Some(choice) => Some(Verdict::Chosen { map_from_clip: choice.map_from_clip }),
-            None => alignment.as_ref().and_then(own_verdict),
+            None => alignment.as_ref().and_then(Verdict::of),
         };
         let Some(verdict) = verdict else { return Ok(None) };
         Ok(Some(Member {
@@ -268,39 +266,6 @@ async fn members(connection: &mut Connection, home: &HomeId) -> Result<Vec<Membe
     rows.iter().map(member).filter_map(Result::transpose).collect()
 }
 
-fn own_verdict(alignment: &Alignment) -> Option<Verdict> {
-    match alignment.state {
-        AlignmentState::Aligned => Some(Verdict::Aligned {
-            map_from_clip: alignment.map_from_clip?,
-            covariance: Matrix3::from_fn(|r, c| alignment.covariance.map_or(0.0, |rows| rows[r][c])),
-            probability: alignment.probability,
-        }),
-        AlignmentState::Ambiguous => Some(Verdict::Ambiguous {
-            alternatives: alignment
-                .alternatives
-                .iter()
-                .map(|one| (one.map_from_clip, one.probability.unwrap_or(0.0)))
-                .collect(),
-        }),
-        AlignmentState::Failed => None,
-    }
-}
-
-fn map_clip(placed: &PlacedClip) -> Result<MapClip, StorageError> {
-    let recorded_at = placed.recorded_at_ms.map(Timestamp::from_millisecond).transpose();
-    Ok(MapClip {
-        clip: placed.clip,
-        map_from_clip: placed.map_from_clip,
-        by: placed.by,
-        probability: placed.probability,
-        recorded_at: recorded_at
-            .map_err(|error| StorageError::Column { column: "recorded_at", detail: error.to_string() })?,
-        points: placed.points,
-        moved_m: placed.map_from_clip.distance_m(&placed.alone),
-        moved_deg: angle_between(placed.map_from_clip.yaw_rad, placed.alone.yaw_rad).to_degrees(),
-    })
-}
-
 /// Adds a revision and removes the oldest; returns the blobs of those.
 async fn insert(
     transaction: &mut Transaction,
@@ -310,7 +275,7 @@ async fn insert(
     now: Timestamp,
 ) -> Result<Vec<String>, StorageError> {
     let (home, revision) = (claim.home.key(), claim.last_revision + 1);
-    let clips: Result<Vec<MapClip>, _> = new.manifest.clips.iter().map(map_clip).collect();
+    let clips: Result<Vec<MapClip>, _> = new.manifest.clips.iter().map(MapClip::new).collect();
     let info = HomeMapInfo::of(new.manifest.tiles.iter().map(|(_, info)| info));
     query(
         "INSERT INTO home_maps (home_id, revision, lidar_map_revision, clips, info, created_at)

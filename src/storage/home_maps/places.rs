@@ -4,11 +4,10 @@ use super::MergeClaim;
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Transaction, query};
-use crate::storage::{ClipState, Placement, StorageError};
+use crate::storage::{Placement, StorageError, reasons_of_placement, state_of_ambiguous};
 use jiff::Timestamp;
 use viola_align::Alignment;
-use viola_home::{PlacedBy, PlacedClip, Verdict};
-use viola_reconstruct::Reason;
+use viola_home::{PlacedClip, Verdict};
 
 /// Updates the clips' placements. An ambiguous clip that its neighbours placed becomes aligned; if they no
 /// longer do, it is ambiguous again. A clip with a newer answer stays as it is: its home is due again.
@@ -55,21 +54,18 @@ pub(super) async fn tell(
         let ambiguous = matches!(member.verdict, Verdict::Ambiguous { .. });
         // A clip that stays in place is not updated with every revision.
         let unchanged = before.as_ref().map(same) == placement;
-        let state = match &placement {
-            _ if !ambiguous => row.name("state")?,
-            Some(_) => ClipState::Aligned,
-            None => ClipState::Ambiguous,
-        };
+        let by = placement.as_ref().map(|placement| placement.by);
+        let state = if ambiguous { state_of_ambiguous(by) } else { row.name("state")? };
         if unchanged && state == row.name("state")? {
             continue;
         }
-        let reasons = match (&placement, ambiguous) {
-            (Some(Placement { by: PlacedBy::Neighbours, .. }), _) => to_json(&[decided_by_neighbours()]),
-            (None, true) => {
+        let reasons = match reasons_of_placement(by) {
+            Some(reasons) => to_json(&reasons),
+            None if by.is_none() && ambiguous => {
                 let own = row.maybe_json::<Alignment>("alignment")?;
                 to_json(&own.map(|alignment| alignment.reasons).unwrap_or_default())
             }
-            _ => row.text("reasons")?,
+            None => row.text("reasons")?,
         };
         query("UPDATE clips SET state = $2, reasons = $3, placement = $4, updated_at = $5 WHERE id = $1")
             .bind(member.clip.to_string())
@@ -82,11 +78,4 @@ pub(super) async fn tell(
         changes::record(transaction, &claim.home, Changed::Clip { id: member.clip, state }, now).await?;
     }
     Ok(())
-}
-
-fn decided_by_neighbours() -> Reason {
-    Reason::new(
-        "decided_by_neighbours",
-        "several poses explain the clip alike; what the clips around it saw decided between them",
-    )
 }

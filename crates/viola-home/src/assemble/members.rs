@@ -5,6 +5,7 @@ use super::tile::TileKey;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
+use viola_align::{Alignment, AlignmentState};
 use viola_geometry::{Point2, Pose2, Pose3};
 
 /// A clip that may be in the map.
@@ -83,6 +84,27 @@ impl Member {
     /// Returns the canonical sort key: the content; the id only breaks ties of equal files.
     pub(super) fn order(&self) -> (Option<i64>, &str, &Uuid) {
         (self.recorded_at_ms, &self.sha256, &self.clip)
+    }
+}
+
+impl Verdict {
+    /// Returns the verdict of an alignment; `None` for one without a pose.
+    pub fn of(alignment: &Alignment) -> Option<Verdict> {
+        match alignment.state {
+            AlignmentState::Aligned => Some(Verdict::Aligned {
+                map_from_clip: alignment.map_from_clip?,
+                covariance: Matrix3::from_fn(|r, c| alignment.covariance.map_or(0.0, |rows| rows[r][c])),
+                probability: alignment.probability,
+            }),
+            AlignmentState::Ambiguous => Some(Verdict::Ambiguous {
+                alternatives: alignment
+                    .alternatives
+                    .iter()
+                    .map(|one| (one.map_from_clip, one.probability.unwrap_or(0.0)))
+                    .collect(),
+            }),
+            AlignmentState::Failed => None,
+        }
     }
 }
 

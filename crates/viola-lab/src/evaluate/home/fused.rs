@@ -1,7 +1,6 @@
 //! Fuses the aligned excerpts of a scene into one map.
 
 use crate::evaluate::Scene;
-use nalgebra::Matrix3;
 use serde::Serialize;
 use std::convert::Infallible;
 use std::ops::Range;
@@ -83,18 +82,13 @@ pub fn fuse(
             together_m: None,
             together_deg: None,
         });
-        if let (AlignmentState::Aligned, Some(map_from_clip)) = (answer.state, answer.map_from_clip) {
-            let covariance = answer.covariance.unwrap_or_default();
+        if let Some(verdict) = Verdict::of(answer).filter(|_| answer.state == AlignmentState::Aligned) {
             members.push(Member {
                 clip: Uuid::from_u128(number as u128),
                 recorded_at_ms: None,
                 sha256: format!("{number:06}"),
                 share: number.to_string(),
-                verdict: Verdict::Aligned {
-                    map_from_clip,
-                    covariance: Matrix3::from_fn(|r, c| covariance[r][c]),
-                    probability: answer.probability,
-                },
+                verdict,
             });
         }
         shares.push(ClipContribution { cloud_in_clip: aligned.cloud_in_clip, views: aligned.views });

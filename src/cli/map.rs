@@ -1,0 +1,121 @@
+//! `viola map`: makes the map of a home out of its clips, without a server.
+//!
+//! It runs the functions of the service, so that both make the same map: [`align_opened`](crate::jobs::align_opened)
+//! for each clip, [`assemble`](viola_home::assemble) for all of them, [`describe`](crate::jobs::describe) for the
+//! result. Clips are aligned one after the other and their contributions are kept on the disk, so that the memory
+//! of the alignment does not grow with their number.
+
+mod clip;
+mod content;
+mod contributions;
+mod document;
+mod files;
+mod table;
+
+use super::completion::CompletionArguments;
+use super::networks::NetworkArguments;
+use super::progress::TerminalProgress;
+use super::video_tools::video_tools;
+use crate::jobs::JobParams;
+use anyhow::{Context, Result};
+use clap::Args;
+use clip::{Aligner, HomeClip};
+use content::Content;
+use contributions::Contributions;
+use files::HomeFiles;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use viola_align::AlignParams;
+use viola_formats::lidar::LidarMap;
+use viola_home as home;
+use viola_home::{Manifest, Member};
+
+/// Exit code if the map was written and a clip has no answer. clap uses 2 for wrong arguments.
+const CLIP_WITHOUT_ANSWER: u8 = 3;
+
+/// The exit codes, for the help.
+pub const EXIT_CODES: &str = "Exit codes:
+  0  every clip has an answer, which may be that no pose can be given
+  1  there is no map: for example, the LiDAR map cannot be read
+  2  wrong arguments
+  3  the map was written, and at least one clip could not be read or aligned; map.json says why";
+
+#[derive(Args)]
+pub struct MapArguments {
+    /// Clips, each as `viola align --clip` takes it: folders, archives or single files, in any order. A clip
+    /// that is given twice counts once.
+    #[arg(required = true, value_name = "CLIP")]
+    clips: Vec<PathBuf>,
+    /// LiDAR map of the home, in any format that `viola align` reads.
+    #[arg(long, value_name = "FILE")]
+    lidar: PathBuf,
+    /// Output folder: map.json, objects.json, rooms.json, points.ply, plan.svg, plan.png and plan.geojson.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    #[command(flatten)]
+    networks: NetworkArguments,
+    #[command(flatten)]
+    completion: CompletionArguments,
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
+    // First, because a missing network is found immediately.
+    let label = arguments.networks.labels()?;
+    let complete = arguments.completion.params(&arguments.networks)?;
+    let align = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
+    let params = JobParams { align, video: video_tools() };
+    let lidar = LidarMap::open(&arguments.lidar)
+        .with_context(|| format!("LiDAR map {}", arguments.lidar.display()))?;
+    let out = &arguments.out;
+    std::fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+
+    let mut aligner = Aligner { lidar: &lidar, params: &params, contributions: Contributions::new_in(out)? };
+    let clips = align_all(&arguments.clips, &mut aligner)?;
+    let members: Vec<Member> = clips.iter().filter_map(HomeClip::member).collect();
+    eprintln!("map: fuse {} of {} clips", members.len(), clips.len());
+    let mut load = |member: &Member| aligner.contributions.load(member);
+    let map = home::assemble(&Manifest::default(), members, &mut load)?;
+    eprintln!("map: describe");
+    let files = HomeFiles::new(&lidar, map, &clips)?;
+    files.write(out)?;
+    table::print(&files.document, files.objects.len(), files.rooms.len(), out);
+    let all_answered = clips.iter().all(|clip| clip.answer.is_ok());
+    Ok(if all_answered { ExitCode::SUCCESS } else { ExitCode::from(CLIP_WITHOUT_ANSWER) })
+}
+
+/// Aligns the clips one by one. Returns them in an order that does not depend on that of the arguments.
+fn align_all(paths: &[PathBuf], aligner: &mut Aligner) -> Result<Vec<HomeClip>> {
+    let mut clips: Vec<HomeClip> = Vec::new();
+    let mut known: BTreeMap<Content, usize> = BTreeMap::new();
+    for (number, path) in (1..).zip(paths) {
+        let part = format!("clip {number} of {}", paths.len());
+        let file = path.display().to_string();
+        eprintln!("{part}: {file}");
+        let content = Content::of(path);
+        if let Some(first) = content.as_ref().ok().and_then(|content| known.get(content)) {
+            let first = &mut clips[*first];
+            eprintln!("{part}: the same content as {}, used once", first.file);
+            first.file = file.min(std::mem::take(&mut first.file));
+            continue;
+        }
+        let clip = match content {
+            Ok(content) => {
+                known.insert(content.clone(), clips.len());
+                let progress = TerminalProgress::of_part(part.clone());
+                let clip = aligner.align(path, content, &progress)?;
+                progress.finish();
+                clip
+            }
+            Err(error) => HomeClip::unreadable(path, &error),
+        };
+        if let Err(reason) = &clip.answer {
+            eprintln!("{part}: failed: {} ({})", reason.detail, reason.code);
+        }
+        clips.push(clip);
+    }
+    clips.sort_by(|a, b| (&a.content, &a.file).cmp(&(&b.content, &b.file)));
+    Ok(clips)
+}

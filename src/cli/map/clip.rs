@@ -1,0 +1,80 @@
+//! One clip of a home: its own alignment.
+
+use super::content::Content;
+use super::contributions::Contributions;
+use crate::api::recorded_at_of_file;
+use crate::jobs::{Failure, Finished, JobParams, align_opened};
+use anyhow::Result;
+use jiff::Timestamp;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use viola_align::Alignment;
+use viola_formats::clip::Clip;
+use viola_formats::lidar::LidarMap;
+use viola_geometry::progress::Progress;
+use viola_home::{Member, Verdict};
+use viola_reconstruct::Reason;
+
+/// A clip of the home and its own alignment.
+pub struct HomeClip {
+    /// The argument that names it.
+    pub file: String,
+    /// `None` if its bytes cannot be read.
+    pub content: Option<Content>,
+    /// Time of recording, if the file has it.
+    pub recorded_at: Option<Timestamp>,
+    /// The answer of the method, or the reason why there is none.
+    pub answer: Result<Alignment, Reason>,
+}
+
+impl HomeClip {
+    pub fn unreadable(path: &Path, error: &anyhow::Error) -> HomeClip {
+        HomeClip {
+            file: path.display().to_string(),
+            content: None,
+            recorded_at: None,
+            answer: Err(Reason::new("unreadable", format!("{error:#}"))),
+        }
+    }
+
+    /// Returns the clip as a member of the home; `None` without a pose.
+    pub fn member(&self) -> Option<Member> {
+        let (content, alignment) = (self.content.as_ref()?, self.answer.as_ref().ok()?);
+        Some(Member {
+            clip: content.id(),
+            recorded_at_ms: self.recorded_at.map(Timestamp::as_millisecond),
+            sha256: content.sha256(),
+            share: content.sha256(),
+            verdict: Verdict::of(alignment)?,
+        })
+    }
+}
+
+/// Aligns clips to the home's LiDAR map and keeps their contributions.
+pub struct Aligner<'a> {
+    pub lidar: &'a LidarMap,
+    pub params: &'a JobParams,
+    pub contributions: Contributions,
+}
+
+impl Aligner<'_> {
+    /// Aligns a clip. A clip that cannot be used is no error; a contribution that cannot be kept is one.
+    pub fn align(&mut self, path: &Path, content: Content, progress: &dyn Progress) -> Result<HomeClip> {
+        let tried = catch_unwind(AssertUnwindSafe(|| self.finish(path, progress)));
+        let (recorded_at, answer) = match tried {
+            Ok(Ok((recorded_at, finished))) => {
+                self.contributions.keep(&content.sha256(), &finished)?;
+                (recorded_at, Ok(finished.alignment))
+            }
+            Ok(Err(failure)) => (None, Err(failure.reason())),
+            Err(_) => (None, Err(Reason::new("internal_error", "the method panicked on this clip"))),
+        };
+        Ok(HomeClip { file: path.display().to_string(), content: Some(content), recorded_at, answer })
+    }
+
+    fn finish(&self, path: &Path, progress: &dyn Progress) -> Result<(Option<Timestamp>, Finished), Failure> {
+        let clip = Clip::open_with(path, &self.params.video)?;
+        let finished = align_opened(&clip, self.lidar, &self.params.align, progress)?;
+        Ok((recorded_at_of_file(clip.info()), finished))
+    }
+}

@@ -1,0 +1,65 @@
+//! The contributions of the clips, on the disk until they are fused.
+
+use crate::jobs::Finished;
+use crate::storage::result_file;
+use anyhow::{Context, Result};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use viola_formats::container::Region;
+use viola_home::{ClipContribution, Member};
+
+/// The files of a clip's result that a map is fused from.
+const FILES: [&str; 2] = [result_file::CLOUD, result_file::VIEWS];
+
+/// The contributions one after the other in one unnamed file: a killed process leaves nothing behind.
+pub struct Contributions {
+    file: File,
+    folder: PathBuf,
+    /// Bytes of each clip's files in `file`, by the name of its contribution.
+    places: BTreeMap<String, [Range<u64>; 2]>,
+    end: u64,
+}
+
+impl Contributions {
+    /// Makes the file inside `folder`: the temporary folder of the system is often in memory.
+    pub fn new_in(folder: &Path) -> Result<Contributions> {
+        let file = tempfile::tempfile_in(folder);
+        let file = file.with_context(|| format!("cannot make a file in {}", folder.display()))?;
+        Ok(Contributions { file, folder: folder.to_owned(), places: BTreeMap::new(), end: 0 })
+    }
+
+    /// Keeps the contribution of a clip under a name.
+    pub fn keep(&mut self, name: &str, finished: &Finished) -> Result<()> {
+        let mut places = [0..0, 0..0];
+        for (place, wanted) in places.iter_mut().zip(FILES) {
+            let found = finished.files.iter().find(|(file, _)| *file == wanted);
+            let bytes = found.map_or(&[][..], |(_, bytes)| bytes);
+            let written = self.file.write_all(bytes);
+            written.with_context(|| format!("cannot write a file in {}", self.folder.display()))?;
+            *place = self.end..self.end + bytes.len() as u64;
+            self.end = place.end;
+        }
+        self.places.insert(name.to_owned(), places);
+        Ok(())
+    }
+
+    /// Returns the kept contribution of a member.
+    pub fn load(&self, member: &Member) -> Result<ClipContribution> {
+        let [cloud, views] = self.places.get(&member.share).context("a contribution was not kept")?;
+        let read = |place| {
+            let bytes = self.read(place);
+            bytes.with_context(|| format!("cannot read a file in {}", self.folder.display()))
+        };
+        Ok(ClipContribution::read(&read(cloud)?, &read(views)?)?)
+    }
+
+    fn read(&self, place: &Range<u64>) -> io::Result<Vec<u8>> {
+        let whole = Region::whole(self.file.try_clone()?)?;
+        let mut bytes = vec![0; (place.end - place.start) as usize];
+        whole.read_exact_at(place.start, &mut bytes)?;
+        Ok(bytes)
+    }
+}

@@ -1,0 +1,84 @@
+//! `map.json`: the clips of a home with their poses, and the contents of its map.
+
+use super::clip::HomeClip;
+use super::content::Content;
+use crate::storage::{ClipState, MapClip, reasons_of_placement, state_of_ambiguous};
+use jiff::Timestamp;
+use serde::Serialize;
+use uuid::Uuid;
+use viola_align::AlignmentState;
+use viola_formats::lidar::LidarInfo;
+use viola_geometry::Pose2;
+use viola_home::{Coverage, HomeMapInfo, PlacedBy};
+use viola_reconstruct::Reason;
+
+/// Contents of `map.json`.
+#[derive(Debug, Serialize)]
+pub struct MapDocument {
+    /// First the clips in the map, in its order: points name a clip by its index here. Then the others.
+    pub clips: Vec<ClipDocument>,
+    pub info: HomeMapInfo,
+    pub coverage: Coverage,
+    pub lidar: LidarInfo,
+}
+
+/// A clip in `map.json`. Fields that the API has too have its names and meanings.
+#[derive(Debug, Serialize)]
+pub struct ClipDocument {
+    /// Id of the clip, a function of its content; null if the file cannot be read.
+    pub clip: Option<Uuid>,
+    /// The argument that names it; of several arguments with the same content the first in byte order.
+    pub file: String,
+    pub sha256: Option<String>,
+    pub state: ClipState,
+    /// Pose in the map, else that of the clip's own alignment; null if it has none.
+    pub map_from_clip: Option<Pose2>,
+    /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1.
+    pub probability: Option<f64>,
+    /// Source of the pose in the map; null if the clip is not in the map.
+    pub by: Option<PlacedBy>,
+    pub recorded_at: Option<Timestamp>,
+    /// Points that the clip contributed to the map.
+    pub points: usize,
+    /// Distance by which the refinement moved the clip in the map, and angle by which it turned it.
+    pub moved_m: Option<f64>,
+    pub moved_deg: Option<f64>,
+    pub reasons: Vec<Reason>,
+}
+
+impl ClipDocument {
+    /// Returns the document of a clip; `placed` is the clip in the map, if it is there.
+    pub fn new(clip: &HomeClip, placed: Option<&MapClip>) -> ClipDocument {
+        let by = placed.map(|placed| placed.by);
+        let own = clip.answer.as_ref().ok();
+        let state = match own.map(|alignment| alignment.state) {
+            Some(AlignmentState::Ambiguous) => state_of_ambiguous(by),
+            Some(state) => state.into(),
+            None => ClipState::Failed,
+        };
+        let own_reasons = || match &clip.answer {
+            Ok(alignment) => alignment.reasons.clone(),
+            Err(reason) => vec![reason.clone()],
+        };
+        ClipDocument {
+            clip: clip.content.as_ref().map(Content::id),
+            file: clip.file.clone(),
+            sha256: clip.content.as_ref().map(Content::sha256),
+            state,
+            map_from_clip: match placed {
+                Some(placed) => Some(placed.map_from_clip),
+                None => own.and_then(|alignment| alignment.map_from_clip),
+            },
+            probability: match placed {
+                Some(placed) => placed.probability,
+                None => own.and_then(|alignment| alignment.probability),
+            },
+            by,
+            recorded_at: clip.recorded_at,
+            points: placed.map_or(0, |placed| placed.points),
+            moved_m: placed.map(|placed| placed.moved_m),
+            moved_deg: placed.map(|placed| placed.moved_deg),
+            reasons: reasons_of_placement(by).unwrap_or_else(own_reasons),
+        }
+    }
+}

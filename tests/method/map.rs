@@ -1,0 +1,203 @@
+//! `viola map`: the map of a whole home without a server, of a simulated home.
+
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+use std::sync::LazyLock;
+use tempfile::TempDir;
+use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set, valetudo_json, write_scannet_zip};
+use viola_testing::eventually;
+use viola_testing::process::{Process, viola};
+
+const CLIPS: u64 = 3;
+const FILES: [&str; 7] =
+    ["map.json", "objects.json", "plan.geojson", "plan.png", "plan.svg", "points.ply", "rooms.json"];
+
+/// A simulated home: clips that can be aligned, and one that is no clip.
+struct Recorded {
+    folder: TempDir,
+    clips: Vec<PathBuf>,
+    broken: PathBuf,
+    lidar: PathBuf,
+}
+
+static RECORDED: LazyLock<Recorded> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    let home = Home::generate(&HomeParams::new(Set::Normal, 2));
+    let survey = home.survey();
+    let color_width = Sensor::PhoneLidar.depth_camera().width;
+    let params = ClipParams { frames: 24, color_width, ..ClipParams::default() };
+    let record = |index: u64| {
+        let path = folder.path().join(format!("clip_{index}.zip"));
+        write_scannet_zip(&home.clip(&survey, index, &params), fs::File::create(&path).unwrap()).unwrap();
+        path
+    };
+    let clips = (0..CLIPS).map(record).collect();
+    let (broken, lidar) = (folder.path().join("broken.zip"), folder.path().join("valetudo.json"));
+    fs::write(&broken, "this is no clip").unwrap();
+    fs::write(&lidar, valetudo_json(&survey).to_string()).unwrap();
+    Recorded { folder, clips, broken, lidar }
+});
+
+/// Maps the home with one thread, the broken clip first.
+static MAPPED: LazyLock<(BTreeMap<String, Vec<u8>>, Output)> = LazyLock::new(|| {
+    let Recorded { clips, broken, lidar, .. } = &*RECORDED;
+    let out = tempfile::tempdir().unwrap();
+    let all: Vec<&Path> = [broken].into_iter().chain(clips).map(PathBuf::as_path).collect();
+    let output = map(&all, lidar, out.path(), 1);
+    (files(out.path()), output)
+});
+
+fn map(clips: &[&Path], lidar: &Path, out: &Path, threads: usize) -> Output {
+    let mut command = viola();
+    command.arg("map").args(clips).arg("--lidar").arg(lidar).arg("--out").arg(out);
+    command.env("RAYON_NUM_THREADS", threads.to_string()).output().unwrap()
+}
+
+/// Returns everything in a folder by name.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
+    entries.map(|e| (e.file_name().into_string().unwrap(), fs::read(e.path()).unwrap())).collect()
+}
+
+fn document(name: &str) -> Value {
+    serde_json::from_slice(&MAPPED.0[name]).unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn a_clip_that_fails_does_not_stop_the_others() {
+    let (files, output) = &*MAPPED;
+    let (told, table) = (text(&output.stderr), text(&output.stdout));
+    assert_eq!(output.status.code(), Some(3), "{told}");
+    assert_eq!(files.keys().map(String::as_str).collect::<Vec<_>>(), FILES);
+    let map = document("map.json");
+    let clips = map["clips"].as_array().unwrap();
+    assert_eq!(clips.len(), CLIPS as usize + 1);
+    let (broken, good) = clips.split_last().unwrap();
+    assert_eq!(broken["file"], RECORDED.broken.to_str().unwrap());
+    assert_eq!((&broken["state"], &broken["by"]), (&json!("failed"), &Value::Null));
+    assert_eq!((&broken["map_from_clip"], &broken["probability"]), (&Value::Null, &Value::Null));
+    assert_eq!(broken["reasons"][0]["code"], "unknown_layout");
+    for clip in good {
+        assert_eq!((&clip["state"], &clip["by"]), (&json!("aligned"), &json!("alignment")), "{clip:#}");
+        assert!(clip["probability"].as_f64().unwrap() > 0.9 && clip["points"].as_u64().unwrap() > 1000);
+        assert!(clip["map_from_clip"]["yaw_rad"].is_f64());
+    }
+    let points = map["info"]["points"].as_u64().unwrap();
+    assert!(text(&files["points.ply"][..400]).contains(&format!("element vertex {points}")));
+    assert!(files["plan.png"].starts_with(b"\x89PNG") && files["plan.svg"].starts_with(b"<svg"));
+    assert_eq!(document("plan.geojson")["type"], "FeatureCollection");
+    // Progress goes to stderr, without percentages since it is no terminal; stdout has the results only.
+    assert!(told.contains("clip 4 of 4: fuse") && !told.contains('%'), "{told}");
+    assert!(told.contains("clip 1 of 4: failed: ") && told.contains("(unknown_layout)"), "{told}");
+    assert!(table.starts_with("clip ") && table.contains("3 of 4 in the map"), "{table}");
+    assert!(!table.contains("clip 1 of 4"), "{table}");
+}
+
+#[test]
+fn neither_order_nor_threads_change_a_byte() {
+    let Recorded { clips, broken, lidar, .. } = &*RECORDED;
+    let out = tempfile::tempdir().unwrap();
+    // One clip twice: it counts once.
+    let all: Vec<&Path> = [&clips[2], broken, &clips[1], &clips[2], &clips[0]].map(PathBuf::as_path).to_vec();
+    let output = map(&all, lidar, out.path(), 3);
+    assert_eq!(output.status.code(), Some(3), "{}", text(&output.stderr));
+    let again = files(out.path());
+    for name in FILES {
+        assert_eq!(again[name], MAPPED.0[name], "{name}");
+    }
+    assert_eq!(output.stdout.len(), MAPPED.1.stdout.len());
+}
+
+/// Returns a document of the service with the command's ids of clips.
+fn renamed(document: &Value, ids: &BTreeMap<String, String>) -> Value {
+    match document {
+        Value::String(text) => json!(ids.get(text).unwrap_or(text)),
+        Value::Array(items) => items.iter().map(|item| renamed(item, ids)).collect(),
+        Value::Object(fields) => {
+            Value::Object(fields.iter().map(|(name, value)| (name.clone(), renamed(value, ids))).collect())
+        }
+        other => other.clone(),
+    }
+}
+
+#[tokio::test]
+async fn it_is_the_map_that_the_service_makes() {
+    let Recorded { clips, lidar, .. } = &*RECORDED;
+    let data = tempfile::tempdir().unwrap();
+    let server = Process::serve(data.path(), &[]);
+    let client = &server.client;
+    let home = client.make_home("h").await;
+    client.put(&format!("{home}/lidar-map"), fs::read(lidar).unwrap()).await.ok(201);
+    let own = document("map.json");
+    let own_clips = own["clips"].as_array().unwrap();
+    let mut ids = BTreeMap::new();
+    for path in clips {
+        let clip = client.post(&format!("{home}/clips"), fs::read(path).unwrap()).await.ok(201);
+        let same = own_clips.iter().find(|own| own["sha256"] == clip["sha256"]).unwrap();
+        let id = |clip: &Value, name: &str| clip[name].as_str().unwrap().to_owned();
+        ids.insert(id(&clip, "id"), id(same, "clip"));
+    }
+    let map = eventually("the map has all clips", || async {
+        let answer = client.get(&format!("{home}/map")).await;
+        let map = (answer.status == 200).then(|| answer.json())?;
+        (map["clips"].as_array().unwrap().len() == clips.len()).then_some(map)
+    })
+    .await;
+    let map = renamed(&map, &ids);
+    assert_eq!(map["info"], own["info"]);
+    for (place, of_service) in map["clips"].as_array().unwrap().iter().enumerate() {
+        for (name, value) in of_service.as_object().unwrap() {
+            assert_eq!(&own_clips[place][name], value, "{name} of clip {place}");
+        }
+    }
+    let get = async |name: &str| client.get(&format!("{home}/map/{name}")).await;
+    for name in ["rooms", "objects"] {
+        let of_service = renamed(&get(name).await.ok(200), &ids);
+        let mut own = document(&format!("{name}.json"));
+        // Each upload may have made a revision.
+        own["revision"] = of_service["revision"].clone();
+        assert_eq!(own, of_service, "{name}");
+        assert!(!own[name].as_array().unwrap().is_empty(), "{name}");
+    }
+    let mut coverage = get("coverage").await.ok(200);
+    coverage.as_object_mut().unwrap().remove("revision");
+    assert_eq!(own["coverage"], coverage);
+    for (name, path) in [
+        ("points.ply", "points"),
+        ("plan.svg", "plan"),
+        ("plan.png", "plan?format=png"),
+        ("plan.geojson", "plan?format=geojson"),
+    ] {
+        assert!(get(path).await.bytes == MAPPED.0[name], "{name} is not that of the service");
+    }
+}
+
+#[test]
+fn it_needs_a_lidar_map_but_no_clip_that_can_be_read() {
+    let Recorded { folder, broken, lidar, .. } = &*RECORDED;
+    let out = tempfile::tempdir().unwrap();
+    let missing = folder.path().join("missing");
+    let output = map(&[broken], &missing, out.path(), 1);
+    assert_eq!((output.status.code(), files(out.path()).len()), (Some(1), 0));
+    assert!(text(&output.stderr).contains("missing"));
+    let output = map(&[], lidar, out.path(), 1);
+    assert_eq!(output.status.code(), Some(2));
+    let output = map(&[broken, &missing], lidar, out.path(), 1);
+    assert_eq!(output.status.code(), Some(3));
+    let read =
+        |name: &str| -> Value { serde_json::from_slice(&fs::read(out.path().join(name)).unwrap()).unwrap() };
+    let map = read("map.json");
+    let codes: Vec<&Value> =
+        map["clips"].as_array().unwrap().iter().map(|clip| &clip["reasons"][0]["code"]).collect();
+    assert_eq!(codes, ["unreadable", "unknown_layout"]);
+    assert_eq!((&map["clips"][0]["clip"], &map["info"]["points"]), (&Value::Null, &json!(0)));
+    assert_eq!(read("objects.json")["objects"], json!([]));
+    assert!(!read("rooms.json")["rooms"].as_array().unwrap().is_empty());
+}
