@@ -1,11 +1,13 @@
 //! Merges a home's clips into its next map.
 
 mod assembling;
+mod describing;
 
 use super::{Queue, metrics};
-use crate::storage::{MapObject, MapScene, MergeClaim, NewRevision, Storage, StorageError, map_file};
+use crate::storage::{MergeClaim, NewRevision, Storage, StorageError, map_file};
 use assembling::assemble;
 use bytes::Bytes;
+use describing::{Described, Last, describe};
 use jiff::Timestamp;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -13,7 +15,7 @@ use std::time::{Duration, Instant};
 use tracing::{error, info};
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_home as home;
-use viola_home::{Assembly, ClipNumbers, Description, NotOurs, Tile, TileKey};
+use viola_home::{Assembly, NotOurs, Tile, TileKey};
 
 /// Pause of a home after a failed merge.
 const PAUSE: Duration = Duration::from_secs(5);
@@ -90,9 +92,12 @@ enum MergeError {
 }
 
 async fn try_merge(storage: &Arc<Storage>, claim: &MergeClaim) -> Result<Merged, MergeError> {
-    let last = storage.last_manifest(claim).await?;
-    let assembly = assemble(storage, &last, &claim.members).await?;
-    if claim.last_revision > 0 && !claim.has_new_lidar_map() && assembly.manifest == last {
+    let manifest = storage.last_manifest(claim).await?;
+    let assembly = assemble(storage, &manifest, &claim.members).await?;
+    let scene = storage.last_scene(claim).await?;
+    let corrections = scene.as_ref().map_or(0, |scene| scene.history().corrections);
+    let is_same = assembly.manifest == manifest && corrections == claim.corrections.version;
+    if claim.last_revision > 0 && !claim.has_new_lidar_map() && is_same {
         let kept = storage.finish_merge(claim, None, Timestamp::now()).await?;
         return Ok(if kept { Merged::Nothing } else { Merged::Lost });
     }
@@ -102,7 +107,8 @@ async fn try_merge(storage: &Arc<Storage>, claim: &MergeClaim) -> Result<Merged,
         Some(id) => Some(storage.lidar_map_file(id).await?),
         None => None,
     };
-    let new = tokio::task::spawn_blocking(move || revision(assembly, kept, lidar.as_deref()));
+    let (last, of) = (Last { manifest, scene }, claim.clone());
+    let new = tokio::task::spawn_blocking(move || revision(assembly, kept, lidar.as_deref(), &last, &of));
     let new = new.await.unwrap_or(Err(MergeError::Panicked))?;
     let kept = storage.finish_merge(claim, Some(&new), Timestamp::now()).await?;
     Ok(if kept { Merged::Revision { tiles } } else { Merged::Lost })
@@ -127,6 +133,8 @@ fn revision(
     assembly: Assembly,
     kept: Vec<(TileKey, Bytes)>,
     lidar: Option<&[u8]>,
+    last: &Last,
+    claim: &MergeClaim,
 ) -> Result<NewRevision, MergeError> {
     let Assembly { manifest, changed } = assembly;
     let mut new = NewRevision { manifest, ..NewRevision::default() };
@@ -140,17 +148,17 @@ fn revision(
     }
     if let Some(lidar) = lidar {
         let tiles: Vec<Tile> = tiles.into_values().collect();
-        let numbers = ClipNumbers::new(new.manifest.clips.iter().map(|clip| &clip.clip));
-        let Description { rooms, objects, coverage, plan } =
-            home::describe(&LidarMap::read(lidar)?, &tiles, &numbers);
+        let lidar = LidarMap::read(lidar)?;
+        let Described { scene, plan, has_object_changes } =
+            describe(&lidar, &tiles, &new.manifest, last, claim);
         new.files = vec![
             (map_file::PLAN_PNG, home::plan_png(&plan)),
             (map_file::PLAN_SVG, home::plan_svg(&plan).into_bytes()),
             (map_file::PLAN_GEOJSON, home::plan_geojson(&plan).to_string().into_bytes()),
+            (map_file::SCENE, serde_json::to_vec(&scene).unwrap_or_default()),
         ];
-        new.objects = objects.into_iter().map(|object| MapObject::new(object, &new.manifest.clips)).collect();
-        let scene = MapScene { rooms, objects: new.objects.clone(), coverage };
-        new.files.push((map_file::SCENE, serde_json::to_vec(&scene).unwrap_or_default()));
+        new.objects = scene.objects;
+        new.has_object_changes = has_object_changes;
     }
     Ok(new)
 }

@@ -4,7 +4,7 @@
 //! room is held by a point inside the room, since rooms are cut anew by every LiDAR map. Places are in the
 //! map's frame, and move with it when a new LiDAR map has another one.
 
-use super::identity::{Stated, moved};
+use super::identity::Stated;
 use super::objects::{Object, UprightBox};
 use super::rooms::{Room, merged, room_at, split};
 use serde::{Deserialize, Serialize};
@@ -84,7 +84,7 @@ impl ObjectCorrection {
 
     /// Brings the places into another frame.
     pub fn move_by(&mut self, now_from_then: &Pose2) {
-        let seen = moved(&self.seen_bounds(), now_from_then);
+        let seen = self.seen_bounds().moved(now_from_then);
         (self.seen.centre_m, self.seen.yaw_rad) = (seen.centre_m, seen.yaw_rad);
         if let Some([x, y, z]) = self.centre_m {
             let at = now_from_then.apply(&Point2::new(x, y));
@@ -170,7 +170,8 @@ pub fn correct_objects(
         object.class = correction.class.unwrap_or(object.class);
         let bounds = correction.over(&object.bounds());
         if bounds != object.bounds() {
-            (object.centre_m, object.size_m, object.yaw_rad) = (bounds.centre_m, bounds.size_m, bounds.yaw_rad);
+            (object.centre_m, object.size_m, object.yaw_rad) =
+                (bounds.centre_m, bounds.size_m, bounds.yaw_rad);
             object.room = room_of(rooms, object);
         }
         let fields = correction.fields();
@@ -193,6 +194,14 @@ fn unseen(id: &str, seen: &Seen) -> Object {
         room: None,
         points: 0,
         clips: Vec::new(),
+    }
+}
+
+/// Assigns objects to the rooms after these were joined and divided.
+pub fn assign_rooms(objects: &mut [Object], rooms: &[Room], corrections: &[(String, RoomCorrection)]) {
+    let are_edited = corrections.iter().any(|(_, one)| one.merge.is_some() || one.split.is_some());
+    for object in objects.iter_mut().filter(|object| are_edited && object.room.is_some()) {
+        object.room = room_of(rooms, object);
     }
 }
 
@@ -270,7 +279,9 @@ pub fn correct_rooms(
         let Some(index) = at(rooms, &correction.at_m) else { continue };
         let is_done = match field {
             RoomField::MergeWith => correction.merge.as_ref().is_some_and(|merge| join(rooms, index, merge)),
-            RoomField::SplitBy => correction.split.as_ref().is_some_and(|line| cut(rooms, index, line, correction)),
+            RoomField::SplitBy => {
+                correction.split.as_ref().is_some_and(|line| cut(rooms, index, line, correction))
+            }
             RoomField::Name => {
                 rooms[index].name.clone_from(&correction.name);
                 true

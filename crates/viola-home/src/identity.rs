@@ -85,7 +85,7 @@ impl History {
     /// Brings the known places into the frame of another LiDAR map.
     pub fn move_by(&mut self, now_from_then: &Pose2) {
         for known in &mut self.objects {
-            let moved = moved(&known.bounds(), now_from_then);
+            let moved = known.bounds().moved(now_from_then);
             (known.centre_m, known.yaw_rad) = (moved.centre_m, moved.yaw_rad);
         }
         for corner in self.rooms.iter_mut().flat_map(|room| &mut room.polygon_m) {
@@ -175,7 +175,9 @@ impl History {
     fn remember_stated(&mut self, stated: &Stated) {
         for (id, put) in stated {
             self.take_number_of(id);
-            let (Some(put), false) = (put, self.objects.iter().any(|known| known.id == *id)) else { continue };
+            let (Some(put), false) = (put, self.objects.iter().any(|known| known.id == *id)) else {
+                continue;
+            };
             let class = id.rsplit_once('-').map_or("", |(class, _)| class);
             let class = Class::ALL.iter().copied().find(|one| one.name() == class).unwrap_or(Class::Other);
             self.objects.push(KnownObject {
@@ -208,11 +210,13 @@ fn known_room(room: &Room) -> KnownRoom {
     KnownRoom { id: room.id.clone(), source: room.source, polygon_m: room.polygon_m.clone(), missing: 0 }
 }
 
-/// Returns a box in another frame.
-pub fn moved(bounds: &UprightBox, now_from_then: &Pose2) -> UprightBox {
-    let at = now_from_then.apply(&Point2::new(bounds.centre_m[0], bounds.centre_m[1]));
-    let yaw_rad = (bounds.yaw_rad + now_from_then.yaw_rad).rem_euclid(std::f64::consts::PI);
-    UprightBox { centre_m: [at.x, at.y, bounds.centre_m[2]], size_m: bounds.size_m, yaw_rad }
+impl UprightBox {
+    /// Returns the box in another frame.
+    pub fn moved(&self, other_from_own: &Pose2) -> UprightBox {
+        let at = other_from_own.apply(&Point2::new(self.centre_m[0], self.centre_m[1]));
+        let yaw_rad = (self.yaw_rad + other_from_own.yaw_rad).rem_euclid(std::f64::consts::PI);
+        UprightBox { centre_m: [at.x, at.y, self.centre_m[2]], size_m: self.size_m, yaw_rad }
+    }
 }
 
 #[cfg(test)]

@@ -79,7 +79,8 @@ fn each_property_is_corrected_by_itself() {
 fn a_pinned_object_stays_as_it_was() {
     let found = chair("chair-1", 1.0, 1.0);
     let pin = ObjectCorrection { pinned: true, ..ObjectCorrection::of(seen(&found)) };
-    let elsewhere = Object { class: Class::Sofa, centre_m: [1.3, 1.1, 0.4], size_m: [0.9; 3], ..found.clone() };
+    let elsewhere =
+        Object { class: Class::Sofa, centre_m: [1.3, 1.1, 0.4], size_m: [0.9; 3], ..found.clone() };
     let mut objects = vec![elsewhere];
     correct_objects(&mut objects, &flat(), &[("chair-1".to_owned(), pin)]);
     assert_eq!(objects, [found]);
@@ -132,10 +133,18 @@ fn rooms_with(corrections: &[(&str, RoomCorrection)]) -> Vec<(String, Option<Str
     let mut rooms = flat();
     let corrected = correct_rooms(&mut rooms, &corrections);
     let fields = |id: &str| corrected.get(id).map(|one| one.fields.clone()).unwrap_or_default();
-    rooms.into_iter().map(|room| (room.id.clone(), room.name, room.area_m2.round(), fields(&room.id))).collect()
+    rooms
+        .into_iter()
+        .map(|room| (room.id.clone(), room.name, room.area_m2.round(), fields(&room.id)))
+        .collect()
 }
 
-fn row(id: &str, name: Option<&str>, area_m2: f64, fields: &[RoomField]) -> (String, Option<String>, f64, Vec<RoomField>) {
+fn row(
+    id: &str,
+    name: Option<&str>,
+    area_m2: f64,
+    fields: &[RoomField],
+) -> (String, Option<String>, f64, Vec<RoomField>) {
     (id.to_owned(), name.map(str::to_owned), area_m2, fields.to_vec())
 }
 
@@ -154,16 +163,27 @@ fn rooms_are_named_joined_and_divided() {
     let [one, two, three] = [row("1", None, 12.0, &[]), row("2", None, 12.0, &[]), row("3", None, 12.0, &[])];
     let cases = [
         (vec![], vec![one.clone(), two.clone(), three.clone()]),
-        (vec![("2", named(6.0, "Bath"))], vec![one.clone(), row("2", Some("Bath"), 12.0, &[Name]), three.clone()]),
+        (
+            vec![("2", named(6.0, "Bath"))],
+            vec![one.clone(), row("2", Some("Bath"), 12.0, &[Name]), three.clone()],
+        ),
         // Held by place: the key does not matter.
-        (vec![("9", named(6.0, "Bath"))], vec![one.clone(), row("2", Some("Bath"), 12.0, &[Name]), three.clone()]),
+        (
+            vec![("9", named(6.0, "Bath"))],
+            vec![one.clone(), row("2", Some("Bath"), 12.0, &[Name]), three.clone()],
+        ),
         (vec![("1", joined(2.0, &[6.0], 1))], vec![row("1", None, 24.0, &[MergeWith]), three.clone()]),
         (vec![("1", joined(2.0, &[6.0, 10.0], 1))], vec![row("1", None, 37.0, &[MergeWith])]),
         // Rooms that do not meet stay as they are.
         (vec![("1", joined(2.0, &[10.0, 99.0], 1))], vec![one.clone(), two.clone(), three.clone()]),
         (
             vec![("1", divided(1.0, 3.0, 1)), ("1-b", named(3.5, "Nook"))],
-            vec![row("1", None, 9.0, &[SplitBy]), row("1-b", Some("Nook"), 3.0, &[Name]), two.clone(), three.clone()],
+            vec![
+                row("1", None, 9.0, &[SplitBy]),
+                row("1-b", Some("Nook"), 3.0, &[Name]),
+                two.clone(),
+                three.clone(),
+            ],
         ),
         // Joined and then divided elsewhere.
         (

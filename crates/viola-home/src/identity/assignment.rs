@@ -145,7 +145,10 @@ mod tests {
     use proptest::prelude::*;
 
     fn candidates(scores: &[(usize, usize, i64)]) -> Vec<Candidate> {
-        scores.iter().map(|(row, column, score)| Candidate { row: *row, column: *column, score: *score }).collect()
+        scores
+            .iter()
+            .map(|(row, column, score)| Candidate { row: *row, column: *column, score: *score })
+            .collect()
     }
 
     #[test]
@@ -165,7 +168,10 @@ mod tests {
 
     fn sum(scores: &[Candidate], pairs: &[(usize, usize)]) -> i64 {
         let score = |(row, column): &(usize, usize)| {
-            scores.iter().find(|one| (one.row, one.column) == (*row, *column)).map_or(i64::MIN, |one| one.score)
+            scores
+                .iter()
+                .find(|one| (one.row, one.column) == (*row, *column))
+                .map_or(i64::MIN, |one| one.score)
         };
         pairs.iter().map(score).sum()
     }

@@ -148,7 +148,12 @@ mod tests {
                 vec![chair("chair-2", 8.0), chair("chair-3", 2.0)],
                 ObjectChanges { added: vec![0], moved: vec![(0, 1)], gone: vec![] },
             ),
-            ("all are new", vec![], vec![chair("a", 0.0)], ObjectChanges { added: vec![0], ..Default::default() }),
+            (
+                "all are new",
+                vec![],
+                vec![chair("a", 0.0)],
+                ObjectChanges { added: vec![0], ..Default::default() },
+            ),
         ];
         for (name, from, to, expected) in cases {
             assert_eq!(object_changes(&from, &to), expected, "{name}");

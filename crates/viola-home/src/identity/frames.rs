@@ -19,9 +19,8 @@ pub fn map_from_earlier(earlier: &[PlacedClip], now: &[PlacedClip]) -> Option<Po
         .collect();
     // A few hundred clips decide as well as thousands.
     pairs.truncate(MAX_CLIPS);
-    let transform = |(then, now): &(&PlacedClip, &PlacedClip)| {
-        now.map_from_clip.compose(&then.map_from_clip.inverse())
-    };
+    let transform =
+        |(then, now): &(&PlacedClip, &PlacedClip)| now.map_from_clip.compose(&then.map_from_clip.inverse());
     let transforms: Vec<Pose2> = pairs.iter().map(transform).collect();
     let disagreement = |one: &Pose2| -> f64 {
         let each = pairs.iter().map(|(then, now)| {

@@ -1,8 +1,8 @@
 //! How much two finds look like the same object, or the same room.
 
 use super::super::objects::{Object, UprightBox};
-use super::super::rooms::outline::{contains, signed_area_m2};
 use super::super::rooms::Room;
+use super::super::rooms::outline::{contains, signed_area_m2};
 use super::{KnownObject, KnownRoom};
 use viola_geometry::Point2;
 use viola_geometry::taxonomy::Class;
@@ -116,14 +116,14 @@ pub fn of_rooms(known: &KnownRoom, room: &Room) -> Option<i64> {
     let iou = shared_m2 / (a_m2 + b_m2 - shared_m2).max(shared_m2).max(1e-9);
     let share = shared_m2 / a_m2.min(b_m2).max(1e-9);
     let is_same = iou >= MIN_ROOM_IOU || share >= MIN_ROOM_SHARE;
-    is_same.then(|| (iou * 1000.0) as i64 + 1 - i64::from(known.missing.min(10)))
-        .map(|score| score.max(1))
+    is_same.then(|| (iou * 1000.0) as i64 + 1 - i64::from(known.missing.min(10))).map(|score| score.max(1))
 }
 
 fn bounds(ring: &[[f64; 2]]) -> Option<([f64; 2], [f64; 2])> {
     let first = *ring.first()?;
     Some(ring.iter().fold((first, first), |(low, high), corner| {
-        let pick = |known: [f64; 2], pick: fn(f64, f64) -> f64| [0, 1].map(|axis| pick(known[axis], corner[axis]));
+        let pick =
+            |known: [f64; 2], pick: fn(f64, f64) -> f64| [0, 1].map(|axis| pick(known[axis], corner[axis]));
         (pick(low, f64::min), pick(high, f64::max))
     }))
 }

@@ -54,7 +54,10 @@ fn a_class_that_changes_changes_no_id() {
     assert_eq!(next(&mut history, vec![object(Class::Bed, at, [1.5, 0.8, 0.8])]), ["table-1"]);
     // A small thing on it is another one.
     let lamp = object(Class::Lamp, [2.0, 3.0, 1.0], [0.3, 0.3, 0.4]);
-    assert_eq!(next(&mut history, vec![lamp, object(Class::Bed, at, [1.5, 0.8, 0.8])]), ["lamp-1", "table-1"]);
+    assert_eq!(
+        next(&mut history, vec![lamp, object(Class::Bed, at, [1.5, 0.8, 0.8])]),
+        ["lamp-1", "table-1"]
+    );
 }
 
 #[test]
@@ -129,14 +132,16 @@ fn rooms_keep_their_ids_when_their_order_changes() {
         assert_eq!(renamed.len(), rooms.len());
         rooms.into_iter().map(|room| room.id).collect()
     };
-    let [kitchen, hall, study] = [[0.0, 0.0], [4.0, 0.0], [8.0, 0.0]].map(|low: [f64; 2]| {
-        move |id: &str, width_m: f64| room(id, low, [low[0] + width_m, 3.0])
-    });
+    let [kitchen, hall, study] = [[0.0, 0.0], [4.0, 0.0], [8.0, 0.0]]
+        .map(|low: [f64; 2]| move |id: &str, width_m: f64| room(id, low, [low[0] + width_m, 3.0]));
     assert_eq!(next(vec![kitchen("1", 4.0), hall("2", 3.0)]), ["1", "2"]);
     assert_eq!(next(vec![hall("1", 3.8), kitchen("2", 3.7)]), ["2", "1"]);
     assert_eq!(next(vec![study("1", 5.0), hall("2", 3.8), kitchen("3", 3.7)]), ["3", "2", "1"]);
     // A room that was divided: the larger part is the room.
-    assert_eq!(next(vec![study("1", 5.0), hall("2", 3.8), kitchen("3", 2.5), room("4", [2.6, 0.0], [3.7, 3.0])]), ["3", "2", "1", "4"]);
+    assert_eq!(
+        next(vec![study("1", 5.0), hall("2", 3.8), kitchen("3", 2.5), room("4", [2.6, 0.0], [3.7, 3.0])]),
+        ["3", "2", "1", "4"]
+    );
     // The robot's ids stay as they are.
     let named = Room { source: RoomSource::LidarMap, ..kitchen("17", 4.0) };
     assert_eq!(next(vec![named]), ["17"]);
@@ -165,8 +170,11 @@ fn the_frame_of_a_new_lidar_map_is_that_of_most_clips() {
     let change = Pose2::new(3.0, -2.0, 1.5);
     let earlier: Vec<PlacedClip> =
         (0..5).map(|n| placed(n, Pose2::new(n as f64, 1.0 - n as f64, 0.3 * n as f64))).collect();
-    let mut now: Vec<PlacedClip> =
-        earlier.iter().rev().map(|clip| placed(clip.clip.as_u128(), change.compose(&clip.map_from_clip))).collect();
+    let mut now: Vec<PlacedClip> = earlier
+        .iter()
+        .rev()
+        .map(|clip| placed(clip.clip.as_u128(), change.compose(&clip.map_from_clip)))
+        .collect();
     // Two clips are elsewhere now, and one is new.
     now[0].map_from_clip = Pose2::new(9.0, 9.0, 0.0);
     now[3].map_from_clip = Pose2::new(-9.0, 2.0, 3.0);

@@ -38,9 +38,8 @@ pub fn split(room: &Room, from: &Point2, to: &Point2, anchor: &Point2, other_id:
     let side = |at: &Point2| (to.x - from.x) * (at.y - from.y) - (to.y - from.y) * (at.x - from.x) >= 0.0;
     let frame = around(&[room]);
     let whole = mask(room, frame);
-    let is_of_anchor = |index: usize| {
-        side(&frame.centre(index % frame.width, index / frame.width)) == side(anchor)
-    };
+    let is_of_anchor =
+        |index: usize| side(&frame.centre(index % frame.width, index / frame.width)) == side(anchor);
     let part = |of_anchor: bool| -> Option<Shape> {
         let cells = (0..frame.len()).map(|index| whole.cells[index] && is_of_anchor(index) == of_anchor);
         let mut part = Grid { frame, cells: cells.collect() };
@@ -153,7 +152,8 @@ mod tests {
         let mut whole = room("1", [0.0, 0.0], [4.0, 4.0]);
         whole.holes_m = vec![vec![[1.0, 1.0], [1.0, 2.0], [2.0, 2.0], [2.0, 1.0]]];
         let [own, _] =
-            split(&whole, &Point2::new(3.0, 0.0), &Point2::new(3.0, 1.0), &Point2::new(0.5, 0.5), "2").unwrap();
+            split(&whole, &Point2::new(3.0, 0.0), &Point2::new(3.0, 1.0), &Point2::new(0.5, 0.5), "2")
+                .unwrap();
         assert_eq!(own.holes_m.len(), 1);
         assert!((own.area_m2 - 11.0).abs() < 0.4, "{own:?}");
     }
