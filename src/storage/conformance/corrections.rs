@@ -145,7 +145,9 @@ async fn corrections_that_cannot_be(storage: Storage) {
         (with("nowhere"), "merge_with"),
     ] {
         let refused = storage.correct_room(&home, "1", &change, |_| true, at(1)).await;
-        let Err(CorrectionError::Impossible { field: found, .. }) = refused else { panic!("{change:?}: {refused:?}") };
+        let Err(CorrectionError::Impossible { field: found, .. }) = refused else {
+            panic!("{change:?}: {refused:?}")
+        };
         assert_eq!(found, field);
     }
     assert_eq!(storage.corrections(&home).await.unwrap().version, 0);
