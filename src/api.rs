@@ -8,6 +8,7 @@ mod classes;
 mod clip_results;
 mod clips;
 mod connections;
+mod corrections;
 mod documents;
 mod error;
 mod export;
@@ -136,6 +137,10 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(map::get_map_rooms))
         .routes(routes!(map::get_map_objects))
         .routes(routes!(map::get_map_coverage))
+        .routes(routes!(map::get_map_changes))
+        .routes(routes!(corrections::get_map_object, corrections::correct_map_object))
+        .routes(routes!(corrections::get_map_room, corrections::correct_map_room))
+        .routes(routes!(corrections::list_map_corrections))
         .routes(routes!(objects::list_objects))
         .routes(routes!(export::export_home))
         .routes(routes!(map::get_map_points))

@@ -11,7 +11,7 @@ mod worker;
 
 pub use align_clip::{Failure, Finished, JobParams, align_clip, align_opened};
 pub use child::{ChildOrder, ChildParams, serve_child};
-pub use merge::{Described, describe};
+pub use merge::{Described, Earlier, describe};
 pub use metrics::describe_metrics;
 pub use run::Method;
 pub use worker::{WorkerParams, work};

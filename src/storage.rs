@@ -16,6 +16,7 @@ mod clips;
 mod columns;
 #[cfg(test)]
 mod conformance;
+mod corrections;
 mod database;
 mod error;
 mod folder_lock;
@@ -47,11 +48,14 @@ pub use choices::{ChoiceError, Chosen};
 pub use clip_list::ClipFilter;
 pub use clip_state::ClipState;
 pub use clips::{Added, Clip, NewClip};
+pub use corrections::{
+    CorrectionError, Corrections, Kept, MOST_CORRECTIONS, ObjectChange, ObjectState, RoomChange, RoomState,
+};
 pub use database::POSTGRES_CONNECTIONS;
 pub use error::StorageError;
 pub use home_maps::{
-    HomeMap, HomeObject, LeftOut, MapClip, MapFile, MapObject, MapScene, MergeClaim, NewRevision,
-    ObjectFilter, map_file,
+    HomeMap, HomeObject, KEPT_REVISIONS, LeftOut, MapClip, MapFile, MapHistory, MapObject, MapRoom, MapScene,
+    MergeClaim, NewRevision, ObjectFilter, map_file,
 };
 pub use homes::{Home, HomeId, InvalidHomeId, InvalidTenant, Tenant};
 pub use incoming::{Arrived, Incoming};

@@ -2,7 +2,7 @@
 //! of the service goes to the log, never into an answer.
 
 use super::uploads::UploadRefusal;
-use crate::storage::{MOST_WEBHOOKS, StorageError};
+use crate::storage::{CorrectionError, MOST_WEBHOOKS, StorageError};
 use axum::Json;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -75,6 +75,10 @@ pub(super) enum Error {
     TooManyWebhooks,
     #[error("no job has this id")]
     NoSuchJob,
+    #[error("{0}")]
+    Correction(CorrectionError),
+    #[error("revision {revision} of the home's map was removed: the newest five are kept, from {oldest} on")]
+    MapRevisionRemoved { revision: i64, oldest: i64 },
     #[error(
         "this service asks for a key: send it as `Authorization: Bearer viola_...`, or sign in on the page"
     )]
@@ -172,6 +176,10 @@ impl Error {
                 (S::CONFLICT, "too_many_webhooks", "The tenant has as many webhooks as it may have")
             }
             Error::NoSuchJob => (S::NOT_FOUND, "job_not_found", "There is no such job"),
+            Error::Correction(error) => correction(error),
+            Error::MapRevisionRemoved { .. } => {
+                (S::GONE, "map_revision_removed", "The revision is not kept any more")
+            }
             Error::NoSuchResult(_) => (S::NOT_FOUND, "result_not_found", "The clip has no such file now"),
             Error::NoSuchMap => (S::NOT_FOUND, "map_not_found", "The home has no such map"),
             Error::NoSuchRoute => (S::NOT_FOUND, "route_not_found", "There is nothing under this path"),
@@ -213,8 +221,32 @@ impl Error {
             Error::InvalidPath { field, .. } | Error::InvalidQuery { field, .. } => *field,
             Error::InvalidHeader { field, .. } | Error::InvalidMember { field, .. } => Some(field),
             Error::KeyReused => Some("Idempotency-Key"),
+            Error::Correction(CorrectionError::Impossible { field, .. }) => Some(field),
+            Error::Correction(CorrectionError::Changed { .. }) => Some("If-Match"),
             Error::Upload(refusal) => refusal.field(),
             _ => None,
+        }
+    }
+}
+
+fn correction(error: &CorrectionError) -> (StatusCode, &'static str, &'static str) {
+    use StatusCode as S;
+    match error {
+        CorrectionError::NotFound { kind: "room", .. } => {
+            (S::NOT_FOUND, "room_not_found", "The map has no such room")
+        }
+        CorrectionError::NotFound { .. } => (S::NOT_FOUND, "object_not_found", "The map has no such object"),
+        CorrectionError::Changed { .. } => {
+            (S::PRECONDITION_FAILED, "changed_meanwhile", "It was changed since it was read")
+        }
+        CorrectionError::TooMany => {
+            (S::CONFLICT, "too_many_corrections", "The home has as many corrections as it may have")
+        }
+        CorrectionError::Impossible { .. } => {
+            (S::UNPROCESSABLE_ENTITY, "invalid_body", "The body does not have the expected members")
+        }
+        CorrectionError::NoMap | CorrectionError::Storage(_) => {
+            (S::NOT_FOUND, "map_not_found", "The home has no such map")
         }
     }
 }
@@ -265,6 +297,15 @@ impl Error {
             status: status.as_u16(),
             detail,
             field: self.field().map(str::to_owned),
+        }
+    }
+}
+
+impl From<CorrectionError> for Error {
+    fn from(error: CorrectionError) -> Error {
+        match error {
+            CorrectionError::Storage(error) => error.into(),
+            error => Error::Correction(error),
         }
     }
 }

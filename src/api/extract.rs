@@ -32,6 +32,46 @@ pub(super) struct ClipPath {
     pub clip: Uuid,
 }
 
+/// A path to an object of a home's map.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Path)]
+pub(super) struct ObjectPath {
+    #[param(value_type = types::HomeId)]
+    pub home: HomeId,
+    /// Id of the object.
+    #[param(example = "sofa-1")]
+    pub object: String,
+}
+
+/// A path to a room of a home's map.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Path)]
+pub(super) struct RoomPath {
+    #[param(value_type = types::HomeId)]
+    pub home: HomeId,
+    /// Id of the room.
+    #[param(example = "1")]
+    pub room: String,
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for ObjectPath {
+    type Rejection = Error;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<ObjectPath, Error> {
+        let path = Path::of(parts, state).await?;
+        Ok(ObjectPath { home: access::of(parts)?.home(&path.part("home")?)?, object: path.part("object")? })
+    }
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for RoomPath {
+    type Rejection = Error;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<RoomPath, Error> {
+        let path = Path::of(parts, state).await?;
+        Ok(RoomPath { home: access::of(parts)?.home(&path.part("home")?)?, room: path.part("room")? })
+    }
+}
+
 /// A path to an upload.
 #[derive(utoipa::IntoParams)]
 #[into_params(parameter_in = Path)]

@@ -1,8 +1,10 @@
 //! `/v1/homes/{home}/map`
 
+mod changes;
 pub(super) mod points;
 mod scene;
 
+pub(super) use changes::{__path_get_map_changes, get_map_changes};
 pub(super) use points::{__path_get_map_points, get_map_points};
 pub(super) use scene::{
     __path_get_map_coverage, __path_get_map_objects, __path_get_map_plan, __path_get_map_rooms, PlanFormat,

@@ -42,7 +42,7 @@ impl IntoResponses for CommonProblems {
             ),
             (
                 "404",
-                "The resource of the path does not exist: `home-not-found`, `clip-not-found`, `lidar-map-not-found`, `map-not-found`, `job-not-found`, `result-not-found`, `upload-not-found`, `webhook-not-found`, `delivery-not-found`",
+                "The resource of the path does not exist: `home-not-found`, `clip-not-found`, `lidar-map-not-found`, `map-not-found`, `object-not-found`, `room-not-found`, `job-not-found`, `result-not-found`, `upload-not-found`, `webhook-not-found`, `delivery-not-found`",
             ),
             (
                 "500",

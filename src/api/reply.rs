@@ -22,6 +22,15 @@ pub(super) fn is_known(headers: &HeaderMap, tag: &str) -> bool {
     each.any(|one| one == "*" || one == tag)
 }
 
+/// Returns whether a change of the resource with this tag may go ahead (RFC 9110, 13.1.1).
+pub(super) fn may_change(headers: &HeaderMap, tag: &str) -> bool {
+    let mut known = headers.get_all(header::IF_MATCH).iter().peekable();
+    let is_unconditional = known.peek().is_none();
+    let known = known.filter_map(|value| value.to_str().ok());
+    is_unconditional
+        || known.flat_map(|list| list.split(',')).map(str::trim).any(|one| one == "*" || one == tag)
+}
+
 /// Returns the answer with its entity tag, or 304 if the client has it.
 pub(super) fn unless_known(headers: &HeaderMap, tag: &str, answer: impl FnOnce() -> Response) -> Response {
     let answer = if is_known(headers, tag) { StatusCode::NOT_MODIFIED.into_response() } else { answer() };

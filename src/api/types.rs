@@ -3,6 +3,7 @@
 mod alignment;
 mod change;
 mod clip;
+mod correction;
 mod home;
 mod home_map;
 mod job;
@@ -13,6 +14,9 @@ mod webhook;
 
 pub(super) use change::{Change, ChangeKind};
 pub(super) use clip::{Clip, ClipInfo, ClipScan, ClipState, Estimate};
+pub(super) use correction::{
+    CorrectedObject, CorrectedRoom, Corrections, GoneObject, GoneReason, MapChanges, MovedObject,
+};
 pub(super) use home::Home;
 pub(super) use home_map::{Coverage, HomeMap, HomeObject, LeftOut, MapObject, Room};
 pub(super) use job::{Job, JobState};

@@ -3,7 +3,7 @@
 mod assembling;
 mod describing;
 
-pub use describing::{Described, describe};
+pub use describing::{Described, Earlier, describe};
 
 use super::{Queue, metrics};
 use crate::storage::{MergeClaim, NewRevision, Storage, StorageError, map_file};
@@ -92,9 +92,12 @@ enum MergeError {
 }
 
 async fn try_merge(storage: &Arc<Storage>, claim: &MergeClaim) -> Result<Merged, MergeError> {
-    let last = storage.last_manifest(claim).await?;
-    let assembly = assemble(storage, &last, &claim.members).await?;
-    if claim.last_revision > 0 && !claim.has_new_lidar_map() && assembly.manifest == last {
+    let manifest = storage.last_manifest(claim).await?;
+    let assembly = assemble(storage, &manifest, &claim.members).await?;
+    let scene = storage.last_scene(claim).await?;
+    let corrections = scene.as_ref().map_or(0, |scene| scene.history().corrections);
+    let is_same = assembly.manifest == manifest && corrections == claim.corrections.version;
+    if claim.last_revision > 0 && !claim.has_new_lidar_map() && is_same {
         let kept = storage.finish_merge(claim, None, Timestamp::now()).await?;
         return Ok(if kept { Merged::Nothing } else { Merged::Lost });
     }
@@ -104,7 +107,10 @@ async fn try_merge(storage: &Arc<Storage>, claim: &MergeClaim) -> Result<Merged,
         Some(id) => Some(storage.lidar_map_file(id).await?),
         None => None,
     };
-    let new = tokio::task::spawn_blocking(move || revision(assembly, kept, lidar.as_deref()));
+    let is_new = claim.last_lidar_map_revision > 0 && claim.has_new_lidar_map();
+    let left_lidar_map = is_new.then_some(claim.last_lidar_map_revision);
+    let last = Earlier { manifest, scene, corrections: claim.corrections.clone(), left_lidar_map };
+    let new = tokio::task::spawn_blocking(move || revision(assembly, kept, lidar.as_deref(), &last));
     let new = new.await.unwrap_or(Err(MergeError::Panicked))?;
     let kept = storage.finish_merge(claim, Some(&new), Timestamp::now()).await?;
     Ok(if kept { Merged::Revision { tiles } } else { Merged::Lost })
@@ -129,6 +135,7 @@ fn revision(
     assembly: Assembly,
     kept: Vec<(TileKey, Bytes)>,
     lidar: Option<&[u8]>,
+    last: &Earlier,
 ) -> Result<NewRevision, MergeError> {
     let Assembly { manifest, changed } = assembly;
     let mut new = NewRevision { manifest, ..NewRevision::default() };
@@ -142,10 +149,12 @@ fn revision(
     }
     if let Some(lidar) = lidar {
         let tiles: Vec<Tile> = tiles.into_values().collect();
-        let Described { scene, plan } = describe(&LidarMap::read(lidar)?, &tiles, &new.manifest.clips);
+        let Described { scene, plan, has_object_changes } =
+            describe(&LidarMap::read(lidar)?, &tiles, &new.manifest, last);
         new.files.extend(plan);
         new.files.push((map_file::SCENE, serde_json::to_vec(&scene).unwrap_or_default()));
         new.objects = scene.objects;
+        new.has_object_changes = has_object_changes;
     }
     Ok(new)
 }

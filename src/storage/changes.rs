@@ -38,14 +38,16 @@ pub enum ChangeKind {
     Clip,
     /// The home's fused map has a new revision.
     Map,
+    /// Objects of the home's fused map were added, moved or are gone.
+    Objects,
 }
 
 impl ChangeKind {
-    pub const ALL: [ChangeKind; 4] =
-        [ChangeKind::Home, ChangeKind::LidarMap, ChangeKind::Clip, ChangeKind::Map];
+    pub const ALL: [ChangeKind; 5] =
+        [ChangeKind::Home, ChangeKind::LidarMap, ChangeKind::Clip, ChangeKind::Map, ChangeKind::Objects];
 }
 
-/// The newest change of a home, of its LiDAR map, of a clip, or of a fused map.
+/// The newest change of a home, of its LiDAR map, of a clip, of a fused map, or of its objects.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Change {
     /// Grows with every change, not always by 1.
@@ -55,7 +57,7 @@ pub struct Change {
     pub kind: ChangeKind,
     /// Set for kind `clip`.
     pub clip: Option<Uuid>,
-    /// The current revision; set for kinds `lidar_map` and `map`.
+    /// The current revision; set for kinds `lidar_map`, `map` and `objects`.
     pub revision: Option<i64>,
     /// Set for kind `clip`; null if the clip was removed.
     pub state: Option<ClipState>,
@@ -196,6 +198,7 @@ pub(super) enum Changed {
     Clip { id: Uuid, state: ClipState },
     ClipRemoved { id: Uuid },
     Map { revision: i64 },
+    Objects { revision: i64 },
 }
 
 /// Records a change in the feed, in the transaction of the change.
@@ -211,6 +214,7 @@ pub(super) async fn record(
         Changed::Clip { id, state } => ("clip", Some(id), None, Some(state.name())),
         Changed::ClipRemoved { id } => ("clip", Some(id), None, None),
         Changed::Map { revision } => ("map", None, Some(revision), None),
+        Changed::Objects { revision } => ("objects", None, Some(revision), None),
     };
     let is_removed = matches!(changed, Changed::ClipRemoved { .. });
     query(

@@ -3,6 +3,7 @@
 
 mod changes;
 mod choices;
+mod corrections;
 mod deletions;
 mod fairness;
 mod faults;

@@ -3,9 +3,11 @@
 mod merges;
 mod objects;
 mod places;
+mod scene;
 
-pub use merges::{MergeClaim, NewRevision};
-pub use objects::{HomeObject, MapObject, MapScene, ObjectFilter};
+pub use merges::{KEPT_REVISIONS, MergeClaim, NewRevision};
+pub use objects::{HomeObject, MapObject, ObjectFilter};
+pub use scene::{MapHistory, MapRoom, MapScene};
 
 use super::columns::Columns;
 use super::database::{Connection, Row, query};

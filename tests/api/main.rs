@@ -6,6 +6,7 @@ mod changes;
 mod children;
 mod choice;
 mod clips;
+mod corrections;
 mod document;
 mod exports;
 mod homes;

@@ -20,9 +20,21 @@ pub struct Description {
 
 /// Describes the map of `tiles`, which are in the order of their keys.
 pub fn describe(lidar: &LidarMap, tiles: &[Tile], clips: &ClipNumbers) -> Description {
+    describe_revised(lidar, tiles, clips, |_, _| ())
+}
+
+/// Describes a map whose rooms and objects are revised before the plan is drawn: they get the ids that they
+/// had, and the corrections of people.
+pub fn describe_revised(
+    lidar: &LidarMap,
+    tiles: &[Tile],
+    clips: &ClipNumbers,
+    revise: impl FnOnce(&mut Vec<Room>, &mut Vec<Object>),
+) -> Description {
     let points: Vec<MapPoint> = tiles.iter().flat_map(|tile| clips.in_map(tile)).collect();
-    let rooms = rooms(lidar, &points);
-    let objects = objects(&points, &rooms, &ObjectsParams::default());
+    let mut rooms = rooms(lidar, &points);
+    let mut objects = objects(&points, &rooms, &ObjectsParams::default());
+    revise(&mut rooms, &mut objects);
     Description {
         coverage: coverage(lidar, &points, &rooms),
         plan: plan(lidar, &points, &rooms, &objects),

@@ -4,8 +4,10 @@ mod assemble;
 mod completion;
 mod contact_sheet;
 mod contribution;
+mod corrections;
 mod coverage;
 mod describe;
+mod identity;
 mod info;
 mod lettering;
 mod map_point;
@@ -25,8 +27,15 @@ pub use assemble::{
 pub use completion::{completion_png, completion_pngs};
 pub use contact_sheet::contact_sheet_png;
 pub use contribution::{ClipContribution, ClipScan, ScanCamera, read_views, views_bytes};
+pub use corrections::{
+    Corrected, ObjectCorrection, ObjectField, RoomCorrection, RoomField, RoomMerge, RoomSplit, Seen,
+    assign_rooms, correct_objects, correct_rooms, stated,
+};
 pub use coverage::{Coverage, RoomCoverage, coverage};
-pub use describe::{Description, describe};
+pub use describe::{Description, describe, describe_revised};
+pub use identity::{
+    History, KnownObject, MovedObject, ObjectChanges, Stated, map_from_earlier, object_changes,
+};
 pub use info::{ClassCount, HomeMapInfo};
 pub use lettering::write as write_words;
 pub use map_point::MapPoint;
@@ -35,7 +44,7 @@ pub use picture::{PictureFrame, lidar_png, overlay_png};
 pub use plan::{Plan, plan, plan_geojson, plan_png, plan_svg};
 pub use ply::{NotOurs, cloud_ply, read_cloud_ply};
 pub use points::{ClipNumbers, Glb, Ply, PointFilter};
-pub use rooms::{Room, RoomSource, rooms};
+pub use rooms::{Room, RoomSource, merged, rooms};
 
 /// Side of the map's voxels; the same as of the clips' clouds.
 pub const MAP_VOXEL_M: f64 = 0.03;

@@ -1,8 +1,11 @@
 //! Rooms of a home: from the vacuum's software, or computed from the map.
 
+mod edit;
 pub(super) mod outline;
 mod partition;
 pub(super) mod space;
+
+pub use edit::{merged, split};
 
 use super::map_point::MapPoint;
 use outline::{Outline, contains, distance_m};
@@ -163,12 +166,18 @@ fn shape(owner: &Grid<u32>, number: u32, window: &Window, space: &Space) -> Opti
     // A room within a room is not filled.
     let most = (FILL_M2 / (frame.cell_m * frame.cell_m)) as usize;
     fill_holes(&mut mask, most, |index| whose(index) != 0 && whose(index) != number);
+    outlined(&mask)
+}
+
+/// Returns the polygon of a mask in one piece; none if it is degenerate.
+fn outlined(mask: &Grid<bool>) -> Option<Shape> {
+    let frame = mask.frame;
     let outside = Grid { frame, cells: mask.cells.iter().map(|set| !set).collect() };
     let depth = DistanceField::new(&outside);
     let deepest = (0..frame.len())
         .max_by(|a, b| depth.grid().cells[*a].total_cmp(&depth.grid().cells[*b]).then(b.cmp(a)))?;
     let at = frame.centre(deepest % frame.width, deepest / frame.width);
-    let outline = outline::trace(&mask).into_iter().next()?.simplified(TOLERANCE_M)?;
+    let outline = outline::trace(mask).into_iter().next()?.simplified(TOLERANCE_M)?;
     Some(Shape { outline, label_at_m: [at.x, at.y] })
 }
 

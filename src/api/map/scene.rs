@@ -40,7 +40,7 @@ pub(in crate::api) struct MapCoverage {
 }
 
 /// Returns the document of `GET .../map/rooms`.
-pub fn rooms_document(revision: i64, rooms: Vec<viola_home::Room>) -> impl Serialize {
+pub fn rooms_document(revision: i64, rooms: Vec<storage::MapRoom>) -> impl Serialize {
     MapRooms { revision, rooms: rooms.into_iter().map(Room::from).collect() }
 }
 
@@ -211,7 +211,7 @@ pub(super) fn classes(field: &'static str, names: &str) -> Result<Vec<Class>, Er
     names.split(',').map(class).collect()
 }
 
-async fn scene(app: &App, home: &HomeId, map: &HomeMap) -> Result<MapScene, Error> {
+pub(super) async fn scene(app: &App, home: &HomeId, map: &HomeMap) -> Result<MapScene, Error> {
     let files = app.storage.home_map_files(home, map.revision, map_file::SCENE).await?;
     let file = files.first().ok_or(Error::NoSuchMap)?;
     app.storage.map_scene(file).await?.ok_or(Error::NoSuchMap)

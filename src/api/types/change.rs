@@ -17,11 +17,13 @@ answer! {
         Clip,
         /// The home's fused map has a new revision.
         Map,
+        /// Objects of the home's fused map were added, moved or are gone; `GET .../map/changes` tells which.
+        Objects,
     }
 }
 
 answer! {
-    /// The newest change of a home, of its LiDAR map, of a clip, or of a fused map.
+    /// The newest change of a home, of its LiDAR map, of a clip, of a fused map, or of its objects.
     struct Change from crate::storage::Change {
         /// Grows with every change, not always by 1.
         #[schema(minimum = 1, example = 4711)]
@@ -32,7 +34,7 @@ answer! {
         /// Id of the clip, for kind `clip`.
         #[schema(example = "01a1f766-7a97-7747-9dbb-391e0eeccb64")]
         clip: Option<Uuid>,
-        /// Current revision, for kinds `lidar_map` and `map`.
+        /// Current revision, for kinds `lidar_map`, `map` and `objects`.
         revision: Option<i64>,
         /// State of the clip, for kind `clip`; null if it was removed.
         state: Option<ClipState>,
@@ -48,6 +50,7 @@ impl From<ChangeKind> for crate::storage::ChangeKind {
             ChangeKind::LidarMap => crate::storage::ChangeKind::LidarMap,
             ChangeKind::Clip => crate::storage::ChangeKind::Clip,
             ChangeKind::Map => crate::storage::ChangeKind::Map,
+            ChangeKind::Objects => crate::storage::ChangeKind::Objects,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::answer;
 use super::clip::{ClipState, PlacedBy};
+use super::correction::{ObjectField, RoomField};
 use super::job::Reason;
 use super::names::{HomeId, Pose2};
 use jiff::Timestamp;
@@ -62,20 +63,39 @@ answer! {
     }
 }
 
-answer! {
-    /// A room, in the LiDAR map's frame.
-    struct Room from viola_home::Room {
-        id: String,
-        name: Option<String>,
-        source: RoomSource,
-        /// Area of the polygon without its holes, in square metres.
-        area_m2: f64,
-        /// The outer ring, counter-clockwise; the last corner is not the first one again.
-        polygon_m: Vec<[f64; 2]>,
-        /// Rings inside, clockwise.
-        holes_m: Vec<Vec<[f64; 2]>>,
-        /// A point inside, far from the border, for a label.
-        label_at_m: [f64; 2],
+/// A room, in the LiDAR map's frame.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, utoipa::ToSchema)]
+pub(in crate::api) struct Room {
+    /// The robot's own id; that of a computed room is the same in the next revisions while the room is in the same
+    /// place.
+    id: String,
+    name: Option<String>,
+    source: RoomSource,
+    /// Area of the polygon without its holes, in square metres.
+    area_m2: f64,
+    /// The outer ring, counter-clockwise; the last corner is not the first one again.
+    polygon_m: Vec<[f64; 2]>,
+    /// Rings inside, clockwise.
+    holes_m: Vec<Vec<[f64; 2]>>,
+    /// A point inside, far from the border, for a label.
+    label_at_m: [f64; 2],
+    /// Properties that a person corrected.
+    corrected: Vec<RoomField>,
+}
+
+impl From<crate::storage::MapRoom> for Room {
+    fn from(source: crate::storage::MapRoom) -> Room {
+        let room = source.room;
+        Room {
+            id: room.id,
+            name: room.name,
+            source: room.source.into(),
+            area_m2: room.area_m2,
+            polygon_m: room.polygon_m,
+            holes_m: room.holes_m,
+            label_at_m: room.label_at_m,
+            corrected: source.corrected.into_iter().map(RoomField::from).collect(),
+        }
     }
 }
 
@@ -127,7 +147,8 @@ answer! {
 answer! {
     /// An object in a home, in the LiDAR map's frame: an upright box and its properties.
     struct MapObject from crate::storage::MapObject {
-        /// The same in the next revision if the object is in the same place.
+        /// The same in the next revisions while the object is in the same place, also if its class changes. No other
+        /// object of the home ever has it.
         #[schema(example = "sofa-1")]
         id: String,
         #[schema(example = "sofa")]
@@ -147,6 +168,10 @@ answer! {
         clips: Vec<Uuid>,
         /// Time of recording of the newest of those clips, if it is known.
         last_seen: Option<Timestamp>,
+        /// Name that a person gave it.
+        name: Option<String>,
+        /// Properties that a person corrected.
+        corrected: Vec<ObjectField>,
     }
 }
 

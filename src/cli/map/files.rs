@@ -4,15 +4,15 @@ use super::clip::HomeClip;
 use super::content::Content;
 use super::document::{ClipDocument, MapDocument};
 use crate::api::{objects_document, rooms_document};
-use crate::jobs::{Described, describe};
-use crate::storage::{MapClip, MapObject};
+use crate::jobs::{Described, Earlier, describe};
+use crate::storage::{MapClip, MapObject, MapRoom};
 use anyhow::{Context, Result};
 use serde::Serialize;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use viola_formats::lidar::LidarMap;
-use viola_home::{Assembly, ClipNumbers, HomeMapInfo, Manifest, Ply, Room, Tile, point_bytes};
+use viola_home::{Assembly, ClipNumbers, HomeMapInfo, Manifest, Ply, Tile, point_bytes};
 
 /// Revision in `rooms.json` and `objects.json`: each run makes a first one.
 const REVISION: i64 = 1;
@@ -21,7 +21,7 @@ const REVISION: i64 = 1;
 pub struct HomeFiles {
     pub document: MapDocument,
     pub objects: Vec<MapObject>,
-    pub rooms: Vec<Room>,
+    pub rooms: Vec<MapRoom>,
     /// By name.
     plan: [(&'static str, Vec<u8>); 3],
     tiles: Vec<Tile>,
@@ -32,7 +32,7 @@ impl HomeFiles {
     pub fn new(lidar: &LidarMap, map: Assembly, clips: &[HomeClip]) -> Result<HomeFiles> {
         let Assembly { manifest, changed } = map;
         let tiles: Vec<Tile> = changed.into_values().flatten().collect();
-        let Described { scene, plan } = describe(lidar, &tiles, &manifest.clips);
+        let Described { scene, plan, .. } = describe(lidar, &tiles, &manifest, &Earlier::default());
         let document = MapDocument {
             clips: clip_documents(&manifest, clips)?,
             info: HomeMapInfo::of(manifest.tiles.iter().map(|(_, info)| info)),

@@ -1,28 +1,137 @@
-//! Describes the map of a home: its scene and its plan, in the files of a revision.
+//! Describes the next revision: its ids come from the last one, and corrections of people are applied.
 
-use crate::storage::{MapObject, MapScene, map_file};
+use crate::storage::{Corrections, MapHistory, MapObject, MapRoom, MapScene, map_file};
+use std::collections::{BTreeMap, BTreeSet};
 use viola_formats::lidar::LidarMap;
+use viola_geometry::Pose2;
 use viola_home as home;
-use viola_home::{ClipNumbers, Description, PlacedClip, Tile};
+use viola_home::{
+    ClipNumbers, Description, Manifest, MovedObject, Object, ObjectCorrection, Room, RoomCorrection, Tile,
+};
 
-/// The scene of a home's map and the files of its plan.
-pub struct Described {
-    pub scene: MapScene,
-    /// By the names of [`map_file`].
-    pub plan: [(&'static str, Vec<u8>); 3],
+/// Frames of earlier LiDAR maps that are kept beside those that corrections need: the kept revisions of a
+/// home's map have no more.
+const FRAMES: usize = 5;
+
+/// The revision that a new one follows, and what people corrected; empty before the first.
+#[derive(Default)]
+pub struct Earlier {
+    pub manifest: Manifest,
+    pub scene: Option<MapScene>,
+    pub corrections: Corrections,
+    /// Revision of the earlier LiDAR map, if the new revision of the home has another.
+    pub left_lidar_map: Option<i64>,
 }
 
-/// Describes the map of `tiles`, which are in the order of their keys; `clips` are those of the map, in its order.
-pub fn describe(lidar: &LidarMap, tiles: &[Tile], clips: &[PlacedClip]) -> Described {
-    let numbers = ClipNumbers::new(clips.iter().map(|clip| &clip.clip));
-    let Description { rooms, objects, coverage, plan } = home::describe(lidar, tiles, &numbers);
-    let objects = objects.into_iter().map(|object| MapObject::new(object, clips)).collect();
+/// The description of a new revision.
+pub struct Described {
+    pub scene: MapScene,
+    /// The files of the plan, by the names of [`map_file`].
+    pub plan: [(&'static str, Vec<u8>); 3],
+    /// True if objects were added, moved or are gone.
+    pub has_object_changes: bool,
+}
+
+/// Describes the map of `tiles`, whose clips are those of `manifest`.
+pub fn describe(lidar: &LidarMap, tiles: &[Tile], manifest: &Manifest, last: &Earlier) -> Described {
+    let mut history = last.scene.as_ref().map(MapScene::history).unwrap_or_default();
+    let now_from_last = now_from_last(manifest, last);
+    history.ids.move_by(&now_from_last);
+    history.frames = frames(history.frames, now_from_last, last);
+    history.corrections = last.corrections.version;
+    let (of_objects, of_rooms) = corrections(&last.corrections, &history);
+    let numbers = ClipNumbers::new(manifest.clips.iter().map(|clip| &clip.clip));
+    let (mut corrected_rooms, mut corrected_objects) = (BTreeMap::new(), BTreeMap::new());
+    let revise = |rooms: &mut Vec<Room>, objects: &mut Vec<Object>| {
+        let renamed = history.ids.identify_rooms(rooms);
+        corrected_rooms = home::correct_rooms(rooms, &of_rooms);
+        history.ids.identify_objects(objects, &home::stated(&of_objects));
+        for object in objects.iter_mut() {
+            object.room = object.room.as_ref().and_then(|room| renamed.get(room).cloned());
+        }
+        home::assign_rooms(objects, rooms, &of_rooms);
+        let (corrected, hidden) = home::correct_objects(objects, rooms, &of_objects);
+        corrected_objects = corrected;
+        history.hidden = hidden.into_iter().collect();
+    };
+    let Description { rooms, objects, coverage, plan } =
+        home::describe_revised(lidar, tiles, &numbers, revise);
+    let before = last.scene.as_ref().map(|scene| scene.objects.as_slice()).unwrap_or_default();
+    let map_object = |object: Object| {
+        let mut object = MapObject::new(object, &manifest.clips);
+        if let Some(corrected) = corrected_objects.get(&object.id) {
+            object.mark(corrected);
+        }
+        if object.clips.is_empty() {
+            let known = before.iter().find(|known| known.id == object.id);
+            object.last_seen = known.and_then(|known| known.last_seen);
+        }
+        object
+    };
+    let objects: Vec<MapObject> = objects.into_iter().map(map_object).collect();
+    let map_room = |room: Room| {
+        let corrected = corrected_rooms.get(&room.id);
+        MapRoom::new(room, corrected)
+    };
+    let rooms = rooms.into_iter().map(map_room).collect();
+    let has_object_changes = has_object_changes(before, &objects, &now_from_last);
     Described {
-        scene: MapScene { rooms, objects, coverage },
+        scene: MapScene { rooms, objects, coverage, history: Some(history) },
         plan: [
             (map_file::PLAN_PNG, home::plan_png(&plan)),
             (map_file::PLAN_SVG, home::plan_svg(&plan).into_bytes()),
             (map_file::PLAN_GEOJSON, home::plan_geojson(&plan).to_string().into_bytes()),
         ],
+        has_object_changes,
     }
+}
+
+/// Returns the transform into the frame of the new revision from that of the last one.
+fn now_from_last(manifest: &Manifest, last: &Earlier) -> Pose2 {
+    if last.left_lidar_map.is_none() {
+        return Pose2::IDENTITY;
+    }
+    // Without a clip in both maps nothing tells the frames apart.
+    home::map_from_earlier(&last.manifest.clips, &manifest.clips).unwrap_or(Pose2::IDENTITY)
+}
+
+/// Returns the transforms from the frames of earlier LiDAR maps that may still be needed.
+fn frames(known: BTreeMap<i64, Pose2>, now_from_last: Pose2, last: &Earlier) -> BTreeMap<i64, Pose2> {
+    let Some(left) = last.left_lidar_map else { return known };
+    let moved = known.into_iter().map(|(revision, from_then)| (revision, now_from_last.compose(&from_then)));
+    let mut frames: BTreeMap<i64, Pose2> = moved.collect();
+    frames.insert(left, now_from_last);
+    let of_objects = last.corrections.objects.iter().map(|kept| kept.lidar_map_revision);
+    let of_rooms = last.corrections.rooms.iter().map(|kept| kept.lidar_map_revision);
+    let newest = frames.keys().rev().take(FRAMES).copied();
+    let needed: BTreeSet<i64> = of_objects.chain(of_rooms).chain(newest).collect();
+    frames.retain(|revision, _| needed.contains(revision));
+    frames
+}
+
+type Placed = (Vec<(String, ObjectCorrection)>, Vec<(String, RoomCorrection)>);
+
+/// Returns the corrections in the frame of the new revision.
+fn corrections(kept: &Corrections, history: &MapHistory) -> Placed {
+    let objects = kept.objects.iter().map(|kept| {
+        let mut correction = kept.correction.clone();
+        if let Some(now_from_then) = history.frames.get(&kept.lidar_map_revision) {
+            correction.move_by(now_from_then);
+        }
+        (kept.target.clone(), correction)
+    });
+    let rooms = kept.rooms.iter().map(|kept| {
+        let mut correction = kept.correction.clone();
+        if let Some(now_from_then) = history.frames.get(&kept.lidar_map_revision) {
+            correction.move_by(now_from_then);
+        }
+        (kept.target.clone(), correction)
+    });
+    (objects.collect(), rooms.collect())
+}
+
+fn has_object_changes(before: &[MapObject], after: &[MapObject], now_from_last: &Pose2) -> bool {
+    let before: Vec<MovedObject> = before.iter().map(|object| object.in_frame(now_from_last)).collect();
+    let after: Vec<MovedObject> = after.iter().map(|object| object.in_frame(&Pose2::IDENTITY)).collect();
+    !home::object_changes(&before, &after).is_empty()
 }

@@ -29,7 +29,7 @@ async fn two_aligned(storage: &Storage) -> (HomeId, Vec<Uuid>) {
 }
 
 /// Runs the next job: its clip gets an answer, with a cloud that holds its id.
-async fn align(storage: &Storage, state: AlignmentState) {
+pub(super) async fn align(storage: &Storage, state: AlignmentState) {
     let claim = storage.claim(LEASE, at(100)).await.unwrap().expect("a job is due");
     let cloud = claim.job.clip.to_string().into_bytes();
     storage.put_result(&claim, result_file::CLOUD, cloud).await.unwrap();
@@ -39,7 +39,7 @@ async fn align(storage: &Storage, state: AlignmentState) {
     assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(100)).await.unwrap());
 }
 
-async fn due(storage: &Storage, seconds: i64) -> Option<MergeClaim> {
+pub(super) async fn due(storage: &Storage, seconds: i64) -> Option<MergeClaim> {
     storage.claim_merge(LEASE, at(seconds)).await.unwrap()
 }
 
@@ -56,7 +56,7 @@ async fn clouds(storage: &Storage, claim: &MergeClaim) -> Vec<u8> {
 const TILE: TileKey = TileKey { x: 1, y: -2 };
 
 /// Returns a revision with the claim's clips, placed by `by`, and one tile.
-fn revision(claim: &MergeClaim, by: PlacedBy, tile: &[u8]) -> NewRevision {
+pub(super) fn revision(claim: &MergeClaim, by: PlacedBy, tile: &[u8]) -> NewRevision {
     let place = |member: &viola_home::Member| PlacedClip {
         clip: member.clip,
         share: member.share.clone(),
@@ -315,6 +315,8 @@ async fn objects_are_found_across_homes(storage: Storage) {
                 points: 9,
                 clips: Vec::new(),
                 last_seen: Some(at(3)),
+                name: None,
+                corrected: Vec::new(),
             });
         }
         assert!(storage.finish_merge(&claim, Some(&new), at(10)).await.unwrap());

@@ -15,6 +15,7 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (7, "webhooks and deletions", include_str!("../../../migrations/0007_webhooks_and_deletions.sql")),
     (8, "faults of jobs", include_str!("../../../migrations/0008_faults_of_jobs.sql")),
     (9, "early poses", include_str!("../../../migrations/0009_early_poses.sql")),
+    (10, "corrections", include_str!("../../../migrations/0010_corrections.sql")),
 ];
 
 /// Tolerates tables of a newer version: they extend those of this one.

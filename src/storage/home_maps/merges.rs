@@ -1,10 +1,10 @@
 //! Merges of homes' maps: their claims, leases and results.
 
-use super::{HomeMap, MapClip, MapFile, MapObject, map_file};
+use super::{HomeMap, MapClip, MapFile, MapObject, MapScene, map_file};
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Connection, Row, Transaction, query};
-use crate::storage::{Choice, HomeId, Storage, StorageError, lidar_maps};
+use crate::storage::{Choice, Corrections, HomeId, Storage, StorageError, corrections, lidar_maps};
 use jiff::Timestamp;
 use std::time::Duration;
 use uuid::Uuid;
@@ -13,7 +13,7 @@ use viola_home::{HomeMapInfo, Manifest, Member, TileKey, Verdict};
 
 /// Revisions of a home's map that are kept; a new one removes older ones. Readers of a revision have long
 /// ended when it is this old.
-const KEPT: i64 = 5;
+pub const KEPT_REVISIONS: i64 = 5;
 
 /// A merge does not wait for a job whose next attempt is later than this.
 const LONG_REST: Duration = Duration::from_mins(1);
@@ -28,7 +28,10 @@ pub struct MergeClaim {
     pub lidar_map: Option<Uuid>,
     /// The revision that the new one starts from; 0 before the first.
     pub last_revision: i64,
-    last_lidar_map_revision: i64,
+    /// The corrections of people.
+    pub corrections: Corrections,
+    /// Revision of the LiDAR map in the last revision; 0 before the first.
+    pub last_lidar_map_revision: i64,
     lidar_map_revision: i64,
     wanted: i64,
     fence: i64,
@@ -49,6 +52,8 @@ pub struct NewRevision {
     pub tiles: Vec<(TileKey, Option<Vec<u8>>)>,
     pub files: Vec<(&'static str, Vec<u8>)>,
     pub objects: Vec<MapObject>,
+    /// True if objects were added, moved or are gone.
+    pub has_object_changes: bool,
 }
 
 /// Takes a home whose map is due, that no worker merges, and that has no clip queued or running: a new LiDAR
@@ -95,6 +100,7 @@ impl Storage {
             members: members(&mut transaction, &home).await?,
             lidar_map_revision: lidar_map.as_ref().map_or(0, |map| map.revision),
             lidar_map: lidar_map.map(|map| map.id()),
+            corrections: corrections::of_home(&mut transaction, &home).await?,
             last_revision: last.as_ref().map_or(0, |map| map.revision),
             last_lidar_map_revision: last.map_or(0, |map| map.lidar_map_revision),
             wanted: row.number("map_wanted")?,
@@ -142,11 +148,27 @@ impl Storage {
 
     /// Returns the manifest of the revision that a claim starts from; empty before the first.
     pub async fn last_manifest(&self, claim: &MergeClaim) -> Result<Manifest, StorageError> {
-        let files = self.home_map_files(&claim.home, claim.last_revision, map_file::MANIFEST).await?;
+        self.manifest(&claim.home, claim.last_revision).await
+    }
+
+    /// Returns the clips of a revision; none if it was removed.
+    pub async fn placed_clips(&self, home: &HomeId, revision: i64) -> Result<Vec<PlacedClip>, StorageError> {
+        Ok(self.manifest(home, revision).await?.clips)
+    }
+
+    async fn manifest(&self, home: &HomeId, revision: i64) -> Result<Manifest, StorageError> {
+        let files = self.home_map_files(home, revision, map_file::MANIFEST).await?;
         let Some(file) = files.first() else { return Ok(Manifest::default()) };
         let bytes = self.map_file_bytes(file).await?.unwrap_or_default();
         serde_json::from_slice(&bytes)
             .map_err(|error| StorageError::Column { column: "manifest.json", detail: error.to_string() })
+    }
+
+    /// Returns the scene of the revision that a claim starts from, if it has one.
+    pub async fn last_scene(&self, claim: &MergeClaim) -> Result<Option<MapScene>, StorageError> {
+        let files = self.home_map_files(&claim.home, claim.last_revision, map_file::SCENE).await?;
+        let Some(file) = files.first() else { return Ok(None) };
+        self.map_scene(file).await
     }
 
     /// Stores the result of a merge as the home's next revision; without one, only marks the merge as done.
@@ -321,14 +343,17 @@ async fn insert(
     super::places::tell(transaction, claim, &new.manifest.clips, revision, now).await?;
     query("DELETE FROM home_maps WHERE home_id = $1 AND revision <= $2")
         .bind(home)
-        .bind(revision - KEPT)
+        .bind(revision - KEPT_REVISIONS)
         .execute(transaction)
         .await?;
     changes::record(transaction, &claim.home, Changed::Map { revision }, now).await?;
+    if new.has_object_changes {
+        changes::record(transaction, &claim.home, Changed::Objects { revision }, now).await?;
+    }
     let old =
         query("DELETE FROM home_map_files WHERE home_id = $1 AND last_revision <= $2 RETURNING blob_key")
             .bind(home)
-            .bind(revision - KEPT)
+            .bind(revision - KEPT_REVISIONS)
             .fetch_all(transaction)
             .await?;
     old.iter().map(|row| row.text("blob_key")).collect()

@@ -2,17 +2,18 @@
 
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Row, Transaction, query};
-use crate::storage::{HomeId, MapFile, Page, Storage, StorageError, Tenant};
+use crate::storage::{HomeId, Page, Storage, StorageError, Tenant};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
+use viola_geometry::Pose2;
 use viola_geometry::taxonomy::Class;
-use viola_home::{Coverage, Object, PlacedClip, Room};
+use viola_home::{Corrected, MovedObject, Object, ObjectField, PlacedClip, UprightBox};
 
 /// An object in a home: an upright box in the LiDAR map's frame, and its properties.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MapObject {
-    /// Stays the same in the next revision if the object is in the same place.
+    /// Stays the same in the next revisions while the object is in the same place.
     pub id: String,
     pub class: Class,
     /// In 0..1: from the class's fraction of the votes, the fit of its size and the number of cells.
@@ -30,9 +31,27 @@ pub struct MapObject {
     pub clips: Vec<Uuid>,
     /// Recording time of the newest of those clips, if known.
     pub last_seen: Option<Timestamp>,
+    /// Name that a person gave it.
+    #[serde(default)]
+    pub name: Option<String>,
+    /// Properties that a person corrected.
+    #[serde(default)]
+    pub corrected: Vec<ObjectField>,
 }
 
 impl MapObject {
+    /// Returns the object for a comparison with those of another frame.
+    pub fn in_frame(&self, other_from_own: &Pose2) -> MovedObject<'_> {
+        let own = UprightBox { centre_m: self.centre_m, size_m: self.size_m, yaw_rad: self.yaw_rad };
+        MovedObject { id: &self.id, class: self.class, bounds: own.moved(other_from_own) }
+    }
+
+    /// Adds what a person corrected; the values are applied already.
+    pub fn mark(&mut self, corrected: &Corrected<ObjectField>) {
+        self.name.clone_from(&corrected.name);
+        self.corrected.clone_from(&corrected.fields);
+    }
+
     /// Replaces the numbers of clips by the ids of a map's clips.
     pub fn new(object: Object, clips: &[PlacedClip]) -> MapObject {
         let seen_by = object.clips.iter().filter_map(|number| clips.get(usize::from(*number)));
@@ -48,6 +67,8 @@ impl MapObject {
             points: object.points,
             clips: seen_by.map(|clip| clip.clip).collect(),
             last_seen: last_ms.and_then(|ms| Timestamp::from_millisecond(ms).ok()),
+            name: None,
+            corrected: Vec::new(),
         }
     }
 }
@@ -59,14 +80,6 @@ pub struct HomeObject {
     pub object: MapObject,
 }
 
-/// Content of a home's map beyond points.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct MapScene {
-    pub rooms: Vec<Room>,
-    pub objects: Vec<MapObject>,
-    pub coverage: Coverage,
-}
-
 /// Filter of objects; all by default.
 #[derive(Debug, Clone, Default)]
 pub struct ObjectFilter {
@@ -75,16 +88,6 @@ pub struct ObjectFilter {
 }
 
 impl Storage {
-    /// Returns the scene of a revision; `None` if the revision was removed since.
-    pub async fn map_scene(&self, file: &MapFile) -> Result<Option<MapScene>, StorageError> {
-        let Some(bytes) = self.map_file_bytes(file).await? else { return Ok(None) };
-        let scene = serde_json::from_slice(&bytes);
-        Ok(Some(
-            scene
-                .map_err(|error| StorageError::Column { column: "scene.json", detail: error.to_string() })?,
-        ))
-    }
-
     /// Returns a page of objects by home and id. The cursor is both with a space, which no home's id has.
     pub async fn objects(
         &self,

@@ -100,6 +100,7 @@ fn event_name(change: &Change) -> String {
         ChangeKind::LidarMap => "lidar_map",
         ChangeKind::Clip => "clip",
         ChangeKind::Map => "map",
+        ChangeKind::Objects => "objects",
     };
     format!("{kind}.{}", if change.deleted { "deleted" } else { "changed" })
 }

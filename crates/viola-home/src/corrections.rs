@@ -1,0 +1,342 @@
+//! Corrections of people: they are applied to what was found in the clips, and kept apart from it.
+//!
+//! A correction of an object is held by the object's id, which [`super::identity`] keeps. A correction of a
+//! room is held by a point inside the room, since rooms are cut anew by every LiDAR map. Places are in the
+//! map's frame, and move with it when a new LiDAR map has another one.
+
+use super::identity::Stated;
+use super::objects::{Object, UprightBox};
+use super::rooms::{Room, merged, room_at, split};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{Point2, Pose2};
+
+/// An object this far from a room belongs to it: objects stand at walls.
+const ROOM_REACH_M: f64 = 1.0;
+
+/// A corrected property of an object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ObjectField {
+    Class,
+    Name,
+    CentreM,
+    SizeM,
+    YawRad,
+    Pinned,
+}
+
+/// A corrected property of a room.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RoomField {
+    Name,
+    MergeWith,
+    SplitBy,
+}
+
+/// An object as the map had it when it was corrected.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Seen {
+    pub class: Class,
+    pub confidence: f64,
+    pub centre_m: [f64; 3],
+    pub size_m: [f64; 3],
+    pub yaw_rad: f64,
+}
+
+/// A person's correction of an object; `None` leaves what was found.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ObjectCorrection {
+    pub class: Option<Class>,
+    pub name: Option<String>,
+    pub centre_m: Option<[f64; 3]>,
+    pub size_m: Option<[f64; 3]>,
+    pub yaw_rad: Option<f64>,
+    /// True if the object stays as it was seen, whatever later clips show.
+    pub pinned: bool,
+    /// True if the object is not shown.
+    pub hidden: bool,
+    /// The object when it was first corrected, or when it was pinned.
+    pub seen: Seen,
+}
+
+impl ObjectCorrection {
+    /// Returns a correction of nothing.
+    pub fn of(seen: Seen) -> ObjectCorrection {
+        ObjectCorrection {
+            class: None,
+            name: None,
+            centre_m: None,
+            size_m: None,
+            yaw_rad: None,
+            pinned: false,
+            hidden: false,
+            seen,
+        }
+    }
+
+    /// Returns whether nothing is corrected.
+    pub fn is_empty(&self) -> bool {
+        *self == ObjectCorrection::of(self.seen.clone())
+    }
+
+    /// Brings the places into another frame.
+    pub fn move_by(&mut self, now_from_then: &Pose2) {
+        let seen = self.seen_bounds().moved(now_from_then);
+        (self.seen.centre_m, self.seen.yaw_rad) = (seen.centre_m, seen.yaw_rad);
+        if let Some([x, y, z]) = self.centre_m {
+            let at = now_from_then.apply(&Point2::new(x, y));
+            self.centre_m = Some([at.x, at.y, z]);
+        }
+        self.yaw_rad = self.yaw_rad.map(|yaw_rad| half_turn(yaw_rad + now_from_then.yaw_rad));
+    }
+
+    /// Returns whether the object is in the map also if no clip shows it.
+    fn is_kept(&self) -> bool {
+        self.pinned || self.centre_m.is_some()
+    }
+
+    fn seen_bounds(&self) -> UprightBox {
+        let Seen { centre_m, size_m, yaw_rad, .. } = self.seen;
+        UprightBox { centre_m, size_m, yaw_rad }
+    }
+
+    /// Returns the corrected box of an object that was found with this one.
+    fn over(&self, found: &UprightBox) -> UprightBox {
+        let base = if self.pinned { self.seen_bounds() } else { *found };
+        UprightBox {
+            centre_m: self.centre_m.unwrap_or(base.centre_m),
+            size_m: self.size_m.unwrap_or(base.size_m),
+            yaw_rad: self.yaw_rad.unwrap_or(base.yaw_rad),
+        }
+    }
+
+    fn fields(&self) -> Vec<ObjectField> {
+        let fields = [
+            (self.class.is_some(), ObjectField::Class),
+            (self.name.is_some(), ObjectField::Name),
+            (self.centre_m.is_some(), ObjectField::CentreM),
+            (self.size_m.is_some(), ObjectField::SizeM),
+            (self.yaw_rad.is_some(), ObjectField::YawRad),
+            (self.pinned, ObjectField::Pinned),
+        ];
+        fields.into_iter().filter(|(is_set, _)| *is_set).map(|(_, field)| field).collect()
+    }
+}
+
+/// Returns a yaw of a box in [0, pi).
+fn half_turn(yaw_rad: f64) -> f64 {
+    yaw_rad.rem_euclid(std::f64::consts::PI)
+}
+
+/// What people corrected of one object or room.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Corrected<Field> {
+    /// The key of the correction.
+    pub key: String,
+    pub name: Option<String>,
+    pub fields: Vec<Field>,
+}
+
+/// Returns where corrected objects stand, for [`super::History::identify_objects`].
+pub fn stated(corrections: &[(String, ObjectCorrection)]) -> Stated {
+    let place = |correction: &ObjectCorrection| correction.over(&correction.seen_bounds());
+    corrections.iter().map(|(id, correction)| (id.clone(), Some(place(correction)))).collect()
+}
+
+/// Applies corrections to the objects, which have their lasting ids. Returns what was corrected by id, and
+/// the ids of the hidden objects.
+pub fn correct_objects(
+    objects: &mut Vec<Object>,
+    rooms: &[Room],
+    corrections: &[(String, ObjectCorrection)],
+) -> (BTreeMap<String, Corrected<ObjectField>>, BTreeSet<String>) {
+    let (mut corrected, mut hidden) = (BTreeMap::new(), BTreeSet::new());
+    for (id, correction) in corrections {
+        if correction.hidden {
+            objects.retain(|object| object.id != *id);
+            hidden.insert(id.clone());
+            continue;
+        }
+        if !objects.iter().any(|object| object.id == *id) && correction.is_kept() {
+            objects.push(unseen(id, &correction.seen));
+        }
+        let Some(object) = objects.iter_mut().find(|object| object.id == *id) else { continue };
+        if correction.pinned {
+            object.class = correction.seen.class;
+        }
+        object.class = correction.class.unwrap_or(object.class);
+        let bounds = correction.over(&object.bounds());
+        if bounds != object.bounds() {
+            (object.centre_m, object.size_m, object.yaw_rad) =
+                (bounds.centre_m, bounds.size_m, bounds.yaw_rad);
+            object.room = room_of(rooms, object);
+        }
+        let fields = correction.fields();
+        if !fields.is_empty() {
+            let key = id.clone();
+            corrected.insert(id.clone(), Corrected { key, name: correction.name.clone(), fields });
+        }
+    }
+    (corrected, hidden)
+}
+
+fn unseen(id: &str, seen: &Seen) -> Object {
+    Object {
+        id: id.to_owned(),
+        class: seen.class,
+        confidence: seen.confidence,
+        centre_m: seen.centre_m,
+        size_m: seen.size_m,
+        yaw_rad: seen.yaw_rad,
+        room: None,
+        points: 0,
+        clips: Vec::new(),
+    }
+}
+
+/// Assigns objects to the rooms after these were joined and divided.
+pub fn assign_rooms(objects: &mut [Object], rooms: &[Room], corrections: &[(String, RoomCorrection)]) {
+    let are_edited = corrections.iter().any(|(_, one)| one.merge.is_some() || one.split.is_some());
+    for object in objects.iter_mut().filter(|object| are_edited && object.room.is_some()) {
+        object.room = room_of(rooms, object);
+    }
+}
+
+fn room_of(rooms: &[Room], object: &Object) -> Option<String> {
+    let at = Point2::new(object.centre_m[0], object.centre_m[1]);
+    room_at(rooms, &at, ROOM_REACH_M).map(|room| room.id.clone())
+}
+
+/// The rooms that are one with another, each by a point inside it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RoomMerge {
+    pub with_m: Vec<[f64; 2]>,
+    /// Merges and splits are applied in the order in which people made them.
+    pub order: i64,
+}
+
+/// The line through two points that divides a room.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RoomSplit {
+    pub from_m: [f64; 2],
+    pub to_m: [f64; 2],
+    pub order: i64,
+}
+
+/// A person's correction of the room around a point.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RoomCorrection {
+    pub name: Option<String>,
+    pub merge: Option<RoomMerge>,
+    pub split: Option<RoomSplit>,
+    /// A point inside the room, far from its border.
+    pub at_m: [f64; 2],
+}
+
+impl RoomCorrection {
+    /// Returns whether nothing is corrected.
+    pub fn is_empty(&self) -> bool {
+        self.name.is_none() && self.merge.is_none() && self.split.is_none()
+    }
+
+    /// Brings the places into another frame.
+    pub fn move_by(&mut self, now_from_then: &Pose2) {
+        let with = self.merge.iter_mut().flat_map(|merge| &mut merge.with_m);
+        let line = self.split.iter_mut().flat_map(|split| [&mut split.from_m, &mut split.to_m]);
+        for place in with.chain(line).chain([&mut self.at_m]) {
+            let at = now_from_then.apply(&Point2::from(*place));
+            *place = [at.x, at.y];
+        }
+    }
+
+    fn order_of(&self, field: RoomField) -> Option<i64> {
+        match field {
+            RoomField::MergeWith => self.merge.as_ref().map(|merge| merge.order),
+            RoomField::SplitBy => self.split.as_ref().map(|split| split.order),
+            RoomField::Name => self.name.as_ref().map(|_| i64::MAX),
+        }
+    }
+}
+
+/// Applies corrections to the rooms. Returns what was corrected by the room's id. What a new LiDAR map made
+/// impossible, such as a merge of rooms that no longer meet, is left out.
+pub fn correct_rooms(
+    rooms: &mut Vec<Room>,
+    corrections: &[(String, RoomCorrection)],
+) -> BTreeMap<String, Corrected<RoomField>> {
+    let all = corrections.iter().flat_map(|(key, correction)| {
+        [RoomField::MergeWith, RoomField::SplitBy, RoomField::Name]
+            .into_iter()
+            .filter_map(move |field| Some((correction.order_of(field)?, key, field, correction)))
+    });
+    let mut all: Vec<_> = all.collect();
+    all.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.cmp(b.1)));
+    let mut corrected: BTreeMap<String, Corrected<RoomField>> = BTreeMap::new();
+    for (_, key, field, correction) in all {
+        let Some(index) = at(rooms, &correction.at_m) else { continue };
+        let is_done = match field {
+            RoomField::MergeWith => correction.merge.as_ref().is_some_and(|merge| join(rooms, index, merge)),
+            RoomField::SplitBy => {
+                correction.split.as_ref().is_some_and(|line| cut(rooms, index, line, correction))
+            }
+            RoomField::Name => {
+                rooms[index].name.clone_from(&correction.name);
+                true
+            }
+        };
+        let Some(index) = at(rooms, &correction.at_m).filter(|_| is_done) else { continue };
+        let of_room = corrected.entry(rooms[index].id.clone()).or_insert_with(|| Corrected {
+            key: key.clone(),
+            name: None,
+            fields: Vec::new(),
+        });
+        of_room.name.clone_from(&rooms[index].name);
+        of_room.fields.push(field);
+    }
+    corrected
+}
+
+fn at(rooms: &[Room], place: &[f64; 2]) -> Option<usize> {
+    let place = Point2::from(*place);
+    rooms.iter().position(|room| room.contains(&place))
+}
+
+/// Joins other rooms to one; returns whether at least one was joined.
+fn join(rooms: &mut Vec<Room>, index: usize, merge: &RoomMerge) -> bool {
+    let id = rooms[index].id.clone();
+    let mut is_done = false;
+    for place in &merge.with_m {
+        let Some(own) = rooms.iter().position(|room| room.id == id) else { return is_done };
+        let Some(other) = at(rooms, place).filter(|other| *other != own) else { continue };
+        if let Some(both) = merged(&rooms[own], &rooms[other]) {
+            rooms[own] = both;
+            rooms.remove(other);
+            is_done = true;
+        }
+    }
+    is_done
+}
+
+/// Divides a room; returns whether it was divided.
+fn cut(rooms: &mut Vec<Room>, index: usize, line: &RoomSplit, correction: &RoomCorrection) -> bool {
+    let other_id = part_id(&rooms[index].id);
+    let [from, to, anchor] = [line.from_m, line.to_m, correction.at_m].map(Point2::from);
+    if rooms.iter().any(|room| room.id == other_id) {
+        return false;
+    }
+    let Some([own, other]) = split(&rooms[index], &from, &to, &anchor, &other_id) else { return false };
+    rooms[index] = own;
+    rooms.insert(index + 1, other);
+    true
+}
+
+/// Returns the id of the part of a divided room that does not keep the room's id.
+fn part_id(id: &str) -> String {
+    format!("{id}-b")
+}
+
+#[cfg(test)]
+mod tests;

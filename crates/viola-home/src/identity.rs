@@ -1,0 +1,223 @@
+//! Identity of a home's objects and rooms over the revisions of its map.
+//!
+//! An object keeps its id while it is where it was. The next revision's objects are assigned to the known
+//! ones by class, overlap of the boxes and distance; an object without a known one gets an id that the home
+//! never used. Rooms of the robot's software keep its ids; computed rooms are assigned by their common area.
+//!
+//! Ids are the one part of the map with a history: the rest is a function of the set of clips, while ids
+//! depend also on the order in which the clips came. The history is a part of each revision.
+
+mod assignment;
+mod changes;
+mod frames;
+mod likeness;
+
+pub use changes::{MovedObject, ObjectChanges, object_changes};
+pub use frames::map_from_earlier;
+
+use super::objects::{Object, UprightBox};
+use super::rooms::{Room, RoomSource};
+use assignment::{Candidate, best_pairs};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{Point2, Pose2};
+
+/// Revisions for which an object or a room that is not found is remembered: as many as are kept, so that
+/// nothing of a deleted clip outlives them.
+const REMEMBERED: u32 = 5;
+/// Maximum number of objects that are remembered without being found.
+const MAX_MISSING: usize = 500;
+/// Name of the counter of computed rooms. No class has it.
+const ROOM_NUMBERS: &str = "room";
+
+/// An object that had an id, where it was found last. Corrections of people do not change it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct KnownObject {
+    pub id: String,
+    pub class: Class,
+    pub centre_m: [f64; 3],
+    pub size_m: [f64; 3],
+    pub yaw_rad: f64,
+    /// Number of revisions since it was found; 0 if the last one has it.
+    pub missing: u32,
+}
+
+impl KnownObject {
+    pub fn bounds(&self) -> UprightBox {
+        UprightBox { centre_m: self.centre_m, size_m: self.size_m, yaw_rad: self.yaw_rad }
+    }
+}
+
+/// A room that had an id, where it was last.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct KnownRoom {
+    pub id: String,
+    pub source: RoomSource,
+    pub polygon_m: Vec<[f64; 2]>,
+    pub missing: u32,
+}
+
+/// Ids of the earlier revisions; input of the next one.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct History {
+    /// The highest number that was given out for each class, and for rooms.
+    numbers: BTreeMap<String, u32>,
+    pub objects: Vec<KnownObject>,
+    pub rooms: Vec<KnownRoom>,
+}
+
+/// Corrected objects by id, with the box in which people put them. Their ids are never forgotten.
+pub type Stated = BTreeMap<String, Option<UprightBox>>;
+
+impl History {
+    /// Returns the history of objects and rooms that have ids already, as of a map without a history.
+    pub fn of(objects: Vec<KnownObject>, rooms: &[Room]) -> History {
+        let rooms: Vec<KnownRoom> = rooms.iter().map(known_room).collect();
+        let mut history = History { numbers: BTreeMap::new(), objects, rooms };
+        let ids: Vec<String> = history.objects.iter().map(|known| known.id.clone()).collect();
+        ids.iter().for_each(|id| history.take_number_of(id));
+        let numbers = history.rooms.iter().filter_map(|room| room.id.parse().ok()).max().unwrap_or(0);
+        history.numbers.insert(ROOM_NUMBERS.to_owned(), numbers);
+        history
+    }
+
+    /// Brings the known places into the frame of another LiDAR map.
+    pub fn move_by(&mut self, now_from_then: &Pose2) {
+        for known in &mut self.objects {
+            let moved = known.bounds().moved(now_from_then);
+            (known.centre_m, known.yaw_rad) = (moved.centre_m, moved.yaw_rad);
+        }
+        for corner in self.rooms.iter_mut().flat_map(|room| &mut room.polygon_m) {
+            let at = now_from_then.apply(&Point2::from(*corner));
+            *corner = [at.x, at.y];
+        }
+    }
+
+    /// Gives the objects of the next revision their ids, and remembers these objects.
+    pub fn identify_objects(&mut self, objects: &mut [Object], stated: &Stated) {
+        self.remember_stated(stated);
+        let mut candidates = Vec::new();
+        for (row, known) in self.objects.iter().enumerate() {
+            let put = stated.get(&known.id).copied().flatten();
+            for (column, object) in objects.iter().enumerate() {
+                if let Some(score) = likeness::of_objects(known, put.as_ref(), object) {
+                    candidates.push(Candidate { row, column, score });
+                }
+            }
+        }
+        let mut ids: Vec<Option<String>> = vec![None; objects.len()];
+        for (row, column) in best_pairs(&candidates) {
+            ids[column] = Some(self.objects[row].id.clone());
+        }
+        for (object, id) in objects.iter_mut().zip(ids) {
+            object.id = match id {
+                Some(id) => id,
+                None => format!("{}-{}", object.class.name(), self.next_number(object.class.name())),
+            };
+        }
+        let found: BTreeSet<&str> = objects.iter().map(|object| object.id.as_str()).collect();
+        let mut missing: Vec<KnownObject> =
+            self.objects.drain(..).filter(|known| !found.contains(known.id.as_str())).collect();
+        missing.iter_mut().for_each(|known| known.missing = known.missing.saturating_add(1));
+        missing.retain(|known| known.missing <= REMEMBERED || stated.contains_key(&known.id));
+        missing.sort_by(|a, b| {
+            let forgotten_first = |known: &KnownObject| !stated.contains_key(&known.id);
+            forgotten_first(a).cmp(&forgotten_first(b)).then(a.missing.cmp(&b.missing)).then(a.id.cmp(&b.id))
+        });
+        missing.truncate(MAX_MISSING.max(stated.len()));
+        let known = |object: &Object| KnownObject {
+            id: object.id.clone(),
+            class: object.class,
+            centre_m: object.centre_m,
+            size_m: object.size_m,
+            yaw_rad: object.yaw_rad,
+            missing: 0,
+        };
+        self.objects = objects.iter().map(known).chain(missing).collect();
+    }
+
+    /// Gives computed rooms their ids. Returns the id of each room by the id that it came with.
+    pub fn identify_rooms(&mut self, rooms: &mut [Room]) -> BTreeMap<String, String> {
+        let mut candidates = Vec::new();
+        for (row, known) in self.rooms.iter().enumerate() {
+            for (column, room) in rooms.iter().enumerate() {
+                // The ids of the robot's software are not ours to give.
+                let is_ours = [known.source, room.source] == [RoomSource::Computed; 2];
+                if let Some(score) = likeness::of_rooms(known, room).filter(|_| is_ours) {
+                    candidates.push(Candidate { row, column, score });
+                }
+            }
+        }
+        let mut ids: Vec<Option<String>> = vec![None; rooms.len()];
+        for (row, column) in best_pairs(&candidates) {
+            ids[column] = Some(self.rooms[row].id.clone());
+        }
+        let mut renamed = BTreeMap::new();
+        for (room, id) in rooms.iter_mut().zip(ids) {
+            let id = match (room.source, id) {
+                (RoomSource::LidarMap, _) => room.id.clone(),
+                (RoomSource::Computed, Some(id)) => id,
+                (RoomSource::Computed, None) => self.next_number(ROOM_NUMBERS).to_string(),
+            };
+            renamed.insert(std::mem::replace(&mut room.id, id.clone()), id);
+        }
+        let found: BTreeSet<&str> = rooms.iter().map(|room| room.id.as_str()).collect();
+        let mut missing: Vec<KnownRoom> =
+            self.rooms.drain(..).filter(|known| !found.contains(known.id.as_str())).collect();
+        missing.iter_mut().for_each(|known| known.missing = known.missing.saturating_add(1));
+        missing.retain(|known| known.missing <= REMEMBERED);
+        self.rooms = rooms.iter().map(known_room).chain(missing).collect();
+        renamed
+    }
+
+    /// Knows corrected objects that were forgotten, or that came from a map without a history.
+    fn remember_stated(&mut self, stated: &Stated) {
+        for (id, put) in stated {
+            self.take_number_of(id);
+            let (Some(put), false) = (put, self.objects.iter().any(|known| known.id == *id)) else {
+                continue;
+            };
+            let class = id.rsplit_once('-').map_or("", |(class, _)| class);
+            let class = Class::ALL.iter().copied().find(|one| one.name() == class).unwrap_or(Class::Other);
+            self.objects.push(KnownObject {
+                id: id.clone(),
+                class,
+                centre_m: put.centre_m,
+                size_m: put.size_m,
+                yaw_rad: put.yaw_rad,
+                missing: 0,
+            });
+        }
+    }
+
+    fn next_number(&mut self, of: &str) -> u32 {
+        let number = self.numbers.entry(of.to_owned()).or_default();
+        *number = number.saturating_add(1);
+        *number
+    }
+
+    /// Makes sure that an id is not given out again.
+    fn take_number_of(&mut self, id: &str) {
+        let Some((class, number)) = id.rsplit_once('-') else { return };
+        let Ok(number) = number.parse::<u32>() else { return };
+        let highest = self.numbers.entry(class.to_owned()).or_default();
+        *highest = number.max(*highest);
+    }
+}
+
+fn known_room(room: &Room) -> KnownRoom {
+    KnownRoom { id: room.id.clone(), source: room.source, polygon_m: room.polygon_m.clone(), missing: 0 }
+}
+
+impl UprightBox {
+    /// Returns the box in another frame.
+    pub fn moved(&self, other_from_own: &Pose2) -> UprightBox {
+        let at = other_from_own.apply(&Point2::new(self.centre_m[0], self.centre_m[1]));
+        let yaw_rad = (self.yaw_rad + other_from_own.yaw_rad).rem_euclid(std::f64::consts::PI);
+        UprightBox { centre_m: [at.x, at.y, self.centre_m[2]], size_m: self.size_m, yaw_rad }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,194 @@
+use super::super::assemble::{Extent, Level, PlacedBy, PlacedClip};
+use super::*;
+use uuid::Uuid;
+
+fn object(class: Class, centre_m: [f64; 3], size_m: [f64; 3]) -> Object {
+    Object {
+        id: String::new(),
+        class,
+        confidence: 0.8,
+        centre_m,
+        size_m,
+        yaw_rad: 0.4,
+        room: None,
+        points: 100,
+        clips: Vec::new(),
+    }
+}
+
+fn chair(x: f64, y: f64) -> Object {
+    object(Class::Chair, [x, y, 0.45], [0.5, 0.5, 0.9])
+}
+
+/// Gives the objects of the next revision their ids.
+fn next(history: &mut History, mut objects: Vec<Object>) -> Vec<String> {
+    history.identify_objects(&mut objects, &Stated::new());
+    objects.into_iter().map(|object| object.id).collect()
+}
+
+#[test]
+fn an_object_keeps_its_id_while_it_is_where_it_was() {
+    let mut history = History::default();
+    assert_eq!(next(&mut history, vec![chair(5.0, 1.0), chair(6.0, 1.0)]), ["chair-1", "chair-2"]);
+    let cases = [
+        ("a new one before the others", vec![chair(1.0, 1.0), chair(5.0, 1.0), chair(6.0, 1.0)], "3 1 2"),
+        ("poses moved a little", vec![chair(1.04, 0.97), chair(5.06, 1.0), chair(6.0, 1.05)], "3 1 2"),
+        ("in another order", vec![chair(6.0, 1.0), chair(5.0, 1.0), chair(1.0, 1.0)], "2 1 3"),
+        ("one is not found", vec![chair(1.0, 1.0), chair(6.0, 1.0)], "3 2"),
+        ("and found again", vec![chair(1.0, 1.0), chair(5.0, 1.0), chair(6.0, 1.0)], "3 1 2"),
+        ("one in another place", vec![chair(1.0, 1.0), chair(5.0, 4.0), chair(6.0, 1.0)], "3 4 2"),
+    ];
+    for (name, objects, expected) in cases {
+        let expected: Vec<String> = expected.split(' ').map(|n| format!("chair-{n}")).collect();
+        assert_eq!(next(&mut history, objects), expected, "{name}");
+    }
+}
+
+#[test]
+fn a_class_that_changes_changes_no_id() {
+    let at = [2.0, 3.0, 0.4];
+    let mut history = History::default();
+    assert_eq!(next(&mut history, vec![object(Class::Table, at, [1.4, 0.8, 0.8])]), ["table-1"]);
+    assert_eq!(next(&mut history, vec![object(Class::Desk, at, [1.5, 0.8, 0.8])]), ["table-1"]);
+    // A class of another family in the same space.
+    assert_eq!(next(&mut history, vec![object(Class::Bed, at, [1.5, 0.8, 0.8])]), ["table-1"]);
+    // A small thing on it is another one.
+    let lamp = object(Class::Lamp, [2.0, 3.0, 1.0], [0.3, 0.3, 0.4]);
+    assert_eq!(
+        next(&mut history, vec![lamp, object(Class::Bed, at, [1.5, 0.8, 0.8])]),
+        ["lamp-1", "table-1"]
+    );
+}
+
+#[test]
+fn half_a_sofa_becomes_the_whole_one() {
+    let mut history = History::default();
+    let half = object(Class::Sofa, [1.0, 0.5, 0.4], [0.9, 0.8, 0.8]);
+    let whole = object(Class::Sofa, [1.6, 0.7, 0.4], [2.2, 0.9, 0.8]);
+    assert_eq!(next(&mut history, vec![half]), next(&mut history, vec![whole]));
+}
+
+#[test]
+fn a_number_is_never_used_again() {
+    let mut history = History::default();
+    assert_eq!(next(&mut history, vec![chair(0.0, 0.0)]), ["chair-1"]);
+    for _ in 0..=REMEMBERED {
+        assert!(next(&mut history, vec![]).is_empty());
+    }
+    assert!(history.objects.is_empty(), "nothing is remembered for ever");
+    assert_eq!(next(&mut history, vec![chair(0.0, 0.0)]), ["chair-2"]);
+    // A corrected object is remembered.
+    let stated = Stated::from([("chair-2".to_owned(), None), ("chair-9".to_owned(), None)]);
+    for _ in 0..20 {
+        history.identify_objects(&mut [], &stated);
+    }
+    assert_eq!(next(&mut history, vec![chair(0.0, 0.0), chair(4.0, 0.0)]), ["chair-2", "chair-10"]);
+}
+
+#[test]
+fn an_object_is_found_where_people_put_it() {
+    let mut history = History::default();
+    assert_eq!(next(&mut history, vec![chair(0.0, 0.0)]), ["chair-1"]);
+    let put = UprightBox { centre_m: [7.0, 3.0, 0.45], size_m: [0.5, 0.5, 0.9], yaw_rad: 0.0 };
+    let mut objects = vec![chair(7.1, 3.0)];
+    history.identify_objects(&mut objects, &Stated::from([("chair-1".to_owned(), Some(put))]));
+    assert_eq!(objects[0].id, "chair-1");
+}
+
+#[test]
+fn a_map_without_a_history_goes_on_with_its_ids() {
+    let known = |id: &str, object: &Object| KnownObject {
+        id: id.to_owned(),
+        class: object.class,
+        centre_m: object.centre_m,
+        size_m: object.size_m,
+        yaw_rad: object.yaw_rad,
+        missing: 0,
+    };
+    let mut history = History::of(vec![known("chair-7", &chair(0.0, 0.0))], &[room("4", [0.0; 2], [2.0; 2])]);
+    assert_eq!(next(&mut history, vec![chair(0.0, 0.0), chair(3.0, 0.0)]), ["chair-7", "chair-8"]);
+    let mut rooms = [room("1", [9.0; 2], [12.0; 2])];
+    history.identify_rooms(&mut rooms);
+    assert_eq!(rooms[0].id, "5");
+}
+
+fn room(id: &str, low: [f64; 2], high: [f64; 2]) -> Room {
+    Room {
+        id: id.to_owned(),
+        name: None,
+        source: RoomSource::Computed,
+        area_m2: (high[0] - low[0]) * (high[1] - low[1]),
+        polygon_m: vec![low, [high[0], low[1]], high, [low[0], high[1]]],
+        holes_m: Vec::new(),
+        label_at_m: [0, 1].map(|axis| (low[axis] + high[axis]) / 2.0),
+    }
+}
+
+#[test]
+fn rooms_keep_their_ids_when_their_order_changes() {
+    let mut history = History::default();
+    let mut next = |mut rooms: Vec<Room>| -> Vec<String> {
+        let renamed = history.identify_rooms(&mut rooms);
+        assert_eq!(renamed.len(), rooms.len());
+        rooms.into_iter().map(|room| room.id).collect()
+    };
+    let [kitchen, hall, study] = [[0.0, 0.0], [4.0, 0.0], [8.0, 0.0]]
+        .map(|low: [f64; 2]| move |id: &str, width_m: f64| room(id, low, [low[0] + width_m, 3.0]));
+    assert_eq!(next(vec![kitchen("1", 4.0), hall("2", 3.0)]), ["1", "2"]);
+    assert_eq!(next(vec![hall("1", 3.8), kitchen("2", 3.7)]), ["2", "1"]);
+    assert_eq!(next(vec![study("1", 5.0), hall("2", 3.8), kitchen("3", 3.7)]), ["3", "2", "1"]);
+    // A room that was divided: the larger part is the room.
+    assert_eq!(
+        next(vec![study("1", 5.0), hall("2", 3.8), kitchen("3", 2.5), room("4", [2.6, 0.0], [3.7, 3.0])]),
+        ["3", "2", "1", "4"]
+    );
+    // The robot's ids stay as they are.
+    let named = Room { source: RoomSource::LidarMap, ..kitchen("17", 4.0) };
+    assert_eq!(next(vec![named]), ["17"]);
+    assert_eq!(next(vec![kitchen("1", 4.0), hall("2", 3.8)]), ["1", "2"]);
+}
+
+fn placed(clip: u128, map_from_clip: Pose2) -> PlacedClip {
+    PlacedClip {
+        clip: Uuid::from_u128(clip),
+        share: clip.to_string(),
+        recorded_at_ms: None,
+        by: PlacedBy::Alignment,
+        probability: None,
+        alone: map_from_clip,
+        map_from_clip,
+        level: Level::default(),
+        with: Vec::new(),
+        extent: Extent { min_m: [0.0; 2], max_m: [1.0; 2] },
+        tiles: Vec::new(),
+        points: 1,
+    }
+}
+
+#[test]
+fn the_frame_of_a_new_lidar_map_is_that_of_most_clips() {
+    let change = Pose2::new(3.0, -2.0, 1.5);
+    let earlier: Vec<PlacedClip> =
+        (0..5).map(|n| placed(n, Pose2::new(n as f64, 1.0 - n as f64, 0.3 * n as f64))).collect();
+    let mut now: Vec<PlacedClip> = earlier
+        .iter()
+        .rev()
+        .map(|clip| placed(clip.clip.as_u128(), change.compose(&clip.map_from_clip)))
+        .collect();
+    // Two clips are elsewhere now, and one is new.
+    now[0].map_from_clip = Pose2::new(9.0, 9.0, 0.0);
+    now[3].map_from_clip = Pose2::new(-9.0, 2.0, 3.0);
+    now.push(placed(77, Pose2::IDENTITY));
+    let found = map_from_earlier(&earlier, &now).unwrap();
+    assert!(found.distance_m(&change) < 1e-9 && (found.yaw_rad - change.yaw_rad).abs() < 1e-9, "{found:?}");
+    assert_eq!(map_from_earlier(&earlier, &now[5..]), None);
+
+    let mut history = History::default();
+    assert_eq!(next(&mut history, vec![chair(1.0, 2.0), chair(4.0, 2.0)]), ["chair-1", "chair-2"]);
+    history.move_by(&change);
+    let there = |x: f64, y: f64| {
+        let at = change.apply(&Point2::new(x, y));
+        chair(at.x, at.y)
+    };
+    assert_eq!(next(&mut history, vec![there(4.0, 2.0), there(1.0, 2.0)]), ["chair-2", "chair-1"]);
+}

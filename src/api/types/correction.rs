@@ -1,0 +1,193 @@
+//! Corrections of people, and changes between revisions of a map.
+
+use super::answer;
+use super::home_map::{MapObject, Room};
+use crate::storage::{Kept, ObjectState, RoomState};
+use jiff::Timestamp;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+answer! {
+    /// A corrected property of an object.
+    enum ObjectField from viola_home::ObjectField {
+        Class,
+        Name,
+        CentreM,
+        SizeM,
+        YawRad,
+        Pinned,
+    }
+}
+
+answer! {
+    /// A corrected property of a room.
+    enum RoomField from viola_home::RoomField {
+        Name,
+        MergeWith,
+        SplitBy,
+    }
+}
+
+/// A person's correction of an object; null where nothing is corrected.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub(in crate::api) struct ObjectCorrection {
+    /// Id of the object.
+    #[schema(example = "sofa-1")]
+    id: String,
+    #[schema(example = "bed")]
+    class: Option<String>,
+    name: Option<String>,
+    centre_m: Option<[f64; 3]>,
+    size_m: Option<[f64; 3]>,
+    yaw_rad: Option<f64>,
+    pinned: bool,
+    hidden: bool,
+    corrected_at: Timestamp,
+}
+
+impl From<Kept<viola_home::ObjectCorrection>> for ObjectCorrection {
+    fn from(kept: Kept<viola_home::ObjectCorrection>) -> ObjectCorrection {
+        let of = kept.correction;
+        ObjectCorrection {
+            id: kept.target,
+            class: of.class.map(|class| class.name().to_owned()),
+            name: of.name,
+            centre_m: of.centre_m,
+            size_m: of.size_m,
+            yaw_rad: of.yaw_rad,
+            pinned: of.pinned,
+            hidden: of.hidden,
+            corrected_at: kept.corrected_at,
+        }
+    }
+}
+
+/// A person's correction of the room around a point; null where nothing is corrected.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub(in crate::api) struct RoomCorrection {
+    /// Id of the room when it was first corrected.
+    id: String,
+    /// The point: a new LiDAR map may cut the rooms anew, and the room that has the point is corrected.
+    at_m: [f64; 2],
+    name: Option<String>,
+    /// Points in the rooms that are one with it.
+    merge_with_m: Option<Vec<[f64; 2]>>,
+    split_by: Option<Line>,
+    corrected_at: Timestamp,
+}
+
+/// The line through two different points.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub(in crate::api) struct Line {
+    from_m: [f64; 2],
+    to_m: [f64; 2],
+}
+
+impl From<Kept<viola_home::RoomCorrection>> for RoomCorrection {
+    fn from(kept: Kept<viola_home::RoomCorrection>) -> RoomCorrection {
+        let of = kept.correction;
+        RoomCorrection {
+            id: kept.target,
+            at_m: of.at_m,
+            name: of.name,
+            merge_with_m: of.merge.map(|merge| merge.with_m),
+            split_by: of.split.map(|line| Line { from_m: line.from_m, to_m: line.to_m }),
+            corrected_at: kept.corrected_at,
+        }
+    }
+}
+
+/// An object of the current map, and the correction that the next revision has
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub(in crate::api) struct CorrectedObject {
+    /// Null if the current map does not show it, because it is hidden or no clip shows it.
+    object: Option<MapObject>,
+    correction: Option<ObjectCorrection>,
+}
+
+impl From<ObjectState> for CorrectedObject {
+    fn from(state: ObjectState) -> CorrectedObject {
+        CorrectedObject {
+            object: state.object.map(MapObject::from),
+            correction: state.kept.map(ObjectCorrection::from),
+        }
+    }
+}
+
+/// A room of the current map, and the correction that the next revision has
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub(in crate::api) struct CorrectedRoom {
+    /// Null if the current map does not have it, because it is a part of another room.
+    room: Option<Room>,
+    correction: Option<RoomCorrection>,
+}
+
+impl From<RoomState> for CorrectedRoom {
+    fn from(state: RoomState) -> CorrectedRoom {
+        CorrectedRoom { room: state.room.map(Room::from), correction: state.kept.map(RoomCorrection::from) }
+    }
+}
+
+/// All corrections of a home
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub(in crate::api) struct Corrections {
+    objects: Vec<ObjectCorrection>,
+    rooms: Vec<RoomCorrection>,
+}
+
+impl From<crate::storage::Corrections> for Corrections {
+    fn from(all: crate::storage::Corrections) -> Corrections {
+        Corrections {
+            objects: all.objects.into_iter().map(ObjectCorrection::from).collect(),
+            rooms: all.rooms.into_iter().map(RoomCorrection::from).collect(),
+        }
+    }
+}
+
+/// The reason for which an object is not in the map any more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub(in crate::api) enum GoneReason {
+    /// A clip that was recorded after the object was last seen covers the place, and the object is not found there.
+    SeenAgain,
+    /// A person hid it.
+    Hidden,
+    /// None of the clips that saw it is in the map any more, so nothing is known of the object.
+    ClipsRemoved,
+    /// The clips that saw it are still in the map, but the object is not found in it. It may be another object's
+    /// part now, or be recognised again.
+    NotFound,
+}
+
+/// An object that is not in the later revision.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub(in crate::api) struct GoneObject {
+    pub reason: GoneReason,
+    pub object: MapObject,
+}
+
+/// An object that is in another place in the later revision.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub(in crate::api) struct MovedObject {
+    pub from: MapObject,
+    /// With another id, unless a person moved it: ids stay with places.
+    pub to: MapObject,
+}
+
+/// The changes of a home's objects between two revisions of its map
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub(in crate::api) struct MapChanges {
+    /// The earlier revision; 0 is the home before the first.
+    #[schema(minimum = 0, example = 3)]
+    pub from: i64,
+    /// The later revision.
+    #[schema(minimum = 1, example = 4)]
+    pub to: i64,
+    /// Objects of the later revision only.
+    pub added: Vec<MapObject>,
+    /// Objects that are in another place: by their id, or by class and size if one is missing in one place and
+    /// new in the other.
+    pub moved: Vec<MovedObject>,
+    /// Objects of the earlier revision only.
+    pub gone: Vec<GoneObject>,
+}

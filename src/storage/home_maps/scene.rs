@@ -1,0 +1,88 @@
+//! Content of a home's map beyond points, and what the next revision needs of it.
+
+use super::objects::MapObject;
+use crate::storage::{MapFile, Storage, StorageError};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use viola_geometry::Pose2;
+use viola_home::{Corrected, Coverage, History, KnownObject, Room, RoomField};
+
+/// A room of a home's map.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MapRoom {
+    #[serde(flatten)]
+    pub room: Room,
+    /// Properties that a person corrected.
+    #[serde(default)]
+    pub corrected: Vec<RoomField>,
+    /// Key of the correction: the room's id at the time of the correction.
+    #[serde(default)]
+    pub correction: Option<String>,
+}
+
+impl MapRoom {
+    pub fn new(room: Room, corrected: Option<&Corrected<RoomField>>) -> MapRoom {
+        MapRoom {
+            room,
+            corrected: corrected.map(|one| one.fields.clone()).unwrap_or_default(),
+            correction: corrected.map(|one| one.key.clone()),
+        }
+    }
+}
+
+/// Content of a home's map beyond points.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MapScene {
+    pub rooms: Vec<MapRoom>,
+    pub objects: Vec<MapObject>,
+    pub coverage: Coverage,
+    /// Null in revisions of earlier versions.
+    #[serde(default)]
+    pub history: Option<MapHistory>,
+}
+
+/// The part of a revision that depends on the earlier ones, and the corrections that it has.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct MapHistory {
+    pub ids: History,
+    /// Version of the home's corrections that are applied.
+    pub corrections: i64,
+    /// Objects that people hid.
+    pub hidden: Vec<String>,
+    /// Transforms into this revision's frame from those of earlier LiDAR maps, by revision.
+    pub frames: BTreeMap<i64, Pose2>,
+}
+
+impl MapScene {
+    /// Returns the history; that of a revision of an earlier version has its ids and nothing else.
+    pub fn history(&self) -> MapHistory {
+        if let Some(history) = &self.history {
+            return history.clone();
+        }
+        let known = |object: &MapObject| KnownObject {
+            id: object.id.clone(),
+            class: object.class,
+            centre_m: object.centre_m,
+            size_m: object.size_m,
+            yaw_rad: object.yaw_rad,
+            missing: 0,
+        };
+        let rooms: Vec<Room> = self.rooms.iter().map(|room| room.room.clone()).collect();
+        MapHistory {
+            ids: History::of(self.objects.iter().map(known).collect(), &rooms),
+            ..MapHistory::default()
+        }
+    }
+}
+
+impl Storage {
+    /// Returns the scene of a revision; `None` if the revision was removed since.
+    pub async fn map_scene(&self, file: &MapFile) -> Result<Option<MapScene>, StorageError> {
+        let Some(bytes) = self.map_file_bytes(file).await? else { return Ok(None) };
+        let scene = serde_json::from_slice(&bytes);
+        Ok(Some(
+            scene
+                .map_err(|error| StorageError::Column { column: "scene.json", detail: error.to_string() })?,
+        ))
+    }
+}

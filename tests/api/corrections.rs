@@ -1,0 +1,285 @@
+//! Corrections of people, and the changes between two revisions of a map.
+
+use crate::server::Server;
+use image::RgbImage;
+use reqwest::Method;
+use serde_json::{Value, json};
+use std::sync::Arc;
+use viola::jobs::{JobParams, WorkerParams};
+use viola::storage::Role;
+use viola_align::AlignParams;
+use viola_geometry::taxonomy::{CLASSES, Class};
+use viola_reconstruct::label::{ClassMap, LabelParams, SegmentError, Segmenter};
+use viola_testing::client::{Answer, Client};
+use viola_testing::{eventually, room, zips};
+
+/// Knows the furniture of the test room by its paint.
+struct Painted;
+
+impl Segmenter for Painted {
+    fn segment(&self, picture: &RgbImage) -> Result<ClassMap, SegmentError> {
+        let class = |red: u8| match red {
+            83..=127 => Class::Cabinet,
+            128..=172 => Class::Refrigerator,
+            _ => Class::Other,
+        };
+        let mut probabilities = vec![0.0; picture.pixels().len() * CLASSES];
+        for (pixel, of_pixel) in picture.pixels().zip(probabilities.chunks_exact_mut(CLASSES)) {
+            of_pixel[usize::from(class(pixel[0]).id())] = 1.0;
+        }
+        let (width, height) = (picture.width() as usize, picture.height() as usize);
+        Ok(ClassMap { width, height, align_corners: false, probabilities })
+    }
+
+    fn name(&self) -> String {
+        "painted".to_owned()
+    }
+}
+
+/// Starts a server that recognises the furniture of the test room.
+async fn start() -> Server {
+    let label = LabelParams { segmenter: Some(Arc::new(Painted)), ..LabelParams::default() };
+    let align = JobParams { align: AlignParams { label, ..AlignParams::default() }, ..JobParams::default() };
+    Server::with(|params| params.worker = WorkerParams { align: Arc::new(align), ..WorkerParams::default() })
+        .await
+}
+
+async fn patch(client: &Client, path: &str, body: &Value) -> Answer {
+    let request = client.request(Method::PATCH, path).header("content-type", "application/merge-patch+json");
+    client.send(request.body(body.to_string())).await
+}
+
+/// Uploads a clip of the room; returns its path once it is aligned.
+async fn add(server: &Server, home: &str, frames: u32) -> String {
+    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(frames))).await.ok(201);
+    let path = format!("{home}/clips/{}", clip["id"].as_str().unwrap());
+    assert_eq!(server.settled(&path).await["state"], "aligned");
+    path
+}
+
+/// Returns a list of the map, `rooms` or `objects`, once a revision is as expected.
+async fn list(server: &Server, home: &str, what: &str, is_expected: impl Fn(&Value) -> bool) -> Value {
+    eventually(what, || async {
+        let answer = server.get(&format!("{home}/map/{what}")).await;
+        let list = (answer.status == 200).then(|| answer.json())?;
+        is_expected(&list).then_some(list)
+    })
+    .await
+}
+
+/// Returns the list in a revision after this one.
+async fn after(server: &Server, home: &str, what: &str, revision: &Value) -> Value {
+    let revision = revision.as_i64();
+    list(server, home, what, |list| list["revision"].as_i64() > revision).await
+}
+
+fn find<'a>(list: &'a Value, what: &str, id: &str) -> Option<&'a Value> {
+    list[what].as_array().unwrap().iter().find(|one| one["id"] == id)
+}
+
+/// Returns a server with a home of one clip and its map's objects.
+async fn furnished() -> (Server, String, Value) {
+    let server = start().await;
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    add(&server, &home, 24).await;
+    let objects = list(&server, &home, "objects", |_| true).await;
+    (server, home, objects)
+}
+
+#[tokio::test]
+async fn an_object_is_corrected_and_the_correction_withdrawn() {
+    let (server, home, objects) = furnished().await;
+    let found = objects["objects"][0].clone();
+    let id = found["id"].as_str().expect("the room has furniture").to_owned();
+    let path = format!("{home}/map/objects/{id}");
+    let read = server.get(&path).await;
+    let tag = read.header("etag").to_owned();
+    assert_eq!(read.ok(200), json!({"object": found, "correction": null}));
+
+    let change = json!({"name": "Grandma's", "class": "bed", "centre_m": [3.0, 1.0, 0.5], "yaw_rad": 4.0});
+    let answer = patch(&server, &path, &change).await;
+    assert_ne!(answer.header("etag"), tag);
+    let state = answer.ok(200);
+    assert_eq!((&state["object"], &state["correction"]["class"]), (&found, &json!("bed")));
+    let corrected = after(&server, &home, "objects", &objects["revision"]).await;
+    let object = find(&corrected, "objects", &id).unwrap();
+    assert_eq!((&object["name"], &object["class"]), (&json!("Grandma's"), &json!("bed")));
+    assert_eq!((&object["centre_m"], &object["size_m"]), (&json!([3.0, 1.0, 0.5]), &found["size_m"]));
+    assert!((object["yaw_rad"].as_f64().unwrap() - (4.0 - std::f64::consts::PI)).abs() < 1e-9);
+    assert_eq!(object["corrected"], json!(["class", "name", "centre_m", "yaw_rad"]));
+    let changes = server.get(&format!("{home}/map/changes")).await.ok(200);
+    assert_eq!(
+        (changes["moved"][0]["from"]["id"].as_str(), &changes["to"]),
+        (Some(&*id), &corrected["revision"])
+    );
+
+    // Of two people who read the same state, the second one is told so.
+    let conditional =
+        server.request(Method::PATCH, &path).header("if-match", tag.clone()).json(&json!({"hidden": true}));
+    server.send(conditional).await.problem(412, "changed-meanwhile");
+    let tag = server.get(&path).await.header("etag").to_owned();
+    let conditional =
+        server.request(Method::PATCH, &path).header("if-match", tag).json(&json!({"hidden": true}));
+    server.send(conditional).await.ok(200);
+    let hidden = after(&server, &home, "objects", &corrected["revision"]).await;
+    assert_eq!(find(&hidden, "objects", &id), None);
+    let all = server.get(&format!("{home}/map/corrections")).await.ok(200);
+    assert_eq!((&all["objects"][0]["id"], &all["objects"][0]["hidden"]), (&json!(id), &json!(true)));
+    let changes = server.get(&format!("{home}/map/changes")).await.ok(200);
+    assert_eq!(
+        (&changes["gone"][0]["reason"], &changes["gone"][0]["object"]["id"]),
+        (&json!("hidden"), &json!(id))
+    );
+    let undo = json!({"name": null, "class": null, "centre_m": null, "yaw_rad": null, "hidden": null});
+    assert_eq!(patch(&server, &path, &undo).await.ok(200)["correction"], Value::Null);
+    let again = after(&server, &home, "objects", &hidden["revision"]).await;
+    assert_eq!(find(&again, "objects", &id), Some(&found));
+}
+
+#[tokio::test]
+async fn corrections_survive_ten_revisions_and_a_new_lidar_map() {
+    let (server, home, objects) = furnished().await;
+    let found = objects["objects"][0].clone();
+    let id = found["id"].as_str().expect("the room has furniture").to_owned();
+    let rooms = server.get(&format!("{home}/map/rooms")).await.ok(200);
+    let room_id = rooms["rooms"][0]["id"].as_str().unwrap().to_owned();
+    let place = [3.5, 0.5, 0.4];
+    let change = json!({"class": "sofa", "centre_m": place});
+    patch(&server, &format!("{home}/map/objects/{id}"), &change).await.ok(200);
+    patch(&server, &format!("{home}/map/rooms/{room_id}"), &json!({"name": "Lounge"})).await.ok(200);
+    let mut last = objects["revision"].clone();
+    let is_corrected = |list: &Value, place: [f64; 3]| {
+        let object = find(list, "objects", &id)?;
+        let at = object["centre_m"].as_array()?;
+        let near = (0..3).all(|axis| (at[axis].as_f64().unwrap() - place[axis]).abs() < 0.1);
+        (object["class"] == "sofa" && near && object["corrected"] == json!(["class", "centre_m"]))
+            .then_some(())
+    };
+    for n in 0..6 {
+        let clip = add(&server, &home, 20 + n).await;
+        let with = after(&server, &home, "objects", &last).await;
+        server.delete(&clip).await.ok(204);
+        let without = after(&server, &home, "objects", &with["revision"]).await;
+        for list in [&with, &without] {
+            assert!(is_corrected(list, place).is_some(), "{n}: {list:#}");
+        }
+        last = without["revision"].clone();
+    }
+    assert!(last.as_i64() >= Some(11), "{last}");
+    // The same room in another frame: turned by a quarter, and moved.
+    let turned = |x: f64, y: f64| [3.0 - y, x + 1.0];
+    let csv = room::lidar_csv();
+    let lines = csv.lines().skip(1).map(|line| {
+        let (x, y) = line.split_once(',').unwrap();
+        let [x, y] = turned(x.parse().unwrap(), y.parse().unwrap());
+        format!("{x:.4},{y:.4}\n")
+    });
+    let csv: String = std::iter::once("x,y\n".to_owned()).chain(lines).collect();
+    server.put(&format!("{home}/lidar-map"), csv).await.ok(201);
+    let moved = after(&server, &home, "objects", &last).await;
+    let [x, y] = turned(place[0], place[1]);
+    assert!(is_corrected(&moved, [x, y, place[2]]).is_some(), "{moved:#}");
+    let rooms = server.get(&format!("{home}/map/rooms")).await.ok(200);
+    let named = |room: &&Value| room["name"] == "Lounge" && room["corrected"] == json!(["name"]);
+    assert_eq!(rooms["rooms"].as_array().unwrap().iter().filter(named).count(), 1, "{rooms:#}");
+}
+
+#[tokio::test]
+async fn a_room_is_named_and_divided() {
+    let (server, home, _) = furnished().await;
+    let rooms = server.get(&format!("{home}/map/rooms")).await.ok(200);
+    let found = rooms["rooms"][0].clone();
+    let id = found["id"].as_str().unwrap().to_owned();
+    let path = format!("{home}/map/rooms/{id}");
+    assert_eq!(server.get(&path).await.ok(200), json!({"room": found, "correction": null}));
+    let label = [0, 1].map(|axis| found["label_at_m"][axis].as_f64().unwrap());
+    let line = json!({"from_m": [label[0] + 0.3, label[1]], "to_m": [label[0] + 0.3, label[1] + 1.0]});
+    patch(&server, &path, &json!({"name": "Lounge", "split_by": line})).await.ok(200);
+    let divided = list(&server, &home, "rooms", |list| list["rooms"][0]["name"] == "Lounge").await;
+    let parts = divided["rooms"].as_array().unwrap();
+    let area_m2 = |room: &Value| room["area_m2"].as_f64().unwrap();
+    assert_eq!((parts.len(), &parts[1]["id"]), (2, &json!(format!("{id}-b"))));
+    assert!((area_m2(&parts[0]) + area_m2(&parts[1]) - area_m2(&found)).abs() < 0.5, "{divided:#}");
+    assert_eq!(parts[0]["corrected"], json!(["split_by", "name"]));
+    let undo = patch(&server, &path, &json!({"split_by": null})).await.ok(200);
+    assert_eq!(
+        (&undo["correction"]["split_by"], &undo["correction"]["name"]),
+        (&Value::Null, &json!("Lounge"))
+    );
+    let whole = list(&server, &home, "rooms", |list| list["rooms"].as_array().unwrap().len() == 1).await;
+    assert_eq!(
+        (&whole["rooms"][0]["name"], &whole["rooms"][0]["polygon_m"]),
+        (&json!("Lounge"), &found["polygon_m"])
+    );
+}
+
+#[tokio::test]
+async fn corrections_that_are_refused() {
+    let (server, home, objects) = furnished().await;
+    let id = objects["objects"][0]["id"].as_str().expect("the room has furniture").to_owned();
+    let object = format!("{home}/map/objects/{id}");
+    let room = format!("{home}/map/rooms/1");
+    for (path, body, field) in [
+        (&object, json!({"class": "dragon"}), json!("class")),
+        (&object, json!({"class": 7}), json!("class")),
+        (&object, json!({"name": ""}), json!("name")),
+        (&object, json!({"name": "a\nb"}), json!("name")),
+        (&object, json!({"name": "a".repeat(101)}), json!("name")),
+        (&object, json!({"centre_m": [1.0, 2.0]}), json!("centre_m")),
+        (&object, json!({"centre_m": [1.0, 2.0, 99.0]}), json!("centre_m")),
+        (&object, json!({"centre_m": [1e300, 2.0, 0.0]}), json!("centre_m")),
+        (&object, json!({"size_m": [1.0, 2.0, 1.0]}), json!("size_m")),
+        (&object, json!({"size_m": [1.0, 0.0, 1.0]}), json!("size_m")),
+        (&object, json!({"yaw_rad": 90}), json!("yaw_rad")),
+        (&object, json!({"pinned": "yes"}), json!("pinned")),
+        (&object, json!({"hidden": 1}), json!("hidden")),
+        (&object, json!({"colour": "red"}), Value::Null),
+        (&room, json!({"merge_with": []}), json!("merge_with")),
+        (&room, json!({"merge_with": ["1"]}), json!("merge_with")),
+        (&room, json!({"merge_with": ["nowhere"]}), json!("merge_with")),
+        (&room, json!({"split_by": {"from_m": [0.0, 0.0]}}), json!("split_by")),
+        (&room, json!({"split_by": {"from_m": [0.0, 0.0], "to_m": [0.0, 0.0]}}), json!("split_by")),
+        (&room, json!({"split_by": {"from_m": [99.0, 0.0], "to_m": [99.0, 1.0]}}), json!("split_by")),
+        (&room, json!({"area_m2": 7}), Value::Null),
+    ] {
+        let problem = patch(&server, path, &body).await.problem(422, "invalid-body");
+        assert_eq!(problem["field"], field, "{body}");
+    }
+    let body = json!({"name": "x"});
+    for (path, code) in [
+        (format!("{home}/map/objects/chair-99"), "object-not-found"),
+        (format!("{home}/map/rooms/99"), "room-not-found"),
+        ("/v1/homes/nowhere/map/objects/chair-1".to_owned(), "home-not-found"),
+    ] {
+        patch(&server, &path, &body).await.problem(404, code);
+        server.get(&path).await.problem(404, code);
+    }
+    assert_eq!(
+        server.get(&format!("{home}/map/corrections")).await.ok(200),
+        json!({"objects": [], "rooms": []})
+    );
+    for (query, status, code) in [
+        ("from=0", 200, ""),
+        ("from=0&to=1", 200, ""),
+        ("from=1&to=1", 400, "invalid-query"),
+        ("from=-1", 400, "invalid-query"),
+        ("to=x", 400, "invalid-query"),
+        ("to=99", 404, "map-not-found"),
+    ] {
+        let answer = server.get(&format!("{home}/map/changes?{query}")).await;
+        match status {
+            200 => assert_eq!(
+                answer.ok(200)["added"].as_array().map(Vec::len),
+                objects["objects"].as_array().map(Vec::len)
+            ),
+            _ => drop(answer.problem(status, code)),
+        }
+    }
+    // Only an admin corrects, and only homes of the tenant.
+    let reader = server.client("default", Role::Reader, None).await;
+    patch(&reader, &object, &body).await.problem(403, "forbidden");
+    assert_eq!(reader.get(&object).await.status, 200);
+    let other = server.client("acme", Role::Admin, None).await;
+    patch(&other, &object, &body).await.problem(404, "home-not-found");
+}
