@@ -9,7 +9,7 @@ use jiff::Timestamp;
 use std::time::Duration;
 use uuid::Uuid;
 use viola_align::Alignment;
-use viola_home::{HomeMapInfo, Manifest, Member, TileKey, Verdict};
+use viola_home::{HomeMapInfo, Manifest, Member, PlacedClip, TileKey, Verdict};
 
 /// Revisions of a home's map that are kept; a new one removes older ones. Readers of a revision have long
 /// ended when it is this old.
