@@ -1,4 +1,4 @@
-//! `/v1/homes/{home}/map/objects/{object}`, `.../rooms/{room}` and `.../corrections`: what people correct.
+//! `/v1/homes/{home}/map/objects/{object}`, `.../rooms/{room}` and `.../corrections`: corrections of people.
 
 use super::App;
 use super::bodies::to_the_end;

@@ -261,7 +261,8 @@ fn corrected_room(
             correction.split = split;
         }
     }
-    if let (Some(split), Some(room)) = (&correction.split, &state.room)
+    // The parts of a room that is divided already are not known.
+    if let (Some(Some(_)), Some(split), Some(room)) = (&change.split_by, &correction.split, &state.room)
         && !room.corrected.contains(&RoomField::SplitBy)
     {
         let alone =

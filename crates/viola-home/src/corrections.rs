@@ -131,7 +131,7 @@ fn half_turn(yaw_rad: f64) -> f64 {
     yaw_rad.rem_euclid(std::f64::consts::PI)
 }
 
-/// What people corrected of one object or room.
+/// The corrected properties of one object or room.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Corrected<Field> {
     /// The key of the correction.
@@ -261,8 +261,8 @@ impl RoomCorrection {
     }
 }
 
-/// Applies corrections to the rooms. Returns what was corrected by the room's id. What a new LiDAR map made
-/// impossible, such as a merge of rooms that no longer meet, is left out.
+/// Applies corrections to the rooms. Returns what was corrected by the room's id. A correction that a new
+/// LiDAR map made impossible, such as a merge of rooms that no longer meet, is left out.
 pub fn correct_rooms(
     rooms: &mut Vec<Room>,
     corrections: &[(String, RoomCorrection)],

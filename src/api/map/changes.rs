@@ -1,4 +1,4 @@
-//! `/v1/homes/{home}/map/changes`: what changed between two revisions of a map.
+//! `/v1/homes/{home}/map/changes`: the changes between two revisions of a map.
 
 use super::scene::scene;
 use crate::api::App;

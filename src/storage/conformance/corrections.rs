@@ -111,7 +111,8 @@ async fn a_correction_makes_the_map_due(storage: Storage) {
     correct(&storage, &home, "chair-1", &renamed(Some("Throne"))).await;
     let claim = merge(&storage, 302).await;
     assert_eq!((claim.corrections.version, claim.corrections.objects.len()), (1, 1));
-    let scene = storage.last_scene(&MergeClaim { last_revision: 2, ..claim }).await.unwrap().unwrap();
+    let files = storage.home_map_files(&home, 2, map_file::SCENE).await.unwrap();
+    let scene = storage.map_scene(&files[0]).await.unwrap().unwrap();
     assert_eq!(scene.history().corrections, 1);
     // The same again changes nothing.
     correct(&storage, &home, "chair-1", &renamed(Some("Throne"))).await;

@@ -1,4 +1,4 @@
-//! What a person changes of a correction. In each field `None` keeps it and `Some(None)` withdraws it.
+//! Changes of a correction. In each field `None` keeps it and `Some(None)` withdraws it.
 
 use viola_geometry::taxonomy::Class;
 use viola_home::{ObjectCorrection, Seen};

@@ -188,7 +188,7 @@ fn rooms_are_named_joined_and_divided() {
         // Joined and then divided elsewhere.
         (
             vec![("1", joined(2.0, &[6.0], 1)), ("2", divided(7.0, 5.0, 2))],
-            vec![row("1", None, 9.0, &[SplitBy]), row("1-b", None, 15.0, &[]), three.clone()],
+            vec![row("1", None, 9.0, &[MergeWith, SplitBy]), row("1-b", None, 15.0, &[]), three.clone()],
         ),
         // Divided and then joined: the part becomes one with the next room.
         (

@@ -93,7 +93,7 @@ fn unlike(a: &MovedObject, b: &MovedObject) -> Option<f64> {
     for axis in 0..3 {
         let (a_m, b_m) = (a.bounds.size_m[axis], b.bounds.size_m[axis]);
         let off = (a_m - b_m).abs() / SIDE_M.max(SIDE_FRACTION * a_m.max(b_m));
-        if !(off <= 1.0) {
+        if off.is_nan() || off > 1.0 {
             return None;
         }
         sum += off;

@@ -56,7 +56,8 @@ fn of_boxes(known: &UprightBox, class: Class, object: &Object) -> Option<i64> {
     let between_m = [0, 1, 2].map(|axis| known.centre_m[axis] - bounds.centre_m[axis]);
     let between_m = between_m.iter().map(|side| side * side).sum::<f64>().sqrt();
     let reach_m = |one: &UprightBox| one.size_m.iter().map(|side| side * side).sum::<f64>().sqrt() / 2.0;
-    if !(between_m <= reach_m(known) + reach_m(&bounds) + 4.0 * MARGIN_M) {
+    let most_m = reach_m(known) + reach_m(&bounds) + 4.0 * MARGIN_M;
+    if between_m.is_nan() || between_m > most_m {
         return None;
     }
     let (a, b) = (grown(known), grown(&bounds));
@@ -75,7 +76,7 @@ fn of_boxes(known: &UprightBox, class: Class, object: &Object) -> Option<i64> {
         () if is_family(class, object.class) => 0.15,
         () => 0.0,
     };
-    is_same.then(|| ((iou + 0.5 * share + 0.5 * near + kind) * 1000.0) as i64)
+    is_same.then_some(((iou + 0.5 * share + 0.5 * near + kind) * 1000.0) as i64)
 }
 
 fn grown(bounds: &UprightBox) -> UprightBox {
