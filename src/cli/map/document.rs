@@ -82,3 +82,51 @@ impl ClipDocument {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_align::Alignment;
+
+    fn clip(state: AlignmentState) -> HomeClip {
+        let answer = Alignment {
+            state,
+            probability: Some(0.4),
+            map_from_clip: (state != AlignmentState::Failed).then_some(Pose2::new(1.0, 2.0, 0.5)),
+            reasons: vec![Reason::new("own", "the clip's own reason")],
+            ..Alignment::failed()
+        };
+        HomeClip { file: "a.zip".to_owned(), content: None, recorded_at: None, answer: Ok(answer) }
+    }
+
+    fn placed(by: PlacedBy) -> MapClip {
+        MapClip {
+            clip: Uuid::nil(),
+            map_from_clip: Pose2::new(3.0, 4.0, 0.0),
+            by,
+            probability: Some(0.9),
+            recorded_at: None,
+            points: 7,
+            moved_m: 0.1,
+            moved_deg: 0.2,
+        }
+    }
+
+    #[test]
+    fn a_clip_in_the_map_has_the_maps_pose_and_state() {
+        use AlignmentState::{Aligned, Ambiguous, Failed};
+        use PlacedBy::{Alignment, Neighbours};
+        for (own, by, state, x_m, probability, reason) in [
+            (Aligned, Some(Alignment), ClipState::Aligned, Some(3.0), 0.9, "own"),
+            (Ambiguous, Some(Neighbours), ClipState::Aligned, Some(3.0), 0.9, "decided_by_neighbours"),
+            (Ambiguous, None, ClipState::Ambiguous, Some(1.0), 0.4, "own"),
+            (Failed, None, ClipState::Failed, None, 0.4, "own"),
+        ] {
+            let document = ClipDocument::new(&clip(own), by.map(placed).as_ref());
+            let pose = document.map_from_clip.map(|pose| pose.x_m);
+            assert_eq!((document.state, pose), (state, x_m), "{own:?} {by:?}");
+            assert_eq!((document.by, document.probability), (by, Some(probability)), "{own:?} {by:?}");
+            assert_eq!(document.reasons[0].code, reason, "{own:?} {by:?}");
+        }
+    }
+}
