@@ -1,6 +1,7 @@
 //! A home's fused map: built from its clips, described, and exported as pictures and files.
 
 mod assemble;
+mod carved;
 mod completion;
 mod contact_sheet;
 mod contribution;
@@ -24,7 +25,7 @@ pub use assemble::{
 };
 pub use completion::{completion_png, completion_pngs};
 pub use contact_sheet::contact_sheet_png;
-pub use contribution::{ClipContribution, ClipScan, ScanCamera, read_views, views_bytes};
+pub use contribution::{ClipContribution, ClipScan, ScanCamera, views_bytes};
 pub use coverage::{Coverage, RoomCoverage, coverage};
 pub use describe::{Description, describe};
 pub use info::{ClassCount, HomeMapInfo};

@@ -11,7 +11,7 @@ use std::thread;
 use tokio::sync::{mpsc, oneshot};
 use tracing::Span;
 use viola_home as home;
-use viola_home::{Assembly, ClipContribution, MAP_VOXEL_M, Manifest, Member, read_cloud_ply, read_views};
+use viola_home::{Assembly, ClipContribution, Manifest, Member};
 
 /// The files of a clip that a merge reads.
 struct Files {
@@ -29,10 +29,7 @@ impl Loader {
     fn load(&self, member: &Member) -> Result<ClipContribution, MergeError> {
         self.asked.send(member.clone()).map_err(|_| MergeError::Abandoned)?;
         let Files { cloud, views } = self.answers.recv().map_err(|_| MergeError::Abandoned)??;
-        Ok(ClipContribution {
-            cloud_in_clip: read_cloud_ply(&cloud, MAP_VOXEL_M)?,
-            views: read_views(&views)?,
-        })
+        Ok(ClipContribution::read(&cloud, &views)?)
     }
 }
 
