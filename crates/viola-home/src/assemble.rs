@@ -10,7 +10,7 @@ mod neighbours;
 mod overlap;
 mod poses;
 mod settle;
-mod sight;
+pub(super) mod sight;
 mod surface;
 mod tile;
 mod tiles;

@@ -1,6 +1,7 @@
 //! A clip's contribution to its home's map, and its storage format.
 
 use super::MAP_VOXEL_M;
+use super::carved::CarvedSpace;
 use super::ply::{NotOurs, read_cloud_ply};
 use flate2::Compression;
 use flate2::read::ZlibDecoder;
@@ -8,26 +9,35 @@ use flate2::write::ZlibEncoder;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 use std::io::{Read, Write};
+use std::sync::OnceLock;
 use viola_align::Aligned;
 use viola_geometry::{Pinhole, Pose3, Vector3};
 use viola_reconstruct::{PointCloud, Readings, View};
 
 /// A clip's points and views, in the clip's frame.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct ClipContribution {
     pub cloud_in_clip: PointCloud,
     pub views: Vec<View>,
+    /// The space that the views looked through; from the file, or made of the views when it is asked for.
+    carved: OnceLock<CarvedSpace>,
 }
 
 impl ClipContribution {
-    pub fn nothing() -> ClipContribution {
-        ClipContribution { cloud_in_clip: PointCloud::default(), views: Vec::new() }
+    pub fn new(cloud_in_clip: PointCloud, views: Vec<View>) -> ClipContribution {
+        ClipContribution { cloud_in_clip, views, carved: OnceLock::new() }
     }
 
-    /// Reads the files of a clip's cloud in its own frame ([`cloud_ply`](crate::cloud_ply)) and of its views
-    /// ([`views_bytes`]).
+    /// Reads a clip's files: the cloud of [`cloud_ply`](super::cloud_ply) and [`views_bytes`].
     pub fn read(cloud: &[u8], views: &[u8]) -> Result<ClipContribution, NotOurs> {
-        Ok(ClipContribution { cloud_in_clip: read_cloud_ply(cloud, MAP_VOXEL_M)?, views: read_views(views)? })
+        let cloud_in_clip = read_cloud_ply(cloud, MAP_VOXEL_M)?;
+        let (views, carved) = read_views(views)?;
+        let carved = carved.map(OnceLock::from).unwrap_or_default();
+        Ok(ClipContribution { cloud_in_clip, views, carved })
+    }
+
+    pub(crate) fn carved(&self) -> &CarvedSpace {
+        self.carved.get_or_init(|| CarvedSpace::of(&self.views))
     }
 }
 
@@ -63,15 +73,20 @@ impl ClipScan {
     }
 }
 
-const MAGIC: &[u8; 8] = b"violav01";
+const MAGIC: &[u8; 8] = b"violav02";
+/// Files of the previous version have no carved space.
+const MAGIC_01: &[u8; 8] = b"violav01";
 /// Maximum size of a file after inflation: far above the maximum number of key frames.
 const MAX_BYTES: u64 = 64 << 20;
 /// Header of a view: pose, camera, and layout of the readings.
 const HEAD_BYTES: usize = 7 * 8 + 2 * 4 + 4 * 8 + 2 * 2 + 4;
 
-/// Returns a clip's views as file bytes; [`read_views`] is the inverse.
+/// Returns a clip's views and the space that they looked through as file bytes, which
+/// [`ClipContribution::read`] reads.
 pub fn views_bytes(views: &[View]) -> Vec<u8> {
-    let mut plain = Vec::new();
+    let carved = CarvedSpace::of(views).to_bytes();
+    let mut plain = Vec::from((carved.len() as u32).to_le_bytes());
+    plain.extend_from_slice(&carved);
     for view in views {
         let (turn, place) = (view.clip_from_camera.rotation, view.clip_from_camera.translation);
         let camera = view.readings.camera();
@@ -91,16 +106,26 @@ pub fn views_bytes(views: &[View]) -> Vec<u8> {
     packer.finish().unwrap_or_default()
 }
 
-/// Inverse of [`views_bytes`].
-pub fn read_views(bytes: &[u8]) -> Result<Vec<View>, NotOurs> {
-    let packed = bytes.strip_prefix(MAGIC).ok_or(NotOurs)?;
+/// Inverse of [`views_bytes`]; files of the previous version have no carved space.
+fn read_views(bytes: &[u8]) -> Result<(Vec<View>, Option<CarvedSpace>), NotOurs> {
+    let (magic, packed) = bytes.split_at_checked(MAGIC.len()).ok_or(NotOurs)?;
+    if magic != MAGIC && magic != MAGIC_01 {
+        return Err(NotOurs);
+    }
     let mut plain = Vec::new();
     let unpacked = ZlibDecoder::new(packed).take(MAX_BYTES + 1).read_to_end(&mut plain);
     if unpacked.is_err() || plain.len() as u64 > MAX_BYTES {
         return Err(NotOurs);
     }
-    let mut views = Vec::new();
     let mut rest = plain.as_slice();
+    let mut carved = None;
+    if magic == MAGIC {
+        let (length, tail) = rest.split_first_chunk::<4>().ok_or(NotOurs)?;
+        let (own, tail) = tail.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or(NotOurs)?;
+        carved = Some(CarvedSpace::read(own)?);
+        rest = tail;
+    }
+    let mut views = Vec::new();
     while !rest.is_empty() {
         let (head, tail) = rest.split_at_checked(HEAD_BYTES).ok_or(NotOurs)?;
         let mut head = Numbers(head);
@@ -126,7 +151,7 @@ pub fn read_views(bytes: &[u8]) -> Result<Vec<View>, NotOurs> {
             readings: Readings::new(camera, columns, stride, depth_mm).ok_or(NotOurs)?,
         });
     }
-    Ok(views)
+    Ok((views, carved))
 }
 
 /// Reader of little-endian numbers; the caller checks the length.
@@ -158,22 +183,40 @@ impl Numbers<'_> {
 mod tests {
     use super::*;
 
+    /// Views from nearly one place.
     fn views() -> Vec<View> {
         let camera = Pinhole { width: 640, height: 480, fx: 577.6, fy: 578.7, cx: 318.9, cy: 242.7 };
         let view = |i: u16| View {
             clip_from_camera: Pose3::new(
-                Vector3::new(f64::from(i), 0.3, 1.4),
-                Vector3::new(0.1, 0.2, f64::from(i)),
+                Vector3::new(f64::from(i) * 0.1, 0.3, 1.4),
+                Vector3::new(0.1, 0.2, 0.3),
             ),
-            readings: Readings::new(camera, 4, 160, (0..12).map(|k| k * 100 + i).collect()).unwrap(),
+            readings: Readings::new(camera, 4, 160, (0..12).map(|k| k * 10 + 2500 + i).collect()).unwrap(),
         };
         (0..5).map(view).collect()
     }
 
     #[test]
     fn what_is_written_is_read() {
-        assert_eq!(read_views(&views_bytes(&views())), Ok(views()));
-        assert_eq!(read_views(&views_bytes(&[])), Ok(Vec::new()));
+        let carved = CarvedSpace::of(&views());
+        assert_eq!(read_views(&views_bytes(&views())), Ok((views(), Some(carved))));
+        assert_eq!(read_views(&views_bytes(&[])), Ok((Vec::new(), Some(CarvedSpace::default()))));
+    }
+
+    #[test]
+    fn files_of_the_previous_version_are_read() {
+        let now = views_bytes(&views());
+        let mut plain = Vec::new();
+        ZlibDecoder::new(&now[8..]).read_to_end(&mut plain).unwrap();
+        let carved = u32::from_le_bytes(plain[..4].try_into().unwrap()) as usize;
+        let mut packer = ZlibEncoder::new(MAGIC_01.to_vec(), Compression::fast());
+        packer.write_all(&plain[4 + carved..]).unwrap();
+        let before = packer.finish().unwrap();
+        assert_eq!(read_views(&before), Ok((views(), None)));
+        let cloud = super::super::cloud_ply(&PointCloud::default(), None);
+        let [old, new] = [&before, &now].map(|views| ClipContribution::read(&cloud, views).unwrap());
+        assert!(!new.carved().to_bytes().is_empty());
+        assert_eq!(old.carved(), new.carved());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! A home's fused map: built from its clips, described, and exported as pictures and files.
 
 mod assemble;
+mod carved;
 mod completion;
 mod contact_sheet;
 mod contribution;
@@ -26,7 +27,7 @@ pub use assemble::{
 };
 pub use completion::{completion_png, completion_pngs};
 pub use contact_sheet::contact_sheet_png;
-pub use contribution::{ClipContribution, ClipScan, ScanCamera, read_views, views_bytes};
+pub use contribution::{ClipContribution, ClipScan, ScanCamera, views_bytes};
 pub use corrections::{
     Corrected, ObjectCorrection, ObjectField, RoomCorrection, RoomField, RoomMerge, RoomSplit, Seen,
     assign_rooms, correct_objects, correct_rooms, stated,

@@ -4,7 +4,7 @@ use std::io::Write;
 use viola_formats::ply::{self, Encoding, Ply};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Pose2, Vector3};
-use viola_reconstruct::{CloudPoint, Label, PointCloud};
+use viola_reconstruct::{CloudPoint, Label, OTHER_CLASSES, PointCloud};
 
 /// Types and names of a vertex's properties.
 pub(crate) const PROPERTIES: [(&str, &str); 13] = [
@@ -22,15 +22,28 @@ pub(crate) const PROPERTIES: [(&str, &str); 13] = [
     ("ushort", "views"),
     ("ushort", "weight"),
 ];
-const VERTEX_BYTES: usize = 36;
+/// Bytes of a vertex with [`PROPERTIES`].
+const POINT_BYTES: usize = 36;
+/// Further properties of a clip's cloud: the next classes, with probabilities in 255ths. Files of the previous
+/// version have none.
+const OTHERS: [(&str, &str); 2 * OTHER_CLASSES] = [
+    ("uchar", "label_2"),
+    ("uchar", "share_2"),
+    ("uchar", "label_3"),
+    ("uchar", "share_3"),
+    ("uchar", "label_4"),
+    ("uchar", "share_4"),
+];
+const VERTEX_BYTES: usize = POINT_BYTES + OTHERS.len();
 
 /// Returns a clip's cloud as binary little-endian PLY: in the map frame if `map_from_clip` is given,
 /// otherwise in the clip frame. The header names the frame.
 pub fn cloud_ply(cloud_in_clip: &PointCloud, map_from_clip: Option<&Pose2>) -> Vec<u8> {
     let frame = if map_from_clip.is_some() { "map" } else { "clip" };
     let count = cloud_in_clip.points.len();
-    let mut out = Vec::with_capacity(400 + count * VERTEX_BYTES);
-    let header = ply::header(&[&format!("frame {frame}, metres, z up")], count, &PROPERTIES);
+    let mut out = Vec::with_capacity(500 + count * VERTEX_BYTES);
+    let properties = [&PROPERTIES[..], &OTHERS].concat();
+    let header = ply::header(&[&format!("frame {frame}, metres, z up")], count, &properties);
     out.extend_from_slice(header.as_bytes());
     let pose = map_from_clip.copied().unwrap_or(Pose2::IDENTITY);
     for point in &cloud_in_clip.points {
@@ -48,6 +61,9 @@ pub fn cloud_ply(cloud_in_clip: &PointCloud, map_from_clip: Option<&Pose2>) -> V
         out.extend_from_slice(&point.label.probability().to_le_bytes());
         out.extend_from_slice(&point.label.views.to_le_bytes());
         out.extend_from_slice(&point.weight.to_le_bytes());
+        for (class, share) in point.label.others() {
+            out.extend_from_slice(&[class.id() as u8, share]);
+        }
     }
     out
 }
@@ -61,29 +77,37 @@ pub struct NotOurs;
 pub fn read_cloud_ply(bytes: &[u8], voxel_m: f64) -> Result<PointCloud, NotOurs> {
     let Ply { elements, numbers } = Ply::parse(bytes).map_err(|_| NotOurs)?;
     let [vertex] = elements.as_slice() else { return Err(NotOurs) };
-    if numbers.encoding != Encoding::LittleEndian || !vertex.has_properties(&PROPERTIES) {
+    let vertex_bytes = if vertex.has_properties(&[&PROPERTIES[..], &OTHERS].concat()) {
+        VERTEX_BYTES
+    } else if vertex.has_properties(&PROPERTIES) {
+        POINT_BYTES
+    } else {
         return Err(NotOurs);
-    }
+    };
     let (count, body) = (usize::try_from(vertex.count).map_err(|_| NotOurs)?, numbers.rest);
-    if count.checked_mul(VERTEX_BYTES) != Some(body.len()) {
+    if numbers.encoding != Encoding::LittleEndian || count.checked_mul(vertex_bytes) != Some(body.len()) {
         return Err(NotOurs);
     }
     let point = |vertex: &[u8]| {
         let float =
             |at: usize| f32::from_le_bytes([vertex[at], vertex[at + 1], vertex[at + 2], vertex[at + 3]]);
-        let class = Class::ALL.get(usize::from(vertex[27])).ok_or(NotOurs)?;
+        let class = |at: usize| Class::from_id(usize::from(vertex[at])).ok_or(NotOurs);
+        let mut others = [(Class::Other, 0); OTHER_CLASSES];
+        for (place, at) in others.iter_mut().zip((POINT_BYTES..vertex.len()).step_by(2)) {
+            *place = (class(at)?, vertex[at + 1]);
+        }
         let short = |at: usize| u16::from_le_bytes([vertex[at], vertex[at + 1]]);
         let point = CloudPoint {
             position_m: [float(0), float(4), float(8)],
             normal: [float(12), float(16), float(20)],
             color: [vertex[24], vertex[25], vertex[26]],
-            label: Label::new(*class, float(28), short(32)),
+            label: Label::new(class(27)?, float(28), short(32)).with_shares(others),
             weight: short(34),
         };
         let finite = point.position_m.iter().chain(&point.normal).all(|value| value.is_finite());
         if finite { Ok(point) } else { Err(NotOurs) }
     };
-    let points: Result<Vec<CloudPoint>, NotOurs> = body.chunks_exact(VERTEX_BYTES).map(point).collect();
+    let points: Result<Vec<CloudPoint>, NotOurs> = body.chunks_exact(vertex_bytes).map(point).collect();
     Ok(PointCloud { points: points?, voxel_m })
 }
 
@@ -96,7 +120,8 @@ mod tests {
             position_m: [f32::from(i) * 0.1, -1.5, 0.25],
             normal: [0.0, 0.6, -0.8],
             color: [i as u8, 2, 3],
-            label: Label::new(Class::ALL[usize::from(i) % Class::ALL.len()], 0.4, i),
+            label: Label::new(Class::ALL[usize::from(i) % Class::ALL.len()], 0.4, i)
+                .with_others([(Class::Bed, 0.3), (Class::Sofa, 0.1)].into_iter().take(usize::from(i) % 3)),
             weight: i,
         };
         PointCloud { points: (0..50).map(point).collect(), voxel_m: 0.03 }
@@ -107,6 +132,18 @@ mod tests {
         assert_eq!(read_cloud_ply(&cloud_ply(&cloud(), None), 0.03), Ok(cloud()));
         let empty = PointCloud { points: Vec::new(), voxel_m: 0.03 };
         assert_eq!(read_cloud_ply(&cloud_ply(&empty, Some(&Pose2::IDENTITY)), 0.03), Ok(empty));
+    }
+
+    #[test]
+    fn files_of_the_previous_version_are_read() {
+        let now = cloud_ply(&cloud(), None);
+        let body = now.len() - cloud().points.len() * VERTEX_BYTES;
+        let head = ply::header(&["frame clip, metres, z up"], cloud().points.len(), &PROPERTIES);
+        let points = now[body..].chunks_exact(VERTEX_BYTES).flat_map(|vertex| &vertex[..POINT_BYTES]);
+        let before: Vec<u8> = head.as_bytes().iter().chain(points).copied().collect();
+        let mut want = cloud();
+        want.points.iter_mut().for_each(|point| point.label = point.label.with_others([]));
+        assert_eq!(read_cloud_ply(&before, 0.03), Ok(want));
     }
 
     #[test]

@@ -3,29 +3,73 @@
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point3, Pose3, Vector3};
 
+/// A class with its probability in 255ths, because there are millions of points.
+pub type Share = (Class, u8);
+
+/// Number of further classes of a label: with the first they hold nearly all of the probability.
+pub const OTHER_CLASSES: usize = 3;
+
 /// The class of a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Label {
     pub class: Class,
-    /// In 255ths, because there are millions of points.
     probability: u8,
     /// Number of pictures in which a network saw the point.
     pub views: u16,
+    /// The next classes, for the fusion with other clips. Places that are not needed have probability 0.
+    others: [Share; OTHER_CLASSES],
 }
+
+/// Place in `others` that is not needed.
+const NO_CLASS: Share = (Class::Other, 0);
 
 impl Label {
     /// The label of a point without evidence.
-    pub const NONE: Label = Label { class: Class::Other, probability: 0, views: 0 };
+    pub const NONE: Label =
+        Label { class: Class::Other, probability: 0, views: 0, others: [NO_CLASS; OTHER_CLASSES] };
 
     pub fn new(class: Class, probability: f32, views: u16) -> Label {
-        Label { class, probability: (probability.clamp(0.0, 1.0) * 255.0).round() as u8, views }
+        Label { class, probability: in_255ths(probability), views, ..Label::NONE }
+    }
+
+    /// Returns the label with its next classes; only the first [`OTHER_CLASSES`] are kept.
+    pub fn with_others(self, others: impl IntoIterator<Item = (Class, f32)>) -> Label {
+        self.with_shares(others.into_iter().map(|(class, probability)| (class, in_255ths(probability))))
+    }
+
+    /// The same in 255ths.
+    pub fn with_shares(mut self, shares: impl IntoIterator<Item = Share>) -> Label {
+        self.others = [NO_CLASS; OTHER_CLASSES];
+        let known = shares.into_iter().filter(|(_, share)| *share > 0);
+        self.others.iter_mut().zip(known).for_each(|(place, share)| *place = share);
+        self
     }
 
     /// Returns the probability, 0 to 1.
     pub fn probability(&self) -> f32 {
         f32::from(self.probability) / 255.0
     }
+
+    /// Returns the next classes; those with probability 0 are no classes.
+    pub fn others(&self) -> [Share; OTHER_CLASSES] {
+        self.others
+    }
+
+    /// Returns all known classes, the label's own first.
+    pub fn shares(&self) -> impl Iterator<Item = Share> {
+        let all = std::iter::once((self.class, self.probability)).chain(self.others);
+        all.filter(|(_, share)| *share > 0)
+    }
 }
+
+fn in_255ths(probability: f32) -> u8 {
+    (probability.clamp(0.0, 1.0) * 255.0).round() as u8
+}
+
+/// The colour of a point that no picture showed. A black surface has [`BLACK`].
+pub const NO_COLOR: [u8; 3] = [0; 3];
+/// The darkest colour.
+pub const BLACK: [u8; 3] = [1; 3];
 
 /// A point on the fused surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,6 +77,7 @@ pub struct CloudPoint {
     pub position_m: [f32; 3],
     /// Unit length, towards the observed side.
     pub normal: [f32; 3],
+    /// [`NO_COLOR`] if no picture showed the point.
     pub color: [u8; 3],
     pub label: Label,
     /// Sum over its readings of 256 / range², range in metres, because depth noise grows with the range.

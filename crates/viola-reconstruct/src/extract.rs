@@ -1,7 +1,7 @@
 //! Extracts surface points from a signed distance map, at sign changes between neighbouring voxels.
 
-use super::cloud::{CloudPoint, Label};
-use super::tsdf::{Block, SIDE, Tsdf};
+use super::cloud::{CloudPoint, Label, NO_COLOR};
+use super::tsdf::{Block, SIDE, Tsdf, Voxel};
 use rayon::prelude::*;
 
 /// Side of a block with one voxel before it and two after it, so that no neighbour is missing.
@@ -18,7 +18,7 @@ pub(super) fn surface_points(tsdf: &Tsdf, voxel_m: f64) -> Vec<CloudPoint> {
                 || vec![f32::NAN; PADDED * PADDED * PADDED],
                 |padded, block| {
                     pad(tsdf, block, padded);
-                    block_points(block, padded, voxel_m)
+                    block_points(tsdf, block, padded, voxel_m)
                 },
             )
             .collect();
@@ -61,7 +61,7 @@ fn pad(tsdf: &Tsdf, block: &Block, padded: &mut [f32]) {
     }
 }
 
-fn block_points(block: &Block, padded: &[f32], voxel_m: f64) -> Vec<CloudPoint> {
+fn block_points(tsdf: &Tsdf, block: &Block, padded: &[f32], voxel_m: f64) -> Vec<CloudPoint> {
     let mut points = Vec::new();
     for z in 0..SIDE {
         for y in 0..SIDE {
@@ -87,13 +87,41 @@ fn block_points(block: &Block, padded: &[f32], voxel_m: f64) -> Vec<CloudPoint> 
                         ((voxel + f64::from(step)) * voxel_m) as f32
                     });
                     let voxel = &block.voxels[(z * SIDE + y) * SIDE + x];
-                    let (color, weight) = (voxel.color(), voxel.weight());
+                    let color = match voxel.color() {
+                        NO_COLOR => color_around(tsdf, block, [x, y, z], axis),
+                        color => color,
+                    };
+                    let weight = voxel.weight();
                     points.push(CloudPoint { position_m, normal, color, label: Label::NONE, weight });
                 }
             }
         }
     }
     points
+}
+
+/// Returns the colour at a sign change whose first voxel has none: that of the second, or the mean of the
+/// voxels around. Only the voxels next to a reading get its colour, and the mean of several readings may be
+/// a voxel away from each of them.
+fn color_around(tsdf: &Tsdf, block: &Block, place: [usize; 3], axis: usize) -> [u8; 3] {
+    let color = |offset: [i32; 3]| {
+        let voxel = [0, 1, 2].map(|i| block.key[i] * SIDE as i32 + place[i] as i32 + offset[i]);
+        let within = voxel.map(|c| c.rem_euclid(SIDE as i32) as usize);
+        let block = tsdf.index.get(&voxel.map(|c| c.div_euclid(SIDE as i32)))?;
+        let voxels = &tsdf.blocks[*block as usize].voxels;
+        let color = Voxel::color(&voxels[(within[2] * SIDE + within[1]) * SIDE + within[0]]);
+        (color != NO_COLOR).then_some(color)
+    };
+    let second = std::array::from_fn(|i| i32::from(i == axis));
+    if let Some(color) = color(second) {
+        return color;
+    }
+    let around = (0..27).filter_map(|step| color([step % 3 - 1, step / 3 % 3 - 1, step / 9 - 1]));
+    let (sum, count) = around.fold(([0u32; 3], 0u32), |(sum, count), color| {
+        (std::array::from_fn(|i| sum[i] + u32::from(color[i])), count + 1)
+    });
+    // No mean of colours is `NO_COLOR`: it is rounded up.
+    sum.map(|sum| sum.div_ceil(count.max(1)) as u8)
 }
 
 /// Returns the normalised gradient of the distance, from the slopes at both ends of the step.
@@ -118,6 +146,7 @@ fn normal(padded: &[f32], a: [usize; 3], b: [usize; 3], share: f32) -> Option<[f
 
 #[cfg(test)]
 mod tests {
+    use super::super::cloud::{BLACK, NO_COLOR};
     use super::super::tsdf::{Tsdf, TsdfParams};
     use viola_formats::clip::{DepthImage, Frame, FrameHeader};
     use viola_geometry::{Pinhole, Pose3};
@@ -152,6 +181,33 @@ mod tests {
             assert!(point.normal[2] < -0.99, "the normal faces the camera: {point:?}");
             assert_eq!(point.color, [200, 100, 50]);
         }
+    }
+
+    #[test]
+    fn points_have_the_colour_of_the_pictures_and_no_other() {
+        let mut frame = wall(1.5);
+        let (width, height) = (400, 300);
+        frame.color_camera = frame.depth_camera.resized(width, height);
+        frame.color = image::RgbImage::from_fn(width, height, |x, y| {
+            let is_rim = x.min(y).min(width - 1 - x).min(height - 1 - y) < 3;
+            image::Rgb(if is_rim { [0; 3] } else { [200, 100, 50] })
+        });
+        let colors = |frame: &Frame| -> Vec<[u8; 3]> {
+            let mut tsdf = Tsdf::new(TsdfParams::default());
+            tsdf.integrate(frame, &Pose3::identity());
+            tsdf.surface().points.iter().map(|point| point.color).collect()
+        };
+        let rimmed = colors(&frame);
+        assert!(rimmed.len() > 1000 && rimmed.iter().all(|color| *color == [200, 100, 50]));
+        // The colour camera sees a third less to each side than the depth camera.
+        frame.color_camera.fx *= 1.5;
+        let narrow = colors(&frame);
+        let without = narrow.iter().filter(|color| **color == NO_COLOR).count();
+        assert!(without * 4 > narrow.len() && without * 2 < narrow.len(), "{without} of {}", narrow.len());
+        assert!(narrow.iter().all(|color| *color == NO_COLOR || *color == [200, 100, 50]));
+        // A black surface has a colour.
+        frame.color.pixels_mut().for_each(|pixel| pixel.0 = [0; 3]);
+        assert!(colors(&frame).contains(&BLACK));
     }
 
     #[test]

@@ -13,7 +13,7 @@ pub mod track;
 pub mod trajectory;
 mod tsdf;
 
-pub use cloud::{CloudPoint, Label, PointCloud};
+pub use cloud::{CloudPoint, Label, NO_COLOR, OTHER_CLASSES, PointCloud, Share};
 pub use error::ReconstructError;
 pub use estimate::{Estimate, estimate};
 pub use floor::{Floor, FloorReport, NoFloor, heading};

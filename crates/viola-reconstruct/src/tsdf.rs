@@ -1,6 +1,6 @@
 //! A truncated signed distance map on sparse voxel blocks (paper III-A; Curless and Levoy, 1996).
 
-use super::cloud::PointCloud;
+use super::cloud::{BLACK, NO_COLOR, PointCloud};
 use super::extract;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -12,6 +12,12 @@ const TRUNCATION_M: f64 = 0.10;
 /// Readings outside this range are ignored: too noisy, or the housing of the device.
 pub(crate) const MIN_DEPTH_M: f32 = 0.15;
 pub(crate) const MAX_DEPTH_M: f32 = 5.0;
+
+/// Width of a picture's rim, as a fraction of its side. Programs that remove the lens's distortion leave black
+/// there, some pixels wide, which compression smears.
+const RIM: f32 = 0.01;
+/// Darker pixels of the rim are no colour.
+const RIM_DARKNESS: u8 = 40;
 
 /// Voxels along the side of a block.
 pub(super) const SIDE: usize = 4;
@@ -38,8 +44,9 @@ pub(super) struct Voxel {
     distance: i16,
     /// Sum of the readings' weights, saturating; 0 if never seen.
     weight: u16,
+    /// [`NO_COLOR`] until a picture shows the voxel.
     color: [u8; 3],
-    /// Readings in `color`, saturating.
+    /// Readings in `color`, saturating. Still 0 with a colour from the rim of a picture.
     color_count: u8,
 }
 
@@ -66,6 +73,7 @@ impl Voxel {
         self.weight = self.weight.saturating_add(weight).min(16_384);
     }
 
+    /// Adds a colour to the mean.
     fn add_color(&mut self, color: [u8; 3]) {
         let count = u32::from(self.color_count);
         for (mean, value) in self.color.iter_mut().zip(color) {
@@ -73,7 +81,18 @@ impl Voxel {
             let half = count.div_ceil(2);
             *mean = ((sum + half) / (count + 1)) as u8;
         }
+        if self.color == NO_COLOR {
+            self.color = BLACK;
+        }
         self.color_count = (self.color_count + 1).min(32);
+    }
+
+    /// Sets a colour from the rim of a picture if there is none; the first other one replaces it.
+    fn add_rim_color(&mut self, color: [u8; 3]) {
+        let is_dark = color.iter().all(|value| *value <= RIM_DARKNESS);
+        if self.color == NO_COLOR && !is_dark {
+            self.color = color;
+        }
     }
 }
 
@@ -233,8 +252,16 @@ impl<'a> Update<'a> {
         let camera = &self.frame.color_camera;
         let u = camera.fx as f32 * point.x * inverse_z + camera.cx as f32 + 0.5;
         let v = camera.fy as f32 * point.y * inverse_z + camera.cy as f32 + 0.5;
-        if u >= 0.0 && v >= 0.0 && u < camera.width as f32 && v < camera.height as f32 {
-            voxel.add_color(self.frame.color.get_pixel(u as u32, v as u32).0);
+        let (width, height) = (camera.width as f32, camera.height as f32);
+        if u < 0.0 || v < 0.0 || u >= width || v >= height {
+            return;
+        }
+        let color = self.frame.color.get_pixel(u as u32, v as u32).0;
+        let is_within = |at: f32, side: f32| at >= RIM * side && at < (1.0 - RIM) * side;
+        if is_within(u, width) && is_within(v, height) {
+            voxel.add_color(color);
+        } else {
+            voxel.add_rim_color(color);
         }
     }
 }

@@ -6,8 +6,8 @@ use crate::contribution::ClipContribution;
 use std::collections::VecDeque;
 use std::sync::{Arc, OnceLock};
 
-/// Maximum number of cached contributions, of 10 to 20 MB each.
-const KEPT: usize = 16;
+/// Maximum number of points of the cached contributions; with its surface a point takes about 100 bytes.
+const KEPT_POINTS: usize = 1_500_000;
 
 /// A contribution and its lazily built surface.
 pub(super) struct Loaded {
@@ -50,7 +50,10 @@ impl<'a, E> Cache<'a, E> {
         };
         let loaded = entry.1.clone();
         self.kept.push_back(entry);
-        if self.kept.len() > KEPT {
+        let points = |kept: &VecDeque<(String, Arc<Loaded>)>| -> usize {
+            kept.iter().map(|(_, loaded)| loaded.share.cloud_in_clip.points.len()).sum()
+        };
+        while self.kept.len() > 1 && points(&self.kept) > KEPT_POINTS {
             self.kept.pop_front();
         }
         Ok(loaded)

@@ -1,11 +1,11 @@
 //! Observations of a map point by a clip's views: surface seen there, or seen through.
 
 use viola_geometry::{Point3, Pose3};
-use viola_reconstruct::View;
+use viola_reconstruct as reconstruct;
 
 /// Observation of a place by one view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Sight {
+pub(crate) enum Sight {
     /// The view measured a surface at the place.
     Surface,
     /// The view measured a surface behind the place.
@@ -13,22 +13,28 @@ pub(super) enum Sight {
     Unknown,
 }
 
+/// A placed view.
+pub(crate) struct View<'a> {
+    map_from_camera: Pose3,
+    camera_from_map: Pose3,
+    view: &'a reconstruct::View,
+}
+
 /// Views of a placed clip.
 pub(super) struct Sights<'a> {
-    views: Vec<(Pose3, &'a View)>,
+    views: Vec<View<'a>>,
 }
 
 impl<'a> Sights<'a> {
-    pub fn new(views: &'a [View], map_from_clip: &Pose3) -> Sights<'a> {
-        let placed = |view: &'a View| ((map_from_clip * view.clip_from_camera).inverse(), view);
-        Sights { views: views.iter().map(placed).collect() }
+    pub fn new(views: &'a [reconstruct::View], map_from_clip: &Pose3) -> Sights<'a> {
+        Sights { views: views.iter().map(|view| View::new(view, map_from_clip)).collect() }
     }
 
     /// Returns the numbers of views that saw a surface at a point, and that saw through it.
     pub fn of(&self, point_in_map: &Point3) -> (usize, usize) {
         let (mut surface, mut through) = (0, 0);
-        for (camera_from_map, view) in &self.views {
-            match sight(view, &(camera_from_map * point_in_map)) {
+        for view in &self.views {
+            match view.sight(point_in_map, 0.0) {
                 Sight::Surface => surface += 1,
                 Sight::Through => through += 1,
                 Sight::Unknown => {}
@@ -44,31 +50,49 @@ fn margin_m(depth_m: f64) -> f64 {
     0.12 + 0.03 * depth_m
 }
 
-fn sight(view: &View, point_in_camera: &Point3) -> Sight {
-    const NEAREST_M: f64 = 0.3;
-    let depth_m = point_in_camera.z;
-    if depth_m < NEAREST_M {
-        return Sight::Unknown;
+impl<'a> View<'a> {
+    pub fn new(view: &'a reconstruct::View, map_from_clip: &Pose3) -> View<'a> {
+        let map_from_camera = map_from_clip * view.clip_from_camera;
+        View { map_from_camera, camera_from_map: map_from_camera.inverse(), view }
     }
-    let readings = &view.readings;
-    let Some(pixel) = readings.camera().project(point_in_camera) else { return Sight::Unknown };
-    let Some(read_m) = readings.depth_at(pixel.x, pixel.y) else { return Sight::Unknown };
-    let margin_m = margin_m(depth_m);
-    if (read_m - depth_m).abs() < margin_m {
-        return Sight::Surface;
-    }
-    // At a depth edge the adjacent reading may be the right one: all four must agree.
-    let step = f64::from(readings.stride());
-    let around = [(step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)];
-    let all_through = around.iter().all(|(du, dv)| {
-        readings.depth_at(pixel.x + du, pixel.y + dv).is_some_and(|read_m| read_m > depth_m + margin_m)
-    });
-    if read_m > depth_m && all_through { Sight::Through } else { Sight::Unknown }
-}
 
-/// Returns whether a later clip's views saw through a point of an earlier clip.
-pub(super) fn is_gone(sights: &Sights, point_in_map: &Point3) -> bool {
-    const VIEWS: usize = 2;
-    let (surface, through) = sights.of(point_in_map);
-    through >= VIEWS && through > 3 * surface
+    /// Returns the camera's position in the map.
+    pub fn eye_m(&self) -> Point3 {
+        self.map_from_camera.translation.vector.into()
+    }
+
+    /// Returns the measured points in the map.
+    pub fn hits_m(&self) -> impl Iterator<Item = Point3> {
+        self.view.readings.points_in_camera().map(|point| self.map_from_camera * point)
+    }
+
+    /// Returns the observation of the ball of `radius_m` around a point; a ball of no radius is the point. It
+    /// was looked through only if the rays past its edge were, too: a ball on the floor is not.
+    pub fn sight(&self, point_in_map: &Point3, radius_m: f64) -> Sight {
+        const NEAREST_M: f64 = 0.3;
+        let point_in_camera = self.camera_from_map * point_in_map;
+        let depth_m = point_in_camera.z;
+        if depth_m < NEAREST_M {
+            return Sight::Unknown;
+        }
+        let readings = &self.view.readings;
+        let Some(pixel) = readings.camera().project(&point_in_camera) else { return Sight::Unknown };
+        let Some(read_m) = readings.depth_at(pixel.x, pixel.y) else { return Sight::Unknown };
+        let margin_m = margin_m(depth_m);
+        if (read_m - depth_m).abs() < margin_m {
+            return Sight::Surface;
+        }
+        if read_m < depth_m {
+            return Sight::Unknown;
+        }
+        // At a depth edge the adjacent reading may be the right one: all four must agree.
+        let stride = f64::from(readings.stride());
+        let across = (radius_m * readings.camera().fx / depth_m).max(stride);
+        let down = (radius_m * readings.camera().fy / depth_m).max(stride);
+        let around = [(across, 0.0), (-across, 0.0), (0.0, down), (0.0, -down)];
+        let all_through = around.iter().all(|(du, dv)| {
+            readings.depth_at(pixel.x + du, pixel.y + dv).is_some_and(|read_m| read_m > depth_m + margin_m)
+        });
+        if all_through { Sight::Through } else { Sight::Unknown }
+    }
 }

@@ -3,19 +3,26 @@
 use super::Manifest;
 use super::cache::{Cache, Loaded};
 use super::members::{Member, PlacedClip};
-use super::sight::{Sights, is_gone};
-use super::tile::{Tile, TileKey};
+use super::tile::{TILE_VOXELS, Tile, TileKey};
 use super::voxels::{Voxels, tile_of};
 use crate::MAP_VOXEL_M;
+use crate::carved::{BLOCK_CELLS, CELL_VOXELS, CarvedSpace};
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use uuid::Uuid;
-use viola_geometry::{Point3, Pose3};
+use viola_geometry::Pose3;
+use viola_geometry::taxonomy::Class;
 use viola_reconstruct::CloudPoint;
 
 /// Changed tiles; none for tiles that became empty.
 pub(super) type ChangedTiles = BTreeMap<TileKey, Option<Tile>>;
+
+/// Tiles under construction at a time: the voxels of one take about 4 MB.
+const TILES_AT_ONCE: usize = 32;
+/// Clips in use at a time.
+const CLIPS_AT_ONCE: usize = 8;
 
 /// Returns the clips with the tiles that they affect, and the changed tiles.
 pub(super) fn rebuild<E>(
@@ -23,76 +30,97 @@ pub(super) fn rebuild<E>(
     mut clips: Vec<(&Member, PlacedClip)>,
     cache: &mut Cache<E>,
 ) -> Result<(Vec<PlacedClip>, ChangedTiles), E> {
-    let mut dirty: BTreeSet<TileKey> = BTreeSet::new();
-    for (member, clip) in &mut clips {
-        let old = last.clips.iter().find(|old| old.share == clip.share);
-        let moved = old
-            .is_none_or(|old| old.in_space() != clip.in_space() || old.recorded_at_ms != clip.recorded_at_ms);
-        if let Some(old) = old.filter(|_| !moved) {
-            clip.tiles.clone_from(&old.tiles);
-            continue;
-        }
-        clip.tiles = touched(&*cache.get(member)?, &clip.in_space(), clip.recorded_at_ms.is_some());
-        dirty.extend(&clip.tiles);
-        dirty.extend(old.iter().flat_map(|old| &old.tiles));
-    }
-    let gone = last.clips.iter().filter(|old| !clips.iter().any(|(_, clip)| clip.share == old.share));
-    dirty.extend(gone.flat_map(|old| &old.tiles));
-
-    let mut voxels: Vec<(TileKey, Voxels)> =
-        dirty.iter().map(|key| (*key, Voxels::new(MAP_VOXEL_M))).collect();
-    for (number, (member, clip)) in clips.iter().enumerate() {
-        if clip.tiles.iter().any(|key| dirty.contains(key)) {
-            let points = placed_points(&*cache.get(member)?, &clip.in_space(), &dirty);
-            let points = without_what_is_gone(points, clip, &clips, cache)?;
-            let mut of_tile: BTreeMap<TileKey, Vec<CloudPoint>> = BTreeMap::new();
-            for (key, point) in points {
-                of_tile.entry(key).or_default().push(point);
-            }
-            voxels.par_iter_mut().for_each(|(key, voxels)| {
-                let points = of_tile.get(key).map(Vec::as_slice).unwrap_or_default();
-                points.iter().for_each(|point| voxels.add(point, number as u16));
+    let dirty: Vec<TileKey> = dirty(last, &mut clips, cache)?.into_iter().collect();
+    let mut changed = ChangedTiles::new();
+    for keys in dirty.chunks(TILES_AT_ONCE) {
+        let mut tiles: Vec<(TileKey, UnderConstruction)> =
+            keys.iter().map(|key| (*key, UnderConstruction::new())).collect();
+        let touches = |clip: &PlacedClip| keys.iter().any(|key| clip.tiles.binary_search(key).is_ok());
+        // The latest first: when a clip comes, it is known what later ones looked through.
+        let touching: Vec<usize> = (0..clips.len()).rev().filter(|at| touches(&clips[*at].1)).collect();
+        for numbers in touching.chunks(CLIPS_AT_ONCE) {
+            let loaded: Vec<Arc<Loaded>> =
+                numbers.iter().map(|at| cache.get(clips[*at].0)).collect::<Result<_, E>>()?;
+            let parts: Vec<(usize, BTreeMap<TileKey, Part>)> = numbers
+                .par_iter()
+                .zip(loaded)
+                .map(|(at, loaded)| (*at, parts(&loaded, &clips[*at].1, keys)))
+                .collect();
+            tiles.par_iter_mut().for_each(|(key, tile)| {
+                for (at, parts) in &parts {
+                    if let Some(part) = parts.get(key) {
+                        tile.add(part, *at as u16, clips[*at].1.recorded_at_ms);
+                    }
+                }
             });
         }
+        let made = tiles.into_par_iter().map(|(key, tile)| (key, tile.finish(&clips)));
+        changed.extend(made.collect::<Vec<_>>());
     }
-    let clips: Vec<PlacedClip> = clips.into_iter().map(|(_, clip)| clip).collect();
-    let tiles = voxels.into_par_iter().map(|(key, voxels)| (key, tile(voxels, &clips)));
-    Ok((clips.clone(), tiles.collect::<Vec<_>>().into_iter().collect()))
+    Ok((clips.into_iter().map(|(_, clip)| clip).collect(), changed))
 }
 
-/// Builds a tile with its own clip numbers; none without points.
-fn tile(voxels: Voxels, clips: &[PlacedClip]) -> Option<Tile> {
-    let mut points = voxels.into_points();
-    let numbers: BTreeSet<u16> = points.iter().map(|point| point.clip).collect();
-    let numbers: Vec<u16> = numbers.into_iter().collect();
-    for point in &mut points {
-        point.clip = numbers.binary_search(&point.clip).unwrap_or_default() as u16;
-    }
-    let ids: Vec<Uuid> = numbers.iter().map(|number| clips[usize::from(*number)].clip).collect();
-    (!points.is_empty()).then_some(Tile { clips: ids, points })
-}
-
-/// Returns the tiles of a clip's points. Clips with a known time add the tiles that their views looked into,
-/// because they may remove points there.
-fn touched(loaded: &Loaded, map_from_clip: &Pose3, timed: bool) -> Vec<TileKey> {
-    let points = &loaded.share.cloud_in_clip.points;
-    let mut tiles: BTreeSet<TileKey> =
-        points.iter().map(|point| tile_of(&placed(point, map_from_clip).position_m)).collect();
-    let views = loaded.share.views.iter().filter(|_| timed);
-    for view in views {
-        let map_from_camera = map_from_clip * view.clip_from_camera;
-        let eye = map_from_camera.translation.vector;
-        // Rays are centimetres apart and tiles metres wide: a sample of the rays is enough.
-        for hit in view.readings.points_in_camera().step_by(16) {
-            let reach = (map_from_camera * hit).coords - eye;
-            let steps = (reach.xy().norm() / (TileKey::side_m() / 4.0)).ceil().max(1.0);
-            for step in 0..=steps as u32 {
-                let at = eye + reach * (f64::from(step) / steps);
-                tiles.insert(TileKey::at(at.x, at.y));
+/// Sets the tiles of the clips, and returns those that change.
+fn dirty<E>(
+    last: &Manifest,
+    clips: &mut [(&Member, PlacedClip)],
+    cache: &mut Cache<E>,
+) -> Result<BTreeSet<TileKey>, E> {
+    let before: FxHashMap<&str, &PlacedClip> = last.clips.iter().map(|clip| (&*clip.share, clip)).collect();
+    let mut dirty: BTreeSet<TileKey> = BTreeSet::new();
+    let mut moved = Vec::new();
+    for (at, (_, clip)) in clips.iter_mut().enumerate() {
+        let old = before.get(&*clip.share);
+        let same = |old: &&&PlacedClip| {
+            old.in_space() == clip.in_space() && old.recorded_at_ms == clip.recorded_at_ms
+        };
+        match old.filter(same) {
+            Some(old) => clip.tiles.clone_from(&old.tiles),
+            None => {
+                dirty.extend(old.iter().flat_map(|old| &old.tiles));
+                moved.push(at);
             }
         }
     }
+    for numbers in moved.chunks(CLIPS_AT_ONCE) {
+        let loaded: Vec<Arc<Loaded>> =
+            numbers.iter().map(|at| cache.get(clips[*at].0)).collect::<Result<_, E>>()?;
+        let tiles: Vec<Vec<TileKey>> =
+            numbers.par_iter().zip(loaded).map(|(at, loaded)| touched(&loaded, &clips[*at].1)).collect();
+        for (at, tiles) in numbers.iter().zip(tiles) {
+            dirty.extend(&tiles);
+            clips[*at].1.tiles = tiles;
+        }
+    }
+    let there: BTreeSet<&str> = clips.iter().map(|(_, clip)| &*clip.share).collect();
+    let gone = last.clips.iter().filter(|old| !there.contains(&*old.share));
+    dirty.extend(gone.flat_map(|old| &old.tiles));
+    Ok(dirty)
+}
+
+/// Returns the tiles of a clip's points. Clips with a known time add the tiles that they looked through,
+/// because they may remove points there.
+fn touched(loaded: &Loaded, clip: &PlacedClip) -> Vec<TileKey> {
+    let map_from_clip = clip.in_space();
+    let mut tiles: BTreeSet<TileKey> = BTreeSet::new();
+    let mut last = None;
+    for point in lasting_points(loaded) {
+        let key = tile_of(&placed(point, &map_from_clip).position_m);
+        if last != Some(key) {
+            tiles.insert(key);
+            last = Some(key);
+        }
+    }
+    if clip.recorded_at_ms.is_some() {
+        tiles.extend(loaded.share.carved().placed(&map_from_clip, |block| Some(tile_of_block(block))).keys());
+    }
     tiles.into_iter().collect()
+}
+
+/// Returns the points of a clip without those of people and animals: they are not part of a home.
+fn lasting_points(loaded: &Loaded) -> impl Iterator<Item = &CloudPoint> {
+    let moves = |class: Class| matches!(class, Class::Person | Class::Animal);
+    loaded.share.cloud_in_clip.points.iter().filter(move |point| !moves(point.label.class))
 }
 
 fn placed(point: &CloudPoint, map_from_clip: &Pose3) -> CloudPoint {
@@ -104,42 +132,99 @@ fn placed(point: &CloudPoint, map_from_clip: &Pose3) -> CloudPoint {
     }
 }
 
-/// Returns a clip's points in the map's frame that lie in tiles to rebuild.
-fn placed_points(
-    loaded: &Loaded,
-    map_from_clip: &Pose3,
-    dirty: &BTreeSet<TileKey>,
-) -> Vec<(TileKey, CloudPoint)> {
-    let points = loaded.share.cloud_in_clip.points.par_iter().map(|point| {
-        let point = placed(point, map_from_clip);
-        (tile_of(&point.position_m), point)
-    });
-    points.filter(|(key, _)| dirty.contains(key)).collect()
+/// Returns the tile that contains a block of carved cells.
+fn tile_of_block(block: [i32; 3]) -> TileKey {
+    TileKey::of_voxel(&block.map(|c| c * BLOCK_CELLS * CELL_VOXELS))
 }
 
-/// Removes points that a later clip looked through: the world changed there.
-fn without_what_is_gone<E>(
-    mut points: Vec<(TileKey, CloudPoint)>,
-    clip: &PlacedClip,
-    clips: &[(&Member, PlacedClip)],
-    cache: &mut Cache<E>,
-) -> Result<Vec<(TileKey, CloudPoint)>, E> {
-    let Some(recorded_at_ms) = clip.recorded_at_ms else { return Ok(points) };
-    let is_later = |other: &PlacedClip| other.recorded_at_ms.is_some_and(|at| at > recorded_at_ms);
-    for (member, other) in clips.iter().filter(|(_, other)| is_later(other)) {
-        let tiles: BTreeSet<&TileKey> = other.tiles.iter().collect();
-        if !points.iter().any(|(key, _)| tiles.contains(key)) {
-            continue;
-        }
-        let later: Arc<Loaded> = cache.get(member)?;
-        let sights = Sights::new(&later.share.views, &other.in_space());
-        points = points
-            .into_par_iter()
-            .filter(|(key, point)| {
-                let at: Point3 = point.position();
-                !tiles.contains(key) || !is_gone(&sights, &at)
-            })
-            .collect();
-    }
-    Ok(points)
+/// What a clip has in one tile, in the map's frame.
+#[derive(Default)]
+struct Part {
+    points: Vec<CloudPoint>,
+    /// Empty if the time of recording is not known.
+    carved: CarvedSpace,
 }
+
+/// Splits a clip by tiles; only `keys`, which are sorted.
+fn parts(loaded: &Loaded, clip: &PlacedClip, keys: &[TileKey]) -> BTreeMap<TileKey, Part> {
+    let map_from_clip = clip.in_space();
+    let mut parts: BTreeMap<TileKey, Part> = BTreeMap::new();
+    // Neighbours in the cloud are neighbours in space: few points need a search.
+    let mut points: Vec<CloudPoint> = Vec::new();
+    let mut last: Option<TileKey> = None;
+    let mut flush = |key: Option<TileKey>, points: &mut Vec<CloudPoint>| {
+        if let Some(key) = key.filter(|key| keys.binary_search(key).is_ok()) {
+            parts.entry(key).or_default().points.append(points);
+        }
+        points.clear();
+    };
+    for point in lasting_points(loaded) {
+        let point = placed(point, &map_from_clip);
+        let key = tile_of(&point.position_m);
+        if last != Some(key) {
+            flush(last, &mut points);
+            last = Some(key);
+        }
+        points.push(point);
+    }
+    flush(last, &mut points);
+    if clip.recorded_at_ms.is_some() {
+        let wanted = |block| Some(tile_of_block(block)).filter(|key| keys.binary_search(key).is_ok());
+        for (key, carved) in loaded.share.carved().placed(&map_from_clip, wanted) {
+            parts.entry(key).or_default().carved = carved;
+        }
+    }
+    parts
+}
+
+/// A tile to which clips are added, the latest first.
+struct UnderConstruction {
+    voxels: Voxels,
+    /// Space that clips later than `time_ms` looked through.
+    gone: CarvedSpace,
+    /// Space that the clips of `time_ms` looked through.
+    carved: CarvedSpace,
+    time_ms: Option<i64>,
+}
+
+impl UnderConstruction {
+    fn new() -> UnderConstruction {
+        UnderConstruction {
+            voxels: Voxels::new(MAP_VOXEL_M),
+            gone: CarvedSpace::default(),
+            carved: CarvedSpace::default(),
+            time_ms: None,
+        }
+    }
+
+    /// Adds what a clip has in the tile, without the points that a later clip looked through: the world
+    /// changed there. Clips without a time lose no points.
+    fn add(&mut self, part: &Part, clip: u16, recorded_at_ms: Option<i64>) {
+        if recorded_at_ms != self.time_ms {
+            self.gone.extend(&std::mem::take(&mut self.carved));
+            self.time_ms = recorded_at_ms;
+        }
+        let timed = recorded_at_ms.is_some();
+        for point in &part.points {
+            if !timed || !self.gone.contains(point.position_m.map(f64::from)) {
+                self.voxels.add(point, clip);
+            }
+        }
+        self.carved.extend(&part.carved);
+    }
+
+    /// Returns the tile with its own clip numbers; none without points.
+    fn finish(self, clips: &[(&Member, PlacedClip)]) -> Option<Tile> {
+        let mut points = self.voxels.into_points();
+        let numbers: BTreeSet<u16> = points.iter().map(|point| point.clip).collect();
+        let numbers: Vec<u16> = numbers.into_iter().collect();
+        for point in &mut points {
+            point.clip = numbers.binary_search(&point.clip).unwrap_or_default() as u16;
+        }
+        let ids: Vec<Uuid> = numbers.iter().map(|number| clips[usize::from(*number)].1.clip).collect();
+        (!points.is_empty()).then_some(Tile { clips: ids, points })
+    }
+}
+
+// A block never spans tiles.
+const _: () = assert!(TILE_VOXELS % (BLOCK_CELLS * CELL_VOXELS) == 0);

@@ -3,14 +3,24 @@
 use super::tile::TileKey;
 use crate::{MAP_VOXEL_M, MapPoint};
 use rustc_hash::FxHashMap;
+use std::cmp::Reverse;
 use viola_geometry::Vector3;
-use viola_geometry::taxonomy::Class;
-use viola_reconstruct::{CloudPoint, Label};
+use viola_geometry::taxonomy::{CLASSES, Class};
+use viola_reconstruct::cloud::BLACK;
+use viola_reconstruct::label::likeliest_beside;
+use viola_reconstruct::{CloudPoint, Label, NO_COLOR};
 
 /// Minimum weight of a voxel: one reading from 4 m. Further away depth errors exceed a voxel.
 const LEAST_WEIGHT: i64 = 16;
 /// Maximum weight of a point: eight readings from 1 m. Readings of one recording have correlated errors.
 const MOST_WEIGHT: u16 = 2_048;
+
+/// Views that a label counts as without any: shapes and surface networks know something, too.
+const PSEUDO_VIEWS: u32 = 3;
+/// Maximum number of views that count: more of them are nearly the same view.
+const MOST_VIEWS: u16 = 20;
+/// Maximum weight of the labels without a view, relative to those with one.
+const BLIND_SHARE: f32 = 0.25;
 
 /// Sums of one voxel. Integers, so that they do not depend on the order.
 #[derive(Debug, Clone, Default)]
@@ -21,20 +31,49 @@ struct Voxel {
     position: [i64; 3],
     /// In thousandths.
     normal: [i64; 3],
+    /// Only of points with a colour.
     color: [i64; 3],
-    /// Sums of probabilities, in 255ths, of the classes seen.
-    classes: Vec<(Class, i64)>,
+    color_weight: i64,
+    /// Labels of points that a network's views saw, and of the others.
+    seen: Classes,
+    blind: Classes,
     views: i64,
-    /// Clip with the largest weight so far, and the current clip: clips are added one after the other.
+    /// Clip with the largest weight so far, and the current clip: clips are added one after the other, in any
+    /// order. Of clips with equal weights the first in the map's order counts.
     most: (u16, i64),
     now: (u16, i64),
 }
 
-/// Voxels of one tile under construction. Clips are added one after the other, in the map's order.
+/// Sums of distributions over classes, weighted by views (paper eq. 1).
+#[derive(Debug, Clone, Default)]
+struct Classes {
+    /// In 255ths; only the classes that occur.
+    sums: Vec<(Class, u32)>,
+    /// The weight of the labels, in 255ths.
+    total: u32,
+}
+
+impl Classes {
+    fn add(&mut self, label: &Label) {
+        let weight = PSEUDO_VIEWS + u32::from(label.views.min(MOST_VIEWS));
+        self.total = self.total.saturating_add(255 * weight);
+        for (class, share) in label.shares() {
+            let share = weight * u32::from(share);
+            match self.sums.iter_mut().find(|(known, _)| *known == class) {
+                Some((_, sum)) => *sum = sum.saturating_add(share),
+                None => self.sums.push((class, share)),
+            }
+        }
+    }
+}
+
+/// Voxels of one tile under construction. Clips are added one after the other.
 #[derive(Debug, Clone)]
 pub(crate) struct Voxels {
     side_m: f64,
-    voxels: FxHashMap<[i32; 3], Voxel>,
+    /// Places in `voxels`, which is large and would be slow to move when the table grows.
+    index: FxHashMap<[i32; 3], u32>,
+    voxels: Vec<([i32; 3], Voxel)>,
 }
 
 /// Returns the voxel that contains a point in the map's frame.
@@ -44,12 +83,16 @@ fn voxel_of(position_m: &[f32; 3], side_m: f64) -> [i32; 3] {
 
 impl Voxels {
     pub fn new(side_m: f64) -> Voxels {
-        Voxels { side_m, voxels: FxHashMap::default() }
+        Voxels { side_m, index: FxHashMap::default(), voxels: Vec::new() }
     }
 
     pub fn add(&mut self, point: &CloudPoint, clip: u16) {
         let key = voxel_of(&point.position_m, self.side_m);
-        let voxel = self.voxels.entry(key).or_default();
+        let place = *self.index.entry(key).or_insert_with(|| {
+            self.voxels.push((key, Voxel::default()));
+            self.voxels.len() as u32 - 1
+        });
+        let voxel = &mut self.voxels[place as usize].1;
         let weight = i64::from(point.weight.clamp(1, MOST_WEIGHT));
         voxel.weight += weight;
         voxel.points += 1;
@@ -60,30 +103,29 @@ impl Voxels {
             voxel.normal[axis] += weight * (f64::from(point.normal[axis]) * 1e3).round() as i64;
             voxel.color[axis] += weight * i64::from(point.color[axis]);
         }
-        let share = (point.label.probability() * 255.0).round() as i64;
-        match voxel.classes.iter_mut().find(|(class, _)| *class == point.label.class) {
-            Some((_, sum)) => *sum += share,
-            None => voxel.classes.push((point.label.class, share)),
-        }
+        voxel.color_weight += if point.color == NO_COLOR { 0 } else { weight };
+        let classes = if point.label.views > 0 { &mut voxel.seen } else { &mut voxel.blind };
+        classes.add(&point.label);
         if voxel.now.0 != clip {
             voxel.now = (clip, 0);
         }
         voxel.now.1 += weight;
-        if voxel.now.1 > voxel.most.1 {
+        let rank = |(clip, weight): (u16, i64)| (weight, Reverse(clip));
+        if rank(voxel.now) > rank(voxel.most) {
             voxel.most = voxel.now;
         }
     }
 
     /// Returns one point per voxel, in voxel order, without voxels below `LEAST_WEIGHT`.
     pub fn into_points(self) -> Vec<MapPoint> {
-        let well = self.voxels.into_iter().filter(|(_, voxel)| voxel.weight >= LEAST_WEIGHT);
-        let mut voxels: Vec<([i32; 3], Voxel)> = well.collect();
+        let well = self.voxels.iter().filter(|(_, voxel)| voxel.weight >= LEAST_WEIGHT);
+        let mut voxels: Vec<&([i32; 3], Voxel)> = well.collect();
         voxels.sort_unstable_by_key(|(key, _)| *key);
         let point = |(key, voxel): &([i32; 3], Voxel)| MapPoint {
             point: voxel.point(key, self.side_m),
             clip: voxel.most.0,
         };
-        voxels.iter().map(point).collect()
+        voxels.into_iter().map(point).collect()
     }
 }
 
@@ -94,24 +136,44 @@ impl Voxel {
             [0, 1, 2].map(|axis| (f64::from(key[axis]) * side_m + mean(self.position[axis]) * 1e-5) as f32);
         let normal = Vector3::from(self.normal.map(|sum| sum as f64)).try_normalize(1e-9);
         let normal = normal.unwrap_or(Vector3::z());
-        // Ties go to the lower class id: the list is in order of arrival.
-        let best = self.classes.iter().max_by_key(|(class, sum)| (*sum, std::cmp::Reverse(class.id())));
-        let label = match best {
-            Some((class, sum)) if *sum > 0 => {
-                // Mean probability of this class over all points.
-                let probability = *sum as f64 / (255.0 * self.points as f64);
-                let views = (self.views as f64 / self.points as f64).round().min(f64::from(u16::MAX)) as u16;
-                Label::new(*class, probability as f32, views)
-            }
-            _ => Label::NONE,
-        };
         CloudPoint {
             position_m,
             normal: [normal.x as f32, normal.y as f32, normal.z as f32],
-            color: self.color.map(|sum| mean(sum).round() as u8),
-            label,
+            color: self.color(),
+            label: self.label(),
             weight: self.weight.min(i64::from(u16::MAX)) as u16,
         }
+    }
+}
+
+impl Voxel {
+    /// Returns the mean colour of the points that have one.
+    fn color(&self) -> [u8; 3] {
+        let mean = |sum: i64| (sum as f64 / self.color_weight as f64).round() as u8;
+        match self.color.map(mean) {
+            _ if self.color_weight == 0 => NO_COLOR,
+            NO_COLOR => BLACK,
+            color => color,
+        }
+    }
+
+    /// Returns the likeliest class. Labels without a view never outvote those with one, however many they are.
+    fn label(&self) -> Label {
+        let (seen, blind) = (self.seen.total as f32, self.blind.total as f32);
+        let bound = if self.seen.total == 0 { f32::INFINITY } else { BLIND_SHARE * seen };
+        let blind_factor = if blind > bound { bound / blind } else { 1.0 };
+        let mut sums = [0f32; CLASSES];
+        for (classes, factor) in [(&self.seen, 1.0), (&self.blind, blind_factor)] {
+            classes.sums.iter().for_each(|(class, sum)| sums[*class as usize] += factor * *sum as f32);
+        }
+        let named: f32 = sums.iter().sum();
+        if named <= 0.0 {
+            return Label::NONE;
+        }
+        let rest = (seen + blind_factor * blind - named).max(0.0);
+        let views = (self.views as f64 / self.points as f64).round().min(f64::from(u16::MAX)) as u16;
+        // A tile keeps only the first class.
+        likeliest_beside(&sums, rest, views).with_others([])
     }
 }
 
@@ -143,7 +205,7 @@ mod tests {
         let points = voxels.into_points();
         assert_eq!(points.len(), 1);
         let seen = &points[0];
-        // By hand: (10 + 2 * 20 + 12) / 4 = 15.5 mm, (10 + 2 * 20 + 30) / 4 = 20, (0.5 + 0.4) / 3 = 0.3.
+        // By hand: (10 + 2 * 20 + 12) / 4 = 15.5 mm, (10 + 2 * 20 + 30) / 4 = 20, (0.5 + 0.4) / 3 = 0.3; every label has one view.
         assert!((seen.point.position_m[0] - 0.0155).abs() < 1e-5);
         assert_eq!((seen.point.color, seen.point.label.class, seen.clip), ([20, 0, 0], Class::Table, 3));
         assert!((seen.point.label.probability() - 0.3).abs() < 0.005);
@@ -157,6 +219,67 @@ mod tests {
                 voxels.add(&point(0.01, Class::Wall, 0.9, weight, 10), 0);
             }
             assert_eq!(!voxels.into_points().is_empty(), there, "{weights:?}");
+        }
+    }
+
+    fn fused(labels: &[Label]) -> Label {
+        let mut voxels = Voxels::new(MAP_VOXEL_M);
+        for (clip, label) in (0..).zip(labels) {
+            voxels.add(&CloudPoint { label: *label, ..point(0.01, Class::Other, 0.0, 40, 10) }, clip);
+        }
+        voxels.into_points()[0].point.label
+    }
+
+    #[test]
+    fn distributions_add_up_by_views() {
+        use Class::{Bed, Cabinet, Other, Sofa, Wall};
+        let label = Label::new;
+        // (labels, class, probability)
+        let cases: [(&[Label], Class, f32); 6] = [
+            (&[label(Sofa, 0.6, 2), label(Sofa, 0.4, 2)], Sofa, 0.5),
+            // Second places count: bed has 0.4 + 0.3 + 0.4.
+            (
+                &[
+                    label(Sofa, 0.5, 4).with_others([(Bed, 0.4)]),
+                    label(Wall, 0.5, 4).with_others([(Bed, 0.3)]),
+                    label(Bed, 0.4, 4).with_others([(Cabinet, 0.3)]),
+                ],
+                Bed,
+                1.1 / 3.0,
+            ),
+            // Weights of 3 + 7 and 3 + 2 views.
+            (&[label(Sofa, 0.6, 7), label(Bed, 0.9, 2)], Sofa, 0.4),
+            // More than twenty views are no more evidence.
+            (&[label(Sofa, 0.6, 20), label(Bed, 0.7, 900)], Bed, 0.35),
+            // Shapes do not outvote a network, however many clips say so.
+            (
+                &[label(Sofa, 0.4, 1), label(Other, 0.8, 0), label(Other, 0.8, 0), label(Other, 0.8, 0)],
+                Sofa,
+                0.4 / 1.25,
+            ),
+            (&[label(Other, 0.8, 0), label(Other, 0.6, 0)], Other, 0.7),
+        ];
+        for (labels, class, probability) in cases {
+            let fused = fused(labels);
+            assert_eq!(fused.class, class, "{labels:?}");
+            assert!((fused.probability() - probability).abs() < 0.005, "{labels:?} {fused:?}");
+        }
+    }
+
+    #[test]
+    fn points_without_a_colour_do_not_darken_the_others() {
+        let cases: [(&[[u8; 3]], [u8; 3]); 4] = [
+            (&[[0, 0, 0], [90, 60, 30]], [90, 60, 30]),
+            (&[[80, 60, 30], [0, 0, 0], [100, 60, 30]], [90, 60, 30]),
+            (&[[0, 0, 0], [0, 0, 0]], [0, 0, 0]),
+            (&[[1, 0, 0], [0, 1, 0], [0, 0, 1]], BLACK),
+        ];
+        for (colors, want) in cases {
+            let mut voxels = Voxels::new(MAP_VOXEL_M);
+            for color in colors {
+                voxels.add(&CloudPoint { color: *color, ..point(0.01, Class::Wall, 0.9, 40, 10) }, 0);
+            }
+            assert_eq!(voxels.into_points()[0].point.color, want, "{colors:?}");
         }
     }
 

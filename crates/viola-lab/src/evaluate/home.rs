@@ -14,6 +14,7 @@ pub use score::{FoundRow, ObjectScore, TruthRow, score_objects};
 pub use simulated::{SampleParams, SimulatedMap, TrueRoom, count_rooms, match_objects, sample, simulated};
 pub use surface::{SurfaceScore, compare, seen_by};
 
+use super::labels::LabelRow;
 use super::{MeshError, Scene, labels};
 use serde::Serialize;
 use std::fmt::Write;
@@ -21,9 +22,11 @@ use std::ops::Range;
 use std::path::Path;
 use viola_align::{AlignError, AlignParams};
 use viola_formats::clip::ClipError;
+use viola_geometry::Point3;
 use viola_geometry::progress::Progress;
 use viola_home as home;
 use viola_home::{Coverage, Object, Plan, Room};
+use viola_reconstruct::{NO_COLOR, PointCloud};
 
 /// Results of one scene.
 #[derive(Debug, Clone, Serialize)]
@@ -31,6 +34,10 @@ pub struct HomeReport {
     pub excerpts: Vec<Excerpt>,
     pub agreement: Agreement,
     pub surface: SurfaceScore,
+    /// Classes of the single clips and of the map, on the same vertices.
+    pub labels: [LabelRow; 2],
+    /// Fused points that no picture showed.
+    pub uncolored: usize,
     pub coverage: Coverage,
     pub rooms: Vec<Room>,
     pub objects: Vec<Object>,
@@ -64,7 +71,7 @@ pub fn evaluate(
     }
     let mesh = super::Mesh::open_labelled_in(&folder.join("mesh"))?;
     let mesh = LabelledMesh::new(mesh, &labels::Folding::open(folder)?);
-    let Fused { points: map, excerpts, agreement } = fuse(scene, ranges, params, progress)?;
+    let Fused { points: map, excerpts, agreement, clips } = fuse(scene, ranges, params, progress)?;
     let rooms = home::rooms(&scene.lidar, &map);
     let found = home::find_objects(&map, &rooms, &home::ObjectsParams::default());
     let objects: Vec<Object> = found.iter().map(|found| found.object.clone()).collect();
@@ -73,7 +80,11 @@ pub fn evaluate(
     let aligned = excerpts.iter().filter(|e| e.state == viola_align::AlignmentState::Aligned);
     let frames: Vec<Range<usize>> = aligned.map(|excerpt| excerpt.frames.clone()).collect();
     let seen = seen_by(&scene.clip, &frames, &mesh)?;
+    let cloud = PointCloud { points: map.iter().map(|p| p.point).collect(), voxel_m: home::MAP_VOXEL_M };
+    let in_map = |vertex: &Point3| Point3::from(mesh.in_map(vertex, &scene.map_from_world));
     let report = HomeReport {
+        labels: labels::together(&labels::Truth::open(folder)?, &clips, &cloud, in_map),
+        uncolored: map.iter().filter(|p| p.point.color == NO_COLOR).count(),
         surface: compare(&map, &mesh, &seen, &scene.map_from_world),
         coverage: home::coverage(&scene.lidar, &map, &rooms),
         score: score_objects(&map, &found, &truth, &mesh, &scene.map_from_world),
@@ -119,6 +130,8 @@ impl HomeReport {
             percent(self.coverage.seen),
             percent(self.coverage.floor_seen)
         );
+        let _ = writeln!(out, "{} of the fused points have no colour.\n", self.uncolored);
+        let _ = writeln!(out, "{}", labels::markdown(&self.labels));
         let _ = writeln!(out, "| room | area | corners | objects |\n|---|---|---|---|");
         for room in &self.rooms {
             let inside = self.objects.iter().filter(|o| o.room.as_ref() == Some(&room.id)).count();

@@ -4,11 +4,13 @@ mod coarse;
 mod confusion;
 mod floors;
 mod simulated;
+mod together;
 mod truth;
 
 pub use coarse::{COARSE, coarse};
 pub use floors::{FloorRow, floors, floors_markdown};
 pub use simulated::simulated;
+pub use together::together;
 pub use truth::{Folding, Truth, TruthError};
 
 use super::calibration::Calibration;

@@ -8,11 +8,12 @@ use uuid::Uuid;
 use viola_align as align;
 use viola_align::{AlignError, AlignParams, AlignmentState};
 use viola_geometry::progress::Progress;
-use viola_geometry::{Pose2, angle_between};
+use viola_geometry::{Pose2, Pose3, angle_between};
 use viola_home::{
     ClipContribution, ClipNumbers, Manifest, MapPoint, Member, Pair, PlacedClip, Verdict, assemble,
     disagreement,
 };
+use viola_reconstruct::PointCloud;
 
 /// An excerpt and its result.
 #[derive(Debug, Clone, Serialize)]
@@ -44,6 +45,8 @@ pub struct Fused {
     pub points: Vec<MapPoint>,
     pub excerpts: Vec<Excerpt>,
     pub agreement: Agreement,
+    /// Clouds of the clips in the map, and their poses there.
+    pub clips: Vec<(PointCloud, Pose3)>,
 }
 
 /// Returns consecutive runs of `length` frames that cover `total`; the last may overlap to keep its length.
@@ -91,11 +94,11 @@ pub fn fuse(
                 verdict,
             });
         }
-        shares.push(ClipContribution { cloud_in_clip: aligned.cloud_in_clip, views: aligned.views });
+        shares.push(ClipContribution::new(aligned.cloud_in_clip, aligned.views));
     }
     let share_of = |name: &str| name.parse::<usize>().ok().and_then(|number| shares.get(number));
     let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
-        Ok(share_of(&member.share).cloned().unwrap_or_else(ClipContribution::nothing))
+        Ok(share_of(&member.share).cloned().unwrap_or_default())
     };
     let Ok(assembly) = assemble(&Manifest::default(), members, &mut load);
     let placed = &assembly.manifest.clips;
@@ -106,10 +109,12 @@ pub fn fuse(
             (excerpts[number].together_m, excerpts[number].together_deg) = (Some(m), Some(deg));
         }
     }
-    let clips = ClipNumbers::new(placed.iter().map(|clip| &clip.clip));
-    let points = assembly.changed.values().flatten().flat_map(|tile| clips.in_map(tile)).collect();
+    let numbers = ClipNumbers::new(placed.iter().map(|clip| &clip.clip));
+    let points = assembly.changed.values().flatten().flat_map(|tile| numbers.in_map(tile)).collect();
     let agreement = agreement(placed, &assembly.manifest.pairs, |name| share_of(name));
-    Ok(Fused { points, excerpts, agreement })
+    let cloud = |clip: &PlacedClip| Some((share_of(&clip.share)?.cloud_in_clip.clone(), clip.in_space()));
+    let clips = placed.iter().filter_map(cloud).collect();
+    Ok(Fused { points, excerpts, agreement, clips })
 }
 
 fn errors(pose: &Pose2, truth: &Pose2) -> (f64, f64) {
