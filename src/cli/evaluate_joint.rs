@@ -21,13 +21,18 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
             eprintln!("{} {seed}", set.name());
         }
     }
-    let of_set = |set: &str| JointRow::of(set, &done.iter().filter(|home| home.set == set).collect::<Vec<_>>());
+    let of_set =
+        |set: &str| JointRow::of(set, &done.iter().filter(|home| home.set == set).collect::<Vec<_>>());
     let mut rows: Vec<JointRow> = homes.sets.iter().map(|set| of_set(set.name())).collect();
     if rows.len() > 1 {
         rows.push(JointRow::of("all", &done.iter().collect::<Vec<_>>()));
     }
     let table = JointRow::markdown(&rows);
-    save(&arguments.out, "joint.json", &serde_json::to_string(&serde_json::json!({ "rows": rows, "homes": done }))?)?;
+    save(
+        &arguments.out,
+        "joint.json",
+        &serde_json::to_string(&serde_json::json!({ "rows": rows, "homes": done }))?,
+    )?;
     save(&arguments.out, "joint.md", &table)?;
     print!("{table}");
     Ok(())

@@ -25,6 +25,7 @@ pub use joint::Comparison;
 pub use level::Level;
 pub use members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
 pub use overlap::{Overlap, disagreement};
+pub use poses::SURE;
 pub use tile::{CLIP_AT, POINT_BYTES, Tile, TileBytes, TileInfo, TileKey, point_bytes, read_point};
 
 pub(super) use voxels::Voxels;
@@ -102,6 +103,19 @@ pub fn compare<E>(
     let (last, mut cache) = (Manifest::default(), Cache::new(load));
     let candidates = candidates::candidates(&last, &members, &mut cache)?;
     joint::compare(&last, &candidates, &mut cache)
+}
+
+/// Returns the clips of `members` with their likeliest poses, as [`assemble`] places them, without a map.
+pub fn likeliest<E>(
+    mut members: Vec<Member>,
+    load: &mut dyn FnMut(&Member) -> Result<ClipContribution, E>,
+) -> Result<Vec<KnownClip>, E> {
+    members.sort_by(|a, b| a.order().cmp(&b.order()));
+    let (last, mut cache) = (Manifest::default(), Cache::new(load));
+    let candidates = candidates::candidates(&last, &members, &mut cache)?;
+    let comparisons = joint::compare(&last, &candidates, &mut cache)?;
+    let marginals = joint::marginals(&candidates, &comparisons);
+    Ok(candidates.iter().zip(marginals).map(|(candidate, marginal)| candidate.known(marginal)).collect())
 }
 
 #[cfg(test)]

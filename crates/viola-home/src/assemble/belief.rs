@@ -120,7 +120,8 @@ impl Model {
                     beliefs[variable].iter().zip(back).map(|(belief, back)| belief - back).collect()
                 };
                 let (from_a, from_b) = (from(pair.a, &old[1]), from(pair.b, &old[0]));
-                let to_b = (0..columns).map(|b| log_sum(from_a.iter().enumerate().map(|(a, f)| f + weight(a, b))));
+                let to_b =
+                    (0..columns).map(|b| log_sum(from_a.iter().enumerate().map(|(a, f)| f + weight(a, b))));
                 let to_a = (0..from_a.len())
                     .map(|a| log_sum(from_b.iter().enumerate().map(|(b, f)| f + weight(a, b))));
                 for (new, fresh) in new.iter_mut().zip([to_b.collect::<Vec<_>>(), to_a.collect()]) {
@@ -199,10 +200,8 @@ mod tests {
         let open = vec![0.0, 0.0];
         let two = Model { states: vec![open.clone(), open.clone()], pairs: vec![pair(0, 1)] };
         assert!(close(&two.marginals(), &[vec![0.5, 0.5], vec![0.5, 0.5]], 1e-9));
-        let three = Model {
-            states: vec![open.clone(), open, vec![0.0, -7.0]],
-            pairs: vec![pair(0, 1), pair(1, 2)],
-        };
+        let three =
+            Model { states: vec![open.clone(), open, vec![0.0, -7.0]], pairs: vec![pair(0, 1), pair(1, 2)] };
         let marginals = three.marginals();
         assert!(marginals.iter().all(|p| p[0] > 0.99), "{marginals:?}");
     }

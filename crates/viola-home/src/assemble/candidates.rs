@@ -56,6 +56,11 @@ impl Candidate<'_> {
         matches!(self.member.verdict, Verdict::Chosen { .. })
     }
 
+    /// Returns whether the clip's own alignment left its pose open.
+    pub fn is_ambiguous(&self) -> bool {
+        matches!(self.member.verdict, Verdict::Ambiguous { .. })
+    }
+
     /// Returns the probability that the clip is at none of its modes.
     pub fn elsewhere(&self) -> f64 {
         let listed: f64 = self.modes.iter().map(|mode| mode.probability).sum();
@@ -84,11 +89,8 @@ pub(super) fn candidates<'a, E>(
     members: &'a [Member],
     cache: &mut Cache<E>,
 ) -> Result<Vec<Candidate<'a>>, E> {
-    let before: FxHashMap<&str, (Extent, usize)> = last
-        .known
-        .iter()
-        .map(|known| (&*known.share, (known.extent, known.points)))
-        .collect();
+    let before: FxHashMap<&str, (Extent, usize)> =
+        last.known.iter().map(|known| (&*known.share, (known.extent, known.points))).collect();
     let mut candidates = Vec::new();
     for member in members {
         let modes = modes(&member.verdict);
@@ -107,7 +109,7 @@ pub(super) fn candidates<'a, E>(
     Ok(candidates)
 }
 
-fn modes(verdict: &Verdict) -> Vec<Mode> {
+pub(super) fn modes(verdict: &Verdict) -> Vec<Mode> {
     match verdict {
         Verdict::Aligned { map_from_clip, probability, .. } => {
             let probability = probability.unwrap_or(ALIGNED).clamp(0.0, 1.0);

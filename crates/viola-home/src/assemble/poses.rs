@@ -5,7 +5,7 @@ use super::candidates::{Candidate, KnownClip, Marginal, candidates};
 use super::joint::{self, Comparison};
 use super::level::{Level, apart, in_space, rounded};
 use super::members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
-use super::overlap::overlap;
+use super::overlap::{Overlap, overlap};
 use super::settle::{Edge, KERNELS, Prior, settle};
 use super::{Manifest, Pair};
 use nalgebra::Matrix3;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 use viola_geometry::Pose2;
 
 /// Minimum probability to place a clip that is not aligned by itself.
-const SURE: f64 = 0.95;
+pub const SURE: f64 = 0.95;
 /// Edges of the pose graph that a clip keeps: the largest overlaps. The other clip may keep more of them.
 const MAX_NEIGHBOURS: usize = 24;
 /// Clips that are loaded at a time, to bound the memory.
@@ -32,6 +32,19 @@ struct Known<'a> {
     covariance: Option<Matrix3<f64>>,
     extent: Extent,
     points: usize,
+}
+
+impl Known<'_> {
+    /// Returns the pair of two clips, not yet registered.
+    fn pair_with(&self, b: &Known) -> Pair {
+        Pair {
+            a: self.member.share.clone(),
+            b: b.member.share.clone(),
+            map_from_a: self.alone,
+            map_from_b: b.alone,
+            overlap: None,
+        }
+    }
 }
 
 /// The placed clips, and what the next merge needs to know of the others.
@@ -83,38 +96,32 @@ fn known<'a>(candidate: &Candidate<'a>, marginal: Option<Marginal>) -> Option<Kn
 fn overlaps<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result<Vec<Pair>, E> {
     let before: FxHashMap<(&str, &str), &Pair> =
         last.pairs.iter().map(|pair| ((&*pair.a, &*pair.b), pair)).collect();
-    let mut pairs = Vec::new();
+    let mut pairs: Vec<Pair> = Vec::new();
     for (i, b) in known.iter().enumerate() {
-        let meeting = known[..i].iter().filter(|a| a.extent.meets(&a.alone, &b.extent, &b.alone));
-        let mut fresh: Vec<(Pair, &Known)> = Vec::new();
-        for a in meeting {
+        // The pairs to register, by their places among the pairs.
+        let mut fresh: Vec<(usize, &Known)> = Vec::new();
+        for a in known[..i].iter().filter(|a| a.extent.meets(&a.alone, &b.extent, &b.alone)) {
             let same = before.get(&(&*a.member.share, &*b.member.share));
-            match same.filter(|pair| pair.map_from_a == a.alone && pair.map_from_b == b.alone) {
-                Some(pair) => pairs.push((*pair).clone()),
-                None => {
-                    let pair = Pair {
-                        a: a.member.share.clone(),
-                        b: b.member.share.clone(),
-                        map_from_a: a.alone,
-                        map_from_b: b.alone,
-                        overlap: None,
-                    };
-                    fresh.push((pair, a));
-                }
+            let same = same.filter(|pair| pair.map_from_a == a.alone && pair.map_from_b == b.alone);
+            if same.is_none() {
+                fresh.push((pairs.len(), a));
             }
+            pairs.push(same.map_or_else(|| a.pair_with(b), |pair| (*pair).clone()));
         }
-        for part in fresh.chunks_mut(AT_A_TIME) {
+        for part in fresh.chunks(AT_A_TIME) {
             let b = cache.get(b.member)?;
-            let loaded: Result<Vec<Arc<Loaded>>, E> =
-                part.iter().map(|(_, a)| cache.get(a.member)).collect();
-            part.par_iter_mut().zip(loaded?).for_each(|((pair, _), a)| {
-                let (map_from_a, map_from_b) = (&pair.map_from_a, &pair.map_from_b);
+            let loaded: Result<Vec<Arc<Loaded>>, E> = part.iter().map(|(_, a)| cache.get(a.member)).collect();
+            let registered = part.par_iter().zip(loaded?).map(|((at, _), a)| {
+                let Pair { map_from_a, map_from_b, .. } = &pairs[*at];
                 let level = Level::default();
                 let start = in_space(map_from_b, &level).inverse() * in_space(map_from_a, &level);
-                pair.overlap = overlap(a.surface(), b.surface(), &start);
+                overlap(a.surface(), b.surface(), &start)
             });
+            let registered: Vec<Option<Overlap>> = registered.collect();
+            for ((at, _), overlap) in part.iter().zip(registered) {
+                pairs[*at].overlap = overlap;
+            }
         }
-        pairs.extend(fresh.into_iter().map(|(pair, _)| pair));
     }
     Ok(pairs)
 }

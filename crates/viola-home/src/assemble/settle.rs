@@ -10,6 +10,7 @@ use super::overlap::{Overlap, moved};
 use nalgebra::Matrix3;
 use normal::NormalEquations;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use viola_geometry::Pose3;
 
 /// Scales of the edges' robust kernel, in standard deviations, wide to narrow. Overlaps are known to
@@ -50,6 +51,7 @@ pub(super) fn settle(clips: &[Prior], edges: &[Edge], kernels: &[f64]) -> Vec<Po
 }
 
 /// Clips connected by overlaps, and these overlaps with indices into `clips`.
+#[derive(Default)]
 struct Component<'a> {
     clips: Vec<usize>,
     edges: Vec<Edge<'a>>,
@@ -57,39 +59,33 @@ struct Component<'a> {
 
 /// Returns the connected components with at least two clips.
 fn components<'a>(count: usize, edges: &[Edge<'a>]) -> Vec<Component<'a>> {
-    let mut first: Vec<usize> = (0..count).collect();
-    fn root(first: &mut [usize], mut clip: usize) -> usize {
-        while first[clip] != clip {
-            first[clip] = first[first[clip]];
-            clip = first[clip];
-        }
-        clip
-    }
+    let mut parents: Vec<usize> = (0..count).collect();
     for edge in edges {
-        let (a, b) = (root(&mut first, edge.a), root(&mut first, edge.b));
-        first[a.max(b)] = a.min(b);
+        let (a, b) = (root(&mut parents, edge.a), root(&mut parents, edge.b));
+        parents[a.max(b)] = a.min(b);
     }
-    let mut of_root = vec![None; count];
-    let mut place = vec![0; count];
-    let mut components: Vec<Component> = Vec::new();
+    // By the component's first clip, which is its root.
+    let mut components: BTreeMap<usize, Component> = BTreeMap::new();
+    let mut places = Vec::with_capacity(count);
     for clip in 0..count {
-        let root = root(&mut first, clip);
-        let number = *of_root[root].get_or_insert(components.len());
-        if number == components.len() {
-            components.push(Component { clips: Vec::new(), edges: Vec::new() });
-        }
-        place[clip] = components[number].clips.len();
-        components[number].clips.push(clip);
+        let component = components.entry(root(&mut parents, clip)).or_default();
+        places.push(component.clips.len());
+        component.clips.push(clip);
     }
     for edge in edges {
-        let root = root(&mut first, edge.a);
-        if let Some(number) = of_root[root] {
-            let (a, b) = (place[edge.a], place[edge.b]);
-            components[number].edges.push(Edge { a, b, overlap: edge.overlap });
-        }
+        let component = components.entry(root(&mut parents, edge.a)).or_default();
+        component.edges.push(Edge { a: places[edge.a], b: places[edge.b], overlap: edge.overlap });
     }
-    components.retain(|component| !component.edges.is_empty());
-    components
+    components.into_values().filter(|component| !component.edges.is_empty()).collect()
+}
+
+/// Returns the root of a clip's tree, and shortens the way to it.
+fn root(parents: &mut [usize], mut clip: usize) -> usize {
+    while parents[clip] != clip {
+        parents[clip] = parents[parents[clip]];
+        clip = parents[clip];
+    }
+    clip
 }
 
 impl Component<'_> {

@@ -4,31 +4,25 @@
 mod clips;
 mod table;
 
+use super::member::{member, own_verdict};
 use crate::evaluate::HomesParams;
 use crate::simulate::Set;
 use clips::{AlignedClip, clips};
-use nalgebra::Matrix3;
-use rustc_hash::FxHashMap;
 use serde::Serialize;
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
-use uuid::Uuid;
 use viola_align::{AlignError, AlignParams, AlignmentState};
 use viola_formats::lidar::LidarError;
 use viola_geometry::Pose2;
 use viola_geometry::progress::Progress;
 use viola_home::{
-    Agreement, ClipContribution, Comparison, Manifest, Member, PlacedBy, Verdict, assemble, compare,
+    ClipContribution, Comparison, Manifest, Member, PlacedBy, SURE, Verdict, assemble, compare, likeliest,
 };
 
 pub use table::JointRow;
 
-/// A clip is decided by the others at their true poses if at its true pose at least so many patches of
-/// surface agree with them, and at every other alternative at least so many more contradict them.
-const DECIDING_AGREE: i32 = 20;
-const DECIDING_DIFFER: i32 = 8;
-/// Agreeing patches that excuse one differing patch: poses and depths err at the true pose as well.
-const AGREEING_PER_ODD: i32 = 5;
+/// Loads a clip for [`assemble`].
+type Load<'a> = dyn FnMut(&Member) -> Result<ClipContribution, Infallible> + 'a;
 
 /// Results of one home.
 #[derive(Debug, Clone, Serialize)]
@@ -48,7 +42,8 @@ pub struct JointClip {
     pub alone: AlignmentState,
     /// The possible poses.
     pub modes: Vec<JointMode>,
-    /// True if the other clips at their true poses exclude all alternatives but the true one.
+    /// True for an ambiguous clip whose true pose gets a probability of at least [`SURE`] if all other clips
+    /// are at their true poses.
     pub decidable: bool,
     /// Probability of the likeliest pose by all clips, and whether it is right; none for failed clips.
     pub probability: Option<f64>,
@@ -91,15 +86,18 @@ pub fn joint(
         let clip = member.share.parse::<usize>().ok().and_then(|number| clips.get(number));
         Ok(clip.map_or_else(ClipContribution::nothing, |clip| clip.share.clone()))
     };
-    let members: Vec<Member> =
-        clips.iter().enumerate().filter_map(|(number, clip)| Some(member(number, own_verdict(clip)?))).collect();
+    let own =
+        |(number, clip): (usize, &AlignedClip)| Some(member(number, own_verdict(&clip.answer.alignment)?));
+    let members: Vec<Member> = clips.iter().enumerate().filter_map(own).collect();
     let Ok(assembly) = assemble(&Manifest::default(), members, &mut load);
     let with_truth = |(number, clip): (usize, &AlignedClip)| {
-        own_verdict(clip)?;
+        own_verdict(&clip.answer.alignment)?;
         Some(member(number, Verdict::Ambiguous { alternatives: true_then_wrong(clip) }))
     };
     let Ok(at_truth) = compare(clips.iter().enumerate().filter_map(with_truth).collect(), &mut load);
     let Manifest { clips: placed, known, comparisons, .. } = assembly.manifest;
+    let decidable: Vec<bool> =
+        (0..clips.len()).map(|number| is_decidable(number, &clips, &mut load)).collect();
     let result = |(number, clip): (usize, &AlignedClip)| {
         let share = number.to_string();
         let known = known.iter().find(|known| known.share == share);
@@ -108,7 +106,7 @@ pub fn joint(
         JointClip {
             alone: clip.answer.alignment.state,
             modes: modes(clip),
-            decidable: is_decidable(clip, &share, &at_truth),
+            decidable: decidable[number],
             probability: marginal.map(|marginal| marginal.probability),
             is_right: pose.map(|pose| clip.is_right(pose)),
             placed_by: placed.iter().find(|placed| placed.share == share).map(|placed| placed.by),
@@ -118,42 +116,13 @@ pub fn joint(
     Ok(JointHome { set: set.name(), seed, clips, comparisons, at_truth })
 }
 
-fn member(number: usize, verdict: Verdict) -> Member {
-    Member {
-        clip: Uuid::from_u128(number as u128),
-        recorded_at_ms: None,
-        sha256: format!("{number:06}"),
-        share: number.to_string(),
-        verdict,
-    }
-}
-
-/// Returns a clip's own alignment as the service passes it on; none if it failed.
-fn own_verdict(clip: &AlignedClip) -> Option<Verdict> {
-    let alignment = &clip.answer.alignment;
-    match alignment.state {
-        AlignmentState::Aligned => Some(Verdict::Aligned {
-            map_from_clip: alignment.map_from_clip?,
-            covariance: Matrix3::from_fn(|r, c| alignment.covariance.map_or(0.0, |rows| rows[r][c])),
-            probability: alignment.probability,
-        }),
-        AlignmentState::Ambiguous => {
-            let alternatives = alignment.alternatives.iter();
-            let alternatives =
-                alternatives.map(|one| (one.map_from_clip, one.probability.unwrap_or(0.0))).collect();
-            Some(Verdict::Ambiguous { alternatives })
-        }
-        AlignmentState::Failed => None,
-    }
-}
-
 fn modes(clip: &AlignedClip) -> Vec<JointMode> {
     let mode = |(map_from_clip, probability): (Pose2, f64)| JointMode {
         is_right: clip.is_right(&map_from_clip),
         map_from_clip,
         probability,
     };
-    match own_verdict(clip) {
+    match own_verdict(&clip.answer.alignment) {
         Some(Verdict::Aligned { map_from_clip, probability, .. }) => {
             vec![mode((map_from_clip, probability.unwrap_or(0.0)))]
         }
@@ -169,29 +138,20 @@ fn true_then_wrong(clip: &AlignedClip) -> Vec<(Pose2, f64)> {
     std::iter::once((clip.answer.map_from_clip, 1.0)).chain(wrong).collect()
 }
 
-fn is_decidable(clip: &AlignedClip, share: &str, at_truth: &[Comparison]) -> bool {
-    let modes = modes(clip);
-    if clip.answer.alignment.state != AlignmentState::Ambiguous || !modes.iter().any(|mode| mode.is_right) {
+/// Returns whether an ambiguous clip is placed, and rightly, if the others are at their true poses.
+fn is_decidable(number: usize, clips: &[AlignedClip], load: &mut Load) -> bool {
+    let clip = &clips[number];
+    if clip.answer.alignment.state != AlignmentState::Ambiguous {
         return false;
     }
-    let wrong = modes.iter().filter(|mode| !mode.is_right).count();
-    // (agreeing, contradicting) patches by the clip's pose, with all others at their true poses.
-    let mut sums: FxHashMap<usize, (i32, i32)> = FxHashMap::default();
-    for comparison in at_truth {
-        for (a, b, agreement) in &comparison.said {
-            let (own, other) = if comparison.a == share { (a, b) } else { (b, a) };
-            if (comparison.a == share || comparison.b == share) && *other == 0 {
-                let sum = sums.entry(usize::from(*own)).or_default();
-                sum.0 += i32::from(agreement.agree);
-                sum.1 += contradictions(agreement);
-            }
-        }
-    }
-    let at = |mode: usize| sums.get(&mode).copied().unwrap_or_default();
-    let (agree, against) = at(0);
-    agree >= DECIDING_AGREE && (1..=wrong).all(|mode| at(mode).1 - against >= DECIDING_DIFFER)
-}
-
-fn contradictions(agreement: &Agreement) -> i32 {
-    (i32::from(agreement.differ) - i32::from(agreement.agree) / AGREEING_PER_ODD).max(0)
+    let verdict = |other: usize| match own_verdict(&clips[other].answer.alignment)? {
+        own if other == number => Some(own),
+        _ => Some(Verdict::Chosen { map_from_clip: clips[other].answer.map_from_clip }),
+    };
+    let members = (0..clips.len()).filter_map(|other| Some(member(other, verdict(other)?))).collect();
+    let Ok(known) = likeliest(members, load);
+    let known = known.iter().find(|known| known.share == number.to_string());
+    known.zip(known.and_then(|known| known.marginal)).is_some_and(|(known, marginal)| {
+        marginal.probability >= SURE && clip.is_right(&known.modes[marginal.mode])
+    })
 }
