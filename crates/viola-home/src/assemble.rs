@@ -100,9 +100,9 @@ pub fn compare<E>(
     load: &mut dyn FnMut(&Member) -> Result<ClipContribution, E>,
 ) -> Result<Vec<Comparison>, E> {
     members.sort_by(|a, b| a.order().cmp(&b.order()));
-    let (last, mut cache) = (Manifest::default(), Cache::new(load));
-    let candidates = candidates::candidates(&last, &members, &mut cache)?;
-    joint::compare(&last, &candidates, &mut cache)
+    let mut cache = Cache::new(load);
+    let candidates = candidates::candidates(&[], &members, &mut cache)?;
+    joint::compare((&[], &[]), &candidates, &mut cache)
 }
 
 /// Returns the clips of `members` with their likeliest poses, as [`assemble`] places them, without a map.
@@ -111,9 +111,9 @@ pub fn likeliest<E>(
     load: &mut dyn FnMut(&Member) -> Result<ClipContribution, E>,
 ) -> Result<Vec<KnownClip>, E> {
     members.sort_by(|a, b| a.order().cmp(&b.order()));
-    let (last, mut cache) = (Manifest::default(), Cache::new(load));
-    let candidates = candidates::candidates(&last, &members, &mut cache)?;
-    let comparisons = joint::compare(&last, &candidates, &mut cache)?;
+    let mut cache = Cache::new(load);
+    let candidates = candidates::candidates(&[], &members, &mut cache)?;
+    let comparisons = joint::compare((&[], &[]), &candidates, &mut cache)?;
     let marginals = joint::marginals(&candidates, &comparisons);
     Ok(candidates.iter().zip(marginals).map(|(candidate, marginal)| candidate.known(marginal)).collect())
 }

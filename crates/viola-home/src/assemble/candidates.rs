@@ -1,6 +1,5 @@
 //! The poses that each clip of a home may have.
 
-use super::Manifest;
 use super::cache::Cache;
 use super::members::{Extent, Member, Verdict};
 use rustc_hash::FxHashMap;
@@ -83,14 +82,14 @@ impl Candidate<'_> {
     }
 }
 
-/// Returns the members with at least one possible pose, in their order.
+/// Returns the members with at least one possible pose, in their order. `known`: clips of the last merge.
 pub(super) fn candidates<'a, E>(
-    last: &Manifest,
+    known: &[KnownClip],
     members: &'a [Member],
     cache: &mut Cache<E>,
 ) -> Result<Vec<Candidate<'a>>, E> {
     let before: FxHashMap<&str, (Extent, usize)> =
-        last.known.iter().map(|known| (&*known.share, (known.extent, known.points))).collect();
+        known.iter().map(|known| (&*known.share, (known.extent, known.points))).collect();
     let mut candidates = Vec::new();
     for member in members {
         let modes = modes(&member.verdict);

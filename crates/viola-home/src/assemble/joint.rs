@@ -5,7 +5,6 @@
 //! clip's probability is its marginal over the poses of all clips. The model is a function of the set of
 //! clips.
 
-use super::Manifest;
 use super::agreement::{Agreement, Side};
 use super::belief::{Factor, Model};
 use super::cache::{Cache, Loaded};
@@ -88,19 +87,19 @@ fn pairs(candidates: &[Candidate]) -> Pairs {
 }
 
 /// Compares all pairs of clips at the poses where they may see each other, in canonical order. Comparisons
-/// of the last merge are reused.
+/// of the last merge, `said` of the clips in `known`, are reused.
 pub(super) fn compare<E>(
-    last: &Manifest,
+    (known, said): (&[KnownClip], &[Comparison]),
     candidates: &[Candidate],
     cache: &mut Cache<E>,
 ) -> Result<Vec<Comparison>, E> {
-    let before: FxHashMap<&str, &KnownClip> = last.known.iter().map(|known| (&*known.share, known)).collect();
+    let before: FxHashMap<&str, &KnownClip> = known.iter().map(|known| (&*known.share, known)).collect();
     let is_same = |candidate: &Candidate| {
         before.get(&*candidate.member.share).is_some_and(|known| candidate.has_modes_of(known))
     };
     let same: Vec<bool> = candidates.iter().map(is_same).collect();
     let said: FxHashMap<(&str, &str), &Comparison> =
-        last.comparisons.iter().map(|one| ((&*one.a, &*one.b), one)).collect();
+        said.iter().map(|one| ((&*one.a, &*one.b), one)).collect();
     let (mut comparisons, mut fresh) = (Vec::new(), Vec::new());
     for ((a, b), modes) in pairs(candidates) {
         let name = |clip: usize| candidates[clip].member.share.clone();

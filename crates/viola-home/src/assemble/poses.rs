@@ -60,8 +60,8 @@ pub(super) fn place<'a, E>(
     members: &'a [Member],
     cache: &mut Cache<E>,
 ) -> Result<Placed<'a>, E> {
-    let candidates = candidates(last, members, cache)?;
-    let comparisons = joint::compare(last, &candidates, cache)?;
+    let candidates = candidates(&last.known, members, cache)?;
+    let comparisons = joint::compare((&last.known, &last.comparisons), &candidates, cache)?;
     let marginals = joint::marginals(&candidates, &comparisons);
     let each = || candidates.iter().zip(&marginals);
     let placed: Vec<Known> = each().filter_map(|(candidate, marginal)| known(candidate, *marginal)).collect();
