@@ -10,6 +10,7 @@ mod decode_video;
 mod demo;
 mod evaluate;
 mod evaluate_home;
+mod evaluate_joint;
 mod evaluate_labels;
 mod evaluate_track;
 mod health;

@@ -69,7 +69,7 @@ pub struct EvaluateArguments {
     #[arg(long, default_value = "60", value_delimiter = ',')]
     pub(super) frames: Vec<usize>,
     /// Number of clips. Scene: excerpts of each length, drawn at random. Simulated: clips of each home,
-    /// default 3 (1 with --track). Map: clips of each map, default 10.
+    /// default 3 (1 with --track, 14 with --joint). Map: clips of each map, default 10.
     #[arg(long)]
     pub(super) clips: Option<usize>,
     /// Evaluate the classes of points, instead of poses: of a scene against its labelled mesh, of simulated
@@ -83,8 +83,16 @@ pub struct EvaluateArguments {
     /// mesh, for simulated homes against their truth.
     #[arg(long, conflicts_with_all = ["map", "labels", "fit"])]
     home: bool,
+    /// Evaluate the clips of simulated homes placed together, instead of each by itself: --clips of each home
+    /// (default 14), of the first of the --frames. Aligned clips in the output folder are not aligned again.
+    #[arg(
+        long,
+        requires = "set",
+        conflicts_with_all = ["labels", "home", "fit", "picture_labels", "foreign", "withhold_poses", "keep_poses"]
+    )]
+    joint: bool,
     /// Evaluate camera tracking by pictures alone against the clip's poses, instead of the alignment.
-    #[arg(long, conflicts_with_all = ["map", "labels", "home", "fit"])]
+    #[arg(long, conflicts_with_all = ["map", "labels", "home", "joint", "fit"])]
     track: bool,
     /// With --track: poses of the scene's frames by other programs, in the format of benches/peers/track.py.
     #[arg(long, requires = "track", value_name = "FILE")]
@@ -114,6 +122,9 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     }
     if arguments.track {
         return super::evaluate_track::run(arguments);
+    }
+    if arguments.joint {
+        return super::evaluate_joint::run(arguments);
     }
     if arguments.home {
         return match &arguments.scene {
@@ -205,7 +216,7 @@ pub(super) fn homes(arguments: &EvaluateArguments) -> HomesParams {
     HomesParams {
         sets: arguments.set.clone(),
         seeds: arguments.seeds.clone(),
-        clips_per_home: arguments.clips.unwrap_or(3) as u64,
+        clips_per_home: arguments.clips.unwrap_or(if arguments.joint { 14 } else { 3 }) as u64,
         frames: arguments.frames.clone(),
         sensor: arguments.sensor,
         picture_labels: arguments.picture_labels,

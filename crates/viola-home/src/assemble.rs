@@ -3,10 +3,13 @@
 //! [`assemble`] is a function of the set: clips are sorted by their content, not by their arrival, and the
 //! last map serves only as a cache.
 
+mod agreement;
+mod belief;
 mod cache;
+mod candidates;
+mod joint;
 mod level;
 mod members;
-mod neighbours;
 mod overlap;
 mod poses;
 mod settle;
@@ -16,10 +19,13 @@ mod tile;
 mod tiles;
 mod voxels;
 
+pub use agreement::Agreement;
+pub use candidates::{KnownClip, Marginal};
+pub use joint::Comparison;
 pub use level::Level;
 pub use members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
-pub use neighbours::Agreement;
 pub use overlap::{Overlap, disagreement};
+pub use poses::SURE;
 pub use tile::{CLIP_AT, POINT_BYTES, Tile, TileBytes, TileInfo, TileKey, point_bytes, read_point};
 
 pub(super) use voxels::Voxels;
@@ -38,8 +44,12 @@ pub struct Manifest {
     pub clips: Vec<PlacedClip>,
     /// Relative poses of clips that may overlap.
     pub pairs: Vec<Pair>,
-    /// Agreement of placed clips with the alternatives of ambiguous ones.
-    pub opinions: Vec<Opinion>,
+    /// All clips with a possible pose, also those that are not in the map.
+    #[serde(default)]
+    pub known: Vec<KnownClip>,
+    /// Agreement of the clips at their possible poses.
+    #[serde(default)]
+    pub comparisons: Vec<Comparison>,
     pub tiles: Vec<(TileKey, TileInfo)>,
 }
 
@@ -52,16 +62,6 @@ pub struct Pair {
     pub map_from_b: Pose2,
     /// None if the clips do not overlap.
     pub overlap: Option<Overlap>,
-}
-
-/// Agreement of a placed clip with one alternative of an ambiguous one, both named by their contributions.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Opinion {
-    pub asked: String,
-    pub alternative: usize,
-    pub neighbour: String,
-    pub map_from_neighbour: Pose2,
-    pub said: Agreement,
 }
 
 /// The next map: its manifest and the changed tiles; none for tiles that became empty.
@@ -81,16 +81,41 @@ pub fn assemble<E>(
     let mut cache = Cache::new(load);
     let mut placed = poses::place(last, &members, &mut cache)?;
     let (clips, changed) = tiles::rebuild(last, std::mem::take(&mut placed.clips), &mut cache)?;
-    let mut known: BTreeMap<TileKey, TileInfo> = last.tiles.iter().cloned().collect();
+    let mut tile_infos: BTreeMap<TileKey, TileInfo> = last.tiles.iter().cloned().collect();
     for (key, tile) in &changed {
         match tile {
-            Some(tile) => known.insert(*key, tile.info()),
-            None => known.remove(key),
+            Some(tile) => tile_infos.insert(*key, tile.info()),
+            None => tile_infos.remove(key),
         };
     }
-    let Placed { pairs, opinions, .. } = placed;
-    let manifest = Manifest { clips, pairs, opinions, tiles: known.into_iter().collect() };
+    let Placed { pairs, known, comparisons, .. } = placed;
+    let tiles = tile_infos.into_iter().collect();
+    let manifest = Manifest { clips, pairs, known, comparisons, tiles };
     Ok(Assembly { manifest, changed })
+}
+
+/// Compares the clips of `members` at all their possible poses, as [`assemble`] does.
+pub fn compare<E>(
+    mut members: Vec<Member>,
+    load: &mut dyn FnMut(&Member) -> Result<ClipContribution, E>,
+) -> Result<Vec<Comparison>, E> {
+    members.sort_by(|a, b| a.order().cmp(&b.order()));
+    let mut cache = Cache::new(load);
+    let candidates = candidates::candidates(&[], &members, &mut cache)?;
+    joint::compare((&[], &[]), &candidates, &mut cache)
+}
+
+/// Returns the clips of `members` with their likeliest poses, as [`assemble`] places them, without a map.
+pub fn likeliest<E>(
+    mut members: Vec<Member>,
+    load: &mut dyn FnMut(&Member) -> Result<ClipContribution, E>,
+) -> Result<Vec<KnownClip>, E> {
+    members.sort_by(|a, b| a.order().cmp(&b.order()));
+    let mut cache = Cache::new(load);
+    let candidates = candidates::candidates(&[], &members, &mut cache)?;
+    let comparisons = joint::compare((&[], &[]), &candidates, &mut cache)?;
+    let marginals = joint::marginals(&candidates, &comparisons);
+    Ok(candidates.iter().zip(marginals).map(|(candidate, marginal)| candidate.known(marginal)).collect())
 }
 
 #[cfg(test)]

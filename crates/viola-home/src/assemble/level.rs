@@ -30,6 +30,17 @@ pub(super) fn apart(pose: &Pose3) -> (Pose2, Level) {
     (Pose2::new(at.x, at.y, yaw.z), Level { z_m: at.z, tilt_rad: [vector.x, vector.y] })
 }
 
+/// Rounds a pose to 1 mm, and its angles to what moves a point 4 m away by 1 mm: a clip that others move by
+/// less keeps its bytes, and so do its tiles.
+pub(super) fn rounded(pose: &Pose2, level: &Level) -> (Pose2, Level) {
+    const PER_M: f64 = 1_000.0;
+    const PER_RAD: f64 = 4_096.0;
+    let to = |value: f64, steps: f64| (value * steps).round() / steps;
+    let angle = |rad: f64| to(rad, PER_RAD);
+    let pose = Pose2::new(to(pose.x_m, PER_M), to(pose.y_m, PER_M), angle(pose.yaw_rad));
+    (pose, Level { z_m: to(level.z_m, PER_M), tilt_rad: level.tilt_rad.map(angle) })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

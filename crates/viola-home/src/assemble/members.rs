@@ -45,7 +45,7 @@ pub enum Verdict {
 pub enum PlacedBy {
     /// The clip's own alignment to the LiDAR map.
     Alignment,
-    /// The overlapping clips, which decided between its alternatives.
+    /// The other clips, which decided between its alternatives.
     Neighbours,
     /// A person's choice.
     Person,
@@ -145,8 +145,14 @@ impl Extent {
 
     /// Returns whether two clips may overlap.
     pub(super) fn meets(&self, map_from_this: &Pose2, other: &Extent, map_from_other: &Pose2) -> bool {
+        self.shared_m2(map_from_this, other, map_from_other) > 0.0
+    }
+
+    /// Returns the area that two clips may share: that of both boxes, with a margin.
+    pub(super) fn shared_m2(&self, map_from_this: &Pose2, other: &Extent, map_from_other: &Pose2) -> f64 {
         const MARGIN_M: f64 = 0.3;
         let (a, b) = (self.in_map(map_from_this), other.in_map(map_from_other));
-        (0..2).all(|i| a.min_m[i] < b.max_m[i] + MARGIN_M && b.min_m[i] < a.max_m[i] + MARGIN_M)
+        let side_m = |i: usize| a.max_m[i].min(b.max_m[i]) - a.min_m[i].max(b.min_m[i]) + MARGIN_M;
+        side_m(0).max(0.0) * side_m(1).max(0.0)
     }
 }

@@ -2,13 +2,16 @@
 
 mod fused;
 mod instances;
+mod joint;
 mod matching;
+mod member;
 mod score;
 mod simulated;
 mod surface;
 
 pub use fused::{Agreement, Excerpt, Fused, consecutive, fuse};
 pub use instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
+pub use joint::{JointClip, JointError, JointHome, JointMode, JointRow, joint};
 pub use matching::{ClassRow, MIN_IOU, Matches, Thing, matches};
 pub use score::{FoundRow, ObjectScore, TruthRow, score_objects};
 pub use simulated::{SampleParams, SimulatedMap, TrueRoom, count_rooms, match_objects, sample, simulated};
@@ -77,8 +80,8 @@ pub fn evaluate(
     let objects: Vec<Object> = found.iter().map(|found| found.object.clone()).collect();
     let plan = home::plan(&scene.lidar, &map, &rooms, &objects);
     let truth = mesh.instances(&scene.map_from_world, home::is_furniture);
-    let aligned = excerpts.iter().filter(|e| e.state == viola_align::AlignmentState::Aligned);
-    let frames: Vec<Range<usize>> = aligned.map(|excerpt| excerpt.frames.clone()).collect();
+    let placed = excerpts.iter().filter(|excerpt| excerpt.placed_by.is_some());
+    let frames: Vec<Range<usize>> = placed.map(|excerpt| excerpt.frames.clone()).collect();
     let seen = seen_by(&scene.clip, &frames, &mesh)?;
     let cloud = PointCloud { points: map.iter().map(|p| p.point).collect(), voxel_m: home::MAP_VOXEL_M };
     let in_map = |vertex: &Point3| Point3::from(mesh.in_map(vertex, &scene.map_from_world));
@@ -101,10 +104,19 @@ impl HomeReport {
     pub fn markdown(&self) -> String {
         let percent = |share: f64| format!("{:.1} %", share * 100.0);
         let aligned = self.excerpts.iter().filter(|e| e.state == viola_align::AlignmentState::Aligned);
-        let mut out = format!("{} of {} excerpts aligned\n\n", aligned.count(), self.excerpts.len());
+        let placed: Vec<&Excerpt> = self.excerpts.iter().filter(|e| e.placed_by.is_some()).collect();
+        let by_others = placed.iter().filter(|e| e.placed_by == Some(home::PlacedBy::Neighbours));
+        let wrong = placed.iter().filter(|e| e.is_wrong());
+        let mut out = format!(
+            "{} of {} excerpts aligned, {} placed by the others; {} of all placed ones wrong (0.3 m, 10 degrees)\n\n",
+            aligned.count(),
+            self.excerpts.len(),
+            by_others.count(),
+            wrong.count()
+        );
         // Writing into a string cannot fail.
         let mean = |of: fn(&Excerpt) -> Option<f64>| {
-            let all: Vec<f64> = self.excerpts.iter().filter_map(of).collect();
+            let all: Vec<f64> = placed.iter().copied().filter_map(of).collect();
             all.iter().sum::<f64>() / all.len().max(1) as f64
         };
         let _ = writeln!(

@@ -1,16 +1,16 @@
 //! Fuses the aligned excerpts of a scene into one map.
 
+use super::member::member;
 use crate::evaluate::Scene;
 use serde::Serialize;
 use std::convert::Infallible;
 use std::ops::Range;
-use uuid::Uuid;
 use viola_align as align;
 use viola_align::{AlignError, AlignParams, AlignmentState};
 use viola_geometry::progress::Progress;
 use viola_geometry::{Pose2, Pose3, angle_between};
 use viola_home::{
-    ClipContribution, ClipNumbers, Manifest, MapPoint, Member, Pair, PlacedClip, Verdict, assemble,
+    ClipContribution, ClipNumbers, Manifest, MapPoint, Member, Pair, PlacedBy, PlacedClip, Verdict, assemble,
     disagreement,
 };
 use viola_reconstruct::PointCloud;
@@ -25,9 +25,18 @@ pub struct Excerpt {
     /// Error against the truth, if it has a pose.
     pub error_m: Option<f64>,
     pub error_deg: Option<f64>,
+    /// How it came into the map; none if it is not there.
+    pub placed_by: Option<PlacedBy>,
     /// Error after joint refinement.
     pub together_m: Option<f64>,
     pub together_deg: Option<f64>,
+}
+
+impl Excerpt {
+    /// Returns whether it is in the map at a wrong pose: the paper's success is under 10 degrees and 0.3 m.
+    pub fn is_wrong(&self) -> bool {
+        self.together_m.is_some_and(|m| m >= 0.3) || self.together_deg.is_some_and(|deg| deg >= 10.0)
+    }
 }
 
 /// Disagreement of overlapping clips, before and after joint refinement.
@@ -58,7 +67,8 @@ pub fn consecutive(total: usize, length: usize) -> Vec<Range<usize>> {
     firsts.map(|first| first.min(total.saturating_sub(length))..(first + length).min(total)).collect()
 }
 
-/// Aligns the excerpts one by one and fuses them into one map, as the service does.
+/// Aligns the excerpts one by one and fuses them into one map, as the service does; ambiguous ones as well if
+/// the others decide their place.
 pub fn fuse(
     scene: &Scene,
     ranges: &[Range<usize>],
@@ -82,18 +92,11 @@ pub fn fuse(
             map_from_clip: answer.map_from_clip,
             error_m: error.map(|(m, _)| m),
             error_deg: error.map(|(_, deg)| deg),
+            placed_by: None,
             together_m: None,
             together_deg: None,
         });
-        if let Some(verdict) = Verdict::of(answer).filter(|_| answer.state == AlignmentState::Aligned) {
-            members.push(Member {
-                clip: Uuid::from_u128(number as u128),
-                recorded_at_ms: None,
-                sha256: format!("{number:06}"),
-                share: number.to_string(),
-                verdict,
-            });
-        }
+        members.extend(Verdict::of(answer).map(|verdict| member(number, verdict)));
         shares.push(ClipContribution::new(aligned.cloud_in_clip, aligned.views));
     }
     let share_of = |name: &str| name.parse::<usize>().ok().and_then(|number| shares.get(number));
@@ -104,6 +107,7 @@ pub fn fuse(
     let placed = &assembly.manifest.clips;
     for clip in placed {
         let number = clip.clip.as_u128() as usize;
+        excerpts[number].placed_by = Some(clip.by);
         if let Some(truth) = truths[number] {
             let (m, deg) = errors(&clip.map_from_clip, &truth);
             (excerpts[number].together_m, excerpts[number].together_deg) = (Some(m), Some(deg));

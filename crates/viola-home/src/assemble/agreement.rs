@@ -1,0 +1,103 @@
+//! Agreement and contradiction of two clips' surfaces, each clip at one of its possible poses.
+
+use super::sight::Sights;
+use super::surface::{Surface, SurfacePoint};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use viola_geometry::{Point3, Pose3};
+use viola_reconstruct::View;
+
+/// Sampled points of each clip.
+const SAMPLES: usize = 1_500;
+/// Side of the patches of surface that count as one observation each.
+const PATCH_M: f64 = 0.5;
+/// Minimum observed points of a patch.
+const MIN_POINTS: u32 = 3;
+/// Fraction of a patch's points needed to call it agreeing or differing.
+const MAJORITY: f64 = 0.6;
+/// RMS colour difference, of 255, above which surfaces differ in colour: exposures differ by less.
+const COLOR: f64 = 60.0;
+
+/// A clip at one of its possible poses.
+pub(super) struct Side<'a> {
+    pub map_from_clip: Pose3,
+    surface: &'a Surface,
+    sights: Sights<'a>,
+}
+
+impl<'a> Side<'a> {
+    pub fn new(surface: &'a Surface, views: &'a [View], map_from_clip: Pose3) -> Side<'a> {
+        Side { map_from_clip, surface, sights: Sights::new(views, &map_from_clip) }
+    }
+}
+
+/// Numbers of surface patches by what two clips observed of each other's surfaces.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Agreement {
+    /// Same surface in the same colour.
+    pub agree: u16,
+    /// Same surface in another colour.
+    pub recolored: u16,
+    /// One clip looked through the surface of the other.
+    pub differ: u16,
+}
+
+impl Agreement {
+    /// Compares two clips; symmetric.
+    pub(super) fn of(a: &Side, b: &Side) -> Agreement {
+        let mut patches: BTreeMap<[i32; 3], Votes> = BTreeMap::new();
+        for (asking, asked) in [(a, b), (b, a)] {
+            let asked_from_asking = asked.map_from_clip.inverse() * asking.map_from_clip;
+            for sample in asking.surface.some(SAMPLES).filter(|sample| sample.is_upright()) {
+                let at = asking.map_from_clip * sample.position;
+                let patch = [at.x, at.y, at.z].map(|c| (c / PATCH_M).floor() as i32);
+                let votes = patches.entry(patch).or_default();
+                match observed(sample, &at, &asked_from_asking, asked) {
+                    Observed::Same => votes.same += 1,
+                    Observed::Recolored => votes.recolored += 1,
+                    Observed::Through => votes.through += 1,
+                    Observed::Nothing => {}
+                }
+            }
+        }
+        let mut sum = Agreement::default();
+        for votes in patches.values() {
+            let all = votes.same + votes.recolored + votes.through;
+            let most = |votes: u32| u16::from(f64::from(votes) >= MAJORITY * f64::from(all));
+            if all >= MIN_POINTS {
+                sum.agree += most(votes.same);
+                sum.recolored += most(votes.recolored);
+                sum.differ += most(votes.through);
+            }
+        }
+        sum
+    }
+}
+
+/// Observations of a patch's points.
+#[derive(Default)]
+struct Votes {
+    same: u32,
+    recolored: u32,
+    through: u32,
+}
+
+/// One clip's observation of a point of the other.
+enum Observed {
+    Same,
+    Recolored,
+    /// It looked through the place.
+    Through,
+    Nothing,
+}
+
+fn observed(sample: &SurfacePoint, at: &Point3, asked_from_asking: &Pose3, asked: &Side) -> Observed {
+    let (position, normal) = (asked_from_asking * sample.position, asked_from_asking * sample.normal);
+    if let Some(near) = asked.surface.nearest(&position, &normal) {
+        let difference = |i: usize| f64::from(near.color[i]) - f64::from(sample.color[i]);
+        let squared: f64 = (0..3).map(|i| difference(i).powi(2)).sum();
+        return if squared < 3.0 * COLOR * COLOR { Observed::Same } else { Observed::Recolored };
+    }
+    let (surface, through) = asked.sights.of(at);
+    if through > 2 * surface { Observed::Through } else { Observed::Nothing }
+}

@@ -1,0 +1,126 @@
+//! The poses that each clip of a home may have.
+
+use super::cache::Cache;
+use super::members::{Extent, Member, Verdict};
+use rustc_hash::FxHashMap;
+use serde::{Deserialize, Serialize};
+use viola_geometry::Pose2;
+
+/// Maximum possible poses of a clip: as many as an alignment lists.
+const MAX_MODES: usize = 8;
+/// Probability of an alignment that tells none: the minimum of the state `aligned`.
+const ALIGNED: f64 = 0.9;
+/// Minimum probability that a clip is at none of its listed poses.
+const MIN_ELSEWHERE: f64 = 0.005;
+
+/// A clip and its possible poses.
+pub(super) struct Candidate<'a> {
+    pub member: &'a Member,
+    /// The best first, as the clip's own alignment ranks them.
+    pub modes: Vec<Mode>,
+    pub extent: Extent,
+    pub points: usize,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Mode {
+    pub map_from_clip: Pose2,
+    /// By the clip's own alignment.
+    pub probability: f64,
+}
+
+/// A clip and its possible poses, named by its contribution.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct KnownClip {
+    pub share: String,
+    pub extent: Extent,
+    pub points: usize,
+    pub modes: Vec<Pose2>,
+    /// The likeliest of the modes by all clips of the home; none if a person chose the pose.
+    pub marginal: Option<Marginal>,
+}
+
+/// A clip's likeliest pose by the joint model.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Marginal {
+    /// Index of the pose.
+    pub mode: usize,
+    /// Probability that the clip is there.
+    pub probability: f64,
+}
+
+impl Candidate<'_> {
+    /// Returns whether a person chose the pose.
+    pub fn is_chosen(&self) -> bool {
+        matches!(self.member.verdict, Verdict::Chosen { .. })
+    }
+
+    /// Returns whether the clip's own alignment left its pose open.
+    pub fn is_ambiguous(&self) -> bool {
+        matches!(self.member.verdict, Verdict::Ambiguous { .. })
+    }
+
+    /// Returns the probability that the clip is at none of its modes.
+    pub fn elsewhere(&self) -> f64 {
+        let listed: f64 = self.modes.iter().map(|mode| mode.probability).sum();
+        if self.is_chosen() { 0.0 } else { (1.0 - listed).max(MIN_ELSEWHERE) }
+    }
+
+    pub fn known(&self, marginal: Option<Marginal>) -> KnownClip {
+        KnownClip {
+            share: self.member.share.clone(),
+            extent: self.extent,
+            points: self.points,
+            modes: self.modes.iter().map(|mode| mode.map_from_clip).collect(),
+            marginal,
+        }
+    }
+
+    /// Returns whether the clip had the same modes in the last merge.
+    pub fn has_modes_of(&self, known: &KnownClip) -> bool {
+        self.modes.iter().map(|mode| &mode.map_from_clip).eq(&known.modes)
+    }
+}
+
+/// Returns the members with at least one possible pose, in their order. `known`: clips of the last merge.
+pub(super) fn candidates<'a, E>(
+    known: &[KnownClip],
+    members: &'a [Member],
+    cache: &mut Cache<E>,
+) -> Result<Vec<Candidate<'a>>, E> {
+    let before: FxHashMap<&str, (Extent, usize)> =
+        known.iter().map(|known| (&*known.share, (known.extent, known.points))).collect();
+    let mut candidates = Vec::new();
+    for member in members {
+        let modes = modes(&member.verdict);
+        if modes.is_empty() {
+            continue;
+        }
+        let (extent, points) = match before.get(&*member.share) {
+            Some(before) => *before,
+            None => {
+                let loaded = cache.get(member)?;
+                (loaded.extent(), loaded.share.cloud_in_clip.points.len())
+            }
+        };
+        candidates.push(Candidate { member, modes, extent, points });
+    }
+    Ok(candidates)
+}
+
+pub(super) fn modes(verdict: &Verdict) -> Vec<Mode> {
+    match verdict {
+        Verdict::Aligned { map_from_clip, probability, .. } => {
+            let probability = probability.unwrap_or(ALIGNED).clamp(0.0, 1.0);
+            vec![Mode { map_from_clip: *map_from_clip, probability }]
+        }
+        Verdict::Chosen { map_from_clip } => vec![Mode { map_from_clip: *map_from_clip, probability: 1.0 }],
+        Verdict::Ambiguous { alternatives } => {
+            let mode = |(map_from_clip, probability): &(Pose2, f64)| Mode {
+                map_from_clip: *map_from_clip,
+                probability: probability.clamp(0.0, 1.0),
+            };
+            alternatives.iter().take(MAX_MODES).map(mode).collect()
+        }
+    }
+}

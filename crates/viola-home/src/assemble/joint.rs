@@ -1,0 +1,267 @@
+//! Joint registration: the probabilities of all clips' possible poses, by what the clips saw of each other.
+//!
+//! Each clip is at one of the poses that its own alignment lists, or elsewhere. Each pair of clips adds
+//! evidence for each pair of their poses: surfaces that agree, and surfaces that contradict each other. A
+//! clip's probability is its marginal over the poses of all clips. The model is a function of the set of
+//! clips.
+
+use super::agreement::{Agreement, Side};
+use super::belief::{Factor, Model};
+use super::cache::{Cache, Loaded};
+use super::candidates::{Candidate, KnownClip, Marginal};
+use super::level::{Level, in_space};
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use viola_geometry::{Pose2, angle_between};
+
+/// Maximum poses of other clips that a pose is compared with; those that share the most floor with it, by
+/// their probability.
+const MAX_PARTNERS: usize = 24;
+/// Clips that are loaded at a time, to bound the memory.
+const AT_A_TIME: usize = 8;
+
+/// Distributions of the patches that agree, have another colour, and differ (Dirichlet-multinomial): if both
+/// clips are at their true poses, and if one of them is at a wrong alternative. Maximum likelihood on eight
+/// simulated homes (`viola evaluate --joint`, sets `repeated` and `normal`, seeds 2000..2004).
+const RIGHT: [f64; 3] = [3.96, 0.356, 0.063];
+const WRONG: [f64; 3] = [0.755, 0.3, 0.815];
+/// Bounds of the log-likelihood ratio of a pair of poses, and its weight if it contradicts: clips that see the
+/// same place repeat the same contradiction. Chosen by log loss on the same homes.
+const MAX_FOR: f64 = 2.0;
+const MAX_AGAINST: f64 = 8.0;
+const TEMPERING: f64 = 0.5;
+/// Smallest probability of a state.
+const LEAST: f64 = 1e-6;
+/// Poses of one clip this near to each other are the same explanation.
+const NEAR_M: f64 = 0.2;
+const NEAR_RAD: f64 = 7f64.to_radians();
+
+/// Agreement of two clips at their possible poses, named by their contributions.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Comparison {
+    pub a: String,
+    pub b: String,
+    /// Index of a pose of `a`, of one of `b`, and their agreement.
+    pub said: Vec<(u8, u8, Agreement)>,
+}
+
+/// Two clips, and the pairs of their modes to compare.
+type Pairs = BTreeMap<(usize, usize), Vec<(u8, u8)>>;
+
+/// Returns the pairs of modes that may see each other: `a` before `b`.
+fn pairs(candidates: &[Candidate]) -> Pairs {
+    let modes: Vec<(usize, u8)> = candidates
+        .iter()
+        .enumerate()
+        .flat_map(|(clip, candidate)| (0..candidate.modes.len()).map(move |mode| (clip, mode as u8)))
+        .collect();
+    let partners = |&(clip, mode): &(usize, u8)| -> Vec<((usize, u8), (usize, u8))> {
+        let this = &candidates[clip];
+        // What a person decided needs no evidence.
+        let is_open = |other: usize| other != clip && !(this.is_chosen() && candidates[other].is_chosen());
+        let pose = &this.modes[usize::from(mode)].map_from_clip;
+        let mut shared: Vec<(f64, (usize, u8))> = Vec::new();
+        for &(other, at) in modes.iter().filter(|(other, _)| is_open(*other)) {
+            let (candidate, there) = (&candidates[other], candidates[other].modes[usize::from(at)]);
+            let shared_m2 = this.extent.shared_m2(pose, &candidate.extent, &there.map_from_clip);
+            if shared_m2 > 0.0 {
+                shared.push((shared_m2 * there.probability, (other, at)));
+            }
+        }
+        shared.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        shared.truncate(MAX_PARTNERS);
+        let ordered = |(_, other): (f64, (usize, u8))| ((clip, mode).min(other), (clip, mode).max(other));
+        shared.into_iter().map(ordered).collect()
+    };
+    let mut kept: Vec<((usize, u8), (usize, u8))> = modes.par_iter().flat_map_iter(partners).collect();
+    kept.sort_unstable();
+    kept.dedup();
+    let mut pairs = Pairs::new();
+    for ((a, mode_a), (b, mode_b)) in kept {
+        pairs.entry((a, b)).or_default().push((mode_a, mode_b));
+    }
+    pairs
+}
+
+/// Compares all pairs of clips at the poses where they may see each other, in canonical order. Comparisons
+/// of the last merge, `said` of the clips in `known`, are reused.
+pub(super) fn compare<E>(
+    (known, said): (&[KnownClip], &[Comparison]),
+    candidates: &[Candidate],
+    cache: &mut Cache<E>,
+) -> Result<Vec<Comparison>, E> {
+    let before: FxHashMap<&str, &KnownClip> = known.iter().map(|known| (&*known.share, known)).collect();
+    let is_same = |candidate: &Candidate| {
+        before.get(&*candidate.member.share).is_some_and(|known| candidate.has_modes_of(known))
+    };
+    let same: Vec<bool> = candidates.iter().map(is_same).collect();
+    let said: FxHashMap<(&str, &str), &Comparison> =
+        said.iter().map(|one| ((&*one.a, &*one.b), one)).collect();
+    let (mut comparisons, mut fresh) = (Vec::new(), Vec::new());
+    for ((a, b), modes) in pairs(candidates) {
+        let name = |clip: usize| candidates[clip].member.share.clone();
+        let mut comparison = Comparison { a: name(a), b: name(b), said: Vec::new() };
+        let old = said.get(&(&*comparison.a, &*comparison.b)).copied().filter(|_| same[a] && same[b]);
+        comparison.said = modes.into_iter().map(|(m, n)| (m, n, Agreement::default())).collect();
+        if !old.is_some_and(|old| comparison.reuse(old)) {
+            fresh.push((b, a, comparisons.len()));
+        }
+        comparisons.push(comparison);
+    }
+    // By the later clip: it is loaded once, and the others a few at a time.
+    fresh.sort_unstable();
+    for of_one in fresh.chunk_by(|x, y| x.0 == y.0) {
+        for part in of_one.chunks(AT_A_TIME) {
+            let b = cache.get(candidates[part[0].0].member)?;
+            let loaded: Result<Vec<Arc<Loaded>>, E> =
+                part.iter().map(|(_, a, _)| cache.get(candidates[*a].member)).collect();
+            let filled: Vec<Comparison> = part
+                .par_iter()
+                .zip(loaded?)
+                .map(|((second, first, at), a)| {
+                    let clips = [(&candidates[*first], &*a), (&candidates[*second], &*b)];
+                    comparisons[*at].filled(clips)
+                })
+                .collect();
+            for ((_, _, at), comparison) in part.iter().zip(filled) {
+                comparisons[*at] = comparison;
+            }
+        }
+    }
+    Ok(comparisons)
+}
+
+impl Comparison {
+    /// Takes the agreements of an earlier comparison; returns false if it lacks one.
+    fn reuse(&mut self, old: &Comparison) -> bool {
+        let known: FxHashMap<(u8, u8), Agreement> =
+            old.said.iter().map(|(m, n, agreement)| ((*m, *n), *agreement)).collect();
+        self.said
+            .iter_mut()
+            .all(|(m, n, agreement)| known.get(&(*m, *n)).map(|known| *agreement = *known).is_some())
+    }
+
+    /// Returns the comparison with its agreements.
+    fn filled(&self, clips: [(&Candidate, &Loaded); 2]) -> Comparison {
+        let side = |which: usize, mode: u8| {
+            let (candidate, loaded) = clips[which];
+            let pose = &candidate.modes[usize::from(mode)].map_from_clip;
+            Side::new(loaded.surface(), &loaded.share.views, in_space(pose, &Level::default()))
+        };
+        let agreement = |&(m, n, _): &(u8, u8, Agreement)| (m, n, Agreement::of(&side(0, m), &side(1, n)));
+        Comparison { said: self.said.par_iter().map(agreement).collect(), ..self.clone() }
+    }
+}
+
+/// Returns the marginals of all candidates; `None` for those that a person placed.
+pub(super) fn marginals(candidates: &[Candidate], comparisons: &[Comparison]) -> Vec<Option<Marginal>> {
+    let states = |candidate: &Candidate| -> Vec<f64> {
+        let listed = candidate.modes.iter().map(|mode| mode.probability);
+        // The last state: elsewhere. A state of probability 0 stays possible.
+        listed.chain([candidate.elsewhere()]).map(|p| p.max(LEAST).ln()).collect()
+    };
+    let mut model = Model { states: candidates.iter().map(states).collect(), pairs: Vec::new() };
+    let evidence = Evidence::new(candidates, comparisons);
+    for (a, b, comparison) in &evidence.comparisons {
+        let columns = model.states[*b].len();
+        let mut weights = vec![0.0; model.states[*a].len() * columns];
+        for (m, n, agreement) in &comparison.said {
+            if let Some(weight) = weights.get_mut(usize::from(*m) * columns + usize::from(*n)) {
+                *weight = evidence.weight((*a, *m), (*b, *n), agreement);
+            }
+        }
+        if weights.iter().any(|weight| *weight != 0.0) {
+            model.pairs.push(Factor { a: *a, b: *b, weights });
+        }
+    }
+    let marginals = model.marginals();
+    candidates.iter().zip(marginals).map(|(candidate, states)| of_modes(candidate, &states)).collect()
+}
+
+/// The evidence of the comparisons.
+///
+/// Contradictions count for every pair. Agreement counts only with clips that have one pose, and for each pose
+/// of a clip once, however many of them see the place: rooms that look alike agree as well, and clips of
+/// several such rooms would otherwise gather in one of them.
+struct Evidence<'a> {
+    /// Whether a clip has a pose of its own, by candidate.
+    is_settled: Vec<bool>,
+    /// With the indices of their candidates.
+    comparisons: Vec<(usize, usize, &'a Comparison)>,
+    /// Number of settled clips that agree with a clip at a mode.
+    supporters: FxHashMap<(usize, u8), u32>,
+}
+
+impl<'a> Evidence<'a> {
+    fn new(candidates: &[Candidate], comparisons: &'a [Comparison]) -> Evidence<'a> {
+        let place: FxHashMap<&str, usize> =
+            candidates.iter().enumerate().map(|(i, candidate)| (&*candidate.member.share, i)).collect();
+        let placed = |one: &'a Comparison| Some((*place.get(&*one.a)?, *place.get(&*one.b)?, one));
+        let mut evidence = Evidence {
+            is_settled: candidates.iter().map(|candidate| !candidate.is_ambiguous()).collect(),
+            comparisons: comparisons.iter().filter_map(placed).collect(),
+            supporters: FxHashMap::default(),
+        };
+        for (a, b, comparison) in &evidence.comparisons {
+            for (m, n, agreement) in &comparison.said {
+                if log_likelihood_ratio(agreement) > 0.0 {
+                    for (one, other) in [((*a, *m), *b), ((*b, *n), *a)] {
+                        let counts = evidence.is_settled[other];
+                        *evidence.supporters.entry(one).or_default() += u32::from(counts);
+                    }
+                }
+            }
+        }
+        evidence
+    }
+
+    /// Returns the log weight of two clips at these modes.
+    fn weight(&self, a: (usize, u8), b: (usize, u8), agreement: &Agreement) -> f64 {
+        let ratio = log_likelihood_ratio(agreement);
+        if ratio <= 0.0 {
+            return TEMPERING * ratio.max(-MAX_AGAINST);
+        }
+        let (settled_a, settled_b) = (self.is_settled[a.0], self.is_settled[b.0]);
+        let supporters = |mode: (usize, u8), by: bool| {
+            if by { self.supporters.get(&mode).copied().unwrap_or_default() } else { 0 }
+        };
+        let most = supporters(a, settled_b).max(supporters(b, settled_a));
+        if most == 0 { 0.0 } else { ratio.min(MAX_FOR) / f64::from(most) }
+    }
+}
+
+fn of_modes(candidate: &Candidate, states: &[f64]) -> Option<Marginal> {
+    if candidate.is_chosen() {
+        return None;
+    }
+    let best = (0..candidate.modes.len()).rev().max_by(|a, b| states[*a].total_cmp(&states[*b]))?;
+    let pose = &candidate.modes[best].map_from_clip;
+    // Alternatives may lie so close together that one is right if the other is.
+    let near = candidate.modes.iter().zip(states).filter(|(mode, _)| is_near(&mode.map_from_clip, pose));
+    Some(Marginal { mode: best, probability: near.map(|(_, probability)| probability).sum::<f64>().min(1.0) })
+}
+
+fn is_near(a: &Pose2, b: &Pose2) -> bool {
+    a.distance_m(b) < NEAR_M && angle_between(a.yaw_rad, b.yaw_rad) < NEAR_RAD
+}
+
+/// Returns the log-likelihood ratio of an agreement: both poses right, against at least one wrong.
+fn log_likelihood_ratio(agreement: &Agreement) -> f64 {
+    let counts = [agreement.agree, agreement.recolored, agreement.differ];
+    log_likelihood(counts, &RIGHT) - log_likelihood(counts, &WRONG)
+}
+
+/// Returns the log-likelihood of counts by a Dirichlet-multinomial distribution, without the factor that
+/// depends on the counts alone.
+fn log_likelihood(counts: [u16; 3], concentration: &[f64; 3]) -> f64 {
+    // Logarithm of the rising factorial.
+    let rising = |from: f64, count: u32| (0..count).map(|k| (from + f64::from(k)).ln()).sum::<f64>();
+    let each = counts.iter().zip(concentration).map(|(count, from)| rising(*from, u32::from(*count)));
+    each.sum::<f64>() - rising(concentration.iter().sum(), counts.iter().map(|c| u32::from(*c)).sum())
+}
+
+#[cfg(test)]
+mod tests;

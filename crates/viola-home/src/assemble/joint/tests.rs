@@ -1,0 +1,131 @@
+use super::super::members::{Extent, Member, Verdict};
+use super::*;
+use nalgebra::Matrix3;
+use uuid::Uuid;
+
+const EXTENT: Extent = Extent { min_m: [-2.0; 2], max_m: [2.0; 2] };
+
+fn member(number: u128, verdict: Verdict) -> Member {
+    let name = number.to_string();
+    Member { clip: Uuid::from_u128(number), recorded_at_ms: None, sha256: name.clone(), share: name, verdict }
+}
+
+fn aligned(number: u128, x_m: f64) -> Member {
+    let (map_from_clip, covariance) = (Pose2::new(x_m, 0.0, 0.0), Matrix3::identity() * 1e-4);
+    member(number, Verdict::Aligned { map_from_clip, covariance, probability: Some(0.99) })
+}
+
+/// A clip that is in one of several rooms, 5 m apart.
+fn in_one_of(number: u128, probabilities: &[f64]) -> Member {
+    let rooms = (0..probabilities.len()).map(|room| Pose2::new(5.0 * room as f64, 0.0, 0.0));
+    member(number, Verdict::Ambiguous { alternatives: rooms.zip(probabilities.iter().copied()).collect() })
+}
+
+fn candidate(member: &Member) -> Candidate<'_> {
+    let modes = super::super::candidates::modes(&member.verdict);
+    Candidate { member, modes, extent: EXTENT, points: 1_000 }
+}
+
+fn said(a: u128, b: u128, said: &[(u8, u8, [u16; 3])]) -> Comparison {
+    let one = |(m, n, [agree, recolored, differ]): &(u8, u8, [u16; 3])| {
+        (*m, *n, Agreement { agree: *agree, recolored: *recolored, differ: *differ })
+    };
+    Comparison { a: a.to_string(), b: b.to_string(), said: said.iter().map(one).collect() }
+}
+
+const SAME: [u16; 3] = [60, 2, 0];
+const OTHER: [u16; 3] = [5, 5, 80];
+
+/// Members, comparisons, and the expected room of the last clip; none if it stays open.
+type Case = (&'static str, Vec<Member>, Vec<Comparison>, Option<usize>);
+
+#[test]
+fn all_clips_decide_together() {
+    let cases: Vec<Case> = vec![
+        ("alone", vec![in_one_of(0, &[0.5, 0.45])], vec![], None),
+        (
+            "a sure clip contradicts one room",
+            vec![aligned(0, 5.0), in_one_of(1, &[0.5, 0.45])],
+            vec![said(0, 1, &[(0, 1, OTHER)])],
+            Some(0),
+        ),
+        (
+            "agreement alone does not decide",
+            vec![aligned(0, 5.0), in_one_of(1, &[0.5, 0.45])],
+            vec![said(0, 1, &[(0, 1, SAME)])],
+            None,
+        ),
+        (
+            "two open clips that agree in either room",
+            vec![in_one_of(0, &[0.5, 0.45]), in_one_of(1, &[0.5, 0.45])],
+            vec![said(0, 1, &[(0, 0, SAME), (0, 1, OTHER), (1, 0, OTHER), (1, 1, SAME)])],
+            None,
+        ),
+        (
+            "an open clip decides another one, after a sure clip has decided it",
+            vec![aligned(0, 0.0), in_one_of(1, &[0.5, 0.49]), in_one_of(2, &[0.5, 0.49])],
+            vec![
+                said(0, 1, &[(0, 0, OTHER)]),
+                said(1, 2, &[(0, 0, OTHER), (0, 1, OTHER), (1, 0, OTHER), (1, 1, SAME)]),
+            ],
+            Some(1),
+        ),
+        (
+            "contradicted everywhere, it is elsewhere",
+            vec![aligned(0, 0.0), in_one_of(1, &[0.5, 0.45])],
+            vec![said(0, 1, &[(0, 0, OTHER), (0, 1, OTHER)])],
+            None,
+        ),
+    ];
+    for (name, members, comparisons, expected) in cases {
+        let candidates: Vec<Candidate> = members.iter().map(candidate).collect();
+        let marginals = marginals(&candidates, &comparisons);
+        let last = marginals[marginals.len() - 1].unwrap();
+        let room = (last.probability >= super::super::poses::SURE).then_some(last.mode);
+        // A contradicted pair leaves the small chance that the sure clip is wrong.
+        let likely = (last.probability > 0.85).then_some(last.mode);
+        assert_eq!(expected.and(likely), expected, "{name}: {last:?}");
+        assert!(expected.is_some() || room.is_none(), "{name}: {last:?}");
+    }
+}
+
+#[test]
+fn poses_close_together_are_one_explanation() {
+    let near =
+        vec![(Pose2::IDENTITY, 0.45), (Pose2::new(0.1, 0.0, 0.02), 0.4), (Pose2::new(5.0, 0.0, 0.0), 0.1)];
+    let member = member(0, Verdict::Ambiguous { alternatives: near });
+    let found = marginals(&[candidate(&member)], &[])[0].unwrap();
+    assert!(found.mode == 0 && (found.probability - 0.85).abs() < 1e-6, "{found:?}");
+}
+
+/// Poses that share no floor are not compared, nor two clips that a person placed.
+#[test]
+fn only_poses_that_may_meet_are_compared() {
+    let chosen = |number, x_m| member(number, Verdict::Chosen { map_from_clip: Pose2::new(x_m, 0.0, 0.0) });
+    let members = [chosen(0, 0.0), chosen(1, 1.0), in_one_of(2, &[0.5, 0.3, 0.1])];
+    let candidates: Vec<Candidate> = members.iter().map(candidate).collect();
+    let found = pairs(&candidates);
+    let expected = Pairs::from([((0, 2), vec![(0, 0)]), ((1, 2), vec![(0, 0), (0, 1)])]);
+    assert_eq!(found, expected);
+}
+
+/// However many clips agree, and in however many patches.
+#[test]
+fn agreement_counts_once() {
+    let members: Vec<Member> =
+        (0..5).map(|number| aligned(number, 0.0)).chain([in_one_of(5, &[0.5, 0.4])]).collect();
+    let candidates: Vec<Candidate> = members.iter().map(candidate).collect();
+    let with = |count: u128, patches: [u16; 3]| {
+        let comparisons: Vec<Comparison> = (0..count).map(|a| said(a, 5, &[(0, 0, patches)])).collect();
+        marginals(&candidates, &comparisons)[5].unwrap().probability
+    };
+    assert!((with(1, [500, 0, 0]) - with(5, [500, 0, 0])).abs() < 0.02);
+    assert!(
+        with(5, [5_000, 0, 0]) < 0.95 && with(1, SAME) > 0.7,
+        "{} {}",
+        with(5, [5_000, 0, 0]),
+        with(1, SAME)
+    );
+    // They leave the other alternative.
+    assert!(with(2, OTHER) > with(1, OTHER), "contradictions add up");
+}

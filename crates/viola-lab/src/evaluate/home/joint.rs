@@ -1,0 +1,157 @@
+//! Simulated homes whose clips are placed together: how many ambiguous clips the others place, and whether
+//! the probabilities hold.
+
+mod clips;
+mod table;
+
+use super::member::member;
+use crate::evaluate::HomesParams;
+use crate::simulate::Set;
+use clips::{AlignedClip, clips};
+use serde::Serialize;
+use std::convert::Infallible;
+use std::path::{Path, PathBuf};
+use viola_align::{AlignError, AlignParams, AlignmentState};
+use viola_formats::lidar::LidarError;
+use viola_geometry::Pose2;
+use viola_geometry::progress::Progress;
+use viola_home::{
+    ClipContribution, Comparison, Manifest, Member, PlacedBy, SURE, Verdict, assemble, compare, likeliest,
+};
+
+pub use table::JointRow;
+
+/// Loads a clip for [`assemble`].
+type Load<'a> = dyn FnMut(&Member) -> Result<ClipContribution, Infallible> + 'a;
+
+/// Results of one home.
+#[derive(Debug, Clone, Serialize)]
+pub struct JointHome {
+    pub set: &'static str,
+    pub seed: u64,
+    pub clips: Vec<JointClip>,
+    /// Of the clips at their possible poses; by the clips' numbers.
+    pub comparisons: Vec<Comparison>,
+    /// The same with all clips at their true poses, which come first of the poses of each.
+    pub at_truth: Vec<Comparison>,
+}
+
+/// Result of one clip.
+#[derive(Debug, Clone, Serialize)]
+pub struct JointClip {
+    pub alone: AlignmentState,
+    /// The possible poses.
+    pub modes: Vec<JointMode>,
+    /// True for an ambiguous clip whose true pose gets a probability of at least [`SURE`] if all other clips
+    /// are at their true poses.
+    pub decidable: bool,
+    /// Probability of the likeliest pose by all clips, and whether it is right; none for failed clips.
+    pub probability: Option<f64>,
+    pub is_right: Option<bool>,
+    /// How the clip came into the map; none if it is not there.
+    pub placed_by: Option<PlacedBy>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub struct JointMode {
+    pub map_from_clip: Pose2,
+    pub probability: f64,
+    pub is_right: bool,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum JointError {
+    #[error(transparent)]
+    Align(#[from] AlignError),
+    #[error("the map of a simulated home: {0}")]
+    Lidar(#[from] LidarError),
+    #[error("{path}: {source}")]
+    File { path: PathBuf, source: std::io::Error },
+    #[error("{path} is not a clip of this evaluation; delete the folder to begin anew")]
+    Damaged { path: PathBuf },
+}
+
+/// Aligns the clips of a simulated home one by one, then places them together. Aligned clips are kept in
+/// `folder`.
+pub fn joint(
+    set: Set,
+    seed: u64,
+    homes: &HomesParams,
+    params: &AlignParams,
+    folder: &Path,
+    progress: &dyn Progress,
+) -> Result<JointHome, JointError> {
+    let clips = clips(set, seed, homes, params, folder, progress)?;
+    let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
+        let clip = member.share.parse::<usize>().ok().and_then(|number| clips.get(number));
+        Ok(clip.map_or_else(ClipContribution::nothing, |clip| clip.share.clone()))
+    };
+    let own =
+        |(number, clip): (usize, &AlignedClip)| Some(member(number, Verdict::of(&clip.answer.alignment)?));
+    let members: Vec<Member> = clips.iter().enumerate().filter_map(own).collect();
+    let Ok(assembly) = assemble(&Manifest::default(), members, &mut load);
+    let with_truth = |(number, clip): (usize, &AlignedClip)| {
+        Verdict::of(&clip.answer.alignment)?;
+        Some(member(number, Verdict::Ambiguous { alternatives: true_then_wrong(clip) }))
+    };
+    let Ok(at_truth) = compare(clips.iter().enumerate().filter_map(with_truth).collect(), &mut load);
+    let Manifest { clips: placed, known, comparisons, .. } = assembly.manifest;
+    let decidable: Vec<bool> =
+        (0..clips.len()).map(|number| is_decidable(number, &clips, &mut load)).collect();
+    let result = |(number, clip): (usize, &AlignedClip)| {
+        let share = number.to_string();
+        let known = known.iter().find(|known| known.share == share);
+        let marginal = known.and_then(|known| known.marginal);
+        let pose = known.zip(marginal).and_then(|(known, marginal)| known.modes.get(marginal.mode));
+        JointClip {
+            alone: clip.answer.alignment.state,
+            modes: modes(clip),
+            decidable: decidable[number],
+            probability: marginal.map(|marginal| marginal.probability),
+            is_right: pose.map(|pose| clip.is_right(pose)),
+            placed_by: placed.iter().find(|placed| placed.share == share).map(|placed| placed.by),
+        }
+    };
+    let clips = clips.iter().enumerate().map(result).collect();
+    Ok(JointHome { set: set.name(), seed, clips, comparisons, at_truth })
+}
+
+fn modes(clip: &AlignedClip) -> Vec<JointMode> {
+    let mode = |(map_from_clip, probability): (Pose2, f64)| JointMode {
+        is_right: clip.is_right(&map_from_clip),
+        map_from_clip,
+        probability,
+    };
+    match Verdict::of(&clip.answer.alignment) {
+        Some(Verdict::Aligned { map_from_clip, probability, .. }) => {
+            vec![mode((map_from_clip, probability.unwrap_or(0.0)))]
+        }
+        Some(Verdict::Ambiguous { alternatives }) => alternatives.into_iter().map(mode).collect(),
+        Some(Verdict::Chosen { .. }) | None => Vec::new(),
+    }
+}
+
+/// Returns the true pose, then the alternatives that are wrong.
+fn true_then_wrong(clip: &AlignedClip) -> Vec<(Pose2, f64)> {
+    let wrong = modes(clip).into_iter().filter(|mode| !mode.is_right);
+    let wrong = wrong.map(|mode| (mode.map_from_clip, 0.01));
+    std::iter::once((clip.answer.map_from_clip, 1.0)).chain(wrong).collect()
+}
+
+/// Returns whether an ambiguous clip is placed, and rightly, if the others are at their true poses.
+fn is_decidable(number: usize, clips: &[AlignedClip], load: &mut Load) -> bool {
+    let clip = &clips[number];
+    if clip.answer.alignment.state != AlignmentState::Ambiguous {
+        return false;
+    }
+    let verdict = |other: usize| match Verdict::of(&clips[other].answer.alignment)? {
+        own if other == number => Some(own),
+        _ => Some(Verdict::Chosen { map_from_clip: clips[other].answer.map_from_clip }),
+    };
+    let members = (0..clips.len()).filter_map(|other| Some(member(other, verdict(other)?))).collect();
+    let Ok(known) = likeliest(members, load);
+    let known = known.iter().find(|known| known.share == number.to_string());
+    known.zip(known.and_then(|known| known.marginal)).is_some_and(|(known, marginal)| {
+        marginal.probability >= SURE && clip.is_right(&known.modes[marginal.mode])
+    })
+}
