@@ -84,7 +84,7 @@ pub fn joint(
     let clips = clips(set, seed, homes, params, folder, progress)?;
     let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
         let clip = member.share.parse::<usize>().ok().and_then(|number| clips.get(number));
-        Ok(clip.map_or_else(ClipContribution::nothing, |clip| clip.share.clone()))
+        Ok(clip.map_or_else(ClipContribution::default, |clip| clip.share.clone()))
     };
     let own =
         |(number, clip): (usize, &AlignedClip)| Some(member(number, Verdict::of(&clip.answer.alignment)?));

@@ -10,7 +10,7 @@ use viola_align::{AlignParams, Alignment, align};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Progress;
 use viola_geometry::{Pose2, angle_between};
-use viola_home::{ClipContribution, MAP_VOXEL_M, cloud_ply, read_cloud_ply, read_views, views_bytes};
+use viola_home::{ClipContribution, cloud_ply, views_bytes};
 
 /// A clip aligned by itself, with the truth.
 pub(super) struct AlignedClip {
@@ -84,10 +84,9 @@ fn read(path: &Path) -> Result<Option<AlignedClip>, JointError> {
         std::fs::read(&path).map_err(|source| JointError::File { path, source })
     };
     let damaged = || JointError::Damaged { path: answer.clone() };
-    let answer_of = serde_json::from_slice(&file(ANSWER)?).map_err(|_| damaged())?;
-    let cloud_in_clip = read_cloud_ply(&file(CLOUD)?, MAP_VOXEL_M).map_err(|_| damaged())?;
-    let views = read_views(&file(VIEWS)?).map_err(|_| damaged())?;
-    Ok(Some(AlignedClip { answer: answer_of, share: ClipContribution::new(cloud_in_clip, views) }))
+    let share = ClipContribution::read(&file(CLOUD)?, &file(VIEWS)?).map_err(|_| damaged())?;
+    let answer = serde_json::from_slice(&file(ANSWER)?).map_err(|_| damaged())?;
+    Ok(Some(AlignedClip { answer, share }))
 }
 
 fn write(path: &Path, clip: &AlignedClip) -> Result<(), JointError> {
