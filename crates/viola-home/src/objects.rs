@@ -39,8 +39,8 @@ const REACH_M: f64 = 0.13;
 const MIN_SURFACE_M2: f64 = 0.06;
 /// Minimum length of its longest side, in metres.
 const MIN_SIDE_M: f64 = 0.25;
-/// Minimum confidence of an object.
-const MIN_CONFIDENCE: f64 = 0.35;
+/// Minimum confidence of an object: it is more probably right than wrong.
+const MIN_CONFIDENCE: f64 = 0.5;
 /// An object that is further from all rooms is not in the home. Outlines of rooms end at furniture under which the
 /// robot does not drive, and a thick wall is between.
 const MOST_OUTSIDE_M: f64 = 0.4;
@@ -197,6 +197,9 @@ impl Scene<'_> {
         let mut bounds = fit_box(&at, self.wall_yaw_rad, fit::BEYOND)?;
         // Points are at voxel centres, so a side is at least one voxel.
         bounds.size_m = bounds.size_m.map(|side| side.max(self.voxel_m));
+        if bounds.size_m.iter().all(|side| *side < MIN_SIDE_M) {
+            return None;
+        }
         let contact = self.walls.contact(&bounds);
         let decided = fragment.decide(&bounds, contact, fragment::flatness(fragment, cells))?;
         if prior::stands(decided.class, &bounds) {
@@ -212,8 +215,7 @@ impl Scene<'_> {
             bounds.size_m[2] = kind::BASIN_M;
         }
         let outside_m = place::outside_m(&bounds, self.rooms);
-        let longest_m = bounds.size_m.iter().copied().fold(0.0, f64::max);
-        if longest_m < MIN_SIDE_M || outside_m > MOST_OUTSIDE_M {
+        if outside_m > MOST_OUTSIDE_M {
             return None;
         }
         let [l, w, h] = bounds.size_m;

@@ -126,7 +126,7 @@ fn placed(kept: &[Candidate], candidate: &Candidate) -> Result<(Vec<UprightBox>,
 fn trimmed(places: &[[f64; 3]], of: &UprightBox, other: &UprightBox) -> Option<(f64, UprightBox)> {
     const STEP_M: f64 = 0.03;
     let sides = (0..4).filter_map(|side| {
-        let axis = if side % 2 == 0 { 1 } else { 0 };
+        let axis = 1 - side % 2;
         let most = (0.5 * of.size_m[axis] / STEP_M) as usize;
         let cut = |steps: usize| {
             let mut bounds = *of;

@@ -84,7 +84,7 @@ impl Walls {
             let middle = seen.len() / 2;
             let by_m = *seen.select_nth_unstable_by(middle, f64::total_cmp).1;
             // A thin box at a wall stays as thick as it was seen.
-            if bounds.size_m[if side % 2 == 0 { 1 } else { 0 }] > 4.0 * by_m.abs() {
+            if bounds.size_m[1 - side % 2] > 4.0 * by_m.abs() {
                 move_side(bounds, side, by_m);
             }
         }
@@ -93,7 +93,7 @@ impl Walls {
 
 /// Moves one side of a box outwards. Sides 0 and 2 bound its width, 1 and 3 its length.
 pub fn move_side(bounds: &mut UprightBox, side: usize, by_m: f64) {
-    let axis = if side % 2 == 0 { 1 } else { 0 };
+    let axis = 1 - side % 2;
     let by_m = by_m.max(0.01 - bounds.size_m[axis]);
     let sign = if side == 1 || side == 2 { 1.0 } else { -1.0 };
     let (s, c) = bounds.yaw_rad.sin_cos();
