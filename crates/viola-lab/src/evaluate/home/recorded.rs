@@ -58,12 +58,12 @@ pub fn recorded(
                 probability: Some(1.0),
             },
         });
-        shares.push(ClipContribution { cloud_in_clip: observation.cloud_in_clip, views: Vec::new() });
+        shares.push(ClipContribution::new(observation.cloud_in_clip, Vec::new()));
         last = Some(clip);
     }
     let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
         let share = member.share.parse::<usize>().ok().and_then(|number| shares.get(number));
-        Ok(share.cloned().unwrap_or_else(ClipContribution::nothing))
+        Ok(share.cloned().unwrap_or_else(ClipContribution::default))
     };
     let Ok(assembly) = assemble(&Manifest::default(), members, &mut load);
     let clips = ClipNumbers::new(assembly.manifest.clips.iter().map(|clip| &clip.clip));
