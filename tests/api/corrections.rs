@@ -148,7 +148,6 @@ async fn corrections_survive_ten_revisions_and_a_new_lidar_map() {
     let change = json!({"class": "sofa", "centre_m": place});
     patch(&server, &format!("{home}/map/objects/{id}"), &change).await.ok(200);
     patch(&server, &format!("{home}/map/rooms/{room_id}"), &json!({"name": "Lounge"})).await.ok(200);
-    let mut last = objects["revision"].clone();
     let is_corrected = |list: &Value, place: [f64; 3]| {
         let object = find(list, "objects", &id)?;
         let at = object["centre_m"].as_array()?;
@@ -156,6 +155,10 @@ async fn corrections_survive_ten_revisions_and_a_new_lidar_map() {
         (object["class"] == "sofa" && near && object["corrected"] == json!(["class", "centre_m"]))
             .then_some(())
     };
+    // Both corrections are in the map before a clip comes, so that each later revision is of a clip.
+    list(&server, &home, "objects", |list| is_corrected(list, place).is_some()).await;
+    let is_named = |list: &Value| list["rooms"][0]["name"] == "Lounge";
+    let mut last = list(&server, &home, "rooms", is_named).await["revision"].clone();
     for n in 0..6 {
         let clip = add(&server, &home, 20 + n).await;
         let with = after(&server, &home, "objects", &last).await;
