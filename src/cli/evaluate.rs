@@ -56,10 +56,9 @@ pub struct EvaluateArguments {
     #[arg(long)]
     keep_poses: bool,
     /// Fit the model to this run's results and write it to FILE: the weights of the loss, the temperature and
-    /// the coefficients of the probability (`crates/viola-align/src/score/model.json`). With --home: the confidence
-    /// of objects (`crates/viola-home/src/objects/model.json`).
+    /// the coefficients of the probability (`crates/viola-align/src/score/model.json`).
     #[arg(long, value_name = "FILE")]
-    pub(super) fit: Option<PathBuf>,
+    fit: Option<PathBuf>,
     /// LiDAR map of the scene; by default it is simulated from the mesh in SCENE/mesh.
     #[arg(long, requires = "truth")]
     lidar: Option<PathBuf>,
@@ -70,8 +69,7 @@ pub struct EvaluateArguments {
     #[arg(long, default_value = "60", value_delimiter = ',')]
     pub(super) frames: Vec<usize>,
     /// Number of clips. Scene: excerpts of each length, drawn at random. Simulated: clips of each home,
-    /// default 3 (1 with --track, 14 with --joint); with --home, maps fused from that many recordings of each
-    /// home are evaluated too, with the labels of the surface network. Map: clips of each map, default 10.
+    /// default 3 (1 with --track, 14 with --joint). Map: clips of each map, default 10.
     #[arg(long)]
     pub(super) clips: Option<usize>,
     /// Evaluate the classes of points, instead of poses: of a scene against its labelled mesh, of simulated
@@ -83,7 +81,7 @@ pub struct EvaluateArguments {
     labels: bool,
     /// Evaluate the fused map, its rooms and its objects, instead of poses: for a scene against its labelled
     /// mesh, for simulated homes against their truth.
-    #[arg(long, conflicts_with_all = ["map", "labels"])]
+    #[arg(long, conflicts_with_all = ["map", "labels", "fit"])]
     home: bool,
     /// Evaluate the clips of simulated homes placed together, instead of each by itself: --clips of each home
     /// (default 14), of the first of the --frames. Aligned clips in the output folder are not aligned again.

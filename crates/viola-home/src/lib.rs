@@ -41,10 +41,7 @@ pub use identity::{
 pub use info::{ClassCount, HomeMapInfo};
 pub use lettering::write as write_words;
 pub use map_point::MapPoint;
-pub use objects::{
-    Candidate, ConfidenceModel, Found, OBJECT_FEATURES, Object, ObjectEvidence, ObjectsParams, UprightBox,
-    candidates, conflicts, find_objects, fit_box, is_furniture, objects,
-};
+pub use objects::{Found, Object, ObjectsParams, UprightBox, find_objects, fit_box, is_furniture, objects};
 pub use picture::{PictureFrame, lidar_png, overlay_png};
 pub use plan::{Plan, plan, plan_geojson, plan_png, plan_svg};
 pub use ply::{NotOurs, cloud_ply, read_cloud_ply};

@@ -5,30 +5,22 @@
 //! labels and its size.
 
 mod cells;
-mod confidence;
-mod conflict;
 mod context;
 pub(super) mod fit;
 mod fragment;
 mod join;
 mod kind;
-mod place;
-mod prior;
 mod split;
 
-pub use confidence::{ConfidenceModel, FEATURES as OBJECT_FEATURES, ObjectEvidence};
-pub use conflict::conflicts;
 pub use fit::{UprightBox, fit_box};
 pub use kind::is_furniture;
 
 use super::map_point::MapPoint;
 use super::rooms::{Room, room_at};
 use cells::Cells;
-use confidence::confidence;
 use fragment::Fragment;
-use place::Walls;
 use serde::{Deserialize, Serialize};
-use viola_geometry::taxonomy::{Class, Purposes};
+use viola_geometry::taxonomy::Class;
 
 /// Side of the cells; at least one and a half voxels.
 const CELL_M: f64 = 0.06;
@@ -36,14 +28,11 @@ const CELL_M: f64 = 0.06;
 /// Maximum gap between connected cells of a class: less than an inner wall with its adjacent cells.
 const REACH_M: f64 = 0.13;
 /// Minimum surface of an object, in square metres.
-const MIN_SURFACE_M2: f64 = 0.06;
+const MIN_SURFACE_M2: f64 = 0.12;
 /// Minimum length of its longest side, in metres.
 const MIN_SIDE_M: f64 = 0.25;
-/// Minimum confidence of an object: it is more probably right than wrong.
-const MIN_CONFIDENCE: f64 = 0.5;
-/// An object that is further from all rooms is not in the home. Outlines of rooms end at furniture under which the
-/// robot does not drive, and a thick wall is between.
-const MOST_OUTSIDE_M: f64 = 0.4;
+/// Minimum confidence of an object.
+const MIN_CONFIDENCE: f64 = 0.35;
 /// An object this far from a room belongs to it: objects stand at walls.
 const ROOM_REACH_M: f64 = 1.0;
 /// Minimum fraction of an object's points for a clip to be listed.
@@ -102,10 +91,17 @@ pub fn objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams) -> V
 
 /// Returns the objects of a home with their points, in the same order.
 pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams) -> Vec<Found> {
-    let sure = candidates(points, rooms, params)
-        .into_iter()
-        .filter(|candidate| candidate.confidence >= MIN_CONFIDENCE);
-    let mut found: Vec<Found> = sure.map(|candidate| finish(candidate, points, rooms)).collect();
+    let cells = Cells::new(points, CELL_M.max(1.5 * params.voxel_m));
+    let labels = cells.labels();
+    let wall_yaw_rad = cells.wall_direction(&labels);
+    let reach = ((REACH_M / cells.side_m) as i64).max(1);
+    let fragments = fragment::fragments(&cells, &labels, reach);
+    // Split before joining, so that a row of chairs is not joined to the sofa beside it, and again after.
+    let apart = fragments.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
+    let joined = join::join(apart.collect(), &cells, &labels, wall_yaw_rad);
+    let split = joined.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
+    let mut found: Vec<Found> =
+        split.filter_map(|f| finish(&f, &cells, points, rooms, wall_yaw_rad, params)).collect();
     context::tell_nightstands(&mut found);
     let place = |found: &Found| found.object.centre_m;
     found.sort_by(|a, b| {
@@ -122,142 +118,49 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
     found
 }
 
-/// A possible object.
-#[derive(Debug, Clone)]
-pub struct Candidate {
-    pub class: Class,
-    pub bounds: UprightBox,
-    pub confidence: f64,
-    pub evidence: ObjectEvidence,
-    /// Centres of its cells.
-    places: Vec<[f64; 3]>,
-    /// Sorted indices of its points in the map.
-    members: Vec<u32>,
-}
-
-/// Returns all possible objects that do not get in each other's way, the most confident first.
-pub fn candidates(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams) -> Vec<Candidate> {
-    let cells = Cells::new(points, CELL_M.max(1.5 * params.voxel_m));
-    let labels = cells.labels();
-    let wall_yaw_rad = cells.wall_direction(&labels);
-    let reach = ((REACH_M / cells.side_m) as i64).max(1);
-    let fragments = fragment::fragments(&cells, &labels, reach);
-    // Split before joining, so that a row of chairs is not joined to the sofa beside it, and again after.
-    let apart = fragments.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
-    let joined = join::join(apart.collect(), &cells, &labels, wall_yaw_rad);
-    let split: Vec<Fragment> =
-        joined.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad)).collect();
-    let walls = Walls::new(&cells, &labels);
-    let scene = Scene { points, rooms, voxel_m: params.voxel_m, walls, wall_yaw_rad, cells, labels };
-    let mut all: Vec<Candidate> = split.iter().filter_map(|fragment| scene.candidate(fragment)).collect();
-    all.sort_by(|a, b| b.confidence.total_cmp(&a.confidence).then(a.members[0].cmp(&b.members[0])));
-    conflict::resolve(all)
-}
-
-/// The map in which objects are looked for.
-struct Scene<'a> {
-    points: &'a [MapPoint],
-    rooms: &'a [Room],
-    voxel_m: f64,
-    cells: Cells,
-    labels: Vec<Option<(Class, f32)>>,
-    walls: Walls,
+/// Returns a fragment's object; none if it is too small or too uncertain.
+fn finish(
+    fragment: &Fragment,
+    cells: &Cells,
+    points: &[MapPoint],
+    rooms: &[Room],
     wall_yaw_rad: Option<f64>,
-}
-
-impl Scene<'_> {
-    /// Returns whether labels call the surface below a sink's basin a sink too: a pedestal, not a cabinet.
-    fn is_below_basin(&self, fragment: &Fragment, bounds: &UprightBox) -> bool {
-        let low_m = bounds.top_m() - kind::BASIN_M;
-        let below = fragment
-            .cells
-            .iter()
-            .map(|cell| *cell as usize)
-            .filter(|cell| self.cells.centre(*cell)[2] < low_m);
-        let (mut sinks, mut all) = (0, 0);
-        for cell in below {
-            all += 1;
-            sinks += usize::from(self.labels[cell].is_some_and(|(class, _)| class == Class::Sink));
-        }
-        2 * sinks > all
+    params: &ObjectsParams,
+) -> Option<Found> {
+    let surface_m2 = fragment.cells.len() as f64 * cells.side_m * cells.side_m;
+    if surface_m2 < MIN_SURFACE_M2 {
+        return None;
     }
-
-    /// Returns a fragment's object; none if it is too small or outside the home.
-    fn candidate(&self, fragment: &Fragment) -> Option<Candidate> {
-        let cells = &self.cells;
-        let surface_m2 = fragment.cells.len() as f64 * cells.side_m * cells.side_m;
-        if surface_m2 < MIN_SURFACE_M2 {
-            return None;
-        }
-        let mut members: Vec<u32> =
-            fragment.cells.iter().flat_map(|cell| cells.points(*cell as usize)).copied().collect();
-        members.sort_unstable();
-        let at: Vec<[f64; 3]> =
-            members.iter().map(|i| self.points[*i as usize].point.position_m.map(f64::from)).collect();
-        let mut bounds = fit_box(&at, self.wall_yaw_rad, fit::BEYOND)?;
-        // Points are at voxel centres, so a side is at least one voxel.
-        bounds.size_m = bounds.size_m.map(|side| side.max(self.voxel_m));
-        if bounds.size_m.iter().all(|side| *side < MIN_SIDE_M) {
-            return None;
-        }
-        let contact = self.walls.contact(&bounds);
-        let decided = fragment.decide(&bounds, contact, fragment::flatness(fragment, cells))?;
-        if prior::stands(decided.class, &bounds) {
-            let top_m = bounds.top_m();
-            bounds.size_m[2] = top_m;
-            bounds.centre_m[2] = top_m / 2.0;
-        }
-        if decided.class == Class::Sink
-            && bounds.size_m[2] > kind::BASIN_M
-            && !self.is_below_basin(fragment, &bounds)
-        {
-            bounds.centre_m[2] = bounds.top_m() - kind::BASIN_M / 2.0;
-            bounds.size_m[2] = kind::BASIN_M;
-        }
-        let outside_m = place::outside_m(&bounds, self.rooms);
-        if outside_m > MOST_OUTSIDE_M {
-            return None;
-        }
-        let [l, w, h] = bounds.size_m;
-        let room = room_at(self.rooms, &fit::middle(&bounds), ROOM_REACH_M);
-        let purposes = room.and_then(|room| room.name.as_deref()).map_or(Purposes::NONE, Purposes::of_name);
-        let said: f64 =
-            members.iter().map(|i| f64::from(self.points[*i as usize].point.label.probability())).sum();
-        let evidence = ObjectEvidence {
-            posterior: decided.posterior,
-            heard: decided.heard,
-            named: decided.named,
-            size_fit: prior::size_fit(decided.class, &bounds)?,
-            surface_m2,
-            coverage: surface_m2 / (l * w + l * h + w * h).max(1e-3),
-            label_probability: said / members.len() as f64,
-            contact,
-            outside_m,
-            suits_room: purposes.suit(decided.class).map_or(0.0, |suits| if suits { 1.0 } else { -1.0 }),
-        };
-        self.walls.snap(&mut bounds);
-        Some(Candidate {
-            class: decided.class,
-            bounds,
-            confidence: confidence(decided.class, &evidence),
-            evidence,
-            places: fragment.cells.iter().map(|cell| cells.centre(*cell as usize)).collect(),
-            members,
-        })
+    let mut members: Vec<u32> =
+        fragment.cells.iter().flat_map(|cell| cells.points(*cell as usize)).copied().collect();
+    members.sort_unstable();
+    let at: Vec<[f64; 3]> =
+        members.iter().map(|i| points[*i as usize].point.position_m.map(f64::from)).collect();
+    let mut bounds = fit_box(&at, wall_yaw_rad, fit::BEYOND)?;
+    // Points are at voxel centres, so a side is at least one voxel.
+    bounds.size_m = bounds.size_m.map(|side| side.max(params.voxel_m));
+    let decided = fragment.decide(&bounds, fragment::flatness(fragment, cells))?;
+    if decided.kind.stands && bounds.bottom_m() < decided.reaches_down_m {
+        let top_m = bounds.top_m();
+        bounds.size_m[2] = top_m;
+        bounds.centre_m[2] = top_m / 2.0;
     }
-}
-
-/// Returns a candidate as an object of the home, without its id.
-fn finish(candidate: Candidate, points: &[MapPoint], rooms: &[Room]) -> Found {
-    let Candidate { class, bounds, confidence, members, .. } = candidate;
+    if decided.class == Class::Sink && bounds.size_m[2] > kind::BASIN_M {
+        bounds.centre_m[2] = bounds.top_m() - kind::BASIN_M / 2.0;
+        bounds.size_m[2] = kind::BASIN_M;
+    }
+    let longest_m = bounds.size_m.iter().copied().fold(0.0, f64::max);
+    if longest_m < MIN_SIDE_M || decided.confidence < MIN_CONFIDENCE {
+        return None;
+    }
     let mut shares: std::collections::BTreeMap<u16, usize> = std::collections::BTreeMap::new();
     members.iter().for_each(|i| *shares.entry(points[*i as usize].clip).or_default() += 1);
     let least = (CLIP_SHARE * members.len() as f64).max(1.0);
     let clips = shares.into_iter().filter(|(_, count)| *count as f64 >= least).map(|(clip, _)| clip);
     let object = Object {
         id: String::new(),
-        class,
-        confidence,
+        class: decided.class,
+        confidence: decided.confidence,
         centre_m: bounds.centre_m,
         size_m: bounds.size_m,
         yaw_rad: bounds.yaw_rad,
@@ -265,7 +168,7 @@ fn finish(candidate: Candidate, points: &[MapPoint], rooms: &[Room]) -> Found {
         points: members.len(),
         clips: clips.collect(),
     };
-    Found { object, members }
+    Some(Found { object, members })
 }
 
 #[cfg(test)]

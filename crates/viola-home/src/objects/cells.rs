@@ -23,8 +23,7 @@ pub struct Cells {
     points: Vec<u32>,
     /// Sums of the points' normals.
     normals: Vec<[f32; 3]>,
-    /// Votes of each cell's points, by class; after smoothing, fractions of the votes of the cell and of the
-    /// cells around it on the same surface.
+    /// Votes of each cell's points, by class.
     votes: Vec<[f32; CLASSES]>,
 }
 
@@ -66,7 +65,6 @@ impl Cells {
         }
         cells.start.push(cells.points.len() as u32);
         cells.of_key = (0u32..).zip(&cells.keys).map(|(i, key)| (*key, i)).collect();
-        cells.smooth();
         cells
     }
 
@@ -130,18 +128,9 @@ impl Cells {
         Some([n.x, n.y, n.z])
     }
 
-    /// Returns each cell's class and its fraction of the votes. None without votes.
+    /// Returns each cell's class and its fraction of the votes of the cell and the cells around it on the
+    /// same surface. None without votes.
     pub fn labels(&self) -> Vec<Option<(Class, f32)>> {
-        self.votes.iter().map(likeliest).collect()
-    }
-
-    /// Returns a cell's fraction of the votes for each class; zeros without votes.
-    pub fn shares(&self, cell: usize) -> &[f32; CLASSES] {
-        &self.votes[cell]
-    }
-
-    /// Adds to each cell the votes of the cells around it on the same surface.
-    fn smooth(&mut self) {
         let unit = |n: &[f32; 3]| {
             let n = nalgebra::Vector3::from(*n);
             n.try_normalize(1e-6).unwrap_or_else(nalgebra::Vector3::zeros)
@@ -163,13 +152,7 @@ impl Cells {
                 said[cell].iter().for_each(|(class, vote)| sums[other][usize::from(*class)] += weight * vote);
             }
         }
-        for votes in &mut sums {
-            let total: f32 = votes.iter().sum();
-            if total > 0.0 {
-                votes.iter_mut().for_each(|vote| *vote /= total);
-            }
-        }
-        self.votes = sums;
+        sums.iter().map(likeliest).collect()
     }
 }
 

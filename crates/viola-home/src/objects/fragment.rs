@@ -2,9 +2,7 @@
 
 use super::cells::Cells;
 use super::fit::UprightBox;
-use super::kind::{confusable, kind};
-use super::place::contact_likelihood;
-use super::prior::{frequency, size_likelihood};
+use super::kind::{Kind, confusable, kind};
 use viola_geometry::taxonomy::{CLASSES, Class};
 
 /// Cells of one object, or of a part of it.
@@ -14,16 +12,25 @@ pub struct Fragment {
     pub cells: Vec<u32>,
     /// Class with the most evidence.
     pub class: Class,
-    /// Sum over the cells of each class's fraction of the votes.
+    /// Sum over the cells of their class's fraction of the votes, by class.
     pub evidence: [f32; CLASSES],
 }
 
+/// Class decision for a fragment.
+pub struct Decided {
+    pub class: Class,
+    pub kind: Kind,
+    pub confidence: f64,
+    /// The box of a standing object extends to the floor if its bottom is below this height.
+    pub reaches_down_m: f64,
+}
+
 impl Fragment {
-    pub fn new(mut cells: Vec<u32>, all: &Cells) -> Fragment {
+    pub fn new(mut cells: Vec<u32>, labels: &[Option<(Class, f32)>]) -> Fragment {
         cells.sort_unstable();
         let mut evidence = [0.0; CLASSES];
-        for cell in &cells {
-            evidence.iter_mut().zip(all.shares(*cell as usize)).for_each(|(sum, share)| *sum += share);
+        for (class, share) in cells.iter().filter_map(|cell| labels[*cell as usize]) {
+            evidence[class as usize] += share;
         }
         let mut fragment = Fragment { cells, class: Class::Other, evidence };
         fragment.class = fragment.most();
@@ -31,15 +38,16 @@ impl Fragment {
     }
 
     fn most(&self) -> Class {
-        let best = Class::ALL.iter().filter(|class| counts(**class)).max_by(|a, b| {
+        let best = Class::ALL.iter().max_by(|a, b| {
             self.evidence[**a as usize].total_cmp(&self.evidence[**b as usize]).then(b.id().cmp(&a.id()))
         });
         best.copied().unwrap_or(Class::Other)
     }
 
-    /// Returns a part of it, of the same class.
-    pub fn part(&self, cells: Vec<u32>, all: &Cells) -> Fragment {
-        Fragment { class: self.class, ..Fragment::new(cells, all) }
+    /// Returns a part of it with `cells` and their fraction of the evidence.
+    pub fn part(&self, cells: Vec<u32>) -> Fragment {
+        let share = cells.len() as f32 / self.cells.len().max(1) as f32;
+        Fragment { cells, class: self.class, evidence: self.evidence.map(|said| said * share) }
     }
 
     pub fn join(&mut self, other: Fragment) {
@@ -51,56 +59,35 @@ impl Fragment {
         self.class = self.most();
     }
 
-    /// Returns the class with the largest product of votes and likelihoods of size, place and surface. `contact` is
-    /// how much of a side has a wall behind it, `flatness` the fraction of even surface; both in 0..1.
-    pub fn decide(&self, bounds: &UprightBox, contact: f64, flatness: f64) -> Option<Decided> {
-        let count: f64 = self.evidence.iter().map(|said| f64::from(*said)).sum();
-        let said = |class: Class| f64::from(self.evidence[class as usize]) / count.max(1e-9);
-        let objects = || Class::ALL.iter().copied().filter(|class| counts(*class));
-        let named: f64 = objects().map(said).sum();
-        let frequent =
-            |of: &dyn Fn(Class) -> bool| -> f64 { objects().filter(|class| of(*class)).map(frequency).sum() };
-        // Labels are wrong now and then, mostly within a family; the more frequent classes are likelier instead.
-        let anything = frequent(&|_| true);
-        let by_family: Vec<(Class, f64)> = objects()
-            .filter(|label| said(*label) > 0.0)
-            .map(|label| (label, said(label) / frequent(&|class| confusable(class, label))))
-            .collect();
-        let votes = |class: Class| {
-            let family: f64 =
-                by_family.iter().filter(|(label, _)| confusable(class, *label)).map(|(_, share)| share).sum();
-            (1.0 - BY_FAMILY - BY_ANY) * said(class)
-                + frequency(class) * (BY_FAMILY * family + BY_ANY * named / anything)
+    /// Returns the class with the largest evidence x size fit x surface factor. `flatness` is in 0..1.
+    pub fn decide(&self, bounds: &UprightBox, flatness: f64) -> Option<Decided> {
+        let said = |class: Class| f64::from(self.evidence[class as usize]);
+        // Evidence for a confusable class counts too, with less weight.
+        let mistaken = |class: Class| -> f64 {
+            let others = Class::ALL.iter().filter(|other| **other != class && confusable(class, **other));
+            others.map(|other| said(*other)).sum()
         };
-        let score = |class: Class| {
-            let size = SIZE_WEIGHT * size_likelihood(class, bounds)?;
-            let place = contact_likelihood(class, contact);
-            let surface = surface(class, flatness, self.cells.len()).ln();
-            Some((class, votes(class).max(1e-9).ln() + size + place + surface))
-        };
-        let scores: Vec<(Class, f64)> = Class::ALL.iter().filter_map(|class| score(*class)).collect();
-        let (class, most) = scores.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
-        let all: f64 = scores.iter().map(|(_, score)| (score - most).exp()).sum();
-        Some(Decided { class, posterior: 1.0 / all, heard: votes(class).min(1.0), named })
+        let mut best: Option<(f64, f64, Class, Kind)> = None;
+        for &class in Class::ALL {
+            let Some(kind) = kind(class) else { continue };
+            let fit = kind.fit(bounds.size_m[0], bounds.size_m[1], bounds.top_m());
+            let score =
+                (said(class) + MISTAKEN * mistaken(class)) * fit * surface(class, flatness, self.cells.len());
+            if score > 0.0 && best.as_ref().is_none_or(|(most, ..)| score > *most) {
+                best = Some((score, fit, class, kind));
+            }
+        }
+        let (_, fit, class, kind) = best?;
+        let count = self.cells.len() as f64;
+        // The existence is more certain than the class. Fewer cells lower the confidence.
+        let heard = (said(class) + 0.75 * mistaken(class)) / count;
+        let confidence = (heard * (0.5 + 0.5 * fit) * count / (count + 30.0)).clamp(0.0, 1.0);
+        Some(Decided { class, kind, confidence: (confidence * 1e3).round() / 1e3, reaches_down_m: 0.6 })
     }
 }
 
-/// A fragment's class.
-pub struct Decided {
-    pub class: Class,
-    /// Its posterior among all classes of objects.
-    pub posterior: f64,
-    /// Fraction of the labels that speak for it.
-    pub heard: f64,
-    /// Fraction of the labels that name any object.
-    pub named: f64,
-}
-
-/// Fractions of the labels that are wrong within a family of confusable classes, and beyond it.
-const BY_FAMILY: f64 = 0.2;
-const BY_ANY: f64 = 0.05;
-/// Exponent of the size's likelihood: the three sides of a box are seen from the same few places.
-const SIZE_WEIGHT: f64 = 0.7;
+/// Weight of evidence for a confusable class.
+const MISTAKEN: f64 = 0.35;
 
 /// Returns the likelihood factor of a surface's flatness. Cabinets have closed fronts; shelves show their
 /// contents. Most other classes have factor 1.
@@ -162,7 +149,7 @@ pub fn fragments(cells: &Cells, labels: &[Option<(Class, f32)>], reach: i64) -> 
             members.entry(root(&mut parent, cell)).or_default().push(cell);
         }
     }
-    let mut out: Vec<Fragment> = members.into_values().map(|of| Fragment::new(of, cells)).collect();
+    let mut out: Vec<Fragment> = members.into_values().map(|cells| Fragment::new(cells, labels)).collect();
     out.sort_by(|a, b| b.cells.len().cmp(&a.cells.len()).then(a.cells[0].cmp(&b.cells[0])));
     out
 }

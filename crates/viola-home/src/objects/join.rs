@@ -1,10 +1,9 @@
 //! Joins fragments of one object.
 
 use super::cells::Cells;
-use super::conflict::shared;
 use super::fit::{BEYOND, UprightBox, fit_box};
 use super::fragment::Fragment;
-use super::kind::{confusable, host_of, is_appliance, is_solid, is_storage, kind};
+use super::kind::{confusable, host_of, is_solid, is_storage, kind};
 use viola_geometry::taxonomy::Class;
 
 /// Minimum cells of a fragment; smaller ones are noise.
@@ -18,9 +17,6 @@ const GROW_M: f64 = 0.06;
 const TOUCH_SHARE: f64 = 0.25;
 /// Maximum gap between fragments of one class that form one object of plausible size.
 const GAP_M: f64 = 0.25;
-
-/// Minimum cells of an appliance that is no part of the furniture around it: labels err in patches.
-const MIN_APPLIANCE_CELLS: usize = 20;
 
 struct Part {
     fragment: Fragment,
@@ -106,10 +102,6 @@ fn belongs(
     let alone = kind(b)
         .map_or(0.0, |kind| kind.fit(small.bounds.size_m[0], small.bounds.size_m[1], small.bounds.top_m()));
     let ease = if a == b || alone < 0.5 { 0.2 } else { 1.0 };
-    // Ovens, sinks and machines are built into a kitchen's run.
-    if a != b && is_appliance(b) && alone >= 0.5 && small.fragment.cells.len() >= MIN_APPLIANCE_CELLS {
-        return false;
-    }
     if is_guest {
         return inside >= INSIDE_SHARE || beside >= TOUCH_SHARE;
     }
@@ -120,19 +112,7 @@ fn belongs(
     if within || grown_together {
         return plausible(large, small, wall_yaw_rad);
     }
-    if a == b && a == Class::Shelf && stacked(&large.bounds, &small.bounds) {
-        return true;
-    }
     a == b && near(large, small, GAP_M, is_wall) && plausible(large, small, wall_yaw_rad)
-}
-
-/// Returns whether one is above the other like boards of one shelf.
-fn stacked(a: &UprightBox, b: &UprightBox) -> bool {
-    /// Maximum height between boards, and minimum part of the smaller footprint that they share.
-    const BETWEEN_M: f64 = 0.45;
-    const SHARED: f64 = 0.6;
-    let gap_m = (b.bottom_m() - a.top_m()).max(a.bottom_m() - b.top_m());
-    gap_m <= BETWEEN_M && shared(a, b) >= SHARED
 }
 
 /// Returns whether both together fit the class's size about as well as the larger one alone.

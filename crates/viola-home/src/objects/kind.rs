@@ -10,40 +10,41 @@ pub struct Kind {
     pub short_m: Range<f64>,
     /// Height of its top above the floor.
     pub top_m: Range<f64>,
+    /// True if it stands on the floor: its box extends downwards.
+    pub stands: bool,
 }
 
 /// Returns the kind of a class; none for structure, people and unnamed things.
 pub fn kind(class: Class) -> Option<Kind> {
     use Class::*;
-    let kind = |long_m, short_m, top_m| Some(Kind { long_m, short_m, top_m });
+    let kind = |long_m, short_m, top_m, stands| Some(Kind { long_m, short_m, top_m, stands });
     match class {
-        Bed => kind(1.2..2.5, 0.7..2.3, 0.3..1.5),
-        Sofa => kind(1.1..4.0, 0.6..3.0, 0.55..1.2),
-        Chair => kind(0.35..1.1, 0.3..1.0, 0.4..1.4),
-        Table => kind(0.4..3.0, 0.3..1.6, 0.3..1.2),
-        Desk => kind(0.8..2.5, 0.4..1.6, 0.6..1.3),
-        Cabinet => kind(0.3..4.5, 0.2..0.8, 0.3..2.6),
-        Shelf => kind(0.3..4.5, 0.15..0.7, 0.3..2.6),
-        Counter => kind(0.6..5.0, 0.4..1.6, 0.8..1.2),
-        Refrigerator => kind(0.45..1.1, 0.45..0.9, 0.8..2.1),
-        Stove => kind(0.4..1.0, 0.4..0.8, 0.8..1.2),
-        WashingMachine => kind(0.45..0.8, 0.4..0.75, 0.7..1.1),
+        Bed => kind(1.2..2.5, 0.7..2.3, 0.3..1.5, true),
+        Sofa => kind(1.1..4.0, 0.6..3.0, 0.55..1.2, true),
+        Chair => kind(0.35..1.1, 0.3..1.0, 0.4..1.4, true),
+        Table => kind(0.4..3.0, 0.3..1.6, 0.3..1.2, true),
+        Desk => kind(0.8..2.5, 0.4..1.6, 0.6..1.3, true),
+        Cabinet => kind(0.3..4.5, 0.2..0.8, 0.3..2.6, true),
+        Shelf => kind(0.3..4.5, 0.15..0.7, 0.3..2.6, true),
+        Counter => kind(0.6..5.0, 0.4..1.6, 0.8..1.2, true),
+        Refrigerator => kind(0.45..1.1, 0.45..0.9, 0.8..2.1, true),
+        Stove => kind(0.4..1.0, 0.4..0.8, 0.8..1.2, true),
+        WashingMachine => kind(0.45..0.8, 0.4..0.75, 0.7..1.1, true),
         // Old ones are as deep as wide.
-        Television => kind(0.4..2.0, 0.02..0.6, 0.5..2.2),
-        Lamp => kind(0.1..0.8, 0.1..0.6, 0.3..2.6),
-        // Towel radiators are taller than those below windows.
-        Radiator => kind(0.3..2.5, 0.05..0.3, 0.3..1.9),
-        Toilet => kind(0.45..0.9, 0.3..0.6, 0.35..1.2),
-        Sink => kind(0.3..0.9, 0.25..0.65, 0.7..1.1),
-        Bathtub => kind(1.1..2.1, 0.6..1.1, 0.35..0.9),
-        Shower => kind(0.6..1.8, 0.05..1.3, 1.6..2.6),
-        Curtain => kind(0.3..5.0, 0.03..0.5, 1.2..2.8),
-        Plant => kind(0.2..1.5, 0.2..1.2, 0.2..2.4),
-        Box => kind(0.2..1.0, 0.15..0.9, 0.15..1.5),
-        Mirror => kind(0.3..2.0, 0.01..0.15, 0.8..2.4),
-        Picture => kind(0.3..2.5, 0.01..0.15, 1.0..2.5),
-        Door => kind(0.6..1.2, 0.03..0.3, 1.8..2.3),
-        Window => kind(0.4..4.0, 0.03..0.4, 1.2..2.6),
+        Television => kind(0.4..2.0, 0.02..0.6, 0.5..2.2, false),
+        Lamp => kind(0.1..0.8, 0.1..0.6, 0.3..2.6, false),
+        Radiator => kind(0.3..2.5, 0.05..0.3, 0.3..1.2, false),
+        Toilet => kind(0.45..0.9, 0.3..0.6, 0.35..1.2, true),
+        Sink => kind(0.3..0.9, 0.25..0.65, 0.7..1.1, false),
+        Bathtub => kind(1.1..2.1, 0.6..1.1, 0.35..0.9, true),
+        Shower => kind(0.6..1.8, 0.05..1.3, 1.6..2.6, true),
+        Curtain => kind(0.3..5.0, 0.03..0.5, 1.2..2.8, false),
+        Plant => kind(0.2..1.5, 0.2..1.2, 0.2..2.4, false),
+        Box => kind(0.2..1.0, 0.15..0.9, 0.15..1.5, false),
+        Mirror => kind(0.3..2.0, 0.01..0.15, 0.8..2.4, false),
+        Picture => kind(0.3..2.5, 0.01..0.15, 1.0..2.5, false),
+        Door => kind(0.6..1.2, 0.03..0.3, 1.8..2.3, true),
+        Window => kind(0.4..4.0, 0.03..0.4, 1.2..2.6, false),
         Other | Floor | Wall | Ceiling | Stairs | Rug | Pillow | Clothes | Person | Animal => None,
     }
 }
@@ -87,11 +88,6 @@ pub fn is_furniture(class: Class) -> bool {
 
 /// Maximum height of a sink: only its basin with the tap belongs to it, not the cabinet below.
 pub const BASIN_M: f64 = 0.35;
-
-/// Returns whether a class may be built into other furniture.
-pub fn is_appliance(class: Class) -> bool {
-    matches!(class, Class::Refrigerator | Class::Stove | Class::WashingMachine | Class::Sink)
-}
 
 /// Returns whether a class is storage furniture along walls.
 pub fn is_storage(class: Class) -> bool {

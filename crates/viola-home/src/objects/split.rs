@@ -1,18 +1,17 @@
 //! Splits fragments that contain several objects.
 
 use super::cells::Cells;
-use super::fit::{BEYOND, UprightBox, around, fit_box};
+use super::fit::{BEYOND, fit_box};
 use super::fragment::Fragment;
 use super::join::gregarious;
 use super::kind::{is_storage, kind};
 
-/// Splits rows of chairs at their thinnest place, wall units from base units, and the runs of a corner.
+/// Splits rows of chairs at their thinnest place, and wall units from base units.
 pub fn split(fragment: Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Vec<Fragment> {
     let mut done = Vec::new();
     let mut open = vec![fragment];
     while let Some(fragment) = open.pop() {
-        let parts = halves(&fragment, cells, wall_yaw_rad).or_else(|| storeys(&fragment, cells));
-        match parts.or_else(|| legs(&fragment, cells, wall_yaw_rad)) {
+        match halves(&fragment, cells, wall_yaw_rad).or_else(|| storeys(&fragment, cells)) {
             Some(both) => open.extend(both),
             None => done.push(fragment),
         }
@@ -50,7 +49,7 @@ fn halves(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Opti
     for (cell, place) in fragment.cells.iter().zip(&places) {
         if bin(place) < cut { one.push(*cell) } else { other.push(*cell) }
     }
-    (!one.is_empty() && !other.is_empty()).then(|| [fragment.part(one, cells), fragment.part(other, cells)])
+    (!one.is_empty() && !other.is_empty()).then(|| [fragment.part(one), fragment.part(other)])
 }
 
 /// Splits a kitchen's wall units from its base units: few cells lie between them, above the worktop.
@@ -77,44 +76,5 @@ fn storeys(fragment: &Fragment, cells: &Cells) -> Option<[Fragment; 2]> {
     }
     let middle_m = (cut as f64 + 0.5) * BIN_M;
     let (low, high): (Vec<u32>, Vec<u32>) = fragment.cells.iter().partition(|cell| height(**cell) < middle_m);
-    Some([fragment.part(low, cells), fragment.part(high, cells)])
-}
-
-/// Splits storage around a corner of a room into its two runs.
-fn legs(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Option<[Fragment; 2]> {
-    /// Minimum width of a corner's box: one run is at most 0.8 m deep.
-    const LEAST_M: f64 = 0.95;
-    /// Depth of a run.
-    const DEPTH_M: f64 = 0.66;
-    /// Maximum area of both boxes as a fraction of the one around them.
-    const MOST_AREA: f64 = 0.75;
-    if !is_storage(fragment.class) {
-        return None;
-    }
-    let places: Vec<[f64; 3]> = fragment.cells.iter().map(|cell| cells.centre(*cell as usize)).collect();
-    let bounds = around(&places.iter().collect::<Vec<_>>(), wall_yaw_rad?, BEYOND);
-    if bounds.size_m[1] < LEAST_M {
-        return None;
-    }
-    let area = |of: &UprightBox| of.size_m[0] * of.size_m[1];
-    let cuts = (0..4).filter_map(|side| {
-        let (axis, sign) = (side / 2, if side % 2 == 0 { 1.0 } else { -1.0 });
-        let is_in_run =
-            |at: &[f64; 3]| sign * bounds.local(at[0], at[1])[axis] > bounds.size_m[axis] / 2.0 - DEPTH_M;
-        let boxed = |wanted: bool| {
-            let part: Vec<&[f64; 3]> = places.iter().filter(|at| is_in_run(at) == wanted).collect();
-            (part.len() >= 4).then(|| area(&around(&part, bounds.yaw_rad, BEYOND)))
-        };
-        Some((boxed(true)? + boxed(false)?, axis, sign))
-    });
-    let (both_m2, axis, sign) = cuts.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    if both_m2 > MOST_AREA * area(&bounds) {
-        return None;
-    }
-    let is_in_run = |cell: &u32| {
-        let at = cells.centre(*cell as usize);
-        sign * bounds.local(at[0], at[1])[axis] > bounds.size_m[axis] / 2.0 - DEPTH_M
-    };
-    let (run, rest): (Vec<u32>, Vec<u32>) = fragment.cells.iter().partition(|cell| is_in_run(cell));
-    Some([fragment.part(run, cells), fragment.part(rest, cells)])
+    Some([fragment.part(low), fragment.part(high)])
 }

@@ -117,8 +117,8 @@ impl Space {
                 Class::Floor | Class::Ceiling | Class::Rug => continue,
                 Class::Wall | Class::Window | Class::Picture | Class::Mirror | Class::Radiator => 0,
                 Class::Door => 1,
-                // Without a network, shapes call everything but structure `other`.
-                Class::Other if label.views == 0 => continue,
+                // Without views the class is unknown.
+                _ if label.views == 0 => continue,
                 Class::Curtain | Class::Other => 0,
                 _ => 2,
             };

@@ -1,27 +1,20 @@
 //! Evaluation of a home's map against a labelled mesh: surface, rooms, objects.
 
-mod confidence;
 mod fused;
 mod instances;
 mod joint;
 mod matching;
 mod member;
-mod recorded;
 mod score;
 mod simulated;
 mod surface;
 
-pub use confidence::{Judged, fit_confidence};
 pub use fused::{Agreement, Excerpt, Fused, consecutive, fuse};
 pub use instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
 pub use joint::{JointClip, JointError, JointHome, JointMode, JointRow, joint};
 pub use matching::{ClassRow, MIN_IOU, Matches, Thing, matches};
-pub use recorded::{RecordParams, recorded};
 pub use score::{FoundRow, ObjectScore, TruthRow, score_objects};
-pub use simulated::{
-    SampleParams, SimulatedMap, SimulatedScore, Source, TrueRoom, count_rooms, match_objects, sample,
-    simulated,
-};
+pub use simulated::{SampleParams, SimulatedMap, TrueRoom, count_rooms, match_objects, sample, simulated};
 pub use surface::{SurfaceScore, compare, seen_by};
 
 use super::labels::LabelRow;
@@ -64,8 +57,6 @@ pub enum HomeError {
     Mesh(#[from] MeshError),
     #[error(transparent)]
     Truth(#[from] labels::TruthError),
-    #[error(transparent)]
-    Map(#[from] viola_formats::lidar::LidarError),
     #[error("the recording is shorter than one excerpt")]
     TooShort,
 }
