@@ -43,7 +43,7 @@ struct Recorded {
 }
 
 fn recorded() -> Recorded {
-    let home = Home::generate(&HomeParams::new(Set::Normal, 1));
+    let home = Home::generate(&HomeParams::new(Set::Normal, 4));
     let survey = home.survey();
     let clip = home.clip(&survey, 0, &ClipParams { frames: 20, ..ClipParams::default() });
     let mut bytes = Vec::new();

@@ -5,6 +5,7 @@
 //! labels and its size.
 
 mod cells;
+mod conflict;
 mod context;
 pub(super) mod fit;
 mod fragment;
@@ -103,6 +104,7 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
     let mut found: Vec<Found> =
         split.filter_map(|f| finish(&f, &cells, points, rooms, wall_yaw_rad, params)).collect();
     context::tell_nightstands(&mut found);
+    let mut found = conflict::resolve(found, points);
     let place = |found: &Found| found.object.centre_m;
     found.sort_by(|a, b| {
         let class = a.object.class.id().cmp(&b.object.class.id());
