@@ -44,6 +44,12 @@ pub struct KnownObject {
 }
 
 impl KnownObject {
+    /// Returns an object that the last revision has.
+    pub fn found(id: String, class: Class, bounds: &UprightBox) -> KnownObject {
+        let UprightBox { centre_m, size_m, yaw_rad } = *bounds;
+        KnownObject { id, class, centre_m, size_m, yaw_rad, missing: 0 }
+    }
+
     pub fn bounds(&self) -> UprightBox {
         UprightBox { centre_m: self.centre_m, size_m: self.size_m, yaw_rad: self.yaw_rad }
     }
@@ -126,14 +132,7 @@ impl History {
             forgotten_first(a).cmp(&forgotten_first(b)).then(a.missing.cmp(&b.missing)).then(a.id.cmp(&b.id))
         });
         missing.truncate(MAX_MISSING.max(stated.len()));
-        let known = |object: &Object| KnownObject {
-            id: object.id.clone(),
-            class: object.class,
-            centre_m: object.centre_m,
-            size_m: object.size_m,
-            yaw_rad: object.yaw_rad,
-            missing: 0,
-        };
+        let known = |object: &Object| KnownObject::found(object.id.clone(), object.class, &object.bounds());
         self.objects = objects.iter().map(known).chain(missing).collect();
     }
 

@@ -48,6 +48,22 @@ pub struct Room {
     pub label_at_m: [f64; 2],
 }
 
+#[cfg(test)]
+impl Room {
+    /// Returns a rectangular room along the axes.
+    pub(crate) fn rectangle(id: &str, low: [f64; 2], high: [f64; 2]) -> Room {
+        Room {
+            id: id.to_owned(),
+            name: None,
+            source: RoomSource::Computed,
+            area_m2: (high[0] - low[0]) * (high[1] - low[1]),
+            polygon_m: vec![low, [high[0], low[1]], high, [low[0], high[1]]],
+            holes_m: Vec::new(),
+            label_at_m: [0, 1].map(|axis| (low[axis] + high[axis]) / 2.0),
+        }
+    }
+}
+
 impl Room {
     pub fn contains(&self, point: &Point2) -> bool {
         contains(&self.polygon_m, point) && !self.holes_m.iter().any(|hole| contains(hole, point))

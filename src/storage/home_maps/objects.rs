@@ -40,10 +40,13 @@ pub struct MapObject {
 }
 
 impl MapObject {
+    pub fn bounds(&self) -> UprightBox {
+        UprightBox { centre_m: self.centre_m, size_m: self.size_m, yaw_rad: self.yaw_rad }
+    }
+
     /// Returns the object for a comparison with those of another frame.
     pub fn in_frame(&self, other_from_own: &Pose2) -> MovedObject<'_> {
-        let own = UprightBox { centre_m: self.centre_m, size_m: self.size_m, yaw_rad: self.yaw_rad };
-        MovedObject { id: &self.id, class: self.class, bounds: own.moved(other_from_own) }
+        MovedObject { id: &self.id, class: self.class, bounds: self.bounds().moved(other_from_own) }
     }
 
     /// Adds what a person corrected; the values are applied already.

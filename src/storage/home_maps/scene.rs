@@ -59,14 +59,8 @@ impl MapScene {
         if let Some(history) = &self.history {
             return history.clone();
         }
-        let known = |object: &MapObject| KnownObject {
-            id: object.id.clone(),
-            class: object.class,
-            centre_m: object.centre_m,
-            size_m: object.size_m,
-            yaw_rad: object.yaw_rad,
-            missing: 0,
-        };
+        let known =
+            |object: &MapObject| KnownObject::found(object.id.clone(), object.class, &object.bounds());
         let rooms: Vec<Room> = self.rooms.iter().map(|room| room.room.clone()).collect();
         MapHistory {
             ids: History::of(self.objects.iter().map(known).collect(), &rooms),

@@ -60,7 +60,7 @@ fn pairs(candidates: &[Candidate]) -> Pairs {
         .collect();
     let partners = |&(clip, mode): &(usize, u8)| -> Vec<((usize, u8), (usize, u8))> {
         let this = &candidates[clip];
-        // What a person decided needs no evidence.
+        // A person's choices need no evidence.
         let is_open = |other: usize| other != clip && !(this.is_chosen() && candidates[other].is_chosen());
         let pose = &this.modes[usize::from(mode)].map_from_clip;
         let mut shared: Vec<(f64, (usize, u8))> = Vec::new();

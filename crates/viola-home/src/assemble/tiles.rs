@@ -137,7 +137,7 @@ fn tile_of_block(block: [i32; 3]) -> TileKey {
     TileKey::of_voxel(&block.map(|c| c * BLOCK_CELLS * CELL_VOXELS))
 }
 
-/// What a clip has in one tile, in the map's frame.
+/// Points and carved space of a clip in one tile, in the map's frame.
 #[derive(Default)]
 struct Part {
     points: Vec<CloudPoint>,

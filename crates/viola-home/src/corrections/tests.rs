@@ -1,4 +1,3 @@
-use super::super::rooms::RoomSource;
 use super::*;
 use std::f64::consts::FRAC_PI_2;
 
@@ -21,19 +20,8 @@ fn seen(object: &Object) -> Seen {
     Seen { class, confidence, centre_m, size_m, yaw_rad }
 }
 
-fn room(id: &str, low_x: f64, high_x: f64) -> Room {
-    Room {
-        id: id.to_owned(),
-        name: None,
-        source: RoomSource::Computed,
-        area_m2: (high_x - low_x) * 3.0,
-        polygon_m: vec![[low_x, 0.0], [high_x, 0.0], [high_x, 3.0], [low_x, 3.0]],
-        holes_m: Vec::new(),
-        label_at_m: [(low_x + high_x) / 2.0, 1.5],
-    }
-}
-
 fn flat() -> Vec<Room> {
+    let room = |id: &str, low_x: f64, high_x: f64| Room::rectangle(id, [low_x, 0.0], [high_x, 3.0]);
     vec![room("1", 0.0, 4.0), room("2", 4.1, 8.0), room("3", 8.1, 12.0)]
 }
 

@@ -105,23 +105,12 @@ fn a_map_without_a_history_goes_on_with_its_ids() {
         yaw_rad: object.yaw_rad,
         missing: 0,
     };
-    let mut history = History::of(vec![known("chair-7", &chair(0.0, 0.0))], &[room("4", [0.0; 2], [2.0; 2])]);
+    let mut history =
+        History::of(vec![known("chair-7", &chair(0.0, 0.0))], &[Room::rectangle("4", [0.0; 2], [2.0; 2])]);
     assert_eq!(next(&mut history, vec![chair(0.0, 0.0), chair(3.0, 0.0)]), ["chair-7", "chair-8"]);
-    let mut rooms = [room("1", [9.0; 2], [12.0; 2])];
+    let mut rooms = [Room::rectangle("1", [9.0; 2], [12.0; 2])];
     history.identify_rooms(&mut rooms);
     assert_eq!(rooms[0].id, "5");
-}
-
-fn room(id: &str, low: [f64; 2], high: [f64; 2]) -> Room {
-    Room {
-        id: id.to_owned(),
-        name: None,
-        source: RoomSource::Computed,
-        area_m2: (high[0] - low[0]) * (high[1] - low[1]),
-        polygon_m: vec![low, [high[0], low[1]], high, [low[0], high[1]]],
-        holes_m: Vec::new(),
-        label_at_m: [0, 1].map(|axis| (low[axis] + high[axis]) / 2.0),
-    }
 }
 
 #[test]
@@ -133,13 +122,18 @@ fn rooms_keep_their_ids_when_their_order_changes() {
         rooms.into_iter().map(|room| room.id).collect()
     };
     let [kitchen, hall, study] = [[0.0, 0.0], [4.0, 0.0], [8.0, 0.0]]
-        .map(|low: [f64; 2]| move |id: &str, width_m: f64| room(id, low, [low[0] + width_m, 3.0]));
+        .map(|low: [f64; 2]| move |id: &str, width_m: f64| Room::rectangle(id, low, [low[0] + width_m, 3.0]));
     assert_eq!(next(vec![kitchen("1", 4.0), hall("2", 3.0)]), ["1", "2"]);
     assert_eq!(next(vec![hall("1", 3.8), kitchen("2", 3.7)]), ["2", "1"]);
     assert_eq!(next(vec![study("1", 5.0), hall("2", 3.8), kitchen("3", 3.7)]), ["3", "2", "1"]);
     // A room that was divided: the larger part is the room.
     assert_eq!(
-        next(vec![study("1", 5.0), hall("2", 3.8), kitchen("3", 2.5), room("4", [2.6, 0.0], [3.7, 3.0])]),
+        next(vec![
+            study("1", 5.0),
+            hall("2", 3.8),
+            kitchen("3", 2.5),
+            Room::rectangle("4", [2.6, 0.0], [3.7, 3.0])
+        ]),
         ["3", "2", "1", "4"]
     );
     // The robot's ids stay as they are.

@@ -94,26 +94,14 @@ fn crossings(ring: &[[f64; 2]], y: f64) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::RoomSource;
     use super::*;
-
-    fn room(id: &str, low: [f64; 2], high: [f64; 2]) -> Room {
-        Room {
-            id: id.to_owned(),
-            name: None,
-            source: RoomSource::Computed,
-            area_m2: (high[0] - low[0]) * (high[1] - low[1]),
-            polygon_m: vec![low, [high[0], low[1]], high, [low[0], high[1]]],
-            holes_m: Vec::new(),
-            label_at_m: [0, 1].map(|axis| (low[axis] + high[axis]) / 2.0),
-        }
-    }
 
     #[test]
     fn rooms_on_both_sides_of_a_wall_become_one() {
-        let a = room("a", [0.0, 0.0], [4.0, 3.0]);
+        let a = Room::rectangle("a", [0.0, 0.0], [4.0, 3.0]);
         for (low_x, is_one) in [(4.0, true), (4.15, true), (4.5, true), (4.8, false), (9.0, false)] {
-            let b = Room { name: Some("b".to_owned()), ..room("b", [low_x, 0.0], [low_x + 3.0, 2.0]) };
+            let b =
+                Room { name: Some("b".to_owned()), ..Room::rectangle("b", [low_x, 0.0], [low_x + 3.0, 2.0]) };
             let Some(both) = merged(&a, &b) else {
                 assert!(!is_one, "{low_x}");
                 continue;
@@ -130,7 +118,7 @@ mod tests {
 
     #[test]
     fn a_line_divides_a_room() {
-        let whole = Room { name: Some("Lounge".to_owned()), ..room("7", [0.0, 0.0], [6.0, 3.0]) };
+        let whole = Room { name: Some("Lounge".to_owned()), ..Room::rectangle("7", [0.0, 0.0], [6.0, 3.0]) };
         let cut = |x: f64, anchor: [f64; 2]| {
             split(&whole, &Point2::new(x, 0.0), &Point2::new(x, 1.0), &Point2::from(anchor), "7-b")
         };
@@ -149,7 +137,7 @@ mod tests {
 
     #[test]
     fn a_hole_stays_one() {
-        let mut whole = room("1", [0.0, 0.0], [4.0, 4.0]);
+        let mut whole = Room::rectangle("1", [0.0, 0.0], [4.0, 4.0]);
         whole.holes_m = vec![vec![[1.0, 1.0], [1.0, 2.0], [2.0, 2.0], [2.0, 1.0]]];
         let [own, _] =
             split(&whole, &Point2::new(3.0, 0.0), &Point2::new(3.0, 1.0), &Point2::new(0.5, 0.5), "2")
