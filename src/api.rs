@@ -14,6 +14,7 @@ mod error;
 mod export;
 mod extract;
 mod health;
+mod home_events;
 mod homes;
 mod jobs;
 mod layers;
@@ -119,6 +120,7 @@ fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::with_openapi(Description::openapi())
         .routes(routes!(homes::list_homes))
         .routes(routes!(homes::get_home, homes::put_home, homes::delete_home))
+        .routes(routes!(home_events::watch_home))
         .routes(routes!(lidar_map::get_lidar_map, lidar_map::put_lidar_map))
         .routes(routes!(lidar_map::get_lidar_map_image))
         .routes(routes!(lidar_map::list_lidar_map_revisions))

@@ -16,8 +16,10 @@ pub use metrics::describe_metrics;
 pub use run::Method;
 pub use worker::{WorkerParams, work};
 
-use crate::storage::{Changes, ChangesCursor, Job, Signal, Storage, StorageError, Tenant};
-use futures::Stream;
+use crate::storage::{
+    Change, ChangeKind, Changes, ChangesCursor, HomeId, Job, Signal, Storage, StorageError, Tenant,
+};
+use futures::{Stream, StreamExt};
 use jiff::Timestamp;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -155,6 +157,43 @@ impl Queue {
                 Some((job, seen.filter(|_| goes_on)))
             }
         })
+    }
+
+    /// Streams the changes of a home after a position of the feed, until the home is removed.
+    pub fn watch_home(
+        self: Arc<Queue>,
+        home: HomeId,
+        after: i64,
+    ) -> impl Stream<Item = Result<Change, StorageError>> {
+        let parts = futures::stream::unfold(Some(after), move |after| {
+            let (queue, home) = (self.clone(), home.clone());
+            async move {
+                let changes = queue.next_changes(&home, after?).await;
+                let last = changes.as_ref().ok().and_then(|changes| changes.last()).map(|change| change.seq);
+                let is_removed = |change: &Change| change.kind == ChangeKind::Home && change.deleted;
+                let ends = changes.as_ref().is_ok_and(|changes| changes.iter().any(is_removed));
+                let items = match changes {
+                    Ok(changes) => changes.into_iter().map(Ok).collect(),
+                    Err(error) => vec![Err(error)],
+                };
+                Some((futures::stream::iter(items), last.filter(|_| !ends)))
+            }
+        });
+        parts.flatten()
+    }
+
+    /// Waits until there are changes of a home after a position.
+    async fn next_changes(&self, home: &HomeId, after: i64) -> Result<Vec<Change>, StorageError> {
+        loop {
+            let mut changed = std::pin::pin!(self.changed.notified());
+            // As in `next_change`.
+            changed.as_mut().enable();
+            let changes = self.storage.home_changes(home, after).await?;
+            if !changes.is_empty() {
+                return Ok(changes);
+            }
+            let _ = tokio::time::timeout(POLL, changed).await;
+        }
     }
 
     /// Waits until the job's version differs from `seen`.

@@ -145,6 +145,24 @@ impl Storage {
         Ok(Changes { items, next: ChangesCursor { seq, knows_until }, more })
     }
 
+    /// Returns the position of the feed's end, from which [`Storage::home_changes`] continues.
+    pub async fn last_change(&self) -> Result<i64, StorageError> {
+        self.number_changes().await?;
+        let last = query("SELECT last_seq FROM change_counter");
+        last.fetch_one(&mut self.database.reader().await?).await?.number("last_seq")
+    }
+
+    /// Returns the changes of one home after a position, in commit order.
+    pub async fn home_changes(&self, home: &HomeId, after: i64) -> Result<Vec<Change>, StorageError> {
+        self.number_changes().await?;
+        let rows = query("SELECT * FROM changes WHERE home_id = $1 AND seq > $2 ORDER BY seq")
+            .bind(home.key())
+            .bind(after)
+            .fetch_all(&mut self.database.reader().await?)
+            .await?;
+        rows.iter().map(from_row).collect()
+    }
+
     /// Numbers the changes that have no number yet, in the order in which they were made.
     pub async fn number_changes(&self) -> Result<(), StorageError> {
         let mut numbered = NUMBERED_AT_ONCE;

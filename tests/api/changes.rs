@@ -26,6 +26,52 @@ fn row(home: &str, kind: &str, more: Value) -> (String, String, Value) {
     (home.to_owned(), kind.to_owned(), more)
 }
 
+/// Returns the data of all events of a home's stream, which must end.
+async fn watched(response: reqwest::Response) -> Vec<Value> {
+    assert_eq!(
+        (response.status().as_u16(), &response.headers()["content-type"]),
+        (200, &"text/event-stream".parse().unwrap())
+    );
+    let text = response.text().await.unwrap();
+    let data = text.lines().filter_map(|line| line.strip_prefix("data: "));
+    data.map(|data| serde_json::from_str(data).unwrap()).collect()
+}
+
+#[tokio::test]
+async fn a_home_is_watched_until_it_is_removed() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    let watch = |seen: Option<i64>| {
+        let mut request = server.request(reqwest::Method::GET, &format!("{home}/events"));
+        if let Some(seen) = seen {
+            request = request.header("Last-Event-ID", seen.to_string());
+        }
+        request.send()
+    };
+    let first = watch(None).await.unwrap();
+    server.make_home("other").await;
+    server.post(&format!("{home}/clips"), small_clip()).await.ok(201);
+    // A client that comes back has missed the clip; one with a number from the future starts at the end.
+    let back = watch(Some(1)).await.unwrap();
+    let ahead = watch(Some(1_000_000)).await.unwrap();
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    server.delete(&home).await.ok(204);
+    let feed = server.get("/v1/changes?limit=9").await.ok(200)["items"].clone();
+    let last = feed.as_array().unwrap().iter().rfind(|item| item["home"] == "h").unwrap();
+    assert_eq!((&last["kind"], &last["deleted"]), (&json!("home"), &json!(true)));
+    for (stream, knows_the_clip) in [(first, true), (back, true), (ahead, false)] {
+        let changes = watched(stream).await;
+        assert!(changes.iter().all(|change| change["home"] == "h"), "{changes:?}");
+        assert_eq!(changes.last(), Some(last));
+        let uploaded = changes.iter().any(|change| change["state"] == "uploaded");
+        // A stream tells the newest change of a clip only, so a slow reader may not see the first one.
+        assert!(knows_the_clip || !uploaded, "{changes:?}");
+        assert!(changes.iter().any(|change| change["kind"] == "lidar_map"), "{changes:?}");
+        let numbers: Vec<_> = changes.iter().map(|change| change["seq"].as_i64()).collect();
+        assert!(numbers.is_sorted_by(|a, b| a < b), "{numbers:?}");
+    }
+}
+
 #[tokio::test]
 async fn a_mirror_follows_the_feed() {
     let server = Server::without_workers().await;

@@ -31,6 +31,7 @@ async fn bad_requests_are_told_apart() {
         (Method::GET, job.clone(), 404, "job-not-found", None),
         (Method::GET, format!("{job}/events"), 404, "job-not-found", None),
         (Method::POST, format!("{job}/cancel"), 404, "job-not-found", None),
+        (Method::GET, "/v1/homes/none/events".to_owned(), 404, "home-not-found", None),
         (Method::GET, "/v1/homes?limit=0".to_owned(), 400, "invalid-query", Some("limit")),
         (Method::GET, "/v1/homes?limit=201".to_owned(), 400, "invalid-query", Some("limit")),
         (Method::GET, "/v1/homes?limit=-1".to_owned(), 400, "invalid-query", Some("limit")),

@@ -1,6 +1,8 @@
 // Talks to the service, which is always the host that this page came from.
 
-import type { Class, Clip, Home, HomeMap, LidarMap, List, Room, Scan, Thing } from "./types.ts";
+import type {
+  Class, Clip, Corrections, Coverage, Home, HomeMap, LidarMap, List, MapChanges, Room, RoomPatch, Scan, Thing, ThingPatch,
+} from "./types.ts";
 
 /** The service said no; the message is its own explanation. */
 export class Refusal extends Error {
@@ -149,10 +151,33 @@ export async function things(home: string, signal: AbortSignal): Promise<Thing[]
   return answer?.objects ?? [];
 }
 
-/** Which share of the LiDAR map's points the fused map explains, 0 to 1; null where it is not told. */
-export async function seen(home: string, signal: AbortSignal): Promise<number | null> {
-  const answer: { seen: number } | null = await getIfThere(homePath(home, "map", "coverage"), signal);
-  return answer?.seen ?? null;
+/** The share of the LiDAR map that the clips explain, as a whole and by room; null where it is not told. */
+export function coverage(home: string, signal: AbortSignal): Promise<Coverage | null> {
+  return getIfThere(homePath(home, "map", "coverage"), signal);
+}
+
+/** The revisions of the map that are kept, the newest first. */
+export async function revisions(home: string, signal: AbortSignal): Promise<HomeMap[]> {
+  const page: List<HomeMap> = await get(homePath(home, "map", "revisions?limit=50"), signal);
+  return page.items;
+}
+
+/** The changes of objects between two revisions of the map. */
+export function changes(home: string, from: number, to: number, signal: AbortSignal): Promise<MapChanges> {
+  return get(homePath(home, "map", `changes?from=${from}&to=${to}`), signal);
+}
+
+/** All corrections of a home. */
+export function corrections(home: string, signal: AbortSignal): Promise<Corrections> {
+  return get(homePath(home, "map", "corrections"), signal);
+}
+
+export async function correctThing(home: string, id: string, patch: ThingPatch): Promise<void> {
+  await send("PATCH", homePath(home, "map", "objects", encodeURIComponent(id)), patch);
+}
+
+export async function correctRoom(home: string, id: string, patch: RoomPatch): Promise<void> {
+  await send("PATCH", homePath(home, "map", "rooms", encodeURIComponent(id)), patch);
 }
 
 let known: Promise<Class[]> | null = null;

@@ -18,6 +18,16 @@ export function corners(centre: readonly number[], size: readonly number[], yaw_
   return signs.map(([u, v]) => place({ x_m, y_m, yaw_rad }, [(u * length) / 2, (v * width) / 2]));
 }
 
+/** Whether a point lies in a ring of corners. */
+export function isInside(ring: readonly Point2[], [x, y]: Point2): boolean {
+  let isIn = false;
+  ring.forEach(([x1, y1], i) => {
+    const [x2, y2] = ring[(i + 1) % ring.length] ?? [x1, y1];
+    if (y1 > y !== y2 > y && x < x1 + ((y - y1) / (y2 - y1)) * (x2 - x1)) isIn = !isIn;
+  });
+  return isIn;
+}
+
 export interface Box2 {
   min: Point2;
   max: Point2;

@@ -2,7 +2,7 @@
 
 export type Route =
   | { page: "homes"; after: string | null }
-  | { page: "home"; home: string }
+  | { page: "home"; home: string; view: URLSearchParams }
   | { page: "clip"; home: string; clip: string }
   | { page: "nowhere" };
 
@@ -18,7 +18,7 @@ export function parse(hash: string): Route {
   const [first, home, second, clip] = parts;
   if (parts.length === 0) return { page: "homes", after: new URLSearchParams(query).get("after") };
   if (first !== "homes" || !home) return { page: "nowhere" };
-  if (parts.length === 2) return { page: "home", home };
+  if (parts.length === 2) return { page: "home", home, view: new URLSearchParams(query) };
   if (parts.length === 4 && second === "clips" && clip) return { page: "clip", home, clip };
   return { page: "nowhere" };
 }
@@ -27,8 +27,9 @@ export function toHomes(after: string | null = null): string {
   return after ? `#/?after=${encodeURIComponent(after)}` : "#/";
 }
 
-export function toHome(home: string): string {
-  return `#/homes/${encodeURIComponent(home)}`;
+export function toHome(home: string, view?: URLSearchParams): string {
+  const query = view?.toString() ?? "";
+  return `#/homes/${encodeURIComponent(home)}${query ? `?${query}` : ""}`;
 }
 
 export function toClip(home: string, clip: string): string {

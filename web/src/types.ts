@@ -24,6 +24,19 @@ export type Pose2 = Schemas["Pose2"];
 export type PictureFrame = With<"PictureFrame", { corner_m: Point2 }>;
 export type Room = With<"Room", { polygon_m: Point2[]; holes_m: Point2[][]; label_at_m: Point2 }>;
 export type Thing = With<"MapObject", { centre_m: Point3; size_m: Point3 }>;
+export type ThingPatch = Partial<{ class: string | null; name: string | null; pinned: boolean | null; hidden: boolean | null }>;
+export type RoomPatch = Partial<{
+  name: string | null;
+  merge_with: string[] | null;
+  split_by: { from_m: Point2; to_m: Point2 } | null;
+}>;
+export type Coverage = Sent<Schemas["MapCoverage"]>;
+export type MapChanges = Omit<Sent<Schemas["MapChanges"]>, "added" | "moved" | "gone"> & {
+  added: Thing[];
+  moved: { from: Thing; to: Thing }[];
+  gone: { reason: Schemas["GoneReason"]; object: Thing }[];
+};
+export type Corrections = Sent<Schemas["Corrections"]>;
 
 type LidarInfo = With<"LidarInfo", { min_m: Point2; max_m: Point2; rooms: With<"RoomInfo", { centre_m: Point2 }>[] }>;
 export type LidarMap = With<"CurrentLidarMap", { image: PictureFrame; info: LidarInfo }>;

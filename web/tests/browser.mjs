@@ -5,6 +5,7 @@ import { readFile } from "node:fs/promises";
 import { join } from "node:path";
 import { chromium } from "playwright-core";
 import { cloudOf } from "./browser/cloud.mjs";
+import { homeSteps } from "./browser/home.mjs";
 import { boxOf, dropFiles, measureInput, recordProgress } from "./browser/page.mjs";
 
 const { VIOLA_BASE: base, VIOLA_RECORDINGS: recordings, VIOLA_PICTURES: pictures } = process.env;
@@ -20,6 +21,7 @@ const browser = await chromium.launch({
 });
 const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, colorScheme: "light" });
 context.setDefaultTimeout(DEADLINE_MS);
+await context.grantPermissions(["clipboard-read", "clipboard-write"]);
 const page = await context.newPage();
 const foreign = [];
 const wrong = [];
@@ -268,8 +270,9 @@ async function aLostServerIsTold() {
 }
 
 try {
+  const ofAHome = homeSteps({ browser, context, page, base, open, shot, serviceRests });
   const steps = [
-    anEmptyServerHelps, filesAreDroppedAndFollowed, pointsAreColoured, badFilesAreExplained, themesAndPhones,
+    anEmptyServerHelps, filesAreDroppedAndFollowed, pointsAreColoured, ...ofAHome, badFilesAreExplained, themesAndPhones,
     anAlternativeIsChosen, aMillionPointsStayResponsive,
     aBrowserWithoutWebGlShowsThePlan, aClipIsDeletedByKeyboard, aLostServerIsTold,
   ];

@@ -15,7 +15,9 @@ const close = (a: readonly number[], b: readonly number[]) =>
 
 test("addresses are read as they are written", () => {
   for (const home of ["flat-3", "a/b", "ä ö", "100%", "#?&"]) {
-    assert.deepEqual(parse(toHome(home)), { page: "home", home });
+    const view = new URLSearchParams({ at: "object.sofa-1", from: "1_2" });
+    assert.deepEqual(parse(toHome(home)), { page: "home", home, view: new URLSearchParams() });
+    assert.deepEqual(parse(toHome(home, view)), { page: "home", home, view });
     assert.deepEqual(parse(toClip(home, "c")), { page: "clip", home, clip: "c" });
   }
   assert.deepEqual(parse(""), { page: "homes", after: null });

@@ -10,6 +10,10 @@ import { degrees, many, metres, percent } from "../words.ts";
 
 /** Places less probable than this are folded away. */
 const UNLIKELY = 0.01;
+/** A less probable place is not offered as the obvious choice. */
+const PLAUSIBLE = 0.2;
+/** A clip whose places are together less probable is probably of another home. */
+const FOREIGN = 0.3;
 
 /** What is needed to draw a pose on the plan. */
 export interface Ground {
@@ -53,6 +57,13 @@ export function alternatives(
   return h("div", {}, h("ol", { class: "alternatives" }, ...likely), others.length > 0 ? rest : null);
 }
 
+/** Whether the answer says that the clip is probably of another home. */
+export function isForeign(clip: Clip): boolean {
+  const { alignment, choice } = clip;
+  if (!alignment || choice || clip.state === "aligned" || clip.placement) return false;
+  return alignment.alternatives.reduce((sum, { probability }) => sum + (probability ?? 0), 0) < FOREIGN;
+}
+
 /** Which alternative holds: a person's choice, or the first one where the clip is aligned. */
 export function chosenOf(clip: Clip): number | null {
   if (clip.choice) return clip.choice.alternative;
@@ -70,7 +81,7 @@ function card(
   const { x_m, y_m, yaw_rad } = one.map_from_clip;
   const plan = planAt(ground, one.map_from_clip, `${name} on the plan`, null);
   const bar = h("meter", { min: 0, max: 1, value: one.probability ?? 0, "aria-label": `Probability of ${name}` });
-  const kind = index === 0 ? "primary" : "";
+  const kind = index === 0 && (one.probability ?? 0) >= PLAUSIBLE ? "primary" : "";
   const button = h("button", { type: "button", class: kind, disabled: isChosen }, isChosen ? "Chosen" : "Choose this");
   button.setAttribute("aria-label", isChosen ? `${name} is chosen` : `Choose ${name.toLowerCase()}`);
   button.addEventListener("click", () => onChoose?.(index, button));

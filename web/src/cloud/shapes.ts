@@ -4,6 +4,7 @@ import * as THREE from "three";
 import { corners } from "../frames.ts";
 import type { PictureFrame, Thing } from "../types.ts";
 import type { Rgb } from "./colours.ts";
+import type { Point3 } from "./pick.ts";
 
 /** Below the floor's own points, so that they do not flicker. */
 const FLOOR_Z_M = -0.04;
@@ -54,6 +55,38 @@ export function boxOf(thing: Thing, colour: Rgb): THREE.LineSegments {
     segments.push(x, y, low, u, v, low, x, y, high, u, v, high, x, y, low, x, y, high);
   });
   return lines(segments, colour, true);
+}
+
+/** A box's faces, so thin that what is in it shows through. */
+export function solidOf(thing: Thing, [red, green, blue]: Rgb): THREE.Mesh {
+  const color = new THREE.Color().setRGB(red / 255, green / 255, blue / 255, THREE.SRGBColorSpace);
+  const material = new THREE.MeshBasicMaterial({
+    color, transparent: true, opacity: 0.18, depthTest: false, depthWrite: false, side: THREE.DoubleSide,
+  });
+  const mesh = new THREE.Mesh(new THREE.BoxGeometry(...thing.size_m), material);
+  mesh.position.set(...thing.centre_m);
+  mesh.rotation.z = thing.yaw_rad;
+  return mesh;
+}
+
+/** A ring on the floor. */
+export function outlineOf(ring_m: readonly [number, number][], colour: Rgb): THREE.LineSegments {
+  const segments = ring_m.flatMap(([x, y], i) => {
+    const [u, v] = ring_m[(i + 1) % ring_m.length] ?? [x, y];
+    return [x, y, 0.03, u, v, 0.03];
+  });
+  return lines(segments, colour, false);
+}
+
+/** A line with a small cross at each end. */
+export function ruleOf(ends: Point3[], colour: Rgb): THREE.LineSegments {
+  const segments = ends.flatMap(([x, y, z]) => {
+    const arms: Point3[] = [[0.05, 0, 0], [0, 0.05, 0], [0, 0, 0.05]];
+    return arms.flatMap(([u, v, w]) => [x - u, y - v, z - w, x + u, y + v, z + w]);
+  });
+  const [from, to] = ends;
+  if (from && to) segments.push(...from, ...to);
+  return lines(segments, colour, false);
 }
 
 /** Gives back what the graphics card holds for everything below. */

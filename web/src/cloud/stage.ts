@@ -4,6 +4,7 @@
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { h } from "../dom.ts";
+import type { Point3, Ray } from "./pick.ts";
 
 /** A frame that takes longer draws fewer points the next time, and one that takes less more. */
 const SLOW_MS = 33;
@@ -15,6 +16,15 @@ const LEAST_BUDGET = 15_000;
 const MOST_FRAMES = 30;
 /** The picture is completed when nothing moved for so long. */
 const SETTLED_MS = 120;
+/** A press that moves further is a turn of the view and no click. */
+const CLICK_PX = 5;
+const FLIGHT_MS = 450;
+
+/** Where a person looks from, and at what, in metres. */
+export interface Viewpoint {
+  eye_m: Point3;
+  target_m: Point3;
+}
 
 export interface Moment {
   camera: THREE.PerspectiveCamera;
@@ -41,6 +51,10 @@ export class Stage {
   readonly camera = new THREE.PerspectiveCamera(50, 1, 0.05, 500);
   /** Told after each frame, to lay names over it. */
   onDrawn: (moment: Moment) => void = () => {};
+  /** Told when the view has come to rest. */
+  onRest: (eye: THREE.Vector3) => void = () => {};
+  /** Told about a click: the ray through its pixel, and the angle that a few pixels are there. */
+  onClick: (ray: Ray, reach_rad: number) => void = () => {};
   private readonly renderer: THREE.WebGLRenderer;
   private readonly controls: OrbitControls;
   private asked = 0;
@@ -55,6 +69,7 @@ export class Stage {
   private isStale = true;
   /** What to look at as soon as the stage has a size. */
   private pending: { box: THREE.Box3; from: "corner" | "above" } | null = null;
+  private flight = 0;
 
   constructor(label: string, signal: AbortSignal) {
     this.renderer = new THREE.WebGLRenderer({
@@ -74,11 +89,13 @@ export class Stage {
     this.controls.zoomToCursor = true;
     this.controls.addEventListener("change", () => this.draw());
     canvas.addEventListener("keydown", (event) => this.onKey(event), { signal });
+    this.listenForClicks(canvas, signal);
     const sizes = new ResizeObserver(() => this.resize());
     sizes.observe(this.element);
     signal.addEventListener("abort", () => {
       sizes.disconnect();
       cancelAnimationFrame(this.asked);
+      cancelAnimationFrame(this.flight);
       clearTimeout(this.settling);
       this.controls.dispose();
       this.renderer.dispose();
@@ -92,7 +109,8 @@ export class Stage {
     clearTimeout(this.settling);
     this.settling = window.setTimeout(() => {
       this.isMoving = false;
-      if (this.done < 1) this.redraw();
+      this.onRest(this.camera.position);
+      this.redraw();
     }, SETTLED_MS);
     this.redraw();
   }
@@ -130,6 +148,66 @@ export class Stage {
     this.controls.maxDistance = distance * 6;
     this.controls.update();
     this.draw();
+  }
+
+  /** Flies to a box without turning the view. */
+  fly(box: THREE.Box3): void {
+    if (box.isEmpty() || this.size().width === 0) return;
+    const sphere = box.getBoundingSphere(new THREE.Sphere());
+    const half = Math.atan(Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2)) * Math.min(1, this.camera.aspect));
+    const arm = this.camera.position.clone().sub(this.controls.target);
+    arm.setLength((Math.max(0.6, sphere.radius) / Math.sin(half)) * 1.25);
+    // A view from a low angle ends in the walls around a room.
+    arm.z = Math.max(arm.z, 0.75 * Math.hypot(arm.x, arm.y));
+    this.moveTo(sphere.center.clone().add(arm), sphere.center);
+  }
+
+  get viewpoint(): Viewpoint {
+    return { eye_m: this.camera.position.toArray(), target_m: this.controls.target.toArray() };
+  }
+
+  set viewpoint({ eye_m, target_m }: Viewpoint) {
+    this.controls.target.fromArray(target_m);
+    this.camera.position.fromArray(eye_m);
+    this.controls.update();
+    this.draw();
+  }
+
+  private moveTo(eye: THREE.Vector3, target: THREE.Vector3): void {
+    cancelAnimationFrame(this.flight);
+    const from = { eye: this.camera.position.clone(), target: this.controls.target.clone() };
+    const length_ms = matchMedia("(prefers-reduced-motion: reduce)").matches ? 0 : FLIGHT_MS;
+    const begun = performance.now();
+    const step = () => {
+      const part = length_ms > 0 ? Math.min(1, (performance.now() - begun) / length_ms) : 1;
+      const eased = part * part * (3 - 2 * part);
+      this.camera.position.lerpVectors(from.eye, eye, eased);
+      this.controls.target.lerpVectors(from.target, target, eased);
+      this.controls.update();
+      this.draw();
+      if (part < 1) this.flight = requestAnimationFrame(step);
+    };
+    step();
+  }
+
+  private listenForClicks(canvas: HTMLCanvasElement, signal: AbortSignal): void {
+    let press: { x: number; y: number } | null = null;
+    canvas.addEventListener("pointerdown", (event) => {
+      cancelAnimationFrame(this.flight);
+      press = event.isPrimary && event.button === 0 ? { x: event.clientX, y: event.clientY } : null;
+    }, { signal });
+    canvas.addEventListener("pointerup", (event) => {
+      const isClick = press && Math.hypot(event.clientX - press.x, event.clientY - press.y) < CLICK_PX;
+      press = null;
+      if (!isClick) return;
+      const box = canvas.getBoundingClientRect();
+      const caster = new THREE.Raycaster();
+      caster.setFromCamera(new THREE.Vector2(
+        (2 * (event.clientX - box.x)) / box.width - 1, 1 - (2 * (event.clientY - box.y)) / box.height), this.camera);
+      const pixel_rad = (2 * Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2))) / box.height;
+      const { origin, direction } = caster.ray;
+      this.onClick({ origin: origin.toArray(), direction: direction.toArray() }, CLICK_PX * pixel_rad);
+    }, { signal });
   }
 
   /** Draws as much as fits into a frame, and asks for the next one while something is left. */

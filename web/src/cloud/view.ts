@@ -6,8 +6,9 @@ import { type Colouring, type Rgb, rgb } from "./colours.ts";
 import { PointMaterial } from "./material.ts";
 import { type Name, Names } from "./names.ts";
 import type { Cloud } from "./points.ts";
-import { boxOf, floorOf, pathOf, release } from "./shapes.ts";
-import { Stage } from "./stage.ts";
+import type { Point3, Ray } from "./pick.ts";
+import { boxOf, floorOf, outlineOf, pathOf, release, ruleOf, solidOf } from "./shapes.ts";
+import { Stage, type Viewpoint } from "./stage.ts";
 
 export interface Path {
   places_m: [number, number, number][];
@@ -16,6 +17,9 @@ export interface Path {
 
 /** Points are drawn at most so much wider where few are drawn. */
 const MAX_GROWTH = 3;
+/** A name is hidden by points that come so near to the line of sight, if they are so far before it. */
+const HIDING_M = 0.06;
+const BEHIND_M = 0.4;
 
 export class CloudView {
   readonly element: HTMLElement;
@@ -25,22 +29,40 @@ export class CloudView {
   private readonly floor = new THREE.Group();
   private readonly paths = new THREE.Group();
   private readonly boxes = new THREE.Group();
+  /** What is selected, and what is measured. */
+  private readonly selected = new THREE.Group();
+  private readonly rule = new THREE.Group();
+  private readonly wanted = new THREE.Group();
   private points: THREE.Points | null = null;
   private bounds = new THREE.Box3();
   private isFramed = false;
+  /** How far away the first shown point on a ray is; only every `stride`-th point counts. */
+  surfaceOn: ((ray: Ray, reach_rad: number, stride: number) => number | null) | null = null;
 
   constructor(label: string, signal: AbortSignal) {
     this.stage = new Stage(label, signal);
     this.element = this.stage.element;
     this.element.append(this.names.element);
     this.stage.shapes.add(this.floor, this.boxes);
-    this.stage.marks.add(this.paths);
+    this.stage.marks.add(this.paths, this.wanted, this.selected, this.rule);
     this.stage.onDrawn = (moment) => this.names.place(moment);
+    this.stage.onRest = (eye) => this.names.hide((at) => this.isBehind(eye, at));
     signal.addEventListener("abort", () => {
-      for (const group of [this.floor, this.paths, this.boxes]) release(group);
+      for (const group of [this.floor, this.paths, this.boxes, this.selected, this.rule, this.wanted]) release(group);
       this.points?.geometry.dispose();
       this.material.dispose();
     });
+  }
+
+  /** Whether points hide a place from an eye; every eighth point decides, which is dense enough for a wall. */
+  private isBehind(eye: THREE.Vector3, at: THREE.Vector3): boolean {
+    if (!this.surfaceOn) return false;
+    const way = at.clone().sub(eye);
+    const distance_m = way.length();
+    const direction = way.divideScalar(distance_m);
+    const ray: Ray = { origin: eye.toArray(), direction: direction.toArray() };
+    const surface_m = this.surfaceOn(ray, HIDING_M / distance_m, 8);
+    return surface_m !== null && surface_m < distance_m - BEHIND_M;
   }
 
   /** Shows a cloud whose points may still be coming; `voxel_m` is how far apart they are. */
@@ -107,6 +129,46 @@ export class CloudView {
     release(this.boxes);
     for (const thing of things) this.boxes.add(boxOf(thing, colourOf(thing)));
     this.draw();
+  }
+
+  /** Marks a box, or the outline of a room on the floor; nothing if there is neither. */
+  setSelected(thing: Thing | null, ring_m: readonly [number, number][] | null, colour: Rgb): void {
+    release(this.selected);
+    if (thing) this.selected.add(solidOf(thing, colour), boxOf(thing, colour));
+    if (ring_m) this.selected.add(outlineOf(ring_m, colour));
+    this.draw();
+  }
+
+  /** Outlines rooms that are worth filming. */
+  setWanted(rings_m: (readonly [number, number][])[], colour: Rgb): void {
+    release(this.wanted);
+    for (const ring of rings_m) this.wanted.add(outlineOf(ring, colour));
+    this.draw();
+  }
+
+  /** Draws the line that is measured, through everything. */
+  setRule(ends: Point3[], colour: Rgb): void {
+    release(this.rule);
+    if (ends.length > 0) this.rule.add(ruleOf(ends, colour));
+    this.draw();
+  }
+
+  set onClick(told: (ray: Ray, reach_rad: number) => void) {
+    this.stage.onClick = told;
+  }
+
+  fly({ min, max }: { min: Point3; max: Point3 }): void {
+    this.stage.fly(new THREE.Box3(new THREE.Vector3(...min), new THREE.Vector3(...max)));
+  }
+
+  get viewpoint(): Viewpoint {
+    return this.stage.viewpoint;
+  }
+
+  /** Looks from a place that a person chose; nothing else moves the view any more. */
+  set viewpoint(viewpoint: Viewpoint) {
+    this.isFramed = true;
+    this.stage.viewpoint = viewpoint;
   }
 
   setNames(names: Name[]): void {

@@ -3,7 +3,7 @@
 import * as api from "../api.ts";
 import { clipColour, type Rgb } from "../cloud/colours.ts";
 import { place } from "../frames.ts";
-import type { Class, Clip, Home, HomeMap, LidarMap, Pose2, Room, Scan, Thing } from "../types.ts";
+import type { Class, Clip, Coverage, Home, HomeMap, LidarMap, Pose2, Room, Scan, Thing } from "../types.ts";
 
 export class HomeData {
   lidar: LidarMap | null = null;
@@ -11,8 +11,7 @@ export class HomeData {
   map: HomeMap | null = null;
   rooms: Room[] = [];
   things: Thing[] = [];
-  /** Which share of the LiDAR map's points the fused map explains. */
-  seen: number | null = null;
+  coverage: Coverage | null = null;
   /** By clip; null where the service has none. */
   readonly scans = new Map<string, Scan | null>();
 
@@ -36,11 +35,11 @@ export class HomeData {
       api.home(id, signal), api.lidarMap(id, signal), api.clips(id, signal), api.homeMap(id, signal),
     ]);
     if (this.map && this.map.revision !== before?.revision) {
-      [this.rooms, this.things, this.seen] = await Promise.all([
-        api.rooms(id, signal), api.things(id, signal), api.seen(id, signal),
+      [this.rooms, this.things, this.coverage] = await Promise.all([
+        api.rooms(id, signal), api.things(id, signal), api.coverage(id, signal),
       ]);
     } else if (!this.map) {
-      [this.rooms, this.things, this.seen] = [[], [], null];
+      [this.rooms, this.things, this.coverage] = [[], [], null];
     }
     await this.readScans(signal);
   }

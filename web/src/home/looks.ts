@@ -1,32 +1,39 @@
 // What of a home is shown, and how.
 
 import type { Colouring } from "../cloud/colours.ts";
+import { isSame, type Selection } from "./selection.ts";
 
-export const LAYERS = ["points", "lidar", "paths", "objects", "rooms"] as const;
+export const LAYERS = ["points", "lidar", "objects", "rooms", "coverage", "paths"] as const;
 export type Layer = (typeof LAYERS)[number];
 
 export const LAYER_WORDS: Record<Layer, string> = {
   points: "Fused points",
   lidar: "LiDAR map",
-  paths: "Camera paths",
   objects: "Objects",
   rooms: "Rooms",
+  coverage: "Not filmed yet",
+  paths: "Camera paths",
 };
 
 export class Looks {
   view: "3d" | "2d" = "3d";
   colouring: Colouring = "colour";
-  readonly layers = new Set<Layer>(LAYERS);
+  readonly layers = new Set<Layer>(["points", "lidar", "objects", "rooms"]);
   /** By name. A ceiling would hide everything below it. */
   readonly hiddenClasses = new Set<string>(["ceiling"]);
   /** By id. */
   readonly hiddenClips = new Set<string>();
   /** Nothing higher is shown; null for no limit. */
   cut_m: number | null = null;
+  selected: Selection | null = null;
   private readonly listeners: (() => void)[] = [];
 
   onChange(listen: () => void): void {
     this.listeners.push(listen);
+  }
+
+  select(selected: Selection | null): void {
+    if (!isSame(this.selected, selected)) this.change((looks) => (looks.selected = selected));
   }
 
   change(act: (looks: this) => void): void {

@@ -4,6 +4,7 @@ import { homePath } from "../api.ts";
 import { rgb, type Rgb } from "../cloud/colours.ts";
 import { type Cloud, load } from "../cloud/points.ts";
 import type { Name } from "../cloud/names.ts";
+import type { Viewpoint } from "../cloud/stage.ts";
 import { CloudView } from "../cloud/view.ts";
 import { h } from "../dom.ts";
 import { around, type Box2, type Point2 } from "../frames.ts";
@@ -12,13 +13,21 @@ import { alarm, messageOf, say } from "../parts/notices.ts";
 import * as shapes from "../plan/shapes.ts";
 import { PlanView } from "../plan/view.ts";
 import { isDark, onTheme } from "../theme.ts";
-import { percent, plain } from "../words.ts";
+import type { Room, Thing } from "../types.ts";
+import { percent } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
+import { Measure } from "./measure.ts";
+import { Pointing } from "./pointing.ts";
+import { boundsOf, roomName, roomOf, type Selection, thingName, thingOf } from "./selection.ts";
 import { TopView } from "./top.ts";
 
 /** While points arrive, they are drawn so often. */
 const REDRAW_MS = 250;
+/** A room with less of its walls in the map is worth filming. */
+const FILMED = 0.5;
+const MARK: Rgb = [103, 65, 217];
+const WANTED: Rgb = [217, 130, 0];
 
 export class HomeScene {
   readonly element: HTMLElement;
@@ -33,6 +42,7 @@ export class HomeScene {
   /** The newest drawing of the picture; an older one that comes late is dropped. */
   private drawing = 0;
   private loading = new AbortController();
+  readonly measure: Measure;
 
   constructor(
     private readonly data: HomeData,
@@ -45,6 +55,13 @@ export class HomeScene {
     if (!this.cloudView) looks.view = "2d";
     this.top = new TopView(this.plan, signal);
     this.element = h("div", { class: "views" }, this.cloudView?.element, this.plan.element);
+    this.measure = new Measure(() => this.drawRule(), signal);
+    const pointing = new Pointing(data, looks, this.measure, () => this.cloud, () => this.things());
+    this.plan.onClick = (point) => pointing.clickInPlan(point);
+    if (this.cloudView) {
+      this.cloudView.onClick = (ray, reach_rad) => pointing.clickInCloud(ray, reach_rad);
+      this.cloudView.surfaceOn = (ray, reach_rad, stride) => pointing.surfaceOn(ray, reach_rad, stride);
+    }
     looks.onChange(() => this.apply());
     onTheme(() => void this.drawPicture(), signal);
     signal.addEventListener("abort", () => this.loading.abort());
@@ -58,6 +75,29 @@ export class HomeScene {
   fit(from: "corner" | "above" = "corner"): void {
     if (this.looks.view === "3d") this.cloudView?.fit(from);
     else this.plan.fit();
+  }
+
+  /** Flies to what is selected. */
+  show(selection: Selection): void {
+    const bounds = boundsOf(this.data, selection);
+    if (!bounds) return;
+    if (this.looks.view === "3d") this.cloudView?.fly(bounds);
+    else this.plan.show({ min: [bounds.min[0], bounds.min[1]], max: [bounds.max[0], bounds.max[1]] });
+  }
+
+  /** Null while the home is not shown in three dimensions. */
+  get viewpoint(): Viewpoint | null {
+    return this.looks.view === "3d" ? (this.cloudView?.viewpoint ?? null) : null;
+  }
+
+  set viewpoint(viewpoint: Viewpoint | null) {
+    if (viewpoint && this.cloudView) this.cloudView.viewpoint = viewpoint;
+  }
+
+  private drawRule(): void {
+    const { ends } = this.measure;
+    this.cloudView?.setRule(ends, MARK);
+    this.plan.setLayer("rule", ...(ends.length > 0 ? [shapes.rule(ends.map(([x, y]) => [x, y]))] : []));
   }
 
   /** Draws what has changed. */
@@ -169,16 +209,29 @@ export class HomeScene {
 
   private things() {
     const { looks, data } = this;
-    return looks.layers.has("objects") ? data.things.filter((thing) => !looks.hiddenClasses.has(thing.class)) : [];
+    if (!looks.layers.has("objects")) return [];
+    const footprint = ({ size_m: [length, width] }: Thing) => length * width;
+    // Names of large objects go before those of small ones.
+    return data.things.filter((thing) => !looks.hiddenClasses.has(thing.class)).sort((a, b) => footprint(b) - footprint(a));
   }
 
   /** Of the fused map's rooms, or of the robot's before there are any. */
   private roomNames(): { text: string; at_m: Point2 }[] {
     const { looks, data } = this;
-    if (!looks.layers.has("rooms")) return [];
-    const text = (room: { name: string | null; area_m2: number }) => room.name ?? `${room.area_m2.toFixed(0)} m²`;
-    if (data.rooms.length > 0) return data.rooms.map((room) => ({ text: text(room), at_m: room.label_at_m }));
-    return (data.lidar?.info.rooms ?? []).map((room) => ({ text: text(room), at_m: room.centre_m }));
+    const wanted = new Set(this.wantedRooms().map(({ id }) => id));
+    if (!looks.layers.has("rooms") && wanted.size === 0) return [];
+    const rooms = looks.layers.has("rooms") ? data.rooms : data.rooms.filter(({ id }) => wanted.has(id));
+    const note = (room: Room) => (wanted.has(room.id) ? " · film here" : "");
+    if (rooms.length > 0) return rooms.map((room) => ({ text: roomName(room) + note(room), at_m: room.label_at_m }));
+    return (data.lidar?.info.rooms ?? []).map((room) => ({ text: roomName(room), at_m: room.centre_m }));
+  }
+
+  /** The rooms that are worth filming next, if they shall be shown. */
+  private wantedRooms(): Room[] {
+    const { looks, data } = this;
+    if (!looks.layers.has("coverage")) return [];
+    const seen = new Map(data.coverage?.by_room.map(({ room, seen }) => [room, seen]));
+    return data.rooms.filter(({ id }) => (seen.get(id) ?? 1) < FILMED);
   }
 
   private colourOf(name: string): Rgb {
@@ -198,28 +251,40 @@ export class HomeScene {
     cloudView.setThings(things, (thing) => this.colourOf(thing.class));
     cloudView.setNames([
       ...this.roomNames().map(({ text, at_m: [x, y] }): Name => ({ text, kind: "room", at_m: [x, y, 0] })),
-      ...things.map(({ class: name, centre_m: [x, y, z], size_m: [, , height] }): Name =>
-        ({ text: plain(name), kind: "object", at_m: [x, y, z + height / 2] })),
+      ...things.map((thing): Name => {
+        const [x, y, z] = thing.centre_m;
+        return { text: thingName(thing), kind: "object", at_m: [x, y, z + thing.size_m[2] / 2] };
+      }),
     ]);
+    cloudView.setSelected(thingOf(data, looks.selected), roomOf(data, looks.selected)?.polygon_m ?? null, MARK);
+    cloudView.setWanted(this.wantedRooms().map(({ polygon_m }) => polygon_m), WANTED);
   }
 
   private applyTo2d(): void {
     const { looks, data, plan } = this;
     plan.showPicture(looks.layers.has("lidar"));
     const rooms = looks.layers.has("rooms") ? data.rooms : [];
-    plan.setLayer("rooms", ...rooms.map(shapes.room));
+    plan.setLayer("rooms", ...rooms.map((room) => shapes.room(room)));
+    plan.setLayer("wanted", ...this.wantedRooms().map((room) => shapes.room(room, "room wanted")));
     const things = this.things();
     plan.setLayer("things", ...things.map((thing) =>
-      shapes.thing(thing, this.colourOf(thing.class), plain(thing.class))));
+      shapes.thing(thing, this.colourOf(thing.class), thingName(thing))));
+    const [thing, room] = [thingOf(data, looks.selected), roomOf(data, looks.selected)];
+    plan.setLayer("selected",
+      ...(thing ? [shapes.thing(thing, MARK, thingName(thing))] : []),
+      ...(room ? [shapes.room(room, "room selected")] : []));
     plan.setLayer("paths", ...this.ways().flatMap(({ clip, places_m, colour }) => {
       const pose = data.poseOf(clip);
       const way = places_m.length > 1 ? [shapes.line(places_m.map(([x, y]) => [x, y]), colour)] : [];
       const name = `Clip ${data.indexOf(clip.id) + 1}`;
       return pose ? [...way, shapes.wedge(pose, colour, name)] : way;
     }));
-    plan.setLayer("names",
-      ...this.roomNames().map(({ text, at_m }) => shapes.text(text, at_m, "room-name")),
-      ...things.map((thing) => shapes.text(plain(thing.class), [thing.centre_m[0], thing.centre_m[1]], "thing-name")));
+    plan.setNames([
+      ...this.roomNames().map(({ text, at_m }) => ({ text, at_m, kind: "room-name" })),
+      ...things.map((thing) => ({
+        text: thingName(thing), at_m: [thing.centre_m[0], thing.centre_m[1]] as Point2, kind: "thing-name",
+      })),
+    ]);
   }
 }
 

@@ -1,13 +1,13 @@
 // One clip: where it is, why that is believed, and what a person may do about it.
 
 import * as api from "../api.ts";
-import { alternatives, type Ground } from "../clip/alternatives.ts";
+import { alternatives, type Ground, isForeign } from "../clip/alternatives.ts";
 import { answer, recording, stages } from "../clip/facts.ts";
 import { ClipCloud } from "../clip/cloud.ts";
 import { h, put } from "../dom.ts";
 import { addressOf, inkOf } from "../paper.ts";
 import { confirm } from "../parts/dialog.ts";
-import { Followed, Repeated } from "../parts/live.ts";
+import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
 import { stateBadge } from "../parts/marks.ts";
 import { attempt, say } from "../parts/notices.ts";
 import { toHome, toHomes } from "../route.ts";
@@ -16,8 +16,9 @@ import type { Clip } from "../types.ts";
 import { isUnderWay, jobWord, stateMeaning } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
-const BUSY_MS = 1500;
-const IDLE_MS = 15_000;
+const RETRY_MS = 1500;
+const FOREIGN = "No place explains this clip well. It may show another home, or a part that the robot has not mapped. " +
+  "Put a newer LiDAR map, or film again with more walls and floor in sight.";
 
 export async function showClip(place: Place, home: string, id: string): Promise<void> {
   const { signal } = place;
@@ -63,10 +64,10 @@ class ClipPage {
         await this.draw();
       } catch (error) {
         if (error instanceof api.Refusal && error.status === 404) location.hash = toHome(clip.home);
-        return BUSY_MS;
+        return RETRY_MS;
       }
       followed.follow(isUnderWay(this.clip) && this.clip.job ? [this.clip.job] : []);
-      return isUnderWay(this.clip) ? BUSY_MS : IDLE_MS;
+      return null;
     }, signal);
   }
 
@@ -81,7 +82,7 @@ class ClipPage {
       void this.draw();
     }, place.signal);
     await this.draw();
-    this.repeated.again();
+    onHomeChange(clip.home, () => this.repeated.again(), place.signal);
   }
 
   private async draw(): Promise<void> {
@@ -111,6 +112,7 @@ class ClipPage {
     put(this.verdict,
       isUnderWay(clip) ? h("p", { class: "progress" }, this.bar, this.stage) : null,
       h("p", {}, clip.choice ? "A person chose its place." : stateMeaning(clip.state)),
+      isForeign(clip) ? h("p", {}, FOREIGN) : null,
       reasons.length > 0 ? h("ul", { class: `reasons ${clip.state}` }, ...reasons) : null);
   }
 

@@ -4,43 +4,55 @@ import { deleteHome } from "../api.ts";
 import { COLOURING_WORDS, COLOURINGS } from "../cloud/colours.ts";
 import { h, put } from "../dom.ts";
 import { ClipsPanel } from "../home/clips.ts";
+import { Compare } from "../home/compare.ts";
 import { HomeData } from "../home/data.ts";
+import { Details } from "../home/details.ts";
+import { Downloads } from "../home/downloads.ts";
 import { LayersPanel, rampLegend, section } from "../home/layers.ts";
 import { Looks } from "../home/looks.ts";
 import { HomeScene } from "../home/scene.ts";
+import type { Selection } from "../home/selection.ts";
+import { read, written } from "../home/share.ts";
+import { ThingsPanel } from "../home/things.ts";
 import { confirm } from "../parts/dialog.ts";
-import { Followed, Repeated } from "../parts/live.ts";
+import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
 import { attempt, say } from "../parts/notices.ts";
 import { oneOf } from "../parts/switches.ts";
-import { toHomes } from "../route.ts";
+import { toHome, toHomes } from "../route.ts";
 import { UploadPanel } from "../upload/panel.ts";
 import { count, isUnderWay, many, percent } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
-const BUSY_MS = 1500;
-const IDLE_MS = 10_000;
-/** A new map is looked for so often in a row; then it is no longer expected every moment. */
-const MOST_WAITS = 40;
+const RETRY_MS = 1500;
 
-export async function showHome(place: Place, id: string): Promise<void> {
+export async function showHome(place: Place, id: string, view: URLSearchParams): Promise<void> {
   setCrumbs(place, [{ word: "Homes", href: toHomes() }], id);
   const { signal } = place;
   const data = await HomeData.load(id, signal);
   if (signal.aborted) return;
   setCrumbs(place, [{ word: "Homes", href: toHomes() }], data.home.name || id);
   const looks = new Looks();
+  const viewpoint = read(view, looks);
   if (!data.map) looks.view = "2d";
   const status = h("p", { class: "stage-status", role: "status" });
   const facts = h("p", { class: "stage-facts" });
   const empty = h("div", { class: "stage-empty" });
   const scene = new HomeScene(data, looks, (text) => (status.textContent = text), signal);
+  const select = (selection: Selection) => {
+    looks.select(selection);
+    scene.show(selection);
+  };
   const clips = new ClipsPanel(data, looks, () => repeated.again());
+  const things = new ThingsPanel(data, looks, select);
+  const details = new Details(data, looks, scene.measure, () => repeated.again());
+  const compare = new Compare(data, select, signal);
+  const downloads = new Downloads(data);
   const layers = new LayersPanel(data, looks);
   const upload = new UploadPanel(id, () => repeated.again(), signal);
 
   const describe = () => {
     const { map, lidar } = data;
-    const seen = data.seen === null ? "" : ` · explains ${percent(data.seen)} of the LiDAR map`;
+    const seen = data.coverage ? ` · explains ${percent(data.coverage.seen)} of the LiDAR map` : "";
     facts.textContent = map
       ? `Map ${map.revision} · ${count(map.info.points)} points · ${many(map.clips.length, "clip")}${seen}`
       : "";
@@ -48,7 +60,6 @@ export async function showHome(place: Place, id: string): Promise<void> {
     empty.hidden = map !== null || (looks.view === "2d" && lidar !== null && data.clips.length > 0);
   };
   looks.onChange(describe);
-  let waited = 0;
   const followed = new Followed(
     (job) => {
       const clip = data.clips.find((clip) => clip.job?.id === job.id);
@@ -58,63 +69,77 @@ export async function showHome(place: Place, id: string): Promise<void> {
     () => repeated.again(),
     signal,
   );
+  const changes = section("Changes", false, compare.element);
+  changes.addEventListener("toggle", () => void compare.draw());
+  // Events tell when to ask; only a lost server is asked again and again.
   const repeated = new Repeated(async () => {
     try {
       await data.refresh(signal);
-      if (signal.aborted) return IDLE_MS;
+      if (signal.aborted) return null;
       status.classList.remove("bad");
       if (status.dataset.lost) delete status.dataset.lost, (status.textContent = "");
-      clips.draw();
-      layers.draw();
+      for (const panel of [clips, things, details, downloads, layers]) panel.draw();
+      void compare.draw();
       scene.update();
       describe();
     } catch (error) {
-      if (signal.aborted) return IDLE_MS;
+      if (signal.aborted) return null;
       status.classList.add("bad");
       status.dataset.lost = "yes";
       status.textContent = error instanceof Error ? error.message : String(error);
-      return BUSY_MS;
+      return RETRY_MS;
     }
     const jobs = data.clips.filter(isUnderWay).flatMap((clip) => (clip.job ? [clip.job] : []));
     followed.follow(jobs.sort((a, b) => Number(b.state === "running") - Number(a.state === "running")));
-    waited = isMapDue(data) ? waited + 1 : 0;
-    return jobs.length > 0 || (waited > 0 && waited < MOST_WAITS) ? BUSY_MS : IDLE_MS;
+    return null;
   }, signal);
 
+  const remove = h("button", { type: "button", class: "danger quiet" }, "Delete home");
+  remove.addEventListener("click", () => void removeHome(data, remove));
+  put(place.main,
+    h("section", { class: "stage", "aria-label": "Map" },
+      scene.element, empty, toolbar(data, looks, scene), details.element, status, facts),
+    h("aside", { class: "side", "aria-label": "Clips, objects and layers" },
+      h("h1", {}, data.home.name || id),
+      upload.element,
+      section("Clips", true, clips.element),
+      section("Rooms and objects", true, things.element),
+      layers.element,
+      changes,
+      section("Downloads", false, downloads.element),
+      h("p", { class: "row end" }, remove)));
+  place.main.className = "home-page";
+  describe();
+  details.draw();
+  scene.viewpoint = viewpoint;
+  if (!viewpoint && looks.selected) scene.show(looks.selected);
+  onHomeChange(id, () => repeated.again(), signal);
+}
+
+function toolbar(data: HomeData, looks: Looks, scene: HomeScene): HTMLElement {
   const legend = rampLegend();
-  legend.hidden = true;
-  looks.onChange(() => (legend.hidden = looks.colouring !== "probability"));
   const top = h("button", { type: "button", class: "tool", title: "Look from above" }, "Top");
   top.addEventListener("click", () => scene.fit("above"));
-  looks.onChange(() => (top.hidden = looks.view === "2d"));
-  top.hidden = looks.view === "2d";
-  const toolbar = h("div", { class: "toolbar" },
+  const share = h("button", { type: "button", class: "tool", title: "Copy a link to this view" }, "Share");
+  share.addEventListener("click", () => void attempt(share, async () => {
+    const address = toHome(data.home.id, written(looks, scene.viewpoint));
+    history.replaceState(null, "", address);
+    await navigator.clipboard.writeText(location.href);
+    say("The link to this view is copied.");
+  }));
+  const apply = () => {
+    legend.hidden = looks.colouring !== "probability";
+    top.hidden = looks.view === "2d";
+  };
+  looks.onChange(apply);
+  apply();
+  return h("div", { class: "toolbar" },
     oneOf("view", "View", scene.is3dThere ? [["3d", "3D"], ["2d", "2D"]] : [["2d", "2D"]], looks.view, (view) =>
       looks.change((looks) => (looks.view = view))),
     oneOf("colouring", "Colour points by", COLOURINGS.map((name) => [name, COLOURING_WORDS[name]]), looks.colouring,
       (colouring) => looks.change((looks) => (looks.colouring = colouring))),
     h("button", { type: "button", class: "tool", onclick: () => scene.fit(), title: "Show all" }, "Fit"),
-    top, legend);
-  const remove = h("button", { type: "button", class: "danger quiet" }, "Delete home");
-  remove.addEventListener("click", () => void removeHome(data, remove));
-  put(place.main,
-    h("section", { class: "stage", "aria-label": "Map" }, scene.element, empty, toolbar, status, facts),
-    h("aside", { class: "side", "aria-label": "Clips and layers" },
-      h("h1", {}, data.home.name || id),
-      upload.element,
-      section("Clips", true, clips.element),
-      layers.element,
-      h("p", { class: "row end" }, remove)));
-  place.main.className = "home-page";
-  describe();
-  repeated.again();
-}
-
-/** A change of the set of aligned clips makes a new map a moment later. */
-function isMapDue({ clips, map }: HomeData): boolean {
-  const aligned = clips.filter((clip) => clip.state === "aligned").map((clip) => clip.id).sort();
-  const fused = (map?.clips ?? []).filter((clip) => clip.by !== "neighbours").map((clip) => clip.clip).sort();
-  return aligned.join() !== fused.join();
+    top, scene.measure.button, share, legend, scene.measure.element);
 }
 
 function emptyStage(hasLidar: boolean, clips: number, isBusy: boolean): HTMLElement[] {

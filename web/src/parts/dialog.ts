@@ -14,7 +14,7 @@ export function ask<T>(title: string, text: Child, options: Option<T>[]): Promis
   return new Promise((resolve) => {
     const heading = h("h2", { id: "question" }, title);
     const buttons = options.map(({ word, kind }, i) =>
-      h("button", { type: "submit", value: String(i), class: kind ?? "", autofocus: i === 0 }, word),
+      h("button", { type: "submit", value: String(i), class: kind ?? "", autofocus: i === 0 && typeof text === "string" }, word),
     );
     const form = h("form", { method: "dialog" }, heading, h("p", {}, text), h("div", { class: "row end" }, ...buttons));
     const dialog = h("dialog", { "aria-labelledby": "question" }, form);
@@ -26,6 +26,16 @@ export function ask<T>(title: string, text: Child, options: Option<T>[]): Promis
     document.body.append(dialog);
     dialog.showModal();
   });
+}
+
+/** A line of text; null when the question was closed. */
+export function askText(title: string, before: string, word: string): Promise<string | null> {
+  const input = h("input", { type: "text", "aria-label": title, value: before, maxlength: 100, autofocus: true });
+  // Enter in a text presses the form's first button, so the button that does it comes first.
+  return ask<boolean>(title, input, [
+    { word, value: true, kind: "primary" },
+    { word: "Cancel", value: false },
+  ]).then((isDone) => (isDone ? input.value.trim() : null));
 }
 
 /** Whether it shall really be done. */

@@ -1,5 +1,6 @@
 // Follows what changes on the service while a page is open.
 
+import { homePath } from "../api.ts";
 import type { Job } from "../types.ts";
 
 /** A browser opens six connections to a host at most, and each followed job holds one. */
@@ -47,14 +48,22 @@ export class Followed {
   }
 }
 
-/** Calls `ask` now, whenever `again` is called, and after as many milliseconds as it answers. */
+/** Calls back when a home changes, and when the connection is there again after a loss. */
+export function onHomeChange(home: string, changed: () => void, signal: AbortSignal): void {
+  const stream = new EventSource(homePath(home, "events"));
+  stream.addEventListener("open", changed);
+  stream.addEventListener("change", changed);
+  signal.addEventListener("abort", () => stream.close());
+}
+
+/** Calls `ask` now, whenever `again` is called, and after as many milliseconds as it answers; null waits for `again`. */
 export class Repeated {
   private timer = 0;
   private running = false;
   private isWanted = false;
 
   constructor(
-    private readonly ask: () => Promise<number>,
+    private readonly ask: () => Promise<number | null>,
     private readonly signal: AbortSignal,
   ) {
     signal.addEventListener("abort", () => clearTimeout(this.timer));
@@ -69,13 +78,13 @@ export class Repeated {
 
   private async run(): Promise<void> {
     this.running = true;
-    let wait_ms = 0;
+    let wait_ms: number | null = 0;
     while (this.isWanted && !this.signal.aborted) {
       this.isWanted = false;
       clearTimeout(this.timer);
       wait_ms = await this.ask();
     }
     this.running = false;
-    if (!this.signal.aborted) this.timer = window.setTimeout(() => document.hidden || this.again(), wait_ms);
+    if (!this.signal.aborted && wait_ms !== null) this.timer = window.setTimeout(() => document.hidden || this.again(), wait_ms);
   }
 }

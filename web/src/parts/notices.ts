@@ -11,11 +11,16 @@ export function noticeBoard(): HTMLElement {
   return h("div", { class: "notices" }, said, alarms);
 }
 
-/** Something happened; it goes away by itself. */
-export function say(text: string): void {
-  const note = h("p", { class: "toast" }, text);
+/** Something happened; it goes away by itself. It may offer to take it back. */
+export function say(text: string, offer?: { word: string; act: () => unknown }): void {
+  const button = offer && h("button", { type: "button", class: "small" }, offer.word);
+  const note = h("p", { class: "toast" }, h("span", {}, text), button);
+  button?.addEventListener("click", () => {
+    note.remove();
+    offer?.act();
+  });
   said.append(note);
-  setTimeout(() => note.remove(), SHOWN_MS);
+  setTimeout(() => note.remove(), offer ? 2 * SHOWN_MS : SHOWN_MS);
 }
 
 /** Something failed; it stays until it is closed. */

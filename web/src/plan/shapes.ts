@@ -31,15 +31,17 @@ export function wedge(pose: Pose2, colour: Rgb | null, title?: string): SVGEleme
   return shape;
 }
 
-export function text(content: string, point: Point2, name: string): SVGElement {
-  const [x, y] = at(point).split(",");
-  return s("text", { class: name, x: x ?? 0, y: y ?? 0 }, content);
+/** A line that is measured, with a dot at each end. */
+export function rule(ends: Point2[]): SVGElement {
+  const group = s("g", { class: "rule" }, s("path", { class: "dots", d: ends.map((end) => `M${at(end)}h0`).join("") }));
+  if (ends.length > 1) group.append(line(ends, null, "rule-line"));
+  return group;
 }
 
-export function room(room: Room): SVGElement {
+export function room(room: Room, name = "room"): SVGElement {
   const rings = [room.polygon_m, ...(room.holes_m ?? [])].filter((ring) => ring.length > 2);
   const path = rings.map((ring) => `M${ring.map(at).join("L")}Z`).join("");
-  return s("path", { class: "room", d: path, "fill-rule": "evenodd" });
+  return s("path", { class: name, d: path, "fill-rule": "evenodd" });
 }
 
 export function thing(thing: Thing, colour: Rgb, name: string): SVGElement {

@@ -6,6 +6,10 @@ import type { Box2, Point2 } from "../frames.ts";
 import type { PictureFrame } from "../types.ts";
 
 const UNITS = 100;
+/** A press that moves further is a drag and no click. */
+const CLICK_PX = 5;
+/** Height of a name on the screen. */
+const NAME_PX = 15;
 
 /** A point of the map's frame in the drawing. */
 export function at([x, y]: Point2): string {
@@ -24,9 +28,14 @@ export class PlanView {
   private readonly points = s("image", { class: "points", preserveAspectRatio: "none" });
   private readonly picture = s("image", { class: "picture", preserveAspectRatio: "none" });
   private readonly layers = new Map<string, SVGGElement>();
+  private names: { element: SVGTextElement; x: number; y: number; reach_px: number }[] = [];
   private home: Window = { x: 0, y: 0, width: 100, height: 100 };
   private window: Window = this.home;
   private readonly fingers = new Map<number, { x: number; y: number }>();
+  /** Where a press began that has not become a drag. */
+  private press: { x: number; y: number } | null = null;
+  /** Told about a click: its point in the map's frame. */
+  onClick: (point: Point2) => void = () => {};
 
   /** A drawing that stays as it is when `signal` is null. */
   constructor(label: string, signal: AbortSignal | null) {
@@ -44,9 +53,14 @@ export class PlanView {
     on("pointerdown", (event) => {
       this.element.setPointerCapture(event.pointerId);
       this.fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+      this.press = this.fingers.size === 1 && event.button === 0 ? { x: event.clientX, y: event.clientY } : null;
     });
     on("pointermove", (event) => this.drag(event));
-    on("pointerup", (event) => this.fingers.delete(event.pointerId));
+    on("pointerup", (event) => {
+      this.fingers.delete(event.pointerId);
+      if (this.press) this.onClick(this.pointAt(event.clientX, event.clientY));
+      this.press = null;
+    });
     on("pointercancel", (event) => this.fingers.delete(event.pointerId));
     on("keydown", (event) => this.onKey(event));
     const sizes = new ResizeObserver(() => this.apply());
@@ -78,15 +92,33 @@ export class PlanView {
     layer.replaceChildren(...shapes);
   }
 
+  /** Replaces the names, the most important ones first; a name that would cover an earlier one is left out. */
+  setNames(names: { text: string; at_m: Point2; kind: string }[]): void {
+    this.names = names.map(({ text, at_m, kind }) => {
+      const [x = "0", y = "0"] = at(at_m).split(",");
+      const element = s("text", { class: kind, x, y }, text);
+      return { element, x: Number(x), y: Number(y), reach_px: text.length * 3.4 + 4 };
+    });
+    this.setLayer("names", ...this.names.map(({ element }) => element));
+    this.placeNames();
+  }
+
+  private placeNames(): void {
+    const perPixel = this.perPixel();
+    const taken: { x: number; y: number; reach: number }[] = [];
+    for (const { element, x, y, reach_px } of this.names) {
+      const reach = reach_px * perPixel;
+      const isCovered = taken.some((other) =>
+        Math.abs(other.y - y) < NAME_PX * perPixel && Math.abs(other.x - x) < other.reach + reach);
+      element.style.display = isCovered ? "none" : "";
+      if (!isCovered) taken.push({ x, y, reach });
+    }
+  }
+
   /** What is shown when nothing was moved. */
-  setBounds({ min, max }: Box2, margin_m = 0.3): void {
+  setBounds(box: Box2, margin_m = 0.3): void {
     const before = this.home;
-    this.home = {
-      x: (min[0] - margin_m) * UNITS,
-      y: -(max[1] + margin_m) * UNITS,
-      width: Math.max(1, max[0] - min[0] + 2 * margin_m) * UNITS,
-      height: Math.max(1, max[1] - min[1] + 2 * margin_m) * UNITS,
-    };
+    this.home = windowOf(box, margin_m);
     if (this.window === before) this.fit();
   }
 
@@ -95,12 +127,29 @@ export class PlanView {
     this.apply();
   }
 
+  /** Moves to a part of the home, with room around it. */
+  show({ min, max }: Box2): void {
+    const margin_m = Math.max(0.8, (max[0] - min[0] + max[1] - min[1]) / 4);
+    this.window = windowOf({ min, max }, margin_m);
+    this.apply();
+  }
+
+  private pointAt(clientX: number, clientY: number): Point2 {
+    const { x, y, width, height } = this.window;
+    const box = this.element.getBoundingClientRect();
+    const perPixel = this.perPixel();
+    const left = x + width / 2 + (clientX - box.x - box.width / 2) * perPixel;
+    const top = y + height / 2 + (clientY - box.y - box.height / 2) * perPixel;
+    return [left / UNITS, -top / UNITS];
+  }
+
   private apply(): void {
     const { x, y, width, height } = this.window;
     this.element.setAttribute("viewBox", `${x} ${y} ${width} ${height}`);
     const perPixel = this.perPixel();
     // Texts keep their size on the screen.
     this.element.style.setProperty("--unit", String(perPixel));
+    this.placeNames();
   }
 
   /** Units of the drawing for one pixel of the screen. */
@@ -141,6 +190,8 @@ export class PlanView {
     const before = this.fingers.get(event.pointerId);
     if (!before) return;
     const now = { x: event.clientX, y: event.clientY };
+    if (this.press && Math.hypot(now.x - this.press.x, now.y - this.press.y) < CLICK_PX) return;
+    this.press = null;
     const other = [...this.fingers].find(([id]) => id !== event.pointerId)?.[1];
     this.fingers.set(event.pointerId, now);
     if (!other) return this.pan(now.x - before.x, now.y - before.y);
@@ -162,6 +213,15 @@ export class PlanView {
     else return;
     event.preventDefault();
   }
+}
+
+function windowOf({ min, max }: Box2, margin_m: number): Window {
+  return {
+    x: (min[0] - margin_m) * UNITS,
+    y: -(max[1] + margin_m) * UNITS,
+    width: Math.max(1, max[0] - min[0] + 2 * margin_m) * UNITS,
+    height: Math.max(1, max[1] - min[1] + 2 * margin_m) * UNITS,
+  };
 }
 
 function lay(image: SVGImageElement, address: string | null, frame: PictureFrame | null): void {

@@ -1,0 +1,47 @@
+//! `/v1/homes/{home}/events`
+
+use super::App;
+use super::error::Error;
+use super::extract::HomePath;
+use super::problems::CommonProblems;
+use super::types::Change;
+use axum::extract::State;
+use axum::http::HeaderMap;
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use futures::StreamExt;
+
+/// Watch a home by server-sent events
+///
+/// Every `change` event has a change as in `GET /v1/changes`: of the home, its LiDAR map, a clip, the fused map or
+/// its objects. The `id` of an event is the change's place in the feed; a client that reconnects with it as
+/// `Last-Event-ID` misses nothing. The stream begins with the next change, so open it first and read the home then.
+/// It ends when the home is removed.
+#[utoipa::path(get, path = "/v1/homes/{home}/events", tag = "homes",
+    params(HomePath,
+        ("Last-Event-ID" = Option<String>, Header, description = "The `id` of the last event that the client has seen")),
+    responses(
+        (status = 200, description = "The events", body = String, content_type = "text/event-stream"),
+        CommonProblems))]
+pub(super) async fn watch_home(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+    headers: HeaderMap,
+) -> Result<Response, Error> {
+    app.storage.home(&home).await?;
+    let seen = headers.get("last-event-id").and_then(|value| value.to_str().ok()?.parse().ok());
+    let end = app.storage.last_change().await?;
+    // A number above the feed's end is from before a restore of the database.
+    let after = seen.filter(|seen| (0..=end).contains(seen)).unwrap_or(end);
+    let stop = app.stop.clone();
+    let events = app.queue.clone().watch_home(home.clone(), after).map(move |change| match change {
+        Ok(change) => {
+            Event::default().event("change").id(change.seq.to_string()).json_data(Change::from(change))
+        }
+        Err(error) => {
+            tracing::error!(%home, %error, "the events of a home end");
+            Err(axum::Error::new(error))
+        }
+    });
+    Ok(Sse::new(events.take_until(stop.cancelled_owned())).keep_alive(KeepAlive::default()).into_response())
+}

@@ -1,0 +1,85 @@
+// Tells the changes of objects between two revisions of the map.
+
+import * as api from "../api.ts";
+import { h, put } from "../dom.ts";
+import { messageOf } from "../parts/notices.ts";
+import type { HomeMap, MapChanges, Thing } from "../types.ts";
+import { many, metres, time } from "../words.ts";
+import type { HomeData } from "./data.ts";
+import { type Selection, thingName } from "./selection.ts";
+
+const GONE_WORDS: Record<string, string> = {
+  seen_again: "a later clip shows the place without it",
+  hidden: "a person removed it",
+  clips_removed: "its clips were removed",
+  not_found: "it is not recognised any more",
+};
+
+export class Compare {
+  readonly element = h("div", { class: "compare" });
+  private readonly from = h("select", { "aria-label": "Compare with" });
+  private readonly result = h("div", { role: "status" });
+  private revisions: HomeMap[] = [];
+  private shown = 0;
+
+  constructor(
+    private readonly data: HomeData,
+    private readonly onChosen: (selection: Selection) => void,
+    private readonly signal: AbortSignal,
+  ) {
+    this.from.addEventListener("change", () => void this.compare());
+    this.element.append(h("label", { class: "row" }, "Since", this.from), this.result);
+  }
+
+  /** Reads the revisions again if the map has a new one; the panel must be open for that. */
+  async draw(): Promise<void> {
+    const revision = this.data.map?.revision ?? 0;
+    if (revision === this.shown || !this.element.isConnected || this.element.closest("details")?.open === false) return;
+    this.shown = revision;
+    try {
+      this.revisions = revision ? await api.revisions(this.data.home.id, this.signal) : [];
+      const earlier = this.revisions.filter((other) => other.revision < revision);
+      const chosen = this.from.value;
+      put(this.from, ...earlier.map((map) =>
+        h("option", { value: map.revision }, `map ${map.revision}, ${time(map.created_at)}`)));
+      if (earlier.some((map) => String(map.revision) === chosen)) this.from.value = chosen;
+      this.from.disabled = earlier.length === 0;
+      if (earlier.length === 0) put(this.result, h("p", { class: "hint" }, "There is no earlier map to compare with."));
+      else await this.compare();
+    } catch (error) {
+      if (!this.signal.aborted) put(this.result, h("p", { class: "reason" }, messageOf(error)));
+    }
+  }
+
+  private async compare(): Promise<void> {
+    const from = Number(this.from.value);
+    if (!from || !this.shown) return;
+    const changes = await api.changes(this.data.home.id, from, this.shown, this.signal);
+    const { added, moved, gone } = changes;
+    if (added.length + moved.length + gone.length === 0) {
+      return put(this.result, h("p", { class: "hint" }, "No object was added, moved or removed."));
+    }
+    put(this.result, ...this.lists(changes));
+  }
+
+  private lists({ added, moved, gone }: MapChanges): HTMLElement[] {
+    const distance = (a: Thing, b: Thing) =>
+      Math.hypot(a.centre_m[0] - b.centre_m[0], a.centre_m[1] - b.centre_m[1]);
+    const list = (title: string, rows: HTMLElement[]) =>
+      rows.length > 0 ? [h("h3", {}, title), h("ul", { class: "things" }, ...rows)] : [];
+    return [
+      ...list(`${many(added.length, "object")} added`, added.map((thing) => this.row(thing, thing.room ?? ""))),
+      ...list(`${many(moved.length, "object")} moved`, moved.map(({ from, to }) =>
+        this.row(to, `by ${metres(distance(from, to))}`))),
+      ...list(`${many(gone.length, "object")} gone`, gone.map(({ reason, object }) =>
+        h("li", { class: "gone" }, thingName(object), h("span", { class: "hint" }, GONE_WORDS[reason] ?? reason)))),
+    ];
+  }
+
+  private row(thing: Thing, note: string): HTMLElement {
+    const button = h("button", { type: "button", class: "thing-row" },
+      h("span", { class: "word" }, thingName(thing)), h("span", { class: "hint" }, note));
+    button.addEventListener("click", () => this.onChosen({ kind: "object", id: thing.id }));
+    return h("li", {}, button);
+  }
+}

@@ -1,0 +1,201 @@
+// What is known of the selected object or room, and what a person can correct.
+
+import * as api from "../api.ts";
+import { h, put } from "../dom.ts";
+import { ask, askText } from "../parts/dialog.ts";
+import { attempt, say } from "../parts/notices.ts";
+import { toClip } from "../route.ts";
+import type { Room, RoomPatch, Thing, ThingPatch } from "../types.ts";
+import { percent, plain, time } from "../words.ts";
+import type { HomeData } from "./data.ts";
+import type { Looks } from "./looks.ts";
+import type { Measure } from "./measure.ts";
+import { roomName, roomOf, thingName, thingOf } from "./selection.ts";
+
+/** Rooms are neighbours if their outlines come this near to each other: a wall is between them. */
+const NEIGHBOURS_M = 0.6;
+
+export class Details {
+  readonly element = h("section", { class: "details", "aria-live": "polite", hidden: true });
+  private drawn = "";
+
+  constructor(
+    private readonly data: HomeData,
+    private readonly looks: Looks,
+    private readonly measure: Measure,
+    private readonly onCorrected: () => void,
+  ) {
+    looks.onChange(() => this.draw());
+  }
+
+  draw(): void {
+    const { data, looks } = this;
+    const [thing, room] = [thingOf(data, looks.selected), roomOf(data, looks.selected)];
+    const drawn = JSON.stringify([thing, room, data.rooms.length, data.clips.length]);
+    if (drawn === this.drawn) return;
+    this.drawn = drawn;
+    this.element.hidden = !thing && !room;
+    if (thing) put(this.element, ...this.ofThing(thing));
+    else if (room) put(this.element, ...this.ofRoom(room));
+    else put(this.element);
+  }
+
+  private head(name: string): HTMLElement {
+    const close = h("button", { type: "button", class: "quiet icon", "aria-label": "Close" }, "✕");
+    close.addEventListener("click", () => this.looks.select(null));
+    return h("div", { class: "row between" }, h("h2", {}, name), close);
+  }
+
+  private ofThing(thing: Thing): HTMLElement[] {
+    const { data } = this;
+    const room = data.rooms.find(({ id }) => id === thing.room);
+    const clips = thing.clips.flatMap((id, i) => {
+      const index = data.indexOf(id);
+      const link = h("a", { href: toClip(data.home.id, id) }, index < 0 ? "a clip" : `Clip ${index + 1}`);
+      return i > 0 ? [", ", link] : [link];
+    });
+    const facts: [string, Node | string][] = [
+      ["Class", `${plain(thing.class)}, ${percent(thing.confidence)} sure`],
+      ["Size", thing.size_m.map((side) => side.toFixed(2)).join(" × ") + " m"],
+      ["Room", room ? this.linkTo(room) : "–"],
+      ["Seen by", clips.length > 0 ? h("span", {}, ...clips) : "no clip of this map"],
+    ];
+    if (thing.last_seen) facts.push(["Last seen", time(thing.last_seen)]);
+    if (thing.corrected.length > 0) facts.push(["Corrected", thing.corrected.map((field) => plain(field)).join(", ")]);
+    return [
+      this.head(thingName(thing)), definitions(facts),
+      h("div", { class: "row" },
+        this.action("Rename", async () => {
+          const name = await askText("Name of the object", thing.name ?? "", "Rename");
+          if (name !== null) await this.correctThing(thing, { name: name || null }, "The name is kept.");
+        }),
+        this.action("Change class", async () => {
+          const chosen = await this.askClass(thing.class);
+          if (chosen) await this.correctThing(thing, { class: chosen }, `It is a ${plain(chosen).toLowerCase()} now.`);
+        }),
+        thing.corrected.includes("pinned")
+          ? this.action("Unpin", () => this.correctThing(thing, { pinned: null }, "Later clips can change it again."))
+          : this.action("Pin", () => this.correctThing(thing, { pinned: true }, "It stays, whatever later clips show.")),
+        this.action("Remove", () => this.remove(thing), "danger")),
+    ];
+  }
+
+  private ofRoom(room: Room): HTMLElement[] {
+    const { data } = this;
+    const things = data.things.filter((thing) => thing.room === room.id);
+    const seen = data.coverage?.by_room.find(({ room: id }) => id === room.id);
+    const facts: [string, Node | string][] = [
+      ["Area", `${room.area_m2.toFixed(1)} m²`],
+      ["Objects", things.length > 0 ? counted(things.map(thingName)) : "none"],
+      ["From", room.source === "lidar_map" ? "the robot's map" : "the walls of the map"],
+    ];
+    if (seen) facts.push(["Filmed", `${percent(seen.seen)} of its walls, ${percent(seen.floor_seen)} of its floor`]);
+    if (room.corrected.length > 0) facts.push(["Corrected", room.corrected.map((field) => plain(field)).join(", ")]);
+    const neighbours = data.rooms.filter((other) => other !== room && areNear(room, other));
+    return [
+      this.head(roomName(room)), definitions(facts),
+      h("div", { class: "row" },
+        this.action("Rename", async () => {
+          const name = await askText("Name of the room", room.name ?? "", "Rename");
+          if (name !== null) await this.correctRoom(room, { name: name || null }, "The name is kept.");
+        }),
+        neighbours.length > 0 && this.action("Merge", async () => {
+          const other = await ask("Merge rooms", `${roomName(room)} and this room become one:`,
+            [...neighbours.map((near) => ({ word: roomName(near), value: near.id })), { word: "Cancel", value: null }]);
+          if (other) await this.correctRoom(room, { merge_with: [other] }, "The rooms are one.");
+        }),
+        this.action("Split", async () => {
+          const line = await this.measure.line("Click two points: the line through them divides the room.");
+          if (!line) return;
+          const [from, to] = line.map(([x, y]): [number, number] => [x, y]);
+          if (from && to) await this.correctRoom(room, { split_by: { from_m: from, to_m: to } }, "The room is divided.");
+        }),
+        room.corrected.length > 0 && this.action("Withdraw corrections", () =>
+          this.correctRoom(room, { name: null, merge_with: null, split_by: null }, "The room is as the map has it."))),
+    ];
+  }
+
+  private linkTo(room: Room): HTMLElement {
+    const button = h("button", { type: "button", class: "link" }, roomName(room));
+    button.addEventListener("click", () => this.looks.select({ kind: "room", id: room.id }));
+    return button;
+  }
+
+  private action(word: string, act: () => Promise<void>, kind = ""): HTMLElement {
+    const button = h("button", { type: "button", class: `small ${kind}` }, word);
+    button.addEventListener("click", () => void attempt(button, act));
+    return button;
+  }
+
+  private async correctThing(thing: Thing, patch: ThingPatch, done: string): Promise<void> {
+    await api.correctThing(this.data.home.id, thing.id, patch);
+    this.corrected(done);
+  }
+
+  private async correctRoom(room: Room, patch: RoomPatch, done: string): Promise<void> {
+    await api.correctRoom(this.data.home.id, room.id, patch);
+    this.corrected(done);
+  }
+
+  private corrected(done: string): void {
+    say(`${done} The map is made again.`);
+    this.onCorrected();
+  }
+
+  private async remove(thing: Thing): Promise<void> {
+    await api.correctThing(this.data.home.id, thing.id, { hidden: true });
+    this.looks.select(null);
+    say(`${thingName(thing)} is removed from the map.`, {
+      word: "Undo",
+      act: () => attempt(null, async () => {
+        await api.correctThing(this.data.home.id, thing.id, { hidden: null });
+        this.onCorrected();
+      }),
+    });
+    this.onCorrected();
+  }
+
+  private askClass(now: string): Promise<string | null> {
+    const known = this.data.classes.map(({ name }) => name).filter((name) => !NO_OBJECT.has(name));
+    const options = known.sort((a, b) => plain(a).localeCompare(plain(b))).map((name) =>
+      h("option", { value: name, selected: name === now }, plain(name)));
+    const select = h("select", { "aria-label": "Class", autofocus: true }, ...options);
+    return ask("Change class", select, [
+      { word: "Cancel", value: null },
+      { word: "Change", value: () => select.value, kind: "primary" },
+    ]).then((chosen) => (chosen ? chosen() : null));
+  }
+}
+
+/** Classes of surfaces and of what moves by itself. */
+const NO_OBJECT = new Set(["floor", "wall", "ceiling", "person", "animal", "other"]);
+
+function definitions(facts: [string, Node | string][]): HTMLElement {
+  return h("dl", { class: "facts small" }, ...facts.flatMap(([name, value]) => [h("dt", {}, name), h("dd", {}, value)]));
+}
+
+/** `Chair × 2, Table` of a list of names. */
+function counted(names: string[]): string {
+  const counts = new Map<string, number>();
+  for (const name of names) counts.set(name, (counts.get(name) ?? 0) + 1);
+  return [...counts].map(([name, count]) => (count > 1 ? `${name} × ${count}` : name)).join(", ");
+}
+
+function areNear(a: Room, b: Room): boolean {
+  const reach = NEIGHBOURS_M * NEIGHBOURS_M;
+  return edges(a).some(([p, q]) => b.polygon_m.some((r) => squared(r, p, q) < reach)) ||
+    edges(b).some(([p, q]) => a.polygon_m.some((r) => squared(r, p, q) < reach));
+}
+
+type Point = readonly [number, number];
+
+function edges({ polygon_m }: Room): (readonly [Point, Point])[] {
+  return polygon_m.map((point, i) => [point, polygon_m[(i + 1) % polygon_m.length] ?? point]);
+}
+
+/** Squared distance of a point from a line between two others. */
+function squared([x, y]: Point, [x1, y1]: Point, [x2, y2]: Point): number {
+  const [dx, dy] = [x2 - x1, y2 - y1];
+  const along = Math.min(1, Math.max(0, ((x - x1) * dx + (y - y1) * dy) / (dx * dx + dy * dy || 1)));
+  return (x - x1 - along * dx) ** 2 + (y - y1 - along * dy) ** 2;
+}

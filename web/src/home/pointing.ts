@@ -1,0 +1,49 @@
+// What a person points at: an object, a room, or a point to measure.
+
+import { along, type Point3, pointOn, type Ray, thingAbove, thingOn } from "../cloud/pick.ts";
+import type { Cloud } from "../cloud/points.ts";
+import type { Point2 } from "../frames.ts";
+import type { Thing } from "../types.ts";
+import type { HomeData } from "./data.ts";
+import type { Looks } from "./looks.ts";
+import type { Measure } from "./measure.ts";
+import { roomAt } from "./selection.ts";
+
+export class Pointing {
+  constructor(
+    private readonly data: HomeData,
+    private readonly looks: Looks,
+    private readonly measure: Measure,
+    private readonly cloud: () => Cloud | null,
+    private readonly things: () => Thing[],
+  ) {}
+
+  clickInPlan(point: Point2): void {
+    this.click([...point, 0], thingAbove(point, this.things()));
+  }
+
+  clickInCloud(ray: Ray, reach_rad: number): void {
+    const surface_m = this.surfaceOn(ray, reach_rad);
+    const floor_m = ray.direction[2] < 0 ? -ray.origin[2] / ray.direction[2] : null;
+    const at_m = surface_m ?? floor_m;
+    this.click(at_m === null ? null : along(ray, at_m), thingOn(ray, this.things(), surface_m));
+  }
+
+  /** How far away the first shown point on a ray is; only every `stride`-th point counts. */
+  surfaceOn(ray: Ray, reach_rad: number, stride = 1): number | null {
+    const { looks, data } = this;
+    const cloud = this.cloud();
+    if (!cloud || !looks.layers.has("points")) return null;
+    const { position, kind } = cloud.raw;
+    const hidden = new Set(data.classes.filter(({ name }) => looks.hiddenClasses.has(name)).map(({ id }) => id));
+    const cut_m = looks.cut_m ?? Infinity;
+    return pointOn(ray, position, cloud.shown, reach_rad, (i) =>
+      !hidden.has(kind[4 * i] ?? 0) && (position[3 * i + 2] ?? 0) <= cut_m, stride);
+  }
+
+  private click(point: Point3 | null, thing: Thing | null): void {
+    if (this.measure.take(point)) return;
+    const room = point && this.looks.layers.has("rooms") ? roomAt(this.data.rooms, [point[0], point[1]]) : null;
+    this.looks.select(thing ? { kind: "object", id: thing.id } : room ? { kind: "room", id: room.id } : null);
+  }
+}

@@ -1,0 +1,50 @@
+// The object or room that a person looks at.
+
+import { type Point3, spanOf } from "../cloud/pick.ts";
+import { isInside, type Point2 } from "../frames.ts";
+import type { Room, Thing } from "../types.ts";
+import { plain } from "../words.ts";
+import type { HomeData } from "./data.ts";
+
+export interface Selection {
+  kind: "object" | "room";
+  id: string;
+}
+
+export function isSame(a: Selection | null, b: Selection | null): boolean {
+  return a?.kind === b?.kind && a?.id === b?.id;
+}
+
+/** What an object is called: by a person, else by its class. */
+export function thingName(thing: Thing): string {
+  return thing.name ?? plain(thing.class);
+}
+
+export function roomName(room: { name: string | null; id?: string }): string {
+  return room.name ?? (room.id ? `Room ${room.id.replace(/^room-/, "")}` : "Room");
+}
+
+export function thingOf(data: HomeData, selected: Selection | null): Thing | null {
+  return (selected?.kind === "object" && data.things.find(({ id }) => id === selected.id)) || null;
+}
+
+export function roomOf(data: HomeData, selected: Selection | null): Room | null {
+  return (selected?.kind === "room" && data.rooms.find(({ id }) => id === selected.id)) || null;
+}
+
+/** The room around a point of the floor. */
+export function roomAt(rooms: readonly Room[], point: Point2): Room | null {
+  const isIn = ({ polygon_m, holes_m }: Room) =>
+    isInside(polygon_m, point) && !holes_m.some((hole) => isInside(hole, point));
+  return rooms.find(isIn) ?? null;
+}
+
+/** The box around what is selected. */
+export function boundsOf(data: HomeData, selected: Selection): { min: Point3; max: Point3 } | null {
+  const thing = thingOf(data, selected);
+  if (thing) return spanOf(thing);
+  const room = roomOf(data, selected);
+  if (!room) return null;
+  const [xs, ys] = [room.polygon_m.map(([x]) => x), room.polygon_m.map(([, y]) => y)];
+  return { min: [Math.min(...xs), Math.min(...ys), 0], max: [Math.max(...xs), Math.max(...ys), 1.5] };
+}

@@ -1,0 +1,91 @@
+// Lists the rooms and objects of a home. A person searches in it and selects.
+
+import { h, put } from "../dom.ts";
+import { percent } from "../words.ts";
+import type { HomeData } from "./data.ts";
+import type { Looks } from "./looks.ts";
+import { isSame, roomName, type Selection, thingName } from "./selection.ts";
+
+/** Classes that belong to the walls; they come last. */
+const OF_WALLS = new Set(["door", "window", "curtain", "mirror", "picture", "radiator", "stairs"]);
+const GROUPS = ["Rooms", "Objects", "On the walls"] as const;
+
+interface Entry {
+  group: (typeof GROUPS)[number];
+  selection: Selection;
+  name: string;
+  note: string;
+  colour: string | null;
+  /** Everything that a search finds it by. */
+  words: string;
+}
+
+export class ThingsPanel {
+  readonly element: HTMLElement;
+  private readonly search = h("input", {
+    type: "search", placeholder: "Search rooms and objects", "aria-label": "Search rooms and objects",
+  });
+  private readonly list = h("ul", { class: "things" });
+  private drawn = "";
+
+  constructor(
+    private readonly data: HomeData,
+    private readonly looks: Looks,
+    private readonly onChosen: (selection: Selection) => void,
+  ) {
+    this.search.addEventListener("input", () => this.draw());
+    this.element = h("div", {}, this.search, this.list);
+    looks.onChange(() => this.draw());
+    this.draw();
+  }
+
+  draw(): void {
+    const all = this.entries();
+    const wanted = this.search.value.trim().toLowerCase().split(/\s+/).filter(Boolean);
+    const shown = all.filter(({ words }) => wanted.every((word) => words.includes(word)));
+    const drawn = JSON.stringify([shown, this.looks.selected, all.length > 0]);
+    if (drawn === this.drawn) return;
+    this.drawn = drawn;
+    this.search.hidden = all.length === 0;
+    const focused = document.activeElement instanceof HTMLElement ? document.activeElement.dataset.key : undefined;
+    if (all.length === 0) put(this.list, h("li", { class: "hint" }, "They come with the first map."));
+    else if (shown.length === 0) put(this.list, h("li", { class: "hint" }, "Nothing here has this name."));
+    else put(this.list, ...GROUPS.flatMap((group) => this.part(group, shown.filter((entry) => entry.group === group))));
+    if (focused) this.list.querySelector<HTMLElement>(`[data-key="${CSS.escape(focused)}"]`)?.focus();
+  }
+
+  private entries(): Entry[] {
+    const { data } = this;
+    const roomNames = new Map(data.rooms.map((room) => [room.id, roomName(room)]));
+    const rooms = data.rooms.map((room): Entry => {
+      const name = roomName(room);
+      const note = `${room.area_m2.toFixed(1)} m²`;
+      const words = `${name} room ${room.id}`.toLowerCase();
+      return { group: "Rooms", selection: { kind: "room", id: room.id }, name, note, colour: null, words };
+    });
+    const things = data.things.map((thing): Entry => {
+      const [name, room] = [thingName(thing), thing.room ? (roomNames.get(thing.room) ?? "") : ""];
+      const note = [room, percent(thing.confidence)].filter(Boolean).join(" · ");
+      const words = `${name} ${thing.class.replaceAll("_", " ")} ${thing.id} ${room}`.toLowerCase();
+      const colour = data.classNamed(thing.class)?.color ?? "#9a9a9a";
+      const group = OF_WALLS.has(thing.class) ? "On the walls" : "Objects";
+      return { group, selection: { kind: "object", id: thing.id }, name, note, colour, words };
+    });
+    return [...rooms, ...things.sort((a, b) => a.name.localeCompare(b.name))];
+  }
+
+  private part(group: string, entries: Entry[]): HTMLElement[] {
+    return entries.length > 0 ? [h("li", { class: "group" }, group), ...entries.map((entry) => this.row(entry))] : [];
+  }
+
+  private row({ selection, name, note, colour }: Entry): HTMLElement {
+    const swatch = h("span", { class: colour ? "swatch" : "swatch room" });
+    if (colour) swatch.style.background = colour;
+    const button = h("button", {
+      type: "button", class: "thing-row", "data-key": `${selection.kind} ${selection.id}`,
+      "aria-pressed": String(isSame(selection, this.looks.selected)),
+    }, swatch, h("span", { class: "word" }, name), h("span", { class: "hint" }, note));
+    button.addEventListener("click", () => this.onChosen(selection));
+    return h("li", {}, button);
+  }
+}

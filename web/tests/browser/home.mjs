@@ -1,0 +1,136 @@
+// What a person does with the map of a home: looks at objects and rooms, corrects them, measures, takes files away.
+import assert from "node:assert/strict";
+import { boxOf } from "./page.mjs";
+
+/** The steps, in their order; they expect the page of the home `flat`, whose one clip is aligned. */
+export function homeSteps({ browser, context, page, base, open, shot, serviceRests }) {
+  async function mapIs(revision) {
+    await page.locator(`.views[data-revision="${revision}"]`).waitFor({ state: "attached" });
+  }
+
+  async function objectsAreFoundAndCorrected() {
+    const revision = async () => (await open("/v1/homes/flat/map")).revision;
+    const { objects } = await open("/v1/homes/flat/map/objects");
+    assert.ok(objects.length > 0, "the map has no object");
+    const [object] = objects;
+    const row = (id) => page.locator(`.thing-row[data-key="object ${id}"]`);
+    const details = page.locator(".details");
+    await page.getByLabel("Search rooms and objects").fill(object.id);
+    await row(object.id).click();
+    await details.getByText("sure").waitFor();
+    assert.equal(await row(object.id).getAttribute("aria-pressed"), "true");
+    await shot("06-selected");
+    let next = (await revision()) + 1;
+    await details.getByRole("button", { name: "Rename" }).click();
+    await page.getByRole("dialog").getByRole("textbox").fill("Grandma's");
+    await page.keyboard.press("Enter");
+    await mapIs(next++);
+    await details.getByRole("heading", { name: "Grandma's" }).waitFor();
+    await page.getByLabel("Search rooms and objects").fill("grandma");
+    assert.equal(await page.locator(".thing-row").count(), 1);
+    await details.getByRole("button", { name: "Change class" }).click();
+    await page.getByRole("dialog").getByRole("combobox").selectOption("plant");
+    await page.getByRole("button", { name: "Change", exact: true }).click();
+    await mapIs(next++);
+    await details.getByText("Plant, ").waitFor();
+    await details.getByRole("button", { name: "Remove" }).click();
+    await mapIs(next++);
+    await row(object.id).waitFor({ state: "detached" });
+    await page.getByRole("button", { name: "Undo" }).click();
+    await mapIs(next++);
+    await row(object.id).waitFor();
+    await page.getByLabel("Search rooms and objects").fill("");
+    await page.locator("summary", { hasText: "Changes" }).click();
+    await page.locator(".compare").getByText("1 object added").waitFor();
+    await shot("06-changes");
+  }
+
+  async function aRoomIsRenamedAndDivided() {
+    const { rooms } = await open("/v1/homes/flat/map/rooms");
+    const [room] = rooms.sort((a, b) => b.area_m2 - a.area_m2);
+    const details = page.locator(".details");
+    let next = (await open("/v1/homes/flat/map")).revision + 1;
+    await page.locator(`.thing-row[data-key="room ${room.id}"]`).click();
+    await details.getByRole("button", { name: "Rename" }).click();
+    await page.getByRole("dialog").getByRole("textbox").fill("Atelier");
+    await page.keyboard.press("Enter");
+    await mapIs(next++);
+    await details.getByRole("heading", { name: "Atelier" }).waitFor();
+    await page.locator("label:has(#view-2d)").click();
+    await details.getByRole("button", { name: "Split" }).click();
+    // Across the middle of the room, which lies in the middle of the plan now.
+    const shape = await boxOf(page.locator("path.room.selected"));
+    const x = shape.x + shape.width / 2;
+    await details.evaluate((card) => (card.style.visibility = "hidden"));
+    await page.mouse.click(x, shape.y + 4);
+    await page.mouse.click(x, shape.y + shape.height - 4);
+    await details.evaluate((card) => (card.style.visibility = ""));
+    await mapIs(next++);
+    await page.locator(`.thing-row[data-key="room ${room.id}-b"]`).waitFor();
+    await shot("06-divided");
+    await details.getByRole("button", { name: "Withdraw corrections" }).click();
+    await mapIs(next++);
+    await page.locator(`.thing-row[data-key="room ${room.id}-b"]`).waitFor({ state: "detached" });
+  }
+
+  async function linesAreMeasured() {
+    await page.getByRole("button", { name: "Close" }).click();
+    const box = await boxOf(page.locator("svg.plan").first());
+    const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
+    await page.getByRole("button", { name: "Measure" }).click();
+    await page.mouse.click(x, y);
+    await page.mouse.click(x + 100, y);
+    const flat = Number.parseFloat(await page.locator(".measure").textContent());
+    const { info } = await open("/v1/homes/flat/lidar-map");
+    assert.ok(flat > 0 && flat < info.max_m[0] - info.min_m[0] + 1, `100 pixels are ${flat} m`);
+    await page.keyboard.press("Escape");
+    await page.locator("label:has(#view-3d)").click();
+    await page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
+  }
+
+  async function everythingIsDownloaded() {
+    await page.locator("summary", { hasText: "Downloads" }).click();
+    const links = page.locator(".downloads a");
+    assert.ok((await links.count()) >= 8);
+    for (const link of await links.all()) {
+      const answer = await page.request.get(base + (await link.getAttribute("href")));
+      assert.ok(answer.ok(), `${await link.textContent()}: ${answer.status()}`);
+      assert.ok((await answer.body()).length > 100, `${await link.textContent()} is empty`);
+    }
+  }
+
+  async function aViewIsShared() {
+    await page.locator(".thing-row").first().click();
+    const name = await page.locator(".details h2").textContent();
+    await page.locator("label:has(#colouring-class)").click();
+    await page.getByRole("button", { name: "Share" }).click();
+    const address = await page.evaluate(() => navigator.clipboard.readText());
+    const other = await context.newPage();
+    await other.goto(address);
+    await other.locator(".details h2", { hasText: name }).waitFor();
+    await other.locator(".views[data-colouring=class]").waitFor();
+    await other.close();
+  }
+
+  /** The page's clock goes on by ten minutes: no timer may ask for anything. */
+  async function aQuietHomeIsNotAskedAbout() {
+    await serviceRests();
+    // A clock belongs to all pages of its context.
+    const apart = await browser.newContext();
+    const quiet = await apart.newPage();
+    await quiet.clock.install();
+    await quiet.goto(`${base}/#/homes/flat`);
+    await quiet.locator(".thing-row").first().waitFor();
+    await quiet.waitForFunction(() => Number(document.querySelector(".views")?.dataset.points ?? 0) > 0);
+    const asked = [];
+    quiet.on("request", (request) => asked.push(request.url()));
+    await quiet.clock.fastForward("10:00");
+    assert.deepEqual(asked.filter((address) => !address.startsWith("blob:")), []);
+    await apart.close();
+  }
+
+  return [
+    objectsAreFoundAndCorrected, aRoomIsRenamedAndDivided, linesAreMeasured, everythingIsDownloaded, aViewIsShared,
+    aQuietHomeIsNotAskedAbout,
+  ];
+}
