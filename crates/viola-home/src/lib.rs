@@ -12,6 +12,7 @@ mod identity;
 mod info;
 mod lettering;
 mod map_point;
+mod mesh;
 mod objects;
 mod picture;
 mod plan;
@@ -41,6 +42,7 @@ pub use identity::{
 pub use info::{ClassCount, HomeMapInfo};
 pub use lettering::write as write_words;
 pub use map_point::MapPoint;
+pub use mesh::{MESH_TRIANGLES, Mesh};
 pub use objects::{Found, Object, ObjectsParams, UprightBox, find_objects, fit_box, is_furniture, objects};
 pub use picture::{PictureFrame, lidar_png, overlay_png};
 pub use plan::{Plan, plan, plan_geojson, plan_png, plan_svg};

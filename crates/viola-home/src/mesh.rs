@@ -1,0 +1,138 @@
+//! The surface of a home as triangles: vertices with colours, triangles by class and object.
+//!
+//! A hole in the points stays a hole. Positions are in the LiDAR map's frame, in metres.
+
+mod field;
+mod glb;
+mod nets;
+mod obj;
+mod parts;
+mod simplify;
+#[cfg(test)]
+mod tests;
+mod usdz;
+mod vertices;
+
+use crate::assemble::Tile;
+use crate::objects::Object;
+use crate::{MAP_VOXEL_M, MapPoint};
+use field::Field;
+use parts::Part;
+use viola_geometry::taxonomy::Class;
+use viola_reconstruct::CloudPoint;
+
+/// Triangles of a mesh unless a caller wants another number: a flat looks whole and stays below 15 MB as GLB.
+pub const MESH_TRIANGLES: usize = 200_000;
+/// Largest homes have a coarser grid: the memory of the simplification is bounded by the points of a fine one.
+const FINE_POINTS: usize = 700_000;
+
+/// A point with its normal, which is all that the shape needs.
+struct SurfacePoint {
+    position_m: [f32; 3],
+    normal: [f32; 3],
+}
+
+/// A corner of triangles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Vertex {
+    position_m: [f32; 3],
+    /// Unit length, towards the observed side.
+    normal: [f32; 3],
+    color: [u8; 3],
+    class: Class,
+}
+
+impl Vertex {
+    /// Returns the difference in look, 0 to 1: of colours, or 1 for another class.
+    fn difference(&self, other: &Vertex) -> f64 {
+        if self.class != other.class {
+            return 1.0;
+        }
+        let steps = self.color.iter().zip(&other.color).map(|(a, b)| f64::from(a.abs_diff(*b)) / 255.0);
+        steps.fold(0.0, f64::max)
+    }
+
+    /// Returns the vertex between two: at share 0 the first, at 1 the second.
+    fn towards(&self, other: &Vertex, share: f32) -> Vertex {
+        let mix = |a: f32, b: f32| a + share * (b - a);
+        let mixed = |a: [f32; 3], b: [f32; 3]| std::array::from_fn(|axis| mix(a[axis], b[axis]));
+        let normal: [f32; 3] = mixed(self.normal, other.normal);
+        let length = field::dot(normal, normal).sqrt();
+        Vertex {
+            position_m: mixed(self.position_m, other.position_m),
+            normal: if length > 1e-6 { normal.map(|c| c / length) } else { self.normal },
+            color: std::array::from_fn(|c| {
+                mix(f32::from(self.color[c]), f32::from(other.color[c])).round() as u8
+            }),
+            class: if share < 0.5 { self.class } else { other.class },
+        }
+    }
+}
+
+/// Returns a place or a direction of the map with y up, as file formats of meshes have it.
+fn y_up([x, y, z]: [f32; 3]) -> [f32; 3] {
+    [x, z, -y]
+}
+
+/// A triangle mesh with vertex colours.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Mesh {
+    vertices: Vec<Vertex>,
+    triangles: Vec<[u32; 3]>,
+    parts: Vec<Part>,
+}
+
+impl Mesh {
+    /// Makes the mesh of a home's tiles with at most `triangles`; each of `objects` becomes a part with its id.
+    pub fn new(tiles: &[Tile], objects: &[Object], triangles: usize) -> Mesh {
+        let points: Vec<&CloudPoint> =
+            tiles.iter().flat_map(|tile| &tile.points).map(|MapPoint { point, .. }| point).collect();
+        let surface: Vec<SurfacePoint> = points
+            .iter()
+            .map(|point| SurfacePoint { position_m: point.position_m, normal: point.normal })
+            .collect();
+        let coarser = (points.len() as f64 / FINE_POINTS as f64).max(1.0).sqrt();
+        let step_m = (MAP_VOXEL_M * coarser) as f32;
+        let net = nets::net(&Field::new(&surface, step_m));
+        let vertices = vertices::dressed(&net.positions_m, &points, step_m);
+        let mut mesh = Mesh { vertices, triangles: net.triangles, parts: Vec::new() };
+        mesh.drop_unused_vertices();
+        simplify::simplify(&mut mesh, triangles);
+        parts::divide(&mut mesh, objects);
+        mesh
+    }
+
+    pub fn triangles(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Returns the mesh as binary glTF 2.0, with a node for each part.
+    pub fn glb(&self) -> Vec<u8> {
+        glb::glb(self)
+    }
+
+    /// Returns the mesh as Wavefront OBJ with vertex colours, with a group for each part.
+    pub fn obj(&self) -> String {
+        obj::obj(self)
+    }
+
+    /// Returns the mesh as USDZ, with a mesh for each part.
+    pub fn usdz(&self) -> Vec<u8> {
+        usdz::usdz(self)
+    }
+
+    fn drop_unused_vertices(&mut self) {
+        let mut place = vec![u32::MAX; self.vertices.len()];
+        for vertex in self.triangles.iter().flatten() {
+            place[*vertex as usize] = 0;
+        }
+        let mut kept = 0;
+        for place in place.iter_mut().filter(|place| **place == 0) {
+            *place = kept;
+            kept += 1;
+        }
+        let mut is_kept = place.iter().map(|place| *place != u32::MAX);
+        self.vertices.retain(|_| is_kept.next().unwrap_or(false));
+        self.triangles.iter_mut().flatten().for_each(|vertex| *vertex = place[*vertex as usize]);
+    }
+}

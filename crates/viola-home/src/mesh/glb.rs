@@ -1,0 +1,99 @@
+//! A mesh as binary glTF 2.0 (Khronos): one node, mesh and material for each part, all with the same vertices.
+//!
+//! glTF has y up: a map point (x, y, z) becomes (x, z, -y). Its vertex colours are linear. The colours already
+//! have the light of the recording in them, so the materials are unlit (`KHR_materials_unlit`).
+
+use super::{Mesh, Vertex, y_up};
+use serde_json::{Value, json};
+
+/// Position, normal and RGBA colour of 16 bits.
+const VERTEX_BYTES: usize = 32;
+const TRIANGLE_BYTES: usize = 12;
+
+pub fn glb(mesh: &Mesh) -> Vec<u8> {
+    let mut document = serde_json::to_vec(&document(mesh)).unwrap_or_default();
+    document.resize(document.len().next_multiple_of(4), b' ');
+    let body = body(mesh);
+    let chunk = if body.is_empty() { 0 } else { 8 + body.len() };
+    let total = 12 + 8 + document.len() + chunk;
+    let mut out = Vec::with_capacity(total);
+    out.extend_from_slice(b"glTF");
+    [2, total as u32, document.len() as u32].iter().for_each(|n| out.extend_from_slice(&n.to_le_bytes()));
+    out.extend_from_slice(b"JSON");
+    out.extend_from_slice(&document);
+    if !body.is_empty() {
+        out.extend_from_slice(&(body.len() as u32).to_le_bytes());
+        out.extend_from_slice(b"BIN\0");
+        out.extend_from_slice(&body);
+    }
+    out
+}
+
+fn body(mesh: &Mesh) -> Vec<u8> {
+    let mut out =
+        Vec::with_capacity(mesh.vertices.len() * VERTEX_BYTES + mesh.triangles.len() * TRIANGLE_BYTES);
+    for Vertex { position_m, normal, color, .. } in &mesh.vertices {
+        let floats = y_up(*position_m).into_iter().chain(y_up(*normal));
+        floats.for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
+        let color = color.map(linear).into_iter().chain([u16::MAX]);
+        color.for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
+    }
+    mesh.triangles.iter().flatten().for_each(|vertex| out.extend_from_slice(&vertex.to_le_bytes()));
+    out
+}
+
+/// Returns an sRGB value as linear light in 65535ths (IEC 61966-2-1).
+fn linear(value: u8) -> u16 {
+    let c = f64::from(value) / 255.0;
+    let light = if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
+    (light * f64::from(u16::MAX)).round() as u16
+}
+
+fn document(mesh: &Mesh) -> Value {
+    let asset = json!({ "version": "2.0", "generator": concat!("viola ", env!("CARGO_PKG_VERSION")) });
+    if mesh.parts.is_empty() {
+        return json!({ "asset": asset, "scene": 0, "scenes": [{ "name": "home" }] });
+    }
+    let places = mesh.vertices.iter().map(|vertex| y_up(vertex.position_m));
+    let (min, max) = places.fold(([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]), |(min, max), place| {
+        let each = |pick: fn(f32, f32) -> f32, a: [f32; 3]| {
+            std::array::from_fn::<f32, 3, _>(|i| pick(a[i], place[i]))
+        };
+        (each(f32::min, min), each(f32::max, max))
+    });
+    let vertices = mesh.vertices.len();
+    let indices_at = vertices * VERTEX_BYTES;
+    let mut accessors = vec![
+        json!({ "bufferView": 0, "byteOffset": 0, "componentType": 5126, "count": vertices, "type": "VEC3", "min": min, "max": max }),
+        json!({ "bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": vertices, "type": "VEC3" }),
+        json!({ "bufferView": 0, "byteOffset": 24, "componentType": 5123, "count": vertices, "type": "VEC4", "normalized": true }),
+    ];
+    let (mut meshes, mut nodes, mut materials) = (Vec::new(), Vec::new(), Vec::new());
+    let attributes = json!({ "POSITION": 0, "NORMAL": 1, "COLOR_0": 2 });
+    for (index, part) in mesh.parts.iter().enumerate() {
+        accessors
+            .push(json!({ "bufferView": 1, "byteOffset": part.first * TRIANGLE_BYTES, "componentType": 5125,
+            "count": part.triangles * 3, "type": "SCALAR" }));
+        materials.push(
+            json!({ "name": part.name, "doubleSided": true, "extensions": { "KHR_materials_unlit": {} },
+            "pbrMetallicRoughness": { "metallicFactor": 0, "roughnessFactor": 1 },
+            "extras": { "class": part.class.name() } }),
+        );
+        meshes.push(json!({ "name": part.name, "primitives": [
+            { "attributes": attributes, "indices": 3 + index, "material": index, "mode": 4 }] }));
+        nodes.push(json!({ "name": part.name, "mesh": index, "extras": { "class": part.class.name() } }));
+    }
+    let all: Vec<usize> = (0..nodes.len()).collect();
+    json!({
+        "asset": asset,
+        "extensionsUsed": ["KHR_materials_unlit"],
+        "scene": 0,
+        "scenes": [{ "name": "home", "nodes": all }],
+        "nodes": nodes, "meshes": meshes, "materials": materials, "accessors": accessors,
+        "bufferViews": [
+            { "buffer": 0, "byteOffset": 0, "byteLength": indices_at, "byteStride": VERTEX_BYTES, "target": 34962 },
+            { "buffer": 0, "byteOffset": indices_at, "byteLength": mesh.triangles.len() * TRIANGLE_BYTES, "target": 34963 },
+        ],
+        "buffers": [{ "byteLength": indices_at + mesh.triangles.len() * TRIANGLE_BYTES }],
+    })
+}

@@ -1,0 +1,203 @@
+use super::{Mesh, Vertex, simplify::simplify};
+use crate::assemble::Tile;
+use crate::objects::Object;
+use crate::{MAP_VOXEL_M, MapPoint};
+use std::collections::BTreeMap;
+use viola_geometry::taxonomy::Class;
+use viola_reconstruct::{CloudPoint, Label};
+
+fn point(position_m: [f64; 3], normal: [f32; 3], class: Class) -> MapPoint {
+    let point = CloudPoint {
+        position_m: position_m.map(|c| c as f32),
+        normal,
+        color: if position_m[0] < 0.0 { [200, 0, 0] } else { [0, 0, 200] },
+        label: Label::new(class, 0.9, 1),
+        weight: 1,
+    };
+    MapPoint { point, clip: 0 }
+}
+
+fn tile(points: Vec<MapPoint>) -> Tile {
+    Tile { clips: vec![], points }
+}
+
+/// A sphere with one point for each `MAP_VOXEL_M` squared, seen from outside.
+fn sphere(centre_m: [f64; 3], radius_m: f64) -> Vec<MapPoint> {
+    let count = (4.0 * std::f64::consts::PI * radius_m.powi(2) / MAP_VOXEL_M.powi(2)) as usize;
+    let turn = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let places = (0..count).map(|i| {
+        let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
+        let (sin, cos) = (turn * i as f64).sin_cos();
+        [(1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z]
+    });
+    places
+        .map(|n| {
+            let place = std::array::from_fn(|axis| centre_m[axis] + radius_m * n[axis]);
+            point(place, n.map(|c| c as f32), Class::Chair)
+        })
+        .collect()
+}
+
+/// A square on the plane z = `z_m` with a hole in its middle.
+fn plane(z_m: f64, up: f32, hole_m: f64, class: Class) -> Vec<MapPoint> {
+    let steps = || (-33..=33).map(|i| (f64::from(i) + 0.5) * MAP_VOXEL_M);
+    let places = steps().flat_map(|x| steps().map(move |y| [x, y]));
+    let kept = places.filter(|[x, y]| x.abs().max(y.abs()) > hole_m);
+    kept.map(|[x, y]| point([x, y, z_m], [0.0, 0.0, up], class)).collect()
+}
+
+/// The number of triangles at each edge.
+fn edges(mesh: &Mesh) -> BTreeMap<[u32; 2], usize> {
+    let mut edges = BTreeMap::new();
+    for triangle in &mesh.triangles {
+        for side in 0..3 {
+            let [a, b] = [triangle[side], triangle[(side + 1) % 3]];
+            *edges.entry([a.min(b), a.max(b)]).or_insert(0) += 1;
+        }
+    }
+    edges
+}
+
+fn distance(a: [f32; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|axis| (f64::from(a[axis]) - b[axis]).powi(2)).sum::<f64>().sqrt()
+}
+
+/// The part of triangles whose side agrees with their vertices' normals.
+fn outward(mesh: &Mesh) -> f64 {
+    let right = mesh.triangles.iter().filter(|triangle| {
+        let [a, b, c] =
+            triangle.map(|vertex| nalgebra::Vector3::from(mesh.vertices[vertex as usize].position_m));
+        let normal = nalgebra::Vector3::from(mesh.vertices[triangle[0] as usize].normal);
+        (b - a).cross(&(c - a)).dot(&normal) > 0.0
+    });
+    right.count() as f64 / mesh.triangles.len() as f64
+}
+
+#[test]
+fn a_closed_surface_gives_a_closed_mesh_at_its_place() {
+    for (centre_m, radius_m) in [([0.0, 0.0, 1.0], 0.5), ([-3.17, 8.03, 0.4], 0.3)] {
+        let mesh = Mesh::new(&[tile(sphere(centre_m, radius_m))], &[], usize::MAX);
+        assert!(edges(&mesh).values().all(|count| *count == 2), "the sphere has a hole");
+        for vertex in &mesh.vertices {
+            let error = (distance(vertex.position_m, centre_m) - radius_m).abs();
+            assert!(error < 0.01, "a vertex is {error} m off");
+        }
+        assert_eq!(outward(&mesh), 1.0);
+        // Euler's formula for a sphere.
+        assert_eq!(mesh.vertices.len() + mesh.triangles.len(), edges(&mesh).len() + 2);
+    }
+}
+
+#[test]
+fn a_hole_stays_a_hole_and_a_plane_needs_few_triangles() {
+    let mut mesh = Mesh::new(&[tile(plane(0.0, 1.0, 0.3, Class::Floor))], &[], usize::MAX);
+    let area = |mesh: &Mesh| -> f64 {
+        let areas = mesh.triangles.iter().map(|triangle| {
+            let [a, b, c] =
+                triangle.map(|vertex| nalgebra::Vector3::from(mesh.vertices[vertex as usize].position_m));
+            f64::from((b - a).cross(&(c - a)).norm() / 2.0)
+        });
+        areas.sum()
+    };
+    // Two metres by two without 0.6 by 0.6; a border may be a step off.
+    let expected = 2.01_f64.powi(2) - 0.6_f64.powi(2);
+    assert!((area(&mesh) - expected).abs() < 0.3, "{} instead of {expected} square metres", area(&mesh));
+    let inside = mesh
+        .vertices
+        .iter()
+        .filter(|vertex| vertex.position_m[0].abs().max(vertex.position_m[1].abs()) < 0.25);
+    assert_eq!(inside.count(), 0, "the hole is closed");
+    let (all, before) = (mesh.triangles.len(), area(&mesh));
+    simplify(&mut mesh, all / 20);
+    assert!(mesh.triangles.len() <= all / 20);
+    assert!(
+        (area(&mesh) - before).abs() < 0.05 * before,
+        "{} square metres are left of {before}",
+        area(&mesh)
+    );
+    assert!(mesh.vertices.iter().all(|vertex| vertex.position_m[2].abs() < 0.005));
+    // The colours' border at x = 0 stays where it is.
+    assert!(mesh.vertices.iter().all(|Vertex { position_m, color, .. }| position_m[0].abs() < 0.05
+        || (color[0] > color[2]) == (position_m[0] < 0.0)));
+}
+
+#[test]
+fn both_sides_of_a_thin_wall_are_there() {
+    let mut points = plane(0.05, 1.0, 0.0, Class::Wall);
+    points.extend(plane(-0.05, -1.0, 0.0, Class::Wall));
+    let mesh = Mesh::new(&[tile(points)], &[], usize::MAX);
+    assert_eq!(outward(&mesh), 1.0);
+    let inner = mesh
+        .vertices
+        .iter()
+        .filter(|vertex| vertex.position_m[0].abs().max(vertex.position_m[1].abs()) < 0.9);
+    for vertex in inner {
+        let error = (f64::from(vertex.position_m[2]).abs() - 0.05).abs();
+        assert!(error < 0.01, "a vertex is {error} m off its side");
+    }
+}
+
+#[test]
+fn a_budget_is_kept_and_any_order_of_threads_gives_the_same_mesh() {
+    let points = sphere([0.0, 0.0, 1.0], 0.5);
+    let make = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| Mesh::new(&[tile(points.clone())], &[], 500))
+    };
+    let mesh = make(1);
+    assert!(mesh.triangles() <= 500 && mesh.triangles() > 400, "{} triangles", mesh.triangles());
+    assert!(edges(&mesh).values().all(|count| *count == 2), "the simplified sphere has a hole");
+    for vertex in &mesh.vertices {
+        let error = (distance(vertex.position_m, [0.0, 0.0, 1.0]) - 0.5).abs();
+        assert!(error < 0.02, "a vertex is {error} m off");
+    }
+    assert_eq!(mesh, make(3));
+}
+
+#[test]
+fn objects_are_parts_by_their_ids() {
+    let mut points = plane(0.0, 1.0, 0.0, Class::Floor);
+    points.extend(sphere([0.4, 0.4, 0.5], 0.25));
+    let chair = Object {
+        id: "chair-1".to_owned(),
+        class: Class::Chair,
+        confidence: 0.9,
+        centre_m: [0.4, 0.4, 0.5],
+        size_m: [0.5; 3],
+        yaw_rad: 0.7,
+        room: None,
+        points: 1,
+        clips: vec![],
+    };
+    let mesh = Mesh::new(&[tile(points)], &[chair], usize::MAX);
+    let names: Vec<&str> = mesh.parts.iter().map(|part| part.name.as_str()).collect();
+    assert_eq!(names, ["floor", "chair-1"]);
+    assert_eq!(mesh.parts.iter().map(|part| part.triangles).sum::<usize>(), mesh.triangles.len());
+    let obj = mesh.obj();
+    assert_eq!(obj.matches("\nf ").count(), mesh.triangles.len());
+    assert!(obj.contains("\ng chair-1\n"));
+    let glb = mesh.glb();
+    assert_eq!(&glb[..4], b"glTF");
+    assert_eq!(u32::from_le_bytes([glb[8], glb[9], glb[10], glb[11]]) as usize, glb.len());
+    let length = u32::from_le_bytes([glb[12], glb[13], glb[14], glb[15]]) as usize;
+    let document: serde_json::Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
+    assert_eq!(document["nodes"][1]["name"], "chair-1");
+    assert_eq!(document["buffers"][0]["byteLength"].as_u64().unwrap() as usize, glb.len() - 28 - length);
+    let usdz = mesh.usdz();
+    let mut archive = zip::ZipArchive::new(std::io::Cursor::new(usdz)).unwrap();
+    let file = archive.by_index(0).unwrap();
+    assert_eq!((file.name().unwrap().as_ref(), file.compression()), ("home.usda", zip::CompressionMethod::Stored));
+    assert_eq!(file.data_start().unwrap() % 64, 0);
+}
+
+#[test]
+fn nothing_gives_an_empty_mesh_that_can_be_written() {
+    let mesh = Mesh::new(&[], &[], 10);
+    assert_eq!((mesh.triangles(), mesh.parts.len()), (0, 0));
+    assert!(mesh.glb().len() > 20 && !mesh.usdz().is_empty() && !mesh.obj().is_empty());
+    // A single point has no surface.
+    assert_eq!(
+        Mesh::new(&[tile(vec![point([0.0; 3], [0.0, 0.0, 1.0], Class::Wall)])], &[], 10).triangles(),
+        0
+    );
+}

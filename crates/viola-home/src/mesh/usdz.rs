@@ -1,0 +1,104 @@
+//! A mesh as USDZ (Pixar, "Usdz File Format Specification"): a stored zip whose one file is USD as text, with a
+//! Mesh for each part, y up, in metres.
+
+use super::parts::Part;
+use super::{Mesh, y_up};
+use std::fmt::Write as _;
+use std::io::{Cursor, Write as _};
+use zip::write::SimpleFileOptions;
+
+/// The specification aligns files to 64 bytes, so that they can be mapped into memory.
+const ALIGNMENT: u16 = 64;
+
+pub fn usdz(mesh: &Mesh) -> Vec<u8> {
+    let options = SimpleFileOptions::default()
+        .compression_method(zip::CompressionMethod::Stored)
+        .with_alignment(ALIGNMENT)
+        .last_modified_time(zip::DateTime::default());
+    let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    let written = archive
+        .start_file("home.usda", options)
+        .and_then(|()| Ok(archive.write_all(stage(mesh).as_bytes())?))
+        .and_then(|()| archive.finish());
+    // Writing to memory fails only for sizes beyond the format's 4 GB.
+    written.map(Cursor::into_inner).unwrap_or_default()
+}
+
+fn stage(mesh: &Mesh) -> String {
+    let mut out = String::from(
+        "#usda 1.0\n(\n    defaultPrim = \"home\"\n    metersPerUnit = 1\n    upAxis = \"Y\"\n)\n\ndef Xform \"home\" (\n    kind = \"component\"\n)\n{\n",
+    );
+    out.push_str(LOOK);
+    let mut names: Vec<String> = Vec::new();
+    for part in &mesh.parts {
+        let mut name = identifier(&part.name);
+        while names.contains(&name) {
+            name.push('_');
+        }
+        write_part(&mut out, mesh, part, &name);
+        names.push(name);
+    }
+    out.push_str("}\n");
+    out
+}
+
+/// The material: the colour of the vertices as light, because the recording's light is in it.
+const LOOK: &str = r#"    def Material "look"
+    {
+        token outputs:surface.connect = </home/look/surface.outputs:surface>
+
+        def Shader "surface"
+        {
+            uniform token info:id = "UsdPreviewSurface"
+            color3f inputs:diffuseColor.connect = </home/look/color.outputs:result>
+            float inputs:roughness = 1
+            token outputs:surface
+        }
+
+        def Shader "color"
+        {
+            uniform token info:id = "UsdPrimvarReader_float3"
+            string inputs:varname = "displayColor"
+            float3 outputs:result
+        }
+    }
+
+"#;
+
+/// Returns a name as USD allows it: letters, digits and underscores, no digit first.
+fn identifier(name: &str) -> String {
+    let mut out: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    if out.chars().next().is_none_or(|first| first.is_ascii_digit()) {
+        out.insert(0, '_');
+    }
+    out
+}
+
+fn write_part(out: &mut String, mesh: &Mesh, part: &Part, name: &str) {
+    let triangles = &mesh.triangles[part.first..part.first + part.triangles];
+    let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
+    used.sort_unstable();
+    used.dedup();
+    let vertices: Vec<_> = used.iter().map(|vertex| mesh.vertices[*vertex as usize]).collect();
+    let place = |vertex: &u32| used.binary_search(vertex).unwrap_or_default();
+    let list = |items: &mut dyn Iterator<Item = String>| items.collect::<Vec<_>>().join(", ");
+    let triple = |[x, y, z]: [f32; 3]| format!("({x:.4}, {y:.4}, {z:.4})");
+    let positions: Vec<[f32; 3]> = vertices.iter().map(|vertex| y_up(vertex.position_m)).collect();
+    let extreme = |pick: fn(f32, f32) -> f32, from: f32| {
+        std::array::from_fn::<f32, 3, _>(|axis| positions.iter().map(|place| place[axis]).fold(from, pick))
+    };
+    let [low, high] = [extreme(f32::min, f32::INFINITY), extreme(f32::max, f32::NEG_INFINITY)];
+    let counts = list(&mut triangles.iter().map(|_| "3".to_owned()));
+    let indices = list(&mut triangles.iter().flatten().map(|vertex| place(vertex).to_string()));
+    let points = list(&mut positions.iter().map(|place| triple(*place)));
+    let normals = list(&mut vertices.iter().map(|vertex| triple(y_up(vertex.normal))));
+    let colors = list(&mut vertices.iter().map(|vertex| triple(vertex.color.map(|c| f32::from(c) / 255.0))));
+    // Writing to a String cannot fail.
+    let _ = write!(
+        out,
+        "    def Mesh \"{name}\" (\n        prepend apiSchemas = [\"MaterialBindingAPI\"]\n    )\n    {{\n        uniform bool doubleSided = 1\n        float3[] extent = [{}, {}]\n        int[] faceVertexCounts = [{counts}]\n        int[] faceVertexIndices = [{indices}]\n        rel material:binding = </home/look>\n        normal3f[] normals = [{normals}] (\n            interpolation = \"vertex\"\n        )\n        point3f[] points = [{points}]\n        color3f[] primvars:displayColor = [{colors}] (\n            interpolation = \"vertex\"\n        )\n        uniform token subdivisionScheme = \"none\"\n        custom string viola:class = \"{}\"\n    }}\n\n",
+        triple(low),
+        triple(high),
+        part.class.name(),
+    );
+}
