@@ -134,9 +134,18 @@ async fn add(storage: &Storage, home: &HomeId, bytes: &[u8]) -> Clip {
 }
 
 async fn put_map(storage: &Storage, home: &HomeId, bytes: &[u8]) -> (LidarMapRevision, bool) {
+    put_level(storage, home, LevelName::MAIN, bytes).await.unwrap()
+}
+
+async fn put_level(
+    storage: &Storage,
+    home: &HomeId,
+    level: LevelName,
+    bytes: &[u8],
+) -> Result<(LidarMapRevision, bool), StorageError> {
     let file = arrived(storage, bytes).await;
-    let new = NewLidarMap { file, info: lidar_info(), image_png: b"picture".to_vec() };
-    storage.put_lidar_map(home, new, at(0)).await.unwrap()
+    let new = NewLidarMap { level, file, info: lidar_info(), image_png: b"picture".to_vec() };
+    storage.put_lidar_map(home, new, at(0)).await
 }
 
 /// Creates a home with a map and one queued clip.

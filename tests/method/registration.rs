@@ -78,7 +78,7 @@ fn observation(seen: &[Point2], map_from_clip: &Pose2) -> Observation {
 }
 
 fn register(observation: &Observation, target: &Target) -> Alignment {
-    align::register(observation, Some(target), &AlignParams::default(), &Silent).unwrap()
+    align::register(observation, &[target], &AlignParams::default(), &Silent).unwrap()
 }
 
 /// Returns every fifth point of the living room: 10 cm apart.

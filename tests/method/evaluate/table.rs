@@ -16,6 +16,7 @@ fn result(state: AlignmentState, errors: Option<(f64, f64)>) -> ClipResult {
         probability: None,
         rotation_error_deg: errors.map(|e| e.0),
         translation_error_m: errors.map(|e| e.1),
+        right_level: None,
         coverage: 0.5,
         inliers: None,
         unknowable: false,
