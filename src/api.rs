@@ -124,7 +124,11 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(lidar_map::get_lidar_map_image))
         .routes(routes!(lidar_map::list_lidar_map_revisions))
         .routes(routes!(lidar_maps::list_lidar_maps))
-        .routes(routes!(lidar_maps::get_level_lidar_map, lidar_maps::put_level_lidar_map))
+        .routes(routes!(
+            lidar_maps::get_level_lidar_map,
+            lidar_maps::put_level_lidar_map,
+            lidar_maps::delete_level
+        ))
         .routes(routes!(lidar_maps::get_level_lidar_map_image))
         .routes(routes!(lidar_maps::list_level_lidar_map_revisions))
         .routes(routes!(clips::list_clips, clips::add_clip))

@@ -88,7 +88,9 @@ pub(super) async fn withdraw_alignment(
 fn chosen(body: &ChoiceBody) -> Result<Chosen, Error> {
     let level = match &body.level {
         None => LevelName::MAIN,
-        Some(_) if body.map_from_clip.is_none() => return Err(wrong("level", "given with map_from_clip only")),
+        Some(_) if body.map_from_clip.is_none() => {
+            return Err(wrong("level", "given with map_from_clip only"));
+        }
         Some(name) => {
             let level = name.as_str().and_then(|name| name.parse().ok());
             level.ok_or_else(|| wrong("level", "1 to 32 characters of a-z 0-9 _ -"))?

@@ -208,6 +208,9 @@ impl Error {
             Error::Storage(StorageError::TooManyLevels) => {
                 (S::CONFLICT, "too_many_levels", "The home has as many levels as it may have")
             }
+            Error::Storage(StorageError::LastLevel) => {
+                (S::CONFLICT, "last_level", "The home has no other level")
+            }
             Error::Storage(StorageError::CursorExpired) => {
                 (S::GONE, "cursor_expired", "The cursor is too old to go on from")
             }

@@ -1,7 +1,7 @@
 //! `/v1/homes/{home}/lidar-maps`: the LiDAR maps of all levels
 
 use super::App;
-use super::bodies::{FileBytes, send};
+use super::bodies::{FileBytes, send, to_the_end};
 use super::error::{Error, Problem};
 use super::extract::{HomePath, LevelPath, Query};
 use super::lidar_map::{self, CurrentLidarMap};
@@ -12,6 +12,7 @@ use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
 use axum::response::Response;
+use jiff::Timestamp;
 use serde::Serialize;
 
 /// The current LiDAR maps of a home
@@ -63,6 +64,27 @@ pub(super) async fn get_level_lidar_map(
     LevelPath { home, level }: LevelPath,
 ) -> Result<Json<CurrentLidarMap>, Error> {
     Ok(Json(app.storage.lidar_map(&home, level).await?.into()))
+}
+
+/// Remove a level: its LiDAR maps, and what people chose and corrected on it
+///
+/// Every clip of the home is queued to be aligned to the other levels. The last level cannot be removed.
+#[utoipa::path(delete, path = "/v1/homes/{home}/lidar-maps/{level}", tag = "lidar-map", params(LevelPath),
+    responses(
+        (status = 204, description = "The level is removed"),
+        (status = 409, description = "The home has no other level: `last-level`", body = Problem,
+            content_type = "application/problem+json"),
+        CommonProblems))]
+pub(super) async fn delete_level(
+    State(app): State<App>,
+    LevelPath { home, level }: LevelPath,
+) -> Result<StatusCode, Error> {
+    to_the_end(async move {
+        app.storage.delete_lidar_map(&home, level, Timestamp::now()).await?;
+        app.queue.wake();
+        Ok(StatusCode::NO_CONTENT)
+    })
+    .await
 }
 
 /// Get a picture of the current LiDAR map of a level

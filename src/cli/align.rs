@@ -68,8 +68,9 @@ pub fn run(arguments: &AlignArguments) -> Result<()> {
         .with_context(|| format!("clip {}", arguments.clip.display()))?;
     let maps = levels::open(&arguments.lidar)?;
     let params = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
-    let mut aligned = align::align_levels(&clip, arguments.frames.clone(), &level_maps(&maps), &params, &watch)
-        .with_context(|| format!("clip {}", arguments.clip.display()))?;
+    let mut aligned =
+        align::align_levels(&clip, arguments.frames.clone(), &level_maps(&maps), &params, &watch)
+            .with_context(|| format!("clip {}", arguments.clip.display()))?;
 
     watch.enter(Stage::Report);
     let lidar = levels::of_level(&maps, aligned.alignment.level)?;

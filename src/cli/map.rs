@@ -74,7 +74,8 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let out = &arguments.out;
     std::fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
 
-    let mut aligner = Aligner { levels: &levels, params: &params, contributions: Contributions::new_in(out)? };
+    let mut aligner =
+        Aligner { levels: &levels, params: &params, contributions: Contributions::new_in(out)? };
     let clips = align_all(&arguments.clips, &mut aligner)?;
     let members: Vec<Member> = clips.iter().filter_map(HomeClip::member).collect();
     eprintln!("map: fuse {} of {} clips", members.len(), clips.len());

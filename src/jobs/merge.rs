@@ -171,14 +171,14 @@ fn revision(
         new.tiles.push((key, tile.as_ref().map(Tile::to_bytes)));
         tile.and_then(|tile| tiles.insert(key, tile));
     }
+    let mut of_levels: BTreeMap<LevelName, Vec<Tile>> = BTreeMap::new();
+    for (key, tile) in tiles {
+        of_levels.entry(key.level).or_default().push(tile);
+    }
     for Level { file: LevelFile { level, bytes }, last } in levels {
-        let (of_level, others) = std::mem::take(&mut tiles).into_iter().partition(|(key, _)| key.level == *level);
-        tiles = others;
-        let of_level: BTreeMap<TileKey, Tile> = of_level;
-        let of_level: Vec<Tile> = of_level.into_values().collect();
+        let tiles = of_levels.remove(level).unwrap_or_default();
         let map = LevelMap { level: *level, lidar: &LidarMap::read(bytes)? };
-        let Described { scene, plan, has_object_changes } =
-            describe(map, &of_level, &new.manifest.clips, last);
+        let Described { scene, plan, has_object_changes } = describe(map, &tiles, &new.manifest.clips, last);
         new.files.extend(plan.map(|(name, bytes)| (*level, name, bytes)));
         new.files.push((*level, map_file::SCENE, serde_json::to_vec(&scene).unwrap_or_default()));
         new.objects.extend(scene.objects);

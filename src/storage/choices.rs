@@ -67,9 +67,8 @@ impl Storage {
         if maps.is_empty() {
             return Err(StorageError::NoLidarMap.into());
         }
-        let map_of = |level| {
-            maps.iter().find(|map| map.level == level).ok_or(ChoiceError::NoSuchLevel(level))
-        };
+        let map_of =
+            |level| maps.iter().find(|map| map.level == level).ok_or(ChoiceError::NoSuchLevel(level));
         let (level, map_from_clip, alternative) = match chosen {
             Chosen::Alternative(index) => alternative(&clip, index)?,
             Chosen::Pose(level, pose) => (level, reachable(pose, &map_of(level)?.info)?, None),

@@ -11,6 +11,7 @@ mod full_disk;
 mod home_maps;
 mod keys;
 mod leases;
+mod levels;
 mod lists;
 mod local_files;
 mod lost_database;
@@ -28,6 +29,7 @@ use uuid::Uuid;
 use viola_align::{Alignment, AlignmentState};
 use viola_formats::clip::ClipInfo;
 use viola_formats::lidar::LidarInfo;
+use viola_geometry::LevelName;
 use viola_geometry::progress::Stage;
 use viola_reconstruct::Reason;
 use viola_testing::postgres::Schema;
@@ -176,6 +178,7 @@ fn reason(code: &str) -> Reason {
 
 fn answer(state: AlignmentState) -> Ending {
     Ending::Answered(Box::new(Alignment {
+        level: LevelName::MAIN,
         state,
         probability: None,
         map_from_clip: None,

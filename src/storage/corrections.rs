@@ -7,8 +7,8 @@ mod change;
 mod rows;
 
 pub use change::{ObjectChange, RoomChange};
-pub(super) use rows::of_home;
 pub use rows::{Corrections, Kept};
+pub(super) use rows::{forget_level, of_home};
 
 use super::columns::Columns;
 use super::database::{Transaction, query};

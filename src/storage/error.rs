@@ -45,6 +45,10 @@ pub enum StorageError {
     NoLidarMap,
     #[error("the home has LiDAR maps of {MAX_LEVELS} levels already, which is the maximum")]
     TooManyLevels,
+    #[error(
+        "this is the only level of the home; put the LiDAR map of another level first, or remove the home"
+    )]
+    LastLevel,
     #[error("no such webhook")]
     NoSuchWebhook,
     #[error("no such delivery")]

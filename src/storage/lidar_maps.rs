@@ -1,6 +1,7 @@
 //! The LiDAR maps of a home: one for each level, one revision for every file that was put.
 
 mod put;
+mod remove;
 
 pub use put::NewLidarMap;
 
@@ -55,11 +56,7 @@ impl LidarMapRevision {
 
 impl Storage {
     /// Returns the current revision of a level.
-    pub async fn lidar_map(
-        &self,
-        home: &HomeId,
-        level: LevelName,
-    ) -> Result<LidarMapRevision, StorageError> {
+    pub async fn lidar_map(&self, home: &HomeId, level: LevelName) -> Result<LidarMapRevision, StorageError> {
         let mut connection = self.database.snapshot().await?;
         if !homes::exists(&mut connection, home).await? {
             return Err(StorageError::NoSuchHome);
@@ -89,7 +86,7 @@ impl Storage {
         }
         let rows = query(
             "SELECT * FROM lidar_maps WHERE home_id = $1 AND level = $4 AND revision < $2
-            ORDER BY revision DESC LIMIT $3",
+                AND removed_at IS NULL ORDER BY revision DESC LIMIT $3",
         )
         .bind(home.key())
         .bind(page.after.unwrap_or(i64::MAX))
@@ -101,11 +98,7 @@ impl Storage {
     }
 
     /// Returns the preview picture of a level's current revision.
-    pub async fn lidar_map_image(
-        &self,
-        home: &HomeId,
-        level: LevelName,
-    ) -> Result<BlobReader, StorageError> {
+    pub async fn lidar_map_image(&self, home: &HomeId, level: LevelName) -> Result<BlobReader, StorageError> {
         let map = self.lidar_map(home, level).await?;
         self.blobs.read(&image_key(map.id)).await?.ok_or(StorageError::NoLidarMap)
     }
@@ -127,8 +120,10 @@ pub(super) async fn current(
     home: &HomeId,
     level: LevelName,
 ) -> Result<Option<LidarMapRevision>, StorageError> {
-    let row =
-        query("SELECT * FROM lidar_maps WHERE home_id = $1 AND level = $2 ORDER BY revision DESC LIMIT 1");
+    let row = query(
+        "SELECT * FROM lidar_maps WHERE home_id = $1 AND level = $2 AND removed_at IS NULL
+        ORDER BY revision DESC LIMIT 1",
+    );
     let row = row.bind(home.key()).bind(level.as_str()).fetch_optional(connection).await?;
     row.as_ref().map(from_row).transpose()
 }
@@ -141,7 +136,7 @@ pub(super) async fn levels(
     let rows = query(
         "SELECT * FROM lidar_maps WHERE home_id = $1 AND revision =
             (SELECT MAX(revision) FROM lidar_maps AS of_level
-            WHERE of_level.home_id = $1 AND of_level.level = lidar_maps.level)
+            WHERE of_level.home_id = $1 AND of_level.level = lidar_maps.level AND of_level.removed_at IS NULL)
         ORDER BY level",
     );
     let rows = rows.bind(home.key()).fetch_all(connection).await?;
@@ -165,7 +160,9 @@ pub(super) async fn newest(
     connection: &mut Connection,
     home: &HomeId,
 ) -> Result<Option<LidarMapRevision>, StorageError> {
-    let row = query("SELECT * FROM lidar_maps WHERE home_id = $1 ORDER BY revision DESC LIMIT 1");
+    let row = query(
+        "SELECT * FROM lidar_maps WHERE home_id = $1 AND removed_at IS NULL ORDER BY revision DESC LIMIT 1",
+    );
     row.bind(home.key()).fetch_optional(connection).await?.as_ref().map(from_row).transpose()
 }
 
@@ -174,7 +171,7 @@ pub(super) async fn blob_keys(
     connection: &mut Connection,
     home: Option<&HomeId>,
 ) -> Result<Vec<String>, StorageError> {
-    let rows = query("SELECT id FROM lidar_maps WHERE $1 IS NULL OR home_id = $1")
+    let rows = query("SELECT id FROM lidar_maps WHERE ($1 IS NULL OR home_id = $1) AND removed_at IS NULL")
         .bind(home.map(HomeId::key))
         .fetch_all(connection)
         .await?;

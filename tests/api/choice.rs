@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 use std::path::Path;
 use viola::jobs::{Failure, Finished, JobParams, LevelFile, align_clip};
 use viola_align::{AlignmentState, Alternative};
-use viola_geometry::{LevelName, Pose2};
 use viola_geometry::progress::Progress;
+use viola_geometry::{LevelName, Pose2};
 use viola_testing::room;
 
 /// Runs the real method, then turns its answer into one of two poses.

@@ -9,8 +9,8 @@ use viola::jobs::{Failure, Finished, JobParams, LevelFile, Method, align_clip};
 use viola::storage::RetryPolicy;
 use viola_formats::clip::ClipError;
 use viola_formats::container::ContainerError;
-use viola_geometry::{LevelName, Pose2};
 use viola_geometry::progress::{EarlyPose, Progress, Stage, check};
+use viola_geometry::{LevelName, Pose2};
 use viola_testing::{eventually, room, zips};
 
 async fn server(method: Method, lease: Duration) -> Server {
@@ -167,8 +167,11 @@ async fn a_method_that_does_not_hear_cannot_hold_the_server() {
 #[tokio::test]
 async fn an_early_pose_is_shown_while_the_job_runs() {
     static LET_GO: AtomicBool = AtomicBool::new(false);
-    const POSE: EarlyPose =
-        EarlyPose { level: LevelName::MAIN, map_from_clip: Pose2 { x_m: 1.5, y_m: -2.0, yaw_rad: 0.25 }, probability: 0.95 };
+    const POSE: EarlyPose = EarlyPose {
+        level: LevelName::MAIN,
+        map_from_clip: Pose2 { x_m: 1.5, y_m: -2.0, yaw_rad: 0.25 },
+        probability: 0.95,
+    };
     fn early(
         clip: &Path,
         map: &[LevelFile],

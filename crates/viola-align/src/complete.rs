@@ -214,7 +214,7 @@ impl Activation {
 /// Returns whether a different pose explains the clip nearly as well.
 fn several_minima(answer: &Alignment, margin_m: f64) -> bool {
     let Some(best) = answer.alternatives.first() else { return true };
-    answer.alternatives[1..].iter().any(|other| {
-        other.is_different_from(best) && other.loss_m - best.loss_m < margin_m
-    })
+    answer.alternatives[1..]
+        .iter()
+        .any(|other| other.is_different_from(best) && other.loss_m - best.loss_m < margin_m)
 }

@@ -33,8 +33,8 @@ pub use target::Target;
 use std::ops::Range;
 use viola_formats::clip::{Clip, ClipError};
 use viola_formats::lidar::LidarMap;
-use viola_geometry::{LevelName, Pose3};
 use viola_geometry::progress::{Cancelled, Progress};
+use viola_geometry::{LevelName, Pose3};
 use viola_reconstruct::{FuseParams, KeyFrame, LabelParams, PointCloud, ReconstructError, TrackParams, View};
 
 /// Parameters of an alignment, stage by stage.

@@ -50,7 +50,8 @@ impl FromStr for LevelName {
     type Err = InvalidLevelName;
 
     fn from_str(text: &str) -> Result<LevelName, InvalidLevelName> {
-        let is_allowed = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"_-".contains(&byte);
+        let is_allowed =
+            |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"_-".contains(&byte);
         if text.is_empty() || text.len() > MAX_BYTES || !text.bytes().all(is_allowed) {
             return Err(InvalidLevelName);
         }

@@ -22,9 +22,9 @@ mod shades;
 mod svg;
 
 pub use assemble::{
-    Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, Level, Manifest, Marginal, Member, Mode, Overlap,
-    POINT_BYTES, Pair, PlacedBy, PlacedClip, SURE, Tile, TileBytes, TileInfo, TileKey, Verdict, assemble,
-    compare, disagreement, likeliest, point_bytes, read_point,
+    Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, Level, Manifest, Marginal, Member, Mode,
+    Overlap, POINT_BYTES, Pair, PlacedBy, PlacedClip, SURE, Tile, TileBytes, TileInfo, TileKey, Verdict,
+    assemble, compare, disagreement, likeliest, point_bytes, read_point,
 };
 pub use completion::{completion_png, completion_pngs};
 pub use contact_sheet::contact_sheet_png;

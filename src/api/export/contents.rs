@@ -5,7 +5,9 @@ use crate::api::App;
 use crate::api::error::Error;
 use crate::api::map::points::{Format, Points};
 use crate::api::types;
-use crate::storage::{Clip, ClipFilter, Home, HomeId, HomeMap, MapLevel, Page, StorageError, map_file, result_file};
+use crate::storage::{
+    Clip, ClipFilter, Home, HomeId, HomeMap, MapLevel, Page, StorageError, map_file, result_file,
+};
 use viola_geometry::LevelName;
 use viola_home::{ClipNumbers, PointFilter};
 
@@ -85,12 +87,7 @@ impl Contents {
         Ok(())
     }
 
-    async fn map_level(
-        &self,
-        zip: &mut Archive,
-        map: &HomeMap,
-        level: &MapLevel,
-    ) -> Result<(), ExportError> {
+    async fn map_level(&self, zip: &mut Archive, map: &HomeMap, level: &MapLevel) -> Result<(), ExportError> {
         let storage = &self.app.storage;
         let folder = folder("map", level.level);
         let files = |name| storage.home_map_files(&self.home, map.revision, level.level, name);

@@ -175,12 +175,7 @@ pub(in crate::api) struct Points {
 impl Points {
     /// Returns the bytes before the points, and the total size. Both formats begin with the number of points:
     /// the tiles are read once to count them before they are sent, except for a PLY of `all` points.
-    pub async fn head(
-        &self,
-        format: Format,
-        all: usize,
-        tiles: &[MapFile],
-    ) -> Result<(Vec<u8>, u64), Error> {
+    pub async fn head(&self, format: Format, all: usize, tiles: &[MapFile]) -> Result<(Vec<u8>, u64), Error> {
         if format == Format::Ply && self.filter.is_everything() {
             let ply = Ply::new(all);
             return Ok((ply.head(), ply.size_bytes()));

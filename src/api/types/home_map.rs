@@ -1,10 +1,10 @@
 //! A home's fused map: revisions, rooms, objects, coverage.
 
-use super::{Answer, answer};
 use super::clip::{ClipState, PlacedBy};
 use super::correction::{ObjectField, RoomField};
 use super::job::Reason;
 use super::names::{HomeId, LevelName, Pose2};
+use super::{Answer, answer};
 use jiff::Timestamp;
 use uuid::Uuid;
 

@@ -6,7 +6,8 @@ use viola_align::LevelMap;
 use viola_geometry::{LevelName, Pose2};
 use viola_home as home;
 use viola_home::{
-    ClipNumbers, Description, History, MovedObject, Object, ObjectCorrection, PlacedClip, Room, RoomCorrection, Tile,
+    ClipNumbers, Description, History, MovedObject, Object, ObjectCorrection, PlacedClip, Room,
+    RoomCorrection, Tile,
 };
 
 /// Frames of earlier LiDAR maps that are kept beside those that corrections need: the kept revisions of a

@@ -5,7 +5,7 @@ use crate::storage::changes as feed;
 use crate::storage::database::query;
 use sqlx::AssertSqlSafe;
 use std::collections::BTreeMap;
-use viola_geometry::{LevelName, Pose2};
+use viola_geometry::Pose2;
 
 on_every_back_end!(
     every_change_is_told_once_and_in_order,

@@ -2,7 +2,7 @@
 
 use super::*;
 use viola_align::Alternative;
-use viola_geometry::{LevelName, Pose2};
+use viola_geometry::Pose2;
 use viola_home::Verdict;
 
 on_every_back_end!(
@@ -66,7 +66,8 @@ async fn an_alternative_is_chosen_and_withdrawn(storage: Storage) {
     assert_eq!((&chosen.alignment, chosen.updated_at), (&own.alignment, at(200)));
     // The same choice again changes nothing, not even its time; another one replaces it.
     assert_eq!(choose(&storage, &own, Chosen::Alternative(1), 201).await, chosen);
-    let other = choose(&storage, &own, Chosen::Pose(LevelName::MAIN, Pose2 { yaw_rad: 4.0, ..pose(2.0) }), 202).await;
+    let other =
+        choose(&storage, &own, Chosen::Pose(LevelName::MAIN, Pose2 { yaw_rad: 4.0, ..pose(2.0) }), 202).await;
     assert_eq!(standing(&other), Some((2.0, None, 1)));
     let choice = other.choice.unwrap();
     assert!((choice.map_from_clip.yaw_rad - (4.0 - std::f64::consts::TAU)).abs() < 1e-12);
@@ -153,7 +154,8 @@ async fn choices_that_cannot_be(storage: Storage) {
     let lost = add(&storage, &bare, b"clip").await;
     let refused = storage.choose(&bare, lost.id, Chosen::Pose(LevelName::MAIN, pose(0.0)), at(1)).await;
     assert!(matches!(refused, Err(ChoiceError::Storage(StorageError::NoLidarMap))));
-    let refused = storage.choose(&bare, Uuid::now_v7(), Chosen::Pose(LevelName::MAIN, pose(0.0)), at(1)).await;
+    let refused =
+        storage.choose(&bare, Uuid::now_v7(), Chosen::Pose(LevelName::MAIN, pose(0.0)), at(1)).await;
     assert!(matches!(refused, Err(ChoiceError::Storage(StorageError::NoSuchClip))));
 
     let (home, clip) = one_job(&storage).await;

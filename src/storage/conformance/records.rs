@@ -59,8 +59,14 @@ async fn lists_page_through_everything_once(storage: Storage) {
     for n in 0..4u8 {
         put_map(&storage, &homes[0], &[n]).await;
     }
-    let newest = storage.lidar_map_revisions(&homes[0], LevelName::MAIN, &Page { limit: 2, after: None }).await.unwrap();
-    let older = storage.lidar_map_revisions(&homes[0], LevelName::MAIN, &Page { limit: 9, after: Some(3) }).await.unwrap();
+    let newest = storage
+        .lidar_map_revisions(&homes[0], LevelName::MAIN, &Page { limit: 2, after: None })
+        .await
+        .unwrap();
+    let older = storage
+        .lidar_map_revisions(&homes[0], LevelName::MAIN, &Page { limit: 9, after: Some(3) })
+        .await
+        .unwrap();
     let seen: Vec<i64> = newest.iter().chain(&older).map(|map| map.revision).collect();
     assert_eq!(seen, [4, 3, 2, 1]);
 }
@@ -108,7 +114,10 @@ async fn a_clip_waits_for_the_first_map(storage: Storage) {
     assert_eq!(storage.lidar_map_file(claim.lidar_maps[0].id()).await.unwrap(), &b"map"[..]);
     let file = storage.clip_file(claim.job.clip).await.unwrap();
     assert_eq!(std::fs::read(file).unwrap(), b"clip");
-    assert_eq!(bytes_of(Some(storage.lidar_map_image(&id, LevelName::MAIN).await.unwrap())).await, b"picture");
+    assert_eq!(
+        bytes_of(Some(storage.lidar_map_image(&id, LevelName::MAIN).await.unwrap())).await,
+        b"picture"
+    );
 }
 
 async fn the_same_map_again_changes_nothing(storage: Storage) {

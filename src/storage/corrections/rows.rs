@@ -39,6 +39,21 @@ impl Corrections {
     }
 }
 
+/// Removes the corrections of the objects and rooms of a level.
+pub(in crate::storage) async fn forget_level(
+    transaction: &mut Transaction,
+    home: &HomeId,
+    level: LevelName,
+) -> Result<(), StorageError> {
+    let gone = of_home(transaction, home).await?.on_level(level);
+    let objects = gone.objects.iter().map(|kept| ("object", &kept.target));
+    let rooms = gone.rooms.iter().map(|kept| ("room", &kept.target));
+    for (kind, target) in objects.chain(rooms) {
+        keep::<ObjectCorrection>(transaction, home, (kind, target), None).await?;
+    }
+    Ok(())
+}
+
 /// Writes the correction of a kind and a target, or removes it, and makes the home due for a merge. Returns
 /// the number of the home's corrections.
 pub(super) async fn keep<T: Serialize>(

@@ -38,16 +38,16 @@ pub struct MergeClaim {
     pub corrections: Corrections,
     /// The levels of the last revision; none before the first.
     pub last_levels: Vec<MapLevel>,
-    last_lidar_map_revision: i64,
     lidar_map_revision: i64,
     wanted: i64,
     fence: i64,
 }
 
 impl MergeClaim {
-    /// Returns whether a LiDAR map differs from that of the last revision.
+    /// Returns whether a LiDAR map is not that of the last revision, or a level was removed.
     pub fn has_new_lidar_map(&self) -> bool {
-        self.lidar_map_revision != self.last_lidar_map_revision
+        let now = self.lidar_maps.iter().map(|map| (map.level, map.revision));
+        !now.eq(self.last_levels.iter().map(|level| (level.level, level.lidar_map_revision)))
     }
 
     /// Returns the revision of a level's LiDAR map in the last revision, if the level has another one now.
@@ -115,7 +115,6 @@ impl Storage {
             lidar_maps,
             corrections: corrections::of_home(&mut transaction, &home).await?,
             last_revision: last.as_ref().map_or(0, |map| map.revision),
-            last_lidar_map_revision: last.as_ref().map_or(0, |map| map.lidar_map_revision),
             last_levels: last.map(|map| map.levels).unwrap_or_default(),
             wanted: row.number("map_wanted")?,
             fence: row.number("map_fence")?,

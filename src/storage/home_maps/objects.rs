@@ -6,8 +6,8 @@ use crate::storage::{HomeId, Page, Storage, StorageError, Tenant};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
-use viola_geometry::{LevelName, Pose2};
 use viola_geometry::taxonomy::Class;
+use viola_geometry::{LevelName, Pose2};
 use viola_home::{Corrected, MovedObject, Object, ObjectField, PlacedClip, UprightBox};
 
 /// An object in a home: an upright box in the LiDAR map's frame, and its properties.

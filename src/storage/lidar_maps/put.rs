@@ -1,8 +1,8 @@
 //! New revisions of a LiDAR map, and the jobs that align clips to them.
 
-use super::{LidarMapRevision, current, file_key, image_key, levels, newest};
+use super::{LidarMapRevision, current, file_key, image_key, levels};
 use crate::storage::changes::{self, Changed};
-use crate::storage::columns::to_json;
+use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::query;
 use crate::storage::incoming::Arrived;
 use crate::storage::{HomeId, Storage, StorageError, homes, jobs};
@@ -74,7 +74,10 @@ impl Storage {
             }
             _ => {}
         }
-        let revision = newest(&mut transaction, home).await?.map_or(0, |newest| newest.revision) + 1;
+        // Revisions count removed maps, too.
+        let last = query("SELECT COALESCE(MAX(revision), 0) AS last FROM lidar_maps WHERE home_id = $1");
+        let last = last.bind(home.key()).fetch_one(&mut transaction).await?;
+        let revision = last.number("last")? + 1;
         query(
             "INSERT INTO lidar_maps (id, home_id, revision, size_bytes, sha256, info, created_at, level)
             VALUES ($1, $2, $3, $4, $5, $6, $7, $8)",

@@ -45,12 +45,7 @@ pub struct OnLevel<'a> {
 
 /// Returns the refined poses of all levels by how well they explain the clip, the best first, without
 /// duplicates. The hits are the same on all levels, so that the losses can be compared.
-pub fn rank(
-    levels: &[OnLevel],
-    hits: &[Hit],
-    scan: &VirtualScan,
-    params: &ScoreParams,
-) -> Vec<Ranked> {
+pub fn rank(levels: &[OnLevel], hits: &[Hit], scan: &VirtualScan, params: &ScoreParams) -> Vec<Ranked> {
     let scorer = PoseScorer::new(hits, scan, params.unknown_share);
     let on_level = |level: &OnLevel| -> Vec<Ranked> {
         level.refined.par_iter().map(|pose| ranked(pose, &scorer, level.target, params)).collect()

@@ -102,8 +102,7 @@ fn overlaps<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result
     for (i, b) in known.iter().enumerate() {
         // The pairs to register, by their places among the pairs.
         let mut fresh: Vec<(usize, &Known)> = Vec::new();
-        let meets =
-            |a: &&Known| a.level == b.level && a.extent.meets(&a.alone, &b.extent, &b.alone);
+        let meets = |a: &&Known| a.level == b.level && a.extent.meets(&a.alone, &b.extent, &b.alone);
         for a in known[..i].iter().filter(meets) {
             let same = before.get(&(&*a.member.share, &*b.member.share));
             let same = same.filter(|pair| pair.map_from_a == a.alone && pair.map_from_b == b.alone);

@@ -168,7 +168,8 @@ fn clips_with_an_ambiguous_one() -> Vec<Clip> {
     }
     let truth = Pose2::new(2.0, 2.0, -1.0);
     let turned = Pose2::new(4.0, 3.0, std::f64::consts::PI).compose(&truth);
-    clips[2].member.verdict = Verdict::Ambiguous { alternatives: vec![on_main(turned, 0.3), on_main(truth, 0.65)] };
+    clips[2].member.verdict =
+        Verdict::Ambiguous { alternatives: vec![on_main(turned, 0.3), on_main(truth, 0.65)] };
     clips
 }
 

@@ -201,7 +201,10 @@ mod tests {
     fn tiles_meet_without_a_gap() {
         for voxel in -200..200 {
             let centre_m = (f64::from(voxel) + 0.5) * MAP_VOXEL_M;
-            assert_eq!(TileKey::of_voxel(LevelName::MAIN, &[voxel, 0, 0]).x, TileKey::at(LevelName::MAIN, centre_m, 0.0).x);
+            assert_eq!(
+                TileKey::of_voxel(LevelName::MAIN, &[voxel, 0, 0]).x,
+                TileKey::at(LevelName::MAIN, centre_m, 0.0).x
+            );
         }
     }
 }

@@ -12,8 +12,8 @@ use rustc_hash::FxHashMap;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use uuid::Uuid;
-use viola_geometry::{LevelName, Pose3};
 use viola_geometry::taxonomy::Class;
+use viola_geometry::{LevelName, Pose3};
 use viola_reconstruct::CloudPoint;
 
 /// Changed tiles; none for tiles that became empty.
@@ -114,7 +114,13 @@ fn touched(loaded: &Loaded, clip: &PlacedClip) -> Vec<TileKey> {
         }
     }
     if clip.recorded_at_ms.is_some() {
-        tiles.extend(loaded.share.carved().placed(&map_from_clip, |block| Some(tile_of_block(clip.level_name, block))).keys());
+        tiles.extend(
+            loaded
+                .share
+                .carved()
+                .placed(&map_from_clip, |block| Some(tile_of_block(clip.level_name, block)))
+                .keys(),
+        );
     }
     tiles.into_iter().collect()
 }

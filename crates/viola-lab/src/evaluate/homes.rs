@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex};
 use viola_align as align;
 use viola_align::{AlignParams, Target};
 use viola_formats::lidar::LidarMap;
-use viola_geometry::{LevelName, Pose2};
 use viola_geometry::progress::Progress;
+use viola_geometry::{LevelName, Pose2};
 use viola_reconstruct::LabelParams;
 
 /// Suffix of sets whose clips get the map of another home.

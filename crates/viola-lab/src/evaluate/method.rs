@@ -152,9 +152,8 @@ impl Method {
             }
             // The paper's method has no levels: it gets the right one.
             MethodKind::Paper(params) => {
-                paper::register(&sample.observation, sample.target.as_deref(), params, progress).map(
-                    |answer| Alignment { level: sample.level, ..answer },
-                )
+                paper::register(&sample.observation, sample.target.as_deref(), params, progress)
+                    .map(|answer| Alignment { level: sample.level, ..answer })
             }
         }
     }

@@ -75,9 +75,8 @@ fn row(method: &str, set: &str, frames: usize, results: &[&ClipResult]) -> Table
     let part = |part: usize, whole: usize| (whole > 0).then(|| part as f64 / whole as f64);
     let aligned = count(&|r| r.state == AlignmentState::Aligned);
     let wrong = count(&|r| r.state == AlignmentState::Aligned && !r.is_success());
-    let aligned_on = |right: bool| {
-        count(&|r| r.state == AlignmentState::Aligned && r.right_level == Some(right))
-    };
+    let aligned_on =
+        |right: bool| count(&|r| r.state == AlignmentState::Aligned && r.right_level == Some(right));
     let unknowable = count(&|r| r.unknowable);
     let admitted = count(&|r| r.unknowable && r.state == AlignmentState::Ambiguous && r.truth_rank.is_some());
     TableRow {

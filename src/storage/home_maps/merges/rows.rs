@@ -31,6 +31,23 @@ fn map_levels(claim: &MergeClaim, manifest: &Manifest) -> Vec<MapLevel> {
     claim.lidar_maps.iter().map(level).collect()
 }
 
+/// Ends the files of levels that were removed since the last revision.
+async fn close_removed_levels(transaction: &mut Transaction, claim: &MergeClaim) -> Result<(), StorageError> {
+    let is_there = |level: &MapLevel| claim.lidar_maps.iter().any(|map| map.level == level.level);
+    for level in claim.last_levels.iter().filter(|level| !is_there(level)) {
+        query(
+            "UPDATE home_map_files SET last_revision = $3
+            WHERE home_id = $1 AND level = $2 AND last_revision IS NULL",
+        )
+        .bind(claim.home.key())
+        .bind(level.level.as_str())
+        .bind(claim.last_revision)
+        .execute(transaction)
+        .await?;
+    }
+    Ok(())
+}
+
 /// Adds a revision and removes the oldest; returns the blobs of those.
 pub(super) async fn insert(
     transaction: &mut Transaction,
@@ -56,6 +73,7 @@ pub(super) async fn insert(
     .bind(to_json(&levels))
     .execute(transaction)
     .await?;
+    close_removed_levels(transaction, claim).await?;
     for file in written {
         let (x, y) = (file.tile.map(|tile| i64::from(tile.x)), file.tile.map(|tile| i64::from(tile.y)));
         query(

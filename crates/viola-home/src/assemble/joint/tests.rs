@@ -13,13 +13,17 @@ fn member(number: u128, verdict: Verdict) -> Member {
 
 fn aligned(number: u128, x_m: f64) -> Member {
     let (map_from_clip, covariance) = (Pose2::new(x_m, 0.0, 0.0), Matrix3::identity() * 1e-4);
-    member(number, Verdict::Aligned { level: LevelName::MAIN, map_from_clip, covariance, probability: Some(0.99) })
+    member(
+        number,
+        Verdict::Aligned { level: LevelName::MAIN, map_from_clip, covariance, probability: Some(0.99) },
+    )
 }
 
 /// A clip that is in one of several rooms, 5 m apart.
 fn in_one_of(number: u128, probabilities: &[f64]) -> Member {
     let rooms = probabilities.iter().enumerate();
-    let alternatives = rooms.map(|(room, probability)| on_main(5.0 * room as f64, 0.0, *probability)).collect();
+    let alternatives =
+        rooms.map(|(room, probability)| on_main(5.0 * room as f64, 0.0, *probability)).collect();
     member(number, Verdict::Ambiguous { alternatives })
 }
 
@@ -106,7 +110,9 @@ fn poses_close_together_are_one_explanation() {
 /// Poses that share no floor are not compared, nor two clips that a person placed.
 #[test]
 fn only_poses_that_may_meet_are_compared() {
-    let chosen = |number, x_m| member(number, Verdict::Chosen { level: LevelName::MAIN, map_from_clip: Pose2::new(x_m, 0.0, 0.0) });
+    let chosen = |number, x_m| {
+        member(number, Verdict::Chosen { level: LevelName::MAIN, map_from_clip: Pose2::new(x_m, 0.0, 0.0) })
+    };
     let members = [chosen(0, 0.0), chosen(1, 1.0), in_one_of(2, &[0.5, 0.3, 0.1])];
     let candidates: Vec<Candidate> = members.iter().map(candidate).collect();
     let found = pairs(&candidates);

@@ -13,10 +13,11 @@ use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use viola_align::{AlignError, AlignParams, AlignmentState};
 use viola_formats::lidar::LidarError;
-use viola_geometry::{LevelName, Pose2};
 use viola_geometry::progress::Progress;
+use viola_geometry::{LevelName, Pose2};
 use viola_home::{
-    ClipContribution, Comparison, Manifest, Member, Mode, PlacedBy, SURE, Verdict, assemble, compare, likeliest,
+    ClipContribution, Comparison, Manifest, Member, Mode, PlacedBy, SURE, Verdict, assemble, compare,
+    likeliest,
 };
 
 pub use table::JointRow;
@@ -135,8 +136,7 @@ fn modes(clip: &AlignedClip) -> Vec<JointMode> {
 fn true_then_wrong(clip: &AlignedClip) -> Vec<Mode> {
     let wrong = modes(clip).into_iter().filter(|mode| !mode.is_right);
     let wrong = wrong.map(|mode| (mode.map_from_clip, 0.01));
-    let on_main =
-        |(map_from_clip, probability)| Mode { level: LevelName::MAIN, map_from_clip, probability };
+    let on_main = |(map_from_clip, probability)| Mode { level: LevelName::MAIN, map_from_clip, probability };
     std::iter::once((clip.answer.map_from_clip, 1.0)).chain(wrong).map(on_main).collect()
 }
 
