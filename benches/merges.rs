@@ -114,6 +114,7 @@ impl Recordings {
             sha256: format!("{at:06}"),
             share: at.to_string(),
             verdict: Verdict::Aligned {
+                level: viola_geometry::LevelName::MAIN,
                 map_from_clip,
                 covariance: Matrix3::from_diagonal(&sigmas.component_mul(&sigmas)),
                 probability: Some(0.99),

@@ -140,7 +140,8 @@ fn complete(suite: &dyn Suite) {
         let timed = ways.each_ref().map(|way| {
             let begun = Instant::now();
             let (_, completion) =
-                register_completing(&observation, target.as_deref(), way, &Silent).expect("nobody cancels");
+                register_completing(&observation, target.as_deref().as_slice(), way, &Silent)
+                    .expect("nobody cancels");
             (begun.elapsed().as_secs_f64() * 1e3, completion.map_or(0, |completion| completion.views.len()))
         });
         structure.push(timed[1].0 - timed[0].0);

@@ -19,6 +19,7 @@ mod homes;
 mod jobs;
 mod layers;
 mod lidar_map;
+mod lidar_maps;
 mod limits;
 mod list;
 mod map;
@@ -103,8 +104,8 @@ impl Modify for Security {
     info(title = "viola", description = "Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.\n\n\
         Every error is an RFC 9457 problem document with a stable `type`. Lists page by cursor."),
     tags(
-        (name = "homes", description = "Homes; each has a LiDAR map and clips"),
-        (name = "lidar-map", description = "The map of the home's robot vacuum"),
+        (name = "homes", description = "Homes; each has LiDAR maps and clips"),
+        (name = "lidar-map", description = "The maps of the home's robot vacuums, one for each storey"),
         (name = "clips", description = "Recorded RGB-D clips and their poses in the map"),
         (name = "uploads", description = "Clips that arrive in parts, over bad connections: tus 1.0 (https://tus.io)"),
         (name = "map", description = "The fused map of a home"),
@@ -124,6 +125,14 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(lidar_map::get_lidar_map, lidar_map::put_lidar_map))
         .routes(routes!(lidar_map::get_lidar_map_image))
         .routes(routes!(lidar_map::list_lidar_map_revisions))
+        .routes(routes!(lidar_maps::list_lidar_maps))
+        .routes(routes!(
+            lidar_maps::get_level_lidar_map,
+            lidar_maps::put_level_lidar_map,
+            lidar_maps::delete_level
+        ))
+        .routes(routes!(lidar_maps::get_level_lidar_map_image))
+        .routes(routes!(lidar_maps::list_level_lidar_map_revisions))
         .routes(routes!(clips::list_clips, clips::add_clip))
         .merge(uploads::routes())
         .routes(routes!(clips::get_clip, clips::delete_clip))

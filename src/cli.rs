@@ -16,6 +16,7 @@ mod evaluate_track;
 mod health;
 mod inspect;
 mod keys;
+mod levels;
 mod map;
 mod method;
 mod migrate;

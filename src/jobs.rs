@@ -9,7 +9,7 @@ mod run;
 mod trouble;
 mod worker;
 
-pub use align_clip::{Failure, Finished, JobParams, align_clip, align_opened};
+pub use align_clip::{Failure, Finished, JobParams, LevelFile, align_clip, align_opened, level_maps};
 pub use child::{ChildOrder, ChildParams, serve_child};
 pub use merge::{Described, Earlier, describe};
 pub use metrics::describe_metrics;

@@ -54,8 +54,8 @@ pub use corrections::{
 pub use database::POSTGRES_CONNECTIONS;
 pub use error::StorageError;
 pub use home_maps::{
-    HomeMap, HomeObject, KEPT_REVISIONS, LeftOut, MapClip, MapFile, MapHistory, MapObject, MapRoom, MapScene,
-    MergeClaim, NewRevision, ObjectFilter, map_file,
+    HomeMap, HomeObject, KEPT_REVISIONS, LeftOut, MapClip, MapFile, MapHistory, MapLevel, MapObject, MapRoom,
+    MapScene, MergeClaim, NewRevision, ObjectFilter, map_file,
 };
 pub use homes::{Home, HomeId, InvalidHomeId, InvalidTenant, Tenant};
 pub use incoming::{Arrived, Incoming};

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
-use viola::jobs::{Failure, Finished, JobParams, Queue, WorkerParams, work};
+use viola::jobs::{Failure, Finished, JobParams, LevelFile, Queue, WorkerParams, work};
 use viola::storage::{Added, Arrived, HomeId, NewClip, NewLidarMap, PostgresParams, Storage, StorageParams};
 use viola_formats::clip::{Clip, ClipInfo};
 use viola_formats::lidar::LidarMap;
@@ -59,6 +59,7 @@ async fn home(storage: &Storage, number: u64) -> anyhow::Result<HomeId> {
     storage.put_home(&home, None, Timestamp::now()).await?;
     let map = b"x,y\n0,0\n1,0\n1,1\n0,1\n";
     let new = NewLidarMap {
+        level: viola_geometry::LevelName::MAIN,
         file: arrived(storage, map).await?,
         info: LidarMap::read(map)?.info,
         image_png: vec![0],
@@ -120,7 +121,7 @@ async fn claims(storage: &Arc<Storage>) -> anyhow::Result<()> {
 }
 
 /// Fails at once: the file is not a valid clip.
-fn refuse(path: &Path, _: &[u8], _: &JobParams, _: &dyn Progress) -> Result<Finished, Failure> {
+fn refuse(path: &Path, _: &[LevelFile], _: &JobParams, _: &dyn Progress) -> Result<Finished, Failure> {
     match Clip::open(path) {
         Err(error) => Err(error.into()),
         Ok(_) => Err(Failure::Cancelled),

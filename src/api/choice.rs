@@ -11,13 +11,13 @@ use axum::extract::State;
 use jiff::Timestamp;
 use serde::Deserialize;
 use serde_json::Value;
-use viola_geometry::Pose2;
+use viola_geometry::{LevelName, Pose2};
 
 /// Maximum angle: a larger one is probably in degrees.
 const MAX_YAW_RAD: f64 = std::f64::consts::TAU;
 
 // The values are parsed by hand, so that a refusal names the member at fault.
-/// A person's choice: one of the two members.
+/// A person's choice: an alternative, or a pose with its level.
 #[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(example = json!({"alternative": 1}))]
@@ -30,6 +30,10 @@ pub(super) struct ChoiceBody {
     #[serde(default)]
     #[schema(value_type = Option<types::Pose2>)]
     map_from_clip: Option<Value>,
+    /// The level in whose LiDAR map `map_from_clip` is; default: `main`.
+    #[serde(default)]
+    #[schema(value_type = Option<types::LevelName>)]
+    level: Option<Value>,
 }
 
 /// Choose the pose of a clip
@@ -82,6 +86,16 @@ pub(super) async fn withdraw_alignment(
 }
 
 fn chosen(body: &ChoiceBody) -> Result<Chosen, Error> {
+    let level = match &body.level {
+        None => LevelName::MAIN,
+        Some(_) if body.map_from_clip.is_none() => {
+            return Err(wrong("level", "given with map_from_clip only"));
+        }
+        Some(name) => {
+            let level = name.as_str().and_then(|name| name.parse().ok());
+            level.ok_or_else(|| wrong("level", "1 to 32 characters of a-z 0-9 _ -"))?
+        }
+    };
     match (&body.alternative, &body.map_from_clip) {
         (Some(index), None) => {
             index.as_u64().map(Chosen::Alternative).ok_or_else(|| wrong("alternative", "an index from 0"))
@@ -103,7 +117,7 @@ fn chosen(body: &ChoiceBody) -> Result<Chosen, Error> {
             if yaw_rad.abs() > MAX_YAW_RAD {
                 return Err(wrong("map_from_clip.yaw_rad", "in radians, within a whole turn to each side"));
             }
-            Ok(Chosen::Pose(Pose2 { x_m, y_m, yaw_rad }))
+            Ok(Chosen::Pose(level, Pose2 { x_m, y_m, yaw_rad }))
         }
         (None, Some(_)) => Err(wrong("map_from_clip", "an object of x_m, y_m and yaw_rad")),
         _ => Err(Error::InvalidBody("give one of alternative and map_from_clip, and not both".to_owned())),
@@ -121,6 +135,7 @@ impl From<ChoiceError> for Error {
             ChoiceError::Storage(StorageError::NoLidarMap) => Error::NothingToAlignTo,
             ChoiceError::Storage(error) => error.into(),
             ChoiceError::NoAnswerYet(_) => Error::NoAnswerYet(detail),
+            ChoiceError::NoSuchLevel(_) => Error::InvalidMember { field: "level", detail },
             ChoiceError::NoSuchAlternative { .. } => Error::InvalidMember { field: "alternative", detail },
             ChoiceError::OutOfReach { field, .. } => Error::InvalidMember { field, detail },
         }

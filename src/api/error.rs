@@ -1,6 +1,8 @@
 //! Refusals and failures of requests as RFC 9457 problem documents with stable types. The cause of a failure
 //! of the service goes to the log, never into an answer.
 
+mod correction;
+
 use super::uploads::UploadRefusal;
 use crate::storage::{CorrectionError, MOST_WEBHOOKS, StorageError};
 use axum::Json;
@@ -176,7 +178,7 @@ impl Error {
                 (S::CONFLICT, "too_many_webhooks", "The tenant has as many webhooks as it may have")
             }
             Error::NoSuchJob => (S::NOT_FOUND, "job_not_found", "There is no such job"),
-            Error::Correction(error) => correction(error),
+            Error::Correction(error) => correction::mapping(error),
             Error::MapRevisionRemoved { .. } => {
                 (S::GONE, "map_revision_removed", "The revision is not kept any more")
             }
@@ -203,6 +205,12 @@ impl Error {
             Error::Storage(StorageError::NoLidarMap) => {
                 (S::NOT_FOUND, "lidar_map_not_found", "The home has no LiDAR map yet")
             }
+            Error::Storage(StorageError::TooManyLevels) => {
+                (S::CONFLICT, "too_many_levels", "The home has as many levels as it may have")
+            }
+            Error::Storage(StorageError::LastLevel) => {
+                (S::CONFLICT, "last_level", "The home has no other level")
+            }
             Error::Storage(StorageError::CursorExpired) => {
                 (S::GONE, "cursor_expired", "The cursor is too old to go on from")
             }
@@ -225,28 +233,6 @@ impl Error {
             Error::Correction(CorrectionError::Changed { .. }) => Some("If-Match"),
             Error::Upload(refusal) => refusal.field(),
             _ => None,
-        }
-    }
-}
-
-fn correction(error: &CorrectionError) -> (StatusCode, &'static str, &'static str) {
-    use StatusCode as S;
-    match error {
-        CorrectionError::NotFound { kind: "room", .. } => {
-            (S::NOT_FOUND, "room_not_found", "The map has no such room")
-        }
-        CorrectionError::NotFound { .. } => (S::NOT_FOUND, "object_not_found", "The map has no such object"),
-        CorrectionError::Changed { .. } => {
-            (S::PRECONDITION_FAILED, "changed_meanwhile", "It was changed since it was read")
-        }
-        CorrectionError::TooMany => {
-            (S::CONFLICT, "too_many_corrections", "The home has as many corrections as it may have")
-        }
-        CorrectionError::Impossible { .. } => {
-            (S::UNPROCESSABLE_ENTITY, "invalid_body", "The body does not have the expected members")
-        }
-        CorrectionError::NoMap | CorrectionError::Storage(_) => {
-            (S::NOT_FOUND, "map_not_found", "The home has no such map")
         }
     }
 }

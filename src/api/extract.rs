@@ -13,6 +13,7 @@ use serde::de::DeserializeOwned;
 use std::fmt::Display;
 use std::str::FromStr;
 use uuid::Uuid;
+use viola_geometry::LevelName;
 
 /// A path to a home.
 #[derive(utoipa::IntoParams)]
@@ -21,6 +22,17 @@ pub(super) struct HomePath {
     /// Chosen by the client.
     #[param(value_type = types::HomeId)]
     pub home: HomeId,
+}
+
+/// A path to the LiDAR map of a level.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Path)]
+pub(super) struct LevelPath {
+    #[param(value_type = types::HomeId)]
+    pub home: HomeId,
+    /// Chosen by the client.
+    #[param(value_type = types::LevelName)]
+    pub level: LevelName,
 }
 
 /// A path to a clip.
@@ -124,6 +136,15 @@ impl<S: Send + Sync> FromRequestParts<S> for HomePath {
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<HomePath, Error> {
         let path = Path::of(parts, state).await?;
         Ok(HomePath { home: access::of(parts)?.home(&path.part("home")?)? })
+    }
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for LevelPath {
+    type Rejection = Error;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<LevelPath, Error> {
+        let path = Path::of(parts, state).await?;
+        Ok(LevelPath { home: access::of(parts)?.home(&path.part("home")?)?, level: path.part("level")? })
     }
 }
 

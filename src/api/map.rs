@@ -20,7 +20,7 @@ use super::list::{List, ListQuery};
 use super::problems::CommonProblems;
 use super::reply::{tag_of, unless_known};
 use super::types::{self, LeftOut};
-use crate::storage::{HomeId, HomeMap};
+use crate::storage::{HomeId, HomeMap, MapLevel};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, header};
@@ -43,6 +43,31 @@ pub(super) struct RevisionQuery {
     /// An earlier revision that is still kept; default: the current one.
     #[param(value_type = Option<i64>, minimum = 1)]
     revision: Option<String>,
+}
+
+/// The query of what belongs to one level of a map.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct LevelQuery {
+    /// The level; default: `main`, or the first by name in a home without a level of this name.
+    #[param(value_type = Option<types::LevelName>)]
+    level: Option<String>,
+    /// An earlier revision that is still kept; default: the current one.
+    #[param(value_type = Option<i64>, minimum = 1)]
+    revision: Option<String>,
+}
+
+/// Returns the level of a map that a query names.
+fn level<'a>(map: &'a HomeMap, asked: Option<&str>) -> Result<&'a MapLevel, Error> {
+    let Some(name) = asked else {
+        let main = map.levels.iter().find(|level| level.level.is_main());
+        return main.or(map.levels.first()).ok_or(Error::NoSuchMap);
+    };
+    map.levels.iter().find(|level| level.level.as_str() == name).ok_or_else(|| {
+        let names: Vec<&str> = map.levels.iter().map(|level| level.level.as_str()).collect();
+        let detail = format!("the map has no level of this name; its levels are {}", names.join(", "));
+        Error::InvalidQuery { field: Some("level"), detail }
+    })
 }
 
 /// Returns the requested revision of a home's map, by default the current one.

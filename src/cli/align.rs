@@ -1,18 +1,22 @@
 //! `viola align`: aligns one clip to one map, without a server.
 
 use super::completion::CompletionArguments;
+use super::levels::{self, LevelArgument};
 use super::networks::NetworkArguments;
 use super::progress::TerminalProgress;
 use super::video_tools::video_tools;
+use crate::jobs::level_maps;
 use anyhow::{Context, Result};
 use clap::Args;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use viola_align as align;
 use viola_align::{AlignParams, Alignment, AlignmentState};
 use viola_formats::clip::{Clip, ClipInfo};
-use viola_formats::lidar::{LidarInfo, LidarMap};
+use viola_formats::lidar::LidarInfo;
+use viola_geometry::LevelName;
 use viola_geometry::progress::{Progress, Stage};
 use viola_geometry::stopwatch::Stopwatch;
 use viola_home as home;
@@ -28,9 +32,10 @@ pub struct AlignArguments {
     #[arg(long, value_name = "FIRST..END", value_parser = range::<u32>)]
     frames: Option<Range<u32>>,
     /// LiDAR map: Valetudo (JSON or PNG), the file of a Roborock, Dreame or Viomi robot, a ROS map_server
-    /// YAML or a zip of it and its image, a CARMEN log, or points as CSV, PLY or PCD.
-    #[arg(long)]
-    lidar: PathBuf,
+    /// YAML or a zip of it and its image, a CARMEN log, or points as CSV, PLY or PCD. For a home of several
+    /// storeys: several times, as LEVEL=FILE.
+    #[arg(long, required = true, value_name = "[LEVEL=]FILE", value_parser = levels::parser())]
+    lidar: Vec<LevelArgument>,
     /// Output folder: result.json, inputs.json, overlay.png, cloud.ply and, after a completion, completion/.
     #[arg(long)]
     out: PathBuf,
@@ -42,11 +47,13 @@ pub struct AlignArguments {
     seed: u64,
 }
 
-/// Contents of `inputs.json`: the summaries of both input files.
+/// Contents of `inputs.json`: the summaries of the input files.
 #[derive(Serialize)]
 struct Inputs<'a> {
     clip: &'a ClipInfo,
+    /// The map of the answer's level.
     lidar: &'a LidarInfo,
+    levels: BTreeMap<LevelName, &'a LidarInfo>,
 }
 
 pub fn run(arguments: &AlignArguments) -> Result<()> {
@@ -59,20 +66,21 @@ pub fn run(arguments: &AlignArguments) -> Result<()> {
     watch.enter(Stage::Decode);
     let clip = Clip::open_with(&arguments.clip, &video_tools())
         .with_context(|| format!("clip {}", arguments.clip.display()))?;
-    let lidar = LidarMap::open(&arguments.lidar)
-        .with_context(|| format!("LiDAR map {}", arguments.lidar.display()))?;
+    let maps = levels::open(&arguments.lidar)?;
     let params = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
-    let mut aligned = align::align(&clip, arguments.frames.clone(), &lidar, &params, &watch)
-        .with_context(|| format!("clip {}", arguments.clip.display()))?;
+    let mut aligned =
+        align::align_levels(&clip, arguments.frames.clone(), &level_maps(&maps), &params, &watch)
+            .with_context(|| format!("clip {}", arguments.clip.display()))?;
 
     watch.enter(Stage::Report);
+    let lidar = levels::of_level(&maps, aligned.alignment.level)?;
     std::fs::create_dir_all(&arguments.out)
         .with_context(|| format!("cannot make the folder {}", arguments.out.display()))?;
     let write = |name: &str, bytes: &[u8]| -> Result<()> {
         let path = arguments.out.join(name);
         std::fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
     };
-    write("overlay.png", &home::overlay_png(&lidar, &aligned))?;
+    write("overlay.png", &home::overlay_png(lidar, &aligned))?;
     write("cloud.ply", &home::cloud_ply(&aligned.cloud_in_clip, aligned.alignment.map_from_clip.as_ref()))?;
     let pictures = home::completion_pngs(&aligned);
     if !pictures.is_empty() {
@@ -83,7 +91,9 @@ pub fn run(arguments: &AlignArguments) -> Result<()> {
             write(&format!("completion/{name}"), bytes)?;
         }
     }
-    write("inputs.json", &serde_json::to_vec_pretty(&Inputs { clip: clip.info(), lidar: &lidar.info })?)?;
+    let of_levels = maps.iter().map(|(level, lidar)| (*level, &lidar.info)).collect();
+    let inputs = Inputs { clip: clip.info(), lidar: &lidar.info, levels: of_levels };
+    write("inputs.json", &serde_json::to_vec_pretty(&inputs)?)?;
     aligned.alignment.seconds = watch.stop();
     write("result.json", &serde_json::to_vec_pretty(&aligned.alignment)?)?;
     progress.finish();
@@ -93,6 +103,9 @@ pub fn run(arguments: &AlignArguments) -> Result<()> {
 
 fn print_answer(clip: &ClipInfo, lidar: &LidarInfo, alignment: &Alignment, out: &Path) {
     println!("clip:   {}, {} frames, up: {}", clip.layout, clip.frames, clip.gravity);
+    if !alignment.level.is_main() {
+        println!("level:  {}", alignment.level);
+    }
     println!(
         "map:    {}, {} occupied points, {} rooms",
         lidar.format,

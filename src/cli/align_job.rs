@@ -9,6 +9,7 @@ use std::env;
 use std::ffi::OsString;
 use std::io;
 use std::path::{Path, PathBuf};
+use viola_geometry::LevelName;
 
 /// Prefixes of environment variables that may hold secrets of the service, which the child does not need.
 const SECRET: [&str; 4] = ["VIOLA_", "OTEL_", "AWS_", "PG"];
@@ -21,17 +22,17 @@ pub struct AlignJobArguments {
     /// The clip's file.
     #[arg(long, value_name = "FILE")]
     clip: PathBuf,
-    /// The LiDAR map's file.
-    #[arg(long, value_name = "FILE")]
-    lidar: PathBuf,
+    /// Levels of the home; each has its LiDAR map in the folder for the answer, as `lidar-map-LEVEL`.
+    #[arg(long, value_name = "LEVEL")]
+    level: Vec<LevelName>,
     /// Folder for the answer.
     #[arg(long, value_name = "DIR")]
     into: PathBuf,
 }
 
 pub fn run(arguments: &AlignJobArguments) -> Result<()> {
-    let AlignJobArguments { method, clip, lidar, into } = arguments;
-    let order = ChildOrder { clip: clip.clone(), lidar: lidar.clone(), into: into.clone() };
+    let AlignJobArguments { method, clip, level, into } = arguments;
+    let order = ChildOrder { clip: clip.clone(), levels: level.clone(), into: into.clone() };
     let params = || {
         let Some(method) = method else {
             return Ok(JobParams { video: video_tools(), ..JobParams::default() });

@@ -13,10 +13,11 @@ mod files;
 mod table;
 
 use super::completion::CompletionArguments;
+use super::levels::{self, LevelArgument};
 use super::networks::NetworkArguments;
 use super::progress::TerminalProgress;
 use super::video_tools::video_tools;
-use crate::jobs::JobParams;
+use crate::jobs::{JobParams, level_maps};
 use anyhow::{Context, Result};
 use clap::Args;
 use clip::{Aligner, HomeClip};
@@ -27,7 +28,6 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use viola_align::AlignParams;
-use viola_formats::lidar::LidarMap;
 use viola_home as home;
 use viola_home::{Manifest, Member};
 
@@ -47,10 +47,12 @@ pub struct MapArguments {
     /// that is given twice counts once.
     #[arg(required = true, value_name = "CLIP")]
     clips: Vec<PathBuf>,
-    /// LiDAR map of the home, in any format that `viola align` reads.
-    #[arg(long, value_name = "FILE")]
-    lidar: PathBuf,
-    /// Output folder: map.json, objects.json, rooms.json, points.ply, plan.svg, plan.png and plan.geojson.
+    /// LiDAR map of the home, in any format that `viola align` reads. For a home of several storeys: several
+    /// times, as LEVEL=FILE.
+    #[arg(long, required = true, value_name = "[LEVEL=]FILE", value_parser = levels::parser())]
+    lidar: Vec<LevelArgument>,
+    /// Output folder: map.json, objects.json, rooms.json, points.ply, plan.svg, plan.png and plan.geojson. The points
+    /// and the plan of another level than `main` are in a folder of its name.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
@@ -67,19 +69,20 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let complete = arguments.completion.params(&arguments.networks)?;
     let align = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
     let params = JobParams { align, video: video_tools() };
-    let lidar = LidarMap::open(&arguments.lidar)
-        .with_context(|| format!("LiDAR map {}", arguments.lidar.display()))?;
+    let maps = levels::open(&arguments.lidar)?;
+    let levels = level_maps(&maps);
     let out = &arguments.out;
     std::fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
 
-    let mut aligner = Aligner { lidar: &lidar, params: &params, contributions: Contributions::new_in(out)? };
+    let mut aligner =
+        Aligner { levels: &levels, params: &params, contributions: Contributions::new_in(out)? };
     let clips = align_all(&arguments.clips, &mut aligner)?;
     let members: Vec<Member> = clips.iter().filter_map(HomeClip::member).collect();
     eprintln!("map: fuse {} of {} clips", members.len(), clips.len());
     let mut load = |member: &Member| aligner.contributions.load(member);
     let map = home::assemble(&Manifest::default(), members, &mut load)?;
     eprintln!("map: describe");
-    let files = HomeFiles::new(&lidar, map, &clips)?;
+    let files = HomeFiles::new(&levels, map, &clips)?;
     files.write(out)?;
     table::print(&files.document, files.objects.len(), files.rooms.len(), out);
     let all_answered = clips.iter().all(|clip| clip.answer.is_ok());

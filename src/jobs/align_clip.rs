@@ -1,16 +1,24 @@
-//! The work of one job: open the clip and the map, align, make the pictures.
+//! The work of one job: open the clip and the maps, align, make the pictures.
 
 use crate::storage::result_file;
+use bytes::Bytes;
 use std::path::Path;
 use viola_align as align;
-use viola_align::{AlignError, AlignParams, Alignment};
+use viola_align::{AlignError, AlignParams, Alignment, LevelMap};
 use viola_formats::clip::{Clip, ClipError};
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_formats::video;
+use viola_geometry::LevelName;
 use viola_geometry::progress::{Progress, Stage};
 use viola_geometry::stopwatch::Stopwatch;
 use viola_home as home;
 use viola_reconstruct::Reason;
+
+/// The LiDAR map's file of one level.
+pub struct LevelFile {
+    pub level: LevelName,
+    pub bytes: Bytes,
+}
 
 /// Result of one job.
 pub struct Finished {
@@ -68,27 +76,33 @@ pub struct JobParams {
     pub video: video::Tools,
 }
 
-/// Aligns the clip of a file to the map of a file.
+/// Aligns the clip of a file to the maps of its home.
 pub fn align_clip(
     clip_path: &Path,
-    lidar_bytes: &[u8],
+    files: &[LevelFile],
     params: &JobParams,
     progress: &dyn Progress,
 ) -> Result<Finished, Failure> {
     let watch = start(&params.align, progress);
     let clip = Clip::open_with(clip_path, &params.video)?;
-    let lidar = LidarMap::read(lidar_bytes)?;
-    finish(&clip, &lidar, &params.align, watch)
+    let read = |file: &LevelFile| Ok((file.level, LidarMap::read(&file.bytes)?));
+    let maps: Vec<(LevelName, LidarMap)> = files.iter().map(read).collect::<Result<_, LidarError>>()?;
+    finish(&clip, &level_maps(&maps), &params.align, watch)
 }
 
-/// Aligns an opened clip to an opened map.
+/// Returns the maps as the method takes them.
+pub fn level_maps(maps: &[(LevelName, LidarMap)]) -> Vec<LevelMap<'_>> {
+    maps.iter().map(|(level, lidar)| LevelMap { level: *level, lidar }).collect()
+}
+
+/// Aligns an opened clip to opened maps.
 pub fn align_opened(
     clip: &Clip,
-    lidar: &LidarMap,
+    levels: &[LevelMap],
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<Finished, Failure> {
-    finish(clip, lidar, params, start(params, progress))
+    finish(clip, levels, params, start(params, progress))
 }
 
 /// Starts the first stage, with the time budgets of the method.
@@ -101,20 +115,21 @@ fn start<'a>(params: &AlignParams, progress: &'a dyn Progress) -> Stopwatch<'a> 
 
 fn finish(
     clip: &Clip,
-    lidar: &LidarMap,
+    levels: &[LevelMap],
     params: &AlignParams,
     watch: Stopwatch,
 ) -> Result<Finished, Failure> {
-    let mut aligned = align::align(clip, None, lidar, params, &watch)?;
+    let mut aligned = align::align_levels(clip, None, levels, params, &watch)?;
 
     watch.enter(Stage::Report);
+    let chosen = levels.iter().find(|map| map.level == aligned.alignment.level).or(levels.first());
     let mut files = vec![
-        (result_file::OVERLAY, home::overlay_png(lidar, &aligned)),
         // In the clip's own frame: its pose in the map changes with its neighbours and with a choice.
         (result_file::CLOUD, home::cloud_ply(&aligned.cloud_in_clip, None)),
         (result_file::VIEWS, home::views_bytes(&aligned.views)),
         (result_file::SCAN, serde_json::to_vec(&home::ClipScan::of(&aligned)).unwrap_or_default()),
     ];
+    files.extend(chosen.map(|map| (result_file::OVERLAY, home::overlay_png(map.lidar, &aligned))));
     files.extend(home::completion_png(&aligned).map(|png| (result_file::COMPLETION, png)));
     aligned.alignment.seconds = watch.stop();
     Ok(Finished { alignment: aligned.alignment, files })

@@ -103,10 +103,12 @@ impl Drop for KilledOnDrop {
 fn tend(params: &ChildParams, inputs: &Inputs, folder: &Path, report: &Report, leash: &Leash) -> Ended {
     let order = ChildOrder {
         clip: inputs.clip.to_path_buf(),
-        lidar: folder.join("lidar-map"),
+        levels: inputs.levels.iter().map(|file| file.level).collect(),
         into: folder.to_owned(),
     };
-    fs::write(&order.lidar, &inputs.lidar).map_err(Trouble::system)?;
+    for file in &inputs.levels {
+        fs::write(order.map_of(file.level), &file.bytes).map_err(Trouble::system)?;
+    }
     let said = folder.join("stderr");
     let mut command = Command::new(&params.program);
     command.args(&params.arguments).args(order.arguments());

@@ -5,8 +5,9 @@ mod describing;
 
 pub use describing::{Described, Earlier, describe};
 
+use super::align_clip::LevelFile;
 use super::{Queue, metrics};
-use crate::storage::{MergeClaim, NewRevision, Storage, StorageError, map_file};
+use crate::storage::{MapScene, MergeClaim, NewRevision, Storage, StorageError, map_file};
 use assembling::assemble;
 use bytes::Bytes;
 use jiff::Timestamp;
@@ -14,8 +15,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tracing::{error, info};
+use viola_align::LevelMap;
 use viola_formats::lidar::{LidarError, LidarMap};
-use viola_home::{Assembly, NotOurs, Tile, TileKey};
+use viola_geometry::LevelName;
+use viola_home::{Assembly, Manifest, NotOurs, Tile, TileKey};
 
 /// Pause of a home after a failed merge.
 const PAUSE: Duration = Duration::from_secs(5);
@@ -94,8 +97,8 @@ enum MergeError {
 async fn try_merge(storage: &Arc<Storage>, claim: &MergeClaim) -> Result<Merged, MergeError> {
     let manifest = storage.last_manifest(claim).await?;
     let assembly = assemble(storage, &manifest, &claim.members).await?;
-    let scene = storage.last_scene(claim).await?;
-    let corrections = scene.as_ref().map_or(0, |scene| scene.history().corrections);
+    let scenes = storage.last_scenes(claim).await?;
+    let corrections = scenes.values().next().map_or(0, |scene| scene.history().corrections);
     let is_same = assembly.manifest == manifest && corrections == claim.corrections.version;
     if claim.last_revision > 0 && !claim.has_new_lidar_map() && is_same {
         let kept = storage.finish_merge(claim, None, Timestamp::now()).await?;
@@ -103,14 +106,8 @@ async fn try_merge(storage: &Arc<Storage>, claim: &MergeClaim) -> Result<Merged,
     }
     let tiles = assembly.changed.len();
     let kept = kept_tiles(storage, claim, &assembly).await?;
-    let lidar = match claim.lidar_map {
-        Some(id) => Some(storage.lidar_map_file(id).await?),
-        None => None,
-    };
-    let is_new = claim.last_lidar_map_revision > 0 && claim.has_new_lidar_map();
-    let left_lidar_map = is_new.then_some(claim.last_lidar_map_revision);
-    let last = Earlier { manifest, scene, corrections: claim.corrections.clone(), left_lidar_map };
-    let new = tokio::task::spawn_blocking(move || revision(assembly, kept, lidar.as_deref(), &last));
+    let levels = levels(storage, claim, &manifest, scenes).await?;
+    let new = tokio::task::spawn_blocking(move || revision(assembly, kept, &levels));
     let new = new.await.unwrap_or(Err(MergeError::Panicked))?;
     let kept = storage.finish_merge(claim, Some(&new), Timestamp::now()).await?;
     Ok(if kept { Merged::Revision { tiles } } else { Merged::Lost })
@@ -130,12 +127,39 @@ async fn kept_tiles(
     Ok(kept)
 }
 
+/// A level of the home, as the description needs it.
+struct Level {
+    file: LevelFile,
+    last: Earlier,
+}
+
+/// Returns the levels with a LiDAR map.
+async fn levels(
+    storage: &Storage,
+    claim: &MergeClaim,
+    last: &Manifest,
+    mut scenes: BTreeMap<LevelName, MapScene>,
+) -> Result<Vec<Level>, MergeError> {
+    let mut levels = Vec::new();
+    for map in &claim.lidar_maps {
+        let clips = last.clips.iter().filter(|clip| clip.level_name == map.level).cloned().collect();
+        let last = Earlier {
+            clips,
+            scene: scenes.remove(&map.level),
+            corrections: claim.corrections.on_level(map.level),
+            left_lidar_map: claim.left_lidar_map(map),
+        };
+        let bytes = storage.lidar_map_file(map.id()).await?;
+        levels.push(Level { file: LevelFile { level: map.level, bytes }, last });
+    }
+    Ok(levels)
+}
+
 /// Returns the next revision with all its files.
 fn revision(
     assembly: Assembly,
     kept: Vec<(TileKey, Bytes)>,
-    lidar: Option<&[u8]>,
-    last: &Earlier,
+    levels: &[Level],
 ) -> Result<NewRevision, MergeError> {
     let Assembly { manifest, changed } = assembly;
     let mut new = NewRevision { manifest, ..NewRevision::default() };
@@ -147,14 +171,18 @@ fn revision(
         new.tiles.push((key, tile.as_ref().map(Tile::to_bytes)));
         tile.and_then(|tile| tiles.insert(key, tile));
     }
-    if let Some(lidar) = lidar {
-        let tiles: Vec<Tile> = tiles.into_values().collect();
-        let Described { scene, plan, has_object_changes } =
-            describe(&LidarMap::read(lidar)?, &tiles, &new.manifest, last);
-        new.files.extend(plan);
-        new.files.push((map_file::SCENE, serde_json::to_vec(&scene).unwrap_or_default()));
-        new.objects = scene.objects;
-        new.has_object_changes = has_object_changes;
+    let mut of_levels: BTreeMap<LevelName, Vec<Tile>> = BTreeMap::new();
+    for (key, tile) in tiles {
+        of_levels.entry(key.level).or_default().push(tile);
+    }
+    for Level { file: LevelFile { level, bytes }, last } in levels {
+        let tiles = of_levels.remove(level).unwrap_or_default();
+        let map = LevelMap { level: *level, lidar: &LidarMap::read(bytes)? };
+        let Described { scene, plan, has_object_changes } = describe(map, &tiles, &new.manifest.clips, last);
+        new.files.extend(plan.map(|(name, bytes)| (*level, name, bytes)));
+        new.files.push((*level, map_file::SCENE, serde_json::to_vec(&scene).unwrap_or_default()));
+        new.objects.extend(scene.objects);
+        new.has_object_changes |= has_object_changes;
     }
     Ok(new)
 }

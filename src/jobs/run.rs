@@ -1,18 +1,17 @@
 //! The method, and its run in this process.
 
-use super::align_clip::{Failure, Finished, JobParams};
+use super::align_clip::{Failure, Finished, JobParams, LevelFile};
 use super::report::Report;
 use super::trouble::{Ended, Trouble};
 use crate::storage::LocalFile;
-use bytes::Bytes;
 use futures::FutureExt;
 use futures::future::BoxFuture;
 use std::path::Path;
 use std::sync::Arc;
 use viola_geometry::progress::Progress;
 
-/// Function from a clip's file, a map's bytes and parameters to an answer. It may take long and may panic.
-pub type Method = fn(&Path, &[u8], &JobParams, &dyn Progress) -> Result<Finished, Failure>;
+/// Function from a clip's file, the home's LiDAR maps and parameters to an answer. It may take long and may panic.
+pub type Method = fn(&Path, &[LevelFile], &JobParams, &dyn Progress) -> Result<Finished, Failure>;
 
 /// The running method. [`Report::cancel`] asks it to stop.
 pub(super) type Working = BoxFuture<'static, Ended>;
@@ -20,7 +19,7 @@ pub(super) type Working = BoxFuture<'static, Ended>;
 /// Input of the method.
 pub(super) struct Inputs {
     pub clip: LocalFile,
-    pub lidar: Bytes,
+    pub levels: Vec<LevelFile>,
 }
 
 /// Runs the method in this process.
@@ -31,7 +30,7 @@ pub(super) fn run_here(
     report: Arc<Report>,
 ) -> Working {
     let waiting = Waiting(report.clone());
-    let work = move || method(&inputs.clip, &inputs.lidar, &params, report.as_ref());
+    let work = move || method(&inputs.clip, &inputs.levels, &params, report.as_ref());
     let work = tokio::task::spawn_blocking(work);
     let ended = async move {
         let _waiting = waiting;

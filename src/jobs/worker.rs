@@ -1,6 +1,6 @@
 //! A worker: claims and runs one job after the other.
 
-use super::align_clip::{Finished, JobParams, align_clip};
+use super::align_clip::{Finished, JobParams, LevelFile, align_clip};
 use super::child::{ChildParams, run_in_child};
 use super::merge::merge;
 use super::report::{Heard, Report};
@@ -186,8 +186,11 @@ impl Attempt<'_> {
     async fn begin(&self, report: &Arc<Report>) -> Result<Working, StorageError> {
         let storage = &self.queue.storage;
         let clip = storage.clip_file(self.claim.job.clip).await?;
-        let lidar = storage.lidar_map_file(self.claim.lidar_map_id).await?;
-        let (inputs, report) = (Inputs { clip, lidar }, report.clone());
+        let mut levels = Vec::new();
+        for map in &self.claim.lidar_maps {
+            levels.push(LevelFile { level: map.level, bytes: storage.lidar_map_file(map.id()).await? });
+        }
+        let (inputs, report) = (Inputs { clip, levels }, report.clone());
         match &self.params.child {
             Some(child) if self.claim.suspect => {
                 info!(job = %self.claim.job.id, "a worker was lost with this job: it runs in a process of its own");

@@ -3,7 +3,7 @@
 use super::ClipState;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
-use viola_geometry::Pose2;
+use viola_geometry::{LevelName, Pose2};
 use viola_reconstruct::Reason;
 
 const CHOSEN: &str = "chosen_by_person";
@@ -13,11 +13,13 @@ pub(super) const WAITS: &str = "choice_without_result";
 /// The pose of a clip that a person chose.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Choice {
-    /// In the frame of the LiDAR map of `lidar_map_revision`.
+    #[serde(default)]
+    pub level: LevelName,
+    /// In the frame of the level's LiDAR map of `lidar_map_revision`.
     pub map_from_clip: Pose2,
     /// Index among the alternatives that the clip had then; null if the person gave a pose.
     pub alternative: Option<u32>,
-    /// Revision of the LiDAR map at the time of the choice.
+    /// Revision of the level's LiDAR map at the time of the choice.
     pub lidar_map_revision: i64,
     pub chosen_at: Timestamp,
 }

@@ -9,7 +9,7 @@ use super::{Clip, ClipState, HomeId, Storage, StorageError, clips, home_maps, li
 use jiff::Timestamp;
 use uuid::Uuid;
 use viola_formats::lidar::LidarInfo;
-use viola_geometry::Pose2;
+use viola_geometry::{LevelName, Pose2};
 
 /// Margin around the LiDAR map's bounding box within which a clip may begin: the camera may stand in a room
 /// that the robot never entered, but not in another house.
@@ -20,8 +20,8 @@ const REACH_M: f64 = 10.0;
 pub enum Chosen {
     /// An index into the clip's present alternatives.
     Alternative(u64),
-    /// `map_from_clip`; finite.
-    Pose(Pose2),
+    /// A level and `map_from_clip`; finite.
+    Pose(LevelName, Pose2),
 }
 
 /// Reason why a choice is refused.
@@ -31,6 +31,8 @@ pub enum ChoiceError {
     Storage(#[from] StorageError),
     #[error("the clip is `{}` and has no answer to choose from; wait for its job, or give map_from_clip", .0.name())]
     NoAnswerYet(ClipState),
+    #[error("the home has no LiDAR map of the level '{0}'")]
+    NoSuchLevel(LevelName),
     #[error("the clip has {count} alternatives; their indices begin with 0")]
     NoSuchAlternative { count: usize },
     #[error(
@@ -61,13 +63,18 @@ impl Storage {
     ) -> Result<Clip, ChoiceError> {
         let mut transaction = self.database.begin().await?;
         let clip = clips::find_locked(&mut transaction, home, id).await?;
-        let map = lidar_maps::current(&mut transaction, home).await?.ok_or(StorageError::NoLidarMap)?;
-        let (map_from_clip, alternative) = match chosen {
+        let maps = lidar_maps::levels(&mut transaction, home).await?;
+        if maps.is_empty() {
+            return Err(StorageError::NoLidarMap.into());
+        }
+        let map_of =
+            |level| maps.iter().find(|map| map.level == level).ok_or(ChoiceError::NoSuchLevel(level));
+        let (level, map_from_clip, alternative) = match chosen {
             Chosen::Alternative(index) => alternative(&clip, index)?,
-            Chosen::Pose(pose) => (reachable(pose, &map.info)?, None),
+            Chosen::Pose(level, pose) => (level, reachable(pose, &map_of(level)?.info)?, None),
         };
-        let lidar_map_revision = map.revision;
-        let choice = Choice { map_from_clip, alternative, lidar_map_revision, chosen_at: now };
+        let lidar_map_revision = map_of(level)?.revision;
+        let choice = Choice { level, map_from_clip, alternative, lidar_map_revision, chosen_at: now };
         if clip.choice.as_ref().is_some_and(|before| before.says_the_same(&choice)) {
             return Ok(clip);
         }
@@ -92,12 +99,12 @@ impl Storage {
     }
 }
 
-fn alternative(clip: &Clip, index: u64) -> Result<(Pose2, Option<u32>), ChoiceError> {
+fn alternative(clip: &Clip, index: u64) -> Result<(LevelName, Pose2, Option<u32>), ChoiceError> {
     let alignment = clip.alignment.as_ref().ok_or(ChoiceError::NoAnswerYet(clip.state))?;
     let index = u32::try_from(index).ok();
     let found = index.and_then(|index| alignment.alternatives.get(index as usize));
     let found = found.ok_or(ChoiceError::NoSuchAlternative { count: alignment.alternatives.len() })?;
-    Ok((found.map_from_clip, index))
+    Ok((found.level, found.map_from_clip, index))
 }
 
 /// Returns the pose, its yaw in (-pi, pi], if a clip of this home can be there.

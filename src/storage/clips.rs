@@ -144,8 +144,8 @@ impl Storage {
         if clip.state.is_under_way() {
             return Ok(clip);
         }
-        let map = lidar_maps::current_id(&mut transaction, home).await?.ok_or(StorageError::NoLidarMap)?;
-        let stale_blobs = jobs::enqueue(&mut transaction, home, id, map, Priority::Asked, now).await?;
+        let map = lidar_maps::newest(&mut transaction, home).await?.ok_or(StorageError::NoLidarMap)?;
+        let stale_blobs = jobs::enqueue(&mut transaction, home, id, map.id(), Priority::Asked, now).await?;
         let clip = find(&mut transaction, home, id).await?;
         transaction.commit().await?;
         self.blobs.discard(&stale_blobs).await;
@@ -250,9 +250,9 @@ pub(super) async fn insert(
     if let Some(key) = &new.idempotency_key {
         idempotency::insert(transaction, home, key, &new.sha256, new.id, now).await?;
     }
-    match lidar_maps::current_id(transaction, home).await? {
+    match lidar_maps::newest(transaction, home).await? {
         Some(map) => {
-            jobs::enqueue(transaction, home, new.id, map, Priority::Uploaded, now).await?;
+            jobs::enqueue(transaction, home, new.id, map.id(), Priority::Uploaded, now).await?;
         }
         None => {
             let added = Changed::Clip { id: new.id, state: ClipState::Uploaded };
@@ -289,7 +289,7 @@ pub(super) async fn change(
     let own = Verdict { state: outcome.state, reasons: outcome.reasons.to_vec() };
     let verdict = match before.maybe_json::<Choice>("choice")? {
         Some(choice) => {
-            let revision = lidar_maps::current_revision(connection, &home).await?;
+            let revision = lidar_maps::current_revision(connection, &home, choice.level).await?;
             choice.over(own, outcome.result_key.is_some(), revision)
         }
         None => own,

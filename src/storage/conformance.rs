@@ -11,6 +11,7 @@ mod full_disk;
 mod home_maps;
 mod keys;
 mod leases;
+mod levels;
 mod lists;
 mod local_files;
 mod lost_database;
@@ -28,6 +29,7 @@ use uuid::Uuid;
 use viola_align::{Alignment, AlignmentState};
 use viola_formats::clip::ClipInfo;
 use viola_formats::lidar::LidarInfo;
+use viola_geometry::LevelName;
 use viola_geometry::progress::Stage;
 use viola_reconstruct::Reason;
 use viola_testing::postgres::Schema;
@@ -134,9 +136,18 @@ async fn add(storage: &Storage, home: &HomeId, bytes: &[u8]) -> Clip {
 }
 
 async fn put_map(storage: &Storage, home: &HomeId, bytes: &[u8]) -> (LidarMapRevision, bool) {
+    put_level(storage, home, LevelName::MAIN, bytes).await.unwrap()
+}
+
+async fn put_level(
+    storage: &Storage,
+    home: &HomeId,
+    level: LevelName,
+    bytes: &[u8],
+) -> Result<(LidarMapRevision, bool), StorageError> {
     let file = arrived(storage, bytes).await;
-    let new = NewLidarMap { file, info: lidar_info(), image_png: b"picture".to_vec() };
-    storage.put_lidar_map(home, new, at(0)).await.unwrap()
+    let new = NewLidarMap { level, file, info: lidar_info(), image_png: b"picture".to_vec() };
+    storage.put_lidar_map(home, new, at(0)).await
 }
 
 /// Creates a home with a map and one queued clip.
@@ -167,6 +178,7 @@ fn reason(code: &str) -> Reason {
 
 fn answer(state: AlignmentState) -> Ending {
     Ending::Answered(Box::new(Alignment {
+        level: LevelName::MAIN,
         state,
         probability: None,
         map_from_clip: None,

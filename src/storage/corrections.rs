@@ -7,8 +7,8 @@ mod change;
 mod rows;
 
 pub use change::{ObjectChange, RoomChange};
-pub(super) use rows::of_home;
 pub use rows::{Corrections, Kept};
+pub(super) use rows::{forget_level, of_home};
 
 use super::columns::Columns;
 use super::database::{Transaction, query};
@@ -18,7 +18,9 @@ use jiff::Timestamp;
 use rows::{find, keep, version};
 use serde::Serialize;
 use viola_geometry::Pose2;
-use viola_home::{ObjectCorrection, RoomCorrection, RoomField, RoomMerge, RoomSplit, Seen, correct_rooms};
+use viola_home::{
+    ObjectCorrection, RoomCorrection, RoomField, RoomMerge, RoomSplit, Seen, correct_rooms, level_of_id,
+};
 
 /// Maximum number of corrected objects and rooms in a home: more than a home has of both.
 pub const MOST_CORRECTIONS: i64 = 500;
@@ -59,7 +61,7 @@ pub enum CorrectionError {
     Impossible { field: &'static str, detail: String },
 }
 
-/// The current revision of a home's map.
+/// One level of the current revision of a home's map.
 struct Current {
     revision: i64,
     lidar_map_revision: i64,
@@ -70,14 +72,14 @@ struct Current {
 impl Storage {
     /// Returns an object and its correction.
     pub async fn object_state(&self, home: &HomeId, id: &str) -> Result<ObjectState, CorrectionError> {
-        let current = self.current_scene(home).await?;
+        let current = self.current_scene(home, id).await?;
         let kept = find(&mut *self.database.snapshot().await?, home, "object", id).await?;
         object_state(&current, kept, id)
     }
 
     /// Returns a room and its correction.
     pub async fn room_state(&self, home: &HomeId, id: &str) -> Result<RoomState, CorrectionError> {
-        let current = self.current_scene(home).await?;
+        let current = self.current_scene(home, id).await?;
         let key = key_of_room(&current.scene, id);
         let kept = find(&mut *self.database.snapshot().await?, home, "room", &key).await?;
         room_state(&current, kept, id)
@@ -103,7 +105,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<ObjectState, CorrectionError> {
         for _ in 0..ATTEMPTS {
-            let current = self.current_scene(home).await?;
+            let current = self.current_scene(home, id).await?;
             let mut transaction = self.database.begin().await?;
             if !is_current(&mut transaction, home, &current).await? {
                 continue;
@@ -140,7 +142,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<RoomState, CorrectionError> {
         for _ in 0..ATTEMPTS {
-            let current = self.current_scene(home).await?;
+            let current = self.current_scene(home, id).await?;
             let key = key_of_room(&current.scene, id);
             let mut transaction = self.database.begin().await?;
             if !is_current(&mut transaction, home, &current).await? {
@@ -165,13 +167,17 @@ impl Storage {
         Err(CorrectionError::Changed { kind: "room", id: id.to_owned() })
     }
 
-    async fn current_scene(&self, home: &HomeId) -> Result<Current, CorrectionError> {
+    /// Returns the current revision of the level of an object or a room.
+    async fn current_scene(&self, home: &HomeId, id: &str) -> Result<Current, CorrectionError> {
         let map = self.home_map(home, None).await?.ok_or(CorrectionError::NoMap)?;
-        let files = self.home_map_files(home, map.revision, map_file::SCENE).await?;
+        let wanted = level_of_id(id);
+        let level = map.levels.iter().find(|level| level.level == wanted).or(map.levels.first());
+        let level = level.ok_or(CorrectionError::NoMap)?;
+        let files = self.home_map_files(home, map.revision, level.level, map_file::SCENE).await?;
         let file = files.first().ok_or(CorrectionError::NoMap)?;
         let scene = self.map_scene(file).await?.ok_or(CorrectionError::NoMap)?;
         let history = scene.history();
-        Ok(Current { revision: map.revision, lidar_map_revision: map.lidar_map_revision, scene, history })
+        Ok(Current { revision: map.revision, lidar_map_revision: level.lidar_map_revision, scene, history })
     }
 }
 

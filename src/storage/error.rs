@@ -2,6 +2,7 @@
 
 use super::database::DatabaseFault;
 use std::path::PathBuf;
+use viola_geometry::MAX_LEVELS;
 
 #[derive(Debug, thiserror::Error)]
 pub enum StorageError {
@@ -42,6 +43,12 @@ pub enum StorageError {
     NoSuchClip,
     #[error("the home has no LiDAR map")]
     NoLidarMap,
+    #[error("the home has LiDAR maps of {MAX_LEVELS} levels already, which is the maximum")]
+    TooManyLevels,
+    #[error(
+        "this is the only level of the home; put the LiDAR map of another level first, or remove the home"
+    )]
+    LastLevel,
     #[error("no such webhook")]
     NoSuchWebhook,
     #[error("no such delivery")]

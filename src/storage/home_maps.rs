@@ -15,7 +15,7 @@ use super::{BlobReader, ClipState, HomeId, Page, Storage, StorageError, homes};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
-use viola_geometry::{Pose2, angle_between};
+use viola_geometry::{LevelName, Pose2, angle_between};
 use viola_home::{HomeMapInfo, PlacedBy, PlacedClip, TileKey};
 use viola_reconstruct::Reason;
 
@@ -24,18 +24,32 @@ use viola_reconstruct::Reason;
 pub struct HomeMap {
     /// Counts from 1; the highest is the current one.
     pub revision: i64,
-    /// Revision of the LiDAR map whose frame it uses.
+    /// The newest revision of the LiDAR maps that it is made of.
     pub lidar_map_revision: i64,
+    /// By their names.
+    pub levels: Vec<MapLevel>,
     /// The clips of the map, in an order independent of their arrival; points name a clip by its index here.
     pub clips: Vec<MapClip>,
     pub info: HomeMapInfo,
     pub created_at: Timestamp,
 }
 
+/// One level of a home's map.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MapLevel {
+    pub level: LevelName,
+    /// Revision of the LiDAR map whose frame it uses.
+    pub lidar_map_revision: i64,
+    pub info: HomeMapInfo,
+}
+
 /// A clip in a home's map.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MapClip {
     pub clip: Uuid,
+    /// The level in whose LiDAR map it is.
+    #[serde(default)]
+    pub level: LevelName,
     /// Refined together with the clips that it overlaps.
     pub map_from_clip: Pose2,
     pub by: PlacedBy,
@@ -55,6 +69,7 @@ impl MapClip {
         let recorded_at = placed.recorded_at_ms.map(Timestamp::from_millisecond).transpose();
         Ok(MapClip {
             clip: placed.clip,
+            level: placed.level_name,
             map_from_clip: placed.map_from_clip,
             by: placed.by,
             probability: placed.probability,
@@ -78,12 +93,13 @@ pub struct LeftOut {
 /// A file of a revision.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MapFile {
+    pub level: LevelName,
     /// The tile, if the file is one.
     pub tile: Option<TileKey>,
     key: String,
 }
 
-/// The names of a map's files.
+/// The names of a map's files. Each level has its own, except for the manifest.
 pub mod map_file {
     pub const TILE: &str = "tile";
     pub const MANIFEST: &str = "manifest.json";
@@ -94,11 +110,16 @@ pub mod map_file {
 }
 
 fn from_row(row: &Row) -> Result<HomeMap, StorageError> {
+    let (lidar_map_revision, info): (i64, HomeMapInfo) =
+        (row.number("lidar_map_revision")?, row.json("info")?);
+    // Revisions of earlier versions have one level.
+    let main = || vec![MapLevel { level: LevelName::MAIN, lidar_map_revision, info: info.clone() }];
     Ok(HomeMap {
         revision: row.number("revision")?,
-        lidar_map_revision: row.number("lidar_map_revision")?,
+        lidar_map_revision,
+        levels: row.maybe_json("levels")?.unwrap_or_else(main),
         clips: row.json("clips")?,
-        info: row.json("info")?,
+        info,
         created_at: row.time("created_at")?,
     })
 }
@@ -158,14 +179,15 @@ impl Storage {
         rows.iter().map(left_out).collect()
     }
 
-    /// Returns a revision's files of one name, tiles in the order of their positions.
+    /// Returns a revision's files of one level and name, tiles in the order of their positions.
     pub async fn home_map_files(
         &self,
         home: &HomeId,
         revision: i64,
+        level: LevelName,
         name: &str,
     ) -> Result<Vec<MapFile>, StorageError> {
-        files(&mut *self.database.snapshot().await?, home, revision, name).await
+        files(&mut *self.database.snapshot().await?, home, revision, Some(level), name).await
     }
 
     /// Returns a file of a revision; `None` if the revision was removed since.
@@ -197,17 +219,19 @@ async fn files(
     connection: &mut Connection,
     home: &HomeId,
     revision: i64,
+    level: Option<LevelName>,
     name: &str,
 ) -> Result<Vec<MapFile>, StorageError> {
     let rows = query(
-        "SELECT blob_key, tile_x, tile_y FROM home_map_files
-        WHERE home_id = $1 AND name = $2 AND first_revision <= $3
+        "SELECT blob_key, level, tile_x, tile_y FROM home_map_files
+        WHERE home_id = $1 AND name = $2 AND ($4 IS NULL OR level = $4) AND first_revision <= $3
             AND (last_revision IS NULL OR last_revision >= $3)
-        ORDER BY tile_x, tile_y",
+        ORDER BY level, tile_x, tile_y",
     )
     .bind(home.key())
     .bind(name)
     .bind(revision)
+    .bind(level.as_ref().map(LevelName::as_str))
     .fetch_all(connection)
     .await?;
     let file = |row: &Row| {
@@ -216,8 +240,9 @@ async fn files(
             let side = number.map(i32::try_from).transpose();
             side.map_err(|error| StorageError::Column { column, detail: error.to_string() })
         };
-        let tile = side("tile_x")?.zip(side("tile_y")?).map(|(x, y)| TileKey { x, y });
-        Ok(MapFile { tile, key: row.text("blob_key")? })
+        let level = row.name("level")?;
+        let tile = side("tile_x")?.zip(side("tile_y")?).map(|(x, y)| TileKey { level, x, y });
+        Ok(MapFile { level, tile, key: row.text("blob_key")? })
     };
     rows.iter().map(file).collect()
 }

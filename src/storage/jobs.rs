@@ -74,12 +74,13 @@ impl JobState {
     }
 }
 
-/// The alignment of one clip to one revision of its home's LiDAR map.
+/// The alignment of one clip to the LiDAR maps of its home.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Job {
     pub id: Uuid,
     pub home: HomeId,
     pub clip: Uuid,
+    /// The newest revision of the home's LiDAR maps when the job was queued.
     pub lidar_map_revision: i64,
     pub state: JobState,
     /// Stage of the method, while the job runs.

@@ -10,7 +10,7 @@ pub use retry::{Fault, RetryPolicy};
 use super::clips::{self, Outcome};
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Transaction, query};
-use super::{ClipState, Job, JobState, Storage, StorageError, homes, jobs};
+use super::{ClipState, Job, JobState, LidarMapRevision, Storage, StorageError, homes, jobs, lidar_maps};
 use again::{Failures, bear_fault, requeue};
 use jiff::Timestamp;
 use std::time::Duration;
@@ -23,7 +23,8 @@ use viola_reconstruct::Reason;
 #[derive(Debug, Clone)]
 pub struct Claim {
     pub job: Job,
-    pub lidar_map_id: Uuid,
+    /// The current LiDAR map of each level, by the levels' names.
+    pub lidar_maps: Vec<LidarMapRevision>,
     /// True if a worker was lost with this job before: the job may have killed it.
     pub suspect: bool,
     fence: i64,
@@ -77,7 +78,7 @@ macro_rules! claim {
                 (SELECT id FROM jobs WHERE state = 'queued' AND run_after <= $1 ORDER BY order_at, id LIMIT 1 ",
             $lock,
             ")
-            RETURNING id, lidar_map_id, fence, suspect"
+            RETURNING id, fence, suspect"
         )
     };
 }
@@ -98,8 +99,8 @@ impl Storage {
         change_clip(&mut transaction, id, ClipState::Aligning, &[], now).await?;
         let job = jobs::find(&mut transaction, id).await?.ok_or(StorageError::NoSuchClip)?;
         let claim = Claim {
+            lidar_maps: lidar_maps::levels(&mut transaction, &job.home).await?,
             job,
-            lidar_map_id: row.id("lidar_map_id")?,
             suspect: row.number("suspect")? != 0,
             fence: row.number("fence")?,
         };

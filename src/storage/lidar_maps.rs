@@ -1,6 +1,7 @@
-//! The LiDAR maps of a home, one revision for every file that was put.
+//! The LiDAR maps of a home: one for each level, one revision for every file that was put.
 
 mod put;
+mod remove;
 
 pub use put::NewLidarMap;
 
@@ -10,12 +11,14 @@ use super::{BlobReader, HomeId, Page, Storage, StorageError, homes};
 use jiff::Timestamp;
 use uuid::Uuid;
 use viola_formats::lidar::LidarInfo;
+use viola_geometry::LevelName;
 
 /// One revision: a file that was put, and its summary.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LidarMapRevision {
     id: Uuid,
-    /// Counts from 1; the highest is the current one.
+    pub level: LevelName,
+    /// Counts from 1 over all levels of the home; the highest of a level is its current one.
     pub revision: i64,
     pub size_bytes: u64,
     /// SHA-256 of the file, in lower-case hexadecimal.
@@ -27,6 +30,7 @@ pub struct LidarMapRevision {
 fn from_row(row: &Row) -> Result<LidarMapRevision, StorageError> {
     Ok(LidarMapRevision {
         id: row.id("id")?,
+        level: row.name("level")?,
         revision: row.number("revision")?,
         size_bytes: row.count("size_bytes")?,
         sha256: row.text("sha256")?,
@@ -51,19 +55,29 @@ impl LidarMapRevision {
 }
 
 impl Storage {
-    /// Returns the current revision.
-    pub async fn lidar_map(&self, home: &HomeId) -> Result<LidarMapRevision, StorageError> {
+    /// Returns the current revision of a level.
+    pub async fn lidar_map(&self, home: &HomeId, level: LevelName) -> Result<LidarMapRevision, StorageError> {
         let mut connection = self.database.snapshot().await?;
         if !homes::exists(&mut connection, home).await? {
             return Err(StorageError::NoSuchHome);
         }
-        current_or_missing(&mut connection, home).await
+        current(&mut connection, home, level).await?.ok_or(StorageError::NoLidarMap)
     }
 
-    /// Returns a page of the revisions below `after`, newest first.
+    /// Returns the current revisions of all levels, by the levels' names.
+    pub async fn lidar_maps(&self, home: &HomeId) -> Result<Vec<LidarMapRevision>, StorageError> {
+        let mut connection = self.database.snapshot().await?;
+        if !homes::exists(&mut connection, home).await? {
+            return Err(StorageError::NoSuchHome);
+        }
+        levels(&mut connection, home).await
+    }
+
+    /// Returns a page of a level's revisions below `after`, newest first.
     pub async fn lidar_map_revisions(
         &self,
         home: &HomeId,
+        level: LevelName,
         page: &Page<i64>,
     ) -> Result<Vec<LidarMapRevision>, StorageError> {
         let mut connection = self.database.snapshot().await?;
@@ -71,19 +85,21 @@ impl Storage {
             return Err(StorageError::NoSuchHome);
         }
         let rows = query(
-            "SELECT * FROM lidar_maps WHERE home_id = $1 AND revision < $2 ORDER BY revision DESC LIMIT $3",
+            "SELECT * FROM lidar_maps WHERE home_id = $1 AND level = $4 AND revision < $2
+                AND removed_at IS NULL ORDER BY revision DESC LIMIT $3",
         )
         .bind(home.key())
         .bind(page.after.unwrap_or(i64::MAX))
         .bind(i64::from(page.limit))
+        .bind(level.as_str())
         .fetch_all(&mut connection)
         .await?;
         rows.iter().map(from_row).collect()
     }
 
-    /// Returns the preview picture of the current revision.
-    pub async fn lidar_map_image(&self, home: &HomeId) -> Result<BlobReader, StorageError> {
-        let map = self.lidar_map(home).await?;
+    /// Returns the preview picture of a level's current revision.
+    pub async fn lidar_map_image(&self, home: &HomeId, level: LevelName) -> Result<BlobReader, StorageError> {
+        let map = self.lidar_map(home, level).await?;
         self.blobs.read(&image_key(map.id)).await?.ok_or(StorageError::NoLidarMap)
     }
 
@@ -98,37 +114,56 @@ impl Storage {
     }
 }
 
+/// Returns the current revision of a level.
 pub(super) async fn current(
     connection: &mut Connection,
     home: &HomeId,
+    level: LevelName,
 ) -> Result<Option<LidarMapRevision>, StorageError> {
-    let row = query("SELECT * FROM lidar_maps WHERE home_id = $1 ORDER BY revision DESC LIMIT 1")
-        .bind(home.key())
-        .fetch_optional(connection)
-        .await?;
+    let row = query(
+        "SELECT * FROM lidar_maps WHERE home_id = $1 AND level = $2 AND removed_at IS NULL
+        ORDER BY revision DESC LIMIT 1",
+    );
+    let row = row.bind(home.key()).bind(level.as_str()).fetch_optional(connection).await?;
     row.as_ref().map(from_row).transpose()
 }
 
-async fn current_or_missing(
+/// Returns the current revisions of all levels, by the levels' names.
+pub(super) async fn levels(
     connection: &mut Connection,
     home: &HomeId,
-) -> Result<LidarMapRevision, StorageError> {
-    current(connection, home).await?.ok_or(StorageError::NoLidarMap)
+) -> Result<Vec<LidarMapRevision>, StorageError> {
+    let rows = query(
+        "SELECT * FROM lidar_maps WHERE home_id = $1 AND revision =
+            (SELECT MAX(revision) FROM lidar_maps AS of_level
+            WHERE of_level.home_id = $1 AND of_level.level = lidar_maps.level AND of_level.removed_at IS NULL)
+        ORDER BY level",
+    );
+    let rows = rows.bind(home.key()).fetch_all(connection).await?;
+    let mut levels: Vec<LidarMapRevision> = rows.iter().map(from_row).collect::<Result<_, _>>()?;
+    // Collations differ between databases.
+    levels.sort_by_key(|map| map.level);
+    Ok(levels)
 }
 
-/// Returns the number of the current revision; 0 before the first one.
+/// Returns the number of a level's current revision; 0 before the first one.
 pub(super) async fn current_revision(
     connection: &mut Connection,
     home: &HomeId,
+    level: LevelName,
 ) -> Result<i64, StorageError> {
-    Ok(current(connection, home).await?.map_or(0, |map| map.revision))
+    Ok(current(connection, home, level).await?.map_or(0, |map| map.revision))
 }
 
-pub(super) async fn current_id(
+/// Returns the newest revision of all levels, which stands for the set of current maps.
+pub(super) async fn newest(
     connection: &mut Connection,
     home: &HomeId,
-) -> Result<Option<Uuid>, StorageError> {
-    Ok(current(connection, home).await?.map(|map| map.id))
+) -> Result<Option<LidarMapRevision>, StorageError> {
+    let row = query(
+        "SELECT * FROM lidar_maps WHERE home_id = $1 AND removed_at IS NULL ORDER BY revision DESC LIMIT 1",
+    );
+    row.bind(home.key()).fetch_optional(connection).await?.as_ref().map(from_row).transpose()
 }
 
 /// Returns the blob keys of one home's LiDAR maps, or of all.
@@ -136,7 +171,7 @@ pub(super) async fn blob_keys(
     connection: &mut Connection,
     home: Option<&HomeId>,
 ) -> Result<Vec<String>, StorageError> {
-    let rows = query("SELECT id FROM lidar_maps WHERE $1 IS NULL OR home_id = $1")
+    let rows = query("SELECT id FROM lidar_maps WHERE ($1 IS NULL OR home_id = $1) AND removed_at IS NULL")
         .bind(home.map(HomeId::key))
         .fetch_all(connection)
         .await?;

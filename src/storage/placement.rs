@@ -2,13 +2,16 @@
 
 use super::ClipState;
 use serde::{Deserialize, Serialize};
-use viola_geometry::Pose2;
+use viola_geometry::{LevelName, Pose2};
 use viola_home::PlacedBy;
 use viola_reconstruct::Reason;
 
 /// Pose of a clip in a revision of the home's map, and its source.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Placement {
+    /// The level in whose LiDAR map the pose is.
+    #[serde(default)]
+    pub level: LevelName,
     pub map_from_clip: Pose2,
     pub by: PlacedBy,
     /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1; null if a person chose it.

@@ -135,7 +135,7 @@ fn every_route(of: &Belongings) -> Vec<(Method, String)> {
         let webhook = of.webhook.rsplit('/').next().unwrap();
         let filled = filled.replace("{upload}", upload).replace("{webhook}", webhook);
         let filled = filled.replace("{delivery}", &of.delivery);
-        let filled = filled.replace("{object}", "chair-1").replace("{room}", "1");
+        let filled = filled.replace("{object}", "chair-1").replace("{room}", "1").replace("{level}", "main");
         assert!(!filled.contains('{'), "{path} names something that this test does not know");
         for method in operations.as_object().unwrap().keys() {
             routes.push((method.to_uppercase().parse().unwrap(), filled.clone()));
@@ -154,7 +154,7 @@ async fn send(client: &Client, method: &Method, path: &str) -> Answer {
         ("PATCH", path) if path.contains("/map/") => request
             .header("content-type", "application/merge-patch+json")
             .body(json!({"name": "Chair by the window"}).to_string()),
-        ("PUT", path) if path.ends_with("/lidar-map") => request.body(room::lidar_csv()),
+        ("PUT", path) if path.contains("/lidar-map") => request.body(room::lidar_csv()),
         ("POST", path) if path.ends_with("/clips") => request.body(small_clip()),
         ("PATCH" | "POST", path) if path.starts_with("/v1/uploads/") => request
             .header("x-http-method-override", "PATCH")

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 use tempfile::TempDir;
-use viola::jobs::{ChildParams, Failure, Finished, JobParams};
+use viola::jobs::{ChildParams, Failure, Finished, JobParams, LevelFile};
 use viola::storage::RetryPolicy;
 use viola_geometry::progress::Progress;
 use viola_testing::{eventually, room, zips};
@@ -33,7 +33,7 @@ fn script(folder: &TempDir, lines: &str) -> PathBuf {
 }
 
 /// A method that never ends by itself, so that its worker can be lost.
-fn endless(_: &Path, _: &[u8], _: &JobParams, progress: &dyn Progress) -> Result<Finished, Failure> {
+fn endless(_: &Path, _: &[LevelFile], _: &JobParams, progress: &dyn Progress) -> Result<Finished, Failure> {
     while !progress.cancelled() {
         std::thread::sleep(Duration::from_millis(1));
     }

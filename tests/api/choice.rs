@@ -5,21 +5,22 @@ use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
 use std::path::Path;
-use viola::jobs::{Failure, Finished, JobParams, align_clip};
+use viola::jobs::{Failure, Finished, JobParams, LevelFile, align_clip};
 use viola_align::{AlignmentState, Alternative};
-use viola_geometry::Pose2;
 use viola_geometry::progress::Progress;
+use viola_geometry::{LevelName, Pose2};
 use viola_testing::room;
 
 /// Runs the real method, then turns its answer into one of two poses.
 fn of_two_minds(
     clip: &Path,
-    map: &[u8],
+    map: &[LevelFile],
     params: &JobParams,
     progress: &dyn Progress,
 ) -> Result<Finished, Failure> {
     let mut finished = align_clip(clip, map, params, progress)?;
     let alternative = |x_m: f64| Alternative {
+        level: LevelName::MAIN,
         map_from_clip: Pose2 { x_m, y_m: 0.5, yaw_rad: 0.25 },
         loss_m: 0.1,
         inliers: 0.9,

@@ -131,7 +131,7 @@ async fn a_server_that_stops_ends_its_streams() {
 async fn what_failed_is_listed_newest_first_and_can_be_run_again() {
     fn broken(
         _: &std::path::Path,
-        _: &[u8],
+        _: &[viola::jobs::LevelFile],
         _: &viola::jobs::JobParams,
         _: &dyn viola_geometry::progress::Progress,
     ) -> Result<viola::jobs::Finished, viola::jobs::Failure> {

@@ -13,6 +13,7 @@ mod homes;
 mod hostile;
 mod jobs;
 mod layers;
+mod levels;
 mod lidar_map;
 mod map;
 mod metrics;

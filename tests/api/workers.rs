@@ -5,12 +5,12 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
-use viola::jobs::{Failure, Finished, JobParams, Method, align_clip};
+use viola::jobs::{Failure, Finished, JobParams, LevelFile, Method, align_clip};
 use viola::storage::RetryPolicy;
 use viola_formats::clip::ClipError;
 use viola_formats::container::ContainerError;
-use viola_geometry::Pose2;
 use viola_geometry::progress::{EarlyPose, Progress, Stage, check};
+use viola_geometry::{LevelName, Pose2};
 use viola_testing::{eventually, room, zips};
 
 async fn server(method: Method, lease: Duration) -> Server {
@@ -40,7 +40,7 @@ async fn a_panic_is_a_failed_attempt() {
     static CALLS: AtomicU32 = AtomicU32::new(0);
     fn once(
         clip: &Path,
-        map: &[u8],
+        map: &[LevelFile],
         params: &JobParams,
         progress: &dyn Progress,
     ) -> Result<Finished, Failure> {
@@ -54,7 +54,7 @@ async fn a_panic_is_a_failed_attempt() {
 
 #[tokio::test]
 async fn panics_end_in_a_failed_clip_and_not_in_a_dead_worker() {
-    fn always(_: &Path, _: &[u8], _: &JobParams, _: &dyn Progress) -> Result<Finished, Failure> {
+    fn always(_: &Path, _: &[LevelFile], _: &JobParams, _: &dyn Progress) -> Result<Finished, Failure> {
         panic!("a secret of the method")
     }
     let server = server(always, Duration::from_secs(30)).await;
@@ -74,7 +74,7 @@ async fn a_machine_without_descriptors_costs_no_attempt() {
     static CALLS: AtomicU32 = AtomicU32::new(0);
     fn none_for_a_while(
         clip: &Path,
-        map: &[u8],
+        map: &[LevelFile],
         params: &JobParams,
         progress: &dyn Progress,
     ) -> Result<Finished, Failure> {
@@ -121,7 +121,7 @@ async fn a_clip_whose_blob_is_away_for_a_while_is_aligned() {
 async fn a_long_job_keeps_its_lease() {
     fn long(
         clip: &Path,
-        map: &[u8],
+        map: &[LevelFile],
         params: &JobParams,
         progress: &dyn Progress,
     ) -> Result<Finished, Failure> {
@@ -148,7 +148,7 @@ async fn a_long_job_keeps_its_lease() {
 async fn a_method_that_does_not_hear_cannot_hold_the_server() {
     static RUNS: AtomicBool = AtomicBool::new(false);
     static LET_GO: AtomicBool = AtomicBool::new(false);
-    fn deaf(_: &Path, _: &[u8], _: &JobParams, _: &dyn Progress) -> Result<Finished, Failure> {
+    fn deaf(_: &Path, _: &[LevelFile], _: &JobParams, _: &dyn Progress) -> Result<Finished, Failure> {
         RUNS.store(true, Ordering::SeqCst);
         while !LET_GO.load(Ordering::SeqCst) {
             std::thread::sleep(Duration::from_millis(1));
@@ -167,11 +167,14 @@ async fn a_method_that_does_not_hear_cannot_hold_the_server() {
 #[tokio::test]
 async fn an_early_pose_is_shown_while_the_job_runs() {
     static LET_GO: AtomicBool = AtomicBool::new(false);
-    const POSE: EarlyPose =
-        EarlyPose { map_from_clip: Pose2 { x_m: 1.5, y_m: -2.0, yaw_rad: 0.25 }, probability: 0.95 };
+    const POSE: EarlyPose = EarlyPose {
+        level: LevelName::MAIN,
+        map_from_clip: Pose2 { x_m: 1.5, y_m: -2.0, yaw_rad: 0.25 },
+        probability: 0.95,
+    };
     fn early(
         clip: &Path,
-        map: &[u8],
+        map: &[LevelFile],
         params: &JobParams,
         progress: &dyn Progress,
     ) -> Result<Finished, Failure> {

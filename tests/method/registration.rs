@@ -78,7 +78,7 @@ fn observation(seen: &[Point2], map_from_clip: &Pose2) -> Observation {
 }
 
 fn register(observation: &Observation, target: &Target) -> Alignment {
-    align::register(observation, Some(target), &AlignParams::default(), &Silent).unwrap()
+    align::register(observation, &[target], &AlignParams::default(), &Silent).unwrap()
 }
 
 /// Returns every fifth point of the living room: 10 cm apart.
@@ -152,6 +152,49 @@ fn too_little_is_said_to_be_too_little() {
     let answer = register(&observation(&few, &Pose2::IDENTITY), &target(walls(&[OUTLINE])));
     assert_eq!((answer.state, answer.map_from_clip), (AlignmentState::Failed, None));
     assert_eq!(answer.reasons[0].code, "too_few_hits");
+}
+
+fn of_level(level: &str, points: Vec<Point2>) -> Target {
+    Target { level: level.parse().unwrap(), ..target(points) }
+}
+
+fn register_to(observation: &Observation, targets: &[&Target]) -> Alignment {
+    align::register(observation, targets, &AlignParams::default(), &Silent).unwrap()
+}
+
+/// Two storeys with the same outer walls. The upper one has another wall inside.
+#[test]
+fn a_wall_tells_one_level_from_another() {
+    const INSIDE: &[Corner] = &[(1.0, 2.5), (2.5, 2.5), (2.5, 1.4)];
+    let main = of_level("main", walls(&[OUTLINE]));
+    let across = Pose2::new(-7.0, 4.0, 1.0);
+    let upper = walls(&[OUTLINE, INSIDE]).iter().map(|p| across.apply(p)).collect();
+    let upper = of_level("upper", upper);
+    let truth = Pose2::new(2.0, 1.5, 0.7);
+    let hits: Vec<Point2> = walls(&[OUTLINE, INSIDE]).into_iter().step_by(5).collect();
+    let answer = register_to(&observation(&hits, &truth), &[&main, &upper]);
+    check(&answer, &across.compose(&truth));
+    assert_eq!((answer.level.as_str(), answer.level), ("upper", answer.alternatives[0].level));
+    // Alone the level is the whole home, and the answer the same.
+    let alone = register_to(&observation(&hits, &truth), &[&upper]);
+    assert_eq!((alone.map_from_clip, alone.level), (answer.map_from_clip, answer.level));
+}
+
+/// What a clip saw of both storeys alike leaves it open on which it was recorded.
+#[test]
+fn levels_that_look_alike_share_the_probability() {
+    let truth = Pose2::new(2.0, 1.5, 0.7);
+    let [main, upper] = ["main", "upper"].map(|level| of_level(level, walls(&[OUTLINE])));
+    let answer = register_to(&observation(&seen(), &truth), &[&main, &upper]);
+    assert_eq!(answer.state, AlignmentState::Ambiguous, "{:?}", answer.alternatives);
+    assert!(answer.reasons.iter().any(|reason| reason.code == "several_modes"), "{:?}", answer.reasons);
+    // Both are listed, at the same place of their maps.
+    let [best, rival] = &answer.alternatives[..2] else { panic!("{answer:?}") };
+    assert_eq!([best.level.as_str(), rival.level.as_str()], ["main", "upper"]);
+    assert!([best, rival].iter().all(|one| one.map_from_clip.distance_m(&truth) < 0.05), "{answer:?}");
+    assert!((best.probability.unwrap() - rival.probability.unwrap()).abs() < 0.15, "{answer:?}");
+    let sum: f64 = answer.alternatives.iter().filter_map(|one| one.probability).sum();
+    assert!(sum <= 1.0 + 1e-9, "{sum}");
 }
 
 /// Returns a Valetudo map of two adjacent rooms with the same walls, 4 m apart.

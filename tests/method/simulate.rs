@@ -387,6 +387,24 @@ fn difference(home: &Home) -> f64 {
     f64::from(differ as u32) / f64::from(all)
 }
 
+#[test]
+fn storeys_have_the_same_walls_and_other_furniture() {
+    for seed in 0..4 {
+        let storey = |storey| Home::generate(&HomeParams { storey, ..HomeParams::new(Set::Storeys, seed) });
+        let (ground, upper) = (storey(0), storey(1));
+        assert_eq!(ground.truth().rooms, upper.truth().rooms, "{seed}");
+        assert_ne!(ground.truth().objects, upper.truth().objects, "{seed}");
+        // The vacuum's maps have frames of their own.
+        let (low, high) = (ground.survey(), upper.survey());
+        assert!(low.valetudo_from_home().distance_m(&high.valetudo_from_home()) > 0.1, "{seed}");
+        let walls = |home: &Home| {
+            let scene = home.vacuum_scene();
+            (0..scene.len()).filter(|&solid| scene.class(solid) == Class::Wall).count()
+        };
+        assert_eq!(walls(&ground), walls(&upper), "{seed}");
+    }
+}
+
 /// Some clips among similar rooms have several equivalent poses, where the map looks the same.
 #[test]
 fn repeated_homes_say_what_cannot_be_known() {

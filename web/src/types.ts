@@ -42,7 +42,7 @@ type LidarInfo = With<"LidarInfo", { min_m: Point2; max_m: Point2; rooms: With<"
 export type LidarMap = With<"CurrentLidarMap", { image: PictureFrame; info: LidarInfo }>;
 
 type HomeMapInfo = With<"HomeMapInfo", { min_m: Point3 | null; max_m: Point3 | null }>;
-export type HomeMap = With<"HomeMap", { info: HomeMapInfo }>;
+export type HomeMap = With<"HomeMap", { info: HomeMapInfo; levels: With<"MapLevel", { info: HomeMapInfo }>[] }>;
 
 /** The hits and cameras of a clip, in its own frame. */
 export type Scan = With<"ClipScan", { hits_m: Point2[]; cameras: ScanCamera[] }>;

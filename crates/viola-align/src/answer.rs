@@ -1,10 +1,10 @@
 //! The answer for one clip, as it is written and served.
 
 use super::complete::View;
-use super::score::Evidence;
+use super::score::{Evidence, is_different};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use viola_geometry::Pose2;
+use viola_geometry::{LevelName, Pose2};
 use viola_reconstruct::label::LabelReport;
 use viola_reconstruct::{FloorReport, Reason};
 
@@ -23,6 +23,9 @@ pub enum AlignmentState {
 /// One explanation of the clip, the best first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Alternative {
+    /// The level in whose LiDAR map the pose is.
+    #[serde(default)]
+    pub level: LevelName,
     pub map_from_clip: Pose2,
     /// Loss in metres, which ranks the alternatives: mean robust distance of the hits to the map, plus
     /// penalties by free space and by the rooms' names.
@@ -63,6 +66,9 @@ pub struct Alignment {
     pub state: AlignmentState,
     /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1; null without a pose.
     pub probability: Option<f64>,
+    /// The level of the first alternative; `main` without one.
+    #[serde(default)]
+    pub level: LevelName,
     /// Null if the state is `failed`.
     pub map_from_clip: Option<Pose2>,
     /// Covariance of (x_m, y_m, yaw_rad), row by row: square metres, metre radians, square radians.
@@ -86,12 +92,20 @@ pub struct Alignment {
     pub seconds: BTreeMap<String, f64>,
 }
 
+impl Alternative {
+    /// Returns whether this is another explanation than `other`: another level or a distant pose.
+    pub fn is_different_from(&self, other: &Alternative) -> bool {
+        self.level != other.level || is_different(&self.map_from_clip, &other.map_from_clip)
+    }
+}
+
 impl Alignment {
     /// Returns an answer without a pose or any data.
     pub fn failed() -> Alignment {
         Alignment {
             state: AlignmentState::Failed,
             probability: None,
+            level: LevelName::MAIN,
             map_from_clip: None,
             covariance: None,
             loss_m: None,

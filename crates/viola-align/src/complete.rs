@@ -23,7 +23,6 @@ use super::answer::{CompletionReport, Judged, ViewReport};
 use super::observe::Observation;
 use super::register::register;
 use super::scan::{self, RaycastParams, VirtualScan};
-use super::score::is_different;
 use super::within::Within;
 use super::{AlignError, AlignParams, Alignment, AlignmentState, Target};
 use std::time::Duration;
@@ -94,11 +93,11 @@ pub struct Completion {
 /// Registers an observation, and again with completed points if the first answer is in doubt.
 pub fn register_completing(
     observation: &Observation,
-    target: Option<&Target>,
+    targets: &[&Target],
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<(Alignment, Option<Completion>), AlignError> {
-    let before = register(observation, target, params, progress)?;
+    let before = register(observation, targets, params, progress)?;
     if !params.complete.when.applies(&before) {
         return Ok((before, None));
     }
@@ -109,7 +108,7 @@ pub fn register_completing(
         return Ok((Alignment { reasons: [before.reasons, filled.remarks].concat(), ..before }, None));
     }
     let completed = Observation { scan: filled.completion.scan.clone(), ..settled };
-    let after = register(&completed, target, params, &Within(progress))?;
+    let after = register(&completed, targets, params, &Within(progress))?;
     let taken = params.complete.take.after(&before, &after);
     let scan = &filled.completion.scan;
     let report = CompletionReport {
@@ -215,7 +214,7 @@ impl Activation {
 /// Returns whether a different pose explains the clip nearly as well.
 fn several_minima(answer: &Alignment, margin_m: f64) -> bool {
     let Some(best) = answer.alternatives.first() else { return true };
-    answer.alternatives[1..].iter().any(|other| {
-        is_different(&other.map_from_clip, &best.map_from_clip) && other.loss_m - best.loss_m < margin_m
-    })
+    answer.alternatives[1..]
+        .iter()
+        .any(|other| other.is_different_from(best) && other.loss_m - best.loss_m < margin_m)
 }

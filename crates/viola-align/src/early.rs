@@ -12,7 +12,7 @@ use viola_geometry::progress::{EarlyPose, Progress, Stage};
 /// named rooms. The answer therefore does not use this pose.
 pub(super) fn report(
     fusion: &Fusion,
-    target: Option<&Target>,
+    targets: &[&Target],
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<(), AlignError> {
@@ -21,11 +21,11 @@ pub(super) fn report(
     }
     progress.enter(Stage::Label);
     let within = Within(progress);
-    let answer = register(&fusion.observe_shape(params, &within)?, target, params, &within)?;
+    let answer = register(&fusion.observe_shape(params, &within)?, targets, params, &within)?;
     if answer.state == AlignmentState::Aligned
         && let (Some(map_from_clip), Some(probability)) = (answer.map_from_clip, answer.probability)
     {
-        progress.early_pose(EarlyPose { map_from_clip, probability });
+        progress.early_pose(EarlyPose { level: answer.level, map_from_clip, probability });
     }
     Ok(())
 }

@@ -33,8 +33,8 @@ pub use target::Target;
 use std::ops::Range;
 use viola_formats::clip::{Clip, ClipError};
 use viola_formats::lidar::LidarMap;
-use viola_geometry::Pose3;
 use viola_geometry::progress::{Cancelled, Progress};
+use viola_geometry::{LevelName, Pose3};
 use viola_reconstruct::{FuseParams, KeyFrame, LabelParams, PointCloud, ReconstructError, TrackParams, View};
 
 /// Parameters of an alignment, stage by stage.
@@ -89,10 +89,14 @@ pub struct Aligned {
     pub completion: Option<Completion>,
 }
 
-/// Finds the pose of a clip in a LiDAR map. `frames` restricts the clip to frame numbers of its layout.
-///
-/// Fails only if cancelled or if the clip's pictures cannot be read; a clip that cannot be aligned returns an
-/// answer with its reasons. The caller, which has a clock, sets the stage times of the answer.
+/// The LiDAR map of one level of a home.
+#[derive(Debug, Clone, Copy)]
+pub struct LevelMap<'a> {
+    pub level: LevelName,
+    pub lidar: &'a LidarMap,
+}
+
+/// Finds the pose of a clip in the LiDAR map of a home with one level; see [`align_levels`].
 pub fn align(
     clip: &Clip,
     frames: Option<Range<u32>>,
@@ -100,15 +104,33 @@ pub fn align(
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<Aligned, AlignError> {
-    let target = Target::new(lidar);
+    align_levels(clip, frames, &[LevelMap { level: LevelName::MAIN, lidar }], params, progress)
+}
+
+/// Finds the level and the pose of a clip in the LiDAR maps of a home. `frames` restricts the clip to frame
+/// numbers of its layout. The order of the levels does not matter.
+///
+/// Fails only if cancelled or if the clip's pictures cannot be read; a clip that cannot be aligned returns an
+/// answer with its reasons. The caller, which has a clock, sets the stage times of the answer.
+pub fn align_levels(
+    clip: &Clip,
+    frames: Option<Range<u32>>,
+    levels: &[LevelMap],
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<Aligned, AlignError> {
+    let mut targets: Vec<Target> =
+        levels.iter().filter_map(|map| Target::of_level(map.level, map.lidar)).collect();
+    targets.sort_by_key(|target| target.level);
+    let targets: Vec<&Target> = targets.iter().collect();
     let observation = match observe::fuse(clip, frames, params, progress)? {
         Ok(fusion) => {
-            early::report(&fusion, target.as_ref(), params, progress)?;
+            early::report(&fusion, &targets, params, progress)?;
             fusion.observe(clip, params, progress)?
         }
         Err(reasons) => Observation { reasons, ..Observation::default() },
     };
-    let (alignment, completion) = register_completing(&observation, target.as_ref(), params, progress)?;
+    let (alignment, completion) = register_completing(&observation, &targets, params, progress)?;
     Ok(Aligned::new(observation, alignment, completion))
 }
 

@@ -1,22 +1,27 @@
-//! Stages 7-9: registers a virtual scan, and returns a ranked answer with a probability.
+//! Stages 7-9: registers a virtual scan to the maps of all levels, and returns one ranked answer with a
+//! probability.
+//!
+//! The levels are searched one by one; their poses are ranked together, so that a pose on another level is a
+//! rival like any other.
 
 use crate::answer::{Alignment, AlignmentState};
 use crate::observe::{Observation, ScanView};
 use crate::refine::{self, Refined};
 use crate::scan::Hit;
-use crate::score::{self, Doubts, Ranked};
+use crate::score::{self, Doubts, OnLevel, Ranked};
 use crate::search::{Modes, Search, SearchLimits};
 use crate::{AlignError, AlignParams, Target};
+use viola_geometry::LevelName;
 use viola_geometry::progress::{self, Progress, Stage};
 use viola_reconstruct::Reason;
 
 /// Minimum number of hits: a metre of wall.
 const MIN_HITS: usize = 30;
 
-/// Registers an observation. `target` is `None` for a map without a point.
+/// Registers an observation. `targets` are the maps of the levels that have a point.
 pub fn register(
     observation: &Observation,
-    target: Option<&Target>,
+    targets: &[&Target],
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<Alignment, AlignError> {
@@ -28,14 +33,14 @@ pub fn register(
         reasons: observation.reasons.clone(),
         ..Alignment::failed()
     };
-    let Some(target) = target else {
+    if targets.is_empty() {
         blank.reasons.push(Reason::new("map_empty", "the LiDAR map has no occupied point"));
         return Ok(blank);
-    };
+    }
     // Of several assumed floors, the one whose scan fits the map best is taken.
     let mut best: Option<Alignment> = None;
     for view in observation.views() {
-        let answer = register_view(&view, &blank, target, params, progress)?;
+        let answer = register_view(&view, &blank, targets, params, progress)?;
         if best.as_ref().is_none_or(|best| fit(&answer) < fit(best)) {
             best = Some(answer);
         }
@@ -58,11 +63,32 @@ fn fit(answer: &Alignment) -> f64 {
     answer.loss_m.unwrap_or(f64::INFINITY)
 }
 
+/// The search in the map of one level.
+struct LevelSearch<'a> {
+    target: &'a Target,
+    search: Search<'a>,
+    refined: Vec<Refined>,
+}
+
+impl<'a> LevelSearch<'a> {
+    fn new(target: &'a Target, hits: &[Hit], params: &'a AlignParams) -> LevelSearch<'a> {
+        let search = Search::new(hits, target, &params.search);
+        LevelSearch { target, search, refined: Vec::new() }
+    }
+
+    /// Refines the modes that are new since the last call.
+    fn refine(&mut self, found: &Modes, hits: &[Hit]) {
+        let new: Vec<_> =
+            found.modes.iter().skip(self.refined.len()).map(|mode| mode.map_from_clip).collect();
+        self.refined.extend(refine::refine(&new, hits, self.target));
+    }
+}
+
 /// Registers one scan: search, refine, rank, confidence, verdict. An answer in doubt resumes the search.
 fn register_view(
     view: &ScanView,
     blank: &Alignment,
-    target: &Target,
+    targets: &[&Target],
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<Alignment, AlignError> {
@@ -77,26 +103,31 @@ fn register_view(
         answer.reasons.push(Reason::new("too_few_hits", detail));
         return Ok(answer);
     }
-    let mut search = Search::new(&hits, target, &params.search);
-    let mut refined = Vec::new();
+    let mut levels: Vec<LevelSearch> =
+        targets.iter().map(|target| LevelSearch::new(target, &hits, params)).collect();
     let mut place = |limits: &SearchLimits| {
         progress::begin(progress, Stage::Search)?;
-        let found = search.run(limits, progress)?;
+        let found = levels.iter_mut().map(|level| level.search.run(limits, progress));
+        let found: Vec<Modes> = found.collect::<Result<_, AlignError>>()?;
         progress::begin(progress, Stage::Refine)?;
-        let new = found.modes.iter().skip(refined.len()).map(|mode| mode.map_from_clip);
-        refined.extend(refine::refine(&new.collect::<Vec<_>>(), &hits, target));
+        levels.iter_mut().zip(&found).for_each(|(level, found)| level.refine(found, &hits));
         progress::begin(progress, Stage::Decide)?;
-        let ranked = score::rank(&refined, &hits, scan, target, &params.score);
-        let doubts = Doubts { search_incomplete: !found.complete, sparse_track: view.sparse_track };
-        let answer = decide(ranked, &found, &hits, answer.clone(), target, doubts);
-        Ok::<_, AlignError>((answer, found.complete))
+        let refined: Vec<OnLevel> =
+            levels.iter().map(|level| OnLevel { target: level.target, refined: &level.refined }).collect();
+        let ranked = score::rank(&refined, &hits, scan, &params.score);
+        let cut_short = found.iter().find(|found| !found.complete);
+        let doubts = Doubts { search_incomplete: cut_short.is_some(), sparse_track: view.sparse_track };
+        let answer = decide(ranked, cut_short, &hits, answer.clone(), targets, doubts);
+        Ok::<_, AlignError>((answer, cut_short.is_none()))
     };
     let (mut answer, complete) = place(&params.search.first)?;
     if answer.state != AlignmentState::Aligned && complete {
         // The right pose may score below the first limits.
         answer = place(&params.search.in_doubt)?.0;
     }
-    if let (Some(map_from_clip), Some(covariance)) = (answer.map_from_clip, answer.covariance) {
+    if let (Some(target), Some(map_from_clip), Some(covariance)) =
+        (on_level(targets, answer.level), answer.map_from_clip, answer.covariance)
+    {
         let best = Refined { map_from_clip, covariance: covariance.into() };
         let mean = refine::mean(&best, &hits, target);
         answer.map_from_clip = Some(mean);
@@ -108,13 +139,18 @@ fn register_view(
     Ok(answer)
 }
 
-/// Turns ranked poses into an answer with probabilities and a state.
+fn on_level<'a>(targets: &[&'a Target], level: LevelName) -> Option<&'a Target> {
+    targets.iter().find(|target| target.level == level).copied()
+}
+
+/// Turns ranked poses into an answer with probabilities and a state. `cut_short` is a search that ended at its
+/// budget.
 fn decide(
     ranked: Vec<Ranked>,
-    found: &Modes,
+    cut_short: Option<&Modes>,
     hits: &[Hit],
     mut answer: Alignment,
-    target: &Target,
+    targets: &[&Target],
     doubts: Doubts,
 ) -> Alignment {
     let Some(best) = ranked.first() else {
@@ -122,14 +158,15 @@ fn decide(
         answer.reasons.push(Reason::new("no_candidate", detail));
         return answer;
     };
-    let pose = best.alternative.map_from_clip;
-    answer.coverage = Some(score::coverage(&pose, hits, target));
+    let (level, pose) = (best.alternative.level, best.alternative.map_from_clip);
+    answer.level = level;
+    answer.coverage = on_level(targets, level).map(|target| score::coverage(&pose, hits, target));
     answer.loss_m = Some(best.alternative.loss_m);
     answer.inliers = Some(best.alternative.inliers);
     answer.covariance = Some(best.covariance.into());
     answer.alternatives = ranked.into_iter().map(|r| r.alternative).collect();
     score::set_probabilities(&mut answer, doubts);
-    if !found.complete {
+    if let Some(found) = cut_short {
         let detail = format!(
             "the search ended at its budget of {} nodes; poses that score up to {:.2} may be missing",
             found.nodes, found.open_bound

@@ -13,5 +13,5 @@ pub use different::is_different;
 pub use evidence::{Evidence, PoseScorer};
 pub use hit_weights::{HitWeightParams, hit_weights};
 pub use model::{Coefficient, LossWeights, MODEL, MadeBy, Model};
-pub use rank::{Ranked, ScoreParams, coverage, rank};
+pub use rank::{OnLevel, Ranked, ScoreParams, coverage, rank};
 pub use verdict::set_state;

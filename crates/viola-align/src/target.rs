@@ -3,11 +3,12 @@
 use super::rooms::NamedRooms;
 use rustc_hash::FxHashSet;
 use viola_formats::lidar::{Cell, LidarMap};
-use viola_geometry::{DistanceField, Grid, GridFrame, Point2};
+use viola_geometry::{DistanceField, Grid, GridFrame, LevelName, Point2};
 
 /// The map that a virtual scan is registered to.
 #[derive(Debug, Clone)]
 pub struct Target {
+    pub level: LevelName,
     pub points_m: Vec<Point2>,
     /// One of the points in each 5 cm cell.
     pub thinned_m: Vec<Point2>,
@@ -26,10 +27,15 @@ const MARGIN_M: f64 = 1.0;
 const MAX_CELLS: f64 = 16e6;
 
 impl Target {
-    /// Returns the target of a map; `None` if the map has no occupied point.
+    /// Returns the target of a home's only map; `None` if the map has no occupied point.
     pub fn new(lidar: &LidarMap) -> Option<Target> {
+        Target::of_level(LevelName::MAIN, lidar)
+    }
+
+    /// Returns the target of a level's map; `None` if the map has no occupied point.
+    pub fn of_level(level: LevelName, lidar: &LidarMap) -> Option<Target> {
         let target = Target::from_points(lidar.occupied_m.clone(), lidar.info.cell_m, lidar.cells.clone())?;
-        Some(Target { rooms: NamedRooms::new(lidar), ..target })
+        Some(Target { level, rooms: NamedRooms::new(lidar), ..target })
     }
 
     /// Returns the target of bare points; `cell_m` is their raster, if they have one.
@@ -51,7 +57,8 @@ impl Target {
             .filter(|p| taken.insert([p.x, p.y].map(|c| (c / 0.05).floor() as i32)))
             .copied()
             .collect();
-        Some(Target { points_m, thinned_m, cells, field: DistanceField::new(&occupied), rooms: None })
+        let level = LevelName::MAIN;
+        Some(Target { level, points_m, thinned_m, cells, field: DistanceField::new(&occupied), rooms: None })
     }
 
     /// Returns the state of the cell at a point.

@@ -8,6 +8,7 @@
 mod camera;
 mod distance_field;
 mod grid;
+mod level_name;
 mod plane;
 mod pose2;
 pub mod progress;
@@ -17,6 +18,7 @@ pub mod taxonomy;
 pub use camera::Pinhole;
 pub use distance_field::DistanceField;
 pub use grid::{Grid, GridFrame};
+pub use level_name::{InvalidLevelName, LevelName, MAX_LEVELS};
 pub use plane::Plane;
 pub use pose2::{Pose2, angle_between, wrap_angle};
 

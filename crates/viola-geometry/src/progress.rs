@@ -1,6 +1,6 @@
 //! Progress and cancellation of long work, independent of clocks and channels.
 
-use crate::Pose2;
+use crate::{LevelName, Pose2};
 use serde::{Deserialize, Serialize};
 
 /// The stages of aligning one clip, in the order in which they run.
@@ -91,6 +91,9 @@ impl Stage {
 /// A pose that is known before the answer. The answer, which also uses the labels of pictures, may differ.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct EarlyPose {
+    /// The level in whose LiDAR map the pose is.
+    #[serde(default)]
+    pub level: LevelName,
     pub map_from_clip: Pose2,
     /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1.
     pub probability: f64,

@@ -23,7 +23,7 @@ pub use agreement::Agreement;
 pub use candidates::{KnownClip, Marginal};
 pub use joint::Comparison;
 pub use level::Level;
-pub use members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
+pub use members::{Extent, Member, Mode, PlacedBy, PlacedClip, Verdict};
 pub use overlap::{Overlap, disagreement};
 pub use poses::SURE;
 pub use tile::{CLIP_AT, POINT_BYTES, Tile, TileBytes, TileInfo, TileKey, point_bytes, read_point};

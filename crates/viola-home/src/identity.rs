@@ -21,7 +21,7 @@ use assignment::{Candidate, best_pairs};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use viola_geometry::taxonomy::Class;
-use viola_geometry::{Point2, Pose2};
+use viola_geometry::{LevelName, Point2, Pose2};
 
 /// Revisions for which an object or a room that is not found is remembered: as many as are kept, so that
 /// nothing of a deleted clip outlives them.
@@ -30,6 +30,19 @@ const REMEMBERED: u32 = 5;
 const MAX_MISSING: usize = 500;
 /// Name of the counter of computed rooms. No class has it.
 const ROOM_NUMBERS: &str = "room";
+
+/// Stands between the name of a level other than `main` and the rest of an id. Names of levels do not have it.
+const AFTER_LEVEL: char = '~';
+
+/// Returns the level of an object's or a room's id.
+pub fn level_of_id(id: &str) -> LevelName {
+    id.split_once(AFTER_LEVEL).and_then(|(level, _)| level.parse().ok()).unwrap_or_default()
+}
+
+/// Returns an id without its level.
+fn own_part(id: &str) -> &str {
+    id.split_once(AFTER_LEVEL).map_or(id, |(_, own)| own)
+}
 
 /// An object that had an id, where it was found last. Corrections of people do not change it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -64,9 +77,12 @@ pub struct KnownRoom {
     pub missing: u32,
 }
 
-/// Ids of the earlier revisions; input of the next one.
+/// Ids of the earlier revisions of one level; input of the next one.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct History {
+    /// Ids on other levels than `main` begin with the level's name.
+    #[serde(default, skip_serializing_if = "LevelName::is_main")]
+    level: LevelName,
     /// The highest number that was given out for each class, and for rooms.
     numbers: BTreeMap<String, u32>,
     pub objects: Vec<KnownObject>,
@@ -80,12 +96,17 @@ impl History {
     /// Returns the history of objects and rooms that have ids already, as of a map without a history.
     pub fn of(objects: Vec<KnownObject>, rooms: &[Room]) -> History {
         let rooms: Vec<KnownRoom> = rooms.iter().map(known_room).collect();
-        let mut history = History { numbers: BTreeMap::new(), objects, rooms };
+        let mut history = History { level: LevelName::MAIN, numbers: BTreeMap::new(), objects, rooms };
         let ids: Vec<String> = history.objects.iter().map(|known| known.id.clone()).collect();
         ids.iter().for_each(|id| history.take_number_of(id));
         let numbers = history.rooms.iter().filter_map(|room| room.id.parse().ok()).max().unwrap_or(0);
         history.numbers.insert(ROOM_NUMBERS.to_owned(), numbers);
         history
+    }
+
+    /// Returns the empty history of a level.
+    pub fn of_level(level: LevelName) -> History {
+        History { level, ..History::default() }
     }
 
     /// Brings the known places into the frame of another LiDAR map.
@@ -119,7 +140,10 @@ impl History {
         for (object, id) in objects.iter_mut().zip(ids) {
             object.id = match id {
                 Some(id) => id,
-                None => format!("{}-{}", object.class.name(), self.next_number(object.class.name())),
+                None => {
+                    let number = self.next_number(object.class.name());
+                    self.on_level(format!("{}-{number}", object.class.name()))
+                }
             };
         }
         let found: BTreeSet<&str> = objects.iter().map(|object| object.id.as_str()).collect();
@@ -155,9 +179,12 @@ impl History {
         let mut renamed = BTreeMap::new();
         for (room, id) in rooms.iter_mut().zip(ids) {
             let id = match (room.source, id) {
-                (RoomSource::LidarMap, _) => room.id.clone(),
+                (RoomSource::LidarMap, _) => self.on_level(room.id.clone()),
                 (RoomSource::Computed, Some(id)) => id,
-                (RoomSource::Computed, None) => self.next_number(ROOM_NUMBERS).to_string(),
+                (RoomSource::Computed, None) => {
+                    let number = self.next_number(ROOM_NUMBERS);
+                    self.on_level(number.to_string())
+                }
             };
             renamed.insert(std::mem::replace(&mut room.id, id.clone()), id);
         }
@@ -177,7 +204,7 @@ impl History {
             let (Some(put), false) = (put, self.objects.iter().any(|known| known.id == *id)) else {
                 continue;
             };
-            let class = id.rsplit_once('-').map_or("", |(class, _)| class);
+            let class = own_part(id).rsplit_once('-').map_or("", |(class, _)| class);
             let class = Class::ALL.iter().copied().find(|one| one.name() == class).unwrap_or(Class::Other);
             self.objects.push(KnownObject {
                 id: id.clone(),
@@ -190,6 +217,11 @@ impl History {
         }
     }
 
+    /// Returns the id in the home of an id on this level.
+    fn on_level(&self, id: String) -> String {
+        if self.level.is_main() { id } else { format!("{}{AFTER_LEVEL}{id}", self.level) }
+    }
+
     fn next_number(&mut self, of: &str) -> u32 {
         let number = self.numbers.entry(of.to_owned()).or_default();
         *number = number.saturating_add(1);
@@ -198,7 +230,7 @@ impl History {
 
     /// Makes sure that an id is not given out again.
     fn take_number_of(&mut self, id: &str) {
-        let Some((class, number)) = id.rsplit_once('-') else { return };
+        let Some((class, number)) = own_part(id).rsplit_once('-') else { return };
         let Ok(number) = number.parse::<u32>() else { return };
         let highest = self.numbers.entry(class.to_owned()).or_default();
         *highest = number.max(*highest);

@@ -10,7 +10,7 @@ use viola_geometry::taxonomy::{CLASSES, Class};
 pub struct HomeMapInfo {
     pub points: usize,
     pub voxel_m: f64,
-    /// Corners of its bounding box, in the LiDAR map's frame; null if it is empty.
+    /// Corners of its bounding box, in the LiDAR map's frame; null if it is empty or has several levels.
     pub min_m: Option<[f32; 3]>,
     pub max_m: Option<[f32; 3]>,
     /// Points by class, the largest first.
@@ -24,6 +24,25 @@ pub struct ClassCount {
 }
 
 impl HomeMapInfo {
+    /// Returns the statistics of all levels together.
+    pub fn of_levels<'a>(mut levels: impl Iterator<Item = &'a HomeMapInfo>) -> HomeMapInfo {
+        let Some(first) = levels.next() else { return HomeMapInfo::of(std::iter::empty()) };
+        let mut all = first.clone();
+        for level in levels {
+            all.points += level.points;
+            // The levels have frames of their own.
+            (all.min_m, all.max_m) = (None, None);
+            for count in &level.classes {
+                match all.classes.iter_mut().find(|known| known.class == count.class) {
+                    Some(known) => known.points += count.points,
+                    None => all.classes.push(count.clone()),
+                }
+            }
+        }
+        all.classes.sort_by_key(|count| std::cmp::Reverse(count.points));
+        all
+    }
+
     pub fn of<'a>(tiles: impl Iterator<Item = &'a TileInfo>) -> HomeMapInfo {
         let mut info =
             HomeMapInfo { points: 0, voxel_m: MAP_VOXEL_M, min_m: None, max_m: None, classes: Vec::new() };

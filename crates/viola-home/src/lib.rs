@@ -23,9 +23,9 @@ mod shades;
 mod svg;
 
 pub use assemble::{
-    Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, Level, Manifest, Marginal, Member, Overlap,
-    POINT_BYTES, Pair, PlacedBy, PlacedClip, SURE, Tile, TileBytes, TileInfo, TileKey, Verdict, assemble,
-    compare, disagreement, likeliest, point_bytes, read_point,
+    Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, Level, Manifest, Marginal, Member, Mode,
+    Overlap, POINT_BYTES, Pair, PlacedBy, PlacedClip, SURE, Tile, TileBytes, TileInfo, TileKey, Verdict,
+    assemble, compare, disagreement, likeliest, point_bytes, read_point,
 };
 pub use completion::{completion_png, completion_pngs};
 pub use contact_sheet::contact_sheet_png;
@@ -37,7 +37,7 @@ pub use corrections::{
 pub use coverage::{Coverage, RoomCoverage, coverage};
 pub use describe::{Description, describe, describe_revised};
 pub use identity::{
-    History, KnownObject, MovedObject, ObjectChanges, Stated, map_from_earlier, object_changes,
+    History, KnownObject, MovedObject, ObjectChanges, Stated, level_of_id, map_from_earlier, object_changes,
 };
 pub use info::{ClassCount, HomeMapInfo};
 pub use lettering::write as write_words;

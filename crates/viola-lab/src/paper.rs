@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use viola_align::Candidate;
 use viola_align::{AlignError, Alignment, AlignmentState, Alternative, Observation, Target};
 use viola_geometry::progress::{self, Progress, Stage};
-use viola_geometry::{Point2, Pose2, angle_between};
+use viola_geometry::{LevelName, Point2, Pose2, angle_between};
 use viola_reconstruct::Reason;
 
 const MAP_POINTS: usize = 1800;
@@ -171,6 +171,7 @@ fn decide(alignment: &mut Alignment, ranked: &[Descended], hits_m: &[Point2], ne
                 .filter(|hit| nearest.distance_m(&pose.map_from_clip.apply(hit)) < INLIER_M)
                 .count();
             Alternative {
+                level: LevelName::MAIN,
                 map_from_clip: pose.map_from_clip,
                 loss_m: pose.loss_m,
                 inliers: near as f64 / hits_m.len() as f64,

@@ -5,7 +5,10 @@ use crate::api::App;
 use crate::api::error::Error;
 use crate::api::map::points::{Format, Points};
 use crate::api::types;
-use crate::storage::{Clip, ClipFilter, Home, HomeId, Page, StorageError, map_file, result_file};
+use crate::storage::{
+    Clip, ClipFilter, Home, HomeId, HomeMap, MapLevel, Page, StorageError, map_file, result_file,
+};
+use viola_geometry::LevelName;
 use viola_home::{ClipNumbers, PointFilter};
 
 const README: &str = include_str!("README.txt");
@@ -29,6 +32,11 @@ pub(super) enum ExportError {
     Changing,
 }
 
+/// Returns the folder of a level's files. Those of `main` have the folder of homes with one level.
+fn folder(name: &str, level: LevelName) -> String {
+    if level.is_main() { name.to_owned() } else { format!("{name}/{level}") }
+}
+
 /// A home that is exported.
 pub(super) struct Contents {
     pub app: App,
@@ -40,7 +48,7 @@ impl Contents {
     pub async fn write(self, mut zip: Archive) -> Result<(), ExportError> {
         zip.file("README.txt", README.as_bytes()).await?;
         zip.document("home.json", &types::Home::from(self.about.clone())).await?;
-        self.lidar_map(&mut zip).await?;
+        self.lidar_maps(&mut zip).await?;
         self.map(&mut zip).await?;
         let mut page = Page { limit: PAGE, after: None };
         loop {
@@ -56,42 +64,53 @@ impl Contents {
         zip.finish().await
     }
 
-    async fn lidar_map(&self, zip: &mut Archive) -> Result<(), ExportError> {
+    async fn lidar_maps(&self, zip: &mut Archive) -> Result<(), ExportError> {
         let storage = &self.app.storage;
-        let map = match storage.lidar_map(&self.home).await {
-            Err(StorageError::NoLidarMap) => return Ok(()),
-            map => map?,
-        };
-        zip.document("lidar-map/lidar-map.json", &types::LidarMapRevision::from(map.clone())).await?;
-        zip.file("lidar-map/file", &storage.lidar_map_file(map.id()).await?).await?;
-        let image = storage.lidar_map_image(&self.home).await?;
-        zip.stream("lidar-map/image.png", image.stream).await
+        for map in storage.lidar_maps(&self.home).await? {
+            let folder = folder("lidar-map", map.level);
+            let document = types::LidarMapRevision::from(map.clone());
+            zip.document(&format!("{folder}/lidar-map.json"), &document).await?;
+            zip.file(&format!("{folder}/file"), &storage.lidar_map_file(map.id()).await?).await?;
+            let image = storage.lidar_map_image(&self.home, map.level).await?;
+            zip.stream(&format!("{folder}/image.png"), image.stream).await?;
+        }
+        Ok(())
     }
 
     async fn map(&self, zip: &mut Archive) -> Result<(), ExportError> {
         let storage = &self.app.storage;
         let Some(map) = storage.home_map(&self.home, None).await? else { return Ok(()) };
         zip.document("map/map.json", &types::HomeMap::from(map.clone())).await?;
+        for level in &map.levels {
+            self.map_level(zip, &map, level).await?;
+        }
+        Ok(())
+    }
+
+    async fn map_level(&self, zip: &mut Archive, map: &HomeMap, level: &MapLevel) -> Result<(), ExportError> {
+        let storage = &self.app.storage;
+        let folder = folder("map", level.level);
+        let files = |name| storage.home_map_files(&self.home, map.revision, level.level, name);
         for name in [map_file::PLAN_PNG, map_file::PLAN_SVG, map_file::PLAN_GEOJSON, map_file::SCENE] {
-            for found in &storage.home_map_files(&self.home, map.revision, name).await? {
+            for found in &files(name).await? {
                 let blob = storage.read_map_file(found).await?.ok_or(ExportError::Changing)?;
-                zip.stream(&format!("map/{name}"), blob.stream).await?;
+                zip.stream(&format!("{folder}/{name}"), blob.stream).await?;
             }
         }
-        for (format, name) in [(Format::Ply, "map/points.ply"), (Format::Glb, "map/points.glb")] {
-            let tiles = storage.home_map_files(&self.home, map.revision, map_file::TILE).await?;
+        for (format, name) in [(Format::Ply, "points.ply"), (Format::Glb, "points.glb")] {
+            let tiles = files(map_file::TILE).await?;
             let points = Points {
                 app: self.app.clone(),
                 clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)),
                 filter: PointFilter::default(),
             };
             // Points that are too many for a GLB are in the PLY.
-            let head = match points.head(format, &map, &tiles).await {
+            let head = match points.head(format, level.info.points, &tiles).await {
                 Ok((head, _)) => head,
                 Err(Error::InvalidQuery { .. }) => continue,
                 Err(error) => return Err(ExportError::Points(Box::new(error))),
             };
-            zip.stream(name, points.body(format, head, tiles)).await?;
+            zip.stream(&format!("{folder}/{name}"), points.body(format, head, tiles)).await?;
         }
         Ok(())
     }

@@ -6,11 +6,11 @@ use crate::api::error::{Error, Problem};
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
 use crate::api::types::{GoneObject, GoneReason, MapChanges, MapObject, MovedObject};
-use crate::storage::{self, HomeId, HomeMap, MapScene};
+use crate::storage::{self, HomeId, MapLevel, MapScene};
 use axum::Json;
 use axum::extract::State;
 use serde::Deserialize;
-use viola_geometry::{Point2, Pose2};
+use viola_geometry::{LevelName, Point2, Pose2};
 use viola_home::{PlacedClip, object_changes};
 
 /// The two revisions.
@@ -62,9 +62,9 @@ fn number(field: &'static str, text: Option<&str>, least: i64) -> Result<Option<
     text.map(parse).transpose()
 }
 
+/// The levels of a revision, with their scenes.
 struct Revision {
-    map: HomeMap,
-    scene: MapScene,
+    levels: Vec<(MapLevel, MapScene)>,
 }
 
 impl Revision {
@@ -74,21 +74,45 @@ impl Revision {
             if revision < oldest { Error::MapRevisionRemoved { revision, oldest } } else { Error::NoSuchMap }
         };
         let map = app.storage.home_map(home, Some(revision)).await?.ok_or_else(gone)?;
-        let scene = scene(app, home, &map).await?;
-        Ok(Revision { map, scene })
+        let mut levels = Vec::new();
+        for level in &map.levels {
+            levels.push((level.clone(), scene(app, home, &map, level.level).await?));
+        }
+        Ok(Revision { levels })
+    }
+
+    fn level(&self, name: LevelName) -> Option<&(MapLevel, MapScene)> {
+        self.levels.iter().find(|(level, _)| level.level == name)
     }
 }
 
+/// Returns the changes of all levels. No object moves from one level to another.
 fn changes(
     earlier: Option<&Revision>,
     later: &Revision,
     clips: &[PlacedClip],
     (from, to): (i64, i64),
 ) -> MapChanges {
-    let history = later.scene.history();
-    let frame = |earlier: &Revision| history.frames.get(&earlier.map.lidar_map_revision).copied();
+    let mut all = MapChanges { from, to, added: Vec::new(), moved: Vec::new(), gone: Vec::new() };
+    for (level, scene) in &later.levels {
+        let before = earlier.and_then(|earlier| earlier.level(level.level));
+        let clips: Vec<&PlacedClip> = clips.iter().filter(|clip| clip.level_name == level.level).collect();
+        add_changes(&mut all, before, scene, &clips);
+    }
+    all
+}
+
+/// Adds the changes of one level.
+fn add_changes(
+    all: &mut MapChanges,
+    earlier: Option<&(MapLevel, MapScene)>,
+    later: &MapScene,
+    clips: &[&PlacedClip],
+) {
+    let history = later.history();
+    let frame = |(level, _): &(MapLevel, MapScene)| history.frames.get(&level.lidar_map_revision).copied();
     let later_from_earlier = earlier.and_then(frame).unwrap_or(Pose2::IDENTITY);
-    let (before, after) = (earlier.map_or(&[][..], |one| &one.scene.objects), &later.scene.objects);
+    let (before, after) = (earlier.map_or(&[][..], |(_, scene)| &scene.objects), &later.objects);
     let found = object_changes(
         &before.iter().map(|object| object.in_frame(&later_from_earlier)).collect::<Vec<_>>(),
         &after.iter().map(|object| object.in_frame(&Pose2::IDENTITY)).collect::<Vec<_>>(),
@@ -104,21 +128,14 @@ fn changes(
         };
         GoneObject { reason, object: MapObject::from(object.clone()) }
     };
-    MapChanges {
-        from,
-        to,
-        added: found.added.iter().map(|index| object(&after[*index])).collect(),
-        moved: found
-            .moved
-            .iter()
-            .map(|(i, j)| MovedObject { from: object(&before[*i]), to: object(&after[*j]) })
-            .collect(),
-        gone: found.gone.iter().map(|index| gone(&before[*index])).collect(),
-    }
+    let moved = |(i, j): &(usize, usize)| MovedObject { from: object(&before[*i]), to: object(&after[*j]) };
+    all.added.extend(found.added.iter().map(|index| object(&after[*index])));
+    all.moved.extend(found.moved.iter().map(moved));
+    all.gone.extend(found.gone.iter().map(|index| gone(&before[*index])));
 }
 
 /// Returns whether a clip that was recorded after an object was last seen covers its place.
-fn is_seen_again(object: &storage::MapObject, at: &Point2, clips: &[PlacedClip]) -> bool {
+fn is_seen_again(object: &storage::MapObject, at: &Point2, clips: &[&PlacedClip]) -> bool {
     let Some(last_seen) = object.last_seen else { return false };
     clips.iter().any(|clip| {
         let in_clip = clip.map_from_clip.inverse().apply(at);

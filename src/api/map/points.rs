@@ -1,14 +1,14 @@
 //! `/v1/homes/{home}/map/points`: streamed tile by tile, so that memory does not grow with the map.
 
 use super::scene::classes;
-use super::{App, revision};
+use super::{App, level, revision};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::{is_known, tag_of, tagged};
-use crate::api::types::ClassName;
-use crate::storage::{HomeMap, MapFile, StorageError, map_file};
+use crate::api::types::{ClassName, LevelName};
+use crate::storage::{MapFile, StorageError, map_file};
 use axum::body::Body;
 use axum::extract::{RawQuery, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -40,6 +40,9 @@ pub(in crate::api) struct PointsQuery {
     /// `ply` or `glb`; default: the format in `Accept`, else `ply`.
     #[param(value_type = Option<Format>, example = "glb")]
     format: Option<String>,
+    /// The level; default: `main`, or the first by name in a home without a level of this name.
+    #[param(value_type = Option<LevelName>)]
+    level: Option<String>,
     /// An earlier revision that is still kept; default: the current one.
     #[param(value_type = Option<i64>, minimum = 1)]
     revision: Option<String>,
@@ -111,7 +114,7 @@ impl PointsQuery {
     }
 }
 
-/// Get the points of a home's map, in the LiDAR map's frame
+/// Get the points of one level of a home's map, in the frame of its LiDAR map
 ///
 /// The answer is a binary PLY with normals, colours, classes (`label`, an id of `GET /v1/classes`),
 /// probabilities, views and clips (indices in the map's list of clips), or a binary glTF with a node and a
@@ -139,9 +142,10 @@ pub(in crate::api) async fn get_map_points(
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let tiles = app.storage.home_map_files(&home, map.revision, map_file::TILE).await?;
+    let level = level(&map, query.level.as_deref())?;
+    let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
     let points = Points { app, clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)), filter };
-    let (head, size_bytes) = points.head(format, &map, &tiles).await?;
+    let (head, size_bytes) = points.head(format, level.info.points, &tiles).await?;
     let body = Body::from_stream(points.body(format, head, tiles));
     let name = format!(
         "attachment; filename=\"{home}-{}.{}\"",
@@ -170,15 +174,10 @@ pub(in crate::api) struct Points {
 
 impl Points {
     /// Returns the bytes before the points, and the total size. Both formats begin with the number of points:
-    /// the tiles are read once to count them before they are sent, except for a PLY of all points.
-    pub async fn head(
-        &self,
-        format: Format,
-        map: &HomeMap,
-        tiles: &[MapFile],
-    ) -> Result<(Vec<u8>, u64), Error> {
+    /// the tiles are read once to count them before they are sent, except for a PLY of `all` points.
+    pub async fn head(&self, format: Format, all: usize, tiles: &[MapFile]) -> Result<(Vec<u8>, u64), Error> {
         if format == Format::Ply && self.filter.is_everything() {
-            let ply = Ply::new(map.info.points);
+            let ply = Ply::new(all);
             return Ok((ply.head(), ply.size_bytes()));
         }
         let mut count = 0;

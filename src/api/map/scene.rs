@@ -1,12 +1,12 @@
 //! The contents of a map beyond its points: `.../map/rooms`, `objects`, `coverage` and `plan`.
 
-use super::{App, RevisionQuery, revision};
+use super::{App, LevelQuery, level, revision};
 use crate::api::bodies::{FileBytes, send};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::{is_known, tag_of, tagged, unless_known};
-use crate::api::types::{ClassName, Coverage, MapObject, Room};
+use crate::api::types::{ClassName, Coverage, LevelName, MapObject, Room};
 use crate::storage::{self, HomeId, HomeMap, MapScene, map_file};
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
@@ -56,6 +56,21 @@ pub(in crate::api) struct ObjectsQuery {
     /// Only these classes, by name, separated by commas.
     #[param(value_type = Option<Vec<ClassName>>, style = Form, explode = false, min_items = 1, example = json!(["sofa", "bed"]))]
     class: Option<String>,
+    /// Only the objects of this level; default: those of all levels.
+    #[param(value_type = Option<LevelName>)]
+    level: Option<String>,
+    /// An earlier revision that is still kept; default: the current one.
+    #[param(value_type = Option<i64>, minimum = 1)]
+    revision: Option<String>,
+}
+
+/// The filter of a home's rooms.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(in crate::api) struct RoomsQuery {
+    /// Only the rooms of this level; default: those of all levels.
+    #[param(value_type = Option<LevelName>)]
+    level: Option<String>,
     /// An earlier revision that is still kept; default: the current one.
     #[param(value_type = Option<i64>, minimum = 1)]
     revision: Option<String>,
@@ -77,24 +92,28 @@ pub(in crate::api) struct PlanQuery {
     /// `png`, `svg` or `geojson`; default: the format in `Accept`, else `svg`.
     #[param(value_type = Option<PlanFormat>, example = "png")]
     format: Option<String>,
+    /// The level; default: `main`, or the first by name in a home without a level of this name.
+    #[param(value_type = Option<LevelName>)]
+    level: Option<String>,
     /// An earlier revision that is still kept; default: the current one.
     #[param(value_type = Option<i64>, minimum = 1)]
     revision: Option<String>,
 }
 
 /// Get the rooms of a home
-#[utoipa::path(get, path = "/v1/homes/{home}/map/rooms", tag = "map", params(HomePath, RevisionQuery),
+#[utoipa::path(get, path = "/v1/homes/{home}/map/rooms", tag = "map", params(HomePath, RoomsQuery),
     responses((status = 200, description = "The rooms", body = MapRooms),
         (status = 304, description = "The client has them"), CommonProblems))]
 pub(in crate::api) async fn get_map_rooms(
     State(app): State<App>,
     HomePath { home }: HomePath,
-    Query(query): Query<RevisionQuery>,
+    Query(query): Query<RoomsQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
     let map = revision(&app, &home, query.revision.as_deref()).await?;
-    let scene = scene(&app, &home, &map).await?;
-    Ok(document(&headers, &map, &rooms_document(map.revision, scene.rooms)))
+    let scenes = scenes(&app, &home, &map, query.level.as_deref()).await?;
+    let rooms = scenes.into_iter().flat_map(|scene| scene.rooms).collect();
+    Ok(document(&headers, &map, &rooms_document(map.revision, rooms)))
 }
 
 /// Get the objects of a home: furniture and appliances, each with its box, its room and the clips that saw it
@@ -109,23 +128,25 @@ pub(in crate::api) async fn get_map_objects(
 ) -> Result<Response, Error> {
     let classes = query.class.as_deref().map(|names| classes("class", names)).transpose()?;
     let map = revision(&app, &home, query.revision.as_deref()).await?;
-    let mut objects = scene(&app, &home, &map).await?.objects;
+    let scenes = scenes(&app, &home, &map, query.level.as_deref()).await?;
+    let mut objects: Vec<storage::MapObject> = scenes.into_iter().flat_map(|scene| scene.objects).collect();
     objects.retain(|object| classes.as_ref().is_none_or(|classes| classes.contains(&object.class)));
     Ok(document(&headers, &map, &objects_document(map.revision, objects)))
 }
 
 /// Get the part of the LiDAR map that the clips have seen, as a whole and by room
-#[utoipa::path(get, path = "/v1/homes/{home}/map/coverage", tag = "map", params(HomePath, RevisionQuery),
+#[utoipa::path(get, path = "/v1/homes/{home}/map/coverage", tag = "map", params(HomePath, LevelQuery),
     responses((status = 200, description = "The shares", body = MapCoverage),
         (status = 304, description = "The client has them"), CommonProblems))]
 pub(in crate::api) async fn get_map_coverage(
     State(app): State<App>,
     HomePath { home }: HomePath,
-    Query(query): Query<RevisionQuery>,
+    Query(query): Query<LevelQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
     let map = revision(&app, &home, query.revision.as_deref()).await?;
-    let scene = scene(&app, &home, &map).await?;
+    let level = level(&map, query.level.as_deref())?;
+    let scene = scene(&app, &home, &map, level.level).await?;
     Ok(document(&headers, &map, &MapCoverage { revision: map.revision, coverage: scene.coverage.into() }))
 }
 
@@ -144,15 +165,17 @@ pub(in crate::api) async fn get_map_plan(
 ) -> Result<Response, Error> {
     let format = PlanFormat::wanted(query.format.as_deref(), &headers)?;
     let map = revision(&app, &home, query.revision.as_deref()).await?;
+    let level = level(&map, query.level.as_deref())?.level;
     let tag = tag_of(&[
         &map.revision.to_le_bytes(),
         &map.created_at.as_millisecond().to_le_bytes(),
+        level.as_str().as_bytes(),
         format.file().as_bytes(),
     ]);
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let files = app.storage.home_map_files(&home, map.revision, format.file()).await?;
+    let files = app.storage.home_map_files(&home, map.revision, level, format.file()).await?;
     let file = files.first().ok_or(Error::NoSuchMap)?;
     let blob = app.storage.read_map_file(file).await?.ok_or(Error::NoSuchMap)?;
     Ok(tagged(send(blob, format.media_type()), &tag))
@@ -211,8 +234,31 @@ pub(super) fn classes(field: &'static str, names: &str) -> Result<Vec<Class>, Er
     names.split(',').map(class).collect()
 }
 
-pub(super) async fn scene(app: &App, home: &HomeId, map: &HomeMap) -> Result<MapScene, Error> {
-    let files = app.storage.home_map_files(home, map.revision, map_file::SCENE).await?;
+/// Returns the scenes of all levels, or of one.
+async fn scenes(
+    app: &App,
+    home: &HomeId,
+    map: &HomeMap,
+    asked: Option<&str>,
+) -> Result<Vec<MapScene>, Error> {
+    let levels = match asked {
+        Some(_) => std::slice::from_ref(level(map, asked)?),
+        None => &map.levels,
+    };
+    let mut scenes = Vec::new();
+    for level in levels {
+        scenes.push(scene(app, home, map, level.level).await?);
+    }
+    Ok(scenes)
+}
+
+pub(super) async fn scene(
+    app: &App,
+    home: &HomeId,
+    map: &HomeMap,
+    level: viola_geometry::LevelName,
+) -> Result<MapScene, Error> {
+    let files = app.storage.home_map_files(home, map.revision, level, map_file::SCENE).await?;
     let file = files.first().ok_or(Error::NoSuchMap)?;
     app.storage.map_scene(file).await?.ok_or(Error::NoSuchMap)
 }

@@ -2,7 +2,7 @@
 
 use super::answer;
 use super::job::Reason;
-use super::names::Pose2;
+use super::names::{LevelName, Pose2};
 use std::collections::BTreeMap;
 
 answer! {
@@ -20,6 +20,9 @@ answer! {
 answer! {
     /// One explanation of the clip, the best first.
     struct Alternative from viola_align::Alternative {
+        /// The level in whose LiDAR map the pose is.
+        #[schema(required = false)]
+        level: LevelName,
         map_from_clip: Pose2,
         /// Loss by which alternatives are ranked, in metres: the mean robust distance of the hits to the map,
         /// plus the penalties from free space and the rooms' names.
@@ -58,6 +61,9 @@ answer! {
         state: AlignmentState,
         /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1; null if there is no pose.
         probability: Option<f64>,
+        /// The level of the first alternative; `main` without one.
+        #[schema(required = false)]
+        level: LevelName,
         /// Null when the state is `failed`.
         map_from_clip: Option<Pose2>,
         /// Covariance of (x_m, y_m, yaw_rad), row by row: square metres, metre radians, square radians.

@@ -3,7 +3,7 @@
 use super::alignment::Alignment;
 use super::answer;
 use super::job::{Job, Reason};
-use super::names::{HomeId, Pose2};
+use super::names::{HomeId, LevelName, Pose2};
 use jiff::Timestamp;
 use uuid::Uuid;
 
@@ -88,6 +88,8 @@ answer! {
 answer! {
     /// The pose of a clip that a person chose.
     struct Choice from crate::storage::Choice {
+        /// The level in whose LiDAR map the pose is.
+        level: LevelName,
         /// In the frame of the LiDAR map of `lidar_map_revision`.
         map_from_clip: Pose2,
         /// Index among the alternatives that the clip had then; null when the person gave a pose.
@@ -153,6 +155,8 @@ answer! {
 answer! {
     /// Pose of a clip in a revision of the home's map, and its source.
     struct Placement from crate::storage::Placement {
+        /// The level in whose LiDAR map the pose is.
+        level: LevelName,
         map_from_clip: Pose2,
         by: PlacedBy,
         /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1; null if a person chose it.

@@ -1,10 +1,10 @@
 //! A home's fused map: revisions, rooms, objects, coverage.
 
-use super::answer;
 use super::clip::{ClipState, PlacedBy};
 use super::correction::{ObjectField, RoomField};
 use super::job::Reason;
-use super::names::{HomeId, Pose2};
+use super::names::{HomeId, LevelName, Pose2};
+use super::{Answer, answer};
 use jiff::Timestamp;
 use uuid::Uuid;
 
@@ -37,7 +37,7 @@ answer! {
     struct HomeMapInfo from viola_home::HomeMapInfo {
         points: usize,
         voxel_m: f64,
-        /// Corners of its bounding box, in the LiDAR map's frame; null if it is empty.
+        /// Corners of its bounding box, in the LiDAR map's frame; null if it is empty or has several levels.
         min_m: Option<[f32; 3]>,
         max_m: Option<[f32; 3]>,
         /// Points by class, the largest first.
@@ -69,6 +69,8 @@ pub(in crate::api) struct Room {
     /// The robot's own id; that of a computed room is the same in the next revisions while the room is in the same
     /// place.
     id: String,
+    /// The level in whose LiDAR map it is.
+    level: LevelName,
     name: Option<String>,
     source: RoomSource,
     /// Area of the polygon without its holes, in square metres.
@@ -88,6 +90,7 @@ impl From<crate::storage::MapRoom> for Room {
         let room = source.room;
         Room {
             id: room.id,
+            level: LevelName::answer(source.level),
             name: room.name,
             source: room.source.into(),
             area_m2: room.area_m2,
@@ -105,9 +108,11 @@ answer! {
         /// Counts from 1; the highest is the current one.
         #[schema(minimum = 1, example = 4)]
         revision: i64,
-        /// The LiDAR map in whose frame it is.
+        /// The newest revision of the LiDAR maps that it is made of.
         #[schema(minimum = 1, example = 1)]
         lidar_map_revision: i64,
+        /// Its levels, by their names: each has the frame of its own LiDAR map.
+        levels: Vec<MapLevel>,
         /// The clips in it, in an order independent of their arrival; points name a clip by its index here.
         clips: Vec<MapClip>,
         info: HomeMapInfo,
@@ -116,9 +121,22 @@ answer! {
 }
 
 answer! {
+    /// One level of a home's map.
+    struct MapLevel from crate::storage::MapLevel {
+        level: LevelName,
+        /// The LiDAR map in whose frame it is.
+        #[schema(minimum = 1, example = 1)]
+        lidar_map_revision: i64,
+        info: HomeMapInfo,
+    }
+}
+
+answer! {
     /// A clip in a home's map.
     struct MapClip from crate::storage::MapClip {
         clip: Uuid,
+        /// The level in whose LiDAR map it is.
+        level: LevelName,
         /// Refined together with the clips that it overlaps.
         map_from_clip: Pose2,
         by: PlacedBy,
@@ -151,6 +169,8 @@ answer! {
         /// object of the home ever has it.
         #[schema(example = "sofa-1")]
         id: String,
+        /// The level in whose LiDAR map it is.
+        level: LevelName,
         #[schema(example = "sofa")]
         class: String,
         /// 0..1, from the share of its points' evidence for this class and from the fit of its size.

@@ -1,7 +1,7 @@
 //! A job.
 
 use super::answer;
-use super::names::{HomeId, Pose2};
+use super::names::{HomeId, LevelName, Pose2};
 use jiff::Timestamp;
 use uuid::Uuid;
 
@@ -60,6 +60,8 @@ answer! {
     /// A pose by shape alone, known before the pictures are labelled. The alignment of the clip, which also uses
     /// the labels, may differ.
     struct EarlyPose from viola_geometry::progress::EarlyPose {
+        /// The level in whose LiDAR map the pose is.
+        level: LevelName,
         map_from_clip: Pose2,
         /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1.
         #[schema(minimum = 0, maximum = 1, example = 0.97)]
@@ -68,12 +70,13 @@ answer! {
 }
 
 answer! {
-    /// The alignment of one clip to one revision of its home's LiDAR map.
+    /// The alignment of one clip to the LiDAR maps of its home.
     struct Job from crate::storage::Job {
         #[schema(example = "01a1f766-7abd-71fb-b5b7-3d59df71839d")]
         id: Uuid,
         home: HomeId,
         clip: Uuid,
+        /// The newest revision of the home's LiDAR maps when the job was queued.
         lidar_map_revision: i64,
         state: JobState,
         /// Current stage of the method, while the job runs.

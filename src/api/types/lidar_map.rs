@@ -1,7 +1,7 @@
-//! The LiDAR map of a home.
+//! The LiDAR maps of a home.
 
 use super::answer;
-use super::names::Pose2;
+use super::names::{LevelName, Pose2};
 use jiff::Timestamp;
 
 answer! {
@@ -123,7 +123,8 @@ answer! {
 answer! {
     /// An uploaded LiDAR map and the summary of its file.
     struct LidarMapRevision from crate::storage::LidarMapRevision {
-        /// Counts from 1; the highest is the current one.
+        level: LevelName,
+        /// Counts from 1 over all levels of the home; the highest of a level is its current one.
         #[schema(minimum = 1, example = 2)]
         revision: i64,
         #[schema(example = 15540)]

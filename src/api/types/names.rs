@@ -67,6 +67,35 @@ impl Answer<storage::HomeId> for HomeId {
     }
 }
 
+/// The name of a level of a home.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(transparent)]
+pub(in crate::api) struct LevelName(viola_geometry::LevelName);
+
+impl PartialSchema for LevelName {
+    fn schema() -> RefOr<Schema> {
+        ObjectBuilder::new()
+            .schema_type(Type::String)
+            .description(Some(
+                "The name of a level of a home, chosen by the client: each storey has a LiDAR map of its own. `main` \
+                 is the level of a home with one map.",
+            ))
+            .min_length(Some(1))
+            .max_length(Some(32))
+            .pattern(Some("^[a-z0-9_-]{1,32}$"))
+            .examples(["main"])
+            .into()
+    }
+}
+
+impl ToSchema for LevelName {}
+
+impl Answer<viola_geometry::LevelName> for LevelName {
+    fn answer(source: viola_geometry::LevelName) -> LevelName {
+        LevelName(source)
+    }
+}
+
 /// The name of a class.
 pub(in crate::api) struct ClassName;
 

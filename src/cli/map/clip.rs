@@ -8,9 +8,8 @@ use anyhow::Result;
 use jiff::Timestamp;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
-use viola_align::Alignment;
+use viola_align::{Alignment, LevelMap};
 use viola_formats::clip::Clip;
-use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Progress;
 use viola_home::{Member, Verdict};
 use viola_reconstruct::Reason;
@@ -50,9 +49,9 @@ impl HomeClip {
     }
 }
 
-/// Aligns clips to the home's LiDAR map and keeps their contributions.
+/// Aligns clips to the home's LiDAR maps and keeps their contributions.
 pub struct Aligner<'a> {
-    pub lidar: &'a LidarMap,
+    pub levels: &'a [LevelMap<'a>],
     pub params: &'a JobParams,
     pub contributions: Contributions,
 }
@@ -74,7 +73,7 @@ impl Aligner<'_> {
 
     fn finish(&self, path: &Path, progress: &dyn Progress) -> Result<(Option<Timestamp>, Finished), Failure> {
         let clip = Clip::open_with(path, &self.params.video)?;
-        let finished = align_opened(&clip, self.lidar, &self.params.align, progress)?;
+        let finished = align_opened(&clip, self.levels, &self.params.align, progress)?;
         Ok((recorded_at_of_file(clip.info()), finished))
     }
 }

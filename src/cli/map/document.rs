@@ -8,7 +8,7 @@ use serde::Serialize;
 use uuid::Uuid;
 use viola_align::AlignmentState;
 use viola_formats::lidar::LidarInfo;
-use viola_geometry::Pose2;
+use viola_geometry::{LevelName, Pose2};
 use viola_home::{Coverage, HomeMapInfo, PlacedBy};
 use viola_reconstruct::Reason;
 
@@ -17,6 +17,19 @@ use viola_reconstruct::Reason;
 pub struct MapDocument {
     /// First the clips in the map, in its order: points name a clip by its index here. Then the others.
     pub clips: Vec<ClipDocument>,
+    /// Contents of all levels.
+    pub info: HomeMapInfo,
+    /// Of the level `main`, or of the first by name.
+    pub coverage: Coverage,
+    pub lidar: LidarInfo,
+    /// By the levels' names.
+    pub levels: Vec<LevelDocument>,
+}
+
+/// One level in `map.json`.
+#[derive(Debug, Serialize)]
+pub struct LevelDocument {
+    pub level: LevelName,
     pub info: HomeMapInfo,
     pub coverage: Coverage,
     pub lidar: LidarInfo,
@@ -31,6 +44,8 @@ pub struct ClipDocument {
     pub file: String,
     pub sha256: Option<String>,
     pub state: ClipState,
+    /// The level in whose LiDAR map the pose is.
+    pub level: Option<LevelName>,
     /// Pose in the map, else that of the clip's own alignment; null if it has none.
     pub map_from_clip: Option<Pose2>,
     /// Probability that the pose is right to 10 degrees and 0.3 m, 0..1.
@@ -65,6 +80,10 @@ impl ClipDocument {
             file: clip.file.clone(),
             sha256: clip.content.as_ref().map(Content::sha256),
             state,
+            level: match placed {
+                Some(placed) => Some(placed.level),
+                None => own.map(|alignment| alignment.level),
+            },
             map_from_clip: match placed {
                 Some(placed) => Some(placed.map_from_clip),
                 None => own.and_then(|alignment| alignment.map_from_clip),
@@ -102,6 +121,7 @@ mod tests {
     fn placed(by: PlacedBy) -> MapClip {
         MapClip {
             clip: Uuid::nil(),
+            level: LevelName::MAIN,
             map_from_clip: Pose2::new(3.0, 4.0, 0.0),
             by,
             probability: Some(0.9),

@@ -2,7 +2,7 @@
 
 use super::clip::HomeClip;
 use super::content::Content;
-use super::document::{ClipDocument, MapDocument};
+use super::document::{ClipDocument, LevelDocument, MapDocument};
 use crate::api::{objects_document, rooms_document};
 use crate::jobs::{Described, Earlier, describe};
 use crate::storage::{MapClip, MapObject, MapRoom};
@@ -11,8 +11,9 @@ use serde::Serialize;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::Path;
-use viola_formats::lidar::LidarMap;
-use viola_home::{Assembly, ClipNumbers, HomeMapInfo, Manifest, Ply, Tile, point_bytes};
+use viola_align::LevelMap;
+use viola_geometry::LevelName;
+use viola_home::{Assembly, ClipNumbers, HomeMapInfo, Manifest, Ply, Tile, TileKey, point_bytes};
 
 /// Revision in `rooms.json` and `objects.json`: each run makes a first one.
 const REVISION: i64 = 1;
@@ -22,45 +23,76 @@ pub struct HomeFiles {
     pub document: MapDocument,
     pub objects: Vec<MapObject>,
     pub rooms: Vec<MapRoom>,
-    /// By name.
-    plan: [(&'static str, Vec<u8>); 3],
-    tiles: Vec<Tile>,
+    levels: Vec<LevelFiles>,
     numbers: ClipNumbers,
 }
 
+/// The files of one level.
+struct LevelFiles {
+    level: LevelName,
+    /// By name.
+    plan: [(&'static str, Vec<u8>); 3],
+    tiles: Vec<Tile>,
+}
+
 impl HomeFiles {
-    pub fn new(lidar: &LidarMap, map: Assembly, clips: &[HomeClip]) -> Result<HomeFiles> {
+    pub fn new(maps: &[LevelMap], map: Assembly, clips: &[HomeClip]) -> Result<HomeFiles> {
         let Assembly { manifest, changed } = map;
-        let tiles: Vec<Tile> = changed.into_values().flatten().collect();
-        let Described { scene, plan, .. } = describe(lidar, &tiles, &manifest, &Earlier::default());
+        let (mut objects, mut rooms) = (Vec::new(), Vec::new());
+        let (mut levels, mut documents) = (Vec::new(), Vec::new());
+        for map in maps {
+            let of_level = |key: &TileKey| key.level == map.level;
+            let tiles = changed.iter().filter(|(key, _)| of_level(key));
+            let tiles: Vec<Tile> = tiles.filter_map(|(_, tile)| tile.clone()).collect();
+            let Described { scene, plan, .. } = describe(*map, &tiles, &manifest.clips, &Earlier::default());
+            let infos = manifest.tiles.iter().filter(|(key, _)| of_level(key)).map(|(_, info)| info);
+            documents.push(LevelDocument {
+                level: map.level,
+                info: HomeMapInfo::of(infos),
+                coverage: scene.coverage,
+                lidar: map.lidar.info.clone(),
+            });
+            objects.extend(scene.objects);
+            rooms.extend(scene.rooms);
+            levels.push(LevelFiles { level: map.level, plan, tiles });
+        }
+        let main = documents.iter().find(|level| level.level.is_main()).or(documents.first());
+        let main = main.context("no LiDAR map was given")?;
         let document = MapDocument {
+            coverage: main.coverage.clone(),
+            lidar: main.lidar.clone(),
             clips: clip_documents(&manifest, clips)?,
-            info: HomeMapInfo::of(manifest.tiles.iter().map(|(_, info)| info)),
-            coverage: scene.coverage,
-            lidar: lidar.info.clone(),
+            info: HomeMapInfo::of_levels(documents.iter().map(|level| &level.info)),
+            levels: documents,
         };
         let numbers = ClipNumbers::new(manifest.clips.iter().map(|clip| &clip.clip));
-        Ok(HomeFiles { document, objects: scene.objects, rooms: scene.rooms, plan, tiles, numbers })
+        Ok(HomeFiles { document, objects, rooms, levels, numbers })
     }
 
     /// Writes all files; `map.json` is the last one, so that a folder that has it is whole.
     pub fn write(&self, out: &Path) -> Result<()> {
-        self.write_points(&out.join("points.ply"))?;
-        for (name, bytes) in &self.plan {
-            let path = out.join(name);
-            fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+        for level in &self.levels {
+            let folder = if level.level.is_main() { out.to_owned() } else { out.join(level.level.as_str()) };
+            fs::create_dir_all(&folder)
+                .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+            self.write_points(level, &folder.join("points.ply"))?;
+            for (name, bytes) in &level.plan {
+                let path = folder.join(name);
+                fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+            }
         }
         write_json(&out.join("rooms.json"), &rooms_document(REVISION, self.rooms.clone()))?;
         write_json(&out.join("objects.json"), &objects_document(REVISION, self.objects.clone()))?;
         write_json(&out.join("map.json"), &self.document)
     }
 
-    /// Writes the points as the API sends them.
-    fn write_points(&self, path: &Path) -> Result<()> {
+    /// Writes the points of a level as the API sends them.
+    fn write_points(&self, level: &LevelFiles, path: &Path) -> Result<()> {
+        let count = level.tiles.iter().map(|tile| tile.points.len()).sum();
         let write = || -> std::io::Result<()> {
             let mut file = BufWriter::new(File::create(path)?);
-            file.write_all(&Ply::new(self.document.info.points).head())?;
-            for point in self.tiles.iter().flat_map(|tile| self.numbers.in_map(tile)) {
+            file.write_all(&Ply::new(count).head())?;
+            for point in level.tiles.iter().flat_map(|tile| self.numbers.in_map(tile)) {
                 file.write_all(&point_bytes(&point))?;
             }
             file.flush()

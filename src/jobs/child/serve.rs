@@ -1,7 +1,7 @@
 //! The child's side of the protocol.
 
 use super::protocol::{Message, write_result};
-use crate::jobs::align_clip::{JobParams, align_clip};
+use crate::jobs::align_clip::{JobParams, LevelFile, align_clip};
 use crate::jobs::trouble::{Ended, Trouble};
 use std::any::Any;
 use std::ffi::OsString;
@@ -10,6 +10,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
+use viola_geometry::LevelName;
 use viola_geometry::progress::{EarlyPose, Progress, Stage};
 
 /// Step of the progress that is reported within a stage.
@@ -19,19 +20,24 @@ const STEP: f64 = 0.01;
 #[derive(Debug)]
 pub struct ChildOrder {
     pub clip: PathBuf,
-    pub lidar: PathBuf,
+    /// The levels of the home. Their LiDAR maps lie in `into`.
+    pub levels: Vec<LevelName>,
     /// The folder for the answer.
     pub into: PathBuf,
 }
 
 impl ChildOrder {
     /// Returns the child's command-line arguments.
-    pub(super) fn arguments(&self) -> [OsString; 6] {
-        let named = |name: &str, path: &PathBuf| [name.into(), path.clone().into_os_string()];
-        let [clip, lidar, into] =
-            [named("--clip", &self.clip), named("--lidar", &self.lidar), named("--into", &self.into)];
-        let ([a, b], [c, d], [e, f]) = (clip, lidar, into);
-        [a, b, c, d, e, f]
+    pub(super) fn arguments(&self) -> Vec<OsString> {
+        let path = |name: &str, path: &PathBuf| [name.into(), path.clone().into_os_string()];
+        let level = |level: &LevelName| ["--level".into(), level.as_str().into()];
+        let levels = self.levels.iter().flat_map(level);
+        path("--clip", &self.clip).into_iter().chain(path("--into", &self.into)).chain(levels).collect()
+    }
+
+    /// Returns the path of a level's LiDAR map.
+    pub(super) fn map_of(&self, level: LevelName) -> PathBuf {
+        self.into.join(format!("lidar-map-{level}"))
     }
 }
 
@@ -58,8 +64,11 @@ fn run<W: Write + Send>(
     told: &Told<W>,
 ) -> Ended {
     let params = params().map_err(Trouble::system)?;
-    let lidar = std::fs::read(&order.lidar).map_err(Trouble::system)?;
-    Ok(align_clip(&order.clip, &lidar, &params, told)?)
+    let read = |level: &LevelName| -> io::Result<LevelFile> {
+        Ok(LevelFile { level: *level, bytes: std::fs::read(order.map_of(*level))?.into() })
+    };
+    let files: io::Result<Vec<LevelFile>> = order.levels.iter().map(read).collect();
+    Ok(align_clip(&order.clip, &files.map_err(Trouble::system)?, &params, told)?)
 }
 
 fn text_of(panic: &(dyn Any + Send)) -> &str {

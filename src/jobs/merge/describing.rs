@@ -2,24 +2,26 @@
 
 use crate::storage::{Corrections, MapHistory, MapObject, MapRoom, MapScene, map_file};
 use std::collections::{BTreeMap, BTreeSet};
-use viola_formats::lidar::LidarMap;
-use viola_geometry::Pose2;
+use viola_align::LevelMap;
+use viola_geometry::{LevelName, Pose2};
 use viola_home as home;
 use viola_home::{
-    ClipNumbers, Description, Manifest, MovedObject, Object, ObjectCorrection, Room, RoomCorrection, Tile,
+    ClipNumbers, Description, History, MovedObject, Object, ObjectCorrection, PlacedClip, Room,
+    RoomCorrection, Tile,
 };
 
 /// Frames of earlier LiDAR maps that are kept beside those that corrections need: the kept revisions of a
 /// home's map have no more.
 const FRAMES: usize = 5;
 
-/// The revision that a new one follows, and what people corrected; empty before the first.
+/// One level of the revision that a new one follows, and what people corrected on the level; empty before the
+/// first.
 #[derive(Default)]
 pub struct Earlier {
-    pub manifest: Manifest,
+    pub clips: Vec<PlacedClip>,
     pub scene: Option<MapScene>,
     pub corrections: Corrections,
-    /// Revision of the earlier LiDAR map, if the new revision of the home has another.
+    /// Revision of the level's earlier LiDAR map, if the new revision of the home has another.
     pub left_lidar_map: Option<i64>,
 }
 
@@ -32,15 +34,17 @@ pub struct Described {
     pub has_object_changes: bool,
 }
 
-/// Describes the map of `tiles`, whose clips are those of `manifest`.
-pub fn describe(lidar: &LidarMap, tiles: &[Tile], manifest: &Manifest, last: &Earlier) -> Described {
-    let mut history = last.scene.as_ref().map(MapScene::history).unwrap_or_default();
-    let now_from_last = now_from_last(manifest, last);
+/// Describes one level: the map of `tiles`. `clips` are those of all levels.
+pub fn describe(map: LevelMap, tiles: &[Tile], clips: &[PlacedClip], last: &Earlier) -> Described {
+    let LevelMap { level, lidar } = map;
+    let first = || MapHistory { ids: History::of_level(level), ..MapHistory::default() };
+    let mut history = last.scene.as_ref().map_or_else(first, MapScene::history);
+    let now_from_last = now_from_last(level, clips, last);
     history.ids.move_by(&now_from_last);
     history.frames = frames(history.frames, now_from_last, last);
     history.corrections = last.corrections.version;
     let (of_objects, of_rooms) = corrections(&last.corrections, &history);
-    let numbers = ClipNumbers::new(manifest.clips.iter().map(|clip| &clip.clip));
+    let numbers = ClipNumbers::new(clips.iter().map(|clip| &clip.clip));
     let (mut corrected_rooms, mut corrected_objects) = (BTreeMap::new(), BTreeMap::new());
     let revise = |rooms: &mut Vec<Room>, objects: &mut Vec<Object>| {
         let renamed = history.ids.identify_rooms(rooms);
@@ -58,7 +62,7 @@ pub fn describe(lidar: &LidarMap, tiles: &[Tile], manifest: &Manifest, last: &Ea
         home::describe_revised(lidar, tiles, &numbers, revise);
     let before = last.scene.as_ref().map(|scene| scene.objects.as_slice()).unwrap_or_default();
     let map_object = |object: Object| {
-        let mut object = MapObject::new(object, &manifest.clips);
+        let mut object = MapObject::new(level, object, clips);
         if let Some(corrected) = corrected_objects.get(&object.id) {
             object.mark(corrected);
         }
@@ -71,7 +75,7 @@ pub fn describe(lidar: &LidarMap, tiles: &[Tile], manifest: &Manifest, last: &Ea
     let objects: Vec<MapObject> = objects.into_iter().map(map_object).collect();
     let map_room = |room: Room| {
         let corrected = corrected_rooms.get(&room.id);
-        MapRoom::new(room, corrected)
+        MapRoom::new(level, room, corrected)
     };
     let rooms = rooms.into_iter().map(map_room).collect();
     let has_object_changes = has_object_changes(before, &objects, &now_from_last);
@@ -87,12 +91,12 @@ pub fn describe(lidar: &LidarMap, tiles: &[Tile], manifest: &Manifest, last: &Ea
 }
 
 /// Returns the transform into the frame of the new revision from that of the last one.
-fn now_from_last(manifest: &Manifest, last: &Earlier) -> Pose2 {
+fn now_from_last(level: LevelName, clips: &[PlacedClip], last: &Earlier) -> Pose2 {
     if last.left_lidar_map.is_none() {
         return Pose2::IDENTITY;
     }
     // Without a clip in both maps nothing tells the frames apart.
-    home::map_from_earlier(&last.manifest.clips, &manifest.clips).unwrap_or(Pose2::IDENTITY)
+    home::map_from_earlier(level, &last.clips, clips).unwrap_or(Pose2::IDENTITY)
 }
 
 /// Returns the transforms from the frames of earlier LiDAR maps that may still be needed.

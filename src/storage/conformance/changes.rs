@@ -71,7 +71,7 @@ async fn every_change_is_told_once_and_in_order(storage: Storage) {
     let retry = RetryPolicy::default();
     storage.finish(&claim, &answer(AlignmentState::Aligned), &retry, at(3)).await.unwrap();
     assert_eq!(news(&storage, &mut cursor, 3).await, ["h clip aligned"]);
-    let pose = Chosen::Pose(Pose2::IDENTITY);
+    let pose = Chosen::Pose(LevelName::MAIN, Pose2::IDENTITY);
     storage.choose(&id, clip.id, pose, at(4)).await.unwrap();
     assert_eq!(news(&storage, &mut cursor, 4).await, ["h clip aligned"]);
     storage.choose(&id, clip.id, pose, at(5)).await.unwrap();

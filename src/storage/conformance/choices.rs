@@ -22,6 +22,7 @@ fn pose(x_m: f64) -> Pose2 {
 fn two_modes(state: AlignmentState) -> Ending {
     let Ending::Answered(mut alignment) = answer(state) else { unreachable!() };
     let alternative = |x_m| Alternative {
+        level: LevelName::MAIN,
         map_from_clip: pose(x_m),
         loss_m: 0.1,
         inliers: 0.9,
@@ -65,7 +66,8 @@ async fn an_alternative_is_chosen_and_withdrawn(storage: Storage) {
     assert_eq!((&chosen.alignment, chosen.updated_at), (&own.alignment, at(200)));
     // The same choice again changes nothing, not even its time; another one replaces it.
     assert_eq!(choose(&storage, &own, Chosen::Alternative(1), 201).await, chosen);
-    let other = choose(&storage, &own, Chosen::Pose(Pose2 { yaw_rad: 4.0, ..pose(2.0) }), 202).await;
+    let other =
+        choose(&storage, &own, Chosen::Pose(LevelName::MAIN, Pose2 { yaw_rad: 4.0, ..pose(2.0) }), 202).await;
     assert_eq!(standing(&other), Some((2.0, None, 1)));
     let choice = other.choice.unwrap();
     assert!((choice.map_from_clip.yaw_rad - (4.0 - std::f64::consts::TAU)).abs() < 1e-12);
@@ -79,7 +81,7 @@ async fn an_alternative_is_chosen_and_withdrawn(storage: Storage) {
 
 async fn a_pose_may_be_chosen_before_there_is_an_answer(storage: Storage) {
     let (home, clip) = one_job(&storage).await;
-    let chosen = choose(&storage, &clip, Chosen::Pose(pose(3.0)), 1).await;
+    let chosen = choose(&storage, &clip, Chosen::Pose(LevelName::MAIN, pose(3.0)), 1).await;
     assert_eq!((chosen.state, &chosen.reasons), (ClipState::Queued, &clip.reasons));
     assert_eq!(standing(&chosen), Some((3.0, None, 1)));
     let held = storage.claim(LEASE, at(2)).await.unwrap().unwrap();
@@ -118,14 +120,14 @@ async fn a_choice_stands_through_new_answers(storage: Storage) {
 
 async fn without_a_result_a_choice_waits(storage: Storage) {
     let (home, clip) = one_job(&storage).await;
-    choose(&storage, &clip, Chosen::Pose(pose(1.0)), 1).await;
+    choose(&storage, &clip, Chosen::Pose(LevelName::MAIN, pose(1.0)), 1).await;
     let failed = end(&storage, Ending::Refused(reason("bad_picture"))).await;
     assert_eq!(
         (failed.state, codes(&failed)),
         (ClipState::Failed, vec!["bad_picture", "choice_without_result"])
     );
     // Another choice adds its reason once.
-    let failed = choose(&storage, &clip, Chosen::Pose(pose(2.0)), 200).await;
+    let failed = choose(&storage, &clip, Chosen::Pose(LevelName::MAIN, pose(2.0)), 200).await;
     assert_eq!(
         (failed.state, codes(&failed)),
         (ClipState::Failed, vec!["bad_picture", "choice_without_result"])
@@ -134,7 +136,7 @@ async fn without_a_result_a_choice_waits(storage: Storage) {
     assert_eq!((withdrawn.state, codes(&withdrawn)), (ClipState::Failed, vec!["bad_picture"]));
 
     storage.align_clip(&home, clip.id, at(202)).await.unwrap();
-    choose(&storage, &clip, Chosen::Pose(pose(1.0)), 203).await;
+    choose(&storage, &clip, Chosen::Pose(LevelName::MAIN, pose(1.0)), 203).await;
     let job = storage.clip(&home, clip.id).await.unwrap().job.unwrap();
     storage.cancel_job(job.id, at(204)).await.unwrap();
     let cancelled = storage.clip(&home, clip.id).await.unwrap();
@@ -150,9 +152,10 @@ async fn choices_that_cannot_be(storage: Storage) {
     let bare = home("bare");
     storage.put_home(&bare, None, at(0)).await.unwrap();
     let lost = add(&storage, &bare, b"clip").await;
-    let refused = storage.choose(&bare, lost.id, Chosen::Pose(pose(0.0)), at(1)).await;
+    let refused = storage.choose(&bare, lost.id, Chosen::Pose(LevelName::MAIN, pose(0.0)), at(1)).await;
     assert!(matches!(refused, Err(ChoiceError::Storage(StorageError::NoLidarMap))));
-    let refused = storage.choose(&bare, Uuid::now_v7(), Chosen::Pose(pose(0.0)), at(1)).await;
+    let refused =
+        storage.choose(&bare, Uuid::now_v7(), Chosen::Pose(LevelName::MAIN, pose(0.0)), at(1)).await;
     assert!(matches!(refused, Err(ChoiceError::Storage(StorageError::NoSuchClip))));
 
     let (home, clip) = one_job(&storage).await;
@@ -164,7 +167,7 @@ async fn choices_that_cannot_be(storage: Storage) {
         assert!(matches!(refused, Err(ChoiceError::NoSuchAlternative { count: 2 })), "{index}");
     }
     // The map spans x 0..4 and y -1..2.5; 10 m more is allowed to each side.
-    let at_m = |x_m, y_m| Chosen::Pose(Pose2 { x_m, y_m, yaw_rad: 0.0 });
+    let at_m = |x_m, y_m| Chosen::Pose(LevelName::MAIN, Pose2 { x_m, y_m, yaw_rad: 0.0 });
     for (x_m, y_m, field) in [
         (14.01, 0.0, "map_from_clip.x_m"),
         (-10.01, 0.0, "map_from_clip.x_m"),

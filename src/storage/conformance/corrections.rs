@@ -17,6 +17,7 @@ on_every_back_end!(
 fn chair(id: &str, x: f64) -> MapObject {
     MapObject {
         id: id.to_owned(),
+        level: LevelName::MAIN,
         class: Class::Chair,
         confidence: 0.5,
         centre_m: [x, 2.0, 0.5],
@@ -42,7 +43,7 @@ fn room(id: &str, low_x: f64) -> MapRoom {
         holes_m: Vec::new(),
         label_at_m: [low_x + 2.0, 1.5],
     };
-    MapRoom::new(room, None)
+    MapRoom::new(LevelName::MAIN, room, None)
 }
 
 /// Ends the merge that is due with a scene that has the claim's corrections.
@@ -56,7 +57,7 @@ async fn merge(storage: &Storage, seconds: i64) -> MergeClaim {
         coverage: Coverage { seen: 0.0, floor_seen: 0.0, by_room: Vec::new() },
         history: Some(MapHistory { corrections: claim.corrections.version, ..MapHistory::default() }),
     };
-    new.files = vec![(map_file::SCENE, serde_json::to_vec(&scene).unwrap())];
+    new.files = vec![(LevelName::MAIN, map_file::SCENE, serde_json::to_vec(&scene).unwrap())];
     new.has_object_changes = true;
     assert!(storage.finish_merge(&claim, Some(&new), at(seconds)).await.unwrap());
     claim
@@ -111,7 +112,7 @@ async fn a_correction_makes_the_map_due(storage: Storage) {
     correct(&storage, &home, "chair-1", &renamed(Some("Throne"))).await;
     let claim = merge(&storage, 302).await;
     assert_eq!((claim.corrections.version, claim.corrections.objects.len()), (1, 1));
-    let files = storage.home_map_files(&home, 2, map_file::SCENE).await.unwrap();
+    let files = storage.home_map_files(&home, 2, LevelName::MAIN, map_file::SCENE).await.unwrap();
     let scene = storage.map_scene(&files[0]).await.unwrap().unwrap();
     assert_eq!(scene.history().corrections, 1);
     // The same again changes nothing.

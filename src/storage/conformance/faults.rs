@@ -84,14 +84,14 @@ const TILES: i32 = 4;
 
 /// Returns a revision whose tiles all hold `number`.
 fn revision(number: u8) -> NewRevision {
-    let tile = |x| (TileKey { x, y: 0 }, Some(vec![number; 64]));
+    let tile = |x| (TileKey { level: LevelName::MAIN, x, y: 0 }, Some(vec![number; 64]));
     NewRevision { tiles: (0..TILES).map(tile).collect(), ..NewRevision::default() }
 }
 
 /// Returns the number in the current revision, the same in all tiles; `None` before the first.
 async fn whole(storage: &Storage, home: &HomeId) -> Option<u8> {
     let map = storage.home_map(home, None).await.unwrap()?;
-    let files = storage.home_map_files(home, map.revision, map_file::TILE).await.unwrap();
+    let files = storage.home_map_files(home, map.revision, LevelName::MAIN, map_file::TILE).await.unwrap();
     assert_eq!(files.len(), TILES as usize);
     let mut numbers = Vec::new();
     for file in &files {
@@ -99,7 +99,7 @@ async fn whole(storage: &Storage, home: &HomeId) -> Option<u8> {
     }
     assert!(numbers.iter().all(|number| *number == numbers[0]), "half a map: {numbers:?}");
     storage
-        .home_map_files(home, map.revision, map_file::MANIFEST)
+        .home_map_files(home, map.revision, LevelName::MAIN, map_file::MANIFEST)
         .await
         .unwrap()
         .first()

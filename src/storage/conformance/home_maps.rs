@@ -53,7 +53,7 @@ async fn clouds(storage: &Storage, claim: &MergeClaim) -> Vec<u8> {
     all
 }
 
-const TILE: TileKey = TileKey { x: 1, y: -2 };
+const TILE: TileKey = TileKey { level: LevelName::MAIN, x: 1, y: -2 };
 
 /// Returns a revision with the claim's clips, placed by `by`, and one tile.
 pub(super) fn revision(claim: &MergeClaim, by: PlacedBy, tile: &[u8]) -> NewRevision {
@@ -63,6 +63,7 @@ pub(super) fn revision(claim: &MergeClaim, by: PlacedBy, tile: &[u8]) -> NewRevi
         recorded_at_ms: member.recorded_at_ms,
         by,
         probability: Some(0.5),
+        level_name: LevelName::MAIN,
         alone: Pose2::new(1.0, 2.0, 0.5),
         map_from_clip: Pose2::new(1.03, 2.04, 0.5),
         level: Level::default(),
@@ -95,7 +96,7 @@ fn clips_of(map: &HomeMap) -> Vec<Uuid> {
 async fn tiles(storage: &Storage, home: &HomeId, revision: i64) -> Option<Vec<Vec<u8>>> {
     storage.home_map(home, Some(revision)).await.unwrap()?;
     let mut all = Vec::new();
-    for file in storage.home_map_files(home, revision, map_file::TILE).await.unwrap() {
+    for file in storage.home_map_files(home, revision, LevelName::MAIN, map_file::TILE).await.unwrap() {
         all.push(storage.map_file_bytes(&file).await.unwrap().expect("the tile is there").to_vec());
     }
     Some(all)
@@ -110,7 +111,7 @@ async fn a_home_is_merged_when_its_clips_have_settled(storage: Storage) {
     assert_eq!(storage.home_map(&home, None).await.unwrap(), None);
     align(&storage, AlignmentState::Aligned).await;
     let claim = due(&storage, 3).await.expect("the home is due");
-    assert!(claim.has_new_lidar_map() && claim.lidar_map.is_some());
+    assert!(claim.has_new_lidar_map() && claim.lidar_maps.len() == 1);
     assert_eq!(clouds(&storage, &claim).await, format!("{}{}", first.id, second.id).into_bytes());
     let aligned = |verdict: &Verdict| matches!(verdict, Verdict::Aligned { map_from_clip, .. } if map_from_clip.x_m == 1.0);
     assert!(claim.members.iter().all(|member| aligned(&member.verdict)));
@@ -245,7 +246,7 @@ async fn tiles_that_did_not_change_are_shared(storage: Storage) {
     let (home, clips) = two_aligned(&storage).await;
     let claim = due(&storage, 10).await.unwrap();
     let mut first = revision(&claim, PlacedBy::Alignment, b"here");
-    first.tiles.push((TileKey { x: 4, y: 4 }, Some(b"there".to_vec())));
+    first.tiles.push((TileKey { level: LevelName::MAIN, x: 4, y: 4 }, Some(b"there".to_vec())));
     assert!(storage.finish_merge(&claim, Some(&first), at(10)).await.unwrap());
     for n in 0..8 {
         storage.align_clip(&home, clips[0], at(20 + n)).await.unwrap();
@@ -306,6 +307,7 @@ async fn objects_are_found_across_homes(storage: Storage) {
         for (n, class) in [Class::Chair, Class::Table, Class::Chair].into_iter().enumerate() {
             new.objects.push(MapObject {
                 id: n.to_string(),
+                level: LevelName::MAIN,
                 class,
                 confidence: 0.5,
                 centre_m: [1.0, 2.0, 0.5],

@@ -77,7 +77,8 @@ async fn a_heartbeat_keeps_the_lease(storage: Storage) {
 async fn an_early_pose_is_told_until_the_job_ends(storage: Storage) {
     one_job(&storage).await;
     let held = claim(&storage, 0).await;
-    let pose = EarlyPose { map_from_clip: Pose2::new(1.0, 2.0, 0.5), probability: 0.97 };
+    let pose =
+        EarlyPose { level: LevelName::MAIN, map_from_clip: Pose2::new(1.0, 2.0, 0.5), probability: 0.97 };
     let early = Reached { early_pose: Some(pose), ..reached(Some(Stage::Label), 0.4) };
     assert!(storage.heartbeat(&held, &early, LEASE, at(1)).await.unwrap());
     let job = async || storage.job(held.job.id).await.unwrap().unwrap();

@@ -74,7 +74,7 @@ async fn homes_by_time_of_anything_in_them(storage: Storage) {
     let retry = RetryPolicy::default();
     assert!(storage.finish(&claim, &answer(AlignmentState::Failed), &retry, at(3)).await.unwrap());
     assert_eq!(after(2, 9, None).await, ["a"]);
-    let pose = Chosen::Pose(viola_geometry::Pose2::IDENTITY);
+    let pose = Chosen::Pose(LevelName::MAIN, viola_geometry::Pose2::IDENTITY);
     storage.choose(&ids[1], clip.id, pose, at(4)).await.unwrap();
     assert_eq!(after(3, 9, None).await, ["a"]);
     storage.withdraw_choice(&ids[1], clip.id, at(5)).await.unwrap();

@@ -59,8 +59,14 @@ async fn lists_page_through_everything_once(storage: Storage) {
     for n in 0..4u8 {
         put_map(&storage, &homes[0], &[n]).await;
     }
-    let newest = storage.lidar_map_revisions(&homes[0], &Page { limit: 2, after: None }).await.unwrap();
-    let older = storage.lidar_map_revisions(&homes[0], &Page { limit: 9, after: Some(3) }).await.unwrap();
+    let newest = storage
+        .lidar_map_revisions(&homes[0], LevelName::MAIN, &Page { limit: 2, after: None })
+        .await
+        .unwrap();
+    let older = storage
+        .lidar_map_revisions(&homes[0], LevelName::MAIN, &Page { limit: 9, after: Some(3) })
+        .await
+        .unwrap();
     let seen: Vec<i64> = newest.iter().chain(&older).map(|map| map.revision).collect();
     assert_eq!(seen, [4, 3, 2, 1]);
 }
@@ -73,11 +79,11 @@ async fn what_is_not_there_is_told(storage: Storage) {
         storage.clips(&nowhere, &ClipFilter::default(), &page).await,
         Err(StorageError::NoSuchHome)
     ));
-    assert!(matches!(storage.lidar_map(&nowhere).await, Err(StorageError::NoSuchHome)));
+    assert!(matches!(storage.lidar_map(&nowhere, LevelName::MAIN).await, Err(StorageError::NoSuchHome)));
     let here = home("here");
     storage.put_home(&here, None, at(0)).await.unwrap();
     let id = Uuid::now_v7();
-    assert!(matches!(storage.lidar_map(&here).await, Err(StorageError::NoLidarMap)));
+    assert!(matches!(storage.lidar_map(&here, LevelName::MAIN).await, Err(StorageError::NoLidarMap)));
     assert!(matches!(storage.clip(&here, id).await, Err(StorageError::NoSuchClip)));
     assert!(matches!(storage.delete_clip(&here, id, at(500)).await, Err(StorageError::NoSuchClip)));
     assert_eq!(storage.job(id).await.unwrap(), None);
@@ -105,10 +111,13 @@ async fn a_clip_waits_for_the_first_map(storage: Storage) {
     assert_eq!((clip.state, clip.reasons.len()), (ClipState::Queued, 0));
     assert_eq!(clip.job.as_ref().map(|job| (job.state, job.lidar_map_revision)), Some((JobState::Queued, 1)));
     let claim = storage.claim(LEASE, at(1)).await.unwrap().unwrap();
-    assert_eq!(storage.lidar_map_file(claim.lidar_map_id).await.unwrap(), &b"map"[..]);
+    assert_eq!(storage.lidar_map_file(claim.lidar_maps[0].id()).await.unwrap(), &b"map"[..]);
     let file = storage.clip_file(claim.job.clip).await.unwrap();
     assert_eq!(std::fs::read(file).unwrap(), b"clip");
-    assert_eq!(bytes_of(Some(storage.lidar_map_image(&id).await.unwrap())).await, b"picture");
+    assert_eq!(
+        bytes_of(Some(storage.lidar_map_image(&id, LevelName::MAIN).await.unwrap())).await,
+        b"picture"
+    );
 }
 
 async fn the_same_map_again_changes_nothing(storage: Storage) {

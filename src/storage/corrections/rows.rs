@@ -6,7 +6,8 @@ use crate::storage::{HomeId, StorageError, home_maps};
 use jiff::Timestamp;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use viola_home::{ObjectCorrection, RoomCorrection};
+use viola_geometry::LevelName;
+use viola_home::{ObjectCorrection, RoomCorrection, level_of_id};
 
 /// A correction as it is kept.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +27,31 @@ pub struct Corrections {
     pub version: i64,
     pub objects: Vec<Kept<ObjectCorrection>>,
     pub rooms: Vec<Kept<RoomCorrection>>,
+}
+
+impl Corrections {
+    /// Returns those of the objects and rooms of a level.
+    pub fn on_level(&self, level: LevelName) -> Corrections {
+        let mut of_level = self.clone();
+        of_level.objects.retain(|kept| level_of_id(&kept.target) == level);
+        of_level.rooms.retain(|kept| level_of_id(&kept.target) == level);
+        of_level
+    }
+}
+
+/// Removes the corrections of the objects and rooms of a level.
+pub(in crate::storage) async fn forget_level(
+    transaction: &mut Transaction,
+    home: &HomeId,
+    level: LevelName,
+) -> Result<(), StorageError> {
+    let gone = of_home(transaction, home).await?.on_level(level);
+    let objects = gone.objects.iter().map(|kept| ("object", &kept.target));
+    let rooms = gone.rooms.iter().map(|kept| ("room", &kept.target));
+    for (kind, target) in objects.chain(rooms) {
+        keep::<ObjectCorrection>(transaction, home, (kind, target), None).await?;
+    }
+    Ok(())
 }
 
 /// Writes the correction of a kind and a target, or removes it, and makes the home due for a merge. Returns

@@ -1,15 +1,21 @@
 //! Merges of homes' maps: their claims, leases and results.
 
-use super::{HomeMap, MapClip, MapFile, MapObject, MapScene, map_file};
-use crate::storage::changes::{self, Changed};
+mod rows;
+
+use super::{HomeMap, MapFile, MapLevel, MapObject, MapScene, map_file};
 use crate::storage::columns::{Columns, to_json};
-use crate::storage::database::{Connection, Row, Transaction, query};
-use crate::storage::{Choice, Corrections, HomeId, Storage, StorageError, corrections, lidar_maps};
+use crate::storage::database::{Connection, Row, query};
+use crate::storage::{
+    Choice, Corrections, HomeId, LidarMapRevision, Storage, StorageError, corrections, lidar_maps,
+};
 use jiff::Timestamp;
+use rows::{Written, insert};
+use std::collections::BTreeMap;
 use std::time::Duration;
 use uuid::Uuid;
 use viola_align::Alignment;
-use viola_home::{HomeMapInfo, Manifest, Member, PlacedClip, TileKey, Verdict};
+use viola_geometry::LevelName;
+use viola_home::{Manifest, Member, PlacedClip, TileKey, Verdict};
 
 /// Revisions of a home's map that are kept; a new one removes older ones. Readers of a revision have long
 /// ended when it is this old.
@@ -24,23 +30,30 @@ pub struct MergeClaim {
     pub home: HomeId,
     /// The clips that may be in the map.
     pub members: Vec<Member>,
-    /// The home's LiDAR map, if it has one.
-    pub lidar_map: Option<Uuid>,
+    /// The current LiDAR map of each level, by the levels' names.
+    pub lidar_maps: Vec<LidarMapRevision>,
     /// The revision that the new one starts from; 0 before the first.
     pub last_revision: i64,
     /// The corrections of people.
     pub corrections: Corrections,
-    /// Revision of the LiDAR map in the last revision; 0 before the first.
-    pub last_lidar_map_revision: i64,
+    /// The levels of the last revision; none before the first.
+    pub last_levels: Vec<MapLevel>,
     lidar_map_revision: i64,
     wanted: i64,
     fence: i64,
 }
 
 impl MergeClaim {
-    /// Returns whether the LiDAR map differs from that of the last revision.
+    /// Returns whether a LiDAR map is not that of the last revision, or a level was removed.
     pub fn has_new_lidar_map(&self) -> bool {
-        self.lidar_map_revision != self.last_lidar_map_revision
+        let now = self.lidar_maps.iter().map(|map| (map.level, map.revision));
+        !now.eq(self.last_levels.iter().map(|level| (level.level, level.lidar_map_revision)))
+    }
+
+    /// Returns the revision of a level's LiDAR map in the last revision, if the level has another one now.
+    pub fn left_lidar_map(&self, now: &LidarMapRevision) -> Option<i64> {
+        let last = self.last_levels.iter().find(|last| last.level == now.level)?.lidar_map_revision;
+        (last != now.revision).then_some(last)
     }
 }
 
@@ -50,7 +63,7 @@ pub struct NewRevision {
     pub manifest: Manifest,
     /// Tiles that changed; `None` for those that are empty now.
     pub tiles: Vec<(TileKey, Option<Vec<u8>>)>,
-    pub files: Vec<(&'static str, Vec<u8>)>,
+    pub files: Vec<(LevelName, &'static str, Vec<u8>)>,
     pub objects: Vec<MapObject>,
     /// True if objects were added, moved or are gone.
     pub has_object_changes: bool,
@@ -94,15 +107,15 @@ impl Storage {
             .await?;
         let Some(row) = row else { return Ok(None) };
         let home = row.home("id")?;
-        let lidar_map = lidar_maps::current(&mut transaction, &home).await?;
+        let lidar_maps = lidar_maps::levels(&mut transaction, &home).await?;
         let last = newest(&mut transaction, &home).await?;
         let claim = MergeClaim {
             members: members(&mut transaction, &home).await?,
-            lidar_map_revision: lidar_map.as_ref().map_or(0, |map| map.revision),
-            lidar_map: lidar_map.map(|map| map.id()),
+            lidar_map_revision: lidar_maps.iter().map(|map| map.revision).max().unwrap_or(0),
+            lidar_maps,
             corrections: corrections::of_home(&mut transaction, &home).await?,
             last_revision: last.as_ref().map_or(0, |map| map.revision),
-            last_lidar_map_revision: last.map_or(0, |map| map.lidar_map_revision),
+            last_levels: last.map(|map| map.levels).unwrap_or_default(),
             wanted: row.number("map_wanted")?,
             fence: row.number("map_fence")?,
             home,
@@ -143,7 +156,13 @@ impl Storage {
 
     /// Returns the tiles of the revision that a claim starts from.
     pub async fn last_tiles(&self, claim: &MergeClaim) -> Result<Vec<MapFile>, StorageError> {
-        self.home_map_files(&claim.home, claim.last_revision, map_file::TILE).await
+        self.last_files(claim, map_file::TILE).await
+    }
+
+    /// Returns the files of one name of all levels.
+    async fn last_files(&self, claim: &MergeClaim, name: &str) -> Result<Vec<MapFile>, StorageError> {
+        let mut snapshot = self.database.snapshot().await?;
+        super::files(&mut snapshot, &claim.home, claim.last_revision, None, name).await
     }
 
     /// Returns the manifest of the revision that a claim starts from; empty before the first.
@@ -157,18 +176,23 @@ impl Storage {
     }
 
     async fn manifest(&self, home: &HomeId, revision: i64) -> Result<Manifest, StorageError> {
-        let files = self.home_map_files(home, revision, map_file::MANIFEST).await?;
+        let files = self.home_map_files(home, revision, LevelName::MAIN, map_file::MANIFEST).await?;
         let Some(file) = files.first() else { return Ok(Manifest::default()) };
         let bytes = self.map_file_bytes(file).await?.unwrap_or_default();
         serde_json::from_slice(&bytes)
             .map_err(|error| StorageError::Column { column: "manifest.json", detail: error.to_string() })
     }
 
-    /// Returns the scene of the revision that a claim starts from, if it has one.
-    pub async fn last_scene(&self, claim: &MergeClaim) -> Result<Option<MapScene>, StorageError> {
-        let files = self.home_map_files(&claim.home, claim.last_revision, map_file::SCENE).await?;
-        let Some(file) = files.first() else { return Ok(None) };
-        self.map_scene(file).await
+    /// Returns the scenes of the revision that a claim starts from, by level.
+    pub async fn last_scenes(
+        &self,
+        claim: &MergeClaim,
+    ) -> Result<BTreeMap<LevelName, MapScene>, StorageError> {
+        let mut scenes = BTreeMap::new();
+        for file in self.last_files(claim, map_file::SCENE).await? {
+            scenes.extend(self.map_scene(&file).await?.map(|scene| (file.level, scene)));
+        }
+        Ok(scenes)
     }
 
     /// Stores the result of a merge as the home's next revision; without one, only marks the merge as done.
@@ -202,10 +226,15 @@ impl Storage {
         let mut written = Vec::new();
         if let Some(new) = new {
             let manifest = to_json(&new.manifest).into_bytes();
-            let tiles = new.tiles.iter().map(|(key, bytes)| (map_file::TILE, Some(*key), bytes.clone()));
-            let files = new.files.iter().map(|(name, bytes)| (*name, None, Some(bytes.clone())));
-            for (name, tile, bytes) in tiles.chain(files).chain([(map_file::MANIFEST, None, Some(manifest))])
-            {
+            let tile = |(key, bytes): &(TileKey, Option<Vec<u8>>)| {
+                (key.level, map_file::TILE, Some(*key), bytes.clone())
+            };
+            let file = |(level, name, bytes): &(LevelName, &'static str, Vec<u8>)| {
+                (*level, *name, None, Some(bytes.clone()))
+            };
+            let manifest = (LevelName::MAIN, map_file::MANIFEST, None, Some(manifest));
+            let all = new.tiles.iter().map(tile).chain(new.files.iter().map(file)).chain([manifest]);
+            for (level, name, tile, bytes) in all {
                 let mut key = None;
                 if let Some(bytes) = bytes {
                     // Every attempt has its own keys, as with the results of clips.
@@ -214,7 +243,7 @@ impl Storage {
                     self.blobs.put(&fresh, bytes).await?;
                     key = Some(fresh);
                 }
-                written.push(Written { name, tile, key });
+                written.push(Written { level, name, tile, key });
             }
         }
         let mut transaction = self.database.begin().await?;
@@ -248,13 +277,6 @@ impl Storage {
     }
 }
 
-/// A file that a new revision replaces; no key if it removes the file.
-struct Written {
-    name: &'static str,
-    tile: Option<TileKey>,
-    key: Option<String>,
-}
-
 async fn newest(connection: &mut Connection, home: &HomeId) -> Result<Option<HomeMap>, StorageError> {
     let row = query("SELECT * FROM home_maps WHERE home_id = $1 ORDER BY revision DESC LIMIT 1");
     let row = row.bind(home.key()).fetch_optional(connection).await?;
@@ -273,7 +295,9 @@ async fn members(connection: &mut Connection, home: &HomeId) -> Result<Vec<Membe
     let member = |row: &Row| {
         let alignment: Option<Alignment> = row.maybe_json("alignment")?;
         let verdict = match row.maybe_json::<Choice>("choice")? {
-            Some(choice) => Some(Verdict::Chosen { map_from_clip: choice.map_from_clip }),
+            Some(choice) => {
+                Some(Verdict::Chosen { level: choice.level, map_from_clip: choice.map_from_clip })
+            }
             None => alignment.as_ref().and_then(Verdict::of),
         };
         let Some(verdict) = verdict else { return Ok(None) };
@@ -286,75 +310,4 @@ async fn members(connection: &mut Connection, home: &HomeId) -> Result<Vec<Membe
         }))
     };
     rows.iter().map(member).filter_map(Result::transpose).collect()
-}
-
-/// Adds a revision and removes the oldest; returns the blobs of those.
-async fn insert(
-    transaction: &mut Transaction,
-    claim: &MergeClaim,
-    new: &NewRevision,
-    written: &[Written],
-    now: Timestamp,
-) -> Result<Vec<String>, StorageError> {
-    let (home, revision) = (claim.home.key(), claim.last_revision + 1);
-    let clips: Result<Vec<MapClip>, _> = new.manifest.clips.iter().map(MapClip::new).collect();
-    let info = HomeMapInfo::of(new.manifest.tiles.iter().map(|(_, info)| info));
-    query(
-        "INSERT INTO home_maps (home_id, revision, lidar_map_revision, clips, info, created_at)
-        VALUES ($1, $2, $3, $4, $5, $6)",
-    )
-    .bind(home)
-    .bind(revision)
-    .bind(claim.lidar_map_revision)
-    .bind(to_json(&clips?))
-    .bind(to_json(&info))
-    .bind(now.as_millisecond())
-    .execute(transaction)
-    .await?;
-    for file in written {
-        let (x, y) = (file.tile.map(|tile| i64::from(tile.x)), file.tile.map(|tile| i64::from(tile.y)));
-        query(
-            "UPDATE home_map_files SET last_revision = $5
-            WHERE home_id = $1 AND name = $2 AND (tile_x = $3 OR $3 IS NULL) AND (tile_y = $4 OR $4 IS NULL)
-                AND last_revision IS NULL",
-        )
-        .bind(home)
-        .bind(file.name)
-        .bind(x)
-        .bind(y)
-        .bind(claim.last_revision)
-        .execute(transaction)
-        .await?;
-        let Some(key) = &file.key else { continue };
-        query(
-            "INSERT INTO home_map_files (blob_key, home_id, name, tile_x, tile_y, first_revision)
-            VALUES ($1, $2, $3, $4, $5, $6)",
-        )
-        .bind(key)
-        .bind(home)
-        .bind(file.name)
-        .bind(x)
-        .bind(y)
-        .bind(revision)
-        .execute(transaction)
-        .await?;
-    }
-    super::objects::replace(transaction, &claim.home, &new.objects).await?;
-    super::places::tell(transaction, claim, &new.manifest.clips, revision, now).await?;
-    query("DELETE FROM home_maps WHERE home_id = $1 AND revision <= $2")
-        .bind(home)
-        .bind(revision - KEPT_REVISIONS)
-        .execute(transaction)
-        .await?;
-    changes::record(transaction, &claim.home, Changed::Map { revision }, now).await?;
-    if new.has_object_changes {
-        changes::record(transaction, &claim.home, Changed::Objects { revision }, now).await?;
-    }
-    let old =
-        query("DELETE FROM home_map_files WHERE home_id = $1 AND last_revision <= $2 RETURNING blob_key")
-            .bind(home)
-            .bind(revision - KEPT_REVISIONS)
-            .fetch_all(transaction)
-            .await?;
-    old.iter().map(|row| row.text("blob_key")).collect()
 }

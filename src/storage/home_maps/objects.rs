@@ -6,8 +6,8 @@ use crate::storage::{HomeId, Page, Storage, StorageError, Tenant};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
-use viola_geometry::Pose2;
 use viola_geometry::taxonomy::Class;
+use viola_geometry::{LevelName, Pose2};
 use viola_home::{Corrected, MovedObject, Object, ObjectField, PlacedClip, UprightBox};
 
 /// An object in a home: an upright box in the LiDAR map's frame, and its properties.
@@ -15,6 +15,9 @@ use viola_home::{Corrected, MovedObject, Object, ObjectField, PlacedClip, Uprigh
 pub struct MapObject {
     /// Stays the same in the next revisions while the object is in the same place.
     pub id: String,
+    /// The level in whose LiDAR map it is.
+    #[serde(default)]
+    pub level: LevelName,
     pub class: Class,
     /// In 0..1: from the class's fraction of the votes, the fit of its size and the number of cells.
     pub confidence: f64,
@@ -56,11 +59,12 @@ impl MapObject {
     }
 
     /// Replaces the numbers of clips by the ids of a map's clips.
-    pub fn new(object: Object, clips: &[PlacedClip]) -> MapObject {
+    pub fn new(level: LevelName, object: Object, clips: &[PlacedClip]) -> MapObject {
         let seen_by = object.clips.iter().filter_map(|number| clips.get(usize::from(*number)));
         let last_ms = seen_by.clone().filter_map(|clip| clip.recorded_at_ms).max();
         MapObject {
             id: object.id,
+            level,
             class: object.class,
             confidence: object.confidence,
             centre_m: object.centre_m,

@@ -37,6 +37,7 @@ pub(super) async fn tell(
     for member in &claim.members {
         let placed = clips.iter().find(|placed| placed.share == member.share);
         let placement = placed.map(|placed| Placement {
+            level: placed.level_name,
             map_from_clip: placed.map_from_clip,
             by: placed.by,
             probability: placed.probability,

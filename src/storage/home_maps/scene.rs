@@ -4,7 +4,7 @@ use super::objects::MapObject;
 use crate::storage::{MapFile, Storage, StorageError};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use viola_geometry::Pose2;
+use viola_geometry::{LevelName, Pose2};
 use viola_home::{Corrected, Coverage, History, KnownObject, Room, RoomField};
 
 /// A room of a home's map.
@@ -12,6 +12,9 @@ use viola_home::{Corrected, Coverage, History, KnownObject, Room, RoomField};
 pub struct MapRoom {
     #[serde(flatten)]
     pub room: Room,
+    /// The level in whose LiDAR map it is.
+    #[serde(default)]
+    pub level: LevelName,
     /// Properties that a person corrected.
     #[serde(default)]
     pub corrected: Vec<RoomField>,
@@ -21,16 +24,17 @@ pub struct MapRoom {
 }
 
 impl MapRoom {
-    pub fn new(room: Room, corrected: Option<&Corrected<RoomField>>) -> MapRoom {
+    pub fn new(level: LevelName, room: Room, corrected: Option<&Corrected<RoomField>>) -> MapRoom {
         MapRoom {
             room,
+            level,
             corrected: corrected.map(|one| one.fields.clone()).unwrap_or_default(),
             correction: corrected.map(|one| one.key.clone()),
         }
     }
 }
 
-/// Content of a home's map beyond points.
+/// Content of one level of a home's map beyond points.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MapScene {
     pub rooms: Vec<MapRoom>,

@@ -1,17 +1,19 @@
 //! New revisions of a LiDAR map, and the jobs that align clips to them.
 
-use super::{LidarMapRevision, current, current_or_missing, file_key, image_key};
+use super::{LidarMapRevision, current, file_key, image_key, levels};
 use crate::storage::changes::{self, Changed};
-use crate::storage::columns::to_json;
+use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::query;
 use crate::storage::incoming::Arrived;
 use crate::storage::{HomeId, Storage, StorageError, homes, jobs};
 use jiff::Timestamp;
 use uuid::Uuid;
 use viola_formats::lidar::LidarInfo;
+use viola_geometry::{LevelName, MAX_LEVELS};
 
 /// A map whose file was read and validated.
 pub struct NewLidarMap {
+    pub level: LevelName,
     pub file: Arrived,
     pub info: LidarInfo,
     /// Preview picture.
@@ -19,8 +21,8 @@ pub struct NewLidarMap {
 }
 
 impl Storage {
-    /// Adds a revision and queues every clip of the home for it. The same file as the current revision's
-    /// changes nothing. Returns the revision and whether it is new.
+    /// Adds a revision of a level and queues every clip of the home for it. The same file as the level's
+    /// current revision changes nothing. Returns the revision and whether it is new.
     pub async fn put_lidar_map(
         &self,
         home: &HomeId,
@@ -28,8 +30,13 @@ impl Storage {
         now: Timestamp,
     ) -> Result<(LidarMapRevision, bool), StorageError> {
         let id = Uuid::now_v7();
-        let row =
-            NewRow { id, size_bytes: new.file.size_bytes, sha256: new.file.sha256.clone(), info: new.info };
+        let row = NewRow {
+            id,
+            level: new.level,
+            size_bytes: new.file.size_bytes,
+            sha256: new.file.sha256.clone(),
+            info: new.info,
+        };
         // Concurrently: a slow store delays this once.
         let (file_key, image_key) = (file_key(id), image_key(id));
         let (file, image) =
@@ -60,16 +67,20 @@ impl Storage {
         if !homes::lock(&mut transaction, home).await? {
             return Err(StorageError::NoSuchHome);
         }
-        let current = current(&mut transaction, home).await?;
-        let revision = current.as_ref().map_or(0, |current| current.revision) + 1;
-        if let Some(current) = current
-            && current.sha256 == new.sha256
-        {
-            return Ok((current, false));
+        match current(&mut transaction, home, new.level).await? {
+            Some(current) if current.sha256 == new.sha256 => return Ok((current, false)),
+            None if levels(&mut transaction, home).await?.len() >= MAX_LEVELS => {
+                return Err(StorageError::TooManyLevels);
+            }
+            _ => {}
         }
+        // Revisions count removed maps, too.
+        let last = query("SELECT COALESCE(MAX(revision), 0) AS last FROM lidar_maps WHERE home_id = $1");
+        let last = last.bind(home.key()).fetch_one(&mut transaction).await?;
+        let revision = last.number("last")? + 1;
         query(
-            "INSERT INTO lidar_maps (id, home_id, revision, size_bytes, sha256, info, created_at)
-            VALUES ($1, $2, $3, $4, $5, $6, $7)",
+            "INSERT INTO lidar_maps (id, home_id, revision, size_bytes, sha256, info, created_at, level)
+            VALUES ($1, $2, $3, $4, $5, $6, $7, $8)",
         )
         .bind(new.id.to_string())
         .bind(home.key())
@@ -78,12 +89,13 @@ impl Storage {
         .bind(&new.sha256)
         .bind(to_json(&new.info))
         .bind(now.as_millisecond())
+        .bind(new.level.as_str())
         .execute(&mut transaction)
         .await?;
         homes::grow(&mut transaction, home, new.size_bytes as i64).await?;
         let stale_blobs = jobs::enqueue_home(&mut transaction, home, new.id, now).await?;
         changes::record(&mut transaction, home, Changed::LidarMap { revision }, now).await?;
-        let added = current_or_missing(&mut transaction, home).await?;
+        let added = current(&mut transaction, home, new.level).await?.ok_or(StorageError::NoLidarMap)?;
         transaction.commit().await?;
         self.blobs.discard(&stale_blobs).await;
         Ok((added, true))
@@ -92,6 +104,7 @@ impl Storage {
 
 struct NewRow {
     id: Uuid,
+    level: LevelName,
     size_bytes: u64,
     sha256: String,
     info: LidarInfo,

@@ -16,6 +16,7 @@ fn result(state: AlignmentState, errors: Option<(f64, f64)>) -> ClipResult {
         probability: None,
         rotation_error_deg: errors.map(|e| e.0),
         translation_error_m: errors.map(|e| e.1),
+        right_level: None,
         coverage: 0.5,
         inliers: None,
         unknowable: false,
@@ -87,6 +88,22 @@ fn unknowable_clips_are_admitted_by_doubt_that_lists_the_truth() {
         result(Ambiguous, Some((1.0, 0.1))),
     ])[0];
     assert_eq!((row.unknowable_clips, row.unknowable_admitted), (4, Some(0.5)));
+}
+
+#[test]
+fn the_right_level_is_counted_among_aligned_clips() {
+    let on = |state, right_level| ClipResult { right_level, ..result(state, Some((1.0, 0.1))) };
+    let mut results = vec![on(Aligned, Some(true)); 3];
+    // Without a pose on the true level there are no errors.
+    results.push(ClipResult {
+        rotation_error_deg: None,
+        translation_error_m: None,
+        ..on(Aligned, Some(false))
+    });
+    results.push(on(Ambiguous, Some(false)));
+    let row = &tabulate(&results)[0];
+    assert_eq!((row.right_level_when_aligned, row.wrong_when_aligned), (Some(0.75), Some(0.25)));
+    assert_eq!(tabulate(&[on(Aligned, None)])[0].right_level_when_aligned, None);
 }
 
 #[test]

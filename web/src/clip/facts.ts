@@ -31,10 +31,12 @@ export function recording(clip: Clip): HTMLElement {
 export function answer(clip: Clip): HTMLElement | null {
   const { alignment, choice } = clip;
   if (!alignment) return null;
+  const { level } = choice ?? alignment;
   const at = choice?.map_from_clip ?? alignment.map_from_clip;
   const { floor } = alignment;
   const camera = floor && `${metres(floor.camera_height_m)} above the floor${floor.assumed ? " (assumed)" : ""}`;
   return facts([
+    ["Level", level === "main" ? null : level],
     ["Place", at && pose(at)],
     ["Probability", choice ? "chosen by a person" : percent(alignment.probability)],
     ["Loss", alignment.loss_m === null ? null : metres(alignment.loss_m)],

@@ -5,6 +5,9 @@ import { clipColour, type Rgb } from "../cloud/colours.ts";
 import { place } from "../frames.ts";
 import type { Class, Clip, Coverage, Home, HomeMap, LidarMap, Pose2, Room, Scan, Thing } from "../types.ts";
 
+/** The level that the viewer shows: the only one of a home with one LiDAR map. */
+const SHOWN = "main";
+
 export class HomeData {
   lidar: LidarMap | null = null;
   clips: Clip[] = [];
@@ -34,10 +37,14 @@ export class HomeData {
     [this.home, this.lidar, this.clips, this.map] = await Promise.all([
       api.home(id, signal), api.lidarMap(id, signal), api.clips(id, signal), api.homeMap(id, signal),
     ]);
+    const shown = this.map?.levels.find(({ level }) => level === SHOWN);
+    if (this.map && shown) this.map.info = shown.info;
     if (this.map && this.map.revision !== before?.revision) {
       [this.rooms, this.things, this.coverage] = await Promise.all([
         api.rooms(id, signal), api.things(id, signal), api.coverage(id, signal),
       ]);
+      this.rooms = this.rooms.filter(({ level }) => level === SHOWN);
+      this.things = this.things.filter(({ level }) => level === SHOWN);
     } else if (!this.map) {
       [this.rooms, this.things, this.coverage] = [[], [], null];
     }
@@ -64,12 +71,11 @@ export class HomeData {
     return clipColour(Math.max(0, this.indexOf(clip)));
   }
 
-  /** Where a clip is: in the newest map, or by its own answer. */
+  /** Where a clip is: in the newest map, or by its own answer; null on a level that is not shown. */
   poseOf(clip: Clip): Pose2 | null {
-    const placed = this.map?.clips.find((other) => other.clip === clip.id)?.map_from_clip;
-    if (placed) return placed;
-    if (clip.choice) return clip.choice.map_from_clip;
-    return clip.state === "aligned" ? (clip.alignment?.map_from_clip ?? null) : null;
+    const own = clip.state === "aligned" ? clip.alignment : null;
+    const at = this.map?.clips.find((other) => other.clip === clip.id) ?? clip.choice ?? own;
+    return at?.level === SHOWN ? at.map_from_clip : null;
   }
 
   /** A clip's cameras in the map's frame; empty where they are not known. */

@@ -3,7 +3,6 @@
 //! A logistic regression on a dozen features of the answer, capped by doubts that the features do not
 //! include. The coefficients are those of [`MODEL`].
 
-use super::different::is_different;
 use super::model::{MODEL, Model};
 use crate::answer::{Alignment, Alternative};
 
@@ -30,10 +29,14 @@ const LISTED: usize = 8;
 /// Maximum difference in loss of a rival that explains the clip nearly as well.
 const NEAR_RIVAL_M: f64 = 0.02;
 
-/// Returns the explanations that are not close to the best one.
+/// Returns the explanations that are not close to the best one: distant poses and those on other levels.
 fn rivals(alternatives: &[Alternative]) -> impl Iterator<Item = &Alternative> {
-    let best = alternatives.first().map(|best| best.map_from_clip).unwrap_or_default();
-    alternatives.iter().take(LISTED).skip(1).filter(move |a| is_different(&a.map_from_clip, &best))
+    let best = alternatives.first();
+    alternatives
+        .iter()
+        .take(LISTED)
+        .skip(1)
+        .filter(move |other| best.is_some_and(|best| other.is_different_from(best)))
 }
 
 /// Returns the number of different explanations that lose by less than [`NEAR_RIVAL_M`].
@@ -125,7 +128,7 @@ fn regress(answer: &mut Alignment, model: &Model) {
 mod tests {
     use super::*;
     use crate::FreeSpace;
-    use viola_geometry::Pose2;
+    use viola_geometry::{LevelName, Pose2};
 
     #[test]
     fn the_checked_in_coefficients_are_for_these_features() {
@@ -139,6 +142,7 @@ mod tests {
         let free_space =
             FreeSpace { blocked_rays: 0.0, hits_on_floor: 0.0, unseen_sides: 0.0, walls_on_floor: 0.0 };
         let best = Alternative {
+            level: LevelName::MAIN,
             map_from_clip: Pose2::default(),
             loss_m: 0.02,
             inliers: 1.0,

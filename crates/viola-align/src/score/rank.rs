@@ -37,17 +37,20 @@ pub struct Ranked {
     pub covariance: nalgebra::Matrix3<f64>,
 }
 
-/// Returns the refined poses by how well they explain the clip, the best first, without duplicates.
-pub fn rank(
-    refined: &[Refined],
-    hits: &[Hit],
-    scan: &VirtualScan,
-    target: &Target,
-    params: &ScoreParams,
-) -> Vec<Ranked> {
+/// The refined poses in the map of one level.
+pub struct OnLevel<'a> {
+    pub target: &'a Target,
+    pub refined: &'a [Refined],
+}
+
+/// Returns the refined poses of all levels by how well they explain the clip, the best first, without
+/// duplicates. The hits are the same on all levels, so that the losses can be compared.
+pub fn rank(levels: &[OnLevel], hits: &[Hit], scan: &VirtualScan, params: &ScoreParams) -> Vec<Ranked> {
     let scorer = PoseScorer::new(hits, scan, params.unknown_share);
-    let mut ranked: Vec<Ranked> =
-        refined.par_iter().map(|pose| ranked(pose, &scorer, target, params)).collect();
+    let on_level = |level: &OnLevel| -> Vec<Ranked> {
+        level.refined.par_iter().map(|pose| ranked(pose, &scorer, level.target, params)).collect()
+    };
+    let mut ranked: Vec<Ranked> = levels.iter().flat_map(on_level).collect();
     ranked.sort_by(|a, b| a.alternative.loss_m.total_cmp(&b.alternative.loss_m));
     distinct(ranked, params.alternatives)
 }
@@ -55,6 +58,7 @@ pub fn rank(
 fn ranked(pose: &Refined, scorer: &PoseScorer, target: &Target, params: &ScoreParams) -> Ranked {
     let evidence = scorer.evidence(&pose.map_from_clip, target);
     let alternative = Alternative {
+        level: target.level,
         map_from_clip: pose.map_from_clip,
         loss_m: params.weights.loss_m(&evidence),
         inliers: evidence.inliers,
@@ -71,15 +75,17 @@ fn ranked(pose: &Refined, scorer: &PoseScorer, target: &Target, params: &ScorePa
     Ranked { alternative, covariance: pose.covariance }
 }
 
-fn is_same(a: &Pose2, b: &Pose2) -> bool {
-    a.distance_m(b) < SAME_M && angle_between(a.yaw_rad, b.yaw_rad) < SAME_RAD
+fn is_same(a: &Alternative, b: &Alternative) -> bool {
+    let (pose, other) = (&a.map_from_clip, &b.map_from_clip);
+    a.level == b.level
+        && pose.distance_m(other) < SAME_M
+        && angle_between(pose.yaw_rad, other.yaw_rad) < SAME_RAD
 }
 
 fn distinct(sorted: Vec<Ranked>, most: usize) -> Vec<Ranked> {
     let mut kept: Vec<Ranked> = Vec::new();
     for ranked in sorted {
-        let pose = &ranked.alternative.map_from_clip;
-        let known = kept.iter().any(|k| is_same(&k.alternative.map_from_clip, pose));
+        let known = kept.iter().any(|k| is_same(&k.alternative, &ranked.alternative));
         if !known {
             kept.push(ranked);
             if kept.len() == most {

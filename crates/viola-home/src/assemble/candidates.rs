@@ -1,10 +1,10 @@
 //! The poses that each clip of a home may have.
 
 use super::cache::Cache;
-use super::members::{Extent, Member, Verdict};
+use super::members::{Extent, Member, Mode, Verdict};
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
-use viola_geometry::Pose2;
+use viola_geometry::{LevelName, Pose2};
 
 /// Maximum possible poses of a clip: as many as an alignment lists.
 const MAX_MODES: usize = 8;
@@ -22,13 +22,6 @@ pub(super) struct Candidate<'a> {
     pub points: usize,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Mode {
-    pub map_from_clip: Pose2,
-    /// By the clip's own alignment.
-    pub probability: f64,
-}
-
 /// A clip and its possible poses, named by its contribution.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct KnownClip {
@@ -36,6 +29,9 @@ pub struct KnownClip {
     pub extent: Extent,
     pub points: usize,
     pub modes: Vec<Pose2>,
+    /// Levels of the modes; empty if all are on the level `main`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub levels: Vec<LevelName>,
     /// The likeliest of the modes by all clips of the home; none if a person chose the pose.
     pub marginal: Option<Marginal>,
 }
@@ -72,13 +68,20 @@ impl Candidate<'_> {
             extent: self.extent,
             points: self.points,
             modes: self.modes.iter().map(|mode| mode.map_from_clip).collect(),
+            levels: self.levels(),
             marginal,
         }
     }
 
+    /// Returns the levels as a [`KnownClip`] has them.
+    fn levels(&self) -> Vec<LevelName> {
+        let levels = self.modes.iter().map(|mode| mode.level);
+        if levels.clone().all(|level| level.is_main()) { Vec::new() } else { levels.collect() }
+    }
+
     /// Returns whether the clip had the same modes in the last merge.
     pub fn has_modes_of(&self, known: &KnownClip) -> bool {
-        self.modes.iter().map(|mode| &mode.map_from_clip).eq(&known.modes)
+        self.modes.iter().map(|mode| &mode.map_from_clip).eq(&known.modes) && self.levels() == known.levels
     }
 }
 
@@ -110,16 +113,15 @@ pub(super) fn candidates<'a, E>(
 
 pub(super) fn modes(verdict: &Verdict) -> Vec<Mode> {
     match verdict {
-        Verdict::Aligned { map_from_clip, probability, .. } => {
+        Verdict::Aligned { level, map_from_clip, probability, .. } => {
             let probability = probability.unwrap_or(ALIGNED).clamp(0.0, 1.0);
-            vec![Mode { map_from_clip: *map_from_clip, probability }]
+            vec![Mode { level: *level, map_from_clip: *map_from_clip, probability }]
         }
-        Verdict::Chosen { map_from_clip } => vec![Mode { map_from_clip: *map_from_clip, probability: 1.0 }],
+        Verdict::Chosen { level, map_from_clip } => {
+            vec![Mode { level: *level, map_from_clip: *map_from_clip, probability: 1.0 }]
+        }
         Verdict::Ambiguous { alternatives } => {
-            let mode = |(map_from_clip, probability): &(Pose2, f64)| Mode {
-                map_from_clip: *map_from_clip,
-                probability: probability.clamp(0.0, 1.0),
-            };
+            let mode = |mode: &Mode| Mode { probability: mode.probability.clamp(0.0, 1.0), ..*mode };
             alternatives.iter().take(MAX_MODES).map(mode).collect()
         }
     }

@@ -10,12 +10,13 @@ use super::belief::{Factor, Model};
 use super::cache::{Cache, Loaded};
 use super::candidates::{Candidate, KnownClip, Marginal};
 use super::level::{Level, in_space};
+use super::members::Mode;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use viola_geometry::{Pose2, angle_between};
+use viola_geometry::angle_between;
 
 /// Maximum poses of other clips that a pose is compared with; those that share the most floor with it, by
 /// their probability.
@@ -62,10 +63,14 @@ fn pairs(candidates: &[Candidate]) -> Pairs {
         let this = &candidates[clip];
         // A person's choices need no evidence.
         let is_open = |other: usize| other != clip && !(this.is_chosen() && candidates[other].is_chosen());
-        let pose = &this.modes[usize::from(mode)].map_from_clip;
+        let Mode { level, map_from_clip: pose, .. } = &this.modes[usize::from(mode)];
         let mut shared: Vec<(f64, (usize, u8))> = Vec::new();
         for &(other, at) in modes.iter().filter(|(other, _)| is_open(*other)) {
             let (candidate, there) = (&candidates[other], candidates[other].modes[usize::from(at)]);
+            // Nothing on one level is seen from another.
+            if there.level != *level {
+                continue;
+            }
             let shared_m2 = this.extent.shared_m2(pose, &candidate.extent, &there.map_from_clip);
             if shared_m2 > 0.0 {
                 shared.push((shared_m2 * there.probability, (other, at)));
@@ -238,14 +243,17 @@ fn of_modes(candidate: &Candidate, states: &[f64]) -> Option<Marginal> {
         return None;
     }
     let best = (0..candidate.modes.len()).rev().max_by(|a, b| states[*a].total_cmp(&states[*b]))?;
-    let pose = &candidate.modes[best].map_from_clip;
+    let likeliest = &candidate.modes[best];
     // Alternatives may lie so close together that one is right if the other is.
-    let near = candidate.modes.iter().zip(states).filter(|(mode, _)| is_near(&mode.map_from_clip, pose));
+    let near = candidate.modes.iter().zip(states).filter(|(mode, _)| is_near(mode, likeliest));
     Some(Marginal { mode: best, probability: near.map(|(_, probability)| probability).sum::<f64>().min(1.0) })
 }
 
-fn is_near(a: &Pose2, b: &Pose2) -> bool {
-    a.distance_m(b) < NEAR_M && angle_between(a.yaw_rad, b.yaw_rad) < NEAR_RAD
+fn is_near(a: &Mode, b: &Mode) -> bool {
+    let (pose, other) = (&a.map_from_clip, &b.map_from_clip);
+    a.level == b.level
+        && pose.distance_m(other) < NEAR_M
+        && angle_between(pose.yaw_rad, other.yaw_rad) < NEAR_RAD
 }
 
 /// Returns the log-likelihood ratio of an agreement: both poses right, against at least one wrong.

@@ -6,7 +6,7 @@ use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use viola_align::{Alignment, AlignmentState};
-use viola_geometry::{Point2, Pose2, Pose3};
+use viola_geometry::{LevelName, Point2, Pose2, Pose3};
 
 /// A clip that may be in the map.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,18 +25,29 @@ pub struct Member {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
     Aligned {
+        level: LevelName,
         map_from_clip: Pose2,
         covariance: Matrix3<f64>,
         probability: Option<f64>,
     },
     /// Pose chosen by a person.
     Chosen {
+        level: LevelName,
         map_from_clip: Pose2,
     },
-    /// Alternatives with their probabilities.
     Ambiguous {
-        alternatives: Vec<(Pose2, f64)>,
+        alternatives: Vec<Mode>,
     },
+}
+
+/// A possible pose of a clip.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mode {
+    /// The level in whose LiDAR map the pose is.
+    pub level: LevelName,
+    pub map_from_clip: Pose2,
+    /// By the clip's own alignment.
+    pub probability: f64,
 }
 
 /// Source of a clip's pose.
@@ -59,6 +70,9 @@ pub struct PlacedClip {
     pub recorded_at_ms: Option<i64>,
     pub by: PlacedBy,
     pub probability: Option<f64>,
+    /// The level in whose LiDAR map it is.
+    #[serde(default, skip_serializing_if = "LevelName::is_main")]
+    pub level_name: LevelName,
     /// Pose before joint refinement.
     pub alone: Pose2,
     /// Pose refined jointly with the clips that it overlaps.
@@ -92,6 +106,7 @@ impl Verdict {
     pub fn of(alignment: &Alignment) -> Option<Verdict> {
         match alignment.state {
             AlignmentState::Aligned => Some(Verdict::Aligned {
+                level: alignment.level,
                 map_from_clip: alignment.map_from_clip?,
                 covariance: Matrix3::from_fn(|r, c| alignment.covariance.map_or(0.0, |rows| rows[r][c])),
                 probability: alignment.probability,
@@ -100,7 +115,11 @@ impl Verdict {
                 alternatives: alignment
                     .alternatives
                     .iter()
-                    .map(|one| (one.map_from_clip, one.probability.unwrap_or(0.0)))
+                    .map(|one| Mode {
+                        level: one.level,
+                        map_from_clip: one.map_from_clip,
+                        probability: one.probability.unwrap_or(0.0),
+                    })
                     .collect(),
             }),
             AlignmentState::Failed => None,

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use viola_geometry::Pose2;
+use viola_geometry::{LevelName, Pose2};
 
 /// Minimum probability to place a clip that is not aligned by itself.
 pub const SURE: f64 = 0.95;
@@ -27,6 +27,7 @@ struct Known<'a> {
     member: &'a Member,
     by: PlacedBy,
     probability: Option<f64>,
+    level: LevelName,
     alone: Pose2,
     /// None for a fixed pose.
     covariance: Option<Matrix3<f64>>,
@@ -77,19 +78,20 @@ fn known<'a>(candidate: &Candidate<'a>, marginal: Option<Marginal>) -> Option<Kn
     /// Typical standard deviations (x_m, y_m, yaw_rad): alternatives carry no covariance.
     const SPREAD: [f64; 3] = [0.03, 0.03, 0.01];
     let probability = marginal.map(|marginal| marginal.probability);
-    let (by, alone, covariance) = match &candidate.member.verdict {
-        Verdict::Aligned { map_from_clip, covariance, .. } => {
-            (PlacedBy::Alignment, *map_from_clip, Some(*covariance))
+    let (by, level, alone, covariance) = match &candidate.member.verdict {
+        Verdict::Aligned { level, map_from_clip, covariance, .. } => {
+            (PlacedBy::Alignment, *level, *map_from_clip, Some(*covariance))
         }
-        Verdict::Chosen { map_from_clip } => (PlacedBy::Person, *map_from_clip, None),
+        Verdict::Chosen { level, map_from_clip } => (PlacedBy::Person, *level, *map_from_clip, None),
         Verdict::Ambiguous { .. } => {
             let sure = marginal.filter(|marginal| marginal.probability >= SURE)?;
             let spread = Matrix3::from_diagonal(&SPREAD.map(|s| s * s).into());
-            (PlacedBy::Neighbours, candidate.modes[sure.mode].map_from_clip, Some(spread))
+            let mode = &candidate.modes[sure.mode];
+            (PlacedBy::Neighbours, mode.level, mode.map_from_clip, Some(spread))
         }
     };
     let Candidate { member, extent, points, .. } = *candidate;
-    Some(Known { member, by, probability, alone, covariance, extent, points })
+    Some(Known { member, by, probability, level, alone, covariance, extent, points })
 }
 
 /// Returns all pairs of clips whose boxes meet, in canonical order.
@@ -100,7 +102,8 @@ fn overlaps<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result
     for (i, b) in known.iter().enumerate() {
         // The pairs to register, by their places among the pairs.
         let mut fresh: Vec<(usize, &Known)> = Vec::new();
-        for a in known[..i].iter().filter(|a| a.extent.meets(&a.alone, &b.extent, &b.alone)) {
+        let meets = |a: &&Known| a.level == b.level && a.extent.meets(&a.alone, &b.extent, &b.alone);
+        for a in known[..i].iter().filter(meets) {
             let same = before.get(&(&*a.member.share, &*b.member.share));
             let same = same.filter(|pair| pair.map_from_a == a.alone && pair.map_from_b == b.alone);
             if same.is_none() {
@@ -156,6 +159,7 @@ fn together<'a, 'e>(known: &[Known<'a>], pairs: &'e [Pair]) -> Vec<(&'a Member, 
             recorded_at_ms: clip.member.recorded_at_ms,
             by: clip.by,
             probability: clip.probability,
+            level_name: clip.level,
             alone: clip.alone,
             // A person's choice stays bit-identical in the plane.
             map_from_clip: if clip.covariance.is_none() { clip.alone } else { pose },

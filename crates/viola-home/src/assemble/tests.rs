@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use std::convert::Infallible;
 use uuid::Uuid;
 use viola_geometry::taxonomy::Class;
-use viola_geometry::{Pinhole, Point3, Pose3, Vector3};
+use viola_geometry::{LevelName, Pinhole, Point3, Pose3, Vector3};
 use viola_reconstruct::{CloudPoint, Label, PointCloud, Readings, View};
 
 /// A room of 4 x 3 m with a pillar, seen by a clip at `map_from_clip`; `box_m` is the place of a crate in it.
@@ -55,6 +55,7 @@ fn member(name: &str, map_from_clip: Pose2) -> Member {
         sha256: name.to_owned(),
         share: format!("share of {name}"),
         verdict: Verdict::Aligned {
+            level: LevelName::MAIN,
             map_from_clip,
             covariance: Matrix3::from_diagonal(&nalgebra::Vector3::new(4e-4, 4e-4, 1e-4)),
             probability: Some(0.99),
@@ -153,6 +154,10 @@ proptest! {
     }
 }
 
+fn on_main(map_from_clip: Pose2, probability: f64) -> Mode {
+    Mode { level: LevelName::MAIN, map_from_clip, probability }
+}
+
 /// Clip "c" is ambiguous: the room looks the same to the vacuum after half a turn about its centre. The
 /// others looked through the place of the pillar in the turned room.
 fn clips_with_an_ambiguous_one() -> Vec<Clip> {
@@ -163,7 +168,8 @@ fn clips_with_an_ambiguous_one() -> Vec<Clip> {
     }
     let truth = Pose2::new(2.0, 2.0, -1.0);
     let turned = Pose2::new(4.0, 3.0, std::f64::consts::PI).compose(&truth);
-    clips[2].member.verdict = Verdict::Ambiguous { alternatives: vec![(turned, 0.3), (truth, 0.65)] };
+    clips[2].member.verdict =
+        Verdict::Ambiguous { alternatives: vec![on_main(turned, 0.3), on_main(truth, 0.65)] };
     clips
 }
 
@@ -241,7 +247,7 @@ fn a_clip_elsewhere_is_not_read_again() {
 fn a_chosen_clip_stays_where_it_was_put() {
     let mut clips = clips();
     let chosen = Pose2::new(0.53, 0.5, 0.31);
-    clips[0].member.verdict = Verdict::Chosen { map_from_clip: chosen };
+    clips[0].member.verdict = Verdict::Chosen { level: LevelName::MAIN, map_from_clip: chosen };
     let map = made(&Manifest::default(), &clips.iter().collect::<Vec<_>>());
     let placed = map.manifest.clips.iter().find(|placed| placed.by == PlacedBy::Person).unwrap();
     assert_eq!((placed.map_from_clip, placed.probability), (chosen, None));
@@ -282,7 +288,7 @@ fn later_clips_win_where_the_world_changed() {
     let clip = |name: &str, at: Option<i64>, box_m: Option<[f64; 2]>, reach_m: f64| {
         let mut share = room(&pose, box_m);
         share.views = vec![view(&pose, [3.0, 0.6], reach_m), view(&pose, [3.1, 0.6], reach_m)];
-        let verdict = Verdict::Chosen { map_from_clip: pose };
+        let verdict = Verdict::Chosen { level: LevelName::MAIN, map_from_clip: pose };
         Clip { member: Member { recorded_at_ms: at, verdict, ..member(name, pose) }, share }
     };
     let crate_points = |clips: &[&Clip]| {
@@ -331,7 +337,7 @@ fn timed_clips_are_read_as_often_as_others() {
         let clips: Vec<Member> = (0..20)
             .map(|number| Member {
                 recorded_at_ms: timed.then_some(number),
-                verdict: Verdict::Chosen { map_from_clip: pose },
+                verdict: Verdict::Chosen { level: LevelName::MAIN, map_from_clip: pose },
                 clip: Uuid::from_u128(number as u128),
                 ..member(&format!("{number:02}"), pose)
             })

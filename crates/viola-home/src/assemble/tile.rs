@@ -4,15 +4,18 @@ use crate::ply::NotOurs;
 use crate::{MAP_VOXEL_M, MapPoint};
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
+use viola_geometry::LevelName;
 use viola_geometry::taxonomy::{CLASSES, Class};
 use viola_reconstruct::{CloudPoint, Label};
 
 /// Voxels along a tile's side (2.4 m): a room has a few tiles, and a clip touches about ten.
 pub const TILE_VOXELS: i32 = 80;
 
-/// Index of a tile, in units of a tile's side, in the LiDAR map's frame.
+/// Index of a tile: its level, and its place in units of a tile's side in the level's LiDAR map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct TileKey {
+    #[serde(default, skip_serializing_if = "LevelName::is_main")]
+    pub level: LevelName,
     pub x: i32,
     pub y: i32,
 }
@@ -22,13 +25,13 @@ impl TileKey {
         f64::from(TILE_VOXELS) * MAP_VOXEL_M
     }
 
-    /// Returns the tile that contains a point of the map.
-    pub fn at(x_m: f64, y_m: f64) -> TileKey {
-        TileKey { x: (x_m / Self::side_m()).floor() as i32, y: (y_m / Self::side_m()).floor() as i32 }
+    /// Returns the tile that contains a point of a level's map.
+    pub fn at(level: LevelName, x_m: f64, y_m: f64) -> TileKey {
+        TileKey { level, x: (x_m / Self::side_m()).floor() as i32, y: (y_m / Self::side_m()).floor() as i32 }
     }
 
-    pub(super) fn of_voxel(voxel: &[i32; 3]) -> TileKey {
-        TileKey { x: voxel[0].div_euclid(TILE_VOXELS), y: voxel[1].div_euclid(TILE_VOXELS) }
+    pub(super) fn of_voxel(level: LevelName, voxel: &[i32; 3]) -> TileKey {
+        TileKey { level, x: voxel[0].div_euclid(TILE_VOXELS), y: voxel[1].div_euclid(TILE_VOXELS) }
     }
 }
 
@@ -198,7 +201,10 @@ mod tests {
     fn tiles_meet_without_a_gap() {
         for voxel in -200..200 {
             let centre_m = (f64::from(voxel) + 0.5) * MAP_VOXEL_M;
-            assert_eq!(TileKey::of_voxel(&[voxel, 0, 0]).x, TileKey::at(centre_m, 0.0).x);
+            assert_eq!(
+                TileKey::of_voxel(LevelName::MAIN, &[voxel, 0, 0]).x,
+                TileKey::at(LevelName::MAIN, centre_m, 0.0).x
+            );
         }
     }
 }

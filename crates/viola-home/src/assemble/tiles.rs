@@ -12,8 +12,8 @@ use rustc_hash::FxHashMap;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use uuid::Uuid;
-use viola_geometry::Pose3;
 use viola_geometry::taxonomy::Class;
+use viola_geometry::{LevelName, Pose3};
 use viola_reconstruct::CloudPoint;
 
 /// Changed tiles; none for tiles that became empty.
@@ -72,7 +72,9 @@ fn dirty<E>(
     for (at, (_, clip)) in clips.iter_mut().enumerate() {
         let old = before.get(&*clip.share);
         let same = |old: &&&PlacedClip| {
-            old.in_space() == clip.in_space() && old.recorded_at_ms == clip.recorded_at_ms
+            old.level_name == clip.level_name
+                && old.in_space() == clip.in_space()
+                && old.recorded_at_ms == clip.recorded_at_ms
         };
         match old.filter(same) {
             Some(old) => clip.tiles.clone_from(&old.tiles),
@@ -105,14 +107,20 @@ fn touched(loaded: &Loaded, clip: &PlacedClip) -> Vec<TileKey> {
     let mut tiles: BTreeSet<TileKey> = BTreeSet::new();
     let mut last = None;
     for point in lasting_points(loaded) {
-        let key = tile_of(&placed(point, &map_from_clip).position_m);
+        let key = tile_of(clip.level_name, &placed(point, &map_from_clip).position_m);
         if last != Some(key) {
             tiles.insert(key);
             last = Some(key);
         }
     }
     if clip.recorded_at_ms.is_some() {
-        tiles.extend(loaded.share.carved().placed(&map_from_clip, |block| Some(tile_of_block(block))).keys());
+        tiles.extend(
+            loaded
+                .share
+                .carved()
+                .placed(&map_from_clip, |block| Some(tile_of_block(clip.level_name, block)))
+                .keys(),
+        );
     }
     tiles.into_iter().collect()
 }
@@ -133,8 +141,8 @@ fn placed(point: &CloudPoint, map_from_clip: &Pose3) -> CloudPoint {
 }
 
 /// Returns the tile that contains a block of carved cells.
-fn tile_of_block(block: [i32; 3]) -> TileKey {
-    TileKey::of_voxel(&block.map(|c| c * BLOCK_CELLS * CELL_VOXELS))
+fn tile_of_block(level: LevelName, block: [i32; 3]) -> TileKey {
+    TileKey::of_voxel(level, &block.map(|c| c * BLOCK_CELLS * CELL_VOXELS))
 }
 
 /// Points and carved space of a clip in one tile, in the map's frame.
@@ -160,7 +168,7 @@ fn parts(loaded: &Loaded, clip: &PlacedClip, keys: &[TileKey]) -> BTreeMap<TileK
     };
     for point in lasting_points(loaded) {
         let point = placed(point, &map_from_clip);
-        let key = tile_of(&point.position_m);
+        let key = tile_of(clip.level_name, &point.position_m);
         if last != Some(key) {
             flush(last, &mut points);
             last = Some(key);
@@ -169,7 +177,8 @@ fn parts(loaded: &Loaded, clip: &PlacedClip, keys: &[TileKey]) -> BTreeMap<TileK
     }
     flush(last, &mut points);
     if clip.recorded_at_ms.is_some() {
-        let wanted = |block| Some(tile_of_block(block)).filter(|key| keys.binary_search(key).is_ok());
+        let wanted =
+            |block| Some(tile_of_block(clip.level_name, block)).filter(|key| keys.binary_search(key).is_ok());
         for (key, carved) in loaded.share.carved().placed(&map_from_clip, wanted) {
             parts.entry(key).or_default().carved = carved;
         }

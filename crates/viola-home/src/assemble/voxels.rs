@@ -4,8 +4,8 @@ use super::tile::TileKey;
 use crate::{MAP_VOXEL_M, MapPoint};
 use rustc_hash::FxHashMap;
 use std::cmp::Reverse;
-use viola_geometry::Vector3;
 use viola_geometry::taxonomy::{CLASSES, Class};
+use viola_geometry::{LevelName, Vector3};
 use viola_reconstruct::cloud::BLACK;
 use viola_reconstruct::label::likeliest_beside;
 use viola_reconstruct::{CloudPoint, Label, NO_COLOR};
@@ -178,8 +178,8 @@ impl Voxel {
 }
 
 /// Returns the tile that contains a point in the map's frame.
-pub(super) fn tile_of(position_m: &[f32; 3]) -> TileKey {
-    TileKey::of_voxel(&voxel_of(position_m, MAP_VOXEL_M))
+pub(super) fn tile_of(level: LevelName, position_m: &[f32; 3]) -> TileKey {
+    TileKey::of_voxel(level, &voxel_of(position_m, MAP_VOXEL_M))
 }
 
 #[cfg(test)]

@@ -1,21 +1,24 @@
 //! Transform between the frames of two LiDAR maps of one home.
 
 use super::super::assemble::PlacedClip;
-use viola_geometry::{Pose2, angle_between};
+use viola_geometry::{LevelName, Pose2, angle_between};
 
 /// Distance and angle at which two clips disagree for certain about the transform; further counts the same.
 const APART_M: f64 = 1.0;
 const APART_RAD: f64 = 0.3;
 
-/// Returns the transform from the frame of an earlier LiDAR map into that of the present one; `None` if no
-/// clip is in both maps.
+/// Returns the transform from the frame of a level's earlier LiDAR map into that of the present one; `None` if
+/// no clip is in both maps.
 ///
 /// A clip's own frame does not depend on the LiDAR map, so each clip in both maps gives the transform. The
 /// one that most others agree with is taken, because single clips may have changed their place.
-pub fn map_from_earlier(earlier: &[PlacedClip], now: &[PlacedClip]) -> Option<Pose2> {
+pub fn map_from_earlier(level: LevelName, earlier: &[PlacedClip], now: &[PlacedClip]) -> Option<Pose2> {
+    let is_on_level = |clip: &&PlacedClip| clip.level_name == level;
+    let now: Vec<&PlacedClip> = now.iter().filter(is_on_level).collect();
     let mut pairs: Vec<(&PlacedClip, &PlacedClip)> = earlier
         .iter()
-        .filter_map(|then| Some((then, now.iter().find(|clip| clip.clip == then.clip)?)))
+        .filter(is_on_level)
+        .filter_map(|then| Some((then, *now.iter().find(|clip| clip.clip == then.clip)?)))
         .collect();
     // A few hundred clips decide as well as thousands.
     pairs.truncate(MAX_CLIPS);

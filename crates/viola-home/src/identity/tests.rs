@@ -148,6 +148,7 @@ fn placed(clip: u128, map_from_clip: Pose2) -> PlacedClip {
         share: clip.to_string(),
         recorded_at_ms: None,
         by: PlacedBy::Alignment,
+        level_name: LevelName::MAIN,
         probability: None,
         alone: map_from_clip,
         map_from_clip,
@@ -173,9 +174,9 @@ fn the_frame_of_a_new_lidar_map_is_that_of_most_clips() {
     now[0].map_from_clip = Pose2::new(9.0, 9.0, 0.0);
     now[3].map_from_clip = Pose2::new(-9.0, 2.0, 3.0);
     now.push(placed(77, Pose2::IDENTITY));
-    let found = map_from_earlier(&earlier, &now).unwrap();
+    let found = map_from_earlier(LevelName::MAIN, &earlier, &now).unwrap();
     assert!(found.distance_m(&change) < 1e-9 && (found.yaw_rad - change.yaw_rad).abs() < 1e-9, "{found:?}");
-    assert_eq!(map_from_earlier(&earlier, &now[5..]), None);
+    assert_eq!(map_from_earlier(LevelName::MAIN, &earlier, &now[5..]), None);
 
     let mut history = History::default();
     assert_eq!(next(&mut history, vec![chair(1.0, 2.0), chair(4.0, 2.0)]), ["chair-1", "chair-2"]);

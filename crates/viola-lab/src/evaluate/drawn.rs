@@ -13,7 +13,7 @@ use std::sync::Arc;
 use viola_align::{AlignParams, FREE_CELL_M, HIT_SPACING_M, Hit, Observation, Target, VirtualScan};
 use viola_formats::lidar::{Cell, LidarMap};
 use viola_geometry::progress::{self, Progress};
-use viola_geometry::{Grid, Point2, Pose2, Vector2};
+use viola_geometry::{Grid, LevelName, Point2, Pose2, Vector2};
 use viola_reconstruct::{CloudPoint, FloorReport, Label, PointCloud};
 
 /// Parameters of drawn clips.
@@ -134,6 +134,8 @@ impl Suite for DrawnClips {
                     observation: observation(scan, params.raycast.vacuum_height_m),
                     lidar: map.lidar.clone(),
                     target: Some(map.target.clone()),
+                    level: LevelName::MAIN,
+                    other_levels: Vec::new(),
                     map_from_clip: *first,
                     equivalent_poses: vec![*first],
                     first_frame: 0,

@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex};
 use viola_align as align;
 use viola_align::{AlignParams, Target};
 use viola_formats::lidar::LidarMap;
-use viola_geometry::Pose2;
 use viola_geometry::progress::Progress;
+use viola_geometry::{LevelName, Pose2};
 use viola_reconstruct::LabelParams;
 
 /// Suffix of sets whose clips get the map of another home.
@@ -43,6 +43,11 @@ pub const DENSER: usize = 4;
 /// The true pose of a clip in the map of another home: far from every answer.
 const NOWHERE: Pose2 = Pose2 { x_m: 1e6, y_m: 1e6, yaw_rad: 0.0 };
 
+/// Returns the name of a storey.
+fn level(storey: u64) -> LevelName {
+    if storey == 0 { LevelName::MAIN } else { format!("storey-{storey}").parse().unwrap_or_default() }
+}
+
 pub struct HomeClips {
     params: HomesParams,
     cases: Vec<Case>,
@@ -56,6 +61,8 @@ pub struct HomeClips {
 struct HomeClip {
     set: Set,
     seed: u64,
+    storey: u64,
+    /// Among the clips of the storey.
     number: u64,
     frames: usize,
     foreign: bool,
@@ -63,7 +70,7 @@ struct HomeClip {
 
 /// A home and its map.
 struct Mapped {
-    of: (Set, u64),
+    of: (Set, u64, u64),
     home: Home,
     survey: Survey,
     lidar: Arc<LidarMap>,
@@ -78,32 +85,37 @@ impl HomeClips {
             for &foreign in maps {
                 for &frames in &params.frames {
                     for seed in params.seeds.clone() {
-                        let numbers = 0..params.clips_per_home;
-                        clips.extend(numbers.map(|number| HomeClip { set, seed, number, frames, foreign }));
+                        let clip = |number| {
+                            let (storey, number) = (number % set.storeys(), number / set.storeys());
+                            HomeClip { set, seed, storey, number, frames, foreign }
+                        };
+                        clips.extend((0..params.clips_per_home).map(clip));
                     }
                 }
             }
         }
         let case = |clip: &HomeClip| Case {
-            name: format!("{:06}_{}", clip.seed, clip.number),
+            name: format!("{:06}_{}", clip.seed, clip.number * clip.set.storeys() + clip.storey),
             set: format!("{}{}", clip.set.name(), if clip.foreign { FOREIGN } else { "" }),
             frames: clip.frames,
         };
         HomeClips { cases: clips.iter().map(case).collect(), clips, params, recent: Mutex::default() }
     }
 
-    fn mapped(&self, set: Set, seed: u64) -> Result<Arc<Mapped>, RunError> {
+    /// Returns a storey of a home with its map.
+    fn mapped(&self, of: (Set, u64, u64)) -> Result<Arc<Mapped>, RunError> {
         const KEPT: usize = 4;
+        let (set, seed, storey) = of;
         let recent = || self.recent.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        if let Some(mapped) = recent().iter().find(|mapped| mapped.of == (set, seed)) {
+        if let Some(mapped) = recent().iter().find(|mapped| mapped.of == of) {
             return Ok(mapped.clone());
         }
-        let home = Home::generate(&HomeParams::new(set, seed));
+        let home = Home::generate(&HomeParams { storey, ..HomeParams::new(set, seed) });
         let survey = home.survey();
         let lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes())
             .map_err(|source| RunError::Map { home: seed, source })?;
-        let target = Target::new(&lidar).map(Arc::new);
-        let mapped = Arc::new(Mapped { of: (set, seed), home, survey, lidar: Arc::new(lidar), target });
+        let target = Target::of_level(level(storey), &lidar).map(Arc::new);
+        let mapped = Arc::new(Mapped { of, home, survey, lidar: Arc::new(lidar), target });
         let mut recent = recent();
         recent.push(mapped.clone());
         if recent.len() > KEPT {
@@ -135,9 +147,13 @@ impl Suite for HomeClips {
         params: &AlignParams,
         progress: &dyn Progress,
     ) -> Result<Option<Sample>, RunError> {
-        let HomeClip { set, seed, number, frames, foreign } = self.clips[index];
-        let mapped = self.mapped(set, seed)?;
-        let map = if foreign { self.mapped(set, seed + 1)? } else { mapped.clone() };
+        let HomeClip { set, seed, storey, number, frames, foreign } = self.clips[index];
+        let mapped = self.mapped((set, seed, storey))?;
+        let of_map = if foreign { seed + 1 } else { seed };
+        let map = self.mapped((set, of_map, storey))?;
+        let others = (0..set.storeys()).filter(|other| *other != storey);
+        let others = others.map(|other| Ok(self.mapped((set, of_map, other))?.target.clone()));
+        let others: Vec<Option<Arc<Target>>> = others.collect::<Result<_, RunError>>()?;
         // Colour is not used: small pictures suffice.
         let color_width = self.params.sensor.depth_camera().width;
         let denser = if self.params.withhold_poses { DENSER } else { 1 };
@@ -166,6 +182,8 @@ impl Suite for HomeClips {
             observation,
             lidar: map.lidar.clone(),
             target: map.target.clone(),
+            level: level(storey),
+            other_levels: others.into_iter().flatten().collect(),
             map_from_clip: if foreign { NOWHERE } else { truth.map_from_clip },
             equivalent_poses: if foreign { vec![NOWHERE] } else { truth.equivalent_poses },
             first_frame: 0,

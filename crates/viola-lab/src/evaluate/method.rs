@@ -139,18 +139,22 @@ impl Method {
 
     /// Aligns a sample.
     pub fn register(&self, sample: &Sample, progress: &dyn Progress) -> Result<Alignment, AlignError> {
-        let target = sample.target.as_deref();
         match &self.kind {
             MethodKind::Viola(params) => {
+                let targets = sample.targets();
                 if self.by_truth {
-                    let alone = align::register(&sample.observation, target, params, progress)?;
+                    let alone = align::register(&sample.observation, &targets, params, progress)?;
                     if sample.is_success(&alone) {
                         return Ok(alone);
                     }
                 }
-                Ok(align::register_completing(&sample.observation, target, params, progress)?.0)
+                Ok(align::register_completing(&sample.observation, &targets, params, progress)?.0)
             }
-            MethodKind::Paper(params) => paper::register(&sample.observation, target, params, progress),
+            // The paper's method has no levels: it gets the right one.
+            MethodKind::Paper(params) => {
+                paper::register(&sample.observation, sample.target.as_deref(), params, progress)
+                    .map(|answer| Alignment { level: sample.level, ..answer })
+            }
         }
     }
 }

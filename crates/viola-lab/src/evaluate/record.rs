@@ -21,9 +21,12 @@ pub struct ClipResult {
     /// Codes of the answer's reasons.
     pub reasons: Vec<String>,
     pub probability: Option<f64>,
-    /// Null without a pose.
+    /// Null without a pose on the true level.
     pub rotation_error_deg: Option<f64>,
     pub translation_error_m: Option<f64>,
+    /// Whether the answer has the true level; null without a pose, and in homes with one level.
+    #[serde(default)]
+    pub right_level: Option<bool>,
     /// Fraction of the map's points that the clip's hits cover at the true pose (the paper's coverage).
     pub coverage: f64,
     pub inliers: Option<f64>,
@@ -45,7 +48,7 @@ pub struct ClipResult {
 /// One of the answer's alternatives.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Listed {
-    /// Under 10 degrees and 0.3 m from the truth.
+    /// On the true level, and under 10 degrees and 0.3 m from the truth.
     pub right: bool,
     pub loss_m: f64,
     /// None for methods that rank by distance only.
@@ -71,11 +74,14 @@ impl ClipResult {
         coverage: f64,
         seconds: Seconds,
     ) -> ClipResult {
-        let error = alignment.map_from_clip.as_ref().map(|pose| sample.errors(pose));
+        let is_right_level = alignment.level == sample.level;
+        let on_level = alignment.map_from_clip.as_ref().filter(|_| is_right_level);
+        let error = on_level.map(|pose| sample.errors(pose));
+        let may_err = alignment.map_from_clip.is_some() && !sample.other_levels.is_empty();
         let judge = |alternative: &Alternative| {
             let (rotation_deg, translation_m) = sample.errors(&alternative.map_from_clip);
             Listed {
-                right: rotation_deg < 10.0 && translation_m < 0.3,
+                right: alternative.level == sample.level && rotation_deg < 10.0 && translation_m < 0.3,
                 loss_m: alternative.loss_m,
                 evidence: alternative.evidence,
             }
@@ -93,6 +99,7 @@ impl ClipResult {
             probability: alignment.probability,
             rotation_error_deg: error.map(|e| e.0),
             translation_error_m: error.map(|e| e.1),
+            right_level: may_err.then_some(is_right_level),
             coverage,
             inliers: alignment.inliers,
             unknowable: sample.equivalent_poses.len() > 1,
@@ -121,6 +128,7 @@ impl ClipResult {
             probability: None,
             rotation_error_deg: errors.map(|e| e.0),
             translation_error_m: errors.map(|e| e.1),
+            right_level: None,
             coverage: 0.5,
             inliers: Some(0.9),
             unknowable: false,

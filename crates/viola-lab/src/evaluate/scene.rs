@@ -10,7 +10,7 @@ use viola_align::{AlignParams, Target};
 use viola_formats::clip::Clip;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Progress;
-use viola_geometry::{Pose2, Vector3};
+use viola_geometry::{LevelName, Pose2, Vector3};
 
 /// A recording with true poses, its LiDAR map, and the transform between the two.
 pub struct Scene {
@@ -114,6 +114,8 @@ impl Suite for SceneClips {
             observation,
             lidar: self.scene.lidar.clone(),
             target: self.scene.target.clone(),
+            level: LevelName::MAIN,
+            other_levels: Vec::new(),
             map_from_clip,
             equivalent_poses: vec![map_from_clip],
             first_frame: numbers.start,

@@ -4,7 +4,7 @@ use super::RunError;
 use std::sync::Arc;
 use viola_align::{AlignParams, Alignment, Observation, Target};
 use viola_formats::lidar::LidarMap;
-use viola_geometry::{Pose2, angle_between};
+use viola_geometry::{LevelName, Pose2, angle_between};
 
 /// Name of a clip to evaluate.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -23,6 +23,10 @@ pub struct Sample {
     pub lidar: Arc<LidarMap>,
     /// None if the map has no occupied point.
     pub target: Option<Arc<Target>>,
+    /// The level of `target`.
+    pub level: LevelName,
+    /// Maps of the home's other levels.
+    pub other_levels: Vec<Arc<Target>>,
     pub map_from_clip: Pose2,
     /// All poses that fit the clip's content as well as the true one, which is included. More than one means
     /// that the clip is unknowable.
@@ -33,15 +37,21 @@ pub struct Sample {
 }
 
 impl Sample {
+    /// Returns the maps of all levels of the home.
+    pub fn targets(&self) -> Vec<&Target> {
+        self.target.iter().chain(&self.other_levels).map(Arc::as_ref).collect()
+    }
+
     /// Returns whether an answer is the paper's success: under 10 degrees and 0.3 m.
     pub fn is_success(&self, alignment: &Alignment) -> bool {
-        alignment.map_from_clip.as_ref().is_some_and(|pose| {
+        let pose = alignment.map_from_clip.filter(|_| alignment.level == self.level);
+        pose.as_ref().is_some_and(|pose| {
             let (rotation_deg, translation_m) = self.errors(pose);
             rotation_deg < 10.0 && translation_m < 0.3
         })
     }
 
-    /// Returns the errors of a pose, in degrees and metres.
+    /// Returns the errors of a pose on the true level, in degrees and metres.
     pub fn errors(&self, pose: &Pose2) -> (f64, f64) {
         let truth = &self.map_from_clip;
         (angle_between(pose.yaw_rad, truth.yaw_rad).to_degrees(), pose.distance_m(truth))

@@ -24,6 +24,8 @@ pub struct TableRow {
     /// Fraction of the `aligned` clips that are no success; null if there are none.
     pub wrong_when_aligned: Option<f64>,
     pub aligned_rate: f64,
+    /// Fraction of the `aligned` clips that have the true level; null for homes with one level.
+    pub right_level_when_aligned: Option<f64>,
     /// Calibration error of the probabilities; null without probabilities.
     pub expected_calibration_error: Option<f64>,
     /// Number of clips that fit the map equally well in several places.
@@ -73,6 +75,8 @@ fn row(method: &str, set: &str, frames: usize, results: &[&ClipResult]) -> Table
     let part = |part: usize, whole: usize| (whole > 0).then(|| part as f64 / whole as f64);
     let aligned = count(&|r| r.state == AlignmentState::Aligned);
     let wrong = count(&|r| r.state == AlignmentState::Aligned && !r.is_success());
+    let aligned_on =
+        |right: bool| count(&|r| r.state == AlignmentState::Aligned && r.right_level == Some(right));
     let unknowable = count(&|r| r.unknowable);
     let admitted = count(&|r| r.unknowable && r.state == AlignmentState::Ambiguous && r.truth_rank.is_some());
     TableRow {
@@ -93,6 +97,7 @@ fn row(method: &str, set: &str, frames: usize, results: &[&ClipResult]) -> Table
             .to_vec(),
         wrong_when_aligned: part(wrong, aligned),
         aligned_rate: share(aligned),
+        right_level_when_aligned: part(aligned_on(true), aligned_on(true) + aligned_on(false)),
         expected_calibration_error: Calibration::of(results.iter().copied())
             .map(|calibration| calibration.expected_calibration_error),
         unknowable_clips: unknowable,
@@ -139,21 +144,22 @@ pub fn markdown(rows: &[TableRow]) -> String {
         let _ = writeln!(out, " {:.3} s | {:.2} s |", r.seconds_median, r.seconds_total_median);
     }
     out.push_str(
-        "\n| set | frames | clips | method | aligned | wrong when aligned | calibration error | unknowable | of those admitted |\n\
-         |---|---|---|---|---|---|---|---|---|\n",
+        "\n| set | frames | clips | method | aligned | wrong when aligned | right level | calibration error | unknowable | of those admitted |\n\
+         |---|---|---|---|---|---|---|---|---|---|\n",
     );
     for r in rows {
         let percent =
             |share: Option<f64>| share.map_or("-".to_owned(), |share| format!("{:.1} %", 100.0 * share));
         let _ = writeln!(
             out,
-            "| {} | {} | {} | {} | {:.1} % | {} | {} | {} | {} |",
+            "| {} | {} | {} | {} | {:.1} % | {} | {} | {} | {} | {} |",
             r.set,
             r.frames,
             r.clips,
             r.method,
             100.0 * r.aligned_rate,
             percent(r.wrong_when_aligned),
+            percent(r.right_level_when_aligned),
             r.expected_calibration_error.map_or("-".to_owned(), |error| format!("{error:.3}")),
             r.unknowable_clips,
             percent(r.unknowable_admitted),
@@ -165,7 +171,7 @@ pub fn markdown(rows: &[TableRow]) -> String {
 /// Returns one row per clip and method. Unknown values, such as errors without a pose, are empty.
 pub fn clips_csv(results: &[ClipResult]) -> String {
     let mut out = String::from(
-        "method,set,frames,clip,first_frame,last_frame,state,reasons,probability,r_error_deg,t_error_m,success,coverage,inliers,unknowable,truth_rank,register_seconds,seconds\n",
+        "method,set,frames,clip,first_frame,last_frame,state,reasons,probability,r_error_deg,t_error_m,right_level,success,coverage,inliers,unknowable,truth_rank,register_seconds,seconds\n",
     );
     let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.4}"));
     for r in results {
@@ -176,7 +182,7 @@ pub fn clips_csv(results: &[ClipResult]) -> String {
         };
         let _ = writeln!(
             out,
-            "{},{},{},{},{},{},{state},{},{},{},{},{},{:.4},{},{},{},{:.4},{:.4}",
+            "{},{},{},{},{},{},{state},{},{},{},{},{},{},{:.4},{},{},{},{:.4},{:.4}",
             r.method,
             r.set,
             r.frames,
@@ -187,6 +193,7 @@ pub fn clips_csv(results: &[ClipResult]) -> String {
             number(r.probability),
             number(r.rotation_error_deg),
             number(r.translation_error_m),
+            r.right_level.map_or(String::new(), |right| right.to_string()),
             r.is_success(),
             r.coverage,
             number(r.inliers),

@@ -24,10 +24,12 @@ pub enum Set {
     Repeated,
     /// Furniture moved, added and removed between the vacuum's day and the clips' day.
     Changed,
+    /// Two storeys with the same walls and rooms, but other furniture and doors.
+    Storeys,
 }
 
 impl Set {
-    pub const ALL: [Set; 4] = [Set::Normal, Set::Upper, Set::Repeated, Set::Changed];
+    pub const ALL: [Set; 5] = [Set::Normal, Set::Upper, Set::Repeated, Set::Changed, Set::Storeys];
 
     pub fn name(self) -> &'static str {
         match self {
@@ -35,7 +37,13 @@ impl Set {
             Set::Upper => "upper",
             Set::Repeated => "repeated",
             Set::Changed => "changed",
+            Set::Storeys => "storeys",
         }
+    }
+
+    /// Returns the number of storeys of a home.
+    pub fn storeys(self) -> u64 {
+        if self == Set::Storeys { 2 } else { 1 }
     }
 }
 
@@ -57,11 +65,13 @@ pub struct HomeParams {
     pub seed: u64,
     /// Fraction of the movable pieces and doors that change by another day; used by [`Set::Changed`].
     pub changed_share: f64,
+    /// Counts from 0; used by [`Set::Storeys`].
+    pub storey: u64,
 }
 
 impl HomeParams {
     pub fn new(set: Set, seed: u64) -> HomeParams {
-        HomeParams { set, seed, changed_share: 0.35 }
+        HomeParams { set, seed, changed_share: 0.35, storey: 0 }
     }
 }
 
@@ -133,6 +143,8 @@ impl Home {
             _ => Plan::of_a_home(&mut plan_rng),
         };
         let building = structure::solids(&plan, &mut rng.fork("building", 0));
+        // The building is the same on all storeys; everything else has random streams of its own.
+        let rng = if params.storey > 0 { rng.fork("storey", params.storey) } else { rng };
         let mut pieces = furnish::furnish(&plan, &rng.fork("furniture", 0));
         if params.set == Set::Repeated {
             pieces = change::break_symmetry(&plan, pieces, &mut rng.fork("likeness", 0));

@@ -2,6 +2,7 @@ use super::super::members::{Extent, Member, Verdict};
 use super::*;
 use nalgebra::Matrix3;
 use uuid::Uuid;
+use viola_geometry::{LevelName, Pose2};
 
 const EXTENT: Extent = Extent { min_m: [-2.0; 2], max_m: [2.0; 2] };
 
@@ -12,13 +13,22 @@ fn member(number: u128, verdict: Verdict) -> Member {
 
 fn aligned(number: u128, x_m: f64) -> Member {
     let (map_from_clip, covariance) = (Pose2::new(x_m, 0.0, 0.0), Matrix3::identity() * 1e-4);
-    member(number, Verdict::Aligned { map_from_clip, covariance, probability: Some(0.99) })
+    member(
+        number,
+        Verdict::Aligned { level: LevelName::MAIN, map_from_clip, covariance, probability: Some(0.99) },
+    )
 }
 
 /// A clip that is in one of several rooms, 5 m apart.
 fn in_one_of(number: u128, probabilities: &[f64]) -> Member {
-    let rooms = (0..probabilities.len()).map(|room| Pose2::new(5.0 * room as f64, 0.0, 0.0));
-    member(number, Verdict::Ambiguous { alternatives: rooms.zip(probabilities.iter().copied()).collect() })
+    let rooms = probabilities.iter().enumerate();
+    let alternatives =
+        rooms.map(|(room, probability)| on_main(5.0 * room as f64, 0.0, *probability)).collect();
+    member(number, Verdict::Ambiguous { alternatives })
+}
+
+fn on_main(x_m: f64, yaw_rad: f64, probability: f64) -> Mode {
+    Mode { level: LevelName::MAIN, map_from_clip: Pose2::new(x_m, 0.0, yaw_rad), probability }
 }
 
 fn candidate(member: &Member) -> Candidate<'_> {
@@ -91,8 +101,7 @@ fn all_clips_decide_together() {
 
 #[test]
 fn poses_close_together_are_one_explanation() {
-    let near =
-        vec![(Pose2::IDENTITY, 0.45), (Pose2::new(0.1, 0.0, 0.02), 0.4), (Pose2::new(5.0, 0.0, 0.0), 0.1)];
+    let near = vec![on_main(0.0, 0.0, 0.45), on_main(0.1, 0.02, 0.4), on_main(5.0, 0.0, 0.1)];
     let member = member(0, Verdict::Ambiguous { alternatives: near });
     let found = marginals(&[candidate(&member)], &[])[0].unwrap();
     assert!(found.mode == 0 && (found.probability - 0.85).abs() < 1e-6, "{found:?}");
@@ -101,12 +110,29 @@ fn poses_close_together_are_one_explanation() {
 /// Poses that share no floor are not compared, nor two clips that a person placed.
 #[test]
 fn only_poses_that_may_meet_are_compared() {
-    let chosen = |number, x_m| member(number, Verdict::Chosen { map_from_clip: Pose2::new(x_m, 0.0, 0.0) });
+    let chosen = |number, x_m| {
+        member(number, Verdict::Chosen { level: LevelName::MAIN, map_from_clip: Pose2::new(x_m, 0.0, 0.0) })
+    };
     let members = [chosen(0, 0.0), chosen(1, 1.0), in_one_of(2, &[0.5, 0.3, 0.1])];
     let candidates: Vec<Candidate> = members.iter().map(candidate).collect();
     let found = pairs(&candidates);
     let expected = Pairs::from([((0, 2), vec![(0, 0)]), ((1, 2), vec![(0, 0), (0, 1)])]);
     assert_eq!(found, expected);
+}
+
+/// A clip that is on one of two levels: a clip of the other level says nothing, whatever it saw.
+#[test]
+fn poses_on_different_levels_are_not_compared() {
+    let upper: LevelName = "upper".parse().unwrap();
+    let alternatives = vec![on_main(0.0, 0.0, 0.5), Mode { level: upper, ..on_main(0.0, 0.0, 0.45) }];
+    let members = [aligned(0, 0.0), member(1, Verdict::Ambiguous { alternatives })];
+    let candidates: Vec<Candidate> = members.iter().map(candidate).collect();
+    assert_eq!(pairs(&candidates), Pairs::from([((0, 1), vec![(0, 0)])]));
+    // The same pose on another level is another explanation.
+    let alone = marginals(&candidates[1..], &[])[0].unwrap();
+    assert!(alone.mode == 0 && (alone.probability - 0.5).abs() < 1e-6, "{alone:?}");
+    let contradicted = marginals(&candidates, &[said(0, 1, &[(0, 0, OTHER)])])[1].unwrap();
+    assert!(contradicted.mode == 1 && contradicted.probability > 0.85, "{contradicted:?}");
 }
 
 /// However many clips agree, and in however many patches.

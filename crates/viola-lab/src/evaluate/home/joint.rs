@@ -13,10 +13,11 @@ use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use viola_align::{AlignError, AlignParams, AlignmentState};
 use viola_formats::lidar::LidarError;
-use viola_geometry::Pose2;
 use viola_geometry::progress::Progress;
+use viola_geometry::{LevelName, Pose2};
 use viola_home::{
-    ClipContribution, Comparison, Manifest, Member, PlacedBy, SURE, Verdict, assemble, compare, likeliest,
+    ClipContribution, Comparison, Manifest, Member, Mode, PlacedBy, SURE, Verdict, assemble, compare,
+    likeliest,
 };
 
 pub use table::JointRow;
@@ -117,14 +118,14 @@ pub fn joint(
 }
 
 fn modes(clip: &AlignedClip) -> Vec<JointMode> {
-    let mode = |(map_from_clip, probability): (Pose2, f64)| JointMode {
+    let mode = |Mode { map_from_clip, probability, .. }: Mode| JointMode {
         is_right: clip.is_right(&map_from_clip),
         map_from_clip,
         probability,
     };
     match Verdict::of(&clip.answer.alignment) {
-        Some(Verdict::Aligned { map_from_clip, probability, .. }) => {
-            vec![mode((map_from_clip, probability.unwrap_or(0.0)))]
+        Some(Verdict::Aligned { level, map_from_clip, probability, .. }) => {
+            vec![mode(Mode { level, map_from_clip, probability: probability.unwrap_or(0.0) })]
         }
         Some(Verdict::Ambiguous { alternatives }) => alternatives.into_iter().map(mode).collect(),
         Some(Verdict::Chosen { .. }) | None => Vec::new(),
@@ -132,10 +133,11 @@ fn modes(clip: &AlignedClip) -> Vec<JointMode> {
 }
 
 /// Returns the true pose, then the alternatives that are wrong.
-fn true_then_wrong(clip: &AlignedClip) -> Vec<(Pose2, f64)> {
+fn true_then_wrong(clip: &AlignedClip) -> Vec<Mode> {
     let wrong = modes(clip).into_iter().filter(|mode| !mode.is_right);
     let wrong = wrong.map(|mode| (mode.map_from_clip, 0.01));
-    std::iter::once((clip.answer.map_from_clip, 1.0)).chain(wrong).collect()
+    let on_main = |(map_from_clip, probability)| Mode { level: LevelName::MAIN, map_from_clip, probability };
+    std::iter::once((clip.answer.map_from_clip, 1.0)).chain(wrong).map(on_main).collect()
 }
 
 /// Returns whether an ambiguous clip is placed, and rightly, if the others are at their true poses.
@@ -146,7 +148,10 @@ fn is_decidable(number: usize, clips: &[AlignedClip], load: &mut Load) -> bool {
     }
     let verdict = |other: usize| match Verdict::of(&clips[other].answer.alignment)? {
         own if other == number => Some(own),
-        _ => Some(Verdict::Chosen { map_from_clip: clips[other].answer.map_from_clip }),
+        _ => {
+            let map_from_clip = clips[other].answer.map_from_clip;
+            Some(Verdict::Chosen { level: LevelName::MAIN, map_from_clip })
+        }
     };
     let members = (0..clips.len()).filter_map(|other| Some(member(other, verdict(other)?))).collect();
     let Ok(known) = likeliest(members, load);

@@ -1,0 +1,111 @@
+//! `/v1/homes/{home}/lidar-maps`: the LiDAR maps of all levels
+
+use super::App;
+use super::bodies::{FileBytes, send, to_the_end};
+use super::error::{Error, Problem};
+use super::extract::{HomePath, LevelPath, Query};
+use super::lidar_map::{self, CurrentLidarMap};
+use super::list::{List, ListQuery};
+use super::problems::{CommonProblems, FileProblems};
+use super::types::LidarMapRevision;
+use axum::Json;
+use axum::extract::{Request, State};
+use axum::http::StatusCode;
+use axum::response::Response;
+use jiff::Timestamp;
+use serde::Serialize;
+
+/// The current LiDAR maps of a home
+#[derive(Serialize, utoipa::ToSchema)]
+pub(super) struct LidarMaps {
+    /// One for each level, by the levels' names.
+    items: Vec<CurrentLidarMap>,
+}
+
+/// List the current LiDAR maps of a home, one for each level
+#[utoipa::path(get, path = "/v1/homes/{home}/lidar-maps", tag = "lidar-map", params(HomePath),
+    responses((status = 200, description = "The current revision of each level", body = LidarMaps), CommonProblems))]
+pub(super) async fn list_lidar_maps(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+) -> Result<Json<LidarMaps>, Error> {
+    let maps = app.storage.lidar_maps(&home).await?;
+    Ok(Json(LidarMaps { items: maps.into_iter().map(CurrentLidarMap::from).collect() }))
+}
+
+/// Upload the LiDAR map of a level
+///
+/// A home has a LiDAR map for each storey, at most 8. The body is the file; its format is detected from its
+/// content. A new file is a new revision, and every clip of the home is queued to be aligned to the maps of all
+/// levels at once. Sending the current file again changes nothing. `PUT .../lidar-map` is the same for the level
+/// `main`.
+#[utoipa::path(put, path = "/v1/homes/{home}/lidar-maps/{level}", tag = "lidar-map", params(LevelPath),
+    request_body(content = FileBytes, content_type = "application/octet-stream",
+        description = "Any format of `PUT .../lidar-map`"),
+    responses(
+        (status = 200, description = "This is the current revision already", body = LidarMapRevision),
+        (status = 201, description = "A new revision", body = LidarMapRevision),
+        (status = 409, description = "The home has LiDAR maps of 8 other levels: `too-many-levels`", body = Problem,
+            content_type = "application/problem+json"),
+        CommonProblems, FileProblems))]
+pub(super) async fn put_level_lidar_map(
+    State(app): State<App>,
+    LevelPath { home, level }: LevelPath,
+    request: Request,
+) -> Result<(StatusCode, Json<LidarMapRevision>), Error> {
+    lidar_map::put(app, home, level, request).await
+}
+
+/// Get the current LiDAR map of a level: the summary of its file
+#[utoipa::path(get, path = "/v1/homes/{home}/lidar-maps/{level}", tag = "lidar-map", params(LevelPath),
+    responses((status = 200, description = "The current revision", body = CurrentLidarMap), CommonProblems))]
+pub(super) async fn get_level_lidar_map(
+    State(app): State<App>,
+    LevelPath { home, level }: LevelPath,
+) -> Result<Json<CurrentLidarMap>, Error> {
+    Ok(Json(app.storage.lidar_map(&home, level).await?.into()))
+}
+
+/// Remove a level: its LiDAR maps, and what people chose and corrected on it
+///
+/// Every clip of the home is queued to be aligned to the other levels. The last level cannot be removed.
+#[utoipa::path(delete, path = "/v1/homes/{home}/lidar-maps/{level}", tag = "lidar-map", params(LevelPath),
+    responses(
+        (status = 204, description = "The level is removed"),
+        (status = 409, description = "The home has no other level: `last-level`", body = Problem,
+            content_type = "application/problem+json"),
+        CommonProblems))]
+pub(super) async fn delete_level(
+    State(app): State<App>,
+    LevelPath { home, level }: LevelPath,
+) -> Result<StatusCode, Error> {
+    to_the_end(async move {
+        app.storage.delete_lidar_map(&home, level, Timestamp::now()).await?;
+        app.queue.wake();
+        Ok(StatusCode::NO_CONTENT)
+    })
+    .await
+}
+
+/// Get a picture of the current LiDAR map of a level
+#[utoipa::path(get, path = "/v1/homes/{home}/lidar-maps/{level}/image.png", tag = "lidar-map", params(LevelPath),
+    responses((status = 200, description = "The picture", body = FileBytes, content_type = "image/png"), CommonProblems))]
+pub(super) async fn get_level_lidar_map_image(
+    State(app): State<App>,
+    LevelPath { home, level }: LevelPath,
+) -> Result<Response, Error> {
+    Ok(send(app.storage.lidar_map_image(&home, level).await?, "image/png"))
+}
+
+/// List all revisions of the LiDAR map of a level, newest first
+#[utoipa::path(get, path = "/v1/homes/{home}/lidar-maps/{level}/revisions", tag = "lidar-map",
+    params(LevelPath, ListQuery),
+    responses((status = 200, description = "One page", body = List<LidarMapRevision>), CommonProblems))]
+pub(super) async fn list_level_lidar_map_revisions(
+    State(app): State<App>,
+    LevelPath { home, level }: LevelPath,
+    Query(query): Query<ListQuery>,
+) -> Result<Json<List<LidarMapRevision>>, Error> {
+    let revisions = app.storage.lidar_map_revisions(&home, level, &query.page()?).await?;
+    Ok(Json(query.list(revisions, |revision| revision.revision)?))
+}

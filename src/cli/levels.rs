@@ -1,0 +1,74 @@
+//! The `--lidar` argument of homes with one level or several.
+
+use anyhow::{Context, Result, bail};
+use clap::builder::{OsStringValueParser, TypedValueParser};
+use std::ffi::OsString;
+use std::path::PathBuf;
+use viola_formats::lidar::LidarMap;
+use viola_geometry::{LevelName, MAX_LEVELS};
+
+/// The LiDAR map of a level: `FILE` for the level `main`, else `LEVEL=FILE`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LevelArgument {
+    level: LevelName,
+    path: PathBuf,
+}
+
+/// Returns the parser of an argument.
+pub fn parser() -> impl TypedValueParser<Value = LevelArgument> {
+    OsStringValueParser::new().map(parse)
+}
+
+fn parse(text: OsString) -> LevelArgument {
+    // Text before the first `=` that cannot be the name of a level belongs to the file's name.
+    let named = text.to_str().and_then(|text| {
+        let (level, path) = text.split_once('=')?;
+        Some(LevelArgument { level: level.parse().ok()?, path: path.into() })
+    });
+    named.unwrap_or_else(|| LevelArgument { level: LevelName::MAIN, path: text.into() })
+}
+
+/// Opens the maps; returns them by the levels' names.
+pub fn open(arguments: &[LevelArgument]) -> Result<Vec<(LevelName, LidarMap)>> {
+    if arguments.len() > MAX_LEVELS {
+        bail!("{} LiDAR maps were given; a home has at most {MAX_LEVELS} levels", arguments.len());
+    }
+    let mut sorted = arguments.to_vec();
+    sorted.sort_by_key(|argument| argument.level);
+    if let Some(pair) = sorted.windows(2).find(|pair| pair[0].level == pair[1].level) {
+        bail!("two LiDAR maps were given for the level {}; name the levels: LEVEL=FILE", pair[0].level);
+    }
+    let open = |LevelArgument { level, path }: &LevelArgument| {
+        let map = LidarMap::open(path).with_context(|| format!("LiDAR map {}", path.display()))?;
+        Ok((*level, map))
+    };
+    sorted.iter().map(open).collect()
+}
+
+/// Returns the map of a level, else the first one.
+pub fn of_level(maps: &[(LevelName, LidarMap)], level: LevelName) -> Result<&LidarMap> {
+    let map = maps.iter().find(|(name, _)| *name == level).or(maps.first());
+    map.map(|(_, lidar)| lidar).context("no LiDAR map was given")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_level_stands_before_its_file() {
+        for (text, level, path) in [
+            ("map.json", "main", "map.json"),
+            ("upper=maps/up.json", "upper", "maps/up.json"),
+            ("main=a=b.json", "main", "a=b.json"),
+            ("maps/a=b.json", "main", "maps/a=b.json"),
+        ] {
+            let expected = LevelArgument { level: level.parse().unwrap(), path: path.into() };
+            assert_eq!(parse(text.into()), expected, "{text}");
+        }
+        let twice = ["a.json", "main=b.json"].map(|text| parse(text.into()));
+        assert!(open(&twice).unwrap_err().to_string().contains("level main"));
+        let many: Vec<LevelArgument> = (0..9).map(|n| parse(format!("l{n}=a.json").into())).collect();
+        assert!(open(&many).unwrap_err().to_string().contains("at most 8"));
+    }
+}

@@ -1,0 +1,72 @@
+//! Removal of levels.
+
+use super::{file_key, image_key, levels};
+use crate::storage::changes::{self, Changed};
+use crate::storage::columns::Columns;
+use crate::storage::database::{Transaction, query};
+use crate::storage::{Choice, HomeId, Storage, StorageError, corrections, homes, jobs, pending_deletes};
+use jiff::Timestamp;
+use viola_geometry::LevelName;
+
+impl Storage {
+    /// Removes the LiDAR maps of a level with all that people chose and corrected on it, and queues every clip
+    /// of the home for the other levels. The rows stay, because revisions count them and jobs name them.
+    /// Returns an error if the level is removed but one of its files is not; another call retries that.
+    pub async fn delete_lidar_map(
+        &self,
+        home: &HomeId,
+        level: LevelName,
+        now: Timestamp,
+    ) -> Result<(), StorageError> {
+        let owner = format!("lidar-map:{}:{level}", home.key());
+        let mut transaction = self.database.begin().await?;
+        if !homes::lock(&mut transaction, home).await? {
+            return Err(StorageError::NoSuchHome);
+        }
+        let (removed, left): (Vec<_>, Vec<_>) =
+            levels(&mut transaction, home).await?.into_iter().partition(|map| map.level == level);
+        if removed.is_empty() {
+            drop(transaction);
+            let had_left = self.delete_pending(&owner).await?;
+            return if had_left { Ok(()) } else { Err(StorageError::NoLidarMap) };
+        }
+        let newest = left.iter().max_by_key(|map| map.revision).ok_or(StorageError::LastLevel)?;
+        let rows = query(
+            "UPDATE lidar_maps SET removed_at = $3 WHERE home_id = $1 AND level = $2 AND removed_at IS NULL
+            RETURNING id, size_bytes",
+        );
+        let rows = rows.bind(home.key()).bind(level.as_str()).bind(now.as_millisecond());
+        let (mut keys, mut bytes) = (Vec::new(), 0);
+        for row in &rows.fetch_all(&mut transaction).await? {
+            let id = row.id("id")?;
+            keys.extend([file_key(id), image_key(id)]);
+            bytes += row.number("size_bytes")?;
+        }
+        homes::grow(&mut transaction, home, -bytes).await?;
+        withdraw_choices(&mut transaction, home, level).await?;
+        corrections::forget_level(&mut transaction, home, level).await?;
+        keys.extend(jobs::enqueue_home(&mut transaction, home, newest.id, now).await?);
+        let revision = newest.revision;
+        changes::record(&mut transaction, home, Changed::LidarMap { revision }, now).await?;
+        pending_deletes::add(&mut transaction, &owner, &keys, now).await?;
+        transaction.commit().await?;
+        self.delete_pending(&owner).await?;
+        Ok(())
+    }
+}
+
+/// Withdraws the choices on a level: their frame is gone.
+async fn withdraw_choices(
+    transaction: &mut Transaction,
+    home: &HomeId,
+    level: LevelName,
+) -> Result<(), StorageError> {
+    let rows = query("SELECT id, choice FROM clips WHERE home_id = $1 AND choice IS NOT NULL ORDER BY id");
+    for row in &rows.bind(home.key()).fetch_all(transaction).await? {
+        if row.json::<Choice>("choice")?.level == level {
+            let withdraw = query("UPDATE clips SET choice = NULL WHERE id = $1").bind(row.text("id")?);
+            withdraw.execute(transaction).await?;
+        }
+    }
+    Ok(())
+}
