@@ -137,7 +137,7 @@ fn revision(
     lidar: Option<&[u8]>,
     last: &Earlier,
 ) -> Result<NewRevision, MergeError> {
-    let Assembly { manifest, changed } = assembly;
+    let Assembly { manifest, changed, looked } = assembly;
     let mut new = NewRevision { manifest, ..NewRevision::default() };
     let mut tiles: BTreeMap<TileKey, Tile> = BTreeMap::new();
     for (key, bytes) in kept {
@@ -150,7 +150,7 @@ fn revision(
     if let Some(lidar) = lidar {
         let tiles: Vec<Tile> = tiles.into_values().collect();
         let Described { scene, plan, has_object_changes } =
-            describe(&LidarMap::read(lidar)?, &tiles, &new.manifest, last);
+            describe(&LidarMap::read(lidar)?, &tiles, &new.manifest, &looked, last);
         new.files.extend(plan);
         new.files.push((map_file::SCENE, serde_json::to_vec(&scene).unwrap_or_default()));
         new.objects = scene.objects;

@@ -39,12 +39,18 @@ fn bit(cell: [i32; 3]) -> (usize, u64) {
     (z, 1 << (y * BLOCK_CELLS as usize + x))
 }
 
-fn block_of(cell: [i32; 3]) -> [i32; 3] {
+pub(crate) fn block_of(cell: [i32; 3]) -> [i32; 3] {
     cell.map(|c| c.div_euclid(BLOCK_CELLS))
 }
 
+/// Returns the number of a cell in its block.
+pub(crate) fn number_of(cell: [i32; 3]) -> usize {
+    let (layer, bit) = bit(cell);
+    layer * 64 + bit.trailing_zeros() as usize
+}
+
 /// Returns the cell of a point.
-fn cell_of(position_m: [f64; 3]) -> [i32; 3] {
+pub(crate) fn cell_of(position_m: [f64; 3]) -> [i32; 3] {
     position_m.map(|c| (c / CELL_M).floor() as i32)
 }
 
@@ -75,6 +81,19 @@ impl CarvedSpace {
         let cell = cell_of(position_m);
         let (layer, bit) = bit(cell);
         self.blocks.get(&block_of(cell)).is_some_and(|bits| bits[layer] & bit != 0)
+    }
+
+    /// Calls `each` with the block of each cell, and its number there.
+    pub(crate) fn for_each(&self, mut each: impl FnMut([i32; 3], usize)) {
+        for (block, bits) in &self.blocks {
+            for (layer, word) in bits.iter().enumerate() {
+                let mut left = *word;
+                while left != 0 {
+                    each(*block, layer * 64 + left.trailing_zeros() as usize);
+                    left &= left - 1;
+                }
+            }
+        }
     }
 
     /// Adds the cells of another set.

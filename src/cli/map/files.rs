@@ -30,9 +30,9 @@ pub struct HomeFiles {
 
 impl HomeFiles {
     pub fn new(lidar: &LidarMap, map: Assembly, clips: &[HomeClip]) -> Result<HomeFiles> {
-        let Assembly { manifest, changed } = map;
+        let Assembly { manifest, changed, looked } = map;
         let tiles: Vec<Tile> = changed.into_values().flatten().collect();
-        let Described { scene, plan, .. } = describe(lidar, &tiles, &manifest, &Earlier::default());
+        let Described { scene, plan, .. } = describe(lidar, &tiles, &manifest, &looked, &Earlier::default());
         let document = MapDocument {
             clips: clip_documents(&manifest, clips)?,
             info: HomeMapInfo::of(manifest.tiles.iter().map(|(_, info)| info)),

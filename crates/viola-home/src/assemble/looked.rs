@@ -1,0 +1,86 @@
+//! Clips that looked through the space of changed tiles: whether a place was empty before an object was seen
+//! there, and whether it is empty since.
+
+use super::members::PlacedClip;
+use super::tile::TileKey;
+use crate::carved::{BLOCK_CELLS, CarvedSpace, block_of, cell_of, number_of};
+use rustc_hash::FxHashMap;
+use std::collections::BTreeSet;
+
+const CELLS: usize = (BLOCK_CELLS * BLOCK_CELLS * BLOCK_CELLS) as usize;
+/// The value of a cell that no clip looked through.
+const NEVER: u16 = u16::MAX;
+
+/// The first and the last clip that looked through each cell of a block, by their numbers in the map.
+type Block = Box<[[u16; 2]; CELLS]>;
+
+/// Clips that looked through the cells of the changed tiles. Clips of unknown time are left out.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LookedThrough {
+    blocks: FxHashMap<[i32; 3], Block>,
+    tiles: BTreeSet<TileKey>,
+    /// Recording times of the map's clips.
+    times_ms: Vec<Option<i64>>,
+}
+
+impl LookedThrough {
+    /// Returns that of these tiles, before any clip.
+    pub(super) fn of(tiles: &[TileKey], clips: &[PlacedClip]) -> LookedThrough {
+        LookedThrough {
+            blocks: FxHashMap::default(),
+            tiles: tiles.iter().copied().collect(),
+            times_ms: clips.iter().map(|clip| clip.recorded_at_ms).collect(),
+        }
+    }
+
+    /// Adds the cells of one tile.
+    pub(super) fn extend(&mut self, of_tile: LookedCells) {
+        self.blocks.extend(of_tile.blocks);
+    }
+
+    /// Returns the time of recording of a clip of the map.
+    pub fn time_ms(&self, clip: u16) -> Option<i64> {
+        self.times_ms.get(usize::from(clip)).copied().flatten()
+    }
+
+    /// Returns whether a clip from before `time_ms` looked through a place; none in tiles that did not change.
+    pub fn before(&self, at_m: [f32; 3], time_ms: i64) -> Option<bool> {
+        let [first, _] = self.at(at_m)?;
+        Some(self.time_ms(first).is_some_and(|looked_ms| looked_ms < time_ms))
+    }
+
+    /// Returns whether a clip from after `time_ms` looked through a place; none in tiles that did not change.
+    pub fn after(&self, at_m: [f32; 3], time_ms: i64) -> Option<bool> {
+        let [_, last] = self.at(at_m)?;
+        Some(self.time_ms(last).is_some_and(|looked_ms| looked_ms > time_ms))
+    }
+
+    fn at(&self, at_m: [f32; 3]) -> Option<[u16; 2]> {
+        let at_m = at_m.map(f64::from);
+        if !self.tiles.contains(&TileKey::at(at_m[0], at_m[1])) {
+            return None;
+        }
+        let cell = cell_of(at_m);
+        let block = self.blocks.get(&block_of(cell));
+        Some(block.map_or([NEVER; 2], |cells| cells[number_of(cell)]))
+    }
+}
+
+/// The cells of one tile, to which clips are added, the latest first.
+#[derive(Default)]
+pub(super) struct LookedCells {
+    blocks: FxHashMap<[i32; 3], Block>,
+}
+
+impl LookedCells {
+    pub fn add(&mut self, carved: &CarvedSpace, clip: u16) {
+        carved.for_each(|block, number| {
+            let cells = self.blocks.entry(block).or_insert_with(|| Box::new([[NEVER; 2]; CELLS]));
+            let [first, last] = &mut cells[number];
+            *first = clip;
+            if *last == NEVER {
+                *last = clip;
+            }
+        });
+    }
+}
