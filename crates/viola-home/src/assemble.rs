@@ -85,7 +85,8 @@ pub fn assemble<E>(
     members.sort_by(|a, b| a.order().cmp(&b.order()));
     let mut cache = Cache::new(load);
     let mut placed = poses::place(last, &members, &mut cache)?;
-    let Rebuilt { clips, changed, looked } = tiles::rebuild(last, std::mem::take(&mut placed.clips), &mut cache)?;
+    let Rebuilt { clips, changed, looked } =
+        tiles::rebuild(last, std::mem::take(&mut placed.clips), &mut cache)?;
     let mut tile_infos: BTreeMap<TileKey, TileInfo> = last.tiles.iter().cloned().collect();
     for (key, tile) in &changed {
         match tile {

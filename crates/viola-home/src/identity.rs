@@ -83,7 +83,8 @@ impl KnownObject {
         let Some(last) = last else {
             return KnownObject { is_new: evidence::was_empty(&points, looked), points, ..found };
         };
-        let apart_m = (0..3).map(|axis| (last.centre_m[axis] - found.centre_m[axis]).powi(2)).sum::<f64>().sqrt();
+        let apart_m =
+            (0..3).map(|axis| (last.centre_m[axis] - found.centre_m[axis]).powi(2)).sum::<f64>().sqrt();
         let has_moved = apart_m >= MIN_MOVE_M && evidence::is_emptied(&last.points, looked);
         KnownObject {
             points,
@@ -187,8 +188,10 @@ impl History {
             forgotten_first(a).cmp(&forgotten_first(b)).then(a.missing.cmp(&b.missing)).then(a.id.cmp(&b.id))
         });
         missing.truncate(MAX_MISSING.max(stated.len()));
-        let last: BTreeMap<&str, &KnownObject> = last.iter().map(|known| (known.id.as_str(), known)).collect();
-        let known = |object: &Object| KnownObject::next(object, last.get(object.id.as_str()).copied(), looked);
+        let last: BTreeMap<&str, &KnownObject> =
+            last.iter().map(|known| (known.id.as_str(), known)).collect();
+        let known =
+            |object: &Object| KnownObject::next(object, last.get(object.id.as_str()).copied(), looked);
         self.objects = objects.iter().map(known).chain(missing).collect();
     }
 

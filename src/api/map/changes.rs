@@ -113,7 +113,8 @@ fn changes(
         let reason = if is_known { LostReason::NotFound } else { LostReason::ClipsRemoved };
         LostObject { reason, object: MapObject::from(object.clone()) }
     };
-    let all = |indices: &[usize], of: &[storage::MapObject]| indices.iter().map(|i| object(&of[*i])).collect();
+    let all =
+        |indices: &[usize], of: &[storage::MapObject]| indices.iter().map(|i| object(&of[*i])).collect();
     let is_hidden = |index: &&usize| history.hidden.contains(&before[**index].id);
     let hidden = found.lost.iter().chain(&found.gone).filter(is_hidden);
     let hidden = hidden.map(|index| gone(&before[*index], GoneReason::Hidden));
@@ -127,6 +128,11 @@ fn changes(
         discovered: all(&found.discovered, after),
         moved: found.moved.iter().map(moved).collect(),
         gone: seen_again.chain(hidden).collect(),
-        lost: found.lost.iter().filter(|index| !is_hidden(index)).map(|index| lost(&before[*index])).collect(),
+        lost: found
+            .lost
+            .iter()
+            .filter(|index| !is_hidden(index))
+            .map(|index| lost(&before[*index]))
+            .collect(),
     }
 }

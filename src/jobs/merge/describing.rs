@@ -6,8 +6,8 @@ use viola_formats::lidar::LidarMap;
 use viola_geometry::Pose2;
 use viola_home as home;
 use viola_home::{
-    ClipNumbers, Description, History, LookedThrough, Manifest, Object, ObjectCorrection, RevisionObjects, Room,
-    RoomCorrection, Tile,
+    ClipNumbers, Description, History, LookedThrough, Manifest, Object, ObjectCorrection, RevisionObjects,
+    Room, RoomCorrection, Tile,
 };
 
 /// Frames of earlier LiDAR maps that are kept beside those that corrections need: the kept revisions of a
@@ -82,7 +82,8 @@ pub fn describe(
         MapRoom::new(room, corrected)
     };
     let rooms = rooms.into_iter().map(map_room).collect();
-    let has_object_changes = has_object_changes((before, &ids_before), (&objects, &history.ids), &now_from_last);
+    let has_object_changes =
+        has_object_changes((before, &ids_before), (&objects, &history.ids), &now_from_last);
     Described {
         scene: MapScene { rooms, objects, coverage, history: Some(history) },
         plan: [

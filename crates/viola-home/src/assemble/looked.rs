@@ -55,6 +55,27 @@ impl LookedThrough {
         Some(self.time_ms(last).is_some_and(|looked_ms| looked_ms > time_ms))
     }
 
+    /// Returns that of the tiles around the origin; `empty` names what a clip looked through.
+    #[cfg(test)]
+    pub(crate) fn of_boxes(times_ms: &[Option<i64>], empty: &[([f64; 3], [f64; 3], u16)]) -> LookedThrough {
+        let tiles = (-2..2).flat_map(|x| (-2..2).map(move |y| TileKey { x, y }));
+        let mut looked =
+            LookedThrough { tiles: tiles.collect(), times_ms: times_ms.to_vec(), ..LookedThrough::default() };
+        for (low_m, high_m, clip) in empty {
+            let (low, high) = (cell_of(*low_m), cell_of(*high_m));
+            for (z, y, x) in (low[2]..=high[2]).flat_map(|z| {
+                (low[1]..=high[1]).flat_map(move |y| (low[0]..=high[0]).map(move |x| (z, y, x)))
+            }) {
+                let block = looked.blocks.entry(block_of([x, y, z]));
+                let [first, last] =
+                    &mut block.or_insert_with(|| Box::new([[NEVER; 2]; CELLS]))[number_of([x, y, z])];
+                *first = (*first).min(*clip);
+                *last = if *last == NEVER { *clip } else { (*last).max(*clip) };
+            }
+        }
+        looked
+    }
+
     fn at(&self, at_m: [f32; 3]) -> Option<[u16; 2]> {
         let at_m = at_m.map(f64::from);
         if !self.tiles.contains(&TileKey::at(at_m[0], at_m[1])) {

@@ -57,7 +57,8 @@ impl ObjectChanges {
 pub fn object_changes(from: &RevisionObjects, to: &RevisionObjects) -> ObjectChanges {
     let mut changes = ObjectChanges::default();
     let (known_then, known_now) = (by_id(from.ids), by_id(to.ids));
-    let place: BTreeMap<&str, usize> = to.objects.iter().enumerate().map(|(j, object)| (object.id, j)).collect();
+    let place: BTreeMap<&str, usize> =
+        to.objects.iter().enumerate().map(|(j, object)| (object.id, j)).collect();
     for (i, object) in from.objects.iter().enumerate() {
         let now = known_now.get(object.id);
         match place.get(object.id) {

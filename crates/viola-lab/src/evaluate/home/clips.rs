@@ -137,7 +137,7 @@ fn write(path: &Path, clip: &AlignedClip) -> Result<(), ClipsError> {
     let answer = serde_json::to_vec(&clip.answer).unwrap_or_default();
     let files = [
         (CLOUD, cloud_ply(&clip.share.cloud_in_clip, None)),
-        (VIEWS, views_bytes(&clip.share.views)),
+        (VIEWS, views_bytes(&clip.share.cloud_in_clip, &clip.share.views)),
         (ANSWER, answer),
     ];
     for (extension, bytes) in files {

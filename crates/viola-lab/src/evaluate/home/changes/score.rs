@@ -1,9 +1,9 @@
 //! Scores of the changes that a map tells.
 
-use super::super::matching::{MIN_IOU, Thing};
 use super::super::MIN_EXTENT_M;
-use super::truth::TrueChanges;
+use super::super::matching::{MIN_IOU, Thing};
 use super::Told;
+use super::truth::TrueChanges;
 use serde::Serialize;
 use viola_home::is_furniture;
 
@@ -90,7 +90,9 @@ impl Scores {
             places.iter().all(|thing| is_furniture(thing.class) && is_large(thing))
                 && !places.iter().any(is_open)
         };
-        for (places, _) in told.iter().zip(&of_told).filter(|(places, is_right)| !**is_right && counts(places)) {
+        for (places, _) in
+            told.iter().zip(&of_told).filter(|(places, is_right)| !**is_right && counts(places))
+        {
             score.told += 1;
             self.wrong.push(words(kind, places));
         }

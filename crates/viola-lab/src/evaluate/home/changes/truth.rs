@@ -1,7 +1,7 @@
 //! True changes between two visits, as far as the clips of both visits can tell them.
 
-use super::super::matching::Thing;
 use super::super::MIN_EXTENT_M;
+use super::super::matching::Thing;
 use super::super::simulated::{MIN_POINTS, along};
 use crate::simulate::{ClipParams, Home, HomeObject, Survey, View};
 use rayon::prelude::*;
@@ -52,7 +52,9 @@ impl Visit {
         let pieces = home.objects_alone();
         let mut seen: FxHashMap<u16, FxHashSet<Cell>> = FxHashMap::default();
         for (view, home_from_camera) in &self.views {
-            let pixels = (0..view.height).step_by(STRIDE).flat_map(|y| (0..view.width).step_by(STRIDE).map(move |x| (x, y)));
+            let pixels = (0..view.height)
+                .step_by(STRIDE)
+                .flat_map(|y| (0..view.width).step_by(STRIDE).map(move |x| (x, y)));
             for (x, y) in pixels {
                 let depth_m = f64::from(view.depth_m[y * view.width + x]);
                 if depth_m > self.range_m {
@@ -62,7 +64,9 @@ impl Visit {
                 let is_piece = |piece: &HomeObject| piece.class == class;
                 if usize::from(piece).checked_sub(1).and_then(|at| pieces.get(at)).is_some_and(is_piece) {
                     let at = home_from_camera * self.camera.unproject(x as f64, y as f64, depth_m);
-                    seen.entry(piece).or_default().insert([at.x, at.y, at.z].map(|c| (c / CELL_M).floor() as i32));
+                    seen.entry(piece)
+                        .or_default()
+                        .insert([at.x, at.y, at.z].map(|c| (c / CELL_M).floor() as i32));
                 }
             }
         }
@@ -74,12 +78,15 @@ impl Visit {
         let cells = self.seen.get(&piece).filter(|cells| cells.len() >= MIN_POINTS)?;
         let mut cells: Vec<Cell> = cells.iter().copied().collect();
         cells.sort_unstable();
-        Some(cells.into_iter().map(|cell| Point3::from(cell.map(|c| (f64::from(c) + 0.5) * CELL_M))).collect())
+        Some(
+            cells.into_iter().map(|cell| Point3::from(cell.map(|c| (f64::from(c) + 0.5) * CELL_M))).collect(),
+        )
     }
 
     /// Returns whether the visit looked at most of these places.
     fn looks_at(&self, places: &[Point3]) -> bool {
-        let is_looked_at = |place: &&Point3| self.views.iter().any(|(view, pose)| self.view_reaches(view, pose, place));
+        let is_looked_at =
+            |place: &&Point3| self.views.iter().any(|(view, pose)| self.view_reaches(view, pose, place));
         let count = places.iter().filter(is_looked_at).count();
         count as f64 >= MIN_LOOKED_AT * places.len() as f64
     }
@@ -160,7 +167,9 @@ impl TrueChanges {
         };
         let counts = |shown: &Shown| is_large(shown) && shown.is_looked_at;
         match (then, now) {
-            (Some(then), Some(now)) if counts(&then) && is_large(&now) => self.moved.push([then.thing, now.thing]),
+            (Some(then), Some(now)) if counts(&then) && is_large(&now) => {
+                self.moved.push([then.thing, now.thing])
+            }
             (Some(then), None) if counts(&then) => self.gone.push(then.thing),
             (None, Some(now)) if counts(&now) => self.added.push(now.thing),
             (then, now) => self.open.extend([then, now].into_iter().flatten().map(|shown| shown.thing)),
