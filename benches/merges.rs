@@ -78,7 +78,7 @@ impl Recordings {
             let views: Vec<View> = seen.keys.iter().map(place).collect();
             let number = recordings.map_from_clip.len();
             std::fs::write(recordings.cloud(number), cloud_ply(&seen.cloud_in_clip, None))?;
-            std::fs::write(recordings.views(number), views_bytes(&views))?;
+            std::fs::write(recordings.views(number), views_bytes(&seen.cloud_in_clip, &views))?;
             recordings.map_from_clip.push(truth.map_from_clip);
         }
         Ok(recordings)

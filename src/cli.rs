@@ -9,6 +9,7 @@ mod convert;
 mod decode_video;
 mod demo;
 mod evaluate;
+mod evaluate_changes;
 mod evaluate_home;
 mod evaluate_joint;
 mod evaluate_labels;

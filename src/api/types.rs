@@ -15,7 +15,8 @@ mod webhook;
 pub(super) use change::{Change, ChangeKind};
 pub(super) use clip::{Clip, ClipInfo, ClipScan, ClipState, Estimate};
 pub(super) use correction::{
-    CorrectedObject, CorrectedRoom, Corrections, GoneObject, GoneReason, MapChanges, MovedObject,
+    CorrectedObject, CorrectedRoom, Corrections, GoneObject, GoneReason, LostObject, LostReason, MapChanges,
+    MovedObject,
 };
 pub(super) use home::Home;
 pub(super) use home_map::{Coverage, HomeMap, HomeObject, LeftOut, MapObject, Room};

@@ -69,7 +69,7 @@ pub struct EvaluateArguments {
     #[arg(long, default_value = "60", value_delimiter = ',')]
     pub(super) frames: Vec<usize>,
     /// Number of clips. Scene: excerpts of each length, drawn at random. Simulated: clips of each home,
-    /// default 3 (1 with --track, 14 with --joint). Map: clips of each map, default 10.
+    /// default 3 (1 with --track, 14 with --joint, 6 with --changes). Map: clips of each map, default 10.
     #[arg(long)]
     pub(super) clips: Option<usize>,
     /// Evaluate the classes of points, instead of poses: of a scene against its labelled mesh, of simulated
@@ -91,8 +91,17 @@ pub struct EvaluateArguments {
         conflicts_with_all = ["labels", "home", "fit", "picture_labels", "foreign", "withhold_poses", "keep_poses"]
     )]
     joint: bool,
+    /// Evaluate the changes of objects that the maps of simulated homes tell: homes of the set `changed` are filmed
+    /// in two visits of --clips each (default 6), the maps of the others grow clip by clip and nothing changes.
+    /// Aligned clips in the output folder are not aligned again.
+    #[arg(
+        long,
+        requires = "set",
+        conflicts_with_all = ["labels", "home", "joint", "fit", "foreign", "withhold_poses", "keep_poses"]
+    )]
+    changes: bool,
     /// Evaluate camera tracking by pictures alone against the clip's poses, instead of the alignment.
-    #[arg(long, conflicts_with_all = ["map", "labels", "home", "joint", "fit"])]
+    #[arg(long, conflicts_with_all = ["map", "labels", "home", "joint", "changes", "fit"])]
     track: bool,
     /// With --track: poses of the scene's frames by other programs, in the format of benches/peers/track.py.
     #[arg(long, requires = "track", value_name = "FILE")]
@@ -125,6 +134,9 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     }
     if arguments.joint {
         return super::evaluate_joint::run(arguments);
+    }
+    if arguments.changes {
+        return super::evaluate_changes::run(arguments);
     }
     if arguments.home {
         return match &arguments.scene {
@@ -216,13 +228,21 @@ pub(super) fn homes(arguments: &EvaluateArguments) -> HomesParams {
     HomesParams {
         sets: arguments.set.clone(),
         seeds: arguments.seeds.clone(),
-        clips_per_home: arguments.clips.unwrap_or(if arguments.joint { 14 } else { 3 }) as u64,
+        clips_per_home: arguments.clips.unwrap_or(default_clips(arguments)) as u64,
         frames: arguments.frames.clone(),
         sensor: arguments.sensor,
         picture_labels: arguments.picture_labels,
         foreign: arguments.foreign,
         withhold_poses: arguments.withhold_poses,
         drift: arguments.drift,
+    }
+}
+
+fn default_clips(arguments: &EvaluateArguments) -> usize {
+    match () {
+        () if arguments.joint => 14,
+        () if arguments.changes => 6,
+        () => 3,
     }
 }
 

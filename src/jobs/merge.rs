@@ -161,7 +161,7 @@ fn revision(
     kept: Vec<(TileKey, Bytes)>,
     levels: &[Level],
 ) -> Result<NewRevision, MergeError> {
-    let Assembly { manifest, changed } = assembly;
+    let Assembly { manifest, changed, mut looked } = assembly;
     let mut new = NewRevision { manifest, ..NewRevision::default() };
     let mut tiles: BTreeMap<TileKey, Tile> = BTreeMap::new();
     for (key, bytes) in kept {
@@ -177,8 +177,10 @@ fn revision(
     }
     for Level { file: LevelFile { level, bytes }, last } in levels {
         let tiles = of_levels.remove(level).unwrap_or_default();
+        let looked = looked.remove(level).unwrap_or_default();
         let map = LevelMap { level: *level, lidar: &LidarMap::read(bytes)? };
-        let Described { scene, plan, has_object_changes } = describe(map, &tiles, &new.manifest.clips, last);
+        let Described { scene, plan, has_object_changes } =
+            describe(map, &tiles, &new.manifest.clips, &looked, last);
         new.files.extend(plan.map(|(name, bytes)| (*level, name, bytes)));
         new.files.push((*level, map_file::SCENE, serde_json::to_vec(&scene).unwrap_or_default()));
         new.objects.extend(scene.objects);

@@ -9,6 +9,7 @@ mod cache;
 mod candidates;
 mod joint;
 mod level;
+mod looked;
 mod members;
 mod overlap;
 mod poses;
@@ -23,6 +24,7 @@ pub use agreement::Agreement;
 pub use candidates::{KnownClip, Marginal};
 pub use joint::Comparison;
 pub use level::Level;
+pub use looked::LookedThrough;
 pub use members::{Extent, Member, Mode, PlacedBy, PlacedClip, Verdict};
 pub use overlap::{Overlap, disagreement};
 pub use poses::SURE;
@@ -35,7 +37,8 @@ use cache::Cache;
 use poses::Placed;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use viola_geometry::Pose2;
+use tiles::Rebuilt;
+use viola_geometry::{LevelName, Pose2};
 
 /// Summary of a map without its points; input of the next merge.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -69,6 +72,8 @@ pub struct Pair {
 pub struct Assembly {
     pub manifest: Manifest,
     pub changed: BTreeMap<TileKey, Option<Tile>>,
+    /// Of the changed tiles, by level.
+    pub looked: BTreeMap<LevelName, LookedThrough>,
 }
 
 /// Builds the map of `members` from the last manifest; `load` returns a clip's contribution.
@@ -80,7 +85,8 @@ pub fn assemble<E>(
     members.sort_by(|a, b| a.order().cmp(&b.order()));
     let mut cache = Cache::new(load);
     let mut placed = poses::place(last, &members, &mut cache)?;
-    let (clips, changed) = tiles::rebuild(last, std::mem::take(&mut placed.clips), &mut cache)?;
+    let Rebuilt { clips, changed, looked } =
+        tiles::rebuild(last, std::mem::take(&mut placed.clips), &mut cache)?;
     let mut tile_infos: BTreeMap<TileKey, TileInfo> = last.tiles.iter().cloned().collect();
     for (key, tile) in &changed {
         match tile {
@@ -91,7 +97,7 @@ pub fn assemble<E>(
     let Placed { pairs, known, comparisons, .. } = placed;
     let tiles = tile_infos.into_iter().collect();
     let manifest = Manifest { clips, pairs, known, comparisons, tiles };
-    Ok(Assembly { manifest, changed })
+    Ok(Assembly { manifest, changed, looked })
 }
 
 /// Compares the clips of `members` at all their possible poses, as [`assemble`] does.

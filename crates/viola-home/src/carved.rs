@@ -39,12 +39,18 @@ fn bit(cell: [i32; 3]) -> (usize, u64) {
     (z, 1 << (y * BLOCK_CELLS as usize + x))
 }
 
-fn block_of(cell: [i32; 3]) -> [i32; 3] {
+pub(crate) fn block_of(cell: [i32; 3]) -> [i32; 3] {
     cell.map(|c| c.div_euclid(BLOCK_CELLS))
 }
 
+/// Returns the number of a cell in its block.
+pub(crate) fn number_of(cell: [i32; 3]) -> usize {
+    let (layer, bit) = bit(cell);
+    layer * 64 + bit.trailing_zeros() as usize
+}
+
 /// Returns the cell of a point.
-fn cell_of(position_m: [f64; 3]) -> [i32; 3] {
+pub(crate) fn cell_of(position_m: [f64; 3]) -> [i32; 3] {
     position_m.map(|c| (c / CELL_M).floor() as i32)
 }
 
@@ -71,10 +77,40 @@ impl CarvedSpace {
         CarvedSpace { blocks: carved.collect::<Vec<_>>().into_iter().collect() }
     }
 
+    /// Removes the cells at these points of the clip's own surface, and the cells around them. Thinned views look past
+    /// thin things, which the surface of all readings has; and what another clip saw there is the same surface, since
+    /// poses err by centimetres.
+    pub(crate) fn keep_off<'a>(&mut self, surface_m: impl Iterator<Item = &'a [f32; 3]>) {
+        let cells: FxHashSet<[i32; 3]> = surface_m.map(|at| cell_of(at.map(f64::from))).collect();
+        for [x, y, z] in cells {
+            let around = (0..27).map(|i| [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]);
+            for cell in around {
+                if let Some(bits) = self.blocks.get_mut(&block_of(cell)) {
+                    let (layer, bit) = bit(cell);
+                    bits[layer] &= !bit;
+                }
+            }
+        }
+        self.blocks.retain(|_, bits| *bits != Bits::default());
+    }
+
     pub(crate) fn contains(&self, position_m: [f64; 3]) -> bool {
         let cell = cell_of(position_m);
         let (layer, bit) = bit(cell);
         self.blocks.get(&block_of(cell)).is_some_and(|bits| bits[layer] & bit != 0)
+    }
+
+    /// Calls `each` with the block of each cell, and its number there.
+    pub(crate) fn for_each(&self, mut each: impl FnMut([i32; 3], usize)) {
+        for (block, bits) in &self.blocks {
+            for (layer, word) in bits.iter().enumerate() {
+                let mut left = *word;
+                while left != 0 {
+                    each(*block, layer * 64 + left.trailing_zeros() as usize);
+                    left &= left - 1;
+                }
+            }
+        }
     }
 
     /// Adds the cells of another set.
@@ -302,6 +338,18 @@ mod tests {
             };
             prop_assert!(is_carved([across, across, along]));
             prop_assert!(!is_carved([across, across, 3.0]));
+        }
+    }
+
+    #[test]
+    fn a_clip_does_not_look_through_its_own_surface() {
+        let (whole, mut carved) = (CarvedSpace::of(&views()), CarvedSpace::of(&views()));
+        carved.keep_off([[0.0, 0.0, 1.5], [9.0, 0.0, 0.0]].iter());
+        // (place, carved): a pole that no view shows, 5 cm beside it, and 20 cm beside it.
+        for (place, is_carved) in
+            [([0.0, 0.0, 1.5], false), ([0.05, 0.0, 1.5], false), ([0.2, 0.0, 1.5], true)]
+        {
+            assert!(whole.contains(place) && carved.contains(place) == is_carved, "{place:?}");
         }
     }
 

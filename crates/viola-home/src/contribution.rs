@@ -37,8 +37,15 @@ impl ClipContribution {
     }
 
     pub(crate) fn carved(&self) -> &CarvedSpace {
-        self.carved.get_or_init(|| CarvedSpace::of(&self.views))
+        self.carved.get_or_init(|| carved_space(&self.cloud_in_clip, &self.views))
     }
+}
+
+/// Returns the space that the views looked through, without that of the clip's own surface.
+fn carved_space(cloud_in_clip: &PointCloud, views: &[View]) -> CarvedSpace {
+    let mut carved = CarvedSpace::of(views);
+    carved.keep_off(cloud_in_clip.points.iter().map(|point| &point.position_m));
+    carved
 }
 
 /// A clip's virtual LiDAR hits and cameras, for drawing it at any pose.
@@ -81,10 +88,10 @@ const MAX_BYTES: u64 = 64 << 20;
 /// Header of a view: pose, camera, and layout of the readings.
 const HEAD_BYTES: usize = 7 * 8 + 2 * 4 + 4 * 8 + 2 * 2 + 4;
 
-/// Returns a clip's views and the space that they looked through as file bytes, which
-/// [`ClipContribution::read`] reads.
-pub fn views_bytes(views: &[View]) -> Vec<u8> {
-    let carved = CarvedSpace::of(views).to_bytes();
+/// Returns a clip's views and the space that they looked through as file bytes, which [`ClipContribution::read`] reads
+/// together with those of the cloud.
+pub fn views_bytes(cloud_in_clip: &PointCloud, views: &[View]) -> Vec<u8> {
+    let carved = carved_space(cloud_in_clip, views).to_bytes();
     let mut plain = Vec::from((carved.len() as u32).to_le_bytes());
     plain.extend_from_slice(&carved);
     for view in views {
@@ -199,13 +206,16 @@ mod tests {
     #[test]
     fn what_is_written_is_read() {
         let carved = CarvedSpace::of(&views());
-        assert_eq!(read_views(&views_bytes(&views())), Ok((views(), Some(carved))));
-        assert_eq!(read_views(&views_bytes(&[])), Ok((Vec::new(), Some(CarvedSpace::default()))));
+        assert_eq!(read_views(&views_bytes(&PointCloud::default(), &views())), Ok((views(), Some(carved))));
+        assert_eq!(
+            read_views(&views_bytes(&PointCloud::default(), &[])),
+            Ok((Vec::new(), Some(CarvedSpace::default())))
+        );
     }
 
     #[test]
     fn files_of_the_previous_version_are_read() {
-        let now = views_bytes(&views());
+        let now = views_bytes(&PointCloud::default(), &views());
         let mut plain = Vec::new();
         ZlibDecoder::new(&now[8..]).read_to_end(&mut plain).unwrap();
         let carved = u32::from_le_bytes(plain[..4].try_into().unwrap()) as usize;
@@ -221,7 +231,7 @@ mod tests {
 
     #[test]
     fn other_bytes_are_refused() {
-        let good = views_bytes(&views());
+        let good = views_bytes(&PointCloud::default(), &views());
         for length in 0..good.len() {
             assert_eq!(read_views(&good[..length]), Err(NotOurs), "{length}");
         }

@@ -194,6 +194,7 @@ fn unseen(id: &str, seen: &Seen) -> Object {
         room: None,
         points: 0,
         clips: Vec::new(),
+        samples: Vec::new(),
     }
 }
 

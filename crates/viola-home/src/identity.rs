@@ -9,12 +9,15 @@
 
 mod assignment;
 mod changes;
+mod evidence;
 mod frames;
 mod likeness;
 
-pub use changes::{MovedObject, ObjectChanges, object_changes};
+pub use changes::{MIN_MOVE_M, MovedObject, ObjectChanges, RevisionObjects, object_changes};
+pub use evidence::KnownPoint;
 pub use frames::map_from_earlier;
 
+use super::assemble::LookedThrough;
 use super::objects::{Object, UprightBox};
 use super::rooms::{Room, RoomSource};
 use assignment::{Candidate, best_pairs};
@@ -54,13 +57,61 @@ pub struct KnownObject {
     pub yaw_rad: f64,
     /// Number of revisions since it was found; 0 if the last one has it.
     pub missing: u32,
+    /// Points of its surface.
+    #[serde(default)]
+    pub points: Vec<KnownPoint>,
+    /// True if clips looked through its place before it was seen there: it was added to the home.
+    #[serde(default)]
+    pub is_new: bool,
+    /// True if clips looked through its place after it was seen there, and it is not found: it is gone.
+    #[serde(default)]
+    pub is_gone: bool,
+    /// Number of times that it was found in a slightly different place, after clips looked through the earlier one.
+    #[serde(default)]
+    pub moves: u32,
 }
 
 impl KnownObject {
     /// Returns an object that the last revision has.
     pub fn found(id: String, class: Class, bounds: &UprightBox) -> KnownObject {
         let UprightBox { centre_m, size_m, yaw_rad } = *bounds;
-        KnownObject { id, class, centre_m, size_m, yaw_rad, missing: 0 }
+        KnownObject {
+            id,
+            class,
+            centre_m,
+            size_m,
+            yaw_rad,
+            missing: 0,
+            points: Vec::new(),
+            is_new: false,
+            is_gone: false,
+            moves: 0,
+        }
+    }
+
+    /// Returns an object of the next revision, which was found before as `last` if at all.
+    fn next(object: &Object, last: Option<&KnownObject>, looked: &LookedThrough) -> KnownObject {
+        let found = KnownObject::found(object.id.clone(), object.class, &object.bounds());
+        let points = evidence::points_of(object, looked);
+        let Some(last) = last else {
+            return KnownObject { is_new: evidence::was_empty(&points, looked), points, ..found };
+        };
+        let apart_m =
+            (0..3).map(|axis| (last.centre_m[axis] - found.centre_m[axis]).powi(2)).sum::<f64>().sqrt();
+        let has_moved = apart_m >= MIN_MOVE_M && evidence::is_emptied(&last.points, looked);
+        KnownObject {
+            points,
+            // An object that was gone came back.
+            is_new: last.is_new || last.is_gone,
+            moves: last.moves.saturating_add(u32::from(has_moved)),
+            ..found
+        }
+    }
+
+    /// Counts a revision in which it is not found.
+    fn miss(&mut self, looked: &LookedThrough) {
+        self.missing = self.missing.saturating_add(1);
+        self.is_gone = self.is_gone || evidence::is_empty(&self.points, looked);
     }
 
     pub fn bounds(&self) -> UprightBox {
@@ -114,6 +165,10 @@ impl History {
         for known in &mut self.objects {
             let moved = known.bounds().moved(now_from_then);
             (known.centre_m, known.yaw_rad) = (moved.centre_m, moved.yaw_rad);
+            for KnownPoint([x, y, _], _) in &mut known.points {
+                let at = now_from_then.apply(&Point2::new(f64::from(*x), f64::from(*y)));
+                (*x, *y) = (at.x as f32, at.y as f32);
+            }
         }
         for corner in self.rooms.iter_mut().flat_map(|room| &mut room.polygon_m) {
             let at = now_from_then.apply(&Point2::from(*corner));
@@ -121,8 +176,9 @@ impl History {
         }
     }
 
-    /// Gives the objects of the next revision their ids, and remembers these objects.
-    pub fn identify_objects(&mut self, objects: &mut [Object], stated: &Stated) {
+    /// Gives the objects of the next revision their ids, and remembers these objects. `looked`: what the clips
+    /// of the next revision looked through.
+    pub fn identify_objects(&mut self, objects: &mut [Object], stated: &Stated, looked: &LookedThrough) {
         self.remember_stated(stated);
         let mut candidates = Vec::new();
         for (row, known) in self.objects.iter().enumerate() {
@@ -147,16 +203,19 @@ impl History {
             };
         }
         let found: BTreeSet<&str> = objects.iter().map(|object| object.id.as_str()).collect();
-        let mut missing: Vec<KnownObject> =
-            self.objects.drain(..).filter(|known| !found.contains(known.id.as_str())).collect();
-        missing.iter_mut().for_each(|known| known.missing = known.missing.saturating_add(1));
+        let (last, mut missing): (Vec<KnownObject>, Vec<KnownObject>) =
+            self.objects.drain(..).partition(|known| found.contains(known.id.as_str()));
+        missing.iter_mut().for_each(|known| known.miss(looked));
         missing.retain(|known| known.missing <= REMEMBERED || stated.contains_key(&known.id));
         missing.sort_by(|a, b| {
             let forgotten_first = |known: &KnownObject| !stated.contains_key(&known.id);
             forgotten_first(a).cmp(&forgotten_first(b)).then(a.missing.cmp(&b.missing)).then(a.id.cmp(&b.id))
         });
         missing.truncate(MAX_MISSING.max(stated.len()));
-        let known = |object: &Object| KnownObject::found(object.id.clone(), object.class, &object.bounds());
+        let last: BTreeMap<&str, &KnownObject> =
+            last.iter().map(|known| (known.id.as_str(), known)).collect();
+        let known =
+            |object: &Object| KnownObject::next(object, last.get(object.id.as_str()).copied(), looked);
         self.objects = objects.iter().map(known).chain(missing).collect();
     }
 
@@ -206,14 +265,7 @@ impl History {
             };
             let class = own_part(id).rsplit_once('-').map_or("", |(class, _)| class);
             let class = Class::ALL.iter().copied().find(|one| one.name() == class).unwrap_or(Class::Other);
-            self.objects.push(KnownObject {
-                id: id.clone(),
-                class,
-                centre_m: put.centre_m,
-                size_m: put.size_m,
-                yaw_rad: put.yaw_rad,
-                missing: 0,
-            });
+            self.objects.push(KnownObject::found(id.clone(), class, put));
         }
     }
 

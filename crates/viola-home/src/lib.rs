@@ -23,9 +23,9 @@ mod shades;
 mod svg;
 
 pub use assemble::{
-    Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, Level, Manifest, Marginal, Member, Mode,
-    Overlap, POINT_BYTES, Pair, PlacedBy, PlacedClip, SURE, Tile, TileBytes, TileInfo, TileKey, Verdict,
-    assemble, compare, disagreement, likeliest, point_bytes, read_point,
+    Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, Level, LookedThrough, Manifest, Marginal,
+    Member, Mode, Overlap, POINT_BYTES, Pair, PlacedBy, PlacedClip, SURE, Tile, TileBytes, TileInfo, TileKey,
+    Verdict, assemble, compare, disagreement, likeliest, point_bytes, read_point,
 };
 pub use completion::{completion_png, completion_pngs};
 pub use contact_sheet::contact_sheet_png;
@@ -37,13 +37,16 @@ pub use corrections::{
 pub use coverage::{Coverage, RoomCoverage, coverage};
 pub use describe::{Description, describe, describe_revised};
 pub use identity::{
-    History, KnownObject, MovedObject, ObjectChanges, Stated, level_of_id, map_from_earlier, object_changes,
+    History, KnownObject, KnownPoint, MIN_MOVE_M, MovedObject, ObjectChanges, RevisionObjects, Stated,
+    level_of_id, map_from_earlier, object_changes,
 };
 pub use info::{ClassCount, HomeMapInfo};
 pub use lettering::write as write_words;
 pub use map_point::MapPoint;
 pub use mesh::{MESH_TRIANGLES, Mesh};
-pub use objects::{Found, Object, ObjectsParams, UprightBox, find_objects, fit_box, is_furniture, objects};
+pub use objects::{
+    Found, Object, ObjectsParams, Sample, UprightBox, find_objects, fit_box, is_furniture, objects,
+};
 pub use picture::{PictureFrame, lidar_png, overlay_png};
 pub use plan::{Plan, plan, plan_geojson, plan_png, plan_svg};
 pub use ply::{NotOurs, cloud_ply, read_cloud_ply};

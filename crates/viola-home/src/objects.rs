@@ -38,6 +38,8 @@ const MIN_CONFIDENCE: f64 = 0.35;
 const ROOM_REACH_M: f64 = 1.0;
 /// Minimum fraction of an object's points for a clip to be listed.
 const CLIP_SHARE: f64 = 0.05;
+/// Maximum number of an object's samples.
+const SAMPLES: usize = 24;
 
 /// Parameters of the object detection.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,6 +72,16 @@ pub struct Object {
     pub points: usize,
     /// Clips with at least 5 % of its points, by their indices in the map's list.
     pub clips: Vec<u16>,
+    /// Points of its surface, evenly spread.
+    #[serde(skip)]
+    pub samples: Vec<Sample>,
+}
+
+/// A point of an object's surface, and the clip that saw it best, by its index in the map's list.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    pub at_m: [f32; 3],
+    pub clip: u16,
 }
 
 impl Object {
@@ -116,6 +128,11 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
         number =
             if number.0 == Some(object.class) { (number.0, number.1 + 1) } else { (Some(object.class), 1) };
         object.id = format!("{}-{}", object.class.name(), number.1);
+    }
+    for Found { object, members } in &mut found {
+        let point = |member: &u32| &points[*member as usize];
+        let sample = |member| Sample { at_m: point(member).point.position_m, clip: point(member).clip };
+        object.samples = members.iter().step_by(members.len().div_ceil(SAMPLES).max(1)).map(sample).collect();
     }
     found
 }
@@ -169,6 +186,7 @@ fn finish(
         room: room_at(rooms, &fit::middle(&bounds), ROOM_REACH_M).map(|room| room.id.clone()),
         points: members.len(),
         clips: clips.collect(),
+        samples: Vec::new(),
     };
     Some(Found { object, members })
 }

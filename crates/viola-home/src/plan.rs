@@ -152,6 +152,7 @@ mod tests {
             room: Some("1".into()),
             points: 100,
             clips: vec![0],
+            samples: Vec::new(),
         };
         let objects = vec![object(Class::Table, 1.5), object(Class::Door, 0.0), object(Class::Sofa, 90.0)];
         (LidarMap::read(csv.as_bytes()).unwrap(), vec![room], objects)

@@ -19,6 +19,7 @@ mod furnish;
 mod home;
 mod in_memory;
 mod lidar_files;
+mod movement;
 mod optics;
 mod picture;
 mod piece;

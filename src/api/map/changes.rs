@@ -5,13 +5,13 @@ use crate::api::App;
 use crate::api::error::{Error, Problem};
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
-use crate::api::types::{GoneObject, GoneReason, MapChanges, MapObject, MovedObject};
+use crate::api::types::{GoneObject, GoneReason, LostObject, LostReason, MapChanges, MapObject, MovedObject};
 use crate::storage::{self, HomeId, MapLevel, MapScene};
 use axum::Json;
 use axum::extract::State;
 use serde::Deserialize;
-use viola_geometry::{LevelName, Point2, Pose2};
-use viola_home::{PlacedClip, object_changes};
+use viola_geometry::{LevelName, Pose2};
+use viola_home::{PlacedClip, RevisionObjects, object_changes};
 
 /// The two revisions.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -26,6 +26,9 @@ pub(in crate::api) struct ChangesQuery {
 }
 
 /// Get the changes of a home's objects between two revisions of its map: added, moved and gone
+///
+/// An object is added, or gone, if a clip of another time looked through its place. Objects that are in one of the
+/// revisions for another reason are `discovered` or `lost`.
 ///
 /// The newest five revisions are kept and can be compared. The feed has a change of the kind `objects` for each
 /// revision with such changes.
@@ -93,7 +96,15 @@ fn changes(
     clips: &[PlacedClip],
     (from, to): (i64, i64),
 ) -> MapChanges {
-    let mut all = MapChanges { from, to, added: Vec::new(), moved: Vec::new(), gone: Vec::new() };
+    let mut all = MapChanges {
+        from,
+        to,
+        added: Vec::new(),
+        discovered: Vec::new(),
+        moved: Vec::new(),
+        gone: Vec::new(),
+        lost: Vec::new(),
+    };
     for (level, scene) in &later.levels {
         let before = earlier.and_then(|earlier| earlier.level(level.level));
         let clips: Vec<&PlacedClip> = clips.iter().filter(|clip| clip.level_name == level.level).collect();
@@ -113,34 +124,38 @@ fn add_changes(
     let frame = |(level, _): &(MapLevel, MapScene)| history.frames.get(&level.lidar_map_revision).copied();
     let later_from_earlier = earlier.and_then(frame).unwrap_or(Pose2::IDENTITY);
     let (before, after) = (earlier.map_or(&[][..], |(_, scene)| &scene.objects), &later.objects);
+    let ids_before = earlier.map(|(_, scene)| scene.history().ids).unwrap_or_default();
     let found = object_changes(
-        &before.iter().map(|object| object.in_frame(&later_from_earlier)).collect::<Vec<_>>(),
-        &after.iter().map(|object| object.in_frame(&Pose2::IDENTITY)).collect::<Vec<_>>(),
+        &RevisionObjects {
+            objects: before.iter().map(|object| object.in_frame(&later_from_earlier)).collect(),
+            ids: &ids_before,
+        },
+        &RevisionObjects {
+            objects: after.iter().map(|object| object.in_frame(&Pose2::IDENTITY)).collect(),
+            ids: &history.ids,
+        },
     );
     let object = |object: &storage::MapObject| MapObject::from(object.clone());
-    let gone = |object: &storage::MapObject| {
-        let at = later_from_earlier.apply(&Point2::new(object.centre_m[0], object.centre_m[1]));
-        let reason = match () {
-            () if history.hidden.contains(&object.id) => GoneReason::Hidden,
-            () if is_seen_again(object, &at, clips) => GoneReason::SeenAgain,
-            () if !clips.iter().any(|clip| object.clips.contains(&clip.clip)) => GoneReason::ClipsRemoved,
-            () => GoneReason::NotFound,
-        };
-        GoneObject { reason, object: MapObject::from(object.clone()) }
+    let gone = |object: &storage::MapObject, reason: GoneReason| GoneObject {
+        reason,
+        object: MapObject::from(object.clone()),
     };
+    let lost = |object: &storage::MapObject| {
+        let is_known = clips.iter().any(|clip| object.clips.contains(&clip.clip));
+        let reason = if is_known { LostReason::NotFound } else { LostReason::ClipsRemoved };
+        LostObject { reason, object: MapObject::from(object.clone()) }
+    };
+    let each =
+        |indices: &[usize], of: &[storage::MapObject]| indices.iter().map(|i| object(&of[*i])).collect::<Vec<_>>();
+    let is_hidden = |index: &&usize| history.hidden.contains(&before[**index].id);
+    let hidden = found.lost.iter().chain(&found.gone).filter(is_hidden);
+    let hidden = hidden.map(|index| gone(&before[*index], GoneReason::Hidden));
+    let seen_again = found.gone.iter().filter(|index| !is_hidden(index));
+    let seen_again = seen_again.map(|index| gone(&before[*index], GoneReason::SeenAgain));
     let moved = |(i, j): &(usize, usize)| MovedObject { from: object(&before[*i]), to: object(&after[*j]) };
-    all.added.extend(found.added.iter().map(|index| object(&after[*index])));
+    all.added.extend(each(&found.added, after));
+    all.discovered.extend(each(&found.discovered, after));
     all.moved.extend(found.moved.iter().map(moved));
-    all.gone.extend(found.gone.iter().map(|index| gone(&before[*index])));
-}
-
-/// Returns whether a clip that was recorded after an object was last seen covers its place.
-fn is_seen_again(object: &storage::MapObject, at: &Point2, clips: &[&PlacedClip]) -> bool {
-    let Some(last_seen) = object.last_seen else { return false };
-    clips.iter().any(|clip| {
-        let in_clip = clip.map_from_clip.inverse().apply(at);
-        let covers =
-            (0..2).all(|axis| (clip.extent.min_m[axis]..=clip.extent.max_m[axis]).contains(&in_clip[axis]));
-        covers && clip.recorded_at_ms.is_some_and(|at_ms| at_ms > last_seen.as_millisecond())
-    })
+    all.gone.extend(seen_again.chain(hidden));
+    all.lost.extend(found.lost.iter().filter(|index| !is_hidden(index)).map(|index| lost(&before[*index])));
 }

@@ -148,18 +148,31 @@ impl From<crate::storage::Corrections> for Corrections {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::api) enum GoneReason {
-    /// A clip that was recorded after the object was last seen covers the place, and the object is not found there.
+    /// A clip that was recorded after the object was last seen looked through its place.
     SeenAgain,
     /// A person hid it.
     Hidden,
+}
+
+/// The reason for which an object is not in the map any more, although no clip shows that it is gone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub(in crate::api) enum LostReason {
     /// None of the clips that saw it is in the map any more, so nothing is known of the object.
     ClipsRemoved,
     /// The clips that saw it are still in the map, but the object is not found in it. It may be another object's
-    /// part now, or be recognised again.
+    /// part now, or be recognised again with its id.
     NotFound,
 }
 
-/// An object that is not in the later revision.
+/// An object that is not in the later revision, although no clip shows that it is gone.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub(in crate::api) struct LostObject {
+    pub reason: LostReason,
+    pub object: MapObject,
+}
+
+/// An object that is gone in the later revision.
 #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub(in crate::api) struct GoneObject {
     pub reason: GoneReason,
@@ -183,11 +196,16 @@ pub(in crate::api) struct MapChanges {
     /// The later revision.
     #[schema(minimum = 1, example = 4)]
     pub to: i64,
-    /// Objects of the later revision only.
+    /// Objects of the later revision only, in places that an earlier clip looked through.
     pub added: Vec<MapObject>,
-    /// Objects that are in another place: by their id, or by class and size if one is missing in one place and
-    /// new in the other.
+    /// The other objects of the later revision only: no clip had shown the place before, or the object was there and
+    /// was not recognised. Without times of recording all new objects are here.
+    pub discovered: Vec<MapObject>,
+    /// Objects that are in another place: by their id, or by class and size if one is gone from one place and new
+    /// in the other.
     pub moved: Vec<MovedObject>,
-    /// Objects of the earlier revision only.
+    /// Objects of the earlier revision only, in places that a later clip looked through, and hidden ones.
     pub gone: Vec<GoneObject>,
+    /// The other objects of the earlier revision only.
+    pub lost: Vec<LostObject>,
 }

@@ -37,14 +37,16 @@ struct LevelFiles {
 
 impl HomeFiles {
     pub fn new(maps: &[LevelMap], map: Assembly, clips: &[HomeClip]) -> Result<HomeFiles> {
-        let Assembly { manifest, changed } = map;
+        let Assembly { manifest, changed, looked } = map;
         let (mut objects, mut rooms) = (Vec::new(), Vec::new());
         let (mut levels, mut documents) = (Vec::new(), Vec::new());
         for map in maps {
             let of_level = |key: &TileKey| key.level == map.level;
             let tiles = changed.iter().filter(|(key, _)| of_level(key));
             let tiles: Vec<Tile> = tiles.filter_map(|(_, tile)| tile.clone()).collect();
-            let Described { scene, plan, .. } = describe(*map, &tiles, &manifest.clips, &Earlier::default());
+            let looked = looked.get(&map.level).cloned().unwrap_or_default();
+            let Described { scene, plan, .. } =
+                describe(*map, &tiles, &manifest.clips, &looked, &Earlier::default());
             let infos = manifest.tiles.iter().filter(|(key, _)| of_level(key)).map(|(_, info)| info);
             documents.push(LevelDocument {
                 level: map.level,

@@ -6,8 +6,8 @@ use viola_align::LevelMap;
 use viola_geometry::{LevelName, Pose2};
 use viola_home as home;
 use viola_home::{
-    ClipNumbers, Description, History, MovedObject, Object, ObjectCorrection, PlacedClip, Room,
-    RoomCorrection, Tile,
+    ClipNumbers, Description, History, LookedThrough, Object, ObjectCorrection, PlacedClip, RevisionObjects,
+    Room, RoomCorrection, Tile,
 };
 
 /// Frames of earlier LiDAR maps that are kept beside those that corrections need: the kept revisions of a
@@ -30,16 +30,24 @@ pub struct Described {
     pub scene: MapScene,
     /// The files of the plan, by the names of [`map_file`].
     pub plan: [(&'static str, Vec<u8>); 3],
-    /// True if objects were added, moved or are gone.
+    /// True if an object moved, or if the revision has other objects than the one before.
     pub has_object_changes: bool,
 }
 
-/// Describes one level: the map of `tiles`. `clips` are those of all levels.
-pub fn describe(map: LevelMap, tiles: &[Tile], clips: &[PlacedClip], last: &Earlier) -> Described {
+/// Describes one level: the map of `tiles`. `clips` are those of all levels, `looked` is of the level's tiles that
+/// changed.
+pub fn describe(
+    map: LevelMap,
+    tiles: &[Tile],
+    clips: &[PlacedClip],
+    looked: &LookedThrough,
+    last: &Earlier,
+) -> Described {
     let LevelMap { level, lidar } = map;
     let first = || MapHistory { ids: History::of_level(level), ..MapHistory::default() };
     let mut history = last.scene.as_ref().map_or_else(first, MapScene::history);
     let now_from_last = now_from_last(level, clips, last);
+    let ids_before = history.ids.clone();
     history.ids.move_by(&now_from_last);
     history.frames = frames(history.frames, now_from_last, last);
     history.corrections = last.corrections.version;
@@ -49,7 +57,7 @@ pub fn describe(map: LevelMap, tiles: &[Tile], clips: &[PlacedClip], last: &Earl
     let revise = |rooms: &mut Vec<Room>, objects: &mut Vec<Object>| {
         let renamed = history.ids.identify_rooms(rooms);
         corrected_rooms = home::correct_rooms(rooms, &of_rooms);
-        history.ids.identify_objects(objects, &home::stated(&of_objects));
+        history.ids.identify_objects(objects, &home::stated(&of_objects), looked);
         for object in objects.iter_mut() {
             object.room = object.room.as_ref().and_then(|room| renamed.get(room).cloned());
         }
@@ -78,7 +86,8 @@ pub fn describe(map: LevelMap, tiles: &[Tile], clips: &[PlacedClip], last: &Earl
         MapRoom::new(level, room, corrected)
     };
     let rooms = rooms.into_iter().map(map_room).collect();
-    let has_object_changes = has_object_changes(before, &objects, &now_from_last);
+    let has_object_changes =
+        has_object_changes((before, &ids_before), (&objects, &history.ids), &now_from_last);
     Described {
         scene: MapScene { rooms, objects, coverage, history: Some(history) },
         plan: [
@@ -134,8 +143,14 @@ fn corrections(kept: &Corrections, history: &MapHistory) -> Placed {
     (objects.collect(), rooms.collect())
 }
 
-fn has_object_changes(before: &[MapObject], after: &[MapObject], now_from_last: &Pose2) -> bool {
-    let before: Vec<MovedObject> = before.iter().map(|object| object.in_frame(now_from_last)).collect();
-    let after: Vec<MovedObject> = after.iter().map(|object| object.in_frame(&Pose2::IDENTITY)).collect();
-    !home::object_changes(&before, &after).is_empty()
+/// Returns whether the objects of two revisions differ. Each comes with what is known of its objects.
+fn has_object_changes(
+    (before, ids_before): (&[MapObject], &History),
+    (after, ids): (&[MapObject], &History),
+    now_from_last: &Pose2,
+) -> bool {
+    let before = before.iter().map(|object| object.in_frame(now_from_last)).collect();
+    let after = after.iter().map(|object| object.in_frame(&Pose2::IDENTITY)).collect();
+    let before = RevisionObjects { objects: before, ids: ids_before };
+    !home::object_changes(&before, &RevisionObjects { objects: after, ids }).is_empty()
 }

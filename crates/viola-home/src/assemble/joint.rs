@@ -119,6 +119,10 @@ pub(super) fn compare<E>(
     // By the later clip: it is loaded once, and the others a few at a time.
     fresh.sort_unstable();
     for of_one in fresh.chunk_by(|x, y| x.0 == y.0) {
+        let mut of_one = of_one.to_vec();
+        if downwards(of_one[0].0, candidates.len()) {
+            of_one.reverse();
+        }
         for part in of_one.chunks(AT_A_TIME) {
             let b = cache.get(candidates[part[0].0].member)?;
             let loaded: Result<Vec<Arc<Loaded>>, E> =
@@ -137,6 +141,13 @@ pub(super) fn compare<E>(
         }
     }
     Ok(comparisons)
+}
+
+/// Returns whether the partners of a clip are loaded in the reverse order. Each pass over the clips begins with those
+/// that the last one loaded, which are still in the cache: the last clip's comparisons go down, its registrations
+/// up, and its tiles down again.
+pub(super) fn downwards(clip: usize, clips: usize) -> bool {
+    (clips - clip) % 2 == 1
 }
 
 impl Comparison {

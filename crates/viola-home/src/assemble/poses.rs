@@ -111,6 +111,9 @@ fn overlaps<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result
             }
             pairs.push(same.map_or_else(|| a.pair_with(b), |pair| (*pair).clone()));
         }
+        if !joint::downwards(i, known.len()) {
+            fresh.reverse();
+        }
         for part in fresh.chunks(AT_A_TIME) {
             let b = cache.get(b.member)?;
             let loaded: Result<Vec<Arc<Loaded>>, E> = part.iter().map(|(_, a)| cache.get(a.member)).collect();

@@ -2,6 +2,7 @@
 
 use super::Manifest;
 use super::cache::{Cache, Loaded};
+use super::looked::{LookedCells, LookedThrough};
 use super::members::{Member, PlacedClip};
 use super::tile::{TILE_VOXELS, Tile, TileKey};
 use super::voxels::{Voxels, tile_of};
@@ -24,14 +25,21 @@ const TILES_AT_ONCE: usize = 32;
 /// Clips in use at a time.
 const CLIPS_AT_ONCE: usize = 8;
 
-/// Returns the clips with the tiles that they affect, and the changed tiles.
+/// The clips with the tiles that they affect, and the changed tiles.
+pub(super) struct Rebuilt {
+    pub clips: Vec<PlacedClip>,
+    pub changed: ChangedTiles,
+    pub looked: BTreeMap<LevelName, LookedThrough>,
+}
+
+/// Builds the tiles anew that `clips` change.
 pub(super) fn rebuild<E>(
     last: &Manifest,
     mut clips: Vec<(&Member, PlacedClip)>,
     cache: &mut Cache<E>,
-) -> Result<(Vec<PlacedClip>, ChangedTiles), E> {
+) -> Result<Rebuilt, E> {
     let dirty: Vec<TileKey> = dirty(last, &mut clips, cache)?.into_iter().collect();
-    let mut changed = ChangedTiles::new();
+    let (mut changed, mut looked_in) = (ChangedTiles::new(), Vec::new());
     for keys in dirty.chunks(TILES_AT_ONCE) {
         let mut tiles: Vec<(TileKey, UnderConstruction)> =
             keys.iter().map(|key| (*key, UnderConstruction::new())).collect();
@@ -54,10 +62,24 @@ pub(super) fn rebuild<E>(
                 }
             });
         }
-        let made = tiles.into_par_iter().map(|(key, tile)| (key, tile.finish(&clips)));
-        changed.extend(made.collect::<Vec<_>>());
+        let made: Vec<(TileKey, Option<Tile>, LookedCells)> = tiles
+            .into_par_iter()
+            .map(|(key, tile)| {
+                let (tile, cells) = tile.finish(&clips);
+                (key, tile, cells)
+            })
+            .collect();
+        for (key, tile, cells) in made {
+            changed.insert(key, tile);
+            looked_in.push((key, cells));
+        }
     }
-    Ok((clips.into_iter().map(|(_, clip)| clip).collect(), changed))
+    let clips: Vec<PlacedClip> = clips.into_iter().map(|(_, clip)| clip).collect();
+    let mut looked: BTreeMap<LevelName, LookedThrough> = BTreeMap::new();
+    for (key, cells) in looked_in {
+        looked.entry(key.level).or_insert_with(|| LookedThrough::of(key.level, &clips)).add(key, cells);
+    }
+    Ok(Rebuilt { clips, changed, looked })
 }
 
 /// Sets the tiles of the clips, and returns those that change.
@@ -194,6 +216,7 @@ struct UnderConstruction {
     /// Space that the clips of `time_ms` looked through.
     carved: CarvedSpace,
     time_ms: Option<i64>,
+    looked: LookedCells,
 }
 
 impl UnderConstruction {
@@ -203,6 +226,7 @@ impl UnderConstruction {
             gone: CarvedSpace::default(),
             carved: CarvedSpace::default(),
             time_ms: None,
+            looked: LookedCells::default(),
         }
     }
 
@@ -220,10 +244,11 @@ impl UnderConstruction {
             }
         }
         self.carved.extend(&part.carved);
+        self.looked.add(&part.carved, clip);
     }
 
-    /// Returns the tile with its own clip numbers; none without points.
-    fn finish(self, clips: &[(&Member, PlacedClip)]) -> Option<Tile> {
+    /// Returns the tile with its own clip numbers, none without points, and its cells that were looked through.
+    fn finish(self, clips: &[(&Member, PlacedClip)]) -> (Option<Tile>, LookedCells) {
         let mut points = self.voxels.into_points();
         let numbers: BTreeSet<u16> = points.iter().map(|point| point.clip).collect();
         let numbers: Vec<u16> = numbers.into_iter().collect();
@@ -231,7 +256,7 @@ impl UnderConstruction {
             point.clip = numbers.binary_search(&point.clip).unwrap_or_default() as u16;
         }
         let ids: Vec<Uuid> = numbers.iter().map(|number| clips[usize::from(*number)].1.clip).collect();
-        (!points.is_empty()).then_some(Tile { clips: ids, points })
+        ((!points.is_empty()).then_some(Tile { clips: ids, points }), self.looked)
     }
 }
 

@@ -12,6 +12,7 @@ fn chair(id: &str, x: f64, y: f64) -> Object {
         room: Some("1".to_owned()),
         points: 100,
         clips: vec![0],
+        samples: Vec::new(),
     }
 }
 

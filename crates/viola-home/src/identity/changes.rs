@@ -2,11 +2,12 @@
 
 use super::super::objects::UprightBox;
 use super::assignment::{Candidate, best_pairs};
+use super::{History, KnownObject};
 use std::collections::{BTreeMap, BTreeSet};
 use viola_geometry::taxonomy::Class;
 
 /// Distance from which an object counts as moved: boxes shift by a few centimetres with every clip.
-const MIN_MOVE_M: f64 = 0.25;
+pub const MIN_MOVE_M: f64 = 0.25;
 /// Tolerance of a side's length of one object in two places: as much as views from other directions differ.
 const SIDE_M: f64 = 0.15;
 const SIDE_FRACTION: f64 = 0.25;
@@ -19,45 +20,83 @@ pub struct MovedObject<'a> {
     pub id: &'a str,
     pub class: Class,
     pub bounds: UprightBox,
+    /// True if a person put it there.
+    pub is_put: bool,
+}
+
+/// The objects of a revision, and what is known of all that had an id.
+#[derive(Debug, Clone)]
+pub struct RevisionObjects<'a> {
+    pub objects: Vec<MovedObject<'a>>,
+    pub ids: &'a History,
 }
 
 /// Changes, as indices into the objects of the two revisions.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ObjectChanges {
-    /// Objects of the later revision.
+    /// Objects of the later revision whose place was empty before.
     pub added: Vec<usize>,
+    /// Other objects of the later revision only: nobody had filmed there, or the detection had missed them.
+    pub discovered: Vec<usize>,
     /// Pairs of an object of the earlier and one of the later revision.
     pub moved: Vec<(usize, usize)>,
-    /// Objects of the earlier revision.
+    /// Objects of the earlier revision whose place is empty since.
     pub gone: Vec<usize>,
+    /// Other objects of the earlier revision only: their clips are gone, or the detection misses them.
+    pub lost: Vec<usize>,
 }
 
 impl ObjectChanges {
     pub fn is_empty(&self) -> bool {
-        self.added.is_empty() && self.moved.is_empty() && self.gone.is_empty()
+        *self == ObjectChanges::default()
     }
 }
 
-/// Returns the changes of the objects `from` one revision `to` another, both in one frame. An object moved if
-/// it has its id elsewhere, or if one of the same class and size is missing in one place and new in another.
-pub fn object_changes(from: &[MovedObject], to: &[MovedObject]) -> ObjectChanges {
-    let index_of: BTreeMap<&str, usize> = to.iter().enumerate().map(|(i, object)| (object.id, i)).collect();
+/// Returns the changes of the objects `from` one revision `to` another, both in one frame. An object moved if it
+/// has its id elsewhere, or if one is gone from one place, and one of the same class and size is new in another.
+pub fn object_changes(from: &RevisionObjects, to: &RevisionObjects) -> ObjectChanges {
     let mut changes = ObjectChanges::default();
-    for (i, object) in from.iter().enumerate() {
-        match index_of.get(object.id) {
-            Some(j) if distance_m(object, &to[*j]) >= MIN_MOVE_M && unlike(object, &to[*j]).is_some() => {
-                changes.moved.push((i, *j));
+    let (known_then, known_now) = (by_id(from.ids), by_id(to.ids));
+    let place: BTreeMap<&str, usize> =
+        to.objects.iter().enumerate().map(|(j, object)| (object.id, j)).collect();
+    for (i, object) in from.objects.iter().enumerate() {
+        let now = known_now.get(object.id);
+        match place.get(object.id) {
+            Some(j) => {
+                let moves = |known: Option<&&KnownObject>| known.map_or(0, |known| known.moves);
+                let has_moved = moves(now) > moves(known_then.get(object.id));
+                let later = &to.objects[*j];
+                let is_told = has_moved || object.is_put || later.is_put;
+                if is_told && distance_m(object, later) >= MIN_MOVE_M {
+                    changes.moved.push((i, *j));
+                }
             }
-            Some(_) => {}
-            None => changes.gone.push(i),
+            None if now.is_some_and(|known| known.is_gone) => changes.gone.push(i),
+            None => changes.lost.push(i),
         }
     }
-    let known: BTreeSet<&str> = from.iter().map(|object| object.id).collect();
-    changes.added = (0..to.len()).filter(|j| !known.contains(to[*j].id)).collect();
+    let then: BTreeSet<&str> = from.objects.iter().map(|object| object.id).collect();
+    for (j, object) in to.objects.iter().enumerate().filter(|(_, object)| !then.contains(object.id)) {
+        // An object that is only missed is found again.
+        let is_missed = known_then.get(object.id).is_some_and(|known| !known.is_gone);
+        let is_new = known_now.get(object.id).is_some_and(|known| known.is_new);
+        if is_new && !is_missed { changes.added.push(j) } else { changes.discovered.push(j) }
+    }
+    pair_moved(from, to, &mut changes);
+    changes
+}
+
+fn by_id(ids: &History) -> BTreeMap<&str, &KnownObject> {
+    ids.objects.iter().map(|known| (known.id.as_str(), known)).collect()
+}
+
+/// Makes pairs of gone and new objects that are one object in another place.
+fn pair_moved(from: &RevisionObjects, to: &RevisionObjects, changes: &mut ObjectChanges) {
+    let arrived: Vec<usize> = changes.added.iter().chain(&changes.discovered).copied().collect();
     let mut candidates = Vec::new();
     for (row, i) in changes.gone.iter().enumerate() {
-        for (column, j) in changes.added.iter().enumerate() {
-            let (a, b) = (&from[*i], &to[*j]);
+        for (column, j) in arrived.iter().enumerate() {
+            let (a, b) = (&from.objects[*i], &to.objects[*j]);
             if a.class != b.class {
                 continue;
             }
@@ -70,16 +109,14 @@ pub fn object_changes(from: &[MovedObject], to: &[MovedObject]) -> ObjectChanges
         }
     }
     let pairs = best_pairs(&candidates);
-    changes.moved.extend(pairs.iter().map(|(row, column)| (changes.gone[*row], changes.added[*column])));
+    let pairs: Vec<(usize, usize)> =
+        pairs.into_iter().map(|(row, column)| (changes.gone[row], arrived[column])).collect();
+    changes.gone.retain(|i| !pairs.iter().any(|pair| pair.0 == *i));
+    for arrived in [&mut changes.added, &mut changes.discovered] {
+        arrived.retain(|j| !pairs.iter().any(|pair| pair.1 == *j));
+    }
+    changes.moved.extend(pairs);
     changes.moved.sort_unstable();
-    let moved = |index: usize, of: fn(&(usize, usize)) -> usize| pairs.iter().any(|pair| of(pair) == index);
-    let stay = |all: &[usize], of: fn(&(usize, usize)) -> usize| -> Vec<usize> {
-        let left = all.iter().enumerate().filter(|(index, _)| !moved(*index, of));
-        left.map(|(_, object)| *object).collect()
-    };
-    changes.gone = stay(&changes.gone, |pair| pair.0);
-    changes.added = stay(&changes.added, |pair| pair.1);
-    changes
 }
 
 fn distance_m(a: &MovedObject, b: &MovedObject) -> f64 {
@@ -105,68 +142,134 @@ fn unlike(a: &MovedObject, b: &MovedObject) -> Option<f64> {
 mod tests {
     use super::*;
 
-    fn object(id: &str, class: Class, x: f64, size_m: [f64; 3]) -> MovedObject<'_> {
+    const CHAIR: [f64; 3] = [0.5, 0.5, 0.9];
+    const SOFA: [f64; 3] = [2.0, 0.9, 0.8];
+
+    /// An object in a revision, and what is known of it.
+    fn known(id: &str, class: Class, x: f64, size_m: [f64; 3]) -> KnownObject {
         let bounds = UprightBox { centre_m: [x, 1.0, size_m[2] / 2.0], size_m, yaw_rad: 0.3 };
-        MovedObject { id, class, bounds }
+        KnownObject::found(id.to_owned(), class, &bounds)
     }
 
-    const CHAIR: [f64; 3] = [0.5, 0.5, 0.9];
+    fn chair(id: &str, x: f64) -> KnownObject {
+        known(id, Class::Chair, x, CHAIR)
+    }
+
+    fn new(object: KnownObject) -> KnownObject {
+        KnownObject { is_new: true, ..object }
+    }
+
+    /// Missing since the last revision.
+    fn missed(object: KnownObject, is_gone: bool) -> KnownObject {
+        KnownObject { missing: 1, is_gone, ..object }
+    }
+
+    fn told(from: &[KnownObject], to: &[KnownObject]) -> ObjectChanges {
+        let history = |known: &[KnownObject]| History { objects: known.to_vec(), ..History::default() };
+        let (then, now) = (history(from), history(to));
+        object_changes(&revision(&then), &revision(&now))
+    }
+
+    fn revision(ids: &History) -> RevisionObjects<'_> {
+        let found = ids.objects.iter().filter(|known| known.missing == 0);
+        let objects = found.map(|known| MovedObject {
+            id: &known.id,
+            class: known.class,
+            bounds: known.bounds(),
+            is_put: false,
+        });
+        RevisionObjects { objects: objects.collect(), ids }
+    }
 
     #[test]
     fn added_moved_and_gone() {
-        let chair = |id, x| object(id, Class::Chair, x, CHAIR);
-        let sofa = |id, x| object(id, Class::Sofa, x, [2.0, 0.9, 0.8]);
+        let none = ObjectChanges::default;
+        let sofa = || known("sofa-1", Class::Sofa, 9.0, SOFA);
         let cases = [
-            ("nothing", vec![chair("chair-1", 0.0)], vec![chair("chair-1", 0.1)], ObjectChanges::default()),
+            ("nothing", vec![chair("chair-1", 0.0)], vec![chair("chair-1", 0.1)], none()),
             (
                 "by id",
                 vec![chair("chair-1", 0.0)],
-                vec![chair("chair-1", 0.5)],
-                ObjectChanges { moved: vec![(0, 0)], ..ObjectChanges::default() },
+                vec![KnownObject { moves: 1, ..chair("chair-1", 0.5) }],
+                ObjectChanges { moved: vec![(0, 0)], ..none() },
             ),
+            ("seen better", vec![chair("chair-1", 0.0)], vec![chair("chair-1", 0.5)], none()),
             (
                 "by class and size",
-                vec![sofa("sofa-1", 9.0), chair("chair-1", 0.0)],
-                vec![chair("chair-2", 3.0), sofa("sofa-1", 9.0)],
-                ObjectChanges { moved: vec![(1, 0)], ..ObjectChanges::default() },
+                vec![sofa(), chair("chair-1", 0.0)],
+                vec![new(chair("chair-2", 3.0)), sofa(), missed(chair("chair-1", 0.0), true)],
+                ObjectChanges { moved: vec![(1, 0)], ..none() },
+            ),
+            (
+                "from a place that nobody looked at again",
+                vec![chair("chair-1", 0.0)],
+                vec![new(chair("chair-2", 3.0)), missed(chair("chair-1", 0.0), false)],
+                ObjectChanges { added: vec![0], lost: vec![0], ..none() },
+            ),
+            (
+                "into a place that nobody had looked at",
+                vec![chair("chair-1", 0.0)],
+                vec![chair("chair-2", 3.0), missed(chair("chair-1", 0.0), true)],
+                ObjectChanges { moved: vec![(0, 0)], ..none() },
             ),
             (
                 "another class",
-                vec![sofa("sofa-1", 0.0)],
-                vec![chair("chair-1", 3.0)],
-                ObjectChanges { added: vec![0], gone: vec![0], ..ObjectChanges::default() },
+                vec![sofa()],
+                vec![new(chair("chair-1", 3.0)), missed(sofa(), true)],
+                ObjectChanges { added: vec![0], gone: vec![0], ..none() },
             ),
             (
                 "another size",
-                vec![object("table-1", Class::Table, 0.0, [1.6, 0.9, 0.75])],
-                vec![object("table-2", Class::Table, 3.0, [0.6, 0.6, 0.5])],
-                ObjectChanges { added: vec![0], gone: vec![0], ..ObjectChanges::default() },
+                vec![known("table-1", Class::Table, 0.0, [1.6, 0.9, 0.75])],
+                vec![
+                    new(known("table-2", Class::Table, 3.0, [0.6, 0.6, 0.5])),
+                    missed(known("table-1", Class::Table, 0.0, [1.6, 0.9, 0.75]), true),
+                ],
+                ObjectChanges { added: vec![0], gone: vec![0], ..none() },
             ),
             (
                 "the nearer of two",
                 vec![chair("chair-1", 0.0)],
-                vec![chair("chair-2", 8.0), chair("chair-3", 2.0)],
-                ObjectChanges { added: vec![0], moved: vec![(0, 1)], gone: vec![] },
+                vec![
+                    new(chair("chair-2", 8.0)),
+                    new(chair("chair-3", 2.0)),
+                    missed(chair("chair-1", 0.0), true),
+                ],
+                ObjectChanges { added: vec![0], moved: vec![(0, 1)], ..none() },
             ),
             (
-                "all are new",
+                "the first clips of a place",
                 vec![],
-                vec![chair("a", 0.0)],
-                ObjectChanges { added: vec![0], ..Default::default() },
+                vec![chair("chair-1", 0.0)],
+                ObjectChanges { discovered: vec![0], ..none() },
+            ),
+            (
+                "missed in between",
+                vec![missed(chair("chair-1", 0.0), false)],
+                vec![new(chair("chair-1", 0.0))],
+                ObjectChanges { discovered: vec![0], ..none() },
+            ),
+            (
+                "it came back",
+                vec![missed(chair("chair-1", 0.0), true)],
+                vec![new(chair("chair-1", 0.0))],
+                ObjectChanges { added: vec![0], ..none() },
             ),
         ];
         for (name, from, to, expected) in cases {
-            assert_eq!(object_changes(&from, &to), expected, "{name}");
-            // In the other direction what was added is gone.
-            let back = object_changes(&to, &from);
-            assert_eq!((back.gone, back.added), (expected.added, expected.gone), "{name}");
+            assert_eq!(told(&from, &to), expected, "{name}");
         }
     }
 
     #[test]
-    fn an_object_that_was_seen_better_has_not_moved() {
-        let half = object("sofa-1", Class::Sofa, 0.5, [1.0, 0.9, 0.8]);
-        let whole = object("sofa-1", Class::Sofa, 1.0, [2.0, 0.9, 0.8]);
-        assert!(object_changes(&[half], &[whole]).is_empty());
+    fn a_person_moves_an_object() {
+        let (then, now) = (chair("chair-1", 0.0), chair("chair-1", 2.0));
+        let history = |known: &KnownObject| History { objects: vec![known.clone()], ..History::default() };
+        let (then, now) = (history(&then), history(&now));
+        let mut later = revision(&now);
+        later.objects[0].is_put = true;
+        let expected = ObjectChanges { moved: vec![(0, 0)], ..ObjectChanges::default() };
+        assert_eq!(object_changes(&revision(&then), &later), expected);
+        assert!(object_changes(&revision(&now), &later).is_empty());
     }
 }

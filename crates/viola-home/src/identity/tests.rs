@@ -1,4 +1,5 @@
 use super::super::assemble::{Extent, Level, PlacedBy, PlacedClip};
+use super::super::objects::Sample;
 use super::*;
 use uuid::Uuid;
 
@@ -13,6 +14,7 @@ fn object(class: Class, centre_m: [f64; 3], size_m: [f64; 3]) -> Object {
         room: None,
         points: 100,
         clips: Vec::new(),
+        samples: Vec::new(),
     }
 }
 
@@ -22,7 +24,7 @@ fn chair(x: f64, y: f64) -> Object {
 
 /// Gives the objects of the next revision their ids.
 fn next(history: &mut History, mut objects: Vec<Object>) -> Vec<String> {
-    history.identify_objects(&mut objects, &Stated::new());
+    history.identify_objects(&mut objects, &Stated::new(), &LookedThrough::default());
     objects.into_iter().map(|object| object.id).collect()
 }
 
@@ -80,7 +82,7 @@ fn a_number_is_never_used_again() {
     // A corrected object is remembered.
     let stated = Stated::from([("chair-2".to_owned(), None), ("chair-9".to_owned(), None)]);
     for _ in 0..20 {
-        history.identify_objects(&mut [], &stated);
+        history.identify_objects(&mut [], &stated, &LookedThrough::default());
     }
     assert_eq!(next(&mut history, vec![chair(0.0, 0.0), chair(4.0, 0.0)]), ["chair-2", "chair-10"]);
 }
@@ -91,20 +93,14 @@ fn an_object_is_found_where_people_put_it() {
     assert_eq!(next(&mut history, vec![chair(0.0, 0.0)]), ["chair-1"]);
     let put = UprightBox { centre_m: [7.0, 3.0, 0.45], size_m: [0.5, 0.5, 0.9], yaw_rad: 0.0 };
     let mut objects = vec![chair(7.1, 3.0)];
-    history.identify_objects(&mut objects, &Stated::from([("chair-1".to_owned(), Some(put))]));
+    let stated = Stated::from([("chair-1".to_owned(), Some(put))]);
+    history.identify_objects(&mut objects, &stated, &LookedThrough::default());
     assert_eq!(objects[0].id, "chair-1");
 }
 
 #[test]
 fn a_map_without_a_history_goes_on_with_its_ids() {
-    let known = |id: &str, object: &Object| KnownObject {
-        id: id.to_owned(),
-        class: object.class,
-        centre_m: object.centre_m,
-        size_m: object.size_m,
-        yaw_rad: object.yaw_rad,
-        missing: 0,
-    };
+    let known = |id: &str, object: &Object| KnownObject::found(id.to_owned(), object.class, &object.bounds());
     let mut history =
         History::of(vec![known("chair-7", &chair(0.0, 0.0))], &[Room::rectangle("4", [0.0; 2], [2.0; 2])]);
     assert_eq!(next(&mut history, vec![chair(0.0, 0.0), chair(3.0, 0.0)]), ["chair-7", "chair-8"]);
@@ -186,4 +182,73 @@ fn the_frame_of_a_new_lidar_map_is_that_of_most_clips() {
         chair(at.x, at.y)
     };
     assert_eq!(next(&mut history, vec![there(4.0, 2.0), there(1.0, 2.0)]), ["chair-2", "chair-1"]);
+}
+
+/// A chair with points on its seat and back, seen by a clip.
+fn seen_chair(x: f64, clip: u16) -> Object {
+    let sample = |i: u16| Sample { at_m: [x as f32, 1.0, 0.04 * f32::from(i)], clip };
+    Object { samples: (0..20).map(sample).collect(), ..chair(x, 1.0) }
+}
+
+/// The space of such a chair, and a part of it.
+fn space(x: f64, high_m: f64, clip: u16) -> ([f64; 3], [f64; 3], u16) {
+    ([x - 0.1, 0.9, 0.0], [x + 0.1, 1.1, high_m], clip)
+}
+
+#[test]
+fn an_object_is_new_only_if_its_place_was_empty_before() {
+    let times = [None, Some(10), Some(10), Some(20)];
+    let all = space(1.0, 0.8, 1);
+    let cases = [
+        ("looked through before", 3, vec![all], true),
+        ("nobody looked there", 3, vec![], false),
+        ("somebody looked elsewhere", 3, vec![space(2.0, 0.8, 1)], false),
+        ("looked through at the same time", 2, vec![all], false),
+        ("looked through later", 1, vec![space(1.0, 0.8, 3)], false),
+        ("seen at an unknown time", 0, vec![all], false),
+        ("a small part was looked through", 3, vec![space(1.0, 0.2, 1)], false),
+    ];
+    for (name, clip, empty, is_new) in cases {
+        let mut history = History::default();
+        let looked = LookedThrough::of_boxes(&times, &empty);
+        history.identify_objects(&mut [seen_chair(1.0, clip)], &Stated::new(), &looked);
+        assert_eq!(history.objects[0].is_new, is_new, "{name}");
+    }
+}
+
+#[test]
+fn an_object_is_gone_only_if_its_place_is_empty_since() {
+    let times = [Some(10), Some(20), Some(30)];
+    let looked = |empty: &[_]| LookedThrough::of_boxes(&times, empty);
+    let mut history = History::default();
+    history.identify_objects(&mut [seen_chair(1.0, 1)], &Stated::new(), &looked(&[]));
+    // (what was looked through, gone, missing)
+    for (empty, is_gone, missing) in [
+        (vec![], false, 1),
+        (vec![space(1.0, 0.8, 0)], false, 2),
+        (vec![space(1.0, 0.2, 2)], false, 3),
+        (vec![space(1.0, 0.8, 2)], true, 4),
+        // It stays gone when its tile does not change any more.
+        (vec![], true, 5),
+    ] {
+        history.identify_objects(&mut [], &Stated::new(), &looked(&empty));
+        let known = &history.objects[0];
+        assert_eq!((known.is_gone, known.missing), (is_gone, missing), "{empty:?}");
+    }
+    // It came back.
+    history.identify_objects(&mut [seen_chair(1.0, 2)], &Stated::new(), &looked(&[]));
+    let known = &history.objects[0];
+    assert_eq!((known.id.as_str(), known.is_new, known.is_gone), ("chair-1", true, false));
+}
+
+#[test]
+fn an_object_that_was_pushed_aside_moved_and_one_that_was_seen_better_did_not() {
+    let times = [Some(10), Some(20)];
+    for (empty, moves) in [(vec![space(1.0, 0.8, 1)], 1), (vec![], 0)] {
+        let mut history = History::default();
+        history.identify_objects(&mut [seen_chair(1.0, 0)], &Stated::new(), &LookedThrough::default());
+        let mut later = [seen_chair(1.3, 1)];
+        history.identify_objects(&mut later, &Stated::new(), &LookedThrough::of_boxes(&times, &empty));
+        assert_eq!((later[0].id.as_str(), history.objects[0].moves), ("chair-1", moves));
+    }
 }

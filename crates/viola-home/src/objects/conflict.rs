@@ -219,6 +219,7 @@ mod tests {
             room: None,
             points: points.len(),
             clips: vec![0],
+            samples: Vec::new(),
         };
         (Found { object, members: (0..points.len() as u32).collect() }, points)
     }

@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// A stream of random choices. Parts of a home have independent streams, so that a change in one part does
 /// not affect the others.
+#[derive(Clone)]
 pub(super) struct Rng {
     seed: u64,
     rng: ChaCha8Rng,

@@ -1,18 +1,17 @@
 //! Simulated homes whose clips are placed together: how many ambiguous clips the others place, and whether
 //! the probabilities hold.
 
-mod clips;
 mod table;
 
+use super::clips::{AlignedClip, ClipsError, Recorder};
 use super::member::member;
 use crate::evaluate::HomesParams;
-use crate::simulate::Set;
-use clips::{AlignedClip, clips};
+use crate::simulate::{Home, HomeParams, Set, valetudo_json};
 use serde::Serialize;
 use std::convert::Infallible;
-use std::path::{Path, PathBuf};
-use viola_align::{AlignError, AlignParams, AlignmentState};
-use viola_formats::lidar::LidarError;
+use std::path::Path;
+use viola_align::{AlignParams, AlignmentState};
+use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Progress;
 use viola_geometry::{LevelName, Pose2};
 use viola_home::{
@@ -60,18 +59,6 @@ pub struct JointMode {
     pub is_right: bool,
 }
 
-#[derive(Debug, thiserror::Error)]
-pub enum JointError {
-    #[error(transparent)]
-    Align(#[from] AlignError),
-    #[error("the map of a simulated home: {0}")]
-    Lidar(#[from] LidarError),
-    #[error("{path}: {source}")]
-    File { path: PathBuf, source: std::io::Error },
-    #[error("{path} is not a clip of this evaluation; delete the folder to begin anew")]
-    Damaged { path: PathBuf },
-}
-
 /// Aligns the clips of a simulated home one by one, then places them together. Aligned clips are kept in
 /// `folder`.
 pub fn joint(
@@ -81,8 +68,13 @@ pub fn joint(
     params: &AlignParams,
     folder: &Path,
     progress: &dyn Progress,
-) -> Result<JointHome, JointError> {
-    let clips = clips(set, seed, homes, params, folder, progress)?;
+) -> Result<JointHome, ClipsError> {
+    let home = Home::generate(&HomeParams::new(set, seed));
+    let survey = home.survey();
+    let lidar = LidarMap::read(valetudo_json(&survey).to_string().as_bytes())?;
+    let recorder = Recorder { homes, params, folder, progress };
+    let name = format!("{}_{seed}", set.name());
+    let clips = recorder.clips(&home, &survey, &lidar, &name, 0..homes.clips_per_home)?;
     let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
         let clip = member.share.parse::<usize>().ok().and_then(|number| clips.get(number));
         Ok(clip.map_or_else(ClipContribution::default, |clip| clip.share.clone()))

@@ -68,7 +68,7 @@ const MISTAKES: [(Class, Class); 10] = [
     (Class::WashingMachine, Class::Cabinet),
 ];
 /// Minimum points of a true object.
-const MIN_POINTS: usize = 40;
+pub(super) const MIN_POINTS: usize = 40;
 const EYE_M: f64 = 1.5;
 const REACH_M: f64 = 5.0;
 
@@ -139,7 +139,7 @@ pub fn sample(home: &HomeParams, params: &SampleParams) -> Result<SimulatedMap, 
 }
 
 /// Returns the bounding box of points along a direction.
-fn along(points: &[[f64; 3]], yaw_rad: f64) -> UprightBox {
+pub(super) fn along(points: &[[f64; 3]], yaw_rad: f64) -> UprightBox {
     let turn = Pose2::new(0.0, 0.0, yaw_rad);
     let turned: Vec<[f64; 3]> = points
         .iter()

@@ -1,0 +1,58 @@
+//! What the clips saw of an object's place: whether it was empty before, and whether it is empty since.
+//!
+//! An object that is found for the first time is new only if an earlier clip looked through its place. An object
+//! that is not found any more is gone only if a later clip looked through its place. Otherwise nobody had filmed
+//! there, or the detection failed.
+
+use super::super::assemble::LookedThrough;
+use super::super::objects::Object;
+use serde::{Deserialize, Serialize};
+
+/// Minimum fraction of an object's points whose place was empty. Points at walls are never seen through.
+const MIN_EMPTY: f64 = 0.4;
+/// The same of an object that is still found there, but in a slightly different place.
+const MIN_EMPTIED: f64 = 0.25;
+/// Minimum fraction of an object's points in the changed tiles: the others are not judged.
+const MIN_JUDGED: f64 = 0.3;
+
+/// A point of an object's surface, and the recording time of the clip that saw it best, if it is known.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct KnownPoint(pub [f32; 3], pub Option<i64>);
+
+/// Returns points of an object's surface, in centimetres.
+pub fn points_of(object: &Object, looked: &LookedThrough) -> Vec<KnownPoint> {
+    let rounded = |c: f32| (c * 100.0).round() / 100.0;
+    let point = |sample: &super::super::objects::Sample| {
+        KnownPoint(sample.at_m.map(rounded), looked.time_ms(sample.clip))
+    };
+    object.samples.iter().map(point).collect()
+}
+
+/// Returns whether clips looked through an object's place before it was seen there.
+pub fn was_empty(points: &[KnownPoint], looked: &LookedThrough) -> bool {
+    share(points, |at_m, time_ms| looked.before(at_m, time_ms)) >= MIN_EMPTY
+}
+
+/// Returns whether clips looked through an object's place after it was seen there.
+pub fn is_empty(points: &[KnownPoint], looked: &LookedThrough) -> bool {
+    share(points, |at_m, time_ms| looked.after(at_m, time_ms)) >= MIN_EMPTY
+}
+
+/// Returns whether clips looked through a part of an object's place after it was seen there.
+pub fn is_emptied(points: &[KnownPoint], looked: &LookedThrough) -> bool {
+    share(points, |at_m, time_ms| looked.after(at_m, time_ms)) >= MIN_EMPTIED
+}
+
+/// Returns the fraction of the points for which `is_empty` holds, of those that can be judged; 0 if they are few.
+fn share(points: &[KnownPoint], is_empty: impl Fn([f32; 3], i64) -> Option<bool>) -> f64 {
+    // A point of unknown time is judged: nothing is known to be earlier or later.
+    let judge = |point: &KnownPoint| match point.1 {
+        Some(time_ms) => is_empty(point.0, time_ms),
+        None => Some(false),
+    };
+    let judged: Vec<bool> = points.iter().filter_map(judge).collect();
+    if (judged.len() as f64) < MIN_JUDGED * points.len().max(1) as f64 {
+        return 0.0;
+    }
+    judged.iter().filter(|empty| **empty).count() as f64 / judged.len() as f64
+}

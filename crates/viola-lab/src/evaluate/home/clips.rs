@@ -1,0 +1,148 @@
+//! The aligned clips of a simulated home, kept in a folder: they take most of the time.
+
+use crate::evaluate::{HomesParams, Oracle};
+use crate::simulate::{ClipParams, Home, Survey};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use viola_align::{AlignError, AlignParams, Alignment, align};
+use viola_formats::lidar::{LidarError, LidarMap};
+use viola_geometry::progress::Progress;
+use viola_geometry::{Pose2, angle_between};
+use viola_home::{ClipContribution, cloud_ply, views_bytes};
+use viola_reconstruct::LabelParams;
+
+#[derive(Debug, thiserror::Error)]
+pub enum ClipsError {
+    #[error(transparent)]
+    Align(#[from] AlignError),
+    #[error("the map of a simulated home: {0}")]
+    Lidar(#[from] LidarError),
+    #[error("{path}: {source}")]
+    File { path: PathBuf, source: std::io::Error },
+    #[error("{path} is not a clip of this evaluation; delete the folder to begin anew")]
+    Damaged { path: PathBuf },
+}
+
+/// A clip aligned by itself, with the truth.
+pub(super) struct AlignedClip {
+    pub answer: Answer,
+    pub share: ClipContribution,
+}
+
+#[derive(Serialize, Deserialize)]
+pub(super) struct Answer {
+    pub alignment: Alignment,
+    pub map_from_clip: Pose2,
+}
+
+impl AlignedClip {
+    /// Returns whether a pose is under 10 degrees and 0.3 m from the truth.
+    pub fn is_right(&self, pose: &Pose2) -> bool {
+        let truth = &self.answer.map_from_clip;
+        pose.distance_m(truth) < 0.3 && angle_between(pose.yaw_rad, truth.yaw_rad) < 10f64.to_radians()
+    }
+}
+
+/// Records clips of simulated homes and aligns them.
+pub(super) struct Recorder<'a> {
+    pub homes: &'a HomesParams,
+    pub params: &'a AlignParams,
+    /// Folder of the aligned clips.
+    pub folder: &'a Path,
+    pub progress: &'a dyn Progress,
+}
+
+impl Recorder<'_> {
+    /// Returns clips of a home, aligned one by one. Those in the folder by `name` are not aligned again.
+    pub fn clips(
+        &self,
+        home: &Home,
+        survey: &Survey,
+        lidar: &LidarMap,
+        name: &str,
+        numbers: Range<u64>,
+    ) -> Result<Vec<AlignedClip>, ClipsError> {
+        let one = |number: u64| -> Result<AlignedClip, ClipsError> {
+            let path = self.folder.join(format!("{name}_{number}"));
+            if let Some(clip) = read(&path)? {
+                return Ok(clip);
+            }
+            let clip = self.align(home, survey, lidar, number)?;
+            write(&path, &clip)?;
+            Ok(clip)
+        };
+        numbers.into_par_iter().map(one).collect()
+    }
+
+    /// Returns the parameters of the recordings.
+    pub fn recording(&self) -> ClipParams {
+        ClipParams {
+            frames: self.homes.frames.first().copied().unwrap_or(10),
+            sensor: self.homes.sensor,
+            color_width: self.homes.sensor.depth_camera().width,
+            drift: self.homes.drift,
+            ..ClipParams::default()
+        }
+    }
+
+    fn align(
+        &self,
+        home: &Home,
+        survey: &Survey,
+        lidar: &LidarMap,
+        number: u64,
+    ) -> Result<AlignedClip, ClipsError> {
+        let recorded = home.clip(survey, number, &self.recording());
+        let map_from_clip = recorded.truth.map_from_clip;
+        let (clip, label) = match self.homes.picture_labels {
+            Some(accuracy) => {
+                let (clip, oracle) = Oracle::with_clip(Arc::new(recorded), accuracy, home.params.seed);
+                (clip, LabelParams { segmenter: Some(oracle), ..self.params.label.clone() })
+            }
+            None => (recorded.into_clip(), self.params.label.clone()),
+        };
+        let params = AlignParams { label, ..self.params.clone() };
+        let aligned = align(&clip, None, lidar, &params, self.progress)?;
+        Ok(AlignedClip {
+            answer: Answer { alignment: aligned.alignment, map_from_clip },
+            share: ClipContribution::new(aligned.cloud_in_clip, aligned.views),
+        })
+    }
+}
+
+/// Files of a clip; the answer is written last, so it is there only if the others are.
+const CLOUD: &str = "ply";
+const VIEWS: &str = "views";
+const ANSWER: &str = "json";
+
+fn read(path: &Path) -> Result<Option<AlignedClip>, ClipsError> {
+    let answer = path.with_extension(ANSWER);
+    if !answer.exists() {
+        return Ok(None);
+    }
+    let file = |extension: &str| {
+        let path = path.with_extension(extension);
+        std::fs::read(&path).map_err(|source| ClipsError::File { path, source })
+    };
+    let damaged = || ClipsError::Damaged { path: answer.clone() };
+    let share = ClipContribution::read(&file(CLOUD)?, &file(VIEWS)?).map_err(|_| damaged())?;
+    let answer = serde_json::from_slice(&file(ANSWER)?).map_err(|_| damaged())?;
+    Ok(Some(AlignedClip { answer, share }))
+}
+
+fn write(path: &Path, clip: &AlignedClip) -> Result<(), ClipsError> {
+    let answer = serde_json::to_vec(&clip.answer).unwrap_or_default();
+    let files = [
+        (CLOUD, cloud_ply(&clip.share.cloud_in_clip, None)),
+        (VIEWS, views_bytes(&clip.share.cloud_in_clip, &clip.share.views)),
+        (ANSWER, answer),
+    ];
+    for (extension, bytes) in files {
+        let path = path.with_extension(extension);
+        std::fs::write(&path, bytes).map_err(|source| ClipsError::File { path, source })?;
+    }
+    Ok(())
+}
