@@ -8,6 +8,7 @@ mod contribution;
 mod corrections;
 mod coverage;
 mod describe;
+mod features;
 mod identity;
 mod info;
 mod lettering;
@@ -22,8 +23,8 @@ mod shades;
 mod svg;
 
 pub use assemble::{
-    Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, Level, Manifest, Marginal, Member, Overlap,
-    POINT_BYTES, Pair, PlacedBy, PlacedClip, SURE, Tile, TileBytes, TileInfo, TileKey, Verdict, assemble,
+    Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, Level, LoadClips, Manifest, Marginal, Member, Overlap,
+    POINT_BYTES, Pair, PlacedBy, PlacedClip, SURE, Tie, Tile, TileBytes, TileInfo, TileKey, Verdict, assemble,
     compare, disagreement, likeliest, point_bytes, read_point,
 };
 pub use completion::{completion_png, completion_pngs};
@@ -35,6 +36,7 @@ pub use corrections::{
 };
 pub use coverage::{Coverage, RoomCoverage, coverage};
 pub use describe::{Description, describe, describe_revised};
+pub use features::{features_bytes, read_features};
 pub use identity::{
     History, KnownObject, MovedObject, ObjectChanges, Stated, map_from_earlier, object_changes,
 };

@@ -7,6 +7,7 @@ use super::level::{Level, apart, in_space, rounded};
 use super::members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
 use super::overlap::{Overlap, overlap};
 use super::settle::{Edge, KERNELS, Prior, settle};
+use super::ties::{Tie, ties};
 use super::{Manifest, Pair};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
@@ -53,6 +54,7 @@ pub(super) struct Placed<'a> {
     pub pairs: Vec<Pair>,
     pub known: Vec<KnownClip>,
     pub comparisons: Vec<Comparison>,
+    pub ties: Vec<Tie>,
 }
 
 pub(super) fn place<'a, E>(
@@ -61,6 +63,7 @@ pub(super) fn place<'a, E>(
     cache: &mut Cache<E>,
 ) -> Result<Placed<'a>, E> {
     let candidates = candidates(&last.known, members, cache)?;
+    let ties = ties((&last.known, &last.ties), &candidates, cache)?;
     let comparisons = joint::compare((&last.known, &last.comparisons), &candidates, cache)?;
     let marginals = joint::marginals(&candidates, &comparisons);
     let each = || candidates.iter().zip(&marginals);
@@ -68,7 +71,7 @@ pub(super) fn place<'a, E>(
     let pairs = overlaps(last, &placed, cache)?;
     let clips = together(&placed, &pairs);
     let known = each().map(|(candidate, marginal)| candidate.known(*marginal)).collect();
-    Ok(Placed { clips, pairs, known, comparisons })
+    Ok(Placed { clips, pairs, known, comparisons, ties })
 }
 
 /// Returns a clip at its likeliest pose; none if its pose is not known. A clip that is aligned by itself, or

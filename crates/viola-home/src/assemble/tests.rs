@@ -1,5 +1,6 @@
 use super::*;
 use crate::MAP_VOXEL_M;
+use crate::contribution::ClipContribution;
 use nalgebra::Matrix3;
 use proptest::prelude::*;
 use std::convert::Infallible;

@@ -1,6 +1,7 @@
 //! The aligned clips of a simulated home, kept in a folder: they take most of the time.
 
 use super::JointError;
+use super::super::member::Share;
 use crate::evaluate::HomesParams;
 use crate::simulate::{ClipParams, Home, HomeParams, Set, valetudo_json};
 use rayon::prelude::*;
@@ -10,12 +11,12 @@ use viola_align::{AlignParams, Alignment, align};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Progress;
 use viola_geometry::{Pose2, angle_between};
-use viola_home::{ClipContribution, cloud_ply, views_bytes};
+use viola_home::{ClipContribution, cloud_ply, features_bytes, read_features, views_bytes};
 
 /// A clip aligned by itself, with the truth.
 pub(super) struct AlignedClip {
     pub answer: Answer,
-    pub share: ClipContribution,
+    pub share: Share,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -61,7 +62,10 @@ pub(super) fn clips(
         let aligned = align(&recorded.into_clip(), None, &lidar, params, progress)?;
         let clip = AlignedClip {
             answer: Answer { alignment: aligned.alignment, map_from_clip },
-            share: ClipContribution::new(aligned.cloud_in_clip, aligned.views),
+            share: Share {
+                contribution: ClipContribution::new(aligned.cloud_in_clip, aligned.views),
+                features: aligned.features,
+            },
         };
         write(&path, &clip)?;
         Ok(clip)
@@ -72,6 +76,7 @@ pub(super) fn clips(
 /// Files of a clip; the answer is written last, so it is there only if the others are.
 const CLOUD: &str = "ply";
 const VIEWS: &str = "views";
+const FEATURES: &str = "features";
 const ANSWER: &str = "json";
 
 fn read(path: &Path) -> Result<Option<AlignedClip>, JointError> {
@@ -84,7 +89,9 @@ fn read(path: &Path) -> Result<Option<AlignedClip>, JointError> {
         std::fs::read(&path).map_err(|source| JointError::File { path, source })
     };
     let damaged = || JointError::Damaged { path: answer.clone() };
-    let share = ClipContribution::read(&file(CLOUD)?, &file(VIEWS)?).map_err(|_| damaged())?;
+    let contribution = ClipContribution::read(&file(CLOUD)?, &file(VIEWS)?).map_err(|_| damaged())?;
+    let features = read_features(&file(FEATURES)?).map_err(|_| damaged())?;
+    let share = Share { contribution, features };
     let answer = serde_json::from_slice(&file(ANSWER)?).map_err(|_| damaged())?;
     Ok(Some(AlignedClip { answer, share }))
 }
@@ -92,8 +99,9 @@ fn read(path: &Path) -> Result<Option<AlignedClip>, JointError> {
 fn write(path: &Path, clip: &AlignedClip) -> Result<(), JointError> {
     let answer = serde_json::to_vec(&clip.answer).unwrap_or_default();
     let files = [
-        (CLOUD, cloud_ply(&clip.share.cloud_in_clip, None)),
-        (VIEWS, views_bytes(&clip.share.views)),
+        (CLOUD, cloud_ply(&clip.share.contribution.cloud_in_clip, None)),
+        (VIEWS, views_bytes(&clip.share.contribution.views)),
+        (FEATURES, features_bytes(&clip.share.features)),
         (ANSWER, answer),
     ];
     for (extension, bytes) in files {
