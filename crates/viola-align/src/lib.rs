@@ -35,7 +35,9 @@ use viola_formats::clip::{Clip, ClipError};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::Pose3;
 use viola_geometry::progress::{Cancelled, Progress};
-use viola_reconstruct::{Feature, FuseParams, KeyFrame, LabelParams, PointCloud, ReconstructError, TrackParams, View};
+use viola_reconstruct::{
+    Feature, FuseParams, KeyFrame, LabelParams, PointCloud, ReconstructError, TrackParams, View,
+};
 
 /// Parameters of an alignment, stage by stage.
 #[derive(Debug, Clone, Default, PartialEq)]

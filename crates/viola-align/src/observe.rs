@@ -6,11 +6,11 @@ use std::ops::Range;
 use viola_formats::clip::{Clip, Up};
 use viola_geometry::Pose3;
 use viola_geometry::progress::{self, Progress, Stage};
+use viola_reconstruct::features::features;
 use viola_reconstruct::floor::{self, Floor};
 use viola_reconstruct::label::{LabelReport, Labeller, Wall};
 use viola_reconstruct::track::{self, TrackedClip};
 use viola_reconstruct::trajectory::Trajectory;
-use viola_reconstruct::features::features;
 use viola_reconstruct::{Feature, FloorReport, Fused, KeyFrame, PointCloud, Reason, fuse, trajectory};
 
 /// The data of a clip, without any map.

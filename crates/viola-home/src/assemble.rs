@@ -101,10 +101,7 @@ pub fn assemble<E>(
 }
 
 /// Compares the clips of `members` at all their possible poses, as [`assemble`] does.
-pub fn compare<E>(
-    mut members: Vec<Member>,
-    load: &mut dyn LoadClips<E>,
-) -> Result<Vec<Comparison>, E> {
+pub fn compare<E>(mut members: Vec<Member>, load: &mut dyn LoadClips<E>) -> Result<Vec<Comparison>, E> {
     members.sort_by(|a, b| a.order().cmp(&b.order()));
     let mut cache = Cache::new(load);
     let candidates = candidates::candidates(&[], &members, &mut cache)?;
@@ -112,15 +109,15 @@ pub fn compare<E>(
 }
 
 /// Returns the clips of `members` with their likeliest poses, as [`assemble`] places them, without a map.
-pub fn likeliest<E>(
-    mut members: Vec<Member>,
-    load: &mut dyn LoadClips<E>,
-) -> Result<Vec<KnownClip>, E> {
+pub fn likeliest<E>(mut members: Vec<Member>, load: &mut dyn LoadClips<E>) -> Result<Vec<KnownClip>, E> {
     members.sort_by(|a, b| a.order().cmp(&b.order()));
     let mut cache = Cache::new(load);
-    let candidates = candidates::candidates(&[], &members, &mut cache)?;
+    let mut candidates = candidates::candidates(&[], &members, &mut cache)?;
+    let ties = ties::ties((&[], &[]), &candidates, &mut cache)?;
+    let forest = ties::forest(&candidates, &ties);
+    ties::pass_poses(&mut candidates, &forest);
     let comparisons = joint::compare((&[], &[]), &candidates, &mut cache)?;
-    let marginals = joint::marginals(&candidates, &comparisons);
+    let marginals = joint::marginals(&candidates, &comparisons, &forest);
     Ok(candidates.iter().zip(marginals).map(|(candidate, marginal)| candidate.known(marginal)).collect())
 }
 

@@ -4,7 +4,9 @@ use super::{HomeMap, MapClip, MapFile, MapObject, MapScene, map_file};
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Connection, Row, Transaction, query};
-use crate::storage::{Choice, Corrections, HomeId, Storage, StorageError, corrections, lidar_maps};
+use crate::storage::{
+    Choice, ClipState, Corrections, HomeId, Storage, StorageError, corrections, lidar_maps,
+};
 use jiff::Timestamp;
 use std::time::Duration;
 use uuid::Uuid;
@@ -264,8 +266,8 @@ async fn newest(connection: &mut Connection, home: &HomeId) -> Result<Option<Hom
 /// Returns the clips with an answer that may be in the map.
 async fn members(connection: &mut Connection, home: &HomeId) -> Result<Vec<Member>, StorageError> {
     let rows = query(
-        "SELECT id, sha256, recorded_at, result_key, alignment, choice FROM clips
-        WHERE home_id = $1 AND state IN ('aligned', 'ambiguous') AND result_key IS NOT NULL ORDER BY id",
+        "SELECT id, sha256, recorded_at, result_key, alignment, choice, state FROM clips
+        WHERE home_id = $1 AND state IN ('aligned', 'ambiguous', 'failed') AND result_key IS NOT NULL ORDER BY id",
     )
     .bind(home.key())
     .fetch_all(connection)
@@ -276,7 +278,10 @@ async fn members(connection: &mut Connection, home: &HomeId) -> Result<Vec<Membe
             Some(choice) => Some(Verdict::Chosen { map_from_clip: choice.map_from_clip }),
             None => alignment.as_ref().and_then(Verdict::of),
         };
-        let Some(verdict) = verdict else { return Ok(None) };
+        // The state is also `failed` if the last attempt broke; the answer is then an older one.
+        let broke =
+            row.name::<ClipState>("state")? == ClipState::Failed && verdict != Some(Verdict::Unplaced);
+        let Some(verdict) = verdict.filter(|_| !broke) else { return Ok(None) };
         Ok(Some(Member {
             clip: row.id("id")?,
             recorded_at_ms: row.maybe_number("recorded_at")?,

@@ -16,7 +16,7 @@ const MIN_ELSEWHERE: f64 = 0.005;
 /// A clip and its possible poses.
 pub(super) struct Candidate<'a> {
     pub member: &'a Member,
-    /// The best first, as the clip's own alignment ranks them.
+    /// The best first, as the clip's own alignment ranks them; then those that ties to other clips add.
     pub modes: Vec<Mode>,
     pub extent: Extent,
     pub points: usize,
@@ -56,8 +56,8 @@ impl Candidate<'_> {
     }
 
     /// Returns whether the clip's own alignment left its pose open.
-    pub fn is_ambiguous(&self) -> bool {
-        matches!(self.member.verdict, Verdict::Ambiguous { .. })
+    pub fn is_open(&self) -> bool {
+        matches!(self.member.verdict, Verdict::Ambiguous { .. } | Verdict::Unplaced)
     }
 
     /// Returns the probability that the clip is at none of its modes.
@@ -82,7 +82,7 @@ impl Candidate<'_> {
     }
 }
 
-/// Returns the members with at least one possible pose, in their order. `known`: clips of the last merge.
+/// Returns the members with the poses of their own alignments, in their order. `known`: clips of the last merge.
 pub(super) fn candidates<'a, E>(
     known: &[KnownClip],
     members: &'a [Member],
@@ -93,9 +93,6 @@ pub(super) fn candidates<'a, E>(
     let mut candidates = Vec::new();
     for member in members {
         let modes = modes(&member.verdict);
-        if modes.is_empty() {
-            continue;
-        }
         let (extent, points) = match before.get(&*member.share) {
             Some(before) => *before,
             None => {
@@ -114,6 +111,7 @@ pub(super) fn modes(verdict: &Verdict) -> Vec<Mode> {
             let probability = probability.unwrap_or(ALIGNED).clamp(0.0, 1.0);
             vec![Mode { map_from_clip: *map_from_clip, probability }]
         }
+        Verdict::Unplaced => Vec::new(),
         Verdict::Chosen { map_from_clip } => vec![Mode { map_from_clip: *map_from_clip, probability: 1.0 }],
         Verdict::Ambiguous { alternatives } => {
             let mode = |(map_from_clip, probability): &(Pose2, f64)| Mode {

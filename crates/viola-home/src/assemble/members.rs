@@ -37,6 +37,8 @@ pub enum Verdict {
     Ambiguous {
         alternatives: Vec<(Pose2, f64)>,
     },
+    /// Without a pose in the map, but with a floor: other clips may place it.
+    Unplaced,
 }
 
 /// Source of a clip's pose.
@@ -88,7 +90,7 @@ impl Member {
 }
 
 impl Verdict {
-    /// Returns the verdict of an alignment; `None` for one without a pose.
+    /// Returns the verdict of an alignment; `None` for one without a floor.
     pub fn of(alignment: &Alignment) -> Option<Verdict> {
         match alignment.state {
             AlignmentState::Aligned => Some(Verdict::Aligned {
@@ -103,7 +105,7 @@ impl Verdict {
                     .map(|one| (one.map_from_clip, one.probability.unwrap_or(0.0)))
                     .collect(),
             }),
-            AlignmentState::Failed => None,
+            AlignmentState::Failed => alignment.floor.as_ref().map(|_| Verdict::Unplaced),
         }
     }
 }

@@ -48,7 +48,9 @@ pub(super) fn corners(finest: &Layer, smooth: &[Smooth]) -> Vec<Corner> {
                 Some(Corner { u, v, depth_m: f64::from(depth_m), strength })
             })
             .collect();
-        of_layer.sort_by(|a, b| b.strength.total_cmp(&a.strength).then(a.v.total_cmp(&b.v)).then(a.u.total_cmp(&b.u)));
+        of_layer.sort_by(|a, b| {
+            b.strength.total_cmp(&a.strength).then(a.v.total_cmp(&b.v)).then(a.u.total_cmp(&b.u))
+        });
         of_layer.truncate(most);
         corners.extend(of_layer);
     }

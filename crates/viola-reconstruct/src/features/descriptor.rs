@@ -24,7 +24,8 @@ pub struct Descriptor(pub [u8; DESCRIPTOR_BYTES]);
 impl Descriptor {
     /// Returns the cosine between two descriptions.
     pub fn similarity(&self, other: &Descriptor) -> f32 {
-        let product: u32 = self.0.iter().zip(&other.0).map(|(a, b)| u32::from(u16::from(*a) * u16::from(*b))).sum();
+        let product: u32 =
+            self.0.iter().zip(&other.0).map(|(a, b)| u32::from(u16::from(*a) * u16::from(*b))).sum();
         product as f32 / (LENGTH * LENGTH)
     }
 }

@@ -26,8 +26,11 @@ fn cell(position: &Point3) -> [i32; 3] {
 
 /// Returns the features of all pictures, those of most pictures first, at most `most`.
 pub(super) fn distinct(found: &[Vec<Found>], most: usize) -> Vec<Feature> {
-    let mut order: Vec<(usize, &Found)> =
-        found.iter().enumerate().flat_map(|(picture, all)| all.iter().map(move |one| (picture, one))).collect();
+    let mut order: Vec<(usize, &Found)> = found
+        .iter()
+        .enumerate()
+        .flat_map(|(picture, all)| all.iter().map(move |one| (picture, one)))
+        .collect();
     // Stable: equal ones stay in the order of the pictures.
     order.sort_by(|a, b| b.1.strength.total_cmp(&a.1.strength));
     let mut groups: Vec<Group> = Vec::new();
@@ -44,7 +47,13 @@ pub(super) fn distinct(found: &[Vec<Found>], most: usize) -> Vec<Feature> {
             None => {
                 cells.entry(cell(&position)).or_default().push(groups.len());
                 let (feature, strength) = (one.feature, one.strength);
-                groups.push(Group { feature, strength, sum: position, sightings: 1, pictures: 1 << picture.min(63) });
+                groups.push(Group {
+                    feature,
+                    strength,
+                    sum: position,
+                    sightings: 1,
+                    pictures: 1 << picture.min(63),
+                });
             }
         }
     }

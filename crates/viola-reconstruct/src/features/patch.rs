@@ -60,7 +60,8 @@ fn normal(layer: &Layer, corner: &Corner) -> Option<Vector3> {
     for row in 0..READINGS {
         for column in 0..READINGS {
             let offset = |i: i32| (f64::from(2 * i) / f64::from(READINGS - 1) - 1.0) * half;
-            let (x, y) = ((corner.u + offset(column)).round() as i64, (corner.v + offset(row)).round() as i64);
+            let (x, y) =
+                ((corner.u + offset(column)).round() as i64, (corner.v + offset(row)).round() as i64);
             if (0..width).contains(&x) && (0..height).contains(&y) {
                 let depth_m = f64::from(layer.depth_m[(y * width + x) as usize]);
                 if depth_m > 0.0 {

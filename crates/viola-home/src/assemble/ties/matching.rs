@@ -12,7 +12,7 @@ const RATIO: f32 = 0.92;
 /// Features nearer than this are the same place.
 const SAME_PLACE_M: f64 = 0.15;
 /// Maximum matches of two clips, the most distinctive first.
-const MAX_MATCHES: usize = 120;
+const MAX_MATCHES: usize = 100;
 
 /// A place of clip `a` that may be one of clip `b`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,7 +27,8 @@ pub(super) struct Match {
 
 /// Returns the matches of two clips, the most distinctive first: features that are each other's most similar.
 pub(super) fn matches(a: &[Feature], b: &[Feature]) -> Vec<Match> {
-    let similarity: Vec<f32> = a.iter().flat_map(|one| b.iter().map(move |other| alike(one, other))).collect();
+    let similarity: Vec<f32> =
+        a.iter().flat_map(|one| b.iter().map(move |other| alike(one, other))).collect();
     let of_a = |i: usize| &similarity[i * b.len()..(i + 1) * b.len()];
     let to_b: Vec<Option<(usize, f32)>> = (0..a.len()).map(|i| best(b, of_a(i).iter().copied())).collect();
     let to_a: Vec<Option<(usize, f32)>> =
@@ -58,7 +59,8 @@ fn alike(a: &Feature, b: &Feature) -> f32 {
 
 /// Returns the most similar of some features, and the ratio of its distance to that of the next best place.
 fn best(among: &[Feature], similarities: impl Iterator<Item = f32> + Clone) -> Option<(usize, f32)> {
-    let first = |best: (usize, f32), (at, value): (usize, f32)| if value > best.1 { (at, value) } else { best };
+    let first =
+        |best: (usize, f32), (at, value): (usize, f32)| if value > best.1 { (at, value) } else { best };
     let (at, most) = similarities.clone().enumerate().fold((0, 0.0), first);
     if most < LEAST_ALIKE {
         return None;

@@ -2,9 +2,10 @@
 //!
 //! Every two matches propose a motion: with a few hundred proposals no sampling is needed.
 
-use super::matching::Match;
+use super::matching::{Match, matches};
 use rustc_hash::FxHashSet;
 use viola_geometry::{Point2, Point3, Pose2, Vector2, angle_between, wrap_angle};
+use viola_reconstruct::Feature;
 
 /// Minimum distance of two matches that propose a motion, and the maximum difference of their distances in the
 /// clips.
@@ -15,8 +16,12 @@ const NEAR_M: f64 = 0.12;
 const RISE_M: f64 = 0.1;
 /// Maximum difference of a motion's rotation from that of a match: patches that face the camera turn with it.
 const FACING_RAD: f64 = 50f64.to_radians();
+/// Features of each clip that are compared first, the most reliable, and the places that they must agree in: most
+/// pairs of clips show different places, and are dropped here.
+const FIRST: usize = 150;
+const LEAST_FIRST: usize = 5;
 /// Minimum number of inliers at different places.
-const LEAST_PLACES: usize = 4;
+const LEAST_PLACES: usize = 8;
 /// Inliers in one cell of this side are one place.
 const PLACE_M: f64 = 0.1;
 
@@ -30,8 +35,15 @@ pub(super) struct Motion {
     pub spread_m: f64,
 }
 
-/// Returns the motion with the most inliers; none if they are too few.
-pub(super) fn motion(matches: &[Match]) -> Option<Motion> {
+/// Returns the motion between two clips that show the same place; none if too few features agree.
+pub(super) fn motion(a: &[Feature], b: &[Feature]) -> Option<Motion> {
+    let first = |features: &[Feature]| features.len().min(FIRST);
+    fitting(&matches(&a[..first(a)], &b[..first(b)]), LEAST_FIRST)?;
+    fitting(&matches(a, b), LEAST_PLACES)
+}
+
+/// Returns the motion with the most inliers; none if they are at fewer places than `least`.
+fn fitting(matches: &[Match], least: usize) -> Option<Motion> {
     let mut best: Option<(usize, Pose2, f64)> = None;
     for (i, one) in matches.iter().enumerate() {
         for other in &matches[i + 1..] {
@@ -49,7 +61,12 @@ pub(super) fn motion(matches: &[Match]) -> Option<Motion> {
     let last: Vec<Match> = inliers(matches, &pose, rise_m).copied().collect();
     let places = distinct(last.iter().map(|one| &one.a)).min(distinct(last.iter().map(|one| &one.b)));
     let spread_m = spread_m(&last);
-    (places >= LEAST_PLACES && spread_m > APART_M / 2.0).then_some(Motion { b_from_a: pose, rise_m, places, spread_m })
+    (places >= least && spread_m > APART_M / 2.0).then_some(Motion {
+        b_from_a: pose,
+        rise_m,
+        places,
+        spread_m,
+    })
 }
 
 /// Returns the motion that two matches propose; none if their distances or directions do not fit.

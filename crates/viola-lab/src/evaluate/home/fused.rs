@@ -9,7 +9,8 @@ use viola_align::{AlignError, AlignParams, AlignmentState};
 use viola_geometry::progress::Progress;
 use viola_geometry::{Pose2, Pose3, angle_between};
 use viola_home::{
-    ClipContribution, ClipNumbers, Manifest, MapPoint, Pair, PlacedBy, PlacedClip, Verdict, assemble, disagreement,
+    ClipContribution, ClipNumbers, Manifest, MapPoint, Pair, PlacedBy, PlacedClip, Verdict, assemble,
+    disagreement,
 };
 use viola_reconstruct::PointCloud;
 

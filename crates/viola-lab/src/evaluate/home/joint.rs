@@ -14,9 +14,7 @@ use viola_align::{AlignError, AlignParams, AlignmentState};
 use viola_formats::lidar::LidarError;
 use viola_geometry::Pose2;
 use viola_geometry::progress::Progress;
-use viola_home::{
-    Comparison, Manifest, Member, PlacedBy, SURE, Tie, Verdict, assemble, compare, likeliest,
-};
+use viola_home::{Comparison, Manifest, Member, PlacedBy, SURE, Tie, Verdict, assemble, compare, likeliest};
 
 pub use table::JointRow;
 
@@ -141,7 +139,7 @@ fn modes(clip: &AlignedClip) -> Vec<JointMode> {
             vec![mode((map_from_clip, probability.unwrap_or(0.0)))]
         }
         Some(Verdict::Ambiguous { alternatives }) => alternatives.into_iter().map(mode).collect(),
-        Some(Verdict::Chosen { .. }) | None => Vec::new(),
+        Some(Verdict::Chosen { .. } | Verdict::Unplaced) | None => Vec::new(),
     }
 }
 

@@ -1,7 +1,7 @@
 //! The aligned clips of a simulated home, kept in a folder: they take most of the time.
 
-use super::JointError;
 use super::super::member::Share;
+use super::JointError;
 use crate::evaluate::HomesParams;
 use crate::simulate::{ClipParams, Home, HomeParams, Set, valetudo_json};
 use rayon::prelude::*;
