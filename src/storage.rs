@@ -65,7 +65,7 @@ pub use leases::{Claim, Ending, Fault, Reached, RetryPolicy};
 pub use lidar_maps::{LidarMapRevision, NewLidarMap};
 pub use open::Storage;
 pub use params::{Page, PostgresParams, StorageParams};
-pub use placement::{Placement, reasons_of_placement, state_of_ambiguous};
+pub use placement::{Placement, reasons_of_placement, state_by_others};
 pub use signals::{Signal, Signals};
 pub use sweep::SweepLimit;
 pub use tenants::Removed;

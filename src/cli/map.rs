@@ -79,8 +79,7 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let clips = align_all(&arguments.clips, &mut aligner)?;
     let members: Vec<Member> = clips.iter().filter_map(HomeClip::member).collect();
     eprintln!("map: fuse {} of {} clips", members.len(), clips.len());
-    let mut load = |member: &Member| aligner.contributions.load(member);
-    let map = home::assemble(&Manifest::default(), members, &mut load)?;
+    let map = home::assemble(&Manifest::default(), members, &mut aligner.contributions)?;
     eprintln!("map: describe");
     let files = HomeFiles::new(&levels, map, &clips)?;
     files.write(out)?;

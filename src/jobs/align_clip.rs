@@ -127,6 +127,7 @@ fn finish(
         // In the clip's own frame: its pose in the map changes with its neighbours and with a choice.
         (result_file::CLOUD, home::cloud_ply(&aligned.cloud_in_clip, None)),
         (result_file::VIEWS, home::views_bytes(&aligned.cloud_in_clip, &aligned.views)),
+        (result_file::FEATURES, home::features_bytes(&aligned.features)),
         (result_file::SCAN, serde_json::to_vec(&home::ClipScan::of(&aligned)).unwrap_or_default()),
     ];
     files.extend(chosen.map(|map| (result_file::OVERLAY, home::overlay_png(map.lidar, &aligned))));

@@ -3,7 +3,7 @@
 use super::ClipState;
 use serde::{Deserialize, Serialize};
 use viola_geometry::{LevelName, Pose2};
-use viola_home::PlacedBy;
+use viola_home::{PlacedBy, Verdict};
 use viola_reconstruct::Reason;
 
 /// Pose of a clip in a revision of the home's map, and its source.
@@ -20,16 +20,21 @@ pub struct Placement {
     pub map_revision: i64,
 }
 
-/// Returns the state of an ambiguous clip after a merge. `by` is the source of its pose in the map, if it has one.
-pub fn state_of_ambiguous(by: Option<PlacedBy>) -> ClipState {
-    if by.is_some() { ClipState::Aligned } else { ClipState::Ambiguous }
+/// Returns the state after a merge of a clip whose own alignment left its pose open; `None` for other clips. `by` is
+/// the source of its pose in the map, if it has one.
+pub fn state_by_others(verdict: &Verdict, by: Option<PlacedBy>) -> Option<ClipState> {
+    let alone = match verdict {
+        Verdict::Ambiguous { .. } => ClipState::Ambiguous,
+        Verdict::Unplaced => ClipState::Failed,
+        Verdict::Aligned { .. } | Verdict::Chosen { .. } => return None,
+    };
+    Some(if by.is_some() { ClipState::Aligned } else { alone })
 }
 
 /// Returns the reasons that replace those of a clip's own alignment; `None` if its own stay.
 pub fn reasons_of_placement(by: Option<PlacedBy>) -> Option<Vec<Reason>> {
     (by == Some(PlacedBy::Neighbours)).then(|| {
-        let detail =
-            "several poses explain the clip alike; what the clips around it saw decided between them";
+        let detail = "the clip alone leaves its pose open; what the clips around it saw decided it";
         vec![Reason::new("decided_by_neighbours", detail)]
     })
 }

@@ -35,7 +35,9 @@ use viola_formats::clip::{Clip, ClipError};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::{Cancelled, Progress};
 use viola_geometry::{LevelName, Pose3};
-use viola_reconstruct::{FuseParams, KeyFrame, LabelParams, PointCloud, ReconstructError, TrackParams, View};
+use viola_reconstruct::{
+    Feature, FuseParams, KeyFrame, LabelParams, PointCloud, ReconstructError, TrackParams, View,
+};
 
 /// Parameters of an alignment, stage by stage.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -85,6 +87,8 @@ pub struct Aligned {
     pub scan: VirtualScan,
     /// Views of the key frames; empty if the floor was not found.
     pub views: Vec<View>,
+    /// Places that other clips may recognise, in the clip frame; empty if the floor was not found.
+    pub features: Vec<Feature>,
     /// The completed parts, if the clip was completed.
     pub completion: Option<Completion>,
 }
@@ -145,11 +149,13 @@ impl Aligned {
             };
             observation.keys.into_iter().map(view).collect()
         });
+        let features = observation.features.into_iter().map(|feature| feature.raised(sunk_m)).collect();
         Aligned {
             alignment,
             scan,
             cloud_in_clip: observation.cloud_in_clip.transformed(&lower),
             views,
+            features,
             completion,
         }
     }

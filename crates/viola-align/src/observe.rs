@@ -6,11 +6,12 @@ use std::ops::Range;
 use viola_formats::clip::{Clip, Up};
 use viola_geometry::Pose3;
 use viola_geometry::progress::{self, Progress, Stage};
+use viola_reconstruct::features::features;
 use viola_reconstruct::floor::{self, Floor};
 use viola_reconstruct::label::{LabelReport, Labeller, Wall};
 use viola_reconstruct::track::{self, TrackedClip};
 use viola_reconstruct::trajectory::Trajectory;
-use viola_reconstruct::{FloorReport, Fused, KeyFrame, PointCloud, Reason, fuse, trajectory};
+use viola_reconstruct::{Feature, FloorReport, Fused, KeyFrame, PointCloud, Reason, fuse, trajectory};
 
 /// The data of a clip, without any map.
 #[derive(Debug, Clone, Default)]
@@ -20,6 +21,8 @@ pub struct Observation {
     pub key_frames: usize,
     /// The key frames themselves, if the clip is a recording.
     pub keys: Vec<KeyFrame>,
+    /// In the clip frame.
+    pub features: Vec<Feature>,
     /// In the clip frame.
     pub walls: Vec<Wall>,
     pub labels: Option<LabelReport>,
@@ -137,6 +140,7 @@ impl Fusion {
 
             progress::begin(progress, Stage::Raycast)?;
             observation.cast(self.fused.cloud_in_world, keys, &floors, &params.raycast, progress)?;
+            observation.features = features(&self.fused.pictures, &first.clip_from_world);
         }
         observation.keys = self.fused.key_frames;
         Ok(observation)
@@ -264,6 +268,7 @@ impl Observation {
             other_floors: Vec::new(),
             sparse_track: self.sparse_track,
             keys: self.keys.clone(),
+            features: self.features.clone(),
             key_frames: self.key_frames,
             labels: self.labels.clone(),
             pictures: self.pictures.clone(),

@@ -9,6 +9,7 @@ mod cache;
 mod candidates;
 mod joint;
 mod level;
+mod load;
 mod looked;
 mod members;
 mod overlap;
@@ -16,6 +17,7 @@ mod poses;
 mod settle;
 pub(super) mod sight;
 mod surface;
+mod ties;
 mod tile;
 mod tiles;
 mod voxels;
@@ -24,15 +26,16 @@ pub use agreement::Agreement;
 pub use candidates::{KnownClip, Marginal};
 pub use joint::Comparison;
 pub use level::Level;
+pub use load::LoadClips;
 pub use looked::LookedThrough;
 pub use members::{Extent, Member, Mode, PlacedBy, PlacedClip, Verdict};
 pub use overlap::{Overlap, disagreement};
 pub use poses::SURE;
+pub use ties::Tie;
 pub use tile::{CLIP_AT, POINT_BYTES, Tile, TileBytes, TileInfo, TileKey, point_bytes, read_point};
 
 pub(super) use voxels::Voxels;
 
-use super::contribution::ClipContribution;
 use cache::Cache;
 use poses::Placed;
 use serde::{Deserialize, Serialize};
@@ -53,6 +56,9 @@ pub struct Manifest {
     /// Agreement of the clips at their possible poses.
     #[serde(default)]
     pub comparisons: Vec<Comparison>,
+    /// Ties between the clips in `known`.
+    #[serde(default)]
+    pub ties: Vec<Tie>,
     pub tiles: Vec<(TileKey, TileInfo)>,
 }
 
@@ -80,7 +86,7 @@ pub struct Assembly {
 pub fn assemble<E>(
     last: &Manifest,
     mut members: Vec<Member>,
-    load: &mut dyn FnMut(&Member) -> Result<ClipContribution, E>,
+    load: &mut dyn LoadClips<E>,
 ) -> Result<Assembly, E> {
     members.sort_by(|a, b| a.order().cmp(&b.order()));
     let mut cache = Cache::new(load);
@@ -94,17 +100,14 @@ pub fn assemble<E>(
             None => tile_infos.remove(key),
         };
     }
-    let Placed { pairs, known, comparisons, .. } = placed;
+    let Placed { pairs, known, comparisons, ties, .. } = placed;
     let tiles = tile_infos.into_iter().collect();
-    let manifest = Manifest { clips, pairs, known, comparisons, tiles };
+    let manifest = Manifest { clips, pairs, known, comparisons, ties, tiles };
     Ok(Assembly { manifest, changed, looked })
 }
 
 /// Compares the clips of `members` at all their possible poses, as [`assemble`] does.
-pub fn compare<E>(
-    mut members: Vec<Member>,
-    load: &mut dyn FnMut(&Member) -> Result<ClipContribution, E>,
-) -> Result<Vec<Comparison>, E> {
+pub fn compare<E>(mut members: Vec<Member>, load: &mut dyn LoadClips<E>) -> Result<Vec<Comparison>, E> {
     members.sort_by(|a, b| a.order().cmp(&b.order()));
     let mut cache = Cache::new(load);
     let candidates = candidates::candidates(&[], &members, &mut cache)?;
@@ -112,15 +115,15 @@ pub fn compare<E>(
 }
 
 /// Returns the clips of `members` with their likeliest poses, as [`assemble`] places them, without a map.
-pub fn likeliest<E>(
-    mut members: Vec<Member>,
-    load: &mut dyn FnMut(&Member) -> Result<ClipContribution, E>,
-) -> Result<Vec<KnownClip>, E> {
+pub fn likeliest<E>(mut members: Vec<Member>, load: &mut dyn LoadClips<E>) -> Result<Vec<KnownClip>, E> {
     members.sort_by(|a, b| a.order().cmp(&b.order()));
     let mut cache = Cache::new(load);
-    let candidates = candidates::candidates(&[], &members, &mut cache)?;
+    let mut candidates = candidates::candidates(&[], &members, &mut cache)?;
+    let ties = ties::ties((&[], &[]), &candidates, &mut cache)?;
+    let forest = ties::forest(&candidates, &ties);
+    ties::pass_poses(&mut candidates, &forest);
     let comparisons = joint::compare((&[], &[]), &candidates, &mut cache)?;
-    let marginals = joint::marginals(&candidates, &comparisons);
+    let marginals = joint::marginals(&candidates, &comparisons, &forest);
     Ok(candidates.iter().zip(marginals).map(|(candidate, marginal)| candidate.known(marginal)).collect())
 }
 

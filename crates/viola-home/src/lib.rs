@@ -8,6 +8,7 @@ mod contribution;
 mod corrections;
 mod coverage;
 mod describe;
+mod features;
 mod identity;
 mod info;
 mod lettering;
@@ -23,8 +24,9 @@ mod shades;
 mod svg;
 
 pub use assemble::{
-    Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, Level, LookedThrough, Manifest, Marginal,
-    Member, Mode, Overlap, POINT_BYTES, Pair, PlacedBy, PlacedClip, SURE, Tile, TileBytes, TileInfo, TileKey,
+    Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, Level, LoadClips, LookedThrough, Manifest,
+    Marginal, Member, Mode, Overlap, POINT_BYTES, Pair, PlacedBy, PlacedClip, SURE, Tie, Tile, TileBytes,
+    TileInfo, TileKey,
     Verdict, assemble, compare, disagreement, likeliest, point_bytes, read_point,
 };
 pub use completion::{completion_png, completion_pngs};
@@ -36,6 +38,7 @@ pub use corrections::{
 };
 pub use coverage::{Coverage, RoomCoverage, coverage};
 pub use describe::{Description, describe, describe_revised};
+pub use features::{features_bytes, read_features};
 pub use identity::{
     History, KnownObject, KnownPoint, MIN_MOVE_M, MovedObject, ObjectChanges, RevisionObjects, Stated,
     level_of_id, map_from_earlier, object_changes,

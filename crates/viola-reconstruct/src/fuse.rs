@@ -2,6 +2,7 @@
 
 use super::cloud::PointCloud;
 use super::error::ReconstructError;
+use super::features::{MAX_PICTURES, Picture};
 use super::key_frame::{KeyFrame, Readings};
 use super::reason::Reason;
 use super::tsdf::{Tsdf, TsdfParams};
@@ -31,6 +32,8 @@ pub struct FuseParams {
 pub struct Fused {
     pub cloud_in_world: PointCloud,
     pub key_frames: Vec<KeyFrame>,
+    /// Of some key frames, evenly spread, for the clip's features.
+    pub pictures: Vec<Picture>,
     /// Key frames whose pictures could not be decoded.
     pub broken: usize,
     /// True if surface beyond the memory bound was left out.
@@ -119,6 +122,8 @@ pub fn fuse(
     }
     let mut tsdf = Tsdf::new(params.tsdf.clone());
     let mut key_frames = Vec::with_capacity(chosen.len());
+    let mut pictures = Vec::new();
+    let every = chosen.len().div_ceil(MAX_PICTURES);
     let mut broken: Option<ClipError> = None;
     let mut broken_count = 0;
     let mut frames = clip.stream(chosen.iter().map(|(index, _)| *index).collect());
@@ -129,6 +134,9 @@ pub fn fuse(
             match frame {
                 Ok(frame) => {
                     tsdf.integrate(&frame, world_from_camera);
+                    if key_frames.len() % every == 0 {
+                        pictures.push(Picture::new(&frame, world_from_camera));
+                    }
                     key_frames.push(KeyFrame {
                         index: *index,
                         number: frame.header.number,
@@ -159,6 +167,7 @@ pub fn fuse(
     Ok(Ok(Fused {
         cloud_in_world: tsdf.surface(),
         key_frames,
+        pictures,
         broken: broken_count,
         truncated: tsdf.is_full(),
     }))

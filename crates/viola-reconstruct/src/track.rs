@@ -12,14 +12,14 @@
 
 mod agreement;
 mod clip;
-mod corners;
+pub(crate) mod corners;
 mod device;
 mod graph;
 mod keys;
 mod loops;
 mod lost;
 mod odometry;
-mod picture;
+pub(crate) mod picture;
 mod place;
 mod reference;
 mod shutter;

@@ -9,17 +9,18 @@ use std::io::{self, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use viola_formats::container::Region;
-use viola_home::{ClipContribution, Member};
+use viola_home::{ClipContribution, LoadClips, Member, read_features};
+use viola_reconstruct::Feature;
 
 /// The files of a clip's result that a map is fused from.
-const FILES: [&str; 2] = [result_file::CLOUD, result_file::VIEWS];
+const FILES: [&str; 3] = [result_file::CLOUD, result_file::VIEWS, result_file::FEATURES];
 
 /// The contributions one after the other in one unnamed file: a killed process leaves nothing behind.
 pub struct Contributions {
     file: File,
     folder: PathBuf,
     /// Bytes of each clip's files in `file`, by the name of its contribution.
-    places: BTreeMap<String, [Range<u64>; 2]>,
+    places: BTreeMap<String, [Range<u64>; 3]>,
     end: u64,
 }
 
@@ -33,7 +34,7 @@ impl Contributions {
 
     /// Keeps the contribution of a clip under a name.
     pub fn keep(&mut self, name: &str, finished: &Finished) -> Result<()> {
-        let mut places = [0..0, 0..0];
+        let mut places = [0..0, 0..0, 0..0];
         for (place, wanted) in places.iter_mut().zip(FILES) {
             let found = finished.files.iter().find(|(file, _)| *file == wanted);
             let bytes = found.map_or(&[][..], |(_, bytes)| bytes);
@@ -46,20 +47,32 @@ impl Contributions {
         Ok(())
     }
 
-    /// Returns the kept contribution of a member.
-    pub fn load(&self, member: &Member) -> Result<ClipContribution> {
-        let [cloud, views] = self.places.get(&member.share).context("a contribution was not kept")?;
-        let read = |place| {
-            let bytes = self.read(place);
-            bytes.with_context(|| format!("cannot read a file in {}", self.folder.display()))
-        };
-        Ok(ClipContribution::read(&read(cloud)?, &read(views)?)?)
+    /// Returns the places of a member's files.
+    fn places(&self, member: &Member) -> Result<&[Range<u64>; 3]> {
+        self.places.get(&member.share).context("a contribution was not kept")
     }
 
-    fn read(&self, place: &Range<u64>) -> io::Result<Vec<u8>> {
+    fn read(&self, place: &Range<u64>) -> Result<Vec<u8>> {
+        let bytes = self.bytes(place);
+        bytes.with_context(|| format!("cannot read a file in {}", self.folder.display()))
+    }
+
+    fn bytes(&self, place: &Range<u64>) -> io::Result<Vec<u8>> {
         let whole = Region::whole(self.file.try_clone()?)?;
         let mut bytes = vec![0; (place.end - place.start) as usize];
         whole.read_exact_at(place.start, &mut bytes)?;
         Ok(bytes)
+    }
+}
+
+impl LoadClips<anyhow::Error> for Contributions {
+    fn contribution(&mut self, member: &Member) -> Result<ClipContribution> {
+        let [cloud, views, _] = self.places(member)?;
+        Ok(ClipContribution::read(&self.read(cloud)?, &self.read(views)?)?)
+    }
+
+    fn features(&mut self, member: &Member) -> Result<Vec<Feature>> {
+        let [_, _, features] = self.places(member)?;
+        Ok(read_features(&self.read(features)?)?)
     }
 }

@@ -2,11 +2,10 @@
 
 use super::clip::HomeClip;
 use super::content::Content;
-use crate::storage::{ClipState, MapClip, reasons_of_placement, state_of_ambiguous};
+use crate::storage::{ClipState, MapClip, reasons_of_placement};
 use jiff::Timestamp;
 use serde::Serialize;
 use uuid::Uuid;
-use viola_align::AlignmentState;
 use viola_formats::lidar::LidarInfo;
 use viola_geometry::{LevelName, Pose2};
 use viola_home::{Coverage, HomeMapInfo, PlacedBy};
@@ -67,7 +66,7 @@ impl ClipDocument {
         let by = placed.map(|placed| placed.by);
         let own = clip.answer.as_ref().ok();
         let state = match own.map(|alignment| alignment.state) {
-            Some(AlignmentState::Ambiguous) => state_of_ambiguous(by),
+            Some(_) if by.is_some() => ClipState::Aligned,
             Some(state) => state.into(),
             None => ClipState::Failed,
         };
@@ -105,7 +104,7 @@ impl ClipDocument {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use viola_align::Alignment;
+    use viola_align::{Alignment, AlignmentState};
 
     fn clip(state: AlignmentState) -> HomeClip {
         let answer = Alignment {
@@ -140,6 +139,7 @@ mod tests {
             (Aligned, Some(Alignment), ClipState::Aligned, Some(3.0), 0.9, "own"),
             (Ambiguous, Some(Neighbours), ClipState::Aligned, Some(3.0), 0.9, "decided_by_neighbours"),
             (Ambiguous, None, ClipState::Ambiguous, Some(1.0), 0.4, "own"),
+            (Failed, Some(Neighbours), ClipState::Aligned, Some(3.0), 0.9, "decided_by_neighbours"),
             (Failed, None, ClipState::Failed, None, 0.4, "own"),
         ] {
             let document = ClipDocument::new(&clip(own), by.map(placed).as_ref());

@@ -11,25 +11,39 @@ use std::thread;
 use tokio::sync::{mpsc, oneshot};
 use tracing::Span;
 use viola_home as home;
-use viola_home::{Assembly, ClipContribution, Manifest, Member};
+use viola_home::{Assembly, ClipContribution, LoadClips, Manifest, Member, read_features};
+use viola_reconstruct::Feature;
 
-/// The files of a clip that a merge reads.
-struct Files {
-    cloud: Bytes,
-    views: Bytes,
-}
+/// A clip, and the names of its files that the thread needs.
+type Ask = (Member, &'static [&'static str]);
+
+/// The files, in the order of the names; `None` for a file that the result lacks.
+type Files = Vec<Option<Bytes>>;
 
 /// Loads the files of clips for the thread.
 struct Loader {
-    asked: mpsc::UnboundedSender<Member>,
+    asked: mpsc::UnboundedSender<Ask>,
     answers: std::sync::mpsc::Receiver<Result<Files, MergeError>>,
 }
 
 impl Loader {
-    fn load(&self, member: &Member) -> Result<ClipContribution, MergeError> {
-        self.asked.send(member.clone()).map_err(|_| MergeError::Abandoned)?;
-        let Files { cloud, views } = self.answers.recv().map_err(|_| MergeError::Abandoned)??;
-        Ok(ClipContribution::read(&cloud, &views)?)
+    fn files(&self, member: &Member, names: &'static [&'static str]) -> Result<Files, MergeError> {
+        self.asked.send((member.clone(), names)).map_err(|_| MergeError::Abandoned)?;
+        self.answers.recv().map_err(|_| MergeError::Abandoned)?
+    }
+}
+
+impl LoadClips<MergeError> for Loader {
+    fn contribution(&mut self, member: &Member) -> Result<ClipContribution, MergeError> {
+        let files = self.files(member, &[result_file::CLOUD, result_file::VIEWS])?;
+        let [Some(cloud), Some(views)] = files.as_slice() else { return Err(MergeError::Gone) };
+        Ok(ClipContribution::read(cloud, views)?)
+    }
+
+    fn features(&mut self, member: &Member) -> Result<Vec<Feature>, MergeError> {
+        let files = self.files(member, &[result_file::FEATURES])?;
+        let [Some(features)] = files.as_slice() else { return Ok(Vec::new()) };
+        Ok(read_features(features)?)
     }
 }
 
@@ -45,23 +59,24 @@ pub(super) async fn assemble(
     let (last, members, span) = (last.clone(), members.to_vec(), Span::current());
     let work = move || {
         let _entered = span.entered();
-        let loader = Loader { asked, answers };
-        let mut load = |member: &Member| loader.load(member);
-        let assembled = home::assemble(&last, members, &mut load);
+        let mut loader = Loader { asked, answers };
+        let assembled = home::assemble(&last, members, &mut loader);
         // The worker may have given up the merge.
         let _ = ended.send(assembled);
     };
     thread::Builder::new().name("merge".to_owned()).spawn(work).map_err(MergeError::NoThread)?;
     // Ends when the thread does.
-    while let Some(member) = asks.recv().await {
+    while let Some((member, names)) = asks.recv().await {
         // The thread waits for each answer, unless it has ended.
-        let _ = answer.send(files(storage, &member).await);
+        let _ = answer.send(files(storage, &member, names).await);
     }
     end.await.unwrap_or(Err(MergeError::Panicked))
 }
 
-async fn files(storage: &Storage, member: &Member) -> Result<Files, MergeError> {
-    let cloud = storage.member_file(member, result_file::CLOUD).await?.ok_or(MergeError::Gone)?;
-    let views = storage.member_file(member, result_file::VIEWS).await?.ok_or(MergeError::Gone)?;
-    Ok(Files { cloud, views })
+async fn files(storage: &Storage, member: &Member, names: &[&str]) -> Result<Files, MergeError> {
+    let mut files = Files::new();
+    for name in names {
+        files.push(storage.member_file(member, name).await?);
+    }
+    Ok(files)
 }

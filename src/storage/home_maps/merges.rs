@@ -6,7 +6,7 @@ use super::{HomeMap, MapFile, MapLevel, MapObject, MapScene, map_file};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Connection, Row, query};
 use crate::storage::{
-    Choice, Corrections, HomeId, LidarMapRevision, Storage, StorageError, corrections, lidar_maps,
+    Choice, ClipState, Corrections, HomeId, LidarMapRevision, Storage, StorageError, corrections, lidar_maps,
 };
 use jiff::Timestamp;
 use rows::{Written, insert};
@@ -286,8 +286,8 @@ async fn newest(connection: &mut Connection, home: &HomeId) -> Result<Option<Hom
 /// Returns the clips with an answer that may be in the map.
 async fn members(connection: &mut Connection, home: &HomeId) -> Result<Vec<Member>, StorageError> {
     let rows = query(
-        "SELECT id, sha256, recorded_at, result_key, alignment, choice FROM clips
-        WHERE home_id = $1 AND state IN ('aligned', 'ambiguous') AND result_key IS NOT NULL ORDER BY id",
+        "SELECT id, sha256, recorded_at, result_key, alignment, choice, state FROM clips
+        WHERE home_id = $1 AND state IN ('aligned', 'ambiguous', 'failed') AND result_key IS NOT NULL ORDER BY id",
     )
     .bind(home.key())
     .fetch_all(connection)
@@ -300,7 +300,10 @@ async fn members(connection: &mut Connection, home: &HomeId) -> Result<Vec<Membe
             }
             None => alignment.as_ref().and_then(Verdict::of),
         };
-        let Some(verdict) = verdict else { return Ok(None) };
+        // The state is also `failed` if the last attempt broke; the answer is then an older one.
+        let broke =
+            row.name::<ClipState>("state")? == ClipState::Failed && verdict != Some(Verdict::Unplaced);
+        let Some(verdict) = verdict.filter(|_| !broke) else { return Ok(None) };
         Ok(Some(Member {
             clip: row.id("id")?,
             recorded_at_ms: row.maybe_number("recorded_at")?,

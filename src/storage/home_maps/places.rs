@@ -4,13 +4,13 @@ use super::MergeClaim;
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Transaction, query};
-use crate::storage::{Placement, StorageError, reasons_of_placement, state_of_ambiguous};
+use crate::storage::{Placement, StorageError, reasons_of_placement, state_by_others};
 use jiff::Timestamp;
 use viola_align::Alignment;
-use viola_home::{PlacedClip, Verdict};
+use viola_home::PlacedClip;
 
-/// Updates the clips' placements. An ambiguous clip that its neighbours placed becomes aligned; if they no
-/// longer do, it is ambiguous again. A clip with a newer answer stays as it is: its home is due again.
+/// Updates the clips' placements. An ambiguous or failed clip that its neighbours placed becomes aligned; if they
+/// no longer do, it is ambiguous or failed again. A clip with a newer answer stays as it is: its home is due again.
 pub(super) async fn tell(
     transaction: &mut Transaction,
     claim: &MergeClaim,
@@ -52,17 +52,17 @@ pub(super) async fn tell(
         let Some(row) = row else { continue };
         let same = |old: &Placement| Placement { map_revision: revision, ..old.clone() };
         let before = row.maybe_json::<Placement>("placement")?;
-        let ambiguous = matches!(member.verdict, Verdict::Ambiguous { .. });
         // A clip that stays in place is not updated with every revision.
         let unchanged = before.as_ref().map(same) == placement;
         let by = placement.as_ref().map(|placement| placement.by);
-        let state = if ambiguous { state_of_ambiguous(by) } else { row.name("state")? };
+        let open = state_by_others(&member.verdict, by);
+        let state = open.map_or_else(|| row.name("state"), Ok)?;
         if unchanged && state == row.name("state")? {
             continue;
         }
         let reasons = match reasons_of_placement(by) {
             Some(reasons) => to_json(&reasons),
-            None if by.is_none() && ambiguous => {
+            None if by.is_none() && open.is_some() => {
                 let own = row.maybe_json::<Alignment>("alignment")?;
                 to_json(&own.map(|alignment| alignment.reasons).unwrap_or_default())
             }

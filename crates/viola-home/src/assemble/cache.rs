@@ -1,10 +1,12 @@
 //! LRU cache of clip contributions: no repeated reads, bounded memory.
 
+use super::load::LoadClips;
 use super::members::{Extent, Member};
 use super::surface::Surface;
 use crate::contribution::ClipContribution;
 use std::collections::VecDeque;
 use std::sync::{Arc, OnceLock};
+use viola_reconstruct::Feature;
 
 /// Maximum number of points of the cached contributions; with its surface a point takes about 100 bytes.
 const KEPT_POINTS: usize = 1_500_000;
@@ -29,14 +31,18 @@ impl Loaded {
 }
 
 pub(super) struct Cache<'a, E> {
-    load: &'a mut dyn FnMut(&Member) -> Result<ClipContribution, E>,
+    load: &'a mut dyn LoadClips<E>,
     /// Least recently used first.
     kept: VecDeque<(String, Arc<Loaded>)>,
 }
 
 impl<'a, E> Cache<'a, E> {
-    pub fn new(load: &'a mut dyn FnMut(&Member) -> Result<ClipContribution, E>) -> Cache<'a, E> {
+    pub fn new(load: &'a mut dyn LoadClips<E>) -> Cache<'a, E> {
         Cache { load, kept: VecDeque::new() }
+    }
+
+    pub fn features(&mut self, member: &Member) -> Result<Vec<Feature>, E> {
+        self.load.features(member)
     }
 
     pub fn get(&mut self, member: &Member) -> Result<Arc<Loaded>, E> {
@@ -44,7 +50,7 @@ impl<'a, E> Cache<'a, E> {
         let entry = match known.and_then(|place| self.kept.remove(place)) {
             Some(entry) => entry,
             None => {
-                let share = (self.load)(member)?;
+                let share = self.load.contribution(member)?;
                 (member.share.clone(), Arc::new(Loaded { share, surface: OnceLock::new() }))
             }
         };

@@ -16,7 +16,7 @@ const MIN_ELSEWHERE: f64 = 0.005;
 /// A clip and its possible poses.
 pub(super) struct Candidate<'a> {
     pub member: &'a Member,
-    /// The best first, as the clip's own alignment ranks them.
+    /// The best first, as the clip's own alignment ranks them; then those that ties to other clips add.
     pub modes: Vec<Mode>,
     pub extent: Extent,
     pub points: usize,
@@ -52,8 +52,8 @@ impl Candidate<'_> {
     }
 
     /// Returns whether the clip's own alignment left its pose open.
-    pub fn is_ambiguous(&self) -> bool {
-        matches!(self.member.verdict, Verdict::Ambiguous { .. })
+    pub fn is_open(&self) -> bool {
+        matches!(self.member.verdict, Verdict::Ambiguous { .. } | Verdict::Unplaced)
     }
 
     /// Returns the probability that the clip is at none of its modes.
@@ -85,7 +85,7 @@ impl Candidate<'_> {
     }
 }
 
-/// Returns the members with at least one possible pose, in their order. `known`: clips of the last merge.
+/// Returns the members with the poses of their own alignments, in their order. `known`: clips of the last merge.
 pub(super) fn candidates<'a, E>(
     known: &[KnownClip],
     members: &'a [Member],
@@ -96,9 +96,6 @@ pub(super) fn candidates<'a, E>(
     let mut candidates = Vec::new();
     for member in members {
         let modes = modes(&member.verdict);
-        if modes.is_empty() {
-            continue;
-        }
         let (extent, points) = match before.get(&*member.share) {
             Some(before) => *before,
             None => {
@@ -120,6 +117,7 @@ pub(super) fn modes(verdict: &Verdict) -> Vec<Mode> {
         Verdict::Chosen { level, map_from_clip } => {
             vec![Mode { level: *level, map_from_clip: *map_from_clip, probability: 1.0 }]
         }
+        Verdict::Unplaced => Vec::new(),
         Verdict::Ambiguous { alternatives } => {
             let mode = |mode: &Mode| Mode { probability: mode.probability.clamp(0.0, 1.0), ..*mode };
             alternatives.iter().take(MAX_MODES).map(mode).collect()

@@ -1,7 +1,7 @@
 //! Joint registration: the probabilities of all clips' possible poses, by what the clips saw of each other.
 //!
 //! Each clip is at one of the poses that its own alignment lists, or elsewhere. Each pair of clips adds
-//! evidence for each pair of their poses: surfaces that agree, and surfaces that contradict each other. A
+//! evidence for each pair of their poses: surfaces that agree, surfaces that contradict each other, and ties. A
 //! clip's probability is its marginal over the poses of all clips. The model is a function of the set of
 //! clips.
 
@@ -11,6 +11,7 @@ use super::cache::{Cache, Loaded};
 use super::candidates::{Candidate, KnownClip, Marginal};
 use super::level::{Level, in_space};
 use super::members::Mode;
+use super::ties::Branch;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
@@ -24,11 +25,6 @@ const MAX_PARTNERS: usize = 24;
 /// Clips that are loaded at a time, to bound the memory.
 const AT_A_TIME: usize = 8;
 
-/// Distributions of the patches that agree, have another colour, and differ (Dirichlet-multinomial): if both
-/// clips are at their true poses, and if one of them is at a wrong alternative. Maximum likelihood on eight
-/// simulated homes (`viola evaluate --joint`, sets `repeated` and `normal`, seeds 2000..2004).
-const RIGHT: [f64; 3] = [3.96, 0.356, 0.063];
-const WRONG: [f64; 3] = [0.755, 0.3, 0.815];
 /// Bounds of the log-likelihood ratio of a pair of poses, and its weight if it contradicts: clips that see the
 /// same place repeat the same contradiction. Chosen by log loss on the same homes.
 const MAX_FOR: f64 = 2.0;
@@ -173,7 +169,11 @@ impl Comparison {
 }
 
 /// Returns the marginals of all candidates; `None` for those that a person placed.
-pub(super) fn marginals(candidates: &[Candidate], comparisons: &[Comparison]) -> Vec<Option<Marginal>> {
+pub(super) fn marginals(
+    candidates: &[Candidate],
+    comparisons: &[Comparison],
+    forest: &[Branch],
+) -> Vec<Option<Marginal>> {
     let states = |candidate: &Candidate| -> Vec<f64> {
         let listed = candidate.modes.iter().map(|mode| mode.probability);
         // The last state: elsewhere. A state of probability 0 stays possible.
@@ -181,18 +181,19 @@ pub(super) fn marginals(candidates: &[Candidate], comparisons: &[Comparison]) ->
     };
     let mut model = Model { states: candidates.iter().map(states).collect(), pairs: Vec::new() };
     let evidence = Evidence::new(candidates, comparisons);
+    let mut tied: FxHashMap<(usize, usize), &Branch> =
+        forest.iter().map(|branch| ((branch.a, branch.b), branch)).collect();
     for (a, b, comparison) in &evidence.comparisons {
-        let columns = model.states[*b].len();
-        let mut weights = vec![0.0; model.states[*a].len() * columns];
-        for (m, n, agreement) in &comparison.said {
-            if let Some(weight) = weights.get_mut(usize::from(*m) * columns + usize::from(*n)) {
-                *weight = evidence.weight((*a, *m), (*b, *n), agreement);
-            }
-        }
-        if weights.iter().any(|weight| *weight != 0.0) {
-            model.pairs.push(Factor { a: *a, b: *b, weights });
-        }
+        let branch = tied.remove(&(*a, *b));
+        let weights = evidence.weights([*a, *b], &comparison.said, branch);
+        model.pairs.push(Factor { a: *a, b: *b, weights });
     }
+    // Clips that see no floor in common at any of their poses.
+    for branch in forest.iter().filter(|branch| tied.contains_key(&(branch.a, branch.b))) {
+        let weights = evidence.weights([branch.a, branch.b], &[], Some(branch));
+        model.pairs.push(Factor { a: branch.a, b: branch.b, weights });
+    }
+    model.pairs.retain(|pair| pair.weights.iter().any(|weight| *weight != 0.0));
     let marginals = model.marginals();
     candidates.iter().zip(marginals).map(|(candidate, states)| of_modes(candidate, &states)).collect()
 }
@@ -203,6 +204,7 @@ pub(super) fn marginals(candidates: &[Candidate], comparisons: &[Comparison]) ->
 /// of a clip once, however many of them see the place: rooms that look alike agree as well, and clips of
 /// several such rooms would otherwise gather in one of them.
 struct Evidence<'a> {
+    candidates: &'a [Candidate<'a>],
     /// Whether a clip has a pose of its own, by candidate.
     is_settled: Vec<bool>,
     /// With the indices of their candidates.
@@ -212,18 +214,19 @@ struct Evidence<'a> {
 }
 
 impl<'a> Evidence<'a> {
-    fn new(candidates: &[Candidate], comparisons: &'a [Comparison]) -> Evidence<'a> {
+    fn new(candidates: &'a [Candidate<'a>], comparisons: &'a [Comparison]) -> Evidence<'a> {
         let place: FxHashMap<&str, usize> =
             candidates.iter().enumerate().map(|(i, candidate)| (&*candidate.member.share, i)).collect();
         let placed = |one: &'a Comparison| Some((*place.get(&*one.a)?, *place.get(&*one.b)?, one));
         let mut evidence = Evidence {
-            is_settled: candidates.iter().map(|candidate| !candidate.is_ambiguous()).collect(),
+            candidates,
+            is_settled: candidates.iter().map(|candidate| !candidate.is_open()).collect(),
             comparisons: comparisons.iter().filter_map(placed).collect(),
             supporters: FxHashMap::default(),
         };
         for (a, b, comparison) in &evidence.comparisons {
             for (m, n, agreement) in &comparison.said {
-                if log_likelihood_ratio(agreement) > 0.0 {
+                if agreement.log_likelihood_ratio() > 0.0 {
                     for (one, other) in [((*a, *m), *b), ((*b, *n), *a)] {
                         let counts = evidence.is_settled[other];
                         *evidence.supporters.entry(one).or_default() += u32::from(counts);
@@ -234,9 +237,34 @@ impl<'a> Evidence<'a> {
         evidence
     }
 
+    /// Returns the log weights of two clips at all their states, the last of which is elsewhere. A tie replaces
+    /// the agreement of their surfaces, which is a part of it.
+    fn weights(&self, [a, b]: [usize; 2], said: &[(u8, u8, Agreement)], branch: Option<&Branch>) -> Vec<f64> {
+        let (of_a, of_b) = (&self.candidates[a].modes, &self.candidates[b].modes);
+        let columns = of_b.len() + 1;
+        let mut weights = vec![0.0; (of_a.len() + 1) * columns];
+        for (m, n, agreement) in said {
+            if let Some(weight) = weights.get_mut(usize::from(*m) * columns + usize::from(*n)) {
+                let both = self.weight((a, *m), (b, *n), agreement);
+                *weight = if branch.is_some() { both.min(0.0) } else { both };
+            }
+        }
+        let Some(branch) = branch else { return weights };
+        for (m, at_a) in of_a.iter().enumerate() {
+            for (n, at_b) in of_b.iter().enumerate() {
+                if at_a.level == at_b.level && branch.joins(&at_a.map_from_clip, &at_b.map_from_clip) {
+                    weights[m * columns + n] = branch.log_odds;
+                }
+            }
+        }
+        // Elsewhere, both may be together.
+        weights[of_a.len() * columns + of_b.len()] = branch.log_odds;
+        weights
+    }
+
     /// Returns the log weight of two clips at these modes.
     fn weight(&self, a: (usize, u8), b: (usize, u8), agreement: &Agreement) -> f64 {
-        let ratio = log_likelihood_ratio(agreement);
+        let ratio = agreement.log_likelihood_ratio();
         if ratio <= 0.0 {
             return TEMPERING * ratio.max(-MAX_AGAINST);
         }
@@ -265,21 +293,6 @@ fn is_near(a: &Mode, b: &Mode) -> bool {
     a.level == b.level
         && pose.distance_m(other) < NEAR_M
         && angle_between(pose.yaw_rad, other.yaw_rad) < NEAR_RAD
-}
-
-/// Returns the log-likelihood ratio of an agreement: both poses right, against at least one wrong.
-fn log_likelihood_ratio(agreement: &Agreement) -> f64 {
-    let counts = [agreement.agree, agreement.recolored, agreement.differ];
-    log_likelihood(counts, &RIGHT) - log_likelihood(counts, &WRONG)
-}
-
-/// Returns the log-likelihood of counts by a Dirichlet-multinomial distribution, without the factor that
-/// depends on the counts alone.
-fn log_likelihood(counts: [u16; 3], concentration: &[f64; 3]) -> f64 {
-    // Logarithm of the rising factorial.
-    let rising = |from: f64, count: u32| (0..count).map(|k| (from + f64::from(k)).ln()).sum::<f64>();
-    let each = counts.iter().zip(concentration).map(|(count, from)| rising(*from, u32::from(*count)));
-    each.sum::<f64>() - rising(concentration.iter().sum(), counts.iter().map(|c| u32::from(*c)).sum())
 }
 
 #[cfg(test)]

@@ -38,6 +38,8 @@ pub enum Verdict {
     Ambiguous {
         alternatives: Vec<Mode>,
     },
+    /// Without a pose in the map, but with a floor: other clips may place it.
+    Unplaced,
 }
 
 /// A possible pose of a clip.
@@ -102,7 +104,7 @@ impl Member {
 }
 
 impl Verdict {
-    /// Returns the verdict of an alignment; `None` for one without a pose.
+    /// Returns the verdict of an alignment; `None` for one without a floor.
     pub fn of(alignment: &Alignment) -> Option<Verdict> {
         match alignment.state {
             AlignmentState::Aligned => Some(Verdict::Aligned {
@@ -122,7 +124,7 @@ impl Verdict {
                     })
                     .collect(),
             }),
-            AlignmentState::Failed => None,
+            AlignmentState::Failed => alignment.floor.as_ref().map(|_| Verdict::Unplaced),
         }
     }
 }

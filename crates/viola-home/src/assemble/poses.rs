@@ -7,6 +7,7 @@ use super::level::{Level, apart, in_space, rounded};
 use super::members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
 use super::overlap::{Overlap, overlap};
 use super::settle::{Edge, KERNELS, Prior, settle};
+use super::ties::{Tie, forest, pass_poses, ties};
 use super::{Manifest, Pair};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
@@ -54,6 +55,7 @@ pub(super) struct Placed<'a> {
     pub pairs: Vec<Pair>,
     pub known: Vec<KnownClip>,
     pub comparisons: Vec<Comparison>,
+    pub ties: Vec<Tie>,
 }
 
 pub(super) fn place<'a, E>(
@@ -61,15 +63,18 @@ pub(super) fn place<'a, E>(
     members: &'a [Member],
     cache: &mut Cache<E>,
 ) -> Result<Placed<'a>, E> {
-    let candidates = candidates(&last.known, members, cache)?;
+    let mut candidates = candidates(&last.known, members, cache)?;
+    let ties = ties((&last.known, &last.ties), &candidates, cache)?;
+    let forest = forest(&candidates, &ties);
+    pass_poses(&mut candidates, &forest);
     let comparisons = joint::compare((&last.known, &last.comparisons), &candidates, cache)?;
-    let marginals = joint::marginals(&candidates, &comparisons);
+    let marginals = joint::marginals(&candidates, &comparisons, &forest);
     let each = || candidates.iter().zip(&marginals);
     let placed: Vec<Known> = each().filter_map(|(candidate, marginal)| known(candidate, *marginal)).collect();
-    let pairs = overlaps(last, &placed, cache)?;
+    let pairs = overlaps(last, &placed, &ties, cache)?;
     let clips = together(&placed, &pairs);
     let known = each().map(|(candidate, marginal)| candidate.known(*marginal)).collect();
-    Ok(Placed { clips, pairs, known, comparisons })
+    Ok(Placed { clips, pairs, known, comparisons, ties })
 }
 
 /// Returns a clip at its likeliest pose; none if its pose is not known. A clip that is aligned by itself, or
@@ -83,7 +88,7 @@ fn known<'a>(candidate: &Candidate<'a>, marginal: Option<Marginal>) -> Option<Kn
             (PlacedBy::Alignment, *level, *map_from_clip, Some(*covariance))
         }
         Verdict::Chosen { level, map_from_clip } => (PlacedBy::Person, *level, *map_from_clip, None),
-        Verdict::Ambiguous { .. } => {
+        Verdict::Ambiguous { .. } | Verdict::Unplaced => {
             let sure = marginal.filter(|marginal| marginal.probability >= SURE)?;
             let spread = Matrix3::from_diagonal(&SPREAD.map(|s| s * s).into());
             let mode = &candidate.modes[sure.mode];
@@ -94,8 +99,10 @@ fn known<'a>(candidate: &Candidate<'a>, marginal: Option<Marginal>) -> Option<Kn
     Some(Known { member, by, probability, level, alone, covariance, extent, points })
 }
 
-/// Returns all pairs of clips whose boxes meet, in canonical order.
-fn overlaps<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result<Vec<Pair>, E> {
+/// Returns all pairs of clips whose boxes meet, in canonical order. Ties register clips whose own poses are too
+/// far apart.
+fn overlaps<E>(last: &Manifest, known: &[Known], ties: &[Tie], cache: &mut Cache<E>) -> Result<Vec<Pair>, E> {
+    let ties: FxHashMap<(&str, &str), &Tie> = ties.iter().map(|tie| ((&*tie.a, &*tie.b), tie)).collect();
     let before: FxHashMap<(&str, &str), &Pair> =
         last.pairs.iter().map(|pair| ((&*pair.a, &*pair.b), pair)).collect();
     let mut pairs: Vec<Pair> = Vec::new();
@@ -118,10 +125,11 @@ fn overlaps<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result
             let b = cache.get(b.member)?;
             let loaded: Result<Vec<Arc<Loaded>>, E> = part.iter().map(|(_, a)| cache.get(a.member)).collect();
             let registered = part.par_iter().zip(loaded?).map(|((at, _), a)| {
-                let Pair { map_from_a, map_from_b, .. } = &pairs[*at];
+                let Pair { a: name_a, b: name_b, map_from_a, map_from_b, .. } = &pairs[*at];
                 let level = Level::default();
                 let start = in_space(map_from_b, &level).inverse() * in_space(map_from_a, &level);
-                overlap(a.surface(), b.surface(), &start)
+                let tied = || ties.get(&(&**name_a, &**name_b))?.overlap_at(map_from_a, map_from_b);
+                overlap(a.surface(), b.surface(), &start).or_else(tied)
             });
             let registered: Vec<Option<Overlap>> = registered.collect();
             for ((at, _), overlap) in part.iter().zip(registered) {

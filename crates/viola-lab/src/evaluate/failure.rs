@@ -17,6 +17,7 @@ pub(super) fn picture(sample: &Sample, answer: Alignment) -> Vec<u8> {
             cloud_in_clip: PointCloud::default(),
             scan,
             views: Vec::new(),
+            features: Vec::new(),
             completion: None,
         };
         home::overlay_png(&sample.lidar, &aligned)

@@ -15,7 +15,7 @@ pub use changes::{ChangesHome, ChangesRow, changes};
 pub use clips::ClipsError;
 pub use fused::{Agreement, Excerpt, Fused, consecutive, fuse};
 pub use instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
-pub use joint::{JointClip, JointHome, JointMode, JointRow, joint};
+pub use joint::{JointClip, JointHome, JointMode, JointRow, JointTie, joint};
 pub use matching::{ClassRow, MIN_IOU, Matches, Thing, matches};
 pub use score::{FoundRow, ObjectScore, TruthRow, score_objects};
 pub use simulated::{SampleParams, SimulatedMap, TrueRoom, count_rooms, match_objects, sample, simulated};

@@ -78,7 +78,7 @@ impl Describer {
 }
 
 /// Returns the lesser eigenvalue of the structure tensor around a pixel.
-fn change(smooth: &[f32], width: usize, x: usize, y: usize) -> f32 {
+pub(crate) fn change(smooth: &[f32], width: usize, x: usize, y: usize) -> f32 {
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
     for row in y - 1..=y + 1 {
         for at in row * width + x - 1..=row * width + x + 1 {
@@ -94,7 +94,7 @@ fn change(smooth: &[f32], width: usize, x: usize, y: usize) -> f32 {
 }
 
 /// Returns the mean over five by five pixels; margins are averaged along one axis only.
-fn blurred(grey: &[f32], width: usize, height: usize) -> Vec<f32> {
+pub(crate) fn blurred(grey: &[f32], width: usize, height: usize) -> Vec<f32> {
     let mut rows = grey.to_vec();
     for y in 0..height {
         for x in 2..width.saturating_sub(2) {

@@ -19,7 +19,7 @@ const DEPTH_M: std::ops::RangeInclusive<f32> = 0.15..=8.0;
 
 /// Grey (0 to 1) and depth (metres, 0 if unknown) of a frame on the same rays.
 #[derive(Debug, Clone)]
-pub(super) struct Layer {
+pub(crate) struct Layer {
     pub camera: Pinhole,
     pub grey: Vec<f32>,
     pub depth_m: Vec<f32>,
@@ -37,7 +37,7 @@ impl Layer {
 
 /// The layers of a frame, the finest first.
 #[derive(Debug, Clone)]
-pub(super) struct Pyramid {
+pub(crate) struct Pyramid {
     pub layers: Vec<Layer>,
 }
 

@@ -89,7 +89,7 @@ fn all_clips_decide_together() {
     ];
     for (name, members, comparisons, expected) in cases {
         let candidates: Vec<Candidate> = members.iter().map(candidate).collect();
-        let marginals = marginals(&candidates, &comparisons);
+        let marginals = marginals(&candidates, &comparisons, &[]);
         let last = marginals[marginals.len() - 1].unwrap();
         let room = (last.probability >= super::super::poses::SURE).then_some(last.mode);
         // A contradicted pair leaves the small chance that the sure clip is wrong.
@@ -103,7 +103,7 @@ fn all_clips_decide_together() {
 fn poses_close_together_are_one_explanation() {
     let near = vec![on_main(0.0, 0.0, 0.45), on_main(0.1, 0.02, 0.4), on_main(5.0, 0.0, 0.1)];
     let member = member(0, Verdict::Ambiguous { alternatives: near });
-    let found = marginals(&[candidate(&member)], &[])[0].unwrap();
+    let found = marginals(&[candidate(&member)], &[], &[])[0].unwrap();
     assert!(found.mode == 0 && (found.probability - 0.85).abs() < 1e-6, "{found:?}");
 }
 
@@ -143,7 +143,7 @@ fn agreement_counts_once() {
     let candidates: Vec<Candidate> = members.iter().map(candidate).collect();
     let with = |count: u128, patches: [u16; 3]| {
         let comparisons: Vec<Comparison> = (0..count).map(|a| said(a, 5, &[(0, 0, patches)])).collect();
-        marginals(&candidates, &comparisons)[5].unwrap().probability
+        marginals(&candidates, &comparisons, &[])[5].unwrap().probability
     };
     assert!((with(1, [500, 0, 0]) - with(5, [500, 0, 0])).abs() < 0.02);
     assert!(

@@ -9,13 +9,12 @@ mod truth;
 
 use super::clips::{AlignedClip, ClipsError, Recorder};
 use super::matching::Thing;
-use super::member::member;
+use super::member::{Shares, member};
 use crate::evaluate::HomesParams;
 use crate::simulate::{Home, HomeParams, Set, valetudo_json};
 use score::{Scores, score};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::convert::Infallible;
 use std::path::Path;
 use truth::{TrueChanges, Visit, true_changes};
 use viola_align::AlignParams;
@@ -24,7 +23,7 @@ use viola_geometry::LevelName;
 use viola_geometry::progress::Progress;
 use viola_home as home;
 use viola_home::{
-    ClipContribution, ClipNumbers, History, LookedThrough, Manifest, MapPoint, Member, MovedObject, Object,
+    ClipNumbers, History, LookedThrough, Manifest, MapPoint, Member, MovedObject, Object,
     ObjectsParams, RevisionObjects, Stated, Tile, TileKey, Verdict, assemble, object_changes,
 };
 
@@ -117,10 +116,7 @@ impl Map {
             let recorded_at_ms = Some(visit_ms + CLIP_MS * number as i64);
             Some(Member { recorded_at_ms, ..member(number, Verdict::of(&clip.answer.alignment)?) })
         });
-        let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
-            let clip = member.share.parse::<usize>().ok().and_then(|number| clips.get(number));
-            Ok(clip.map_or_else(ClipContribution::default, |clip| clip.share.clone()))
-        };
+        let mut load = Shares(clips.iter().map(|clip| &clip.share).collect());
         let Ok(assembly) = assemble(&self.manifest, members.collect(), &mut load);
         for (key, tile) in assembly.changed {
             match tile {

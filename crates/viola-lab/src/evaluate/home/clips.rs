@@ -1,5 +1,6 @@
 //! The aligned clips of a simulated home, kept in a folder: they take most of the time.
 
+use super::member::Share;
 use crate::evaluate::{HomesParams, Oracle};
 use crate::simulate::{ClipParams, Home, Survey};
 use rayon::prelude::*;
@@ -11,7 +12,7 @@ use viola_align::{AlignError, AlignParams, Alignment, align};
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_geometry::progress::Progress;
 use viola_geometry::{Pose2, angle_between};
-use viola_home::{ClipContribution, cloud_ply, views_bytes};
+use viola_home::{ClipContribution, cloud_ply, features_bytes, read_features, views_bytes};
 use viola_reconstruct::LabelParams;
 
 #[derive(Debug, thiserror::Error)]
@@ -29,7 +30,7 @@ pub enum ClipsError {
 /// A clip aligned by itself, with the truth.
 pub(super) struct AlignedClip {
     pub answer: Answer,
-    pub share: ClipContribution,
+    pub share: Share,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -108,7 +109,10 @@ impl Recorder<'_> {
         let aligned = align(&clip, None, lidar, &params, self.progress)?;
         Ok(AlignedClip {
             answer: Answer { alignment: aligned.alignment, map_from_clip },
-            share: ClipContribution::new(aligned.cloud_in_clip, aligned.views),
+            share: Share {
+                contribution: ClipContribution::new(aligned.cloud_in_clip, aligned.views),
+                features: aligned.features,
+            },
         })
     }
 }
@@ -116,6 +120,7 @@ impl Recorder<'_> {
 /// Files of a clip; the answer is written last, so it is there only if the others are.
 const CLOUD: &str = "ply";
 const VIEWS: &str = "views";
+const FEATURES: &str = "features";
 const ANSWER: &str = "json";
 
 fn read(path: &Path) -> Result<Option<AlignedClip>, ClipsError> {
@@ -128,16 +133,20 @@ fn read(path: &Path) -> Result<Option<AlignedClip>, ClipsError> {
         std::fs::read(&path).map_err(|source| ClipsError::File { path, source })
     };
     let damaged = || ClipsError::Damaged { path: answer.clone() };
-    let share = ClipContribution::read(&file(CLOUD)?, &file(VIEWS)?).map_err(|_| damaged())?;
+    let contribution = ClipContribution::read(&file(CLOUD)?, &file(VIEWS)?).map_err(|_| damaged())?;
+    let features = read_features(&file(FEATURES)?).map_err(|_| damaged())?;
+    let share = Share { contribution, features };
     let answer = serde_json::from_slice(&file(ANSWER)?).map_err(|_| damaged())?;
     Ok(Some(AlignedClip { answer, share }))
 }
 
 fn write(path: &Path, clip: &AlignedClip) -> Result<(), ClipsError> {
     let answer = serde_json::to_vec(&clip.answer).unwrap_or_default();
+    let Share { contribution, features } = &clip.share;
     let files = [
-        (CLOUD, cloud_ply(&clip.share.cloud_in_clip, None)),
-        (VIEWS, views_bytes(&clip.share.cloud_in_clip, &clip.share.views)),
+        (CLOUD, cloud_ply(&contribution.cloud_in_clip, None)),
+        (VIEWS, views_bytes(&contribution.cloud_in_clip, &contribution.views)),
+        (FEATURES, features_bytes(features)),
         (ANSWER, answer),
     ];
     for (extension, bytes) in files {

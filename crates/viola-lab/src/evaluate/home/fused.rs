@@ -1,16 +1,15 @@
 //! Fuses the aligned excerpts of a scene into one map.
 
-use super::member::member;
+use super::member::{Share, Shares, member};
 use crate::evaluate::Scene;
 use serde::Serialize;
-use std::convert::Infallible;
 use std::ops::Range;
 use viola_align as align;
 use viola_align::{AlignError, AlignParams, AlignmentState};
 use viola_geometry::progress::Progress;
 use viola_geometry::{Pose2, Pose3, angle_between};
 use viola_home::{
-    ClipContribution, ClipNumbers, Manifest, MapPoint, Member, Pair, PlacedBy, PlacedClip, Verdict, assemble,
+    ClipContribution, ClipNumbers, Manifest, MapPoint, Pair, PlacedBy, PlacedClip, Verdict, assemble,
     disagreement,
 };
 use viola_reconstruct::PointCloud;
@@ -97,13 +96,12 @@ pub fn fuse(
             together_deg: None,
         });
         members.extend(Verdict::of(answer).map(|verdict| member(number, verdict)));
-        shares.push(ClipContribution::new(aligned.cloud_in_clip, aligned.views));
+        let contribution = ClipContribution::new(aligned.cloud_in_clip, aligned.views);
+        shares.push(Share { contribution, features: aligned.features });
     }
-    let share_of = |name: &str| name.parse::<usize>().ok().and_then(|number| shares.get(number));
-    let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
-        Ok(share_of(&member.share).cloned().unwrap_or_default())
-    };
+    let mut load = Shares(shares.iter().collect());
     let Ok(assembly) = assemble(&Manifest::default(), members, &mut load);
+    let share_of = |name: &str| load.of(name).map(|share| &share.contribution);
     let placed = &assembly.manifest.clips;
     for clip in placed {
         let number = clip.clip.as_u128() as usize;

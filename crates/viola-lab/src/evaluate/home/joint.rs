@@ -4,25 +4,20 @@
 mod table;
 
 use super::clips::{AlignedClip, ClipsError, Recorder};
-use super::member::member;
+use super::member::{Shares, member};
 use crate::evaluate::HomesParams;
 use crate::simulate::{Home, HomeParams, Set, valetudo_json};
 use serde::Serialize;
-use std::convert::Infallible;
 use std::path::Path;
 use viola_align::{AlignParams, AlignmentState};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Progress;
 use viola_geometry::{LevelName, Pose2};
 use viola_home::{
-    ClipContribution, Comparison, Manifest, Member, Mode, PlacedBy, SURE, Verdict, assemble, compare,
-    likeliest,
+    Comparison, Manifest, Member, Mode, PlacedBy, SURE, Tie, Verdict, assemble, compare, likeliest,
 };
 
 pub use table::JointRow;
-
-/// Loads a clip for [`assemble`].
-type Load<'a> = dyn FnMut(&Member) -> Result<ClipContribution, Infallible> + 'a;
 
 /// Results of one home.
 #[derive(Debug, Clone, Serialize)]
@@ -34,6 +29,26 @@ pub struct JointHome {
     pub comparisons: Vec<Comparison>,
     /// The same with all clips at their true poses, which come first of the poses of each.
     pub at_truth: Vec<Comparison>,
+    /// By the clips' numbers.
+    pub ties: Vec<JointTie>,
+}
+
+/// A tie and the truth about it.
+#[derive(Debug, Clone, Serialize)]
+pub struct JointTie {
+    pub tie: Tie,
+    pub is_right: bool,
+}
+
+impl JointTie {
+    fn new(tie: Tie, clips: &[AlignedClip]) -> JointTie {
+        let truth = |name: &str| name.parse::<usize>().ok().and_then(|n| clips.get(n));
+        let is_right = truth(&tie.a).zip(truth(&tie.b)).is_some_and(|(a, b)| {
+            let map_from_b = a.answer.map_from_clip.compose(&tie.b_from_a.inverse());
+            b.is_right(&map_from_b)
+        });
+        JointTie { tie, is_right }
+    }
 }
 
 /// Result of one clip.
@@ -75,10 +90,7 @@ pub fn joint(
     let recorder = Recorder { homes, params, folder, progress };
     let name = format!("{}_{seed}", set.name());
     let clips = recorder.clips(&home, &survey, &lidar, &name, 0..homes.clips_per_home)?;
-    let mut load = |member: &Member| -> Result<ClipContribution, Infallible> {
-        let clip = member.share.parse::<usize>().ok().and_then(|number| clips.get(number));
-        Ok(clip.map_or_else(ClipContribution::default, |clip| clip.share.clone()))
-    };
+    let mut load = Shares(clips.iter().map(|clip| &clip.share).collect());
     let own =
         |(number, clip): (usize, &AlignedClip)| Some(member(number, Verdict::of(&clip.answer.alignment)?));
     let members: Vec<Member> = clips.iter().enumerate().filter_map(own).collect();
@@ -88,7 +100,8 @@ pub fn joint(
         Some(member(number, Verdict::Ambiguous { alternatives: true_then_wrong(clip) }))
     };
     let Ok(at_truth) = compare(clips.iter().enumerate().filter_map(with_truth).collect(), &mut load);
-    let Manifest { clips: placed, known, comparisons, .. } = assembly.manifest;
+    let Manifest { clips: placed, known, comparisons, ties, .. } = assembly.manifest;
+    let ties = ties.into_iter().map(|tie| JointTie::new(tie, &clips)).collect();
     let decidable: Vec<bool> =
         (0..clips.len()).map(|number| is_decidable(number, &clips, &mut load)).collect();
     let result = |(number, clip): (usize, &AlignedClip)| {
@@ -106,7 +119,7 @@ pub fn joint(
         }
     };
     let clips = clips.iter().enumerate().map(result).collect();
-    Ok(JointHome { set: set.name(), seed, clips, comparisons, at_truth })
+    Ok(JointHome { set: set.name(), seed, clips, comparisons, at_truth, ties })
 }
 
 fn modes(clip: &AlignedClip) -> Vec<JointMode> {
@@ -120,7 +133,7 @@ fn modes(clip: &AlignedClip) -> Vec<JointMode> {
             vec![mode(Mode { level, map_from_clip, probability: probability.unwrap_or(0.0) })]
         }
         Some(Verdict::Ambiguous { alternatives }) => alternatives.into_iter().map(mode).collect(),
-        Some(Verdict::Chosen { .. }) | None => Vec::new(),
+        Some(Verdict::Chosen { .. } | Verdict::Unplaced) | None => Vec::new(),
     }
 }
 
@@ -133,7 +146,7 @@ fn true_then_wrong(clip: &AlignedClip) -> Vec<Mode> {
 }
 
 /// Returns whether an ambiguous clip is placed, and rightly, if the others are at their true poses.
-fn is_decidable(number: usize, clips: &[AlignedClip], load: &mut Load) -> bool {
+fn is_decidable(number: usize, clips: &[AlignedClip], load: &mut Shares) -> bool {
     let clip = &clips[number];
     if clip.answer.alignment.state != AlignmentState::Ambiguous {
         return false;

@@ -1,0 +1,137 @@
+//! The ties that count: the most certain ones, without loops.
+//!
+//! Clips of one place repeat the same mistake, as in two rooms that look alike. A loop of ties would count it
+//! several times, so that each clip counts by the most certain chain of ties only.
+
+use super::{Candidate, Tie};
+use crate::assemble::members::Mode;
+use rustc_hash::FxHashMap;
+use viola_geometry::{Pose2, angle_between};
+
+/// Poses that differ by less are consistent with a tie.
+const NEAR_M: f64 = 0.3;
+const NEAR_RAD: f64 = 10f64.to_radians();
+/// Maximum poses of a clip that ties add, and the rounds in which they are passed on along chains of clips.
+const MAX_TIED: usize = 8;
+const ROUNDS: usize = 8;
+/// Minimum probability of a pose that is passed on.
+const LEAST_PASSED: f64 = 0.02;
+
+/// A tie between two candidates, by their indices.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::assemble) struct Branch {
+    pub a: usize,
+    pub b: usize,
+    pub b_from_a: Pose2,
+    /// Logarithm of the odds that the tie is right.
+    pub log_odds: f64,
+}
+
+impl Branch {
+    /// Returns whether poses of the two clips are consistent with the tie.
+    pub fn joins(&self, map_from_a: &Pose2, map_from_b: &Pose2) -> bool {
+        is_near(&map_from_a.compose(&self.b_from_a.inverse()), map_from_b)
+    }
+}
+
+pub(super) fn is_near(a: &Pose2, b: &Pose2) -> bool {
+    a.distance_m(b) < NEAR_M && angle_between(a.yaw_rad, b.yaw_rad) < NEAR_RAD
+}
+
+/// Odds that a tie of many places is right before a home's own clips tell: weights of the right and of the wrong
+/// ones.
+const RIGHT_BEFORE: f64 = 4.0;
+const WRONG_BEFORE: f64 = 0.2;
+/// Logarithm of the odds by places and surfaces from which a tie tells whether rooms look alike.
+const TELLING: f64 = 2.0;
+
+/// Returns the logarithm of the odds of ties of many places in this home. Clips that are aligned by themselves
+/// tell it: in a home whose rooms look alike, ties contradict their poses.
+fn odds_of_home(candidates: &[Candidate], branches: &[Branch]) -> f64 {
+    let (mut right, mut wrong) = (RIGHT_BEFORE, WRONG_BEFORE);
+    for branch in branches.iter().filter(|branch| branch.log_odds >= TELLING) {
+        let [a, b] = [branch.a, branch.b].map(|clip| &candidates[clip]);
+        if a.is_open() || b.is_open() {
+            continue;
+        }
+        let (Some(at_a), Some(at_b)) = (a.modes.first(), b.modes.first()) else { continue };
+        let sure = at_a.probability * at_b.probability;
+        if at_a.level == at_b.level && branch.joins(&at_a.map_from_clip, &at_b.map_from_clip) {
+            right += sure;
+        } else {
+            wrong += (2.0 * sure - 1.0).max(0.0);
+        }
+    }
+    (right / wrong).ln()
+}
+
+/// Returns the spanning forest of the ties with the largest odds, in canonical order.
+pub(in crate::assemble) fn forest(candidates: &[Candidate], ties: &[Tie]) -> Vec<Branch> {
+    let place: FxHashMap<&str, usize> =
+        candidates.iter().enumerate().map(|(i, candidate)| (&*candidate.member.share, i)).collect();
+    let branch = |tie: &Tie| {
+        let log_odds = tie.log_odds();
+        let (a, b) = (*place.get(&*tie.a)?, *place.get(&*tie.b)?);
+        (log_odds > 0.0).then_some(Branch { a, b, b_from_a: tie.b_from_a, log_odds })
+    };
+    let mut branches: Vec<Branch> = ties.iter().filter_map(branch).collect();
+    let most = odds_of_home(candidates, &branches);
+    if most <= 0.0 {
+        return Vec::new();
+    }
+    branches.sort_by(|x, y| y.log_odds.total_cmp(&x.log_odds).then((x.a, x.b).cmp(&(y.a, y.b))));
+    let mut trees: Vec<usize> = (0..candidates.len()).collect();
+    branches.retain(|branch| {
+        let (from, to) = (trees[branch.b], trees[branch.a]);
+        trees.iter_mut().filter(|tree| **tree == from).for_each(|tree| *tree = to);
+        from != to
+    });
+    branches.sort_by_key(|branch| (branch.a, branch.b));
+    branches.iter_mut().for_each(|branch| branch.log_odds = branch.log_odds.min(most));
+    branches
+}
+
+/// Adds the poses that ties give to clips whose own alignment left the pose open. They share half of the
+/// probability that the clip is at none of its own poses.
+pub(in crate::assemble) fn pass_poses(candidates: &mut [Candidate], forest: &[Branch]) {
+    let own: Vec<usize> = candidates.iter().map(|candidate| candidate.modes.len()).collect();
+    let elsewhere: Vec<f64> = candidates.iter().map(Candidate::elsewhere).collect();
+    for _ in 0..ROUNDS {
+        let mut passed: Vec<(usize, Mode)> = Vec::new();
+        for branch in forest {
+            let ends =
+                [(branch.a, branch.b, branch.b_from_a), (branch.b, branch.a, branch.b_from_a.inverse())];
+            for (from, to, to_from_from) in ends {
+                if !candidates[to].is_open() {
+                    continue;
+                }
+                for mode in candidates[from].modes.iter().filter(|mode| mode.probability >= LEAST_PASSED) {
+                    let map_from_clip = mode.map_from_clip.compose(&to_from_from.inverse());
+                    passed.push((to, Mode { map_from_clip, ..*mode }));
+                }
+            }
+        }
+        // Stable: equal ones stay in canonical order.
+        passed.sort_by(|x, y| x.0.cmp(&y.0).then(y.1.probability.total_cmp(&x.1.probability)));
+        let mut changed = false;
+        for (clip, mode) in passed {
+            let modes = &mut candidates[clip].modes;
+            let is_known = |known: &Mode| {
+                known.level == mode.level && is_near(&known.map_from_clip, &mode.map_from_clip)
+            };
+            let is_new = !modes.iter().any(is_known);
+            if is_new && modes.len() < own[clip] + MAX_TIED {
+                modes.push(mode);
+                changed = true;
+            }
+        }
+        for (clip, candidate) in candidates.iter_mut().enumerate() {
+            let tied = &mut candidate.modes[own[clip]..];
+            let share = elsewhere[clip] / (tied.len() + 1) as f64;
+            tied.iter_mut().for_each(|mode| mode.probability = share);
+        }
+        if !changed {
+            break;
+        }
+    }
+}
