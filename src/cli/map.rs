@@ -50,7 +50,8 @@ pub struct MapArguments {
     /// LiDAR map of the home, in any format that `viola align` reads.
     #[arg(long, value_name = "FILE")]
     lidar: PathBuf,
-    /// Output folder: map.json, objects.json, rooms.json, points.ply, plan.svg, plan.png and plan.geojson.
+    /// Output folder: map.json, objects.json, rooms.json, points.ply, and the plan as plan.svg, .png, .pdf, .dxf, .geojson and
+    /// .json.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]

@@ -7,6 +7,7 @@
 mod cells;
 mod cut;
 mod direction;
+mod dxf;
 mod evidence;
 mod faces;
 mod fixtures;
@@ -30,8 +31,10 @@ use spaces::Spaces;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::Point2;
 
+pub use dxf::plan_dxf;
 pub use geojson::{plan_geojson, plan_json};
 pub use model::{Furniture, Opening, OpeningKind, Plan, PlanRoom, Swing, Wall};
+pub use page::pdf::plan_pdf;
 pub use page::svg::{plan_png, plan_svg};
 
 /// Returns the plan of a home. `points` is its fused map; it may be empty.

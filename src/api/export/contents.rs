@@ -72,7 +72,7 @@ impl Contents {
         let storage = &self.app.storage;
         let Some(map) = storage.home_map(&self.home, None).await? else { return Ok(()) };
         zip.document("map/map.json", &types::HomeMap::from(map.clone())).await?;
-        for name in [map_file::PLAN_PNG, map_file::PLAN_SVG, map_file::PLAN_GEOJSON, map_file::SCENE] {
+        for name in map_file::PLANS.into_iter().chain([map_file::SCENE]) {
             for found in &storage.home_map_files(&self.home, map.revision, name).await? {
                 let blob = storage.read_map_file(found).await?.ok_or(ExportError::Changing)?;
                 zip.stream(&format!("map/{name}"), blob.stream).await?;

@@ -23,7 +23,7 @@ pub struct HomeFiles {
     pub objects: Vec<MapObject>,
     pub rooms: Vec<MapRoom>,
     /// By name.
-    plan: [(&'static str, Vec<u8>); 3],
+    plan: [(&'static str, Vec<u8>); 6],
     tiles: Vec<Tile>,
     numbers: ClipNumbers,
 }

@@ -4,6 +4,7 @@ pub(super) mod dimensions;
 pub(super) mod furniture;
 pub(super) mod labels;
 pub(super) mod openings;
+pub(super) mod pdf;
 pub(super) mod svg;
 pub(super) mod title;
 
