@@ -51,8 +51,8 @@ pub struct MapArguments {
     /// times, as LEVEL=FILE.
     #[arg(long, required = true, value_name = "[LEVEL=]FILE", value_parser = levels::parser())]
     lidar: Vec<LevelArgument>,
-    /// Output folder: map.json, objects.json, rooms.json, points.ply, plan.svg, plan.png and plan.geojson. The points
-    /// and the plan of another level than `main` are in a folder of its name.
+    /// Output folder: map.json, objects.json, rooms.json, points.ply, and the plan as plan.svg, .png, .pdf, .dxf,
+    /// .geojson and .json. The points and the plan of another level than `main` are in a folder of its name.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]

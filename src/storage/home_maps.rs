@@ -106,7 +106,12 @@ pub mod map_file {
     pub const SCENE: &str = "scene.json";
     pub const PLAN_PNG: &str = "plan.png";
     pub const PLAN_SVG: &str = "plan.svg";
+    pub const PLAN_PDF: &str = "plan.pdf";
+    pub const PLAN_DXF: &str = "plan.dxf";
     pub const PLAN_GEOJSON: &str = "plan.geojson";
+    pub const PLAN_JSON: &str = "plan.json";
+    /// The floor plan in all formats.
+    pub const PLANS: [&str; 6] = [PLAN_SVG, PLAN_PNG, PLAN_PDF, PLAN_GEOJSON, PLAN_DXF, PLAN_JSON];
 }
 
 fn from_row(row: &Row) -> Result<HomeMap, StorageError> {

@@ -236,7 +236,10 @@ async fn a_map_tells_rooms_objects_plan_and_coverage() {
     for (format, kind, start) in [
         ("png", "image/png", &b"\x89PNG"[..]),
         ("svg", "image/svg+xml", b"<svg"),
+        ("pdf", "application/pdf", b"%PDF-1.4"),
         ("geojson", "application/geo+json", b"{"),
+        ("dxf", "image/vnd.dxf", b"999\n"),
+        ("json", "application/json", b"{"),
     ] {
         let answer = server.get(&format!("{home}/map/plan?format={format}")).await;
         assert_eq!((answer.status, answer.header("content-type")), (200, kind));
@@ -250,7 +253,7 @@ async fn a_map_tells_rooms_objects_plan_and_coverage() {
         assert_eq!(server.send(request).await.status, 304);
     }
     for (path, field) in [
-        (format!("{home}/map/plan?format=dxf"), "format"),
+        (format!("{home}/map/plan?format=dwg"), "format"),
         (format!("{home}/map/objects?class=dragon"), "class"),
         ("/v1/objects?class=dragon".to_owned(), "class"),
         ("/v1/objects?home=a%2Fb".to_owned(), "home"),

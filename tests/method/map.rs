@@ -12,8 +12,18 @@ use viola_testing::eventually;
 use viola_testing::process::{Process, viola};
 
 const CLIPS: u64 = 3;
-const FILES: [&str; 7] =
-    ["map.json", "objects.json", "plan.geojson", "plan.png", "plan.svg", "points.ply", "rooms.json"];
+const FILES: [&str; 10] = [
+    "map.json",
+    "objects.json",
+    "plan.dxf",
+    "plan.geojson",
+    "plan.json",
+    "plan.pdf",
+    "plan.png",
+    "plan.svg",
+    "points.ply",
+    "rooms.json",
+];
 
 /// A simulated home: clips that can be aligned, and one that is no clip.
 struct Recorded {
@@ -174,7 +184,10 @@ async fn it_is_the_map_that_the_service_makes() {
         ("points.ply", "points"),
         ("plan.svg", "plan"),
         ("plan.png", "plan?format=png"),
+        ("plan.pdf", "plan?format=pdf"),
         ("plan.geojson", "plan?format=geojson"),
+        ("plan.dxf", "plan?format=dxf"),
+        ("plan.json", "plan?format=json"),
     ] {
         assert!(get(path).await.bytes == MAPPED.0[name], "{name} is not that of the service");
     }

@@ -82,7 +82,7 @@ async fn keep_pictures(client: &Client, home: &str) {
         .join("apartment");
     fs::create_dir_all(&folder).unwrap();
     for (query, name, start) in
-        [("png", "plan.png", &b"\x89PNG"[..]), ("svg", "plan.svg", b"<"), ("geojson", "plan.geojson", b"{")]
+        [("png", "plan.png", &b"\x89PNG"[..]), ("svg", "plan.svg", b"<"), ("pdf", "plan.pdf", b"%PDF"), ("dxf", "plan.dxf", b"999"), ("geojson", "plan.geojson", b"{"), ("json", "plan.json", b"{")]
     {
         let plan = client.get(&format!("{home}/map/plan?format={query}")).await;
         assert!(plan.status == 200 && plan.bytes.starts_with(start), "{name}");

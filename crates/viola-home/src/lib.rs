@@ -51,7 +51,10 @@ pub use objects::{
     Found, Object, ObjectsParams, Sample, UprightBox, find_objects, fit_box, is_furniture, objects,
 };
 pub use picture::{PictureFrame, lidar_png, overlay_png};
-pub use plan::{Plan, plan, plan_geojson, plan_png, plan_svg};
+pub use plan::{
+    Furniture, Opening, OpeningKind, Plan, PlanRoom, Swing, Wall, plan, plan_dxf, plan_geojson, plan_json, plan_pdf,
+    plan_png, plan_svg,
+};
 pub use ply::{NotOurs, cloud_ply, read_cloud_ply};
 pub use points::{ClipNumbers, Glb, Ply, PointFilter};
 pub use rooms::{Room, RoomSource, merged, rooms};

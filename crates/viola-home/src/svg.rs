@@ -15,13 +15,21 @@ static FONTS: LazyLock<Arc<fontdb::Database>> = LazyLock::new(|| {
     Arc::new(fonts)
 });
 
+/// Returns the elements of `svg`, its text as outlines of the font in the binary.
+///
+/// # Panics
+/// If `svg` is not SVG: it is written by this crate.
+pub fn parse(svg: &str) -> Tree {
+    let options = Options { fontdb: FONTS.clone(), ..Options::default() };
+    Tree::from_str(svg, &options).expect("our own SVG parses")
+}
+
 /// Renders `svg` with `px_per_unit` pixels for each of its units.
 ///
 /// # Panics
 /// If `svg` is not SVG: it is written by this crate.
 pub fn render(svg: &str, px_per_unit: f32) -> Pixmap {
-    let options = Options { fontdb: FONTS.clone(), ..Options::default() };
-    let tree = Tree::from_str(svg, &options).expect("our own SVG parses");
+    let tree = parse(svg);
     let pixels = |units: f32| ((units * px_per_unit).ceil() as u32).max(1);
     let mut pixmap =
         Pixmap::new(pixels(tree.size().width()), pixels(tree.size().height())).expect("the size is not zero");

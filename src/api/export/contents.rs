@@ -91,7 +91,7 @@ impl Contents {
         let storage = &self.app.storage;
         let folder = folder("map", level.level);
         let files = |name| storage.home_map_files(&self.home, map.revision, level.level, name);
-        for name in [map_file::PLAN_PNG, map_file::PLAN_SVG, map_file::PLAN_GEOJSON, map_file::SCENE] {
+        for name in map_file::PLANS.into_iter().chain([map_file::SCENE]) {
             for found in &files(name).await? {
                 let blob = storage.read_map_file(found).await?.ok_or(ExportError::Changing)?;
                 zip.stream(&format!("{folder}/{name}"), blob.stream).await?;

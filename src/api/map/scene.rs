@@ -82,14 +82,17 @@ pub(in crate::api) struct RoomsQuery {
 pub(in crate::api) enum PlanFormat {
     Png,
     Svg,
+    Pdf,
     Geojson,
+    Dxf,
+    Json,
 }
 
 /// The format and the revision of a plan.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(in crate::api) struct PlanQuery {
-    /// `png`, `svg` or `geojson`; default: the format in `Accept`, else `svg`.
+    /// `svg`, `png`, `pdf`, `geojson`, `dxf` or `json`; default: the format in `Accept`, else `svg`.
     #[param(value_type = Option<PlanFormat>, example = "png")]
     format: Option<String>,
     /// The level; default: `main`, or the first by name in a home without a level of this name.
@@ -150,12 +153,14 @@ pub(in crate::api) async fn get_map_coverage(
     Ok(document(&headers, &map, &MapCoverage { revision: map.revision, coverage: scene.coverage.into() }))
 }
 
-/// Get the floor plan of a home: the LiDAR map's walls, the rooms with their names, and the objects in them
+/// Get the floor plan of a home: walls, doors and windows, rooms with their areas, and furniture
 ///
-/// GeoJSON is in metres in the LiDAR map's frame, not in degrees.
+/// All formats show one model. GeoJSON and JSON are in metres in the LiDAR map's frame, not in degrees. DXF is in
+/// metres and upright, as the pages of SVG, PNG and PDF are: the main direction of the walls is horizontal.
 #[utoipa::path(get, path = "/v1/homes/{home}/map/plan", tag = "map", params(HomePath, PlanQuery),
     responses((status = 200, description = "The plan", content(
-            (FileBytes = "image/svg+xml"), (FileBytes = "image/png"), (FileBytes = "application/geo+json"))),
+            (FileBytes = "image/svg+xml"), (FileBytes = "image/png"), (FileBytes = "application/pdf"),
+            (FileBytes = "application/geo+json"), (FileBytes = "image/vnd.dxf"), (FileBytes = "application/json"))),
         (status = 304, description = "The client has it"), CommonProblems))]
 pub(in crate::api) async fn get_map_plan(
     State(app): State<App>,
@@ -182,13 +187,23 @@ pub(in crate::api) async fn get_map_plan(
 }
 
 impl PlanFormat {
-    const ALL: [PlanFormat; 3] = [PlanFormat::Svg, PlanFormat::Png, PlanFormat::Geojson];
+    const ALL: [PlanFormat; 6] = [
+        PlanFormat::Svg,
+        PlanFormat::Png,
+        PlanFormat::Pdf,
+        PlanFormat::Geojson,
+        PlanFormat::Dxf,
+        PlanFormat::Json,
+    ];
 
     fn name(self) -> &'static str {
         match self {
             PlanFormat::Png => "png",
             PlanFormat::Svg => "svg",
+            PlanFormat::Pdf => "pdf",
             PlanFormat::Geojson => "geojson",
+            PlanFormat::Dxf => "dxf",
+            PlanFormat::Json => "json",
         }
     }
 
@@ -196,7 +211,10 @@ impl PlanFormat {
         match self {
             PlanFormat::Png => "image/png",
             PlanFormat::Svg => "image/svg+xml",
+            PlanFormat::Pdf => "application/pdf",
             PlanFormat::Geojson => "application/geo+json",
+            PlanFormat::Dxf => "image/vnd.dxf",
+            PlanFormat::Json => "application/json",
         }
     }
 
@@ -204,14 +222,17 @@ impl PlanFormat {
         match self {
             PlanFormat::Png => map_file::PLAN_PNG,
             PlanFormat::Svg => map_file::PLAN_SVG,
+            PlanFormat::Pdf => map_file::PLAN_PDF,
             PlanFormat::Geojson => map_file::PLAN_GEOJSON,
+            PlanFormat::Dxf => map_file::PLAN_DXF,
+            PlanFormat::Json => map_file::PLAN_JSON,
         }
     }
 
     fn wanted(asked: Option<&str>, headers: &HeaderMap) -> Result<PlanFormat, Error> {
         if let Some(name) = asked {
             return PlanFormat::ALL.into_iter().find(|format| format.name() == name).ok_or_else(|| {
-                let detail = "format is png, svg or geojson".to_owned();
+                let detail = "format is svg, png, pdf, geojson, dxf or json".to_owned();
                 Error::InvalidQuery { field: Some("format"), detail }
             });
         }

@@ -31,7 +31,7 @@ pub struct HomeFiles {
 struct LevelFiles {
     level: LevelName,
     /// By name.
-    plan: [(&'static str, Vec<u8>); 3],
+    plan: [(&'static str, Vec<u8>); 6],
     tiles: Vec<Tile>,
 }
 

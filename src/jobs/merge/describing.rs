@@ -29,7 +29,7 @@ pub struct Earlier {
 pub struct Described {
     pub scene: MapScene,
     /// The files of the plan, by the names of [`map_file`].
-    pub plan: [(&'static str, Vec<u8>); 3],
+    pub plan: [(&'static str, Vec<u8>); 6],
     /// True if an object moved, or if the revision has other objects than the one before.
     pub has_object_changes: bool,
 }
@@ -93,7 +93,10 @@ pub fn describe(
         plan: [
             (map_file::PLAN_PNG, home::plan_png(&plan)),
             (map_file::PLAN_SVG, home::plan_svg(&plan).into_bytes()),
+            (map_file::PLAN_PDF, home::plan_pdf(&plan)),
             (map_file::PLAN_GEOJSON, home::plan_geojson(&plan).to_string().into_bytes()),
+            (map_file::PLAN_DXF, home::plan_dxf(&plan).into_bytes()),
+            (map_file::PLAN_JSON, home::plan_json(&plan).to_string().into_bytes()),
         ],
         has_object_changes,
     }

@@ -168,6 +168,7 @@ fn objects_are_parts_by_their_ids() {
         room: None,
         points: 1,
         clips: vec![],
+        samples: vec![],
     };
     let mesh = Mesh::new(&[tile(points)], &[chair], usize::MAX);
     let names: Vec<&str> = mesh.parts.iter().map(|part| part.name.as_str()).collect();

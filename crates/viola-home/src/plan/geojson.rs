@@ -1,59 +1,146 @@
-//! A plan as GeoJSON.
+//! A plan as GeoJSON and as plain JSON, in the LiDAR map's frame.
 
-use super::{Plan, opens};
+use super::model::{Opening, Plan};
 use crate::rooms::outline::Outline;
 use serde_json::{Value, json};
+use viola_geometry::Point2;
+
+const FRAME: &str = "metres in the LiDAR map's own frame, x right and y up; not longitude and latitude";
 
 /// Returns the plan as a GeoJSON feature collection (RFC 7946, except that coordinates are metres in the
 /// LiDAR map's frame, because a home's map has no place on the Earth; the foreign member `frame` says so).
 pub fn plan_geojson(plan: &Plan) -> Value {
     let mut features = Vec::new();
-    for room in &plan.rooms {
-        let outline = Outline { ring_m: room.polygon_m.clone(), holes_m: room.holes_m.clone() };
+    for (number, room) in (1..).zip(&plan.rooms) {
+        let id = room.id.clone().unwrap_or_else(|| format!("plan-{number}"));
         let properties = json!({
             "kind": "room",
             "name": room.name,
-            "source": room.source,
-            "area_m2": room.area_m2,
-            "label_at_m": room.label_at_m,
+            "room": room.id,
+            "area_m2": round(room.area_m2),
+            "label_at_m": in_map(plan, room.label_at_m),
         });
-        features.push(feature(&format!("room/{}", room.id), &outline, properties));
+        features.push(polygon(plan, &format!("room/{id}"), &room.outline, properties));
     }
-    let structure = [("wall", &plan.walls), ("obstacle", &plan.obstacles)];
-    for (kind, outlines) in structure {
-        for (number, outline) in (1..).zip(outlines) {
-            let properties = json!({ "kind": kind, "area_m2": round(outline.area_m2()) });
-            features.push(feature(&format!("{kind}/{number}"), outline, properties));
-        }
+    for (number, outline) in (1..).zip(&plan.masonry) {
+        let properties = json!({ "kind": "wall", "area_m2": round(outline.area_m2()) });
+        features.push(polygon(plan, &format!("wall/{number}"), outline, properties));
     }
-    for object in &plan.objects {
-        let corners = object.bounds().corners().to_vec();
-        let outline = Outline { ring_m: corners, holes_m: Vec::new() };
+    for wall in &plan.walls {
+        features.push(json!({
+            "type": "Feature",
+            "id": format!("wall-line/{}", wall.id),
+            "geometry": {
+                "type": "LineString",
+                "coordinates": [in_map(plan, wall.from_m), in_map(plan, wall.to_m)],
+            },
+            "properties": {
+                "kind": "wall_line",
+                "thickness_m": round(wall.thickness_m),
+                "is_measured": wall.is_measured,
+            },
+        }));
+    }
+    for opening in &plan.openings {
+        let outline = Outline { ring_m: opening.corners_m().to_vec(), holes_m: Vec::new() };
         let properties = json!({
-            "kind": if opens(object.class) { "opening" } else { "object" },
-            "class": object.class,
-            "confidence": object.confidence,
-            "room": object.room,
-            "area_m2": round(object.size_m[0] * object.size_m[1]),
-            "centre_m": object.centre_m,
-            "size_m": object.size_m,
-            "yaw_rad": object.yaw_rad,
+            "kind": "opening",
+            "class": opening.kind,
+            "width_m": round(opening.width_m()),
+            "sill_m": opening.sill_m.map(round),
+            "head_m": opening.head_m.map(round),
+            "swing": swing(plan, opening),
         });
-        features.push(feature(&format!("object/{}", object.id), &outline, properties));
+        features.push(polygon(plan, &format!("opening/{}", opening.id), &outline, properties));
     }
+    for piece in &plan.furniture {
+        let outline = Outline { ring_m: piece.corners_m().to_vec(), holes_m: Vec::new() };
+        let properties = json!({ "kind": "object", "class": piece.class, "object": piece.id });
+        features.push(polygon(plan, &format!("object/{}", piece.id), &outline, properties));
+    }
+    let (low, high) = bounds(&features);
     json!({
         "type": "FeatureCollection",
-        "frame": "metres in the LiDAR map's own frame, x right and y up; not longitude and latitude",
-        "bbox": [plan.min_m[0], plan.min_m[1], plan.max_m[0], plan.max_m[1]],
+        "frame": FRAME,
+        "plan_yaw_rad": plan.map_from_plan.yaw_rad,
+        "bbox": [low[0], low[1], high[0], high[1]],
         "features": features,
     })
 }
 
-fn feature(id: &str, outline: &Outline, properties: Value) -> Value {
+/// Returns the plan's model as JSON: `walls`, `openings`, `rooms` and `furniture`.
+pub fn plan_json(plan: &Plan) -> Value {
+    let ring = |ring: &Vec<[f64; 2]>| ring.iter().map(|p| in_map(plan, *p)).collect::<Vec<_>>();
+    let walls = plan.walls.iter().map(|wall| {
+        let rooms: Vec<_> = wall.rooms.iter().filter_map(|at| plan.rooms.get(*at)?.id.clone()).collect();
+        json!({
+            "id": wall.id,
+            "from_m": in_map(plan, wall.from_m),
+            "to_m": in_map(plan, wall.to_m),
+            "length_m": round(wall.length_m()),
+            "thickness_m": round(wall.thickness_m),
+            "is_measured": wall.is_measured,
+            "rooms": rooms,
+        })
+    });
+    let openings = plan.openings.iter().map(|opening| {
+        json!({
+            "id": opening.id,
+            "kind": opening.kind,
+            "from_m": in_map(plan, opening.from_m),
+            "to_m": in_map(plan, opening.to_m),
+            "width_m": round(opening.width_m()),
+            "thickness_m": round(opening.thickness_m),
+            "sill_m": opening.sill_m.map(round),
+            "head_m": opening.head_m.map(round),
+            "swing": swing(plan, opening),
+        })
+    });
+    let rooms = plan.rooms.iter().map(|room| {
+        json!({
+            "id": room.id,
+            "name": room.name,
+            "area_m2": round(room.area_m2),
+            "polygon_m": ring(&room.outline.ring_m),
+            "holes_m": room.outline.holes_m.iter().map(ring).collect::<Vec<_>>(),
+            "label_at_m": in_map(plan, room.label_at_m),
+        })
+    });
+    let furniture = plan.furniture.iter().map(|piece| {
+        json!({
+            "object": piece.id,
+            "class": piece.class,
+            "centre_m": in_map(plan, piece.centre_m),
+            "size_m": piece.size_m.map(round),
+            "yaw_rad": piece.yaw_rad + plan.map_from_plan.yaw_rad,
+            "polygon_m": ring(&piece.corners_m().to_vec()),
+        })
+    });
+    json!({
+        "frame": FRAME,
+        "plan_yaw_rad": plan.map_from_plan.yaw_rad,
+        "walls": walls.collect::<Vec<_>>(),
+        "openings": openings.collect::<Vec<_>>(),
+        "rooms": rooms.collect::<Vec<_>>(),
+        "furniture": furniture.collect::<Vec<_>>(),
+    })
+}
+
+fn swing(plan: &Plan, opening: &Opening) -> Value {
+    opening.swing.map_or(Value::Null, |swing| {
+        json!({
+            "hinge_m": in_map(plan, swing.hinge_m),
+            "open_m": in_map(plan, swing.open_m),
+            "closed_m": in_map(plan, swing.closed_m),
+        })
+    })
+}
+
+fn polygon(plan: &Plan, id: &str, outline: &Outline, properties: Value) -> Value {
     let rings = std::iter::once(&outline.ring_m).chain(&outline.holes_m);
     // GeoJSON rings repeat their first position at the end.
     let closed = rings.map(|ring| {
-        ring.iter().chain(ring.first()).map(|corner| corner.map(round)).collect::<Vec<[f64; 2]>>()
+        ring.iter().chain(ring.first()).map(|corner| in_map(plan, *corner)).collect::<Vec<[f64; 2]>>()
     });
     json!({
         "type": "Feature",
@@ -61,6 +148,29 @@ fn feature(id: &str, outline: &Outline, properties: Value) -> Value {
         "geometry": { "type": "Polygon", "coordinates": closed.collect::<Vec<_>>() },
         "properties": properties,
     })
+}
+
+/// Returns the box of all positions of features.
+fn bounds(features: &[Value]) -> ([f64; 2], [f64; 2]) {
+    fn visit(value: &Value, low: &mut [f64; 2], high: &mut [f64; 2]) {
+        let Some(list) = value.as_array() else { return };
+        if let [Some(x), Some(y)] = [0, 1].map(|axis| list.get(axis).and_then(Value::as_f64)) {
+            for (axis, at) in [x, y].into_iter().enumerate() {
+                low[axis] = low[axis].min(at);
+                high[axis] = high[axis].max(at);
+            }
+        } else {
+            list.iter().for_each(|inner| visit(inner, low, high));
+        }
+    }
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    features.iter().for_each(|feature| visit(&feature["geometry"]["coordinates"], &mut low, &mut high));
+    if low[0] > high[0] { ([0.0; 2], [0.0; 2]) } else { (low, high) }
+}
+
+fn in_map(plan: &Plan, [x, y]: [f64; 2]) -> [f64; 2] {
+    let at = plan.map_from_plan.apply(&Point2::new(x, y));
+    [round(at.x), round(at.y)]
 }
 
 /// Rounds to a millimetre.

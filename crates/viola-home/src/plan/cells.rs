@@ -1,0 +1,269 @@
+//! The plan's plane, divided by the lines of all wall faces into cells; each is inside or outside the rooms.
+
+use super::cut::Graph;
+use super::evidence::{Evidence, Facing};
+use super::faces::Face;
+use crate::rooms::Room;
+use crate::rooms::outline::pieces;
+use viola_geometry::{Grid, GridFrame, Point2};
+
+/// Lines of faces nearer than this are one.
+const SAME_LINE_M: f64 = 0.02;
+/// Lines at ends of faces and between rooms are left out this near another line.
+const NEAR_LINE_M: f64 = 0.08;
+/// Maximum lines of each axis.
+const MAX_LINES: usize = 300;
+/// Minimum evidence of a wall in a column.
+const WALL: f32 = 0.25;
+/// Shortest stretch without wall that gets lines of its own.
+const GAP_M: f64 = 0.4;
+/// The outside reaches this far.
+const MARGIN_M: f64 = 0.5;
+/// Smallest solid island in a room.
+const ISLAND_M2: f64 = 0.3;
+/// Distance of the samples of a cell, and their maximum number along a side.
+const SAMPLE_M: f64 = 0.04;
+const MAX_SAMPLES: usize = 40;
+
+/// Costs in millimetres of wall without evidence, for each square metre: open floor outside, ...
+const OPEN_IN_ROOM: f64 = 6000.0;
+const LEVEL_ELSEWHERE: f64 = 2500.0;
+const OPEN_ELSEWHERE: f64 = 800.0;
+const ROOM_NOT_OPEN: f64 = 1200.0;
+/// and space of which nothing is known inside.
+const UNKNOWN: f64 = 200.0;
+/// Cost of a millimetre of any wall: simple outlines are likelier.
+const ANY_WALL: f64 = 0.03;
+/// Costs of a millimetre of a face that was seen: inside right behind it, and outside right before it.
+const BEHIND_FACE: f64 = 0.6;
+const BEFORE_FACE: f64 = 0.3;
+
+/// Cells between neighbouring lines. Cell `(i, j)` reaches from `lines[0][i]` to `lines[0][i + 1]`, and from
+/// `lines[1][j]` to `lines[1][j + 1]`.
+pub(super) struct Cells {
+    pub lines: [Vec<f64>; 2],
+    pub inside: Vec<bool>,
+    /// Area of each given room in each cell, by its number from 1; 0 for none.
+    pub owners: Vec<Vec<(u32, f64)>>,
+}
+
+impl Cells {
+    pub fn new(evidence: &Evidence, faces: &[Face], rooms: &[Room]) -> Cells {
+        let lines = [0, 1].map(|axis| lines(axis, evidence, faces, rooms));
+        let count = (lines[0].len() - 1) * (lines[1].len() - 1);
+        let mut cells = Cells { lines, inside: vec![false; count], owners: vec![Vec::new(); count] };
+        let mut graph = Graph::new(count);
+        for at in 0..count {
+            cells.weigh(at, evidence, &mut graph);
+        }
+        for axis in 0..2 {
+            cells.add_borders(axis, faces, &mut graph);
+        }
+        cells.inside = graph.inside();
+        cells.fill_islands();
+        cells
+    }
+
+    /// Makes small solid islands a part of their room: posts are seldom, furniture like walls is frequent.
+    fn fill_islands(&mut self) {
+        let frame = GridFrame { origin_m: [0.0; 2], cell_m: 1.0, width: self.count(0), height: self.count(1) };
+        let solid = Grid { frame, cells: self.inside.iter().map(|inside| !inside).collect() };
+        let (piece, count) = pieces(&solid);
+        let mut area_m2 = vec![0.0; count + 1];
+        for (at, piece) in piece.iter().enumerate() {
+            area_m2[*piece as usize] += self.area_m2(at);
+        }
+        for (at, piece) in piece.iter().enumerate().filter(|(_, piece)| **piece != 0) {
+            self.inside[at] |= area_m2[*piece as usize] < ISLAND_M2;
+        }
+    }
+
+    /// Returns the number of cells along an axis.
+    pub fn count(&self, axis: usize) -> usize {
+        self.lines[axis].len() - 1
+    }
+
+    pub fn index(&self, place: [usize; 2]) -> usize {
+        place[1] * self.count(0) + place[0]
+    }
+
+    pub fn place(&self, at: usize) -> [usize; 2] {
+        [at % self.count(0), at / self.count(0)]
+    }
+
+    pub fn size_m(&self, axis: usize, place: usize) -> f64 {
+        self.lines[axis][place + 1] - self.lines[axis][place]
+    }
+
+    pub fn area_m2(&self, at: usize) -> f64 {
+        let place = self.place(at);
+        self.size_m(0, place[0]) * self.size_m(1, place[1])
+    }
+
+    /// Returns the index of the line at a coordinate, if there is one.
+    pub fn line(&self, axis: usize, metres: f64) -> Option<usize> {
+        let after = self.lines[axis].partition_point(|line| *line < metres);
+        let near = [after.checked_sub(1), Some(after)].into_iter().flatten();
+        let off = |line: &usize| (self.lines[axis][*line] - metres).abs();
+        near.filter(|line| *line < self.lines[axis].len())
+            .filter(|line| off(line) <= SAME_LINE_M)
+            .min_by(|a, b| off(a).total_cmp(&off(b)))
+    }
+
+    /// Adds the costs of a cell by what was seen in it.
+    fn weigh(&mut self, at: usize, evidence: &Evidence, graph: &mut Graph) {
+        let place = self.place(at);
+        if (0..2).any(|axis| place[axis] == 0 || place[axis] + 1 == self.count(axis)) {
+            graph.add_node(at, 0, i64::from(i32::MAX));
+            return;
+        }
+        let samples = [0, 1].map(|axis| {
+            ((self.size_m(axis, place[axis]) / SAMPLE_M).ceil() as usize).clamp(1, MAX_SAMPLES)
+        });
+        let area_m2 = self.area_m2(at) / (samples[0] * samples[1]) as f64;
+        let (mut if_outside, mut if_inside) = (0.0, 0.0);
+        let mut owners: Vec<(u32, f64)> = Vec::new();
+        for i in 0..samples[0] {
+            for j in 0..samples[1] {
+                let [x, y] = [(0, i), (1, j)].map(|(axis, i)| {
+                    let part = (i as f64 + 0.5) / samples[axis] as f64;
+                    self.lines[axis][place[axis]] + part * self.size_m(axis, place[axis])
+                });
+                let point = Point2::new(x, y);
+                let (open, room) = (evidence.is_open(&point), evidence.room(&point));
+                match (open, room != 0) {
+                    (true, true) => if_outside += OPEN_IN_ROOM * area_m2,
+                    (true, false) if evidence.is_level(&point) => if_outside += LEVEL_ELSEWHERE * area_m2,
+                    (true, false) => if_outside += OPEN_ELSEWHERE * area_m2,
+                    (false, true) => if_outside += ROOM_NOT_OPEN * area_m2,
+                    (false, false) => if_inside += UNKNOWN * area_m2,
+                }
+                match owners.iter_mut().find(|(owner, _)| *owner == room) {
+                    Some((_, area)) => *area += area_m2,
+                    None => owners.push((room, area_m2)),
+                }
+            }
+        }
+        owners.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        self.owners[at] = owners;
+        graph.add_node(at, if_outside.round() as i64, if_inside.round() as i64);
+    }
+
+    /// Adds the costs of walls without evidence along all lines of an axis.
+    fn add_borders(&self, axis: usize, faces: &[Face], graph: &mut Graph) {
+        let along = 1 - axis;
+        let mut of_line: Vec<Vec<&Face>> = vec![Vec::new(); self.lines[axis].len()];
+        for face in faces.iter().filter(|face| face.facing.axis == axis) {
+            if let Some(line) = self.line(axis, face.line_m) {
+                of_line[line].push(face);
+            }
+        }
+        for line in 1..self.lines[axis].len() - 1 {
+            for step in 0..self.count(along) {
+                let [from_m, to_m] = [step, step + 1].map(|i| self.lines[along][i]);
+                let seen = [false, true].map(|up| {
+                    let facing = of_line[line].iter().filter(|face| face.facing.up == up);
+                    facing.map(|face| face.share(from_m, to_m)).fold(0.0, f64::max)
+                });
+                let cost = |part: f64| ((to_m - from_m) * 1e3 * part).round() as i64;
+                let cell = |before: usize| {
+                    let mut place = [step; 2];
+                    place[axis] = line - before;
+                    self.index(place)
+                };
+                let (low, high) = (cell(1), cell(0));
+                // A face that looks up has its room above it.
+                let [down, up] = seen.map(|seen| 1.0 - seen + ANY_WALL);
+                graph.add_border(high, low, cost(up), cost(down));
+                graph.add_node(low, cost(BEFORE_FACE * seen[0]), cost(BEHIND_FACE * seen[1]));
+                graph.add_node(high, cost(BEFORE_FACE * seen[1]), cost(BEHIND_FACE * seen[0]));
+            }
+        }
+    }
+}
+
+/// Returns the lines across an axis, in order.
+fn lines(axis: usize, evidence: &Evidence, faces: &[Face], rooms: &[Room]) -> Vec<f64> {
+    let mut on_faces: Vec<&Face> = faces.iter().filter(|face| face.facing.axis == axis).collect();
+    on_faces.sort_by(|a, b| b.weight.total_cmp(&a.weight).then(a.line_m.total_cmp(&b.line_m)));
+    let bounds = [evidence.low_m[axis] - MARGIN_M, evidence.high_m[axis] + MARGIN_M];
+    let mut lines = bounds.to_vec();
+    let mut add = |metres: f64, near_m: f64| {
+        let is_within = metres > bounds[0] && metres < bounds[1];
+        if is_within && lines.len() < MAX_LINES && lines.iter().all(|line| (line - metres).abs() > near_m) {
+            lines.push(metres);
+        }
+    };
+    on_faces.iter().for_each(|face| add(face.line_m, SAME_LINE_M));
+    let across = faces.iter().filter(|face| face.facing.axis != axis);
+    across.flat_map(ends).for_each(|end| add(end, NEAR_LINE_M));
+    borders(axis, evidence, rooms).into_iter().for_each(|border| add(border, NEAR_LINE_M));
+    lines.sort_by(f64::total_cmp);
+    lines
+}
+
+/// Returns where a face ends, and where its gaps begin and end.
+fn ends(face: &Face) -> Vec<f64> {
+    let mut ends = vec![face.from_m, face.to_m];
+    let mut gap = 0usize;
+    for (place, seen) in face.cover.iter().enumerate() {
+        if *seen < WALL {
+            gap += 1;
+            continue;
+        }
+        if gap as f64 * face.along_m >= GAP_M {
+            ends.extend([place - gap, place].map(|place| face.from_m + place as f64 * face.along_m));
+        }
+        gap = 0;
+    }
+    ends
+}
+
+/// Returns the straight borders across an axis between given rooms that no wall divides.
+fn borders(axis: usize, evidence: &Evidence, rooms: &[Room]) -> Vec<f64> {
+    const STEP_M: f64 = 0.05;
+    /// Rooms this near each other have a common border.
+    const REACH: i64 = 4;
+    /// Minimum length of a border, in steps.
+    const LEAST: usize = 10;
+    let mut places: std::collections::BTreeMap<(u32, u32), Vec<f64>> = std::collections::BTreeMap::new();
+    if rooms.len() < 2 {
+        return Vec::new();
+    }
+    let count = |axis: usize| ((evidence.high_m[axis] - evidence.low_m[axis]) / STEP_M).min(2000.0) as i64 + 1;
+    for row in 0..count(1 - axis) {
+        let (mut last, mut last_at) = (0, i64::MIN);
+        for at in 0..count(axis) {
+            let mut p = [0.0; 2];
+            p[axis] = evidence.low_m[axis] + at as f64 * STEP_M;
+            p[1 - axis] = evidence.low_m[1 - axis] + row as f64 * STEP_M;
+            let point = Point2::from(p);
+            let room = evidence.room(&point);
+            if room == 0 {
+                continue;
+            }
+            if last != 0 && room != last && at - last_at <= REACH && evidence.is_open(&point) {
+                let middle_m = evidence.low_m[axis] + (at + last_at) as f64 / 2.0 * STEP_M;
+                places.entry((last.min(room), last.max(room))).or_default().push(middle_m);
+            }
+            (last, last_at) = (room, at);
+        }
+    }
+    let median = |mut places: Vec<f64>| {
+        places.sort_by(f64::total_cmp);
+        places[places.len() / 2]
+    };
+    places.into_values().filter(|places| places.len() >= LEAST).map(median).collect()
+}
+
+/// Returns the faces that look in a direction and stand on a line of cells.
+pub(super) fn on_line<'a>(
+    faces: &'a [Face],
+    cells: &'a Cells,
+    facing: Facing,
+    line: usize,
+) -> impl Iterator<Item = &'a Face> {
+    faces.iter().filter(move |face| {
+        face.facing == facing && cells.line(facing.axis, face.line_m) == Some(line)
+    })
+}

@@ -1,0 +1,193 @@
+//! A plan as DXF (R12, which every CAD program reads), in metres and in the plan's upright frame.
+
+use super::model::{Opening, OpeningKind, Plan, strip};
+use super::symbols::strokes;
+use std::fmt::{Display, Write};
+
+/// Layers and their colours, by AutoCAD's numbers.
+const LAYERS: [(&str, u8); 7] = [
+    ("WALLS", 7),
+    ("WALL_LINES", 8),
+    ("DOORS", 30),
+    ("WINDOWS", 5),
+    ("ROOMS", 3),
+    ("ROOM_NAMES", 7),
+    ("FURNITURE", 9),
+];
+/// Height of letters.
+const TEXT_M: f64 = 0.18;
+/// Maximum letters of a name.
+const LONGEST: usize = 60;
+
+/// Returns the plan as an ASCII DXF.
+pub fn plan_dxf(plan: &Plan) -> String {
+    let mut out = Dxf(String::new());
+    let (low, high) = plan.bounds_m();
+    out.pair(999, format!(
+        "Floor plan in metres. The LiDAR map's frame is turned by {:.3} degrees about its origin.",
+        -plan.map_from_plan.yaw_rad.to_degrees()
+    ));
+    out.section("HEADER");
+    for (name, code, value) in [("$ACADVER", 1, "AC1009"), ("$INSUNITS", 70, "6"), ("$MEASUREMENT", 70, "1")] {
+        out.pair(9, name);
+        out.pair(code, value);
+    }
+    for (name, corner) in [("$EXTMIN", low), ("$EXTMAX", high)] {
+        out.pair(9, name);
+        out.point(corner);
+    }
+    out.pair(0, "ENDSEC");
+    out.section("TABLES");
+    out.pair(0, "TABLE");
+    out.pair(2, "LAYER");
+    out.pair(70, LAYERS.len());
+    for (name, color) in LAYERS {
+        out.pair(0, "LAYER");
+        out.pair(2, name);
+        out.pair(70, 0);
+        out.pair(62, color);
+        out.pair(6, "CONTINUOUS");
+    }
+    out.pair(0, "ENDTAB");
+    out.pair(0, "ENDSEC");
+    out.section("ENTITIES");
+    entities(plan, &mut out);
+    out.pair(0, "ENDSEC");
+    out.pair(0, "EOF");
+    out.0
+}
+
+fn entities(plan: &Plan, out: &mut Dxf) {
+    for outline in &plan.masonry {
+        out.polyline("WALLS", &outline.ring_m, true);
+        outline.holes_m.iter().for_each(|hole| out.polyline("WALLS", hole, true));
+    }
+    for wall in &plan.walls {
+        out.line("WALL_LINES", wall.from_m, wall.to_m);
+    }
+    for opening in &plan.openings {
+        draw_opening(opening, out);
+    }
+    for (number, room) in (1..).zip(&plan.rooms) {
+        out.polyline("ROOMS", &room.outline.ring_m, true);
+        room.outline.holes_m.iter().for_each(|hole| out.polyline("ROOMS", hole, true));
+        let name = room.name.clone().or_else(|| room.id.as_ref().map(|id| format!("Room {id}")));
+        let [x, y] = room.label_at_m;
+        out.text("ROOM_NAMES", [x, y], &name.unwrap_or_else(|| format!("Room {number}")));
+        out.text("ROOM_NAMES", [x, y - 1.6 * TEXT_M], &format!("{:.1} m2", room.area_m2));
+    }
+    for stroke in plan.furniture.iter().flat_map(strokes) {
+        out.polyline("FURNITURE", &stroke.points_m, stroke.is_closed);
+    }
+}
+
+fn draw_opening(opening: &Opening, out: &mut Dxf) {
+    if opening.kind == OpeningKind::Window {
+        out.polyline("WINDOWS", &opening.corners_m(), true);
+        out.polyline("WINDOWS", &strip(opening.from_m, opening.to_m, 0.3 * opening.thickness_m), true);
+        return;
+    }
+    out.polyline("DOORS", &opening.corners_m(), true);
+    let Some(swing) = opening.swing else { return };
+    out.line("DOORS", swing.hinge_m, swing.open_m);
+    let angle = |p: [f64; 2]| (p[1] - swing.hinge_m[1]).atan2(p[0] - swing.hinge_m[0]).to_degrees();
+    let (open_deg, closed_deg) = (angle(swing.open_m), angle(swing.closed_m));
+    // Arcs run counter-clockwise.
+    let turns_left = (closed_deg - open_deg).rem_euclid(360.0) < 180.0;
+    let (from_deg, to_deg) = if turns_left { (open_deg, closed_deg) } else { (closed_deg, open_deg) };
+    out.entity("ARC", "DOORS");
+    out.point(swing.hinge_m);
+    out.pair(40, round(opening.width_m()));
+    out.pair(50, round(from_deg.rem_euclid(360.0)));
+    out.pair(51, round(to_deg.rem_euclid(360.0)));
+}
+
+/// A file of pairs: a code and a value, a line each.
+struct Dxf(String);
+
+impl Dxf {
+    fn pair(&mut self, code: u16, value: impl Display) {
+        // Writing into a string cannot fail.
+        let _ = write!(self.0, "{code}\n{value}\n");
+    }
+
+    fn section(&mut self, name: &str) {
+        self.pair(0, "SECTION");
+        self.pair(2, name);
+    }
+
+    fn entity(&mut self, kind: &str, layer: &str) {
+        self.pair(0, kind);
+        self.pair(8, layer);
+    }
+
+    fn point(&mut self, [x, y]: [f64; 2]) {
+        self.pair(10, round(x));
+        self.pair(20, round(y));
+        self.pair(30, 0.0);
+    }
+
+    fn line(&mut self, layer: &str, from: [f64; 2], to: [f64; 2]) {
+        self.entity("LINE", layer);
+        self.point(from);
+        self.pair(11, round(to[0]));
+        self.pair(21, round(to[1]));
+        self.pair(31, 0.0);
+    }
+
+    fn polyline(&mut self, layer: &str, points: &[[f64; 2]], is_closed: bool) {
+        self.entity("POLYLINE", layer);
+        self.pair(66, 1);
+        self.pair(70, u8::from(is_closed));
+        self.point([0.0; 2]);
+        for point in points {
+            self.entity("VERTEX", layer);
+            self.point(*point);
+        }
+        self.entity("SEQEND", layer);
+    }
+
+    fn text(&mut self, layer: &str, at: [f64; 2], words: &str) {
+        self.entity("TEXT", layer);
+        self.point(at);
+        self.pair(40, TEXT_M);
+        self.pair(1, encoded(words));
+        // Centred: the second point is the one that counts.
+        self.pair(72, 1);
+        self.pair(11, round(at[0]));
+        self.pair(21, round(at[1]));
+        self.pair(31, 0.0);
+    }
+}
+
+/// Returns a line of ASCII: other letters are escaped, control characters left out.
+fn encoded(words: &str) -> String {
+    let mut out = String::new();
+    for letter in words.chars().filter(|letter| !letter.is_control()).take(LONGEST) {
+        match letter {
+            ' '..='~' => out.push(letter),
+            // R12 has code points of four digits.
+            letter if u32::from(letter) <= 0xffff => {
+                let _ = write!(out, "\\U+{:04X}", u32::from(letter));
+            }
+            _ => out.push('?'),
+        }
+    }
+    out
+}
+
+/// Rounds to a tenth of a millimetre.
+fn round(metres: f64) -> f64 {
+    (metres * 1e4).round() / 1e4
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_one_line_of_ascii() {
+        assert_eq!(encoded("K\u{fc}che\n0\nEOF"), "K\\U+00FCche0EOF");
+        assert_eq!(encoded("\u{1f6cf}"), "?");
+    }
+}

@@ -1,0 +1,281 @@
+//! Evidence of walls in the plan's frame: columns of upright surface that face one of four directions, and open
+//! floor.
+
+use crate::map_point::MapPoint;
+use crate::rooms::Room;
+use crate::rooms::space::Space;
+use viola_geometry::taxonomy::Class;
+use viola_geometry::{Point2, Pose2, Vector2};
+
+/// Bins across a wall face and along it.
+const ACROSS_M: f64 = 0.01;
+const ALONG_M: f64 = 0.05;
+/// Bins of one facing: larger homes get larger bins.
+const MAX_BINS: f64 = 6e6;
+/// Heights of wall surface, in bins of `STOREY_M`.
+const LOWEST_M: f64 = 0.1;
+const STOREY_M: f64 = 0.15;
+/// Bins from 1.2 m on: furniture seldom reaches them.
+const HIGH: u32 = !0 << 8;
+const HEIGHTS: u32 = 16;
+/// The LiDAR saw the column.
+const BY_LIDAR: u32 = 1 << 16;
+/// A door or window is in the column.
+const OPENING: u32 = 1 << 17;
+/// Columns without a bit below 1.9 m may be the wall above a doorway.
+const BELOW_LINTEL: u32 = (1 << 12) - 1;
+/// Maximum height of level surfaces of furniture, and minimum height of ceilings.
+const FURNITURE_M: f64 = 1.5;
+const CEILING_M: f64 = 1.9;
+/// Minimum vertical part of the normal of a level surface.
+const LEVEL: f64 = 0.7;
+/// Cosine between a point's normal and the direction that it faces.
+const FACING: f64 = 0.8;
+
+/// Returns whether a fused point is on a wall, or on something flat on it.
+pub(super) fn is_wall_surface(point: &MapPoint) -> bool {
+    let is_upright = f64::from(point.point.normal[2]).abs() < 0.4;
+    is_upright && matches!(point.point.label.class, Class::Wall | Class::Picture | Class::Mirror)
+}
+
+/// A direction that faces look into; their room is on this side.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Facing {
+    /// 0 if the faces stand across x, 1 across y.
+    pub axis: usize,
+    /// True if they look towards larger coordinates.
+    pub up: bool,
+}
+
+impl Facing {
+    pub const ALL: [Facing; 4] = [
+        Facing { axis: 0, up: true },
+        Facing { axis: 0, up: false },
+        Facing { axis: 1, up: true },
+        Facing { axis: 1, up: false },
+    ];
+
+    pub fn sign(self) -> f64 {
+        if self.up { 1.0 } else { -1.0 }
+    }
+
+    fn normal(self) -> Vector2 {
+        if self.axis == 0 { Vector2::new(self.sign(), 0.0) } else { Vector2::new(0.0, self.sign()) }
+    }
+
+    pub fn index(self) -> usize {
+        2 * self.axis + usize::from(!self.up)
+    }
+}
+
+/// Columns of one facing: bits of the heights with wall surface, by the places across and along.
+pub(super) struct Columns {
+    pub across_m: f64,
+    pub along_m: f64,
+    /// Coordinates of the first bins.
+    pub low_m: [f64; 2],
+    pub across: usize,
+    pub along: usize,
+    pub bits: Vec<u32>,
+}
+
+/// Fraction of a wall that a column shows.
+pub(super) fn share(bits: u32) -> f32 {
+    let heights = bits & ((1 << HEIGHTS) - 1);
+    let seen = heights.count_ones() + 2 * (heights & HIGH).count_ones();
+    let seen = (seen as f32 / 8.0).min(1.0);
+    if bits & BY_LIDAR != 0 { seen.max(0.8) } else { seen }
+}
+
+/// Number of heights at which the clips saw a column.
+pub(super) fn heights(bits: u32) -> u32 {
+    (bits & ((1 << HEIGHTS) - 1)).count_ones()
+}
+
+pub(super) fn by_lidar(bits: u32) -> bool {
+    bits & BY_LIDAR != 0
+}
+
+/// Returns whether only the part of a wall above doors was seen.
+pub(super) fn is_lintel(bits: u32) -> bool {
+    bits != 0 && bits & (BELOW_LINTEL | BY_LIDAR) == 0
+}
+
+pub(super) fn is_opening(bits: u32) -> bool {
+    bits & OPENING != 0
+}
+
+/// All evidence of a home, in the plan's frame.
+pub(super) struct Evidence<'a> {
+    pub map_from_plan: Pose2,
+    pub plan_from_map: Pose2,
+    pub low_m: [f64; 2],
+    pub high_m: [f64; 2],
+    pub columns: [Columns; 4],
+    space: &'a Space,
+    /// Cells with floor, furniture from above, or ceiling, as clips saw it: no wall is there.
+    level: Vec<bool>,
+    /// Index of the room of each cell of `space`, from 1; 0 for none.
+    owner: Vec<u32>,
+}
+
+impl<'a> Evidence<'a> {
+    pub fn new(map_from_plan: Pose2, space: &'a Space, points: &[MapPoint], rooms: &[Room]) -> Evidence<'a> {
+        let plan_from_map = map_from_plan.inverse();
+        let (mut low_m, mut high_m) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for at in (0..space.frame.len()).filter(|at| space.occupied[*at] || space.free[*at]) {
+            let p = plan_from_map.apply(&space.centre(at));
+            for axis in 0..2 {
+                low_m[axis] = low_m[axis].min(p[axis]);
+                high_m[axis] = high_m[axis].max(p[axis]);
+            }
+        }
+        if low_m[0] > high_m[0] {
+            (low_m, high_m) = ([0.0; 2], [0.0; 2]);
+        }
+        let columns = Facing::ALL.map(|facing| Columns::new(facing, low_m, high_m));
+        let mut evidence = Evidence {
+            map_from_plan,
+            plan_from_map,
+            low_m,
+            high_m,
+            columns,
+            space,
+            level: vec![false; space.frame.len()],
+            owner: owners(space, rooms),
+        };
+        evidence.add_lidar();
+        evidence.add_points(points);
+        evidence
+    }
+
+    fn add_lidar(&mut self) {
+        let cell_m = self.space.frame.cell_m;
+        for at in (0..self.space.frame.len()).filter(|at| self.space.occupied[*at] && !self.space.furniture[*at]) {
+            let p = self.plan_from_map.apply(&self.space.centre(at));
+            for facing in Facing::ALL {
+                let ahead = |cells: f64| self.cell(&(p + facing.normal() * cells * cell_m));
+                let is_free = |cells: f64| ahead(cells).is_some_and(|at| self.space.free[at]);
+                let is_blocked = ahead(1.1).is_none_or(|at| self.space.occupied[at]);
+                if !is_blocked && (is_free(1.1) || is_free(2.0)) {
+                    // A cell shows all of its width.
+                    let along = [-0.5, 0.0, 0.5].map(|part| p[1 - facing.axis] + part * (cell_m - 1e-6));
+                    for along in along {
+                        self.columns[facing.index()].add([p[facing.axis], along], BY_LIDAR);
+                    }
+                }
+            }
+        }
+    }
+
+    fn add_points(&mut self, points: &[MapPoint]) {
+        for point in points {
+            let [x, y, z] = point.point.position_m.map(f64::from);
+            let class = point.point.label.class;
+            let at = Point2::new(x, y);
+            let normal = point.point.normal.map(f64::from);
+            let is_level = (z < FURNITURE_M && normal[2] > LEVEL) || (z > CEILING_M && normal[2] < -LEVEL);
+            if is_level && let Some(cell) = self.space.index(&at) {
+                self.level[cell] = true;
+            }
+            if is_level {
+                continue;
+            }
+            let is_opening = matches!(class, Class::Door | Class::Window) && normal[2].abs() < 0.5;
+            if !(is_wall_surface(point) || is_opening) || z < LOWEST_M {
+                continue;
+            }
+            let bits = if is_opening {
+                OPENING
+            } else {
+                1u32 << (((z - LOWEST_M) / STOREY_M) as u32).min(HEIGHTS - 1)
+            };
+            let p = self.plan_from_map.apply(&at);
+            let normal = self.plan_from_map.rotate(&Vector2::new(normal[0], normal[1]));
+            for facing in Facing::ALL.into_iter().filter(|f| f.normal().dot(&normal) > FACING) {
+                self.columns[facing.index()].add([p[facing.axis], p[1 - facing.axis]], bits);
+            }
+        }
+    }
+
+    fn cell(&self, in_plan: &Point2) -> Option<usize> {
+        self.space.index(&self.map_from_plan.apply(in_plan))
+    }
+
+    /// Returns whether the robot or a clip saw open floor at a place.
+    pub fn is_open(&self, in_plan: &Point2) -> bool {
+        self.cell(in_plan).is_some_and(|at| self.space.free[at] || self.level[at])
+    }
+
+    /// Returns whether a clip saw a level surface at a place.
+    pub fn is_level(&self, in_plan: &Point2) -> bool {
+        self.cell(in_plan).is_some_and(|at| self.level[at])
+    }
+
+    /// Returns the room at a place: its index plus one; 0 for none.
+    pub fn room(&self, in_plan: &Point2) -> u32 {
+        self.cell(in_plan).map_or(0, |at| self.owner[at])
+    }
+}
+
+/// Returns the room of each cell, from 1.
+fn owners(space: &Space, rooms: &[Room]) -> Vec<u32> {
+    let mut owner = vec![0u32; space.frame.len()];
+    for (number, room) in (1..).zip(rooms) {
+        let bound = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
+            room.polygon_m.iter().map(|corner| corner[axis]).fold(start, pick)
+        };
+        let index = |metres: f64, axis: usize, most: usize| {
+            (((metres - space.frame.origin_m[axis]) / space.frame.cell_m).max(0.0) as usize).min(most)
+        };
+        let (width, height) = (space.frame.width, space.frame.height);
+        let left = index(bound(0, f64::min, f64::INFINITY), 0, width - 1);
+        let right = index(bound(0, f64::max, f64::NEG_INFINITY), 0, width - 1);
+        let bottom = index(bound(1, f64::min, f64::INFINITY), 1, height - 1);
+        let top = index(bound(1, f64::max, f64::NEG_INFINITY), 1, height - 1);
+        for y in bottom..=top {
+            for x in left..=right {
+                let at = y * width + x;
+                if owner[at] == 0 && room.contains(&space.centre(at)) {
+                    owner[at] = number;
+                }
+            }
+        }
+    }
+    owner
+}
+
+impl Columns {
+    fn new(facing: Facing, low_m: [f64; 2], high_m: [f64; 2]) -> Columns {
+        const MARGIN_M: f64 = 0.3;
+        let side = |axis: usize| high_m[axis] - low_m[axis] + 2.0 * MARGIN_M;
+        let (across, along) = (facing.axis, 1 - facing.axis);
+        let bins = side(across) / ACROSS_M * side(along) / ALONG_M;
+        let scale = (bins / MAX_BINS).sqrt().max(1.0);
+        let (across_m, along_m) = (ACROSS_M * scale, ALONG_M * scale);
+        let (rows, columns) =
+            ((side(across) / across_m) as usize + 1, (side(along) / along_m) as usize + 1);
+        Columns {
+            across_m,
+            along_m,
+            low_m: [low_m[across] - MARGIN_M, low_m[along] - MARGIN_M],
+            across: rows,
+            along: columns,
+            bits: vec![0; rows * columns],
+        }
+    }
+
+    /// Adds bits at a place: across, along.
+    fn add(&mut self, [across, along]: [f64; 2], bits: u32) {
+        let row = ((across - self.low_m[0]) / self.across_m).floor();
+        let column = ((along - self.low_m[1]) / self.along_m).floor();
+        if row >= 0.0 && column >= 0.0 && (row as usize) < self.across && (column as usize) < self.along {
+            self.bits[row as usize * self.along + column as usize] |= bits;
+        }
+    }
+
+    /// Returns the bits of a column within rows `low..=high`.
+    pub fn band(&self, low: usize, high: usize, column: usize) -> u32 {
+        (low..=high.min(self.across - 1)).fold(0, |bits, row| bits | self.bits[row * self.along + column])
+    }
+}

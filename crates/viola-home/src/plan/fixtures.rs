@@ -1,0 +1,210 @@
+//! Windows and closed doors, by the labelled points in the walls, and the leaves of open doors.
+
+use super::model::{Opening, OpeningKind, Plan, Swing, Wall};
+use crate::map_point::MapPoint;
+use viola_geometry::taxonomy::Class;
+use viola_geometry::Point2;
+
+/// Step along a wall.
+const STEP_M: f64 = 0.05;
+/// Points this far outside a wall's faces belong to it: frames, sills, blinds; doors are flush.
+const WINDOW_OFF_M: f64 = 0.15;
+const DOOR_OFF_M: f64 = 0.08;
+/// Windows of outer walls lie deeper than the usual thickness.
+const RECESS_M: f64 = 0.2;
+/// Heights in which points count, in bins of `BIN_M`.
+const HEIGHTS_M: [f64; 2] = [0.2, 2.4];
+const BIN_M: f64 = 0.15;
+/// Minimum bins of a step with a window or a door.
+const WINDOW_BINS: u32 = 3;
+const DOOR_BINS: u32 = 5;
+/// Gaps in the labels of one opening.
+const GAP_M: f64 = 0.4;
+/// Fraction of its steps that show it.
+const SHARE: f64 = 0.5;
+const WINDOW_M: [f64; 2] = [0.35, 6.0];
+const CLOSED_DOOR_M: [f64; 2] = [0.55, 1.3];
+/// A leaf reaches this part of the doorway's width; it is seen in this part of its length.
+const LEAF_SHARE: f64 = 0.7;
+const LEAF_STEPS: usize = 10;
+
+/// What was labelled in a step of a wall: bits of heights.
+#[derive(Default, Clone, Copy)]
+struct Step {
+    window: u32,
+    door: u32,
+}
+
+/// Adds windows and closed doors to a plan's openings, and leaves to its doors.
+pub(super) fn add(plan: &mut Plan, points: &[MapPoint]) {
+    let plan_from_map = plan.map_from_plan.inverse();
+    let labelled: Vec<(Point2, f64, Class)> = points
+        .iter()
+        .filter(|point| matches!(point.point.label.class, Class::Window | Class::Door))
+        .map(|point| {
+            let [x, y, z] = point.point.position_m.map(f64::from);
+            (plan_from_map.apply(&Point2::new(x, y)), z, point.point.label.class)
+        })
+        .filter(|(_, z, _)| (HEIGHTS_M[0]..HEIGHTS_M[1]).contains(z))
+        .collect();
+    let mut found: Vec<Opening> = Vec::new();
+    for wall in &plan.walls {
+        let steps = steps(wall, &labelled);
+        let doors = runs(&steps, |step| step.door.count_ones() >= DOOR_BINS, CLOSED_DOOR_M);
+        found.extend(doors.into_iter().map(|run| opening(wall, run, OpeningKind::Door, &labelled)));
+        // A window of a wall between rooms is a mirror or a picture, as a rule.
+        if wall.rooms.len() == 1 {
+            let windows = runs(&steps, |step| step.window.count_ones() >= WINDOW_BINS, WINDOW_M);
+            found.extend(windows.into_iter().map(|run| opening(wall, run, OpeningKind::Window, &labelled)));
+        }
+    }
+    for mut opening in found {
+        if !plan.openings.iter().any(|other| meet(other, &opening)) {
+            let word = if opening.kind == OpeningKind::Window { "window" } else { "door" };
+            let number = 1 + plan.openings.iter().filter(|other| other.id.starts_with(word)).count();
+            opening.id = format!("{word}-{number}");
+            plan.openings.push(opening);
+        }
+    }
+    for opening in plan.openings.iter_mut().filter(|opening| opening.kind == OpeningKind::Door) {
+        opening.swing = swing(opening, &labelled);
+    }
+}
+
+/// Returns coordinates of a point in a wall's own frame: along it from its first end, and across it.
+fn within(from_m: [f64; 2], to_m: [f64; 2], p: &Point2) -> [f64; 2] {
+    let length_m = (to_m[0] - from_m[0]).hypot(to_m[1] - from_m[1]).max(1e-9);
+    let along = [(to_m[0] - from_m[0]) / length_m, (to_m[1] - from_m[1]) / length_m];
+    let off = [p.x - from_m[0], p.y - from_m[1]];
+    [off[0] * along[0] + off[1] * along[1], off[1] * along[0] - off[0] * along[1]]
+}
+
+fn steps(wall: &Wall, labelled: &[(Point2, f64, Class)]) -> Vec<Step> {
+    let count = ((wall.length_m() / STEP_M).ceil() as usize).max(1);
+    let mut steps = vec![Step::default(); count];
+    let half_m = wall.thickness_m / 2.0;
+    let recess_m = if wall.is_measured { 0.0 } else { RECESS_M };
+    for (p, z, class) in labelled {
+        let [along, across] = within(wall.from_m, wall.to_m, p);
+        if along < 0.0 || along >= wall.length_m() {
+            continue;
+        }
+        let bit = 1u32 << ((z - HEIGHTS_M[0]) / BIN_M) as u32;
+        let step = &mut steps[((along / STEP_M) as usize).min(count - 1)];
+        match class {
+            Class::Window if across.abs() < half_m + WINDOW_OFF_M + recess_m => step.window |= bit,
+            Class::Door if across.abs() < half_m + DOOR_OFF_M + recess_m => step.door |= bit,
+            _ => {}
+        }
+    }
+    steps
+}
+
+/// Returns the runs of steps that show an opening of a plausible width: first and last step.
+fn runs(steps: &[Step], shows: impl Fn(&Step) -> bool, width_m: [f64; 2]) -> Vec<[usize; 2]> {
+    let gap = (GAP_M / STEP_M) as usize;
+    let mut runs: Vec<([usize; 2], usize)> = Vec::new();
+    for at in (0..steps.len()).filter(|at| shows(&steps[*at])) {
+        match runs.last_mut() {
+            Some((run, count)) if at - run[1] <= gap => (run[1], *count) = (at, *count + 1),
+            _ => runs.push(([at, at], 1)),
+        }
+    }
+    let is_opening = |(run, count): &([usize; 2], usize)| {
+        let length = run[1] - run[0] + 1;
+        let is_seen = *count as f64 >= SHARE * length as f64;
+        is_seen && (width_m[0]..width_m[1]).contains(&(length as f64 * STEP_M))
+    };
+    runs.into_iter().filter(is_opening).map(|(run, _)| run).collect()
+}
+
+fn opening(wall: &Wall, run: [usize; 2], kind: OpeningKind, labelled: &[(Point2, f64, Class)]) -> Opening {
+    let class = if kind == OpeningKind::Window { Class::Window } else { Class::Door };
+    let span_m = [run[0] as f64 * STEP_M, ((run[1] + 1) as f64 * STEP_M).min(wall.length_m())];
+    let mut heights: Vec<f64> = labelled
+        .iter()
+        .filter(|(p, _, of)| {
+            let [along, across] = within(wall.from_m, wall.to_m, p);
+            *of == class && (span_m[0]..span_m[1]).contains(&along) && across.abs() < wall.thickness_m + RECESS_M
+        })
+        .map(|(_, z, _)| *z)
+        .collect();
+    heights.sort_by(f64::total_cmp);
+    let quantile = |part: f64| heights.get((part * heights.len() as f64) as usize).copied();
+    let at = |along: f64| [0, 1].map(|axis| {
+        wall.from_m[axis] + along / wall.length_m() * (wall.to_m[axis] - wall.from_m[axis])
+    });
+    let is_window = kind == OpeningKind::Window;
+    Opening {
+        id: String::new(),
+        kind,
+        from_m: at(span_m[0]),
+        to_m: at(span_m[1]),
+        thickness_m: wall.thickness_m,
+        sill_m: if is_window { quantile(0.03) } else { None },
+        head_m: quantile(0.97),
+        swing: None,
+    }
+}
+
+/// Returns whether two openings meet.
+fn meet(a: &Opening, b: &Opening) -> bool {
+    let bounds = |opening: &Opening, axis: usize| {
+        let along = opening.corners_m().map(|corner| corner[axis]);
+        (along.into_iter().fold(f64::INFINITY, f64::min), along.into_iter().fold(f64::NEG_INFINITY, f64::max))
+    };
+    (0..2).all(|axis| {
+        let ((a_low, a_high), (b_low, b_high)) = (bounds(a, axis), bounds(b, axis));
+        a_low < b_high - 0.02 && b_low < a_high - 0.02
+    })
+}
+
+/// Returns the open leaf of a door, if points of it stand beside the doorway.
+fn swing(opening: &Opening, labelled: &[(Point2, f64, Class)]) -> Option<Swing> {
+    let width_m = opening.width_m();
+    let mut best: Option<(usize, Swing)> = None;
+    for (from, to) in [(opening.from_m, opening.to_m), (opening.to_m, opening.from_m)] {
+        let along = [0, 1].map(|axis| (to[axis] - from[axis]) / width_m.max(1e-9));
+        for side in [-1.0, 1.0] {
+            let across = [-along[1] * side, along[0] * side];
+            let shifted = |p: [f64; 2], by: f64| [p[0] + by * across[0], p[1] + by * across[1]];
+            let half_m = opening.thickness_m / 2.0;
+            let (hinge_m, closed_m) = (shifted(from, half_m), shifted(to, half_m));
+            // Steps of the leaf's length that were seen, by its angle in steps of 10 degrees.
+            let mut seen = [0u16; 18];
+            for (p, z, class) in labelled {
+                let off = [p.x - hinge_m[0], p.y - hinge_m[1]];
+                let reach_m = off[0].hypot(off[1]);
+                if *class != Class::Door || !(0.3..1.9).contains(z) || reach_m > width_m {
+                    continue;
+                }
+                let [x, y] = [along, across].map(|axis| off[0] * axis[0] + off[1] * axis[1]);
+                let angle_deg = y.atan2(x).to_degrees();
+                if (30.0..150.0).contains(&angle_deg) {
+                    let step = ((reach_m / width_m * LEAF_STEPS as f64) as usize).min(LEAF_STEPS - 1);
+                    seen[(angle_deg / 10.0) as usize] |= 1 << step;
+                }
+            }
+            let most = seen.windows(2).map(|two| (two[0] | two[1]).count_ones() as usize).max().unwrap_or(0);
+            let open_m = shifted(hinge_m, width_m);
+            if most as f64 >= LEAF_SHARE * LEAF_STEPS as f64 && best.is_none_or(|(least, _)| most > least) {
+                best = Some((most, Swing { hinge_m, open_m, closed_m }));
+            }
+        }
+    }
+    best.map(|(_, swing)| swing)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patches_of_labels_are_one_window() {
+        let step = |window: bool| Step { window: if window { 0b1111 } else { 0 }, door: 0 };
+        let steps: Vec<Step> = (0..60).map(|i| step((10..20).contains(&i) || (25..32).contains(&i))).collect();
+        assert_eq!(runs(&steps, |step| step.window.count_ones() >= WINDOW_BINS, WINDOW_M), [[10, 31]]);
+        let speck: Vec<Step> = (0..60).map(|i| step(i == 7)).collect();
+        assert!(runs(&speck, |step| step.window.count_ones() >= WINDOW_BINS, WINDOW_M).is_empty());
+    }
+}

@@ -1,0 +1,149 @@
+//! A floor plan: walls, openings, rooms and furniture, in metres.
+
+use crate::rooms::outline::Outline;
+use serde::Serialize;
+use viola_geometry::Pose2;
+use viola_geometry::taxonomy::Class;
+
+/// A floor plan. All coordinates are in the plan's own frame: the LiDAR map's, turned about its origin so that
+/// the main direction of the walls is horizontal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Rotation of the plan's frame into the LiDAR map's.
+    pub map_from_plan: Pose2,
+    pub walls: Vec<Wall>,
+    /// Area of the walls without doors and passages.
+    pub masonry: Vec<Outline>,
+    pub openings: Vec<Opening>,
+    pub rooms: Vec<PlanRoom>,
+    pub furniture: Vec<Furniture>,
+}
+
+/// A straight wall: its centre line and its thickness. Openings do not interrupt it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wall {
+    pub id: String,
+    pub from_m: [f64; 2],
+    pub to_m: [f64; 2],
+    pub thickness_m: f64,
+    /// True if both faces were seen; else the thickness is a usual one, and one face was seen.
+    pub is_measured: bool,
+    /// Indices of the rooms on its sides.
+    pub rooms: Vec<usize>,
+}
+
+/// Kind of an opening.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OpeningKind {
+    Door,
+    /// Wider than a door.
+    Passage,
+    Window,
+}
+
+/// A door, passage or window in a wall.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Opening {
+    pub id: String,
+    pub kind: OpeningKind,
+    /// Ends of its centre line.
+    pub from_m: [f64; 2],
+    pub to_m: [f64; 2],
+    /// Thickness of its wall.
+    pub thickness_m: f64,
+    /// Heights of its lower and its upper edge above the floor, if they were seen.
+    pub sill_m: Option<f64>,
+    pub head_m: Option<f64>,
+    pub swing: Option<Swing>,
+}
+
+/// Leaf of a door where it was seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Swing {
+    pub hinge_m: [f64; 2],
+    /// End of the leaf at a right angle to the wall.
+    pub open_m: [f64; 2],
+    /// End of the closed leaf.
+    pub closed_m: [f64; 2],
+}
+
+/// A room: a polygon along the faces of its walls.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlanRoom {
+    /// Id of the map's room; none for a room that the map does not know.
+    pub id: Option<String>,
+    pub name: Option<String>,
+    pub outline: Outline,
+    pub area_m2: f64,
+    pub label_at_m: [f64; 2],
+}
+
+/// A piece of furniture: a rectangle along the plan's axes where it nearly is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Furniture {
+    /// Id of the object.
+    pub id: String,
+    pub class: Class,
+    pub centre_m: [f64; 2],
+    /// Along its own x and y.
+    pub size_m: [f64; 2],
+    pub yaw_rad: f64,
+    /// Direction of its back, in quarter turns of its own frame from -y; none if no wall tells it.
+    pub back: Option<u8>,
+    /// True for a part of another piece, as a sink in a counter.
+    pub is_set_in: bool,
+}
+
+impl Wall {
+    pub fn length_m(&self) -> f64 {
+        (self.to_m[0] - self.from_m[0]).hypot(self.to_m[1] - self.from_m[1])
+    }
+}
+
+impl Opening {
+    pub fn width_m(&self) -> f64 {
+        (self.to_m[0] - self.from_m[0]).hypot(self.to_m[1] - self.from_m[1])
+    }
+
+    /// Returns its corners: the rectangle that it takes of its wall.
+    pub fn corners_m(&self) -> [[f64; 2]; 4] {
+        strip(self.from_m, self.to_m, self.thickness_m)
+    }
+}
+
+impl Furniture {
+    /// Returns its corners, counter-clockwise from its own lower left one.
+    pub fn corners_m(&self) -> [[f64; 2]; 4] {
+        let (sin, cos) = self.yaw_rad.sin_cos();
+        let [x, y] = self.size_m.map(|side| side / 2.0);
+        [[-x, -y], [x, -y], [x, y], [-x, y]].map(|[x, y]| {
+            [self.centre_m[0] + cos * x - sin * y, self.centre_m[1] + sin * x + cos * y]
+        })
+    }
+}
+
+impl Plan {
+    /// Returns the box of all walls and rooms.
+    pub fn bounds_m(&self) -> ([f64; 2], [f64; 2]) {
+        let rings = self.masonry.iter().chain(self.rooms.iter().map(|room| &room.outline));
+        let corners = rings.flat_map(|outline| &outline.ring_m);
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for corner in corners {
+            for axis in 0..2 {
+                low[axis] = low[axis].min(corner[axis]);
+                high[axis] = high[axis].max(corner[axis]);
+            }
+        }
+        if low[0] > high[0] { ([0.0; 2], [1.0; 2]) } else { (low, high) }
+    }
+}
+
+/// Returns the corners of a strip around a line, counter-clockwise.
+pub(super) fn strip(from_m: [f64; 2], to_m: [f64; 2], thickness_m: f64) -> [[f64; 2]; 4] {
+    let along = [to_m[0] - from_m[0], to_m[1] - from_m[1]];
+    let length_m = along[0].hypot(along[1]).max(1e-9);
+    let half = [-along[1] / length_m * thickness_m / 2.0, along[0] / length_m * thickness_m / 2.0];
+    let shifted = |p: [f64; 2], by: f64| [p[0] + by * half[0], p[1] + by * half[1]];
+    [shifted(from_m, -1.0), shifted(to_m, -1.0), shifted(to_m, 1.0), shifted(from_m, 1.0)]
+}

@@ -1,0 +1,111 @@
+//! Dimension lines: the chain of rooms and the whole home, above and left of the drawing.
+
+use super::{Page, QUIET, metres, text_width_mm};
+use crate::plan::model::Plan;
+use std::fmt::Write;
+
+/// Distances of the two lines from the drawing.
+const CHAIN_MM: f64 = 6.0;
+const WHOLE_MM: f64 = 13.0;
+const TEXT_MM: f64 = 2.4;
+/// Half of a tick.
+const TICK_MM: f64 = 0.9;
+/// Steps along a side at which the outermost room is looked for.
+const STEP_M: f64 = 0.02;
+
+pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
+    let (low, high) = plan.bounds_m();
+    if plan.rooms.is_empty() {
+        return;
+    }
+    for axis in 0..2 {
+        let chain = chain(plan, axis, low, high);
+        for [from, to] in chain {
+            dimension(page, axis, [from, to], CHAIN_MM, out);
+        }
+        dimension(page, axis, [low[axis], high[axis]], WHOLE_MM, out);
+    }
+}
+
+/// Returns the inner widths of the rooms that are outermost at the upper (axis 0) or the left side (axis 1).
+fn chain(plan: &Plan, axis: usize, low: [f64; 2], high: [f64; 2]) -> Vec<[f64; 2]> {
+    let outermost = |along: f64| {
+        let reach = |room: usize| {
+            crossings(&plan.rooms[room].outline.ring_m, axis, along)
+                .into_iter()
+                .map(|across| if axis == 0 { across } else { -across })
+                .fold(f64::NEG_INFINITY, f64::max)
+        };
+        let reaches = (0..plan.rooms.len()).map(|room| (reach(room), room));
+        reaches.filter(|(reach, _)| reach.is_finite()).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, room)| room)
+    };
+    let count = (((high[axis] - low[axis]) / STEP_M) as usize).min(20_000);
+    let mut chain: Vec<(usize, [f64; 2])> = Vec::new();
+    for i in 0..count {
+        let along = low[axis] + (i as f64 + 0.5) * STEP_M;
+        let Some(room) = outermost(along) else { continue };
+        match chain.last_mut() {
+            Some((last, span)) if *last == room && along - span[1] < 1.5 * STEP_M => span[1] = along,
+            _ => chain.push((room, [along, along])),
+        }
+    }
+    // Ends are put on the corners of the room's outline.
+    let exact = |room: usize, along: f64| {
+        let corners = plan.rooms[room].outline.ring_m.iter().map(|corner| corner[axis]);
+        let nearest = corners.min_by(|a, b| (a - along).abs().total_cmp(&(b - along).abs())).unwrap_or(along);
+        if (nearest - along).abs() < 2.0 * STEP_M { nearest } else { along }
+    };
+    chain.into_iter().map(|(room, span)| span.map(|along| exact(room, along))).filter(|s| s[1] - s[0] > 0.2).collect()
+}
+
+/// Returns where a ring crosses a line at `along` of an axis.
+fn crossings(ring: &[[f64; 2]], axis: usize, along: f64) -> Vec<f64> {
+    let ends = ring.iter().zip(ring.iter().cycle().skip(1));
+    ends.filter(|(a, b)| (a[axis] > along) != (b[axis] > along))
+        .map(|(a, b)| {
+            let part = (along - a[axis]) / (b[axis] - a[axis]);
+            a[1 - axis] + part * (b[1 - axis] - a[1 - axis])
+        })
+        .collect()
+}
+
+/// Draws a dimension line above the drawing (axis 0) or left of it (axis 1).
+fn dimension(page: &Page, axis: usize, [from, to]: [f64; 2], off_mm: f64, out: &mut String) {
+    let words = metres(to - from);
+    let fits = text_width_mm(&words, TEXT_MM) < page.mm(to - from) - 0.5;
+    let [[left, top], _] = page.drawing_mm;
+    let tick = TICK_MM;
+    if axis == 0 {
+        let y = top - off_mm;
+        let [x0, x1] = [from, to].map(|x| page.place([x, 0.0])[0]);
+        let _ = writeln!(
+            out,
+            "<path d=\"M{x0:.2} {y:.2}H{x1:.2}M{:.2} {:.2}L{:.2} {:.2}M{:.2} {:.2}L{:.2} {:.2}M{x0:.2} {:.2}V{:.2}M{x1:.2} {:.2}V{:.2}\"/>",
+            x0 - tick, y + tick, x0 + tick, y - tick, x1 - tick, y + tick, x1 + tick, y - tick,
+            y + 1.8, y - 1.4, y + 1.8, y - 1.4
+        );
+        if fits {
+            text(out, (x0 + x1) / 2.0, y - 1.0, None, &words);
+        }
+    } else {
+        let x = left - off_mm;
+        let [y0, y1] = [from, to].map(|y| page.place([0.0, y])[1]);
+        let _ = writeln!(
+            out,
+            "<path d=\"M{x:.2} {y0:.2}V{y1:.2}M{:.2} {:.2}L{:.2} {:.2}M{:.2} {:.2}L{:.2} {:.2}M{:.2} {y0:.2}H{:.2}M{:.2} {y1:.2}H{:.2}\"/>",
+            x - tick, y0 + tick, x + tick, y0 - tick, x - tick, y1 + tick, x + tick, y1 - tick,
+            x + 1.8, x - 1.4, x + 1.8, x - 1.4
+        );
+        if fits {
+            text(out, x - 1.0, (y0 + y1) / 2.0, Some(-90.0), &words);
+        }
+    }
+}
+
+fn text(out: &mut String, x: f64, y: f64, turn_deg: Option<f64>, words: &str) {
+    let turn = turn_deg.map(|deg| format!(" transform=\"rotate({deg} {x:.2} {y:.2})\"")).unwrap_or_default();
+    let _ = writeln!(
+        out,
+        "<text x=\"{x:.2}\" y=\"{y:.2}\" font-size=\"{TEXT_MM}\" fill=\"{QUIET}\" stroke=\"none\"{turn}>{words}</text>"
+    );
+}

@@ -1,0 +1,80 @@
+//! The title block: what the page is, its scale, a scale bar and the axes of the LiDAR map.
+
+use super::{INK, LINE_MM, Page, QUIET, THIN_MM, TITLE_MM, text_width_mm};
+use crate::plan::model::Plan;
+use std::fmt::Write;
+
+const LEFT_MM: f64 = 10.0;
+/// Longest scale bar.
+const BAR_MM: f64 = 50.0;
+
+pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
+    let top = page.height_mm - TITLE_MM;
+    let right = page.width_mm - LEFT_MM;
+    let _ = writeln!(
+        out,
+        "<path d=\"M{LEFT_MM} {top:.2}H{right:.2}\" stroke=\"{INK}\" stroke-width=\"{LINE_MM}\"/>"
+    );
+    let area_m2: f64 = plan.rooms.iter().map(|room| room.area_m2).sum();
+    let rooms = plan.rooms.len();
+    let plural = if rooms == 1 { "" } else { "s" };
+    text(out, [LEFT_MM, top + 6.5], 4.4, INK, "start", true, "Floor plan");
+    let facts = format!("{rooms} room{plural}, {area_m2:.1} m\u{b2}");
+    text(out, [LEFT_MM, top + 11.5], 2.8, QUIET, "start", false, &facts);
+    let scale = format!("Scale 1:{:.0}, measures in metres", page.scale);
+    text(out, [LEFT_MM, top + 15.8], 2.4, QUIET, "start", false, &scale);
+    bar(page, [page.width_mm * 0.45, top + 9.0], out);
+    axes(plan, [right - 12.0, top + 12.5], out);
+}
+
+fn text(out: &mut String, at: [f64; 2], size: f64, ink: &str, anchor: &str, is_bold: bool, words: &str) {
+    let weight = if is_bold { " font-weight=\"600\"" } else { "" };
+    let _ = writeln!(
+        out,
+        "<text x=\"{:.2}\" y=\"{:.2}\" font-size=\"{size}\" fill=\"{ink}\" text-anchor=\"{anchor}\"{weight}>{words}</text>",
+        at[0], at[1]
+    );
+}
+
+/// A bar of round metres in four parts.
+fn bar(page: &Page, [x, y]: [f64; 2], out: &mut String) {
+    let round = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0];
+    let length_m = round.into_iter().rfind(|m| page.mm(*m) <= BAR_MM).unwrap_or(0.5);
+    let part = page.mm(length_m) / 4.0;
+    for i in 0..4 {
+        let fill = if i % 2 == 0 { INK } else { "#ffffff" };
+        let _ = writeln!(
+            out,
+            "<rect x=\"{:.2}\" y=\"{y:.2}\" width=\"{part:.2}\" height=\"1.4\" fill=\"{fill}\" stroke=\"{INK}\" stroke-width=\"{THIN_MM}\"/>",
+            x + f64::from(i) * part
+        );
+    }
+    for (i, metres) in [(0.0, 0.0), (2.0, length_m / 2.0), (4.0, length_m)] {
+        let words = if i == 4.0 { format!("{metres} m") } else { metres.to_string() };
+        text(out, [x + i * part, y + 4.4], 2.4, QUIET, "middle", false, &words);
+    }
+}
+
+/// Arrows along the axes of the LiDAR map: its y is what robots call up, not north.
+fn axes(plan: &Plan, [x, y]: [f64; 2], out: &mut String) {
+    const LENGTH_MM: f64 = 8.0;
+    let turn = -plan.map_from_plan.yaw_rad;
+    let caption = "map axes";
+    for (words, angle) in [("x", turn), ("y", turn + std::f64::consts::FRAC_PI_2)] {
+        let along = [angle.cos(), -angle.sin()];
+        let tip = [x + LENGTH_MM * along[0], y + LENGTH_MM * along[1]];
+        let side = |by: f64| {
+            [tip[0] - 1.8 * along[0] - by * along[1], tip[1] - 1.8 * along[1] + by * along[0]]
+        };
+        let (a, b) = (side(0.7), side(-0.7));
+        let _ = writeln!(
+            out,
+            "<path d=\"M{x:.2} {y:.2}L{:.2} {:.2}\" stroke=\"{INK}\" stroke-width=\"{LINE_MM}\"/>\
+             <path d=\"M{:.2} {:.2}L{:.2} {:.2}L{:.2} {:.2}Z\" fill=\"{INK}\"/>",
+            tip[0], tip[1], tip[0], tip[1], a[0], a[1], b[0], b[1]
+        );
+        text(out, [tip[0] + 1.8 * along[0], tip[1] + 1.8 * along[1] + 0.8], 2.4, QUIET, "middle", false, words);
+    }
+    let width = text_width_mm(caption, 2.2);
+    text(out, [x - width / 2.0 - 2.0, y + 1.0], 2.2, QUIET, "middle", false, caption);
+}

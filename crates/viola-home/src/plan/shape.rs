@@ -1,0 +1,231 @@
+//! Polygons and walls of the rooms' cells.
+
+use super::cells::Cells;
+use super::gaps::Gap;
+use super::model::{Opening, OpeningKind, Wall};
+use super::spaces::Spaces;
+use crate::rooms::outline::{Outline, trace};
+use viola_geometry::{Grid, GridFrame};
+
+/// Walls between rooms are at most this thick.
+const THICKEST_M: f64 = 0.5;
+/// Thickness of walls whose other face was not seen.
+const USUAL_M: f64 = 0.2;
+/// Walls in one line with less between them are one wall.
+const JOIN_M: f64 = 0.55;
+const SAME_LINE_M: f64 = 0.03;
+
+/// Returns the polygon of each room.
+pub(super) fn outlines(cells: &Cells, spaces: &Spaces) -> Vec<Outline> {
+    let lines = [&cells.lines[0][..], &cells.lines[1][..]];
+    (1..=spaces.owners.len() as u32)
+        .map(|room| {
+            let mask: Vec<bool> = spaces.of_cell.iter().map(|of| *of == room).collect();
+            let mut outlines = traced(lines, mask);
+            outlines.sort_by(|a, b| b.outer_area_m2().total_cmp(&a.outer_area_m2()));
+            outlines.into_iter().next().unwrap_or(Outline { ring_m: Vec::new(), holes_m: Vec::new() })
+        })
+        .collect()
+}
+
+/// Returns the polygons of the set cells between lines.
+fn traced(lines: [&[f64]; 2], mask: Vec<bool>) -> Vec<Outline> {
+    let [width, height] = lines.map(|lines| lines.len() - 1);
+    let frame = GridFrame { origin_m: [0.0; 2], cell_m: 1.0, width, height };
+    let place = |corner: &[f64; 2]| [0, 1].map(|axis| lines[axis][corner[axis].round() as usize]);
+    let ring = |ring: &Vec<[f64; 2]>| ring.iter().map(place).collect();
+    let outlines = trace(&Grid { frame, cells: mask });
+    let placed = outlines.iter().map(|outline| Outline {
+        ring_m: ring(&outline.ring_m),
+        holes_m: outline.holes_m.iter().map(ring).collect(),
+    });
+    placed.collect()
+}
+
+/// Returns the openings of the gaps, in their order.
+pub(super) fn doors(cells: &Cells, gaps: &[Gap]) -> Vec<Opening> {
+    let door = |(number, gap): (usize, &Gap)| {
+        let across = gap.lines.map(|line| cells.lines[gap.axis][line]);
+        let along = [gap.from, gap.to].map(|step| cells.lines[1 - gap.axis][step]);
+        let point = |along: f64| {
+            let mut point = [along; 2];
+            point[gap.axis] = (across[0] + across[1]) / 2.0;
+            point
+        };
+        Opening {
+            id: format!("door-{number}"),
+            kind: if gap.is_door() { OpeningKind::Door } else { OpeningKind::Passage },
+            from_m: point(along[0]),
+            to_m: point(along[1]),
+            thickness_m: across[1] - across[0],
+            sill_m: None,
+            head_m: None,
+            swing: None,
+        }
+    };
+    (1..).zip(gaps).map(door).collect()
+}
+
+/// A stretch of wall beside a room.
+struct Stretch {
+    axis: usize,
+    faces_m: [f64; 2],
+    from_m: f64,
+    to_m: f64,
+    is_measured: bool,
+    rooms: Vec<usize>,
+}
+
+/// Returns the walls around and between the rooms, by axis and place.
+pub(super) fn walls(cells: &Cells, spaces: &Spaces) -> Vec<Wall> {
+    let mut all: Vec<Stretch> = Vec::new();
+    for axis in 0..2 {
+        for line in 1..cells.lines[axis].len() - 1 {
+            for step in 0..cells.count(1 - axis) {
+                all.extend([false, true].into_iter().filter_map(|up| stretch(cells, spaces, axis, line, step, up)));
+            }
+        }
+    }
+    let mut walls: Vec<Stretch> = Vec::new();
+    for next in all {
+        let continued = walls.iter_mut().rev().find(|wall| {
+            let off = |i: usize| (wall.faces_m[i] - next.faces_m[i]).abs();
+            wall.axis == next.axis
+                && off(0) < SAME_LINE_M
+                && off(1) < SAME_LINE_M
+                && next.from_m - wall.to_m < JOIN_M
+                && next.from_m > wall.to_m - 1e-9
+        });
+        match continued {
+            Some(wall) => {
+                wall.to_m = next.to_m;
+                wall.is_measured |= next.is_measured;
+                wall.rooms.extend(next.rooms);
+            }
+            None => walls.push(next),
+        }
+    }
+    (1..)
+        .zip(walls)
+        .map(|(number, mut wall): (usize, Stretch)| {
+            wall.rooms.sort_unstable();
+            wall.rooms.dedup();
+            let point = |along: f64| {
+                let mut point = [along; 2];
+                point[wall.axis] = (wall.faces_m[0] + wall.faces_m[1]) / 2.0;
+                point
+            };
+            Wall {
+                id: format!("wall-{number}"),
+                from_m: point(wall.from_m),
+                to_m: point(wall.to_m),
+                thickness_m: wall.faces_m[1] - wall.faces_m[0],
+                is_measured: wall.is_measured,
+                rooms: wall.rooms,
+            }
+        })
+        .collect()
+}
+
+/// Returns the wall that a room's cell below (`up`) or above a line has at the line. A wall between two rooms
+/// is returned for the lower one only.
+fn stretch(cells: &Cells, spaces: &Spaces, axis: usize, line: usize, step: usize, up: bool) -> Option<Stretch> {
+    let room = |across: usize| {
+        let mut place = [step; 2];
+        place[axis] = across;
+        spaces.of_cell[cells.index(place)]
+    };
+    let own = room(if up { line - 1 } else { line });
+    let mut other = if up { line } else { line - 1 };
+    if own == 0 || room(other) != 0 {
+        return None;
+    }
+    let lines = &cells.lines[axis];
+    let far_m = |other: usize| if up { lines[other + 1] - lines[line] } else { lines[line] - lines[other] };
+    while far_m(other) <= THICKEST_M {
+        let next = if up { other + 1 } else { other.checked_sub(1)? };
+        if next >= cells.count(axis) {
+            break;
+        }
+        if room(next) != 0 {
+            let faces_m = [lines[line], lines[next]];
+            let rooms = vec![own as usize - 1, room(next) as usize - 1];
+            return up.then(|| wall(cells, axis, step, faces_m, true, rooms));
+        }
+        other = next;
+    }
+    let faces_m =
+        if up { [lines[line], lines[line] + USUAL_M] } else { [lines[line] - USUAL_M, lines[line]] };
+    Some(wall(cells, axis, step, faces_m, false, vec![own as usize - 1]))
+}
+
+fn wall(
+    cells: &Cells,
+    axis: usize,
+    step: usize,
+    faces_m: [f64; 2],
+    is_measured: bool,
+    rooms: Vec<usize>,
+) -> Stretch {
+    let [from_m, to_m] = [step, step + 1].map(|step| cells.lines[1 - axis][step]);
+    Stretch { axis, faces_m, from_m, to_m, is_measured, rooms }
+}
+
+/// Returns the area of the walls: what is near rooms or between them, without doors and passages.
+pub(super) fn masonry(cells: &Cells, spaces: &Spaces) -> Vec<Outline> {
+    let lines = [0, 1].map(|axis| {
+        let mut lines: Vec<f64> =
+            cells.lines[axis].iter().flat_map(|line| [line - USUAL_M, *line, line + USUAL_M]).collect();
+        lines.sort_by(f64::total_cmp);
+        lines.dedup_by(|a, b| (*a - *b).abs() < 1e-6);
+        lines
+    });
+    let count = [lines[0].len() - 1, lines[1].len() - 1];
+    // The cell of each part of the finer raster.
+    let of_part = [0, 1].map(|axis| {
+        let middle = |i: usize| (lines[axis][i] + lines[axis][i + 1]) / 2.0;
+        let cell = |i: usize| cells.lines[axis].partition_point(|line| *line <= middle(i)).checked_sub(1);
+        (0..count[axis]).map(|i| cell(i).filter(|cell| *cell < cells.count(axis))).collect::<Vec<_>>()
+    });
+    let mut is_gap = vec![false; spaces.of_cell.len()];
+    spaces.gaps.iter().flat_map(|gap| gap.cells(cells)).for_each(|at| is_gap[at] = true);
+    let cell = |i: usize, j: usize| Some(cells.index([of_part[0][i]?, of_part[1][j]?]));
+    let is_room = |i: usize, j: usize| cell(i, j).is_some_and(|at| spaces.of_cell[at] != 0);
+    let mut near = vec![false; count[0] * count[1]];
+    for j in 0..count[1] {
+        for i in (0..count[0]).filter(|i| is_room(*i, j)) {
+            let reach = |axis: usize, i: usize| {
+                let (low, high) = (lines[axis][i] - USUAL_M - 1e-6, lines[axis][i + 1] + USUAL_M + 1e-6);
+                let from = lines[axis].partition_point(|line| *line < low);
+                from..lines[axis].partition_point(|line| *line <= high) - 1
+            };
+            for y in reach(1, j) {
+                near[y * count[0]..][reach(0, i)].fill(true);
+            }
+        }
+    }
+    for axis in 0..2 {
+        for row in 0..count[1 - axis] {
+            let part = |i: usize| if axis == 0 { [i, row] } else { [row, i] };
+            let mut last: Option<usize> = None;
+            for i in 0..count[axis] {
+                let [x, y] = part(i);
+                if !is_room(x, y) {
+                    continue;
+                }
+                if let Some(last) = last.filter(|last| lines[axis][i] - lines[axis][last + 1] <= THICKEST_M) {
+                    for between in last + 1..i {
+                        let [x, y] = part(between);
+                        near[y * count[0] + x] = true;
+                    }
+                }
+                last = Some(i);
+            }
+        }
+    }
+    let solid = |at: usize| {
+        let (i, j) = (at % count[0], at / count[0]);
+        near[at] && !is_room(i, j) && !cell(i, j).is_some_and(|at| is_gap[at])
+    };
+    traced([&lines[0], &lines[1]], (0..near.len()).map(solid).collect())
+}

@@ -1,0 +1,167 @@
+//! Rooms of the plan: pieces of the inside between walls and closed gaps.
+
+use super::cells::Cells;
+use super::faces::Face;
+use super::gaps::{Gap, gaps};
+use std::collections::BTreeMap;
+
+/// Smaller pieces are no rooms.
+const MIN_AREA_M2: f64 = 1.0;
+/// A given room has a part of a piece if it has this much of it.
+const MIN_PART_M2: f64 = 1.2;
+
+/// The plan's rooms, by cell.
+pub(super) struct Spaces {
+    /// Room of each cell, from 1; 0 outside and in gaps.
+    pub of_cell: Vec<u32>,
+    /// The given room of each room, by its number from 1; 0 for none.
+    pub owners: Vec<u32>,
+    pub gaps: Vec<Gap>,
+}
+
+impl Spaces {
+    /// Rooms of the robot's software (`known`) divide pieces without a wall between them; computed ones do not.
+    pub fn new(cells: &Cells, faces: &[Face], known: bool) -> Spaces {
+        let mut closed: Vec<Gap> = Vec::new();
+        let mut taken = vec![false; cells.inside.len()];
+        for gap in gaps(cells, faces) {
+            let own = gap.cells(cells);
+            let is_new = own.iter().any(|at| cells.inside[*at] && !taken[*at]);
+            if is_new && (gap.is_door() || divides_owners(&gap, cells)) {
+                own.iter().for_each(|at| taken[*at] = true);
+                closed.push(gap);
+            }
+        }
+        let mut pieces = pieces(cells, &closed);
+        // A gap that divides no rooms is open again; then others may divide none.
+        loop {
+            let area_m2 = areas(cells, &pieces);
+            let side = |gap: &Gap, up: bool| {
+                let beside = gap.beside(cells, up).into_iter().map(|at| pieces[at]);
+                beside.filter(|piece| *piece != 0).max_by(|a, b| {
+                    area_m2[*a as usize].total_cmp(&area_m2[*b as usize]).then(b.cmp(a))
+                })
+            };
+            let divides = |gap: &Gap| match (side(gap, false), side(gap, true)) {
+                (Some(a), Some(b)) => {
+                    a != b && [a, b].iter().all(|piece| area_m2[*piece as usize] >= MIN_AREA_M2)
+                }
+                _ => false,
+            };
+            let before = closed.len();
+            closed.retain(divides);
+            if closed.len() == before {
+                break;
+            }
+            pieces = self::pieces(cells, &closed);
+        }
+        let (of_cell, owners) = by_owner(cells, &pieces, known);
+        Spaces { of_cell, owners, gaps: closed }
+    }
+}
+
+/// Returns whether different given rooms are on the two sides of a gap.
+fn divides_owners(gap: &Gap, cells: &Cells) -> bool {
+    let owner = |up: bool| {
+        let mut areas: BTreeMap<u32, f64> = BTreeMap::new();
+        for at in gap.beside(cells, up) {
+            cells.owners[at].iter().for_each(|(owner, area)| *areas.entry(*owner).or_default() += area);
+        }
+        areas.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(owner, _)| owner)
+    };
+    let (a, b) = (owner(false), owner(true));
+    a != 0 && b != 0 && a != b
+}
+
+/// Returns the connected piece of each inside cell, from 1; 0 outside and in gaps.
+fn pieces(cells: &Cells, closed: &[Gap]) -> Vec<u32> {
+    let mut open = cells.inside.clone();
+    for at in closed.iter().flat_map(|gap| gap.cells(cells)) {
+        open[at] = false;
+    }
+    let mut piece = vec![0u32; open.len()];
+    let mut count = 0;
+    for start in 0..open.len() {
+        if !open[start] || piece[start] != 0 {
+            continue;
+        }
+        count += 1;
+        let mut stack = vec![start];
+        piece[start] = count;
+        while let Some(at) = stack.pop() {
+            for next in crate::rooms::outline::beside(at, cells.count(0), cells.count(1)).into_iter().flatten() {
+                if open[next] && piece[next] == 0 {
+                    piece[next] = count;
+                    stack.push(next);
+                }
+            }
+        }
+    }
+    piece
+}
+
+fn areas(cells: &Cells, pieces: &[u32]) -> Vec<f64> {
+    let count = pieces.iter().max().map_or(0, |most| *most as usize);
+    let mut areas = vec![0.0; count + 1];
+    for (at, piece) in pieces.iter().enumerate() {
+        areas[*piece as usize] += cells.area_m2(at);
+    }
+    areas
+}
+
+/// Divides pieces with several given rooms, drops small ones, and numbers the rest by descending area.
+fn by_owner(cells: &Cells, pieces: &[u32], known: bool) -> (Vec<u32>, Vec<u32>) {
+    // Area of each given room in each piece.
+    let mut shares: Vec<BTreeMap<u32, f64>> = vec![BTreeMap::new(); pieces.iter().max().map_or(0, |most| *most as usize) + 1];
+    for (at, piece) in pieces.iter().enumerate().filter(|(_, piece)| **piece != 0) {
+        for (owner, area) in cells.owners[at].iter().filter(|(owner, _)| *owner != 0) {
+            *shares[*piece as usize].entry(*owner).or_default() += area;
+        }
+    }
+    let mut rooms: BTreeMap<(u32, u32), f64> = BTreeMap::new();
+    let mut key: Vec<Option<(u32, u32)>> = vec![None; pieces.len()];
+    for (piece, shares) in shares.iter().enumerate().skip(1) {
+        let mut parts: Vec<u32> =
+            shares.iter().filter(|(_, area)| **area >= MIN_PART_M2).map(|(owner, _)| *owner).collect();
+        if parts.is_empty() || !known {
+            parts.clear();
+            let most = shares.iter().max_by(|a, b| a.1.total_cmp(b.1)).map(|(owner, _)| *owner);
+            parts.extend(most.or(Some(0)));
+        }
+        spread(cells, pieces, piece as u32, &parts, &mut key);
+    }
+    for (at, key) in key.iter().enumerate() {
+        if let Some(key) = key {
+            *rooms.entry(*key).or_default() += cells.area_m2(at);
+        }
+    }
+    let mut order: Vec<((u32, u32), f64)> = rooms.into_iter().filter(|(_, area)| *area >= MIN_AREA_M2).collect();
+    order.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    let number: BTreeMap<(u32, u32), u32> = (1..).zip(&order).map(|(number, (key, _))| (*key, number)).collect();
+    let of_cell = key.iter().map(|key| key.and_then(|key| number.get(&key).copied()).unwrap_or(0)).collect();
+    // The largest of several pieces of a given room has its name.
+    let mut named = std::collections::BTreeSet::new();
+    let owners = order.iter().map(|((_, owner), _)| if named.insert(*owner) { *owner } else { 0 }).collect();
+    (of_cell, owners)
+}
+
+/// Gives each cell of a piece to one of `parts`: its own largest, else that of the nearest cell.
+fn spread(cells: &Cells, pieces: &[u32], piece: u32, parts: &[u32], key: &mut [Option<(u32, u32)>]) {
+    let own: Vec<usize> = (0..pieces.len()).filter(|at| pieces[*at] == piece).collect();
+    let mut open = std::collections::VecDeque::new();
+    for at in &own {
+        let owner = cells.owners[*at].iter().map(|(owner, _)| *owner).find(|owner| *owner != 0);
+        if let Some(owner) = owner.filter(|owner| parts.contains(owner)).or((parts.len() == 1).then(|| parts[0])) {
+            key[*at] = Some((piece, owner));
+            open.push_back(*at);
+        }
+    }
+    while let Some(at) = open.pop_front() {
+        for next in crate::rooms::outline::beside(at, cells.count(0), cells.count(1)).into_iter().flatten() {
+            if pieces[next] == piece && key[next].is_none() {
+                key[next] = key[at];
+                open.push_back(next);
+            }
+        }
+    }
+}
