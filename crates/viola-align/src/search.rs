@@ -183,6 +183,7 @@ mod tests {
         let points_m: Vec<Point2> =
             walls.iter().map(|&(x, y)| frame.centre(20 + x % 16, 20 + y % 10)).collect();
         Target {
+            level: viola_geometry::LevelName::MAIN,
             thinned_m: points_m,
             points_m: Vec::new(),
             cells: None,

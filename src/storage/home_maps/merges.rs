@@ -2,7 +2,7 @@
 
 mod rows;
 
-use super::{HomeMap, MapFile, MapLevel, MapObject, MapScene, map_file};
+use super::{HomeMap, MapFile, MapLevel, MapObject, MapScene, map_file, objects, places};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Connection, Row, query};
 use crate::storage::{
@@ -256,7 +256,12 @@ impl Storage {
             return Ok(None);
         }
         let stale = match new {
-            Some(new) => insert(&mut transaction, claim, new, &written, now).await?,
+            Some(new) => {
+                let revision = claim.last_revision + 1;
+                objects::replace(&mut transaction, &claim.home, &new.objects).await?;
+                places::tell(&mut transaction, claim, &new.manifest.clips, revision, now).await?;
+                insert(&mut transaction, claim, new, &written, now).await?
+            }
             None => Vec::new(),
         };
         transaction.commit().await?;

@@ -4,7 +4,7 @@ use super::{KEPT_REVISIONS, MergeClaim, NewRevision};
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Transaction, query};
-use crate::storage::home_maps::{MapClip, MapLevel, objects, places};
+use crate::storage::home_maps::{MapClip, MapLevel};
 use crate::storage::{LidarMapRevision, StorageError};
 use jiff::Timestamp;
 use viola_geometry::LevelName;
@@ -104,8 +104,6 @@ pub(super) async fn insert(
         .execute(transaction)
         .await?;
     }
-    objects::replace(transaction, &claim.home, &new.objects).await?;
-    places::tell(transaction, claim, &new.manifest.clips, revision, now).await?;
     query("DELETE FROM home_maps WHERE home_id = $1 AND revision <= $2")
         .bind(home)
         .bind(revision - KEPT_REVISIONS)
