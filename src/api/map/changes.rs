@@ -91,12 +91,14 @@ fn changes(
     let history = later.scene.history();
     let frame = |earlier: &Revision| history.frames.get(&earlier.map.lidar_map_revision).copied();
     let later_from_earlier = earlier.and_then(frame).unwrap_or(Pose2::IDENTITY);
-    let (before, after) = (earlier.map_or(&[][..], |one| &one.scene.objects), &later.scene.objects);
-    let ids_before = earlier.map(|one| one.scene.history().ids).unwrap_or_default();
+    let history_before = earlier.map(|one| one.scene.history()).unwrap_or_default();
+    let objects_before = earlier.map_or(&[][..], |one| &one.scene.objects);
+    let before: Vec<&storage::MapObject> = objects_before.iter().chain(&history_before.missing).collect();
+    let after = &later.scene.objects;
     let found = object_changes(
         &RevisionObjects {
-            objects: before.iter().map(|object| object.in_frame(&later_from_earlier)).collect(),
-            ids: &ids_before,
+            objects: earlier.map(|one| one.scene.earlier_objects(&later_from_earlier)).unwrap_or_default(),
+            ids: &history_before.ids,
         },
         &RevisionObjects {
             objects: after.iter().map(|object| object.in_frame(&Pose2::IDENTITY)).collect(),
@@ -117,10 +119,10 @@ fn changes(
         |indices: &[usize], of: &[storage::MapObject]| indices.iter().map(|i| object(&of[*i])).collect();
     let is_hidden = |index: &&usize| history.hidden.contains(&before[**index].id);
     let hidden = found.lost.iter().chain(&found.gone).filter(is_hidden);
-    let hidden = hidden.map(|index| gone(&before[*index], GoneReason::Hidden));
+    let hidden = hidden.map(|index| gone(before[*index], GoneReason::Hidden));
     let seen_again = found.gone.iter().filter(|index| !is_hidden(index));
-    let seen_again = seen_again.map(|index| gone(&before[*index], GoneReason::SeenAgain));
-    let moved = |(i, j): &(usize, usize)| MovedObject { from: object(&before[*i]), to: object(&after[*j]) };
+    let seen_again = seen_again.map(|index| gone(before[*index], GoneReason::SeenAgain));
+    let moved = |(i, j): &(usize, usize)| MovedObject { from: object(before[*i]), to: object(&after[*j]) };
     MapChanges {
         from,
         to,
@@ -128,11 +130,6 @@ fn changes(
         discovered: all(&found.discovered, after),
         moved: found.moved.iter().map(moved).collect(),
         gone: seen_again.chain(hidden).collect(),
-        lost: found
-            .lost
-            .iter()
-            .filter(|index| !is_hidden(index))
-            .map(|index| lost(&before[*index]))
-            .collect(),
+        lost: found.lost.iter().filter(|index| !is_hidden(index)).map(|index| lost(before[*index])).collect(),
     }
 }
