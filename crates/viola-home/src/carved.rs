@@ -19,9 +19,8 @@ type Bits = [u64; BLOCK_CELLS as usize];
 const BLOCK_BYTES: usize = 3 * 4 + 8 * BLOCK_CELLS as usize;
 /// Maximum number of blocks: far above what [`viola_reconstruct`]'s readings can reach in a home.
 const MAX_BLOCKS: usize = 1 << 19;
-/// Radius around a cell's centre that must have been looked through: half a cell's diagonal for the point in
-/// its cell, and as much for the rotation between the clip's and the map's cells.
-const RADIUS_M: f64 = CELL_M * 1.732_050_8;
+/// Radius around a cell's centre that must have been looked through: half a cell's diagonal.
+const RADIUS_M: f64 = CELL_M * 0.866_025_4;
 /// A cell is carved if this many views looked through it ...
 const LEAST_VIEWS: u16 = 2;
 /// ... and more than this many times as many as saw a surface there.
@@ -233,7 +232,7 @@ fn carved_cells<'a>(block: [i32; 3], by: impl Iterator<Item = &'a View<'a>>) -> 
     let mut counts = [(0u16, 0u16); CELLS];
     for view in by {
         for (number, (surface, through)) in counts.iter_mut().enumerate() {
-            match view.sight(&centre(block, number as i32), RADIUS_M) {
+            match view.own_sight(&centre(block, number as i32), RADIUS_M) {
                 Sight::Surface => *surface = surface.saturating_add(1),
                 Sight::Through => *through = through.saturating_add(1),
                 Sight::Unknown => {}

@@ -98,7 +98,7 @@ impl KnownObject {
         };
         let apart_m =
             (0..3).map(|axis| (last.centre_m[axis] - found.centre_m[axis]).powi(2)).sum::<f64>().sqrt();
-        let has_moved = apart_m >= MIN_MOVE_M && evidence::is_emptied(&last.points, looked);
+        let has_moved = apart_m >= MIN_MOVE_M && evidence::is_pushed(&last.points, &points, looked);
         KnownObject {
             points,
             // An object that was gone came back.

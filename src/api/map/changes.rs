@@ -123,12 +123,14 @@ fn add_changes(
     let history = later.history();
     let frame = |(level, _): &(MapLevel, MapScene)| history.frames.get(&level.lidar_map_revision).copied();
     let later_from_earlier = earlier.and_then(frame).unwrap_or(Pose2::IDENTITY);
-    let (before, after) = (earlier.map_or(&[][..], |(_, scene)| &scene.objects), &later.objects);
-    let ids_before = earlier.map(|(_, scene)| scene.history().ids).unwrap_or_default();
+    let history_before = earlier.map(|(_, scene)| scene.history()).unwrap_or_default();
+    let objects_before = earlier.map_or(&[][..], |(_, scene)| &scene.objects);
+    let before: Vec<&storage::MapObject> = objects_before.iter().chain(&history_before.missing).collect();
+    let after = &later.objects;
     let found = object_changes(
         &RevisionObjects {
-            objects: before.iter().map(|object| object.in_frame(&later_from_earlier)).collect(),
-            ids: &ids_before,
+            objects: earlier.map(|(_, scene)| scene.earlier_objects(&later_from_earlier)).unwrap_or_default(),
+            ids: &history_before.ids,
         },
         &RevisionObjects {
             objects: after.iter().map(|object| object.in_frame(&Pose2::IDENTITY)).collect(),
@@ -149,13 +151,13 @@ fn add_changes(
         |indices: &[usize], of: &[storage::MapObject]| indices.iter().map(|i| object(&of[*i])).collect::<Vec<_>>();
     let is_hidden = |index: &&usize| history.hidden.contains(&before[**index].id);
     let hidden = found.lost.iter().chain(&found.gone).filter(is_hidden);
-    let hidden = hidden.map(|index| gone(&before[*index], GoneReason::Hidden));
+    let hidden = hidden.map(|index| gone(before[*index], GoneReason::Hidden));
     let seen_again = found.gone.iter().filter(|index| !is_hidden(index));
-    let seen_again = seen_again.map(|index| gone(&before[*index], GoneReason::SeenAgain));
-    let moved = |(i, j): &(usize, usize)| MovedObject { from: object(&before[*i]), to: object(&after[*j]) };
+    let seen_again = seen_again.map(|index| gone(before[*index], GoneReason::SeenAgain));
+    let moved = |(i, j): &(usize, usize)| MovedObject { from: object(before[*i]), to: object(&after[*j]) };
     all.added.extend(each(&found.added, after));
     all.discovered.extend(each(&found.discovered, after));
     all.moved.extend(found.moved.iter().map(moved));
     all.gone.extend(seen_again.chain(hidden));
-    all.lost.extend(found.lost.iter().filter(|index| !is_hidden(index)).map(|index| lost(&before[*index])));
+    all.lost.extend(found.lost.iter().filter(|index| !is_hidden(index)).map(|index| lost(before[*index])));
 }

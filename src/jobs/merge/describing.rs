@@ -48,6 +48,7 @@ pub fn describe(
     let mut history = last.scene.as_ref().map_or_else(first, MapScene::history);
     let now_from_last = now_from_last(level, clips, last);
     let ids_before = history.ids.clone();
+    let earlier = last.scene.as_ref().map(|scene| scene.earlier_objects(&now_from_last)).unwrap_or_default();
     history.ids.move_by(&now_from_last);
     history.frames = frames(history.frames, now_from_last, last);
     history.corrections = last.corrections.version;
@@ -86,8 +87,13 @@ pub fn describe(
         MapRoom::new(level, room, corrected)
     };
     let rooms = rooms.into_iter().map(map_room).collect();
-    let has_object_changes =
-        has_object_changes((before, &ids_before), (&objects, &history.ids), &now_from_last);
+    let missing = missing_objects(before, &history, &objects, &now_from_last);
+    history.missing = missing;
+    let later = objects.iter().map(|object| object.in_frame(&Pose2::IDENTITY)).collect();
+    let changes = home::object_changes(
+        &RevisionObjects { objects: earlier, ids: &ids_before },
+        &RevisionObjects { objects: later, ids: &history.ids },
+    );
     Described {
         scene: MapScene { rooms, objects, coverage, history: Some(history) },
         plan: [
@@ -98,7 +104,7 @@ pub fn describe(
             (map_file::PLAN_DXF, home::plan_dxf(&plan).into_bytes()),
             (map_file::PLAN_JSON, home::plan_json(&plan).to_string().into_bytes()),
         ],
-        has_object_changes,
+        has_object_changes: !changes.is_empty(),
     }
 }
 
@@ -146,14 +152,21 @@ fn corrections(kept: &Corrections, history: &MapHistory) -> Placed {
     (objects.collect(), rooms.collect())
 }
 
-/// Returns whether the objects of two revisions differ. Each comes with what is known of its objects.
-fn has_object_changes(
-    (before, ids_before): (&[MapObject], &History),
-    (after, ids): (&[MapObject], &History),
+/// Returns the objects of earlier revisions that are not among `objects`, and that no clip showed to be gone.
+fn missing_objects(
+    before: &[MapObject],
+    history: &MapHistory,
+    objects: &[MapObject],
     now_from_last: &Pose2,
-) -> bool {
-    let before = before.iter().map(|object| object.in_frame(now_from_last)).collect();
-    let after = after.iter().map(|object| object.in_frame(&Pose2::IDENTITY)).collect();
-    let before = RevisionObjects { objects: before, ids: ids_before };
-    !home::object_changes(&before, &RevisionObjects { objects: after, ids }).is_empty()
+) -> Vec<MapObject> {
+    let is_missing = |object: &&MapObject| {
+        let known = history.ids.objects.iter().find(|known| known.id == object.id);
+        let is_remembered = known.is_some_and(|known| known.missing > 0 && !known.is_gone);
+        is_remembered && !objects.iter().any(|found| found.id == object.id)
+    };
+    let moved = |object: &MapObject| {
+        let bounds = object.bounds().moved(now_from_last);
+        MapObject { centre_m: bounds.centre_m, yaw_rad: bounds.yaw_rad, ..object.clone() }
+    };
+    before.iter().chain(&history.missing).filter(is_missing).map(moved).collect()
 }

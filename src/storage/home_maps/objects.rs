@@ -50,7 +50,8 @@ impl MapObject {
     /// Returns the object for a comparison with those of another frame.
     pub fn in_frame(&self, other_from_own: &Pose2) -> MovedObject<'_> {
         let is_put = self.corrected.contains(&ObjectField::CentreM);
-        MovedObject { id: &self.id, class: self.class, bounds: self.bounds().moved(other_from_own), is_put }
+        let bounds = self.bounds().moved(other_from_own);
+        MovedObject { id: &self.id, class: self.class, bounds, is_put, is_found: true }
     }
 
     /// Adds what a person corrected; the values are applied already.

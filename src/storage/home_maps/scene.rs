@@ -5,7 +5,7 @@ use crate::storage::{MapFile, Storage, StorageError};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use viola_geometry::{LevelName, Pose2};
-use viola_home::{Corrected, Coverage, History, KnownObject, Room, RoomField};
+use viola_home::{Corrected, Coverage, History, KnownObject, MovedObject, Room, RoomField};
 
 /// A room of a home's map.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -55,9 +55,21 @@ pub struct MapHistory {
     pub hidden: Vec<String>,
     /// Transforms into this revision's frame from those of earlier LiDAR maps, by revision.
     pub frames: BTreeMap<i64, Pose2>,
+    /// Objects of earlier revisions that are not found, and that no clip showed to be gone.
+    #[serde(default)]
+    pub missing: Vec<MapObject>,
 }
 
 impl MapScene {
+    /// Returns the objects in another frame, to be compared with those of a later revision: after those of the
+    /// revision the ones that are missing.
+    pub fn earlier_objects(&self, other_from_own: &Pose2) -> Vec<MovedObject<'_>> {
+        let missing = self.history.iter().flat_map(|history| &history.missing);
+        let missing =
+            missing.map(|object| MovedObject { is_found: false, ..object.in_frame(other_from_own) });
+        self.objects.iter().map(|object| object.in_frame(other_from_own)).chain(missing).collect()
+    }
+
     /// Returns the history; that of a revision of an earlier version has its ids and nothing else.
     pub fn history(&self) -> MapHistory {
         if let Some(history) = &self.history {

@@ -34,7 +34,7 @@ impl<'a> Sights<'a> {
     pub fn of(&self, point_in_map: &Point3) -> (usize, usize) {
         let (mut surface, mut through) = (0, 0);
         for view in &self.views {
-            match view.sight(point_in_map, 0.0) {
+            match view.sight(point_in_map, 0.0, margin_m) {
                 Sight::Surface => surface += 1,
                 Sight::Through => through += 1,
                 Sight::Unknown => {}
@@ -48,6 +48,11 @@ impl<'a> Sights<'a> {
 /// depth errors grow with distance.
 fn margin_m(depth_m: f64) -> f64 {
     0.12 + 0.03 * depth_m
+}
+
+/// The same within one clip, whose poses hardly err against each other.
+fn own_margin_m(depth_m: f64) -> f64 {
+    0.5 * margin_m(depth_m)
 }
 
 impl<'a> View<'a> {
@@ -66,9 +71,13 @@ impl<'a> View<'a> {
         self.view.readings.points_in_camera().map(|point| self.map_from_camera * point)
     }
 
-    /// Returns the observation of the ball of `radius_m` around a point; a ball of no radius is the point. It
-    /// was looked through only if the rays past its edge were, too: a ball on the floor is not.
-    pub fn sight(&self, point_in_map: &Point3, radius_m: f64) -> Sight {
+    /// Returns the observation of the ball of `radius_m` around a point by a view of the same clip. It was looked
+    /// through only if the rays past its edge were, too: a ball on the floor is not.
+    pub fn own_sight(&self, point_in_clip: &Point3, radius_m: f64) -> Sight {
+        self.sight(point_in_clip, radius_m, own_margin_m)
+    }
+
+    fn sight(&self, point_in_map: &Point3, radius_m: f64, margin_m: fn(f64) -> f64) -> Sight {
         const NEAREST_M: f64 = 0.3;
         let point_in_camera = self.camera_from_map * point_in_map;
         let depth_m = point_in_camera.z;

@@ -11,6 +11,10 @@ pub const MIN_MOVE_M: f64 = 0.25;
 /// Tolerance of a side's length of one object in two places: as much as views from other directions differ.
 const SIDE_M: f64 = 0.15;
 const SIDE_FRACTION: f64 = 0.25;
+/// Maximum ratio of the longest sides of one object, if a visit shows only a part of it.
+const LONGEST_RATIO: f64 = 1.5;
+/// Difference of the sizes of such an object, as of [`unlike`].
+const MOST_UNLIKE: f64 = 3.0;
 /// Distance beyond which all moves are alike.
 const FAR_M: f64 = 20.0;
 
@@ -22,6 +26,8 @@ pub struct MovedObject<'a> {
     pub bounds: UprightBox,
     /// True if a person put it there.
     pub is_put: bool,
+    /// False for an object that the revision remembers, but that is not found in it.
+    pub is_found: bool,
 }
 
 /// The objects of a revision, and what is known of all that had an id.
@@ -62,6 +68,8 @@ pub fn object_changes(from: &RevisionObjects, to: &RevisionObjects) -> ObjectCha
     for (i, object) in from.objects.iter().enumerate() {
         let now = known_now.get(object.id);
         match place.get(object.id) {
+            // It is found again.
+            Some(_) if !object.is_found => {}
             Some(j) => {
                 let moves = |known: Option<&&KnownObject>| known.map_or(0, |known| known.moves);
                 let has_moved = moves(now) > moves(known_then.get(object.id));
@@ -72,10 +80,12 @@ pub fn object_changes(from: &RevisionObjects, to: &RevisionObjects) -> ObjectCha
                 }
             }
             None if now.is_some_and(|known| known.is_gone) => changes.gone.push(i),
-            None => changes.lost.push(i),
+            None if object.is_found => changes.lost.push(i),
+            None => {}
         }
     }
-    let then: BTreeSet<&str> = from.objects.iter().map(|object| object.id).collect();
+    let then = from.objects.iter().filter(|object| object.is_found);
+    let then: BTreeSet<&str> = then.map(|object| object.id).collect();
     for (j, object) in to.objects.iter().enumerate().filter(|(_, object)| !then.contains(object.id)) {
         // An object that is only missed is found again.
         let is_missed = known_then.get(object.id).is_some_and(|known| !known.is_gone);
@@ -100,7 +110,9 @@ fn pair_moved(from: &RevisionObjects, to: &RevisionObjects, changes: &mut Object
             if a.class != b.class {
                 continue;
             }
-            if let Some(unlike) = unlike(a, b) {
+            // A place that was emptied and one that was filled are evidence enough, and visits show parts of an object.
+            let of_part = || (changes.added.contains(j) && is_as_long(a, b)).then_some(MOST_UNLIKE);
+            if let Some(unlike) = unlike(a, b).or_else(of_part) {
                 let far = (distance_m(a, b) / FAR_M).min(1.0);
                 // Every pair counts more than the choice between pairs.
                 let score = 10_000 - (unlike * 1000.0) as i64 - (far * 500.0) as i64;
@@ -122,6 +134,12 @@ fn pair_moved(from: &RevisionObjects, to: &RevisionObjects, changes: &mut Object
 fn distance_m(a: &MovedObject, b: &MovedObject) -> f64 {
     let sides = [0, 1, 2].map(|axis| (a.bounds.centre_m[axis] - b.bounds.centre_m[axis]).powi(2));
     sides.iter().sum::<f64>().sqrt()
+}
+
+/// Returns whether the longest sides are alike.
+fn is_as_long(a: &MovedObject, b: &MovedObject) -> bool {
+    let [a_m, b_m] = [a, b].map(|object| object.bounds.size_m.iter().copied().fold(0.0, f64::max));
+    a_m.max(b_m) < LONGEST_RATIO * a_m.min(b_m)
 }
 
 /// Returns the difference of the sizes, 0 to 3; none if it is more than one object's views differ by.
@@ -164,19 +182,22 @@ mod tests {
         KnownObject { missing: 1, is_gone, ..object }
     }
 
+    /// Indices are those of `from` and `to`.
     fn told(from: &[KnownObject], to: &[KnownObject]) -> ObjectChanges {
         let history = |known: &[KnownObject]| History { objects: known.to_vec(), ..History::default() };
         let (then, now) = (history(from), history(to));
-        object_changes(&revision(&then), &revision(&now))
+        let mut later = revision(&now);
+        later.objects.retain(|object| object.is_found);
+        object_changes(&revision(&then), &later)
     }
 
     fn revision(ids: &History) -> RevisionObjects<'_> {
-        let found = ids.objects.iter().filter(|known| known.missing == 0);
-        let objects = found.map(|known| MovedObject {
+        let objects = ids.objects.iter().filter(|known| !known.is_gone).map(|known| MovedObject {
             id: &known.id,
             class: known.class,
             bounds: known.bounds(),
             is_put: false,
+            is_found: known.missing == 0,
         });
         RevisionObjects { objects: objects.collect(), ids }
     }
@@ -228,6 +249,15 @@ mod tests {
                 ObjectChanges { added: vec![0], gone: vec![0], ..none() },
             ),
             (
+                "a part of it was seen",
+                vec![known("chair-1", Class::Chair, 0.0, [0.6, 0.2, 0.2])],
+                vec![
+                    new(known("chair-2", Class::Chair, 3.0, [0.5, 0.4, 0.6])),
+                    missed(known("chair-1", Class::Chair, 0.0, [0.6, 0.2, 0.2]), true),
+                ],
+                ObjectChanges { moved: vec![(0, 0)], ..none() },
+            ),
+            (
                 "the nearer of two",
                 vec![chair("chair-1", 0.0)],
                 vec![
@@ -248,6 +278,18 @@ mod tests {
                 vec![missed(chair("chair-1", 0.0), false)],
                 vec![new(chair("chair-1", 0.0))],
                 ObjectChanges { discovered: vec![0], ..none() },
+            ),
+            (
+                "missed, and gone since",
+                vec![missed(chair("chair-1", 0.0), false)],
+                vec![missed(chair("chair-1", 0.0), true)],
+                ObjectChanges { gone: vec![0], ..none() },
+            ),
+            (
+                "missed for longer",
+                vec![missed(chair("chair-1", 0.0), false)],
+                vec![missed(chair("chair-1", 0.0), false)],
+                none(),
             ),
             (
                 "it came back",

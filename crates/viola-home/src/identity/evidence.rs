@@ -38,9 +38,12 @@ pub fn is_empty(points: &[KnownPoint], looked: &LookedThrough) -> bool {
     share(points, |at_m, time_ms| looked.after(at_m, time_ms)) >= MIN_EMPTY
 }
 
-/// Returns whether clips looked through a part of an object's place after it was seen there.
-pub fn is_emptied(points: &[KnownPoint], looked: &LookedThrough) -> bool {
-    share(points, |at_m, time_ms| looked.after(at_m, time_ms)) >= MIN_EMPTIED
+/// Returns whether an object was pushed aside: clips looked through a part of its earlier place after it was seen there,
+/// and later clips see it. What is left of an object that was taken away is seen by no later clip.
+pub fn is_pushed(then: &[KnownPoint], now: &[KnownPoint], looked: &LookedThrough) -> bool {
+    let last_ms = then.iter().filter_map(|point| point.1).max();
+    let later = now.iter().filter(|point| point.1 > last_ms).count();
+    2 * later >= now.len() && share(then, |at_m, time_ms| looked.after(at_m, time_ms)) >= MIN_EMPTIED
 }
 
 /// Returns the fraction of the points for which `is_empty` holds, of those that can be judged; 0 if they are few.

@@ -139,12 +139,14 @@ impl Map {
 }
 
 impl Revision {
+    /// Returns the objects of the revision, without those that it only remembers.
     fn objects(&self) -> RevisionObjects<'_> {
         let objects = self.objects.iter().map(|object| MovedObject {
             id: &object.id,
             class: object.class,
             bounds: object.bounds(),
             is_put: false,
+            is_found: true,
         });
         RevisionObjects { objects: objects.collect(), ids: &self.ids }
     }

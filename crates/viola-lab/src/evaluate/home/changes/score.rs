@@ -7,6 +7,9 @@ use super::truth::TrueChanges;
 use serde::Serialize;
 use viola_home::is_furniture;
 
+/// Distance of the centres of one object: the success threshold of poses.
+const NEAR_M: f64 = 0.3;
+
 /// Counts of one kind of change.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Score {
@@ -52,7 +55,8 @@ impl Scores {
     }
 }
 
-/// Compares told changes with the true ones by their places: boxes match from an IoU of [`MIN_IOU`].
+/// Compares told changes with the true ones by their places. Boxes match from an IoU of [`MIN_IOU`], or if their
+/// centres are near each other in the plane: a visit often shows less than half of a small object.
 pub fn score(truth: &TrueChanges, told: &Told) -> Scores {
     let mut scores = Scores { discovered: told.discovered, lost: told.lost, ..Scores::default() };
     let one = |things: &[Thing]| things.iter().map(|thing| vec![*thing]).collect::<Vec<_>>();
@@ -66,13 +70,14 @@ pub fn score(truth: &TrueChanges, told: &Told) -> Scores {
 impl Scores {
     /// Scores changes of one kind, each of which has one or two places.
     fn of_kind(&mut self, kind: &str, truth: &[Vec<Thing>], told: &[Vec<Thing>], open: &[Thing]) -> Score {
-        let iou = |a: &[Thing], b: &[Thing]| {
-            a.iter().zip(b).map(|(a, b)| a.bounds.iou(&b.bounds)).fold(1.0, f64::min)
+        let likeness = |a: &[Thing], b: &[Thing]| {
+            let each: Option<Vec<f64>> = a.iter().zip(b).map(|(a, b)| same_place(a, b)).collect();
+            each.map(|each| each.into_iter().fold(1.0, f64::min))
         };
         let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
         for (t, thing) in truth.iter().enumerate() {
-            let all = told.iter().enumerate().map(|(f, found)| (iou(thing, found), t, f));
-            pairs.extend(all.filter(|(iou, ..)| *iou >= MIN_IOU));
+            let all = told.iter().enumerate();
+            pairs.extend(all.filter_map(|(f, found)| Some((likeness(thing, found)?, t, f))));
         }
         pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
         let (mut of_truth, mut of_told) = (vec![false; truth.len()], vec![false; told.len()]);
@@ -86,7 +91,7 @@ impl Scores {
         }
         let counts = |places: &[Thing]| {
             let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M);
-            let is_open = |thing: &Thing| open.iter().any(|open| open.bounds.iou(&thing.bounds) >= MIN_IOU);
+            let is_open = |thing: &Thing| open.iter().any(|open| same_place(open, thing).is_some());
             places.iter().all(|thing| is_furniture(thing.class) && is_large(thing))
                 && !places.iter().any(is_open)
         };
@@ -101,6 +106,12 @@ impl Scores {
         self.missed.extend(missed.map(|(places, _)| words(kind, places)));
         score
     }
+}
+
+/// Returns the IoU of two things, if they are in the same place.
+fn same_place(a: &Thing, b: &Thing) -> Option<f64> {
+    let (iou, [p, q]) = (a.bounds.iou(&b.bounds), [a, b].map(|thing| thing.bounds.centre_m));
+    (iou >= MIN_IOU || (p[0] - q[0]).hypot(p[1] - q[1]) < NEAR_M).then_some(iou)
 }
 
 fn words(kind: &str, places: &[Thing]) -> String {
