@@ -250,11 +250,12 @@ impl<'a> Evidence<'a> {
             }
         }
         let Some(branch) = branch else { return weights };
-        for (m, at_a) in of_a.iter().enumerate() {
-            for (n, at_b) in of_b.iter().enumerate() {
-                if at_a.level == at_b.level && branch.joins(&at_a.map_from_clip, &at_b.map_from_clip) {
-                    weights[m * columns + n] = branch.log_odds;
-                }
+        let clips = [&self.candidates[a], &self.candidates[b]];
+        for m in 0..of_a.len() {
+            for n in 0..of_b.len() {
+                let tied = branch.weight(clips, [m, n]);
+                let weight = &mut weights[m * columns + n];
+                *weight = if tied > 0.0 { tied } else { *weight };
             }
         }
         // Elsewhere, both may be together.

@@ -17,6 +17,9 @@ const ROUNDS: usize = 8;
 /// Minimum probability of a pose that is passed on.
 const LEAST_PASSED: f64 = 0.02;
 
+/// Minimum probability, by a clip's own alignment, of poses in rooms that look alike on the map.
+const ALIKE: f64 = 0.2;
+
 /// A tie between two candidates, by their indices.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::assemble) struct Branch {
@@ -25,12 +28,29 @@ pub(in crate::assemble) struct Branch {
     pub b_from_a: Pose2,
     /// Logarithm of the odds that the tie is right.
     pub log_odds: f64,
+    /// The same against two rooms that look alike on the map: these may look alike in pictures, too.
+    pub against_alike: f64,
 }
 
 impl Branch {
-    /// Returns whether poses of the two clips are consistent with the tie.
-    pub fn joins(&self, map_from_a: &Pose2, map_from_b: &Pose2) -> bool {
-        is_near(&map_from_a.compose(&self.b_from_a.inverse()), map_from_b)
+    /// Returns whether modes of the two clips are consistent with the tie.
+    fn joins(&self, a: &Mode, b: &Mode) -> bool {
+        a.level == b.level && is_near(&a.map_from_clip.compose(&self.b_from_a.inverse()), &b.map_from_clip)
+    }
+
+    /// Returns the log weight of two clips at these modes.
+    pub fn weight(&self, [a, b]: [&Candidate; 2], [m, n]: [usize; 2]) -> f64 {
+        let (at_a, at_b) = (&a.modes[m], &b.modes[n]);
+        if self.joins(at_a, at_b) {
+            return self.log_odds;
+        }
+        // Another likely pose of one of the clips is consistent with the tie: its rooms look alike.
+        let likely = |mode: &&Mode| mode.probability >= ALIKE;
+        let of_a = at_a.probability >= ALIKE
+            && a.modes.iter().filter(likely).any(|mode| self.joins(mode, at_b));
+        let of_b = at_b.probability >= ALIKE
+            && b.modes.iter().filter(likely).any(|mode| self.joins(at_a, mode));
+        if of_a || of_b { self.log_odds - self.against_alike } else { 0.0 }
     }
 }
 
@@ -42,13 +62,16 @@ pub(super) fn is_near(a: &Pose2, b: &Pose2) -> bool {
 /// ones.
 const RIGHT_BEFORE: f64 = 4.0;
 const WRONG_BEFORE: f64 = 0.2;
+/// The same for rooms that look alike on the map.
+const ALIKE_RIGHT_BEFORE: f64 = 1.0;
+const ALIKE_WRONG_BEFORE: f64 = 0.7;
 /// Logarithm of the odds by places and surfaces from which a tie tells whether rooms look alike.
 const TELLING: f64 = 2.0;
 
-/// Returns the logarithm of the odds of ties of many places in this home. Clips that are aligned by themselves
-/// tell it: in a home whose rooms look alike, ties contradict their poses.
-fn odds_of_home(candidates: &[Candidate], branches: &[Branch]) -> f64 {
-    let (mut right, mut wrong) = (RIGHT_BEFORE, WRONG_BEFORE);
+/// Returns the numbers of ties of many places in this home that are right and wrong by the clips that are aligned
+/// by themselves. In a home whose rooms look alike, ties contradict their poses.
+fn told_by_home(candidates: &[Candidate], branches: &[Branch]) -> (f64, f64) {
+    let (mut right, mut wrong) = (0.0, 0.0);
     for branch in branches.iter().filter(|branch| branch.log_odds >= TELLING) {
         let [a, b] = [branch.a, branch.b].map(|clip| &candidates[clip]);
         if a.is_open() || b.is_open() {
@@ -56,13 +79,13 @@ fn odds_of_home(candidates: &[Candidate], branches: &[Branch]) -> f64 {
         }
         let (Some(at_a), Some(at_b)) = (a.modes.first(), b.modes.first()) else { continue };
         let sure = at_a.probability * at_b.probability;
-        if at_a.level == at_b.level && branch.joins(&at_a.map_from_clip, &at_b.map_from_clip) {
+        if branch.joins(at_a, at_b) {
             right += sure;
         } else {
             wrong += (2.0 * sure - 1.0).max(0.0);
         }
     }
-    (right / wrong).ln()
+    (right, wrong)
 }
 
 /// Returns the spanning forest of the ties with the largest odds, in canonical order.
@@ -72,10 +95,12 @@ pub(in crate::assemble) fn forest(candidates: &[Candidate], ties: &[Tie]) -> Vec
     let branch = |tie: &Tie| {
         let log_odds = tie.log_odds();
         let (a, b) = (*place.get(&*tie.a)?, *place.get(&*tie.b)?);
-        (log_odds > 0.0).then_some(Branch { a, b, b_from_a: tie.b_from_a, log_odds })
+        (log_odds > 0.0).then_some(Branch { a, b, b_from_a: tie.b_from_a, log_odds, against_alike: 0.0 })
     };
     let mut branches: Vec<Branch> = ties.iter().filter_map(branch).collect();
-    let most = odds_of_home(candidates, &branches);
+    let (right, wrong) = told_by_home(candidates, &branches);
+    let most = ((RIGHT_BEFORE + right) / (WRONG_BEFORE + wrong)).ln();
+    let alike = ((ALIKE_RIGHT_BEFORE + right) / (ALIKE_WRONG_BEFORE + wrong)).ln();
     if most <= 0.0 {
         return Vec::new();
     }
@@ -87,7 +112,10 @@ pub(in crate::assemble) fn forest(candidates: &[Candidate], ties: &[Tie]) -> Vec
         from != to
     });
     branches.sort_by_key(|branch| (branch.a, branch.b));
-    branches.iter_mut().for_each(|branch| branch.log_odds = branch.log_odds.min(most));
+    for branch in &mut branches {
+        branch.log_odds = branch.log_odds.min(most);
+        branch.against_alike = branch.log_odds.min(alike).max(0.0);
+    }
     branches
 }
 
