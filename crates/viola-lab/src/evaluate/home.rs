@@ -1,5 +1,6 @@
 //! Evaluation of a home's map against a labelled mesh: surface, rooms, objects.
 
+mod floor_plan;
 mod fused;
 mod instances;
 mod joint;
@@ -9,12 +10,13 @@ mod score;
 mod simulated;
 mod surface;
 
+pub use floor_plan::{PlanScore, TruePlan, score_plan};
 pub use fused::{Agreement, Excerpt, Fused, consecutive, fuse};
 pub use instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
 pub use joint::{JointClip, JointError, JointHome, JointMode, JointRow, joint};
 pub use matching::{ClassRow, MIN_IOU, Matches, Thing, matches};
 pub use score::{FoundRow, ObjectScore, TruthRow, score_objects};
-pub use simulated::{SampleParams, SimulatedMap, TrueRoom, count_rooms, match_objects, sample, simulated};
+pub use simulated::{SampleParams, SimulatedMap, SimulatedScore, TrueRoom, count_rooms, match_objects, sample, simulated};
 pub use surface::{SurfaceScore, compare, seen_by};
 
 use super::labels::LabelRow;
