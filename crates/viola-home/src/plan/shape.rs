@@ -90,7 +90,7 @@ pub(super) fn walls(cells: &Cells, spaces: &Spaces) -> Vec<Wall> {
     for next in all {
         let continued = walls.iter_mut().rev().find(|wall| {
             let off = |i: usize| (wall.faces_m[i] - next.faces_m[i]).abs();
-            wall.axis == next.axis
+            (wall.axis, wall.is_measured) == (next.axis, next.is_measured)
                 && off(0) < SAME_LINE_M
                 && off(1) < SAME_LINE_M
                 && next.from_m - wall.to_m < JOIN_M
@@ -99,7 +99,6 @@ pub(super) fn walls(cells: &Cells, spaces: &Spaces) -> Vec<Wall> {
         match continued {
             Some(wall) => {
                 wall.to_m = next.to_m;
-                wall.is_measured |= next.is_measured;
                 wall.rooms.extend(next.rooms);
             }
             None => walls.push(next),
