@@ -8,7 +8,7 @@ use std::path::Path;
 use viola_align::AlignParams;
 use viola_home as home;
 use viola_lab::evaluate::home as lab;
-use viola_lab::evaluate::home::{Matches, SampleParams, consecutive, evaluate};
+use viola_lab::evaluate::home::{SampleParams, consecutive, evaluate};
 
 /// Writes `home.json`, `home.md` and the plan as PNG, SVG and GeoJSON.
 pub fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<()> {
@@ -41,18 +41,19 @@ pub fn simulated(arguments: &EvaluateArguments) -> Result<()> {
     let params = SampleParams { accuracy, ..SampleParams::default() };
     let (mut rows, mut text) = (Vec::new(), String::new());
     for set in &arguments.set {
-        let (matches, (there, matched)): (Matches, _) =
-            lab::simulated(*set, arguments.seeds.clone(), &params)?;
+        let score = lab::simulated(*set, arguments.seeds.clone(), &params)?;
+        let (matches, there, matched) = (&score.objects, score.rooms, score.matched_rooms);
         text += &format!(
             "{}, seeds {:?}, {:.0} % of the patches called what they are: {matched} of {there} rooms with an IoU of at \
-             least 0.5; furniture:\n\n{}\n",
+             least 0.5; furniture:\n\n{}\nFloor plan (10 cm, 3 degrees):\n\n{}\n",
             set.name(),
             arguments.seeds,
             accuracy * 100.0,
-            matches.markdown()
+            matches.markdown(),
+            score.plan.markdown()
         );
         rows.push(
-            serde_json::json!({ "set": set.name(), "objects": matches, "rooms": there, "matched": matched }),
+            serde_json::json!({ "set": set.name(), "objects": matches, "rooms": there, "matched": matched, "plan": score.plan }),
         );
         let home = viola_lab::simulate::HomeParams::new(*set, arguments.seeds.start);
         let map = lab::sample(&home, &params)?;

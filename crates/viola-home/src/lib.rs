@@ -57,6 +57,7 @@ pub use plan::{
 };
 pub use ply::{NotOurs, cloud_ply, read_cloud_ply};
 pub use points::{ClipNumbers, Glb, Ply, PointFilter};
+pub use rooms::outline::Outline;
 pub use rooms::{Room, RoomSource, merged, rooms};
 
 /// Side of the map's voxels; the same as of the clips' clouds.

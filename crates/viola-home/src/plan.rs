@@ -4,6 +4,7 @@
 //! inside: its border runs along faces that were seen, and crosses open floor nowhere. Gaps in walls are closed
 //! (`gaps`), and what remains connected is a room (`spaces`), so that rooms are closed and never overlap.
 
+mod bevel;
 mod cells;
 mod cut;
 mod direction;
@@ -56,6 +57,7 @@ pub fn plan(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], objects: &[Ob
         furniture: furnish::furniture(objects, &rooms, &evidence.plan_from_map),
         rooms,
     };
+    bevel::bevel(&mut plan);
     fixtures::add(&mut plan, points);
     plan
 }
@@ -95,3 +97,6 @@ fn inner_point(outline: &Outline) -> [f64; 2] {
     }
     best.1
 }
+
+#[cfg(test)]
+mod tests;

@@ -41,7 +41,7 @@ pub use home::{Home, HomeObject, HomeParams, HomeTruth, Set};
 pub use in_memory::{clip_in_memory, clip_in_memory_heard};
 pub use lidar_files::{points_csv, ros_pgm, ros_yaml, valetudo_json};
 pub use picture::plan_png;
-pub use plan::{Plan, Room, RoomKind};
+pub use plan::{FacePoint, Plan, Room, RoomKind, RoomShape, TrueOpening};
 pub use render::View;
 pub use scene::{Hit, Scene};
 pub use sensor::Sensor;

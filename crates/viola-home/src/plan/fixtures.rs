@@ -53,7 +53,7 @@ pub(super) fn add(plan: &mut Plan, points: &[MapPoint]) {
         let doors = runs(&steps, |step| step.door.count_ones() >= DOOR_BINS, CLOSED_DOOR_M);
         found.extend(doors.into_iter().map(|run| opening(wall, run, OpeningKind::Door, &labelled)));
         // A window of a wall between rooms is a mirror or a picture, as a rule.
-        if wall.rooms.len() == 1 {
+        if !wall.is_measured {
             let windows = runs(&steps, |step| step.window.count_ones() >= WINDOW_BINS, WINDOW_M);
             found.extend(windows.into_iter().map(|run| opening(wall, run, OpeningKind::Window, &labelled)));
         }

@@ -9,7 +9,7 @@ const THICKNESS_M: [f64; 2] = [0.04, 0.5];
 /// Width of doorways; wider gaps are open plan.
 const DOOR_M: [f64; 2] = [0.45, 1.35];
 const WIDEST_M: f64 = 4.5;
-/// Minimum wall at one side of a gap.
+/// Minimum wall with both faces at a side of a gap: at one side of a door, at both of a wider gap.
 const BACKING_M: f64 = 0.12;
 
 /// A gap in a wall: the cells between two lines across `axis`, from step `from` to step `to` along it.
@@ -90,23 +90,30 @@ fn of_wall(cells: &Cells, axis: usize, lines: [usize; 2], backs: &[&Face]) -> Ve
         width_m: cells.lines[along][to] - cells.lines[along][from],
     };
     let is_solid = |k: usize| gap(k, k + 1).cells(cells).iter().all(|at| !cells.inside[*at]);
-    // Wall that a face shows, within reach of a gap's end.
+    // Wall that both faces show, within reach of a gap's end.
     let backing_m = |from: usize, to: usize| {
-        let solid = (from..to).filter(|k| is_solid(*k));
-        let seen = solid.map(|k| {
-            let [from_m, to_m] = [k, k + 1].map(|i| cells.lines[along][i]);
-            let share = backs.iter().map(|face| face.share(from_m, to_m)).fold(0.0, f64::max);
-            share * (to_m - from_m)
-        });
-        seen.sum::<f64>()
+        let of_face = |up: bool| {
+            let solid = (from..to).filter(|k| is_solid(*k));
+            let seen = solid.map(|k| {
+                let [from_m, to_m] = [k, k + 1].map(|i| cells.lines[along][i]);
+                let faces = backs.iter().filter(|face| face.facing.up == up);
+                faces.map(|face| face.share(from_m, to_m)).fold(0.0, f64::max) * (to_m - from_m)
+            });
+            seen.sum::<f64>()
+        };
+        of_face(false).min(of_face(true))
     };
+    let is_open = |k: usize| gap(k, k + 1).cells(cells).iter().all(|at| cells.inside[*at]);
     let mut found = Vec::new();
     let mut from = None;
     for k in 1..cells.count(along) {
-        match (is_solid(k), from) {
-            (false, None) => from = is_solid(k - 1).then_some(k),
-            (true, Some(start)) => {
+        match (is_open(k), from) {
+            (true, None) => from = is_solid(k - 1).then_some(k),
+            (false, Some(start)) => {
                 from = None;
+                if !is_solid(k) {
+                    continue;
+                }
                 let gap = gap(start, k);
                 let reach = |k: usize, up: bool| {
                     let end_m = cells.lines[along][k] + if up { 1.0 } else { -1.0 };

@@ -1,8 +1,8 @@
 //! A floor plan: walls, openings, rooms and furniture, in metres.
 
-use crate::rooms::outline::Outline;
+use crate::rooms::outline::{Outline, contains};
 use serde::Serialize;
-use viola_geometry::Pose2;
+use viola_geometry::{Point2, Pose2};
 use viola_geometry::taxonomy::Class;
 
 /// A floor plan. All coordinates are in the plan's own frame: the LiDAR map's, turned about its origin so that
@@ -93,6 +93,14 @@ pub struct Furniture {
     pub back: Option<u8>,
     /// True for a part of another piece, as a sink in a counter.
     pub is_set_in: bool,
+}
+
+impl PlanRoom {
+    /// Returns whether a point of the plan is in the room.
+    pub fn contains(&self, [x, y]: [f64; 2]) -> bool {
+        let point = Point2::new(x, y);
+        contains(&self.outline.ring_m, &point) && !self.outline.holes_m.iter().any(|hole| contains(hole, &point))
+    }
 }
 
 impl Wall {

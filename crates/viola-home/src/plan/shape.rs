@@ -10,7 +10,7 @@ use viola_geometry::{Grid, GridFrame};
 /// Walls between rooms are at most this thick.
 const THICKEST_M: f64 = 0.5;
 /// Thickness of walls whose other face was not seen.
-const USUAL_M: f64 = 0.2;
+pub(super) const USUAL_M: f64 = 0.2;
 /// Walls in one line with less between them are one wall.
 const JOIN_M: f64 = 0.55;
 const SAME_LINE_M: f64 = 0.03;
@@ -90,7 +90,7 @@ pub(super) fn walls(cells: &Cells, spaces: &Spaces) -> Vec<Wall> {
     for next in all {
         let continued = walls.iter_mut().rev().find(|wall| {
             let off = |i: usize| (wall.faces_m[i] - next.faces_m[i]).abs();
-            wall.axis == next.axis
+            (wall.axis, wall.is_measured) == (next.axis, next.is_measured)
                 && off(0) < SAME_LINE_M
                 && off(1) < SAME_LINE_M
                 && next.from_m - wall.to_m < JOIN_M
@@ -99,7 +99,6 @@ pub(super) fn walls(cells: &Cells, spaces: &Spaces) -> Vec<Wall> {
         match continued {
             Some(wall) => {
                 wall.to_m = next.to_m;
-                wall.is_measured |= next.is_measured;
                 wall.rooms.extend(next.rooms);
             }
             None => walls.push(next),
@@ -223,9 +222,57 @@ pub(super) fn masonry(cells: &Cells, spaces: &Spaces) -> Vec<Outline> {
             }
         }
     }
-    let solid = |at: usize| {
-        let (i, j) = (at % count[0], at / count[0]);
-        near[at] && !is_room(i, j) && !cell(i, j).is_some_and(|at| is_gap[at])
-    };
+    close_slots(&mut near, [&lines[0], &lines[1]]);
+    let is_open: Vec<bool> = (0..near.len())
+        .map(|at| {
+            let (i, j) = (at % count[0], at / count[0]);
+            is_room(i, j) || cell(i, j).is_some_and(|at| is_gap[at])
+        })
+        .collect();
+    fill_cavities(&mut near, &is_open, count);
+    let solid = |at: usize| near[at] && !is_open[at];
     traced([&lines[0], &lines[1]], (0..near.len()).map(solid).collect())
+}
+
+/// Narrower slots between walls are walls.
+const SLOT_M: f64 = 0.35;
+
+/// Closes slots between walls along both axes.
+fn close_slots(near: &mut [bool], lines: [&[f64]; 2]) {
+    let count = lines.map(|lines| lines.len() - 1);
+    for axis in 0..2 {
+        for row in 0..count[1 - axis] {
+            let at = |i: usize| if axis == 0 { row * count[0] + i } else { i * count[0] + row };
+            let mut last: Option<usize> = None;
+            for i in 0..count[axis] {
+                if !near[at(i)] {
+                    continue;
+                }
+                if let Some(last) = last.filter(|last| lines[axis][i] - lines[axis][last + 1] <= SLOT_M) {
+                    (last + 1..i).for_each(|between| near[at(between)] = true);
+                }
+                last = Some(i);
+            }
+        }
+    }
+}
+
+/// Makes cavities walls: what neither rooms nor the outside reach.
+fn fill_cavities(near: &mut [bool], is_open: &[bool], count: [usize; 2]) {
+    let mut reached = vec![false; near.len()];
+    let at_edge = |at: usize| {
+        let (i, j) = (at % count[0], at / count[0]);
+        i == 0 || j == 0 || i + 1 == count[0] || j + 1 == count[1]
+    };
+    let mut open: Vec<usize> = (0..near.len()).filter(|at| at_edge(*at) && !near[*at] && !is_open[*at]).collect();
+    open.iter().for_each(|at| reached[*at] = true);
+    while let Some(at) = open.pop() {
+        for next in crate::rooms::outline::beside(at, count[0], count[1]).into_iter().flatten() {
+            if !reached[next] && !near[next] && !is_open[next] {
+                reached[next] = true;
+                open.push(next);
+            }
+        }
+    }
+    near.iter_mut().zip(reached).for_each(|(near, reached)| *near |= !reached);
 }

@@ -2,6 +2,7 @@
 
 mod changes;
 mod clips;
+mod floor_plan;
 mod fused;
 mod instances;
 mod joint;
@@ -13,12 +14,13 @@ mod surface;
 
 pub use changes::{ChangesHome, ChangesRow, changes};
 pub use clips::ClipsError;
+pub use floor_plan::{PlanScore, TruePlan, score_plan};
 pub use fused::{Agreement, Excerpt, Fused, consecutive, fuse};
 pub use instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
 pub use joint::{JointClip, JointHome, JointMode, JointRow, JointTie, joint};
 pub use matching::{ClassRow, MIN_IOU, Matches, Thing, matches};
 pub use score::{FoundRow, ObjectScore, TruthRow, score_objects};
-pub use simulated::{SampleParams, SimulatedMap, TrueRoom, count_rooms, match_objects, sample, simulated};
+pub use simulated::{SampleParams, SimulatedMap, SimulatedScore, TrueRoom, count_rooms, match_objects, sample, simulated};
 pub use surface::{SurfaceScore, compare, seen_by};
 
 use super::labels::LabelRow;

@@ -7,6 +7,7 @@ mod programme;
 mod row;
 mod slicing;
 mod slopes;
+mod truth;
 mod walls;
 
 use super::piece::Footprint;
@@ -16,6 +17,7 @@ use serde::Serialize;
 use viola_geometry::{Point2, Pose2};
 
 pub(super) use slopes::Slope;
+pub use truth::{FacePoint, RoomShape, TrueOpening};
 
 /// Use of a room.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -138,7 +138,7 @@ fn best_place(room: &PlanRoom, half_m: [f64; 2], plan: &Plan) -> Option<[f64; 2]
             continue;
         }
         let away_m = (p[0] - room.label_at_m[0]).hypot(p[1] - room.label_at_m[1]);
-        let cost = covered(p) + 0.15 * away_m;
+        let cost = 3.0 * covered(p) + 0.15 * away_m;
         if best.is_none_or(|(least, _)| cost < least - 1e-9) {
             best = Some((cost, p));
         }

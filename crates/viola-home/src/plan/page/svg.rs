@@ -34,7 +34,7 @@ pub fn plan_svg(plan: &Plan) -> String {
     furniture::draw(plan, &page, &mut out);
     let _ = writeln!(
         out,
-        "</g>\n<g id=\"walls\" fill=\"{WALL}\" stroke=\"{INK}\" stroke-width=\"{LINE_MM}\" fill-rule=\"evenodd\">"
+        "</g>\n<g id=\"walls\" fill=\"{WALL}\" stroke=\"{WALL}\" stroke-width=\"{LINE_MM}\" fill-rule=\"evenodd\">"
     );
     for outline in &plan.masonry {
         let mut path = page.ring(&outline.ring_m);

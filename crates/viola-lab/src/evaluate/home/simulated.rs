@@ -3,6 +3,7 @@
 
 use super::matching::{Matches, Thing, matches};
 use super::{MIN_EXTENT_M, along_axes};
+use super::floor_plan::{PlanScore, TruePlan, score_plan};
 use crate::simulate::{Home, HomeParams, Set, valetudo_json};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -46,6 +47,7 @@ pub struct SimulatedMap {
     /// Furniture over half a metre with enough points in the map.
     pub truth: Vec<Thing>,
     pub rooms: Vec<TrueRoom>,
+    pub plan: TruePlan,
 }
 
 /// A true room: the inner side of its walls, in the map.
@@ -135,7 +137,8 @@ pub fn sample(home: &HomeParams, params: &SampleParams) -> Result<SimulatedMap, 
             corners_m: corners.map(|[x, y]| map_from_home.apply(&Point2::new(x, y))),
         }
     });
-    Ok(SimulatedMap { truth: truth.collect(), rooms: rooms.collect(), lidar, points })
+    let plan = TruePlan::new(&home.plan, map_from_home);
+    Ok(SimulatedMap { truth: truth.collect(), rooms: rooms.collect(), plan, lidar, points })
 }
 
 /// Returns the bounding box of points along a direction.
@@ -266,24 +269,37 @@ fn room_iou(truth: &TrueRoom, room: &Room) -> f64 {
     f64::from(both as u32) / f64::from(either.max(1) as u32)
 }
 
-/// Returns the scores of objects and computed rooms over simulated homes.
+/// Scores over simulated homes.
+#[derive(Default)]
+pub struct SimulatedScore {
+    pub objects: Matches,
+    /// Number of true rooms, and of those that a computed room matches.
+    pub rooms: usize,
+    pub matched_rooms: usize,
+    pub plan: PlanScore,
+}
+
+/// Returns the scores of objects, computed rooms and floor plans over simulated homes.
 pub fn simulated(
     set: Set,
     seeds: impl Iterator<Item = u64>,
     params: &SampleParams,
-) -> Result<(Matches, (usize, usize)), LidarError> {
-    let (mut all, mut rooms) = (Matches::default(), (0, 0));
+) -> Result<SimulatedScore, LidarError> {
+    let mut score = SimulatedScore::default();
     for seed in seeds {
         let mut map = sample(&HomeParams::new(set, seed), params)?;
         // Drop the robot's own segments: they are the truth.
         map.lidar.rooms.clear();
         let computed = home::rooms(&map.lidar, &map.points);
         let objects = home::ObjectsParams { voxel_m: params.voxel_m };
-        all.add(&match_objects(&map, &home::objects(&map.points, &computed, &objects)));
+        let found = home::objects(&map.points, &computed, &objects);
+        score.objects.add(&match_objects(&map, &found));
         let (there, matched) = count_rooms(&map, &computed);
-        rooms = (rooms.0 + there, rooms.1 + matched);
+        score.rooms += there;
+        score.matched_rooms += matched;
+        score_plan(&map.plan, &home::plan(&map.lidar, &map.points, &computed, &found), &mut score.plan);
     }
-    Ok((all, rooms))
+    Ok(score)
 }
 
 #[cfg(test)]
@@ -295,10 +311,13 @@ mod tests {
     #[test]
     fn furniture_and_rooms_of_simulated_homes_are_found() {
         let params = SampleParams { rays: 10_000, ..SampleParams::default() };
-        let (objects, (rooms, matched)) = simulated(Set::Normal, 3000..3003, &params).unwrap();
+        let SimulatedScore { objects, rooms, matched_rooms: matched, plan } =
+            simulated(Set::Normal, 3000..3003, &params).unwrap();
         assert!(objects.total.truth > 40, "{objects:?}");
         assert!(objects.total.recall() >= 0.7, "{}", objects.markdown());
         assert!(objects.total.precision() >= 0.7, "{}", objects.markdown());
         assert!(matched * 5 >= rooms * 4, "{matched} of {rooms}");
+        assert!(plan.recall() > 0.85 && plan.precision() > 0.85, "{}", plan.markdown());
+        assert_eq!(plan.overlaps + plan.broken_rooms, 0);
     }
 }

@@ -1,0 +1,166 @@
+//! Plans of two rooms of bare LiDAR points.
+
+use super::*;
+use crate::rooms::RoomSource;
+use viola_geometry::taxonomy::Class;
+
+/// Two rooms of 4 m x 3 m and 3 m x 3 m with a wall of 0.1 m between them and a door of 0.8 m, turned by
+/// `yaw_rad`.
+fn flat(yaw_rad: f64) -> LidarMap {
+    let map_from_flat = viola_geometry::Pose2::new(0.0, 0.0, yaw_rad);
+    let mut csv = String::new();
+    let mut wall = |from: [f64; 2], to: [f64; 2]| {
+        let length = (to[0] - from[0]).hypot(to[1] - from[1]);
+        for i in 0..=(length / 0.025) as usize {
+            let t = i as f64 * 0.025 / length;
+            let at = [0, 1].map(|axis| from[axis] + t * (to[axis] - from[axis]));
+            let at = map_from_flat.apply(&Point2::from(at));
+            csv += &format!("{},{}\n", at.x, at.y);
+        }
+    };
+    wall([0.0, 0.0], [7.1, 0.0]);
+    wall([0.0, 3.0], [7.1, 3.0]);
+    wall([0.0, 0.0], [0.0, 3.0]);
+    wall([7.1, 0.0], [7.1, 3.0]);
+    for x in [4.0, 4.1] {
+        wall([x, 0.0], [x, 1.0]);
+        wall([x, 1.8], [x, 3.0]);
+    }
+    LidarMap::read(csv.as_bytes()).unwrap()
+}
+
+fn object(class: Class, x: f64, yaw_rad: f64) -> Object {
+    Object {
+        id: format!("{}-1", class.name()),
+        class,
+        confidence: 0.8,
+        centre_m: [x, 1.0, 0.4],
+        size_m: [0.9, 0.5, 0.8],
+        yaw_rad,
+        room: None,
+        points: 100,
+        clips: vec![0],
+    }
+}
+
+fn plan_of(name: &str) -> Plan {
+    let lidar = flat(0.0);
+    let mut rooms = crate::rooms(&lidar, &[]);
+    rooms[0].name = Some(name.into());
+    let objects =
+        [object(Class::Table, 1.5, 0.1), object(Class::Chair, 1.6, 0.0), object(Class::Sofa, 90.0, 0.0)];
+    plan(&lidar, &[], &rooms, &objects)
+}
+
+#[test]
+fn two_rooms_have_their_walls_and_a_door_between_them() {
+    for degrees in [0.0f64, 12.0, -33.0] {
+        let lidar = flat(degrees.to_radians());
+        let rooms = crate::rooms(&lidar, &[]);
+        let plan = plan(&lidar, &[], &rooms, &[]);
+        assert!((plan.map_from_plan.yaw_rad.to_degrees() - degrees).abs() < 0.6, "{degrees}");
+        assert_eq!(plan.rooms.len(), 2, "{degrees}");
+        for (room, area_m2) in plan.rooms.iter().zip([12.0, 9.0]) {
+            assert_eq!(room.outline.ring_m.len(), 4);
+            // Points of a raster of 5 cm.
+            assert!((room.area_m2 / area_m2 - 1.0).abs() < 0.05, "{degrees}: {}", room.area_m2);
+        }
+        assert_eq!(plan.openings.len(), 1, "{degrees}");
+        let door = &plan.openings[0];
+        assert!(door.kind == OpeningKind::Door && (door.width_m() - 0.8).abs() < 0.16, "{door:?}");
+        let between: Vec<&Wall> = plan.walls.iter().filter(|wall| wall.is_measured).collect();
+        assert_eq!(between.len(), 1, "{degrees}");
+        assert!(between[0].rooms == [0, 1] && (between[0].length_m() - 3.0).abs() < 0.15);
+        assert!((between[0].thickness_m - 0.1).abs() < 0.06);
+    }
+}
+
+#[test]
+fn furniture_does_not_overlap_and_stays_in_the_home() {
+    let plan = plan_of("Kitchen");
+    let classes: Vec<Class> = plan.furniture.iter().map(|piece| piece.class).collect();
+    assert!(!classes.contains(&Class::Sofa) && !classes.is_empty(), "{classes:?}");
+    assert!(plan.furniture.iter().all(|piece| piece.yaw_rad == 0.0));
+    for (at, a) in plan.furniture.iter().enumerate() {
+        for b in &plan.furniture[at + 1..] {
+            let apart = (0..2).any(|axis| {
+                let off = (a.centre_m[axis] - b.centre_m[axis]).abs();
+                off >= (a.size_m[axis] + b.size_m[axis]) / 2.0 - 1e-6
+            });
+            assert!(apart, "{a:?} {b:?}");
+        }
+    }
+}
+
+#[test]
+fn hostile_names_stay_text() {
+    let svg = plan_svg(&plan_of("<script>alert('x')</script>&\u{0}\""));
+    assert!(!svg.contains("<script") && !svg.contains('\u{0}'));
+    assert!(svg.contains("&lt;script&gt;") && svg.contains("&amp;"));
+    for name in ["", "\u{202e}evil", "K\u{fc}che", &"long ".repeat(1000), "0\nEOF\n0"] {
+        let plan = plan_of(name);
+        assert!(image::load_from_memory(&plan_png(&plan)).is_ok(), "{name:?}");
+        assert!(plan_svg(&plan).ends_with("</svg>\n"));
+        assert!(plan_pdf(&plan).starts_with(b"%PDF-1.4") && plan_pdf(&plan).ends_with(b"%%EOF\n"));
+        let dxf = plan_dxf(&plan);
+        assert!(dxf.is_ascii() && dxf.ends_with("0\nEOF\n") && dxf.lines().count() % 2 == 0, "{name:?}");
+    }
+}
+
+#[test]
+fn rings_of_geojson_are_closed_and_turn_the_right_way() {
+    let json = plan_geojson(&plan_of("Kitchen"));
+    assert_eq!(json["type"], "FeatureCollection");
+    assert!(json["frame"].as_str().unwrap().contains("metres"));
+    let features = json["features"].as_array().unwrap();
+    for feature in features.iter().filter(|feature| feature["geometry"]["type"] == "Polygon") {
+        let rings = feature["geometry"]["coordinates"].as_array().unwrap();
+        for (place, ring) in rings.iter().enumerate() {
+            let ring: Vec<[f64; 2]> = serde_json::from_value(ring.clone()).unwrap();
+            assert!(ring.len() >= 4 && ring.first() == ring.last(), "{feature}");
+            let area = crate::rooms::outline::signed_area_m2(&ring);
+            assert!((area > 0.0) == (place == 0), "{feature}");
+        }
+    }
+    let kinds: Vec<&str> = features.iter().filter_map(|f| f["properties"]["kind"].as_str()).collect();
+    for kind in ["room", "wall", "wall_line", "object", "opening"] {
+        assert!(kinds.contains(&kind), "{kind}");
+    }
+    let json = plan_json(&plan_of("Kitchen"));
+    assert_eq!((&json["rooms"][0]["name"], &json["rooms"][0]["id"]), (&"Kitchen".into(), &"1".into()));
+    assert!(json["walls"].as_array().unwrap().len() >= 5);
+}
+
+#[test]
+fn a_map_of_one_point_has_a_plan() {
+    for csv in [&b"1,2\n"[..], b"0,0\n200,200\n", b"0,0\n0,0\n"] {
+        let lidar = LidarMap::read(csv).unwrap();
+        let plan = plan(&lidar, &[], &[], &[]);
+        assert!(plan.rooms.is_empty() && image::load_from_memory(&plan_png(&plan)).is_ok());
+    }
+}
+
+#[test]
+fn the_robots_rooms_divide_an_open_plan() {
+    let mut lidar = flat(0.0);
+    let cells = |from: f64, to: f64| {
+        let columns = ((to - from) / 0.05) as usize;
+        let cell = move |i: usize, j: usize| Point2::new(from + (i as f64 + 0.5) * 0.05, 0.1 + j as f64 * 0.05);
+        (0..columns).flat_map(move |i| (0..56).map(move |j| cell(i, j))).collect()
+    };
+    let room = |id: &str, from: f64, to: f64| viola_formats::lidar::Room {
+        id: id.into(),
+        name: Some(id.to_uppercase()),
+        cells_m: cells(from, to),
+        material: None,
+    };
+    lidar.rooms = vec![room("a", 0.1, 2.0), room("b", 2.0, 3.9), room("c", 4.2, 7.0)];
+    let rooms = crate::rooms(&lidar, &[]);
+    assert!(rooms.iter().all(|room| room.source == RoomSource::LidarMap));
+    let plan = plan(&lidar, &[], &rooms, &[]);
+    let mut ids: Vec<_> = plan.rooms.iter().filter_map(|room| room.id.as_deref()).collect();
+    ids.sort_unstable();
+    assert_eq!(ids, ["a", "b", "c"]);
+    // No wall stands where only the robot's software divides.
+    assert!(!plan.walls.iter().any(|wall| (wall.from_m[0] - 2.0).abs() < 0.3 && wall.from_m[0] == wall.to_m[0]));
+}
