@@ -171,8 +171,12 @@ fn walls_tell_one_level_from_another() {
     let upper = of_level("upper", walls(&[OUTLINE]).iter().map(|p| across.apply(p)).collect());
     let truth = Pose2::new(2.0, 1.5, 0.7);
     let answer = register_to(&observation(&seen(), &truth), &[&main, &upper]);
-    check(&answer, &across.compose(&truth));
+    let pose = answer.map_from_clip.unwrap();
+    assert!(pose.distance_m(&across.compose(&truth)) < 0.02, "{answer:?}");
     assert_eq!((answer.level.as_str(), answer.level), ("upper", answer.alternatives[0].level));
+    // The best pose on the other level is among the rivals.
+    let rival = answer.alternatives.iter().find(|one| one.level.is_main()).unwrap();
+    assert!(rival.probability.unwrap() < 0.2 && answer.probability.unwrap() > 0.8, "{answer:?}");
     // Alone the level is the whole home, and the pose the same.
     let alone = register_to(&observation(&seen(), &truth), &[&upper]);
     assert_eq!((alone.map_from_clip, alone.level), (answer.map_from_clip, answer.level));
