@@ -259,7 +259,8 @@ impl Storage {
             Some(new) => {
                 let revision = claim.last_revision + 1;
                 objects::replace(&mut transaction, &claim.home, &new.objects).await?;
-                places::tell(&mut transaction, claim, &new.manifest.clips, revision, now).await?;
+                let clips = &new.manifest.clips;
+                places::tell(&mut transaction, &claim.home, &claim.members, clips, revision, now).await?;
                 insert(&mut transaction, claim, new, &written, now).await?
             }
             None => Vec::new(),

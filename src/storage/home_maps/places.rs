@@ -1,40 +1,40 @@
 //! Update of the clips' placements by a new revision.
 
-use super::MergeClaim;
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Transaction, query};
-use crate::storage::{Placement, StorageError, reasons_of_placement, state_by_others};
+use crate::storage::{HomeId, Placement, StorageError, reasons_of_placement, state_by_others};
 use jiff::Timestamp;
 use viola_align::Alignment;
-use viola_home::PlacedClip;
+use viola_home::{Member, PlacedClip};
 
 /// Updates the clips' placements. An ambiguous or failed clip that its neighbours placed becomes aligned; if they
 /// no longer do, it is ambiguous or failed again. A clip with a newer answer stays as it is: its home is due again.
 pub(super) async fn tell(
     transaction: &mut Transaction,
-    claim: &MergeClaim,
+    home: &HomeId,
+    members: &[Member],
     clips: &[PlacedClip],
     revision: i64,
     now: Timestamp,
 ) -> Result<(), StorageError> {
     let rows = query("SELECT id, state, result_key FROM clips WHERE home_id = $1 AND placement IS NOT NULL")
-        .bind(claim.home.key())
+        .bind(home.key())
         .fetch_all(transaction)
         .await?;
     for row in &rows {
         let share = row.maybe_text("result_key")?;
-        if !claim.members.iter().any(|member| share.as_ref() == Some(&member.share)) {
+        if !members.iter().any(|member| share.as_ref() == Some(&member.share)) {
             query("UPDATE clips SET placement = NULL, updated_at = $2 WHERE id = $1")
                 .bind(row.text("id")?)
                 .bind(now.as_millisecond())
                 .execute(transaction)
                 .await?;
             let clip = Changed::Clip { id: row.id("id")?, state: row.name("state")? };
-            changes::record(transaction, &claim.home, clip, now).await?;
+            changes::record(transaction, home, clip, now).await?;
         }
     }
-    for member in &claim.members {
+    for member in members {
         let placed = clips.iter().find(|placed| placed.share == member.share);
         let placement = placed.map(|placed| Placement {
             level: placed.level_name,
@@ -76,7 +76,7 @@ pub(super) async fn tell(
             .bind(now.as_millisecond())
             .execute(transaction)
             .await?;
-        changes::record(transaction, &claim.home, Changed::Clip { id: member.clip, state }, now).await?;
+        changes::record(transaction, home, Changed::Clip { id: member.clip, state }, now).await?;
     }
     Ok(())
 }
