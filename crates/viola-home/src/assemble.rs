@@ -40,7 +40,6 @@ use cache::Cache;
 use poses::Placed;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use tiles::Rebuilt;
 use viola_geometry::{LevelName, Pose2};
 
 /// Summary of a map without its points; input of the next merge.
@@ -91,7 +90,7 @@ pub fn assemble<E>(
     members.sort_by(|a, b| a.order().cmp(&b.order()));
     let mut cache = Cache::new(load);
     let mut placed = poses::place(last, &members, &mut cache)?;
-    let Rebuilt { clips, changed, looked } =
+    let tiles::Rebuilt { clips, changed, looked } =
         tiles::rebuild(last, std::mem::take(&mut placed.clips), &mut cache)?;
     let mut tile_infos: BTreeMap<TileKey, TileInfo> = last.tiles.iter().cloned().collect();
     for (key, tile) in &changed {

@@ -202,6 +202,13 @@ mod tests {
         RevisionObjects { objects: objects.collect(), ids }
     }
 
+    /// Each case is its name, the objects of both revisions, and their changes.
+    fn check<const N: usize>(cases: [(&str, Vec<KnownObject>, Vec<KnownObject>, ObjectChanges); N]) {
+        for (name, from, to, expected) in cases {
+            assert_eq!(told(&from, &to), expected, "{name}");
+        }
+    }
+
     #[test]
     fn added_moved_and_gone() {
         let none = ObjectChanges::default;
@@ -273,6 +280,14 @@ mod tests {
                 vec![chair("chair-1", 0.0)],
                 ObjectChanges { discovered: vec![0], ..none() },
             ),
+        ];
+        check(cases);
+    }
+
+    #[test]
+    fn an_object_that_is_missed_for_a_while() {
+        let none = ObjectChanges::default;
+        let cases = [
             (
                 "missed in between",
                 vec![missed(chair("chair-1", 0.0), false)],
@@ -298,9 +313,7 @@ mod tests {
                 ObjectChanges { added: vec![0], ..none() },
             ),
         ];
-        for (name, from, to, expected) in cases {
-            assert_eq!(told(&from, &to), expected, "{name}");
-        }
+        check(cases);
     }
 
     #[test]

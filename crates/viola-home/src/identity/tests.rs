@@ -246,7 +246,11 @@ fn an_object_that_was_pushed_aside_moved_and_one_that_was_seen_better_did_not() 
     let times = [Some(10), Some(20)];
     for (empty, moves) in [(vec![space(1.0, 0.8, 1)], 1), (vec![], 0)] {
         let mut history = History::default();
-        history.identify_objects(&mut [seen_chair(1.0, 0)], &Stated::new(), &LookedThrough::default());
+        history.identify_objects(
+            &mut [seen_chair(1.0, 0)],
+            &Stated::new(),
+            &LookedThrough::of_boxes(&times, &[]),
+        );
         let mut later = [seen_chair(1.3, 1)];
         history.identify_objects(&mut later, &Stated::new(), &LookedThrough::of_boxes(&times, &empty));
         assert_eq!((later[0].id.as_str(), history.objects[0].moves), ("chair-1", moves));
