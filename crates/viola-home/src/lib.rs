@@ -44,8 +44,8 @@ pub use map_point::MapPoint;
 pub use objects::{Found, Object, ObjectsParams, UprightBox, find_objects, fit_box, is_furniture, objects};
 pub use picture::{PictureFrame, lidar_png, overlay_png};
 pub use plan::{
-    Furniture, Opening, OpeningKind, Plan, PlanRoom, Swing, Wall, plan, plan_dxf, plan_geojson, plan_json, plan_pdf,
-    plan_png, plan_svg,
+    Furniture, Opening, OpeningKind, Plan, PlanRoom, Swing, Wall, plan, plan_dxf, plan_geojson, plan_json,
+    plan_pdf, plan_png, plan_svg,
 };
 pub use ply::{NotOurs, cloud_ply, read_cloud_ply};
 pub use points::{ClipNumbers, Glb, Ply, PointFilter};

@@ -23,12 +23,16 @@ const LONGEST: usize = 60;
 pub fn plan_dxf(plan: &Plan) -> String {
     let mut out = Dxf(String::new());
     let (low, high) = plan.bounds_m();
-    out.pair(999, format!(
-        "Floor plan in metres. The LiDAR map's frame is turned by {:.3} degrees about its origin.",
-        -plan.map_from_plan.yaw_rad.to_degrees()
-    ));
+    out.pair(
+        999,
+        format!(
+            "Floor plan in metres. The LiDAR map's frame is turned by {:.3} degrees about its origin.",
+            -plan.map_from_plan.yaw_rad.to_degrees()
+        ),
+    );
     out.section("HEADER");
-    for (name, code, value) in [("$ACADVER", 1, "AC1009"), ("$INSUNITS", 70, "6"), ("$MEASUREMENT", 70, "1")] {
+    for (name, code, value) in [("$ACADVER", 1, "AC1009"), ("$INSUNITS", 70, "6"), ("$MEASUREMENT", 70, "1")]
+    {
         out.pair(9, name);
         out.pair(code, value);
     }

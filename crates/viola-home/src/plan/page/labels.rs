@@ -53,14 +53,14 @@ fn name(room: &PlanRoom) -> String {
 fn lines(room: &PlanRoom, shrink: f64) -> Vec<Line> {
     let size = |axis: usize| {
         let along = room.outline.ring_m.iter().map(|corner| corner[axis]);
-        let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), c| (low.min(c), high.max(c)));
+        let (low, high) =
+            along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), c| (low.min(c), high.max(c)));
         high - low
     };
-    let line = |words: String, part: f64, is_name: bool| Line { words, size_mm: NAME_MM * shrink * part, is_name };
-    let mut lines = vec![
-        line(name(room), 1.0, true),
-        line(format!("{:.1} m\u{b2}", room.area_m2), 0.8, false),
-    ];
+    let line =
+        |words: String, part: f64, is_name: bool| Line { words, size_mm: NAME_MM * shrink * part, is_name };
+    let mut lines =
+        vec![line(name(room), 1.0, true), line(format!("{:.1} m\u{b2}", room.area_m2), 0.8, false)];
     // Width and depth say something of rectangles only.
     if room.area_m2 > 0.9 * size(0) * size(1) {
         lines.push(line(format!("{} \u{d7} {} m", metres(size(0)), metres(size(1))), 0.65, false));
@@ -133,7 +133,8 @@ fn best_place(room: &PlanRoom, half_m: [f64; 2], plan: &Plan) -> Option<[f64; 2]
     let mut best: Option<(f64, [f64; 2])> = None;
     for i in 0..PLACES * PLACES {
         let at = [i % PLACES, i / PLACES];
-        let p = [0, 1].map(|axis| low[axis] + (at[axis] as f64 + 0.5) / PLACES as f64 * (high[axis] - low[axis]));
+        let p =
+            [0, 1].map(|axis| low[axis] + (at[axis] as f64 + 0.5) / PLACES as f64 * (high[axis] - low[axis]));
         if !is_inside(p) {
             continue;
         }
