@@ -81,9 +81,14 @@ async fn keep_pictures(client: &Client, home: &str) {
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("target"), PathBuf::from)
         .join("apartment");
     fs::create_dir_all(&folder).unwrap();
-    for (query, name, start) in
-        [("png", "plan.png", &b"\x89PNG"[..]), ("svg", "plan.svg", b"<"), ("pdf", "plan.pdf", b"%PDF"), ("dxf", "plan.dxf", b"999"), ("geojson", "plan.geojson", b"{"), ("json", "plan.json", b"{")]
-    {
+    for (query, name, start) in [
+        ("png", "plan.png", &b"\x89PNG"[..]),
+        ("svg", "plan.svg", b"<"),
+        ("pdf", "plan.pdf", b"%PDF"),
+        ("dxf", "plan.dxf", b"999"),
+        ("geojson", "plan.geojson", b"{"),
+        ("json", "plan.json", b"{"),
+    ] {
         let plan = client.get(&format!("{home}/map/plan?format={query}")).await;
         assert!(plan.status == 200 && plan.bytes.starts_with(start), "{name}");
         fs::write(folder.join(name), plan.bytes).unwrap();

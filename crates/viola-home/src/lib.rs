@@ -52,8 +52,8 @@ pub use objects::{
 };
 pub use picture::{PictureFrame, lidar_png, overlay_png};
 pub use plan::{
-    Furniture, Opening, OpeningKind, Plan, PlanRoom, Swing, Wall, plan, plan_dxf, plan_geojson, plan_json, plan_pdf,
-    plan_png, plan_svg,
+    Furniture, Opening, OpeningKind, Plan, PlanRoom, Swing, Wall, plan, plan_dxf, plan_geojson, plan_json,
+    plan_pdf, plan_png, plan_svg,
 };
 pub use ply::{NotOurs, cloud_ply, read_cloud_ply};
 pub use points::{ClipNumbers, Glb, Ply, PointFilter};

@@ -84,13 +84,15 @@ fn inner_point(outline: &Outline) -> [f64; 2] {
     let mut best = (f64::NEG_INFINITY, [0.0; 2]);
     for i in 0..STEPS * STEPS {
         let at = [i % STEPS, i / STEPS];
-        let p = [0, 1].map(|axis| low[axis] + (at[axis] as f64 + 0.5) / STEPS as f64 * (high[axis] - low[axis]));
+        let p =
+            [0, 1].map(|axis| low[axis] + (at[axis] as f64 + 0.5) / STEPS as f64 * (high[axis] - low[axis]));
         let point = Point2::from(p);
         if !super::rooms::outline::contains(&outline.ring_m, &point) {
             continue;
         }
         let rings = std::iter::once(&outline.ring_m).chain(&outline.holes_m);
-        let off_m = rings.map(|ring| super::rooms::outline::distance_m(ring, &point)).fold(f64::INFINITY, f64::min);
+        let off_m =
+            rings.map(|ring| super::rooms::outline::distance_m(ring, &point)).fold(f64::INFINITY, f64::min);
         if off_m > best.0 + 1e-9 {
             best = (off_m, p);
         }

@@ -66,7 +66,8 @@ impl Cells {
 
     /// Makes small solid islands a part of their room: posts are seldom, furniture like walls is frequent.
     fn fill_islands(&mut self) {
-        let frame = GridFrame { origin_m: [0.0; 2], cell_m: 1.0, width: self.count(0), height: self.count(1) };
+        let frame =
+            GridFrame { origin_m: [0.0; 2], cell_m: 1.0, width: self.count(0), height: self.count(1) };
         let solid = Grid { frame, cells: self.inside.iter().map(|inside| !inside).collect() };
         let (piece, count) = pieces(&solid);
         let mut area_m2 = vec![0.0; count + 1];
@@ -117,9 +118,8 @@ impl Cells {
             graph.add_node(at, 0, i64::from(i32::MAX));
             return;
         }
-        let samples = [0, 1].map(|axis| {
-            ((self.size_m(axis, place[axis]) / SAMPLE_M).ceil() as usize).clamp(1, MAX_SAMPLES)
-        });
+        let samples = [0, 1]
+            .map(|axis| ((self.size_m(axis, place[axis]) / SAMPLE_M).ceil() as usize).clamp(1, MAX_SAMPLES));
         let area_m2 = self.area_m2(at) / (samples[0] * samples[1]) as f64;
         let (mut if_outside, mut if_inside) = (0.0, 0.0);
         let mut owners: Vec<(u32, f64)> = Vec::new();
@@ -230,7 +230,8 @@ fn borders(axis: usize, evidence: &Evidence, rooms: &[Room]) -> Vec<f64> {
     if rooms.len() < 2 {
         return Vec::new();
     }
-    let count = |axis: usize| ((evidence.high_m[axis] - evidence.low_m[axis]) / STEP_M).min(2000.0) as i64 + 1;
+    let count =
+        |axis: usize| ((evidence.high_m[axis] - evidence.low_m[axis]) / STEP_M).min(2000.0) as i64 + 1;
     for row in 0..count(1 - axis) {
         let (mut last, mut last_at) = (0, i64::MIN);
         for at in 0..count(axis) {
@@ -263,7 +264,7 @@ pub(super) fn on_line<'a>(
     facing: Facing,
     line: usize,
 ) -> impl Iterator<Item = &'a Face> {
-    faces.iter().filter(move |face| {
-        face.facing == facing && cells.line(facing.axis, face.line_m) == Some(line)
-    })
+    faces
+        .iter()
+        .filter(move |face| face.facing == facing && cells.line(facing.axis, face.line_m) == Some(line))
 }

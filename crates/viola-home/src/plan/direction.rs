@@ -31,7 +31,9 @@ pub(super) fn map_from_plan(lidar: &LidarMap, points: &[MapPoint]) -> Pose2 {
     let points: Vec<Point2> = points.iter().step_by(step).copied().collect();
     let best = |degrees: &mut dyn Iterator<Item = f64>, bin_m: f64| {
         let scored = degrees.map(|degrees| (sharpness(&points, degrees.to_radians(), bin_m), degrees));
-        scored.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.abs().total_cmp(&a.1.abs()))).map_or(0.0, |best| best.1)
+        scored
+            .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.abs().total_cmp(&a.1.abs())))
+            .map_or(0.0, |best| best.1)
     };
     let coarse = best(&mut (-45..45).map(f64::from), 2.0 * bin_m);
     let fine = best(&mut (-15..=15).map(|i| coarse + f64::from(i) * 0.1), bin_m);

@@ -23,12 +23,16 @@ const LONGEST: usize = 60;
 pub fn plan_dxf(plan: &Plan) -> String {
     let mut out = Dxf(String::new());
     let (low, high) = plan.bounds_m();
-    out.pair(999, format!(
-        "Floor plan in metres. The LiDAR map's frame is turned by {:.3} degrees about its origin.",
-        -plan.map_from_plan.yaw_rad.to_degrees()
-    ));
+    out.pair(
+        999,
+        format!(
+            "Floor plan in metres. The LiDAR map's frame is turned by {:.3} degrees about its origin.",
+            -plan.map_from_plan.yaw_rad.to_degrees()
+        ),
+    );
     out.section("HEADER");
-    for (name, code, value) in [("$ACADVER", 1, "AC1009"), ("$INSUNITS", 70, "6"), ("$MEASUREMENT", 70, "1")] {
+    for (name, code, value) in [("$ACADVER", 1, "AC1009"), ("$INSUNITS", 70, "6"), ("$MEASUREMENT", 70, "1")]
+    {
         out.pair(9, name);
         out.pair(code, value);
     }
@@ -68,12 +72,12 @@ fn entities(plan: &Plan, out: &mut Dxf) {
     for opening in &plan.openings {
         draw_opening(opening, out);
     }
-    for (number, room) in (1..).zip(&plan.rooms) {
+    for room in &plan.rooms {
         out.polyline("ROOMS", &room.outline.ring_m, true);
         room.outline.holes_m.iter().for_each(|hole| out.polyline("ROOMS", hole, true));
         let name = room.name.clone().or_else(|| room.id.as_ref().map(|id| format!("Room {id}")));
         let [x, y] = room.label_at_m;
-        out.text("ROOM_NAMES", [x, y], &name.unwrap_or_else(|| format!("Room {number}")));
+        out.text("ROOM_NAMES", [x, y], &name.unwrap_or_else(|| "Room".to_owned()));
         out.text("ROOM_NAMES", [x, y - 1.6 * TEXT_M], &format!("{:.1} m2", room.area_m2));
     }
     for stroke in plan.furniture.iter().flat_map(strokes) {

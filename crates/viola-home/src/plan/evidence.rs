@@ -151,7 +151,9 @@ impl<'a> Evidence<'a> {
 
     fn add_lidar(&mut self) {
         let cell_m = self.space.frame.cell_m;
-        for at in (0..self.space.frame.len()).filter(|at| self.space.occupied[*at] && !self.space.furniture[*at]) {
+        for at in
+            (0..self.space.frame.len()).filter(|at| self.space.occupied[*at] && !self.space.furniture[*at])
+        {
             let p = self.plan_from_map.apply(&self.space.centre(at));
             for facing in Facing::ALL {
                 let ahead = |cells: f64| self.cell(&(p + facing.normal() * cells * cell_m));
@@ -253,8 +255,7 @@ impl Columns {
         let bins = side(across) / ACROSS_M * side(along) / ALONG_M;
         let scale = (bins / MAX_BINS).sqrt().max(1.0);
         let (across_m, along_m) = (ACROSS_M * scale, ALONG_M * scale);
-        let (rows, columns) =
-            ((side(across) / across_m) as usize + 1, (side(along) / along_m) as usize + 1);
+        let (rows, columns) = ((side(across) / across_m) as usize + 1, (side(along) / along_m) as usize + 1);
         Columns {
             across_m,
             along_m,

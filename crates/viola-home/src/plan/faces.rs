@@ -83,15 +83,15 @@ fn of_facing(facing: Facing, seen: &Columns) -> Vec<Face> {
     let half = ((BAND_M / seen.across_m).round() as usize).max(1);
     let mut left = Columns { bits: seen.bits.clone(), ..*seen };
     let best_of = |columns: &Columns, row: usize| {
-        best_run((0..columns.along).map(|column| {
-            share(columns.band(row.saturating_sub(half), row + half, column)) - GAP_LOSS
-        }))
+        best_run(
+            (0..columns.along)
+                .map(|column| share(columns.band(row.saturating_sub(half), row + half, column)) - GAP_LOSS),
+        )
     };
     let mut best: Vec<Run> = (0..seen.across).map(|row| best_of(&left, row)).collect();
     let mut faces = Vec::new();
     while faces.len() < MAX_FACES {
-        let Some(row) =
-            (0..best.len()).max_by(|a, b| best[*a].gain.total_cmp(&best[*b].gain).then(b.cmp(a)))
+        let Some(row) = (0..best.len()).max_by(|a, b| best[*a].gain.total_cmp(&best[*b].gain).then(b.cmp(a)))
         else {
             break;
         };
@@ -152,8 +152,11 @@ fn fitted(columns: &Columns, row: usize, half: usize, run: &Run) -> (f64, f64) {
     let by_map = weigh(&|bits| f64::from(u8::from(by_lidar(bits))));
     // A tenth of the face at three heights places it better than all of a raster.
     let enough = 0.3 * (run.to - run.from) as f64;
-    let (weights, weight) =
-        if total(&by_clips) >= enough { (&by_clips, total(&by_clips)) } else { (&by_map, 0.01 * total(&by_map)) };
+    let (weights, weight) = if total(&by_clips) >= enough {
+        (&by_clips, total(&by_clips))
+    } else {
+        (&by_map, 0.01 * total(&by_map))
+    };
     let (mut sum, half_of_all) = (0.0, total(weights) / 2.0);
     for (row, weight_here) in weights {
         if *weight_here > 0.0 && sum + weight_here >= half_of_all {

@@ -22,8 +22,23 @@ fn is_drawn(class: Class) -> bool {
     use Class::*;
     matches!(
         class,
-        Bed | Sofa | Chair | Table | Desk | Cabinet | Shelf | Counter | Refrigerator | Stove | WashingMachine
-            | Television | Radiator | Toilet | Sink | Bathtub | Shower | Plant
+        Bed | Sofa
+            | Chair
+            | Table
+            | Desk
+            | Cabinet
+            | Shelf
+            | Counter
+            | Refrigerator
+            | Stove
+            | WashingMachine
+            | Television
+            | Radiator
+            | Toilet
+            | Sink
+            | Bathtub
+            | Shower
+            | Plant
     )
 }
 
@@ -107,7 +122,11 @@ fn bounds(piece: &Furniture) -> Bounds {
 }
 
 /// Moves and cuts a piece until it is in a room and over no other; none if that is not the same piece any more.
-fn fit(mut piece: Furniture, rooms: &[PlanRoom], placed: &[(Furniture, Bounds)]) -> Option<(Furniture, Bounds)> {
+fn fit(
+    mut piece: Furniture,
+    rooms: &[PlanRoom],
+    placed: &[(Furniture, Bounds)],
+) -> Option<(Furniture, Bounds)> {
     let original = bounds(&piece);
     let centre = Point2::from(piece.centre_m);
     let away = |room: &PlanRoom| {
@@ -115,7 +134,9 @@ fn fit(mut piece: Furniture, rooms: &[PlanRoom], placed: &[(Furniture, Bounds)])
     };
     let room = rooms.iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
     let mut now = into_room(original, room)?;
-    if let Some((_, host)) = placed.iter().find(|(host, at)| is_set_in(piece.class, host.class) && at.meets(&now)) {
+    if let Some((_, host)) =
+        placed.iter().find(|(host, at)| is_set_in(piece.class, host.class) && at.meets(&now))
+    {
         piece.is_set_in = true;
         for axis in 0..2 {
             now.low[axis] = now.low[axis].max(host.low[axis] + 0.02);
@@ -123,9 +144,9 @@ fn fit(mut piece: Furniture, rooms: &[PlanRoom], placed: &[(Furniture, Bounds)])
         }
     }
     let meets = |now: &Bounds, piece: &Furniture| {
-        placed.iter().find(|(other, at)| {
-            at.meets(now) && !(piece.is_set_in && is_set_in(piece.class, other.class))
-        })
+        placed
+            .iter()
+            .find(|(other, at)| at.meets(now) && !(piece.is_set_in && is_set_in(piece.class, other.class)))
     };
     for _ in 0..4 {
         let Some((_, other)) = meets(&now, &piece) else { break };
@@ -144,7 +165,9 @@ fn fit(mut piece: Furniture, rooms: &[PlanRoom], placed: &[(Furniture, Bounds)])
     }
     let is_same = (0..2).all(|axis| {
         let moved = (now.low[axis] + now.high[axis] - original.low[axis] - original.high[axis]).abs() / 2.0;
-        moved <= MOVE_M && now.size(axis) >= LEAST_M && now.size(axis) >= (1.0 - CUT) * original.size(axis).min(0.3)
+        moved <= MOVE_M
+            && now.size(axis) >= LEAST_M
+            && now.size(axis) >= (1.0 - CUT) * original.size(axis).min(0.3)
     });
     let kept = now.size(0) * now.size(1) / (original.size(0) * original.size(1)).max(1e-9);
     if !is_same || kept < 1.0 - CUT || meets(&now, &piece).is_some() {
@@ -153,7 +176,11 @@ fn fit(mut piece: Furniture, rooms: &[PlanRoom], placed: &[(Furniture, Bounds)])
     let is_turned = piece.yaw_rad != 0.0;
     piece.centre_m = [0, 1].map(|axis| (now.low[axis] + now.high[axis]) / 2.0);
     let scale = [0, 1].map(|axis| now.size(axis) / original.size(axis));
-    piece.size_m = if is_turned { piece.size_m.map(|side| side * scale[0].min(scale[1])) } else { [now.size(0), now.size(1)] };
+    piece.size_m = if is_turned {
+        piece.size_m.map(|side| side * scale[0].min(scale[1]))
+    } else {
+        [now.size(0), now.size(1)]
+    };
     piece.back = if is_turned { None } else { back(&piece, room) };
     Some((piece, now))
 }
@@ -216,6 +243,7 @@ fn back(piece: &Furniture, room: &PlanRoom) -> Option<u8> {
     let costs: Vec<(f64, f64)> = (0..4).map(cost).collect();
     let total = |side: &usize| costs[*side].0 + costs[*side].1;
     let best = (0..4).min_by(|a, b| total(a).total_cmp(&total(b)))?;
-    let is_at_wall = costs[best].0 < BACK_M || matches!(piece.class, Class::Bed | Class::Sofa | Class::Toilet);
+    let is_at_wall =
+        costs[best].0 < BACK_M || matches!(piece.class, Class::Bed | Class::Sofa | Class::Toilet);
     is_at_wall.then_some(best as u8)
 }

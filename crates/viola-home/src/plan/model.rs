@@ -2,8 +2,8 @@
 
 use crate::rooms::outline::{Outline, contains};
 use serde::Serialize;
-use viola_geometry::{Point2, Pose2};
 use viola_geometry::taxonomy::Class;
+use viola_geometry::{Point2, Pose2};
 
 /// A floor plan. All coordinates are in the plan's own frame: the LiDAR map's, turned about its origin so that
 /// the main direction of the walls is horizontal.
@@ -99,7 +99,8 @@ impl PlanRoom {
     /// Returns whether a point of the plan is in the room.
     pub fn contains(&self, [x, y]: [f64; 2]) -> bool {
         let point = Point2::new(x, y);
-        contains(&self.outline.ring_m, &point) && !self.outline.holes_m.iter().any(|hole| contains(hole, &point))
+        contains(&self.outline.ring_m, &point)
+            && !self.outline.holes_m.iter().any(|hole| contains(hole, &point))
     }
 }
 
@@ -125,9 +126,8 @@ impl Furniture {
     pub fn corners_m(&self) -> [[f64; 2]; 4] {
         let (sin, cos) = self.yaw_rad.sin_cos();
         let [x, y] = self.size_m.map(|side| side / 2.0);
-        [[-x, -y], [x, -y], [x, y], [-x, y]].map(|[x, y]| {
-            [self.centre_m[0] + cos * x - sin * y, self.centre_m[1] + sin * x + cos * y]
-        })
+        [[-x, -y], [x, -y], [x, y], [-x, y]]
+            .map(|[x, y]| [self.centre_m[0] + cos * x - sin * y, self.centre_m[1] + sin * x + cos * y])
     }
 }
 

@@ -82,7 +82,9 @@ pub(super) fn walls(cells: &Cells, spaces: &Spaces) -> Vec<Wall> {
     for axis in 0..2 {
         for line in 1..cells.lines[axis].len() - 1 {
             for step in 0..cells.count(1 - axis) {
-                all.extend([false, true].into_iter().filter_map(|up| stretch(cells, spaces, axis, line, step, up)));
+                all.extend(
+                    [false, true].into_iter().filter_map(|up| stretch(cells, spaces, axis, line, step, up)),
+                );
             }
         }
     }
@@ -128,7 +130,14 @@ pub(super) fn walls(cells: &Cells, spaces: &Spaces) -> Vec<Wall> {
 
 /// Returns the wall that a room's cell below (`up`) or above a line has at the line. A wall between two rooms
 /// is returned for the lower one only.
-fn stretch(cells: &Cells, spaces: &Spaces, axis: usize, line: usize, step: usize, up: bool) -> Option<Stretch> {
+fn stretch(
+    cells: &Cells,
+    spaces: &Spaces,
+    axis: usize,
+    line: usize,
+    step: usize,
+    up: bool,
+) -> Option<Stretch> {
     let room = |across: usize| {
         let mut place = [step; 2];
         place[axis] = across;
@@ -264,7 +273,8 @@ fn fill_cavities(near: &mut [bool], is_open: &[bool], count: [usize; 2]) {
         let (i, j) = (at % count[0], at / count[0]);
         i == 0 || j == 0 || i + 1 == count[0] || j + 1 == count[1]
     };
-    let mut open: Vec<usize> = (0..near.len()).filter(|at| at_edge(*at) && !near[*at] && !is_open[*at]).collect();
+    let mut open: Vec<usize> =
+        (0..near.len()).filter(|at| at_edge(*at) && !near[*at] && !is_open[*at]).collect();
     open.iter().for_each(|at| reached[*at] = true);
     while let Some(at) = open.pop() {
         for next in crate::rooms::outline::beside(at, count[0], count[1]).into_iter().flatten() {

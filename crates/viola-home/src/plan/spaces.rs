@@ -38,9 +38,9 @@ impl Spaces {
             let area_m2 = areas(cells, &pieces);
             let side = |gap: &Gap, up: bool| {
                 let beside = gap.beside(cells, up).into_iter().map(|at| pieces[at]);
-                beside.filter(|piece| *piece != 0).max_by(|a, b| {
-                    area_m2[*a as usize].total_cmp(&area_m2[*b as usize]).then(b.cmp(a))
-                })
+                beside
+                    .filter(|piece| *piece != 0)
+                    .max_by(|a, b| area_m2[*a as usize].total_cmp(&area_m2[*b as usize]).then(b.cmp(a)))
             };
             let divides = |gap: &Gap| match (side(gap, false), side(gap, true)) {
                 (Some(a), Some(b)) => {
@@ -89,7 +89,9 @@ fn pieces(cells: &Cells, closed: &[Gap]) -> Vec<u32> {
         let mut stack = vec![start];
         piece[start] = count;
         while let Some(at) = stack.pop() {
-            for next in crate::rooms::outline::beside(at, cells.count(0), cells.count(1)).into_iter().flatten() {
+            for next in
+                crate::rooms::outline::beside(at, cells.count(0), cells.count(1)).into_iter().flatten()
+            {
                 if open[next] && piece[next] == 0 {
                     piece[next] = count;
                     stack.push(next);
@@ -112,7 +114,8 @@ fn areas(cells: &Cells, pieces: &[u32]) -> Vec<f64> {
 /// Divides pieces with several given rooms, drops small ones, and numbers the rest by descending area.
 fn by_owner(cells: &Cells, pieces: &[u32], known: bool) -> (Vec<u32>, Vec<u32>) {
     // Area of each given room in each piece.
-    let mut shares: Vec<BTreeMap<u32, f64>> = vec![BTreeMap::new(); pieces.iter().max().map_or(0, |most| *most as usize) + 1];
+    let mut shares: Vec<BTreeMap<u32, f64>> =
+        vec![BTreeMap::new(); pieces.iter().max().map_or(0, |most| *most as usize) + 1];
     for (at, piece) in pieces.iter().enumerate().filter(|(_, piece)| **piece != 0) {
         for (owner, area) in cells.owners[at].iter().filter(|(owner, _)| *owner != 0) {
             *shares[*piece as usize].entry(*owner).or_default() += area;
@@ -135,9 +138,11 @@ fn by_owner(cells: &Cells, pieces: &[u32], known: bool) -> (Vec<u32>, Vec<u32>) 
             *rooms.entry(*key).or_default() += cells.area_m2(at);
         }
     }
-    let mut order: Vec<((u32, u32), f64)> = rooms.into_iter().filter(|(_, area)| *area >= MIN_AREA_M2).collect();
+    let mut order: Vec<((u32, u32), f64)> =
+        rooms.into_iter().filter(|(_, area)| *area >= MIN_AREA_M2).collect();
     order.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    let number: BTreeMap<(u32, u32), u32> = (1..).zip(&order).map(|(number, (key, _))| (*key, number)).collect();
+    let number: BTreeMap<(u32, u32), u32> =
+        (1..).zip(&order).map(|(number, (key, _))| (*key, number)).collect();
     let of_cell = key.iter().map(|key| key.and_then(|key| number.get(&key).copied()).unwrap_or(0)).collect();
     // The largest of several pieces of a given room has its name.
     let mut named = std::collections::BTreeSet::new();
@@ -151,7 +156,9 @@ fn spread(cells: &Cells, pieces: &[u32], piece: u32, parts: &[u32], key: &mut [O
     let mut open = std::collections::VecDeque::new();
     for at in &own {
         let owner = cells.owners[*at].iter().map(|(owner, _)| *owner).find(|owner| *owner != 0);
-        if let Some(owner) = owner.filter(|owner| parts.contains(owner)).or((parts.len() == 1).then(|| parts[0])) {
+        if let Some(owner) =
+            owner.filter(|owner| parts.contains(owner)).or((parts.len() == 1).then(|| parts[0]))
+        {
             key[*at] = Some((piece, owner));
             open.push_back(*at);
         }

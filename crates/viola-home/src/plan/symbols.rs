@@ -140,7 +140,9 @@ fn sofa(local: &mut Local, long_m: f64, deep_m: f64) {
 
 fn shelf(local: &mut Local, long_m: f64) {
     let parts = ((long_m / 0.5).round() as u32).clamp(1, 12);
-    (1..parts).for_each(|i| local.line([f64::from(i) / f64::from(parts), 0.0], [f64::from(i) / f64::from(parts), 1.0]));
+    (1..parts).for_each(|i| {
+        local.line([f64::from(i) / f64::from(parts), 0.0], [f64::from(i) / f64::from(parts), 1.0])
+    });
 }
 
 fn stove(local: &mut Local, side_m: f64) {

@@ -145,7 +145,8 @@ fn the_robots_rooms_divide_an_open_plan() {
     let mut lidar = flat(0.0);
     let cells = |from: f64, to: f64| {
         let columns = ((to - from) / 0.05) as usize;
-        let cell = move |i: usize, j: usize| Point2::new(from + (i as f64 + 0.5) * 0.05, 0.1 + j as f64 * 0.05);
+        let cell =
+            move |i: usize, j: usize| Point2::new(from + (i as f64 + 0.5) * 0.05, 0.1 + j as f64 * 0.05);
         (0..columns).flat_map(move |i| (0..56).map(move |j| cell(i, j))).collect()
     };
     let room = |id: &str, from: f64, to: f64| viola_formats::lidar::Room {
@@ -162,5 +163,7 @@ fn the_robots_rooms_divide_an_open_plan() {
     ids.sort_unstable();
     assert_eq!(ids, ["a", "b", "c"]);
     // No wall stands where only the robot's software divides.
-    assert!(!plan.walls.iter().any(|wall| (wall.from_m[0] - 2.0).abs() < 0.3 && wall.from_m[0] == wall.to_m[0]));
+    assert!(
+        !plan.walls.iter().any(|wall| (wall.from_m[0] - 2.0).abs() < 0.3 && wall.from_m[0] == wall.to_m[0])
+    );
 }

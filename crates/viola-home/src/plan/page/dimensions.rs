@@ -37,7 +37,10 @@ fn chain(plan: &Plan, axis: usize, low: [f64; 2], high: [f64; 2]) -> Vec<[f64; 2
                 .fold(f64::NEG_INFINITY, f64::max)
         };
         let reaches = (0..plan.rooms.len()).map(|room| (reach(room), room));
-        reaches.filter(|(reach, _)| reach.is_finite()).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, room)| room)
+        reaches
+            .filter(|(reach, _)| reach.is_finite())
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|(_, room)| room)
     };
     let count = (((high[axis] - low[axis]) / STEP_M) as usize).min(20_000);
     let mut chain: Vec<(usize, [f64; 2])> = Vec::new();
@@ -55,7 +58,11 @@ fn chain(plan: &Plan, axis: usize, low: [f64; 2], high: [f64; 2]) -> Vec<[f64; 2
         let nearest = corners.min_by(|a, b| (a - along).abs().total_cmp(&(b - along).abs())).unwrap_or(along);
         if (nearest - along).abs() < 2.0 * STEP_M { nearest } else { along }
     };
-    chain.into_iter().map(|(room, span)| span.map(|along| exact(room, along))).filter(|s| s[1] - s[0] > 0.2).collect()
+    chain
+        .into_iter()
+        .map(|(room, span)| span.map(|along| exact(room, along)))
+        .filter(|s| s[1] - s[0] > 0.2)
+        .collect()
 }
 
 /// Returns where a ring crosses a line at `along` of an axis.
@@ -81,8 +88,18 @@ fn dimension(page: &Page, axis: usize, [from, to]: [f64; 2], off_mm: f64, out: &
         let _ = writeln!(
             out,
             "<path d=\"M{x0:.2} {y:.2}H{x1:.2}M{:.2} {:.2}L{:.2} {:.2}M{:.2} {:.2}L{:.2} {:.2}M{x0:.2} {:.2}V{:.2}M{x1:.2} {:.2}V{:.2}\"/>",
-            x0 - tick, y + tick, x0 + tick, y - tick, x1 - tick, y + tick, x1 + tick, y - tick,
-            y + 1.8, y - 1.4, y + 1.8, y - 1.4
+            x0 - tick,
+            y + tick,
+            x0 + tick,
+            y - tick,
+            x1 - tick,
+            y + tick,
+            x1 + tick,
+            y - tick,
+            y + 1.8,
+            y - 1.4,
+            y + 1.8,
+            y - 1.4
         );
         if fits {
             text(out, (x0 + x1) / 2.0, y - 1.0, None, &words);
@@ -93,8 +110,18 @@ fn dimension(page: &Page, axis: usize, [from, to]: [f64; 2], off_mm: f64, out: &
         let _ = writeln!(
             out,
             "<path d=\"M{x:.2} {y0:.2}V{y1:.2}M{:.2} {:.2}L{:.2} {:.2}M{:.2} {:.2}L{:.2} {:.2}M{:.2} {y0:.2}H{:.2}M{:.2} {y1:.2}H{:.2}\"/>",
-            x - tick, y0 + tick, x + tick, y0 - tick, x - tick, y1 + tick, x + tick, y1 - tick,
-            x + 1.8, x - 1.4, x + 1.8, x - 1.4
+            x - tick,
+            y0 + tick,
+            x + tick,
+            y0 - tick,
+            x - tick,
+            y1 + tick,
+            x + tick,
+            y1 - tick,
+            x + 1.8,
+            x - 1.4,
+            x + 1.8,
+            x - 1.4
         );
         if fits {
             text(out, x - 1.0, (y0 + y1) / 2.0, Some(-90.0), &words);

@@ -21,8 +21,8 @@ struct Line {
 }
 
 pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
-    for (number, room) in (1..).zip(&plan.rooms) {
-        let (lines, at_m) = placed(room, number, plan, page);
+    for room in &plan.rooms {
+        let (lines, at_m) = placed(room, plan, page);
         let [x, mut y] = page.place(at_m);
         y -= height_mm(&lines) / 2.0;
         for line in &lines {
@@ -42,25 +42,25 @@ pub(super) fn draw(plan: &Plan, page: &Page, out: &mut String) {
     }
 }
 
-fn name(room: &PlanRoom, number: usize) -> String {
+fn name(room: &PlanRoom) -> String {
     let given = room.name.as_deref().map(|name| {
         name.chars().filter(|c| !c.is_control()).take(LONGEST).collect::<String>().trim().to_owned()
     });
-    let unnamed = || format!("Room {}", room.id.clone().unwrap_or_else(|| number.to_string()));
+    let unnamed = || room.id.as_ref().map_or_else(|| "Room".to_owned(), |id| format!("Room {id}"));
     given.filter(|name| !name.is_empty()).unwrap_or_else(unnamed)
 }
 
-fn lines(room: &PlanRoom, number: usize, shrink: f64) -> Vec<Line> {
+fn lines(room: &PlanRoom, shrink: f64) -> Vec<Line> {
     let size = |axis: usize| {
         let along = room.outline.ring_m.iter().map(|corner| corner[axis]);
-        let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), c| (low.min(c), high.max(c)));
+        let (low, high) =
+            along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), c| (low.min(c), high.max(c)));
         high - low
     };
-    let line = |words: String, part: f64, is_name: bool| Line { words, size_mm: NAME_MM * shrink * part, is_name };
-    let mut lines = vec![
-        line(name(room, number), 1.0, true),
-        line(format!("{:.1} m\u{b2}", room.area_m2), 0.8, false),
-    ];
+    let line =
+        |words: String, part: f64, is_name: bool| Line { words, size_mm: NAME_MM * shrink * part, is_name };
+    let mut lines =
+        vec![line(name(room), 1.0, true), line(format!("{:.1} m\u{b2}", room.area_m2), 0.8, false)];
     // Width and depth say something of rectangles only.
     if room.area_m2 > 0.9 * size(0) * size(1) {
         lines.push(line(format!("{} \u{d7} {} m", metres(size(0)), metres(size(1))), 0.65, false));
@@ -73,10 +73,10 @@ fn height_mm(lines: &[Line]) -> f64 {
 }
 
 /// Returns the lines of a room and their middle: the largest letters that fit, where they cover least.
-fn placed(room: &PlanRoom, number: usize, plan: &Plan, page: &Page) -> (Vec<Line>, [f64; 2]) {
-    let mut last = (lines(room, number, SHRINK[SHRINK.len() - 1]), room.label_at_m);
+fn placed(room: &PlanRoom, plan: &Plan, page: &Page) -> (Vec<Line>, [f64; 2]) {
+    let mut last = (lines(room, SHRINK[SHRINK.len() - 1]), room.label_at_m);
     for shrink in SHRINK {
-        let mut lines = lines(room, number, shrink);
+        let mut lines = lines(room, shrink);
         while !lines.is_empty() {
             let half_m = [
                 lines.iter().map(|line| text_width_mm(&line.words, line.size_mm)).fold(0.0, f64::max) / 2.0,
@@ -93,7 +93,7 @@ fn placed(room: &PlanRoom, number: usize, plan: &Plan, page: &Page) -> (Vec<Line
             last = (vec![], room.label_at_m);
         }
         if last.0.is_empty() {
-            last.0 = self::lines(room, number, shrink);
+            last.0 = self::lines(room, shrink);
             last.0.truncate(1);
         }
     }
@@ -133,7 +133,8 @@ fn best_place(room: &PlanRoom, half_m: [f64; 2], plan: &Plan) -> Option<[f64; 2]
     let mut best: Option<(f64, [f64; 2])> = None;
     for i in 0..PLACES * PLACES {
         let at = [i % PLACES, i / PLACES];
-        let p = [0, 1].map(|axis| low[axis] + (at[axis] as f64 + 0.5) / PLACES as f64 * (high[axis] - low[axis]));
+        let p =
+            [0, 1].map(|axis| low[axis] + (at[axis] as f64 + 0.5) / PLACES as f64 * (high[axis] - low[axis]));
         if !is_inside(p) {
             continue;
         }

@@ -138,7 +138,10 @@ fn trace(path: &Path, out: &mut String) {
             PathSegment::LineTo(p) => writeln!(out, "{:.3} {:.3} l", p.x, p.y),
             PathSegment::QuadTo(control, end) => {
                 // PDF has cubic curves only.
-                let a = [last[0] + 2.0 / 3.0 * (control.x - last[0]), last[1] + 2.0 / 3.0 * (control.y - last[1])];
+                let a = [
+                    last[0] + 2.0 / 3.0 * (control.x - last[0]),
+                    last[1] + 2.0 / 3.0 * (control.y - last[1]),
+                ];
                 let b = [end.x + 2.0 / 3.0 * (control.x - end.x), end.y + 2.0 / 3.0 * (control.y - end.y)];
                 writeln!(out, "{:.3} {:.3} {:.3} {:.3} {:.3} {:.3} c", a[0], a[1], b[0], b[1], end.x, end.y)
             }

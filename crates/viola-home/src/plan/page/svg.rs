@@ -1,6 +1,8 @@
 //! A plan as SVG and as PNG: a page in millimetres.
 
-use super::{INK, LINE_MM, Page, QUIET, ROOMS, THIN_MM, WALL, dimensions, furniture, labels, openings, title};
+use super::{
+    INK, LINE_MM, Page, QUIET, ROOMS, THIN_MM, WALL, dimensions, furniture, labels, openings, title,
+};
 use crate::plan::model::Plan;
 use crate::svg::{FONT_FAMILY, escape, render};
 use std::fmt::Write;
@@ -28,7 +30,11 @@ pub fn plan_svg(plan: &Plan) -> String {
         let mut path = page.ring(&room.outline.ring_m);
         room.outline.holes_m.iter().for_each(|hole| path += &page.ring(hole));
         let name = escape(room.name.as_deref().or(room.id.as_deref()).unwrap_or("Room"));
-        let _ = writeln!(out, "<path d=\"{path}\" fill=\"{}\"><title>{name}</title></path>", ROOMS[place % ROOMS.len()]);
+        let _ = writeln!(
+            out,
+            "<path d=\"{path}\" fill=\"{}\"><title>{name}</title></path>",
+            ROOMS[place % ROOMS.len()]
+        );
     }
     let _ = writeln!(out, "</g>\n<g id=\"furniture\" stroke-width=\"{LINE_MM}\" stroke-linejoin=\"round\">");
     furniture::draw(plan, &page, &mut out);
@@ -41,11 +47,15 @@ pub fn plan_svg(plan: &Plan) -> String {
         outline.holes_m.iter().for_each(|hole| path += &page.ring(hole));
         let _ = writeln!(out, "<path d=\"{path}\"/>");
     }
-    let _ = writeln!(out, "</g>\n<g id=\"openings\" stroke=\"{INK}\" stroke-width=\"{LINE_MM}\" fill=\"none\">");
+    let _ =
+        writeln!(out, "</g>\n<g id=\"openings\" stroke=\"{INK}\" stroke-width=\"{LINE_MM}\" fill=\"none\">");
     openings::draw(plan, &page, &mut out);
     let _ = writeln!(out, "</g>\n<g id=\"labels\">");
     labels::draw(plan, &page, &mut out);
-    let _ = writeln!(out, "</g>\n<g id=\"dimensions\" stroke=\"{QUIET}\" stroke-width=\"{THIN_MM}\" fill=\"none\">");
+    let _ = writeln!(
+        out,
+        "</g>\n<g id=\"dimensions\" stroke=\"{QUIET}\" stroke-width=\"{THIN_MM}\" fill=\"none\">"
+    );
     dimensions::draw(plan, &page, &mut out);
     let _ = writeln!(out, "</g>\n<g id=\"title\">");
     title::draw(plan, &page, &mut out);

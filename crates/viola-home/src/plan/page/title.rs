@@ -63,9 +63,8 @@ fn axes(plan: &Plan, [x, y]: [f64; 2], out: &mut String) {
     for (words, angle) in [("x", turn), ("y", turn + std::f64::consts::FRAC_PI_2)] {
         let along = [angle.cos(), -angle.sin()];
         let tip = [x + LENGTH_MM * along[0], y + LENGTH_MM * along[1]];
-        let side = |by: f64| {
-            [tip[0] - 1.8 * along[0] - by * along[1], tip[1] - 1.8 * along[1] + by * along[0]]
-        };
+        let side =
+            |by: f64| [tip[0] - 1.8 * along[0] - by * along[1], tip[1] - 1.8 * along[1] + by * along[0]];
         let (a, b) = (side(0.7), side(-0.7));
         let _ = writeln!(
             out,
@@ -73,7 +72,15 @@ fn axes(plan: &Plan, [x, y]: [f64; 2], out: &mut String) {
              <path d=\"M{:.2} {:.2}L{:.2} {:.2}L{:.2} {:.2}Z\" fill=\"{INK}\"/>",
             tip[0], tip[1], tip[0], tip[1], a[0], a[1], b[0], b[1]
         );
-        text(out, [tip[0] + 1.8 * along[0], tip[1] + 1.8 * along[1] + 0.8], 2.4, QUIET, "middle", false, words);
+        text(
+            out,
+            [tip[0] + 1.8 * along[0], tip[1] + 1.8 * along[1] + 0.8],
+            2.4,
+            QUIET,
+            "middle",
+            false,
+            words,
+        );
     }
     let width = text_width_mm(caption, 2.2);
     text(out, [x - width / 2.0 - 2.0, y + 1.0], 2.2, QUIET, "middle", false, caption);

@@ -111,9 +111,9 @@ fn score_faces(truth: &TruePlan, sides: &[Side], score: &mut PlanScore) {
             let p = side.ends[0] + side.direction() * ((i as f64 + 0.5) * STEP_M).min(side.length_m());
             let mut all = truth.rooms.iter().flat_map(|room| &room.faces);
             score.drawn_faces += 1;
-            score.right_faces += usize::from(
-                all.any(|face| side.is_along(&axis(face.axis)) && (face.at - p).norm() <= NEAR_M + STEP_M / 2.0),
-            );
+            score.right_faces += usize::from(all.any(|face| {
+                side.is_along(&axis(face.axis)) && (face.at - p).norm() <= NEAR_M + STEP_M / 2.0
+            }));
         }
     }
     for [a, b] in truth.rooms.iter().flat_map(|room| &room.sides) {
@@ -169,7 +169,8 @@ fn score_rooms(truth: &TruePlan, plan: &Plan, home_from_plan: &Pose2, score: &mu
         let drawn = plan.rooms.iter().find(|room| holds(room, &centre));
         score.area_errors.push(drawn.map_or(1.0, |room| (room.area_m2 / shape.area_m2 - 1.0).abs()));
     }
-    score.broken_rooms += plan.rooms.iter().filter(|room| room.outline.ring_m.len() < 4 || room.area_m2 <= 0.0).count();
+    score.broken_rooms +=
+        plan.rooms.iter().filter(|room| room.outline.ring_m.len() < 4 || room.area_m2 <= 0.0).count();
     let (low, high) = plan.bounds_m();
     let count = |axis: usize| ((high[axis] - low[axis]) / RASTER_M) as usize;
     for (i, j) in (0..count(0)).flat_map(|i| (0..count(1)).map(move |j| (i, j))) {
@@ -189,7 +190,8 @@ impl PlanScore {
     }
 
     pub fn markdown(&self) -> String {
-        let percent = |part: usize, of: usize| format!("{:.1} % of {of}", 100.0 * part as f64 / of.max(1) as f64);
+        let percent =
+            |part: usize, of: usize| format!("{:.1} % of {of}", 100.0 * part as f64 / of.max(1) as f64);
         let median = |values: &[f64]| {
             let mut values = values.to_vec();
             values.sort_by(f64::total_cmp);

@@ -1,9 +1,9 @@
 //! Simulated homes as fused maps with noisy labels, without simulated clips: tests rooms and objects against
 //! exact truth.
 
+use super::floor_plan::{PlanScore, TruePlan, score_plan};
 use super::matching::{Matches, Thing, matches};
 use super::{MIN_EXTENT_M, along_axes};
-use super::floor_plan::{PlanScore, TruePlan, score_plan};
 use crate::simulate::{Home, HomeParams, Set, valetudo_json};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -44,9 +44,9 @@ impl Plan {
         };
         let blocks: Vec<Rect> = self.features.iter().filter(is_wall).map(bounds).collect();
         let wide = |p: &Point2| {
-            self.openings.iter().any(|opening| {
-                opening.kind == OpeningKind::Wide && opening.zone(0.3).contains(p)
-            })
+            self.openings
+                .iter()
+                .any(|opening| opening.kind == OpeningKind::Wide && opening.zone(0.3).contains(p))
         };
         let is_in = |block: &Rect, p: &Point2| block.shrunk(-0.01).contains(p);
         let mut faces: Vec<FacePoint> = edge_points(&inner);
