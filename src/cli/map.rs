@@ -52,7 +52,8 @@ pub struct MapArguments {
     #[arg(long, required = true, value_name = "[LEVEL=]FILE", value_parser = levels::parser())]
     lidar: Vec<LevelArgument>,
     /// Output folder: map.json, objects.json, rooms.json, points.ply, and the plan as plan.svg, .png, .pdf, .dxf,
-    /// .geojson and .json. The points and the plan of another level than `main` are in a folder of its name.
+    /// .geojson and .json; the surface as mesh.glb, .usdz and .obj. The points, the plan and the surface of another level
+    /// than `main` are in a folder of its name.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]

@@ -26,8 +26,7 @@ mod svg;
 pub use assemble::{
     Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, Level, LoadClips, LookedThrough, Manifest,
     Marginal, Member, Mode, Overlap, POINT_BYTES, Pair, PlacedBy, PlacedClip, SURE, Tie, Tile, TileBytes,
-    TileInfo, TileKey,
-    Verdict, assemble, compare, disagreement, likeliest, point_bytes, read_point,
+    TileInfo, TileKey, Verdict, assemble, compare, disagreement, likeliest, point_bytes, read_point,
 };
 pub use completion::{completion_png, completion_pngs};
 pub use contact_sheet::contact_sheet_png;
@@ -46,7 +45,7 @@ pub use identity::{
 pub use info::{ClassCount, HomeMapInfo};
 pub use lettering::write as write_words;
 pub use map_point::MapPoint;
-pub use mesh::{MESH_TRIANGLES, Mesh};
+pub use mesh::{MESH_TRIANGLES, Mesh, MeshObject};
 pub use objects::{
     Found, Object, ObjectsParams, Sample, UprightBox, find_objects, fit_box, is_furniture, objects,
 };

@@ -14,10 +14,11 @@ mod usdz;
 mod vertices;
 
 use crate::assemble::Tile;
-use crate::objects::Object;
 use crate::{MAP_VOXEL_M, MapPoint};
 use field::Field;
 use parts::Part;
+
+pub use parts::MeshObject;
 use viola_geometry::taxonomy::Class;
 use viola_reconstruct::CloudPoint;
 
@@ -84,7 +85,7 @@ pub struct Mesh {
 
 impl Mesh {
     /// Makes the mesh of a home's tiles with at most `triangles`; each of `objects` becomes a part with its id.
-    pub fn new(tiles: &[Tile], objects: &[Object], triangles: usize) -> Mesh {
+    pub fn new(tiles: &[Tile], objects: &[MeshObject], triangles: usize) -> Mesh {
         let points: Vec<&CloudPoint> =
             tiles.iter().flat_map(|tile| &tile.points).map(|MapPoint { point, .. }| point).collect();
         let surface: Vec<SurfacePoint> = points

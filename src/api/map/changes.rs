@@ -147,8 +147,9 @@ fn add_changes(
         let reason = if is_known { LostReason::NotFound } else { LostReason::ClipsRemoved };
         LostObject { reason, object: MapObject::from(object.clone()) }
     };
-    let each =
-        |indices: &[usize], of: &[storage::MapObject]| indices.iter().map(|i| object(&of[*i])).collect::<Vec<_>>();
+    let each = |indices: &[usize], of: &[storage::MapObject]| {
+        indices.iter().map(|i| object(&of[*i])).collect::<Vec<_>>()
+    };
     let is_hidden = |index: &&usize| history.hidden.contains(&before[**index].id);
     let hidden = found.lost.iter().chain(&found.gone).filter(is_hidden);
     let hidden = hidden.map(|index| gone(before[*index], GoneReason::Hidden));

@@ -13,7 +13,10 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 use viola_align::LevelMap;
 use viola_geometry::LevelName;
-use viola_home::{Assembly, ClipNumbers, HomeMapInfo, Manifest, Ply, Tile, TileKey, point_bytes};
+use viola_home::{
+    Assembly, ClipNumbers, HomeMapInfo, MESH_TRIANGLES, Manifest, Mesh, MeshObject, Ply, Tile, TileKey,
+    point_bytes,
+};
 
 /// Revision in `rooms.json` and `objects.json`: each run makes a first one.
 const REVISION: i64 = 1;
@@ -78,7 +81,10 @@ impl HomeFiles {
             fs::create_dir_all(&folder)
                 .with_context(|| format!("cannot make the folder {}", folder.display()))?;
             self.write_points(level, &folder.join("points.ply"))?;
-            for (name, bytes) in &level.plan {
+            let mesh = self.mesh(level);
+            let surface =
+                [("mesh.glb", mesh.glb()), ("mesh.usdz", mesh.usdz()), ("mesh.obj", mesh.obj().into_bytes())];
+            for (name, bytes) in level.plan.iter().chain(&surface) {
                 let path = folder.join(name);
                 fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
             }
@@ -86,6 +92,15 @@ impl HomeFiles {
         write_json(&out.join("rooms.json"), &rooms_document(REVISION, self.rooms.clone()))?;
         write_json(&out.join("objects.json"), &objects_document(REVISION, self.objects.clone()))?;
         write_json(&out.join("map.json"), &self.document)
+    }
+
+    /// Returns the surface of a level; each of its objects is a part.
+    fn mesh(&self, level: &LevelFiles) -> Mesh {
+        let objects = self.objects.iter().filter(|object| object.level == level.level);
+        let parts: Vec<MeshObject> = objects
+            .map(|object| MeshObject { id: &object.id, class: object.class, bounds: object.bounds() })
+            .collect();
+        Mesh::new(&level.tiles, &parts, MESH_TRIANGLES)
     }
 
     /// Writes the points of a level as the API sends them.

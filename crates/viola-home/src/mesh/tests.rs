@@ -1,6 +1,6 @@
-use super::{Mesh, Vertex, simplify::simplify};
+use super::{Mesh, MeshObject, Vertex, simplify::simplify};
 use crate::assemble::Tile;
-use crate::objects::Object;
+use crate::objects::UprightBox;
 use crate::{MAP_VOXEL_M, MapPoint};
 use std::collections::BTreeMap;
 use viola_geometry::taxonomy::Class;
@@ -158,18 +158,8 @@ fn a_budget_is_kept_and_any_order_of_threads_gives_the_same_mesh() {
 fn objects_are_parts_by_their_ids() {
     let mut points = plane(0.0, 1.0, 0.0, Class::Floor);
     points.extend(sphere([0.4, 0.4, 0.5], 0.25));
-    let chair = Object {
-        id: "chair-1".to_owned(),
-        class: Class::Chair,
-        confidence: 0.9,
-        centre_m: [0.4, 0.4, 0.5],
-        size_m: [0.5; 3],
-        yaw_rad: 0.7,
-        room: None,
-        points: 1,
-        clips: vec![],
-        samples: vec![],
-    };
+    let bounds = UprightBox { centre_m: [0.4, 0.4, 0.5], size_m: [0.5; 3], yaw_rad: 0.7 };
+    let chair = MeshObject { id: "chair-1", class: Class::Chair, bounds };
     let mesh = Mesh::new(&[tile(points)], &[chair], usize::MAX);
     let names: Vec<&str> = mesh.parts.iter().map(|part| part.name.as_str()).collect();
     assert_eq!(names, ["floor", "chair-1"]);
@@ -187,7 +177,10 @@ fn objects_are_parts_by_their_ids() {
     let usdz = mesh.usdz();
     let mut archive = zip::ZipArchive::new(std::io::Cursor::new(usdz)).unwrap();
     let file = archive.by_index(0).unwrap();
-    assert_eq!((file.name().unwrap().as_ref(), file.compression()), ("home.usda", zip::CompressionMethod::Stored));
+    assert_eq!(
+        (file.name().unwrap().as_ref(), file.compression()),
+        ("home.usda", zip::CompressionMethod::Stored)
+    );
     assert_eq!(file.data_start().unwrap() % 64, 0);
 }
 

@@ -46,10 +46,10 @@ impl Branch {
         }
         // Another likely pose of one of the clips is consistent with the tie: its rooms look alike.
         let likely = |mode: &&Mode| mode.probability >= ALIKE;
-        let of_a = at_a.probability >= ALIKE
-            && a.modes.iter().filter(likely).any(|mode| self.joins(mode, at_b));
-        let of_b = at_b.probability >= ALIKE
-            && b.modes.iter().filter(likely).any(|mode| self.joins(at_a, mode));
+        let of_a =
+            at_a.probability >= ALIKE && a.modes.iter().filter(likely).any(|mode| self.joins(mode, at_b));
+        let of_b =
+            at_b.probability >= ALIKE && b.modes.iter().filter(likely).any(|mode| self.joins(at_a, mode));
         if of_a || of_b { self.log_odds - self.against_alike } else { 0.0 }
     }
 }

@@ -23,8 +23,8 @@ use viola_geometry::LevelName;
 use viola_geometry::progress::Progress;
 use viola_home as home;
 use viola_home::{
-    ClipNumbers, History, LookedThrough, Manifest, MapPoint, Member, MovedObject, Object,
-    ObjectsParams, RevisionObjects, Stated, Tile, TileKey, Verdict, assemble, object_changes,
+    ClipNumbers, History, LookedThrough, Manifest, MapPoint, Member, MovedObject, Object, ObjectsParams,
+    RevisionObjects, Stated, Tile, TileKey, Verdict, assemble, object_changes,
 };
 
 pub use table::ChangesRow;
