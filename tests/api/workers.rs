@@ -196,7 +196,9 @@ async fn an_early_pose_is_shown_while_the_job_runs() {
     .await;
     // It is no answer: the clip is still being aligned.
     assert_eq!((&clip["state"], &clip["alignment"]), (&"aligning".into(), &Value::Null));
-    let pose = json!({ "map_from_clip": { "x_m": 1.5, "y_m": -2.0, "yaw_rad": 0.25 }, "probability": 0.95 });
+    let pose = json!({
+        "level": "main", "map_from_clip": { "x_m": 1.5, "y_m": -2.0, "yaw_rad": 0.25 }, "probability": 0.95,
+    });
     assert_eq!(clip["job"]["early_pose"], pose);
     LET_GO.store(true, Ordering::SeqCst);
     let clip = server.settled(&path).await;
