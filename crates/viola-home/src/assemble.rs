@@ -29,7 +29,7 @@ pub use load::LoadClips;
 pub use members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
 pub use overlap::{Overlap, disagreement};
 pub use poses::SURE;
-pub use ties::Tie;
+pub use ties::{Motion, Surfaces, Tie};
 pub use tile::{CLIP_AT, POINT_BYTES, Tile, TileBytes, TileInfo, TileKey, point_bytes, read_point};
 
 pub(super) use voxels::Voxels;

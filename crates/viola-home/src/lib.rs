@@ -24,8 +24,8 @@ mod svg;
 
 pub use assemble::{
     Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, Level, LoadClips, Manifest, Marginal,
-    Member, Overlap, POINT_BYTES, Pair, PlacedBy, PlacedClip, SURE, Tie, Tile, TileBytes, TileInfo, TileKey,
-    Verdict, assemble, compare, disagreement, likeliest, point_bytes, read_point,
+    Member, Motion, Overlap, POINT_BYTES, Pair, PlacedBy, PlacedClip, SURE, Surfaces, Tie, Tile, TileBytes,
+    TileInfo, TileKey, Verdict, assemble, compare, disagreement, likeliest, point_bytes, read_point,
 };
 pub use completion::{completion_png, completion_pngs};
 pub use contact_sheet::contact_sheet_png;
