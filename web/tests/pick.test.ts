@@ -9,7 +9,7 @@ import type { Thing } from "../src/types.ts";
 
 const thing = (id: string, centre_m: Point3, size_m: Point3, yaw_rad = 0): Thing => ({
   id, class: "table", name: null, confidence: 0.9, centre_m, size_m, yaw_rad, points: 10, clips: [], corrected: [],
-  room: null, last_seen: null,
+  room: null, last_seen: null, level: "main",
 });
 const towards = (origin: Point3, target: Point3): Ray => {
   const way = target.map((value, axis) => value - (origin[axis] ?? 0));

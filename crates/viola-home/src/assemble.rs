@@ -31,7 +31,7 @@ pub use looked::LookedThrough;
 pub use members::{Extent, Member, Mode, PlacedBy, PlacedClip, Verdict};
 pub use overlap::{Overlap, disagreement};
 pub use poses::SURE;
-pub use ties::Tie;
+pub use ties::{Motion, Surfaces, Tie};
 pub use tile::{CLIP_AT, POINT_BYTES, Tile, TileBytes, TileInfo, TileKey, point_bytes, read_point};
 
 pub(super) use voxels::Voxels;

@@ -14,32 +14,42 @@ use super::cache::{Cache, Loaded};
 use super::candidates::{Candidate, KnownClip};
 use super::level::{Level, apart, in_space};
 use super::overlap::{Overlap, overlap};
-use motion::Motion;
+pub use motion::Motion;
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 use serde::{Deserialize, Serialize};
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
 use viola_geometry::{Pose2, Pose3};
 use viola_reconstruct::Feature;
 
 /// Clips that are loaded at a time, to bound the memory.
 const AT_A_TIME: usize = 8;
+/// Ties of a clip whose surfaces are compared: those of the most places. The other clip may have more.
+const MAX_COMPARED: usize = 6;
 
 /// Relative pose of two clips, named by their contributions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tie {
     pub a: String,
     pub b: String,
+    pub motion: Motion,
+    /// None if both clips have ties of more places.
+    pub surfaces: Option<Surfaces>,
+}
+
+/// The surfaces of two clips near a motion.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Surfaces {
+    /// The pose after registration, if they overlap; else that of the motion.
     pub b_from_a: Pose2,
-    /// Height of `a`'s floor above that of `b`.
-    pub rise_m: f64,
-    /// Places that both clips show, and their RMS distance from their middle.
-    pub places: usize,
-    pub spread_m: f64,
-    /// Agreement of the surfaces at this pose.
-    pub surfaces: Agreement,
-    /// Registration of the surfaces; none if they do not overlap.
+    pub agreement: Agreement,
+    /// None if they do not overlap.
     pub overlap: Option<Overlap>,
 }
+
+/// Ties by the indices of their candidates.
+type Found = BTreeMap<(usize, usize), Tie>;
 
 /// Returns the ties between all clips, in canonical order. Two clips of the last merge keep what they had then.
 pub(super) fn ties<E>(
@@ -47,39 +57,85 @@ pub(super) fn ties<E>(
     candidates: &[Candidate],
     cache: &mut Cache<E>,
 ) -> Result<Vec<Tie>, E> {
-    let old: FxHashMap<&str, ()> = known.iter().map(|known| (&*known.share, ())).collect();
-    let is_old = |clip: usize| old.contains_key(&*candidates[clip].member.share);
     let place: FxHashMap<&str, usize> =
         candidates.iter().enumerate().map(|(i, candidate)| (&*candidate.member.share, i)).collect();
     let kept = |tie: &Tie| Some(((*place.get(&*tie.a)?, *place.get(&*tie.b)?), tie.clone()));
-    let mut found: Vec<((usize, usize), Tie)> = before.iter().filter_map(kept).collect();
-    if (0..candidates.len()).all(is_old) {
-        return Ok(found.into_iter().map(|(_, tie)| tie).collect());
+    let mut found: Found = before.iter().filter_map(kept).collect();
+    find(known, candidates, cache, &mut found)?;
+    let compared = most_places(candidates.len(), &found);
+    for (pair, tie) in &mut found {
+        tie.surfaces = tie.surfaces.take().filter(|_| compared.contains(pair));
+    }
+    // By the later clip: it is loaded once, and the others a few at a time.
+    let mut fresh: Vec<(usize, usize)> = found
+        .iter()
+        .filter(|(pair, tie)| tie.surfaces.is_none() && compared.contains(pair))
+        .map(|(pair, _)| *pair)
+        .collect();
+    fresh.sort_unstable_by_key(|(a, b)| (*b, *a));
+    for of_one in fresh.chunk_by(|x, y| x.1 == y.1) {
+        for part in of_one.chunks(AT_A_TIME) {
+            let b = cache.get(candidates[part[0].1].member)?;
+            let loaded: Vec<_> =
+                part.iter().map(|(a, _)| cache.get(candidates[*a].member)).collect::<Result<_, E>>()?;
+            let surfaces: Vec<Option<Surfaces>> = part
+                .par_iter()
+                .zip(loaded)
+                .map(|(pair, a)| found.get(pair).map(|tie| Surfaces::of(&tie.motion, &a, &b)))
+                .collect();
+            for (pair, surfaces) in part.iter().zip(surfaces) {
+                if let Some(tie) = found.get_mut(pair) {
+                    tie.surfaces = surfaces;
+                }
+            }
+        }
+    }
+    Ok(found.into_values().collect())
+}
+
+/// Adds the ties of clips that the last merge did not know.
+fn find<E>(
+    known: &[KnownClip],
+    candidates: &[Candidate],
+    cache: &mut Cache<E>,
+    found: &mut Found,
+) -> Result<(), E> {
+    let known: FxHashSet<&str> = known.iter().map(|known| &*known.share).collect();
+    let is_new: Vec<bool> =
+        candidates.iter().map(|candidate| !known.contains(&*candidate.member.share)).collect();
+    if !is_new.contains(&true) {
+        return Ok(());
     }
     let features: Vec<Vec<Feature>> =
         candidates.iter().map(|candidate| cache.features(candidate.member)).collect::<Result<_, E>>()?;
     let pairs: Vec<(usize, usize)> = (0..candidates.len())
         .flat_map(|b| (0..b).map(move |a| (a, b)))
-        .filter(|(a, b)| !(is_old(*a) && is_old(*b)))
+        .filter(|(a, b)| is_new[*a] || is_new[*b])
         .collect();
-    let moved: Vec<(usize, usize, Motion)> = pairs
-        .par_iter()
-        .filter_map(|&(a, b)| Some((a, b, motion::motion(&features[a], &features[b])?)))
-        .collect();
-    for of_one in moved.chunk_by(|x, y| x.1 == y.1) {
-        for part in of_one.chunks(AT_A_TIME) {
-            let b = cache.get(candidates[part[0].1].member)?;
-            let loaded: Vec<_> =
-                part.iter().map(|(a, ..)| cache.get(candidates[*a].member)).collect::<Result<_, E>>()?;
-            let tied = part.par_iter().zip(loaded).map(|((first, second, motion), a)| {
-                let names = [*first, *second].map(|clip| candidates[clip].member.share.clone());
-                ((*first, *second), Tie::of(names, motion, &a, &b))
-            });
-            found.extend(tied.collect::<Vec<_>>());
+    let tie = |&(a, b): &(usize, usize)| {
+        let motion = motion::motion(&features[a], &features[b])?;
+        let name = |clip: usize| candidates[clip].member.share.clone();
+        Some(((a, b), Tie { a: name(a), b: name(b), motion, surfaces: None }))
+    };
+    found.extend(pairs.par_iter().filter_map(tie).collect::<Vec<_>>());
+    Ok(())
+}
+
+/// Returns the ties that are among those of the most places of one of their clips.
+fn most_places(clips: usize, found: &Found) -> FxHashSet<(usize, usize)> {
+    let mut order: Vec<(usize, (usize, usize))> =
+        found.iter().map(|(pair, tie)| (tie.motion.places, *pair)).collect();
+    order.sort_unstable_by_key(|(places, pair)| (Reverse(*places), *pair));
+    let mut counts = vec![0; clips];
+    let mut compared = FxHashSet::default();
+    for (_, (a, b)) in order {
+        if counts[a] < MAX_COMPARED || counts[b] < MAX_COMPARED {
+            compared.insert((a, b));
         }
+        counts[a] += 1;
+        counts[b] += 1;
     }
-    found.sort_by_key(|(pair, _)| *pair);
-    Ok(found.into_iter().map(|(_, tie)| tie).collect())
+    compared
 }
 
 /// Logarithm of the odds that a tie is right, by the logarithm of its places and by the log-likelihood ratio of the
@@ -93,37 +149,36 @@ const MAX_SURFACES: f64 = 3.0;
 const MAX_LOG_ODDS: f64 = 6.0;
 
 impl Tie {
-    /// Returns the logarithm of the odds that the tie is right.
-    fn log_odds(&self) -> f64 {
-        let surfaces = self.surfaces.log_likelihood_ratio().clamp(-MAX_SURFACES, MAX_SURFACES);
-        let log_odds = CONSTANT + OF_PLACES * (self.places as f64).ln() + OF_SURFACES * surfaces;
-        log_odds.min(MAX_LOG_ODDS)
+    /// Returns the relative pose.
+    pub fn b_from_a(&self) -> Pose2 {
+        self.surfaces.as_ref().map_or(self.motion.b_from_a, |surfaces| surfaces.b_from_a)
+    }
+
+    /// Returns the logarithm of the odds that the tie is right; none without a comparison of the surfaces.
+    fn log_odds(&self) -> Option<f64> {
+        let surfaces = self.surfaces.as_ref()?.agreement.log_likelihood_ratio();
+        let surfaces = OF_SURFACES * surfaces.clamp(-MAX_SURFACES, MAX_SURFACES);
+        let log_odds = CONSTANT + OF_PLACES * (self.motion.places as f64).ln() + surfaces;
+        Some(log_odds.min(MAX_LOG_ODDS))
     }
 
     /// Returns the registration of the surfaces, if the tie is likely and consistent with these poses.
     pub fn overlap_at(&self, map_from_a: &Pose2, map_from_b: &Pose2) -> Option<Overlap> {
-        let joins = forest::is_near(&map_from_a.compose(&self.b_from_a.inverse()), map_from_b);
-        self.overlap.clone().filter(|_| joins && self.log_odds() > 0.0)
+        let joins = forest::is_near(&map_from_a.compose(&self.b_from_a().inverse()), map_from_b);
+        let is_likely = joins && self.log_odds()? > 0.0;
+        self.surfaces.as_ref()?.overlap.clone().filter(|_| is_likely)
     }
+}
 
+impl Surfaces {
     /// Registers two clips near a motion, and compares their surfaces there.
-    fn of([name_a, name_b]: [String; 2], motion: &Motion, a: &Loaded, b: &Loaded) -> Tie {
+    fn of(motion: &Motion, a: &Loaded, b: &Loaded) -> Surfaces {
         let start = in_space(&motion.b_from_a, &Level { z_m: motion.rise_m, tilt_rad: [0.0; 2] });
         let overlap = overlap(a.surface(), b.surface(), &start);
         let pose = overlap.as_ref().map_or(start, |overlap| overlap.b_from_a);
         let sides = [(a, pose), (b, Pose3::identity())]
             .map(|(clip, pose)| Side::new(clip.surface(), &clip.share.views, pose));
-        let (b_from_a, level) = apart(&pose);
-        Tie {
-            a: name_a,
-            b: name_b,
-            b_from_a,
-            rise_m: level.z_m,
-            places: motion.places,
-            spread_m: motion.spread_m,
-            surfaces: Agreement::of(&sides[0], &sides[1]),
-            overlap,
-        }
+        Surfaces { b_from_a: apart(&pose).0, agreement: Agreement::of(&sides[0], &sides[1]), overlap }
     }
 }
 

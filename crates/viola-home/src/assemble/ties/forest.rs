@@ -60,11 +60,11 @@ pub(super) fn is_near(a: &Pose2, b: &Pose2) -> bool {
 
 /// Odds that a tie of many places is right before a home's own clips tell: weights of the right and of the wrong
 /// ones.
-const RIGHT_BEFORE: f64 = 4.0;
-const WRONG_BEFORE: f64 = 0.2;
+const RIGHT_BEFORE: f64 = 2.0;
+const WRONG_BEFORE: f64 = 0.5;
 /// The same for rooms that look alike on the map.
 const ALIKE_RIGHT_BEFORE: f64 = 1.0;
-const ALIKE_WRONG_BEFORE: f64 = 0.7;
+const ALIKE_WRONG_BEFORE: f64 = 1.0;
 /// Logarithm of the odds by places and surfaces from which a tie tells whether rooms look alike.
 const TELLING: f64 = 2.0;
 
@@ -93,9 +93,9 @@ pub(in crate::assemble) fn forest(candidates: &[Candidate], ties: &[Tie]) -> Vec
     let place: FxHashMap<&str, usize> =
         candidates.iter().enumerate().map(|(i, candidate)| (&*candidate.member.share, i)).collect();
     let branch = |tie: &Tie| {
-        let log_odds = tie.log_odds();
+        let log_odds = tie.log_odds()?;
         let (a, b) = (*place.get(&*tie.a)?, *place.get(&*tie.b)?);
-        (log_odds > 0.0).then_some(Branch { a, b, b_from_a: tie.b_from_a, log_odds, against_alike: 0.0 })
+        (log_odds > 0.0).then_some(Branch { a, b, b_from_a: tie.b_from_a(), log_odds, against_alike: 0.0 })
     };
     let mut branches: Vec<Branch> = ties.iter().filter_map(branch).collect();
     let (right, wrong) = told_by_home(candidates, &branches);

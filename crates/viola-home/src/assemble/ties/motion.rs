@@ -4,6 +4,7 @@
 
 use super::matching::{Match, matches};
 use rustc_hash::FxHashSet;
+use serde::{Deserialize, Serialize};
 use viola_geometry::{Point2, Point3, Pose2, Vector2, angle_between, wrap_angle};
 use viola_reconstruct::Feature;
 
@@ -25,12 +26,13 @@ const LEAST_PLACES: usize = 8;
 /// Inliers in one cell of this side are one place.
 const PLACE_M: f64 = 0.1;
 
-/// A motion and its support.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Motion {
+/// Motion of clip `a` to clip `b` by their features, and its support.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Motion {
     pub b_from_a: Pose2,
+    /// Height of `a`'s floor above that of `b`.
     pub rise_m: f64,
-    /// Places that agree, and their RMS distance from their middle.
+    /// Places that both clips show, and their RMS distance from their middle.
     pub places: usize,
     pub spread_m: f64,
 }

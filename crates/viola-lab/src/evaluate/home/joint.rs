@@ -44,7 +44,7 @@ impl JointTie {
     fn new(tie: Tie, clips: &[AlignedClip]) -> JointTie {
         let truth = |name: &str| name.parse::<usize>().ok().and_then(|n| clips.get(n));
         let is_right = truth(&tie.a).zip(truth(&tie.b)).is_some_and(|(a, b)| {
-            let map_from_b = a.answer.map_from_clip.compose(&tie.b_from_a.inverse());
+            let map_from_b = a.answer.map_from_clip.compose(&tie.b_from_a().inverse());
             b.is_right(&map_from_b)
         });
         JointTie { tie, is_right }
