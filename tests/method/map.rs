@@ -12,8 +12,11 @@ use viola_testing::eventually;
 use viola_testing::process::{Process, viola};
 
 const CLIPS: u64 = 3;
-const FILES: [&str; 10] = [
+const FILES: [&str; 13] = [
     "map.json",
+    "mesh.glb",
+    "mesh.obj",
+    "mesh.usdz",
     "objects.json",
     "plan.dxf",
     "plan.geojson",
@@ -103,6 +106,8 @@ fn a_clip_that_fails_does_not_stop_the_others() {
     assert!(text(&files["points.ply"][..400]).contains(&format!("element vertex {points}")));
     assert!(files["plan.png"].starts_with(b"\x89PNG") && files["plan.svg"].starts_with(b"<svg"));
     assert_eq!(document("plan.geojson")["type"], "FeatureCollection");
+    assert!(files["mesh.glb"].starts_with(b"glTF") && files["mesh.usdz"].starts_with(b"PK"));
+    assert!(text(&files["mesh.obj"]).contains("\ng floor\n"));
     // Progress goes to stderr, without percentages since it is no terminal; stdout has the results only.
     assert!(told.contains("clip 4 of 4: fuse") && !told.contains('%'), "{told}");
     assert!(told.contains("clip 1 of 4: failed: ") && told.contains("(unknown_layout)"), "{told}");

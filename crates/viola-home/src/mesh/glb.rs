@@ -1,4 +1,4 @@
-//! A mesh as binary glTF 2.0 (Khronos): one node, mesh and material for each part, all with the same vertices.
+//! A mesh as binary glTF 2.0 (Khronos): one node, mesh and material for each part.
 //!
 //! glTF has y up: a map point (x, y, z) becomes (x, z, -y). Its vertex colours are linear. The colours already
 //! have the light of the recording in them, so the materials are unlit (`KHR_materials_unlit`).
@@ -38,7 +38,12 @@ fn body(mesh: &Mesh) -> Vec<u8> {
         let color = color.map(linear).into_iter().chain([u16::MAX]);
         color.for_each(|c| out.extend_from_slice(&c.to_le_bytes()));
     }
-    mesh.triangles.iter().flatten().for_each(|vertex| out.extend_from_slice(&vertex.to_le_bytes()));
+    for part in &mesh.parts {
+        let indices = mesh.triangles[part.triangles.clone()].iter().flatten();
+        indices.for_each(|vertex| {
+            out.extend_from_slice(&(vertex - part.vertices.start as u32).to_le_bytes());
+        });
+    }
     out
 }
 
@@ -54,33 +59,27 @@ fn document(mesh: &Mesh) -> Value {
     if mesh.parts.is_empty() {
         return json!({ "asset": asset, "scene": 0, "scenes": [{ "name": "home" }] });
     }
-    let places = mesh.vertices.iter().map(|vertex| y_up(vertex.position_m));
-    let (min, max) = places.fold(([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]), |(min, max), place| {
-        let each = |pick: fn(f32, f32) -> f32, a: [f32; 3]| {
-            std::array::from_fn::<f32, 3, _>(|i| pick(a[i], place[i]))
-        };
-        (each(f32::min, min), each(f32::max, max))
-    });
-    let vertices = mesh.vertices.len();
-    let indices_at = vertices * VERTEX_BYTES;
-    let mut accessors = vec![
-        json!({ "bufferView": 0, "byteOffset": 0, "componentType": 5126, "count": vertices, "type": "VEC3", "min": min, "max": max }),
-        json!({ "bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": vertices, "type": "VEC3" }),
-        json!({ "bufferView": 0, "byteOffset": 24, "componentType": 5123, "count": vertices, "type": "VEC4", "normalized": true }),
-    ];
-    let (mut meshes, mut nodes, mut materials) = (Vec::new(), Vec::new(), Vec::new());
-    let attributes = json!({ "POSITION": 0, "NORMAL": 1, "COLOR_0": 2 });
+    let indices_at = mesh.vertices.len() * VERTEX_BYTES;
+    let (mut accessors, mut meshes, mut nodes, mut materials) =
+        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (index, part) in mesh.parts.iter().enumerate() {
-        accessors
-            .push(json!({ "bufferView": 1, "byteOffset": part.first * TRIANGLE_BYTES, "componentType": 5125,
-            "count": part.triangles * 3, "type": "SCALAR" }));
+        let first = accessors.len();
+        let (count, at) = (part.vertices.len(), part.vertices.start * VERTEX_BYTES);
+        let (min, max) = corners(&mesh.vertices[part.vertices.clone()]);
+        accessors.extend([
+            json!({ "bufferView": 0, "byteOffset": at, "componentType": 5126, "count": count, "type": "VEC3", "min": min, "max": max }),
+            json!({ "bufferView": 0, "byteOffset": at + 12, "componentType": 5126, "count": count, "type": "VEC3" }),
+            json!({ "bufferView": 0, "byteOffset": at + 24, "componentType": 5123, "count": count, "type": "VEC4", "normalized": true }),
+            json!({ "bufferView": 1, "byteOffset": part.triangles.start * TRIANGLE_BYTES, "componentType": 5125,
+                "count": part.triangles.len() * 3, "type": "SCALAR" }),
+        ]);
+        let attributes = json!({ "POSITION": first, "NORMAL": first + 1, "COLOR_0": first + 2 });
         materials.push(
             json!({ "name": part.name, "doubleSided": true, "extensions": { "KHR_materials_unlit": {} },
-            "pbrMetallicRoughness": { "metallicFactor": 0, "roughnessFactor": 1 },
-            "extras": { "class": part.class.name() } }),
+            "pbrMetallicRoughness": { "metallicFactor": 0, "roughnessFactor": 1 } }),
         );
         meshes.push(json!({ "name": part.name, "primitives": [
-            { "attributes": attributes, "indices": 3 + index, "material": index, "mode": 4 }] }));
+            { "attributes": attributes, "indices": first + 3, "material": index, "mode": 4 }] }));
         nodes.push(json!({ "name": part.name, "mesh": index, "extras": { "class": part.class.name() } }));
     }
     let all: Vec<usize> = (0..nodes.len()).collect();
@@ -95,5 +94,14 @@ fn document(mesh: &Mesh) -> Value {
             { "buffer": 0, "byteOffset": indices_at, "byteLength": mesh.triangles.len() * TRIANGLE_BYTES, "target": 34963 },
         ],
         "buffers": [{ "byteLength": indices_at + mesh.triangles.len() * TRIANGLE_BYTES }],
+    })
+}
+
+/// Returns the corners of the box around vertices.
+fn corners(vertices: &[Vertex]) -> ([f32; 3], [f32; 3]) {
+    let places = vertices.iter().map(|vertex| y_up(vertex.position_m));
+    places.fold(([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]), |(min, max), place| {
+        let each = |pick: fn(f32, f32) -> f32, a: [f32; 3]| std::array::from_fn(|i| pick(a[i], place[i]));
+        (each(f32::min, min), each(f32::max, max))
     })
 }

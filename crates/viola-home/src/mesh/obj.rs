@@ -17,7 +17,7 @@ pub fn obj(mesh: &Mesh) -> String {
     }
     for part in &mesh.parts {
         let _ = writeln!(out, "g {}", part.name);
-        for triangle in &mesh.triangles[part.first..part.first + part.triangles] {
+        for triangle in &mesh.triangles[part.triangles.clone()] {
             let [a, b, c] = triangle.map(|vertex| vertex + 1);
             let _ = writeln!(out, "f {a}//{a} {b}//{b} {c}//{c}");
         }

@@ -2,6 +2,7 @@
 
 use super::{Mesh, Vertex};
 use crate::objects::UprightBox;
+use std::ops::Range;
 use viola_geometry::taxonomy::Class;
 
 /// Surfaces so near to an object's box still belong to it.
@@ -14,14 +15,15 @@ pub struct MeshObject<'a> {
     pub bounds: UprightBox,
 }
 
-/// A named range of a mesh's triangles.
+/// A named range of a mesh's triangles, and of the vertices that they alone have: programs read each part as a mesh of
+/// its own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     /// The id of an object, or the name of a class.
     pub name: String,
     pub class: Class,
-    pub first: usize,
-    pub triangles: usize,
+    pub triangles: Range<usize>,
+    pub vertices: Range<usize>,
 }
 
 /// Sorts the triangles of a mesh by parts.
@@ -40,19 +42,27 @@ pub fn divide(mesh: &mut Mesh, objects: &[MeshObject]) {
     let mut keyed: Vec<((usize, u16), [u32; 3])> =
         mesh.triangles.iter().map(|triangle| (part_of(triangle), *triangle)).collect();
     keyed.sort_by_key(|(key, _)| *key);
-    mesh.parts = Vec::new();
-    for (index, ((object, class), _)) in keyed.iter().enumerate() {
-        let is_new = index == 0 || keyed[index - 1].0 != (*object, *class);
-        if is_new {
-            let class = Class::ALL.get(usize::from(*class)).copied().unwrap_or(Class::Other);
-            let name = object.checked_sub(1).map_or(class.name(), |index| objects[index].id).to_owned();
-            mesh.parts.push(Part { name, class, first: index, triangles: 0 });
-        }
-        if let Some(part) = mesh.parts.last_mut() {
-            part.triangles += 1;
-        }
+    let (mut vertices, mut parts) = (Vec::new(), Vec::new());
+    mesh.triangles.clear();
+    for of_part in keyed.chunk_by(|a, b| a.0 == b.0) {
+        let (object, class) = of_part[0].0;
+        let class = Class::ALL.get(usize::from(class)).copied().unwrap_or(Class::Other);
+        let name = object.checked_sub(1).map_or(class.name(), |index| objects[index].id).to_owned();
+        let mut used: Vec<u32> = of_part.iter().flat_map(|(_, triangle)| *triangle).collect();
+        used.sort_unstable();
+        used.dedup();
+        let (first_vertex, first) = (vertices.len(), mesh.triangles.len());
+        let place = |vertex: u32| (first_vertex + used.partition_point(|other| *other < vertex)) as u32;
+        mesh.triangles.extend(of_part.iter().map(|(_, triangle)| triangle.map(place)));
+        vertices.extend(used.iter().map(|vertex| mesh.vertices[*vertex as usize]));
+        parts.push(Part {
+            name,
+            class,
+            triangles: first..mesh.triangles.len(),
+            vertices: first_vertex..vertices.len(),
+        });
     }
-    mesh.triangles = keyed.into_iter().map(|(_, triangle)| triangle).collect();
+    (mesh.vertices, mesh.parts) = (vertices, parts);
 }
 
 fn majority([a, b, c]: &[&Vertex; 3]) -> Class {

@@ -163,7 +163,7 @@ fn objects_are_parts_by_their_ids() {
     let mesh = Mesh::new(&[tile(points)], &[chair], usize::MAX);
     let names: Vec<&str> = mesh.parts.iter().map(|part| part.name.as_str()).collect();
     assert_eq!(names, ["floor", "chair-1"]);
-    assert_eq!(mesh.parts.iter().map(|part| part.triangles).sum::<usize>(), mesh.triangles.len());
+    assert_eq!(mesh.parts.iter().map(|part| part.triangles.len()).sum::<usize>(), mesh.triangles.len());
     let obj = mesh.obj();
     assert_eq!(obj.matches("\nf ").count(), mesh.triangles.len());
     assert!(obj.contains("\ng chair-1\n"));

@@ -75,12 +75,8 @@ fn identifier(name: &str) -> String {
 }
 
 fn write_part(out: &mut String, mesh: &Mesh, part: &Part, name: &str) {
-    let triangles = &mesh.triangles[part.first..part.first + part.triangles];
-    let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
-    used.sort_unstable();
-    used.dedup();
-    let vertices: Vec<_> = used.iter().map(|vertex| mesh.vertices[*vertex as usize]).collect();
-    let place = |vertex: &u32| used.binary_search(vertex).unwrap_or_default();
+    let triangles = &mesh.triangles[part.triangles.clone()];
+    let vertices = &mesh.vertices[part.vertices.clone()];
     let list = |items: &mut dyn Iterator<Item = String>| items.collect::<Vec<_>>().join(", ");
     let triple = |[x, y, z]: [f32; 3]| format!("({x:.4}, {y:.4}, {z:.4})");
     let positions: Vec<[f32; 3]> = vertices.iter().map(|vertex| y_up(vertex.position_m)).collect();
@@ -89,7 +85,9 @@ fn write_part(out: &mut String, mesh: &Mesh, part: &Part, name: &str) {
     };
     let [low, high] = [extreme(f32::min, f32::INFINITY), extreme(f32::max, f32::NEG_INFINITY)];
     let counts = list(&mut triangles.iter().map(|_| "3".to_owned()));
-    let indices = list(&mut triangles.iter().flatten().map(|vertex| place(vertex).to_string()));
+    let indices = list(
+        &mut triangles.iter().flatten().map(|vertex| (*vertex as usize - part.vertices.start).to_string()),
+    );
     let points = list(&mut positions.iter().map(|place| triple(*place)));
     let normals = list(&mut vertices.iter().map(|vertex| triple(y_up(vertex.normal))));
     let colors = list(&mut vertices.iter().map(|vertex| triple(vertex.color.map(|c| f32::from(c) / 255.0))));

@@ -40,6 +40,7 @@ fn object(class: Class, x: f64, yaw_rad: f64) -> Object {
         room: None,
         points: 100,
         clips: vec![0],
+        samples: Vec::new(),
     }
 }
 

@@ -129,9 +129,9 @@ fn poses_on_different_levels_are_not_compared() {
     let candidates: Vec<Candidate> = members.iter().map(candidate).collect();
     assert_eq!(pairs(&candidates), Pairs::from([((0, 1), vec![(0, 0)])]));
     // The same pose on another level is another explanation.
-    let alone = marginals(&candidates[1..], &[])[0].unwrap();
+    let alone = marginals(&candidates[1..], &[], &[])[0].unwrap();
     assert!(alone.mode == 0 && (alone.probability - 0.5).abs() < 1e-6, "{alone:?}");
-    let contradicted = marginals(&candidates, &[said(0, 1, &[(0, 0, OTHER)])])[1].unwrap();
+    let contradicted = marginals(&candidates, &[said(0, 1, &[(0, 0, OTHER)])], &[])[1].unwrap();
     assert!(contradicted.mode == 1 && contradicted.probability > 0.85, "{contradicted:?}");
 }
 

@@ -1,8 +1,9 @@
 use super::*;
-use crate::assemble::members::{Extent, Member, Verdict};
+use crate::assemble::members::{Extent, Member, Mode, Verdict};
 use nalgebra::Matrix3;
 use proptest::prelude::*;
 use uuid::Uuid;
+use viola_geometry::LevelName;
 use viola_reconstruct::Descriptor;
 
 /// A feature with a description of its own.
@@ -59,7 +60,10 @@ fn member(number: u128, verdict: Verdict) -> Member {
 
 fn aligned(number: u128, x_m: f64) -> Member {
     let (map_from_clip, covariance) = (Pose2::new(x_m, 0.0, 0.0), Matrix3::identity() * 1e-4);
-    member(number, Verdict::Aligned { map_from_clip, covariance, probability: Some(0.99) })
+    member(
+        number,
+        Verdict::Aligned { level: LevelName::MAIN, map_from_clip, covariance, probability: Some(0.99) },
+    )
 }
 
 fn candidate(member: &Member) -> Candidate<'_> {
@@ -115,7 +119,12 @@ fn a_clip_without_a_pose_is_placed_along_a_chain_of_ties() {
 
 #[test]
 fn a_tie_decides_between_alternatives_unless_rooms_look_alike() {
-    let rooms = vec![(Pose2::new(0.0, 0.0, 0.0), 0.5), (Pose2::new(5.0, 0.0, 0.0), 0.45)];
+    let room = |x_m, probability| Mode {
+        level: LevelName::MAIN,
+        map_from_clip: Pose2::new(x_m, 0.0, 0.0),
+        probability,
+    };
+    let rooms = vec![room(0.0, 0.5), room(5.0, 0.45)];
     let open = member(9, Verdict::Ambiguous { alternatives: rooms });
     let (mut members, mut ties) = agreeing();
     members.push(aligned(8, 0.0));
