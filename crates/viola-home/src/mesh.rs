@@ -127,10 +127,8 @@ impl Mesh {
         for vertex in self.triangles.iter().flatten() {
             place[*vertex as usize] = 0;
         }
-        let mut kept = 0;
-        for place in place.iter_mut().filter(|place| **place == 0) {
-            *place = kept;
-            kept += 1;
+        for (kept, place) in place.iter_mut().filter(|place| **place == 0).enumerate() {
+            *place = kept as u32;
         }
         let mut is_kept = place.iter().map(|place| *place != u32::MAX);
         self.vertices.retain(|_| is_kept.next().unwrap_or(false));

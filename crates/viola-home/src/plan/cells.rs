@@ -158,11 +158,12 @@ impl Cells {
                 of_line[line].push(face);
             }
         }
-        for line in 1..self.lines[axis].len() - 1 {
+        let inner = self.lines[axis].len().saturating_sub(2);
+        for (line, of_line) in of_line.iter().enumerate().skip(1).take(inner) {
             for step in 0..self.count(along) {
                 let [from_m, to_m] = [step, step + 1].map(|i| self.lines[along][i]);
                 let seen = [false, true].map(|up| {
-                    let facing = of_line[line].iter().filter(|face| face.facing.up == up);
+                    let facing = of_line.iter().filter(|face| face.facing.up == up);
                     facing.map(|face| face.share(from_m, to_m)).fold(0.0, f64::max)
                 });
                 let cost = |part: f64| ((to_m - from_m) * 1e3 * part).round() as i64;

@@ -102,7 +102,10 @@ fn hostile_names_stay_text() {
         assert!(plan_svg(&plan).ends_with("</svg>\n"));
         assert!(plan_pdf(&plan).starts_with(b"%PDF-1.4") && plan_pdf(&plan).ends_with(b"%%EOF\n"));
         let dxf = plan_dxf(&plan);
-        assert!(dxf.is_ascii() && dxf.ends_with("0\nEOF\n") && dxf.lines().count() % 2 == 0, "{name:?}");
+        assert!(
+            dxf.is_ascii() && dxf.ends_with("0\nEOF\n") && dxf.lines().count().is_multiple_of(2),
+            "{name:?}"
+        );
     }
 }
 

@@ -21,7 +21,7 @@ fn room(map_from_clip: &Pose2, salt: u64, count: u64) -> Vec<Feature> {
     let clip_from_map = map_from_clip.inverse();
     let place = |k: u64| {
         let (along, up) = ((k * 37 % 40) as f64 * 0.1, 0.4 + (k * 13 % 17) as f64 * 0.1);
-        let (x, y, heading) = if k % 2 == 0 { (along, 0.0, 1.57) } else { (0.0, 0.75 * along, 0.0) };
+        let (x, y, heading) = if k.is_multiple_of(2) { (along, 0.0, 1.57) } else { (0.0, 0.75 * along, 0.0) };
         let at = clip_from_map.apply(&viola_geometry::Point2::new(x, y));
         feature(salt + k, [at.x, at.y, up], heading + clip_from_map.yaw_rad)
     };

@@ -54,7 +54,7 @@ fn file(objects: &[Vec<u8>]) -> Vec<u8> {
     let mut table = format!("xref\n0 {count}\n0000000000 65535 f \n");
     // Writing into a string cannot fail.
     for place in places {
-        let _ = write!(table, "{place:010} 00000 n \n");
+        let _ = writeln!(table, "{place:010} 00000 n ");
     }
     let _ = write!(
         table,
