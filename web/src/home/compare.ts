@@ -8,11 +8,11 @@ import { many, metres, time } from "../words.ts";
 import type { HomeData } from "./data.ts";
 import { type Selection, thingName } from "./selection.ts";
 
-const GONE_WORDS: Record<string, string> = {
+const REASON_WORDS: Record<string, string> = {
   seen_again: "a later clip shows the place without it",
   hidden: "a person removed it",
   clips_removed: "its clips were removed",
-  not_found: "it is not recognised any more",
+  not_found: "it is not recognised",
 };
 
 export class Compare {
@@ -55,24 +55,28 @@ export class Compare {
     const from = Number(this.from.value);
     if (!from || !this.shown) return;
     const changes = await api.changes(this.data.home.id, from, this.shown, this.signal);
-    const { added, moved, gone } = changes;
-    if (added.length + moved.length + gone.length === 0) {
+    const { added, discovered, moved, gone, lost } = changes;
+    if (added.length + discovered.length + moved.length + gone.length + lost.length === 0) {
       return put(this.result, h("p", { class: "hint" }, "No object was added, moved or removed."));
     }
     put(this.result, ...this.lists(changes));
   }
 
-  private lists({ added, moved, gone }: MapChanges): HTMLElement[] {
+  private lists({ added, discovered, moved, gone, lost }: MapChanges): HTMLElement[] {
     const distance = (a: Thing, b: Thing) =>
       Math.hypot(a.centre_m[0] - b.centre_m[0], a.centre_m[1] - b.centre_m[1]);
     const list = (title: string, rows: HTMLElement[]) =>
       rows.length > 0 ? [h("h3", {}, title), h("ul", { class: "things" }, ...rows)] : [];
+    const missing = ({ reason, object }: { reason: string; object: Thing }) =>
+      h("li", { class: "gone" }, thingName(object), h("span", { class: "hint" }, REASON_WORDS[reason] ?? reason));
     return [
       ...list(`${many(added.length, "object")} added`, added.map((thing) => this.row(thing, thing.room ?? ""))),
       ...list(`${many(moved.length, "object")} moved`, moved.map(({ from, to }) =>
         this.row(to, `by ${metres(distance(from, to))}`))),
-      ...list(`${many(gone.length, "object")} gone`, gone.map(({ reason, object }) =>
-        h("li", { class: "gone" }, thingName(object), h("span", { class: "hint" }, GONE_WORDS[reason] ?? reason)))),
+      ...list(`${many(gone.length, "object")} gone`, gone.map(missing)),
+      ...list(`${many(discovered.length, "object")} seen for the first time`, discovered.map((thing) =>
+        this.row(thing, thing.room ?? ""))),
+      ...list(`${many(lost.length, "object")} no longer known`, lost.map(missing)),
     ];
   }
 

@@ -41,7 +41,7 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     await row(object.id).waitFor();
     await page.getByLabel("Search rooms and objects").fill("");
     await page.locator("summary", { hasText: "Changes" }).click();
-    await page.locator(".compare").getByText("1 object added").waitFor();
+    await page.locator(".compare").getByText("1 object seen for the first time").waitFor();
     await shot("06-changes");
   }
 
