@@ -252,8 +252,23 @@ async fn a_map_tells_rooms_objects_plan_and_coverage() {
         let request = server.request(Method::GET, &path).header("if-none-match", tag);
         assert_eq!(server.send(request).await.status, 304);
     }
+    for (format, kind, start) in [
+        ("glb", "model/gltf-binary", &b"glTF"[..]),
+        ("usdz", "model/vnd.usdz+zip", b"PK"),
+        ("obj", "model/obj", b"# viola"),
+    ] {
+        let path = format!("{home}/map/mesh?triangles=1000&format={format}");
+        let answer = server.get(&path).await;
+        assert_eq!((answer.status, answer.header("content-type")), (200, kind));
+        assert!(answer.bytes.starts_with(start) && answer.bytes.len() > 10_000, "{format}");
+        let request = server.request(Method::GET, &path).header("if-none-match", answer.header("etag"));
+        assert_eq!(server.send(request).await.status, 304);
+    }
     for (path, field) in [
         (format!("{home}/map/plan?format=dwg"), "format"),
+        (format!("{home}/map/mesh?format=stl"), "format"),
+        (format!("{home}/map/mesh?triangles=7"), "triangles"),
+        (format!("{home}/map/mesh?level=attic"), "level"),
         (format!("{home}/map/objects?class=dragon"), "class"),
         ("/v1/objects?class=dragon".to_owned(), "class"),
         ("/v1/objects?home=a%2Fb".to_owned(), "home"),

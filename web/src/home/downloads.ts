@@ -9,6 +9,8 @@ const MAP_FILES: [string, string, string[]][] = [
   ["Floor plan, vector", "SVG", ["map", "plan?format=svg"]],
   ["Floor plan, picture", "PNG", ["map", "plan?format=png"]],
   ["Floor plan for maps", "GeoJSON", ["map", "plan?format=geojson"]],
+  ["Surface for 3D programs", "GLB", ["map", "mesh?format=glb"]],
+  ["Surface for phones", "USDZ", ["map", "mesh?format=usdz"]],
   ["Points with classes", "PLY", ["map", "points?format=ply"]],
   ["Points for 3D programs", "GLB", ["map", "points?format=glb"]],
   ["Objects", "JSON", ["map", "objects"]],

@@ -1,0 +1,165 @@
+//! `/v1/homes/{home}/map/mesh`: the surface as triangles, made on request.
+
+use super::scene::scene;
+use super::{App, level, revision};
+use crate::api::bodies::FileBytes;
+use crate::api::error::Error;
+use crate::api::extract::{HomePath, Query};
+use crate::api::problems::CommonProblems;
+use crate::api::reply::{is_known, tag_of, tagged};
+use crate::api::types::LevelName;
+use crate::storage::{MapObject, StorageError, map_file};
+use axum::body::Bytes;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
+use tokio::sync::Semaphore;
+use viola_home::{MESH_TRIANGLES, Mesh, MeshObject, Tile};
+
+/// Bounds of `triangles`.
+const TRIANGLES: std::ops::RangeInclusive<usize> = 1_000..=500_000;
+/// Maximum number of points of which a mesh is made: it bounds the memory of a request.
+const MAX_POINTS: usize = 2_000_000;
+/// A mesh takes seconds and all cores, so that the others wait.
+static ONE_AT_A_TIME: Semaphore = Semaphore::const_new(1);
+
+/// The format and the size of a mesh.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(in crate::api) struct MeshQuery {
+    /// `glb`, `usdz` or `obj`; default: `glb`.
+    #[param(value_type = Option<MeshFormat>, example = "glb")]
+    format: Option<String>,
+    /// Maximum number of triangles; default: 200 000.
+    #[param(value_type = Option<usize>, minimum = 1_000, maximum = 500_000)]
+    triangles: Option<String>,
+    /// The level; default: `main`, or the first by name in a home without a level of this name.
+    #[param(value_type = Option<LevelName>)]
+    level: Option<String>,
+    /// An earlier revision that is still kept; default: the current one.
+    #[param(value_type = Option<i64>, minimum = 1)]
+    revision: Option<String>,
+}
+
+/// The file format of a mesh.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, utoipa::ToSchema)]
+#[schema(rename_all = "lowercase")]
+pub(in crate::api) enum MeshFormat {
+    Glb,
+    Usdz,
+    Obj,
+}
+
+impl MeshFormat {
+    fn name(self) -> &'static str {
+        match self {
+            MeshFormat::Glb => "glb",
+            MeshFormat::Usdz => "usdz",
+            MeshFormat::Obj => "obj",
+        }
+    }
+
+    fn media_type(self) -> &'static str {
+        match self {
+            MeshFormat::Glb => "model/gltf-binary",
+            MeshFormat::Usdz => "model/vnd.usdz+zip",
+            MeshFormat::Obj => "model/obj",
+        }
+    }
+
+    fn wanted(asked: Option<&str>) -> Result<MeshFormat, Error> {
+        let all = [MeshFormat::Glb, MeshFormat::Usdz, MeshFormat::Obj];
+        let Some(name) = asked else { return Ok(MeshFormat::Glb) };
+        all.into_iter().find(|format| format.name() == name).ok_or_else(|| Error::InvalidQuery {
+            field: Some("format"),
+            detail: "format is glb, usdz or obj".to_owned(),
+        })
+    }
+
+    fn write(self, mesh: &Mesh) -> Vec<u8> {
+        match self {
+            MeshFormat::Glb => mesh.glb(),
+            MeshFormat::Usdz => mesh.usdz(),
+            MeshFormat::Obj => mesh.obj().into_bytes(),
+        }
+    }
+}
+
+fn triangles(asked: Option<&str>) -> Result<usize, Error> {
+    let Some(text) = asked else { return Ok(MESH_TRIANGLES) };
+    let number = text.parse().ok().filter(|number| TRIANGLES.contains(number));
+    number.ok_or_else(|| Error::InvalidQuery {
+        field: Some("triangles"),
+        detail: format!("triangles is a number from {} to {}", TRIANGLES.start(), TRIANGLES.end()),
+    })
+}
+
+/// Get the surface of a home as a triangle mesh
+///
+/// The mesh has vertex colours, and a named part for each object (its id) and for each class of the rest. A hole in
+/// the points stays a hole. Units are metres and y is up: a point (x, y, z) of the LiDAR map's frame is (x, z, -y). The
+/// mesh is made on request, which takes some seconds; keep it with its `ETag`.
+#[utoipa::path(get, path = "/v1/homes/{home}/map/mesh", tag = "map", params(HomePath, MeshQuery),
+    responses((status = 200, description = "The mesh", content(
+            (FileBytes = "model/gltf-binary"), (FileBytes = "model/vnd.usdz+zip"), (FileBytes = "model/obj"))),
+        (status = 304, description = "The client has it"), CommonProblems))]
+pub(in crate::api) async fn get_map_mesh(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+    Query(query): Query<MeshQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Error> {
+    let format = MeshFormat::wanted(query.format.as_deref())?;
+    let budget = triangles(query.triangles.as_deref())?;
+    let map = revision(&app, &home, query.revision.as_deref()).await?;
+    let level = level(&map, query.level.as_deref())?;
+    let tag = tag_of(&[
+        &map.revision.to_le_bytes(),
+        &map.created_at.as_millisecond().to_le_bytes(),
+        level.level.as_str().as_bytes(),
+        format.name().as_bytes(),
+        &budget.to_le_bytes(),
+    ]);
+    if is_known(&headers, &tag) {
+        return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
+    }
+    if level.info.points > MAX_POINTS {
+        return Err(Error::InvalidQuery {
+            field: Some("level"),
+            detail: format!(
+                "the level has {} points, a mesh is made of {MAX_POINTS} at most; get its points",
+                level.info.points
+            ),
+        });
+    }
+    let _turn = ONE_AT_A_TIME.acquire().await;
+    let mut tiles = Vec::new();
+    for file in app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await? {
+        let damaged = || StorageError::Column { column: "tile", detail: "it is damaged".to_owned() };
+        // A tile is missing if its revision was removed meanwhile.
+        let bytes = app.storage.map_file_bytes(&file).await?.ok_or_else(damaged)?;
+        tiles.push(Tile::read(&bytes).map_err(|_| damaged())?);
+    }
+    let objects = scene(&app, &home, &map, level.level).await?.objects;
+    let made = tokio::task::spawn_blocking(move || format.write(&mesh(&tiles, &objects, budget)));
+    let bytes = made.await.map_err(|_| StorageError::Column {
+        column: "tile",
+        detail: "no mesh can be made of it".to_owned(),
+    })?;
+    let mut answer = Bytes::from(bytes).into_response();
+    answer.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()));
+    let name = format!("attachment; filename=\"{home}-{}.{}\"", map.revision, format.name());
+    if let Ok(name) = HeaderValue::from_str(&name) {
+        answer.headers_mut().insert(header::CONTENT_DISPOSITION, name);
+    }
+    Ok(tagged(answer, &tag))
+}
+
+fn mesh(tiles: &[Tile], objects: &[MapObject], budget: usize) -> Mesh {
+    let parts: Vec<MeshObject> = objects
+        .iter()
+        .map(|object| MeshObject { id: &object.id, class: object.class, bounds: object.bounds() })
+        .collect();
+    Mesh::new(tiles, &parts, budget)
+}
