@@ -10,6 +10,7 @@ mod decode_video;
 mod demo;
 mod evaluate;
 mod evaluate_changes;
+mod evaluate_each_home;
 mod evaluate_home;
 mod evaluate_joint;
 mod evaluate_labels;

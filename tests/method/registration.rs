@@ -182,7 +182,7 @@ fn walls_tell_one_level_from_another() {
     assert_eq!((alone.map_from_clip, alone.level), (answer.map_from_clip, answer.level));
 }
 
-/// What a clip saw of both storeys alike leaves it open on which it was recorded.
+/// A clip that shows only things that both storeys have is ambiguous between them.
 #[test]
 fn levels_that_look_alike_share_the_probability() {
     let truth = Pose2::new(2.0, 1.5, 0.7);

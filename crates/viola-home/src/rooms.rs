@@ -260,19 +260,22 @@ pub(super) fn close(mask: &mut Grid<bool>, by_m: f64) {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use viola_formats::lidar;
 
-    /// Two rooms of 4 m x 3 m and 3 m x 3 m with a door of 0.8 m between them, as points 2.5 cm apart.
-    fn flat() -> LidarMap {
+    /// Two rooms of 4 m x 3 m and 3 m x 3 m with a wall of 0.1 m between them and a door of 0.8 m, as points 2.5 cm
+    /// apart, turned by `yaw_rad`.
+    pub fn flat(yaw_rad: f64) -> LidarMap {
+        let map_from_flat = viola_geometry::Pose2::new(0.0, 0.0, yaw_rad);
         let mut csv = String::new();
         let mut wall = |from: [f64; 2], to: [f64; 2]| {
             let length = (to[0] - from[0]).hypot(to[1] - from[1]);
             for i in 0..=(length / 0.025) as usize {
                 let t = i as f64 * 0.025 / length;
                 let at = [0, 1].map(|axis| from[axis] + t * (to[axis] - from[axis]));
-                csv += &format!("{},{}\n", at[0], at[1]);
+                let at = map_from_flat.apply(&Point2::from(at));
+                csv += &format!("{},{}\n", at.x, at.y);
             }
         };
         wall([0.0, 0.0], [7.1, 0.0]);
@@ -288,7 +291,7 @@ mod tests {
 
     #[test]
     fn a_door_divides_rooms() {
-        let rooms = rooms(&flat(), &[]);
+        let rooms = rooms(&flat(0.0), &[]);
         assert_eq!(rooms.len(), 2, "{rooms:?}");
         for (room, area, inside) in [(&rooms[0], 12.0, [2.0, 1.5]), (&rooms[1], 9.0, [5.5, 1.5])] {
             assert!((room.area_m2 - area).abs() < 1.2, "{room:?}");
@@ -303,7 +306,7 @@ mod tests {
 
     #[test]
     fn the_robots_rooms_keep_their_names() {
-        let mut map = flat();
+        let mut map = flat(0.0);
         let cells = |x: f64| {
             (0..50).flat_map(move |i| {
                 (0..50).map(move |j| Point2::new(x + f64::from(i) * 0.05, 0.3 + f64::from(j) * 0.05))

@@ -1,13 +1,12 @@
 //! `/v1/homes/{home}/map/mesh`: the surface as triangles, made on request.
 
 use super::scene::scene;
-use super::{App, level, revision};
+use super::{App, LevelQuery, level, revision};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::{is_known, tag_of, tagged};
-use crate::api::types::LevelName;
 use crate::storage::{MapObject, StorageError, map_file};
 use axum::body::Bytes;
 use axum::extract::State;
@@ -34,12 +33,6 @@ pub(in crate::api) struct MeshQuery {
     /// Maximum number of triangles; default: 200 000.
     #[param(value_type = Option<usize>, minimum = 1_000, maximum = 500_000)]
     triangles: Option<String>,
-    /// The level; default: `main`, or the first by name in a home without a level of this name.
-    #[param(value_type = Option<LevelName>)]
-    level: Option<String>,
-    /// An earlier revision that is still kept; default: the current one.
-    #[param(value_type = Option<i64>, minimum = 1)]
-    revision: Option<String>,
 }
 
 /// The file format of a mesh.
@@ -100,7 +93,7 @@ fn triangles(asked: Option<&str>) -> Result<usize, Error> {
 /// The mesh has vertex colours, and a named part for each object (its id) and for each class of the rest. A hole in
 /// the points stays a hole. Units are metres and y is up: a point (x, y, z) of the LiDAR map's frame is (x, z, -y). The
 /// mesh is made on request, which takes some seconds; keep it with its `ETag`.
-#[utoipa::path(get, path = "/v1/homes/{home}/map/mesh", tag = "map", params(HomePath, MeshQuery),
+#[utoipa::path(get, path = "/v1/homes/{home}/map/mesh", tag = "map", params(HomePath, MeshQuery, LevelQuery),
     responses((status = 200, description = "The mesh", content(
             (FileBytes = "model/gltf-binary"), (FileBytes = "model/vnd.usdz+zip"), (FileBytes = "model/obj"))),
         (status = 304, description = "The client has it"), CommonProblems))]
@@ -108,12 +101,13 @@ pub(in crate::api) async fn get_map_mesh(
     State(app): State<App>,
     HomePath { home }: HomePath,
     Query(query): Query<MeshQuery>,
+    Query(of): Query<LevelQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
     let format = MeshFormat::wanted(query.format.as_deref())?;
     let budget = triangles(query.triangles.as_deref())?;
-    let map = revision(&app, &home, query.revision.as_deref()).await?;
-    let level = level(&map, query.level.as_deref())?;
+    let map = revision(&app, &home, of.revision.as_deref()).await?;
+    let level = level(&map, of.level.as_deref())?;
     let tag = tag_of(&[
         &map.revision.to_le_bytes(),
         &map.created_at.as_millisecond().to_le_bytes(),
@@ -133,7 +127,7 @@ pub(in crate::api) async fn get_map_mesh(
             ),
         });
     }
-    let _turn = ONE_AT_A_TIME.acquire().await;
+    let turn = ONE_AT_A_TIME.acquire().await.expect("the semaphore is never closed");
     let mut tiles = Vec::new();
     for file in app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await? {
         let damaged = || StorageError::Column { column: "tile", detail: "it is damaged".to_owned() };
@@ -142,11 +136,15 @@ pub(in crate::api) async fn get_map_mesh(
         tiles.push(Tile::read(&bytes).map_err(|_| damaged())?);
     }
     let objects = scene(&app, &home, &map, level.level).await?.objects;
-    let made = tokio::task::spawn_blocking(move || format.write(&mesh(&tiles, &objects, budget)));
-    let bytes = made.await.map_err(|_| StorageError::Column {
-        column: "tile",
-        detail: "no mesh can be made of it".to_owned(),
-    })?;
+    let make = move || {
+        // The work goes on if the client leaves, so the turn ends with it.
+        let _turn = turn;
+        format.write(&mesh(&tiles, &objects, budget))
+    };
+    let bytes = match tokio::task::spawn_blocking(make).await {
+        Ok(bytes) => bytes,
+        Err(error) => std::panic::resume_unwind(error.into_panic()),
+    };
     let mut answer = Bytes::from(bytes).into_response();
     answer.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()));
     let name = format!("attachment; filename=\"{home}-{}.{}\"", map.revision, format.name());

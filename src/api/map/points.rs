@@ -1,13 +1,13 @@
 //! `/v1/homes/{home}/map/points`: streamed tile by tile, so that memory does not grow with the map.
 
 use super::scene::classes;
-use super::{App, level, revision};
+use super::{App, LevelQuery, level, revision};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::{is_known, tag_of, tagged};
-use crate::api::types::{ClassName, LevelName};
+use crate::api::types::ClassName;
 use crate::storage::{MapFile, StorageError, map_file};
 use axum::body::Body;
 use axum::extract::{RawQuery, State};
@@ -40,12 +40,6 @@ pub(in crate::api) struct PointsQuery {
     /// `ply` or `glb`; default: the format in `Accept`, else `ply`.
     #[param(value_type = Option<Format>, example = "glb")]
     format: Option<String>,
-    /// The level; default: `main`, or the first by name in a home without a level of this name.
-    #[param(value_type = Option<LevelName>)]
-    level: Option<String>,
-    /// An earlier revision that is still kept; default: the current one.
-    #[param(value_type = Option<i64>, minimum = 1)]
-    revision: Option<String>,
 }
 
 /// The file format of points.
@@ -119,7 +113,7 @@ impl PointsQuery {
 /// The answer is a binary PLY with normals, colours, classes (`label`, an id of `GET /v1/classes`),
 /// probabilities, views and clips (indices in the map's list of clips), or a binary glTF with a node and a
 /// material for each class. Filters are combined: a point must pass all of them.
-#[utoipa::path(get, path = "/v1/homes/{home}/map/points", tag = "map", params(HomePath, PointsQuery),
+#[utoipa::path(get, path = "/v1/homes/{home}/map/points", tag = "map", params(HomePath, PointsQuery, LevelQuery),
     responses(
         (status = 200, description = "The points", content(
             (FileBytes = "model/ply"), (FileBytes = "model/gltf-binary"))),
@@ -128,11 +122,12 @@ pub(in crate::api) async fn get_map_points(
     State(app): State<App>,
     HomePath { home }: HomePath,
     Query(query): Query<PointsQuery>,
+    Query(of): Query<LevelQuery>,
     RawQuery(raw_query): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
     let (filter, format) = (query.filter()?, query.format(&headers)?);
-    let map = revision(&app, &home, query.revision.as_deref()).await?;
+    let map = revision(&app, &home, of.revision.as_deref()).await?;
     let tag = tag_of(&[
         &map.revision.to_le_bytes(),
         &map.created_at.as_millisecond().to_le_bytes(),
@@ -142,7 +137,7 @@ pub(in crate::api) async fn get_map_points(
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let level = level(&map, query.level.as_deref())?;
+    let level = level(&map, of.level.as_deref())?;
     let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
     let points = Points { app, clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)), filter };
     let (head, size_bytes) = points.head(format, level.info.points, &tiles).await?;

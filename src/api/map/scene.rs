@@ -88,19 +88,13 @@ pub(in crate::api) enum PlanFormat {
     Json,
 }
 
-/// The format and the revision of a plan.
+/// The format of a plan.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(in crate::api) struct PlanQuery {
     /// `svg`, `png`, `pdf`, `geojson`, `dxf` or `json`; default: the format in `Accept`, else `svg`.
     #[param(value_type = Option<PlanFormat>, example = "png")]
     format: Option<String>,
-    /// The level; default: `main`, or the first by name in a home without a level of this name.
-    #[param(value_type = Option<LevelName>)]
-    level: Option<String>,
-    /// An earlier revision that is still kept; default: the current one.
-    #[param(value_type = Option<i64>, minimum = 1)]
-    revision: Option<String>,
 }
 
 /// Get the rooms of a home
@@ -157,7 +151,7 @@ pub(in crate::api) async fn get_map_coverage(
 ///
 /// All formats show one model. GeoJSON and JSON are in metres in the LiDAR map's frame, not in degrees. DXF is in
 /// metres and upright, as the pages of SVG, PNG and PDF are: the main direction of the walls is horizontal.
-#[utoipa::path(get, path = "/v1/homes/{home}/map/plan", tag = "map", params(HomePath, PlanQuery),
+#[utoipa::path(get, path = "/v1/homes/{home}/map/plan", tag = "map", params(HomePath, PlanQuery, LevelQuery),
     responses((status = 200, description = "The plan", content(
             (FileBytes = "image/svg+xml"), (FileBytes = "image/png"), (FileBytes = "application/pdf"),
             (FileBytes = "application/geo+json"), (FileBytes = "image/vnd.dxf"), (FileBytes = "application/json"))),
@@ -166,11 +160,12 @@ pub(in crate::api) async fn get_map_plan(
     State(app): State<App>,
     HomePath { home }: HomePath,
     Query(query): Query<PlanQuery>,
+    Query(of): Query<LevelQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
     let format = PlanFormat::wanted(query.format.as_deref(), &headers)?;
-    let map = revision(&app, &home, query.revision.as_deref()).await?;
-    let level = level(&map, query.level.as_deref())?.level;
+    let map = revision(&app, &home, of.revision.as_deref()).await?;
+    let level = level(&map, of.level.as_deref())?.level;
     let tag = tag_of(&[
         &map.revision.to_le_bytes(),
         &map.created_at.as_millisecond().to_le_bytes(),

@@ -1,4 +1,4 @@
-// What lies under a pixel: a point of the cloud, a box.
+// Finds the point of the cloud, or the box, under a pixel.
 
 import { corners } from "../frames.ts";
 import type { Thing } from "../types.ts";

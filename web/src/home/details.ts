@@ -1,4 +1,4 @@
-// What is known of the selected object or room, and what a person can correct.
+// The card of the selected object or room: its properties, and buttons that correct them.
 
 import * as api from "../api.ts";
 import { h, put } from "../dom.ts";

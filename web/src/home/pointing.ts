@@ -1,4 +1,4 @@
-// What a person points at: an object, a room, or a point to measure.
+// Turns a click into the object, the room or the measured point at its place.
 
 import { along, type Point3, pointOn, type Ray, thingAbove, thingOn } from "../cloud/pick.ts";
 import type { Cloud } from "../cloud/points.ts";

@@ -1,4 +1,4 @@
-// What a person does with the map of a home: looks at objects and rooms, corrects them, measures, takes files away.
+// The steps of a person at the map of a home: look at objects and rooms, correct them, measure, take files away.
 import assert from "node:assert/strict";
 import { boxOf } from "./page.mjs";
 

@@ -297,4 +297,4 @@ fn is_near(a: &Mode, b: &Mode) -> bool {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -1,4 +1,4 @@
-//! What the clips saw of an object's place: whether it was empty before, and whether it is empty since.
+//! Evidence of the clips about an object's place: that it was empty before, or that it is empty since.
 //!
 //! An object that is found for the first time is new only if an earlier clip looked through its place. An object
 //! that is not found any more is gone only if a later clip looked through its place. Otherwise nobody had filmed

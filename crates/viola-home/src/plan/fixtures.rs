@@ -28,7 +28,7 @@ const CLOSED_DOOR_M: [f64; 2] = [0.55, 1.3];
 const LEAF_SHARE: f64 = 0.7;
 const LEAF_STEPS: usize = 10;
 
-/// What was labelled in a step of a wall: bits of heights.
+/// Heights of the labels in a step of a wall, as bits.
 #[derive(Default, Clone, Copy)]
 struct Step {
     window: u32,

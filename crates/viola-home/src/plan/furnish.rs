@@ -1,7 +1,7 @@
 //! Furniture of the plan: objects along its axes, within their rooms, none over another.
 
 use super::model::{Furniture, PlanRoom};
-use crate::objects::Object;
+use crate::objects::{Object, is_furniture};
 use crate::rooms::outline::{contains, distance_m};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use viola_geometry::taxonomy::Class;
@@ -17,29 +17,9 @@ const LEAST_M: f64 = 0.12;
 /// Pieces this near a wall stand with their back to it.
 const BACK_M: f64 = 0.35;
 
-/// Returns whether a class has a symbol.
+/// Returns whether a class has a symbol. Lamps stand on other pieces or hang.
 fn is_drawn(class: Class) -> bool {
-    use Class::*;
-    matches!(
-        class,
-        Bed | Sofa
-            | Chair
-            | Table
-            | Desk
-            | Cabinet
-            | Shelf
-            | Counter
-            | Refrigerator
-            | Stove
-            | WashingMachine
-            | Television
-            | Radiator
-            | Toilet
-            | Sink
-            | Bathtub
-            | Shower
-            | Plant
-    )
+    class == Class::Plant || (is_furniture(class) && class != Class::Lamp)
 }
 
 /// Returns whether a class is drawn as a part of another.

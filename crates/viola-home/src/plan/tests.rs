@@ -2,32 +2,8 @@
 
 use super::*;
 use crate::rooms::RoomSource;
+use crate::rooms::tests::flat;
 use viola_geometry::taxonomy::Class;
-
-/// Two rooms of 4 m x 3 m and 3 m x 3 m with a wall of 0.1 m between them and a door of 0.8 m, turned by
-/// `yaw_rad`.
-fn flat(yaw_rad: f64) -> LidarMap {
-    let map_from_flat = viola_geometry::Pose2::new(0.0, 0.0, yaw_rad);
-    let mut csv = String::new();
-    let mut wall = |from: [f64; 2], to: [f64; 2]| {
-        let length = (to[0] - from[0]).hypot(to[1] - from[1]);
-        for i in 0..=(length / 0.025) as usize {
-            let t = i as f64 * 0.025 / length;
-            let at = [0, 1].map(|axis| from[axis] + t * (to[axis] - from[axis]));
-            let at = map_from_flat.apply(&Point2::from(at));
-            csv += &format!("{},{}\n", at.x, at.y);
-        }
-    };
-    wall([0.0, 0.0], [7.1, 0.0]);
-    wall([0.0, 3.0], [7.1, 3.0]);
-    wall([0.0, 0.0], [0.0, 3.0]);
-    wall([7.1, 0.0], [7.1, 3.0]);
-    for x in [4.0, 4.1] {
-        wall([x, 0.0], [x, 1.0]);
-        wall([x, 1.8], [x, 3.0]);
-    }
-    LidarMap::read(csv.as_bytes()).unwrap()
-}
 
 fn object(class: Class, x: f64, yaw_rad: f64) -> Object {
     Object {

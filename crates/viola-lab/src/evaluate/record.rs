@@ -24,7 +24,7 @@ pub struct ClipResult {
     /// Null without a pose on the true level.
     pub rotation_error_deg: Option<f64>,
     pub translation_error_m: Option<f64>,
-    /// Whether the answer has the true level; null without a pose, and in homes with one level.
+    /// True if the answer has the true level; null without a pose, and in homes with one level.
     #[serde(default)]
     pub right_level: Option<bool>,
     /// Fraction of the map's points that the clip's hits cover at the true pose (the paper's coverage).

@@ -6,12 +6,12 @@ use viola_geometry::{LevelName, Pose2};
 
 const EXTENT: Extent = Extent { min_m: [-2.0; 2], max_m: [2.0; 2] };
 
-fn member(number: u128, verdict: Verdict) -> Member {
+pub(in crate::assemble) fn member(number: u128, verdict: Verdict) -> Member {
     let name = number.to_string();
     Member { clip: Uuid::from_u128(number), recorded_at_ms: None, sha256: name.clone(), share: name, verdict }
 }
 
-fn aligned(number: u128, x_m: f64) -> Member {
+pub(in crate::assemble) fn aligned(number: u128, x_m: f64) -> Member {
     let (map_from_clip, covariance) = (Pose2::new(x_m, 0.0, 0.0), Matrix3::identity() * 1e-4);
     member(
         number,
@@ -27,11 +27,11 @@ fn in_one_of(number: u128, probabilities: &[f64]) -> Member {
     member(number, Verdict::Ambiguous { alternatives })
 }
 
-fn on_main(x_m: f64, yaw_rad: f64, probability: f64) -> Mode {
+pub(in crate::assemble) fn on_main(x_m: f64, yaw_rad: f64, probability: f64) -> Mode {
     Mode { level: LevelName::MAIN, map_from_clip: Pose2::new(x_m, 0.0, yaw_rad), probability }
 }
 
-fn candidate(member: &Member) -> Candidate<'_> {
+pub(in crate::assemble) fn candidate(member: &Member) -> Candidate<'_> {
     let modes = super::super::candidates::modes(&member.verdict);
     Candidate { member, modes, extent: EXTENT, points: 1_000 }
 }

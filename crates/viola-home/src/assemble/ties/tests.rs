@@ -1,9 +1,7 @@
 use super::*;
-use crate::assemble::members::{Extent, Member, Mode, Verdict};
-use nalgebra::Matrix3;
+use crate::assemble::joint::tests::{aligned, candidate, member, on_main};
+use crate::assemble::members::{Member, Verdict};
 use proptest::prelude::*;
-use uuid::Uuid;
-use viola_geometry::LevelName;
 use viola_reconstruct::Descriptor;
 
 /// A feature with a description of its own.
@@ -53,25 +51,6 @@ proptest! {
     }
 }
 
-fn member(number: u128, verdict: Verdict) -> Member {
-    let name = number.to_string();
-    Member { clip: Uuid::from_u128(number), recorded_at_ms: None, sha256: name.clone(), share: name, verdict }
-}
-
-fn aligned(number: u128, x_m: f64) -> Member {
-    let (map_from_clip, covariance) = (Pose2::new(x_m, 0.0, 0.0), Matrix3::identity() * 1e-4);
-    member(
-        number,
-        Verdict::Aligned { level: LevelName::MAIN, map_from_clip, covariance, probability: Some(0.99) },
-    )
-}
-
-fn candidate(member: &Member) -> Candidate<'_> {
-    let modes = super::super::candidates::modes(&member.verdict);
-    let extent = Extent { min_m: [-2.0; 2], max_m: [2.0; 2] };
-    Candidate { member, modes, extent, points: 1_000 }
-}
-
 /// A tie of many places: `a` is `x_m` to the right of `b`.
 fn tie(a: u128, b: u128, x_m: f64, places: usize) -> Tie {
     Tie {
@@ -119,12 +98,7 @@ fn a_clip_without_a_pose_is_placed_along_a_chain_of_ties() {
 
 #[test]
 fn a_tie_decides_between_alternatives_unless_rooms_look_alike() {
-    let room = |x_m, probability| Mode {
-        level: LevelName::MAIN,
-        map_from_clip: Pose2::new(x_m, 0.0, 0.0),
-        probability,
-    };
-    let rooms = vec![room(0.0, 0.5), room(5.0, 0.45)];
+    let rooms = vec![on_main(0.0, 0.0, 0.5), on_main(5.0, 0.0, 0.45)];
     let open = member(9, Verdict::Ambiguous { alternatives: rooms });
     let (mut members, mut ties) = agreeing();
     members.push(aligned(8, 0.0));

@@ -1,4 +1,4 @@
-//! What a drawn floor plan of a simulated home should show: faces of walls, openings, areas of rooms.
+//! The true floor plan of a simulated home: faces of walls, openings, areas of rooms.
 
 use super::{Feature, OpeningKind, Plan, Rect};
 use viola_geometry::Point2;

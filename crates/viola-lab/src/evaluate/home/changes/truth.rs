@@ -151,7 +151,7 @@ pub fn true_changes(days: &[Home; 2], visits: &[Visit; 2], map_from_home: &Pose2
     changes
 }
 
-/// What a visit shows of a piece.
+/// The part of a piece that a visit shows.
 struct Shown {
     thing: Thing,
     /// True if the other visit looked at its place.
