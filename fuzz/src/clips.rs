@@ -78,7 +78,8 @@ fn check_container(container: Box<dyn Container>) {
         let Ok(frame) = clip.load(index) else { continue };
         let (color, depth) = (&frame.color_camera, &frame.depth_camera);
         assert!(color.is_plausible() && depth.is_plausible(), "{color:?} {depth:?}");
-        assert_eq!(frame.color.dimensions(), (color.width, color.height));
+        let size = frame.color.as_ref().map_or((color.width, color.height), |picture| picture.dimensions());
+        assert_eq!(size, (color.width, color.height));
         assert_eq!((frame.depth.width, frame.depth.height), (depth.width, depth.height));
         assert_eq!(frame.depth.depth_m.len() as u64, u64::from(depth.width) * u64::from(depth.height));
         assert!(frame.depth.depth_m.iter().all(|d| d.is_finite() && *d >= 0.0));

@@ -26,7 +26,8 @@ pub struct EvaluateArguments {
     /// Recording with true poses, in any layout that `viola align` reads.
     #[arg(long, group = "source")]
     pub(super) scene: Option<PathBuf>,
-    /// Sets of simulated homes, instead of a scene: normal, upper, repeated, changed, storeys.
+    /// Sets of simulated homes, instead of a scene: normal, upper, repeated, changed, storeys, drifted,
+    /// glass.
     #[arg(long, group = "source", value_delimiter = ',')]
     pub(super) set: Vec<Set>,
     /// LiDAR map with free cells, instead of a scene: clips are drawn inside it. May be given several times.

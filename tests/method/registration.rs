@@ -155,7 +155,9 @@ fn too_little_is_said_to_be_too_little() {
 }
 
 fn of_level(level: &str, points: Vec<Point2>) -> Target {
-    Target { level: level.parse().unwrap(), ..target(points) }
+    let mut target = target(points);
+    target.level = level.parse().unwrap();
+    target
 }
 
 fn register_to(observation: &Observation, targets: &[&Target]) -> Alignment {

@@ -86,9 +86,14 @@ fn check_spoiled(spoil: impl Fn(&mut Frame), why: &Lost) {
     assert!(is_one || track.segments[0].ended.as_ref() == Some(why), "{:?}", track.segments);
 }
 
+fn darken(frame: &mut Frame) {
+    let picture = frame.color.as_mut().unwrap();
+    picture.pixels_mut().for_each(|pixel| *pixel = Rgb([1, 1, 1]));
+}
+
 #[test]
 fn darkness_is_waited_for() {
-    check_spoiled(|frame| frame.color.pixels_mut().for_each(|pixel| *pixel = Rgb([1, 1, 1])), &Lost::Dark);
+    check_spoiled(darken, &Lost::Dark);
 }
 
 #[test]
@@ -134,7 +139,8 @@ fn a_person_walking_through_is_not_followed() {
             for x in left..(left + width / 4).min(width) {
                 frame.depth.depth_m[y * width + x] = 1.1 + 0.001 * ((x - left) % 7) as f32;
                 let shade = if (x - left + y) / 5 % 2 == 0 { 40 } else { 170 };
-                frame.color.put_pixel(x as u32, y as u32, Rgb([shade, shade / 2, 60]));
+                let picture = frame.color.as_mut().unwrap();
+                picture.put_pixel(x as u32, y as u32, Rgb([shade, shade / 2, 60]));
             }
         }
     }
@@ -177,7 +183,7 @@ fn in_a_box_by_rows(world_from_camera: impl Fn(u32) -> Pose3, is_plain: bool) ->
     Frame {
         header: FrameHeader { number: 0, time_s: None, world_from_camera: None, force_in_camera: None },
         color_camera: CAMERA,
-        color,
+        color: Some(color),
         depth_camera: CAMERA,
         depth: DepthImage { width: CAMERA.width, height: CAMERA.height, depth_m },
     }
@@ -249,9 +255,7 @@ fn the_poses_of_a_device_are_refined() {
     let params = ClipParams { frames: 60, color_width: 256, drift: 0.02, ..ClipParams::default() };
     let clip = home.clip(&survey, 0, &params);
     let mut frames: Vec<Frame> = (0..60).map(|index| clip.frame(index)).collect();
-    for frame in &mut frames[30..33] {
-        frame.color.pixels_mut().for_each(|pixel| *pixel = Rgb([1, 1, 1]));
-    }
+    frames[30..33].iter_mut().for_each(darken);
     let given: Vec<_> = frames.iter().map(|frame| frame.header.world_from_camera).collect();
     let truth: Vec<_> = clip.truth.home_from_camera.iter().copied().map(Some).collect();
     let mut tracker = Tracker::refining(&TrackParams::default());

@@ -1,6 +1,9 @@
 //! Clips in each layout: written clips are read, and unusable ones are refused by name.
 
 use crate::archives::{everywhere, gzip, zstd};
+use crate::export_writers;
+use crate::exports::Writer as ExportWriter;
+use crate::recording::Recording;
 use crate::writers::*;
 use proptest::prelude::*;
 use std::collections::BTreeSet;
@@ -32,7 +35,7 @@ fn check_clip(path: &Path, layout: &str, numbers: &[u32], units_per_m: f32) {
         for camera in [frame.color_camera, frame.depth_camera] {
             assert_eq!((camera.fx, camera.fy, camera.cx, camera.cy), (FX, FY, CX, CY));
         }
-        assert_eq!(frame.color.dimensions(), (WIDTH, HEIGHT));
+        assert_eq!(frame.color.unwrap().dimensions(), (WIDTH, HEIGHT));
         for (x, y) in [(0, 0), (1, 0), (2, 0), (0, 1), (WIDTH - 1, HEIGHT - 1)] {
             let expected = match units(number, x, y) {
                 u16::MAX => 0.0,
@@ -94,6 +97,45 @@ proptest! {
         let short: BTreeSet<u32> = numbers.iter().map(|n| n % 1_000_000).collect();
         let short: Vec<u32> = short.into_iter().collect();
         check_clip(as_folder(&seven_scenes("", &short)).path(), "seven_scenes", &short, 1000.0);
+    }
+}
+
+/// Checks that a clip is read without its colour pictures, with the same depth, poses and depth camera.
+fn check_depth_alone(layout: &str, files: &Files, is_color: impl Fn(&str) -> bool) {
+    let (mut depth_alone, all) = (files.clone(), as_folder(files));
+    depth_alone.retain(|(name, _)| !is_color(name));
+    let depth_alone = as_folder(&depth_alone);
+    let both = Clip::open(all.path()).unwrap();
+    let clip = Clip::open(depth_alone.path()).unwrap_or_else(|error| panic!("{layout}: {error}"));
+    assert!(both.has_color() && !clip.has_color(), "{layout}");
+    let info = clip.info();
+    assert_eq!((info.frames, info.color_width, info.color_height), (both.info().frames, 0, 0), "{layout}");
+    assert_eq!(info.skipped_incomplete, 0, "{layout}");
+    assert!(info.notes.iter().any(|note| note.contains("no colour")), "{layout}: {:?}", info.notes);
+    assert_eq!(clip.frames(), both.frames(), "{layout}");
+    for index in 0..info.frames {
+        let (frame, want) = (clip.load(index).unwrap(), both.load(index).unwrap());
+        assert!(frame.color.is_none() && want.color.is_some());
+        assert_eq!(frame.depth, want.depth, "{layout}");
+        assert_eq!(frame.color_camera, frame.depth_camera);
+        // Without the colour picture, its size is guessed by the principal point.
+        let (camera, want) = (frame.depth_camera, want.depth_camera);
+        let pairs = [(camera.fx, want.fx), (camera.fy, want.fy), (camera.cx, want.cx), (camera.cy, want.cy)];
+        assert!(pairs.iter().all(|(a, b)| (a / b - 1.0).abs() < 0.02), "{layout}: {camera:?} {want:?}");
+    }
+}
+
+#[test]
+fn clips_of_depth_alone_are_read() {
+    let picture = |name: &str| name.ends_with(".jpg");
+    for (layout, write_files, _) in LAYOUTS {
+        check_depth_alone(layout, &write_files("", &[0, 1, 2]), |name| picture(name) || name == "rgb.txt");
+    }
+    let recording = Recording::small(5);
+    let exports: [(&str, ExportWriter); 2] =
+        [("stray", export_writers::stray), ("redwood", export_writers::redwood)];
+    for (layout, write_files) in exports {
+        check_depth_alone(layout, &write_files("", &recording), picture);
     }
 }
 
@@ -202,7 +244,6 @@ fn clips_that_cannot_be_used_are_refused_by_name() {
         "color/0.jpg",
     );
     check_refused(scannet, |f| drop_ending(f, ".png"), "no_frames", "3 colour");
-    check_refused(scannet, |f| drop_ending(f, ".jpg"), "no_frames", "3 depth");
     check_refused(scannet, |f| drop_ending(f, color_file), "missing_intrinsics", color_file);
     check_refused(scannet, |f| drop_ending(f, depth_file), "missing_intrinsics", depth_file);
     check_refused(

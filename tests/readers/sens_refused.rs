@@ -171,7 +171,7 @@ fn raw_pictures_have_the_size_of_the_header() {
     let depth: Vec<u8> = (0..32 * 24u16).flat_map(|i| (1000 + i).to_le_bytes()).collect();
     let open = |bytes: Vec<u8>| Clip::open(as_file(&bytes).path()).unwrap();
     let frame = open(recoded((0, &color), (0, &depth))).load(2).unwrap();
-    assert_eq!(frame.color.as_raw(), &color);
+    assert_eq!(frame.color.unwrap().as_raw(), &color);
     assert_eq!(frame.depth.at(5, 3), (1000.0 + 5.0 + 3.0 * 32.0) / 1000.0);
     for (color, depth, code, naming) in [
         (&color[1..], &depth[..], "bad_picture", "9215 bytes"),

@@ -98,7 +98,8 @@ pub(super) fn fuse(
         fused = fuse(Some(&refined))?;
         tracked = Some(refined);
     }
-    let mut reasons: Vec<Reason> = by_device.iter().map(|trajectory| trajectory.reason.clone()).collect();
+    let mut reasons: Vec<Reason> = no_color(clip).into_iter().collect();
+    reasons.extend(by_device.iter().map(|trajectory| trajectory.reason.clone()));
     reasons.extend(tracked.iter().flat_map(|tracked| tracked.reasons.clone()));
     let fused = match fused {
         Ok(fused) => fused,
@@ -191,6 +192,11 @@ fn up_in_world(clip: &Clip, tracked: Option<&TrackedClip>, by_device: Option<&Tr
     }
 }
 
+fn no_color(clip: &Clip) -> Option<Reason> {
+    let detail = "the clip has no colour pictures; it is aligned by depth alone, without a network's labels";
+    (!clip.has_color()).then(|| Reason::new("no_colour", detail))
+}
+
 /// Tracks the wanted frames of a clip if none of them has a pose.
 fn track_where_needed(
     clip: &Clip,
@@ -201,7 +207,8 @@ fn track_where_needed(
     let wanted = |number: u32| frames.is_none_or(|frames| frames.contains(&number));
     let mut headers = clip.frames().iter().enumerate().filter(|(_, header)| wanted(header.number));
     let indices: Vec<usize> = headers.clone().map(|(index, _)| index).collect();
-    if indices.is_empty() || headers.any(|(_, header)| header.world_from_camera.is_some()) {
+    let has_pose = headers.any(|(_, header)| header.world_from_camera.is_some());
+    if indices.is_empty() || has_pose || !clip.has_color() {
         return Ok(None);
     }
     progress::begin(progress, Stage::Track)?;

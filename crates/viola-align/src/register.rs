@@ -1,14 +1,14 @@
 //! Stages 7-9: registers a virtual scan to the maps of all levels, and returns one ranked answer with a
 //! probability.
 //!
-//! The levels are searched one by one; their poses are ranked together, so that a pose on another level is a
-//! rival like any other.
+//! Each assumed floor and each level is searched on its own; all poses are ranked together, so that a pose above
+//! another floor or on another level is a rival like any other.
 
 use crate::answer::{Alignment, AlignmentState};
 use crate::observe::{Observation, ScanView};
 use crate::refine::{self, Refined};
 use crate::scan::Hit;
-use crate::score::{self, Doubts, OnLevel, Ranked};
+use crate::score::{self, Candidates, Doubts, Ranked};
 use crate::search::{Modes, Search, SearchLimits};
 use crate::{AlignError, AlignParams, Target};
 use viola_geometry::LevelName;
@@ -25,7 +25,7 @@ pub fn register(
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<Alignment, AlignError> {
-    let mut blank = Alignment {
+    let mut answer = Alignment {
         hits: observation.scan.hits.len(),
         key_frames: observation.key_frames,
         labels: observation.labels.clone(),
@@ -34,20 +34,21 @@ pub fn register(
         ..Alignment::failed()
     };
     if targets.is_empty() {
-        blank.reasons.push(Reason::new("map_empty", "the LiDAR map has no occupied point"));
-        return Ok(blank);
+        answer.reasons.push(Reason::new("map_empty", "the LiDAR map has no occupied point"));
+        return Ok(answer);
     }
-    // Of several assumed floors, the one whose scan fits the map best is taken.
-    let mut best: Option<Alignment> = None;
-    for view in observation.views() {
-        let answer = register_view(&view, &blank, targets, params, progress)?;
-        if best.as_ref().is_none_or(|best| fit(&answer) < fit(best)) {
-            best = Some(answer);
+    let views = observation.views().map(|view| Hypothesis::new(view, params));
+    let (hypotheses, poor): (Vec<Hypothesis>, Vec<Hypothesis>) =
+        views.partition(|hypothesis| hypothesis.hits.len() >= MIN_HITS);
+    if hypotheses.is_empty() {
+        if let Some(hits) = poor.iter().map(|hypothesis| hypothesis.hits.len()).max() {
+            answer.reasons.push(too_few(hits));
         }
+        return Ok(answer);
     }
-    let mut answer = best.unwrap_or(blank);
-    if answer.floor.as_ref().is_some_and(|floor| floor.assumed) {
-        let height_m = answer.floor.as_ref().map_or(0.0, |floor| floor.camera_height_m);
+    let mut answer = Registration::new(&hypotheses, targets, params).run(answer, progress)?;
+    if let Some(floor) = answer.floor.as_ref().filter(|floor| floor.assumed) {
+        let height_m = floor.camera_height_m;
         answer.reasons.push(Reason::new(
             "floor_assumed",
             format!(
@@ -58,24 +59,37 @@ pub fn register(
     Ok(answer)
 }
 
-/// Returns the loss, which decides between hypotheses of the floor.
-fn fit(answer: &Alignment) -> f64 {
-    answer.loss_m.unwrap_or(f64::INFINITY)
+fn too_few(hits: usize) -> Reason {
+    Reason::new(
+        "too_few_hits",
+        format!(
+            "the clip shows {hits} standing points on walls and furniture and {MIN_HITS} are needed; film more of the room, and its lower half"
+        ),
+    )
 }
 
-/// The search in the map of one level.
+/// The scan above one floor, seen or assumed, with weighted hits.
+struct Hypothesis<'a> {
+    view: ScanView<'a>,
+    hits: Vec<Hit>,
+}
+
+impl<'a> Hypothesis<'a> {
+    fn new(view: ScanView<'a>, params: &AlignParams) -> Hypothesis<'a> {
+        let hits = score::hit_weights(&view.scan.hits, &params.hit_weights);
+        Hypothesis { view, hits }
+    }
+}
+
+/// The search of one hypothesis in the map of one level.
 struct LevelSearch<'a> {
+    hypothesis: usize,
     target: &'a Target,
     search: Search<'a>,
     refined: Vec<Refined>,
 }
 
-impl<'a> LevelSearch<'a> {
-    fn new(target: &'a Target, hits: &[Hit], params: &'a AlignParams) -> LevelSearch<'a> {
-        let search = Search::new(hits, target, &params.search);
-        LevelSearch { target, search, refined: Vec::new() }
-    }
-
+impl LevelSearch<'_> {
     /// Refines the modes that are new since the last call.
     fn refine(&mut self, found: &Modes, hits: &[Hit]) {
         let new: Vec<_> =
@@ -84,59 +98,95 @@ impl<'a> LevelSearch<'a> {
     }
 }
 
-/// Registers one scan: search, refine, rank, confidence, verdict. An answer in doubt resumes the search.
-fn register_view(
-    view: &ScanView,
-    blank: &Alignment,
-    targets: &[&Target],
-    params: &AlignParams,
-    progress: &dyn Progress,
-) -> Result<Alignment, AlignError> {
-    let scan = view.scan;
-    let mut answer = Alignment { hits: scan.hits.len(), floor: Some(view.floor.clone()), ..blank.clone() };
-    let hits = score::hit_weights(&scan.hits, &params.hit_weights);
-    if hits.len() < MIN_HITS {
-        let detail = format!(
-            "the clip shows {} standing points on walls and furniture and {MIN_HITS} are needed; film more of the room, and its lower half",
-            hits.len(),
-        );
-        answer.reasons.push(Reason::new("too_few_hits", detail));
-        return Ok(answer);
+/// An answer of the search.
+struct Placed {
+    answer: Alignment,
+    /// Index of the answer's hypothesis.
+    hypothesis: usize,
+    /// True if no search ended at its budget.
+    complete: bool,
+}
+
+/// Search, refinement, ranking, confidence and verdict over all hypotheses and levels.
+struct Registration<'a> {
+    hypotheses: &'a [Hypothesis<'a>],
+    targets: &'a [&'a Target],
+    params: &'a AlignParams,
+    searches: Vec<LevelSearch<'a>>,
+}
+
+impl<'a> Registration<'a> {
+    fn new(
+        hypotheses: &'a [Hypothesis<'a>],
+        targets: &'a [&'a Target],
+        params: &'a AlignParams,
+    ) -> Registration<'a> {
+        let search = |hypothesis: usize, target: &'a Target| {
+            let search = Search::new(&hypotheses[hypothesis].hits, target, &params.search);
+            LevelSearch { hypothesis, target, search, refined: Vec::new() }
+        };
+        let searches = (0..hypotheses.len())
+            .flat_map(|hypothesis| targets.iter().map(move |target| search(hypothesis, target)))
+            .collect();
+        Registration { hypotheses, targets, params, searches }
     }
-    let mut levels: Vec<LevelSearch> =
-        targets.iter().map(|target| LevelSearch::new(target, &hits, params)).collect();
-    let mut place = |limits: &SearchLimits| {
+
+    /// Returns the answer; an answer in doubt resumes the search. `blank` has the facts that do not depend on
+    /// the pose.
+    fn run(&mut self, blank: Alignment, progress: &dyn Progress) -> Result<Alignment, AlignError> {
+        let limits = &self.params.search;
+        let mut placed = self.place(&limits.first, &blank, progress)?;
+        if placed.answer.state != AlignmentState::Aligned && placed.complete {
+            // The right pose may score below the first limits.
+            placed = self.place(&limits.in_doubt, &blank, progress)?;
+        }
+        let Placed { mut answer, hypothesis, .. } = placed;
+        if let (Some(target), Some(map_from_clip), Some(covariance)) =
+            (on_level(self.targets, answer.level), answer.map_from_clip, answer.covariance)
+        {
+            let best = Refined { map_from_clip, covariance: covariance.into() };
+            let mean = refine::mean(&best, &self.hypotheses[hypothesis].hits, target);
+            answer.map_from_clip = Some(mean);
+            // Its rank stays that of the minimum, as for the other alternatives.
+            if let Some(best) = answer.alternatives.first_mut() {
+                best.map_from_clip = mean;
+            }
+        }
+        Ok(answer)
+    }
+
+    /// Resumes the searches until `limits`.
+    fn place(
+        &mut self,
+        limits: &SearchLimits,
+        blank: &Alignment,
+        progress: &dyn Progress,
+    ) -> Result<Placed, AlignError> {
         progress::begin(progress, Stage::Search)?;
-        let found = levels.iter_mut().map(|level| level.search.run(limits, progress));
+        let found = self.searches.iter_mut().map(|level| level.search.run(limits, progress));
         let found: Vec<Modes> = found.collect::<Result<_, AlignError>>()?;
         progress::begin(progress, Stage::Refine)?;
-        levels.iter_mut().zip(&found).for_each(|(level, found)| level.refine(found, &hits));
+        for (level, found) in self.searches.iter_mut().zip(&found) {
+            level.refine(found, &self.hypotheses[level.hypothesis].hits);
+        }
         progress::begin(progress, Stage::Decide)?;
-        let refined: Vec<OnLevel> =
-            levels.iter().map(|level| OnLevel { target: level.target, refined: &level.refined }).collect();
-        let ranked = score::rank(&refined, &hits, scan, &params.score);
+        let candidates = self.searches.iter().map(|level| {
+            let Hypothesis { view, hits } = &self.hypotheses[level.hypothesis];
+            let (hypothesis, target, refined) = (level.hypothesis, level.target, &level.refined);
+            Candidates { hypothesis, hits, scan: view.scan, target, refined }
+        });
+        let candidates: Vec<Candidates> = candidates.collect();
+        let ranked = score::rank(&candidates, &self.params.score);
+        let hypothesis = ranked.first().map_or(0, |best| best.hypothesis);
+        let Hypothesis { view, hits } = &self.hypotheses[hypothesis];
+        let answer =
+            Alignment { hits: view.scan.hits.len(), floor: Some(view.floor.clone()), ..blank.clone() };
         let cut_short = found.iter().find(|found| !found.complete);
         let doubts = Doubts { search_incomplete: cut_short.is_some(), sparse_track: view.sparse_track };
-        let answer = decide(ranked, cut_short, &hits, answer.clone(), targets, doubts);
-        Ok::<_, AlignError>((answer, cut_short.is_none()))
-    };
-    let (mut answer, complete) = place(&params.search.first)?;
-    if answer.state != AlignmentState::Aligned && complete {
-        // The right pose may score below the first limits.
-        answer = place(&params.search.in_doubt)?.0;
+        let complete = cut_short.is_none();
+        let answer = decide(ranked, cut_short, hits, answer, self.targets, doubts);
+        Ok(Placed { answer, hypothesis, complete })
     }
-    if let (Some(target), Some(map_from_clip), Some(covariance)) =
-        (on_level(targets, answer.level), answer.map_from_clip, answer.covariance)
-    {
-        let best = Refined { map_from_clip, covariance: covariance.into() };
-        let mean = refine::mean(&best, &hits, target);
-        answer.map_from_clip = Some(mean);
-        // Its rank stays that of the minimum, as for the other alternatives.
-        if let Some(best) = answer.alternatives.first_mut() {
-            best.map_from_clip = mean;
-        }
-    }
-    Ok(answer)
 }
 
 fn on_level<'a>(targets: &[&'a Target], level: LevelName) -> Option<&'a Target> {

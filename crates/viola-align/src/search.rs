@@ -182,14 +182,9 @@ mod tests {
         }
         let points_m: Vec<Point2> =
             walls.iter().map(|&(x, y)| frame.centre(20 + x % 16, 20 + y % 10)).collect();
-        Target {
-            level: viola_geometry::LevelName::MAIN,
-            thinned_m: points_m,
-            points_m: Vec::new(),
-            cells: None,
-            field: DistanceField::new(&occupied),
-            rooms: None,
-        }
+        // The walls lie on a frame of their own, wider than the one around the points.
+        let target = Target::from_points(points_m.clone(), Some(0.05), None).unwrap();
+        Target { thinned_m: points_m, points_m: Vec::new(), field: DistanceField::new(&occupied), ..target }
     }
 
     fn hit(x: f64, y: f64) -> Hit {

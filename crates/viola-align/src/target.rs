@@ -1,6 +1,9 @@
 //! The LiDAR map for registration: points, and the distance field to the nearest one.
 
+mod pieces;
+
 use super::rooms::NamedRooms;
+use pieces::Pieces;
 use rustc_hash::FxHashSet;
 use viola_formats::lidar::{Cell, LidarMap};
 use viola_geometry::{DistanceField, Grid, GridFrame, LevelName, Point2};
@@ -12,11 +15,14 @@ pub struct Target {
     pub points_m: Vec<Point2>,
     /// One of the points in each 5 cm cell.
     pub thinned_m: Vec<Point2>,
+    /// Of each of `thinned_m`: how much it counts as a wall, 0..1.
+    pub thinned_shares: Vec<f64>,
     /// State of each cell, for maps that have cells.
     pub cells: Option<Grid<Cell>>,
     pub field: DistanceField,
     /// `None` if no room's name states its purpose.
     pub rooms: Option<NamedRooms>,
+    pieces: Pieces,
 }
 
 /// Cell size of the distance field for maps that are bare points: finer than their noise.
@@ -52,13 +58,27 @@ impl Target {
             }
         }
         let mut taken = FxHashSet::default();
-        let thinned_m = points_m
+        let thinned_m: Vec<Point2> = points_m
             .iter()
             .filter(|p| taken.insert([p.x, p.y].map(|c| (c / 0.05).floor() as i32)))
             .copied()
             .collect();
-        let level = LevelName::MAIN;
-        Some(Target { level, points_m, thinned_m, cells, field: DistanceField::new(&occupied), rooms: None })
+        let pieces = Pieces::new(&points_m);
+        Some(Target {
+            level: LevelName::MAIN,
+            thinned_shares: thinned_m.iter().map(|point| pieces.share(point)).collect(),
+            points_m,
+            thinned_m,
+            cells,
+            field: DistanceField::new(&occupied),
+            rooms: None,
+            pieces,
+        })
+    }
+
+    /// Returns how much the map's points beside `point` count as a wall, 0..1: little if they are a short piece.
+    pub fn wall_share(&self, point: &Point2) -> f64 {
+        self.pieces.share(point)
     }
 
     /// Returns the state of the cell at a point.

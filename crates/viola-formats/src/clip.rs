@@ -43,7 +43,7 @@ pub struct ClipInfo {
     pub gravity: String,
     /// Source of the intrinsics.
     pub intrinsics: String,
-    /// Frames with both pictures.
+    /// Frames with both pictures, or with depth if the clip has no colour.
     pub frames: usize,
     /// Frames with a finite pose.
     pub frames_with_pose: usize,
@@ -51,6 +51,7 @@ pub struct ClipInfo {
     pub skipped_without_pose: usize,
     /// Frames left out because one of their pictures is missing.
     pub skipped_incomplete: usize,
+    /// 0 if the clip has no colour.
     pub color_width: u32,
     pub color_height: u32,
     pub depth_width: u32,
@@ -86,8 +87,10 @@ pub struct Shutter {
 #[derive(Debug, Clone)]
 pub struct Frame {
     pub header: FrameHeader,
+    /// The depth camera if there is no colour.
     pub color_camera: Pinhole,
-    pub color: image::RgbImage,
+    /// `None` if the clip has no colour.
+    pub color: Option<image::RgbImage>,
     pub depth_camera: Pinhole,
     pub depth: DepthImage,
 }
@@ -158,7 +161,13 @@ impl Clip {
         matches!(&self.origin, Origin::Files(files) if files.video.is_some())
     }
 
-    /// Returns the frames with both pictures, in recording order.
+    /// Returns whether the frames have colour pictures.
+    pub fn has_color(&self) -> bool {
+        self.info.color_width > 0
+    }
+
+    /// Returns the usable frames in recording order: those with both pictures, or with depth if the clip has no
+    /// colour.
     pub fn frames(&self) -> &[FrameHeader] {
         &self.frames
     }

@@ -65,15 +65,16 @@ fn caption(header: &FrameHeader) -> String {
     format!("frame {}{time}{pose}", header.number)
 }
 
-/// Returns colour above depth at the same size.
+/// Returns colour above depth at the same size, or depth alone.
 fn tile(frame: &Frame) -> RgbImage {
-    let (width, height) = frame.color.dimensions();
+    let (width, height) = (frame.color_camera.width, frame.color_camera.height);
     let scale = f64::from(SIDE) / f64::from(width.max(height));
     let side = |side: u32| ((f64::from(side) * scale).round() as u32).max(1);
     let (width, height) = (side(width), side(height));
-    let color = imageops::thumbnail(&frame.color, width, height);
     let depth = shades(frame.depth.width, frame.depth.height, &frame.depth.depth_m);
     let depth = imageops::resize(&depth, width, height, imageops::FilterType::Nearest);
+    let Some(color) = &frame.color else { return depth };
+    let color = imageops::thumbnail(color, width, height);
     let mut tile = RgbImage::new(width, 2 * height);
     imageops::replace(&mut tile, &color, 0, 0);
     imageops::replace(&mut tile, &depth, 0, i64::from(height));

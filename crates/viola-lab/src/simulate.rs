@@ -34,6 +34,7 @@ mod structure;
 mod survey;
 mod symmetry;
 mod walk;
+mod warp;
 
 pub use clip::{ClipParams, ClipTruth, LabelImage, SimulatedClip};
 pub use export::write_scannet_zip;
@@ -46,3 +47,4 @@ pub use render::View;
 pub use scene::{Hit, Scene};
 pub use sensor::Sensor;
 pub use survey::Survey;
+pub use warp::Warp;

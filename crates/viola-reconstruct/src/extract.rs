@@ -147,7 +147,7 @@ fn normal(padded: &[f32], a: [usize; 3], b: [usize; 3], share: f32) -> Option<[f
 #[cfg(test)]
 mod tests {
     use super::super::cloud::{BLACK, NO_COLOR};
-    use super::super::tsdf::{Tsdf, TsdfParams};
+    use super::super::tsdf::{BLOCK_BYTES, Tsdf, TsdfParams};
     use viola_formats::clip::{DepthImage, Frame, FrameHeader};
     use viola_geometry::{Pinhole, Pose3};
 
@@ -162,7 +162,7 @@ mod tests {
                 force_in_camera: None,
             },
             color_camera: camera,
-            color: image::RgbImage::from_pixel(80, 60, image::Rgb([200, 100, 50])),
+            color: Some(image::RgbImage::from_pixel(80, 60, image::Rgb([200, 100, 50]))),
             depth_camera: camera,
             depth: DepthImage { width: 80, height: 60, depth_m: vec![depth_m; 80 * 60] },
         }
@@ -188,10 +188,11 @@ mod tests {
         let mut frame = wall(1.5);
         let (width, height) = (400, 300);
         frame.color_camera = frame.depth_camera.resized(width, height);
-        frame.color = image::RgbImage::from_fn(width, height, |x, y| {
+        let mut picture = image::RgbImage::from_fn(width, height, |x, y| {
             let is_rim = x.min(y).min(width - 1 - x).min(height - 1 - y) < 3;
             image::Rgb(if is_rim { [0; 3] } else { [200, 100, 50] })
         });
+        frame.color = Some(picture.clone());
         let colors = |frame: &Frame| -> Vec<[u8; 3]> {
             let mut tsdf = Tsdf::new(TsdfParams::default());
             tsdf.integrate(frame, &Pose3::identity());
@@ -206,13 +207,14 @@ mod tests {
         assert!(without * 4 > narrow.len() && without * 2 < narrow.len(), "{without} of {}", narrow.len());
         assert!(narrow.iter().all(|color| *color == NO_COLOR || *color == [200, 100, 50]));
         // A black surface has a colour.
-        frame.color.pixels_mut().for_each(|pixel| pixel.0 = [0; 3]);
+        picture.pixels_mut().for_each(|pixel| pixel.0 = [0; 3]);
+        frame.color = Some(picture);
         assert!(colors(&frame).contains(&BLACK));
     }
 
     #[test]
-    fn memory_is_bounded_by_blocks() {
-        let mut tsdf = Tsdf::new(TsdfParams { max_blocks: 10, ..TsdfParams::default() });
+    fn memory_is_bounded() {
+        let mut tsdf = Tsdf::new(TsdfParams { max_bytes: 10 * BLOCK_BYTES, ..TsdfParams::default() });
         tsdf.integrate(&wall(1.5), &Pose3::identity());
         assert!(tsdf.is_full());
         assert_eq!(tsdf.blocks.len(), 10);

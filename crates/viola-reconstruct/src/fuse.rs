@@ -134,14 +134,14 @@ pub fn fuse(
             match frame {
                 Ok(frame) => {
                     tsdf.integrate(&frame, world_from_camera);
-                    if key_frames.len() % every == 0 {
+                    if key_frames.len() % every == 0 && frame.color.is_some() {
                         pictures.push(Picture::new(&frame, world_from_camera));
                     }
                     key_frames.push(KeyFrame {
                         index: *index,
                         number: frame.header.number,
                         world_from_camera: *world_from_camera,
-                        sharpness: sharpness(&frame.color),
+                        sharpness: frame.color.as_ref().map_or(0.0, sharpness),
                         readings: Readings::thin(&frame.depth, frame.depth_camera),
                     });
                 }

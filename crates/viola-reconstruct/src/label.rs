@@ -146,7 +146,9 @@ impl Labeller {
         };
         let remarks = params.unavailable.iter().map(unavailable).collect();
         let mut labeller = Labeller { sites, votes: None, report, pictures: Vec::new(), remarks };
-        let Some(segmenter) = &params.segmenter else { return Ok(labeller) };
+        let Some(segmenter) = params.segmenter.as_ref().filter(|_| clip.has_color()) else {
+            return Ok(labeller);
+        };
         match vote::vote(clip, key_frames, &labeller.sites, segmenter.as_ref(), params, progress)? {
             Ok(votes) => {
                 labeller.write(&combine::voted(&votes), cloud_in_world);

@@ -27,13 +27,14 @@ pub(super) const VOXELS: usize = SIDE * SIDE * SIDE;
 #[derive(Debug, Clone, PartialEq)]
 pub struct TsdfParams {
     pub voxel_m: f64,
-    /// Maximum number of blocks, which bounds memory. Further surface is left out.
-    pub max_blocks: usize,
+    /// Maximum memory of the blocks. Further surface is left out.
+    pub max_bytes: usize,
 }
 
 impl Default for TsdfParams {
     fn default() -> Self {
-        TsdfParams { voxel_m: 0.03, max_blocks: 100_000 }
+        // A flat of 150 m2 has about 180 000 blocks, 100 MiB.
+        TsdfParams { voxel_m: 0.03, max_bytes: 192 << 20 }
     }
 }
 
@@ -104,6 +105,10 @@ pub(super) struct Block {
     pub(super) voxels: Box<[Voxel; VOXELS]>,
 }
 
+/// Memory of a block with its entry in the index, whose table is at least half full.
+pub(super) const BLOCK_BYTES: usize =
+    size_of::<Block>() + VOXELS * size_of::<Voxel>() + 2 * (size_of::<[i32; 3]>() + size_of::<u32>() + 1);
+
 /// The map. Voxel `(0, 0, 0)` of block `(0, 0, 0)` has its centre half a voxel from the world's origin.
 pub struct Tsdf {
     params: TsdfParams,
@@ -118,7 +123,7 @@ impl Tsdf {
         Tsdf { params, blocks: Vec::new(), index: FxHashMap::default(), frames: 0, full: false }
     }
 
-    /// Returns whether surface was left out because of `max_blocks`.
+    /// Returns whether surface was left out because of `max_bytes`.
     pub fn is_full(&self) -> bool {
         self.full
     }
@@ -177,7 +182,7 @@ impl Tsdf {
         let next = self.blocks.len();
         if let Some(&at) = self.index.get(&key) {
             self.blocks[at as usize].stamp = self.frames;
-        } else if next < self.params.max_blocks {
+        } else if (next + 1) * BLOCK_BYTES <= self.params.max_bytes {
             self.index.insert(key, next as u32);
             self.blocks.push(Block { key, stamp: self.frames, voxels: Box::new([Voxel::default(); VOXELS]) });
         } else {
@@ -249,6 +254,7 @@ impl<'a> Update<'a> {
     }
 
     fn color(&self, voxel: &mut Voxel, point: &nalgebra::Vector3<f32>, inverse_z: f32) {
+        let Some(picture) = &self.frame.color else { return };
         let camera = &self.frame.color_camera;
         let u = camera.fx as f32 * point.x * inverse_z + camera.cx as f32 + 0.5;
         let v = camera.fy as f32 * point.y * inverse_z + camera.cy as f32 + 0.5;
@@ -256,7 +262,7 @@ impl<'a> Update<'a> {
         if u < 0.0 || v < 0.0 || u >= width || v >= height {
             return;
         }
-        let color = self.frame.color.get_pixel(u as u32, v as u32).0;
+        let color = picture.get_pixel(u as u32, v as u32).0;
         let is_within = |at: f32, side: f32| at >= RIM * side && at < (1.0 - RIM) * side;
         if is_within(u, width) && is_within(v, height) {
             voxel.add_color(color);

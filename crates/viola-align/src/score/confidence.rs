@@ -1,31 +1,18 @@
 //! Probability that the best pose is right, calibrated on simulated homes. Only this module sets it.
 //!
-//! A logistic regression on a dozen features of the answer, capped by doubts that the features do not
-//! include. The coefficients are those of [`MODEL`].
+//! A logistic regression on three features of the answer, capped by doubts that the features do not include.
+//! The coefficients are those of [`MODEL`].
 
 use super::model::{MODEL, Model};
 use crate::answer::{Alignment, Alternative};
 
-/// Names of the features.
-pub const FEATURES: [&str; 12] = [
-    "gap",
-    "near_gap",
-    "gap_hits",
-    "loss",
-    "inliers",
-    "log_hits",
-    "coverage",
-    "blocked_rays",
-    "hits_on_floor",
-    "walls_on_floor",
-    "log_sigma",
-    "rivals",
-];
+/// Names of the features: log odds against all different explanations, loss in metres, logarithm of the hits.
+pub const FEATURES: [&str; 3] = ["odds", "loss", "log_hits"];
 
-/// A smaller gap is noise as likely as not, so its size has a feature of its own.
-const NEAR_GAP_M: f64 = 0.008;
 /// Features use at most this many alternatives.
 const LISTED: usize = 8;
+/// Odds of unlisted explanations, which bound the log odds at 3.9.
+const UNLISTED_ODDS: f64 = 0.02;
 /// Maximum difference in loss of a rival that explains the clip nearly as well.
 const NEAR_RIVAL_M: f64 = 0.02;
 
@@ -46,28 +33,17 @@ pub fn near_rivals(alignment: &Alignment) -> usize {
 }
 
 /// Returns the features of an answer, in the order of [`FEATURES`]; `None` without a pose to judge.
-pub fn features(alignment: &Alignment) -> Option<[f64; FEATURES.len()]> {
-    let best = alignment.alternatives.first()?;
-    let free_space = best.free_space?;
-    // The gap is at most 10 cm; a worse rival counts as none.
-    let gap_m = rivals(&alignment.alternatives).map(|a| a.loss_m - best.loss_m).fold(0.1, f64::min);
-    let log_hits = (alignment.hits.max(1) as f64 / 100.0).ln();
-    let covariance = alignment.covariance.unwrap_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
-    let sigma_m = (covariance[0][0] + covariance[1][1]).sqrt();
-    Some([
-        gap_m,
-        gap_m.min(NEAR_GAP_M),
-        gap_m * (log_hits + 2.0),
-        best.loss_m,
-        best.inliers,
-        log_hits,
-        alignment.coverage.unwrap_or(0.0).sqrt(),
-        free_space.blocked_rays,
-        free_space.hits_on_floor,
-        free_space.walls_on_floor,
-        sigma_m.max(1e-4).ln(),
-        near_rivals(alignment) as f64,
-    ])
+/// `alternatives` are sorted by loss, `temperature_m` is that of a clip with `hits`.
+pub fn features(
+    alternatives: &[Alternative],
+    hits: usize,
+    temperature_m: f64,
+) -> Option<[f64; FEATURES.len()]> {
+    let best = alternatives.first()?;
+    best.free_space?;
+    let odds = |rival: &Alternative| (-(rival.loss_m - best.loss_m) / temperature_m).exp();
+    let against = UNLISTED_ODDS + rivals(alternatives).map(odds).sum::<f64>();
+    Some([-against.ln(), best.loss_m, (hits.max(1) as f64 / 100.0).ln()])
 }
 
 /// Facts about an answer that its features do not show.
@@ -106,16 +82,15 @@ fn cap(probability: &mut Option<f64>, most: f64) {
     *probability = probability.map(|p| p.min(most));
 }
 
-/// Sets the regression's probability for the best pose, capped by its gap to the next explanation. The rest
-/// is divided among the other explanations by their losses, with a part for unlisted poses.
+/// Sets the regression's probability for the best pose. The rest is divided among the other explanations by
+/// their losses, with a part for unlisted poses.
 fn regress(answer: &mut Alignment, model: &Model) {
     const ELSEWHERE: f64 = 0.25;
-    let Some(features) = features(answer) else { return };
-    // Evidence for the best pose is also evidence for a rival with nearly its loss.
-    let ceiling = 1.0 / (1.0 + (-features[0] / model.temperature_m).exp());
-    let best = model.probability(&features).min(ceiling);
+    let temperature_m = model.temperature_m(answer.hits);
+    let Some(features) = features(&answer.alternatives, answer.hits, temperature_m) else { return };
+    let best = model.probability(&features);
     let loss_m = answer.alternatives[0].loss_m;
-    let weight = |a: &Alternative| (-(a.loss_m - loss_m) / model.temperature_m).exp();
+    let weight = |a: &Alternative| (-(a.loss_m - loss_m) / temperature_m).exp();
     let sum: f64 = ELSEWHERE + answer.alternatives.iter().skip(1).map(weight).sum::<f64>();
     for (rank, alternative) in answer.alternatives.iter_mut().enumerate() {
         let other = ((1.0 - best) * weight(alternative) / sum).min(best);
@@ -152,6 +127,29 @@ mod tests {
             evidence: None,
         };
         Alignment { alternatives: vec![best], hits: 500, coverage: Some(0.5), ..Alignment::failed() }
+    }
+
+    /// Returns the probability of a sure answer with a rival that loses by `gap_m`.
+    fn beside_a_rival(gap_m: f64, hits: usize) -> f64 {
+        let mut answer = sure();
+        let mut rival = answer.alternatives[0].clone();
+        rival.map_from_clip = Pose2::new(3.0, 0.0, 0.0);
+        rival.loss_m += gap_m;
+        answer.alternatives.push(rival);
+        answer.hits = hits;
+        set_probabilities(&mut answer, Doubts { search_incomplete: false, sparse_track: false });
+        let rival = answer.alternatives[1].probability.unwrap();
+        assert!(rival <= answer.probability.unwrap());
+        answer.probability.unwrap()
+    }
+
+    #[test]
+    fn a_worse_rival_and_more_evidence_make_an_answer_surer() {
+        let by_gap = [0.0, 0.002, 0.005, 0.01, 0.02, 0.05].map(|gap_m| beside_a_rival(gap_m, 200));
+        assert!(by_gap.is_sorted(), "{by_gap:?}");
+        assert!(by_gap[0] < 0.6 && by_gap[5] > 0.9, "{by_gap:?}");
+        let by_hits = [50, 100, 200, 400, 800].map(|hits| beside_a_rival(0.01, hits));
+        assert!(by_hits.is_sorted(), "{by_hits:?}");
     }
 
     fn check(doubts: Doubts, most: f64) {

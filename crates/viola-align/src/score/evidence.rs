@@ -26,13 +26,14 @@ pub struct Evidence {
     /// Mean truncated distance of the hits to the map.
     pub distance_m: f64,
     pub inliers: f64,
-    /// Hits whose ray meets the map well before the hit.
+    /// Hits whose ray meets the map well before the hit; short pieces of the map count less.
     pub blocked_rays: f64,
     /// Hits on free floor of the map.
     pub hits_on_floor: f64,
     /// Hits with a counterpart, but on a side that the robot never saw.
     pub unseen_sides: f64,
-    /// Walls of the map where the clip saw free floor, as a fraction of these walls and the clip's hits.
+    /// Walls of the map where the clip saw free floor, as a fraction of these walls and the clip's hits; short
+    /// pieces of the map count less.
     pub walls_on_floor: f64,
     /// Objects in pictures that do not belong in the named room of the map, as a fraction of everything that
     /// stands in pictures.
@@ -96,8 +97,9 @@ impl<'a> PoseScorer<'a> {
                 evidence.unseen_sides += hit.weight * share(target.cell_at(&before) == Cell::Unknown);
             }
             // Completed hits were not seen, so they have no ray.
-            let blocked = !hit.completed && self.is_blocked(map_from_clip, hit, target);
-            evidence.blocked_rays += hit.weight * share(blocked);
+            if !hit.completed {
+                evidence.blocked_rays += hit.weight * blocked(map_from_clip, hit, target);
+            }
         }
         evidence.distance_m /= self.weight;
         evidence.inliers /= self.weight;
@@ -116,9 +118,11 @@ impl<'a> PoseScorer<'a> {
         let contradicted = target
             .thinned_m
             .iter()
-            .filter(|p| (*p - origin).norm_squared() < reach2)
-            .filter(|p| self.free.contains(&cell(&clip_from_map.apply(p))))
-            .count() as f64;
+            .zip(&target.thinned_shares)
+            .filter(|(p, _)| (*p - origin).norm_squared() < reach2)
+            .filter(|(p, _)| self.free.contains(&cell(&clip_from_map.apply(p))))
+            .map(|(_, share)| share)
+            .sum::<f64>();
         contradicted / (contradicted + self.hits.len() as f64).max(1.0)
     }
 
@@ -129,24 +133,26 @@ impl<'a> PoseScorer<'a> {
         };
         self.landmarks.iter().filter(is_misplaced).map(|thing| thing.share).sum()
     }
+}
 
-    /// Returns whether the map blocks the ray of a hit, by sphere tracing on the distance field.
-    fn is_blocked(&self, map_from_clip: &Pose2, hit: &Hit, target: &Target) -> bool {
-        let cell_m = target.field.frame().cell_m;
-        let wall_m = f64::max(0.5 * cell_m, 0.02);
-        let (from, to) = (map_from_clip.apply(&hit.from_m), map_from_clip.apply(&hit.point_m));
-        let range_m = (to - from).norm();
-        let direction = (to - from) / range_m.max(1e-9);
-        let mut along_m = 0.0;
-        while along_m < range_m - SHORT_OF_HIT_M {
-            let distance_m = target.field.value(&(from + direction * along_m));
-            if distance_m < wall_m {
-                return true;
-            }
-            along_m += f64::max(distance_m - wall_m, 0.5 * cell_m);
+/// Returns how much the map blocks the ray of a hit, 0..1, by sphere tracing on the distance field: the share
+/// of the longest piece that the ray meets.
+fn blocked(map_from_clip: &Pose2, hit: &Hit, target: &Target) -> f64 {
+    let cell_m = target.field.frame().cell_m;
+    let wall_m = f64::max(0.5 * cell_m, 0.02);
+    let (from, to) = (map_from_clip.apply(&hit.from_m), map_from_clip.apply(&hit.point_m));
+    let range_m = (to - from).norm();
+    let direction = (to - from) / range_m.max(1e-9);
+    let (mut along_m, mut blocked) = (0.0, 0.0);
+    while along_m < range_m - SHORT_OF_HIT_M && blocked < 1.0 {
+        let at = from + direction * along_m;
+        let distance_m = target.field.value(&at);
+        if distance_m < wall_m {
+            blocked = f64::max(blocked, target.wall_share(&at));
         }
-        false
+        along_m += f64::max(distance_m - wall_m, 0.5 * cell_m);
     }
+    blocked
 }
 
 fn share(of: bool) -> f64 {

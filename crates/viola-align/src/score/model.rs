@@ -10,7 +10,7 @@ use std::sync::LazyLock;
 pub struct Model {
     pub made_by: MadeBy,
     pub loss: LossWeights,
-    /// A rival that loses by this much is e times less probable.
+    /// A rival that loses by this much is e times less probable, for a clip of [`TYPICAL_HITS`].
     pub temperature_m: f64,
     pub intercept: f64,
     pub coefficients: Vec<Coefficient>,
@@ -67,7 +67,15 @@ impl LossWeights {
     }
 }
 
+/// Number of hits for which the temperature is given: a typical clip of 20 frames.
+pub const TYPICAL_HITS: f64 = 150.0;
+
 impl Model {
+    /// Returns the temperature for a clip of so many hits. The mean of more hits has less noise.
+    pub fn temperature_m(&self, hits: usize) -> f64 {
+        self.temperature_m * (TYPICAL_HITS / hits.max(1) as f64).sqrt()
+    }
+
     /// Returns the regression's probability that the first alternative is the right pose.
     pub fn probability(&self, features: &[f64]) -> f64 {
         // Beyond the range of the training, a feature counts as at the edge of the range.

@@ -33,29 +33,36 @@ const SAME_RAD: f64 = 5f64.to_radians();
 /// An explanation with its covariance of (x_m, y_m, yaw_rad).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ranked {
+    /// Index of the floor hypothesis.
+    pub hypothesis: usize,
     pub alternative: Alternative,
     pub covariance: nalgebra::Matrix3<f64>,
 }
 
-/// The refined poses in the map of one level.
-pub struct OnLevel<'a> {
+/// The refined poses above one floor, in the map of one level.
+pub struct Candidates<'a> {
+    /// Index of the floor hypothesis.
+    pub hypothesis: usize,
+    pub hits: &'a [Hit],
+    pub scan: &'a VirtualScan,
     pub target: &'a Target,
     pub refined: &'a [Refined],
 }
 
-/// Returns the refined poses of all levels by how well they explain the clip, the best first, without
-/// duplicates. The hits are the same on all levels, so that the losses can be compared.
-pub fn rank(levels: &[OnLevel], hits: &[Hit], scan: &VirtualScan, params: &ScoreParams) -> Vec<Ranked> {
-    let scorer = PoseScorer::new(hits, scan, params.unknown_share);
-    let on_level = |level: &OnLevel| -> Vec<Ranked> {
-        level.refined.par_iter().map(|pose| ranked(pose, &scorer, level.target, params)).collect()
+/// Returns the refined poses above all floors and on all levels by how well they explain the clip, the best
+/// first, without duplicates. Losses are means over the hits, so that they can be compared.
+pub fn rank(candidates: &[Candidates], params: &ScoreParams) -> Vec<Ranked> {
+    let of = |candidates: &Candidates| -> Vec<Ranked> {
+        let scorer = PoseScorer::new(candidates.hits, candidates.scan, params.unknown_share);
+        candidates.refined.par_iter().map(|pose| ranked(pose, candidates, &scorer, params)).collect()
     };
-    let mut ranked: Vec<Ranked> = levels.iter().flat_map(on_level).collect();
+    let mut ranked: Vec<Ranked> = candidates.iter().flat_map(of).collect();
     ranked.sort_by(|a, b| a.alternative.loss_m.total_cmp(&b.alternative.loss_m));
     distinct(ranked, params.alternatives)
 }
 
-fn ranked(pose: &Refined, scorer: &PoseScorer, target: &Target, params: &ScoreParams) -> Ranked {
+fn ranked(pose: &Refined, candidates: &Candidates, scorer: &PoseScorer, params: &ScoreParams) -> Ranked {
+    let target = candidates.target;
     let evidence = scorer.evidence(&pose.map_from_clip, target);
     let alternative = Alternative {
         level: target.level,
@@ -72,7 +79,7 @@ fn ranked(pose: &Refined, scorer: &PoseScorer, target: &Target, params: &ScorePa
         probability: None,
         evidence: Some(evidence),
     };
-    Ranked { alternative, covariance: pose.covariance }
+    Ranked { hypothesis: candidates.hypothesis, alternative, covariance: pose.covariance }
 }
 
 fn is_same(a: &Alternative, b: &Alternative) -> bool {

@@ -45,12 +45,19 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
         (Some(from), Some(to)) if to >= from => Some(to - from),
         _ => None,
     };
+    let has_color = color_size.is_some();
     let without_poses = (frames_with_pose == 0).then(|| {
-        format!(
-            "no frame has a pose in {} that is a finite rigid motion: the camera will be tracked by its pictures",
-            layout.pose_files
-        )
+        let files = layout.pose_files;
+        let next = if has_color {
+            "the camera will be tracked by its pictures"
+        } else {
+            "the clip has no colour to track the camera by"
+        };
+        format!("no frame has a pose in {files} that is a finite rigid motion: {next}")
     });
+    let without_color =
+        (!has_color).then(|| "there are no colour pictures: the clip is aligned by depth alone".to_string());
+    let (color_width, color_height) = color_size.unwrap_or_default();
     let info = ClipInfo {
         layout: layout.name.to_string(),
         pose_convention: layout.pose_convention.to_string(),
@@ -61,13 +68,13 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
         frames_with_pose,
         skipped_without_pose: frames - frames_with_pose,
         skipped_incomplete: layout.incomplete,
-        color_width: color_size.0,
-        color_height: color_size.1,
+        color_width,
+        color_height,
         depth_width: depth_size.0,
         depth_height: depth_size.1,
         duration_s,
         recorded_at_ms: first.time_s.and_then(unix_ms),
-        notes: layout.notes.into_iter().chain(without_poses).collect(),
+        notes: layout.notes.into_iter().chain(without_color).chain(without_poses).collect(),
     };
     let tools = tools.clone();
     let video = layout.video.map(|(name, region)| Video { name, region, tools });
@@ -105,25 +112,27 @@ fn unix_ms(time_s: f64) -> Option<i64> {
 /// Widths and heights of the clip's pictures.
 #[derive(Clone, Copy)]
 struct Sizes {
-    color: (u32, u32),
+    /// `None` without colour.
+    color: Option<(u32, u32)>,
     depth: (u32, u32),
 }
 
 impl Sizes {
-    /// Returns the colour and depth cameras of a frame, with its own intrinsics if it has any.
+    /// Returns the colour and depth cameras of a frame, with its own intrinsics if it has any. Without colour,
+    /// both are the depth camera.
     fn cameras(&self, cameras: &Cameras, own: Option<Numbers>) -> Result<FrameCameras, ClipError> {
         match cameras {
-            Cameras::Each { color, depth } => Ok(FrameCameras {
-                color: self.camera(&color.name, &color.numbers, self.color)?,
-                depth: self.camera(&depth.name, &depth.numbers, self.depth)?,
-            }),
+            Cameras::Each { color, depth } => {
+                let depth = self.camera(&depth.name, &depth.numbers, self.depth)?;
+                let color = self.color.map(|size| self.camera(&color.name, &color.numbers, size));
+                Ok(FrameCameras { color: color.transpose()?.unwrap_or(depth), depth })
+            }
             Cameras::One(Intrinsics { name, numbers }) => {
                 let numbers = own.as_ref().unwrap_or(numbers);
                 self.check_aspect(numbers)?;
-                Ok(FrameCameras {
-                    color: self.camera(name, numbers, self.color)?,
-                    depth: self.camera(name, numbers, self.depth)?,
-                })
+                let depth = self.camera(name, numbers, self.depth)?;
+                let color = self.color.map(|size| self.camera(name, numbers, size));
+                Ok(FrameCameras { color: color.transpose()?.unwrap_or(depth), depth })
             }
         }
     }
@@ -132,11 +141,12 @@ impl Sizes {
     fn check_aspect(&self, numbers: &Numbers) -> Result<(), ClipError> {
         let aspect = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
         let of = numbers.size(self.color, self.depth);
-        for picture in [self.color, self.depth] {
+        for picture in self.color.into_iter().chain([self.depth]) {
             if differs(aspect(picture), aspect(of), MAX_ASPECT_RATIO) {
+                let color = self.color.map_or(String::new(), |(w, h)| format!("colour is {w}x{h}, "));
                 let reason = format!(
-                    "colour is {}x{}, depth is {}x{}, and the one set of intrinsics is for {}x{}",
-                    self.color.0, self.color.1, self.depth.0, self.depth.1, of.0, of.1
+                    "{color}depth is {}x{}, and the one set of intrinsics is for {}x{}",
+                    self.depth.0, self.depth.1, of.0, of.1
                 );
                 return Err(ClipError::ColorDepthMismatch { reason });
             }

@@ -15,6 +15,8 @@ pub(super) enum ColorAt {
     Part { part: Part, size: (u32, u32) },
     /// A frame of the clip's video, numbered in presentation order; `size` is the video's.
     Video { frame: u32, size: (u32, u32) },
+    /// The clip has no colour.
+    Absent,
 }
 
 /// Place of a frame's depth.
@@ -69,11 +71,12 @@ impl Part {
 }
 
 impl ColorAt {
-    /// Returns width and height, from the picture's header.
-    pub fn size(&self, container: &dyn Container) -> Result<(u32, u32), ClipError> {
+    /// Returns width and height, from the picture's header; `None` without a picture.
+    pub fn size(&self, container: &dyn Container) -> Result<Option<(u32, u32)>, ClipError> {
         match self {
-            ColorAt::File(name) => picture::size(container, name),
-            ColorAt::Part { size, .. } | ColorAt::Video { size, .. } => Ok(*size),
+            ColorAt::File(name) => picture::size(container, name).map(Some),
+            ColorAt::Part { size, .. } | ColorAt::Video { size, .. } => Ok(Some(*size)),
+            ColorAt::Absent => Ok(None),
         }
     }
 }
@@ -99,7 +102,7 @@ pub(super) struct Cameras {
 
 /// The pictures of a frame in about fifty bytes: files are indices into the container's names.
 pub(super) struct Pictures {
-    color: Place,
+    color: Option<Place>,
     depth: DepthPlace,
     confidence: Option<u32>,
     /// The frame's own cameras, if it has any.
@@ -137,9 +140,10 @@ impl Pictures {
         };
         Ok(Pictures {
             color: match color {
-                ColorAt::File(name) => Place::File(place(name)?),
-                ColorAt::Part { part, .. } => Place::Part(Box::new(part)),
-                ColorAt::Video { frame, .. } => Place::Video(frame),
+                ColorAt::File(name) => Some(Place::File(place(name)?)),
+                ColorAt::Part { part, .. } => Some(Place::Part(Box::new(part))),
+                ColorAt::Video { frame, .. } => Some(Place::Video(frame)),
+                ColorAt::Absent => None,
             },
             depth: match depth {
                 DepthAt::Png(name) => DepthPlace::Png(place(name)?),
@@ -155,7 +159,7 @@ impl Pictures {
     /// Returns the number of the video's frame with the colour, if colour is a video.
     pub fn video_frame(&self) -> Option<usize> {
         match self.color {
-            Place::Video(frame) => Some(frame as usize),
+            Some(Place::Video(frame)) => Some(frame as usize),
             _ => None,
         }
     }
@@ -192,14 +196,17 @@ impl Files {
         let name = |place: &u32| container.names()[*place as usize].as_str();
         let cameras = cameras.as_deref().unwrap_or(&self.cameras);
         let color = match color {
-            Place::File(place) => {
+            None => None,
+            Some(Place::File(place)) => {
                 let name = name(place);
-                picture::decode_color(&picture::read(container, name)?, name, &cameras.color)?
+                Some(picture::decode_color(&picture::read(container, name)?, name, &cameras.color)?)
             }
-            Place::Video(frame) => of_video.unwrap_or(Err(ClipError::VideoEnded { frame: *frame }))?,
-            Place::Part(part) => {
+            Some(Place::Video(frame)) => {
+                Some(of_video.unwrap_or(Err(ClipError::VideoEnded { frame: *frame }))?)
+            }
+            Some(Place::Part(part)) => {
                 let bytes = part.read(self.region.as_ref(), "colour")?;
-                part.decode_color(bytes, &cameras.color)?
+                Some(part.decode_color(bytes, &cameras.color)?)
             }
         };
         let mut depth = match depth {

@@ -199,12 +199,20 @@ impl Numbers {
             && near(self.cy, other.cy)
     }
 
-    /// Returns the size of the numbers' picture, given the sizes of the clip's two pictures.
-    pub fn size(&self, color: (u32, u32), depth: (u32, u32)) -> (u32, u32) {
+    /// Returns the size of the numbers' picture, given the sizes of the clip's pictures.
+    pub fn size(&self, color: Option<(u32, u32)>, depth: (u32, u32)) -> (u32, u32) {
         match self.of {
-            Of::Color => color,
+            Of::Color => color.unwrap_or_else(|| self.size_beside(depth)),
             Of::Depth => depth,
             Of::Size(width, height) => (width, height),
         }
+    }
+
+    /// Returns the size of an absent colour picture: the principal point is near its middle, and it has the
+    /// aspect ratio of the depth picture.
+    fn size_beside(&self, depth: (u32, u32)) -> (u32, u32) {
+        let side = |length: f64| length.round().clamp(1.0, f64::from(u16::MAX)) as u32;
+        let width = 2.0 * self.cx;
+        (side(width), side(width * f64::from(depth.1) / f64::from(depth.0)))
     }
 }

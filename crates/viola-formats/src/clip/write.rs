@@ -157,6 +157,12 @@ fn one_camera(frame: &Frame) -> Option<String> {
     })
 }
 
+/// Returns the colour picture as a file; `None` if the clip has no colour.
+fn color_file(frame: &Frame, name: String) -> Result<Option<(String, Vec<u8>)>, WriteError> {
+    let Some(picture) = &frame.color else { return Ok(None) };
+    Ok(Some((name, encode::jpeg(picture)?)))
+}
+
 /// Converts depth to integers, 0 for no reading; values that do not fit are dropped.
 fn depth_units(frame: &Frame, units_per_m: f32) -> Vec<u16> {
     let units = |depth_m: &f32| match (depth_m * units_per_m).round() {

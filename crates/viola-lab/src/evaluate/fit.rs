@@ -1,50 +1,102 @@
 //! Fits the whole model to clips with ground truth: loss weights, temperature and probability.
 
-use super::ClipResult;
 use super::homes::FOREIGN;
 use super::weights::learned_loss;
-use viola_align::{Coefficient, FEATURES, MODEL, MadeBy, Model};
+use super::{ClipResult, Listed};
+use viola_align::{
+    Alternative, Coefficient, Evidence, FEATURES, FreeSpace, LossWeights, MODEL, MadeBy, Model, features,
+};
 
 /// Weight of clips with the map of another home: half of the training data, but rare in the field.
 const FOREIGN_WEIGHT: f64 = 0.35;
+/// Number of explanations in an answer, as in `ScoreParams`.
+const LISTED: usize = 8;
 
 /// Returns the model fitted to these clips; none unless right and wrong answers are present.
 ///
+/// The loss comes first; then the alternatives are ranked by it, and the probability is fitted to the new ranks.
 /// Without clips that have a choice, the loss stays that of [`MODEL`]. `made_by` is the model's provenance.
 pub fn fit(results: &[ClipResult], made_by: MadeBy) -> Option<Model> {
-    let (intercept, coefficients) = regress(results)?;
     let learned = learned_loss(results, MODEL.loss.most_misplaced);
-    let loss = learned.map_or(MODEL.loss, |learned| learned.weights);
-    let temperature_m = learned.map_or(MODEL.temperature_m, |learned| learned.temperature_m);
-    Some(Model { made_by, loss, temperature_m, intercept, coefficients })
+    let mut model = Model {
+        made_by,
+        loss: learned.map_or(MODEL.loss, |learned| learned.weights),
+        temperature_m: learned.map_or(MODEL.temperature_m, |learned| learned.temperature_m),
+        intercept: 0.0,
+        coefficients: Vec::new(),
+    };
+    let answers: Vec<Answer> = results.iter().filter_map(|result| Answer::of(result, &model)).collect();
+    (model.intercept, model.coefficients) = regress(&answers)?;
+    Some(model)
+}
+
+/// An answer to learn the probability from.
+#[derive(Debug, Clone, Copy)]
+struct Answer {
+    features: [f64; FEATURES.len()],
+    right: bool,
+    weight: f64,
+}
+
+impl Answer {
+    /// Returns the answer of a clip by the model's loss and temperature; none without evidence.
+    fn of(result: &ClipResult, model: &Model) -> Option<Answer> {
+        let evidence = |listed: &Listed| Some((*listed, listed.evidence?));
+        let listed: Vec<(Listed, Evidence)> =
+            result.alternatives.iter().map(evidence).collect::<Option<_>>()?;
+        let mut ranked: Vec<(Alternative, bool)> = listed
+            .iter()
+            .map(|(listed, evidence)| (alternative(listed, evidence, &model.loss), listed.right))
+            .collect();
+        ranked.sort_by(|a, b| a.0.loss_m.total_cmp(&b.0.loss_m));
+        let right = ranked.first()?.1;
+        let alternatives: Vec<Alternative> =
+            ranked.into_iter().take(LISTED).map(|(alternative, _)| alternative).collect();
+        let features = features(&alternatives, result.hits, model.temperature_m(result.hits))?;
+        let weight = if result.set.ends_with(FOREIGN) { FOREIGN_WEIGHT } else { 1.0 };
+        Some(Answer { features, right, weight })
+    }
+}
+
+fn alternative(listed: &Listed, evidence: &Evidence, weights: &LossWeights) -> Alternative {
+    Alternative {
+        level: listed.level,
+        map_from_clip: listed.map_from_clip,
+        loss_m: weights.loss_m(evidence),
+        inliers: evidence.inliers,
+        free_space: Some(FreeSpace {
+            blocked_rays: evidence.blocked_rays,
+            hits_on_floor: evidence.hits_on_floor,
+            unseen_sides: evidence.unseen_sides,
+            walls_on_floor: evidence.walls_on_floor,
+        }),
+        misplaced: None,
+        probability: None,
+        evidence: Some(*evidence),
+    }
 }
 
 /// Fits a ridge logistic regression by Newton's method.
-fn regress(results: &[ClipResult]) -> Option<(f64, Vec<Coefficient>)> {
+fn regress(answers: &[Answer]) -> Option<(f64, Vec<Coefficient>)> {
     const RIDGE: f64 = 1.0;
     const STEPS: usize = 50;
-    let weight = |r: &ClipResult| if r.set.ends_with(FOREIGN) { FOREIGN_WEIGHT } else { 1.0 };
-    let rows: Vec<(&[f64], bool, f64)> = results
-        .iter()
-        .filter_map(|r| Some((r.features.as_deref()?, r.first_is_right(), weight(r))))
-        .filter(|(features, ..)| features.len() == FEATURES.len())
-        .collect();
-    if rows.iter().all(|(_, right, _)| *right) || rows.iter().all(|(_, right, _)| !right) {
+    if answers.iter().all(|answer| answer.right) || answers.iter().all(|answer| !answer.right) {
         return None;
     }
-    let count = rows.len() as f64;
+    let count = answers.len() as f64;
     let moments: Vec<(f64, f64)> = (0..FEATURES.len())
         .map(|i| {
-            let mean = rows.iter().map(|(x, ..)| x[i]).sum::<f64>() / count;
-            let variance = rows.iter().map(|(x, ..)| (x[i] - mean).powi(2)).sum::<f64>() / count;
+            let values = || answers.iter().map(|answer| answer.features[i]);
+            let mean = values().sum::<f64>() / count;
+            let variance = values().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
             (mean, variance.sqrt().max(1e-6))
         })
         .collect();
     let size = FEATURES.len() + 1;
-    let standard: Vec<(nalgebra::DVector<f64>, f64, f64)> = rows
+    let standard: Vec<(nalgebra::DVector<f64>, f64, f64)> = answers
         .iter()
-        .map(|(x, right, weight)| {
-            let value = |i: usize| ((x[i] - moments[i].0) / moments[i].1).clamp(-4.0, 4.0);
+        .map(|Answer { features, right, weight }| {
+            let value = |i: usize| ((features[i] - moments[i].0) / moments[i].1).clamp(-4.0, 4.0);
             let row = nalgebra::DVector::from_fn(size, |i, _| if i == 0 { 1.0 } else { value(i - 1) });
             (row, f64::from(u8::from(*right)), *weight)
         })
@@ -82,33 +134,27 @@ mod tests {
     use super::*;
     use viola_align::AlignmentState;
 
-    /// Clips whose correctness depends only on the first feature x, with odds e^x.
-    fn results() -> Vec<ClipResult> {
+    /// Answers whose correctness depends only on the first feature x, with odds e^x.
+    fn answers() -> Vec<Answer> {
         (0..4000u64)
             .map(|i| {
                 let x = ((i * 37) % 1000) as f64 / 100.0 - 5.0;
                 // Evenly spread in 0..1, independent of x.
                 let luck = ((i * 7919 + i / 1000 * 1231) % 997) as f64 / 997.0;
-                let right = luck < 1.0 / (1.0 + (-x).exp());
-                let mut features = vec![0.0; FEATURES.len()];
+                let mut features = [0.0; FEATURES.len()];
                 features[0] = x;
-                ClipResult {
-                    features: Some(features),
-                    truth_rank: right.then_some(0),
-                    ..ClipResult::example(AlignmentState::Aligned, Some((1.0, 0.1)))
-                }
+                Answer { features, right: luck < 1.0 / (1.0 + (-x).exp()), weight: 1.0 }
             })
             .collect()
     }
 
-    fn made_by() -> MadeBy {
-        let [command, fitted_to, commit] = ["", "test", ""].map(str::to_owned);
-        MadeBy { command, fitted_to, commit, note: None }
+    fn model((intercept, coefficients): (f64, Vec<Coefficient>)) -> Model {
+        Model { intercept, coefficients, ..MODEL.clone() }
     }
 
     #[test]
     fn finds_the_odds_that_made_the_data() {
-        let model = fit(&results(), made_by()).unwrap();
+        let model = model(regress(&answers()).unwrap());
         for x in [-3.0, -1.0, 0.0, 1.0, 3.0f64] {
             let mut features = [0.0; FEATURES.len()];
             features[0] = x;
@@ -120,8 +166,25 @@ mod tests {
 
     #[test]
     fn one_kind_of_answer_teaches_nothing() {
-        let right: Vec<ClipResult> = results().into_iter().filter(|r| r.first_is_right()).collect();
-        assert_eq!(fit(&right, made_by()), None);
-        assert_eq!(fit(&[], made_by()), None);
+        let right: Vec<Answer> = answers().into_iter().filter(|answer| answer.right).collect();
+        assert!(regress(&right).is_none());
+        assert!(regress(&[]).is_none());
+    }
+
+    /// The learned loss may turn the ranks; the probability is that of the new first.
+    #[test]
+    fn answers_are_ranked_by_the_learned_loss() {
+        let listed = |right: bool, distance_m: f64, blocked_rays: f64| {
+            let evidence = Evidence { distance_m, blocked_rays, ..Evidence::default() };
+            Listed { right, evidence: Some(evidence), ..Listed::example() }
+        };
+        let result = ClipResult {
+            alternatives: vec![listed(false, 0.02, 1.0), listed(true, 0.03, 0.0)],
+            ..ClipResult::example(AlignmentState::Aligned, Some((1.0, 0.1)))
+        };
+        for (blocked_m, right) in [(0.0, false), (0.05, true)] {
+            let model = Model { loss: LossWeights { blocked_m, ..MODEL.loss }, ..MODEL.clone() };
+            assert_eq!(Answer::of(&result, &model).unwrap().right, right, "{blocked_m}");
+        }
     }
 }

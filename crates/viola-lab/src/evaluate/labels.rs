@@ -202,9 +202,10 @@ fn single_frames(
         viola_geometry::progress::check(progress)?;
         let frame = clip.load(index)?;
         let Some(world_from_camera) = frame.header.world_from_camera else { continue };
-        let Ok(map) = segmenter.segment(&frame.color) else { continue };
+        let Some(picture) = &frame.color else { continue };
+        let Ok(map) = segmenter.segment(picture) else { continue };
         single.pictures += 1;
-        let (width, height) = frame.color.dimensions();
+        let (width, height) = picture.dimensions();
         for (i, vertex) in truth.vertices_m.iter().enumerate() {
             if truth.classes[i].is_none() {
                 continue;

@@ -35,7 +35,7 @@ impl Oracle {
         let listener = oracle.clone();
         let hear = move |index: usize, frame: &Frame| {
             let mut frames = listener.frames.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-            frames.insert(hash(&frame.color), index);
+            frames.extend(frame.color.as_ref().map(|picture| (hash(picture), index)));
         };
         (clip_in_memory_heard(recorded, hear), oracle)
     }

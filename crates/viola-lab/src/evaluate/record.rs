@@ -3,8 +3,8 @@
 use super::{Case, Sample};
 use crate::paper::Nearest;
 use serde::{Deserialize, Serialize};
-use viola_align::{Alignment, AlignmentState, Alternative, Evidence, features};
-use viola_geometry::Point2;
+use viola_align::{Alignment, AlignmentState, Alternative, Evidence};
+use viola_geometry::{LevelName, Point2, Pose2};
 
 /// Result of one method on one clip.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -37,8 +37,9 @@ pub struct ClipResult {
     /// The ranked alternatives, compared with the truth.
     #[serde(default)]
     pub alternatives: Vec<Listed>,
-    /// Inputs of the probability; null for methods without one.
-    pub features: Option<Vec<f64>>,
+    /// Number of hits of the virtual scan.
+    #[serde(default)]
+    pub hits: usize,
     /// Time of search, refinement and decision, on one thread.
     pub register_seconds: f64,
     /// Time from the clip's pictures to its pose, on one thread.
@@ -50,6 +51,8 @@ pub struct ClipResult {
 pub struct Listed {
     /// On the true level, and under 10 degrees and 0.3 m from the truth.
     pub right: bool,
+    pub level: LevelName,
+    pub map_from_clip: Pose2,
     pub loss_m: f64,
     /// None for methods that rank by distance only.
     pub evidence: Option<Evidence>,
@@ -82,6 +85,8 @@ impl ClipResult {
             let (rotation_deg, translation_m) = sample.errors(&alternative.map_from_clip);
             Listed {
                 right: alternative.level == sample.level && rotation_deg < 10.0 && translation_m < 0.3,
+                level: alternative.level,
+                map_from_clip: alternative.map_from_clip,
                 loss_m: alternative.loss_m,
                 evidence: alternative.evidence,
             }
@@ -105,9 +110,23 @@ impl ClipResult {
             unknowable: sample.equivalent_poses.len() > 1,
             truth_rank: alternatives.iter().position(|alternative| alternative.right),
             alternatives,
-            features: features(alignment).map(|features| features.to_vec()),
+            hits: alignment.hits,
             register_seconds: seconds.register,
             seconds: seconds.all,
+        }
+    }
+}
+
+#[cfg(test)]
+impl Listed {
+    /// Returns a wrong alternative without evidence.
+    pub(super) fn example() -> Listed {
+        Listed {
+            right: false,
+            level: LevelName::MAIN,
+            map_from_clip: Pose2::IDENTITY,
+            loss_m: 0.0,
+            evidence: None,
         }
     }
 }
@@ -134,7 +153,7 @@ impl ClipResult {
             unknowable: false,
             truth_rank: None,
             alternatives: Vec::new(),
-            features: None,
+            hits: 150,
             register_seconds: 0.1,
             seconds: 1.0,
         }

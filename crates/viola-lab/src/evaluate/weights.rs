@@ -2,7 +2,7 @@
 
 use super::{ClipResult, Listed};
 use nalgebra::{Matrix6, Vector6};
-use viola_align::LossWeights;
+use viola_align::{LossWeights, TYPICAL_HITS};
 
 /// Learned weights of the loss. Without labels of a network the data does not determine `misplaced_m`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -10,7 +10,7 @@ pub struct LearnedLoss {
     /// Number of clips with the true pose and another one among their alternatives.
     pub clips: usize,
     pub weights: LossWeights,
-    /// A pose with a loss higher by this is e times less probable.
+    /// A pose with a loss higher by this is e times less probable, for a clip of [`TYPICAL_HITS`].
     pub temperature_m: f64,
 }
 
@@ -58,8 +58,10 @@ pub fn learned_loss(results: &[ClipResult], most_misplaced: f64) -> Option<Learn
     })
 }
 
-/// Returns the alternatives of a clip; none without a choice.
+/// Returns the alternatives of a clip; none without a choice. The noise of a mean falls with the square root of
+/// the hits, so that the figures of long clips are scaled up.
 fn figures(result: &ClipResult, most_misplaced: f64) -> Option<Vec<(Figures, bool)>> {
+    let scale = (result.hits.max(1) as f64 / TYPICAL_HITS).sqrt();
     let of = |listed: &Listed| {
         let e = listed.evidence?;
         let misplaced = e.misplaced.min(most_misplaced);
@@ -71,7 +73,7 @@ fn figures(result: &ClipResult, most_misplaced: f64) -> Option<Vec<(Figures, boo
             e.walls_on_floor,
             misplaced,
         );
-        Some((figures, listed.right))
+        Some((figures * scale, listed.right))
     };
     let clip: Vec<(Figures, bool)> = result.alternatives.iter().filter_map(of).collect();
     let is_choice = clip.iter().any(|(_, right)| *right) && clip.iter().any(|(_, right)| !right);
@@ -153,7 +155,7 @@ mod tests {
             };
             let loss_m = TRUTH.loss_m(&evidence);
             odds.push((-loss_m / TEMPERATURE_M).exp());
-            listed.push(Listed { right: false, loss_m, evidence: Some(evidence) });
+            listed.push(Listed { loss_m, evidence: Some(evidence), ..Listed::example() });
         }
         let mut at = rng.random::<f64>() * odds.iter().sum::<f64>();
         let right = odds.iter().position(|odds| {

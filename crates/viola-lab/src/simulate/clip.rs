@@ -94,9 +94,12 @@ impl SimulatedClip {
             ),
             _ => vec![Pose2::IDENTITY],
         };
+        // In a map with errors the clip lies where the map shows its surroundings.
+        let seen_from = walk.home_from_camera.iter().map(self::home_from_clip);
+        let mapped_from_clip = survey.warp.mean(&home_from_clip, seen_from);
         let equivalent_poses: Vec<Pose2> = equivalent
             .iter()
-            .map(|home_from_home| map_from_home.compose(home_from_home).compose(&home_from_clip))
+            .map(|home_from_home| map_from_home.compose(home_from_home).compose(&mapped_from_clip))
             .collect();
         let world_from_home = Pose3::from_parts(
             Translation3::new(rng.between(-5.0, 5.0), rng.between(-5.0, 5.0), rng.between(-1.6, 0.2)),
@@ -125,8 +128,8 @@ impl SimulatedClip {
         SimulatedClip {
             params: *params,
             truth: ClipTruth {
-                map_from_clip: map_from_home.compose(&home_from_clip),
-                robot_from_clip: survey.robot_from_home.compose(&home_from_clip),
+                map_from_clip: map_from_home.compose(&mapped_from_clip),
+                robot_from_clip: survey.robot_from_home.compose(&mapped_from_clip),
                 home_from_clip,
                 unknowable: equivalent_poses.len() > 1,
                 equivalent_poses,
@@ -175,7 +178,7 @@ impl SimulatedClip {
         Frame {
             header: self.headers[index].clone(),
             color_camera: self.color_camera,
-            color,
+            color: Some(color),
             depth_camera: self.depth_camera,
             depth,
         }

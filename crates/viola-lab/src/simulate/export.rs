@@ -77,7 +77,9 @@ fn encode(clip: &SimulatedClip, index: usize) -> Result<Encoded, ExportError> {
     let Frame { header, color, depth, .. } = clip.frame(index);
     let labels = clip.labels(index);
     let mut jpeg = vec![];
-    JpegEncoder::new_with_quality(&mut jpeg, 85).encode_image(&color)?;
+    if let Some(color) = &color {
+        JpegEncoder::new_with_quality(&mut jpeg, 85).encode_image(color)?;
+    }
     let millimetres: Vec<u16> = depth.depth_m.iter().map(|d| (d * 1000.0).round() as u16).collect();
     let world_from_camera: Pose3 = header.world_from_camera.unwrap_or_else(Pose3::identity);
     Ok(Encoded {

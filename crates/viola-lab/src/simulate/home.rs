@@ -26,10 +26,15 @@ pub enum Set {
     Changed,
     /// Two storeys with the same walls and rooms, but other furniture and doors.
     Storeys,
+    /// Maps with errors over metres: bent corridors, shifted rooms, a wrong scale, doubled walls.
+    Drifted,
+    /// Outer walls of glass, which vacuum and camera see through.
+    Glass,
 }
 
 impl Set {
-    pub const ALL: [Set; 5] = [Set::Normal, Set::Upper, Set::Repeated, Set::Changed, Set::Storeys];
+    pub const ALL: [Set; 7] =
+        [Set::Normal, Set::Upper, Set::Repeated, Set::Changed, Set::Storeys, Set::Drifted, Set::Glass];
 
     pub fn name(self) -> &'static str {
         match self {
@@ -38,6 +43,8 @@ impl Set {
             Set::Repeated => "repeated",
             Set::Changed => "changed",
             Set::Storeys => "storeys",
+            Set::Drifted => "drifted",
+            Set::Glass => "glass",
         }
     }
 
@@ -140,7 +147,7 @@ impl Home {
         let mut plan_rng = rng.fork("plan", 0);
         let plan = match params.set {
             Set::Repeated => Plan::of_a_row(&mut plan_rng),
-            _ => Plan::of_a_home(&mut plan_rng),
+            set => Plan::of_a_home(set == Set::Glass, &mut plan_rng),
         };
         let building = structure::solids(&plan, &mut rng.fork("building", 0));
         // The building is the same on all storeys; everything else has random streams of its own.

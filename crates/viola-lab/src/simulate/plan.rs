@@ -210,12 +210,12 @@ struct Cell {
 }
 
 impl Plan {
-    /// Generates a flat or a house of 1 to 12 rooms.
-    pub(super) fn of_a_home(rng: &mut Rng) -> Plan {
+    /// Generates a flat or a house of 1 to 12 rooms. The outer walls of a glazed home are glass.
+    pub(super) fn of_a_home(glazed: bool, rng: &mut Rng) -> Plan {
         let cells = slicing::layout(&mut rng.fork("layout", 0));
         let mut plan = Plan::with_walls(cells, rng);
         openings::open_doors(&mut plan, &mut rng.fork("doors", 0));
-        openings::open_windows(&mut plan, &mut rng.fork("windows", 0));
+        openings::open_windows(&mut plan, glazed, &mut rng.fork("windows", 0));
         slopes::add(&mut plan, &mut rng.fork("slopes", 0));
         plan.features = features::add(&plan, &mut rng.fork("features", 0));
         plan

@@ -1,11 +1,12 @@
 //! Simulated vacuum: it drives wherever it fits and maps its LiDAR hits at turret height.
 
 use super::clearance::{clearance, largest_region};
-use super::home::Home;
+use super::home::{Home, Set};
 use super::piece::Footprint;
 use super::plan::{OpeningKind, Room};
 use super::rng::{Rng, bell, hash, unit};
 use super::scene::{Hit, Scene};
+use super::warp::Warp;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use viola_formats::lidar::Cell;
@@ -35,7 +36,10 @@ const WALL_SHARE: f64 = 0.2;
 #[derive(Debug, Clone)]
 pub struct Survey {
     pub vacuum_height_m: f64,
+    /// The frame of the map, without the map's errors.
     pub robot_from_home: Pose2,
+    /// The map's errors over metres.
+    pub warp: Warp,
     /// The map, in the frame `robot`.
     pub cells: Grid<Cell>,
     /// Segment of every cell of `cells`, from 1; 0 is none.
@@ -67,18 +71,33 @@ impl Survey {
         let robot_from_home =
             Pose2::new(0.0, 0.0, yaw).compose(&Pose2::new(charger.x_m, charger.y_m, 0.0).inverse());
         let scans = floor.scans(&mut rng);
-        let beams = beams(home, &scans, vacuum_height_m, rng.seed());
+        let warp = match home.params.set {
+            Set::Drifted => Warp::draw(&home.plan, &mut rng.fork("warp", 0)),
+            _ => Warp::none(),
+        };
+        let beams = beams(home, &scans, vacuum_height_m, &warp, rng.seed());
         let mut raster = Raster::over(home, &robot_from_home);
         for beam in &beams {
             raster.add(&robot_from_home, beam);
         }
         for point in floor.reached() {
-            raster.drive(&robot_from_home.apply(&point));
+            let believed = warp.believed(&Pose2::new(point.x, point.y, 0.0));
+            raster.drive(&robot_from_home.apply(&Point2::new(believed.x_m, believed.y_m)));
         }
         let (cells, points_m) = raster.finish();
         let (segments, segment_names) = segment(home, &robot_from_home, &cells);
-        let charger = robot_from_home.compose(&charger);
-        Survey { vacuum_height_m, robot_from_home, cells, segments, segment_names, points_m, charger, scans }
+        let charger = robot_from_home.compose(&warp.believed(&charger));
+        Survey {
+            vacuum_height_m,
+            robot_from_home,
+            warp,
+            cells,
+            segments,
+            segment_names,
+            points_m,
+            charger,
+            scans,
+        }
     }
 }
 
@@ -91,24 +110,25 @@ struct Beam {
 }
 
 /// Returns the robot's believed poses: an error of about a centimetre and a quarter of a degree varies
-/// slowly, so that the map's walls are as thick as real ones.
-fn believed_poses(scans: &[Pose2], rng: &mut Rng) -> Vec<Pose2> {
+/// slowly, so that the map's walls are as thick as real ones. The map's `warp` is added.
+fn believed_poses(scans: &[Pose2], warp: &Warp, rng: &mut Rng) -> Vec<Pose2> {
     let sigma = [0.008, 0.008, 0.2f64.to_radians()];
     let mut error = [0.0; 3];
     let keep = 0.9f64;
-    let believe = |scan: &Pose2| {
+    let believe = |(index, scan): (usize, &Pose2)| {
         for (value, sigma) in error.iter_mut().zip(sigma) {
             *value = keep * *value + (1.0 - keep * keep).sqrt() * sigma * rng.gaussian();
         }
+        let scan = warp.believed_of_scan(index, scan);
         Pose2::new(scan.x_m + error[0], scan.y_m + error[1], scan.yaw_rad + error[2])
     };
-    scans.iter().map(believe).collect()
+    scans.iter().enumerate().map(believe).collect()
 }
 
 /// Returns the rays of all scans with noise: 1 cm along the ray, dropout, and the robot's pose error.
-fn beams(home: &Home, scans: &[Pose2], height_m: f64, seed: u64) -> Vec<Beam> {
+fn beams(home: &Home, scans: &[Pose2], height_m: f64, warp: &Warp, seed: u64) -> Vec<Beam> {
     let scene = &home.vacuum_day.scene.slice(height_m);
-    let believed = believed_poses(scans, &mut Rng::new(hash(seed)));
+    let believed = believed_poses(scans, warp, &mut Rng::new(hash(seed)));
     scans
         .par_iter()
         .zip(&believed)
@@ -130,7 +150,9 @@ fn beams(home: &Home, scans: &[Pose2], height_m: f64, seed: u64) -> Vec<Beam> {
                 });
                 let hit = echo.or_else(|| scene.cast_through_glass(&origin, &toward, RANGE_M));
                 let range_m = match hit {
-                    Some(hit) => hit.distance + RANGE_NOISE_M * f64::from(bell(hash(salt ^ 2))),
+                    Some(hit) => {
+                        warp.scale() * hit.distance + RANGE_NOISE_M * f64::from(bell(hash(salt ^ 2)))
+                    }
                     None => RANGE_M,
                 };
                 Some(Beam {

@@ -51,7 +51,8 @@ pub(super) fn vote(
                 // It was decoded before; if that fails now, the other frames are enough.
                 Err(_) => continue,
             };
-            let map = match augment::segment(segmenter, &frame.color, params.augmentations) {
+            let Some(picture) = &frame.color else { continue };
+            let map = match augment::segment(segmenter, picture, params.augmentations) {
                 Ok(map) => map,
                 Err(error) => return Ok(Err(error)),
             };
@@ -118,8 +119,8 @@ impl Votes {
                 let Some((u, v)) = look.pixel(&sites.positions_m[site], &sites.normals[site]) else {
                     continue;
                 };
-                let (width, height) = frame.color.dimensions();
-                map.sample(u, v, width as usize, height as usize, &mut probabilities);
+                let camera = &frame.color_camera;
+                map.sample(u, v, camera.width as usize, camera.height as usize, &mut probabilities);
                 let confidence = probabilities.iter().copied().fold(0.0, f32::max);
                 for (sum, p) in sums.iter_mut().zip(&probabilities) {
                     *sum += confidence * p;

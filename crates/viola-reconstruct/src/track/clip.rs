@@ -106,14 +106,14 @@ fn follow(
 }
 
 /// Refines a device's poses of the key frames by their pictures. Returns `None` if they do not drift, if too
-/// little is seen twice to tell, or if the readings agree no better afterwards.
+/// little is seen twice to tell, if there are no pictures, or if the readings agree no better afterwards.
 pub fn refine(
     clip: &Clip,
     keys: &[KeyFrame],
     params: &TrackParams,
     progress: &dyn Progress,
 ) -> Result<Option<TrackedClip>, ReconstructError> {
-    if !params.refine {
+    if !params.refine || !clip.has_color() {
         return Ok(None);
     }
     let agreement = Agreement::of(keys);

@@ -84,14 +84,18 @@ fn covered(size: u32, f: f64, c: f64, color_size: u32, color_f: f64, color_c: f6
         .collect()
 }
 
-/// Returns the mean grey of the colour pixels behind each cell; NaN outside of the colour picture.
+/// Returns the mean grey of the colour pixels behind each cell; NaN outside of the colour picture and without
+/// one.
 fn grey(frame: &Frame, camera: &Pinhole) -> Vec<f32> {
+    let Some(picture) = &frame.color else {
+        return vec![f32::NAN; camera.width as usize * camera.height as usize];
+    };
     let color = &frame.color_camera;
     let columns = covered(camera.width, camera.fx, camera.cx, color.width, color.fx, color.cx);
     let rows = covered(camera.height, camera.fy, camera.cy, color.height, color.fy, color.cy);
     let width = camera.width as usize;
-    let stride = frame.color.width() as usize * 3;
-    let pixels = frame.color.as_raw();
+    let stride = picture.width() as usize * 3;
+    let pixels = picture.as_raw();
     let mut grey = vec![f32::NAN; width * rows.len()];
     grey.par_chunks_mut(width).zip(&rows).for_each(|(out, &(top, bottom))| {
         if top == bottom {

@@ -49,13 +49,19 @@ impl Files<'_> {
         self.by_kind[kind as usize].len()
     }
 
-    /// Returns the frames with both pictures in the order of their numbers, and the number of the others.
+    /// Returns the frames with both pictures in the order of their numbers, and the number of the others. If
+    /// there is no colour at all, depth is enough.
     pub fn sources(&self, container: &dyn Container) -> Result<(Vec<Source>, usize), ClipError> {
         let [color, depth, pose] = &self.by_kind;
         let numbers: BTreeSet<u32> = color.keys().chain(depth.keys()).copied().collect();
         let mut sources = Vec::new();
         for &number in &numbers {
-            let (Some(color), Some(depth)) = (color.get(&number), depth.get(&number)) else { continue };
+            let at = match color.get(&number) {
+                Some(name) => ColorAt::File(name.to_string()),
+                None if color.is_empty() => ColorAt::Absent,
+                None => continue,
+            };
+            let Some(depth) = depth.get(&number) else { continue };
             let world_from_camera = match pose.get(&number) {
                 Some(name) => read_pose(container, name)?,
                 None => None,
@@ -64,7 +70,7 @@ impl Files<'_> {
                 number,
                 time_s: None,
                 world_from_camera,
-                color: ColorAt::File(color.to_string()),
+                color: at,
                 depth: DepthAt::Png(depth.to_string()),
                 confidence: None,
                 numbers: None,

@@ -72,18 +72,23 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let first = depth.keys().next().copied().unwrap_or(0);
     let mut sources = Vec::new();
     for (&number, &depth) in &depth {
-        let Some(color) = color.get(&number) else { continue };
+        let color = match color.get(&number) {
+            Some(name) => ColorAt::File(name.to_string()),
+            None if color.is_empty() => ColorAt::Absent,
+            None => continue,
+        };
         sources.push(Source {
             number,
             time_s: None,
             world_from_camera: (number - first).checked_add(1).and_then(|n| *poses.get(&n)?),
-            color: ColorAt::File(color.to_string()),
+            color,
             depth: DepthAt::Png(depth.to_string()),
             confidence: None,
             numbers: None,
         });
     }
-    let incomplete = color.len() + depth.len() - 2 * sources.len();
+    let in_frames = if color.is_empty() { sources.len() } else { 2 * sources.len() };
+    let incomplete = color.len() + depth.len() - in_frames;
     let mut notes = vec![format!(
         "poses are those of {log}, whose frame 1 was taken for the picture with the lowest number, {first}"
     )];

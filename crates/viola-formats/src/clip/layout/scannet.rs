@@ -11,18 +11,23 @@ use viola_geometry::Vector3;
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let Some((root, files)) = numbered::find(container, split)? else { return Ok(None) };
     let (sources, incomplete) = files.sources(container)?;
-    let cameras = Cameras::Each {
-        color: read_intrinsics(container, &format!("{root}intrinsic/intrinsic_color.txt"), Of::Color)?,
-        depth: read_intrinsics(container, &format!("{root}intrinsic/intrinsic_depth.txt"), Of::Depth)?,
+    let (color_pictures, depth_pictures) = (files.count(Kind::Color), files.count(Kind::Depth));
+    let of_color = || read_intrinsics(container, &format!("{root}intrinsic/intrinsic_color.txt"), Of::Color);
+    let of_depth = || read_intrinsics(container, &format!("{root}intrinsic/intrinsic_depth.txt"), Of::Depth);
+    let (cameras, intrinsics) = if color_pictures > 0 {
+        let words = "intrinsic/intrinsic_color.txt and intrinsic/intrinsic_depth.txt";
+        (Cameras::Each { color: of_color()?, depth: of_depth()? }, words)
+    } else {
+        (Cameras::One(of_depth()?), "intrinsic/intrinsic_depth.txt")
     };
     Ok(Some(Layout {
         pose_files: "pose/",
         gravity: "world z is up (layout)".to_string(),
         up_in_world: Some(Vector3::z()),
-        color_pictures: files.count(Kind::Color),
-        depth_pictures: files.count(Kind::Depth),
+        color_pictures,
+        depth_pictures,
         incomplete,
-        intrinsics: "intrinsic/intrinsic_color.txt and intrinsic/intrinsic_depth.txt".to_string(),
+        intrinsics: intrinsics.to_string(),
         ..Layout::new("scannet", cameras, sources)
     }))
 }

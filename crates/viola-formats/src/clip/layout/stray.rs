@@ -56,6 +56,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
             let size = (info.width, info.height);
             ((number as usize) < shown).then_some(ColorAt::Video { frame: number, size })
         }
+        None if color.is_empty() => Some(ColorAt::Absent),
         None => color.get(&number).map(|name| ColorAt::File(name.to_string())),
     };
     let intrinsics = read_intrinsics(container, &format!("{root}{INTRINSICS}"), Of::Color)?;
@@ -90,7 +91,9 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     }
     notes.extend(video.as_ref().map(|(name, _, info)| video::words(name, info)));
     let color_pictures = color.len() + shown;
-    let incomplete = color_pictures + depth.len() - 2 * sources.len();
+    // The numbers of colour and depth are a frame's, so that one of them without the other is incomplete.
+    let in_frames = if color_pictures == 0 { sources.len() } else { 2 * sources.len() };
+    let incomplete = color_pictures + depth.len() - in_frames;
     let words = if use_own {
         format!("{ODOMETRY}, for each frame; depth is scaled to them")
     } else {

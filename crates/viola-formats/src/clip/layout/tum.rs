@@ -8,7 +8,9 @@ use super::associate::associate;
 use super::inertial::Forces;
 use super::text::{parse_row, pose_from_quaternion, read_intrinsics, read_table};
 use super::trajectory::{Timed, pose_at, times};
-use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, only_root};
+use super::{
+    Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, only_root, roots_of,
+};
 use crate::clip::Shutter;
 use crate::container::Container;
 use nalgebra::Quaternion;
@@ -27,20 +29,30 @@ const KINECT_SHUTTER: Shutter = Shutter { color_s: 0.0261, depth_s: 0.0306 };
 
 /// Finds the recording in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
-    let has_lists = |root: &&str| {
-        container.contains(&format!("{root}rgb.txt")) && container.contains(&format!("{root}depth.txt"))
-    };
-    let roots = container.names().iter().filter_map(|name| name.strip_suffix("rgb.txt")).filter(has_lists);
-    let Some(root) = only_root(roots.filter(|root| root.is_empty() || root.ends_with('/')))? else {
+    let has = |root: &str, file: &str| container.contains(&format!("{root}{file}"));
+    // Without colour, the poses are needed: there is nothing to track the camera by.
+    let is_root = |root: &&str| has(root, "rgb.txt") || has(root, "groundtruth.txt");
+    let Some(root) = only_root(roots_of(container, "depth.txt").filter(is_root))? else {
         return Ok(None);
     };
-    let color = read_list(container, root, "rgb.txt")?;
+    let color = if has(root, "rgb.txt") {
+        read_list(container, root, "rgb.txt")?
+    } else {
+        List { present: Vec::new(), missing: 0 }
+    };
+    let has_color = !color.present.is_empty() || color.missing > 0;
     let depth = read_list(container, root, "depth.txt")?;
     let poses = read_poses(container, &format!("{root}groundtruth.txt"))?;
     let (color_pictures, depth_pictures) = (color.present.len(), depth.present.len());
 
     let pairs = associate(&times(&color.present), &times(&depth.present), MAX_GAP_S);
-    let incomplete = (color_pictures + depth_pictures - 2 * pairs.len()) + color.missing + depth.missing;
+    let pictures_of: Vec<(Option<usize>, usize)> = if has_color {
+        pairs.into_iter().map(|(color, depth)| (Some(color), depth)).collect()
+    } else {
+        (0..depth_pictures).map(|depth| (None, depth)).collect()
+    };
+    let in_frames = if has_color { 2 * pictures_of.len() } else { pictures_of.len() };
+    let incomplete = (color_pictures + depth_pictures - in_frames) + color.missing + depth.missing;
     let mut notes = Vec::new();
     let file = format!("{root}{INTRINSICS}");
     let (cameras, shutter, intrinsics) = if container.contains(&file) {
@@ -58,18 +70,22 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     // A picture's time is its complete arrival; its middle row was read before. By the camera's turn rates,
     // the pictures of `freiburg1_rpy` are 14 ms behind the motion capture (BENCHMARKS.md).
     let late_s = shutter.map_or(0.0, |shutter: Shutter| shutter.depth_s / 2.0);
+    if has_color {
+        notes.push(format!("colour and depth were paired by nearest time within {MAX_GAP_S} s"));
+    }
     notes.push(format!(
-        "colour and depth were paired by nearest time within {MAX_GAP_S} s; poses were interpolated to when the depth \
-         picture's middle row was read, {:.0} ms before its time, from those within {MAX_GAP_S} s of it",
+        "poses were interpolated to when the depth picture's middle row was read, {:.0} ms before its time, \
+         from those within {MAX_GAP_S} s of it",
         late_s * 1e3
     ));
-    let sources = pairs.iter().enumerate().map(|(number, &(color_index, depth_index))| {
+    let sources = pictures_of.iter().enumerate().map(|(number, &(color_index, depth_index))| {
         let picture = &depth.present[depth_index];
         Source {
             number: number as u32,
             time_s: Some(picture.time_s),
             world_from_camera: pose_at(&poses, picture.time_s - late_s, MAX_GAP_S),
-            color: ColorAt::File(color.present[color_index].value.clone()),
+            color: color_index
+                .map_or(ColorAt::Absent, |index| ColorAt::File(color.present[index].value.clone())),
             depth: DepthAt::Png(picture.value.clone()),
             confidence: None,
             numbers: None,

@@ -1,6 +1,6 @@
 //! ScanNet's export (ScanNet/ScanNet, SensReader): pictures, poses and intrinsics by frame.
 
-use super::{WriteError, Writer, depth_units, encode, row};
+use super::{WriteError, Writer, color_file, depth_units, encode, row};
 use crate::clip::Frame;
 use viola_geometry::Pinhole;
 
@@ -16,11 +16,12 @@ impl Writer for Scannet {
         let pose = frame.header.world_from_camera.ok_or(WriteError::NoPose)?.to_homogeneous();
         let text: String = pose.row_iter().map(|r| row(&[r[0], r[1], r[2], r[3]], " ")).collect();
         let (width, height) = (frame.depth.width, frame.depth.height);
-        Ok(vec![
-            (format!("color/{number}.jpg"), encode::jpeg(&frame.color)?),
+        let color = color_file(frame, format!("color/{number}.jpg"))?;
+        let others = [
             (format!("depth/{number}.png"), encode::grey16_png(width, height, &depth_units(frame, 1000.0))?),
             (format!("pose/{number}.txt"), text.into_bytes()),
-        ])
+        ];
+        Ok(color.into_iter().chain(others).collect())
     }
 
     fn record(&mut self, _place: usize, frame: &Frame) {

@@ -1,7 +1,7 @@
 //! Stray Scanner (strayrobots/scanner, docs/format.md), with colour as pictures in `rgb/`, from which an
 //! external encoder can make the video.
 
-use super::{WriteError, Writer, depth_units, encode, row};
+use super::{WriteError, Writer, color_file, depth_units, encode, row};
 use crate::clip::Frame;
 use viola_geometry::Pinhole;
 
@@ -19,18 +19,20 @@ impl Writer for Stray {
         // Readings of low confidence are dropped when a clip is read; the others are trusted.
         let trust: Vec<u8> =
             frame.depth.depth_m.iter().map(|depth_m| if *depth_m > 0.0 { 2 } else { 0 }).collect();
-        Ok(vec![
-            (format!("rgb/{place:06}.jpg"), encode::jpeg(&frame.color)?),
+        let color = color_file(frame, format!("rgb/{place:06}.jpg"))?;
+        let others = [
             (
                 format!("depth/{place:06}.png"),
                 encode::grey16_png(width, height, &depth_units(frame, 1000.0))?,
             ),
             (format!("confidence/{place:06}.png"), encode::grey8_png(width, height, &trust)?),
-        ])
+        ];
+        Ok(color.into_iter().chain(others).collect())
     }
 
     fn record(&mut self, place: usize, frame: &Frame) {
-        let (width, height) = frame.color.dimensions();
+        let size = frame.color.as_ref().map(|color| color.dimensions());
+        let (width, height) = size.unwrap_or((frame.depth.width, frame.depth.height));
         self.camera = Some(frame.depth_camera.resized(width, height));
         let Some(pose) = frame.header.world_from_camera else { return };
         let (t, q) = (pose.translation.vector, pose.rotation);

@@ -1,7 +1,7 @@
 //! TUM RGB-D (Sturm et al., 2012): lists of pictures by time, 5000 units of depth per metre. The intrinsics
 //! are in `camera-intrinsics.txt`; the data set itself gives them only on its pages.
 
-use super::{WriteError, Writer, depth_units, encode, row};
+use super::{WriteError, Writer, color_file, depth_units, encode, row};
 use crate::clip::Frame;
 use viola_geometry::Pinhole;
 
@@ -21,16 +21,17 @@ impl Writer for Tum {
     fn frame(&self, _place: usize, frame: &Frame) -> Result<Vec<(String, Vec<u8>)>, WriteError> {
         let time = time(frame);
         let (width, height) = (frame.depth.width, frame.depth.height);
-        Ok(vec![
-            (format!("rgb/{time}.jpg"), encode::jpeg(&frame.color)?),
-            (format!("depth/{time}.png"), encode::grey16_png(width, height, &depth_units(frame, 5000.0))?),
-        ])
+        let depth = encode::grey16_png(width, height, &depth_units(frame, 5000.0))?;
+        let color = color_file(frame, format!("rgb/{time}.jpg"))?;
+        Ok(color.into_iter().chain([(format!("depth/{time}.png"), depth)]).collect())
     }
 
     fn record(&mut self, _place: usize, frame: &Frame) {
         self.camera.get_or_insert(frame.depth_camera);
         let time = time(frame);
-        self.color += &format!("{time} rgb/{time}.jpg\n");
+        if frame.color.is_some() {
+            self.color += &format!("{time} rgb/{time}.jpg\n");
+        }
         self.depth += &format!("{time} depth/{time}.png\n");
         if let Some(pose) = frame.header.world_from_camera {
             let (t, q) = (pose.translation.vector, pose.rotation);

@@ -165,8 +165,9 @@ fn open_entrance(plan: &mut Plan, rng: &mut Rng) {
     plan.openings.push(opening);
 }
 
-/// Adds windows in the outer walls, away from the entrance.
-pub(super) fn open_windows(plan: &mut Plan, rng: &mut Rng) {
+/// Adds windows in the outer walls, away from the entrance. In a glazed home nearly all outer walls are glass
+/// from the floor up.
+pub(super) fn open_windows(plan: &mut Plan, glazed: bool, rng: &mut Rng) {
     let mut windows = vec![];
     for wall in &plan.walls {
         let room = match wall.rooms {
@@ -179,6 +180,7 @@ pub(super) fn open_windows(plan: &mut Plan, rng: &mut Rng) {
             RoomKind::Storage => 0.0,
             RoomKind::Corridor => 0.4,
             RoomKind::Bathroom => 0.6,
+            _ if glazed => 1.0,
             _ => 0.85,
         };
         if length < 0.7 || !rng.chance(wanted) {
@@ -188,7 +190,9 @@ pub(super) fn open_windows(plan: &mut Plan, rng: &mut Rng) {
         let share = length / count as f64;
         for index in 0..count {
             let widest = if kind == RoomKind::Bathroom { 0.9 } else { 2.2 };
-            let width_m = rng.between(0.7, widest).min(share - 0.2).max(0.5);
+            let drawn_m = rng.between(0.7, widest).min(share - 0.2).max(0.5);
+            let is_front = glazed && kind != RoomKind::Bathroom;
+            let width_m = if is_front { (share - 0.2).max(0.5) } else { drawn_m };
             let slack = share - width_m;
             let at = wall.from
                 + 0.3
@@ -197,6 +201,7 @@ pub(super) fn open_windows(plan: &mut Plan, rng: &mut Rng) {
             // French windows reach the floor: the vacuum's LiDAR sees through them.
             let to_the_floor = matches!(kind, RoomKind::Living | RoomKind::Studio | RoomKind::Bedroom);
             let sill_m = match kind {
+                _ if is_front => 0.0,
                 RoomKind::Bathroom => rng.between(1.2, 1.5),
                 _ if to_the_floor && width_m > 0.8 && rng.chance(0.3) => 0.05,
                 _ if rng.chance(0.15) => rng.between(0.4, 0.7),

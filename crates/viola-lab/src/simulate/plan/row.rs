@@ -174,6 +174,6 @@ fn open_rest(plan: &mut Plan, rng: &mut Rng) {
     let outside_units = |room: &Option<usize>| room.is_none_or(|r| plan.rooms[r].unit.is_none());
     rest.walls.retain(|wall| wall.rooms.iter().all(outside_units));
     openings::open_doors(&mut rest, &mut rng.fork("lounge", 0));
-    openings::open_windows(&mut rest, &mut rng.fork("windows", 0));
+    openings::open_windows(&mut rest, false, &mut rng.fork("windows", 0));
     plan.openings.extend(rest.openings);
 }

@@ -1,0 +1,96 @@
+//! Connected pieces of a map's points: a long wall is better evidence than one stray cell.
+
+use rustc_hash::FxHashMap;
+use viola_geometry::Point2;
+
+/// Side of the cells that connect points; points in touching cells are one piece.
+const JOIN_M: f64 = 0.1;
+/// Minimum extent of a piece with full share. Legs of chairs and tables, echoes of mirrors and stray cells are
+/// shorter; a door jamb with its wall is longer.
+const LONG_M: f64 = 0.6;
+
+type Key = [i32; 2];
+
+/// Shares of the pieces by cell.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Pieces {
+    share_by_cell: FxHashMap<Key, f64>,
+}
+
+fn key(point: &Point2) -> Key {
+    [point.x, point.y].map(|c| (c / JOIN_M).floor() as i32)
+}
+
+fn around([x, y]: Key) -> impl Iterator<Item = Key> {
+    (-1..=1).flat_map(move |dy| (-1..=1).map(move |dx| [x + dx, y + dy]))
+}
+
+impl Pieces {
+    /// Finds the pieces of a map's points.
+    pub fn new(points_m: &[Point2]) -> Pieces {
+        let mut bounds: FxHashMap<Key, [Point2; 2]> = FxHashMap::default();
+        for point in points_m {
+            let cell = bounds.entry(key(point)).or_insert([*point; 2]);
+            *cell = [cell[0].inf(point), cell[1].sup(point)];
+        }
+        let mut share_by_cell = FxHashMap::default();
+        for &start in bounds.keys() {
+            if share_by_cell.contains_key(&start) {
+                continue;
+            }
+            let (piece, extent_m) = connected(start, &bounds);
+            let share = (extent_m / LONG_M).min(1.0);
+            share_by_cell.extend(piece.into_iter().map(|cell| (cell, share)));
+        }
+        Pieces { share_by_cell }
+    }
+
+    /// Returns how much the piece at a point counts, 0..1: its extent as a fraction of a long piece's. Points
+    /// without a piece count fully.
+    pub fn share(&self, point: &Point2) -> f64 {
+        let near = around(key(point)).filter_map(|cell| self.share_by_cell.get(&cell).copied());
+        near.reduce(f64::max).unwrap_or(1.0)
+    }
+}
+
+/// Returns the cells of the piece that contains `start`, and the diagonal of their bounding box.
+fn connected(start: Key, bounds: &FxHashMap<Key, [Point2; 2]>) -> (Vec<Key>, f64) {
+    let mut piece = vec![start];
+    let mut known: rustc_hash::FxHashSet<Key> = [start].into_iter().collect();
+    let mut next = 0;
+    while let Some(&cell) = piece.get(next) {
+        next += 1;
+        piece.extend(around(cell).filter(|near| bounds.contains_key(near) && known.insert(*near)));
+    }
+    let boxes = piece.iter().filter_map(|cell| bounds.get(cell).copied());
+    let all = boxes.reduce(|a, b| [a[0].inf(&b[0]), a[1].sup(&b[1])]);
+    let extent_m = all.map_or(0.0, |[low, high]| (high - low).norm());
+    (piece, extent_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns points every 5 cm from `from` along x.
+    fn row(from: [f64; 2], count: i32) -> Vec<Point2> {
+        (0..count).map(|i| Point2::new(from[0] + 0.05 * f64::from(i), from[1])).collect()
+    }
+
+    #[test]
+    fn a_short_piece_counts_as_its_extent() {
+        // A wall of 1 m, a piece of 0.3 m and a single cell, each more than 20 cm from the others.
+        let points = [row([0.0, 0.0], 21), row([2.0, 0.0], 7), row([4.0, 0.0], 1)].concat();
+        let pieces = Pieces::new(&points);
+        for (at, want) in [(0.5, 1.0), (2.1, 0.5), (4.0, 0.0), (3.2, 1.0)] {
+            let share = pieces.share(&Point2::new(at, 0.01));
+            assert!((share - want).abs() < 1e-9, "{at} {share}");
+        }
+    }
+
+    #[test]
+    fn touching_pieces_are_one() {
+        let points = [row([0.0, 0.0], 7), row([0.3, 0.1], 9)].concat();
+        assert_eq!(Pieces::new(&points).share(&Point2::new(0.0, 0.0)), 1.0);
+    }
+}
