@@ -111,11 +111,15 @@ fn near_surface(home: &Home, survey: &Survey, point: &Point2, within_m: f64) -> 
 /// uses every coordinate frame: pixel, camera, the device's world, clip, map.
 #[test]
 fn the_clip_lies_on_the_map() {
-    for (set, seed, sensor) in [
-        (Set::Normal, 1, Sensor::PhoneLidar),
-        (Set::Normal, 8, Sensor::StructuredLight),
-        (Set::Upper, 3, Sensor::PhoneLidar),
-        (Set::Repeated, 4, Sensor::PhoneLidar),
+    // Half a cell, and the sensor's noise; with its own errors, a map is off by some centimetres more.
+    for (set, seed, sensor, median_m) in [
+        (Set::Normal, 1, Sensor::PhoneLidar, 0.04),
+        (Set::Normal, 8, Sensor::StructuredLight, 0.04),
+        (Set::Upper, 3, Sensor::PhoneLidar, 0.04),
+        (Set::Repeated, 4, Sensor::PhoneLidar, 0.04),
+        (Set::Glass, 1, Sensor::PhoneLidar, 0.04),
+        (Set::Drifted, 1, Sensor::PhoneLidar, 0.07),
+        (Set::Drifted, 8, Sensor::StructuredLight, 0.07),
     ] {
         let home = home(set, seed);
         let survey = home.survey();
@@ -134,8 +138,7 @@ fn the_clip_lies_on_the_map() {
             assert!(distances.len() > 200, "{named}: {} points at the vacuum's height", distances.len());
             distances.sort_by(f64::total_cmp);
             let (median, most) = (distances[distances.len() / 2], distances[distances.len() * 3 / 4]);
-            // Half a cell, and the sensor's noise.
-            assert!(median < 0.04 && most < 0.15, "{named}: {median} m, {most} m off the map");
+            assert!(median < median_m && most < 0.15, "{named}: {median} m, {most} m off the map");
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The answer for one clip, as it is written and served.
 
 use super::complete::View;
+use super::refine::Spread;
 use super::score::{Evidence, is_different};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -80,6 +81,9 @@ pub struct Alignment {
     pub coverage: Option<f64>,
     /// The ranked explanations, the chosen one first.
     pub alternatives: Vec<Alternative>,
+    /// Uncertainty of the pose before calibration; `None` without a pose, or if the answer was read from a file.
+    #[serde(skip)]
+    pub spread: Option<Spread>,
     pub reasons: Vec<Reason>,
     pub hits: usize,
     pub key_frames: usize,
@@ -112,6 +116,7 @@ impl Alignment {
             inliers: None,
             coverage: None,
             alternatives: Vec::new(),
+            spread: None,
             reasons: Vec::new(),
             hits: 0,
             key_frames: 0,

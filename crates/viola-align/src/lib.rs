@@ -19,13 +19,13 @@ mod within;
 pub use answer::{Alignment, AlignmentState, Alternative, CompletionReport, FreeSpace, Judged, ViewReport};
 pub use complete::{Activation, CompleteParams, Completion, register_completing};
 pub use observe::{FloorHypothesis, Observation, observe};
-pub use refine::{Refined, refine};
+pub use refine::{Refined, Spread, refine};
 pub use register::register;
 pub use rooms::NamedRooms;
 pub use scan::{FREE_CELL_M, HIT_SPACING_M, Hit, Landmark, RaycastParams, VACUUM_HEIGHT_M, VirtualScan};
 pub use score::{
-    Coefficient, Evidence, FEATURES, HitWeightParams, LossWeights, MODEL, MadeBy, Model, PoseScorer,
-    ScoreParams, TYPICAL_HITS, features, is_different,
+    Coefficient, CovarianceModel, Evidence, FEATURES, HitWeightParams, LossWeights, MODEL, MadeBy, Model,
+    PoseScorer, ScoreParams, TYPICAL_HITS, features, is_different,
 };
 pub use search::{Candidate, Modes, SearchLimits, SearchParams};
 pub use target::Target;

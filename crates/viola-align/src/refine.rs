@@ -2,7 +2,7 @@
 
 mod mean;
 
-pub use mean::mean;
+pub use mean::{Mean, Spread, mean};
 
 use super::scan::Hit;
 use super::target::Target;

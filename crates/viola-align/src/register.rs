@@ -6,7 +6,7 @@
 
 use crate::answer::{Alignment, AlignmentState};
 use crate::observe::{Observation, ScanView};
-use crate::refine::{self, Refined};
+use crate::refine::{self, Mean, Refined};
 use crate::scan::Hit;
 use crate::score::{self, Candidates, Doubts, Ranked};
 use crate::search::{Modes, Search, SearchLimits};
@@ -145,11 +145,15 @@ impl<'a> Registration<'a> {
             (on_level(self.targets, answer.level), answer.map_from_clip, answer.covariance)
         {
             let best = Refined { map_from_clip, covariance: covariance.into() };
-            let mean = refine::mean(&best, &self.hypotheses[hypothesis].hits, target);
-            answer.map_from_clip = Some(mean);
+            let Mean { map_from_clip, spread } =
+                refine::mean(&best, &self.hypotheses[hypothesis].hits, target);
+            answer.map_from_clip = Some(map_from_clip);
+            let of_middle = score::MODEL.covariance.calibrated(&spread.covariance);
+            answer.covariance = Some(spread.at_origin(&of_middle, &map_from_clip).into());
+            answer.spread = Some(spread);
             // Its rank stays that of the minimum, as for the other alternatives.
             if let Some(best) = answer.alternatives.first_mut() {
-                best.map_from_clip = mean;
+                best.map_from_clip = map_from_clip;
             }
         }
         Ok(answer)

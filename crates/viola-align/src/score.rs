@@ -12,6 +12,6 @@ pub use confidence::{Doubts, FEATURES, features, set_probabilities};
 pub use different::is_different;
 pub use evidence::{Evidence, PoseScorer};
 pub use hit_weights::{HitWeightParams, hit_weights};
-pub use model::{Coefficient, LossWeights, MODEL, MadeBy, Model, TYPICAL_HITS};
+pub use model::{Coefficient, CovarianceModel, LossWeights, MODEL, MadeBy, Model, TYPICAL_HITS};
 pub use rank::{Candidates, Ranked, ScoreParams, coverage, rank};
 pub use verdict::set_state;

@@ -40,7 +40,7 @@ pub use memory::peak_memory_bytes;
 pub use mesh::{Mesh, MeshError};
 pub use method::{Method, MethodKind, NoMethod};
 pub use oracle::Oracle;
-pub use record::{ClipResult, Listed};
+pub use record::{ClipResult, Listed, Placement};
 pub use run::Run;
 pub use scene::{Scene, SceneClips};
 pub use section::Section;

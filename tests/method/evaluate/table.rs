@@ -22,7 +22,8 @@ fn result(state: AlignmentState, errors: Option<(f64, f64)>) -> ClipResult {
         unknowable: false,
         truth_rank: None,
         alternatives: Vec::new(),
-        features: None,
+        hits: 150,
+        placement: None,
         register_seconds: 0.1,
         seconds: 1.0,
     }

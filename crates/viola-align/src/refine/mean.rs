@@ -23,9 +23,34 @@ const AROUND_RAD: f64 = 1.5 * PI / 180.0;
 const WIDER: f64 = 2.0;
 const LEAST: [f64; 3] = [1e-6, 1e-6, 1e-7];
 
+/// The mean of the poses around a minimum, and their spread.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mean {
+    pub map_from_clip: Pose2,
+    pub spread: Spread,
+}
+
+/// Uncertainty of a pose by the likelihood of its hits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spread {
+    /// Weighted mean of the hits. Position and heading are nearly independent there.
+    pub middle_in_clip: Point2,
+    /// Covariance of (x_m, y_m, yaw_rad) of the middle, without calibration.
+    pub covariance: Matrix3<f64>,
+}
+
+impl Spread {
+    /// Returns a covariance of the middle as that of the clip's origin at this pose.
+    pub fn at_origin(&self, of_middle: &Matrix3<f64>, map_from_clip: &Pose2) -> Matrix3<f64> {
+        let arm = map_from_clip.rotate(&self.middle_in_clip.coords);
+        let moved = Matrix3::new(1.0, 0.0, arm.y, 0.0, 1.0, -arm.x, 0.0, 0.0, 1.0);
+        moved * of_middle * moved.transpose()
+    }
+}
+
 /// Returns the mean of the poses around a refined one.
-pub fn mean(refined: &Refined, hits: &[Hit], target: &Target) -> Pose2 {
-    let Some(&kernel_m) = KERNEL_M.last() else { return refined.map_from_clip };
+pub fn mean(refined: &Refined, hits: &[Hit], target: &Target) -> Mean {
+    let kernel_m = KERNEL_M[KERNEL_M.len() - 1];
     let hits: Vec<Weighted> = hits.iter().map(Weighted::from).collect();
     let around = Around::new(refined.map_from_clip, &hits);
     let variance_m2 = variance_m2(&refined.map_from_clip, &hits, target, kernel_m);
@@ -56,7 +81,23 @@ pub fn mean(refined: &Refined, hits: &[Hit], target: &Target) -> Pose2 {
         let off = |offset: &Vector3<f64>| (offset - middle) * (offset - middle).transpose();
         spread = weighed().map(|(offset, weight)| off(offset) * weight).sum();
     }
-    around.pose(&centre)
+    let spread = Spread { middle_in_clip: around.middle_in_clip, covariance: without_prior(&spread, &near) };
+    Mean { map_from_clip: around.pose(&centre), spread }
+}
+
+/// Removes the prior's information from a covariance. A direction that the hits do not constrain gets a
+/// deviation of a metre (a radian).
+fn without_prior(spread: &Matrix3<f64>, prior: &Vector3<f64>) -> Matrix3<f64> {
+    const LEAST_INFORMATION: f64 = 1.0;
+    let scale = prior.map(f64::sqrt);
+    // In units of the prior's deviations, so that metres and radians can be compared.
+    let unit = |m: &Matrix3<f64>| m.component_mul(&(scale * scale.transpose()));
+    let information = (unit(spread) + Matrix3::from_diagonal(&LEAST.into())).try_inverse();
+    let information = information.unwrap_or_else(Matrix3::identity) - Matrix3::identity();
+    let mut eigen = ((information + information.transpose()) * 0.5).symmetric_eigen();
+    let least = LEAST_INFORMATION / prior.x;
+    eigen.eigenvalues.apply(|value| *value = 1.0 / value.max(least));
+    eigen.recompose().component_div(&(scale * scale.transpose()))
 }
 
 /// Poses as offsets from one of them, rotated about the middle of the hits: about the clip's origin, rotation
@@ -167,11 +208,23 @@ mod tests {
             let (hits, target) = (hits(&truth), room());
             let start = Pose2::new(x + dx, y + dy, yaw + turn);
             let refined = refine(&[start], &hits, &target)[0];
-            let found = mean(&refined, &hits, &target);
+            let found = mean(&refined, &hits, &target).map_from_clip;
             let turned = found.inverse().compose(&truth).yaw_rad.abs();
             // Poses up to 3 cm off fit as well: distances are zero within 5 cm of a wall's middle.
             prop_assert!(found.distance_m(&truth) < 0.015, "{refined:?} {found:?} {truth:?}");
             prop_assert!(turned < 0.3f64.to_radians(), "{refined:?} {found:?} {truth:?}");
+        }
+
+        /// The likelihood alone remains of a product of two normal distributions.
+        #[test]
+        fn the_prior_is_taken_out(a in 0.5..3.0f64, b in 0.5..3.0f64, c in 0.5..3.0f64, turn in -0.5..0.5f64) {
+            let prior = Vector3::new(400.0, 400.0, 1500.0);
+            let root = Matrix3::new(a, turn, 0.0, 0.0, b, turn, 0.0, 0.0, c) * 100.0;
+            let likelihood = root * root.transpose();
+            let spread = (likelihood + Matrix3::from_diagonal(&prior)).try_inverse().unwrap();
+            let want = likelihood.try_inverse().unwrap();
+            let got = without_prior(&spread, &prior);
+            prop_assert!((got - want).norm() < 0.05 * want.norm() + 2e-6, "{got} {want}");
         }
 
         /// Offsets and the covariance about the middle agree with the pose.
@@ -192,6 +245,9 @@ mod tests {
             let turning = Vector3::new(arm.y, -arm.x, 1.0);
             let of_middle = around.of_middle(&(turning * turning.transpose()));
             prop_assert!((of_middle - Matrix3::from_diagonal(&Vector3::z())).norm() < 1e-9, "{of_middle}");
+            let spread = Spread { middle_in_clip: around.middle_in_clip, covariance: of_middle };
+            let back = spread.at_origin(&of_middle, &mode);
+            prop_assert!((back - turning * turning.transpose()).norm() < 1e-9, "{back}");
         }
     }
 }

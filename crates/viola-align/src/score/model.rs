@@ -2,6 +2,7 @@
 //! their only source; `viola evaluate --fit` writes all of it.
 
 use super::evidence::Evidence;
+use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
 
@@ -14,6 +15,17 @@ pub struct Model {
     pub temperature_m: f64,
     pub intercept: f64,
     pub coefficients: Vec<Coefficient>,
+    pub covariance: CovarianceModel,
+}
+
+/// Calibration of the answer's covariance, fitted to the errors of right answers.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CovarianceModel {
+    /// Factor of the deviations by the likelihood of the hits.
+    pub scale: f64,
+    /// Standard deviations of the errors that the hits share: of the map and of the clip's reconstruction.
+    pub floor_m: f64,
+    pub floor_rad: f64,
 }
 
 /// The command, the data and the program that made a model.
@@ -69,6 +81,14 @@ impl LossWeights {
 
 /// Number of hits for which the temperature is given: a typical clip of 20 frames.
 pub const TYPICAL_HITS: f64 = 150.0;
+
+impl CovarianceModel {
+    /// Returns the covariance of (x_m, y_m, yaw_rad) of the middle of the hits.
+    pub fn calibrated(&self, by_likelihood: &Matrix3<f64>) -> Matrix3<f64> {
+        let floor = Vector3::new(self.floor_m, self.floor_m, self.floor_rad).map(|sigma| sigma * sigma);
+        by_likelihood * (self.scale * self.scale) + Matrix3::from_diagonal(&floor)
+    }
+}
 
 impl Model {
     /// Returns the temperature for a clip of so many hits. The mean of more hits has less noise.

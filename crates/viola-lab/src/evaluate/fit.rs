@@ -1,8 +1,10 @@
-//! Fits the whole model to clips with ground truth: loss weights, temperature and probability.
+//! Fits the whole model to clips with ground truth: loss weights, temperature, probability and covariance.
+
+mod spread;
 
 use super::homes::FOREIGN;
 use super::weights::learned_loss;
-use super::{ClipResult, Listed};
+use super::{ClipResult, Listed, Placement};
 use viola_align::{
     Alternative, Coefficient, Evidence, FEATURES, FreeSpace, LossWeights, MODEL, MadeBy, Model, features,
 };
@@ -24,9 +26,13 @@ pub fn fit(results: &[ClipResult], made_by: MadeBy) -> Option<Model> {
         temperature_m: learned.map_or(MODEL.temperature_m, |learned| learned.temperature_m),
         intercept: 0.0,
         coefficients: Vec::new(),
+        covariance: MODEL.covariance,
     };
     let answers: Vec<Answer> = results.iter().filter_map(|result| Answer::of(result, &model)).collect();
     (model.intercept, model.coefficients) = regress(&answers)?;
+    let right = results.iter().filter(|result| result.is_success());
+    let placed: Vec<Placement> = right.filter_map(|result| result.placement).collect();
+    model.covariance = spread::fit(&placed).unwrap_or(MODEL.covariance);
     Some(model)
 }
 

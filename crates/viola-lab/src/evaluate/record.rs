@@ -2,9 +2,10 @@
 
 use super::{Case, Sample};
 use crate::paper::Nearest;
+use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
-use viola_align::{Alignment, AlignmentState, Alternative, Evidence};
-use viola_geometry::{LevelName, Point2, Pose2};
+use viola_align::{Alignment, AlignmentState, Alternative, Evidence, MODEL};
+use viola_geometry::{LevelName, Point2, Pose2, wrap_angle};
 
 /// Result of one method on one clip.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -34,6 +35,10 @@ pub struct ClipResult {
     pub unknowable: bool,
     /// Index of the true pose in the ranked alternatives.
     pub truth_rank: Option<usize>,
+    /// Error and uncertainty of the pose; null without a pose on the true level, and for methods without
+    /// covariance.
+    #[serde(default)]
+    pub placement: Option<Placement>,
     /// The ranked alternatives, compared with the truth.
     #[serde(default)]
     pub alternatives: Vec<Listed>,
@@ -44,6 +49,37 @@ pub struct ClipResult {
     pub register_seconds: f64,
     /// Time from the clip's pictures to its pose, on one thread.
     pub seconds: f64,
+}
+
+/// Error of a pose at the middle of its hits, with the covariances of (x_m, y_m, yaw_rad) there.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Placement {
+    pub error: [f64; 3],
+    /// By the likelihood of the hits, before calibration.
+    pub spread: [[f64; 3]; 3],
+    /// As in the answer.
+    pub covariance: [[f64; 3]; 3],
+}
+
+impl Placement {
+    fn new(sample: &Sample, alignment: &Alignment) -> Option<Placement> {
+        let (pose, spread) = (alignment.map_from_clip?, alignment.spread?);
+        let truth = sample.map_from_clip;
+        let at = pose.apply(&spread.middle_in_clip) - truth.apply(&spread.middle_in_clip);
+        Some(Placement {
+            error: [at.x, at.y, wrap_angle(pose.yaw_rad - truth.yaw_rad)],
+            spread: spread.covariance.into(),
+            covariance: MODEL.covariance.calibrated(&spread.covariance).into(),
+        })
+    }
+
+    /// Returns the normalised squared error (NEES), 3 on average if the covariance is right (Bar-Shalom et
+    /// al., 2001).
+    pub fn nees(&self) -> f64 {
+        let error = Vector3::from(self.error);
+        let solved = Matrix3::from(self.covariance).cholesky().map(|root| root.solve(&error));
+        solved.map_or(f64::INFINITY, |solved| error.dot(&solved))
+    }
 }
 
 /// One of the answer's alternatives.
@@ -109,6 +145,7 @@ impl ClipResult {
             inliers: alignment.inliers,
             unknowable: sample.equivalent_poses.len() > 1,
             truth_rank: alternatives.iter().position(|alternative| alternative.right),
+            placement: Placement::new(sample, alignment).filter(|_| is_right_level),
             alternatives,
             hits: alignment.hits,
             register_seconds: seconds.register,
@@ -152,6 +189,7 @@ impl ClipResult {
             inliers: Some(0.9),
             unknowable: false,
             truth_rank: None,
+            placement: None,
             alternatives: Vec::new(),
             hits: 150,
             register_seconds: 0.1,

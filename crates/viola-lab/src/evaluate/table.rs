@@ -28,6 +28,8 @@ pub struct TableRow {
     pub right_level_when_aligned: Option<f64>,
     /// Calibration error of the probabilities; null without probabilities.
     pub expected_calibration_error: Option<f64>,
+    /// Mean normalised squared error of the right poses over its expectation of 3; null without covariances.
+    pub nees: Option<f64>,
     /// Number of clips that fit the map equally well in several places.
     pub unknowable_clips: usize,
     /// Fraction of those with state `ambiguous` and the truth among the alternatives; null if there are none.
@@ -78,6 +80,8 @@ fn row(method: &str, set: &str, frames: usize, results: &[&ClipResult]) -> Table
     let aligned_on =
         |right: bool| count(&|r| r.state == AlignmentState::Aligned && r.right_level == Some(right));
     let unknowable = count(&|r| r.unknowable);
+    let right = results.iter().filter(|r| r.is_success());
+    let nees: Vec<f64> = right.filter_map(|r| r.placement.as_ref()).map(|p| p.nees() / 3.0).collect();
     let admitted = count(&|r| r.unknowable && r.state == AlignmentState::Ambiguous && r.truth_rank.is_some());
     TableRow {
         method: method.to_owned(),
@@ -100,6 +104,7 @@ fn row(method: &str, set: &str, frames: usize, results: &[&ClipResult]) -> Table
         right_level_when_aligned: part(aligned_on(true), aligned_on(true) + aligned_on(false)),
         expected_calibration_error: Calibration::of(results.iter().copied())
             .map(|calibration| calibration.expected_calibration_error),
+        nees: (!nees.is_empty()).then(|| mean(&nees)),
         unknowable_clips: unknowable,
         unknowable_admitted: part(admitted, unknowable),
         seconds_median: median(&register),
@@ -144,15 +149,15 @@ pub fn markdown(rows: &[TableRow]) -> String {
         let _ = writeln!(out, " {:.3} s | {:.2} s |", r.seconds_median, r.seconds_total_median);
     }
     out.push_str(
-        "\n| set | frames | clips | method | aligned | wrong when aligned | right level | calibration error | unknowable | of those admitted |\n\
-         |---|---|---|---|---|---|---|---|---|---|\n",
+        "\n| set | frames | clips | method | aligned | wrong when aligned | right level | calibration error | NEES | unknowable | of those admitted |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for r in rows {
         let percent =
             |share: Option<f64>| share.map_or("-".to_owned(), |share| format!("{:.1} %", 100.0 * share));
         let _ = writeln!(
             out,
-            "| {} | {} | {} | {} | {:.1} % | {} | {} | {} | {} | {} |",
+            "| {} | {} | {} | {} | {:.1} % | {} | {} | {} | {} | {} | {} |",
             r.set,
             r.frames,
             r.clips,
@@ -161,6 +166,7 @@ pub fn markdown(rows: &[TableRow]) -> String {
             percent(r.wrong_when_aligned),
             percent(r.right_level_when_aligned),
             r.expected_calibration_error.map_or("-".to_owned(), |error| format!("{error:.3}")),
+            r.nees.map_or("-".to_owned(), |nees| format!("{nees:.2}")),
             r.unknowable_clips,
             percent(r.unknowable_admitted),
         );
