@@ -374,6 +374,9 @@ fn write_all(
     save(out, "clips.csv", &evaluate::clips_csv(results))?;
     save(out, "run.json", &serde_json::to_string_pretty(&run)?)?;
     save(out, "coverage.svg", &plot::error_against_coverage(results))?;
+    if let Some(svg) = plot::risk_against_coverage(results) {
+        save(out, "risk.svg", &svg)?;
+    }
     if let Some(svg) = plot::reliability(results) {
         save(out, "reliability.svg", &svg)?;
     }

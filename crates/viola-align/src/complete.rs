@@ -97,7 +97,24 @@ pub fn register_completing(
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<(Alignment, Option<Completion>), AlignError> {
-    let before = register(observation, targets, params, progress)?;
+    completing(observation, params, progress, &|observation, _, progress| {
+        register(observation, targets, params, progress)
+    })
+}
+
+/// A registration of an observation; the second time with its completion.
+pub type Registrar<'a> =
+    &'a dyn Fn(&Observation, Option<&Completion>, &dyn Progress) -> Result<Alignment, AlignError>;
+
+/// Registers an observation by any method, and again with completed points if the first answer is in doubt. The
+/// second time the observation's scan includes the completed hits.
+pub fn completing(
+    observation: &Observation,
+    params: &AlignParams,
+    progress: &dyn Progress,
+    register: Registrar,
+) -> Result<(Alignment, Option<Completion>), AlignError> {
+    let before = register(observation, None, progress)?;
     if !params.complete.when.applies(&before) {
         return Ok((before, None));
     }
@@ -108,7 +125,7 @@ pub fn register_completing(
         return Ok((Alignment { reasons: [before.reasons, filled.remarks].concat(), ..before }, None));
     }
     let completed = Observation { scan: filled.completion.scan.clone(), ..settled };
-    let after = register(&completed, targets, params, &Within(progress))?;
+    let after = register(&completed, Some(&filled.completion), &Within(progress))?;
     let taken = params.complete.take.after(&before, &after);
     let scan = &filled.completion.scan;
     let report = CompletionReport {

@@ -17,7 +17,7 @@ mod target;
 mod within;
 
 pub use answer::{Alignment, AlignmentState, Alternative, CompletionReport, FreeSpace, Judged, ViewReport};
-pub use complete::{Activation, CompleteParams, Completion, register_completing};
+pub use complete::{Activation, CompleteParams, Completion, completing, register_completing};
 pub use observe::{FloorHypothesis, Observation, observe};
 pub use refine::{Refined, Spread, refine};
 pub use register::register;

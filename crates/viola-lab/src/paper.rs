@@ -29,7 +29,7 @@ const CLOSE_M: f64 = 0.3;
 const CLOSE_RAD: f64 = 20f64.to_radians();
 /// The clip is ambiguous if a pose that is not close to the best one has a mean distance larger by less than
 /// this: the authors' c = 20 is the sum over 500 hits.
-const MARGIN_LOSS_M: f64 = 0.04;
+pub const MARGIN_LOSS_M: f64 = 0.04;
 
 /// Refinement of the starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

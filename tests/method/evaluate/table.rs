@@ -19,6 +19,7 @@ fn result(state: AlignmentState, errors: Option<(f64, f64)>) -> ClipResult {
         right_level: None,
         coverage: 0.5,
         inliers: None,
+        floor_seen: true,
         unknowable: false,
         truth_rank: None,
         alternatives: Vec::new(),

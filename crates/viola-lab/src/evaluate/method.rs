@@ -2,9 +2,10 @@
 
 use super::Sample;
 use crate::paper::{self, PaperParams, Refiner};
+use std::borrow::Cow;
 use viola_align as align;
 use viola_align::complete::{Imagination, Take, ViewStrategy};
-use viola_align::{Activation, AlignError, AlignParams, Alignment, CompleteParams};
+use viola_align::{Activation, AlignError, AlignParams, Alignment, CompleteParams, Completion, Observation};
 use viola_geometry::progress::Progress;
 
 /// A row of the table.
@@ -20,6 +21,8 @@ pub struct Method {
 pub enum MethodKind {
     Viola(Box<AlignParams>),
     Paper(PaperParams),
+    /// The paper's registration, completion and criterion of ambiguity.
+    PaperComplete(PaperParams, Box<AlignParams>),
 }
 
 /// Ablation of evidence: the name after `viola-without-`, and the function that switches it off. The
@@ -58,6 +61,9 @@ struct Way {
 const fn way(name: &'static str, when: Activation, structure: bool, views: Option<ViewStrategy>) -> Way {
     Way { name, when, structure, views, by_truth: false }
 }
+
+/// Another minimum within the margin of the paper's own loss.
+const PAPER_CRITERION: Activation = Activation::SeveralMinima { margin_m: paper::MARGIN_LOSS_M };
 
 /// The paper's two tables, and structure variants. `base` uses only points at the vacuum's height.
 const WAYS: &[Way] = {
@@ -104,6 +110,11 @@ impl Method {
         let kind = match name {
             "viola" => return Ok(Method::viola(params)),
             "paper" => MethodKind::Paper(PaperParams::default()),
+            "paper-complete" => {
+                let way = way("all", PAPER_CRITERION, false, Some(ViewStrategy::Frontier));
+                way.set(&mut params, imagination).ok_or(NoMethod::NeedsNetworks(name.to_owned()))?;
+                MethodKind::PaperComplete(PaperParams::default(), Box::new(params))
+            }
             "paper-icp" => MethodKind::Paper(PaperParams { refiner: Refiner::Icp, ..PaperParams::default() }),
             _ => {
                 if let Some(evidence) = name.strip_prefix("viola-without-") {
@@ -133,7 +144,7 @@ impl Method {
     pub fn names() -> Vec<String> {
         let ablations = ABLATIONS.iter().map(|(evidence, _)| format!("viola-without-{evidence}"));
         let ways = WAYS.iter().map(|way| format!("complete-{}", way.name));
-        let names = ["viola", "paper", "paper-icp"].map(String::from).into_iter();
+        let names = ["viola", "paper", "paper-icp", "paper-complete"].map(String::from).into_iter();
         names.chain(ablations).chain(ways).collect()
     }
 
@@ -155,8 +166,24 @@ impl Method {
                 paper::register(&sample.observation, sample.target.as_deref(), params, progress)
                     .map(|answer| Alignment { level: sample.level, ..answer })
             }
+            MethodKind::PaperComplete(paper, params) => {
+                let register: align::complete::Registrar = &|observation, completion, progress| {
+                    let seen = with_completed(observation, completion);
+                    paper::register(&seen, sample.target.as_deref(), paper, progress)
+                };
+                let (answer, _) = align::completing(&sample.observation, params, progress, register)?;
+                Ok(Alignment { level: sample.level, ..answer })
+            }
         }
     }
+}
+
+/// Returns the observation with the completed points, which the paper's rays hit like any others.
+fn with_completed<'a>(observation: &'a Observation, completion: Option<&Completion>) -> Cow<'a, Observation> {
+    let Some(completion) = completion else { return Cow::Borrowed(observation) };
+    let mut completed = observation.clone();
+    completed.cloud_in_clip.points.extend_from_slice(&completion.cloud_in_clip.points);
+    Cow::Owned(completed)
 }
 
 impl Way {
@@ -188,7 +215,8 @@ mod tests {
             |name: &String| matches!(Method::named(name, 3, None), Err(NoMethod::NeedsNetworks(_)));
         let (with, without): (Vec<String>, Vec<String>) =
             Method::names().into_iter().partition(needs_networks);
-        assert_eq!(with.len(), WAYS.iter().filter(|way| way.views.is_some()).count());
+        // Besides these, the paper's whole method needs them.
+        assert_eq!(with.len(), WAYS.iter().filter(|way| way.views.is_some()).count() + 1);
         let methods: Vec<Method> =
             without.iter().map(|name| Method::named(name, 3, None).expect(name)).collect();
         let what = |method: &Method| format!("{:?}", (&method.kind, method.by_truth));

@@ -1,4 +1,5 @@
-//! Plots of a run, as SVG: error against coverage, and the reliability of the probabilities.
+//! Plots of a run, as SVG: error against coverage, risk against coverage, and the reliability of the
+//! probabilities.
 
 mod chart;
 
@@ -43,6 +44,42 @@ pub fn error_against_coverage(results: &[ClipResult]) -> String {
     chart::stack("Error against coverage: red 10 deg, blue 0.3 m", [upper, lower])
 }
 
+/// Plots the fraction of wrong answers among the surest clips against their fraction of all clips, for each method
+/// with probabilities; none without any (El-Yaniv and Wiener, 2010).
+pub fn risk_against_coverage(results: &[ClipResult]) -> Option<String> {
+    let mut chart = Chart::new(
+        Axis::linear("surest clips, share of all", 0.0, 1.0, 0.1),
+        Axis::linear("wrong among them", 0.0, 0.5, 0.05),
+    );
+    let mut any = false;
+    for (name, ink) in methods(results).iter().zip(INKS.iter().cycle()) {
+        let of: Vec<&ClipResult> = results.iter().filter(|r| r.method == *name).collect();
+        let curve = risk_curve(&of);
+        if !curve.is_empty() {
+            chart.line(&curve, ink);
+            chart.legend(name, ink);
+            any = true;
+        }
+    }
+    any.then(|| chart::stack("Risk against coverage, clips ordered by probability", [chart]))
+}
+
+/// Returns for each number of the surest clips their fraction of all, and the fraction of wrong ones among them.
+/// Clips of equal probability are taken at once.
+fn risk_curve(results: &[&ClipResult]) -> Vec<(f64, f64)> {
+    let mut told: Vec<(f64, bool)> =
+        results.iter().filter_map(|r| Some((r.probability?, r.is_success()))).collect();
+    told.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let (mut curve, mut wrong) = (Vec::new(), 0usize);
+    for (i, (probability, right)) in told.iter().enumerate() {
+        wrong += usize::from(!right);
+        if told.get(i + 1).is_none_or(|next| next.0 < *probability) {
+            curve.push(((i + 1) as f64 / results.len() as f64, wrong as f64 / (i + 1) as f64));
+        }
+    }
+    curve
+}
+
 /// Plots the success rate against the stated probability for each method with probabilities; none without
 /// any.
 pub fn reliability(results: &[ClipResult]) -> Option<String> {
@@ -69,4 +106,21 @@ pub fn reliability(results: &[ClipResult]) -> Option<String> {
     }
     (!titles.is_empty())
         .then(|| chart::stack(&format!("Expected calibration error: {}", titles.join(", ")), [chart]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viola_align::AlignmentState::Ambiguous;
+
+    #[test]
+    fn risk_grows_with_the_clips_that_are_less_sure() {
+        let clip = |probability: Option<f64>, right: bool| ClipResult {
+            probability,
+            ..ClipResult::example(Ambiguous, Some((1.0, if right { 0.1 } else { 2.0 })))
+        };
+        let clips = [clip(Some(0.5), false), clip(Some(0.9), true), clip(None, false), clip(Some(0.5), true)];
+        let of: Vec<&ClipResult> = clips.iter().collect();
+        assert_eq!(risk_curve(&of), [(0.25, 0.0), (0.75, 1.0 / 3.0)]);
+    }
 }

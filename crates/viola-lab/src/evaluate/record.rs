@@ -31,6 +31,9 @@ pub struct ClipResult {
     /// Fraction of the map's points that the clip's hits cover at the true pose (the paper's coverage).
     pub coverage: f64,
     pub inliers: Option<f64>,
+    /// True if the clip shows the floor; false if its height was assumed, or there is none.
+    #[serde(default)]
+    pub floor_seen: bool,
     /// True if the clip's content fits the map equally well in several places.
     pub unknowable: bool,
     /// Index of the true pose in the ranked alternatives.
@@ -143,6 +146,7 @@ impl ClipResult {
             right_level: may_err.then_some(is_right_level),
             coverage,
             inliers: alignment.inliers,
+            floor_seen: sample.observation.floor.as_ref().is_some_and(|floor| !floor.assumed),
             unknowable: sample.equivalent_poses.len() > 1,
             truth_rank: alternatives.iter().position(|alternative| alternative.right),
             placement: Placement::new(sample, alignment).filter(|_| is_right_level),
@@ -187,6 +191,7 @@ impl ClipResult {
             right_level: None,
             coverage: 0.5,
             inliers: Some(0.9),
+            floor_seen: true,
             unknowable: false,
             truth_rank: None,
             placement: None,

@@ -47,7 +47,11 @@ pub struct Recall {
     pub share: f64,
 }
 
-/// Returns one row per method, set and clip length, in the order of their first results.
+/// Suffix of the set in rows of only the clips that show the floor.
+const FLOOR_IN_SIGHT: &str = " (floor in sight)";
+
+/// Returns one row per method, set and clip length, in the order of their first results. If some of the clips do
+/// not show the floor, a second row is of the others alone.
 pub fn tabulate(results: &[ClipResult]) -> Vec<TableRow> {
     let mut keys: Vec<(&str, usize, &str)> = Vec::new();
     for result in results {
@@ -57,12 +61,15 @@ pub fn tabulate(results: &[ClipResult]) -> Vec<TableRow> {
         }
     }
     keys.into_iter()
-        .map(|(set, frames, method)| {
+        .flat_map(|(set, frames, method)| {
             let of: Vec<&ClipResult> = results
                 .iter()
                 .filter(|r| (r.set.as_str(), r.frames, r.method.as_str()) == (set, frames, method))
                 .collect();
-            row(method, set, frames, &of)
+            let seen: Vec<&ClipResult> = of.iter().copied().filter(|r| r.floor_seen).collect();
+            let is_part = !seen.is_empty() && seen.len() < of.len();
+            let in_sight = is_part.then(|| row(method, &format!("{set}{FLOOR_IN_SIGHT}"), frames, &seen));
+            std::iter::once(row(method, set, frames, &of)).chain(in_sight)
         })
         .collect()
 }
@@ -232,5 +239,16 @@ mod tests {
         let recalls: Vec<(f64, f64)> = row.recall_at_m.iter().map(|r| (r.within_m, r.share)).collect();
         assert_eq!(recalls, [(0.1, 0.25), (0.3, 0.5), (0.5, 0.75), (1.0, 0.75)]);
         assert_eq!((row.unknowable_clips, row.unknowable_admitted), (0, None));
+    }
+
+    #[test]
+    fn clips_with_the_floor_in_sight_have_a_row_of_their_own() {
+        let seen = ClipResult::example(AlignmentState::Aligned, Some((1.0, 0.05)));
+        let not_seen = ClipResult { floor_seen: false, ..ClipResult::example(AlignmentState::Failed, None) };
+        let rows = tabulate(&[seen.clone(), not_seen]);
+        let told: Vec<(&str, usize, f64)> =
+            rows.iter().map(|row| (row.set.as_str(), row.clips, row.success_rate)).collect();
+        assert_eq!(told, [("normal", 2, 0.5), ("normal (floor in sight)", 1, 1.0)]);
+        assert_eq!(tabulate(&[seen]).len(), 1);
     }
 }
