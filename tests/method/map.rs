@@ -12,7 +12,8 @@ use viola_testing::eventually;
 use viola_testing::process::{Process, viola};
 
 const CLIPS: u64 = 3;
-const FILES: [&str; 13] = [
+const FILES: [&str; 16] = [
+    "home.mcap",
     "map.json",
     "mesh.glb",
     "mesh.obj",
@@ -24,6 +25,8 @@ const FILES: [&str; 13] = [
     "plan.pdf",
     "plan.png",
     "plan.svg",
+    "points.e57",
+    "points.laz",
     "points.ply",
     "rooms.json",
 ];
@@ -187,6 +190,8 @@ async fn it_is_the_map_that_the_service_makes() {
     assert_eq!(own["coverage"], coverage);
     for (name, path) in [
         ("points.ply", "points"),
+        ("points.e57", "points?format=e57"),
+        ("points.laz", "points?format=laz"),
         ("plan.svg", "plan"),
         ("plan.png", "plan?format=png"),
         ("plan.pdf", "plan?format=pdf"),
