@@ -31,20 +31,19 @@ def dxf(truth):
     sides = sorted([box.size.x, box.size.y])
     assert abs(sides[0] - width) < 0.15 and abs(sides[1] - length) < 0.15, sides
     yaw = truth.plan["plan_yaw_rad"]
-    corners = [turned(corner, yaw) for room in truth.plan["rooms"] for corner in room_corners(room)]
-    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
-    assert np.abs(low - [box.extmin.x, box.extmin.y]).max() < 0.002, (low, box)
-    assert np.abs(high - [box.extmax.x, box.extmax.y]).max() < 0.002, (high, box)
-    rooms = space.query('POLYLINE[layer=="ROOMS"]')
-    assert len(rooms) == len(truth.plan["rooms"])
-    for drawn, room in zip(rooms, truth.plan["rooms"]):
-        points = [vertex.dxf.location[:2] for vertex in drawn.vertices]
-        assert abs(area_m2(points) - room["area_m2"]) < 0.02, room
+    rings = [ring for room in truth.plan["rooms"] for ring in [room["polygon_m"], *room["holes_m"]]]
+    drawn = space.query('POLYLINE[layer=="ROOMS"]')
+    assert len(drawn) == len(rings) > 0
+    for polyline, ring in zip(drawn, rings):
+        corners = [vertex.dxf.location[:2] for vertex in polyline.vertices]
+        assert polyline.is_closed and len(corners) == len(ring)
+        assert np.abs(np.array(corners) - [turned(corner, yaw) for corner in ring]).max() < 0.002
+    for room in truth.plan["rooms"]:
+        holes_m2 = sum(area_m2(hole) for hole in room["holes_m"])
+        assert abs(area_m2(room["polygon_m"]) - holes_m2 - room["area_m2"]) < 0.02, room
+    names = [text.dxf.text for text in space.query('TEXT[layer=="ROOM_NAMES"]')]
+    assert [f"{room['area_m2']:.1f} m2" for room in truth.plan["rooms"]] == names[1::2], names
     return f"{len(space)} entities on {len(layers)} layers"
-
-
-def room_corners(room):
-    return room["outline_m"]
 
 
 def turned(corner, yaw):

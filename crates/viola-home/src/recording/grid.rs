@@ -107,7 +107,7 @@ mod tests {
         let lidar = LidarMap::read(b"x,y\n0.0,0.0\n240.0,0.0\n240.0,240.0\n0.0,240.0\n1.0,0.0\n").unwrap();
         let grid = grid(&lidar);
         assert!(grid.data.len() <= MAX_CELLS * CELL_BYTES);
-        assert_eq!(grid.cell_size.unwrap().x, 0.2);
         assert_eq!(occupancy(&grid).iter().filter(|value| **value == 100).count(), 5);
+        assert_eq!(grid.cell_size.unwrap().x, 0.2);
     }
 }
