@@ -4,18 +4,21 @@
 
 use crate::map::merged;
 use crate::server::Server;
+use reqwest::Method;
 use serde_json::json;
 use std::process::Command;
 use viola_testing::{room, zips};
 
 /// Each file with its path below the home.
-const FILES: [(&str, &str); 15] = [
+const FILES: [(&str, &str); 17] = [
     ("map.json", "map"),
     ("objects.json", "map/objects"),
     ("points.ply", "map/points"),
     ("points.glb", "map/points?format=glb"),
     ("points.e57", "map/points?format=e57"),
     ("points.laz", "map/points?format=laz"),
+    ("empty.e57", "map/points?format=e57&classes=animal"),
+    ("empty.laz", "map/points?format=laz&classes=animal"),
     ("mesh.glb", "map/mesh?format=glb"),
     ("mesh.usdz", "map/mesh?format=usdz"),
     ("mesh.obj", "map/mesh?format=obj"),
@@ -27,7 +30,7 @@ const FILES: [(&str, &str); 15] = [
     ("home.mcap", "map/recording"),
 ];
 /// Files that a reader opens, each of which it tells about in a line.
-const READ: usize = 9;
+const READ: usize = 11;
 
 #[tokio::test]
 async fn readers_of_other_programs_find_the_home_in_its_files() {
@@ -64,4 +67,38 @@ async fn readers_of_other_programs_find_the_home_in_its_files() {
     assert!(output.status.success(), "{said}\n{erred}");
     print!("{said}");
     assert_eq!(said.lines().count(), READ, "{said}");
+}
+
+#[tokio::test]
+async fn made_files_have_a_type_a_length_a_name_and_a_tag() {
+    let server = Server::start().await;
+    let home = server.make_home("h").await;
+    server.get(&format!("{home}/map/recording")).await.problem(404, "map-not-found");
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await.ok(201);
+    merged(&server, &home, &[&clip["id"]]).await;
+    // The first bytes are those of the formats' specifications.
+    for (path, media_type, name, begin) in [
+        ("map/points?format=e57", "model/e57", "e57", &b"ASTM-E57"[..]),
+        ("map/points?format=laz", "application/vnd.laszip", "laz", b"LASF"),
+        ("map/recording", "application/vnd.mcap", "mcap", b"\x89MCAP0\r\n"),
+        ("map/recording?format=mcap&level=main", "application/vnd.mcap", "mcap", b"\x89MCAP0\r\n"),
+    ] {
+        let path = format!("{home}/{path}");
+        let answer = server.get(&path).await;
+        assert_eq!((answer.status, answer.header("content-type")), (200, media_type), "{path}");
+        assert!(answer.bytes.starts_with(begin), "{path}");
+        assert_eq!(answer.header("content-length"), answer.bytes.len().to_string(), "{path}");
+        assert!(answer.header("content-disposition").ends_with(&format!(".{name}\"")), "{path}");
+        let tag = answer.header("etag").to_owned();
+        let known = server.request(Method::GET, &path).header("if-none-match", &tag);
+        assert_eq!(server.send(known).await.status, 304, "{path}");
+        assert!(server.get(&path).await.bytes == answer.bytes, "{path}: other bytes");
+    }
+    let accepted =
+        server.request(Method::GET, &format!("{home}/map/points")).header("accept", "text/x, model/e57;q=1");
+    assert_eq!(server.send(accepted).await.header("content-type"), "model/e57");
+    for path in ["map/recording?format=bag", "map/recording?level=attic", "map/points?format=las"] {
+        server.get(&format!("{home}/{path}")).await.problem(400, "invalid-query");
+    }
 }

@@ -2,8 +2,8 @@
 
     check.py FOLDER [FILE ...]
 
-Prints a line for each file, and fails with the first difference. `tests/api/foreign.rs` makes the folder; the packages
-are in `requirements.txt`.
+Prints a line for each file, and fails with the first difference. `tests/api/foreign.rs` and `tests/method/map.rs` make
+the folder; the packages are in `requirements.txt`.
 """
 
 import sys
@@ -18,6 +18,8 @@ FILES = {
     "points.laz": points.laz,
     "points.e57": points.e57,
     "points.glb": points.glb,
+    "empty.laz": points.empty_laz,
+    "empty.e57": points.empty_e57,
     "mesh.glb": surfaces.glb,
     "mesh.obj": surfaces.obj,
     "mesh.usdz": surfaces.usdz,

@@ -21,7 +21,8 @@ def laz(truth):
     assert header.point_count == len(truth.vertices)
     xyz = np.asarray(las.xyz)
     same_points(xyz, truth.xyz, LAZ_STEP_M / 2 + 1e-6)
-    same_points([header.mins, header.maxs], [xyz.min(axis=0), xyz.max(axis=0)], LAZ_STEP_M / 2 + 1e-6)
+    assert (header.mins <= xyz.min(axis=0)).all() and (header.maxs >= xyz.max(axis=0)).all()
+    same_points([header.mins, header.maxs], [xyz.min(axis=0), xyz.max(axis=0)], LAZ_STEP_M + 1e-6)
     truth.is_the_room(xyz)
     for channel in ["red", "green", "blue"]:
         assert (np.asarray(las[channel]) == truth.vertices[channel].astype(int) * 256).all(), channel
@@ -61,7 +62,7 @@ def e57(truth):
             buffers.append(libe57.SourceDestBuffer(file.image_file, name, values, header.point_count, True, True))
             header.points.reader(buffers).read()
             assert (values == truth.vertices[field]).all(), name
-    return f"{header.point_count} points"
+        return f"{header.point_count} points"
 
 
 def glb(truth):
@@ -82,3 +83,15 @@ def glb(truth):
     assert len(xyz) == total == len(truth.vertices)
     truth.is_the_room(z_up(xyz))
     return f"{total} points of {len(names)} classes"
+
+
+def empty_laz(truth):
+    las = laspy.read(truth.path("empty.laz"))
+    assert las.header.point_count == len(las.x) == 0
+    return "no points"
+
+
+def empty_e57(truth):
+    with pye57.E57(truth.path("empty.e57")) as file:
+        assert file.get_header(0).point_count == 0
+    return "no points"
