@@ -9,6 +9,7 @@ mod clip;
 mod content;
 mod contributions;
 mod document;
+mod exports;
 mod files;
 mod table;
 
@@ -51,9 +52,9 @@ pub struct MapArguments {
     /// times, as LEVEL=FILE.
     #[arg(long, required = true, value_name = "[LEVEL=]FILE", value_parser = levels::parser())]
     lidar: Vec<LevelArgument>,
-    /// Output folder: map.json, objects.json, rooms.json, points.ply, and the plan as plan.svg, .png, .pdf, .dxf,
-    /// .geojson and .json; the surface as mesh.glb, .usdz and .obj. The points, the plan and the surface of another level
-    /// than `main` are in a folder of its name.
+    /// Output folder: map.json, objects.json, rooms.json; points.ply, .e57 and .laz; the plan as plan.svg, .png, .pdf,
+    /// .dxf, .geojson and .json; the surface as mesh.glb, .usdz and .obj; the recording home.mcap. The files of another
+    /// level than `main` are in a folder of its name.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
@@ -82,7 +83,8 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     eprintln!("map: fuse {} of {} clips", members.len(), clips.len());
     let map = home::assemble(&Manifest::default(), members, &mut aligner.contributions)?;
     eprintln!("map: describe");
-    let files = HomeFiles::new(&levels, map, &clips)?;
+    let paths = aligner.contributions.paths(&map.manifest.clips)?;
+    let files = HomeFiles::new(&levels, map, &clips, paths)?;
     files.write(out)?;
     table::print(&files.document, files.objects.len(), files.rooms.len(), out);
     let all_answered = clips.iter().all(|clip| clip.answer.is_ok());

@@ -83,6 +83,12 @@ impl Storage {
             .map_err(|source| StorageError::File { path: folder.to_owned(), source })
     }
 
+    /// Creates a local file without a name, which ends with its last handle.
+    pub fn scratch_file(&self) -> Result<std::fs::File, StorageError> {
+        let folder = self.blobs.incoming_folder();
+        tempfile::tempfile_in(folder).map_err(|source| StorageError::File { path: folder.to_owned(), source })
+    }
+
     /// Returns the keys of all blobs that rows refer to.
     #[cfg(test)]
     pub(super) async fn blob_keys(&self) -> Result<std::collections::HashSet<String>, StorageError> {

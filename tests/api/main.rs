@@ -9,6 +9,7 @@ mod clips;
 mod corrections;
 mod document;
 mod exports;
+mod foreign;
 mod homes;
 mod hostile;
 mod jobs;

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 use viola_testing::{eventually, room, zips};
 
 /// Returns the home's map once it contains these clips.
-async fn merged(server: &Server, home: &str, clips: &[&Value]) -> Value {
+pub async fn merged(server: &Server, home: &str, clips: &[&Value]) -> Value {
     eventually("the map is merged", || async {
         let answer = server.get(&format!("{home}/map")).await;
         let map = (answer.status == 200).then(|| answer.json())?;

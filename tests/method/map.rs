@@ -7,12 +7,14 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::LazyLock;
 use tempfile::TempDir;
+use viola_geometry::taxonomy::Class;
 use viola_lab::simulate::{ClipParams, Home, HomeParams, Sensor, Set, valetudo_json, write_scannet_zip};
 use viola_testing::eventually;
 use viola_testing::process::{Process, viola};
 
 const CLIPS: u64 = 3;
-const FILES: [&str; 13] = [
+const FILES: [&str; 16] = [
+    "home.mcap",
     "map.json",
     "mesh.glb",
     "mesh.obj",
@@ -24,6 +26,8 @@ const FILES: [&str; 13] = [
     "plan.pdf",
     "plan.png",
     "plan.svg",
+    "points.e57",
+    "points.laz",
     "points.ply",
     "rooms.json",
 ];
@@ -187,6 +191,8 @@ async fn it_is_the_map_that_the_service_makes() {
     assert_eq!(own["coverage"], coverage);
     for (name, path) in [
         ("points.ply", "points"),
+        ("points.e57", "points?format=e57"),
+        ("points.laz", "points?format=laz"),
         ("plan.svg", "plan"),
         ("plan.png", "plan?format=png"),
         ("plan.pdf", "plan?format=pdf"),
@@ -219,4 +225,39 @@ fn it_needs_a_lidar_map_but_no_clip_that_can_be_read() {
     assert_eq!((&map["clips"][0]["clip"], &map["info"]["points"]), (&Value::Null, &json!(0)));
     assert_eq!(read("objects.json")["objects"], json!([]));
     assert!(!read("rooms.json")["rooms"].as_array().unwrap().is_empty());
+}
+
+#[test]
+fn readers_of_other_programs_find_the_home_in_its_files() {
+    let Some(python) = std::env::var_os("VIOLA_FOREIGN_READERS") else {
+        let switch =
+            "set VIOLA_FOREIGN_READERS to a Python with the packages of tests/foreign/requirements.txt";
+        viola_testing::skipped("readers of other programs", switch);
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let classes: Vec<Value> =
+        Class::ALL.iter().map(|class| json!({ "id": class.id(), "name": class.name() })).collect();
+    let known = [("classes.json", json!({ "classes": classes })), ("truth.json", Value::Null)];
+    let known = known.map(|(name, document)| (name.to_owned(), document.to_string().into_bytes()));
+    for (name, bytes) in MAPPED.0.iter().map(|(name, bytes)| (name.clone(), bytes.clone())).chain(known) {
+        fs::write(folder.path().join(name), bytes).unwrap();
+    }
+    let check = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/foreign/check.py");
+    let mut command = std::process::Command::new(python);
+    let files = [
+        "points.laz",
+        "points.e57",
+        "mesh.glb",
+        "mesh.obj",
+        "mesh.usdz",
+        "plan.dxf",
+        "plan.pdf",
+        "home.mcap",
+    ];
+    let output = command.arg("-B").arg(check).arg(folder.path()).args(files).output().unwrap();
+    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+    assert_eq!(text(&output.stdout).lines().count(), files.len());
+    // Else no name and no box was compared.
+    assert!(!document("objects.json")["objects"].as_array().unwrap().is_empty());
 }

@@ -161,6 +161,12 @@ fn read_views(bytes: &[u8]) -> Result<(Vec<View>, Option<CarvedSpace>), NotOurs>
     Ok((views, carved))
 }
 
+/// Returns the poses of the key frames' cameras in the clip's frame, out of the file of [`views_bytes`].
+pub fn camera_poses(views: &[u8]) -> Result<Vec<Pose3>, NotOurs> {
+    let (views, _) = read_views(views)?;
+    Ok(views.iter().map(|view| view.clip_from_camera).collect())
+}
+
 /// Reader of little-endian numbers; the caller checks the length.
 struct Numbers<'a>(&'a [u8]);
 

@@ -19,6 +19,7 @@ mod picture;
 mod plan;
 mod ply;
 mod points;
+mod recording;
 mod rooms;
 mod shades;
 mod svg;
@@ -31,7 +32,7 @@ pub use assemble::{
 };
 pub use completion::{completion_png, completion_pngs};
 pub use contact_sheet::contact_sheet_png;
-pub use contribution::{ClipContribution, ClipScan, ScanCamera, views_bytes};
+pub use contribution::{ClipContribution, ClipScan, ScanCamera, camera_poses, views_bytes};
 pub use corrections::{
     Corrected, ObjectCorrection, ObjectField, RoomCorrection, RoomField, RoomMerge, RoomSplit, Seen,
     assign_rooms, correct_objects, correct_rooms, stated,
@@ -56,7 +57,8 @@ pub use plan::{
     plan_pdf, plan_png, plan_svg,
 };
 pub use ply::{NotOurs, cloud_ply, read_cloud_ply};
-pub use points::{ClipNumbers, Glb, Ply, PointFilter};
+pub use points::{ClipNumbers, Glb, Ply, PointFilter, las_code, write_e57, write_laz};
+pub use recording::{ClipPath, RecordedObject, Recording};
 pub use rooms::outline::Outline;
 pub use rooms::{Room, RoomSource, merged, rooms};
 

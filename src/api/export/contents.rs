@@ -3,7 +3,7 @@
 use super::archive::Archive;
 use crate::api::App;
 use crate::api::error::Error;
-use crate::api::map::points::{Format, Points};
+use crate::api::map::points::{Points, Streamed};
 use crate::api::types;
 use crate::storage::{
     Clip, ClipFilter, Home, HomeId, HomeMap, MapLevel, Page, StorageError, map_file, result_file,
@@ -97,7 +97,7 @@ impl Contents {
                 zip.stream(&format!("{folder}/{name}"), blob.stream).await?;
             }
         }
-        for (format, name) in [(Format::Ply, "points.ply"), (Format::Glb, "points.glb")] {
+        for (format, name) in [(Streamed::Ply, "points.ply"), (Streamed::Glb, "points.glb")] {
             let tiles = files(map_file::TILE).await?;
             let points = Points {
                 app: self.app.clone(),

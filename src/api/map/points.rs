@@ -1,5 +1,6 @@
 //! `/v1/homes/{home}/map/points`: streamed tile by tile, so that memory does not grow with the map.
 
+use super::made_file::{self, Spool};
 use super::scene::classes;
 use super::{App, LevelQuery, level, revision};
 use crate::api::bodies::FileBytes;
@@ -11,13 +12,15 @@ use crate::api::types::ClassName;
 use crate::storage::{MapFile, StorageError, map_file};
 use axum::body::Body;
 use axum::extract::{RawQuery, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use futures::{Stream, StreamExt};
 use serde::Deserialize;
+use std::fs::File;
+use std::io::{self, BufWriter};
 use std::sync::Arc;
-use viola_home::{ClipNumbers, Glb, MAP_VOXEL_M, Ply, PointFilter, TileBytes};
+use viola_home::{ClipNumbers, Glb, MAP_VOXEL_M, Ply, PointFilter, TileBytes, write_e57, write_laz};
 
 /// The filter and the format of points.
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -37,7 +40,7 @@ pub(in crate::api) struct PointsQuery {
     /// Side of cubes in metres, 0.03 to 1: the points in a cube are replaced by their mean.
     #[param(value_type = Option<f64>, minimum = 0.03, maximum = 1)]
     voxel: Option<String>,
-    /// `ply` or `glb`; default: the format in `Accept`, else `ply`.
+    /// `ply`, `glb`, `e57` or `laz`; default: the format in `Accept`, else `ply`.
     #[param(value_type = Option<Format>, example = "glb")]
     format: Option<String>,
 }
@@ -48,15 +51,48 @@ pub(in crate::api) struct PointsQuery {
 pub(in crate::api) enum Format {
     Ply,
     Glb,
+    E57,
+    Laz,
 }
 
 impl Format {
+    const ALL: [Format; 4] = [Format::Ply, Format::Glb, Format::E57, Format::Laz];
+
+    fn name(self) -> &'static str {
+        match self {
+            Format::Ply => "ply",
+            Format::Glb => "glb",
+            Format::E57 => "e57",
+            Format::Laz => "laz",
+        }
+    }
+
     fn media_type(self) -> &'static str {
         match self {
             Format::Ply => "model/ply",
             Format::Glb => "model/gltf-binary",
+            Format::E57 => "model/e57",
+            Format::Laz => "application/vnd.laszip",
         }
     }
+
+    fn wanted(asked: Option<&str>, headers: &HeaderMap) -> Result<Format, Error> {
+        if let Some(name) = asked {
+            let found = Format::ALL.into_iter().find(|format| format.name() == name);
+            return found.ok_or_else(|| invalid("format", "format is ply, glb, e57 or laz"));
+        }
+        let accept = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok()).unwrap_or_default();
+        let mut kinds = accept.split(',').map(|kind| kind.split(';').next().unwrap_or_default().trim());
+        let of_kind = |kind| Format::ALL.into_iter().find(|format| format.media_type() == kind);
+        Ok(kinds.find_map(of_kind).unwrap_or(Format::Ply))
+    }
+}
+
+/// A format whose head is known once the points are counted: it is sent while the points are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::api) enum Streamed {
+    Ply,
+    Glb,
 }
 
 fn invalid(field: &'static str, detail: impl Into<String>) -> Error {
@@ -94,29 +130,19 @@ impl PointsQuery {
             voxel_m: voxel.transpose()?,
         })
     }
-
-    fn format(&self, headers: &HeaderMap) -> Result<Format, Error> {
-        match self.format.as_deref() {
-            Some("ply") => return Ok(Format::Ply),
-            Some("glb") => return Ok(Format::Glb),
-            Some(_) => return Err(invalid("format", "format is ply or glb")),
-            None => {}
-        }
-        let accept = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok()).unwrap_or_default();
-        let glb = accept.split(',').any(|kind| kind.trim().starts_with("model/gltf-binary"));
-        Ok(if glb { Format::Glb } else { Format::Ply })
-    }
 }
 
 /// Get the points of one level of a home's map, in the frame of its LiDAR map
 ///
 /// The answer is a binary PLY with normals, colours, classes (`label`, an id of `GET /v1/classes`),
-/// probabilities, views and clips (indices in the map's list of clips), or a binary glTF with a node and a
-/// material for each class. Filters are combined: a point must pass all of them.
+/// probabilities, views and clips (indices in the map's list of clips), a binary glTF with a node and a
+/// material for each class, an E57 or a LAZ. E57 and LAZ are made before they are sent, one file at a time.
+/// Filters are combined: a point must pass all of them.
 #[utoipa::path(get, path = "/v1/homes/{home}/map/points", tag = "map", params(HomePath, PointsQuery, LevelQuery),
     responses(
         (status = 200, description = "The points", content(
-            (FileBytes = "model/ply"), (FileBytes = "model/gltf-binary"))),
+            (FileBytes = "model/ply"), (FileBytes = "model/gltf-binary"), (FileBytes = "model/e57"),
+            (FileBytes = "application/vnd.laszip"))),
         (status = 304, description = "The client has them"), CommonProblems))]
 pub(in crate::api) async fn get_map_points(
     State(app): State<App>,
@@ -126,7 +152,7 @@ pub(in crate::api) async fn get_map_points(
     RawQuery(raw_query): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
-    let (filter, format) = (query.filter()?, query.format(&headers)?);
+    let (filter, format) = (query.filter()?, Format::wanted(query.format.as_deref(), &headers)?);
     let map = revision(&app, &home, of.revision.as_deref()).await?;
     let tag = tag_of(&[
         &map.revision.to_le_bytes(),
@@ -140,24 +166,25 @@ pub(in crate::api) async fn get_map_points(
     let level = level(&map, of.level.as_deref())?;
     let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
     let points = Points { app, clips: ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip)), filter };
-    let (head, size_bytes) = points.head(format, level.info.points, &tiles).await?;
-    let body = Body::from_stream(points.body(format, head, tiles));
-    let name = format!(
-        "attachment; filename=\"{home}-{}.{}\"",
-        map.revision,
-        match format {
-            Format::Ply => "ply",
-            Format::Glb => "glb",
+    let name = format!("{home}-{}.{}", map.revision, format.name());
+    let body = match format {
+        Format::Ply => points.streamed(Streamed::Ply, level.info.points, tiles).await?,
+        Format::Glb => points.streamed(Streamed::Glb, level.info.points, tiles).await?,
+        Format::E57 | Format::Laz => {
+            let turn = made_file::turn().await;
+            let write = if format == Format::Laz { laz } else { e57 };
+            made_file::make(turn, &points, &tiles, write).await?
         }
-    );
-    let mut answer = body.into_response();
-    let set = answer.headers_mut();
-    set.insert(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()));
-    set.insert(header::CONTENT_LENGTH, HeaderValue::from(size_bytes));
-    if let Ok(name) = HeaderValue::from_str(&name) {
-        set.insert(header::CONTENT_DISPOSITION, name);
-    }
-    Ok(tagged(answer, &tag))
+    };
+    Ok(made_file::answer(body, format.media_type(), &name, &tag))
+}
+
+fn laz(out: File, points: Spool) -> io::Result<()> {
+    write_laz(BufWriter::new(out), points.id, points)
+}
+
+fn e57(out: File, points: Spool) -> io::Result<()> {
+    write_e57(out, points.id, points)
 }
 
 /// A stream of points.
@@ -168,10 +195,21 @@ pub(in crate::api) struct Points {
 }
 
 impl Points {
+    /// Returns the body of an answer and its size.
+    async fn streamed(self, format: Streamed, all: usize, tiles: Vec<MapFile>) -> Result<(Body, u64), Error> {
+        let (head, size_bytes) = self.head(format, all, &tiles).await?;
+        Ok((Body::from_stream(self.body(format, head, tiles)), size_bytes))
+    }
+
     /// Returns the bytes before the points, and the total size. Both formats begin with the number of points:
     /// the tiles are read once to count them before they are sent, except for a PLY of `all` points.
-    pub async fn head(&self, format: Format, all: usize, tiles: &[MapFile]) -> Result<(Vec<u8>, u64), Error> {
-        if format == Format::Ply && self.filter.is_everything() {
+    pub async fn head(
+        &self,
+        format: Streamed,
+        all: usize,
+        tiles: &[MapFile],
+    ) -> Result<(Vec<u8>, u64), Error> {
+        if format == Streamed::Ply && self.filter.is_everything() {
             let ply = Ply::new(all);
             return Ok((ply.head(), ply.size_bytes()));
         }
@@ -180,16 +218,16 @@ impl Points {
         for tile in tiles {
             let points = self.of_tile(tile).await?;
             count += points.len() / viola_home::POINT_BYTES;
-            if format == Format::Glb {
+            if format == Streamed::Glb {
                 glb.announce(&points);
             }
         }
         match format {
-            Format::Ply => {
+            Streamed::Ply => {
                 let ply = Ply::new(count);
                 Ok((ply.head(), ply.size_bytes()))
             }
-            Format::Glb => {
+            Streamed::Glb => {
                 let size_bytes = glb.size_bytes().ok_or_else(|| {
                     invalid(
                         "format",
@@ -203,7 +241,7 @@ impl Points {
 
     pub fn body(
         self,
-        format: Format,
+        format: Streamed,
         head: Vec<u8>,
         tiles: Vec<MapFile>,
     ) -> impl Stream<Item = Result<Bytes, StorageError>> + use<> {
@@ -212,13 +250,13 @@ impl Points {
             let points = points.clone();
             async move {
                 let bytes = points.of_tile(&tile).await?;
-                Ok(Bytes::from(if format == Format::Glb { Glb::tile(&bytes) } else { bytes }))
+                Ok(Bytes::from(if format == Streamed::Glb { Glb::tile(&bytes) } else { bytes }))
             }
         });
         futures::stream::once(async { Ok(Bytes::from(head)) }).chain(tiles)
     }
 
-    async fn of_tile(&self, tile: &MapFile) -> Result<Vec<u8>, StorageError> {
+    pub(super) async fn of_tile(&self, tile: &MapFile) -> Result<Vec<u8>, StorageError> {
         let damaged = || StorageError::Column { column: "tile", detail: "it is damaged".to_owned() };
         // A tile is missing if its revision was removed meanwhile.
         let bytes = self.app.storage.map_file_bytes(tile).await?.ok_or_else(damaged)?;

@@ -9,7 +9,10 @@ use std::io::{self, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use viola_formats::container::Region;
-use viola_home::{ClipContribution, LoadClips, Member, read_features};
+use viola_geometry::LevelName;
+use viola_home::{
+    ClipContribution, ClipPath, LoadClips, Member, PlacedClip, Recording, camera_poses, read_features,
+};
 use viola_reconstruct::Feature;
 
 /// The files of a clip's result that a map is fused from.
@@ -47,9 +50,27 @@ impl Contributions {
         Ok(())
     }
 
-    /// Returns the places of a member's files.
-    fn places(&self, member: &Member) -> Result<&[Range<u64>; 3]> {
-        self.places.get(&member.share).context("a contribution was not kept")
+    /// Returns the paths of the placed clips, each with its level: the cameras of the newest clips of each level, and
+    /// only the frames of the others.
+    pub fn paths(&self, clips: &[PlacedClip]) -> Result<Vec<(LevelName, ClipPath)>> {
+        let mut paths = Vec::with_capacity(clips.len());
+        for (index, clip) in clips.iter().enumerate() {
+            let level = clip.level_name;
+            let newer = clips[index + 1..].iter().filter(|newer| newer.level_name == level).count();
+            let poses = if newer < Recording::MAX_PATHS {
+                let [_, views, _] = self.places(&clip.share)?;
+                camera_poses(&self.read(views)?)?
+            } else {
+                Vec::new()
+            };
+            paths.push((level, ClipPath::new(clip.clip, clip.map_from_clip, &poses)));
+        }
+        Ok(paths)
+    }
+
+    /// Returns the places of the files of a contribution.
+    fn places(&self, share: &str) -> Result<&[Range<u64>; 3]> {
+        self.places.get(share).context("a contribution was not kept")
     }
 
     fn read(&self, place: &Range<u64>) -> Result<Vec<u8>> {
@@ -67,12 +88,12 @@ impl Contributions {
 
 impl LoadClips<anyhow::Error> for Contributions {
     fn contribution(&mut self, member: &Member) -> Result<ClipContribution> {
-        let [cloud, views, _] = self.places(member)?;
+        let [cloud, views, _] = self.places(&member.share)?;
         Ok(ClipContribution::read(&self.read(cloud)?, &self.read(views)?)?)
     }
 
     fn features(&mut self, member: &Member) -> Result<Vec<Feature>> {
-        let [_, _, features] = self.places(member)?;
+        let [_, _, features] = self.places(&member.share)?;
         Ok(read_features(&self.read(features)?)?)
     }
 }

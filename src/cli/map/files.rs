@@ -3,6 +3,7 @@
 use super::clip::HomeClip;
 use super::content::Content;
 use super::document::{ClipDocument, LevelDocument, MapDocument};
+use super::exports::LevelExports;
 use crate::api::{objects_document, rooms_document};
 use crate::jobs::{Described, Earlier, describe};
 use crate::storage::{MapClip, MapObject, MapRoom};
@@ -12,34 +13,45 @@ use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use viola_align::LevelMap;
+use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
 use viola_home::{
-    Assembly, ClipNumbers, HomeMapInfo, MESH_TRIANGLES, Manifest, Mesh, MeshObject, Ply, Tile, TileKey,
-    point_bytes,
+    Assembly, ClipNumbers, ClipPath, HomeMapInfo, MESH_TRIANGLES, Manifest, Mesh, MeshObject, Ply, Tile,
+    TileKey, point_bytes,
 };
 
 /// Revision in `rooms.json` and `objects.json`: each run makes a first one.
 const REVISION: i64 = 1;
 
 /// A home's map, ready to be written.
-pub struct HomeFiles {
+pub struct HomeFiles<'a> {
     pub document: MapDocument,
     pub objects: Vec<MapObject>,
     pub rooms: Vec<MapRoom>,
-    levels: Vec<LevelFiles>,
+    levels: Vec<LevelFiles<'a>>,
     numbers: ClipNumbers,
+    /// Of all clips in the map, with their levels.
+    paths: Vec<(LevelName, ClipPath)>,
+    /// Recording time of the newest clip in the map, if known.
+    time_ms: Option<i64>,
 }
 
 /// The files of one level.
-struct LevelFiles {
+struct LevelFiles<'a> {
     level: LevelName,
+    lidar: &'a LidarMap,
     /// By name.
     plan: [(&'static str, Vec<u8>); 6],
     tiles: Vec<Tile>,
 }
 
-impl HomeFiles {
-    pub fn new(maps: &[LevelMap], map: Assembly, clips: &[HomeClip]) -> Result<HomeFiles> {
+impl<'a> HomeFiles<'a> {
+    pub fn new(
+        maps: &[LevelMap<'a>],
+        map: Assembly,
+        clips: &[HomeClip],
+        paths: Vec<(LevelName, ClipPath)>,
+    ) -> Result<HomeFiles<'a>> {
         let Assembly { manifest, changed, looked } = map;
         let (mut objects, mut rooms) = (Vec::new(), Vec::new());
         let (mut levels, mut documents) = (Vec::new(), Vec::new());
@@ -59,7 +71,7 @@ impl HomeFiles {
             });
             objects.extend(scene.objects);
             rooms.extend(scene.rooms);
-            levels.push(LevelFiles { level: map.level, plan, tiles });
+            levels.push(LevelFiles { level: map.level, lidar: map.lidar, plan, tiles });
         }
         let main = documents.iter().find(|level| level.level.is_main()).or(documents.first());
         let main = main.context("no LiDAR map was given")?;
@@ -71,7 +83,8 @@ impl HomeFiles {
             levels: documents,
         };
         let numbers = ClipNumbers::new(manifest.clips.iter().map(|clip| &clip.clip));
-        Ok(HomeFiles { document, objects, rooms, levels, numbers })
+        let time_ms = manifest.clips.iter().filter_map(|clip| clip.recorded_at_ms).max();
+        Ok(HomeFiles { document, objects, rooms, levels, numbers, paths, time_ms })
     }
 
     /// Writes all files; `map.json` is the last one, so that a folder that has it is whole.
@@ -81,6 +94,7 @@ impl HomeFiles {
             fs::create_dir_all(&folder)
                 .with_context(|| format!("cannot make the folder {}", folder.display()))?;
             self.write_points(level, &folder.join("points.ply"))?;
+            self.exports(level).write(&folder)?;
             let mesh = self.mesh(level);
             let surface =
                 [("mesh.glb", mesh.glb()), ("mesh.usdz", mesh.usdz()), ("mesh.obj", mesh.obj().into_bytes())];
@@ -92,6 +106,20 @@ impl HomeFiles {
         write_json(&out.join("rooms.json"), &rooms_document(REVISION, self.rooms.clone()))?;
         write_json(&out.join("objects.json"), &objects_document(REVISION, self.objects.clone()))?;
         write_json(&out.join("map.json"), &self.document)
+    }
+
+    fn exports<'b>(&'b self, level: &'b LevelFiles) -> LevelExports<'b> {
+        let objects = self.objects.iter().filter(|object| object.level == level.level);
+        let paths = self.paths.iter().filter(|(of, _)| *of == level.level);
+        LevelExports {
+            level: level.level,
+            tiles: &level.tiles,
+            numbers: &self.numbers,
+            objects: objects.map(MapObject::recorded).collect(),
+            paths: paths.map(|(_, path)| path.clone()).collect(),
+            time_ms: self.time_ms,
+            lidar: level.lidar,
+        }
     }
 
     /// Returns the surface of a level; each of its objects is a part.

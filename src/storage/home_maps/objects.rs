@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{LevelName, Pose2};
-use viola_home::{Corrected, MovedObject, Object, ObjectField, PlacedClip, UprightBox};
+use viola_home::{Corrected, MovedObject, Object, ObjectField, PlacedClip, RecordedObject, UprightBox};
 
 /// An object in a home: an upright box in the LiDAR map's frame, and its properties.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -45,6 +45,17 @@ pub struct MapObject {
 impl MapObject {
     pub fn bounds(&self) -> UprightBox {
         UprightBox { centre_m: self.centre_m, size_m: self.size_m, yaw_rad: self.yaw_rad }
+    }
+
+    /// Returns the object for a recording.
+    pub fn recorded(&self) -> RecordedObject<'_> {
+        RecordedObject {
+            id: &self.id,
+            name: self.name.as_deref(),
+            class: self.class,
+            confidence: self.confidence,
+            bounds: self.bounds(),
+        }
     }
 
     /// Returns the object for a comparison with those of another frame.

@@ -16,7 +16,12 @@ const BOXES: [[[f64; 3]; 2]; 4] = [
 const WIDTH: u32 = 160;
 const HEIGHT: u32 = 120;
 const FOCAL_PX: f64 = 110.0;
-const CAMERA_HEIGHT_M: f64 = 1.3;
+pub const CAMERA_HEIGHT_M: f64 = 1.3;
+/// Length, width and height of the room.
+pub const SIZE_M: [f64; 3] = BOXES[0][1];
+/// The circle on which the camera goes round, in the room.
+pub const CIRCLE_M: [f64; 2] = [2.5, 2.0];
+pub const RADIUS_M: f64 = 0.4;
 /// Downwards, so that the floor is seen.
 const PITCH_RAD: f64 = 0.45;
 /// Position of the room's corner in the map, and its rotation.
@@ -34,7 +39,8 @@ pub fn clip(frames: u32) -> Files {
     for number in 0..frames {
         let yaw = TAU * f64::from(number) / f64::from(frames);
         // On a circle around the middle, looking outwards.
-        let position = [2.5 + 0.4 * yaw.cos(), 2.0 + 0.4 * yaw.sin(), CAMERA_HEIGHT_M];
+        let [x_m, y_m] = CIRCLE_M;
+        let position = [x_m + RADIUS_M * yaw.cos(), y_m + RADIUS_M * yaw.sin(), CAMERA_HEIGHT_M];
         let axes = camera_axes(yaw);
         let (color, depth) = render(position, axes);
         files.push((format!("color/{number}.jpg"), color));

@@ -1,0 +1,118 @@
+//! Files whose head needs what comes later, as E57, LAZ and MCAP: they are made in a temporary file and then sent.
+
+use super::points::Points;
+use crate::api::error::Error;
+use crate::api::reply::tagged;
+use crate::storage::{MapFile, StorageError};
+use axum::body::Body;
+use axum::http::{HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use sha2::{Digest, Sha256};
+use std::fs::File;
+use std::io::{self, BufReader, ErrorKind, Read, Seek};
+use std::path::PathBuf;
+use tokio::io::AsyncWriteExt;
+use tokio::sync::{Semaphore, SemaphorePermit};
+use tokio_util::io::ReaderStream;
+use uuid::{Builder, Uuid};
+use viola_home::{MapPoint, POINT_BYTES, read_point};
+
+/// Making a file takes a core for seconds and room on the disk, so that the others wait.
+static ONE_AT_A_TIME: Semaphore = Semaphore::const_new(1);
+
+/// Bytes read at a time when the file is sent.
+const PIECE_BYTES: usize = 64 << 10;
+
+/// Waits until no other file is made.
+pub(super) async fn turn() -> SemaphorePermit<'static> {
+    ONE_AT_A_TIME.acquire().await.expect("the semaphore is never closed")
+}
+
+/// The points of a map in a temporary file.
+pub(super) struct Spool {
+    /// Id of the points: the same points have the same id.
+    pub id: Uuid,
+    file: BufReader<File>,
+}
+
+impl Iterator for Spool {
+    type Item = io::Result<MapPoint>;
+
+    fn next(&mut self) -> Option<io::Result<MapPoint>> {
+        let mut bytes = [0; POINT_BYTES];
+        match self.file.read_exact(&mut bytes) {
+            Ok(()) => Some(read_point(&bytes).map_err(|error| io::Error::new(ErrorKind::InvalidData, error))),
+            // The spool has whole points.
+            Err(error) if error.kind() == ErrorKind::UnexpectedEof => None,
+            Err(error) => Some(Err(error)),
+        }
+    }
+}
+
+fn failed(source: io::Error) -> StorageError {
+    StorageError::File { path: PathBuf::from("a temporary file of points"), source }
+}
+
+async fn spool(points: &Points, tiles: &[MapFile]) -> Result<Spool, StorageError> {
+    let mut file = tokio::fs::File::from_std(points.app.storage.scratch_file()?);
+    let mut sum = Sha256::new();
+    for tile in tiles {
+        let bytes = points.of_tile(tile).await?;
+        sum.update(&bytes);
+        file.write_all(&bytes).await.map_err(failed)?;
+    }
+    file.flush().await.map_err(failed)?;
+    let mut file = file.into_std().await;
+    file.rewind().map_err(failed)?;
+    Ok(Spool { id: id_of(sum), file: BufReader::new(file) })
+}
+
+/// Returns the id of points by their sum: a UUID of version 8 (RFC 9562).
+fn id_of(sum: Sha256) -> Uuid {
+    let mut bytes = [0; 16];
+    bytes.copy_from_slice(&sum.finalize()[..16]);
+    Builder::from_custom_bytes(bytes).into_uuid()
+}
+
+/// Makes a file of a map's points by `write`; returns the body of an answer and its size. The turn ends when the file
+/// is made.
+pub(super) async fn make(
+    turn: SemaphorePermit<'static>,
+    points: &Points,
+    tiles: &[MapFile],
+    write: impl FnOnce(File, Spool) -> io::Result<()> + Send + 'static,
+) -> Result<(Body, u64), Error> {
+    let spool = spool(points, tiles).await?;
+    let out = points.app.storage.scratch_file()?;
+    let made = tokio::task::spawn_blocking(move || {
+        // The work goes on if the client leaves, so the turn ends with it.
+        let _turn = turn;
+        let mut file = out.try_clone()?;
+        write(out, spool)?;
+        file.rewind()?;
+        let size_bytes = file.metadata()?.len();
+        Ok((file, size_bytes))
+    });
+    let (file, size_bytes) = match made.await {
+        Ok(made) => made.map_err(failed)?,
+        Err(error) => std::panic::resume_unwind(error.into_panic()),
+    };
+    let pieces = ReaderStream::with_capacity(tokio::fs::File::from_std(file), PIECE_BYTES);
+    Ok((Body::from_stream(pieces), size_bytes))
+}
+
+/// Returns the answer with a file of known size.
+pub(super) fn answer(
+    (body, size_bytes): (Body, u64),
+    media_type: &'static str,
+    name: &str,
+    tag: &str,
+) -> Response {
+    let mut answer = body.into_response();
+    answer.headers_mut().insert(header::CONTENT_LENGTH, HeaderValue::from(size_bytes));
+    answer.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
+    if let Ok(name) = HeaderValue::from_str(&format!("attachment; filename=\"{name}\"")) {
+        answer.headers_mut().insert(header::CONTENT_DISPOSITION, name);
+    }
+    tagged(answer, tag)
+}

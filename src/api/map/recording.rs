@@ -1,0 +1,159 @@
+//! `/v1/homes/{home}/map/recording`: one level of the map as a recording, for viewers of robots' data.
+
+use super::made_file::{answer, make, turn};
+use super::points::Points;
+use super::scene::scene;
+use super::{App, LevelQuery, level, revision};
+use crate::api::bodies::FileBytes;
+use crate::api::error::Error;
+use crate::api::extract::{HomePath, Query};
+use crate::api::problems::CommonProblems;
+use crate::api::reply::{is_known, tag_of, tagged};
+use crate::storage::{
+    HomeId, HomeMap, MapClip, MapLevel, MapObject, Page, StorageError, map_file, result_file,
+};
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
+use jiff::Timestamp;
+use serde::Deserialize;
+use std::fs::File;
+use std::io::{self, BufWriter, ErrorKind};
+use viola_formats::lidar::LidarMap;
+use viola_geometry::LevelName;
+use viola_home::{ClipNumbers, ClipPath, MapPoint, PointFilter, RecordedObject, Recording, camera_poses};
+
+/// The media type of MCAP (IANA).
+const MCAP: &str = "application/vnd.mcap";
+
+/// The format of a recording.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(in crate::api) struct RecordingQuery {
+    /// `mcap`, which is the default.
+    #[param(value_type = Option<RecordingFormat>, example = "mcap")]
+    format: Option<String>,
+}
+
+/// The file format of a recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, utoipa::ToSchema)]
+#[schema(rename_all = "lowercase")]
+#[allow(dead_code, reason = "the OpenAPI document lists its names")]
+pub(in crate::api) enum RecordingFormat {
+    Mcap,
+}
+
+/// Get one level of a home's map as a recording for Foxglove, Rerun and other viewers
+///
+/// The answer is an MCAP file with messages of Foxglove's schemas in Protocol Buffers: the points, the paths of the
+/// clips' cameras, the objects' boxes with their names, the LiDAR map as a grid, and the frames of the clips. Units
+/// are metres, in the frame of the level's LiDAR map, z up. All messages have one time, that of the newest clip. The
+/// file is made on request.
+#[utoipa::path(get, path = "/v1/homes/{home}/map/recording", tag = "map",
+    params(HomePath, RecordingQuery, LevelQuery),
+    responses(
+        (status = 200, description = "The recording", content((FileBytes = "application/vnd.mcap"))),
+        (status = 304, description = "The client has it"), CommonProblems))]
+pub(in crate::api) async fn get_map_recording(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+    Query(query): Query<RecordingQuery>,
+    Query(of): Query<LevelQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Error> {
+    if query.format.is_some_and(|format| format != "mcap") {
+        return Err(Error::InvalidQuery { field: Some("format"), detail: "format is mcap".to_owned() });
+    }
+    let map = revision(&app, &home, of.revision.as_deref()).await?;
+    let level = level(&map, of.level.as_deref())?;
+    let tag = tag_of(&[
+        &map.revision.to_le_bytes(),
+        &map.created_at.as_millisecond().to_le_bytes(),
+        level.level.as_str().as_bytes(),
+        MCAP.as_bytes(),
+    ]);
+    if is_known(&headers, &tag) {
+        return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
+    }
+    let turn = turn().await;
+    let tiles = app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await?;
+    let level_map = LevelMap {
+        level: level.level,
+        time_ms: map.clips.iter().filter_map(|clip| clip.recorded_at).max().map(Timestamp::as_millisecond),
+        paths: paths(&app, &home, &map, level.level).await?,
+        objects: scene(&app, &home, &map, level.level).await?.objects,
+        lidar: lidar_file(&app, &home, level).await?,
+    };
+    let clips = ClipNumbers::new(map.clips.iter().map(|clip| &clip.clip));
+    let points = Points { app, clips, filter: PointFilter::default() };
+    let body = make(turn, &points, &tiles, move |out, spool| level_map.write(out, spool)).await?;
+    let name = format!("{home}-{}.mcap", map.revision);
+    Ok(answer(body, MCAP, &name, &tag))
+}
+
+/// The contents of a recording.
+struct LevelMap {
+    level: LevelName,
+    time_ms: Option<i64>,
+    paths: Vec<ClipPath>,
+    objects: Vec<MapObject>,
+    lidar: Option<Bytes>,
+}
+
+impl LevelMap {
+    fn write(&self, out: File, points: impl Iterator<Item = io::Result<MapPoint>>) -> io::Result<()> {
+        let damaged = |error| io::Error::new(ErrorKind::InvalidData, error);
+        let lidar = self.lidar.as_ref().map(|file| LidarMap::read(file)).transpose().map_err(damaged)?;
+        let objects: Vec<RecordedObject> = self.objects.iter().map(MapObject::recorded).collect();
+        let recording = Recording {
+            level: self.level,
+            time_ms: self.time_ms.unwrap_or_default(),
+            paths: &self.paths,
+            objects: &objects,
+            lidar: lidar.as_ref(),
+        };
+        recording.write(BufWriter::new(out), points)
+    }
+}
+
+/// Returns the paths of the level's clips: the cameras of the newest clips, and only the frames of the others.
+async fn paths(app: &App, home: &HomeId, map: &HomeMap, level: LevelName) -> Result<Vec<ClipPath>, Error> {
+    let clips: Vec<&MapClip> = map.clips.iter().filter(|clip| clip.level == level).collect();
+    let without_cameras = clips.len().saturating_sub(Recording::MAX_PATHS);
+    let mut paths = Vec::with_capacity(clips.len());
+    for (index, clip) in clips.into_iter().enumerate() {
+        let views = if index < without_cameras { None } else { views(app, home, clip).await? };
+        let poses = match views {
+            Some(views) => tokio::task::spawn_blocking(move || camera_poses(&views)).await,
+            None => Ok(Ok(Vec::new())),
+        };
+        let damaged = |_| StorageError::Column { column: "views.bin", detail: "it is damaged".to_owned() };
+        let poses = match poses {
+            Ok(poses) => poses.map_err(damaged)?,
+            Err(error) => std::panic::resume_unwind(error.into_panic()),
+        };
+        paths.push(ClipPath::new(clip.clip, clip.map_from_clip, &poses));
+    }
+    Ok(paths)
+}
+
+/// Returns the file with the cameras of a clip; `None` if the clip was removed since.
+async fn views(app: &App, home: &HomeId, clip: &MapClip) -> Result<Option<Bytes>, StorageError> {
+    match app.storage.clip(home, clip.clip).await {
+        Ok(clip) => app.storage.clip_result_bytes(&clip, result_file::VIEWS).await,
+        Err(StorageError::NoSuchClip) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// Returns the file of the level's LiDAR map; `None` if this revision of it was removed since.
+async fn lidar_file(app: &App, home: &HomeId, level: &MapLevel) -> Result<Option<Bytes>, StorageError> {
+    let wanted = level.lidar_map_revision;
+    let page = Page { limit: 1, after: Some(wanted + 1) };
+    let found = app.storage.lidar_map_revisions(home, level.level, &page).await?;
+    match found.first().filter(|found| found.revision == wanted) {
+        Some(found) => app.storage.lidar_map_file(found.id()).await.map(Some),
+        None => Ok(None),
+    }
+}

@@ -1,0 +1,104 @@
+//! The files of a home in the readers of other programs (`tests/foreign`), which compare them with the truth.
+//!
+//! `VIOLA_FOREIGN_READERS` is a Python with the packages of `tests/foreign/requirements.txt`; else the test is skipped.
+
+use crate::map::merged;
+use crate::server::Server;
+use reqwest::Method;
+use serde_json::json;
+use std::process::Command;
+use viola_testing::{room, zips};
+
+/// Each file with its path below the home.
+const FILES: [(&str, &str); 17] = [
+    ("map.json", "map"),
+    ("objects.json", "map/objects"),
+    ("points.ply", "map/points"),
+    ("points.glb", "map/points?format=glb"),
+    ("points.e57", "map/points?format=e57"),
+    ("points.laz", "map/points?format=laz"),
+    ("empty.e57", "map/points?format=e57&classes=animal"),
+    ("empty.laz", "map/points?format=laz&classes=animal"),
+    ("mesh.glb", "map/mesh?format=glb"),
+    ("mesh.usdz", "map/mesh?format=usdz"),
+    ("mesh.obj", "map/mesh?format=obj"),
+    ("plan.svg", "map/plan?format=svg"),
+    ("plan.pdf", "map/plan?format=pdf"),
+    ("plan.dxf", "map/plan?format=dxf"),
+    ("plan.geojson", "map/plan?format=geojson"),
+    ("plan.json", "map/plan?format=json"),
+    ("home.mcap", "map/recording"),
+];
+/// Files that a reader opens, each of which it tells about in a line.
+const READ: usize = 11;
+
+#[tokio::test]
+async fn readers_of_other_programs_find_the_home_in_its_files() {
+    let Some(python) = std::env::var_os("VIOLA_FOREIGN_READERS") else {
+        let switch =
+            "set VIOLA_FOREIGN_READERS to a Python with the packages of tests/foreign/requirements.txt";
+        viola_testing::skipped("readers of other programs", switch);
+        return;
+    };
+    let server = Server::start().await;
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await.ok(201);
+    merged(&server, &home, &[&clip["id"]]).await;
+
+    let folder = tempfile::tempdir().unwrap();
+    for (name, path) in FILES {
+        let answer = server.get(&format!("{home}/{path}")).await;
+        assert_eq!(answer.status, 200, "{name}");
+        std::fs::write(folder.path().join(name), answer.bytes).unwrap();
+    }
+    std::fs::write(folder.path().join("classes.json"), server.get("/v1/classes").await.bytes).unwrap();
+    let (x_m, y_m, yaw_rad) = room::MAP_FROM_ROOM;
+    let truth = json!({
+        "map_from_room": [x_m, y_m, yaw_rad],
+        "size_m": room::SIZE_M,
+        "camera_circle": { "centre_m": room::CIRCLE_M, "radius_m": room::RADIUS_M, "height_m": room::CAMERA_HEIGHT_M },
+    });
+    std::fs::write(folder.path().join("truth.json"), truth.to_string()).unwrap();
+
+    let check = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/foreign/check.py");
+    let output = Command::new(python).arg("-B").arg(check).arg(folder.path()).output().unwrap();
+    let (said, erred) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{said}\n{erred}");
+    print!("{said}");
+    assert_eq!(said.lines().count(), READ, "{said}");
+}
+
+#[tokio::test]
+async fn made_files_have_a_type_a_length_a_name_and_a_tag() {
+    let server = Server::start().await;
+    let home = server.make_home("h").await;
+    server.get(&format!("{home}/map/recording")).await.problem(404, "map-not-found");
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(24))).await.ok(201);
+    merged(&server, &home, &[&clip["id"]]).await;
+    // The first bytes are those of the formats' specifications.
+    for (path, media_type, name, begin) in [
+        ("map/points?format=e57", "model/e57", "e57", &b"ASTM-E57"[..]),
+        ("map/points?format=laz", "application/vnd.laszip", "laz", b"LASF"),
+        ("map/recording", "application/vnd.mcap", "mcap", b"\x89MCAP0\r\n"),
+        ("map/recording?format=mcap&level=main", "application/vnd.mcap", "mcap", b"\x89MCAP0\r\n"),
+    ] {
+        let path = format!("{home}/{path}");
+        let answer = server.get(&path).await;
+        assert_eq!((answer.status, answer.header("content-type")), (200, media_type), "{path}");
+        assert!(answer.bytes.starts_with(begin), "{path}");
+        assert_eq!(answer.header("content-length"), answer.bytes.len().to_string(), "{path}");
+        assert!(answer.header("content-disposition").ends_with(&format!(".{name}\"")), "{path}");
+        let tag = answer.header("etag").to_owned();
+        let known = server.request(Method::GET, &path).header("if-none-match", &tag);
+        assert_eq!(server.send(known).await.status, 304, "{path}");
+        assert!(server.get(&path).await.bytes == answer.bytes, "{path}: other bytes");
+    }
+    let accepted =
+        server.request(Method::GET, &format!("{home}/map/points")).header("accept", "text/x, model/e57;q=1");
+    assert_eq!(server.send(accepted).await.header("content-type"), "model/e57");
+    for path in ["map/recording?format=bag", "map/recording?level=attic", "map/points?format=las"] {
+        server.get(&format!("{home}/{path}")).await.problem(400, "invalid-query");
+    }
+}
