@@ -100,7 +100,7 @@ impl Modify for Security {
 #[derive(OpenApi)]
 #[openapi(
     modifiers(&Security),
-    components(schemas(types::ClassName, map::points::Format, map::PlanFormat, map::MeshFormat)),
+    components(schemas(types::ClassName, map::points::Format, map::PlanFormat, map::MeshFormat, map::RobotFormat)),
     info(title = "viola", description = "Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.\n\n\
         Every error is an RFC 9457 problem document with a stable `type`. Lists page by cursor."),
     tags(
@@ -156,6 +156,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(export::export_home))
         .routes(routes!(map::get_map_points))
         .routes(routes!(map::get_map_mesh))
+        .routes(routes!(map::get_map_robot))
         .routes(routes!(changes::list_changes))
         .routes(routes!(webhooks::list_webhooks, webhooks::create_webhook))
         .routes(routes!(webhooks::get_webhook, webhooks::delete_webhook))

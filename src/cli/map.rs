@@ -10,6 +10,7 @@ mod content;
 mod contributions;
 mod document;
 mod files;
+mod robot;
 mod table;
 
 use super::completion::CompletionArguments;
@@ -52,8 +53,9 @@ pub struct MapArguments {
     #[arg(long, required = true, value_name = "[LEVEL=]FILE", value_parser = levels::parser())]
     lidar: Vec<LevelArgument>,
     /// Output folder: map.json, objects.json, rooms.json, points.ply, and the plan as plan.svg, .png, .pdf, .dxf,
-    /// .geojson and .json; the surface as mesh.glb, .usdz and .obj. The points, the plan and the surface of another level
-    /// than `main` are in a folder of its name.
+    /// .geojson and .json; the surface as mesh.glb, .usdz and .obj; for robots nav2.zip, valetudo.json, calibration.json
+    /// and matter.json. The points, the plan, the surface and the files for robots of another level than `main` are in
+    /// a folder of its name; matter.json has all levels.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
@@ -82,7 +84,8 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     eprintln!("map: fuse {} of {} clips", members.len(), clips.len());
     let map = home::assemble(&Manifest::default(), members, &mut aligner.contributions)?;
     eprintln!("map: describe");
-    let files = HomeFiles::new(&levels, map, &clips)?;
+    let valetudo = levels::valetudo_files(&arguments.lidar)?;
+    let files = HomeFiles::new(&levels, &valetudo, map, &clips)?;
     files.write(out)?;
     table::print(&files.document, files.objects.len(), files.rooms.len(), out);
     let all_answered = clips.iter().all(|clip| clip.answer.is_ok());

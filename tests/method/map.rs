@@ -12,11 +12,14 @@ use viola_testing::eventually;
 use viola_testing::process::{Process, viola};
 
 const CLIPS: u64 = 3;
-const FILES: [&str; 13] = [
+const FILES: [&str; 17] = [
+    "calibration.json",
     "map.json",
+    "matter.json",
     "mesh.glb",
     "mesh.obj",
     "mesh.usdz",
+    "nav2.zip",
     "objects.json",
     "plan.dxf",
     "plan.geojson",
@@ -26,6 +29,7 @@ const FILES: [&str; 13] = [
     "plan.svg",
     "points.ply",
     "rooms.json",
+    "valetudo.json",
 ];
 
 /// A simulated home: clips that can be aligned, and one that is no clip.

@@ -3,19 +3,21 @@
 use super::clip::HomeClip;
 use super::content::Content;
 use super::document::{ClipDocument, LevelDocument, MapDocument};
+use super::robot;
 use crate::api::{objects_document, rooms_document};
 use crate::jobs::{Described, Earlier, describe};
-use crate::storage::{MapClip, MapObject, MapRoom};
+use crate::storage::{MapClip, MapObject, MapRoom, MapScene, map_file};
 use anyhow::{Context, Result};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use viola_align::LevelMap;
 use viola_geometry::LevelName;
 use viola_home::{
-    Assembly, ClipNumbers, HomeMapInfo, MESH_TRIANGLES, Manifest, Mesh, MeshObject, Ply, Tile, TileKey,
-    point_bytes,
+    Assembly, ClipNumbers, HomeMapInfo, MESH_TRIANGLES, Manifest, MatterFile, Mesh, MeshObject, Ply,
+    RobotLevel, Tile, TileKey, matter, point_bytes,
 };
 
 /// Revision in `rooms.json` and `objects.json`: each run makes a first one.
@@ -26,6 +28,7 @@ pub struct HomeFiles {
     pub document: MapDocument,
     pub objects: Vec<MapObject>,
     pub rooms: Vec<MapRoom>,
+    matter: MatterFile,
     levels: Vec<LevelFiles>,
     numbers: ClipNumbers,
 }
@@ -35,14 +38,22 @@ struct LevelFiles {
     level: LevelName,
     /// By name.
     plan: [(&'static str, Vec<u8>); 6],
+    /// By name.
+    robot: Vec<(&'static str, Vec<u8>)>,
     tiles: Vec<Tile>,
 }
 
 impl HomeFiles {
-    pub fn new(maps: &[LevelMap], map: Assembly, clips: &[HomeClip]) -> Result<HomeFiles> {
+    /// `valetudo` has the files of the LiDAR maps that are Valetudo's.
+    pub fn new(
+        maps: &[LevelMap],
+        valetudo: &BTreeMap<LevelName, Vec<u8>>,
+        map: Assembly,
+        clips: &[HomeClip],
+    ) -> Result<HomeFiles> {
         let Assembly { manifest, changed, looked } = map;
         let (mut objects, mut rooms) = (Vec::new(), Vec::new());
-        let (mut levels, mut documents) = (Vec::new(), Vec::new());
+        let (mut levels, mut documents, mut for_robots) = (Vec::new(), Vec::new(), Vec::new());
         for map in maps {
             let of_level = |key: &TileKey| key.level == map.level;
             let tiles = changed.iter().filter(|(key, _)| of_level(key));
@@ -50,6 +61,12 @@ impl HomeFiles {
             let looked = looked.get(&map.level).cloned().unwrap_or_default();
             let Described { scene, plan, .. } =
                 describe(*map, &tiles, &manifest.clips, &looked, &Earlier::default());
+            let robot_level = robot_level(map, &scene);
+            let plan_json = plan.iter().find(|(name, _)| *name == map_file::PLAN_JSON);
+            let plan_json = plan_json.map_or(&[][..], |(_, json)| json);
+            let json = valetudo.get(&map.level).map(Vec::as_slice);
+            let robot = robot::files(&robot_level, &tiles, plan_json, json)?;
+            for_robots.push(robot_level);
             let infos = manifest.tiles.iter().filter(|(key, _)| of_level(key)).map(|(_, info)| info);
             documents.push(LevelDocument {
                 level: map.level,
@@ -59,7 +76,7 @@ impl HomeFiles {
             });
             objects.extend(scene.objects);
             rooms.extend(scene.rooms);
-            levels.push(LevelFiles { level: map.level, plan, tiles });
+            levels.push(LevelFiles { level: map.level, plan, robot, tiles });
         }
         let main = documents.iter().find(|level| level.level.is_main()).or(documents.first());
         let main = main.context("no LiDAR map was given")?;
@@ -71,7 +88,7 @@ impl HomeFiles {
             levels: documents,
         };
         let numbers = ClipNumbers::new(manifest.clips.iter().map(|clip| &clip.clip));
-        Ok(HomeFiles { document, objects, rooms, levels, numbers })
+        Ok(HomeFiles { document, objects, rooms, matter: matter(&for_robots), levels, numbers })
     }
 
     /// Writes all files; `map.json` is the last one, so that a folder that has it is whole.
@@ -84,11 +101,12 @@ impl HomeFiles {
             let mesh = self.mesh(level);
             let surface =
                 [("mesh.glb", mesh.glb()), ("mesh.usdz", mesh.usdz()), ("mesh.obj", mesh.obj().into_bytes())];
-            for (name, bytes) in level.plan.iter().chain(&surface) {
+            for (name, bytes) in level.plan.iter().chain(&surface).chain(&level.robot) {
                 let path = folder.join(name);
                 fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
             }
         }
+        write_json(&out.join("matter.json"), &self.matter)?;
         write_json(&out.join("rooms.json"), &rooms_document(REVISION, self.rooms.clone()))?;
         write_json(&out.join("objects.json"), &objects_document(REVISION, self.objects.clone()))?;
         write_json(&out.join("map.json"), &self.document)
@@ -115,6 +133,15 @@ impl HomeFiles {
             file.flush()
         };
         write().with_context(|| format!("cannot write {}", path.display()))
+    }
+}
+
+fn robot_level<'a>(map: &LevelMap<'a>, scene: &MapScene) -> RobotLevel<'a> {
+    RobotLevel {
+        level: map.level,
+        lidar: map.lidar,
+        rooms: scene.rooms.iter().map(|room| room.room.clone()).collect(),
+        objects: scene.objects.iter().map(MapObject::for_robot).collect(),
     }
 }
 

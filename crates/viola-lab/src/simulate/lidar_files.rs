@@ -3,9 +3,7 @@
 use super::survey::{CELL_M, Survey};
 use serde_json::{Value, json};
 use std::fmt::Write;
-use viola_formats::lidar::{
-    Cell, LidarInfo, LidarMap, MapMarks, RobotFrame, RobotFrames, Room, RoomInfo,
-};
+use viola_formats::lidar::{Cell, LidarInfo, LidarMap, MapMarks, RobotFrame, RobotFrames, Room, RoomInfo};
 use viola_geometry::{Grid, GridFrame, Point2, Pose2};
 
 /// Empty cells around the Valetudo map: left and below; right and above.

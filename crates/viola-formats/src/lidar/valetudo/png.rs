@@ -3,8 +3,8 @@
 //! `backend/lib/mqtt/handles/MapNodeMqttHandle.js`; read back by Hypfer/lovelace-valetudo-map-card,
 //! `src/lib/pngUtils.ts`).
 
-use crate::lidar::robot::inflate;
 use crate::lidar::LidarError;
+use crate::lidar::robot::inflate;
 
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 const KEYWORD: &[u8] = b"ValetudoMap";
