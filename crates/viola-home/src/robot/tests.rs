@@ -1,17 +1,16 @@
 //! A level with two rooms, drawn as Valetudo's JSON with known coordinates.
 
+mod matter;
+mod nav2;
+
 use super::area::Rectangle;
 use super::drive::RADIUS_M;
-use super::no_go::{NoGoReason, no_go_zones};
 use super::places::{Place, places};
 use super::*;
-use crate::assemble::Tile;
-use crate::map_point::MapPoint;
 use crate::plan::{PlanImage, plan};
 use serde_json::{Value, json};
 use viola_formats::lidar::{Cell, valetudo_json};
 use viola_geometry::{DistanceField, Grid, Point2};
-use viola_reconstruct::{CloudPoint, Label};
 
 /// Height of the sheet.
 const SHEET_CM: i64 = 1000;
@@ -215,114 +214,6 @@ fn a_map_of_points_has_metres_and_no_segments() {
     assert!(answer.objects[0].go_to.is_some());
 }
 
-/// Points on a plane of 1 m x 1 m from a corner on, 2.5 cm apart.
-fn patch(class: Class, low: [f64; 2], z: f32) -> Tile {
-    let point = |i: u32| MapPoint {
-        point: CloudPoint {
-            position_m: [
-                (low[0] + f64::from(i % 40) * 0.025) as f32,
-                (low[1] + f64::from(i / 40) * 0.025) as f32,
-                z,
-            ],
-            normal: [0.0, 0.0, 1.0],
-            color: [0; 3],
-            label: Label::new(class, 0.8, 4),
-            weight: 100,
-        },
-        clip: 0,
-    };
-    Tile { clips: vec![], points: (0..1600).map(point).collect() }
-}
-
-#[test]
-fn zones_to_avoid_have_their_reasons() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let mut level = level(&lidar);
-    level.objects.push(object("television-1", Class::Television, [1.2, 2.5], [1.0, 0.1, 1.2], "16"));
-    let mut ground = Ground::new(&lidar);
-    ground.add(&patch(Class::Stairs, [7.0, 1.2], -0.2));
-    ground.add(&patch(Class::Rug, [3.0, 1.2], 0.02));
-    // A blanket on a sofa is no rug.
-    ground.add(&patch(Class::Rug, [6.0, 2.0], 0.5));
-    let zones = no_go_zones(&level, &ground);
-    let found: Vec<_> = zones.iter().map(|zone| (zone.reason, zone.object.as_deref(), zone.mask)).collect();
-    assert_eq!(
-        found,
-        [
-            (NoGoReason::RobotMap, None, 100),
-            (NoGoReason::Stairs, None, 100),
-            (NoGoReason::Cables, Some("television-1"), 100),
-            (NoGoReason::LowFurniture, Some("sofa-1"), 100),
-            (NoGoReason::Rug, None, 50),
-        ]
-    );
-    // The user's zone is 600 to 650 cm from the left and 250 to 300 cm from the bottom.
-    assert_eq!(zones[0].polygon_m, [[6.0, 3.0], [6.5, 3.0], [6.5, 2.5], [6.0, 2.5]]);
-    let area = |polygon: &[[f64; 2]]| crate::rooms::outline::signed_area_m2(polygon).abs();
-    assert!((area(&zones[1].polygon_m) - 1.0).abs() < 0.15, "{:?}", zones[1]);
-    assert!((area(&zones[2].polygon_m) - 1.3 * 0.4).abs() < 1e-3);
-    // The robot's map has floor below the sofa.
-    assert_eq!(zones[3].driven, Some(1.0));
-}
-
-/// Nav2's own conversion (`map_io.cpp`): the darkness in hundredths between the thresholds, or the grey value.
-fn occupancy(grey: u8, mode: &str) -> i32 {
-    let grey = f64::from(grey);
-    match mode {
-        "scale" => ((1.0 - grey / 255.0) * 100.0).round_ties_even() as i32,
-        _ if grey <= 100.0 => grey as i32,
-        _ => -1,
-    }
-}
-
-#[test]
-fn nav2_files_are_read_back() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let level = level(&lidar);
-    let mut ground = Ground::new(&lidar);
-    ground.add(&patch(Class::Rug, [3.0, 1.2], 0.02));
-    let files = nav2_files(&level, &ground).unwrap();
-    let folder = std::env::temp_dir().join(format!("viola-nav2-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    files.iter().for_each(|(name, bytes)| std::fs::write(folder.join(name), bytes).unwrap());
-    let map = LidarMap::open(&folder.join("map.yaml")).unwrap();
-    let keepout = LidarMap::open(&folder.join("keepout_mask.yaml")).unwrap();
-    std::fs::remove_dir_all(&folder).unwrap();
-    assert_eq!(map.cells, lidar.cells);
-    // Forbidden cells are occupied for the reader: the sofa and the user's zone.
-    for (at, want) in [([6.6, 3.5], Cell::Occupied), ([6.2, 2.7], Cell::Occupied), ([3.0, 2.5], Cell::Free)] {
-        assert_eq!(keepout.cells.as_ref().unwrap().at(&Point2::from(at)), Some(want), "{at:?}");
-    }
-    let find = |name: &str| &files.iter().find(|(other, _)| *other == name).unwrap().1;
-    let cells = lidar.cells.as_ref().unwrap();
-    let value = |name: &str, mode: &str, at: [f64; 2]| {
-        let head = format!("P5\n{} {}\n255\n", cells.frame.width, cells.frame.height);
-        let pixels = find(name).strip_prefix(head.as_bytes()).unwrap();
-        let (x, y) = cells.frame.cell(&Point2::from(at)).unwrap();
-        occupancy(pixels[(cells.frame.height - 1 - y) * cells.frame.width + x], mode)
-    };
-    for (at, class, room, keepout) in [
-        ([6.6, 3.5], Class::Sofa, 2, 100),
-        ([3.0, 2.5], Class::Table, 1, 0),
-        ([3.5, 1.5], Class::Floor, 1, 50),
-        ([5.05, 1.2], Class::Wall, 0, 0),
-    ] {
-        assert_eq!(value("semantic_mask.pgm", "raw", at), i32::from(class.id()), "{at:?}");
-        assert_eq!(value("room_mask.pgm", "raw", at), room, "{at:?}");
-        assert_eq!(value("keepout_mask.pgm", "scale", at), keepout, "{at:?}");
-    }
-    let yaml = String::from_utf8(find("keepout_mask.yaml").clone()).unwrap();
-    let [x_m, y_m] = cells.frame.origin_m;
-    assert!(
-        yaml.contains("mode: scale\n") && yaml.contains(&format!("origin: [{x_m:?}, {y_m:?}, 0.0]\n")),
-        "{yaml}"
-    );
-    let goals: Value = serde_json::from_slice(find("goals.json")).unwrap();
-    assert_eq!(goals["goals"].as_array().unwrap().len(), 4);
-    assert_eq!(nav2_zip(&files), nav2_zip(&nav2_files(&level, &ground).unwrap()));
-    assert!(nav2_zip(&files).starts_with(b"PK"));
-}
-
 #[test]
 fn three_points_calibrate_the_plan() {
     let lidar = LidarMap::read(&valetudo_map()).unwrap();
@@ -356,55 +247,4 @@ fn three_points_calibrate_the_plan() {
     let zones = json_of(&file.map_modes[1]);
     assert_eq!(zones["predefined_selections"][2]["zones"], json!([[170.0, 655.0, 430.0, 845.0]]));
     assert_eq!(zones["predefined_selections"][2]["label"]["text"], "table");
-}
-
-/// Tags of Matter 1.4: Kitchen 0x2e and Bedroom 0x07 (areas), Dining Table 0x12 and Sofa 0x2b (landmarks), Around
-/// 0x02 and Next To 0x01 (relative positions).
-#[test]
-fn areas_have_the_tags_of_matter() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let mut main = level(&lidar);
-    main.objects.push(object("table-2", Class::Table, [2.0, 1.5], [0.8, 0.8, 0.75], "16"));
-    main.objects.push(object("picture-1", Class::Picture, [2.0, 1.0], [0.5, 0.02, 0.5], "16"));
-    let upper = RobotLevel { level: "upper".parse().unwrap(), objects: vec![], ..level(&lidar) };
-    let file = json_of(&matter(&[main.clone(), upper]));
-    let maps = file["supportedMaps"].as_array().unwrap();
-    assert_eq!((&maps[0]["name"], &maps[1]["name"]), (&json!("main"), &json!("upper")));
-    let areas = file["supportedAreas"].as_array().unwrap();
-    assert_eq!(areas.len(), 2 + 2 + 3);
-    let info = |name: &str, floor: i16, area: u8, landmark: Value| json!({"locationInfo": {"locationName": name, "floorNumber": floor, "areaType": area}, "landmarkInfo": landmark});
-    let tags = |landmark: u8, position: u8| json!({"landmarkTag": landmark, "relativePositionTag": position});
-    let want = [
-        (0, info("Kitchen", 0, 0x2e, Value::Null)),
-        (0, info("Bedroom", 0, 0x07, Value::Null)),
-        (1, info("Kitchen", 1, 0x2e, Value::Null)),
-        (1, info("Bedroom", 1, 0x07, Value::Null)),
-        (0, info("Kitchen: table", 0, 0x2e, tags(0x12, 0x02))),
-        (0, info("Bedroom: sofa", 0, 0x07, tags(0x2b, 0x01))),
-        (0, info("Kitchen: table 2", 0, 0x2e, tags(0x12, 0x02))),
-    ];
-    let mut ids = std::collections::BTreeSet::new();
-    for (area, (map, info)) in areas.iter().zip(want) {
-        assert_eq!((&area["mapID"], &area["areaInfo"]), (&maps[map]["mapID"], &info));
-        assert!(ids.insert(area["areaID"].as_u64().unwrap()), "{area}");
-    }
-    // Ids do not depend on other areas.
-    main.objects.remove(0);
-    let less = json_of(&matter(&[main]));
-    assert_eq!(less["supportedAreas"][2]["areaID"], areas[5]["areaID"]);
-}
-
-#[test]
-fn matter_s_lists_are_bounded() {
-    let lidar = LidarMap::read(&valetudo_map()).unwrap();
-    let mut level = level(&lidar);
-    level.rooms[0].name = Some("ü".repeat(200));
-    level.objects =
-        (0..400).map(|i| object(&format!("chair-{i}"), Class::Chair, [2.0; 2], [0.5; 3], "16")).collect();
-    let file = matter(&[level]);
-    assert_eq!(file.supported_areas.len(), 255);
-    let names: std::collections::BTreeSet<_> =
-        file.supported_areas.iter().map(|area| area.info.location_info.location_name.clone()).collect();
-    assert_eq!(names.len(), 255);
-    assert!(names.iter().all(|name| name.len() <= 128));
 }
