@@ -62,10 +62,10 @@ fn yaml(image: &str, frame: &GridFrame, mode: Mode) -> Vec<u8> {
         Mode::Scale => "scale",
         Mode::Raw => "raw",
     };
-    // With the thresholds 0 and 1 the whole range of grey is linear.
+    // Black is above one threshold and white below the other for every reader; between them grey is linear.
     format!(
         "image: {image}\nmode: {mode}\nresolution: {}\norigin: [{x_m:?}, {y_m:?}, 0.0]\nnegate: 0\n\
-         occupied_thresh: 1.0\nfree_thresh: 0.0\n",
+         occupied_thresh: 0.999\nfree_thresh: 0.001\n",
         frame.cell_m
     )
     .into_bytes()

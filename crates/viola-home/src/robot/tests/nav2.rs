@@ -56,12 +56,15 @@ fn zones_to_avoid_have_their_reasons() {
     assert_eq!(zones[3].driven, Some(1.0));
 }
 
-/// Nav2's own conversion (`map_io.cpp`): the darkness in hundredths between the thresholds, or the grey value.
+/// Nav2's own conversion (`map_io.cpp`) with the thresholds of the files: hundredths of the darkness between them, or
+/// the grey value.
 fn occupancy(grey: u8, mode: &str) -> i32 {
-    let grey = f64::from(grey);
+    let dark = 1.0 - f64::from(grey) / 255.0;
     match mode {
-        "scale" => ((1.0 - grey / 255.0) * 100.0).round_ties_even() as i32,
-        _ if grey <= 100.0 => grey as i32,
+        "scale" if dark > 0.999 => 100,
+        "scale" if dark < 0.001 => 0,
+        "scale" => ((dark - 0.001) / (0.999 - 0.001) * 100.0).round_ties_even() as i32,
+        _ if grey <= 100 => i32::from(grey),
         _ => -1,
     }
 }
@@ -105,7 +108,9 @@ fn nav2_files_are_read_back() {
     let yaml = String::from_utf8(find("keepout_mask.yaml").clone()).unwrap();
     let [x_m, y_m] = cells.frame.origin_m;
     assert!(
-        yaml.contains("mode: scale\n") && yaml.contains(&format!("origin: [{x_m:?}, {y_m:?}, 0.0]\n")),
+        yaml.contains("mode: scale\n")
+            && yaml.contains("occupied_thresh: 0.999\nfree_thresh: 0.001\n")
+            && yaml.contains(&format!("origin: [{x_m:?}, {y_m:?}, 0.0]\n")),
         "{yaml}"
     );
     let goals: Value = serde_json::from_slice(find("goals.json")).unwrap();
