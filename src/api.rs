@@ -100,7 +100,7 @@ impl Modify for Security {
 #[derive(OpenApi)]
 #[openapi(
     modifiers(&Security),
-    components(schemas(types::ClassName, map::points::Format, map::PlanFormat, map::MeshFormat, map::RecordingFormat)),
+    components(schemas(types::ClassName, map::points::Format, map::PlanFormat, map::MeshFormat, map::RecordingFormat, map::RobotFormat)),
     info(title = "viola", description = "Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.\n\n\
         Every error is an RFC 9457 problem document with a stable `type`. Lists page by cursor."),
     tags(
@@ -157,6 +157,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(map::get_map_points))
         .routes(routes!(map::get_map_mesh))
         .routes(routes!(map::get_map_recording))
+        .routes(routes!(map::get_map_robot))
         .routes(routes!(changes::list_changes))
         .routes(routes!(webhooks::list_webhooks, webhooks::create_webhook))
         .routes(routes!(webhooks::get_webhook, webhooks::delete_webhook))

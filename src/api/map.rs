@@ -5,12 +5,14 @@ mod made_file;
 mod mesh;
 pub(super) mod points;
 mod recording;
+mod robot;
 mod scene;
 
 pub(super) use changes::{__path_get_map_changes, get_map_changes};
 pub(super) use mesh::{__path_get_map_mesh, MeshFormat, get_map_mesh};
 pub(super) use points::{__path_get_map_points, get_map_points};
 pub(super) use recording::{__path_get_map_recording, RecordingFormat, get_map_recording};
+pub(super) use robot::{__path_get_map_robot, RobotFormat, get_map_robot};
 pub(super) use scene::{
     __path_get_map_coverage, __path_get_map_objects, __path_get_map_plan, __path_get_map_rooms, PlanFormat,
     get_map_coverage, get_map_objects, get_map_plan, get_map_rooms,

@@ -2,9 +2,12 @@
 
 use anyhow::{Context, Result, bail};
 use clap::builder::{OsStringValueParser, TypedValueParser};
+use std::collections::BTreeMap;
 use std::ffi::OsString;
+use std::fs::File;
+use std::io::Read;
 use std::path::PathBuf;
-use viola_formats::lidar::LidarMap;
+use viola_formats::lidar::{LidarMap, MAX_FILE_BYTES, valetudo_json};
 use viola_geometry::{LevelName, MAX_LEVELS};
 
 /// The LiDAR map of a level: `FILE` for the level `main`, else `LEVEL=FILE`.
@@ -43,6 +46,19 @@ pub fn open(arguments: &[LevelArgument]) -> Result<Vec<(LevelName, LidarMap)>> {
         Ok((*level, map))
     };
     sorted.iter().map(open).collect()
+}
+
+/// Returns the JSON of the levels whose maps are Valetudo's.
+pub fn valetudo_files(arguments: &[LevelArgument]) -> Result<BTreeMap<LevelName, Vec<u8>>> {
+    let mut files = BTreeMap::new();
+    for LevelArgument { level, path } in arguments {
+        let mut bytes = Vec::new();
+        File::open(path)
+            .and_then(|file| file.take(MAX_FILE_BYTES).read_to_end(&mut bytes))
+            .with_context(|| format!("LiDAR map {}", path.display()))?;
+        files.extend(valetudo_json(&bytes).map(|json| (*level, json)));
+    }
+    Ok(files)
 }
 
 /// Returns the map of a level, else the first one.

@@ -11,6 +11,7 @@ mod contributions;
 mod document;
 mod exports;
 mod files;
+mod robot;
 mod table;
 
 use super::completion::CompletionArguments;
@@ -53,8 +54,9 @@ pub struct MapArguments {
     #[arg(long, required = true, value_name = "[LEVEL=]FILE", value_parser = levels::parser())]
     lidar: Vec<LevelArgument>,
     /// Output folder: map.json, objects.json, rooms.json; points.ply, .e57 and .laz; the plan as plan.svg, .png, .pdf,
-    /// .dxf, .geojson and .json; the surface as mesh.glb, .usdz and .obj; the recording home.mcap. The files of another
-    /// level than `main` are in a folder of its name.
+    /// .dxf, .geojson and .json; the surface as mesh.glb, .usdz and .obj; the recording home.mcap; for robots nav2.zip,
+    /// valetudo.json, calibration.json and matter.json. The files of another level than `main` are in a folder of its
+    /// name; matter.json has all levels.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
@@ -84,7 +86,8 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let map = home::assemble(&Manifest::default(), members, &mut aligner.contributions)?;
     eprintln!("map: describe");
     let paths = aligner.contributions.paths(&map.manifest.clips)?;
-    let files = HomeFiles::new(&levels, map, &clips, paths)?;
+    let valetudo = levels::valetudo_files(&arguments.lidar)?;
+    let files = HomeFiles::new(&levels, &valetudo, map, &clips, paths)?;
     files.write(out)?;
     table::print(&files.document, files.objects.len(), files.rooms.len(), out);
     let all_answered = clips.iter().all(|clip| clip.answer.is_ok());

@@ -73,6 +73,24 @@ impl Storage {
         levels(&mut connection, home).await
     }
 
+    /// Returns a revision of a level by its number; `None` if it was removed.
+    pub async fn lidar_map_revision(
+        &self,
+        home: &HomeId,
+        level: LevelName,
+        revision: i64,
+    ) -> Result<Option<LidarMapRevision>, StorageError> {
+        let row = query(
+            "SELECT * FROM lidar_maps WHERE home_id = $1 AND level = $2 AND revision = $3 AND removed_at IS NULL",
+        )
+        .bind(home.key())
+        .bind(level.as_str())
+        .bind(revision)
+        .fetch_optional(&mut *self.database.snapshot().await?)
+        .await?;
+        row.as_ref().map(from_row).transpose()
+    }
+
     /// Returns a page of a level's revisions below `after`, newest first.
     pub async fn lidar_map_revisions(
         &self,

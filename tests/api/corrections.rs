@@ -37,20 +37,20 @@ impl Segmenter for Painted {
 }
 
 /// Starts a server that recognises the furniture of the test room.
-async fn start() -> Server {
+pub async fn start() -> Server {
     let label = LabelParams { segmenter: Some(Arc::new(Painted)), ..LabelParams::default() };
     let align = JobParams { align: AlignParams { label, ..AlignParams::default() }, ..JobParams::default() };
     Server::with(|params| params.worker = WorkerParams { align: Arc::new(align), ..WorkerParams::default() })
         .await
 }
 
-async fn patch(client: &Client, path: &str, body: &Value) -> Answer {
+pub async fn patch(client: &Client, path: &str, body: &Value) -> Answer {
     let request = client.request(Method::PATCH, path).header("content-type", "application/merge-patch+json");
     client.send(request.body(body.to_string())).await
 }
 
 /// Uploads a clip of the room; returns its path once it is aligned.
-async fn add(server: &Server, home: &str, frames: u32) -> String {
+pub async fn add(server: &Server, home: &str, frames: u32) -> String {
     let clip = server.post(&format!("{home}/clips"), zips::zip(&room::clip(frames))).await.ok(201);
     let path = format!("{home}/clips/{}", clip["id"].as_str().unwrap());
     assert_eq!(server.settled(&path).await["state"], "aligned");
@@ -58,7 +58,7 @@ async fn add(server: &Server, home: &str, frames: u32) -> String {
 }
 
 /// Returns a list of the map, `rooms` or `objects`, once a revision is as expected.
-async fn list(server: &Server, home: &str, what: &str, is_expected: impl Fn(&Value) -> bool) -> Value {
+pub async fn list(server: &Server, home: &str, what: &str, is_expected: impl Fn(&Value) -> bool) -> Value {
     eventually(what, || async {
         let answer = server.get(&format!("{home}/map/{what}")).await;
         let list = (answer.status == 200).then(|| answer.json())?;

@@ -13,12 +13,19 @@ use viola_testing::eventually;
 use viola_testing::process::{Process, viola};
 
 const CLIPS: u64 = 3;
+<<<<<<< HEAD
 const FILES: [&str; 16] = [
     "home.mcap",
+=======
+const FILES: [&str; 17] = [
+    "calibration.json",
+>>>>>>> w-robot
     "map.json",
+    "matter.json",
     "mesh.glb",
     "mesh.obj",
     "mesh.usdz",
+    "nav2.zip",
     "objects.json",
     "plan.dxf",
     "plan.geojson",
@@ -30,6 +37,7 @@ const FILES: [&str; 16] = [
     "points.laz",
     "points.ply",
     "rooms.json",
+    "valetudo.json",
 ];
 
 /// A simulated home: clips that can be aligned, and one that is no clip.

@@ -26,6 +26,7 @@ mod real;
 mod recording;
 mod refusals;
 mod robot_files;
+mod robot_frames;
 mod sens_refused;
 mod spectacular_refused;
 mod streaming;

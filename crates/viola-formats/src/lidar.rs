@@ -10,6 +10,7 @@ mod error;
 mod marks;
 mod points;
 mod robot;
+mod robot_frame;
 mod ros;
 mod sheet;
 mod strays;
@@ -18,6 +19,8 @@ mod write;
 
 pub use error::LidarError;
 pub use marks::{Line, LineKind, MapMarks, Obstacle, Zone, ZoneKind};
+pub use robot_frame::{RobotFrame, RobotFrames};
+pub use valetudo::json_of as valetudo_json;
 pub use write::{RosFiles, Written};
 
 use serde::{Deserialize, Serialize};
@@ -60,6 +63,8 @@ pub struct LidarMap {
     pub charger: Option<Pose2>,
     /// Centres of the cells in which the robot detected carpet.
     pub carpet_m: Vec<Point2>,
+    /// The robot's own coordinates.
+    pub frames: RobotFrames,
 }
 
 /// A room (segment) that the robot's software detected.

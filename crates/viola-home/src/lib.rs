@@ -20,6 +20,7 @@ mod plan;
 mod ply;
 mod points;
 mod recording;
+mod robot;
 mod rooms;
 mod shades;
 mod svg;
@@ -53,12 +54,16 @@ pub use objects::{
 };
 pub use picture::{PictureFrame, lidar_png, overlay_png};
 pub use plan::{
-    Furniture, Opening, OpeningKind, Plan, PlanRoom, Swing, Wall, plan, plan_dxf, plan_geojson, plan_json,
-    plan_pdf, plan_png, plan_svg,
+    Furniture, Opening, OpeningKind, Plan, PlanImage, PlanRoom, Swing, Wall, plan, plan_dxf, plan_geojson,
+    plan_json, plan_pdf, plan_png, plan_svg,
 };
 pub use ply::{NotOurs, cloud_ply, read_cloud_ply};
 pub use points::{ClipNumbers, Glb, Ply, PointFilter, las_code, write_e57, write_laz};
 pub use recording::{ClipPath, RecordedObject, Recording};
+pub use robot::{
+    CalibrationFile, Ground, MatterFile, RobotLevel, RobotObject, ValetudoFile, calibration, matter,
+    nav2_files, nav2_zip, valetudo,
+};
 pub use rooms::outline::Outline;
 pub use rooms::{Room, RoomSource, merged, rooms};
 

@@ -35,6 +35,7 @@ use viola_geometry::Point2;
 pub use dxf::plan_dxf;
 pub use geojson::{plan_geojson, plan_json};
 pub use model::{Furniture, Opening, OpeningKind, Plan, PlanRoom, Swing, Wall};
+pub use page::image::PlanImage;
 pub use page::pdf::plan_pdf;
 pub use page::svg::{plan_png, plan_svg};
 

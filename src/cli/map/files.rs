@@ -3,12 +3,17 @@
 use super::clip::HomeClip;
 use super::content::Content;
 use super::document::{ClipDocument, LevelDocument, MapDocument};
+<<<<<<< HEAD
 use super::exports::LevelExports;
+=======
+use super::robot;
+>>>>>>> w-robot
 use crate::api::{objects_document, rooms_document};
 use crate::jobs::{Described, Earlier, describe};
-use crate::storage::{MapClip, MapObject, MapRoom};
+use crate::storage::{MapClip, MapObject, MapRoom, MapScene, map_file};
 use anyhow::{Context, Result};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -16,8 +21,13 @@ use viola_align::LevelMap;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
 use viola_home::{
+<<<<<<< HEAD
     Assembly, ClipNumbers, ClipPath, HomeMapInfo, MESH_TRIANGLES, Manifest, Mesh, MeshObject, Ply, Tile,
     TileKey, point_bytes,
+=======
+    Assembly, ClipNumbers, HomeMapInfo, MESH_TRIANGLES, Manifest, MatterFile, Mesh, MeshObject, Ply,
+    RobotLevel, Tile, TileKey, matter, point_bytes,
+>>>>>>> w-robot
 };
 
 /// Revision in `rooms.json` and `objects.json`: each run makes a first one.
@@ -28,7 +38,12 @@ pub struct HomeFiles<'a> {
     pub document: MapDocument,
     pub objects: Vec<MapObject>,
     pub rooms: Vec<MapRoom>,
+<<<<<<< HEAD
     levels: Vec<LevelFiles<'a>>,
+=======
+    matter: MatterFile,
+    levels: Vec<LevelFiles>,
+>>>>>>> w-robot
     numbers: ClipNumbers,
     /// Of all clips in the map, with their levels.
     paths: Vec<(LevelName, ClipPath)>,
@@ -42,9 +57,12 @@ struct LevelFiles<'a> {
     lidar: &'a LidarMap,
     /// By name.
     plan: [(&'static str, Vec<u8>); 6],
+    /// By name.
+    robot: Vec<(&'static str, Vec<u8>)>,
     tiles: Vec<Tile>,
 }
 
+<<<<<<< HEAD
 impl<'a> HomeFiles<'a> {
     pub fn new(
         maps: &[LevelMap<'a>],
@@ -52,9 +70,19 @@ impl<'a> HomeFiles<'a> {
         clips: &[HomeClip],
         paths: Vec<(LevelName, ClipPath)>,
     ) -> Result<HomeFiles<'a>> {
+=======
+impl HomeFiles {
+    /// `valetudo` has the files of the LiDAR maps that are Valetudo's.
+    pub fn new(
+        maps: &[LevelMap],
+        valetudo: &BTreeMap<LevelName, Vec<u8>>,
+        map: Assembly,
+        clips: &[HomeClip],
+    ) -> Result<HomeFiles> {
+>>>>>>> w-robot
         let Assembly { manifest, changed, looked } = map;
         let (mut objects, mut rooms) = (Vec::new(), Vec::new());
-        let (mut levels, mut documents) = (Vec::new(), Vec::new());
+        let (mut levels, mut documents, mut for_robots) = (Vec::new(), Vec::new(), Vec::new());
         for map in maps {
             let of_level = |key: &TileKey| key.level == map.level;
             let tiles = changed.iter().filter(|(key, _)| of_level(key));
@@ -62,6 +90,12 @@ impl<'a> HomeFiles<'a> {
             let looked = looked.get(&map.level).cloned().unwrap_or_default();
             let Described { scene, plan, .. } =
                 describe(*map, &tiles, &manifest.clips, &looked, &Earlier::default());
+            let robot_level = robot_level(map, &scene);
+            let plan_json = plan.iter().find(|(name, _)| *name == map_file::PLAN_JSON);
+            let plan_json = plan_json.map_or(&[][..], |(_, json)| json);
+            let json = valetudo.get(&map.level).map(Vec::as_slice);
+            let robot = robot::files(&robot_level, &tiles, plan_json, json)?;
+            for_robots.push(robot_level);
             let infos = manifest.tiles.iter().filter(|(key, _)| of_level(key)).map(|(_, info)| info);
             documents.push(LevelDocument {
                 level: map.level,
@@ -71,7 +105,11 @@ impl<'a> HomeFiles<'a> {
             });
             objects.extend(scene.objects);
             rooms.extend(scene.rooms);
+<<<<<<< HEAD
             levels.push(LevelFiles { level: map.level, lidar: map.lidar, plan, tiles });
+=======
+            levels.push(LevelFiles { level: map.level, plan, robot, tiles });
+>>>>>>> w-robot
         }
         let main = documents.iter().find(|level| level.level.is_main()).or(documents.first());
         let main = main.context("no LiDAR map was given")?;
@@ -83,8 +121,12 @@ impl<'a> HomeFiles<'a> {
             levels: documents,
         };
         let numbers = ClipNumbers::new(manifest.clips.iter().map(|clip| &clip.clip));
+<<<<<<< HEAD
         let time_ms = manifest.clips.iter().filter_map(|clip| clip.recorded_at_ms).max();
         Ok(HomeFiles { document, objects, rooms, levels, numbers, paths, time_ms })
+=======
+        Ok(HomeFiles { document, objects, rooms, matter: matter(&for_robots), levels, numbers })
+>>>>>>> w-robot
     }
 
     /// Writes all files; `map.json` is the last one, so that a folder that has it is whole.
@@ -98,11 +140,12 @@ impl<'a> HomeFiles<'a> {
             let mesh = self.mesh(level);
             let surface =
                 [("mesh.glb", mesh.glb()), ("mesh.usdz", mesh.usdz()), ("mesh.obj", mesh.obj().into_bytes())];
-            for (name, bytes) in level.plan.iter().chain(&surface) {
+            for (name, bytes) in level.plan.iter().chain(&surface).chain(&level.robot) {
                 let path = folder.join(name);
                 fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
             }
         }
+        write_json(&out.join("matter.json"), &self.matter)?;
         write_json(&out.join("rooms.json"), &rooms_document(REVISION, self.rooms.clone()))?;
         write_json(&out.join("objects.json"), &objects_document(REVISION, self.objects.clone()))?;
         write_json(&out.join("map.json"), &self.document)
@@ -143,6 +186,15 @@ impl<'a> HomeFiles<'a> {
             file.flush()
         };
         write().with_context(|| format!("cannot write {}", path.display()))
+    }
+}
+
+fn robot_level<'a>(map: &LevelMap<'a>, scene: &MapScene) -> RobotLevel<'a> {
+    RobotLevel {
+        level: map.level,
+        lidar: map.lidar,
+        rooms: scene.rooms.iter().map(|room| room.room.clone()).collect(),
+        objects: scene.objects.iter().map(MapObject::for_robot).collect(),
     }
 }
 

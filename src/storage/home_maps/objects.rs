@@ -8,7 +8,11 @@ use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{LevelName, Pose2};
+<<<<<<< HEAD
 use viola_home::{Corrected, MovedObject, Object, ObjectField, PlacedClip, RecordedObject, UprightBox};
+=======
+use viola_home::{Corrected, MovedObject, Object, ObjectField, PlacedClip, RobotObject, UprightBox};
+>>>>>>> w-robot
 
 /// An object in a home: an upright box in the LiDAR map's frame, and its properties.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -63,6 +67,18 @@ impl MapObject {
         let is_put = self.corrected.contains(&ObjectField::CentreM);
         let bounds = self.bounds().moved(other_from_own);
         MovedObject { id: &self.id, class: self.class, bounds, is_put, is_found: true }
+    }
+
+    /// Returns the object for files of robots.
+    pub fn for_robot(&self) -> RobotObject {
+        RobotObject {
+            id: self.id.clone(),
+            name: self.name.clone(),
+            class: self.class,
+            confidence: self.confidence,
+            bounds: self.bounds(),
+            room: self.room.clone(),
+        }
     }
 
     /// Adds what a person corrected; the values are applied already.

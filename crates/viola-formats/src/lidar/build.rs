@@ -1,7 +1,9 @@
 //! Builds a checked [`LidarMap`] with its [`LidarInfo`] from the result of a format's reader.
 
 use super::strays::drop_strays;
-use super::{Cell, LidarError, LidarInfo, LidarMap, MAX_POINTS, MAX_SIDE_M, MapMarks, Room, RoomInfo};
+use super::{
+    Cell, LidarError, LidarInfo, LidarMap, MAX_POINTS, MAX_SIDE_M, MapMarks, RobotFrames, Room, RoomInfo,
+};
 use std::collections::HashSet;
 use viola_geometry::{Grid, GridFrame, Point2, Pose2};
 
@@ -81,7 +83,7 @@ pub(super) fn build(mut parts: Parts) -> Result<LidarMap, LidarError> {
         notes: parts.notes,
     };
     let Parts { occupied_m, cells, rooms, charger, carpet_m, .. } = parts;
-    Ok(LidarMap { info, occupied_m, cells, rooms, charger, carpet_m })
+    Ok(LidarMap { info, occupied_m, cells, rooms, charger, carpet_m, frames: RobotFrames::default() })
 }
 
 /// Returns the known part of a grid. A home fills about a tenth of a robot's sheet.

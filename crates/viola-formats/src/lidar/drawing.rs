@@ -4,7 +4,9 @@
 use super::build::{Parts, build, occupied_centres};
 use super::marks::{MAX_CORNERS, MapMarks};
 use super::sheet::{Run, Sheet};
-use super::{Cell, LidarError, LidarMap, Line, LineKind, MAX_POINTS, Room, Zone, ZoneKind};
+use super::{
+    Cell, LidarError, LidarMap, Line, LineKind, MAX_POINTS, RobotFrame, RobotFrames, Room, Zone, ZoneKind,
+};
 use viola_geometry::{Grid, Pose2};
 
 const MAX_NAME_CHARS: usize = 100;
@@ -16,6 +18,8 @@ pub(super) struct Drawing {
     pub format: &'static str,
     pub frame: &'static str,
     pub sheet: Sheet,
+    /// The coordinates of the file; default: those of Valetudo.
+    pub own_frame: Option<RobotFrame>,
     pub layers: Vec<Layer>,
     pub charger: Option<Spot>,
     pub robot: Option<Spot>,
@@ -69,6 +73,7 @@ impl Drawing {
             format,
             frame,
             sheet,
+            own_frame: None,
             layers: Vec::new(),
             charger: None,
             robot: None,
@@ -151,7 +156,9 @@ impl Drawing {
             carpet_m: sheet.centres(&self.carpet),
             notes: self.notes,
         };
-        build(parts)
+        let valetudo = sheet.valetudo_frame();
+        let frames = RobotFrames { own: self.own_frame.unwrap_or(valetudo), valetudo: Some(valetudo) };
+        Ok(LidarMap { frames, ..build(parts)? })
     }
 }
 

@@ -3,7 +3,7 @@
 //! The origin of the sheet is its top-left corner with y down, as in Valetudo. In the map's frame y is up and
 //! the origin is the sheet's lower-left corner, for every robot.
 
-use crate::lidar::{Cell, LidarError, MAX_CELLS};
+use crate::lidar::{Cell, LidarError, MAX_CELLS, RobotFrame};
 use viola_geometry::{Grid, GridFrame, Point2};
 
 /// A run of cells to the right of (x, y), counted from the top-left corner.
@@ -38,6 +38,11 @@ impl Sheet {
 
     pub fn holds(&self, x: i64, y: i64, count: i64) -> bool {
         x >= 0 && y >= 0 && count >= 1 && y < self.height && x + count <= self.width
+    }
+
+    /// Returns Valetudo's coordinates: centimetres from the top-left corner, y down.
+    pub fn valetudo_frame(&self) -> RobotFrame {
+        RobotFrame { units_per_m: 100.0, origin: [0.0, self.height_cm], is_y_down: true }
     }
 
     /// Converts a point in centimetres from the top-left corner, y down, to the map's frame.

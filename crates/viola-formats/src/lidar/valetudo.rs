@@ -7,16 +7,32 @@
 mod file;
 mod png;
 
-pub(super) use self::png::read_png;
-
 use self::file::{Entity, Label, Layer, MapFile};
 use super::drawing::{self, Drawing, LayerKind, Spot, shorten};
+use super::robot::{inflate, is_zlib};
 use super::sheet::{Run, Sheet};
 use super::{LidarError, LidarMap, LineKind, MAX_POINTS, Obstacle, ZoneKind};
 
 /// A kilometre: no robot maps more.
 pub(super) const MAX_SIZE_CM: i64 = 100_000;
 const MAX_PIXEL_CM: i64 = 100;
+
+/// Returns the JSON of a Valetudo map, which is the file itself, deflated in it, or in a picture; `None` for files
+/// of other formats.
+pub fn json_of(bytes: &[u8]) -> Option<Vec<u8>> {
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
+    match bytes {
+        _ if text.starts_with(b"{") => Some(text.to_vec()),
+        [0x89, b'P', b'N', b'G', ..] => png::json_in(bytes).ok(),
+        _ if is_zlib(bytes) => inflate(bytes).ok().filter(|inflated| inflated.starts_with(b"{")),
+        _ => None,
+    }
+}
+
+/// Reads the map in a picture.
+pub(super) fn read_png(bytes: &[u8]) -> Result<LidarMap, LidarError> {
+    read(&png::json_in(bytes)?)
+}
 
 pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let file: MapFile =

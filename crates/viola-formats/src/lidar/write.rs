@@ -40,7 +40,7 @@ impl LidarMap {
     }
 
     /// Returns the map's cells, or a grid with the cells of its points.
-    fn raster(&self) -> Result<Grid<Cell>, LidarError> {
+    pub fn raster(&self) -> Result<Grid<Cell>, LidarError> {
         match &self.cells {
             Some(cells) => Ok(cells.clone()),
             None => raster_of(self.info.min_m, self.info.max_m, CELL_M, |grid| mark(grid, &self.occupied_m)),

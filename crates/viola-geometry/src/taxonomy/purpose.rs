@@ -31,6 +31,11 @@ impl Purposes {
         self == Purposes::NONE
     }
 
+    /// Returns whether all of `other` are among these.
+    pub fn has(self, other: Purposes) -> bool {
+        self.0 & other.0 == other.0
+    }
+
     /// Returns the purposes of a room by its name, in any of the languages of `WORDS`.
     pub fn of_name(name: &str) -> Purposes {
         /// Longer names are cut, because the files are untrusted.

@@ -1,6 +1,7 @@
 //! A plan as GeoJSON and as plain JSON, in the LiDAR map's frame.
 
 use super::model::{Opening, Plan};
+use super::page::image::PlanImage;
 use crate::rooms::outline::Outline;
 use serde_json::{Value, json};
 use viola_geometry::Point2;
@@ -68,7 +69,7 @@ pub fn plan_geojson(plan: &Plan) -> Value {
     })
 }
 
-/// Returns the plan's model as JSON: `walls`, `openings`, `rooms` and `furniture`.
+/// Returns the plan's model as JSON: `walls`, `openings`, `rooms` and `furniture`, and the frame of the PNG as `image`.
 pub fn plan_json(plan: &Plan) -> Value {
     let ring = |ring: &Vec<[f64; 2]>| ring.iter().map(|p| in_map(plan, *p)).collect::<Vec<_>>();
     let walls = plan.walls.iter().map(|wall| {
@@ -119,6 +120,7 @@ pub fn plan_json(plan: &Plan) -> Value {
     json!({
         "frame": FRAME,
         "plan_yaw_rad": plan.map_from_plan.yaw_rad,
+        "image": PlanImage::of(plan),
         "walls": walls.collect::<Vec<_>>(),
         "openings": openings.collect::<Vec<_>>(),
         "rooms": rooms.collect::<Vec<_>>(),

@@ -2,6 +2,7 @@
 
 pub(super) mod dimensions;
 pub(super) mod furniture;
+pub(super) mod image;
 pub(super) mod labels;
 pub(super) mod openings;
 pub(super) mod pdf;

@@ -3,7 +3,7 @@
 use super::survey::{CELL_M, Survey};
 use serde_json::{Value, json};
 use std::fmt::Write;
-use viola_formats::lidar::{Cell, LidarInfo, LidarMap, MapMarks, Room, RoomInfo};
+use viola_formats::lidar::{Cell, LidarInfo, LidarMap, MapMarks, RobotFrame, RobotFrames, Room, RoomInfo};
 use viola_geometry::{Grid, GridFrame, Point2, Pose2};
 
 /// Empty cells around the Valetudo map: left and below; right and above.
@@ -90,7 +90,17 @@ impl Survey {
             marks: MapMarks { robot: Some(charger), ..MapMarks::default() },
             notes: vec![],
         };
-        LidarMap { info, occupied_m, cells: Some(cells), rooms, charger: Some(charger), carpet_m: vec![] }
+        let height_cm = frame.height as f64 * CELL_M * 100.0;
+        let own = RobotFrame { units_per_m: 100.0, origin: [0.0, height_cm.round()], is_y_down: true };
+        LidarMap {
+            info,
+            occupied_m,
+            cells: Some(cells),
+            rooms,
+            charger: Some(charger),
+            carpet_m: vec![],
+            frames: RobotFrames { own, valetudo: Some(own) },
+        }
     }
 
     /// Returns the segment of a cell of the Valetudo map.

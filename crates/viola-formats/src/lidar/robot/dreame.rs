@@ -10,7 +10,7 @@ use self::extra::Extra;
 use super::{Bytes, MAX_SIDE, inflate, is_zlib, round_cm};
 use crate::lidar::drawing::{Drawing, Layer, LayerKind, Spot};
 use crate::lidar::sheet::{Run, Runs, Sheet};
-use crate::lidar::{LidarError, LidarMap};
+use crate::lidar::{LidarError, LidarMap, RobotFrame};
 use base64::Engine;
 use base64::alphabet::URL_SAFE;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
@@ -121,6 +121,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let words = "metres, x right, y up, origin at the lower-left corner of the robot's sheet of 65.54 m, as Valetudo \
                  has it";
     let mut drawing = Drawing::new("dreame", words, Sheet::new(SIDE_CM, SIDE_CM, frame.pixel_cm));
+    drawing.own_frame = Some(RobotFrame::millimetres([-OFFSET_MM; 2]));
     let extra = Extra::parse(frame.extra, &mut drawing.notes);
     let cells = frame.cells(Source::Regular, &drawing.sheet)?;
     let (mut has_floor, mut has_wall) = (!cells.floor.0.is_empty(), !cells.wall.0.is_empty());

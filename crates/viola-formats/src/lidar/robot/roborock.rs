@@ -7,7 +7,7 @@
 use super::{Bytes, heading_deg, round_cm};
 use crate::lidar::drawing::{Drawing, Layer, LayerKind, Spot};
 use crate::lidar::sheet::{Runs, Sheet};
-use crate::lidar::{LidarError, LidarMap, LineKind, Obstacle, ZoneKind};
+use crate::lidar::{LidarError, LidarMap, LineKind, Obstacle, RobotFrame, ZoneKind};
 
 const FILE_HEADER_BYTES: usize = 20;
 const BLOCK_HEADER_BYTES: usize = 8;
@@ -73,6 +73,7 @@ pub(in super::super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let frame = "metres, x right, y up, origin at the lower-left corner of the robot's sheet of 51.2 m, as Valetudo \
                  has it";
     let mut drawing = Drawing::new("roborock", frame, Sheet::new(SIDE_CM, SIDE_CM, 5));
+    drawing.own_frame = Some(RobotFrame::millimetres([0.0; 2]));
     let image = find(block::IMAGE).ok_or_else(|| bad("it has no image block"))?;
     let materials = find(block::MATERIALS).map_or(&[][..], |block| block.data.0);
     read_image(&mut drawing, image, materials)?;

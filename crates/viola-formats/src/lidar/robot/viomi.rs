@@ -7,7 +7,7 @@
 use super::{Bytes, MAX_SIDE, heading_deg};
 use crate::lidar::drawing::{Drawing, Layer, LayerKind, Spot};
 use crate::lidar::sheet::{Runs, Sheet};
-use crate::lidar::{LidarError, LidarMap, LineKind, ZoneKind};
+use crate::lidar::{LidarError, LidarMap, LineKind, RobotFrame, ZoneKind};
 use std::collections::BTreeMap;
 
 const IMAGE_AT: usize = 48;
@@ -77,6 +77,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
         "metres, x right, y up, origin at the lower-left corner of the robot's image, as Valetudo has it";
     let (width_cm, height_cm) = (image.width as i64 * image.pixel_cm, image.height as i64 * image.pixel_cm);
     let mut drawing = Drawing::new("viomi", frame, Sheet::new(width_cm, height_cm, image.pixel_cm));
+    drawing.own_frame = Some(RobotFrame { origin: image.min_m, ..RobotFrame::MAP });
     let place = Place { min_m: image.min_m, height_cm: height_cm as f64 };
     let mut blocks = Blocks { map, number, at: end };
     let names = blocks.read(flags, &place, &mut drawing).unwrap_or_else(|| {

@@ -3,16 +3,16 @@
 //! `backend/lib/mqtt/handles/MapNodeMqttHandle.js`; read back by Hypfer/lovelace-valetudo-map-card,
 //! `src/lib/pngUtils.ts`).
 
+use crate::lidar::LidarError;
 use crate::lidar::robot::inflate;
-use crate::lidar::{LidarError, LidarMap};
 
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 const KEYWORD: &[u8] = b"ValetudoMap";
 
-/// Reads the map in the picture; a picture without one is refused as a ROS map's image.
-pub(in super::super) fn read_png(bytes: &[u8]) -> Result<LidarMap, LidarError> {
+/// Returns the JSON in the picture; a picture without one is refused as a ROS map's image.
+pub(super) fn json_in(bytes: &[u8]) -> Result<Vec<u8>, LidarError> {
     let Some(deflated) = map_chunk(bytes) else { return Err(LidarError::ImageWithoutYaml) };
-    super::read(&inflate(deflated)?)
+    inflate(deflated)
 }
 
 /// Returns the data after the keyword and the compression method in the map's chunk.

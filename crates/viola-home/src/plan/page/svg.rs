@@ -1,15 +1,12 @@
 //! A plan as SVG and as PNG: a page in millimetres.
 
+use super::image::px_per_mm;
 use super::{
     INK, LINE_MM, Page, QUIET, ROOMS, THIN_MM, WALL, dimensions, furniture, labels, openings, title,
 };
 use crate::plan::model::Plan;
 use crate::svg::{FONT_FAMILY, escape, render};
 use std::fmt::Write;
-
-/// Longer side of the picture.
-const SIDE_PX: f64 = 2000.0;
-const MAX_PX_PER_MM: f64 = 12.0;
 
 /// Returns the plan as a standalone SVG page. Names are escaped.
 pub fn plan_svg(plan: &Plan) -> String {
@@ -66,7 +63,6 @@ pub fn plan_svg(plan: &Plan) -> String {
 pub fn plan_png(plan: &Plan) -> Vec<u8> {
     let page = Page::of(plan);
     // The renderer takes a millimetre for 96 / 25.4 pixels.
-    let px_per_mm = (SIDE_PX / page.width_mm.max(page.height_mm)).min(MAX_PX_PER_MM);
-    let picture = render(&plan_svg(plan), (px_per_mm * 25.4 / 96.0) as f32);
+    let picture = render(&plan_svg(plan), (px_per_mm(&page) * 25.4 / 96.0) as f32);
     picture.encode_png().expect("an RGBA picture in memory always encodes")
 }

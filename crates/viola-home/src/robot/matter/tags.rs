@@ -1,0 +1,112 @@
+//! Semantic tags of Matter 1.4: the common namespaces Area (0x10), Landmark (0x11) and Relative Position (0x12).
+
+use super::super::RobotObject;
+use viola_geometry::taxonomy::{Class, Purposes};
+
+/// Tags of the namespace Area with their names.
+const AREAS: [(&str, u8); 27] = [
+    ("attic", 0x01),
+    ("balcony", 0x04),
+    ("bathroom", 0x06),
+    ("bedroom", 0x07),
+    ("cellar", 0x0c),
+    ("closet", 0x0e),
+    ("corridor", 0x10),
+    ("dining room", 0x15),
+    ("dressing room", 0x17),
+    ("entryway", 0x1c),
+    ("family room", 0x1d),
+    ("garage", 0x22),
+    ("guest room", 0x28),
+    ("gym", 0x29),
+    ("hallway", 0x2a),
+    ("kids room", 0x2c),
+    ("kitchen", 0x2e),
+    ("laundry room", 0x2f),
+    ("library", 0x31),
+    ("living room", 0x32),
+    ("nursery", 0x37),
+    ("office", 0x38),
+    ("pantry", 0x3b),
+    ("storage room", 0x53),
+    ("study", 0x55),
+    ("toilet", 0x59),
+    ("utility room", 0x5a),
+];
+
+/// Tags for the purposes of rooms. A room of several purposes gets the first one here.
+const PURPOSES: [(Purposes, u8); 9] = [
+    (Purposes::LIVE, 0x32),
+    (Purposes::COOK, 0x2e),
+    (Purposes::SLEEP, 0x07),
+    (Purposes::BATH, 0x06),
+    (Purposes::DINE, 0x15),
+    (Purposes::WORK, 0x38),
+    (Purposes::PASS, 0x2a),
+    (Purposes::STORE, 0x53),
+    (Purposes::OUTSIDE, 0x04),
+];
+
+/// Tag of a room without a telling name that has one of these objects, the most telling first.
+const FURNISHED: [(Class, u8); 7] = [
+    (Class::Toilet, 0x06),
+    (Class::Bathtub, 0x06),
+    (Class::Shower, 0x06),
+    (Class::Stove, 0x2e),
+    (Class::Refrigerator, 0x2e),
+    (Class::Bed, 0x07),
+    (Class::Sofa, 0x32),
+];
+
+pub const UNDER: u8 = 0x00;
+pub const NEXT_TO: u8 = 0x01;
+pub const AROUND: u8 = 0x02;
+pub const FRONT_OF: u8 = 0x05;
+
+/// A tag of the namespace Landmark, and one of Relative Position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Landmark {
+    pub tag: u8,
+    pub position: u8,
+}
+
+/// Returns the area tag of a room by its name, else by the classes of its objects.
+pub fn area(name: Option<&str>, classes: &[Class]) -> Option<u8> {
+    let name = name.unwrap_or_default();
+    let lower = name.trim().to_lowercase();
+    let exact = AREAS.iter().find(|(area, _)| *area == lower).map(|(_, tag)| *tag);
+    let purposes = Purposes::of_name(name);
+    let of_name = PURPOSES.iter().find(|(purpose, _)| purposes.has(*purpose)).map(|(_, tag)| *tag);
+    let furnished = || FURNISHED.iter().find(|(class, _)| classes.contains(class)).map(|(_, tag)| *tag);
+    exact.or(of_name).or_else(furnished)
+}
+
+/// Returns the landmark tag of an object with the position of the area that is cleaned; none for objects that the
+/// namespace lacks. `area` is the area tag of its room.
+pub fn landmark(object: &RobotObject, area: Option<u8>) -> Option<Landmark> {
+    /// Dining tables stand in dining rooms and kitchens.
+    const DINING: [u8; 2] = [0x15, 0x2e];
+    /// Top of a coffee table, at most.
+    const COFFEE_TABLE_M: f64 = 0.55;
+    let (tag, position) = match object.class {
+        Class::Table if object.bounds.top_m() < COFFEE_TABLE_M => (0x0b, AROUND),
+        Class::Table if area.is_some_and(|area| DINING.contains(&area)) => (0x12, AROUND),
+        Class::Table => (0x2d, AROUND),
+        Class::Chair => (0x08, AROUND),
+        Class::Desk => (0x11, UNDER),
+        Class::Bed => (0x06, NEXT_TO),
+        Class::Sofa => (0x2b, NEXT_TO),
+        Class::Lamp => (0x1d, NEXT_TO),
+        Class::Toilet => (0x2e, NEXT_TO),
+        Class::Shelf => (0x07, FRONT_OF),
+        Class::Counter => (0x0e, FRONT_OF),
+        Class::Refrigerator => (0x25, FRONT_OF),
+        Class::Stove => (0x2c, FRONT_OF),
+        Class::WashingMachine => (0x30, FRONT_OF),
+        Class::Sink => (0x2a, FRONT_OF),
+        Class::Bathtub => (0x05, FRONT_OF),
+        Class::Shower => (0x28, FRONT_OF),
+        _ => return None,
+    };
+    Some(Landmark { tag, position })
+}

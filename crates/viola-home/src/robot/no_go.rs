@@ -1,0 +1,132 @@
+//! Suggested no-go zones: areas in which a robot gets stuck, falls, or must not go.
+
+use super::area::for_cells;
+use super::ground::Ground;
+use super::{RobotLevel, RobotObject, round_all};
+use crate::objects::UprightBox;
+use serde::Serialize;
+use viola_formats::lidar::{Cell, LineKind, ZoneKind};
+use viola_geometry::Grid;
+use viola_geometry::taxonomy::Class;
+
+/// Maximum number of zones; the first ones are kept, in the order of [`NoGoReason`].
+const MAX_ZONES: usize = 500;
+/// Width around a television or a lamp in which its cables lie.
+const CABLES_M: f64 = 0.15;
+/// Thickness of a virtual wall as a polygon.
+const VIRTUAL_WALL_M: f64 = 0.1;
+
+/// Why a zone is suggested, the most important first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NoGoReason {
+    /// The robot's own software has it: a no-go zone or a virtual wall that a person drew there.
+    RobotMap,
+    /// The robot may fall.
+    Stairs,
+    /// Cables hang from a television, a desk or a lamp to the floor.
+    Cables,
+    /// The robot may get stuck below a sofa or a bed.
+    LowFurniture,
+    /// A robot that mops wets it, and fringes get into the brushes.
+    Rug,
+}
+
+impl NoGoReason {
+    /// Returns the value in the keepout mask: 100 is forbidden, less is dearer than free floor.
+    pub fn mask(self) -> u8 {
+        if self == NoGoReason::Rug { 50 } else { 100 }
+    }
+}
+
+/// A suggested zone.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NoGoZone {
+    pub reason: NoGoReason,
+    /// Value in the keepout mask, 1..=100.
+    pub mask: u8,
+    /// Corners in order, in the map's frame; the first one is not repeated.
+    pub polygon_m: Vec<[f64; 2]>,
+    /// The object that it is made of.
+    pub object: Option<String>,
+    pub class: Option<Class>,
+    /// Fraction of the zone that is free in the robot's map, 0..=1; null for maps without free cells.
+    pub driven: Option<f64>,
+}
+
+/// Returns the zones of a level. `ground` has its rugs and stairs.
+pub fn no_go_zones(level: &RobotLevel, ground: &Ground) -> Vec<NoGoZone> {
+    let cells = level.lidar.cells.as_ref();
+    let mut zones = Vec::new();
+    let mut add = |reason: NoGoReason, polygon_m: &[[f64; 2]], object: Option<&RobotObject>| {
+        zones.push(NoGoZone {
+            reason,
+            mask: reason.mask(),
+            polygon_m: round_all(polygon_m),
+            object: object.map(|object| object.id.clone()),
+            class: object.map(|object| object.class),
+            driven: cells.map(|cells| free_share(cells, polygon_m)),
+        });
+    };
+    let marks = &level.lidar.info.marks;
+    for zone in &marks.zones {
+        match zone.kind {
+            ZoneKind::NoGo => add(NoGoReason::RobotMap, &zone.outline_m, None),
+            ZoneKind::Carpet => add(NoGoReason::Rug, &zone.outline_m, None),
+            ZoneKind::NoMop | ZoneKind::NoVacuum | ZoneKind::Ramp => {}
+        }
+    }
+    for line in marks.lines.iter().filter(|line| line.kind == LineKind::VirtualWall) {
+        add(NoGoReason::RobotMap, &strip(line.ends_m), None);
+    }
+    for outline in ground.stairs() {
+        add(NoGoReason::Stairs, &outline.ring_m, None);
+    }
+    for outline in ground.rugs() {
+        add(NoGoReason::Rug, &outline.ring_m, None);
+    }
+    for object in &level.objects {
+        if let Some((reason, by_m)) = reason(object.class) {
+            add(reason, &grown(&object.bounds, by_m).corners(), Some(object));
+        }
+    }
+    // A stable sort keeps the order within a reason.
+    zones.sort_by_key(|zone| zone.reason);
+    zones.truncate(MAX_ZONES);
+    zones
+}
+
+/// Returns the reason that follows from an object's class, and the width around its footprint.
+fn reason(class: Class) -> Option<(NoGoReason, f64)> {
+    match class {
+        Class::Stairs => Some((NoGoReason::Stairs, 0.0)),
+        Class::Television | Class::Lamp => Some((NoGoReason::Cables, CABLES_M)),
+        Class::Desk => Some((NoGoReason::Cables, 0.0)),
+        Class::Sofa | Class::Bed => Some((NoGoReason::LowFurniture, 0.0)),
+        Class::Rug => Some((NoGoReason::Rug, 0.0)),
+        _ => None,
+    }
+}
+
+fn grown(bounds: &UprightBox, by_m: f64) -> UprightBox {
+    let [length, width, height] = bounds.size_m;
+    UprightBox { size_m: [length + 2.0 * by_m, width + 2.0 * by_m, height], ..*bounds }
+}
+
+/// Returns the corners of a strip around a line, counter-clockwise.
+fn strip([from, to]: [[f64; 2]; 2]) -> [[f64; 2]; 4] {
+    let along = [to[0] - from[0], to[1] - from[1]];
+    let length_m = along[0].hypot(along[1]).max(1e-9);
+    let [x, y] = along.map(|side| side / length_m * VIRTUAL_WALL_M / 2.0);
+    [[from[0] + y, from[1] - x], [to[0] + y, to[1] - x], [to[0] - y, to[1] + x], [from[0] - y, from[1] + x]]
+}
+
+/// Returns the fraction of a polygon's cells that are free; 0 for a polygon without cells.
+fn free_share(cells: &Grid<Cell>, polygon_m: &[[f64; 2]]) -> f64 {
+    let (mut all, mut free) = (0usize, 0usize);
+    for_cells(&cells.frame, &[polygon_m], |index| {
+        all += 1;
+        free += usize::from(cells.cells[index] == Cell::Free);
+    });
+    if all == 0 { 0.0 } else { super::round(free as f64 / all as f64) }
+}

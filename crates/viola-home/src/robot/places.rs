@@ -1,0 +1,68 @@
+//! The places of a level to clean and to drive to: each room and each object.
+
+use super::area::{Cover, cover};
+use super::drive::Drive;
+use super::{RobotLevel, RobotObject, round};
+use serde::Serialize;
+use viola_geometry::taxonomy::Class;
+
+/// Width of the strip around an object that is cleaned with it.
+const AROUND_M: f64 = 0.5;
+
+/// A room, or the surroundings of an object.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Place {
+    /// Id of the room or the object.
+    pub id: String,
+    pub name: Option<String>,
+    /// The object's class; none for a room.
+    pub class: Option<Class>,
+    /// Id of the room that it is in; of a room its own.
+    pub room: Option<String>,
+    pub zone: Cover,
+    /// None without free space.
+    pub goal: Option<Goal>,
+}
+
+/// A position of the robot's centre in free space.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Goal {
+    pub x_m: f64,
+    pub y_m: f64,
+    /// Direction that faces the object; null for a room.
+    pub yaw_rad: Option<f64>,
+}
+
+/// Returns the rooms in their order, then the objects in theirs.
+pub fn places(level: &RobotLevel) -> Vec<Place> {
+    let drive = Drive::new(level);
+    let rooms = level.rooms.iter().map(|room| Place {
+        id: room.id.clone(),
+        name: room.name.clone(),
+        class: None,
+        room: Some(room.id.clone()),
+        zone: cover([f64::NEG_INFINITY; 2], [f64::INFINITY; 2], Some(room)),
+        goal: drive.inside(room).map(|at| Goal { x_m: round(at.x), y_m: round(at.y), yaw_rad: None }),
+    });
+    rooms.chain(level.objects.iter().map(|object| of_object(level, object, &drive))).collect()
+}
+
+fn of_object(level: &RobotLevel, object: &RobotObject, drive: &Drive) -> Place {
+    let room = level.room(object.room.as_deref());
+    let corners = object.bounds.corners();
+    let low = [0, 1].map(|axis| corners.iter().map(|c| c[axis]).fold(f64::INFINITY, f64::min) - AROUND_M);
+    let high =
+        [0, 1].map(|axis| corners.iter().map(|c| c[axis]).fold(f64::NEG_INFINITY, f64::max) + AROUND_M);
+    Place {
+        id: object.id.clone(),
+        name: Some(object.title()),
+        class: Some(object.class),
+        room: room.map(|room| room.id.clone()),
+        zone: cover(low, high, room),
+        goal: drive.beside(object, room).map(|pose| Goal {
+            x_m: round(pose.x_m),
+            y_m: round(pose.y_m),
+            yaw_rad: Some(round(pose.yaw_rad)),
+        }),
+    }
+}

@@ -1,0 +1,46 @@
+//! Segments of the robot's software and the rooms to which they belong.
+
+use super::RobotLevel;
+use super::area::owners;
+use super::round;
+use crate::rooms::Room;
+use viola_geometry::{Grid, GridFrame, Point2};
+
+/// Side of the raster's cells for maps without cells.
+const CELL_M: f64 = 0.05;
+
+/// A segment of the robot's map and its room.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Segment<'a> {
+    /// The robot's id.
+    pub id: &'a str,
+    /// The room with which it shares the most cells; none if it shares no cell with a room.
+    pub room: Option<&'a Room>,
+    /// Fraction of the segment's cells in this room.
+    pub overlap: f64,
+}
+
+/// Returns the segments of a level's LiDAR map, in its order.
+pub fn segments<'a>(level: &'a RobotLevel) -> Vec<Segment<'a>> {
+    let owners = owners(frame(level), &level.rooms);
+    level.lidar.rooms.iter().map(|segment| owner(&segment.id, &segment.cells_m, level, &owners)).collect()
+}
+
+fn frame(level: &RobotLevel) -> GridFrame {
+    match &level.lidar.cells {
+        Some(cells) => cells.frame,
+        None => GridFrame::covering(level.lidar.info.min_m, level.lidar.info.max_m, 0.0, CELL_M),
+    }
+}
+
+fn owner<'a>(id: &'a str, cells_m: &[Point2], level: &'a RobotLevel, owners: &Grid<u16>) -> Segment<'a> {
+    let mut counts = vec![0usize; level.rooms.len() + 1];
+    for cell in cells_m {
+        counts[usize::from(owners.at(cell).unwrap_or(0))] += 1;
+    }
+    // Of equal counts the first room is taken.
+    let most = (1..counts.len()).max_by(|a, b| counts[*a].cmp(&counts[*b]).then(b.cmp(a)));
+    let most = most.filter(|number| counts[*number] > 0);
+    let share = most.map_or(0.0, |number| counts[number] as f64 / cells_m.len() as f64);
+    Segment { id, room: most.and_then(|number| level.rooms.get(number - 1)), overlap: round(share) }
+}

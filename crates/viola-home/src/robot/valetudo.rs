@@ -1,0 +1,209 @@
+//! For Valetudo: the robot's map with the names of rooms, and bodies of its REST calls for rooms and objects
+//! (Hypfer/Valetudo, `ZoneCleaningCapabilityRouter.js` and `GoToLocationCapabilityRouter.js`).
+
+use super::RobotLevel;
+use super::area::Rectangle;
+use super::places::{Goal, Place, places};
+use super::segments::{Segment, segments};
+use serde::Serialize;
+use serde_json::Value;
+use viola_formats::lidar::RobotFrame;
+use viola_geometry::taxonomy::Class;
+
+/// Maximum size of a map that is sent back: it is held as values in memory. The largest known has 0.7 MB.
+const MAX_MAP_BYTES: usize = 8 << 20;
+
+/// The answer.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ValetudoFile {
+    pub coordinates: Coordinates,
+    /// The uploaded map, in which `metaData.name` of each segment is the name of its room; null with a reason in
+    /// `map_absent`.
+    pub map: Option<Value>,
+    pub map_absent: Option<Absent>,
+    pub segments: Vec<SegmentName>,
+    pub rooms: Vec<Target>,
+    pub objects: Vec<Target>,
+}
+
+/// The coordinates of zones and goals.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Coordinates {
+    /// Format of the uploaded LiDAR map.
+    pub format: String,
+    /// True for Valetudo's: the bodies can be sent as they are. Else they are in the LiDAR map's own frame.
+    pub is_valetudo: bool,
+    /// `cm` or `m`.
+    pub unit: &'static str,
+    pub is_y_down: bool,
+}
+
+/// A reason for which a part of the answer is absent.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Absent {
+    pub code: &'static str,
+    pub detail: String,
+}
+
+/// A segment and the room whose name it gets.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SegmentName {
+    pub segment: String,
+    pub room: Option<String>,
+    /// Null for a room without a name: the segment keeps its own.
+    pub name: Option<String>,
+    /// Fraction of the segment's cells in the room.
+    pub overlap: f64,
+}
+
+/// A room or an object to clean and to drive to.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Target {
+    pub id: String,
+    pub name: Option<String>,
+    pub class: Option<Class>,
+    pub room: Option<String>,
+    /// Body of `PUT /api/v2/robot/capabilities/ZoneCleaningCapability`; null without a zone.
+    pub zone_cleaning: Option<ZoneCleaning>,
+    /// Fraction of the area that the zones cover.
+    pub covered: f64,
+    /// Body of `PUT /api/v2/robot/capabilities/GoToLocationCapability`; null without free space.
+    pub go_to: Option<GoTo>,
+    /// The same goal in the map's frame, in metres.
+    pub goal: Option<Goal>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ZoneCleaning {
+    pub action: &'static str,
+    pub zones: Vec<Zone>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Zone {
+    pub points: Corners,
+    pub iterations: u8,
+}
+
+/// Corners of a zone: upper left, upper right, lower right, lower left.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub struct Corners {
+    pub p_a: At,
+    pub p_b: At,
+    pub p_c: At,
+    pub p_d: At,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct At {
+    pub x: f64,
+    pub y: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct GoTo {
+    pub action: &'static str,
+    pub coordinates: At,
+}
+
+/// Returns the answer for a level. `json` is the uploaded Valetudo map, if it is one.
+pub fn valetudo(level: &RobotLevel, json: Option<&[u8]>) -> ValetudoFile {
+    let segments = segments(level);
+    let (map, map_absent) = match named(json, &segments) {
+        Ok(map) => (Some(map), None),
+        Err(absent) => (None, Some(absent)),
+    };
+    let frames = &level.lidar.frames;
+    let frame = frames.valetudo.unwrap_or(RobotFrame::MAP);
+    let (rooms, objects) = places(level).into_iter().map(|place| target(place, &frame)).partition(is_room);
+    ValetudoFile {
+        coordinates: Coordinates {
+            format: level.lidar.info.format.clone(),
+            is_valetudo: frames.valetudo.is_some(),
+            unit: frame.unit(),
+            is_y_down: frame.is_y_down,
+        },
+        map,
+        map_absent,
+        segments: segments.iter().map(SegmentName::of).collect(),
+        rooms,
+        objects,
+    }
+}
+
+fn is_room(target: &Target) -> bool {
+    target.class.is_none()
+}
+
+impl SegmentName {
+    fn of(segment: &Segment) -> SegmentName {
+        SegmentName {
+            segment: segment.id.to_owned(),
+            room: segment.room.map(|room| room.id.clone()),
+            name: segment.room.and_then(|room| room.name.clone()),
+            overlap: segment.overlap,
+        }
+    }
+}
+
+/// Returns the map with the names of its segments; everything else in it stays.
+fn named(json: Option<&[u8]>, segments: &[Segment]) -> Result<Value, Absent> {
+    let absent = |code, detail: String| Absent { code, detail };
+    let json = json.ok_or_else(|| {
+        let detail = "the LiDAR map was not uploaded as Valetudo's JSON, so that it has no segments to name";
+        absent("not_valetudo", detail.to_owned())
+    })?;
+    if json.len() > MAX_MAP_BYTES {
+        let detail = format!("the LiDAR map has {} bytes; at most {MAX_MAP_BYTES} are sent back", json.len());
+        return Err(absent("map_too_large", detail));
+    }
+    let mut map: Value =
+        serde_json::from_slice(json).map_err(|error| absent("unreadable_map", error.to_string()))?;
+    let layers = map.get_mut("layers").and_then(Value::as_array_mut);
+    let is_segment = |layer: &&mut Value| layer.get("type").and_then(Value::as_str) == Some("segment");
+    // The reader keeps the order of the segments.
+    for (layer, segment) in layers.into_iter().flatten().filter(is_segment).zip(segments) {
+        let Some(name) = segment.room.and_then(|room| room.name.as_ref()) else { continue };
+        let meta = layer
+            .as_object_mut()
+            .map(|layer| layer.entry("metaData").or_insert_with(|| Value::Object(Default::default())));
+        if let Some(meta) = meta.and_then(Value::as_object_mut) {
+            meta.insert("name".to_owned(), Value::from(name.as_str()));
+        }
+    }
+    Ok(map)
+}
+
+fn target(place: Place, frame: &RobotFrame) -> Target {
+    let Place { id, name, class, room, zone, goal } = place;
+    let zones: Vec<Zone> = zone.rectangles.iter().map(|rectangle| of_rectangle(rectangle, frame)).collect();
+    Target {
+        id,
+        name,
+        class,
+        room,
+        zone_cleaning: (!zones.is_empty()).then_some(ZoneCleaning { action: "clean", zones }),
+        covered: super::round(zone.covered),
+        go_to: goal.map(|goal| GoTo { action: "goto", coordinates: at(frame, [goal.x_m, goal.y_m]) }),
+        goal,
+    }
+}
+
+fn of_rectangle(rectangle: &Rectangle, frame: &RobotFrame) -> Zone {
+    let ([left, bottom], [right, top]) = (rectangle.low_m, rectangle.high_m);
+    Zone {
+        points: Corners {
+            p_a: at(frame, [left, top]),
+            p_b: at(frame, [right, top]),
+            p_c: at(frame, [right, bottom]),
+            p_d: at(frame, [left, bottom]),
+        },
+        iterations: 1,
+    }
+}
+
+fn at(frame: &RobotFrame, point_m: [f64; 2]) -> At {
+    let [x, y] = frame.rounded(point_m);
+    At { x, y }
+}

@@ -1,0 +1,223 @@
+//! `/v1/homes/{home}/map/robot`: files for robots and homes, made on request.
+
+use super::scene::scene;
+use super::{App, LevelQuery, level, revision};
+use crate::api::bodies::FileBytes;
+use crate::api::error::Error;
+use crate::api::extract::{HomePath, Query};
+use crate::api::problems::CommonProblems;
+use crate::api::reply::{is_known, tag_of, tagged};
+use crate::storage::{HomeId, HomeMap, MapLevel, MapScene, StorageError, map_file};
+use axum::body::Bytes;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
+use tokio::sync::Semaphore;
+use viola_formats::lidar::{LidarMap, valetudo_json};
+use viola_geometry::LevelName;
+use viola_home::{Ground, PlanImage, RobotLevel, Tile};
+
+/// A LiDAR map as values takes a hundred megabytes at most, so that the others wait.
+static ONE_AT_A_TIME: Semaphore = Semaphore::const_new(1);
+
+/// The format of a file for robots.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(in crate::api) struct RobotQuery {
+    /// `nav2`, `valetudo`, `matter` or `calibration`.
+    #[param(value_type = RobotFormat, required = true, example = "valetudo")]
+    format: Option<String>,
+}
+
+/// A file for robots and homes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, utoipa::ToSchema)]
+#[schema(rename_all = "lowercase")]
+pub(in crate::api) enum RobotFormat {
+    /// A zip of maps and masks for Nav2.
+    Nav2,
+    /// The robot's map with the names of rooms, and bodies of Valetudo's REST calls.
+    Valetudo,
+    /// Areas and maps of Matter's Service Area cluster.
+    Matter,
+    /// Configuration of the Xiaomi vacuum map card for Home Assistant.
+    Calibration,
+}
+
+impl RobotFormat {
+    const ALL: [RobotFormat; 4] =
+        [RobotFormat::Nav2, RobotFormat::Valetudo, RobotFormat::Matter, RobotFormat::Calibration];
+
+    fn name(self) -> &'static str {
+        match self {
+            RobotFormat::Nav2 => "nav2",
+            RobotFormat::Valetudo => "valetudo",
+            RobotFormat::Matter => "matter",
+            RobotFormat::Calibration => "calibration",
+        }
+    }
+
+    fn media_type(self) -> &'static str {
+        if self == RobotFormat::Nav2 { "application/zip" } else { "application/json" }
+    }
+
+    fn ending(self) -> &'static str {
+        if self == RobotFormat::Nav2 { "zip" } else { "json" }
+    }
+
+    fn wanted(asked: Option<&str>) -> Result<RobotFormat, Error> {
+        let found = RobotFormat::ALL.into_iter().find(|format| Some(format.name()) == asked);
+        found.ok_or_else(|| Error::InvalidQuery {
+            field: Some("format"),
+            detail: "format is nav2, valetudo, matter or calibration".to_owned(),
+        })
+    }
+}
+
+/// Get a file for robots and homes: Nav2 maps and masks, Valetudo names and zones, Matter areas, or a map card
+///
+/// `nav2` is a zip, the others are JSON; docs/robots.md describes their members, frames and units. `matter` has all
+/// levels unless one is given. The file is made on request; keep it with its `ETag`.
+#[utoipa::path(get, path = "/v1/homes/{home}/map/robot", tag = "map", params(HomePath, RobotQuery, LevelQuery),
+    responses((status = 200, description = "The file", content(
+            (FileBytes = "application/json"), (FileBytes = "application/zip"))),
+        (status = 304, description = "The client has it"), CommonProblems))]
+pub(in crate::api) async fn get_map_robot(
+    State(app): State<App>,
+    HomePath { home }: HomePath,
+    Query(query): Query<RobotQuery>,
+    Query(of): Query<LevelQuery>,
+    headers: HeaderMap,
+) -> Result<Response, Error> {
+    let format = RobotFormat::wanted(query.format.as_deref())?;
+    let map = revision(&app, &home, of.revision.as_deref()).await?;
+    let levels = match of.level.as_deref() {
+        None if format == RobotFormat::Matter => map.levels.as_slice(),
+        asked => std::slice::from_ref(level(&map, asked)?),
+    };
+    let names: Vec<&str> = levels.iter().map(|level| level.level.as_str()).collect();
+    let tag = tag_of(&[
+        &map.revision.to_le_bytes(),
+        &map.created_at.as_millisecond().to_le_bytes(),
+        names.join("/").as_bytes(),
+        format.name().as_bytes(),
+    ]);
+    if is_known(&headers, &tag) {
+        return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
+    }
+    let _turn = ONE_AT_A_TIME.acquire().await.expect("the semaphore is never closed");
+    let mut sources = Vec::new();
+    for level in levels {
+        sources.push(Source::read(&app, &home, &map, level, format).await?);
+    }
+    let bytes = apart(move || write(format, &sources)).await?;
+    let mut answer = Bytes::from(bytes).into_response();
+    answer.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()));
+    let name =
+        format!("attachment; filename=\"{home}-{}-{}.{}\"", map.revision, format.name(), format.ending());
+    if let Ok(name) = HeaderValue::from_str(&name) {
+        answer.headers_mut().insert(header::CONTENT_DISPOSITION, name);
+    }
+    Ok(tagged(answer, &tag))
+}
+
+/// The parts of one level that a file is made of.
+struct Source {
+    level: LevelName,
+    lidar: LidarMap,
+    scene: MapScene,
+    /// The LiDAR map's file, if it is Valetudo's.
+    valetudo: Option<Vec<u8>>,
+    /// For Nav2: the rugs and stairs.
+    ground: Option<Ground>,
+    /// For the map card: the frame of `plan.png`.
+    image: Option<PlanImage>,
+}
+
+impl Source {
+    async fn read(
+        app: &App,
+        home: &HomeId,
+        map: &HomeMap,
+        level: &MapLevel,
+        format: RobotFormat,
+    ) -> Result<Source, Error> {
+        let storage = &app.storage;
+        let found = storage.lidar_map_revision(home, level.level, level.lidar_map_revision).await?;
+        let file = storage.lidar_map_file(found.ok_or(Error::NoSuchMap)?.id()).await?;
+        let read = apart(move || {
+            let lidar = LidarMap::read(&file).map_err(|error| damaged("lidar map", &error.to_string()))?;
+            let valetudo = valetudo_json(&file).filter(|_| format == RobotFormat::Valetudo);
+            let ground = (format == RobotFormat::Nav2).then(|| Ground::new(&lidar));
+            Ok((lidar, valetudo, ground))
+        });
+        let (lidar, valetudo, mut ground) = read.await?;
+        if let Some(ground) = &mut ground {
+            for file in storage.home_map_files(home, map.revision, level.level, map_file::TILE).await? {
+                // A tile is missing if its revision was removed meanwhile.
+                let bytes = storage.map_file_bytes(&file).await?.ok_or(Error::NoSuchMap)?;
+                ground.add(&Tile::read(&bytes).map_err(|error| damaged("tile", &error.to_string()))?);
+            }
+        }
+        let image = match format {
+            RobotFormat::Calibration => Some(image(app, home, map, level.level).await?),
+            _ => None,
+        };
+        let scene = scene(app, home, map, level.level).await?;
+        Ok(Source { level: level.level, lidar, scene, valetudo, ground, image })
+    }
+
+    fn robot_level(&self) -> RobotLevel<'_> {
+        RobotLevel {
+            level: self.level,
+            lidar: &self.lidar,
+            rooms: self.scene.rooms.iter().map(|room| room.room.clone()).collect(),
+            objects: self.scene.objects.iter().map(|object| object.for_robot()).collect(),
+        }
+    }
+}
+
+/// Returns the frame of a level's `plan.png`.
+async fn image(app: &App, home: &HomeId, map: &HomeMap, level: LevelName) -> Result<PlanImage, Error> {
+    let files = app.storage.home_map_files(home, map.revision, level, map_file::PLAN_JSON).await?;
+    let file = files.first().ok_or(Error::NoSuchMap)?;
+    let json = app.storage.map_file_bytes(file).await?.ok_or(Error::NoSuchMap)?;
+    PlanImage::in_plan_json(&json).ok_or_else(|| Error::InvalidQuery {
+        field: Some("revision"),
+        detail: format!(
+            "revision {} was made by an earlier version, without the frame of its picture; ask for a later one",
+            map.revision
+        ),
+    })
+}
+
+/// Returns the file of the given levels.
+fn write(format: RobotFormat, sources: &[Source]) -> Result<Vec<u8>, Error> {
+    let levels: Vec<RobotLevel> = sources.iter().map(Source::robot_level).collect();
+    let (Some(level), Some(source)) = (levels.first(), sources.first()) else { return Err(Error::NoSuchMap) };
+    Ok(match (format, &source.ground, &source.image) {
+        (RobotFormat::Nav2, Some(ground), _) => viola_home::nav2_zip(&viola_home::nav2_files(level, ground)?),
+        (RobotFormat::Calibration, _, Some(image)) => json(&viola_home::calibration(level, image)),
+        (RobotFormat::Matter, ..) => json(&viola_home::matter(&levels)),
+        (RobotFormat::Valetudo, ..) => json(&viola_home::valetudo(level, source.valetudo.as_deref())),
+        (RobotFormat::Nav2 | RobotFormat::Calibration, ..) => return Err(Error::NoSuchMap),
+    })
+}
+
+fn json(value: &impl Serialize) -> Vec<u8> {
+    serde_json::to_vec(value).expect("our own documents have text keys and cannot fail to serialise")
+}
+
+fn damaged(column: &'static str, detail: &str) -> Error {
+    StorageError::Column { column, detail: detail.to_owned() }.into()
+}
+
+/// Runs work on a thread that may block.
+async fn apart<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T, Error> + Send + 'static,
+) -> Result<T, Error> {
+    match tokio::task::spawn_blocking(work).await {
+        Ok(done) => done,
+        Err(error) => std::panic::resume_unwind(error.into_panic()),
+    }
+}
