@@ -22,6 +22,7 @@ mod points;
 mod rooms;
 mod shades;
 mod svg;
+mod thumbnail;
 
 pub use assemble::{
     Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, Level, LoadClips, LookedThrough, Manifest,
@@ -59,6 +60,7 @@ pub use ply::{NotOurs, cloud_ply, read_cloud_ply};
 pub use points::{ClipNumbers, Glb, Ply, PointFilter};
 pub use rooms::outline::Outline;
 pub use rooms::{Room, RoomSource, merged, rooms};
+pub use thumbnail::thumbnail_jpg;
 
 /// Side of the map's voxels; the same as of the clips' clouds.
 pub const MAP_VOXEL_M: f64 = 0.03;
