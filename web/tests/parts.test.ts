@@ -125,11 +125,12 @@ test("a clip without a certain place gets advice, and any other none", () => {
   assert.deepEqual(adviceOf(clip("aligning", [])), []);
 });
 
-test("the room whose walls are filmed least is wanted first", () => {
-  const rooms = ["a", "b", "c"].map((id, i) => ({ id, area_m2: 10 + i })) as Room[];
-  const by_room = [["a", 0.4], ["b", 0.9], ["c", 0.2], ["gone", 0]].map(([room, seen]) => ({ room, seen, floor_seen: 0 }));
+test("the room with the longest walls that no clip shows is wanted first", () => {
+  const square = (side: number) => [[0, 0], [side, 0], [side, side], [0, side]];
+  const rooms = ["a", "b", "c", "d"].map((id, i) => ({ id, polygon_m: square([3, 9, 5, 1][i] ?? 0) })) as unknown as Room[];
+  const by_room = [["a", 0.4], ["b", 0.9], ["c", 0.45], ["d", 0], ["gone", 0]].map(([room, seen]) => ({ room, seen, floor_seen: 0 }));
   const coverage = { by_room } as unknown as Coverage;
-  assert.deepEqual(wantedRooms({ rooms, coverage }).map(({ id }) => id), ["c", "a"]);
+  assert.deepEqual(wantedRooms({ rooms, coverage }).map(({ id }) => id), ["c", "a", "d"]);
   assert.deepEqual(wantedRooms({ rooms, coverage: null }), []);
 });
 

@@ -13,7 +13,7 @@ const ADVICE: Record<string, string> = {
   map_empty: "The LiDAR map has no walls. Let the robot map the home again, and put the new map.",
   no_support: "Probably not this home, or a part of it that the robot has not mapped. If it is this home, put a newer " +
     "LiDAR map; if not, delete the clip.",
-  several_modes: "Film more of the walls and corners of this room, or choose its place below.",
+  several_modes: "Film more of the walls and corners of this room, or choose its place on the page of the clip.",
   weak_evidence: "Film more of the walls, and their lower half.",
   too_few_hits: "Film more of the walls: step back, and hold the phone so that the floor is in sight too.",
   no_floor: "Film again with the floor in sight.",

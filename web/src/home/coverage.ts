@@ -19,13 +19,21 @@ export interface Filmed {
   floor: number;
 }
 
-/** The rooms whose coverage is known, the least filmed first; of two alike the larger. */
+/** The rooms whose coverage is known, in the order of the length of their walls that no clip shows. */
 export function filmedRooms({ rooms, coverage }: Pick<HomeData, "rooms" | "coverage">): Filmed[] {
   const known = (coverage?.by_room ?? []).flatMap(({ room: id, seen, floor_seen }): Filmed[] => {
     const room = rooms.find((one) => one.id === id);
     return room ? [{ room, walls: seen, floor: floor_seen }] : [];
   });
-  return known.sort((a, b) => a.walls - b.walls || b.room.area_m2 - a.room.area_m2);
+  const missing_m = ({ room, walls }: Filmed) => (1 - walls) * perimeter_m(room);
+  return known.sort((a, b) => missing_m(b) - missing_m(a));
+}
+
+function perimeter_m({ polygon_m }: Room): number {
+  return polygon_m.reduce((sum, [x, y], i) => {
+    const [u, v] = polygon_m[(i + 1) % polygon_m.length] ?? [x, y];
+    return sum + Math.hypot(u - x, v - y);
+  }, 0);
 }
 
 /** The rooms that are worth filming, the next one first. */
@@ -53,7 +61,7 @@ export class CoveragePanel {
     if (rooms.length === 0) return put(this.element, h("p", { class: "hint" }, "It comes with the first map."));
     put(this.element,
       h("p", { class: "hint" }, next
-        ? `Film ${roomName(next)} next: the clips show ${percent(rooms[0]?.walls)} of its walls.`
+        ? `Film ${roomName(next)} next: the clips show ${percent(rooms.find(({ room }) => room === next)?.walls)} of its walls.`
         : "The clips show at least half of the walls of every room."),
       h("ul", { class: "things" }, ...rooms.map((filmed) => this.row(filmed, filmed.room === next))));
   }

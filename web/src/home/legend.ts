@@ -24,12 +24,12 @@ export class Legend {
 
   draw(): void {
     const entries = this.entries();
-    const isRamp = this.isFused && this.looks.colouring === "probability";
-    const drawn = JSON.stringify([entries, isRamp]);
+    const ramps = this.ramps();
+    const drawn = JSON.stringify([entries, ramps]);
     if (drawn === this.drawn) return;
     this.drawn = drawn;
-    this.element.hidden = entries.length === 0 && !isRamp;
-    put(this.element, isRamp && ramp(), ...entries.map(([word, colour]) => {
+    this.element.hidden = entries.length + ramps.length === 0;
+    put(this.element, ...ramps.map(ramp), ...entries.map(([word, colour]) => {
       const swatch = h("span", { class: "swatch" });
       swatch.style.background = colour;
       return h("span", { class: "legend-entry" }, swatch, word);
@@ -38,6 +38,15 @@ export class Legend {
 
   private get isFused(): boolean {
     return this.looks.layers.has("points") && this.data.map !== null;
+  }
+
+  /** What the ramps of colours are of. */
+  private ramps(): string[] {
+    const { data, looks } = this;
+    return [
+      ...(this.isFused && looks.colouring === "probability" ? ["Probability"] : []),
+      ...(looks.view === "2d" && looks.layers.has("coverage") && data.coverage ? ["Walls filmed"] : []),
+    ];
   }
 
   private entries(): [string, string][] {
@@ -52,9 +61,8 @@ export class Legend {
   }
 }
 
-/** The colours of probability. */
-function ramp(): HTMLElement {
+function ramp(word: string): HTMLElement {
   const bar = h("span", { class: "ramp" });
   bar.style.background = `linear-gradient(to right, ${RAMP.map(css).join(", ")})`;
-  return h("span", { class: "legend-entry" }, h("span", {}, "0"), bar, h("span", {}, "1"));
+  return h("span", { class: "legend-entry" }, h("span", {}, `${word}: 0`), bar, h("span", {}, "1"));
 }

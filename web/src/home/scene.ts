@@ -285,9 +285,10 @@ export class HomeScene {
     plan.showPicture(looks.layers.has("lidar"));
     const rooms = looks.layers.has("rooms") ? data.rooms : [];
     plan.setLayer("rooms", ...rooms.map((room) => shapes.room(room)));
-    const filmed = looks.layers.has("coverage") ? filmedRooms(data) : [];
-    plan.setLayer("coverage", ...filmed.map(({ room, walls }) => shapes.room(room, "room filmed", ramped(walls))));
-    plan.setLayer("wanted", ...this.wantedRooms().map((room) => shapes.room(room, "room wanted")));
+    const [filmed, wanted] = [looks.layers.has("coverage") ? filmedRooms(data) : [], this.wantedRooms()];
+    const others = filmed.filter(({ room }) => room !== wanted[0]);
+    plan.setLayer("coverage", ...others.map(({ room, walls }) => shapes.room(room, "room filmed", ramped(walls))));
+    plan.setLayer("wanted", ...wanted.map((room, i) => shapes.room(room, i === 0 ? "room wanted next" : "room wanted")));
     const things = this.things();
     plan.setLayer("things", ...things.map((thing) =>
       shapes.thing(thing, this.colourOf(thing.class), thingName(thing))));

@@ -177,7 +177,8 @@ class ClipPage {
         say(`Place ${index + 1} is chosen; the map is made again.`);
         this.repeated.again();
       });
-    const title = list.length === 1 ? "The place" : `${list.length} places that explain it`;
+    const isDoubtful = clip.state === "failed" || isForeign(clip);
+    const title = isDoubtful ? "Places that were tried" : list.length === 1 ? "The place" : `${list.length} places that explain it`;
     put(this.places, h("h2", {}, title), alternatives(clip, ground, isUnderWay(clip) ? null : choose));
   }
 

@@ -31,6 +31,12 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
     await put("/v1/homes/house/lidar-maps/main", smallRoom());
     await put("/v1/homes/house/lidar-maps/upper", (await file("normal", "valetudo.json")).bytes);
     await dropFiles(page, [await file("normal", "clip_0.zip")]);
+    // A map of points knows no free floor, so that the small room may remain a rival: a person decides.
+    await page.locator("li.clip:is(.aligned, .ambiguous)").waitFor();
+    const { items: [{ id, alignment }] } = await open("/v1/homes/house/clips");
+    const alternative = alignment.alternatives.findIndex(({ level }) => level === "upper");
+    const chosen = await page.request.put(`${base}/v1/homes/house/clips/${id}/alignment`, { data: { alternative } });
+    assert.ok(chosen.ok(), `the choice was answered with ${chosen.status()}`);
     const clip = page.locator("li.clip.aligned");
     await clip.getByText("upper").waitFor();
     await page.locator(".views[data-level=main]").waitFor();
