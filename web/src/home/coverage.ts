@@ -70,7 +70,7 @@ export class CoveragePanel {
     const bar = h("span", { class: "coverage-bar" });
     bar.style.setProperty("--share", percentOf(walls));
     bar.style.setProperty("--paint", css(ramped(walls)));
-    const button = h("button", { type: "button", class: "thing-row", title: `${percent(floor)} of its floor` },
+    const button = h("button", { type: "button", class: "coverage-row", title: `${percent(floor)} of its floor` },
       h("span", { class: "word" }, roomName(room), isNext ? h("strong", { class: "next" }, " · film here next") : null),
       bar, h("span", { class: "hint figure" }, percent(walls)));
     button.addEventListener("click", () => this.onChosen({ kind: "room", id: room.id }));

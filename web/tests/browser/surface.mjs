@@ -81,7 +81,7 @@ export function surfaceSteps({ page, open, say, pictures, touchEverything, servi
     assert.equal(await page.locator("path.room.wanted").count(), wanted.length);
     assert.equal(await page.locator("path.room.next").count(), next);
     await page.locator("summary", { hasText: "Coverage" }).click();
-    const rows = page.locator(".section:has(.coverage-bar) .thing-row");
+    const rows = page.locator(".coverage-row");
     assert.equal(await rows.count(), by_room.length);
     assert.equal(await rows.filter({ hasText: "film here next" }).count(), next);
     await page.locator("input[data-name=coverage]").uncheck();
