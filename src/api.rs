@@ -142,6 +142,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(clip_results::get_clip_cloud))
         .routes(routes!(clip_results::get_clip_completion))
         .routes(routes!(clip_results::get_clip_scan))
+        .routes(routes!(clip_results::get_clip_thumbnail))
         .routes(routes!(map::get_map))
         .routes(routes!(map::list_map_revisions))
         .routes(routes!(map::get_map_plan))

@@ -5,13 +5,17 @@ use super::bodies::{FileBytes, send, understand};
 use super::error::Error;
 use super::extract::ClipPath;
 use super::problems::CommonProblems;
+use super::reply::{tag_of, unless_known};
 use super::types::ClipScan;
 use crate::storage::{HomeId, StorageError, result_file};
 use axum::extract::State;
-use axum::http::{HeaderValue, header};
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use uuid::Uuid;
 use viola_home::{MAP_VOXEL_M, NotOurs, cloud_ply, read_cloud_ply};
+
+/// A picture of somebody's home belongs into no shared cache.
+const THUMBNAIL_CACHE: &str = "private, max-age=300";
 
 /// Get a picture of the LiDAR map with the clip's hit points and path
 #[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}/overlay.png", tag = "clips",
@@ -70,6 +74,28 @@ pub(super) async fn get_clip_scan(
     ClipPath { home, clip }: ClipPath,
 ) -> Result<Response, Error> {
     send_result(app, home, clip, result_file::SCAN, "application/json").await
+}
+
+/// Get a small picture of the clip: its sharpest frame of about five, upright
+///
+/// The job that aligns the clip makes it. Its longest side has 320 pixels. A clip without an answer returns 404
+/// `result-not-found`; a clip without a colour picture, or with an answer of an earlier version, `no-thumbnail`.
+#[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}/thumbnail.jpg", tag = "clips",
+    params(ClipPath),
+    responses((status = 200, description = "The picture", body = FileBytes, content_type = "image/jpeg"),
+        (status = 304, description = "The client has it"), CommonProblems))]
+pub(super) async fn get_clip_thumbnail(
+    State(app): State<App>,
+    ClipPath { home, clip: id }: ClipPath,
+    headers: HeaderMap,
+) -> Result<Response, Error> {
+    let clip = app.storage.clip(&home, id).await?;
+    let result = clip.result_key().ok_or(Error::NoSuchResult(clip.state.name()))?;
+    let tag = tag_of(&[result.as_bytes()]);
+    let blob = app.storage.clip_result(&clip, result_file::THUMBNAIL).await?.ok_or(Error::NoThumbnail)?;
+    let mut answer = unless_known(&headers, &tag, || send(blob, "image/jpeg"));
+    answer.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static(THUMBNAIL_CACHE));
+    Ok(answer)
 }
 
 async fn send_result(

@@ -104,6 +104,10 @@ pub(super) enum Error {
     )]
     NoSuchResult(&'static str),
     #[error(
+        "no frame of the clip has a colour picture that can be decoded, or an earlier version of the service aligned it; align it again to find out"
+    )]
+    NoThumbnail,
+    #[error(
         "the home has no map of this revision: none before a clip of it has been aligned and merged, and the newest five are kept"
     )]
     NoSuchMap,
@@ -183,6 +187,7 @@ impl Error {
                 (S::GONE, "map_revision_removed", "The revision is not kept any more")
             }
             Error::NoSuchResult(_) => (S::NOT_FOUND, "result_not_found", "The clip has no such file now"),
+            Error::NoThumbnail => (S::NOT_FOUND, "no_thumbnail", "The clip has no thumbnail"),
             Error::NoSuchMap => (S::NOT_FOUND, "map_not_found", "The home has no such map"),
             Error::NoSuchRoute => (S::NOT_FOUND, "route_not_found", "There is nothing under this path"),
             Error::MethodNotAllowed => {

@@ -132,6 +132,7 @@ fn finish(
     ];
     files.extend(chosen.map(|map| (result_file::OVERLAY, home::overlay_png(map.lidar, &aligned))));
     files.extend(home::completion_png(&aligned).map(|png| (result_file::COMPLETION, png)));
+    files.extend(home::thumbnail_jpg(clip).map(|jpg| (result_file::THUMBNAIL, jpg)));
     aligned.alignment.seconds = watch.stop();
     Ok(Finished { alignment: aligned.alignment, files })
 }

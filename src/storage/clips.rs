@@ -54,6 +54,11 @@ impl Clip {
         let chosen = self.choice.as_ref().map(|choice| choice.map_from_clip);
         placed.or(chosen).or_else(|| self.alignment.as_ref()?.map_from_clip)
     }
+
+    /// Returns the key of the clip's result; every attempt at a job has its own. `None` without an answer.
+    pub fn result_key(&self) -> Option<&str> {
+        self.result_key.as_deref()
+    }
 }
 
 /// A clip whose file was opened and validated.

@@ -8,6 +8,8 @@ pub const VIEWS: &str = "views.bin";
 pub const FEATURES: &str = "features.bin";
 pub const SCAN: &str = "scan.json";
 pub const COMPLETION: &str = "completion.png";
+/// Results of earlier versions and of clips without colour have none.
+pub const THUMBNAIL: &str = "thumbnail.jpg";
 
 /// All names; not every result has all of the files.
-pub const ALL: [&str; 6] = [OVERLAY, CLOUD, VIEWS, FEATURES, SCAN, COMPLETION];
+pub const ALL: [&str; 7] = [OVERLAY, CLOUD, VIEWS, FEATURES, SCAN, COMPLETION, THUMBNAIL];

@@ -19,7 +19,9 @@ async fn a_clip_goes_from_upload_to_its_pose_in_the_map() {
     assert_eq!((&clip["state"], &clip["job"]), (&json!("uploaded"), &Value::Null));
     assert_eq!(clip["reasons"][0]["code"], "no_lidar_map");
     assert_eq!((&clip["info"]["layout"], &clip["info"]["frames"]), (&json!("scannet"), &json!(24)));
-    server.get(&format!("{path}/overlay.png")).await.problem(404, "result-not-found");
+    for file in ["overlay.png", "thumbnail.jpg"] {
+        server.get(&format!("{path}/{file}")).await.problem(404, "result-not-found");
+    }
     server.post(&format!("{path}/align"), "").await.problem(409, "no-lidar-map");
 
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
@@ -45,6 +47,30 @@ async fn a_clip_goes_from_upload_to_its_pose_in_the_map() {
         alignment.as_object_mut().unwrap().remove("seconds").unwrap();
     }
     assert_eq!(again, first);
+}
+
+#[tokio::test]
+async fn a_thumbnail_comes_with_the_answer_and_goes_with_the_clip() {
+    let server = Server::start().await;
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    // A clip without a pose in the map has one too.
+    let clip = server.post(&format!("{home}/clips"), small_clip()).await;
+    let path = clip.header("location").to_owned();
+    assert_ne!(server.settled(&path).await["state"], "aligned");
+    let thumbnail = format!("{path}/thumbnail.jpg");
+    let answer = server.get(&thumbnail).await;
+    assert_eq!((answer.status, answer.header("content-type")), (200, "image/jpeg"));
+    assert_eq!(answer.header("cache-control"), "private, max-age=300");
+    let picture = image::load_from_memory_with_format(&answer.bytes, image::ImageFormat::Jpeg).unwrap();
+    assert!(picture.width().max(picture.height()) <= 320, "{} x {}", picture.width(), picture.height());
+    let tag = answer.header("etag").to_owned();
+    let known = server.request(Method::GET, &thumbnail).header("if-none-match", &tag);
+    let known = server.send(known).await;
+    assert_eq!((known.status, known.header("etag"), known.bytes.len()), (304, tag.as_str(), 0));
+
+    server.delete(&path).await.ok(204);
+    server.get(&thumbnail).await.problem(404, "clip-not-found");
 }
 
 /// Checks a pose against the bounds for real clips: 3 degrees and 0.1 m.

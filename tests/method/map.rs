@@ -13,13 +13,9 @@ use viola_testing::eventually;
 use viola_testing::process::{Process, viola};
 
 const CLIPS: u64 = 3;
-<<<<<<< HEAD
-const FILES: [&str; 16] = [
-    "home.mcap",
-=======
-const FILES: [&str; 17] = [
+const FILES: [&str; 20] = [
     "calibration.json",
->>>>>>> w-robot
+    "home.mcap",
     "map.json",
     "matter.json",
     "mesh.glb",

@@ -95,8 +95,15 @@ export async function deleteHome(id: string): Promise<void> {
   await send("DELETE", homePath(id));
 }
 
-export function lidarMap(id: string, signal: AbortSignal): Promise<LidarMap | null> {
-  return getIfThere(homePath(id, "lidar-map"), signal);
+/** The LiDAR maps of a home, one for each level, by the levels' names. */
+export async function lidarMaps(id: string, signal: AbortSignal): Promise<LidarMap[]> {
+  const answer: { items: LidarMap[] } = await get(homePath(id, "lidar-maps"), signal);
+  return answer.items;
+}
+
+/** The path of the picture of a level's LiDAR map. */
+export function lidarPicture(id: string, level: string): string {
+  return homePath(id, "lidar-maps", encodeURIComponent(level), "image.png");
 }
 
 /** All clips of a home, the oldest first. */
@@ -151,9 +158,9 @@ export async function things(home: string, signal: AbortSignal): Promise<Thing[]
   return answer?.objects ?? [];
 }
 
-/** The share of the LiDAR map that the clips explain, as a whole and by room; null where it is not told. */
-export function coverage(home: string, signal: AbortSignal): Promise<Coverage | null> {
-  return getIfThere(homePath(home, "map", "coverage"), signal);
+/** The share of a level's LiDAR map that the clips explain, as a whole and by room; null where it is not told. */
+export function coverage(home: string, level: string, signal: AbortSignal): Promise<Coverage | null> {
+  return getIfThere(homePath(home, "map", `coverage?level=${encodeURIComponent(level)}`), signal);
 }
 
 /** The revisions of the map that are kept, the newest first. */

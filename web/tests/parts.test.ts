@@ -9,6 +9,10 @@ import { frameOf, fromAbove, ramped } from "../src/plan/raster.ts";
 import { parse, toClip, toHome, toHomes } from "../src/route.ts";
 import { kindOfName, kindOfZip } from "../src/upload/kind.ts";
 import { bytes, percent, plain, seconds } from "../src/words.ts";
+import { adviceOf } from "../src/clip/advice.ts";
+import { wantedRooms } from "../src/home/coverage.ts";
+import { FILES } from "../src/home/files.ts";
+import type { Clip, Coverage, Room } from "../src/types.ts";
 
 const close = (a: readonly number[], b: readonly number[]) =>
   assert.ok(a.length === b.length && a.every((value, i) => Math.abs(value - (b[i] ?? NaN)) < 1e-9), `${a} is not ${b}`);
@@ -106,4 +110,31 @@ test("figures are short and never say more than is known", () => {
   assert.deepEqual([bytes(999), bytes(4_200_000), bytes(2e9)], ["999 B", "4.2 MB", "2.00 GB"]);
   assert.deepEqual([seconds(0.0021), seconds(0.34), seconds(12.34)], ["2 ms", "0.34 s", "12.3 s"]);
   assert.equal(plain("washing_machine"), "Washing machine");
+});
+
+test("a clip without a certain place gets advice, and any other none", () => {
+  const clip = (state: string, codes: string[], probability: number | null = null) => ({
+    state, choice: null, placement: null, reasons: codes.map((code) => ({ code, detail: code })),
+    alignment: probability === null ? null : { alternatives: [{ probability }] },
+  }) as unknown as Clip;
+  assert.match(adviceOf(clip("failed", ["no_support"]))[0] ?? "", /^Probably not this home/);
+  assert.match(adviceOf(clip("ambiguous", ["weak_evidence"], 0.05))[0] ?? "", /^Probably not this home/);
+  assert.match(adviceOf(clip("ambiguous", ["weak_evidence"], 0.7))[0] ?? "", /^Film more of the walls/);
+  assert.match(adviceOf(clip("failed", ["a_new_code"]))[0] ?? "", /^Film again/);
+  assert.deepEqual(adviceOf(clip("aligned", [], 0.97)), []);
+  assert.deepEqual(adviceOf(clip("aligning", [])), []);
+});
+
+test("the room with the longest walls that no clip shows is wanted first", () => {
+  const square = (side: number) => [[0, 0], [side, 0], [side, side], [0, side]];
+  const rooms = ["a", "b", "c", "d"].map((id, i) => ({ id, polygon_m: square([3, 9, 5, 1][i] ?? 0) })) as unknown as Room[];
+  const by_room = [["a", 0.4], ["b", 0.9], ["c", 0.45], ["d", 0], ["gone", 0]].map(([room, seen]) => ({ room, seen, floor_seen: 0 }));
+  const coverage = { by_room } as unknown as Coverage;
+  assert.deepEqual(wantedRooms({ rooms, coverage }).map(({ id }) => id), ["c", "a", "d"]);
+  assert.deepEqual(wantedRooms({ rooms, coverage: null }), []);
+});
+
+test("every file for download has a row and an address of its own", () => {
+  assert.equal(new Set(FILES.map(({ path }) => path.join("/"))).size, FILES.length);
+  assert.equal(new Set(FILES.map(({ word, format }) => `${word} ${format}`)).size, FILES.length);
 });

@@ -69,8 +69,9 @@ test("a shared address shows the same view", () => {
   looks.selected = { kind: "room", id: "room-2" };
   const viewpoint = { eye_m: [1, -2.5, 3.25] as Point3, target_m: [0, 0, 0.5] as Point3 };
   const other = new Looks();
-  assert.deepEqual(read(new URLSearchParams(written(looks, viewpoint).toString()), other), viewpoint);
-  assert.deepEqual(written(other, null).toString(), written(looks, null).toString());
+  assert.deepEqual(read(new URLSearchParams(written(looks, "upper", viewpoint).toString()), other), viewpoint);
+  assert.deepEqual(written(other, null, null).toString(), written(looks, null, null).toString());
+  assert.equal(written(looks, "upper", null).get("level"), "upper");
   for (const query of ["", "view=4d&colour=x&layers=&cut=-1&at=thing.x&from=1_2", "from=a_b_c_d_e_f&cut=NaN"]) {
     const untouched = new Looks();
     assert.equal(read(new URLSearchParams(query), untouched), null, query);

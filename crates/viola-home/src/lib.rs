@@ -24,6 +24,7 @@ mod robot;
 mod rooms;
 mod shades;
 mod svg;
+mod thumbnail;
 
 pub use assemble::{
     Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, Level, LoadClips, LookedThrough, Manifest,
@@ -66,6 +67,7 @@ pub use robot::{
 };
 pub use rooms::outline::Outline;
 pub use rooms::{Room, RoomSource, merged, rooms};
+pub use thumbnail::thumbnail_jpg;
 
 /// Side of the map's voxels; the same as of the clips' clouds.
 pub const MAP_VOXEL_M: f64 = 0.03;

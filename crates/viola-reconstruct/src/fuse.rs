@@ -202,7 +202,7 @@ pub fn choose(
 
 /// Returns the variance of the Laplacian of a picture's green channel at a quarter of its size. Motion blur
 /// lowers it (Pech-Pacheco et al., 2000).
-fn sharpness(picture: &image::RgbImage) -> f32 {
+pub fn sharpness(picture: &image::RgbImage) -> f32 {
     const STEP: u32 = 2;
     let (width, height) = picture.dimensions();
     let green = |x: u32, y: u32| f32::from(picture.get_pixel(x, y).0[1]);

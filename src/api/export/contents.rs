@@ -119,7 +119,14 @@ impl Contents {
         let storage = &self.app.storage;
         let folder = format!("clips/{}", clip.id);
         zip.document(&format!("{folder}/clip.json"), &types::Clip::from(clip.clone())).await?;
-        for name in [result_file::OVERLAY, result_file::COMPLETION, result_file::SCAN, result_file::CLOUD] {
+        let names = [
+            result_file::OVERLAY,
+            result_file::COMPLETION,
+            result_file::SCAN,
+            result_file::CLOUD,
+            result_file::THUMBNAIL,
+        ];
+        for name in names {
             if let Some(blob) = storage.clip_result(clip, name).await? {
                 zip.stream(&format!("{folder}/{name}"), blob.stream).await?;
             }

@@ -3,11 +3,8 @@
 use super::clip::HomeClip;
 use super::content::Content;
 use super::document::{ClipDocument, LevelDocument, MapDocument};
-<<<<<<< HEAD
 use super::exports::LevelExports;
-=======
 use super::robot;
->>>>>>> w-robot
 use crate::api::{objects_document, rooms_document};
 use crate::jobs::{Described, Earlier, describe};
 use crate::storage::{MapClip, MapObject, MapRoom, MapScene, map_file};
@@ -21,13 +18,8 @@ use viola_align::LevelMap;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
 use viola_home::{
-<<<<<<< HEAD
-    Assembly, ClipNumbers, ClipPath, HomeMapInfo, MESH_TRIANGLES, Manifest, Mesh, MeshObject, Ply, Tile,
-    TileKey, point_bytes,
-=======
-    Assembly, ClipNumbers, HomeMapInfo, MESH_TRIANGLES, Manifest, MatterFile, Mesh, MeshObject, Ply,
-    RobotLevel, Tile, TileKey, matter, point_bytes,
->>>>>>> w-robot
+    Assembly, ClipNumbers, ClipPath, HomeMapInfo, MESH_TRIANGLES, Manifest, MatterFile, Mesh, MeshObject,
+    Ply, RobotLevel, Tile, TileKey, matter, point_bytes,
 };
 
 /// Revision in `rooms.json` and `objects.json`: each run makes a first one.
@@ -38,12 +30,8 @@ pub struct HomeFiles<'a> {
     pub document: MapDocument,
     pub objects: Vec<MapObject>,
     pub rooms: Vec<MapRoom>,
-<<<<<<< HEAD
-    levels: Vec<LevelFiles<'a>>,
-=======
     matter: MatterFile,
-    levels: Vec<LevelFiles>,
->>>>>>> w-robot
+    levels: Vec<LevelFiles<'a>>,
     numbers: ClipNumbers,
     /// Of all clips in the map, with their levels.
     paths: Vec<(LevelName, ClipPath)>,
@@ -62,24 +50,15 @@ struct LevelFiles<'a> {
     tiles: Vec<Tile>,
 }
 
-<<<<<<< HEAD
 impl<'a> HomeFiles<'a> {
+    /// `valetudo` has the files of the LiDAR maps that are Valetudo's.
     pub fn new(
         maps: &[LevelMap<'a>],
+        valetudo: &BTreeMap<LevelName, Vec<u8>>,
         map: Assembly,
         clips: &[HomeClip],
         paths: Vec<(LevelName, ClipPath)>,
     ) -> Result<HomeFiles<'a>> {
-=======
-impl HomeFiles {
-    /// `valetudo` has the files of the LiDAR maps that are Valetudo's.
-    pub fn new(
-        maps: &[LevelMap],
-        valetudo: &BTreeMap<LevelName, Vec<u8>>,
-        map: Assembly,
-        clips: &[HomeClip],
-    ) -> Result<HomeFiles> {
->>>>>>> w-robot
         let Assembly { manifest, changed, looked } = map;
         let (mut objects, mut rooms) = (Vec::new(), Vec::new());
         let (mut levels, mut documents, mut for_robots) = (Vec::new(), Vec::new(), Vec::new());
@@ -105,11 +84,7 @@ impl HomeFiles {
             });
             objects.extend(scene.objects);
             rooms.extend(scene.rooms);
-<<<<<<< HEAD
-            levels.push(LevelFiles { level: map.level, lidar: map.lidar, plan, tiles });
-=======
-            levels.push(LevelFiles { level: map.level, plan, robot, tiles });
->>>>>>> w-robot
+            levels.push(LevelFiles { level: map.level, lidar: map.lidar, plan, robot, tiles });
         }
         let main = documents.iter().find(|level| level.level.is_main()).or(documents.first());
         let main = main.context("no LiDAR map was given")?;
@@ -121,12 +96,9 @@ impl HomeFiles {
             levels: documents,
         };
         let numbers = ClipNumbers::new(manifest.clips.iter().map(|clip| &clip.clip));
-<<<<<<< HEAD
         let time_ms = manifest.clips.iter().filter_map(|clip| clip.recorded_at_ms).max();
-        Ok(HomeFiles { document, objects, rooms, levels, numbers, paths, time_ms })
-=======
-        Ok(HomeFiles { document, objects, rooms, matter: matter(&for_robots), levels, numbers })
->>>>>>> w-robot
+        let matter = matter(&for_robots);
+        Ok(HomeFiles { document, objects, rooms, matter, levels, numbers, paths, time_ms })
     }
 
     /// Writes all files; `map.json` is the last one, so that a folder that has it is whole.

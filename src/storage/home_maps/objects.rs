@@ -8,11 +8,9 @@ use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{LevelName, Pose2};
-<<<<<<< HEAD
-use viola_home::{Corrected, MovedObject, Object, ObjectField, PlacedClip, RecordedObject, UprightBox};
-=======
-use viola_home::{Corrected, MovedObject, Object, ObjectField, PlacedClip, RobotObject, UprightBox};
->>>>>>> w-robot
+use viola_home::{
+    Corrected, MovedObject, Object, ObjectField, PlacedClip, RecordedObject, RobotObject, UprightBox,
+};
 
 /// An object in a home: an upright box in the LiDAR map's frame, and its properties.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -17,19 +17,21 @@ const FOREIGN = 0.3;
 
 /** What is needed to draw a pose on the plan. */
 export interface Ground {
-  lidar: LidarMap | null;
-  /** The LiDAR map's picture without its paper. */
-  picture: string | null;
+  /** Of all levels. */
+  lidars: LidarMap[];
+  /** By level, the LiDAR map's picture without its paper. */
+  pictures: Map<string, string>;
   scan: Scan | null;
 }
 
-/** The plan with a clip at a pose: its hits, its way and where it began. */
-export function planAt(ground: Ground, at: Pose2, label: string, signal: AbortSignal | null): PlanView {
-  const plan = new PlanView(label, signal);
-  const { lidar, scan } = ground;
+/** The plan of a level with a clip at a pose: its hits, its way and where it began. */
+function planAt(ground: Ground, level: string, at: Pose2, label: string): PlanView {
+  const plan = new PlanView(label, null);
+  const { lidars, pictures, scan } = ground;
+  const lidar = lidars.find((map) => map.level === level) ?? null;
   const hits = (scan?.hits_m ?? []).map((hit) => place(at, hit));
   const way = (scan?.cameras ?? []).map(({ position_m: [x, y] }): Point2 => place(at, [x, y]));
-  plan.setPicture(ground.picture, lidar?.image ?? null);
+  plan.setPicture(pictures.get(level) ?? null, lidar?.image ?? null);
   plan.setLayer("hits", dots(hits, "hit"));
   plan.setLayer("paths", line(way, clipColour(0)), wedge(at, clipColour(0), "The first camera"));
   const ends = lidar ? [lidar.info.min_m, lidar.info.max_m] : hits;
@@ -46,10 +48,11 @@ export function alternatives(
 ): HTMLElement {
   const list = clip.alignment?.alternatives ?? [];
   const chosen = chosenOf(clip);
+  const isOffered = !isForeign(clip) && clip.state !== "failed";
   const [likely, others]: [HTMLElement[], HTMLElement[]] = [[], []];
   list.forEach((one, i) => {
     const isLikely = i < 2 || i === chosen || (one.probability ?? 1) >= UNLIKELY;
-    (isLikely ? likely : others).push(card(one, i, i === chosen, ground, onChoose));
+    (isLikely ? likely : others).push(card(one, i, { isChosen: i === chosen, isOffered }, ground, onChoose));
   });
   const rest = h("details", { class: "less-likely" },
     h("summary", {}, `${many(others.length, "place")} of less than 1 %`),
@@ -73,15 +76,15 @@ export function chosenOf(clip: Clip): number | null {
 function card(
   one: Alternative,
   index: number,
-  isChosen: boolean,
+  { isChosen, isOffered }: { isChosen: boolean; isOffered: boolean },
   ground: Ground,
   onChoose: ((index: number, button: HTMLButtonElement) => void) | null,
 ): HTMLElement {
   const name = `Place ${index + 1}`;
   const { x_m, y_m, yaw_rad } = one.map_from_clip;
-  const plan = planAt(ground, one.map_from_clip, `${name} on the plan`, null);
+  const plan = planAt(ground, one.level, one.map_from_clip, `${name} on the plan`);
   const bar = h("meter", { min: 0, max: 1, value: one.probability ?? 0, "aria-label": `Probability of ${name}` });
-  const kind = index === 0 && (one.probability ?? 0) >= PLAUSIBLE ? "primary" : "";
+  const kind = isOffered && index === 0 && (one.probability ?? 0) >= PLAUSIBLE ? "primary" : "";
   const button = h("button", { type: "button", class: kind, disabled: isChosen }, isChosen ? "Chosen" : "Choose this");
   button.setAttribute("aria-label", isChosen ? `${name} is chosen` : `Choose ${name.toLowerCase()}`);
   button.addEventListener("click", () => onChoose?.(index, button));
@@ -92,6 +95,7 @@ function card(
           h("strong", {}, name), h("span", { class: "figure" }, percent(one.probability))),
         bar,
         h("dl", { class: "facts small" },
+          ...(ground.lidars.length > 1 ? [h("dt", {}, "Level"), h("dd", {}, one.level)] : []),
           h("dt", {}, "Position"), h("dd", {}, `${x_m.toFixed(2)}, ${y_m.toFixed(2)} m`),
           h("dt", {}, "Turn"), h("dd", {}, degrees(yaw_rad)),
           h("dt", {}, "Loss"), h("dd", {}, metres(one.loss_m)),

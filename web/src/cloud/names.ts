@@ -2,6 +2,7 @@
 
 import * as THREE from "three";
 import { h } from "../dom.ts";
+import { arrange, textWidth } from "../parts/labels.ts";
 import type { Moment } from "./stage.ts";
 
 export interface Name {
@@ -10,17 +11,20 @@ export interface Name {
   kind: "room" | "object";
 }
 
-/** Of a name on the screen. */
+/** Of a name on the screen; the fonts are those of the style sheet. */
 const HEIGHT_PX = 22;
+const PADDING_PX = 14;
+const FONTS = { room: "650 13px", object: "400 12px" } as const;
 
 export class Names {
   readonly element = h("div", { class: "names", "aria-hidden": "true" });
-  private shown: { element: HTMLElement; at: THREE.Vector3; isBehind: boolean }[] = [];
+  private shown: { element: HTMLElement; at: THREE.Vector3; width: number; isBehind: boolean }[] = [];
 
   set(names: Name[]): void {
     this.shown = names.map(({ text, at_m, kind }) => ({
       element: h("span", { class: `name ${kind}` }, text),
       at: new THREE.Vector3(...at_m),
+      width: textWidth(text, FONTS[kind]) + PADDING_PX,
       isBehind: false,
     }));
     this.element.replaceChildren(...this.shown.map(({ element }) => element));
@@ -31,20 +35,21 @@ export class Names {
     for (const name of this.shown) name.isBehind = isBehind(name.at);
   }
 
-  /** Puts every name where its thing is now; names that would cover an earlier one are left out. */
+  /** Puts every name where its thing is now; a name that has no room beside the earlier ones is left out. */
   place({ camera, width, height }: Moment): void {
-    const taken: { x: number; y: number; reach: number }[] = [];
-    for (const { element, at, isBehind } of this.shown) {
-      const seen = at.clone().project(camera);
+    const labels = this.shown.map((name) => {
+      const seen = name.at.clone().project(camera);
       const [x, y] = [((seen.x + 1) / 2) * width, ((1 - seen.y) / 2) * height];
-      const reach = (element.textContent?.length ?? 0) * 3.6 + 6;
       const isOut = seen.z > 1 || x < 0 || y < 0 || x > width || y > height;
-      const isCovered = taken.some((other) =>
-        Math.abs(other.y - y) < HEIGHT_PX && Math.abs(other.x - x) < other.reach + reach);
-      element.hidden = isOut || isCovered || isBehind;
-      if (element.hidden) continue;
-      taken.push({ x, y, reach });
-      element.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px) translate(-50%, -50%)`;
-    }
+      return isOut || name.isBehind ? null : { x, y, width: name.width, height: HEIGHT_PX };
+    });
+    const shifts = arrange(labels);
+    this.shown.forEach(({ element }, i) => {
+      const [label, shift] = [labels[i], shifts[i]];
+      element.hidden = !label || shift === null || shift === undefined;
+      if (!label || element.hidden) return;
+      const top = label.y + (shift ?? 0);
+      element.style.transform = `translate(${label.x.toFixed(1)}px, ${top.toFixed(1)}px) translate(-50%, -50%)`;
+    });
   }
 }

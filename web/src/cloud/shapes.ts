@@ -78,6 +78,16 @@ export function outlineOf(ring_m: readonly [number, number][], colour: Rgb): THR
   return lines(segments, colour, false);
 }
 
+/** The area within a ring, so thin that what is on it shows through. */
+export function patchOf(ring_m: readonly [number, number][], [red, green, blue]: Rgb): THREE.Mesh {
+  const color = new THREE.Color().setRGB(red / 255, green / 255, blue / 255, THREE.SRGBColorSpace);
+  const material = new THREE.MeshBasicMaterial({
+    color, transparent: true, opacity: 0.22, depthTest: false, depthWrite: false, side: THREE.DoubleSide,
+  });
+  const shape = new THREE.Shape(ring_m.map(([x, y]) => new THREE.Vector2(x, y)));
+  return new THREE.Mesh(new THREE.ShapeGeometry(shape), material);
+}
+
 /** A line with a small cross at each end. */
 export function ruleOf(ends: Point3[], colour: Rgb): THREE.LineSegments {
   const segments = ends.flatMap(([x, y, z]) => {

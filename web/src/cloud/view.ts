@@ -7,8 +7,9 @@ import { PointMaterial } from "./material.ts";
 import { type Name, Names } from "./names.ts";
 import type { Cloud } from "./points.ts";
 import type { Point3, Ray } from "./pick.ts";
-import { boxOf, floorOf, outlineOf, pathOf, release, ruleOf, solidOf } from "./shapes.ts";
+import { boxOf, floorOf, outlineOf, patchOf, pathOf, release, ruleOf, solidOf } from "./shapes.ts";
 import { Stage, type Viewpoint } from "./stage.ts";
+import type { ClassLook, Surface } from "./surface.ts";
 
 export interface Path {
   places_m: [number, number, number][];
@@ -34,6 +35,7 @@ export class CloudView {
   private readonly rule = new THREE.Group();
   private readonly wanted = new THREE.Group();
   private points: THREE.Points | null = null;
+  private surface: Surface | null = null;
   private bounds = new THREE.Box3();
   private isFramed = false;
   /** How far away the first shown point on a ray is; only every `stride`-th point counts. */
@@ -93,8 +95,23 @@ export class CloudView {
     this.draw();
   }
 
+  /** Shows a surface beside the points, or none; it stays its owner's. */
+  setSurface(surface: Surface | null): void {
+    if (this.surface === surface) return;
+    if (this.surface) this.stage.shapes.remove(this.surface.group);
+    this.surface = surface;
+    if (surface) this.stage.shapes.add(surface.group);
+    this.draw();
+  }
+
+  setSurfaceClasses(looks: readonly ClassLook[]): void {
+    this.surface?.setClasses(looks);
+    this.draw();
+  }
+
   setColouring(colouring: Colouring): void {
     this.material.colouring = colouring;
+    this.surface?.setColouring(colouring);
     this.draw();
   }
 
@@ -110,6 +127,7 @@ export class CloudView {
 
   setCut(height_m: number): void {
     this.material.cut_m = height_m;
+    this.surface?.setCut(height_m);
     this.draw();
   }
 
@@ -139,10 +157,12 @@ export class CloudView {
     this.draw();
   }
 
-  /** Outlines rooms that are worth filming. */
+  /** Outlines rooms that are worth filming, and fills the first. */
   setWanted(rings_m: (readonly [number, number][])[], colour: Rgb): void {
     release(this.wanted);
     for (const ring of rings_m) this.wanted.add(outlineOf(ring, colour));
+    const [next] = rings_m;
+    if (next) this.wanted.add(patchOf(next, colour));
     this.draw();
   }
 
@@ -176,10 +196,16 @@ export class CloudView {
     this.draw();
   }
 
-  show(parts: { points: boolean; floor: boolean }): void {
+  show(parts: { points: boolean; surface: boolean; floor: boolean }): void {
     if (this.points) this.points.visible = parts.points;
+    if (this.surface) this.surface.group.visible = parts.surface;
     this.floor.visible = parts.floor;
     this.draw();
+  }
+
+  /** Lets the next bounds move the view: what is shown is another place. */
+  reframe(): void {
+    this.isFramed = false;
   }
 
   /** What `fit` shows. It is shown at once until it is firm; then the view stays where one has moved it. */

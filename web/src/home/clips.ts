@@ -1,11 +1,13 @@
 // The clips of a home at a glance: state, reason, progress, and whether their points are shown.
 
 import { deleteClip } from "../api.ts";
+import { adviceOf } from "../clip/advice.ts";
 import { css } from "../cloud/colours.ts";
 import { h, put as fill } from "../dom.ts";
 import { confirm } from "../parts/dialog.ts";
 import { stateBadge } from "../parts/marks.ts";
 import { attempt, say } from "../parts/notices.ts";
+import { thumbnail } from "../parts/thumbnail.ts";
 import { toClip } from "../route.ts";
 import type { Clip, ClipState, Job } from "../types.ts";
 import { isUnderWay, jobWord, percent, STATES, stateMeaning, stateWord, time } from "../words.ts";
@@ -91,7 +93,7 @@ export class ClipsPanel {
     const index = this.data.indexOf(clip.id);
     const inMap = this.data.map?.clips.some((other) => other.clip === clip.id) ?? false;
     const { job: _, updated_at: __, ...lasting } = clip;
-    const drawn = JSON.stringify([lasting, index, inMap]);
+    const drawn = JSON.stringify([lasting, index, inMap, this.data.hasLevels]);
     const old = this.rows.get(clip.id);
     if (old && old.drawn === drawn) {
       if (clip.job) this.progress(clip.id, clip.job);
@@ -117,16 +119,19 @@ export class ClipsPanel {
     remove.setAttribute("aria-label", `Delete ${name}`);
     remove.addEventListener("click", () => void this.remove(clip, name, remove));
     const reason = clip.reasons[0]?.detail ?? (clip.state === "aligned" ? null : stateMeaning(clip.state));
-    const sure = clip.state === "aligned" ? (clip.choice ? "by hand" : percent(clip.alignment?.probability)) : null;
+    const sure = clip.state === "aligned" ? (clip.choice ? "by hand" : `${percent(clip.alignment?.probability)} sure`) : null;
+    const level = this.data.hasLevels ? this.data.levelOf(clip) : null;
+    const when = [sure, level, time(clip.recorded_at ?? clip.created_at), `${clip.info.frames} frames`];
+    const [advice] = adviceOf(clip);
     const element = h("li", { class: `clip ${clip.state}`, "data-clip": clip.id },
-      show,
-      h("a", { class: "title", href: toClip(clip.home, clip.id) }, name),
-      stateBadge(clip.state),
-      sure && h("span", { class: "hint sure", title: "How probable the place is" }, sure),
-      remove,
-      h("p", { class: "when hint" }, time(clip.recorded_at ?? clip.created_at), ` · ${clip.info.frames} frames`),
+      // The title is the same link.
+      h("a", { href: toClip(clip.home, clip.id), tabindex: -1, "aria-hidden": "true" }, thumbnail(clip, name)),
+      h("div", { class: "clip-head" },
+        show, h("a", { class: "title", href: toClip(clip.home, clip.id) }, name), stateBadge(clip.state), remove),
+      h("p", { class: "when hint" }, when.filter(Boolean).join(" · ")),
       isUnderWay(clip) ? h("p", { class: "progress" }, bar, stage) : null,
-      reason && !isUnderWay(clip) ? h("p", { class: "reason" }, reason) : null);
+      reason && !isUnderWay(clip) ? h("p", { class: "reason" }, reason) : null,
+      advice ? h("p", { class: "advice" }, advice) : null);
     return { drawn, element, bar, stage };
   }
 

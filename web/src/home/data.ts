@@ -5,11 +5,16 @@ import { clipColour, type Rgb } from "../cloud/colours.ts";
 import { place } from "../frames.ts";
 import type { Class, Clip, Coverage, Home, HomeMap, LidarMap, Pose2, Room, Scan, Thing } from "../types.ts";
 
-/** The level that the viewer shows: the only one of a home with one LiDAR map. */
-const SHOWN = "main";
+/** The level that is shown first, as in the service. */
+const MAIN = "main";
 
 export class HomeData {
+  /** The LiDAR maps of all levels, by the levels' names. */
+  lidars: LidarMap[] = [];
+  /** The LiDAR map of the level that is shown. */
   lidar: LidarMap | null = null;
+  /** The level that is shown. */
+  level = MAIN;
   clips: Clip[] = [];
   map: HomeMap | null = null;
   rooms: Room[] = [];
@@ -18,37 +23,63 @@ export class HomeData {
   /** By clip; null where the service has none. */
   readonly scans = new Map<string, Scan | null>();
 
+  /** What the rooms, the objects and the coverage were read of. */
+  private described = "";
+
   private constructor(
     public home: Home,
     readonly classes: Class[],
   ) {}
 
-  static async load(id: string, signal: AbortSignal): Promise<HomeData> {
+  static async load(id: string, level: string | null, signal: AbortSignal): Promise<HomeData> {
     const [home, classes] = await Promise.all([api.home(id, signal), api.classes()]);
     const data = new HomeData(home, classes);
+    data.level = level ?? MAIN;
     await data.refresh(signal);
     return data;
+  }
+
+  /** The names of the levels; a home with one storey has one. */
+  get levels(): string[] {
+    return this.lidars.map(({ level }) => level);
+  }
+
+  get hasLevels(): boolean {
+    return this.lidars.length > 1;
   }
 
   /** Asks for everything that changes. */
   async refresh(signal: AbortSignal): Promise<void> {
     const { id } = this.home;
-    const before = this.map;
-    [this.home, this.lidar, this.clips, this.map] = await Promise.all([
-      api.home(id, signal), api.lidarMap(id, signal), api.clips(id, signal), api.homeMap(id, signal),
+    [this.home, this.lidars, this.clips, this.map] = await Promise.all([
+      api.home(id, signal), api.lidarMaps(id, signal), api.clips(id, signal), api.homeMap(id, signal),
     ]);
-    const shown = this.map?.levels.find(({ level }) => level === SHOWN);
-    if (this.map && shown) this.map.info = shown.info;
-    if (this.map && this.map.revision !== before?.revision) {
-      [this.rooms, this.things, this.coverage] = await Promise.all([
-        api.rooms(id, signal), api.things(id, signal), api.coverage(id, signal),
+    const { levels } = this;
+    if (!levels.includes(this.level)) this.level = levels.includes(MAIN) ? MAIN : (levels[0] ?? MAIN);
+    const { level } = this;
+    this.lidar = this.lidars.find((map) => map.level === level) ?? null;
+    await this.describe(level, signal);
+    await this.readScans(signal);
+  }
+
+  /** Reads what the map has on a level, unless it is known. */
+  private async describe(level: string, signal: AbortSignal): Promise<void> {
+    const { map, home: { id } } = this;
+    const shown = map?.levels.find((one) => one.level === level);
+    if (map) map.info = shown?.info ?? { ...map.info, points: 0, classes: [], min_m: null, max_m: null };
+    const described = map && shown ? `${map.revision} ${map.created_at} ${level}` : "";
+    if (described === this.described) return;
+    if (described) {
+      const [rooms, things, coverage] = await Promise.all([
+        api.rooms(id, signal), api.things(id, signal), api.coverage(id, level, signal),
       ]);
-      this.rooms = this.rooms.filter(({ level }) => level === SHOWN);
-      this.things = this.things.filter(({ level }) => level === SHOWN);
-    } else if (!this.map) {
+      this.rooms = rooms.filter((room) => room.level === level);
+      this.things = things.filter((thing) => thing.level === level);
+      this.coverage = coverage;
+    } else {
       [this.rooms, this.things, this.coverage] = [[], [], null];
     }
-    await this.readScans(signal);
+    this.described = described;
   }
 
   /** The ways of the cameras do not change, so each is asked for once. */
@@ -71,11 +102,21 @@ export class HomeData {
     return clipColour(Math.max(0, this.indexOf(clip)));
   }
 
-  /** Where a clip is: in the newest map, or by its own answer; null on a level that is not shown. */
-  poseOf(clip: Clip): Pose2 | null {
+  /** Where a clip is: in the newest map, or by its own answer. */
+  private placeOf(clip: Clip) {
     const own = clip.state === "aligned" ? clip.alignment : null;
-    const at = this.map?.clips.find((other) => other.clip === clip.id) ?? clip.choice ?? own;
-    return at?.level === SHOWN ? at.map_from_clip : null;
+    return this.map?.clips.find((other) => other.clip === clip.id) ?? clip.choice ?? own;
+  }
+
+  /** The level that a clip was recorded on; null if that is not known. */
+  levelOf(clip: Clip): string | null {
+    return this.placeOf(clip)?.level ?? null;
+  }
+
+  /** A clip's pose on the level that is shown; null on any other. */
+  poseOf(clip: Clip): Pose2 | null {
+    const at = this.placeOf(clip);
+    return at?.level === this.level ? at.map_from_clip : null;
   }
 
   /** A clip's cameras in the map's frame; empty where they are not known. */
@@ -92,6 +133,6 @@ export class HomeData {
   /** What changes what is drawn; the same text means the same picture. */
   get drawn(): string {
     const poses = this.clips.map((clip) => [clip.id, this.poseOf(clip), this.scans.has(clip.id)]);
-    return JSON.stringify([this.map?.revision, this.map?.created_at, this.lidar?.revision, poses]);
+    return JSON.stringify([this.level, this.map?.revision, this.map?.created_at, this.lidar?.revision, poses]);
   }
 }

@@ -1,21 +1,9 @@
-// The files of a home, for other programs.
+// Links to the files of a home, of the level that is shown.
 
 import { homePath } from "../api.ts";
 import { h, put } from "../dom.ts";
 import type { HomeData } from "./data.ts";
-
-/** What each file is for, and its path below the home. */
-const MAP_FILES: [string, string, string[]][] = [
-  ["Floor plan, vector", "SVG", ["map", "plan?format=svg"]],
-  ["Floor plan, picture", "PNG", ["map", "plan?format=png"]],
-  ["Floor plan for maps", "GeoJSON", ["map", "plan?format=geojson"]],
-  ["Surface for 3D programs", "GLB", ["map", "mesh?format=glb"]],
-  ["Surface for phones", "USDZ", ["map", "mesh?format=usdz"]],
-  ["Points with classes", "PLY", ["map", "points?format=ply"]],
-  ["Points for 3D programs", "GLB", ["map", "points?format=glb"]],
-  ["Objects", "JSON", ["map", "objects"]],
-  ["Rooms", "JSON", ["map", "rooms"]],
-];
+import { FILES, type HomeFile } from "./files.ts";
 
 export class Downloads {
   readonly element = h("ul", { class: "downloads" });
@@ -26,17 +14,25 @@ export class Downloads {
   }
 
   draw(): void {
-    const { map, home, clips, lidar } = this.data;
-    const drawn = JSON.stringify([map?.revision, clips.length > 0, lidar !== null]);
+    const { map, clips, lidar, level, hasLevels } = this.data;
+    const drawn = JSON.stringify([map?.revision, map?.info.points, clips.length > 0, lidar !== null, level, hasLevels]);
     if (drawn === this.drawn) return;
     this.drawn = drawn;
-    const files: [string, string, string[]][] = map ? [...MAP_FILES] : [];
-    if (clips.length > 0 || lidar) files.push(["Everything, with recordings", "ZIP", ["export"]]);
-    const link = ([what, format, path]: [string, string, string[]]) => {
-      const name = `${home.id}-${path.join("-").split("?")[0]}.${format.toLowerCase()}`;
-      return h("li", {}, h("a", { href: homePath(home.id, ...path), download: name }, what),
-        h("span", { class: "hint" }, format));
-    };
-    put(this.element, ...(files.length > 0 ? files.map(link) : [h("li", { class: "hint" }, "Nothing to download yet.")]));
+    const isThere = { map: map !== null && map.info.points > 0, lidar: lidar !== null, anything: clips.length > 0 || lidar !== null };
+    const files = FILES.filter(({ needs }) => isThere[needs]);
+    put(this.element, ...(files.length > 0
+      ? files.map((file) => this.link(file))
+      : [h("li", { class: "hint" }, "Nothing to download yet.")]));
+  }
+
+  private link({ word, format, path, ofLevel }: HomeFile): HTMLElement {
+    const { home, level, hasLevels } = this.data;
+    const encoded = encodeURIComponent(level);
+    const parts = path.map((part) => part.replace("{level}", encoded));
+    const address = homePath(home.id, ...parts);
+    const of = ofLevel && hasLevels ? `${address.includes("?") ? "&" : "?"}level=${encoded}` : "";
+    const stem = parts.join("-").split("?")[0]?.replace(/\.\w+$/, "");
+    const name = `${home.id}-${stem}${of ? `-${level}` : ""}.${format.toLowerCase()}`;
+    return h("li", {}, h("a", { href: address + of, download: name }, word), h("span", { class: "hint" }, format));
   }
 }

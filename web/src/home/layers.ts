@@ -1,6 +1,5 @@
 // The switches of a home: layers, height, classes.
 
-import { RAMP, css } from "../cloud/colours.ts";
 import { h, put as fill } from "../dom.ts";
 import { onOff } from "../parts/switches.ts";
 import { count, plain } from "../words.ts";
@@ -72,11 +71,4 @@ export class LayersPanel {
 /** A part of the side that can be closed. */
 export function section(title: string, isOpen: boolean, ...children: (Node | null)[]): HTMLDetailsElement {
   return h("details", { class: "section", open: isOpen }, h("summary", {}, title), ...children);
-}
-
-/** What the colours of probability mean. */
-export function rampLegend(): HTMLElement {
-  const bar = h("span", { class: "ramp" });
-  bar.style.background = `linear-gradient(to right, ${RAMP.map(css).join(", ")})`;
-  return h("div", { class: "legend" }, h("span", {}, "0"), bar, h("span", {}, "1"));
 }

@@ -1,22 +1,27 @@
 // What of a home is shown, and how.
 
-import type { Colouring } from "../cloud/colours.ts";
+import { COLOURINGS, type Colouring } from "../cloud/colours.ts";
 import { isSame, type Selection } from "./selection.ts";
 
 export const LAYERS = ["points", "lidar", "objects", "rooms", "coverage", "paths"] as const;
 export type Layer = (typeof LAYERS)[number];
 
 export const LAYER_WORDS: Record<Layer, string> = {
-  points: "Fused points",
+  points: "Fused map",
   lidar: "LiDAR map",
   objects: "Objects",
   rooms: "Rooms",
-  coverage: "Not filmed yet",
+  coverage: "Film here next",
   paths: "Camera paths",
 };
 
+/** What the fused map is drawn as in three dimensions. */
+export const BODIES = ["points", "surface"] as const;
+export type Body = (typeof BODIES)[number];
+
 export class Looks {
   view: "3d" | "2d" = "3d";
+  body: Body = "points";
   colouring: Colouring = "colour";
   readonly layers = new Set<Layer>(["points", "lidar", "objects", "rooms"]);
   /** By name. A ceiling would hide everything below it. */
@@ -28,6 +33,16 @@ export class Looks {
   selected: Selection | null = null;
   private readonly listeners: (() => void)[] = [];
 
+  /** Whether the surface is asked for. */
+  get isSurface(): boolean {
+    return this.view === "3d" && this.body === "surface" && this.layers.has("points");
+  }
+
+  /** A surface has no clips and no probabilities. */
+  get colourings(): readonly Colouring[] {
+    return this.isSurface ? ["colour", "class"] : COLOURINGS;
+  }
+
   onChange(listen: () => void): void {
     this.listeners.push(listen);
   }
@@ -38,6 +53,7 @@ export class Looks {
 
   change(act: (looks: this) => void): void {
     act(this);
+    if (!this.colourings.includes(this.colouring)) this.colouring = "colour";
     for (const listen of this.listeners) listen();
   }
 }

@@ -2,6 +2,7 @@
 
 import { along, type Point3, pointOn, type Ray, thingAbove, thingOn } from "../cloud/pick.ts";
 import type { Cloud } from "../cloud/points.ts";
+import { OF_SHELL } from "../cloud/surface.ts";
 import type { Point2 } from "../frames.ts";
 import type { Thing } from "../types.ts";
 import type { HomeData } from "./data.ts";
@@ -34,11 +35,20 @@ export class Pointing {
     const { looks, data } = this;
     const cloud = this.cloud();
     if (!cloud || !looks.layers.has("points")) return null;
-    const { position, kind } = cloud.raw;
-    const hidden = new Set(data.classes.filter(({ name }) => looks.hiddenClasses.has(name)).map(({ id }) => id));
+    const { position, kind, normal } = cloud.raw;
+    const idsOf = (isMeant: (name: string) => boolean) =>
+      new Set(data.classes.filter(({ name }) => isMeant(name)).map(({ id }) => id));
+    const hidden = idsOf((name) => looks.hiddenClasses.has(name));
     const cut_m = looks.cut_m ?? Infinity;
-    return pointOn(ray, position, cloud.shown, reach_rad, (i) =>
-      !hidden.has(kind[4 * i] ?? 0) && (position[3 * i + 2] ?? 0) <= cut_m, stride);
+    // The surface of a wall is not drawn from behind.
+    const shell = idsOf((name) => looks.isSurface && OF_SHELL.has(name));
+    const [dx, dy, dz] = ray.direction;
+    const isFromBehind = (i: number) =>
+      dx * (normal[4 * i] ?? 0) + dy * (normal[4 * i + 1] ?? 0) + dz * (normal[4 * i + 2] ?? 0) > 0;
+    return pointOn(ray, position, cloud.shown, reach_rad, (i) => {
+      const id = kind[4 * i] ?? 0;
+      return !hidden.has(id) && (position[3 * i + 2] ?? 0) <= cut_m && !(shell.has(id) && isFromBehind(i));
+    }, stride);
   }
 
   private click(point: Point3 | null, thing: Thing | null): void {

@@ -1,6 +1,6 @@
 // Draws what is known of a home, as its looks say, in two or in three dimensions.
 
-import { homePath } from "../api.ts";
+import { homePath, lidarPicture } from "../api.ts";
 import { rgb, type Rgb } from "../cloud/colours.ts";
 import { type Cloud, load } from "../cloud/points.ts";
 import type { Name } from "../cloud/names.ts";
@@ -13,21 +13,21 @@ import { alarm, messageOf, say } from "../parts/notices.ts";
 import * as shapes from "../plan/shapes.ts";
 import { PlanView } from "../plan/view.ts";
 import { isDark, onTheme } from "../theme.ts";
+import { ramped } from "../plan/raster.ts";
 import type { Room, Thing } from "../types.ts";
 import { percent } from "../words.ts";
+import { filmedRooms, WANTED, wantedRooms } from "./coverage.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 import { Measure } from "./measure.ts";
 import { Pointing } from "./pointing.ts";
 import { boundsOf, roomName, roomOf, type Selection, thingName, thingOf } from "./selection.ts";
+import { HomeSurface } from "./surface.ts";
 import { TopView } from "./top.ts";
 
 /** While points arrive, they are drawn so often. */
 const REDRAW_MS = 250;
-/** A room with less of its walls in the map is worth filming. */
-const FILMED = 0.5;
 const MARK: Rgb = [103, 65, 217];
-const WANTED: Rgb = [217, 130, 0];
 
 export class HomeScene {
   readonly element: HTMLElement;
@@ -35,8 +35,10 @@ export class HomeScene {
   /** Null in a browser that cannot draw in three dimensions. */
   private readonly cloudView: CloudView | null;
   private readonly top: TopView;
+  private readonly surface: HomeSurface;
   private cloud: Cloud | null = null;
   private drawn = "";
+  private level: string;
   private revision = "";
   private picture = "";
   /** The newest drawing of the picture; an older one that comes late is dropped. */
@@ -53,7 +55,9 @@ export class HomeScene {
     this.plan = new PlanView("The home from above. Arrow keys move, plus and minus magnify, 0 shows all.", signal);
     this.cloudView = cloudViewOrNot(signal);
     if (!this.cloudView) looks.view = "2d";
+    this.level = data.level;
     this.top = new TopView(this.plan, signal);
+    this.surface = new HomeSurface(() => this.apply(), onStatus, alarm, signal);
     this.element = h("div", { class: "views" }, this.cloudView?.element, this.plan.element);
     this.measure = new Measure(() => this.drawRule(), signal);
     const pointing = new Pointing(data, looks, this.measure, () => this.cloud, () => this.things());
@@ -107,16 +111,21 @@ export class HomeScene {
     this.drawn = drawn;
     const { map, lidar } = this.data;
     const bounds = this.bounds();
+    if (this.level !== this.data.level) {
+      this.level = this.data.level;
+      this.plan.fit();
+      this.cloudView?.reframe();
+    }
     if (bounds) this.plan.setBounds(bounds);
     const [low, high] = [map?.info.min_m, map?.info.max_m];
     if (low && high) this.cloudView?.setBounds(low, high);
     else if (bounds && !map) this.cloudView?.setBounds([...bounds.min, 0], [...bounds.max, 1.5], false);
-    const picture = String(lidar?.revision);
+    const picture = `${this.level} ${lidar?.revision}`;
     if (picture !== this.picture) {
       this.picture = picture;
       void this.drawPicture();
     }
-    const revision = map ? `${map.revision} ${map.created_at}` : "";
+    const revision = map && map.info.points > 0 ? `${map.revision} ${map.created_at} ${this.level}` : "";
     if (revision !== this.revision) {
       this.revision = revision;
       this.loadPoints();
@@ -131,12 +140,12 @@ export class HomeScene {
   }
 
   private async drawPicture(): Promise<void> {
-    const { lidar, home } = this.data;
+    const { lidar, home, level } = this.data;
     if (!lidar) return;
     const drawing = ++this.drawing;
     const ink = isDark() ? "dark" : "light";
     try {
-      const canvas = await inkOf(homePath(home.id, "lidar-map", "image.png"), ink === "dark", this.signal);
+      const canvas = await inkOf(lidarPicture(home.id, level), ink === "dark", this.signal);
       const address = await addressOf(canvas);
       if (this.signal.aborted || drawing !== this.drawing) return URL.revokeObjectURL(address);
       this.element.dataset.ink = ink;
@@ -153,13 +162,13 @@ export class HomeScene {
   private loadPoints(): void {
     this.loading.abort();
     this.loading = new AbortController();
-    const { map, home } = this.data;
-    if (!map) {
+    const { map, home, level } = this.data;
+    if (!map || !this.revision) {
       this.cloudView?.clear();
       this.cloud = null;
       return this.onStatus("");
     }
-    const urls = [homePath(home.id, "map", "points?format=ply")];
+    const urls = [homePath(home.id, "map", `points?format=ply&level=${encodeURIComponent(level)}`)];
     let drawn_ms = 0;
     const grown = (cloud: Cloud) => {
       this.onStatus(cloud.shown < cloud.count ? `Points ${percent(cloud.shown / cloud.count)}` : "");
@@ -196,6 +205,7 @@ export class HomeScene {
     if (this.cloudView) this.cloudView.element.hidden = !is3d;
     this.plan.element.style.display = is3d ? "none" : "";
     this.element.dataset.colouring = looks.colouring;
+    this.element.dataset.level = data.level;
     if (is3d && this.cloudView) this.applyTo3d(this.cloudView);
     else this.applyTo2d();
     this.top.draw(this.cloud, data, looks);
@@ -218,20 +228,23 @@ export class HomeScene {
   /** Of the fused map's rooms, or of the robot's before there are any. */
   private roomNames(): { text: string; at_m: Point2 }[] {
     const { looks, data } = this;
-    const wanted = new Set(this.wantedRooms().map(({ id }) => id));
-    if (!looks.layers.has("rooms") && wanted.size === 0) return [];
-    const rooms = looks.layers.has("rooms") ? data.rooms : data.rooms.filter(({ id }) => wanted.has(id));
-    const note = (room: Room) => (wanted.has(room.id) ? " · film here" : "");
+    const wanted = this.wantedRooms();
+    if (!looks.layers.has("rooms") && wanted.length === 0) return [];
+    // The names of wanted rooms go before those of others.
+    const others = looks.layers.has("rooms") ? data.rooms.filter((room) => !wanted.includes(room)) : [];
+    const rooms = [...wanted, ...others];
+    const shares = new Map(looks.layers.has("coverage") ? filmedRooms(data).map(({ room, walls }) => [room, walls]) : []);
+    const note = (room: Room) => {
+      const share = shares.get(room);
+      return room === wanted[0] ? " · film here next" : share === undefined ? "" : ` · ${percent(share)} filmed`;
+    };
     if (rooms.length > 0) return rooms.map((room) => ({ text: roomName(room) + note(room), at_m: room.label_at_m }));
     return (data.lidar?.info.rooms ?? []).map((room) => ({ text: roomName(room), at_m: room.centre_m }));
   }
 
   /** The rooms that are worth filming next, if they shall be shown. */
   private wantedRooms(): Room[] {
-    const { looks, data } = this;
-    if (!looks.layers.has("coverage")) return [];
-    const seen = new Map(data.coverage?.by_room.map(({ room, seen }) => [room, seen]));
-    return data.rooms.filter(({ id }) => (seen.get(id) ?? 1) < FILMED);
+    return this.looks.layers.has("coverage") ? wantedRooms(this.data) : [];
   }
 
   private colourOf(name: string): Rgb {
@@ -240,12 +253,19 @@ export class HomeScene {
 
   private applyTo3d(cloudView: CloudView): void {
     const { looks, data } = this;
+    this.surface.update(data, looks);
+    cloudView.setSurface(this.surface.shown);
     cloudView.setColouring(looks.colouring);
     cloudView.setCut(looks.cut_m ?? 1e9);
     for (const { id, name, color } of data.classes) cloudView.setClass(id, color, !looks.hiddenClasses.has(name));
     (data.map?.clips ?? []).forEach(({ clip }, i) =>
       cloudView.setClip(i, data.colourOf(clip), !this.cloud?.hasClips || !looks.hiddenClips.has(clip)));
-    cloudView.show({ points: looks.layers.has("points"), floor: looks.layers.has("lidar") });
+    cloudView.setSurfaceClasses(data.classes.map(({ name, color }) =>
+      ({ name, color, isShown: !looks.hiddenClasses.has(name) })));
+    // Until the surface is there, the points stay.
+    const surface = looks.isSurface && this.surface.shown !== null;
+    this.element.dataset.surface = surface ? String(this.surface.shown?.triangles) : "";
+    cloudView.show({ points: looks.layers.has("points") && !surface, surface, floor: looks.layers.has("lidar") });
     cloudView.setPaths(this.ways().filter(({ places_m }) => places_m.length > 1));
     const things = this.things();
     cloudView.setThings(things, (thing) => this.colourOf(thing.class));
@@ -265,7 +285,10 @@ export class HomeScene {
     plan.showPicture(looks.layers.has("lidar"));
     const rooms = looks.layers.has("rooms") ? data.rooms : [];
     plan.setLayer("rooms", ...rooms.map((room) => shapes.room(room)));
-    plan.setLayer("wanted", ...this.wantedRooms().map((room) => shapes.room(room, "room wanted")));
+    const [filmed, wanted] = [looks.layers.has("coverage") ? filmedRooms(data) : [], this.wantedRooms()];
+    const others = filmed.filter(({ room }) => room !== wanted[0]);
+    plan.setLayer("coverage", ...others.map(({ room, walls }) => shapes.room(room, "room filmed", ramped(walls))));
+    plan.setLayer("wanted", ...wanted.map((room, i) => shapes.room(room, i === 0 ? "room wanted next" : "room wanted")));
     const things = this.things();
     plan.setLayer("things", ...things.map((thing) =>
       shapes.thing(thing, this.colourOf(thing.class), thingName(thing))));

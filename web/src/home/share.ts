@@ -3,13 +3,16 @@
 import { COLOURINGS } from "../cloud/colours.ts";
 import type { Point3 } from "../cloud/pick.ts";
 import type { Viewpoint } from "../cloud/stage.ts";
-import { LAYERS, type Looks } from "./looks.ts";
+import { BODIES, LAYERS, type Looks } from "./looks.ts";
 
 const CENTIMETRES = 2;
 
-/** The view as the query of an address. */
-export function written(looks: Looks, viewpoint: Viewpoint | null): URLSearchParams {
-  const query = new URLSearchParams({ view: looks.view, colour: looks.colouring, layers: [...looks.layers].join(".") });
+/** The view as the query of an address; `level` is null in a home with one. */
+export function written(looks: Looks, level: string | null, viewpoint: Viewpoint | null): URLSearchParams {
+  const query = new URLSearchParams({
+    view: looks.view, as: looks.body, colour: looks.colouring, layers: [...looks.layers].join("."),
+  });
+  if (level !== null) query.set("level", level);
   if (looks.cut_m !== null) query.set("cut", looks.cut_m.toFixed(CENTIMETRES));
   if (looks.hiddenClasses.size > 0) query.set("without", [...looks.hiddenClasses].join("."));
   if (looks.selected) query.set("at", `${looks.selected.kind}.${looks.selected.id}`);
@@ -24,6 +27,7 @@ export function written(looks: Looks, viewpoint: Viewpoint | null): URLSearchPar
 export function read(query: URLSearchParams, looks: Looks): Viewpoint | null {
   const [view, colour] = [query.get("view"), query.get("colour")];
   if (view === "2d" || view === "3d") looks.view = view;
+  looks.body = BODIES.find((name) => name === query.get("as")) ?? looks.body;
   looks.colouring = COLOURINGS.find((name) => name === colour) ?? looks.colouring;
   const layers = query.get("layers")?.split(".");
   if (layers) {

@@ -1,6 +1,7 @@
 // One clip: where it is, why that is believed, and what a person may do about it.
 
 import * as api from "../api.ts";
+import { adviceOf } from "../clip/advice.ts";
 import { alternatives, type Ground, isForeign } from "../clip/alternatives.ts";
 import { answer, recording, stages } from "../clip/facts.ts";
 import { ClipCloud } from "../clip/cloud.ts";
@@ -10,6 +11,7 @@ import { confirm } from "../parts/dialog.ts";
 import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
 import { stateBadge } from "../parts/marks.ts";
 import { attempt, say } from "../parts/notices.ts";
+import { thumbnail } from "../parts/thumbnail.ts";
 import { toHome, toHomes } from "../route.ts";
 import { isDark, onTheme } from "../theme.ts";
 import type { Clip } from "../types.ts";
@@ -17,8 +19,7 @@ import { isUnderWay, jobWord, stateMeaning } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
 const RETRY_MS = 1500;
-const FOREIGN = "No place explains this clip well. It may show another home, or a part that the robot has not mapped. " +
-  "Put a newer LiDAR map, or film again with more walls and floor in sight.";
+const FOREIGN = "No place in this home explains it.";
 
 export async function showClip(place: Place, home: string, id: string): Promise<void> {
   const { signal } = place;
@@ -31,7 +32,7 @@ export async function showClip(place: Place, home: string, id: string): Promise<
 }
 
 class ClipPage {
-  private ground: Ground = { lidar: null, picture: null, scan: null };
+  private ground: Ground = { lidars: [], pictures: new Map(), scan: null };
   private drawn = "";
   private readonly head = h("div", {});
   private readonly verdict = h("section", { class: "verdict" });
@@ -77,7 +78,7 @@ class ClipPage {
     put(place.main, h("div", { class: "page clip-page" },
       this.head, this.verdict, this.places, this.rest, this.cloud.element, this.pictures));
     onTheme(() => {
-      this.ground.picture = null;
+      this.ground.pictures.clear();
       this.drawn = "";
       void this.draw();
     }, place.signal);
@@ -109,11 +110,14 @@ class ClipPage {
     const { clip } = this;
     const reasons = clip.reasons.map(({ code, detail }) =>
       h("li", {}, detail, " ", h("code", { class: "hint" }, code)));
+    const advice = adviceOf(clip).map((text) => h("p", { class: "advice" }, text));
     put(this.verdict,
-      isUnderWay(clip) ? h("p", { class: "progress" }, this.bar, this.stage) : null,
-      h("p", {}, clip.choice ? "A person chose its place." : stateMeaning(clip.state)),
-      isForeign(clip) ? h("p", {}, FOREIGN) : null,
-      reasons.length > 0 ? h("ul", { class: `reasons ${clip.state}` }, ...reasons) : null);
+      thumbnail(clip, this.name),
+      h("div", { class: "verdict-text" },
+        isUnderWay(clip) ? h("p", { class: "progress" }, this.bar, this.stage) : null,
+        h("p", {}, clip.choice ? "A person chose its place." : isForeign(clip) ? FOREIGN : stateMeaning(clip.state)),
+        reasons.length > 0 ? h("ul", { class: `reasons ${clip.state}` }, ...reasons) : null,
+        ...advice));
   }
 
   private actions(): HTMLElement {
@@ -148,13 +152,14 @@ class ClipPage {
   private async readGround(): Promise<void> {
     const { clip, ground, place: { signal } } = this;
     try {
-      ground.lidar ??= await api.lidarMap(clip.home, signal);
+      if (ground.lidars.length === 0) ground.lidars = await api.lidarMaps(clip.home, signal);
       if (clip.alignment) ground.scan ??= await api.scan(clip.home, clip.id, signal);
-      if (ground.lidar && !ground.picture) {
-        const canvas = await inkOf(api.homePath(clip.home, "lidar-map", "image.png"), isDark(), signal);
-        const address = await addressOf(canvas);
+      const levels = new Set((clip.alignment?.alternatives ?? []).map(({ level }) => level));
+      for (const { level } of ground.lidars) {
+        if (!levels.has(level) || ground.pictures.has(level)) continue;
+        const address = await addressOf(await inkOf(api.lidarPicture(clip.home, level), isDark(), signal));
         signal.addEventListener("abort", () => URL.revokeObjectURL(address), { once: true });
-        ground.picture = address;
+        ground.pictures.set(level, address);
       }
     } catch (error) {
       // The plan only helps to see; without it the figures remain.
@@ -172,7 +177,8 @@ class ClipPage {
         say(`Place ${index + 1} is chosen; the map is made again.`);
         this.repeated.again();
       });
-    const title = list.length === 1 ? "The place" : `${list.length} places that explain it`;
+    const isDoubtful = clip.state === "failed" || isForeign(clip);
+    const title = isDoubtful ? "Places that were tried" : list.length === 1 ? "The place" : `${list.length} places that explain it`;
     put(this.places, h("h2", {}, title), alternatives(clip, ground, isUnderWay(clip) ? null : choose));
   }
 

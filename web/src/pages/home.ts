@@ -1,24 +1,25 @@
 // One home: its map, its clips, and what is put into it.
 
 import { deleteHome } from "../api.ts";
-import { COLOURING_WORDS, COLOURINGS } from "../cloud/colours.ts";
 import { h, put } from "../dom.ts";
 import { ClipsPanel } from "../home/clips.ts";
 import { Compare } from "../home/compare.ts";
 import { HomeData } from "../home/data.ts";
+import { CoveragePanel } from "../home/coverage.ts";
 import { Details } from "../home/details.ts";
 import { Downloads } from "../home/downloads.ts";
-import { LayersPanel, rampLegend, section } from "../home/layers.ts";
+import { LayersPanel, section } from "../home/layers.ts";
+import { Legend } from "../home/legend.ts";
 import { Looks } from "../home/looks.ts";
 import { HomeScene } from "../home/scene.ts";
 import type { Selection } from "../home/selection.ts";
-import { read, written } from "../home/share.ts";
+import { read } from "../home/share.ts";
 import { ThingsPanel } from "../home/things.ts";
+import { Toolbar } from "../home/toolbar.ts";
 import { confirm } from "../parts/dialog.ts";
 import { Followed, onHomeChange, Repeated } from "../parts/live.ts";
 import { attempt, say } from "../parts/notices.ts";
-import { oneOf } from "../parts/switches.ts";
-import { toHome, toHomes } from "../route.ts";
+import { toHomes } from "../route.ts";
 import { UploadPanel } from "../upload/panel.ts";
 import { count, isUnderWay, many, percent } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
@@ -28,7 +29,7 @@ const RETRY_MS = 1500;
 export async function showHome(place: Place, id: string, view: URLSearchParams): Promise<void> {
   setCrumbs(place, [{ word: "Homes", href: toHomes() }], id);
   const { signal } = place;
-  const data = await HomeData.load(id, signal);
+  const data = await HomeData.load(id, view.get("level"), signal);
   if (signal.aborted) return;
   setCrumbs(place, [{ word: "Homes", href: toHomes() }], data.home.name || id);
   const looks = new Looks();
@@ -48,7 +49,14 @@ export async function showHome(place: Place, id: string, view: URLSearchParams):
   const compare = new Compare(data, select, signal);
   const downloads = new Downloads(data);
   const layers = new LayersPanel(data, looks);
-  const upload = new UploadPanel(id, () => repeated.again(), signal);
+  const coverage = new CoveragePanel(data, select);
+  const legend = new Legend(data, looks);
+  const toolbar = new Toolbar(data, looks, scene, (level) => {
+    data.level = level;
+    looks.select(null);
+    repeated.again();
+  });
+  const upload = new UploadPanel(id, () => data.level, () => repeated.again(), signal);
 
   const describe = () => {
     const { map, lidar } = data;
@@ -78,7 +86,7 @@ export async function showHome(place: Place, id: string, view: URLSearchParams):
       if (signal.aborted) return null;
       status.classList.remove("bad");
       if (status.dataset.lost) delete status.dataset.lost, (status.textContent = "");
-      for (const panel of [clips, things, details, downloads, layers]) panel.draw();
+      for (const panel of [clips, things, details, downloads, layers, coverage, legend, toolbar]) panel.draw();
       void compare.draw();
       scene.update();
       describe();
@@ -98,13 +106,15 @@ export async function showHome(place: Place, id: string, view: URLSearchParams):
   remove.addEventListener("click", () => void removeHome(data, remove));
   put(place.main,
     h("section", { class: "stage", "aria-label": "Map" },
-      scene.element, empty, toolbar(data, looks, scene), details.element, status, facts),
+      scene.element, empty, toolbar.element, details.element,
+      h("div", { class: "stage-foot" }, legend.element, facts), status),
     h("aside", { class: "side", "aria-label": "Clips, objects and layers" },
       h("h1", {}, data.home.name || id),
       upload.element,
       section("Clips", true, clips.element),
       section("Rooms and objects", true, things.element),
       layers.element,
+      section("Coverage", false, coverage.element),
       changes,
       section("Downloads", false, downloads.element),
       h("p", { class: "row end" }, remove)));
@@ -114,32 +124,6 @@ export async function showHome(place: Place, id: string, view: URLSearchParams):
   scene.viewpoint = viewpoint;
   if (!viewpoint && looks.selected) scene.show(looks.selected);
   onHomeChange(id, () => repeated.again(), signal);
-}
-
-function toolbar(data: HomeData, looks: Looks, scene: HomeScene): HTMLElement {
-  const legend = rampLegend();
-  const top = h("button", { type: "button", class: "tool", title: "Look from above" }, "Top");
-  top.addEventListener("click", () => scene.fit("above"));
-  const share = h("button", { type: "button", class: "tool", title: "Copy a link to this view" }, "Share");
-  share.addEventListener("click", () => void attempt(share, async () => {
-    const address = toHome(data.home.id, written(looks, scene.viewpoint));
-    history.replaceState(null, "", address);
-    await navigator.clipboard.writeText(location.href);
-    say("The link to this view is copied.");
-  }));
-  const apply = () => {
-    legend.hidden = looks.colouring !== "probability";
-    top.hidden = looks.view === "2d";
-  };
-  looks.onChange(apply);
-  apply();
-  return h("div", { class: "toolbar" },
-    oneOf("view", "View", scene.is3dThere ? [["3d", "3D"], ["2d", "2D"]] : [["2d", "2D"]], looks.view, (view) =>
-      looks.change((looks) => (looks.view = view))),
-    oneOf("colouring", "Colour points by", COLOURINGS.map((name) => [name, COLOURING_WORDS[name]]), looks.colouring,
-      (colouring) => looks.change((looks) => (looks.colouring = colouring))),
-    h("button", { type: "button", class: "tool", onclick: () => scene.fit(), title: "Show all" }, "Fit"),
-    top, scene.measure.button, share, legend, scene.measure.element);
 }
 
 function emptyStage(hasLidar: boolean, clips: number, isBusy: boolean): HTMLElement[] {

@@ -31,6 +31,8 @@ function card(home: Home): HTMLElement {
         src: homePath(home.id, "lidar-map", "image.png"),
       })
     : h("span", { class: "hint" }, "No LiDAR map yet");
+  // A home of several levels may have none of the name `main`.
+  picture.addEventListener("error", () => picture.remove());
   return h("li", {},
     h("a", { class: "card home-card", href: toHome(home.id) },
       h("span", { class: "thumbnail" }, picture),

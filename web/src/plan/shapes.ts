@@ -38,10 +38,12 @@ export function rule(ends: Point2[]): SVGElement {
   return group;
 }
 
-export function room(room: Room, name = "room"): SVGElement {
+export function room(room: Room, name = "room", colour: Rgb | null = null): SVGElement {
   const rings = [room.polygon_m, ...(room.holes_m ?? [])].filter((ring) => ring.length > 2);
   const path = rings.map((ring) => `M${ring.map(at).join("L")}Z`).join("");
-  return s("path", { class: name, d: path, "fill-rule": "evenodd" });
+  const shape = s("path", { class: name, d: path, "fill-rule": "evenodd" });
+  if (colour) shape.style.fill = css(colour);
+  return shape;
 }
 
 export function thing(thing: Thing, colour: Rgb, name: string): SVGElement {

@@ -3,13 +3,16 @@
 
 import { s } from "../dom.ts";
 import type { Box2, Point2 } from "../frames.ts";
+import { arrange, textWidth } from "../parts/labels.ts";
 import type { PictureFrame } from "../types.ts";
 
 const UNITS = 100;
 /** A press that moves further is a drag and no click. */
 const CLICK_PX = 5;
-/** Height of a name on the screen. */
+/** Of a name on the screen; the fonts are those of the style sheet. */
 const NAME_PX = 15;
+const GAP_PX = 6;
+const FONTS: Record<string, string> = { "room-name": "650 13px", "thing-name": "400 11px" };
 
 /** A point of the map's frame in the drawing. */
 export function at([x, y]: Point2): string {
@@ -28,7 +31,7 @@ export class PlanView {
   private readonly points = s("image", { class: "points", preserveAspectRatio: "none" });
   private readonly picture = s("image", { class: "picture", preserveAspectRatio: "none" });
   private readonly layers = new Map<string, SVGGElement>();
-  private names: { element: SVGTextElement; x: number; y: number; reach_px: number }[] = [];
+  private names: { element: SVGTextElement; x: number; y: number; width_px: number }[] = [];
   private home: Window = { x: 0, y: 0, width: 100, height: 100 };
   private window: Window = this.home;
   private readonly fingers = new Map<number, { x: number; y: number }>();
@@ -92,12 +95,12 @@ export class PlanView {
     layer.replaceChildren(...shapes);
   }
 
-  /** Replaces the names, the most important ones first; a name that would cover an earlier one is left out. */
+  /** Replaces the names, the most important ones first; a name without room beside the earlier ones is left out. */
   setNames(names: { text: string; at_m: Point2; kind: string }[]): void {
     this.names = names.map(({ text, at_m, kind }) => {
       const [x = "0", y = "0"] = at(at_m).split(",");
       const element = s("text", { class: kind, x, y }, text);
-      return { element, x: Number(x), y: Number(y), reach_px: text.length * 3.4 + 4 };
+      return { element, x: Number(x), y: Number(y), width_px: textWidth(text, FONTS[kind] ?? "400 12px") + GAP_PX };
     });
     this.setLayer("names", ...this.names.map(({ element }) => element));
     this.placeNames();
@@ -105,14 +108,13 @@ export class PlanView {
 
   private placeNames(): void {
     const perPixel = this.perPixel();
-    const taken: { x: number; y: number; reach: number }[] = [];
-    for (const { element, x, y, reach_px } of this.names) {
-      const reach = reach_px * perPixel;
-      const isCovered = taken.some((other) =>
-        Math.abs(other.y - y) < NAME_PX * perPixel && Math.abs(other.x - x) < other.reach + reach);
-      element.style.display = isCovered ? "none" : "";
-      if (!isCovered) taken.push({ x, y, reach });
-    }
+    const shifts = arrange(this.names.map(({ x, y, width_px }) =>
+      ({ x, y, width: width_px * perPixel, height: NAME_PX * perPixel })));
+    this.names.forEach(({ element, y }, i) => {
+      const shift = shifts[i] ?? null;
+      element.style.display = shift === null ? "none" : "";
+      element.setAttribute("y", String(y + (shift ?? 0)));
+    });
   }
 
   /** What is shown when nothing was moved. */

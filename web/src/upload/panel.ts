@@ -28,6 +28,8 @@ export class UploadPanel {
 
   constructor(
     private readonly home: string,
+    /** The level that a LiDAR map is put for. */
+    private readonly level: () => string,
     private readonly onDone: (kind: Kind) => void,
     private readonly signal: AbortSignal,
   ) {
@@ -119,8 +121,10 @@ export class UploadPanel {
     };
     onSent(0);
     try {
-      const [method, path] = kind === "clip" ? (["POST", "clips"] as const) : (["PUT", "lidar-map"] as const);
-      await send(method, homePath(this.home, path), file, onSent, stop.signal);
+      const [method, path] = kind === "clip"
+        ? (["POST", homePath(this.home, "clips")] as const)
+        : (["PUT", homePath(this.home, "lidar-maps", encodeURIComponent(this.level()))] as const);
+      await send(method, path, file, onSent, stop.signal);
       this.said.textContent = `${file.name} is stored.`;
       row.remove();
       this.onDone(kind);

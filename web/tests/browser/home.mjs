@@ -45,6 +45,24 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     await shot("06-changes");
   }
 
+  async function anObjectIsClicked() {
+    const { objects } = await open("/v1/homes/flat/map/objects");
+    // The smallest object at a point is selected, so that the smallest of all is.
+    const area = ({ size_m: [length, width] }) => length * width;
+    const [object] = objects.sort((a, b) => area(a) - area(b));
+    await page.locator("label:has(#view-2d)").click();
+    await page.keyboard.press("Escape");
+    const [x, y] = await page.locator("svg.plan").first().evaluate((plan, [x_m, y_m]) => {
+      const at = new DOMPoint(100 * x_m, -100 * y_m).matrixTransform(plan.getScreenCTM());
+      return [at.x, at.y];
+    }, object.centre_m);
+    await page.locator(".details").evaluate((card) => (card.style.visibility = "hidden"));
+    await page.mouse.click(x, y);
+    await page.locator(".details").evaluate((card) => (card.style.visibility = ""));
+    await page.locator(`.thing-row[data-key="object ${object.id}"][aria-pressed=true]`).waitFor();
+    await page.locator("label:has(#view-3d)").click();
+  }
+
   async function aRoomIsRenamedAndDivided() {
     const { rooms } = await open("/v1/homes/flat/map/rooms");
     const [room] = rooms.sort((a, b) => b.area_m2 - a.area_m2);
@@ -91,7 +109,10 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
   async function everythingIsDownloaded() {
     await page.locator("summary", { hasText: "Downloads" }).click();
     const links = page.locator(".downloads a");
-    assert.ok((await links.count()) >= 8);
+    const formats = await page.locator(".downloads .hint").allTextContents();
+    for (const format of ["SVG", "PNG", "PDF", "DXF", "GeoJSON", "JSON", "GLB", "USDZ", "OBJ", "PLY", "ZIP"]) {
+      assert.ok(formats.includes(format), `no ${format} among ${formats}`);
+    }
     for (const link of await links.all()) {
       const answer = await page.request.get(base + (await link.getAttribute("href")));
       assert.ok(answer.ok(), `${await link.textContent()}: ${answer.status()}`);
@@ -112,25 +133,28 @@ export function homeSteps({ browser, context, page, base, open, shot, serviceRes
     await other.close();
   }
 
-  /** The page's clock goes on by ten minutes: no timer may ask for anything. */
+  /** The page's clock goes on by five seconds, then by ten minutes: no timer may ask for anything. */
   async function aQuietHomeIsNotAskedAbout() {
     await serviceRests();
     // A clock belongs to all pages of its context.
     const apart = await browser.newContext();
     const quiet = await apart.newPage();
     await quiet.clock.install();
-    await quiet.goto(`${base}/#/homes/flat`);
+    await quiet.goto(`${base}/#/homes/flat?view=3d&as=surface`);
     await quiet.locator(".thing-row").first().waitFor();
     await quiet.waitForFunction(() => Number(document.querySelector(".views")?.dataset.points ?? 0) > 0);
+    await quiet.waitForFunction(() => Number(document.querySelector(".views")?.dataset.surface ?? 0) > 0);
+    await quiet.locator("li.clip img").first().evaluate((image) => image.decode());
     const asked = [];
     quiet.on("request", (request) => asked.push(request.url()));
+    await quiet.clock.fastForward("00:05");
     await quiet.clock.fastForward("10:00");
     assert.deepEqual(asked.filter((address) => !address.startsWith("blob:")), []);
     await apart.close();
   }
 
   return [
-    objectsAreFoundAndCorrected, aRoomIsRenamedAndDivided, linesAreMeasured, everythingIsDownloaded, aViewIsShared,
+    objectsAreFoundAndCorrected, anObjectIsClicked, aRoomIsRenamedAndDivided, linesAreMeasured, everythingIsDownloaded, aViewIsShared,
     aQuietHomeIsNotAskedAbout,
   ];
 }

@@ -1,0 +1,178 @@
+//! Thumbnail of a clip: its sharpest frame of a few, upright, as a small JPEG.
+
+use image::codecs::jpeg::JpegEncoder;
+use image::{RgbImage, imageops};
+use viola_formats::clip::{Clip, Frame, FrameHeader};
+use viola_geometry::Vector3;
+use viola_reconstruct::fuse::sharpness;
+
+/// Number of frames of which the sharpest is taken.
+const CANDIDATES: usize = 5;
+/// A video is decoded up to the last candidate, so the candidates are among its first frames.
+const MAX_VIDEO_FRAMES: usize = 300;
+/// The longest side.
+const SIDE_PX: u32 = 320;
+const QUALITY: u8 = 80;
+/// Minimum length of the up direction in the picture plane, as a fraction. A camera that looks further down or up
+/// has no upright picture.
+const MIN_UPRIGHT: f64 = 0.35;
+
+/// Returns the thumbnail as JPEG; `None` if no candidate has a colour picture that can be decoded.
+pub fn thumbnail_jpg(clip: &Clip) -> Option<Vec<u8>> {
+    let places = candidates(clip.frames().len(), clip.has_video());
+    let mut stream = clip.stream(places.clone());
+    let mut sharpest: Option<(f32, RgbImage)> = None;
+    // One by one: a phone's pictures are large.
+    for _ in &places {
+        let Some(Ok(frame)) = stream.next_batch(1).pop() else { continue };
+        let Some(picture) = color(&frame) else { continue };
+        let found = sharpness(picture);
+        if sharpest.as_ref().is_none_or(|(best, _)| found > *best) {
+            let up = up_in_camera(clip, &frame.header);
+            sharpest = Some((found, upright(shrunk(picture), up)));
+        }
+    }
+    let mut jpg = Vec::new();
+    JpegEncoder::new_with_quality(&mut jpg, QUALITY).encode_image(&sharpest?.1).ok()?;
+    Some(jpg)
+}
+
+/// Returns a frame's colour picture, if it has one.
+fn color(frame: &Frame) -> Option<&RgbImage> {
+    frame.color.as_ref().filter(|picture| picture.width() > 0 && picture.height() > 0)
+}
+
+/// Returns evenly spaced indices of frames, without the ends of the clip: there the phone is raised and lowered.
+fn candidates(frames: usize, of_video: bool) -> Vec<usize> {
+    let span = if of_video { frames.min(MAX_VIDEO_FRAMES) } else { frames };
+    let count = span.min(CANDIDATES);
+    (0..count).map(|i| (2 * i + 1) * span / (2 * count)).collect()
+}
+
+fn shrunk(picture: &RgbImage) -> RgbImage {
+    let (width, height) = picture.dimensions();
+    let longest = width.max(height);
+    if longest <= SIDE_PX {
+        return picture.clone();
+    }
+    let side = |length: u32| (length * SIDE_PX).div_ceil(longest).max(1);
+    imageops::thumbnail(picture, side(width), side(height))
+}
+
+/// Returns the up direction in the camera's axes (x right, y down, z forward); `None` if it is unknown.
+fn up_in_camera(clip: &Clip, header: &FrameHeader) -> Option<Vector3> {
+    let by_pose = || {
+        let up_in_world = clip.up_in_world()?.direction;
+        Some(header.world_from_camera?.rotation.inverse() * up_in_world)
+    };
+    by_pose().or_else(|| header.force_in_camera?.try_normalize(f64::MIN_POSITIVE))
+}
+
+/// Turns a picture by quarters, so that its upper side is up: phones record sideways.
+fn upright(picture: RgbImage, up_in_camera: Option<Vector3>) -> RgbImage {
+    let Some(up) = up_in_camera.filter(|up| up.xy().norm() > MIN_UPRIGHT) else { return picture };
+    if up.y.abs() >= up.x.abs() {
+        if up.y < 0.0 { picture } else { imageops::rotate180(&picture) }
+    } else if up.x > 0.0 {
+        imageops::rotate270(&picture)
+    } else {
+        imageops::rotate90(&picture)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::Rgb;
+    use viola_formats::clip::{ClipInfo, DepthImage};
+    use viola_geometry::{Pinhole, Pose3};
+
+    const RED: Rgb<u8> = Rgb([250, 10, 10]);
+    const BLUE: Rgb<u8> = Rgb([10, 10, 250]);
+
+    /// Returns a picture of 640 x 360 with stripes of `width_px` in one colour and black.
+    fn striped(colour: Rgb<u8>, width_px: u32) -> RgbImage {
+        let ink = |x: u32| if (x / width_px).is_multiple_of(2) { colour } else { Rgb([0; 3]) };
+        RgbImage::from_fn(640, 360, |x, _| ink(x))
+    }
+
+    fn clip(pictures: Vec<RgbImage>, header: &FrameHeader) -> Clip {
+        let info = ClipInfo {
+            layout: String::new(),
+            pose_convention: String::new(),
+            depth_unit: String::new(),
+            gravity: String::new(),
+            intrinsics: String::new(),
+            frames: pictures.len(),
+            frames_with_pose: pictures.len(),
+            skipped_without_pose: 0,
+            skipped_incomplete: 0,
+            color_width: 640,
+            color_height: 360,
+            depth_width: 1,
+            depth_height: 1,
+            duration_s: None,
+            recorded_at_ms: None,
+            notes: Vec::new(),
+        };
+        let (headers, header) = (vec![header.clone(); pictures.len()], header.clone());
+        Clip::from_frames(info, headers, Some(Vector3::z()), move |index| {
+            let camera = Pinhole { width: 640, height: 360, fx: 500.0, fy: 500.0, cx: 320.0, cy: 180.0 };
+            Frame {
+                header: header.clone(),
+                color_camera: camera,
+                color: pictures[index].clone(),
+                depth_camera: camera,
+                depth: DepthImage { width: 1, height: 1, depth_m: vec![1.0] },
+            }
+        })
+    }
+
+    fn header(world_from_camera: Option<Pose3>) -> FrameHeader {
+        FrameHeader { number: 0, time_s: None, world_from_camera, force_in_camera: None }
+    }
+
+    #[test]
+    fn the_sharpest_candidate_becomes_a_jpeg_of_320_pixels() {
+        // Wide stripes bend less often than narrow ones.
+        let mut pictures = vec![striped(RED, 160); 5];
+        pictures[3] = striped(BLUE, 20);
+        let jpg = thumbnail_jpg(&clip(pictures, &header(None))).unwrap();
+        assert_eq!(image::guess_format(&jpg).unwrap(), image::ImageFormat::Jpeg);
+        let picture = image::load_from_memory(&jpg).unwrap().to_rgb8();
+        assert_eq!(picture.dimensions(), (320, 180));
+        let sum = |channel: usize| picture.pixels().map(|pixel| u64::from(pixel.0[channel])).sum::<u64>();
+        assert!(sum(2) > 5 * sum(0), "{} of blue, {} of red", sum(2), sum(0));
+    }
+
+    #[test]
+    fn a_picture_is_turned_upright() {
+        // The upper half is red.
+        let level = RgbImage::from_fn(8, 4, |_, y| if y < 2 { RED } else { BLUE });
+        let turned = [
+            (Vector3::new(0.0, -1.0, 0.2), level.clone()),
+            (Vector3::new(0.1, 0.9, 0.0), imageops::rotate180(&level)),
+            (Vector3::new(0.9, 0.1, 0.0), imageops::rotate90(&level)),
+            (Vector3::new(-0.9, 0.1, 0.0), imageops::rotate270(&level)),
+        ];
+        for (up, recorded) in turned {
+            assert_eq!(upright(recorded, Some(up)), level, "up is {up:?}");
+        }
+        let recorded = imageops::rotate90(&level);
+        assert_eq!(upright(recorded.clone(), Some(Vector3::new(0.1, 0.1, 0.99))), recorded);
+        assert_eq!(upright(recorded.clone(), None), recorded);
+    }
+
+    #[test]
+    fn candidates_are_spread_over_the_clip_and_the_start_of_a_video() {
+        assert_eq!(candidates(100, false), [10, 30, 50, 70, 90]);
+        assert_eq!(candidates(3, false), [0, 1, 2]);
+        assert!(candidates(0, false).is_empty());
+        assert_eq!(candidates(100_000, true), [30, 90, 150, 210, 270]);
+    }
+
+    #[test]
+    fn a_clip_without_colour_has_no_thumbnail() {
+        assert_eq!(thumbnail_jpg(&clip(vec![RgbImage::new(0, 0)], &header(None))), None);
+    }
+}

@@ -1,0 +1,135 @@
+// The surface of a home as triangles, coloured and cut by the graphics card as points are.
+
+import * as THREE from "three";
+import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+import { type Colouring, type Rgb, rgb } from "./colours.ts";
+
+/** Classes of which only the side towards the eye is drawn, so that one looks over the near walls into the rooms. */
+export const OF_SHELL: ReadonlySet<string> = new Set(["wall", "ceiling", "window", "door", "curtain", "picture", "mirror", "radiator"]);
+
+const VERTEX = /* glsl */ `
+in vec4 color;
+out vec3 tint;
+out float height_m;
+out float facing;
+void main() {
+  vec4 place = modelMatrix * vec4(position, 1.0);
+  vec4 eye = viewMatrix * place;
+  gl_Position = projectionMatrix * eye;
+  tint = color.rgb;
+  height_m = place.z;
+  // Negative where the eye is behind the surface.
+  facing = dot(normalize(normalMatrix * normal), -normalize(eye.xyz));
+}`;
+
+const FRAGMENT = /* glsl */ `
+uniform bool is_flat;
+uniform bool is_shell;
+uniform vec3 paint;
+uniform float cut_m;
+in vec3 tint;
+in float height_m;
+in float facing;
+out vec4 pixel;
+
+vec3 screen(vec3 light) {
+  return mix(12.92 * light, 1.055 * pow(light, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, light));
+}
+
+void main() {
+  if (height_m > cut_m || (is_shell && facing < 0.0)) discard;
+  float share = abs(facing);
+  pixel = vec4(is_flat ? paint * (0.62 + 0.38 * share) : screen(tint) * (0.86 + 0.14 * share), 1.0);
+}`;
+
+/** How a class is drawn. */
+export interface ClassLook {
+  name: string;
+  color: string;
+  isShown: boolean;
+}
+
+export class Surface {
+  /** In the map's frame. */
+  readonly group = new THREE.Group();
+  readonly triangles: number;
+  private readonly byClass = new Map<string, { material: THREE.ShaderMaterial; meshes: THREE.Mesh[] }>();
+
+  constructor(scene: THREE.Object3D) {
+    // The file has y up.
+    this.group.rotation.x = Math.PI / 2;
+    const meshes: THREE.Mesh[] = [];
+    scene.traverse((object) => {
+      if (object instanceof THREE.Mesh) meshes.push(object);
+    });
+    let triangles = 0;
+    for (const mesh of meshes) {
+      const name = String(mesh.userData.class ?? "other");
+      const one = this.byClass.get(name) ?? { material: materialOf(name), meshes: [] };
+      this.byClass.set(name, one);
+      for (const old of [mesh.material].flat()) old.dispose();
+      mesh.material = one.material;
+      mesh.matrixAutoUpdate = false;
+      one.meshes.push(mesh);
+      triangles += (mesh.geometry.index?.count ?? 0) / 3;
+      this.group.add(mesh);
+    }
+    this.triangles = triangles;
+  }
+
+  /** Points have clips and probabilities; a surface has colours and classes. */
+  setColouring(colouring: Colouring): void {
+    for (const { material } of this.byClass.values()) set(material, "is_flat", colouring === "class");
+  }
+
+  setCut(height_m: number): void {
+    for (const { material } of this.byClass.values()) set(material, "cut_m", height_m);
+  }
+
+  setClasses(looks: readonly ClassLook[]): void {
+    for (const { name, color, isShown } of looks) {
+      const one = this.byClass.get(name);
+      if (!one) continue;
+      set(one.material, "paint", vectorOf(rgb(color)));
+      for (const mesh of one.meshes) mesh.visible = isShown;
+    }
+  }
+
+  dispose(): void {
+    for (const { material, meshes } of this.byClass.values()) {
+      material.dispose();
+      for (const mesh of meshes) mesh.geometry.dispose();
+    }
+    this.group.clear();
+  }
+}
+
+/** Reads a GLB of the service. */
+export async function readSurface(bytes: ArrayBuffer): Promise<Surface> {
+  const { scene } = await new GLTFLoader().parseAsync(bytes, "");
+  return new Surface(scene);
+}
+
+function materialOf(name: string): THREE.ShaderMaterial {
+  return new THREE.ShaderMaterial({
+    glslVersion: THREE.GLSL3,
+    vertexShader: VERTEX,
+    fragmentShader: FRAGMENT,
+    side: THREE.DoubleSide,
+    uniforms: {
+      is_flat: { value: false },
+      is_shell: { value: OF_SHELL.has(name) },
+      paint: { value: new THREE.Vector3(0.6, 0.6, 0.6) },
+      cut_m: { value: 1e9 },
+    },
+  });
+}
+
+function set(material: THREE.ShaderMaterial, name: string, value: unknown): void {
+  const uniform = material.uniforms[name];
+  if (uniform) uniform.value = value;
+}
+
+function vectorOf([red, green, blue]: Rgb): THREE.Vector3 {
+  return new THREE.Vector3(red / 255, green / 255, blue / 255);
+}

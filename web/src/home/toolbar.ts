@@ -1,0 +1,72 @@
+// The tools over the stage: the level, the view, what the map is drawn as and coloured by.
+
+import { COLOURING_WORDS, COLOURINGS } from "../cloud/colours.ts";
+import { h, put } from "../dom.ts";
+import { attempt, say } from "../parts/notices.ts";
+import { oneOf } from "../parts/switches.ts";
+import { toHome } from "../route.ts";
+import type { HomeData } from "./data.ts";
+import type { Body, Looks } from "./looks.ts";
+import type { HomeScene } from "./scene.ts";
+import { written } from "./share.ts";
+
+const BODY_WORDS: [Body, string][] = [["points", "Points"], ["surface", "Surface"]];
+
+export class Toolbar {
+  readonly element: HTMLElement;
+  private readonly level = h("select", { class: "tool", "aria-label": "Level" });
+  private readonly body: HTMLFieldSetElement;
+  private readonly colourings: HTMLFieldSetElement;
+  private readonly top = h("button", { type: "button", class: "tool", title: "Look from above" }, "Top");
+  private levels = "";
+
+  constructor(
+    private readonly data: HomeData,
+    private readonly looks: Looks,
+    private readonly scene: HomeScene,
+    onLevel: (level: string) => void,
+  ) {
+    const views: ["2d" | "3d", string][] = scene.is3dThere ? [["3d", "3D"], ["2d", "2D"]] : [["2d", "2D"]];
+    const view = oneOf("view", "View", views, looks.view, (view) => looks.change((looks) => (looks.view = view)));
+    this.body = oneOf("body", "Draw the map as", BODY_WORDS, looks.body, (body) =>
+      looks.change((looks) => (looks.body = body)));
+    this.colourings = oneOf("colouring", "Colour by", COLOURINGS.map((name) => [name, COLOURING_WORDS[name]]),
+      looks.colouring, (colouring) => looks.change((looks) => (looks.colouring = colouring)));
+    this.level.addEventListener("change", () => onLevel(this.level.value));
+    this.top.addEventListener("click", () => scene.fit("above"));
+    this.element = h("div", { class: "toolbar" },
+      this.level, view, this.body, this.colourings,
+      h("button", { type: "button", class: "tool", onclick: () => scene.fit(), title: "Show all" }, "Fit"),
+      this.top, scene.measure.button, this.share(), scene.measure.element);
+    looks.onChange(() => this.draw());
+    this.draw();
+  }
+
+  draw(): void {
+    const { data, looks } = this;
+    const levels = JSON.stringify([data.levels, data.level]);
+    if (levels !== this.levels) {
+      this.levels = levels;
+      put(this.level, ...data.levels.map((name) => h("option", { value: name, selected: name === data.level }, name)));
+      this.level.hidden = !data.hasLevels;
+    }
+    this.top.hidden = looks.view === "2d";
+    this.body.hidden = looks.view === "2d";
+    for (const input of this.colourings.querySelectorAll("input")) {
+      input.checked = input.value === looks.colouring;
+      input.disabled = !looks.colourings.some((name) => name === input.value);
+    }
+  }
+
+  private share(): HTMLElement {
+    const button = h("button", { type: "button", class: "tool", title: "Copy a link to this view" }, "Share");
+    button.addEventListener("click", () => void attempt(button, async () => {
+      const { data, looks, scene } = this;
+      const query = written(looks, data.hasLevels ? data.level : null, scene.viewpoint);
+      history.replaceState(null, "", toHome(data.home.id, query));
+      await navigator.clipboard.writeText(location.href);
+      say("The link to this view is copied.");
+    }));
+    return button;
+  }
+}

@@ -1,0 +1,19 @@
+// A small picture of a clip, or its place in a list while there is none.
+
+import { clipPath } from "../api.ts";
+import { h } from "../dom.ts";
+import type { Clip } from "../types.ts";
+
+/** The picture comes with the clip's answer; a clip without colour has none. */
+export function thumbnail(clip: Clip, name: string): HTMLElement {
+  const frame = h("span", { class: "clip-picture" });
+  if (!clip.alignment) return frame;
+  const picture = h("img", {
+    // Another job may have taken another frame.
+    src: `${clipPath(clip, "thumbnail.jpg")}?job=${clip.job?.id ?? ""}`,
+    alt: `A frame of ${name}`, loading: "lazy", decoding: "async",
+  });
+  picture.addEventListener("error", () => picture.remove());
+  frame.append(picture);
+  return frame;
+}

@@ -1,0 +1,83 @@
+// The steps of a person in homes of several storeys, and with a clip of another home.
+import assert from "node:assert/strict";
+import { dropFiles } from "./page.mjs";
+
+/** The walls of a room of 3 x 2 m, which no recording shows. */
+function smallRoom() {
+  const lines = ["x,y"];
+  for (let x = 0; x <= 3; x += 0.02) lines.push(`${x.toFixed(2)},0.00`, `${x.toFixed(2)},2.00`);
+  for (let y = 0; y <= 2; y += 0.02) lines.push(`0.00,${y.toFixed(2)}`, `3.00,${y.toFixed(2)}`);
+  return Buffer.from(lines.join("\n"));
+}
+
+export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsShown }) {
+  async function put(path, data) {
+    const answer = await page.request.put(`${base}${path}`, { data, headers: { "content-type": "application/octet-stream" } });
+    assert.ok(answer.ok(), `${path}: ${answer.status()}`);
+  }
+
+  /** The thumbnail has arrived, and is as large as the service says. */
+  async function hasThumbnail(locator) {
+    await locator.scrollIntoViewIfNeeded();
+    const side = await locator.evaluate(async (image) => {
+      await image.decode();
+      return Math.max(image.naturalWidth, image.naturalHeight);
+    });
+    assert.ok(side > 100 && side <= 320, `the thumbnail has ${side} pixels`);
+  }
+
+  async function aLevelIsChosen() {
+    await makeHome("house", "House in the test");
+    await put("/v1/homes/house/lidar-maps/main", smallRoom());
+    await put("/v1/homes/house/lidar-maps/upper", (await file("normal", "valetudo.json")).bytes);
+    await dropFiles(page, [await file("normal", "clip_0.zip")]);
+    // A map of points knows no free floor, so that the small room may remain a rival: a person decides.
+    await page.locator("li.clip:is(.aligned, .ambiguous)").waitFor();
+    const { items: [{ id, alignment }] } = await open("/v1/homes/house/clips");
+    const alternative = alignment.alternatives.findIndex(({ level }) => level === "upper");
+    const chosen = await page.request.put(`${base}/v1/homes/house/clips/${id}/alignment`, { data: { alternative } });
+    assert.ok(chosen.ok(), `the choice was answered with ${chosen.status()}`);
+    const clip = page.locator("li.clip.aligned");
+    await clip.getByText("upper").waitFor();
+    await page.locator(".views[data-level=main]").waitFor();
+    const level = page.getByLabel("Level");
+    assert.deepEqual(await level.locator("option").allTextContents(), ["main", "upper"]);
+    // The clip is of the other level, so that this one has no points and no rooms of the map.
+    assert.equal(await page.locator(".classes .switch").count(), 0);
+    await level.selectOption("upper");
+    await page.locator(".views[data-level=upper]").waitFor();
+    await page.locator("label:has(#view-3d)").click();
+    await pointsShown();
+    await page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
+    await shot("15-level");
+    const { levels } = await open("/v1/homes/house/map");
+    const upper = levels.find((one) => one.level === "upper");
+    assert.equal(await page.locator(".views").getAttribute("data-points"), String(upper.info.points));
+    // Its files are those of the level that is shown.
+    await page.locator("summary", { hasText: "Downloads" }).click();
+    assert.match(await page.locator(".downloads a", { hasText: "Floor plan to print" }).getAttribute("href"), /level=upper/);
+    await hasThumbnail(clip.locator("img"));
+    await level.selectOption("main");
+    await page.locator(".views[data-level=main]").waitFor();
+  }
+
+  async function aForeignClipIsExplained() {
+    await makeHome("elsewhere", "Elsewhere in the test");
+    await put("/v1/homes/elsewhere/lidar-map", smallRoom());
+    await dropFiles(page, [await file("repeated", "clip_0.zip")]);
+    const clip = page.locator("li.clip:is(.failed, .ambiguous)");
+    await clip.waitFor();
+    await clip.locator(".advice", { hasText: "Probably not this home" }).waitFor();
+    await hasThumbnail(clip.locator("img"));
+    await shot("16-foreign-home");
+    const { items } = await open("/v1/homes/elsewhere/clips");
+    await go(`#/homes/elsewhere/clips/${items[0].id}`);
+    await page.locator(".verdict .advice", { hasText: "Probably not this home" }).waitFor();
+    assert.ok((await page.locator(".verdict .reasons li").count()) > 0, "no reason is told");
+    await hasThumbnail(page.locator(".verdict img"));
+    assert.equal(await page.locator("main button.primary").count(), 0, "a doubtful place is offered as the obvious choice");
+    await shot("17-foreign-clip");
+  }
+
+  return [aLevelIsChosen, aForeignClipIsExplained];
+}
