@@ -2,7 +2,7 @@
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{RgbImage, imageops};
-use viola_formats::clip::{Clip, Frame, FrameHeader};
+use viola_formats::clip::{Clip, FrameHeader};
 use viola_geometry::Vector3;
 use viola_reconstruct::fuse::sharpness;
 
@@ -25,7 +25,7 @@ pub fn thumbnail_jpg(clip: &Clip) -> Option<Vec<u8>> {
     // One by one: a phone's pictures are large.
     for _ in &places {
         let Some(Ok(frame)) = stream.next_batch(1).pop() else { continue };
-        let Some(picture) = color(&frame) else { continue };
+        let Some(picture) = &frame.color else { continue };
         let found = sharpness(picture);
         if sharpest.as_ref().is_none_or(|(best, _)| found > *best) {
             let up = up_in_camera(clip, &frame.header);
@@ -35,11 +35,6 @@ pub fn thumbnail_jpg(clip: &Clip) -> Option<Vec<u8>> {
     let mut jpg = Vec::new();
     JpegEncoder::new_with_quality(&mut jpg, QUALITY).encode_image(&sharpest?.1).ok()?;
     Some(jpg)
-}
-
-/// Returns a frame's colour picture, if it has one.
-fn color(frame: &Frame) -> Option<&RgbImage> {
-    frame.color.as_ref().filter(|picture| picture.width() > 0 && picture.height() > 0)
 }
 
 /// Returns evenly spaced indices of frames, without the ends of the clip: there the phone is raised and lowered.
@@ -84,7 +79,7 @@ fn upright(picture: RgbImage, up_in_camera: Option<Vector3>) -> RgbImage {
 mod tests {
     use super::*;
     use image::Rgb;
-    use viola_formats::clip::{ClipInfo, DepthImage};
+    use viola_formats::clip::{ClipInfo, DepthImage, Frame};
     use viola_geometry::{Pinhole, Pose3};
 
     const RED: Rgb<u8> = Rgb([250, 10, 10]);
@@ -121,7 +116,7 @@ mod tests {
             Frame {
                 header: header.clone(),
                 color_camera: camera,
-                color: pictures[index].clone(),
+                color: Some(pictures[index].clone()).filter(|picture| picture.width() > 0),
                 depth_camera: camera,
                 depth: DepthImage { width: 1, height: 1, depth_m: vec![1.0] },
             }
