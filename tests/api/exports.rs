@@ -134,6 +134,11 @@ fn everything_works_with_one_blocking_thread() {
             let zip = zip::ZipArchive::new(Cursor::new(export.bytes)).unwrap();
             assert!(zip.file_names().any(|name| name.unwrap().ends_with("/recording")));
         }
+        let made = ["map/points?format=e57", "map/points?format=laz", "map/recording", "map/mesh"];
+        let made = made.map(|path| format!("{home}/{path}"));
+        for file in futures::future::join_all(made.iter().map(|path| server.get(path))).await {
+            assert_eq!(file.status, 200);
+        }
         let storage = server.administer().await;
         assert_eq!(storage.sweep(jiff::Timestamp::now(), SweepLimit::Leftovers).await.unwrap(), 0);
         storage.close().await;

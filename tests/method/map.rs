@@ -206,6 +206,8 @@ async fn it_is_the_map_that_the_service_makes() {
     ] {
         assert!(get(path).await.bytes == MAPPED.0[name], "{name} is not that of the service");
     }
+    // It names clips, whose ids differ and are of one length.
+    assert_eq!(get("recording").await.bytes.len(), MAPPED.0["home.mcap"].len());
 }
 
 #[test]

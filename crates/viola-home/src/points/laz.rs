@@ -176,8 +176,7 @@ mod tests {
     fn laz(points: &[MapPoint]) -> Vec<u8> {
         let out = Shared::default();
         write_laz(out.clone(), Uuid::from_u128(5), points.iter().copied().map(Ok)).unwrap();
-        let bytes = out.0.lock().unwrap().get_ref().clone();
-        bytes
+        out.0.lock().unwrap().get_ref().clone()
     }
 
     #[test]
