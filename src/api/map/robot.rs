@@ -105,12 +105,17 @@ pub(in crate::api) async fn get_map_robot(
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    let _turn = ONE_AT_A_TIME.acquire().await.expect("the semaphore is never closed");
+    let turn = ONE_AT_A_TIME.acquire().await.expect("the semaphore is never closed");
     let mut sources = Vec::new();
     for level in levels {
         sources.push(Source::read(&app, &home, &map, level, format).await?);
     }
-    let bytes = apart(move || write(format, &sources)).await?;
+    let make = move || {
+        // The work goes on if the client leaves, so the turn ends with it.
+        let _turn = turn;
+        write(format, &sources)
+    };
+    let bytes = apart(make).await?;
     let mut answer = Bytes::from(bytes).into_response();
     answer.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()));
     let name =
