@@ -18,9 +18,13 @@ const FONTS = { room: "650 13px", object: "400 12px" } as const;
 
 export class Names {
   readonly element = h("div", { class: "names", "aria-hidden": "true" });
+  /** Names above would lie below the tools. */
+  private top = 0;
   private shown: { element: HTMLElement; at: THREE.Vector3; width: number; isBehind: boolean }[] = [];
 
   set(names: Name[]): void {
+    const toolbar = this.element.closest(".stage")?.querySelector<HTMLElement>(".toolbar");
+    this.top = toolbar ? toolbar.offsetTop + toolbar.offsetHeight : 0;
     this.shown = names.map(({ text, at_m, kind }) => ({
       element: h("span", { class: `name ${kind}` }, text),
       at: new THREE.Vector3(...at_m),
@@ -40,8 +44,10 @@ export class Names {
     const labels = this.shown.map((name) => {
       const seen = name.at.clone().project(camera);
       const [x, y] = [((seen.x + 1) / 2) * width, ((1 - seen.y) / 2) * height];
-      const isOut = seen.z > 1 || x < 0 || y < 0 || x > width || y > height;
-      return isOut || name.isBehind ? null : { x, y, width: name.width, height: HEIGHT_PX };
+      const isOut = seen.z > 1 || x < 0 || y < this.top || x > width || y > height;
+      // A name at the edge stays whole.
+      const inner = Math.min(Math.max(x, name.width / 2), Math.max(width - name.width / 2, 0));
+      return isOut || name.isBehind ? null : { x: inner, y, width: name.width, height: HEIGHT_PX };
     });
     const shifts = arrange(labels);
     this.shown.forEach(({ element }, i) => {

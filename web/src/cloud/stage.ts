@@ -16,6 +16,8 @@ const LEAST_BUDGET = 15_000;
 const MOST_FRAMES = 30;
 /** The picture is completed when nothing moved for so long. */
 const SETTLED_MS = 120;
+/** The share of the pixels along each side that a coarse picture has. */
+const COARSE = 0.5;
 /** A press that moves further is a turn of the view and no click. */
 const CLICK_PX = 5;
 const FLIGHT_MS = 450;
@@ -35,8 +37,12 @@ export interface Moment {
 /** A cloud that can be drawn in parts, each of which is an even sample of the whole. */
 export interface Parts {
   count(): number;
+  /** Whether it can be drawn whole but coarsely. */
+  hasCoarse: boolean;
   /** Draws next the part between two shares; `focal_px` is a metre's size at one metre. */
   select(from: number, to: number, focal_px: number, isRough: boolean): void;
+  /** Draws next the whole, coarsely. */
+  selectCoarse(): void;
 }
 
 export class Stage {
@@ -57,6 +63,9 @@ export class Stage {
   onClick: (ray: Ray, reach_rad: number) => void = () => {};
   private readonly renderer: THREE.WebGLRenderer;
   private readonly controls: OrbitControls;
+  private readonly pixelRatio = Math.min(devicePixelRatio, 2);
+  private isSlow = false;
+  private isCoarse = false;
   private asked = 0;
   private settling = 0;
   private isMoving = false;
@@ -76,7 +85,7 @@ export class Stage {
       antialias: false, alpha: true, preserveDrawingBuffer: true, powerPreference: "high-performance",
     });
     this.renderer.autoClear = false;
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.setPixelRatio(this.pixelRatio);
     const canvas = this.renderer.domElement;
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "img");
@@ -219,6 +228,7 @@ export class Stage {
       this.ask();
       return;
     }
+    if (this.isStale) this.sharpen();
     const ratio = this.renderer.getPixelRatio();
     if (this.isStale) {
       this.isStale = false;
@@ -227,17 +237,31 @@ export class Stage {
       this.renderer.render(this.shapes, this.camera);
       this.onDrawn({ camera: this.camera, width, height });
     }
-    const count = this.parts?.count() ?? 0;
-    const until = count > 0 ? Math.min(1, this.done + this.budget / count) : 1;
+    const { parts, isCoarse } = this;
+    const count = parts?.count() ?? 0;
+    // A surface that moves on a fast machine is drawn at once.
+    const isWhole = count === 0 || isCoarse || (this.isMoving && parts?.hasCoarse);
+    const isFirst = this.done === 0;
+    const until = isWhole ? 1 : Math.min(1, this.done + this.budget / count);
     const focal_px = (height * ratio) / (2 * Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2)));
-    this.parts?.select(this.done, until, focal_px, this.isMoving);
+    if (isCoarse) parts?.selectCoarse();
+    else parts?.select(this.done, until, focal_px, this.isMoving);
     this.renderer.render(this.cloud, this.camera);
-    this.renderer.render(this.marks, this.camera);
+    // Marks shine through, so that they are not drawn over themselves with every part.
+    if (isFirst || until >= 1) this.renderer.render(this.marks, this.camera);
     this.done = until;
     this.mark();
     // A view that moves is drawn afresh anyway.
     if (this.done < 1 && !this.isMoving) this.ask();
     this.element.dataset.done = String(this.done);
+  }
+
+  /** Draws a surface more coarsely while the view moves on a slow machine. Points are drawn in parts instead. */
+  private sharpen(): void {
+    const isCoarse = this.isMoving && this.isSlow && !!this.parts?.hasCoarse;
+    if (isCoarse === this.isCoarse) return;
+    this.isCoarse = isCoarse;
+    this.renderer.setPixelRatio(this.pixelRatio * (isCoarse ? COARSE : 1));
   }
 
   /** Notes that a frame is on its way to the graphics card. */
@@ -261,6 +285,7 @@ export class Stage {
   }
 
   private adapt(took_ms: number): void {
+    if (took_ms > SLOW_MS) this.isSlow = true;
     const count = this.parts?.count() ?? 0;
     const least = this.isMoving ? LEAST_BUDGET : Math.max(LEAST_BUDGET, count / MOST_FRAMES);
     if (took_ms > SLOW_MS) this.budget = Math.max(least, this.budget * Math.max(0.3, SLOW_MS / took_ms));

@@ -2,10 +2,15 @@
 
 import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+import { clustered } from "./coarse.ts";
+import type { Parts } from "./stage.ts";
 import { type Colouring, type Rgb, rgb } from "./colours.ts";
 
 /** Classes of which only the side towards the eye is drawn, so that one looks over the near walls into the rooms. */
 export const OF_SHELL: ReadonlySet<string> = new Set(["wall", "ceiling", "window", "door", "curtain", "picture", "mirror", "radiator"]);
+
+/** Side of the cells that become one vertex in the coarse surface. */
+const CELL_M = 0.12;
 
 const VERTEX = /* glsl */ `
 in vec4 color;
@@ -49,10 +54,11 @@ export interface ClassLook {
   isShown: boolean;
 }
 
-export class Surface {
+export class Surface implements Parts {
   /** In the map's frame. */
   readonly group = new THREE.Group();
   readonly triangles: number;
+  private readonly indices: { geometry: THREE.BufferGeometry; fine: THREE.BufferAttribute; coarse: THREE.BufferAttribute }[] = [];
   private readonly byClass = new Map<string, { material: THREE.ShaderMaterial; meshes: THREE.Mesh[] }>();
 
   constructor(scene: THREE.Object3D) {
@@ -71,7 +77,9 @@ export class Surface {
       mesh.material = one.material;
       mesh.matrixAutoUpdate = false;
       one.meshes.push(mesh);
-      triangles += (mesh.geometry.index?.count ?? 0) / 3;
+      const fine = mesh.geometry.index;
+      if (fine) this.indices.push({ geometry: mesh.geometry, fine, coarse: coarseOf(mesh.geometry, fine) });
+      triangles += (fine?.count ?? 0) / 3;
       this.group.add(mesh);
     }
     this.triangles = triangles;
@@ -80,6 +88,31 @@ export class Surface {
   /** Points have clips and probabilities; a surface has colours and classes. */
   setColouring(colouring: Colouring): void {
     for (const { material } of this.byClass.values()) set(material, "is_flat", colouring === "class");
+  }
+
+  readonly hasCoarse = true;
+
+  count(): number {
+    return this.group.visible ? this.triangles : 0;
+  }
+
+  selectCoarse(): void {
+    for (const { geometry, coarse } of this.indices) {
+      geometry.setIndex(coarse);
+      geometry.setDrawRange(0, Infinity);
+    }
+  }
+
+  select(from: number, to: number): void {
+    const [first, last] = [Math.floor(from * this.triangles), Math.floor(to * this.triangles)];
+    let at = 0;
+    for (const { geometry, fine } of this.indices) {
+      const count = fine.count / 3;
+      const [low, high] = [Math.max(0, first - at), Math.min(count, last - at)];
+      geometry.setIndex(fine);
+      geometry.setDrawRange(3 * low, 3 * Math.max(0, high - low));
+      at += count;
+    }
   }
 
   setCut(height_m: number): void {
@@ -108,6 +141,15 @@ export class Surface {
 export async function readSurface(bytes: ArrayBuffer): Promise<Surface> {
   const { scene } = await new GLTFLoader().parseAsync(bytes, "");
   return new Surface(scene);
+}
+
+function coarseOf(geometry: THREE.BufferGeometry, fine: THREE.BufferAttribute): THREE.BufferAttribute {
+  const position = geometry.getAttribute("position");
+  // The attributes of a vertex lie together in the file; its position comes first.
+  const [places, stride] = position instanceof THREE.InterleavedBufferAttribute
+    ? [position.data.array.subarray(position.offset), position.data.stride]
+    : [position.array, position.itemSize];
+  return new THREE.BufferAttribute(clustered(places, stride, fine.array, CELL_M), 1);
 }
 
 function materialOf(name: string): THREE.ShaderMaterial {

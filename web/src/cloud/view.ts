@@ -35,6 +35,7 @@ export class CloudView {
   private readonly rule = new THREE.Group();
   private readonly wanted = new THREE.Group();
   private points: THREE.Points | null = null;
+  private cloud: { cloud: Cloud; voxel_m: number } | null = null;
   private surface: Surface | null = null;
   private bounds = new THREE.Box3();
   private isFramed = false;
@@ -73,22 +74,39 @@ export class CloudView {
     this.points = new THREE.Points(cloud.geometry, [this.material.material]);
     this.points.frustumCulled = false;
     this.stage.cloud.add(this.points);
-    this.stage.parts = {
-      count: () => (this.points?.visible ? cloud.shown : 0),
-      select: (from, to, focal_px, isRough) => {
-        cloud.select(from, to);
-        // Slightly more than a voxel, so that surfaces close; fewer points are larger.
-        const growth = isRough ? Math.min(MAX_GROWTH, Math.sqrt(1 / (to - from))) : 1;
-        this.material.size_px_m = focal_px * voxel_m * 1.25 * growth;
-      },
-    };
+    this.cloud = { cloud, voxel_m };
+    this.choose();
     this.draw();
+  }
+
+  /** Draws the surface in parts if it is shown, else the points. */
+  private choose(): void {
+    const { cloud: shown, surface } = this;
+    if (surface?.group.visible) {
+      this.stage.parts = surface;
+    } else if (shown) {
+      const { cloud, voxel_m } = shown;
+      this.stage.parts = {
+        hasCoarse: false,
+        count: () => (this.points?.visible ? cloud.shown : 0),
+        selectCoarse: () => {},
+        select: (from, to, focal_px, isRough) => {
+          cloud.select(from, to);
+          // Slightly more than a voxel, so that surfaces close; fewer points are larger.
+          const growth = isRough ? Math.min(MAX_GROWTH, Math.sqrt(1 / (to - from))) : 1;
+          this.material.size_px_m = focal_px * voxel_m * 1.25 * growth;
+        },
+      };
+    } else {
+      this.stage.parts = null;
+    }
   }
 
   /** Shows no cloud any more. */
   clear(): void {
     if (!this.points) return;
-    this.stage.parts = null;
+    this.cloud = null;
+    this.choose();
     this.stage.cloud.remove(this.points);
     this.points.geometry.dispose();
     this.points = null;
@@ -98,9 +116,10 @@ export class CloudView {
   /** Shows a surface beside the points, or none; it stays its owner's. */
   setSurface(surface: Surface | null): void {
     if (this.surface === surface) return;
-    if (this.surface) this.stage.shapes.remove(this.surface.group);
+    if (this.surface) this.stage.cloud.remove(this.surface.group);
     this.surface = surface;
-    if (surface) this.stage.shapes.add(surface.group);
+    if (surface) this.stage.cloud.add(surface.group);
+    this.choose();
     this.draw();
   }
 
@@ -199,6 +218,7 @@ export class CloudView {
   show(parts: { points: boolean; surface: boolean; floor: boolean }): void {
     if (this.points) this.points.visible = parts.points;
     if (this.surface) this.surface.group.visible = parts.surface;
+    this.choose();
     this.floor.visible = parts.floor;
     this.draw();
   }

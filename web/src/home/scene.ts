@@ -119,7 +119,7 @@ export class HomeScene {
     if (bounds) this.plan.setBounds(bounds);
     const [low, high] = [map?.info.min_m, map?.info.max_m];
     if (low && high) this.cloudView?.setBounds(low, high);
-    else if (bounds && !map) this.cloudView?.setBounds([...bounds.min, 0], [...bounds.max, 1.5], false);
+    else if (bounds) this.cloudView?.setBounds([...bounds.min, 0], [...bounds.max, 1.5], false);
     const picture = `${this.level} ${lidar?.revision}`;
     if (picture !== this.picture) {
       this.picture = picture;

@@ -34,7 +34,7 @@ export async function showHome(place: Place, id: string, view: URLSearchParams):
   setCrumbs(place, [{ word: "Homes", href: toHomes() }], data.home.name || id);
   const looks = new Looks();
   const viewpoint = read(view, looks);
-  if (!data.map) looks.view = "2d";
+  if (!data.map?.info.points && !view.has("view")) looks.view = "2d";
   const status = h("p", { class: "stage-status", role: "status" });
   const facts = h("p", { class: "stage-facts" });
   const empty = h("div", { class: "stage-empty" });
@@ -64,8 +64,8 @@ export async function showHome(place: Place, id: string, view: URLSearchParams):
     facts.textContent = map
       ? `Map ${map.revision} · ${count(map.info.points)} points · ${many(map.clips.length, "clip")}${seen}`
       : "";
-    put(empty, ...(map ? [] : emptyStage(!!lidar, data.clips.length, data.clips.some(isUnderWay))));
-    empty.hidden = map !== null || (looks.view === "2d" && lidar !== null && data.clips.length > 0);
+    put(empty, ...(map?.info.points ? [] : emptyStage(data)));
+    empty.hidden = !!map?.info.points || (looks.view === "2d" && lidar !== null && data.clips.length > 0);
   };
   looks.onChange(describe);
   const followed = new Followed(
@@ -126,16 +126,21 @@ export async function showHome(place: Place, id: string, view: URLSearchParams):
   onHomeChange(id, () => repeated.again(), signal);
 }
 
-function emptyStage(hasLidar: boolean, clips: number, isBusy: boolean): HTMLElement[] {
-  const isBare = clips === 0 && !hasLidar;
-  const title = isBusy ? "The clips are being aligned" : isBare ? "This home is empty" : "No fused map yet";
-  const advice = isBusy
-    ? "The map appears here as soon as the first clip has found its place."
-    : !hasLidar
-      ? "Drop the LiDAR map of the robot vacuum on this page: Valetudo JSON, a zip of a ROS map, CSV or PLY points."
-      : clips === 0
-        ? "Drop clips on this page: zips of RGB-D recordings."
-        : "No clip has a certain place. Open a clip to see why, or to choose its place yourself.";
+function emptyStage({ lidar, clips, map, level }: HomeData): HTMLElement[] {
+  if (clips.some(isUnderWay)) {
+    return said("The clips are being aligned", "The map appears here as soon as the first clip has found its place.");
+  }
+  if (map) return said(`No clip of the level ${level}`, "Film on this level and drop the clips on this page.");
+  if (!lidar) {
+    return said(clips.length === 0 ? "This home is empty" : "No fused map yet",
+      "Drop the LiDAR map of the robot vacuum on this page: Valetudo JSON, a zip of a ROS map, CSV or PLY points.");
+  }
+  return said("No fused map yet", clips.length === 0
+    ? "Drop clips on this page: zips of RGB-D recordings."
+    : "No clip has a certain place. Open a clip to see why, or to choose its place yourself.");
+}
+
+function said(title: string, advice: string): HTMLElement[] {
   return [h("h2", {}, title), h("p", {}, advice)];
 }
 
