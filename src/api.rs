@@ -27,6 +27,7 @@ mod metrics;
 mod objects;
 mod page;
 mod problems;
+mod ranges;
 mod reply;
 mod request_log;
 mod server;
@@ -102,7 +103,8 @@ impl Modify for Security {
     modifiers(&Security),
     components(schemas(types::ClassName, map::points::Format, map::PlanFormat, map::MeshFormat, map::RecordingFormat, map::RobotFormat)),
     info(title = "viola", description = "Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.\n\n\
-        Every error is an RFC 9457 problem document with a stable `type`. Lists page by cursor."),
+        Every error is an RFC 9457 problem document with a stable `type`. Lists page by cursor. An answer with an `ETag` \
+        and a length serves one range of bytes (`Range`, `If-Range`; RFC 9110, 14)."),
     tags(
         (name = "homes", description = "Homes; each has LiDAR maps and clips"),
         (name = "lidar-map", description = "The maps of the home's robot vacuums, one for each storey"),
@@ -213,6 +215,7 @@ fn router(app: App) -> Router {
         .layer(DefaultBodyLimit::max(MAX_JSON_BYTES))
         .layer(CatchPanicLayer::custom(error::panicked))
         .layer(axum::middleware::from_fn(metrics::count))
+        .layer(axum::middleware::from_fn(ranges::serve_part))
         .layer(layers::compression())
         .layer(axum::middleware::from_fn(request_log::log))
         .layer(PropagateRequestIdLayer::x_request_id())

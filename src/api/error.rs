@@ -117,6 +117,8 @@ pub(super) enum Error {
     MethodNotAllowed,
     #[error("the {what} is unavailable: {}", .cause.as_ref().map_or("it is full".to_owned(), ToString::to_string))]
     NotReady { what: &'static str, cause: Option<StorageError> },
+    #[error("the answer has {length} bytes, and the range begins behind them")]
+    NoSuchRange { length: u64 },
     #[error("{0}")]
     Upload(#[from] UploadRefusal),
     #[error("{0}")]
@@ -193,6 +195,9 @@ impl Error {
             Error::MethodNotAllowed => {
                 (S::METHOD_NOT_ALLOWED, "method_not_allowed", "The path does not serve this method")
             }
+            Error::NoSuchRange { .. } => {
+                (S::RANGE_NOT_SATISFIABLE, "range_not_satisfiable", "The answer has no such bytes")
+            }
             Error::Upload(refusal) => refusal.mapping(),
             Error::NotReady { .. } => (S::SERVICE_UNAVAILABLE, "not_ready", "The service is not ready"),
             Error::Storage(StorageError::NoSuchHome) => {
@@ -234,6 +239,7 @@ impl Error {
             Error::InvalidPath { field, .. } | Error::InvalidQuery { field, .. } => *field,
             Error::InvalidHeader { field, .. } | Error::InvalidMember { field, .. } => Some(field),
             Error::KeyReused => Some("Idempotency-Key"),
+            Error::NoSuchRange { .. } => Some("Range"),
             Error::Correction(CorrectionError::Impossible { field, .. }) => Some(field),
             Error::Correction(CorrectionError::Changed { .. }) => Some("If-Match"),
             Error::Upload(refusal) => refusal.field(),

@@ -42,7 +42,8 @@ pub(super) fn compression() -> CompressionLayer<And<SizeAbove, IsCompressed>> {
     CompressionLayer::new().compress_when(SizeAbove::new(MIN_BYTES).and(is_compressed))
 }
 
-fn is_text_or_points(headers: &HeaderMap) -> bool {
+/// Returns whether an answer may be compressed.
+pub(super) fn is_text_or_points(headers: &HeaderMap) -> bool {
     let media_type =
         headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
     let media_type = media_type.split(';').next().unwrap_or_default().trim();
@@ -60,6 +61,8 @@ pub(super) fn cors(origins: &[Origin]) -> Option<CorsLayer> {
         return None;
     }
     let exposed = [
+        "accept-ranges",
+        "content-range",
         "etag",
         "location",
         "retry-after",

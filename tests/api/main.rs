@@ -19,6 +19,7 @@ mod lidar_map;
 mod map;
 mod metrics;
 mod problems;
+mod ranges;
 mod robot;
 mod server;
 mod tus_client;
