@@ -6,14 +6,14 @@ import { join } from "node:path";
 import { chromium } from "playwright-core";
 import { cloudOf } from "./browser/cloud.mjs";
 import { homeSteps } from "./browser/home.mjs";
-import { boxOf, dropFiles, measureInput, recordProgress } from "./browser/page.mjs";
+import { boxOf, dropFiles, isResponsive, recordProgress } from "./browser/page.mjs";
 import { placeSteps } from "./browser/places.mjs";
 import { surfaceSteps } from "./browser/surface.mjs";
 
 const { VIOLA_BASE: base, VIOLA_RECORDINGS: recordings, VIOLA_PICTURES: pictures } = process.env;
 /** An upload with its job takes seconds; a busy machine with two cores takes longer. */
 const DEADLINE_MS = 90_000;
-/** Input is handled within this time, also while a million points are drawn by software. */
+/** Input waits at most so long for a million points that are drawn by software. */
 const RESPONSIVE_MS = 200;
 const MILLION = 1_000_000;
 
@@ -214,15 +214,9 @@ async function aMillionPointsStayResponsive() {
   await page.reload();
   await pointsShown(MILLION);
   await page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
-  // Another process may take the machine for a moment; what the page itself does, it does every time.
-  let measured = await measureInput(page, () => touchEverything());
-  for (let again = 0; again < 2 && measured.slowest_ms >= RESPONSIVE_MS; again++) {
-    say(`once more, after ${JSON.stringify(measured)}`);
-    measured = await measureInput(page, () => touchEverything());
-  }
-  say(`a million points: ${JSON.stringify(measured)}`);
-  assert.ok(measured.inputs > 20, "too few inputs were measured");
-  assert.ok(measured.slowest_ms < RESPONSIVE_MS, `an input waited ${measured.slowest_ms} ms (${measured.slowest})`);
+  const isShown = () => page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
+  say("a million points");
+  await isResponsive(page, { act: () => touchEverything(), isShown, limit_ms: RESPONSIVE_MS, say });
   await page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
   await page.locator(".stage").screenshot({ path: join(pictures, "12-million.png") });
   await page.unroute(/\/map\/points/);

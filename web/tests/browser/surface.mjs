@@ -1,7 +1,7 @@
 // The steps of a person who looks at the surface of a home, and at what is to be filmed.
 import assert from "node:assert/strict";
 import { join } from "node:path";
-import { measureInput } from "./page.mjs";
+import { isResponsive } from "./page.mjs";
 
 /** Input waits at most so long for the mesh of a home that is drawn by software, beside what it waits without one. */
 const RESPONSIVE_MS = 100;
@@ -53,24 +53,12 @@ export function surfaceSteps({ page, open, say, pictures, touchEverything, servi
     await surfaceShown();
     await page.locator("label:has(#colouring-colour)").click();
     await isDrawn();
-    const touch = () => measureInput(page, () => touchEverything(["class", "colour"]));
-    // Other processes share the machine: a stage without points and surface tells what they cost.
-    const fused = page.locator("input[data-name=points]");
-    await fused.uncheck();
-    const without = await touch();
-    await fused.check();
-    await surfaceShown();
-    await isDrawn();
-    const limit_ms = RESPONSIVE_MS + without.slowest_ms;
-    let measured = await touch();
-    for (let again = 0; again < 2 && measured.slowest_ms >= limit_ms; again++) {
-      say(`once more, after ${JSON.stringify(measured)}`);
-      measured = await touch();
-    }
-    const triangles = await page.locator(".views").getAttribute("data-surface");
-    say(`${triangles} triangles: ${JSON.stringify(measured)}; without them ${without.slowest_ms} ms`);
-    assert.ok(measured.inputs > 20, "too few inputs were measured");
-    assert.ok(measured.slowest_ms < limit_ms, `an input waited ${measured.slowest_ms} ms (${measured.slowest})`);
+    const isShown = async () => {
+      await surfaceShown();
+      await isDrawn();
+    };
+    say(`${await page.locator(".views").getAttribute("data-surface")} triangles`);
+    await isResponsive(page, { act: () => touchEverything(["class", "colour"]), isShown, limit_ms: RESPONSIVE_MS, say });
     await page.locator("label:has(#body-points)").click();
     await isDrawn();
   }
