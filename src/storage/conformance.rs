@@ -187,6 +187,7 @@ fn answer(state: AlignmentState) -> Ending {
         inliers: None,
         coverage: None,
         alternatives: vec![],
+        spread: None,
         reasons: vec![reason("two_modes")],
         hits: 7,
         key_frames: 2,

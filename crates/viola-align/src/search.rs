@@ -183,8 +183,11 @@ mod tests {
         let points_m: Vec<Point2> =
             walls.iter().map(|&(x, y)| frame.centre(20 + x % 16, 20 + y % 10)).collect();
         // The walls lie on a frame of their own, wider than the one around the points.
-        let target = Target::from_points(points_m.clone(), Some(0.05), None).unwrap();
-        Target { thinned_m: points_m, points_m: Vec::new(), field: DistanceField::new(&occupied), ..target }
+        let mut target = Target::from_points(points_m.clone(), Some(0.05), None).unwrap();
+        target.field = DistanceField::new(&occupied);
+        target.thinned_m = points_m;
+        target.points_m = Vec::new();
+        target
     }
 
     fn hit(x: f64, y: f64) -> Hit {

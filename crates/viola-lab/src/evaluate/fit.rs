@@ -16,10 +16,11 @@ const LISTED: usize = 8;
 
 /// Returns the model fitted to these clips; none unless right and wrong answers are present.
 ///
-/// The loss comes first; then the alternatives are ranked by it, and the probability is fitted to the new ranks.
+/// The loss comes first; then the alternatives are ranked by it, and the probability is fitted to the new ranks, with
+/// the temperature of the greatest likelihood.
 /// Without clips that have a choice, the loss stays that of [`MODEL`]. `made_by` is the model's provenance.
 pub fn fit(results: &[ClipResult], made_by: MadeBy) -> Option<Model> {
-    let learned = learned_loss(results, MODEL.loss.most_misplaced);
+    let learned = learned_loss(results, &MODEL.loss);
     let mut model = Model {
         made_by,
         loss: learned.map_or(MODEL.loss, |learned| learned.weights),
@@ -28,12 +29,33 @@ pub fn fit(results: &[ClipResult], made_by: MadeBy) -> Option<Model> {
         coefficients: Vec::new(),
         covariance: MODEL.covariance,
     };
-    let answers: Vec<Answer> = results.iter().filter_map(|result| Answer::of(result, &model)).collect();
-    (model.intercept, model.coefficients) = regress(&answers)?;
+    let regressed = temperatures(model.temperature_m).filter_map(|temperature_m| {
+        let model = Model { temperature_m, ..model.clone() };
+        let answers: Vec<Answer> = results.iter().filter_map(|result| Answer::of(result, &model)).collect();
+        let (intercept, coefficients) = regress(&answers)?;
+        let model = Model { intercept, coefficients, ..model };
+        Some((cost(&answers, &model), model))
+    });
+    model = regressed.min_by(|a, b| a.0.total_cmp(&b.0))?.1;
     let right = results.iter().filter(|result| result.is_success());
     let placed: Vec<Placement> = right.filter_map(|result| result.placement).collect();
     model.covariance = spread::fit(&placed).unwrap_or(MODEL.covariance);
     Some(model)
+}
+
+/// Returns the temperatures to try: that of the loss is for clips whose true pose is listed, and others need more.
+fn temperatures(of_loss_m: f64) -> impl Iterator<Item = f64> {
+    [1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0].into_iter().map(move |factor| of_loss_m * factor)
+}
+
+/// Returns the negative logarithm of the likelihood of the answers.
+fn cost(answers: &[Answer], model: &Model) -> f64 {
+    let of = |answer: &Answer| {
+        let probability = model.probability(&answer.features);
+        let told = if answer.right { probability } else { 1.0 - probability };
+        -answer.weight * told.max(f64::MIN_POSITIVE).ln()
+    };
+    answers.iter().map(of).sum()
 }
 
 /// An answer to learn the probability from.
@@ -82,8 +104,24 @@ fn alternative(listed: &Listed, evidence: &Evidence, weights: &LossWeights) -> A
     }
 }
 
-/// Fits a ridge logistic regression by Newton's method.
+/// Sign of the effect of each of [`FEATURES`].
+const SIGNS: [f64; FEATURES.len()] = [1.0, -1.0, 1.0];
+
+/// Fits the regression; a feature whose effect would have the wrong sign has none.
 fn regress(answers: &[Answer]) -> Option<(f64, Vec<Coefficient>)> {
+    let mut used = [true; FEATURES.len()];
+    loop {
+        let (intercept, coefficients) = regress_on(answers, &used)?;
+        let wrong = coefficients.iter().zip(SIGNS).position(|(c, sign)| c.weight * sign < 0.0);
+        match wrong {
+            Some(wrong) => used[wrong] = false,
+            None => return Some((intercept, coefficients)),
+        }
+    }
+}
+
+/// Fits a ridge logistic regression by Newton's method; the weights of features that are not used are 0.
+fn regress_on(answers: &[Answer], used: &[bool]) -> Option<(f64, Vec<Coefficient>)> {
     const RIDGE: f64 = 1.0;
     const STEPS: usize = 50;
     if answers.iter().all(|answer| answer.right) || answers.iter().all(|answer| !answer.right) {
@@ -103,7 +141,11 @@ fn regress(answers: &[Answer]) -> Option<(f64, Vec<Coefficient>)> {
         .iter()
         .map(|Answer { features, right, weight }| {
             let value = |i: usize| ((features[i] - moments[i].0) / moments[i].1).clamp(-4.0, 4.0);
-            let row = nalgebra::DVector::from_fn(size, |i, _| if i == 0 { 1.0 } else { value(i - 1) });
+            let row = nalgebra::DVector::from_fn(size, |i, _| match i {
+                0 => 1.0,
+                i if used[i - 1] => value(i - 1),
+                _ => 0.0,
+            });
             (row, f64::from(u8::from(*right)), *weight)
         })
         .collect();

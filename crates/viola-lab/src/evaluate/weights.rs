@@ -4,7 +4,7 @@ use super::{ClipResult, Listed};
 use nalgebra::{Matrix6, Vector6};
 use viola_align::{LossWeights, TYPICAL_HITS};
 
-/// Learned weights of the loss. Without labels of a network the data does not determine `misplaced_m`.
+/// Learned weights of the loss.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LearnedLoss {
     /// Number of clips with the true pose and another one among their alternatives.
@@ -18,32 +18,28 @@ pub struct LearnedLoss {
 type Figures = Vector6<f64>;
 
 /// Fits a ridge conditional logit (McFadden, 1974) by Newton's method: the odds of two alternatives are
-/// exponential in their evidence. None if no clip has both a right and a wrong alternative.
-pub fn learned_loss(results: &[ClipResult], most_misplaced: f64) -> Option<LearnedLoss> {
-    const RIDGE: f64 = 1.0;
-    const STEPS: usize = 50;
+/// exponential in their evidence. Contradictions never make a pose more probable: a weight that would be negative
+/// is 0. Without labels of a network `misplaced_m` stays that of `known`. None if no clip has both a right and a wrong
+/// alternative.
+pub fn learned_loss(results: &[ClipResult], known: &LossWeights) -> Option<LearnedLoss> {
+    let most_misplaced = known.most_misplaced;
     let clips: Vec<Vec<(Figures, bool)>> =
         results.iter().filter(|r| !r.unknowable).filter_map(|r| figures(r, most_misplaced)).collect();
     let scale = spread(&clips)?;
-    let mut slopes = Figures::zeros();
-    for _ in 0..STEPS {
-        let mut gradient = slopes * RIDGE;
-        let mut hessian = Matrix6::identity() * RIDGE;
-        for clip in &clips {
-            let of_all = Mean::of(clip.iter(), &slopes, &scale);
-            let of_right = Mean::of(clip.iter().filter(|(_, right)| *right), &slopes, &scale);
-            gradient += of_all.mean - of_right.mean;
-            hessian += of_all.square - of_all.mean * of_all.mean.transpose();
+    let has_labels = clips.iter().flatten().any(|(figures, _)| figures[5] != 0.0);
+    // 1 for each figure that has a weight.
+    let mut used = Figures::repeat(1.0);
+    let slopes = loop {
+        let slopes = fit(&clips, &scale, &used)?;
+        let (worst, slope) = slopes.argmax();
+        if slope <= 0.0 {
+            break slopes;
         }
-        let step = hessian.cholesky()?.solve(&gradient);
-        // Far from the optimum a full step may diverge.
-        slopes -= step / f64::max(step.amax(), 1.0);
-        if step.amax() < 1e-9 {
-            break;
-        }
-    }
+        used[worst] = 0.0;
+    };
     let slopes = slopes.component_div(&scale);
-    let weight = |i: usize| slopes[i] / slopes[0];
+    // Without the sign of a zero.
+    let weight = |i: usize| (slopes[i] / slopes[0]).abs();
     Some(LearnedLoss {
         clips: clips.len(),
         weights: LossWeights {
@@ -51,11 +47,38 @@ pub fn learned_loss(results: &[ClipResult], most_misplaced: f64) -> Option<Learn
             hits_on_floor_m: weight(2),
             unseen_sides_m: weight(3),
             walls_on_floor_m: weight(4),
-            misplaced_m: weight(5),
+            misplaced_m: if has_labels { weight(5) } else { known.misplaced_m },
             most_misplaced,
         },
         temperature_m: -1.0 / slopes[0],
     })
+}
+
+/// Returns the slopes of the standardised figures; those of figures that are not used are 0.
+fn fit(clips: &[Vec<(Figures, bool)>], scale: &Figures, used: &Figures) -> Option<Figures> {
+    const RIDGE: f64 = 1.0;
+    const STEPS: usize = 50;
+    let mut slopes = Figures::zeros();
+    for _ in 0..STEPS {
+        let mut gradient = slopes * RIDGE;
+        let mut hessian = Matrix6::identity() * RIDGE;
+        for clip in clips {
+            let of_all = Mean::of(clip.iter(), &slopes, scale);
+            let of_right = Mean::of(clip.iter().filter(|(_, right)| *right), &slopes, scale);
+            gradient += of_all.mean - of_right.mean;
+            hessian += of_all.square - of_all.mean * of_all.mean.transpose();
+        }
+        // The rows and columns of the others become those of the identity.
+        let pairs = used * used.transpose();
+        let hessian = hessian.component_mul(&pairs) + Matrix6::from_diagonal(&used.map(|used| 1.0 - used));
+        let step = hessian.cholesky()?.solve(&gradient.component_mul(used));
+        // Far from the optimum a full step may diverge.
+        slopes -= step / f64::max(step.amax(), 1.0);
+        if step.amax() < 1e-9 {
+            break;
+        }
+    }
+    Some(slopes)
 }
 
 /// Returns the alternatives of a clip; none without a choice. The noise of a mean falls with the square root of
@@ -170,7 +193,7 @@ mod tests {
     fn finds_the_weights_that_made_the_data() {
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         let clips: Vec<ClipResult> = (0..CLIPS).map(|_| clip(&mut rng)).collect();
-        let found = learned_loss(&clips, MOST_MISPLACED).unwrap();
+        let found = learned_loss(&clips, &TRUTH).unwrap();
         let of = |w: &LossWeights| {
             [w.blocked_m, w.hits_on_floor_m, w.unseen_sides_m, w.walls_on_floor_m, w.misplaced_m]
         };
@@ -181,10 +204,29 @@ mod tests {
         assert_eq!(found.clips, CLIPS);
     }
 
+    /// Evidence that speaks for poses in the data gets no weight.
+    #[test]
+    fn no_weight_is_negative() {
+        let mut rng = ChaCha8Rng::seed_from_u64(6);
+        let clips: Vec<ClipResult> = (0..2_000)
+            .map(|_| {
+                let mut clip = clip(&mut rng);
+                for listed in &mut clip.alternatives {
+                    let fraction = if listed.right { 0.5 } else { 0.2 };
+                    listed.evidence.as_mut().unwrap().blocked_rays = fraction * rng.random::<f64>();
+                }
+                clip
+            })
+            .collect();
+        let found = learned_loss(&clips, &TRUTH).unwrap();
+        assert_eq!(found.weights.blocked_m, 0.0);
+        assert!((found.weights.walls_on_floor_m - TRUTH.walls_on_floor_m).abs() < 0.03, "{found:?}");
+    }
+
     #[test]
     fn clips_without_a_choice_teach_nothing() {
         let alone = ClipResult::example(AlignmentState::Aligned, Some((1.0, 0.1)));
-        assert_eq!(learned_loss(&[alone], MOST_MISPLACED), None);
-        assert_eq!(learned_loss(&[], MOST_MISPLACED), None);
+        assert_eq!(learned_loss(&[alone], &TRUTH), None);
+        assert_eq!(learned_loss(&[], &TRUTH), None);
     }
 }

@@ -16,7 +16,7 @@ use serde::Serialize;
 use std::sync::Arc;
 use viola_formats::clip::{Frame, FrameHeader};
 use viola_geometry::taxonomy::Class;
-use viola_geometry::{Pinhole, Point3, Pose2, Pose3, Vector3};
+use viola_geometry::{Pinhole, Point2, Point3, Pose2, Pose3, Vector3};
 
 /// Parameters of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -77,6 +77,25 @@ pub struct SimulatedClip {
     seed: u64,
 }
 
+/// Returns points just before the surfaces in front of the cameras, at their heights.
+fn seen_surfaces(scene: &Scene, home_from_camera: &[Pose3]) -> Vec<Point2> {
+    const CAMERAS: usize = 24;
+    const SIDEWAYS_RAD: [f64; 3] = [-0.4, 0.0, 0.4];
+    const RANGE_M: f64 = 5.0;
+    let step = home_from_camera.len().div_ceil(CAMERAS).max(1);
+    let mut points = Vec::new();
+    for pose in home_from_camera.iter().step_by(step) {
+        let (eye, heading_rad) = (Point3::from(pose.translation.vector), home_from_clip(pose).yaw_rad);
+        for sideways_rad in SIDEWAYS_RAD {
+            let (s, c) = (heading_rad + sideways_rad).sin_cos();
+            let toward = Vector3::new(c, s, 0.0);
+            let hit = scene.cast(&eye, &toward, RANGE_M);
+            points.extend(hit.map(|hit| (eye + toward * (0.95 * hit.distance)).xy()));
+        }
+    }
+    points
+}
+
 impl SimulatedClip {
     pub(super) fn record(home: &Home, survey: &Survey, index: u64, params: &ClipParams) -> SimulatedClip {
         let mut rng = home.rng.fork("clip", index);
@@ -95,8 +114,8 @@ impl SimulatedClip {
             _ => vec![Pose2::IDENTITY],
         };
         // In a map with errors the clip lies where the map shows its surroundings.
-        let seen_from = walk.home_from_camera.iter().map(self::home_from_clip);
-        let mapped_from_clip = survey.warp.mean(&home_from_clip, seen_from);
+        let seen = seen_surfaces(&home.clip_day.scene, &walk.home_from_camera);
+        let mapped_from_clip = survey.warp.mean(&home_from_clip, seen.into_iter());
         let equivalent_poses: Vec<Pose2> = equivalent
             .iter()
             .map(|home_from_home| map_from_home.compose(home_from_home).compose(&mapped_from_clip))

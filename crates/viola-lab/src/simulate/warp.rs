@@ -99,11 +99,15 @@ impl Warp {
         self.rooms.iter().find(|room| room.outline.contains(&at))
     }
 
-    /// Returns the mean believed pose of a body that is seen from `poses`, which belong to it.
-    pub(super) fn mean(&self, body: &Pose2, poses: impl Iterator<Item = Pose2>) -> Pose2 {
+    /// Returns the mean believed pose of a body that consists of surfaces at `points`, over both passes.
+    pub(super) fn mean(&self, body: &Pose2, points: impl Iterator<Item = Point2>) -> Pose2 {
+        if *self == Warp::none() {
+            return *body;
+        }
         let (mut sum, mut count) = ([0.0; 3], 0.0);
-        for pose in poses {
-            let moved = self.believed(&pose).compose(&pose.inverse()).compose(body);
+        for (pass, at) in points.flat_map(|point| [(0, point), (1, point)]) {
+            let pose = Pose2::new(at.x, at.y, 0.0);
+            let moved = self.believed_of_scan(pass, &pose).compose(&pose.inverse()).compose(body);
             let turn_rad = viola_geometry::wrap_angle(moved.yaw_rad - body.yaw_rad);
             for (sum, value) in sum.iter_mut().zip([moved.x_m, moved.y_m, turn_rad]) {
                 *sum += value;
@@ -184,9 +188,10 @@ mod tests {
     fn a_body_in_one_room_has_the_motion_of_the_room() {
         let warp = Warp { scale: 1.0, bend_per_m: 0.0, ..warp() };
         let body = Pose2::new(1.0, 1.0, 3.1);
-        let seen_from = [Pose2::new(1.0, 1.0, 0.0), Pose2::new(3.0, 2.0, 1.0)];
-        let mean = warp.mean(&body, seen_from.into_iter());
-        let want = warp.believed(&body);
+        let points = [Point2::new(1.0, 1.0), Point2::new(3.0, 2.0)];
+        let mean = warp.mean(&body, points.into_iter());
+        // Halfway between the two passes.
+        let want = Pose2::new(0.0, 0.05, 0.0).compose(&warp.believed(&body));
         assert!(
             mean.distance_m(&want) < 1e-9 && (mean.yaw_rad - want.yaw_rad).abs() < 1e-9,
             "{mean:?} {want:?}"
