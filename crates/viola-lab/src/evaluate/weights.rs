@@ -18,19 +18,20 @@ pub struct LearnedLoss {
 type Figures = Vector6<f64>;
 
 /// Fits a ridge conditional logit (McFadden, 1974) by Newton's method: the odds of two alternatives are
-/// exponential in their evidence. Contradictions never make a pose more probable: a weight that would be negative
-/// is 0. Without labels of a network `misplaced_m` stays that of `known`. None if no clip has both a right and a wrong
-/// alternative.
+/// exponential in their evidence. The weights are drawn towards those of `known`, because simulated homes are not
+/// real ones. Contradictions never make a pose more probable: a weight that would be negative is 0. Without labels of
+/// a network `misplaced_m` stays that of `known`. None if no clip has both a right and a wrong alternative.
 pub fn learned_loss(results: &[ClipResult], known: &LossWeights) -> Option<LearnedLoss> {
     let most_misplaced = known.most_misplaced;
     let clips: Vec<Vec<(Figures, bool)>> =
         results.iter().filter(|r| !r.unknowable).filter_map(|r| figures(r, most_misplaced)).collect();
     let scale = spread(&clips)?;
     let has_labels = clips.iter().flatten().any(|(figures, _)| figures[5] != 0.0);
+    let prior = prior(known, &scale);
     // 1 for each figure that has a weight.
     let mut used = Figures::repeat(1.0);
     let slopes = loop {
-        let slopes = fit(&clips, &scale, &used)?;
+        let slopes = fit(&clips, &scale, &prior, &used)?;
         let (worst, slope) = slopes.argmax();
         if slope <= 0.0 {
             break slopes;
@@ -54,14 +55,42 @@ pub fn learned_loss(results: &[ClipResult], known: &LossWeights) -> Option<Learn
     })
 }
 
-/// Returns the slopes of the standardised figures; those of figures that are not used are 0.
-fn fit(clips: &[Vec<(Figures, bool)>], scale: &Figures, used: &Figures) -> Option<Figures> {
+/// Returns the information of the prior on the standardised slopes: a ridge on the distance's, and the ratios of the
+/// others to it as in `known`.
+fn prior(known: &LossWeights, scale: &Figures) -> Matrix6<f64> {
     const RIDGE: f64 = 1.0;
+    /// Weight of the ratios, in clips.
+    const KNOWN: f64 = 30.0;
+    let weights = [
+        known.blocked_m,
+        known.hits_on_floor_m,
+        known.unseen_sides_m,
+        known.walls_on_floor_m,
+        known.misplaced_m,
+    ];
+    let mut information = Matrix6::zeros();
+    information[(0, 0)] = RIDGE;
+    for (i, weight) in (1..).zip(weights) {
+        let mut off = Figures::zeros();
+        off[0] = -weight * scale[i] / scale[0];
+        off[i] = 1.0;
+        information += off * off.transpose() * KNOWN;
+    }
+    information
+}
+
+/// Returns the slopes of the standardised figures; those of figures that are not used are 0.
+fn fit(
+    clips: &[Vec<(Figures, bool)>],
+    scale: &Figures,
+    prior: &Matrix6<f64>,
+    used: &Figures,
+) -> Option<Figures> {
     const STEPS: usize = 50;
     let mut slopes = Figures::zeros();
     for _ in 0..STEPS {
-        let mut gradient = slopes * RIDGE;
-        let mut hessian = Matrix6::identity() * RIDGE;
+        let mut gradient = prior * slopes;
+        let mut hessian = *prior;
         for clip in clips {
             let of_all = Mean::of(clip.iter(), &slopes, scale);
             let of_right = Mean::of(clip.iter().filter(|(_, right)| *right), &slopes, scale);
