@@ -1,4 +1,4 @@
-//! The main job as in the README's tour: the real apartment as a zip and its robot's map are sent over HTTP,
+//! The main job as in the tour of docs/api.md: the real apartment as a zip and its robot's map are sent over HTTP,
 //! and the pose is returned. With the real binary, whose memory is checked.
 
 use serde_json::Value;
