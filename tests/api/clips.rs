@@ -3,9 +3,14 @@ use reqwest::Method;
 use serde_json::{Value, json};
 use viola_testing::{room, zips};
 
-/// Returns a clip of two frames: enough to be opened, too few to be aligned well.
+/// Returns a clip of two frames.
 pub fn small_clip() -> Vec<u8> {
     zips::zip(&room::clip(2))
+}
+
+/// Returns a clip of one frame, too little to be aligned.
+pub fn doubtful_clip() -> Vec<u8> {
+    zips::zip(&room::clip(1))
 }
 
 #[tokio::test]
@@ -55,7 +60,7 @@ async fn a_thumbnail_comes_with_the_answer_and_goes_with_the_clip() {
     let home = server.make_home("h").await;
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
     // A clip without a pose in the map has one too.
-    let clip = server.post(&format!("{home}/clips"), small_clip()).await;
+    let clip = server.post(&format!("{home}/clips"), doubtful_clip()).await;
     let path = clip.header("location").to_owned();
     assert_ne!(server.settled(&path).await["state"], "aligned");
     let thumbnail = format!("{path}/thumbnail.jpg");

@@ -4,7 +4,7 @@ use crate::server::Server;
 use reqwest::Method;
 use viola_testing::room;
 
-/// Requests the picture of a home's LiDAR map with headers; returns status, `Content-Range` and body.
+/// Requests a file with headers; returns status, `Content-Range` and body.
 async fn ask(server: &Server, path: &str, headers: &[(&str, &str)]) -> (u16, Option<String>, Vec<u8>) {
     let mut request = server.request(Method::GET, path);
     for (name, value) in headers {
@@ -20,7 +20,10 @@ async fn a_part_of_a_file_is_served() {
     let server = Server::start().await;
     let home = server.make_home("h").await;
     server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let path = format!("{home}/lidar-map/image.png");
+    let clip = server.post(&format!("{home}/clips"), crate::clips::small_clip()).await;
+    let clip = clip.header("location").to_owned();
+    server.settled(&clip).await;
+    let path = format!("{clip}/thumbnail.jpg");
     let whole = server.request(Method::GET, &path).send().await.unwrap();
     assert_eq!(whole.status(), 200);
     assert_eq!(whole.headers()["accept-ranges"], "bytes");

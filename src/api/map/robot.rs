@@ -89,8 +89,8 @@ pub(in crate::api) async fn get_map_robot(
     Query(of): Query<LevelQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
-    let format = RobotFormat::wanted(query.format.as_deref())?;
     let map = revision(&app, &home, of.revision.as_deref()).await?;
+    let format = RobotFormat::wanted(query.format.as_deref())?;
     let levels = match of.level.as_deref() {
         None if format == RobotFormat::Matter => map.levels.as_slice(),
         asked => std::slice::from_ref(level(&map, asked)?),
