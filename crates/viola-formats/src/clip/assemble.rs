@@ -45,18 +45,7 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
         (Some(from), Some(to)) if to >= from => Some(to - from),
         _ => None,
     };
-    let has_color = color_size.is_some();
-    let without_poses = (frames_with_pose == 0).then(|| {
-        let files = layout.pose_files;
-        let next = if has_color {
-            "the camera will be tracked by its pictures"
-        } else {
-            "the clip has no colour to track the camera by"
-        };
-        format!("no frame has a pose in {files} that is a finite rigid motion: {next}")
-    });
-    let without_color =
-        (!has_color).then(|| "there are no colour pictures: the clip is aligned by depth alone".to_string());
+    let missing = missing(frames_with_pose > 0, color_size.is_some(), layout.pose_files);
     let (color_width, color_height) = color_size.unwrap_or_default();
     let info = ClipInfo {
         layout: layout.name.to_string(),
@@ -74,7 +63,7 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
         depth_height: depth_size.1,
         duration_s,
         recorded_at_ms: first.time_s.and_then(unix_ms),
-        notes: layout.notes.into_iter().chain(without_color).chain(without_poses).collect(),
+        notes: layout.notes.into_iter().chain(missing).collect(),
     };
     let tools = tools.clone();
     let video = layout.video.map(|(name, region)| Video { name, region, tools });
@@ -101,6 +90,20 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
         shutter: layout.shutter,
         origin: Origin::Files(Box::new(files)),
     })
+}
+
+/// Returns notes about missing colour and poses.
+fn missing(has_poses: bool, has_color: bool, pose_files: &str) -> impl Iterator<Item = String> {
+    let color =
+        (!has_color).then(|| "there are no colour pictures: the clip is aligned by depth alone".to_string());
+    let next = if has_color {
+        "the camera will be tracked by its pictures"
+    } else {
+        "the clip has no colour to track the camera by"
+    };
+    let poses = (!has_poses)
+        .then(|| format!("no frame has a pose in {pose_files} that is a finite rigid motion: {next}"));
+    color.into_iter().chain(poses)
 }
 
 /// Returns a time of day in milliseconds. Layouts count seconds since 1970 or since the device's start; times

@@ -183,6 +183,11 @@ fn roots_of<'a>(container: &'a dyn Container, file: &'a str) -> impl Iterator<It
     roots.filter(|root| root.is_empty() || root.ends_with('/'))
 }
 
+/// Returns the number of pictures that are in no frame. Without colour, depth is enough for a frame.
+fn incomplete(color: usize, depth: usize, frames: usize) -> usize {
+    color + depth - if color == 0 { frames } else { 2 * frames }
+}
+
 /// Converts a camera pose from OpenGL's to OpenCV's axes: half a turn about x.
 fn with_opencv_axes(world_from_camera: Pose3) -> Pose3 {
     let half_turn = UnitQuaternion::from_quaternion(Quaternion::new(0.0, 1.0, 0.0, 0.0));

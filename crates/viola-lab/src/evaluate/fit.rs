@@ -16,8 +16,7 @@ const LISTED: usize = 8;
 
 /// Returns the model fitted to these clips; none unless right and wrong answers are present.
 ///
-/// The loss comes first; then the alternatives are ranked by it, and the probability is fitted to the new ranks, with
-/// the temperature of the greatest likelihood.
+/// The loss comes first; then the alternatives are ranked by it, and the probability is fitted to the new ranks.
 /// Without clips that have a choice, the loss stays that of [`MODEL`]. `made_by` is the model's provenance.
 pub fn fit(results: &[ClipResult], made_by: MadeBy) -> Option<Model> {
     let learned = learned_loss(results, &MODEL.loss);
@@ -29,33 +28,12 @@ pub fn fit(results: &[ClipResult], made_by: MadeBy) -> Option<Model> {
         coefficients: Vec::new(),
         covariance: MODEL.covariance,
     };
-    let regressed = temperatures(model.temperature_m).filter_map(|temperature_m| {
-        let model = Model { temperature_m, ..model.clone() };
-        let answers: Vec<Answer> = results.iter().filter_map(|result| Answer::of(result, &model)).collect();
-        let (intercept, coefficients) = regress(&answers)?;
-        let model = Model { intercept, coefficients, ..model };
-        Some((cost(&answers, &model), model))
-    });
-    model = regressed.min_by(|a, b| a.0.total_cmp(&b.0))?.1;
+    let answers: Vec<Answer> = results.iter().filter_map(|result| Answer::of(result, &model)).collect();
+    (model.intercept, model.coefficients) = regress(&answers)?;
     let right = results.iter().filter(|result| result.is_success());
     let placed: Vec<Placement> = right.filter_map(|result| result.placement).collect();
     model.covariance = spread::fit(&placed).unwrap_or(MODEL.covariance);
     Some(model)
-}
-
-/// Returns the temperatures to try: that of the loss is for clips whose true pose is listed, and others need more.
-fn temperatures(of_loss_m: f64) -> impl Iterator<Item = f64> {
-    [1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0].into_iter().map(move |factor| of_loss_m * factor)
-}
-
-/// Returns the negative logarithm of the likelihood of the answers.
-fn cost(answers: &[Answer], model: &Model) -> f64 {
-    let of = |answer: &Answer| {
-        let probability = model.probability(&answer.features);
-        let told = if answer.right { probability } else { 1.0 - probability };
-        -answer.weight * told.max(f64::MIN_POSITIVE).ln()
-    };
-    answers.iter().map(of).sum()
 }
 
 /// An answer to learn the probability from.

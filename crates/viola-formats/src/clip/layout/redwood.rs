@@ -5,7 +5,9 @@ use super::json::read_json;
 use super::numbered::{number, numbered_under};
 use super::text::{numbers, pose_from_rows, read_table};
 use super::tum::KINECT;
-use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, only_root};
+use super::{
+    Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, incomplete, only_root,
+};
 use crate::container::Container;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -87,8 +89,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
             numbers: None,
         });
     }
-    let in_frames = if color.is_empty() { sources.len() } else { 2 * sources.len() };
-    let incomplete = color.len() + depth.len() - in_frames;
+    let incomplete = incomplete(color.len(), depth.len(), sources.len());
     let mut notes = vec![format!(
         "poses are those of {log}, whose frame 1 was taken for the picture with the lowest number, {first}"
     )];

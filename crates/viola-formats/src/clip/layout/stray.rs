@@ -7,8 +7,8 @@ mod imu;
 use super::numbered::{number, numbered_under};
 use super::text::{all_numbers, pose_from_quaternion, read_intrinsics, read_table};
 use super::{
-    ARKIT_UP, Cameras, ClipError, ColorAt, DepthAt, Layout, MILLIMETRES, Numbers, Of, Source, only_root,
-    roots_of, video,
+    ARKIT_UP, Cameras, ClipError, ColorAt, DepthAt, Layout, MILLIMETRES, Numbers, Of, Source, incomplete,
+    only_root, roots_of, video,
 };
 use crate::container::Container;
 use nalgebra::Quaternion;
@@ -91,9 +91,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     }
     notes.extend(video.as_ref().map(|(name, _, info)| video::words(name, info)));
     let color_pictures = color.len() + shown;
-    // The numbers of colour and depth are a frame's, so that one of them without the other is incomplete.
-    let in_frames = if color_pictures == 0 { sources.len() } else { 2 * sources.len() };
-    let incomplete = color_pictures + depth.len() - in_frames;
+    let incomplete = incomplete(color_pictures, depth.len(), sources.len());
     let words = if use_own {
         format!("{ODOMETRY}, for each frame; depth is scaled to them")
     } else {

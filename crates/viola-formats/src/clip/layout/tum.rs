@@ -9,7 +9,8 @@ use super::inertial::Forces;
 use super::text::{parse_row, pose_from_quaternion, read_intrinsics, read_table};
 use super::trajectory::{Timed, pose_at, times};
 use super::{
-    Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, only_root, roots_of,
+    Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, incomplete, only_root,
+    roots_of,
 };
 use crate::clip::Shutter;
 use crate::container::Container;
@@ -35,24 +36,20 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let Some(root) = only_root(roots_of(container, "depth.txt").filter(is_root))? else {
         return Ok(None);
     };
-    let color = if has(root, "rgb.txt") {
-        read_list(container, root, "rgb.txt")?
-    } else {
-        List { present: Vec::new(), missing: 0 }
-    };
+    let color = read_list(container, root, "rgb.txt")?;
     let has_color = !color.present.is_empty() || color.missing > 0;
     let depth = read_list(container, root, "depth.txt")?;
     let poses = read_poses(container, &format!("{root}groundtruth.txt"))?;
     let (color_pictures, depth_pictures) = (color.present.len(), depth.present.len());
 
-    let pairs = associate(&times(&color.present), &times(&depth.present), MAX_GAP_S);
     let pictures_of: Vec<(Option<usize>, usize)> = if has_color {
+        let pairs = associate(&times(&color.present), &times(&depth.present), MAX_GAP_S);
         pairs.into_iter().map(|(color, depth)| (Some(color), depth)).collect()
     } else {
         (0..depth_pictures).map(|depth| (None, depth)).collect()
     };
-    let in_frames = if has_color { 2 * pictures_of.len() } else { pictures_of.len() };
-    let incomplete = (color_pictures + depth_pictures - in_frames) + color.missing + depth.missing;
+    let incomplete =
+        incomplete(color_pictures, depth_pictures, pictures_of.len()) + color.missing + depth.missing;
     let mut notes = Vec::new();
     let file = format!("{root}{INTRINSICS}");
     let (cameras, shutter, intrinsics) = if container.contains(&file) {
@@ -117,9 +114,13 @@ struct List {
     missing: usize,
 }
 
+/// Empty without the file.
 fn read_list(container: &dyn Container, root: &str, file: &str) -> Result<List, ClipError> {
     let name = format!("{root}{file}");
     let mut list = List { present: Vec::new(), missing: 0 };
+    if !container.contains(&name) {
+        return Ok(list);
+    }
     for (line, text) in read_table(container, &name)?.rows() {
         let bad = |reason: &str| ClipError::BadIndex { name: name.clone(), line, reason: reason.to_string() };
         let (time, picture) =
