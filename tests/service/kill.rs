@@ -55,10 +55,10 @@ async fn a_job_outlives_its_server() {
     let job = server.client.get(&job).await.ok(200);
     // The attempt that the kill ended does not count.
     assert_eq!((&job["state"], &job["attempts"]), (&"succeeded".into(), &1.into()));
-    // The LiDAR map's two files, the clip, and the result's five files; the home's map follows later.
+    // The LiDAR map's two files, the clip, and the result's six files; the home's map follows later.
     let files = files_below(&data.path().join("blobs"));
     let of_clips = files.iter().filter(|path| !path.to_string_lossy().contains("home-maps"));
-    assert_eq!(of_clips.count(), 8, "{files:?}");
+    assert_eq!(of_clips.count(), 9, "{files:?}");
 }
 
 #[tokio::test]
