@@ -157,7 +157,7 @@ mod tests {
         assert_eq!(Warp::none().believed_of_scan(1, &pose), pose);
     }
 
-    /// The believed heading is that of the believed path.
+    /// The believed heading is that of the believed path, as far as the sine of a bend is its angle.
     #[test]
     fn headings_follow_the_bend() {
         for bent_axis in [0, 1] {
@@ -169,7 +169,7 @@ mod tests {
             };
             let (a, b) = (warp.believed(&ahead(-1e-4)), warp.believed(&ahead(1e-4)));
             let heading_rad = (b.y_m - a.y_m).atan2(b.x_m - a.x_m);
-            assert!((heading_rad - warp.believed(&ahead(0.0)).yaw_rad).abs() < 1e-6, "{bent_axis}");
+            assert!((heading_rad - warp.believed(&ahead(0.0)).yaw_rad).abs() < 1e-5, "{bent_axis}");
         }
     }
 
