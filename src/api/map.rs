@@ -88,6 +88,13 @@ async fn revision(app: &App, home: &HomeId, asked: Option<&str>) -> Result<HomeM
     app.storage.home_map(home, number.transpose()?).await?.ok_or(Error::NoSuchMap)
 }
 
+/// Returns the entity tag of a file of a revision from everything else that it depends on.
+fn tag_of_file(map: &HomeMap, parts: &[&[u8]]) -> String {
+    let revision = map.revision.to_le_bytes();
+    let created_at = map.created_at.as_millisecond().to_le_bytes();
+    tag_of(&[&[&revision[..], &created_at[..]], parts].concat())
+}
+
 /// Get the fused map of a home: its clips, the clips left out with their reasons, and its contents
 ///
 /// Every change of the clips, their results or their choices creates a new revision shortly afterwards. A

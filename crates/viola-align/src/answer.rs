@@ -2,7 +2,7 @@
 
 use super::complete::View;
 use super::refine::Spread;
-use super::score::{Evidence, is_different};
+use super::score::{Evidence, LossWeights, is_different};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use viola_geometry::{LevelName, Pose2};
@@ -97,6 +97,30 @@ pub struct Alignment {
 }
 
 impl Alternative {
+    /// Returns the explanation with its loss by this evidence. It has no probability, and no misplaced fraction.
+    pub fn of(
+        level: LevelName,
+        map_from_clip: Pose2,
+        evidence: &Evidence,
+        weights: &LossWeights,
+    ) -> Alternative {
+        Alternative {
+            level,
+            map_from_clip,
+            loss_m: weights.loss_m(evidence),
+            inliers: evidence.inliers,
+            free_space: Some(FreeSpace {
+                blocked_rays: evidence.blocked_rays,
+                hits_on_floor: evidence.hits_on_floor,
+                unseen_sides: evidence.unseen_sides,
+                walls_on_floor: evidence.walls_on_floor,
+            }),
+            misplaced: None,
+            probability: None,
+            evidence: Some(*evidence),
+        }
+    }
+
     /// Returns whether this is another explanation than `other`: another level or a distant pose.
     pub fn is_different_from(&self, other: &Alternative) -> bool {
         self.level != other.level || is_different(&self.map_from_clip, &other.map_from_clip)

@@ -1,12 +1,12 @@
 //! `/v1/homes/{home}/map/mesh`: the surface as triangles, made on request.
 
 use super::scene::scene;
-use super::{App, LevelQuery, level, revision};
+use super::{App, LevelQuery, level, revision, tag_of_file};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
-use crate::api::reply::{is_known, tag_of, tagged};
+use crate::api::reply::{is_known, tagged};
 use crate::storage::{MapObject, StorageError, map_file};
 use axum::body::Bytes;
 use axum::extract::State;
@@ -108,13 +108,10 @@ pub(in crate::api) async fn get_map_mesh(
     let budget = triangles(query.triangles.as_deref())?;
     let map = revision(&app, &home, of.revision.as_deref()).await?;
     let level = level(&map, of.level.as_deref())?;
-    let tag = tag_of(&[
-        &map.revision.to_le_bytes(),
-        &map.created_at.as_millisecond().to_le_bytes(),
-        level.level.as_str().as_bytes(),
-        format.name().as_bytes(),
-        &budget.to_le_bytes(),
-    ]);
+    let tag = tag_of_file(
+        &map,
+        &[level.level.as_str().as_bytes(), format.name().as_bytes(), &budget.to_le_bytes()],
+    );
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }

@@ -2,12 +2,12 @@
 
 use super::made_file::{self, Spool};
 use super::scene::classes;
-use super::{App, LevelQuery, level, revision};
+use super::{App, LevelQuery, level, revision, tag_of_file};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
-use crate::api::reply::{is_known, tag_of, tagged};
+use crate::api::reply::{is_known, tagged};
 use crate::api::types::ClassName;
 use crate::storage::{MapFile, StorageError, map_file};
 use axum::body::Body;
@@ -154,12 +154,7 @@ pub(in crate::api) async fn get_map_points(
 ) -> Result<Response, Error> {
     let (filter, format) = (query.filter()?, Format::wanted(query.format.as_deref(), &headers)?);
     let map = revision(&app, &home, of.revision.as_deref()).await?;
-    let tag = tag_of(&[
-        &map.revision.to_le_bytes(),
-        &map.created_at.as_millisecond().to_le_bytes(),
-        raw_query.unwrap_or_default().as_bytes(),
-        format.media_type().as_bytes(),
-    ]);
+    let tag = tag_of_file(&map, &[raw_query.unwrap_or_default().as_bytes(), format.media_type().as_bytes()]);
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }

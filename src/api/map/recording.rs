@@ -3,12 +3,12 @@
 use super::made_file::{answer, make, turn};
 use super::points::Points;
 use super::scene::scene;
-use super::{App, LevelQuery, level, revision};
+use super::{App, LevelQuery, level, revision, tag_of_file};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
-use crate::api::reply::{is_known, tag_of, tagged};
+use crate::api::reply::{is_known, tagged};
 use crate::storage::{
     HomeId, HomeMap, MapClip, MapLevel, MapObject, Page, StorageError, map_file, result_file,
 };
@@ -67,12 +67,7 @@ pub(in crate::api) async fn get_map_recording(
     }
     let map = revision(&app, &home, of.revision.as_deref()).await?;
     let level = level(&map, of.level.as_deref())?;
-    let tag = tag_of(&[
-        &map.revision.to_le_bytes(),
-        &map.created_at.as_millisecond().to_le_bytes(),
-        level.level.as_str().as_bytes(),
-        MCAP.as_bytes(),
-    ]);
+    let tag = tag_of_file(&map, &[level.level.as_str().as_bytes(), MCAP.as_bytes()]);
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }

@@ -1,12 +1,12 @@
 //! `/v1/homes/{home}/map/robot`: files for robots and homes, made on request.
 
 use super::scene::scene;
-use super::{App, LevelQuery, level, revision};
+use super::{App, LevelQuery, level, revision, tag_of_file};
 use crate::api::bodies::FileBytes;
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
-use crate::api::reply::{is_known, tag_of, tagged};
+use crate::api::reply::{is_known, tagged};
 use crate::storage::{HomeId, HomeMap, MapLevel, MapScene, StorageError, map_file};
 use axum::body::Bytes;
 use axum::extract::State;
@@ -96,12 +96,7 @@ pub(in crate::api) async fn get_map_robot(
         asked => std::slice::from_ref(level(&map, asked)?),
     };
     let names: Vec<&str> = levels.iter().map(|level| level.level.as_str()).collect();
-    let tag = tag_of(&[
-        &map.revision.to_le_bytes(),
-        &map.created_at.as_millisecond().to_le_bytes(),
-        names.join("/").as_bytes(),
-        format.name().as_bytes(),
-    ]);
+    let tag = tag_of_file(&map, &[names.join("/").as_bytes(), format.name().as_bytes()]);
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }

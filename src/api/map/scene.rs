@@ -1,6 +1,6 @@
 //! The contents of a map beyond its points: `.../map/rooms`, `objects`, `coverage` and `plan`.
 
-use super::{App, LevelQuery, level, revision};
+use super::{App, LevelQuery, level, revision, tag_of_file};
 use crate::api::bodies::{FileBytes, send};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
@@ -166,12 +166,7 @@ pub(in crate::api) async fn get_map_plan(
     let format = PlanFormat::wanted(query.format.as_deref(), &headers)?;
     let map = revision(&app, &home, of.revision.as_deref()).await?;
     let level = level(&map, of.level.as_deref())?.level;
-    let tag = tag_of(&[
-        &map.revision.to_le_bytes(),
-        &map.created_at.as_millisecond().to_le_bytes(),
-        level.as_str().as_bytes(),
-        format.file().as_bytes(),
-    ]);
+    let tag = tag_of_file(&map, &[level.as_str().as_bytes(), format.file().as_bytes()]);
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }

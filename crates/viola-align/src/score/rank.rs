@@ -2,10 +2,10 @@
 
 use super::evidence::{INLIER_M, PoseScorer};
 use super::model::{LossWeights, MODEL};
+use crate::Alternative;
 use crate::refine::Refined;
 use crate::scan::{Hit, VirtualScan};
 use crate::target::Target;
-use crate::{Alternative, FreeSpace};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use viola_geometry::{Point2, Pose2, angle_between};
@@ -65,19 +65,8 @@ fn ranked(pose: &Refined, candidates: &Candidates, scorer: &PoseScorer, params: 
     let target = candidates.target;
     let evidence = scorer.evidence(&pose.map_from_clip, target);
     let alternative = Alternative {
-        level: target.level,
-        map_from_clip: pose.map_from_clip,
-        loss_m: params.weights.loss_m(&evidence),
-        inliers: evidence.inliers,
-        free_space: Some(FreeSpace {
-            blocked_rays: evidence.blocked_rays,
-            hits_on_floor: evidence.hits_on_floor,
-            unseen_sides: evidence.unseen_sides,
-            walls_on_floor: evidence.walls_on_floor,
-        }),
         misplaced: target.rooms.as_ref().map(|_| evidence.misplaced),
-        probability: None,
-        evidence: Some(evidence),
+        ..Alternative::of(target.level, pose.map_from_clip, &evidence, &params.weights)
     };
     Ranked { hypothesis: candidates.hypothesis, alternative, covariance: pose.covariance }
 }

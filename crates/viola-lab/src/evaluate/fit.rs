@@ -5,14 +5,10 @@ mod spread;
 use super::homes::FOREIGN;
 use super::weights::learned_loss;
 use super::{ClipResult, Listed, Placement};
-use viola_align::{
-    Alternative, Coefficient, Evidence, FEATURES, FreeSpace, LossWeights, MODEL, MadeBy, Model, features,
-};
+use viola_align::{Alternative, Coefficient, Evidence, FEATURES, MODEL, MadeBy, Model, features};
 
 /// Weight of clips with the map of another home: half of the training data, but rare in the field.
 const FOREIGN_WEIGHT: f64 = 0.35;
-/// Number of explanations in an answer, as in `ScoreParams`.
-const LISTED: usize = 8;
 
 /// Returns the model fitted to these clips; none unless right and wrong answers are present.
 ///
@@ -52,33 +48,17 @@ impl Answer {
             result.alternatives.iter().map(evidence).collect::<Option<_>>()?;
         let mut ranked: Vec<(Alternative, bool)> = listed
             .iter()
-            .map(|(listed, evidence)| (alternative(listed, evidence, &model.loss), listed.right))
+            .map(|(listed, evidence)| {
+                let of = Alternative::of(listed.level, listed.map_from_clip, evidence, &model.loss);
+                (of, listed.right)
+            })
             .collect();
         ranked.sort_by(|a, b| a.0.loss_m.total_cmp(&b.0.loss_m));
         let right = ranked.first()?.1;
-        let alternatives: Vec<Alternative> =
-            ranked.into_iter().take(LISTED).map(|(alternative, _)| alternative).collect();
+        let alternatives: Vec<Alternative> = ranked.into_iter().map(|(alternative, _)| alternative).collect();
         let features = features(&alternatives, result.hits, model.temperature_m(result.hits))?;
         let weight = if result.set.ends_with(FOREIGN) { FOREIGN_WEIGHT } else { 1.0 };
         Some(Answer { features, right, weight })
-    }
-}
-
-fn alternative(listed: &Listed, evidence: &Evidence, weights: &LossWeights) -> Alternative {
-    Alternative {
-        level: listed.level,
-        map_from_clip: listed.map_from_clip,
-        loss_m: weights.loss_m(evidence),
-        inliers: evidence.inliers,
-        free_space: Some(FreeSpace {
-            blocked_rays: evidence.blocked_rays,
-            hits_on_floor: evidence.hits_on_floor,
-            unseen_sides: evidence.unseen_sides,
-            walls_on_floor: evidence.walls_on_floor,
-        }),
-        misplaced: None,
-        probability: None,
-        evidence: Some(*evidence),
     }
 }
 
@@ -158,7 +138,7 @@ fn regress_on(answers: &[Answer], used: &[bool]) -> Option<(f64, Vec<Coefficient
 #[cfg(test)]
 mod tests {
     use super::*;
-    use viola_align::AlignmentState;
+    use viola_align::{AlignmentState, LossWeights};
 
     /// Answers whose correctness depends only on the first feature x, with odds e^x.
     fn answers() -> Vec<Answer> {

@@ -14,7 +14,7 @@ const MAX_TURN_RAD: f64 = 0.5f64.to_radians();
 const DOUBLED_SHARE: f64 = 0.3;
 const DOUBLED_M: [f64; 2] = [0.05, 0.12];
 
-/// Where a robot believes to be, as a function of where it is, in the frame `home`.
+/// The believed pose of a robot as a function of its true pose, in the frame `home`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Warp {
     centre: Point2,
