@@ -18,6 +18,8 @@ const KEY_DISTANCE_M: f64 = 0.08;
 const KEY_ANGLE_RAD: f64 = 6f64.to_radians();
 /// Maximum number of key frames; more are subsampled evenly.
 const MAX_KEY_FRAMES: usize = 2_000;
+/// Maximum number of pixels of all key frames together: they are decoded in about 50 s on two cores.
+const MAX_KEY_PIXELS: u64 = 4_000_000_000;
 /// Maximum fraction of key frames that may fail to decode before the clip is refused.
 const MAX_BROKEN_SHARE: f64 = 0.1;
 
@@ -127,10 +129,11 @@ pub fn fuse(
     let mut broken: Option<ClipError> = None;
     let mut broken_count = 0;
     let mut frames = clip.stream(chosen.iter().map(|(index, _)| *index).collect());
-    for (done, batch) in chosen.chunks(BATCH).enumerate() {
+    let at_a_time = clip.batch(BATCH);
+    for (done, batch) in chosen.chunks(at_a_time).enumerate() {
         progress::check(progress)?;
-        progress.advance((done * BATCH) as f64 / chosen.len() as f64);
-        for (frame, (index, world_from_camera)) in frames.next_batch(BATCH).into_iter().zip(batch) {
+        progress.advance((done * at_a_time) as f64 / chosen.len() as f64);
+        for (frame, (index, world_from_camera)) in frames.next_batch(at_a_time).into_iter().zip(batch) {
             match frame {
                 Ok(frame) => {
                     tsdf.integrate(&frame, world_from_camera);
@@ -173,7 +176,7 @@ pub fn fuse(
     }))
 }
 
-/// Frames in memory at a time: enough to keep many cores busy with decoding. Memory then grows only with
+/// Maximum number of frames in memory at a time: enough to keep many cores busy with decoding. Memory then grows only with
 /// the surface, not with the length of the clip.
 const BATCH: usize = 16;
 
@@ -196,7 +199,8 @@ pub fn choose(
             chosen.push((index, pose));
         }
     }
-    let stride = chosen.len().div_ceil(MAX_KEY_FRAMES).max(1);
+    let most = usize::try_from(MAX_KEY_PIXELS / clip.pixels_a_frame().max(1)).unwrap_or(MAX_KEY_FRAMES);
+    let stride = chosen.len().div_ceil(most.clamp(1, MAX_KEY_FRAMES)).max(1);
     chosen.into_iter().step_by(stride).collect()
 }
 

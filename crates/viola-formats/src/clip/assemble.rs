@@ -2,7 +2,7 @@
 
 use super::files::{Cameras as FrameCameras, Files, Pictures, Video};
 use super::layout::{self, Cameras, Intrinsics, Numbers, Source};
-use super::{Clip, ClipError, ClipInfo, FrameHeader, MAX_FRAMES, Origin};
+use super::{Clip, ClipError, ClipInfo, FrameHeader, MAX_FRAMES, Origin, depth};
 use crate::container::Container;
 use crate::video::Tools;
 use viola_geometry::Pinhole;
@@ -35,6 +35,7 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
     let first = &layout.sources[0];
     let color_size = first.color.size(container.as_ref())?;
     let depth_size = first.depth.size(container.as_ref())?;
+    check_depth_size(first.number, depth_size)?;
     let sizes = Sizes { color: color_size, depth: depth_size };
     // The sizes are the first frame's, which may have intrinsics of its own.
     let cameras = sizes.cameras(&layout.cameras, first.numbers)?;
@@ -90,6 +91,15 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
         shutter: layout.shutter,
         origin: Origin::Files(Box::new(files)),
     })
+}
+
+/// Refuses depth pictures that are too large; all have the size of the first one.
+fn check_depth_size(frame: u32, (width, height): (u32, u32)) -> Result<(), ClipError> {
+    if u64::from(width) * u64::from(height) <= depth::MAX_PIXELS {
+        return Ok(());
+    }
+    let name = format!("the depth picture of frame {frame}");
+    Err(ClipError::PictureTooLarge { name, width, height, max_pixels: depth::MAX_PIXELS })
 }
 
 /// Returns notes about missing colour and poses.

@@ -12,7 +12,7 @@ const MAX_PACKED_BYTES: u64 = 16 << 20;
 const KNOWN_SIZES: [(u32, u32); 8] =
     [(192, 256), (256, 192), (480, 640), (640, 480), (720, 960), (960, 720), (240, 320), (320, 240)];
 /// 4:3 pictures up to 2300 x 1700, more than any phone's depth; 16 MiB of floats.
-const MAX_PIXELS: u64 = 4 << 20;
+pub(super) const MAX_PIXELS: u64 = 4 << 20;
 
 /// Converts a 16-bit reading to metres. The largest number means no reading: 7-Scenes writes it, and no
 /// layout uses it as a depth.

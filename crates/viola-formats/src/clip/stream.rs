@@ -6,6 +6,26 @@ use crate::video;
 use image::RgbImage;
 use rayon::prelude::*;
 
+/// Memory for the frames of one batch ...
+const BATCH_BYTES: u64 = 288 << 20;
+/// ... and for each of their pixels while they are decoded.
+const BYTES_A_PIXEL: u64 = 6;
+
+impl Clip {
+    /// Returns the number of frames that may be in memory at a time: `most`, or fewer of large pictures.
+    pub fn batch(&self, most: usize) -> usize {
+        let frames = BATCH_BYTES / (self.pixels_a_frame() * BYTES_A_PIXEL).max(1);
+        usize::try_from(frames).unwrap_or(most).clamp(1, most)
+    }
+
+    /// Returns the number of pixels of a frame, colour and depth.
+    pub fn pixels_a_frame(&self) -> u64 {
+        let pixels = |width: u32, height: u32| u64::from(width) * u64::from(height);
+        let info = &self.info;
+        pixels(info.color_width, info.color_height) + pixels(info.depth_width, info.depth_height)
+    }
+}
+
 /// Some of a clip's frames, decoded a few at a time and by several threads.
 pub struct FrameStream<'a> {
     clip: &'a Clip,

@@ -16,7 +16,7 @@ const MOST_LEFT: f64 = 0.95;
 
 /// Reason code of answers whose frames are too sparse for reliable tracking.
 const SPARSE: &str = "sparse_frames";
-/// Frames decoded at a time.
+/// Maximum number of frames decoded at a time.
 const BATCH: usize = 8;
 
 /// Tracked poses of a clip without poses, or its refined poses.
@@ -70,10 +70,11 @@ fn follow(
     let mut followed = Vec::with_capacity(indices.len());
     let mut broken: Option<ClipError> = None;
     let mut frames = clip.stream(indices.to_vec());
-    for batch in indices.chunks(BATCH) {
+    let at_a_time = clip.batch(BATCH);
+    for batch in indices.chunks(at_a_time) {
         progress::check(progress)?;
         progress.advance(followed.len() as f64 / indices.len() as f64);
-        for (frame, index) in frames.next_batch(BATCH).into_iter().zip(batch) {
+        for (frame, index) in frames.next_batch(at_a_time).into_iter().zip(batch) {
             match frame {
                 Ok(frame) => {
                     tracker.add(&frame);
