@@ -2,6 +2,7 @@
 
 mod align_clip;
 mod child;
+mod limits;
 mod merge;
 mod metrics;
 mod report;
@@ -11,6 +12,7 @@ mod worker;
 
 pub use align_clip::{Failure, Finished, JobParams, LevelFile, align_clip, align_opened, level_maps};
 pub use child::{ChildOrder, ChildParams, serve_child};
+pub use limits::JobLimitParams;
 pub use merge::{Described, Earlier, describe};
 pub use metrics::describe_metrics;
 pub use run::Method;

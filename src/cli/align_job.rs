@@ -11,8 +11,12 @@ use std::io;
 use std::path::{Path, PathBuf};
 use viola_geometry::LevelName;
 
-/// Prefixes of environment variables that may hold secrets of the service, which the child does not need.
-const SECRET: [&str; 4] = ["VIOLA_", "OTEL_", "AWS_", "PG"];
+/// Environment variables that a child needs: to find programs and libraries, and to use the machine as its
+/// operator wants. All others stay with the service, since they may be secrets.
+const KEPT: [&str; 8] =
+    ["PATH", "HOME", "TMPDIR", "LANG", "TZ", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "ORT_DYLIB_PATH"];
+/// Prefixes of further ones.
+const KEPT_PREFIXES: [&str; 7] = ["LC_", "RUST_", "RAYON_", "OMP_", "MALLOC_", "CUDA_", "NVIDIA_"];
 
 #[derive(Args)]
 pub struct AlignJobArguments {
@@ -28,11 +32,19 @@ pub struct AlignJobArguments {
     /// Folder for the answer.
     #[arg(long, value_name = "DIR")]
     into: PathBuf,
+    /// Limit of memory, in addition to the loaded networks.
+    #[arg(long, value_name = "BYTES")]
+    memory_bytes: u64,
 }
 
 pub fn run(arguments: &AlignJobArguments) -> Result<()> {
-    let AlignJobArguments { method, clip, level, into } = arguments;
-    let order = ChildOrder { clip: clip.clone(), levels: level.clone(), into: into.clone() };
+    let AlignJobArguments { method, clip, level, into, memory_bytes } = arguments;
+    let order = ChildOrder {
+        clip: clip.clone(),
+        levels: level.clone(),
+        into: into.clone(),
+        memory_bytes: *memory_bytes,
+    };
     let params = || {
         let Some(method) = method else {
             return Ok(JobParams { video: video_tools(), ..JobParams::default() });
@@ -51,11 +63,14 @@ pub(super) fn child_params(method: &MethodArguments) -> Result<ChildParams> {
 
 /// Returns the command that starts this program with `arguments`, without the service's secrets.
 pub(super) fn child(arguments: &[&str]) -> Result<ChildParams> {
-    let is_secret = |name: &OsString| SECRET.iter().any(|secret| name.to_string_lossy().starts_with(secret));
+    let is_kept = |name: &OsString| {
+        let name = name.to_string_lossy();
+        KEPT.contains(&&*name) || KEPT_PREFIXES.iter().any(|prefix| name.starts_with(prefix))
+    };
     Ok(ChildParams {
         program: own_program().context("the path of this program is not known")?,
         arguments: arguments.iter().map(OsString::from).collect(),
-        environment: env::vars_os().filter(|(name, _)| !is_secret(name)).collect(),
+        environment: env::vars_os().filter(|(name, _)| is_kept(name)).collect(),
     })
 }
 

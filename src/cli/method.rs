@@ -19,6 +19,11 @@ pub struct MethodArguments {
 }
 
 impl MethodArguments {
+    /// Returns whether networks of a models folder may be loaded.
+    pub fn has_models_folder(&self) -> bool {
+        self.networks.folder().is_some()
+    }
+
     pub fn params(&self) -> Result<JobParams> {
         let align = AlignParams {
             label: self.networks.labels_of_service(),

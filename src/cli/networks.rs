@@ -35,7 +35,7 @@ impl NetworkArguments {
     }
 
     /// Returns the models folder; `None` without one.
-    fn folder(&self) -> Option<&Path> {
+    pub(super) fn folder(&self) -> Option<&Path> {
         // A shell may unset a variable by making it empty.
         self.models.as_deref().filter(|models| !self.is_off() && !models.as_os_str().is_empty())
     }

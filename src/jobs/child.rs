@@ -1,11 +1,13 @@
-//! A child process for the method, so that a clip that kills it kills nothing else and is identified.
+//! A child process for the method, so that a clip that kills it, or needs too much memory, harms nothing else.
 
 mod leash;
+mod memory;
 mod protocol;
 mod serve;
 
 pub use serve::{ChildOrder, serve_child};
 
+use super::limits::JobLimits;
 use super::report::Report;
 use super::run::{Inputs, Working};
 use super::trouble::{Ended, Trouble};
@@ -28,6 +30,8 @@ use viola_geometry::progress::Progress;
 const MAX_MESSAGE_BYTES: u64 = 1 << 20;
 /// Most bytes of the child's standard error that go to the log.
 const MAX_SAID_BYTES: u64 = 2000;
+/// Words of a Rust program whose allocation the system refused, before it aborts.
+const NO_MEMORY: &str = "memory allocation of ";
 /// Exit status of a Rust program that panicked.
 const PANICKED: i32 = 101;
 
@@ -59,6 +63,7 @@ impl ChildParams {
 pub(super) fn run_in_child(
     params: &ChildParams,
     inputs: Inputs,
+    limits: JobLimits,
     folder: TempDir,
     report: Arc<Report>,
 ) -> Working {
@@ -67,7 +72,7 @@ pub(super) fn run_in_child(
     let tend = {
         let (params, report, leash) = (params.clone(), report.clone(), leash.clone());
         move || {
-            let ended = tend(&params, &inputs, folder.path(), &report, &leash);
+            let ended = tend(&params, &inputs, limits, folder.path(), &report, &leash);
             drop(folder);
             // The worker may have stopped waiting.
             let _ = tell.send(ended);
@@ -100,11 +105,19 @@ impl Drop for KilledOnDrop {
 }
 
 /// Starts the process and reads its messages until it has ended.
-fn tend(params: &ChildParams, inputs: &Inputs, folder: &Path, report: &Report, leash: &Leash) -> Ended {
+fn tend(
+    params: &ChildParams,
+    inputs: &Inputs,
+    limits: JobLimits,
+    folder: &Path,
+    report: &Report,
+    leash: &Leash,
+) -> Ended {
     let order = ChildOrder {
         clip: inputs.clip.to_path_buf(),
         levels: inputs.levels.iter().map(|file| file.level).collect(),
         into: folder.to_owned(),
+        memory_bytes: limits.memory_bytes,
     };
     for file in &inputs.levels {
         fs::write(order.map_of(file.level), &file.bytes).map_err(Trouble::system)?;
@@ -125,7 +138,7 @@ fn tend(params: &ChildParams, inputs: &Inputs, folder: &Path, report: &Report, l
         Some(Message::Failed(trouble)) => Err(trouble),
         Some(_) => Err(Trouble::internal("the child said what is no message")),
         None if is_killed => Err(Trouble::Cancelled),
-        None => Err(without_a_word(status, &last_words(&said))),
+        None => Err(without_a_word(status, &last_words(&said), limits)),
     }
 }
 
@@ -150,13 +163,14 @@ fn listen(stdout: impl Read, report: &Report) -> Option<Message> {
 }
 
 /// Returns the trouble of a process that ended without a last message.
-fn without_a_word(status: ExitStatus, said: &str) -> Trouble {
+fn without_a_word(status: ExitStatus, said: &str, limits: JobLimits) -> Trouble {
     let cause = format!("the child ended with {status}: {said}");
     if was_asked_to_stop(status) {
         return Trouble::system(cause);
     }
     match status.code() {
-        // By a signal: it aborted, or was killed for its use of memory.
+        None if said.contains(NO_MEMORY) => Trouble::Refused(limits.too_large()),
+        // By a signal: it aborted, or the system killed it, also for want of memory.
         None => Trouble::died(cause),
         Some(PANICKED) => Trouble::internal(cause),
         // It did not start its work.

@@ -6,6 +6,8 @@ use super::trouble::{Ended, Trouble};
 use crate::storage::LocalFile;
 use futures::FutureExt;
 use futures::future::BoxFuture;
+use std::fs;
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 use viola_geometry::progress::Progress;
@@ -20,6 +22,14 @@ pub(super) type Working = BoxFuture<'static, Ended>;
 pub(super) struct Inputs {
     pub clip: LocalFile,
     pub levels: Vec<LevelFile>,
+}
+
+impl Inputs {
+    /// Returns the size of the files.
+    pub fn bytes(&self) -> io::Result<u64> {
+        let maps: usize = self.levels.iter().map(|file| file.bytes.len()).sum();
+        Ok(fs::metadata(&*self.clip)?.len().saturating_add(maps as u64))
+    }
 }
 
 /// Runs the method in this process.

@@ -2,6 +2,7 @@
 
 use super::align_clip::{Finished, JobParams, LevelFile, align_clip};
 use super::child::{ChildParams, run_in_child};
+use super::limits::{JobLimitParams, JobLimits};
 use super::merge::merge;
 use super::report::{Heard, Report};
 use super::run::{Inputs, Method, Working, run_here};
@@ -33,8 +34,9 @@ pub struct WorkerParams {
     pub method: Method,
     /// The same for every job, with its seed, so that the same clip and map always give the same answer.
     pub align: Arc<JobParams>,
-    /// Child process for suspect jobs. Without it they run like all others.
+    /// Child process of each job. Without it jobs run in this process, without a limit of memory.
     pub child: Option<ChildParams>,
+    pub limits: JobLimitParams,
 }
 
 impl Default for WorkerParams {
@@ -46,6 +48,7 @@ impl Default for WorkerParams {
             method: align_clip,
             align: Arc::default(),
             child: None,
+            limits: JobLimitParams::default(),
         }
     }
 }
@@ -145,13 +148,13 @@ impl Attempt<'_> {
     /// Runs the job; returns `None` if it is no longer this worker's.
     async fn work(&self, stop: &CancellationToken) -> Option<Ending> {
         let report = Arc::new(Report::here());
-        let mut method = match self.begin_alive(&report, stop).await {
-            Begun::Working(method) => method,
+        let (mut method, limits) = match self.begin_alive(&report, stop).await {
+            Begun::Working(method, limits) => (method, limits),
             Begun::Failed(trouble) => return Some(ending_of(trouble)),
             Begun::Lost => return None,
             Begun::Stopped => return Some(Ending::GivenUp),
         };
-        match self.attend(&mut method, &report, stop).await {
+        match self.attend(&mut method, limits, &report, stop).await {
             Watched::Ended(ended) => Some(self.conclude(*ended).await),
             Watched::TooSlowToStop => Some(Ending::GivenUp),
             Watched::Lost => None,
@@ -172,7 +175,7 @@ impl Attempt<'_> {
         let mut said = Said { heard: Heard::default(), at: Instant::now() };
         loop {
             tokio::select! {
-                begun = &mut begin => return begun.map_or_else(|error| Begun::Failed(error.into()), Begun::Working),
+                begun = &mut begin => return begun.unwrap_or_else(Begun::Failed),
                 () = stop.cancelled() => return Begun::Stopped,
                 _ = tick.tick() => match self.beat(report.heard(), &mut said).await {
                     Ok(true) => {}
@@ -183,7 +186,7 @@ impl Attempt<'_> {
         }
     }
 
-    async fn begin(&self, report: &Arc<Report>) -> Result<Working, StorageError> {
+    async fn begin(&self, report: &Arc<Report>) -> Result<Begun, Trouble> {
         let storage = &self.queue.storage;
         let clip = storage.clip_file(self.claim.job.clip).await?;
         let mut levels = Vec::new();
@@ -191,20 +194,28 @@ impl Attempt<'_> {
             levels.push(LevelFile { level: map.level, bytes: storage.lidar_map_file(map.id()).await? });
         }
         let (inputs, report) = (Inputs { clip, levels }, report.clone());
-        match &self.params.child {
-            Some(child) if self.claim.suspect => {
-                info!(job = %self.claim.job.id, "a worker was lost with this job: it runs in a process of its own");
-                Ok(run_in_child(child, inputs, storage.work_folder()?, report))
-            }
-            _ => Ok(run_here(self.params.method, self.params.align.clone(), inputs, report)),
-        }
+        let uploaded_bytes = inputs.bytes().map_err(Trouble::system)?;
+        let limits = JobLimits::new(&self.params.limits, uploaded_bytes);
+        let working = match &self.params.child {
+            Some(child) => run_in_child(child, inputs, limits, storage.work_folder()?, report),
+            None => run_here(self.params.method, self.params.align.clone(), inputs, report),
+        };
+        Ok(Begun::Working(working, limits))
     }
 
-    /// Renews the lease and records progress while the method runs, and forwards the order to stop.
-    async fn attend(&self, method: &mut Working, report: &Report, stop: &CancellationToken) -> Watched {
+    /// Renews the lease and records progress while the method runs, and forwards the order to stop. Ends a
+    /// method that takes too long.
+    async fn attend(
+        &self,
+        method: &mut Working,
+        limits: JobLimits,
+        report: &Report,
+        stop: &CancellationToken,
+    ) -> Watched {
         let mut tick = tokio::time::interval(TICK);
         let mut said = Said { heard: Heard::default(), at: Instant::now() };
-        let mut lost = false;
+        let (mut lost, mut is_late) = (false, false);
+        let mut late = std::pin::pin!(tokio::time::sleep(limits.time));
         let grace_over = async {
             stop.cancelled().await;
             report.cancel();
@@ -213,7 +224,17 @@ impl Attempt<'_> {
         let mut grace_over = std::pin::pin!(grace_over);
         loop {
             tokio::select! {
-                ended = &mut *method => return if lost { Watched::Lost } else { Watched::Ended(Box::new(ended)) },
+                ended = &mut *method => return match ended {
+                    _ if lost => Watched::Lost,
+                    Err(Trouble::Cancelled) if is_late => {
+                        Watched::Ended(Box::new(Err(Trouble::Refused(limits.took_too_long()))))
+                    }
+                    ended => Watched::Ended(Box::new(ended)),
+                },
+                () = &mut late, if !is_late => {
+                    is_late = true;
+                    report.cancel();
+                }
                 () = &mut grace_over => return if lost { Watched::Lost } else { Watched::TooSlowToStop },
                 _ = tick.tick(), if !lost => match self.beat(report.heard(), &mut said).await {
                     Ok(true) => {}
@@ -257,7 +278,7 @@ impl Attempt<'_> {
 
 /// Result of starting a job.
 enum Begun {
-    Working(Working),
+    Working(Working, JobLimits),
     Failed(Trouble),
     /// As in [`Watched`].
     Lost,

@@ -13,6 +13,8 @@ use super::database::{Connection, Transaction, query};
 use super::{ClipState, Job, JobState, LidarMapRevision, Storage, StorageError, homes, jobs, lidar_maps};
 use again::{Failures, bear_fault, requeue};
 use jiff::Timestamp;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 use uuid::Uuid;
 use viola_align::Alignment;
@@ -25,9 +27,9 @@ pub struct Claim {
     pub job: Job,
     /// The current LiDAR map of each level, by the levels' names.
     pub lidar_maps: Vec<LidarMapRevision>,
-    /// True if a worker was lost with this job before: the job may have killed it.
-    pub suspect: bool,
     fence: i64,
+    /// Size of the files that this attempt has stored.
+    result_bytes: Arc<AtomicU64>,
 }
 
 impl Claim {
@@ -78,7 +80,7 @@ macro_rules! claim {
                 (SELECT id FROM jobs WHERE state = 'queued' AND run_after <= $1 ORDER BY order_at, id LIMIT 1 ",
             $lock,
             ")
-            RETURNING id, fence, suspect"
+            RETURNING id, fence"
         )
     };
 }
@@ -101,8 +103,8 @@ impl Storage {
         let claim = Claim {
             lidar_maps: lidar_maps::levels(&mut transaction, &job.home).await?,
             job,
-            suspect: row.number("suspect")? != 0,
             fence: row.number("fence")?,
+            result_bytes: Arc::default(),
         };
         transaction.commit().await?;
         Ok(Some(claim))
@@ -145,7 +147,10 @@ impl Storage {
 
     /// Stores a file of this attempt's result.
     pub async fn put_result(&self, claim: &Claim, name: &str, bytes: Vec<u8>) -> Result<(), StorageError> {
-        self.blobs.put(&format!("{}/{name}", claim.result_key()), bytes).await
+        let size_bytes = bytes.len() as u64;
+        self.blobs.put(&format!("{}/{name}", claim.result_key()), bytes).await?;
+        claim.result_bytes.fetch_add(size_bytes, Ordering::Relaxed);
+        Ok(())
     }
 
     /// Ends an attempt: the job, its clip and the answer change in one transaction. Returns false if the job
@@ -225,7 +230,7 @@ async fn end(
                 state: alignment.state.into(),
                 reasons: &alignment.reasons,
                 alignment: Some(alignment),
-                result_key: Some(&result_key),
+                result: Some((&result_key, claim.result_bytes.load(Ordering::Relaxed))),
             };
             clips::change(transaction, id, answer, now).await?;
         }
@@ -287,5 +292,5 @@ async fn change_clip(
     reasons: &[Reason],
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    clips::change(connection, job, Outcome { state, reasons, alignment: None, result_key: None }, now).await
+    clips::change(connection, job, Outcome { state, reasons, alignment: None, result: None }, now).await
 }

@@ -1,4 +1,4 @@
-//! Suspect jobs, with which a worker was lost, run in processes of their own.
+//! Jobs in processes of their own.
 
 use crate::server::Server;
 use serde_json::Value;
@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 use tempfile::TempDir;
-use viola::jobs::{ChildParams, Failure, Finished, JobParams, LevelFile};
+use viola::jobs::{ChildParams, Failure, Finished, JobLimitParams, JobParams, LevelFile};
 use viola::storage::RetryPolicy;
 use viola_geometry::progress::Progress;
 use viola_testing::{eventually, room, zips};
 
 const VIOLA: &str = env!("CARGO_BIN_EXE_viola");
 
-/// A file of this name in a clip kills the process of [`deadly`].
+/// A clip with a file of this name kills its process.
 const DEADLY: &str = "deadly.txt";
 
 /// Writes a program that replaces the child. `$clip` is its clip, `$into` its folder, `$tries` its starts.
@@ -32,7 +32,7 @@ fn script(folder: &TempDir, lines: &str) -> PathBuf {
     path
 }
 
-/// A method that never ends by itself, so that its worker can be lost.
+/// A method that never ends by itself: jobs end only in children.
 fn endless(_: &Path, _: &[LevelFile], _: &JobParams, progress: &dyn Progress) -> Result<Finished, Failure> {
     while !progress.cancelled() {
         std::thread::sleep(Duration::from_millis(1));
@@ -40,14 +40,16 @@ fn endless(_: &Path, _: &[LevelFile], _: &JobParams, progress: &dyn Progress) ->
     Err(Failure::Cancelled)
 }
 
-/// Starts a server whose jobs end only in children.
+/// Starts a server whose jobs run in children.
 async fn server(program: PathBuf) -> Server {
+    server_with(program, JobLimitParams::default()).await
+}
+
+async fn server_with(program: PathBuf, limits: JobLimitParams) -> Server {
     Server::with(|params| {
-        // One more than a test has clips: a free worker must find the lost one.
-        params.workers = 4;
+        params.workers = 2;
         params.worker.method = endless;
-        // A worker notices the loss of its job at a third of this.
-        params.worker.lease = Duration::from_secs(3);
+        params.worker.limits = limits;
         params.worker.retry = RetryPolicy { first_delay: Duration::from_millis(1), ..RetryPolicy::default() };
         params.worker.child = Some(ChildParams {
             program,
@@ -73,22 +75,6 @@ async fn upload(server: &Server, names: &[&str]) -> Vec<String> {
     paths
 }
 
-/// Returns the clip when it is settled. Every worker that runs a job itself, not in a child, is lost: it
-/// sends no more heartbeats.
-async fn settled(server: &Server, clip: &str) -> Value {
-    eventually("the clip is settled", || async {
-        lose_workers(server).await;
-        let clip = server.get(clip).await.ok(200);
-        (!["queued", "aligning"].contains(&clip["state"].as_str().unwrap())).then_some(clip)
-    })
-    .await
-}
-
-async fn lose_workers(server: &Server) {
-    server.execute("UPDATE jobs SET lease_until = 0 WHERE state = 'running' AND suspect = 0").await;
-    tokio::time::sleep(Duration::from_millis(20)).await;
-}
-
 fn outcome(clip: &Value) -> (&str, Option<&str>, u64) {
     let reason = clip["reasons"].get(0).and_then(|reason| reason["code"].as_str());
     (clip["state"].as_str().unwrap(), reason, clip["job"]["attempts"].as_u64().unwrap())
@@ -103,7 +89,7 @@ async fn a_child_gives_the_same_answer() {
         (&apart, upload(&apart, &["a.txt"]).await.remove(0)),
         (&here, upload(&here, &["a.txt"]).await.remove(0)),
     ] {
-        let mut settled = settled(server, &clip).await;
+        let mut settled = server.settled(&clip).await;
         assert_eq!(settled["job"]["attempts"], 1);
         settled["alignment"].as_object_mut().unwrap().remove("seconds").unwrap();
         let overlay = server.get(&format!("{clip}/overlay.png")).await;
@@ -122,10 +108,10 @@ async fn a_clip_that_kills_its_process_fails_and_others_are_aligned() {
     let lines = format!("grep -q {DEADLY} \"$clip\" && kill -ABRT $$\nexec {VIOLA} \"$@\"");
     let server = server(script(&folder, &lines)).await;
     let clips = upload(&server, &["a.txt", DEADLY, "b.txt"]).await;
-    let dead = settled(&server, &clips[1]).await;
+    let dead = server.settled(&clips[1]).await;
     assert_eq!(outcome(&dead), ("failed", Some("worker_died"), 3), "{dead:#}");
     for clip in [&clips[0], &clips[2]] {
-        let clip = settled(&server, clip).await;
+        let clip = server.settled(clip).await;
         assert_eq!((outcome(&clip).0, outcome(&clip).2), ("aligned", 1), "{clip:#}");
     }
 }
@@ -147,9 +133,39 @@ async fn a_child_without_memory_dies_alone() {
     let lines = format!("ulimit -v {}; exec {VIOLA} \"$@\"", least_kib() + (12 << 10));
     let server = server(script(&folder, &lines)).await;
     let clip = upload(&server, &["a.txt"]).await.remove(0);
-    let clip = settled(&server, &clip).await;
+    let clip = server.settled(&clip).await;
     assert_eq!((outcome(&clip).0, outcome(&clip).2), ("failed", 3), "{clip:#}");
     server.lives().await;
+}
+
+/// The limit counts from the child's start: it needs no room for the program itself.
+#[tokio::test]
+async fn a_clip_that_needs_too_much_memory_fails_at_once() {
+    let limits = JobLimitParams { memory_bytes: 1 << 20, ..JobLimitParams::default() };
+    let server = server_with(VIOLA.into(), limits).await;
+    let clip = upload(&server, &["a.txt"]).await.remove(0);
+    let clip = server.settled(&clip).await;
+    assert_eq!(outcome(&clip), ("failed", Some("too_large"), 1), "{clip:#}");
+    let detail = clip["reasons"][0]["detail"].as_str().unwrap();
+    assert!(detail.contains("more than 1 MiB of memory"), "{detail}");
+    server.lives().await;
+}
+
+#[tokio::test]
+async fn a_clip_that_takes_too_long_fails_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let limits = JobLimitParams { time: Duration::from_millis(300), ..JobLimitParams::default() };
+    let server = server_with(script(&folder, "exec tail -f /dev/null"), limits.clone()).await;
+    let here = Server::with(|params| {
+        params.worker.method = endless;
+        params.worker.limits = limits;
+    })
+    .await;
+    for server in [&server, &here] {
+        let clip = upload(server, &["a.txt"]).await.remove(0);
+        let clip = server.settled(&clip).await;
+        assert_eq!(outcome(&clip), ("failed", Some("took_too_long"), 1), "{clip:#}");
+    }
 }
 
 /// A child that was asked to stop, or could not start, is no evidence against its clip.
@@ -161,7 +177,7 @@ async fn a_child_that_does_not_come_to_work_costs_no_attempt() {
     );
     let server = server(script(&folder, &lines)).await;
     let clip = upload(&server, &["a.txt"]).await.remove(0);
-    let clip = settled(&server, &clip).await;
+    let clip = server.settled(&clip).await;
     assert_eq!((outcome(&clip).0, outcome(&clip).2), ("aligned", 1), "{clip:#}");
 }
 
@@ -172,7 +188,7 @@ async fn a_child_that_talks_nonsense_is_a_failed_attempt() {
     let lines = "case $tries in 1) echo nonsense;; 2) exec cat /dev/zero;; *) echo {} > \"$into/alignment.json\"; echo '\"finished\"';; esac";
     let server = server(script(&folder, lines)).await;
     let clip = upload(&server, &["a.txt"]).await.remove(0);
-    let clip = settled(&server, &clip).await;
+    let clip = server.settled(&clip).await;
     assert_eq!(outcome(&clip), ("failed", Some("internal_error"), 3), "{clip:#}");
 }
 
@@ -185,7 +201,6 @@ async fn a_job_that_is_cancelled_or_given_up_ends_its_child() {
     let clip = upload(&server, &["a.txt"]).await.remove(0);
     let began = || {
         eventually("a child is at work", || async {
-            lose_workers(&server).await;
             fs::read_to_string(&told).ok()?.trim().parse::<i32>().ok()
         })
     };

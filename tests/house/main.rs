@@ -159,7 +159,7 @@ fn names_path(line: &str, path: &str) -> bool {
     })
 }
 
-/// Modules that may start other processes: video decoders, suspect jobs, and the command line, which fetches
+/// Modules that may start other processes: video decoders, jobs, and the command line, which fetches
 /// and unpacks networks by other programs.
 const START_PROCESSES: &[&str] = &["video", "jobs", "cli"];
 

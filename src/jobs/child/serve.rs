@@ -1,5 +1,6 @@
 //! The child's side of the protocol.
 
+use super::memory;
 use super::protocol::{Message, write_result};
 use crate::jobs::align_clip::{JobParams, LevelFile, align_clip};
 use crate::jobs::trouble::{Ended, Trouble};
@@ -24,6 +25,8 @@ pub struct ChildOrder {
     pub levels: Vec<LevelName>,
     /// The folder for the answer.
     pub into: PathBuf,
+    /// Limit of memory, in addition to what the process has when the work begins.
+    pub memory_bytes: u64,
 }
 
 impl ChildOrder {
@@ -32,7 +35,9 @@ impl ChildOrder {
         let path = |name: &str, path: &PathBuf| [name.into(), path.clone().into_os_string()];
         let level = |level: &LevelName| ["--level".into(), level.as_str().into()];
         let levels = self.levels.iter().flat_map(level);
-        path("--clip", &self.clip).into_iter().chain(path("--into", &self.into)).chain(levels).collect()
+        let memory = ["--memory-bytes".into(), self.memory_bytes.to_string().into()];
+        let paths = path("--clip", &self.clip).into_iter().chain(path("--into", &self.into));
+        paths.chain(memory).chain(levels).collect()
     }
 
     /// Returns the path of a level's LiDAR map.
@@ -64,6 +69,8 @@ fn run<W: Write + Send>(
     told: &Told<W>,
 ) -> Ended {
     let params = params().map_err(Trouble::system)?;
+    // The networks of `params` are loaded: the limit is for the clip alone.
+    memory::limit(order.memory_bytes).map_err(Trouble::system)?;
     let read = |level: &LevelName| -> io::Result<LevelFile> {
         Ok(LevelFile { level: *level, bytes: std::fs::read(order.map_of(*level))?.into() })
     };

@@ -118,7 +118,7 @@ async fn a_late_worker_changes_nothing(storage: Storage) {
 async fn a_lost_worker_costs_no_attempt(storage: Storage) {
     one_job(&storage).await;
     let first = claim(&storage, 0).await;
-    assert!(!first.suspect && first.is_first());
+    assert!(first.is_first());
     // At once the first time, then after the default policy's pauses: 5 s, 10 s, 20 s.
     let mut now_s = 0;
     for pause_s in [0, 5, 10, 20] {
@@ -131,7 +131,7 @@ async fn a_lost_worker_costs_no_attempt(storage: Storage) {
         }
         let next = claim(&storage, now_s).await;
         assert_eq!((next.job.id, next.job.attempts), (first.job.id, 1));
-        assert!(next.suspect && !next.is_first());
+        assert!(!next.is_first());
     }
     assert_eq!(storage.release_lost(&RetryPolicy::default(), at(now_s + 30)).await.unwrap(), 1);
     let last = claim(&storage, now_s + 1000).await;
@@ -166,7 +166,7 @@ async fn faults_cost_no_attempt_and_are_borne_for_a_day(storage: Storage) {
     let (mut now_s, mut pause_s, mut faults) = (0, 5, 0);
     let last = loop {
         let held = claim(&storage, now_s).await;
-        assert_eq!((held.job.attempts, held.suspect), (1, false));
+        assert_eq!(held.job.attempts, 1);
         assert!(finish(&storage, &held, Ending::Fault(Fault::Storage), now_s).await);
         faults += 1;
         let clip = clip_of(&storage, &held).await;
@@ -217,7 +217,7 @@ async fn a_machine_that_was_off_for_a_day_fails_nothing(storage: Storage) {
 }
 
 #[tokio::test]
-async fn faults_and_suspicion_outlive_a_restart() {
+async fn faults_outlive_a_restart() {
     let folder = tempfile::tempdir().unwrap();
     let storage = in_folder(folder.path()).await;
     one_job(&storage).await;
@@ -231,10 +231,10 @@ async fn faults_and_suspicion_outlive_a_restart() {
     assert_eq!(storage.release_lost(&RetryPolicy::default(), at(35)).await.unwrap(), 1);
     assert!(due(&storage, 35 + 4).await.is_none());
     let held = claim(&storage, 35 + 5).await;
-    assert!(held.suspect && held.job.attempts == 1);
+    assert_eq!(held.job.attempts, 1);
     assert!(finish(&storage, &held, Ending::Fault(Fault::System), 100).await);
     assert!(due(&storage, 100 + 19).await.is_none());
-    assert!(claim(&storage, 100 + 20).await.suspect);
+    assert_eq!(claim(&storage, 100 + 20).await.job.attempts, 1);
 }
 
 async fn a_broken_attempt_is_tried_later_and_not_for_ever(storage: Storage) {

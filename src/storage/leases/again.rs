@@ -52,7 +52,7 @@ impl Storage {
     /// Requeues the jobs whose lease expired, and returns their number.
     ///
     /// The end of such a worker is unknown: anything may have killed its process, so the attempt does not
-    /// count. The job becomes suspect: its next attempt should run in a process of its own.
+    /// count.
     pub async fn release_lost(&self, retry: &RetryPolicy, now: Timestamp) -> Result<usize, StorageError> {
         let rows = query(
             "SELECT jobs.id, clips.home_id, jobs.fence FROM jobs JOIN clips ON clips.id = jobs.clip_id
@@ -65,7 +65,7 @@ impl Storage {
             homes::lock(&mut transaction, &row.home("home_id")?).await?;
             // Unless another process did so, or the worker sent a heartbeat, since.
             let lost = query(
-                "UPDATE jobs SET fence = fence + 1, suspect = 1
+                "UPDATE jobs SET fence = fence + 1
                 WHERE id = $1 AND fence = $2 AND state = 'running' AND lease_until <= $3
                 RETURNING attempts, max_attempts, faults, first_fault_at",
             );

@@ -1,0 +1,78 @@
+//! Limits of one job: a base, and a share for each uploaded byte.
+
+use std::time::Duration;
+use viola_reconstruct::Reason;
+
+const MIB: u64 = 1 << 20;
+
+/// Additional time for each uploaded MiB. A job needs about 0.05 s for it (BENCHMARKS.md).
+const TIME_OF_A_MIB: Duration = Duration::from_secs(6);
+/// Additional memory for each uploaded byte.
+const MEMORY_OF_A_BYTE: u64 = 4;
+
+/// Limits of a job whose files are empty.
+#[derive(Debug, Clone)]
+pub struct JobLimitParams {
+    pub time: Duration,
+    /// Memory of the job's process, in addition to its loaded networks.
+    pub memory_bytes: u64,
+}
+
+impl Default for JobLimitParams {
+    fn default() -> JobLimitParams {
+        JobLimitParams { time: Duration::from_mins(10), memory_bytes: 1 << 30 }
+    }
+}
+
+/// Limits of one job.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct JobLimits {
+    pub time: Duration,
+    pub memory_bytes: u64,
+}
+
+impl JobLimits {
+    /// Returns the limits of a job whose clip and LiDAR maps have this size.
+    pub fn new(params: &JobLimitParams, uploaded_bytes: u64) -> JobLimits {
+        let mib = u32::try_from(uploaded_bytes / MIB).unwrap_or(u32::MAX);
+        JobLimits {
+            time: params.time.saturating_add(TIME_OF_A_MIB.saturating_mul(mib)),
+            memory_bytes: params.memory_bytes.saturating_add(uploaded_bytes.saturating_mul(MEMORY_OF_A_BYTE)),
+        }
+    }
+
+    /// Returns the reason of a job that reached the time limit.
+    pub fn took_too_long(&self) -> Reason {
+        let detail = format!(
+            "the alignment took longer than {:.0} s, the limit for files of this size; send a shorter clip",
+            self.time.as_secs_f64()
+        );
+        Reason::new("took_too_long", detail)
+    }
+
+    /// Returns the reason of a job that reached the memory limit.
+    pub fn too_large(&self) -> Reason {
+        let detail = format!(
+            "the alignment needs more than {} MiB of memory, the limit for files of this size; send a shorter clip",
+            self.memory_bytes / MIB
+        );
+        Reason::new("too_large", detail)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_grow_with_the_files() {
+        let params = JobLimitParams::default();
+        let small = JobLimits::new(&params, 1000);
+        assert_eq!((small.time, small.memory_bytes), (Duration::from_mins(10), (1 << 30) + 4000));
+        let large = JobLimits::new(&params, 100 * MIB);
+        assert_eq!((large.time, large.memory_bytes), (Duration::from_mins(20), (1 << 30) + 400 * MIB));
+        assert_eq!(JobLimits::new(&params, u64::MAX).memory_bytes, u64::MAX);
+        assert!(small.took_too_long().detail.contains("600 s"));
+        assert!(small.too_large().detail.contains("1024 MiB"));
+    }
+}
