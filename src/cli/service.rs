@@ -14,6 +14,7 @@ where
     E: Into<anyhow::Error>,
     F: Future<Output = Result<(), E>>,
 {
+    hide_from_children();
     let _telemetry = Telemetry::start()?;
     let runtime = tokio::runtime::Runtime::new()?;
     let ended = runtime.block_on(async {
@@ -28,6 +29,18 @@ where
     // Otherwise a method that did not stop within its grace period would block the process.
     runtime.shutdown_background();
     ended.map_err(Into::into)
+}
+
+/// Keeps the memory and the environment of this process, which hold its secrets, from other processes of its
+/// user, such as the decoders of clips' videos.
+fn hide_from_children() {
+    #[cfg(target_os = "linux")]
+    {
+        use rustix::process::{DumpableBehavior, set_dumpable_behavior};
+        if let Err(error) = set_dumpable_behavior(DumpableBehavior::NotDumpable) {
+            tracing::warn!(%error, "other processes of this user may read the environment of this one");
+        }
+    }
 }
 
 /// Prints the line that scripts wait for.

@@ -3,6 +3,7 @@
 use super::VideoError;
 use super::limits::Limits;
 use super::protocol::{self, Message, NumberList};
+use super::sandbox;
 use super::status::was_asked_to_stop;
 use super::track::Track;
 use crate::container::Region;
@@ -43,6 +44,7 @@ impl Child {
         let file = region.file.try_clone().map_err(VideoError::ChildStart)?;
         command.stdin(file).stdout(Stdio::piped()).stderr(Stdio::null()).env_clear();
         limits.impose(&mut command, samples);
+        sandbox::impose(&mut command);
         let mut process = command.spawn().map_err(VideoError::ChildStart)?;
         let (say, heard) = sync_channel(AHEAD);
         if let Some(stdout) = process.stdout.take() {
