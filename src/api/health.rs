@@ -14,8 +14,14 @@ use utoipa_axum::routes;
 /// Minimum free space on the disk of incoming files; with less, the process is not ready.
 const LEAST_FREE_BYTES: u64 = 256 << 20;
 
+/// Returns the route for anybody.
+pub(super) fn open_routes() -> OpenApiRouter<Arc<Storage>> {
+    OpenApiRouter::new().routes(routes!(healthz))
+}
+
+/// Returns the routes for operators: they tell of all tenants' work, and each costs a query.
 pub(super) fn routes() -> OpenApiRouter<Arc<Storage>> {
-    OpenApiRouter::new().routes(routes!(healthz)).routes(routes!(readyz)).routes(routes!(metrics::metrics))
+    OpenApiRouter::new().routes(routes!(readyz)).routes(routes!(metrics::metrics))
 }
 
 #[derive(Serialize, utoipa::ToSchema)]
@@ -55,8 +61,9 @@ async fn healthz() -> Json<Health> {
 ///
 /// The service is ready if its database answers and can write, its blobs can be written and read, and the
 /// disk has room for incoming files. After a write that failed for lack of room, the answer is 503 for at
-/// least five seconds. The length of the queue says nothing about this process and has no effect.
-#[utoipa::path(get, path = "/readyz", tag = "service", security(()),
+/// least five seconds. The length of the queue says nothing about this process and has no effect. A second
+/// listener (`--admin-listen`) serves this without a key.
+#[utoipa::path(get, path = "/readyz", tag = "service",
     responses(
         (status = 200, description = "The service is ready", body = Readiness),
         (status = 503, description = "Its database or its blobs do not answer, or a disk is full: `not-ready`; `field` is \

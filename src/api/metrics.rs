@@ -77,7 +77,9 @@ pub(super) async fn count(request: Request, next: Next) -> Response {
 }
 
 /// Get the metrics
-#[utoipa::path(get, path = "/metrics", tag = "service", security(()),
+///
+/// A second listener (`--admin-listen`) serves them without a key.
+#[utoipa::path(get, path = "/metrics", tag = "service",
     responses((status = 200, description = "Text for Prometheus", body = String, content_type = "text/plain")))]
 pub(super) async fn metrics(State(storage): State<Arc<Storage>>) -> Response {
     match storage.queue_state(Timestamp::now()).await {

@@ -15,7 +15,7 @@ use tokio::net::TcpListener;
 use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
-use tracing::{info, warn};
+use tracing::{error, info, warn};
 
 /// Maximum number of uploaded files that are opened at the same time.
 const READERS: usize = 4;
@@ -24,6 +24,8 @@ const READERS: usize = 4;
 #[derive(Debug, Clone)]
 pub struct ServeParams {
     pub listen: SocketAddr,
+    /// Address that serves health and metrics without a key.
+    pub admin_listen: Option<SocketAddr>,
     pub storage: StorageParams,
     /// Number of parallel jobs; each job uses all cores if it can. With 0, jobs wait for other processes.
     pub workers: usize,
@@ -52,7 +54,7 @@ pub struct WorkParams {
 
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    #[error("cannot listen on {address}: {source}; choose another address with --listen")]
+    #[error("cannot listen on {address}: {source}; choose another address with --listen or --admin-listen")]
     Listen { address: SocketAddr, source: std::io::Error },
     #[error(
         "{address} can be reached by other machines, and there is no key yet; make one with `viola keys create`, or listen on 127.0.0.1"
@@ -74,6 +76,7 @@ pub async fn serve(
     let storage = Arc::new(Storage::open(&params.storage).await?);
     let has_keys = check_keys(&storage, params.listen).await?;
     let listener = bind(params.listen).await?;
+    let admin_listener = bind_admin(params.admin_listen).await?;
     let queue = Arc::new(Queue::new(storage.clone()));
     let mut tasks = begin_work(&queue, &storage, params.workers, &params.worker, params.webhooks, &stop);
     let app = App {
@@ -90,6 +93,9 @@ pub async fn serve(
         stop: stop.clone(),
     };
     tasks.spawn(clean(app.clone()));
+    if let Some(listener) = admin_listener {
+        tasks.spawn(answer_operators(listener, storage.clone(), stop.clone()));
+    }
     connections::answer(listener, super::router(app), &params.connections, &stop, listening).await?;
     end(tasks, &storage, &stop).await;
     Ok(())
@@ -132,6 +138,23 @@ async fn check_keys(storage: &Storage, address: SocketAddr) -> Result<bool, Serv
 
 async fn bind(address: SocketAddr) -> Result<TcpListener, ServeError> {
     TcpListener::bind(address).await.map_err(|source| ServeError::Listen { address, source })
+}
+
+/// Binds the second listener, if there is one, and logs its address.
+async fn bind_admin(address: Option<SocketAddr>) -> Result<Option<TcpListener>, ServeError> {
+    let Some(address) = address else { return Ok(None) };
+    let listener = bind(address).await?;
+    info!(address = %listener.local_addr()?, "health and metrics are served without a key");
+    Ok(Some(listener))
+}
+
+/// Serves health and metrics until `stop`.
+async fn answer_operators(listener: TcpListener, storage: Arc<Storage>, stop: CancellationToken) {
+    let router = super::health_router(storage);
+    let answered = connections::answer(listener, router, &ConnectionParams::default(), &stop, |_| {}).await;
+    if let Err(error) = answered {
+        error!(%error, "health and metrics are served no longer");
+    }
 }
 
 /// Starts the workers, the exchange of signals and, if there are workers, the delivery of webhooks.

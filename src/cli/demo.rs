@@ -71,6 +71,7 @@ async fn show(arguments: &DemoArguments, worker: WorkerParams, recordings: &Reco
     let (listening, address) = oneshot::channel();
     let params = ServeParams {
         listen: arguments.listen,
+        admin_listen: None,
         storage: StorageParams::in_folder(&arguments.data.join("service")),
         workers: 1,
         max_upload_bytes: 1 << 30,

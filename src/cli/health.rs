@@ -9,7 +9,7 @@ const PATIENCE: Duration = Duration::from_secs(4);
 
 #[derive(Args)]
 pub struct HealthArguments {
-    /// Address of the process.
+    /// Address of the process: that of `--admin-listen`, if it requires keys.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8080")]
     address: SocketAddr,
 }

@@ -17,6 +17,10 @@ pub struct ServeArguments {
     /// Address and port; port 0 selects a free port. Other than loopback needs a key: see `viola keys`.
     #[arg(long, value_name = "ADDRESS", env = "VIOLA_LISTEN", default_value = "127.0.0.1:8080")]
     listen: SocketAddr,
+    /// Address that serves /healthz, /readyz and /metrics without a key. Other machines than those of the
+    /// operators must not reach it.
+    #[arg(long, value_name = "ADDRESS", env = "VIOLA_ADMIN_LISTEN")]
+    admin_listen: Option<SocketAddr>,
     #[command(flatten)]
     store: StoreArguments,
     /// Run no jobs in this process; leave them to `viola work`.
@@ -45,6 +49,7 @@ pub struct ServeArguments {
 pub fn run(arguments: &ServeArguments) -> Result<()> {
     let params = ServeParams {
         listen: arguments.listen,
+        admin_listen: arguments.admin_listen,
         storage: arguments.store.params(),
         workers: if arguments.no_worker { 0 } else { arguments.worker.workers },
         max_upload_bytes: arguments.max_upload_mb.saturating_mul(1 << 20),

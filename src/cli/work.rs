@@ -15,8 +15,8 @@ pub struct WorkArguments {
     #[command(flatten)]
     worker: WorkerArguments,
     /// Address for /healthz, /readyz and /metrics; by default they are not served.
-    #[arg(long, value_name = "ADDRESS", env = "VIOLA_STATUS_LISTEN")]
-    status_listen: Option<SocketAddr>,
+    #[arg(long, value_name = "ADDRESS", env = "VIOLA_ADMIN_LISTEN")]
+    admin_listen: Option<SocketAddr>,
 }
 
 pub fn run(arguments: &WorkArguments) -> Result<()> {
@@ -25,7 +25,7 @@ pub fn run(arguments: &WorkArguments) -> Result<()> {
         workers: arguments.worker.workers,
         worker: arguments.worker.params()?,
         webhooks: arguments.worker.webhooks(),
-        listen: arguments.status_listen,
+        listen: arguments.admin_listen,
     };
     service::run(|stop| work(params, stop, print_address))
 }

@@ -23,9 +23,13 @@ async fn without_keys_everybody_on_this_machine_may_do_everything() {
     assert_eq!(problem.header("www-authenticate"), "Bearer realm=\"viola\"");
     problem.problem(401, "key-missing");
     assert_eq!(admin.get("/v1/homes").await.ok(200)["items"][0]["id"], "h");
-    // The probes, the metrics, the page and the document need none.
-    for path in ["/healthz", "/readyz", "/metrics", "/", "/openapi.json"] {
+    // The probe of life, the page and the document need none.
+    for path in ["/healthz", "/", "/openapi.json"] {
         assert_eq!(server.get(path).await.status, 200, "{path}");
+    }
+    for path in ["/readyz", "/metrics"] {
+        server.get(path).await.problem(401, "key-missing");
+        assert_eq!(admin.get(path).await.status, 200, "{path}");
     }
 }
 
@@ -222,7 +226,7 @@ async fn a_role_allows_what_it_says() {
     let of = belongings(&admin, "h").await;
     for (method, path) in every_route(&of) {
         let reads = [Method::GET, Method::HEAD, Method::OPTIONS].contains(&method);
-        let is_open = ["/healthz", "/readyz", "/metrics", "/v1/session"].contains(&path.as_str());
+        let is_open = ["/healthz", "/v1/session"].contains(&path.as_str());
         let is_secret = path.starts_with("/v1/webhooks");
         let answer = send(&reader, &method, &path).await;
         assert_eq!(

@@ -125,6 +125,7 @@ impl Server {
         let mut params = ServeParams {
             webhooks: WebhookParams { private_addresses: true },
             listen: "127.0.0.1:0".parse().unwrap(),
+            admin_listen: None,
             storage: StorageParams { data: folder.path().to_owned(), postgres, s3: s3_of_this_run() },
             workers: 1,
             max_upload_bytes: 64 << 20,

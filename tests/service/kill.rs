@@ -220,7 +220,7 @@ async fn a_lost_database_loses_no_file() {
         command.args(arguments).arg("--data").arg(data.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command.spawn().unwrap()
     };
-    let (serve, work) = (["serve", "--listen", "127.0.0.1:0"], ["work", "--status-listen", "127.0.0.1:0"]);
+    let (serve, work) = (["serve", "--listen", "127.0.0.1:0"], ["work", "--admin-listen", "127.0.0.1:0"]);
     for arguments in [serve, work, ["clean", "--older-than-seconds", "0"]] {
         let mut child = begin(&arguments);
         let mut line = String::new();
