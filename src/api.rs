@@ -34,6 +34,7 @@ mod server;
 mod session;
 mod types;
 mod uploads;
+mod usage;
 mod webhooks;
 
 pub use clips::recorded_at_of_file;
@@ -172,13 +173,14 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(jobs::watch_job))
         .routes(routes!(jobs::cancel_job))
         .routes(routes!(classes::list_classes))
+        .routes(routes!(usage::get_usage))
         .routes(routes!(session::get_session))
 }
 
 /// Returns the OpenAPI document.
 pub fn document() -> utoipa::openapi::OpenApi {
     let mut document = routes().merge(open_routes()).into_openapi();
-    document.merge(health::routes().into_openapi());
+    document.merge(health::open_routes().merge(health::routes()).into_openapi());
     document
 }
 
@@ -195,9 +197,9 @@ fn open_routes() -> OpenApiRouter<App> {
     OpenApiRouter::new().routes(routes!(session::put_session, session::delete_session))
 }
 
-/// Returns the router of a process without the API: health and metrics.
+/// Returns the router of the second listener, and of a process without the API: health and metrics.
 fn health_router(storage: Arc<Storage>) -> Router {
-    let (router, _) = health::routes().split_for_parts();
+    let (router, _) = health::open_routes().merge(health::routes()).split_for_parts();
     router.fallback(error::no_such_route).with_state(storage)
 }
 
@@ -205,9 +207,10 @@ fn router(app: App) -> Router {
     routes()
         .split_for_parts()
         .0
+        .merge(health::routes().split_for_parts().0.with_state(app.storage.clone()))
         .route_layer(axum::middleware::from_fn_with_state(app.clone(), access::check))
         .merge(open_routes().split_for_parts().0)
-        .merge(health::routes().split_for_parts().0.with_state(app.storage.clone()))
+        .merge(health::open_routes().split_for_parts().0.with_state(app.storage.clone()))
         .merge(documents::routes(document()))
         .merge(page::routes())
         .fallback(error::no_such_route)

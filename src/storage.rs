@@ -68,7 +68,7 @@ pub use params::{Page, PostgresParams, StorageParams};
 pub use placement::{Placement, reasons_of_placement, state_by_others};
 pub use signals::{Signal, Signals};
 pub use sweep::SweepLimit;
-pub use tenants::Removed;
+pub use tenants::{Removed, TenantLimits};
 pub use uploads::{
     Joining, NewUpload, Upload, UploadClaim, UploadError, UploadKind, UploadLimits, UploadState, UploadWriter,
 };

@@ -98,8 +98,8 @@ pub(super) async fn add_clip(
     app.limits.room(&app.storage, &caller.tenant, told_bytes).await?;
     let file = receive(&app.storage, request, app.max_upload_bytes).await?;
     let size_bytes = file.size_bytes;
-    app.limits.room(&app.storage, &caller.tenant, size_bytes).await?;
     let (file, info, estimate) = understand(&app, move || open(file)).await?;
+    app.limits.room(&app.storage, &caller.tenant, size_bytes).await?;
     if dry_run {
         let report = DryRun { size_bytes, understood: info.into(), estimate: estimate.into(), has_lidar_map };
         return Ok(Answer::Looked(Box::new(report)));
@@ -108,7 +108,6 @@ pub(super) async fn add_clip(
     let clip = to_the_end(async move {
         let added = app.storage.add_clip(&home, new, Timestamp::now()).await?;
         app.queue.wake();
-        app.limits.came(&caller.tenant, size_bytes);
         match added {
             Added::New(clip) | Added::Replayed(clip) => Ok(clip),
             Added::KeyReused => Err(Error::KeyReused),

@@ -1,6 +1,7 @@
 //! `/v1/homes/{home}/lidar-map`: the LiDAR map of the level `main`
 
 use super::App;
+use super::access::Caller;
 use super::bodies::{FileBytes, receive, send, to_the_end, understand};
 use super::error::Error;
 use super::extract::{HomePath, Query};
@@ -41,15 +42,17 @@ pub(super) struct CurrentLidarMap {
         CommonProblems, FileProblems))]
 pub(super) async fn put_lidar_map(
     State(app): State<App>,
+    caller: Caller,
     HomePath { home }: HomePath,
     request: Request,
 ) -> Result<(StatusCode, Json<LidarMapRevision>), Error> {
-    put(app, home, LevelName::MAIN, request).await
+    put(app, &caller, home, LevelName::MAIN, request).await
 }
 
 /// Receives, reads and stores the map of a level.
 pub(super) async fn put(
     app: App,
+    caller: &Caller,
     home: HomeId,
     level: LevelName,
     request: Request,
@@ -57,6 +60,7 @@ pub(super) async fn put(
     app.storage.home(&home).await?;
     let file = receive(&app.storage, request, MAX_FILE_BYTES).await?;
     let new = understand(&app, move || open(level, file)).await?;
+    app.limits.room(&app.storage, &caller.tenant, new.bytes()).await?;
     to_the_end(async move {
         let (revision, is_new) = app.storage.put_lidar_map(&home, new, Timestamp::now()).await?;
         app.queue.wake();

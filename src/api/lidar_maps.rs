@@ -1,6 +1,7 @@
 //! `/v1/homes/{home}/lidar-maps`: the LiDAR maps of all levels
 
 use super::App;
+use super::access::Caller;
 use super::bodies::{FileBytes, send, to_the_end};
 use super::error::{Error, Problem};
 use super::extract::{HomePath, LevelPath, Query};
@@ -50,10 +51,11 @@ pub(super) async fn list_lidar_maps(
         CommonProblems, FileProblems))]
 pub(super) async fn put_level_lidar_map(
     State(app): State<App>,
+    caller: Caller,
     LevelPath { home, level }: LevelPath,
     request: Request,
 ) -> Result<(StatusCode, Json<LidarMapRevision>), Error> {
-    lidar_map::put(app, home, level, request).await
+    lidar_map::put(app, &caller, home, level, request).await
 }
 
 /// Get the current LiDAR map of a level: the summary of its file

@@ -4,13 +4,7 @@ use super::error::Error;
 use crate::storage::{Storage, StorageError, Tenant};
 use governor::clock::{Clock, DefaultClock};
 use governor::{DefaultKeyedRateLimiter, Quota, RateLimiter};
-use std::collections::HashMap;
 use std::num::NonZeroU32;
-use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
-
-/// Lifetime of the cached count of a tenant's bytes.
-const COUNT_LIFE: Duration = Duration::from_secs(10);
 
 /// Limits of every tenant.
 #[derive(Debug, Clone, Default)]
@@ -18,14 +12,13 @@ pub struct LimitParams {
     /// Maximum mean rate of requests to one process, per second; none means unlimited. A burst may have twice
     /// as many.
     pub requests_per_s: Option<NonZeroU32>,
-    /// Maximum size of the files that it has sent and not removed; none means unlimited.
+    /// Maximum size of its files, if it has no limit of its own; none means unlimited.
     pub storage_bytes: Option<u64>,
 }
 
 pub(super) struct Limits {
     requests: Option<DefaultKeyedRateLimiter<Tenant>>,
     storage_bytes: Option<u64>,
-    counts: Mutex<HashMap<Tenant, (u64, Instant)>>,
 }
 
 impl Limits {
@@ -34,7 +27,6 @@ impl Limits {
         Limits {
             requests: params.requests_per_s.map(|rate| RateLimiter::keyed(quota(rate))),
             storage_bytes: params.storage_bytes,
-            counts: Mutex::default(),
         }
     }
 
@@ -47,35 +39,19 @@ impl Limits {
         })
     }
 
+    /// Returns the maximum size of a tenant's files; none means unlimited.
+    pub async fn max_bytes(&self, storage: &Storage, tenant: &Tenant) -> Result<Option<u64>, StorageError> {
+        Ok(storage.tenant_limits(tenant).await?.max_bytes.or(self.storage_bytes))
+    }
+
     /// Returns an error if a tenant has no room for `more_bytes`.
     pub async fn room(&self, storage: &Storage, tenant: &Tenant, more_bytes: u64) -> Result<(), Error> {
-        let Some(limit) = self.storage_bytes else { return Ok(()) };
-        let used = self.used(storage, tenant).await?;
+        let Some(limit) = self.max_bytes(storage, tenant).await? else { return Ok(()) };
+        let used = storage.tenant_bytes(tenant).await?;
         if used.saturating_add(more_bytes) > limit {
             return Err(Error::TenantFull { used, limit });
         }
         Ok(())
-    }
-
-    async fn used(&self, storage: &Storage, tenant: &Tenant) -> Result<u64, StorageError> {
-        let counted = self.counts.lock().unwrap_or_else(PoisonError::into_inner).get(tenant).copied();
-        if let Some((bytes, at)) = counted
-            && at.elapsed() < COUNT_LIFE
-        {
-            return Ok(bytes);
-        }
-        let bytes = storage.tenant_bytes(tenant).await?;
-        let mut counts = self.counts.lock().unwrap_or_else(PoisonError::into_inner);
-        counts.insert(tenant.clone(), (bytes, Instant::now()));
-        Ok(bytes)
-    }
-
-    /// Adds received bytes to the cached count, which would otherwise be too low until it is renewed.
-    pub fn came(&self, tenant: &Tenant, bytes: u64) {
-        let mut counts = self.counts.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((count, _)) = counts.get_mut(tenant) {
-            *count = count.saturating_add(bytes);
-        }
     }
 }
 

@@ -145,7 +145,7 @@ async fn speak_tus(request: Request, next: Next) -> Response {
             content_type = "application/problem+json"),
         (status = 412, description = "Another version of the protocol: `tus-version-unsupported`", body = Problem,
             content_type = "application/problem+json"),
-        (status = 429, description = "Too many uploads are unfinished, in the home or in all: `too-many-uploads`",
+        (status = 429, description = "Too many uploads of the home or of the tenant are unfinished: `too-many-uploads`",
             body = Problem, content_type = "application/problem+json"),
         (status = 460, description = "`checksum-mismatch`; the bytes are not kept", body = Problem,
             content_type = "application/problem+json"),

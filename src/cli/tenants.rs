@@ -1,7 +1,7 @@
-//! `viola tenants`: lists the tenants and removes one.
+//! `viola tenants`: lists the tenants, sets their limits and removes one.
 
 use super::store::StoreArguments;
-use crate::storage::{Storage, Tenant};
+use crate::storage::{Storage, Tenant, TenantLimits};
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use indicatif::ProgressBar;
@@ -17,6 +17,8 @@ pub struct TenantsArguments {
 enum TenantsCommand {
     /// List the tenants that have any data.
     List(ListArguments),
+    /// Set the limits of a tenant; those that are not given become the service's.
+    Set(SetArguments),
     /// Remove a tenant with all its keys, homes, clips, maps, uploads and webhooks.
     Delete(DeleteArguments),
 }
@@ -25,6 +27,20 @@ enum TenantsCommand {
 struct ListArguments {
     #[command(flatten)]
     store: StoreArguments,
+}
+
+#[derive(Args)]
+struct SetArguments {
+    #[command(flatten)]
+    store: StoreArguments,
+    #[arg(value_name = "NAME")]
+    tenant: Tenant,
+    /// Maximum size of its files in bytes.
+    #[arg(long, value_name = "BYTES")]
+    max_bytes: Option<u64>,
+    /// Maximum number of its unfinished uploads.
+    #[arg(long, value_name = "N")]
+    max_uploads: Option<u64>,
 }
 
 #[derive(Args)]
@@ -43,6 +59,7 @@ pub fn run(arguments: &TenantsArguments) -> Result<()> {
     runtime.block_on(async {
         match &arguments.command {
             TenantsCommand::List(arguments) => list(arguments).await,
+            TenantsCommand::Set(arguments) => set(arguments).await,
             TenantsCommand::Delete(arguments) => delete(arguments).await,
         }
     })
@@ -50,11 +67,28 @@ pub fn run(arguments: &TenantsArguments) -> Result<()> {
 
 async fn list(arguments: &ListArguments) -> Result<()> {
     let storage = Storage::administer(&arguments.store.params()).await?;
-    println!("{:32}  {:>14}", "tenant", "bytes of files");
+    println!("{:32}  {:>14}  {:>14}  {:>14}", "tenant", "bytes of files", "max. bytes", "max. uploads");
     for tenant in storage.tenants().await? {
-        println!("{:32}  {:>14}", tenant.name(), storage.tenant_bytes(&tenant).await?);
+        let bytes = storage.tenant_bytes(&tenant).await?;
+        let limits = storage.tenant_limits(&tenant).await?;
+        let (max_bytes, max_uploads) = (shown(limits.max_bytes), shown(limits.max_uploads));
+        println!("{:32}  {bytes:>14}  {max_bytes:>14}  {max_uploads:>14}", tenant.name());
     }
     storage.close().await;
+    Ok(())
+}
+
+fn shown(limit: Option<u64>) -> String {
+    limit.map_or("default".to_owned(), |limit| limit.to_string())
+}
+
+async fn set(arguments: &SetArguments) -> Result<()> {
+    let SetArguments { store, tenant, max_bytes, max_uploads } = arguments;
+    let storage = Storage::administer(&store.params()).await?;
+    let limits = TenantLimits { max_bytes: *max_bytes, max_uploads: *max_uploads };
+    storage.set_tenant_limits(tenant, &limits).await?;
+    storage.close().await;
+    println!("{}: bytes {}, unfinished uploads {}", tenant.name(), shown(*max_bytes), shown(*max_uploads));
     Ok(())
 }
 

@@ -45,6 +45,7 @@ pub struct Clip {
     pub created_at: Timestamp,
     pub updated_at: Timestamp,
     pub(super) result_key: Option<String>,
+    pub(super) result_bytes: u64,
 }
 
 impl Clip {
@@ -96,6 +97,7 @@ pub(super) fn from_row(row: &Row, job: Option<Job>) -> Result<Clip, StorageError
         created_at: row.time("created_at")?,
         updated_at: row.time("updated_at")?,
         result_key: row.maybe_text("result_key")?,
+        result_bytes: row.count("result_bytes")?,
     })
 }
 
@@ -277,7 +279,8 @@ pub(super) struct Outcome<'a> {
     pub state: ClipState,
     pub reasons: &'a [Reason],
     pub alignment: Option<&'a Alignment>,
-    pub result_key: Option<&'a str>,
+    /// Key and size of the result's files.
+    pub result: Option<(&'a str, u64)>,
 }
 
 /// Applies an outcome of the clip's newest job; an older one cannot overrule it. A choice stays in effect.
@@ -287,7 +290,7 @@ pub(super) async fn change(
     outcome: Outcome<'_>,
     now: Timestamp,
 ) -> Result<(), StorageError> {
-    let before = query("SELECT id, home_id, state, choice FROM clips WHERE job_id = $1");
+    let before = query("SELECT id, home_id, state, choice, result_bytes FROM clips WHERE job_id = $1");
     let before = before.bind(job.to_string()).fetch_optional(&mut *connection).await?;
     let Some(before) = before else { return Ok(()) };
     let home = before.home("home_id")?;
@@ -295,7 +298,7 @@ pub(super) async fn change(
     let verdict = match before.maybe_json::<Choice>("choice")? {
         Some(choice) => {
             let revision = lidar_maps::current_revision(connection, &home, choice.level).await?;
-            choice.over(own, outcome.result_key.is_some(), revision)
+            choice.over(own, outcome.result.is_some(), revision)
         }
         None => own,
     };
@@ -303,18 +306,21 @@ pub(super) async fn change(
     if has_answer(before.name("state")?) || has_answer(verdict.state) {
         home_maps::changed(connection, &home).await?;
     }
+    let result_bytes = outcome.result.map_or(0, |(_, bytes)| bytes as i64);
     query(
-        "UPDATE clips SET state = $2, reasons = $3, alignment = $4, result_key = $5, updated_at = $6
+        "UPDATE clips SET state = $2, reasons = $3, alignment = $4, result_key = $5, updated_at = $6, result_bytes = $7
         WHERE job_id = $1",
     )
     .bind(job.to_string())
     .bind(verdict.state.name())
     .bind(to_json(&verdict.reasons))
     .bind(outcome.alignment.map(to_json))
-    .bind(outcome.result_key)
+    .bind(outcome.result.map(|(key, _)| key))
     .bind(now.as_millisecond())
+    .bind(result_bytes)
     .execute(&mut *connection)
     .await?;
+    homes::grow(connection, &home, result_bytes - before.number("result_bytes")?).await?;
     let changed = Changed::Clip { id: before.id("id")?, state: verdict.state };
     changes::record(connection, &home, changed, now).await
 }
@@ -329,7 +335,7 @@ pub(super) async fn begin_job(
     let row = query("UPDATE clips SET job_id = $2 WHERE id = $1 RETURNING result_key");
     let row = row.bind(id.to_string()).bind(job.to_string()).fetch_one(transaction).await?;
     let stale = row.maybe_text("result_key")?;
-    let queued = Outcome { state: ClipState::Queued, reasons: &[], alignment: None, result_key: None };
+    let queued = Outcome { state: ClipState::Queued, reasons: &[], alignment: None, result: None };
     change(transaction, job, queued, now).await?;
     Ok(stale.map(|key| result_blobs(&key).to_vec()).unwrap_or_default())
 }

@@ -12,6 +12,7 @@ mod home_maps;
 mod keys;
 mod leases;
 mod levels;
+mod limits;
 mod lists;
 mod local_files;
 mod lost_database;

@@ -115,15 +115,6 @@ impl Storage {
         rows.iter().map(from_row).collect()
     }
 
-    /// Returns the total size in bytes of a tenant's stored clips and LiDAR maps.
-    pub async fn tenant_bytes(&self, tenant: &Tenant) -> Result<u64, StorageError> {
-        let sum = query(
-            "SELECT CAST(COALESCE(SUM(size_bytes), 0) AS BIGINT) AS size_bytes FROM tenant_sizes WHERE tenant = $1",
-        );
-        let sum = sum.bind(tenant.name()).fetch_one(&mut self.database.reader().await?).await?;
-        sum.count("size_bytes")
-    }
-
     /// Removes a home with everything in it. A worker on one of its clips loses its lease. Returns an error
     /// if the home is removed but one of its files is not; another call retries that.
     pub async fn delete_home(&self, id: &HomeId, now: Timestamp) -> Result<(), StorageError> {
@@ -179,16 +170,15 @@ pub(super) async fn lock(transaction: &mut Transaction, id: &HomeId) -> Result<b
     Ok(row.bind(id.key()).fetch_optional(transaction).await?.is_some())
 }
 
-/// Adds `bytes`, negative for a removal, to the file sizes of the home and its tenant.
-pub(super) async fn grow(
-    transaction: &mut Transaction,
-    home: &HomeId,
-    bytes: i64,
-) -> Result<(), StorageError> {
+/// Adds `bytes`, negative for a removal, to the file sizes of the home and its tenant. The home is locked.
+pub(super) async fn grow(connection: &mut Connection, home: &HomeId, bytes: i64) -> Result<(), StorageError> {
+    if bytes == 0 {
+        return Ok(());
+    }
     query("UPDATE homes SET size_bytes = size_bytes + $2 WHERE id = $1")
         .bind(home.key())
         .bind(bytes)
-        .execute(transaction)
+        .execute(&mut *connection)
         .await?;
     // Any part will do, as long as homes are spread over all.
     let part = home.key().bytes().map(i64::from).sum::<i64>() % TOTAL_PARTS;
@@ -199,7 +189,7 @@ pub(super) async fn grow(
     .bind(home.tenant())
     .bind(part)
     .bind(bytes)
-    .execute(transaction)
+    .execute(connection)
     .await?;
     Ok(())
 }

@@ -1,4 +1,8 @@
-//! Removal and list of tenants.
+//! Removal, list and limits of tenants.
+
+mod limits;
+
+pub use limits::TenantLimits;
 
 use super::columns::Columns;
 use super::database::query;
@@ -57,6 +61,8 @@ impl Storage {
         let mut transaction = self.database.begin().await?;
         let totals = query("DELETE FROM tenant_sizes WHERE tenant = $1").bind(tenant.name());
         totals.execute(&mut transaction).await?;
+        let limits = query("DELETE FROM tenant_limits WHERE tenant = $1").bind(tenant.name());
+        limits.execute(&mut transaction).await?;
         let delete = query("DELETE FROM api_keys WHERE tenant = $1").bind(tenant.name());
         removed.keys = delete.execute(&mut transaction).await?;
         transaction.commit().await?;
@@ -81,7 +87,8 @@ impl Storage {
     pub async fn tenants(&self) -> Result<Vec<Tenant>, StorageError> {
         let rows = query(
             "SELECT tenant FROM homes UNION SELECT tenant FROM api_keys UNION SELECT tenant FROM uploads
-            UNION SELECT tenant FROM webhooks UNION SELECT tenant FROM changes ORDER BY tenant",
+            UNION SELECT tenant FROM webhooks UNION SELECT tenant FROM changes
+            UNION SELECT tenant FROM tenant_limits ORDER BY tenant",
         );
         let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
         rows.iter().map(|row| row.tenant("tenant")).collect()

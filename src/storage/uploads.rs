@@ -112,8 +112,10 @@ pub struct NewUpload {
 /// Limits of uploads.
 #[derive(Debug, Clone)]
 pub struct UploadLimits {
+    /// Unfinished uploads of one home ...
     pub in_home: u64,
-    pub in_all: u64,
+    /// ... and of one tenant, if it has no limit of its own.
+    pub in_tenant: u64,
     /// Most pieces of one upload, so that a file cannot come byte by byte.
     pub pieces: u64,
     /// Time after which an idle unfinished upload expires.
@@ -125,7 +127,7 @@ pub struct UploadLimits {
 impl Default for UploadLimits {
     fn default() -> UploadLimits {
         let day = Duration::from_secs(24 * 60 * 60);
-        UploadLimits { in_home: 64, in_all: 4096, pieces: 10_000, patience: day, record: 7 * day }
+        UploadLimits { in_home: 64, in_tenant: 1024, pieces: 10_000, patience: day, record: 7 * day }
     }
 }
 
@@ -220,7 +222,7 @@ impl Storage {
         now: Timestamp,
     ) -> Result<Upload, UploadError> {
         let mut transaction = self.database.begin().await?;
-        check_room(&mut transaction, new.home.as_ref(), limits).await?;
+        check_room(&mut transaction, &new.tenant, new.home.as_ref(), limits).await?;
         let id = Uuid::now_v7();
         insert(&mut transaction, id, &new, later(now, limits.patience), now).await?;
         let upload = find(&mut transaction, id).await?.ok_or(UploadError::NotFound)?;
@@ -271,13 +273,18 @@ impl Storage {
 
 async fn check_room(
     transaction: &mut Transaction,
+    tenant: &Tenant,
     home: Option<&HomeId>,
     limits: &UploadLimits,
 ) -> Result<(), UploadError> {
-    let unfinished = "SELECT COUNT(*) AS uploads FROM uploads WHERE state IN ('arriving', 'arrived')";
-    let in_all: u64 = query(unfinished).fetch_one(transaction).await?.count("uploads")?;
-    if in_all >= limits.in_all {
-        return Err(UploadError::TooMany { limit: limits.in_all, place: "in all" });
+    let of_tenant = query(
+        "SELECT COUNT(*) AS uploads, (SELECT max_uploads FROM tenant_limits WHERE tenant = $1) AS own FROM uploads
+        WHERE tenant = $1 AND state IN ('arriving', 'arrived')",
+    );
+    let of_tenant = of_tenant.bind(tenant.name()).fetch_one(transaction).await?;
+    let limit = of_tenant.maybe_number("own")?.map_or(limits.in_tenant, i64::unsigned_abs);
+    if of_tenant.count::<u64>("uploads")? >= limit {
+        return Err(UploadError::TooMany { limit, place: "of this tenant" });
     }
     let Some(home) = home else { return Ok(()) };
     if !homes::lock(transaction, home).await? {

@@ -16,6 +16,7 @@ mod jobs;
 mod layers;
 mod levels;
 mod lidar_map;
+mod limits;
 mod map;
 mod metrics;
 mod problems;

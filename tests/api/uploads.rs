@@ -483,7 +483,7 @@ async fn only_so_many_may_be_unfinished() {
     let server = Server::with(|params| {
         params.workers = 0;
         params.uploads.limits.in_home = 2;
-        params.uploads.limits.in_all = 3;
+        params.uploads.limits.in_tenant = 3;
         params.uploads.limits.pieces = 3;
     })
     .await;

@@ -32,6 +32,9 @@ struct Piece {
 pub(super) async fn receive(app: &App, append: Append, body: Body) -> Result<(), Error> {
     let Append { id, offset, length_bytes, body_bytes, mut checksum } = append;
     let limits = &app.uploads.limits;
+    if let Some(length) = length_bytes {
+        check_late_length(app, id, length).await?;
+    }
     let mut writer = app.storage.begin_append(id, offset, length_bytes, limits, Timestamp::now()).await?;
     let room = writer.length_bytes.unwrap_or(app.max_upload_bytes).saturating_sub(offset);
     let too_large = || Error::BodyTooLarge { limit: room };
@@ -82,10 +85,24 @@ pub(super) async fn receive(app: &App, append: Append, body: Body) -> Result<(),
     }
 }
 
+/// Refuses a length that was deferred and for which the tenant has no room. A length that was given first has
+/// counted since.
+async fn check_late_length(app: &App, id: Uuid, length_bytes: u64) -> Result<(), Error> {
+    let upload = app.storage.living_upload(id, Timestamp::now()).await?;
+    if upload.length_bytes.is_some() {
+        return Ok(());
+    }
+    let more_bytes = length_bytes.saturating_sub(upload.received_bytes);
+    app.limits.room(&app.storage, &upload.tenant, more_bytes).await
+}
+
 async fn keep(app: &App, writer: &mut UploadWriter, piece: Option<Piece>) -> Result<(), Error> {
     let Some(piece) = piece else { return Ok(()) };
     let bytes = piece.file.finish().await?;
     let size_bytes = bytes.size_bytes;
+    if writer.length_bytes.is_none() {
+        app.limits.room(&app.storage, &writer.tenant, size_bytes).await?;
+    }
     app.storage.append(writer, bytes, &app.uploads.limits, Timestamp::now()).await?;
     metrics::received("parts", size_bytes);
     Ok(())

@@ -23,7 +23,7 @@ impl Storage {
         };
         jobs::lock_of_clip(&mut transaction, id).await?;
         query("DELETE FROM clips WHERE id = $1").bind(id.to_string()).execute(&mut transaction).await?;
-        homes::grow(&mut transaction, home, -(clip.size_bytes as i64)).await?;
+        homes::grow(&mut transaction, home, -((clip.size_bytes + clip.result_bytes) as i64)).await?;
         if clip.result_key.is_some() {
             home_maps::changed(&mut transaction, home).await?;
         }

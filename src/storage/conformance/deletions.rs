@@ -34,6 +34,8 @@ async fn belongings(storage: &Storage, tenant: &Tenant) -> Clip {
         expires_at: None,
     };
     storage.create_key(key, at(0)).await.unwrap();
+    let own = TenantLimits { max_bytes: None, max_uploads: Some(9) };
+    storage.set_tenant_limits(tenant, &own).await.unwrap();
     storage.create_webhook(tenant, "https://fleet.example/", &ChangeKind::ALL, at(0)).await.unwrap();
     storage.fan_out(at(1)).await.unwrap();
     clip
@@ -50,6 +52,7 @@ async fn rows(storage: &Storage, tenant: &Tenant) -> u64 {
         ("SELECT COUNT(*) AS n FROM changes WHERE tenant = $1", tenant.name().to_owned()),
         ("SELECT COUNT(*) AS n FROM api_keys WHERE tenant = $1", tenant.name().to_owned()),
         ("SELECT COUNT(*) AS n FROM tenant_sizes WHERE tenant = $1", tenant.name().to_owned()),
+        ("SELECT COUNT(*) AS n FROM tenant_limits WHERE tenant = $1", tenant.name().to_owned()),
         ("SELECT COUNT(*) AS n FROM webhooks WHERE tenant = $1", tenant.name().to_owned()),
         ("SELECT COUNT(*) AS n FROM clips WHERE home_id LIKE $1", format!("{}/%", tenant.name())),
         ("SELECT COUNT(*) AS n FROM lidar_maps WHERE home_id LIKE $1", format!("{}/%", tenant.name())),

@@ -235,7 +235,7 @@ impl Storage {
             let manifest = (LevelName::MAIN, map_file::MANIFEST, None, Some(manifest));
             let all = new.tiles.iter().map(tile).chain(new.files.iter().map(file)).chain([manifest]);
             for (level, name, tile, bytes) in all {
-                let mut key = None;
+                let (mut key, size_bytes) = (None, bytes.as_ref().map_or(0, Vec::len) as u64);
                 if let Some(bytes) = bytes {
                     // Every attempt has its own keys, as with the results of clips.
                     let fresh = format!("home-maps/{}", Uuid::now_v7());
@@ -243,7 +243,7 @@ impl Storage {
                     self.blobs.put(&fresh, bytes).await?;
                     key = Some(fresh);
                 }
-                written.push(Written { level, name, tile, key });
+                written.push(Written { level, name, tile, key, size_bytes });
             }
         }
         let mut transaction = self.database.begin().await?;

@@ -1,5 +1,6 @@
-//! New revisions of a LiDAR map, and the jobs that align clips to them.
+//! New revisions of a LiDAR map, the end of old ones, and the jobs that align clips to them.
 
+use super::remove::remove_to;
 use super::{LidarMapRevision, current, file_key, image_key, levels};
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
@@ -11,6 +12,9 @@ use uuid::Uuid;
 use viola_formats::lidar::LidarInfo;
 use viola_geometry::{LevelName, MAX_LEVELS};
 
+/// Revisions of a level whose files are kept; a new one removes older ones.
+const KEPT_LIDAR_MAPS: i64 = 10;
+
 /// A map whose file was read and validated.
 pub struct NewLidarMap {
     pub level: LevelName,
@@ -18,6 +22,13 @@ pub struct NewLidarMap {
     pub info: LidarInfo,
     /// Preview picture.
     pub image_png: Vec<u8>,
+}
+
+impl NewLidarMap {
+    /// Returns the size of its files.
+    pub fn bytes(&self) -> u64 {
+        self.file.size_bytes.saturating_add(self.image_png.len() as u64)
+    }
 }
 
 impl Storage {
@@ -34,6 +45,7 @@ impl Storage {
             id,
             level: new.level,
             size_bytes: new.file.size_bytes,
+            image_bytes: new.image_png.len() as u64,
             sha256: new.file.sha256.clone(),
             info: new.info,
         };
@@ -79,8 +91,8 @@ impl Storage {
         let last = last.bind(home.key()).fetch_one(&mut transaction).await?;
         let revision = last.number("last")? + 1;
         query(
-            "INSERT INTO lidar_maps (id, home_id, revision, size_bytes, sha256, info, created_at, level)
-            VALUES ($1, $2, $3, $4, $5, $6, $7, $8)",
+            "INSERT INTO lidar_maps (id, home_id, revision, size_bytes, sha256, info, created_at, level, image_bytes)
+            VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
         )
         .bind(new.id.to_string())
         .bind(home.key())
@@ -90,10 +102,12 @@ impl Storage {
         .bind(to_json(&new.info))
         .bind(now.as_millisecond())
         .bind(new.level.as_str())
+        .bind(new.image_bytes as i64)
         .execute(&mut transaction)
         .await?;
-        homes::grow(&mut transaction, home, new.size_bytes as i64).await?;
-        let stale_blobs = jobs::enqueue_home(&mut transaction, home, new.id, now).await?;
+        homes::grow(&mut transaction, home, (new.size_bytes + new.image_bytes) as i64).await?;
+        let mut stale_blobs = jobs::enqueue_home(&mut transaction, home, new.id, now).await?;
+        stale_blobs.extend(remove_to(&mut transaction, home, new.level, KEPT_LIDAR_MAPS, now).await?);
         changes::record(&mut transaction, home, Changed::LidarMap { revision }, now).await?;
         let added = current(&mut transaction, home, new.level).await?.ok_or(StorageError::NoLidarMap)?;
         transaction.commit().await?;
@@ -106,6 +120,7 @@ struct NewRow {
     id: Uuid,
     level: LevelName,
     size_bytes: u64,
+    image_bytes: u64,
     sha256: String,
     info: LidarInfo,
 }

@@ -31,18 +31,7 @@ impl Storage {
             return if had_left { Ok(()) } else { Err(StorageError::NoLidarMap) };
         }
         let newest = left.iter().max_by_key(|map| map.revision).ok_or(StorageError::LastLevel)?;
-        let rows = query(
-            "UPDATE lidar_maps SET removed_at = $3 WHERE home_id = $1 AND level = $2 AND removed_at IS NULL
-            RETURNING id, size_bytes",
-        );
-        let rows = rows.bind(home.key()).bind(level.as_str()).bind(now.as_millisecond());
-        let (mut keys, mut bytes) = (Vec::new(), 0);
-        for row in &rows.fetch_all(&mut transaction).await? {
-            let id = row.id("id")?;
-            keys.extend([file_key(id), image_key(id)]);
-            bytes += row.number("size_bytes")?;
-        }
-        homes::grow(&mut transaction, home, -bytes).await?;
+        let mut keys = remove_to(&mut transaction, home, level, 0, now).await?;
         withdraw_choices(&mut transaction, home, level).await?;
         corrections::forget_level(&mut transaction, home, level).await?;
         keys.extend(jobs::enqueue_home(&mut transaction, home, newest.id, now).await?);
@@ -53,6 +42,31 @@ impl Storage {
         self.delete_pending(&owner).await?;
         Ok(())
     }
+}
+
+/// Removes all revisions of a level except the newest `kept`; returns the keys of their blobs.
+pub(super) async fn remove_to(
+    transaction: &mut Transaction,
+    home: &HomeId,
+    level: LevelName,
+    kept: i64,
+    now: Timestamp,
+) -> Result<Vec<String>, StorageError> {
+    let rows = query(
+        "UPDATE lidar_maps SET removed_at = $3 WHERE home_id = $1 AND level = $2 AND removed_at IS NULL
+            AND revision NOT IN (SELECT revision FROM lidar_maps
+                WHERE home_id = $1 AND level = $2 AND removed_at IS NULL ORDER BY revision DESC LIMIT $4)
+        RETURNING id, size_bytes, image_bytes",
+    );
+    let rows = rows.bind(home.key()).bind(level.as_str()).bind(now.as_millisecond()).bind(kept);
+    let (mut keys, mut bytes) = (Vec::new(), 0);
+    for row in &rows.fetch_all(&mut *transaction).await? {
+        let id = row.id("id")?;
+        keys.extend([file_key(id), image_key(id)]);
+        bytes += row.number("size_bytes")? + row.number("image_bytes")?;
+    }
+    homes::grow(transaction, home, -bytes).await?;
+    Ok(keys)
 }
 
 /// Withdraws the choices on a level: their frame is gone.

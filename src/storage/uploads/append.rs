@@ -1,6 +1,7 @@
 //! Appending the bytes of one request to an upload.
 
 use super::{Storage, UploadError, UploadKind, UploadLimits, UploadState, find_living, later};
+use crate::storage::Tenant;
 use crate::storage::columns::Columns;
 use crate::storage::database::query;
 use crate::storage::incoming::Arrived;
@@ -13,6 +14,7 @@ pub struct UploadWriter {
     id: Uuid,
     fence: i64,
     offset: u64,
+    pub tenant: Tenant,
     /// `None` until the client knows it.
     pub length_bytes: Option<u64>,
 }
@@ -53,7 +55,7 @@ impl Storage {
         let length_bytes = upload.length_bytes.or(length_bytes);
         if upload.state != UploadState::Arriving {
             // No bytes are missing, and a claim on the upload stays valid.
-            return Ok(UploadWriter { id, fence: -1, offset, length_bytes });
+            return Ok(UploadWriter { id, fence: -1, offset, tenant: upload.tenant, length_bytes });
         }
         let taken = query(
             "UPDATE uploads SET fence = fence + 1, length_bytes = $3, expires_at = $4,
@@ -69,7 +71,7 @@ impl Storage {
         .await?;
         let fence = taken.ok_or(UploadError::Overtaken)?.number("fence")?;
         transaction.commit().await?;
-        Ok(UploadWriter { id, fence, offset, length_bytes })
+        Ok(UploadWriter { id, fence, offset, tenant: upload.tenant, length_bytes })
     }
 
     /// Adds bytes at the writer's offset; on return they are durable. Nothing changes if another writer has

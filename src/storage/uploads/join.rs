@@ -38,7 +38,7 @@ impl Storage {
         if let Some(earlier) = joined_earlier(&mut transaction, joining, now).await? {
             return Ok(earlier);
         }
-        check_room(&mut transaction, Some(&joining.home), limits).await?;
+        check_room(&mut transaction, &joining.tenant, Some(&joining.home), limits).await?;
         let id = Uuid::now_v7();
         let new = NewUpload {
             kind: UploadKind::Final,

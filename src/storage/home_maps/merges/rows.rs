@@ -5,7 +5,7 @@ use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Transaction, query};
 use crate::storage::home_maps::{MapClip, MapLevel};
-use crate::storage::{LidarMapRevision, StorageError};
+use crate::storage::{LidarMapRevision, StorageError, homes};
 use jiff::Timestamp;
 use viola_geometry::LevelName;
 use viola_home::{HomeMapInfo, Manifest, TileKey};
@@ -16,6 +16,7 @@ pub(super) struct Written {
     pub name: &'static str,
     pub tile: Option<TileKey>,
     pub key: Option<String>,
+    pub size_bytes: u64,
 }
 
 /// Returns the levels of a new revision: those of the LiDAR maps.
@@ -91,8 +92,8 @@ pub(super) async fn insert(
         .await?;
         let Some(key) = &file.key else { continue };
         query(
-            "INSERT INTO home_map_files (blob_key, home_id, name, tile_x, tile_y, first_revision, level)
-            VALUES ($1, $2, $3, $4, $5, $6, $7)",
+            "INSERT INTO home_map_files (blob_key, home_id, name, tile_x, tile_y, first_revision, level, size_bytes)
+            VALUES ($1, $2, $3, $4, $5, $6, $7, $8)",
         )
         .bind(key)
         .bind(home)
@@ -101,6 +102,7 @@ pub(super) async fn insert(
         .bind(y)
         .bind(revision)
         .bind(file.level.as_str())
+        .bind(file.size_bytes as i64)
         .execute(transaction)
         .await?;
     }
@@ -114,10 +116,15 @@ pub(super) async fn insert(
         changes::record(transaction, &claim.home, Changed::Objects { revision }, now).await?;
     }
     let old =
-        query("DELETE FROM home_map_files WHERE home_id = $1 AND last_revision <= $2 RETURNING blob_key")
+        query("DELETE FROM home_map_files WHERE home_id = $1 AND last_revision <= $2 RETURNING blob_key, size_bytes")
             .bind(home)
             .bind(revision - KEPT_REVISIONS)
             .fetch_all(transaction)
             .await?;
+    let mut grown: i64 = written.iter().map(|file| file.size_bytes as i64).sum();
+    for row in &old {
+        grown -= row.number("size_bytes")?;
+    }
+    homes::grow(transaction, &claim.home, grown).await?;
     old.iter().map(|row| row.text("blob_key")).collect()
 }

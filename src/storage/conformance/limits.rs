@@ -1,0 +1,116 @@
+//! What counts towards the limits of a tenant.
+
+use super::home_maps::{align, due, revision};
+use super::*;
+use viola_home::PlacedBy;
+
+on_every_back_end!(
+    every_file_of_a_tenant_counts,
+    announced_bytes_count_until_they_have_arrived,
+    old_lidar_maps_go,
+    uploads_are_limited_for_each_tenant,
+);
+
+/// Returns the size of all blobs.
+async fn stored_bytes(storage: &Storage) -> u64 {
+    let mut sum = 0;
+    for key in storage.blobs_that_exist().await {
+        sum += storage.blobs.read(&key).await.unwrap().unwrap().size_bytes;
+    }
+    sum
+}
+
+async fn check(storage: &Storage, what: &str) {
+    let counted = storage.tenant_bytes(&Tenant::default()).await.unwrap();
+    assert_eq!(counted, stored_bytes(storage).await, "after {what}");
+}
+
+async fn merge(storage: &Storage, tile: &[u8], seconds: i64) {
+    let claim = due(storage, seconds).await.expect("a merge is due");
+    let new = revision(&claim, PlacedBy::Alignment, tile);
+    assert!(storage.finish_merge(&claim, Some(&new), at(seconds)).await.unwrap());
+}
+
+async fn every_file_of_a_tenant_counts(storage: Storage) {
+    let (home, clip) = one_job(&storage).await;
+    check(&storage, "a map and a clip").await;
+    // More revisions than are kept.
+    for number in 0..7 {
+        align(&storage, AlignmentState::Aligned).await;
+        check(&storage, "a result").await;
+        merge(&storage, format!("tile {number}").repeat(number + 1).as_bytes(), 200).await;
+        check(&storage, "a merge").await;
+        storage.align_clip(&home, clip.id, at(300)).await.unwrap();
+        check(&storage, "the end of a result").await;
+    }
+    align(&storage, AlignmentState::Aligned).await;
+    storage.delete_clip(&home, clip.id, at(400)).await.unwrap();
+    check(&storage, "the end of a clip").await;
+    put_level(&storage, &home, "upper".parse().unwrap(), b"another level").await.unwrap();
+    check(&storage, "a level").await;
+    storage.delete_lidar_map(&home, "upper".parse().unwrap(), at(500)).await.unwrap();
+    check(&storage, "the end of a level").await;
+    storage.delete_home(&home, at(600)).await.unwrap();
+    assert_eq!(storage.tenant_bytes(&Tenant::default()).await.unwrap(), 0);
+}
+
+fn upload(tenant: &Tenant, length_bytes: Option<u64>) -> NewUpload {
+    let concat = Some("partial".to_owned());
+    let (metadata, tenant) = (String::new(), tenant.clone());
+    NewUpload { kind: UploadKind::Partial, tenant, home: None, metadata, concat, length_bytes }
+}
+
+async fn announced_bytes_count_until_they_have_arrived(storage: Storage) {
+    let (tenant, limits) = (Tenant::default(), UploadLimits::default());
+    let counted = async || storage.tenant_bytes(&tenant).await.unwrap();
+    let known = storage.create_upload(upload(&tenant, Some(100)), &limits, at(0)).await.unwrap().id;
+    assert_eq!(counted().await, 100);
+    let deferred = storage.create_upload(upload(&tenant, None), &limits, at(0)).await.unwrap().id;
+    for (id, expected) in [(known, 100), (deferred, 104)] {
+        let mut writer = storage.begin_append(id, 0, None, &limits, at(0)).await.unwrap();
+        storage.append(&mut writer, arrived(&storage, b"part").await, &limits, at(0)).await.unwrap();
+        assert_eq!(counted().await, expected);
+    }
+    storage.begin_append(deferred, 4, Some(50), &limits, at(0)).await.unwrap();
+    assert_eq!((counted().await, storage.unfinished_uploads(&tenant).await.unwrap()), (150, 2));
+    storage.delete_upload(known, at(1)).await.unwrap();
+    assert_eq!(counted().await, 50);
+    storage.expire_uploads(at(1_000_000)).await.unwrap();
+    assert_eq!((counted().await, storage.unfinished_uploads(&tenant).await.unwrap()), (0, 0));
+}
+
+async fn old_lidar_maps_go(storage: Storage) {
+    let (home, _) = one_job(&storage).await;
+    let upper: LevelName = "upper".parse().unwrap();
+    put_level(&storage, &home, upper, b"upper").await.unwrap();
+    for number in 0..30 {
+        put_map(&storage, &home, format!("map {number}").as_bytes()).await;
+    }
+    check(&storage, "thirty maps").await;
+    let page = Page { limit: 100, after: None };
+    let kept = storage.lidar_map_revisions(&home, LevelName::MAIN, &page).await.unwrap();
+    assert_eq!(kept.iter().map(|map| map.revision).collect::<Vec<_>>(), (23..=32).rev().collect::<Vec<_>>());
+    assert_eq!(storage.lidar_map_revisions(&home, upper, &page).await.unwrap().len(), 1);
+    assert_eq!(storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
+}
+
+async fn uploads_are_limited_for_each_tenant(storage: Storage) {
+    let [acme, bolt]: [Tenant; 2] = ["acme", "bolt"].map(|name| name.parse().unwrap());
+    let limits = UploadLimits { in_tenant: 3, ..UploadLimits::default() };
+    let create =
+        async |tenant: &Tenant| storage.create_upload(upload(tenant, Some(1)), &limits, at(0)).await.is_ok();
+    let count = async |tenant: &Tenant| {
+        let mut made = 0;
+        while create(tenant).await {
+            made += 1;
+        }
+        made
+    };
+    assert_eq!((count(&acme).await, count(&bolt).await), (3, 3));
+    let own = TenantLimits { max_bytes: Some(5), max_uploads: Some(4) };
+    storage.set_tenant_limits(&acme, &own).await.unwrap();
+    assert_eq!(storage.tenant_limits(&acme).await.unwrap(), own);
+    assert_eq!((count(&acme).await, count(&bolt).await), (1, 0));
+    storage.set_tenant_limits(&acme, &TenantLimits::default()).await.unwrap();
+    assert_eq!(storage.tenant_limits(&acme).await.unwrap(), TenantLimits::default());
+}

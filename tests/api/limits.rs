@@ -1,0 +1,100 @@
+//! Limits of a tenant: nothing that it stores is left out, and no tenant can use up another one's.
+
+use crate::clips::small_clip;
+use crate::server::Server;
+use reqwest::Method;
+use viola::api::LimitParams;
+use viola::storage::{Role, TenantLimits};
+use viola_testing::client::Client;
+use viola_testing::room;
+
+const MIB: usize = 1 << 20;
+
+async fn usage(client: &Client) -> (u64, Option<u64>) {
+    let usage = client.get("/v1/usage").await.ok(200);
+    (usage["bytes"].as_u64().unwrap(), usage["max_bytes"].as_u64())
+}
+
+/// Begins an upload whose length is not known yet; returns its path.
+async fn begin_deferred(client: &Client) -> String {
+    let request = client.tus(Method::POST, "/v1/uploads").header("upload-defer-length", 1);
+    let request = request.header("upload-concat", "partial");
+    let answer = client.send(request).await;
+    let path = answer.header("location").to_owned();
+    answer.ok(201);
+    path
+}
+
+/// Deferred lengths once stored 399 MB of a tenant with a limit of 5 MB.
+#[tokio::test]
+async fn deferred_lengths_and_announced_bytes_count() {
+    let limits = LimitParams { storage_bytes: Some(5 * MIB as u64), ..LimitParams::default() };
+    let server = Server::with(|params| params.limits = limits).await;
+    let acme = server.client("acme", Role::Admin, None).await;
+    let uploads = [begin_deferred(&acme).await, begin_deferred(&acme).await, begin_deferred(&acme).await];
+    let piece = vec![7; 2 * MIB];
+    for upload in &uploads[..2] {
+        acme.send(acme.patch(upload, 0, &piece)).await.ok(204);
+    }
+    acme.send(acme.patch(&uploads[2], 0, &piece)).await.problem(507, "tenant-full");
+    let late = acme.patch(&uploads[2], 0, b"").header("upload-length", 2 * MIB);
+    acme.send(late).await.problem(507, "tenant-full");
+    let announced = acme.tus(Method::POST, "/v1/uploads").header("upload-length", 2 * MIB);
+    acme.send(announced.header("upload-concat", "partial")).await.problem(507, "tenant-full");
+    let announced = acme.tus(Method::POST, "/v1/uploads").header("upload-length", MIB);
+    acme.send(announced.header("upload-concat", "partial")).await.ok(201);
+    assert_eq!(usage(&acme).await, (5 * MIB as u64, Some(5 * MIB as u64)));
+    // Another tenant has its own room.
+    let bolt = server.client("bolt", Role::Admin, None).await;
+    let other = begin_deferred(&bolt).await;
+    bolt.send(bolt.patch(&other, 0, &piece)).await.ok(204);
+    acme.send(acme.tus(Method::DELETE, &uploads[0])).await.ok(204);
+    acme.send(acme.patch(&uploads[2], 0, &piece)).await.ok(204);
+}
+
+#[tokio::test]
+async fn lidar_maps_count_and_only_the_last_are_kept() {
+    let server = Server::without_workers().await;
+    let acme = server.client("acme", Role::Admin, None).await;
+    let home = acme.make_home("h").await;
+    let map = room::lidar_csv();
+    for number in 0..12 {
+        let file = format!("{map}{}.0,1.0\n", number % 4);
+        acme.put(&format!("{home}/lidar-map"), file).await.ok(201);
+    }
+    let revisions = acme.get(&format!("{home}/lidar-map/revisions")).await.ok(200);
+    assert_eq!(revisions["items"].as_array().unwrap().len(), 10);
+    let (used, limit) = usage(&acme).await;
+    assert!(used > 10 * map.len() as u64 && used < 40 * map.len() as u64 && limit.is_none(), "{used}");
+    let storage = server.administer().await;
+    let own = TenantLimits { max_bytes: Some(used + 100), max_uploads: None };
+    storage.set_tenant_limits(&"acme".parse().unwrap(), &own).await.unwrap();
+    storage.close().await;
+    let answer = acme.put(&format!("{home}/lidar-map"), format!("{map}2.5,1.5\n")).await;
+    answer.problem(507, "tenant-full");
+    assert_eq!(usage(&acme).await, (used, Some(used + 100)));
+    acme.post(&format!("{home}/clips"), small_clip()).await.problem(507, "tenant-full");
+}
+
+/// 4096 empty uploads of one tenant once made all others wait for a day.
+#[tokio::test]
+async fn a_tenant_with_too_many_uploads_locks_out_nobody() {
+    let server = Server::with(|params| params.uploads.limits.in_tenant = 20).await;
+    let acme = server.client("acme", Role::Uploader, None).await;
+    let begin = |client: &Client| {
+        let request = client.tus(Method::POST, "/v1/uploads").header("upload-length", 10);
+        request.header("upload-concat", "partial")
+    };
+    for _ in 0..20 {
+        acme.send(begin(&acme)).await.ok(201);
+    }
+    acme.send(begin(&acme)).await.problem(429, "too-many-uploads");
+    let bolt = server.client("bolt", Role::Admin, None).await;
+    bolt.make_home("h").await;
+    let upload = bolt.begin("h", small_clip().len()).await;
+    assert_eq!(bolt.go_on(&upload, &small_clip()).await.status, 204);
+    let usage = bolt.get("/v1/usage").await.ok(200);
+    assert_eq!((&usage["uploads"], &usage["max_uploads"]), (&0.into(), &20.into()));
+    let for_one_home = server.client("acme", Role::Reader, Some("h")).await;
+    for_one_home.get("/v1/usage").await.problem(403, "forbidden");
+}
