@@ -179,12 +179,18 @@ impl Storage {
 
     /// Returns the uploaded file unchanged; `None` if the clip was removed.
     pub async fn clip_recording(&self, id: Uuid) -> Result<Option<BlobReader>, StorageError> {
-        self.blobs.read(&file_key(id)).await
+        let Some(blob) = self.blobs.read(&file_key(id)).await? else { return Ok(None) };
+        self.check_clip_file(id, blob.size_bytes).await?;
+        Ok(Some(blob))
     }
 
     /// Returns the uploaded file, for readers that seek in it.
     pub async fn clip_file(&self, id: Uuid) -> Result<LocalFile, StorageError> {
-        self.blobs.local_file(&file_key(id)).await
+        let file = self.blobs.local_file(&file_key(id)).await?;
+        let found = std::fs::metadata(&*file);
+        let found = found.map_err(|source| StorageError::File { path: file.to_path_buf(), source })?;
+        self.check_clip_file(id, found.len()).await?;
+        Ok(file)
     }
 
     #[cfg(test)]
