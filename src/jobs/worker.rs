@@ -196,7 +196,11 @@ impl Attempt<'_> {
                 info!(job = %self.claim.job.id, "a worker was lost with this job: it runs in a process of its own");
                 Ok(run_in_child(child, inputs, storage.work_folder()?, report))
             }
-            _ => Ok(run_here(self.params.method, self.params.align.clone(), inputs, report)),
+            _ => {
+                let scratch = storage.scratch(self.claim.job.home.tenant());
+                let params = JobParams { scratch, ..JobParams::clone(&self.params.align) };
+                Ok(run_here(self.params.method, params.into(), inputs, report))
+            }
         }
     }
 
