@@ -1,6 +1,7 @@
 //! The HTTP API: one file per resource; all refusals are in `error`.
 
 mod access;
+mod attempts;
 mod bodies;
 mod changes;
 mod choice;
@@ -25,9 +26,12 @@ mod list;
 mod map;
 mod metrics;
 mod objects;
+mod origins;
 mod page;
+mod peer;
 mod problems;
 mod ranges;
+mod readers;
 mod reply;
 mod request_log;
 mod server;
@@ -37,23 +41,27 @@ mod uploads;
 mod usage;
 mod webhooks;
 
+pub use attempts::AttemptParams;
+pub use bodies::BodyParams;
 pub use clips::recorded_at_of_file;
 pub use connections::ConnectionParams;
 pub use layers::Origin;
 pub use limits::LimitParams;
 pub use map::{objects_document, rooms_document};
+pub use readers::ReaderParams;
 pub use server::{ServeError, ServeParams, WorkParams, serve, work};
 pub use uploads::{UploadParams, opened_clip_json};
 
 use crate::jobs::Queue;
 use crate::storage::Storage;
 use crate::webhooks::WebhookParams;
+use attempts::Attempts;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use limits::Limits;
+use readers::Readers;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::request_id::{PropagateRequestIdLayer, SetRequestIdLayer};
@@ -72,14 +80,17 @@ struct App {
     queue: Arc<Queue>,
     max_upload_bytes: u64,
     uploads: Arc<UploadParams>,
+    bodies: BodyParams,
     limits: Arc<Limits>,
+    attempts: Arc<Attempts>,
+    /// True if only this machine can reach the listener.
+    is_on_loopback: bool,
     webhooks: WebhookParams,
     /// Origins whose pages may call the service.
     cors_origins: Vec<Origin>,
     /// True once a key existed while this process ran: from then on every request needs one.
     has_keys: Arc<AtomicBool>,
-    /// Permits to open uploaded files: they bound the memory of concurrent readers.
-    readers: Arc<Semaphore>,
+    readers: Arc<Readers>,
     exports: export::Places,
     /// Ends endless answers, such as event streams, when the server stops.
     stop: CancellationToken,
@@ -216,6 +227,7 @@ fn router(app: App) -> Router {
         .fallback(error::no_such_route)
         .method_not_allowed_fallback(error::method_not_allowed)
         .layer(DefaultBodyLimit::max(MAX_JSON_BYTES))
+        .layer(axum::middleware::from_fn_with_state(app.clone(), origins::check))
         .layer(CatchPanicLayer::custom(error::panicked))
         .layer(axum::middleware::from_fn(metrics::count))
         .layer(axum::middleware::from_fn(ranges::serve_part))

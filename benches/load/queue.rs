@@ -8,7 +8,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 use viola::jobs::{Failure, Finished, JobParams, LevelFile, Queue, WorkerParams, work};
-use viola::storage::{Added, Arrived, HomeId, NewClip, NewLidarMap, PostgresParams, Storage, StorageParams};
+use viola::storage::{
+    Added, Arrived, HomeId, NewClip, NewLidarMap, PostgresParams, Storage, StorageParams, UnpackParams,
+};
 use viola_formats::clip::{Clip, ClipInfo};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Progress;
@@ -30,6 +32,8 @@ pub async fn run(url: &str) -> anyhow::Result<()> {
         data: folder.path().to_owned(),
         postgres: Some(PostgresParams { url: schema_url, connections: 16 }),
         s3: None,
+        secrets_key: None,
+        unpack: UnpackParams::default(),
     };
     let storage = Arc::new(Storage::open(&params).await?);
     let measured = async {

@@ -2,19 +2,23 @@
 //! service listens only on loopback addresses. Resources of other tenants and homes return 404, not 403.
 
 use super::App;
-use super::error::Error;
-use crate::storage::{HomeId, Role, Secret, Tenant};
+use super::error::{Defence, Error};
+use super::peer;
+use crate::storage::{ApiKey, HomeId, Role, Secret, SessionToken, StorageError, Tenant};
 use axum::extract::{FromRequestParts, MatchedPath, Request, State};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, Method, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use jiff::Timestamp;
+use std::future::Future;
+use std::net::IpAddr;
 use std::sync::atomic::Ordering;
+use std::time::Instant;
 use uuid::Uuid;
 
 /// The cookie of the viewer's session: image requests of a page cannot send a header.
-pub(super) const COOKIE: &str = "viola_key";
+pub(super) const COOKIE: &str = "viola_session";
 
 /// The sender of a request.
 #[derive(Debug, Clone)]
@@ -53,6 +57,12 @@ impl Caller {
     }
 }
 
+impl From<ApiKey> for Caller {
+    fn from(key: ApiKey) -> Caller {
+        Caller { tenant: key.tenant, role: key.role, home: key.home, key: Some(key.id) }
+    }
+}
+
 impl<S: Send + Sync> FromRequestParts<S> for Caller {
     type Rejection = Error;
 
@@ -72,15 +82,17 @@ pub(super) async fn check(
     mut request: Request,
     next: Next,
 ) -> Result<Response, Error> {
-    let caller = match secret(request.headers())? {
-        Some(secret) => {
-            let key = app.storage.use_key(&secret, Timestamp::now()).await?.ok_or(Error::KeyInvalid)?;
-            app.has_keys.store(true, Ordering::Relaxed);
-            Caller { tenant: key.tenant, role: key.role, home: key.home, key: Some(key.id) }
-        }
+    let address = peer::client(request.extensions(), request.headers());
+    let caller = match credentials(request.headers())? {
+        Some(Credentials::Key(secret)) => Some(key(&app, address, &secret).await?.into()),
+        Some(Credentials::Session(token)) => Some(session(&app, address, &token).await?.into()),
         None if asks_for_keys(&app).await? => return Err(Error::KeyMissing),
-        None => Caller::anyone(),
+        None => None,
     };
+    if caller.is_some() {
+        app.has_keys.store(true, Ordering::Relaxed);
+    }
+    let caller = caller.unwrap_or_else(Caller::anyone);
     tracing::Span::current().record("tenant", caller.tenant.name());
     let route = request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str);
     if !may(caller.role, request.method(), route) {
@@ -99,28 +111,63 @@ pub(super) async fn check(
 }
 
 /// Returns whether requests need a key; remains true for the life of the process if the last key is deleted.
-async fn asks_for_keys(app: &App) -> Result<bool, Error> {
+pub(super) async fn asks_for_keys(app: &App) -> Result<bool, Error> {
     if !app.has_keys.load(Ordering::Relaxed) && app.storage.has_keys().await? {
         app.has_keys.store(true, Ordering::Relaxed);
     }
     Ok(app.has_keys.load(Ordering::Relaxed))
 }
 
-/// Returns the secret of a request, from the header or else from the cookie. A browser sends the cookie only
-/// with requests of the service's own pages (`SameSite=Strict`).
-fn secret(headers: &HeaderMap) -> Result<Option<Secret>, Error> {
-    let text = match headers.get(header::AUTHORIZATION) {
-        Some(value) => {
-            let text = value.to_str().map_err(|_| Error::KeyInvalid)?;
-            let (scheme, secret) = text.split_once(' ').ok_or(Error::KeyInvalid)?;
-            Some(secret.trim()).filter(|_| scheme.eq_ignore_ascii_case("bearer"))
-        }
-        None => return cookie(headers).map(|text| text.parse().map_err(|()| Error::KeyInvalid)).transpose(),
-    };
-    text.ok_or(Error::KeyInvalid)?.parse().map(Some).map_err(|()| Error::KeyInvalid)
+/// Returns the valid key with a secret.
+pub(super) async fn key(app: &App, address: Option<IpAddr>, secret: &Secret) -> Result<ApiKey, Error> {
+    let find = app.storage.use_key(secret, Timestamp::now());
+    find_key(app, address, &secret.sha256(), find).await?.ok_or(Error::KeyInvalid)
 }
 
-fn cookie(headers: &HeaderMap) -> Option<&str> {
+async fn session(app: &App, address: Option<IpAddr>, token: &SessionToken) -> Result<ApiKey, Error> {
+    let find = app.storage.use_session(token, Timestamp::now());
+    Ok(find_key(app, address, &token.sha256(), find).await?.ok_or(Defence::SessionEnded)?)
+}
+
+/// Runs a query for a key, unless too many from this address found none.
+async fn find_key(
+    app: &App,
+    address: Option<IpAddr>,
+    sha256: &str,
+    find: impl Future<Output = Result<Option<ApiKey>, StorageError>>,
+) -> Result<Option<ApiKey>, Error> {
+    app.attempts.begin(address, sha256, Instant::now())?;
+    let found = find.await?;
+    match found {
+        Some(_) => app.attempts.succeeded(address, sha256),
+        None => app.attempts.failed(sha256),
+    }
+    Ok(found)
+}
+
+enum Credentials {
+    Key(Secret),
+    Session(SessionToken),
+}
+
+/// Returns the credentials of a request, from the header or else from the cookie. A browser sends the cookie
+/// only with requests of the service's own pages (`SameSite=Strict`).
+fn credentials(headers: &HeaderMap) -> Result<Option<Credentials>, Error> {
+    let Some(value) = headers.get(header::AUTHORIZATION) else {
+        let token =
+            cookie(headers).map(|text| text.parse().map_err(|()| Defence::SessionEnded)).transpose()?;
+        return Ok(token.map(Credentials::Session));
+    };
+    let text = value.to_str().map_err(|_| Error::KeyInvalid)?;
+    let (scheme, secret) = text.split_once(' ').ok_or(Error::KeyInvalid)?;
+    if !scheme.eq_ignore_ascii_case("bearer") {
+        return Err(Error::KeyInvalid);
+    }
+    secret.trim().parse().map(|secret| Some(Credentials::Key(secret))).map_err(|()| Error::KeyInvalid)
+}
+
+/// Returns the value of the session's cookie.
+pub(super) fn cookie(headers: &HeaderMap) -> Option<&str> {
     let cookies = headers.get_all(header::COOKIE).iter().filter_map(|value| value.to_str().ok());
     let mut pairs = cookies.flat_map(|value| value.split(';')).filter_map(|pair| pair.trim().split_once('='));
     pairs.find(|(name, _)| *name == COOKIE).map(|(_, value)| value)

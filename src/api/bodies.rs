@@ -3,21 +3,78 @@
 use super::App;
 use super::error::Error;
 use super::metrics;
-use crate::storage::{Arrived, BlobReader, Storage};
-use axum::body::Body;
+use crate::storage::{Arrived, BlobReader};
+use axum::body::{Body, BodyDataStream};
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
 use futures::StreamExt;
 use std::future::Future;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tracing::Instrument;
 use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{KnownFormat, ObjectBuilder, Schema, SchemaFormat, Type};
 use utoipa::{PartialSchema, ToSchema};
 
-/// Idle timeout of a request's body.
-pub(super) const MAX_SILENCE: Duration = Duration::from_secs(60);
+/// Minimum mean rate of a file's body, in each window of time.
+const MIN_BYTES_PER_S: f64 = 1024.0;
+
+/// Time limits of the bodies of requests.
+#[derive(Debug, Clone, Copy)]
+pub struct BodyParams {
+    /// Timeout for a whole JSON body.
+    pub json: Duration,
+    /// Length of the windows in which a file must arrive at 1024 bytes per second on average. The time that the service
+    /// itself takes does not count.
+    pub window: Duration,
+}
+
+impl Default for BodyParams {
+    fn default() -> BodyParams {
+        BodyParams { json: Duration::from_secs(10), window: Duration::from_secs(60) }
+    }
+}
+
+/// Measures the rate at which a file's body arrives.
+pub(super) struct Pace {
+    window: Duration,
+    /// Time spent on waiting for the client in the current window, and the bytes that came in it.
+    waited: Duration,
+    bytes: u64,
+}
+
+impl Pace {
+    pub fn new(window: Duration) -> Pace {
+        Pace { window, waited: Duration::ZERO, bytes: 0 }
+    }
+
+    /// Returns the next chunk, or none at the end; refuses a body that is too slow.
+    pub async fn next(&mut self, chunks: &mut BodyDataStream) -> Result<Option<Bytes>, Error> {
+        loop {
+            let begun = Instant::now();
+            let next = tokio::time::timeout(self.window.saturating_sub(self.waited), chunks.next()).await;
+            self.waited += begun.elapsed();
+            let chunk = match next {
+                Ok(Some(Ok(chunk))) => Some(chunk),
+                Ok(Some(Err(error))) => return Err(Error::BodyIncomplete(error.to_string())),
+                Ok(None) => return Ok(None),
+                Err(_) => None,
+            };
+            self.bytes += chunk.as_ref().map_or(0, |chunk| chunk.len() as u64);
+            if self.waited >= self.window {
+                if (self.bytes as f64) < MIN_BYTES_PER_S * self.window.as_secs_f64() {
+                    let least = format!("of a file, at least {MIN_BYTES_PER_S} bytes per second must arrive");
+                    return Err(Error::BodyStalled(least));
+                }
+                *self = Pace::new(self.window);
+            }
+            if chunk.is_some() {
+                return Ok(chunk);
+            }
+        }
+    }
+}
 
 /// The schema of a file's bytes in the OpenAPI document.
 pub(super) struct FileBytes;
@@ -37,21 +94,16 @@ pub(super) fn content_length(headers: &HeaderMap) -> Option<u64> {
 }
 
 /// Receives a body of at most `limit` bytes into a file of its own.
-pub(super) async fn receive(storage: &Storage, request: Request, limit: u64) -> Result<Arrived, Error> {
+pub(super) async fn receive(app: &App, request: Request, limit: u64) -> Result<Arrived, Error> {
     refuse_form(request.headers())?;
     if content_length(request.headers()).is_some_and(|length| length > limit) {
         return Err(Error::BodyTooLarge { limit });
     }
-    let mut incoming = storage.incoming()?;
+    let mut incoming = app.storage.incoming()?;
     let mut size_bytes = 0;
     let mut chunks = request.into_body().into_data_stream();
-    loop {
-        let chunk = match tokio::time::timeout(MAX_SILENCE, chunks.next()).await {
-            Ok(Some(Ok(chunk))) => chunk,
-            Ok(Some(Err(error))) => return Err(Error::BodyIncomplete(error.to_string())),
-            Ok(None) => break,
-            Err(_) => return Err(Error::BodyStalled { seconds: MAX_SILENCE.as_secs() }),
-        };
+    let mut pace = Pace::new(app.bodies.window);
+    while let Some(chunk) = pace.next(&mut chunks).await? {
         size_bytes += chunk.len() as u64;
         if size_bytes > limit {
             return Err(Error::BodyTooLarge { limit });
@@ -90,15 +142,6 @@ pub(super) fn send(blob: BlobReader, media_type: &'static str) -> Response {
 /// Runs work to its end even if the client disconnects.
 pub(super) async fn to_the_end<T: Send + 'static>(work: impl Future<Output = T> + Send + 'static) -> T {
     match tokio::spawn(work.in_current_span()).await {
-        Ok(value) => value,
-        Err(error) => std::panic::resume_unwind(error.into_panic()),
-    }
-}
-
-/// Runs the blocking reader of an uploaded file on a thread of its own, once a permit is free.
-pub(super) async fn understand<T: Send + 'static>(app: &App, read: impl FnOnce() -> T + Send + 'static) -> T {
-    let _place = app.readers.acquire().await.expect("the semaphore is never closed");
-    match tokio::task::spawn_blocking(read).await {
         Ok(value) => value,
         Err(error) => std::panic::resume_unwind(error.into_panic()),
     }

@@ -1,7 +1,7 @@
 //! Pictures and clouds of one clip.
 
 use super::App;
-use super::bodies::{FileBytes, send, understand};
+use super::bodies::{FileBytes, send};
 use super::error::Error;
 use super::extract::ClipPath;
 use super::problems::CommonProblems;
@@ -56,12 +56,12 @@ pub(super) async fn get_clip_cloud(
     let Some(map_from_clip) = clip.map_from_clip() else {
         return Ok(([(header::CONTENT_TYPE, HeaderValue::from_static("model/ply"))], bytes).into_response());
     };
-    let moved = understand(&app, move || {
+    let moved = app.readers.run(home.tenant(), move || {
         let cloud = read_cloud_ply(&bytes, MAP_VOXEL_M)?;
         Ok::<_, NotOurs>(cloud_ply(&cloud, Some(&map_from_clip)))
     });
     let damaged = |error: NotOurs| StorageError::Column { column: "cloud.ply", detail: error.to_string() };
-    let moved = moved.await.map_err(damaged)?;
+    let moved = moved.await?.map_err(damaged)?;
     Ok(([(header::CONTENT_TYPE, HeaderValue::from_static("model/ply"))], moved).into_response())
 }
 

@@ -2,7 +2,7 @@
 
 use super::App;
 use super::access::Caller;
-use super::bodies::{FileBytes, content_length, receive, to_the_end, understand};
+use super::bodies::{FileBytes, content_length, receive, to_the_end};
 use super::error::{Error, Problem};
 use super::extract::{ClipPath, HomePath, IdempotencyKey, Query, timestamp};
 use super::list::{List, ListQuery, UpdatedQuery, states};
@@ -16,6 +16,7 @@ use axum::response::{IntoResponse, Response};
 use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
 use viola_formats::clip;
+use viola_formats::video::Tools;
 use viola_reconstruct::estimate;
 
 /// Earliest time of recording: no phone recorded depth before the year 2000.
@@ -96,9 +97,9 @@ pub(super) async fn add_clip(
     let told = query.recorded_at.map(|text| recorded_at(&text)).transpose()?;
     let told_bytes = content_length(request.headers()).unwrap_or(0);
     app.limits.room(&app.storage, &caller.tenant, told_bytes).await?;
-    let file = receive(&app.storage, request, app.max_upload_bytes).await?;
+    let file = receive(&app, request, app.max_upload_bytes).await?;
     let size_bytes = file.size_bytes;
-    let (file, info, estimate) = understand(&app, move || open(file)).await?;
+    let (file, info, estimate) = open(&app, caller.tenant.name(), file).await?;
     app.limits.room(&app.storage, &caller.tenant, size_bytes).await?;
     if dry_run {
         let report = DryRun { size_bytes, understood: info.into(), estimate: estimate.into(), has_lidar_map };
@@ -160,10 +161,18 @@ pub(super) fn recorded_at(text: &str) -> Result<Timestamp, Error> {
 }
 
 /// Opens a received file; refuses it if it is not a clip.
-pub(super) fn open(file: Arrived) -> Result<(Arrived, clip::ClipInfo, viola_reconstruct::Estimate), Error> {
-    let clip = clip::Clip::open(file.path())?;
-    let estimate = estimate(&clip);
-    Ok((file, clip.info().clone(), estimate))
+pub(super) async fn open(
+    app: &App,
+    tenant: &str,
+    file: Arrived,
+) -> Result<(Arrived, clip::ClipInfo, viola_reconstruct::Estimate), Error> {
+    let scratch = app.storage.scratch(tenant);
+    let read = move || {
+        let clip = clip::Clip::open_in(file.path(), &Tools::default(), &scratch)?;
+        let estimate = estimate(&clip);
+        Ok((file, clip.info().clone(), estimate))
+    };
+    app.readers.run(tenant, read).await?
 }
 
 /// The filter of a list of clips.

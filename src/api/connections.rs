@@ -1,8 +1,13 @@
 //! Connections: their maximum number, their timeouts and their graceful shutdown.
 
+mod crowd;
+mod watched;
+
+use super::peer::Peer;
 use super::server::ServeError;
 use axum::Router;
 use axum::body::Body;
+use crowd::Crowd;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
@@ -10,14 +15,13 @@ use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::server::graceful::GracefulShutdown;
 use std::io;
 use std::net::SocketAddr;
-use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
 use tokio_io_timeout::TimeoutWriter;
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 use tracing::{debug, info, warn};
+use watched::Watched;
 
 /// Timeout for requests under way when the server stops.
 const DRAIN: Duration = Duration::from_secs(10);
@@ -33,13 +37,22 @@ pub struct ConnectionParams {
     /// Timeout for a client that reads no byte of a waiting answer; then the connection is closed. Slow
     /// readers and event streams without news are not affected.
     pub write: Duration,
-    /// Maximum number of connections; further ones wait until others end.
+    /// Maximum number of connections. A further one displaces the one of the largest network that has waited longest for
+    /// its client.
     pub most: usize,
+    /// Maximum number of connections of one address (IPv6: of one network of 64 bits). A further one displaces the one of
+    /// this address that has waited longest for its client.
+    pub most_of_network: usize,
 }
 
 impl Default for ConnectionParams {
     fn default() -> ConnectionParams {
-        ConnectionParams { head: Duration::from_secs(30), write: Duration::from_secs(60), most: 4096 }
+        ConnectionParams {
+            head: Duration::from_secs(30),
+            write: Duration::from_secs(60),
+            most: 4096,
+            most_of_network: 2048,
+        }
     }
 }
 
@@ -62,13 +75,12 @@ pub(super) async fn answer(
     let address = listener.local_addr()?;
     info!(%address, "listening");
     listening(address);
-    let places = Arc::new(Semaphore::new(params.most));
+    let crowd = Crowd::new(params.most, params.most_of_network);
     let open = GracefulShutdown::new();
     let accept = async {
         loop {
-            let place = places.clone().acquire_owned().await;
-            let stream = match listener.accept().await {
-                Ok((stream, _)) => stream,
+            let (stream, peer) = match listener.accept().await {
+                Ok(accepted) => accepted,
                 Err(error) if is_of_one(&error) => continue,
                 Err(error) => {
                     warn!(%error, "no connection can be accepted for now");
@@ -76,12 +88,21 @@ pub(super) async fn answer(
                     continue;
                 }
             };
-            let connection = open.watch(connection(stream, router.clone(), params));
+            if let Err(error) = prepare(&stream) {
+                warn!(%error, "a connection keeps the system's defaults");
+            }
+            let place = crowd.enter(peer.ip());
+            let stream = Watched::new(stream, place.clone());
+            let connection = open.watch(connection(stream, Peer(peer.ip()), router.clone(), params));
             tokio::spawn(async move {
-                if let Err(error) = connection.await {
-                    debug!(%error, "a connection broke");
+                tokio::select! {
+                    ended = connection => {
+                        if let Err(error) = ended {
+                            debug!(%error, "a connection broke");
+                        }
+                    }
+                    () = place.displaced() => debug!("a connection was displaced by a newer one"),
                 }
-                drop(place);
             });
         }
     };
@@ -106,17 +127,17 @@ fn is_of_one(error: &io::Error) -> bool {
 }
 
 fn connection(
-    stream: TcpStream,
+    stream: Watched,
+    peer: Peer,
     router: Router,
     params: &ConnectionParams,
 ) -> impl hyper_util::server::graceful::GracefulConnection<Error = hyper::Error> + use<> {
-    if let Err(error) = prepare(&stream) {
-        warn!(%error, "a connection keeps the system's defaults");
-    }
     let mut stream = TimeoutWriter::new(stream);
     stream.set_timeout(Some(params.write));
-    let service =
-        service_fn(move |request: hyper::Request<Incoming>| router.clone().oneshot(request.map(Body::new)));
+    let service = service_fn(move |mut request: hyper::Request<Incoming>| {
+        request.extensions_mut().insert(peer);
+        router.clone().oneshot(request.map(Body::new))
+    });
     http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(params.head)

@@ -2,6 +2,9 @@
 //! of the service goes to the log, never into an answer.
 
 mod correction;
+mod defence;
+
+pub(super) use defence::Defence;
 
 use super::uploads::UploadRefusal;
 use crate::storage::{CorrectionError, MOST_WEBHOOKS, StorageError};
@@ -55,8 +58,8 @@ pub(super) enum Error {
     UnsupportedMediaType(String),
     #[error("the body is larger than the limit of {limit} bytes")]
     BodyTooLarge { limit: u64 },
-    #[error("no byte of the body arrived for {seconds} seconds")]
-    BodyStalled { seconds: u64 },
+    #[error("the body is too slow: {0}")]
+    BodyStalled(String),
     #[error("the body ended before it was whole: {0}")]
     BodyIncomplete(String),
     #[error("the body is empty; send the file itself as the body")]
@@ -120,6 +123,8 @@ pub(super) enum Error {
     #[error("the answer has {length} bytes, and the range begins behind them")]
     NoSuchRange { length: u64 },
     #[error("{0}")]
+    Defence(#[from] Defence),
+    #[error("{0}")]
     Upload(#[from] UploadRefusal),
     #[error("{0}")]
     Storage(#[from] StorageError),
@@ -148,9 +153,7 @@ impl Error {
                 (S::UNSUPPORTED_MEDIA_TYPE, "unsupported_media_type", "This kind of body is not understood")
             }
             Error::BodyTooLarge { .. } => (S::PAYLOAD_TOO_LARGE, "body_too_large", "The body is too large"),
-            Error::BodyStalled { .. } => {
-                (S::REQUEST_TIMEOUT, "body_stalled", "The body did not arrive in time")
-            }
+            Error::BodyStalled(_) => (S::REQUEST_TIMEOUT, "body_stalled", "The body did not arrive in time"),
             Error::BodyIncomplete(_) => (S::BAD_REQUEST, "body_incomplete", "The body is not whole"),
             Error::BodyEmpty => (S::UNPROCESSABLE_ENTITY, "body_empty", "The body is empty"),
             Error::Told(problem) => {
@@ -198,6 +201,7 @@ impl Error {
             Error::NoSuchRange { .. } => {
                 (S::RANGE_NOT_SATISFIABLE, "range_not_satisfiable", "The answer has no such bytes")
             }
+            Error::Defence(refusal) => refusal.mapping(),
             Error::Upload(refusal) => refusal.mapping(),
             Error::NotReady { .. } => (S::SERVICE_UNAVAILABLE, "not_ready", "The service is not ready"),
             Error::Storage(StorageError::NoSuchHome) => {
@@ -242,16 +246,19 @@ impl Error {
             Error::NoSuchRange { .. } => Some("Range"),
             Error::Correction(CorrectionError::Impossible { field, .. }) => Some(field),
             Error::Correction(CorrectionError::Changed { .. }) => Some("If-Match"),
+            Error::Defence(refusal) => refusal.field(),
             Error::Upload(refusal) => refusal.field(),
             _ => None,
         }
     }
 }
 
-/// Returns 415 for a file of an unknown kind, and 422 for a file that its reader refuses.
+/// Returns 415 for a file of an unknown kind, 413 for one that unpacks to too much, and 422 for other refusals.
 fn refusal(code: &str) -> StatusCode {
     if code.starts_with("unknown_") || code == "not_an_archive" {
         StatusCode::UNSUPPORTED_MEDIA_TYPE
+    } else if code == "unpacks_too_large" {
+        StatusCode::PAYLOAD_TOO_LARGE
     } else {
         StatusCode::UNPROCESSABLE_ENTITY
     }
@@ -279,7 +286,8 @@ impl Error {
             return problem.clone();
         }
         let (status, code, title) = self.mapping();
-        let is_bound = matches!(self, Error::TenantFull { .. } | Error::TooManyExports { .. });
+        let is_bound =
+            matches!(self, Error::TenantFull { .. } | Error::TooManyExports { .. } | Error::Defence(_));
         let is_ours = status.is_server_error() && !is_bound;
         let detail = if is_ours {
             tracing::error!(code, cause = %self, "a request failed");
@@ -314,7 +322,7 @@ impl IntoResponse for Error {
         let media_type = HeaderValue::from_static("application/problem+json");
         let mut response = (status, [(header::CONTENT_TYPE, media_type)], Json(problem)).into_response();
         match self {
-            Error::KeyMissing | Error::KeyInvalid => {
+            Error::KeyMissing | Error::KeyInvalid | Error::Defence(Defence::SessionEnded) => {
                 let scheme = HeaderValue::from_static("Bearer realm=\"viola\"");
                 response.headers_mut().insert(header::WWW_AUTHENTICATE, scheme);
             }
@@ -323,6 +331,11 @@ impl IntoResponse for Error {
             }
             Error::TooManyExports { .. } => {
                 response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(EXPORT_RETRY_AFTER_S));
+            }
+            Error::Defence(refusal) => {
+                if let Some(wait) = refusal.retry_after() {
+                    response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(wait.as_secs() + 1));
+                }
             }
             error if error.is_passing() => {
                 response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(2));
@@ -348,48 +361,4 @@ pub(super) fn panicked(panic: Box<dyn Any + Send>) -> Response {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use viola_formats::container::ContainerError;
-
-    async fn problem(response: Response) -> (u16, Problem) {
-        let status = response.status().as_u16();
-        let bytes = axum::body::to_bytes(response.into_body(), 10_000).await.unwrap();
-        (status, serde_json::from_slice(&bytes).unwrap())
-    }
-
-    #[tokio::test]
-    async fn our_faults_are_told_without_their_cause() {
-        let secret = || StorageError::Column { column: "secret", detail: "secret".to_owned() };
-        let faults = [
-            (Error::Storage(secret()).into_response(), 500),
-            (Error::NotReady { what: "blobs", cause: Some(secret()) }.into_response(), 503),
-            (panicked(Box::new("secret")), 500),
-            (panicked(Box::new("secret".to_owned())), 500),
-            (panicked(Box::new(7)), 500),
-        ];
-        for (response, status) in faults {
-            let (answered, problem) = problem(response).await;
-            assert_eq!((answered, problem.status), (status, status));
-            assert!(!format!("{problem:?}").contains("secret"));
-        }
-    }
-
-    #[tokio::test]
-    async fn a_clip_that_there_is_no_room_for_may_be_sent_again() {
-        let source = std::io::Error::from(std::io::ErrorKind::StorageFull);
-        let error = ClipError::Container(ContainerError::CannotUnpack { name: "clip.tar.gz".into(), source });
-        let response = Error::Clip(error).into_response();
-        assert!(response.headers().contains_key(header::RETRY_AFTER));
-        let (status, problem) = problem(response).await;
-        assert_eq!((status, problem.kind.as_str()), (503, "urn:viola:problem:unavailable"));
-    }
-
-    #[tokio::test]
-    async fn a_full_disk_is_told_apart() {
-        let full = std::io::Error::from(std::io::ErrorKind::StorageFull);
-        let error = StorageError::File { path: "upload".into(), source: full };
-        let (status, problem) = problem(Error::Storage(error).into_response()).await;
-        assert_eq!((status, problem.kind.as_str()), (507, "urn:viola:problem:storage-full"));
-    }
-}
+mod tests;

@@ -234,13 +234,18 @@ pub(super) fn timestamp(field: &'static str, text: &str) -> Result<Timestamp, Er
 /// A JSON object as the body; the default if the body is `null`, or if it and its media type are absent.
 pub(super) struct Json<T>(pub T);
 
-impl<S: Send + Sync, T: DeserializeOwned + Default> FromRequest<S> for Json<T> {
+impl<T: DeserializeOwned + Default> FromRequest<App> for Json<T> {
     type Rejection = Error;
 
-    async fn from_request(request: Request, state: &S) -> Result<Json<T>, Error> {
+    async fn from_request(request: Request, app: &App) -> Result<Json<T>, Error> {
         // Parsed as an object first, because serde also accepts an array for a struct.
         type Object = serde_json::Map<String, serde_json::Value>;
-        match Option::<axum::Json<Option<Object>>>::from_request(request, state).await {
+        let read = Option::<axum::Json<Option<Object>>>::from_request(request, app);
+        let late = |_| {
+            let limit = app.bodies.json;
+            Error::BodyStalled(format!("JSON must be complete within {} s", limit.as_secs_f64()))
+        };
+        match tokio::time::timeout(app.bodies.json, read).await.map_err(late)? {
             Ok(None | Some(axum::Json(None))) => Ok(Json(T::default())),
             Ok(Some(axum::Json(Some(object)))) => serde_json::from_value(object.into())
                 .map(Json)

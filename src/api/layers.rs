@@ -33,6 +33,13 @@ impl FromStr for Origin {
     }
 }
 
+impl Origin {
+    /// Returns whether this is the origin of an `Origin` header.
+    pub(super) fn is(&self, header: &HeaderValue) -> bool {
+        self.0 == header
+    }
+}
+
 type IsCompressed = fn(StatusCode, Version, &HeaderMap, &Extensions) -> bool;
 
 /// Compresses text and points by gzip or Brotli, if the client accepts one. Pictures and archives are

@@ -2,7 +2,7 @@
 
 use super::App;
 use super::access::Caller;
-use super::bodies::{FileBytes, receive, send, to_the_end, understand};
+use super::bodies::{FileBytes, receive, send, to_the_end};
 use super::error::Error;
 use super::extract::{HomePath, Query};
 use super::list::{List, ListQuery};
@@ -58,8 +58,8 @@ pub(super) async fn put(
     request: Request,
 ) -> Result<(StatusCode, Json<LidarMapRevision>), Error> {
     app.storage.home(&home).await?;
-    let file = receive(&app.storage, request, MAX_FILE_BYTES).await?;
-    let new = understand(&app, move || open(level, file)).await?;
+    let file = receive(&app, request, MAX_FILE_BYTES).await?;
+    let new = app.readers.run(home.tenant(), move || open(level, file)).await??;
     app.limits.room(&app.storage, &caller.tenant, new.bytes()).await?;
     to_the_end(async move {
         let (revision, is_new) = app.storage.put_lidar_map(&home, new, Timestamp::now()).await?;

@@ -33,12 +33,15 @@ impl IntoResponses for CommonProblems {
             ),
             (
                 "401",
-                "The service asks for a key, and none came or one that is not valid: `key-missing`, `key-invalid`",
+                "The service asks for a key, and none came or one that is not valid: `key-missing`, `key-invalid`, `session-ended`",
             ),
-            ("403", "The key's role or home does not allow it: `forbidden`"),
+            (
+                "403",
+                "The key's role or home does not allow it: `forbidden`. Or a service without keys was called by another name or by a page of another site: `foreign-host`, `foreign-origin`",
+            ),
             (
                 "429",
-                "The tenant sends too many requests; `Retry-After` says how long to wait: `too-many-requests`",
+                "The tenant sends too many requests, or the address too many keys that are not valid; `Retry-After` says how long to wait: `too-many-requests`, `too-many-failed-keys`",
             ),
             (
                 "404",
@@ -50,7 +53,7 @@ impl IntoResponses for CommonProblems {
             ),
             (
                 "503",
-                "The database or the store of files does not answer now: `unavailable`. `Retry-After` says when to try again",
+                "The database or the store of files does not answer now, or too many files are being read: `unavailable`, `readers-busy`. `Retry-After` says when to try again",
             ),
         ])
     }
@@ -74,6 +77,7 @@ pub(super) struct JsonProblems;
 impl IntoResponses for JsonProblems {
     fn responses() -> Responses {
         responses(&[
+            ("408", "The body did not arrive in time: `body-stalled`"),
             ("413", "`body-too-large`"),
             ("415", "The body is not declared as JSON: `unsupported-media-type`"),
             (
@@ -92,7 +96,10 @@ impl IntoResponses for FileProblems {
     fn responses() -> Responses {
         responses(&[
             ("408", "The body did not arrive in time: `body-stalled`"),
-            ("413", "The body is larger than the service's limit: `body-too-large`"),
+            (
+                "413",
+                "The body is larger than the service's limit, or unpacks to more: `body-too-large`, `unpacks-too-large`",
+            ),
             (
                 "415",
                 "A form, or a file of a kind that no reader knows: `unsupported-media-type`, `unknown-...`",

@@ -1,9 +1,12 @@
 //! A process from start to graceful stop: HTTP with or without workers (`viola serve`), or workers alone (`viola work`).
 
+use super::attempts::{AttemptParams, Attempts};
+use super::bodies::BodyParams;
 use super::connections::ConnectionParams;
 use super::export::Places;
 use super::layers::Origin;
 use super::limits::{LimitParams, Limits};
+use super::readers::{ReaderParams, Readers};
 use super::uploads::{UploadParams, clean};
 use super::{App, connections, metrics};
 use crate::jobs::{self, Queue, WorkerParams};
@@ -12,13 +15,9 @@ use crate::webhooks::{self, WebhookParams};
 use std::net::SocketAddr;
 use std::sync::Arc;
 use tokio::net::TcpListener;
-use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
-
-/// Maximum number of uploaded files that are opened at the same time.
-const READERS: usize = 4;
 
 /// Parameters of [`serve`].
 #[derive(Debug, Clone)]
@@ -32,7 +31,10 @@ pub struct ServeParams {
     /// Maximum size of one clip.
     pub max_upload_bytes: u64,
     pub uploads: UploadParams,
+    pub readers: ReaderParams,
     pub limits: LimitParams,
+    pub attempts: AttemptParams,
+    pub bodies: BodyParams,
     pub connections: ConnectionParams,
     pub worker: WorkerParams,
     pub webhooks: WebhookParams,
@@ -85,10 +87,13 @@ pub async fn serve(
         max_upload_bytes: params.max_upload_bytes,
         uploads: Arc::new(params.uploads),
         limits: Arc::new(Limits::new(&params.limits)),
+        bodies: params.bodies,
+        attempts: Arc::new(Attempts::new(params.attempts)),
+        is_on_loopback: params.listen.ip().is_loopback(),
         webhooks: params.webhooks,
         cors_origins: params.cors_origins,
         has_keys: Arc::new(has_keys.into()),
-        readers: Arc::new(Semaphore::new(READERS)),
+        readers: Arc::new(Readers::new(params.readers)),
         exports: Places::default(),
         stop: stop.clone(),
     };

@@ -1,14 +1,15 @@
-//! `/v1/session`: a key in a cookie, for browsers: image requests of a page cannot send a header.
+//! `/v1/session`: the session of a browser, in a cookie: image requests of a page cannot send a header.
 
 use super::App;
-use super::access::{COOKIE, Caller};
+use super::access::{self, COOKIE, Caller};
 use super::error::Error;
 use super::extract::Json;
+use super::peer;
 use super::problems::{CommonProblems, JsonProblems};
 use super::types::Role;
-use crate::storage::Secret;
+use crate::storage::{SESSION_LIFE, Secret, SessionToken};
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{Extensions, HeaderMap, HeaderValue, StatusCode, header};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
@@ -48,33 +49,48 @@ pub(super) async fn get_session(caller: Caller) -> axum::Json<Session> {
     axum::Json(caller.into())
 }
 
-/// Use a key in this browser
+/// Sign in: begin a session of this browser with a key
 ///
-/// The key is kept in a cookie that pages cannot read and that is sent only to this service.
+/// The session's random token is in a cookie that pages cannot read and that is sent only to this service. The session has
+/// the rights of the key, and ends after 12 hours, with `DELETE /v1/session`, or when the key is revoked or expires.
 #[utoipa::path(put, path = "/v1/session", tag = "service", security(()), request_body = SessionBody,
     responses(
-        (status = 204, description = "The cookie is set", headers(("Set-Cookie" = String, description = "The key"))),
+        (status = 204, description = "The cookie is set", headers(("Set-Cookie" = String, description = "The session's token"))),
         CommonProblems, JsonProblems))]
 pub(super) async fn put_session(
     State(app): State<App>,
+    extensions: Extensions,
     headers: HeaderMap,
     Json(body): Json<SessionBody>,
 ) -> Result<(StatusCode, HeaderMap), Error> {
     let secret: Secret = body.key.parse().map_err(|()| Error::KeyInvalid)?;
-    app.storage.use_key(&secret, Timestamp::now()).await?.ok_or(Error::KeyInvalid)?;
-    // Behind a proxy that speaks TLS, the browser may return the cookie only over TLS.
-    let is_secure = headers.get("x-forwarded-proto").is_some_and(|proto| proto == "https");
-    Ok((StatusCode::NO_CONTENT, set(secret.show(), "2592000", is_secure)))
+    let key = access::key(&app, peer::client(&extensions, &headers), &secret).await?;
+    let token = app.storage.begin_session(key.id, Timestamp::now()).await?;
+    Ok((StatusCode::NO_CONTENT, set(token.show(), SESSION_LIFE.as_secs(), is_secure(&app, &headers))))
 }
 
-/// Stop using a key in this browser
+/// Sign out: end the session of this browser
 #[utoipa::path(delete, path = "/v1/session", tag = "service", security(()),
-    responses((status = 204, description = "The cookie is removed"), CommonProblems))]
-pub(super) async fn delete_session() -> (StatusCode, HeaderMap) {
-    (StatusCode::NO_CONTENT, set("", "0", false))
+    responses((status = 204, description = "The session has ended and the cookie is removed"), CommonProblems))]
+pub(super) async fn delete_session(
+    State(app): State<App>,
+    headers: HeaderMap,
+) -> Result<(StatusCode, HeaderMap), Error> {
+    let token: Option<SessionToken> = access::cookie(&headers).and_then(|token| token.parse().ok());
+    if let Some(token) = token {
+        app.storage.end_session(&token).await?;
+        app.attempts.failed(&token.sha256());
+    }
+    Ok((StatusCode::NO_CONTENT, set("", 0, is_secure(&app, &headers))))
 }
 
-fn set(value: &str, life_s: &str, is_secure: bool) -> HeaderMap {
+/// Returns whether the browser may return the cookie over TLS only. A service on loopback has no TLS, except behind a proxy
+/// on the same machine.
+fn is_secure(app: &App, headers: &HeaderMap) -> bool {
+    !app.is_on_loopback || headers.get("x-forwarded-proto").is_some_and(|proto| proto == "https")
+}
+
+fn set(value: &str, life_s: i64, is_secure: bool) -> HeaderMap {
     let secure = if is_secure { "; Secure" } else { "" };
     let cookie = format!("{COOKIE}={value}; Path=/; HttpOnly; SameSite=Strict; Max-Age={life_s}{secure}");
     let mut headers = HeaderMap::new();

@@ -19,7 +19,7 @@ pub(super) use refusal::UploadRefusal;
 
 use super::App;
 use super::access::Caller;
-use super::bodies::{FileBytes, MAX_SILENCE, content_length, to_the_end};
+use super::bodies::{FileBytes, content_length, to_the_end};
 use super::error::{Error, Problem};
 use super::extract::UploadPath;
 use super::problems::{CommonProblems, FileProblems};
@@ -47,8 +47,6 @@ const VERSION: HeaderValue = HeaderValue::from_static("1.0.0");
 #[derive(Debug, Clone)]
 pub struct UploadParams {
     pub limits: UploadLimits,
-    /// Idle timeout of a request's body.
-    pub silence: Duration,
     /// Number of received bytes after which a running request makes them durable.
     pub piece_bytes: u64,
     /// Age of the first received byte after which a running request makes them durable.
@@ -65,7 +63,6 @@ impl Default for UploadParams {
     fn default() -> UploadParams {
         UploadParams {
             limits: UploadLimits::default(),
-            silence: MAX_SILENCE,
             piece_bytes: 16 << 20,
             piece_age: Duration::from_secs(10),
             lease: Duration::from_secs(30),

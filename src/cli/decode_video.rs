@@ -23,7 +23,7 @@ pub struct DecodeVideoArguments {
 
 pub fn run(arguments: &DecodeVideoArguments) -> Result<()> {
     let file = io::stdin().as_fd().try_clone_to_owned().context("the video is the standard input")?;
-    let region = Region { file: File::from(file), offset: arguments.offset, bytes: arguments.bytes };
+    let region = Region::whole(File::from(file))?.part(arguments.offset, arguments.bytes)?;
     video::open_no_more_files();
     let wanted: Vec<usize> = arguments.frames.iter().flat_map(|list| &list.0).copied().collect();
     video::serve(region, &wanted, &mut io::stdout().lock()).context("nobody reads the frames")

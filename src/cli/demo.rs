@@ -4,7 +4,9 @@ mod client;
 mod recordings;
 
 use super::networks::NetworkArguments;
-use crate::api::{ConnectionParams, LimitParams, ServeParams, UploadParams, serve};
+use crate::api::{
+    AttemptParams, BodyParams, ConnectionParams, LimitParams, ReaderParams, ServeParams, UploadParams, serve,
+};
 use crate::jobs::{JobParams, WorkerParams};
 use crate::storage::StorageParams;
 use crate::webhooks::WebhookParams;
@@ -77,6 +79,9 @@ async fn show(arguments: &DemoArguments, worker: WorkerParams, recordings: &Reco
         max_upload_bytes: 1 << 30,
         uploads: UploadParams::default(),
         limits: LimitParams::default(),
+        attempts: AttemptParams::default(),
+        readers: ReaderParams::default(),
+        bodies: BodyParams::default(),
         connections: ConnectionParams::default(),
         webhooks: WebhookParams::default(),
         worker,

@@ -30,6 +30,6 @@ impl MethodArguments {
             complete: self.completion.params(&self.networks)?,
             ..AlignParams::default()
         };
-        Ok(JobParams { align, video: video_tools() })
+        Ok(JobParams { align, video: video_tools(), ..JobParams::default() })
     }
 }

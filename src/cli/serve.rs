@@ -4,7 +4,10 @@ use super::align_job::child;
 use super::service::{self, print_address};
 use super::store::StoreArguments;
 use super::worker::{WorkerArguments, seconds};
-use crate::api::{ConnectionParams, LimitParams, Origin, ServeParams, UploadParams, serve};
+use crate::api::{
+    AttemptParams, BodyParams, ConnectionParams, LimitParams, Origin, ReaderParams, ServeParams,
+    UploadParams, serve,
+};
 use crate::storage::UploadLimits;
 use anyhow::Result;
 use clap::Args;
@@ -62,10 +65,20 @@ pub fn run(arguments: &ServeArguments) -> Result<()> {
             requests_per_s: arguments.tenant_requests_per_second,
             storage_bytes: arguments.tenant_storage_mb.map(|mib| mib.saturating_mul(1 << 20)),
         },
-        connections: ConnectionParams::default(),
+        attempts: AttemptParams::default(),
+        readers: ReaderParams::default(),
+        bodies: BodyParams::default(),
+        connections: connections(),
         worker: arguments.worker.params()?,
         webhooks: arguments.worker.webhooks(),
         cors_origins: arguments.cors_origins.clone(),
     };
     service::run(|stop| serve(params, stop, print_address))
+}
+
+/// Returns the limits of connections, which take at most half of the files that the process may open.
+fn connections() -> ConnectionParams {
+    let params = ConnectionParams::default();
+    let half = usize::try_from(service::raise_open_files() / 2).unwrap_or(usize::MAX);
+    ConnectionParams { most: params.most.min(half), ..params }
 }

@@ -43,6 +43,16 @@ fn hide_from_children() {
     }
 }
 
+/// Raises the limit of open files to the most that the system allows this process, and returns it.
+pub fn raise_open_files() -> u64 {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    let maximum = getrlimit(Resource::Nofile).maximum;
+    if let Err(error) = setrlimit(Resource::Nofile, Rlimit { current: maximum, maximum }) {
+        tracing::warn!(%error, "the limit of open files stays as it is");
+    }
+    getrlimit(Resource::Nofile).current.unwrap_or(u64::MAX)
+}
+
 /// Prints the line that scripts wait for.
 pub fn print_address(address: SocketAddr) {
     let mut out = std::io::stdout().lock();

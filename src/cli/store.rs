@@ -1,6 +1,9 @@
 //! Arguments for the storage of the service.
 
-use crate::storage::{POSTGRES_CONNECTIONS, PostgresParams, S3Params, StorageParams};
+use crate::storage::{
+    InvalidSecretsKey, POSTGRES_CONNECTIONS, PostgresParams, S3Params, SecretsKey, StorageParams,
+    UnpackParams,
+};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -16,6 +19,10 @@ pub struct StoreArguments {
     /// Maximum number of connections of this process to PostgreSQL.
     #[arg(long, value_name = "N", env = "VIOLA_DATABASE_CONNECTIONS", default_value_t = POSTGRES_CONNECTIONS)]
     database_connections: u32,
+    /// File with the key that seals the secrets of webhooks in the database: 32 random bytes in base64. Give it to all
+    /// processes. Default: secrets in plain text.
+    #[arg(long = "secrets-key-file", value_name = "FILE", env = "VIOLA_SECRETS_KEY_FILE", value_parser = secrets_key)]
+    secrets_key: Option<SecretsKey>,
     /// Bucket of S3 or of a compatible store. Default: files in the data folder.
     #[arg(long, value_name = "NAME", env = "VIOLA_S3_BUCKET",
         requires_all = ["s3_access_key_id", "s3_secret_access_key"])]
@@ -49,6 +56,8 @@ impl StoreArguments {
                 .clone()
                 .map(|url| PostgresParams { url, connections: self.database_connections }),
             s3: self.s3(),
+            secrets_key: self.secrets_key.clone(),
+            unpack: UnpackParams::default(),
         }
     }
 
@@ -64,4 +73,9 @@ impl StoreArguments {
             path_style: !self.s3_virtual_hosted,
         })
     }
+}
+
+fn secrets_key(file: &str) -> Result<SecretsKey, String> {
+    let text = std::fs::read_to_string(file).map_err(|error| error.to_string())?;
+    text.parse().map_err(|error: InvalidSecretsKey| error.to_string())
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 use viola_align as align;
 use viola_align::{AlignError, AlignParams, Alignment, LevelMap};
 use viola_formats::clip::{Clip, ClipError};
+use viola_formats::container::Scratch;
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_formats::video;
 use viola_geometry::LevelName;
@@ -74,6 +75,8 @@ pub struct JobParams {
     pub align: AlignParams,
     /// Decoders of clips' videos.
     pub video: video::Tools,
+    /// Where archives are unpacked.
+    pub scratch: Scratch,
 }
 
 /// Aligns the clip of a file to the maps of its home.
@@ -84,7 +87,7 @@ pub fn align_clip(
     progress: &dyn Progress,
 ) -> Result<Finished, Failure> {
     let watch = start(&params.align, progress);
-    let clip = Clip::open_with(clip_path, &params.video)?;
+    let clip = Clip::open_in(clip_path, &params.video, &params.scratch)?;
     let read = |file: &LevelFile| Ok((file.level, LidarMap::read(&file.bytes)?));
     let maps: Vec<(LevelName, LidarMap)> = files.iter().map(read).collect::<Result<_, LidarError>>()?;
     finish(&clip, &level_maps(&maps), &params.align, watch)

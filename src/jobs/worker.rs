@@ -198,7 +198,11 @@ impl Attempt<'_> {
         let limits = JobLimits::new(&self.params.limits, uploaded_bytes);
         let working = match &self.params.child {
             Some(child) => run_in_child(child, inputs, limits, storage.work_folder()?, report),
-            None => run_here(self.params.method, self.params.align.clone(), inputs, report),
+            None => {
+                let scratch = storage.scratch(self.claim.job.home.tenant());
+                let params = JobParams { scratch, ..JobParams::clone(&self.params.align) };
+                run_here(self.params.method, params.into(), inputs, report)
+            }
         };
         Ok(Begun::Working(working, limits))
     }

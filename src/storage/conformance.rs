@@ -18,6 +18,8 @@ mod lists;
 mod local_files;
 mod lost_database;
 mod records;
+mod seal;
+mod sessions;
 mod tenants;
 mod uploads;
 mod webhooks;
@@ -85,7 +87,15 @@ use on_every_back_end;
 /// Opens storage on PostgreSQL with files or a bucket.
 async fn on(postgres: &Schema, folder: &Path, s3: Option<S3Params>) -> Storage {
     let postgres = Some(PostgresParams { url: postgres.url(), connections: 8 });
-    Storage::open(&StorageParams { data: folder.to_owned(), postgres, s3 }).await.unwrap()
+    Storage::open(&StorageParams {
+        data: folder.to_owned(),
+        postgres,
+        s3,
+        secrets_key: None,
+        unpack: UnpackParams::default(),
+    })
+    .await
+    .unwrap()
 }
 
 /// Returns the bucket of a test's S3 endpoint.

@@ -49,6 +49,11 @@ pub enum StorageError {
     Column { column: &'static str, detail: String },
     #[error("the system gives no random numbers: {0}")]
     Randomness(String),
+    #[error(
+        "the database has secrets of webhooks that are sealed with another key: give this process the file of the right \
+         one with --secrets-key-file"
+    )]
+    SecretsKey,
     #[error("no such home")]
     NoSuchHome,
     #[error("no such clip")]

@@ -107,9 +107,7 @@ impl FromStr for Secret {
 
 impl Secret {
     fn new() -> Result<Secret, StorageError> {
-        let mut bytes = [0; SECRET_BYTES];
-        getrandom::fill(&mut bytes).map_err(|error| StorageError::Randomness(error.to_string()))?;
-        Ok(Secret(format!("{PREFIX}{}", hexadecimal(&bytes))))
+        Ok(Secret(format!("{PREFIX}{}", random_hexadecimal::<SECRET_BYTES>()?)))
     }
 
     /// Returns the secret in plain text, to be shown to its owner.
@@ -117,16 +115,28 @@ impl Secret {
         &self.0
     }
 
-    fn sha256(&self) -> String {
-        hexadecimal(&Sha256::digest(self.0.as_bytes()))
+    /// Returns the SHA-256 by which the service knows the secret.
+    pub fn sha256(&self) -> String {
+        sha256(&self.0)
     }
+}
+
+pub(super) fn random_hexadecimal<const BYTES: usize>() -> Result<String, StorageError> {
+    let mut bytes = [0; BYTES];
+    getrandom::fill(&mut bytes).map_err(|error| StorageError::Randomness(error.to_string()))?;
+    Ok(hexadecimal(&bytes))
+}
+
+/// Returns the SHA-256 of a text in hexadecimal.
+pub(super) fn sha256(text: &str) -> String {
+    hexadecimal(&Sha256::digest(text.as_bytes()))
 }
 
 fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn from_row(row: &Row) -> Result<ApiKey, StorageError> {
+pub(super) fn from_row(row: &Row) -> Result<ApiKey, StorageError> {
     Ok(ApiKey {
         id: row.id("id")?,
         tenant: row.tenant("tenant")?,
@@ -175,7 +185,16 @@ impl Storage {
     pub async fn use_key(&self, secret: &Secret, now: Timestamp) -> Result<Option<ApiKey>, StorageError> {
         let row = query("SELECT * FROM api_keys WHERE sha256 = $1").bind(secret.sha256());
         let row = row.fetch_optional(&mut self.database.reader().await?).await?;
-        let key = row.as_ref().map(from_row).transpose()?.filter(|key| key.is_valid(now));
+        self.used(row.as_ref().map(from_row).transpose()?, now).await
+    }
+
+    /// Records the use of a key, and returns it if it is valid.
+    pub(super) async fn used(
+        &self,
+        key: Option<ApiKey>,
+        now: Timestamp,
+    ) -> Result<Option<ApiKey>, StorageError> {
+        let key = key.filter(|key| key.is_valid(now));
         if let Some(key) = &key
             && key.last_used_at.is_none_or(|last| now.duration_since(last) > LAST_USE)
         {

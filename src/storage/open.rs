@@ -6,6 +6,8 @@ use super::error::StorageError;
 use super::folder_lock::FolderLock;
 use super::incoming::Incoming;
 use super::params::StorageParams;
+use super::scratch::Unpacking;
+use super::seal::SecretsKey;
 use std::io;
 use std::os::unix::fs::DirBuilderExt;
 use std::path::Path;
@@ -26,6 +28,8 @@ pub struct Storage {
     pub(super) blobs: Blobs,
     /// Lock of the data folder, if this is the only process that serves.
     pub(super) lock: Option<FolderLock>,
+    pub(super) secrets_key: Option<SecretsKey>,
+    pub(super) unpacking: Unpacking,
 }
 
 impl Storage {
@@ -57,7 +61,8 @@ impl Storage {
             None => (BlobPlace::Folder(folder.join("blobs")), folder.join("blobs/incoming")),
         };
         let blobs = Blobs::open(&place, &incoming)?;
-        Ok(Storage { database, blobs, lock })
+        let (secrets_key, unpacking) = (params.secrets_key.clone(), Unpacking::new(params.unpack));
+        Ok(Storage { database, blobs, lock, secrets_key, unpacking })
     }
 
     /// Opens the storage without the lock, beside a server that may be running.

@@ -1,6 +1,8 @@
 //! Parameters of storage: the data folder, the database, the bucket.
 
 use super::blobs::S3Params;
+use super::scratch::UnpackParams;
+use super::seal::SecretsKey;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -13,6 +15,9 @@ pub struct StorageParams {
     pub postgres: Option<PostgresParams>,
     /// A bucket in place of files in the data folder.
     pub s3: Option<S3Params>,
+    /// Seals the secrets of webhooks; none keeps them in plain text.
+    pub secrets_key: Option<SecretsKey>,
+    pub unpack: UnpackParams,
 }
 
 /// A database that many processes share.

@@ -11,12 +11,17 @@ impl Storage {
     /// it removes the leftovers of interrupted writes. Refuses blobs that the database does not know.
     pub async fn open(params: &StorageParams) -> Result<Storage, StorageError> {
         let storage = Storage::migrate(params).await?;
-        if let Err(error) = storage.compare_blobs().await {
+        if let Err(error) = storage.check_contents().await {
             // Otherwise SQLite's log stays, and would be applied to a copy that replaces the database.
             storage.close().await;
             return Err(error);
         }
         Ok(storage)
+    }
+
+    async fn check_contents(&self) -> Result<(), StorageError> {
+        self.compare_blobs().await?;
+        self.seal_secrets().await
     }
 
     /// Refuses blobs that the database does not know; removes leftovers if no other process can be running.

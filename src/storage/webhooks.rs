@@ -107,7 +107,7 @@ impl Storage {
         .bind(tenant.name())
         .bind(url)
         .bind(to_json(&kinds))
-        .bind(secret.show())
+        .bind(self.seal(secret.show(), &id.to_string())?)
         .bind(now.as_millisecond())
         .bind(MOST_WEBHOOKS)
         .execute(&mut transaction)

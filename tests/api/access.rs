@@ -73,29 +73,6 @@ async fn only_valid_keys_pass() {
     ask(&format!("Bearer {}", expired.show())).await.problem(401, "key-invalid");
 }
 
-#[tokio::test]
-async fn a_browser_keeps_a_key_in_a_cookie() {
-    let server = Server::without_workers().await;
-    let (_, secret) = server.key("acme", Role::Reader, None).await;
-    let sign_in =
-        |key: &str| server.send(server.request(Method::PUT, "/v1/session").json(&json!({"key": key})));
-    sign_in("viola_0").await.problem(401, "key-invalid");
-    sign_in(&format!("viola_{}", "0".repeat(64))).await.problem(401, "key-invalid");
-    let answer = sign_in(secret.show()).await;
-    assert_eq!(answer.status, 204);
-    let cookie = answer.header("set-cookie").to_owned();
-    for part in ["HttpOnly", "SameSite=Strict", "Path=/"] {
-        assert!(cookie.contains(part), "{cookie}");
-    }
-    let pair = cookie.split(';').next().unwrap();
-    let request = server.request(Method::GET, "/v1/session").header("cookie", format!("a=b; {pair}"));
-    assert_eq!(server.send(request).await.ok(200)["tenant"], "acme");
-    let request = server.request(Method::GET, "/v1/session").header("cookie", "viola_key=x");
-    server.send(request).await.problem(401, "key-invalid");
-    let gone = server.delete("/v1/session").await;
-    assert!(gone.status == 204 && gone.header("set-cookie").contains("Max-Age=0"));
-}
-
 /// A home with a map, a clip with its job, and an unfinished upload.
 struct Belongings {
     home: String,

@@ -37,7 +37,7 @@ async fn ask(server: &Server, home: &str) -> (u16, TcpStream) {
     socket.set_recv_buffer_size(16 << 10).unwrap();
     let address = server.base.strip_prefix("http://").unwrap().parse().unwrap();
     let mut connection = socket.connect(address).await.unwrap();
-    let request = format!("GET {home}/export HTTP/1.1\r\nhost: viola\r\nconnection: close\r\n\r\n");
+    let request = format!("GET {home}/export HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n");
     connection.write_all(request.as_bytes()).await.unwrap();
     let mut status = [0; 12];
     connection.read_exact(&mut status).await.unwrap();

@@ -3,6 +3,7 @@
 
 use crate::server::Server;
 use reqwest::Method;
+use viola::storage::UnpackParams;
 use viola_testing::zips::Files;
 use viola_testing::{room, zips};
 
@@ -84,6 +85,33 @@ async fn a_zip_bomb() {
     let bomb = bomb.await.unwrap();
     assert!((bomb.len() as u64) < LIMIT_BYTES);
     check_clip(bomb, 422, "zip-bomb").await;
+}
+
+#[tokio::test]
+async fn archives_that_unpack_to_too_much() {
+    let mut archive =
+        tar::Builder::new(flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast()));
+    let mut files = room::clip(3);
+    files.push(("filler.bin".to_owned(), vec![0; 4 << 20]));
+    for (name, bytes) in &files {
+        let mut header = tar::Header::new_gnu();
+        header.set_size(bytes.len() as u64);
+        archive.append_data(&mut header, name, bytes.as_slice()).unwrap();
+    }
+    let packed = archive.into_inner().unwrap().finish().unwrap();
+    let open = async |path: &str, unpack: UnpackParams| {
+        let server = Server::with(|params| params.storage.unpack = unpack).await;
+        server.make_home("h").await;
+        let answer = server.post(&format!("/v1/homes/h/clips{path}"), packed.clone()).await;
+        assert!(answer.status == 200 || server.blobs().is_empty());
+        server.stop().await;
+        answer
+    };
+    let (tenant, process) = (UnpackParams { tenant_bytes: 1 << 20, ..UnpackParams::default() }, 1 << 20);
+    open("", tenant).await.problem(413, "unpacks-too-large");
+    let process = UnpackParams { process_bytes: process, ..UnpackParams::default() };
+    open("?dry_run=true", process).await.problem(413, "unpacks-too-large");
+    open("?dry_run=true", UnpackParams::default()).await.ok(200);
 }
 
 #[tokio::test]

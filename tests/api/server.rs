@@ -9,10 +9,12 @@ use std::sync::OnceLock;
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
-use viola::api::{ConnectionParams, LimitParams, ServeParams, UploadParams, serve};
+use viola::api::{
+    AttemptParams, BodyParams, ConnectionParams, LimitParams, ReaderParams, ServeParams, UploadParams, serve,
+};
 use viola::jobs::WorkerParams;
 use viola::storage::{
-    ApiKey, NewKey, PostgresParams, Role, S3Params, Secret, Storage, StorageParams, Tenant,
+    ApiKey, NewKey, PostgresParams, Role, S3Params, Secret, Storage, StorageParams, Tenant, UnpackParams,
 };
 use viola::webhooks::WebhookParams;
 use viola_testing::client::Client;
@@ -114,7 +116,18 @@ impl Server {
     }
 
     pub async fn with(change: impl FnOnce(&mut ServeParams)) -> Server {
-        let folder = TempDir::new().unwrap();
+        Server::in_folder(TempDir::new().unwrap(), change).await
+    }
+
+    /// Stops the server and starts another one on its data folder, without its database on PostgreSQL.
+    pub async fn restart_on(self, listen: &str) -> Server {
+        let Server { folder, stop, running, .. } = self;
+        stop.cancel();
+        running.await.unwrap();
+        Server::in_folder(folder, |params| params.listen = listen.parse().unwrap()).await
+    }
+
+    async fn in_folder(folder: TempDir, change: impl FnOnce(&mut ServeParams)) -> Server {
         let schema = match Store::of_this_run() {
             Store::Embedded => None,
             Store::Postgres | Store::PostgresAndS3 => {
@@ -126,11 +139,20 @@ impl Server {
             webhooks: WebhookParams { private_addresses: true },
             listen: "127.0.0.1:0".parse().unwrap(),
             admin_listen: None,
-            storage: StorageParams { data: folder.path().to_owned(), postgres, s3: s3_of_this_run() },
+            storage: StorageParams {
+                data: folder.path().to_owned(),
+                postgres,
+                s3: s3_of_this_run(),
+                secrets_key: None,
+                unpack: UnpackParams::default(),
+            },
             workers: 1,
             max_upload_bytes: 64 << 20,
             uploads: UploadParams::default(),
             limits: LimitParams::default(),
+            attempts: AttemptParams::default(),
+            readers: ReaderParams::default(),
+            bodies: BodyParams::default(),
             connections: ConnectionParams::default(),
             worker: WorkerParams::default(),
             cors_origins: Vec::new(),

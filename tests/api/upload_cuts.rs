@@ -67,7 +67,7 @@ async fn what_arrived_on_a_broken_connection_is_kept() {
     let mut connection = std::net::TcpStream::connect(server.base.strip_prefix("http://").unwrap()).unwrap();
     write!(
         connection,
-        "PATCH {upload} HTTP/1.1\r\nhost: viola\r\ntus-resumable: 1.0.0\r\nupload-offset: 1234\r\n\
+        "PATCH {upload} HTTP/1.1\r\nhost: localhost\r\ntus-resumable: 1.0.0\r\nupload-offset: 1234\r\n\
          content-type: application/offset+octet-stream\r\nupload-checksum: sha1 Kq5sNclPz7QV2+lfQIuc6R7oRu0=\r\n\
          content-length: 11\r\n\r\nhello"
     )
@@ -82,7 +82,7 @@ async fn what_arrived_on_a_broken_connection_is_kept() {
 async fn a_silent_client_is_told_and_loses_nothing() {
     let server = Server::with(|params| {
         params.workers = 0;
-        params.uploads.silence = Duration::from_millis(200);
+        params.bodies.window = Duration::from_millis(200);
     })
     .await;
     server.make_home("h").await;

@@ -8,8 +8,9 @@ use flate2::write::GzEncoder;
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 use std::io::{BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use tempfile::TempDir;
-use viola_formats::container::{self, Container};
+use viola_formats::container::{self, Budget, Container, ContainerError, Scratch};
 
 /// Formats of tar's headers for names of more than 100 bytes.
 #[derive(Clone, Copy, PartialEq)]
@@ -261,4 +262,36 @@ fn pipes_and_missing_files_are_not_waited_for() {
     for path in [socket, folder.path().join("missing"), "/dev/null".into()] {
         assert_eq!(container::open(&path).err().unwrap().code(), "unreadable", "{}", path.display());
     }
+}
+
+#[test]
+fn archives_are_unpacked_in_their_folder_and_within_budgets() {
+    let folder = TempDir::new().unwrap();
+    let files = vec![("a.txt".to_owned(), b"a".to_vec()), ("filler.bin".to_owned(), vec![7; 300_000])];
+    let path = folder.path().join("clip.tar.gz");
+    std::fs::write(&path, gzip(&tar_bytes(&files, Names::Gnu))).unwrap();
+    let missing = Scratch::new(&folder.path().join("none"), Vec::new());
+    assert!(matches!(container::open_in(&path, &missing), Err(ContainerError::CannotUnpack { .. })));
+    let budget = Arc::new(Budget::new(500_000));
+    let scratch = Scratch::new(folder.path(), vec![budget.clone()]);
+    let first = container::open_in(&path, &scratch).unwrap();
+    assert!(budget.used_bytes() > 300_000);
+    assert_eq!(first.read("a.txt", 10).unwrap(), b"a");
+    // A second one must wait for the first, and one that is too large by itself is refused.
+    assert!(matches!(container::open_in(&path, &scratch), Err(ContainerError::CannotUnpack { .. })));
+    let region = first.region("filler.bin", 1 << 20).unwrap();
+    drop(first);
+    assert!(budget.used_bytes() > 300_000, "a part of the file is still open");
+    drop(region);
+    assert_eq!(budget.used_bytes(), 0);
+    container::open_in(&path, &scratch).unwrap();
+    let small = Scratch::new(folder.path(), vec![Arc::new(Budget::new(100_000))]);
+    let refused = container::open_in(&path, &small).err().unwrap();
+    assert!(matches!(refused, ContainerError::UnpacksTooLarge { max_bytes: 100_000 }));
+    // A compressed entry of a zip that is read as a file.
+    let path = folder.path().join("clip.zip");
+    std::fs::write(&path, zip_bytes(&files)).unwrap();
+    let zip = container::open_in(&path, &small).unwrap();
+    assert!(matches!(zip.region("filler.bin", 1 << 20), Err(ContainerError::UnpacksTooLarge { .. })));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing unpacked has a name");
 }

@@ -152,7 +152,7 @@ fn a_video_inside_of_a_file_is_decoded_in_place() {
     let bytes = fs::read(Path::new(FIXTURES).join("hevc_b.mp4")).unwrap();
     let mut file = tempfile::tempfile().unwrap();
     file.write_all(&[&[7; 1234][..], &bytes, &[9; 99]].concat()).unwrap();
-    let region = Region { file, offset: 1234, bytes: bytes.len() as u64 };
+    let region = Region::whole(file).unwrap().part(1234, bytes.len() as u64).unwrap();
     let whole = pictures(&fixture("hevc_b.mp4"), &[3, 17], &Tools::default()).unwrap();
     let tools = [Tools::default(), child(), Tools { ffmpeg: ffmpeg(), ..child() }];
     for tools in tools {

@@ -73,7 +73,7 @@ async fn an_upload_cut_off_by_a_kill_leaves_nothing() {
     let address = server.client.base.strip_prefix("http://").unwrap();
     let mut connection = TcpStream::connect(address).unwrap();
     let length = body.len();
-    write!(connection, "POST {home}/clips HTTP/1.1\r\nhost: viola\r\ncontent-length: {length}\r\n\r\n")
+    write!(connection, "POST {home}/clips HTTP/1.1\r\nhost: localhost\r\ncontent-length: {length}\r\n\r\n")
         .unwrap();
     connection.write_all(&body[..length / 2]).unwrap();
     eventually("half of the clip is on the disk", || async {
@@ -257,7 +257,7 @@ async fn nobody_writes_into_the_log() {
     }
     let mut raw = TcpStream::connect(server.client.base.strip_prefix("http://").unwrap()).unwrap();
     raw.write_all(
-        b"GET /healthz HTTP/1.1\r\nhost: x\r\nx-request-id: a\tforged\r\nconnection: close\r\n\r\n",
+        b"GET /healthz HTTP/1.1\r\nhost: localhost\r\nx-request-id: a\tforged\r\nconnection: close\r\n\r\n",
     )
     .unwrap();
     let mut answer = String::new();

@@ -20,7 +20,7 @@ pub use error::ClipError;
 pub use stream::FrameStream;
 pub use up::Up;
 
-use crate::container::{self, Container};
+use crate::container::{self, Container, Scratch};
 use crate::video::Tools;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -134,7 +134,12 @@ impl Clip {
 
     /// Opens an untrusted clip like [`Clip::open`]; video is decoded by the processes of `tools`.
     pub fn open_with(path: &Path, tools: &Tools) -> Result<Clip, ClipError> {
-        assemble::assemble(container::open(path)?, tools)
+        Clip::open_in(path, tools, &Scratch::default())
+    }
+
+    /// Opens an untrusted clip like [`Clip::open_with`]; archives are unpacked in `scratch`.
+    pub fn open_in(path: &Path, tools: &Tools, scratch: &Scratch) -> Result<Clip, ClipError> {
+        assemble::assemble(container::open_in(path, scratch)?, tools)
     }
 
     /// Opens a clip that is in a container already, like [`Clip::open`].

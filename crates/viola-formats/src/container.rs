@@ -11,6 +11,7 @@ mod kind;
 mod names;
 mod packed;
 mod region;
+mod scratch;
 mod single;
 mod spool;
 mod tar;
@@ -21,6 +22,7 @@ pub use error::{ContainerError, MAX_ENTRIES};
 pub use fault::is_machine_fault;
 pub use folder::Folder;
 pub use region::{Region, RegionReader};
+pub use scratch::{Budget, Scratch};
 pub use single::Single;
 pub use tar::Tar;
 pub use zip::Zip;
@@ -35,6 +37,11 @@ use std::path::Path;
 ///
 /// A packed tar archive is unpacked into an unnamed temporary file, within limits.
 pub fn open(path: &Path) -> Result<Box<dyn Container>, ContainerError> {
+    open_in(path, &Scratch::default())
+}
+
+/// Opens like [`open`], and unpacks in `scratch`.
+pub fn open_in(path: &Path, scratch: &Scratch) -> Result<Box<dyn Container>, ContainerError> {
     let unreadable = |source| ContainerError::unreadable(path, source);
     let metadata = std::fs::metadata(path).map_err(unreadable)?;
     if metadata.is_dir() {
@@ -51,9 +58,9 @@ pub fn open(path: &Path) -> Result<Box<dyn Container>, ContainerError> {
         return Err(ContainerError::Empty);
     }
     match Kind::of(&head) {
-        Kind::Zip => Ok(Box::new(Zip::open(path)?)),
+        Kind::Zip => Ok(Box::new(Zip::open_in(path, scratch)?)),
         Kind::Tar => Ok(Box::new(Tar::index(region)?)),
-        Kind::Packed(packing) => packed::open(&region, packing),
+        Kind::Packed(packing) => packed::open(&region, packing, scratch),
         Kind::Other => Ok(Box::new(Single::new(region, path))),
     }
 }

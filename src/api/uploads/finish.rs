@@ -4,7 +4,6 @@ use super::metadata::Metadata;
 use super::opener;
 use super::refusal::UploadRefusal;
 use crate::api::App;
-use crate::api::bodies::understand;
 use crate::api::clips;
 use crate::api::error::Error;
 use crate::storage::{Added, UploadClaim, UploadState};
@@ -82,7 +81,7 @@ async fn make_clip(app: &App, claim: &UploadClaim) -> Result<(), Error> {
         Some(opener) if claim.lost_attempts >= LOST_ATTEMPTS => opener::open(opener, file).await?,
         None if claim.lost_attempts >= LOST_ATTEMPTS => return Err(UploadRefusal::Unreadable.into()),
         _ => {
-            let (file, info, _) = understand(app, move || clips::open(file)).await?;
+            let (file, info, _) = clips::open(app, claim.home.tenant(), file).await?;
             (file, info)
         }
     };

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::time::Duration;
 use viola_formats::clip::{Clip, ClipInfo};
-use viola_formats::video::was_asked_to_stop;
+use viola_formats::container::Scratch;
+use viola_formats::video::{Tools, was_asked_to_stop};
 
 /// Timeout for opening a file; a file that takes longer is refused.
 const MAX_TIME: Duration = Duration::from_secs(120);
@@ -26,7 +27,9 @@ enum Opened {
 
 /// Opens the clip at `path` and returns what its parent process reads.
 pub fn opened_clip_json(path: &Path) -> String {
-    let opened = match Clip::open(path).map_err(Error::from) {
+    // Beside the file, which lies in the data folder.
+    let scratch = path.parent().map_or_else(Scratch::default, |folder| Scratch::new(folder, Vec::new()));
+    let opened = match Clip::open_in(path, &Tools::default(), &scratch).map_err(Error::from) {
         Ok(clip) => Opened::Clip(Box::new(clip.info().clone())),
         Err(error) if error.is_refusal() => Opened::Refused(error.problem()),
         Err(error) => Opened::Failed(error.to_string()),

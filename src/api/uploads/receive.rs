@@ -3,11 +3,11 @@
 use super::checksum::Checksum;
 use super::refusal::UploadRefusal;
 use crate::api::App;
+use crate::api::bodies::Pace;
 use crate::api::error::Error;
 use crate::api::metrics;
 use crate::storage::{Incoming, UploadWriter};
 use axum::body::Body;
-use futures::StreamExt;
 use jiff::Timestamp;
 use std::time::Instant;
 use uuid::Uuid;
@@ -44,16 +44,16 @@ pub(super) async fn receive(app: &App, append: Append, body: Body) -> Result<(),
     let mut left = room;
     let mut piece: Option<Piece> = None;
     let mut chunks = body.into_data_stream();
+    let mut pace = Pace::new(app.bodies.window);
     let ended = loop {
         let next = tokio::select! {
-            next = tokio::time::timeout(app.uploads.silence, chunks.next()) => next,
+            next = pace.next(&mut chunks) => next,
             () = app.stop.cancelled() => break Err(UploadRefusal::Stopping.into()),
         };
         let chunk = match next {
-            Ok(Some(Ok(chunk))) => chunk,
-            Ok(Some(Err(error))) => break Err(Error::BodyIncomplete(error.to_string())),
+            Ok(Some(chunk)) => chunk,
             Ok(None) => break Ok(()),
-            Err(_) => break Err(Error::BodyStalled { seconds: app.uploads.silence.as_secs() }),
+            Err(error) => break Err(error),
         };
         if chunk.is_empty() {
             continue;

@@ -11,6 +11,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
+use viola_formats::container::Scratch;
 use viola_geometry::LevelName;
 use viola_geometry::progress::{EarlyPose, Progress, Stage};
 
@@ -76,6 +77,7 @@ fn run<W: Write + Send>(
         Ok(LevelFile { level: *level, bytes: std::fs::read(order.map_of(*level))?.into() })
     };
     let files: io::Result<Vec<LevelFile>> = order.levels.iter().map(read).collect();
+    let params = JobParams { scratch: Scratch::new(&order.into, Vec::new()), ..params };
     Ok(align_clip(&order.clip, &files.map_err(Trouble::system)?, &params, told)?)
 }
 

@@ -21,6 +21,8 @@ impl Bench {
             data: self.folder.path().to_owned(),
             postgres: postgres.map(|schema| PostgresParams { url: schema.url(), connections: 4 }),
             s3: self.server.as_ref().map(bucket),
+            secrets_key: None,
+            unpack: UnpackParams::default(),
         }
     }
 

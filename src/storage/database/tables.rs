@@ -17,6 +17,7 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (9, "early poses", include_str!("../../../migrations/0009_early_poses.sql")),
     (10, "corrections", include_str!("../../../migrations/0010_corrections.sql")),
     (11, "levels", include_str!("../../../migrations/0011_levels.sql")),
+    (12, "sessions", include_str!("../../../migrations/0012_sessions.sql")),
     (13, "limits", include_str!("../../../migrations/0013_limits.sql")),
 ];
 

@@ -153,10 +153,11 @@ impl Storage {
             Ok(ToSend { id: row.id("id")?, body: row.text("body")?, attempts: row.number("attempts")? })
         };
         let deliveries = due.iter().map(to_send).collect::<Result<_, StorageError>>()?;
-        let (url, secret) = (row.text("url")?, WebhookSecret(row.text("secret")?));
-        let sending = Sending { webhook, url, secret, deliveries, fence: row.number("fence")? };
+        // Committed before the secret is opened: if its key is missing, other webhooks still have their turns.
         transaction.commit().await?;
-        Ok(Some(sending))
+        let secret = WebhookSecret(self.unseal(&row.text("secret")?, &webhook.to_string())?);
+        let (url, fence) = (row.text("url")?, row.number("fence")?);
+        Ok(Some(Sending { webhook, url, secret, deliveries, fence }))
     }
 
     /// Records the result of an attempt, unless the lease was lost meanwhile.

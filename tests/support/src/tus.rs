@@ -74,7 +74,7 @@ impl Client {
         let length = bytes.len() - offset;
         write!(
             connection,
-            "PATCH {upload} HTTP/1.1\r\nhost: viola\r\ntus-resumable: 1.0.0\r\ncontent-type: {BYTES}\r\n\
+            "PATCH {upload} HTTP/1.1\r\nhost: localhost\r\ntus-resumable: 1.0.0\r\ncontent-type: {BYTES}\r\n\
              upload-offset: {offset}\r\ncontent-length: {length}\r\n\r\n"
         )
         .unwrap();

@@ -14,6 +14,8 @@ pub enum ContainerError {
     Unreadable { name: String, source: io::Error },
     #[error("there is no room to unpack {name}: {source}")]
     CannotUnpack { name: String, source: io::Error },
+    #[error("the archive unpacks to more than {max_bytes} bytes; send the recording in parts")]
+    UnpacksTooLarge { max_bytes: u64 },
     #[error("the file is empty")]
     Empty,
     #[error("the file is not a zip archive; send a zip of the recording's folder")]
@@ -78,6 +80,7 @@ impl ContainerError {
         match self {
             ContainerError::Unreadable { .. } => "unreadable",
             ContainerError::CannotUnpack { .. } => "cannot_unpack",
+            ContainerError::UnpacksTooLarge { .. } => "unpacks_too_large",
             ContainerError::Empty => "empty",
             // One code for both: the file is no archive of a recording.
             ContainerError::NotAnArchive | ContainerError::NoTarInside { .. } => "not_an_archive",

@@ -6,7 +6,7 @@ mod zstd;
 use super::contents::RATIO_FREE_BYTES;
 use super::kind::{Kind, Packing};
 use super::spool::spool;
-use super::{Container, ContainerError, Region, is_machine_fault, tar::Tar};
+use super::{Container, ContainerError, Region, Scratch, is_machine_fault, tar::Tar};
 use std::cell::Cell;
 use std::io::{self, BufReader, Read};
 
@@ -20,7 +20,11 @@ const MAX_PIECES: u32 = 1 << 19;
 const BUFFER_BYTES: usize = 64 << 10;
 
 /// Unpacks a file that must hold a tar archive, and reads its headers.
-pub(super) fn open(packed: &Region, packing: Packing) -> Result<Box<dyn Container>, ContainerError> {
+pub(super) fn open(
+    packed: &Region,
+    packing: Packing,
+    scratch: &Scratch,
+) -> Result<Box<dyn Container>, ContainerError> {
     let ended = Cell::new(false);
     let source = BufReader::with_capacity(BUFFER_BYTES, Watched { reader: packed.reader(), ended: &ended });
     let mut reader: Box<dyn Read + '_> = match packing {
@@ -38,7 +42,8 @@ pub(super) fn open(packed: &Region, packing: Packing) -> Result<Box<dyn Containe
     let max_bytes = packed.bytes.saturating_mul(MAX_SPOOLED_RATIO).clamp(RATIO_FREE_BYTES, MAX_SPOOLED_BYTES);
     let bomb = || ContainerError::ArchiveBomb { max_bytes, packed: packed.bytes };
     let mut whole = head.as_slice().chain(reader);
-    Ok(Box::new(Tar::index(spool(&mut whole, "the archive", max_bytes, bomb, failed)?)?))
+    let unpacked = spool(&mut whole, "the archive", scratch, max_bytes, bomb, failed)?;
+    Ok(Box::new(Tar::index(unpacked)?))
 }
 
 /// Records a read at the end: a stream that fails after it is truncated, any other is damaged.

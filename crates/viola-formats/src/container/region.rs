@@ -1,7 +1,9 @@
 //! A part of an open file, for readers that seek.
 
+use super::scratch::Reservation;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
+use std::sync::Arc;
 
 /// The bytes `offset .. offset + bytes` of a file. Several threads can read it at once.
 #[derive(Debug)]
@@ -11,13 +13,15 @@ pub struct Region {
     pub offset: u64,
     /// Length of the part, in bytes.
     pub bytes: u64,
+    /// Share of the budgets, if the file was unpacked.
+    pub(super) reservation: Option<Arc<Reservation>>,
 }
 
 impl Region {
     /// Returns the whole file.
     pub fn whole(file: File) -> io::Result<Region> {
         let bytes = file.metadata()?.len();
-        Ok(Region { file, offset: 0, bytes })
+        Ok(Region { file, offset: 0, bytes, reservation: None })
     }
 
     /// Returns a part of this part, which must lie inside it.
@@ -25,7 +29,7 @@ impl Region {
         let inside = at.checked_add(bytes).is_some_and(|end| end <= self.bytes);
         let offset = self.offset.checked_add(at).filter(|_| inside);
         let offset = offset.ok_or(io::Error::from(io::ErrorKind::UnexpectedEof))?;
-        Ok(Region { file: self.file.try_clone()?, offset, bytes })
+        Ok(Region { file: self.file.try_clone()?, offset, bytes, reservation: self.reservation.clone() })
     }
 
     /// Reads as much of `buffer` as there is from `at`, counted from the part's start; returns 0 at its end.

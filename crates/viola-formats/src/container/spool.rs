@@ -1,26 +1,31 @@
 //! Unpacks a stream into an unnamed temporary file, which is deleted when it is closed.
 
-use super::{ContainerError, Region};
+use super::{ContainerError, Region, Scratch};
 use std::io::{self, Read, Write};
+use std::sync::Arc;
 
 const CHUNK_BYTES: usize = 128 << 10;
 
 /// Copies a stream into a temporary file. More than `max_bytes` return `too_many()`, a failed read
-/// `unreadable(error)`; `name` is for the message of a full disk.
+/// `unreadable(error)`; `name` is for the message of a full disk or budget.
 pub(super) fn spool(
     reader: &mut dyn Read,
     name: &str,
+    scratch: &Scratch,
     max_bytes: u64,
     too_many: impl FnOnce() -> ContainerError,
     unreadable: impl FnOnce(io::Error) -> ContainerError,
 ) -> Result<Region, ContainerError> {
     let no_room = |source| ContainerError::CannotUnpack { name: name.to_owned(), source };
-    let mut file = tempfile::tempfile().map_err(no_room)?;
+    let mut file = scratch.file().map_err(no_room)?;
+    let mut reservation = scratch.reserve();
     let mut chunk = vec![0; CHUNK_BYTES];
     let mut bytes = 0u64;
     loop {
         let read = match reader.read(&mut chunk) {
-            Ok(0) => return Ok(Region { file, offset: 0, bytes }),
+            Ok(0) => {
+                return Ok(Region { file, offset: 0, bytes, reservation: Some(Arc::new(reservation)) });
+            }
             Ok(read) => read,
             Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
             Err(error) => return Err(unreadable(error)),
@@ -29,6 +34,7 @@ pub(super) fn spool(
         if bytes > max_bytes {
             return Err(too_many());
         }
+        reservation.grow(read as u64, name)?;
         file.write_all(&chunk[..read]).map_err(no_room)?;
     }
 }

@@ -5,7 +5,7 @@ mod entry;
 use super::contents::{RATIO_FREE_BYTES, read_bounded};
 use super::names::{Entries, required, safe_name, shown};
 use super::spool::spool;
-use super::{Container, ContainerError, MAX_ENTRIES, Region};
+use super::{Container, ContainerError, MAX_ENTRIES, Region, Scratch};
 use ::zip::read::{ArchiveOffset, Config};
 use ::zip::result::ZipError;
 use ::zip::{CompressionMethod, ZipArchive};
@@ -45,6 +45,7 @@ impl Source {
 /// A checked archive: its directory is in memory, its entries stay in place.
 pub struct Zip {
     source: Source,
+    scratch: Scratch,
     names: Vec<String>,
     /// One for each name.
     entries: Vec<Entry>,
@@ -52,14 +53,18 @@ pub struct Zip {
 
 impl Zip {
     pub fn open(path: &Path) -> Result<Zip, ContainerError> {
-        Zip::check(Source::Path(path.to_path_buf()))
+        Zip::open_in(path, &Scratch::default())
+    }
+
+    pub(super) fn open_in(path: &Path, scratch: &Scratch) -> Result<Zip, ContainerError> {
+        Zip::check(Source::Path(path.to_path_buf()), scratch)
     }
 
     pub fn from_bytes(bytes: Vec<u8>) -> Result<Zip, ContainerError> {
-        Zip::check(Source::Bytes(bytes))
+        Zip::check(Source::Bytes(bytes), &Scratch::default())
     }
 
-    fn check(source: Source) -> Result<Zip, ContainerError> {
+    fn check(source: Source, scratch: &Scratch) -> Result<Zip, ContainerError> {
         let mut reader = BufReader::new(source.reader()?);
         let packed_bytes = check_footer(&mut reader)?;
         // A known offset keeps the crate from searching the whole file for the directory.
@@ -103,7 +108,7 @@ impl Zip {
         }
         check_ratio("the archive", total_bytes, packed_bytes, MAX_TOTAL_BYTES)?;
         let (names, entries) = found.finish()?;
-        Ok(Zip { source, names, entries })
+        Ok(Zip { source, scratch: scratch.clone(), names, entries })
     }
 
     /// Returns the entry, if it declares no more than `max_bytes`.
@@ -158,6 +163,7 @@ impl Container for Zip {
         let region = spool(
             &mut file,
             name,
+            &self.scratch,
             entry.bytes,
             || larger_than_declared(name),
             |source| ContainerError::damaged_zip(name, source),

@@ -1,0 +1,136 @@
+//! The open connections by the network of their client. A new connection is always accepted: if there are too many, the
+//! connection that has waited longest for its client is closed, of the same network or else of the largest one. So a client
+//! that holds connections without using them displaces its own.
+
+use crate::api::peer::network;
+use std::collections::HashMap;
+use std::net::IpAddr;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+use tokio_util::sync::CancellationToken;
+
+/// All open connections.
+pub(super) struct Crowd {
+    most: usize,
+    most_of_network: usize,
+    begun: Instant,
+    members: Mutex<HashMap<IpAddr, Vec<Arc<Member>>>>,
+}
+
+struct Member {
+    /// Time of the last byte in either direction, in milliseconds since the crowd began.
+    moved_ms: AtomicU64,
+    displaced: CancellationToken,
+}
+
+/// A connection's place. Dropping it frees the place.
+pub(super) struct Place {
+    crowd: Arc<Crowd>,
+    network: IpAddr,
+    member: Arc<Member>,
+}
+
+impl Crowd {
+    pub fn new(most: usize, most_of_network: usize) -> Arc<Crowd> {
+        Arc::new(Crowd { most, most_of_network, begun: Instant::now(), members: Mutex::default() })
+    }
+
+    /// Adds a connection; displaces another one if there are too many.
+    pub fn enter(self: &Arc<Crowd>, peer: IpAddr) -> Arc<Place> {
+        let network = network(peer);
+        let member = Arc::new(Member { moved_ms: self.now_ms().into(), displaced: CancellationToken::new() });
+        let mut members = self.members();
+        let own = members.get(&network).map_or(0, Vec::len);
+        if own >= self.most_of_network {
+            displace(&mut members, network);
+        } else if members.values().map(Vec::len).sum::<usize>() >= self.most {
+            let largest =
+                members.iter().max_by_key(|(_, members)| members.len()).map(|(network, _)| *network);
+            largest.into_iter().for_each(|network| displace(&mut members, network));
+        }
+        members.entry(network).or_default().push(member.clone());
+        drop(members);
+        Arc::new(Place { crowd: self.clone(), network, member })
+    }
+
+    fn members(&self) -> MutexGuard<'_, HashMap<IpAddr, Vec<Arc<Member>>>> {
+        self.members.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn now_ms(&self) -> u64 {
+        self.begun.elapsed().as_millis() as u64
+    }
+}
+
+fn displace(members: &mut HashMap<IpAddr, Vec<Arc<Member>>>, network: IpAddr) {
+    let Some(of_network) = members.get_mut(&network) else { return };
+    let longest = (0..of_network.len()).min_by_key(|&at| of_network[at].moved_ms.load(Ordering::Relaxed));
+    if let Some(at) = longest {
+        of_network.swap_remove(at).displaced.cancel();
+    }
+}
+
+impl Place {
+    /// Records that bytes came or went.
+    pub fn moved(&self) {
+        self.member.moved_ms.store(self.crowd.now_ms(), Ordering::Relaxed);
+    }
+
+    /// Waits until another connection takes the place.
+    pub async fn displaced(&self) {
+        self.member.displaced.cancelled().await;
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let mut members = self.crowd.members();
+        let Some(of_network) = members.get_mut(&self.network) else { return };
+        of_network.retain(|member| !Arc::ptr_eq(member, &self.member));
+        if of_network.is_empty() {
+            members.remove(&self.network);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn is_displaced(place: &Place) -> bool {
+        place.member.displaced.is_cancelled()
+    }
+
+    fn set(place: &Place, moved_ms: u64) {
+        place.member.moved_ms.store(moved_ms, Ordering::Relaxed);
+    }
+
+    #[test]
+    fn a_network_displaces_its_own_longest_waiting_connection() {
+        let crowd = Crowd::new(10, 2);
+        let (greedy, other) = ("192.0.2.1".parse().unwrap(), "192.0.2.2".parse().unwrap());
+        let honest = crowd.enter(other);
+        set(&honest, 0);
+        let (first, second) = (crowd.enter(greedy), crowd.enter(greedy));
+        set(&first, 20);
+        set(&second, 10);
+        let third = crowd.enter(greedy);
+        assert!(
+            is_displaced(&second) && !is_displaced(&first) && !is_displaced(&third) && !is_displaced(&honest)
+        );
+        drop((first, second, third));
+        assert_eq!(crowd.members().len(), 1);
+    }
+
+    #[test]
+    fn if_all_places_are_taken_the_largest_network_gives_one() {
+        let crowd = Crowd::new(3, 2);
+        let [a, b, c] =
+            ["2001:db8::1", "2001:db8::2", "192.0.2.1"].map(|address| crowd.enter(address.parse().unwrap()));
+        set(&b, 0);
+        set(&a, 5);
+        let late = crowd.enter("192.0.2.7".parse().unwrap());
+        assert!(is_displaced(&b) && !is_displaced(&a) && !is_displaced(&c) && !is_displaced(&late));
+    }
+}
