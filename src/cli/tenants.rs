@@ -6,6 +6,7 @@ use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use indicatif::ProgressBar;
 use jiff::Timestamp;
+use serde_json::json;
 
 #[derive(Args)]
 pub struct TenantsArguments {
@@ -25,6 +26,9 @@ enum TenantsCommand {
 struct ListArguments {
     #[command(flatten)]
     store: StoreArguments,
+    /// Print a list of objects instead of the table.
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Args)]
@@ -50,11 +54,22 @@ pub fn run(arguments: &TenantsArguments) -> Result<()> {
 
 async fn list(arguments: &ListArguments) -> Result<()> {
     let storage = Storage::administer(&arguments.store.params()).await?;
-    println!("{:32}  {:>14}", "tenant", "bytes of files");
+    let mut tenants = Vec::new();
     for tenant in storage.tenants().await? {
-        println!("{:32}  {:>14}", tenant.name(), storage.tenant_bytes(&tenant).await?);
+        let bytes = storage.tenant_bytes(&tenant).await?;
+        tenants.push((tenant, bytes));
     }
     storage.close().await;
+    if arguments.json {
+        let document = |(tenant, bytes): &(Tenant, _)| json!({"tenant": tenant.name(), "bytes": bytes});
+        let documents: Vec<_> = tenants.iter().map(document).collect();
+        println!("{}", serde_json::to_string_pretty(&documents)?);
+        return Ok(());
+    }
+    println!("{:32}  {:>14}", "tenant", "bytes of files");
+    for (tenant, bytes) in &tenants {
+        println!("{:32}  {bytes:>14}", tenant.name());
+    }
     Ok(())
 }
 
