@@ -30,6 +30,7 @@ mod progress;
 mod runtime;
 mod serve;
 mod service;
+mod shell;
 mod simulate;
 mod store;
 mod surfaces;
@@ -38,23 +39,39 @@ mod tenants;
 mod video_tools;
 mod work;
 mod worker;
+mod wrong_file;
 
+use anyhow::Result;
 use clap::{CommandFactory, Parser, Subcommand};
+use progress::Verbosity;
 use std::process::ExitCode;
 
 /// Aligns RGB-D clips of a home to the LiDAR map of its robot vacuum.
 #[derive(Parser)]
-#[command(version, arg_required_else_help = true)]
+#[command(version, arg_required_else_help = true, after_help = EXIT_CODES)]
 struct Arguments {
+    /// Print no progress, only the result and errors.
+    #[arg(short, long, global = true)]
+    quiet: bool,
+    /// Print each stage of the work, also where there is no terminal.
+    #[arg(short, long, global = true, conflicts_with = "quiet")]
+    verbose: bool,
     #[command(subcommand)]
     command: Command,
 }
+
+const EXIT_CODES: &str = "Exit codes:
+  0  done
+  1  an error; standard error names it
+  2  wrong arguments
+  3  `align`: no pose can be given; `map`: a clip could not be read or aligned";
 
 #[derive(Subcommand)]
 enum Command {
     /// Run a demonstration: serve, upload a simulated home, compare the poses with the truth.
     Demo(demo::DemoArguments),
     /// Find the pose of one clip in a LiDAR map.
+    #[command(after_help = align::EXIT_CODES)]
     Align(align::AlignArguments),
     /// Make the map of a home out of its clips and its LiDAR map, without a server.
     #[command(after_help = map::EXIT_CODES)]
@@ -100,23 +117,35 @@ enum Command {
     OpenClip(open_clip::OpenClipArguments),
     /// Print the OpenAPI document of the service.
     Openapi,
+    /// Print a shell's completions of this command line.
+    Completions(shell::CompletionsArguments),
+    /// Print the manual page, or write a page for each command.
+    Man(shell::ManArguments),
 }
 
 /// Runs the command that the process's arguments name; prints an error with its causes.
 pub fn main() -> ExitCode {
     crate::tls::use_ring();
+    end_quietly_without_a_reader();
     let program = Arguments::command();
     let arguments = match config::with_file(std::env::args_os(), &program) {
         Ok(arguments) => arguments,
         Err(error) => return failed(&error),
     };
-    let done = match Arguments::parse_from(arguments).command {
+    let Arguments { quiet, verbose, command } = Arguments::parse_from(arguments);
+    progress::set_verbosity(match (quiet, verbose) {
+        (true, _) => Verbosity::Quiet,
+        (_, true) => Verbosity::Verbose,
+        _ => Verbosity::Normal,
+    });
+    run(command, &program).unwrap_or_else(|error| failed(&error))
+}
+
+fn run(command: Command, program: &clap::Command) -> Result<ExitCode> {
+    match command {
         Command::Demo(arguments) => demo::run(&arguments),
-        Command::Align(arguments) => align::run(&arguments),
-        Command::Map(arguments) => match map::run(&arguments) {
-            Ok(code) => return code,
-            Err(error) => Err(error),
-        },
+        Command::Align(arguments) => return align::run(&arguments),
+        Command::Map(arguments) => return map::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
@@ -129,17 +158,30 @@ pub fn main() -> ExitCode {
         Command::Health(arguments) => health::run(&arguments),
         Command::Keys(arguments) => keys::run(&arguments),
         Command::Tenants(arguments) => tenants::run(&arguments),
-        Command::Config(arguments) => config::run(&arguments, &program),
+        Command::Config(arguments) => config::run(&arguments, program),
         Command::Migrate(arguments) => migrate::run(&arguments),
         Command::DecodeVideo(arguments) => decode_video::run(&arguments),
         Command::AlignJob(arguments) => align_job::run(&arguments),
         Command::OpenClip(arguments) => open_clip::run(&arguments),
         Command::Openapi => openapi::run(),
-    };
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => failed(&error),
-    }
+        Command::Completions(arguments) => shell::completions(&arguments, program),
+        Command::Man(arguments) => shell::man(&arguments, program),
+    }?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Ends the process without a message if nobody reads its output any more, as after `viola models list | head -1`.
+fn end_quietly_without_a_reader() {
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        // The standard library's `println!` panics with this text.
+        let is_broken =
+            |text: &str| text.starts_with("failed printing to stdout") && text.contains("Broken pipe");
+        if panic.payload_as_str().is_some_and(is_broken) {
+            std::process::exit(0);
+        }
+        hook(panic);
+    }));
 }
 
 fn failed(error: &anyhow::Error) -> ExitCode {

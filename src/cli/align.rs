@@ -5,6 +5,7 @@ use super::levels::{self, LevelArgument};
 use super::networks::NetworkArguments;
 use super::progress::TerminalProgress;
 use super::video_tools::video_tools;
+use super::wrong_file;
 use crate::jobs::level_maps;
 use anyhow::{Context, Result};
 use clap::Args;
@@ -12,6 +13,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use viola_align as align;
 use viola_align::{AlignParams, Alignment, AlignmentState};
 use viola_formats::clip::{Clip, ClipInfo};
@@ -23,9 +25,9 @@ use viola_home as home;
 
 #[derive(Args)]
 pub struct AlignArguments {
-    /// Clip: a folder, an archive (zip, tar, tar.gz, tar.zst) or a single file (.r3d, .sens), exported by
-    /// Stray Scanner, Record3D, Polycam, 3D Scanner App, Spectacular AI or NeRFCapture, or in the layout of
-    /// ScanNet, ARKitScenes, 7-Scenes, TUM RGB-D, Redwood or Nerfstudio.
+    /// Clip: a folder, an archive (zip, tar, tar.gz, tar.zst) or a single file (.r3d, .sens, .db, .mcap, .db3),
+    /// exported by Stray Scanner, Record3D, Polycam, 3D Scanner App, Spectacular AI, NeRFCapture or RTAB-Map,
+    /// a ROS 2 bag, or in the layout of ScanNet, ARKitScenes, 7-Scenes, TUM RGB-D, Redwood or Nerfstudio.
     #[arg(long)]
     clip: PathBuf,
     /// Numbers of the frames to use; END is excluded. Default: all frames.
@@ -45,7 +47,20 @@ pub struct AlignArguments {
     completion: CompletionArguments,
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// Print result.json instead of the summary.
+    #[arg(long)]
+    json: bool,
 }
+
+/// Exit code if no pose can be given. clap uses 2 for wrong arguments.
+const NO_POSE: u8 = 3;
+
+/// The exit codes, for the help.
+pub const EXIT_CODES: &str = "Exit codes:
+  0  the answer has a pose: `aligned`, or `ambiguous` with alternatives
+  1  there is no answer: for example, the clip or the LiDAR map cannot be read
+  2  wrong arguments
+  3  the answer is `failed`: no pose can be given; result.json says why";
 
 /// Contents of `inputs.json`: the summaries of the input files.
 #[derive(Serialize)]
@@ -56,7 +71,7 @@ struct Inputs<'a> {
     levels: BTreeMap<LevelName, &'a LidarInfo>,
 }
 
-pub fn run(arguments: &AlignArguments) -> Result<()> {
+pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     // First, because a missing network is found immediately.
     let label = arguments.networks.labels()?;
     let complete = arguments.completion.params(&arguments.networks)?;
@@ -65,7 +80,7 @@ pub fn run(arguments: &AlignArguments) -> Result<()> {
         Stopwatch::around(&progress, std::time::Instant::now).with_budget(Stage::Complete, complete.time);
     watch.enter(Stage::Decode);
     let clip = Clip::open_with(&arguments.clip, &video_tools())
-        .with_context(|| format!("clip {}", arguments.clip.display()))?;
+        .map_err(|error| wrong_file::of_clip(&arguments.clip, error))?;
     let maps = levels::open(&arguments.lidar)?;
     let params = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
     let mut aligned =
@@ -97,8 +112,13 @@ pub fn run(arguments: &AlignArguments) -> Result<()> {
     aligned.alignment.seconds = watch.stop();
     write("result.json", &serde_json::to_vec_pretty(&aligned.alignment)?)?;
     progress.finish();
-    print_answer(clip.info(), &lidar.info, &aligned.alignment, &arguments.out);
-    Ok(())
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&aligned.alignment)?);
+    } else {
+        print_answer(clip.info(), &lidar.info, &aligned.alignment, &arguments.out);
+    }
+    let has_pose = aligned.alignment.map_from_clip.is_some();
+    Ok(if has_pose { ExitCode::SUCCESS } else { ExitCode::from(NO_POSE) })
 }
 
 fn print_answer(clip: &ClipInfo, lidar: &LidarInfo, alignment: &Alignment, out: &Path) {

@@ -31,9 +31,12 @@ type Settings = BTreeMap<String, toml::Value>;
 pub fn with_file(given: impl Iterator<Item = OsString>, program: &Command) -> Result<Vec<OsString>> {
     let (mut arguments, file) = take_file(given.collect())?;
     let Some(file) = file else { return Ok(arguments) };
-    let Some(name) = arguments.get(1).and_then(|name| name.to_str()).map(str::to_owned) else {
+    // Flags such as -q may stand before the command.
+    let is_word = |argument: &OsString| !argument.to_string_lossy().starts_with('-');
+    let Some(first) = arguments.iter().skip(1).position(is_word).map(|position| position + 1) else {
         return Ok(arguments);
     };
+    let Some(name) = arguments[first].to_str().map(str::to_owned) else { return Ok(arguments) };
     if !CONFIGURED.contains(&name.as_str()) {
         if name == "config" {
             arguments.extend([FLAG.into(), file.into()]);
@@ -41,7 +44,7 @@ pub fn with_file(given: impl Iterator<Item = OsString>, program: &Command) -> Re
         return Ok(arguments);
     }
     let mut command = program.find_subcommand(&name);
-    let mut at = 2;
+    let mut at = first + 1;
     // `viola keys create`: the flags belong to the inner command.
     while let Some(inner) = arguments.get(at).and_then(|inner| inner.to_str())
         && let Some(found) = command.and_then(|command| command.find_subcommand(inner))

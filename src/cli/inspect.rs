@@ -3,10 +3,11 @@
 mod sketch;
 
 use super::video_tools::video_tools;
+use super::wrong_file;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use std::path::PathBuf;
-use viola_formats::clip::{Clip, ClipInfo};
+use viola_formats::clip::{Clip, ClipError, ClipInfo};
 use viola_formats::lidar::{LidarError, LidarInfo, LidarMap};
 use viola_home as home;
 
@@ -48,6 +49,12 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
     }
     match Clip::open_with(path, &video_tools()) {
         Ok(found) => clip(arguments, &found),
+        Err(ClipError::UnknownLayout { .. }) if matches!(refused, LidarError::UnknownFormat) => bail!(
+            "{name} is {}, neither a clip nor a LiDAR map (unknown_format)\n\
+             `viola align --help` lists the clips and the maps that are read.\n\
+             docs/formats.md has the details.",
+            wrong_file::kind(path).unwrap_or("an archive of other files")
+        ),
         Err(error) => bail!(
             "{name} can be used neither as a map ({}): {refused}, nor as a clip ({}): {error}",
             refused.code(),

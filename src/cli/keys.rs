@@ -5,6 +5,7 @@ use crate::storage::{ApiKey, HomeId, NewKey, Role, Storage, Tenant};
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use jiff::{SignedDuration, Timestamp};
+use serde_json::json;
 use uuid::Uuid;
 
 #[derive(Args)]
@@ -51,6 +52,9 @@ struct ListArguments {
     /// Tenant whose keys are listed; default: all tenants.
     #[arg(long, value_name = "NAME")]
     tenant: Option<Tenant>,
+    /// Print a list of objects instead of the table.
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Args)]
@@ -96,6 +100,16 @@ async fn list(arguments: &ListArguments) -> Result<()> {
     let keys = storage.keys(arguments.tenant.as_ref()).await?;
     storage.close().await;
     let now = Timestamp::now();
+    if arguments.json {
+        let document = |key: &ApiKey| {
+            json!({"id": key.id, "tenant": key.tenant.name(), "role": key.role.name(),
+                "home": key.home.as_ref().map(HomeId::as_str), "state": state(key, now),
+                "last_used_at": key.last_used_at, "label": key.label})
+        };
+        let documents: Vec<_> = keys.iter().map(document).collect();
+        println!("{}", serde_json::to_string_pretty(&documents)?);
+        return Ok(());
+    }
     println!(
         "{:36}  {:16}  {:8}  {:16}  {:8}  {:20}  label",
         "id", "tenant", "role", "home", "state", "last used"

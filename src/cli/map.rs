@@ -17,7 +17,7 @@ mod table;
 use super::completion::CompletionArguments;
 use super::levels::{self, LevelArgument};
 use super::networks::NetworkArguments;
-use super::progress::TerminalProgress;
+use super::progress::{TerminalProgress, tell};
 use super::video_tools::video_tools;
 use crate::jobs::{JobParams, level_maps};
 use anyhow::{Context, Result};
@@ -65,6 +65,9 @@ pub struct MapArguments {
     completion: CompletionArguments,
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// Print map.json instead of the table.
+    #[arg(long)]
+    json: bool,
 }
 
 pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
@@ -82,14 +85,18 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
         Aligner { levels: &levels, params: &params, contributions: Contributions::new_in(out)? };
     let clips = align_all(&arguments.clips, &mut aligner)?;
     let members: Vec<Member> = clips.iter().filter_map(HomeClip::member).collect();
-    eprintln!("map: fuse {} of {} clips", members.len(), clips.len());
+    tell(&format!("map: fuse {} of {} clips", members.len(), clips.len()));
     let map = home::assemble(&Manifest::default(), members, &mut aligner.contributions)?;
-    eprintln!("map: describe");
+    tell("map: describe");
     let paths = aligner.contributions.paths(&map.manifest.clips)?;
     let valetudo = levels::valetudo_files(&arguments.lidar)?;
     let files = HomeFiles::new(&levels, &valetudo, map, &clips, paths)?;
     files.write(out)?;
-    table::print(&files.document, files.objects.len(), files.rooms.len(), out);
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&files.document)?);
+    } else {
+        table::print(&files.document, files.objects.len(), files.rooms.len(), out);
+    }
     let all_answered = clips.iter().all(|clip| clip.answer.is_ok());
     Ok(if all_answered { ExitCode::SUCCESS } else { ExitCode::from(CLIP_WITHOUT_ANSWER) })
 }
@@ -101,11 +108,11 @@ fn align_all(paths: &[PathBuf], aligner: &mut Aligner) -> Result<Vec<HomeClip>> 
     for (number, path) in (1..).zip(paths) {
         let part = format!("clip {number} of {}", paths.len());
         let file = path.display().to_string();
-        eprintln!("{part}: {file}");
+        tell(&format!("{part}: {file}"));
         let content = Content::of(path);
         if let Some(first) = content.as_ref().ok().and_then(|content| known.get(content)) {
             let first = &mut clips[*first];
-            eprintln!("{part}: the same content as {}, used once", first.file);
+            tell(&format!("{part}: the same content as {}, used once", first.file));
             first.file = file.min(std::mem::take(&mut first.file));
             continue;
         }

@@ -13,6 +13,7 @@ mod timed;
 use super::networks::NO_NETWORKS;
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use viola_network::Weights;
 use viola_network::manifest::{Manifest, ModelEntry, Source, Task};
@@ -29,6 +30,9 @@ enum Command {
     List {
         #[command(flatten)]
         folder: Folder,
+        /// Print a list of objects instead of the table.
+        #[arg(long)]
+        json: bool,
     },
     /// Fetch a network, or the runtime library, into the models folder.
     Fetch {
@@ -65,7 +69,7 @@ impl Folder {
 
 pub fn run(arguments: &ModelsArguments) -> Result<()> {
     match &arguments.command {
-        Command::List { folder } => list(folder),
+        Command::List { folder, json } => list(folder, *json),
         Command::Fetch { name, folder } => fetch::run(find(&folder.manifest()?, name)?, &folder.models),
         Command::Check(arguments) => check::run(arguments),
     }
@@ -78,8 +82,19 @@ fn find<'m>(manifest: &'m Manifest, name: &str) -> Result<&'m ModelEntry> {
     })
 }
 
-fn list(folder: &Folder) -> Result<()> {
+fn list(folder: &Folder, json: bool) -> Result<()> {
     let manifest = folder.manifest()?;
+    if json {
+        let network = |entry: &ModelEntry| -> Result<serde_json::Value> {
+            let State { bytes, installed, sum } = State::of(entry, &folder.models)?;
+            let (name, task, licence) = (&entry.name, task(entry.task), &entry.licence);
+            Ok(json!({"name": name, "task": task, "bytes": bytes, "installed": installed, "sum": sum,
+                "licence": licence}))
+        };
+        let networks = manifest.networks.iter().map(network).collect::<Result<Vec<_>>>()?;
+        println!("{}", serde_json::to_string_pretty(&networks)?);
+        return Ok(());
+    }
     let mut rows = vec![["name", "task", "size", "installed", "sum", "licence"].map(str::to_owned)];
     for entry in &manifest.networks {
         let state = State::of(entry, &folder.models)?;

@@ -1,12 +1,39 @@
-//! Progress display: a bar on a terminal, else one plain line per stage.
+//! Progress display: a bar on a terminal, else one plain line per stage if there are several clips or with `--verbose`.
 //!
-//! One clip of several has a bar of its own, named by its number; its plain lines have no percentages.
+//! One clip of several has a bar of its own, named by its number.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 use viola_geometry::progress::{Progress, Stage};
+
+/// How much is printed about the work beside its result.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+pub enum Verbosity {
+    Quiet,
+    Normal,
+    Verbose,
+}
+
+/// The process's [`Verbosity`], as a number.
+static VERBOSITY: AtomicU8 = AtomicU8::new(Verbosity::Normal as u8);
+
+/// Sets the verbosity of the process.
+pub fn set_verbosity(verbosity: Verbosity) {
+    VERBOSITY.store(verbosity as u8, Ordering::Relaxed);
+}
+
+fn is_at_least(verbosity: Verbosity) -> bool {
+    VERBOSITY.load(Ordering::Relaxed) >= verbosity as u8
+}
+
+/// Prints a line about the work, unless `--quiet` is given.
+pub fn tell(line: &str) {
+    if is_at_least(Verbosity::Normal) {
+        eprintln!("{line}");
+    }
+}
 
 pub struct TerminalProgress {
     bar: Option<ProgressBar>,
@@ -28,7 +55,8 @@ impl TerminalProgress {
     }
 
     fn with(part: Option<String>) -> TerminalProgress {
-        let bar = std::io::stderr().is_terminal().then(|| {
+        let has_bar = std::io::stderr().is_terminal() && is_at_least(Verbosity::Normal);
+        let bar = has_bar.then(|| {
             let bar = ProgressBar::new(1000);
             if let Ok(style) = ProgressStyle::with_template("{msg:>8} {wide_bar} {percent:>3} % {elapsed:>4}")
             {
@@ -45,27 +73,27 @@ impl TerminalProgress {
         }
     }
 
-    /// Shows the progress and returns the highest so far, in thousandths.
-    fn show(&self, stage: Stage, fraction: f64) -> u64 {
+    /// Shows the highest progress so far.
+    fn show(&self, stage: Stage, fraction: f64) {
         let thousandths = (stage.overall(fraction) * 1000.0) as u64;
         let furthest = self.furthest.fetch_max(thousandths, Ordering::Relaxed).max(thousandths);
         if let Some(bar) = &self.bar {
             bar.set_position(furthest);
         }
-        furthest
     }
 }
 
 impl Progress for TerminalProgress {
     fn enter(&self, stage: Stage) {
         *self.stage.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(stage);
-        let furthest = self.show(stage, 0.0);
+        self.show(stage, 0.0);
         let name = stage.name();
         match (&self.bar, &self.part) {
             (Some(bar), Some(part)) => bar.set_message(format!("{part}: {name}")),
             (Some(bar), None) => bar.set_message(name),
-            (None, Some(part)) => eprintln!("{part}: {name}"),
-            (None, None) => eprintln!("{:3} % {name}", furthest / 10),
+            (None, Some(part)) if is_at_least(Verbosity::Normal) => eprintln!("{part}: {name}"),
+            (None, None) if is_at_least(Verbosity::Verbose) => eprintln!("{name}"),
+            (None, _) => {}
         }
     }
 

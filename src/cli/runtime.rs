@@ -2,6 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use serde::{Deserialize, Serialize};
+use std::convert::Infallible;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use viola_network::{Device, Runtime, RuntimeParams};
@@ -15,11 +16,16 @@ pub struct RuntimeArguments {
     #[arg(long, value_enum, default_value_t = DeviceChoice::Cpu)]
     device: DeviceChoice,
     /// File of ONNX Runtime's library; by default the models folder and the usual places are searched.
-    #[arg(long, env = "ORT_DYLIB_PATH", value_name = "FILE")]
+    #[arg(long, env = "ORT_DYLIB_PATH", value_name = "FILE", value_parser = path)]
     onnxruntime: Option<PathBuf>,
     /// Number of threads of a network; default: all cores.
     #[arg(long, value_name = "N")]
     network_threads: Option<NonZeroUsize>,
+}
+
+/// Takes an empty path too, which clap's own parser refuses: a shell may unset a variable by making it empty.
+fn path(text: &str) -> Result<PathBuf, Infallible> {
+    Ok(PathBuf::from(text))
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum, Serialize, Deserialize)]
@@ -45,7 +51,6 @@ impl RuntimeArguments {
                 RuntimeChoice::Rten => Runtime::Rten,
                 RuntimeChoice::Onnxruntime => Runtime::OnnxRuntime,
             },
-            // A shell may unset a variable by making it empty.
             library: self.onnxruntime.clone().filter(|path| !path.as_os_str().is_empty()),
             look_in: models.map(|folder| folder.join("onnxruntime")).into_iter().collect(),
             device: match self.device {

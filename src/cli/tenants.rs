@@ -6,6 +6,7 @@ use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use indicatif::ProgressBar;
 use jiff::Timestamp;
+use serde_json::json;
 
 #[derive(Args)]
 pub struct TenantsArguments {
@@ -27,6 +28,9 @@ enum TenantsCommand {
 struct ListArguments {
     #[command(flatten)]
     store: StoreArguments,
+    /// Print a list of objects instead of the table.
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Args)]
@@ -67,14 +71,29 @@ pub fn run(arguments: &TenantsArguments) -> Result<()> {
 
 async fn list(arguments: &ListArguments) -> Result<()> {
     let storage = Storage::administer(&arguments.store.params()).await?;
-    println!("{:32}  {:>14}  {:>14}  {:>14}", "tenant", "bytes of files", "max. bytes", "max. uploads");
+    let mut tenants = Vec::new();
     for tenant in storage.tenants().await? {
         let bytes = storage.tenant_bytes(&tenant).await?;
         let limits = storage.tenant_limits(&tenant).await?;
+        tenants.push((tenant, bytes, limits));
+    }
+    storage.close().await;
+    if arguments.json {
+        let document = |(tenant, bytes, limits): &(Tenant, u64, TenantLimits)| {
+            json!({
+                "tenant": tenant.name(), "bytes": bytes,
+                "max_bytes": limits.max_bytes, "max_uploads": limits.max_uploads,
+            })
+        };
+        let documents: Vec<_> = tenants.iter().map(document).collect();
+        println!("{}", serde_json::to_string_pretty(&documents)?);
+        return Ok(());
+    }
+    println!("{:32}  {:>14}  {:>14}  {:>14}", "tenant", "bytes of files", "max. bytes", "max. uploads");
+    for (tenant, bytes, limits) in &tenants {
         let (max_bytes, max_uploads) = (shown(limits.max_bytes), shown(limits.max_uploads));
         println!("{:32}  {bytes:>14}  {max_bytes:>14}  {max_uploads:>14}", tenant.name());
     }
-    storage.close().await;
     Ok(())
 }
 

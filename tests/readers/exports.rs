@@ -10,7 +10,7 @@ use viola_formats::clip::Clip;
 pub type Writer = fn(&str, &Recording) -> Files;
 
 /// The layouts of phones' apps and of data sets; the flag is true if they give the up direction.
-pub const EXPORTS: [(&str, Writer, bool); 10] = [
+pub const EXPORTS: [(&str, Writer, bool); 14] = [
     ("stray_scanner", writers::stray, true),
     ("record3d", writers::record3d, false),
     ("polycam", writers::polycam, true),
@@ -21,6 +21,10 @@ pub const EXPORTS: [(&str, Writer, bool); 10] = [
     ("nerf_capture", writers::nerf_capture, true),
     ("sens", writers::sens, false),
     ("spectacular_ai", writers::spectacular, true),
+    ("rtabmap", crate::databases::rtabmap, true),
+    ("ros2_bag", crate::bags::mcap, true),
+    ("ros2_bag", crate::bags::mcap_split, true),
+    ("ros2_bag", crate::bags::db3, true),
 ];
 
 fn rigid(matrix: &Matrix4<f64>) -> Isometry3<f64> {
@@ -62,7 +66,7 @@ pub fn check_poses(clip: &Clip, recording: &Recording, what: &str) {
 }
 
 /// Opens an export and checks all of it against the recording.
-fn check(path: &Path, layout: &str, knows_up: bool, recording: &Recording) {
+pub fn check(path: &Path, layout: &str, knows_up: bool, recording: &Recording) {
     let clip = Clip::open(path).unwrap_or_else(|error| panic!("{layout}: {error}"));
     let info = clip.info();
     assert_eq!(info.layout, layout, "{info:#?}");
@@ -75,8 +79,10 @@ fn check(path: &Path, layout: &str, knows_up: bool, recording: &Recording) {
         let same = frame.force_in_camera.zip(felt).is_none_or(|(read, felt)| (read - felt).norm() < 1e-6);
         assert!(same && frame.force_in_camera.is_some() == felt.is_some(), "{layout}: {frame:?}");
     }
-    let has_confidence =
-        !matches!(layout, "redwood" | "nerfstudio" | "nerf_capture" | "sens" | "spectacular_ai");
+    let has_confidence = !matches!(
+        layout,
+        "redwood" | "nerfstudio" | "nerf_capture" | "sens" | "spectacular_ai" | "rtabmap" | "ros2_bag"
+    );
     for (index, frame) in recording.frames.iter().enumerate() {
         let read = clip.load(index).unwrap_or_else(|error| panic!("{layout}: {error}"));
         for (camera, want) in

@@ -253,12 +253,21 @@ fn spoil(layout: &str, f: &mut Files) {
 #[test]
 fn poses_that_are_no_rigid_motion_are_none_in_every_layout() {
     for (layout, write, _) in EXPORTS {
-        let mut files = write("", &Recording::small(3));
-        spoil(layout, &mut files);
+        let mut recording = Recording::small(3);
+        // Files that are not text are written with the bad pose.
+        let is_binary = matches!(layout, "rtabmap" | "ros2_bag");
+        if is_binary {
+            recording.frames[1].world_from_camera[(0, 3)] = f64::NAN;
+        }
+        let mut files = write("", &recording);
+        if !is_binary {
+            spoil(layout, &mut files);
+        }
         let clip = Clip::open(as_folder(&files).path()).unwrap_or_else(|error| panic!("{layout}: {error}"));
         let has_pose: Vec<bool> = clip.frames().iter().map(|f| f.world_from_camera.is_some()).collect();
-        // ARKitScenes' poses are interpolated within 0.11 s, so neighbours replace a missing one.
-        let want = if layout == "arkit_scenes" { [true; 3] } else { [true, false, true] };
+        // ARKitScenes' and ROS's poses are interpolated within 0.11 s, so neighbours replace a missing one.
+        let is_interpolated = matches!(layout, "arkit_scenes" | "ros2_bag");
+        let want = if is_interpolated { [true; 3] } else { [true, false, true] };
         assert_eq!(has_pose, want, "{layout}");
         let info = clip.info();
         let missing = want.iter().filter(|has| !**has).count();

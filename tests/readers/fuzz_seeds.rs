@@ -67,6 +67,18 @@ fn clips() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     ];
     let sens = std::mem::take(&mut writers::sens("", &recording)[0].1);
     let mut seeds = vec![("clip_sens", "sens", sens[4..].to_vec()), ("clip_any", "sens", sens)];
+    let alone = [
+        ("clip_sqlite", "rtabmap", crate::databases::rtabmap("", &recording)),
+        ("clip_sqlite", "db3", crate::bags::db3("", &recording)),
+        ("clip_mcap", "mcap", crate::bags::mcap("", &recording)),
+        ("clip_mcap", "mcap lz4", crate::bags::mcap_split("", &recording)),
+    ];
+    for (target, name, mut files) in alone {
+        let magic_bytes = if target == "clip_mcap" { 8 } else { 16 };
+        let bytes = std::mem::take(&mut files[0].1);
+        seeds.push((target, name, bytes[magic_bytes..].to_vec()));
+        seeds.push(("clip_any", name, bytes));
+    }
     for (target, name, files) in layouts {
         let seed = clip_files::join(target, &files);
         // The target must see a clip, and not only some of its files.

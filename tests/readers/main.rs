@@ -1,8 +1,12 @@
 //! Readers of clips and maps: round trips, refusals, mutated bytes, and the real recordings.
 
 mod archives;
+mod bags;
+mod bags_refused;
 mod clips;
 mod clips_written;
+mod command_line;
+mod databases;
 mod drawing;
 mod edits;
 mod export_writers;
@@ -10,6 +14,7 @@ mod exports;
 mod exports_real;
 mod exports_refused;
 mod exports_tolerated;
+mod foreign_bags;
 mod fuzz_seeds;
 mod hostile_archives;
 mod hostile_zips;

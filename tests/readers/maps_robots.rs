@@ -55,7 +55,7 @@ fn roborock_in_each_generation() {
 
 #[test]
 fn dreame_with_its_saved_map() {
-    for bytes in [dreame(&dreame_inflated(b'I')), zlib(&dreame_inflated(b'I'))] {
+    for bytes in [dreame(&dreame_inflated(b'I')), zlib(&dreame_inflated(b'I')), dreame_inflated(b'I')] {
         let map = LidarMap::read(&bytes).unwrap();
         assert_eq!(map.info.format, "dreame");
         check_home("dreame", &map, DREAME_CORNER);

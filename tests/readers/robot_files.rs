@@ -267,6 +267,7 @@ pub fn robot_files() -> Vec<(&'static str, Vec<u8>)> {
         ("roborock", roborock()),
         ("roborock gzip", gzip(&roborock())),
         ("dreame", dreame(&dreame_inflated(b'I'))),
+        ("dreame inflated", dreame_inflated(b'I')),
         ("viomi", zlib(&viomi_inflated(77))),
         ("valetudo png", valetudo_png(&valetudo(true, true))),
         ("pcd ascii", pcd("ascii")),

@@ -1,5 +1,6 @@
 // Talks to the service, which is always the host that this page came from.
 
+import { idOf } from "./words.ts";
 import type {
   Class, Clip, Corrections, Coverage, Home, HomeMap, LidarMap, List, MapChanges, Room, RoomPatch, Scan, Thing, ThingPatch,
 } from "./types.ts";
@@ -87,8 +88,13 @@ export function home(id: string, signal: AbortSignal): Promise<Home> {
   return get(homePath(id), signal);
 }
 
-export function makeHome(id: string, name: string): Promise<Home | null> {
-  return send("PUT", homePath(id), name ? { name } : {});
+/** Makes a home; its id is made of its name, with a number if another home has it. */
+export async function makeHome(name: string): Promise<Home | null> {
+  const { signal } = new AbortController();
+  for (let number = 1; ; number++) {
+    const id = number === 1 ? idOf(name) : `${idOf(name)}-${number}`;
+    if (!(await getIfThere(homePath(id), signal))) return send("PUT", homePath(id), { name });
+  }
 }
 
 export async function deleteHome(id: string): Promise<void> {

@@ -64,6 +64,12 @@ export function plain(code: string): string {
   return words.charAt(0).toUpperCase() + words.slice(1);
 }
 
+/** The id of a home of this name: "Flat 3, Elm Street" becomes "flat-3-elm-street". */
+export function idOf(name: string): string {
+  const letters = name.normalize("NFKD").replace(/\p{M}/gu, "").toLowerCase();
+  return letters.replace(/[^a-z0-9]+/g, "-").slice(0, 100).replace(/^-+|-+$/g, "") || "home";
+}
+
 export function isUnderWay(clip: Clip): boolean {
   return clip.state === "queued" || clip.state === "aligning";
 }

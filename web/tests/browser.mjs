@@ -44,12 +44,13 @@ const file = async (folder, name) => ({ name, bytes: await readFile(join(recordi
 const open = async (path) => (await page.request.get(`${base}${path}`)).json();
 const clipRow = (state) => page.locator(`li.clip.${state}`).first();
 
-async function makeHome(id, name) {
+/** The page makes the id `flat` of the name `Flat`. */
+async function makeHome(name) {
   await go("#/");
-  await page.getByLabel("Id of the new home").fill(id);
-  await page.getByLabel("Name of the new home (optional)").fill(name);
+  await page.getByLabel("Name of the new home").fill(name);
   await page.keyboard.press("Enter");
   await page.getByRole("heading", { level: 1, name }).waitFor();
+  assert.equal(await page.evaluate(() => location.hash), `#/homes/${name.toLowerCase()}`);
 }
 
 async function pointsShown(count) {
@@ -63,11 +64,7 @@ async function anEmptyServerHelps() {
   await go("");
   await page.getByRole("heading", { name: "No home yet" }).waitFor();
   await shot("01-no-home");
-  // An id that the service refuses is answered in the service's words.
-  await page.getByLabel("Id of the new home").fill("not an id!");
-  await page.getByRole("button", { name: "New home" }).click();
-  await page.getByRole("alert").getByText("home", { exact: false }).first().waitFor();
-  await makeHome("flat", "Flat in the test");
+  await makeHome("Flat");
   await page.getByRole("heading", { name: "This home is empty" }).waitFor();
   await shot("02-empty-home");
 }
@@ -111,6 +108,17 @@ async function pointsAreColoured() {
   assert.notEqual(await page.locator("svg.plan").first().getAttribute("viewBox"), before);
   await page.keyboard.press("0");
   await page.locator("#view-3d").check({ force: true });
+}
+
+/** The map's file is chosen where clips are added: the page offers it as the map. */
+async function aMapAmongClipsIsOfferedAsTheMap() {
+  const { name, bytes } = await file("normal", "valetudo.json");
+  const revision = (await open("/v1/homes/flat")).lidar_map_revision;
+  await page.locator("#choose-clip").setInputFiles({ name, mimeType: "application/json", buffer: bytes });
+  await page.getByRole("dialog").getByText("looks like a LiDAR map").waitFor();
+  await page.getByRole("button", { name: "Cancel", exact: true }).click();
+  assert.equal(await page.locator(".uploads li").count(), 0);
+  assert.equal((await open("/v1/homes/flat")).lidar_map_revision, revision);
 }
 
 async function badFilesAreExplained() {
@@ -161,7 +169,7 @@ async function clipHash(home) {
 }
 
 async function anAlternativeIsChosen() {
-  await makeHome("hotel", "Hotel in the test");
+  await makeHome("Hotel");
   await dropFiles(page, [await file("repeated", "valetudo.json"), await file("repeated", "clip_0.zip")]);
   await clipRow("ambiguous").waitFor();
   await shot("09-ambiguous-home");
@@ -265,14 +273,15 @@ async function aLostServerIsTold() {
   await shot("14-lost");
   await page.unroute(/\/v1\//);
   await page.getByRole("button", { name: "Try again" }).click();
-  await page.getByRole("link", { name: /Flat in the test/ }).waitFor();
+  await page.getByRole("link", { name: /^Flat/ }).waitFor();
 }
 
 try {
   const ofAHome = homeSteps({ browser, context, page, base, open, shot, serviceRests });
   const steps = [
     anEmptyServerHelps, filesAreDroppedAndFollowed, pointsAreColoured, ...ofAHome,
-    ...surfaceSteps({ page, open, say, pictures, touchEverything, serviceRests }), badFilesAreExplained, themesAndPhones,
+    ...surfaceSteps({ page, open, say, pictures, touchEverything, serviceRests }), aMapAmongClipsIsOfferedAsTheMap,
+    badFilesAreExplained, themesAndPhones,
     anAlternativeIsChosen, ...placeSteps({ page, base, makeHome, file, go, open, shot, pointsShown }), aMillionPointsStayResponsive,
     aBrowserWithoutWebGlShowsThePlan, aClipIsDeletedByKeyboard, aLostServerIsTold,
   ];

@@ -8,7 +8,7 @@ import { takePaper } from "../src/paper.ts";
 import { frameOf, fromAbove, ramped } from "../src/plan/raster.ts";
 import { parse, toClip, toHome, toHomes } from "../src/route.ts";
 import { kindOfName, kindOfZip } from "../src/upload/kind.ts";
-import { bytes, percent, plain, seconds } from "../src/words.ts";
+import { bytes, idOf, percent, plain, seconds } from "../src/words.ts";
 import { adviceOf } from "../src/clip/advice.ts";
 import { wantedRooms } from "../src/home/coverage.ts";
 import { FILES } from "../src/home/files.ts";
@@ -29,6 +29,13 @@ test("addresses are read as they are written", () => {
   for (const hash of ["#/x", "#/homes", "#/homes/a/b", "#/homes/a/clips/b/c", "#/homes/%"]) {
     assert.deepEqual(parse(hash), { page: "nowhere" }, hash);
   }
+});
+
+test("a home's id is made of its name", () => {
+  assert.equal(idOf("Flat 3, Elm Street"), "flat-3-elm-street");
+  assert.equal(idOf("  Größe & Café! "), "gro-e-cafe");
+  assert.equal(idOf("家"), "home");
+  assert.ok(/^[a-z0-9-]{1,100}$/.test(idOf("long ".repeat(50))));
 });
 
 test("a clip's points are turned, then moved", () => {
@@ -86,7 +93,8 @@ test("from above the highest shown point is seen", () => {
 
 test("files are sorted by name and, zips, by what they list", () => {
   for (const name of ["valetudo.json", "MAP.YAML", "points.csv", "a.b.ply", "roborock.bin"]) assert.equal(kindOfName(name), "map");
-  for (const name of ["clip.zip", "clip", "recording.r3d"]) assert.equal(kindOfName(name), null);
+  for (const name of ["clip.zip", "clip"]) assert.equal(kindOfName(name), null);
+  for (const name of ["recording.r3d", "scan.db", "bag_0.mcap"]) assert.equal(kindOfName(name), "clip");
   const entry = (name: string) => `PK\u0001\u0002....${name}`;
   const zip = (...names: string[]) => new TextEncoder().encode(names.map(entry).join(""));
   assert.equal(kindOfZip(zip("color/0.jpg", "depth/0.png", "pose/0.txt")), "clip");

@@ -21,9 +21,11 @@ pub use contents::Container;
 pub use error::{ContainerError, MAX_ENTRIES};
 pub use fault::is_machine_fault;
 pub use folder::Folder;
+pub use packed::unzstd;
 pub use region::{Region, RegionReader};
 pub use scratch::{Budget, Scratch};
 pub use single::Single;
+pub use spool::Spool;
 pub use tar::Tar;
 pub use zip::Zip;
 

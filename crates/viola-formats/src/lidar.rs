@@ -140,6 +140,7 @@ impl LidarMap {
             [0x89, b'P', b'N', b'G', ..] => return valetudo::read_png(bytes),
             [b'r', b'r', ..] if robot::is_roborock(bytes) => return robot::read_roborock(bytes),
             _ if robot::is_zlib(bytes) => return robot::read_zlib(bytes),
+            _ if robot::is_inflated_dreame(bytes) => return robot::read_inflated_dreame(bytes),
             _ => {}
         }
         let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();

@@ -43,20 +43,16 @@ function card(home: Home): HTMLElement {
 }
 
 function newHome(): HTMLElement {
-  const id = h("input", {
-    name: "id", required: true, placeholder: "flat-3", autocomplete: "off", spellcheck: "false", maxlength: 128,
-    "aria-label": "Id of the new home",
-  });
   const name = h("input", {
-    name: "name", placeholder: "Flat 3, Elm Street", autocomplete: "off", maxlength: 200,
-    "aria-label": "Name of the new home (optional)",
+    name: "name", required: true, placeholder: "Flat 3, Elm Street", autocomplete: "off", maxlength: 200,
+    "aria-label": "Name of the new home",
   });
   const button = h("button", { class: "primary" }, "New home");
-  const form = h("form", { class: "new-home" }, id, name, button);
+  const form = h("form", { class: "new-home" }, name, button);
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     void attempt(button, async () => {
-      const home = await makeHome(id.value.trim(), name.value.trim());
+      const home = await makeHome(name.value.trim());
       if (home) location.hash = toHome(home.id);
     });
   });

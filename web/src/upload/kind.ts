@@ -9,6 +9,7 @@ const TAIL_BYTES = 1 << 18;
 /** Decides by the name; zips hold both, and null says that one must look inside. */
 export function kindOfName(name: string): Kind | null {
   const ending = name.toLowerCase().split(".").pop() ?? "";
+  if (["r3d", "sens", "db", "db3", "mcap"].includes(ending)) return "clip";
   if (["json", "yaml", "yml", "csv", "ply", "pcd", "pgm", "png", "txt", "xyz", "bin", "rrmap", "clf"].includes(ending)) return "map";
   return null;
 }

@@ -42,13 +42,13 @@ export class UploadPanel {
     const input = h("input", {
       type: "file", multiple: kind === "clip", class: "hidden-text", id: `choose-${kind}`, "data-kind": kind,
     });
-    const hint = kind === "clip" ? "zip of an RGB-D recording" : "Valetudo, a robot's file, ROS zip, PLY, PCD, CSV";
+    const hint = kind === "clip" ? "zip, .r3d, .db or .mcap of an RGB-D recording" : "Valetudo, a robot's file, ROS zip, PLY, PCD, CSV";
     const label = h(
       "label", { class: "drop", for: input.id, "data-kind": kind },
       h("strong", {}, kind === "clip" ? "Add clips" : "Put LiDAR map"), h("span", { class: "hint" }, hint),
     );
     input.addEventListener("change", () => {
-      for (const file of input.files ?? []) this.add(file, kind);
+      for (const file of input.files ?? []) void this.sort(file, kind);
       input.value = "";
     });
     return h("div", { class: "target" }, input, label);
@@ -76,8 +76,20 @@ export class UploadPanel {
   }
 
   private async sort(file: File, said: Kind | undefined): Promise<void> {
-    const kind = said ?? (await kindOf(file).catch(() => null)) ?? (await this.askKind(file));
+    const found = await kindOf(file).catch(() => null);
+    const isOther = said && found && said !== found;
+    const kind = isOther ? await this.askOther(file, said, found) : (said ?? found ?? (await this.askKind(file)));
     if (kind) this.add(file, kind);
+  }
+
+  /** A file on the place of the other kind, for example a map on "Add clips". */
+  private askOther(file: File, said: Kind, found: Kind): Promise<Kind | null> {
+    const word = (kind: Kind) => (kind === "clip" ? "clip" : "LiDAR map");
+    return ask(`A ${word(found)}?`, `${file.name} looks like a ${word(found)}, not like a ${word(said)}.`, [
+      { word: `Use it as a ${word(found)}`, value: found, kind: "primary" },
+      { word: `Use it as a ${word(said)}`, value: said },
+      { word: "Cancel", value: null },
+    ]);
   }
 
   private askKind(file: File): Promise<Kind | null> {

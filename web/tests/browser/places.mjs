@@ -27,7 +27,7 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
   }
 
   async function aLevelIsChosen() {
-    await makeHome("house", "House in the test");
+    await makeHome("House");
     await put("/v1/homes/house/lidar-maps/main", smallRoom());
     await put("/v1/homes/house/lidar-maps/upper", (await file("normal", "valetudo.json")).bytes);
     await dropFiles(page, [await file("normal", "clip_0.zip")]);
@@ -62,7 +62,7 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
   }
 
   async function aForeignClipIsExplained() {
-    await makeHome("elsewhere", "Elsewhere in the test");
+    await makeHome("Elsewhere");
     await put("/v1/homes/elsewhere/lidar-map", smallRoom());
     await dropFiles(page, [await file("repeated", "clip_0.zip")]);
     const clip = page.locator("li.clip:is(.failed, .ambiguous)");

@@ -20,6 +20,11 @@ pub(super) fn metres(units: u16, units_per_m: f32) -> f32 {
     if units == u16::MAX { 0.0 } else { f32::from(units) / units_per_m }
 }
 
+/// Returns a depth in metres, or 0 for a number that is no depth.
+pub(super) fn valid(depth_m: f32) -> f32 {
+    if depth_m.is_finite() && depth_m > 0.0 { depth_m } else { 0.0 }
+}
+
 /// Returns width and height of LZFSE-packed floats: as given, or else from the number of floats.
 pub(super) fn floats_size(
     container: &dyn Container,
@@ -56,11 +61,7 @@ pub(super) fn decode_floats(
         let reason = format!("{} bytes instead of those of {width}x{height} floats", bytes.len());
         return Err(ClipError::BadDepth { name: name.to_string(), reason });
     }
-    let metres = |bytes: &[u8; 4]| match f32::from_le_bytes(*bytes) {
-        depth_m if depth_m.is_finite() && depth_m > 0.0 => depth_m,
-        _ => 0.0,
-    };
-    let depth_m = bytes.as_chunks().0.iter().map(metres).collect();
+    let depth_m = bytes.as_chunks().0.iter().map(|bytes| valid(f32::from_le_bytes(*bytes))).collect();
     Ok(DepthImage { width, height, depth_m })
 }
 

@@ -1,5 +1,6 @@
 //! A clip whose pictures lie in a container: their places, and the decoding of frames.
 
+use super::rows::Rows;
 use super::{ClipError, Frame, FrameHeader, depth, npy, picture};
 use crate::container::{Container, ContainerError, Region};
 use crate::video::Tools;
@@ -45,12 +46,20 @@ pub(super) struct Part {
 /// Encoding of a part.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Coding {
-    /// A JPEG or PNG file.
+    /// A JPEG or PNG file; depth is a PNG with 16 bits of grey.
     Picture,
     /// Pixels of a picture of this width and height, row by row.
     Raw((u32, u32)),
     /// Readings of 16 bits, packed with zlib.
     Zlib,
+    /// Readings of 16 bits of a picture of this width and height, packed with RVL.
+    Rvl((u32, u32)),
+    /// A PNG whose four channels are the bytes of 32-bit floats in metres.
+    FloatPicture,
+    /// A PNG with 16 bits of inverse depth: `a / (reading - b)` metres.
+    InversePicture { a: f32, b: f32 },
+    /// Bare pixels of a stride.
+    Rows(Rows),
 }
 
 impl Part {
@@ -211,7 +220,9 @@ impl Files {
         };
         let mut depth = match depth {
             DepthPlace::Png(place) => {
-                picture::decode_depth(container, name(place), &cameras.depth, self.depth_units_per_m)?
+                let name = name(place);
+                let metres = |units| depth::metres(units, self.depth_units_per_m);
+                picture::decode_depth(&picture::read(container, name)?, name, &cameras.depth, metres)?
             }
             DepthPlace::Npy(place) => {
                 npy::decode(container, name(place), &cameras.depth, self.depth_units_per_m)?

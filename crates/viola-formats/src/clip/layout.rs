@@ -9,6 +9,8 @@ mod numbered;
 mod polycam;
 mod record3d;
 mod redwood;
+mod ros;
+mod rtabmap;
 mod scanner_3d;
 mod scannet;
 mod sens;
@@ -140,7 +142,7 @@ pub(super) struct Source {
 type Find = fn(&dyn Container) -> Result<Option<Layout>, ClipError>;
 
 /// Readers of layouts with a unique file come first, readers of any numbered pictures last.
-const READERS: [Find; 12] = [
+const READERS: [Find; 14] = [
     record3d::find,
     stray::find,
     spectacular::find,
@@ -152,6 +154,8 @@ const READERS: [Find; 12] = [
     scannet::find,
     seven_scenes::find,
     tum::find,
+    rtabmap::find,
+    ros::find,
     sens::find,
 ];
 

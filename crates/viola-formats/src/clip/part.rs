@@ -1,7 +1,7 @@
 //! Pictures inside of a large file: raw pixels, packed pixels, or files of their own.
 
 use super::files::{Coding, Part};
-use super::{ClipError, DepthImage, depth, picture};
+use super::{ClipError, DepthImage, depth, picture, rvl};
 use flate2::read::ZlibDecoder;
 use image::RgbImage;
 use std::io::Read;
@@ -22,11 +22,18 @@ impl Part {
                 image
                     .ok_or_else(|| bad(format!("{length} bytes instead of those of {width}x{height} pixels")))
             }
-            Coding::Zlib => Err(bad("colour is not packed with zlib".into())),
+            Coding::Rows(rows) => {
+                self.check_size("colour", (rows.width, rows.height), camera)?;
+                let length = bytes.len();
+                rows.color(&bytes).ok_or_else(|| bad(format!("{length} bytes are not those of {rows:?}")))
+            }
+            Coding::Zlib | Coding::Rvl(_) | Coding::FloatPicture | Coding::InversePicture { .. } => {
+                Err(bad("it is packed as depth is".into()))
+            }
         }
     }
 
-    /// Decodes depth of 16 bits, least significant byte first.
+    /// Decodes depth; numbers of 16 bits begin with the least significant byte.
     pub(super) fn decode_depth(
         &self,
         bytes: &[u8],
@@ -34,24 +41,55 @@ impl Part {
         units_per_m: f32,
     ) -> Result<DepthImage, ClipError> {
         let (width, height) = (camera.width, camera.height);
-        let wanted = width as usize * height as usize * 2;
-        let bad = |reason: String| ClipError::BadDepth { name: self.name("depth"), reason };
-        let mut unpacked = Vec::new();
-        let bytes = match self.coding {
-            Coding::Raw(_) => bytes,
+        let name = self.name("depth");
+        let bad = |reason: String| ClipError::BadDepth { name: name.clone(), reason };
+        let metres = |units| depth::metres(units, units_per_m);
+        let of_bytes =
+            |bytes: &[u8]| bytes.as_chunks().0.iter().map(|b| metres(u16::from_le_bytes(*b))).collect();
+        let pixels = width as usize * height as usize;
+        let depth_m: Vec<f32> = match self.coding {
+            Coding::Raw(_) => of_bytes(bytes),
             Coding::Zlib => {
-                let mut reader = ZlibDecoder::new(bytes).take(wanted as u64 + 1);
+                let mut unpacked = Vec::new();
+                let mut reader = ZlibDecoder::new(bytes).take(pixels as u64 * 2 + 1);
                 reader
                     .read_to_end(&mut unpacked)
                     .map_err(|error| bad(format!("it is not zlib ({error})")))?;
-                &unpacked
+                if unpacked.len() != pixels * 2 {
+                    return Err(bad(format!(
+                        "{} bytes instead of those of {width}x{height} readings",
+                        unpacked.len()
+                    )));
+                }
+                of_bytes(&unpacked)
             }
-            Coding::Picture => return Err(bad("depth is raw or packed with zlib".into())),
+            Coding::Rvl(size) => {
+                self.check_size("depth", size, camera)?;
+                let readings = rvl::unpack(bytes, pixels);
+                let readings = readings.ok_or_else(|| bad(format!("it is not RVL of {width}x{height}")))?;
+                readings.into_iter().map(metres).collect()
+            }
+            Coding::Rows(rows) => {
+                self.check_size("depth", (rows.width, rows.height), camera)?;
+                let readings = rows.depth_m(bytes, units_per_m);
+                readings.ok_or_else(|| bad(format!("{} bytes are not those of {rows:?}", bytes.len())))?
+            }
+            Coding::Picture => return picture::decode_depth(bytes, &name, camera, metres),
+            Coding::FloatPicture => return picture::decode_float_depth(bytes, &name, camera),
+            Coding::InversePicture { a, b } => {
+                let inverse = |reading: u16| {
+                    if reading == 0 { 0.0 } else { depth::valid(a / (f32::from(reading) - b)) }
+                };
+                return picture::decode_depth(bytes, &name, camera, inverse);
+            }
         };
-        if bytes.len() != wanted {
+        if depth_m.len() != pixels {
             return Err(bad(format!("{} bytes instead of those of {width}x{height} readings", bytes.len())));
         }
-        let metres = |bytes: &[u8; 2]| depth::metres(u16::from_le_bytes(*bytes), units_per_m);
-        Ok(DepthImage { width, height, depth_m: bytes.as_chunks().0.iter().map(metres).collect() })
+        Ok(DepthImage { width, height, depth_m })
+    }
+
+    fn check_size(&self, kind: &str, size: (u32, u32), camera: &Pinhole) -> Result<(), ClipError> {
+        picture::check_size(&self.name(kind), size, camera)
     }
 }

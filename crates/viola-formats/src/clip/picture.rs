@@ -14,12 +14,27 @@ const MAX_PIXELS: u64 = 16 << 20;
 /// Returns width and height, from the picture's header.
 pub(super) fn size(container: &dyn Container, name: &str) -> Result<(u32, u32), ClipError> {
     let bytes = container.read(name, MAX_PICTURE_BYTES)?;
-    Ok(decoder(&bytes, name)?.dimensions())
+    size_of(&bytes, name)
+}
+
+/// Returns width and height of a picture's file in memory.
+pub(super) fn size_of(bytes: &[u8], name: &str) -> Result<(u32, u32), ClipError> {
+    Ok(decoder(bytes, name)?.dimensions())
+}
+
+/// Returns whether a picture's file has four channels of 8 bits.
+pub(super) fn has_four_channels(bytes: &[u8], name: &str) -> Result<bool, ClipError> {
+    Ok(decoder(bytes, name)?.color_type() == ColorType::Rgba8)
 }
 
 /// Reads the bytes of a picture's file.
 pub(super) fn read(container: &dyn Container, name: &str) -> Result<Vec<u8>, ClipError> {
     Ok(container.read(name, MAX_PICTURE_BYTES)?)
+}
+
+/// Returns whether a picture's file has 16 bits of grey.
+pub(super) fn is_grey16(bytes: &[u8]) -> bool {
+    decoder(bytes, "").is_ok_and(|decoder| decoder.color_type() == ColorType::L16)
 }
 
 /// Decodes a colour picture of the camera's size.
@@ -32,15 +47,14 @@ pub(super) fn decode_color(bytes: &[u8], name: &str, camera: &Pinhole) -> Result
     Ok(pixels(decoder, name)?.into_rgb8())
 }
 
-/// Decodes a depth picture of the camera's size to metres.
+/// Decodes a depth picture of the camera's size; `metres` converts its numbers, 0 for none.
 pub(super) fn decode_depth(
-    container: &dyn Container,
+    bytes: &[u8],
     name: &str,
     camera: &Pinhole,
-    units_per_m: f32,
+    metres: impl Fn(u16) -> f32,
 ) -> Result<DepthImage, ClipError> {
-    let bytes = container.read(name, MAX_PICTURE_BYTES)?;
-    let decoder = decoder(&bytes, name)?;
+    let decoder = decoder(bytes, name)?;
     check_size(name, decoder.dimensions(), camera)?;
     let found = decoder.color_type();
     if found != ColorType::L16 {
@@ -48,7 +62,23 @@ pub(super) fn decode_depth(
     }
     let image = pixels(decoder, name)?.into_luma16();
     let (width, height) = image.dimensions();
-    let depth_m = image.into_raw().into_iter().map(|units| depth::metres(units, units_per_m)).collect();
+    let depth_m = image.into_raw().into_iter().map(metres).collect();
+    Ok(DepthImage { width, height, depth_m })
+}
+
+/// Decodes a picture whose blue, green, red and alpha are the bytes of a 32-bit float in metres.
+pub(super) fn decode_float_depth(
+    bytes: &[u8],
+    name: &str,
+    camera: &Pinhole,
+) -> Result<DepthImage, ClipError> {
+    let decoder = decoder(bytes, name)?;
+    check_size(name, decoder.dimensions(), camera)?;
+    let image = pixels(decoder, name)?.into_rgba8();
+    let (width, height) = image.dimensions();
+    let metres =
+        |&[red, green, blue, alpha]: &[u8; 4]| depth::valid(f32::from_le_bytes([blue, green, red, alpha]));
+    let depth_m = image.into_raw().as_chunks().0.iter().map(metres).collect();
     Ok(DepthImage { width, height, depth_m })
 }
 
@@ -79,21 +109,24 @@ fn decoder<'a>(bytes: &'a [u8], name: &str) -> Result<impl ImageDecoder + 'a, Cl
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(|error| bad(error.to_string()))?;
     let (width, height) = decoder.dimensions();
-    if u64::from(width) * u64::from(height) > MAX_PIXELS {
-        return Err(ClipError::PictureTooLarge {
-            name: name.to_string(),
-            width,
-            height,
-            max_pixels: MAX_PIXELS,
-        });
-    }
-    if width == 0 || height == 0 {
-        return Err(bad("it has no pixels".into()));
-    }
+    check_pixels(name, width, height)?;
     Ok(decoder)
 }
 
-fn check_size(name: &str, (width, height): (u32, u32), camera: &Pinhole) -> Result<(), ClipError> {
+/// Refuses the size of an empty picture, and of one that is too large to decode.
+pub(super) fn check_pixels(name: &str, width: u32, height: u32) -> Result<(u32, u32), ClipError> {
+    let name = name.to_string();
+    if u64::from(width) * u64::from(height) > MAX_PIXELS {
+        return Err(ClipError::PictureTooLarge { name, width, height, max_pixels: MAX_PIXELS });
+    }
+    if width == 0 || height == 0 {
+        return Err(ClipError::BadPicture { name, reason: "it has no pixels".into() });
+    }
+    Ok((width, height))
+}
+
+/// Refuses a picture of another size than the camera's.
+pub(super) fn check_size(name: &str, (width, height): (u32, u32), camera: &Pinhole) -> Result<(), ClipError> {
     if (width, height) == (camera.width, camera.height) {
         return Ok(());
     }

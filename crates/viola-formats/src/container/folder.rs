@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 /// Number of folder levels that are searched.
 const MAX_DEPTH: usize = 8;
 
-/// The files below a folder. Links to files inside it are followed, links to folders are not.
+/// The files below a folder of this machine's owner. Links are followed, also those that lead out of it; only archives
+/// come from strangers.
 pub struct Folder {
     root: PathBuf,
     names: Vec<String>,
@@ -25,8 +26,8 @@ impl Folder {
     }
 
     fn collect(&mut self, entries: &mut usize) -> Result<(), ContainerError> {
-        let mut open = vec![(String::new(), 0)];
-        while let Some((prefix, depth)) = open.pop() {
+        let mut open = vec![(String::new(), vec![self.root.clone()])];
+        while let Some((prefix, above)) = open.pop() {
             let path = self.root.join(&prefix);
             let unreadable = |source| ContainerError::unreadable(&path, source);
             for entry in fs::read_dir(&path).map_err(unreadable)? {
@@ -41,26 +42,20 @@ impl Folder {
                     continue;
                 }
                 let name = if prefix.is_empty() { part } else { format!("{prefix}/{part}") };
-                let kind = entry.file_type().map_err(unreadable)?;
-                if kind.is_dir() {
-                    if depth + 1 < MAX_DEPTH {
-                        open.push((name, depth + 1));
-                    }
-                } else if kind.is_file() || (kind.is_symlink() && self.link_is_file(&name)?) {
+                // A broken link belongs to no layout.
+                let Ok(metadata) = fs::metadata(entry.path()) else { continue };
+                if metadata.is_file() {
                     self.names.push(name);
+                } else if metadata.is_dir() && above.len() < MAX_DEPTH {
+                    let folder = fs::canonicalize(entry.path()).map_err(unreadable)?;
+                    // A link to a folder above it would never end.
+                    if !above.iter().any(|above| above.starts_with(&folder)) {
+                        open.push((name, above.iter().cloned().chain([folder]).collect()));
+                    }
                 }
             }
         }
         Ok(())
-    }
-
-    /// Returns whether a link leads to a file inside the folder; broken links and links to folders do not.
-    fn link_is_file(&self, name: &str) -> Result<bool, ContainerError> {
-        let Ok(target) = fs::canonicalize(self.root.join(name)) else { return Ok(false) };
-        if !target.starts_with(&self.root) {
-            return Err(ContainerError::PathEscapes { name: shown(name) });
-        }
-        Ok(target.is_file())
     }
 
     fn file(&self, name: &str) -> Result<File, ContainerError> {

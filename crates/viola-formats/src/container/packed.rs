@@ -8,7 +8,7 @@ use super::kind::{Kind, Packing};
 use super::spool::spool;
 use super::{Container, ContainerError, Region, Scratch, is_machine_fault, tar::Tar};
 use std::cell::Cell;
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read};
 
 /// Maximum unpacked size of one archive. It stays on disk as long as the archive is open.
 const MAX_SPOOLED_BYTES: u64 = 16 << 30;
@@ -44,6 +44,11 @@ pub(super) fn open(
     let mut whole = head.as_slice().chain(reader);
     let unpacked = spool(&mut whole, "the archive", scratch, max_bytes, bomb, failed)?;
     Ok(Box::new(Tar::index(unpacked)?))
+}
+
+/// Returns a reader of the content of Zstandard frames, with a bounded window.
+pub fn unzstd(source: impl BufRead) -> impl Read {
+    zstd::Frames::new(source)
 }
 
 /// Records a read at the end: a stream that fails after it is truncated, any other is damaged.

@@ -38,3 +38,40 @@ pub(super) fn spool(
         file.write_all(&chunk[..read]).map_err(no_room)?;
     }
 }
+
+/// An unnamed temporary file for parts that lie scattered or packed in a file.
+pub struct Spool {
+    file: io::BufWriter<std::fs::File>,
+    bytes: u64,
+    max_bytes: u64,
+}
+
+impl Spool {
+    /// Begins a file of at most `max_bytes`.
+    pub fn new(max_bytes: u64) -> Result<Spool, ContainerError> {
+        let file = tempfile::tempfile().map_err(Spool::no_room)?;
+        Ok(Spool { file: io::BufWriter::with_capacity(CHUNK_BYTES, file), bytes: 0, max_bytes })
+    }
+
+    /// Appends a part and returns its offset.
+    pub fn append(&mut self, part: &[u8]) -> Result<u64, ContainerError> {
+        let at = self.bytes;
+        self.bytes = at.saturating_add(part.len() as u64);
+        if self.bytes > self.max_bytes {
+            let name = "the unpacked recording".to_owned();
+            return Err(ContainerError::FileTooLarge { name, max_bytes: self.max_bytes });
+        }
+        self.file.write_all(part).map_err(Spool::no_room)?;
+        Ok(at)
+    }
+
+    /// Returns the whole file.
+    pub fn finish(self) -> Result<Region, ContainerError> {
+        let file = self.file.into_inner().map_err(|error| Spool::no_room(error.into_error()))?;
+        Ok(Region { file, offset: 0, bytes: self.bytes })
+    }
+
+    fn no_room(source: io::Error) -> ContainerError {
+        ContainerError::CannotUnpack { name: "the recording".to_owned(), source }
+    }
+}

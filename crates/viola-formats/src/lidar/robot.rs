@@ -4,6 +4,7 @@ mod dreame;
 mod roborock;
 mod viomi;
 
+pub(super) use dreame::{is_inflated as is_inflated_dreame, read as read_inflated_dreame};
 pub(super) use dreame::{is_text as is_dreame_text, read_text as read_dreame_text};
 pub(super) use roborock::{is as is_roborock, read as read_roborock};
 

@@ -113,7 +113,14 @@ pub(super) fn is(bytes: &[u8]) -> bool {
         && (1..=MAX_SIDE).contains(&size(21))
 }
 
-pub(super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
+/// Returns whether a file can be an inflated map: its numbers are possible, and JSON follows the image.
+pub(in super::super) fn is_inflated(bytes: &[u8]) -> bool {
+    let has_json =
+        |frame: Frame| frame.extra.starts_with(b"{") && frame.extra.trim_ascii_end().ends_with(b"}");
+    is(bytes) && Frame::parse(bytes).is_ok_and(has_json)
+}
+
+pub(in super::super) fn read(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     let frame = Frame::parse(bytes)?;
     if frame.kind == CHANGES_FRAME {
         return Err(LidarError::PartialMap);

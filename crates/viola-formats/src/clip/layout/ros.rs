@@ -1,0 +1,190 @@
+//! ROS 2 bags, as MCAP or as rosbag2's SQLite file, alone or in a folder with `metadata.yaml`. Topics are chosen by the
+//! types and contents of their messages; poses are interpolated to the depth pictures.
+
+mod bag;
+mod cdr;
+mod db3;
+mod frames;
+mod lz4;
+mod mcap;
+mod message;
+mod path;
+
+use super::associate::associate;
+use super::trajectory::times;
+use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, Of, Source, incomplete};
+use crate::clip::files::Part;
+use crate::container::Container;
+use bag::{Bag, Images};
+use message::CameraInfo;
+use std::cmp::Reverse;
+use viola_geometry::Vector3;
+
+/// Maximum time between the pictures of a frame.
+const MAX_GAP_S: f64 = 0.02;
+/// Maximum number of files of one bag, which the recorder splits by size.
+const MAX_FILES: usize = 1000;
+
+/// Finds a bag in a container; returns `None` if there is none.
+pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
+    let names = container.names();
+    let packed = |name: &&String| name.ends_with(".db3.zstd") || name.ends_with(".mcap.zstd");
+    if let Some(name) = names.iter().find(packed) {
+        let reason = "the whole file is compressed; unpack it with `zstd -d`, then send it".to_string();
+        return Err(ClipError::BadMetadata { name: name.clone(), reason });
+    }
+    // A file that was sent alone may have any name.
+    let is_candidate = |name: &&String| names.len() == 1 || name.ends_with(".mcap") || name.ends_with(".db3");
+    let files: Vec<&String> = names.iter().filter(is_candidate).take(MAX_FILES).collect();
+    let Some(first) = files.first() else { return Ok(None) };
+    let folder = first.rfind('/').map_or("", |end| &first[..=end]);
+    let is_split = container.contains(&format!("{folder}metadata.yaml"));
+    if let Some(other) = files.iter().find(|name| !is_split && name != &first || !name.starts_with(folder)) {
+        return Err(ClipError::SeveralClips { first: first.to_string(), second: other.to_string() });
+    }
+    let Some(mut bag) = Bag::read(container, &files)? else { return Ok(None) };
+    let layout = layout(&mut bag, first)?;
+    Ok(Some(Layout { region: Some(bag.spool.finish()?), ..layout }))
+}
+
+fn layout(bag: &mut Bag, name: &str) -> Result<Layout, ClipError> {
+    for images in bag.images.values_mut() {
+        images.pictures.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    }
+    let Some((depth_topic, depth)) = depth_topic(bag) else {
+        let reason =
+            "it has no topic with depth: sensor_msgs/msg/Image of 16UC1 or 32FC1, or compressedDepth"
+                .to_string();
+        return Err(ClipError::BadMetadata { name: name.to_string(), reason });
+    };
+    let color = color_topic(bag, depth_topic, depth);
+    let (cameras, is_distorted) = cameras(bag, depth_topic, depth, color)?;
+    let depth_times_s = times(&depth.pictures);
+    let color_times_s = color.map_or(Vec::new(), |(_, color)| times(&color.pictures));
+    let pairs: Vec<(Option<usize>, usize)> = if color.is_some() {
+        let pairs = associate(&color_times_s, &depth_times_s, MAX_GAP_S);
+        pairs.into_iter().map(|(color, depth)| (Some(color), depth)).collect()
+    } else {
+        (0..depth_times_s.len()).map(|depth| (None, depth)).collect()
+    };
+    let of_frames_s: Vec<f64> = pairs.iter().map(|(_, depth)| depth_times_s[*depth]).collect();
+    let color_words = color.map_or("none".to_string(), |(topic, _)| topic.clone());
+    let mut notes = vec![format!("depth is from {depth_topic}, colour from {color_words}")];
+    if is_distorted {
+        notes.push("the lens distortion in camera_info was not applied".to_string());
+    }
+    let counts = (color_times_s.len(), depth_times_s.len());
+    let camera = depth.frame.clone();
+    let path = path::find(bag, &camera, &of_frames_s);
+    notes.push(format!("poses are from {}, interpolated to the depth pictures", path.from));
+    notes.extend(path.note);
+    // The topics again: the poses of the bag were sorted meanwhile.
+    let sources = sources(bag, &pairs, path.poses);
+    Ok(Layout {
+        pose_files: "/odom, /pose or /tf",
+        depth_unit: "millimetres of 16 bits, or metres as 32-bit floats",
+        gravity: if path.z_is_up { "world z is up (REP 105)" } else { "unknown" }.to_string(),
+        up_in_world: path.z_is_up.then(Vector3::z),
+        color_pictures: counts.0,
+        depth_pictures: counts.1,
+        incomplete: incomplete(counts.0, counts.1, pairs.len()),
+        intrinsics: "camera_info".to_string(),
+        notes,
+        ..Layout::new("ros2_bag", cameras, sources)
+    })
+}
+
+/// Returns the frames in the order of time.
+fn sources(
+    bag: &Bag,
+    pairs: &[(Option<usize>, usize)],
+    poses: Vec<Option<viola_geometry::Pose3>>,
+) -> Vec<Source> {
+    let Some((depth_topic, depth)) = depth_topic(bag) else { return Vec::new() };
+    let color = color_topic(bag, depth_topic, depth);
+    let source = |((number, &(color_index, depth_index)), world_from_camera): (
+        (usize, &(Option<usize>, usize)),
+        _,
+    )| {
+        let number = number as u32;
+        let picture = &depth.pictures[depth_index];
+        let numbered = |part: Part| Part { number, ..part };
+        Source {
+            number,
+            time_s: Some(picture.time_s),
+            world_from_camera,
+            color: color_index.zip(color).map_or(ColorAt::Absent, |(index, (_, color))| {
+                let picture = &color.pictures[index].value;
+                ColorAt::Part { part: numbered(picture.part), size: picture.size }
+            }),
+            depth: DepthAt::Part { part: numbered(picture.value.part), size: picture.value.size },
+            confidence: None,
+            numbers: None,
+        }
+    };
+    pairs.iter().enumerate().zip(poses).map(source).collect()
+}
+
+/// Returns the topic with depth: of several, one that is aligned to colour, or else the one with most pictures.
+fn depth_topic(bag: &Bag) -> Option<(&String, &Images)> {
+    let is_aligned = |topic: &str| topic.contains("aligned") || topic.contains("registered");
+    let depth = bag.images.iter().filter(|(_, images)| images.is_depth);
+    depth.max_by_key(|(topic, images)| (is_aligned(topic), images.pictures.len(), Reverse(topic.as_str())))
+}
+
+/// Returns the topic with colour: of several, one of the depth's frame, or else one that is called so.
+fn color_topic<'a>(bag: &'a Bag, depth_topic: &str, depth: &Images) -> Option<(&'a String, &'a Images)> {
+    let is_infrared = |topic: &str| topic.contains("infra") || topic.split('/').any(|part| part == "ir");
+    let is_called = |topic: &str| topic.contains("color") || topic.contains("rgb");
+    let shared = |topic: &str| topic.chars().zip(depth_topic.chars()).take_while(|(a, b)| a == b).count();
+    let color = bag.images.iter().filter(|(topic, images)| !images.is_depth && !is_infrared(topic));
+    color.max_by_key(|(topic, images)| {
+        let has_frame = images.frame == depth.frame;
+        (has_frame, is_called(topic), shared(topic), images.pictures.len(), Reverse(topic.as_str()))
+    })
+}
+
+/// Returns the intrinsics of both cameras, and whether their lenses distort.
+fn cameras(
+    bag: &Bag,
+    depth_topic: &str,
+    depth: &Images,
+    color: Option<(&String, &Images)>,
+) -> Result<(Cameras, bool), ClipError> {
+    let of_depth = camera(bag, depth_topic, depth);
+    let of_color = color.and_then(|(topic, images)| camera(bag, topic, images));
+    let is_distorted = of_depth.iter().chain(&of_color).any(|(_, is_distorted)| *is_distorted);
+    let cameras = match (of_depth, of_color) {
+        (Some((depth, _)), Some((color, _))) => Cameras::Each { color, depth },
+        // Depth that is registered to colour has its view.
+        (Some((one, _)), None) | (None, Some((one, _))) => Cameras::One(one),
+        (None, None) => return Err(ClipError::MissingIntrinsics { name: info_topic(depth_topic) }),
+    };
+    Ok((cameras, is_distorted))
+}
+
+/// Returns the intrinsics of a topic: beside it, or else of its frame and size.
+fn camera(bag: &Bag, topic: &str, images: &Images) -> Option<(Intrinsics, bool)> {
+    let size = images.pictures.first()?.value.size;
+    let beside = info_topic(topic);
+    let fits = |info: &&CameraInfo| info.frame == images.frame && info.size == size;
+    let (name, info) = match bag.cameras.get(&beside) {
+        Some(info) => (beside, info),
+        None => {
+            let (name, info) = bag.cameras.iter().find(|(_, info)| fits(info))?;
+            (name.clone(), info)
+        }
+    };
+    let is_rectified = topic.contains("rect");
+    let [fx, fy, cx, cy] = if is_rectified { info.rectified } else { info.raw };
+    let (width, height) = if info.size.0 > 0 && info.size.1 > 0 { info.size } else { size };
+    let numbers = Numbers { fx, fy, cx, cy, of: Of::Size(width, height) };
+    Some((Intrinsics { name, numbers }, info.is_distorted && !is_rectified))
+}
+
+/// Returns the name of the topic with the intrinsics of a topic's pictures.
+fn info_topic(topic: &str) -> String {
+    let bare = topic.strip_suffix("/compressedDepth").or(topic.strip_suffix("/compressed")).unwrap_or(topic);
+    let folder = bare.rfind('/').map_or("", |end| &bare[..end]);
+    format!("{folder}/camera_info")
+}

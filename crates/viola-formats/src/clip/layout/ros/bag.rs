@@ -1,0 +1,171 @@
+//! The files of a bag, and what their messages hold: places of pictures, intrinsics and poses.
+
+use super::frames::Frames;
+use super::message::{self, CameraInfo, Image, Kind, Transform};
+use super::{db3, mcap};
+use crate::clip::files::Part;
+use crate::clip::layout::trajectory::Timed;
+use crate::clip::sqlite::Database;
+use crate::clip::{ClipError, MAX_FRAMES};
+use crate::container::{Container, Spool};
+use std::collections::BTreeMap;
+use viola_geometry::Pose3;
+
+/// Maximum size of one message: a picture.
+pub(super) const MAX_MESSAGE_BYTES: u64 = 64 << 20;
+const MAX_FILE_BYTES: u64 = 64 << 30;
+/// Maximum size of the pictures of a bag after chunks are unpacked.
+const MAX_PICTURES_BYTES: u64 = 16 << 30;
+pub(super) const MAX_TOPICS: usize = 1000;
+/// Pictures of a few cameras.
+const MAX_PICTURES: usize = 4 * MAX_FRAMES;
+/// Poses of several sensors at 100 Hz for half an hour.
+const MAX_POSES: usize = 1_000_000;
+
+/// The function that is called with each message: topic, kind, bytes.
+pub(super) type Visit<'a> = &'a mut dyn FnMut(&str, Kind, &[u8]) -> Result<(), ClipError>;
+
+/// Pictures of one topic, in any order.
+pub(super) struct Images {
+    pub frame: String,
+    pub is_depth: bool,
+    pub pictures: Vec<Timed<Picture>>,
+}
+
+pub(super) struct Picture {
+    pub part: Part,
+    pub size: (u32, u32),
+}
+
+/// Poses of one topic, in any order.
+pub(super) struct Poses {
+    pub world: String,
+    /// Empty if the messages do not name the moving frame.
+    pub child: String,
+    pub poses: Vec<Timed<Pose3>>,
+}
+
+/// The content of a bag.
+pub(super) struct Bag {
+    /// The pictures' bytes: messages lie in chunks, on scattered pages or in several files.
+    pub spool: Spool,
+    pub images: BTreeMap<String, Images>,
+    pub cameras: BTreeMap<String, CameraInfo>,
+    pub odometry: BTreeMap<String, Poses>,
+    pub poses: BTreeMap<String, Poses>,
+    pub frames: Frames,
+    pictures: usize,
+    pose_count: usize,
+}
+
+impl Bag {
+    /// Reads the files of a bag; returns `None` if the first of them is not a bag's.
+    pub fn read(container: &dyn Container, names: &[&String]) -> Result<Option<Bag>, ClipError> {
+        let mut bag = Bag {
+            spool: Spool::new(MAX_PICTURES_BYTES)?,
+            images: BTreeMap::new(),
+            cameras: BTreeMap::new(),
+            odometry: BTreeMap::new(),
+            poses: BTreeMap::new(),
+            frames: Frames::default(),
+            pictures: 0,
+            pose_count: 0,
+        };
+        for name in names {
+            let region = container.region(name, MAX_FILE_BYTES)?;
+            let mut head = [0; 8];
+            let is_mcap = region.read_exact_at(0, &mut head).is_ok() && &head == mcap::MAGIC;
+            let visit: Visit = &mut |topic, kind, message| bag.add(name, topic, kind, message);
+            if is_mcap {
+                mcap::read(&region, name, visit)?;
+                continue;
+            }
+            match Database::open(&region, name)? {
+                Some(database) if db3::tables(&database).is_some() => db3::read(&database, name, visit)?,
+                _ => return Ok(None),
+            }
+        }
+        bag.frames.sort();
+        Ok(Some(bag))
+    }
+
+    fn add(&mut self, name: &str, topic: &str, kind: Kind, message: &[u8]) -> Result<(), ClipError> {
+        let bad = |reason: String| ClipError::BadMetadata { name: name.to_string(), reason };
+        let damaged = || bad(format!("a message of {topic} is damaged"));
+        let topics = self.images.len() + self.cameras.len() + self.odometry.len() + self.poses.len();
+        if topics > MAX_TOPICS {
+            return Err(bad(format!("there are more than {MAX_TOPICS} topics")));
+        }
+        match kind {
+            Kind::Image | Kind::CompressedImage => {
+                let is_bare = kind == Kind::Image;
+                let image =
+                    if is_bare { message::image(message) } else { message::compressed_image(message) };
+                if let Some(image) = image.ok_or_else(damaged)? {
+                    self.add_image(topic, image, message)?;
+                }
+            }
+            Kind::CameraInfo => {
+                if !self.cameras.contains_key(topic) {
+                    let camera = message::camera_info(message).ok_or_else(damaged)?;
+                    self.cameras.insert(topic.to_string(), camera);
+                }
+            }
+            Kind::Odometry => {
+                let transform = message::odometry(message).ok_or_else(damaged)?;
+                self.count_poses(1).map_err(bad)?;
+                add_pose(&mut self.odometry, topic, transform);
+            }
+            Kind::PoseStamped => {
+                let transform = message::pose_stamped(message).ok_or_else(damaged)?;
+                self.count_poses(1).map_err(bad)?;
+                add_pose(&mut self.poses, topic, transform);
+            }
+            Kind::Transforms => {
+                let transforms = message::transforms(message).ok_or_else(damaged)?;
+                self.count_poses(transforms.len()).map_err(bad)?;
+                for transform in transforms {
+                    self.frames.add(transform, topic.ends_with("tf_static"));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn count_poses(&mut self, more: usize) -> Result<(), String> {
+        self.pose_count += more;
+        let is_many = self.pose_count > MAX_POSES;
+        if is_many {
+            Err(format!("there are more than {MAX_POSES} poses; send the recording in parts"))
+        } else {
+            Ok(())
+        }
+    }
+
+    fn add_image(&mut self, topic: &str, image: Image, message: &[u8]) -> Result<(), ClipError> {
+        let Image { header, is_depth, size, coding, data } = image;
+        self.pictures += 1;
+        if self.pictures > MAX_PICTURES {
+            return Err(ClipError::TooManyFrames { frames: self.pictures, max: MAX_PICTURES });
+        }
+        let images = self.images.entry(topic.to_string()).or_insert_with(|| Images {
+            frame: header.frame,
+            is_depth,
+            pictures: Vec::new(),
+        });
+        if images.is_depth == is_depth {
+            let bytes = &message[data];
+            // A message has at most `MAX_MESSAGE_BYTES`.
+            let part = Part { at: self.spool.append(bytes)?, bytes: bytes.len() as u32, coding, number: 0 };
+            images.pictures.push(Timed { time_s: header.time_s, value: Picture { part, size } });
+        }
+        Ok(())
+    }
+}
+
+fn add_pose(topics: &mut BTreeMap<String, Poses>, topic: &str, transform: Transform) {
+    let Transform { parent, child, pose } = transform;
+    let topic =
+        topics.entry(topic.to_string()).or_insert_with(|| Poses { world: parent, child, poses: Vec::new() });
+    topic.poses.extend(pose);
+}

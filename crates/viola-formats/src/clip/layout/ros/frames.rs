@@ -1,0 +1,110 @@
+//! The tree of coordinate frames, as `/tf` and `/tf_static` tell it.
+
+use super::message::Transform;
+use crate::clip::layout::trajectory::{Timed, pose_at};
+use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
+use std::collections::BTreeMap;
+use viola_geometry::Pose3;
+
+/// Maximum time between a picture and the poses around it: odometry of 10 Hz.
+pub(super) const MAX_GAP_S: f64 = 0.11;
+const MAX_LEVELS: usize = 64;
+
+/// Poses of a frame in its parent.
+struct Edge {
+    parent: String,
+    is_static: bool,
+    poses: Vec<Timed<Pose3>>,
+}
+
+/// Each frame's edge to its parent.
+#[derive(Default)]
+pub(super) struct Frames {
+    edges: BTreeMap<String, Edge>,
+}
+
+impl Frames {
+    /// Adds a pose; the first parent of a frame counts. A static pose replaces the last one.
+    pub fn add(&mut self, transform: Transform, is_static: bool) {
+        let Transform { parent, child, pose } = transform;
+        let Some(pose) = pose.filter(|_| parent != child) else { return };
+        let edge = self.edges.entry(child).or_insert_with(|| Edge {
+            parent: parent.clone(),
+            is_static,
+            poses: Vec::new(),
+        });
+        if edge.parent == parent && edge.is_static == is_static {
+            if is_static {
+                edge.poses.clear();
+            }
+            edge.poses.push(pose);
+        }
+    }
+
+    /// Sorts the poses by time; call it after the last [`Frames::add`].
+    pub fn sort(&mut self) {
+        for edge in self.edges.values_mut() {
+            edge.poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        }
+    }
+
+    /// Returns the names of a frame and of those above it, and whether the edge above each of them is static.
+    fn above<'a>(&'a self, frame: &'a str) -> impl Iterator<Item = (&'a str, Option<&'a Edge>)> {
+        let mut next = Some(frame);
+        std::iter::from_fn(move || {
+            let frame = next?;
+            let edge = self.edges.get(frame);
+            next = edge.map(|edge| edge.parent.as_str());
+            Some((frame, edge))
+        })
+        .take(MAX_LEVELS)
+    }
+
+    /// Returns the last frame above that is held rigidly.
+    pub fn body<'a>(&'a self, frame: &'a str) -> &'a str {
+        let is_end = |(_, edge): &(&str, Option<&Edge>)| edge.is_none_or(|edge| !edge.is_static);
+        self.above(frame).find(is_end).map_or(frame, |(frame, _)| frame)
+    }
+
+    /// Returns the root above a frame, if the frame moves in it.
+    pub fn world<'a>(&'a self, frame: &'a str) -> Option<&'a str> {
+        let moves = self.above(frame).any(|(_, edge)| edge.is_some_and(|edge| !edge.is_static));
+        self.above(frame).last().map(|(frame, _)| frame).filter(|_| moves)
+    }
+
+    /// Returns whether a mobile base is among a frame and those above it: its z axis is up.
+    pub fn is_on_base(&self, frame: &str) -> bool {
+        self.above(frame).any(|(name, _)| name.ends_with("base_link") || name.ends_with("base_footprint"))
+    }
+
+    /// Returns the pose of `from` in `to` at a time, by their lowest common frame.
+    pub fn pose(&self, to: &str, from: &str, time_s: f64) -> Option<Pose3> {
+        let climb = |frame| {
+            let mut top_from_frame = Some(Pose3::identity());
+            self.above(frame).map_while(move |(name, edge)| {
+                let here = top_from_frame?;
+                top_from_frame = edge.and_then(|edge| Some(edge.at(time_s)? * here));
+                Some((name, here))
+            })
+        };
+        let of_from: BTreeMap<&str, Pose3> = climb(from).collect();
+        let (common, common_from_to) = climb(to).find(|(name, _)| of_from.contains_key(name))?;
+        Some(common_from_to.inverse() * of_from.get(common)?)
+    }
+}
+
+impl Edge {
+    fn at(&self, time_s: f64) -> Option<Pose3> {
+        if self.is_static {
+            return self.poses.last().map(|pose| pose.value);
+        }
+        pose_at(&self.poses, time_s, MAX_GAP_S)
+    }
+}
+
+/// Returns the pose of a camera that looks along the x axis of a body with z up (REP 103).
+pub(super) fn body_from_optical() -> Pose3 {
+    let rotation = Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0);
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    Pose3::from_parts(Translation3::identity(), rotation)
+}

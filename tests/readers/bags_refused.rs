@@ -1,0 +1,94 @@
+//! Bags and databases that cannot be read: the code and the words of the refusal, in little time and memory.
+
+use crate::bags::{Message, mcap, mcap_file, messages};
+use crate::databases::rtabmap;
+use crate::memory::peak_bytes;
+use crate::recording::Recording;
+use crate::refusals::check_error;
+use crate::writers::{Files, as_file, as_folder};
+use std::time::{Duration, Instant};
+use viola_formats::clip::Clip;
+
+fn check(files: Files, code: &str, naming: &str) {
+    let folder = as_folder(&files);
+    let start = Instant::now();
+    let (opened, peak) = peak_bytes(|| Clip::open(folder.path()));
+    check_error(opened.err().unwrap_or_else(|| panic!("{code}, {naming}: not refused")), code, naming);
+    assert!(peak < 4 << 20 && start.elapsed() < Duration::from_secs(5), "{code}, {naming}: {peak} bytes");
+}
+
+fn bag(bytes: Vec<u8>) -> Files {
+    vec![("bag.mcap".to_string(), bytes)]
+}
+
+/// Returns a bag of the messages that `keep` names.
+fn with(keep: impl Fn(&Message) -> bool) -> Files {
+    let mut messages = messages(&Recording::small(3), true);
+    messages.retain(keep);
+    bag(mcap_file(&messages, "", <[u8]>::to_vec))
+}
+
+#[test]
+fn bags_are_refused_by_name() {
+    let whole = mcap("", &Recording::small(3)).remove(0).1;
+    check(bag(whole[..whole.len() / 2].to_vec()), "bad_metadata", "ends too early");
+    check(with(|(_, topic, ..)| !topic.contains("depth/image")), "bad_metadata", "no topic with depth");
+    check(
+        with(|(_, topic, ..)| !topic.contains("camera_info")),
+        "missing_intrinsics",
+        "/camera/depth/camera_info",
+    );
+    let two = vec![("a.mcap".to_string(), whole.clone()), ("b.mcap".to_string(), whole.clone())];
+    check(two, "several_clips", "a.mcap");
+    check(vec![("bag_0.db3.zstd".to_string(), vec![1])], "bad_metadata", "zstd -d");
+    let all = messages(&Recording::small(3), true);
+    check(bag(mcap_file(&all, "snappy", <[u8]>::to_vec)), "bad_metadata", "snappy");
+    check(bag(mcap_file(&all, "lz4", <[u8]>::to_vec)), "bad_metadata", "not lz4");
+}
+
+#[test]
+fn lengths_in_a_bag_are_not_believed() {
+    let all = messages(&Recording::small(3), true);
+    let file = mcap_file(&all, "zstd", crate::archives::zstd);
+    // After the magic bytes and the header: the opcode and the length of the chunk, its two times, its size.
+    let chunk = 8 + 9 + 8 + 4 + 9;
+    assert_eq!(file[chunk], 6);
+    for (at, naming) in [(chunk + 1, "ends too early"), (chunk + 9 + 16, "more than a recording's")] {
+        let mut file = file.clone();
+        file[at..at + 8].copy_from_slice(&(u64::MAX / 2).to_le_bytes());
+        check(bag(file), "bad_metadata", naming);
+    }
+    // A picture that is larger than its message.
+    let mut all = all;
+    for (_, topic, _, cdr) in &mut all {
+        if topic.contains("depth/image") {
+            // The stamp, the frame's name, then height and width.
+            cdr[4 + 8 + 4 + 28..][..8].copy_from_slice(&[0, 8, 0, 0, 0, 8, 0, 0]);
+        }
+    }
+    check(bag(mcap_file(&all, "", <[u8]>::to_vec)), "bad_metadata", "is damaged");
+}
+
+#[test]
+fn databases_are_refused_by_name() {
+    let whole = rtabmap("", &Recording::small(3)).remove(0).1;
+    let database = |bytes: Vec<u8>| vec![("scan.db".to_string(), bytes)];
+    check(database(whole[..whole.len() / 2].to_vec()), "bad_metadata", "has no page");
+    // The list of tables becomes an inner page whose only child is itself.
+    let mut circle = whole.clone();
+    circle[100..112].copy_from_slice(&[5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1]);
+    check(database(circle), "bad_metadata", "too deep");
+    let mut wide = whole.clone();
+    wide[16..18].copy_from_slice(&[0, 7]);
+    check(database(wide), "bad_metadata", "pages cannot have 7 bytes");
+    // The kind of each camera: stereo. It is the fourth number of a model of version 0.23.1.
+    let version: Vec<u8> = [0i32, 23, 1].into_iter().flat_map(i32::to_le_bytes).collect();
+    let mut stereo = whole.clone();
+    let places: Vec<usize> = (0..whole.len() - 16).filter(|at| whole[*at..].starts_with(&version)).collect();
+    assert_eq!(places.len(), 3);
+    places.iter().for_each(|at| stereo[at + 12] = 1);
+    check(database(stereo), "bad_intrinsics", "stereo");
+    // Any database, alone: no clip.
+    let other = crate::databases::database("CREATE TABLE notes(text)", Vec::new());
+    check_error(Clip::open(as_file(&other).path()).err().unwrap(), "unknown_layout", "1 files");
+}

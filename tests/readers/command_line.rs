@@ -1,0 +1,74 @@
+//! The manners of the command line: exit codes, pipes, wrong files, completions.
+
+use crate::drawing::{text as json, valetudo};
+use crate::writers::{as_folder, scannet, zip_bytes};
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn viola(arguments: &[&str], folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_viola"));
+    // A shell may unset a variable by making it empty.
+    command.args(arguments).current_dir(folder).env("ORT_DYLIB_PATH", "");
+    command
+}
+
+fn run(arguments: &[&str], folder: &Path) -> (Option<i32>, String, String) {
+    let Output { status, stdout, stderr } = viola(arguments, folder).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (status.code(), text(stdout), text(stderr))
+}
+
+#[test]
+fn an_answer_without_a_pose_has_an_exit_code_of_its_own() {
+    let files = vec![
+        ("clip.zip".to_string(), zip_bytes(&scannet("s/", &[0, 1, 2]))),
+        ("map.json".to_string(), json(&valetudo(true, true))),
+        ("notes.txt".to_string(), b"Dear diary,".to_vec()),
+    ];
+    let folder = as_folder(&files);
+    let align = |clip, flag| {
+        run(&["align", "--clip", clip, "--lidar", "map.json", "--out", "answer", flag], folder.path())
+    };
+    let (code, stdout, stderr) = align("clip.zip", "--json");
+    assert_eq!(code, Some(3), "{stderr}");
+    let answer: serde_json::Value = serde_json::from_str(&stdout).unwrap();
+    assert_eq!((&answer["state"], &answer["map_from_clip"]), (&"failed".into(), &serde_json::Value::Null));
+    assert_eq!(stderr, "", "no progress goes into a pipe");
+    let (code, _, stderr) = align("clip.zip", "--verbose");
+    assert!(code == Some(3) && stderr.starts_with("decode\n"), "{stderr}");
+
+    let (code, _, stderr) = align("notes.txt", "--quiet");
+    assert_eq!((code, stderr.lines().count()), (Some(1), 3), "{stderr}");
+    assert!(stderr.contains("notes.txt is a text file, not a clip"), "{stderr}");
+    let (code, _, stderr) = align("map.json", "--quiet");
+    assert!(code == Some(1) && stderr.contains("a LiDAR map (give it as --lidar)"), "{stderr}");
+    assert_eq!(align("clip.zip", "--unknown").0, Some(2));
+}
+
+#[test]
+fn output_that_nobody_reads_ends_quietly() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in [&["models", "list"][..], &["man"], &["completions", "zsh"]] {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let output = viola(arguments, folder.path()).stdout(writer).output().unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && stderr.is_empty(), "{arguments:?}: {stderr}");
+    }
+}
+
+#[test]
+fn shells_and_man_get_their_files() {
+    let folder = tempfile::tempdir().unwrap();
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let (code, script, _) = run(&["completions", shell], folder.path());
+        assert!(code == Some(0) && script.contains("inspect"), "{shell}");
+    }
+    let (code, page, _) = run(&["man"], folder.path());
+    assert!(code == Some(0) && page.contains(".TH viola 1"), "{page}");
+    assert_eq!(run(&["man", "--out", "pages"], folder.path()).0, Some(0));
+    let page = std::fs::read_to_string(folder.path().join("pages/viola-align.1")).unwrap();
+    assert!(page.contains("no pose can be given"), "the exit codes are missing: {page}");
+    // What other processes of viola call is not for people.
+    assert!(!folder.path().join("pages/viola-open-clip.1").exists());
+}
