@@ -72,7 +72,7 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let label = arguments.networks.labels()?;
     let complete = arguments.completion.params(&arguments.networks)?;
     let align = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
-    let params = JobParams { align, video: video_tools() };
+    let params = JobParams { align, video: video_tools(), unknown_scale: false };
     let maps = levels::open(&arguments.lidar)?;
     let levels = level_maps(&maps);
     let out = &arguments.out;

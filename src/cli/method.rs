@@ -25,6 +25,6 @@ impl MethodArguments {
             complete: self.completion.params(&self.networks)?,
             ..AlignParams::default()
         };
-        Ok(JobParams { align, video: video_tools() })
+        Ok(JobParams { align, video: video_tools(), unknown_scale: false })
     }
 }

@@ -103,6 +103,7 @@ impl Drop for KilledOnDrop {
 fn tend(params: &ChildParams, inputs: &Inputs, folder: &Path, report: &Report, leash: &Leash) -> Ended {
     let order = ChildOrder {
         clip: inputs.clip.to_path_buf(),
+        unknown_scale: !inputs.metric,
         levels: inputs.levels.iter().map(|file| file.level).collect(),
         into: folder.to_owned(),
     };

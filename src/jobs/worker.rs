@@ -185,18 +185,25 @@ impl Attempt<'_> {
 
     async fn begin(&self, report: &Arc<Report>) -> Result<Working, StorageError> {
         let storage = &self.queue.storage;
-        let clip = storage.clip_file(self.claim.job.clip).await?;
+        let job = &self.claim.job;
+        let clip = storage.clip_file(job.clip).await?;
+        let metric = storage.clip(&job.home, job.clip).await?.info.metric;
         let mut levels = Vec::new();
         for map in &self.claim.lidar_maps {
             levels.push(LevelFile { level: map.level, bytes: storage.lidar_map_file(map.id()).await? });
         }
-        let (inputs, report) = (Inputs { clip, levels }, report.clone());
+        let (inputs, report) = (Inputs { clip, metric, levels }, report.clone());
         match &self.params.child {
             Some(child) if self.claim.suspect => {
                 info!(job = %self.claim.job.id, "a worker was lost with this job: it runs in a process of its own");
                 Ok(run_in_child(child, inputs, storage.work_folder()?, report))
             }
-            _ => Ok(run_here(self.params.method, self.params.align.clone(), inputs, report)),
+            _ => {
+                let params = &self.params.align;
+                let of_clip = || Arc::new(JobParams { unknown_scale: true, ..JobParams::clone(params) });
+                let params = if inputs.metric { params.clone() } else { of_clip() };
+                Ok(run_here(self.params.method, params, inputs, report))
+            }
         }
     }
 

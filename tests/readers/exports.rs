@@ -10,7 +10,7 @@ use viola_formats::clip::Clip;
 pub type Writer = fn(&str, &Recording) -> Files;
 
 /// The layouts of phones' apps and of data sets; the flag is true if they give the up direction.
-pub const EXPORTS: [(&str, Writer, bool); 10] = [
+pub const EXPORTS: [(&str, Writer, bool); 11] = [
     ("stray_scanner", writers::stray, true),
     ("record3d", writers::record3d, false),
     ("polycam", writers::polycam, true),
@@ -21,6 +21,7 @@ pub const EXPORTS: [(&str, Writer, bool); 10] = [
     ("nerf_capture", writers::nerf_capture, true),
     ("sens", writers::sens, false),
     ("spectacular_ai", writers::spectacular, true),
+    ("colmap", crate::unknown_scale::colmap, false),
 ];
 
 fn rigid(matrix: &Matrix4<f64>) -> Isometry3<f64> {
@@ -76,7 +77,7 @@ fn check(path: &Path, layout: &str, knows_up: bool, recording: &Recording) {
         assert!(same && frame.force_in_camera.is_some() == felt.is_some(), "{layout}: {frame:?}");
     }
     let has_confidence =
-        !matches!(layout, "redwood" | "nerfstudio" | "nerf_capture" | "sens" | "spectacular_ai");
+        !matches!(layout, "redwood" | "nerfstudio" | "nerf_capture" | "sens" | "spectacular_ai" | "colmap");
     for (index, frame) in recording.frames.iter().enumerate() {
         let read = clip.load(index).unwrap_or_else(|error| panic!("{layout}: {error}"));
         for (camera, want) in

@@ -20,6 +20,8 @@ const STEP: f64 = 0.01;
 #[derive(Debug)]
 pub struct ChildOrder {
     pub clip: PathBuf,
+    /// True if the unit of the clip is unknown.
+    pub unknown_scale: bool,
     /// The levels of the home. Their LiDAR maps lie in `into`.
     pub levels: Vec<LevelName>,
     /// The folder for the answer.
@@ -32,7 +34,9 @@ impl ChildOrder {
         let path = |name: &str, path: &PathBuf| [name.into(), path.clone().into_os_string()];
         let level = |level: &LevelName| ["--level".into(), level.as_str().into()];
         let levels = self.levels.iter().flat_map(level);
-        path("--clip", &self.clip).into_iter().chain(path("--into", &self.into)).chain(levels).collect()
+        let scale = self.unknown_scale.then(|| "--unknown-scale".into());
+        let paths = path("--clip", &self.clip).into_iter().chain(path("--into", &self.into));
+        paths.chain(levels).chain(scale).collect()
     }
 
     /// Returns the path of a level's LiDAR map.
@@ -63,7 +67,8 @@ fn run<W: Write + Send>(
     params: impl FnOnce() -> Result<JobParams, String>,
     told: &Told<W>,
 ) -> Ended {
-    let params = params().map_err(Trouble::system)?;
+    let mut params = params().map_err(Trouble::system)?;
+    params.unknown_scale = order.unknown_scale;
     let read = |level: &LevelName| -> io::Result<LevelFile> {
         Ok(LevelFile { level: *level, bytes: std::fs::read(order.map_of(*level))?.into() })
     };
