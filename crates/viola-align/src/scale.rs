@@ -34,7 +34,7 @@ pub struct Scale {
     pub std: f64,
     /// Loss of explanations at other scales minus that of the best one at this scale.
     pub rival_gaps_m: Vec<f64>,
-    /// True if no search ended at its budget.
+    /// True if the search proved the optimum of each scale of the grid.
     pub complete: bool,
 }
 

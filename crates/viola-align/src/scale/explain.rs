@@ -4,7 +4,7 @@ use crate::refine::{self, Rescaled};
 use crate::register::MIN_HITS;
 use crate::scan::{self, Hit, RaycastParams, VirtualScan};
 use crate::score::{self, PoseScorer};
-use crate::search::{Search, SearchLimits};
+use crate::search::{Search, SearchLimits, SearchParams};
 use crate::{AlignError, AlignParams, Target};
 use rayon::prelude::*;
 use viola_geometry::progress::{self, Progress};
@@ -13,7 +13,9 @@ use viola_reconstruct::{KeyFrame, PointCloud};
 
 /// Limits of the search at each scale. The right pose may score below the best one at a wrong scale, so modes are
 /// taken from each.
-const LIMITS: SearchLimits = SearchLimits { modes: 40, bar: 0.7 };
+const LIMITS: SearchLimits = SearchLimits { modes: 20, bar: 0.75 };
+/// Budget of the search at each scale. Modes come in the order of their scores, so it ends after the best ones.
+const MAX_NODES: usize = 100_000;
 /// Half a step of the grid of scales moves a hit at the reach of the scan by half of this.
 const STEP_M: f64 = 0.1;
 /// Bounds of the step, in the logarithm of the scale.
@@ -66,7 +68,8 @@ impl Shape {
     }
 }
 
-/// Returns the explanations at all scales in all maps, the best first, and whether all searches ended by themselves.
+/// Returns the explanations at all scales in all maps, the best first, and whether the search proved the optimum of
+/// each scale.
 pub(super) fn explanations(
     shape: &Shape,
     targets: &[&Target],
@@ -99,9 +102,12 @@ fn at_scale(
         return Ok((explanations, complete));
     }
     let (low, high) = shape.bounds;
+    let search =
+        SearchParams { first: LIMITS, in_doubt: LIMITS, max_nodes: MAX_NODES, ..params.search.clone() };
     for (index, target) in targets.iter().enumerate() {
-        let found = Search::new(&hits, target, &params.search).run(&LIMITS, progress)?;
-        complete &= found.complete;
+        let found = Search::new(&hits, target, &search).run(&LIMITS, progress)?;
+        let is_optimum_known = found.modes.first().is_none_or(|best| best.score >= found.open_bound);
+        complete &= found.complete || is_optimum_known;
         let starts: Vec<Pose2> = found.modes.iter().map(|mode| mode.map_from_clip).collect();
         let refined = distinct(refine::refine_with_scale(&starts, &hits, target, step));
         let resized: Vec<Vec<Hit>> = refined.iter().map(|at| resized(&hits, at.factor)).collect();
