@@ -19,11 +19,11 @@ mod within;
 
 pub use answer::{Alignment, AlignmentState, Alternative, CompletionReport, FreeSpace, Judged, ViewReport};
 pub use complete::{Activation, CompleteParams, Completion, completing, register_completing};
-pub use observe::{FloorHypothesis, Observation, observe};
+pub use observe::{FloorHypothesis, Observation, Scale, observe};
 pub use refine::{Refined, Spread, refine};
 pub use register::register;
 pub use rooms::NamedRooms;
-pub use scale::{Scale, observe_in};
+pub use scale::observe_in;
 pub use scan::{FREE_CELL_M, HIT_SPACING_M, Hit, Landmark, RaycastParams, VACUUM_HEIGHT_M, VirtualScan};
 pub use score::{
     Coefficient, CovarianceModel, Evidence, FEATURES, HitWeightParams, LossWeights, MODEL, MadeBy, Model,

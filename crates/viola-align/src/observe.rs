@@ -1,6 +1,5 @@
 //! Stages 1-6: from a clip to its virtual scan.
 
-use super::scale::Scale;
 use super::scan::{self, RaycastParams, VirtualScan};
 use super::{AlignError, AlignParams, Alignment};
 use std::ops::Range;
@@ -40,6 +39,17 @@ pub struct Observation {
     pub scale: Option<Scale>,
     /// Remarks, and last the reason for an empty `scan`, if there is one.
     pub reasons: Vec<Reason>,
+}
+
+/// The scale of a clip.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scale {
+    pub metres_per_unit: f64,
+    pub std: f64,
+    /// Loss of explanations at other scales minus that of the best one at this scale.
+    pub rival_gaps_m: Vec<f64>,
+    /// True if the search proved the optimum of each scale of the grid.
+    pub complete: bool,
 }
 
 /// The virtual scan for another floor.

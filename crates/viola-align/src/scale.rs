@@ -6,8 +6,9 @@
 
 mod explain;
 
-use crate::observe::{self, Observation};
+use crate::observe::{self, Observation, Scale};
 use crate::refine;
+use crate::score::MODEL;
 use crate::within::Within;
 use crate::{AlignError, AlignParams, Target};
 use explain::{Explanation, Shape};
@@ -26,17 +27,6 @@ const SAMPLED_FRAMES: usize = 8;
 const CLOSE_LOG: f64 = 0.05;
 /// Maximum number of rivals that the probability counts.
 const MAX_RIVALS: usize = 7;
-
-/// The scale of a clip.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Scale {
-    pub metres_per_unit: f64,
-    pub std: f64,
-    /// Loss of explanations at other scales minus that of the best one at this scale.
-    pub rival_gaps_m: Vec<f64>,
-    /// True if the search proved the optimum of each scale of the grid.
-    pub complete: bool,
-}
 
 /// Observes a clip; if its unit is unknown, finds its scale in the maps first.
 pub fn observe_in(
@@ -108,7 +98,12 @@ pub(super) fn find(
     let spread = refine::spread_of_scale(&best.map_from_clip, &hits, targets[best.target]);
     let metres_per_unit = nominal * best.scale * spread.mean.exp();
     let rival_gaps_m = rivals(&explanations).map(|rival| rival.loss_m - best.loss_m).collect();
-    Ok(Ok(Scale { metres_per_unit, std: metres_per_unit * spread.std, rival_gaps_m, complete }))
+    Ok(Ok(Scale {
+        metres_per_unit,
+        std: metres_per_unit * MODEL.covariance.scale_std(spread.std, spread.radius_m),
+        rival_gaps_m,
+        complete,
+    }))
 }
 
 /// Returns the median of the depth of some frames, in the clip's unit; `None` without a reading.

@@ -2,7 +2,6 @@
 
 use super::{KERNEL_M, STEPS, Weighted, cost, descend, variance_m2};
 use crate::scan::Hit;
-use crate::score::MODEL;
 use crate::target::Target;
 use nalgebra::{Matrix4, Vector4};
 use rayon::prelude::*;
@@ -15,11 +14,14 @@ pub struct Rescaled {
     pub factor: f64,
 }
 
-/// Distribution of the logarithm of a scale.
+/// Distribution of the logarithm of a scale by the likelihood of the hits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LogScale {
     pub mean: f64,
+    /// Without calibration.
     pub std: f64,
+    /// Root mean squared distance of the hits from their middle.
+    pub radius_m: f64,
 }
 
 /// Refines every pose with a factor of its own, at most `most_log` from 1; the order is kept. The descent is
@@ -138,9 +140,7 @@ pub fn spread_of_scale(pose: &Pose2, hits: &[Hit], target: &Target) -> LogScale 
     let total = sum(&|_| 1.0);
     let mean = sum(&|log| log) / total;
     let variance = sum(&|log| (log - mean).powi(2)) / total;
-    let calibration = &MODEL.covariance;
-    let shared = calibration.floor_m / radius_m(&hits);
-    LogScale { mean, std: (variance * calibration.scale.powi(2) + shared * shared).sqrt() }
+    LogScale { mean, std: variance.sqrt(), radius_m: radius_m(&hits) }
 }
 
 fn scaled(hits: &[Weighted], factor: f64) -> Vec<Weighted> {
@@ -187,7 +187,7 @@ mod tests {
             assert!(found.map_from_clip.distance_m(&truth) < 0.01, "{factor} {found:?}");
             let spread = spread_of_scale(&truth, &hits, &target);
             assert!((spread.mean - factor.ln()).abs() < 0.005, "{factor} {spread:?}");
-            assert!(spread.std > 0.001 && spread.std < 0.02, "{factor} {spread:?}");
+            assert!(spread.std < 0.02 && spread.radius_m > 1.0, "{factor} {spread:?}");
         }
     }
 }
