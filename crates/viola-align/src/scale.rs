@@ -12,13 +12,11 @@ use crate::score::MODEL;
 use crate::within::Within;
 use crate::{AlignError, AlignParams, Target};
 use explain::{Explanation, Shape};
-use std::ops::{Range, RangeInclusive};
+use std::ops::Range;
 use viola_formats::clip::Clip;
 use viola_geometry::progress::{self, Progress, Stage};
 use viola_reconstruct::Reason;
 
-/// Heights at which a first camera may be above the floor.
-const CAMERA_HEIGHT_M: RangeInclusive<f64> = 0.5..=2.2;
 /// Median depth in nominal metres.
 const MEDIAN_DEPTH_M: f64 = 2.0;
 /// Number of frames that give the median depth.
@@ -81,10 +79,7 @@ pub(super) fn find(
         return Ok(Err(reasons));
     }
     let shape = Shape {
-        bounds: (
-            CAMERA_HEIGHT_M.start() / floor.camera_height_m,
-            CAMERA_HEIGHT_M.end() / floor.camera_height_m,
-        ),
+        camera_height: floor.camera_height_m,
         cloud_in_clip: observation.cloud_in_clip,
         keys: fusion.into_key_frames(),
         clip_from_world,

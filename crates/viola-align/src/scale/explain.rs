@@ -3,10 +3,11 @@
 use crate::refine::{self, Rescaled};
 use crate::register::MIN_HITS;
 use crate::scan::{self, Hit, RaycastParams, VirtualScan};
-use crate::score::{self, PoseScorer};
+use crate::score::{self, MODEL, PoseScorer};
 use crate::search::{Search, SearchLimits, SearchParams};
 use crate::{AlignError, AlignParams, Target};
 use rayon::prelude::*;
+use std::ops::RangeInclusive;
 use viola_geometry::progress::{self, Progress};
 use viola_geometry::{Pose2, Pose3};
 use viola_reconstruct::{KeyFrame, PointCloud};
@@ -21,13 +22,20 @@ const STEP_M: f64 = 0.1;
 /// Bounds of the step, in the logarithm of the scale.
 const STEP_LOG: (f64, f64) = (0.02, 0.05);
 
+/// Heights at which a first camera may be above the floor, the usual one, and the deviation of its logarithm.
+const CAMERA_HEIGHT_M: RangeInclusive<f64> = 0.5..=2.2;
+const USUAL_HEIGHT_M: f64 = 1.35;
+const HEIGHT_LOG: f64 = 0.3;
+/// Mean distance of the hits of right poses from the map, which is also the scale of its (exponential) distribution.
+const HIT_SPREAD_M: f64 = 0.04;
+
 /// A clip fused in nominal metres.
 pub(super) struct Shape {
     pub cloud_in_clip: PointCloud,
     pub keys: Vec<KeyFrame>,
     pub clip_from_world: Pose3,
-    /// Smallest and largest scale, in metres per nominal metre.
-    pub bounds: (f64, f64),
+    /// Height of the first camera above the floor, in nominal metres.
+    pub camera_height: f64,
 }
 
 /// A pose and a scale that may explain the clip.
@@ -37,10 +45,25 @@ pub(super) struct Explanation {
     /// Index of the map.
     pub target: usize,
     pub map_from_clip: Pose2,
+    /// By the hits and by the scale.
     pub loss_m: f64,
 }
 
 impl Shape {
+    /// Returns the smallest and the largest scale, in metres per nominal metre.
+    fn bounds(&self) -> (f64, f64) {
+        (CAMERA_HEIGHT_M.start() / self.camera_height, CAMERA_HEIGHT_M.end() / self.camera_height)
+    }
+
+    /// Returns the loss of a scale by itself, for a clip with so many hits.
+    ///
+    /// Hits are measured in the clip's unit, where their density is that in metres times the scale. Without this
+    /// factor a clip fits any wall if it is small enough.
+    fn loss_of_scale_m(&self, scale: f64, hits: usize) -> f64 {
+        let unusual = (scale * self.camera_height / USUAL_HEIGHT_M).ln() / HEIGHT_LOG;
+        MODEL.temperature_m(hits) * 0.5 * unusual * unusual - HIT_SPREAD_M * scale.ln()
+    }
+
     /// Returns the hits at a scale.
     pub(super) fn hits(&self, scale: f64, params: &AlignParams) -> Vec<Hit> {
         score::hit_weights(&self.scan(scale, &params.raycast).hits, &params.hit_weights)
@@ -56,7 +79,7 @@ impl Shape {
 
     /// Returns the grid of scales and its step.
     fn grid(&self, params: &AlignParams) -> (Vec<f64>, f64) {
-        let (least, most) = self.bounds;
+        let (least, most) = self.bounds();
         let middle = (least * most).sqrt();
         let hits = self.scan(middle, &params.raycast).hits;
         let squared: f64 = hits.iter().map(|hit| hit.point_m.coords.norm_squared()).sum();
@@ -101,9 +124,14 @@ fn at_scale(
     if hits.len() < MIN_HITS {
         return Ok((explanations, complete));
     }
-    let (low, high) = shape.bounds;
-    let search =
-        SearchParams { first: LIMITS, in_doubt: LIMITS, max_nodes: MAX_NODES, ..params.search.clone() };
+    let (low, high) = shape.bounds();
+    let search = SearchParams {
+        rotations: params.search.rotations / 2,
+        first: LIMITS,
+        in_doubt: LIMITS,
+        max_nodes: MAX_NODES,
+        ..params.search.clone()
+    };
     for (index, target) in targets.iter().enumerate() {
         let found = Search::new(&hits, target, &search).run(&LIMITS, progress)?;
         let is_optimum_known = found.modes.first().is_none_or(|best| best.score >= found.open_bound);
@@ -116,7 +144,8 @@ fn at_scale(
             let scale = scale * factor;
             scorer = scorer.with_hits(hits);
             if (low..=high).contains(&scale) {
-                let loss_m = params.score.weights.loss_m(&scorer.evidence(&map_from_clip, target));
+                let by_hits_m = params.score.weights.loss_m(&scorer.evidence(&map_from_clip, target));
+                let loss_m = by_hits_m + shape.loss_of_scale_m(scale, hits.len());
                 explanations.push(Explanation { scale, target: index, map_from_clip, loss_m });
             }
         }
