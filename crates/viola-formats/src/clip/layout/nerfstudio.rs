@@ -86,27 +86,43 @@ fn side(side: f64, name: &str) -> Result<u32, ClipError> {
     Err(ClipError::BadIntrinsics { name: name.to_string(), reason })
 }
 
+/// Units of the poses and of the depth.
+struct Units {
+    /// Factor of the positions.
+    applied: f64,
+    is_scaled: bool,
+    /// Of the depth pictures.
+    units_per_m: f64,
+}
+
+impl Transforms {
+    fn units(&self, name: &str) -> Result<Units, ClipError> {
+        let not_metric = |reason: String| ClipError::NotMetric { name: name.to_string(), reason };
+        let applied = self.applied_scale.unwrap_or(1.0);
+        if !(1e-6..=1e6).contains(&applied) {
+            return Err(not_metric(format!("{applied} cannot be the scale of its poses (applied_scale)")));
+        }
+        let units_per_m = match self.integer_depth_scale {
+            // NeRFCapture writes 1 for pictures that it has reduced to 8 bits.
+            Some(scale) if !(1e-5..=0.1).contains(&scale) => {
+                let reason = format!("{scale} m for a unit of depth (integer_depth_scale) cannot be");
+                return Err(not_metric(reason));
+            }
+            Some(scale) => 1.0 / scale,
+            None => 1000.0,
+        };
+        Ok(Units { applied, is_scaled: (applied - 1.0).abs() > 1e-6, units_per_m })
+    }
+}
+
 /// Finds the recording in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let Some(root) = only_root(roots_of(container, FILE))? else { return Ok(None) };
     let name = format!("{root}{FILE}");
     let file: Transforms = read_json(container, &name, MAX_FILE_BYTES)?;
     let is_nerf_capture = file.frames.iter().any(|frame| frame.depth_path.is_some());
-    let not_metric = |reason: String| ClipError::NotMetric { name: name.clone(), reason };
-    let applied = file.applied_scale.unwrap_or(1.0);
-    if !(1e-6..=1e6).contains(&applied) {
-        return Err(not_metric(format!("{applied} cannot be the scale of its poses (applied_scale)")));
-    }
-    let is_scaled = (applied - 1.0).abs() > 1e-6;
+    let Units { applied, is_scaled, units_per_m } = file.units(&name)?;
     let by_colmap = file.frames.iter().any(|frame| frame.colmap_im_id.is_some());
-    let units_per_m = match file.integer_depth_scale {
-        // NeRFCapture writes 1 for pictures that it has reduced to 8 bits.
-        Some(scale) if !(1e-5..=0.1).contains(&scale) => {
-            return Err(not_metric(format!("{scale} m for a unit of depth (integer_depth_scale) cannot be")));
-        }
-        Some(scale) => 1.0 / scale,
-        None => 1000.0,
-    };
     let mut notes = Vec::new();
     let bends = [file.k1, file.k2, file.p1, file.p2].into_iter().flatten().any(|k| k.abs() > MAX_DISTORTION);
     if bends {
