@@ -30,6 +30,7 @@ fn main() {
             foreign: false,
             withhold_poses: false,
             drift: 0.005,
+            rescale: false,
         });
         measure("simulated flats, 60 frames", &homes, &methods);
         match std::env::var_os("VIOLA_TEST_DATA") {
@@ -49,7 +50,7 @@ fn apartment(root: &Path) -> SceneClips {
     let scene = Scene::open(&scene, &lidar.join("points.csv"), &lidar.join("ground_truth.json"))
         .expect("VIOLA_TEST_DATA names the folder with the data");
     let ranges = excerpts(scene.clip.frames().len(), 20).into_iter().step_by(3).collect();
-    SceneClips::new(scene, ranges)
+    SceneClips::new(scene, ranges, false)
 }
 
 /// Times rendering of the views that the paper's strategy chooses for the suite's clips.

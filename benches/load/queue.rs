@@ -76,7 +76,7 @@ async fn home(storage: &Storage, number: u64) -> anyhow::Result<HomeId> {
 fn info() -> ClipInfo {
     let text = r#"{"layout":"none","pose_convention":"none","depth_unit":"none","gravity":"none","intrinsics":"none",
         "frames":1,"frames_with_pose":1,"skipped_without_pose":0,"skipped_incomplete":0,"color_width":1,"color_height":1,
-        "depth_width":1,"depth_height":1,"duration_s":null,"recorded_at_ms":null,"notes":[]}"#;
+        "depth_width":1,"depth_height":1,"duration_s":null,"metric":true,"recorded_at_ms":null,"notes":[]}"#;
     serde_json::from_str(text).expect("it is written here")
 }
 

@@ -27,6 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         foreign: false,
         withhold_poses: false,
         drift: 0.005,
+        rescale: false,
     };
     let sample = HomeClips::new(homes).sample(0, &AlignParams::default(), &Silent)?;
     let sample = sample.ok_or("the home has no clip")?;

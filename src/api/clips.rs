@@ -32,6 +32,10 @@ pub(super) struct AddQuery {
     /// between two clips, the later clip counts.
     #[param(value_type = Option<Timestamp>, example = "2026-03-14T15:09:26Z")]
     recorded_at: Option<String>,
+    /// With `unknown`, poses and depth have a common but unknown unit, as reconstructions from plain video have; the
+    /// alignment finds the scale. Default: metres, unless the file says otherwise.
+    #[param(value_type = Option<String>, pattern = "^unknown$", example = "unknown")]
+    scale: Option<String>,
     /// With `true`, the file is only checked: the answer has a summary of the file and an estimate of the
     /// work, and nothing is kept or queued.
     #[param(value_type = Option<bool>, example = true)]
@@ -95,11 +99,12 @@ pub(super) async fn add_clip(
     let has_lidar_map = app.storage.home(&home).await?.lidar_map_revision.is_some();
     let dry_run = flag("dry_run", query.dry_run.as_deref())?;
     let told = query.recorded_at.map(|text| recorded_at(&text)).transpose()?;
+    let unknown_scale = is_scale_unknown(query.scale.as_deref())?;
     let told_bytes = content_length(request.headers()).unwrap_or(0);
     app.limits.room(&app.storage, &caller.tenant, told_bytes).await?;
     let file = receive(&app, request, app.max_upload_bytes).await?;
     let size_bytes = file.size_bytes;
-    let (file, info, estimate) = open(&app, caller.tenant.name(), file).await?;
+    let (file, info, estimate) = open(&app, caller.tenant.name(), file, unknown_scale).await?;
     app.limits.room(&app.storage, &caller.tenant, size_bytes).await?;
     if dry_run {
         let report = DryRun { size_bytes, understood: info.into(), estimate: estimate.into(), has_lidar_map };
@@ -160,15 +165,29 @@ pub(super) fn recorded_at(text: &str) -> Result<Timestamp, Error> {
     Err(Error::InvalidQuery { field: Some("recorded_at"), detail })
 }
 
+/// Parses the scale that the sender gives; returns whether it is unknown.
+pub(super) fn is_scale_unknown(text: Option<&str>) -> Result<bool, Error> {
+    match text {
+        None => Ok(false),
+        Some("unknown") => Ok(true),
+        Some(other) => {
+            let detail = format!("scale is `unknown` or absent, and not `{other}`");
+            Err(Error::InvalidQuery { field: Some("scale"), detail })
+        }
+    }
+}
+
 /// Opens a received file; refuses it if it is not a clip.
 pub(super) async fn open(
     app: &App,
     tenant: &str,
     file: Arrived,
+    unknown_scale: bool,
 ) -> Result<(Arrived, clip::ClipInfo, viola_reconstruct::Estimate), Error> {
     let scratch = app.storage.scratch(tenant);
     let read = move || {
         let clip = clip::Clip::open_in(file.path(), &Tools::default(), &scratch)?;
+        let clip = if unknown_scale { clip.with_unknown_scale() } else { clip };
         let estimate = estimate(&clip);
         Ok((file, clip.info().clone(), estimate))
     };

@@ -108,8 +108,8 @@ async fn speak_tus(request: Request, next: Next) -> Response {
 /// Create an upload in parts
 ///
 /// The protocol is tus 1.0, with the extensions that OPTIONS lists. `Upload-Metadata` names the clip's
-/// `home`, and optionally its `filename`, its time of recording (`recorded_at`, RFC 3339) and an
-/// `idempotency_key`, with the meaning of the header `Idempotency-Key` of `POST /v1/homes/{home}/clips`.
+/// `home`, and optionally its `filename`, its time of recording (`recorded_at`, RFC 3339), its
+/// `scale` (`unknown` if poses and depth are not in metres) and an `idempotency_key`, with the meaning of the header `Idempotency-Key` of `POST /v1/homes/{home}/clips`.
 ///
 /// The body may be empty, or the first bytes of the file. A partial upload (`Upload-Concat: partial`) needs no home; a
 /// final one (`Upload-Concat: final;PATH PATH ...`) takes over its parts, which are gone from then on, and has no body.
@@ -121,8 +121,8 @@ async fn speak_tus(request: Request, next: Next) -> Response {
         ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`"),
         ("Upload-Length" = Option<u64>, Header, description = "Bytes of the whole file"),
         ("Upload-Defer-Length" = Option<u64>, Header, minimum = 1, maximum = 1, description = "`1`: a later PATCH gives the length"),
-        ("Upload-Metadata" = Option<String>, Header, description = "`home` and optionally `filename`, `recorded_at` and \
-            `idempotency_key`: pairs of a name and a value in base64, with commas between the pairs; at most 4096 bytes"),
+        ("Upload-Metadata" = Option<String>, Header, description = "`home` and optionally `filename`, `recorded_at`, \
+            `scale` and `idempotency_key`: pairs of a name and a value in base64, with commas between the pairs; at most 4096 bytes"),
         ("Upload-Concat" = Option<String>, Header, description = "`partial`, or `final;` and the paths of partial uploads"),
         ("Upload-Checksum" = Option<String>, Header, description = "Of the body: `sha1` or `sha256`, and the sum in base64")),
     request_body(content = Option<FileBytes>, content_type = "application/offset+octet-stream",

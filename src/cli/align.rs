@@ -27,12 +27,15 @@ use viola_home as home;
 pub struct AlignArguments {
     /// Clip: a folder, an archive (zip, tar, tar.gz, tar.zst) or a single file (.r3d, .sens, .db, .mcap, .db3),
     /// exported by Stray Scanner, Record3D, Polycam, 3D Scanner App, Spectacular AI, NeRFCapture or RTAB-Map,
-    /// a ROS 2 bag, or in the layout of ScanNet, ARKitScenes, 7-Scenes, TUM RGB-D, Redwood or Nerfstudio.
+    /// a ROS 2 bag, or in the layout of ScanNet, ARKitScenes, 7-Scenes, TUM RGB-D, Redwood, Nerfstudio or COLMAP.
     #[arg(long)]
     clip: PathBuf,
     /// Numbers of the frames to use; END is excluded. Default: all frames.
     #[arg(long, value_name = "FIRST..END", value_parser = range::<u32>)]
     frames: Option<Range<u32>>,
+    /// Pass `unknown` if poses and depth of the clip are not in metres: the scale is found with the pose.
+    #[arg(long, value_name = "unknown", value_parser = ["unknown"])]
+    scale: Option<String>,
     /// LiDAR map: Valetudo (JSON or PNG), the file of a Roborock, Dreame or Viomi robot, a ROS map_server
     /// YAML or a zip of it and its image, a CARMEN log, or points as CSV, PLY or PCD. For a home of several
     /// storeys: several times, as LEVEL=FILE.
@@ -81,6 +84,7 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
     watch.enter(Stage::Decode);
     let clip = Clip::open_with(&arguments.clip, &video_tools())
         .map_err(|error| wrong_file::of_clip(&arguments.clip, error))?;
+    let clip = if arguments.scale.is_some() { clip.with_unknown_scale() } else { clip };
     let maps = levels::open(&arguments.lidar)?;
     let params = AlignParams { seed: arguments.seed, label, complete, ..AlignParams::default() };
     let mut aligned =
@@ -145,6 +149,9 @@ fn print_answer(clip: &ClipInfo, lidar: &LidarInfo, alignment: &Alignment, out: 
             pose.yaw_rad.to_degrees()
         ),
         None => println!("pose:   {state}"),
+    }
+    if let (Some(scale), Some(std)) = (alignment.scale, alignment.scale_std) {
+        println!("scale:  {scale:.4} m per unit, standard deviation {std:.4}");
     }
     if let Some(labels) = &alignment.labels {
         println!("labels: by {}, {} pictures", labels.by, labels.key_frames);

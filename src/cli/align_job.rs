@@ -26,6 +26,9 @@ pub struct AlignJobArguments {
     /// The clip's file.
     #[arg(long, value_name = "FILE")]
     clip: PathBuf,
+    /// The unit of the clip is unknown.
+    #[arg(long)]
+    unknown_scale: bool,
     /// Levels of the home; each has its LiDAR map in the folder for the answer, as `lidar-map-LEVEL`.
     #[arg(long, value_name = "LEVEL")]
     level: Vec<LevelName>,
@@ -38,9 +41,10 @@ pub struct AlignJobArguments {
 }
 
 pub fn run(arguments: &AlignJobArguments) -> Result<()> {
-    let AlignJobArguments { method, clip, level, into, memory_bytes } = arguments;
+    let AlignJobArguments { method, clip, unknown_scale, level, into, memory_bytes } = arguments;
     let order = ChildOrder {
         clip: clip.clone(),
+        unknown_scale: *unknown_scale,
         levels: level.clone(),
         into: into.clone(),
         memory_bytes: *memory_bytes,

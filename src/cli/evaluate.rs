@@ -53,6 +53,9 @@ pub struct EvaluateArguments {
     /// Error of the poses of simulated devices after one metre of path, in metres.
     #[arg(long, requires = "set", default_value_t = ClipParams::default().drift)]
     drift: f64,
+    /// Multiply poses and depth of each clip by a factor between 0.2 and 5, drawn at random, and withhold their unit.
+    #[arg(long, conflicts_with_all = ["map", "labels", "home", "joint", "changes", "track", "fit"])]
+    rescale: bool,
     /// Use the poses of devices without refinement, even if they drift.
     #[arg(long)]
     keep_poses: bool,
@@ -236,6 +239,7 @@ pub(super) fn homes(arguments: &EvaluateArguments) -> HomesParams {
         foreign: arguments.foreign,
         withhold_poses: arguments.withhold_poses,
         drift: arguments.drift,
+        rescale: arguments.rescale,
     }
 }
 
@@ -277,7 +281,7 @@ fn scene(arguments: &EvaluateArguments, path: &Path) -> Result<Box<dyn Suite>> {
         None => evaluate::excerpts(total, *length),
     };
     let ranges = arguments.frames.iter().flat_map(cut).collect();
-    Ok(Box::new(SceneClips::new(scene, ranges)))
+    Ok(Box::new(SceneClips::new(scene, ranges, arguments.rescale)))
 }
 
 fn share(text: &str) -> Result<f64, String> {
@@ -328,8 +332,11 @@ impl Report {
                     (Some(deg), Some(m)) => format!("{deg:.2} deg, {m:.3} m"),
                     _ => "no pose".to_owned(),
                 };
+                let scale = r
+                    .scale_error
+                    .map_or_else(String::new, |error| format!(", scale {:+.2} %", 100.0 * error));
                 eprintln!(
-                    "{done}/{} {} {} {} {}: {error}, {:?}, {:.2} s",
+                    "{done}/{} {} {} {} {}: {error}{scale}, {:?}, {:.2} s",
                     self.total, r.set, r.frames, r.clip, r.method, r.state, r.register_seconds
                 );
             }

@@ -77,6 +77,8 @@ pub struct JobParams {
     pub video: video::Tools,
     /// Where archives are unpacked.
     pub scratch: Scratch,
+    /// True if the sender of the clip says that its unit is unknown.
+    pub unknown_scale: bool,
 }
 
 /// Aligns the clip of a file to the maps of its home.
@@ -88,6 +90,7 @@ pub fn align_clip(
 ) -> Result<Finished, Failure> {
     let watch = start(&params.align, progress);
     let clip = Clip::open_in(clip_path, &params.video, &params.scratch)?;
+    let clip = if params.unknown_scale { clip.with_unknown_scale() } else { clip };
     let read = |file: &LevelFile| Ok((file.level, LidarMap::read(&file.bytes)?));
     let maps: Vec<(LevelName, LidarMap)> = files.iter().map(read).collect::<Result<_, LidarError>>()?;
     finish(&clip, &level_maps(&maps), &params.align, watch)

@@ -115,6 +115,7 @@ fn tend(
 ) -> Ended {
     let order = ChildOrder {
         clip: inputs.clip.to_path_buf(),
+        unknown_scale: !inputs.metric,
         levels: inputs.levels.iter().map(|file| file.level).collect(),
         into: folder.to_owned(),
         memory_bytes: limits.memory_bytes,

@@ -21,6 +21,8 @@ pub(super) type Working = BoxFuture<'static, Ended>;
 /// Input of the method.
 pub(super) struct Inputs {
     pub clip: LocalFile,
+    /// False if the clip's unit is unknown.
+    pub metric: bool,
     pub levels: Vec<LevelFile>,
 }
 

@@ -188,19 +188,22 @@ impl Attempt<'_> {
 
     async fn begin(&self, report: &Arc<Report>) -> Result<Begun, Trouble> {
         let storage = &self.queue.storage;
-        let clip = storage.clip_file(self.claim.job.clip).await?;
+        let job = &self.claim.job;
+        let clip = storage.clip_file(job.clip).await?;
+        let metric = storage.clip(&job.home, job.clip).await?.info.metric;
         let mut levels = Vec::new();
         for map in &self.claim.lidar_maps {
             levels.push(LevelFile { level: map.level, bytes: storage.lidar_map_file(map.id()).await? });
         }
-        let (inputs, report) = (Inputs { clip, levels }, report.clone());
+        let (inputs, report) = (Inputs { clip, metric, levels }, report.clone());
         let uploaded_bytes = inputs.bytes().map_err(Trouble::system)?;
         let limits = JobLimits::new(&self.params.limits, uploaded_bytes);
         let working = match &self.params.child {
             Some(child) => run_in_child(child, inputs, limits, storage.work_folder()?, report),
             None => {
                 let scratch = storage.scratch(self.claim.job.home.tenant());
-                let params = JobParams { scratch, ..JobParams::clone(&self.params.align) };
+                let unknown_scale = !inputs.metric;
+                let params = JobParams { scratch, unknown_scale, ..JobParams::clone(&self.params.align) };
                 run_here(self.params.method, params.into(), inputs, report)
             }
         };

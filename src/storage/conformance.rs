@@ -200,6 +200,9 @@ fn answer(state: AlignmentState) -> Ending {
         coverage: None,
         alternatives: vec![],
         spread: None,
+        scale: None,
+        scale_std: None,
+        scale_rival_gaps_m: Vec::new(),
         reasons: vec![reason("two_modes")],
         hits: 7,
         key_frames: 2,
@@ -226,6 +229,7 @@ fn clip_info() -> ClipInfo {
         depth_width: 320,
         depth_height: 240,
         duration_s: Some(2.5),
+        metric: true,
         recorded_at_ms: None,
         notes: vec!["a note".to_owned()],
     }

@@ -255,3 +255,29 @@ async fn a_dry_run_tells_what_would_become_of_a_file_and_keeps_nothing() {
     assert_eq!(server.get(&home).await.ok(200)["clips"], 0);
     server.post(&format!("{clips}?dry_run=false"), file).await.ok(201);
 }
+
+#[tokio::test]
+async fn a_clip_without_metres_gets_its_scale_with_its_pose() {
+    let server = Server::start().await;
+    let home = server.make_home("h").await;
+    let clips = format!("{home}/clips");
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let file = zips::zip(&room::clip(24));
+    let report = server.post(&format!("{clips}?dry_run=true&scale=unknown"), file.clone()).await.ok(200);
+    assert_eq!(report["understood"]["metric"], false);
+    let clip = server.post(&format!("{clips}?scale=unknown"), file.clone()).await.ok(201);
+    assert_eq!(clip["info"]["metric"], false);
+    let clip = server.settled(&format!("{clips}/{}", clip["id"].as_str().unwrap())).await;
+    let alignment = &clip["alignment"];
+    assert_ne!(alignment["state"], "failed", "{clip:#}");
+    let scale = alignment["scale"].as_f64().unwrap();
+    assert!((scale - 1.0).abs() < 0.03, "{clip:#}");
+    assert!(alignment["scale_std"].as_f64().unwrap() > 0.0, "{clip:#}");
+    let metric = server.post(&clips, file.clone()).await.ok(201);
+    let metric = server.settled(&format!("{clips}/{}", metric["id"].as_str().unwrap())).await;
+    assert_eq!((&metric["info"]["metric"], &metric["alignment"]["scale"]), (&json!(true), &Value::Null));
+    for given in ["", "1.0", "metres"] {
+        let refused = server.post(&format!("{clips}?scale={given}"), file.clone()).await;
+        assert_eq!(refused.problem(400, "invalid-query")["field"], "scale", "{given}");
+    }
+}

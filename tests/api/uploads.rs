@@ -164,6 +164,7 @@ async fn creation_is_refused_for_a_reason() {
         (and("filename", "a\nb"), 400, "invalid-header", "Upload-Metadata"),
         (and("filename", &"x".repeat(256)), 400, "invalid-header", "Upload-Metadata"),
         (and("recorded_at", "yesterday"), 400, "invalid-header", "Upload-Metadata"),
+        (and("scale", "metres"), 400, "invalid-header", "Upload-Metadata"),
         (and("recorded_at", "1999-12-31T23:59:59Z"), 400, "invalid-header", "Upload-Metadata"),
         (and("idempotency_key", ""), 400, "invalid-header", "Upload-Metadata"),
         (and("idempotency_key", "a b"), 400, "invalid-header", "Upload-Metadata"),

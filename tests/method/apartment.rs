@@ -16,7 +16,7 @@ fn apartment() -> Option<PathBuf> {
 fn evaluate(scene: Scene, clips: Vec<std::ops::Range<usize>>) -> Vec<ClipResult> {
     let observe = AlignParams::default();
     let run = Run {
-        suite: &SceneClips::new(scene, clips),
+        suite: &SceneClips::new(scene, clips, false),
         methods: &[Method::viola(AlignParams::default())],
         observe: &observe,
         workers: 1,

@@ -11,6 +11,7 @@ mod map;
 mod network;
 mod registration;
 mod runtimes;
+mod scale;
 mod simulate;
 mod simulated_files;
 mod track;

@@ -10,7 +10,7 @@ use viola_formats::clip::Clip;
 pub type Writer = fn(&str, &Recording) -> Files;
 
 /// The layouts of phones' apps and of data sets; the flag is true if they give the up direction.
-pub const EXPORTS: [(&str, Writer, bool); 14] = [
+pub const EXPORTS: [(&str, Writer, bool); 15] = [
     ("stray_scanner", writers::stray, true),
     ("record3d", writers::record3d, false),
     ("polycam", writers::polycam, true),
@@ -25,6 +25,7 @@ pub const EXPORTS: [(&str, Writer, bool); 14] = [
     ("ros2_bag", crate::bags::mcap, true),
     ("ros2_bag", crate::bags::mcap_split, true),
     ("ros2_bag", crate::bags::db3, true),
+    ("colmap", crate::unknown_scale::colmap, false),
 ];
 
 fn rigid(matrix: &Matrix4<f64>) -> Isometry3<f64> {
@@ -81,7 +82,7 @@ pub fn check(path: &Path, layout: &str, knows_up: bool, recording: &Recording) {
     }
     let has_confidence = !matches!(
         layout,
-        "redwood" | "nerfstudio" | "nerf_capture" | "sens" | "spectacular_ai" | "rtabmap" | "ros2_bag"
+        "redwood" | "nerfstudio" | "nerf_capture" | "sens" | "spectacular_ai" | "rtabmap" | "ros2_bag" | "colmap"
     );
     for (index, frame) in recording.frames.iter().enumerate() {
         let read = clip.load(index).unwrap_or_else(|error| panic!("{layout}: {error}"));

@@ -35,5 +35,6 @@ mod robot_frames;
 mod sens_refused;
 mod spectacular_refused;
 mod streaming;
+mod unknown_scale;
 mod video;
 mod writers;

@@ -84,6 +84,15 @@ pub struct Alignment {
     /// Uncertainty of the pose before calibration; `None` without a pose, or if the answer was read from a file.
     #[serde(skip)]
     pub spread: Option<Spread>,
+    /// Metres per unit of the clip's poses and depth, if their unit was unknown; null if it is metres.
+    #[serde(default)]
+    pub scale: Option<f64>,
+    /// Standard deviation of `scale`.
+    #[serde(default)]
+    pub scale_std: Option<f64>,
+    /// Loss of the explanations at other scales minus that of the best one; empty if the answer was read from a file.
+    #[serde(skip)]
+    pub scale_rival_gaps_m: Vec<f64>,
     pub reasons: Vec<Reason>,
     pub hits: usize,
     pub key_frames: usize,
@@ -141,6 +150,9 @@ impl Alignment {
             coverage: None,
             alternatives: Vec::new(),
             spread: None,
+            scale: None,
+            scale_std: None,
+            scale_rival_gaps_m: Vec::new(),
             reasons: Vec::new(),
             hits: 0,
             key_frames: 0,

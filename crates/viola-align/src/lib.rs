@@ -10,6 +10,7 @@ mod observe;
 mod refine;
 mod register;
 mod rooms;
+mod scale;
 mod scan;
 mod score;
 mod search;
@@ -18,10 +19,11 @@ mod within;
 
 pub use answer::{Alignment, AlignmentState, Alternative, CompletionReport, FreeSpace, Judged, ViewReport};
 pub use complete::{Activation, CompleteParams, Completion, completing, register_completing};
-pub use observe::{FloorHypothesis, Observation, observe};
+pub use observe::{FloorHypothesis, Observation, Scale, observe};
 pub use refine::{Refined, Spread, refine};
 pub use register::register;
 pub use rooms::NamedRooms;
+pub use scale::observe_in;
 pub use scan::{FREE_CELL_M, HIT_SPACING_M, Hit, Landmark, RaycastParams, VACUUM_HEIGHT_M, VirtualScan};
 pub use score::{
     Coefficient, CovarianceModel, Evidence, FEATURES, HitWeightParams, LossWeights, MODEL, MadeBy, Model,
@@ -127,12 +129,16 @@ pub fn align_levels(
         levels.iter().filter_map(|map| Target::of_level(map.level, map.lidar)).collect();
     targets.sort_by_key(|target| target.level);
     let targets: Vec<&Target> = targets.iter().collect();
-    let observation = match observe::fuse(clip, frames, params, progress)? {
-        Ok(fusion) => {
-            early::report(&fusion, &targets, params, progress)?;
-            fusion.observe(clip, params, progress)?
+    let observation = if clip.info().metric {
+        match observe::fuse(clip, frames, params, progress)? {
+            Ok(fusion) => {
+                early::report(&fusion, &targets, params, progress)?;
+                fusion.observe(clip, params, progress)?
+            }
+            Err(reasons) => Observation { reasons, ..Observation::default() },
         }
-        Err(reasons) => Observation { reasons, ..Observation::default() },
+    } else {
+        observe_in(&targets, clip, frames, params, progress)?
     };
     let (alignment, completion) = register_completing(&observation, &targets, params, progress)?;
     Ok(Aligned::new(observation, alignment, completion))

@@ -35,8 +35,21 @@ pub struct Observation {
     pub other_floors: Vec<FloorHypothesis>,
     /// True if the camera was tracked from frames that are far apart.
     pub sparse_track: bool,
+    /// Scale of a clip whose unit was unknown; everything above is in metres.
+    pub scale: Option<Scale>,
     /// Remarks, and last the reason for an empty `scan`, if there is one.
     pub reasons: Vec<Reason>,
+}
+
+/// The scale of a clip.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scale {
+    pub metres_per_unit: f64,
+    pub std: f64,
+    /// Loss of explanations at other scales minus that of the best one at this scale.
+    pub rival_gaps_m: Vec<f64>,
+    /// True if the search proved the optimum of each scale of the grid.
+    pub complete: bool,
 }
 
 /// The virtual scan for another floor.
@@ -51,6 +64,8 @@ pub struct ScanView<'a> {
     pub scan: &'a VirtualScan,
     pub floor: &'a FloorReport,
     pub sparse_track: bool,
+    /// True if the search for the scale ended at its budget.
+    pub scale_cut_short: bool,
 }
 
 /// A fused clip, before labels and floor.
@@ -160,6 +175,10 @@ impl Fusion {
         Ok(observation)
     }
 
+    pub(super) fn into_key_frames(self) -> Vec<KeyFrame> {
+        self.fused.key_frames
+    }
+
     fn blank(&self) -> Observation {
         Observation {
             key_frames: self.fused.key_frames.len(),
@@ -255,7 +274,9 @@ impl Observation {
     pub(super) fn views(&self) -> impl Iterator<Item = ScanView<'_>> {
         let first = self.floor.iter().map(|floor| (&self.scan, floor));
         let others = self.other_floors.iter().map(|other| (&other.scan, &other.floor));
-        first.chain(others).map(|(scan, floor)| ScanView { scan, floor, sparse_track: self.sparse_track })
+        let scale_cut_short = self.scale.as_ref().is_some_and(|scale| !scale.complete);
+        let sparse_track = self.sparse_track;
+        first.chain(others).map(move |(scan, floor)| ScanView { scan, floor, sparse_track, scale_cut_short })
     }
 
     /// Returns this observation with the chosen floor at z = 0; `None` without a floor.
@@ -274,6 +295,7 @@ impl Observation {
             floor: Some(floor),
             other_floors: Vec::new(),
             sparse_track: self.sparse_track,
+            scale: self.scale.clone(),
             keys: self.keys.clone(),
             features: self.features.clone(),
             key_frames: self.key_frames,

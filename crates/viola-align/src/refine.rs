@@ -1,8 +1,10 @@
 //! Refines all candidates at once, continuously, on the map's distance field (paper III-C).
 
 mod mean;
+mod scale;
 
 pub use mean::{Mean, Spread, mean};
+pub use scale::{Rescaled, refine_with_scale, spread_of_scale};
 
 use super::scan::Hit;
 use super::target::Target;

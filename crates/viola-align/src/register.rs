@@ -16,7 +16,7 @@ use viola_geometry::progress::{self, Progress, Stage};
 use viola_reconstruct::Reason;
 
 /// Minimum number of hits: a metre of wall.
-const MIN_HITS: usize = 30;
+pub(crate) const MIN_HITS: usize = 30;
 
 /// Registers an observation. `targets` are the maps of the levels that have a point.
 pub fn register(
@@ -33,6 +33,10 @@ pub fn register(
         reasons: observation.reasons.clone(),
         ..Alignment::failed()
     };
+    if let Some(scale) = &observation.scale {
+        (answer.scale, answer.scale_std) = (Some(scale.metres_per_unit), Some(scale.std));
+        answer.scale_rival_gaps_m = scale.rival_gaps_m.clone();
+    }
     if targets.is_empty() {
         answer.reasons.push(Reason::new("map_empty", "the LiDAR map has no occupied point"));
         return Ok(answer);
@@ -186,7 +190,10 @@ impl<'a> Registration<'a> {
         let answer =
             Alignment { hits: view.scan.hits.len(), floor: Some(view.floor.clone()), ..blank.clone() };
         let cut_short = found.iter().find(|found| !found.complete);
-        let doubts = Doubts { search_incomplete: cut_short.is_some(), sparse_track: view.sparse_track };
+        let doubts = Doubts {
+            search_incomplete: cut_short.is_some() || view.scale_cut_short,
+            sparse_track: view.sparse_track,
+        };
         let complete = cut_short.is_none();
         let answer = decide(ranked, cut_short, hits, answer, self.targets, doubts);
         Ok(Placed { answer, hypothesis, complete })

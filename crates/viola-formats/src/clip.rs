@@ -5,6 +5,7 @@
 //! bytes per frame.
 
 mod assemble;
+mod colmap_depth;
 mod depth;
 mod error;
 mod files;
@@ -27,6 +28,7 @@ use crate::container::{self, Container, Scratch};
 use crate::video::Tools;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use std::sync::Arc;
 use viola_geometry::{Pinhole, Pose3, Vector3};
 
 /// Maximum number of frames of one clip.
@@ -61,10 +63,18 @@ pub struct ClipInfo {
     pub depth_height: u32,
     /// Seconds from the first to the last frame, if the layout has times.
     pub duration_s: Option<f64>,
+    /// False if poses and depth have a common but unknown unit; the alignment then finds the scale.
+    #[serde(default = "is_metric")]
+    pub metric: bool,
     /// Time of the first frame in milliseconds since 1970 UTC, if the layout has times of day.
     pub recorded_at_ms: Option<i64>,
     /// Notes for the sender: assumptions made, files ignored.
     pub notes: Vec<String>,
+}
+
+/// Summaries of older versions are of metric clips.
+fn is_metric() -> bool {
+    true
 }
 
 /// Data of a frame that needs no decoding.
@@ -113,12 +123,15 @@ impl DepthImage {
 }
 
 /// An opened clip. Several threads can load frames at once.
+#[derive(Clone)]
 pub struct Clip {
     info: ClipInfo,
     frames: Vec<FrameHeader>,
     up_in_world: Option<Vector3>,
     shutter: Option<Shutter>,
-    origin: Origin,
+    /// Factor of the origin's depth.
+    scale: f64,
+    origin: Arc<Origin>,
 }
 
 /// Source of the frames.
@@ -157,7 +170,32 @@ impl Clip {
         up_in_world: Option<Vector3>,
         load: impl Fn(usize) -> Frame + Send + Sync + 'static,
     ) -> Clip {
-        Clip { info, frames, up_in_world, shutter: None, origin: Origin::Memory(Box::new(load)) }
+        Clip::new(info, frames, up_in_world, None, Origin::Memory(Box::new(load)))
+    }
+
+    fn new(
+        info: ClipInfo,
+        frames: Vec<FrameHeader>,
+        up_in_world: Option<Vector3>,
+        shutter: Option<Shutter>,
+        origin: Origin,
+    ) -> Clip {
+        Clip { info, frames, up_in_world, shutter, scale: 1.0, origin: Arc::new(origin) }
+    }
+
+    /// Returns the clip with positions and depth multiplied by `factor`.
+    pub fn scaled(&self, factor: f64) -> Clip {
+        let mut clip = self.clone();
+        clip.scale *= factor;
+        let poses = clip.frames.iter_mut().filter_map(|frame| frame.world_from_camera.as_mut());
+        poses.for_each(|pose| pose.translation.vector *= factor);
+        clip
+    }
+
+    /// Returns the clip with an unknown unit of poses and depth, whatever its files say.
+    pub fn with_unknown_scale(mut self) -> Clip {
+        self.info.metric = false;
+        self
     }
 
     pub fn info(&self) -> &ClipInfo {
@@ -166,7 +204,7 @@ impl Clip {
 
     /// Returns whether colour is a video, so that frames between the wanted ones are decoded too.
     pub fn has_video(&self) -> bool {
-        matches!(&self.origin, Origin::Files(files) if files.video.is_some())
+        matches!(&*self.origin, Origin::Files(files) if files.video.is_some())
     }
 
     /// Returns whether the frames have colour pictures.

@@ -107,6 +107,7 @@ mod tests {
             depth_width: 1,
             depth_height: 1,
             duration_s: None,
+            metric: true,
             recorded_at_ms: None,
             notes: Vec::new(),
         };

@@ -107,6 +107,14 @@ pub struct PointCloud {
 }
 
 impl PointCloud {
+    /// Returns the points with positions multiplied by `factor`.
+    pub fn scaled(mut self, factor: f64) -> PointCloud {
+        self.voxel_m *= factor;
+        let positions = self.points.iter_mut().flat_map(|point| &mut point.position_m);
+        positions.for_each(|axis| *axis = (f64::from(*axis) * factor) as f32);
+        self
+    }
+
     /// Returns the points in another frame.
     pub fn transformed(mut self, to_from_this: &Pose3) -> PointCloud {
         for point in &mut self.points {

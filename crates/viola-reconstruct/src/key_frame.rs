@@ -64,6 +64,12 @@ impl Readings {
         })
     }
 
+    /// Returns the readings with depth multiplied by `factor`.
+    fn scaled(mut self, factor: f64) -> Readings {
+        self.depth_mm.iter_mut().for_each(|mm| *mm = (f64::from(*mm) * factor) as u16);
+        self
+    }
+
     pub fn width(&self) -> u16 {
         self.width
     }
@@ -104,6 +110,13 @@ impl Readings {
 }
 
 impl KeyFrame {
+    /// Returns the key frame with position and depth multiplied by `factor`.
+    pub fn scaled(mut self, factor: f64) -> KeyFrame {
+        self.world_from_camera.translation.vector *= factor;
+        self.readings = self.readings.scaled(factor);
+        self
+    }
+
     /// Returns a key frame with these readings, the first of its clip.
     pub fn first(world_from_camera: Pose3, readings: Readings) -> KeyFrame {
         KeyFrame { index: 0, number: 0, world_from_camera, sharpness: 0.0, readings }

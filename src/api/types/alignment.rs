@@ -68,6 +68,11 @@ answer! {
         map_from_clip: Option<Pose2>,
         /// Covariance of (x_m, y_m, yaw_rad), row by row: square metres, metre radians, square radians.
         covariance: Option<[[f64; 3]; 3]>,
+        /// Metres per unit of the clip's poses and depth, if their unit was unknown; null if it is metres. Everything
+        /// else in the answer is in metres.
+        scale: Option<f64>,
+        /// Standard deviation of `scale`.
+        scale_std: Option<f64>,
         /// Loss of the best alternative.
         loss_m: Option<f64>,
         inliers: Option<f64>,

@@ -35,6 +35,9 @@ answer! {
         depth_height: u32,
         /// Seconds from the first to the last frame, when the layout has times.
         duration_s: Option<f64>,
+        /// False if poses and depth have a common but unknown unit: the alignment finds its scale.
+        #[schema(required = false)]
+        metric: bool,
         /// Time of the first frame in milliseconds since 1970 UTC, if the layout has times of day.
         recorded_at_ms: Option<i64>,
         /// Notes of the reader: assumptions made, files ignored.

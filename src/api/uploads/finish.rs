@@ -77,14 +77,16 @@ async fn make_clip(app: &App, claim: &UploadClaim) -> Result<(), Error> {
     }
     let metadata = Metadata::parse(&claim.upload.metadata)?;
     let file = app.storage.assemble_upload(claim).await?;
-    let (file, info) = match &app.uploads.opener {
+    let unknown_scale = metadata.unknown_scale;
+    let (file, mut info) = match &app.uploads.opener {
         Some(opener) if claim.lost_attempts >= LOST_ATTEMPTS => opener::open(opener, file).await?,
         None if claim.lost_attempts >= LOST_ATTEMPTS => return Err(UploadRefusal::Unreadable.into()),
         _ => {
-            let (file, info, _) = clips::open(app, claim.home.tenant(), file).await?;
+            let (file, info, _) = clips::open(app, claim.home.tenant(), file, unknown_scale).await?;
             (file, info)
         }
     };
+    info.metric &= !unknown_scale;
     let new = clips::new_clip(file, info, metadata.recorded_at, metadata.idempotency_key);
     let record = app.uploads.limits.record;
     match app.storage.finish_upload(claim, new, record, Timestamp::now()).await? {

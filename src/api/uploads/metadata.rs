@@ -25,6 +25,8 @@ pub(super) struct Metadata {
     home: Option<HomeId>,
     pub filename: Option<String>,
     pub recorded_at: Option<Timestamp>,
+    /// True if poses and depth have an unknown unit.
+    pub unknown_scale: bool,
     pub idempotency_key: Option<String>,
 }
 
@@ -50,6 +52,7 @@ impl Metadata {
         let home = value("home")?;
         let filename = value("filename")?;
         let recorded_at = value("recorded_at")?;
+        let scale = value("scale")?;
         let idempotency_key = value("idempotency_key")?;
         if filename.as_ref().is_some_and(|name| !is_filename(name)) {
             let detail =
@@ -68,6 +71,8 @@ impl Metadata {
             recorded_at: recorded_at
                 .map(|text| clips::recorded_at(&text))
                 .transpose()
+                .map_err(|error| invalid(error.to_string()))?,
+            unknown_scale: clips::is_scale_unknown(scale.as_deref())
                 .map_err(|error| invalid(error.to_string()))?,
             idempotency_key,
         })

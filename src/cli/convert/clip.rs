@@ -13,6 +13,12 @@ use viola_geometry::progress::{Progress, Stage};
 /// Writes a clip into a new or empty folder, or into a zip archive.
 pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<Vec<String>> {
     let clip = Clip::open_with(file, &video_tools()).with_context(|| format!("clip {}", file.display()))?;
+    if !clip.info().metric {
+        bail!(
+            "{}: the unit of its poses and depth is unknown, and clips are written in metres",
+            file.display()
+        );
+    }
     let progress = TerminalProgress::new();
     progress.enter(Stage::Decode);
     let cannot = || format!("cannot write {}", out.display());

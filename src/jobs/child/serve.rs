@@ -22,6 +22,8 @@ const STEP: f64 = 0.01;
 #[derive(Debug)]
 pub struct ChildOrder {
     pub clip: PathBuf,
+    /// True if the unit of the clip is unknown.
+    pub unknown_scale: bool,
     /// The levels of the home. Their LiDAR maps lie in `into`.
     pub levels: Vec<LevelName>,
     /// The folder for the answer.
@@ -37,8 +39,9 @@ impl ChildOrder {
         let level = |level: &LevelName| ["--level".into(), level.as_str().into()];
         let levels = self.levels.iter().flat_map(level);
         let memory = ["--memory-bytes".into(), self.memory_bytes.to_string().into()];
+        let scale = self.unknown_scale.then(|| "--unknown-scale".into());
         let paths = path("--clip", &self.clip).into_iter().chain(path("--into", &self.into));
-        paths.chain(memory).chain(levels).collect()
+        paths.chain(memory).chain(levels).chain(scale).collect()
     }
 
     /// Returns the path of a level's LiDAR map.
@@ -69,7 +72,9 @@ fn run<W: Write + Send>(
     params: impl FnOnce() -> Result<JobParams, String>,
     told: &Told<W>,
 ) -> Ended {
-    let params = params().map_err(Trouble::system)?;
+    let mut params = params().map_err(Trouble::system)?;
+    params.unknown_scale = order.unknown_scale;
+    params.scratch = Scratch::new(&order.into, Vec::new());
     // The networks of `params` are loaded, and the threads are started: the limit is for the clip alone.
     rayon::current_num_threads();
     memory::limit(order.memory_bytes).map_err(Trouble::system)?;
@@ -77,7 +82,6 @@ fn run<W: Write + Send>(
         Ok(LevelFile { level: *level, bytes: std::fs::read(order.map_of(*level))?.into() })
     };
     let files: io::Result<Vec<LevelFile>> = order.levels.iter().map(read).collect();
-    let params = JobParams { scratch: Scratch::new(&order.into, Vec::new()), ..params };
     Ok(align_clip(&order.clip, &files.map_err(Trouble::system)?, &params, told)?)
 }
 

@@ -21,6 +21,7 @@ fn result(state: AlignmentState, errors: Option<(f64, f64)>) -> ClipResult {
         inliers: None,
         floor_seen: true,
         unknowable: false,
+        scale_error: None,
         truth_rank: None,
         alternatives: Vec::new(),
         hits: 150,

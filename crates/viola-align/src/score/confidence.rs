@@ -32,6 +32,11 @@ pub fn near_rivals(alignment: &Alignment) -> usize {
     rivals(&alignment.alternatives).filter(|a| a.loss_m - best.loss_m < NEAR_RIVAL_M).count()
 }
 
+/// Returns the number of other scales whose explanation loses by less than [`NEAR_RIVAL_M`].
+pub fn near_scales(alignment: &Alignment) -> usize {
+    alignment.scale_rival_gaps_m.iter().filter(|gap_m| **gap_m < NEAR_RIVAL_M).count()
+}
+
 /// Returns the features of an answer, in the order of [`FEATURES`]; `None` without a pose to judge.
 /// `alternatives` are sorted by loss, `temperature_m` is that of a clip with `hits`.
 pub fn features(
@@ -88,7 +93,12 @@ fn cap(probability: &mut Option<f64>, most: f64) {
 fn regress(answer: &mut Alignment, model: &Model) {
     const ELSEWHERE: f64 = 0.25;
     let temperature_m = model.temperature_m(answer.hits);
-    let Some(features) = features(&answer.alternatives, answer.hits, temperature_m) else { return };
+    let Some(mut features) = features(&answer.alternatives, answer.hits, temperature_m) else { return };
+    let at_other_scales: f64 =
+        answer.scale_rival_gaps_m.iter().map(|gap_m| (-gap_m / temperature_m).exp()).sum();
+    if at_other_scales > 0.0 {
+        features[0] = -((-features[0]).exp() + at_other_scales).ln();
+    }
     let share = 1.0 / (1.0 + (-features[0]).exp());
     let best = model.probability(&features).min(share);
     let loss_m = answer.alternatives[0].loss_m;

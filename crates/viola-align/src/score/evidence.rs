@@ -59,6 +59,10 @@ fn cell(point: &Point2) -> [i32; 2] {
     [point.x, point.y].map(|c| (c / CELL_M).floor() as i32)
 }
 
+fn weight(hits: &[Hit]) -> f64 {
+    hits.iter().map(|hit| hit.weight).sum::<f64>().max(f64::MIN_POSITIVE)
+}
+
 impl<'a> PoseScorer<'a> {
     pub fn new(hits: &'a [Hit], scan: &'a VirtualScan, unknown_share: f64) -> PoseScorer<'a> {
         let seen: FxHashSet<[i32; 2]> = scan.free_m.iter().map(cell).collect();
@@ -67,12 +71,20 @@ impl<'a> PoseScorer<'a> {
             |[x, y]: &[i32; 2]| (-1..=1).all(|dy| (-1..=1).all(|dx| seen.contains(&[x + dx, y + dy])));
         PoseScorer {
             hits,
-            weight: hits.iter().map(|hit| hit.weight).sum::<f64>().max(f64::MIN_POSITIVE),
+            weight: weight(hits),
             free: seen.iter().filter(|c| inner(c)).copied().collect(),
             free_reach_m: scan.free_m.iter().map(|p| p.coords.norm()).fold(0.0, f64::max) + CELL_M,
             landmarks: &scan.landmarks,
             unknown_share,
         }
+    }
+
+    /// Returns the scorer of the same scan for other hits.
+    pub(crate) fn with_hits<'b>(self, hits: &'b [Hit]) -> PoseScorer<'b>
+    where
+        'a: 'b,
+    {
+        PoseScorer { hits, weight: weight(hits), ..self }
     }
 
     /// Returns the evidence on one pose. A hit without a counterpart costs the truncation, or a fraction of

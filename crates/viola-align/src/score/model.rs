@@ -90,6 +90,13 @@ impl CovarianceModel {
     }
 }
 
+impl CovarianceModel {
+    /// Returns the standard deviation of the logarithm of a scale whose hits lie `radius_m` from their middle.
+    pub fn scale_std(&self, by_likelihood: f64, radius_m: f64) -> f64 {
+        (by_likelihood * self.scale).hypot(self.floor_m / radius_m)
+    }
+}
+
 impl Model {
     /// Returns the temperature for a clip of so many hits. The mean of more hits has less noise.
     pub fn temperature_m(&self, hits: usize) -> f64 {

@@ -1,6 +1,6 @@
 //! The state of an answer, and its reasons.
 
-use super::confidence::near_rivals;
+use super::confidence::{near_rivals, near_scales};
 use crate::answer::{Alignment, AlignmentState};
 use viola_reconstruct::Reason;
 
@@ -25,8 +25,13 @@ pub fn set_state(answer: &mut Alignment) {
     } else {
         answer.state = AlignmentState::Ambiguous;
         let percent = probability * 100.0;
-        let rivals = near_rivals(answer);
-        answer.reasons.push(if rivals > 0 {
+        let (rivals, scales) = (near_rivals(answer), near_scales(answer));
+        answer.reasons.push(if scales > 0 {
+            Reason::new(
+                "several_scales",
+                format!("the clip has no metres, and {scales} explanation(s) at other scales fit nearly as well, which leaves the best at {percent:.0} %; film more of the room, or record with a phone that measures depth"),
+            )
+        } else if rivals > 0 {
             Reason::new(
                 "several_modes",
                 format!("{rivals} other pose(s) explain the clip nearly as well, which leaves the best at {percent:.0} %; film more of the room, or choose one"),

@@ -63,6 +63,7 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
         depth_width: depth_size.0,
         depth_height: depth_size.1,
         duration_s,
+        metric: layout.metric,
         recorded_at_ms: first.time_s.and_then(unix_ms),
         notes: layout.notes.into_iter().chain(missing).collect(),
     };
@@ -84,13 +85,7 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
         cameras,
         depth_units_per_m: layout.depth_units_per_m,
     };
-    Ok(Clip {
-        info,
-        frames: headers,
-        up_in_world: layout.up_in_world,
-        shutter: layout.shutter,
-        origin: Origin::Files(Box::new(files)),
-    })
+    Ok(Clip::new(info, headers, layout.up_in_world, layout.shutter, Origin::Files(Box::new(files))))
 }
 
 /// Refuses depth pictures that are too large; all have the size of the first one.

@@ -1,7 +1,7 @@
 //! A clip whose pictures lie in a container: their places, and the decoding of frames.
 
 use super::rows::Rows;
-use super::{ClipError, Frame, FrameHeader, depth, npy, picture};
+use super::{ClipError, Frame, FrameHeader, colmap_depth, depth, npy, picture};
 use crate::container::{Container, ContainerError, Region};
 use crate::video::Tools;
 use image::RgbImage;
@@ -29,6 +29,8 @@ pub(super) enum DepthAt {
     Npy(String),
     /// A file, LZFSE of 32-bit floats in metres; `size` if it is known.
     Floats { name: String, size: Option<(u32, u32)> },
+    /// A file, COLMAP's array of 32-bit floats.
+    Colmap(String),
     /// A part of the clip's one large file.
     Part { part: Part, size: (u32, u32) },
 }
@@ -97,6 +99,7 @@ impl DepthAt {
             DepthAt::Png(name) => picture::size(container, name),
             DepthAt::Npy(name) => npy::size(container, name),
             DepthAt::Floats { name, size } => depth::floats_size(container, name, *size),
+            DepthAt::Colmap(name) => colmap_depth::size(container, name),
             DepthAt::Part { size, .. } => Ok(*size),
         }
     }
@@ -130,6 +133,7 @@ enum DepthPlace {
     Png(u32),
     Npy(u32),
     Floats(u32),
+    Colmap(u32),
     Part(Box<Part>),
 }
 
@@ -157,6 +161,7 @@ impl Pictures {
             depth: match depth {
                 DepthAt::Png(name) => DepthPlace::Png(place(name)?),
                 DepthAt::Npy(name) => DepthPlace::Npy(place(name)?),
+                DepthAt::Colmap(name) => DepthPlace::Colmap(place(name)?),
                 DepthAt::Floats { name, .. } => DepthPlace::Floats(place(name)?),
                 DepthAt::Part { part, .. } => DepthPlace::Part(Box::new(part)),
             },
@@ -231,6 +236,7 @@ impl Files {
                 let bytes = part.read(self.region.as_ref(), "depth")?;
                 part.decode_depth(&bytes, &cameras.depth, self.depth_units_per_m)?
             }
+            DepthPlace::Colmap(place) => colmap_depth::decode(container, name(place), &cameras.depth)?,
             DepthPlace::Floats(place) => depth::decode_floats(container, name(place), &cameras.depth)?,
         };
         if let Some(place) = confidence {

@@ -2,6 +2,7 @@
 
 mod arkit_scenes;
 mod associate;
+mod colmap;
 mod inertial;
 mod json;
 mod nerfstudio;
@@ -43,6 +44,8 @@ pub(super) struct Layout {
     pub pose_files: &'static str,
     pub depth_unit: &'static str,
     pub depth_units_per_m: f32,
+    /// False if the unit of poses and depth is unknown. Depth is then in the unit of the poses.
+    pub metric: bool,
     pub gravity: String,
     pub up_in_world: Option<Vector3>,
     pub forces: Forces,
@@ -73,6 +76,7 @@ impl Layout {
             pose_files: "",
             depth_unit: MILLIMETRES,
             depth_units_per_m: 1000.0,
+            metric: true,
             gravity: "unknown".to_string(),
             up_in_world: None,
             forces: Forces::default(),
@@ -142,7 +146,7 @@ pub(super) struct Source {
 type Find = fn(&dyn Container) -> Result<Option<Layout>, ClipError>;
 
 /// Readers of layouts with a unique file come first, readers of any numbered pictures last.
-const READERS: [Find; 14] = [
+const READERS: [Find; 15] = [
     record3d::find,
     stray::find,
     spectacular::find,
@@ -150,6 +154,7 @@ const READERS: [Find; 14] = [
     arkit_scenes::find,
     scanner_3d::find,
     nerfstudio::find,
+    colmap::find,
     redwood::find,
     scannet::find,
     seven_scenes::find,

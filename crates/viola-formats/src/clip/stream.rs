@@ -55,20 +55,35 @@ impl<'a> FrameStream<'a> {
     /// stop the later ones, except in a video: all frames after its damage are lost.
     pub fn next_batch(&mut self, count: usize) -> Vec<Result<Frame, ClipError>> {
         // The video decoder gets all wanted frames at once.
-        let of_video = matches!(&self.clip.origin, Origin::Files(files) if files.video.is_some());
+        let of_video = matches!(&*self.clip.origin, Origin::Files(files) if files.video.is_some());
         let is_first = of_video && matches!(self.video, VideoStream::Waiting);
         let wanted_after = if is_first { self.indices.as_slice().to_vec() } else { Vec::new() };
         let indices: Vec<usize> = self.indices.by_ref().take(count).collect();
-        match &self.clip.origin {
-            Origin::Memory(load) => indices.par_iter().map(|&index| Ok(load(index))).collect(),
+        let scaled = |index: usize, frame: Result<Frame, ClipError>| {
+            frame.map(|frame| self.clip.in_scale(index, frame))
+        };
+        match &*self.clip.origin {
+            Origin::Memory(load) => indices.par_iter().map(|&index| scaled(index, Ok(load(index)))).collect(),
             Origin::Files(files) => {
                 let colors: Vec<_> =
                     indices.iter().map(|&index| self.video.color(files, index, &wanted_after)).collect();
-                let frame =
-                    |(index, color): (&usize, _)| files.load(*index, &self.clip.frames[*index], color);
+                let frame = |(&index, color): (&usize, _)| {
+                    scaled(index, files.load(index, &self.clip.frames[index], color))
+                };
                 indices.par_iter().zip(colors).map(frame).collect()
             }
         }
+    }
+}
+
+impl Clip {
+    /// Returns a frame of the origin in the clip's scale.
+    fn in_scale(&self, index: usize, mut frame: Frame) -> Frame {
+        if self.scale != 1.0 {
+            frame.header = self.frames[index].clone();
+            frame.depth.depth_m.iter_mut().for_each(|depth_m| *depth_m *= self.scale as f32);
+        }
+        frame
     }
 }
 

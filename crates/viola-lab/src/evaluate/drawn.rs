@@ -137,6 +137,7 @@ impl Suite for DrawnClips {
                     level: LevelName::MAIN,
                     other_levels: Vec::new(),
                     map_from_clip: *first,
+                    scale: None,
                     equivalent_poses: vec![*first],
                     first_frame: 0,
                     last_frame: frames.saturating_sub(1) as u32,

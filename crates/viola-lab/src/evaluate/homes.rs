@@ -34,6 +34,8 @@ pub struct HomesParams {
     pub withhold_poses: bool,
     /// Error of the device's poses after one metre, in metres, as in [`ClipParams`].
     pub drift: f64,
+    /// Multiplies poses and depth of each clip by a factor that is drawn, and withholds their unit.
+    pub rescale: bool,
 }
 
 /// Factor of the frame rate without device poses: 10 Hz instead of 2.5 Hz. At 2.5 Hz half of the picture is
@@ -132,13 +134,14 @@ impl Suite for HomeClips {
 
     fn fingerprint(&self) -> String {
         // The cases contain the other parameters.
-        let HomesParams { sensor, picture_labels, withhold_poses, drift, .. } = &self.params;
+        let HomesParams { sensor, picture_labels, withhold_poses, drift, rescale, .. } = &self.params;
         let poses = if *withhold_poses {
             format!(" without poses, with an accelerometer, {DENSER} times as densely")
         } else {
             String::new()
         };
-        format!("simulated {sensor:?} {picture_labels:?}{poses} {drift}")
+        let unit = if *rescale { " without metres" } else { "" };
+        format!("simulated {sensor:?} {picture_labels:?}{poses} {drift}{unit}")
     }
 
     fn sample(
@@ -176,7 +179,11 @@ impl Suite for HomeClips {
             None => (recorded.into_clip(), params.label.clone()),
         };
         let params = &AlignParams { label, ..params.clone() };
-        let observation = align::observe(&clip, None, params, progress)
+        let targets: Vec<&Target> =
+            map.target.iter().chain(others.iter().flatten()).map(Arc::as_ref).collect();
+        let unit = self.params.rescale.then(|| super::suite::without_metres(&clip, seed * 1000 + number));
+        let (clip, scale) = unit.map_or((clip, None), |(clip, metres)| (clip, Some(metres)));
+        let observation = align::observe_in(&targets, &clip, None, params, progress)
             .map_err(|error| RunError::of_clip(&self.cases[index].name, error))?;
         Ok(Some(Sample {
             observation,
@@ -186,6 +193,7 @@ impl Suite for HomeClips {
             other_levels: others.into_iter().flatten().collect(),
             map_from_clip: if foreign { NOWHERE } else { truth.map_from_clip },
             equivalent_poses: if foreign { vec![NOWHERE] } else { truth.equivalent_poses },
+            scale,
             first_frame: 0,
             last_frame: frames.saturating_sub(1) as u32,
         }))

@@ -36,6 +36,9 @@ pub struct ClipResult {
     pub floor_seen: bool,
     /// True if the clip's content fits the map equally well in several places.
     pub unknowable: bool,
+    /// Error of the scale, as a fraction of the true one; null if the clip had metres, or no answer.
+    #[serde(default)]
+    pub scale_error: Option<f64>,
     /// Index of the true pose in the ranked alternatives.
     pub truth_rank: Option<usize>,
     /// Error and uncertainty of the pose; null without a pose on the true level, and for methods without
@@ -148,6 +151,7 @@ impl ClipResult {
             inliers: alignment.inliers,
             floor_seen: sample.observation.floor.as_ref().is_some_and(|floor| !floor.assumed),
             unknowable: sample.equivalent_poses.len() > 1,
+            scale_error: alignment.scale.zip(sample.scale).map(|(found, truth)| found / truth - 1.0),
             truth_rank: alternatives.iter().position(|alternative| alternative.right),
             placement: Placement::new(sample, alignment).filter(|_| is_right_level),
             alternatives,
@@ -193,6 +197,7 @@ impl ClipResult {
             inliers: Some(0.9),
             floor_seen: true,
             unknowable: false,
+            scale_error: None,
             truth_rank: None,
             placement: None,
             alternatives: Vec::new(),

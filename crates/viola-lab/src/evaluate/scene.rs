@@ -69,18 +69,20 @@ pub struct SceneClips {
     scene: Scene,
     cases: Vec<Case>,
     ranges: Vec<Range<usize>>,
+    rescale: bool,
 }
 
 impl SceneClips {
-    /// `ranges` are non-empty index ranges of the recording's frames.
-    pub fn new(scene: Scene, ranges: Vec<Range<usize>>) -> SceneClips {
+    /// `ranges` are non-empty index ranges of the recording's frames. `rescale` multiplies poses and depth of each
+    /// excerpt by a factor that is drawn, and withholds their unit.
+    pub fn new(scene: Scene, ranges: Vec<Range<usize>>, rescale: bool) -> SceneClips {
         let headers = scene.clip.frames();
         let case = |range: &Range<usize>| Case {
             name: format!("{:06}", headers[range.start].number),
             set: scene.name.clone(),
             frames: range.len(),
         };
-        SceneClips { cases: ranges.iter().map(case).collect(), scene, ranges }
+        SceneClips { cases: ranges.iter().map(case).collect(), scene, ranges, rescale }
     }
 }
 
@@ -92,7 +94,8 @@ impl Suite for SceneClips {
     fn fingerprint(&self) -> String {
         let Scene { name, clip, lidar, map_from_world, .. } = &self.scene;
         let sum = lidar.occupied_m.iter().fold(0.0, |sum, p| sum * 0.999 + p.x + 3.0 * p.y);
-        format!("{name} {:?} {:?} {sum} {map_from_world:?}", clip.info(), lidar.info)
+        let unit = if self.rescale { " without metres" } else { "" };
+        format!("{name} {:?} {:?} {sum} {map_from_world:?}{unit}", clip.info(), lidar.info)
     }
 
     fn sample(
@@ -108,7 +111,11 @@ impl Suite for SceneClips {
         };
         let Some(map_from_clip) = self.scene.map_from_clip(begin) else { return Ok(None) };
         let numbers = headers[range.start].number..headers[range.end - 1].number + 1;
-        let observation = align::observe(&self.scene.clip, Some(numbers.clone()), params, progress)
+        let unit = self.rescale.then(|| super::suite::without_metres(&self.scene.clip, index as u64));
+        let (clip, scale) =
+            unit.map_or((self.scene.clip.clone(), None), |(clip, metres)| (clip, Some(metres)));
+        let targets: Vec<&Target> = self.scene.target.iter().map(Arc::as_ref).collect();
+        let observation = align::observe_in(&targets, &clip, Some(numbers.clone()), params, progress)
             .map_err(|error| RunError::of_clip(&self.cases[index].name, error))?;
         Ok(Some(Sample {
             observation,
@@ -118,6 +125,7 @@ impl Suite for SceneClips {
             other_levels: Vec::new(),
             map_from_clip,
             equivalent_poses: vec![map_from_clip],
+            scale,
             first_frame: numbers.start,
             last_frame: numbers.end - 1,
         }))

@@ -1,8 +1,11 @@
 //! Sources of clips with ground truth.
 
 use super::RunError;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
 use viola_align::{AlignParams, Alignment, Observation, Target};
+use viola_formats::clip::Clip;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::{LevelName, Pose2, angle_between};
 
@@ -31,6 +34,8 @@ pub struct Sample {
     /// All poses that fit the clip's content as well as the true one, which is included. More than one means
     /// that the clip is unknowable.
     pub equivalent_poses: Vec<Pose2>,
+    /// True metres per unit of a clip whose unit was withheld.
+    pub scale: Option<f64>,
     /// Numbers of the first and the last frame.
     pub first_frame: u32,
     pub last_frame: u32,
@@ -56,6 +61,13 @@ impl Sample {
         let truth = &self.map_from_clip;
         (angle_between(pose.yaw_rad, truth.yaw_rad).to_degrees(), pose.distance_m(truth))
     }
+}
+
+/// Returns the clip in a unit between 0.2 and 5 m, drawn by `seed`, and the metres of this unit.
+pub(super) fn without_metres(clip: &Clip, seed: u64) -> (Clip, f64) {
+    let widest = 5f64.ln();
+    let metres = ChaCha8Rng::seed_from_u64(seed).random_range(-widest..widest).exp();
+    (clip.scaled(1.0 / metres).with_unknown_scale(), metres)
 }
 
 /// Clips with their truth, made one at a time by several threads.

@@ -40,6 +40,7 @@ pub fn clip_in_memory_heard(
         depth_width: depth.width,
         depth_height: depth.height,
         duration_s: frames.last().and_then(|last| last.time_s),
+        metric: true,
         recorded_at_ms: None,
         notes: Vec::new(),
     };

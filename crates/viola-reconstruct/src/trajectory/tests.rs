@@ -35,6 +35,7 @@ fn clip(poses: &[Option<Pose3>], rate_hz: Option<f64>) -> Clip {
         depth_width: 4,
         depth_height: 3,
         duration_s: None,
+        metric: true,
         recorded_at_ms: None,
         notes: Vec::new(),
     };

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::container::Container;
 use serde::Deserialize;
-use viola_geometry::Vector3;
+use viola_geometry::{Pose3, Vector3};
 
 const FILE: &str = "transforms.json";
 /// 100 000 frames of some 400 bytes.
@@ -22,7 +22,7 @@ struct Transforms {
     #[serde(flatten)]
     camera: Camera,
     frames: Vec<FrameEntry>,
-    /// Scale applied to the poses, which are then not metric.
+    /// Factor that the positions were multiplied by, and the depth was not.
     applied_scale: Option<f64>,
     /// Metres (or the unit of the poses) per unit of the depth pictures.
     #[serde(alias = "depth_integer_scale")]
@@ -51,6 +51,8 @@ struct FrameEntry {
     /// NeRFCapture's name of `depth_file_path`.
     depth_path: Option<String>,
     transform_matrix: [[f64; 4]; 4],
+    /// Mark of poses by COLMAP, whose world has any unit and orientation.
+    colmap_im_id: Option<u64>,
     timestamp: Option<f64>,
     #[serde(flatten)]
     camera: Camera,
@@ -84,24 +86,43 @@ fn side(side: f64, name: &str) -> Result<u32, ClipError> {
     Err(ClipError::BadIntrinsics { name: name.to_string(), reason })
 }
 
+/// Units of the poses and of the depth.
+struct Units {
+    /// Factor of the positions.
+    applied: f64,
+    is_scaled: bool,
+    /// Of the depth pictures.
+    units_per_m: f64,
+}
+
+impl Transforms {
+    fn units(&self, name: &str) -> Result<Units, ClipError> {
+        let not_metric = |reason: String| ClipError::NotMetric { name: name.to_string(), reason };
+        let applied = self.applied_scale.unwrap_or(1.0);
+        if !(1e-6..=1e6).contains(&applied) {
+            return Err(not_metric(format!("{applied} cannot be the scale of its poses (applied_scale)")));
+        }
+        let units_per_m = match self.integer_depth_scale {
+            // NeRFCapture writes 1 for pictures that it has reduced to 8 bits.
+            Some(scale) if !(1e-5..=0.1).contains(&scale) => {
+                let reason = format!("{scale} m for a unit of depth (integer_depth_scale) cannot be");
+                return Err(not_metric(reason));
+            }
+            Some(scale) => 1.0 / scale,
+            None => 1000.0,
+        };
+        Ok(Units { applied, is_scaled: (applied - 1.0).abs() > 1e-6, units_per_m })
+    }
+}
+
 /// Finds the recording in a container; returns `None` if there is none.
 pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipError> {
     let Some(root) = only_root(roots_of(container, FILE))? else { return Ok(None) };
     let name = format!("{root}{FILE}");
     let file: Transforms = read_json(container, &name, MAX_FILE_BYTES)?;
     let is_nerf_capture = file.frames.iter().any(|frame| frame.depth_path.is_some());
-    let not_metric = |reason: String| ClipError::NotMetric { name: name.clone(), reason };
-    if let Some(scale) = file.applied_scale.filter(|scale| (scale - 1.0).abs() > 1e-6) {
-        return Err(not_metric(format!("its poses were scaled by {scale} (applied_scale)")));
-    }
-    let units_per_m = match file.integer_depth_scale {
-        // NeRFCapture writes 1 for pictures that it has reduced to 8 bits.
-        Some(scale) if !(1e-5..=0.1).contains(&scale) => {
-            return Err(not_metric(format!("{scale} m for a unit of depth (integer_depth_scale) cannot be")));
-        }
-        Some(scale) => 1.0 / scale,
-        None => 1000.0,
-    };
+    let Units { applied, is_scaled, units_per_m } = file.units(&name)?;
+    let by_colmap = file.frames.iter().any(|frame| frame.colmap_im_id.is_some());
     let mut notes = Vec::new();
     let bends = [file.k1, file.k2, file.p1, file.p2].into_iter().flatten().any(|k| k.abs() > MAX_DISTORTION);
     if bends {
@@ -121,7 +142,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         sources.push(Source {
             number: number as u32,
             time_s: frame.timestamp.filter(|time_s| time_s.is_finite()),
-            world_from_camera: pose_from_rows(frame.transform_matrix.as_flattened()).map(with_opencv_axes),
+            world_from_camera: pose_from_rows(frame.transform_matrix.as_flattened())
+                .map(|pose| in_unit_of_depth(with_opencv_axes(pose), is_scaled.then_some(applied))),
             color: ColorAt::File(color),
             depth: DepthAt::Png(depth),
             confidence: None,
@@ -133,11 +155,17 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let numbers = numbers.ok_or_else(|| ClipError::MissingIntrinsics {
         name: format!("{name}: fl_x, fl_y, cx, cy, of the file or of each frame"),
     })?;
-    let (layout, gravity, up) = if is_nerf_capture {
-        ("nerf_capture", ARKIT_UP, Vector3::y())
-    } else {
-        ("nerfstudio", "world z is up (layout)", Vector3::z())
+    let (layout, gravity, up) = match (is_nerf_capture, by_colmap) {
+        (true, _) => ("nerf_capture", ARKIT_UP, Some(Vector3::y())),
+        (false, true) => ("nerfstudio", "unknown (COLMAP)", None),
+        (false, false) => ("nerfstudio", "world z is up (layout)", Some(Vector3::z())),
     };
+    let metric = !is_scaled && !by_colmap;
+    if !metric {
+        notes.push(
+            "the unit of the poses and the depth is unknown: the alignment finds the scale".to_string(),
+        );
+    }
     Ok(Some(Layout {
         pose_convention: OPENGL,
         pose_files: FILE,
@@ -148,7 +176,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         },
         depth_units_per_m: units_per_m as f32,
         gravity: gravity.to_string(),
-        up_in_world: Some(up),
+        up_in_world: up,
+        metric,
         color_pictures,
         depth_pictures,
         incomplete: file.frames.len() - sources.len(),
@@ -156,6 +185,14 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         notes,
         ..Layout::new(layout, Cameras::One(Intrinsics { name, numbers }), sources)
     }))
+}
+
+/// Returns a pose whose position was multiplied by `applied`, in the unit of the depth.
+fn in_unit_of_depth(mut pose: Pose3, applied: Option<f64>) -> Pose3 {
+    if let Some(applied) = applied {
+        pose.translation.vector /= applied;
+    }
+    pose
 }
 
 /// Returns the file of a path of the JSON; NeRFCapture omits the extension.

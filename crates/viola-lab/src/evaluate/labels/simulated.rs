@@ -91,6 +91,7 @@ mod tests {
             foreign: false,
             withhold_poses: false,
             drift: 0.0,
+            rescale: false,
         };
         let rows = simulated(&homes, &AlignParams::default(), &|| ()).unwrap();
         let [row] = &rows[..] else { panic!("{rows:?}") };

@@ -1,0 +1,148 @@
+//! Metres per unit of a clip whose unit is unknown: the fourth dimension of the search.
+//!
+//! The clip is fused in nominal metres, by its median depth. Plausible heights of the first camera above the floor
+//! bound the scale. Each scale of a geometric grid is searched over SE(2), every mode is refined in pose and scale,
+//! and one loss ranks the modes of all scales. The clip is then observed again, in metres.
+
+mod explain;
+
+use crate::observe::{self, Observation, Scale};
+use crate::refine;
+use crate::score::MODEL;
+use crate::within::Within;
+use crate::{AlignError, AlignParams, Target};
+use explain::{Explanation, Shape};
+use std::ops::Range;
+use viola_formats::clip::Clip;
+use viola_geometry::progress::{self, Progress, Stage};
+use viola_reconstruct::Reason;
+
+/// Median depth in nominal metres.
+const MEDIAN_DEPTH_M: f64 = 2.0;
+/// Number of frames that give the median depth.
+const SAMPLED_FRAMES: usize = 8;
+/// Scales with a larger ratio are different explanations.
+const CLOSE_LOG: f64 = 0.05;
+/// Maximum number of rivals that the probability counts.
+const MAX_RIVALS: usize = 7;
+
+/// Observes a clip; if its unit is unknown, finds its scale in the maps first.
+pub fn observe_in(
+    targets: &[&Target],
+    clip: &Clip,
+    frames: Option<Range<u32>>,
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<Observation, AlignError> {
+    if clip.info().metric {
+        return observe::observe(clip, frames, params, progress);
+    }
+    match find(targets, clip, frames.clone(), params, progress)? {
+        Ok(scale) => {
+            let metric = clip.scaled(scale.metres_per_unit);
+            let observation = observe::observe(&metric, frames, params, progress)?;
+            Ok(Observation { scale: Some(scale), ..observation })
+        }
+        Err(reasons) => Ok(Observation { reasons, ..Observation::default() }),
+    }
+}
+
+/// Finds the scale of a clip in the maps; returns the reasons if that is not possible.
+pub(super) fn find(
+    targets: &[&Target],
+    clip: &Clip,
+    frames: Option<Range<u32>>,
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<Result<Scale, Vec<Reason>>, AlignError> {
+    progress::begin(progress, Stage::Track)?;
+    let within = Within(progress);
+    let Some(depth) = median_depth(clip, frames.as_ref())? else {
+        let detail = "the depth pictures of the clip have no reading";
+        return Ok(Err(vec![Reason::new("nothing_fused", detail)]));
+    };
+    let nominal = MEDIAN_DEPTH_M / depth;
+    let fusion = match observe::fuse(&clip.scaled(nominal), frames, params, &within)? {
+        Ok(fusion) => fusion,
+        Err(reasons) => return Ok(Err(reasons)),
+    };
+    let observation = fusion.observe_shape(params, &within)?;
+    let (Some(floor), Some(clip_from_world)) = (&observation.floor, observation.clip_from_world) else {
+        return Ok(Err(observation.reasons));
+    };
+    if floor.assumed {
+        let mut reasons = observation.reasons.clone();
+        reasons.push(Reason::new(
+            "scale_unknown",
+            "the unit of the clip is unknown, and without a floor in sight its scale cannot be found; include some floor in the recording",
+        ));
+        return Ok(Err(reasons));
+    }
+    let shape = Shape {
+        camera_height: floor.camera_height_m,
+        cloud_in_clip: observation.cloud_in_clip,
+        keys: fusion.into_key_frames(),
+        clip_from_world,
+    };
+    let (explanations, complete) = explain::explanations(&shape, targets, params, &within)?;
+    let Some(best) = explanations.first() else {
+        let detail = "at no plausible scale the search found a place in the map where the clip could lie";
+        return Ok(Err([observation.reasons, vec![Reason::new("no_candidate", detail)]].concat()));
+    };
+    let hits = shape.hits(best.scale, params);
+    let spread = refine::spread_of_scale(&best.map_from_clip, &hits, targets[best.target]);
+    let metres_per_unit = nominal * best.scale * spread.mean.exp();
+    let rival_gaps_m = rivals(&explanations).map(|rival| rival.loss_m - best.loss_m).collect();
+    Ok(Ok(Scale {
+        metres_per_unit,
+        std: metres_per_unit * MODEL.covariance.scale_std(spread.std, spread.radius_m),
+        rival_gaps_m,
+        complete,
+    }))
+}
+
+/// Returns the median of the depth of some frames, in the clip's unit; `None` without a reading.
+fn median_depth(clip: &Clip, frames: Option<&Range<u32>>) -> Result<Option<f64>, AlignError> {
+    let wanted = |number: u32| frames.is_none_or(|frames| frames.contains(&number));
+    let headers = clip.frames().iter().enumerate();
+    let indices: Vec<usize> =
+        headers.filter(|(_, header)| wanted(header.number)).map(|(index, _)| index).collect();
+    let some = indices.iter().copied().step_by(indices.len().div_ceil(SAMPLED_FRAMES).max(1));
+    let mut depths: Vec<f32> = Vec::new();
+    for frame in clip.stream(some.collect()).next_batch(SAMPLED_FRAMES) {
+        match frame {
+            Ok(frame) => {
+                depths.extend(frame.depth.depth_m.iter().filter(|depth| depth.is_finite() && **depth > 0.0))
+            }
+            Err(error) if error.is_ours() => return Err(AlignError::Clip(error)),
+            // The fusion counts broken frames.
+            Err(_) => {}
+        }
+    }
+    if depths.is_empty() {
+        return Ok(None);
+    }
+    let middle = depths.len() / 2;
+    let (_, median, _) = depths.select_nth_unstable_by(middle, f32::total_cmp);
+    Ok(Some(f64::from(*median)))
+}
+
+/// Returns the explanations at other scales than the first, the best first, each once.
+fn rivals(explanations: &[Explanation]) -> impl Iterator<Item = &Explanation> {
+    let is_other = |a: &Explanation, b: &Explanation| (a.scale / b.scale).ln().abs() > CLOSE_LOG;
+    let mut kept: Vec<&Explanation> = Vec::new();
+    for explanation in explanations.iter().skip(1).filter(|other| is_other(other, &explanations[0])) {
+        let is_known = |known: &&Explanation| {
+            known.target == explanation.target
+                && !is_other(known, explanation)
+                && !crate::score::is_different(&known.map_from_clip, &explanation.map_from_clip)
+        };
+        if !kept.iter().any(is_known) {
+            kept.push(explanation);
+        }
+        if kept.len() == MAX_RIVALS {
+            break;
+        }
+    }
+    kept.into_iter()
+}

@@ -1,0 +1,59 @@
+//! COLMAP's depth maps: `width&height&channels&` as text, then 32-bit floats, row by row
+//! (colmap/colmap, src/colmap/mvs/mat.h).
+
+use super::{ClipError, DepthImage};
+use crate::container::Container;
+use viola_geometry::Pinhole;
+
+/// 32 MiB of floats: pictures up to 3300 x 2500.
+const MAX_BYTES: u64 = 32 << 20;
+/// Three numbers of at most five digits.
+const MAX_HEAD_BYTES: usize = 24;
+
+/// Returns width and height.
+pub(super) fn size(container: &dyn Container, name: &str) -> Result<(u32, u32), ClipError> {
+    let bytes = container.read(name, MAX_BYTES)?;
+    split(&bytes, name).map(|(size, _)| size)
+}
+
+/// Decodes depth of the camera's size, in the unit of the reconstruction.
+pub(super) fn decode(
+    container: &dyn Container,
+    name: &str,
+    camera: &Pinhole,
+) -> Result<DepthImage, ClipError> {
+    let bytes = container.read(name, MAX_BYTES)?;
+    let ((width, height), floats) = split(&bytes, name)?;
+    if (width, height) != (camera.width, camera.height) {
+        return Err(ClipError::ImageSizeChanged {
+            name: name.to_string(),
+            width,
+            height,
+            first_width: camera.width,
+            first_height: camera.height,
+        });
+    }
+    let depth = |bytes: &[u8; 4]| match f32::from_le_bytes(*bytes) {
+        depth if depth.is_finite() && depth > 0.0 => depth,
+        _ => 0.0,
+    };
+    Ok(DepthImage { width, height, depth_m: floats.iter().map(depth).collect() })
+}
+
+/// Returns width and height, and the floats, which are as many as pixels.
+fn split<'a>(bytes: &'a [u8], name: &str) -> Result<((u32, u32), &'a [[u8; 4]]), ClipError> {
+    let bad = |reason: &str| ClipError::BadDepth { name: name.to_string(), reason: reason.to_string() };
+    let mut ends = (0..bytes.len().min(MAX_HEAD_BYTES)).filter(|&at| bytes[at] == b'&');
+    let end = ends.nth(2).ok_or_else(|| bad("it does not begin with width&height&channels&"))?;
+    let head = std::str::from_utf8(&bytes[..end]).unwrap_or_default();
+    let sizes: Vec<u32> = head.split('&').filter_map(|word| word.parse().ok()).collect();
+    let [width, height, 1] = sizes[..] else {
+        return Err(bad("it is not an array of one channel"));
+    };
+    let (floats, rest) = bytes[end + 1..].as_chunks::<4>();
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels == 0 || floats.len() as u64 != pixels || !rest.is_empty() {
+        return Err(bad("its length is not that of its pixels"));
+    }
+    Ok(((width, height), floats))
+}
