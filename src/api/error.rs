@@ -1,10 +1,13 @@
 //! Refusals and failures of requests as RFC 9457 problem documents with stable types. The cause of a failure
 //! of the service goes to the log, never into an answer.
 
+mod codes;
 mod correction;
 mod defence;
 
 pub(super) use defence::Defence;
+
+pub(super) use codes::CODES;
 
 use super::uploads::UploadRefusal;
 use crate::storage::{CorrectionError, MOST_WEBHOOKS, StorageError};
@@ -46,6 +49,8 @@ pub(super) enum Error {
     InvalidPath { field: Option<&'static str>, detail: String },
     #[error("{detail}")]
     InvalidQuery { field: Option<&'static str>, detail: String },
+    #[error("the operation has no query parameter `{name}`; {}", parameters(.known))]
+    UnknownParameter { name: String, known: Vec<String> },
     #[error("{detail}")]
     InvalidHeader { field: &'static str, detail: String },
     #[error("{0}")]
@@ -143,7 +148,9 @@ impl Error {
         use StatusCode as S;
         match self {
             Error::InvalidPath { .. } => (S::BAD_REQUEST, "invalid_path", "A part of the path is not valid"),
-            Error::InvalidQuery { .. } => (S::BAD_REQUEST, "invalid_query", "A query parameter is not valid"),
+            Error::InvalidQuery { .. } | Error::UnknownParameter { .. } => {
+                (S::BAD_REQUEST, "invalid_query", "A query parameter is not valid")
+            }
             Error::InvalidHeader { .. } => (S::BAD_REQUEST, "invalid_header", "A header is not valid"),
             Error::MalformedJson(_) => (S::BAD_REQUEST, "malformed_json", "The body is not JSON"),
             Error::InvalidBody(_) | Error::InvalidMember { .. } => {
@@ -210,6 +217,9 @@ impl Error {
             Error::Storage(StorageError::NoSuchClip) => {
                 (S::NOT_FOUND, "clip_not_found", "There is no such clip")
             }
+            Error::Storage(StorageError::Changed { .. }) => {
+                (S::PRECONDITION_FAILED, "changed_meanwhile", "It was changed since it was read")
+            }
             Error::Storage(StorageError::NoSuchWebhook) => {
                 (S::NOT_FOUND, "webhook_not_found", "There is no such webhook")
             }
@@ -237,20 +247,26 @@ impl Error {
         }
     }
 
-    fn field(&self) -> Option<&'static str> {
+    fn field(&self) -> Option<&str> {
         match self {
+            Error::UnknownParameter { name, .. } => Some(name),
             Error::NotReady { what, .. } => Some(what),
             Error::InvalidPath { field, .. } | Error::InvalidQuery { field, .. } => *field,
             Error::InvalidHeader { field, .. } | Error::InvalidMember { field, .. } => Some(field),
             Error::KeyReused => Some("Idempotency-Key"),
             Error::NoSuchRange { .. } => Some("Range"),
             Error::Correction(CorrectionError::Impossible { field, .. }) => Some(field),
-            Error::Correction(CorrectionError::Changed { .. }) => Some("If-Match"),
+            Error::Correction(CorrectionError::Changed { .. })
+            | Error::Storage(StorageError::Changed { .. }) => Some("If-Match"),
             Error::Defence(refusal) => refusal.field(),
             Error::Upload(refusal) => refusal.field(),
             _ => None,
         }
     }
+}
+
+fn parameters(known: &[String]) -> String {
+    if known.is_empty() { "it has none".to_owned() } else { format!("it has {}", known.join(", ")) }
 }
 
 /// Returns 415 for a file of an unknown kind, 413 for one that unpacks to too much, and 422 for other refusals.

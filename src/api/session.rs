@@ -6,6 +6,7 @@ use super::error::Error;
 use super::extract::Json;
 use super::peer;
 use super::problems::{CommonProblems, JsonProblems};
+use super::reply::Document;
 use super::types::Role;
 use crate::storage::{SESSION_LIFE, Secret, SessionToken};
 use axum::extract::State;
@@ -45,8 +46,8 @@ impl From<Caller> for Session {
 /// Get the tenant and role of the caller
 #[utoipa::path(get, path = "/v1/session", tag = "service",
     responses((status = 200, description = "The tenant and role of the key in use", body = Session), CommonProblems))]
-pub(super) async fn get_session(caller: Caller) -> axum::Json<Session> {
-    axum::Json(caller.into())
+pub(super) async fn get_session(caller: Caller) -> Document<Session> {
+    Document(caller.into())
 }
 
 /// Sign in: begin a session of this browser with a key

@@ -8,6 +8,7 @@ mod disk_full;
 mod faults;
 mod kill;
 mod networks;
+mod python;
 mod schemathesis;
 mod serving;
 mod typescript;

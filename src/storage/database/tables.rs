@@ -19,6 +19,7 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (11, "levels", include_str!("../../../migrations/0011_levels.sql")),
     (12, "sessions", include_str!("../../../migrations/0012_sessions.sql")),
     (13, "limits", include_str!("../../../migrations/0013_limits.sql")),
+    (14, "names and coverage", include_str!("../../../migrations/0014_names_and_coverage.sql")),
 ];
 
 /// Tolerates tables of a newer version: they extend those of this one.
