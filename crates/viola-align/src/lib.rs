@@ -27,7 +27,7 @@ pub use scale::observe_in;
 pub use scan::{FREE_CELL_M, HIT_SPACING_M, Hit, Landmark, RaycastParams, VACUUM_HEIGHT_M, VirtualScan};
 pub use score::{
     Coefficient, CovarianceModel, Evidence, FEATURES, HitWeightParams, LossWeights, MODEL, MadeBy, Model,
-    PoseScorer, ScoreParams, TYPICAL_HITS, features, is_different,
+    PoseScorer, ScoreParams, TYPICAL_HITS, features, is_different, share_of_odds,
 };
 pub use search::{Candidate, Modes, SearchLimits, SearchParams};
 pub use target::Target;

@@ -8,7 +8,7 @@ mod model;
 mod rank;
 mod verdict;
 
-pub use confidence::{Doubts, FEATURES, features, set_probabilities};
+pub use confidence::{Doubts, FEATURES, features, set_probabilities, share_of_odds};
 pub use different::is_different;
 pub use evidence::{Evidence, PoseScorer};
 pub use hit_weights::{HitWeightParams, hit_weights};

@@ -46,9 +46,21 @@ pub fn features(
 ) -> Option<[f64; FEATURES.len()]> {
     let best = alternatives.first()?;
     best.free_space?;
-    let odds = |rival: &Alternative| (-(rival.loss_m - best.loss_m) / temperature_m).exp();
-    let against = UNLISTED_ODDS + rivals(alternatives).map(odds).sum::<f64>();
+    let against = odds_against(alternatives, temperature_m)?;
     Some([-against.ln(), best.loss_m, (hits.max(1) as f64 / 100.0).ln()])
+}
+
+/// Returns the odds of all different explanations against the best one; `None` without a pose.
+fn odds_against(alternatives: &[Alternative], temperature_m: f64) -> Option<f64> {
+    let best = alternatives.first()?;
+    let odds = |rival: &Alternative| (-(rival.loss_m - best.loss_m) / temperature_m).exp();
+    Some(UNLISTED_ODDS + rivals(alternatives).map(odds).sum::<f64>())
+}
+
+/// Returns the best pose's share of the odds, which bounds its probability: whatever speaks for it speaks for a rival
+/// with the same loss, too. `temperature_m` is that of the bound.
+pub fn share_of_odds(alternatives: &[Alternative], temperature_m: f64) -> Option<f64> {
+    odds_against(alternatives, temperature_m).map(|against| 1.0 / (1.0 + against))
 }
 
 /// Facts about an answer that its features do not show.
@@ -87,19 +99,20 @@ fn cap(probability: &mut Option<f64>, most: f64) {
     *probability = probability.map(|p| p.min(most));
 }
 
-/// Sets the regression's probability for the best pose, at most its share of the odds: whatever speaks for it speaks
-/// for a rival with nearly its loss, too. The rest is divided among the other explanations by their losses, with a
-/// part for unlisted poses.
+/// Sets the regression's probability for the best pose, at most its share of the odds. The rest is divided among the
+/// other explanations by their losses, with a part for unlisted poses.
 fn regress(answer: &mut Alignment, model: &Model) {
     const ELSEWHERE: f64 = 0.25;
     let temperature_m = model.temperature_m(answer.hits);
     let Some(mut features) = features(&answer.alternatives, answer.hits, temperature_m) else { return };
-    let at_other_scales: f64 =
-        answer.scale_rival_gaps_m.iter().map(|gap_m| (-gap_m / temperature_m).exp()).sum();
-    if at_other_scales > 0.0 {
-        features[0] = -((-features[0]).exp() + at_other_scales).ln();
+    let Some(mut share) = share_of_odds(&answer.alternatives, temperature_m * model.bound) else { return };
+    let at_other_scales = |temperature_m: f64| -> f64 {
+        answer.scale_rival_gaps_m.iter().map(|gap_m| (-gap_m / temperature_m).exp()).sum()
+    };
+    if !answer.scale_rival_gaps_m.is_empty() {
+        features[0] = -((-features[0]).exp() + at_other_scales(temperature_m)).ln();
+        share = 1.0 / (1.0 / share + at_other_scales(temperature_m * model.bound));
     }
-    let share = 1.0 / (1.0 + (-features[0]).exp());
     let best = model.probability(&features).min(share);
     let loss_m = answer.alternatives[0].loss_m;
     let weight = |a: &Alternative| (-(a.loss_m - loss_m) / temperature_m).exp();

@@ -13,6 +13,8 @@ pub struct Model {
     pub loss: LossWeights,
     /// A rival that loses by this much is e times less probable, for a clip of [`TYPICAL_HITS`].
     pub temperature_m: f64,
+    /// Factor of the temperature in the bound of the probability by the odds.
+    pub bound: f64,
     pub intercept: f64,
     pub coefficients: Vec<Coefficient>,
     pub covariance: CovarianceModel,

@@ -1,7 +1,10 @@
 //! Windows and closed doors, by the labelled points in the walls, and the leaves of open doors.
 
+mod front;
+
 use super::model::{Opening, OpeningKind, Plan, Swing, Wall};
 use crate::map_point::MapPoint;
+use front::fronts;
 use viola_geometry::Point2;
 use viola_geometry::taxonomy::Class;
 
@@ -10,6 +13,8 @@ const STEP_M: f64 = 0.05;
 /// Points this far outside a wall's faces belong to it: frames, sills, blinds; doors are flush.
 const WINDOW_OFF_M: f64 = 0.15;
 const DOOR_OFF_M: f64 = 0.08;
+/// Curtains hang this far before the wall.
+const CURTAIN_OFF_M: f64 = 0.25;
 /// Windows of outer walls lie deeper than the usual thickness.
 const RECESS_M: f64 = 0.2;
 /// Heights in which points count, in bins of `BIN_M`.
@@ -18,6 +23,12 @@ const BIN_M: f64 = 0.15;
 /// Minimum bins of a step with a window, whose panes nobody sees: two bars of its frame; and with a door.
 const WINDOW_BINS: u32 = 2;
 const DOOR_BINS: u32 = 5;
+/// Minimum bins from 1.1 m on of a step with a curtain, which hides its window.
+const CURTAIN_BINS: u32 = 4;
+const PANE: u32 = !0 << 6;
+/// Minimum bins of a step with wall at the height of panes, and minimum number of such steps between two windows.
+const PIER_BINS: u32 = 5;
+const PIER_STEPS: usize = 2;
 /// Gaps in the labels of one opening.
 const GAP_M: f64 = 0.4;
 /// Fraction of its steps that show it.
@@ -28,35 +39,55 @@ const CLOSED_DOOR_M: [f64; 2] = [0.55, 1.3];
 const LEAF_SHARE: f64 = 0.7;
 const LEAF_STEPS: usize = 10;
 
+/// A point of the plan, its height and its class.
+type Labelled = (Point2, f64, Class);
+
 /// Heights of the labels in a step of a wall, as bits.
 #[derive(Default, Clone, Copy)]
 struct Step {
     window: u32,
     door: u32,
+    curtain: u32,
+    wall: u32,
+}
+
+impl Step {
+    fn shows_window(&self) -> bool {
+        self.window.count_ones() >= WINDOW_BINS || (self.curtain & PANE).count_ones() >= CURTAIN_BINS
+    }
+
+    fn shows_pier(&self) -> bool {
+        (self.wall & PANE).count_ones() >= PIER_BINS && self.window.count_ones() < WINDOW_BINS
+    }
 }
 
 /// Adds windows and closed doors to a plan's openings, and leaves to its doors.
 pub(super) fn add(plan: &mut Plan, points: &[MapPoint]) {
     let plan_from_map = plan.map_from_plan.inverse();
-    let labelled: Vec<(Point2, f64, Class)> = points
+    let (piers, labelled): (Vec<Labelled>, Vec<Labelled>) = points
         .iter()
-        .filter(|point| matches!(point.point.label.class, Class::Window | Class::Door))
+        .filter(|point| {
+            matches!(point.point.label.class, Class::Window | Class::Door | Class::Curtain | Class::Wall)
+        })
         .map(|point| {
             let [x, y, z] = point.point.position_m.map(f64::from);
             (plan_from_map.apply(&Point2::new(x, y)), z, point.point.label.class)
         })
         .filter(|(_, z, _)| (HEIGHTS_M[0]..HEIGHTS_M[1]).contains(z))
-        .collect();
+        .partition(|(_, _, class)| *class == Class::Wall);
     let mut found: Vec<Opening> = Vec::new();
     for wall in &plan.walls {
-        let steps = steps(wall, &labelled);
+        let steps = steps(wall, labelled.iter());
         let doors = runs(&steps, |step| step.door.count_ones() >= DOOR_BINS, CLOSED_DOOR_M);
         found.extend(doors.into_iter().map(|run| opening(wall, run, OpeningKind::Door, &labelled)));
-        // A window of a wall between rooms is a mirror or a picture, as a rule.
-        if !wall.is_measured {
-            let windows = runs(&steps, |step| step.window.count_ones() >= WINDOW_BINS, WINDOW_M);
-            found.extend(windows.into_iter().map(|run| opening(wall, run, OpeningKind::Window, &labelled)));
-        }
+    }
+    // A window of a wall between rooms is a mirror or a picture, as a rule.
+    for front in fronts(&plan.walls) {
+        let steps = steps(&front.line, labelled.iter().chain(&piers));
+        let windows = runs(&steps, Step::shows_window, WINDOW_M);
+        let on_line =
+            windows.into_iter().map(|run| opening(&front.line, run, OpeningKind::Window, &labelled));
+        found.extend(on_line.map(|opening| front.on_wall(opening)));
     }
     for mut opening in found {
         if !plan.openings.iter().any(|other| meet(other, &opening)) {
@@ -79,7 +110,7 @@ fn within(from_m: [f64; 2], to_m: [f64; 2], p: &Point2) -> [f64; 2] {
     [off[0] * along[0] + off[1] * along[1], off[1] * along[0] - off[0] * along[1]]
 }
 
-fn steps(wall: &Wall, labelled: &[(Point2, f64, Class)]) -> Vec<Step> {
+fn steps<'a>(wall: &Wall, labelled: impl Iterator<Item = &'a Labelled>) -> Vec<Step> {
     let count = ((wall.length_m() / STEP_M).ceil() as usize).max(1);
     let mut steps = vec![Step::default(); count];
     let half_m = wall.thickness_m / 2.0;
@@ -93,11 +124,18 @@ fn steps(wall: &Wall, labelled: &[(Point2, f64, Class)]) -> Vec<Step> {
         let step = &mut steps[((along / STEP_M) as usize).min(count - 1)];
         match class {
             Class::Window if across.abs() < half_m + WINDOW_OFF_M + recess_m => step.window |= bit,
+            Class::Curtain if across.abs() < half_m + CURTAIN_OFF_M + recess_m => step.curtain |= bit,
             Class::Door if across.abs() < half_m + DOOR_OFF_M + recess_m => step.door |= bit,
+            Class::Wall if across.abs() < half_m + DOOR_OFF_M + recess_m => step.wall |= bit,
             _ => {}
         }
     }
     steps
+}
+
+/// Returns whether steps show wall from the one window to the other.
+fn is_pier(between: &[Step]) -> bool {
+    between.windows(PIER_STEPS).any(|steps| steps.iter().all(Step::shows_pier))
 }
 
 /// Returns the runs of steps that show an opening of a plausible width: first and last step.
@@ -106,7 +144,9 @@ fn runs(steps: &[Step], shows: impl Fn(&Step) -> bool, width_m: [f64; 2]) -> Vec
     let mut runs: Vec<([usize; 2], usize)> = Vec::new();
     for at in (0..steps.len()).filter(|at| shows(&steps[*at])) {
         match runs.last_mut() {
-            Some((run, count)) if at - run[1] <= gap => (run[1], *count) = (at, *count + 1),
+            Some((run, count)) if at - run[1] <= gap && !is_pier(&steps[run[1] + 1..at]) => {
+                (run[1], *count) = (at, *count + 1)
+            }
             _ => runs.push(([at, at], 1)),
         }
     }
@@ -118,7 +158,7 @@ fn runs(steps: &[Step], shows: impl Fn(&Step) -> bool, width_m: [f64; 2]) -> Vec
     runs.into_iter().filter(is_opening).map(|(run, _)| run).collect()
 }
 
-fn opening(wall: &Wall, run: [usize; 2], kind: OpeningKind, labelled: &[(Point2, f64, Class)]) -> Opening {
+fn opening(wall: &Wall, run: [usize; 2], kind: OpeningKind, labelled: &[Labelled]) -> Opening {
     let class = if kind == OpeningKind::Window { Class::Window } else { Class::Door };
     let span_m = [run[0] as f64 * STEP_M, ((run[1] + 1) as f64 * STEP_M).min(wall.length_m())];
     let mut heights: Vec<f64> = labelled
@@ -162,7 +202,7 @@ fn meet(a: &Opening, b: &Opening) -> bool {
 }
 
 /// Returns the open leaf of a door, if points of it stand beside the doorway.
-fn swing(opening: &Opening, labelled: &[(Point2, f64, Class)]) -> Option<Swing> {
+fn swing(opening: &Opening, labelled: &[Labelled]) -> Option<Swing> {
     let width_m = opening.width_m();
     let mut best: Option<(usize, Swing)> = None;
     for (from, to) in [(opening.from_m, opening.to_m), (opening.to_m, opening.from_m)] {
@@ -203,11 +243,14 @@ mod tests {
 
     #[test]
     fn patches_of_labels_are_one_window() {
-        let step = |window: bool| Step { window: if window { 0b1001 } else { 0 }, door: 0 };
+        let step = |window: bool| Step { window: if window { 0b1001 } else { 0 }, ..Step::default() };
         let steps: Vec<Step> =
             (0..60).map(|i| step((10..20).contains(&i) || (25..32).contains(&i))).collect();
-        assert_eq!(runs(&steps, |step| step.window.count_ones() >= WINDOW_BINS, WINDOW_M), [[10, 31]]);
+        assert_eq!(runs(&steps, Step::shows_window, WINDOW_M), [[10, 31]]);
+        let mut divided = steps.clone();
+        divided[21..24].fill(Step { wall: PANE, ..Step::default() });
+        assert_eq!(runs(&divided, Step::shows_window, WINDOW_M), [[10, 19]]);
         let speck: Vec<Step> = (0..60).map(|i| step(i == 7)).collect();
-        assert!(runs(&speck, |step| step.window.count_ones() >= WINDOW_BINS, WINDOW_M).is_empty());
+        assert!(runs(&speck, Step::shows_window, WINDOW_M).is_empty());
     }
 }

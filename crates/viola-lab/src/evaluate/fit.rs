@@ -5,7 +5,9 @@ mod spread;
 use super::homes::FOREIGN;
 use super::weights::learned_loss;
 use super::{ClipResult, Listed, Placement};
-use viola_align::{Alternative, Coefficient, Evidence, FEATURES, MODEL, MadeBy, Model, features};
+use viola_align::{
+    Alternative, Coefficient, Evidence, FEATURES, MODEL, MadeBy, Model, features, share_of_odds,
+};
 
 /// Weight of clips with the map of another home: half of the training data, but rare in the field.
 const FOREIGN_WEIGHT: f64 = 0.35;
@@ -20,12 +22,14 @@ pub fn fit(results: &[ClipResult], made_by: MadeBy) -> Option<Model> {
         made_by,
         loss: learned.map_or(MODEL.loss, |learned| learned.weights),
         temperature_m: learned.map_or(MODEL.temperature_m, |learned| learned.temperature_m),
+        bound: MODEL.bound,
         intercept: 0.0,
         coefficients: Vec::new(),
         covariance: MODEL.covariance,
     };
     let answers: Vec<Answer> = results.iter().filter_map(|result| Answer::of(result, &model)).collect();
     (model.intercept, model.coefficients) = regress(&answers)?;
+    model.bound = likeliest_bound(&answers, &model);
     let right = results.iter().filter(|result| result.is_success());
     let placed: Vec<Placement> = right.filter_map(|result| result.placement).collect();
     model.covariance = spread::fit(&placed).unwrap_or(MODEL.covariance);
@@ -36,8 +40,27 @@ pub fn fit(results: &[ClipResult], made_by: MadeBy) -> Option<Model> {
 #[derive(Debug, Clone, Copy)]
 struct Answer {
     features: [f64; FEATURES.len()],
+    /// Bounds of the probability, for each of [`BOUNDS`].
+    shares: [f64; BOUNDS.len()],
     right: bool,
     weight: f64,
+}
+
+/// Candidates for the factor of the temperature in the bound by the odds.
+const BOUNDS: [f64; 5] = [1.0, 0.75, 0.5, 0.35, 0.25];
+
+/// Returns the bound that makes the answers likeliest.
+fn likeliest_bound(answers: &[Answer], model: &Model) -> f64 {
+    let log_likelihood = |bound: usize| -> f64 {
+        let of = |answer: &Answer| {
+            let p = model.probability(&answer.features).min(answer.shares[bound]).clamp(1e-6, 1.0 - 1e-6);
+            answer.weight * if answer.right { p.ln() } else { (1.0 - p).ln() }
+        };
+        answers.iter().map(of).sum()
+    };
+    let scored = (0..BOUNDS.len()).map(|bound| (log_likelihood(bound), BOUNDS[bound]));
+    // The larger of equal ones, which is more careful, comes last.
+    scored.rev().max_by(|a, b| a.0.total_cmp(&b.0)).map_or(1.0, |best| best.1)
 }
 
 impl Answer {
@@ -56,9 +79,14 @@ impl Answer {
         ranked.sort_by(|a, b| a.0.loss_m.total_cmp(&b.0.loss_m));
         let right = ranked.first()?.1;
         let alternatives: Vec<Alternative> = ranked.into_iter().map(|(alternative, _)| alternative).collect();
-        let features = features(&alternatives, result.hits, model.temperature_m(result.hits))?;
+        let temperature_m = model.temperature_m(result.hits);
+        let features = features(&alternatives, result.hits, temperature_m)?;
+        let mut shares = [1.0; BOUNDS.len()];
+        for (share, bound) in shares.iter_mut().zip(BOUNDS) {
+            *share = share_of_odds(&alternatives, temperature_m * bound)?;
+        }
         let weight = if result.set.ends_with(FOREIGN) { FOREIGN_WEIGHT } else { 1.0 };
-        Some(Answer { features, right, weight })
+        Some(Answer { features, shares, right, weight })
     }
 }
 
@@ -97,7 +125,7 @@ fn regress_on(answers: &[Answer], used: &[bool]) -> Option<(f64, Vec<Coefficient
     let size = FEATURES.len() + 1;
     let standard: Vec<(nalgebra::DVector<f64>, f64, f64)> = answers
         .iter()
-        .map(|Answer { features, right, weight }| {
+        .map(|Answer { features, right, weight, .. }| {
             let value = |i: usize| ((features[i] - moments[i].0) / moments[i].1).clamp(-4.0, 4.0);
             let row = nalgebra::DVector::from_fn(size, |i, _| match i {
                 0 => 1.0,
@@ -149,7 +177,8 @@ mod tests {
                 let luck = ((i * 7919 + i / 1000 * 1231) % 997) as f64 / 997.0;
                 let mut features = [0.0; FEATURES.len()];
                 features[0] = x;
-                Answer { features, right: luck < 1.0 / (1.0 + (-x).exp()), weight: 1.0 }
+                let right = luck < 1.0 / (1.0 + (-x).exp());
+                Answer { features, shares: [1.0; BOUNDS.len()], right, weight: 1.0 }
             })
             .collect()
     }
@@ -168,6 +197,18 @@ mod tests {
             let got = model.probability(&features);
             assert!((got - want).abs() < 0.03, "{x}: {got} is not {want}");
         }
+    }
+
+    /// Beside a rival with its loss an answer is right in half of the cases, whatever its features.
+    #[test]
+    fn the_bound_is_as_tight_as_the_rivals_are_right() {
+        let with = |shares: [f64; BOUNDS.len()]| {
+            let answers: Vec<Answer> =
+                (0..100).map(|i| Answer { shares, right: i % 2 == 0, ..answers()[0] }).collect();
+            likeliest_bound(&answers, &Model { intercept: 9.0, coefficients: Vec::new(), ..MODEL.clone() })
+        };
+        assert_eq!(with([0.1, 0.3, 0.5, 0.7, 0.9]), BOUNDS[2]);
+        assert_eq!(with([0.5; BOUNDS.len()]), BOUNDS[0]);
     }
 
     #[test]
