@@ -106,12 +106,11 @@ fn regress(answer: &mut Alignment, model: &Model) {
     let temperature_m = model.temperature_m(answer.hits);
     let Some(mut features) = features(&answer.alternatives, answer.hits, temperature_m) else { return };
     let Some(mut share) = share_of_odds(&answer.alternatives, temperature_m * model.bound) else { return };
-    let at_other_scales = |temperature_m: f64| -> f64 {
-        answer.scale_rival_gaps_m.iter().map(|gap_m| (-gap_m / temperature_m).exp()).sum()
-    };
     if !answer.scale_rival_gaps_m.is_empty() {
-        features[0] = -((-features[0]).exp() + at_other_scales(temperature_m)).ln();
-        share = 1.0 / (1.0 / share + at_other_scales(temperature_m * model.bound));
+        let odds = |gap_m: &f64| (-gap_m / temperature_m).exp();
+        let at_other_scales: f64 = answer.scale_rival_gaps_m.iter().map(odds).sum();
+        features[0] = -((-features[0]).exp() + at_other_scales).ln();
+        share = 1.0 / (1.0 / share + at_other_scales);
     }
     let best = model.probability(&features).min(share);
     let loss_m = answer.alternatives[0].loss_m;
