@@ -249,7 +249,7 @@ mod tests {
         assert_eq!(runs(&steps, Step::shows_window, WINDOW_M), [[10, 31]]);
         let mut divided = steps.clone();
         divided[21..24].fill(Step { wall: PANE, ..Step::default() });
-        assert_eq!(runs(&divided, Step::shows_window, WINDOW_M), [[10, 19]]);
+        assert_eq!(runs(&divided, Step::shows_window, WINDOW_M), [[10, 19], [25, 31]]);
         let speck: Vec<Step> = (0..60).map(|i| step(i == 7)).collect();
         assert!(runs(&speck, Step::shows_window, WINDOW_M).is_empty());
     }
