@@ -11,7 +11,7 @@ use crate::refine;
 use crate::score::MODEL;
 use crate::within::Within;
 use crate::{AlignError, AlignParams, Target};
-use explain::{Explanation, Shape};
+use explain::{Explanation, FIRST, IN_DOUBT, Shape};
 use std::ops::Range;
 use viola_formats::clip::Clip;
 use viola_geometry::progress::{self, Progress, Stage};
@@ -23,6 +23,8 @@ const MEDIAN_DEPTH_M: f64 = 2.0;
 const SAMPLED_FRAMES: usize = 8;
 /// Scales with a larger ratio are different explanations.
 const CLOSE_LOG: f64 = 0.05;
+/// An answer is in doubt if a rival at another scale loses by less.
+const DOUBT_M: f64 = 0.015;
 /// Maximum number of rivals that the probability counts.
 const MAX_RIVALS: usize = 7;
 
@@ -84,7 +86,7 @@ pub(super) fn find(
         keys: fusion.into_key_frames(),
         clip_from_world,
     };
-    let (explanations, complete) = explain::explanations(&shape, targets, params, &within)?;
+    let (explanations, complete) = explanations(&shape, targets, params, &within)?;
     let Some(best) = explanations.first() else {
         let detail = "at no plausible scale the search found a place in the map where the clip could lie";
         return Ok(Err([observation.reasons, vec![Reason::new("no_candidate", detail)]].concat()));
@@ -99,6 +101,27 @@ pub(super) fn find(
         rival_gaps_m,
         complete,
     }))
+}
+
+/// Returns the explanations at all scales, the best first, and whether the search proved the optimum of each scale. If
+/// an explanation at another scale is nearly as good as the best one, the search continues.
+fn explanations(
+    shape: &Shape,
+    targets: &[&Target],
+    params: &AlignParams,
+    progress: &dyn Progress,
+) -> Result<(Vec<Explanation>, bool), AlignError> {
+    let by_loss = |a: &Explanation, b: &Explanation| a.loss_m.total_cmp(&b.loss_m);
+    let (mut found, mut complete) = explain::explanations(shape, targets, &FIRST, params, progress)?;
+    found.sort_by(by_loss);
+    let is_near = |best: &Explanation| rivals(&found).any(|rival| rival.loss_m - best.loss_m < DOUBT_M);
+    if found.first().is_none_or(is_near) {
+        let (more, more_complete) = explain::explanations(shape, targets, &IN_DOUBT, params, progress)?;
+        found.extend(more);
+        found.sort_by(by_loss);
+        complete &= more_complete;
+    }
+    Ok((found, complete))
 }
 
 /// Returns the median of the depth of some frames, in the clip's unit; `None` without a reading.

@@ -12,18 +12,44 @@ use viola_geometry::progress::{self, Progress};
 use viola_geometry::{Pose2, Pose3};
 use viola_reconstruct::{KeyFrame, PointCloud};
 
-/// Limits of the search at each scale. The right pose may score below the best one at a wrong scale, so modes are
-/// taken from each.
-const LIMITS: SearchLimits = SearchLimits { modes: 20, bar: 0.75 };
-/// Budget of the search at each scale. Modes come in the order of their scores, so it ends after the best ones.
-const MAX_NODES: usize = 100_000;
+/// The effort of a search over scales.
+pub(super) struct Effort {
+    /// Heights at which the first camera may be above the floor.
+    heights_m: RangeInclusive<f64>,
+    /// Part of the usual step of the grid, and of the usual rotations.
+    step: f64,
+    rotations: f64,
+    /// Limits of the search at each scale. The right pose may score below the best one at a wrong scale, so modes are
+    /// taken from each.
+    limits: SearchLimits,
+    /// Budget of the search at each scale. Modes come in the order of their scores, so it ends after the best ones.
+    max_nodes: usize,
+}
+
+/// The search over all plausible heights.
+pub(super) const FIRST: Effort = Effort {
+    heights_m: 0.5..=2.2,
+    step: 1.0,
+    rotations: 0.5,
+    limits: SearchLimits { modes: 20, bar: 0.75 },
+    max_nodes: 100_000,
+};
+
+/// The search if the answer is in doubt: over the usual heights, where most of the right answers are.
+pub(super) const IN_DOUBT: Effort = Effort {
+    heights_m: 1.0..=1.8,
+    step: 0.5,
+    rotations: 1.0,
+    limits: SearchLimits { modes: 100, bar: 0.7 },
+    max_nodes: 500_000,
+};
+
 /// Half a step of the grid of scales moves a hit at the reach of the scan by half of this.
 const STEP_M: f64 = 0.1;
 /// Bounds of the step, in the logarithm of the scale.
 const STEP_LOG: (f64, f64) = (0.02, 0.05);
 
-/// Heights at which a first camera may be above the floor, the usual one, and the deviation of its logarithm.
-const CAMERA_HEIGHT_M: RangeInclusive<f64> = 0.5..=2.2;
+/// Usual height of a first camera above the floor, and the deviation of its logarithm.
 const USUAL_HEIGHT_M: f64 = 1.35;
 const HEIGHT_LOG: f64 = 0.3;
 /// Mean distance of the hits of right poses from the map, which is also the scale of its (exponential) distribution.
@@ -51,8 +77,8 @@ pub(super) struct Explanation {
 
 impl Shape {
     /// Returns the smallest and the largest scale, in metres per nominal metre.
-    fn bounds(&self) -> (f64, f64) {
-        (CAMERA_HEIGHT_M.start() / self.camera_height, CAMERA_HEIGHT_M.end() / self.camera_height)
+    fn bounds(&self, effort: &Effort) -> (f64, f64) {
+        (effort.heights_m.start() / self.camera_height, effort.heights_m.end() / self.camera_height)
     }
 
     /// Returns the loss of a scale by itself, for a clip with so many hits.
@@ -78,42 +104,43 @@ impl Shape {
     }
 
     /// Returns the grid of scales and its step.
-    fn grid(&self, params: &AlignParams) -> (Vec<f64>, f64) {
-        let (least, most) = self.bounds();
+    fn grid(&self, effort: &Effort, params: &AlignParams) -> (Vec<f64>, f64) {
+        let (least, most) = self.bounds(effort);
         let middle = (least * most).sqrt();
         let hits = self.scan(middle, &params.raycast).hits;
         let squared: f64 = hits.iter().map(|hit| hit.point_m.coords.norm_squared()).sum();
         let reach_m = (squared / hits.len().max(1) as f64).sqrt() * most / middle;
-        let step = (STEP_M / reach_m).clamp(STEP_LOG.0, STEP_LOG.1);
+        let step = (STEP_M / reach_m).clamp(STEP_LOG.0, STEP_LOG.1) * effort.step;
         let count = ((most / least).ln() / step).ceil() as usize;
         let step = (most / least).ln() / count as f64;
         ((0..=count).map(|i| least * (i as f64 * step).exp()).collect(), step)
     }
 }
 
-/// Returns the explanations at all scales in all maps, the best first, and whether the search proved the optimum of
+/// Returns the explanations at all scales in all maps, and whether the search proved the optimum of
 /// each scale.
 pub(super) fn explanations(
     shape: &Shape,
     targets: &[&Target],
+    effort: &Effort,
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<(Vec<Explanation>, bool), AlignError> {
-    let (scales, step) = shape.grid(params);
-    let at_scale = |&scale: &f64| at_scale(shape, scale, step, targets, params, progress);
+    let (scales, step) = shape.grid(effort, params);
+    let at_scale = |&scale: &f64| at_scale(shape, (scale, step), targets, effort, params, progress);
     let found: Vec<(Vec<Explanation>, bool)> =
         scales.par_iter().map(at_scale).collect::<Result<_, AlignError>>()?;
     let complete = found.iter().all(|(_, complete)| *complete);
-    let mut explanations: Vec<Explanation> = found.into_iter().flat_map(|(found, _)| found).collect();
-    explanations.sort_by(|a, b| a.loss_m.total_cmp(&b.loss_m));
+    let explanations: Vec<Explanation> = found.into_iter().flat_map(|(found, _)| found).collect();
     Ok((explanations, complete))
 }
 
+/// Returns the explanations at a scale of the grid with this step, in the logarithm.
 fn at_scale(
     shape: &Shape,
-    scale: f64,
-    step: f64,
+    (scale, step): (f64, f64),
     targets: &[&Target],
+    effort: &Effort,
     params: &AlignParams,
     progress: &dyn Progress,
 ) -> Result<(Vec<Explanation>, bool), AlignError> {
@@ -124,16 +151,16 @@ fn at_scale(
     if hits.len() < MIN_HITS {
         return Ok((explanations, complete));
     }
-    let (low, high) = shape.bounds();
+    let (low, high) = shape.bounds(effort);
     let search = SearchParams {
-        rotations: params.search.rotations / 2,
-        first: LIMITS,
-        in_doubt: LIMITS,
-        max_nodes: MAX_NODES,
+        rotations: (params.search.rotations as f64 * effort.rotations) as usize,
+        first: effort.limits,
+        in_doubt: effort.limits,
+        max_nodes: effort.max_nodes,
         ..params.search.clone()
     };
     for (index, target) in targets.iter().enumerate() {
-        let found = Search::new(&hits, target, &search).run(&LIMITS, progress)?;
+        let found = Search::new(&hits, target, &search).run(&effort.limits, progress)?;
         let is_optimum_known = found.modes.first().is_none_or(|best| best.score >= found.open_bound);
         complete &= found.complete || is_optimum_known;
         let starts: Vec<Pose2> = found.modes.iter().map(|mode| mode.map_from_clip).collect();
