@@ -42,10 +42,20 @@ pub(super) struct AddQuery {
     #[param(value_type = Option<bool>, example = true)]
     dry_run: Option<String>,
     /// Name of the file; the download of the recording has it.
-    #[param(min_length = 1, max_length = 255, example = "kitchen.zip")]
+    #[param(
+        min_length = 1,
+        max_length = 255,
+        pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$",
+        example = "kitchen.zip"
+    )]
     filename: Option<String>,
     /// Name of the clip, for people.
-    #[param(min_length = 1, max_length = 200, example = "Kitchen, evening")]
+    #[param(
+        min_length = 1,
+        max_length = 200,
+        pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$",
+        example = "Kitchen, evening"
+    )]
     title: Option<String>,
 }
 
@@ -237,7 +247,7 @@ pub(super) async fn get_clip(
 pub(super) struct ClipPatch {
     /// Name of the clip, for people.
     #[serde(default, deserialize_with = "member")]
-    #[schema(value_type = Option<String>, min_length = 1, max_length = 200)]
+    #[schema(value_type = Option<String>, min_length = 1, max_length = 200, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$")]
     title: Member,
 }
 

@@ -7,6 +7,7 @@ use super::clips::flag;
 use super::error::{Error, Problem};
 use super::extract::{HomePath, Json, Query};
 use super::list::{List, ListQuery, UpdatedQuery};
+use super::names;
 use super::problems::{CommonProblems, JsonProblems};
 use super::reply::{Document, may_change};
 use super::types::Home;
@@ -76,7 +77,7 @@ pub(super) async fn get_home(
 #[into_params(parameter_in = Query)]
 pub(super) struct HomesQuery {
     /// Only homes with this text in their id or name, in upper or lower case.
-    #[param(min_length = 1, max_length = 200, example = "elm")]
+    #[param(min_length = 1, max_length = 200, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$", example = "elm")]
     q: Option<String>,
     /// With `true`, only homes that a person should look at: with clips that wait, are ambiguous or failed.
     #[param(value_type = Option<bool>, example = true)]
@@ -99,13 +100,9 @@ pub(super) async fn list_homes(
     let tenant = caller.for_all_homes()?;
     let mut page = query.page::<HomeId>()?;
     page.after = page.after.map(|id| tenant.home(&id));
-    if asked.q.as_ref().is_some_and(|text| !(1..=MAX_NAME_CHARACTERS).contains(&text.chars().count())) {
-        let detail = format!("q is a text of 1 to {MAX_NAME_CHARACTERS} characters");
-        return Err(Error::InvalidQuery { field: Some("q"), detail });
-    }
     let filter = HomeFilter {
         updated_after: updated.updated_after()?,
-        text: asked.q,
+        text: names::search(asked.q)?,
         needs_attention: flag("needs_attention", asked.needs_attention.as_deref())?,
     };
     let homes = app.storage.homes(tenant, &filter, &page).await?;

@@ -38,7 +38,12 @@ pub(super) struct PutQuery {
     #[param(value_type = Option<bool>, example = true)]
     dry_run: Option<String>,
     /// Name of the file; its download has it.
-    #[param(min_length = 1, max_length = 255, example = "valetudo.json")]
+    #[param(
+        min_length = 1,
+        max_length = 255,
+        pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$",
+        example = "valetudo.json"
+    )]
     filename: Option<String>,
 }
 

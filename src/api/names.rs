@@ -29,6 +29,11 @@ pub(super) fn title(asked: Option<String>) -> Result<Option<String>, Error> {
     checked(asked, "title", is_title, MAX_TITLE_CHARACTERS)
 }
 
+/// Checks a text to search for.
+pub(super) fn search(asked: Option<String>) -> Result<Option<String>, Error> {
+    checked(asked, "q", is_title, MAX_TITLE_CHARACTERS)
+}
+
 fn checked(
     asked: Option<String>,
     field: &'static str,

@@ -17,12 +17,12 @@ pub(super) fn complete(document: &OpenApi) -> OpenApi {
     document["servers"] = json!([{"url": "/", "description": "The service that serves this document"}]);
     list_problem_types(&mut document);
     let examples = Examples::of(&mut document);
-    for (path, operations) in members(&mut document["paths"]) {
-        for (method, operation) in members(operations) {
+    for (path, operations) in members(document.get_mut("paths")) {
+        for (method, operation) in members(Some(operations)) {
             if method == "get" && path.starts_with("/v1/") {
                 allow_conditions(operation);
             }
-            for (status, answer) in members(&mut operation["responses"]) {
+            for (status, answer) in members(operation.get_mut("responses")) {
                 show_answer(answer, status, &examples);
             }
         }
@@ -31,8 +31,8 @@ pub(super) fn complete(document: &OpenApi) -> OpenApi {
 }
 
 /// Returns the members of an object; none of anything else.
-fn members(value: &mut Value) -> impl Iterator<Item = (&String, &mut Value)> {
-    value.as_object_mut().into_iter().flat_map(Map::iter_mut)
+fn members(value: Option<&mut Value>) -> impl Iterator<Item = (&String, &mut Value)> {
+    value.and_then(Value::as_object_mut).into_iter().flat_map(Map::iter_mut)
 }
 
 fn list_problem_types(document: &mut Value) {
@@ -67,7 +67,7 @@ fn allow_conditions(operation: &mut Value) {
 fn show_answer(answer: &mut Value, status: &str, examples: &Examples) {
     // The first code of the description stands for the others.
     let description = answer["description"].as_str().unwrap_or_default().to_owned();
-    for (media_type, content) in members(&mut answer["content"]) {
+    for (media_type, content) in members(answer.get_mut("content")) {
         let example = match media_type.as_str() {
             PROBLEM => Some(problem(&description, status)),
             JSON => examples.of_schema(&content["schema"]),

@@ -66,9 +66,8 @@ impl Examples {
         match type_of(schema) {
             "object" => Some(self.of_object(schema, depth)),
             "array" => self.by_name(name).or_else(|| {
-                let count = schema["minItems"].as_u64().unwrap_or(1) as usize;
-                let item = self.of_part(&schema["items"], name, depth + 1);
-                Some(Value::Array(vec![item.unwrap_or_else(|| json!(0.1)); count]))
+                let item = self.of_part(&schema["items"], None, depth + 1)?;
+                Some(Value::Array(vec![item; schema["minItems"].as_u64().unwrap_or(1) as usize]))
             }),
             "string" => match schema["format"].as_str() {
                 Some("binary") => None,
@@ -99,7 +98,7 @@ impl Examples {
         Value::Object(example)
     }
 
-    /// Returns the example of a member, unless another schema has a member of this name of another type.
+    /// Returns the example of a member.
     fn by_name(&self, name: Option<&str>) -> Option<Value> {
         self.by_name.get(name?).cloned()
     }
