@@ -61,8 +61,8 @@ pub fn open_in(path: &Path, scratch: &Scratch) -> Result<Box<dyn Container>, Con
     }
     match Kind::of(&head) {
         Kind::Zip => Ok(Box::new(Zip::open_in(path, scratch)?)),
-        Kind::Tar => Ok(Box::new(Tar::index(region)?)),
+        Kind::Tar => Ok(Box::new(Tar::index(region, scratch)?)),
         Kind::Packed(packing) => packed::open(&region, packing, scratch),
-        Kind::Other => Ok(Box::new(Single::new(region, path))),
+        Kind::Other => Ok(Box::new(Single::new(region, path, scratch))),
     }
 }

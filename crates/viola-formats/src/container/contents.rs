@@ -3,6 +3,7 @@
 use super::error::ContainerError;
 use super::names::{position, shown};
 use super::region::Region;
+use super::scratch::Scratch;
 use std::io::Read;
 
 /// Up to this unpacked size, an entry or an archive may have any compression ratio.
@@ -20,6 +21,11 @@ pub trait Container: Send + Sync {
     /// Returns the file as a part of an open file, for readers that seek. Every call unpacks a compressed
     /// entry into an unnamed temporary file, which is deleted with the region.
     fn region(&self, name: &str, max_bytes: u64) -> Result<Region, ContainerError>;
+
+    /// Returns the place for copies of scattered parts.
+    fn scratch(&self) -> Scratch {
+        Scratch::default()
+    }
 
     fn contains(&self, name: &str) -> bool {
         position(self.names(), name).is_some()

@@ -43,7 +43,7 @@ pub(super) fn open(
     let bomb = || ContainerError::ArchiveBomb { max_bytes, packed: packed.bytes };
     let mut whole = head.as_slice().chain(reader);
     let unpacked = spool(&mut whole, "the archive", scratch, max_bytes, bomb, failed)?;
-    Ok(Box::new(Tar::index(unpacked)?))
+    Ok(Box::new(Tar::index(unpacked, scratch)?))
 }
 
 /// Returns a reader of the content of Zstandard frames, with a bounded window.

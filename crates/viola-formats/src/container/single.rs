@@ -2,7 +2,7 @@
 
 use super::contents::{read_bounded, region_of};
 use super::names::required;
-use super::{Container, ContainerError, Region};
+use super::{Container, ContainerError, Region, Scratch};
 use std::path::Path;
 
 /// Maximum length of the name in characters.
@@ -12,21 +12,26 @@ const MAX_NAME_CHARS: usize = 200;
 pub struct Single {
     region: Region,
     names: [String; 1],
+    scratch: Scratch,
 }
 
 impl Single {
     /// Names the file as its path does, with characters replaced that are invalid in a container.
-    pub(super) fn new(region: Region, path: &Path) -> Single {
+    pub(super) fn new(region: Region, path: &Path, scratch: &Scratch) -> Single {
         let own = path.file_name().unwrap_or_default().to_string_lossy();
         let plain = |c: char| if c.is_control() || matches!(c, '/' | '\\' | ':') { '_' } else { c };
         // A leading dot would hide it.
         let name: String = own.trim_start_matches('.').chars().take(MAX_NAME_CHARS).map(plain).collect();
         let name = if name.is_empty() { "file".to_owned() } else { name };
-        Single { region, names: [name] }
+        Single { region, names: [name], scratch: scratch.clone() }
     }
 }
 
 impl Container for Single {
+    fn scratch(&self) -> Scratch {
+        self.scratch.clone()
+    }
+
     fn names(&self) -> &[String] {
         &self.names
     }

@@ -1,5 +1,6 @@
 //! Unpacks a stream into an unnamed temporary file, which is deleted when it is closed.
 
+use super::scratch::Reservation;
 use super::{ContainerError, Region, Scratch};
 use std::io::{self, Read, Write};
 use std::sync::Arc;
@@ -42,15 +43,20 @@ pub(super) fn spool(
 /// An unnamed temporary file for parts that lie scattered or packed in a file.
 pub struct Spool {
     file: io::BufWriter<std::fs::File>,
+    reservation: Reservation,
     bytes: u64,
     max_bytes: u64,
 }
 
+/// Name of the copy in messages.
+const COPY: &str = "the unpacked recording";
+
 impl Spool {
     /// Begins a file of at most `max_bytes`.
-    pub fn new(max_bytes: u64) -> Result<Spool, ContainerError> {
-        let file = tempfile::tempfile().map_err(Spool::no_room)?;
-        Ok(Spool { file: io::BufWriter::with_capacity(CHUNK_BYTES, file), bytes: 0, max_bytes })
+    pub fn new(scratch: &Scratch, max_bytes: u64) -> Result<Spool, ContainerError> {
+        let file = scratch.file().map_err(Spool::no_room)?;
+        let file = io::BufWriter::with_capacity(CHUNK_BYTES, file);
+        Ok(Spool { file, reservation: scratch.reserve(), bytes: 0, max_bytes })
     }
 
     /// Appends a part and returns its offset.
@@ -58,9 +64,9 @@ impl Spool {
         let at = self.bytes;
         self.bytes = at.saturating_add(part.len() as u64);
         if self.bytes > self.max_bytes {
-            let name = "the unpacked recording".to_owned();
-            return Err(ContainerError::FileTooLarge { name, max_bytes: self.max_bytes });
+            return Err(ContainerError::FileTooLarge { name: COPY.to_owned(), max_bytes: self.max_bytes });
         }
+        self.reservation.grow(part.len() as u64, COPY)?;
         self.file.write_all(part).map_err(Spool::no_room)?;
         Ok(at)
     }
@@ -68,10 +74,10 @@ impl Spool {
     /// Returns the whole file.
     pub fn finish(self) -> Result<Region, ContainerError> {
         let file = self.file.into_inner().map_err(|error| Spool::no_room(error.into_error()))?;
-        Ok(Region { file, offset: 0, bytes: self.bytes })
+        Ok(Region { file, offset: 0, bytes: self.bytes, reservation: Some(Arc::new(self.reservation)) })
     }
 
     fn no_room(source: io::Error) -> ContainerError {
-        ContainerError::CannotUnpack { name: "the recording".to_owned(), source }
+        ContainerError::CannotUnpack { name: COPY.to_owned(), source }
     }
 }

@@ -6,7 +6,7 @@ mod headers;
 
 use super::contents::{read_bounded, region_of};
 use super::names::{Entries, required, safe_name};
-use super::{Container, ContainerError, Region};
+use super::{Container, ContainerError, Region, Scratch};
 use headers::{Entry, Headers};
 
 /// A checked archive: its index is in memory, its files stay in place.
@@ -15,11 +15,12 @@ pub struct Tar {
     names: Vec<String>,
     /// Offset and length in bytes, one for each name; both are checked to lie in the archive.
     extents: Vec<(u64, u64)>,
+    scratch: Scratch,
 }
 
 impl Tar {
     /// Reads all headers once.
-    pub(super) fn index(region: Region) -> Result<Tar, ContainerError> {
+    pub(super) fn index(region: Region, scratch: &Scratch) -> Result<Tar, ContainerError> {
         let mut entries = Entries::new();
         for entry in Headers::of(&region) {
             let Entry { name, offset, bytes, is_file } = entry?;
@@ -30,11 +31,15 @@ impl Tar {
             }
         }
         let (names, extents) = entries.finish()?;
-        Ok(Tar { region, names, extents })
+        Ok(Tar { region, names, extents, scratch: scratch.clone() })
     }
 }
 
 impl Container for Tar {
+    fn scratch(&self) -> Scratch {
+        self.scratch.clone()
+    }
+
     fn names(&self) -> &[String] {
         &self.names
     }

@@ -136,6 +136,10 @@ impl Zip {
 }
 
 impl Container for Zip {
+    fn scratch(&self) -> Scratch {
+        self.scratch.clone()
+    }
+
     fn names(&self) -> &[String] {
         &self.names
     }

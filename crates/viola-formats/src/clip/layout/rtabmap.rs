@@ -9,7 +9,7 @@ use super::{Cameras, ClipError, ColorAt, DepthAt, Intrinsics, Layout, Numbers, S
 use crate::clip::files::{Coding, Part};
 use crate::clip::sqlite::{Database, Row, Table};
 use crate::clip::{MAX_FRAMES, picture};
-use crate::container::{Container, Spool};
+use crate::container::{Container, Scratch, Spool};
 use camera::Camera;
 use flate2::read::ZlibDecoder;
 use std::collections::BTreeMap;
@@ -46,7 +46,10 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
                 "{name}-wal was not read: it has what RTAB-Map wrote last; close RTAB-Map first"
             ));
         }
-        found = Some((name, Reader { database: &database, name }.layout(node, data, notes)?));
+        found = Some((
+            name,
+            Reader { database: &database, name, scratch: container.scratch() }.layout(node, data, notes)?,
+        ));
     }
     Ok(found.map(|(_, layout)| layout))
 }
@@ -61,6 +64,7 @@ struct Node {
 struct Reader<'a> {
     database: &'a Database<'a>,
     name: &'a str,
+    scratch: Scratch,
 }
 
 impl Reader<'_> {
@@ -75,7 +79,7 @@ impl Reader<'_> {
                 node.world_from_base = optimized.get(id).copied();
             }
         }
-        let mut pictures = Pictures::new(self.database)?;
+        let mut pictures = Pictures::new(self.database, &self.scratch)?;
         let columns =
             Columns::find(data).ok_or_else(|| self.bad("Data has not the columns of RTAB-Map".into()))?;
         let mut sources = Vec::new();
@@ -218,8 +222,8 @@ struct Pictures {
 }
 
 impl Pictures {
-    fn new(database: &Database) -> Result<Pictures, ClipError> {
-        let spool = Spool::new(database.bytes())?;
+    fn new(database: &Database, scratch: &Scratch) -> Result<Pictures, ClipError> {
+        let spool = Spool::new(scratch, database.bytes())?;
         Ok(Pictures { spool, color: 0, depth: 0, numbers: None, is_distorted: false, has_color: None })
     }
 

@@ -62,7 +62,7 @@ impl Bag {
     /// Reads the files of a bag; returns `None` if the first of them is not a bag's.
     pub fn read(container: &dyn Container, names: &[&String]) -> Result<Option<Bag>, ClipError> {
         let mut bag = Bag {
-            spool: Spool::new(MAX_PICTURES_BYTES)?,
+            spool: Spool::new(&container.scratch(), MAX_PICTURES_BYTES)?,
             images: BTreeMap::new(),
             cameras: BTreeMap::new(),
             odometry: BTreeMap::new(),
