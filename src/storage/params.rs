@@ -1,7 +1,6 @@
 //! Parameters of storage: the data folder, the database, the bucket.
 
 use super::blobs::S3Params;
-use super::scratch::UnpackParams;
 use super::seal::SecretsKey;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -18,6 +17,21 @@ pub struct StorageParams {
     /// Seals the secrets of webhooks; none keeps them in plain text.
     pub secrets_key: Option<SecretsKey>,
     pub unpack: UnpackParams,
+}
+
+/// Maximum number of bytes that are unpacked at once. A file that exceeds a limit alone is refused, otherwise it must wait.
+#[derive(Debug, Clone, Copy)]
+pub struct UnpackParams {
+    /// Of one process.
+    pub process_bytes: u64,
+    /// Of one tenant in one process.
+    pub tenant_bytes: u64,
+}
+
+impl Default for UnpackParams {
+    fn default() -> UnpackParams {
+        UnpackParams { process_bytes: 16 << 30, tenant_bytes: 8 << 30 }
+    }
 }
 
 /// A database that many processes share.

@@ -1,24 +1,10 @@
 //! Unpacking of archives: in the data folder, never in the system's temporary folder, which may be in memory.
 
 use super::Storage;
+use super::params::UnpackParams;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use viola_formats::container::{Budget, Scratch};
-
-/// Maximum number of bytes that are unpacked at once. A file that exceeds a limit alone is refused, otherwise it must wait.
-#[derive(Debug, Clone, Copy)]
-pub struct UnpackParams {
-    /// Of one process.
-    pub process_bytes: u64,
-    /// Of one tenant in one process.
-    pub tenant_bytes: u64,
-}
-
-impl Default for UnpackParams {
-    fn default() -> UnpackParams {
-        UnpackParams { process_bytes: 16 << 30, tenant_bytes: 8 << 30 }
-    }
-}
 
 /// The budgets of this process.
 pub(super) struct Unpacking {

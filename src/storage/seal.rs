@@ -1,9 +1,6 @@
-//! Sealed secrets: a secret that the service must read again, such as a webhook's, is encrypted in the database with a key of
-//! the operator's (ChaCha20-Poly1305, RFC 8439), so that a copy of the database reveals none.
+//! The key that seals secrets which the service must read again, such as those of webhooks (ChaCha20-Poly1305, RFC 8439).
 
-use super::columns::Columns;
-use super::database::{Row, query};
-use super::{Storage, StorageError};
+use super::error::StorageError;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use ring::aead::{Aad, CHACHA20_POLY1305, LessSafeKey, NONCE_LEN, Nonce, UnboundKey};
@@ -11,7 +8,7 @@ use std::fmt;
 use std::str::FromStr;
 
 /// Prefix of a sealed secret; others are in plain text.
-const SEALED: &str = "sealed:v1:";
+pub(super) const SEALED: &str = "sealed:v1:";
 const KEY_BYTES: usize = 32;
 
 /// Key that seals secrets.
@@ -41,7 +38,7 @@ impl FromStr for SecretsKey {
 
 impl SecretsKey {
     /// Encrypts a secret for the record `owner`; it cannot be opened as another record's.
-    fn seal(&self, secret: &str, owner: &str) -> Result<String, StorageError> {
+    pub(super) fn seal(&self, secret: &str, owner: &str) -> Result<String, StorageError> {
         let mut nonce = [0; NONCE_LEN];
         getrandom::fill(&mut nonce).map_err(|error| StorageError::Randomness(error.to_string()))?;
         let mut sealed = secret.as_bytes().to_vec();
@@ -54,51 +51,12 @@ impl SecretsKey {
         Ok(format!("{SEALED}{}", BASE64_STANDARD.encode([&nonce, sealed.as_slice(), tag.as_ref()].concat())))
     }
 
-    fn open(&self, sealed: &str, owner: &str) -> Option<String> {
+    /// Decrypts a secret without its prefix; returns none if it was sealed with another key or for another record.
+    pub(super) fn open(&self, sealed: &str, owner: &str) -> Option<String> {
         let mut bytes = BASE64_STANDARD.decode(sealed).ok()?;
         let (nonce, rest) = bytes.split_at_mut_checked(NONCE_LEN)?;
         let nonce = Nonce::try_assume_unique_for_key(nonce).ok()?;
         let secret = self.0.open_in_place(nonce, Aad::from(owner.as_bytes()), rest).ok()?;
         String::from_utf8(secret.to_vec()).ok()
-    }
-}
-
-impl Storage {
-    /// Returns a secret as it is to be stored: sealed if the operator has given a key.
-    pub(super) fn seal(&self, secret: &str, owner: &str) -> Result<String, StorageError> {
-        match &self.secrets_key {
-            Some(key) => key.seal(secret, owner),
-            None => Ok(secret.to_owned()),
-        }
-    }
-
-    /// Returns a stored secret in plain text.
-    pub(super) fn unseal(&self, stored: &str, owner: &str) -> Result<String, StorageError> {
-        let Some(sealed) = stored.strip_prefix(SEALED) else { return Ok(stored.to_owned()) };
-        let key = self.secrets_key.as_ref().ok_or(StorageError::SecretsKey)?;
-        key.open(sealed, owner).ok_or(StorageError::SecretsKey)
-    }
-
-    /// Checks that the stored secrets can be opened, and seals those from the time without a key.
-    pub(super) async fn seal_secrets(&self) -> Result<(), StorageError> {
-        let rows = query("SELECT id, secret FROM webhooks ORDER BY id");
-        let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
-        let stored = |row: &Row| Ok::<_, StorageError>((row.text("id")?, row.text("secret")?));
-        for row in &rows {
-            let (id, secret) = stored(row)?;
-            self.unseal(&secret, &id)?;
-            if self.secrets_key.is_none() || secret.starts_with(SEALED) {
-                continue;
-            }
-            let mut transaction = self.database.begin().await?;
-            query("UPDATE webhooks SET secret = $3 WHERE id = $1 AND secret = $2")
-                .bind(&id)
-                .bind(&secret)
-                .bind(self.seal(&secret, &id)?)
-                .execute(&mut transaction)
-                .await?;
-            transaction.commit().await?;
-        }
-        Ok(())
     }
 }

@@ -6,6 +6,7 @@
 
 mod deliveries;
 mod fan_out;
+mod secrets;
 
 pub use deliveries::{Delivery, DeliveryState, RETRY_AFTER, Sending, Sent, ToSend};
 

@@ -66,7 +66,7 @@ async function send<T>(method: string, path: string, body?: unknown): Promise<T 
   return text ? (JSON.parse(text) as T) : null;
 }
 
-/** Uses a key from now on; it goes into a cookie. */
+/** Begins a session with a key; its token goes into a cookie. */
 export async function signIn(key: string): Promise<void> {
   await send("PUT", "/v1/session", { key });
 }
