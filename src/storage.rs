@@ -13,10 +13,12 @@ mod choices;
 mod clip_list;
 mod clip_state;
 mod clips;
+mod clock;
 mod columns;
 #[cfg(test)]
 mod conformance;
 mod corrections;
+mod damage;
 mod database;
 mod error;
 mod folder_lock;

@@ -53,7 +53,7 @@ impl JobLimits {
     /// Returns the reason of a job that reached the memory limit.
     pub fn too_large(&self) -> Reason {
         let detail = format!(
-            "the alignment needs more than {} MiB of memory, the limit for files of this size; send a shorter clip",
+            "the alignment needs more memory than it may have, {} MiB for files of this size; send a shorter clip",
             self.memory_bytes / MIB
         );
         Reason::new("too_large", detail)

@@ -55,6 +55,7 @@ impl From<StorageError> for Trouble {
         match error {
             // This includes a missing blob: its disk may be unavailable for a while.
             StorageError::File { .. }
+            | StorageError::DamagedFile { .. }
             | StorageError::Database(_)
             | StorageError::Blobs(_)
             | StorageError::Randomness(_)

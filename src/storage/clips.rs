@@ -1,5 +1,6 @@
 //! Clips.
 
+mod file;
 mod remove;
 
 use super::changes::{self, Changed};
@@ -9,8 +10,8 @@ use super::database::{Connection, Row, Transaction, query};
 use super::incoming::Arrived;
 use super::jobs::{self, Priority};
 use super::{
-    BlobReader, Choice, ClipState, HomeId, Job, LocalFile, Placement, Storage, StorageError, home_maps,
-    homes, idempotency, lidar_maps, result_file,
+    BlobReader, Choice, ClipState, HomeId, Job, Placement, Storage, StorageError, home_maps, homes,
+    idempotency, lidar_maps, result_file,
 };
 use jiff::Timestamp;
 use uuid::Uuid;
@@ -175,16 +176,6 @@ impl Storage {
     ) -> Result<Option<bytes::Bytes>, StorageError> {
         let Some(key) = &clip.result_key else { return Ok(None) };
         self.blobs.read_if_there(&format!("{key}/{name}")).await
-    }
-
-    /// Returns the uploaded file unchanged; `None` if the clip was removed.
-    pub async fn clip_recording(&self, id: Uuid) -> Result<Option<BlobReader>, StorageError> {
-        self.blobs.read(&file_key(id)).await
-    }
-
-    /// Returns the uploaded file, for readers that seek in it.
-    pub async fn clip_file(&self, id: Uuid) -> Result<LocalFile, StorageError> {
-        self.blobs.local_file(&file_key(id)).await
     }
 
     #[cfg(test)]

@@ -3,6 +3,7 @@
 
 mod changes;
 mod choices;
+mod clock;
 mod corrections;
 mod deletions;
 mod fairness;

@@ -10,6 +10,18 @@ pub enum StorageError {
     InUse { path: PathBuf },
     #[error("{path}: {source}")]
     File { path: PathBuf, source: std::io::Error },
+    #[error(
+        "the data folder {path} cannot be written: {source}. Give the user of this process the right to write there, mount \
+         it writable, or choose another folder with --data"
+    )]
+    ReadOnly { path: PathBuf, source: std::io::Error },
+    #[error("the database {path} is damaged: {source}. Restore it from a backup: docs/operating.md")]
+    DamagedDatabase { path: PathBuf, source: Box<StorageError> },
+    #[error(
+        "the file {key} has {found} bytes, and {expected} were stored: the disk or the bucket lost some. Restore it from a \
+         backup"
+    )]
+    DamagedFile { key: String, found: u64, expected: u64 },
     #[error("database: {0}")]
     Database(#[from] sqlx::Error),
     /// The commit was sent; its effect is unknown.
@@ -62,7 +74,9 @@ impl StorageError {
     /// transaction, or met a fault of the system.
     pub fn is_transient(&self) -> bool {
         match self {
-            StorageError::Database(error) => DatabaseFault::of(error) != DatabaseFault::Lasting,
+            StorageError::Database(error) => {
+                !matches!(DatabaseFault::of(error), DatabaseFault::Lasting | DatabaseFault::Damaged)
+            }
             StorageError::Unsettled(_) | StorageError::WritesFail { .. } => true,
             StorageError::Blobs(object_store::Error::NotFound { .. }) => false,
             StorageError::Blobs(_) => true,
@@ -73,6 +87,16 @@ impl StorageError {
     /// Returns whether a change may have taken effect despite the error.
     pub(super) fn is_unsettled(&self) -> bool {
         matches!(self, StorageError::Unsettled(_))
+    }
+
+    /// Returns whether SQLite found that its file is damaged, or is no database.
+    pub(super) fn is_damage(&self) -> bool {
+        let error = match self {
+            StorageError::Database(error)
+            | StorageError::Migrate(sqlx::migrate::MigrateError::Execute(error)) => error,
+            _ => return false,
+        };
+        DatabaseFault::of(error) == DatabaseFault::Damaged
     }
 
     /// Returns whether the disk is full, or this process reached a limit on its disk use.

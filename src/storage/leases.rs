@@ -8,6 +8,7 @@ mod retry;
 pub use retry::{Fault, RetryPolicy};
 
 use super::clips::{self, Outcome};
+use super::clock;
 use super::columns::{Columns, to_json};
 use super::database::{Connection, Transaction, query};
 use super::{ClipState, Job, JobState, LidarMapRevision, Storage, StorageError, homes, jobs, lidar_maps};
@@ -77,7 +78,8 @@ macro_rules! claim {
                 stage = NULL, early_pose = NULL, progress = 0, version = version + 1, updated_at = $1,
                 started_at = COALESCE(started_at, $1)
             WHERE id =
-                (SELECT id FROM jobs WHERE state = 'queued' AND run_after <= $1 ORDER BY order_at, id LIMIT 1 ",
+                (SELECT id FROM jobs WHERE state = 'queued' AND (run_after <= $1 OR run_after > $3)
+                ORDER BY order_at, id LIMIT 1 ",
             $lock,
             ")
             RETURNING id, fence"
@@ -94,6 +96,7 @@ impl Storage {
         let row = query(statement)
             .bind(now.as_millisecond())
             .bind((now + lease).as_millisecond())
+            .bind(clock::no_pause_after(now))
             .fetch_optional(&mut transaction)
             .await?;
         let Some(row) = row else { return Ok(None) };

@@ -6,6 +6,7 @@ mod remove;
 pub use put::NewLidarMap;
 
 use super::columns::Columns;
+use super::damage::check_size;
 use super::database::{Connection, Row, query};
 use super::{BlobReader, HomeId, Page, Storage, StorageError, homes};
 use jiff::Timestamp;
@@ -123,7 +124,11 @@ impl Storage {
 
     /// Returns the file of a revision.
     pub async fn lidar_map_file(&self, id: Uuid) -> Result<bytes::Bytes, StorageError> {
-        self.blobs.read_all(&file_key(id)).await
+        let bytes = self.blobs.read_all(&file_key(id)).await?;
+        let row = query("SELECT size_bytes FROM lidar_maps WHERE id = $1").bind(id.to_string());
+        let row = row.fetch_optional(&mut self.database.reader().await?).await?;
+        check_size(row.as_ref(), file_key(id), bytes.len() as u64)?;
+        Ok(bytes)
     }
 
     #[cfg(test)]

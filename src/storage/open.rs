@@ -6,8 +6,19 @@ use super::error::StorageError;
 use super::folder_lock::FolderLock;
 use super::incoming::Incoming;
 use super::params::StorageParams;
+use std::io;
 use std::os::unix::fs::DirBuilderExt;
+use std::path::Path;
 use tempfile::TempDir;
+
+/// Opens SQLite; an error names a damaged file.
+async fn open_sqlite(file: &Path) -> Result<Database, StorageError> {
+    let opened = Database::open_sqlite(file).await;
+    opened.map_err(|error| match error.is_damage() {
+        true => StorageError::DamagedDatabase { path: file.to_owned(), source: error.into() },
+        false => error,
+    })
+}
 
 /// Records and blobs of a service.
 pub struct Storage {
@@ -24,15 +35,21 @@ impl Storage {
     }
 
     async fn connect(params: &StorageParams, is_alone: bool) -> Result<Storage, StorageError> {
-        let file_error = |source| StorageError::File { path: params.data.clone(), source };
+        let file_error = |source: io::Error| match source.kind() {
+            io::ErrorKind::ReadOnlyFilesystem | io::ErrorKind::PermissionDenied => {
+                StorageError::ReadOnly { path: params.data.clone(), source }
+            }
+            _ => StorageError::File { path: params.data.clone(), source },
+        };
         // Recordings of homes are private: no other user of this machine may read them.
         std::fs::DirBuilder::new().recursive(true).mode(0o700).create(&params.data).map_err(file_error)?;
         let folder = &params.data.canonicalize().map_err(file_error)?;
+        tempfile::tempfile_in(folder).map_err(file_error)?;
         let (database, lock) = match &params.postgres {
             Some(postgres) => (Database::open_postgres(&postgres.url, postgres.connections).await?, None),
             None => {
                 let lock = is_alone.then(|| FolderLock::take(folder)).transpose()?;
-                (Database::open_sqlite(&folder.join("viola.sqlite")).await?, lock)
+                (open_sqlite(&folder.join("viola.sqlite")).await?, lock)
             }
         };
         let (place, incoming) = match &params.s3 {

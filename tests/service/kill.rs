@@ -1,6 +1,7 @@
 //! Guarantees of a server that is killed, stopped, or started twice: the real binary, real signals.
 
 mod blame;
+mod hundred;
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -29,9 +30,10 @@ fn files_below(folder: &Path) -> Vec<PathBuf> {
 
 /// Creates a home with a map and a clip whose job runs; returns the paths of the clip and of the job.
 async fn running_job(client: &Client) -> (String, String) {
+    let clip = zips::zip(&room::clip(FRAMES));
     let home = client.make_home("h").await;
     client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
-    let answer = client.post(&format!("{home}/clips"), zips::zip(&room::clip(FRAMES))).await;
+    let answer = client.post(&format!("{home}/clips"), clip).await;
     let clip = answer.header("location").to_owned();
     let job = format!("/v1/jobs/{}", answer.ok(201)["job"]["id"].as_str().unwrap());
     eventually("the job runs", || async {

@@ -5,6 +5,7 @@ mod apartment_http;
 mod bounds;
 mod demo;
 mod disk_full;
+mod faults;
 mod kill;
 mod networks;
 mod schemathesis;

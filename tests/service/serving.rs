@@ -200,3 +200,40 @@ async fn two_thousand_exports_at_once_end() {
     assert!(longest < Duration::from_secs(5), "another request waited {longest:?}");
     assert_eq!(server.client.get(&format!("{home}/export")).await.status, 200);
 }
+
+/// Returns the address of the second listener, from the log.
+async fn admin_address(log: &Path) -> String {
+    eventually("the second listener is in the log", || async {
+        let text = std::fs::read_to_string(log).unwrap();
+        let line = text.lines().find(|line| line.contains("health and metrics are served"))?;
+        let event: serde_json::Value = serde_json::from_str(line).unwrap();
+        event["address"].as_str().map(str::to_owned)
+    })
+    .await
+}
+
+#[tokio::test]
+async fn metrics_and_readiness_are_for_operators() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, log) = (folder.path().join("data"), folder.path().join("log"));
+    let created = viola()
+        .args(["keys", "create", "--tenant", "acme", "--role", "admin", "--data"])
+        .arg(&data)
+        .output()
+        .unwrap();
+    assert!(created.status.success(), "{created:?}");
+    let server = Process::serve_logged(&data, &log, &["--admin-listen", "127.0.0.1:0"]);
+    let operators = Client::new(format!("http://{}", admin_address(&log).await));
+    for path in ["/readyz", "/metrics"] {
+        server.client.get(path).await.problem(401, "key-missing");
+        assert_eq!(operators.get(path).await.status, 200, "{path}");
+    }
+    server.client.get("/healthz").await.ok(200);
+    // The second listener serves nothing else.
+    assert_eq!(operators.get("/v1/homes").await.status, 404);
+    let probe = |base: &str| {
+        let address = base.strip_prefix("http://").unwrap();
+        viola().args(["health", "--address", address]).output().unwrap().status.success()
+    };
+    assert!(probe(&operators.base) && !probe(&server.client.base));
+}

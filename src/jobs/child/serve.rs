@@ -69,7 +69,8 @@ fn run<W: Write + Send>(
     told: &Told<W>,
 ) -> Ended {
     let params = params().map_err(Trouble::system)?;
-    // The networks of `params` are loaded: the limit is for the clip alone.
+    // The networks of `params` are loaded, and the threads are started: the limit is for the clip alone.
+    rayon::current_num_threads();
     memory::limit(order.memory_bytes).map_err(Trouble::system)?;
     let read = |level: &LevelName| -> io::Result<LevelFile> {
         Ok(LevelFile { level: *level, bytes: std::fs::read(order.map_of(*level))?.into() })

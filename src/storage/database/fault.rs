@@ -12,6 +12,8 @@ pub enum DatabaseFault {
     System,
     /// The connection was lost, a lock was not granted, or the transaction had to give way to another one.
     Passing,
+    /// The file is damaged, or is no database.
+    Damaged,
     /// A retry would fail too.
     Lasting,
 }
@@ -43,6 +45,8 @@ impl DatabaseFault {
             13 => DatabaseFault::Full,
             // SQLITE_NOMEM, SQLITE_IOERR, SQLITE_CANTOPEN
             7 | 10 | 14 => DatabaseFault::System,
+            // SQLITE_CORRUPT, SQLITE_NOTADB
+            11 | 26 => DatabaseFault::Damaged,
             // SQLITE_BUSY, SQLITE_LOCKED, SQLITE_INTERRUPT, SQLITE_PROTOCOL
             5 | 6 | 9 | 15 => DatabaseFault::Passing,
             _ => DatabaseFault::Lasting,

@@ -6,7 +6,8 @@ use super::{HomeMap, MapFile, MapLevel, MapObject, MapScene, map_file, objects, 
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Connection, Row, query};
 use crate::storage::{
-    Choice, ClipState, Corrections, HomeId, LidarMapRevision, Storage, StorageError, corrections, lidar_maps,
+    Choice, ClipState, Corrections, HomeId, LidarMapRevision, Storage, StorageError, clock, corrections,
+    lidar_maps,
 };
 use jiff::Timestamp;
 use rows::{Written, insert};
@@ -78,7 +79,8 @@ macro_rules! claim {
             "UPDATE homes SET map_fence = map_fence + 1, map_lease_until = $2
     WHERE id = (
         SELECT id FROM homes
-        WHERE map_made < map_wanted AND (map_lease_until IS NULL OR map_lease_until <= $1)
+        WHERE map_made < map_wanted
+            AND (map_lease_until IS NULL OR map_lease_until <= $1 OR map_lease_until > $4)
             AND NOT EXISTS (SELECT 1 FROM clips WHERE home_id = homes.id AND state IN ('queued', 'aligning')
                 AND NOT EXISTS (SELECT 1 FROM jobs
                     WHERE jobs.id = clips.job_id AND jobs.state = 'queued' AND jobs.run_after > $3))
@@ -103,6 +105,7 @@ impl Storage {
             .bind(now.as_millisecond())
             .bind((now + lease).as_millisecond())
             .bind((now + LONG_REST).as_millisecond())
+            .bind(clock::no_lease_after(now))
             .fetch_optional(&mut transaction)
             .await?;
         let Some(row) = row else { return Ok(None) };

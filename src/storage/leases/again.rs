@@ -3,7 +3,7 @@
 use super::{Fault, RetryPolicy, change_clip, fail};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Row, Transaction, query};
-use crate::storage::{ClipState, Storage, StorageError, homes};
+use crate::storage::{ClipState, Storage, StorageError, clock, homes};
 use jiff::Timestamp;
 use std::time::Duration;
 use uuid::Uuid;
@@ -56,9 +56,11 @@ impl Storage {
     pub async fn release_lost(&self, retry: &RetryPolicy, now: Timestamp) -> Result<usize, StorageError> {
         let rows = query(
             "SELECT jobs.id, clips.home_id, jobs.fence FROM jobs JOIN clips ON clips.id = jobs.clip_id
-            WHERE jobs.state = 'running' AND jobs.lease_until <= $1 ORDER BY jobs.lease_until",
+            WHERE jobs.state = 'running' AND (jobs.lease_until <= $1 OR jobs.lease_until > $2)
+            ORDER BY jobs.lease_until",
         );
-        let rows = rows.bind(now.as_millisecond()).fetch_all(&mut self.database.reader().await?).await?;
+        let rows = rows.bind(now.as_millisecond()).bind(clock::no_lease_after(now));
+        let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
         let mut released = 0;
         for row in &rows {
             let mut transaction = self.database.begin().await?;
@@ -66,10 +68,11 @@ impl Storage {
             // Unless another process did so, or the worker sent a heartbeat, since.
             let lost = query(
                 "UPDATE jobs SET fence = fence + 1
-                WHERE id = $1 AND fence = $2 AND state = 'running' AND lease_until <= $3
+                WHERE id = $1 AND fence = $2 AND state = 'running' AND (lease_until <= $3 OR lease_until > $4)
                 RETURNING attempts, max_attempts, faults, first_fault_at",
             );
             let lost = lost.bind(row.text("id")?).bind(row.number("fence")?).bind(now.as_millisecond());
+            let lost = lost.bind(clock::no_lease_after(now));
             if let Some(lost) = lost.fetch_optional(&mut transaction).await? {
                 let failures = Failures::from_row(&lost)?;
                 // The first time, the process was probably restarted, and a client may wait for the clip.

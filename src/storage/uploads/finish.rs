@@ -5,7 +5,7 @@ use super::{Storage, Upload, UploadError, from_row, later, piece_keys};
 use crate::storage::clips::{self, Added, NewClip};
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Transaction, query};
-use crate::storage::{Arrived, HomeId, StorageError};
+use crate::storage::{Arrived, HomeId, StorageError, clock};
 use futures::TryStreamExt;
 use jiff::Timestamp;
 use std::time::Duration;
@@ -32,12 +32,14 @@ impl Storage {
         let mut transaction = self.database.begin().await?;
         let row = query(
             "UPDATE uploads SET fence = fence + 1, attempts = attempts + 1, lease_until = $3
-            WHERE id = $1 AND state = 'arrived' AND kind <> 'partial' AND (lease_until IS NULL OR lease_until <= $2)
+            WHERE id = $1 AND state = 'arrived' AND kind <> 'partial'
+                AND (lease_until IS NULL OR lease_until <= $2 OR lease_until > $4)
             RETURNING *",
         )
         .bind(id.to_string())
         .bind(now.as_millisecond())
         .bind(later(now, lease).as_millisecond())
+        .bind(clock::no_lease_after(now))
         .fetch_optional(&mut transaction)
         .await?;
         transaction.commit().await?;
@@ -75,10 +77,11 @@ impl Storage {
     pub async fn due_uploads(&self, limit: u32, now: Timestamp) -> Result<Vec<Uuid>, StorageError> {
         let rows = query(
             "SELECT id FROM uploads
-            WHERE state = 'arrived' AND kind <> 'partial' AND (lease_until IS NULL OR lease_until <= $1)
+            WHERE state = 'arrived' AND kind <> 'partial'
+                AND (lease_until IS NULL OR lease_until <= $1 OR lease_until > $3)
             ORDER BY expires_at, id LIMIT $2",
         );
-        let rows = rows.bind(now.as_millisecond()).bind(i64::from(limit));
+        let rows = rows.bind(now.as_millisecond()).bind(i64::from(limit)).bind(clock::no_lease_after(now));
         let rows = rows.fetch_all(&mut self.database.reader().await?).await?;
         rows.iter().map(|row| row.id("id")).collect()
     }

@@ -4,7 +4,7 @@
 
 use super::super::columns::Columns;
 use super::super::database::{Connection, Row, Transaction, query};
-use super::super::{Page, Storage, StorageError, Tenant};
+use super::super::{Page, Storage, StorageError, Tenant, clock};
 use super::{WebhookSecret, fan_out};
 use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
@@ -110,7 +110,7 @@ macro_rules! claim {
     ($lock:literal) => {
         concat!(
             "UPDATE webhooks SET lease_until = $2, fence = fence + 1
-            WHERE id = (SELECT id FROM webhooks WHERE disabled_at IS NULL AND lease_until <= $1
+            WHERE id = (SELECT id FROM webhooks WHERE disabled_at IS NULL AND (lease_until <= $1 OR lease_until > $3)
                 AND EXISTS (SELECT 1 FROM webhook_deliveries
                     WHERE webhook_id = webhooks.id AND state = 'pending' AND due_at <= $1)
                 ORDER BY lease_until, id LIMIT 1 ",
@@ -134,6 +134,7 @@ impl Storage {
         let row = query(claim)
             .bind(now.as_millisecond())
             .bind((now + lease).as_millisecond())
+            .bind(clock::no_lease_after(now))
             .fetch_optional(&mut transaction)
             .await?;
         let Some(row) = row else { return Ok(None) };

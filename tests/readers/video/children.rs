@@ -118,3 +118,36 @@ fn where_ffmpeg_fails_the_other_decoder_goes_on() {
         }
     }
 }
+
+/// The decoder makes no system call for the network, and opens no file besides its video.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_decoder_is_confined_by_two_filters() {
+    use std::process::{Command, Stdio};
+    let folder = tempfile::tempdir().unwrap();
+    let told = folder.path().join("told");
+    let lines = format!(
+        "{{ while read -r line; do echo \"$line\"; done < /proc/self/status; }} > {}",
+        told.display()
+    );
+    let tools = Tools { viola: Some(script(&folder, &lines)), ..Tools::default() };
+    assert!(pictures(&fixture("h264_b.mp4"), &[0], &tools).is_err());
+    let status = fs::read_to_string(&told).unwrap();
+    assert!(status.contains("Seccomp:\t2") && status.contains("NoNewPrivs:\t1"), "{status}");
+
+    // The real decoder adds its own filter. It waits at its second frame, since nobody reads.
+    let video = Path::new(FIXTURES).join("h264_b.mp4");
+    let bytes = fs::metadata(&video).unwrap().len().to_string();
+    let mut decoder = Command::new(super::VIOLA);
+    decoder.args(["decode-video", "--offset", "0", "--bytes", &bytes, "--frames", "0-20"]);
+    let mut decoder = decoder.stdin(fs::File::open(&video).unwrap()).stdout(Stdio::piped()).spawn().unwrap();
+    let status = Path::new("/proc").join(decoder.id().to_string()).join("status");
+    let is_confined = || fs::read_to_string(&status).unwrap().contains("Seccomp:\t2");
+    let until = std::time::Instant::now() + Duration::from_secs(30);
+    while !is_confined() && std::time::Instant::now() < until {
+        std::thread::yield_now();
+    }
+    assert!(is_confined());
+    decoder.kill().unwrap();
+    decoder.wait().unwrap();
+}

@@ -15,12 +15,18 @@ const SHORT: [&str; 4] = ["--lease-seconds", "1", "--retry-seconds", "0.1"];
 
 /// Uploads clips to a home, then its map; returns the paths of the clips.
 async fn upload(client: &Client, clips: usize, frames: u32) -> Vec<String> {
+    let files = room::clip(frames);
+    let with_number = |number: usize| {
+        let mut files = files.clone();
+        files.push(("notes.txt".to_owned(), number.to_string().into_bytes()));
+        zips::zip(&files)
+    };
+    // Drawn first: the server closes a connection that is idle meanwhile.
+    let clips: Vec<Vec<u8>> = (0..clips).map(with_number).collect();
     let home = client.make_home("h").await;
     let mut paths = Vec::new();
-    for number in 0..clips {
-        let mut files = room::clip(frames);
-        files.push(("notes.txt".to_owned(), number.to_string().into_bytes()));
-        let answer = client.post(&format!("{home}/clips"), zips::zip(&files)).await;
+    for clip in clips {
+        let answer = client.post(&format!("{home}/clips"), clip).await;
         paths.push(answer.header("location").to_owned());
         answer.ok(201);
     }
@@ -117,6 +123,20 @@ async fn a_clip_whose_own_process_dies_fails_alone() {
     let other = server.client.settled(&clips[1]).await;
     assert_eq!((outcome(&other).0, outcome(&other).2), ("aligned", 1), "{other:#}");
     assert!(!has_leftovers(data.path()), "the folders of jobs are gone");
+}
+
+/// Secrets of a service stay with it.
+#[tokio::test]
+async fn a_job_knows_no_secret_of_its_server() {
+    let data = TempDir::new().unwrap();
+    let secrets = [("POSTGRES_PASSWORD", "a secret"), ("VIOLA_S3_SECRET_ACCESS_KEY", "a secret")];
+    let server =
+        Process::serve_with(data.path(), &[secrets.as_slice(), &[("RAYON_NUM_THREADS", "2")]].concat());
+    upload(&server.client, 1, FRAMES).await;
+    let process = eventually("a job has a process", || async { children(data.path()).pop() }).await.0;
+    let environment = fs::read(format!("/proc/{}/environ", process.as_raw_pid())).unwrap();
+    let environment = String::from_utf8(environment).unwrap();
+    assert!(environment.contains("RAYON_NUM_THREADS=2") && !environment.contains("secret"), "{environment}");
 }
 
 /// A server that cannot open files retries its clips until it can.

@@ -50,6 +50,14 @@ impl SmallDisk {
         Some(SmallDisk { holder, data: folder.join("data") })
     }
 
+    /// Refuses all writes from now on; no file may be open for writing.
+    pub fn make_read_only(&self) {
+        let mut command = self.command("mount");
+        let folder = self.data.parent().expect("it is below the mount");
+        let status = command.args(["-o", "remount,ro"]).arg(folder).status().unwrap();
+        assert!(status.success(), "{status}");
+    }
+
     fn ballast(&self) -> PathBuf {
         self.seen().parent().expect("it is below the mount").join("ballast")
     }

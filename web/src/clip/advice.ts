@@ -33,6 +33,8 @@ const ADVICE: Record<string, string> = {
   internal_error: NOT_THE_CLIP,
   cancelled: "Align it again.",
   worker_died: "The recording may be too large for this machine. Send it in parts.",
+  too_large: "Send the recording in parts, one for each room.",
+  took_too_long: "Send the recording in parts, one for each room.",
 };
 
 const FOREIGN = "Probably not this home, or a part of it that the robot has not mapped. Put a newer LiDAR map, or film " +

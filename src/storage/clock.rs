@@ -1,0 +1,22 @@
+//! Times in rows that were written before the clock was set back.
+//!
+//! Such a time is further ahead than any that this service writes, and counts as past: otherwise work would rest
+//! until the clock has caught up.
+
+use jiff::Timestamp;
+use std::time::Duration;
+
+/// Longer than any lease and than the pause of a merge.
+const LONGEST_LEASE: Duration = Duration::from_mins(10);
+/// Longer than any pause between the attempts at a job.
+const LONGEST_PAUSE: Duration = Duration::from_mins(40);
+
+/// Returns the time after which a lease can only be of a clock that was ahead, in milliseconds.
+pub(super) fn no_lease_after(now: Timestamp) -> i64 {
+    (now + LONGEST_LEASE).as_millisecond()
+}
+
+/// Returns the time after which the due time of a job can only be of a clock that was ahead, in milliseconds.
+pub(super) fn no_pause_after(now: Timestamp) -> i64 {
+    (now + LONGEST_PAUSE).as_millisecond()
+}

@@ -1,0 +1,12 @@
+//! Files that lost bytes since they were stored.
+
+use super::StorageError;
+use super::columns::Columns;
+use super::database::Row;
+
+/// Compares the size of a file with that of its row; without a row the file was removed meanwhile.
+pub(super) fn check_size(row: Option<&Row>, key: String, found: u64) -> Result<(), StorageError> {
+    let Some(row) = row else { return Ok(()) };
+    let expected = row.count("size_bytes")?;
+    if found == expected { Ok(()) } else { Err(StorageError::DamagedFile { key, found, expected }) }
+}

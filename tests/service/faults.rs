@@ -1,0 +1,128 @@
+//! Faults of the machine that a restart does not cure: what the operator is told, and what is served meanwhile.
+
+use serde_json::json;
+use std::fs::{self, OpenOptions};
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use tempfile::TempDir;
+use viola_testing::disk::{Disk, SmallDisk};
+use viola_testing::process::{Process, prepared, program, viola};
+use viola_testing::{eventually, room, zips};
+
+/// Returns what `viola serve` writes when it refuses to start.
+fn refusal(data: &Path) -> String {
+    let mut command = viola();
+    command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(data);
+    let ended = command.stdout(Stdio::piped()).stderr(Stdio::piped()).output().unwrap();
+    assert!(!ended.status.success() && ended.stdout.is_empty(), "it started");
+    String::from_utf8(ended.stderr).unwrap()
+}
+
+fn cut(file: &Path, bytes: u64) {
+    OpenOptions::new().write(true).open(file).unwrap().set_len(bytes).unwrap();
+}
+
+fn file_below(folder: &Path, is_wanted: impl Fn(&Path) -> bool) -> PathBuf {
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            match path.is_dir() {
+                true => folders.push(path),
+                false if is_wanted(&path) => return path,
+                false => {}
+            }
+        }
+    }
+    panic!("there is no such file")
+}
+
+#[tokio::test]
+async fn a_truncated_database_is_told_and_its_files_stay() {
+    let data = TempDir::new().unwrap();
+    let server = Process::serve(data.path(), &["--workers", "0"]);
+    let home = server.client.make_home("h").await;
+    server.client.post(&format!("{home}/clips"), zips::zip(&room::clip(2))).await.ok(201);
+    assert!(server.stop("TERM").success());
+    let database = data.path().join("viola.sqlite");
+    let whole = fs::read(&database).unwrap();
+    for bytes in [whole.len() / 2, 1000] {
+        cut(&database, bytes as u64);
+        let said = refusal(data.path());
+        assert!(said.contains("viola.sqlite is damaged") && said.contains("backup"), "{said}");
+        fs::write(&database, &whole).unwrap();
+    }
+    let server = Process::serve(data.path(), &["--workers", "0"]);
+    assert_eq!(server.client.get(&home).await.ok(200)["clips"], 1);
+}
+
+#[tokio::test]
+async fn a_truncated_recording_is_a_fault_of_the_service_and_others_are_aligned() {
+    let data = TempDir::new().unwrap();
+    let server = Process::serve(data.path(), &["--retry-seconds", "0.1"]);
+    let home = server.client.make_home("h").await;
+    let bytes = zips::zip(&room::clip(12));
+    let bad = server.client.post(&format!("{home}/clips"), bytes.clone()).await.header("location").to_owned();
+    let id = bad.rsplit('/').next().unwrap();
+    let file = file_below(&data.path().join("blobs"), |path| path.ends_with(format!("{id}/file")));
+    cut(&file, bytes.len() as u64 / 2);
+    let good = server.client.post(&format!("{home}/clips"), zips::zip(&room::clip(13))).await;
+    let good = good.header("location").to_owned();
+    server.client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    assert_eq!(server.client.settled(&good).await["state"], "aligned");
+    let waiting = eventually("the fault is told", || async {
+        let clip = server.client.get(&bad).await.ok(200);
+        (clip["reasons"][0]["code"] == "storage_fault").then_some(clip)
+    })
+    .await;
+    // It is not the sender's fault, so the clip has not failed.
+    assert_eq!((&waiting["state"], &waiting["job"]["state"]), (&json!("queued"), &json!("queued")));
+    fs::write(&file, &bytes).unwrap();
+    assert_eq!(server.client.settled(&bad).await["state"], "aligned");
+}
+
+#[tokio::test]
+async fn a_data_folder_that_cannot_be_written_is_told() {
+    let folder = TempDir::new().unwrap();
+    let Some(disk) = SmallDisk::mount(folder.path(), 288) else { return };
+    disk.make_read_only();
+    let mut command = prepared(disk.command(program()));
+    command.args(["serve", "--listen", "127.0.0.1:0", "--data"]).arg(folder.path());
+    let ended = command.stdout(Stdio::piped()).stderr(Stdio::piped()).output().unwrap();
+    let said = String::from_utf8(ended.stderr).unwrap();
+    assert!(!ended.status.success() && ended.stdout.is_empty(), "{said}");
+    assert!(said.contains("cannot be written") && said.contains("--data"), "{said}");
+}
+
+/// The disk fills while jobs and merges are under way, and is freed: they go on without a hand.
+#[tokio::test]
+async fn jobs_and_merges_go_on_when_a_full_disk_is_freed() {
+    let folder = TempDir::new().unwrap();
+    let Some(disk) = SmallDisk::mount(folder.path(), 288) else { return };
+    let server = Process::serve_on(&disk, &["--retry-seconds", "0.1", "--lease-seconds", "1"]);
+    let client = &server.client;
+    let home = client.make_home("h").await;
+    client.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    let mut clips = Vec::new();
+    for frames in [12, 100] {
+        let answer = client.post(&format!("{home}/clips"), zips::zip(&room::clip(frames))).await;
+        clips.push(answer.header("location").to_owned());
+        answer.ok(201);
+        disk.fill(server.id());
+        eventually("the service is not ready", || async {
+            (client.get("/readyz").await.status == 503).then_some(())
+        })
+        .await;
+        client.get(&home).await.ok(200);
+        disk.free(server.id());
+    }
+    for clip in &clips {
+        assert_eq!(client.settled(clip).await["state"], "aligned");
+    }
+    eventually("the map has both clips", || async {
+        let map = client.get(&format!("{home}/map")).await;
+        let clips = (map.status == 200).then(|| map.json()["clips"].as_array().map(Vec::len));
+        (clips == Some(Some(2))).then_some(())
+    })
+    .await;
+}
