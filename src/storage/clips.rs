@@ -1,5 +1,6 @@
 //! Clips.
 
+mod file;
 mod insert;
 mod remove;
 mod rename;
@@ -13,8 +14,8 @@ use super::database::{Connection, Row, Transaction, query};
 use super::incoming::Arrived;
 use super::jobs::{self, Priority};
 use super::{
-    BlobReader, Choice, ClipState, HomeId, Job, LocalFile, Placement, Storage, StorageError, home_maps,
-    homes, lidar_maps, result_file,
+    BlobReader, Choice, ClipState, HomeId, Job, Placement, Storage, StorageError, home_maps, homes, lidar_maps,
+    result_file,
 };
 use jiff::Timestamp;
 use uuid::Uuid;
@@ -205,22 +206,6 @@ impl Storage {
     ) -> Result<Option<bytes::Bytes>, StorageError> {
         let Some(key) = &clip.result_key else { return Ok(None) };
         self.blobs.read_if_there(&format!("{key}/{name}")).await
-    }
-
-    /// Returns the uploaded file unchanged; `None` if the clip was removed.
-    pub async fn clip_recording(&self, id: Uuid) -> Result<Option<BlobReader>, StorageError> {
-        let Some(blob) = self.blobs.read(&file_key(id)).await? else { return Ok(None) };
-        self.check_clip_file(id, blob.size_bytes).await?;
-        Ok(Some(blob))
-    }
-
-    /// Returns the uploaded file, for readers that seek in it.
-    pub async fn clip_file(&self, id: Uuid) -> Result<LocalFile, StorageError> {
-        let file = self.blobs.local_file(&file_key(id)).await?;
-        let found = std::fs::metadata(&*file);
-        let found = found.map_err(|source| StorageError::File { path: file.to_path_buf(), source })?;
-        self.check_clip_file(id, found.len()).await?;
-        Ok(file)
     }
 
     #[cfg(test)]

@@ -40,7 +40,7 @@ async fn every_file_of_a_tenant_counts(storage: Storage) {
         check(&storage, "a result").await;
         merge(&storage, format!("tile {number}").repeat(number + 1).as_bytes(), 200).await;
         check(&storage, "a merge").await;
-        storage.align_clip(&home, clip.id, at(300)).await.unwrap();
+        storage.align_clip(&home, clip.id, at(100)).await.unwrap();
         check(&storage, "the end of a result").await;
     }
     align(&storage, AlignmentState::Aligned).await;
