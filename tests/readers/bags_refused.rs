@@ -31,7 +31,7 @@ fn with(keep: impl Fn(&Message) -> bool) -> Files {
 #[test]
 fn bags_are_refused_by_name() {
     let whole = mcap("", &Recording::small(3)).remove(0).1;
-    check(bag(whole[..whole.len() / 2].to_vec()), "bad_metadata", "ends too early");
+    check(bag(whole[..whole.len() / 2].to_vec()), "bad_metadata", "damaged or cut");
     check(with(|(_, topic, ..)| !topic.contains("depth/image")), "bad_metadata", "no topic with depth");
     check(
         with(|(_, topic, ..)| !topic.contains("camera_info")),
@@ -81,11 +81,11 @@ fn databases_are_refused_by_name() {
     let mut wide = whole.clone();
     wide[16..18].copy_from_slice(&[0, 7]);
     check(database(wide), "bad_metadata", "pages cannot have 7 bytes");
-    // The kind of each camera: stereo. It is the fourth number of a model of version 0.23.1.
-    let version: Vec<u8> = [0i32, 23, 1].into_iter().flat_map(i32::to_le_bytes).collect();
+    // The kind of each camera: stereo. It is the fourth number of a model: version 0.23.1, a kind, the size.
+    let version: Vec<u8> = [0i32, 23, 1, 0, 64, 48].into_iter().flat_map(i32::to_le_bytes).collect();
     let mut stereo = whole.clone();
-    let places: Vec<usize> = (0..whole.len() - 16).filter(|at| whole[*at..].starts_with(&version)).collect();
-    assert_eq!(places.len(), 3);
+    let places: Vec<usize> = (0..whole.len() - 24).filter(|at| whole[*at..].starts_with(&version)).collect();
+    assert!(places.len() >= 3, "SQLite may leave copies behind");
     places.iter().for_each(|at| stereo[at + 12] = 1);
     check(database(stereo), "bad_intrinsics", "stereo");
     // Any database, alone: no clip.

@@ -1,7 +1,7 @@
 //! The manners of the command line: exit codes, pipes, wrong files, completions.
 
 use crate::drawing::{text as json, valetudo};
-use crate::writers::{as_folder, scannet, zip_bytes};
+use crate::writers::{HEIGHT, WIDTH, as_folder, depth_png, scannet, zip_bytes};
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -20,8 +20,12 @@ fn run(arguments: &[&str], folder: &Path) -> (Option<i32>, String, String) {
 
 #[test]
 fn an_answer_without_a_pose_has_an_exit_code_of_its_own() {
+    let mut clip = scannet("s/", &[0, 1, 2]);
+    for (_, depth) in clip.iter_mut().filter(|(name, _)| name.contains("depth/")) {
+        *depth = depth_png(WIDTH, HEIGHT, |_, _| 0);
+    }
     let files = vec![
-        ("clip.zip".to_string(), zip_bytes(&scannet("s/", &[0, 1, 2]))),
+        ("clip.zip".to_string(), zip_bytes(&clip)),
         ("map.json".to_string(), json(&valetudo(true, true))),
         ("notes.txt".to_string(), b"Dear diary,".to_vec()),
     ];

@@ -1,7 +1,7 @@
 //! The files of a bag, and what their messages hold: places of pictures, intrinsics and poses.
 
 use super::frames::Frames;
-use super::message::{self, CameraInfo, Image, Kind, Transform};
+use super::message::{self, CameraInfo, Image, Kind, MAX_TOPICS, Transform, Visit};
 use super::{db3, mcap};
 use crate::clip::files::Part;
 use crate::clip::layout::trajectory::Timed;
@@ -11,19 +11,13 @@ use crate::container::{Container, Spool};
 use std::collections::BTreeMap;
 use viola_geometry::Pose3;
 
-/// Maximum size of one message: a picture.
-pub(super) const MAX_MESSAGE_BYTES: u64 = 64 << 20;
 const MAX_FILE_BYTES: u64 = 64 << 30;
 /// Maximum size of the pictures of a bag after chunks are unpacked.
 const MAX_PICTURES_BYTES: u64 = 16 << 30;
-pub(super) const MAX_TOPICS: usize = 1000;
 /// Pictures of a few cameras.
 const MAX_PICTURES: usize = 4 * MAX_FRAMES;
 /// Poses of several sensors at 100 Hz for half an hour.
 const MAX_POSES: usize = 1_000_000;
-
-/// The function that is called with each message: topic, kind, bytes.
-pub(super) type Visit<'a> = &'a mut dyn FnMut(&str, Kind, &[u8]) -> Result<(), ClipError>;
 
 /// Pictures of one topic, in any order.
 pub(super) struct Images {

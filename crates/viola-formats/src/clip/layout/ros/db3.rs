@@ -1,7 +1,6 @@
 //! Bags of rosbag2's SQLite storage: `topics` and `messages` (ros2/rosbag2, sqlite_storage.cpp).
 
-use super::bag::{MAX_MESSAGE_BYTES, Visit};
-use super::message::Kind;
+use super::message::{Kind, MAX_MESSAGE_BYTES, Visit};
 use crate::clip::ClipError;
 use crate::clip::sqlite::{Database, Table};
 use std::collections::BTreeMap;

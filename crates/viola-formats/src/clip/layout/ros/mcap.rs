@@ -1,8 +1,7 @@
 //! MCAP files: records of a length, in chunks that may be compressed (mcap.dev/spec).
 
-use super::bag::{MAX_MESSAGE_BYTES, MAX_TOPICS, Visit};
 use super::lz4;
-use super::message::Kind;
+use super::message::{Kind, MAX_MESSAGE_BYTES, MAX_TOPICS, Visit};
 use crate::clip::ClipError;
 use crate::container::{ContainerError, Region, is_machine_fault, unzstd};
 use std::collections::BTreeMap;
@@ -41,7 +40,8 @@ pub(super) fn read(region: &Region, name: &str, visit: Visit) -> Result<(), Clip
         }
         let reason = match source.kind() {
             io::ErrorKind::UnexpectedEof => "it ends too early; send the whole file".to_string(),
-            _ => format!("it is damaged ({source})"),
+            io::ErrorKind::InvalidData => source.to_string(),
+            _ => format!("it is damaged or cut ({source}); send the whole file"),
         };
         ClipError::BadMetadata { name: name.to_string(), reason }
     })
@@ -89,7 +89,7 @@ impl File<'_> {
         let kind = self.schemas.get(&schema).filter(|_| encoding == "cdr");
         self.channels.extend(kind.map(|kind| (id, (topic, *kind))));
         if self.channels.len() > MAX_TOPICS {
-            return Err(io::Error::other(format!("it has more than {MAX_TOPICS} topics")));
+            return Err(refused(format!("it has more than {MAX_TOPICS} topics")));
         }
         Ok(())
     }
@@ -99,7 +99,7 @@ impl File<'_> {
         skip(body, MESSAGE_TIMES_BYTES)?;
         let bytes = bytes.saturating_sub(2 + MESSAGE_TIMES_BYTES);
         if bytes > MAX_MESSAGE_BYTES {
-            return Err(io::Error::other(format!("a message of {topic} has {bytes} bytes")));
+            return Err(refused(format!("a message of {topic} has {bytes} bytes")));
         }
         let mut message = Vec::new();
         body.read_to_end(&mut message)?;
@@ -108,7 +108,7 @@ impl File<'_> {
         }
         (self.visit)(topic, *kind, &message).map_err(|refusal| {
             self.refusal = Some(refusal);
-            io::Error::other("a message was refused")
+            refused("a message was refused")
         })
     }
 
@@ -127,7 +127,7 @@ impl File<'_> {
         self.left = self
             .left
             .checked_sub(unpacked_bytes)
-            .ok_or_else(|| io::Error::other("its chunks unpack to more than a recording's"))?;
+            .ok_or_else(|| refused("its chunks unpack to more than a recording's"))?;
         match compression.as_str() {
             "zstd" => {
                 let mut records = unzstd(BufReader::new(packed)).take(unpacked_bytes);
@@ -137,14 +137,17 @@ impl File<'_> {
                 let mut bytes = Vec::new();
                 packed.read_to_end(&mut bytes)?;
                 let records = lz4::unpack(&bytes, unpacked_bytes as usize);
-                let records = records.ok_or_else(|| io::Error::other("a chunk is not lz4"))?;
+                let records = records.ok_or_else(|| refused("a chunk is not lz4"))?;
                 self.records(&mut records.as_slice(), true)
             }
-            other => {
-                Err(io::Error::other(format!("a chunk is compressed by {other:?}; run `mcap decompress`")))
-            }
+            other => Err(refused(format!("a chunk is compressed by {other:?}; run `mcap decompress`"))),
         }
     }
+}
+
+/// Returns the error of a file that we refuse; other errors are of the system or of a decoder.
+fn refused(reason: impl Into<String>) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, reason.into())
 }
 
 fn array<const N: usize>(source: &mut dyn Read) -> io::Result<[u8; N]> {
@@ -164,11 +167,11 @@ fn u64_of(source: &mut dyn Read) -> io::Result<u64> {
 fn text_of(source: &mut dyn Read) -> io::Result<String> {
     let bytes = u32::from_le_bytes(array(source)?);
     if bytes > MAX_TEXT_BYTES {
-        return Err(io::Error::other(format!("a name has {bytes} bytes")));
+        return Err(refused(format!("a name has {bytes} bytes")));
     }
     let mut text = vec![0; bytes as usize];
     source.read_exact(&mut text)?;
-    String::from_utf8(text).map_err(io::Error::other)
+    String::from_utf8(text).map_err(|_| refused("a name is not text"))
 }
 
 fn skip(source: &mut dyn Read, bytes: u64) -> io::Result<()> {

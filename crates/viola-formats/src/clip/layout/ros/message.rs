@@ -1,6 +1,7 @@
 //! The messages that make a clip (ros2/common_interfaces and ros2/geometry2).
 
 use super::cdr::Cdr;
+use crate::clip::ClipError;
 use crate::clip::files::Coding;
 use crate::clip::layout::text::pose_from_quaternion;
 use crate::clip::layout::trajectory::Timed;
@@ -10,11 +11,17 @@ use nalgebra::Quaternion;
 use std::ops::Range;
 use viola_geometry::{Pose3, Vector3};
 
+/// Maximum size of one message: a picture.
+pub(super) const MAX_MESSAGE_BYTES: u64 = 64 << 20;
+pub(super) const MAX_TOPICS: usize = 1000;
 /// Maximum transforms of one message.
 const MAX_TRANSFORMS: u32 = 10_000;
 /// Bytes before compressed depth: a kind and two parameters (compressed_depth_image_transport,
 /// compression_common.hpp).
 const DEPTH_HEADER_BYTES: usize = 12;
+
+/// The function that is called with each message: topic, kind, bytes.
+pub(super) type Visit<'a> = &'a mut dyn FnMut(&str, Kind, &[u8]) -> Result<(), ClipError>;
 
 /// A kind of message that is read.
 #[derive(Debug, Clone, Copy, PartialEq)]
