@@ -106,12 +106,12 @@ pub fn ply(format: &str) -> Vec<u8> {
     let hits = hits();
     let mut bytes = format!(
         "ply\nformat {format} 1.0\ncomment drawn\nelement vertex {}\nproperty float x\nproperty uchar red\n\
-         property double y\nproperty short z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n",
+         property double y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n",
         hits.len()
     )
     .into_bytes();
     for (index, p) in hits.iter().enumerate() {
-        let (x, red, y, z) = (p.x as f32, 200u8, p.y, index as i16 - 4);
+        let (x, red, y, z) = (p.x as f32, 200u8, p.y, index as f32 / 100.0);
         match format {
             "ascii" => bytes.extend(format!("{x} {red} {y} {z}\n").bytes()),
             "binary_little_endian" => {

@@ -38,6 +38,11 @@ pub enum LidarError {
     TooLarge { width_m: f64, height_m: f64, max_m: f64 },
     #[error("the map has more than {max} points")]
     TooManyPoints { max: usize },
+    #[error(
+        "the points are at heights from {low_m:.2} to {high_m:.2} m: this is a 3D scan or mesh; send the robot's 2D map, or \
+         the points of one height"
+    )]
+    ThreeDimensional { low_m: f64, high_m: f64 },
     #[error("line {line}: {reason}")]
     BadPoints { line: usize, reason: String },
     #[error("the PLY file cannot be used: {reason}")]
@@ -83,6 +88,7 @@ impl LidarError {
             LidarError::TooManyCells { .. } => "too_many_cells",
             LidarError::TooLarge { .. } => "map_too_large",
             LidarError::TooManyPoints { .. } => "too_many_points",
+            LidarError::ThreeDimensional { .. } => "three_dimensional_map",
             LidarError::BadPoints { .. } => "bad_points",
             LidarError::BadPly { .. } => "bad_ply",
             LidarError::BadPcd { .. } => "bad_pcd",
