@@ -12,8 +12,6 @@ import { degrees, many, metres, percent } from "../words.ts";
 const UNLIKELY = 0.01;
 /** A less probable place is not offered as the obvious choice. */
 const PLAUSIBLE = 0.2;
-/** A clip whose places are together less probable is probably of another home. */
-const FOREIGN = 0.3;
 
 /** What is needed to draw a pose on the plan. */
 export interface Ground {
@@ -62,9 +60,7 @@ export function alternatives(
 
 /** Whether the answer says that the clip is probably of another home. */
 export function isForeign(clip: Clip): boolean {
-  const { alignment, choice } = clip;
-  if (!alignment || choice || clip.state === "aligned" || clip.placement) return false;
-  return alignment.alternatives.reduce((sum, { probability }) => sum + (probability ?? 0), 0) < FOREIGN;
+  return !clip.choice && !clip.placement && clip.reasons.some(({ code }) => code === "not_this_home");
 }
 
 /** Which alternative holds: a person's choice, or the first one where the clip is aligned. */

@@ -9,6 +9,9 @@ const LEAST_INLIERS: f64 = 0.3;
 /// Minimum probability of the state `aligned`.
 const SURE: f64 = 0.9;
 
+/// Maximum probability of all listed explanations together at which the clip is said to be of another home.
+const FOREIGN: f64 = 0.3;
+
 /// Sets the state from inliers and probability, with the reasons for anything but `aligned`.
 pub fn set_state(answer: &mut Alignment) {
     let inliers = answer.inliers.unwrap_or(0.0);
@@ -37,5 +40,50 @@ pub fn set_state(answer: &mut Alignment) {
                 format!("no other pose explains the clip as well, but what it shows makes this one only {percent:.0} % sure; film more of the room, and its lower half"),
             )
         });
+    }
+    let listed: f64 = answer.alternatives.iter().filter_map(|one| one.probability).sum();
+    if answer.state != AlignmentState::Aligned && answer.probability.is_some() && listed < FOREIGN {
+        let percent = listed * 100.0;
+        answer.reasons.push(Reason::new(
+            "not_this_home",
+            format!("all poses in this home together are only {percent:.0} % probable; the clip may be of another home, or of a part that the robot has not mapped"),
+        ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::answer::Alternative;
+    use viola_geometry::{LevelName, Pose2};
+
+    /// Returns the codes of an answer whose explanations have these probabilities.
+    fn codes(probabilities: &[f64]) -> Vec<String> {
+        let alternative = |probability: &f64| Alternative {
+            level: LevelName::MAIN,
+            map_from_clip: Pose2::default(),
+            loss_m: 0.1,
+            inliers: 0.9,
+            free_space: None,
+            misplaced: None,
+            probability: Some(*probability),
+            evidence: None,
+        };
+        let mut answer = Alignment {
+            alternatives: probabilities.iter().map(alternative).collect(),
+            probability: probabilities.first().copied(),
+            inliers: Some(0.9),
+            ..Alignment::failed()
+        };
+        set_state(&mut answer);
+        answer.reasons.into_iter().map(|reason| reason.code).collect()
+    }
+
+    #[test]
+    fn a_clip_without_a_probable_pose_may_be_of_another_home() {
+        assert_eq!(codes(&[0.95]), Vec::<String>::new());
+        assert_eq!(codes(&[0.3, 0.2]), ["weak_evidence"]);
+        assert_eq!(codes(&[0.1, 0.1]), ["weak_evidence", "not_this_home"]);
+        assert_eq!(codes(&[]), ["weak_evidence"]);
     }
 }
