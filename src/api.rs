@@ -9,6 +9,7 @@ mod clip_results;
 mod clips;
 mod connections;
 mod corrections;
+mod digits;
 mod documents;
 mod error;
 mod export;
@@ -24,12 +25,16 @@ mod limits;
 mod list;
 mod map;
 mod metrics;
+mod names;
 mod objects;
+mod openapi;
 mod page;
+mod parameters;
 mod problems;
 mod ranges;
 mod reply;
 mod request_log;
+mod sent_files;
 mod server;
 mod session;
 mod types;
@@ -50,6 +55,7 @@ use crate::webhooks::WebhookParams;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use limits::Limits;
+use parameters::Parameters;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use tokio::sync::Semaphore;
@@ -135,11 +141,14 @@ fn routes() -> OpenApiRouter<App> {
         ))
         .routes(routes!(lidar_maps::get_level_lidar_map_image))
         .routes(routes!(lidar_maps::list_level_lidar_map_revisions))
+        .routes(routes!(lidar_maps::restore_lidar_map))
+        .routes(routes!(sent_files::get_lidar_map_file))
         .routes(routes!(clips::list_clips, clips::add_clip))
         .merge(uploads::routes())
-        .routes(routes!(clips::get_clip, clips::delete_clip))
+        .routes(routes!(clips::get_clip, clips::patch_clip, clips::delete_clip))
         .routes(routes!(clips::align_clip))
         .routes(routes!(choice::choose_alignment, choice::withdraw_alignment))
+        .routes(routes!(sent_files::get_clip_recording))
         .routes(routes!(clip_results::get_clip_overlay))
         .routes(routes!(clip_results::get_clip_cloud))
         .routes(routes!(clip_results::get_clip_completion))
@@ -179,7 +188,7 @@ fn routes() -> OpenApiRouter<App> {
 pub fn document() -> utoipa::openapi::OpenApi {
     let mut document = routes().merge(open_routes()).into_openapi();
     document.merge(health::routes().into_openapi());
-    document
+    openapi::complete(&document)
 }
 
 /// Returns [`document`] as text, its members always in the same order.
@@ -202,19 +211,25 @@ fn health_router(storage: Arc<Storage>) -> Router {
 }
 
 fn router(app: App) -> Router {
+    let document = document();
+    let parameters = Parameters::of(&document);
+    let refuse_unknown = axum::middleware::from_fn_with_state(parameters, parameters::refuse_unknown);
+    let health = health::routes().split_for_parts().0.with_state(app.storage.clone());
     routes()
         .split_for_parts()
         .0
+        .route_layer(refuse_unknown.clone())
         .route_layer(axum::middleware::from_fn_with_state(app.clone(), access::check))
-        .merge(open_routes().split_for_parts().0)
-        .merge(health::routes().split_for_parts().0.with_state(app.storage.clone()))
-        .merge(documents::routes(document()))
+        .merge(open_routes().split_for_parts().0.route_layer(refuse_unknown.clone()))
+        .merge(health.route_layer(refuse_unknown))
+        .merge(documents::routes(document))
         .merge(page::routes())
         .fallback(error::no_such_route)
         .method_not_allowed_fallback(error::method_not_allowed)
         .layer(DefaultBodyLimit::max(MAX_JSON_BYTES))
         .layer(CatchPanicLayer::custom(error::panicked))
         .layer(axum::middleware::from_fn(metrics::count))
+        .layer(axum::middleware::from_fn(reply::tag_documents))
         .layer(axum::middleware::from_fn(ranges::serve_part))
         .layer(layers::compression())
         .layer(axum::middleware::from_fn(request_log::log))

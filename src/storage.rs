@@ -57,7 +57,7 @@ pub use home_maps::{
     HomeMap, HomeObject, KEPT_REVISIONS, LeftOut, MapClip, MapFile, MapHistory, MapLevel, MapObject, MapRoom,
     MapScene, MergeClaim, NewRevision, ObjectFilter, map_file,
 };
-pub use homes::{Home, HomeId, InvalidHomeId, InvalidTenant, Tenant};
+pub use homes::{Home, HomeFilter, HomeId, InvalidHomeId, InvalidTenant, LevelCoverage, Tenant};
 pub use incoming::{Arrived, Incoming};
 pub use jobs::{Job, JobState, QueueState};
 pub use keys::{ApiKey, NewKey, Role, Secret};

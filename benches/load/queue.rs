@@ -56,15 +56,16 @@ async fn arrived(storage: &Storage, bytes: &[u8]) -> anyhow::Result<Arrived> {
 
 async fn home(storage: &Storage, number: u64) -> anyhow::Result<HomeId> {
     let home: HomeId = format!("home-{number}").parse()?;
-    storage.put_home(&home, None, Timestamp::now()).await?;
+    storage.put_home(&home, None, |_| true, Timestamp::now()).await?;
     let map = b"x,y\n0,0\n1,0\n1,1\n0,1\n";
     let new = NewLidarMap {
         level: viola_geometry::LevelName::MAIN,
         file: arrived(storage, map).await?,
+        file_name: None,
         info: LidarMap::read(map)?.info,
         image_png: vec![0],
     };
-    storage.put_lidar_map(&home, new, Timestamp::now()).await?;
+    storage.put_lidar_map(&home, new, |_| true, Timestamp::now()).await?;
     Ok(home)
 }
 
@@ -78,7 +79,14 @@ fn info() -> ClipInfo {
 
 async fn add(storage: &Storage, home: &HomeId) -> anyhow::Result<uuid::Uuid> {
     let file = arrived(storage, b"clip").await?;
-    let new = NewClip { file, info: info(), idempotency_key: None, recorded_at: None };
+    let new = NewClip {
+        file,
+        info: info(),
+        idempotency_key: None,
+        recorded_at: None,
+        title: None,
+        file_name: None,
+    };
     match storage.add_clip(home, new, Timestamp::now()).await? {
         Added::New(clip) => Ok(clip.id),
         other => anyhow::bail!("{other:?}"),

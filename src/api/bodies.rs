@@ -3,6 +3,7 @@
 use super::App;
 use super::error::Error;
 use super::metrics;
+use super::reply::REVALIDATED;
 use crate::storage::{Arrived, BlobReader, Storage};
 use axum::body::Body;
 use axum::extract::Request;
@@ -82,9 +83,34 @@ pub(super) fn send(blob: BlobReader, media_type: &'static str) -> Response {
     let headers = [
         (header::CONTENT_TYPE, HeaderValue::from_static(media_type)),
         (header::CONTENT_LENGTH, HeaderValue::from(blob.size_bytes)),
-        (header::CACHE_CONTROL, HeaderValue::from_static("no-cache")),
+        (header::CACHE_CONTROL, REVALIDATED),
     ];
     (headers, Body::from_stream(blob.stream)).into_response()
+}
+
+/// Returns an answer with the name under which a browser saves it (RFC 6266, RFC 8187).
+pub(super) fn attachment(mut answer: Response, name: &str) -> Response {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "!#$&+-.^_`|~".contains(c);
+    let ascii: String = name
+        .chars()
+        .map(|c| if c == ' ' || c.is_ascii_graphic() && !"\"\\%/".contains(c) { c } else { '_' })
+        .collect();
+    let mut value = format!("attachment; filename=\"{ascii}\"");
+    if ascii != name {
+        value.push_str("; filename*=UTF-8''");
+        for c in name.chars() {
+            if is_plain(c) {
+                value.push(c);
+            } else {
+                let mut bytes = [0; 4];
+                c.encode_utf8(&mut bytes).bytes().for_each(|byte| value.push_str(&format!("%{byte:02X}")));
+            }
+        }
+    }
+    if let Ok(value) = HeaderValue::from_str(&value) {
+        answer.headers_mut().insert(header::CONTENT_DISPOSITION, value);
+    }
+    answer
 }
 
 /// Runs work to its end even if the client disconnects.
@@ -101,5 +127,22 @@ pub(super) async fn understand<T: Send + 'static>(app: &App, read: impl FnOnce()
     match tokio::task::spawn_blocking(read).await {
         Ok(value) => value,
         Err(error) => std::panic::resume_unwind(error.into_panic()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_of_a_file_is_sent() {
+        for (name, want) in [
+            ("clip 1.zip", "attachment; filename=\"clip 1.zip\""),
+            ("K\u{fc}che.zip", "attachment; filename=\"K_che.zip\"; filename*=UTF-8''K%C3%BCche.zip"),
+            ("a\"b/c\\d.zip", "attachment; filename=\"a_b_c_d.zip\"; filename*=UTF-8''a%22b%2Fc%5Cd.zip"),
+        ] {
+            let answer = attachment(Response::new(Body::empty()), name);
+            assert_eq!(answer.headers()[header::CONTENT_DISPOSITION], want);
+        }
     }
 }

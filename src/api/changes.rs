@@ -6,8 +6,8 @@ use super::error::{Error, Problem};
 use super::extract::Query;
 use super::list::{ListQuery, encode};
 use super::problems::CommonProblems;
+use super::reply::Document;
 use super::types::Change;
-use axum::Json;
 use axum::extract::State;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -56,7 +56,7 @@ pub(super) async fn list_changes(
     caller: Caller,
     Query(query): Query<ListQuery>,
     Query(wait): Query<WaitQuery>,
-) -> Result<Json<ChangesPage>, Error> {
+) -> Result<Document<ChangesPage>, Error> {
     let (after, limit, wait) = (query.after()?, query.limit()?, wait.seconds()?);
     let tenant = caller.for_all_homes()?;
     let changes = tokio::select! {
@@ -65,7 +65,7 @@ pub(super) async fn list_changes(
         () = app.stop.cancelled() => app.queue.changes(tenant, after, limit, Duration::ZERO).await?,
     };
     let next = encode(&changes.next.to_string());
-    Ok(Json(ChangesPage {
+    Ok(Document(ChangesPage {
         items: changes.items.into_iter().map(Change::from).collect(),
         next,
         more: changes.more,

@@ -5,9 +5,11 @@ use super::bodies::to_the_end;
 use super::error::{Error, Problem};
 use super::extract::{ClipPath, Json};
 use super::problems::{CommonProblems, JsonProblems};
+use super::reply::{Document, may_change};
 use super::types::{self, Clip};
-use crate::storage::{ChoiceError, Chosen, StorageError};
+use crate::storage::{self, ChoiceError, Chosen, StorageError};
 use axum::extract::State;
+use axum::http::HeaderMap;
 use jiff::Timestamp;
 use serde::Deserialize;
 use serde_json::Value;
@@ -47,23 +49,27 @@ pub(super) struct ChoiceBody {
 /// without a result keeps its state, with the reason `choice_without_result`, until a job gives it a result.
 /// The same choice again changes nothing.
 #[utoipa::path(put, path = "/v1/homes/{home}/clips/{clip}/alignment", tag = "clips",
-    params(ClipPath), request_body = ChoiceBody,
+    params(ClipPath, ("If-Match" = Option<String>, Header, description = "The `ETag` of the clip as it was read")),
+    request_body = ChoiceBody,
     responses(
         (status = 200, description = "The clip with the choice", body = Clip),
         (status = 409, description = "The clip has no answer yet, so it has no alternatives: `no-answer-yet`; \
             or the home has no LiDAR map, so a pose has no frame: `no-lidar-map`", body = Problem,
             content_type = "application/problem+json"),
+        (status = 412, description = "The clip was changed since it was read: `changed-meanwhile`", body = Problem,
+            content_type = "application/problem+json"),
         CommonProblems, JsonProblems))]
 pub(super) async fn choose_alignment(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
+    headers: HeaderMap,
     Json(body): Json<ChoiceBody>,
-) -> Result<axum::Json<Clip>, Error> {
+) -> Result<Document<Clip>, Error> {
     let chosen = chosen(&body)?;
     to_the_end(async move {
-        let clip = app.storage.choose(&home, clip, chosen, Timestamp::now()).await?;
+        let clip = app.storage.choose(&home, clip, chosen, is_expected(headers), Timestamp::now()).await?;
         app.queue.wake();
-        Ok(axum::Json(clip.into()))
+        Ok(Document(clip.into()))
     })
     .await
 }
@@ -71,18 +77,28 @@ pub(super) async fn choose_alignment(
 /// Withdraw a choice
 ///
 /// The clip returns to the method's own verdict. Without a choice, nothing changes.
-#[utoipa::path(delete, path = "/v1/homes/{home}/clips/{clip}/alignment", tag = "clips", params(ClipPath),
-    responses((status = 200, description = "The clip without a choice", body = Clip), CommonProblems))]
+#[utoipa::path(delete, path = "/v1/homes/{home}/clips/{clip}/alignment", tag = "clips",
+    params(ClipPath, ("If-Match" = Option<String>, Header, description = "The `ETag` of the clip as it was read")),
+    responses((status = 200, description = "The clip without a choice", body = Clip),
+        (status = 412, description = "The clip was changed since it was read: `changed-meanwhile`", body = Problem,
+            content_type = "application/problem+json"),
+        CommonProblems))]
 pub(super) async fn withdraw_alignment(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
-) -> Result<axum::Json<Clip>, Error> {
+    headers: HeaderMap,
+) -> Result<Document<Clip>, Error> {
     to_the_end(async move {
-        let clip = app.storage.withdraw_choice(&home, clip, Timestamp::now()).await?;
+        let clip = app.storage.withdraw_choice(&home, clip, is_expected(headers), Timestamp::now()).await?;
         app.queue.wake();
-        Ok(axum::Json(clip.into()))
+        Ok(Document(clip.into()))
     })
     .await
+}
+
+/// Returns whether a request allows to change a clip.
+fn is_expected(headers: HeaderMap) -> impl Fn(&storage::Clip) -> bool + Send {
+    move |clip| may_change(&headers, Some(&Clip::from(clip.clone())))
 }
 
 fn chosen(body: &ChoiceBody) -> Result<Chosen, Error> {

@@ -1,7 +1,7 @@
 //! `/v1/classes`
 
 use super::problems::CommonProblems;
-use axum::Json;
+use super::reply::Document;
 use axum::http::{HeaderName, header};
 use serde::Serialize;
 use viola_geometry::taxonomy;
@@ -31,12 +31,12 @@ pub(super) struct Classes {
 /// List the classes of points and objects
 #[utoipa::path(get, path = "/v1/classes", tag = "service",
     responses((status = 200, description = "All classes, by id", body = Classes), CommonProblems))]
-pub(super) async fn list_classes() -> ([(HeaderName, &'static str); 1], Json<Classes>) {
+pub(super) async fn list_classes() -> ([(HeaderName, &'static str); 1], Document<Classes>) {
     let classes = taxonomy::Class::ALL.iter().map(|&class| {
         let [red, green, blue] = class.color();
         let color = format!("#{red:02x}{green:02x}{blue:02x}");
         Class { id: class.id(), name: class.name(), color, is_fixed: class.is_fixed() }
     });
     // The classes change only with the program.
-    ([(header::CACHE_CONTROL, "no-cache")], Json(Classes { classes: classes.collect() }))
+    ([(header::CACHE_CONTROL, "no-cache")], Document(Classes { classes: classes.collect() }))
 }

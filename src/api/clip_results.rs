@@ -5,38 +5,40 @@ use super::bodies::{FileBytes, send, understand};
 use super::error::Error;
 use super::extract::ClipPath;
 use super::problems::CommonProblems;
-use super::reply::{tag_of, unless_known};
+use super::reply::{is_known, tag_of, tagged, unless_known};
 use super::types::ClipScan;
-use crate::storage::{HomeId, StorageError, result_file};
+use crate::storage::{StorageError, result_file};
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use uuid::Uuid;
 use viola_home::{MAP_VOXEL_M, NotOurs, cloud_ply, read_cloud_ply};
 
-/// A picture of somebody's home belongs into no shared cache.
-const THUMBNAIL_CACHE: &str = "private, max-age=300";
+/// The parameter by which a page makes the address of a new picture another one.
+const JOB: &str = "Ignored. A page sends the id of the clip's newest job, so that its browser does not show the picture \
+    of an earlier one";
 
 /// Get a picture of the LiDAR map with the clip's hit points and path
 #[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}/overlay.png", tag = "clips",
-    params(ClipPath),
+    params(ClipPath, ("job" = Option<String>, Query, description = JOB)),
     responses((status = 200, description = "The picture", body = FileBytes, content_type = "image/png"), CommonProblems))]
 pub(super) async fn get_clip_overlay(
     State(app): State<App>,
-    ClipPath { home, clip }: ClipPath,
+    path: ClipPath,
+    headers: HeaderMap,
 ) -> Result<Response, Error> {
-    send_result(app, home, clip, result_file::OVERLAY, "image/png").await
+    send_result(&app, path, &headers, result_file::OVERLAY, "image/png").await
 }
 
 /// Get a picture of the clip's completion: the views, the filled-in pictures, and the plan before and after
 #[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}/completion.png", tag = "clips",
-    params(ClipPath),
+    params(ClipPath, ("job" = Option<String>, Query, description = JOB)),
     responses((status = 200, description = "The picture", body = FileBytes, content_type = "image/png"), CommonProblems))]
 pub(super) async fn get_clip_completion(
     State(app): State<App>,
-    ClipPath { home, clip }: ClipPath,
+    path: ClipPath,
+    headers: HeaderMap,
 ) -> Result<Response, Error> {
-    send_result(app, home, clip, result_file::COMPLETION, "image/png").await
+    send_result(&app, path, &headers, result_file::COMPLETION, "image/png").await
 }
 
 /// Get the clip's fused points with colours, in the map's frame if the clip has a pose
@@ -49,20 +51,32 @@ pub(super) async fn get_clip_completion(
 pub(super) async fn get_clip_cloud(
     State(app): State<App>,
     ClipPath { home, clip: id }: ClipPath,
+    headers: HeaderMap,
 ) -> Result<Response, Error> {
     let clip = app.storage.clip(&home, id).await?;
+    let result = clip.result_key().ok_or(Error::NoSuchResult(clip.state.name()))?;
+    let pose = clip.map_from_clip();
+    let of_pose = pose.map(|pose| [pose.x_m, pose.y_m, pose.yaw_rad].map(f64::to_le_bytes).concat());
+    let tag = tag_of(&[result.as_bytes(), &of_pose.unwrap_or_default()]);
+    if is_known(&headers, &tag) {
+        return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
+    }
     let bytes = app.storage.clip_result_bytes(&clip, result_file::CLOUD).await?;
     let bytes = bytes.ok_or(Error::NoSuchResult(clip.state.name()))?;
-    let Some(map_from_clip) = clip.map_from_clip() else {
-        return Ok(([(header::CONTENT_TYPE, HeaderValue::from_static("model/ply"))], bytes).into_response());
+    let bytes = match pose {
+        None => bytes,
+        Some(map_from_clip) => {
+            let moved = understand(&app, move || {
+                let cloud = read_cloud_ply(&bytes, MAP_VOXEL_M)?;
+                Ok::<_, NotOurs>(cloud_ply(&cloud, Some(&map_from_clip)))
+            });
+            let damaged =
+                |error: NotOurs| StorageError::Column { column: "cloud.ply", detail: error.to_string() };
+            moved.await.map_err(damaged)?.into()
+        }
     };
-    let moved = understand(&app, move || {
-        let cloud = read_cloud_ply(&bytes, MAP_VOXEL_M)?;
-        Ok::<_, NotOurs>(cloud_ply(&cloud, Some(&map_from_clip)))
-    });
-    let damaged = |error: NotOurs| StorageError::Column { column: "cloud.ply", detail: error.to_string() };
-    let moved = moved.await.map_err(damaged)?;
-    Ok(([(header::CONTENT_TYPE, HeaderValue::from_static("model/ply"))], moved).into_response())
+    let ply = [(header::CONTENT_TYPE, HeaderValue::from_static("model/ply"))];
+    Ok(tagged((ply, bytes).into_response(), &tag))
 }
 
 /// Get the clip's hits at the vacuum's height and its cameras, in the clip's frame, to draw it at any pose
@@ -71,9 +85,10 @@ pub(super) async fn get_clip_cloud(
     responses((status = 200, description = "Hits and cameras", body = ClipScan), CommonProblems))]
 pub(super) async fn get_clip_scan(
     State(app): State<App>,
-    ClipPath { home, clip }: ClipPath,
+    path: ClipPath,
+    headers: HeaderMap,
 ) -> Result<Response, Error> {
-    send_result(app, home, clip, result_file::SCAN, "application/json").await
+    send_result(&app, path, &headers, result_file::SCAN, "application/json").await
 }
 
 /// Get a small picture of the clip: its sharpest frame of about five, upright
@@ -81,31 +96,30 @@ pub(super) async fn get_clip_scan(
 /// The job that aligns the clip makes it. Its longest side has 320 pixels. A clip without an answer returns 404
 /// `result-not-found`; a clip without a colour picture, or with an answer of an earlier version, `no-thumbnail`.
 #[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}/thumbnail.jpg", tag = "clips",
-    params(ClipPath),
+    params(ClipPath, ("job" = Option<String>, Query, description = JOB)),
     responses((status = 200, description = "The picture", body = FileBytes, content_type = "image/jpeg"),
         (status = 304, description = "The client has it"), CommonProblems))]
 pub(super) async fn get_clip_thumbnail(
     State(app): State<App>,
-    ClipPath { home, clip: id }: ClipPath,
+    path: ClipPath,
     headers: HeaderMap,
 ) -> Result<Response, Error> {
-    let clip = app.storage.clip(&home, id).await?;
+    let clip = app.storage.clip(&path.home, path.clip).await?;
     let result = clip.result_key().ok_or(Error::NoSuchResult(clip.state.name()))?;
-    let tag = tag_of(&[result.as_bytes()]);
     let blob = app.storage.clip_result(&clip, result_file::THUMBNAIL).await?.ok_or(Error::NoThumbnail)?;
-    let mut answer = unless_known(&headers, &tag, || send(blob, "image/jpeg"));
-    answer.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static(THUMBNAIL_CACHE));
-    Ok(answer)
+    Ok(unless_known(&headers, &tag_of(&[result.as_bytes()]), || send(blob, "image/jpeg")))
 }
 
 async fn send_result(
-    app: App,
-    home: HomeId,
-    id: Uuid,
+    app: &App,
+    path: ClipPath,
+    headers: &HeaderMap,
     name: &str,
     media_type: &'static str,
 ) -> Result<Response, Error> {
-    let clip = app.storage.clip(&home, id).await?;
-    let blob = app.storage.clip_result(&clip, name).await?;
-    Ok(send(blob.ok_or(Error::NoSuchResult(clip.state.name()))?, media_type))
+    let clip = app.storage.clip(&path.home, path.clip).await?;
+    let missing = || Error::NoSuchResult(clip.state.name());
+    let result = clip.result_key().ok_or_else(missing)?;
+    let blob = app.storage.clip_result(&clip, name).await?.ok_or_else(missing)?;
+    Ok(unless_known(headers, &tag_of(&[result.as_bytes()]), || send(blob, media_type)))
 }

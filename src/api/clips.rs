@@ -4,14 +4,15 @@ use super::App;
 use super::access::Caller;
 use super::bodies::{FileBytes, content_length, receive, to_the_end, understand};
 use super::error::{Error, Problem};
-use super::extract::{ClipPath, HomePath, IdempotencyKey, Query, timestamp};
+use super::extract::{ClipPath, HomePath, IdempotencyKey, Json, Member, Query, member, timestamp};
 use super::list::{List, ListQuery, UpdatedQuery, states};
-use super::problems::{CommonProblems, FileProblems};
+use super::names;
+use super::problems::{CommonProblems, FileProblems, JsonProblems};
+use super::reply::{Document, may_change};
 use super::types::{Clip, ClipInfo, ClipState, Estimate};
 use crate::storage::{self, Added, Arrived, ClipFilter, NewClip, StorageError};
-use axum::Json;
 use axum::extract::{Request, State};
-use axum::http::{StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
@@ -35,6 +36,22 @@ pub(super) struct AddQuery {
     /// work, and nothing is kept or queued.
     #[param(value_type = Option<bool>, example = true)]
     dry_run: Option<String>,
+    /// Name of the file; the download of the recording has it.
+    #[param(
+        min_length = 1,
+        max_length = 255,
+        pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$",
+        example = "kitchen.zip"
+    )]
+    filename: Option<String>,
+    /// Name of the clip, for people.
+    #[param(
+        min_length = 1,
+        max_length = 200,
+        pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$",
+        example = "Kitchen, evening"
+    )]
+    title: Option<String>,
 }
 
 /// The result of a dry run.
@@ -59,9 +76,9 @@ impl IntoResponse for Answer {
         match self {
             Answer::Added(clip) => {
                 let location = format!("/v1/homes/{}/clips/{}", clip.home.as_str(), clip.id);
-                (StatusCode::CREATED, [(header::LOCATION, location)], Json(clip)).into_response()
+                (StatusCode::CREATED, [(header::LOCATION, location)], Document(clip)).into_response()
             }
-            Answer::Looked(report) => Json(report).into_response(),
+            Answer::Looked(report) => Document(report).into_response(),
         }
     }
 }
@@ -72,7 +89,8 @@ impl IntoResponse for Answer {
 /// immediately; the outcome of everything else is in the clip's state and reasons. When the answer arrives,
 /// the clip is durable and its job is queued, or waits for the home's first LiDAR map.
 ///
-/// With an `Idempotency-Key`, sending the same file again returns the same clip.
+/// With an `Idempotency-Key`, sending the same file again returns the same clip. Without one it makes another clip,
+/// whose `duplicate_of` names the first.
 #[utoipa::path(post, path = "/v1/homes/{home}/clips", tag = "clips",
     params(HomePath, AddQuery,
         ("Idempotency-Key" = Option<String>, Header, pattern = "^[!-~]{1,255}$", description = "1 to 255 visible ASCII characters, unique to this file in this home")),
@@ -94,6 +112,7 @@ pub(super) async fn add_clip(
     let has_lidar_map = app.storage.home(&home).await?.lidar_map_revision.is_some();
     let dry_run = flag("dry_run", query.dry_run.as_deref())?;
     let told = query.recorded_at.map(|text| recorded_at(&text)).transpose()?;
+    let (title, file_name) = (names::title(query.title)?, names::file_name(query.filename)?);
     let told_bytes = content_length(request.headers()).unwrap_or(0);
     app.limits.room(&app.storage, &caller.tenant, told_bytes).await?;
     let file = receive(&app.storage, request, app.max_upload_bytes).await?;
@@ -104,7 +123,8 @@ pub(super) async fn add_clip(
         let report = DryRun { size_bytes, understood: info.into(), estimate: estimate.into(), has_lidar_map };
         return Ok(Answer::Looked(Box::new(report)));
     }
-    let new = new_clip(file, info, told, idempotency_key);
+    let recorded_at = told.or_else(|| recorded_at_of_file(&info));
+    let new = NewClip { file, info, idempotency_key, recorded_at, title, file_name };
     let clip = to_the_end(async move {
         let added = app.storage.add_clip(&home, new, Timestamp::now()).await?;
         app.queue.wake();
@@ -119,7 +139,7 @@ pub(super) async fn add_clip(
 }
 
 /// Parses `true` or `false`; the default is false.
-fn flag(field: &'static str, text: Option<&str>) -> Result<bool, Error> {
+pub(super) fn flag(field: &'static str, text: Option<&str>) -> Result<bool, Error> {
     match text {
         None | Some("false") => Ok(false),
         Some("true") => Ok(true),
@@ -127,17 +147,6 @@ fn flag(field: &'static str, text: Option<&str>) -> Result<bool, Error> {
             Err(Error::InvalidQuery { field: Some(field), detail: format!("{field} is true or false") })
         }
     }
-}
-
-/// Returns the new clip of a file that could be opened.
-pub(super) fn new_clip(
-    file: Arrived,
-    info: clip::ClipInfo,
-    told_recorded_at: Option<Timestamp>,
-    idempotency_key: Option<String>,
-) -> NewClip {
-    let recorded_at = told_recorded_at.or_else(|| recorded_at_of_file(&info));
-    NewClip { file, info, idempotency_key, recorded_at }
 }
 
 /// Returns the time of recording that a clip's file has. A time too far ahead is ignored: the clock was wrong.
@@ -186,11 +195,11 @@ pub(super) async fn list_clips(
     Query(query): Query<ListQuery>,
     Query(updated): Query<UpdatedQuery>,
     Query(state): Query<StateQuery>,
-) -> Result<Json<List<Clip>>, Error> {
+) -> Result<Document<List<Clip>>, Error> {
     let states = states(state.state.as_deref(), &storage::ClipState::ALL, storage::ClipState::name)?;
     let filter = ClipFilter { states, updated_after: updated.updated_after()? };
     let clips = app.storage.clips(&home, &filter, &query.page()?).await?;
-    Ok(Json(query.list(clips, |clip| clip.id)?))
+    Ok(Document(query.list(clips, |clip| clip.id)?))
 }
 
 /// Get a clip: its state, the summary of its file, its alignment and its newest job
@@ -200,8 +209,56 @@ pub(super) async fn list_clips(
 pub(super) async fn get_clip(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
-) -> Result<Json<Clip>, Error> {
-    Ok(Json(app.storage.clip(&home, clip).await?.into()))
+) -> Result<Document<Clip>, Error> {
+    Ok(Document(app.storage.clip(&home, clip).await?.into()))
+}
+
+/// The names of a clip, as a JSON Merge Patch: absent members stay, null withdraws.
+#[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"title": "Kitchen, evening"}))]
+pub(super) struct ClipPatch {
+    /// Name of the clip, for people.
+    #[serde(default, deserialize_with = "member")]
+    #[schema(value_type = Option<String>, min_length = 1, max_length = 200, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$")]
+    title: Member,
+}
+
+/// Name a clip
+#[utoipa::path(patch, path = "/v1/homes/{home}/clips/{clip}", tag = "clips",
+    params(ClipPath, ("If-Match" = Option<String>, Header, description = "The `ETag` of the clip as it was read")),
+    request_body(content((ClipPatch = "application/merge-patch+json"), (ClipPatch = "application/json"))),
+    responses((status = 200, description = "The clip", body = Clip),
+        (status = 412, description = "It was changed since it was read: `changed-meanwhile`", body = Problem,
+            content_type = "application/problem+json"),
+        CommonProblems, JsonProblems))]
+pub(super) async fn patch_clip(
+    State(app): State<App>,
+    ClipPath { home, clip: id }: ClipPath,
+    headers: HeaderMap,
+    Json(patch): Json<ClipPatch>,
+) -> Result<Document<Clip>, Error> {
+    let is_expected = |clip: &storage::Clip| may_change(&headers, Some(&Clip::from(clip.clone())));
+    let clip = match &patch.title {
+        None => {
+            let clip = app.storage.clip(&home, id).await?;
+            if !is_expected(&clip) {
+                return Err(StorageError::Changed { what: "clip" }.into());
+            }
+            clip
+        }
+        Some(title) => {
+            let wrong = || Error::InvalidMember {
+                field: "title",
+                detail: "title is a text of 1 to 200 characters on one line, or null".to_owned(),
+            };
+            let title = title
+                .as_ref()
+                .map(|title| title.as_str().filter(|title| names::is_title(title)).ok_or_else(wrong));
+            app.storage.rename_clip(&home, id, title.transpose()?, is_expected, Timestamp::now()).await?
+        }
+    };
+    Ok(Document(clip.into()))
 }
 
 /// Remove a clip with all its data
@@ -234,12 +291,12 @@ pub(super) async fn delete_clip(
 pub(super) async fn align_clip(
     State(app): State<App>,
     ClipPath { home, clip }: ClipPath,
-) -> Result<(StatusCode, [(header::HeaderName, String); 1], Json<Clip>), Error> {
+) -> Result<(StatusCode, [(header::HeaderName, String); 1], Document<Clip>), Error> {
     let clip = app.storage.align_clip(&home, clip, Timestamp::now()).await.map_err(|error| match error {
         StorageError::NoLidarMap => Error::NothingToAlignTo,
         other => other.into(),
     })?;
     app.queue.wake();
     let location = clip.job.as_ref().map(|job| format!("/v1/jobs/{}", job.id)).unwrap_or_default();
-    Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], Json(clip.into())))
+    Ok((StatusCode::ACCEPTED, [(header::LOCATION, location)], Document(clip.into())))
 }

@@ -3,16 +3,16 @@
 use super::App;
 use super::bodies::to_the_end;
 use super::error::{Error, Problem};
-use super::extract::{HomePath, Json, ObjectPath, RoomPath};
+use super::extract::{HomePath, Json, Member, ObjectPath, RoomPath, member};
 use super::problems::{CommonProblems, JsonProblems};
-use super::reply::{may_change, tag_of};
+use super::reply::{Document, may_change, tag_of_document, tagged};
 use super::types::{ClassName, CorrectedObject, CorrectedRoom, Corrections};
 use crate::storage::{ObjectChange, RoomChange};
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, header};
+use axum::http::HeaderMap;
 use axum::response::{IntoResponse, Response};
 use jiff::Timestamp;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use viola_geometry::taxonomy::Class;
 
@@ -26,14 +26,6 @@ const SIDES_M: [f64; 2] = [0.02, 20.0];
 const MAX_MERGED: usize = 8;
 /// Minimum distance of the points that give a line.
 const MIN_LINE_M: f64 = 0.1;
-
-/// A member of a JSON Merge Patch (RFC 7396): absent, null or a value, which is parsed by hand, so that a
-/// refusal names the member at fault.
-type Member = Option<Option<Value>>;
-
-fn member<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Member, D::Error> {
-    Option::<Value>::deserialize(deserializer).map(Some)
-}
 
 /// A correction of an object as a JSON Merge Patch: absent members stay, null withdraws.
 #[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
@@ -103,9 +95,8 @@ pub(super) struct LinePatch {
 pub(super) async fn get_map_object(
     State(app): State<App>,
     ObjectPath { home, object }: ObjectPath,
-) -> Result<Response, Error> {
-    let state = app.storage.object_state(&home, &object).await?;
-    Ok(document(&CorrectedObject::from(state)))
+) -> Result<Document<CorrectedObject>, Error> {
+    Ok(Document(app.storage.object_state(&home, &object).await?.into()))
 }
 
 /// Correct an object: its class, name or place; pin or hide it
@@ -131,11 +122,11 @@ pub(super) async fn correct_map_object(
 ) -> Result<Response, Error> {
     let change = object_change(&patch)?;
     to_the_end(async move {
-        let is_expected = |state: &_| may_change(&headers, &tag(&CorrectedObject::from(Clone::clone(state))));
+        let is_expected = |state: &_| may_change(&headers, Some(&CorrectedObject::from(Clone::clone(state))));
         let now = Timestamp::now();
         let state = app.storage.correct_object(&home, &object, &change, is_expected, now).await?;
         app.queue.wake();
-        Ok(document(&CorrectedObject::from(state)))
+        Ok(with_tag(CorrectedObject::from(state)))
     })
     .await
 }
@@ -148,9 +139,8 @@ pub(super) async fn correct_map_object(
 pub(super) async fn get_map_room(
     State(app): State<App>,
     RoomPath { home, room }: RoomPath,
-) -> Result<Response, Error> {
-    let state = app.storage.room_state(&home, &room).await?;
-    Ok(document(&CorrectedRoom::from(state)))
+) -> Result<Document<CorrectedRoom>, Error> {
+    Ok(Document(app.storage.room_state(&home, &room).await?.into()))
 }
 
 /// Correct a room: name it, merge it with others, or split it by a line
@@ -175,11 +165,11 @@ pub(super) async fn correct_map_room(
 ) -> Result<Response, Error> {
     let change = room_change(&patch)?;
     to_the_end(async move {
-        let is_expected = |state: &_| may_change(&headers, &tag(&CorrectedRoom::from(Clone::clone(state))));
+        let is_expected = |state: &_| may_change(&headers, Some(&CorrectedRoom::from(Clone::clone(state))));
         let now = Timestamp::now();
         let state = app.storage.correct_room(&home, &room, &change, is_expected, now).await?;
         app.queue.wake();
-        Ok(document(&CorrectedRoom::from(state)))
+        Ok(with_tag(CorrectedRoom::from(state)))
     })
     .await
 }
@@ -190,22 +180,13 @@ pub(super) async fn correct_map_room(
 pub(super) async fn list_map_corrections(
     State(app): State<App>,
     HomePath { home }: HomePath,
-) -> Result<axum::Json<Corrections>, Error> {
-    Ok(axum::Json(app.storage.corrections(&home).await?.into()))
+) -> Result<Document<Corrections>, Error> {
+    Ok(Document(app.storage.corrections(&home).await?.into()))
 }
 
-fn tag<T: Serialize>(state: &T) -> String {
-    let text =
-        serde_json::to_vec(state).expect("our own records have text keys and cannot fail to serialise");
-    tag_of(&[&text])
-}
-
-fn document<T: Serialize>(state: &T) -> Response {
-    let mut answer = axum::Json(state).into_response();
-    if let Ok(tag) = HeaderValue::from_str(&tag(state)) {
-        answer.headers_mut().insert(header::ETAG, tag);
-    }
-    answer
+fn with_tag<T: Serialize>(state: T) -> Response {
+    let tag = tag_of_document(&state);
+    tagged(Document(state).into_response(), &tag)
 }
 
 fn wrong(field: &'static str, what: &str) -> Error {

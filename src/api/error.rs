@@ -1,7 +1,10 @@
 //! Refusals and failures of requests as RFC 9457 problem documents with stable types. The cause of a failure
 //! of the service goes to the log, never into an answer.
 
+mod codes;
 mod correction;
+
+pub(super) use codes::CODES;
 
 use super::uploads::UploadRefusal;
 use crate::storage::{CorrectionError, MOST_WEBHOOKS, StorageError};
@@ -43,6 +46,8 @@ pub(super) enum Error {
     InvalidPath { field: Option<&'static str>, detail: String },
     #[error("{detail}")]
     InvalidQuery { field: Option<&'static str>, detail: String },
+    #[error("the operation has no query parameter `{name}`; {}", parameters(.known))]
+    UnknownParameter { name: String, known: Vec<String> },
     #[error("{detail}")]
     InvalidHeader { field: &'static str, detail: String },
     #[error("{0}")]
@@ -138,7 +143,9 @@ impl Error {
         use StatusCode as S;
         match self {
             Error::InvalidPath { .. } => (S::BAD_REQUEST, "invalid_path", "A part of the path is not valid"),
-            Error::InvalidQuery { .. } => (S::BAD_REQUEST, "invalid_query", "A query parameter is not valid"),
+            Error::InvalidQuery { .. } | Error::UnknownParameter { .. } => {
+                (S::BAD_REQUEST, "invalid_query", "A query parameter is not valid")
+            }
             Error::InvalidHeader { .. } => (S::BAD_REQUEST, "invalid_header", "A header is not valid"),
             Error::MalformedJson(_) => (S::BAD_REQUEST, "malformed_json", "The body is not JSON"),
             Error::InvalidBody(_) | Error::InvalidMember { .. } => {
@@ -206,6 +213,9 @@ impl Error {
             Error::Storage(StorageError::NoSuchClip) => {
                 (S::NOT_FOUND, "clip_not_found", "There is no such clip")
             }
+            Error::Storage(StorageError::Changed { .. }) => {
+                (S::PRECONDITION_FAILED, "changed_meanwhile", "It was changed since it was read")
+            }
             Error::Storage(StorageError::NoSuchWebhook) => {
                 (S::NOT_FOUND, "webhook_not_found", "There is no such webhook")
             }
@@ -233,19 +243,25 @@ impl Error {
         }
     }
 
-    fn field(&self) -> Option<&'static str> {
+    fn field(&self) -> Option<&str> {
         match self {
+            Error::UnknownParameter { name, .. } => Some(name),
             Error::NotReady { what, .. } => Some(what),
             Error::InvalidPath { field, .. } | Error::InvalidQuery { field, .. } => *field,
             Error::InvalidHeader { field, .. } | Error::InvalidMember { field, .. } => Some(field),
             Error::KeyReused => Some("Idempotency-Key"),
             Error::NoSuchRange { .. } => Some("Range"),
             Error::Correction(CorrectionError::Impossible { field, .. }) => Some(field),
-            Error::Correction(CorrectionError::Changed { .. }) => Some("If-Match"),
+            Error::Correction(CorrectionError::Changed { .. })
+            | Error::Storage(StorageError::Changed { .. }) => Some("If-Match"),
             Error::Upload(refusal) => refusal.field(),
             _ => None,
         }
     }
+}
+
+fn parameters(known: &[String]) -> String {
+    if known.is_empty() { "it has none".to_owned() } else { format!("it has {}", known.join(", ")) }
 }
 
 /// Returns 415 for a file of an unknown kind, and 422 for a file that its reader refuses.
@@ -348,48 +364,4 @@ pub(super) fn panicked(panic: Box<dyn Any + Send>) -> Response {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use viola_formats::container::ContainerError;
-
-    async fn problem(response: Response) -> (u16, Problem) {
-        let status = response.status().as_u16();
-        let bytes = axum::body::to_bytes(response.into_body(), 10_000).await.unwrap();
-        (status, serde_json::from_slice(&bytes).unwrap())
-    }
-
-    #[tokio::test]
-    async fn our_faults_are_told_without_their_cause() {
-        let secret = || StorageError::Column { column: "secret", detail: "secret".to_owned() };
-        let faults = [
-            (Error::Storage(secret()).into_response(), 500),
-            (Error::NotReady { what: "blobs", cause: Some(secret()) }.into_response(), 503),
-            (panicked(Box::new("secret")), 500),
-            (panicked(Box::new("secret".to_owned())), 500),
-            (panicked(Box::new(7)), 500),
-        ];
-        for (response, status) in faults {
-            let (answered, problem) = problem(response).await;
-            assert_eq!((answered, problem.status), (status, status));
-            assert!(!format!("{problem:?}").contains("secret"));
-        }
-    }
-
-    #[tokio::test]
-    async fn a_clip_that_there_is_no_room_for_may_be_sent_again() {
-        let source = std::io::Error::from(std::io::ErrorKind::StorageFull);
-        let error = ClipError::Container(ContainerError::CannotUnpack { name: "clip.tar.gz".into(), source });
-        let response = Error::Clip(error).into_response();
-        assert!(response.headers().contains_key(header::RETRY_AFTER));
-        let (status, problem) = problem(response).await;
-        assert_eq!((status, problem.kind.as_str()), (503, "urn:viola:problem:unavailable"));
-    }
-
-    #[tokio::test]
-    async fn a_full_disk_is_told_apart() {
-        let full = std::io::Error::from(std::io::ErrorKind::StorageFull);
-        let error = StorageError::File { path: "upload".into(), source: full };
-        let (status, problem) = problem(Error::Storage(error).into_response()).await;
-        assert_eq!((status, problem.kind.as_str()), (507, "urn:viola:problem:storage-full"));
-    }
-}
+mod tests;

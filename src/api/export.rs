@@ -7,7 +7,7 @@ mod places;
 pub(super) use places::Places;
 
 use super::App;
-use super::bodies::FileBytes;
+use super::bodies::{FileBytes, attachment};
 use super::error::Error;
 use super::extract::HomePath;
 use super::problems::{CommonProblems, ExportProblems};
@@ -38,16 +38,13 @@ pub(super) async fn export_home(
 ) -> Result<Response, Error> {
     let place = app.exports.take(home.tenant())?;
     let about = app.storage.home(&home).await?;
-    let name = format!("attachment; filename=\"{home}.zip\"");
+    let name = format!("{home}.zip");
     let (archive, pieces) = Archive::new();
     let writing = Contents { app, home, about }.write(archive).in_current_span();
-    let mut answer =
+    let answer =
         ([(header::CONTENT_TYPE, HeaderValue::from_static("application/zip"))], body(writing, pieces, place))
             .into_response();
-    if let Ok(name) = HeaderValue::from_str(&name) {
-        answer.headers_mut().insert(header::CONTENT_DISPOSITION, name);
-    }
-    Ok(answer)
+    Ok(attachment(answer, &name))
 }
 
 /// Returns a body that writes the zip when its reader asks for more. It needs no task of its own, so an

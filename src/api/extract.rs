@@ -10,6 +10,7 @@ use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};
 use axum::http::request::Parts;
 use jiff::Timestamp;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer};
 use std::fmt::Display;
 use std::str::FromStr;
 use uuid::Uuid;
@@ -33,6 +34,19 @@ pub(super) struct LevelPath {
     /// Chosen by the client.
     #[param(value_type = types::LevelName)]
     pub level: LevelName,
+}
+
+/// A path to a revision of the LiDAR map of a level.
+#[derive(utoipa::IntoParams)]
+#[into_params(parameter_in = Path)]
+pub(super) struct LevelRevisionPath {
+    #[param(value_type = types::HomeId)]
+    pub home: HomeId,
+    #[param(value_type = types::LevelName)]
+    pub level: LevelName,
+    /// Number of the revision.
+    #[param(minimum = 1, example = 1)]
+    pub revision: i64,
 }
 
 /// A path to a clip.
@@ -148,6 +162,16 @@ impl<S: Send + Sync> FromRequestParts<S> for LevelPath {
     }
 }
 
+impl<S: Send + Sync> FromRequestParts<S> for LevelRevisionPath {
+    type Rejection = Error;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<LevelRevisionPath, Error> {
+        let path = Path::of(parts, state).await?;
+        let home = access::of(parts)?.home(&path.part("home")?)?;
+        Ok(LevelRevisionPath { home, level: path.part("level")?, revision: path.part("revision")? })
+    }
+}
+
 impl<S: Send + Sync> FromRequestParts<S> for ClipPath {
     type Rejection = Error;
 
@@ -248,6 +272,14 @@ impl<S: Send + Sync, T: DeserializeOwned + Default> FromRequest<S> for Json<T> {
             Err(rejection) => Err(refused_json(&rejection)),
         }
     }
+}
+
+/// A member of a JSON Merge Patch (RFC 7396): absent, null or a value, which is parsed by hand, so that a
+/// refusal names the member at fault.
+pub(super) type Member = Option<Option<serde_json::Value>>;
+
+pub(super) fn member<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Member, D::Error> {
+    Option::<serde_json::Value>::deserialize(deserializer).map(Some)
 }
 
 fn refused_json(rejection: &JsonRejection) -> Error {

@@ -3,14 +3,17 @@
 use super::App;
 use super::access::Caller;
 use super::bodies::to_the_end;
-use super::error::Error;
+use super::clips::flag;
+use super::error::{Error, Problem};
 use super::extract::{HomePath, Json, Query};
 use super::list::{List, ListQuery, UpdatedQuery};
+use super::names;
 use super::problems::{CommonProblems, JsonProblems};
+use super::reply::{Document, may_change};
 use super::types::Home;
-use crate::storage::HomeId;
+use crate::storage::{self, HomeFilter, HomeId};
 use axum::extract::State;
-use axum::http::StatusCode;
+use axum::http::{HeaderMap, StatusCode};
 use jiff::Timestamp;
 use serde::Deserialize;
 
@@ -30,23 +33,33 @@ pub(super) struct HomeBody {
 ///
 /// Repeating the request changes nothing.
 #[utoipa::path(put, path = "/v1/homes/{home}", tag = "homes",
-    params(HomePath), request_body = Option<HomeBody>,
+    params(HomePath,
+        ("If-Match" = Option<String>, Header, description = "The `ETag` of the home that is renamed"),
+        ("If-None-Match" = Option<String>, Header, description = "`*` if the home must be new")),
+    request_body = Option<HomeBody>,
     responses(
         (status = 200, description = "The home existed already", body = Home),
         (status = 201, description = "The home is new", body = Home),
+        (status = 412, description = "The home was changed since it was read, or exists: `changed-meanwhile`",
+            body = Problem, content_type = "application/problem+json"),
         CommonProblems, JsonProblems))]
 pub(super) async fn put_home(
     State(app): State<App>,
     HomePath { home }: HomePath,
+    headers: HeaderMap,
     Json(body): Json<HomeBody>,
-) -> Result<(StatusCode, axum::Json<Home>), Error> {
+) -> Result<(StatusCode, Document<Home>), Error> {
     if body.name.as_ref().is_some_and(|name| name.chars().count() > MAX_NAME_CHARACTERS) {
         return Err(Error::InvalidBody(format!("name has at most {MAX_NAME_CHARACTERS} characters")));
     }
-    let (home, is_new) = app.storage.put_home(&home, body.name.as_deref(), Timestamp::now()).await?;
+    let is_expected = |home: Option<&storage::Home>| {
+        may_change(&headers, home.map(|home| Home::from(home.clone())).as_ref())
+    };
+    let name = body.name.as_deref();
+    let (home, is_new) = app.storage.put_home(&home, name, is_expected, Timestamp::now()).await?;
     app.queue.wake();
     let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
-    Ok((status, axum::Json(home.into())))
+    Ok((status, Document(home.into())))
 }
 
 /// Get a home
@@ -55,27 +68,45 @@ pub(super) async fn put_home(
 pub(super) async fn get_home(
     State(app): State<App>,
     HomePath { home }: HomePath,
-) -> Result<axum::Json<Home>, Error> {
-    Ok(axum::Json(app.storage.home(&home).await?.into()))
+) -> Result<Document<Home>, Error> {
+    Ok(Document(app.storage.home(&home).await?.into()))
+}
+
+/// The filter of a list of homes.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct HomesQuery {
+    /// Only homes with this text in their id or name, in upper or lower case.
+    #[param(min_length = 1, max_length = 200, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$", example = "elm")]
+    q: Option<String>,
+    /// With `true`, only homes that a person should look at: with clips that wait, are ambiguous or failed.
+    #[param(value_type = Option<bool>, example = true)]
+    needs_attention: Option<String>,
 }
 
 /// List all homes, by id
 ///
 /// A home's `updated_at` moves with every change of anything in the home, so `updated_after` finds all homes
 /// with a change.
-#[utoipa::path(get, path = "/v1/homes", tag = "homes", params(ListQuery, UpdatedQuery),
+#[utoipa::path(get, path = "/v1/homes", tag = "homes", params(ListQuery, UpdatedQuery, HomesQuery),
     responses((status = 200, description = "One page", body = List<Home>), CommonProblems))]
 pub(super) async fn list_homes(
     State(app): State<App>,
     caller: Caller,
     Query(query): Query<ListQuery>,
     Query(updated): Query<UpdatedQuery>,
-) -> Result<axum::Json<List<Home>>, Error> {
+    Query(asked): Query<HomesQuery>,
+) -> Result<Document<List<Home>>, Error> {
     let tenant = caller.for_all_homes()?;
     let mut page = query.page::<HomeId>()?;
     page.after = page.after.map(|id| tenant.home(&id));
-    let homes = app.storage.homes(tenant, updated.updated_after()?, &page).await?;
-    Ok(axum::Json(query.list(homes, |home| home.id.clone())?))
+    let filter = HomeFilter {
+        updated_after: updated.updated_after()?,
+        text: names::search(asked.q)?,
+        needs_attention: flag("needs_attention", asked.needs_attention.as_deref())?,
+    };
+    let homes = app.storage.homes(tenant, &filter, &page).await?;
+    Ok(Document(query.list(homes, |home| home.id.clone())?))
 }
 
 /// Remove a home with all its data

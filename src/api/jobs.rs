@@ -2,13 +2,14 @@
 
 use super::App;
 use super::access::Caller;
+use super::digits::json;
 use super::error::{Error, Problem};
 use super::extract::{JobPath, Query};
 use super::list::{List, ListQuery, states};
 use super::problems::CommonProblems;
+use super::reply::Document;
 use super::types::{Job, JobState};
 use crate::storage;
-use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
@@ -37,10 +38,10 @@ pub(super) async fn list_jobs(
     caller: Caller,
     Query(asked): Query<JobsQuery>,
     Query(query): Query<ListQuery>,
-) -> Result<Json<List<Job>>, Error> {
+) -> Result<Document<List<Job>>, Error> {
     let states = states(asked.state.as_deref(), &storage::JobState::ALL, storage::JobState::name)?;
     let jobs = app.storage.jobs(caller.for_all_homes()?, &states, &query.page()?).await?;
-    Ok(Json(query.list(jobs, |job| job.id)?))
+    Ok(Document(query.list(jobs, |job| job.id)?))
 }
 
 /// Get a job
@@ -49,8 +50,8 @@ pub(super) async fn list_jobs(
 pub(super) async fn get_job(
     State(app): State<App>,
     JobPath { job: id }: JobPath,
-) -> Result<Json<Job>, Error> {
-    Ok(Json(app.storage.job(id).await?.ok_or(Error::NoSuchJob)?.into()))
+) -> Result<Document<Job>, Error> {
+    Ok(Document(app.storage.job(id).await?.ok_or(Error::NoSuchJob)?.into()))
 }
 
 /// Watch a job by server-sent events
@@ -82,7 +83,8 @@ fn events(app: App, id: Uuid, seen: i64) -> impl Stream<Item = Result<Event, axu
     let changes = app.queue.watch(id, seen).map(move |job| match job {
         Ok(Some(job)) => {
             let name = if job.state.is_final() { "end" } else { "job" };
-            Event::default().event(name).id(job.version.to_string()).json_data(Job::from(job))
+            let event = Event::default().event(name).id(job.version.to_string());
+            Ok(event.data(String::from_utf8_lossy(&json(&Job::from(job)))))
         }
         Ok(None) => Ok(Event::default().event("end").data("null")),
         Err(error) => {
@@ -105,10 +107,10 @@ fn events(app: App, id: Uuid, seen: i64) -> impl Stream<Item = Result<Event, axu
 pub(super) async fn cancel_job(
     State(app): State<App>,
     JobPath { job: id }: JobPath,
-) -> Result<Json<Job>, Error> {
+) -> Result<Document<Job>, Error> {
     let job = app.queue.cancel(id).await?.ok_or(Error::NoSuchJob)?;
     if job.state != storage::JobState::Cancelled {
         return Err(Error::JobEnded(job.state.name()));
     }
-    Ok(Json(job.into()))
+    Ok(Document(job.into()))
 }

@@ -62,6 +62,7 @@ pub(super) fn cors(origins: &[Origin]) -> Option<CorsLayer> {
     }
     let exposed = [
         "accept-ranges",
+        "content-disposition",
         "content-range",
         "etag",
         "location",

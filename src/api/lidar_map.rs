@@ -2,18 +2,20 @@
 
 use super::App;
 use super::bodies::{FileBytes, receive, send, to_the_end, understand};
-use super::error::Error;
+use super::clips::flag;
+use super::error::{Error, Problem};
 use super::extract::{HomePath, Query};
 use super::list::{List, ListQuery};
+use super::names::file_name;
 use super::problems::{CommonProblems, FileProblems};
-use super::types::{LidarMapRevision, PictureFrame};
+use super::reply::{Document, may_change, tag_of, unless_known};
+use super::types::{LidarInfo, LidarMapRevision, PictureFrame};
 use crate::storage::{self, Arrived, HomeId, NewLidarMap};
-use axum::Json;
 use axum::extract::{Request, State};
-use axum::http::StatusCode;
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use jiff::Timestamp;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use viola_formats::lidar::{LidarMap, MAX_FILE_BYTES};
 use viola_geometry::LevelName;
 use viola_home as home;
@@ -27,24 +29,67 @@ pub(super) struct CurrentLidarMap {
     image: PictureFrame,
 }
 
+/// The query of an upload of a LiDAR map.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+pub(super) struct PutQuery {
+    /// With `true`, the file is only checked: the answer has a summary of the file, and nothing is kept or queued.
+    #[param(value_type = Option<bool>, example = true)]
+    dry_run: Option<String>,
+    /// Name of the file; its download has it.
+    #[param(
+        min_length = 1,
+        max_length = 255,
+        pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$",
+        example = "valetudo.json"
+    )]
+    filename: Option<String>,
+}
+
+/// The result of a dry run
+#[derive(Serialize, utoipa::ToSchema)]
+pub(super) struct LidarMapDryRun {
+    /// Size of the file.
+    #[schema(example = 15540)]
+    size_bytes: u64,
+    understood: LidarInfo,
+    /// Number of clips that would be aligned again; 0 if this is the current revision's file.
+    #[schema(example = 3)]
+    clips_to_align: i64,
+}
+
+/// The answer to an upload of a LiDAR map.
+#[derive(Serialize, utoipa::ToSchema)]
+#[serde(untagged)]
+pub(super) enum PutAnswer {
+    Revision(Box<LidarMapRevision>),
+    DryRun(Box<LidarMapDryRun>),
+}
+
 /// Upload the LiDAR map of the level `main`
 ///
 /// A home with one storey has this map only. The body is the file; its format is detected from its content. A new file is a new revision, and every
 /// clip of the home is queued to be aligned to it. Sending the current file again changes nothing.
-#[utoipa::path(put, path = "/v1/homes/{home}/lidar-map", tag = "lidar-map", params(HomePath),
+#[utoipa::path(put, path = "/v1/homes/{home}/lidar-map", tag = "lidar-map",
+    params(HomePath, PutQuery,
+        ("If-Match" = Option<String>, Header, description = "The `ETag` of the LiDAR map that the file replaces"),
+        ("If-None-Match" = Option<String>, Header, description = "`*` if the level must have no LiDAR map yet")),
     request_body(content = FileBytes, content_type = "application/octet-stream",
         description = "Valetudo (JSON or PNG), the file of a Roborock, Dreame or Viomi robot, a zip of a ROS map_server yaml \
             and its image, a CARMEN log, or points as CSV, PLY or PCD"),
     responses(
-        (status = 200, description = "This is the current revision already", body = LidarMapRevision),
+        (status = 200, description = "This is the current revision already; or the result of a dry run", body = PutAnswer),
         (status = 201, description = "A new revision", body = LidarMapRevision),
+        (status = 412, description = "The LiDAR map was changed since it was read: `changed-meanwhile`", body = Problem,
+            content_type = "application/problem+json"),
         CommonProblems, FileProblems))]
 pub(super) async fn put_lidar_map(
     State(app): State<App>,
     HomePath { home }: HomePath,
+    Query(query): Query<PutQuery>,
     request: Request,
-) -> Result<(StatusCode, Json<LidarMapRevision>), Error> {
-    put(app, home, LevelName::MAIN, request).await
+) -> Result<(StatusCode, Document<PutAnswer>), Error> {
+    put(app, home, LevelName::MAIN, query, request).await
 }
 
 /// Receives, reads and stores the map of a level.
@@ -52,24 +97,45 @@ pub(super) async fn put(
     app: App,
     home: HomeId,
     level: LevelName,
+    query: PutQuery,
     request: Request,
-) -> Result<(StatusCode, Json<LidarMapRevision>), Error> {
-    app.storage.home(&home).await?;
+) -> Result<(StatusCode, Document<PutAnswer>), Error> {
+    let about = app.storage.home(&home).await?;
+    let dry_run = flag("dry_run", query.dry_run.as_deref())?;
+    let file_name = file_name(query.filename)?;
+    let headers = request.headers().clone();
     let file = receive(&app.storage, request, MAX_FILE_BYTES).await?;
-    let new = understand(&app, move || open(level, file)).await?;
+    let new = understand(&app, move || open(level, file, file_name)).await?;
+    if dry_run {
+        let current = app.storage.lidar_maps(&home).await?.into_iter().find(|map| map.level == level);
+        let is_same = current.is_some_and(|map| map.sha256 == new.file.sha256);
+        let report = LidarMapDryRun {
+            size_bytes: new.file.size_bytes,
+            understood: new.info.into(),
+            clips_to_align: if is_same { 0 } else { about.clips.iter().sum() },
+        };
+        return Ok((StatusCode::OK, Document(PutAnswer::DryRun(Box::new(report)))));
+    }
     to_the_end(async move {
-        let (revision, is_new) = app.storage.put_lidar_map(&home, new, Timestamp::now()).await?;
+        let is_expected = is_expected(&headers);
+        let (revision, is_new) = app.storage.put_lidar_map(&home, new, is_expected, Timestamp::now()).await?;
         app.queue.wake();
         let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
-        Ok((status, Json(revision.into())))
+        Ok((status, Document(PutAnswer::Revision(Box::new(revision.into())))))
     })
     .await
 }
 
-fn open(level: LevelName, file: Arrived) -> Result<NewLidarMap, Error> {
+/// Returns whether a request allows to replace a LiDAR map: its conditions are about the document of the current one.
+pub(super) fn is_expected(headers: &HeaderMap) -> impl Fn(Option<&storage::LidarMapRevision>) -> bool + Send {
+    let headers = headers.clone();
+    move |map| may_change(&headers, map.map(|map| CurrentLidarMap::from(map.clone())).as_ref())
+}
+
+fn open(level: LevelName, file: Arrived, file_name: Option<String>) -> Result<NewLidarMap, Error> {
     let bytes = file.read()?;
     let map = LidarMap::read(&bytes)?;
-    Ok(NewLidarMap { level, file, image_png: home::lidar_png(&map), info: map.info })
+    Ok(NewLidarMap { level, file, file_name, image_png: home::lidar_png(&map), info: map.info })
 }
 
 /// Get the current LiDAR map of the level `main`: the summary of its file
@@ -78,8 +144,8 @@ fn open(level: LevelName, file: Arrived) -> Result<NewLidarMap, Error> {
 pub(super) async fn get_lidar_map(
     State(app): State<App>,
     HomePath { home }: HomePath,
-) -> Result<Json<CurrentLidarMap>, Error> {
-    Ok(Json(app.storage.lidar_map(&home, LevelName::MAIN).await?.into()))
+) -> Result<Document<CurrentLidarMap>, Error> {
+    Ok(Document(app.storage.lidar_map(&home, LevelName::MAIN).await?.into()))
 }
 
 impl From<storage::LidarMapRevision> for CurrentLidarMap {
@@ -95,8 +161,21 @@ impl From<storage::LidarMapRevision> for CurrentLidarMap {
 pub(super) async fn get_lidar_map_image(
     State(app): State<App>,
     HomePath { home }: HomePath,
+    headers: HeaderMap,
 ) -> Result<Response, Error> {
-    Ok(send(app.storage.lidar_map_image(&home, LevelName::MAIN).await?, "image/png"))
+    image(&app, &home, LevelName::MAIN, &headers).await
+}
+
+/// Returns the picture of a level's current revision.
+pub(super) async fn image(
+    app: &App,
+    home: &HomeId,
+    level: LevelName,
+    headers: &HeaderMap,
+) -> Result<Response, Error> {
+    let map = app.storage.lidar_map(home, level).await?;
+    let blob = app.storage.lidar_map_image(&map).await?;
+    Ok(unless_known(headers, &tag_of(&[map.id().as_bytes()]), || send(blob, "image/png")))
 }
 
 /// List all revisions of the LiDAR map of the level `main`, newest first
@@ -107,7 +186,7 @@ pub(super) async fn list_lidar_map_revisions(
     State(app): State<App>,
     HomePath { home }: HomePath,
     Query(query): Query<ListQuery>,
-) -> Result<Json<List<LidarMapRevision>>, Error> {
+) -> Result<Document<List<LidarMapRevision>>, Error> {
     let revisions = app.storage.lidar_map_revisions(&home, LevelName::MAIN, &query.page()?).await?;
-    Ok(Json(query.list(revisions, |revision| revision.revision)?))
+    Ok(Document(query.list(revisions, |revision| revision.revision)?))
 }

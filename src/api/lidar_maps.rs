@@ -1,16 +1,17 @@
 //! `/v1/homes/{home}/lidar-maps`: the LiDAR maps of all levels
 
 use super::App;
-use super::bodies::{FileBytes, send, to_the_end};
+use super::bodies::{FileBytes, to_the_end};
 use super::error::{Error, Problem};
-use super::extract::{HomePath, LevelPath, Query};
-use super::lidar_map::{self, CurrentLidarMap};
+use super::extract::{HomePath, LevelPath, LevelRevisionPath, Query};
+use super::lidar_map::{self, CurrentLidarMap, PutAnswer, PutQuery};
 use super::list::{List, ListQuery};
 use super::problems::{CommonProblems, FileProblems};
+use super::reply::Document;
 use super::types::LidarMapRevision;
-use axum::Json;
+use crate::storage::StorageError;
 use axum::extract::{Request, State};
-use axum::http::StatusCode;
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use jiff::Timestamp;
 use serde::Serialize;
@@ -28,9 +29,9 @@ pub(super) struct LidarMaps {
 pub(super) async fn list_lidar_maps(
     State(app): State<App>,
     HomePath { home }: HomePath,
-) -> Result<Json<LidarMaps>, Error> {
+) -> Result<Document<LidarMaps>, Error> {
     let maps = app.storage.lidar_maps(&home).await?;
-    Ok(Json(LidarMaps { items: maps.into_iter().map(CurrentLidarMap::from).collect() }))
+    Ok(Document(LidarMaps { items: maps.into_iter().map(CurrentLidarMap::from).collect() }))
 }
 
 /// Upload the LiDAR map of a level
@@ -39,21 +40,58 @@ pub(super) async fn list_lidar_maps(
 /// content. A new file is a new revision, and every clip of the home is queued to be aligned to the maps of all
 /// levels at once. Sending the current file again changes nothing. `PUT .../lidar-map` is the same for the level
 /// `main`.
-#[utoipa::path(put, path = "/v1/homes/{home}/lidar-maps/{level}", tag = "lidar-map", params(LevelPath),
+#[utoipa::path(put, path = "/v1/homes/{home}/lidar-maps/{level}", tag = "lidar-map",
+    params(LevelPath, PutQuery,
+        ("If-Match" = Option<String>, Header, description = "The `ETag` of the LiDAR map that the file replaces"),
+        ("If-None-Match" = Option<String>, Header, description = "`*` if the level must have no LiDAR map yet")),
     request_body(content = FileBytes, content_type = "application/octet-stream",
         description = "Any format of `PUT .../lidar-map`"),
     responses(
-        (status = 200, description = "This is the current revision already", body = LidarMapRevision),
+        (status = 200, description = "This is the current revision already; or the result of a dry run", body = PutAnswer),
         (status = 201, description = "A new revision", body = LidarMapRevision),
         (status = 409, description = "The home has LiDAR maps of 8 other levels: `too-many-levels`", body = Problem,
+            content_type = "application/problem+json"),
+        (status = 412, description = "The LiDAR map was changed since it was read: `changed-meanwhile`", body = Problem,
             content_type = "application/problem+json"),
         CommonProblems, FileProblems))]
 pub(super) async fn put_level_lidar_map(
     State(app): State<App>,
     LevelPath { home, level }: LevelPath,
+    Query(query): Query<PutQuery>,
     request: Request,
-) -> Result<(StatusCode, Json<LidarMapRevision>), Error> {
-    lidar_map::put(app, home, level, request).await
+) -> Result<(StatusCode, Document<PutAnswer>), Error> {
+    lidar_map::put(app, home, level, query, request).await
+}
+
+/// Make an earlier revision of a LiDAR map the current one again
+///
+/// The file of the earlier revision becomes a new revision, and every clip of the home is queued to be aligned to it. If
+/// the current revision has the same file, nothing changes.
+#[utoipa::path(post, path = "/v1/homes/{home}/lidar-maps/{level}/revisions/{revision}/restore", tag = "lidar-map",
+    params(LevelRevisionPath,
+        ("If-Match" = Option<String>, Header, description = "The `ETag` of the LiDAR map that it replaces")),
+    responses(
+        (status = 200, description = "The current revision has this file already", body = LidarMapRevision),
+        (status = 201, description = "The new revision", body = LidarMapRevision),
+        (status = 412, description = "The LiDAR map was changed since it was read: `changed-meanwhile`", body = Problem,
+            content_type = "application/problem+json"),
+        CommonProblems))]
+pub(super) async fn restore_lidar_map(
+    State(app): State<App>,
+    LevelRevisionPath { home, level, revision }: LevelRevisionPath,
+    headers: HeaderMap,
+) -> Result<(StatusCode, Document<LidarMapRevision>), Error> {
+    let earlier = app.storage.lidar_map_revision(&home, level, revision).await?;
+    let earlier = earlier.ok_or(StorageError::NoLidarMap)?;
+    to_the_end(async move {
+        let is_expected = lidar_map::is_expected(&headers);
+        let now = Timestamp::now();
+        let (current, is_new) = app.storage.restore_lidar_map(&home, &earlier, is_expected, now).await?;
+        app.queue.wake();
+        let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
+        Ok((status, Document(current.into())))
+    })
+    .await
 }
 
 /// Get the current LiDAR map of a level: the summary of its file
@@ -62,8 +100,8 @@ pub(super) async fn put_level_lidar_map(
 pub(super) async fn get_level_lidar_map(
     State(app): State<App>,
     LevelPath { home, level }: LevelPath,
-) -> Result<Json<CurrentLidarMap>, Error> {
-    Ok(Json(app.storage.lidar_map(&home, level).await?.into()))
+) -> Result<Document<CurrentLidarMap>, Error> {
+    Ok(Document(app.storage.lidar_map(&home, level).await?.into()))
 }
 
 /// Remove a level: its LiDAR maps, and what people chose and corrected on it
@@ -93,8 +131,9 @@ pub(super) async fn delete_level(
 pub(super) async fn get_level_lidar_map_image(
     State(app): State<App>,
     LevelPath { home, level }: LevelPath,
+    headers: HeaderMap,
 ) -> Result<Response, Error> {
-    Ok(send(app.storage.lidar_map_image(&home, level).await?, "image/png"))
+    lidar_map::image(&app, &home, level, &headers).await
 }
 
 /// List all revisions of the LiDAR map of a level, newest first
@@ -105,7 +144,7 @@ pub(super) async fn list_level_lidar_map_revisions(
     State(app): State<App>,
     LevelPath { home, level }: LevelPath,
     Query(query): Query<ListQuery>,
-) -> Result<Json<List<LidarMapRevision>>, Error> {
+) -> Result<Document<List<LidarMapRevision>>, Error> {
     let revisions = app.storage.lidar_map_revisions(&home, level, &query.page()?).await?;
-    Ok(Json(query.list(revisions, |revision| revision.revision)?))
+    Ok(Document(query.list(revisions, |revision| revision.revision)?))
 }

@@ -25,13 +25,10 @@ use super::error::Error;
 use super::extract::{HomePath, Query};
 use super::list::{List, ListQuery};
 use super::problems::CommonProblems;
-use super::reply::{tag_of, unless_known};
+use super::reply::{Document, tag_of};
 use super::types::{self, LeftOut};
 use crate::storage::{HomeId, HomeMap, MapLevel};
-use axum::Json;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderValue, header};
-use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 
 /// A revision of a home's map, and the clips that are not in it
@@ -107,17 +104,11 @@ pub(super) async fn get_map(
     State(app): State<App>,
     HomePath { home }: HomePath,
     Query(query): Query<RevisionQuery>,
-    headers: HeaderMap,
-) -> Result<Response, Error> {
+) -> Result<Document<CurrentMap>, Error> {
     let map = revision(&app, &home, query.revision.as_deref()).await?;
     let left_out = app.storage.clips_left_out(&home).await?;
     let left_out = left_out.into_iter().map(LeftOut::from).collect();
-    let current = CurrentMap { map: map.into(), left_out };
-    let text =
-        serde_json::to_vec(&current).expect("our own records have text keys and cannot fail to serialise");
-    let tag = tag_of(&[&text]);
-    let json = [(header::CONTENT_TYPE, HeaderValue::from_static("application/json"))];
-    Ok(unless_known(&headers, &tag, || (json, text).into_response()))
+    Ok(Document(CurrentMap { map: map.into(), left_out }))
 }
 
 /// List the revisions of a home's map that are kept, newest first
@@ -127,7 +118,7 @@ pub(super) async fn list_map_revisions(
     State(app): State<App>,
     HomePath { home }: HomePath,
     Query(query): Query<ListQuery>,
-) -> Result<Json<List<types::HomeMap>>, Error> {
+) -> Result<Document<List<types::HomeMap>>, Error> {
     let maps = app.storage.home_map_revisions(&home, &query.page()?).await?;
-    Ok(Json(query.list(maps, |map| map.revision)?))
+    Ok(Document(query.list(maps, |map| map.revision)?))
 }

@@ -6,9 +6,9 @@ use super::error::Error;
 use super::extract::Query;
 use super::list::{List, ListQuery};
 use super::problems::CommonProblems;
+use super::reply::Document;
 use super::types::{self, ClassName, HomeObject};
 use crate::storage::{HomeId, ObjectFilter};
-use axum::Json;
 use axum::extract::State;
 use serde::Deserialize;
 use viola_geometry::taxonomy::Class;
@@ -33,7 +33,7 @@ pub(super) async fn list_objects(
     caller: Caller,
     Query(query): Query<ObjectsQuery>,
     Query(page): Query<ListQuery>,
-) -> Result<Json<List<HomeObject>>, Error> {
+) -> Result<Document<List<HomeObject>>, Error> {
     let invalid = |field: &'static str, detail: String| Error::InvalidQuery { field: Some(field), detail };
     if let Some(name) = &query.class
         && !Class::ALL.iter().any(|class| class.name() == name)
@@ -49,5 +49,5 @@ pub(super) async fn list_objects(
     let tenant = if home.is_some() { &caller.tenant } else { caller.for_all_homes()? };
     let filter = ObjectFilter { class: query.class.clone(), home };
     let objects = app.storage.objects(tenant, &filter, &page.page()?).await?;
-    Ok(Json(page.list(objects, |object| format!("{} {}", object.home, object.object.id))?))
+    Ok(Document(page.list(objects, |object| format!("{} {}", object.home, object.object.id))?))
 }

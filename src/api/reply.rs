@@ -1,8 +1,35 @@
-//! Entity tags and conditional requests (RFC 9110, 13.1.2).
+//! Documents, entity tags and conditional requests (RFC 9110, 13.1).
 
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use super::digits::json;
+use axum::body::{Body, HttpBody};
+use axum::extract::Request;
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use serde::Serialize;
 use sha2::{Digest, Sha256};
+
+/// Caching of answers that may change, and of those that never do. A picture of somebody's home belongs into no shared
+/// cache.
+pub(super) const REVALIDATED: HeaderValue = HeaderValue::from_static("private, no-cache");
+pub(super) const IMMUTABLE: HeaderValue = HeaderValue::from_static("private, max-age=31536000, immutable");
+
+/// Maximum size of a document that gets its tag after it was made.
+const MAX_TAGGED_BYTES: u64 = 64 << 20;
+
+/// A JSON document as an answer.
+pub(super) struct Document<T>(pub T);
+
+impl<T: Serialize> IntoResponse for Document<T> {
+    fn into_response(self) -> Response {
+        json_response(json(&self.0))
+    }
+}
+
+/// Returns the answer with the text of a JSON document.
+pub(super) fn json_response(text: Vec<u8>) -> Response {
+    ([(header::CONTENT_TYPE, HeaderValue::from_static("application/json"))], text).into_response()
+}
 
 /// Returns the entity tag of an answer from everything that it depends on.
 pub(super) fn tag_of(parts: &[&[u8]]) -> String {
@@ -15,6 +42,11 @@ pub(super) fn tag_of(parts: &[&[u8]]) -> String {
     format!("\"{sum}\"")
 }
 
+/// Returns the entity tag of a document.
+pub(super) fn tag_of_document<T: Serialize>(document: &T) -> String {
+    tag_of(&[&json(document)])
+}
+
 /// Returns whether the client has the answer with this tag.
 pub(super) fn is_known(headers: &HeaderMap, tag: &str) -> bool {
     let known = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
@@ -22,13 +54,17 @@ pub(super) fn is_known(headers: &HeaderMap, tag: &str) -> bool {
     each.any(|one| one == "*" || one == tag)
 }
 
-/// Returns whether a change of the resource with this tag may go ahead (RFC 9110, 13.1.1).
-pub(super) fn may_change(headers: &HeaderMap, tag: &str) -> bool {
-    let mut known = headers.get_all(header::IF_MATCH).iter().peekable();
-    let is_unconditional = known.peek().is_none();
-    let known = known.filter_map(|value| value.to_str().ok());
-    is_unconditional
-        || known.flat_map(|list| list.split(',')).map(str::trim).any(|one| one == "*" || one == tag)
+/// Returns whether a change may go ahead: `If-Match` must have the tag of the document as it is now, and
+/// `If-None-Match: *` asks that there is none.
+pub(super) fn may_change<T: Serialize>(headers: &HeaderMap, current: Option<&T>) -> bool {
+    let mut wanted = headers.get_all(header::IF_MATCH).iter().peekable();
+    let is_unconditional = wanted.peek().is_none();
+    let Some(current) = current else { return is_unconditional };
+    let tag = tag_of_document(current);
+    let wanted = wanted.filter_map(|value| value.to_str().ok());
+    let is_wanted = is_unconditional
+        || wanted.flat_map(|list| list.split(',')).map(str::trim).any(|one| one == "*" || one == tag);
+    is_wanted && !is_known(headers, &tag)
 }
 
 /// Returns the answer with its entity tag, or 304 if the client has it.
@@ -42,7 +78,31 @@ pub(super) fn tagged(mut answer: Response, tag: &str) -> Response {
     if let Ok(tag) = HeaderValue::from_str(tag) {
         answer.headers_mut().insert(header::ETAG, tag);
     }
-    answer.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
+    answer.headers_mut().insert(header::CACHE_CONTROL, REVALIDATED);
     answer.headers_mut().insert(header::VARY, HeaderValue::from_static("accept"));
     answer
+}
+
+/// Middleware that gives every document its entity tag, and answers 304 to a client that has it.
+pub(super) async fn tag_documents(request: Request, next: Next) -> Response {
+    if request.method() != Method::GET {
+        return next.run(request).await;
+    }
+    let conditions = request.headers().clone();
+    let answer = next.run(request).await;
+    let size_bytes = answer.body().size_hint().exact();
+    let is_document = answer.status() == StatusCode::OK
+        && answer.headers().get(header::CONTENT_TYPE).is_some_and(|kind| kind == "application/json")
+        && !answer.headers().contains_key(header::ETAG)
+        && size_bytes.is_some_and(|bytes| bytes <= MAX_TAGGED_BYTES);
+    if !is_document {
+        return answer;
+    }
+    let (head, body) = answer.into_parts();
+    // The body of a document is in memory already.
+    let Ok(text) = axum::body::to_bytes(body, MAX_TAGGED_BYTES as usize).await else {
+        return StatusCode::INTERNAL_SERVER_ERROR.into_response();
+    };
+    let tag = tag_of(&[&text]);
+    unless_known(&conditions, &tag, || Response::from_parts(head, Body::from(text)))
 }

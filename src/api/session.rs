@@ -5,6 +5,7 @@ use super::access::{COOKIE, Caller};
 use super::error::Error;
 use super::extract::Json;
 use super::problems::{CommonProblems, JsonProblems};
+use super::reply::Document;
 use super::types::Role;
 use crate::storage::Secret;
 use axum::extract::State;
@@ -44,8 +45,8 @@ impl From<Caller> for Session {
 /// Get the tenant and role of the caller
 #[utoipa::path(get, path = "/v1/session", tag = "service",
     responses((status = 200, description = "The tenant and role of the key in use", body = Session), CommonProblems))]
-pub(super) async fn get_session(caller: Caller) -> axum::Json<Session> {
-    axum::Json(caller.into())
+pub(super) async fn get_session(caller: Caller) -> Document<Session> {
+    Document(caller.into())
 }
 
 /// Use a key in this browser

@@ -21,7 +21,7 @@ pub(super) use correction::{
 pub(super) use home::Home;
 pub(super) use home_map::{Coverage, HomeMap, HomeObject, LeftOut, MapObject, Room};
 pub(super) use job::{Job, JobState};
-pub(super) use lidar_map::{LidarMapRevision, PictureFrame};
+pub(super) use lidar_map::{LidarInfo, LidarMapRevision, PictureFrame};
 pub(super) use names::{ClassName, HomeId, LevelName, Pose2, Role};
 pub(super) use upload::{UploadKind, UploadState};
 pub(super) use webhook::{Delivery, Webhook};

@@ -23,10 +23,10 @@ use super::bodies::{FileBytes, MAX_SILENCE, content_length, to_the_end};
 use super::error::{Error, Problem};
 use super::extract::UploadPath;
 use super::problems::{CommonProblems, FileProblems};
+use super::reply::Document;
 use crate::jobs::ChildParams;
 use crate::storage::{Joining, NewUpload, UploadError, UploadKind, UploadLimits};
 use answer::UploadDocument;
-use axum::Json;
 use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
@@ -210,7 +210,7 @@ async fn create_upload(State(app): State<App>, caller: Caller, request: Request)
 async fn get_upload(
     State(app): State<App>,
     UploadPath { upload: id }: UploadPath,
-) -> Result<Json<UploadDocument>, Error> {
+) -> Result<Document<UploadDocument>, Error> {
     answer::document(&app, id).await
 }
 

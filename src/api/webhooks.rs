@@ -6,6 +6,7 @@ use super::error::{Error, Problem};
 use super::extract::{DeliveryPath, Json, Query, WebhookPath};
 use super::list::{List, ListQuery};
 use super::problems::{CommonProblems, JsonProblems};
+use super::reply::Document;
 use super::types::{self, Delivery, Webhook};
 use crate::storage::{ChangeKind, WebhookMade};
 use crate::webhooks::check_url;
@@ -93,7 +94,7 @@ pub(super) async fn create_webhook(
         WebhookMade::Made(webhook, secret) => {
             let location = format!("/v1/webhooks/{}", webhook.id);
             let made = NewWebhook { webhook: webhook.into(), secret: secret.show().to_owned() };
-            Ok((StatusCode::CREATED, [(header::LOCATION, location)], axum::Json(made)))
+            Ok((StatusCode::CREATED, [(header::LOCATION, location)], Document(made)))
         }
         WebhookMade::TooMany => Err(Error::TooManyWebhooks),
     }
@@ -105,9 +106,9 @@ pub(super) async fn create_webhook(
 pub(super) async fn list_webhooks(
     State(app): State<App>,
     caller: Caller,
-) -> Result<axum::Json<Webhooks>, Error> {
+) -> Result<Document<Webhooks>, Error> {
     let webhooks = app.storage.webhooks(caller.for_all_homes()?).await?;
-    Ok(axum::Json(Webhooks { items: webhooks.into_iter().map(Webhook::from).collect() }))
+    Ok(Document(Webhooks { items: webhooks.into_iter().map(Webhook::from).collect() }))
 }
 
 /// Get a webhook
@@ -117,8 +118,8 @@ pub(super) async fn get_webhook(
     State(app): State<App>,
     caller: Caller,
     WebhookPath { webhook }: WebhookPath,
-) -> Result<axum::Json<Webhook>, Error> {
-    Ok(axum::Json(app.storage.webhook(caller.for_all_homes()?, webhook).await?.into()))
+) -> Result<Document<Webhook>, Error> {
+    Ok(Document(app.storage.webhook(caller.for_all_homes()?, webhook).await?.into()))
 }
 
 /// Remove a webhook and its log
@@ -142,9 +143,9 @@ pub(super) async fn test_webhook(
     State(app): State<App>,
     caller: Caller,
     WebhookPath { webhook }: WebhookPath,
-) -> Result<(StatusCode, axum::Json<Delivery>), Error> {
+) -> Result<(StatusCode, Document<Delivery>), Error> {
     let delivery = app.storage.test_webhook(caller.for_all_homes()?, webhook, Timestamp::now()).await?;
-    Ok((StatusCode::CREATED, axum::Json(delivery.into())))
+    Ok((StatusCode::CREATED, Document(delivery.into())))
 }
 
 /// List the deliveries of a webhook, newest first
@@ -157,10 +158,10 @@ pub(super) async fn list_deliveries(
     caller: Caller,
     WebhookPath { webhook }: WebhookPath,
     Query(query): Query<ListQuery>,
-) -> Result<axum::Json<List<Delivery>>, Error> {
+) -> Result<Document<List<Delivery>>, Error> {
     let page = query.page::<Uuid>()?;
     let deliveries = app.storage.deliveries(caller.for_all_homes()?, webhook, &page).await?;
-    Ok(axum::Json(query.list(deliveries, |delivery| delivery.id)?))
+    Ok(Document(query.list(deliveries, |delivery| delivery.id)?))
 }
 
 /// Retry a delivery
@@ -172,8 +173,8 @@ pub(super) async fn retry_delivery(
     State(app): State<App>,
     caller: Caller,
     DeliveryPath { webhook, delivery }: DeliveryPath,
-) -> Result<axum::Json<Delivery>, Error> {
+) -> Result<Document<Delivery>, Error> {
     let tenant = caller.for_all_homes()?;
     let delivery = app.storage.retry_delivery(tenant, webhook, delivery, Timestamp::now()).await?;
-    Ok(axum::Json(delivery.into()))
+    Ok(Document(delivery.into()))
 }

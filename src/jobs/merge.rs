@@ -7,7 +7,7 @@ pub use describing::{Described, Earlier, describe};
 
 use super::align_clip::LevelFile;
 use super::{Queue, metrics};
-use crate::storage::{MapScene, MergeClaim, NewRevision, Storage, StorageError, map_file};
+use crate::storage::{LevelCoverage, MapScene, MergeClaim, NewRevision, Storage, StorageError, map_file};
 use assembling::assemble;
 use bytes::Bytes;
 use jiff::Timestamp;
@@ -18,7 +18,7 @@ use tracing::{error, info};
 use viola_align::LevelMap;
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_geometry::LevelName;
-use viola_home::{Assembly, Manifest, NotOurs, Tile, TileKey};
+use viola_home::{Assembly, Coverage, Manifest, NotOurs, Tile, TileKey};
 
 /// Pause of a home after a failed merge.
 const PAUSE: Duration = Duration::from_secs(5);
@@ -183,6 +183,8 @@ fn revision(
             describe(map, &tiles, &new.manifest.clips, &looked, last);
         new.files.extend(plan.map(|(name, bytes)| (*level, name, bytes)));
         new.files.push((*level, map_file::SCENE, serde_json::to_vec(&scene).unwrap_or_default()));
+        let Coverage { seen, floor_seen, .. } = scene.coverage;
+        new.coverage.push(LevelCoverage { level: *level, seen, floor_seen });
         new.objects.extend(scene.objects);
         new.has_object_changes |= has_object_changes;
     }

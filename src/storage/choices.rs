@@ -53,16 +53,21 @@ fn own_verdict(clip: &Clip) -> Verdict {
 }
 
 impl Storage {
-    /// Records a person's choice in place of the previous one. The same choice again changes nothing.
+    /// Records a person's choice in place of the previous one, if the clip is as `expected`. The same choice again
+    /// changes nothing.
     pub async fn choose(
         &self,
         home: &HomeId,
         id: Uuid,
         chosen: Chosen,
+        expected: impl Fn(&Clip) -> bool + Send,
         now: Timestamp,
     ) -> Result<Clip, ChoiceError> {
         let mut transaction = self.database.begin().await?;
         let clip = clips::find_locked(&mut transaction, home, id).await?;
+        if !expected(&clip) {
+            return Err(StorageError::Changed { what: "clip" }.into());
+        }
         let maps = lidar_maps::levels(&mut transaction, home).await?;
         if maps.is_empty() {
             return Err(StorageError::NoLidarMap.into());
@@ -82,15 +87,20 @@ impl Storage {
         Ok(settle(transaction, &clip, Some(&choice), verdict, now).await?)
     }
 
-    /// Withdraws a choice: the clip returns to the method's own verdict. Without a choice nothing changes.
+    /// Withdraws a choice, if the clip is as `expected`: the clip returns to the method's own verdict. Without a
+    /// choice nothing changes.
     pub async fn withdraw_choice(
         &self,
         home: &HomeId,
         id: Uuid,
+        expected: impl Fn(&Clip) -> bool + Send,
         now: Timestamp,
     ) -> Result<Clip, StorageError> {
         let mut transaction = self.database.begin().await?;
         let clip = clips::find_locked(&mut transaction, home, id).await?;
+        if !expected(&clip) {
+            return Err(StorageError::Changed { what: "clip" });
+        }
         if clip.choice.is_none() {
             return Ok(clip);
         }

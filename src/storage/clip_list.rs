@@ -17,10 +17,10 @@ pub struct ClipFilter {
 
 /// Selects one page of a home's clips; [`bind_page`] binds the values.
 macro_rules! page_of_clips {
-    ($columns:literal) => {
+    ($($columns:tt)+) => {
         concat!(
             "SELECT ",
-            $columns,
+            $($columns)+,
             " FROM clips
             WHERE home_id = $1 AND id > $2 AND updated_at > $3 AND state IN ($4, $5, $6, $7, $8, $9)
             ORDER BY id LIMIT $10"
@@ -53,7 +53,7 @@ impl Storage {
         let jobs = query(jobs::select_jobs!("WHERE jobs.id IN (", page_of_clips!("job_id"), ")"));
         let jobs = bind_page(jobs, home, filter, page).fetch_all(&mut snapshot).await?;
         let mut jobs = jobs::by_id(&jobs)?;
-        let rows = bind_page(query(page_of_clips!("*")), home, filter, page);
+        let rows = bind_page(query(page_of_clips!(clips::clip_columns!())), home, filter, page);
         let rows = rows.fetch_all(&mut snapshot).await?;
         let clip = |row: &Row| clips::from_row(row, row.maybe_id("job_id")?.and_then(|id| jobs.remove(&id)));
         rows.iter().map(clip).collect()

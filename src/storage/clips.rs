@@ -1,6 +1,10 @@
 //! Clips.
 
+mod insert;
 mod remove;
+mod rename;
+
+pub(super) use insert::{NewRow, insert};
 
 use super::changes::{self, Changed};
 use super::choice::Verdict;
@@ -10,7 +14,7 @@ use super::incoming::Arrived;
 use super::jobs::{self, Priority};
 use super::{
     BlobReader, Choice, ClipState, HomeId, Job, LocalFile, Placement, Storage, StorageError, home_maps,
-    homes, idempotency, lidar_maps, result_file,
+    homes, lidar_maps, result_file,
 };
 use jiff::Timestamp;
 use uuid::Uuid;
@@ -30,11 +34,18 @@ pub struct Clip {
     pub size_bytes: u64,
     /// SHA-256 of the file, in lower-case hexadecimal.
     pub sha256: String,
+    /// Name of the file, from its sender.
+    pub file_name: Option<String>,
+    /// Name that a person gave the clip.
+    pub title: Option<String>,
+    /// The oldest clip of the home with the same file, if this is not it.
+    pub duplicate_of: Option<Uuid>,
     /// Summary of the file.
     pub info: ClipInfo,
     /// Time of the recording, from the sender or the file; null if neither gives it.
     pub recorded_at: Option<Timestamp>,
-    /// The method's own answer from the newest job; null if that job has none.
+    /// The method's own answer from the newest job; null if that job has none. Its pose, level and probability are
+    /// those of the placement if the clips around it decided.
     pub alignment: Option<Alignment>,
     /// The pose that a person chose; it overrides the method's own until it is withdrawn.
     pub choice: Option<Choice>,
@@ -67,6 +78,8 @@ pub struct NewClip {
     pub info: ClipInfo,
     pub idempotency_key: Option<String>,
     pub recorded_at: Option<Timestamp>,
+    pub title: Option<String>,
+    pub file_name: Option<String>,
 }
 
 /// Result of adding a clip.
@@ -79,7 +92,21 @@ pub enum Added {
     KeyReused,
 }
 
+/// The columns that [`from_row`] reads.
+macro_rules! clip_columns {
+    () => {
+        "clips.*, (SELECT MIN(same.id) FROM clips AS same
+            WHERE same.home_id = clips.home_id AND same.sha256 = clips.sha256 AND same.id < clips.id) AS duplicate_of"
+    };
+}
+pub(super) use clip_columns;
+
 pub(super) fn from_row(row: &Row, job: Option<Job>) -> Result<Clip, StorageError> {
+    let placement: Option<Placement> = row.maybe_json("placement")?;
+    let mut alignment: Option<Alignment> = row.maybe_json("alignment")?;
+    if let (Some(alignment), Some(placement)) = (&mut alignment, &placement) {
+        placement.apply(alignment);
+    }
     Ok(Clip {
         id: row.id("id")?,
         home: row.home("home_id")?,
@@ -87,11 +114,14 @@ pub(super) fn from_row(row: &Row, job: Option<Job>) -> Result<Clip, StorageError
         reasons: row.json("reasons")?,
         size_bytes: row.count("size_bytes")?,
         sha256: row.text("sha256")?,
+        file_name: row.maybe_text("file_name")?,
+        title: row.maybe_text("title")?,
+        duplicate_of: row.maybe_id("duplicate_of")?,
         info: row.json("info")?,
         recorded_at: row.maybe_time("recorded_at")?,
-        alignment: row.maybe_json("alignment")?,
+        alignment,
         choice: row.maybe_json("choice")?,
-        placement: row.maybe_json("placement")?,
+        placement,
         job,
         created_at: row.time("created_at")?,
         updated_at: row.time("updated_at")?,
@@ -191,87 +221,6 @@ impl Storage {
     }
 }
 
-pub(super) struct NewRow {
-    id: Uuid,
-    size_bytes: u64,
-    sha256: String,
-    info: ClipInfo,
-    idempotency_key: Option<String>,
-    recorded_at: Option<Timestamp>,
-}
-
-impl NewRow {
-    /// Splits a new clip into its file and its row.
-    pub(super) fn of(id: Uuid, new: NewClip) -> (Arrived, NewRow) {
-        let row = NewRow {
-            id,
-            size_bytes: new.file.size_bytes,
-            sha256: new.file.sha256.clone(),
-            info: new.info,
-            idempotency_key: new.idempotency_key,
-            recorded_at: new.recorded_at,
-        };
-        (new.file, row)
-    }
-}
-
-/// Inserts the row of a stored file, and its job if the home has a LiDAR map; neither if its key was used.
-pub(super) async fn insert(
-    transaction: &mut Transaction,
-    home: &HomeId,
-    new: NewRow,
-    now: Timestamp,
-) -> Result<Added, StorageError> {
-    if !homes::lock(transaction, home).await? {
-        return Err(StorageError::NoSuchHome);
-    }
-    if let Some(key) = &new.idempotency_key
-        && let Some(used) = idempotency::find(transaction, home, key).await?
-    {
-        return if used.sha256 == new.sha256 {
-            Ok(Added::Replayed(find(transaction, home, used.clip).await?))
-        } else {
-            Ok(Added::KeyReused)
-        };
-    }
-    let reasons = [no_lidar_map()];
-    query(
-        "INSERT INTO clips (id, home_id, size_bytes, sha256, info, state, reasons, recorded_at, created_at,
-            updated_at)
-        VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $9)",
-    )
-    .bind(new.id.to_string())
-    .bind(home.key())
-    .bind(new.size_bytes as i64)
-    .bind(&new.sha256)
-    .bind(to_json(&new.info))
-    .bind(ClipState::Uploaded.name())
-    .bind(to_json(&reasons))
-    .bind(new.recorded_at.map(Timestamp::as_millisecond))
-    .bind(now.as_millisecond())
-    .execute(transaction)
-    .await?;
-    homes::grow(transaction, home, new.size_bytes as i64).await?;
-    if let Some(key) = &new.idempotency_key {
-        idempotency::insert(transaction, home, key, &new.sha256, new.id, now).await?;
-    }
-    match lidar_maps::newest(transaction, home).await? {
-        Some(map) => {
-            jobs::enqueue(transaction, home, new.id, map.id(), Priority::Uploaded, now).await?;
-        }
-        None => {
-            let added = Changed::Clip { id: new.id, state: ClipState::Uploaded };
-            changes::record(transaction, home, added, now).await?;
-        }
-    }
-    let clip = find(transaction, home, new.id).await?;
-    Ok(Added::New(clip))
-}
-
-fn no_lidar_map() -> Reason {
-    Reason::new("no_lidar_map", "the home has no LiDAR map yet; the clip is queued when one is put")
-}
-
 /// Outcome of a job for its clip.
 pub(super) struct Outcome<'a> {
     pub state: ClipState,
@@ -348,7 +297,7 @@ pub(super) async fn find(connection: &mut Connection, home: &HomeId, id: Uuid) -
     if !homes::exists(connection, home).await? {
         return Err(StorageError::NoSuchHome);
     }
-    let row = query("SELECT * FROM clips WHERE id = $1 AND home_id = $2")
+    let row = query(concat!("SELECT ", clip_columns!(), " FROM clips WHERE id = $1 AND home_id = $2"))
         .bind(id.to_string())
         .bind(home.key())
         .fetch_optional(&mut *connection)

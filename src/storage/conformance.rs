@@ -124,7 +124,9 @@ async fn arrived(storage: &Storage, bytes: &[u8]) -> Arrived {
 
 async fn add_with_key(storage: &Storage, home: &HomeId, bytes: &[u8], key: Option<&str>) -> Added {
     let file = arrived(storage, bytes).await;
-    let new = NewClip { file, info: clip_info(), idempotency_key: key.map(str::to_owned), recorded_at: None };
+    let idempotency_key = key.map(str::to_owned);
+    let new =
+        NewClip { file, info: clip_info(), idempotency_key, recorded_at: None, title: None, file_name: None };
     storage.add_clip(home, new, at(0)).await.unwrap()
 }
 
@@ -146,14 +148,15 @@ async fn put_level(
     bytes: &[u8],
 ) -> Result<(LidarMapRevision, bool), StorageError> {
     let file = arrived(storage, bytes).await;
-    let new = NewLidarMap { level, file, info: lidar_info(), image_png: b"picture".to_vec() };
-    storage.put_lidar_map(home, new, at(0)).await
+    let new =
+        NewLidarMap { level, file, file_name: None, info: lidar_info(), image_png: b"picture".to_vec() };
+    storage.put_lidar_map(home, new, |_| true, at(0)).await
 }
 
 /// Creates a home with a map and one queued clip.
 async fn one_job(storage: &Storage) -> (HomeId, Clip) {
     let home = home("h");
-    storage.put_home(&home, None, at(0)).await.unwrap();
+    storage.put_home(&home, None, |_| true, at(0)).await.unwrap();
     put_map(storage, &home, b"map").await;
     let clip = add(storage, &home, b"clip").await;
     (home, clip)

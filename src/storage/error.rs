@@ -49,6 +49,8 @@ pub enum StorageError {
         "this is the only level of the home; put the LiDAR map of another level first, or remove the home"
     )]
     LastLevel,
+    #[error("the {what} was changed since it was read; read it again")]
+    Changed { what: &'static str },
     #[error("no such webhook")]
     NoSuchWebhook,
     #[error("no such delivery")]

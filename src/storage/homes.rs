@@ -7,8 +7,10 @@ pub use id::{HomeId, InvalidHomeId, InvalidTenant, Tenant};
 use super::changes::{self, Changed};
 use super::columns::Columns;
 use super::database::{Connection, Row, Transaction, query};
-use super::{Page, Storage, StorageError, pending_deletes};
+use super::{ClipState, Page, Storage, StorageError, pending_deletes};
 use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+use viola_geometry::LevelName;
 
 /// Rows that share a tenant's total of bytes.
 const TOTAL_PARTS: i64 = 16;
@@ -21,10 +23,32 @@ pub struct Home {
     pub name: Option<String>,
     /// Revision of the current LiDAR map, null before the first one.
     pub lidar_map_revision: Option<i64>,
-    pub clips: i64,
+    /// Number of clips in each state, in the order of [`ClipState::ALL`].
+    pub clips: [i64; ClipState::ALL.len()],
+    /// The seen part of each level in the newest revision of its map; none before the first.
+    pub coverage: Vec<LevelCoverage>,
     pub created_at: Timestamp,
     /// Time of the newest change of the home, its LiDAR map, its clips or its fused map.
     pub updated_at: Timestamp,
+}
+
+/// The part of a level's LiDAR map that the clips have seen, as fractions.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LevelCoverage {
+    pub level: LevelName,
+    pub seen: f64,
+    pub floor_seen: f64,
+}
+
+/// Filter of a list of homes.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct HomeFilter {
+    /// Only homes that changed later than this.
+    pub updated_after: Option<Timestamp>,
+    /// Only homes with this text in their id or name, in any case.
+    pub text: Option<String>,
+    /// Only homes with clips that wait, are ambiguous or failed.
+    pub needs_attention: bool,
 }
 
 fn from_row(row: &Row) -> Result<Home, StorageError> {
@@ -34,10 +58,30 @@ fn from_row(row: &Row) -> Result<Home, StorageError> {
         id: row.home("id")?,
         name: row.maybe_text("name")?,
         lidar_map_revision: row.maybe_number("lidar_map_revision")?,
-        clips: row.number("clips")?,
+        clips: [
+            row.number("uploaded")?,
+            row.number("queued")?,
+            row.number("aligning")?,
+            row.number("aligned")?,
+            row.number("ambiguous")?,
+            row.number("failed")?,
+        ],
+        coverage: row.maybe_json("coverage")?.unwrap_or_default(),
         created_at: row.time("created_at")?,
         updated_at: newest_change.map_or(updated_at, |at| at.max(updated_at)),
     })
+}
+
+/// Counts the clips of a home in a state.
+macro_rules! clips_in {
+    ($state:literal) => {
+        concat!(
+            "(SELECT COUNT(*) FROM clips WHERE home_id = homes.id AND state = '",
+            $state,
+            "') AS ",
+            $state
+        )
+    };
 }
 
 macro_rules! select_homes {
@@ -45,30 +89,49 @@ macro_rules! select_homes {
         concat!(
             "SELECT homes.*,
                 (SELECT MAX(at) FROM changes WHERE home_id = homes.id) AS changed_at,
-                (SELECT MAX(revision) FROM lidar_maps WHERE home_id = homes.id) AS lidar_map_revision,
-                (SELECT COUNT(*) FROM clips WHERE home_id = homes.id) AS clips
-            FROM homes ",
+                (SELECT MAX(revision) FROM lidar_maps WHERE home_id = homes.id) AS lidar_map_revision, ",
+            clips_in!("uploaded"),
+            ", ",
+            clips_in!("queued"),
+            ", ",
+            clips_in!("aligning"),
+            ", ",
+            clips_in!("aligned"),
+            ", ",
+            clips_in!("ambiguous"),
+            ", ",
+            clips_in!("failed"),
+            " FROM homes ",
             $rest
         )
     };
 }
 
 impl Storage {
-    /// Creates or renames a home; returns it and whether it is new. The same name again changes nothing.
+    /// Creates or renames a home, if it is as `expected`; returns it and whether it is new. The same name again
+    /// changes nothing.
     pub async fn put_home(
         &self,
         id: &HomeId,
         name: Option<&str>,
+        expected: impl Fn(Option<&Home>) -> bool + Send,
         now: Timestamp,
     ) -> Result<(Home, bool), StorageError> {
         let mut transaction = self.database.begin().await?;
+        lock(&mut transaction, id).await?;
+        let row = query(select_homes!("WHERE id = $1")).bind(id.key());
+        let before = row.fetch_optional(&mut transaction).await?.as_ref().map(from_row).transpose()?;
+        if !expected(before.as_ref()) {
+            return Err(StorageError::Changed { what: "home" });
+        }
+        let search = format!("{id} {}", name.unwrap_or_default()).to_lowercase();
         let made = query(
-            "INSERT INTO homes (id, tenant, name, created_at, updated_at) VALUES ($1, $2, $3, $4, $4)
+            "INSERT INTO homes (id, tenant, name, search, created_at, updated_at) VALUES ($1, $2, $3, $5, $4, $4)
             ON CONFLICT (id) DO NOTHING",
         );
-        let made = made.bind(id.key()).bind(id.tenant()).bind(name).bind(now.as_millisecond());
+        let made = made.bind(id.key()).bind(id.tenant()).bind(name).bind(now.as_millisecond()).bind(&search);
         let is_new = made.execute(&mut transaction).await? > 0;
-        let is_renamed = !is_new && rename(&mut transaction, id, name).await?;
+        let is_renamed = !is_new && rename(&mut transaction, id, name, &search).await?;
         if is_new || is_renamed {
             changes::record(&mut transaction, id, Changed::Home, now).await?;
         }
@@ -84,31 +147,42 @@ impl Storage {
         from_row(&row.ok_or(StorageError::NoSuchHome)?)
     }
 
-    /// Returns a page of a tenant's homes by id; with `updated_after`, only those changed later.
+    /// Returns a page of a tenant's homes that match a filter, by id.
     pub async fn homes(
         &self,
         tenant: &Tenant,
-        updated_after: Option<Timestamp>,
+        filter: &HomeFilter,
         page: &Page<HomeId>,
     ) -> Result<Vec<Home>, StorageError> {
-        // Few homes are expected to have changed: the indexes of times find them, then they are sorted.
-        let statement = match updated_after {
-            Some(_) => select_homes!(
-                "WHERE id IN (SELECT id FROM homes WHERE tenant = $1 AND updated_at > $4
-                        UNION SELECT home_id FROM changes WHERE tenant = $1 AND at > $4)
-                    AND id || '' > $2 ORDER BY id || '' LIMIT $3"
+        // $4 is the text, $5 whether attention matters, $6 the time.
+        let statement = match filter {
+            // Few homes are expected to have changed: the indexes of times find them, then they are sorted.
+            HomeFilter { updated_after: Some(_), .. } => select_homes!(
+                "WHERE id IN (SELECT id FROM homes WHERE tenant = $1 AND updated_at > $6
+                        UNION SELECT home_id FROM changes WHERE tenant = $1 AND at > $6)
+                    AND id || '' > $2 AND search LIKE $4 ESCAPE '!'
+                    AND ($5 = 0 OR EXISTS (SELECT 1 FROM clips
+                        WHERE home_id = homes.id AND state IN ('uploaded', 'ambiguous', 'failed')))
+                    ORDER BY id || '' LIMIT $3"
             ),
             // With both conditions on the tenant, planners start in the index of both at the page's first
             // row. Otherwise they scan the next tenant's homes, or this one's from the first.
-            None => {
-                select_homes!("WHERE (tenant, id) > ($1, $2) AND tenant <= $1 ORDER BY tenant, id LIMIT $3")
-            }
+            _ => select_homes!(
+                "WHERE (tenant, id) > ($1, $2) AND tenant <= $1 AND search LIKE $4 ESCAPE '!'
+                    AND ($5 = 0 OR EXISTS (SELECT 1 FROM clips
+                        WHERE home_id = homes.id AND state IN ('uploaded', 'ambiguous', 'failed')))
+                    ORDER BY tenant, id LIMIT $3"
+            ),
         };
+        let text = filter.text.as_deref().unwrap_or_default().to_lowercase();
+        let text = text.replace('!', "!!").replace('%', "!%").replace('_', "!_");
         let mut query = query(statement)
             .bind(tenant.name())
             .bind(page.after.as_ref().map_or("", HomeId::key))
-            .bind(i64::from(page.limit));
-        if let Some(time) = updated_after {
+            .bind(i64::from(page.limit))
+            .bind(format!("%{text}%"))
+            .bind(i64::from(filter.needs_attention));
+        if let Some(time) = filter.updated_after {
             query = query.bind(time.as_millisecond());
         }
         let rows = query.fetch_all(&mut self.database.reader().await?).await?;
@@ -159,9 +233,10 @@ async fn rename(
     transaction: &mut Transaction,
     id: &HomeId,
     name: Option<&str>,
+    search: &str,
 ) -> Result<bool, StorageError> {
-    let renamed = query("UPDATE homes SET name = $2 WHERE id = $1 AND name IS DISTINCT FROM $2");
-    Ok(renamed.bind(id.key()).bind(name).execute(transaction).await? > 0)
+    let renamed = query("UPDATE homes SET name = $2, search = $3 WHERE id = $1 AND name IS DISTINCT FROM $2");
+    Ok(renamed.bind(id.key()).bind(name).bind(search).execute(transaction).await? > 0)
 }
 
 pub(super) async fn exists(connection: &mut Connection, id: &HomeId) -> Result<bool, StorageError> {

@@ -23,6 +23,8 @@ pub struct LidarMapRevision {
     pub size_bytes: u64,
     /// SHA-256 of the file, in lower-case hexadecimal.
     pub sha256: String,
+    /// Name of the file, from its sender.
+    pub file_name: Option<String>,
     pub info: LidarInfo,
     pub created_at: Timestamp,
 }
@@ -34,6 +36,7 @@ fn from_row(row: &Row) -> Result<LidarMapRevision, StorageError> {
         revision: row.number("revision")?,
         size_bytes: row.count("size_bytes")?,
         sha256: row.text("sha256")?,
+        file_name: row.maybe_text("file_name")?,
         info: row.json("info")?,
         created_at: row.time("created_at")?,
     })
@@ -115,10 +118,14 @@ impl Storage {
         rows.iter().map(from_row).collect()
     }
 
-    /// Returns the preview picture of a level's current revision.
-    pub async fn lidar_map_image(&self, home: &HomeId, level: LevelName) -> Result<BlobReader, StorageError> {
-        let map = self.lidar_map(home, level).await?;
+    /// Returns the preview picture of a revision.
+    pub async fn lidar_map_image(&self, map: &LidarMapRevision) -> Result<BlobReader, StorageError> {
         self.blobs.read(&image_key(map.id)).await?.ok_or(StorageError::NoLidarMap)
+    }
+
+    /// Returns the file of a revision, to be sent.
+    pub async fn lidar_map_blob(&self, map: &LidarMapRevision) -> Result<BlobReader, StorageError> {
+        self.blobs.read(&file_key(map.id)).await?.ok_or(StorageError::NoLidarMap)
     }
 
     /// Returns the file of a revision.

@@ -2,6 +2,7 @@
 
 use super::ClipState;
 use serde::{Deserialize, Serialize};
+use viola_align::Alignment;
 use viola_geometry::{LevelName, Pose2};
 use viola_home::{PlacedBy, Verdict};
 use viola_reconstruct::Reason;
@@ -18,6 +19,27 @@ pub struct Placement {
     pub probability: Option<f64>,
     /// Revision of the home's map.
     pub map_revision: i64,
+}
+
+/// Maximum distance of the placement from the first alternative that it refines.
+const SAME_M: f64 = 0.3;
+
+impl Placement {
+    /// Gives an answer the pose that the clips around its clip decided, with its probability.
+    pub(super) fn apply(&self, answer: &mut Alignment) {
+        if self.by != PlacedBy::Neighbours {
+            return;
+        }
+        let is_same =
+            |own: &Pose2| answer.level == self.level && own.distance_m(&self.map_from_clip) < SAME_M;
+        if !answer.map_from_clip.as_ref().is_some_and(is_same) {
+            // It is that of the first alternative.
+            answer.covariance = None;
+        }
+        answer.level = self.level;
+        answer.map_from_clip = Some(self.map_from_clip);
+        answer.probability = self.probability;
+    }
 }
 
 /// Returns the state after a merge of a clip whose own alignment left its pose open; `None` for other clips. `by` is

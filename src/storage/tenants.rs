@@ -2,7 +2,7 @@
 
 use super::columns::Columns;
 use super::database::query;
-use super::{Page, Storage, StorageError, Tenant, pending_deletes, uploads};
+use super::{HomeFilter, Page, Storage, StorageError, Tenant, pending_deletes, uploads};
 use jiff::Timestamp;
 
 /// Homes that are looked up at a time.
@@ -29,7 +29,7 @@ impl Storage {
         let mut removed = Removed { webhooks: self.end_access(tenant, now).await?, ..Removed::default() };
         loop {
             let page = Page { limit: BATCH, after: None };
-            let homes = self.homes(tenant, None, &page).await?;
+            let homes = self.homes(tenant, &HomeFilter::default(), &page).await?;
             if homes.is_empty() {
                 break;
             }

@@ -55,6 +55,47 @@ fn nothing_is_referred_to_that_is_not_there() {
     }
 }
 
+#[test]
+fn every_schema_and_every_answer_has_an_example() {
+    let document: serde_json::Value = serde_json::from_str(&viola::api::document_json()).unwrap();
+    let has_example =
+        |part: &serde_json::Value| part.get("example").is_some() || part.get("examples").is_some();
+    for (name, schema) in document["components"]["schemas"].as_object().unwrap() {
+        assert!(has_example(schema) || name == "FileBytes", "{name}");
+        let members = schema["properties"].as_object().into_iter().flatten();
+        for (member, _) in members.filter(|_| schema["examples"].is_array()) {
+            assert!(schema["examples"][0].get(member).is_some(), "{name}.{member}");
+        }
+    }
+    let mut answers = 0;
+    for (path, operations) in document["paths"].as_object().unwrap() {
+        for (method, operation) in operations.as_object().unwrap() {
+            for (status, answer) in operation["responses"].as_object().unwrap() {
+                for (media_type, content) in answer["content"].as_object().into_iter().flatten() {
+                    let is_file = content["schema"]["$ref"] == "#/components/schemas/FileBytes";
+                    let is_text = content["schema"]["type"] == "string";
+                    assert!(
+                        has_example(content) || is_file || is_text,
+                        "{method} {path} {status} {media_type}"
+                    );
+                    answers += 1;
+                    if media_type == "application/problem+json" {
+                        assert_eq!(content["example"]["status"].to_string(), *status);
+                        let types =
+                            &document["components"]["schemas"]["Problem"]["properties"]["type"]["enum"];
+                        assert!(
+                            types.as_array().unwrap().contains(&content["example"]["type"]),
+                            "{method} {path}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+    assert!(answers > 300, "{answers}");
+    assert_eq!(document["servers"][0]["url"], "/");
+}
+
 #[tokio::test]
 async fn pages_load_nothing_from_elsewhere() {
     let server = Server::start().await;

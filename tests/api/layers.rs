@@ -10,17 +10,22 @@ async fn text_is_compressed_for_those_who_accept_it() {
     let server = Server::start().await;
     let plain = server.get("/openapi.json").await;
     assert_eq!(plain.header("content-encoding"), "");
-    for encoding in ["gzip", "br"] {
+    for encoding in ["gzip", "br", "zstd"] {
         let request = server.request(Method::GET, "/openapi.json").header("accept-encoding", encoding);
         let packed = server.send(request).await;
         assert_eq!(packed.header("content-encoding"), encoding);
         let (packed_bytes, plain_bytes) = (packed.bytes.len(), plain.bytes.len());
         assert!(4 * packed_bytes < plain_bytes, "{encoding}: {packed_bytes} of {plain_bytes} bytes");
-        if encoding == "gzip" {
-            let mut text = Vec::new();
-            GzDecoder::new(packed.bytes.as_slice()).read_to_end(&mut text).unwrap();
-            assert_eq!(text, plain.bytes);
+        let mut text = Vec::new();
+        match encoding {
+            "gzip" => drop(GzDecoder::new(packed.bytes.as_slice()).read_to_end(&mut text).unwrap()),
+            "zstd" => {
+                let mut decoder = ruzstd::decoding::StreamingDecoder::new(packed.bytes.as_slice()).unwrap();
+                decoder.read_to_end(&mut text).unwrap();
+            }
+            _ => continue,
         }
+        assert_eq!(text, plain.bytes, "{encoding}");
     }
     let short = server.request(Method::GET, "/healthz").header("accept-encoding", "gzip");
     assert_eq!(server.send(short).await.header("content-encoding"), "");

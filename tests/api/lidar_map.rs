@@ -60,3 +60,68 @@ async fn a_new_map_queues_the_clips_again() {
     let old = server.get(&format!("/v1/jobs/{}", first["job"]["id"].as_str().unwrap())).await.ok(200);
     assert_eq!(old["state"], "cancelled");
 }
+
+#[tokio::test]
+async fn a_dry_run_only_tells_what_a_map_is() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    let path = format!("{home}/lidar-map");
+    server.post(&format!("{home}/clips"), crate::clips::small_clip()).await.ok(201);
+    let report = server.put(&format!("{path}?dry_run=true"), room::lidar_csv()).await.ok(200);
+    assert_eq!(
+        (&report["understood"]["format"], &report["clips_to_align"]),
+        (&json!("csv_points"), &json!(1))
+    );
+    server.get(&path).await.problem(404, "lidar-map-not-found");
+    let refused = server.put(&format!("{path}?dry_run=true"), "no map").await;
+    refused.problem(415, "unknown-format");
+    server.put(&path, room::lidar_csv()).await.ok(201);
+    let same = server.put(&format!("{home}/lidar-maps/main?dry_run=true"), room::lidar_csv()).await.ok(200);
+    assert_eq!(same["clips_to_align"], 0);
+    server.put(&format!("{path}?dry_run=1"), room::lidar_csv()).await.problem(400, "invalid-query");
+}
+
+#[tokio::test]
+async fn a_mesh_is_no_map() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    let mut mesh =
+        "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+            .to_owned();
+    for corner in 0..8 {
+        mesh += &format!("{} {} {}\n", corner & 1, corner >> 1 & 1, f64::from(corner >> 2) * 2.4);
+    }
+    mesh += "3 0 1 2\n";
+    let refused = server.put(&format!("{home}/lidar-map"), mesh.clone()).await;
+    let problem = refused.problem(422, "three-dimensional-map");
+    assert!(problem["detail"].as_str().unwrap().contains("0.00 to 2.40 m"), "{problem}");
+    // A scan that is not quite level is a map.
+    server.put(&format!("{home}/lidar-map"), mesh.replace("2.4", "0.2")).await.ok(201);
+}
+
+#[tokio::test]
+async fn an_earlier_map_comes_back_and_every_file_can_be_had() {
+    let server = Server::without_workers().await;
+    let home = server.make_home("h").await;
+    let path = format!("{home}/lidar-maps/main");
+    let (first, second) = (room::lidar_csv(), format!("{}1,1\n", room::lidar_csv()));
+    let put = server.put(&format!("{path}?filename=first.csv"), first.clone()).await.ok(201);
+    assert_eq!(put["file_name"], "first.csv");
+    server.put(&path, second.clone()).await.ok(201);
+    let restored = server.post(&format!("{path}/revisions/1/restore"), "").await.ok(201);
+    assert_eq!((&restored["revision"], &restored["sha256"]), (&json!(3), &put["sha256"]));
+    assert_eq!(server.post(&format!("{path}/revisions/1/restore"), "").await.ok(200), restored);
+    for (revision, name, bytes) in
+        [(1, "first.csv", &first), (2, "h-main-2", &second), (3, "first.csv", &first)]
+    {
+        let file = server.get(&format!("{path}/revisions/{revision}/file")).await;
+        assert_eq!(file.bytes, bytes.as_bytes(), "{revision}");
+        assert_eq!(file.header("content-disposition"), format!("attachment; filename=\"{name}\""));
+        assert!(file.header("cache-control").contains("immutable"));
+    }
+    for revision in ["4", "0"] {
+        server.get(&format!("{path}/revisions/{revision}/file")).await.problem(404, "lidar-map-not-found");
+    }
+    server.post(&format!("{path}/revisions/x/restore"), "").await.problem(400, "invalid-path");
+}

@@ -71,7 +71,7 @@ impl Contents {
             let document = types::LidarMapRevision::from(map.clone());
             zip.document(&format!("{folder}/lidar-map.json"), &document).await?;
             zip.file(&format!("{folder}/file"), &storage.lidar_map_file(map.id()).await?).await?;
-            let image = storage.lidar_map_image(&self.home, map.level).await?;
+            let image = storage.lidar_map_image(&map).await?;
             zip.stream(&format!("{folder}/image.png"), image.stream).await?;
         }
         Ok(())

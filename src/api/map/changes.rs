@@ -5,9 +5,9 @@ use crate::api::App;
 use crate::api::error::{Error, Problem};
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
+use crate::api::reply::Document;
 use crate::api::types::{GoneObject, GoneReason, LostObject, LostReason, MapChanges, MapObject, MovedObject};
 use crate::storage::{self, HomeId, MapLevel, MapScene};
-use axum::Json;
 use axum::extract::State;
 use serde::Deserialize;
 use viola_geometry::{LevelName, Pose2};
@@ -41,7 +41,7 @@ pub(in crate::api) async fn get_map_changes(
     State(app): State<App>,
     HomePath { home }: HomePath,
     Query(query): Query<ChangesQuery>,
-) -> Result<Json<MapChanges>, Error> {
+) -> Result<Document<MapChanges>, Error> {
     let current = app.storage.home_map(&home, None).await?.ok_or(Error::NoSuchMap)?.revision;
     let to = number("to", query.to.as_deref(), 1)?.unwrap_or(current);
     let from = number("from", query.from.as_deref(), 0)?.unwrap_or(to - 1);
@@ -52,7 +52,7 @@ pub(in crate::api) async fn get_map_changes(
     let later = Revision::of(&app, &home, to, current).await?;
     let earlier = if from == 0 { None } else { Some(Revision::of(&app, &home, from, current).await?) };
     let clips = app.storage.placed_clips(&home, to).await?;
-    Ok(Json(changes(earlier.as_ref(), &later, &clips, (from, to))))
+    Ok(Document(changes(earlier.as_ref(), &later, &clips, (from, to))))
 }
 
 fn number(field: &'static str, text: Option<&str>, least: i64) -> Result<Option<i64>, Error> {

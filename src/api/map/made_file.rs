@@ -1,6 +1,7 @@
 //! Files whose head needs what comes later, as E57, LAZ and MCAP: they are made in a temporary file and then sent.
 
 use super::points::Points;
+use crate::api::bodies::attachment;
 use crate::api::error::Error;
 use crate::api::reply::tagged;
 use crate::storage::{MapFile, StorageError};
@@ -111,8 +112,5 @@ pub(super) fn answer(
     let mut answer = body.into_response();
     answer.headers_mut().insert(header::CONTENT_LENGTH, HeaderValue::from(size_bytes));
     answer.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(media_type));
-    if let Ok(name) = HeaderValue::from_str(&format!("attachment; filename=\"{name}\"")) {
-        answer.headers_mut().insert(header::CONTENT_DISPOSITION, name);
-    }
-    tagged(answer, tag)
+    tagged(attachment(answer, name), tag)
 }

@@ -2,7 +2,7 @@
 
 use super::scene::scene;
 use super::{App, LevelQuery, level, revision, tag_of_file};
-use crate::api::bodies::FileBytes;
+use crate::api::bodies::{FileBytes, attachment};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
@@ -144,11 +144,8 @@ pub(in crate::api) async fn get_map_mesh(
     };
     let mut answer = Bytes::from(bytes).into_response();
     answer.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()));
-    let name = format!("attachment; filename=\"{home}-{}.{}\"", map.revision, format.name());
-    if let Ok(name) = HeaderValue::from_str(&name) {
-        answer.headers_mut().insert(header::CONTENT_DISPOSITION, name);
-    }
-    Ok(tagged(answer, &tag))
+    let name = format!("{home}-{}.{}", map.revision, format.name());
+    Ok(tagged(attachment(answer, &name), &tag))
 }
 
 fn mesh(tiles: &[Tile], objects: &[MapObject], budget: usize) -> Mesh {

@@ -2,7 +2,7 @@
 
 use super::scene::scene;
 use super::{App, LevelQuery, level, revision, tag_of_file};
-use crate::api::bodies::FileBytes;
+use crate::api::bodies::{FileBytes, attachment};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
@@ -113,12 +113,8 @@ pub(in crate::api) async fn get_map_robot(
     let bytes = apart(make).await?;
     let mut answer = Bytes::from(bytes).into_response();
     answer.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()));
-    let name =
-        format!("attachment; filename=\"{home}-{}-{}.{}\"", map.revision, format.name(), format.ending());
-    if let Ok(name) = HeaderValue::from_str(&name) {
-        answer.headers_mut().insert(header::CONTENT_DISPOSITION, name);
-    }
-    Ok(tagged(answer, &tag))
+    let name = format!("{home}-{}-{}.{}", map.revision, format.name(), format.ending());
+    Ok(tagged(attachment(answer, &name), &tag))
 }
 
 /// The parts of one level that a file is made of.

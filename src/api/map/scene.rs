@@ -5,7 +5,7 @@ use crate::api::bodies::{FileBytes, send};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
-use crate::api::reply::{is_known, tag_of, tagged, unless_known};
+use crate::api::reply::{Document, is_known, tagged};
 use crate::api::types::{ClassName, Coverage, LevelName, MapObject, Room};
 use crate::storage::{self, HomeId, HomeMap, MapScene, map_file};
 use axum::extract::State;
@@ -105,12 +105,11 @@ pub(in crate::api) async fn get_map_rooms(
     State(app): State<App>,
     HomePath { home }: HomePath,
     Query(query): Query<RoomsQuery>,
-    headers: HeaderMap,
 ) -> Result<Response, Error> {
     let map = revision(&app, &home, query.revision.as_deref()).await?;
     let scenes = scenes(&app, &home, &map, query.level.as_deref()).await?;
     let rooms = scenes.into_iter().flat_map(|scene| scene.rooms).collect();
-    Ok(document(&headers, &map, &rooms_document(map.revision, rooms)))
+    Ok(Document(rooms_document(map.revision, rooms)).into_response())
 }
 
 /// Get the objects of a home: furniture and appliances, each with its box, its room and the clips that saw it
@@ -121,14 +120,13 @@ pub(in crate::api) async fn get_map_objects(
     State(app): State<App>,
     HomePath { home }: HomePath,
     Query(query): Query<ObjectsQuery>,
-    headers: HeaderMap,
 ) -> Result<Response, Error> {
     let classes = query.class.as_deref().map(|names| classes("class", names)).transpose()?;
     let map = revision(&app, &home, query.revision.as_deref()).await?;
     let scenes = scenes(&app, &home, &map, query.level.as_deref()).await?;
     let mut objects: Vec<storage::MapObject> = scenes.into_iter().flat_map(|scene| scene.objects).collect();
     objects.retain(|object| classes.as_ref().is_none_or(|classes| classes.contains(&object.class)));
-    Ok(document(&headers, &map, &objects_document(map.revision, objects)))
+    Ok(Document(objects_document(map.revision, objects)).into_response())
 }
 
 /// Get the part of the LiDAR map that the clips have seen, as a whole and by room
@@ -139,12 +137,11 @@ pub(in crate::api) async fn get_map_coverage(
     State(app): State<App>,
     HomePath { home }: HomePath,
     Query(query): Query<LevelQuery>,
-    headers: HeaderMap,
 ) -> Result<Response, Error> {
     let map = revision(&app, &home, query.revision.as_deref()).await?;
     let level = level(&map, query.level.as_deref())?;
     let scene = scene(&app, &home, &map, level.level).await?;
-    Ok(document(&headers, &map, &MapCoverage { revision: map.revision, coverage: scene.coverage.into() }))
+    Ok(Document(MapCoverage { revision: map.revision, coverage: scene.coverage.into() }).into_response())
 }
 
 /// Get the floor plan of a home: walls, doors and windows, rooms with their areas, and furniture
@@ -272,12 +269,4 @@ pub(super) async fn scene(
     let files = app.storage.home_map_files(home, map.revision, level, map_file::SCENE).await?;
     let file = files.first().ok_or(Error::NoSuchMap)?;
     app.storage.map_scene(file).await?.ok_or(Error::NoSuchMap)
-}
-
-fn document<T: Serialize>(headers: &HeaderMap, map: &HomeMap, value: &T) -> Response {
-    let text =
-        serde_json::to_vec(value).expect("our own records have text keys and cannot fail to serialise");
-    let tag = tag_of(&[&map.created_at.as_millisecond().to_le_bytes(), &text]);
-    let json = [(header::CONTENT_TYPE, "application/json")];
-    unless_known(headers, &tag, || (json, text).into_response())
 }

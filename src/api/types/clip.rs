@@ -134,12 +134,21 @@ answer! {
         /// SHA-256 of the file, in lower-case hexadecimal.
         #[schema(example = "7a0339dd7ccb957e90eb77c14f3ee67f0aa0f22b2746d18fb8ef262c6f069c9e")]
         sha256: String,
+        /// Name of the file, if its sender gave one.
+        #[schema(example = "kitchen.zip")]
+        file_name: Option<String>,
+        /// Name that a person gave the clip.
+        #[schema(example = "Kitchen, evening")]
+        title: Option<String>,
+        /// The oldest clip of the home with the same file; null if this is it.
+        duplicate_of: Option<Uuid>,
         /// Summary of the file.
         info: ClipInfo,
         /// Time of recording, from the sender or else from the file; null if neither gives it.
         #[schema(example = "2026-03-14T15:09:26Z")]
         recorded_at: Option<Timestamp>,
-        /// The method's own answer; null before a job has given one, and while a newer job is under way.
+        /// The method's own answer; null before a job has given one, and while a newer job is under way. Its pose, level
+        /// and probability are those of `placement` if the clips around it decided (`by: neighbours`).
         alignment: Option<Alignment>,
         /// The pose that a person chose; it overrides the method's own until it is withdrawn.
         choice: Option<Choice>,

@@ -131,6 +131,9 @@ answer! {
         size_bytes: u64,
         /// SHA-256 of the file, in lower-case hexadecimal.
         sha256: String,
+        /// Name of the file, if its sender gave one.
+        #[schema(example = "valetudo.json")]
+        file_name: Option<String>,
         info: LidarInfo,
         created_at: Timestamp,
     }

@@ -4,9 +4,9 @@ use super::metadata::Metadata;
 use super::{VERSION, checksum, headers};
 use crate::api::App;
 use crate::api::error::{Error, Problem};
+use crate::api::reply::Document;
 use crate::api::types::{self, HomeId, UploadKind};
 use crate::storage::{StorageError, Upload, UploadError, UploadState};
-use axum::Json;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use jiff::Timestamp;
@@ -149,9 +149,9 @@ pub(super) async fn state(app: &App, id: Uuid) -> Result<HeaderMap, Error> {
 }
 
 /// Returns the state of an upload as a document, even if its file was refused.
-pub(super) async fn document(app: &App, id: Uuid) -> Result<Json<UploadDocument>, Error> {
+pub(super) async fn document(app: &App, id: Uuid) -> Result<Document<UploadDocument>, Error> {
     let upload = app.storage.upload(id, Timestamp::now()).await?.ok_or(UploadError::NotFound)?;
-    Ok(Json(document_of(app, upload).await?))
+    Ok(Document(document_of(app, upload).await?))
 }
 
 /// Returns the answer to the request that created an upload.
@@ -160,7 +160,7 @@ pub(super) async fn created(app: &App, id: Uuid) -> Result<Response, Error> {
     let mut headers = headers_of(app, &upload).await?;
     tell(&mut headers, header::LOCATION, path(id));
     let document = document_of(app, upload).await?;
-    Ok((StatusCode::CREATED, headers, Json(document)).into_response())
+    Ok((StatusCode::CREATED, headers, Document(document)).into_response())
 }
 
 /// Returns the supported version, extensions and limits of tus as headers.

@@ -7,7 +7,7 @@ use crate::api::App;
 use crate::api::bodies::understand;
 use crate::api::clips;
 use crate::api::error::Error;
-use crate::storage::{Added, UploadClaim, UploadState};
+use crate::storage::{Added, NewClip, UploadClaim, UploadState};
 use jiff::Timestamp;
 use std::convert::Infallible;
 use std::time::{Duration, Instant};
@@ -86,7 +86,14 @@ async fn make_clip(app: &App, claim: &UploadClaim) -> Result<(), Error> {
             (file, info)
         }
     };
-    let new = clips::new_clip(file, info, metadata.recorded_at, metadata.idempotency_key);
+    let new = NewClip {
+        file,
+        recorded_at: metadata.recorded_at.or_else(|| clips::recorded_at_of_file(&info)),
+        info,
+        idempotency_key: metadata.idempotency_key,
+        title: metadata.title,
+        file_name: metadata.filename,
+    };
     let record = app.uploads.limits.record;
     match app.storage.finish_upload(claim, new, record, Timestamp::now()).await? {
         Some(Added::KeyReused) => Err(Error::KeyReused),

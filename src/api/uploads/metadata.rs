@@ -3,6 +3,7 @@
 use crate::api::clips;
 use crate::api::error::Error;
 use crate::api::extract::is_idempotency_key;
+use crate::api::names::{is_file_name, is_title};
 use crate::storage::HomeId;
 use base64::Engine;
 use base64::alphabet::STANDARD;
@@ -11,7 +12,6 @@ use jiff::Timestamp;
 use std::collections::BTreeMap;
 
 const NAME: &str = "Upload-Metadata";
-const MAX_FILENAME_CHARS: usize = 255;
 
 /// Base64 with optional padding, because some clients omit it.
 pub(super) const BASE64: GeneralPurpose = GeneralPurpose::new(
@@ -24,6 +24,7 @@ pub(super) const BASE64: GeneralPurpose = GeneralPurpose::new(
 pub(super) struct Metadata {
     home: Option<HomeId>,
     pub filename: Option<String>,
+    pub title: Option<String>,
     pub recorded_at: Option<Timestamp>,
     pub idempotency_key: Option<String>,
 }
@@ -48,13 +49,16 @@ impl Metadata {
             text.map(Some).map_err(|_| invalid(format!("{name} is not text in UTF-8")))
         };
         let home = value("home")?;
-        let filename = value("filename")?;
+        // Some clients send an empty name for a file without one.
+        let filename = value("filename")?.filter(|name| !name.is_empty());
+        let title = value("title")?;
         let recorded_at = value("recorded_at")?;
         let idempotency_key = value("idempotency_key")?;
-        if filename.as_ref().is_some_and(|name| !is_filename(name)) {
-            let detail =
-                format!("filename has at most {MAX_FILENAME_CHARS} characters, and no control characters");
-            return Err(invalid(detail));
+        if filename.as_ref().is_some_and(|name| !is_file_name(name)) {
+            return Err(invalid("filename has at most 255 characters, and no control characters"));
+        }
+        if title.as_ref().is_some_and(|title| !is_title(title)) {
+            return Err(invalid("title has 1 to 200 characters, and no control characters"));
         }
         if idempotency_key.as_ref().is_some_and(|key| !is_idempotency_key(key.as_bytes())) {
             return Err(invalid("idempotency_key is 1 to 255 visible ASCII characters"));
@@ -65,6 +69,7 @@ impl Metadata {
                 .transpose()
                 .map_err(|error| invalid(format!("home: {error}")))?,
             filename,
+            title,
             recorded_at: recorded_at
                 .map(|text| clips::recorded_at(&text))
                 .transpose()
@@ -76,8 +81,4 @@ impl Metadata {
     pub fn home(&self) -> Result<HomeId, Error> {
         self.home.clone().ok_or_else(|| invalid("home names the home that the clip belongs to, in base64"))
     }
-}
-
-fn is_filename(name: &str) -> bool {
-    name.chars().count() <= MAX_FILENAME_CHARS && !name.chars().any(char::is_control)
 }

@@ -50,12 +50,12 @@ async fn news(storage: &Storage, cursor: &mut Option<ChangesCursor>, seconds: i6
 async fn every_change_is_told_once_and_in_order(storage: Storage) {
     let (id, mut cursor) = (home("h"), None);
     assert!(news(&storage, &mut cursor, 0).await.is_empty());
-    storage.put_home(&id, None, at(0)).await.unwrap();
+    storage.put_home(&id, None, |_| true, at(0)).await.unwrap();
     assert_eq!(news(&storage, &mut cursor, 0).await, ["h home"]);
     assert!(news(&storage, &mut cursor, 0).await.is_empty());
-    storage.put_home(&id, None, at(0)).await.unwrap();
+    storage.put_home(&id, None, |_| true, at(0)).await.unwrap();
     assert!(news(&storage, &mut cursor, 0).await.is_empty(), "the same name is no change");
-    storage.put_home(&id, Some("name"), at(0)).await.unwrap();
+    storage.put_home(&id, Some("name"), |_| true, at(0)).await.unwrap();
     assert_eq!(news(&storage, &mut cursor, 0).await, ["h home"]);
     let clip = add(&storage, &id, b"clip").await;
     assert_eq!(news(&storage, &mut cursor, 0).await, ["h clip uploaded"]);
@@ -72,11 +72,11 @@ async fn every_change_is_told_once_and_in_order(storage: Storage) {
     storage.finish(&claim, &answer(AlignmentState::Aligned), &retry, at(3)).await.unwrap();
     assert_eq!(news(&storage, &mut cursor, 3).await, ["h clip aligned"]);
     let pose = Chosen::Pose(LevelName::MAIN, Pose2::IDENTITY);
-    storage.choose(&id, clip.id, pose, at(4)).await.unwrap();
+    storage.choose(&id, clip.id, pose, |_| true, at(4)).await.unwrap();
     assert_eq!(news(&storage, &mut cursor, 4).await, ["h clip aligned"]);
-    storage.choose(&id, clip.id, pose, at(5)).await.unwrap();
+    storage.choose(&id, clip.id, pose, |_| true, at(5)).await.unwrap();
     assert!(news(&storage, &mut cursor, 5).await.is_empty(), "the same choice is no change");
-    storage.withdraw_choice(&id, clip.id, at(6)).await.unwrap();
+    storage.withdraw_choice(&id, clip.id, |_| true, at(6)).await.unwrap();
     let change = part(&storage, cursor, 9, 6).await.items.pop().unwrap();
     assert_eq!((change.clip, change.at, change.kind), (Some(clip.id), at(6), ChangeKind::Clip));
     let job = storage.align_clip(&id, clip.id, at(7)).await.unwrap().job.unwrap();
@@ -109,7 +109,7 @@ async fn a_copy_that_follows_is_whole(storage: Storage) {
     // Two items are read after every step, so the reader is always behind, and unread items change again.
     for step in 0..30i64 {
         let id = home(&format!("h{}", step % 3));
-        storage.put_home(&id, Some(&format!("name {}", step / 9)), at(step)).await.unwrap();
+        storage.put_home(&id, Some(&format!("name {}", step / 9)), |_| true, at(step)).await.unwrap();
         match step % 5 {
             0 => drop(put_map(&storage, &id, &[step as u8]).await),
             1 | 2 => clips.push(add(&storage, &id, &[step as u8]).await),
@@ -153,7 +153,7 @@ async fn a_copy_that_follows_is_whole(storage: Storage) {
 async fn a_home_goes_with_all_that_was_in_it(storage: Storage) {
     let (id, clip) = one_job(&storage).await;
     let other = home("other");
-    storage.put_home(&other, None, at(0)).await.unwrap();
+    storage.put_home(&other, None, |_| true, at(0)).await.unwrap();
     let mut cursor = None;
     assert_eq!(
         news(&storage, &mut cursor, 0).await,
@@ -163,7 +163,7 @@ async fn a_home_goes_with_all_that_was_in_it(storage: Storage) {
     let gone = ["h lidar_map 1 deleted", "h clip deleted", "h home deleted"];
     assert_eq!(news(&storage, &mut cursor, 1).await, gone);
     // A home of the same id is another one; the feed still has the removals in the old one.
-    storage.put_home(&id, None, at(2)).await.unwrap();
+    storage.put_home(&id, None, |_| true, at(2)).await.unwrap();
     assert_eq!(news(&storage, &mut cursor, 2).await, ["h home"]);
     assert_eq!(
         news(&storage, &mut None, 2).await,
@@ -207,8 +207,8 @@ async fn what_was_deleted_is_told_for_a_month(storage: Storage) {
     let last = part(&storage, None, 100, 32 * DAY_S).await.items.pop().unwrap().seq;
     storage.delete_home(&id, at(40 * DAY_S)).await.unwrap();
     let gone = part(&storage, None, 100, 40 * DAY_S).await;
-    storage.put_home(&home("new"), None, at(80 * DAY_S)).await.unwrap();
-    storage.put_home(&home("newer"), None, at(80 * DAY_S)).await.unwrap();
+    storage.put_home(&home("new"), None, |_| true, at(80 * DAY_S)).await.unwrap();
+    storage.put_home(&home("newer"), None, |_| true, at(80 * DAY_S)).await.unwrap();
     storage.delete_home(&home("newer"), at(80 * DAY_S)).await.unwrap();
     let items = part(&storage, None, 100, 80 * DAY_S).await.items;
     assert_eq!(items.iter().map(shown).collect::<Vec<_>>(), ["new home", "newer home deleted"]);
@@ -224,7 +224,7 @@ async fn a_cursor_ends_where_deletions_may_be_missed(storage: Storage) {
         }
     };
     for n in 0..3 {
-        storage.put_home(&home(&format!("h{n}")), None, at(0)).await.unwrap();
+        storage.put_home(&home(&format!("h{n}")), None, |_| true, at(0)).await.unwrap();
     }
     // The lifetime counts from the last read at the end, or else from the first read.
     let behind = part(&storage, None, 1, 0).await;

@@ -44,7 +44,7 @@ async fn end(storage: &Storage, ending: Ending) -> Clip {
 }
 
 async fn choose(storage: &Storage, clip: &Clip, chosen: Chosen, seconds: i64) -> Clip {
-    storage.choose(&clip.home, clip.id, chosen, at(seconds)).await.unwrap()
+    storage.choose(&clip.home, clip.id, chosen, |_| true, at(seconds)).await.unwrap()
 }
 
 fn codes(clip: &Clip) -> Vec<&str> {
@@ -73,9 +73,9 @@ async fn an_alternative_is_chosen_and_withdrawn(storage: Storage) {
     assert!((choice.map_from_clip.yaw_rad - (4.0 - std::f64::consts::TAU)).abs() < 1e-12);
     assert_eq!(choice.chosen_at, at(202));
 
-    let withdrawn = storage.withdraw_choice(&own.home, own.id, at(203)).await.unwrap();
+    let withdrawn = storage.withdraw_choice(&own.home, own.id, |_| true, at(203)).await.unwrap();
     assert_eq!(withdrawn, Clip { updated_at: at(203), ..own.clone() });
-    assert_eq!(storage.withdraw_choice(&own.home, own.id, at(204)).await.unwrap(), withdrawn);
+    assert_eq!(storage.withdraw_choice(&own.home, own.id, |_| true, at(204)).await.unwrap(), withdrawn);
     assert_eq!(storage.clip(&own.home, own.id).await.unwrap(), withdrawn);
 }
 
@@ -92,7 +92,7 @@ async fn a_pose_may_be_chosen_before_there_is_an_answer(storage: Storage) {
     let settled = storage.clip(&home, clip.id).await.unwrap();
     assert_eq!((settled.state, codes(&settled)), (ClipState::Aligned, vec!["chosen_by_person"]));
     assert_eq!(settled.alignment.unwrap().state, AlignmentState::Failed);
-    let withdrawn = storage.withdraw_choice(&home, clip.id, at(4)).await.unwrap();
+    let withdrawn = storage.withdraw_choice(&home, clip.id, |_| true, at(4)).await.unwrap();
     assert_eq!((withdrawn.state, codes(&withdrawn)), (ClipState::Failed, vec!["two_modes"]));
 }
 
@@ -132,7 +132,7 @@ async fn without_a_result_a_choice_waits(storage: Storage) {
         (failed.state, codes(&failed)),
         (ClipState::Failed, vec!["bad_picture", "choice_without_result"])
     );
-    let withdrawn = storage.withdraw_choice(&home, clip.id, at(201)).await.unwrap();
+    let withdrawn = storage.withdraw_choice(&home, clip.id, |_| true, at(201)).await.unwrap();
     assert_eq!((withdrawn.state, codes(&withdrawn)), (ClipState::Failed, vec!["bad_picture"]));
 
     storage.align_clip(&home, clip.id, at(202)).await.unwrap();
@@ -150,20 +150,22 @@ async fn without_a_result_a_choice_waits(storage: Storage) {
 
 async fn choices_that_cannot_be(storage: Storage) {
     let bare = home("bare");
-    storage.put_home(&bare, None, at(0)).await.unwrap();
+    storage.put_home(&bare, None, |_| true, at(0)).await.unwrap();
     let lost = add(&storage, &bare, b"clip").await;
-    let refused = storage.choose(&bare, lost.id, Chosen::Pose(LevelName::MAIN, pose(0.0)), at(1)).await;
-    assert!(matches!(refused, Err(ChoiceError::Storage(StorageError::NoLidarMap))));
     let refused =
-        storage.choose(&bare, Uuid::now_v7(), Chosen::Pose(LevelName::MAIN, pose(0.0)), at(1)).await;
+        storage.choose(&bare, lost.id, Chosen::Pose(LevelName::MAIN, pose(0.0)), |_| true, at(1)).await;
+    assert!(matches!(refused, Err(ChoiceError::Storage(StorageError::NoLidarMap))));
+    let refused = storage
+        .choose(&bare, Uuid::now_v7(), Chosen::Pose(LevelName::MAIN, pose(0.0)), |_| true, at(1))
+        .await;
     assert!(matches!(refused, Err(ChoiceError::Storage(StorageError::NoSuchClip))));
 
     let (home, clip) = one_job(&storage).await;
-    let refused = storage.choose(&home, clip.id, Chosen::Alternative(0), at(1)).await;
+    let refused = storage.choose(&home, clip.id, Chosen::Alternative(0), |_| true, at(1)).await;
     assert!(matches!(refused, Err(ChoiceError::NoAnswerYet(ClipState::Queued))));
     let clip = end(&storage, two_modes(AlignmentState::Ambiguous)).await;
     for index in [2, u64::from(u32::MAX) + 1, u64::MAX] {
-        let refused = storage.choose(&home, clip.id, Chosen::Alternative(index), at(1)).await;
+        let refused = storage.choose(&home, clip.id, Chosen::Alternative(index), |_| true, at(1)).await;
         assert!(matches!(refused, Err(ChoiceError::NoSuchAlternative { count: 2 })), "{index}");
     }
     // The map spans x 0..4 and y -1..2.5; 10 m more is allowed to each side.
@@ -176,7 +178,7 @@ async fn choices_that_cannot_be(storage: Storage) {
         (f64::NAN, 0.0, "map_from_clip.x_m"),
         (0.0, f64::INFINITY, "map_from_clip.y_m"),
     ] {
-        match storage.choose(&home, clip.id, at_m(x_m, y_m), at(1)).await {
+        match storage.choose(&home, clip.id, at_m(x_m, y_m), |_| true, at(1)).await {
             Err(ChoiceError::OutOfReach { field: named, .. }) => assert_eq!(named, field, "{x_m} {y_m}"),
             other => panic!("{x_m} {y_m}: {other:?}"),
         }
@@ -195,7 +197,7 @@ async fn a_choice_makes_the_map_due(storage: Storage) {
     let claim = storage.claim_merge(LEASE, at(300)).await.unwrap().expect("a clip was placed by hand");
     assert!(matches!(claim.members[0].verdict, Verdict::Chosen { .. }));
     storage.give_back_merge(&claim, at(300)).await.unwrap();
-    storage.withdraw_choice(&home, clip.id, at(301)).await.unwrap();
+    storage.withdraw_choice(&home, clip.id, |_| true, at(301)).await.unwrap();
     let claim = storage.claim_merge(LEASE, at(302)).await.unwrap().expect("the choice was withdrawn");
     assert!(matches!(claim.members[0].verdict, Verdict::Ambiguous { .. }));
 }

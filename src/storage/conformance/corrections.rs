@@ -102,7 +102,7 @@ async fn a_correction_is_kept_until_it_is_withdrawn(storage: Storage) {
     // They go with the home.
     correct(&storage, &home, "chair-2", &renamed(Some("Stool"))).await;
     storage.delete_home(&home, at(500)).await.unwrap();
-    storage.put_home(&home, None, at(501)).await.unwrap();
+    storage.put_home(&home, None, |_| true, at(501)).await.unwrap();
     assert_eq!(storage.corrections(&home).await.unwrap(), Corrections::default());
 }
 

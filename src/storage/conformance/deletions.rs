@@ -8,7 +8,7 @@ on_every_back_end!(a_tenant_goes_whole, who_deletes_is_told_the_truth);
 /// Creates a home with a map, a clip with results, and an unfinished upload.
 async fn belongings(storage: &Storage, tenant: &Tenant) -> Clip {
     let id = tenant.home(&home("h"));
-    storage.put_home(&id, None, at(0)).await.unwrap();
+    storage.put_home(&id, None, |_| true, at(0)).await.unwrap();
     put_map(storage, &id, b"map").await;
     let clip = add(storage, &id, b"clip").await;
     let claim = storage.claim(LEASE, at(0)).await.unwrap().unwrap();

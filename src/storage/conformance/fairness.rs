@@ -17,7 +17,7 @@ async fn order(storage: &Storage, now_s: i64, count: usize) -> Vec<String> {
 
 async fn home_with_map(storage: &Storage, tenant: &str, id: &str) -> HomeId {
     let home = tenant.parse::<Tenant>().unwrap().home(&home(id));
-    storage.put_home(&home, None, at(0)).await.unwrap();
+    storage.put_home(&home, None, |_| true, at(0)).await.unwrap();
     put_map(storage, &home, b"map").await;
     home
 }

@@ -210,7 +210,7 @@ async fn a_beginning_that_is_cut_off_leaves_nothing_open(storage: Storage) {
             drop(cut_off(storage.database.begin(), waits).await);
         }
         let id = home(&format!("h-{round}"));
-        storage.put_home(&id, None, at(round)).await.unwrap();
+        storage.put_home(&id, None, |_| true, at(round)).await.unwrap();
         // No read sees an earlier state, as an old snapshot would.
         for _ in 0..4 {
             storage.home(&id).await.unwrap();

@@ -23,7 +23,7 @@ async fn a_transaction_in_which_a_statement_failed_commits_nothing(storage: Stor
     for id in ["one", "two"] {
         assert!(matches!(storage.home(&home(id)).await, Err(StorageError::NoSuchHome)), "{id}");
     }
-    storage.put_home(&home("one"), None, at(0)).await.unwrap();
+    storage.put_home(&home("one"), None, |_| true, at(0)).await.unwrap();
     storage.home(&home("one")).await.unwrap();
 }
 
@@ -37,7 +37,7 @@ async fn a_write_that_works_is_told(storage: Storage) {
 async fn fresh(folder: &Path) -> Vec<String> {
     let storage = Storage::administer(&StorageParams::in_folder(folder)).await.unwrap();
     let page = Page { limit: 1000, after: None };
-    let homes = storage.homes(&Tenant::default(), None, &page).await.unwrap();
+    let homes = storage.homes(&Tenant::default(), &HomeFilter::default(), &page).await.unwrap();
     storage.close().await;
     homes.iter().map(|home| home.id.to_string()).collect()
 }
@@ -58,7 +58,7 @@ async fn a_database_that_is_full_loses_nothing() {
         sqlx::query("PRAGMA max_page_count = 1").execute(storage.database.writer()).await.unwrap();
         let refused = loop {
             let id = format!("full-{round}-{}", acknowledged.len());
-            match storage.put_home(&home(&id), Some(&"x".repeat(2000)), at(0)).await {
+            match storage.put_home(&home(&id), Some(&"x".repeat(2000)), |_| true, at(0)).await {
                 Ok(_) => acknowledged.push(id),
                 Err(error) => break error,
             }
@@ -69,7 +69,7 @@ async fn a_database_that_is_full_loses_nothing() {
         for number in 0..40 {
             undo(&storage).await;
             let id = format!("freed-{round}-{number}");
-            storage.put_home(&home(&id), Some(&"x".repeat(2000)), at(0)).await.unwrap();
+            storage.put_home(&home(&id), Some(&"x".repeat(2000)), |_| true, at(0)).await.unwrap();
             acknowledged.push(id);
         }
         let mut here = fresh(folder.path()).await;
@@ -85,10 +85,10 @@ async fn a_write_that_is_cut_off_anywhere_harms_no_later_one() {
     let storage = in_folder(folder.path()).await;
     for waits in 0..12 {
         let cut = format!("cut-{waits}");
-        drop(cut_off(storage.put_home(&home(&cut), None, at(0)), waits).await);
+        drop(cut_off(storage.put_home(&home(&cut), None, |_| true, at(0)), waits).await);
         undo(&storage).await;
         let whole = format!("whole-{waits}");
-        storage.put_home(&home(&whole), None, at(0)).await.unwrap();
+        storage.put_home(&home(&whole), None, |_| true, at(0)).await.unwrap();
         let here = fresh(folder.path()).await;
         assert!(here.contains(&whole), "cut off after {waits} waits");
         let seen = storage.home(&home(&cut)).await.is_ok();
@@ -104,8 +104,8 @@ async fn a_database_that_another_process_holds_is_busy_and_not_broken() {
     let mut other = sqlx::ConnectOptions::connect(&options).await.unwrap();
     sqlx::query("BEGIN IMMEDIATE").execute(&mut other).await.unwrap();
     sqlx::query("PRAGMA busy_timeout = 10").execute(storage.database.writer()).await.unwrap();
-    let busy = storage.put_home(&home("h"), None, at(0)).await.unwrap_err();
+    let busy = storage.put_home(&home("h"), None, |_| true, at(0)).await.unwrap_err();
     assert!(busy.is_transient() && !busy.is_full(), "{busy}");
     sqlx::query("ROLLBACK").execute(&mut other).await.unwrap();
-    storage.put_home(&home("h"), None, at(0)).await.unwrap();
+    storage.put_home(&home("h"), None, |_| true, at(0)).await.unwrap();
 }

@@ -298,7 +298,7 @@ async fn neighbours_place_an_ambiguous_clip_and_take_it_back(storage: Storage) {
 async fn objects_are_found_across_homes(storage: Storage) {
     for id in ["a", "b"] {
         let home = home(id);
-        storage.put_home(&home, None, at(0)).await.unwrap();
+        storage.put_home(&home, None, |_| true, at(0)).await.unwrap();
         put_map(&storage, &home, b"map").await;
         add(&storage, &home, b"clip").await;
         align(&storage, AlignmentState::Aligned).await;

@@ -67,7 +67,7 @@ async fn a_job_gets_the_current_map_of_each_level(storage: Storage) {
 
 async fn a_home_has_so_many_levels(storage: Storage) {
     let home = home("h");
-    storage.put_home(&home, None, at(0)).await.unwrap();
+    storage.put_home(&home, None, |_| true, at(0)).await.unwrap();
     for n in 0..MAX_LEVELS {
         put_level(&storage, &home, level(&format!("level-{n}")), b"map").await.unwrap();
     }
@@ -125,9 +125,9 @@ async fn the_map_of_a_home_has_the_files_of_each_level(storage: Storage) {
 async fn a_choice_names_its_level(storage: Storage) {
     let (home, clip) = two_levels(&storage).await;
     let on = |name: &str| Chosen::Pose(level(name), Pose2::IDENTITY);
-    let chosen = storage.choose(&home, clip.id, on("upper"), at(1)).await.unwrap().choice.unwrap();
+    let chosen = storage.choose(&home, clip.id, on("upper"), |_| true, at(1)).await.unwrap().choice.unwrap();
     assert_eq!((chosen.level, chosen.lidar_map_revision), (level("upper"), 2));
-    let refused = storage.choose(&home, clip.id, on("attic"), at(2)).await;
+    let refused = storage.choose(&home, clip.id, on("attic"), |_| true, at(2)).await;
     assert!(matches!(refused, Err(ChoiceError::NoSuchLevel(name)) if name == level("attic")), "{refused:?}");
     // A newer map of another level does not make the choice an old one.
     put_map(&storage, &home, b"another map").await;
@@ -146,7 +146,7 @@ async fn a_level_is_removed(storage: Storage) {
     let (home, clip) = two_levels(&storage).await;
     align(&storage, AlignmentState::Aligned).await;
     let on_upper = Chosen::Pose(level("upper"), Pose2::IDENTITY);
-    storage.choose(&home, clip.id, on_upper, at(1)).await.unwrap();
+    storage.choose(&home, clip.id, on_upper, |_| true, at(1)).await.unwrap();
     storage.delete_lidar_map(&home, level("upper"), at(2)).await.unwrap();
     let gone = storage.delete_lidar_map(&home, level("upper"), at(3)).await;
     assert!(matches!(gone, Err(StorageError::NoLidarMap)), "{gone:?}");

@@ -2,7 +2,14 @@
 
 use super::*;
 
-on_every_back_end!(clips_by_state_and_time, homes_by_time_of_anything_in_them);
+on_every_back_end!(
+    clips_by_state_and_time,
+    homes_by_time_of_anything_in_them,
+    homes_by_text_and_need,
+    the_same_file_twice_is_told,
+    a_clip_is_renamed,
+    an_earlier_lidar_map_comes_back,
+);
 
 async fn clips_by_state_and_time(storage: Storage) {
     use ClipState::{Aligned, Aligning, Ambiguous, Failed, Queued, Uploaded};
@@ -46,13 +53,14 @@ async fn clips_by_state_and_time(storage: Storage) {
 async fn homes_by_time_of_anything_in_them(storage: Storage) {
     let ids = ["c", "a", "b"].map(home);
     for id in &ids {
-        storage.put_home(id, None, at(0)).await.unwrap();
+        storage.put_home(id, None, |_| true, at(0)).await.unwrap();
     }
     let after = |seconds: i64, limit, last: Option<&str>| {
         let page = Page { limit, after: last.map(home) };
+        let filter = HomeFilter { updated_after: Some(at(seconds)), ..HomeFilter::default() };
         let storage = &storage;
         async move {
-            let homes = storage.homes(&Tenant::default(), Some(at(seconds)), &page).await.unwrap();
+            let homes = storage.homes(&Tenant::default(), &filter, &page).await.unwrap();
             homes.into_iter().map(|home| home.id.to_string()).collect::<Vec<_>>()
         }
     };
@@ -61,9 +69,9 @@ async fn homes_by_time_of_anything_in_them(storage: Storage) {
     assert_eq!(after(-1, 2, Some("b")).await, ["c"]);
     assert!(after(0, 9, None).await.is_empty());
     // The same name again is no change; another one is.
-    storage.put_home(&ids[0], None, at(1)).await.unwrap();
+    storage.put_home(&ids[0], None, |_| true, at(1)).await.unwrap();
     assert!(after(0, 9, None).await.is_empty());
-    storage.put_home(&ids[0], Some("name"), at(1)).await.unwrap();
+    storage.put_home(&ids[0], Some("name"), |_| true, at(1)).await.unwrap();
     assert_eq!(after(0, 9, None).await, ["c"]);
     // Every change in a home moves its time forward, never back. (Clips and maps are added at 0 here.)
     put_map(&storage, &ids[1], b"map").await;
@@ -75,12 +83,84 @@ async fn homes_by_time_of_anything_in_them(storage: Storage) {
     assert!(storage.finish(&claim, &answer(AlignmentState::Failed), &retry, at(3)).await.unwrap());
     assert_eq!(after(2, 9, None).await, ["a"]);
     let pose = Chosen::Pose(LevelName::MAIN, viola_geometry::Pose2::IDENTITY);
-    storage.choose(&ids[1], clip.id, pose, at(4)).await.unwrap();
+    storage.choose(&ids[1], clip.id, pose, |_| true, at(4)).await.unwrap();
     assert_eq!(after(3, 9, None).await, ["a"]);
-    storage.withdraw_choice(&ids[1], clip.id, at(5)).await.unwrap();
+    storage.withdraw_choice(&ids[1], clip.id, |_| true, at(5)).await.unwrap();
     assert_eq!(after(4, 9, None).await, ["a"]);
     storage.delete_clip(&ids[1], clip.id, at(6)).await.unwrap();
     assert_eq!(after(5, 9, None).await, ["a"]);
-    storage.put_home(&ids[1], Some("late clock"), at(2)).await.unwrap();
+    storage.put_home(&ids[1], Some("late clock"), |_| true, at(2)).await.unwrap();
     assert_eq!(storage.home(&ids[1]).await.unwrap().updated_at, at(6));
+}
+
+async fn homes_by_text_and_need(storage: Storage) {
+    for (id, name) in [("elm-3", "Elm Street"), ("oak-1", "\u{c4}hrenweg 1"), ("elm_4", "100 % new")] {
+        storage.put_home(&home(id), Some(name), |_| true, at(0)).await.unwrap();
+    }
+    add(&storage, &home("oak-1"), b"waits for a map").await;
+    let found = |text: Option<&str>, needs_attention, updated_after| {
+        let filter = HomeFilter { text: text.map(str::to_owned), needs_attention, updated_after };
+        let storage = &storage;
+        async move {
+            let page = Page { limit: 9, after: None };
+            let homes = storage.homes(&Tenant::default(), &filter, &page).await.unwrap();
+            homes.into_iter().map(|home| home.id.to_string()).collect::<Vec<_>>()
+        }
+    };
+    for since in [None, Some(at(-1))] {
+        assert_eq!(found(Some("ELM"), false, since).await, ["elm-3", "elm_4"]);
+        assert_eq!(found(Some("\u{e4}hren"), false, since).await, ["oak-1"]);
+        assert_eq!(found(Some("m_"), false, since).await, ["elm_4"]);
+        assert_eq!(found(Some("0 %"), false, since).await, ["elm_4"]);
+        assert_eq!(found(Some("!"), false, since).await, Vec::<String>::new());
+        assert_eq!(found(None, true, since).await, ["oak-1"]);
+    }
+    storage.put_home(&home("elm-3"), Some("Ash"), |_| true, at(1)).await.unwrap();
+    assert_eq!(found(Some("ash"), false, None).await, ["elm-3"]);
+    assert_eq!(found(Some("street"), false, None).await, Vec::<String>::new());
+    let counts = storage.home(&home("oak-1")).await.unwrap().clips;
+    assert_eq!(counts, [1, 0, 0, 0, 0, 0]);
+    let refused = storage.put_home(&home("elm-3"), None, |home| home.is_none(), at(2)).await;
+    assert!(matches!(refused, Err(StorageError::Changed { .. })));
+}
+
+async fn the_same_file_twice_is_told(storage: Storage) {
+    let (id, first) = one_job(&storage).await;
+    let second = add(&storage, &id, b"clip").await;
+    let other = add(&storage, &id, b"another clip").await;
+    assert_eq!([first.duplicate_of, second.duplicate_of, other.duplicate_of], [None, Some(first.id), None]);
+    let page = Page { limit: 9, after: None };
+    let listed = storage.clips(&id, &ClipFilter::default(), &page).await.unwrap();
+    assert_eq!(listed[1].duplicate_of, Some(first.id));
+    storage.delete_clip(&id, first.id, at(1)).await.unwrap();
+    assert_eq!(storage.clip(&id, second.id).await.unwrap().duplicate_of, None);
+}
+
+async fn a_clip_is_renamed(storage: Storage) {
+    let (id, clip) = one_job(&storage).await;
+    let expected = |title: Option<&'static str>| move |clip: &Clip| clip.title.as_deref() == title;
+    let renamed = storage.rename_clip(&id, clip.id, Some("Kitchen"), expected(None), at(5)).await.unwrap();
+    assert_eq!((renamed.title.as_deref(), renamed.updated_at), (Some("Kitchen"), at(5)));
+    let again = storage.rename_clip(&id, clip.id, Some("Kitchen"), |_| true, at(6)).await.unwrap();
+    assert_eq!(again.updated_at, at(5));
+    let refused = storage.rename_clip(&id, clip.id, None, expected(None), at(7)).await;
+    assert!(matches!(refused, Err(StorageError::Changed { .. })));
+    assert_eq!(storage.rename_clip(&id, clip.id, None, |_| true, at(8)).await.unwrap().title, None);
+}
+
+async fn an_earlier_lidar_map_comes_back(storage: Storage) {
+    let (id, clip) = one_job(&storage).await;
+    let (first, _) = put_map(&storage, &id, b"map").await;
+    put_map(&storage, &id, b"another map").await;
+    let (current, is_new) = storage.restore_lidar_map(&id, &first, |_| true, at(5)).await.unwrap();
+    assert_eq!((current.revision, is_new, &current.sha256), (3, true, &first.sha256));
+    assert_eq!(storage.lidar_map_file(current.id()).await.unwrap(), &b"map"[..]);
+    let job = storage.clip(&id, clip.id).await.unwrap().job.unwrap();
+    assert_eq!((job.state, job.lidar_map_revision), (JobState::Queued, 3));
+    let (again, is_new) = storage.restore_lidar_map(&id, &first, |_| true, at(6)).await.unwrap();
+    assert_eq!((again, is_new), (current.clone(), false));
+    let expected = |map: Option<&LidarMapRevision>| map.is_some_and(|map| map.revision == 2);
+    let refused = storage.restore_lidar_map(&id, &first, expected, at(7)).await;
+    assert!(matches!(refused, Err(StorageError::Changed { .. })));
+    assert_eq!(storage.lidar_map(&id, LevelName::MAIN).await.unwrap(), current);
 }

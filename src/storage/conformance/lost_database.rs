@@ -195,7 +195,7 @@ async fn a_sweep_removes_a_small_part(bench: Bench) {
 async fn a_place_that_lived_is_no_lost_one(bench: Bench) {
     bench
         .with(async |storage| {
-            storage.put_home(&home("h"), None, at(0)).await.unwrap();
+            storage.put_home(&home("h"), None, |_| true, at(0)).await.unwrap();
             bench.orphan(storage, &format!("clips/{}/file", Uuid::now_v7())).await;
         })
         .await;

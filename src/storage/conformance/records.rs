@@ -16,10 +16,10 @@ on_every_back_end!(
 
 async fn homes_come_and_go(storage: Storage) {
     let id = home("Home_1.a-b");
-    let (made, is_new) = storage.put_home(&id, Some("Nice \u{1f3e0} 'home'"), at(0)).await.unwrap();
+    let (made, is_new) = storage.put_home(&id, Some("Nice \u{1f3e0} 'home'"), |_| true, at(0)).await.unwrap();
     assert!(is_new);
     assert_eq!(made.name.as_deref(), Some("Nice \u{1f3e0} 'home'"));
-    let (renamed, is_new) = storage.put_home(&id, None, at(5)).await.unwrap();
+    let (renamed, is_new) = storage.put_home(&id, None, |_| true, at(5)).await.unwrap();
     assert!(!is_new);
     assert_eq!((renamed.name.as_ref(), renamed.created_at, renamed.updated_at), (None, at(0), at(5)));
     assert_eq!(storage.home(&id).await.unwrap(), renamed);
@@ -30,12 +30,12 @@ async fn homes_come_and_go(storage: Storage) {
 async fn lists_page_through_everything_once(storage: Storage) {
     let homes: Vec<HomeId> = (0..7).map(|n| home(&format!("h{n}"))).collect();
     for id in &homes {
-        storage.put_home(id, None, at(0)).await.unwrap();
+        storage.put_home(id, None, |_| true, at(0)).await.unwrap();
     }
     let mut seen = Vec::new();
     let mut page = Page { limit: 3, after: None };
     loop {
-        let part = storage.homes(&Tenant::default(), None, &page).await.unwrap();
+        let part = storage.homes(&Tenant::default(), &HomeFilter::default(), &page).await.unwrap();
         assert!(part.len() <= 3);
         let Some(last) = part.last() else { break };
         page.after = Some(last.id.clone());
@@ -81,7 +81,7 @@ async fn what_is_not_there_is_told(storage: Storage) {
     ));
     assert!(matches!(storage.lidar_map(&nowhere, LevelName::MAIN).await, Err(StorageError::NoSuchHome)));
     let here = home("here");
-    storage.put_home(&here, None, at(0)).await.unwrap();
+    storage.put_home(&here, None, |_| true, at(0)).await.unwrap();
     let id = Uuid::now_v7();
     assert!(matches!(storage.lidar_map(&here, LevelName::MAIN).await, Err(StorageError::NoLidarMap)));
     assert!(matches!(storage.clip(&here, id).await, Err(StorageError::NoSuchClip)));
@@ -90,14 +90,14 @@ async fn what_is_not_there_is_told(storage: Storage) {
     // A clip is found in its own home only.
     let clip = add(&storage, &here, b"clip").await;
     let other = home("other");
-    storage.put_home(&other, None, at(0)).await.unwrap();
+    storage.put_home(&other, None, |_| true, at(0)).await.unwrap();
     assert!(matches!(storage.clip(&other, clip.id).await, Err(StorageError::NoSuchClip)));
     assert!(matches!(storage.align_clip(&here, clip.id, at(0)).await, Err(StorageError::NoLidarMap)));
 }
 
 async fn a_clip_waits_for_the_first_map(storage: Storage) {
     let id = home("h");
-    storage.put_home(&id, None, at(0)).await.unwrap();
+    storage.put_home(&id, None, |_| true, at(0)).await.unwrap();
     let clip = add(&storage, &id, b"clip").await;
     assert_eq!((clip.state, clip.reasons[0].code.as_str()), (ClipState::Uploaded, "no_lidar_map"));
     assert_eq!((clip.size_bytes, &clip.info, &clip.job), (4, &clip_info(), &None));
@@ -114,10 +114,7 @@ async fn a_clip_waits_for_the_first_map(storage: Storage) {
     assert_eq!(storage.lidar_map_file(claim.lidar_maps[0].id()).await.unwrap(), &b"map"[..]);
     let file = storage.clip_file(claim.job.clip).await.unwrap();
     assert_eq!(std::fs::read(file).unwrap(), b"clip");
-    assert_eq!(
-        bytes_of(Some(storage.lidar_map_image(&id, LevelName::MAIN).await.unwrap())).await,
-        b"picture"
-    );
+    assert_eq!(bytes_of(Some(storage.lidar_map_image(&map).await.unwrap())).await, b"picture");
 }
 
 async fn the_same_map_again_changes_nothing(storage: Storage) {
@@ -155,7 +152,7 @@ async fn a_key_replays_its_file_and_refuses_another(storage: Storage) {
     assert!(matches!(add_with_key(&storage, &id, b"one", Some("other key")).await, Added::New(_)));
     // A key belongs to a home, and lives as long as its clip.
     let other = home("other");
-    storage.put_home(&other, None, at(0)).await.unwrap();
+    storage.put_home(&other, None, |_| true, at(0)).await.unwrap();
     assert!(matches!(add_with_key(&storage, &other, b"one", Some("key")).await, Added::New(_)));
     storage.delete_clip(&id, first.id, at(500)).await.unwrap();
     assert!(matches!(add_with_key(&storage, &id, b"two", Some("key")).await, Added::New(_)));
@@ -209,7 +206,7 @@ async fn deleting_leaves_no_byte(storage: Storage) {
 async fn tables_of_a_newer_version_are_tolerated() {
     let folder = tempfile::tempdir().unwrap();
     let storage = in_folder(folder.path()).await;
-    storage.put_home(&home("h"), None, at(0)).await.unwrap();
+    storage.put_home(&home("h"), None, |_| true, at(0)).await.unwrap();
     let mut transaction = storage.database.begin().await.unwrap();
     let later = "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
         VALUES (9999, 'later', TRUE, x'00', 0)";

@@ -23,7 +23,7 @@ async fn the_same_id_is_another_home(storage: Storage) {
     for (n, tenant) in three().iter().enumerate() {
         let id = tenant.home(&home("h"));
         assert_eq!((id.tenant(), id.as_str(), id.to_string().as_str()), (tenant.name(), "h", "h"));
-        let (made, is_new) = storage.put_home(&id, Some(tenant.name()), at(0)).await.unwrap();
+        let (made, is_new) = storage.put_home(&id, Some(tenant.name()), |_| true, at(0)).await.unwrap();
         assert!(is_new && made.id == id);
         put_map(&storage, &id, b"map").await;
         clips.push(add(&storage, &id, &[n as u8]).await);
@@ -47,15 +47,16 @@ async fn the_same_id_is_another_home(storage: Storage) {
 async fn lists_and_the_feed_are_a_tenants_own(storage: Storage) {
     for tenant in &three() {
         for id in ["a", "b"] {
-            storage.put_home(&tenant.home(&home(id)), None, at(0)).await.unwrap();
+            storage.put_home(&tenant.home(&home(id)), None, |_| true, at(0)).await.unwrap();
         }
     }
     let page = |after: Option<HomeId>| Page { limit: 1, after };
     for tenant in &three() {
-        for since in [None, Some(at(-1))] {
-            let first = storage.homes(tenant, since, &page(None)).await.unwrap();
-            let second = storage.homes(tenant, since, &page(Some(first[0].id.clone()))).await.unwrap();
-            let third = storage.homes(tenant, since, &page(Some(second[0].id.clone()))).await.unwrap();
+        for updated_after in [None, Some(at(-1))] {
+            let since = HomeFilter { updated_after, ..HomeFilter::default() };
+            let first = storage.homes(tenant, &since, &page(None)).await.unwrap();
+            let second = storage.homes(tenant, &since, &page(Some(first[0].id.clone()))).await.unwrap();
+            let third = storage.homes(tenant, &since, &page(Some(second[0].id.clone()))).await.unwrap();
             assert_eq!([&first[0].id, &second[0].id], [&tenant.home(&home("a")), &tenant.home(&home("b"))]);
             assert!(third.is_empty());
         }
@@ -74,7 +75,7 @@ async fn lists_and_the_feed_are_a_tenants_own(storage: Storage) {
 async fn bytes_are_counted(storage: Storage) {
     let [acme, other, _] = three();
     let id = acme.home(&home("h"));
-    storage.put_home(&id, None, at(0)).await.unwrap();
+    storage.put_home(&id, None, |_| true, at(0)).await.unwrap();
     assert_eq!(storage.tenant_bytes(&acme).await.unwrap(), 0);
     put_map(&storage, &id, b"a map").await;
     put_map(&storage, &id, b"another").await;
@@ -91,7 +92,7 @@ async fn bytes_are_counted(storage: Storage) {
 async fn parts_are_joined_within_a_tenant(storage: Storage) {
     let [acme, other, _] = three();
     for tenant in [&acme, &other] {
-        storage.put_home(&tenant.home(&home("h")), None, at(0)).await.unwrap();
+        storage.put_home(&tenant.home(&home("h")), None, |_| true, at(0)).await.unwrap();
     }
     let limits = UploadLimits::default();
     let new = NewUpload {

@@ -22,7 +22,7 @@ fn limits() -> UploadLimits {
 
 async fn begin(storage: &Storage, kind: UploadKind, length_bytes: Option<u64>) -> Uuid {
     let of = home("h");
-    storage.put_home(&of, None, at(0)).await.unwrap();
+    storage.put_home(&of, None, |_| true, at(0)).await.unwrap();
     let home = (kind == UploadKind::Whole).then_some(of);
     let new = NewUpload {
         kind,
@@ -52,7 +52,14 @@ async fn whole(storage: &Storage, bytes: &[u8]) -> Uuid {
 }
 
 fn new_clip(file: Arrived) -> NewClip {
-    NewClip { file, info: clip_info(), idempotency_key: None, recorded_at: None }
+    NewClip {
+        file,
+        info: clip_info(),
+        idempotency_key: None,
+        recorded_at: None,
+        title: None,
+        file_name: None,
+    }
 }
 
 async fn finish(storage: &Storage, claim: &UploadClaim) -> Option<Added> {
@@ -168,7 +175,7 @@ async fn a_claim_that_was_lost_ends_nothing(storage: Storage) {
     assert!(storage.claim_upload(id, LEASE, at(101)).await.unwrap().is_none(), "the claim is held");
     assert!(matches!(finish(&storage, &claim).await, Some(Added::New(_))));
     assert!(finish_again(&storage, &claim).await, "a second end changes nothing");
-    assert_eq!(storage.home(&home("h")).await.unwrap().clips, 1);
+    assert_eq!(storage.home(&home("h")).await.unwrap().clips.iter().sum::<i64>(), 1);
     assert_eq!(storage.blobs_that_exist().await, storage.blob_keys_that_matter().await);
 }
 

@@ -27,7 +27,7 @@ async fn webhook(storage: &Storage, kinds: &[ChangeKind]) -> Uuid {
 }
 
 async fn put(storage: &Storage, id: &str, name: &str) {
-    storage.put_home(&acme().home(&home(id)), Some(name), at(0)).await.unwrap();
+    storage.put_home(&acme().home(&home(id)), Some(name), |_| true, at(0)).await.unwrap();
 }
 
 async fn claim(storage: &Storage, now: Timestamp) -> Option<Sending> {
@@ -62,7 +62,7 @@ async fn changes_become_deliveries(storage: Storage) {
     put(&storage, "h", "one").await;
     storage.delete_home(&acme().home(&home("h")), at(1)).await.unwrap();
     put(&storage, "g", "two").await;
-    storage.put_home(&home("of-another-tenant"), None, at(0)).await.unwrap();
+    storage.put_home(&home("of-another-tenant"), None, |_| true, at(0)).await.unwrap();
     assert!(!storage.fan_out(at(2)).await.unwrap());
     assert!(!storage.fan_out(at(2)).await.unwrap(), "again makes nothing new");
     let mut told = log(&storage, all).await;

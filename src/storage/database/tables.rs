@@ -17,6 +17,7 @@ const MIGRATIONS: &[(i64, &str, &str)] = &[
     (9, "early poses", include_str!("../../../migrations/0009_early_poses.sql")),
     (10, "corrections", include_str!("../../../migrations/0010_corrections.sql")),
     (11, "levels", include_str!("../../../migrations/0011_levels.sql")),
+    (14, "names and coverage", include_str!("../../../migrations/0014_names_and_coverage.sql")),
 ];
 
 /// Tolerates tables of a newer version: they extend those of this one.

@@ -6,7 +6,8 @@ use super::{HomeMap, MapFile, MapLevel, MapObject, MapScene, map_file, objects, 
 use crate::storage::columns::{Columns, to_json};
 use crate::storage::database::{Connection, Row, query};
 use crate::storage::{
-    Choice, ClipState, Corrections, HomeId, LidarMapRevision, Storage, StorageError, corrections, lidar_maps,
+    Choice, ClipState, Corrections, HomeId, LevelCoverage, LidarMapRevision, Storage, StorageError,
+    corrections, lidar_maps,
 };
 use jiff::Timestamp;
 use rows::{Written, insert};
@@ -65,6 +66,8 @@ pub struct NewRevision {
     pub tiles: Vec<(TileKey, Option<Vec<u8>>)>,
     pub files: Vec<(LevelName, &'static str, Vec<u8>)>,
     pub objects: Vec<MapObject>,
+    /// The seen part of each level.
+    pub coverage: Vec<LevelCoverage>,
     /// True if objects were added, moved or are gone.
     pub has_object_changes: bool,
 }
@@ -261,6 +264,11 @@ impl Storage {
                 objects::replace(&mut transaction, &claim.home, &new.objects).await?;
                 let clips = &new.manifest.clips;
                 places::tell(&mut transaction, &claim.home, &claim.members, clips, revision, now).await?;
+                query("UPDATE homes SET coverage = $2 WHERE id = $1")
+                    .bind(claim.home.key())
+                    .bind(to_json(&new.coverage))
+                    .execute(&mut transaction)
+                    .await?;
                 insert(&mut transaction, claim, new, &written, now).await?
             }
             None => Vec::new(),

@@ -15,18 +15,22 @@ use viola_geometry::{LevelName, MAX_LEVELS};
 pub struct NewLidarMap {
     pub level: LevelName,
     pub file: Arrived,
+    /// Name of the file, from its sender.
+    pub file_name: Option<String>,
     pub info: LidarInfo,
     /// Preview picture.
     pub image_png: Vec<u8>,
 }
 
 impl Storage {
-    /// Adds a revision of a level and queues every clip of the home for it. The same file as the level's
-    /// current revision changes nothing. Returns the revision and whether it is new.
+    /// Adds a revision of a level and queues every clip of the home for it, if the level's current revision is as
+    /// `expected`. The same file as that of the current revision changes nothing. Returns the revision and whether it
+    /// is new.
     pub async fn put_lidar_map(
         &self,
         home: &HomeId,
         new: NewLidarMap,
+        expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
         now: Timestamp,
     ) -> Result<(LidarMapRevision, bool), StorageError> {
         let id = Uuid::now_v7();
@@ -35,24 +39,66 @@ impl Storage {
             level: new.level,
             size_bytes: new.file.size_bytes,
             sha256: new.file.sha256.clone(),
+            file_name: new.file_name,
             info: new.info,
         };
         // Concurrently: a slow store delays this once.
         let (file_key, image_key) = (file_key(id), image_key(id));
         let (file, image) =
             tokio::join!(self.blobs.keep(new.file, &file_key), self.blobs.put(&image_key, new.image_png));
-        if let Err(error) = file.and(image) {
-            self.blobs.discard(&[file_key, image_key]).await;
+        self.add_row(home, row, file.and(image), expected, now).await
+    }
+
+    /// Makes an earlier revision of a level the current one again, as a new revision with the same file, if the
+    /// level's current revision is as `expected`. Returns the current revision and whether it is new.
+    pub async fn restore_lidar_map(
+        &self,
+        home: &HomeId,
+        earlier: &LidarMapRevision,
+        expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
+        now: Timestamp,
+    ) -> Result<(LidarMapRevision, bool), StorageError> {
+        let id = Uuid::now_v7();
+        let row = NewRow {
+            id,
+            level: earlier.level,
+            size_bytes: earlier.size_bytes,
+            sha256: earlier.sha256.clone(),
+            file_name: earlier.file_name.clone(),
+            info: earlier.info.clone(),
+        };
+        let file = self.blobs.read_all(&super::file_key(earlier.id)).await?;
+        let image = self.blobs.read_all(&super::image_key(earlier.id)).await?;
+        let (file_key, image_key) = (file_key(id), image_key(id));
+        let (file, image) = tokio::join!(
+            self.blobs.put(&file_key, file.to_vec()),
+            self.blobs.put(&image_key, image.to_vec())
+        );
+        self.add_row(home, row, file.and(image), expected, now).await
+    }
+
+    /// Adds the row of a revision whose blobs were `stored`. Removes them if it is not added.
+    async fn add_row(
+        &self,
+        home: &HomeId,
+        new: NewRow,
+        stored: Result<(), StorageError>,
+        expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
+        now: Timestamp,
+    ) -> Result<(LidarMapRevision, bool), StorageError> {
+        let keys = [file_key(new.id), image_key(new.id)];
+        if let Err(error) = stored {
+            self.blobs.discard(&keys).await;
             return Err(error);
         }
-        let added = self.insert_lidar_map(home, row, now).await;
+        let added = self.insert_lidar_map(home, new, expected, now).await;
         let is_for_nothing = match &added {
             Ok((_, is_new)) => !is_new,
             // The row may exist nevertheless; a sweep decides.
             Err(error) => !error.is_unsettled(),
         };
         if is_for_nothing {
-            self.blobs.discard(&[file_key, image_key]).await;
+            self.blobs.discard(&keys).await;
         }
         added
     }
@@ -61,13 +107,18 @@ impl Storage {
         &self,
         home: &HomeId,
         new: NewRow,
+        expected: impl Fn(Option<&LidarMapRevision>) -> bool + Send,
         now: Timestamp,
     ) -> Result<(LidarMapRevision, bool), StorageError> {
         let mut transaction = self.database.begin().await?;
         if !homes::lock(&mut transaction, home).await? {
             return Err(StorageError::NoSuchHome);
         }
-        match current(&mut transaction, home, new.level).await? {
+        let before = current(&mut transaction, home, new.level).await?;
+        if !expected(before.as_ref()) {
+            return Err(StorageError::Changed { what: "LiDAR map" });
+        }
+        match before {
             Some(current) if current.sha256 == new.sha256 => return Ok((current, false)),
             None if levels(&mut transaction, home).await?.len() >= MAX_LEVELS => {
                 return Err(StorageError::TooManyLevels);
@@ -79,8 +130,9 @@ impl Storage {
         let last = last.bind(home.key()).fetch_one(&mut transaction).await?;
         let revision = last.number("last")? + 1;
         query(
-            "INSERT INTO lidar_maps (id, home_id, revision, size_bytes, sha256, info, created_at, level)
-            VALUES ($1, $2, $3, $4, $5, $6, $7, $8)",
+            "INSERT INTO lidar_maps (id, home_id, revision, size_bytes, sha256, info, created_at, level,
+                file_name)
+            VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
         )
         .bind(new.id.to_string())
         .bind(home.key())
@@ -90,6 +142,7 @@ impl Storage {
         .bind(to_json(&new.info))
         .bind(now.as_millisecond())
         .bind(new.level.as_str())
+        .bind(&new.file_name)
         .execute(&mut transaction)
         .await?;
         homes::grow(&mut transaction, home, new.size_bytes as i64).await?;
@@ -107,5 +160,6 @@ struct NewRow {
     level: LevelName,
     size_bytes: u64,
     sha256: String,
+    file_name: Option<String>,
     info: LidarInfo,
 }

@@ -1,0 +1,87 @@
+//! What the OpenAPI document has beyond the operations' own descriptions: an example for every schema and every JSON
+//! answer, the types of problems, and conditional requests.
+
+mod examples;
+
+use super::error::CODES;
+use examples::Examples;
+use serde_json::{Map, Value, json};
+use utoipa::openapi::OpenApi;
+
+const PROBLEM: &str = "application/problem+json";
+const JSON: &str = "application/json";
+
+/// Returns the whole document.
+pub(super) fn complete(document: &OpenApi) -> OpenApi {
+    let mut document = serde_json::to_value(document).expect("the document has text keys");
+    document["servers"] = json!([{"url": "/", "description": "The service that serves this document"}]);
+    list_problem_types(&mut document);
+    let examples = Examples::of(&mut document);
+    for (path, operations) in members(document.get_mut("paths")) {
+        for (method, operation) in members(Some(operations)) {
+            if method == "get" && path.starts_with("/v1/") {
+                allow_conditions(operation);
+            }
+            for (status, answer) in members(operation.get_mut("responses")) {
+                show_answer(answer, status, &examples);
+            }
+        }
+    }
+    serde_json::from_value(document).expect("it is the document with more members of the same kinds")
+}
+
+/// Returns the members of an object; none of anything else.
+fn members(value: Option<&mut Value>) -> impl Iterator<Item = (&String, &mut Value)> {
+    value.and_then(Value::as_object_mut).into_iter().flat_map(Map::iter_mut)
+}
+
+fn list_problem_types(document: &mut Value) {
+    let types = CODES.iter().map(|code| kind(&code.replace('_', "-")));
+    document["components"]["schemas"]["Problem"]["properties"]["type"]["enum"] = types.collect();
+}
+
+/// Returns the type of a problem from its code with hyphens.
+fn kind(code: &str) -> String {
+    format!("urn:viola:problem:{code}")
+}
+
+/// Adds the condition and the answer of a request that has the answer already. Streams have no entity tag.
+fn allow_conditions(operation: &mut Value) {
+    let is_stream = |kind: &String| ["text/event-stream", "application/zip"].contains(&kind.as_str());
+    let kinds = operation["responses"]["200"]["content"].as_object().into_iter().flat_map(Map::keys);
+    if kinds.clone().next().is_none() || kinds.clone().all(is_stream) {
+        return;
+    }
+    let condition = json!({"name": "If-None-Match", "in": "header", "required": false, "schema": {"type": "string"},
+        "description": "The `ETag` of an earlier answer: the answer is 304 if nothing has changed"});
+    if let Some(parameters) = operation["parameters"].as_array_mut() {
+        parameters.push(condition);
+    } else {
+        operation["parameters"] = json!([condition]);
+    }
+    if operation["responses"]["304"].is_null() {
+        operation["responses"]["304"] = json!({"description": "The client has it"});
+    }
+}
+
+fn show_answer(answer: &mut Value, status: &str, examples: &Examples) {
+    // The first code of the description stands for the others.
+    let description = answer["description"].as_str().unwrap_or_default().to_owned();
+    for (media_type, content) in members(answer.get_mut("content")) {
+        let example = match media_type.as_str() {
+            PROBLEM => Some(problem(&description, status)),
+            JSON => examples.of_schema(&content["schema"]),
+            _ => None,
+        };
+        if let Some(example) = example {
+            content["example"] = example;
+        }
+    }
+}
+
+fn problem(description: &str, status: &str) -> Value {
+    let of_code = |code: &&str| CODES.contains(&code.replace('-', "_").as_str());
+    let code = description.split('`').skip(1).step_by(2).find(of_code).unwrap_or("invalid-query");
+    let title = description.split([':', ';']).next().unwrap_or_default().trim_matches(['`', ' ']);
+    json!({"type": kind(code), "title": title, "status": status.parse::<u16>().unwrap_or(500), "detail": description})
+}
