@@ -14,6 +14,7 @@ const lidar = new Blob([await readFile(map)]);
 const revision = accepted(
   await api.PUT("/v1/homes/{home}/lidar-map", { params: { path: { home } }, body: lidar, ...octets }),
 );
+assert.ok("revision" in revision);
 assert.equal(revision.revision, 1);
 
 const added = accepted(

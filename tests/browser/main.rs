@@ -3,6 +3,8 @@
 //! They need Node.js, the packages of `web/` (a build fetches them) and Chromium (`$CHROMIUM`, or Debian's).
 //! Without them they are skipped with a message, or fail if `VIOLA_BROWSER=1`.
 
+mod origin;
+
 use image::RgbImage;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

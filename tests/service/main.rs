@@ -7,6 +7,7 @@ mod demo;
 mod disk_full;
 mod kill;
 mod networks;
+mod python;
 mod schemathesis;
 mod serving;
 mod typescript;

@@ -1,0 +1,53 @@
+"""A home from its map to its clip's pose, by the generated client: `python tour.py BASE MAP CLIP`."""
+
+import json
+import sys
+import time
+
+from viola_client import Client
+from viola_client.api.changes import list_changes
+from viola_client.api.clips import add_clip, get_clip, get_clip_recording, patch_clip
+from viola_client.api.homes import get_home, list_homes, put_home
+from viola_client.api.lidar_map import put_lidar_map
+from viola_client.models import ClipPatch, ClipState, HomeBody, LidarMapDryRun, Problem, ProblemType
+from viola_client.types import File
+
+base, lidar, clip = sys.argv[1:]
+api = Client(base_url=base)
+home = "python"
+
+
+def accepted(answer):
+    """The answer, if it is no refusal."""
+    assert not isinstance(answer, Problem), answer
+    assert answer is not None
+    return answer
+
+
+accepted(put_home.sync(home, client=api, body=HomeBody(name="Elm Street")))
+with open(lidar, "rb") as file:
+    report = accepted(put_lidar_map.sync(home, client=api, body=File(file), dry_run=True))
+assert isinstance(report, LidarMapDryRun), report
+with open(lidar, "rb") as file:
+    assert accepted(put_lidar_map.sync(home, client=api, body=File(file))).revision == 1
+
+with open(clip, "rb") as file:
+    added = accepted(add_clip.sync(home, client=api, body=File(file), filename="tour.zip", idempotency_key="tour"))
+now = added
+while now.state in (ClipState.QUEUED, ClipState.ALIGNING):
+    time.sleep(0.1)
+    now = accepted(get_clip.sync(home, added.id, client=api))
+assert accepted(patch_clip.sync(home, added.id, client=api, body=ClipPatch(title="Kitchen"))).title == "Kitchen"
+recording = accepted(get_clip_recording.sync(home, added.id, client=api)).payload.read()
+with open(clip, "rb") as file:
+    assert recording == file.read()
+
+homes = accepted(list_homes.sync(client=api, q="ELM"))
+assert [one.id for one in homes.items] == [home]
+changes = accepted(list_changes.sync(client=api, limit=10))
+assert any(str(change.clip) == str(added.id) for change in changes.items)
+
+# A refusal has a type that programs can tell apart.
+nowhere = get_home.sync("nowhere", client=api)
+assert isinstance(nowhere, Problem) and nowhere.type_ == ProblemType.URNVIOLAPROBLEMHOME_NOT_FOUND, nowhere
+print(json.dumps({"state": now.state.value, "map_from_clip": now.alignment.map_from_clip.to_dict()}))
