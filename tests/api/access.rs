@@ -116,7 +116,8 @@ fn every_route(of: &Belongings) -> Vec<(Method, String)> {
         let webhook = of.webhook.rsplit('/').next().unwrap();
         let filled = filled.replace("{upload}", upload).replace("{webhook}", webhook);
         let filled = filled.replace("{delivery}", &of.delivery);
-        let filled = filled.replace("{object}", "chair-1").replace("{room}", "1").replace("{level}", "main");
+        let filled = filled.replace("{object}", "chair-1").replace("{room}", "1");
+        let filled = filled.replace("{level}", "main").replace("{revision}", "1");
         assert!(!filled.contains('{'), "{path} names something that this test does not know");
         for method in operations.as_object().unwrap().keys() {
             routes.push((method.to_uppercase().parse().unwrap(), filled.clone()));
