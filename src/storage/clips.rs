@@ -14,8 +14,8 @@ use super::database::{Connection, Row, Transaction, query};
 use super::incoming::Arrived;
 use super::jobs::{self, Priority};
 use super::{
-    BlobReader, Choice, ClipState, HomeId, Job, Placement, Storage, StorageError, home_maps, homes, lidar_maps,
-    result_file,
+    BlobReader, Choice, ClipState, HomeId, Job, Placement, Storage, StorageError, home_maps, homes,
+    lidar_maps, result_file,
 };
 use jiff::Timestamp;
 use uuid::Uuid;
