@@ -77,7 +77,7 @@ async fn merges_go_on_after_the_clock_was_set_back(storage: Storage) {
 
 async fn uploads_go_on_after_the_clock_was_set_back(storage: Storage) {
     let (home, limits) = (home("h"), UploadLimits::default());
-    storage.put_home(&home, None, at(0)).await.unwrap();
+    storage.put_home(&home, None, |_| true, at(0)).await.unwrap();
     let new = NewUpload {
         kind: UploadKind::Whole,
         tenant: Tenant::default(),

@@ -28,7 +28,7 @@ async fn stored(storage: &Storage) -> Vec<String> {
 /// Returns the secret with which the next delivery is signed.
 async fn signs(storage: &Storage, now: Timestamp) -> Result<WebhookSecret, StorageError> {
     let acme: Tenant = "acme".parse().unwrap();
-    storage.put_home(&acme.home(&home("h")), Some(&now.to_string()), now).await?;
+    storage.put_home(&acme.home(&home("h")), Some(&now.to_string()), |_| true, now).await?;
     storage.fan_out(now).await?;
     let sending = storage.claim_deliveries(16, LEASE, now).await?.expect("a delivery is due");
     storage.release_webhook(&sending, now).await?;
