@@ -29,7 +29,9 @@ pub fn check_aligned(path: &Path, layout: &str, recording: &Recording, direct: &
     let off_m = (got.x_m - want.x_m).hypot(got.y_m - want.y_m);
     let off_deg = got.inverse().compose(&want).yaw_rad.abs().to_degrees();
     println!("{layout}: {:.1} mm and {off_deg:.2} degrees from the direct path", off_m * 1000.0);
-    assert!(off_m < 0.01 && off_deg < 0.25, "{layout}: {off_m} m, {off_deg} degrees off");
+    // The scale of a clip without metres is found within 2 %: 6 cm at 3 m.
+    let most = if clip.info().metric { (0.01, 0.25) } else { (0.06, 0.5) };
+    assert!(off_m < most.0 && off_deg < most.1, "{layout}: {off_m} m, {off_deg} degrees off");
 }
 
 #[test]

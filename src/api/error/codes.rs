@@ -1,7 +1,7 @@
 //! The codes of all problems, for the OpenAPI document.
 
 /// The codes, with underscores, in order.
-pub(in crate::api) const CODES: [&str; 141] = [
+pub(in crate::api) const CODES: [&str; 148] = [
     "archive_bomb",
     "bad_compression",
     "bad_depth",
@@ -37,6 +37,8 @@ pub(in crate::api) const CODES: [&str; 141] = [
     "empty",
     "file_too_large",
     "forbidden",
+    "foreign_host",
+    "foreign_origin",
     "frames_not_ascending",
     "home_not_found",
     "idempotency_key_reused",
@@ -80,9 +82,11 @@ pub(in crate::api) const CODES: [&str; 141] = [
     "path_escapes",
     "picture_too_large",
     "range_not_satisfiable",
+    "readers_busy",
     "result_not_found",
     "room_not_found",
     "route_not_found",
+    "session_ended",
     "several_clips",
     "several_trajectories",
     "stopping",
@@ -97,6 +101,7 @@ pub(in crate::api) const CODES: [&str; 141] = [
     "too_many_corrections",
     "too_many_entries",
     "too_many_exports",
+    "too_many_failed_keys",
     "too_many_frames",
     "too_many_levels",
     "too_many_pieces",
@@ -104,11 +109,13 @@ pub(in crate::api) const CODES: [&str; 141] = [
     "too_many_requests",
     "too_many_uploads",
     "too_many_webhooks",
+    "took_too_long",
     "tus_version_unsupported",
     "unavailable",
     "unknown_checksum_algorithm",
     "unknown_format",
     "unknown_layout",
+    "unpacks_too_large",
     "unreadable",
     "unsupported_media_type",
     "upload_final",
@@ -151,9 +158,10 @@ mod tests {
     use std::collections::BTreeSet;
 
     /// The sources that map errors to codes, and the text before a code in them.
-    const SOURCES: [(&str, &[&str]); 7] = [
+    const SOURCES: [(&str, &[&str]); 8] = [
         (include_str!("../error.rs"), &["S::", "(status, "]),
         (include_str!("correction.rs"), &["S::"]),
+        (include_str!("defence.rs"), &["S::"]),
         (include_str!("../uploads/refusal.rs"), &["S::", "(status, "]),
         (include_str!("../../../crates/viola-formats/src/lidar/error.rs"), &["=> "]),
         (include_str!("../../../crates/viola-formats/src/clip/error.rs"), &["=> "]),

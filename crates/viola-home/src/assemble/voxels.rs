@@ -129,16 +129,25 @@ impl Voxels {
     }
 }
 
+/// Steps of a metre and of a normal's part. Files of the points compress to half of their size with them, and sensors
+/// have more noise.
+const PLACES: f64 = 1024.0;
+const NORMAL_PLACES: f64 = 256.0;
+
+fn rounded(value: f64, places: f64) -> f32 {
+    ((value * places).round() / places) as f32
+}
+
 impl Voxel {
     fn point(&self, key: &[i32; 3], side_m: f64) -> CloudPoint {
         let mean = |sum: i64| sum as f64 / self.weight as f64;
         let position_m =
-            [0, 1, 2].map(|axis| (f64::from(key[axis]) * side_m + mean(self.position[axis]) * 1e-5) as f32);
+            [0, 1, 2].map(|axis| f64::from(key[axis]) * side_m + mean(self.position[axis]) * 1e-5);
         let normal = Vector3::from(self.normal.map(|sum| sum as f64)).try_normalize(1e-9);
         let normal = normal.unwrap_or(Vector3::z());
         CloudPoint {
-            position_m,
-            normal: [normal.x as f32, normal.y as f32, normal.z as f32],
+            position_m: position_m.map(|metres| rounded(metres, PLACES)),
+            normal: [normal.x, normal.y, normal.z].map(|part| rounded(part, NORMAL_PLACES)),
             color: self.color(),
             label: self.label(),
             weight: self.weight.min(i64::from(u16::MAX)) as u16,

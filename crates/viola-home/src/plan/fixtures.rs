@@ -87,7 +87,7 @@ pub(super) fn add(plan: &mut Plan, points: &[MapPoint]) {
         let windows = runs(&steps, Step::shows_window, WINDOW_M);
         let on_line =
             windows.into_iter().map(|run| opening(&front.line, run, OpeningKind::Window, &labelled));
-        found.extend(on_line.map(|opening| front.on_wall(opening)));
+        found.extend(on_line.filter_map(|opening| front.on_wall(opening)));
     }
     for mut opening in found {
         if !plan.openings.iter().any(|other| meet(other, &opening)) {
