@@ -2,6 +2,7 @@
 
 use super::error::{Error, Problem};
 use super::metrics;
+use super::problems::KeyProblems;
 use crate::storage::{Storage, StorageError};
 use axum::Json;
 use axum::extract::State;
@@ -68,7 +69,8 @@ async fn healthz() -> Json<Health> {
         (status = 200, description = "The service is ready", body = Readiness),
         (status = 503, description = "Its database or its blobs do not answer, or a disk is full: `not-ready`; `field` is \
             `database`, `blobs` or `disk`",
-            body = Problem, content_type = "application/problem+json")))]
+            body = Problem, content_type = "application/problem+json"),
+        KeyProblems))]
 async fn readyz(State(storage): State<Arc<Storage>>) -> Result<Json<Readiness>, Error> {
     let not_ready =
         |what: &'static str| move |error: StorageError| Error::NotReady { what, cause: Some(error) };

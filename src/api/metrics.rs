@@ -1,5 +1,6 @@
 //! `/metrics`, in the text format of Prometheus. No metric contains names of tenants, homes or clips.
 
+use super::problems::KeyProblems;
 use crate::storage::{QueueState, Storage, StorageError};
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderValue, header};
@@ -80,7 +81,7 @@ pub(super) async fn count(request: Request, next: Next) -> Response {
 ///
 /// A second listener (`--admin-listen`) serves them without a key.
 #[utoipa::path(get, path = "/metrics", tag = "service",
-    responses((status = 200, description = "Text for Prometheus", body = String, content_type = "text/plain")))]
+    responses((status = 200, description = "Text for Prometheus", body = String, content_type = "text/plain"), KeyProblems))]
 pub(super) async fn metrics(State(storage): State<Arc<Storage>>) -> Response {
     match storage.queue_state(Timestamp::now()).await {
         Ok(state) => tell(&state),

@@ -21,27 +21,40 @@ fn responses(problems: &[(&str, &str)]) -> Responses {
     responses
 }
 
+/// Problems of keys and of too many requests.
+const KEY_PROBLEMS: [(&str, &str); 3] = [
+    (
+        "401",
+        "The service asks for a key, and none came or one that is not valid: `key-missing`, `key-invalid`, `session-ended`",
+    ),
+    (
+        "403",
+        "The key's role or home does not allow it: `forbidden`. Or a service without keys was called by another name or by a page of another site: `foreign-host`, `foreign-origin`",
+    ),
+    (
+        "429",
+        "The tenant sends too many requests, or the address too many keys that are not valid; `Retry-After` says how long to wait: `too-many-requests`, `too-many-failed-keys`",
+    ),
+];
+
+/// Problems of operations that need a key, and nothing else of the request.
+pub(super) struct KeyProblems;
+
+impl IntoResponses for KeyProblems {
+    fn responses() -> Responses {
+        responses(&KEY_PROBLEMS)
+    }
+}
+
 /// Problems of every operation.
 pub(super) struct CommonProblems;
 
 impl IntoResponses for CommonProblems {
     fn responses() -> Responses {
-        responses(&[
+        let own = [
             (
                 "400",
                 "A part of the path, a query parameter or a header is not valid: `invalid-path`, `invalid-query`, `invalid-header`; or the body is not whole or not JSON: `body-incomplete`, `malformed-json`",
-            ),
-            (
-                "401",
-                "The service asks for a key, and none came or one that is not valid: `key-missing`, `key-invalid`, `session-ended`",
-            ),
-            (
-                "403",
-                "The key's role or home does not allow it: `forbidden`. Or a service without keys was called by another name or by a page of another site: `foreign-host`, `foreign-origin`",
-            ),
-            (
-                "429",
-                "The tenant sends too many requests, or the address too many keys that are not valid; `Retry-After` says how long to wait: `too-many-requests`, `too-many-failed-keys`",
             ),
             (
                 "404",
@@ -55,7 +68,8 @@ impl IntoResponses for CommonProblems {
                 "503",
                 "The database or the store of files does not answer now, or too many files are being read: `unavailable`, `readers-busy`. `Retry-After` says when to try again",
             ),
-        ])
+        ];
+        responses(&[&own[..], &KEY_PROBLEMS].concat())
     }
 }
 
