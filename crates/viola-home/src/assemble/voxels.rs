@@ -215,7 +215,7 @@ mod tests {
         assert_eq!(points.len(), 1);
         let seen = &points[0];
         // By hand: (10 + 2 * 20 + 12) / 4 = 15.5 mm, (10 + 2 * 20 + 30) / 4 = 20, (0.5 + 0.4) / 3 = 0.3; every label has one view.
-        assert!((seen.point.position_m[0] - 0.0155).abs() < 1e-5);
+        assert!((f64::from(seen.point.position_m[0]) - 0.0155).abs() <= 0.5 / PLACES);
         assert_eq!((seen.point.color, seen.point.label.class, seen.clip), ([20, 0, 0], Class::Table, 3));
         assert!((seen.point.label.probability() - 0.3).abs() < 0.005);
     }
