@@ -1,4 +1,4 @@
-//! What the OpenAPI document has beyond the operations' own descriptions: an example for every schema and every JSON
+//! Additions of the OpenAPI document to the operations' own descriptions: an example for every schema and every JSON
 //! answer, the types of problems, and conditional requests.
 
 mod examples;

@@ -8,7 +8,7 @@ use axum::Json;
 use axum::extract::State;
 use serde::Serialize;
 
-/// What a tenant uses, and its limits
+/// Bytes and uploads of a tenant, and its limits
 #[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct Usage {
     #[schema(example = "acme")]

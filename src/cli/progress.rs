@@ -8,7 +8,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 use viola_geometry::progress::{Progress, Stage};
 
-/// How much is printed about the work beside its result.
+/// Amount of output about the work beside its result.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
 pub enum Verbosity {
     Quiet,

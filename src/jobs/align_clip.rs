@@ -75,7 +75,7 @@ pub struct JobParams {
     pub align: AlignParams,
     /// Decoders of clips' videos.
     pub video: video::Tools,
-    /// Where archives are unpacked.
+    /// Place for unpacked archives.
     pub scratch: Scratch,
     /// True if the sender of the clip says that its unit is unknown.
     pub unknown_scale: bool,

@@ -73,6 +73,6 @@ fn shells_and_man_get_their_files() {
     assert_eq!(run(&["man", "--out", "pages"], folder.path()).0, Some(0));
     let page = std::fs::read_to_string(folder.path().join("pages/viola-align.1")).unwrap();
     assert!(page.contains("no pose can be given"), "the exit codes are missing: {page}");
-    // What other processes of viola call is not for people.
+    // Commands that only other processes of viola call have no page.
     assert!(!folder.path().join("pages/viola-open-clip.1").exists());
 }

@@ -1,4 +1,4 @@
-//! What counts towards the limits of a tenant.
+//! Limits of a tenant: every file counts.
 
 use super::home_maps::{align, due, revision};
 use super::*;

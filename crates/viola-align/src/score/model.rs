@@ -90,9 +90,7 @@ impl CovarianceModel {
         let floor = Vector3::new(self.floor_m, self.floor_m, self.floor_rad).map(|sigma| sigma * sigma);
         by_likelihood * (self.scale * self.scale) + Matrix3::from_diagonal(&floor)
     }
-}
 
-impl CovarianceModel {
     /// Returns the standard deviation of the logarithm of a scale whose hits lie `radius_m` from their middle.
     pub fn scale_std(&self, by_likelihood: f64, radius_m: f64) -> f64 {
         (by_likelihood * self.scale).hypot(self.floor_m / radius_m)

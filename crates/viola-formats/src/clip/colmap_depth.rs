@@ -1,7 +1,7 @@
 //! COLMAP's depth maps: `width&height&channels&` as text, then 32-bit floats, row by row
 //! (colmap/colmap, src/colmap/mvs/mat.h).
 
-use super::{ClipError, DepthImage};
+use super::{ClipError, DepthImage, picture};
 use crate::container::Container;
 use viola_geometry::Pinhole;
 
@@ -24,15 +24,7 @@ pub(super) fn decode(
 ) -> Result<DepthImage, ClipError> {
     let bytes = container.read(name, MAX_BYTES)?;
     let DepthMap { width, height, floats } = DepthMap::of(&bytes, name)?;
-    if (width, height) != (camera.width, camera.height) {
-        return Err(ClipError::ImageSizeChanged {
-            name: name.to_string(),
-            width,
-            height,
-            first_width: camera.width,
-            first_height: camera.height,
-        });
-    }
+    picture::check_size(name, (width, height), camera)?;
     let depth = |bytes: &[u8; 4]| match f32::from_le_bytes(*bytes) {
         depth if depth.is_finite() && depth > 0.0 => depth,
         _ => 0.0,

@@ -2,7 +2,7 @@
 //! numpy/numpy, doc/neps/nep-0001-npy-format). Only 16-bit integers are read, because the app wrote nothing
 //! else. The header's three values are found by key, without a parser of Python's literals.
 
-use super::{ClipError, DepthImage, depth};
+use super::{ClipError, DepthImage, depth, picture};
 use crate::container::Container;
 use viola_geometry::Pinhole;
 
@@ -35,15 +35,7 @@ pub(super) fn decode(
 ) -> Result<DepthImage, ClipError> {
     let bytes = container.read(name, MAX_FILE_BYTES)?;
     let Array { width, height, readings } = parse(&bytes, name)?;
-    if (width, height) != (camera.width, camera.height) {
-        return Err(ClipError::ImageSizeChanged {
-            name: name.to_string(),
-            width,
-            height,
-            first_width: camera.width,
-            first_height: camera.height,
-        });
-    }
+    picture::check_size(name, (width, height), camera)?;
     let depth_m =
         readings.iter().map(|units| depth::metres(u16::from_le_bytes(*units), units_per_m)).collect();
     Ok(DepthImage { width, height, depth_m })

@@ -34,7 +34,7 @@ impl Budget {
     }
 }
 
-/// Where archives are unpacked and how much. The default is the system's folder for temporary files, without a budget.
+/// A folder for unpacked archives, and the budgets that bound them. The default is the system's folder for temporary files, without a budget.
 #[derive(Debug, Clone, Default)]
 pub struct Scratch {
     folder: Option<PathBuf>,

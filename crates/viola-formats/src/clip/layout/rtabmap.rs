@@ -217,7 +217,7 @@ struct Pictures {
     /// Of the first frame.
     numbers: Option<Numbers>,
     is_distorted: bool,
-    /// Whether frames have colour: only frames with both pictures are used then.
+    /// True if frames have colour: only frames with both pictures are used then.
     has_color: Option<bool>,
 }
 
