@@ -66,8 +66,8 @@ use axum::extract::DefaultBodyLimit;
 use limits::Limits;
 use parameters::Parameters;
 use readers::Readers;
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, LazyLock};
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::request_id::{PropagateRequestIdLayer, SetRequestIdLayer};
@@ -166,6 +166,7 @@ fn routes() -> OpenApiRouter<App> {
         .routes(routes!(clip_results::get_clip_completion))
         .routes(routes!(clip_results::get_clip_scan))
         .routes(routes!(clip_results::get_clip_thumbnail))
+        .routes(routes!(clip_results::get_clip_frames))
         .routes(routes!(map::get_map))
         .routes(routes!(map::list_map_revisions))
         .routes(routes!(map::get_map_plan))
@@ -198,10 +199,16 @@ fn routes() -> OpenApiRouter<App> {
 }
 
 /// Returns the OpenAPI document.
-pub fn document() -> utoipa::openapi::OpenApi {
+pub fn document() -> &'static utoipa::openapi::OpenApi {
+    static DOCUMENT: LazyLock<utoipa::openapi::OpenApi> = LazyLock::new(|| openapi::complete(&described()));
+    &DOCUMENT
+}
+
+/// Returns the operations as they describe themselves.
+fn described() -> utoipa::openapi::OpenApi {
     let mut document = routes().merge(open_routes()).into_openapi();
     document.merge(health::open_routes().merge(health::routes()).into_openapi());
-    openapi::complete(&document)
+    document
 }
 
 /// Returns [`document`] as text, its members always in the same order.
@@ -224,8 +231,7 @@ fn health_router(storage: Arc<Storage>) -> Router {
 }
 
 fn router(app: App) -> Router {
-    let document = document();
-    let parameters = Parameters::of(&document);
+    let parameters = Parameters::of(&described());
     let refuse_unknown = axum::middleware::from_fn_with_state(parameters, parameters::refuse_unknown);
     let health = health::open_routes().split_for_parts().0.with_state(app.storage.clone());
     routes()
@@ -236,7 +242,7 @@ fn router(app: App) -> Router {
         .route_layer(axum::middleware::from_fn_with_state(app.clone(), access::check))
         .merge(open_routes().split_for_parts().0.route_layer(refuse_unknown.clone()))
         .merge(health.route_layer(refuse_unknown))
-        .merge(documents::routes(document))
+        .merge(documents::routes())
         .merge(page::routes())
         .fallback(error::no_such_route)
         .method_not_allowed_fallback(error::method_not_allowed)

@@ -110,6 +110,22 @@ pub(super) async fn get_clip_thumbnail(
     Ok(unless_known(&headers, &tag_of(&[result.as_bytes()]), || send(blob, "image/jpeg")))
 }
 
+/// Get a few frames of a clip that is not aligned, side by side and upright
+///
+/// The job that aligned the clip makes it. A frame without colour shows its depth in grey. An aligned clip, and a clip
+/// without an answer, return 404 `result-not-found`.
+#[utoipa::path(get, path = "/v1/homes/{home}/clips/{clip}/frames.jpg", tag = "clips",
+    params(ClipPath, ("job" = Option<String>, Query, description = JOB)),
+    responses((status = 200, description = "The picture", body = FileBytes, content_type = "image/jpeg"),
+        (status = 304, description = "The client has it"), CommonProblems))]
+pub(super) async fn get_clip_frames(
+    State(app): State<App>,
+    path: ClipPath,
+    headers: HeaderMap,
+) -> Result<Response, Error> {
+    send_result(&app, path, &headers, result_file::FRAMES, "image/jpeg").await
+}
+
 async fn send_result(
     app: &App,
     path: ClipPath,

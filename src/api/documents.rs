@@ -5,12 +5,14 @@ use super::digits::json;
 use axum::http::header;
 use axum::{Router, routing};
 use bytes::Bytes;
+use std::sync::LazyLock;
 use utoipa_swagger_ui::{Config, SwaggerUi};
 
-pub(super) fn routes(document: utoipa::openapi::OpenApi) -> Router<App> {
-    // One text for all requests: answers that nobody reads take no memory each.
-    let text = Bytes::from(json(&document));
-    let served = routing::get(move || async move { ([(header::CONTENT_TYPE, "application/json")], text) });
+/// One text for all requests: answers that nobody reads take no memory each.
+static TEXT: LazyLock<Bytes> = LazyLock::new(|| Bytes::from(json(super::document())));
+
+pub(super) fn routes() -> Router<App> {
+    let served = routing::get(async || ([(header::CONTENT_TYPE, "application/json")], TEXT.clone()));
     let page = SwaggerUi::new("/docs").config(Config::from("/openapi.json"));
     Router::new().route("/openapi.json", served).merge(page)
 }

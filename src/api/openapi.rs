@@ -6,6 +6,7 @@ mod examples;
 use super::error::CODES;
 use examples::Examples;
 use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
 use utoipa::openapi::OpenApi;
 
 const PROBLEM: &str = "application/problem+json";
@@ -27,7 +28,36 @@ pub(super) fn complete(document: &OpenApi) -> OpenApi {
             }
         }
     }
+    share_problems(&mut document);
     serde_json::from_value(document).expect("it is the document with more members of the same kinds")
+}
+
+/// Moves every problem that several operations answer with to `components.responses`, named by its status: `Problem400`,
+/// `Problem400b`. Repeated, they would be half of the document.
+fn share_problems(document: &mut Value) {
+    let mut problems: Vec<(String, &mut Value)> = Vec::new();
+    for (_, operations) in members(document.get_mut("paths")) {
+        for (_, operation) in members(Some(operations)) {
+            let answers = members(operation.get_mut("responses"));
+            let of_problem = answers.filter(|(_, answer)| answer["content"].get(PROBLEM).is_some());
+            problems.extend(of_problem.map(|(status, answer)| (status.clone(), answer)));
+        }
+    }
+    let mut uses: BTreeMap<(String, String), Vec<&mut Value>> = BTreeMap::new();
+    for (status, answer) in problems {
+        uses.entry((status, answer.to_string())).or_default().push(answer);
+    }
+    let mut shared = Map::new();
+    for ((status, _), answers) in uses.into_iter().filter(|(_, answers)| answers.len() > 1) {
+        let suffixes = std::iter::once(String::new()).chain(('b'..='z').map(String::from));
+        let mut names = suffixes.map(|suffix| format!("Problem{status}{suffix}"));
+        let Some(name) = names.find(|name| !shared.contains_key(name)) else { continue };
+        let reference = json!({"$ref": format!("#/components/responses/{name}")});
+        for answer in answers {
+            shared.insert(name.clone(), std::mem::replace(answer, reference.clone()));
+        }
+    }
+    document["components"]["responses"] = Value::Object(shared);
 }
 
 /// Returns the members of an object; none of anything else.

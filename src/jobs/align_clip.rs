@@ -4,7 +4,7 @@ use crate::storage::result_file;
 use bytes::Bytes;
 use std::path::Path;
 use viola_align as align;
-use viola_align::{AlignError, AlignParams, Alignment, LevelMap};
+use viola_align::{AlignError, AlignParams, Alignment, AlignmentState, LevelMap};
 use viola_formats::clip::{Clip, ClipError};
 use viola_formats::container::Scratch;
 use viola_formats::lidar::{LidarError, LidarMap};
@@ -138,7 +138,11 @@ fn finish(
     ];
     files.extend(chosen.map(|map| (result_file::OVERLAY, home::overlay_png(map.lidar, &aligned))));
     files.extend(home::completion_png(&aligned).map(|png| (result_file::COMPLETION, png)));
-    files.extend(home::thumbnail_jpg(clip).map(|jpg| (result_file::THUMBNAIL, jpg)));
+    let pictures = home::frame_pictures(clip);
+    files.extend(pictures.thumbnail.map(|jpg| (result_file::THUMBNAIL, jpg)));
+    if aligned.alignment.state != AlignmentState::Aligned {
+        files.extend(pictures.row.map(|jpg| (result_file::FRAMES, jpg)));
+    }
     aligned.alignment.seconds = watch.stop();
     Ok(Finished { alignment: aligned.alignment, files })
 }

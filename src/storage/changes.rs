@@ -23,6 +23,8 @@ pub const CURSOR_LIFE: SignedDuration = SignedDuration::from_hours(30 * 24);
 /// Time that deletions stay in the feed. The extra day covers clock differences and slow requests.
 const TOLD: SignedDuration = SignedDuration::from_hours(31 * 24);
 
+const HOUR: SignedDuration = SignedDuration::from_hours(1);
+
 /// Most changes that are numbered in one transaction.
 const NUMBERED_AT_ONCE: i64 = 10_000;
 
@@ -69,7 +71,7 @@ pub struct Change {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ChangesCursor {
     seq: i64,
-    /// Time when the reader last reached the end of the feed, or started: it knows all earlier deletions.
+    /// Whole hour in which the reader last reached the end of the feed, or started: it knows all earlier deletions.
     knows_until: Timestamp,
 }
 
@@ -101,6 +103,12 @@ impl FromStr for ChangesCursor {
     }
 }
 
+/// Rounds down, so that a page without news stays the same for its readers: its cursor has this time.
+fn whole_hour(now: Timestamp) -> Timestamp {
+    let hour = HOUR.as_secs();
+    Timestamp::from_second(now.as_second().div_euclid(hour) * hour).unwrap_or(now)
+}
+
 pub(super) fn from_row(row: &Row) -> Result<Change, StorageError> {
     let clip = Some(row.text("clip_id")?).filter(|id| !id.is_empty());
     Ok(Change {
@@ -125,11 +133,15 @@ impl Storage {
         now: Timestamp,
     ) -> Result<Changes, StorageError> {
         self.number_changes().await?;
-        let after = after.unwrap_or(ChangesCursor { seq: 0, knows_until: now });
+        let hour = whole_hour(now);
+        let after = after.unwrap_or(ChangesCursor { seq: 0, knows_until: hour });
         let mut snapshot = self.database.snapshot().await?;
         let last = query("SELECT last_seq FROM change_counter").fetch_one(&mut snapshot).await?;
         // A number that was not assigned yet comes from before the database was restored from a copy.
-        if now.duration_since(after.knows_until) > CURSOR_LIFE || after.seq > last.number("last_seq")? {
+        // The last read was somewhere in that hour.
+        if now.duration_since(after.knows_until) >= CURSOR_LIFE + HOUR
+            || after.seq > last.number("last_seq")?
+        {
             return Err(StorageError::CursorExpired);
         }
         let rows = query("SELECT * FROM changes WHERE tenant = $1 AND seq > $2 ORDER BY seq LIMIT $3")
@@ -141,7 +153,7 @@ impl Storage {
         let more = rows.len() > limit as usize;
         let items = rows.iter().take(limit as usize).map(from_row).collect::<Result<Vec<Change>, _>>()?;
         let seq = items.last().map_or(after.seq, |change| change.seq);
-        let knows_until = if more { after.knows_until } else { after.knows_until.max(now) };
+        let knows_until = if more { after.knows_until } else { after.knows_until.max(hour) };
         Ok(Changes { items, next: ChangesCursor { seq, knows_until }, more })
     }
 

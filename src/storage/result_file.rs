@@ -10,6 +10,8 @@ pub const SCAN: &str = "scan.json";
 pub const COMPLETION: &str = "completion.png";
 /// Results of earlier versions and of clips without colour have none.
 pub const THUMBNAIL: &str = "thumbnail.jpg";
+/// Only of clips that are not aligned.
+pub const FRAMES: &str = "frames.jpg";
 
 /// All names; not every result has all of the files.
-pub const ALL: [&str; 7] = [OVERLAY, CLOUD, VIEWS, FEATURES, SCAN, COMPLETION, THUMBNAIL];
+pub const ALL: [&str; 8] = [OVERLAY, CLOUD, VIEWS, FEATURES, SCAN, COMPLETION, THUMBNAIL, FRAMES];

@@ -39,6 +39,8 @@ async fn a_clip_goes_from_upload_to_its_pose_in_the_map() {
     let picture = server.get(&format!("{path}/overlay.png")).await;
     assert_eq!((picture.status, picture.header("content-type")), (200, "image/png"));
     image::load_from_memory(&picture.bytes).unwrap();
+    // Only a clip that is not aligned shows its frames.
+    server.get(&format!("{path}/frames.jpg")).await.problem(404, "result-not-found");
     let cloud = server.get(&format!("{path}/cloud.ply")).await;
     assert_eq!((cloud.status, cloud.header("content-type")), (200, "model/ply"));
     assert!(cloud.bytes.starts_with(b"ply\n"));
@@ -69,6 +71,9 @@ async fn a_thumbnail_comes_with_the_answer_and_goes_with_the_clip() {
     assert_eq!(answer.header("cache-control"), "private, no-cache");
     let picture = image::load_from_memory_with_format(&answer.bytes, image::ImageFormat::Jpeg).unwrap();
     assert!(picture.width().max(picture.height()) <= 320, "{} x {}", picture.width(), picture.height());
+    let frames = server.get(&format!("{path}/frames.jpg")).await;
+    assert_eq!((frames.status, frames.header("content-type")), (200, "image/jpeg"));
+    image::load_from_memory_with_format(&frames.bytes, image::ImageFormat::Jpeg).unwrap();
     let tag = answer.header("etag").to_owned();
     let known = server.request(Method::GET, &thumbnail).header("if-none-match", &tag);
     let known = server.send(known).await;

@@ -1,6 +1,7 @@
 //! The main job as in the tour of docs/api.md: the real apartment as a zip and its robot's map are sent over HTTP,
 //! and the pose is returned. With the real binary, whose memory is checked.
 
+use reqwest::Method;
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -95,6 +96,21 @@ async fn keep_pictures(client: &Client, home: &str) {
     }
 }
 
+/// Documents of a home are compressed to a quarter of their size, points to a half.
+async fn check_compression(client: &Client, home: &str) {
+    for (path, least_ratio) in [("objects", 4), ("plan?format=geojson", 4), ("points?format=ply", 2)] {
+        let path = format!("{home}/map/{path}");
+        let plain = client.get(&path).await.bytes.len();
+        for encoding in ["gzip", "br", "zstd"] {
+            let request = client.request(Method::GET, &path).header("accept-encoding", encoding);
+            let packed = client.send(request).await;
+            assert_eq!(packed.header("content-encoding"), encoding, "{path}");
+            let packed = packed.bytes.len();
+            assert!(packed * least_ratio <= plain, "{path}, {encoding}: {packed} of {plain} bytes");
+        }
+    }
+}
+
 async fn add(client: &Client, home: &str, zip: &[u8]) -> String {
     let answer = client.post(&format!("{home}/clips"), zip.to_vec()).await;
     let path = answer.header("location").to_owned();
@@ -129,6 +145,7 @@ async fn the_order_of_clips_does_not_matter() {
         assert!(map.1.len() > 1_000_000);
         if maps.is_empty() {
             keep_pictures(client, &home).await;
+            check_compression(client, &home).await;
             client.delete(&third).await.ok(204);
             assert_ne!(map_of(client, &home, 7).await.1, map.1);
             add(client, &home, &zips[order[2]]).await;

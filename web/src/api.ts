@@ -71,6 +71,17 @@ export async function signIn(key: string): Promise<void> {
   await send("PUT", "/v1/session", { key });
 }
 
+/** Ends the session of this browser. */
+export async function signOut(): Promise<void> {
+  await send("DELETE", "/v1/session");
+}
+
+/** True if this browser signed in with a key. */
+export async function isSignedIn(signal: AbortSignal): Promise<boolean> {
+  const session: { with_key: boolean } = await get("/v1/session", signal);
+  return session.with_key;
+}
+
 /** The path of a home, or of something below it. */
 export function homePath(home: string, ...rest: string[]): string {
   return ["/v1/homes", encodeURIComponent(home), ...rest].join("/");

@@ -1,12 +1,12 @@
 // The page: a bar that stays, and below it what the address names.
 
-import { Refusal } from "./api.ts";
+import { isSignedIn, Refusal, signOut } from "./api.ts";
 import { h, put } from "./dom.ts";
 import { showClip } from "./pages/clip.ts";
 import { showHome } from "./pages/home.ts";
 import { showHomes } from "./pages/homes.ts";
 import { showSignIn } from "./pages/signIn.ts";
-import { clearNotices, messageOf, noticeBoard } from "./parts/notices.ts";
+import { attempt, clearNotices, messageOf, noticeBoard } from "./parts/notices.ts";
 import { parse, toHomes } from "./route.ts";
 import { themeButton } from "./theme.ts";
 import "./styles/main.css";
@@ -14,11 +14,17 @@ import "./styles/main.css";
 const crumbs = h("nav", { class: "crumbs", "aria-label": "Where you are" });
 const main = h("main", { id: "main", tabindex: -1 });
 
+const leave = h("button", { type: "button", class: "quiet", hidden: true }, "Sign out");
+leave.addEventListener("click", () => void attempt(leave, async () => {
+  await signOut();
+  await show();
+}));
+
 document.body.append(
   h("a", { class: "skip", href: "#main", onclick: skip }, "Skip to content"),
   h("header", { class: "bar" },
     h("a", { class: "brand", href: toHomes() }, "viola"), crumbs,
-    h("a", { class: "quiet button", href: "/docs/" }, "API"), themeButton()),
+    h("a", { class: "quiet button", href: "/docs/" }, "API"), leave, themeButton()),
   main, noticeBoard(),
 );
 
@@ -31,6 +37,8 @@ async function show(): Promise<void> {
   clearNotices();
   main.className = "";
   put(main, h("p", { class: "loading", role: "status" }, "Loading …"));
+  // Errors are told by the page itself.
+  void isSignedIn(signal).then((signedIn) => leave.hidden = !signedIn, () => leave.hidden = true);
   const route = parse(location.hash);
   const place = { main, crumbs, signal };
   try {

@@ -9,6 +9,7 @@ mod corrections;
 mod coverage;
 mod describe;
 mod features;
+mod frame_pictures;
 mod identity;
 mod info;
 mod lettering;
@@ -24,7 +25,6 @@ mod robot;
 mod rooms;
 mod shades;
 mod svg;
-mod thumbnail;
 
 pub use assemble::{
     Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, Level, LoadClips, LookedThrough, Manifest,
@@ -42,6 +42,7 @@ pub use corrections::{
 pub use coverage::{Coverage, RoomCoverage, coverage};
 pub use describe::{Description, describe, describe_revised};
 pub use features::{features_bytes, read_features};
+pub use frame_pictures::{FramePictures, frame_pictures};
 pub use identity::{
     History, KnownObject, KnownPoint, MIN_MOVE_M, MovedObject, ObjectChanges, RevisionObjects, Stated,
     level_of_id, map_from_earlier, object_changes,
@@ -67,7 +68,6 @@ pub use robot::{
 };
 pub use rooms::outline::Outline;
 pub use rooms::{Room, RoomSource, merged, rooms};
-pub use thumbnail::thumbnail_jpg;
 
 /// Side of the map's voxels; the same as of the clips' clouds.
 pub const MAP_VOXEL_M: f64 = 0.03;

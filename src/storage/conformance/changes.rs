@@ -226,15 +226,16 @@ async fn a_cursor_ends_where_deletions_may_be_missed(storage: Storage) {
     for n in 0..3 {
         storage.put_home(&home(&format!("h{n}")), None, |_| true, at(0)).await.unwrap();
     }
-    // The lifetime counts from the last read at the end, or else from the first read.
+    // The lifetime counts from the hour of the last read at the end, or else of the first read.
+    const HOUR_S: i64 = 3600;
     let behind = part(&storage, None, 1, 0).await;
     assert!(behind.more);
     let still_behind = part(&storage, Some(behind.next), 1, 10).await;
     assert!(still_behind.more && !expired(still_behind.next, 30 * DAY_S).await);
-    assert!(expired(still_behind.next, 30 * DAY_S + 1).await);
+    assert!(expired(still_behind.next, 30 * DAY_S + HOUR_S).await);
     let end = part(&storage, Some(still_behind.next), 1, 10).await;
     assert!(!end.more && !expired(end.next, 30 * DAY_S + 10).await);
-    assert!(expired(end.next, 30 * DAY_S + 11).await);
+    assert!(expired(end.next, 30 * DAY_S + HOUR_S).await);
     let kept_up = part(&storage, Some(end.next), 1, 20 * DAY_S).await;
     assert!(kept_up.items.is_empty() && !expired(kept_up.next, 50 * DAY_S).await);
     // A number that this database never assigned.

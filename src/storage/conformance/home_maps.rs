@@ -275,12 +275,17 @@ async fn a_merge_that_makes_nothing_new_makes_no_revision(storage: Storage) {
 async fn neighbours_place_an_ambiguous_clip_and_take_it_back(storage: Storage) {
     let (home, first) = one_job(&storage).await;
     align(&storage, AlignmentState::Ambiguous).await;
+    let own = storage.clip(&home, first.id).await.unwrap().alignment.unwrap();
+    assert_ne!(own.probability, Some(0.5), "that of its place is another");
     let claim = due(&storage, 10).await.unwrap();
     let placed = revision(&claim, PlacedBy::Neighbours, b"with");
     assert!(storage.finish_merge(&claim, Some(&placed), at(10)).await.unwrap());
     let clip = storage.clip(&home, first.id).await.unwrap();
     assert_eq!((clip.state, clip.reasons[0].code.as_str()), (ClipState::Aligned, "decided_by_neighbours"));
-    assert_eq!(clip.placement.unwrap().by, PlacedBy::Neighbours);
+    let placement = clip.placement.unwrap();
+    assert_eq!((placement.by, placement.probability), (PlacedBy::Neighbours, Some(0.5)));
+    let answer = clip.alignment.unwrap();
+    assert_eq!((answer.probability, answer.map_from_clip), (Some(0.5), Some(placement.map_from_clip)));
     // For a merge it is still ambiguous.
     let second = add(&storage, &home, b"other").await;
     align(&storage, AlignmentState::Aligned).await;
@@ -291,7 +296,7 @@ async fn neighbours_place_an_ambiguous_clip_and_take_it_back(storage: Storage) {
     assert!(storage.finish_merge(&claim, Some(&alone), at(11)).await.unwrap());
     let clip = storage.clip(&home, first.id).await.unwrap();
     assert_eq!((clip.state, clip.reasons), (ClipState::Ambiguous, vec![reason("two_modes")]));
-    assert_eq!(clip.placement, None);
+    assert_eq!((clip.placement, clip.alignment.unwrap()), (None, own));
     assert!(due(&storage, 12).await.is_none(), "what a merge says does not make one due");
 }
 

@@ -195,6 +195,7 @@ class ClipPage {
       return figure;
     };
     put(this.pictures, h("h2", {}, "Pictures"), h("div", { class: "pictures" },
+      clip.state === "aligned" ? null : picture("frames.jpg", "Frames of the recording", "A few frames of the clip, side by side"),
       picture("overlay.png", "Hits over the LiDAR map: green on walls, red off them, orange the other places",
         "The clip's hit points over the LiDAR map"),
       clip.alignment.completion

@@ -24,7 +24,7 @@ export function showSignIn(place: Place, then: () => void): void {
   put(place.main, h("section", { class: "empty" },
     h("h1", {}, "This service asks for a key"),
     h("p", {}, "Whoever runs it makes one with ", h("code", {}, "viola keys create"),
-      ". This browser keeps it for a month, where pages cannot read it."),
+      ". This browser stays signed in for 12 hours, or until you sign out."),
     form));
   key.focus();
 }

@@ -1,40 +1,92 @@
-//! Thumbnail of a clip: its sharpest frame of a few, upright, as a small JPEG.
+//! Pictures of a few frames of a clip: the sharpest one as its thumbnail, and all in a row, upright, as JPEG.
 
 use image::codecs::jpeg::JpegEncoder;
-use image::{RgbImage, imageops};
-use viola_formats::clip::{Clip, FrameHeader};
+use image::{Rgb, RgbImage, imageops};
+use viola_formats::clip::{Clip, DepthImage, FrameHeader};
 use viola_geometry::Vector3;
 use viola_reconstruct::fuse::sharpness;
 
-/// Number of frames of which the sharpest is taken.
+/// Number of frames that are drawn.
 const CANDIDATES: usize = 5;
 /// A video is decoded up to the last candidate, so the candidates are among its first frames.
 const MAX_VIDEO_FRAMES: usize = 300;
 /// The longest side.
 const SIDE_PX: u32 = 320;
 const QUALITY: u8 = 80;
+/// Between the pictures of a row.
+const GAP_PX: u32 = 4;
 /// Minimum length of the up direction in the picture plane, as a fraction. A camera that looks further down or up
 /// has no upright picture.
 const MIN_UPRIGHT: f64 = 0.35;
 
-/// Returns the thumbnail as JPEG; `None` if no candidate has a colour picture that can be decoded.
-pub fn thumbnail_jpg(clip: &Clip) -> Option<Vec<u8>> {
+/// Depth that is drawn black.
+const FAR_M: f32 = 5.0;
+
+/// Pictures of a clip's frames as JPEG.
+#[derive(Debug, Default, PartialEq)]
+pub struct FramePictures {
+    /// The sharpest of a few frames; `None` if none has a colour picture that can be decoded.
+    pub thumbnail: Option<Vec<u8>>,
+    /// The same few frames side by side, with depth in grey where a frame has no colour; `None` if none can be decoded.
+    pub row: Option<Vec<u8>>,
+}
+
+/// Draws a few frames of the clip.
+pub fn frame_pictures(clip: &Clip) -> FramePictures {
     let places = candidates(clip.frames().len(), clip.has_video());
     let mut stream = clip.stream(places.clone());
-    let mut sharpest: Option<(f32, RgbImage)> = None;
+    let mut sharpest: Option<(f32, usize)> = None;
+    let mut row: Vec<RgbImage> = Vec::new();
     // One by one: a phone's pictures are large.
     for _ in &places {
         let Some(Ok(frame)) = stream.next_batch(1).pop() else { continue };
-        let Some(picture) = &frame.color else { continue };
-        let found = sharpness(picture);
-        if sharpest.as_ref().is_none_or(|(best, _)| found > *best) {
-            let up = up_in_camera(clip, &frame.header);
-            sharpest = Some((found, upright(shrunk(picture), up)));
-        }
+        let up = up_in_camera(clip, &frame.header);
+        let picture = match &frame.color {
+            Some(color) => {
+                let found = sharpness(color);
+                if sharpest.is_none_or(|(best, _)| found > best) {
+                    sharpest = Some((found, row.len()));
+                }
+                shrunk(color)
+            }
+            None => shrunk(&grey(&frame.depth)),
+        };
+        row.push(upright(picture, up));
     }
+    FramePictures {
+        thumbnail: sharpest.and_then(|(_, at)| jpg(&row[at])),
+        row: side_by_side(&row).and_then(|picture| jpg(&picture)),
+    }
+}
+
+fn jpg(picture: &RgbImage) -> Option<Vec<u8>> {
     let mut jpg = Vec::new();
-    JpegEncoder::new_with_quality(&mut jpg, QUALITY).encode_image(&sharpest?.1).ok()?;
+    JpegEncoder::new_with_quality(&mut jpg, QUALITY).encode_image(picture).ok()?;
     Some(jpg)
+}
+
+/// Returns the depth in grey: near is bright, no reading is black.
+fn grey(depth: &DepthImage) -> RgbImage {
+    RgbImage::from_fn(depth.width, depth.height, |x, y| {
+        let depth_m = depth.depth_m[(y * depth.width + x) as usize];
+        let is_read = depth_m.is_finite() && depth_m > 0.0;
+        let bright = if is_read { 255.0 * (1.0 - depth_m / FAR_M).clamp(0.0, 1.0) } else { 0.0 };
+        Rgb([bright as u8; 3])
+    })
+}
+
+/// Returns the pictures in a row, centred; `None` without a picture.
+fn side_by_side(pictures: &[RgbImage]) -> Option<RgbImage> {
+    let height = pictures.iter().map(RgbImage::height).max()?;
+    let width = pictures.iter().map(|picture| picture.width() + GAP_PX).sum::<u32>() - GAP_PX;
+    let mut row = RgbImage::from_pixel(width, height, Rgb([255; 3]));
+    let mut left = 0;
+    for picture in pictures {
+        let top = (height - picture.height()) / 2;
+        imageops::replace(&mut row, picture, i64::from(left), i64::from(top));
+        left += picture.width() + GAP_PX;
+    }
+    Some(row)
 }
 
 /// Returns evenly spaced indices of frames, without the ends of the clip: there the phone is raised and lowered.
@@ -78,8 +130,7 @@ fn upright(picture: RgbImage, up_in_camera: Option<Vector3>) -> RgbImage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use image::Rgb;
-    use viola_formats::clip::{ClipInfo, DepthImage, Frame};
+    use viola_formats::clip::{ClipInfo, Frame};
     use viola_geometry::{Pinhole, Pose3};
 
     const RED: Rgb<u8> = Rgb([250, 10, 10]);
@@ -133,7 +184,7 @@ mod tests {
         // Wide stripes bend less often than narrow ones.
         let mut pictures = vec![striped(RED, 160); 5];
         pictures[3] = striped(BLUE, 20);
-        let jpg = thumbnail_jpg(&clip(pictures, &header(None))).unwrap();
+        let jpg = frame_pictures(&clip(pictures, &header(None))).thumbnail.unwrap();
         assert_eq!(image::guess_format(&jpg).unwrap(), image::ImageFormat::Jpeg);
         let picture = image::load_from_memory(&jpg).unwrap().to_rgb8();
         assert_eq!(picture.dimensions(), (320, 180));
@@ -168,7 +219,29 @@ mod tests {
     }
 
     #[test]
-    fn a_clip_without_colour_has_no_thumbnail() {
-        assert_eq!(thumbnail_jpg(&clip(vec![RgbImage::new(0, 0)], &header(None))), None);
+    fn all_frames_are_shown_in_a_row() {
+        let pictures = vec![striped(RED, 160), RgbImage::new(0, 0), striped(BLUE, 160)];
+        let row = frame_pictures(&clip(pictures, &header(None))).row.unwrap();
+        let row = image::load_from_memory(&row).unwrap().to_rgb8();
+        // The depth of the second is one pixel at 1 m.
+        assert_eq!(row.dimensions(), (320 + GAP_PX + 1 + GAP_PX + 320, 180));
+        let sum = |left: u32, channel: usize| {
+            (left..left + 320).map(|x| u32::from(row[(x, 90)].0[channel])).sum::<u32>()
+        };
+        assert!(sum(0, 0) > 5 * sum(0, 2) && sum(329, 2) > 5 * sum(329, 0));
+    }
+
+    #[test]
+    fn a_clip_without_colour_has_no_thumbnail_but_shows_its_depth() {
+        let drawn = frame_pictures(&clip(vec![RgbImage::new(0, 0)], &header(None)));
+        assert_eq!(drawn.thumbnail, None);
+        let row = image::load_from_memory(&drawn.row.unwrap()).unwrap().to_luma8();
+        assert_eq!(row.dimensions(), (1, 1));
+        assert!((i32::from(row[(0, 0)].0[0]) - 204).abs() < 8, "1 m of 5 is a fifth darker than white");
+    }
+
+    #[test]
+    fn a_clip_without_frames_has_no_pictures() {
+        assert_eq!(frame_pictures(&clip(Vec::new(), &header(None))), FramePictures::default());
     }
 }
