@@ -4,7 +4,6 @@
 //! inside: its border runs along faces that were seen, and crosses open floor nowhere. Gaps in walls are closed
 //! (`gaps`), and what remains connected is a room (`spaces`), so that rooms are closed and never overlap.
 
-mod bevel;
 mod cells;
 mod cut;
 mod direction;
@@ -15,11 +14,16 @@ mod fixtures;
 mod furnish;
 mod gaps;
 mod geojson;
+mod masonry;
 mod model;
+mod oblique;
 mod page;
+mod recess;
 mod shape;
 mod spaces;
+mod straighten;
 mod symbols;
+mod uprights;
 
 use super::map_point::MapPoint;
 use super::objects::Object;
@@ -41,24 +45,32 @@ pub use page::svg::{plan_png, plan_svg};
 
 /// Returns the plan of a home. `points` is its fused map; it may be empty.
 pub fn plan(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], objects: &[Object]) -> Plan {
-    let space = Space::new(lidar, points);
+    let space = Space::reaching(lidar, points);
     let map_from_plan = direction::map_from_plan(lidar, points);
     let evidence = Evidence::new(map_from_plan, &space, points, rooms);
     let faces = faces::faces(&evidence);
-    let cells = Cells::new(&evidence, &faces, rooms);
+    let oblique = oblique::faces(&evidence, &faces);
+    let faces = oblique::without_steps(faces, &oblique);
+    let mut cells = Cells::new(&evidence, &faces, &oblique, rooms);
+    recess::close(&mut cells, &evidence);
+    gaps::close_seams(&mut cells, &evidence, &faces);
     let is_known = rooms.iter().any(|room| room.source == RoomSource::LidarMap);
-    let spaces = Spaces::new(&cells, &faces, is_known);
-    let outlines = shape::outlines(&cells, &spaces).into_iter().zip(&spaces.owners);
-    let rooms: Vec<PlanRoom> = outlines.map(|(outline, owner)| room(outline, *owner, rooms)).collect();
-    let mut plan = Plan {
-        map_from_plan,
-        walls: shape::walls(&cells, &spaces),
-        masonry: shape::masonry(&cells, &spaces),
-        openings: shape::doors(&cells, &spaces.gaps),
-        furniture: furnish::furniture(objects, &rooms, &evidence.plan_from_map),
-        rooms,
-    };
-    bevel::bevel(&mut plan);
+    let spaces = Spaces::new(&cells, &evidence, &faces, &oblique, is_known);
+    let mut outlines = shape::outlines(&cells, &spaces);
+    let sides = straighten::straighten(&mut outlines, &oblique);
+    let mut walls = shape::walls(&cells, &spaces, &outlines);
+    let slanted = straighten::walls(&sides, &oblique);
+    let openings = shape::doors(&spaces.gaps);
+    let base = shape::masonry(&cells, &spaces);
+    let masonry = masonry::with_oblique(base, &outlines, &walls, &slanted, &openings);
+    walls.extend(slanted);
+    for (number, wall) in (1..).zip(&mut walls) {
+        wall.id = format!("wall-{number}");
+    }
+    let owned = outlines.into_iter().zip(&spaces.owners);
+    let rooms: Vec<PlanRoom> = owned.map(|(outline, owner)| room(outline, *owner, rooms)).collect();
+    let furniture = furnish::furniture(objects, &rooms, &evidence.plan_from_map);
+    let mut plan = Plan { map_from_plan, walls, masonry, openings, rooms, furniture };
     fixtures::add(&mut plan, points);
     plan
 }

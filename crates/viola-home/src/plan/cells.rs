@@ -3,6 +3,7 @@
 use super::cut::Graph;
 use super::evidence::{Evidence, Facing};
 use super::faces::Face;
+use super::oblique::{self, Oblique};
 use crate::rooms::Room;
 use crate::rooms::outline::pieces;
 use viola_geometry::{Grid, GridFrame, Point2};
@@ -11,6 +12,10 @@ use viola_geometry::{Grid, GridFrame, Point2};
 const SAME_LINE_M: f64 = 0.02;
 /// Lines at ends of faces and between rooms are left out this near another line.
 const NEAR_LINE_M: f64 = 0.08;
+/// Lines at the stairs of oblique faces are left out this near another line.
+const STAIR_LINE_M: f64 = 0.03;
+/// Cells this near an oblique face are right behind or before it.
+const BESIDE_M: f64 = 0.15;
 /// Maximum lines of each axis.
 const MAX_LINES: usize = 300;
 /// Minimum evidence of a wall in a column.
@@ -21,6 +26,8 @@ const GAP_M: f64 = 0.4;
 const MARGIN_M: f64 = 0.5;
 /// Smallest solid island in a room.
 const ISLAND_M2: f64 = 0.3;
+/// Minimum fraction of a face that shows wall up to the ceiling.
+const TALL_SHARE: f64 = 0.5;
 /// Distance of the samples of a cell, and their maximum number along a side.
 const SAMPLE_M: f64 = 0.04;
 const MAX_SAMPLES: usize = 40;
@@ -34,8 +41,10 @@ const ROOM_NOT_OPEN: f64 = 1200.0;
 const UNKNOWN: f64 = 200.0;
 /// Cost of a millimetre of any wall: simple outlines are likelier.
 const ANY_WALL: f64 = 0.03;
-/// Costs of a millimetre of a face that was seen: inside right behind it, and outside right before it.
+/// Costs of a millimetre of a face that was seen: inside right behind it, and outside right before it. Wall up to
+/// the ceiling hides its other face sooner than it is furniture, so that inside costs more than that face.
 const BEHIND_FACE: f64 = 0.6;
+const BEHIND_TALL: f64 = 1.1;
 const BEFORE_FACE: f64 = 0.3;
 
 /// Cells between neighbouring lines. Cell `(i, j)` reaches from `lines[0][i]` to `lines[0][i + 1]`, and from
@@ -43,40 +52,77 @@ const BEFORE_FACE: f64 = 0.3;
 pub(super) struct Cells {
     pub lines: [Vec<f64>; 2],
     pub inside: Vec<bool>,
+    /// Cells of pillars.
+    pub pillars: Vec<bool>,
     /// Area of each given room in each cell, by its number from 1; 0 for none.
     pub owners: Vec<Vec<(u32, f64)>>,
 }
 
 impl Cells {
-    pub fn new(evidence: &Evidence, faces: &[Face], rooms: &[Room]) -> Cells {
-        let lines = [0, 1].map(|axis| lines(axis, evidence, faces, rooms));
+    pub fn new(evidence: &Evidence, faces: &[Face], oblique: &[Oblique], rooms: &[Room]) -> Cells {
+        let lines = [0, 1].map(|axis| lines(axis, evidence, faces, oblique, rooms));
         let count = (lines[0].len() - 1) * (lines[1].len() - 1);
-        let mut cells = Cells { lines, inside: vec![false; count], owners: vec![Vec::new(); count] };
+        let mut cells = Cells {
+            lines,
+            inside: vec![false; count],
+            pillars: vec![false; count],
+            owners: vec![Vec::new(); count],
+        };
         let mut graph = Graph::new(count);
         for at in 0..count {
             cells.weigh(at, evidence, &mut graph);
+            cells.weigh_beside(at, oblique, &mut graph);
         }
         for axis in 0..2 {
-            cells.add_borders(axis, faces, &mut graph);
+            cells.add_borders(axis, evidence, faces, oblique, &mut graph);
         }
         cells.inside = graph.inside();
-        cells.fill_islands();
+        cells.fill_islands(evidence);
         cells
     }
 
-    /// Makes small solid islands a part of their room: posts are seldom, furniture like walls is frequent.
-    fn fill_islands(&mut self) {
-        let frame =
-            GridFrame { origin_m: [0.0; 2], cell_m: 1.0, width: self.count(0), height: self.count(1) };
-        let solid = Grid { frame, cells: self.inside.iter().map(|inside| !inside).collect() };
+    /// Makes small solid islands a part of their room, except pillars: furniture like walls is frequent.
+    fn fill_islands(&mut self, evidence: &Evidence) {
+        let solid = Grid { frame: self.frame(), cells: self.inside.iter().map(|inside| !inside).collect() };
         let (piece, count) = pieces(&solid);
         let mut area_m2 = vec![0.0; count + 1];
+        let mut bounds = vec![[[usize::MAX, 0]; 2]; count + 1];
         for (at, piece) in piece.iter().enumerate() {
             area_m2[*piece as usize] += self.area_m2(at);
+            let place = self.place(at);
+            for (axis, [low, high]) in bounds[*piece as usize].iter_mut().enumerate() {
+                (*low, *high) = ((*low).min(place[axis]), (*high).max(place[axis] + 1));
+            }
         }
-        for (at, piece) in piece.iter().enumerate().filter(|(_, piece)| **piece != 0) {
-            self.inside[at] |= area_m2[*piece as usize] < ISLAND_M2;
+        for (at, piece) in piece.iter().map(|piece| *piece as usize).enumerate() {
+            if piece != 0 && area_m2[piece] < ISLAND_M2 {
+                let is_pillar = self.is_pillar(evidence, bounds[piece]);
+                (self.pillars[at], self.inside[at]) = (is_pillar, !is_pillar);
+            }
         }
+    }
+
+    /// Returns whether three sides of an island show wall up to the ceiling.
+    fn is_pillar(&self, evidence: &Evidence, bounds: [[usize; 2]; 2]) -> bool {
+        let metres = |axis: usize, end: usize| self.lines[axis][bounds[axis][end]];
+        let shows = |facing: &Facing| {
+            let (axis, along) = (facing.axis, 1 - facing.axis);
+            let line_m = metres(axis, usize::from(facing.up));
+            evidence.share_of_tall(*facing, line_m, [metres(along, 0), metres(along, 1)]) >= TALL_SHARE
+        };
+        Facing::ALL.iter().filter(|facing| shows(facing)).count() >= 3
+    }
+
+    /// Returns a raster with a cell for each cell.
+    pub fn frame(&self) -> GridFrame {
+        GridFrame { origin_m: [0.0; 2], cell_m: 1.0, width: self.count(0), height: self.count(1) }
+    }
+
+    /// Returns whether the cell at a place is inside.
+    pub fn is_inside(&self, p: [f64; 2]) -> bool {
+        let place = [0, 1].map(|axis| self.lines[axis].partition_point(|line| *line <= p[axis]));
+        (0..2).all(|axis| (1..=self.count(axis)).contains(&place[axis]))
+            && self.inside[self.index(place.map(|i| i - 1))]
     }
 
     /// Returns the number of cells along an axis.
@@ -149,8 +195,32 @@ impl Cells {
         graph.add_node(at, if_outside.round() as i64, if_inside.round() as i64);
     }
 
+    /// Adds the costs of a cell right behind or before an oblique face.
+    fn weigh_beside(&self, at: usize, oblique: &[Oblique], graph: &mut Graph) {
+        let place = self.place(at);
+        let centre = [0, 1].map(|axis| self.lines[axis][place[axis]] + self.size_m(axis, place[axis]) / 2.0);
+        for face in oblique {
+            let [along_m, before_m] = face.within(&Point2::from(centre));
+            if !(oblique::OFF_M / 2.0..BESIDE_M).contains(&before_m.abs()) {
+                continue;
+            }
+            let part = if before_m > 0.0 { BEFORE_FACE } else { BEHIND_FACE };
+            let metres = self.area_m2(at) / (BESIDE_M - oblique::OFF_M / 2.0) * face.share(along_m);
+            let cost = (metres * 1e3 * part).round() as i64;
+            let (if_outside, if_inside) = if before_m > 0.0 { (cost, 0) } else { (0, cost) };
+            graph.add_node(at, if_outside, if_inside);
+        }
+    }
+
     /// Adds the costs of walls without evidence along all lines of an axis.
-    fn add_borders(&self, axis: usize, faces: &[Face], graph: &mut Graph) {
+    fn add_borders(
+        &self,
+        axis: usize,
+        evidence: &Evidence,
+        faces: &[Face],
+        oblique: &[Oblique],
+        graph: &mut Graph,
+    ) {
         let along = 1 - axis;
         let mut of_line: Vec<Vec<&Face>> = vec![Vec::new(); self.lines[axis].len()];
         for face in faces.iter().filter(|face| face.facing.axis == axis) {
@@ -162,9 +232,18 @@ impl Cells {
         for (line, of_line) in of_line.iter().enumerate().skip(1).take(inner) {
             for step in 0..self.count(along) {
                 let [from_m, to_m] = [step, step + 1].map(|i| self.lines[along][i]);
-                let seen = [false, true].map(|up| {
+                let straight = [false, true].map(|up| {
                     let facing = of_line.iter().filter(|face| face.facing.up == up);
                     facing.map(|face| face.share(from_m, to_m)).fold(0.0, f64::max)
+                });
+                let ends = [from_m, to_m].map(|along_m| {
+                    let mut end = [along_m; 2];
+                    end[axis] = self.lines[axis][line];
+                    Point2::from(end)
+                });
+                let seen = [false, true].map(|up| {
+                    let steps = oblique.iter().map(|face| face.share_of_step(axis, up, ends));
+                    steps.fold(straight[usize::from(up)], f64::max)
                 });
                 let cost = |part: f64| ((to_m - from_m) * 1e3 * part).round() as i64;
                 let cell = |before: usize| {
@@ -176,15 +255,22 @@ impl Cells {
                 // A face that looks up has its room above it.
                 let [down, up] = seen.map(|seen| 1.0 - seen + ANY_WALL);
                 graph.add_border(high, low, cost(up), cost(down));
-                graph.add_node(low, cost(BEFORE_FACE * seen[0]), cost(BEHIND_FACE * seen[1]));
-                graph.add_node(high, cost(BEFORE_FACE * seen[1]), cost(BEHIND_FACE * seen[0]));
+                let behind = [false, true].map(|up| {
+                    let is_tall = straight[usize::from(up)] > 0.0 && {
+                        let facing = Facing { axis, up };
+                        evidence.share_of_tall(facing, self.lines[axis][line], [from_m, to_m]) >= TALL_SHARE
+                    };
+                    straight[usize::from(up)] * if is_tall { BEHIND_TALL } else { BEHIND_FACE }
+                });
+                graph.add_node(low, cost(BEFORE_FACE * straight[0]), cost(behind[1]));
+                graph.add_node(high, cost(BEFORE_FACE * straight[1]), cost(behind[0]));
             }
         }
     }
 }
 
 /// Returns the lines across an axis, in order.
-fn lines(axis: usize, evidence: &Evidence, faces: &[Face], rooms: &[Room]) -> Vec<f64> {
+fn lines(axis: usize, evidence: &Evidence, faces: &[Face], oblique: &[Oblique], rooms: &[Room]) -> Vec<f64> {
     let mut on_faces: Vec<&Face> = faces.iter().filter(|face| face.facing.axis == axis).collect();
     on_faces.sort_by(|a, b| b.weight.total_cmp(&a.weight).then(a.line_m.total_cmp(&b.line_m)));
     let bounds = [evidence.low_m[axis] - MARGIN_M, evidence.high_m[axis] + MARGIN_M];
@@ -196,6 +282,7 @@ fn lines(axis: usize, evidence: &Evidence, faces: &[Face], rooms: &[Room]) -> Ve
         }
     };
     on_faces.iter().for_each(|face| add(face.line_m, SAME_LINE_M));
+    oblique.iter().flat_map(Oblique::stairs).for_each(|corner| add(corner[axis], STAIR_LINE_M));
     let across = faces.iter().filter(|face| face.facing.axis != axis);
     across.flat_map(ends).for_each(|end| add(end, NEAR_LINE_M));
     borders(axis, evidence, rooms).into_iter().for_each(|border| add(border, NEAR_LINE_M));

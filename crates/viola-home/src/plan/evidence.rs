@@ -1,6 +1,7 @@
 //! Evidence of walls in the plan's frame: columns of upright surface that face one of four directions, and open
 //! floor.
 
+use super::uprights::{Upright, columns};
 use crate::map_point::MapPoint;
 use crate::rooms::Room;
 use crate::rooms::space::Space;
@@ -22,8 +23,16 @@ const HEIGHTS: u32 = 16;
 const BY_LIDAR: u32 = 1 << 16;
 /// A door or window is in the column.
 const OPENING: u32 = 1 << 17;
+/// The opening is a window.
+const WINDOW: u32 = 1 << 18;
 /// Columns without a bit below 1.9 m may be the wall above a doorway.
 const BELOW_LINTEL: u32 = (1 << 12) - 1;
+/// Minimum number of heights of a column that reaches the ceiling.
+const TALL: u32 = 8;
+/// Bins from 2.05 m on: leaves of doors do not reach them.
+const ABOVE_DOORS: u32 = !0 << 13;
+/// Maximum height of floor.
+const FLOOR_M: f64 = 0.15;
 /// Maximum height of level surfaces of furniture, and minimum height of ceilings.
 const FURNITURE_M: f64 = 1.5;
 const CEILING_M: f64 = 1.9;
@@ -59,7 +68,7 @@ impl Facing {
         if self.up { 1.0 } else { -1.0 }
     }
 
-    fn normal(self) -> Vector2 {
+    pub fn normal(self) -> Vector2 {
         if self.axis == 0 { Vector2::new(self.sign(), 0.0) } else { Vector2::new(0.0, self.sign()) }
     }
 
@@ -112,9 +121,13 @@ pub(super) struct Evidence<'a> {
     pub low_m: [f64; 2],
     pub high_m: [f64; 2],
     pub columns: [Columns; 4],
+    /// Columns of any direction.
+    pub uprights: Vec<Upright>,
     space: &'a Space,
     /// Cells with floor, furniture from above, or ceiling, as clips saw it: no wall is there.
     level: Vec<bool>,
+    /// Those with floor.
+    floor: Vec<bool>,
     /// Index of the room of each cell of `space`, from 1; 0 for none.
     owner: Vec<u32>,
 }
@@ -123,7 +136,8 @@ impl<'a> Evidence<'a> {
     pub fn new(map_from_plan: Pose2, space: &'a Space, points: &[MapPoint], rooms: &[Room]) -> Evidence<'a> {
         let plan_from_map = map_from_plan.inverse();
         let (mut low_m, mut high_m) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        for at in (0..space.frame.len()).filter(|at| space.occupied[*at] || space.free[*at]) {
+        let (level, floor) = level_cells(space, points);
+        for at in (0..space.frame.len()).filter(|at| space.occupied[*at] || space.free[*at] || floor[*at]) {
             let p = plan_from_map.apply(&space.centre(at));
             for axis in 0..2 {
                 low_m[axis] = low_m[axis].min(p[axis]);
@@ -133,19 +147,22 @@ impl<'a> Evidence<'a> {
         if low_m[0] > high_m[0] {
             (low_m, high_m) = ([0.0; 2], [0.0; 2]);
         }
-        let columns = Facing::ALL.map(|facing| Columns::new(facing, low_m, high_m));
+        let by_facing = Facing::ALL.map(|facing| Columns::new(facing, low_m, high_m));
         let mut evidence = Evidence {
             map_from_plan,
             plan_from_map,
             low_m,
             high_m,
-            columns,
+            columns: by_facing,
+            uprights: Vec::new(),
             space,
-            level: vec![false; space.frame.len()],
+            level,
+            floor,
             owner: owners(space, rooms),
         };
         evidence.add_lidar();
         evidence.add_points(points);
+        evidence.uprights = columns(std::mem::take(&mut evidence.uprights));
         evidence
     }
 
@@ -155,11 +172,9 @@ impl<'a> Evidence<'a> {
             (0..self.space.frame.len()).filter(|at| self.space.occupied[*at] && !self.space.furniture[*at])
         {
             let p = self.plan_from_map.apply(&self.space.centre(at));
+            self.uprights.push(Upright { at: p, bits: BY_LIDAR, normal: Vector2::zeros() });
             for facing in Facing::ALL {
-                let ahead = |cells: f64| self.cell(&(p + facing.normal() * cells * cell_m));
-                let is_free = |cells: f64| ahead(cells).is_some_and(|at| self.space.free[at]);
-                let is_blocked = ahead(1.1).is_none_or(|at| self.space.occupied[at]);
-                if !is_blocked && (is_free(1.1) || is_free(2.0)) {
+                if self.is_free_before(&p, &facing.normal()) {
                     // A cell shows all of its width.
                     let along = [-0.5, 0.0, 0.5].map(|part| p[1 - facing.axis] + part * (cell_m - 1e-6));
                     for along in along {
@@ -176,28 +191,84 @@ impl<'a> Evidence<'a> {
             let class = point.point.label.class;
             let at = Point2::new(x, y);
             let normal = point.point.normal.map(f64::from);
-            let is_level = (z < FURNITURE_M && normal[2] > LEVEL) || (z > CEILING_M && normal[2] < -LEVEL);
-            if is_level && let Some(cell) = self.space.index(&at) {
-                self.level[cell] = true;
-            }
-            if is_level {
+            if is_level(point) {
                 continue;
             }
             let is_opening = matches!(class, Class::Door | Class::Window) && normal[2].abs() < 0.5;
             if !(is_wall_surface(point) || is_opening) || z < LOWEST_M {
                 continue;
             }
-            let bits = if is_opening {
+            let bits = if class == Class::Window {
+                OPENING | WINDOW
+            } else if is_opening {
                 OPENING
             } else {
                 1u32 << (((z - LOWEST_M) / STOREY_M) as u32).min(HEIGHTS - 1)
             };
             let p = self.plan_from_map.apply(&at);
             let normal = self.plan_from_map.rotate(&Vector2::new(normal[0], normal[1]));
+            if let Some(normal) = normal.try_normalize(0.5) {
+                self.uprights.push(Upright { at: p, bits, normal });
+            }
             for facing in Facing::ALL.into_iter().filter(|f| f.normal().dot(&normal) > FACING) {
                 self.columns[facing.index()].add([p[facing.axis], p[1 - facing.axis]], bits);
             }
         }
+    }
+
+    /// Returns whether the robot saw open floor right before an occupied cell, in a direction.
+    pub fn is_free_before(&self, in_plan: &Point2, towards: &Vector2) -> bool {
+        let ahead = |cells: f64| self.cell(&(in_plan + towards * cells * self.cell_m()));
+        let is_free = |cells: f64| ahead(cells).is_some_and(|at| self.space.free[at]);
+        let is_blocked = ahead(1.1).is_none_or(|at| self.space.occupied[at]);
+        !is_blocked && (is_free(1.1) || is_free(2.0))
+    }
+
+    /// Returns the side of the cells of the LiDAR map's raster.
+    pub fn cell_m(&self) -> f64 {
+        self.space.frame.cell_m
+    }
+
+    /// Returns the fraction of the columns of an interval of a face with a window in it.
+    pub fn share_of_window(&self, facing: Facing, line_m: f64, span_m: [f64; 2]) -> f64 {
+        self.share_of(facing, line_m, [-0.3, 0.1], span_m, |bits| bits & WINDOW != 0)
+    }
+
+    /// Returns the fraction of the columns of an interval of a face that show wall above doors.
+    pub fn share_of_lintel(&self, facing: Facing, line_m: f64, span_m: [f64; 2]) -> f64 {
+        self.share_of(facing, line_m, [-0.06, 0.06], span_m, |bits| heights(bits & !BELOW_LINTEL) > 0)
+    }
+
+    /// Returns the fraction of the columns of an interval of a face that show wall up to the ceiling.
+    pub fn share_of_tall(&self, facing: Facing, line_m: f64, span_m: [f64; 2]) -> f64 {
+        self.share_of(facing, line_m, [-0.06, 0.06], span_m, |bits| {
+            heights(bits) >= TALL && heights(bits & ABOVE_DOORS) > 0
+        })
+    }
+
+    /// `band_m` is the interval across the face, into its room.
+    fn share_of(
+        &self,
+        facing: Facing,
+        line_m: f64,
+        band_m: [f64; 2],
+        span_m: [f64; 2],
+        is: impl Fn(u32) -> bool,
+    ) -> f64 {
+        let columns = &self.columns[facing.index()];
+        let row = |metres: f64| {
+            let row = (line_m + facing.sign() * metres - columns.low_m[0]) / columns.across_m;
+            (row.max(0.0) as usize).min(columns.across - 1)
+        };
+        let column = |metres: f64| {
+            let column = (metres - columns.low_m[1]) / columns.along_m;
+            (column.round().max(0.0) as usize).min(columns.along)
+        };
+        let rows = band_m.map(row);
+        let (low, high) = (rows[0].min(rows[1]), rows[0].max(rows[1]));
+        let (from, to) = (column(span_m[0]), column(span_m[1]));
+        let shown = (from..to).filter(|column| is(columns.band(low, high, *column))).count();
+        shown as f64 / (to - from.min(to)).max(1) as f64
     }
 
     fn cell(&self, in_plan: &Point2) -> Option<usize> {
@@ -214,10 +285,34 @@ impl<'a> Evidence<'a> {
         self.cell(in_plan).is_some_and(|at| self.level[at])
     }
 
+    /// Returns whether the robot or a clip saw floor at a place.
+    pub fn is_floor(&self, in_plan: &Point2) -> bool {
+        self.cell(in_plan).is_some_and(|at| self.space.free[at] || self.floor[at])
+    }
+
     /// Returns the room at a place: its index plus one; 0 for none.
     pub fn room(&self, in_plan: &Point2) -> u32 {
         self.cell(in_plan).map_or(0, |at| self.owner[at])
     }
+}
+
+/// Returns whether a point is on a surface that no wall crosses: floor, furniture from above, ceiling.
+fn is_level(point: &MapPoint) -> bool {
+    let (z, up) = (f64::from(point.point.position_m[2]), f64::from(point.point.normal[2]));
+    (z < FURNITURE_M && up > LEVEL) || (z > CEILING_M && up < -LEVEL)
+}
+
+/// Returns the cells with level surface, and those with floor.
+fn level_cells(space: &Space, points: &[MapPoint]) -> (Vec<bool>, Vec<bool>) {
+    let (mut level, mut floor) = (vec![false; space.frame.len()], vec![false; space.frame.len()]);
+    for point in points.iter().filter(|point| is_level(point)) {
+        let [x, y, z] = point.point.position_m.map(f64::from);
+        if let Some(cell) = space.index(&Point2::new(x, y)) {
+            level[cell] = true;
+            floor[cell] |= z < FLOOR_M;
+        }
+    }
+    (level, floor)
 }
 
 /// Returns the room of each cell, from 1.

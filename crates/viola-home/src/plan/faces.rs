@@ -8,7 +8,7 @@ const BAND_M: f64 = 0.03;
 /// Columns this near a face are no face of their own.
 const CLEAR_M: f64 = 0.07;
 /// Loss of a column without evidence: a doorway is bridged if as much wall is beside it.
-const GAP_LOSS: f32 = 0.3;
+pub(super) const GAP_LOSS: f32 = 0.3;
 /// Minimum evidence of a face, as a length.
 const MIN_FACE_M: f64 = 0.25;
 /// Faces of one direction this near in line are one wall, which is drawn straight.
@@ -24,6 +24,8 @@ const STANDING_M: [f64; 2] = [0.07, 0.7];
 const WALL_HEIGHTS: u32 = 3;
 /// Evidence of a door or a window for the wall that it is in.
 const OPENING_SHARE: f32 = 0.9;
+/// Floor at these distances behind a door is seen if it is open.
+const BEHIND_LEAF_M: [f64; 2] = [0.15, 0.28];
 /// A bound on work.
 const MAX_FACES: usize = 600;
 
@@ -209,7 +211,7 @@ fn cover(face: &mut Face, evidence: &Evidence) {
             let bits = columns.band(own[0], own[1], column);
             let mut place = [columns.low_m[1] + (column as f64 + 0.5) * columns.along_m; 2];
             place[face.facing.axis] = face.line_m;
-            if is_lintel(bits) && evidence.is_open(&Point2::from(place)) {
+            if is_lintel(bits) && evidence.is_floor(&Point2::from(place)) {
                 return 0.0;
             }
             let is_standing = by_lidar(bits) && heights(bits) < WALL_HEIGHTS && {
@@ -217,10 +219,16 @@ fn cover(face: &mut Face, evidence: &Evidence) {
                 most.unwrap_or(0) >= WALL_HEIGHTS
             };
             let seen = if is_standing { STANDING_SHARE } else { share(bits) };
-            let opens = is_opening(columns.band(deep[0], deep[1], column));
+            let opens = is_opening(columns.band(deep[0], deep[1], column))
+                && !is_leaf(face.facing, &Point2::from(place), evidence);
             if opens { seen.max(OPENING_SHARE) } else { seen }
         })
         .collect();
+}
+
+/// Returns whether open floor is right behind a face: an open leaf of a door, no wall.
+fn is_leaf(facing: Facing, place: &Point2, evidence: &Evidence) -> bool {
+    BEHIND_LEAF_M.iter().all(|metres| evidence.is_open(&(place - facing.normal() * *metres)))
 }
 
 #[cfg(test)]

@@ -4,13 +4,15 @@ use super::cells::Cells;
 use super::gaps::Gap;
 use super::model::{Opening, OpeningKind, Wall};
 use super::spaces::Spaces;
-use crate::rooms::outline::{Outline, trace};
+use crate::rooms::outline::{Outline, distance_m, trace};
 use viola_geometry::{Grid, GridFrame};
 
 /// Walls between rooms are at most this thick.
-const THICKEST_M: f64 = 0.5;
+pub(super) const THICKEST_M: f64 = 0.5;
 /// Thickness of walls whose other face was not seen.
 pub(super) const USUAL_M: f64 = 0.2;
+/// Sides of cells this near a room's outline are sides of the room.
+const DRAWN_M: f64 = 0.01;
 /// Walls in one line with less between them are one wall.
 const JOIN_M: f64 = 0.55;
 const SAME_LINE_M: f64 = 0.03;
@@ -43,25 +45,16 @@ fn traced(lines: [&[f64]; 2], mask: Vec<bool>) -> Vec<Outline> {
 }
 
 /// Returns the openings of the gaps, in their order.
-pub(super) fn doors(cells: &Cells, gaps: &[Gap]) -> Vec<Opening> {
-    let door = |(number, gap): (usize, &Gap)| {
-        let across = gap.lines.map(|line| cells.lines[gap.axis][line]);
-        let along = [gap.from, gap.to].map(|step| cells.lines[1 - gap.axis][step]);
-        let point = |along: f64| {
-            let mut point = [along; 2];
-            point[gap.axis] = (across[0] + across[1]) / 2.0;
-            point
-        };
-        Opening {
-            id: format!("door-{number}"),
-            kind: if gap.is_door() { OpeningKind::Door } else { OpeningKind::Passage },
-            from_m: point(along[0]),
-            to_m: point(along[1]),
-            thickness_m: across[1] - across[0],
-            sill_m: None,
-            head_m: None,
-            swing: None,
-        }
+pub(super) fn doors(gaps: &[Gap]) -> Vec<Opening> {
+    let door = |(number, gap): (usize, &Gap)| Opening {
+        id: format!("door-{number}"),
+        kind: if gap.is_door() { OpeningKind::Door } else { OpeningKind::Passage },
+        from_m: gap.ends_m[0],
+        to_m: gap.ends_m[1],
+        thickness_m: gap.thickness_m,
+        sill_m: None,
+        head_m: None,
+        swing: None,
     };
     (1..).zip(gaps).map(door).collect()
 }
@@ -76,15 +69,15 @@ struct Stretch {
     rooms: Vec<usize>,
 }
 
-/// Returns the walls around and between the rooms, by axis and place.
-pub(super) fn walls(cells: &Cells, spaces: &Spaces) -> Vec<Wall> {
+/// Returns the walls along the axes around and between the rooms, by axis and place.
+pub(super) fn walls(cells: &Cells, spaces: &Spaces, outlines: &[Outline]) -> Vec<Wall> {
     let mut all: Vec<Stretch> = Vec::new();
     for axis in 0..2 {
         for line in 1..cells.lines[axis].len() - 1 {
             for step in 0..cells.count(1 - axis) {
-                all.extend(
-                    [false, true].into_iter().filter_map(|up| stretch(cells, spaces, axis, line, step, up)),
-                );
+                let is_drawn = |up: &bool| is_drawn(cells, spaces, outlines, [axis, line, step], *up);
+                let ups = [false, true].into_iter().filter(is_drawn);
+                all.extend(ups.filter_map(|up| stretch(cells, spaces, axis, line, step, up)));
             }
         }
     }
@@ -106,9 +99,9 @@ pub(super) fn walls(cells: &Cells, spaces: &Spaces) -> Vec<Wall> {
             None => walls.push(next),
         }
     }
-    (1..)
-        .zip(walls)
-        .map(|(number, mut wall): (usize, Stretch)| {
+    walls
+        .into_iter()
+        .map(|mut wall| {
             wall.rooms.sort_unstable();
             wall.rooms.dedup();
             let point = |along: f64| {
@@ -117,7 +110,7 @@ pub(super) fn walls(cells: &Cells, spaces: &Spaces) -> Vec<Wall> {
                 point
             };
             Wall {
-                id: format!("wall-{number}"),
+                id: String::new(),
                 from_m: point(wall.from_m),
                 to_m: point(wall.to_m),
                 thickness_m: wall.faces_m[1] - wall.faces_m[0],
@@ -126,6 +119,28 @@ pub(super) fn walls(cells: &Cells, spaces: &Spaces) -> Vec<Wall> {
             }
         })
         .collect()
+}
+
+/// Returns whether the side of a room's cell below (`up`) or above a line is on the room's outline; steps of
+/// oblique walls are not.
+fn is_drawn(
+    cells: &Cells,
+    spaces: &Spaces,
+    outlines: &[Outline],
+    [axis, line, step]: [usize; 3],
+    up: bool,
+) -> bool {
+    let mut place = [step; 2];
+    place[axis] = if up { line - 1 } else { line };
+    let room = spaces.of_cell[cells.index(place)];
+    let [from_m, to_m] = [step, step + 1].map(|step| cells.lines[1 - axis][step]);
+    let mut middle = [(from_m + to_m) / 2.0; 2];
+    middle[axis] = cells.lines[axis][line];
+    let Some(outline) = (room as usize).checked_sub(1).and_then(|room| outlines.get(room)) else {
+        return false;
+    };
+    let rings = std::iter::once(&outline.ring_m).chain(&outline.holes_m);
+    rings.map(|ring| distance_m(ring, &middle.into())).fold(f64::INFINITY, f64::min) <= DRAWN_M
 }
 
 /// Returns the wall that a room's cell below (`up`) or above a line has at the line. A wall between two rooms
@@ -196,7 +211,7 @@ pub(super) fn masonry(cells: &Cells, spaces: &Spaces) -> Vec<Outline> {
         (0..count[axis]).map(|i| cell(i).filter(|cell| *cell < cells.count(axis))).collect::<Vec<_>>()
     });
     let mut is_gap = vec![false; spaces.of_cell.len()];
-    spaces.gaps.iter().flat_map(|gap| gap.cells(cells)).for_each(|at| is_gap[at] = true);
+    spaces.gaps.iter().flat_map(|gap| &gap.cells).for_each(|at| is_gap[*at] = true);
     let cell = |i: usize, j: usize| Some(cells.index([of_part[0][i]?, of_part[1][j]?]));
     let is_room = |i: usize, j: usize| cell(i, j).is_some_and(|at| spaces.of_cell[at] != 0);
     let mut near = vec![false; count[0] * count[1]];

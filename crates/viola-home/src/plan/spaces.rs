@@ -1,12 +1,16 @@
 //! Rooms of the plan: pieces of the inside between walls and closed gaps.
 
 use super::cells::Cells;
+use super::evidence::Evidence;
 use super::faces::Face;
 use super::gaps::{Gap, gaps};
+use super::oblique::Oblique;
 use std::collections::BTreeMap;
 
 /// Smaller pieces are no rooms.
 const MIN_AREA_M2: f64 = 1.0;
+/// Spaces on both sides of a wide opening are at least this large; smaller ones are alcoves.
+const WIDE_AREA_M2: f64 = 4.0;
 /// A given room has a part of a piece if it has this much of it.
 const MIN_PART_M2: f64 = 1.2;
 
@@ -21,14 +25,19 @@ pub(super) struct Spaces {
 
 impl Spaces {
     /// Rooms of the robot's software (`known`) divide pieces without a wall between them; computed ones do not.
-    pub fn new(cells: &Cells, faces: &[Face], known: bool) -> Spaces {
+    pub fn new(
+        cells: &Cells,
+        evidence: &Evidence,
+        faces: &[Face],
+        oblique: &[Oblique],
+        known: bool,
+    ) -> Spaces {
         let mut closed: Vec<Gap> = Vec::new();
         let mut taken = vec![false; cells.inside.len()];
-        for gap in gaps(cells, faces) {
-            let own = gap.cells(cells);
-            let is_new = own.iter().any(|at| cells.inside[*at] && !taken[*at]);
-            if is_new && (gap.is_door() || divides_owners(&gap, cells)) {
-                own.iter().for_each(|at| taken[*at] = true);
+        for gap in gaps(cells, evidence, faces, oblique) {
+            let is_new = gap.cells.iter().any(|at| cells.inside[*at] && !taken[*at]);
+            if is_new && (gap.is_door() || gap.is_in_wall() || divides_owners(&gap, cells)) {
+                gap.cells.iter().for_each(|at| taken[*at] = true);
                 closed.push(gap);
             }
         }
@@ -37,14 +46,16 @@ impl Spaces {
         loop {
             let area_m2 = areas(cells, &pieces);
             let side = |gap: &Gap, up: bool| {
-                let beside = gap.beside(cells, up).into_iter().map(|at| pieces[at]);
+                let beside = gap.beside[usize::from(up)].iter().map(|at| pieces[*at]);
                 beside
                     .filter(|piece| *piece != 0)
                     .max_by(|a, b| area_m2[*a as usize].total_cmp(&area_m2[*b as usize]).then(b.cmp(a)))
             };
             let divides = |gap: &Gap| match (side(gap, false), side(gap, true)) {
                 (Some(a), Some(b)) => {
-                    a != b && [a, b].iter().all(|piece| area_m2[*piece as usize] >= MIN_AREA_M2)
+                    let least_m2 =
+                        if gap.is_door() || divides_owners(gap, cells) { MIN_AREA_M2 } else { WIDE_AREA_M2 };
+                    a != b && [a, b].iter().all(|piece| area_m2[*piece as usize] >= least_m2)
                 }
                 _ => false,
             };
@@ -64,8 +75,8 @@ impl Spaces {
 fn divides_owners(gap: &Gap, cells: &Cells) -> bool {
     let owner = |up: bool| {
         let mut areas: BTreeMap<u32, f64> = BTreeMap::new();
-        for at in gap.beside(cells, up) {
-            cells.owners[at].iter().for_each(|(owner, area)| *areas.entry(*owner).or_default() += area);
+        for at in &gap.beside[usize::from(up)] {
+            cells.owners[*at].iter().for_each(|(owner, area)| *areas.entry(*owner).or_default() += area);
         }
         areas.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(owner, _)| owner)
     };
@@ -76,8 +87,8 @@ fn divides_owners(gap: &Gap, cells: &Cells) -> bool {
 /// Returns the connected piece of each inside cell, from 1; 0 outside and in gaps.
 fn pieces(cells: &Cells, closed: &[Gap]) -> Vec<u32> {
     let mut open = cells.inside.clone();
-    for at in closed.iter().flat_map(|gap| gap.cells(cells)) {
-        open[at] = false;
+    for at in closed.iter().flat_map(|gap| &gap.cells) {
+        open[*at] = false;
     }
     let mut piece = vec![0u32; open.len()];
     let mut count = 0;

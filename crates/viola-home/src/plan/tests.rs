@@ -1,9 +1,25 @@
 //! Plans of two rooms of bare LiDAR points.
 
+mod gaps;
+mod oblique;
+
 use super::*;
 use crate::rooms::RoomSource;
 use crate::rooms::tests::flat;
 use viola_geometry::taxonomy::Class;
+
+/// Returns a map of walls as points 2.5 cm apart.
+fn lidar_of(walls: &[[[f64; 2]; 2]]) -> LidarMap {
+    let mut csv = String::new();
+    for [from, to] in walls {
+        let length = (to[0] - from[0]).hypot(to[1] - from[1]);
+        for i in 0..=(length / 0.025) as usize {
+            let t = i as f64 * 0.025 / length;
+            csv += &format!("{},{}\n", from[0] + t * (to[0] - from[0]), from[1] + t * (to[1] - from[1]));
+        }
+    }
+    LidarMap::read(csv.as_bytes()).unwrap()
+}
 
 fn object(class: Class, x: f64, yaw_rad: f64) -> Object {
     Object {

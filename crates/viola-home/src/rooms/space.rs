@@ -19,6 +19,11 @@ const ENCLOSED: u32 = 7;
 /// Radius of the fused points that classify an occupied cell.
 const NEAR_M: f64 = 0.08;
 
+/// One of this many points of the floor is a stray one on each side, and floor is at most this far beyond the
+/// LiDAR map.
+const STRAY: usize = 200;
+const REACH_M: f64 = 10.0;
+
 /// The raster. `frame` follows the LiDAR map's own raster if that is fine enough.
 pub struct Space {
     pub frame: GridFrame,
@@ -33,7 +38,30 @@ pub struct Space {
 
 impl Space {
     pub fn new(lidar: &LidarMap, points: &[MapPoint]) -> Space {
-        let frame = frame(lidar);
+        Space::within(frame(lidar.info.min_m, lidar.info.max_m, lidar), lidar, points)
+    }
+
+    /// Returns the raster of the LiDAR map and of the floor that clips saw beyond it.
+    pub fn reaching(lidar: &LidarMap, points: &[MapPoint]) -> Space {
+        let floor = points.iter().filter(|point| point.point.label.class == Class::Floor);
+        let floor: Vec<[f64; 2]> =
+            floor.map(|point| [0, 1].map(|axis| f64::from(point.point.position_m[axis]))).collect();
+        let (mut min_m, mut max_m) = (lidar.info.min_m, lidar.info.max_m);
+        for axis in 0..2 {
+            let mut places: Vec<f64> = floor.iter().map(|p| p[axis]).collect();
+            places.sort_by(f64::total_cmp);
+            let beyond = places.len() / STRAY;
+            if let Some((low, high)) =
+                places.get(beyond).zip(places.get(places.len().saturating_sub(1 + beyond)))
+            {
+                min_m[axis] = min_m[axis].min(low.max(min_m[axis] - REACH_M));
+                max_m[axis] = max_m[axis].max(high.min(max_m[axis] + REACH_M));
+            }
+        }
+        Space::within(frame(min_m, max_m, lidar), lidar, points)
+    }
+
+    fn within(frame: GridFrame, lidar: &LidarMap, points: &[MapPoint]) -> Space {
         let mut space = Space {
             frame,
             occupied: vec![false; frame.len()],
@@ -149,9 +177,8 @@ impl Space {
 }
 
 /// Returns the map's own raster with a margin, or a coarser one if that has too many cells.
-fn frame(lidar: &LidarMap) -> GridFrame {
+fn frame(min: [f64; 2], max: [f64; 2], lidar: &LidarMap) -> GridFrame {
     const MARGIN: f64 = 4.0;
-    let (min, max) = (lidar.info.min_m, lidar.info.max_m);
     let own = lidar.cells.as_ref().map(|cells| cells.frame);
     let mut cell_m = own.map_or(CELL_M, |own| own.cell_m).max(CELL_M / 2.5);
     let count = |cell_m: f64| {

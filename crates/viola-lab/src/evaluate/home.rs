@@ -8,6 +8,7 @@ mod instances;
 mod joint;
 mod matching;
 mod member;
+mod mesh_walls;
 mod score;
 mod simulated;
 mod surface;
@@ -19,6 +20,7 @@ pub use fused::{Agreement, Excerpt, Fused, consecutive, fuse};
 pub use instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
 pub use joint::{JointClip, JointHome, JointMode, JointRow, JointTie, joint};
 pub use matching::{ClassRow, MIN_IOU, Matches, Thing, matches};
+pub use mesh_walls::{WallScore, score_walls};
 pub use score::{FoundRow, ObjectScore, TruthRow, score_objects};
 pub use simulated::{
     SampleParams, SimulatedMap, SimulatedScore, TrueRoom, count_rooms, match_objects, sample, simulated,
@@ -45,6 +47,8 @@ pub struct HomeReport {
     pub excerpts: Vec<Excerpt>,
     pub agreement: Agreement,
     pub surface: SurfaceScore,
+    /// The plan's walls.
+    pub walls: WallScore,
     /// Classes of the single clips and of the map, on the same vertices.
     pub labels: [LabelRow; 2],
     /// Fused points that no picture showed.
@@ -97,6 +101,7 @@ pub fn evaluate(
         labels: labels::together(&labels::Truth::open(folder)?, &clips, &cloud, in_map),
         uncolored: map.iter().filter(|p| p.point.color == NO_COLOR).count(),
         surface: compare(&map, &mesh, &seen, &scene.map_from_world),
+        walls: score_walls(&plan, &mesh, &seen, &scene.map_from_world),
         coverage: home::coverage(&scene.lidar, &map, &rooms),
         score: score_objects(&map, &found, &truth, &mesh, &scene.map_from_world),
         excerpts,
@@ -151,6 +156,7 @@ impl HomeReport {
             percent(self.coverage.floor_seen)
         );
         let _ = writeln!(out, "{} of the fused points have no colour.\n", self.uncolored);
+        let _ = writeln!(out, "{}", self.walls.markdown());
         let _ = writeln!(out, "{}", labels::markdown(&self.labels));
         let _ = writeln!(out, "| room | area | corners | objects |\n|---|---|---|---|");
         for room in &self.rooms {

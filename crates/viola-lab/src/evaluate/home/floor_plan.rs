@@ -99,10 +99,9 @@ pub fn score_plan(truth: &TruePlan, plan: &Plan, score: &mut PlanScore) {
 }
 
 fn score_faces(truth: &TruePlan, sides: &[Side], score: &mut PlanScore) {
-    let axis = |axis: usize| if axis == 0 { Vector2::x() } else { Vector2::y() };
     for face in truth.rooms.iter().flat_map(|room| &room.faces) {
         score.true_faces += 1;
-        let is_found = |side: &Side| side.is_along(&axis(face.axis)) && side.distance_m(&face.at) <= NEAR_M;
+        let is_found = |side: &Side| side.is_along(&face.along) && side.distance_m(&face.at) <= NEAR_M;
         score.found_faces += usize::from(sides.iter().any(is_found));
     }
     for side in sides {
@@ -111,9 +110,9 @@ fn score_faces(truth: &TruePlan, sides: &[Side], score: &mut PlanScore) {
             let p = side.ends[0] + side.direction() * ((i as f64 + 0.5) * STEP_M).min(side.length_m());
             let mut all = truth.rooms.iter().flat_map(|room| &room.faces);
             score.drawn_faces += 1;
-            score.right_faces += usize::from(all.any(|face| {
-                side.is_along(&axis(face.axis)) && (face.at - p).norm() <= NEAR_M + STEP_M / 2.0
-            }));
+            score.right_faces += usize::from(
+                all.any(|face| side.is_along(&face.along) && (face.at - p).norm() <= NEAR_M + STEP_M / 2.0),
+            );
         }
     }
     for [a, b] in truth.rooms.iter().flat_map(|room| &room.sides) {

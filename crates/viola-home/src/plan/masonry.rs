@@ -1,0 +1,80 @@
+//! Area of the walls beside oblique sides.
+
+use super::model::{Opening, OpeningKind, Wall, strip};
+use super::shape::USUAL_M;
+use crate::rooms::outline::Outline;
+use geo::{Area, BooleanOps, Coord, LineString, MultiPolygon, Polygon, unary_union};
+
+/// Outer walls made of cells reach this far beyond their straight outer face.
+const BEYOND_M: f64 = 0.5;
+/// Smaller pieces of masonry are remains of stairs.
+const MIN_AREA_M2: f64 = 0.01;
+
+/// Returns the area of the walls, with the stairs of cells put on the straight oblique walls.
+pub(super) fn with_oblique(
+    base: Vec<Outline>,
+    rooms: &[Outline],
+    straight: &[Wall],
+    oblique: &[Wall],
+    openings: &[Opening],
+) -> Vec<Outline> {
+    if oblique.is_empty() {
+        return base;
+    }
+    let base = MultiPolygon(base.iter().map(polygon).collect());
+    let rooms = MultiPolygon(rooms.iter().map(polygon).collect());
+    let ways = openings.iter().filter(|opening| opening.kind != OpeningKind::Window);
+    let ways = unary_union(&ways.map(|way| ring(&way.corners_m())).collect::<Vec<_>>());
+    // Walls reach into their corners.
+    let bodies: Vec<Polygon> = straight.iter().chain(oblique).map(|wall| body(wall, USUAL_M / 2.0)).collect();
+    let beyond: Vec<Polygon> = oblique.iter().filter(|wall| !wall.is_measured).map(beyond).collect();
+    let beyond = unary_union(&beyond).difference(&unary_union(&bodies));
+    let walls = unary_union(&oblique.iter().map(|wall| body(wall, 0.0)).collect::<Vec<_>>());
+    let masonry = base.difference(&beyond).union(&walls).difference(&rooms).difference(&ways);
+    masonry.0.iter().filter(|piece| piece.unsigned_area() >= MIN_AREA_M2).map(outline).collect()
+}
+
+/// Returns the area of a wall, extended at its ends.
+fn body(wall: &Wall, by_m: f64) -> Polygon {
+    let length_m = wall.length_m().max(1e-9);
+    let along = [0, 1].map(|axis| (wall.to_m[axis] - wall.from_m[axis]) / length_m * by_m);
+    let from_m = [0, 1].map(|axis| wall.from_m[axis] - along[axis]);
+    let to_m = [0, 1].map(|axis| wall.to_m[axis] + along[axis]);
+    ring(&strip(from_m, to_m, wall.thickness_m + 2e-3))
+}
+
+/// Returns what lies behind the outer face of a wall, which is on the right of its way.
+fn beyond(wall: &Wall) -> Polygon {
+    let length_m = wall.length_m().max(1e-9);
+    let right = [(wall.to_m[1] - wall.from_m[1]) / length_m, -(wall.to_m[0] - wall.from_m[0]) / length_m];
+    let off_m = (wall.thickness_m + BEYOND_M) / 2.0;
+    let moved = |p: [f64; 2]| [0, 1].map(|axis| p[axis] + off_m * right[axis]);
+    let behind =
+        Wall { from_m: moved(wall.from_m), to_m: moved(wall.to_m), thickness_m: BEYOND_M, ..wall.clone() };
+    body(&behind, USUAL_M)
+}
+
+fn ring(corners: &[[f64; 2]]) -> Polygon {
+    Polygon::new(line_string(corners), Vec::new())
+}
+
+fn line_string(corners: &[[f64; 2]]) -> LineString {
+    LineString(corners.iter().map(|[x, y]| Coord { x: *x, y: *y }).collect())
+}
+
+fn polygon(outline: &Outline) -> Polygon {
+    Polygon::new(line_string(&outline.ring_m), outline.holes_m.iter().map(|hole| line_string(hole)).collect())
+}
+
+/// Returns a polygon with its outer ring counter-clockwise and its holes clockwise, as `geo` returns them.
+fn outline(polygon: &Polygon) -> Outline {
+    let corners = |ring: &LineString| {
+        let mut corners: Vec<[f64; 2]> = ring.0.iter().map(|corner| [corner.x, corner.y]).collect();
+        corners.pop();
+        corners
+    };
+    Outline {
+        ring_m: corners(polygon.exterior()),
+        holes_m: polygon.interiors().iter().map(corners).collect(),
+    }
+}

@@ -1,0 +1,83 @@
+//! Plans with walls that are not along the home's main directions.
+
+use super::super::*;
+use super::lidar_of;
+use geo::{Area, BooleanOps, LineString, MultiPolygon, Polygon};
+
+/// Ends of the two faces of the oblique wall: 16.7 degrees off the axis.
+const THICKNESS_M: f64 = 0.12;
+const FACE: [[f64; 2]; 2] = [[3.0, 0.0], [4.2, 4.0]];
+
+/// Two rooms with a cut corner, divided by an oblique wall with a door of 0.8 m.
+fn slanted() -> LidarMap {
+    let outer = [[0.0, 0.0], [8.0, 0.0], [8.0, 2.5], [6.8, 4.0], [0.0, 4.0]];
+    let mut walls: Vec<[[f64; 2]; 2]> = (0..5).map(|i| [outer[i], outer[(i + 1) % 5]]).collect();
+    for shift_m in [0.0, THICKNESS_M] {
+        let at = |part: f64| [3.0 + 1.2 * part + shift_m * 1.044, 4.0 * part];
+        walls.extend([[at(0.0), at(0.4)], [at(0.4 + 0.8 / 4.176), at(1.0)]]);
+    }
+    lidar_of(&walls)
+}
+
+fn polygon(outline: &Outline) -> Polygon {
+    let ring = |ring: &Vec<[f64; 2]>| LineString::from(ring.clone());
+    Polygon::new(ring(&outline.ring_m), outline.holes_m.iter().map(ring).collect())
+}
+
+/// Returns the angle of a way to the first axis, in 0..180 degrees.
+fn angle_deg(from_m: [f64; 2], to_m: [f64; 2]) -> f64 {
+    (to_m[1] - from_m[1]).atan2(to_m[0] - from_m[0]).to_degrees().rem_euclid(180.0)
+}
+
+#[test]
+fn oblique_walls_are_straight_and_close_their_rooms() {
+    let lidar = slanted();
+    let rooms = crate::rooms(&lidar, &[]);
+    let plan = plan(&lidar, &[], &rooms, &[]);
+    let turned_deg = plan.map_from_plan.yaw_rad.to_degrees();
+    assert!(turned_deg.abs() < 0.6, "{turned_deg}");
+    assert_eq!(plan.rooms.len(), 2, "{:?}", plan.rooms);
+    // Trapezoids of the drawing above; the second one lacks a triangle.
+    let left_m2 = (3.0 + 4.2) / 2.0 * 4.0;
+    let right_m2 = 32.0 - left_m2 - 4.0 * THICKNESS_M * 1.044 - 1.2 * 1.5 / 2.0;
+    for (room, (area_m2, corners)) in plan.rooms.iter().zip([(right_m2, 5), (left_m2, 4)]) {
+        assert!((room.area_m2 / area_m2 - 1.0).abs() < 0.03, "{} {area_m2}", room.area_m2);
+        assert_eq!(room.outline.ring_m.len(), corners, "{:?}", room.outline.ring_m);
+    }
+    let off_axis = |wall: &&Wall| {
+        let off_deg = angle_deg(wall.from_m, wall.to_m) % 90.0;
+        (2.0..88.0).contains(&off_deg)
+    };
+    let oblique: Vec<&Wall> = plan.walls.iter().filter(off_axis).collect();
+    let mut angles: Vec<f64> = oblique.iter().map(|wall| angle_deg(wall.from_m, wall.to_m)).collect();
+    angles.sort_by(f64::total_cmp);
+    assert_eq!(angles.len(), 2, "{angles:?}");
+    for (angle_deg, true_deg) in angles.iter().zip([73.3, 128.66]) {
+        assert!((angle_deg - true_deg).abs() < 1.5, "{angles:?}");
+    }
+    let between = oblique.iter().find(|wall| wall.is_measured).unwrap();
+    assert!(between.rooms == [0, 1] && (between.thickness_m - THICKNESS_M).abs() < 0.05, "{between:?}");
+    assert_eq!(plan.openings.len(), 1, "{:?}", plan.openings);
+    let door = &plan.openings[0];
+    assert!((door.width_m() - 0.8).abs() < 0.16, "{door:?}");
+    assert!((angle_deg(door.from_m, door.to_m) - angle_deg(FACE[0], FACE[1])).abs() < 1.5, "{door:?}");
+}
+
+#[test]
+fn masonry_of_oblique_walls_leaves_rooms_and_doors_free() {
+    let lidar = slanted();
+    let plan = plan(&lidar, &[], &crate::rooms(&lidar, &[]), &[]);
+    let masonry = MultiPolygon(plan.masonry.iter().map(polygon).collect());
+    let free: Vec<Polygon> = plan.rooms.iter().map(|room| polygon(&room.outline)).collect();
+    for room in &free {
+        assert!(masonry.intersection(room).unsigned_area() < 1e-3);
+    }
+    assert!(free[0].intersection(&free[1]).unsigned_area() < 1e-6);
+    // No side of the masonry is a step: all are long, or the end of a wall.
+    let sides = plan.masonry.iter().flat_map(|outline| {
+        let ring = &outline.ring_m;
+        ring.iter().zip(ring.iter().cycle().skip(1))
+    });
+    let short = sides.filter(|(a, b)| (b[0] - a[0]).hypot(b[1] - a[1]) < 0.09).count();
+    assert!(short <= 2, "{short} {:?}", plan.masonry);
+}
