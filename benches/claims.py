@@ -64,7 +64,6 @@ ALIGNMENT = [
     of("T median", "m", "t_median_m"), of("aligned", "%", "aligned_rate"), of("wrong", "%", "wrong_when_aligned"),
     of("calibration error", "ratio", "expected_calibration_error"),
 ]
-METHOD = of("method")
 TIMES = [of("register", "s", "seconds_median"), of("total", "s", "seconds_total_median")]
 SCENE = "viola evaluate --scene $SCENE --lidar $SCENE/lidar/points.csv --truth $SCENE/lidar/ground_truth.json"
 
@@ -90,6 +89,22 @@ def stages(runs):
         found = sum(seconds.get(stage, 0) for stage in ("search", "refine", "decide"))
         rows.append({"clip": label, "time": run.seconds, "found": found, "peak": run.peak_mib})
     return rows
+
+
+def beside(runs):
+    """A row for each length of clips, with both methods in it."""
+    by_frames = {}
+    for row in runs["run"].json("table.json"):
+        if "(" not in row["set"]:
+            by_frames.setdefault(row["frames"], {})[row["method"]] = row
+    for rows in by_frames.values():
+        rows["ratio"] = rows["paper"]["seconds_median"] / rows["viola"]["seconds_median"]
+    return list(by_frames.values())
+
+
+def both(name, format, key):
+    """Columns with a value of both methods."""
+    return [(f"{method} {name}".strip(), format, lambda row, method=method: row[method][key]) for method in ("paper", "viola")]
 
 
 def floors(runs):
@@ -189,7 +204,9 @@ PARTS = [
         "settings": {"tiny": {"frames": "60", "clips": " --clips 1"}, "quick": {"frames": "60,20,10,5", "clips": " --clips 8"},
                      "all": {"frames": "60,40,20,10,5", "clips": ""}},
         "minutes": {"tiny": 1, "quick": 2, "all": 11},
-        "rows": without_subsets(json_rows("table.json")), "columns": [METHOD] + ALIGNMENT[1:8] + TIMES,
+        "rows": beside,
+        "columns": [("frames", "", lambda row: row["viola"]["frames"]), ("clips", "", lambda row: row["viola"]["clips"])]
+        + both("success", "%", "success_rate") + both("T median", "m", "t_median_m") + both("register", "s", "seconds_median") + [of("ratio", "int")],
     },
     {
         "name": "simulated", "title": "Simulated homes", "needs": [],
@@ -328,7 +345,7 @@ PARTS = [
         "runs": {"run": "viola evaluate --set upper,normal --seeds {seeds} --clips 1 --frames {frames} --models $FETCHED \\\n"
                         "  --methods complete-base,complete-all,complete-gated,complete-structure,complete-structure-by-truth --out {out}"},
         "settings": {"tiny": {"seeds": "2000..2001", "frames": "8"}, "all": {"seeds": "5000..5050", "frames": "60"}},
-        "minutes": {"tiny": 2, "all": 20}, "rows": without_subsets(json_rows("table.json")), "columns": [METHOD] + ALIGNMENT[:8],
+        "minutes": {"tiny": 2, "all": 20}, "rows": without_subsets(json_rows("table.json")), "columns": [of("method"), of("set")] + ALIGNMENT[2:4] + ALIGNMENT[5:8],
     },
     {
         "name": "merges", "title": "Merging a clip into a home", "needs": [],
@@ -357,7 +374,7 @@ PARTS = [
         "name": "video", "title": "Video", "needs": ["VIOLA_TEST_DATA"],
         "note": "Three seconds at 1920x1440, only decoding, two threads. Required are 25 frames a second on two cores.",
         "runs": {"run": "benches/video.sh $SCENE/color"}, "settings": {"all": {}}, "minutes": {"all": 4}, "rows": printed,
-        "columns": [of("clip"), of("decoder"), of("frames/s"), of("frames for a second of one core")],
+        "columns": [of("clip"), of("decoder"), of("frames/s"), of("a core's second", "", "frames for a second of one core")],
     },
     {
         "name": "peers", "title": "Beside other programs", "needs": [],

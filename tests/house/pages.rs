@@ -8,8 +8,19 @@ use std::process::Command;
 
 const MOST_LETTERS_OF_A_LINE: usize = 160;
 /// A sentence that begins with one of these is a relative clause, unless it is a question.
-const RELATIVES: &[&str] =
-    &["What", "Whatever", "Where", "Wherever", "Whether", "Which", "Whichever", "Who", "Whoever", "Whose", "How"];
+const RELATIVES: &[&str] = &[
+    "What",
+    "Whatever",
+    "Where",
+    "Wherever",
+    "Whether",
+    "Which",
+    "Whichever",
+    "Who",
+    "Whoever",
+    "Whose",
+    "How",
+];
 
 /// Folders without pages of ours.
 const FOREIGN: &[&str] = &["target", "node_modules"];
@@ -140,7 +151,9 @@ fn relative_clauses(text: &str) -> Vec<String> {
 
 #[test]
 fn relative_clauses_are_found_and_questions_are_not() {
-    let told = relative_clauses("A page. What was lost is\nhere. Where is it?\n\n| Who sees it | Whose? |\n- How much it is");
+    let told = relative_clauses(
+        "A page. What was lost is\nhere. Where is it?\n\n| Who sees it | Whose? |\n- How much it is",
+    );
     assert_eq!(told, ["What was lost is here.", "Who sees it", "How much it is"]);
 }
 
