@@ -64,8 +64,9 @@ ALIGNMENT = [
     of("T median", "m", "t_median_m"), of("aligned", "%", "aligned_rate"), of("wrong", "%", "wrong_when_aligned"),
     of("calibration error", "ratio", "expected_calibration_error"),
 ]
+FOUND = [ALIGNMENT[3], ALIGNMENT[6], ALIGNMENT[7]]
 TIMES = [of("register", "s", "seconds_median"), of("total", "s", "seconds_total_median")]
-SCENE = "viola evaluate --scene $SCENE --lidar $SCENE/lidar/points.csv --truth $SCENE/lidar/ground_truth.json"
+SCENE = "viola evaluate --scene $SCENE $TRUTH"
 
 
 def without_subsets(rows):
@@ -91,24 +92,35 @@ def stages(runs):
     return rows
 
 
+def pivot(key, across, name="table.json"):
+    """Rows of the first run by the value of `key`; in each, the rows of all values of `across`. No rows of subsets of the clips."""
+    def rows(runs):
+        found = {}
+        for row in next(iter(runs.values())).json(name):
+            if "(" not in row["set"]:
+                found.setdefault(row[key], {})[row[across]] = row
+        return [{key: value, **{str(each): row for each, row in within.items()}} for value, within in found.items()]
+    return rows
+
+
+def each(values, columns):
+    """The columns for each of the values that a row was pivoted across; none where a run did not have it."""
+    return [(f"{name}, {value}", format, lambda row, value=value, of=of: of(row[value]) if value in row else None)
+            for value in values for name, format, of in columns]
+
+
 def beside(runs):
-    """A row for each length of clips, with both methods in it."""
-    by_frames = {}
-    for row in runs["run"].json("table.json"):
-        if "(" not in row["set"]:
-            by_frames.setdefault(row["frames"], {})[row["method"]] = row
-    for rows in by_frames.values():
-        rows["ratio"] = rows["paper"]["seconds_median"] / rows["viola"]["seconds_median"]
-    return list(by_frames.values())
-
-
-def both(name, format, key):
-    """Columns with a value of both methods."""
-    return [(f"{method} {name}".strip(), format, lambda row, method=method: row[method][key]) for method in ("paper", "viola")]
+    rows = pivot("frames", "method")(runs)
+    return [row | {"clips": row["viola"]["clips"], "ratio": row["paper"]["seconds_median"] / row["viola"]["seconds_median"]} for row in rows]
 
 
 def floors(runs):
     return runs["run"].json("labels.json")["floors"]
+
+
+def labels(runs):
+    rows = json_rows("labels.json")(runs)
+    return [row for row in rows if row["variant"] in ("single frames", "voting + geometry", "voting + augmentation + volume", "geometry", "volume")]
 
 
 def homes(runs):
@@ -139,11 +151,10 @@ def simulated_homes(runs):
 
 
 def changes(runs):
-    rows = []
-    for row in runs["run"].json("changes.json")["rows"]:
-        for kind in ("added", "moved", "gone"):
-            rows.append({"set": row["set"], "homes": row["homes"], "change": kind} | row["scores"][kind])
-    return rows
+    """Right of reported changes of true ones, for each kind."""
+    rows = runs["run"].json("changes.json")["rows"]
+    told = lambda score: f"{score['right']} / {score['told']} / {score['truth']}"
+    return [{"set": row["set"], "homes": row["homes"]} | {kind: told(row["scores"][kind]) for kind in ("added", "moved", "gone")} for row in rows]
 
 
 def metres(runs):
@@ -188,35 +199,43 @@ def million(runs):
              "above": sum(time > 0.003 for time in times)}]
 
 
+def video(runs):
+    """A row for each clip, with both decoders: frames a second, and frames for a second of one core."""
+    found = {}
+    for row in printed(runs):
+        cells = {row["decoder"]: row["frames/s"], row["decoder"] + " core": row["frames for a second of one core"]}
+        found.setdefault(row["clip"], {"clip": row["clip"]}).update(cells)
+    return list(found.values())
+
+
 PARTS = [
     {
         "name": "apartment", "title": "The real apartment", "needs": ["VIOLA_TEST_DATA"],
-        "note": "All half-overlapping excerpts of scene0000_00. `R` and `T` are the errors of rotation and translation.",
-        "runs": {"run": SCENE + " \\\n  --frames {frames} --methods viola --out {out}"},
+        "note": "All half-overlapping excerpts of scene0000_00. `T` is the error of translation.",
+        "runs": {"run": SCENE + " --frames {frames} --methods viola --out {out}"},
         "settings": {"tiny": {"frames": "60"}, "quick": {"frames": "60,40,20,10,5"}, "all": {"frames": "60,40,20,10,5"}},
         "minutes": {"tiny": 1, "quick": 3, "all": 3},
-        "rows": without_subsets(json_rows("table.json")), "columns": ALIGNMENT[1:] + TIMES,
+        "rows": without_subsets(json_rows("table.json")), "columns": ALIGNMENT[1:4] + ALIGNMENT[5:] + TIMES,
     },
     {
         "name": "paper", "title": "Beside the paper's method", "needs": ["VIOLA_TEST_DATA"],
-        "note": "`paper` is the paper's method with its authors' constants (`crates/viola-lab/src/paper.rs`), on the same clips.",
-        "runs": {"run": SCENE + " \\\n  --frames {frames} --methods paper,viola{clips} --out {out}"},
+        "note": "The paper's method with its authors' constants, on the same clips.",
+        "runs": {"run": SCENE + " --frames {frames} --methods paper,viola{clips} --out {out}"},
         "settings": {"tiny": {"frames": "60", "clips": " --clips 1"}, "quick": {"frames": "60,20,10,5", "clips": " --clips 8"},
                      "all": {"frames": "60,40,20,10,5", "clips": ""}},
         "minutes": {"tiny": 1, "quick": 2, "all": 11},
         "rows": beside,
-        "columns": [("frames", "", lambda row: row["viola"]["frames"]), ("clips", "", lambda row: row["viola"]["clips"])]
-        + both("success", "%", "success_rate") + both("T median", "m", "t_median_m") + both("register", "s", "seconds_median") + [of("ratio", "int")],
+        "columns": [of("frames"), of("clips")] + each(["paper", "viola"], [ALIGNMENT[3], TIMES[0]]) + [of("ratio", "int")],
     },
     {
         "name": "simulated", "title": "Simulated homes", "needs": [],
         "note": "[CONTRIBUTING](CONTRIBUTING.md#evaluation) describes the sets.",
         "runs": {"run": "viola evaluate --set {sets} --seeds {seeds} --clips 1 --frames {frames} \\\n  --methods viola --out {out}"},
-        "settings": {"tiny": {"sets": "normal,storeys", "seeds": "2000..2001", "frames": "8"},
+        "settings": {"tiny": {"sets": "normal,storeys", "seeds": "2000..2001", "frames": "10"},
                      "quick": {"sets": "normal,upper,repeated,changed,storeys,drifted,glass", "seeds": "5000..5010", "frames": "60,10"},
                      "all": {"sets": "normal,upper,repeated,changed,storeys,drifted,glass", "seeds": "5000..5100", "frames": "60,10"}},
-        "minutes": {"tiny": 1, "quick": 3, "all": 30},
-        "rows": without_subsets(json_rows("table.json")), "columns": ALIGNMENT,
+        "minutes": {"tiny": 1, "quick": 3, "all": 30}, "rows": pivot("set", "frames"),
+        "columns": [of("set"), ("clips", "", lambda row: row.get("60", row.get("10"))["clips"]), *each(["60", "10"], FOUND)],
     },
     {
         "name": "maps", "title": "Vacuums' own maps", "needs": ["VIOLA_TEST_DATA"],
@@ -230,7 +249,7 @@ PARTS = [
     },
     {
         "name": "clip", "title": "A clip's zip to its pose", "needs": ["VIOLA_TEST_DATA"], "repeat": 3,
-        "note": "Two threads; the median of three runs. The requirement is 6 s and 700 MiB for 60 frames, 1.3 times the memory for 300.",
+        "note": "The median of three runs. Required are 6 s and 700 MiB for 60 frames.",
         "prepare": "(cd $SCENE && zip -q - intrinsic/* {color,depth,pose}/1[2-7]?.*) > target/60.zip\n"
                    "(cd $SCENE && zip -qr - intrinsic color depth pose) > target/300.zip",
         "runs": {frames + " frames": f"viola align --clip target/{frames}.zip --lidar $SCENE/lidar/valetudo.json --out {{out}}/out"
@@ -244,40 +263,34 @@ PARTS = [
         "runs": {"run": "viola evaluate --scene $SCENE --labels --frames {frames} --out {out}"},
         "settings": {"tiny": {"frames": "60"}, "quick": {"frames": "60,40,20,10,5"}, "all": {"frames": "60,40,20,10,5"}},
         "minutes": {"tiny": 1, "quick": 3, "all": 3}, "rows": floors,
-        "columns": [of("frames"), of("excerpts"), of("see the floor", "", "see_floor"), of("found"), of("right", "", "within"),
-                    of("R median", "deg", "median_deg"), of("height, median", "cm", "median_m"), of("R worst", "deg", "worst_deg"),
-                    of("height, worst", "cm", "worst_m")],
+        "columns": [of("frames"), of("excerpts"), of("see the floor", "", "see_floor"), of("right", "", "within"),
+                    of("R median", "deg", "median_deg"), of("height, median", "cm", "median_m")],
     },
     {
         "name": "labels", "title": "Classes of points", "needs": ["VIOLA_TEST_DATA", "VIOLA_MODELS"],
-        "note": "`volume` is the built-in network, `voting` are the pictures' labels by DeepLab. Structure is floor, wall or opening, ceiling,\nobject.",
-        "runs": {"real, DeepLab": "viola evaluate --scene $SCENE --labels --frames 60 --models $MODELS --out {out}",
-                 "real": "viola evaluate --scene $SCENE --labels --frames 60 --out {out}",
+        "note": "`volume` is the built-in network; single frames and voting are by DeepLab.",
+        "runs": {"real": "viola evaluate --scene $SCENE --labels --frames 60 --models $MODELS --out {out}",
                  "simulated": "viola evaluate --set normal,changed --seeds {seeds} --frames {frames} --labels --out {out}"},
         "settings": {"tiny": {"seeds": "2000..2001", "frames": "8"}, "quick": {"seeds": "5000..5003", "frames": "20"},
                      "all": {"seeds": "5000..5010", "frames": "8,20,45"}},
-        "minutes": {"tiny": 4, "quick": 4, "all": 8}, "rows": json_rows("labels.json"),
+        "minutes": {"tiny": 4, "quick": 4, "all": 8}, "rows": labels,
         "columns": [of("homes", "", "run"), of("variant"), of("right", "%", "voxel_accuracy"), of("structure", "%", "structure_accuracy"),
-                    of("mean IoU", "ratio", "mean_iou"), ("floor IoU", "ratio", lambda row: row["iou"].get("floor")),
+                    of("mean IoU", "ratio", "mean_iou"),
                     of("calibration error", "ratio", "calibration_error")],
     },
     {
         "name": "home", "title": "A home's map", "needs": ["VIOLA_TEST_DATA", "VIOLA_MODELS"],
-        "note": "Excerpts of 40 frames of the real apartment as one map, against its labelled mesh. Accuracy is the share of points within 5 cm\n"
-                "of the mesh. An object matches with the same class and an IoU of 0.25 of turned boxes.",
-        "runs": {"DeepLab": "viola evaluate --scene $SCENE --home --frames 40 --lidar $SCENE/lidar/valetudo.json \\\n"
-                            "  --truth $SCENE/lidar/ground_truth_valetudo.json --models $MODELS --out {out}",
-                 "built-in": "viola evaluate --scene $SCENE --home --frames 40 --lidar $SCENE/lidar/valetudo.json \\\n"
-                             "  --truth $SCENE/lidar/ground_truth_valetudo.json --out {out}"},
+        "note": "Excerpts of 40 frames as one map, against the labelled mesh: overlaps' disagreement, points within 5 cm, objects by turned boxes.",
+        "runs": {"DeepLab": "viola evaluate --scene $SCENE $TRUTH --home --frames 40 --models $MODELS --out {out}",
+                 "built-in": "viola evaluate --scene $SCENE $TRUTH --home --frames 40 --out {out}"},
         "settings": {"tiny": {}, "quick": {}, "all": {}}, "minutes": {"tiny": 4, "quick": 2, "all": 2}, "rows": homes,
         "columns": [of("labels by"), text("placed", "{placed} of {clips}"), of("wrong"), of("overlaps, alone", "mm", "alone_m"),
-                    of("together", "mm", "together_m"), of("accuracy", "%"), of("classes, single clips", "%", "single"),
+                    of("together", "mm", "together_m"), of("accuracy", "%"), of("classes, single", "%", "single"),
                     of("fused", "%"), text("objects", "{matched} of {truth}"), share("precision", "matched", "found")],
     },
     {
         "name": "homes", "title": "Objects and plan of simulated homes", "needs": [],
-        "note": "Surfaces sampled from furnished homes, 75 % of the patches with the right label. Openings match with an IoU of 0.5, wall faces\n"
-                "within 10 cm and 3 degrees, areas within 5 %.",
+        "note": "75 % of the patches have the right label. Wall faces are right within 10 cm and 3 degrees, areas within 5 %.",
         "runs": {"run": "viola evaluate --home --set normal --seeds {seeds} --picture-labels 0.75 --out {out}"},
         "settings": {"tiny": {"seeds": "2000..2001"}, "quick": {"seeds": "5000..5002"}, "all": {"seeds": "5000..5012"}},
         "minutes": {"tiny": 2, "quick": 2, "all": 12}, "rows": simulated_homes,
@@ -293,31 +306,29 @@ PARTS = [
         "settings": {"tiny": {"seeds": "2000..2001", "clips": " --clips 4"}, "quick": {"seeds": "5000..5001", "clips": ""},
                      "all": {"seeds": "5000..5005", "clips": ""}},
         "minutes": {"tiny": 1, "quick": 2, "all": 8}, "rows": json_rows("joint.json"),
-        "columns": [of("set"), of("homes"), of("clips"), of("aligned alone", "", "aligned"), of("wrong", "", "aligned_wrong"),
-                    of("ambiguous"), of("decidable"), of("of these placed", "", "decidable_placed"), of("placed"),
-                    of("wrong", "", "placed_wrong"),
+        "columns": [of("set"), of("clips"), of("aligned", "", "aligned"), of("wrong", "", "aligned_wrong"),
+                    of("decidable"), of("of these placed", "", "decidable_placed"), of("placed"), of("wrong", "", "placed_wrong"),
                     ("calibration error", "ratio", lambda row: (row["calibration"] or {}).get("expected_calibration_error"))],
     },
     {
         "name": "changes", "title": "Changes of objects", "needs": [],
-        "note": "Homes of `changed` are filmed in two visits. In `normal` nothing changes, so every reported change is wrong.",
+        "note": "Right / reported / true changes. Homes of `changed` are filmed in two visits; in `normal` nothing changes.",
         "runs": {"run": "viola evaluate --changes --set {sets} --seeds {seeds} --clips {clips} --frames 20 \\\n  --picture-labels 0.75 --out {out}"},
         "settings": {"tiny": {"sets": "changed", "seeds": "2000..2001", "clips": "2"}, "quick": {"sets": "normal,changed", "seeds": "5000..5001", "clips": "5"},
                      "all": {"sets": "normal,changed", "seeds": "5000..5006", "clips": "8"}},
         "minutes": {"tiny": 1, "quick": 3, "all": 20}, "rows": changes,
-        "columns": [of("set"), of("homes"), of("change"), of("true", "", "truth"), of("reported", "", "told"), of("right"),
-                    share("recall", "right", "truth"), share("precision", "right", "told")],
+        "columns": [of("set"), of("homes"), of("added"), of("moved"), of("gone")],
     },
     {
         "name": "metres", "title": "Clips without metres", "needs": ["VIOLA_TEST_DATA"],
         "note": "Poses and depth of each clip are divided by a factor of 0.2 to 5, and the unit is withheld.",
-        "runs": {"real": SCENE + " \\\n  --frames 40{clips} --rescale --out {out}",
+        "runs": {"real": SCENE + " --frames 40{clips} --rescale --out {out}",
                  "simulated": "viola evaluate --set {sets} --seeds {seeds} --clips 1 --frames {frames} --rescale --out {out}"},
         "settings": {"tiny": {"clips": " --clips 1", "sets": "normal", "seeds": "2000..2001", "frames": "20"},
                      "quick": {"clips": " --clips 4", "sets": "normal,changed", "seeds": "5000..5001", "frames": "60"},
                      "all": {"clips": "", "sets": "normal,changed", "seeds": "5000..5010", "frames": "60"}},
         "minutes": {"tiny": 1, "quick": 2, "all": 10}, "rows": metres,
-        "columns": ALIGNMENT[:4] + ALIGNMENT[6:8] + [of("scale, median error", "%", "scale"), of("worst", "%"), of("within 2 %", "%", "within")],
+        "columns": [of("set"), of("clips"), *FOUND, of("scale, median error", "%", "scale"), of("worst", "%")],
     },
     {
         "name": "tracking", "title": "Tracking without poses", "needs": ["VIOLA_TEST_DATA"],
@@ -328,32 +339,25 @@ PARTS = [
         "settings": {"tiny": {"sets": "normal", "seeds": "2000..2001", "frames": "30"},
                      "quick": {"sets": "normal,upper", "seeds": "5000..5002", "frames": "120"},
                      "all": {"sets": "normal,upper,repeated,changed", "seeds": "5000..5016", "frames": "120"}},
-        "minutes": {"tiny": 2, "quick": 1, "all": 15}, "rows": tracks,
-        "columns": [of("recording"), of("method"), of("clips"), of("ATE", "cm", "ate"), of("rotation", "deg"), of("of the path", "%", "path"),
-                    of("worst", "%"), of("frames tracked", "%", "tracked"), of("time a frame", "ms", "time")],
-    },
-    {
-        "name": "withheld", "title": "Clips without poses", "needs": [],
-        "note": "Simulated clips at 10 Hz with an accelerometer, whose poses are withheld.",
-        "runs": {"run": "viola evaluate --set normal,upper,changed --seeds {seeds} --clips 1 --frames {frames} \\\n  --withhold-poses --out {out}"},
-        "settings": {"tiny": {"seeds": "2000..2001", "frames": "8"}, "all": {"seeds": "5000..5012", "frames": "60"}},
-        "minutes": {"tiny": 2, "all": 15}, "rows": without_subsets(json_rows("table.json")), "columns": ALIGNMENT,
+        "minutes": {"tiny": 2, "quick": 1, "all": 15}, "rows": lambda runs: [row for row in tracks(runs) if row["method"] == "viola"],
+        "columns": [of("recording"), of("clips"), of("ATE", "cm", "ate"), of("rotation", "deg"), of("worst clip", "%", "worst"),
+                    of("tracked", "%"), of("a frame", "ms", "time")],
     },
     {
         "name": "completion", "title": "Completion", "needs": ["VIOLA_FETCHED_MODELS"],
-        "note": "`complete-all` and `complete-gated` complete by pictures (MI-GAN, FastDepth), all clips or those below 0.9.",
+        "note": "`complete-all` and `complete-gated` complete by pictures.",
         "runs": {"run": "viola evaluate --set upper,normal --seeds {seeds} --clips 1 --frames {frames} --models $FETCHED \\\n"
-                        "  --methods complete-base,complete-all,complete-gated,complete-structure,complete-structure-by-truth --out {out}"},
+                        "  --methods complete-base,complete-all,complete-gated,complete-structure --out {out}"},
         "settings": {"tiny": {"seeds": "2000..2001", "frames": "8"}, "all": {"seeds": "5000..5050", "frames": "60"}},
-        "minutes": {"tiny": 2, "all": 20}, "rows": without_subsets(json_rows("table.json")), "columns": [of("method"), of("set")] + ALIGNMENT[2:4] + ALIGNMENT[5:8],
+        "minutes": {"tiny": 2, "all": 20}, "rows": pivot("method", "set"),
+        "columns": [of("method"), *each(["upper", "normal"], FOUND)],
     },
     {
         "name": "merges", "title": "Merging a clip into a home", "needs": [],
         "runs": {"run": "cargo run --release --quiet --example merges -- home timed {clips}"},
         "settings": {"tiny": {"clips": "3"}, "quick": {"clips": "5 20"}, "all": {"clips": "5 20 100"}},
         "minutes": {"tiny": 3, "quick": 2, "all": 3}, "rows": printed,
-        "columns": [of("clips"), of("points"), of("tiles made again", "", "one more: tiles anew"), of("clips read"), of("written"), of("assembly"),
-                    of("description"), of("sum"), of("peak memory")],
+        "columns": [of("clips"), of("points"), of("tiles made again", "", "one more: tiles anew"), of("clips read"), of("written"), of("sum"), of("peak memory")],
     },
     {
         "name": "service", "title": "The service under load", "needs": ["VIOLA_TEST_POSTGRES"],
@@ -372,9 +376,9 @@ PARTS = [
     },
     {
         "name": "video", "title": "Video", "needs": ["VIOLA_TEST_DATA"],
-        "note": "Three seconds at 1920x1440, only decoding, two threads. Required are 25 frames a second on two cores.",
-        "runs": {"run": "benches/video.sh $SCENE/color"}, "settings": {"all": {}}, "minutes": {"all": 4}, "rows": printed,
-        "columns": [of("clip"), of("decoder"), of("frames/s"), of("a core's second", "", "frames for a second of one core")],
+        "note": "Frames a second at 1920x1440, only decoding, two threads. Required are 25.",
+        "runs": {"run": "benches/video.sh $SCENE/color"}, "settings": {"all": {}}, "minutes": {"all": 4}, "rows": video,
+        "columns": [of("clip"), of("viola"), of("ffmpeg"), of("viola, a core's second", "", "viola core"), of("ffmpeg, a core's second", "", "ffmpeg core")],
     },
     {
         "name": "peers", "title": "Beside other programs", "needs": [],
@@ -382,16 +386,16 @@ PARTS = [
         "runs": {"run": "target/peers/bin/python benches/peers/compare.py"},
         "prepare": "[ -x target/peers/bin/python ] || python3 -m venv target/peers\n"
                    "target/peers/bin/pip install --quiet -r benches/peers/requirements.txt",
-        "settings": {"all": {}}, "minutes": {"all": 3}, "rows": printed,
+        "settings": {"all": {}}, "minutes": {"all": 3},
+        "rows": lambda runs: [row for row in printed(runs) if row["refinement"] == "viola" or row["refinement"].endswith("0.5 m")],
         "columns": [of("refinement"), of("seconds"), of("times viola's"), of("right")],
     },
     {
         "name": "compile", "title": "Compiling", "needs": [],
         "note": "All tests without debug information.",
         "runs": {"from nothing": "CARGO_TARGET_DIR=target/cold cargo test --workspace --no-run --quiet",
-                 "after an edit of `viola-geometry`": "touch crates/viola-geometry/src/lib.rs; "
-                 "CARGO_TARGET_DIR=target/cold cargo test --workspace --no-run --quiet",
-                 "after an edit of a test": "touch tests/api/main.rs; CARGO_TARGET_DIR=target/cold cargo test --workspace --no-run --quiet"},
+                 "after an edit of `viola-geometry`": "touch crates/viola-geometry/src/lib.rs && "
+                 "CARGO_TARGET_DIR=target/cold cargo test --workspace --no-run --quiet"},
         "prepare": "rm -rf target/cold", "settings": {"all": {}}, "minutes": {"all": 40},
         "rows": lambda runs: [{"build": label, "time": run.seconds, "peak": run.peak_mib} for label, run in runs.items()],
         "columns": [of("build"), of("time", "min")],
@@ -406,10 +410,9 @@ def apartment_claim(rows):
 
 
 def simulated_claim(rows):
-    rows = [row for row in rows if row["frames"] == 60]
-    count = lambda key: sum((row[key] or 0) * row["clips"] for row in rows)
-    wrong = sum((row["wrong"] or 0) * row["aligned"] * row["clips"] for row in rows)
-    return f"{count('aligned'):.0f} of {sum(row['clips'] for row in rows)} called `aligned`, {wrong:.0f} of them wrong"
+    aligned = sum((row["aligned, 60"] or 0) * row["clips"] for row in rows)
+    wrong = sum((row["wrong, 60"] or 0) * (row["aligned, 60"] or 0) * row["clips"] for row in rows)
+    return f"{aligned:.0f} of {sum(row['clips'] for row in rows)} called `aligned`, {wrong:.0f} of them wrong"
 
 
 def clip_claim(rows):

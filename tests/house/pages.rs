@@ -162,7 +162,9 @@ fn no_sentence_of_the_pages_begins_with_a_relative_clause() {
     let mut broken = Vec::new();
     for page in pages() {
         let text = read(&page);
-        let prose: Vec<&str> = prose(&text).into_iter().map(|(_, line)| line).collect();
+        let lines = prose(&text).into_iter().map(|(_, line)| line);
+        // Headings are no sentences.
+        let prose: Vec<&str> = lines.map(|line| if line.starts_with('#') { "" } else { line }).collect();
         let found = relative_clauses(&prose.join("\n"));
         broken.extend(found.into_iter().map(|sentence| format!("{}: {sentence}", page.display())));
     }
