@@ -1,4 +1,5 @@
-"""Times Open3D's ICP against viola's refinement: the same points, the same 100 starts, one thread each, one run."""
+"""Times the ICP of Open3D, small_gicp and KISS-ICP against viola's refinement: the same points, the same 100 starts, one
+thread each, one run."""
 
 import json
 import math
@@ -7,13 +8,17 @@ import subprocess
 import sys
 import tempfile
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 # Before the import: Open3D reads it once.
 os.environ["OMP_NUM_THREADS"] = "1"
 
+import kiss_icp.mapping
+import kiss_icp.registration
 import numpy as np
 import open3d as o3d
+import small_gicp
 
 ROOT = Path(__file__).resolve().parents[2]
 RUNS = 5
@@ -51,29 +56,59 @@ def is_right(pose, truth):
     return math.hypot(pose[0] - truth[0], pose[1] - truth[1]) < 0.3 and abs(turn) < math.radians(10)
 
 
+def timed(align, starts):
+    """The best time of RUNS over all starts, and the poses."""
+    best, transforms = math.inf, []
+    for _ in range(RUNS):
+        since = time.perf_counter()
+        transforms = [align(start) for start in starts]
+        best = min(best, time.perf_counter() - since)
+    return best, [flat(transform) for transform in transforms]
+
+
+def flat_points(points_m):
+    return np.pad(np.asarray(points_m, dtype=float), ((0, 0), (0, 1)))
+
+
 def open3d_icp(data, reach_m):
-    """Open3D's ICP, point to point, with its default criteria. The best time of RUNS."""
+    """Open3D's ICP, point to point, with its default criteria."""
     source, target = cloud(data["hits_m"]), cloud(data["map_m"])
-    starts = [matrix(start) for start in data["starts"]]
     registration = o3d.pipelines.registration
     estimation = registration.TransformationEstimationPointToPoint()
     criteria = registration.ICPConvergenceCriteria()
-    best = math.inf
-    for _ in range(RUNS):
-        since = time.perf_counter()
-        results = [
-            registration.registration_icp(source, target, reach_m, start, estimation, criteria)
-            for start in starts
-        ]
-        best = min(best, time.perf_counter() - since)
-    return best, [flat(result.transformation) for result in results]
+    icp = registration.registration_icp
+    return lambda start: icp(source, target, reach_m, start, estimation, criteria).transformation
+
+
+def small_icp(data, reach_m):
+    """small_gicp's ICP, point to point, with its default criteria. Its trees are built once."""
+    source, target = (small_gicp.PointCloud(flat_points(data[name])) for name in ("hits_m", "map_m"))
+    tree = small_gicp.KdTree(target)
+    limits = {"registration_type": "ICP", "max_correspondence_distance": reach_m, "num_threads": 1}
+    return lambda start: small_gicp.align(target, source, tree, init_T_target_source=start, **limits).T_target_source
+
+
+def kiss_icp_step(data, reach_m):
+    """KISS-ICP's registration with its default criteria and kernel of a third of the reach; all map points are kept."""
+    voxels = kiss_icp.mapping.VoxelHashMap(voxel_size=reach_m, max_distance=1e3, max_points_per_voxel=1000)
+    voxels.add_points(flat_points(data["map_m"]))
+    points = flat_points(data["hits_m"])
+    registration = kiss_icp.registration.Registration(500, 1e-4, 1)
+    return lambda start: registration.align_points_to_map(points, voxels, start, reach_m, reach_m / 3)
+
+
+PEERS = [
+    (f"Open3D {o3d.__version__}", open3d_icp),
+    (f"small_gicp {version('small_gicp')}", small_icp),
+    (f"KISS-ICP {version('kiss-icp')}", kiss_icp_step),
+]
 
 
 def main():
     data = json.loads(Path(sys.argv[1]).read_text()) if len(sys.argv) > 1 else exported()
     truth, ours_s = data["truth"], data["viola"]["seconds"]
-    counts = f"{len(data['hits_m'])} hits, {len(data['map_m'])} map points, {len(data['starts'])} starts"
-    print(f"{counts}, one thread, Open3D {o3d.__version__}, best of {RUNS}\n")
+    starts = [matrix(start) for start in data["starts"]]
+    print(f"{len(data['hits_m'])} hits, {len(data['map_m'])} map points, {len(starts)} starts, one thread, best of {RUNS}\n")
     print("| refinement | seconds | times viola's | right |\n|---|---|---|---|")
 
     def row(name, seconds, poses):
@@ -81,9 +116,9 @@ def main():
         print(f"| {name} | {seconds:.4f} | {seconds / ours_s:.1f} | {right} |")
 
     row("viola", ours_s, data["viola"]["poses"])
-    for reach_m in (0.2, 0.5, 2.0):
-        seconds, poses = open3d_icp(data, reach_m)
-        row(f"Open3D ICP, pairs up to {reach_m} m", seconds, poses)
+    for name, peer in PEERS:
+        for reach_m in (0.2, 0.5, 2.0):
+            row(f"{name}, pairs up to {reach_m} m", *timed(peer(data, reach_m), starts))
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-//! The invariants of the sources: allowed imports, and the limits on the length of files and functions.
+//! The invariants of the sources and of the pages: allowed imports, lengths of files and functions, links, sentences.
 
 mod circles;
 mod features;
 mod knobs;
+mod pages;
 mod sources;
 
 use sources::{Source, sources};

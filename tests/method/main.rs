@@ -1,6 +1,7 @@
 //! The method as a whole, through the crates' front doors and `viola evaluate`.
 
 mod apartment;
+mod bars;
 mod built_in;
 mod completion;
 mod early_pose;

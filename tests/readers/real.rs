@@ -1,10 +1,13 @@
 //! The readers on the real recordings in `VIOLA_TEST_DATA`.
 
+use crate::memory::peak_bytes;
 use crate::writers::as_zip;
 use std::path::Path;
 use std::time::{Duration, Instant};
+use viola_align::{AlignParams, align};
 use viola_formats::clip::{Clip, Frame};
 use viola_formats::lidar::{Cell, LidarMap};
+use viola_geometry::progress::Silent;
 use viola_geometry::{Point2, Pose2, Vector3};
 use viola_testing::data;
 
@@ -205,4 +208,20 @@ fn ros_home() {
     assert_eq!((map.info.occupied_points, map.info.free_cells), (5_183, 35_949));
     assert!(grid.cells.iter().filter(|cell| **cell == Cell::Unknown).count() <= 76_243);
     assert!(map.info.notes.iter().any(|note| note.contains("205")));
+}
+
+/// Five times the frames take little more memory, and both take little.
+#[test]
+fn memory_of_300_frames_is_bounded() {
+    let Some(folder) = data::folder("scannet/scene0000_00") else { return };
+    let (clip, lidar) =
+        (Clip::open(&folder).unwrap(), LidarMap::open(&folder.join("lidar/valetudo.json")).unwrap());
+    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let peak_mib = |frames| {
+        let work = || align(&clip, Some(frames), &lidar, &AlignParams::default(), &Silent).unwrap();
+        alone.install(|| peak_bytes(work)).1 >> 20
+    };
+    let (short, long) = (peak_mib(120..180), peak_mib(0..300));
+    eprintln!("60 frames: {short} MiB, 300 frames: {long} MiB");
+    assert!(short <= 50 && long <= 75, "60 frames: {short} MiB, 300 frames: {long} MiB");
 }

@@ -75,7 +75,7 @@ pub struct Doubts {
 /// Maximum probability if the search was incomplete.
 const MOST_AFTER_INCOMPLETE_SEARCH: f64 = 0.5;
 /// Maximum probability if the camera was tracked from sparse frames: of the simulated clips at 2.5 frames a
-/// second that were reported as aligned, 13 % were wrong (BENCHMARKS.md).
+/// second that were reported as aligned, 13 % were wrong (docs/experiments.md).
 const MOST_FOR_SPARSE_TRACK: f64 = 0.85;
 
 /// Sets the probabilities of an answer.

@@ -1,7 +1,7 @@
 //! The two decoders behind one interface.
 //!
 //! In all tests `rust_h264` and `rust_h265` gave ffmpeg's pictures bit for bit, and refused by name what they
-//! do not decode (`BENCHMARKS.md`, Video). Both are pure Rust and decode two pictures at a time.
+//! do not decode (`docs/experiments.md`, Video). Both are pure Rust and decode two pictures at a time.
 
 use super::Codec;
 use super::parameters::Format;

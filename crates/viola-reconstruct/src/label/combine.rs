@@ -32,7 +32,7 @@ fn by_shape(shape: &Shape) -> Label {
 
 /// Returns the labels by the surface network, and by shapes alone where it has no answer: the geometric mean of what
 /// it says of a site and of the site's segment, times the square root of the shape's likelihood. Chosen on simulated
-/// homes (BENCHMARKS, "Classes without pictures").
+/// homes (docs/experiments.md, Classes).
 pub(super) fn surfaced(segments: &[u32], shapes: &[Shape], surface: &[Option<[f32; CLASSES]>]) -> Vec<Label> {
     let mut pools = pools(segments);
     for (segment, said) in segments.iter().zip(surface) {
@@ -56,7 +56,7 @@ fn pools(segments: &[u32]) -> Vec<[f32; CLASSES]> {
 /// Returns the labels by both, pooled over segments. The shape counts twice: it weights a site's votes for
 /// its segment, and then the votes of the segment for each site.
 /// `fallback` are the labels of segments that no picture saw. The surface network has no say elsewhere: multiplied
-/// with the pictures it cost six points in a hundred of the real apartment (BENCHMARKS, "Classes without pictures").
+/// with the pictures it cost six points in a hundred of the real apartment (docs/experiments.md, Classes).
 pub(super) fn combined(
     segments: &[u32],
     votes: &Votes,

@@ -138,7 +138,7 @@ pub fn refine(
 
 /// Maximum turn from frame to frame of a clip that is not sparse; it lies between those of 2.5 Hz and 10 Hz.
 /// With tracking at 2.5 Hz, 13 % of the simulated clips reported as aligned were not; at 10 Hz none
-/// (BENCHMARKS.md). The probability does not account for sparse recordings.
+/// (docs/experiments.md). The probability does not account for sparse recordings.
 const WIDE_TURN_RAD: f64 = 8.0 * std::f64::consts::PI / 180.0;
 
 /// Returns the remarks on the fraction of tracked frames, and on the ends of segments.

@@ -65,7 +65,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         (Cameras::One(assumed), Some(KINECT_SHUTTER), words.to_string())
     };
     // A picture's time is its complete arrival; its middle row was read before. By the camera's turn rates,
-    // the pictures of `freiburg1_rpy` are 14 ms behind the motion capture (BENCHMARKS.md).
+    // the pictures of `freiburg1_rpy` are 14 ms behind the motion capture (docs/experiments.md).
     let late_s = shutter.map_or(0.0, |shutter: Shutter| shutter.depth_s / 2.0);
     if has_color {
         notes.push(format!("colour and depth were paired by nearest time within {MAX_GAP_S} s"));
