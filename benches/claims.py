@@ -6,7 +6,6 @@ Tables use seeds from 5000 on. Nothing is tuned on them.
 """
 
 import json
-import math
 import re
 from statistics import median
 
@@ -164,8 +163,8 @@ def metres(runs):
         results = [json.loads(line)["result"] for line in (run.folder / "results.jsonl").read_text().splitlines()]
         for row in (row for row in table if "(" not in row["set"]):
             errors = [result["scale_error"] for result in results if result["set"] == row["set"]]
-            errors = [abs(error) for error in errors if error is not None] or [math.nan]
-            rows.append(row | {"scale": median(errors), "worst": max(errors), "within": sum(e < 0.02 for e in errors) / len(errors)})
+            errors = [abs(error) for error in errors if error is not None]
+            rows.append(row | ({"scale": median(errors), "worst": max(errors)} if errors else {}))
     return rows
 
 

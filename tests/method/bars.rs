@@ -72,7 +72,7 @@ fn short_real_clips_are_found_and_called_aligned() {
     let (right, aligned, wrong) = count(&results);
     eprintln!("{right} right, {aligned} aligned, {wrong} wrong of {}", results.len());
     assert_eq!((results.len(), wrong), (15, 0));
-    assert!(right >= 14 && aligned >= 12, "{right} right, {aligned} aligned");
+    assert!(right >= 14 && aligned >= 13, "{right} right, {aligned} aligned");
 }
 
 #[test]
@@ -144,5 +144,5 @@ fn overlapping_clips_agree_better_together() {
     eprintln!("{:?} {:?}", fused.agreement, fused.excerpts);
     assert!(fused.excerpts.iter().all(|excerpt| excerpt.placed_by.is_some() && !excerpt.is_wrong()));
     let agreement = fused.agreement;
-    assert!(agreement.pairs >= 2 && agreement.together_m < 0.95 * agreement.alone_m, "{agreement:?}");
+    assert!(agreement.pairs >= 2 && agreement.together_m < 0.85 * agreement.alone_m, "{agreement:?}");
 }
