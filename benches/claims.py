@@ -238,7 +238,7 @@ PARTS = [
     },
     {
         "name": "maps", "title": "Vacuums' own maps", "needs": ["VIOLA_TEST_DATA"],
-        "note": "Clips drawn inside each real map: hits cast in the map, 30 % outliers, 3 cm of noise.",
+        "note": "Clips drawn inside each real map, with 30 % outliers and 3 cm of noise.",
         "runs": {"run": "viola evaluate $(find $DATA/vacuum_maps -name '*.json' -o -name '*.yaml' | sort | sed 's/^/--map /') \\\n"
                         "  --clips {clips} --methods viola --out {out}"},
         "settings": {"tiny": {"clips": "1"}, "quick": {"clips": "10"}, "all": {"clips": "50"}},
@@ -300,7 +300,7 @@ PARTS = [
     },
     {
         "name": "joint", "title": "Clips placed together", "needs": [],
-        "note": "A clip is decidable if its true pose gets 0.95 when all other clips are at their true poses.",
+        "note": "A clip is decidable if the others at their true poses give its true pose 0.95.",
         "runs": {"run": "viola evaluate --joint --set repeated,normal --seeds {seeds} --frames 10{clips} --out {out}"},
         "settings": {"tiny": {"seeds": "2000..2001", "clips": " --clips 4"}, "quick": {"seeds": "5000..5001", "clips": ""},
                      "all": {"seeds": "5000..5005", "clips": ""}},
@@ -331,7 +331,7 @@ PARTS = [
     },
     {
         "name": "tracking", "title": "Tracking without poses", "needs": ["VIOLA_TEST_DATA"],
-        "note": "The recordings' poses are withheld and compared. The worst clip is by its error over its path.",
+        "note": "Poses are withheld. The worst clip's error is a share of its path.",
         "runs": {"RedKitchen": "viola evaluate --track --scene $DATA/seven_scenes/redkitchen --out {out}",
                  "TUM freiburg1_rpy": "viola evaluate --track --scene $DATA/tum/freiburg1_rpy_excerpt --out {out}",
                  "simulated": "viola evaluate --track --set {sets} --seeds {seeds} --frames {frames} --out {out}"},
@@ -368,7 +368,7 @@ PARTS = [
     },
     {
         "name": "million", "title": "A million homes", "needs": ["VIOLA_TEST_POSTGRES"],
-        "note": "The longest time of each kind of statement, by PostgreSQL's `auto_explain`.",
+        "note": "By PostgreSQL's `auto_explain`.",
         "runs": {"run": "benches/million_homes.sh $POSTGRES {homes}"},
         "settings": {"tiny": {"homes": "1000"}, "all": {"homes": "1000000"}}, "minutes": {"tiny": 1, "all": 15},
         "rows": million, "columns": [of("kinds of statements", "", "statements"), of("runs"), of("above 3 ms", "", "above"), of("longest", "ms")],

@@ -5,7 +5,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 load="$(dirname "$(command -v viola)")/examples/load"
 work="$(mktemp -d)"
-trap 'kill "$server" 2>/dev/null || true; wait "$server" 2>/dev/null || true; rm -rf "$work"' EXIT
+trap 'kill $(jobs -p) 2>/dev/null || true; wait "$server" 2>/dev/null || true; rm -rf "$work"' EXIT
 
 viola simulate --set normal --seed 5000 --clips 2 --frames 24 --out "$work/home" >/dev/null
 viola serve --listen 127.0.0.1:0 --workers 2 --data "$work/data" >"$work/address" 2>"$work/log" &
@@ -23,9 +23,7 @@ until send GET /v1/homes/h1/map >/dev/null 2>&1; do sleep 0.2; done
 
 # Work for the workers until the end: a new home every second.
 for ((n = 2; ; n++)); do make "h$n" 1 >/dev/null || true; sleep 1; done &
-aligning=$!
 sleep 1
 echo -n "$1 reads a second beside two workers: "
 "$load" reads "$base" "$1" "$2" /v1/homes/h1 /v1/homes/h1/clips "/v1/homes/h1/clips/$clip" '/v1/homes?limit=50' '/v1/changes?limit=50' \
     /v1/homes/h1/map /v1/homes/h2 /v1/homes/h1/lidar-map
-kill "$aligning" 2>/dev/null || true

@@ -78,7 +78,9 @@ fn short_real_clips_are_found_and_called_aligned() {
 #[test]
 fn registration_is_many_times_faster_than_the_paper_s() {
     let Some(folder) = apartment() else { return };
-    let results = results(&SceneClips::new(scene(&folder), vec![120..130], false), &["paper", "viola"]);
+    let scene = scene(&folder);
+    let one = excerpts(scene.clip.frames().len(), 10)[24..25].to_vec();
+    let results = results(&SceneClips::new(scene, one, false), &["paper", "viola"]);
     let [paper, viola] = [&results[0], &results[1]].map(|result| result.register_seconds);
     eprintln!("{paper} and {viola} s");
     assert!(paper > 30.0 * viola, "{paper} and {viola} s");
