@@ -12,8 +12,8 @@ const THICKNESS_M: [f64; 2] = [0.04, 0.5];
 /// Width of doorways; wider gaps are open plan.
 const DOOR_M: [f64; 2] = [0.45, 1.35];
 const WIDEST_M: f64 = 4.5;
-/// A wall goes on beside a gap if a space ends this far from the gap's end.
-const STUB_M: f64 = 0.1;
+/// A wall goes on beside a gap if there is space this far beyond the gap's end: less than a wall is thick.
+const STUB_M: f64 = 0.05;
 /// Minimum fraction of a gap's width with wall above it.
 const LINTEL_SHARE: f64 = 0.5;
 /// Widest column with wall at one face only.

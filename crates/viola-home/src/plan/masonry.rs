@@ -7,6 +7,10 @@ use geo::{Area, BooleanOps, Coord, LineString, MultiPolygon, Polygon, unary_unio
 
 /// Outer walls made of cells reach this far beyond their straight outer face.
 const BEYOND_M: f64 = 0.5;
+/// Openings reach this much into the rooms, so that no seam remains before them.
+const SEAM_M: f64 = 0.02;
+/// Corners nearer than this are one.
+const SAME_CORNER_M: f64 = 0.005;
 /// Smaller pieces of masonry are remains of stairs.
 const MIN_AREA_M2: f64 = 0.01;
 
@@ -24,7 +28,9 @@ pub(super) fn with_oblique(
     let base = MultiPolygon(base.iter().map(polygon).collect());
     let rooms = MultiPolygon(rooms.iter().map(polygon).collect());
     let ways = openings.iter().filter(|opening| opening.kind != OpeningKind::Window);
-    let ways = unary_union(&ways.map(|way| ring(&way.corners_m())).collect::<Vec<_>>());
+    let ways = unary_union(
+        &ways.map(|way| ring(&strip(way.from_m, way.to_m, way.thickness_m + SEAM_M))).collect::<Vec<_>>(),
+    );
     // Walls reach into their corners.
     let bodies: Vec<Polygon> = straight.iter().chain(oblique).map(|wall| body(wall, USUAL_M / 2.0)).collect();
     let beyond: Vec<Polygon> = oblique.iter().filter(|wall| !wall.is_measured).map(beyond).collect();
@@ -71,6 +77,11 @@ fn outline(polygon: &Polygon) -> Outline {
     let corners = |ring: &LineString| {
         let mut corners: Vec<[f64; 2]> = ring.0.iter().map(|corner| [corner.x, corner.y]).collect();
         corners.pop();
+        let is_same = |a: &[f64; 2], b: &[f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]) < SAME_CORNER_M;
+        corners.dedup_by(|a, b| is_same(a, b));
+        if corners.len() > 3 && is_same(&corners[0], &corners[corners.len() - 1]) {
+            corners.pop();
+        }
         corners
     };
     Outline {

@@ -79,7 +79,7 @@ impl Oblique {
     }
 }
 
-/// A surface column in the frame of a direction: across, along, its bits and its weight in a fit.
+/// A surface column in the frame of a direction, and its place in the list.
 struct Seen {
     across_m: f64,
     along_m: f64,
@@ -89,8 +89,9 @@ struct Seen {
 
 /// Returns the oblique faces, the longest evidence first.
 pub(super) fn faces(evidence: &Evidence, straight: &[Face]) -> Vec<Oblique> {
+    let explaining = explaining(straight);
     let mut left: Vec<&Upright> =
-        evidence.uprights.iter().filter(|upright| !is_explained(upright, straight)).collect();
+        evidence.uprights.iter().filter(|upright| !is_explained(upright, &explaining)).collect();
     let gain = |left: &[&Upright], normal: &Vector2| {
         best_band(&looking(evidence, left, normal), COARSE_M).map_or(0.0, |run| run.gain)
     };
@@ -161,16 +162,20 @@ pub(super) fn without_steps(straight: Vec<Face>, oblique: &[Oblique]) -> Vec<Fac
     straight.into_iter().filter(|face| !is_step(face)).collect()
 }
 
+/// Returns the faces along the axes that have enough evidence to explain columns.
+fn explaining(straight: &[Face]) -> Vec<&Face> {
+    let evidence_m =
+        |face: &Face| face.cover.iter().map(|share| f64::from(*share)).sum::<f64>() * face.along_m;
+    straight.iter().filter(|face| evidence_m(face) >= EXPLAINING_M).collect()
+}
+
 /// Returns whether a face along the axes explains a column.
-fn is_explained(upright: &Upright, straight: &[Face]) -> bool {
+fn is_explained(upright: &Upright, explaining: &[&Face]) -> bool {
     let at = [upright.at.x, upright.at.y];
-    straight.iter().any(|face| {
+    explaining.iter().any(|face| {
         let axis = face.facing.axis;
-        let along = at[1 - axis];
-        let evidence_m = face.cover.iter().map(|share| f64::from(*share)).sum::<f64>() * face.along_m;
-        evidence_m >= EXPLAINING_M
-            && (at[axis] - face.line_m).abs() <= EXPLAINED_M
-            && (face.from_m - EXPLAINED_M..=face.to_m + EXPLAINED_M).contains(&along)
+        (at[axis] - face.line_m).abs() <= EXPLAINED_M
+            && (face.from_m - EXPLAINED_M..=face.to_m + EXPLAINED_M).contains(&at[1 - axis])
     })
 }
 

@@ -12,7 +12,7 @@ pub(super) const THICKEST_M: f64 = 0.5;
 /// Thickness of walls whose other face was not seen.
 pub(super) const USUAL_M: f64 = 0.2;
 /// Sides of cells this near a room's outline are sides of the room.
-const DRAWN_M: f64 = 0.01;
+const DRAWN_M: f64 = 0.001;
 /// Walls in one line with less between them are one wall.
 const JOIN_M: f64 = 0.55;
 const SAME_LINE_M: f64 = 0.03;
@@ -134,13 +134,16 @@ fn is_drawn(
     place[axis] = if up { line - 1 } else { line };
     let room = spaces.of_cell[cells.index(place)];
     let [from_m, to_m] = [step, step + 1].map(|step| cells.lines[1 - axis][step]);
-    let mut middle = [(from_m + to_m) / 2.0; 2];
-    middle[axis] = cells.lines[axis][line];
     let Some(outline) = (room as usize).checked_sub(1).and_then(|room| outlines.get(room)) else {
         return false;
     };
-    let rings = std::iter::once(&outline.ring_m).chain(&outline.holes_m);
-    rings.map(|ring| distance_m(ring, &middle.into())).fold(f64::INFINITY, f64::min) <= DRAWN_M
+    // Two points: an oblique side may cross a step at one.
+    [0.25, 0.75].iter().all(|part| {
+        let mut p = [from_m + part * (to_m - from_m); 2];
+        p[axis] = cells.lines[axis][line];
+        let mut rings = std::iter::once(&outline.ring_m).chain(&outline.holes_m);
+        rings.any(|ring| distance_m(ring, &p.into()) <= DRAWN_M)
+    })
 }
 
 /// Returns the wall that a room's cell below (`up`) or above a line has at the line. A wall between two rooms

@@ -1,7 +1,7 @@
 //! Oblique walls: the stairs that cells make of them become straight sides.
 
 use super::model::Wall;
-use super::oblique::{OFF_M, Oblique};
+use super::oblique::Oblique;
 use super::shape::{THICKEST_M, USUAL_M};
 use crate::rooms::outline::{Outline, signed_area_m2};
 use viola_geometry::Point2;
@@ -10,14 +10,18 @@ use viola_geometry::Point2;
 const STEP_M: f64 = 0.5;
 /// Stairs reach this far beyond the evidence of their face.
 const BEYOND_M: f64 = 0.15;
-/// Corners of a stair are this near the face.
-const CORNER_M: f64 = 0.12;
+/// Corners and the middle of each side of a stair are this near the face.
+const CORNER_M: f64 = 0.14;
+const MIDDLE_M: f64 = 0.1;
 /// Shortest stair that becomes a side.
 const SIDE_M: f64 = 0.35;
 /// A corner moves at most this far; else it stays, and the side begins beside it.
 const MOVE_M: f64 = 0.3;
 /// Sine of the largest angle between the two faces of a wall.
 const PARALLEL: f64 = 0.2;
+
+/// A bound on work: rings with more corners keep their stairs.
+const MAX_CORNERS: usize = 2000;
 
 /// A straight side of a room at an oblique face.
 #[derive(Debug, Clone)]
@@ -55,7 +59,7 @@ fn face_of(faces: &[Oblique], from_m: [f64; 2], to_m: [f64; 2]) -> Option<usize>
             let [along_m, off_m] = face.within(end);
             (-BEYOND_M..=face.length_m + BEYOND_M).contains(&along_m) && off_m.abs() <= CORNER_M
         });
-        looks && is_near && off_m(face) <= OFF_M + 0.02
+        looks && is_near && off_m(face) <= MIDDLE_M
     };
     if side.norm() > STEP_M {
         return None;
@@ -76,6 +80,9 @@ type NewSides = Vec<(usize, [[f64; 2]; 2])>;
 
 /// Returns a ring with straight sides for its stairs; `None` if it has none.
 fn straight(ring: &[[f64; 2]], faces: &[Oblique]) -> Option<(Vec<[f64; 2]>, NewSides)> {
+    if ring.len() > MAX_CORNERS {
+        return None;
+    }
     let lines = lines(ring, faces);
     if lines.iter().all(|line| line.face.is_none()) || lines.len() < 3 {
         return None;

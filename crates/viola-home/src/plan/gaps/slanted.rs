@@ -13,7 +13,7 @@ const WALL: f64 = 0.25;
 /// Sine of the largest angle between the two faces.
 const PARALLEL: f64 = 0.2;
 /// Cells this near the wall are in its gap, so that no way leads past them.
-const NEAR_M: f64 = 0.07;
+const NEAR_M: f64 = 0.03;
 
 /// Returns the gaps between the two faces of each oblique wall.
 pub(super) fn gaps(cells: &Cells, faces: &[Oblique]) -> Vec<Gap> {

@@ -13,12 +13,12 @@ fn corridor() -> LidarMap {
         [[8.4, 8.0], [0.0, 8.0]],
         [[0.0, 8.0], [0.0, 0.0]],
     ];
-    // Both faces of the corridor's walls, with a door to each room.
-    for x in [3.5, 3.6, 4.8, 4.9] {
+    // Both faces of the corridor's walls and what is between them, with a door to each room.
+    for x in [3.51, 3.535, 3.56, 3.585, 3.61, 4.81, 4.835, 4.86, 4.885, 4.91] {
         walls.extend([[[x, 0.0], [x, 1.5]], [[x, 2.3], [x, 5.5]], [[x, 6.3], [x, 8.0]]]);
     }
-    for y in [3.95, 4.05] {
-        walls.extend([[[0.0, y], [3.5, y]], [[4.9, y], [8.4, y]]]);
+    for y in [3.96, 3.985, 4.01, 4.035, 4.06] {
+        walls.extend([[[0.0, y], [3.51, y]], [[4.91, y], [8.4, y]]]);
     }
     lidar_of(&walls)
 }
