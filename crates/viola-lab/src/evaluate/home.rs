@@ -20,6 +20,7 @@ pub use instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
 pub use joint::{JointClip, JointHome, JointMode, JointRow, JointTie, joint};
 pub use matching::{ClassRow, MIN_IOU, Matches, Thing, matches};
 pub use score::{FoundRow, ObjectScore, TruthRow, score_objects};
+pub(super) use simulated::{MIN_POINTS, along};
 pub use simulated::{
     SampleParams, SimulatedMap, SimulatedScore, TrueRoom, count_rooms, match_objects, sample, simulated,
 };
