@@ -8,6 +8,8 @@ RECORD = np.dtype([("mm", "<i2", 3), ("normal", "i1", 3), ("color", "u1", 3), ("
                    ("instance", "<u2")])
 OBJECT = np.dtype([("centre", "<f4", 3), ("size", "<f4", 3), ("yaw", "<f4")])
 UNKNOWN = 255
+# viola-geometry, taxonomy.rs.
+CEILING = 3
 # viola-reconstruct, label/columns.rs: both must agree.
 CELL_M = 0.05
 LOW_M = -0.075
@@ -57,23 +59,91 @@ def main_yaw(normal: np.ndarray) -> float:
 
 
 def augmented(surface: dict, random: np.random.Generator) -> dict:
-    """A copy along its walls or nearly so, mirrored, shifted, slightly scaled, with patches missing."""
+    """A copy as another sensor, path of the camera, home or pose of the floor would have given."""
     yaw = random.integers(4) * np.pi / 2 - main_yaw(surface["normal"])
     yaw += random.uniform(0, 2 * np.pi) if random.random() < 0.15 else random.normal(0, 0.04)
     surface = turned(turned(surface, yaw), 0.0, mirrored=random.random() < 0.5)
+    surface = picked(surface, seen(surface, random))
+    if len(surface["xyz"]) == 0:
+        return surface
     xyz = surface["xyz"]
-    xyz *= random.uniform(0.95, 1.05, 3).astype(np.float32)
-    xyz[:, 2] += random.normal(0, 0.015)
-    xyz[:, :2] += random.uniform(0, CELL_M, 2).astype(np.float32)
-    kept = random.random(len(xyz)) < random.uniform(0.5, 1.0)
+    # Homes of other sizes, and the boxes with them.
+    scale = (random.uniform(0.9, 1.1) * random.uniform(0.95, 1.05, 3)).astype(np.float32)
+    objects = surface["objects"]
+    objects["centre"] *= scale
+    objects["size"] *= scale
+    xyz *= scale
+    rough(surface, random)
+    # The floor's height and tilt are measured, too.
+    shift = np.array([*random.uniform(0, CELL_M, 2), random.normal(0, 0.02)], np.float32)
+    middle = xyz[:, :2].mean(axis=0)
+    tilt = random.normal(0, 0.006, 2).astype(np.float32)
+    surface["normal"][:, :2] -= surface["normal"][:, 2:] * tilt
+    xyz[:, 2] += (xyz[:, :2] - middle) @ tilt
+    xyz += shift
+    objects["centre"] += shift
+    return surface
+
+
+def picked(surface: dict, kept: np.ndarray) -> dict:
+    return {**surface, **{name: surface[name][kept] for name in ("xyz", "normal", "label", "instance")}}
+
+
+def seen(surface: dict, random: np.random.Generator) -> np.ndarray:
+    """Points that a camera with less range, another path, other gaps or a lower view would have measured."""
+    xyz, instance = surface["xyz"], surface["instance"]
+    kept = random.random(len(xyz)) < random.uniform(0.4, 1.0)
     for _ in range(random.integers(0, 6)):
         hole = xyz[random.integers(len(xyz))]
-        kept &= np.linalg.norm(xyz - hole, axis=1) > random.uniform(0.1, 0.4)
+        kept &= np.linalg.norm(xyz - hole, axis=1) > random.uniform(0.1, 0.5)
+    if random.random() < 0.3:
+        # Dark, shiny or transparent objects give no depth, or only in parts.
+        gone = random.random(instance.max(initial=0) + 1) < random.uniform(0, 0.3)
+        part = np.floor(xyz / random.uniform(0.15, 0.5)).astype(np.int64) @ [73856093, 19349663, 83492791]
+        kept &= ~gone[instance] | (instance == 0) | (part % 4 == 0)
     if random.random() < 0.3:
         # A camera that looks down sees no upper part of the room.
-        kept &= xyz[:, 2] < random.uniform(1.0, 2.4)
-    picked = {name: surface[name][kept] for name in ("xyz", "normal", "label", "instance")}
-    return {**surface, **picked}
+        kept &= xyz[:, 2] < random.uniform(0.8, 2.4)
+    elif random.random() < 0.2:
+        kept &= ~np.isin(surface["label"], CEILING)
+    if random.random() < 0.2:
+        # A short path, or a short range.
+        eye = xyz[random.integers(len(xyz), size=random.integers(1, 4)), :2]
+        range_m = random.uniform(1.5, 3.5)
+        kept &= (np.linalg.norm(xyz[:, None, :2] - eye, axis=2) < range_m).any(axis=1)
+    return kept
+
+
+def rough(surface: dict, random: np.random.Generator) -> None:
+    """Noise of the depth along the normal and of the normals, waves of the surface, and points beside it."""
+    xyz, normal, count = surface["xyz"], surface["normal"], len(surface["xyz"])
+    noise = random.normal(0, random.uniform(0, 0.008), count)
+    if random.random() < 0.5:
+        # Drift of the poses and distortion of the camera bend surfaces over decimetres.
+        waves = random.normal(0, 1 / random.uniform(0.3, 1.5), (4, 3))
+        phase = random.uniform(0, 2 * np.pi, 4)
+        noise += random.uniform(0, 0.015) * np.sin(xyz @ waves.T + phase).mean(axis=1)
+    xyz += (normal * noise[:, None]).astype(np.float32)
+    if random.random() < 0.5:
+        normal += random.normal(0, random.uniform(0, 0.2), normal.shape).astype(np.float32)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True).clip(min=1e-6)
+    if random.random() < 0.3:
+        # Mixed pixels between an object and what is behind it.
+        stray = random.random(count) < random.uniform(0, 0.03)
+        xyz[stray] += random.normal(0, 0.1, (stray.sum(), 3)).astype(np.float32)
+        surface["label"] = np.where(stray, UNKNOWN, surface["label"]).astype(np.uint8)
+
+
+def mixed(one: dict, other: dict) -> dict:
+    """Two surfaces in one place (Mix3D, Nekrasov et al., 2021): shapes must tell the classes without their surroundings."""
+    offset = np.where(other["instance"] > 0, len(one["objects"]), 0)
+    middle = [np.append(np.median(s["xyz"][:, :2], axis=0), 0).astype(np.float32) for s in (one, other)]
+    objects = other["objects"].copy()
+    objects["centre"] += middle[0] - middle[1]
+    join = lambda name: np.concatenate([one[name], other[name]])
+    return {"xyz": np.concatenate([one["xyz"], other["xyz"] - middle[1] + middle[0]]), "normal": join("normal"),
+            "label": join("label"), "instance": np.concatenate([one["instance"], other["instance"] + offset]),
+            "objects": np.concatenate([one["objects"], objects])}
 
 
 def boxes(surface: dict, instance: np.ndarray, xyz: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ The README has the commands that made the data and the weights in the program. R
 """
 import argparse
 import json
+import math
 import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -16,7 +17,8 @@ from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from network import Columns
-from surfaces import SLICES, UNKNOWN, VOXEL_NUMBERS, augmented, columns, load, main_yaw, turned
+from start import calibrate_norms, read_weights
+from surfaces import SLICES, UNKNOWN, VOXEL_NUMBERS, augmented, columns, load, main_yaw, mixed, turned
 
 # viola-geometry, taxonomy.rs.
 CLASSES = ["other", "floor", "wall", "ceiling", "door", "window", "stairs", "bed", "sofa", "chair", "table", "desk",
@@ -30,6 +32,10 @@ COARSE_OF = torch.tensor([COARSE.index(name) if name in COARSE else 10 for name 
 CROP = 128
 # Weight of the boxes beside the classes in the loss.
 BOX_WEIGHT = 0.3
+# Fraction of the samples that are two surfaces in one place.
+MIXED = 0.15
+# Batches ahead of the network.
+AHEAD = 6
 
 
 def batch(samples: list[dict]) -> tuple:
@@ -53,10 +59,20 @@ def samples_of(paths: list[Path], seed: int, step: int, count: int) -> list[dict
     random = np.random.default_rng([seed, step])
     samples = []
     while len(samples) < count:
-        surface = load(paths[random.integers(len(paths))])
-        sample = columns(augmented(surface, random), CROP, random) if len(surface["xyz"]) > 500 else None
+        surfaces = [load(paths[random.integers(len(paths))]) for _ in range(1 + (random.random() < MIXED))]
+        surfaces = [augmented(surface, random) for surface in surfaces if len(surface["xyz"]) > 500]
+        surfaces = [surface for surface in surfaces if len(surface["xyz"]) > 0]
+        if not surfaces:
+            continue
+        sample = columns(surfaces[0] if len(surfaces) == 1 else mixed(*surfaces), CROP, random)
         samples += [sample] if sample is not None and len(sample["label"]) > 300 else []
     return samples
+
+
+def rate_at(progress: float) -> float:
+    """The learning rate as a fraction of the largest: a short rise, then a cosine down to 0."""
+    rise = 0.03
+    return progress / rise if progress < rise else 0.5 + 0.5 * math.cos(math.pi * (progress - rise) / (1 - rise))
 
 
 def lovasz(probabilities: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
@@ -140,19 +156,39 @@ def export(network: Columns, path: Path) -> None:
                       opset_version=17, dynamo=False)
 
 
+def surfaces_in(folders: list[Path]) -> list[Path]:
+    return sorted(path for folder in folders for path in folder.glob("*.surface"))
+
+
+def loss_of(network: torch.nn.Module, inputs: list, labels: torch.Tensor, boxes: torch.Tensor,
+            weights: torch.Tensor) -> torch.Tensor:
+    known = labels != UNKNOWN
+    grid, *inputs = inputs
+    # Twice as fast on processors with bf16.
+    with torch.autocast("cpu", torch.bfloat16):
+        logits, said = network(grid.to(memory_format=torch.channels_last), *inputs)
+    logits, said = logits.float(), said.float()
+    loss = functional.cross_entropy(logits[known], labels[known], weights, label_smoothing=0.03)
+    # Every other voxel: the sorting of all takes a sixth of a step.
+    loss = loss + lovasz(logits[known][::2].softmax(1), labels[known][::2])
+    whole = ~boxes.isnan().any(1)
+    return loss + BOX_WEIGHT * functional.smooth_l1_loss(said[whole], boxes[whole], beta=0.2)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True, nargs="+")
     parser.add_argument("--held-out", type=Path, required=True)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--steps", type=int, default=6000)
+    parser.add_argument("--minutes", type=float, default=math.inf, help="ends after this time if that comes before --steps")
     parser.add_argument("--batch", type=int, default=4)
     parser.add_argument("--rate", type=float, default=3e-3)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--start", type=Path, help="checkpoint of another run, whose weights this one begins with")
+    parser.add_argument("--start", type=Path, help="ONNX file of another run, whose weights this one begins with")
     arguments = parser.parse_args()
     torch.manual_seed(arguments.seed)
-    paths = sorted(path for folder in arguments.data for path in folder.glob("*.surface"))
+    paths = surfaces_in(arguments.data)
     held_out = sorted(arguments.held_out.glob("*.surface"))
     # The layout that convolutions on a processor are fastest in.
     network = Columns(len(CLASSES)).to(memory_format=torch.channels_last)
@@ -160,46 +196,49 @@ def main() -> None:
     print(f"{len(paths)} surfaces, {len(held_out)} held out,",
           f"{sum(p.numel() for p in network.parameters())} parameters", flush=True)
     optimiser = torch.optim.AdamW(network.parameters(), arguments.rate, weight_decay=0.02)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, arguments.rate, arguments.steps, pct_start=0.1)
-    parts = {"network": network, "smooth": smooth, "optimiser": optimiser, "schedule": schedule}
+    parts = {"network": network, "smooth": smooth, "optimiser": optimiser}
     if arguments.start:
-        smooth.load_state_dict(torch.load(arguments.start)["smooth"])
-        network.load_state_dict(smooth.module.state_dict())
-    checkpoint, first = arguments.out.with_suffix(".checkpoint"), 0
+        read_weights(network, arguments.start)
+        network.bias.zero_(), network.temperature.fill_(1)
+        calibrate_norms(network, [batch(samples_of(paths, 0, step, arguments.batch))[:4] for step in range(16)])
+        smooth.module.load_state_dict(network.state_dict())
+    checkpoint, step, spent = arguments.out.with_suffix(".checkpoint"), 0, 0.0
     if checkpoint.exists():
         state = torch.load(checkpoint)
-        first = state["step"]
+        step, spent = state["step"], state["spent"]
         for name, part in parts.items():
             part.load_state_dict(state[name])
     weights = class_weights(paths)
-    begun, shown = time.time(), []
+    begun, shown = time.time() - spent, []
     with ProcessPoolExecutor(1) as pool:
         ask = lambda step: pool.submit(samples_of, paths, arguments.seed, step, arguments.batch)
-        asked = [ask(step) for step in range(first, min(first + 4, arguments.steps))]
-        for step in range(first, arguments.steps):
-            grid, *inputs, labels, boxes = batch(asked.pop(0).result())
-            asked += [ask(step + 4)] if step + 4 < arguments.steps else []
+        asked = [ask(step + ahead) for ahead in range(AHEAD)]
+        progress = 0.0
+        while progress < 1:
+            spent = time.time() - begun
+            progress = max(step / arguments.steps, spent / 60 / arguments.minutes)
+            for group in optimiser.param_groups:
+                group["lr"] = arguments.rate * rate_at(min(progress, 1.0))
+            *inputs, labels, boxes = batch(asked.pop(0).result())
+            asked.append(ask(step + AHEAD))
             network.train()
-            known = labels != UNKNOWN
-            logits, said = network(grid.to(memory_format=torch.channels_last), *inputs)
-            loss = functional.cross_entropy(logits[known], labels[known], weights, label_smoothing=0.03)
-            loss = loss + lovasz(logits[known].softmax(1), labels[known])
-            whole = ~boxes.isnan().any(1)
-            loss = loss + BOX_WEIGHT * functional.smooth_l1_loss(said[whole], boxes[whole], beta=0.2)
+            loss = loss_of(network, inputs, labels, boxes, weights)
             optimiser.zero_grad()
             loss.backward()
             torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
             optimiser.step()
-            schedule.step()
             smooth.update_parameters(network)
+            step += 1
             shown.append(loss.item())
-            if (step + 1) % 50 == 0:
-                rate = (step + 1 - first) / (time.time() - begun)
-                left = (arguments.steps - step - 1) / rate / 60
-                print(f"step {step + 1}: loss {np.mean(shown):.3f}, {left:.0f} minutes left", flush=True)
+            if step % 50 == 0:
+                left = spent / max(progress, 1e-9) * (1 - progress) / 60
+                print(f"step {step}: loss {np.mean(shown):.3f}, {left:.0f} minutes left", flush=True)
                 shown = []
-            if (step + 1) % 1000 == 0 or step + 1 == arguments.steps:
-                torch.save({"step": step + 1, **{name: part.state_dict() for name, part in parts.items()}}, checkpoint)
+                # Surfaces that were made meanwhile.
+                paths = surfaces_in(arguments.data)
+            if step % 1000 == 0 or progress >= 1:
+                torch.save({"step": step, "spent": spent, **{name: part.state_dict() for name, part in parts.items()}},
+                           checkpoint)
                 print(json.dumps(scores(*answers(smooth, held_out[::4]))), flush=True)
     network = smooth.module
     # Fitted on one half of the held-out homes, told of the other.
@@ -211,7 +250,7 @@ def main() -> None:
     print(json.dumps({**result, "temperature": network.temperature.item()}), flush=True)
     export(network, arguments.out)
     arguments.out.with_suffix(".json").write_text(json.dumps({**result, "seed": arguments.seed,
-                                                              "steps": arguments.steps}, indent=1) + "\n")
+                                                              "steps": step}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -64,8 +64,10 @@ pub(super) fn simulated(arguments: &EvaluateArguments) -> Result<()> {
     let bar = ProgressBar::new(seeds * (homes.sets.len() * homes.frames.len()) as u64);
     let rows = labels::simulated(&homes, &params, &|| bar.inc(1))?;
     bar.finish_and_clear();
-    let table = labels::markdown(&rows);
-    let answer = json!({ "surface_network": surface, "rows": rows });
+    let (rows, objects): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
+    let furniture: Vec<String> = objects.iter().map(labels::ObjectsRow::markdown).collect();
+    let table = format!("{}\n{}", labels::markdown(&rows), furniture.join("\n"));
+    let answer = json!({ "surface_network": surface, "rows": rows, "objects": objects });
     save(&arguments.out, "labels.json", &serde_json::to_string_pretty(&answer)?)?;
     save(&arguments.out, "labels.md", &table)?;
     print!("{table}");

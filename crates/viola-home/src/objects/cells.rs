@@ -25,6 +25,8 @@ pub struct Cells {
     normals: Vec<[f32; 3]>,
     /// Votes of each cell's points, by class.
     votes: Vec<[f32; CLASSES]>,
+    /// Mean probability of each class at each cell.
+    likelihoods: Vec<[f32; CLASSES]>,
 }
 
 impl Cells {
@@ -45,13 +47,17 @@ impl Cells {
             points: Vec::with_capacity(placed.len()),
             normals: Vec::new(),
             votes: Vec::new(),
+            likelihoods: Vec::new(),
         };
+        let mut weights: Vec<f32> = Vec::new();
         for (key, index) in placed {
             if cells.keys.last() != Some(&key) {
                 cells.keys.push(key);
                 cells.start.push(cells.points.len() as u32);
                 cells.normals.push([0.0; 3]);
                 cells.votes.push([0.0; CLASSES]);
+                cells.likelihoods.push([0.0; CLASSES]);
+                weights.push(0.0);
             }
             cells.points.push(index);
             let point = &map[index as usize].point;
@@ -60,8 +66,15 @@ impl Cells {
                 cells.normals[cell][axis] += point.normal[axis];
             }
             let views = f32::from(point.label.views).min(MOST_VIEWS) / MOST_VIEWS;
-            cells.votes[cell][point.label.class as usize] +=
-                point.label.probability() * (0.25 + 0.75 * views);
+            let weight = 0.25 + 0.75 * views;
+            cells.votes[cell][point.label.class as usize] += point.label.probability() * weight;
+            for (class, share) in point.label.shares() {
+                cells.likelihoods[cell][class as usize] += f32::from(share) / 255.0 * weight;
+            }
+            weights[cell] += weight;
+        }
+        for (likelihoods, weight) in cells.likelihoods.iter_mut().zip(weights) {
+            likelihoods.iter_mut().for_each(|p| *p /= weight);
         }
         cells.start.push(cells.points.len() as u32);
         cells.of_key = (0u32..).zip(&cells.keys).map(|(i, key)| (*key, i)).collect();
@@ -126,6 +139,11 @@ impl Cells {
     pub fn normal(&self, cell: usize) -> Option<[f32; 3]> {
         let n = nalgebra::Vector3::from(self.normals[cell]).try_normalize(1e-6)?;
         Some([n.x, n.y, n.z])
+    }
+
+    /// Returns the mean probability of each class at a cell. The classes that a label left out are missing.
+    pub fn likelihoods(&self, cell: usize) -> &[f32; CLASSES] {
+        &self.likelihoods[cell]
     }
 
     /// Returns each cell's class and its fraction of the votes of the cell and the cells around it on the

@@ -12,7 +12,7 @@ pub struct Fragment {
     pub cells: Vec<u32>,
     /// Class with the most evidence.
     pub class: Class,
-    /// Sum over the cells of their class's fraction of the votes, by class.
+    /// Sum over the cells of their class's fraction of the votes, by class; names the fragment while it is joined.
     pub evidence: [f32; CLASSES],
 }
 
@@ -59,9 +59,15 @@ impl Fragment {
         self.class = self.most();
     }
 
-    /// Returns the class with the largest evidence x size fit x surface factor. `flatness` is in 0..1.
-    pub fn decide(&self, bounds: &UprightBox, flatness: f64) -> Option<Decided> {
-        let said = |class: Class| f64::from(self.evidence[class as usize]);
+    /// Returns the class with the largest sum of probabilities x size fit x surface factor. `flatness` is in 0..1.
+    pub fn decide(&self, bounds: &UprightBox, flatness: f64, cells: &Cells) -> Option<Decided> {
+        // The fraction of the votes leaves out how sure they are.
+        let mut likelihoods = [0f32; CLASSES];
+        for cell in &self.cells {
+            let of_cell = cells.likelihoods(*cell as usize);
+            likelihoods.iter_mut().zip(of_cell).for_each(|(sum, p)| *sum += p);
+        }
+        let said = |class: Class| f64::from(likelihoods[class as usize]);
         // Evidence for a confusable class counts too, with less weight.
         let mistaken = |class: Class| -> f64 {
             let others = Class::ALL.iter().filter(|other| **other != class && confusable(class, **other));

@@ -22,6 +22,7 @@ pub use joint::{JointClip, JointHome, JointMode, JointRow, JointTie, joint};
 pub use matching::{ClassRow, MIN_IOU, Matches, Thing, matches};
 pub use mesh_walls::{WallScore, score_walls};
 pub use score::{FoundRow, ObjectScore, TruthRow, score_objects};
+pub(super) use simulated::{MIN_POINTS, along};
 pub use simulated::{
     SampleParams, SimulatedMap, SimulatedScore, TrueRoom, count_rooms, match_objects, sample, simulated,
 };

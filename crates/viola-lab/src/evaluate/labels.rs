@@ -3,12 +3,14 @@
 mod coarse;
 mod confusion;
 mod floors;
+mod objects;
 mod simulated;
 mod together;
 mod truth;
 
 pub use coarse::{COARSE, coarse};
 pub use floors::{FloorRow, floors, floors_markdown};
+pub use objects::{FoundFurniture, ObjectsRow};
 pub use simulated::simulated;
 pub use together::together;
 pub use truth::{Folding, Truth, TruthError};

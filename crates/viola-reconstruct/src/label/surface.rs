@@ -5,6 +5,7 @@ use super::columns::{Columns, SLICES, TOP_M, VOXEL_NUMBERS};
 use super::sites::Sites;
 use std::sync::Arc;
 use viola_geometry::taxonomy::CLASSES;
+use viola_geometry::{Point3, Vector3};
 use viola_network::Element::{F32, I64};
 use viola_network::manifest::ModelEntry;
 use viola_network::signature::{expect, one};
@@ -40,10 +41,29 @@ impl SurfaceNetwork {
         &self.name
     }
 
-    /// Returns the probability of each class for each site; `sites` are in the clip frame. None for sites
-    /// outside the network's grid.
+    /// Returns the probability of each class for each site: the mean of the answers for the surface and for its mirror
+    /// image, which is as likely a home. `sites` are in the clip frame. None for sites outside the network's grid.
     pub(super) fn classify(&self, sites: &Sites) -> Result<Vec<Option<[f32; CLASSES]>>, SegmentError> {
-        let Some(columns) = Columns::new(&sites.positions_m, &sites.normals) else {
+        let mut said = self.classify_as_is(&sites.positions_m, &sites.normals)?;
+        let positions_m: Vec<Point3> =
+            sites.positions_m.iter().map(|p| Point3::new(-p.x, p.y, p.z)).collect();
+        let normals: Vec<Vector3> = sites.normals.iter().map(|n| Vector3::new(-n.x, n.y, n.z)).collect();
+        let mirrored = self.classify_as_is(&positions_m, &normals)?;
+        for (one, other) in said.iter_mut().zip(mirrored) {
+            *one = match (*one, other) {
+                (Some(one), Some(other)) => Some(std::array::from_fn(|i| (one[i] + other[i]) / 2.0)),
+                (one, other) => one.or(other),
+            };
+        }
+        Ok(said)
+    }
+
+    fn classify_as_is(
+        &self,
+        positions_m: &[Point3],
+        normals: &[Vector3],
+    ) -> Result<Vec<Option<[f32; CLASSES]>>, SegmentError> {
+        let Some(columns) = Columns::new(positions_m, normals) else {
             return Err(SegmentError::NoSurface { height_m: TOP_M });
         };
         let voxels = columns.column.len();
@@ -87,7 +107,6 @@ mod tests {
     use serde::Deserialize;
     use std::path::Path;
     use viola_geometry::taxonomy::Class;
-    use viola_geometry::{Point3, Vector3};
     use viola_network::RuntimeParams;
     use viola_network::manifest::{self, Manifest, Task};
 
@@ -124,18 +143,27 @@ mod tests {
             turn * (Point3::new(x + 0.5, y + 0.5, z) * CELL_M)
         };
         let normal = |cell: &[i32; 3]| if cell[2] == 0 { Vector3::z() } else { turn * -Vector3::y() };
-        let sites = Sites {
-            positions_m: expected.cells.iter().map(middle).collect(),
-            normals: expected.cells.iter().map(normal).collect(),
-            ..Sites::default()
-        };
-        let classes = opened("columns.onnx").unwrap().classify(&sites).unwrap();
+        let positions_m: Vec<Point3> = expected.cells.iter().map(middle).collect();
+        let normals: Vec<Vector3> = expected.cells.iter().map(normal).collect();
+        let network = opened("columns.onnx").unwrap();
+        let classes = network.classify_as_is(&positions_m, &normals).unwrap();
         assert!(expected.sites.len() > 10);
         for ExpectedSite { site, class, probability } in expected.sites {
             let got = classes[site].expect("it is in the grid");
             let best = (0..CLASSES).max_by(|a, b| got[*a].total_cmp(&got[*b])).unwrap();
             assert!((got[class] - probability).abs() < 1e-4 && best == class, "{site}: {got:?}");
         }
+        // A mirrored home has the same classes.
+        let mirrored = |at: &Vector3| Vector3::new(-at.x, at.y, at.z);
+        let other = Sites {
+            positions_m: positions_m.iter().map(|p| Point3::from(mirrored(&p.coords))).collect(),
+            normals: normals.iter().map(mirrored).collect(),
+            ..Sites::default()
+        };
+        let sites = Sites { positions_m, normals, ..Sites::default() };
+        let both = network.classify(&sites).unwrap();
+        assert_ne!(both, classes);
+        assert_eq!(network.classify(&other).unwrap(), both);
     }
 
     #[test]

@@ -70,7 +70,7 @@ const MISTAKES: [(Class, Class); 10] = [
     (Class::WashingMachine, Class::Cabinet),
 ];
 /// Minimum points of a true object.
-pub(super) const MIN_POINTS: usize = 40;
+pub(in crate::evaluate) const MIN_POINTS: usize = 40;
 const EYE_M: f64 = 1.5;
 const REACH_M: f64 = 5.0;
 
@@ -142,7 +142,7 @@ pub fn sample(home: &HomeParams, params: &SampleParams) -> Result<SimulatedMap, 
 }
 
 /// Returns the bounding box of points along a direction.
-pub(super) fn along(points: &[[f64; 3]], yaw_rad: f64) -> UprightBox {
+pub(in crate::evaluate) fn along(points: &[[f64; 3]], yaw_rad: f64) -> UprightBox {
     let turn = Pose2::new(0.0, 0.0, yaw_rad);
     let turned: Vec<[f64; 3]> = points
         .iter()

@@ -1,10 +1,10 @@
 //! Accuracy of point classes on simulated clips, against the true surface.
 
 use super::confusion::Confusion;
-use super::{LabelRow, coarse};
+use super::{LabelRow, ObjectsRow, coarse};
 use crate::evaluate::HomesParams;
 use crate::evaluate::calibration::Calibration;
-use crate::simulate::{ClipParams, Home, HomeParams, Sensor, SimulatedClip, clip_in_memory};
+use crate::simulate::{ClipParams, Home, HomeObject, HomeParams, Sensor, SimulatedClip, clip_in_memory};
 use crate::surfaces::REACH_M;
 use std::sync::Arc;
 use viola_align::{AlignError, AlignParams, observe};
@@ -12,25 +12,26 @@ use viola_formats::clip::Clip;
 use viola_geometry::progress::Silent;
 use viola_reconstruct::LabelParams;
 
-/// Coarse classes, and each point's probability with whether its class is right.
-type Counts = (Confusion, Vec<(f64, bool)>);
+/// Coarse classes, each point's probability with whether its class is right, and furniture.
+type Counts = (Confusion, Vec<(f64, bool)>, ObjectsRow);
 
 /// Returns the rows of shapes alone, and with the surface network if there is one: all points of all clips with a
-/// floor. `advance` is called after each clip.
+/// floor, and the furniture of each clip by itself. `advance` is called after each clip.
 pub fn simulated(
     homes: &HomesParams,
     params: &AlignParams,
     advance: &dyn Fn(),
-) -> Result<Vec<LabelRow>, AlignError> {
+) -> Result<Vec<(LabelRow, ObjectsRow)>, AlignError> {
     let mut variants = vec![("geometry", LabelParams { surface: None, ..params.label.clone() })];
     if params.label.surface.is_some() {
         variants.push(("volume", params.label.clone()));
     }
-    let mut counts: Vec<Counts> = variants.iter().map(|_| (Confusion::new(), Vec::new())).collect();
+    let mut counts: Vec<Counts> =
+        variants.iter().map(|_| (Confusion::new(), Vec::new(), ObjectsRow::default())).collect();
     for &set in &homes.sets {
         for seed in homes.seeds.clone() {
             let home = Home::generate(&HomeParams::new(set, seed));
-            let survey = home.survey();
+            let (survey, objects) = (home.survey(), home.objects_alone());
             for (index, &frames) in (0..).zip(&homes.frames) {
                 let color_width = Sensor::PhoneLidar.depth_camera().width;
                 let (sensor, drift) = (homes.sensor, homes.drift);
@@ -39,17 +40,18 @@ pub fn simulated(
                 let clip = clip_in_memory(recorded.clone());
                 for ((_, label), counts) in variants.iter().zip(&mut counts) {
                     let params = AlignParams { label: label.clone(), ..params.clone() };
-                    count(&clip, &recorded, &params, counts)?;
+                    count(&clip, &recorded, &objects, &params, counts)?;
                 }
                 advance();
             }
         }
     }
-    let rows = variants.iter().zip(counts).map(|((variant, _), (confusion, answers))| {
+    let rows = variants.iter().zip(counts).map(|((variant, _), (confusion, answers, objects))| {
         let accuracy = confusion.accuracy(|class| class);
         let row = confusion.row(variant, accuracy, answers.len());
         let calibration = Calibration::of_answers(answers);
-        LabelRow { calibration_error: calibration.map(|c| c.expected_calibration_error), ..row }
+        let row = LabelRow { calibration_error: calibration.map(|c| c.expected_calibration_error), ..row };
+        (row, ObjectsRow { variant: (*variant).to_owned(), ..objects })
     });
     Ok(rows.collect())
 }
@@ -58,12 +60,15 @@ pub fn simulated(
 fn count(
     clip: &Clip,
     recorded: &SimulatedClip,
+    objects: &[HomeObject],
     params: &AlignParams,
-    (confusion, answers): &mut Counts,
+    (confusion, answers, furniture): &mut Counts,
 ) -> Result<(), AlignError> {
     let seen = observe(clip, None, params, &Silent)?;
     let Some(clip_from_world) = seen.clip_from_world else { return Ok(()) };
-    let home_from_clip = (clip_from_world * recorded.truth.world_from_home).inverse();
+    let clip_from_home = clip_from_world * recorded.truth.world_from_home;
+    furniture.add(&seen.cloud_in_clip, &clip_from_home, recorded, objects);
+    let home_from_clip = clip_from_home.inverse();
     for point in &seen.cloud_in_clip.points {
         let (at, normal) = (home_from_clip * point.position(), home_from_clip * point.normal());
         let Some((truth, _)) = recorded.label_at(&at, &normal, REACH_M) else { continue };
@@ -94,9 +99,11 @@ mod tests {
             rescale: false,
         };
         let rows = simulated(&homes, &AlignParams::default(), &|| ()).unwrap();
-        let [row] = &rows[..] else { panic!("{rows:?}") };
+        let [(row, objects)] = &rows[..] else { panic!("{rows:?}") };
         // The goal for the real apartment.
         assert!(row.variant == "geometry" && row.vertices > 1000 && row.structure_accuracy > 0.8, "{row:?}");
         assert!(row.calibration_error.is_some_and(|error| error < 0.5), "{row:?}");
+        // Shapes name no furniture, and the clip shows some.
+        assert!(objects.matches.total.truth > 0 && objects.matches.total.found == 0, "{objects:?}");
     }
 }
