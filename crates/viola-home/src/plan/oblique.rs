@@ -89,7 +89,7 @@ struct Seen {
 
 /// Returns the oblique faces, the longest evidence first.
 pub(super) fn faces(evidence: &Evidence, straight: &[Face]) -> Vec<Oblique> {
-    let explaining = explaining(straight);
+    let explaining: Vec<&Face> = straight.iter().filter(|face| is_long(face)).collect();
     let mut left: Vec<&Upright> =
         evidence.uprights.iter().filter(|upright| !is_explained(upright, &explaining)).collect();
     let gain = |left: &[&Upright], normal: &Vector2| {
@@ -159,14 +159,12 @@ pub(super) fn without_steps(straight: Vec<Face>, oblique: &[Oblique]) -> Vec<Fac
                 && oblique.length_m > face.to_m - face.from_m
         })
     };
-    straight.into_iter().filter(|face| !is_step(face)).collect()
+    straight.into_iter().filter(|face| is_long(face) || !is_step(face)).collect()
 }
 
-/// Returns the faces along the axes that have enough evidence to explain columns.
-fn explaining(straight: &[Face]) -> Vec<&Face> {
-    let evidence_m =
-        |face: &Face| face.cover.iter().map(|share| f64::from(*share)).sum::<f64>() * face.along_m;
-    straight.iter().filter(|face| evidence_m(face) >= EXPLAINING_M).collect()
+/// Returns whether a face along the axes is too long for a step: it explains columns.
+fn is_long(face: &Face) -> bool {
+    face.cover.iter().map(|share| f64::from(*share)).sum::<f64>() * face.along_m >= EXPLAINING_M
 }
 
 /// Returns whether a face along the axes explains a column.
