@@ -33,7 +33,7 @@ const MIN_SURFACE_M2: f64 = 0.12;
 /// Minimum length of its longest side, in metres.
 const MIN_SIDE_M: f64 = 0.25;
 /// Minimum confidence of an object that a network saw in pictures; it understates how often such an object is right.
-const MIN_CONFIDENCE: f64 = 0.28;
+const MIN_CONFIDENCE: f64 = 0.25;
 /// Minimum confidence of an object by its surface alone. On simulated clips about as many such objects are right as
 /// their confidence says, so that this one is rather right than wrong.
 const MIN_CONFIDENCE_BY_SURFACE: f64 = 0.5;
