@@ -114,7 +114,7 @@ fn the_built_in_network_labels_simulated_homes() {
     let params =
         AlignParams { label: LabelParams { surface, ..LabelParams::default() }, ..AlignParams::default() };
     let rows = labels::simulated(&homes(&[Set::Normal], 2000..2002, 12), &params, &|| {}).unwrap();
-    let [shapes, volume] = rows.as_slice() else { panic!("{rows:?}") };
+    let [(shapes, _), (volume, _)] = rows.as_slice() else { panic!("{rows:?}") };
     eprintln!("{rows:?}");
     assert!(shapes.structure_accuracy >= 0.7, "{shapes:?}");
     assert!(volume.voxel_accuracy >= 0.75 && volume.structure_accuracy >= 0.85, "{volume:?}");
