@@ -50,9 +50,12 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
     await pointsShown();
     await page.locator(".stage-3d[data-done='1']").waitFor({ state: "attached" });
     await shot("15-level");
-    const { levels } = await open("/v1/homes/house/map");
-    const upper = levels.find((one) => one.level === "upper");
-    assert.equal(await page.locator(".views").getAttribute("data-points"), String(upper.info.points));
+    // The choice makes a new revision; the page follows, sooner or later than this test asks.
+    await page.waitForFunction(async () => {
+      const { levels } = await (await fetch("/v1/homes/house/map")).json();
+      const upper = levels.find(({ level }) => level === "upper");
+      return document.querySelector(".views").dataset.points === String(upper.info.points);
+    });
     // Its files are those of the level that is shown.
     await page.locator("summary", { hasText: "Downloads" }).click();
     assert.match(await page.locator(".downloads a", { hasText: "Floor plan to print" }).getAttribute("href"), /level=upper/);
