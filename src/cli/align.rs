@@ -27,7 +27,8 @@ use viola_home as home;
 pub struct AlignArguments {
     /// Clip: a folder, an archive (zip, tar, tar.gz, tar.zst) or a single file (.r3d, .sens, .db, .mcap, .db3),
     /// exported by Stray Scanner, Record3D, Polycam, 3D Scanner App, Spectacular AI, NeRFCapture or RTAB-Map,
-    /// a ROS 2 bag, or in the layout of ScanNet, ARKitScenes, 7-Scenes, TUM RGB-D, Redwood, Nerfstudio or COLMAP.
+    /// a ROS 2 bag, points (PLY) with a path, or in the layout of ScanNet, ARKitScenes, 7-Scenes, TUM RGB-D, Redwood,
+    /// Nerfstudio or COLMAP.
     #[arg(long)]
     clip: PathBuf,
     /// Numbers of the frames to use; END is excluded. Default: all frames.

@@ -1,4 +1,4 @@
-//! Clips whose unit is unknown: COLMAP's workspace, and Nerfstudio's files with scaled poses.
+//! Clips whose unit is unknown: COLMAP's workspace, points with a path, and Nerfstudio's files with scaled poses.
 
 use crate::edits::*;
 use crate::export_writers as writers;
@@ -117,6 +117,50 @@ fn damaged_models_of_colmap_are_refused() {
     for bytes in ["", "32&24&1", "32&24&3&", "4294967295&4294967295&1&", "32&24&1&abcd"] {
         assert_eq!(code(&|files| set(files, depth, bytes)), Some("bad_depth"), "{bytes}");
     }
+}
+
+/// Returns a wall of points 2 units in front of two poses, with their path.
+fn points(cloud: &str, path: &str) -> Files {
+    let places: Vec<(i32, i32)> = (-100..=100).flat_map(|i| (-100..=100).map(move |j| (i, j))).collect();
+    let head = "ply\nformat ascii 1.0\nelement vertex 40401\nproperty float x\nproperty float y\nproperty float z\n\
+                property uchar red\nend_header\n";
+    let rows: String = places
+        .iter()
+        .map(|(i, j)| format!("{} {} 2 17\n", f64::from(*i) * 0.02, f64::from(*j) * 0.02))
+        .collect();
+    let poses = "# time tx ty tz qx qy qz qw\n0.5 0 0 0 0 0 0 1\n1.0 0 0 0.5 0 0 0 1\n";
+    vec![(cloud.to_string(), format!("{head}{rows}").into_bytes()), (path.to_string(), poses.into())]
+}
+
+#[test]
+fn points_with_a_path_are_seen_from_it_and_have_no_metres() {
+    for (cloud, path) in [("lounge.ply", "lounge.txt"), ("out/cloud.ply", "out/trajectory.txt")] {
+        let clip = open(&points(cloud, path)).unwrap();
+        let info = clip.info();
+        assert_eq!((info.layout.as_str(), info.metric, info.frames_with_pose), ("points", false, 2));
+        let seen = [0, 1].map(|index| clip.load(index).unwrap());
+        assert!(seen.iter().all(|frame| frame.color.is_none()));
+        assert_eq!(seen.map(|frame| frame.depth.at(96, 72)), [2.0, 1.5]);
+    }
+}
+
+#[test]
+fn damaged_points_are_refused() {
+    let code = |change: &dyn Fn(&mut Files)| {
+        let mut files = points("a.ply", "a.txt");
+        change(&mut files);
+        open(&files).err().map(|error| error.code())
+    };
+    assert_eq!(code(&|_| {}), None);
+    assert_eq!(code(&|files| cut(files, "a.ply", 0.9)), Some("bad_metadata"));
+    assert_eq!(
+        code(&|files| set(files, "a.ply", "ply\nformat ascii 1.0\nend_header\n")),
+        Some("bad_metadata")
+    );
+    assert_eq!(code(&|files| set(files, "a.txt", "0 1 2\n")), Some("bad_index"));
+    assert_eq!(code(&|files| set(files, "a.txt", "")), Some("no_frames"));
+    assert_eq!(code(&|files| remove(files, |name| name == "a.txt")), Some("unknown_layout"));
+    assert_eq!(code(&|files| files.extend(points("b.ply", "b.txt"))), Some("several_clips"));
 }
 
 #[test]

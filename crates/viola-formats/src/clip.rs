@@ -13,6 +13,7 @@ mod layout;
 mod npy;
 mod part;
 mod picture;
+mod rendered;
 mod rows;
 mod rvl;
 mod sqlite;

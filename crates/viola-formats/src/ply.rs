@@ -96,6 +96,43 @@ impl<'a> Ply<'a> {
     }
 }
 
+/// The vertices of a file, one after the other. Further elements (faces) are not read.
+#[derive(Debug)]
+pub struct Vertices<'a> {
+    pub element: Element<'a>,
+    numbers: Numbers<'a>,
+    index: u64,
+    values: Vec<f64>,
+}
+
+impl<'a> Vertices<'a> {
+    pub fn parse(bytes: &'a [u8]) -> Result<Vertices<'a>, PlyError> {
+        let Ply { elements, numbers } = Ply::parse(bytes)?;
+        let element = elements.into_iter().next().filter(|element| element.name == "vertex");
+        let element = element.ok_or_else(|| PlyError::new("its first element is not vertex"))?;
+        if element.properties.iter().any(|property| property.length.is_some()) {
+            return Err(PlyError::new("its vertices have list properties"));
+        }
+        Ok(Vertices { values: Vec::with_capacity(element.properties.len()), element, numbers, index: 0 })
+    }
+
+    /// Returns the numbers of the next vertex, in the order of its properties; `None` after the last one.
+    pub fn next(&mut self) -> Result<Option<&[f64]>, PlyError> {
+        if self.index == self.element.count {
+            return Ok(None);
+        }
+        let (index, count) = (self.index, self.element.count);
+        let of_vertex = |error: PlyError| PlyError::new(format!("vertex {index} of {count}: {error}"));
+        self.values.clear();
+        self.numbers.begin_row().map_err(of_vertex)?;
+        for property in &self.element.properties {
+            self.values.push(self.numbers.next(property.kind).map_err(of_vertex)?);
+        }
+        self.index += 1;
+        Ok(Some(&self.values))
+    }
+}
+
 /// The numbers of a file's body, in their order.
 #[derive(Debug, Clone)]
 pub struct Numbers<'a> {

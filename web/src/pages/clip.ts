@@ -185,17 +185,17 @@ class ClipPage {
   private drawPictures(): void {
     const { clip } = this;
     if (!clip.alignment) return put(this.pictures);
-    const picture = (name: string, title: string, alt: string) => {
+    const picture = (name: string, title: string, alt: string, shape = "") => {
       const address = `${api.clipPath(clip, name)}?job=${clip.job?.id ?? ""}`;
       const image = h("img", { class: "paper", src: address, alt, loading: "lazy" });
       const caption = h("figcaption", {}, title);
-      const figure = h("figure", { class: "card picture" }, h("a", { href: address }, image), caption);
+      const figure = h("figure", { class: `card picture ${shape}` }, h("a", { href: address }, image), caption);
       // Not every answer has every picture.
       image.addEventListener("error", () => figure.remove());
       return figure;
     };
     put(this.pictures, h("h2", {}, "Pictures"), h("div", { class: "pictures" },
-      clip.state === "aligned" ? null : picture("frames.jpg", "Frames of the recording", "A few frames of the clip, side by side"),
+      clip.state === "aligned" ? null : picture("frames.jpg", "Frames of the recording", "A few frames of the clip, side by side", "row"),
       picture("overlay.png", "Hits over the LiDAR map: green on walls, red off them, orange the other places",
         "The clip's hit points over the LiDAR map"),
       clip.alignment.completion

@@ -13,8 +13,8 @@ pub enum ClipError {
          (metadata, rgbd/0.depth), Polycam raw data (keyframes/cameras), 3D Scanner App (frame_00000.json), \
          ARKitScenes (lowres_wide.traj), Nerfstudio (transforms.json), COLMAP (sparse/images.bin, stereo/depth_maps), Spectacular AI (data.jsonl), ScanNet \
          (color/0.jpg, depth/0.png, pose/0.txt, or a .sens file), Redwood (a .log trajectory), 7-Scenes \
-         (frame-000000.color.png, .depth.png, .pose.txt), TUM RGB-D (rgb.txt, depth.txt), RTAB-Map (a .db file) and \
-         ROS 2 bags (a .mcap or .db3 file)"
+         (frame-000000.color.png, .depth.png, .pose.txt), TUM RGB-D (rgb.txt, depth.txt), RTAB-Map (a .db file), \
+         ROS 2 bags (a .mcap or .db3 file) and points with a path (NAME.ply, NAME.txt)"
     )]
     UnknownLayout { files: usize },
     #[error("there are several clips ({first}, {second}); send them one by one")]

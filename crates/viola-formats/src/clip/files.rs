@@ -1,11 +1,13 @@
 //! A clip whose pictures lie in a container: their places, and the decoding of frames.
 
+use super::rendered::Cloud;
 use super::rows::Rows;
 use super::{ClipError, Frame, FrameHeader, colmap_depth, depth, npy, picture};
 use crate::container::{Container, ContainerError, Region};
 use crate::video::Tools;
 use image::RgbImage;
-use viola_geometry::Pinhole;
+use std::sync::Arc;
+use viola_geometry::{Pinhole, Pose3};
 
 /// Place of a frame's colour picture.
 #[derive(Debug, Clone)]
@@ -31,6 +33,8 @@ pub(super) enum DepthAt {
     Floats { name: String, size: Option<(u32, u32)> },
     /// A file, COLMAP's array of 32-bit floats.
     Colmap(String),
+    /// The depth that a camera at this pose has of a point cloud.
+    Rendered { cloud: Arc<Cloud>, world_from_camera: Pose3, size: (u32, u32) },
     /// A part of the clip's one large file.
     Part { part: Part, size: (u32, u32) },
 }
@@ -100,7 +104,7 @@ impl DepthAt {
             DepthAt::Npy(name) => npy::size(container, name),
             DepthAt::Floats { name, size } => depth::floats_size(container, name, *size),
             DepthAt::Colmap(name) => colmap_depth::size(container, name),
-            DepthAt::Part { size, .. } => Ok(*size),
+            DepthAt::Part { size, .. } | DepthAt::Rendered { size, .. } => Ok(*size),
         }
     }
 }
@@ -134,6 +138,7 @@ enum DepthPlace {
     Npy(u32),
     Floats(u32),
     Colmap(u32),
+    Rendered(Arc<Cloud>, Box<Pose3>),
     Part(Box<Part>),
 }
 
@@ -163,6 +168,9 @@ impl Pictures {
                 DepthAt::Npy(name) => DepthPlace::Npy(place(name)?),
                 DepthAt::Colmap(name) => DepthPlace::Colmap(place(name)?),
                 DepthAt::Floats { name, .. } => DepthPlace::Floats(place(name)?),
+                DepthAt::Rendered { cloud, world_from_camera, .. } => {
+                    DepthPlace::Rendered(cloud, Box::new(world_from_camera))
+                }
                 DepthAt::Part { part, .. } => DepthPlace::Part(Box::new(part)),
             },
             confidence: confidence.map(place).transpose()?,
@@ -237,6 +245,7 @@ impl Files {
                 part.decode_depth(&bytes, &cameras.depth, self.depth_units_per_m)?
             }
             DepthPlace::Colmap(place) => colmap_depth::decode(container, name(place), &cameras.depth)?,
+            DepthPlace::Rendered(cloud, world_from_camera) => cloud.depth(&cameras.depth, world_from_camera),
             DepthPlace::Floats(place) => depth::decode_floats(container, name(place), &cameras.depth)?,
         };
         if let Some(place) = confidence {

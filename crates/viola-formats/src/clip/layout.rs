@@ -7,6 +7,7 @@ mod inertial;
 mod json;
 mod nerfstudio;
 mod numbered;
+mod points;
 mod polycam;
 mod record3d;
 mod redwood;
@@ -146,7 +147,7 @@ pub(super) struct Source {
 type Find = fn(&dyn Container) -> Result<Option<Layout>, ClipError>;
 
 /// Readers of layouts with a unique file come first, readers of any numbered pictures last.
-const READERS: [Find; 15] = [
+const READERS: [Find; 16] = [
     record3d::find,
     stray::find,
     spectacular::find,
@@ -162,6 +163,7 @@ const READERS: [Find; 15] = [
     rtabmap::find,
     ros::find,
     sens::find,
+    points::find,
 ];
 
 /// Tries the readers in turn.

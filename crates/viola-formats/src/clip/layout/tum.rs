@@ -157,7 +157,7 @@ fn read_forces(container: &dyn Container, name: &str) -> Result<Forces, ClipErro
 }
 
 /// Reads the trajectory in the order of time; rows without a finite pose are skipped. Empty without the file.
-fn read_poses(container: &dyn Container, name: &str) -> Result<Vec<Timed<Pose3>>, ClipError> {
+pub(super) fn read_poses(container: &dyn Container, name: &str) -> Result<Vec<Timed<Pose3>>, ClipError> {
     let mut poses = Vec::new();
     if !container.contains(name) {
         return Ok(poses);
