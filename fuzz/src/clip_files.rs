@@ -6,7 +6,7 @@
 pub const SEPARATOR: &[u8] = b"\n~~~~\n";
 
 /// Targets whose layout has several files, with the files of two frames each.
-pub const LAYOUTS: [(&str, &[&str]); 11] = [
+pub const LAYOUTS: [(&str, &[&str]); 13] = [
     (
         "clip_stray",
         &[
@@ -75,6 +75,18 @@ pub const LAYOUTS: [(&str, &[&str]); 11] = [
             "lowres_wide_intrinsics/41069021_5000.350.pincam",
         ],
     ),
+    (
+        "clip_colmap",
+        &[
+            "sparse/cameras.bin",
+            "sparse/images.bin",
+            "images/frame_00000.jpg",
+            "stereo/depth_maps/frame_00000.jpg.geometric.bin",
+            "images/frame_00001.jpg",
+            "stereo/depth_maps/frame_00001.jpg.geometric.bin",
+        ],
+    ),
+    ("clip_points", &["scan.ply", "scan.txt"]),
     (
         "clip_redwood",
         &[

@@ -9,6 +9,7 @@ use crate::export_writers as writers;
 use crate::exports_tolerated::depth_as_npy;
 use crate::recording::Recording;
 use crate::robot_files::*;
+use crate::unknown_scale::{colmap, points};
 use crate::writers::{as_folder, scannet, seven_scenes, tum, zip_bytes};
 use std::path::PathBuf;
 use viola_formats::clip::Clip;
@@ -57,6 +58,8 @@ fn clips() -> Vec<(&'static str, &'static str, Vec<u8>)> {
         ("clip_polycam", "polycam", writers::polycam("", &recording)),
         ("clip_scanner_3d", "scanner 3d", writers::scanner_3d("", &recording)),
         ("clip_arkit_scenes", "arkit scenes", writers::arkit_scenes("", &recording)),
+        ("clip_colmap", "colmap", colmap("", &recording)),
+        ("clip_points", "points", points("scan.ply", "scan.txt", 5)),
         ("clip_redwood", "redwood", writers::redwood("", &recording)),
         ("clip_nerfstudio", "nerfstudio", writers::nerfstudio("", &recording)),
         ("clip_nerfstudio", "nerf capture", writers::nerf_capture("", &recording)),

@@ -119,15 +119,16 @@ fn damaged_models_of_colmap_are_refused() {
     }
 }
 
-/// Returns a wall of points 2 units in front of two poses, with their path.
-fn points(cloud: &str, path: &str) -> Files {
-    let places: Vec<(i32, i32)> = (-100..=100).flat_map(|i| (-100..=100).map(move |j| (i, j))).collect();
-    let head = "ply\nformat ascii 1.0\nelement vertex 40401\nproperty float x\nproperty float y\nproperty float z\n\
-                property uchar red\nend_header\n";
-    let rows: String = places
-        .iter()
-        .map(|(i, j)| format!("{} {} 2 17\n", f64::from(*i) * 0.02, f64::from(*j) * 0.02))
-        .collect();
+/// Returns a wall 2 units in front of two poses, with this many points 0.02 units apart to each side, and the path.
+pub fn points(cloud: &str, path: &str, half: i32) -> Files {
+    let places: Vec<(i32, i32)> = (-half..=half).flat_map(|i| (-half..=half).map(move |j| (i, j))).collect();
+    let count = places.len();
+    let head = format!(
+        "ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nproperty float y\nproperty float z\n\
+         property uchar red\nend_header\n"
+    );
+    let at = |steps: i32| f64::from(steps) * 0.02;
+    let rows: String = places.iter().map(|(i, j)| format!("{} {} 2 17\n", at(*i), at(*j))).collect();
     let poses = "# time tx ty tz qx qy qz qw\n0.5 0 0 0 0 0 0 1\n1.0 0 0 0.5 0 0 0 1\n";
     vec![(cloud.to_string(), format!("{head}{rows}").into_bytes()), (path.to_string(), poses.into())]
 }
@@ -135,7 +136,7 @@ fn points(cloud: &str, path: &str) -> Files {
 #[test]
 fn points_with_a_path_are_seen_from_it_and_have_no_metres() {
     for (cloud, path) in [("lounge.ply", "lounge.txt"), ("out/cloud.ply", "out/trajectory.txt")] {
-        let clip = open(&points(cloud, path)).unwrap();
+        let clip = open(&points(cloud, path, 100)).unwrap();
         let info = clip.info();
         assert_eq!((info.layout.as_str(), info.metric, info.frames_with_pose), ("points", false, 2));
         let seen = [0, 1].map(|index| clip.load(index).unwrap());
@@ -147,7 +148,7 @@ fn points_with_a_path_are_seen_from_it_and_have_no_metres() {
 #[test]
 fn damaged_points_are_refused() {
     let code = |change: &dyn Fn(&mut Files)| {
-        let mut files = points("a.ply", "a.txt");
+        let mut files = points("a.ply", "a.txt", 5);
         change(&mut files);
         open(&files).err().map(|error| error.code())
     };
@@ -160,7 +161,7 @@ fn damaged_points_are_refused() {
     assert_eq!(code(&|files| set(files, "a.txt", "0 1 2\n")), Some("bad_index"));
     assert_eq!(code(&|files| set(files, "a.txt", "")), Some("no_frames"));
     assert_eq!(code(&|files| remove(files, |name| name == "a.txt")), Some("unknown_layout"));
-    assert_eq!(code(&|files| files.extend(points("b.ply", "b.txt"))), Some("several_clips"));
+    assert_eq!(code(&|files| files.extend(points("b.ply", "b.txt", 5))), Some("several_clips"));
 }
 
 #[test]
