@@ -11,7 +11,7 @@ import { parse, toHomes } from "./route.ts";
 import { themeButton } from "./theme.ts";
 import "./styles/main.css";
 
-const crumbs = h("nav", { class: "crumbs", "aria-label": "Where you are" });
+const crumbs = h("nav", { class: "crumbs", "aria-label": "Breadcrumb" });
 const main = h("main", { id: "main", tabindex: -1 });
 
 const leave = h("button", { type: "button", class: "quiet", hidden: true }, "Sign out");

@@ -10,7 +10,7 @@ export function takePaper(pixels: Uint8ClampedArray, isDark: boolean): void {
       pixels[i + 3] = 0;
       continue;
     }
-    // What the ink was before it was laid on white so thinly.
+    // The ink's own colour, without the white below it.
     const pure = (value: number) => 255 - ((255 - value) * 255) / opacity;
     const ink = [pure(red), pure(green), pure(blue)] as const;
     // Turning the lightness over keeps the hue: the sum of the brightest and the darkest channel is mirrored.

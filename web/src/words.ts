@@ -1,4 +1,4 @@
-// What states, stages and figures are called on the page.
+// Names of states, stages and figures on the page.
 
 import type { Clip, ClipState, Job, Pose2 } from "./types.ts";
 

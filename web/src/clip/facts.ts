@@ -1,4 +1,4 @@
-// What is known of a clip, in words and figures.
+// Facts about a clip, in words and figures.
 
 import { h } from "../dom.ts";
 import type { Clip } from "../types.ts";

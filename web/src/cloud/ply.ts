@@ -189,7 +189,7 @@ export class PlyStream {
       bytes = bytes.subarray(this.header.body);
     }
     const { stride, count } = this.header;
-    // What comes after the vertices is of other elements.
+    // Other elements follow the vertices.
     const whole = Math.min(Math.floor(bytes.length / stride), count - this.given);
     this.rest = bytes.slice(whole * stride);
     if (this.given + whole >= count) this.rest = new Uint8Array(0);

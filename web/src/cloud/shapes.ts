@@ -1,4 +1,4 @@
-// What lies between the points: the LiDAR map on the floor, camera paths, boxes around objects.
+// Shapes between the points: the LiDAR map on the floor, camera paths, boxes around objects.
 
 import * as THREE from "three";
 import { corners } from "../frames.ts";

@@ -1,4 +1,4 @@
-// What of a home is shown, and how.
+// The visible parts of a home and their colouring.
 
 import { COLOURINGS, type Colouring } from "../cloud/colours.ts";
 import { isSame, type Selection } from "./selection.ts";

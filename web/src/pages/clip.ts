@@ -199,8 +199,8 @@ class ClipPage {
       picture("overlay.png", "Hits over the LiDAR map: green on walls, red off them, orange the other places",
         "The clip's hit points over the LiDAR map"),
       clip.alignment.completion
-        ? picture("completion.png", "What was filled in where the clip left doubt",
-            "The views that were filled in, and the plan before and after")
+        ? picture("completion.png", "Completed views, for a clip in doubt",
+            "The completed views, and the plan before and after")
         : null));
   }
 }

@@ -1,4 +1,4 @@
-// What every page is given.
+// The context of every page.
 
 import { type Child, h, put } from "../dom.ts";
 

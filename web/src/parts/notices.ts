@@ -1,4 +1,4 @@
-// What went wrong, and what just happened, said once and to screen readers too.
+// Errors and messages, shown once and announced to screen readers.
 
 import { h } from "../dom.ts";
 

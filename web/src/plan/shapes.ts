@@ -1,4 +1,4 @@
-// What is drawn on a plan.
+// The shapes of a plan.
 
 import { css, type Rgb } from "../cloud/colours.ts";
 import { s } from "../dom.ts";

@@ -1,5 +1,5 @@
-// What a dropped file is: a clip, or a LiDAR map. The service finds the format by content; only where the file
-// goes is decided here.
+// The kind of a dropped file: a clip, or a LiDAR map. It decides the route of the upload; the service finds the
+// format by content.
 
 export type Kind = "clip" | "map";
 

@@ -1,4 +1,4 @@
-// Where files are dropped, and how far each has come.
+// The drop area, and the progress of each upload.
 
 import { homePath } from "../api.ts";
 import { h } from "../dom.ts";

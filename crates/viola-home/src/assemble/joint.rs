@@ -205,7 +205,7 @@ pub(super) fn marginals(
 /// several such rooms would otherwise gather in one of them.
 struct Evidence<'a> {
     candidates: &'a [Candidate<'a>],
-    /// Whether a clip has a pose of its own, by candidate.
+    /// True for a clip with a pose of its own, by candidate.
     is_settled: Vec<bool>,
     /// With the indices of their candidates.
     comparisons: Vec<(usize, usize, &'a Comparison)>,

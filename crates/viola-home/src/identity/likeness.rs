@@ -1,4 +1,4 @@
-//! How much two finds look like the same object, or the same room.
+//! Likeness of two finds: the evidence that they are the same object, or the same room.
 
 use super::super::objects::{Object, UprightBox};
 use super::super::rooms::Room;

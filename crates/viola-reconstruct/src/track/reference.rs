@@ -179,7 +179,7 @@ fn point(layer: &Layer, x: usize, y: usize, reach: usize, grey_slope: Option<(f3
     let (fx, fy) = (camera.fx as f32, camera.fy as f32);
     let (right, down) = (x as f32 - camera.cx as f32, y as f32 - camera.cy as f32);
     let point_m = [right / fx * depth_m, down / fy * depth_m, depth_m];
-    // Where 1/z = a u + b v + c, the plane is a fx X + b fy Y + (a cx + b cy + c) Z = 1.
+    // If 1/z = a u + b v + c, the plane is a fx X + b fy Y + (a cx + b cy + c) Z = 1.
     let across = [by_x * fx, by_y * fy, inverse - by_x * right - by_y * down];
     let length = across.iter().map(|c| c * c).sum::<f32>().sqrt();
     if !(length > 0.0 && length.is_finite()) {

@@ -17,7 +17,7 @@ struct Model {
     top: f64,
     /// Lean of the back cushions.
     lean_rad: f64,
-    /// Whether the parts have rounded edges.
+    /// True if the parts have rounded edges.
     soft: bool,
     finish: Finish,
     feet: Finish,
