@@ -2,6 +2,7 @@
 
 mod circles;
 mod features;
+mod image;
 mod knobs;
 mod pages;
 mod sources;
