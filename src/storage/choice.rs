@@ -44,7 +44,7 @@ impl Choice {
             return Verdict { state: own.state, reasons };
         }
         let detail = match self.alternative {
-            Some(n) => format!("a person chose alternative {n} of the answer of then"),
+            Some(n) => format!("a person chose alternative {n} of the answer at that time"),
             None => "a person gave the pose".to_owned(),
         };
         let mut reasons = vec![Reason::new(CHOSEN, detail)];
