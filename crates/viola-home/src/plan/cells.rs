@@ -3,10 +3,10 @@
 use super::cut::Graph;
 use super::evidence::{Evidence, Facing};
 use super::faces::Face;
+use super::islands;
 use super::oblique::{self, Oblique};
 use crate::rooms::Room;
-use crate::rooms::outline::pieces;
-use viola_geometry::{Grid, GridFrame, Point2};
+use viola_geometry::{GridFrame, Point2};
 
 /// Lines of faces nearer than this are one.
 const SAME_LINE_M: f64 = 0.02;
@@ -24,10 +24,11 @@ const WALL: f32 = 0.25;
 const GAP_M: f64 = 0.4;
 /// The outside reaches this far.
 const MARGIN_M: f64 = 0.5;
-/// Smallest solid island in a room.
-const ISLAND_M2: f64 = 0.3;
+/// Wall up to the ceiling has another face this far behind the seen one, which counts as if this much of it was seen.
+const BACK_M: std::ops::RangeInclusive<f64> = 0.04..=0.3;
+const BACK: f64 = 0.6;
 /// Minimum fraction of a face that shows wall up to the ceiling.
-const TALL_SHARE: f64 = 0.5;
+pub(super) const TALL_SHARE: f64 = 0.5;
 /// Distance of the samples of a cell, and their maximum number along a side.
 const SAMPLE_M: f64 = 0.04;
 const MAX_SAMPLES: usize = 40;
@@ -77,40 +78,34 @@ impl Cells {
             cells.add_borders(axis, evidence, faces, oblique, &mut graph);
         }
         cells.inside = graph.inside();
-        cells.fill_islands(evidence);
+        islands::close_slits(&mut cells, oblique);
+        islands::fill(&mut cells, evidence);
         cells
     }
 
-    /// Makes small solid islands a part of their room, except pillars: furniture like walls is frequent.
-    fn fill_islands(&mut self, evidence: &Evidence) {
-        let solid = Grid { frame: self.frame(), cells: self.inside.iter().map(|inside| !inside).collect() };
-        let (piece, count) = pieces(&solid);
-        let mut area_m2 = vec![0.0; count + 1];
-        let mut bounds = vec![[[usize::MAX, 0]; 2]; count + 1];
-        for (at, piece) in piece.iter().enumerate() {
-            area_m2[*piece as usize] += self.area_m2(at);
-            let place = self.place(at);
-            for (axis, [low, high]) in bounds[*piece as usize].iter_mut().enumerate() {
-                (*low, *high) = ((*low).min(place[axis]), (*high).max(place[axis] + 1));
-            }
-        }
-        for (at, piece) in piece.iter().map(|piece| *piece as usize).enumerate() {
-            if piece != 0 && area_m2[piece] < ISLAND_M2 {
-                let is_pillar = self.is_pillar(evidence, bounds[piece]);
-                (self.pillars[at], self.inside[at]) = (is_pillar, !is_pillar);
-            }
-        }
-    }
-
-    /// Returns whether three sides of an island show wall up to the ceiling.
-    fn is_pillar(&self, evidence: &Evidence, bounds: [[usize; 2]; 2]) -> bool {
-        let metres = |axis: usize, end: usize| self.lines[axis][bounds[axis][end]];
-        let shows = |facing: &Facing| {
-            let (axis, along) = (facing.axis, 1 - facing.axis);
-            let line_m = metres(axis, usize::from(facing.up));
-            evidence.share_of_tall(*facing, line_m, [metres(along, 0), metres(along, 1)]) >= TALL_SHARE
+    /// Returns the evidence of wall up to the ceiling whose other face is at a side of a cell.
+    fn tall_opposite(
+        &self,
+        [axis, line, step]: [usize; 3],
+        up: bool,
+        faces: &[Vec<&Face>],
+        evidence: &Evidence,
+    ) -> f64 {
+        let span_m = [step, step + 1].map(|i| self.lines[1 - axis][i]);
+        let facing = Facing { axis, up: !up };
+        let behind_m = |other: usize| {
+            let off_m = self.lines[axis][line] - self.lines[axis][other];
+            if up { off_m } else { -off_m }
         };
-        Facing::ALL.iter().filter(|facing| shows(facing)).count() >= 3
+        let near = (0..faces.len()).filter(|other| BACK_M.contains(&behind_m(*other)));
+        let share = |other: usize| {
+            let own = faces[other].iter().filter(|face| face.facing == facing);
+            let seen = own.map(|face| face.share(span_m[0], span_m[1])).fold(0.0, f64::max);
+            let is_tall =
+                seen > 0.0 && evidence.share_of_tall(facing, self.lines[axis][other], span_m) >= TALL_SHARE;
+            if is_tall { seen } else { 0.0 }
+        };
+        near.map(share).fold(0.0, f64::max)
     }
 
     /// Returns a raster with a cell for each cell.
@@ -140,6 +135,12 @@ impl Cells {
 
     pub fn size_m(&self, axis: usize, place: usize) -> f64 {
         self.lines[axis][place + 1] - self.lines[axis][place]
+    }
+
+    /// Returns the centre of a cell.
+    pub fn centre(&self, at: usize) -> [f64; 2] {
+        let place = self.place(at);
+        [0, 1].map(|axis| self.lines[axis][place[axis]] + self.size_m(axis, place[axis]) / 2.0)
     }
 
     pub fn area_m2(&self, at: usize) -> f64 {
@@ -197,11 +198,22 @@ impl Cells {
 
     /// Adds the costs of a cell right behind or before an oblique face.
     fn weigh_beside(&self, at: usize, oblique: &[Oblique], graph: &mut Graph) {
-        let place = self.place(at);
-        let centre = [0, 1].map(|axis| self.lines[axis][place[axis]] + self.size_m(axis, place[axis]) / 2.0);
+        let centre = self.centre(at);
         for face in oblique {
             let [along_m, before_m] = face.within(&Point2::from(centre));
             if !(oblique::OFF_M / 2.0..BESIDE_M).contains(&before_m.abs()) {
+                continue;
+            }
+            // Before the other face of a thin wall.
+            let is_beyond = || {
+                oblique.iter().any(|other| {
+                    let [along_m, off_m] = other.within(&Point2::from(centre));
+                    other.normal.dot(&face.normal) < 0.0
+                        && (0.0..BESIDE_M).contains(&off_m)
+                        && other.share(along_m) > f64::from(WALL)
+                })
+            };
+            if before_m < 0.0 && is_beyond() {
                 continue;
             }
             let part = if before_m > 0.0 { BEFORE_FACE } else { BEHIND_FACE };
@@ -222,14 +234,14 @@ impl Cells {
         graph: &mut Graph,
     ) {
         let along = 1 - axis;
-        let mut of_line: Vec<Vec<&Face>> = vec![Vec::new(); self.lines[axis].len()];
+        let mut of_lines: Vec<Vec<&Face>> = vec![Vec::new(); self.lines[axis].len()];
         for face in faces.iter().filter(|face| face.facing.axis == axis) {
             if let Some(line) = self.line(axis, face.line_m) {
-                of_line[line].push(face);
+                of_lines[line].push(face);
             }
         }
         let inner = self.lines[axis].len().saturating_sub(2);
-        for (line, of_line) in of_line.iter().enumerate().skip(1).take(inner) {
+        for (line, of_line) in of_lines.iter().enumerate().skip(1).take(inner) {
             for step in 0..self.count(along) {
                 let [from_m, to_m] = [step, step + 1].map(|i| self.lines[along][i]);
                 let straight = [false, true].map(|up| {
@@ -244,6 +256,10 @@ impl Cells {
                 let seen = [false, true].map(|up| {
                     let steps = oblique.iter().map(|face| face.share_of_step(axis, up, ends));
                     steps.fold(straight[usize::from(up)], f64::max)
+                });
+                let seen = [false, true].map(|up| {
+                    let opposite = self.tall_opposite([axis, line, step], up, &of_lines, evidence);
+                    seen[usize::from(up)].max(BACK * opposite)
                 });
                 let cost = |part: f64| ((to_m - from_m) * 1e3 * part).round() as i64;
                 let cell = |before: usize| {

@@ -1,6 +1,7 @@
 //! Evidence of walls in the plan's frame: columns of upright surface that face one of four directions, and open
 //! floor.
 
+use super::raster::{is_level, level_cells, owners, tall_cells};
 use super::uprights::{Upright, columns};
 use crate::map_point::MapPoint;
 use crate::rooms::Room;
@@ -14,7 +15,7 @@ const ALONG_M: f64 = 0.05;
 /// Bins of one facing: larger homes get larger bins.
 const MAX_BINS: f64 = 6e6;
 /// Heights of wall surface, in bins of `STOREY_M`.
-const LOWEST_M: f64 = 0.1;
+pub(super) const LOWEST_M: f64 = 0.1;
 const STOREY_M: f64 = 0.15;
 /// Bins from 1.2 m on: furniture seldom reaches them.
 const HIGH: u32 = !0 << 8;
@@ -31,13 +32,6 @@ const BELOW_LINTEL: u32 = (1 << 12) - 1;
 const TALL: u32 = 8;
 /// Bins from 2.05 m on: leaves of doors do not reach them.
 const ABOVE_DOORS: u32 = !0 << 13;
-/// Maximum height of floor.
-const FLOOR_M: f64 = 0.15;
-/// Maximum height of level surfaces of furniture, and minimum height of ceilings.
-const FURNITURE_M: f64 = 1.5;
-const CEILING_M: f64 = 1.9;
-/// Minimum vertical part of the normal of a level surface.
-const LEVEL: f64 = 0.7;
 /// Cosine between a point's normal and the direction that it faces.
 const FACING: f64 = 0.8;
 
@@ -101,6 +95,12 @@ pub(super) fn heights(bits: u32) -> u32 {
     (bits & ((1 << HEIGHTS) - 1)).count_ones()
 }
 
+/// Returns the heights above all those that a column shows.
+pub(super) fn above(bits: u32) -> u32 {
+    let top = u32::BITS - (bits & ((1 << HEIGHTS) - 1)).leading_zeros();
+    ((1 << HEIGHTS) - 1) & !((1 << top) - 1)
+}
+
 pub(super) fn by_lidar(bits: u32) -> bool {
     bits & BY_LIDAR != 0
 }
@@ -112,6 +112,11 @@ pub(super) fn is_lintel(bits: u32) -> bool {
 
 pub(super) fn is_opening(bits: u32) -> bool {
     bits & OPENING != 0
+}
+
+/// Returns whether a column shows wall up to the ceiling.
+pub(super) fn is_tall(bits: u32) -> bool {
+    heights(bits) >= TALL && heights(bits & ABOVE_DOORS) > 0
 }
 
 /// All evidence of a home, in the plan's frame.
@@ -128,6 +133,8 @@ pub(super) struct Evidence<'a> {
     level: Vec<bool>,
     /// Those with floor.
     floor: Vec<bool>,
+    /// Cells with wall up to the ceiling.
+    wall: Vec<bool>,
     /// Index of the room of each cell of `space`, from 1; 0 for none.
     owner: Vec<u32>,
 }
@@ -158,6 +165,7 @@ impl<'a> Evidence<'a> {
             space,
             level,
             floor,
+            wall: tall_cells(space, points),
             owner: owners(space, rooms),
         };
         evidence.add_lidar();
@@ -203,7 +211,7 @@ impl<'a> Evidence<'a> {
             } else if is_opening {
                 OPENING
             } else {
-                1u32 << (((z - LOWEST_M) / STOREY_M) as u32).min(HEIGHTS - 1)
+                height(z)
             };
             let p = self.plan_from_map.apply(&at);
             let normal = self.plan_from_map.rotate(&Vector2::new(normal[0], normal[1]));
@@ -241,9 +249,7 @@ impl<'a> Evidence<'a> {
 
     /// Returns the fraction of the columns of an interval of a face that show wall up to the ceiling.
     pub fn share_of_tall(&self, facing: Facing, line_m: f64, span_m: [f64; 2]) -> f64 {
-        self.share_of(facing, line_m, [-0.06, 0.06], span_m, |bits| {
-            heights(bits) >= TALL && heights(bits & ABOVE_DOORS) > 0
-        })
+        self.share_of(facing, line_m, [-0.06, 0.06], span_m, is_tall)
     }
 
     /// `band_m` is the interval across the face, into its room.
@@ -285,6 +291,11 @@ impl<'a> Evidence<'a> {
         self.cell(in_plan).is_some_and(|at| self.level[at])
     }
 
+    /// Returns whether wall up to the ceiling stands at a place.
+    pub fn is_wall(&self, in_plan: &Point2) -> bool {
+        self.cell(in_plan).is_some_and(|at| self.wall[at])
+    }
+
     /// Returns whether the robot or a clip saw floor at a place.
     pub fn is_floor(&self, in_plan: &Point2) -> bool {
         self.cell(in_plan).is_some_and(|at| self.space.free[at] || self.floor[at])
@@ -296,50 +307,9 @@ impl<'a> Evidence<'a> {
     }
 }
 
-/// Returns whether a point is on a surface that no wall crosses: floor, furniture from above, ceiling.
-fn is_level(point: &MapPoint) -> bool {
-    let (z, up) = (f64::from(point.point.position_m[2]), f64::from(point.point.normal[2]));
-    (z < FURNITURE_M && up > LEVEL) || (z > CEILING_M && up < -LEVEL)
-}
-
-/// Returns the cells with level surface, and those with floor.
-fn level_cells(space: &Space, points: &[MapPoint]) -> (Vec<bool>, Vec<bool>) {
-    let (mut level, mut floor) = (vec![false; space.frame.len()], vec![false; space.frame.len()]);
-    for point in points.iter().filter(|point| is_level(point)) {
-        let [x, y, z] = point.point.position_m.map(f64::from);
-        if let Some(cell) = space.index(&Point2::new(x, y)) {
-            level[cell] = true;
-            floor[cell] |= z < FLOOR_M;
-        }
-    }
-    (level, floor)
-}
-
-/// Returns the room of each cell, from 1.
-fn owners(space: &Space, rooms: &[Room]) -> Vec<u32> {
-    let mut owner = vec![0u32; space.frame.len()];
-    for (number, room) in (1..).zip(rooms) {
-        let bound = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
-            room.polygon_m.iter().map(|corner| corner[axis]).fold(start, pick)
-        };
-        let index = |metres: f64, axis: usize, most: usize| {
-            (((metres - space.frame.origin_m[axis]) / space.frame.cell_m).max(0.0) as usize).min(most)
-        };
-        let (width, height) = (space.frame.width, space.frame.height);
-        let left = index(bound(0, f64::min, f64::INFINITY), 0, width - 1);
-        let right = index(bound(0, f64::max, f64::NEG_INFINITY), 0, width - 1);
-        let bottom = index(bound(1, f64::min, f64::INFINITY), 1, height - 1);
-        let top = index(bound(1, f64::max, f64::NEG_INFINITY), 1, height - 1);
-        for y in bottom..=top {
-            for x in left..=right {
-                let at = y * width + x;
-                if owner[at] == 0 && room.contains(&space.centre(at)) {
-                    owner[at] = number;
-                }
-            }
-        }
-    }
-    owner
+/// Returns the bit of a height.
+pub(super) fn height(z: f64) -> u32 {
+    1u32 << (((z - LOWEST_M) / STOREY_M) as u32).min(HEIGHTS - 1)
 }
 
 impl Columns {

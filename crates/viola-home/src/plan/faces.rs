@@ -1,6 +1,6 @@
 //! Straight faces of walls along the plan's axes, fitted to the columns of the evidence.
 
-use super::evidence::{Columns, Evidence, Facing, by_lidar, heights, is_lintel, is_opening, share};
+use super::evidence::{Columns, Evidence, Facing, above, by_lidar, heights, is_lintel, is_opening, share};
 use viola_geometry::Point2;
 
 /// Half of the band in which columns belong to one face: noise of clips, and half a cell of a LiDAR map.
@@ -20,6 +20,9 @@ const BEFORE_M: f64 = 0.1;
 /// Evidence of a face that only the LiDAR saw, if clips saw wall this far behind it: furniture, a radiator.
 const STANDING_SHARE: f32 = 0.1;
 const STANDING_M: [f64; 2] = [0.07, 0.7];
+/// The front of furniture: a clip saw at least this many heights of the wall above it, this far behind.
+const FRONT_M: [f64; 2] = [0.15, 0.75];
+const HIGHER: u32 = 2;
 /// Heights that a clip must have seen of the wall behind.
 const WALL_HEIGHTS: u32 = 3;
 /// Evidence of a door or a window for the wall that it is in.
@@ -204,6 +207,7 @@ fn cover(face: &mut Face, evidence: &Evidence) {
     let own = rows(-BAND_M - 0.02, BAND_M + 0.02);
     let deep = rows(-BEHIND_M, BEFORE_M);
     let behind = rows(-STANDING_M[1], -STANDING_M[0]);
+    let far = rows(-FRONT_M[1], -FRONT_M[0]);
     let first = ((face.from_m - columns.low_m[1]) / columns.along_m).round() as usize;
     let count = ((face.to_m - face.from_m) / columns.along_m).round() as usize;
     face.cover = (first..first + count)
@@ -218,7 +222,12 @@ fn cover(face: &mut Face, evidence: &Evidence) {
                 let most = (behind[0]..=behind[1]).map(|row| heights(columns.band(row, row, column))).max();
                 most.unwrap_or(0) >= WALL_HEIGHTS
             };
-            let seen = if is_standing { STANDING_SHARE } else { share(bits) };
+            let is_front = heights(bits) >= WALL_HEIGHTS && {
+                let taller =
+                    (far[0]..=far[1]).map(|row| heights(columns.band(row, row, column) & above(bits))).max();
+                taller.unwrap_or(0) >= HIGHER
+            };
+            let seen = if is_standing || is_front { STANDING_SHARE } else { share(bits) };
             let opens = is_opening(columns.band(deep[0], deep[1], column))
                 && !is_leaf(face.facing, &Point2::from(place), evidence);
             if opens { seen.max(OPENING_SHARE) } else { seen }

@@ -47,6 +47,22 @@ impl Oblique {
         self.from_m + self.along * along_m
     }
 
+    /// Returns how far a point is before the face, in its room.
+    pub fn before(&self, p: &Point2) -> f64 {
+        self.within(p)[1]
+    }
+
+    /// Returns the length of the face that was seen.
+    pub fn evidence_m(&self) -> f64 {
+        self.cover.iter().map(|share| f64::from(*share)).sum::<f64>() * ALONG_M
+    }
+
+    /// Gives the face another middle and normal.
+    pub fn turn(&mut self, middle: Point2, normal: Vector2) {
+        (self.normal, self.along) = (normal, Vector2::new(normal.y, -normal.x));
+        self.from_m = middle - self.along * (self.length_m / 2.0);
+    }
+
     /// Returns the evidence at a place along the face; 0 beyond its ends.
     pub fn share(&self, along_m: f64) -> f64 {
         let column = (along_m / ALONG_M).floor();

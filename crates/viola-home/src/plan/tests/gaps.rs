@@ -72,3 +72,46 @@ fn a_room_ends_at_the_recess_of_its_window() {
     let opening = &plan.openings[0];
     assert!(opening.kind == OpeningKind::Window && (opening.from_m[1] - 3.1).abs() < 0.06, "{opening:?}");
 }
+
+/// Returns points of a face across x, 5 cm apart.
+fn face(x: f64, up: bool, ys: [f64; 2], zs: [f64; 2]) -> Vec<MapPoint> {
+    let count = |[low, high]: [f64; 2]| ((high - low) / 0.05) as usize;
+    let normal = [if up { 1.0 } else { -1.0 }, 0.0, 0.0];
+    let at = |i: usize, j: usize| [x, ys[0] + 0.05 * i as f64, zs[0] + 0.05 * j as f64];
+    (0..count(ys)).flat_map(|i| (0..count(zs)).map(move |j| point(at(i, j), normal, Class::Wall))).collect()
+}
+
+#[test]
+fn a_wall_of_one_row_of_points_divides_two_rooms() {
+    let outer = [[0.0, 0.0], [7.0, 0.0], [7.0, 3.0], [0.0, 3.0]];
+    let mut walls: Vec<[[f64; 2]; 2]> = (0..4).map(|i| [outer[i], outer[(i + 1) % 4]]).collect();
+    walls.extend([[[4.0, 0.0], [4.0, 1.1]], [[4.0, 1.9], [4.0, 3.0]]]);
+    let lidar = lidar_of(&walls);
+    // Noise reverses the faces.
+    let mut points = Vec::new();
+    for ys in [[0.0, 1.1], [1.9, 3.0]] {
+        points.extend(face(4.01, false, ys, [0.1, 2.5]));
+        points.extend(face(3.99, true, ys, [0.1, 2.5]));
+    }
+    let plan = plan(&lidar, &points, &crate::rooms(&lidar, &points), &[]);
+    assert_eq!((plan.rooms.len(), plan.openings.len()), (2, 1), "{:?}", plan.openings);
+    assert!((plan.openings[0].width_m() - 0.8).abs() < 0.16, "{:?}", plan.openings);
+    assert!((plan.rooms[0].area_m2 - 12.0).abs() < 0.5 && (plan.rooms[1].area_m2 - 9.0).abs() < 0.5);
+}
+
+/// The clips called the wardrobe's front wall, and saw the wall above it.
+#[test]
+fn a_room_does_not_end_at_a_wardrobe() {
+    let outer = [[0.6, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0], [0.0, 1.5], [0.6, 1.5]];
+    let walls: Vec<[[f64; 2]; 2]> = (0..6).map(|i| [outer[i], outer[(i + 1) % 6]]).collect();
+    let lidar = lidar_of(&walls);
+    let mut points = face(0.6, true, [0.0, 1.5], [0.1, 1.8]);
+    let area_m2 = |points: &[MapPoint]| {
+        let plan = plan(&lidar, points, &crate::rooms(&lidar, points), &[]);
+        plan.rooms.iter().map(|room| room.area_m2).sum::<f64>()
+    };
+    assert!((area_m2(&points) - 11.1).abs() < 0.3, "{}", area_m2(&points));
+    points.extend(face(0.0, true, [0.0, 1.5], [1.9, 2.5]));
+    points.extend(face(0.0, true, [1.5, 3.0], [0.1, 2.5]));
+    assert!((area_m2(&points) - 12.0).abs() < 0.3, "{}", area_m2(&points));
+}
