@@ -107,6 +107,16 @@ impl Mesh {
         self.triangles.len()
     }
 
+    /// Returns the vertices, in the LiDAR map's frame.
+    pub fn positions_m(&self) -> impl Iterator<Item = [f32; 3]> {
+        self.vertices.iter().map(|vertex| vertex.position_m)
+    }
+
+    /// Returns the vertices' indices of each triangle.
+    pub fn corners(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
     /// Returns the mesh as binary glTF 2.0, with a node for each part.
     pub fn glb(&self) -> Vec<u8> {
         glb::glb(self)

@@ -8,6 +8,7 @@ mod instances;
 mod joint;
 mod matching;
 mod member;
+mod mesh_surface;
 mod mesh_walls;
 mod score;
 mod simulated;
@@ -20,13 +21,14 @@ pub use fused::{Agreement, Excerpt, Fused, consecutive, fuse};
 pub use instances::{Instance, LabelledMesh, MIN_EXTENT_M, along_axes};
 pub use joint::{JointClip, JointHome, JointMode, JointRow, JointTie, joint};
 pub use matching::{ClassRow, MIN_IOU, Matches, Thing, matches};
+pub use mesh_surface::{MeshScore, score_mesh};
 pub use mesh_walls::{WallScore, score_walls};
 pub use score::{FoundRow, ObjectScore, TruthRow, score_objects};
 pub(super) use simulated::{MIN_POINTS, along};
 pub use simulated::{
     SampleParams, SimulatedMap, SimulatedScore, TrueRoom, count_rooms, match_objects, sample, simulated,
 };
-pub use surface::{SurfaceScore, compare, seen_by};
+pub use surface::{Seen, SurfaceScore, compare, seen_by};
 
 use super::labels::LabelRow;
 use super::{MeshError, Scene, labels};
@@ -48,6 +50,7 @@ pub struct HomeReport {
     pub excerpts: Vec<Excerpt>,
     pub agreement: Agreement,
     pub surface: SurfaceScore,
+    pub mesh: MeshScore,
     /// The plan's walls.
     pub walls: WallScore,
     /// Classes of the single clips and of the map, on the same vertices.
@@ -87,7 +90,7 @@ pub fn evaluate(
     }
     let mesh = super::Mesh::open_labelled_in(&folder.join("mesh"))?;
     let mesh = LabelledMesh::new(mesh, &labels::Folding::open(folder)?);
-    let Fused { points: map, excerpts, agreement, clips } = fuse(scene, ranges, params, progress)?;
+    let Fused { points: map, tiles, excerpts, agreement, clips } = fuse(scene, ranges, params, progress)?;
     let rooms = home::rooms(&scene.lidar, &map);
     let found = home::find_objects(&map, &rooms, &home::ObjectsParams::default());
     let objects: Vec<Object> = found.iter().map(|found| found.object.clone()).collect();
@@ -96,13 +99,15 @@ pub fn evaluate(
     let placed = excerpts.iter().filter(|excerpt| excerpt.placed_by.is_some());
     let frames: Vec<Range<usize>> = placed.map(|excerpt| excerpt.frames.clone()).collect();
     let seen = seen_by(&scene.clip, &frames, &mesh)?;
+    let made = home::Mesh::new(&tiles, &[], home::MESH_TRIANGLES);
     let cloud = PointCloud { points: map.iter().map(|p| p.point).collect(), voxel_m: home::MAP_VOXEL_M };
     let in_map = |vertex: &Point3| Point3::from(mesh.in_map(vertex, &scene.map_from_world));
     let report = HomeReport {
         labels: labels::together(&labels::Truth::open(folder)?, &clips, &cloud, in_map),
         uncolored: map.iter().filter(|p| p.point.color == NO_COLOR).count(),
-        surface: compare(&map, &mesh, &seen, &scene.map_from_world),
-        walls: score_walls(&plan, &mesh, &seen, &scene.map_from_world),
+        surface: compare(&map, &mesh, &seen.in_pictures, &scene.map_from_world),
+        mesh: score_mesh(&made, &mesh, &seen.in_depth, &scene.map_from_world),
+        walls: score_walls(&plan, &mesh, &seen.in_pictures, &scene.map_from_world),
         coverage: home::coverage(&scene.lidar, &map, &rooms),
         score: score_objects(&map, &found, &truth, &mesh, &scene.map_from_world),
         excerpts,
@@ -156,6 +161,7 @@ impl HomeReport {
             percent(self.coverage.seen),
             percent(self.coverage.floor_seen)
         );
+        let _ = writeln!(out, "{}", self.mesh.markdown());
         let _ = writeln!(out, "{} of the fused points have no colour.\n", self.uncolored);
         let _ = writeln!(out, "{}", self.walls.markdown());
         let _ = writeln!(out, "{}", labels::markdown(&self.labels));

@@ -9,7 +9,7 @@ use viola_align::{AlignError, AlignParams, AlignmentState};
 use viola_geometry::progress::Progress;
 use viola_geometry::{Pose2, Pose3, angle_between};
 use viola_home::{
-    ClipContribution, ClipNumbers, Manifest, MapPoint, Pair, PlacedBy, PlacedClip, Verdict, assemble,
+    ClipContribution, ClipNumbers, Manifest, MapPoint, Pair, PlacedBy, PlacedClip, Tile, Verdict, assemble,
     disagreement,
 };
 use viola_reconstruct::PointCloud;
@@ -51,6 +51,7 @@ pub struct Agreement {
 /// The fused map of a scene.
 pub struct Fused {
     pub points: Vec<MapPoint>,
+    pub tiles: Vec<Tile>,
     pub excerpts: Vec<Excerpt>,
     pub agreement: Agreement,
     /// Clouds of the clips in the map, and their poses there.
@@ -112,11 +113,12 @@ pub fn fuse(
         }
     }
     let numbers = ClipNumbers::new(placed.iter().map(|clip| &clip.clip));
-    let points = assembly.changed.values().flatten().flat_map(|tile| numbers.in_map(tile)).collect();
+    let tiles: Vec<Tile> = assembly.changed.values().flatten().cloned().collect();
+    let points = tiles.iter().flat_map(|tile| numbers.in_map(tile)).collect();
     let agreement = agreement(placed, &assembly.manifest.pairs, |name| share_of(name));
     let cloud = |clip: &PlacedClip| Some((share_of(&clip.share)?.cloud_in_clip.clone(), clip.in_space()));
     let clips = placed.iter().filter_map(cloud).collect();
-    Ok(Fused { points, excerpts, agreement, clips })
+    Ok(Fused { points, tiles, excerpts, agreement, clips })
 }
 
 fn errors(pose: &Pose2, truth: &Pose2) -> (f64, f64) {

@@ -4,7 +4,7 @@ use super::instances::LabelledMesh;
 use rustc_hash::FxHashMap;
 use serde::Serialize;
 use std::ops::Range;
-use viola_formats::clip::{Clip, ClipError};
+use viola_formats::clip::{Clip, ClipError, Frame};
 use viola_geometry::{Point3, Pose2, Vector3};
 use viola_home::MapPoint;
 use viola_reconstruct::label::seen_at;
@@ -83,21 +83,49 @@ pub fn compare(map: &[MapPoint], mesh: &LabelledMesh, seen: &[bool], map_from_wo
     }
 }
 
-/// Marks the vertices that the given frames of the clip see: in the picture, in the sensor's range, and not
-/// occluded.
-pub fn seen_by(clip: &Clip, frames: &[Range<usize>], mesh: &LabelledMesh) -> Result<Vec<bool>, ClipError> {
-    let mut seen = vec![false; mesh.mesh.vertices_m.len()];
+/// The vertices of a mesh that frames show.
+pub struct Seen {
+    /// In the picture, in the sensor's range, and not occluded.
+    pub in_pictures: Vec<bool>,
+    /// With a depth that is right to 10 cm.
+    pub in_depth: Vec<bool>,
+}
+
+/// Marks the vertices that the given frames of the clip see.
+pub fn seen_by(clip: &Clip, frames: &[Range<usize>], mesh: &LabelledMesh) -> Result<Seen, ClipError> {
+    let vertices = &mesh.mesh.vertices_m;
+    let mut seen = Seen { in_pictures: vec![false; vertices.len()], in_depth: vec![false; vertices.len()] };
     let mut places: Vec<usize> = frames.iter().cloned().flatten().collect();
     places.sort_unstable();
     places.dedup();
     for index in places {
         let frame = clip.load(index)?;
         let Some(world_from_camera) = frame.header.world_from_camera else { continue };
-        for (seen, vertex) in seen.iter_mut().zip(&mesh.mesh.vertices_m) {
+        for (seen, vertex) in seen.in_pictures.iter_mut().zip(vertices) {
             *seen = *seen || seen_at(vertex, &frame, &world_from_camera).is_some();
+        }
+        let camera_from_world = world_from_camera.inverse();
+        for (seen, vertex) in seen.in_depth.iter_mut().zip(vertices) {
+            *seen = *seen || is_measured(&(camera_from_world * vertex), &frame);
         }
     }
     Ok(seen)
+}
+
+/// Returns whether the frame's depth at a point of the camera's frame is right to 10 cm.
+fn is_measured(at: &Point3, frame: &Frame) -> bool {
+    let camera = &frame.depth_camera;
+    let pixel = |focal: f64, along: f64, centre: f64, side: u32| {
+        let place = (focal * along / at.z + centre).round();
+        (place >= 0.0 && place < f64::from(side)).then_some(place as u32)
+    };
+    let u = pixel(camera.fx, at.x, camera.cx, camera.width);
+    let v = pixel(camera.fy, at.y, camera.cy, camera.height);
+    at.z > 0.0
+        && u.zip(v).is_some_and(|(u, v)| {
+            let depth_m = f64::from(frame.depth.at(u, v));
+            depth_m > 0.0 && (depth_m - at.z).abs() <= 0.1
+        })
 }
 
 /// Returns the distance to a triangle (Ericson, "Real-Time Collision Detection", 2005, 5.1.5, by projection).
