@@ -117,7 +117,7 @@ impl<'a> Vertices<'a> {
     }
 
     /// Returns the numbers of the next vertex, in the order of its properties; `None` after the last one.
-    pub fn next(&mut self) -> Result<Option<&[f64]>, PlyError> {
+    pub fn read(&mut self) -> Result<Option<&[f64]>, PlyError> {
         if self.index == self.element.count {
             return Ok(None);
         }

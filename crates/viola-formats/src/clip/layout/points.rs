@@ -87,7 +87,7 @@ fn read_cloud(container: &dyn Container, name: &str) -> Result<(Cloud, u64), Cli
     };
     let step = vertices.element.count.div_ceil(MAX_POINTS).max(1);
     let (mut cloud, mut read) = (Cloud::default(), 0);
-    while let Some(values) = vertices.next().map_err(|error| bad(error.to_string()))? {
+    while let Some(values) = vertices.read().map_err(|error| bad(error.to_string()))? {
         let point = [values[x], values[y], values[z]].map(|value| value as f32);
         if read % step == 0 && point.iter().all(|value| value.is_finite()) {
             cloud.points.push(point);

@@ -16,7 +16,7 @@ pub(in super::super) fn read_ply(bytes: &[u8]) -> Result<LidarMap, LidarError> {
     }
     let columns = Columns { x, y, z: vertex.place("z") };
     let mut points = Points::default();
-    while let Some(values) = vertices.next()? {
+    while let Some(values) = vertices.read()? {
         points.add(&columns, |column| values[column])?;
     }
     points.into_map("ply_points", Vec::new())
