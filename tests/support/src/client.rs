@@ -98,7 +98,12 @@ impl Client {
     /// Returns the clip once its job has ended.
     pub async fn settled(&self, clip: &str) -> Value {
         eventually("the clip is settled", || async {
-            let clip = self.get(clip).await.ok(200);
+            let answer = self.get(clip).await;
+            // A busy machine may answer so, and asks for another try.
+            if answer.status == 503 {
+                return None;
+            }
+            let clip = answer.ok(200);
             let under_way = ["queued", "aligning"].contains(&clip["state"].as_str().unwrap());
             (!under_way).then_some(clip)
         })
