@@ -9,7 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What the bundle is made of; folders stand for everything in them.
+/// Sources of the bundle; a folder stands for all files in it.
 const SOURCES: &[&str] = &[
     "web/src",
     "web/build.mjs",

@@ -19,7 +19,10 @@ use viola_home::{
 };
 use viola_lab::evaluate::peak_memory_bytes;
 use viola_lab::simulate::{ClipParams, Home, HomeParams, Set, clip_in_memory};
+use viola_network::RuntimeParams;
+use viola_network::manifest::{self, Task};
 use viola_reconstruct::View;
+use viola_reconstruct::label::SurfaceNetwork;
 
 /// Different recordings. More clips are these again, with other errors of their poses.
 const RECORDINGS: usize = 12;
@@ -40,9 +43,9 @@ fn main() -> Result<(), Failure> {
     let recordings = Recordings::make(&home, in_one_room)?;
     println!("{place}, {times}: {:.1} MB of files a clip\n", recordings.mean_mb());
     println!(
-        "| clips | points | all others at once, clips read | one more: tiles anew | clips read | written | assembly | description | sum | of both cores | peak memory |"
+        "| clips | points | all others at once, clips read | one more: tiles anew | clips read | written | assembly | labels | description | sum | of both cores | peak memory |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
     for count in counts {
         let count: usize = count.parse()?;
         let members: Vec<Member> = (0..count).map(|at| recordings.member(at, times == "timed")).collect();
@@ -54,6 +57,8 @@ fn main() -> Result<(), Failure> {
 /// The files of recordings, in a folder, and their true poses.
 struct Recordings {
     folder: TempDir,
+    /// The network that labels the map.
+    network: SurfaceNetwork,
     map_from_clip: Vec<Pose2>,
 }
 
@@ -64,7 +69,8 @@ impl Recordings {
         let clips = (0..).map(|index| home.clip(&survey, index, &params));
         let mut clips =
             clips.filter(|clip| !in_one_room || clip.truth.rooms.first() == Some(&home_room(home)));
-        let mut recordings = Recordings { folder: tempfile::tempdir()?, map_from_clip: Vec::new() };
+        let network = built_in_network()?;
+        let mut recordings = Recordings { folder: tempfile::tempdir()?, network, map_from_clip: Vec::new() };
         while recordings.map_from_clip.len() < RECORDINGS {
             let Some(clip) = clips.next() else { break };
             let truth = clip.truth.clone();
@@ -140,10 +146,9 @@ impl Recordings {
         let first = assemble(&Manifest::default(), others.to_vec(), &mut load)?;
         let at_once_s = begun.elapsed().as_secs_f64();
         let at_once_read = std::mem::take(&mut read);
-        let mut stored: BTreeMap<TileKey, Vec<u8>> = BTreeMap::new();
-        for (key, tile) in &first.changed {
-            stored.extend(tile.iter().map(|tile| (*key, tile.to_bytes())));
-        }
+        let first = first.label(BTreeMap::new(), Some(&self.network));
+        let stored: BTreeMap<TileKey, Vec<u8>> =
+            first.tiles.iter().map(|(key, tile)| (*key, tile.to_bytes())).collect();
         let last = serde_json::to_vec(&first.manifest)?;
         drop(first);
         let lidar = home.survey().lidar_map();
@@ -157,17 +162,17 @@ impl Recordings {
         let last: Manifest = serde_json::from_slice(&last)?;
         let next = assemble(&last, members.to_vec(), &mut load)?;
         let merged_s = begun.elapsed().as_secs_f64();
-        let mut tiles: BTreeMap<TileKey, Tile> = BTreeMap::new();
+        let mut kept: BTreeMap<TileKey, Tile> = BTreeMap::new();
         for (key, bytes) in stored.iter().filter(|(key, _)| !next.changed.contains_key(key)) {
-            tiles.insert(*key, Tile::read(bytes)?);
+            kept.insert(*key, Tile::read(bytes)?);
         }
-        let (anew, all) = (next.changed.len(), next.manifest.tiles.len());
-        let mut written = 0;
-        for (key, tile) in next.changed {
-            written += tile.as_ref().map_or(0, |tile| tile.to_bytes().len());
-            tiles.extend(tile.map(|tile| (key, tile)));
-        }
-        let tiles: Vec<Tile> = tiles.into_values().collect();
+        let labelling = Instant::now();
+        let next = next.label(kept, Some(&self.network));
+        let labelled_s = labelling.elapsed().as_secs_f64();
+        let (anew, all) = (next.changed.len(), next.tiles.len());
+        let changed = next.changed.iter().filter_map(|key| next.tiles.get(key));
+        let written: usize = changed.map(|tile| tile.to_bytes().len()).sum();
+        let tiles: Vec<Tile> = next.tiles.into_values().collect();
         let manifest = serde_json::to_vec(&next.manifest)?;
         let numbers = ClipNumbers::new(next.manifest.clips.iter().map(|clip| &clip.clip));
         let described = Instant::now();
@@ -177,12 +182,19 @@ impl Recordings {
         let points: usize = tiles.iter().map(|tile| tile.points.len()).sum();
         let peak = peak_memory_bytes().map_or(0.0, |bytes| bytes as f64 / f64::from(1 << 20));
         Ok(format!(
-            "| {} | {points} | {at_once_s:.1} s, {at_once_read} | {anew} of {all} | {read} | {:.1} MB | {merged_s:.2} s | {described_s:.2} s | \
+            "| {} | {points} | {at_once_s:.1} s, {at_once_read} | {anew} of {all} | {read} | {:.1} MB | {merged_s:.2} s | {labelled_s:.2} s | {described_s:.2} s | \
              {one_s:.2} s | {cpu_s:.2} s | {peak:.0} MiB |",
             members.len(),
             (written + manifest.len()) as f64 * 1e-6
         ))
     }
+}
+
+/// Returns the surface network of the program.
+fn built_in_network() -> Result<SurfaceNetwork, Failure> {
+    let installed = manifest::installed(Task::Surface, None)?.ok_or("no surface network is built in")?;
+    let network = viola_network::open_weights(&installed.weights, &RuntimeParams::default())?;
+    Ok(SurfaceNetwork::new(&installed.entry, network)?)
 }
 
 /// Returns the name of the home's largest room.

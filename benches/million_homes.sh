@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# The queries of a service with a million homes, as PostgreSQL runs them: `benches/million_homes.sh URL [HOMES]`.
+# Times the queries of a service with a million homes in PostgreSQL: `benches/million_homes.sh URL [HOMES]`.
 #
-# URL names a database of a superuser's, as postgres://postgres@127.0.0.1/test. A schema of our own is made in it, filled with
-# homes (one tenant has nine in ten of them), three clips and jobs each and one object for each third home, and removed at the end. The real binary then
-# serves and works on it, and every statement that it sends comes back with its plan through `auto_explain`. Printed are, for each kind of
-# statement, how often it ran and the longest time in milliseconds; the plans are in target/million_homes.log. Documents of the
-# rows are empty, so that some requests end in 500 once their rows were read.
+# URL is a database of a superuser, such as postgres://postgres@127.0.0.1/test. The script makes a schema in it and removes it at
+# the end. The schema has homes (one tenant owns nine in ten), three clips and jobs for each, and an object for each third home.
+# The binary serves and works on it, and `auto_explain` logs every statement with its plan to target/million_homes.log. The
+# script prints the number of runs and the longest time in milliseconds of each kind of statement. The rows have empty documents,
+# so some requests end in 500 after their rows were read.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 url="$1"

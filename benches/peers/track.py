@@ -26,7 +26,7 @@ REGISTRATION = o3d.pipelines.registration
 FRAGMENT = 100
 KEYS = 5
 VOXEL_M = 0.05
-# What the odometry takes for depth; the pipeline's default is 3 m, the clips reach further.
+# Maximum depth of the odometry. The pipeline's default is 3 m, but the clips reach further.
 MAX_DEPTH_M = 4.0
 
 

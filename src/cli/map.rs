@@ -87,6 +87,7 @@ pub fn run(arguments: &MapArguments) -> Result<ExitCode> {
     let members: Vec<Member> = clips.iter().filter_map(HomeClip::member).collect();
     tell(&format!("map: fuse {} of {} clips", members.len(), clips.len()));
     let map = home::assemble(&Manifest::default(), members, &mut aligner.contributions)?;
+    let map = map.label(BTreeMap::new(), params.align.label.surface.as_deref());
     tell("map: describe");
     let paths = aligner.contributions.paths(&map.manifest.clips)?;
     let valetudo = levels::valetudo_files(&arguments.lidar)?;

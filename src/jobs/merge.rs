@@ -18,16 +18,20 @@ use tracing::{error, info};
 use viola_align::LevelMap;
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_geometry::LevelName;
-use viola_home::{Assembly, Coverage, Manifest, NotOurs, Tile, TileKey};
+use viola_home::{Assembly, Coverage, LabelledMap, Manifest, NotOurs, Tile, TileKey};
+use viola_reconstruct::label::SurfaceNetwork;
 
 /// Pause of a home after a failed merge.
 const PAUSE: Duration = Duration::from_secs(5);
 
+/// The network that labels the surface of a home; `None` labels it by its planes.
+pub(super) type SurfaceLabels = Option<Arc<SurfaceNetwork>>;
+
 /// Merges one home; gives it back after an error.
-pub(super) async fn merge(queue: &Queue, claim: &MergeClaim, lease: Duration) {
+pub(super) async fn merge(queue: &Queue, claim: &MergeClaim, surface: SurfaceLabels, lease: Duration) {
     let begun = Instant::now();
     let merged = tokio::select! {
-        merged = try_merge(&queue.storage, claim) => merged,
+        merged = try_merge(&queue.storage, claim, surface) => merged,
         () = hold(&queue.storage, claim, lease) => Ok(Merged::Lost),
     };
     let took = begun.elapsed();
@@ -94,7 +98,11 @@ enum MergeError {
     Abandoned,
 }
 
-async fn try_merge(storage: &Arc<Storage>, claim: &MergeClaim) -> Result<Merged, MergeError> {
+async fn try_merge(
+    storage: &Arc<Storage>,
+    claim: &MergeClaim,
+    surface: SurfaceLabels,
+) -> Result<Merged, MergeError> {
     let manifest = storage.last_manifest(claim).await?;
     let assembly = assemble(storage, &manifest, &claim.members).await?;
     let scenes = storage.last_scenes(claim).await?;
@@ -104,11 +112,12 @@ async fn try_merge(storage: &Arc<Storage>, claim: &MergeClaim) -> Result<Merged,
         let kept = storage.finish_merge(claim, None, Timestamp::now()).await?;
         return Ok(if kept { Merged::Nothing } else { Merged::Lost });
     }
-    let tiles = assembly.changed.len();
     let kept = kept_tiles(storage, claim, &assembly).await?;
     let levels = levels(storage, claim, &manifest, scenes).await?;
-    let new = tokio::task::spawn_blocking(move || revision(assembly, kept, &levels));
+    let label = move || label(assembly, kept, surface.as_deref());
+    let new = tokio::task::spawn_blocking(move || revision(label()?, &levels));
     let new = new.await.unwrap_or(Err(MergeError::Panicked))?;
+    let tiles = new.tiles.len();
     let kept = storage.finish_merge(claim, Some(&new), Timestamp::now()).await?;
     Ok(if kept { Merged::Revision { tiles } } else { Merged::Lost })
 }
@@ -155,22 +164,22 @@ async fn levels(
     Ok(levels)
 }
 
-/// Returns the next revision with all its files.
-fn revision(
+/// Adds the tiles that the next revision keeps, and labels the whole map.
+fn label(
     assembly: Assembly,
     kept: Vec<(TileKey, Bytes)>,
-    levels: &[Level],
-) -> Result<NewRevision, MergeError> {
-    let Assembly { manifest, changed, mut looked } = assembly;
+    surface: Option<&SurfaceNetwork>,
+) -> Result<LabelledMap, MergeError> {
+    let read = |(key, bytes): (TileKey, Bytes)| Ok((key, Tile::read(&bytes)?));
+    let kept = kept.into_iter().map(read).collect::<Result<_, NotOurs>>()?;
+    Ok(assembly.label(kept, surface))
+}
+
+/// Returns the next revision with all its files.
+fn revision(map: LabelledMap, levels: &[Level]) -> Result<NewRevision, MergeError> {
+    let LabelledMap { manifest, tiles, changed, mut looked } = map;
     let mut new = NewRevision { manifest, ..NewRevision::default() };
-    let mut tiles: BTreeMap<TileKey, Tile> = BTreeMap::new();
-    for (key, bytes) in kept {
-        tiles.insert(key, Tile::read(&bytes)?);
-    }
-    for (key, tile) in changed {
-        new.tiles.push((key, tile.as_ref().map(Tile::to_bytes)));
-        tile.and_then(|tile| tiles.insert(key, tile));
-    }
+    new.tiles.extend(changed.iter().map(|key| (*key, tiles.get(key).map(Tile::to_bytes))));
     let mut of_levels: BTreeMap<LevelName, Vec<Tile>> = BTreeMap::new();
     for (key, tile) in tiles {
         of_levels.entry(key.level).or_default().push(tile);

@@ -79,7 +79,7 @@ say("over a bad network", await run(bytes, patient));
 assert.equal(network.cuts(), 8);
 network.end();
 
-// What is no clip is told with its last byte, and not tried again.
+// A file that is no clip is refused with its last byte, and not sent again.
 const refused = await run(Buffer.from("x".repeat(5000)), { chunkSize: 3000, retryDelays: [0, 0] }).then(
   () => assert.fail("it is no clip"),
   (error) => error.originalResponse,

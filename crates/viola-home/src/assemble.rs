@@ -8,6 +8,7 @@ mod belief;
 mod cache;
 mod candidates;
 mod joint;
+mod labelled;
 mod level;
 mod load;
 mod looked;
@@ -25,6 +26,7 @@ mod voxels;
 pub use agreement::Agreement;
 pub use candidates::{KnownClip, Marginal};
 pub use joint::Comparison;
+pub use labelled::LabelledMap;
 pub use level::Level;
 pub use load::LoadClips;
 pub use looked::LookedThrough;
@@ -72,7 +74,7 @@ pub struct Pair {
     pub overlap: Option<Overlap>,
 }
 
-/// The next map: its manifest and the changed tiles; none for tiles that became empty.
+/// The next map before its labels: its manifest and the changed tiles; none for tiles that became empty.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Assembly {
     pub manifest: Manifest,

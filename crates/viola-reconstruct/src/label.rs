@@ -9,6 +9,7 @@ mod class_map;
 mod columns;
 mod combine;
 mod logits;
+mod map;
 mod mask2former;
 pub mod numbers;
 mod open;
@@ -24,6 +25,7 @@ mod vote;
 
 pub use augment::AUGMENTATIONS;
 pub use class_map::ClassMap;
+pub use map::label_map;
 pub use open::open_segmenter;
 pub use params::LabelParams;
 pub use segmenter::{SegmentError, Segmenter};
@@ -201,11 +203,11 @@ impl Labeller {
         } else {
             let segments = segments::segments(&self.sites);
             let alone = match &surface {
-                Some(surface) => combine::surfaced(&segments, &shapes, surface),
+                Some(surface) => combine::surfaced(&segments, &shapes, |site| surface[site]),
                 None => combine::shaped(&shapes),
             };
             match &self.votes {
-                Some(votes) => combine::combined(&segments, votes, &shapes, alone),
+                Some(votes) => combine::combined(&segments, &shapes, |site| votes.of(site), alone),
                 None => alone,
             }
         };

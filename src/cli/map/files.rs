@@ -18,7 +18,7 @@ use viola_align::LevelMap;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
 use viola_home::{
-    Assembly, ClipNumbers, ClipPath, HomeMapInfo, MESH_TRIANGLES, Manifest, MatterFile, Mesh, MeshObject,
+    ClipNumbers, ClipPath, HomeMapInfo, LabelledMap, MESH_TRIANGLES, Manifest, MatterFile, Mesh, MeshObject,
     Ply, RobotLevel, Tile, TileKey, matter, point_bytes,
 };
 
@@ -55,17 +55,17 @@ impl<'a> HomeFiles<'a> {
     pub fn new(
         maps: &[LevelMap<'a>],
         valetudo: &BTreeMap<LevelName, Vec<u8>>,
-        map: Assembly,
+        map: LabelledMap,
         clips: &[HomeClip],
         paths: Vec<(LevelName, ClipPath)>,
     ) -> Result<HomeFiles<'a>> {
-        let Assembly { manifest, changed, looked } = map;
+        let LabelledMap { manifest, tiles: all_tiles, looked, .. } = map;
         let (mut objects, mut rooms) = (Vec::new(), Vec::new());
         let (mut levels, mut documents, mut for_robots) = (Vec::new(), Vec::new(), Vec::new());
         for map in maps {
             let of_level = |key: &TileKey| key.level == map.level;
-            let tiles = changed.iter().filter(|(key, _)| of_level(key));
-            let tiles: Vec<Tile> = tiles.filter_map(|(_, tile)| tile.clone()).collect();
+            let tiles = all_tiles.iter().filter(|(key, _)| of_level(key));
+            let tiles: Vec<Tile> = tiles.map(|(_, tile)| tile.clone()).collect();
             let looked = looked.get(&map.level).cloned().unwrap_or_default();
             let Described { scene, plan, .. } =
                 describe(*map, &tiles, &manifest.clips, &looked, &Earlier::default());

@@ -1,4 +1,4 @@
-// What a person does to the page, and what one would feel.
+// Actions of a person on the page, and the delays that a person would feel.
 
 /** Drops files in the middle of the page. */
 export async function dropFiles(page, files) {

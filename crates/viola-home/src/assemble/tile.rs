@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 use viola_geometry::LevelName;
 use viola_geometry::taxonomy::{CLASSES, Class};
+use viola_reconstruct::cloud::OTHER_CLASSES;
 use viola_reconstruct::{CloudPoint, Label};
 
 /// Voxels along a tile's side (2.4 m): a room has a few tiles, and a clip touches about ten.
@@ -40,7 +41,10 @@ impl TileKey {
 pub struct Tile {
     /// Source clips of its points, in the map's canonical order.
     pub clips: Vec<Uuid>,
+    /// With the labels of the whole map.
     pub points: Vec<MapPoint>,
+    /// The labels of the points by their clips alone, from which those of the map are made.
+    pub of_clips: Vec<Label>,
 }
 
 /// Summary of a tile.
@@ -53,7 +57,11 @@ pub struct TileInfo {
     pub classes: Vec<usize>,
 }
 
-const MAGIC: &[u8; 8] = b"violat01";
+const MAGIC: &[u8; 8] = b"violat02";
+/// Files of the previous version lack the labels by the clips alone.
+const MAGIC_01: &[u8; 8] = b"violat01";
+/// Bytes of a label by the clips: pairs of class and share.
+const LABEL_BYTES: usize = 2 * (1 + OTHER_CLASSES);
 /// Bytes of a point in tiles and in a map's PLY.
 pub const POINT_BYTES: usize = 38;
 /// Byte offset of the clip number in a point.
@@ -78,24 +86,31 @@ impl Tile {
     }
 
     pub fn to_bytes(&self) -> Vec<u8> {
-        let mut out = Vec::with_capacity(16 + self.clips.len() * 16 + self.points.len() * POINT_BYTES);
+        let of_point = POINT_BYTES + LABEL_BYTES;
+        let mut out = Vec::with_capacity(16 + self.clips.len() * 16 + self.points.len() * of_point);
         out.extend_from_slice(MAGIC);
         out.extend_from_slice(&(self.clips.len() as u32).to_le_bytes());
         out.extend_from_slice(&(self.points.len() as u32).to_le_bytes());
         self.clips.iter().for_each(|clip| out.extend_from_slice(clip.as_bytes()));
         self.points.iter().for_each(|point| out.extend_from_slice(&point_bytes(point)));
+        self.of_clips.iter().for_each(|label| out.extend_from_slice(&label_bytes(label)));
         out
     }
 
     pub fn read(bytes: &[u8]) -> Result<Tile, NotOurs> {
-        let TileBytes { clips, points } = TileBytes::read(bytes)?;
+        let TileBytes { clips, points, of_clips } = TileBytes::read(bytes)?;
         let points: Result<Vec<MapPoint>, NotOurs> =
             points.chunks_exact(POINT_BYTES).map(read_point).collect();
         let points = points?;
         if points.iter().any(|point| usize::from(point.clip) >= clips.len()) {
             return Err(NotOurs);
         }
-        Ok(Tile { clips, points })
+        let label = |(point, bytes): (&MapPoint, &[u8])| read_label(bytes, point.point.label.views);
+        let of_clips = match of_clips {
+            Some(bytes) => points.iter().zip(bytes.chunks_exact(LABEL_BYTES)).map(label).collect(),
+            None => Ok(points.iter().map(|point| point.point.label).collect()),
+        };
+        Ok(Tile { clips, points, of_clips: of_clips? })
     }
 }
 
@@ -104,22 +119,51 @@ pub struct TileBytes<'a> {
     pub clips: Vec<Uuid>,
     /// [`POINT_BYTES`] each.
     pub points: &'a [u8],
+    /// [`LABEL_BYTES`] for each point; `None` in files of the previous version.
+    of_clips: Option<&'a [u8]>,
 }
 
-impl TileBytes<'_> {
-    pub fn read(bytes: &[u8]) -> Result<TileBytes<'_>, NotOurs> {
-        let rest = bytes.strip_prefix(MAGIC).ok_or(NotOurs)?;
+impl<'a> TileBytes<'a> {
+    pub fn read(bytes: &'a [u8]) -> Result<TileBytes<'a>, NotOurs> {
+        let (magic, rest) = bytes.split_at_checked(MAGIC.len()).ok_or(NotOurs)?;
+        if magic != MAGIC && magic != MAGIC_01 {
+            return Err(NotOurs);
+        }
         let (head, rest) = rest.split_at_checked(8).ok_or(NotOurs)?;
         let count =
             |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]) as usize;
-        let (clips, points) =
-            rest.split_at_checked(count(0).checked_mul(16).ok_or(NotOurs)?).ok_or(NotOurs)?;
-        if count(4).checked_mul(POINT_BYTES) != Some(points.len()) {
+        let part = |rest: &'a [u8], count: usize, bytes: usize| {
+            rest.split_at_checked(count.checked_mul(bytes).ok_or(NotOurs)?).ok_or(NotOurs)
+        };
+        let (clips, rest) = part(rest, count(0), 16)?;
+        let (points, rest) = part(rest, count(4), POINT_BYTES)?;
+        let (of_clips, rest) =
+            if magic == MAGIC { part(rest, count(4), LABEL_BYTES)? } else { (&rest[..0], rest) };
+        if !rest.is_empty() {
             return Err(NotOurs);
         }
         let clips: Result<Vec<Uuid>, _> = clips.chunks_exact(16).map(Uuid::from_slice).collect();
-        Ok(TileBytes { clips: clips.map_err(|_| NotOurs)?, points })
+        let of_clips = (magic == MAGIC).then_some(of_clips);
+        Ok(TileBytes { clips: clips.map_err(|_| NotOurs)?, points, of_clips })
     }
+}
+
+fn label_bytes(label: &Label) -> [u8; LABEL_BYTES] {
+    let mut bytes = [0; LABEL_BYTES];
+    for (pair, (class, share)) in bytes.chunks_exact_mut(2).zip(label.shares()) {
+        pair.copy_from_slice(&[class.id() as u8, share]);
+    }
+    bytes
+}
+
+/// Inverse of [`label_bytes`]; the number of views is that of the point.
+fn read_label(bytes: &[u8], views: u16) -> Result<Label, NotOurs> {
+    let mut shares = [(Class::Other, 0); 1 + OTHER_CLASSES];
+    for (share, pair) in shares.iter_mut().zip(bytes.chunks_exact(2)) {
+        *share = (Class::from_id(usize::from(pair[0])).ok_or(NotOurs)?, pair[1]);
+    }
+    let [(class, share), others @ ..] = shares;
+    Ok(Label::new(class, f32::from(share) / 255.0, views).with_shares(others))
 }
 
 /// Returns a point's bytes as in tiles and PLY files, little endian.
@@ -171,7 +215,12 @@ mod tests {
             },
             clip: i % 2,
         };
-        Tile { clips: vec![Uuid::from_u128(7), Uuid::from_u128(9)], points: (0..50).map(point).collect() }
+        let points: Vec<MapPoint> = (0..50).map(point).collect();
+        let of_clips = |point: &MapPoint| {
+            Label::new(Class::Bed, 0.5, point.point.label.views).with_others([(Class::Sofa, 0.3)])
+        };
+        let of_clips = points.iter().map(of_clips).collect();
+        Tile { clips: vec![Uuid::from_u128(7), Uuid::from_u128(9)], points, of_clips }
     }
 
     #[test]
@@ -181,6 +230,15 @@ mod tests {
         let info = tile().info();
         assert_eq!((info.points, info.classes.iter().sum::<usize>()), (50, 50));
         assert_eq!(info.min_m, [0.0, -1.5, 0.25]);
+    }
+
+    #[test]
+    fn files_of_the_previous_version_are_read() {
+        let now = tile();
+        let bytes = now.to_bytes();
+        let without = &bytes[MAGIC.len()..bytes.len() - now.points.len() * LABEL_BYTES];
+        let of_clips = now.points.iter().map(|point| point.point.label).collect();
+        assert_eq!(Tile::read(&[MAGIC_01, without].concat()), Ok(Tile { of_clips, ..now }));
     }
 
     #[test]

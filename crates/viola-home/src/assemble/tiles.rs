@@ -256,7 +256,8 @@ impl UnderConstruction {
             point.clip = numbers.binary_search(&point.clip).unwrap_or_default() as u16;
         }
         let ids: Vec<Uuid> = numbers.iter().map(|number| clips[usize::from(*number)].1.clip).collect();
-        ((!points.is_empty()).then_some(Tile { clips: ids, points }), self.looked)
+        let of_clips = points.iter().map(|point| point.point.label).collect();
+        ((!points.is_empty()).then_some(Tile { clips: ids, points, of_clips }), self.looked)
     }
 }
 

@@ -181,8 +181,7 @@ impl Voxel {
         }
         let rest = (seen + blind_factor * blind - named).max(0.0);
         let views = (self.views as f64 / self.points as f64).round().min(f64::from(u16::MAX)) as u16;
-        // A tile keeps only the first class.
-        likeliest_beside(&sums, rest, views).with_others([])
+        likeliest_beside(&sums, rest, views)
     }
 }
 

@@ -6,6 +6,9 @@ use super::vote::Votes;
 use crate::cloud::Label;
 use viola_geometry::taxonomy::{CLASSES, Class};
 
+/// A value for each class: probabilities, or sums of votes.
+pub(super) type ByClass = [f32; CLASSES];
+
 /// Maximum number of pictures that count for a site's weight in its segment.
 const MOST_VIEWS: f32 = 20.0;
 
@@ -30,43 +33,49 @@ fn by_shape(shape: &Shape) -> Label {
     }
 }
 
-/// Returns the labels by the surface network, and by shapes alone where it has no answer: the geometric mean of what
-/// it says of a site and of the site's segment, times the square root of the shape's likelihood. Chosen on simulated
-/// homes (docs/experiments.md, Classes).
-pub(super) fn surfaced(segments: &[u32], shapes: &[Shape], surface: &[Option<[f32; CLASSES]>]) -> Vec<Label> {
+/// Returns the labels by the surface network, and by shapes alone where it has no answer: the geometric mean of the
+/// probabilities `said` of a site and those of the site's segment, times the square root of the shape's likelihood.
+/// Chosen on simulated homes (docs/experiments.md, Classes).
+pub(super) fn surfaced(
+    segments: &[u32],
+    shapes: &[Shape],
+    said: impl Fn(usize) -> Option<ByClass>,
+) -> Vec<Label> {
     let mut pools = pools(segments);
-    for (segment, said) in segments.iter().zip(surface) {
+    for (site, segment) in segments.iter().enumerate() {
         let pool = &mut pools[*segment as usize];
-        pool.iter_mut().zip(said.iter().flatten()).for_each(|(sum, p)| *sum += p);
+        pool.iter_mut().zip(said(site).iter().flatten()).for_each(|(sum, p)| *sum += p);
     }
-    let label = |((said, shape), segment): ((&Option<[f32; CLASSES]>, &Shape), &u32)| {
-        let Some(said) = said else { return by_shape(shape) };
+    let label = |(site, (shape, segment)): (usize, (&Shape, &u32))| {
+        let Some(said) = said(site) else { return by_shape(shape) };
         let pool = &pools[*segment as usize];
         let weight = |i: usize| (said[i] * pool[i] * likelihood(*shape, Class::ALL[i])).sqrt();
         likeliest(&std::array::from_fn::<f32, CLASSES, _>(weight), 0)
     };
-    surface.iter().zip(shapes).zip(segments).map(label).collect()
+    shapes.iter().zip(segments).enumerate().map(label).collect()
 }
 
 /// Returns zeros for each segment.
-fn pools(segments: &[u32]) -> Vec<[f32; CLASSES]> {
+fn pools(segments: &[u32]) -> Vec<ByClass> {
     vec![[0f32; CLASSES]; segments.iter().max().map_or(0, |last| *last as usize + 1)]
 }
 
 /// Returns the labels by both, pooled over segments. The shape counts twice: it weights a site's votes for
 /// its segment, and then the votes of the segment for each site.
-/// `fallback` are the labels of segments that no picture saw. The surface network has no say elsewhere: multiplied
-/// with the pictures it cost six points in a hundred of the real apartment (docs/experiments.md, Classes).
+/// `votes` are those of the pictures for a site, and their number. `fallback` are the labels of segments that no
+/// picture saw. The surface network has no say elsewhere: multiplied with the pictures it cost six points in a hundred
+/// of the real apartment (docs/experiments.md, Classes).
 pub(super) fn combined(
     segments: &[u32],
-    votes: &Votes,
     shapes: &[Shape],
+    votes: impl Fn(usize) -> (ByClass, u16),
     fallback: Vec<Label>,
 ) -> Vec<Label> {
     let mut pieces = pools(segments);
     for (site, &segment) in segments.iter().enumerate() {
-        let Some(said) = weighed(votes, shapes, site) else { continue };
-        let views = f32::from(votes.views[site]).min(MOST_VIEWS);
+        let (sums, views) = votes(site);
+        let Some(said) = weighed(sums, views, shapes[site]) else { continue };
+        let views = f32::from(views).min(MOST_VIEWS);
         for (sum, p) in pieces[segment as usize].iter_mut().zip(said) {
             *sum += views * p;
         }
@@ -79,23 +88,18 @@ pub(super) fn combined(
             for (p, class) in said.iter_mut().zip(Class::ALL) {
                 *p *= likelihood(shapes[site], *class);
             }
-            if said.iter().sum::<f32>() > 0.0 { likeliest(&said, votes.views[site]) } else { fallback[site] }
+            if said.iter().sum::<f32>() > 0.0 { likeliest(&said, votes(site).1) } else { fallback[site] }
         })
         .collect()
 }
 
-/// Returns a site's votes weighted by its shape, with sum one; `None` if no picture saw it.
-fn weighed(votes: &Votes, shapes: &[Shape], site: usize) -> Option<[f32; CLASSES]> {
-    if votes.views[site] == 0 {
+/// Returns the votes for a site weighted by its shape, with sum one; `None` if no picture saw it.
+fn weighed(sums: ByClass, views: u16, shape: Shape) -> Option<ByClass> {
+    if views == 0 {
         return None;
     }
-    let sums = &votes.sums[site * CLASSES..][..CLASSES];
-    let mut said = [0f32; CLASSES];
-    let mut total = 0.0;
-    for (i, p) in said.iter_mut().enumerate() {
-        *p = sums[i] * likelihood(shapes[site], Class::ALL[i]);
-        total += *p;
-    }
+    let said: ByClass = std::array::from_fn(|i| sums[i] * likelihood(shape, Class::ALL[i]));
+    let total: f32 = said.iter().sum();
     (total > 0.0).then(|| said.map(|p| p / total))
 }
 

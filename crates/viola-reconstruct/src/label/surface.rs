@@ -44,11 +44,11 @@ impl SurfaceNetwork {
     /// Returns the probability of each class for each site: the mean of the answers for the surface and for its mirror
     /// image, which is as likely a home. `sites` are in the clip frame. None for sites outside the network's grid.
     pub(super) fn classify(&self, sites: &Sites) -> Result<Vec<Option<[f32; CLASSES]>>, SegmentError> {
-        let mut said = self.classify_as_is(&sites.positions_m, &sites.normals)?;
+        let mut said = self.classify_as_is(&sites.positions_m, &sites.normals)?.of_sites();
         let positions_m: Vec<Point3> =
             sites.positions_m.iter().map(|p| Point3::new(-p.x, p.y, p.z)).collect();
         let normals: Vec<Vector3> = sites.normals.iter().map(|n| Vector3::new(-n.x, n.y, n.z)).collect();
-        let mirrored = self.classify_as_is(&positions_m, &normals)?;
+        let mirrored = self.classify_as_is(&positions_m, &normals)?.of_sites();
         for (one, other) in said.iter_mut().zip(mirrored) {
             *one = match (*one, other) {
                 (Some(one), Some(other)) => Some(std::array::from_fn(|i| (one[i] + other[i]) / 2.0)),
@@ -58,11 +58,12 @@ impl SurfaceNetwork {
         Ok(said)
     }
 
-    fn classify_as_is(
+    /// Returns the answer for the surface without that for its mirror image.
+    pub(super) fn classify_as_is(
         &self,
         positions_m: &[Point3],
         normals: &[Vector3],
-    ) -> Result<Vec<Option<[f32; CLASSES]>>, SegmentError> {
+    ) -> Result<VoxelClasses, SegmentError> {
         let Some(columns) = Columns::new(positions_m, normals) else {
             return Err(SegmentError::NoSurface { height_m: TOP_M });
         };
@@ -84,8 +85,25 @@ impl SurfaceNetwork {
         if !logits.iter().all(|value| value.is_finite()) {
             return Err(SegmentError::NotFinite);
         }
-        let of_voxel: Vec<[f32; CLASSES]> = logits.chunks_exact(CLASSES).map(softmax).collect();
-        Ok(columns.of_site.iter().map(|voxel| voxel.map(|voxel| of_voxel[voxel as usize])).collect())
+        let of_voxel = logits.chunks_exact(CLASSES).map(softmax).collect();
+        Ok(VoxelClasses { of_voxel, of_site: columns.of_site })
+    }
+}
+
+/// Probabilities of the classes of voxels.
+pub(super) struct VoxelClasses {
+    of_voxel: Vec<[f32; CLASSES]>,
+    of_site: Vec<Option<u32>>,
+}
+
+impl VoxelClasses {
+    /// Returns the probabilities of a site; `None` outside the network's grid.
+    pub(super) fn of(&self, site: usize) -> Option<[f32; CLASSES]> {
+        self.of_site[site].map(|voxel| self.of_voxel[voxel as usize])
+    }
+
+    fn of_sites(&self) -> Vec<Option<[f32; CLASSES]>> {
+        (0..self.of_site.len()).map(|site| self.of(site)).collect()
     }
 }
 
@@ -146,7 +164,7 @@ mod tests {
         let positions_m: Vec<Point3> = expected.cells.iter().map(middle).collect();
         let normals: Vec<Vector3> = expected.cells.iter().map(normal).collect();
         let network = opened("columns.onnx").unwrap();
-        let classes = network.classify_as_is(&positions_m, &normals).unwrap();
+        let classes = network.classify_as_is(&positions_m, &normals).unwrap().of_sites();
         assert!(expected.sites.len() > 10);
         for ExpectedSite { site, class, probability } in expected.sites {
             let got = classes[site].expect("it is in the grid");

@@ -98,6 +98,12 @@ fn balls(sites: &Sites) -> Vec<(Point3, f64)> {
 }
 
 impl Votes {
+    /// Returns the sums of a site, and the number of pictures that see it.
+    pub(super) fn of(&self, site: usize) -> ([f32; CLASSES], u16) {
+        let sums = &self.sums[site * CLASSES..][..CLASSES];
+        (std::array::from_fn(|class| sums[class]), self.views[site])
+    }
+
     fn add(
         &mut self,
         sites: &Sites,

@@ -26,6 +26,7 @@ use viola_home::{
     ClipNumbers, History, LookedThrough, Manifest, MapPoint, Member, MovedObject, Object, ObjectsParams,
     RevisionObjects, Stated, Tile, TileKey, Verdict, assemble, object_changes,
 };
+use viola_reconstruct::label::SurfaceNetwork;
 
 pub use table::ChangesRow;
 
@@ -92,7 +93,7 @@ pub fn changes(
     };
     let (mut map, mut scores, mut last) = (Map::default(), Scores::default(), None);
     for there in &revisions {
-        let now = map.merge(&lidar, &clips[..*there], first);
+        let now = map.merge(&lidar, &clips[..*there], first, params.label.surface.as_deref());
         if let Some(last) = &last {
             scores.add(&score(&truth, &told(last, &now)));
         }
@@ -110,7 +111,13 @@ pub fn changes(
 
 impl Map {
     /// Merges clips, of which `first` are of the first visit, as the service does.
-    fn merge(&mut self, lidar: &LidarMap, clips: &[AlignedClip], first: usize) -> Revision {
+    fn merge(
+        &mut self,
+        lidar: &LidarMap,
+        clips: &[AlignedClip],
+        first: usize,
+        surface: Option<&SurfaceNetwork>,
+    ) -> Revision {
         let members = clips.iter().enumerate().filter_map(|(number, clip)| {
             let visit_ms = if number < first { 0 } else { VISIT_MS };
             let recorded_at_ms = Some(visit_ms + CLIP_MS * number as i64);
@@ -118,14 +125,10 @@ impl Map {
         });
         let mut load = Shares(clips.iter().map(|clip| &clip.share).collect());
         let Ok(assembly) = assemble(&self.manifest, members.collect(), &mut load);
-        for (key, tile) in assembly.changed {
-            match tile {
-                Some(tile) => self.tiles.insert(key, tile),
-                None => self.tiles.remove(&key),
-            };
-        }
-        self.manifest = assembly.manifest;
-        self.describe(lidar, &assembly.looked.get(&LevelName::MAIN).cloned().unwrap_or_default())
+        let kept = std::mem::take(&mut self.tiles);
+        let map = assembly.label(kept, surface);
+        (self.manifest, self.tiles) = (map.manifest, map.tiles);
+        self.describe(lidar, &map.looked.get(&LevelName::MAIN).cloned().unwrap_or_default())
     }
 
     fn describe(&mut self, lidar: &LidarMap, looked: &LookedThrough) -> Revision {

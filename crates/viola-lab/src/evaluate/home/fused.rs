@@ -3,6 +3,7 @@
 use super::member::{Share, Shares, member};
 use crate::evaluate::Scene;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::ops::Range;
 use viola_align as align;
 use viola_align::{AlignError, AlignParams, AlignmentState};
@@ -103,7 +104,8 @@ pub fn fuse(
     let mut load = Shares(shares.iter().collect());
     let Ok(assembly) = assemble(&Manifest::default(), members, &mut load);
     let share_of = |name: &str| load.of(name).map(|share| &share.contribution);
-    let placed = &assembly.manifest.clips;
+    let map = assembly.label(BTreeMap::new(), params.label.surface.as_deref());
+    let placed = &map.manifest.clips;
     for clip in placed {
         let number = clip.clip.as_u128() as usize;
         excerpts[number].placed_by = Some(clip.by);
@@ -113,9 +115,9 @@ pub fn fuse(
         }
     }
     let numbers = ClipNumbers::new(placed.iter().map(|clip| &clip.clip));
-    let tiles: Vec<Tile> = assembly.changed.values().flatten().cloned().collect();
+    let tiles: Vec<Tile> = map.tiles.values().cloned().collect();
     let points = tiles.iter().flat_map(|tile| numbers.in_map(tile)).collect();
-    let agreement = agreement(placed, &assembly.manifest.pairs, |name| share_of(name));
+    let agreement = agreement(placed, &map.manifest.pairs, |name| share_of(name));
     let cloud = |clip: &PlacedClip| Some((share_of(&clip.share)?.cloud_in_clip.clone(), clip.in_space()));
     let clips = placed.iter().filter_map(cloud).collect();
     Ok(Fused { points, tiles, excerpts, agreement, clips })
