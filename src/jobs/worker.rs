@@ -78,7 +78,9 @@ pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationTok
             Ok(None) => match queue.storage.claim_merge(params.lease, Timestamp::now()).await {
                 Ok(Some(claim)) => {
                     let span = info_span!("merge", home = %claim.home, tenant = claim.home.tenant());
-                    merge(&queue, &claim, params.align.align.label.surface.clone(), params.lease).instrument(span).await;
+                    merge(&queue, &claim, params.align.align.label.surface.clone(), params.lease)
+                        .instrument(span)
+                        .await;
                     continue;
                 }
                 Ok(None) => {}

@@ -27,10 +27,10 @@ mod shades;
 mod svg;
 
 pub use assemble::{
-    Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, LabelledMap, Level, LoadClips, LookedThrough, Manifest,
-    Marginal, Member, Mode, Motion, Overlap, POINT_BYTES, Pair, PlacedBy, PlacedClip, SURE, Surfaces, Tie,
-    Tile, TileBytes, TileInfo, TileKey, Verdict, assemble, compare, disagreement, likeliest, point_bytes,
-    read_point,
+    Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, LabelledMap, Level, LoadClips,
+    LookedThrough, Manifest, Marginal, Member, Mode, Motion, Overlap, POINT_BYTES, Pair, PlacedBy,
+    PlacedClip, SURE, Surfaces, Tie, Tile, TileBytes, TileInfo, TileKey, Verdict, assemble, compare,
+    disagreement, likeliest, point_bytes, read_point,
 };
 pub use completion::{completion_png, completion_pngs};
 pub use contact_sheet::contact_sheet_png;

@@ -34,9 +34,9 @@ const MIN_SURFACE_M2: f64 = 0.12;
 const MIN_SIDE_M: f64 = 0.25;
 /// Minimum confidence of an object that a network saw in pictures; it understates how often such an object is right.
 const MIN_CONFIDENCE: f64 = 0.25;
-/// Minimum confidence of an object by its surface alone. On simulated clips about as many such objects are right as
-/// their confidence says, so that this one is rather right than wrong.
-const MIN_CONFIDENCE_BY_SURFACE: f64 = 0.5;
+/// Minimum confidence of an object by its surface alone: the best F1 score on maps of simulated clips
+/// (docs/experiments.md, A home's map). About as many such objects are right as their confidence says.
+const MIN_CONFIDENCE_BY_SURFACE: f64 = 0.45;
 /// An object this far from a room belongs to it: objects stand at walls.
 const ROOM_REACH_M: f64 = 1.0;
 /// Minimum fraction of an object's points for a clip to be listed.

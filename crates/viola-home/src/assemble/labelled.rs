@@ -48,10 +48,7 @@ impl Assembly {
 }
 
 /// Labels the tiles of a level; returns those with a new label.
-fn label_level(
-    mut tiles: Vec<(&TileKey, &mut Tile)>,
-    network: Option<&SurfaceNetwork>,
-) -> Vec<TileKey> {
+fn label_level(mut tiles: Vec<(&TileKey, &mut Tile)>, network: Option<&SurfaceNetwork>) -> Vec<TileKey> {
     let points = tiles.iter().flat_map(|(_, tile)| {
         let labelled = tile.points.iter().zip(&tile.of_clips);
         labelled.map(|(point, label)| CloudPoint { label: *label, ..point.point })

@@ -18,7 +18,7 @@ fn point(position_m: [f64; 3], normal: [f32; 3], class: Class) -> MapPoint {
 }
 
 fn tile(points: Vec<MapPoint>) -> Tile {
-    Tile { clips: vec![], points }
+    Tile { points, ..Tile::default() }
 }
 
 /// A sphere with one point for each `MAP_VOXEL_M` squared, seen from outside.

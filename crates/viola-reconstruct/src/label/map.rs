@@ -16,8 +16,7 @@ pub fn label_map(map: &PointCloud, network: Option<&SurfaceNetwork>) -> Vec<Labe
     let (shapes, _) = structure::shapes(&sites);
     let segments = segments(&sites);
     let of_clips = first_labels(map, &sites);
-    let of_map =
-        network.and_then(|network| network.classify_as_is(&sites.positions_m, &sites.normals).ok());
+    let of_map = network.and_then(|network| network.classify_as_is(&sites.positions_m, &sites.normals).ok());
     let surface = |site: usize| {
         let of_clips = by_class(&of_clips[site]).filter(|_| of_clips[site].views == 0);
         match (of_clips, of_map.as_ref().and_then(|of_map| of_map.of(site))) {

@@ -22,7 +22,7 @@ fn patch(class: Class, low: [f64; 2], z: f32) -> Tile {
         },
         clip: 0,
     };
-    Tile { clips: vec![], points: (0..1600).map(point).collect() }
+    Tile { points: (0..1600).map(point).collect(), ..Tile::default() }
 }
 
 #[test]
