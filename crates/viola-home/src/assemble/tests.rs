@@ -112,14 +112,17 @@ fn made(last: &Manifest, clips: &[&Clip]) -> Assembly {
 
 type Tiles = BTreeMap<TileKey, Tile>;
 
-fn applied(mut tiles: Tiles, assembly: &Assembly) -> Tiles {
-    for (key, tile) in &assembly.changed {
-        match tile {
-            Some(tile) => tiles.insert(*key, tile.clone()),
-            None => tiles.remove(key),
-        };
-    }
-    tiles
+fn applied(tiles: Tiles, assembly: &Assembly) -> Tiles {
+    assembly.clone().label(tiles, None).tiles
+}
+
+/// Returns the map of `clips` after `last`, of which it reads the manifest and keeps the tiles.
+fn labelled(last: &LabelledMap, clips: &[&Clip]) -> LabelledMap {
+    made(&last.manifest, clips).label(last.tiles.clone(), None)
+}
+
+fn nothing() -> LabelledMap {
+    made(&Manifest::default(), &[]).label(Tiles::new(), None)
 }
 
 proptest! {
@@ -132,29 +135,49 @@ proptest! {
     ) {
         let clips = if timed { timed_clips() } else { clips() };
         let all: Vec<&Clip> = clips.iter().collect();
-        let at_once = made(&Manifest::default(), &all);
-        let tiles_at_once = applied(Tiles::new(), &at_once);
-        let (mut last, mut tiles) = (Manifest::default(), Tiles::new());
-        let mut there: Vec<&Clip> = Vec::new();
+        let at_once = labelled(&nothing(), &all);
+        let (mut last, mut there): (LabelledMap, Vec<&Clip>) = (nothing(), Vec::new());
         for place in &order {
             there.push(&clips[*place]);
-            let next = made(&last, &there);
-            tiles = applied(tiles, &next);
-            last = next.manifest;
+            last = labelled(&last, &there);
         }
-        prop_assert_eq!(&last.clips, &at_once.manifest.clips);
-        prop_assert!(tiles == tiles_at_once);
+        prop_assert_eq!(&last.manifest.clips, &at_once.manifest.clips);
+        prop_assert!(last.tiles == at_once.tiles);
         // Remove one clip and add it again.
         let without: Vec<&Clip> = there.iter().copied().filter(|clip| clip.member != clips[gone].member).collect();
-        let less = made(&last, &without);
-        tiles = applied(tiles, &less);
-        prop_assert!(tiles == applied(Tiles::new(), &made(&Manifest::default(), &without)));
-        let back = made(&less.manifest, &there);
-        prop_assert!(applied(tiles, &back) == tiles_at_once);
+        let less = labelled(&last, &without);
+        prop_assert!(less.tiles == labelled(&nothing(), &without).tiles);
+        let back = labelled(&less, &there);
+        prop_assert!(back.tiles == at_once.tiles);
         prop_assert_eq!(back.manifest.tiles, at_once.manifest.tiles);
         // An unchanged set changes no tile.
-        prop_assert!(made(&last, &there).changed.is_empty());
+        prop_assert!(labelled(&last, &there).changed.is_empty());
     }
+}
+
+/// One clip saw the crate in parts as a box, in parts as a chair: its surface is one segment.
+#[test]
+fn the_whole_surface_of_an_object_votes() {
+    let pose = Pose2::new(1.0, 0.5, 0.2);
+    let mut share = room(&pose, Some([2.8, 1.6]));
+    let boxes = share.cloud_in_clip.points.iter_mut().filter(|point| point.label.class == Class::Box);
+    boxes.step_by(3).for_each(|point| point.label = Label::new(Class::Chair, 0.9, 3));
+    let clip = Clip { member: member("one", pose), share };
+    let assembly = made(&Manifest::default(), &[&clip]);
+    let labels = |tiles: Vec<&Tile>| {
+        let count = |class: Class| {
+            let points = tiles.iter().flat_map(|tile| &tile.points);
+            points.filter(|point| point.point.label.class == class).count()
+        };
+        [Class::Box, Class::Chair].map(count)
+    };
+    let [boxes, chairs] = labels(assembly.changed.values().flatten().collect());
+    assert!(chairs > 300 && boxes > chairs, "{boxes} {chairs}");
+    let map = assembly.label(Tiles::new(), None);
+    assert_eq!(labels(map.tiles.values().collect()), [boxes + chairs, 0]);
+    // The summaries are those of the map's labels.
+    let infos: Vec<TileInfo> = map.manifest.tiles.iter().map(|(_, info)| info.clone()).collect();
+    assert_eq!(infos, map.tiles.values().map(Tile::info).collect::<Vec<_>>());
 }
 
 fn on_main(map_from_clip: Pose2, probability: f64) -> Mode {
