@@ -73,8 +73,6 @@ def augmented(surface: dict, random: np.random.Generator) -> dict:
     objects["centre"] *= scale
     objects["size"] *= scale
     xyz *= scale
-    if random.random() < 0.5:
-        bend(surface, random)
     rough(surface, random)
     # The floor's height and tilt are measured, too.
     shift = np.array([*random.uniform(0, CELL_M, 2), random.normal(0, 0.02)], np.float32)
@@ -114,23 +112,6 @@ def seen(surface: dict, random: np.random.Generator) -> np.ndarray:
         range_m = random.uniform(1.5, 3.5)
         kept &= (np.linalg.norm(xyz[:, None, :2] - eye, axis=2) < range_m).any(axis=1)
     return kept
-
-
-def bend(surface: dict, random: np.random.Generator) -> None:
-    """Moves each point by a smooth field, so that objects of one class differ in shape (Simard et al., 2003)."""
-    xyz, normal, centre = surface["xyz"], surface["normal"], surface["objects"]["centre"]
-    for wavelength_m, most_m in ((random.uniform(0.4, 0.8), 0.025), (random.uniform(1.5, 3.0), 0.1)):
-        waves = random.normal(0, 2 / wavelength_m, (3, 3)).astype(np.float32)
-        phase = random.uniform(0, 2 * np.pi, 3)
-        # Less along the vertical: the floor stays level, and heights tell classes.
-        by = random.normal(0, random.uniform(0, most_m) / 2, (3, 3)) * [1, 1, 0.3]
-        angle = xyz @ waves.T + phase
-        centre += (np.sin(centre @ waves.T + phase) @ by).astype(np.float32)
-        xyz += (np.sin(angle) @ by).astype(np.float32)
-        # The normal of a surface that is moved by a field with gradient G is n - G n, to first order.
-        gradient = np.einsum("nk,ki,kj->nij", np.cos(angle), waves, by)
-        normal -= np.einsum("nij,nj->ni", gradient, normal).astype(np.float32)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True).clip(min=1e-6)
 
 
 def rough(surface: dict, random: np.random.Generator) -> None:

@@ -12,14 +12,16 @@ use viola_geometry::taxonomy::CLASSES;
 /// its clips. Pictures decide in the segments that they show; in the others it is the mean of the surface network's
 /// answers for the clips and for the map. The answer for the map is left out if the network fails.
 pub fn label_map(map: &PointCloud, network: Option<&SurfaceNetwork>) -> Vec<Label> {
-    let sites = Sites::new(map);
+    let mut sites = Sites::new(map);
     let (shapes, _) = structure::shapes(&sites);
     let segments = segments(&sites);
+    // The network needs the memory.
+    sites.neighbours = Vec::new();
     let of_clips = first_labels(map, &sites);
-    let of_map = network.and_then(|network| network.classify_as_is(&sites.positions_m, &sites.normals).ok());
+    let of_map = network.and_then(|network| network.classify_map(&sites).ok());
     let surface = |site: usize| {
         let of_clips = by_class(&of_clips[site]).filter(|_| of_clips[site].views == 0);
-        match (of_clips, of_map.as_ref().and_then(|of_map| of_map.of(site))) {
+        match (of_clips, of_map.as_ref().and_then(|of_map| by_class(&of_map[site]))) {
             (Some(one), Some(other)) => Some(std::array::from_fn(|i| (one[i] + other[i]) / 2.0)),
             (one, other) => one.or(other),
         }

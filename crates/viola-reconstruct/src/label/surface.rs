@@ -1,8 +1,10 @@
 //! A network that classifies the fused surface itself, without pictures.
 
-use super::SegmentError;
 use super::columns::{Columns, SLICES, TOP_M, VOXEL_NUMBERS};
 use super::sites::Sites;
+use super::{SegmentError, likeliest};
+use crate::cloud::Label;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use viola_geometry::taxonomy::CLASSES;
 use viola_geometry::{Point3, Vector3};
@@ -10,6 +12,11 @@ use viola_network::Element::{F32, I64};
 use viola_network::manifest::ModelEntry;
 use viola_network::signature::{expect, one};
 use viola_network::{Data, Network, Tensor};
+
+/// Side of the windows of a map: the network takes about 150 MB for one.
+const WINDOW_M: f64 = 6.4;
+/// Surface around a window that the network sees as well: a voxel of its coarsest level.
+const MARGIN_M: f64 = 0.8;
 
 /// Classifies the voxels of a surface. Made by `models/train`.
 pub struct SurfaceNetwork {
@@ -58,8 +65,38 @@ impl SurfaceNetwork {
         Ok(said)
     }
 
+    /// Returns the classes of the sites of a map: the answers for windows of it, without their mirror images. Memory
+    /// does not grow with the map, and a change of the surface changes the answers near it only. `sites` are in the
+    /// map's frame. [`Label::NONE`] where there is no answer.
+    pub(super) fn classify_map(&self, sites: &Sites) -> Result<Vec<Label>, SegmentError> {
+        let window = |p: &Point3, by_m: f64| [p.x, p.y].map(|c| ((c + by_m) / WINDOW_M).floor() as i32);
+        let mut members: BTreeMap<[i32; 2], Vec<u32>> = BTreeMap::new();
+        for (site, p) in (0..).zip(&sites.positions_m) {
+            let ([x0, y0], [x1, y1]) = (window(p, -MARGIN_M), window(p, MARGIN_M));
+            for key in (x0..=x1).flat_map(|x| (y0..=y1).map(move |y| [x, y])) {
+                members.entry(key).or_default().push(site);
+            }
+        }
+        let mut labels = vec![Label::NONE; sites.len()];
+        for (key, members) in members {
+            let positions_m: Vec<Point3> = members.iter().map(|i| sites.positions_m[*i as usize]).collect();
+            let normals: Vec<Vector3> = members.iter().map(|i| sites.normals[*i as usize]).collect();
+            let classes = match self.classify_as_is(&positions_m, &normals) {
+                Err(SegmentError::NoSurface { .. }) => continue,
+                classes => classes?,
+            };
+            for (number, site) in members.into_iter().enumerate() {
+                let said = classes.of(number).filter(|_| window(&positions_m[number], 0.0) == key);
+                if let Some(said) = said {
+                    labels[site as usize] = likeliest(&said, 0);
+                }
+            }
+        }
+        Ok(labels)
+    }
+
     /// Returns the answer for the surface without that for its mirror image.
-    pub(super) fn classify_as_is(
+    fn classify_as_is(
         &self,
         positions_m: &[Point3],
         normals: &[Vector3],
@@ -91,14 +128,14 @@ impl SurfaceNetwork {
 }
 
 /// Probabilities of the classes of voxels.
-pub(super) struct VoxelClasses {
+struct VoxelClasses {
     of_voxel: Vec<[f32; CLASSES]>,
     of_site: Vec<Option<u32>>,
 }
 
 impl VoxelClasses {
     /// Returns the probabilities of a site; `None` outside the network's grid.
-    pub(super) fn of(&self, site: usize) -> Option<[f32; CLASSES]> {
+    fn of(&self, site: usize) -> Option<[f32; CLASSES]> {
         self.of_site[site].map(|voxel| self.of_voxel[voxel as usize])
     }
 
