@@ -1,17 +1,21 @@
 //! Metres per unit of a clip whose unit is unknown: the fourth dimension of the search.
 //!
 //! The clip is fused in nominal metres, by its median depth. Plausible heights of the first camera above the floor
-//! bound the scale. Each scale of a geometric grid is searched over SE(2), every mode is refined in pose and scale,
-//! and one loss ranks the modes of all scales. The clip is then observed again, in metres.
+//! bound the scale. All scales of a geometric grid are searched over SE(2) down to one loss, the modes are refined in
+//! pose and scale, and one loss ranks the modes of all scales. The clip is then observed again, in metres.
 
 mod explain;
+mod search;
+mod shape;
 
 use crate::observe::{self, Observation, Scale};
 use crate::refine;
+use crate::scan;
 use crate::score::MODEL;
 use crate::within::Within;
 use crate::{AlignError, AlignParams, Target};
-use explain::{Explanation, FIRST, IN_DOUBT, Shape};
+use explain::Explanation;
+use shape::{FIRST, IN_DOUBT, Shape};
 use std::ops::Range;
 use viola_formats::clip::Clip;
 use viola_geometry::progress::{self, Progress, Stage};
@@ -82,7 +86,7 @@ pub(super) fn find(
     }
     let shape = Shape {
         camera_height: floor.camera_height_m,
-        cloud_in_clip: observation.cloud_in_clip,
+        cloud_in_clip: scan::upright(observation.cloud_in_clip),
         keys: fusion.into_key_frames(),
         clip_from_world,
     };
