@@ -1,17 +1,21 @@
 //! Metres per unit of a clip whose unit is unknown: the fourth dimension of the search.
 //!
 //! The clip is fused in nominal metres, by its median depth. Plausible heights of the first camera above the floor
-//! bound the scale. Each scale of a geometric grid is searched over SE(2), every mode is refined in pose and scale,
-//! and one loss ranks the modes of all scales. The clip is then observed again, in metres.
+//! bound the scale. All scales of a geometric grid are searched over SE(2) down to one loss, the modes are refined in
+//! pose and scale, and one loss ranks the modes of all scales. The clip is then observed again, in metres.
 
 mod explain;
+mod search;
+mod shape;
 
 use crate::observe::{self, Observation, Scale};
 use crate::refine;
+use crate::scan::{self, Hit};
 use crate::score::MODEL;
 use crate::within::Within;
 use crate::{AlignError, AlignParams, Target};
-use explain::{Explanation, FIRST, IN_DOUBT, Shape};
+use explain::Explanation;
+use shape::{FIRST, IN_DOUBT, Shape};
 use std::ops::Range;
 use viola_formats::clip::Clip;
 use viola_geometry::progress::{self, Progress, Stage};
@@ -25,6 +29,10 @@ const SAMPLED_FRAMES: usize = 8;
 const CLOSE_LOG: f64 = 0.05;
 /// An answer is in doubt if a rival at another scale loses by less.
 const DOUBT_M: f64 = 0.015;
+/// Distance of the map's walls behind the surface that a clip sees: a map has wall cells behind the surface and none
+/// before it, and the first hits of rays are the nearest ones of a rough surface. A room therefore fits best if it is
+/// larger by this on each side. By simulated homes (docs/experiments.md).
+const BEHIND_SURFACE_M: f64 = 0.025;
 /// Maximum number of rivals that the probability counts.
 const MAX_RIVALS: usize = 7;
 
@@ -82,7 +90,7 @@ pub(super) fn find(
     }
     let shape = Shape {
         camera_height: floor.camera_height_m,
-        cloud_in_clip: observation.cloud_in_clip,
+        cloud_in_clip: scan::upright(observation.cloud_in_clip),
         keys: fusion.into_key_frames(),
         clip_from_world,
     };
@@ -91,7 +99,7 @@ pub(super) fn find(
         let detail = "at no plausible scale the search found a place in the map where the clip could lie";
         return Ok(Err([observation.reasons, vec![Reason::new("no_candidate", detail)]].concat()));
     };
-    let hits = shape.hits(best.scale, params);
+    let hits = behind_the_surface(shape.hits(best.scale, params));
     let spread = refine::spread_of_scale(&best.map_from_clip, &hits, targets[best.target]);
     let metres_per_unit = nominal * best.scale * spread.mean.exp();
     let rival_gaps_m = rivals(&explanations).map(|rival| rival.loss_m - best.loss_m).collect();
@@ -101,6 +109,12 @@ pub(super) fn find(
         rival_gaps_m,
         complete,
     }))
+}
+
+/// Returns the hits where the map has their walls.
+fn behind_the_surface(hits: Vec<Hit>) -> Vec<Hit> {
+    let moved = |hit: Hit| Hit { point_m: hit.point_m - hit.normal * BEHIND_SURFACE_M, ..hit };
+    hits.into_iter().map(moved).collect()
 }
 
 /// Returns the explanations at all scales, the best first, and whether the search proved the optimum of each scale. If

@@ -10,12 +10,15 @@
 mod pyramid;
 mod space;
 
+pub(crate) use space::Likelihood;
+
 use super::AlignError;
 use super::scan::Hit;
 use super::search::space::{Node, Space};
 use super::target::Target;
 use rayon::prelude::*;
 use std::collections::BinaryHeap;
+use std::sync::Arc;
 use viola_geometry::progress::{self, Progress};
 use viola_geometry::{Pose2, angle_between};
 
@@ -97,7 +100,21 @@ pub struct Search<'a> {
 impl<'a> Search<'a> {
     pub fn new(hits: &[Hit], target: &Target, params: &'a SearchParams) -> Search<'a> {
         let hits = thin(hits, params.hits);
-        let space = Space::new(&hits, target, params);
+        let likelihood = Likelihood::new(target, reach_m(&hits), params);
+        Search::of_thinned(&hits, Arc::new(likelihood), params)
+    }
+
+    /// Starts a search in a likelihood that other searches share. Its reach includes all of their hits.
+    pub(crate) fn sharing(
+        likelihood: &Arc<Likelihood>,
+        hits: &[Hit],
+        params: &'a SearchParams,
+    ) -> Search<'a> {
+        Search::of_thinned(&thin(hits, params.hits), Arc::clone(likelihood), params)
+    }
+
+    fn of_thinned(hits: &[Hit], likelihood: Arc<Likelihood>, params: &'a SearchParams) -> Search<'a> {
+        let space = Space::new(hits, likelihood, params);
         let roots = space.roots();
         // Nodes that cannot reach the lowest bar relative to this leaf are dropped.
         let dived = space.dive(&roots);
@@ -109,12 +126,43 @@ impl<'a> Search<'a> {
 
     /// Resumes until `reach`; returns all modes so far, best first. Pauses do not change the result.
     pub fn run(&mut self, reach: &SearchLimits, progress: &dyn Progress) -> Result<Modes, AlignError> {
-        let params = self.params;
+        self.resume(reach.modes, |best| reach.bar * best.map_or(0.0, |best| best.score), progress)?;
+        Ok(self.found())
+    }
+
+    /// Resumes until it has `modes` modes, or no other pose scores `least`; returns all modes so far, best first.
+    pub(crate) fn run_down_to(
+        &mut self,
+        least: f64,
+        modes: usize,
+        progress: &dyn Progress,
+    ) -> Result<Modes, AlignError> {
+        self.resume(modes, |_| least, progress)?;
+        Ok(self.found())
+    }
+
+    /// Drops the nodes that score less than `least`.
+    pub(crate) fn drop_below(&mut self, least: f64) {
+        self.hopeless = self.hopeless.max(self.space.bound_below(least));
+        self.open.retain(|node| node.bound > self.hopeless);
+    }
+
+    /// Returns the best score that is known: a lower bound of the optimum.
+    pub(crate) fn known_score(&self) -> f64 {
+        let dived = self.dived.map_or(0.0, |leaf| self.space.share(leaf.bound));
+        self.modes.first().map_or(dived, |best| best.score)
+    }
+
+    /// Resumes until it has `modes` modes, or no open node scores at least what `least` returns for the best mode.
+    fn resume(
+        &mut self,
+        modes: usize,
+        least: impl Fn(Option<&Candidate>) -> f64,
+        progress: &dyn Progress,
+    ) -> Result<(), AlignError> {
         while let Some(top) = self.open.peek() {
-            let enough = self.modes.len() >= reach.modes || self.nodes >= params.max_nodes;
-            let low =
-                self.modes.first().is_some_and(|best| self.space.share(top.bound) < reach.bar * best.score);
-            if enough || low {
+            let enough = self.modes.len() >= modes || self.nodes >= self.params.max_nodes;
+            if enough || self.space.share(top.bound) < least(self.modes.first()) {
                 break;
             }
             if top.level == 0 {
@@ -133,6 +181,10 @@ impl<'a> Search<'a> {
                 batch.par_iter().with_min_len(32).map(|node| space.children(node)).collect();
             self.open.extend(children.into_iter().flatten().filter(|child| child.bound > self.hopeless));
         }
+        Ok(())
+    }
+
+    fn found(&self) -> Modes {
         let mut modes = self.modes.clone();
         if let (true, Some(leaf)) = (modes.is_empty(), self.dived) {
             // The budget ended before the first proof; the fallback is the best known leaf.
@@ -140,8 +192,13 @@ impl<'a> Search<'a> {
             modes.push(Candidate { map_from_clip, score: self.space.share(leaf.bound) });
         }
         let open_bound = self.space.share(self.open.peek().map_or(self.hopeless, |top| top.bound));
-        Ok(Modes { modes, open_bound, nodes: self.nodes, complete: self.nodes < params.max_nodes })
+        Modes { modes, open_bound, nodes: self.nodes, complete: self.nodes < self.params.max_nodes }
     }
+}
+
+/// Returns the largest distance of a hit from the clip's origin.
+pub(crate) fn reach_m(hits: &[Hit]) -> f64 {
+    hits.iter().map(|hit| hit.point_m.coords.norm()).fold(0.0, f64::max)
 }
 
 fn thin(hits: &[Hit], most: usize) -> Vec<Hit> {
@@ -205,7 +262,8 @@ mod tests {
 
     /// Returns the best score over every rotation and cell, without a pyramid.
     fn brute_force(hits: &[Hit], target: &Target, params: &SearchParams) -> f64 {
-        let space = Space::new(hits, target, params);
+        let likelihood = Likelihood::new(target, reach_m(hits), params);
+        let space = Space::new(hits, Arc::new(likelihood), params);
         let roots = space.roots();
         let side = 1i32 << params.levels;
         let leaves = roots.iter().flat_map(|root| {
@@ -258,6 +316,30 @@ mod tests {
                 paused.run(&params.in_doubt, &Silent).unwrap(),
                 straight.run(&params.in_doubt, &Silent).unwrap()
             );
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        #[test]
+        fn a_search_down_to_a_score_finds_the_modes_that_reach_it(
+            walls in prop::collection::vec((0usize..16, 0usize..10), 5..30),
+            points in prop::collection::vec((-0.6..0.6f64, -0.6..0.6f64), 3..25),
+        ) {
+            let target = target(&walls);
+            let params = SearchParams { in_doubt: SearchLimits { modes: 12, bar: 0.5 }, ..small() };
+            let hits: Vec<Hit> = points.iter().map(|&(x, y)| hit(x, y)).collect();
+            let all = Search::new(&hits, &target, &params).run(&params.in_doubt, &Silent).unwrap();
+            let least = 0.8 * all.modes[0].score;
+            let likelihood = Arc::new(Likelihood::new(&target, reach_m(&hits) + 0.5, &params));
+            let mut search = Search::sharing(&likelihood, &hits, &params);
+            prop_assert!(search.known_score() <= all.modes[0].score);
+            search.run_down_to(all.modes[0].score, 12, &Silent).unwrap();
+            search.drop_below(least);
+            let found = search.run_down_to(least, 12, &Silent).unwrap();
+            let wanted: Vec<Candidate> = all.modes.into_iter().filter(|mode| mode.score >= least).collect();
+            prop_assert_eq!(found.modes, wanted);
         }
     }
 

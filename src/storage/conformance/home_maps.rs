@@ -1,6 +1,7 @@
 //! Merges of homes: their claims and their revisions.
 
 use super::*;
+use viola_align::Alternative;
 use viola_geometry::Pose2;
 use viola_geometry::taxonomy::Class;
 use viola_home::{Extent, Level, Manifest, PlacedBy, PlacedClip, TileKey, Verdict};
@@ -35,6 +36,16 @@ pub(super) async fn align(storage: &Storage, state: AlignmentState) {
     storage.put_result(&claim, result_file::CLOUD, cloud).await.unwrap();
     let Ending::Answered(mut alignment) = answer(state) else { unreachable!() };
     alignment.map_from_clip = Some(Pose2::new(1.0, 2.0, 0.5));
+    alignment.alternatives = vec![Alternative {
+        level: LevelName::MAIN,
+        map_from_clip: Pose2::new(1.0, 2.0, 0.5),
+        loss_m: 0.25,
+        inliers: 0.9,
+        free_space: None,
+        misplaced: None,
+        probability: Some(0.02),
+        evidence: None,
+    }];
     let ending = Ending::Answered(alignment);
     assert!(storage.finish(&claim, &ending, &RetryPolicy::default(), at(100)).await.unwrap());
 }
@@ -286,6 +297,7 @@ async fn neighbours_place_an_ambiguous_clip_and_take_it_back(storage: Storage) {
     assert_eq!((placement.by, placement.probability), (PlacedBy::Neighbours, Some(0.5)));
     let answer = clip.alignment.unwrap();
     assert_eq!((answer.probability, answer.map_from_clip), (Some(0.5), Some(placement.map_from_clip)));
+    assert_eq!(answer.alternatives, own.alternatives, "the method's own explanations stay");
     // For a merge it is still ambiguous.
     let second = add(&storage, &home, b"other").await;
     align(&storage, AlignmentState::Aligned).await;

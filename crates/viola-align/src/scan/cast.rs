@@ -8,7 +8,8 @@ use rustc_hash::FxHashMap;
 use viola_geometry::{Point2, Pose2, Pose3, Vector3};
 use viola_reconstruct::{KeyFrame, PointCloud};
 
-const MAX_HITS: usize = 500;
+/// Maximum number of hits of a scan.
+pub const MAX_HITS: usize = 500;
 
 /// The virtual scan of a clip, in the clip frame.
 #[derive(Debug, Clone, Default, PartialEq)]

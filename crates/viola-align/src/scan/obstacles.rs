@@ -48,11 +48,20 @@ struct Column {
     normal_sum: Vector2,
 }
 
+fn is_upright(point: &CloudPoint) -> bool {
+    f64::from(point.normal[2]).abs() <= MAX_NORMAL_Z
+}
+
+/// Returns the surface that can stop a ray, whatever the vacuum's height.
+pub fn upright(mut cloud: PointCloud) -> PointCloud {
+    cloud.points.retain(is_upright);
+    cloud
+}
+
 impl Obstacles {
     pub(super) fn new(cloud: &PointCloud, free_m: &[Point2], params: &RaycastParams) -> Obstacles {
         let upright = |p: &&CloudPoint| {
-            f64::from(p.normal[2]).abs() <= MAX_NORMAL_Z
-                && (0.0..MAX_HEIGHT_M).contains(&(f64::from(p.position_m[2]) - params.floor_m))
+            is_upright(p) && (0.0..MAX_HEIGHT_M).contains(&(f64::from(p.position_m[2]) - params.floor_m))
         };
         let in_slab = |z: f64| (z - params.vacuum_height_m).abs() <= SLAB_M;
         let mut columns: FxHashMap<Cell, Column> = FxHashMap::default();

@@ -9,6 +9,7 @@ use crate::search::APART_RAD;
 use crate::target::Target;
 use rayon::prelude::*;
 use std::cmp::Ordering;
+use std::sync::Arc;
 use viola_geometry::{GridFrame, Point2, Pose2, angle_between};
 
 /// Translations are multiples of this.
@@ -113,21 +114,15 @@ impl Raster {
     }
 }
 
-pub(super) struct Space<'a> {
-    params: &'a SearchParams,
-    frame: GridFrame,
-    /// The top level has squares of `2^levels` cells.
-    levels: u32,
+/// The likelihood of a hit at each place of a map, with its maxima over squares. Searches of the same map share it.
+pub(crate) struct Likelihood {
+    raster: Raster,
     pyramid: Pyramid,
-    /// For each rotation, the hits that can fall into the map.
-    offsets: Vec<Vec<Offset>>,
-    /// The score of a perfect match.
-    full: f64,
 }
 
-impl<'a> Space<'a> {
-    pub(super) fn new(hits: &[Hit], target: &Target, params: &'a SearchParams) -> Space<'a> {
-        let reach_m = hits.iter().map(|hit| hit.point_m.coords.norm()).fold(0.0, f64::max);
+impl Likelihood {
+    /// Computes the likelihood for hits up to `reach_m` from the clip's origin.
+    pub(crate) fn new(target: &Target, reach_m: f64, params: &SearchParams) -> Likelihood {
         let raster = Raster::new(target.field.frame(), reach_m, params);
         let frame = raster.frame;
         let likelihood = |x: usize, y: usize| {
@@ -135,6 +130,22 @@ impl<'a> Space<'a> {
             (255.0 * (-0.5 * (distance_m / SIGMA_M).powi(2)).exp()).round() as u8
         };
         let pyramid = Pyramid::new(frame.width, frame.height, raster.border(), raster.levels, likelihood);
+        Likelihood { raster, pyramid }
+    }
+}
+
+pub(super) struct Space<'a> {
+    params: &'a SearchParams,
+    likelihood: Arc<Likelihood>,
+    /// For each rotation, the hits that can fall into the map.
+    offsets: Vec<Vec<Offset>>,
+    /// The score of a perfect match.
+    full: f64,
+}
+
+impl<'a> Space<'a> {
+    pub(super) fn new(hits: &[Hit], likelihood: Arc<Likelihood>, params: &'a SearchParams) -> Space<'a> {
+        let Likelihood { raster, pyramid } = &*likelihood;
         // Weights in sixteenths.
         let weight = |hit: &Hit| ((hit.weight * 16.0).round() as u32).max(1);
         let offsets: Vec<Vec<Offset>> = (0..params.rotations)
@@ -149,16 +160,21 @@ impl<'a> Space<'a> {
             })
             .collect();
         let full = 255.0 * f64::from(hits.iter().map(weight).sum::<u32>().max(1));
-        Space { params, frame, levels: raster.levels, pyramid, offsets, full }
+        Space { params, likelihood, offsets, full }
+    }
+
+    fn frame(&self) -> &GridFrame {
+        &self.likelihood.raster.frame
     }
 
     /// Returns the squares of the top level that together hold every possible origin.
     pub(super) fn roots(&self) -> Vec<Node> {
-        let level = self.levels;
+        let level = self.likelihood.raster.levels;
         let side = 1i32 << level;
+        let frame = self.frame();
         // The field reaches a metre beyond the map's points.
-        let inset = ((1.0 - MARGIN_M) / self.frame.cell_m).max(0.0) as i32;
-        let (width, height) = (self.frame.width as i32 - inset, self.frame.height as i32 - inset);
+        let inset = ((1.0 - MARGIN_M) / frame.cell_m).max(0.0) as i32;
+        let (width, height) = (frame.width as i32 - inset, frame.height as i32 - inset);
         (0..self.params.rotations as u32)
             .into_par_iter()
             .flat_map_iter(|rotation| {
@@ -172,8 +188,9 @@ impl<'a> Space<'a> {
     }
 
     pub(super) fn node(&self, rotation: u32, level: u32, x: i32, y: i32) -> Node {
-        let maxima = &self.pyramid.levels[level as usize];
-        let place = self.pyramid.place(x, y) as i32;
+        let pyramid = &self.likelihood.pyramid;
+        let maxima = &pyramid.levels[level as usize];
+        let place = pyramid.place(x, y) as i32;
         let sum = |o: &Offset| o.weight * u32::from(maxima[(place + o.step) as usize]);
         let bound = self.offsets[rotation as usize].iter().map(sum).sum();
         Node { bound, level, rotation, x, y }
@@ -183,9 +200,10 @@ impl<'a> Space<'a> {
     pub(super) fn children(&self, node: &Node) -> [Node; 4] {
         let level = node.level - 1;
         let half = 1i32 << level;
-        let maxima = &self.pyramid.levels[level as usize];
-        let place = self.pyramid.place(node.x, node.y) as i32;
-        let above = half as usize * self.pyramid.stride;
+        let pyramid = &self.likelihood.pyramid;
+        let maxima = &pyramid.levels[level as usize];
+        let place = pyramid.place(node.x, node.y) as i32;
+        let above = half as usize * pyramid.stride;
         let mut sums = [0u32; 4];
         for offset in &self.offsets[node.rotation as usize] {
             let at = (place + offset.step) as usize;
@@ -222,8 +240,9 @@ impl<'a> Space<'a> {
     }
 
     pub(super) fn pose(&self, leaf: &Node) -> Pose2 {
-        let x_m = self.frame.origin_m[0] + (f64::from(leaf.x) + 0.5) * self.frame.cell_m;
-        let y_m = self.frame.origin_m[1] + (f64::from(leaf.y) + 0.5) * self.frame.cell_m;
+        let GridFrame { origin_m, cell_m, .. } = *self.frame();
+        let x_m = origin_m[0] + (f64::from(leaf.x) + 0.5) * cell_m;
+        let y_m = origin_m[1] + (f64::from(leaf.y) + 0.5) * cell_m;
         Pose2::new(x_m, y_m, yaw_rad(leaf.rotation, self.params))
     }
 
@@ -231,9 +250,14 @@ impl<'a> Space<'a> {
         f64::from(bound) / self.full
     }
 
+    /// Returns the largest bound that is less than a score.
+    pub(super) fn bound_below(&self, score: f64) -> u32 {
+        ((score * self.full).ceil() - 1.0).max(0.0) as u32
+    }
+
     /// Returns whether every pose of a node belongs to the neighbourhood of one mode.
     pub(super) fn is_taken(&self, node: &Node, modes: &[Candidate]) -> bool {
-        let last = f64::from((1i32 << node.level) - 1) * self.frame.cell_m;
+        let last = f64::from((1i32 << node.level) - 1) * self.frame().cell_m;
         let corner = self.pose(node);
         modes.iter().any(|mode| {
             let pose = &mode.map_from_clip;
