@@ -8,6 +8,7 @@ mod augment;
 mod class_map;
 mod columns;
 mod combine;
+mod likeliest;
 mod logits;
 mod map;
 mod mask2former;
@@ -25,6 +26,7 @@ mod vote;
 
 pub use augment::AUGMENTATIONS;
 pub use class_map::ClassMap;
+pub use likeliest::likeliest_beside;
 pub use map::label_map;
 pub use open::open_segmenter;
 pub use params::LabelParams;
@@ -32,68 +34,15 @@ pub use segmenter::{SegmentError, Segmenter};
 pub use structure::{Shape, Wall};
 pub use surface::SurfaceNetwork;
 
-use super::cloud::{Label, OTHER_CLASSES, PointCloud};
+use super::cloud::{Label, PointCloud};
 use super::error::ReconstructError;
 use super::key_frame::KeyFrame;
 use super::reason::Reason;
 use sites::Sites;
 use viola_formats::clip::{Clip, Frame};
 use viola_geometry::progress::Progress;
-use viola_geometry::taxonomy::{CLASSES, Class};
 use viola_geometry::{Point3, Pose3};
 use vote::{Look, Votes};
-
-/// Returns the class with the largest sum in the family with the largest sum; its fraction of all sums is
-/// its probability.
-pub(super) fn likeliest(sums: &[f32], views: u16) -> Label {
-    likeliest_beside(sums, 0.0, views)
-}
-
-/// The same if classes that are not in `sums` have `rest` together.
-pub fn likeliest_beside(sums: &[f32], rest: f32, views: u16) -> Label {
-    let total: f32 = sums.iter().sum::<f32>() + rest;
-    let mut families = [0f32; CLASSES];
-    for (class, sum) in Class::ALL.iter().zip(sums) {
-        families[family(*class) as usize] += sum;
-    }
-    let (mut best, mut most) = (Class::Other, (0.0, 0.0));
-    for (class, &sum) in Class::ALL.iter().zip(sums) {
-        let rank = (families[family(*class) as usize], sum);
-        if rank > most {
-            (best, most) = (*class, rank);
-        }
-    }
-    if total > 0.0 {
-        Label::new(best, most.1 / total, views).with_others(next_best(sums, best, total))
-    } else {
-        Label::NONE
-    }
-}
-
-/// Returns the classes with the largest sums beside `best`, of equal ones the first, with their fractions.
-fn next_best(sums: &[f32], best: Class, total: f32) -> [(Class, f32); OTHER_CLASSES] {
-    let mut next = [(Class::Other, 0.0); OTHER_CLASSES];
-    for (class, &sum) in Class::ALL.iter().zip(sums).filter(|(class, _)| **class != best) {
-        if let Some(place) = next.iter().position(|(_, other)| sum > *other) {
-            next[place..].rotate_right(1);
-            next[place] = (*class, sum);
-        }
-    }
-    next.map(|(class, sum)| (class, sum / total))
-}
-
-/// Returns the family of a class. Networks split probability between similar classes, so that the sum of
-/// the family is compared first.
-fn family(class: Class) -> Class {
-    match class {
-        Class::Curtain => Class::Window,
-        Class::Shelf => Class::Cabinet,
-        Class::Desk => Class::Table,
-        Class::Rug => Class::Floor,
-        Class::Pillow => Class::Bed,
-        other => other,
-    }
-}
 
 /// Summary of the labelling for the answer.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -218,49 +167,6 @@ impl Labeller {
     fn write(&self, labels: &[Label], cloud: &mut PointCloud) {
         for (point, &site) in cloud.points.iter_mut().zip(&self.sites.of_point) {
             point.label = labels[site as usize];
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Checks the class and probability that result from sums by class.
-    fn check(sums: &[(Class, f32)], want: Class, probability: f32) {
-        let mut all = [0f32; CLASSES];
-        for (class, sum) in sums {
-            all[*class as usize] = *sum;
-        }
-        let label = likeliest(&all, 7);
-        assert_eq!((label.class, label.views), (want, 7), "{sums:?}");
-        assert!((label.probability() - probability).abs() < 0.003, "{sums:?} {}", label.probability());
-    }
-
-    #[test]
-    fn families_count_before_classes() {
-        check(&[(Class::Wall, 4.0), (Class::Door, 1.0)], Class::Wall, 0.8);
-        check(&[(Class::Wall, 4.0), (Class::Window, 3.0), (Class::Curtain, 3.0)], Class::Window, 0.3);
-        check(&[(Class::Wall, 4.0), (Class::Shelf, 3.0), (Class::Cabinet, 2.0)], Class::Shelf, 1.0 / 3.0);
-        assert_eq!(likeliest(&[0.0; CLASSES], 0), Label::NONE);
-    }
-
-    #[test]
-    fn the_next_classes_are_kept() {
-        let mut sums = [0f32; CLASSES];
-        let shares = [
-            (Class::Table, 0.1),
-            (Class::Sofa, 0.3),
-            (Class::Bed, 0.25),
-            (Class::Chair, 0.2),
-            (Class::Wall, 0.05),
-        ];
-        shares.iter().for_each(|(class, share)| sums[*class as usize] = 2.0 * share);
-        let kept: Vec<Class> = likeliest_beside(&sums, 0.2, 1).shares().map(|(class, _)| class).collect();
-        assert_eq!(kept, [Class::Sofa, Class::Bed, Class::Chair, Class::Table]);
-        // With the rest the sums are 2, so that the fractions are those above.
-        for ((_, share), want) in likeliest_beside(&sums, 0.2, 1).shares().zip([0.3, 0.25, 0.2, 0.1]) {
-            assert!((f64::from(share) / 255.0 - want).abs() < 0.003, "{share} {want}");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Combines pictures, shapes and segments into one class for each site.
 
-use super::likeliest;
+use super::likeliest::likeliest;
 use super::structure::Shape;
 use super::vote::Votes;
 use crate::cloud::Label;

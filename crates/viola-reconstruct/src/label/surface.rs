@@ -1,8 +1,9 @@
 //! A network that classifies the fused surface itself, without pictures.
 
+use super::SegmentError;
 use super::columns::{Columns, SLICES, TOP_M, VOXEL_NUMBERS};
+use super::likeliest::likeliest;
 use super::sites::Sites;
-use super::{SegmentError, likeliest};
 use crate::cloud::Label;
 use std::collections::BTreeMap;
 use std::sync::Arc;
