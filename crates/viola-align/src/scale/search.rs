@@ -19,8 +19,8 @@ const LOSS_OF_SCORE_M: f64 = 0.14;
 const MARGIN_M: f64 = 0.015;
 /// All scales are searched down to one loss, which rises by this.
 const ROUND_M: f64 = 0.004;
-/// Scales that put the camera below this height are searched if the other scales leave a reason: their scans are costly,
-/// and their explanations rarely good.
+/// Scales that put the camera below this height are searched last, and only if their own loss is small enough: their
+/// scans are costly, and their explanations rarely good.
 const LOW_CAMERA_M: f64 = 0.9;
 
 /// A scale of the grid, its scan, and the modes in each map.
