@@ -16,6 +16,7 @@ import torch
 from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
+from furnish import furnished
 from network import Columns
 from start import calibrate_norms, read_weights
 from surfaces import SLICES, UNKNOWN, VOXEL_NUMBERS, augmented, columns, load, main_yaw, mixed, turned
@@ -34,6 +35,8 @@ CROP = 128
 BOX_WEIGHT = 0.3
 # Fraction of the samples that are two surfaces in one place.
 MIXED = 0.15
+# Fraction of the samples that get objects of others.
+FURNISHED = 0.5
 # Batches ahead of the network.
 AHEAD = 6
 
@@ -59,7 +62,10 @@ def samples_of(paths: list[Path], seed: int, step: int, count: int) -> list[dict
     random = np.random.default_rng([seed, step])
     samples = []
     while len(samples) < count:
-        surfaces = [load(paths[random.integers(len(paths))]) for _ in range(1 + (random.random() < MIXED))]
+        surface = lambda: load(paths[random.integers(len(paths))])
+        surfaces = [surface() for _ in range(1 + (random.random() < MIXED))]
+        if random.random() < FURNISHED:
+            surfaces[0] = furnished(surfaces[0], [surface(), surface()], random)
         surfaces = [augmented(surface, random) for surface in surfaces if len(surface["xyz"]) > 500]
         surfaces = [surface for surface in surfaces if len(surface["xyz"]) > 0]
         if not surfaces:
@@ -97,12 +103,14 @@ def class_weights(paths: list[Path]) -> torch.Tensor:
 
 
 @torch.no_grad()
-def answers(network: torch.nn.Module, paths: list[Path]) -> tuple[torch.Tensor, torch.Tensor]:
-    """Logits and labels of the voxels of whole surfaces."""
+def answers(network: torch.nn.Module, paths: list[Path], vary: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
+    """Logits and labels of the voxels of whole surfaces; of other sensors, paths and homes with `vary`."""
     network.eval()
     all_logits, all_labels = [], []
-    for path in paths:
+    for number, path in enumerate(paths):
         surface = load(path)
+        if vary:
+            surface = augmented(surface, np.random.default_rng(number))
         sample = columns(turned(surface, -main_yaw(surface["normal"]))) if len(surface["xyz"]) else None
         if sample is None:
             continue
@@ -241,8 +249,9 @@ def main() -> None:
                            checkpoint)
                 print(json.dumps(scores(*answers(smooth, held_out[::4]))), flush=True)
     network = smooth.module
-    # Fitted on one half of the held-out homes, told of the other.
-    logits, labels = answers(network, held_out[::2])
+    # Fitted on one half of the held-out homes, told of the other. Varied surfaces leave more doubt than those of the
+    # simulator alone, as real ones do.
+    logits, labels = answers(network, held_out[::2], vary=True)
     bias, temperature = fit_bias(logits, labels)
     network.bias.copy_(bias)
     network.temperature.copy_(temperature)

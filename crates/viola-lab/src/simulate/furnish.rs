@@ -6,6 +6,7 @@ mod beds;
 mod chairs;
 mod colours;
 mod crockery;
+mod crowd;
 mod decor;
 mod desks;
 mod dressing;
@@ -37,8 +38,9 @@ pub(super) use arrange::Arranger;
 pub(super) use people::at_home;
 pub(super) use things::standing_thing;
 
-/// Returns all furniture of a home. Copies of a repeated unit get copies of the first unit's furniture.
-pub(super) fn furnish(plan: &Plan, rng: &Rng) -> Vec<Piece> {
+/// Returns all furniture of a home, as much as fits if it is crowded. Copies of a repeated unit get copies of the first
+/// unit's furniture.
+pub(super) fn furnish(plan: &Plan, is_crowded: bool, rng: &Rng) -> Vec<Piece> {
     let mut pieces = vec![];
     // Tidy homes are as frequent as messy ones, and rooms of a home differ a little.
     let mess = rng.fork("mess", 0).between(0.0, 1.0);
@@ -52,7 +54,7 @@ pub(super) fn furnish(plan: &Plan, rng: &Rng) -> Vec<Piece> {
         let Some((first, copy)) = first else {
             let here = (mess + rng.fork("mess", room as u64 + 1).between(-0.15, 0.15)).clamp(0.0, 1.0);
             let mut arranger = Arranger::new(plan, room, rng.fork("room", room as u64)).in_mess(here);
-            rooms::furnish(&mut arranger);
+            rooms::furnish(&mut arranger, is_crowded);
             pieces.extend(arranger.finish());
             continue;
         };

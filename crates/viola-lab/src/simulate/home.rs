@@ -30,11 +30,21 @@ pub enum Set {
     Drifted,
     /// Outer walls of glass, which vacuum and camera see through.
     Glass,
+    /// Furniture at nearly every wall.
+    Crowded,
 }
 
 impl Set {
-    pub const ALL: [Set; 7] =
-        [Set::Normal, Set::Upper, Set::Repeated, Set::Changed, Set::Storeys, Set::Drifted, Set::Glass];
+    pub const ALL: [Set; 8] = [
+        Set::Normal,
+        Set::Upper,
+        Set::Repeated,
+        Set::Changed,
+        Set::Storeys,
+        Set::Drifted,
+        Set::Glass,
+        Set::Crowded,
+    ];
 
     pub fn name(self) -> &'static str {
         match self {
@@ -45,6 +55,7 @@ impl Set {
             Set::Storeys => "storeys",
             Set::Drifted => "drifted",
             Set::Glass => "glass",
+            Set::Crowded => "crowded",
         }
     }
 
@@ -152,7 +163,7 @@ impl Home {
         let building = structure::solids(&plan, &mut rng.fork("building", 0));
         // The building is the same on all storeys; everything else has random streams of its own.
         let rng = if params.storey > 0 { rng.fork("storey", params.storey) } else { rng };
-        let mut pieces = furnish::furnish(&plan, &rng.fork("furniture", 0));
+        let mut pieces = furnish::furnish(&plan, params.set == Set::Crowded, &rng.fork("furniture", 0));
         if params.set == Set::Repeated {
             pieces = change::break_symmetry(&plan, pieces, &mut rng.fork("likeness", 0));
         }

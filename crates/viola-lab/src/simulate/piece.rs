@@ -130,6 +130,13 @@ impl Piece {
         self
     }
 
+    /// Moves all of it up by `by_m`.
+    pub fn raise(&mut self, by_m: f64) {
+        self.solids.iter_mut().for_each(|solid| solid.centre.z += by_m);
+        self.tops.iter_mut().for_each(|top| top.centre[2] += by_m);
+        self.size[2] += by_m;
+    }
+
     pub fn mounted(mut self, mount: Mount) -> Piece {
         self.mount = mount;
         self

@@ -3,13 +3,13 @@
 use super::living::{dine, sit};
 use super::sleeping::{sleep, sleep_as_a_child};
 use super::water::{bathe, kitchen_units};
-use super::{Arranger, chairs, desks, dressing, kitchen, shelves, storage, textiles, things};
+use super::{Arranger, chairs, crowd, desks, dressing, kitchen, shelves, storage, textiles, things};
 use crate::simulate::plan::RoomKind;
 use viola_geometry::Pose2;
 use viola_geometry::taxonomy::Class;
 
 /// Furnishes the room that the arranger holds.
-pub(super) fn furnish(room: &mut Arranger) {
+pub(super) fn furnish(room: &mut Arranger, is_crowded: bool) {
     match room.room().kind {
         RoomKind::Studio => {
             kitchen_units(room);
@@ -77,6 +77,9 @@ pub(super) fn furnish(room: &mut Arranger) {
         }
     }
     dressing::windows(room);
+    if is_crowded {
+        crowd::crowd(room);
+    }
     dressing::decorate(room);
 }
 
