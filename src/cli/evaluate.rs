@@ -27,7 +27,7 @@ pub struct EvaluateArguments {
     #[arg(long, group = "source")]
     pub(super) scene: Option<PathBuf>,
     /// Sets of simulated homes, instead of a scene: normal, upper, repeated, changed, storeys, drifted,
-    /// glass.
+    /// glass, crowded.
     #[arg(long, group = "source", value_delimiter = ',')]
     pub(super) set: Vec<Set>,
     /// LiDAR map with free cells, instead of a scene: clips are drawn inside it. May be given several times.

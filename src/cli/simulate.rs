@@ -13,7 +13,7 @@ use viola_lab::simulate::{
 #[derive(clap::Args)]
 pub struct SimulateArguments {
     /// Kind of homes: normal, upper, repeated, changed, storeys (the ground floor), drifted,
-    /// glass.
+    /// glass, crowded.
     #[arg(long, default_value = "normal")]
     set: Set,
     #[arg(long, default_value_t = 1)]

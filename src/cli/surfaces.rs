@@ -12,7 +12,8 @@ use viola_lab::surfaces::labelled_surface;
 
 #[derive(clap::Args)]
 pub struct SurfacesArguments {
-    /// Kinds of homes, separated by commas: normal, upper, repeated, changed, storeys.
+    /// Kinds of homes, separated by commas: normal, upper, repeated, changed, storeys, drifted,
+    /// glass, crowded.
     #[arg(long, value_delimiter = ',', default_value = "normal,changed")]
     set: Vec<Set>,
     /// Seeds of the homes; END is excluded.
