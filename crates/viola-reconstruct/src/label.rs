@@ -38,6 +38,7 @@ use super::cloud::{Label, PointCloud};
 use super::error::ReconstructError;
 use super::key_frame::KeyFrame;
 use super::reason::Reason;
+use combine::Alone;
 use sites::Sites;
 use viola_formats::clip::{Clip, Frame};
 use viola_geometry::progress::Progress;
@@ -152,12 +153,13 @@ impl Labeller {
         } else {
             let segments = segments::segments(&self.sites);
             let alone = match &surface {
-                Some(surface) => combine::surfaced(&segments, &shapes, |site| surface[site]),
-                None => combine::shaped(&shapes),
+                // Pictures are weighted by the shapes already, so shapes alone are no voter.
+                Some(surface) => Alone::Voter(combine::surfaced(&segments, &shapes, |site| surface[site])),
+                None => Alone::Fallback(combine::shaped(&shapes)),
             };
             match &self.votes {
-                Some(votes) => combine::combined(&segments, &shapes, |site| votes.of(site), alone),
-                None => alone,
+                Some(votes) => combine::combined(&segments, &shapes, |site| votes.of(site), &alone),
+                None => alone.into_labels(),
             }
         };
         self.write(&labels, cloud);

@@ -60,16 +60,47 @@ fn pools(segments: &[u32]) -> Vec<ByClass> {
     vec![[0f32; CLASSES]; segments.iter().max().map_or(0, |last| *last as usize + 1)]
 }
 
+/// Weight of the surface network beside the pictures, as an exponent of its probabilities.
+const SURFACE_WEIGHT: f32 = 1.0 / 3.0;
+/// Added to the surface network's probabilities, so that no class is ruled out by it.
+const SURFACE_DOUBT: f32 = 0.02;
+
+/// Labels without pictures, and where they count.
+pub(super) enum Alone {
+    /// Only in segments that no picture saw.
+    Fallback(Vec<Label>),
+    /// Also beside the pictures, with [`SURFACE_WEIGHT`].
+    Voter(Vec<Label>),
+}
+
+impl Alone {
+    pub fn into_labels(self) -> Vec<Label> {
+        let (Alone::Fallback(labels) | Alone::Voter(labels)) = self;
+        labels
+    }
+
+    fn of(&self, site: usize) -> Label {
+        let (Alone::Fallback(labels) | Alone::Voter(labels)) = self;
+        labels[site]
+    }
+
+    /// Returns the factor of each class at a site beside the pictures.
+    fn factors(&self, site: usize) -> ByClass {
+        let Alone::Voter(labels) = self else { return [1.0; CLASSES] };
+        let mut said = [0f32; CLASSES];
+        labels[site].shares().for_each(|(class, share)| said[class as usize] += f32::from(share) / 255.0);
+        said.map(|p| (p + SURFACE_DOUBT).powf(SURFACE_WEIGHT))
+    }
+}
+
 /// Returns the labels by both, pooled over segments. The shape counts twice: it weights a site's votes for
 /// its segment, and then the votes of the segment for each site.
-/// `votes` are those of the pictures for a site, and their number. `fallback` are the labels of segments that no
-/// picture saw. The surface network has no say elsewhere: multiplied with the pictures it cost six points in a hundred
-/// of the real apartment (docs/experiments.md, Classes).
+/// `votes` are those of the pictures for a site, and their number.
 pub(super) fn combined(
     segments: &[u32],
     shapes: &[Shape],
     votes: impl Fn(usize) -> (ByClass, u16),
-    fallback: Vec<Label>,
+    alone: &Alone,
 ) -> Vec<Label> {
     let mut pieces = pools(segments);
     for (site, &segment) in segments.iter().enumerate() {
@@ -85,10 +116,11 @@ pub(super) fn combined(
         .enumerate()
         .map(|(site, &segment)| {
             let mut said = pieces[segment as usize];
-            for (p, class) in said.iter_mut().zip(Class::ALL) {
-                *p *= likelihood(shapes[site], *class);
+            let factors = alone.factors(site);
+            for ((p, class), factor) in said.iter_mut().zip(Class::ALL).zip(factors) {
+                *p *= likelihood(shapes[site], *class) * factor;
             }
-            if said.iter().sum::<f32>() > 0.0 { likeliest(&said, votes(site).1) } else { fallback[site] }
+            if said.iter().sum::<f32>() > 0.0 { likeliest(&said, votes(site).1) } else { alone.of(site) }
         })
         .collect()
 }

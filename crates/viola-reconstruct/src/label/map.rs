@@ -1,6 +1,6 @@
 //! Labels of a home's map: its whole surface shows more of each object than a clip does.
 
-use super::combine::{self, ByClass};
+use super::combine::{self, Alone, ByClass};
 use super::segments::segments;
 use super::sites::Sites;
 use super::structure;
@@ -30,8 +30,9 @@ pub fn label_map(map: &PointCloud, network: Option<&SurfaceNetwork>) -> Vec<Labe
         let label = &of_clips[site];
         (by_class(label).unwrap_or([0.0; CLASSES]), label.views)
     };
-    let alone = combine::surfaced(&segments, &shapes, surface);
-    let labels = combine::combined(&segments, &shapes, pictures, alone);
+    // The labels of clips with pictures have heard the network already.
+    let alone = Alone::Fallback(combine::surfaced(&segments, &shapes, surface));
+    let labels = combine::combined(&segments, &shapes, pictures, &alone);
     sites.of_point.iter().map(|site| labels[*site as usize]).collect()
 }
 
