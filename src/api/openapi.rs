@@ -100,8 +100,8 @@ fn allow_conditions(operation: &mut Value) {
 /// Removes null from the types of headers and files: one is absent or has a value.
 fn demand_values(operation: &mut Value) {
     for (_, content) in members(operation.get_mut("requestBody").and_then(|body| body.get_mut("content"))) {
-        let choices = content["schema"]["oneOf"].as_array().into_iter().flatten();
-        if let Some(file) = choices.cloned().find(|choice| choice["$ref"] == FILE) {
+        let mut choices = content["schema"]["oneOf"].as_array().into_iter().flatten();
+        if let Some(file) = choices.find(|choice| choice["$ref"] == FILE).cloned() {
             content["schema"] = file;
         }
     }

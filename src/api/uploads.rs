@@ -41,8 +41,6 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use uuid::Uuid;
 
-const VERSION: HeaderValue = HeaderValue::from_static("1.0.0");
-
 /// Parameters of uploads in parts.
 #[derive(Debug, Clone)]
 pub struct UploadParams {
@@ -97,10 +95,10 @@ async fn speak_tus(request: Request, next: Next) -> Response {
         Err(error) => error.into_response(),
     };
     let answered = response.headers_mut();
-    answered.insert(headers::RESUMABLE, VERSION);
+    answered.insert(headers::RESUMABLE, headers::SERVED);
     answered.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
     if is_refused {
-        answered.insert(headers::VERSION, VERSION);
+        answered.insert(headers::VERSION, headers::SERVED);
     }
     response
 }

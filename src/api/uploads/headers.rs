@@ -1,14 +1,15 @@
 //! Request headers of tus. A header that is sent twice is refused: a proxy could read the other value.
 
-use super::VERSION as VERSION_SERVED;
 use super::refusal::UploadRefusal;
 use crate::api::bodies::content_length;
 use crate::api::error::Error;
-use axum::http::{HeaderMap, HeaderName, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
 use uuid::Uuid;
 
 pub(super) const RESUMABLE: HeaderName = HeaderName::from_static("tus-resumable");
 pub(super) const VERSION: HeaderName = HeaderName::from_static("tus-version");
+/// The version of tus that is served.
+pub(super) const SERVED: HeaderValue = HeaderValue::from_static("1.0.0");
 
 const MAX_METADATA_BYTES: usize = 4096;
 const MAX_PARTS: usize = 128;
@@ -68,7 +69,7 @@ pub(super) fn check_version(headers: &HeaderMap) -> Result<(), Error> {
     let Some(sent) = text(headers, NAME)? else {
         return Err(invalid(NAME, "send the header Tus-Resumable: 1.0.0"));
     };
-    if VERSION_SERVED == sent {
+    if SERVED == sent {
         return Ok(());
     }
     let is_number = |part: &str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
