@@ -234,6 +234,8 @@ fn router(app: App) -> Router {
     let parameters = Parameters::of(&described());
     let refuse_unknown = axum::middleware::from_fn_with_state(parameters, parameters::refuse_unknown);
     let health = health::open_routes().split_for_parts().0.with_state(app.storage.clone());
+    let cors = layers::cors(&app.cors_origins);
+    let allow_origins = |cors| axum::middleware::from_fn_with_state(cors, layers::allow_origins);
     routes()
         .split_for_parts()
         .0
@@ -257,6 +259,6 @@ fn router(app: App) -> Router {
         .layer(PropagateRequestIdLayer::x_request_id())
         .layer(SetRequestIdLayer::x_request_id(request_log::NewId))
         .layer(axum::middleware::map_request(request_log::drop_harmful_id))
-        .layer(tower::util::option_layer(layers::cors(&app.cors_origins)))
+        .layer(tower::util::option_layer(cors.map(allow_origins)))
         .with_state(app)
 }

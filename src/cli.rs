@@ -106,15 +106,6 @@ enum Command {
     Config(config::ConfigArguments),
     /// Create or update the database tables without serving; `serve` and `work` do it too.
     Migrate(migrate::MigrateArguments),
-    /// Decode frames of the video on standard input, for another viola process.
-    #[command(hide = true)]
-    DecodeVideo(decode_video::DecodeVideoArguments),
-    /// Align the clip of a job, for another viola process.
-    #[command(hide = true)]
-    AlignJob(align_job::AlignJobArguments),
-    /// Open an uploaded file, for another viola process.
-    #[command(hide = true)]
-    OpenClip(open_clip::OpenClipArguments),
     /// Print the OpenAPI document of the service.
     Openapi,
     /// Print a shell's completions of this command line.
@@ -123,10 +114,32 @@ enum Command {
     Man(shell::ManArguments),
 }
 
+/// The commands of child processes, which only viola itself starts.
+#[derive(Parser)]
+struct ChildArguments {
+    #[command(subcommand)]
+    command: ChildCommand,
+}
+
+#[derive(Subcommand)]
+enum ChildCommand {
+    /// Decode frames of the video on standard input.
+    DecodeVideo(decode_video::DecodeVideoArguments),
+    /// Align the clip of a job.
+    AlignJob(align_job::AlignJobArguments),
+    /// Open an uploaded file.
+    OpenClip(open_clip::OpenClipArguments),
+}
+
 /// Runs the command that the process's arguments name; prints an error with its causes.
 pub fn main() -> ExitCode {
     crate::tls::use_ring();
     end_quietly_without_a_reader();
+    let first = std::env::args().nth(1);
+    if first.is_some_and(|name| ChildCommand::has_subcommand(&name)) {
+        let done = run_child(ChildArguments::parse().command);
+        return done.map_or_else(|error| failed(&error), |()| ExitCode::SUCCESS);
+    }
     let program = Arguments::command();
     let arguments = match config::with_file(std::env::args_os(), &program) {
         Ok(arguments) => arguments,
@@ -160,14 +173,19 @@ fn run(command: Command, program: &clap::Command) -> Result<ExitCode> {
         Command::Tenants(arguments) => tenants::run(&arguments),
         Command::Config(arguments) => config::run(&arguments, program),
         Command::Migrate(arguments) => migrate::run(&arguments),
-        Command::DecodeVideo(arguments) => decode_video::run(&arguments),
-        Command::AlignJob(arguments) => align_job::run(&arguments),
-        Command::OpenClip(arguments) => open_clip::run(&arguments),
         Command::Openapi => openapi::run(),
         Command::Completions(arguments) => shell::completions(&arguments, program),
         Command::Man(arguments) => shell::man(&arguments, program),
     }?;
     Ok(ExitCode::SUCCESS)
+}
+
+fn run_child(command: ChildCommand) -> Result<()> {
+    match command {
+        ChildCommand::DecodeVideo(arguments) => decode_video::run(&arguments),
+        ChildCommand::AlignJob(arguments) => align_job::run(&arguments),
+        ChildCommand::OpenClip(arguments) => open_clip::run(&arguments),
+    }
 }
 
 /// Ends the process without a message if nobody reads its output any more, as after `viola models list | head -1`.

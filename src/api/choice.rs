@@ -3,7 +3,7 @@
 use super::App;
 use super::bodies::to_the_end;
 use super::error::{Error, Problem};
-use super::extract::{ClipPath, Json};
+use super::extract::{ClipPath, Json, Member, member};
 use super::problems::{CommonProblems, JsonProblems};
 use super::reply::{Document, may_change};
 use super::types::{self, Clip};
@@ -18,24 +18,46 @@ use viola_geometry::{LevelName, Pose2};
 /// Maximum angle: a larger one is probably in degrees.
 const MAX_YAW_RAD: f64 = std::f64::consts::TAU;
 
-// The values are parsed by hand, so that a refusal names the member at fault.
-/// A person's choice: an alternative, or a pose with its level.
-#[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
+/// A person's choice. The values are parsed by hand, so that a refusal names the member at fault.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ChoiceBody {
+    #[serde(default, deserialize_with = "member")]
+    alternative: Member,
+    #[serde(default, deserialize_with = "member")]
+    map_from_clip: Member,
+    #[serde(default)]
+    level: Option<Value>,
+}
+
+/// A person's choice: one of the alternatives, or a pose.
+#[derive(Debug, utoipa::ToSchema)]
+#[serde(untagged)]
+#[expect(dead_code, reason = "it only describes the body")]
+pub(super) enum Choose {
+    Alternative(ChooseAlternative),
+    Pose(ChoosePose),
+}
+
+/// One of the clip's alternatives.
+#[derive(Debug, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(example = json!({"alternative": 1}))]
-pub(super) struct ChoiceBody {
+#[expect(dead_code, reason = "it only describes the body")]
+pub(super) struct ChooseAlternative {
     /// Index into the present `alignment.alternatives` of the clip, from 0.
-    #[serde(default)]
-    #[schema(value_type = Option<u32>)]
-    alternative: Option<Value>,
+    alternative: u32,
+}
+
+/// A pose in the LiDAR map of a level.
+#[derive(Debug, utoipa::ToSchema)]
+#[serde(deny_unknown_fields)]
+#[expect(dead_code, reason = "it only describes the body")]
+pub(super) struct ChoosePose {
     /// The pose itself, in the frame of the current LiDAR map: within 10 m of what the map spans.
-    #[serde(default)]
-    #[schema(value_type = Option<types::Pose2>)]
-    map_from_clip: Option<Value>,
+    map_from_clip: types::Pose2,
     /// The level in whose LiDAR map `map_from_clip` is; default: `main`.
-    #[serde(default)]
-    #[schema(value_type = Option<types::LevelName>)]
-    level: Option<Value>,
+    level: Option<types::LevelName>,
 }
 
 /// Choose the pose of a clip
@@ -50,7 +72,7 @@ pub(super) struct ChoiceBody {
 /// The same choice again changes nothing.
 #[utoipa::path(put, path = "/v1/homes/{home}/clips/{clip}/alignment", tag = "clips",
     params(ClipPath, ("If-Match" = Option<String>, Header, description = "The `ETag` of the clip as it was read")),
-    request_body = ChoiceBody,
+    request_body = Choose,
     responses(
         (status = 200, description = "The clip with the choice", body = Clip),
         (status = 409, description = "The clip has no answer yet, so it has no alternatives: `no-answer-yet`; \
@@ -114,9 +136,10 @@ fn chosen(body: &ChoiceBody) -> Result<Chosen, Error> {
     };
     match (&body.alternative, &body.map_from_clip) {
         (Some(index), None) => {
-            index.as_u64().map(Chosen::Alternative).ok_or_else(|| wrong("alternative", "an index from 0"))
+            let index = index.as_ref().and_then(Value::as_u64);
+            index.map(Chosen::Alternative).ok_or_else(|| wrong("alternative", "an index from 0"))
         }
-        (None, Some(Value::Object(members))) => {
+        (None, Some(Some(Value::Object(members)))) => {
             if let Some(other) =
                 members.keys().find(|name| !["x_m", "y_m", "yaw_rad"].contains(&name.as_str()))
             {
@@ -136,7 +159,10 @@ fn chosen(body: &ChoiceBody) -> Result<Chosen, Error> {
             Ok(Chosen::Pose(level, Pose2 { x_m, y_m, yaw_rad }))
         }
         (None, Some(_)) => Err(wrong("map_from_clip", "an object of x_m, y_m and yaw_rad")),
-        _ => Err(Error::InvalidBody("give one of alternative and map_from_clip, and not both".to_owned())),
+        _ => {
+            let detail = "give one of alternative and map_from_clip, and not both".to_owned();
+            Err(Error::InvalidBody { field: None, detail })
+        }
     }
 }
 

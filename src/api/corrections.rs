@@ -37,15 +37,15 @@ pub(super) struct ObjectPatch {
     class: Member,
     /// For people.
     #[serde(default, deserialize_with = "member")]
-    #[schema(value_type = Option<String>, min_length = 1, max_length = 100)]
+    #[schema(value_type = Option<String>, min_length = 1, max_length = 100, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$")]
     name: Member,
     /// Its centre in the map's frame. The object stays in the map also if no clip shows it there.
     #[serde(default, deserialize_with = "member")]
-    #[schema(value_type = Option<[f64; 3]>)]
+    #[schema(value_type = Option<[f64; 3]>, min_items = 3, max_items = 3)]
     centre_m: Member,
     /// Length, width and height; the length is at least the width.
     #[serde(default, deserialize_with = "member")]
-    #[schema(value_type = Option<[f64; 3]>)]
+    #[schema(value_type = Option<[f64; 3]>, min_items = 3, max_items = 3)]
     size_m: Member,
     /// Direction of its length.
     #[serde(default, deserialize_with = "member")]
@@ -67,7 +67,7 @@ pub(super) struct ObjectPatch {
 #[schema(example = json!({"name": "Kitchen"}))]
 pub(super) struct RoomPatch {
     #[serde(default, deserialize_with = "member")]
-    #[schema(value_type = Option<String>, min_length = 1, max_length = 100)]
+    #[schema(value_type = Option<String>, min_length = 1, max_length = 100, pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$")]
     name: Member,
     /// Ids of rooms at its walls that are one with it. The room keeps its id, the others have none.
     #[serde(default, deserialize_with = "member")]
@@ -83,7 +83,9 @@ pub(super) struct RoomPatch {
 #[derive(Debug, utoipa::ToSchema)]
 #[expect(dead_code, reason = "it only describes the member")]
 pub(super) struct LinePatch {
+    #[schema(min_items = 2, max_items = 2)]
     from_m: [f64; 2],
+    #[schema(min_items = 2, max_items = 2)]
     to_m: [f64; 2],
 }
 

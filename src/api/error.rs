@@ -55,8 +55,8 @@ pub(super) enum Error {
     InvalidHeader { field: &'static str, detail: String },
     #[error("{0}")]
     MalformedJson(String),
-    #[error("{0}")]
-    InvalidBody(String),
+    #[error("{detail}")]
+    InvalidBody { field: Option<String>, detail: String },
     #[error("{detail}")]
     InvalidMember { field: &'static str, detail: String },
     #[error("{0}")]
@@ -119,6 +119,10 @@ pub(super) enum Error {
         "the home has no map of this revision: none before a clip of it has been aligned and merged, and the newest five are kept"
     )]
     NoSuchMap,
+    #[error("the {what} exists already; the request asks that it is new")]
+    Exists { what: &'static str },
+    #[error("the LiDAR map has no revision {0}: the list of its revisions names those that are kept")]
+    NoSuchLidarRevision(i64),
     #[error("nothing is served under this path; GET /openapi.json lists what is")]
     NoSuchRoute,
     #[error("this path does not serve this method; the Allow header lists those it does")]
@@ -153,7 +157,7 @@ impl Error {
             }
             Error::InvalidHeader { .. } => (S::BAD_REQUEST, "invalid_header", "A header is not valid"),
             Error::MalformedJson(_) => (S::BAD_REQUEST, "malformed_json", "The body is not JSON"),
-            Error::InvalidBody(_) | Error::InvalidMember { .. } => {
+            Error::InvalidBody { .. } | Error::InvalidMember { .. } => {
                 (S::UNPROCESSABLE_ENTITY, "invalid_body", "The body does not have the expected members")
             }
             Error::UnsupportedMediaType(_) => {
@@ -201,6 +205,9 @@ impl Error {
             Error::NoSuchResult(_) => (S::NOT_FOUND, "result_not_found", "The clip has no such file now"),
             Error::NoThumbnail => (S::NOT_FOUND, "no_thumbnail", "The clip has no thumbnail"),
             Error::NoSuchMap => (S::NOT_FOUND, "map_not_found", "The home has no such map"),
+            Error::NoSuchLidarRevision(_) => {
+                (S::NOT_FOUND, "lidar_map_not_found", "There is no such LiDAR map")
+            }
             Error::NoSuchRoute => (S::NOT_FOUND, "route_not_found", "There is nothing under this path"),
             Error::MethodNotAllowed => {
                 (S::METHOD_NOT_ALLOWED, "method_not_allowed", "The path does not serve this method")
@@ -217,7 +224,7 @@ impl Error {
             Error::Storage(StorageError::NoSuchClip) => {
                 (S::NOT_FOUND, "clip_not_found", "There is no such clip")
             }
-            Error::Storage(StorageError::Changed { .. }) => {
+            Error::Exists { .. } | Error::Storage(StorageError::Changed { .. }) => {
                 (S::PRECONDITION_FAILED, "changed_meanwhile", "It was changed since it was read")
             }
             Error::Storage(StorageError::NoSuchWebhook) => {
@@ -227,7 +234,7 @@ impl Error {
                 (S::NOT_FOUND, "delivery_not_found", "The webhook has no such delivery")
             }
             Error::Storage(StorageError::NoLidarMap) => {
-                (S::NOT_FOUND, "lidar_map_not_found", "The home has no LiDAR map yet")
+                (S::NOT_FOUND, "lidar_map_not_found", "There is no such LiDAR map")
             }
             Error::Storage(StorageError::TooManyLevels) => {
                 (S::CONFLICT, "too_many_levels", "The home has as many levels as it may have")
@@ -251,9 +258,11 @@ impl Error {
         match self {
             Error::UnknownParameter { name, .. } => Some(name),
             Error::NotReady { what, .. } => Some(what),
+            Error::InvalidBody { field, .. } => field.as_deref(),
             Error::InvalidPath { field, .. } | Error::InvalidQuery { field, .. } => *field,
             Error::InvalidHeader { field, .. } | Error::InvalidMember { field, .. } => Some(field),
             Error::KeyReused => Some("Idempotency-Key"),
+            Error::Exists { .. } => Some("If-None-Match"),
             Error::NoSuchRange { .. } => Some("Range"),
             Error::Correction(CorrectionError::Impossible { field, .. }) => Some(field),
             Error::Correction(CorrectionError::Changed { .. })

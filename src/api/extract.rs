@@ -11,6 +11,7 @@ use axum::http::request::Parts;
 use jiff::Timestamp;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer};
+use serde_json::{Map, Value};
 use std::fmt::Display;
 use std::str::FromStr;
 use uuid::Uuid;
@@ -131,7 +132,7 @@ impl<S: Send + Sync> FromRequestParts<S> for WebhookPath {
     type Rejection = Error;
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<WebhookPath, Error> {
-        Ok(WebhookPath { webhook: Path::of(parts, state).await?.part("webhook")? })
+        Ok(WebhookPath { webhook: Path::of(parts, state).await?.id("webhook")? })
     }
 }
 
@@ -140,7 +141,7 @@ impl<S: Send + Sync> FromRequestParts<S> for DeliveryPath {
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<DeliveryPath, Error> {
         let path = Path::of(parts, state).await?;
-        Ok(DeliveryPath { webhook: path.part("webhook")?, delivery: path.part("delivery")? })
+        Ok(DeliveryPath { webhook: path.id("webhook")?, delivery: path.id("delivery")? })
     }
 }
 
@@ -168,7 +169,7 @@ impl<S: Send + Sync> FromRequestParts<S> for LevelRevisionPath {
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<LevelRevisionPath, Error> {
         let path = Path::of(parts, state).await?;
         let home = access::of(parts)?.home(&path.part("home")?)?;
-        Ok(LevelRevisionPath { home, level: path.part("level")?, revision: path.part("revision")? })
+        Ok(LevelRevisionPath { home, level: path.part("level")?, revision: path.number("revision")? })
     }
 }
 
@@ -177,7 +178,7 @@ impl<S: Send + Sync> FromRequestParts<S> for ClipPath {
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<ClipPath, Error> {
         let path = Path::of(parts, state).await?;
-        Ok(ClipPath { home: access::of(parts)?.home(&path.part("home")?)?, clip: path.part("clip")? })
+        Ok(ClipPath { home: access::of(parts)?.home(&path.part("home")?)?, clip: path.id("clip")? })
     }
 }
 
@@ -186,7 +187,7 @@ impl FromRequestParts<App> for UploadPath {
     type Rejection = Error;
 
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<UploadPath, Error> {
-        let upload = Path::of(parts, app).await?.part("upload")?;
+        let upload = Path::of(parts, app).await?.id("upload")?;
         let caller = access::of(parts)?;
         if let Some((tenant, home)) = app.storage.upload_owner(upload).await?
             && !(caller.tenant == tenant && home.is_none_or(|home| caller.may_know(&home)))
@@ -202,7 +203,7 @@ impl FromRequestParts<App> for JobPath {
     type Rejection = Error;
 
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<JobPath, Error> {
-        let job = Path::of(parts, app).await?.part("job")?;
+        let job = Path::of(parts, app).await?.id("job")?;
         let caller = access::of(parts)?;
         match app.storage.job_home(job).await? {
             Some(home) if !caller.may_know(&home) => Err(Error::NoSuchJob),
@@ -223,12 +224,26 @@ impl Path {
     }
 
     fn part<T: FromStr<Err: Display>>(&self, name: &'static str) -> Result<T, Error> {
-        let text = self.0.iter().find(|(other, _)| *other == name).map_or("", |(_, text)| text);
-        text.parse().map_err(|error: T::Err| Error::InvalidPath {
-            field: Some(name),
-            detail: format!("{name}: {error}"),
-        })
+        self.text(name).parse().map_err(|error: T::Err| invalid(name, format!("{name}: {error}")))
     }
+
+    fn id(&self, name: &'static str) -> Result<Uuid, Error> {
+        let what = "is a UUID, for example 01a1f766-7a97-7747-9dbb-391e0eeccb64";
+        self.text(name).parse().map_err(|_| invalid(name, format!("{name} {what}")))
+    }
+
+    fn number(&self, name: &'static str) -> Result<i64, Error> {
+        let number = self.text(name).parse().ok().filter(|number| *number > 0);
+        number.ok_or_else(|| invalid(name, format!("{name} is a whole number from 1")))
+    }
+
+    fn text(&self, name: &str) -> &str {
+        self.0.iter().find(|(other, _)| *other == name).map_or("", |(_, text)| text)
+    }
+}
+
+fn invalid(field: &'static str, detail: String) -> Error {
+    Error::InvalidPath { field: Some(field), detail }
 }
 
 /// The query parameters.
@@ -263,34 +278,43 @@ impl<T: DeserializeOwned + Default> FromRequest<App> for Json<T> {
 
     async fn from_request(request: Request, app: &App) -> Result<Json<T>, Error> {
         // Parsed as an object first, because serde also accepts an array for a struct.
-        type Object = serde_json::Map<String, serde_json::Value>;
-        let read = Option::<axum::Json<Option<Object>>>::from_request(request, app);
+        let read = Option::<axum::Json<Option<Map<String, Value>>>>::from_request(request, app);
         let late = |_| {
             let limit = app.bodies.json;
             Error::BodyStalled(format!("JSON must be complete within {} s", limit.as_secs_f64()))
         };
         match tokio::time::timeout(app.bodies.json, read).await.map_err(late)? {
             Ok(None | Some(axum::Json(None))) => Ok(Json(T::default())),
-            Ok(Some(axum::Json(Some(object)))) => serde_json::from_value(object.into())
-                .map(Json)
-                .map_err(|error| Error::InvalidBody(error.to_string())),
+            Ok(Some(axum::Json(Some(object)))) => parsed(object).map(Json),
             Err(rejection) => Err(refused_json(&rejection)),
         }
     }
 }
 
+/// Parses a JSON object; a refusal names the member at fault.
+fn parsed<T: DeserializeOwned>(object: Map<String, Value>) -> Result<T, Error> {
+    serde_path_to_error::deserialize(Value::Object(object)).map_err(|error| {
+        let field = Some(error.path().to_string()).filter(|path| path != ".");
+        let reason = error.inner();
+        let detail = field.as_ref().map_or_else(|| reason.to_string(), |field| format!("{field}: {reason}"));
+        Error::InvalidBody { field, detail }
+    })
+}
+
 /// A member of a JSON Merge Patch (RFC 7396): absent, null or a value, which is parsed by hand, so that a
 /// refusal names the member at fault.
-pub(super) type Member = Option<Option<serde_json::Value>>;
+pub(super) type Member = Option<Option<Value>>;
 
 pub(super) fn member<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Member, D::Error> {
-    Option::<serde_json::Value>::deserialize(deserializer).map(Some)
+    Option::<Value>::deserialize(deserializer).map(Some)
 }
 
 fn refused_json(rejection: &JsonRejection) -> Error {
     let detail = rejection.body_text();
     match rejection {
-        JsonRejection::JsonDataError(_) => Error::InvalidBody(detail),
+        JsonRejection::JsonDataError(_) => {
+            Error::InvalidBody { field: None, detail: "the body is a JSON object".to_owned() }
+        }
         JsonRejection::JsonSyntaxError(_) => Error::MalformedJson(detail),
         JsonRejection::MissingJsonContentType(_) => Error::UnsupportedMediaType(detail),
         other if other.status() == axum::http::StatusCode::PAYLOAD_TOO_LARGE => {

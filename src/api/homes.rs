@@ -9,7 +9,7 @@ use super::extract::{HomePath, Json, Query};
 use super::list::{List, ListQuery, UpdatedQuery};
 use super::names;
 use super::problems::{CommonProblems, JsonProblems};
-use super::reply::{Document, may_change};
+use super::reply::{Document, may_change, unmet};
 use super::types::Home;
 use crate::storage::{self, HomeFilter, HomeId};
 use axum::extract::State;
@@ -17,15 +17,18 @@ use axum::http::{HeaderMap, StatusCode};
 use jiff::Timestamp;
 use serde::Deserialize;
 
-const MAX_NAME_CHARACTERS: usize = 200;
-
 /// The settings of a home.
 #[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct HomeBody {
-    /// For people; at most 200 characters.
+    /// For people; 1 to 200 characters on one line.
     #[serde(default)]
-    #[schema(max_length = 200, example = "Flat 3, Elm Street")]
+    #[schema(
+        min_length = 1,
+        max_length = 200,
+        pattern = "^[^\\x00-\\x1f\\x7f-\\x9f]*$",
+        example = "Flat 3, Elm Street"
+    )]
     name: Option<String>,
 }
 
@@ -49,14 +52,16 @@ pub(super) async fn put_home(
     headers: HeaderMap,
     Json(body): Json<HomeBody>,
 ) -> Result<(StatusCode, Document<Home>), Error> {
-    if body.name.as_ref().is_some_and(|name| name.chars().count() > MAX_NAME_CHARACTERS) {
-        return Err(Error::InvalidBody(format!("name has at most {MAX_NAME_CHARACTERS} characters")));
+    if body.name.as_ref().is_some_and(|name| !names::is_title(name)) {
+        let detail = "name has 1 to 200 characters, and no control characters; null removes it".to_owned();
+        return Err(Error::InvalidMember { field: "name", detail });
     }
     let is_expected = |home: Option<&storage::Home>| {
         may_change(&headers, home.map(|home| Home::from(home.clone())).as_ref())
     };
     let name = body.name.as_deref();
-    let (home, is_new) = app.storage.put_home(&home, name, is_expected, Timestamp::now()).await?;
+    let put = app.storage.put_home(&home, name, is_expected, Timestamp::now()).await;
+    let (home, is_new) = put.map_err(|error| unmet(&headers, error))?;
     app.queue.wake();
     let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
     Ok((status, Document(home.into())))

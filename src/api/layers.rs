@@ -1,8 +1,12 @@
 //! Layers for all answers: compression, and CORS for pages of other origins.
 
+use axum::extract::{Request, State};
 use axum::http::{Extensions, HeaderMap, HeaderName, HeaderValue, Method, StatusCode, Version, header};
+use axum::middleware::Next;
+use axum::response::Response;
 use std::str::FromStr;
 use std::time::Duration;
+use tower::{Layer, ServiceExt};
 use tower_http::compression::CompressionLayer;
 use tower_http::compression::predicate::{And, Predicate, SizeAbove};
 use tower_http::cors::{AllowHeaders, CorsLayer};
@@ -58,6 +62,30 @@ pub(super) fn is_text_or_points(headers: &HeaderMap) -> bool {
         "text/event-stream" => false,
         "application/javascript" | "application/json" | "image/svg+xml" => true,
         other => other.starts_with("text/") || other.starts_with("model/") || other.ends_with("+json"),
+    }
+}
+
+/// Middleware of [`cors`]. The layer takes every OPTIONS for a preflight; one without `Access-Control-Request-Method` is a
+/// request as any other: tus asks so for the abilities of the service.
+pub(super) async fn allow_origins(
+    State(cors): State<CorsLayer>,
+    mut request: Request,
+    next: Next,
+) -> Response {
+    let is_request = request.method() == Method::OPTIONS
+        && !request.headers().contains_key(header::ACCESS_CONTROL_REQUEST_METHOD);
+    if is_request {
+        *request.method_mut() = Method::GET;
+    }
+    let served = next.map_request(move |mut request: Request| {
+        if is_request {
+            *request.method_mut() = Method::OPTIONS;
+        }
+        request
+    });
+    match cors.layer(served).oneshot(request).await {
+        Ok(answer) => answer,
+        Err(never) => match never {},
     }
 }
 

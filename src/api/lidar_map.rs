@@ -9,7 +9,7 @@ use super::extract::{HomePath, Query};
 use super::list::{List, ListQuery};
 use super::names::file_name;
 use super::problems::{CommonProblems, FileProblems};
-use super::reply::{Document, may_change, tag_of, unless_known};
+use super::reply::{Document, may_change, tag_of, unless_known, unmet};
 use super::types::{LidarInfo, LidarMapRevision, PictureFrame};
 use crate::storage::{self, Arrived, HomeId, NewLidarMap};
 use axum::extract::{Request, State};
@@ -122,7 +122,8 @@ pub(super) async fn put(
     app.limits.room(&app.storage, &caller.tenant, new.bytes()).await?;
     to_the_end(async move {
         let is_expected = is_expected(&headers);
-        let (revision, is_new) = app.storage.put_lidar_map(&home, new, is_expected, Timestamp::now()).await?;
+        let put = app.storage.put_lidar_map(&home, new, is_expected, Timestamp::now()).await;
+        let (revision, is_new) = put.map_err(|error| unmet(&headers, error))?;
         app.queue.wake();
         let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
         Ok((status, Document(PutAnswer::Revision(Box::new(revision.into())))))

@@ -10,7 +10,6 @@ use super::list::{List, ListQuery};
 use super::problems::{CommonProblems, FileProblems};
 use super::reply::Document;
 use super::types::LidarMapRevision;
-use crate::storage::StorageError;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
@@ -85,7 +84,7 @@ pub(super) async fn restore_lidar_map(
     headers: HeaderMap,
 ) -> Result<(StatusCode, Document<LidarMapRevision>), Error> {
     let earlier = app.storage.lidar_map_revision(&home, level, revision).await?;
-    let earlier = earlier.ok_or(StorageError::NoLidarMap)?;
+    let earlier = earlier.ok_or(Error::NoSuchLidarRevision(revision))?;
     app.limits.room(&app.storage, &caller.tenant, earlier.size_bytes).await?;
     to_the_end(async move {
         let is_expected = lidar_map::is_expected(&headers);

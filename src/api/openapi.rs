@@ -9,8 +9,8 @@ use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use utoipa::openapi::OpenApi;
 
+const FILE: &str = "#/components/schemas/FileBytes";
 const PROBLEM: &str = "application/problem+json";
-const JSON: &str = "application/json";
 
 /// Returns the whole document.
 pub(super) fn complete(document: &OpenApi) -> OpenApi {
@@ -18,16 +18,19 @@ pub(super) fn complete(document: &OpenApi) -> OpenApi {
     document["servers"] = json!([{"url": "/", "description": "The service that serves this document"}]);
     list_problem_types(&mut document);
     let examples = Examples::of(&mut document);
+    let mut shared = Map::new();
     for (path, operations) in members(document.get_mut("paths")) {
         for (method, operation) in members(Some(operations)) {
             if method == "get" && path.starts_with("/v1/") {
                 allow_conditions(operation);
             }
+            demand_values(operation);
             for (status, answer) in members(operation.get_mut("responses")) {
-                show_answer(answer, status, &examples);
+                show_answer(answer, status, &examples, &mut shared);
             }
         }
     }
+    document["components"]["examples"] = Value::Object(shared);
     share_problems(&mut document);
     serde_json::from_value(document).expect("it is the document with more members of the same kinds")
 }
@@ -94,17 +97,43 @@ fn allow_conditions(operation: &mut Value) {
     }
 }
 
-fn show_answer(answer: &mut Value, status: &str, examples: &Examples) {
+/// Removes null from the types of headers and files: one is absent or has a value.
+fn demand_values(operation: &mut Value) {
+    for (_, content) in members(operation.get_mut("requestBody").and_then(|body| body.get_mut("content"))) {
+        let mut choices = content["schema"]["oneOf"].as_array().into_iter().flatten();
+        if let Some(file) = choices.find(|choice| choice["$ref"] == FILE).cloned() {
+            content["schema"] = file;
+        }
+    }
+    for parameter in operation.get_mut("parameters").and_then(Value::as_array_mut).into_iter().flatten() {
+        if let Some(types) = parameter["schema"]["type"].as_array()
+            && let Some(kind) = types.iter().find(|kind| *kind != "null").cloned()
+        {
+            parameter["schema"]["type"] = kind;
+        }
+    }
+}
+
+/// Adds an example to an answer. The examples of documents with a name are in `components.examples`, since many
+/// operations answer with the same document.
+fn show_answer(answer: &mut Value, status: &str, examples: &Examples, shared: &mut Map<String, Value>) {
     // The first code of the description stands for the others.
     let description = answer["description"].as_str().unwrap_or_default().to_owned();
     for (media_type, content) in members(answer.get_mut("content")) {
         let example = match media_type.as_str() {
             PROBLEM => Some(problem(&description, status)),
-            JSON => examples.of_schema(&content["schema"]),
+            kind if kind.ends_with("json") => examples.of_schema(&content["schema"]),
             _ => None,
         };
-        if let Some(example) = example {
-            content["example"] = example;
+        let Some(example) = example else { continue };
+        let named = content["schema"]["$ref"].as_str().and_then(|target| target.rsplit('/').next());
+        match named.filter(|_| media_type != PROBLEM) {
+            Some(name) => {
+                let name = name.to_owned();
+                content["examples"] = json!({&name: {"$ref": format!("#/components/examples/{name}")}});
+                shared.insert(name, json!({"value": example}));
+            }
+            None => content["example"] = example,
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Documents, entity tags and conditional requests (RFC 9110, 13.1).
 
 use super::digits::json;
+use super::error::Error;
+use crate::storage::StorageError;
 use axum::body::{Body, HttpBody};
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
@@ -16,6 +18,9 @@ pub(super) const IMMUTABLE: HeaderValue = HeaderValue::from_static("private, max
 
 /// Maximum size of a document that gets its tag after it was made.
 const MAX_TAGGED_BYTES: u64 = 64 << 20;
+
+/// Paths whose HEAD is an operation of its own: that of tus.
+const OWN_HEADS: &str = "/v1/uploads/";
 
 /// A JSON document as an answer.
 pub(super) struct Document<T>(pub T);
@@ -67,6 +72,14 @@ pub(super) fn may_change<T: Serialize>(headers: &HeaderMap, current: Option<&T>)
     is_wanted && !is_known(headers, &tag)
 }
 
+/// Returns the refusal of a change, which names the condition that is not met.
+pub(super) fn unmet(headers: &HeaderMap, error: StorageError) -> Error {
+    match error {
+        StorageError::Changed { what } if !headers.contains_key(header::IF_MATCH) => Error::Exists { what },
+        error => error.into(),
+    }
+}
+
 /// Returns the answer with its entity tag, or 304 if the client has it.
 pub(super) fn unless_known(headers: &HeaderMap, tag: &str, answer: impl FnOnce() -> Response) -> Response {
     let answer = if is_known(headers, tag) { StatusCode::NOT_MODIFIED.into_response() } else { answer() };
@@ -83,13 +96,21 @@ pub(super) fn tagged(mut answer: Response, tag: &str) -> Response {
     answer
 }
 
-/// Middleware that gives every document its entity tag, and answers 304 to a client that has it.
-pub(super) async fn tag_documents(request: Request, next: Next) -> Response {
-    if request.method() != Method::GET {
+/// Middleware that gives every document its entity tag, and answers 304 to a client that has it. HEAD is answered as GET
+/// without the body, since the tag is that of the body.
+pub(super) async fn tag_documents(mut request: Request, next: Next) -> Response {
+    let is_head = request.method() == Method::HEAD && !request.uri().path().starts_with(OWN_HEADS);
+    if is_head {
+        *request.method_mut() = Method::GET;
+    } else if request.method() != Method::GET {
         return next.run(request).await;
     }
     let conditions = request.headers().clone();
-    let answer = next.run(request).await;
+    let answer = tagged_document(&conditions, next.run(request).await).await;
+    if is_head { without_body(answer) } else { answer }
+}
+
+async fn tagged_document(conditions: &HeaderMap, answer: Response) -> Response {
     let size_bytes = answer.body().size_hint().exact();
     let is_document = answer.status() == StatusCode::OK
         && answer.headers().get(header::CONTENT_TYPE).is_some_and(|kind| kind == "application/json")
@@ -104,5 +125,15 @@ pub(super) async fn tag_documents(request: Request, next: Next) -> Response {
         return StatusCode::INTERNAL_SERVER_ERROR.into_response();
     };
     let tag = tag_of(&[&text]);
-    unless_known(&conditions, &tag, || Response::from_parts(head, Body::from(text)))
+    unless_known(conditions, &tag, || Response::from_parts(head, Body::from(text)))
+}
+
+/// Returns the head of an answer, with the length of its body if that is known.
+fn without_body(answer: Response) -> Response {
+    let size_bytes = answer.body().size_hint().exact();
+    let (mut head, _) = answer.into_parts();
+    if let Some(size_bytes) = size_bytes.filter(|_| head.status != StatusCode::NOT_MODIFIED) {
+        head.headers.insert(header::CONTENT_LENGTH, HeaderValue::from(size_bytes));
+    }
+    Response::from_parts(head, Body::empty())
 }

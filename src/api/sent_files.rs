@@ -43,7 +43,7 @@ pub(super) async fn get_lidar_map_file(
     headers: HeaderMap,
 ) -> Result<Response, Error> {
     let map = app.storage.lidar_map_revision(&home, level, revision).await?;
-    let map = map.ok_or(StorageError::NoLidarMap)?;
+    let map = map.ok_or(Error::NoSuchLidarRevision(revision))?;
     let blob = app.storage.lidar_map_blob(&map).await?;
     let name = map.file_name.unwrap_or_else(|| format!("{home}-{level}-{revision}"));
     Ok(sent(&headers, &map.sha256, &name, blob))

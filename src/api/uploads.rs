@@ -41,8 +41,6 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use uuid::Uuid;
 
-const VERSION: HeaderValue = HeaderValue::from_static("1.0.0");
-
 /// Parameters of uploads in parts.
 #[derive(Debug, Clone)]
 pub struct UploadParams {
@@ -90,17 +88,17 @@ pub(super) fn routes() -> OpenApiRouter<App> {
 /// it asks for the version, GET because it is not part of tus.
 async fn speak_tus(request: Request, next: Next) -> Response {
     let asks = [Method::OPTIONS, Method::GET].contains(request.method());
-    let mut response = if asks || request.headers().get(headers::RESUMABLE) == Some(&VERSION) {
-        next.run(request).await
-    } else {
-        Error::Upload(UploadRefusal::OtherVersion).into_response()
+    let version = if asks { Ok(()) } else { headers::check_version(request.headers()) };
+    let is_refused = version.is_err();
+    let mut response = match version {
+        Ok(()) => next.run(request).await,
+        Err(error) => error.into_response(),
     };
-    let is_version_refused = response.status() == StatusCode::PRECONDITION_FAILED;
     let answered = response.headers_mut();
-    answered.insert(headers::RESUMABLE, VERSION);
+    answered.insert(headers::RESUMABLE, headers::SERVED);
     answered.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
-    if is_version_refused {
-        answered.insert(headers::VERSION, VERSION);
+    if is_refused {
+        answered.insert(headers::VERSION, headers::SERVED);
     }
     response
 }
@@ -118,7 +116,7 @@ async fn speak_tus(request: Request, next: Next) -> Response {
 /// `Viola-Job` are their paths. A file that is no clip is refused, as by `POST /v1/homes/{home}/clips`.
 #[utoipa::path(post, path = "/v1/uploads", tag = "uploads",
     params(
-        ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`"),
+        ("Tus-Resumable" = String, Header, pattern = r"^[0-9]+\.[0-9]+\.[0-9]+$", example = "1.0.0", description = "`1.0.0`"),
         ("Upload-Length" = Option<u64>, Header, description = "Bytes of the whole file"),
         ("Upload-Defer-Length" = Option<u64>, Header, minimum = 1, maximum = 1, description = "`1`: a later PATCH gives the length"),
         ("Upload-Metadata" = Option<String>, Header, description = "`home` and optionally `filename`, `recorded_at`, \
@@ -215,7 +213,7 @@ async fn get_upload(
 ///
 /// An interrupted client resumes at `Upload-Offset`.
 #[utoipa::path(head, path = "/v1/uploads/{upload}", tag = "uploads",
-    params(UploadPath, ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`")),
+    params(UploadPath, ("Tus-Resumable" = String, Header, pattern = r"^[0-9]+\.[0-9]+\.[0-9]+$", example = "1.0.0", description = "`1.0.0`")),
     responses(
         (status = 200, description = "The upload resumes at `Upload-Offset`, or is complete",
             headers(("Upload-Offset" = u64, description = "Number of durable bytes"),
@@ -247,7 +245,7 @@ async fn head_upload(
 /// clip. A file that comes in more than 10 000 pieces is refused with 413, `too-many-pieces`.
 #[utoipa::path(patch, path = "/v1/uploads/{upload}", tag = "uploads",
     params(UploadPath,
-        ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`"),
+        ("Tus-Resumable" = String, Header, pattern = r"^[0-9]+\.[0-9]+\.[0-9]+$", example = "1.0.0", description = "`1.0.0`"),
         ("Upload-Offset" = u64, Header, description = "Number of bytes that the service has"),
         ("Upload-Length" = Option<u64>, Header, description = "Bytes of the whole file, if not given before"),
         ("Upload-Checksum" = Option<String>, Header, description = "Of the body: `sha1` or `sha256`, and the sum in base64")),
@@ -306,7 +304,7 @@ async fn append(app: App, id: Uuid, sent: &HeaderMap, body: Body) -> Result<Resp
 ///
 /// Its bytes are removed. A clip that was made of it stays; the clip has a DELETE of its own.
 #[utoipa::path(delete, path = "/v1/uploads/{upload}", tag = "uploads",
-    params(UploadPath, ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`")),
+    params(UploadPath, ("Tus-Resumable" = String, Header, pattern = r"^[0-9]+\.[0-9]+\.[0-9]+$", example = "1.0.0", description = "`1.0.0`")),
     responses(
         (status = 204, description = "The upload is removed"),
         (status = 410, description = "The upload was gone already: `upload-gone`", body = Problem,
@@ -330,7 +328,7 @@ async fn delete_upload(
 /// `X-HTTP-Method-Override` names the method; everything else is as for this method.
 #[utoipa::path(post, path = "/v1/uploads/{upload}", tag = "uploads",
     params(UploadPath,
-        ("Tus-Resumable" = String, Header, pattern = r"^1\.0\.0$", description = "`1.0.0`"),
+        ("Tus-Resumable" = String, Header, pattern = r"^[0-9]+\.[0-9]+\.[0-9]+$", example = "1.0.0", description = "`1.0.0`"),
         ("X-HTTP-Method-Override" = String, Header, pattern = "^(PATCH|DELETE)$", description = "`PATCH` or `DELETE`"),
         ("Upload-Offset" = Option<u64>, Header, description = "As for PATCH"),
         ("Upload-Length" = Option<u64>, Header, description = "As for PATCH"),
@@ -376,7 +374,14 @@ async fn describe_uploads(State(app): State<App>) -> (StatusCode, HeaderMap) {
 
 /// Get the supported version and extensions of tus, which are the same for every upload
 #[utoipa::path(options, path = "/v1/uploads/{upload}", tag = "uploads", params(UploadPath),
-    responses((status = 204, description = "The answer is in the headers, as for `/v1/uploads`"), CommonProblems))]
-async fn describe_upload(State(app): State<App>, UploadPath { .. }: UploadPath) -> (StatusCode, HeaderMap) {
-    (StatusCode::NO_CONTENT, answer::abilities(app.max_upload_bytes))
+    responses((status = 204, description = "The answer is in the headers, as for `/v1/uploads`"),
+        (status = 410, description = "The upload is gone: `upload-gone`", body = Problem,
+            content_type = "application/problem+json"),
+        CommonProblems))]
+async fn describe_upload(
+    State(app): State<App>,
+    UploadPath { upload: id }: UploadPath,
+) -> Result<(StatusCode, HeaderMap), Error> {
+    app.storage.living_upload(id, Timestamp::now()).await?;
+    Ok((StatusCode::NO_CONTENT, answer::abilities(app.max_upload_bytes)))
 }

@@ -72,10 +72,7 @@ pub(super) async fn create_webhook(
     Json(body): Json<WebhookBody>,
 ) -> Result<impl IntoResponse, Error> {
     let tenant = caller.for_all_homes()?;
-    let invalid = |detail: String, field: &'static str| Error::InvalidMember {
-        field,
-        detail: format!("{field}: {detail}"),
-    };
+    let invalid = |detail: String, field: &'static str| Error::InvalidMember { field, detail };
     let url = check_url(&body.url, &app.webhooks).map_err(|error| invalid(error.to_string(), "url"))?;
     let mut kinds = body
         .kinds
@@ -88,7 +85,7 @@ pub(super) async fn create_webhook(
         }
     });
     if kinds.is_empty() {
-        return Err(invalid("name at least one kind of change, or leave it out".to_owned(), "kinds"));
+        return Err(invalid("kinds names at least one kind of change, or is left out".to_owned(), "kinds"));
     }
     match app.storage.create_webhook(tenant, url.as_str(), &kinds, Timestamp::now()).await? {
         WebhookMade::Made(webhook, secret) => {

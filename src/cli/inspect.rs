@@ -31,8 +31,7 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
     }
     if path.is_dir() {
         let found = Clip::open_with(path, &video_tools());
-        let found = found.with_context(|| format!("{} cannot be used as a clip", path.display()))?;
-        return clip(arguments, &found);
+        return clip(arguments, &found.map_err(|error| wrong_file::of_clip(path, error))?);
     }
     let refused = match LidarMap::open(path) {
         Ok(found) => return map(arguments, &found),

@@ -1,14 +1,16 @@
-//! The answer to a file that is no clip, in three lines.
+//! The answer to a file that is no clip or no map, in three lines.
 
 use anyhow::{Error, anyhow};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
-use viola_formats::clip::ClipError;
-use viola_formats::lidar::LidarMap;
+use viola_formats::clip::{Clip, ClipError};
+use viola_formats::lidar::{LidarError, LidarMap};
 
 const CLIPS: &str = "A clip is a recording with depth: a folder, zip or tar of a scanner app or a data set, or a single .r3d, \
                      .sens, .db (RTAB-Map), .mcap or .db3 (ROS 2) file.";
+const MAPS: &str = "A LiDAR map is the file of a robot (Valetudo, Roborock, Dreame, Viomi), a ROS map (YAML and image, or a zip of \
+                    both), a CARMEN log, or points as CSV, PLY or PCD.";
 const MORE: &str = "docs/formats.md lists what is read.";
 
 /// Returns the error of a clip that cannot be opened; a file of another kind is told in three lines.
@@ -23,6 +25,17 @@ pub fn of_clip(path: &Path, error: ClipError) -> Error {
         }
         (error, _) => Error::new(error).context(format!("clip {name}")),
     }
+}
+
+/// Returns the error of a LiDAR map that cannot be opened; a file of another kind is told in three lines.
+pub fn of_map(path: &Path, error: LidarError) -> Error {
+    let name = path.display();
+    if !matches!(error, LidarError::UnknownFormat) {
+        return Error::new(error).context(format!("LiDAR map {name}"));
+    }
+    let is_clip = Clip::open(path).is_ok();
+    let kind = if is_clip { Some("a clip (give it as --clip)") } else { kind(path) };
+    anyhow!("{name} is {}, not a LiDAR map\n{MAPS}\n{MORE}", kind.unwrap_or("an archive of other files"))
 }
 
 /// Names the kind of a file in words; `None` if it is a folder, an archive or unknown.
@@ -76,6 +89,17 @@ mod tests {
             let error = of_clip(&path, ClipError::UnknownLayout { files: 1 }).to_string();
             assert!(error.lines().count() == 3 && error.contains(words), "{error}");
         }
+        let path = folder.path().join("file");
+        for (bytes, words) in [
+            (&b"Dear diary,\n"[..], "is a text file, not a LiDAR map"),
+            (b"PK\x05\x06", "is an archive of other files"),
+        ] {
+            std::fs::write(&path, bytes).unwrap();
+            let error = of_map(&path, LidarError::UnknownFormat).to_string();
+            assert!(error.lines().count() == 3 && error.contains(words), "{error}");
+        }
+        let other = of_map(&path, LidarError::FileTooLarge { max_bytes: 7 });
+        assert!(format!("{other:#}").starts_with("LiDAR map "), "{other:#}");
         let other = of_clip(folder.path(), ClipError::VideoEnded { frame: 7 });
         assert!(format!("{other:#}").contains("before frame 7"), "{other:#}");
     }

@@ -104,8 +104,8 @@ async fn choices_that_are_refused() {
         (pose(zero(), zero(), json!(90)), Some("map_from_clip.yaw_rad")),
         (json!({"alternative": 0, "map_from_clip": {"x_m": 0, "y_m": 0, "yaw_rad": 0}}), None),
         (json!({}), None),
-        (json!({"alternative": null}), None),
-        (json!({"alternativ": 0}), None),
+        (json!({"alternative": null}), Some("alternative")),
+        (json!({"alternativ": 0}), Some("alternativ")),
     ];
     let before = server.get(&path).await.ok(200);
     for (body, field) in cases {

@@ -50,6 +50,9 @@ async fn every_document_has_a_tag_that_changes_with_it() {
         assert!(tag.starts_with('"') && caching.starts_with("private, "), "{path}: {tag} {caching}");
         let known = server.send(server.request(Method::GET, path).header("if-none-match", &tag)).await;
         assert_eq!((known.status, known.header("etag"), known.bytes.len()), (304, &*tag, 0), "{path}");
+        let head = server.send(server.request(Method::HEAD, path)).await;
+        assert_eq!((head.status, head.header("etag"), head.bytes.len()), (200, &*tag, 0), "HEAD {path}");
+        assert_eq!(head.header("content-length"), first.bytes.len().to_string(), "HEAD {path}");
         let other = server.send(server.request(Method::GET, path).header("if-none-match", "\"x\"")).await;
         assert_eq!((other.status, other.bytes.len()), (200, first.bytes.len()), "{path}");
     }
@@ -72,11 +75,12 @@ async fn a_change_of_an_old_state_is_refused() {
     let home = server.make_home("h").await;
     let name = json!({"name": "Elm"});
     let new_only = with(&server, Method::PUT, &home, ("if-none-match", "*"), &name).await;
-    assert_eq!(new_only.problem(412, "changed-meanwhile")["field"], "If-Match");
+    let refused = new_only.problem(412, "changed-meanwhile");
+    assert_eq!(refused["field"], "If-None-Match");
+    assert!(refused["detail"].as_str().unwrap().contains("exists already"), "{refused}");
     with(&server, Method::PUT, "/v1/homes/i", ("if-none-match", "*"), &name).await.ok(201);
-    with(&server, Method::PUT, "/v1/homes/j", ("if-match", "*"), &name)
-        .await
-        .problem(412, "changed-meanwhile");
+    let absent = with(&server, Method::PUT, "/v1/homes/j", ("if-match", "*"), &name).await;
+    assert_eq!(absent.problem(412, "changed-meanwhile")["field"], "If-Match");
     let old = server.get(&home).await.header("etag").to_owned();
     with(&server, Method::PUT, &home, ("if-match", &old), &name).await.ok(200);
     with(&server, Method::PUT, &home, ("if-match", &old), &json!({})).await.problem(412, "changed-meanwhile");

@@ -238,14 +238,14 @@ async fn corrections_that_are_refused() {
         (&object, json!({"yaw_rad": 90}), json!("yaw_rad")),
         (&object, json!({"pinned": "yes"}), json!("pinned")),
         (&object, json!({"hidden": 1}), json!("hidden")),
-        (&object, json!({"colour": "red"}), Value::Null),
+        (&object, json!({"colour": "red"}), json!("colour")),
         (&room, json!({"merge_with": []}), json!("merge_with")),
         (&room, json!({"merge_with": ["1"]}), json!("merge_with")),
         (&room, json!({"merge_with": ["nowhere"]}), json!("merge_with")),
         (&room, json!({"split_by": {"from_m": [0.0, 0.0]}}), json!("split_by")),
         (&room, json!({"split_by": {"from_m": [0.0, 0.0], "to_m": [0.0, 0.0]}}), json!("split_by")),
         (&room, json!({"split_by": {"from_m": [99.0, 0.0], "to_m": [99.0, 1.0]}}), json!("split_by")),
-        (&room, json!({"area_m2": 7}), Value::Null),
+        (&room, json!({"area_m2": 7}), json!("area_m2")),
     ] {
         let problem = patch(&server, path, &body).await.problem(422, "invalid-body");
         assert_eq!(problem["field"], field, "{body}");

@@ -44,6 +44,12 @@ async fn pages_of_named_origins_may_call_and_no_others() {
     assert_eq!(allowed.header("access-control-allow-origin"), "https://app.example");
     assert_eq!(allowed.header("access-control-allow-headers"), "authorization,upload-offset");
     assert!(allowed.header("access-control-allow-methods").contains("PATCH"));
+    // Without a method to ask for it is no preflight, but the question of tus.
+    let asked = server.request(Method::OPTIONS, "/v1/uploads").header("origin", "https://app.example");
+    for asked in [server.request(Method::OPTIONS, "/v1/uploads"), asked] {
+        let told = server.send(asked).await;
+        assert_eq!((told.status, told.header("tus-version")), (204, "1.0.0"));
+    }
     assert_eq!(preflight("https://evil.example").await.header("access-control-allow-origin"), "");
 
     let read = server.request(Method::GET, "/v1/homes/none").header("origin", "https://app.example");

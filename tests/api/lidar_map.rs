@@ -120,8 +120,11 @@ async fn an_earlier_map_comes_back_and_every_file_can_be_had() {
         assert_eq!(file.header("content-disposition"), format!("attachment; filename=\"{name}\""));
         assert!(file.header("cache-control").contains("immutable"));
     }
-    for revision in ["4", "0"] {
-        server.get(&format!("{path}/revisions/{revision}/file")).await.problem(404, "lidar-map-not-found");
+    let missing = server.get(&format!("{path}/revisions/4/file")).await.problem(404, "lidar-map-not-found");
+    assert!(missing["detail"].as_str().unwrap().contains("no revision 4"), "{missing}");
+    server.post(&format!("{path}/revisions/4/restore"), "").await.problem(404, "lidar-map-not-found");
+    for revision in ["0", "-1", "x"] {
+        let path = format!("{path}/revisions/{revision}/restore");
+        assert_eq!(server.post(&path, "").await.problem(400, "invalid-path")["field"], "revision");
     }
-    server.post(&format!("{path}/revisions/x/restore"), "").await.problem(400, "invalid-path");
 }

@@ -20,6 +20,7 @@ mod lidar_map;
 mod limits;
 mod map;
 mod metrics;
+mod neighbours;
 mod origins;
 mod parameters;
 mod problems;

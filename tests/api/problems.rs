@@ -73,22 +73,28 @@ async fn bad_requests_are_told_apart() {
 #[tokio::test]
 async fn bad_json_is_told_apart() {
     let server = Server::start().await;
-    let name = |length: usize| json!({"name": "n".repeat(length)}).to_string();
+    let name = |name: &str| json!({"name": name}).to_string();
+    let json_type = "application/json";
     let cases = [
-        ("application/json", "{".to_owned(), 400, "malformed-json"),
-        ("application/json", "{} {}".to_owned(), 400, "malformed-json"),
-        ("application/json", r#"{"name": 7}"#.to_owned(), 422, "invalid-body"),
-        ("application/json", r#"{"nam": "x"}"#.to_owned(), 422, "invalid-body"),
-        ("application/json", "{\"name\":".repeat(5_000), 400, "malformed-json"),
-        ("application/json", r#"["x"]"#.to_owned(), 422, "invalid-body"),
-        ("application/json", name(201), 422, "invalid-body"),
-        ("application/json", name(100_000), 413, "body-too-large"),
-        ("text/plain", "{}".to_owned(), 415, "unsupported-media-type"),
+        (json_type, "{".to_owned(), 400, "malformed-json", None),
+        (json_type, "{} {}".to_owned(), 400, "malformed-json", None),
+        (json_type, r#"{"name": 7}"#.to_owned(), 422, "invalid-body", Some("name")),
+        (json_type, r#"{"nam": "x"}"#.to_owned(), 422, "invalid-body", Some("nam")),
+        (json_type, "{\"name\":".repeat(5_000), 400, "malformed-json", None),
+        (json_type, r#"["x"]"#.to_owned(), 422, "invalid-body", None),
+        (json_type, "7".to_owned(), 422, "invalid-body", None),
+        (json_type, name(""), 422, "invalid-body", Some("name")),
+        (json_type, name("a\u{7}"), 422, "invalid-body", Some("name")),
+        (json_type, name(&"n".repeat(201)), 422, "invalid-body", Some("name")),
+        (json_type, name(&"n".repeat(100_000)), 413, "body-too-large", None),
+        ("text/plain", "{}".to_owned(), 415, "unsupported-media-type", None),
     ];
-    for (media_type, body, status, code) in cases {
+    for (media_type, body, status, code, field) in cases {
+        let what = body.chars().take(20).collect::<String>();
         let request =
             server.request(Method::PUT, "/v1/homes/h").header("content-type", media_type).body(body);
-        server.send(request).await.problem(status, code);
+        let problem = server.send(request).await.problem(status, code);
+        assert_eq!(problem["field"].as_str(), field, "{what}: {problem}");
     }
     server.get("/v1/homes/h").await.problem(404, "home-not-found");
 }

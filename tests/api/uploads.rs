@@ -74,7 +74,8 @@ async fn a_clip_arrives_in_two_parts() {
 #[tokio::test]
 async fn options_tell_what_is_served() {
     let server = Server::with(|params| params.max_upload_bytes = 12_345).await;
-    for path in [UPLOADS.to_owned(), format!("{UPLOADS}/{ID}")] {
+    server.make_home("h").await;
+    for path in [UPLOADS.to_owned(), server.begin("h", 10).await] {
         // OPTIONS needs no version.
         let asked = server.request(Method::OPTIONS, &path).header("Tus-Resumable", "0.2.2");
         let answer = server.send(asked).await;
@@ -236,7 +237,9 @@ async fn going_on_is_refused_for_a_reason() {
         (server.tus(Method::DELETE, &none), 404, "upload-not-found", ""),
         (server.tus(Method::GET, &none), 404, "upload-not-found", ""),
         (server.patch(&format!("{UPLOADS}/7"), 0, b"x"), 400, "invalid-path", "upload"),
-        (bare(Method::PATCH), 412, "tus-version-unsupported", "Tus-Resumable"),
+        (bare(Method::PATCH), 400, "invalid-header", "Tus-Resumable"),
+        (bare(Method::PATCH).header("Tus-Resumable", "1"), 400, "invalid-header", "Tus-Resumable"),
+        (server.tus(Method::OPTIONS, &none), 404, "upload-not-found", ""),
         (
             bare(Method::DELETE).header("Tus-Resumable", "0.2.2"),
             412,
@@ -258,8 +261,10 @@ async fn going_on_is_refused_for_a_reason() {
     // A HEAD's refusal has no body.
     let head = server.head(&none).await;
     assert_eq!((head.status, head.header("upload-offset")), (404, ""));
-    let other = server.send(bare(Method::HEAD)).await;
+    let other = server.send(bare(Method::HEAD).header("Tus-Resumable", "2.0.0")).await;
     assert_eq!((other.status, other.header("tus-version")), (412, "1.0.0"));
+    let none = server.send(bare(Method::HEAD)).await;
+    assert_eq!((none.status, none.header("tus-version")), (400, "1.0.0"));
     // None of these requests took effect.
     assert_eq!(server.offset(upload).await, 10);
     assert_eq!(server.blobs().len(), 1);

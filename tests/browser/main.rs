@@ -4,6 +4,7 @@
 //! Without them they are skipped with a message, or fail if `VIOLA_BROWSER=1`.
 
 mod origin;
+mod session;
 
 use image::RgbImage;
 use std::collections::HashMap;

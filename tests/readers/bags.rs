@@ -1,7 +1,7 @@
 //! ROS 2 bags (ros2/rosbag2; mcap.dev/spec; ros2/common_interfaces).
 
 use crate::databases::{Value, database};
-use crate::recording::{Recording, quaternion};
+use crate::recording::{Recorded, Recording, quaternion};
 use crate::writers::Files;
 use nalgebra::{Matrix3, Matrix4};
 
@@ -14,7 +14,17 @@ const IMAGE: &str = "sensor_msgs/msg/Image";
 const COMPRESSED: &str = "sensor_msgs/msg/CompressedImage";
 const INFO: &str = "sensor_msgs/msg/CameraInfo";
 const ODOMETRY: &str = "nav_msgs/msg/Odometry";
+const POSE: &str = "geometry_msgs/msg/PoseStamped";
 const TRANSFORMS: &str = "tf2_msgs/msg/TFMessage";
+
+/// Messages with the poses of the robot's base.
+#[derive(Clone, Copy, PartialEq)]
+pub enum PosesBy {
+    Odometry,
+    PoseStamped,
+    /// The tree of frames.
+    Tree,
+}
 
 /// CDR, least significant byte first.
 struct Cdr(Vec<u8>);
@@ -89,6 +99,10 @@ fn odometry(time_s: f64, pose: &Matrix4<f64>) -> Vec<u8> {
     Cdr::new().header(time_s, "odom").text("base_link").pose(pose).f64s(&[0.0; 36 + 6 + 36]).0
 }
 
+fn pose_stamped(time_s: f64, pose: &Matrix4<f64>) -> Vec<u8> {
+    Cdr::new().header(time_s, "odom").pose(pose).0
+}
+
 /// Returns the depth picture of a frame: millimetres, or metres in rows with padding.
 fn depth(recording: &Recording, index: usize) -> Vec<u8> {
     let frame = &recording.frames[index];
@@ -115,8 +129,8 @@ fn color(recording: &Recording, index: usize) -> Vec<u8> {
     cdr.u32(height).u32(width).text("bgr8").put([0]).u32(3 * width).bytes(&bgr).0
 }
 
-/// Returns the messages of a robot's recording; `by_odometry` or by the tree of frames.
-pub fn messages(recording: &Recording, by_odometry: bool) -> Vec<Message> {
+/// Returns the messages of a robot's recording.
+pub fn messages(recording: &Recording, poses_by: PosesBy) -> Vec<Message> {
     let mut messages = Vec::new();
     let start_s = recording.frames[0].time_s;
     let frame = "camera_depth_optical_frame";
@@ -144,10 +158,10 @@ pub fn messages(recording: &Recording, by_odometry: bool) -> Vec<Message> {
         let pose = frame.world_from_camera * camera_from_base;
         // The poses around a picture are the same, so that the one between them is known.
         for time_s in [frame.time_s - 0.02, frame.time_s + 0.03] {
-            messages.push(if by_odometry {
-                (time_s, "/odom", ODOMETRY, odometry(time_s, &pose))
-            } else {
-                (time_s, "/tf", TRANSFORMS, transform(time_s, "odom", "base_link", &pose))
+            messages.push(match poses_by {
+                PosesBy::Odometry => (time_s, "/odom", ODOMETRY, odometry(time_s, &pose)),
+                PosesBy::PoseStamped => (time_s, "/pose", POSE, pose_stamped(time_s, &pose)),
+                PosesBy::Tree => (time_s, "/tf", TRANSFORMS, transform(time_s, "odom", "base_link", &pose)),
             });
         }
         messages.push((frame.time_s, DEPTH, IMAGE, depth(recording, index)));
@@ -156,16 +170,53 @@ pub fn messages(recording: &Recording, by_odometry: bool) -> Vec<Message> {
     messages
 }
 
+/// Returns depth as the PNG of `compressedDepth`, behind its parameters.
+fn depth_png(recording: &Recording, frame: &Recorded) -> (&'static str, Vec<u8>) {
+    ("16UC1; compressedDepth png", [&[0; 12][..], &recording.depth_png(frame)].concat())
+}
+
+/// Returns depth packed by RVL, behind the parameters of `compressedDepth` and the picture's width and height.
+fn depth_rvl(recording: &Recording, frame: &Recorded) -> (&'static str, Vec<u8>) {
+    let mut nibbles = Vec::new();
+    let mut put = |mut value: u32| {
+        while value > 7 {
+            nibbles.push(8 | value & 7);
+            value >>= 3;
+        }
+        nibbles.push(value);
+    };
+    let mut last = 0;
+    for run in frame.depth_mm.chunk_by(|a, b| *a == 0 || *b != 0) {
+        // Missing readings come first, then valid ones.
+        let valid = run.iter().filter(|mm| **mm != 0).count();
+        assert!(run[..run.len() - valid].iter().all(|mm| *mm == 0));
+        put((run.len() - valid) as u32);
+        put(valid as u32);
+        for &mm in &run[run.len() - valid..] {
+            let difference = i32::from(mm) - last;
+            put((difference << 1 ^ difference >> 31) as u32);
+            last = i32::from(mm);
+        }
+    }
+    let word = |eight: &[u32]| (0..8).fold(0, |word, at| word << 4 | eight.get(at).unwrap_or(&0));
+    let (width, height) = recording.depth_size;
+    let sides = [width.to_le_bytes(), height.to_le_bytes()].concat();
+    let packed: Vec<u8> = nibbles.chunks(8).flat_map(|eight| word(eight).to_le_bytes()).collect();
+    ("16UC1; compressedDepth rvl", [&[0; 12][..], &sides, &packed].concat())
+}
+
+type PackDepth = fn(&Recording, &Recorded) -> (&'static str, Vec<u8>);
+
 /// Returns the same with colour as JPEG and depth as `compressedDepth`.
-fn compressed(recording: &Recording) -> Vec<Message> {
-    let mut messages = messages(recording, true);
+fn compressed(recording: &Recording, pack: PackDepth) -> Vec<Message> {
+    let mut messages = messages(recording, PosesBy::Odometry);
     messages.retain(|(_, topic, ..)| *topic != DEPTH && *topic != COLOR);
     for frame in &recording.frames {
         let header = || Cdr::new().header(frame.time_s, "camera_depth_optical_frame");
         let jpeg = header().text("bgr8; jpeg compressed bgr8").bytes(&frame.jpeg).0;
         messages.push((frame.time_s, "/camera/color/image_raw/compressed", COMPRESSED, jpeg));
-        let depth = [&[0; 12][..], &recording.depth_png(frame)].concat();
-        let depth = header().text("16UC1; compressedDepth png").bytes(&depth).0;
+        let (format, depth) = pack(recording, frame);
+        let depth = header().text(format).bytes(&depth).0;
         messages.push((frame.time_s, "/camera/depth/image_rect_raw/compressedDepth", COMPRESSED, depth));
     }
     messages
@@ -226,13 +277,13 @@ fn lz4(bytes: &[u8]) -> Vec<u8> {
 }
 
 pub fn mcap(root: &str, recording: &Recording) -> Files {
-    let file = mcap_file(&messages(recording, true), "zstd", crate::archives::zstd);
+    let file = mcap_file(&messages(recording, PosesBy::Odometry), "zstd", crate::archives::zstd);
     vec![(format!("{root}bag_0.mcap"), file)]
 }
 
 /// By the tree of frames, in two files without compression and with lz4.
 pub fn mcap_split(root: &str, recording: &Recording) -> Files {
-    let messages = messages(recording, false);
+    let messages = messages(recording, PosesBy::Tree);
     let (first, second) = messages.split_at(messages.len() / 2);
     vec![
         (format!("{root}bag_0.mcap"), mcap_file(first, "", <[u8]>::to_vec)),
@@ -254,7 +305,7 @@ CREATE INDEX timestamp_idx ON messages (timestamp ASC)";
 pub fn db3(root: &str, recording: &Recording) -> Files {
     let mut topics: Vec<&str> = Vec::new();
     let mut rows = Vec::new();
-    for (time_s, topic, kind, cdr) in compressed(recording) {
+    for (time_s, topic, kind, cdr) in compressed(recording, depth_png) {
         if !topics.contains(&topic) {
             topics.push(topic);
             let values = [topic, kind].map(|text| Value::Text(text.to_string()));
@@ -270,4 +321,14 @@ pub fn db3(root: &str, recording: &Recording) -> Files {
         rows.push(("INSERT INTO messages VALUES (NULL, 99, 0, ?)", vec![Value::Blob(cdr)]));
     }
     vec![(format!("{root}bag_0.db3"), database(DB3, rows))]
+}
+
+#[test]
+fn depth_packed_by_rvl_and_stamped_poses_are_read() {
+    let recording = Recording::small(4);
+    for messages in [compressed(&recording, depth_rvl), messages(&recording, PosesBy::PoseStamped)] {
+        let file = mcap_file(&messages, "", <[u8]>::to_vec);
+        let folder = crate::writers::as_folder(&[("bag.mcap".to_owned(), file)]);
+        crate::exports::check(folder.path(), "ros2_bag", true, &recording);
+    }
 }

@@ -1,6 +1,6 @@
 //! Bags and databases that cannot be read: the code and the words of the refusal, in little time and memory.
 
-use crate::bags::{Message, mcap, mcap_file, messages};
+use crate::bags::{Message, PosesBy, mcap, mcap_file, messages};
 use crate::databases::rtabmap;
 use crate::memory::peak_bytes;
 use crate::recording::Recording;
@@ -23,7 +23,7 @@ fn bag(bytes: Vec<u8>) -> Files {
 
 /// Returns a bag of the messages that `keep` names.
 fn with(keep: impl Fn(&Message) -> bool) -> Files {
-    let mut messages = messages(&Recording::small(3), true);
+    let mut messages = messages(&Recording::small(3), PosesBy::Odometry);
     messages.retain(keep);
     bag(mcap_file(&messages, "", <[u8]>::to_vec))
 }
@@ -41,14 +41,14 @@ fn bags_are_refused_by_name() {
     let two = vec![("a.mcap".to_string(), whole.clone()), ("b.mcap".to_string(), whole.clone())];
     check(two, "several_clips", "a.mcap");
     check(vec![("bag_0.db3.zstd".to_string(), vec![1])], "bad_metadata", "zstd -d");
-    let all = messages(&Recording::small(3), true);
+    let all = messages(&Recording::small(3), PosesBy::Odometry);
     check(bag(mcap_file(&all, "snappy", <[u8]>::to_vec)), "bad_metadata", "snappy");
     check(bag(mcap_file(&all, "lz4", <[u8]>::to_vec)), "bad_metadata", "not lz4");
 }
 
 #[test]
 fn lengths_in_a_bag_are_not_believed() {
-    let all = messages(&Recording::small(3), true);
+    let all = messages(&Recording::small(3), PosesBy::Odometry);
     let file = mcap_file(&all, "zstd", crate::archives::zstd);
     // After the magic bytes and the header: the opcode and the length of the chunk, its two times, its size.
     let chunk = 8 + 9 + 8 + 4 + 9;

@@ -46,6 +46,17 @@ fn an_answer_without_a_pose_has_an_exit_code_of_its_own() {
     assert!(stderr.contains("notes.txt is a text file, not a clip"), "{stderr}");
     let (code, _, stderr) = align("map.json", "--quiet");
     assert!(code == Some(1) && stderr.contains("a LiDAR map (give it as --lidar)"), "{stderr}");
+    for (map, words) in [
+        ("notes.txt", "notes.txt is a text file, not a LiDAR map"),
+        ("clip.zip", "clip.zip is a clip (give it as --clip), not a LiDAR map"),
+    ] {
+        let arguments = ["align", "--clip", "clip.zip", "--lidar", map, "--out", "answer"];
+        let (code, _, stderr) = run(&arguments, folder.path());
+        assert_eq!((code, stderr.lines().count()), (Some(1), 3), "{stderr}");
+        assert!(stderr.contains(words), "{stderr}");
+    }
+    let (code, _, stderr) = run(&["inspect", "."], folder.path());
+    assert_eq!((code, stderr.lines().count()), (Some(1), 3), "{stderr}");
     assert_eq!(align("clip.zip", "--unknown").0, Some(2));
 }
 
@@ -67,7 +78,10 @@ fn shells_and_man_get_their_files() {
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         let (code, script, _) = run(&["completions", shell], folder.path());
         assert!(code == Some(0) && script.contains("inspect"), "{shell}");
+        assert!(!script.contains("align-job"), "{shell} completes a command of child processes");
     }
+    let (code, _, stderr) = run(&["alig"], folder.path());
+    assert!(code == Some(2) && stderr.contains("'align'") && !stderr.contains("align-job"), "{stderr}");
     let (code, page, _) = run(&["man"], folder.path());
     assert!(code == Some(0) && page.contains(".TH viola 1"), "{page}");
     assert_eq!(run(&["man", "--out", "pages"], folder.path()).0, Some(0));

@@ -62,7 +62,7 @@ fn video(recording: &Recording, coding: &[&str]) -> Vec<u8> {
     let status = std::process::Command::new("ffmpeg")
         .args(["-v", "error", "-framerate", "10", "-i"])
         .arg(folder.path().join("%06d.jpg"))
-        .args(["-vf", "scale=640:480", "-pix_fmt", "yuv420p"])
+        .args(["-pix_fmt", "yuv420p"])
         .args(coding)
         .arg(&out)
         .status()
@@ -80,11 +80,16 @@ fn the_apartment_with_its_colour_as_video_is_aligned_as_it_is_directly() {
     let mut recording = Recording::scannet(&scene, FRAMES);
     // The app's matrix is in the video's pixels.
     recording.color_size = (640, 480);
+    let hevc = ["-c:v", "libx265", "-crf", "20", "-tag:v", "hvc1", "-x265-params", "log-level=none"];
+    let scaled = ["-vf", "scale=640:480"];
     for coding in [
-        &["-c:v", "libx264", "-bf", "3", "-crf", "18"][..],
-        &["-c:v", "libx265", "-crf", "20", "-tag:v", "hvc1", "-x265-params", "log-level=none"],
+        [&scaled[..], &["-c:v", "libx264", "-bf", "3", "-crf", "18"]].concat(),
+        // The app's own: the turn is in the header. ffmpeg counts it the other way round.
+        [&scaled[..], &hevc, &["-metadata:s:v", "rotate=270"]].concat(),
+        // Converted by a program that applied the turn.
+        [&["-vf", "scale=640:480,transpose=clock"][..], &hevc].concat(),
     ] {
-        let files = stray_with_video("", &recording, video(&recording, coding));
+        let files = stray_with_video("", &recording, video(&recording, &coding));
         let zip = as_zip(&files);
         check_aligned(zip.path(), "stray_scanner", &recording, &direct, &lidar);
         // Each frame's colour is that of its own picture, and not of its neighbour.

@@ -100,6 +100,67 @@ fn stray_scanner_of_all_ages() {
     check_told(&clip, "of the last frame");
 }
 
+/// Checks that two clips have the same poses, cameras and depth, and colours that differ by at most `levels` on average.
+fn check_same(clip: &Clip, other: &Clip, levels: f64) {
+    assert_eq!(clip.frames(), other.frames());
+    for index in 0..clip.frames().len() {
+        let (frame, other) = (clip.load(index).unwrap(), other.load(index).unwrap());
+        assert_eq!(frame.color_camera, other.color_camera);
+        assert_eq!((frame.depth_camera, frame.depth), (other.depth_camera, other.depth));
+        let (color, other) = (frame.color.unwrap(), other.color.unwrap());
+        assert_eq!(color.dimensions(), other.dimensions());
+        let sum: u64 = color.iter().zip(other.iter()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+        let off = sum as f64 / color.len() as f64;
+        assert!(off <= levels, "frame {index}: {off} levels");
+    }
+}
+
+#[test]
+fn stray_scanner_with_a_turned_video() {
+    let mut recording = Recording::small(3);
+    recording.color_size = (160, 120);
+    let read = |name: &str| {
+        let video = std::fs::read(format!("{}/tests/video/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+        let files = writers::stray_with_video("", &recording, video);
+        let clip = Clip::from_container(Box::new(Zip::from_bytes(zip_bytes(&files)).unwrap())).unwrap();
+        check_poses(&clip, &recording, name);
+        assert_eq!((clip.info().color_width, clip.info().color_height), (160, 120), "{name}");
+        clip
+    };
+    // The app writes the turn into the header alone.
+    let turned = read("rotated.mp4");
+    check_told(&turned, "90 degrees in its header was not applied");
+    check_same(&turned, &read("h264_no_b.mp4"), 0.0);
+    let turned = read("hevc_rotated.mp4");
+    check_same(&turned, &read("hevc_no_b.mp4"), 0.0);
+    // Another program applied it, and coded the pictures anew.
+    let upright = read("hevc_upright.mp4");
+    check_told(&upright, "turned back by a quarter");
+    check_same(&upright, &turned, 3.0);
+}
+
+#[test]
+fn stray_scanner_with_upright_pictures() {
+    let turn = |f: &mut Files| {
+        for (name, bytes) in f.iter_mut().filter(|(name, _)| name.starts_with("rgb/")) {
+            let picture = image::load_from_memory(bytes).unwrap().rotate90();
+            *name = name.replace(".jpg", ".png");
+            bytes.clear();
+            picture.write_to(&mut std::io::Cursor::new(bytes), image::ImageFormat::Png).unwrap();
+        }
+    };
+    let clip = check(writers::stray, turn);
+    check_told(&clip, "turned back by a quarter");
+    check_same(&clip, &check(writers::stray, |_| ()), 0.0);
+    // Intrinsics that are upright as well belong to another depth.
+    let matrix = "57, 0, 23.5\n0, 56.5, 31.5\n0, 0, 1\n";
+    let mut files = writers::stray("", &Recording::small(3));
+    turn(&mut files);
+    set(&mut files, "camera_matrix.csv", matrix);
+    let refused = Clip::from_container(Box::new(Zip::from_bytes(zip_bytes(&files)).unwrap()));
+    assert_eq!(refused.err().map(|error| error.code()), Some("color_depth_mismatch"));
+}
+
 #[test]
 fn record3d_of_all_ages() {
     let record3d = writers::record3d;

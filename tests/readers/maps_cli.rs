@@ -57,7 +57,7 @@ fn inspect_tells_what_a_file_is() {
 #[test]
 fn convert_writes_what_is_read_back() {
     let folder = as_folder(&[("map.rrmap".to_string(), roborock())]);
-    for (to, out) in [("valetudo", "map.json"), ("ros", "map.yaml"), ("ply", "map.ply")] {
+    for (to, out) in [("valetudo", "map.json"), ("ros", "map.yaml"), ("ros", "map.zip"), ("ply", "map.ply")] {
         let done = viola(&["convert", "map.rrmap", "--to", to, "--out", out], folder.path());
         assert!(done.status.success(), "{to}: {}", text_of(&done.stderr));
         let read = LidarMap::open(&folder.path().join(out)).unwrap();

@@ -71,7 +71,7 @@ fn ffmpeg() -> Option<PathBuf> {
 #[test]
 fn frames_and_times_are_ffmpegs() {
     let files = expected();
-    assert_eq!(files.len(), 12);
+    assert_eq!(files.len(), 14);
     for (name, frames) in files {
         let region = fixture(&name);
         let info = video::inspect(&region).unwrap();
@@ -104,6 +104,8 @@ fn tables_are_understood() {
     check("hevc_10.mp4", Codec::Hevc, (160, 120), 0);
     check("bt709.mov", Codec::H264, (154, 118), 0);
     check("rotated.mp4", Codec::H264, (160, 120), 90);
+    check("hevc_rotated.mp4", Codec::Hevc, (160, 120), 90);
+    check("hevc_upright.mp4", Codec::Hevc, (120, 160), 0);
 }
 
 proptest! {
@@ -111,7 +113,7 @@ proptest! {
 
     /// A frame does not depend on the other wanted frames.
     #[test]
-    fn any_subset_gives_the_same_frames(file in 0usize..12, chosen in prop::collection::vec(any::<bool>(), 30)) {
+    fn any_subset_gives_the_same_frames(file in 0usize..14, chosen in prop::collection::vec(any::<bool>(), 30)) {
         let (name, frames) = &expected()[file];
         let wanted: Vec<usize> = (0..frames.len()).filter(|number| chosen[*number]).collect();
         let theirs: Vec<String> = wanted.iter().map(|number| frames[*number].1.clone()).collect();

@@ -25,7 +25,14 @@ make bt709.mov "testsrc2=s=154x118:r=30:d=0.5" -vf scale=out_color_matrix=bt709:
     -colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range pc
 
 # The same pictures, said to be turned clockwise by a quarter, which ffmpeg counts the other way round.
-ffmpeg -v error -y -i h264_no_b.mp4 -c copy -metadata:s:v rotate=270 -fflags +bitexact rotated.mp4
+for file in h264_no_b hevc_no_b; do
+    ffmpeg -v error -y -i $file.mp4 -c copy -metadata:s:v rotate=270 -fflags +bitexact rotated_$file.mp4
+done
+mv rotated_h264_no_b.mp4 rotated.mp4
+mv rotated_hevc_no_b.mp4 hevc_rotated.mp4
+# Coded anew, with the turn applied to the pictures: upright, and without a turn in the header.
+ffmpeg -v error -y -i hevc_rotated.mp4 -c:v libx265 -tag:v hvc1 -crf 18 -threads 1 -x265-params "$x265:open-gop=0:bframes=0" \
+    -map_metadata -1 -fflags +bitexact hevc_upright.mp4
 # Cut without coding anew: the edit list leaves out what lies between the key frame and the cut.
 ffmpeg -v error -y -ss 0.55 -i h264_b.mp4 -t 0.3 -c copy -fflags +bitexact edited.mp4
 ffmpeg -v error -y -i hevc_b.mp4 -c copy -fflags +bitexact hevc_b.mov

@@ -80,7 +80,7 @@ impl RobotFormat {
 /// levels unless one is given. The file is made on request; keep it with its `ETag`.
 #[utoipa::path(get, path = "/v1/homes/{home}/map/robot", tag = "map", params(HomePath, RobotQuery, LevelQuery),
     responses((status = 200, description = "The file", content(
-            (FileBytes = "application/json"), (FileBytes = "application/zip"))),
+            (Object = "application/json"), (FileBytes = "application/zip"))),
         (status = 304, description = "The client has it"), CommonProblems))]
 pub(in crate::api) async fn get_map_robot(
     State(app): State<App>,

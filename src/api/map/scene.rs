@@ -151,7 +151,7 @@ pub(in crate::api) async fn get_map_coverage(
 #[utoipa::path(get, path = "/v1/homes/{home}/map/plan", tag = "map", params(HomePath, PlanQuery, LevelQuery),
     responses((status = 200, description = "The plan", content(
             (FileBytes = "image/svg+xml"), (FileBytes = "image/png"), (FileBytes = "application/pdf"),
-            (FileBytes = "application/geo+json"), (FileBytes = "image/vnd.dxf"), (FileBytes = "application/json"))),
+            (Object = "application/geo+json"), (FileBytes = "image/vnd.dxf"), (Object = "application/json"))),
         (status = 304, description = "The client has it"), CommonProblems))]
 pub(in crate::api) async fn get_map_plan(
     State(app): State<App>,

@@ -1,7 +1,7 @@
 //! Answers about an upload: the headers of tus, and a document for people and programs.
 
 use super::metadata::Metadata;
-use super::{VERSION, checksum, headers};
+use super::{checksum, headers};
 use crate::api::App;
 use crate::api::error::{Error, Problem};
 use crate::api::reply::Document;
@@ -166,7 +166,7 @@ pub(super) async fn created(app: &App, id: Uuid) -> Result<Response, Error> {
 /// Returns the supported version, extensions and limits of tus as headers.
 pub(super) fn abilities(max_bytes: u64) -> HeaderMap {
     let mut abilities = HeaderMap::new();
-    abilities.insert(headers::VERSION, VERSION);
+    abilities.insert(headers::VERSION, headers::SERVED);
     tell(&mut abilities, HeaderName::from_static("tus-extension"), EXTENSIONS);
     tell(&mut abilities, HeaderName::from_static("tus-max-size"), max_bytes.to_string());
     tell(&mut abilities, HeaderName::from_static("tus-checksum-algorithm"), checksum::ALGORITHMS);

@@ -3,11 +3,13 @@
 use super::refusal::UploadRefusal;
 use crate::api::bodies::content_length;
 use crate::api::error::Error;
-use axum::http::{HeaderMap, HeaderName, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
 use uuid::Uuid;
 
 pub(super) const RESUMABLE: HeaderName = HeaderName::from_static("tus-resumable");
 pub(super) const VERSION: HeaderName = HeaderName::from_static("tus-version");
+/// The version of tus that is served.
+pub(super) const SERVED: HeaderValue = HeaderValue::from_static("1.0.0");
 
 const MAX_METADATA_BYTES: usize = 4096;
 const MAX_PARTS: usize = 128;
@@ -59,6 +61,22 @@ fn number(headers: &HeaderMap, name: &'static str) -> Result<Option<u64>, Error>
     let digits = text.bytes().all(|byte| byte.is_ascii_digit());
     let number = text.parse().ok().filter(|number| digits && i64::try_from(*number).is_ok());
     number.map(Some).ok_or_else(|| invalid(name, format!("{name} is a number of bytes")))
+}
+
+/// Refuses a request that speaks another version of tus, or does not say which.
+pub(super) fn check_version(headers: &HeaderMap) -> Result<(), Error> {
+    const NAME: &str = "Tus-Resumable";
+    let Some(sent) = text(headers, NAME)? else {
+        return Err(invalid(NAME, "send the header Tus-Resumable: 1.0.0"));
+    };
+    if SERVED == sent {
+        return Ok(());
+    }
+    let is_number = |part: &str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
+    if sent.split('.').count() == 3 && sent.split('.').all(is_number) {
+        return Err(UploadRefusal::OtherVersion.into());
+    }
+    Err(invalid(NAME, "Tus-Resumable is a version: 1.0.0"))
 }
 
 pub(super) fn offset(headers: &HeaderMap) -> Result<u64, Error> {

@@ -2,6 +2,7 @@
 
 use crate::cli::progress::TerminalProgress;
 use crate::cli::video_tools::video_tools;
+use crate::cli::wrong_file;
 use anyhow::{Context, Result, bail};
 use std::fs::{self, File};
 use std::io::BufWriter;
@@ -12,7 +13,7 @@ use viola_geometry::progress::{Progress, Stage};
 
 /// Writes a clip into a new or empty folder, or into a zip archive.
 pub(super) fn convert(file: &Path, out: &Path, layout: WrittenLayout) -> Result<Vec<String>> {
-    let clip = Clip::open_with(file, &video_tools()).with_context(|| format!("clip {}", file.display()))?;
+    let clip = Clip::open_with(file, &video_tools()).map_err(|error| wrong_file::of_clip(file, error))?;
     if !clip.info().metric {
         bail!(
             "{}: the unit of its poses and depth is unknown, and clips are written in metres",

@@ -1,12 +1,15 @@
 //! Conversion of maps.
 
 use super::write;
+use crate::cli::wrong_file;
 use anyhow::{Context, Result, bail};
+use std::io::Cursor;
 use std::path::Path;
+use viola_formats::clip::write::{Sink, ZipSink};
 use viola_formats::lidar::LidarMap;
 
 fn open(file: &Path) -> Result<LidarMap> {
-    LidarMap::open(file).with_context(|| format!("map {}", file.display()))
+    LidarMap::open(file).map_err(|error| wrong_file::of_map(file, error))
 }
 
 /// Returns the notes of the reader, then those of the writer.
@@ -28,8 +31,18 @@ pub(super) fn ply(file: &Path, out: &Path) -> Result<Vec<String>> {
     Ok(all_notes(&map, written.notes))
 }
 
+/// Writes the YAML file and its image beside it, or a zip archive of both if the name ends with .zip.
 pub(super) fn ros(file: &Path, out: &Path) -> Result<Vec<String>> {
     let map = open(file)?;
+    if out.extension().is_some_and(|ending| ending == "zip") {
+        let files = map.to_ros("map.pgm")?;
+        let mut sink = ZipSink::new(Cursor::new(Vec::new()));
+        sink.put("map.yaml", &files.yaml)?;
+        sink.put("map.pgm", &files.pgm)?;
+        let bytes = sink.finish().context("cannot make the archive")?.into_inner();
+        write(out, &bytes)?;
+        return Ok(all_notes(&map, files.notes));
+    }
     let image = out.with_extension("pgm");
     if image == *out {
         bail!("--out is the yaml file: its image is written to {}", image.display());

@@ -78,6 +78,13 @@ export function placeSteps({ page, base, makeHome, file, go, open, shot, pointsS
     await page.locator(".verdict .advice", { hasText: "Probably not this home" }).waitFor();
     assert.ok((await page.locator(".verdict .reasons li").count()) > 0, "no reason is told");
     await hasThumbnail(page.locator(".verdict img"));
+    const frames = page.getByRole("img", { name: "A few frames of the clip" });
+    await frames.scrollIntoViewIfNeeded();
+    const [width, height] = await frames.evaluate(async (image) => {
+      await image.decode();
+      return [image.naturalWidth, image.naturalHeight];
+    });
+    assert.ok(width > 2 * height && height >= 100, `the frames are a picture of ${width} x ${height} pixels`);
     assert.equal(await page.locator("main button.primary").count(), 0, "a doubtful place is offered as the obvious choice");
     await shot("17-foreign-clip");
   }

@@ -33,7 +33,8 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
     let frames_with_pose = layout.sources.iter().filter(|s| s.world_from_camera.is_some()).count();
 
     let first = &layout.sources[0];
-    let color_size = first.color.size(container.as_ref())?;
+    let lying = |(width, height)| if layout.color_is_turned { (height, width) } else { (width, height) };
+    let color_size = first.color.size(container.as_ref())?.map(lying);
     let depth_size = first.depth.size(container.as_ref())?;
     check_depth_size(first.number, depth_size)?;
     let sizes = Sizes { color: color_size, depth: depth_size };
@@ -81,6 +82,7 @@ pub(super) fn assemble(container: Box<dyn Container>, tools: &Tools) -> Result<C
         container,
         region: layout.region,
         video,
+        color_is_turned: layout.color_is_turned,
         pictures,
         cameras,
         depth_units_per_m: layout.depth_units_per_m,

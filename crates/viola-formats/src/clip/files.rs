@@ -5,7 +5,7 @@ use super::rows::Rows;
 use super::{ClipError, Frame, FrameHeader, colmap_depth, depth, npy, picture};
 use crate::container::{Container, ContainerError, Region};
 use crate::video::Tools;
-use image::RgbImage;
+use image::{RgbImage, imageops};
 use std::sync::Arc;
 use viola_geometry::{Pinhole, Pose3};
 
@@ -200,6 +200,8 @@ pub(super) struct Files {
     pub region: Option<Region>,
     /// The video with the colour, and its decoding tools.
     pub video: Option<Video>,
+    /// True if the pictures and the video's frames are turned clockwise by a quarter beside the colour camera.
+    pub color_is_turned: bool,
     pub pictures: Vec<Pictures>,
     pub cameras: Cameras,
     pub depth_units_per_m: f32,
@@ -217,20 +219,24 @@ impl Files {
         let container = self.container.as_ref();
         let name = |place: &u32| container.names()[*place as usize].as_str();
         let cameras = cameras.as_deref().unwrap_or(&self.cameras);
+        let Pinhole { width, height, .. } = cameras.color;
+        let (width, height) = if self.color_is_turned { (height, width) } else { (width, height) };
+        let stored = Pinhole { width, height, ..cameras.color };
         let color = match color {
             None => None,
             Some(Place::File(place)) => {
                 let name = name(place);
-                Some(picture::decode_color(&picture::read(container, name)?, name, &cameras.color)?)
+                Some(picture::decode_color(&picture::read(container, name)?, name, &stored)?)
             }
             Some(Place::Video(frame)) => {
                 Some(of_video.unwrap_or(Err(ClipError::VideoEnded { frame: *frame }))?)
             }
             Some(Place::Part(part)) => {
                 let bytes = part.read(self.region.as_ref(), "colour")?;
-                Some(part.decode_color(bytes, &cameras.color)?)
+                Some(part.decode_color(bytes, &stored)?)
             }
         };
+        let color = if self.color_is_turned { color.as_ref().map(imageops::rotate270) } else { color };
         let mut depth = match depth {
             DepthPlace::Png(place) => {
                 let name = name(place);

@@ -65,6 +65,8 @@ pub(super) struct Layout {
     pub region: Option<Region>,
     /// The video with the colour, and its name in the container.
     pub video: Option<(String, Region)>,
+    /// True if colour is turned clockwise by a quarter beside depth and intrinsics. It is turned back.
+    pub color_is_turned: bool,
     pub notes: Vec<String>,
 }
 
@@ -90,6 +92,7 @@ impl Layout {
             sources,
             region: None,
             video: None,
+            color_is_turned: false,
             notes: Vec::new(),
         }
     }

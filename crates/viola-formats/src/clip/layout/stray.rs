@@ -1,6 +1,10 @@
 //! Stray Scanner: `odometry.csv`, `camera_matrix.csv`, `depth/000000.png`, `confidence/000000.png`, and
 //! colour as `rgb.mp4`, `rgb.mov` or pictures in `rgb/` (strayrobots/scanner, docs/format.md and the encoders
 //! in Swift; OpenArCloud/openvps and YvigUnderscore/ReMap read the same).
+//!
+//! Depth, intrinsics and the pixels of the video lie as the sensor does. The app writes a rotation by 90 degrees
+//! clockwise into the video's header, however the phone is held (`VideoEncoder.swift`). Players and most
+//! programs that unpack or convert the video apply it, so their pictures are upright beside depth that lies.
 
 mod imu;
 
@@ -18,6 +22,9 @@ use viola_geometry::{Pose3, Vector3};
 const ODOMETRY: &str = "odometry.csv";
 const INTRINSICS: &str = "camera_matrix.csv";
 const PICTURES: [&str; 3] = ["jpg", "jpeg", "png"];
+
+const TURNED: &str = "colour is upright and depth lies as the sensor does: colour was turned back by a quarter, against \
+    the rotation by 90 degrees that the app writes into its video";
 
 /// Maximum relative change of a frame's intrinsics from the last frame's: the lens moves to stabilise.
 const MAX_DRIFT: f64 = 0.1;
@@ -61,14 +68,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     };
     let intrinsics = read_intrinsics(container, &format!("{root}{INTRINSICS}"), Of::Color)?;
     let mut notes = Vec::new();
-    let mut own_numbers = rows.values().filter_map(|row| row.numbers).peekable();
-    let has_own = own_numbers.peek().is_some();
-    let use_own = has_own && own_numbers.all(|own| own.is_near(&intrinsics.numbers, MAX_DRIFT));
-    if has_own && !use_own {
-        notes.push(format!(
-            "fx, fy, cx, cy of {ODOMETRY} are not near those of {INTRINSICS}, which were used"
-        ));
-    }
+    let use_own = use_own(&rows, &intrinsics.numbers, &mut notes);
 
     let mut sources = Vec::new();
     for (&number, &depth) in &depth {
@@ -90,6 +90,8 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         notes.push(imu::compare(container, &imu, poses)?);
     }
     notes.extend(video.as_ref().map(|(name, _, info)| video::words(name, info)));
+    let color_is_turned = is_turned(container, sources.first(), &intrinsics.numbers)?;
+    notes.extend(color_is_turned.then(|| TURNED.to_string()));
     let color_pictures = color.len() + shown;
     let incomplete = incomplete(color_pictures, depth.len(), sources.len());
     let words = if use_own {
@@ -107,9 +109,35 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         incomplete,
         intrinsics: words,
         video: video.map(|(name, region, _)| (name, region)),
+        color_is_turned,
         notes,
         ..Layout::new("stray_scanner", Cameras::One(intrinsics), sources)
     }))
+}
+
+/// Returns whether the rows' own intrinsics are used, and notes if they are not.
+fn use_own(rows: &BTreeMap<u32, Row>, numbers: &Numbers, notes: &mut Vec<String>) -> bool {
+    let mut own = rows.values().filter_map(|row| row.numbers).peekable();
+    let has_own = own.peek().is_some();
+    let use_own = has_own && own.all(|own| own.is_near(numbers, MAX_DRIFT));
+    if has_own && !use_own {
+        notes.push(format!(
+            "fx, fy, cx, cy of {ODOMETRY} are not near those of {INTRINSICS}, which were used"
+        ));
+    }
+    use_own
+}
+
+/// Returns whether colour is upright, and depth and intrinsics lie as the sensor does.
+fn is_turned(
+    container: &dyn Container,
+    first: Option<&Source>,
+    numbers: &Numbers,
+) -> Result<bool, ClipError> {
+    let Some(first) = first else { return Ok(false) };
+    let Some((color_width, color_height)) = first.color.size(container)? else { return Ok(false) };
+    let (depth_width, depth_height) = first.depth.size(container)?;
+    Ok(color_width < color_height && depth_width > depth_height && numbers.cx > numbers.cy)
 }
 
 /// Returns the rows by frame number; old recordings have no times and numbers, and are counted. Since April
