@@ -4,25 +4,26 @@
 //! `cargo run --release --example merges -- [room|home] [timed|untimed] CLIPS...`
 
 use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::Arc;
 use std::time::Instant;
-use tempfile::TempDir;
 use uuid::Uuid;
 use viola_align::{AlignParams, observe};
 use viola_geometry::Pose2;
 use viola_geometry::progress::Silent;
 use viola_home::{
-    ClipContribution, ClipNumbers, Manifest, Member, Tile, TileKey, Verdict, assemble, cloud_ply, describe,
-    views_bytes,
+    ClipContribution, ClipNumbers, LoadClips, Manifest, Member, PlacedClip, Tile, TileKey, Verdict, assemble,
+    cloud_ply, describe, views_bytes,
 };
 use viola_lab::evaluate::peak_memory_bytes;
 use viola_lab::simulate::{ClipParams, Home, HomeParams, Set, clip_in_memory};
 use viola_network::RuntimeParams;
 use viola_network::manifest::{self, Task};
-use viola_reconstruct::View;
 use viola_reconstruct::label::SurfaceNetwork;
+use viola_reconstruct::{Feature, View};
 
 /// Different recordings. More clips are these again, with other errors of their poses.
 const RECORDINGS: usize = 12;
@@ -35,42 +36,97 @@ type Failure = Box<dyn std::error::Error>;
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if let [command, place, times, count, folder] = &arguments[..]
+        && command == FIRST
+    {
+        return first(place, times, count.parse()?, Path::new(folder));
+    }
     let [place, times, counts @ ..] = &arguments[..] else {
         return Err("usage: merges room|home timed|untimed CLIPS...".into());
     };
-    let in_one_room = place == "room";
-    let home = Home::generate(&HomeParams::new(Set::Normal, 5));
-    let recordings = Recordings::make(&home, in_one_room)?;
-    println!("{place}, {times}: {:.1} MB of files a clip\n", recordings.mean_mb());
+    println!("{place}, {times}\n");
     println!(
-        "| clips | points | all others at once, clips read | one more: tiles anew | clips read | written | assembly | labels | description | sum | of both cores | peak memory |"
+        "| clips | points | all others at once, clips read | one more: tiles anew | clips read | written | assembly | windows | labels | description | sum | of both cores | peak memory | poses off |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for count in counts {
-        let count: usize = count.parse()?;
-        let members: Vec<Member> = (0..count).map(|at| recordings.member(at, times == "timed")).collect();
-        println!("{}", recordings.row(&home, &members)?);
+        let folder = tempfile::tempdir()?;
+        // In a process of its own, whose memory does not count.
+        let mut child = Command::new(std::env::current_exe()?);
+        let made = child.args([FIRST, place, times, count]).arg(folder.path()).status()?;
+        if !made.success() {
+            return Err("the first map could not be made".into());
+        }
+        println!("{}", row(&home(), times == "timed", count.parse()?, folder.path())?);
     }
     Ok(())
 }
 
+/// The command of the process that makes the map of all but the last clip.
+const FIRST: &str = "first";
+const MADE: &str = "made.json";
+const MANIFEST: &str = "manifest.json";
+
+/// What the process of the first map leaves beside its files.
+#[derive(Serialize, Deserialize)]
+struct Made {
+    map_from_clip: Vec<Pose2>,
+    tiles: Vec<(TileKey, usize)>,
+    sums: Vec<(TileKey, usize)>,
+    seconds: f64,
+    read: usize,
+}
+
+fn home() -> Home {
+    Home::generate(&HomeParams::new(Set::Normal, 5))
+}
+
+/// Records clips and makes the map of all but the last of `count`.
+fn first(place: &str, times: &str, count: usize, folder: &Path) -> Result<(), Failure> {
+    let recordings = Recordings::make(&home(), place == "room", folder)?;
+    let network = built_in_network()?;
+    let members: Vec<Member> =
+        (0..count.saturating_sub(1)).map(|at| recordings.member(at, times == "timed")).collect();
+    let begun = Instant::now();
+    let mut load = Load { of: &recordings, sums: BTreeMap::new(), read: 0 };
+    let map = assemble(&Manifest::default(), members, &mut load)?;
+    let seconds = begun.elapsed().as_secs_f64();
+    let map = map.label(BTreeMap::new(), Some(&network));
+    let kept = |name: &str, number: usize, bytes: &[u8]| {
+        std::fs::write(folder.join(format!("{name}_{number}")), bytes)
+    };
+    let (mut tiles, mut sums) = (Vec::new(), Vec::new());
+    for (number, (key, tile)) in map.tiles.iter().enumerate() {
+        kept("tile", number, &tile.to_bytes())?;
+        tiles.push((*key, number));
+    }
+    for (number, (key, bytes)) in map.sums.iter().enumerate() {
+        if let Some(bytes) = bytes {
+            kept("sums", number, bytes)?;
+            sums.push((*key, number));
+        }
+    }
+    let read = load.read;
+    let Recordings { map_from_clip, .. } = recordings;
+    std::fs::write(folder.join(MANIFEST), serde_json::to_vec(&map.manifest)?)?;
+    let made = Made { map_from_clip, tiles, sums, seconds, read };
+    Ok(std::fs::write(folder.join(MADE), serde_json::to_vec(&made)?)?)
+}
+
 /// The files of recordings, in a folder, and their true poses.
 struct Recordings {
-    folder: TempDir,
-    /// The network that labels the map.
-    network: SurfaceNetwork,
+    folder: PathBuf,
     map_from_clip: Vec<Pose2>,
 }
 
 impl Recordings {
-    fn make(home: &Home, in_one_room: bool) -> Result<Recordings, Failure> {
+    fn make(home: &Home, in_one_room: bool, folder: &Path) -> Result<Recordings, Failure> {
         let survey = home.survey();
         let params = ClipParams { frames: FRAMES, color_width: 256, ..ClipParams::default() };
         let clips = (0..).map(|index| home.clip(&survey, index, &params));
         let mut clips =
             clips.filter(|clip| !in_one_room || clip.truth.rooms.first() == Some(&home_room(home)));
-        let network = built_in_network()?;
-        let mut recordings = Recordings { folder: tempfile::tempdir()?, network, map_from_clip: Vec::new() };
+        let mut recordings = Recordings { folder: folder.to_owned(), map_from_clip: Vec::new() };
         while recordings.map_from_clip.len() < RECORDINGS {
             let Some(clip) = clips.next() else { break };
             let truth = clip.truth.clone();
@@ -91,17 +147,11 @@ impl Recordings {
     }
 
     fn cloud(&self, number: usize) -> PathBuf {
-        self.folder.path().join(format!("cloud_{number}"))
+        self.folder.join(format!("cloud_{number}"))
     }
 
     fn views(&self, number: usize) -> PathBuf {
-        self.folder.path().join(format!("views_{number}"))
-    }
-
-    fn mean_mb(&self) -> f64 {
-        let size = |path: &Path| std::fs::metadata(path).map_or(0, |file| file.len());
-        let all = (0..RECORDINGS).map(|n| size(&self.cloud(n)) + size(&self.views(n)));
-        all.sum::<u64>() as f64 * 1e-6 / RECORDINGS as f64
+        self.folder.join(format!("views_{number}"))
     }
 
     fn member(&self, at: usize, timed: bool) -> Member {
@@ -128,65 +178,88 @@ impl Recordings {
         }
     }
 
-    fn load(&self, member: &Member) -> Result<ClipContribution, Failure> {
+    /// Returns the RMS error of the clips' positions relative to their mean error.
+    fn relative_error_m(&self, clips: &[PlacedClip]) -> f64 {
+        let error = |clip: &PlacedClip| {
+            let truth = self.map_from_clip[clip.clip.as_u128() as usize % RECORDINGS];
+            [clip.map_from_clip.x_m - truth.x_m, clip.map_from_clip.y_m - truth.y_m]
+        };
+        let errors: Vec<[f64; 2]> = clips.iter().map(error).collect();
+        let count = errors.len() as f64;
+        let mean = |axis: usize| errors.iter().map(|error| error[axis]).sum::<f64>() / count;
+        let mean = [mean(0), mean(1)];
+        let squares = errors.iter().map(|error| (error[0] - mean[0]).powi(2) + (error[1] - mean[1]).powi(2));
+        (squares.sum::<f64>() / count).sqrt()
+    }
+}
+
+/// Merges the last clip into the map that the other process made, and describes the new one.
+fn row(home: &Home, timed: bool, count: usize, folder: &Path) -> Result<String, Failure> {
+    let Made { map_from_clip, tiles, sums, seconds: at_once_s, read: at_once_read } =
+        serde_json::from_slice(&std::fs::read(folder.join(MADE))?)?;
+    let recordings = Recordings { folder: folder.to_owned(), map_from_clip };
+    let members: Vec<Member> = (0..count).map(|at| recordings.member(at, timed)).collect();
+    let network = built_in_network()?;
+    let lidar = home.survey().lidar_map();
+    let mut load = Load { of: &recordings, sums: sums.into_iter().collect(), read: 0 };
+    // On Linux the peak begins anew.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+    let (begun, cpu_before_s) = (Instant::now(), cpu_s());
+    let last: Manifest = serde_json::from_slice(&std::fs::read(folder.join(MANIFEST))?)?;
+    let next = assemble(&last, members, &mut load)?;
+    let merged_s = begun.elapsed().as_secs_f64();
+    let mut kept: BTreeMap<TileKey, Tile> = BTreeMap::new();
+    for (key, number) in tiles.iter().filter(|(key, _)| !next.changed.contains_key(key)) {
+        kept.insert(*key, Tile::read(&std::fs::read(folder.join(format!("tile_{number}")))?)?);
+    }
+    let labelling = Instant::now();
+    let next = next.label(kept, Some(&network));
+    let labelled_s = labelling.elapsed().as_secs_f64();
+    let (anew, all, windows) = (next.changed.len(), next.tiles.len(), next.windows);
+    let changed = next.changed.iter().filter_map(|key| next.tiles.get(key));
+    let written: usize = changed.map(|tile| tile.to_bytes().len()).sum();
+    let sums: usize = next.sums.values().flatten().map(Vec::len).sum();
+    let tiles: Vec<Tile> = next.tiles.into_values().collect();
+    let manifest = serde_json::to_vec(&next.manifest)?;
+    let numbers = ClipNumbers::new(next.manifest.clips.iter().map(|clip| &clip.clip));
+    let described = Instant::now();
+    describe(&lidar, &tiles, &numbers);
+    let (described_s, one_s) = (described.elapsed().as_secs_f64(), begun.elapsed().as_secs_f64());
+    let cpu_s = cpu_s() - cpu_before_s;
+    let points: usize = tiles.iter().map(|tile| tile.points.len()).sum();
+    let peak = peak_memory_bytes().map_or(0.0, |bytes| bytes as f64 / f64::from(1 << 20));
+    Ok(format!(
+        "| {count} | {points} | {at_once_s:.1} s, {at_once_read} | {anew} of {all} | {} | {:.1} MB | {merged_s:.2} s | {windows} | {labelled_s:.2} s | {described_s:.2} s | \
+         {one_s:.2} s | {cpu_s:.2} s | {peak:.0} MiB | {:.1} mm |",
+        load.read,
+        (written + sums + manifest.len()) as f64 * 1e-6,
+        1e3 * recordings.relative_error_m(&next.manifest.clips),
+    ))
+}
+
+/// Reads the files of clips and the sums of a map, and counts the clips.
+struct Load<'a> {
+    of: &'a Recordings,
+    /// The numbers of the tiles' sums.
+    sums: BTreeMap<TileKey, usize>,
+    read: usize,
+}
+
+impl LoadClips<Failure> for Load<'_> {
+    fn contribution(&mut self, member: &Member) -> Result<ClipContribution, Failure> {
+        self.read += 1;
         let number = member.clip.as_u128() as usize % RECORDINGS;
-        let (cloud, views) = (std::fs::read(self.cloud(number))?, std::fs::read(self.views(number))?);
+        let (cloud, views) = (std::fs::read(self.of.cloud(number))?, std::fs::read(self.of.views(number))?);
         Ok(ClipContribution::read(&cloud, &views)?)
     }
 
-    /// Merges all but the last clip, then the last, and describes the map.
-    fn row(&self, home: &Home, members: &[Member]) -> Result<String, Failure> {
-        let mut read = 0usize;
-        let mut load = |member: &Member| {
-            read += 1;
-            self.load(member)
-        };
-        let others = members.split_last().map_or(&[][..], |(_, others)| others);
-        let begun = Instant::now();
-        let first = assemble(&Manifest::default(), others.to_vec(), &mut load)?;
-        let at_once_s = begun.elapsed().as_secs_f64();
-        let at_once_read = std::mem::take(&mut read);
-        let first = first.label(BTreeMap::new(), Some(&self.network));
-        let stored: BTreeMap<TileKey, Vec<u8>> =
-            first.tiles.iter().map(|(key, tile)| (*key, tile.to_bytes())).collect();
-        let last = serde_json::to_vec(&first.manifest)?;
-        drop(first);
-        let lidar = home.survey().lidar_map();
-        // On Linux the peak begins anew.
-        let _ = std::fs::write("/proc/self/clear_refs", "5");
-        let mut load = |member: &Member| {
-            read += 1;
-            self.load(member)
-        };
-        let (begun, cpu_before_s) = (Instant::now(), cpu_s());
-        let last: Manifest = serde_json::from_slice(&last)?;
-        let next = assemble(&last, members.to_vec(), &mut load)?;
-        let merged_s = begun.elapsed().as_secs_f64();
-        let mut kept: BTreeMap<TileKey, Tile> = BTreeMap::new();
-        for (key, bytes) in stored.iter().filter(|(key, _)| !next.changed.contains_key(key)) {
-            kept.insert(*key, Tile::read(bytes)?);
-        }
-        let labelling = Instant::now();
-        let next = next.label(kept, Some(&self.network));
-        let labelled_s = labelling.elapsed().as_secs_f64();
-        let (anew, all) = (next.changed.len(), next.tiles.len());
-        let changed = next.changed.iter().filter_map(|key| next.tiles.get(key));
-        let written: usize = changed.map(|tile| tile.to_bytes().len()).sum();
-        let tiles: Vec<Tile> = next.tiles.into_values().collect();
-        let manifest = serde_json::to_vec(&next.manifest)?;
-        let numbers = ClipNumbers::new(next.manifest.clips.iter().map(|clip| &clip.clip));
-        let described = Instant::now();
-        describe(&lidar, &tiles, &numbers);
-        let (described_s, one_s) = (described.elapsed().as_secs_f64(), begun.elapsed().as_secs_f64());
-        let cpu_s = cpu_s() - cpu_before_s;
-        let points: usize = tiles.iter().map(|tile| tile.points.len()).sum();
-        let peak = peak_memory_bytes().map_or(0.0, |bytes| bytes as f64 / f64::from(1 << 20));
-        Ok(format!(
-            "| {} | {points} | {at_once_s:.1} s, {at_once_read} | {anew} of {all} | {read} | {:.1} MB | {merged_s:.2} s | {labelled_s:.2} s | {described_s:.2} s | \
-             {one_s:.2} s | {cpu_s:.2} s | {peak:.0} MiB |",
-            members.len(),
-            (written + manifest.len()) as f64 * 1e-6
-        ))
+    fn features(&mut self, _: &Member) -> Result<Vec<Feature>, Failure> {
+        Ok(Vec::new())
+    }
+
+    fn sums(&mut self, tile: &TileKey) -> Result<Option<Vec<u8>>, Failure> {
+        let Some(number) = self.sums.get(tile) else { return Ok(None) };
+        Ok(Some(std::fs::read(self.of.folder.join(format!("sums_{number}")))?))
     }
 }
 

@@ -13,8 +13,11 @@ use bytes::Bytes;
 use jiff::Timestamp;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::thread;
 use std::time::{Duration, Instant};
-use tracing::{error, info};
+use tokio::sync::oneshot;
+use tokio_util::sync::CancellationToken;
+use tracing::{Span, error, info, warn};
 use viola_align::LevelMap;
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_geometry::LevelName;
@@ -27,18 +30,26 @@ const PAUSE: Duration = Duration::from_secs(5);
 /// The network that labels the surface of a home; `None` labels it by its planes.
 pub(super) type SurfaceLabels = Option<Arc<SurfaceNetwork>>;
 
-/// Merges one home; gives it back after an error.
-pub(super) async fn merge(queue: &Queue, claim: &MergeClaim, surface: SurfaceLabels, lease: Duration) {
+/// Merges one home; gives it back after an error, and when `stop` comes first.
+pub(super) async fn merge(
+    queue: &Queue,
+    claim: &MergeClaim,
+    surface: SurfaceLabels,
+    lease: Duration,
+    stop: &CancellationToken,
+) {
     let begun = Instant::now();
     let merged = tokio::select! {
         merged = try_merge(&queue.storage, claim, surface) => merged,
         () = hold(&queue.storage, claim, lease) => Ok(Merged::Lost),
+        () = stop.cancelled() => Ok(Merged::Stopped),
     };
     let took = begun.elapsed();
     let outcome = match &merged {
         Ok(Merged::Revision { .. }) => "revision",
         Ok(Merged::Nothing) => "nothing",
         Ok(Merged::Lost) => "lost",
+        Ok(Merged::Stopped) => "stopped",
         Err(_) => "failed",
     };
     metrics::merged(outcome, took);
@@ -48,17 +59,40 @@ pub(super) async fn merge(queue: &Queue, claim: &MergeClaim, surface: SurfaceLab
         Ok(Merged::Revision { tiles }) => info!(home = %claim.home, clips, tiles, seconds, "map merged"),
         Ok(Merged::Nothing) => info!(home = %claim.home, clips, seconds, "the map is as it was"),
         Ok(Merged::Lost) => info!(home = %claim.home, "the map is due again"),
+        Ok(Merged::Stopped) => {
+            info!(home = %claim.home, "the merge ends with the worker");
+            give_back(&queue.storage, claim, Duration::ZERO).await;
+        }
         Err(cause) => {
             error!(home = %claim.home, %cause, "a map could not be merged");
             // A clip that was removed meanwhile is no fault, and waiting would not bring it back.
             let pause = if matches!(cause, MergeError::Gone) { Duration::ZERO } else { PAUSE };
-            let given_back = queue.storage.give_back_merge(claim, Timestamp::now() + pause).await;
-            if let Err(error) = given_back {
-                // The lease expires, and the home is merged again.
-                error!(home = %claim.home, %error, "a merge could not be given back");
-            }
+            give_back(&queue.storage, claim, pause).await;
         }
     }
+}
+
+async fn give_back(storage: &Storage, claim: &MergeClaim, pause: Duration) {
+    if let Err(error) = storage.give_back_merge(claim, Timestamp::now() + pause).await {
+        // The lease expires, and the home is merged again.
+        error!(home = %claim.home, %error, "a merge could not be given back");
+    }
+}
+
+/// Runs `work` on a thread of its own, which the end of the process does not wait for.
+fn on_own_thread<T: Send + 'static>(
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<oneshot::Receiver<T>, MergeError> {
+    let (ended, end) = oneshot::channel();
+    let span = Span::current();
+    let work = move || {
+        let _entered = span.entered();
+        let done = work();
+        // The worker may have given up the merge.
+        let _ = ended.send(done);
+    };
+    thread::Builder::new().name("merge".to_owned()).spawn(work).map_err(MergeError::NoThread)?;
+    Ok(end)
 }
 
 /// Renews the lease until the home is no longer this worker's.
@@ -74,9 +108,13 @@ async fn hold(storage: &Storage, claim: &MergeClaim, lease: Duration) {
 }
 
 enum Merged {
-    Revision { tiles: usize },
+    Revision {
+        tiles: usize,
+    },
     Nothing,
     Lost,
+    /// The worker ends.
+    Stopped,
 }
 
 /// Reason why a map could not be merged.
@@ -104,7 +142,7 @@ async fn try_merge(
     surface: SurfaceLabels,
 ) -> Result<Merged, MergeError> {
     let manifest = storage.last_manifest(claim).await?;
-    let assembly = assemble(storage, &manifest, &claim.members).await?;
+    let assembly = assemble(storage, claim, &manifest).await?;
     let scenes = storage.last_scenes(claim).await?;
     let corrections = scenes.values().next().map_or(0, |scene| scene.history().corrections);
     let is_same = assembly.manifest == manifest && corrections == claim.corrections.version;
@@ -112,25 +150,34 @@ async fn try_merge(
         let kept = storage.finish_merge(claim, None, Timestamp::now()).await?;
         return Ok(if kept { Merged::Nothing } else { Merged::Lost });
     }
-    let kept = kept_tiles(storage, claim, &assembly).await?;
-    let levels = levels(storage, claim, &manifest, scenes).await?;
+    let mut levels = levels(storage, claim, &manifest, scenes).await?;
+    let is_labelled = assembly.is_labelled_by(surface.as_deref());
+    for level in &mut levels {
+        level.is_same = is_labelled && level.last.is_described() && !assembly.touches(level.file.level);
+    }
+    let kept = kept_tiles(storage, claim, &assembly, &levels).await?;
     let label = move || label(assembly, kept, surface.as_deref());
-    let new = tokio::task::spawn_blocking(move || revision(label()?, &levels));
-    let new = new.await.unwrap_or(Err(MergeError::Panicked))?;
+    let new =
+        on_own_thread(move || revision(label()?, &levels))?.await.unwrap_or(Err(MergeError::Panicked))?;
     let tiles = new.tiles.len();
     let kept = storage.finish_merge(claim, Some(&new), Timestamp::now()).await?;
     Ok(if kept { Merged::Revision { tiles } } else { Merged::Lost })
 }
 
-/// Returns the tiles of the last revision that the next one keeps.
+/// Returns the tiles of the last revision that the next one keeps, without those of levels that stay as they were.
 async fn kept_tiles(
     storage: &Storage,
     claim: &MergeClaim,
     assembly: &Assembly,
+    levels: &[Level],
 ) -> Result<Vec<(TileKey, Bytes)>, MergeError> {
+    let is_needed = |key: &TileKey| {
+        let stays = levels.iter().any(|level| level.is_same && level.file.level == key.level);
+        !stays && !assembly.changed.contains_key(key)
+    };
     let mut kept = Vec::new();
     for file in storage.last_tiles(claim).await? {
-        let Some(key) = file.tile.filter(|key| !assembly.changed.contains_key(key)) else { continue };
+        let Some(key) = file.tile.filter(is_needed) else { continue };
         kept.push((key, storage.map_file_bytes(&file).await?.ok_or(MergeError::Gone)?));
     }
     Ok(kept)
@@ -140,6 +187,8 @@ async fn kept_tiles(
 struct Level {
     file: LevelFile,
     last: Earlier,
+    /// True if all of it stays as it was.
+    is_same: bool,
 }
 
 /// Returns the levels with a LiDAR map.
@@ -159,12 +208,12 @@ async fn levels(
             left_lidar_map: claim.left_lidar_map(map),
         };
         let bytes = storage.lidar_map_file(map.id()).await?;
-        levels.push(Level { file: LevelFile { level: map.level, bytes }, last });
+        levels.push(Level { file: LevelFile { level: map.level, bytes }, last, is_same: false });
     }
     Ok(levels)
 }
 
-/// Adds the tiles that the next revision keeps, and labels the whole map.
+/// Adds the tiles that the next revision keeps, and labels the map where it changed.
 fn label(
     assembly: Assembly,
     kept: Vec<(TileKey, Bytes)>,
@@ -172,19 +221,31 @@ fn label(
 ) -> Result<LabelledMap, MergeError> {
     let read = |(key, bytes): (TileKey, Bytes)| Ok((key, Tile::read(&bytes)?));
     let kept = kept.into_iter().map(read).collect::<Result<_, NotOurs>>()?;
-    Ok(assembly.label(kept, surface))
+    let map = assembly.label(kept, surface);
+    if let Some(failure) = &map.failure {
+        warn!(%failure, "the surface network failed: parts of the map have the labels of the clips and of the shapes");
+    }
+    info!(windows = map.windows, "the map is labelled");
+    Ok(map)
 }
 
 /// Returns the next revision with all its files.
 fn revision(map: LabelledMap, levels: &[Level]) -> Result<NewRevision, MergeError> {
-    let LabelledMap { manifest, tiles, changed, mut looked } = map;
+    let LabelledMap { manifest, tiles, changed, sums, mut looked, .. } = map;
     let mut new = NewRevision { manifest, ..NewRevision::default() };
+    new.sums.extend(sums);
     new.tiles.extend(changed.iter().map(|key| (*key, tiles.get(key).map(Tile::to_bytes))));
     let mut of_levels: BTreeMap<LevelName, Vec<Tile>> = BTreeMap::new();
     for (key, tile) in tiles {
         of_levels.entry(key.level).or_default().push(tile);
     }
-    for Level { file: LevelFile { level, bytes }, last } in levels {
+    for Level { file: LevelFile { level, bytes }, last, is_same } in levels {
+        // Files that are not listed stay as they were.
+        if let Some(scene) = last.scene.as_ref().filter(|_| *is_same) {
+            new.coverage.push(coverage(*level, &scene.coverage));
+            new.objects.extend(scene.objects.iter().cloned());
+            continue;
+        }
         let tiles = of_levels.remove(level).unwrap_or_default();
         let looked = looked.remove(level).unwrap_or_default();
         let map = LevelMap { level: *level, lidar: &LidarMap::read(bytes)? };
@@ -192,10 +253,13 @@ fn revision(map: LabelledMap, levels: &[Level]) -> Result<NewRevision, MergeErro
             describe(map, &tiles, &new.manifest.clips, &looked, last);
         new.files.extend(plan.map(|(name, bytes)| (*level, name, bytes)));
         new.files.push((*level, map_file::SCENE, serde_json::to_vec(&scene).unwrap_or_default()));
-        let Coverage { seen, floor_seen, .. } = scene.coverage;
-        new.coverage.push(LevelCoverage { level: *level, seen, floor_seen });
+        new.coverage.push(coverage(*level, &scene.coverage));
         new.objects.extend(scene.objects);
         new.has_object_changes |= has_object_changes;
     }
     Ok(new)
+}
+
+fn coverage(level: LevelName, of_level: &Coverage) -> LevelCoverage {
+    LevelCoverage { level, seen: of_level.seen, floor_seen: of_level.floor_seen }
 }

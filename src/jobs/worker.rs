@@ -78,9 +78,8 @@ pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationTok
             Ok(None) => match queue.storage.claim_merge(params.lease, Timestamp::now()).await {
                 Ok(Some(claim)) => {
                     let span = info_span!("merge", home = %claim.home, tenant = claim.home.tenant());
-                    merge(&queue, &claim, params.align.align.label.surface.clone(), params.lease)
-                        .instrument(span)
-                        .await;
+                    let surface = params.align.align.label.surface.clone();
+                    merge(&queue, &claim, surface, params.lease, &stop).instrument(span).await;
                     continue;
                 }
                 Ok(None) => {}

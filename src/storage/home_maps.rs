@@ -102,6 +102,8 @@ pub struct MapFile {
 /// The names of a map's files. Each level has its own, except for the manifest.
 pub mod map_file {
     pub const TILE: &str = "tile";
+    /// Sums of a tile's first clips, from which the next merge goes on. Only the current revision has them.
+    pub const SUMS: &str = "sums";
     pub const MANIFEST: &str = "manifest.json";
     pub const SCENE: &str = "scene.json";
     pub const PLAN_PNG: &str = "plan.png";

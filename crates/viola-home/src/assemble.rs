@@ -7,12 +7,16 @@ mod agreement;
 mod belief;
 mod cache;
 mod candidates;
+mod content;
+mod fold;
+mod footprint;
 mod joint;
 mod labelled;
 mod level;
 mod load;
 mod looked;
 mod members;
+mod neighbours;
 mod overlap;
 mod poses;
 mod settle;
@@ -21,10 +25,13 @@ mod surface;
 mod ties;
 mod tile;
 mod tiles;
+mod varint;
 mod voxels;
+mod window;
 
 pub use agreement::Agreement;
 pub use candidates::{KnownClip, Marginal};
+pub use footprint::Footprint;
 pub use joint::Comparison;
 pub use labelled::LabelledMap;
 pub use level::Level;
@@ -49,7 +56,7 @@ use viola_geometry::{LevelName, Pose2};
 pub struct Manifest {
     /// The clips in the map, in the canonical order.
     pub clips: Vec<PlacedClip>,
-    /// Relative poses of clips that may overlap.
+    /// Relative poses of clips and the neighbours that they are registered to.
     pub pairs: Vec<Pair>,
     /// All clips with a possible pose, also those that are not in the map.
     #[serde(default)]
@@ -61,9 +68,12 @@ pub struct Manifest {
     #[serde(default)]
     pub ties: Vec<Tie>,
     pub tiles: Vec<(TileKey, TileInfo)>,
+    /// Version of the labels of the tiles; empty if they are to be made anew.
+    #[serde(default)]
+    pub labelled_by: String,
 }
 
-/// Two clips whose boxes meet, named by their contributions, at their poses before joint refinement.
+/// A clip `b` and one of the clips before it that it is registered to, named by their contributions, at their poses before joint refinement.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Pair {
     pub a: String,
@@ -79,8 +89,13 @@ pub struct Pair {
 pub struct Assembly {
     pub manifest: Manifest,
     pub changed: BTreeMap<TileKey, Option<Tile>>,
-    /// Of the changed tiles, by level.
+    /// Sums of the first clips of tiles that were made anew, which the next merge of the map begins with: the same map
+    /// results without them. None for those that are to be removed.
+    pub sums: BTreeMap<TileKey, Option<Vec<u8>>>,
+    /// Of the tiles that were made anew, also if they are as they were; by level.
     pub looked: BTreeMap<LevelName, LookedThrough>,
+    /// The tiles of the last map.
+    last: BTreeMap<TileKey, TileInfo>,
 }
 
 /// Builds the map of `members` from the last manifest; `load` returns a clip's contribution.
@@ -92,19 +107,34 @@ pub fn assemble<E>(
     members.sort_by(|a, b| a.order().cmp(&b.order()));
     let mut cache = Cache::new(load);
     let mut placed = poses::place(last, &members, &mut cache)?;
-    let tiles::Rebuilt { clips, changed, looked } =
-        tiles::rebuild(last, std::mem::take(&mut placed.clips), &mut cache)?;
-    let mut tile_infos: BTreeMap<TileKey, TileInfo> = last.tiles.iter().cloned().collect();
-    for (key, tile) in &changed {
-        match tile {
-            Some(tile) => tile_infos.insert(*key, tile.info()),
-            None => tile_infos.remove(key),
-        };
-    }
+    let tiles::Rebuilt { clips, changed, sums, looked } =
+        tiles::rebuild(last, std::mem::take(&mut placed.clips), placed.resting, &mut cache)?;
+    let infos: BTreeMap<TileKey, TileInfo> = last.tiles.iter().cloned().collect();
+    let (changed, tiles) = changes(&infos, changed);
+    let tiles = tiles.into_iter().collect();
     let Placed { pairs, known, comparisons, ties, .. } = placed;
-    let tiles = tile_infos.into_iter().collect();
-    let manifest = Manifest { clips, pairs, known, comparisons, ties, tiles };
-    Ok(Assembly { manifest, changed, looked })
+    let labelled_by = last.labelled_by.clone();
+    let manifest = Manifest { clips, pairs, known, comparisons, ties, tiles, labelled_by };
+    Ok(Assembly { manifest, changed, sums, looked, last: infos })
+}
+
+/// Returns those of the tiles that are not as they were, and the summaries of all tiles.
+fn changes(
+    last: &BTreeMap<TileKey, TileInfo>,
+    mut made: tiles::ChangedTiles,
+) -> (tiles::ChangedTiles, BTreeMap<TileKey, TileInfo>) {
+    let mut infos = last.clone();
+    made.retain(|key, tile| {
+        let info = tile.as_ref().map(|tile| tile.info(key));
+        let is_same = last.get(key).map(|last| last.content) == info.as_ref().map(|info| info.content);
+        match info {
+            _ if is_same => {}
+            Some(info) => drop(infos.insert(*key, info)),
+            None => drop(infos.remove(key)),
+        }
+        !is_same
+    });
+    (made, infos)
 }
 
 /// Compares the clips of `members` at all their possible poses, as [`assemble`] does.

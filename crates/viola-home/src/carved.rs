@@ -93,8 +93,20 @@ impl CarvedSpace {
         self.blocks.retain(|_, bits| *bits != Bits::default());
     }
 
+    /// Returns whole blocks.
+    #[cfg(test)]
+    pub(crate) fn of_blocks(blocks: &[[i32; 3]]) -> CarvedSpace {
+        CarvedSpace {
+            blocks: blocks.iter().map(|block| (*block, [u64::MAX; BLOCK_CELLS as usize])).collect(),
+        }
+    }
+
+    #[cfg(test)]
     pub(crate) fn contains(&self, position_m: [f64; 3]) -> bool {
-        let cell = cell_of(position_m);
+        self.contains_cell(cell_of(position_m))
+    }
+
+    pub(crate) fn contains_cell(&self, cell: [i32; 3]) -> bool {
         let (layer, bit) = bit(cell);
         self.blocks.get(&block_of(cell)).is_some_and(|bits| bits[layer] & bit != 0)
     }
@@ -109,14 +121,6 @@ impl CarvedSpace {
                     left &= left - 1;
                 }
             }
-        }
-    }
-
-    /// Adds the cells of another set.
-    pub(crate) fn extend(&mut self, other: &CarvedSpace) {
-        for (block, bits) in &other.blocks {
-            let own = self.blocks.entry(*block).or_default();
-            own.iter_mut().zip(bits).for_each(|(own, bits)| *own |= bits);
         }
     }
 

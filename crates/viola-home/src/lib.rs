@@ -27,7 +27,7 @@ mod shades;
 mod svg;
 
 pub use assemble::{
-    Agreement, Assembly, CLIP_AT, Comparison, Extent, KnownClip, LabelledMap, Level, LoadClips,
+    Agreement, Assembly, CLIP_AT, Comparison, Extent, Footprint, KnownClip, LabelledMap, Level, LoadClips,
     LookedThrough, Manifest, Marginal, Member, Mode, Motion, Overlap, POINT_BYTES, Pair, PlacedBy,
     PlacedClip, SURE, Surfaces, Tie, Tile, TileBytes, TileInfo, TileKey, Verdict, assemble, compare,
     disagreement, likeliest, point_bytes, read_point,

@@ -27,7 +27,7 @@ mod vote;
 pub use augment::AUGMENTATIONS;
 pub use class_map::ClassMap;
 pub use likeliest::likeliest_beside;
-pub use map::label_map;
+pub use map::{MapLabels, label_map};
 pub use open::open_segmenter;
 pub use params::LabelParams;
 pub use segmenter::{SegmentError, Segmenter};

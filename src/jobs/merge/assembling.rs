@@ -4,20 +4,24 @@
 //! of that pool must therefore not wait for a clip: if all of them wait, none is left to read. A worker has
 //! one such thread at a time; if the worker gives up the merge, the thread ends at its next request.
 
-use super::MergeError;
-use crate::storage::{Storage, result_file};
+use super::{MergeError, on_own_thread};
+use crate::storage::{MapFile, MergeClaim, Storage, StorageError, result_file};
 use bytes::Bytes;
-use std::thread;
-use tokio::sync::{mpsc, oneshot};
-use tracing::Span;
+use std::collections::BTreeMap;
+use tokio::sync::mpsc;
 use viola_home as home;
-use viola_home::{Assembly, ClipContribution, LoadClips, Manifest, Member, read_features};
+use viola_home::{Assembly, ClipContribution, LoadClips, Manifest, Member, TileKey, read_features};
 use viola_reconstruct::Feature;
 
-/// A clip, and the names of its files that the thread needs.
-type Ask = (Member, &'static [&'static str]);
+/// The files that the thread needs.
+enum Ask {
+    /// Files of a clip, by their names.
+    OfClip(Member, &'static [&'static str]),
+    /// The sums of a tile.
+    Sums(TileKey),
+}
 
-/// The files, in the order of the names; `None` for a file that the result lacks.
+/// The files, in the order of the names; `None` for a file that does not exist.
 type Files = Vec<Option<Bytes>>;
 
 /// Loads the files of clips for the thread.
@@ -28,7 +32,11 @@ struct Loader {
 
 impl Loader {
     fn files(&self, member: &Member, names: &'static [&'static str]) -> Result<Files, MergeError> {
-        self.asked.send((member.clone(), names)).map_err(|_| MergeError::Abandoned)?;
+        self.answer(Ask::OfClip(member.clone(), names))
+    }
+
+    fn answer(&self, ask: Ask) -> Result<Files, MergeError> {
+        self.asked.send(ask).map_err(|_| MergeError::Abandoned)?;
         self.answers.recv().map_err(|_| MergeError::Abandoned)?
     }
 }
@@ -45,35 +53,43 @@ impl LoadClips<MergeError> for Loader {
         let [Some(features)] = files.as_slice() else { return Ok(Vec::new()) };
         Ok(read_features(features)?)
     }
+
+    fn sums(&mut self, tile: &TileKey) -> Result<Option<Vec<u8>>, MergeError> {
+        let sums = self.answer(Ask::Sums(*tile))?.into_iter().flatten().next();
+        Ok(sums.map(|sums| sums.to_vec()))
+    }
 }
 
-/// Assembles the map of `members` from the last one.
+/// Assembles the map of the claim's clips from the last one.
 pub(super) async fn assemble(
     storage: &Storage,
+    claim: &MergeClaim,
     last: &Manifest,
-    members: &[Member],
 ) -> Result<Assembly, MergeError> {
+    let mut sums: BTreeMap<TileKey, MapFile> = BTreeMap::new();
+    for file in storage.last_sums(claim).await? {
+        sums.extend(file.tile.map(|tile| (tile, file)));
+    }
     let (asked, mut asks) = mpsc::unbounded_channel();
     let (answer, answers) = std::sync::mpsc::channel();
-    let (ended, end) = oneshot::channel();
-    let (last, members, span) = (last.clone(), members.to_vec(), Span::current());
-    let work = move || {
-        let _entered = span.entered();
-        let mut loader = Loader { asked, answers };
-        let assembled = home::assemble(&last, members, &mut loader);
-        // The worker may have given up the merge.
-        let _ = ended.send(assembled);
-    };
-    thread::Builder::new().name("merge".to_owned()).spawn(work).map_err(MergeError::NoThread)?;
+    let (last, members) = (last.clone(), claim.members.clone());
+    let end = on_own_thread(move || home::assemble(&last, members, &mut Loader { asked, answers }))?;
     // Ends when the thread does.
-    while let Some((member, names)) = asks.recv().await {
+    while let Some(ask) = asks.recv().await {
+        let files = match ask {
+            Ask::OfClip(member, names) => files(storage, &member, names).await,
+            Ask::Sums(tile) => match sums.get(&tile) {
+                Some(file) => storage.map_file_bytes(file).await.map(|sums| vec![sums]),
+                None => Ok(Files::new()),
+            },
+        };
         // The thread waits for each answer, unless it has ended.
-        let _ = answer.send(files(storage, &member, names).await);
+        let _ = answer.send(files.map_err(MergeError::from));
     }
     end.await.unwrap_or(Err(MergeError::Panicked))
 }
 
-async fn files(storage: &Storage, member: &Member, names: &[&str]) -> Result<Files, MergeError> {
+async fn files(storage: &Storage, member: &Member, names: &[&str]) -> Result<Files, StorageError> {
     let mut files = Files::new();
     for name in names {
         files.push(storage.member_file(member, name).await?);

@@ -25,6 +25,15 @@ pub struct Earlier {
     pub left_lidar_map: Option<i64>,
 }
 
+impl Earlier {
+    /// Returns whether the level is described with its current LiDAR map and corrections.
+    pub fn is_described(&self) -> bool {
+        let history = self.scene.as_ref().and_then(|scene| scene.history.as_ref());
+        let is_corrected = history.is_some_and(|history| history.corrections == self.corrections.version);
+        is_corrected && self.left_lidar_map.is_none()
+    }
+}
+
 /// The description of a new revision.
 pub struct Described {
     pub scene: MapScene,

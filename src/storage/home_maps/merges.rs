@@ -64,6 +64,8 @@ pub struct NewRevision {
     pub manifest: Manifest,
     /// Tiles that changed; `None` for those that are empty now.
     pub tiles: Vec<(TileKey, Option<Vec<u8>>)>,
+    /// Sums of tiles that the next merge begins with.
+    pub sums: Vec<(TileKey, Option<Vec<u8>>)>,
     pub files: Vec<(LevelName, &'static str, Vec<u8>)>,
     pub objects: Vec<MapObject>,
     /// The seen part of each level.
@@ -164,6 +166,11 @@ impl Storage {
         self.last_files(claim, map_file::TILE).await
     }
 
+    /// Returns the sums of tiles of the revision that a claim starts from.
+    pub async fn last_sums(&self, claim: &MergeClaim) -> Result<Vec<MapFile>, StorageError> {
+        self.last_files(claim, map_file::SUMS).await
+    }
+
     /// Returns the files of one name of all levels.
     async fn last_files(&self, claim: &MergeClaim, name: &str) -> Result<Vec<MapFile>, StorageError> {
         let mut snapshot = self.database.snapshot().await?;
@@ -234,11 +241,15 @@ impl Storage {
             let tile = |(key, bytes): &(TileKey, Option<Vec<u8>>)| {
                 (key.level, map_file::TILE, Some(*key), bytes.clone())
             };
+            let sums = |(key, bytes): &(TileKey, Option<Vec<u8>>)| {
+                (key.level, map_file::SUMS, Some(*key), bytes.clone())
+            };
             let file = |(level, name, bytes): &(LevelName, &'static str, Vec<u8>)| {
                 (*level, *name, None, Some(bytes.clone()))
             };
             let manifest = (LevelName::MAIN, map_file::MANIFEST, None, Some(manifest));
-            let all = new.tiles.iter().map(tile).chain(new.files.iter().map(file)).chain([manifest]);
+            let tiles = new.tiles.iter().map(tile).chain(new.sums.iter().map(sums));
+            let all = tiles.chain(new.files.iter().map(file)).chain([manifest]);
             for (level, name, tile, bytes) in all {
                 let (mut key, size_bytes) = (None, bytes.as_ref().map_or(0, Vec::len) as u64);
                 if let Some(bytes) = bytes {

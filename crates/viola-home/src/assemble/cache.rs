@@ -3,6 +3,7 @@
 use super::load::LoadClips;
 use super::members::{Extent, Member};
 use super::surface::Surface;
+use super::tile::TileKey;
 use crate::contribution::ClipContribution;
 use std::collections::VecDeque;
 use std::sync::{Arc, OnceLock};
@@ -43,6 +44,10 @@ impl<'a, E> Cache<'a, E> {
 
     pub fn features(&mut self, member: &Member) -> Result<Vec<Feature>, E> {
         self.load.features(member)
+    }
+
+    pub fn sums(&mut self, tile: &TileKey) -> Result<Option<Vec<u8>>, E> {
+        self.load.sums(tile)
     }
 
     pub fn get(&mut self, member: &Member) -> Result<Arc<Loaded>, E> {

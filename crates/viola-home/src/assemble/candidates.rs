@@ -1,6 +1,7 @@
 //! The poses that each clip of a home may have.
 
 use super::cache::Cache;
+use super::footprint::Footprint;
 use super::members::{Extent, Member, Mode, Verdict};
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
@@ -19,6 +20,7 @@ pub(super) struct Candidate<'a> {
     /// The best first, as the clip's own alignment ranks them; then those that ties to other clips add.
     pub modes: Vec<Mode>,
     pub extent: Extent,
+    pub footprint: Footprint,
     pub points: usize,
 }
 
@@ -27,6 +29,9 @@ pub(super) struct Candidate<'a> {
 pub struct KnownClip {
     pub share: String,
     pub extent: Extent,
+    /// None in manifests of earlier versions.
+    #[serde(default)]
+    pub footprint: Option<Footprint>,
     pub points: usize,
     pub modes: Vec<Pose2>,
     /// Levels of the modes; empty if all are on the level `main`.
@@ -66,6 +71,7 @@ impl Candidate<'_> {
         KnownClip {
             share: self.member.share.clone(),
             extent: self.extent,
+            footprint: Some(self.footprint.clone()),
             points: self.points,
             modes: self.modes.iter().map(|mode| mode.map_from_clip).collect(),
             levels: self.levels(),
@@ -91,19 +97,19 @@ pub(super) fn candidates<'a, E>(
     members: &'a [Member],
     cache: &mut Cache<E>,
 ) -> Result<Vec<Candidate<'a>>, E> {
-    let before: FxHashMap<&str, (Extent, usize)> =
-        known.iter().map(|known| (&*known.share, (known.extent, known.points))).collect();
+    let before: FxHashMap<&str, &KnownClip> = known.iter().map(|known| (&*known.share, known)).collect();
     let mut candidates = Vec::new();
     for member in members {
         let modes = modes(&member.verdict);
-        let (extent, points) = match before.get(&*member.share) {
-            Some(before) => *before,
+        let known = before.get(&*member.share).and_then(|known| Some((known, known.footprint.clone()?)));
+        let (extent, footprint, points) = match known {
+            Some((known, footprint)) => (known.extent, footprint, known.points),
             None => {
                 let loaded = cache.get(member)?;
-                (loaded.extent(), loaded.share.cloud_in_clip.points.len())
+                (loaded.extent(), Footprint::of(loaded.surface()), loaded.share.cloud_in_clip.points.len())
             }
         };
-        candidates.push(Candidate { member, modes, extent, points });
+        candidates.push(Candidate { member, modes, extent, footprint, points });
     }
     Ok(candidates)
 }

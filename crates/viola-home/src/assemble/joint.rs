@@ -22,6 +22,9 @@ use viola_geometry::angle_between;
 /// Maximum poses of other clips that a pose is compared with; those that share the most floor with it, by
 /// their probability.
 const MAX_PARTNERS: usize = 24;
+/// Maximum clips that a clip with a pose of its own is compared with of those before it that have one, too: the clip
+/// that comes last is compared with few, however many there are.
+const MAX_SETTLED: usize = 8;
 /// Clips that are loaded at a time, to bound the memory.
 const AT_A_TIME: usize = 8;
 
@@ -60,22 +63,23 @@ fn pairs(candidates: &[Candidate]) -> Pairs {
         // A person's choices need no evidence.
         let is_open = |other: usize| other != clip && !(this.is_chosen() && candidates[other].is_chosen());
         let Mode { level, map_from_clip: pose, .. } = &this.modes[usize::from(mode)];
-        let mut shared: Vec<(f64, (usize, u8))> = Vec::new();
+        let (mut shared, mut settled) = (Vec::new(), Vec::new());
         for &(other, at) in modes.iter().filter(|(other, _)| is_open(*other)) {
             let (candidate, there) = (&candidates[other], candidates[other].modes[usize::from(at)]);
+            let are_settled = !this.is_open() && !candidate.is_open();
             // Nothing on one level is seen from another.
-            if there.level != *level {
+            if there.level != *level || (are_settled && other > clip) {
                 continue;
             }
             let shared_m2 = this.extent.shared_m2(pose, &candidate.extent, &there.map_from_clip);
             if shared_m2 > 0.0 {
-                shared.push((shared_m2 * there.probability, (other, at)));
+                let list = if are_settled { &mut settled } else { &mut shared };
+                list.push((shared_m2 * there.probability, (other, at)));
             }
         }
-        shared.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        shared.truncate(MAX_PARTNERS);
-        let ordered = |(_, other): (f64, (usize, u8))| ((clip, mode).min(other), (clip, mode).max(other));
-        shared.into_iter().map(ordered).collect()
+        let ordered = |other: (usize, u8)| ((clip, mode).min(other), (clip, mode).max(other));
+        let most = [(shared, MAX_PARTNERS), (settled, MAX_SETTLED)].map(|(list, most)| largest(list, most));
+        most.into_iter().flatten().map(ordered).collect()
     };
     let mut kept: Vec<((usize, u8), (usize, u8))> = modes.par_iter().flat_map_iter(partners).collect();
     kept.sort_unstable();
@@ -85,6 +89,12 @@ fn pairs(candidates: &[Candidate]) -> Pairs {
         pairs.entry((a, b)).or_default().push((mode_a, mode_b));
     }
     pairs
+}
+
+/// Returns the values with the largest weights; of equal ones the first.
+fn largest(mut weighed: Vec<(f64, (usize, u8))>, most: usize) -> Vec<(usize, u8)> {
+    weighed.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    weighed.into_iter().take(most).map(|(_, value)| value).collect()
 }
 
 /// Compares all pairs of clips at the poses where they may see each other, in canonical order. Comparisons

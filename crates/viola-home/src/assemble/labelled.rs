@@ -1,12 +1,22 @@
-//! Labels of the whole map, made anew after each change: an object is often larger than what one clip shows of it.
+//! Labels of the map, made of the fused surface: an object is often larger than what one clip shows of it.
+//!
+//! The map is labelled in windows. The labels of a window are a function of its surface and of the surface close around
+//! it, so a merge labels only the windows whose surface changed, and the map is the same as if all were labelled.
 
+use super::content::{Block, Content};
 use super::looked::LookedThrough;
-use super::{Assembly, Manifest, Tile, TileKey};
-use crate::MAP_VOXEL_M;
+use super::window::Window;
+use super::{Assembly, Manifest, Tile, TileInfo, TileKey};
+use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use viola_geometry::LevelName;
-use viola_reconstruct::label::{SurfaceNetwork, label_map};
-use viola_reconstruct::{CloudPoint, PointCloud};
+use viola_reconstruct::Label;
+use viola_reconstruct::label::{SegmentError, SurfaceNetwork};
+
+/// Windows that are labelled at a time: the network takes about 100 MB for one.
+const AT_A_TIME: usize = 2;
+/// Version of the labels of a map. A map with other labels is labelled anew.
+const VERSION: &str = "windows of 4.8 m";
 
 /// The next map with all its tiles.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,15 +25,32 @@ pub struct LabelledMap {
     pub tiles: BTreeMap<TileKey, Tile>,
     /// The tiles that are not as in the last map; those that are not in `tiles` became empty.
     pub changed: BTreeSet<TileKey>,
-    /// Of the tiles that the assembly changed, by level.
+    /// As in [`Assembly`].
+    pub sums: BTreeMap<TileKey, Option<Vec<u8>>>,
+    /// Of the tiles that the assembly made anew, by level.
     pub looked: BTreeMap<LevelName, LookedThrough>,
+    /// Windows that were labelled.
+    pub windows: usize,
+    /// Reason why the surface network was not used for a window. The next merge tries it again.
+    pub failure: Option<SegmentError>,
 }
 
 impl Assembly {
-    /// Adds the other tiles of the last map, and labels the whole surface of each level. A tile that the assembly kept
-    /// changes if the new surface around it changes its labels.
+    /// Returns whether the labels of the last map are those of the network.
+    pub fn is_labelled_by(&self, network: Option<&SurfaceNetwork>) -> bool {
+        self.manifest.labelled_by == version(network)
+    }
+
+    /// Returns whether tiles of a level were made anew.
+    pub fn touches(&self, level: LevelName) -> bool {
+        self.looked.contains_key(&level)
+    }
+
+    /// Adds the other tiles of the last map, and labels the surface around the changes. A tile that the assembly kept
+    /// changes if the new surface around it changes its labels. `kept` may lack the tiles of levels that the assembly does
+    /// not touch, if the map [is labelled by](Assembly::is_labelled_by) the network.
     pub fn label(self, kept: BTreeMap<TileKey, Tile>, network: Option<&SurfaceNetwork>) -> LabelledMap {
-        let Assembly { mut manifest, changed, looked } = self;
+        let Assembly { mut manifest, changed, sums, looked, last } = self;
         let mut tiles = kept;
         let mut changed_keys: BTreeSet<TileKey> = BTreeSet::new();
         for (key, tile) in changed {
@@ -33,40 +60,61 @@ impl Assembly {
                 None => tiles.remove(&key),
             };
         }
-        let levels: BTreeSet<LevelName> = tiles.keys().map(|key| key.level).collect();
-        for level in levels {
-            let of_level = tiles.iter_mut().filter(|(key, _)| key.level == level);
-            changed_keys.extend(label_level(of_level.collect(), network));
+        let version = version(network);
+        // Manifests of earlier versions lack the checksums.
+        for (key, info) in manifest.tiles.iter_mut().filter(|(_, info)| info.content == Content::default()) {
+            info.content = tiles.get(key).map(|tile| Content::of(key, tile)).unwrap_or_default();
         }
-        for (key, info) in &mut manifest.tiles {
-            if let Some(tile) = tiles.get(key).filter(|_| changed_keys.contains(key)) {
-                *info = tile.info();
+        let now = manifest.tiles.iter().cloned().collect();
+        let is_new = manifest.labelled_by != version;
+        let blocks = changed_blocks(&if is_new { BTreeMap::new() } else { last }, &now);
+        let windows: BTreeSet<Window> = blocks.iter().flat_map(Window::around).collect();
+        let windows: Vec<Window> = windows.into_iter().collect();
+        let mut failure = None;
+        for part in windows.chunks(AT_A_TIME) {
+            let labelled: Vec<_> = part.par_iter().map(|window| window.label(&tiles, network)).collect();
+            for window in labelled {
+                failure = failure.or(window.failure);
+                for (key, labels) in window.labels {
+                    let is_changed = tiles.get_mut(&key).is_some_and(|tile| set(tile, labels));
+                    changed_keys.extend(is_changed.then_some(key));
+                }
             }
         }
-        LabelledMap { manifest, tiles, changed: changed_keys, looked }
+        manifest.labelled_by = if failure.is_none() { version } else { String::new() };
+        for (key, info) in &mut manifest.tiles {
+            if let Some(tile) = tiles.get(key).filter(|_| changed_keys.contains(key)) {
+                *info = tile.info(key);
+            }
+        }
+        LabelledMap { manifest, tiles, changed: changed_keys, sums, looked, windows: windows.len(), failure }
     }
 }
 
-/// Labels the tiles of a level; returns those with a new label.
-fn label_level(mut tiles: Vec<(&TileKey, &mut Tile)>, network: Option<&SurfaceNetwork>) -> Vec<TileKey> {
-    let points = tiles.iter().flat_map(|(_, tile)| {
-        let labelled = tile.points.iter().zip(&tile.of_clips);
-        labelled.map(|(point, label)| CloudPoint { label: *label, ..point.point })
-    });
-    let map = PointCloud { points: points.collect(), voxel_m: MAP_VOXEL_M };
-    let mut labels = label_map(&map, network).into_iter();
-    let mut changed = Vec::new();
-    for (key, tile) in &mut tiles {
-        let mut is_changed = false;
-        for (point, label) in tile.points.iter_mut().zip(&mut labels) {
-            // A tile keeps only the first class.
-            let label = label.with_shares([]);
-            is_changed |= point.point.label != label;
-            point.point.label = label;
-        }
-        if is_changed {
-            changed.push(**key);
-        }
+/// Returns the version of the labels by a network.
+fn version(network: Option<&SurfaceNetwork>) -> String {
+    network.map_or_else(|| VERSION.to_owned(), |network| format!("{VERSION}, {}", network.version()))
+}
+
+/// Returns the blocks in which two maps differ.
+fn changed_blocks(last: &BTreeMap<TileKey, TileInfo>, now: &BTreeMap<TileKey, TileInfo>) -> BTreeSet<Block> {
+    let content = |of: &BTreeMap<TileKey, TileInfo>, key: &TileKey| {
+        of.get(key).map(|info| info.content).unwrap_or_default()
+    };
+    let keys: BTreeSet<&TileKey> = last.keys().chain(now.keys()).collect();
+    let contents = keys.into_iter().map(|key| (key, content(last, key), content(now, key)));
+    contents.flat_map(|(key, last, now): (_, Content, Content)| now.differing(&last, key)).collect()
+}
+
+/// Sets the labels of a tile; returns whether one changed.
+fn set(tile: &mut Tile, labels: Vec<Label>) -> bool {
+    let mut is_changed = false;
+    for ((point, of_clips), label) in tile.points.iter_mut().zip(&tile.of_clips).zip(labels) {
+        // A tile keeps only the first class, and the views of the point itself.
+        let mut label = label.with_shares([]);
+        label.views = of_clips.views;
+        is_changed |= point.point.label != label;
+        point.point.label = label;
     }
-    changed
+    is_changed
 }

@@ -1,6 +1,7 @@
-//! Access to the files of the clips.
+//! Access to the files of the clips and of the last map.
 
 use super::members::Member;
+use super::tile::TileKey;
 use crate::contribution::ClipContribution;
 use viola_reconstruct::Feature;
 
@@ -10,6 +11,11 @@ pub trait LoadClips<E> {
 
     /// Returns the features of a clip; none of a clip that was aligned before features were stored.
     fn features(&mut self, member: &Member) -> Result<Vec<Feature>, E>;
+
+    /// Returns the sums of a tile that the last map keeps; none without a last map.
+    fn sums(&mut self, _tile: &TileKey) -> Result<Option<Vec<u8>>, E> {
+        Ok(None)
+    }
 }
 
 /// Contributions of clips without features.

@@ -3,7 +3,9 @@
 
 use super::members::PlacedClip;
 use super::tile::TileKey;
+use super::varint::{Reader, put, put_signed};
 use crate::carved::{BLOCK_CELLS, CarvedSpace, block_of, cell_of, number_of};
+use crate::ply::NotOurs;
 use rustc_hash::FxHashMap;
 use std::collections::BTreeSet;
 use viola_geometry::LevelName;
@@ -97,8 +99,8 @@ impl LookedThrough {
     }
 }
 
-/// The cells of one tile, to which clips are added, the latest first.
-#[derive(Default)]
+/// The cells of one tile, to which clips are added in the map's order.
+#[derive(Debug, Default, PartialEq)]
 pub(super) struct LookedCells {
     blocks: FxHashMap<[i32; 3], Block>,
 }
@@ -108,10 +110,58 @@ impl LookedCells {
         carved.for_each(|block, number| {
             let cells = self.blocks.entry(block).or_insert_with(|| Box::new([[NEVER; 2]; CELLS]));
             let [first, last] = &mut cells[number];
-            *first = clip;
-            if *last == NEVER {
-                *last = clip;
+            if *first == NEVER {
+                *first = clip;
             }
+            *last = clip;
         });
+    }
+
+    #[cfg(test)]
+    pub fn at(&self, cell: [i32; 3]) -> [u16; 2] {
+        self.blocks.get(&block_of(cell)).map_or([NEVER; 2], |cells| cells[number_of(cell)])
+    }
+
+    /// Returns the cells with other numbers of the clips.
+    pub fn renumbered(mut self, numbers: &[u16]) -> LookedCells {
+        for clip in self.blocks.values_mut().flat_map(|block| block.as_flattened_mut()) {
+            *clip = numbers.get(usize::from(*clip)).copied().unwrap_or(NEVER);
+        }
+        self
+    }
+
+    /// Appends the cells: for each block runs of cells with the same clips. [`LookedCells::read`] is the inverse.
+    pub fn write(&self, out: &mut Vec<u8>) {
+        let mut blocks: Vec<(&[i32; 3], &Block)> = self.blocks.iter().collect();
+        blocks.sort_unstable_by_key(|(key, _)| **key);
+        put(out, blocks.len() as u64);
+        for (key, cells) in blocks {
+            key.iter().for_each(|c| put_signed(out, i64::from(*c)));
+            for run in cells.chunk_by(|a, b| a == b) {
+                put(out, run.len() as u64);
+                run[0].iter().for_each(|clip| put(out, u64::from(clip.wrapping_add(1))));
+            }
+        }
+    }
+
+    pub fn read(reader: &mut Reader) -> Result<LookedCells, NotOurs> {
+        let mut looked = LookedCells::default();
+        for _ in 0..reader.count()? {
+            let mut key = [0; 3];
+            for c in &mut key {
+                *c = i32::try_from(reader.signed()?).map_err(|_| NotOurs)?;
+            }
+            let mut cells = Box::new([[NEVER; 2]; CELLS]);
+            let mut left = &mut cells[..];
+            while !left.is_empty() {
+                let length = usize::try_from(reader.number()?).map_err(|_| NotOurs)?;
+                let (run, rest) = left.split_at_mut_checked(length.max(1)).ok_or(NotOurs)?;
+                let [first, last] = [reader.narrow::<u16>()?, reader.narrow::<u16>()?];
+                run.fill([first.wrapping_sub(1), last.wrapping_sub(1)]);
+                left = rest;
+            }
+            looked.blocks.insert(key, cells);
+        }
+        Ok(looked)
     }
 }

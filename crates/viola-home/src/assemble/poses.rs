@@ -1,10 +1,15 @@
-//! Poses of a home's clips: the likeliest of each, then refined jointly.
+//! Poses of a home's clips: the likeliest of each, then refined jointly, block by block in the map's order.
+//!
+//! A block is refined with the blocks before it at rest. So a clip that comes last moves the clips of its own block only,
+//! and its merge costs the same in a home of many clips as in one of few.
 
 use super::cache::{Cache, Loaded};
 use super::candidates::{Candidate, KnownClip, Marginal, candidates};
+use super::footprint::{Footprint, PlacedFootprint};
 use super::joint::{self, Comparison};
 use super::level::{Level, apart, in_space, rounded};
 use super::members::{Extent, Member, PlacedBy, PlacedClip, Verdict};
+use super::neighbours::neighbours;
 use super::overlap::{Overlap, overlap};
 use super::settle::{Edge, KERNELS, Prior, settle};
 use super::ties::{Tie, forest, pass_poses, ties};
@@ -12,20 +17,24 @@ use super::{Manifest, Pair};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use viola_geometry::{LevelName, Pose2};
 
 /// Minimum probability to place a clip that is not aligned by itself.
 pub const SURE: f64 = 0.95;
-/// Edges of the pose graph that a clip keeps: the largest overlaps. The other clip may keep more of them.
-const MAX_NEIGHBOURS: usize = 24;
+/// Clips of the first block, so many that the mean error of their own alignments is small, and of each further block.
+/// Clips count by their places among all clips of the home, placed or not.
+const FIRST_BLOCK: usize = 16;
+const BLOCK: usize = 8;
 /// Clips that are loaded at a time, to bound the memory.
 const AT_A_TIME: usize = 8;
 
 /// A clip with a pose.
-struct Known<'a> {
+struct Known<'a, 'c> {
     member: &'a Member,
+    /// Its place among all clips of the home.
+    place: usize,
     by: PlacedBy,
     probability: Option<f64>,
     level: LevelName,
@@ -33,10 +42,11 @@ struct Known<'a> {
     /// None for a fixed pose.
     covariance: Option<Matrix3<f64>>,
     extent: Extent,
+    footprint: &'c Footprint,
     points: usize,
 }
 
-impl Known<'_> {
+impl Known<'_, '_> {
     /// Returns the pair of two clips, not yet registered.
     fn pair_with(&self, b: &Known) -> Pair {
         Pair {
@@ -49,9 +59,16 @@ impl Known<'_> {
     }
 }
 
+/// Returns the block of the clip at a place.
+fn block(place: usize) -> usize {
+    (place + BLOCK).saturating_sub(FIRST_BLOCK) / BLOCK
+}
+
 /// The placed clips, and what the next merge needs to know of the others.
 pub(super) struct Placed<'a> {
     pub clips: Vec<(&'a Member, PlacedClip)>,
+    /// The number of the first clips whose poses do not depend on a clip that comes last: those of full blocks.
+    pub resting: usize,
     pub pairs: Vec<Pair>,
     pub known: Vec<KnownClip>,
     pub comparisons: Vec<Comparison>,
@@ -70,16 +87,23 @@ pub(super) fn place<'a, E>(
     let comparisons = joint::compare((&last.known, &last.comparisons), &candidates, cache)?;
     let marginals = joint::marginals(&candidates, &comparisons, &forest);
     let each = || candidates.iter().zip(&marginals);
-    let placed: Vec<Known> = each().filter_map(|(candidate, marginal)| known(candidate, *marginal)).collect();
-    let pairs = overlaps(last, &placed, &ties, cache)?;
-    let clips = together(&placed, &pairs);
+    let placed = each().enumerate().filter_map(|(place, (clip, marginal))| known(place, clip, *marginal));
+    let placed: Vec<Known> = placed.collect();
+    let pairs = overlaps(last, &placed, cache)?;
+    let clips = together(&placed, &pairs, &ties);
+    let full = block(members.len());
+    let resting = placed.partition_point(|clip| block(clip.place) < full);
     let known = each().map(|(candidate, marginal)| candidate.known(*marginal)).collect();
-    Ok(Placed { clips, pairs, known, comparisons, ties })
+    Ok(Placed { clips, resting, pairs, known, comparisons, ties })
 }
 
 /// Returns a clip at its likeliest pose; none if its pose is not known. A clip that is aligned by itself, or
 /// that a person placed, always has a pose.
-fn known<'a>(candidate: &Candidate<'a>, marginal: Option<Marginal>) -> Option<Known<'a>> {
+fn known<'a, 'c>(
+    place: usize,
+    candidate: &'c Candidate<'a>,
+    marginal: Option<Marginal>,
+) -> Option<Known<'a, 'c>> {
     /// Typical standard deviations (x_m, y_m, yaw_rad): alternatives carry no covariance.
     const SPREAD: [f64; 3] = [0.03, 0.03, 0.01];
     let probability = marginal.map(|marginal| marginal.probability);
@@ -95,22 +119,20 @@ fn known<'a>(candidate: &Candidate<'a>, marginal: Option<Marginal>) -> Option<Kn
             (PlacedBy::Neighbours, mode.level, mode.map_from_clip, Some(spread))
         }
     };
-    let Candidate { member, extent, points, .. } = *candidate;
-    Some(Known { member, by, probability, level, alone, covariance, extent, points })
+    let Candidate { member, extent, ref footprint, points, .. } = *candidate;
+    Some(Known { member, place, by, probability, level, alone, covariance, extent, footprint, points })
 }
 
-/// Returns all pairs of clips whose boxes meet, in canonical order. Ties register clips whose own poses are too
-/// far apart.
-fn overlaps<E>(last: &Manifest, known: &[Known], ties: &[Tie], cache: &mut Cache<E>) -> Result<Vec<Pair>, E> {
-    let ties: FxHashMap<(&str, &str), &Tie> = ties.iter().map(|tie| ((&*tie.a, &*tie.b), tie)).collect();
+/// Returns the pairs of clips with the neighbours that they choose, in canonical order.
+fn overlaps<E>(last: &Manifest, known: &[Known], cache: &mut Cache<E>) -> Result<Vec<Pair>, E> {
     let before: FxHashMap<(&str, &str), &Pair> =
         last.pairs.iter().map(|pair| ((&*pair.a, &*pair.b), pair)).collect();
     let mut pairs: Vec<Pair> = Vec::new();
-    for (i, b) in known.iter().enumerate() {
+    for (i, chosen) in chosen(last, known).into_iter().enumerate() {
+        let b = &known[i];
         // The pairs to register, by their places among the pairs.
         let mut fresh: Vec<(usize, &Known)> = Vec::new();
-        let meets = |a: &&Known| a.level == b.level && a.extent.meets(&a.alone, &b.extent, &b.alone);
-        for a in known[..i].iter().filter(meets) {
+        for a in chosen.into_iter().map(|a| &known[a]) {
             let same = before.get(&(&*a.member.share, &*b.member.share));
             let same = same.filter(|pair| pair.map_from_a == a.alone && pair.map_from_b == b.alone);
             if same.is_none() {
@@ -125,11 +147,10 @@ fn overlaps<E>(last: &Manifest, known: &[Known], ties: &[Tie], cache: &mut Cache
             let b = cache.get(b.member)?;
             let loaded: Result<Vec<Arc<Loaded>>, E> = part.iter().map(|(_, a)| cache.get(a.member)).collect();
             let registered = part.par_iter().zip(loaded?).map(|((at, _), a)| {
-                let Pair { a: name_a, b: name_b, map_from_a, map_from_b, .. } = &pairs[*at];
                 let level = Level::default();
-                let start = in_space(map_from_b, &level).inverse() * in_space(map_from_a, &level);
-                let tied = || ties.get(&(&**name_a, &**name_b))?.overlap_at(map_from_a, map_from_b);
-                overlap(a.surface(), b.surface(), &start).or_else(tied)
+                let [from_a, from_b] = [pairs[*at].map_from_a, pairs[*at].map_from_b];
+                let start = in_space(&from_b, &level).inverse() * in_space(&from_a, &level);
+                overlap(a.surface(), b.surface(), &start)
             });
             let registered: Vec<Option<Overlap>> = registered.collect();
             for ((at, _), overlap) in part.iter().zip(registered) {
@@ -140,30 +161,77 @@ fn overlaps<E>(last: &Manifest, known: &[Known], ties: &[Tie], cache: &mut Cache
     Ok(pairs)
 }
 
-/// Refines the clips jointly.
-fn together<'a, 'e>(known: &[Known<'a>], pairs: &'e [Pair]) -> Vec<(&'a Member, PlacedClip)> {
-    let place: FxHashMap<&str, usize> =
-        known.iter().enumerate().map(|(i, k)| (&*k.member.share, i)).collect();
-    let edge = |pair: &'e Pair| {
-        Some(Edge { a: *place.get(&*pair.a)?, b: *place.get(&*pair.b)?, overlap: pair.overlap.as_ref()? })
+/// Returns the clips that each clip is registered to. Clips with the same clips before them as in the last map keep
+/// theirs.
+fn chosen(last: &Manifest, known: &[Known]) -> Vec<Vec<usize>> {
+    let is_old = last.known.iter().any(|known| known.footprint.is_none());
+    let is_same = |(clip, last): &(&Known, &PlacedClip)| {
+        clip.member.share == last.share && clip.alone == last.alone && clip.level == last.level_name
     };
-    let edges = largest(known.len(), pairs.iter().filter_map(edge).collect());
-    let priors: Vec<Prior> = known
+    let same = if is_old { 0 } else { known.iter().zip(&last.clips).take_while(is_same).count() };
+    let place: FxHashMap<&str, usize> =
+        known.iter().enumerate().map(|(i, clip)| (&*clip.member.share, i)).collect();
+    let mut chosen: Vec<Vec<usize>> = vec![Vec::new(); known.len()];
+    for pair in &last.pairs {
+        if let (Some(a), Some(b)) = (place.get(&*pair.a), place.get(&*pair.b))
+            && *b < same
+        {
+            chosen[*b].push(*a);
+        }
+    }
+    if same == known.len() {
+        return chosen;
+    }
+    let placed = |clip: &Known| clip.footprint.placed(&clip.alone);
+    let placed: Vec<PlacedFootprint> = known.par_iter().map(placed).collect();
+    let fresh = (same..known.len()).into_par_iter().map(|i| {
+        let b = &known[i];
+        let meets = |a: &Known| a.level == b.level && a.extent.meets(&a.alone, &b.extent, &b.alone);
+        let before: Vec<(usize, &PlacedFootprint)> =
+            (0..i).filter(|a| meets(&known[*a])).map(|a| (a, &placed[a])).collect();
+        neighbours(&placed[i], &before)
+    });
+    chosen.splice(same.., fresh.collect::<Vec<_>>());
+    chosen
+}
+
+/// Refines the clips jointly, block by block.
+fn together<'a>(known: &[Known<'a, '_>], pairs: &[Pair], ties: &[Tie]) -> Vec<(&'a Member, PlacedClip)> {
+    let edges = edges(known, pairs, ties);
+    let mut priors: Vec<Prior> = known
         .iter()
         .map(|clip| Prior {
             map_from_clip: in_space(&clip.alone, &Level::default()),
             covariance: clip.covariance,
+            is_settled: true,
         })
         .collect();
     let mut with: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); known.len()];
-    for edge in &edges {
-        with[edge.a].insert(edge.b);
-        with[edge.b].insert(edge.a);
+    for Joined { a, b, .. } in &edges {
+        with[*a].insert(*b);
+        with[*b].insert(*a);
     }
-    let settled = settle(&priors, &edges, &KERNELS);
-    let placed = |((clip, pose), with): ((&Known<'a>, _), BTreeSet<usize>)| {
-        let (pose, level) = if with.is_empty() { (clip.alone, Level::default()) } else { apart(&pose) };
-        let (pose, level) = rounded(&pose, &level);
+    let mut poses: Vec<(Pose2, Level)> = Vec::new();
+    for block in known.chunk_by(|a, b| block(a.place) == block(b.place)) {
+        let range = poses.len()..poses.len() + block.len();
+        priors[range.clone()].iter_mut().for_each(|prior| prior.is_settled = false);
+        let of_block = edges.iter().filter(|edge| range.contains(&edge.b));
+        let of_block: Vec<Edge> =
+            of_block.map(|Joined { a, b, overlap }| Edge { a: *a, b: *b, overlap }).collect();
+        let settled = settle(&priors, &of_block, &KERNELS);
+        for i in range {
+            let is_alone = with[i].is_empty();
+            let (pose, level) =
+                if is_alone { (known[i].alone, Level::default()) } else { apart(&settled[i]) };
+            let (pose, level) = rounded(&pose, &level);
+            // A person's choice stays bit-identical in the plane.
+            let pose = if known[i].covariance.is_none() { known[i].alone } else { pose };
+            poses.push((pose, level));
+            priors[i].map_from_clip = in_space(&pose, &level);
+            priors[i].is_settled = true;
+        }
+    }
+    let placed = |((clip, (pose, level)), with): ((&Known<'a, '_>, _), BTreeSet<usize>)| {
         let placed = PlacedClip {
             clip: clip.member.clip,
             share: clip.member.share.clone(),
@@ -172,8 +240,7 @@ fn together<'a, 'e>(known: &[Known<'a>], pairs: &'e [Pair]) -> Vec<(&'a Member, 
             probability: clip.probability,
             level_name: clip.level,
             alone: clip.alone,
-            // A person's choice stays bit-identical in the plane.
-            map_from_clip: if clip.covariance.is_none() { clip.alone } else { pose },
+            map_from_clip: pose,
             level,
             with: with.into_iter().map(|at| known[at].member.share.clone()).collect(),
             extent: clip.extent,
@@ -182,19 +249,34 @@ fn together<'a, 'e>(known: &[Known<'a>], pairs: &'e [Pair]) -> Vec<(&'a Member, 
         };
         (clip.member, placed)
     };
-    known.iter().zip(settled).zip(with).map(placed).collect()
+    known.iter().zip(poses).zip(with).map(placed).collect()
 }
 
-/// Returns the edges that are among the largest of one of their clips.
-fn largest<'e>(clips: usize, edges: Vec<Edge<'e>>) -> Vec<Edge<'e>> {
-    let mut order: Vec<usize> = (0..edges.len()).collect();
-    order.sort_by_key(|at| (std::cmp::Reverse(edges[*at].overlap.found), *at));
-    let (mut counts, mut kept) = (vec![0; clips], vec![false; edges.len()]);
-    for at in order {
-        let Edge { a, b, .. } = edges[at];
-        kept[at] = counts[a] < MAX_NEIGHBOURS || counts[b] < MAX_NEIGHBOURS;
-        counts[a] += 1;
-        counts[b] += 1;
+/// An overlap of two clips, by their indices; `a` is before `b`.
+struct Joined {
+    a: usize,
+    b: usize,
+    overlap: Overlap,
+}
+
+/// Returns the edges of the pose graph, in canonical order: the registered pairs, and the ties of clips whose own poses
+/// are too far apart.
+fn edges(known: &[Known], pairs: &[Pair], ties: &[Tie]) -> Vec<Joined> {
+    let place: FxHashMap<&str, usize> =
+        known.iter().enumerate().map(|(i, k)| (&*k.member.share, i)).collect();
+    let mut edges: BTreeMap<(usize, usize), Overlap> = BTreeMap::new();
+    for tie in ties {
+        let (Some(a), Some(b)) = (place.get(&*tie.a), place.get(&*tie.b)) else { continue };
+        if known[*a].level == known[*b].level
+            && let Some(overlap) = tie.overlap_at(&known[*a].alone, &known[*b].alone)
+        {
+            edges.insert((*a, *b), overlap);
+        }
     }
-    edges.into_iter().zip(kept).filter(|(_, kept)| *kept).map(|(edge, _)| edge).collect()
+    for pair in pairs {
+        if let (Some(a), Some(b), Some(overlap)) = (place.get(&*pair.a), place.get(&*pair.b), &pair.overlap) {
+            edges.insert((*a, *b), overlap.clone());
+        }
+    }
+    edges.into_iter().map(|((a, b), overlap)| Joined { a, b, overlap }).collect()
 }

@@ -2,7 +2,7 @@
 //!
 //! Each clip has a prior from its own alignment and floor; each overlap is an edge. Every connected component
 //! is solved as a whole and by itself, so the poses agree along chains of clips, and a clip does not affect
-//! the clips that no chain of overlaps connects to it.
+//! the clips that no chain of overlaps connects to it. Settled clips do not move; they divide the components.
 
 mod normal;
 
@@ -25,6 +25,8 @@ pub(super) struct Prior {
     pub map_from_clip: Pose3,
     /// Of (x_m, y_m, yaw_rad); none for a pose fixed by a person.
     pub covariance: Option<Matrix3<f64>>,
+    /// True for a clip that does not move.
+    pub is_settled: bool,
 }
 
 /// An overlap of two clips, by their indices in the graph.
@@ -38,14 +40,13 @@ pub(super) struct Edge<'a> {
 /// Returns the refined poses. Clips of a component that cannot be solved keep their priors.
 pub(super) fn settle(clips: &[Prior], edges: &[Edge], kernels: &[f64]) -> Vec<Pose3> {
     let mut poses: Vec<Pose3> = clips.iter().map(|clip| clip.map_from_clip).collect();
-    let solved = components(clips.len(), edges).into_par_iter().filter_map(|component| {
+    let solved = components(clips, edges).into_par_iter().filter_map(|component| {
         let poses = component.solve(clips, kernels)?;
         Some((component.clips, poses))
     });
     for (members, refined) in solved.collect::<Vec<_>>() {
-        for (clip, pose) in members.into_iter().zip(refined) {
-            poses[clip] = pose;
-        }
+        let refined = members.into_iter().zip(refined);
+        refined.filter(|(clip, _)| !clips[*clip].is_settled).for_each(|(clip, pose)| poses[clip] = pose);
     }
     poses
 }
@@ -57,26 +58,30 @@ struct Component<'a> {
     edges: Vec<Edge<'a>>,
 }
 
-/// Returns the connected components with at least two clips.
-fn components<'a>(count: usize, edges: &[Edge<'a>]) -> Vec<Component<'a>> {
-    let mut parents: Vec<usize> = (0..count).collect();
-    for edge in edges {
+/// Returns the connected components with at least one edge, each with the settled clips that it is tied to.
+fn components<'a>(clips: &[Prior], edges: &[Edge<'a>]) -> Vec<Component<'a>> {
+    let is_open = |clip: &usize| !clips[*clip].is_settled;
+    let mut parents: Vec<usize> = (0..clips.len()).collect();
+    for edge in edges.iter().filter(|edge| is_open(&edge.a) && is_open(&edge.b)) {
         let (a, b) = (root(&mut parents, edge.a), root(&mut parents, edge.b));
         parents[a.max(b)] = a.min(b);
     }
     // By the component's first clip, which is its root.
     let mut components: BTreeMap<usize, Component> = BTreeMap::new();
-    let mut places = Vec::with_capacity(count);
-    for clip in 0..count {
-        let component = components.entry(root(&mut parents, clip)).or_default();
-        places.push(component.clips.len());
-        component.clips.push(clip);
-    }
     for edge in edges {
-        let component = components.entry(root(&mut parents, edge.a)).or_default();
-        component.edges.push(Edge { a: places[edge.a], b: places[edge.b], overlap: edge.overlap });
+        let ends = [edge.a, edge.b];
+        let Some(open) = ends.into_iter().find(is_open) else { continue };
+        let component = components.entry(root(&mut parents, open)).or_default();
+        component.clips.extend(ends);
+        component.edges.push(edge.clone());
     }
-    components.into_values().filter(|component| !component.edges.is_empty()).collect()
+    for component in components.values_mut() {
+        component.clips.sort_unstable();
+        component.clips.dedup();
+        let place = |clip: usize| component.clips.binary_search(&clip).unwrap_or_default();
+        component.edges.iter_mut().for_each(|edge| (edge.a, edge.b) = (place(edge.a), place(edge.b)));
+    }
+    components.into_values().collect()
 }
 
 /// Returns the root of a clip's tree, and shortens the way to it.
@@ -98,8 +103,9 @@ impl Component<'_> {
                 for (i, prior) in priors.iter().enumerate() {
                     normal.add_prior(i, &poses[i], prior);
                 }
+                let is_settled = |i: usize| priors[i].is_settled;
                 for edge in &self.edges {
-                    normal.add_edge(edge, &poses, *kernel);
+                    normal.add_edge(edge, &poses, *kernel, is_settled);
                 }
                 let steps = normal.solve()?;
                 for (pose, step) in poses.iter_mut().zip(&steps) {

@@ -1,6 +1,7 @@
 //! A clip's thinned surface in a cell grid, for nearest-point search.
 
 use rustc_hash::{FxHashMap, FxHashSet};
+use std::ops::Range;
 use viola_geometry::{Point3, Vector3};
 use viola_reconstruct::PointCloud;
 
@@ -28,7 +29,10 @@ impl SurfacePoint {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Surface {
     pub points: Vec<SurfacePoint>,
-    cells: FxHashMap<[i32; 3], Vec<u32>>,
+    /// Cells and numbers of the points, row by row: by z, y, x.
+    sorted: Vec<([i32; 3], u32)>,
+    /// The part of `sorted` that is in each row, by z and y.
+    rows: FxHashMap<[i32; 2], Range<u32>>,
 }
 
 fn cell(position: &Point3, side_m: f64) -> [i32; 3] {
@@ -42,10 +46,20 @@ impl Surface {
         for point in &cloud.points {
             let position = point.position();
             if seen.insert(cell(&position, THIN_M)) {
-                let number = surface.points.len() as u32;
-                surface.cells.entry(cell(&position, REACH_M)).or_default().push(number);
+                let [x, y, z] = cell(&position, REACH_M);
+                surface.sorted.push(([z, y, x], surface.points.len() as u32));
                 surface.points.push(SurfacePoint { position, normal: point.normal(), color: point.color });
             }
+        }
+        surface.sorted.sort_unstable();
+        let mut from = 0;
+        for row in
+            surface.sorted.chunk_by(|([z, y, _], _), ([other_z, other_y, _], _)| (z, y) == (other_z, other_y))
+        {
+            let [z, y, _] = row[0].0;
+            let to = from + row.len() as u32;
+            surface.rows.insert([z, y], from..to);
+            from = to;
         }
         surface
     }
@@ -55,15 +69,16 @@ impl Surface {
         const SAME_WAY: f64 = 0.7;
         let [x, y, z] = cell(position, REACH_M);
         let mut best: Option<(f64, u32)> = None;
-        for key in (-1..=1)
-            .flat_map(|dz| (-1..=1).flat_map(move |dy| (-1..=1).map(move |dx| [x + dx, y + dy, z + dz])))
-        {
-            for &number in self.cells.get(&key).into_iter().flatten() {
-                let point = &self.points[number as usize];
+        for [z, y] in (-1..=1).flat_map(|dz| (-1..=1).map(move |dy| [z + dz, y + dy])) {
+            let Some(row) = self.rows.get(&[z, y]) else { continue };
+            let row = &self.sorted[row.start as usize..row.end as usize];
+            let from = row.partition_point(|([.., at], _)| *at < x - 1);
+            for (_, number) in row[from..].iter().take_while(|([.., at], _)| *at <= x + 1) {
+                let point = &self.points[*number as usize];
                 let squared = (point.position - position).norm_squared();
-                let nearer = best.is_none_or(|(d, n)| (squared, number) < (d, n));
+                let nearer = best.is_none_or(|(d, n)| (squared, *number) < (d, n));
                 if squared < REACH_M * REACH_M && nearer && point.normal.dot(normal) > SAME_WAY {
-                    best = Some((squared, number));
+                    best = Some((squared, *number));
                 }
             }
         }
@@ -73,5 +88,37 @@ impl Surface {
     /// Returns about `count` of its points, evenly spread.
     pub fn some(&self, count: usize) -> impl Iterator<Item = &SurfacePoint> {
         self.points.iter().step_by(self.points.len().div_ceil(count.max(1)).max(1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use viola_reconstruct::{CloudPoint, Label};
+
+    proptest! {
+        /// Against a search of all points.
+        #[test]
+        fn the_nearest_point_is_found(
+            places in prop::collection::vec(prop::array::uniform3(-0.5..0.5f32), 1..200),
+            from in prop::array::uniform3(-0.6..0.6f64),
+        ) {
+            let point = |(number, position_m): (usize, &[f32; 3])| CloudPoint {
+                position_m: *position_m,
+                normal: if number.is_multiple_of(3) { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] },
+                color: [number as u8; 3],
+                label: Label::NONE,
+                weight: 1,
+            };
+            let points = places.iter().enumerate().map(point).collect();
+            let surface = Surface::new(&PointCloud { points, voxel_m: 0.03 });
+            let (from, up) = (Point3::from(from), Vector3::z());
+            let near = surface.points.iter().filter(|point| point.normal == up);
+            let distance = |point: &SurfacePoint| (point.position - from).norm();
+            let nearest = near.filter(|point| distance(point) < REACH_M).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            let found = surface.nearest(&from, &up);
+            prop_assert_eq!(found.map(|point| point.position), nearest.map(|point| point.position));
+        }
     }
 }

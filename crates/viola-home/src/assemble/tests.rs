@@ -1,4 +1,5 @@
 mod features;
+mod sums;
 
 use super::*;
 use crate::MAP_VOXEL_M;
@@ -177,7 +178,7 @@ fn the_whole_surface_of_an_object_votes() {
     assert_eq!(labels(map.tiles.values().collect()), [boxes + chairs, 0]);
     // The summaries are those of the map's labels.
     let infos: Vec<TileInfo> = map.manifest.tiles.iter().map(|(_, info)| info.clone()).collect();
-    assert_eq!(infos, map.tiles.values().map(Tile::info).collect::<Vec<_>>());
+    assert_eq!(infos, map.tiles.iter().map(|(key, tile)| tile.info(key)).collect::<Vec<_>>());
 }
 
 fn on_main(map_from_clip: Pose2, probability: f64) -> Mode {

@@ -1,5 +1,6 @@
 //! Square tiles of the map: a local change rewrites only its own tiles.
 
+use super::content::Content;
 use crate::ply::NotOurs;
 use crate::{MAP_VOXEL_M, MapPoint};
 use serde::{Deserialize, Serialize};
@@ -41,7 +42,7 @@ impl TileKey {
 pub struct Tile {
     /// Source clips of its points, in the map's canonical order.
     pub clips: Vec<Uuid>,
-    /// With the labels of the whole map.
+    /// With the labels of the map.
     pub points: Vec<MapPoint>,
     /// The labels of the points by their clips alone, from which those of the map are made.
     pub of_clips: Vec<Label>,
@@ -55,6 +56,8 @@ pub struct TileInfo {
     pub max_m: [f32; 3],
     /// Points by class id.
     pub classes: Vec<usize>,
+    #[serde(default)]
+    pub content: Content,
 }
 
 const MAGIC: &[u8; 8] = b"violat02";
@@ -68,12 +71,13 @@ pub const POINT_BYTES: usize = 38;
 pub const CLIP_AT: usize = 34;
 
 impl Tile {
-    pub fn info(&self) -> TileInfo {
+    pub fn info(&self, key: &TileKey) -> TileInfo {
         let mut info = TileInfo {
             points: self.points.len(),
             min_m: [f32::INFINITY; 3],
             max_m: [f32::NEG_INFINITY; 3],
             classes: vec![0; CLASSES],
+            content: Content::of(key, self),
         };
         for MapPoint { point, .. } in &self.points {
             info.classes[usize::from(point.label.class.id())] += 1;
@@ -148,7 +152,7 @@ impl<'a> TileBytes<'a> {
     }
 }
 
-fn label_bytes(label: &Label) -> [u8; LABEL_BYTES] {
+pub(super) fn label_bytes(label: &Label) -> [u8; LABEL_BYTES] {
     let mut bytes = [0; LABEL_BYTES];
     for (pair, (class, share)) in bytes.chunks_exact_mut(2).zip(label.shares()) {
         pair.copy_from_slice(&[class.id() as u8, share]);
@@ -227,7 +231,7 @@ mod tests {
     fn what_is_written_is_read() {
         assert_eq!(Tile::read(&tile().to_bytes()), Ok(tile()));
         assert_eq!(Tile::read(&Tile::default().to_bytes()), Ok(Tile::default()));
-        let info = tile().info();
+        let info = tile().info(&TileKey { level: LevelName::MAIN, x: 0, y: 0 });
         assert_eq!((info.points, info.classes.iter().sum::<usize>()), (50, 50));
         assert_eq!(info.min_m, [0.0, -1.5, 0.25]);
     }

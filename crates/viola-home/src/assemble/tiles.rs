@@ -2,17 +2,16 @@
 
 use super::Manifest;
 use super::cache::{Cache, Loaded};
-use super::looked::{LookedCells, LookedThrough};
+use super::fold::{Fold, Part};
+use super::looked::LookedThrough;
 use super::members::{Member, PlacedClip};
 use super::tile::{TILE_VOXELS, Tile, TileKey};
-use super::voxels::{Voxels, tile_of};
-use crate::MAP_VOXEL_M;
-use crate::carved::{BLOCK_CELLS, CELL_VOXELS, CarvedSpace};
+use super::voxels::tile_of;
+use crate::carved::{BLOCK_CELLS, CELL_VOXELS};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use uuid::Uuid;
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{LevelName, Pose3};
 use viola_reconstruct::CloudPoint;
@@ -21,55 +20,110 @@ use viola_reconstruct::CloudPoint;
 pub(super) type ChangedTiles = BTreeMap<TileKey, Option<Tile>>;
 
 /// Tiles under construction at a time: the voxels of one take about 4 MB.
-const TILES_AT_ONCE: usize = 32;
+const TILES_AT_ONCE: usize = 16;
+/// Minimum number of clips whose sums in a tile are kept: fewer are read as quickly as their sums.
+const LEAST_KEPT: usize = 8;
 /// Clips in use at a time.
 const CLIPS_AT_ONCE: usize = 8;
 
-/// The clips with the tiles that they affect, and the changed tiles.
+/// The clips with the tiles that they affect, and the tiles that were made anew.
 pub(super) struct Rebuilt {
     pub clips: Vec<PlacedClip>,
     pub changed: ChangedTiles,
+    /// The sums of the tiles that the next merge begins with.
+    pub sums: BTreeMap<TileKey, Option<Vec<u8>>>,
     pub looked: BTreeMap<LevelName, LookedThrough>,
 }
 
-/// Builds the tiles anew that `clips` change.
+/// A tile that is built anew.
+struct Underway<'a> {
+    key: TileKey,
+    /// The clips that touch it, with their numbers in the map.
+    clips: Vec<(usize, &'a PlacedClip)>,
+    fold: Fold,
+    /// The number of clips whose sums are kept.
+    kept: usize,
+    sums: Option<Vec<u8>>,
+}
+
+impl<'a> Underway<'a> {
+    /// Begins with the sums of the last map, if they are of the first clips of the tile.
+    fn new<E>(
+        key: TileKey,
+        placed: &[(&Member, &'a PlacedClip)],
+        resting: usize,
+        cache: &mut Cache<E>,
+    ) -> Result<Underway<'a>, E> {
+        let touches = |clip: &PlacedClip| clip.tiles.binary_search(&key).is_ok();
+        let clips = placed.iter().map(|(_, clip)| *clip).enumerate().filter(|(_, clip)| touches(clip));
+        let clips: Vec<(usize, &PlacedClip)> = clips.collect();
+        let mut kept = clips.partition_point(|(number, _)| *number < resting);
+        // Clips of one time do not look through each other: they stay together.
+        let time_ms = |at: usize| clips.get(at).and_then(|(_, clip)| clip.recorded_at_ms);
+        while kept > 0 && time_ms(kept).is_some() && time_ms(kept - 1) == time_ms(kept) {
+            kept -= 1;
+        }
+        let sums = if clips.len() < LEAST_KEPT { None } else { cache.sums(&key)? };
+        let fold = sums.and_then(|sums| Fold::read(&sums, &clips).ok());
+        Ok(Underway { key, clips, fold: fold.unwrap_or_else(Fold::new), kept, sums: None })
+    }
+
+    fn lacks(&self, number: usize) -> bool {
+        self.clips[self.fold.len()..].binary_search_by_key(&number, |(number, _)| *number).is_ok()
+    }
+
+    /// Adds the next clip, if it touches the tile.
+    fn add(&mut self, number: usize, part: Option<&Part>) {
+        if !self.lacks(number) {
+            return;
+        }
+        let (_, clip) = self.clips[self.fold.len()];
+        self.fold.add(part.unwrap_or(&Part::default()), clip);
+        if self.fold.len() == self.kept && self.kept >= LEAST_KEPT {
+            self.sums = Some(self.fold.to_bytes());
+        }
+    }
+}
+
+/// Builds the tiles anew that `clips` change. The poses of the first `resting` clips do not depend on later clips.
 pub(super) fn rebuild<E>(
     last: &Manifest,
     mut clips: Vec<(&Member, PlacedClip)>,
+    resting: usize,
     cache: &mut Cache<E>,
 ) -> Result<Rebuilt, E> {
     let dirty: Vec<TileKey> = dirty(last, &mut clips, cache)?.into_iter().collect();
-    let (mut changed, mut looked_in) = (ChangedTiles::new(), Vec::new());
+    let placed: Vec<(&Member, &PlacedClip)> = clips.iter().map(|(member, clip)| (*member, clip)).collect();
+    let (mut changed, mut sums, mut looked_in) = (ChangedTiles::new(), BTreeMap::new(), Vec::new());
     for keys in dirty.chunks(TILES_AT_ONCE) {
-        let mut tiles: Vec<(TileKey, UnderConstruction)> =
-            keys.iter().map(|key| (*key, UnderConstruction::new())).collect();
-        let touches = |clip: &PlacedClip| keys.iter().any(|key| clip.tiles.binary_search(key).is_ok());
-        // The latest first: when a clip comes, it is known what later ones looked through.
-        let touching: Vec<usize> = (0..clips.len()).rev().filter(|at| touches(&clips[*at].1)).collect();
-        for numbers in touching.chunks(CLIPS_AT_ONCE) {
+        let tiles: Result<Vec<Underway>, E> =
+            keys.iter().map(|key| Underway::new(*key, &placed, resting, cache)).collect();
+        let mut tiles = tiles?;
+        let missing: Vec<usize> =
+            (0..placed.len()).filter(|number| tiles.iter().any(|tile| tile.lacks(*number))).collect();
+        for numbers in missing.chunks(CLIPS_AT_ONCE) {
             let loaded: Vec<Arc<Loaded>> =
-                numbers.iter().map(|at| cache.get(clips[*at].0)).collect::<Result<_, E>>()?;
+                numbers.iter().map(|at| cache.get(placed[*at].0)).collect::<Result<_, E>>()?;
             let parts: Vec<(usize, BTreeMap<TileKey, Part>)> = numbers
                 .par_iter()
                 .zip(loaded)
-                .map(|(at, loaded)| (*at, parts(&loaded, &clips[*at].1, keys)))
+                .map(|(at, loaded)| {
+                    let lacking = tiles.iter().filter(|tile| tile.lacks(*at)).map(|tile| tile.key);
+                    (*at, parts(&loaded, placed[*at].1, &lacking.collect::<Vec<_>>()))
+                })
                 .collect();
-            tiles.par_iter_mut().for_each(|(key, tile)| {
-                for (at, parts) in &parts {
-                    if let Some(part) = parts.get(key) {
-                        tile.add(part, *at as u16, clips[*at].1.recorded_at_ms);
-                    }
-                }
+            tiles.par_iter_mut().for_each(|tile| {
+                parts.iter().for_each(|(at, parts)| tile.add(*at, parts.get(&tile.key)));
             });
         }
-        let made: Vec<(TileKey, Option<Tile>, LookedCells)> = tiles
-            .into_par_iter()
-            .map(|(key, tile)| {
-                let (tile, cells) = tile.finish(&clips);
-                (key, tile, cells)
-            })
-            .collect();
-        for (key, tile, cells) in made {
+        let finished = tiles.into_par_iter().map(|tile| {
+            let (made, cells) = tile.fold.finish(&tile.clips);
+            (tile.key, made, cells, tile.sums)
+        });
+        for (key, tile, cells, kept) in finished.collect::<Vec<_>>() {
+            if kept.is_some() || tile.is_none() {
+                sums.insert(key, kept);
+            }
             changed.insert(key, tile);
             looked_in.push((key, cells));
         }
@@ -79,7 +133,7 @@ pub(super) fn rebuild<E>(
     for (key, cells) in looked_in {
         looked.entry(key.level).or_insert_with(|| LookedThrough::of(key.level, &clips)).add(key, cells);
     }
-    Ok(Rebuilt { clips, changed, looked })
+    Ok(Rebuilt { clips, changed, sums, looked })
 }
 
 /// Sets the tiles of the clips, and returns those that change.
@@ -167,14 +221,6 @@ fn tile_of_block(level: LevelName, block: [i32; 3]) -> TileKey {
     TileKey::of_voxel(level, &block.map(|c| c * BLOCK_CELLS * CELL_VOXELS))
 }
 
-/// Points and carved space of a clip in one tile, in the map's frame.
-#[derive(Default)]
-struct Part {
-    points: Vec<CloudPoint>,
-    /// Empty if the time of recording is not known.
-    carved: CarvedSpace,
-}
-
 /// Splits a clip by tiles; only `keys`, which are sorted.
 fn parts(loaded: &Loaded, clip: &PlacedClip, keys: &[TileKey]) -> BTreeMap<TileKey, Part> {
     let map_from_clip = clip.in_space();
@@ -206,59 +252,6 @@ fn parts(loaded: &Loaded, clip: &PlacedClip, keys: &[TileKey]) -> BTreeMap<TileK
         }
     }
     parts
-}
-
-/// A tile to which clips are added, the latest first.
-struct UnderConstruction {
-    voxels: Voxels,
-    /// Space that clips later than `time_ms` looked through.
-    gone: CarvedSpace,
-    /// Space that the clips of `time_ms` looked through.
-    carved: CarvedSpace,
-    time_ms: Option<i64>,
-    looked: LookedCells,
-}
-
-impl UnderConstruction {
-    fn new() -> UnderConstruction {
-        UnderConstruction {
-            voxels: Voxels::new(MAP_VOXEL_M),
-            gone: CarvedSpace::default(),
-            carved: CarvedSpace::default(),
-            time_ms: None,
-            looked: LookedCells::default(),
-        }
-    }
-
-    /// Adds what a clip has in the tile, without the points that a later clip looked through: the world
-    /// changed there. Clips without a time lose no points.
-    fn add(&mut self, part: &Part, clip: u16, recorded_at_ms: Option<i64>) {
-        if recorded_at_ms != self.time_ms {
-            self.gone.extend(&std::mem::take(&mut self.carved));
-            self.time_ms = recorded_at_ms;
-        }
-        let timed = recorded_at_ms.is_some();
-        for point in &part.points {
-            if !timed || !self.gone.contains(point.position_m.map(f64::from)) {
-                self.voxels.add(point, clip);
-            }
-        }
-        self.carved.extend(&part.carved);
-        self.looked.add(&part.carved, clip);
-    }
-
-    /// Returns the tile with its own clip numbers, none without points, and its cells that were looked through.
-    fn finish(self, clips: &[(&Member, PlacedClip)]) -> (Option<Tile>, LookedCells) {
-        let mut points = self.voxels.into_points();
-        let numbers: BTreeSet<u16> = points.iter().map(|point| point.clip).collect();
-        let numbers: Vec<u16> = numbers.into_iter().collect();
-        for point in &mut points {
-            point.clip = numbers.binary_search(&point.clip).unwrap_or_default() as u16;
-        }
-        let ids: Vec<Uuid> = numbers.iter().map(|number| clips[usize::from(*number)].1.clip).collect();
-        let of_clips = points.iter().map(|point| point.point.label).collect();
-        ((!points.is_empty()).then_some(Tile { clips: ids, points, of_clips }), self.looked)
-    }
 }
 
 // A block never spans tiles.

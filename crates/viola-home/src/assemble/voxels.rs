@@ -1,5 +1,7 @@
 //! Fusion of the points of several clips in voxels.
 
+mod file;
+
 use super::tile::TileKey;
 use crate::{MAP_VOXEL_M, MapPoint};
 use rustc_hash::FxHashMap;
@@ -21,6 +23,9 @@ const PSEUDO_VIEWS: u32 = 3;
 const MOST_VIEWS: u16 = 20;
 /// Maximum weight of the labels without a view, relative to those with one.
 const BLIND_SHARE: f32 = 0.25;
+
+/// No clip.
+const NOBODY: (u16, i64) = (u16::MAX, 0);
 
 /// Sums of one voxel. Integers, so that they do not depend on the order.
 #[derive(Debug, Clone, Default)]
@@ -57,13 +62,19 @@ impl Classes {
     fn add(&mut self, label: &Label) {
         let weight = PSEUDO_VIEWS + u32::from(label.views.min(MOST_VIEWS));
         self.total = self.total.saturating_add(255 * weight);
-        for (class, share) in label.shares() {
-            let share = weight * u32::from(share);
-            match self.sums.iter_mut().find(|(known, _)| *known == class) {
-                Some((_, sum)) => *sum = sum.saturating_add(share),
-                None => self.sums.push((class, share)),
-            }
+        label.shares().for_each(|(class, share)| self.add_sum(class, weight * u32::from(share)));
+    }
+
+    fn add_sum(&mut self, class: Class, more: u32) {
+        match self.sums.iter_mut().find(|(known, _)| *known == class) {
+            Some((_, sum)) => *sum = sum.saturating_add(more),
+            None => self.sums.push((class, more)),
         }
+    }
+
+    fn merge(&mut self, other: &Classes) {
+        self.total = self.total.saturating_add(other.total);
+        other.sums.iter().for_each(|(class, sum)| self.add_sum(*class, *sum));
     }
 }
 
@@ -74,6 +85,12 @@ pub(crate) struct Voxels {
     /// Places in `voxels`, which is large and would be slow to move when the table grows.
     index: FxHashMap<[i32; 3], u32>,
     voxels: Vec<([i32; 3], Voxel)>,
+}
+
+/// Returns the clip with the larger weight, of equal ones the first.
+fn heavier(one: (u16, i64), other: (u16, i64)) -> (u16, i64) {
+    let rank = |(clip, weight): (u16, i64)| (weight, Reverse(clip));
+    if rank(other) > rank(one) { other } else { one }
 }
 
 /// Returns the voxel that contains a point in the map's frame.
@@ -88,17 +105,14 @@ impl Voxels {
 
     pub fn add(&mut self, point: &CloudPoint, clip: u16) {
         let key = voxel_of(&point.position_m, self.side_m);
-        let place = *self.index.entry(key).or_insert_with(|| {
-            self.voxels.push((key, Voxel::default()));
-            self.voxels.len() as u32 - 1
-        });
-        let voxel = &mut self.voxels[place as usize].1;
+        let side_m = self.side_m;
+        let voxel = self.at(key);
         let weight = i64::from(point.weight.clamp(1, MOST_WEIGHT));
         voxel.weight += weight;
         voxel.points += 1;
         voxel.views += i64::from(point.label.views);
         for (axis, corner) in key.iter().enumerate() {
-            let within_m = f64::from(point.position_m[axis]) - f64::from(*corner) * self.side_m;
+            let within_m = f64::from(point.position_m[axis]) - f64::from(*corner) * side_m;
             voxel.position[axis] += weight * (within_m * 1e5).round() as i64;
             voxel.normal[axis] += weight * (f64::from(point.normal[axis]) * 1e3).round() as i64;
             voxel.color[axis] += weight * i64::from(point.color[axis]);
@@ -110,10 +124,31 @@ impl Voxels {
             voxel.now = (clip, 0);
         }
         voxel.now.1 += weight;
-        let rank = |(clip, weight): (u16, i64)| (weight, Reverse(clip));
-        if rank(voxel.now) > rank(voxel.most) {
-            voxel.most = voxel.now;
-        }
+        voxel.most = heavier(voxel.most, voxel.now);
+    }
+
+    fn at(&mut self, key: [i32; 3]) -> &mut Voxel {
+        let place = *self.index.entry(key).or_insert_with(|| {
+            self.voxels.push((key, Voxel::default()));
+            self.voxels.len() as u32 - 1
+        });
+        &mut self.voxels[place as usize].1
+    }
+
+    /// Returns the voxels with points.
+    fn measured(&self) -> impl Iterator<Item = &([i32; 3], Voxel)> {
+        self.voxels.iter().filter(|(_, voxel)| voxel.points > 0)
+    }
+
+    /// Adds the points of other clips.
+    pub fn merge(&mut self, others: &Voxels) {
+        others.measured().for_each(|(key, voxel)| self.at(*key).merge(voxel));
+    }
+
+    /// Removes the points of the voxels that `is_gone`.
+    pub fn clear(&mut self, is_gone: impl Fn(&[i32; 3]) -> bool) {
+        let gone = self.voxels.iter_mut().filter(|(key, _)| is_gone(key));
+        gone.for_each(|(_, voxel)| *voxel = Voxel::default());
     }
 
     /// Returns one point per voxel, in voxel order, without voxels below `LEAST_WEIGHT`.
@@ -139,6 +174,22 @@ fn rounded(value: f64, places: f64) -> f32 {
 }
 
 impl Voxel {
+    fn merge(&mut self, other: &Voxel) {
+        self.weight += other.weight;
+        self.points += other.points;
+        self.color_weight += other.color_weight;
+        self.views += other.views;
+        for axis in 0..3 {
+            self.position[axis] += other.position[axis];
+            self.normal[axis] += other.normal[axis];
+            self.color[axis] += other.color[axis];
+        }
+        self.seen.merge(&other.seen);
+        self.blind.merge(&other.blind);
+        self.most = heavier(self.most, other.most);
+        self.now = NOBODY;
+    }
+
     fn point(&self, key: &[i32; 3], side_m: f64) -> CloudPoint {
         let mean = |sum: i64| sum as f64 / self.weight as f64;
         let position_m =

@@ -44,8 +44,9 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// Returns the columns of sites in the clip frame; none if no site is inside the slices.
-    pub fn new(positions_m: &[Point3], normals: &[Vector3]) -> Option<Columns> {
+    /// Returns the columns of sites in the clip frame; none if no site is inside the slices. The network is asked about
+    /// the voxels of the first `asked` sites only.
+    pub fn new(positions_m: &[Point3], normals: &[Vector3], asked: usize) -> Option<Columns> {
         let turn = Rotation2::new(-main_yaw(normals));
         let turned = |v: &Vector3| turn * v.xy();
         let cells: Vec<[i64; 3]> = positions_m
@@ -81,7 +82,10 @@ impl Columns {
             *count += 1;
             Some(voxel)
         });
-        let of_site = of_site.collect();
+        let mut of_site: Vec<Option<u32>> = of_site.collect();
+        // Voxels are numbered in the order of their sites.
+        of_site[asked..].fill(None);
+        let asked = of_site.iter().flatten().max().map_or(0, |last| *last as usize + 1);
         let normals: Vec<Vector3> = sums.iter().map(|(sum, count)| sum / f64::from(*count)).collect();
         let index = |[x, y, slice]: [i64; 3]| slice as usize * plane + y as usize * width + x as usize;
         let mut grid = vec![0f32; 2 * SLICES * plane];
@@ -95,6 +99,7 @@ impl Columns {
                 && (0..height as i64).contains(&y);
             if is_there { grid[planes * plane + index([x, y, slice])] } else { 0.0 }
         };
+        let places = &places[..asked];
         let mut own = Vec::with_capacity(places.len() * VOXEL_NUMBERS);
         for (&[x, y, slice], normal) in places.iter().zip(&normals) {
             for planes in [0, SLICES] {

@@ -1,5 +1,6 @@
-//! Labels of a home's map: its whole surface shows more of each object than a clip does.
+//! Labels of a home's map: its surface shows more of each object than a clip does.
 
+use super::SegmentError;
 use super::combine::{self, Alone, ByClass};
 use super::segments::segments;
 use super::sites::Sites;
@@ -8,20 +9,38 @@ use super::surface::SurfaceNetwork;
 use crate::cloud::{Label, PointCloud};
 use viola_geometry::taxonomy::CLASSES;
 
-/// Returns the label of each point of a map, whose z axis is up and whose floor is at 0. The labels of `map` are those of
-/// its clips. Pictures decide in the segments that they show; in the others it is the mean of the surface network's
-/// answers for the clips and for the map. The answer for the map is left out if the network fails.
-pub fn label_map(map: &PointCloud, network: Option<&SurfaceNetwork>) -> Vec<Label> {
+/// Labels of a piece of a map.
+pub struct MapLabels {
+    /// The labels of the points that were asked for.
+    pub labels: Vec<Label>,
+    /// Reason why the surface network was not used though there is one.
+    pub failure: Option<SegmentError>,
+}
+
+/// Returns the labels of the first `count` points of a piece of a map, whose z axis is up and whose floor is at 0; the
+/// others are the surface around them. The labels of `map` are those of its clips. Pictures decide in the segments that
+/// they show; in the others it is the mean of the surface network's answers for the clips and for the map. The answer for
+/// the map is left out if the network fails.
+pub fn label_map(map: &PointCloud, count: usize, network: Option<&SurfaceNetwork>) -> MapLabels {
     let mut sites = Sites::new(map);
     let (shapes, _) = structure::shapes(&sites);
     let segments = segments(&sites);
     // The network needs the memory.
     sites.neighbours = Vec::new();
     let of_clips = first_labels(map, &sites);
-    let of_map = network.and_then(|network| network.classify_map(&sites).ok());
+    let of_point = &sites.of_point[..count];
+    // Sites are numbered in the order of their points.
+    let asked = of_point.iter().max().map_or(0, |last| *last as usize + 1);
+    let (of_map, failure) =
+        match network.map(|network| network.classify_as_is(&sites.positions_m, &sites.normals, asked)) {
+            // Without surface in the network's slices, it has nothing to say.
+            None | Some(Err(SegmentError::NoSurface { .. })) => (None, None),
+            Some(Ok(of_map)) => (Some(of_map), None),
+            Some(Err(failure)) => (None, Some(failure)),
+        };
     let surface = |site: usize| {
         let of_clips = by_class(&of_clips[site]).filter(|_| of_clips[site].views == 0);
-        match (of_clips, of_map.as_ref().and_then(|of_map| by_class(&of_map[site]))) {
+        match (of_clips, of_map.as_ref().and_then(|of_map| of_map.of(site))) {
             (Some(one), Some(other)) => Some(std::array::from_fn(|i| (one[i] + other[i]) / 2.0)),
             (one, other) => one.or(other),
         }
@@ -33,7 +52,7 @@ pub fn label_map(map: &PointCloud, network: Option<&SurfaceNetwork>) -> Vec<Labe
     // The labels of clips with pictures have heard the network already.
     let alone = Alone::Fallback(combine::surfaced(&segments, &shapes, surface));
     let labels = combine::combined(&segments, &shapes, pictures, &alone);
-    sites.of_point.iter().map(|site| labels[*site as usize]).collect()
+    MapLabels { labels: of_point.iter().map(|site| labels[*site as usize]).collect(), failure }
 }
 
 /// Returns the label of the first point of each site; a map has one point for nearly each.

@@ -2,10 +2,7 @@
 
 use super::SegmentError;
 use super::columns::{Columns, SLICES, TOP_M, VOXEL_NUMBERS};
-use super::likeliest::likeliest;
 use super::sites::Sites;
-use crate::cloud::Label;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use viola_geometry::taxonomy::CLASSES;
 use viola_geometry::{Point3, Vector3};
@@ -14,14 +11,10 @@ use viola_network::manifest::ModelEntry;
 use viola_network::signature::{expect, one};
 use viola_network::{Data, Network, Tensor};
 
-/// Side of the windows of a map: the network takes about 150 MB for one.
-const WINDOW_M: f64 = 6.4;
-/// Surface around a window that the network sees as well: a voxel of its coarsest level.
-const MARGIN_M: f64 = 0.8;
-
 /// Classifies the voxels of a surface. Made by `models/train`.
 pub struct SurfaceNetwork {
     name: String,
+    version: String,
     network: Arc<dyn Network>,
 }
 
@@ -41,7 +34,15 @@ impl SurfaceNetwork {
         }
         let output = one(network.outputs(), Some("logits"), "output").map_err(misfit)?;
         expect(output, "output", F32, &[None, Some(CLASSES)]).map_err(misfit)?;
-        Ok(SurfaceNetwork { name: format!("{}, {}", entry.name, network.runtime()), network })
+        let name = format!("{}, {}", entry.name, network.runtime());
+        let weights = entry.sha256.as_deref().unwrap_or("weights without a checksum");
+        Ok(SurfaceNetwork { version: format!("{name}, {weights}"), name, network })
+    }
+
+    /// Returns the network, its runtime and the checksum of its weights: those of the same version give the same
+    /// answers.
+    pub fn version(&self) -> &str {
+        &self.version
     }
 
     /// Returns the network and its runtime, for the answer.
@@ -52,11 +53,11 @@ impl SurfaceNetwork {
     /// Returns the probability of each class for each site: the mean of the answers for the surface and for its mirror
     /// image, which is as likely a home. `sites` are in the clip frame. None for sites outside the network's grid.
     pub(super) fn classify(&self, sites: &Sites) -> Result<Vec<Option<[f32; CLASSES]>>, SegmentError> {
-        let mut said = self.classify_as_is(&sites.positions_m, &sites.normals)?.of_sites();
+        let mut said = self.classify_as_is(&sites.positions_m, &sites.normals, sites.len())?.of_sites();
         let positions_m: Vec<Point3> =
             sites.positions_m.iter().map(|p| Point3::new(-p.x, p.y, p.z)).collect();
         let normals: Vec<Vector3> = sites.normals.iter().map(|n| Vector3::new(-n.x, n.y, n.z)).collect();
-        let mirrored = self.classify_as_is(&positions_m, &normals)?.of_sites();
+        let mirrored = self.classify_as_is(&positions_m, &normals, sites.len())?.of_sites();
         for (one, other) in said.iter_mut().zip(mirrored) {
             *one = match (*one, other) {
                 (Some(one), Some(other)) => Some(std::array::from_fn(|i| (one[i] + other[i]) / 2.0)),
@@ -66,45 +67,16 @@ impl SurfaceNetwork {
         Ok(said)
     }
 
-    /// Returns the classes of the sites of a map: the answers for windows of it, without their mirror images. Memory
-    /// does not grow with the map, and a change of the surface changes the answers near it only. `sites` are in the
-    /// map's frame. [`Label::NONE`] where there is no answer.
-    pub(super) fn classify_map(&self, sites: &Sites) -> Result<Vec<Label>, SegmentError> {
-        let window = |p: &Point3, by_m: f64| [p.x, p.y].map(|c| ((c + by_m) / WINDOW_M).floor() as i32);
-        let mut members: BTreeMap<[i32; 2], Vec<u32>> = BTreeMap::new();
-        for (site, p) in (0..).zip(&sites.positions_m) {
-            let ([x0, y0], [x1, y1]) = (window(p, -MARGIN_M), window(p, MARGIN_M));
-            for key in (x0..=x1).flat_map(|x| (y0..=y1).map(move |y| [x, y])) {
-                members.entry(key).or_default().push(site);
-            }
-        }
-        let mut labels = vec![Label::NONE; sites.len()];
-        for (key, members) in members {
-            let positions_m: Vec<Point3> = members.iter().map(|i| sites.positions_m[*i as usize]).collect();
-            let normals: Vec<Vector3> = members.iter().map(|i| sites.normals[*i as usize]).collect();
-            let classes = match self.classify_as_is(&positions_m, &normals) {
-                Err(SegmentError::NoSurface { .. }) => continue,
-                classes => classes?,
-            };
-            for (number, site) in members.into_iter().enumerate() {
-                let said = classes.of(number).filter(|_| window(&positions_m[number], 0.0) == key);
-                if let Some(said) = said {
-                    labels[site as usize] = likeliest(&said, 0);
-                }
-            }
-        }
-        Ok(labels)
-    }
-
-    /// Returns the answer for the surface without that for its mirror image.
-    fn classify_as_is(
+    /// Returns the answer for the first `asked` places of the surface without that for its mirror image. Positions are in
+    /// a frame whose floor is at 0.
+    pub(super) fn classify_as_is(
         &self,
         positions_m: &[Point3],
         normals: &[Vector3],
+        asked: usize,
     ) -> Result<VoxelClasses, SegmentError> {
-        let Some(columns) = Columns::new(positions_m, normals) else {
-            return Err(SegmentError::NoSurface { height_m: TOP_M });
-        };
+        let columns = Columns::new(positions_m, normals, asked).filter(|columns| !columns.column.is_empty());
+        let Some(columns) = columns else { return Err(SegmentError::NoSurface { height_m: TOP_M }) };
         let voxels = columns.column.len();
         let numbers = |values: Vec<i64>| Tensor { shape: vec![voxels], data: Data::I64(values) };
         let inputs = [
@@ -129,14 +101,14 @@ impl SurfaceNetwork {
 }
 
 /// Probabilities of the classes of voxels.
-struct VoxelClasses {
+pub(super) struct VoxelClasses {
     of_voxel: Vec<[f32; CLASSES]>,
     of_site: Vec<Option<u32>>,
 }
 
 impl VoxelClasses {
     /// Returns the probabilities of a site; `None` outside the network's grid.
-    fn of(&self, site: usize) -> Option<[f32; CLASSES]> {
+    pub(super) fn of(&self, site: usize) -> Option<[f32; CLASSES]> {
         self.of_site[site].map(|voxel| self.of_voxel[voxel as usize])
     }
 
@@ -202,7 +174,7 @@ mod tests {
         let positions_m: Vec<Point3> = expected.cells.iter().map(middle).collect();
         let normals: Vec<Vector3> = expected.cells.iter().map(normal).collect();
         let network = opened("columns.onnx").unwrap();
-        let classes = network.classify_as_is(&positions_m, &normals).unwrap().of_sites();
+        let classes = network.classify_as_is(&positions_m, &normals, positions_m.len()).unwrap().of_sites();
         assert!(expected.sites.len() > 10);
         for ExpectedSite { site, class, probability } in expected.sites {
             let got = classes[site].expect("it is in the grid");
@@ -267,7 +239,7 @@ mod tests {
             Point3::new(0.0, 0.0, -0.08),
         ];
         let normals = [1.0, 0.5, -1.0, 0.25, 0.0, 0.0].map(|z| Vector3::new(0.0, 0.25, z));
-        let columns = Columns::new(&positions, &normals).unwrap();
+        let columns = Columns::new(&positions, &normals, positions.len()).unwrap();
         assert_eq!((columns.height, columns.width), (32, 32));
         assert_eq!(columns.of_site, [Some(0), Some(0), Some(1), Some(2), None, None]);
         // The third is in row 17 and place 20 of its row.
@@ -282,5 +254,13 @@ mod tests {
         assert!(own(0)[42..66].iter().all(|value| *value == 0.0));
         assert_eq!((own(1)[4], own(1)[10]), (1.0, 1.0));
         assert_eq!(own(2)[66..], [0.0, 0.25]);
+        // The network is asked about the voxels of the first places, with all of the surface.
+        let first = Columns::new(&positions, &normals, 3).unwrap();
+        assert_eq!(
+            (&first.grid, &first.column[..], &first.place[..]),
+            (&columns.grid, &[0, 0][..], &[4, 28][..])
+        );
+        assert_eq!(first.own[..], columns.own[..2 * VOXEL_NUMBERS]);
+        assert_eq!(first.of_site, [Some(0), Some(0), Some(1), None, None, None]);
     }
 }

@@ -3,8 +3,8 @@
 use super::{KEPT_REVISIONS, MergeClaim, NewRevision};
 use crate::storage::changes::{self, Changed};
 use crate::storage::columns::{Columns, to_json};
-use crate::storage::database::{Transaction, query};
-use crate::storage::home_maps::{MapClip, MapLevel};
+use crate::storage::database::{Row, Transaction, query};
+use crate::storage::home_maps::{MapClip, MapLevel, map_file};
 use crate::storage::{LidarMapRevision, StorageError, homes};
 use jiff::Timestamp;
 use viola_geometry::LevelName;
@@ -47,6 +47,24 @@ async fn close_removed_levels(transaction: &mut Transaction, claim: &MergeClaim)
         .await?;
     }
     Ok(())
+}
+
+/// Removes the files of revisions that are too old, and the sums that the new revision replaced; returns their rows.
+async fn remove_old_files(
+    transaction: &mut Transaction,
+    claim: &MergeClaim,
+) -> Result<Vec<Row>, StorageError> {
+    let rows = query(
+        "DELETE FROM home_map_files
+        WHERE home_id = $1 AND (last_revision <= $2 OR (name = $3 AND last_revision IS NOT NULL))
+        RETURNING blob_key, size_bytes",
+    )
+    .bind(claim.home.key())
+    .bind(claim.last_revision + 1 - KEPT_REVISIONS)
+    .bind(map_file::SUMS)
+    .fetch_all(transaction)
+    .await?;
+    Ok(rows)
 }
 
 /// Adds a revision and removes the oldest; returns the blobs of those.
@@ -115,12 +133,7 @@ pub(super) async fn insert(
     if new.has_object_changes {
         changes::record(transaction, &claim.home, Changed::Objects { revision }, now).await?;
     }
-    let old =
-        query("DELETE FROM home_map_files WHERE home_id = $1 AND last_revision <= $2 RETURNING blob_key, size_bytes")
-            .bind(home)
-            .bind(revision - KEPT_REVISIONS)
-            .fetch_all(transaction)
-            .await?;
+    let old = remove_old_files(transaction, claim).await?;
     let mut grown: i64 = written.iter().map(|file| file.size_bytes as i64).sum();
     for row in &old {
         grown -= row.number("size_bytes")?;

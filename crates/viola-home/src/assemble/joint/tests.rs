@@ -1,3 +1,4 @@
+use super::super::footprint::Footprint;
 use super::super::members::{Extent, Member, Verdict};
 use super::*;
 use nalgebra::Matrix3;
@@ -33,7 +34,7 @@ pub(in crate::assemble) fn on_main(x_m: f64, yaw_rad: f64, probability: f64) -> 
 
 pub(in crate::assemble) fn candidate(member: &Member) -> Candidate<'_> {
     let modes = super::super::candidates::modes(&member.verdict);
-    Candidate { member, modes, extent: EXTENT, points: 1_000 }
+    Candidate { member, modes, extent: EXTENT, footprint: Footprint::default(), points: 1_000 }
 }
 
 fn said(a: u128, b: u128, said: &[(u8, u8, [u16; 3])]) -> Comparison {

@@ -44,7 +44,7 @@ impl NormalEquations {
         }
     }
 
-    /// Adds a clip's prior: its own alignment and floor.
+    /// Adds a clip's prior: its own alignment and floor. A settled clip is at its prior and stays there.
     pub fn add_prior(&mut self, i: usize, pose: &Pose3, prior: &Prior) {
         let plane = match &prior.covariance {
             None => Matrix3::identity() * FIXED,
@@ -69,8 +69,15 @@ impl NormalEquations {
         self.gradient[i] += information * error(pose, &prior.map_from_clip);
     }
 
-    /// Adds the edge of an overlap; `kernel`: scale of the robust kernel, in standard deviations.
-    pub fn add_edge(&mut self, edge: &Edge, poses: &[Pose3], kernel: f64) {
+    /// Adds the edge of an overlap; `kernel`: scale of the robust kernel, in standard deviations. An edge does not move
+    /// its settled clips.
+    pub fn add_edge(
+        &mut self,
+        edge: &Edge,
+        poses: &[Pose3],
+        kernel: f64,
+        is_settled: impl Fn(usize) -> bool,
+    ) {
         let (a, b) = (&poses[edge.a], &poses[edge.b]);
         let error = error(&(b.inverse() * a), &edge.overlap.b_from_a);
         let information = Matrix6::from_fn(|r, c| edge.overlap.information[r][c]);
@@ -85,11 +92,15 @@ impl NormalEquations {
         let mut by_b = -by_a;
         by_b.fixed_view_mut::<3, 3>(0, 3).copy_from(&(b_from_map * between));
         let (weighted_a, weighted_b) = (by_a.transpose() * information, by_b.transpose() * information);
-        self.gradient[edge.a] += weighted_a * error;
-        self.gradient[edge.b] += weighted_b * error;
-        self.diagonal[edge.a] += weighted_a * by_a;
-        self.diagonal[edge.b] += weighted_b * by_b;
-        self.above.push((edge.a, edge.b, weighted_a * by_b));
+        for (clip, weighted, by) in [(edge.a, weighted_a, by_a), (edge.b, weighted_b, by_b)] {
+            if !is_settled(clip) {
+                self.gradient[clip] += weighted * error;
+                self.diagonal[clip] += weighted * by;
+            }
+        }
+        if !is_settled(edge.a) && !is_settled(edge.b) {
+            self.above.push((edge.a, edge.b, weighted_a * by_b));
+        }
     }
 
     /// Returns the Gauss-Newton steps; none if the system is not positive definite.

@@ -8,7 +8,7 @@ fn sure(b_from_a: Pose3, information: f64) -> Overlap {
 }
 
 fn prior(map_from_clip: Pose3, sigma: f64) -> Prior {
-    Prior { map_from_clip, covariance: Some(Matrix3::identity() * sigma * sigma) }
+    Prior { map_from_clip, covariance: Some(Matrix3::identity() * sigma * sigma), is_settled: false }
 }
 
 fn pose(x: f64, y: f64, yaw: f64) -> Pose3 {
@@ -159,4 +159,25 @@ fn components_do_not_affect_each_other() {
     let further = two.edges().into_iter().map(|edge| Edge { a: edge.a + 5, b: edge.b + 5, ..edge });
     let edges: Vec<Edge> = one.edges().into_iter().chain(further).collect();
     assert_eq!(settle(&priors, &edges, &KERNELS)[..5], alone[..]);
+}
+
+/// A settled clip stays where it is in space; what is tied to it follows, and does not see behind it.
+#[test]
+fn settled_clips_stay_and_separate_the_others() {
+    let chain = Chain::new(9);
+    let settled = |count: usize| -> Vec<Prior> {
+        let each = chain.priors.iter().enumerate();
+        each.map(|(i, prior)| Prior { is_settled: i < count, ..prior.clone() }).collect()
+    };
+    let priors = settled(4);
+    let poses = settle(&priors, &chain.edges(), &KERNELS);
+    assert!((0..4).all(|i| poses[i] == priors[i].map_from_clip));
+    assert!((4..9).all(|i| poses[i] != priors[i].map_from_clip));
+    let edges = chain.edges().split_off(3);
+    assert_eq!(settle(&priors, &edges, &KERNELS)[4..], poses[4..]);
+    // A settled clip between two parts: each is solved as if the other were not there.
+    let middle: Vec<Prior> =
+        settled(0).into_iter().enumerate().map(|(i, p)| Prior { is_settled: i == 4, ..p }).collect();
+    let both = settle(&middle, &chain.edges(), &KERNELS);
+    assert_eq!(settle(&middle, &chain.edges()[..4], &KERNELS)[..4], both[..4]);
 }

@@ -1,0 +1,85 @@
+//! Numbers in few bytes: seven bits a byte, the lowest first.
+
+use crate::ply::NotOurs;
+
+pub(super) fn put(out: &mut Vec<u8>, mut value: u64) {
+    while value >= 0x80 {
+        out.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    out.push(value as u8);
+}
+
+/// The same for numbers of either sign that are small.
+pub(super) fn put_signed(out: &mut Vec<u8>, value: i64) {
+    put(out, ((value << 1) ^ (value >> 63)) as u64);
+}
+
+/// Reader of bytes from an untrusted file.
+pub(super) struct Reader<'a>(pub &'a [u8]);
+
+impl<'a> Reader<'a> {
+    pub fn bytes(&mut self, count: usize) -> Result<&'a [u8], NotOurs> {
+        let (bytes, rest) = self.0.split_at_checked(count).ok_or(NotOurs)?;
+        self.0 = rest;
+        Ok(bytes)
+    }
+
+    pub fn number(&mut self) -> Result<u64, NotOurs> {
+        let mut value = 0;
+        for shift in (0..64).step_by(7) {
+            let byte = self.bytes(1)?[0];
+            value |= u64::from(byte & 0x7f) << shift;
+            if byte < 0x80 {
+                return Ok(value);
+            }
+        }
+        Err(NotOurs)
+    }
+
+    pub fn signed(&mut self) -> Result<i64, NotOurs> {
+        let value = self.number()?;
+        Ok((value >> 1) as i64 ^ -((value & 1) as i64))
+    }
+
+    /// Returns a number of items of at least one byte each.
+    pub fn count(&mut self) -> Result<usize, NotOurs> {
+        let count = usize::try_from(self.number()?).map_err(|_| NotOurs)?;
+        (count <= self.0.len()).then_some(count).ok_or(NotOurs)
+    }
+
+    pub fn narrow<T: TryFrom<u64>>(&mut self) -> Result<T, NotOurs> {
+        T::try_from(self.number()?).map_err(|_| NotOurs)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read(value in any::<u64>(), signed in any::<i64>(), small in -70i64..70) {
+            let mut out = Vec::new();
+            put(&mut out, value);
+            put_signed(&mut out, signed);
+            let before = out.len();
+            put_signed(&mut out, small);
+            prop_assert!(out.len() - before <= 2);
+            let mut reader = Reader(&out);
+            prop_assert_eq!((reader.number(), reader.signed(), reader.signed()), (Ok(value), Ok(signed), Ok(small)));
+            prop_assert_eq!(reader.number(), Err(NotOurs));
+        }
+    }
+
+    #[test]
+    fn a_length_beyond_the_file_is_refused() {
+        let mut out = Vec::new();
+        put(&mut out, 3);
+        out.extend([0; 3]);
+        assert_eq!(Reader(&out).count(), Ok(3));
+        assert_eq!(Reader(&out[..3]).count(), Err(NotOurs));
+        assert_eq!(Reader(&[0xff; 12]).number(), Err(NotOurs));
+    }
+}
