@@ -83,6 +83,30 @@ async fn a_thumbnail_comes_with_the_answer_and_goes_with_the_clip() {
     server.get(&thumbnail).await.problem(404, "clip-not-found");
 }
 
+#[tokio::test]
+async fn a_failed_clip_shows_its_frames_and_says_why() {
+    let server = Server::start().await;
+    let home = server.make_home("h").await;
+    server.put(&format!("{home}/lidar-map"), room::lidar_csv()).await.ok(201);
+    // The depth sensor saw nothing.
+    let mut files = room::clip(6);
+    for (_, bytes) in files.iter_mut().filter(|(name, _)| name.contains("depth/")) {
+        let mut blank = image::load_from_memory(bytes).unwrap().into_luma16();
+        blank.fill(0);
+        bytes.clear();
+        blank.write_to(&mut std::io::Cursor::new(bytes), image::ImageFormat::Png).unwrap();
+    }
+    let path = server.post(&format!("{home}/clips"), zips::zip(&files)).await.header("location").to_owned();
+    let clip = server.settled(&path).await;
+    assert_eq!((&clip["state"], &clip["alignment"]["map_from_clip"]), (&json!("failed"), &Value::Null));
+    let reason = &clip["reasons"][0];
+    assert!(reason["code"].is_string() && reason["detail"].as_str().unwrap().len() > 20, "{reason}");
+    let frames = server.get(&format!("{path}/frames.jpg")).await;
+    assert_eq!((frames.status, frames.header("content-type")), (200, "image/jpeg"));
+    let picture = image::load_from_memory_with_format(&frames.bytes, image::ImageFormat::Jpeg).unwrap();
+    assert!(picture.width() > 2 * picture.height(), "{} x {}", picture.width(), picture.height());
+}
+
 /// Checks a pose against the bounds for real clips: 3 degrees and 0.1 m.
 fn check_pose(map_from_clip: &Value) {
     let (x0, y0, turn) = room::MAP_FROM_ROOM;

@@ -14,6 +14,7 @@ on_every_back_end!(
     what_was_not_committed_is_not_told,
     what_was_deleted_is_told_for_a_month,
     a_cursor_ends_where_deletions_may_be_missed,
+    a_page_without_news_stays_the_same_for_an_hour,
     a_feed_begins_with_what_was_there_before_it,
 );
 
@@ -249,6 +250,17 @@ async fn a_cursor_ends_where_deletions_may_be_missed(storage: Storage) {
     {
         assert_eq!(bad.parse::<ChangesCursor>(), Err(()), "{bad}");
     }
+}
+
+/// Its text has an entity tag, which a reader sends back; the cursor in it names the hour.
+async fn a_page_without_news_stays_the_same_for_an_hour(storage: Storage) {
+    const WHOLE_HOUR_S: i64 = 3600;
+    storage.put_home(&home("h"), None, |_| true, at(0)).await.unwrap();
+    let first = part(&storage, None, 9, WHOLE_HOUR_S).await;
+    assert_eq!(part(&storage, None, 9, 2 * WHOLE_HOUR_S - 1).await, first);
+    let later = part(&storage, None, 9, 2 * WHOLE_HOUR_S).await;
+    assert_eq!(later.items, first.items);
+    assert_ne!(later.next, first.next);
 }
 
 async fn a_feed_begins_with_what_was_there_before_it(storage: Storage) {
