@@ -250,7 +250,7 @@ async fn nobody_writes_into_the_log() {
     let forged = "x\n{\"level\":\"ERROR\",\"message\":\"forged\"}\r\n";
     let name = serde_json::json!({"name": forged});
     let named = server.client.request(reqwest::Method::PUT, &home).json(&name);
-    server.client.send(named).await.ok(200);
+    server.client.send(named).await.problem(422, "invalid-body");
     for path in ["/v1/homes/%0A%7B%22message%22%3A%22forged%22%7D", "/%0d%0aforged", "/v1/jobs/forged%1b[2J"]
     {
         assert!(server.client.get(path).await.status >= 400, "{path}");
