@@ -353,12 +353,12 @@ PARTS = [
     },
     {
         "name": "merges", "title": "Merging a clip into a home", "needs": [],
-        "note": "All clips have a time of recording. `labels` and `description` are part of `sum`.",
+        "note": "All clips have a time of recording. `windows` of the map are labelled again; `labels` and `description` are part of `sum`.",
         "runs": {"home": "cargo run --release --quiet --example merges -- home timed {home}",
                  "one room": "cargo run --release --quiet --example merges -- room timed {room}"},
-        "settings": {"tiny": {"home": "3", "room": "2"}, "quick": {"home": "5 20", "room": "10"}, "all": {"home": "5 20 200", "room": "10 40"}},
+        "settings": {"tiny": {"home": "3", "room": "2"}, "quick": {"home": "20 200", "room": "40"}, "all": {"home": "5 20 200", "room": "10 40"}},
         "minutes": {"tiny": 3, "quick": 3, "all": 8}, "rows": printed,
-        "columns": [of("in", "", "run"), of("clips"), of("points"), of("tiles made again", "", "one more: tiles anew"), of("clips read"), of("written"), of("labels"), of("description"), of("sum"),
+        "columns": [of("in", "", "run"), of("clips"), of("points"), of("tiles made again", "", "one more: tiles anew"), of("clips read"), of("written"), of("windows"), of("labels"), of("description"), of("sum"),
                     of("peak memory")],
     },
     {
