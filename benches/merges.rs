@@ -67,7 +67,7 @@ const FIRST: &str = "first";
 const MADE: &str = "made.json";
 const MANIFEST: &str = "manifest.json";
 
-/// What the process of the first map leaves beside its files.
+/// Report of the process that makes the first map.
 #[derive(Serialize, Deserialize)]
 struct Made {
     map_from_clip: Vec<Pose2>,

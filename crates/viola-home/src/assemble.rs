@@ -92,7 +92,7 @@ pub struct Assembly {
     /// Sums of the first clips of tiles that were made anew, which the next merge of the map begins with: the same map
     /// results without them. None for those that are to be removed.
     pub sums: BTreeMap<TileKey, Option<Vec<u8>>>,
-    /// Of the tiles that were made anew, also if they are as they were; by level.
+    /// Space looked through in the rebuilt tiles, by level; also in rebuilt tiles without a change.
     pub looked: BTreeMap<LevelName, LookedThrough>,
     /// The tiles of the last map.
     last: BTreeMap<TileKey, TileInfo>,
@@ -118,7 +118,7 @@ pub fn assemble<E>(
     Ok(Assembly { manifest, changed, sums, looked, last: infos })
 }
 
-/// Returns those of the tiles that are not as they were, and the summaries of all tiles.
+/// Returns the changed tiles, and the summaries of all tiles.
 fn changes(
     last: &BTreeMap<TileKey, TileInfo>,
     mut made: tiles::ChangedTiles,

@@ -79,7 +79,7 @@ fn kept_sums_are_those_of_all_clips() {
     }
 }
 
-/// By hand: of the points of each clip those stay that no clip of a later time looked through. A block is 16 voxels.
+/// The expected map by a plain loop: a point stays if no clip of a later time looked through it. A block is 16 voxels.
 #[test]
 fn later_clips_remove_what_they_looked_through() {
     let clips = clips();
@@ -130,7 +130,7 @@ fn sums_of_other_clips_are_refused() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
-    /// Any change returns, with a value or an error.
+    /// Changed bytes are read or refused without a panic.
     #[test]
     fn other_bytes_are_read_or_refused(at in any::<prop::sample::Index>(), byte in any::<u8>(), cut in any::<bool>()) {
         let clips = clips();
