@@ -62,13 +62,15 @@ def draped(surface: dict, random: np.random.Generator) -> dict:
 
 
 def hung(surface: dict, behind: np.ndarray, flat: np.ndarray, frame: tuple, size: tuple, random: np.random.Generator) -> dict:
+    """The surface with a curtain instead of the points `behind`. `flat` are those of the wall's plane. `frame` is a point of
+    the wall, the directions out of it and along it, and the place of each point along it from the curtain's middle."""
     (spot, out, along, s), (width, bottom, top) = frame, size
     xyz = surface["xyz"]
     cell = lambda s, z: np.stack([(s + width) // SEEN_M, (z + 1) // SEEN_M], axis=-1).astype(np.int64)
     cells = cell(s[behind], xyz[behind, 2])
     seen = np.zeros(cells.max(axis=0) + 3, bool)
     # A quarter of a metre of glass without depth is covered as well.
-    for y, x in ((0, 0), (0, 1), (1, 0), (1, 1), (2, 1), (1, 2), (2, 2), (0, 2), (2, 0)):
+    for y, x in np.ndindex(3, 3):
         seen[cells[:, 0] + y, cells[:, 1] + x] = True
     covered = len(np.unique(cell(s[flat], xyz[flat, 2]), axis=0)) * SEEN_M**2
     count = int(min(flat.sum() / max(covered, 0.1), 1500) * width * (top - bottom) * 1.1)
@@ -83,7 +85,7 @@ def hung(surface: dict, behind: np.ndarray, flat: np.ndarray, frame: tuple, size
     slope_s = (folds(new_s + step, new_z) - folds(new_s - step, new_z)) / (2 * step)
     slope_z = (folds(new_s, new_z + step) - folds(new_s, new_z - step)) / (2 * step)
     depth += folds.deepest + random.uniform(0.02, 0.12)
-    # `s` may have its origin beside the spot.
+    # The middle of the curtain is beside the spot.
     origin = xyz[spot, :2] - s[spot] * along
     ground = origin + new_s[:, None] * along + depth[:, None] * out
     normal = np.concatenate([out - slope_s[:, None] * along, -slope_z[:, None]], axis=1)
