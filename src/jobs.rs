@@ -4,6 +4,7 @@ mod align_clip;
 mod child;
 mod limits;
 mod merge;
+mod mesh;
 mod metrics;
 mod report;
 mod run;

@@ -59,8 +59,8 @@ pub use corrections::{
 pub use database::POSTGRES_CONNECTIONS;
 pub use error::StorageError;
 pub use home_maps::{
-    HomeMap, HomeObject, KEPT_REVISIONS, LeftOut, MapClip, MapFile, MapHistory, MapLevel, MapObject, MapRoom,
-    MapScene, MergeClaim, NewRevision, ObjectFilter, map_file,
+    HomeMap, HomeObject, KEPT_REVISIONS, LeftOut, LevelSurface, MESH_POINTS, MapClip, MapFile, MapHistory,
+    MapLevel, MapObject, MapRoom, MapScene, MergeClaim, NewRevision, ObjectFilter, map_file,
 };
 pub use homes::{Home, HomeFilter, HomeId, InvalidHomeId, InvalidTenant, LevelCoverage, Tenant};
 pub use incoming::{Arrived, Incoming};

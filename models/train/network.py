@@ -3,7 +3,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from surfaces import SLICES, VOXEL_NUMBERS
+from surfaces import PLANES, SLICES, VOXEL_NUMBERS
 
 WIDTHS = [96, 128, 176, 192]
 DEPTHS = [2, 2, 1, 1]
@@ -26,7 +26,7 @@ class Columns(nn.Module):
     def __init__(self, classes: int, widths: list[int] = WIDTHS, depths: list[int] = DEPTHS, hidden: int = 96):
         super().__init__()
         # From 5 cm to 10 cm.
-        self.stem = nn.Conv2d(2 * SLICES, widths[0], 2, stride=2)
+        self.stem = nn.Conv2d(PLANES, widths[0], 2, stride=2)
         self.down = nn.ModuleList(nn.Sequential(*(Block(width) for _ in range(depth)))
                                   for width, depth in zip(widths, depths))
         self.shrink = nn.ModuleList(nn.Sequential(nn.AvgPool2d(2), nn.Conv2d(a, b, 1))
@@ -43,7 +43,7 @@ class Columns(nn.Module):
         self.register_buffer("bias", torch.zeros(classes))
 
     def forward(self, grid, column, place, own):
-        """grid (B, 2 * SLICES, H, W); column indexes the B * H / 2 * W / 2 columns of 10 cm, and place is a voxel's
+        """grid (B, PLANES, H, W); column indexes the B * H / 2 * W / 2 columns of 10 cm, and place is a voxel's
         slice and quarter in its column. Returns logits (N, classes) and boxes (N, 6): from the voxel to the centre of
         its object and the object's size, in metres along the grid's axes."""
         x, skipped = self.stem(grid), []

@@ -19,7 +19,7 @@ def read_weights(network: Columns, path: Path) -> None:
     state = network.state_dict()
     for name in state:
         if name in values:
-            state[name] = values[name]
+            state[name] = widened(values[name], state[name])
     for node in graph.node:
         module = node.name.split("/")[2:-1]
         if node.op_type == "Conv" and node.name.endswith("/spread/Conv"):
@@ -31,6 +31,15 @@ def read_weights(network: Columns, path: Path) -> None:
             state[f"{block}.norm.running_mean"] = torch.zeros_like(values[node.input[2]])
             state[f"{block}.norm.running_var"] = torch.ones_like(values[node.input[2]]) - network.get_submodule(block).norm.eps
     network.load_state_dict(state)
+
+
+def widened(values: torch.Tensor, like: torch.Tensor) -> torch.Tensor:
+    """Inputs that the file's network did not have begin with the weight 0. They come after the others."""
+    if values.shape == like.shape:
+        return values
+    wide = torch.zeros_like(like)
+    wide[:, :values.shape[1]] = values
+    return wide
 
 
 @torch.no_grad()

@@ -16,7 +16,9 @@ LOW_M = -0.075
 SLICES = 60
 WINDOW = 10
 AROUND = [(y, x) for y in (-1, 0, 1) for x in (-1, 0, 1) if (y, x) != (0, 0)]
-VOXEL_NUMBERS = 2 * (2 * WINDOW + 1) + 3 * len(AROUND) + 2
+VOXEL_NUMBERS = 2 * (2 * WINDOW + 1) + 3 * len(AROUND) + 2 + 2 * len(AROUND)
+# Planes of the grid: of each slice occupied and the mean normal's z, of each two slices the half sum of its x and of its y.
+PLANES = 3 * SLICES
 STRIDE = 16
 
 
@@ -162,9 +164,10 @@ def boxes(surface: dict, instance: np.ndarray, xyz: np.ndarray) -> np.ndarray:
 def columns(surface: dict, crop: int | None = None, random: np.random.Generator | None = None) -> dict | None:
     """Voxels of the surface and the columns that hold them.
 
-    Voxels have their place in a grid of `size` (`at`, row-major), their slice (`slice`), their mean normal's z (`up`),
-    `own`: the slices below and above in their column, occupied and `up`, those around it below, at and above it,
-    occupied, and the mean normal's x and y (VOXEL_NUMBERS), their most frequent label, and the box of their object.
+    Voxels have their place in a grid of `size` (`at`, row-major), their slice (`slice`), their mean normal (`normal`),
+    `own`: the slices below and above in their column, occupied and the normal's z, those around it below, at and above
+    it, occupied, the normal's x and y, and those of the planes beside it (VOXEL_NUMBERS), their most frequent label, and
+    the box of their object.
     """
     xyz, normal, label, instance = (surface[name] for name in ("xyz", "normal", "label", "instance"))
     cell = np.floor((xyz - np.array([0, 0, LOW_M], np.float32)) / CELL_M).astype(np.int64)
@@ -192,9 +195,13 @@ def columns(surface: dict, crop: int | None = None, random: np.random.Generator 
     place = (slice_ + WINDOW, at // width + 1, at % width + 1)
     grid[0][place] = 1
     grid[1][place] = mean[:, 2]
+    level = np.zeros((2, SLICES // 2, height + 2, width + 2), np.float32)
+    for part in range(2):
+        np.add.at(level[part], (slice_ // 2, *place[1:]), mean[:, part] / 2)
     reach = slice_[:, None] + np.arange(2 * WINDOW + 1)
     window = grid[:, reach, place[1][:, None], place[2][:, None]].transpose(1, 0, 2).reshape(len(voxels), -1)
     around = [grid[0, place[0] + z, place[1] + y, place[2] + x] for y, x in AROUND for z in (-1, 0, 1)]
+    beside = [level[part, slice_ // 2, place[1] + y, place[2] + x] for y, x in AROUND for part in range(2)]
     pairs, votes = np.unique(of_sorted * 256 + label[order], return_counts=True)
     votes = np.where(pairs % 256 == UNKNOWN, 0, votes)
     # The last of equal keys wins below: the label with the most votes.
@@ -205,10 +212,10 @@ def columns(surface: dict, crop: int | None = None, random: np.random.Generator 
     box[label[order][first] != most] = np.nan
     return {
         "size": size,
-        "up": mean[:, 2].astype(np.float32),
+        "normal": mean.astype(np.float32),
         "at": at,
         "slice": slice_,
-        "own": np.concatenate([window, np.stack(around, axis=1), mean[:, :2]], axis=1).astype(np.float32),
+        "own": np.concatenate([window, np.stack(around, axis=1), mean[:, :2], np.stack(beside, axis=1)], axis=1).astype(np.float32),
         "label": most,
         "box": box,
     }

@@ -20,7 +20,7 @@ from drape import draped
 from furnish import furnished
 from network import Columns
 from start import calibrate_norms, read_weights
-from surfaces import SLICES, UNKNOWN, VOXEL_NUMBERS, augmented, columns, load, main_yaw, mixed, turned
+from surfaces import PLANES, SLICES, UNKNOWN, VOXEL_NUMBERS, augmented, columns, load, main_yaw, mixed, turned
 
 # viola-geometry, taxonomy.rs.
 CLASSES = ["other", "floor", "wall", "ceiling", "door", "window", "stairs", "bed", "sofa", "chair", "table", "desk",
@@ -53,10 +53,13 @@ def batch(samples: list[dict]) -> tuple:
     join = lambda name: torch.from_numpy(np.concatenate([sample[name] for sample in samples]))
     of_sample = torch.from_numpy(np.repeat(np.arange(len(samples)), [len(s["at"]) for s in samples]))
     at, slice_ = join("at"), join("slice")
-    grid = torch.zeros(len(samples), 2 * SLICES, cells)
+    normal = join("normal")
+    grid = torch.zeros(len(samples), PLANES, cells)
     grid[of_sample, slice_, at] = 1
-    grid[of_sample, SLICES + slice_, at] = join("up")
-    grid = grid.reshape(len(samples), 2 * SLICES, height, width)
+    grid[of_sample, SLICES + slice_, at] = normal[:, 2]
+    for part in range(2):
+        grid.index_put_((of_sample, (4 + part) * SLICES // 2 + slice_ // 2, at), normal[:, part] / 2, accumulate=True)
+    grid = grid.reshape(len(samples), PLANES, height, width)
     y, x = at // width, at % width
     column = of_sample * (cells // 4) + y // 2 * (width // 2) + x // 2
     return grid, column, slice_ * 4 + y % 2 * 2 + x % 2, join("own"), join("label"), join("box")
@@ -165,7 +168,7 @@ def fit_bias(logits: torch.Tensor, labels: torch.Tensor) -> tuple[torch.Tensor, 
 
 def export(network: Columns, path: Path) -> None:
     network.eval()
-    sample = (torch.zeros(1, 2 * SLICES, 32, 48), torch.zeros(7, dtype=torch.int64), torch.zeros(7, dtype=torch.int64),
+    sample = (torch.zeros(1, PLANES, 32, 48), torch.zeros(7, dtype=torch.int64), torch.zeros(7, dtype=torch.int64),
               torch.zeros(7, VOXEL_NUMBERS))
     names = ["grid", "column", "place", "own"]
     axes = {"grid": {2: "height", 3: "width"}, **{name: {0: "voxels"} for name in names[1:] + ["logits", "box"]}}

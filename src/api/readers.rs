@@ -3,9 +3,11 @@
 
 use super::error::Defence;
 use std::collections::HashMap;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
 use std::time::Duration;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 use tokio::time::timeout;
 
 /// Limits of readers.
@@ -58,13 +60,20 @@ impl Readers {
     ) -> Result<T, Defence> {
         let place = timeout(self.params.wait, self.place(tenant)).await;
         let place = place.map_err(|_| Defence::ReadersBusy { wait: self.params.wait })?;
-        let reading = tokio::task::spawn_blocking(move || {
+        let busy = || Defence::ReadersBusy { wait: self.params.wait };
+        let (ended, end) = oneshot::channel();
+        let reader = move || {
             let _place = place;
-            read()
-        });
-        match timeout(self.params.work, reading).await {
-            Ok(Ok(value)) => Ok(value),
-            Ok(Err(error)) => std::panic::resume_unwind(error.into_panic()),
+            give_way();
+            let done = catch_unwind(AssertUnwindSafe(read));
+            // The request may be over.
+            let _ = ended.send(done);
+        };
+        thread::Builder::new().name("reader".to_owned()).spawn(reader).map_err(|_| busy())?;
+        match timeout(self.params.work, end).await {
+            Ok(Ok(Ok(value))) => Ok(value),
+            Ok(Ok(Err(panic))) => resume_unwind(panic),
+            Ok(Err(_)) => Err(busy()),
             Err(_) => Err(Defence::TookTooLong { limit: self.params.work }),
         }
     }
@@ -84,6 +93,16 @@ impl Readers {
             _of_process: self.all.clone().acquire_owned().await.expect(closed),
         }
     }
+}
+
+/// Lowers the priority of this thread, so that files which take long to open do not delay short requests.
+fn give_way() {
+    /// Ten steps give such a thread a tenth of a processor that another thread wants.
+    #[cfg(target_os = "linux")]
+    const NICENESS: i32 = 10;
+    // On Linux it is that of the thread. Without it requests are slower, but served.
+    #[cfg(target_os = "linux")]
+    let _ = rustix::process::setpriority_process(None, NICENESS);
 }
 
 #[cfg(test)]

@@ -30,14 +30,15 @@ const PAUSE: Duration = Duration::from_secs(5);
 /// The network that labels the surface of a home; `None` labels it by its planes.
 pub(super) type SurfaceLabels = Option<Arc<SurfaceNetwork>>;
 
-/// Merges one home; gives it back after an error, and when `stop` comes first.
+/// Merges one home; gives it back after an error, and when `stop` comes first. Returns whether the home has a new
+/// revision.
 pub(super) async fn merge(
     queue: &Queue,
     claim: &MergeClaim,
     surface: SurfaceLabels,
     lease: Duration,
     stop: &CancellationToken,
-) {
+) -> bool {
     let begun = Instant::now();
     let merged = tokio::select! {
         merged = try_merge(&queue.storage, claim, surface) => merged,
@@ -55,6 +56,7 @@ pub(super) async fn merge(
     metrics::merged(outcome, took);
     let seconds = took.as_secs_f64();
     let clips = claim.members.len();
+    let is_new = matches!(merged, Ok(Merged::Revision { .. }));
     match merged {
         Ok(Merged::Revision { tiles }) => info!(home = %claim.home, clips, tiles, seconds, "map merged"),
         Ok(Merged::Nothing) => info!(home = %claim.home, clips, seconds, "the map is as it was"),
@@ -70,6 +72,7 @@ pub(super) async fn merge(
             give_back(&queue.storage, claim, pause).await;
         }
     }
+    is_new
 }
 
 async fn give_back(storage: &Storage, claim: &MergeClaim, pause: Duration) {
@@ -80,7 +83,7 @@ async fn give_back(storage: &Storage, claim: &MergeClaim, pause: Duration) {
 }
 
 /// Runs `work` on a thread of its own, which the end of the process does not wait for.
-fn on_own_thread<T: Send + 'static>(
+pub(super) fn on_own_thread<T: Send + 'static>(
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<oneshot::Receiver<T>, MergeError> {
     let (ended, end) = oneshot::channel();
@@ -119,7 +122,7 @@ enum Merged {
 
 /// Reason why a map could not be merged.
 #[derive(Debug, thiserror::Error)]
-enum MergeError {
+pub(super) enum MergeError {
     #[error(transparent)]
     Storage(#[from] StorageError),
     #[error("the merge panicked")]

@@ -4,6 +4,7 @@ use super::align_clip::{Finished, JobParams, LevelFile, align_clip};
 use super::child::{ChildParams, run_in_child};
 use super::limits::{JobLimitParams, JobLimits};
 use super::merge::merge;
+use super::mesh::make_meshes;
 use super::report::{Heard, Report};
 use super::run::{Inputs, Method, Working, run_here};
 use super::trouble::{Ended, Trouble};
@@ -79,7 +80,9 @@ pub async fn work(queue: Arc<Queue>, params: WorkerParams, stop: CancellationTok
                 Ok(Some(claim)) => {
                     let span = info_span!("merge", home = %claim.home, tenant = claim.home.tenant());
                     let surface = params.align.align.label.surface.clone();
-                    merge(&queue, &claim, surface, params.lease, &stop).instrument(span).await;
+                    if merge(&queue, &claim, surface, params.lease, &stop).instrument(span).await {
+                        tokio::spawn(make_meshes(queue.storage.clone(), claim.home));
+                    }
                     continue;
                 }
                 Ok(None) => {}

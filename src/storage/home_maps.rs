@@ -1,11 +1,13 @@
 //! The fused maps of homes: their revisions and the files of each.
 
 mod merges;
+mod mesh;
 mod objects;
 mod places;
 mod scene;
 
 pub use merges::{KEPT_REVISIONS, MergeClaim, NewRevision};
+pub use mesh::{LevelSurface, MESH_POINTS};
 pub use objects::{HomeObject, MapObject, ObjectFilter};
 pub use scene::{MapHistory, MapRoom, MapScene};
 
@@ -104,6 +106,8 @@ pub mod map_file {
     pub const TILE: &str = "tile";
     /// Sums of a tile's first clips, from which the next merge goes on. Only the current revision has them.
     pub const SUMS: &str = "sums";
+    /// The mesh as binary glTF, if it is made already. Only the current revision has it.
+    pub const MESH: &str = "mesh.glb";
     pub const MANIFEST: &str = "manifest.json";
     pub const SCENE: &str = "scene.json";
     pub const PLAN_PNG: &str = "plan.png";

@@ -1,6 +1,8 @@
 use crate::server::Server;
 use reqwest::Method;
 use serde_json::{Value, json};
+use viola::storage::{HomeId, map_file};
+use viola_geometry::LevelName;
 use viola_testing::{eventually, room, zips};
 
 /// Returns the home's map once it contains these clips.
@@ -264,6 +266,7 @@ async fn a_map_tells_rooms_objects_plan_and_coverage() {
         let request = server.request(Method::GET, &path).header("if-none-match", answer.header("etag"));
         assert_eq!(server.send(request).await.status, 304);
     }
+    mesh_of_the_worker(&server, &home).await;
     for (path, field) in [
         (format!("{home}/map/plan?format=dwg"), "format"),
         (format!("{home}/map/mesh?format=stl"), "format"),
@@ -318,4 +321,25 @@ async fn a_map_tells_rooms_objects_plan_and_coverage() {
     let numbers: Vec<_> =
         revisions["items"].as_array().unwrap().iter().map(|map| map["revision"].clone()).collect();
     assert_eq!(numbers, [json!(2), json!(1)]);
+}
+
+/// The mesh that the worker makes is that of a request, and parts of it are served.
+async fn mesh_of_the_worker(server: &Server, home: &str) {
+    let revision = server.get(&format!("{home}/map")).await.ok(200)["revision"].as_i64().unwrap();
+    let id: HomeId = home.rsplit('/').next().unwrap().parse().unwrap();
+    let storage = server.administer().await;
+    eventually("the worker makes the mesh", || async {
+        let files = storage.home_map_files(&id, revision, LevelName::MAIN, map_file::MESH).await.unwrap();
+        files.into_iter().next()
+    })
+    .await;
+    storage.close().await;
+    let made = server.get(&format!("{home}/map/mesh")).await;
+    assert_eq!((made.status, made.header("content-type")), (200, "model/gltf-binary"));
+    // One triangle more than the default has no file yet.
+    let asked = server.get(&format!("{home}/map/mesh?triangles=200001")).await;
+    assert!(made.bytes == asked.bytes, "the room has fewer triangles than either asks for");
+    let request = server.request(Method::GET, &format!("{home}/map/mesh")).header("range", "bytes=0-3");
+    let part = server.send(request).await;
+    assert_eq!((part.status, &part.bytes[..], part.header("etag")), (206, &b"glTF"[..], made.header("etag")));
 }

@@ -1,25 +1,22 @@
-//! `/v1/homes/{home}/map/mesh`: the surface as triangles, made on request.
+//! `/v1/homes/{home}/map/mesh`: the surface as triangles, made by the worker or on request.
 
-use super::scene::scene;
 use super::{App, LevelQuery, level, revision, tag_of_file};
-use crate::api::bodies::{FileBytes, attachment};
+use crate::api::bodies::{FileBytes, attachment, send};
 use crate::api::error::Error;
 use crate::api::extract::{HomePath, Query};
 use crate::api::problems::CommonProblems;
 use crate::api::reply::{is_known, tagged};
-use crate::storage::{MapObject, StorageError, map_file};
+use crate::storage::{BlobReader, HomeId, HomeMap, LevelSurface, MESH_POINTS, MapLevel, map_file};
 use axum::body::Bytes;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use tokio::sync::Semaphore;
-use viola_home::{MESH_TRIANGLES, Mesh, MeshObject, Tile};
+use viola_home::{MESH_TRIANGLES, Mesh};
 
 /// Bounds of `triangles`.
 const TRIANGLES: std::ops::RangeInclusive<usize> = 1_000..=500_000;
-/// Maximum number of points of which a mesh is made: it bounds the memory of a request.
-const MAX_POINTS: usize = 2_000_000;
 /// A mesh takes seconds and all cores, so that the others wait.
 static ONE_AT_A_TIME: Semaphore = Semaphore::const_new(1);
 
@@ -92,7 +89,8 @@ fn triangles(asked: Option<&str>) -> Result<usize, Error> {
 ///
 /// The mesh has vertex colours, and a named part for each object (its id) and for each class of the rest. A hole in
 /// the points stays a hole. Units are metres and y is up: a point (x, y, z) of the LiDAR map's frame is (x, z, -y). The
-/// mesh is made on request, which takes some seconds; keep it with its `ETag`.
+/// service makes the GLB of the current revision with the default number of triangles after each merge. Others are made on
+/// request, which takes some seconds; keep them with their `ETag`.
 #[utoipa::path(get, path = "/v1/homes/{home}/map/mesh", tag = "map", params(HomePath, MeshQuery, LevelQuery),
     responses((status = 200, description = "The mesh", content(
             (FileBytes = "model/gltf-binary"), (FileBytes = "model/vnd.usdz+zip"), (FileBytes = "model/obj"))),
@@ -115,43 +113,65 @@ pub(in crate::api) async fn get_map_mesh(
     if is_known(&headers, &tag) {
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
-    if level.info.points > MAX_POINTS {
+    let name = format!("{home}-{}.{}", map.revision, format.name());
+    let answer = match made(&app, &home, &map, level, format, budget).await? {
+        Some(blob) => send(blob, format.media_type()),
+        None => {
+            let bytes = make(&app, &home, &map, level, format, budget).await?;
+            let kind = [(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()))];
+            (kind, Bytes::from(bytes)).into_response()
+        }
+    };
+    Ok(tagged(attachment(answer, &name), &tag))
+}
+
+/// Returns the file that the worker made, if there is one.
+async fn made(
+    app: &App,
+    home: &HomeId,
+    map: &HomeMap,
+    level: &MapLevel,
+    format: MeshFormat,
+    budget: usize,
+) -> Result<Option<BlobReader>, Error> {
+    if format != MeshFormat::Glb || budget != MESH_TRIANGLES {
+        return Ok(None);
+    }
+    let files = app.storage.home_map_files(home, map.revision, level.level, map_file::MESH).await?;
+    Ok(match files.first() {
+        Some(file) => app.storage.read_map_file(file).await?,
+        None => None,
+    })
+}
+
+/// Makes the file for this request.
+async fn make(
+    app: &App,
+    home: &HomeId,
+    map: &HomeMap,
+    level: &MapLevel,
+    format: MeshFormat,
+    budget: usize,
+) -> Result<Vec<u8>, Error> {
+    if level.info.points > MESH_POINTS {
         return Err(Error::InvalidQuery {
             field: Some("level"),
             detail: format!(
-                "the level has {} points, a mesh is made of {MAX_POINTS} at most; get its points",
+                "the level has {} points, a mesh is made of {MESH_POINTS} at most; get its points",
                 level.info.points
             ),
         });
     }
     let turn = ONE_AT_A_TIME.acquire().await.expect("the semaphore is never closed");
-    let mut tiles = Vec::new();
-    for file in app.storage.home_map_files(&home, map.revision, level.level, map_file::TILE).await? {
-        let damaged = || StorageError::Column { column: "tile", detail: "it is damaged".to_owned() };
-        // A tile is missing if its revision was removed meanwhile.
-        let bytes = app.storage.map_file_bytes(&file).await?.ok_or_else(damaged)?;
-        tiles.push(Tile::read(&bytes).map_err(|_| damaged())?);
-    }
-    let objects = scene(&app, &home, &map, level.level).await?.objects;
+    let surface = app.storage.level_surface(home, map.revision, level.level).await?;
+    let surface: LevelSurface = surface.ok_or(Error::NoSuchMap)?;
     let make = move || {
         // The work goes on if the client leaves, so the turn ends with it.
         let _turn = turn;
-        format.write(&mesh(&tiles, &objects, budget))
+        format.write(&surface.mesh(budget))
     };
-    let bytes = match tokio::task::spawn_blocking(make).await {
-        Ok(bytes) => bytes,
+    match tokio::task::spawn_blocking(make).await {
+        Ok(bytes) => Ok(bytes),
         Err(error) => std::panic::resume_unwind(error.into_panic()),
-    };
-    let mut answer = Bytes::from(bytes).into_response();
-    answer.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()));
-    let name = format!("{home}-{}.{}", map.revision, format.name());
-    Ok(tagged(attachment(answer, &name), &tag))
-}
-
-fn mesh(tiles: &[Tile], objects: &[MapObject], budget: usize) -> Mesh {
-    let parts: Vec<MeshObject> = objects
-        .iter()
-        .map(|object| MeshObject { id: &object.id, class: object.class, bounds: object.bounds() })
-        .collect();
-    Mesh::new(tiles, &parts, budget)
+    }
 }

@@ -15,6 +15,7 @@ on_every_back_end!(
     old_revisions_go,
     tiles_that_did_not_change_are_shared,
     a_merge_that_makes_nothing_new_makes_no_revision,
+    a_mesh_is_of_the_current_revision,
     neighbours_place_an_ambiguous_clip_and_take_it_back,
     objects_are_found_across_homes,
 );
@@ -267,6 +268,44 @@ async fn tiles_that_did_not_change_are_shared(storage: Storage) {
     }
     assert_eq!(tiles(&storage, &home, 9).await, Some(vec![vec![7], b"there".to_vec()]));
     assert_eq!(tiles(&storage, &home, 5).await, Some(vec![vec![3], b"there".to_vec()]));
+}
+
+async fn a_mesh_is_of_the_current_revision(storage: Storage) {
+    let (home, clips) = two_aligned(&storage).await;
+    let main = LevelName::MAIN;
+    let meshes = async |revision: i64| {
+        let mut all = Vec::new();
+        for file in storage.home_map_files(&home, revision, main, map_file::MESH).await.unwrap() {
+            all.push(storage.map_file_bytes(&file).await.unwrap().expect("the mesh is there").to_vec());
+        }
+        all
+    };
+    let add = async |revision: i64, glb: &[u8]| {
+        storage.add_mesh(&home, revision, main, glb.to_vec()).await.unwrap()
+    };
+    let next = async |seconds: i64, has_scene: bool| {
+        storage.align_clip(&home, clips[0], at(seconds)).await.unwrap();
+        align(&storage, AlignmentState::Aligned).await;
+        let claim = due(&storage, seconds).await.expect("the home is due");
+        let mut new = revision(&claim, PlacedBy::Alignment, &[seconds as u8]);
+        new.files.extend(has_scene.then(|| (main, map_file::SCENE, b"{}".to_vec())));
+        assert!(storage.finish_merge(&claim, Some(&new), at(seconds)).await.unwrap());
+    };
+    let claim = due(&storage, 10).await.unwrap();
+    assert!(finish(&storage, &claim, b"tile", 10).await);
+    assert!(add(1, b"first").await);
+    assert!(!add(1, b"again").await, "a revision has one mesh");
+    assert_eq!(meshes(1).await, [b"first"]);
+    // A level that is as it was keeps its mesh.
+    next(20, false).await;
+    assert_eq!(meshes(2).await, [b"first"]);
+    next(21, true).await;
+    assert!(!add(2, b"late").await, "the revision is not the current one any more");
+    assert!(meshes(3).await.is_empty() && meshes(2).await.is_empty(), "earlier revisions have none");
+    assert!(add(3, b"third").await);
+    assert_eq!(meshes(3).await, [b"third"]);
+    let (rows, blobs) = (storage.blob_keys().await.unwrap(), storage.blobs.keys().await.unwrap());
+    assert!(blobs.iter().all(|key| rows.contains(key)), "no blob of a mesh is left over");
 }
 
 async fn a_merge_that_makes_nothing_new_makes_no_revision(storage: Storage) {

@@ -248,8 +248,12 @@ impl Storage {
                 (*level, *name, None, Some(bytes.clone()))
             };
             let manifest = (LevelName::MAIN, map_file::MANIFEST, None, Some(manifest));
+            // The mesh of a level that changed is made later.
+            let is_scene = |(_, name, _): &&(LevelName, &'static str, Vec<u8>)| *name == map_file::SCENE;
+            let meshes =
+                new.files.iter().filter(is_scene).map(|(level, ..)| (*level, map_file::MESH, None, None));
             let tiles = new.tiles.iter().map(tile).chain(new.sums.iter().map(sums));
-            let all = tiles.chain(new.files.iter().map(file)).chain([manifest]);
+            let all = tiles.chain(new.files.iter().map(file)).chain([manifest]).chain(meshes);
             for (level, name, tile, bytes) in all {
                 let (mut key, size_bytes) = (None, bytes.as_ref().map_or(0, Vec::len) as u64);
                 if let Some(bytes) = bytes {

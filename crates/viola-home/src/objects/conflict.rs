@@ -35,14 +35,15 @@ fn shared_in_space(a: &UprightBox, b: &UprightBox) -> f64 {
     a.shared_m2(b) * height / a.volume_m3().min(b.volume_m3()).max(1e-9)
 }
 
-/// Returns whether one of two objects may be in the footprint of the other: a chair is pushed under a table, and
-/// appliances are built into a kitchen's run.
+/// Returns whether one of two objects may be in the footprint of the other: a chair is pushed under a table, a worktop
+/// lies on cabinets, and appliances are built into them.
 fn may_share(a: Class, b: Class) -> bool {
     use Class::*;
     let within = |inner: Class, outer: Class| match inner {
         Chair => matches!(outer, Table | Desk | Counter),
         Sink => matches!(outer, Counter | Cabinet | Table),
-        Stove | WashingMachine => outer == Counter,
+        Stove | WashingMachine => matches!(outer, Counter | Cabinet),
+        Counter => outer == Cabinet,
         _ => false,
     };
     within(a, b) || within(b, a)
@@ -245,6 +246,13 @@ mod tests {
             (Table, table, Television, ([0.0, 0.0, 1.1], [1.0, 0.1, 0.6]), false),
             (Counter, counter, Sink, ([0.5, 0.0, 0.85], [0.6, 0.45, 0.2]), false),
             (Counter, counter, Stove, ([-0.5, 0.0, 0.45], [0.6, 0.58, 0.9]), false),
+            (
+                Counter,
+                ([0.0, 0.0, 0.88], [2.4, 0.6, 0.04]),
+                Cabinet,
+                ([0.0, 0.0, 0.45], [2.4, 0.6, 0.9]),
+                false,
+            ),
             (Counter, counter, Bed, ([-0.5, 0.0, 0.45], [0.6, 0.58, 0.9]), true),
             // A wall unit above the run.
             (Counter, counter, Cabinet, ([0.0, 0.1, 1.8], [2.4, 0.35, 0.7]), false),

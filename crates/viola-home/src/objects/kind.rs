@@ -89,9 +89,9 @@ pub fn is_furniture(class: Class) -> bool {
 /// Maximum height of a sink: only its basin with the tap belongs to it, not the cabinet below.
 pub const BASIN_M: f64 = 0.35;
 
-/// Returns whether a class is storage furniture along walls.
+/// Returns whether a class is storage furniture along walls. A worktop is none: it lies on it.
 pub fn is_storage(class: Class) -> bool {
-    matches!(class, Class::Cabinet | Class::Shelf | Class::Counter)
+    matches!(class, Class::Cabinet | Class::Shelf)
 }
 
 /// Returns whether networks confuse two classes: parts of one object may get either label.

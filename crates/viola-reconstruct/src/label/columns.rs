@@ -17,9 +17,12 @@ pub(super) const TOP_M: f64 = LOW_M + SLICES as f64 * CELL_M;
 const WINDOW: usize = 10;
 /// The columns around a column, as steps along y and x.
 const AROUND: [[i64; 2]; 8] = [[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]];
-/// Numbers of a voxel: occupied and normal for each slice of its window, the voxels around it, and its own
-/// normal's x and y.
-pub(super) const VOXEL_NUMBERS: usize = 2 * (2 * WINDOW + 1) + 3 * AROUND.len() + 2;
+/// Planes of the grid: of each slice occupied and the mean normal's z, of each two slices the half sum of its x and of
+/// its y.
+pub(super) const PLANES: usize = 3 * SLICES;
+/// Numbers of a voxel: occupied and the normal's z for each slice of its window, the voxels around it, its own normal's
+/// x and y, and those of the planes beside it.
+pub(super) const VOXEL_NUMBERS: usize = 2 * (2 * WINDOW + 1) + 3 * AROUND.len() + 2 + 2 * AROUND.len();
 /// The network halves the grid four times.
 const STRIDE: usize = 16;
 /// Maximum side of the grid, 25.6 m; the rest of a larger surface has no labels from the network. The network
@@ -31,7 +34,7 @@ const MAX_SIDE: usize = 512;
 pub(super) struct Columns {
     pub height: usize,
     pub width: usize,
-    /// `2 * SLICES` planes of `height` rows: occupied, then the mean normal's z.
+    /// [`PLANES`] planes of `height` rows.
     pub grid: Vec<f32>,
     /// Index of each voxel's column of 10 cm, in rows of half of `width`.
     pub column: Vec<i64>,
@@ -88,10 +91,15 @@ impl Columns {
         let asked = of_site.iter().flatten().max().map_or(0, |last| *last as usize + 1);
         let normals: Vec<Vector3> = sums.iter().map(|(sum, count)| sum / f64::from(*count)).collect();
         let index = |[x, y, slice]: [i64; 3]| slice as usize * plane + y as usize * width + x as usize;
-        let mut grid = vec![0f32; 2 * SLICES * plane];
+        let level = |part: usize| 2 * SLICES + part * SLICES / 2;
+        let mut grid = vec![0f32; PLANES * plane];
         for (at, normal) in places.iter().zip(&normals) {
             grid[index(*at)] = 1.0;
             grid[SLICES * plane + index(*at)] = normal.z as f32;
+            let [x, y, slice] = *at;
+            for (part, value) in turned(normal).iter().enumerate() {
+                grid[level(part) * plane + index([x, y, slice / 2])] += (value / 2.0) as f32;
+            }
         }
         let value = |[x, y, slice]: [i64; 3], planes: usize| {
             let is_there = (0..SLICES as i64).contains(&slice)
@@ -110,6 +118,9 @@ impl Columns {
                 own.extend([-1, 0, 1].map(|step| value([x + dx, y + dy, slice + step], 0)));
             }
             own.extend(turned(normal).iter().map(|part| *part as f32));
+            for [dy, dx] in AROUND {
+                own.extend([0, 1].map(|part| value([x + dx, y + dy, slice / 2], level(part))));
+            }
         }
         let column = places.iter().map(|[x, y, _]| y / 2 * (width as i64 / 2) + x / 2).collect();
         let place = places.iter().map(|[x, y, slice]| 4 * slice + 2 * (y % 2) + x % 2).collect();

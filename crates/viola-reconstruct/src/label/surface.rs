@@ -1,7 +1,7 @@
 //! A network that classifies the fused surface itself, without pictures.
 
 use super::SegmentError;
-use super::columns::{Columns, SLICES, TOP_M, VOXEL_NUMBERS};
+use super::columns::{Columns, PLANES, TOP_M, VOXEL_NUMBERS};
 use super::sites::Sites;
 use std::sync::Arc;
 use viola_geometry::taxonomy::CLASSES;
@@ -23,7 +23,7 @@ impl SurfaceNetwork {
     pub fn new(entry: &ModelEntry, network: Arc<dyn Network>) -> Result<SurfaceNetwork, SegmentError> {
         let misfit = |problem: String| SegmentError::Misfit { network: entry.name.clone(), problem };
         let inputs = [
-            ("grid", F32, vec![Some(1), Some(2 * SLICES), None, None]),
+            ("grid", F32, vec![Some(1), Some(PLANES), None, None]),
             ("column", I64, vec![None]),
             ("place", I64, vec![None]),
             ("own", F32, vec![None, Some(VOXEL_NUMBERS)]),
@@ -80,7 +80,7 @@ impl SurfaceNetwork {
         let voxels = columns.column.len();
         let numbers = |values: Vec<i64>| Tensor { shape: vec![voxels], data: Data::I64(values) };
         let inputs = [
-            ("grid", Tensor::f32([1, 2 * SLICES, columns.height, columns.width], columns.grid)),
+            ("grid", Tensor::f32([1, PLANES, columns.height, columns.width], columns.grid)),
             ("column", numbers(columns.column)),
             ("place", numbers(columns.place)),
             ("own", Tensor::f32([voxels, VOXEL_NUMBERS], columns.own)),
@@ -129,6 +129,7 @@ fn softmax(logits: &[f32]) -> [f32; CLASSES] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::columns::SLICES;
     use super::*;
     use crate::label::columns::CELL_M;
     use nalgebra::Rotation3;
@@ -246,14 +247,20 @@ mod tests {
         assert_eq!(columns.column, [0, 0, 8 * 16 + 10]);
         assert_eq!(columns.place, [4, 4 * 7, 4 * 59 + 2]);
         let plane = 32 * 32;
-        assert_eq!(columns.grid.iter().filter(|value| **value != 0.0).count(), 6);
+        assert_eq!(columns.grid.iter().filter(|value| **value != 0.0).count(), 9);
         assert_eq!((columns.grid[plane], columns.grid[(SLICES + 1) * plane]), (1.0, 0.75));
+        // The normals' y, halved, is in the last planes: of slices 0 and 1, and of 58 and 59.
+        let half = |voxel: usize| {
+            columns.grid[(2 * SLICES + SLICES / 2 + [0, 3, 29][voxel]) * plane..][..plane].to_vec()
+        };
+        assert_eq!((half(0)[0], half(1)[0], half(2)[17 * 32 + 20]), (0.125, 0.125, 0.125));
         let own = |voxel: usize| &columns.own[voxel * VOXEL_NUMBERS..][..VOXEL_NUMBERS];
         // The voxel itself is in the middle; the one above the first is six slices further.
         assert_eq!((own(0)[10], own(0)[16], own(0)[21 + 10], own(0)[21 + 16]), (1.0, 1.0, 0.75, -1.0));
         assert!(own(0)[42..66].iter().all(|value| *value == 0.0));
         assert_eq!((own(1)[4], own(1)[10]), (1.0, 1.0));
-        assert_eq!(own(2)[66..], [0.0, 0.25]);
+        assert_eq!(own(2)[66..68], [0.0, 0.25]);
+        assert!(own(2)[68..].iter().all(|value| *value == 0.0), "nothing is beside it");
         // The network is asked about the voxels of the first places, with all of the surface.
         let first = Columns::new(&positions, &normals, 3).unwrap();
         assert_eq!(

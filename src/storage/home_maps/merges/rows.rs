@@ -49,19 +49,20 @@ async fn close_removed_levels(transaction: &mut Transaction, claim: &MergeClaim)
     Ok(())
 }
 
-/// Removes the files of revisions that are too old, and the sums that the new revision replaced; returns their rows.
+/// Removes the files of revisions that are too old, and the sums and meshes of earlier revisions; returns their rows.
 async fn remove_old_files(
     transaction: &mut Transaction,
     claim: &MergeClaim,
 ) -> Result<Vec<Row>, StorageError> {
     let rows = query(
         "DELETE FROM home_map_files
-        WHERE home_id = $1 AND (last_revision <= $2 OR (name = $3 AND last_revision IS NOT NULL))
+        WHERE home_id = $1 AND (last_revision <= $2 OR (name IN ($3, $4) AND last_revision IS NOT NULL))
         RETURNING blob_key, size_bytes",
     )
     .bind(claim.home.key())
     .bind(claim.last_revision + 1 - KEPT_REVISIONS)
     .bind(map_file::SUMS)
+    .bind(map_file::MESH)
     .fetch_all(transaction)
     .await?;
     Ok(rows)

@@ -1,7 +1,7 @@
 //! Kitchen units and appliances.
 
 use crate::simulate::finish::{DARK, Finish, METAL, Pattern, WHITE, front, wood};
-use crate::simulate::piece::{Piece, TopKind};
+use crate::simulate::piece::{Mount, Piece, TopKind};
 use crate::simulate::rng::Rng;
 use viola_geometry::taxonomy::Class;
 
@@ -47,14 +47,15 @@ impl Style {
     }
 }
 
-/// Returns a run of units on a recessed plinth, with a hob and a sink if `wet`.
+/// Returns a run of units on a recessed plinth, with a hob and a sink if `wet`. As in ScanNet and ADE20K the units are
+/// cabinets, and only the worktop is a counter.
 pub fn run(width: f64, above: Above, wet: bool, style: &Style, rng: &mut Rng) -> Piece {
     let depth = DEPTH_M;
     let Style { fronts, worktop, .. } = *style;
-    let mut run = Piece::new(Class::Counter, [width, depth, LEVEL_M]);
+    let mut run = Piece::new(Class::Cabinet, [width, depth, LEVEL_M]);
     run.block([0.0, 0.03, 0.0], [width, depth - 0.07, 0.1], fronts.darker(0.45));
     run.block([0.0, 0.01, 0.1], [width, depth - 0.03, 0.76], fronts);
-    run.block([0.0, 0.0, 0.86], [width, depth, 0.04], worktop);
+    run.block([0.0, 0.0, 0.86], [width, depth, 0.04], worktop).class = Class::Counter;
     let units = (width / UNIT_M) as usize;
     for joint in 1..units {
         let x = joint as f64 * UNIT_M - width / 2.0;
@@ -96,6 +97,23 @@ pub fn run(width: f64, above: Above, wet: bool, style: &Style, rng: &mut Rng) ->
         Above::Shelves => boards(&mut run, style, rng),
     }
     run
+}
+
+/// Takes what hangs above a placed run, as an object of its own.
+pub fn take_upper(run: &mut Piece, above: Above) -> Option<Piece> {
+    let class = match above {
+        Above::Nothing => return None,
+        Above::Cabinets => Class::Cabinet,
+        Above::Shelves => Class::Shelf,
+    };
+    let high = run.size[2];
+    let mut upper = Piece::new(class, run.size).mounted(Mount::Hung);
+    let is_upper = |bottom_m: f64| bottom_m > UPPER_M - 0.01;
+    upper.solids = run.solids.extract_if(.., |solid| is_upper(solid.centre.z - solid.half.z)).collect();
+    upper.tops = run.tops.extract_if(.., |top| is_upper(top.centre[2])).collect();
+    run.size[2] = LEVEL_M;
+    upper.size[2] = high;
+    Some(upper)
 }
 
 fn sink(run: &mut Piece, x: f64, rng: &mut Rng) {
@@ -187,11 +205,11 @@ pub fn oven_column(style: &Style, rng: &mut Rng) -> Piece {
 /// Returns a kitchen island: a plinth, a body, and an overhanging worktop.
 pub fn island(style: &Style, rng: &mut Rng) -> Piece {
     let (width, depth) = (rng.between(1.2, 2.2), rng.between(0.7, 1.0));
-    let mut piece = Piece::new(Class::Counter, [width, depth, 0.92]);
+    let mut piece = Piece::new(Class::Cabinet, [width, depth, 0.92]);
     let over = rng.between(0.04, 0.28);
     piece.block([0.0, 0.0, 0.0], [width - 0.3, depth - over - 0.1, 0.1], style.fronts.darker(0.5));
     piece.block([0.0, over / 2.0, 0.1], [width - 0.06, depth - over, 0.78], style.fronts);
-    piece.block([0.0, 0.0, 0.88], [width, depth, 0.04], style.worktop);
+    piece.block([0.0, 0.0, 0.88], [width, depth, 0.04], style.worktop).class = Class::Counter;
     piece.top(TopKind::Kitchen, [0.0, 0.0, 0.92], [width * 0.9, depth * 0.85], 0.5);
     piece
 }

@@ -20,6 +20,7 @@ pub(super) fn kitchen_units(room: &mut Arranger) {
         let above = room.rng.pick([Above::Cabinets, Above::Cabinets, Above::Shelves, Above::Nothing]);
         let run = kitchen::run(width, above, true, &style, &mut room.rng);
         first = room.in_corner(run, 0.75);
+        hang_upper(room, first, above);
         if first.is_none() {
             let run = kitchen::run(width, Above::Nothing, true, &style, &mut room.rng);
             first = room.against_wall(run, 0.7);
@@ -53,6 +54,15 @@ pub(super) fn kitchen_units(room: &mut Arranger) {
     }
 }
 
+/// Makes what hangs above a run an object of its own.
+fn hang_upper(room: &mut Arranger, run: Option<usize>, above: Above) {
+    let Some(run) = run.map(|index| &mut room.pieces_mut()[index]) else { return };
+    let pose = run.home_from_piece;
+    if let Some(upper) = kitchen::take_upper(run, above) {
+        room.put_anyway(upper, pose);
+    }
+}
+
 /// Adds up to `wings` runs at the ends of the first, at right angles: an L or a U.
 fn wing(room: &mut Arranger, first: usize, wings: usize, style: &Style) {
     let width = room.piece(first).size[0];
@@ -71,7 +81,9 @@ fn wing(room: &mut Arranger, first: usize, wings: usize, style: &Style) {
             );
             let home = room.piece(first).home_from_piece.compose(&pose);
             // The wing stands on the free floor before the first run.
-            if room.at_in_front(run, home).is_some() {
+            let placed = room.at_in_front(run, home);
+            if placed.is_some() {
+                hang_upper(room, placed, above);
                 left -= 1;
                 break;
             }
