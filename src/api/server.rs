@@ -14,7 +14,7 @@ use crate::storage::{Storage, StorageError, StorageParams};
 use crate::webhooks::{self, WebhookParams};
 use std::net::SocketAddr;
 use std::sync::Arc;
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpSocket};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
@@ -77,8 +77,8 @@ pub async fn serve(
     metrics::begin();
     let storage = Arc::new(Storage::open(&params.storage).await?);
     let has_keys = check_keys(&storage, params.listen).await?;
-    let listener = bind(params.listen).await?;
-    let admin_listener = bind_admin(params.admin_listen).await?;
+    let listener = bind(params.listen)?;
+    let admin_listener = bind_admin(params.admin_listen)?;
     let queue = Arc::new(Queue::new(storage.clone()));
     let mut tasks = begin_work(&queue, &storage, params.workers, &params.worker, params.webhooks, &stop);
     let app = App {
@@ -120,7 +120,7 @@ pub async fn work(
     match params.listen {
         Some(address) => {
             let router = super::health_router(storage.clone());
-            connections::answer(bind(address).await?, router, &ConnectionParams::default(), &stop, listening)
+            connections::answer(bind(address)?, router, &ConnectionParams::default(), &stop, listening)
                 .await?;
         }
         None => stop.cancelled().await,
@@ -141,14 +141,25 @@ async fn check_keys(storage: &Storage, address: SocketAddr) -> Result<bool, Serv
     Ok(false)
 }
 
-async fn bind(address: SocketAddr) -> Result<TcpListener, ServeError> {
-    TcpListener::bind(address).await.map_err(|source| ServeError::Listen { address, source })
+/// Maximum number of connections that wait to be accepted, if the system allows so many. Beyond it a client's first packet
+/// is dropped, and it tries again after a second.
+const BACKLOG: u32 = 4096;
+
+fn bind(address: SocketAddr) -> Result<TcpListener, ServeError> {
+    let listen = || {
+        let socket = if address.is_ipv4() { TcpSocket::new_v4()? } else { TcpSocket::new_v6()? };
+        #[cfg(unix)]
+        socket.set_reuseaddr(true)?;
+        socket.bind(address)?;
+        socket.listen(BACKLOG)
+    };
+    listen().map_err(|source| ServeError::Listen { address, source })
 }
 
 /// Binds the second listener, if there is one, and logs its address.
-async fn bind_admin(address: Option<SocketAddr>) -> Result<Option<TcpListener>, ServeError> {
+fn bind_admin(address: Option<SocketAddr>) -> Result<Option<TcpListener>, ServeError> {
     let Some(address) = address else { return Ok(None) };
-    let listener = bind(address).await?;
+    let listener = bind(address)?;
     info!(address = %listener.local_addr()?, "health and metrics are served without a key");
     Ok(Some(listener))
 }

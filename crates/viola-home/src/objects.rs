@@ -37,6 +37,10 @@ const MIN_CONFIDENCE: f64 = 0.25;
 /// Minimum confidence of an object by its surface alone: the best F1 score on maps of simulated clips
 /// (docs/experiments.md, A home's map). About as many such objects are right as their confidence says.
 const MIN_CONFIDENCE_BY_SURFACE: f64 = 0.45;
+/// A counter whose underside is above this is a worktop, and the fraction of its points that its box leaves out at each end
+/// of its height.
+const WORKTOP_M: f64 = 0.6;
+const WORKTOP_BEYOND: f64 = 0.1;
 /// An object this far from a room belongs to it: objects stand at walls.
 const ROOM_REACH_M: f64 = 1.0;
 /// Minimum fraction of an object's points for a clip to be listed.
@@ -119,6 +123,7 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
     let mut found: Vec<Found> =
         split.filter_map(|f| finish(&f, &cells, points, rooms, wall_yaw_rad, params)).collect();
     context::tell_nightstands(&mut found);
+    context::fill_under_worktops(&mut found);
     let mut found = conflict::resolve(found, points);
     let place = |found: &Found| found.object.centre_m;
     found.sort_by(|a, b| {
@@ -176,6 +181,12 @@ fn finish(
     if decided.class == Class::Sink && bounds.size_m[2] > kind::BASIN_M {
         bounds.centre_m[2] = bounds.top_m() - kind::BASIN_M / 2.0;
         bounds.size_m[2] = kind::BASIN_M;
+    }
+    if decided.class == Class::Counter && bounds.bottom_m() > WORKTOP_M {
+        // Most of its points are on its top; others are of things on it and of fronts below.
+        let [low, high] = fit::span(at.iter().map(|p| p[2]), WORKTOP_BEYOND);
+        bounds.centre_m[2] = (low + high) / 2.0;
+        bounds.size_m[2] = (high - low).max(params.voxel_m);
     }
     let longest_m = bounds.size_m.iter().copied().fold(0.0, f64::max);
     if longest_m < MIN_SIDE_M || decided.confidence < least_confidence(&members, points) {
@@ -298,6 +309,21 @@ mod tests {
         let units = found(&points);
         assert_eq!(units.len(), 2, "{units:?}");
         assert!(units.iter().any(|unit| unit.bounds().bottom_m() > 1.0));
+    }
+
+    #[test]
+    fn a_worktop_around_a_corner_is_two() {
+        let mut points = surface(Class::Counter, [0.0, 0.0, 0.86], [3.0, 0.6, 0.9], 0);
+        points.extend(surface(Class::Counter, [0.0, 0.6, 0.86], [0.6, 2.6, 0.9], 0));
+        points.extend(surface(Class::Wall, [0.0, -0.1, 0.0], [3.0, 0.0, 2.4], 0));
+        let tops = found(&points);
+        assert_eq!(tops.len(), 2, "{tops:?}");
+        // The fronts of units below one of them, whose tops are hidden.
+        points.extend(surface(Class::Cabinet, [1.0, 0.57, 0.06], [3.0, 0.6, 0.86], 0));
+        let units = found(&points);
+        let unit = units.iter().find(|object| object.class == Class::Cabinet).expect("the units are found");
+        assert!((unit.size_m[1] - 0.6).abs() < 0.1 && units.len() == 3, "{units:?}");
+        assert!(tops.iter().all(|top| top.size_m[1] < 0.75), "{tops:?}");
     }
 
     #[test]

@@ -1,7 +1,10 @@
 //! Corrects classes by the objects beside.
 
 use super::Found;
+use super::fit::UprightBox;
+use std::f64::consts::{FRAC_PI_2, PI};
 use viola_geometry::taxonomy::Class;
+use viola_geometry::{Point2, Pose2};
 
 /// Reclassifies small tables at a bed as cabinets: networks hardly distinguish nightstands from tables.
 pub fn tell_nightstands(found: &mut [Found]) {
@@ -19,6 +22,41 @@ pub fn tell_nightstands(found: &mut [Found]) {
         };
         if is_small && beds.iter().any(at_bed) {
             object.class = Class::Cabinet;
+        }
+    }
+}
+
+/// Gives cabinets under a worktop its depth: the worktop hides all of them but the fronts.
+pub fn fill_under_worktops(found: &mut [Found]) {
+    /// A worktop is at least this high, and lies at most this far from the top of what is under it.
+    const LOWEST_M: f64 = 0.6;
+    const NEAR_M: f64 = 0.25;
+    /// Minimum fraction of a cabinet's footprint under the worktop.
+    const UNDER: f64 = 0.5;
+    let tops: Vec<UprightBox> = found
+        .iter()
+        .filter(|found| found.object.class == Class::Counter)
+        .map(|found| found.object.bounds())
+        .filter(|top| top.bottom_m() > LOWEST_M)
+        .collect();
+    for Found { object, .. } in found.iter_mut().filter(|found| found.object.class == Class::Cabinet) {
+        let unit = object.bounds();
+        let area_m2 = (unit.size_m[0] * unit.size_m[1]).max(1e-9);
+        let is_under = |top: &&UprightBox| {
+            (unit.top_m() - top.bottom_m()).abs() < NEAR_M && unit.shared_m2(top) > UNDER * area_m2
+        };
+        let Some(top) = tops.iter().find(is_under) else { continue };
+        let of_top = Pose2::new(top.centre_m[0], top.centre_m[1], top.yaw_rad);
+        let along = unit.corners().map(|[x, y]| top.local(x, y)[0]);
+        let low = along.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = along.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let centre = of_top.apply(&Point2::new((low + high) / 2.0, 0.0));
+        [object.centre_m[0], object.centre_m[1]] = [centre.x, centre.y];
+        [object.size_m[0], object.size_m[1]] = [high - low, top.size_m[1]];
+        object.yaw_rad = top.yaw_rad;
+        if object.size_m[0] < object.size_m[1] {
+            object.size_m.swap(0, 1);
+            object.yaw_rad = (object.yaw_rad + FRAC_PI_2) % PI;
         }
     }
 }

@@ -17,6 +17,8 @@ const GROW_M: f64 = 0.06;
 const TOUCH_SHARE: f64 = 0.25;
 /// Maximum gap between fragments of one class that form one object of plausible size.
 const GAP_M: f64 = 0.25;
+/// The boards of a wall shelf hang this far apart.
+const BOARDS_M: f64 = 0.4;
 
 struct Part {
     fragment: Fragment,
@@ -89,7 +91,7 @@ fn belongs(
     let between = (large.bounds.centre_m[0] - small.bounds.centre_m[0])
         .hypot(large.bounds.centre_m[1] - small.bounds.centre_m[1]);
     let reach = |part: &Part| part.bounds.size_m[0].hypot(part.bounds.size_m[1]) / 2.0;
-    if between > reach(large) + reach(small) + GAP_M {
+    if between > reach(large) + reach(small) + BOARDS_M {
         return false;
     }
     let count = small.places.len() as f64;
@@ -112,7 +114,8 @@ fn belongs(
     if within || grown_together {
         return plausible(large, small, wall_yaw_rad);
     }
-    a == b && near(large, small, GAP_M, is_wall) && plausible(large, small, wall_yaw_rad)
+    let gap_m = if a == Class::Shelf { BOARDS_M } else { GAP_M };
+    a == b && near(large, small, gap_m, is_wall) && plausible(large, small, wall_yaw_rad)
 }
 
 /// Returns whether both together fit the class's size about as well as the larger one alone.

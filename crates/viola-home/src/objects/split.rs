@@ -1,17 +1,19 @@
 //! Splits fragments that contain several objects.
 
 use super::cells::Cells;
-use super::fit::{BEYOND, fit_box};
+use super::fit::{BEYOND, fit_box, span};
 use super::fragment::Fragment;
 use super::join::gregarious;
 use super::kind::{is_storage, kind};
+use viola_geometry::taxonomy::Class;
 
-/// Splits rows of chairs at their thinnest place, and wall units from base units.
+/// Splits rows of chairs at their thinnest place, wall units from base units, and runs of units or worktops at corners.
 pub fn split(fragment: Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Vec<Fragment> {
     let mut done = Vec::new();
     let mut open = vec![fragment];
     while let Some(fragment) = open.pop() {
-        match halves(&fragment, cells, wall_yaw_rad).or_else(|| storeys(&fragment, cells)) {
+        let halves = halves(&fragment, cells, wall_yaw_rad).or_else(|| storeys(&fragment, cells));
+        match halves.or_else(|| wings(&fragment, cells, wall_yaw_rad)) {
             Some(both) => open.extend(both),
             None => done.push(fragment),
         }
@@ -50,6 +52,55 @@ fn halves(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Opti
         if bin(place) < cut { one.push(*cell) } else { other.push(*cell) }
     }
     (!one.is_empty() && !other.is_empty()).then(|| [fragment.part(one), fragment.part(other)])
+}
+
+/// Splits what stands along two walls: the box around an L is mostly free floor.
+fn wings(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Option<[Fragment; 2]> {
+    const BIN_M: f64 = 0.12;
+    /// Largest area of both boxes, as a fraction of that of the box around all.
+    const MOST: f64 = 0.7;
+    /// Minimum fraction of the cells in each wing.
+    const LEAST: f64 = 0.15;
+    if !is_storage(fragment.class) && fragment.class != Class::Counter {
+        return None;
+    }
+    let (s, c) = wall_yaw_rad?.sin_cos();
+    let along_walls = |cell: &u32| {
+        let [x, y, _] = cells.centre(*cell as usize);
+        [c * x + s * y, c * y - s * x]
+    };
+    let places: Vec<[f64; 2]> = fragment.cells.iter().map(along_walls).collect();
+    let area = |part: &mut dyn Iterator<Item = &[f64; 2]>| -> f64 {
+        let points: Vec<&[f64; 2]> = part.collect();
+        let side = |axis: usize| {
+            let [low, high] = span(points.iter().map(|p| p[axis]), BEYOND);
+            high - low + cells.side_m
+        };
+        side(0) * side(1)
+    };
+    let whole_m2 = area(&mut places.iter());
+    let mut best: Option<(f64, usize, f64)> = None;
+    for axis in 0..2 {
+        let [low, high] = span(places.iter().map(|p| p[axis]), 0.0);
+        for step in 1..((high - low) / BIN_M) as usize {
+            let at = low + step as f64 * BIN_M;
+            let below = places.iter().filter(|p| p[axis] < at).count() as f64 / places.len() as f64;
+            if !(LEAST..=1.0 - LEAST).contains(&below) {
+                continue;
+            }
+            let both_m2 = area(&mut places.iter().filter(|p| p[axis] < at))
+                + area(&mut places.iter().filter(|p| p[axis] >= at));
+            if both_m2 < MOST * whole_m2 && best.is_none_or(|(least, ..)| both_m2 < least) {
+                best = Some((both_m2, axis, at));
+            }
+        }
+    }
+    let (_, axis, at) = best?;
+    let mut parts = [Vec::new(), Vec::new()];
+    for (cell, place) in fragment.cells.iter().zip(&places) {
+        parts[usize::from(place[axis] >= at)].push(*cell);
+    }
+    Some(parts.map(|cells| fragment.part(cells)))
 }
 
 /// Splits a kitchen's wall units from its base units: few cells lie between them, above the worktop.

@@ -8,7 +8,7 @@ use crate::simulate::{Home, HomeParams, Set, valetudo_json};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rustc_hash::FxHashMap;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Point3, Pose2, Vector3};
@@ -120,13 +120,25 @@ pub fn sample(home: &HomeParams, params: &SampleParams) -> Result<SimulatedMap, 
         points.push(noise.point(p, &normal, class, instance, &map_from_home));
     }
     let objects = home.truth().objects;
+    let whole = home.objects_alone();
+    let is_worktop = |(_, class): &&(u16, u16)| *class == Class::Counter.id();
+    let under_worktop: BTreeSet<u16> =
+        shown.keys().filter(is_worktop).map(|(instance, _)| *instance).collect();
     let truth = shown.into_iter().filter_map(|((instance, class), points)| {
         let class = Class::from_id(usize::from(class)).filter(|class| is_furniture(*class))?;
         let piece = objects.get(usize::from(instance).checked_sub(1)?)?;
         if points.len() < MIN_POINTS {
             return None;
         }
-        let bounds = along(&points, piece.yaw_rad + map_from_home.yaw_rad);
+        let mut bounds = along(&points, piece.yaw_rad + map_from_home.yaw_rad);
+        let whole = &whole[usize::from(instance) - 1];
+        if class == piece.class && under_worktop.contains(&instance) {
+            // Only the fronts are seen: the body under the worktop is the object.
+            let [x, y, _] = whole.centre_m;
+            let at = map_from_home.apply(&Point2::new(x, y));
+            [bounds.centre_m[0], bounds.centre_m[1]] = [at.x, at.y];
+            [bounds.size_m[0], bounds.size_m[1]] = [whole.size_m[0], whole.size_m[1]];
+        }
         bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M).then_some(Thing { class, bounds })
     });
     let rooms = home.plan.rooms.iter().map(|room| {
