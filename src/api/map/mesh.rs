@@ -114,10 +114,11 @@ pub(in crate::api) async fn get_map_mesh(
         return Ok(tagged(StatusCode::NOT_MODIFIED.into_response(), &tag));
     }
     let name = format!("{home}-{}.{}", map.revision, format.name());
-    let answer = match made(&app, &home, &map, level, format, budget).await? {
+    let wanted = Wanted { home: &home, map: &map, level, format, budget };
+    let answer = match wanted.made(&app).await? {
         Some(blob) => send(blob, format.media_type()),
         None => {
-            let bytes = make(&app, &home, &map, level, format, budget).await?;
+            let bytes = wanted.make(&app).await?;
             let kind = [(header::CONTENT_TYPE, HeaderValue::from_static(format.media_type()))];
             (kind, Bytes::from(bytes)).into_response()
         }
@@ -125,53 +126,52 @@ pub(in crate::api) async fn get_map_mesh(
     Ok(tagged(attachment(answer, &name), &tag))
 }
 
-/// Returns the file that the worker made, if there is one.
-async fn made(
-    app: &App,
-    home: &HomeId,
-    map: &HomeMap,
-    level: &MapLevel,
+/// A mesh that a request asks for.
+struct Wanted<'a> {
+    home: &'a HomeId,
+    map: &'a HomeMap,
+    level: &'a MapLevel,
     format: MeshFormat,
     budget: usize,
-) -> Result<Option<BlobReader>, Error> {
-    if format != MeshFormat::Glb || budget != MESH_TRIANGLES {
-        return Ok(None);
-    }
-    let files = app.storage.home_map_files(home, map.revision, level.level, map_file::MESH).await?;
-    Ok(match files.first() {
-        Some(file) => app.storage.read_map_file(file).await?,
-        None => None,
-    })
 }
 
-/// Makes the file for this request.
-async fn make(
-    app: &App,
-    home: &HomeId,
-    map: &HomeMap,
-    level: &MapLevel,
-    format: MeshFormat,
-    budget: usize,
-) -> Result<Vec<u8>, Error> {
-    if level.info.points > MESH_POINTS {
-        return Err(Error::InvalidQuery {
-            field: Some("level"),
-            detail: format!(
-                "the level has {} points, a mesh is made of {MESH_POINTS} at most; get its points",
-                level.info.points
-            ),
-        });
+impl Wanted<'_> {
+    /// Returns the file that the worker made, if there is one.
+    async fn made(&self, app: &App) -> Result<Option<BlobReader>, Error> {
+        if self.format != MeshFormat::Glb || self.budget != MESH_TRIANGLES {
+            return Ok(None);
+        }
+        let (storage, level) = (&app.storage, self.level.level);
+        let files = storage.home_map_files(self.home, self.map.revision, level, map_file::MESH).await?;
+        Ok(match files.first() {
+            Some(file) => storage.read_map_file(file).await?,
+            None => None,
+        })
     }
-    let turn = ONE_AT_A_TIME.acquire().await.expect("the semaphore is never closed");
-    let surface = app.storage.level_surface(home, map.revision, level.level).await?;
-    let surface: LevelSurface = surface.ok_or(Error::NoSuchMap)?;
-    let make = move || {
-        // The work goes on if the client leaves, so the turn ends with it.
-        let _turn = turn;
-        format.write(&surface.mesh(budget))
-    };
-    match tokio::task::spawn_blocking(make).await {
-        Ok(bytes) => Ok(bytes),
-        Err(error) => std::panic::resume_unwind(error.into_panic()),
+
+    /// Makes the file for this request.
+    async fn make(&self, app: &App) -> Result<Vec<u8>, Error> {
+        let points = self.level.info.points;
+        if points > MESH_POINTS {
+            return Err(Error::InvalidQuery {
+                field: Some("level"),
+                detail: format!(
+                    "the level has {points} points, a mesh is made of {MESH_POINTS} at most; get its points"
+                ),
+            });
+        }
+        let turn = ONE_AT_A_TIME.acquire().await.expect("the semaphore is never closed");
+        let surface = app.storage.level_surface(self.home, self.map.revision, self.level.level).await?;
+        let surface: LevelSurface = surface.ok_or(Error::NoSuchMap)?;
+        let (format, budget) = (self.format, self.budget);
+        let make = move || {
+            // The work goes on if the client leaves, so the turn ends with it.
+            let _turn = turn;
+            format.write(&surface.mesh(budget))
+        };
+        match tokio::task::spawn_blocking(make).await {
+            Ok(bytes) => Ok(bytes),
+            Err(error) => std::panic::resume_unwind(error.into_panic()),
+        }
     }
 }

@@ -10,7 +10,7 @@ use viola_home::{Mesh, MeshObject, Tile};
 /// Maximum number of points of which a mesh is made: it bounds the memory.
 pub const MESH_POINTS: usize = 2_000_000;
 
-/// What the mesh of a level is made of.
+/// The tiles and the objects of a level, of which its mesh is made.
 pub struct LevelSurface {
     tiles: Vec<Tile>,
     objects: Vec<MapObject>,

@@ -1,7 +1,7 @@
-//! Corrects classes by the objects beside.
+//! Corrects classes and boxes by the objects beside.
 
-use super::Found;
 use super::fit::UprightBox;
+use super::{Found, WORKTOP_M};
 use std::f64::consts::{FRAC_PI_2, PI};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Pose2};
@@ -28,8 +28,7 @@ pub fn tell_nightstands(found: &mut [Found]) {
 
 /// Gives cabinets under a worktop its depth: the worktop hides all of them but the fronts.
 pub fn fill_under_worktops(found: &mut [Found]) {
-    /// A worktop is at least this high, and lies at most this far from the top of what is under it.
-    const LOWEST_M: f64 = 0.6;
+    /// Maximum distance of a worktop from the top of its cabinets.
     const NEAR_M: f64 = 0.25;
     /// Minimum fraction of a cabinet's footprint under the worktop.
     const UNDER: f64 = 0.5;
@@ -37,7 +36,7 @@ pub fn fill_under_worktops(found: &mut [Found]) {
         .iter()
         .filter(|found| found.object.class == Class::Counter)
         .map(|found| found.object.bounds())
-        .filter(|top| top.bottom_m() > LOWEST_M)
+        .filter(|top| top.bottom_m() > WORKTOP_M)
         .collect();
     for Found { object, .. } in found.iter_mut().filter(|found| found.object.class == Class::Cabinet) {
         let unit = object.bounds();
