@@ -17,6 +17,9 @@ const LEAST_WEIGHT: i64 = 16;
 /// Maximum weight of a point: eight readings from 1 m. Readings of one recording have correlated errors.
 const MOST_WEIGHT: u16 = 2_048;
 
+/// Maximum number of voxels from a point without a colour to those that give it one. Beyond, nobody saw its colour.
+const NEAR_COLOR: i32 = 2;
+
 /// Views that a label counts as without any: shapes and surface networks know something, too.
 const PSEUDO_VIEWS: u32 = 3;
 /// Maximum number of views that count: more of them are nearly the same view.
@@ -156,11 +159,32 @@ impl Voxels {
         let well = self.voxels.iter().filter(|(_, voxel)| voxel.weight >= LEAST_WEIGHT);
         let mut voxels: Vec<&([i32; 3], Voxel)> = well.collect();
         voxels.sort_unstable_by_key(|(key, _)| *key);
-        let point = |(key, voxel): &([i32; 3], Voxel)| MapPoint {
-            point: voxel.point(key, self.side_m),
-            clip: voxel.most.0,
+        let point = |(key, voxel): &([i32; 3], Voxel)| {
+            let mut point = voxel.point(key, self.side_m);
+            if point.color == NO_COLOR {
+                point.color = self.color_beside(key);
+            }
+            MapPoint { point, clip: voxel.most.0 }
         };
         voxels.into_iter().map(point).collect()
+    }
+
+    /// Returns the mean colour of the nearest voxels that have one: pictures show less than depth at edges.
+    fn color_beside(&self, key: &[i32; 3]) -> [u8; 3] {
+        for reach in 1..=NEAR_COLOR {
+            let mut sum = Voxel::default();
+            let steps = || -reach..=reach;
+            for step in steps().flat_map(|x| steps().flat_map(move |y| steps().map(move |z| [x, y, z]))) {
+                let beside = [0, 1, 2].map(|axis| key[axis] + step[axis]);
+                if let Some(place) = self.index.get(&beside) {
+                    sum.merge(&self.voxels[*place as usize].1);
+                }
+            }
+            if sum.color_weight > 0 {
+                return sum.color();
+            }
+        }
+        NO_COLOR
     }
 }
 
@@ -339,6 +363,27 @@ mod tests {
                 voxels.add(&CloudPoint { color: *color, ..point(0.01, Class::Wall, 0.9, 40, 10) }, 0);
             }
             assert_eq!(voxels.into_points()[0].point.color, want, "{colors:?}");
+        }
+    }
+
+    #[test]
+    fn a_point_without_a_colour_has_that_of_the_nearest_voxels() {
+        // Voxels beside it with their colours, and the point's colour.
+        let cases: [(&[(i32, u8)], [u8; 3]); 4] = [
+            (&[(1, 80), (-1, 90), (2, 7)], [85, 0, 0]),
+            (&[(2, 70)], [70, 0, 0]),
+            (&[(3, 70)], NO_COLOR),
+            (&[], NO_COLOR),
+        ];
+        for (beside, want) in cases {
+            let mut voxels = Voxels::new(MAP_VOXEL_M);
+            voxels.add(&CloudPoint { color: NO_COLOR, ..point(0.01, Class::Wall, 0.9, 40, 0) }, 0);
+            for (step, red) in beside {
+                voxels.add(&point(0.01 + *step as f32 * MAP_VOXEL_M as f32, Class::Wall, 0.9, 40, *red), 0);
+            }
+            let points = voxels.into_points();
+            let found = points.iter().find(|p| (0.0..0.03).contains(&p.point.position_m[0])).unwrap();
+            assert_eq!(found.point.color, want, "{beside:?}");
         }
     }
 

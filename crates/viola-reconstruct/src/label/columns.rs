@@ -1,7 +1,7 @@
 //! Input of the surface network: columns of 5 cm voxels above the floor. `models/train/surfaces.py` makes the
 //! same for training; both must agree.
 
-use nalgebra::Rotation2;
+use nalgebra::{Rotation2, Vector2};
 use rustc_hash::FxHashMap;
 use viola_geometry::{Point3, Vector3};
 
@@ -29,6 +29,30 @@ const STRIDE: usize = 16;
 /// takes half a gigabyte on the largest grid; four times as many columns take 2 GB.
 const MAX_SIDE: usize = 512;
 
+/// How a surface is laid into the grid. A home that is mirrored or turned is as likely a home, and the grid's origin is
+/// nowhere in particular.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct View {
+    /// The x axis of the grid is negated.
+    pub mirrored: bool,
+    /// Then its x and y axes are exchanged.
+    pub transposed: bool,
+    /// Then the surface moves by half a voxel along both.
+    pub between: bool,
+}
+
+impl View {
+    fn direction(&self, v: Vector2<f64>) -> Vector2<f64> {
+        let v = if self.mirrored { Vector2::new(-v.x, v.y) } else { v };
+        if self.transposed { v.yx() } else { v }
+    }
+
+    fn place(&self, v: Vector2<f64>) -> Vector2<f64> {
+        let shift_m = if self.between { CELL_M / 2.0 } else { 0.0 };
+        self.direction(v).add_scalar(shift_m)
+    }
+}
+
 /// The occupied voxels of a surface, and the columns that hold them. Their grid lies along most of the walls.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Columns {
@@ -49,12 +73,12 @@ pub(super) struct Columns {
 impl Columns {
     /// Returns the columns of sites in the clip frame; none if no site is inside the slices. The network is asked about
     /// the voxels of the first `asked` sites only.
-    pub fn new(positions_m: &[Point3], normals: &[Vector3], asked: usize) -> Option<Columns> {
+    pub fn new(positions_m: &[Point3], normals: &[Vector3], asked: usize, view: &View) -> Option<Columns> {
         let turn = Rotation2::new(-main_yaw(normals));
-        let turned = |v: &Vector3| turn * v.xy();
+        let turned = |v: &Vector3| view.direction(turn * v.xy());
         let cells: Vec<[i64; 3]> = positions_m
             .iter()
-            .map(|p| (turned(&p.coords), p.z - LOW_M))
+            .map(|p| (view.place(turn * p.coords.xy()), p.z - LOW_M))
             .map(|(ground, z)| [ground.x, ground.y, z].map(|c| (c / CELL_M).floor() as i64))
             .collect();
         let is_inside = |cell: &[i64; 3]| (0..SLICES as i64).contains(&cell[2]);

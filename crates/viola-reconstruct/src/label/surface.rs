@@ -1,7 +1,7 @@
 //! A network that classifies the fused surface itself, without pictures.
 
 use super::SegmentError;
-use super::columns::{Columns, PLANES, TOP_M, VOXEL_NUMBERS};
+use super::columns::{Columns, PLANES, TOP_M, VOXEL_NUMBERS, View};
 use super::sites::Sites;
 use std::sync::Arc;
 use viola_geometry::taxonomy::CLASSES;
@@ -10,6 +10,14 @@ use viola_network::Element::{F32, I64};
 use viola_network::manifest::ModelEntry;
 use viola_network::signature::{expect, one};
 use viola_network::{Data, Network, Tensor};
+
+/// The views of a clip's surface whose answers are averaged (docs/experiments.md, Surface network).
+const VIEWS: [View; 4] = [
+    View { mirrored: false, transposed: false, between: false },
+    View { mirrored: false, transposed: true, between: false },
+    View { mirrored: true, transposed: false, between: true },
+    View { mirrored: true, transposed: true, between: true },
+];
 
 /// Classifies the voxels of a surface. Made by `models/train`.
 pub struct SurfaceNetwork {
@@ -50,32 +58,41 @@ impl SurfaceNetwork {
         &self.name
     }
 
-    /// Returns the probability of each class for each site: the mean of the answers for the surface and for its mirror
-    /// image, which is as likely a home. `sites` are in the clip frame. None for sites outside the network's grid.
+    /// Returns the probability of each class for each site: the mean of the answers for all [`VIEWS`]. `sites` are in the
+    /// clip frame. None for sites outside the network's grid.
     pub(super) fn classify(&self, sites: &Sites) -> Result<Vec<Option<[f32; CLASSES]>>, SegmentError> {
-        let mut said = self.classify_as_is(&sites.positions_m, &sites.normals, sites.len())?.of_sites();
-        let positions_m: Vec<Point3> =
-            sites.positions_m.iter().map(|p| Point3::new(-p.x, p.y, p.z)).collect();
-        let normals: Vec<Vector3> = sites.normals.iter().map(|n| Vector3::new(-n.x, n.y, n.z)).collect();
-        let mirrored = self.classify_as_is(&positions_m, &normals, sites.len())?.of_sites();
-        for (one, other) in said.iter_mut().zip(mirrored) {
-            *one = match (*one, other) {
-                (Some(one), Some(other)) => Some(std::array::from_fn(|i| (one[i] + other[i]) / 2.0)),
-                (one, other) => one.or(other),
-            };
+        let mut sums = vec![([0f32; CLASSES], 0f32); sites.len()];
+        for view in &VIEWS {
+            let said = self.classify_in(view, &sites.positions_m, &sites.normals, sites.len())?;
+            for (site, (sum, count)) in sums.iter_mut().enumerate() {
+                let Some(of_view) = said.of(site) else { continue };
+                sum.iter_mut().zip(of_view).for_each(|(sum, p)| *sum += p);
+                *count += 1.0;
+            }
         }
-        Ok(said)
+        Ok(sums.into_iter().map(|(sum, count)| (count > 0.0).then(|| sum.map(|p| p / count))).collect())
     }
 
-    /// Returns the answer for the first `asked` places of the surface without that for its mirror image. Positions are in
-    /// a frame whose floor is at 0.
+    /// Returns the answer for the first `asked` places of the surface in one view only. Positions are in a frame whose
+    /// floor is at 0.
     pub(super) fn classify_as_is(
         &self,
         positions_m: &[Point3],
         normals: &[Vector3],
         asked: usize,
     ) -> Result<VoxelClasses, SegmentError> {
-        let columns = Columns::new(positions_m, normals, asked).filter(|columns| !columns.column.is_empty());
+        self.classify_in(&View::default(), positions_m, normals, asked)
+    }
+
+    fn classify_in(
+        &self,
+        view: &View,
+        positions_m: &[Point3],
+        normals: &[Vector3],
+        asked: usize,
+    ) -> Result<VoxelClasses, SegmentError> {
+        let columns = Columns::new(positions_m, normals, asked, view);
+        let columns = columns.filter(|columns| !columns.column.is_empty());
         let Some(columns) = columns else { return Err(SegmentError::NoSurface { height_m: TOP_M }) };
         let voxels = columns.column.len();
         let numbers = |values: Vec<i64>| Tensor { shape: vec![voxels], data: Data::I64(values) };
@@ -112,6 +129,7 @@ impl VoxelClasses {
         self.of_site[site].map(|voxel| self.of_voxel[voxel as usize])
     }
 
+    #[cfg(test)]
     fn of_sites(&self) -> Vec<Option<[f32; CLASSES]>> {
         (0..self.of_site.len()).map(|site| self.of(site)).collect()
     }
@@ -182,17 +200,41 @@ mod tests {
             let best = (0..CLASSES).max_by(|a, b| got[*a].total_cmp(&got[*b])).unwrap();
             assert!((got[class] - probability).abs() < 1e-4 && best == class, "{site}: {got:?}");
         }
-        // A mirrored home has the same classes.
-        let mirrored = |at: &Vector3| Vector3::new(-at.x, at.y, at.z);
-        let other = Sites {
-            positions_m: positions_m.iter().map(|p| Point3::from(mirrored(&p.coords))).collect(),
-            normals: normals.iter().map(mirrored).collect(),
-            ..Sites::default()
-        };
-        let sites = Sites { positions_m, normals, ..Sites::default() };
-        let both = network.classify(&sites).unwrap();
-        assert_ne!(both, classes);
-        assert_eq!(network.classify(&other).unwrap(), both);
+        // The answer is the mean over all views, of which this is the first.
+        let one = |view: &View| network.classify_in(view, &positions_m, &normals, positions_m.len()).unwrap();
+        let of_views: Vec<VoxelClasses> = VIEWS.iter().map(one).collect();
+        assert_eq!(of_views[0].of_sites(), classes);
+        let sites = Sites { positions_m: positions_m.clone(), normals: normals.clone(), ..Sites::default() };
+        for (site, all) in network.classify(&sites).unwrap().into_iter().enumerate() {
+            let all = all.expect("it is in the grid");
+            for class in 0..CLASSES {
+                let sum: f32 = of_views.iter().map(|view| view.of(site).unwrap()[class]).sum();
+                assert!((all[class] - sum / 4.0).abs() < 1e-6, "{site}, class {class}");
+            }
+        }
+    }
+
+    /// A view of a surface is the grid of the surface that is mirrored, exchanged and moved.
+    #[test]
+    fn views_are_those_of_other_surfaces() {
+        // Away from the sides of voxels, with most walls along the axes.
+        let at =
+            |i: usize| [0.013 + 0.05 * i as f64, 0.037 + 0.15 * (i % 7) as f64, 0.012 + 0.1 * (i % 5) as f64];
+        let positions_m: Vec<Point3> = (0..40).map(|i| Point3::from(at(i))).collect();
+        let normals = vec![Vector3::new(0.0, 1.0, 0.0); positions_m.len()];
+        for view in VIEWS {
+            let changed = |v: &Vector3, shift_m: f64| {
+                let x = if view.mirrored { -v.x } else { v.x };
+                let (x, y) = if view.transposed { (v.y, x) } else { (x, v.y) };
+                Vector3::new(x + shift_m, y + shift_m, v.z)
+            };
+            let shift_m = if view.between { CELL_M / 2.0 } else { 0.0 };
+            let moved: Vec<Point3> =
+                positions_m.iter().map(|p| Point3::from(changed(&p.coords, shift_m))).collect();
+            let turned: Vec<Vector3> = normals.iter().map(|n| changed(n, 0.0)).collect();
+            let got = Columns::new(&positions_m, &normals, 40, &view).unwrap();
+            assert_eq!(got, Columns::new(&moved, &turned, 40, &View::default()).unwrap(), "{view:?}");
+        }
     }
 
     #[test]
@@ -240,7 +282,7 @@ mod tests {
             Point3::new(0.0, 0.0, -0.08),
         ];
         let normals = [1.0, 0.5, -1.0, 0.25, 0.0, 0.0].map(|z| Vector3::new(0.0, 0.25, z));
-        let columns = Columns::new(&positions, &normals, positions.len()).unwrap();
+        let columns = Columns::new(&positions, &normals, positions.len(), &View::default()).unwrap();
         assert_eq!((columns.height, columns.width), (32, 32));
         assert_eq!(columns.of_site, [Some(0), Some(0), Some(1), Some(2), None, None]);
         // The third is in row 17 and place 20 of its row.
@@ -262,7 +304,7 @@ mod tests {
         assert_eq!(own(2)[66..68], [0.0, 0.25]);
         assert!(own(2)[68..].iter().all(|value| *value == 0.0), "nothing is beside it");
         // The network is asked about the voxels of the first places, with all of the surface.
-        let first = Columns::new(&positions, &normals, 3).unwrap();
+        let first = Columns::new(&positions, &normals, 3, &View::default()).unwrap();
         assert_eq!(
             (&first.grid, &first.column[..], &first.place[..]),
             (&columns.grid, &[0, 0][..], &[4, 28][..])
