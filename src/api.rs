@@ -41,6 +41,7 @@ mod request_log;
 mod sent_files;
 mod server;
 mod session;
+mod turns;
 mod types;
 mod uploads;
 mod usage;
@@ -66,11 +67,13 @@ use axum::extract::DefaultBodyLimit;
 use limits::Limits;
 use parameters::Parameters;
 use readers::Readers;
+use std::ops::Deref;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock};
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::request_id::{PropagateRequestIdLayer, SetRequestIdLayer};
+use turns::Turns;
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
 use utoipa::{Modify, OpenApi};
 use utoipa_axum::router::OpenApiRouter;
@@ -79,27 +82,38 @@ use utoipa_axum::routes;
 /// Maximum size of a JSON body. Files are streamed and have limits of their own.
 const MAX_JSON_BYTES: usize = 64 << 10;
 
-/// State shared by all handlers.
+/// State shared by all handlers. Every layer clones it for every request.
 #[derive(Clone)]
-struct App {
+struct App(Arc<Shared>);
+
+struct Shared {
     storage: Arc<Storage>,
     queue: Arc<Queue>,
     max_upload_bytes: u64,
-    uploads: Arc<UploadParams>,
+    uploads: UploadParams,
     bodies: BodyParams,
-    limits: Arc<Limits>,
-    attempts: Arc<Attempts>,
+    limits: Limits,
+    turns: Turns,
+    attempts: Attempts,
     /// True if only this machine can reach the listener.
     is_on_loopback: bool,
     webhooks: WebhookParams,
     /// Origins whose pages may call the service.
     cors_origins: Vec<Origin>,
     /// True once a key existed while this process ran: from then on every request needs one.
-    has_keys: Arc<AtomicBool>,
+    has_keys: AtomicBool,
     readers: Arc<Readers>,
     exports: export::Places,
     /// Ends endless answers, such as event streams, when the server stops.
     stop: CancellationToken,
+}
+
+impl Deref for App {
+    type Target = Shared;
+
+    fn deref(&self) -> &Shared {
+        &self.0
+    }
 }
 
 /// The security scheme of the OpenAPI document.

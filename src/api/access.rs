@@ -83,7 +83,14 @@ pub(super) async fn check(
     next: Next,
 ) -> Result<Response, Error> {
     let address = peer::client(request.extensions(), request.headers());
-    let caller = match credentials(request.headers())? {
+    let credentials = credentials(request.headers())?;
+    // Before the query for the key: it waits for the database, too.
+    let known = credentials.as_ref().and_then(|credentials| app.attempts.tenant_of(&credentials.sha256()));
+    let mut turn = None;
+    if let Some(tenant) = &known {
+        turn = Some(app.turns.take(tenant).await);
+    }
+    let caller = match credentials {
         Some(Credentials::Key(secret)) => Some(key(&app, address, &secret).await?.into()),
         Some(Credentials::Session(token)) => Some(session(&app, address, &token).await?.into()),
         None if asks_for_keys(&app).await? => return Err(Error::KeyMissing),
@@ -106,8 +113,12 @@ pub(super) async fn check(
         }));
     }
     app.limits.pass(&caller.tenant)?;
+    let turn = match turn {
+        Some(turn) => turn,
+        None => app.turns.take(&caller.tenant).await,
+    };
     request.extensions_mut().insert(caller);
-    Ok(next.run(request).await)
+    Ok(turn.run(next.run(request)).await)
 }
 
 /// Returns whether requests need a key; remains true for the life of the process if the last key is deleted.
@@ -138,8 +149,8 @@ async fn find_key(
 ) -> Result<Option<ApiKey>, Error> {
     app.attempts.begin(address, sha256, Instant::now())?;
     let found = find.await?;
-    match found {
-        Some(_) => app.attempts.succeeded(address, sha256),
+    match &found {
+        Some(key) => app.attempts.succeeded(address, sha256, &key.tenant),
         None => app.attempts.failed(sha256),
     }
     Ok(found)
@@ -148,6 +159,15 @@ async fn find_key(
 enum Credentials {
     Key(Secret),
     Session(SessionToken),
+}
+
+impl Credentials {
+    fn sha256(&self) -> String {
+        match self {
+            Credentials::Key(secret) => secret.sha256(),
+            Credentials::Session(token) => token.sha256(),
+        }
+    }
 }
 
 /// Returns the credentials of a request, from the header or else from the cookie. A browser sends the cookie

@@ -2,7 +2,8 @@
 //! secrets that were valid are still looked up, so that an attacker locks nobody out who works already.
 
 use super::error::Defence;
-use std::collections::{HashMap, HashSet};
+use crate::storage::Tenant;
+use std::collections::HashMap;
 use std::net::IpAddr;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -34,8 +35,8 @@ pub(super) struct Attempts {
 struct State {
     /// Time at which each address has its whole burst again.
     whole_at: HashMap<IpAddr, Instant>,
-    /// SHA-256 of secrets that were valid.
-    valid: HashSet<String>,
+    /// The tenants of secrets that were valid, by the secrets' SHA-256.
+    valid: HashMap<String, Tenant>,
 }
 
 impl Attempts {
@@ -50,7 +51,7 @@ impl Attempts {
     /// Counts a failure in advance, so that parallel attempts count too; refuses it if there were too many.
     pub fn begin(&self, address: Option<IpAddr>, sha256: &str, now: Instant) -> Result<(), Defence> {
         let mut state = self.state();
-        let Some(address) = address.filter(|_| !state.valid.contains(sha256)) else { return Ok(()) };
+        let Some(address) = address.filter(|_| !state.valid.contains_key(sha256)) else { return Ok(()) };
         if state.whole_at.len() >= MOST && !state.whole_at.contains_key(&address) {
             state.whole_at.retain(|_, whole_at| *whole_at > now);
             if state.whole_at.len() >= MOST {
@@ -67,18 +68,23 @@ impl Attempts {
     }
 
     /// Takes back the failure that [`Attempts::begin`] counted, and records that the secret is valid.
-    pub fn succeeded(&self, address: Option<IpAddr>, sha256: &str) {
+    pub fn succeeded(&self, address: Option<IpAddr>, sha256: &str, tenant: &Tenant) {
         let mut state = self.state();
-        if state.valid.contains(sha256) {
+        if state.valid.contains_key(sha256) {
             return;
         }
         if state.valid.len() >= MOST {
             state.valid.clear();
         }
-        state.valid.insert(sha256.to_owned());
+        state.valid.insert(sha256.to_owned(), tenant.clone());
         if let Some(whole_at) = address.and_then(|address| state.whole_at.get_mut(&address)) {
             *whole_at = whole_at.checked_sub(self.params.every).unwrap_or(*whole_at);
         }
+    }
+
+    /// Returns the tenant of a secret that was valid. Whether it is valid still, the database knows.
+    pub fn tenant_of(&self, sha256: &str) -> Option<Tenant> {
+        self.state().valid.get(sha256).cloned()
     }
 
     /// Records that a secret is not valid, or not any more.
@@ -118,7 +124,7 @@ mod tests {
         for phone in 0..100 {
             let secret = phone.to_string();
             attempts.begin(address, &secret, now).unwrap();
-            attempts.succeeded(address, &secret);
+            attempts.succeeded(address, &secret, &Tenant::default());
         }
         while attempts.begin(address, "wrong", now).is_ok() {}
         assert!(attempts.begin(address, "7", now).is_ok());

@@ -2,12 +2,14 @@
 
 mod crowd;
 mod watched;
+mod whole;
 
 use super::peer::Peer;
 use super::server::ServeError;
 use axum::Router;
 use axum::body::Body;
-use crowd::Crowd;
+use crowd::{Asked, Crowd, Place};
+use futures::poll;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
@@ -15,13 +17,17 @@ use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::server::graceful::GracefulShutdown;
 use std::io;
 use std::net::SocketAddr;
+use std::pin::pin;
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::Semaphore;
 use tokio_io_timeout::TimeoutWriter;
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 use tracing::{debug, info, warn};
 use watched::Watched;
+use whole::Whole;
 
 /// Timeout for requests under way when the server stops.
 const DRAIN: Duration = Duration::from_secs(10);
@@ -61,6 +67,10 @@ impl Default for ConnectionParams {
 #[cfg(target_os = "linux")]
 const UNSENT_BYTES: u32 = 128 << 10;
 
+/// Maximum number of accepted connections from which nothing was read yet. If many come at once, the others wait to be
+/// accepted, and displace none that was not looked at.
+const MAX_UNREAD: usize = 64;
+
 /// Delay after the system failed to accept a connection.
 const PAUSE: Duration = Duration::from_millis(500);
 
@@ -76,9 +86,12 @@ pub(super) async fn answer(
     info!(%address, "listening");
     listening(address);
     let crowd = Crowd::new(params.most, params.most_of_network);
+    let unread = Arc::new(Semaphore::new(MAX_UNREAD));
     let open = GracefulShutdown::new();
     let accept = async {
         loop {
+            // The semaphore is never closed.
+            let turn = unread.clone().acquire_owned().await;
             let (stream, peer) = match listener.accept().await {
                 Ok(accepted) => accepted,
                 Err(error) if is_of_one(&error) => continue,
@@ -93,8 +106,16 @@ pub(super) async fn answer(
             }
             let place = crowd.enter(peer.ip());
             let stream = Watched::new(stream, place.clone());
-            let connection = open.watch(connection(stream, Peer(peer.ip()), router.clone(), params));
+            let connection =
+                open.watch(connection(stream, place.clone(), Peer(peer.ip()), router.clone(), params));
             tokio::spawn(async move {
+                let mut connection = pin!(connection);
+                // Reads what the client has sent.
+                let ended = poll!(connection.as_mut());
+                drop(turn);
+                if ended.is_ready() {
+                    return;
+                }
                 tokio::select! {
                     ended = connection => {
                         if let Err(error) = ended {
@@ -128,6 +149,7 @@ fn is_of_one(error: &io::Error) -> bool {
 
 fn connection(
     stream: Watched,
+    place: Arc<Place>,
     peer: Peer,
     router: Router,
     params: &ConnectionParams,
@@ -136,7 +158,13 @@ fn connection(
     stream.set_timeout(Some(params.write));
     let service = service_fn(move |mut request: hyper::Request<Incoming>| {
         request.extensions_mut().insert(peer);
-        router.clone().oneshot(request.map(Body::new))
+        let asked = Arc::new(Asked::new(place.clone()));
+        let answer = router.clone().oneshot(request.map(|body| Body::new(Whole::new(body, asked.clone()))));
+        async move {
+            let answer = answer.await;
+            asked.answered();
+            answer
+        }
     });
     http1::Builder::new()
         .timer(TokioTimer::new())

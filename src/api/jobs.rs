@@ -80,7 +80,7 @@ pub(super) async fn watch_job(
 }
 
 fn events(app: App, id: Uuid, seen: i64) -> impl Stream<Item = Result<Event, axum::Error>> {
-    let changes = app.queue.watch(id, seen).map(move |job| match job {
+    let changes = app.queue.clone().watch(id, seen).map(move |job| match job {
         Ok(Some(job)) => {
             let name = if job.state.is_final() { "end" } else { "job" };
             let event = Event::default().event(name).id(job.version.to_string());
@@ -92,7 +92,7 @@ fn events(app: App, id: Uuid, seen: i64) -> impl Stream<Item = Result<Event, axu
             Err(axum::Error::new(error))
         }
     });
-    changes.take_until(app.stop.cancelled_owned())
+    changes.take_until(app.stop.clone().cancelled_owned())
 }
 
 /// Cancel a job

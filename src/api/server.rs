@@ -7,8 +7,9 @@ use super::export::Places;
 use super::layers::Origin;
 use super::limits::{LimitParams, Limits};
 use super::readers::{ReaderParams, Readers};
+use super::turns::Turns;
 use super::uploads::{UploadParams, clean};
-use super::{App, connections, metrics};
+use super::{App, Shared, connections, metrics};
 use crate::jobs::{self, Queue, WorkerParams};
 use crate::storage::{Storage, StorageError, StorageParams};
 use crate::webhooks::{self, WebhookParams};
@@ -81,22 +82,23 @@ pub async fn serve(
     let admin_listener = bind_admin(params.admin_listen)?;
     let queue = Arc::new(Queue::new(storage.clone()));
     let mut tasks = begin_work(&queue, &storage, params.workers, &params.worker, params.webhooks, &stop);
-    let app = App {
+    let app = App(Arc::new(Shared {
         storage: storage.clone(),
         queue,
         max_upload_bytes: params.max_upload_bytes,
-        uploads: Arc::new(params.uploads),
-        limits: Arc::new(Limits::new(&params.limits)),
+        uploads: params.uploads,
+        limits: Limits::new(&params.limits),
+        turns: Turns::default(),
         bodies: params.bodies,
-        attempts: Arc::new(Attempts::new(params.attempts)),
+        attempts: Attempts::new(params.attempts),
         is_on_loopback: params.listen.ip().is_loopback(),
         webhooks: params.webhooks,
         cors_origins: params.cors_origins,
-        has_keys: Arc::new(has_keys.into()),
+        has_keys: has_keys.into(),
         readers: Arc::new(Readers::new(params.readers)),
         exports: Places::default(),
         stop: stop.clone(),
-    };
+    }));
     tasks.spawn(clean(app.clone()));
     if let Some(listener) = admin_listener {
         tasks.spawn(answer_operators(listener, storage.clone(), stop.clone()));

@@ -1,11 +1,12 @@
 //! The open connections by the network of their client. A new connection is always accepted: if there are too many, the
 //! connection that has waited longest for its client is closed, of the same network or else of the largest one. So a client
-//! that holds connections without using them displaces its own.
+//! that holds connections without using them displaces its own. A connection whose request came whole waits for the service
+//! and not for its client: it goes only if all of them do, and after those that are new.
 
 use crate::api::peer::network;
 use std::collections::HashMap;
 use std::net::IpAddr;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use tokio_util::sync::CancellationToken;
@@ -19,6 +20,10 @@ pub(super) struct Crowd {
 }
 
 struct Member {
+    /// Number of its requests that came whole and have no answer yet: they wait for the service.
+    unanswered: AtomicUsize,
+    /// True once a byte went in either direction.
+    has_moved: AtomicBool,
     /// Time of the last byte in either direction, in milliseconds since the crowd began.
     moved_ms: AtomicU64,
     displaced: CancellationToken,
@@ -39,15 +44,21 @@ impl Crowd {
     /// Adds a connection; displaces another one if there are too many.
     pub fn enter(self: &Arc<Crowd>, peer: IpAddr) -> Arc<Place> {
         let network = network(peer);
-        let member = Arc::new(Member { moved_ms: self.now_ms().into(), displaced: CancellationToken::new() });
+        let member = Arc::new(Member {
+            unanswered: AtomicUsize::new(0),
+            has_moved: AtomicBool::new(false),
+            moved_ms: self.now_ms().into(),
+            displaced: CancellationToken::new(),
+        });
         let mut members = self.members();
         let own = members.get(&network).map_or(0, Vec::len);
+        let now_ms = self.now_ms();
         if own >= self.most_of_network {
-            displace(&mut members, network);
+            displace(&mut members, network, now_ms);
         } else if members.values().map(Vec::len).sum::<usize>() >= self.most {
             let largest =
                 members.iter().max_by_key(|(_, members)| members.len()).map(|(network, _)| *network);
-            largest.into_iter().for_each(|network| displace(&mut members, network));
+            largest.into_iter().for_each(|network| displace(&mut members, network, now_ms));
         }
         members.entry(network).or_default().push(member.clone());
         drop(members);
@@ -63,9 +74,33 @@ impl Crowd {
     }
 }
 
-fn displace(members: &mut HashMap<IpAddr, Vec<Arc<Member>>>, network: IpAddr) {
+/// Connections are displaced in this order.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+enum Waits {
+    ForClient,
+    /// Nothing came yet, and it is younger than [`NEW_MS`]: its first bytes may be here unread.
+    New,
+    ForService,
+}
+
+const NEW_MS: u64 = 1000;
+
+impl Member {
+    fn waits(&self, now_ms: u64) -> (Waits, u64) {
+        let moved_ms = self.moved_ms.load(Ordering::Relaxed);
+        let is_new = !self.has_moved.load(Ordering::Relaxed) && now_ms < moved_ms + NEW_MS;
+        let waits = match self.unanswered.load(Ordering::Relaxed) {
+            0 if is_new => Waits::New,
+            0 => Waits::ForClient,
+            _ => Waits::ForService,
+        };
+        (waits, moved_ms)
+    }
+}
+
+fn displace(members: &mut HashMap<IpAddr, Vec<Arc<Member>>>, network: IpAddr, now_ms: u64) {
     let Some(of_network) = members.get_mut(&network) else { return };
-    let longest = (0..of_network.len()).min_by_key(|&at| of_network[at].moved_ms.load(Ordering::Relaxed));
+    let longest = (0..of_network.len()).min_by_key(|&at| of_network[at].waits(now_ms));
     if let Some(at) = longest {
         of_network.swap_remove(at).displaced.cancel();
     }
@@ -74,12 +109,46 @@ fn displace(members: &mut HashMap<IpAddr, Vec<Arc<Member>>>, network: IpAddr) {
 impl Place {
     /// Records that bytes came or went.
     pub fn moved(&self) {
+        self.member.has_moved.store(true, Ordering::Relaxed);
         self.member.moved_ms.store(self.crowd.now_ms(), Ordering::Relaxed);
     }
 
     /// Waits until another connection takes the place.
     pub async fn displaced(&self) {
         self.member.displaced.cancelled().await;
+    }
+}
+
+/// A request on a connection. Once it came whole it waits for the service, until it is answered or dropped.
+pub(super) struct Asked {
+    place: Arc<Place>,
+    waits: AtomicBool,
+}
+
+impl Asked {
+    pub fn new(place: Arc<Place>) -> Asked {
+        Asked { place, waits: AtomicBool::new(false) }
+    }
+
+    /// Records that all of the request has come.
+    pub fn came_whole(&self) {
+        if !self.waits.swap(true, Ordering::Relaxed) {
+            self.place.member.unanswered.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Records that the request waits no longer; its client has not had the time yet to read the answer.
+    pub fn answered(&self) {
+        self.place.moved();
+        if self.waits.swap(false, Ordering::Relaxed) {
+            self.place.member.unanswered.fetch_sub(1, Ordering::Relaxed);
+        }
+    }
+}
+
+impl Drop for Asked {
+    fn drop(&mut self) {
+        self.answered();
     }
 }
 
@@ -103,6 +172,7 @@ mod tests {
     }
 
     fn set(place: &Place, moved_ms: u64) {
+        place.member.has_moved.store(true, Ordering::Relaxed);
         place.member.moved_ms.store(moved_ms, Ordering::Relaxed);
     }
 
@@ -121,6 +191,37 @@ mod tests {
         );
         drop((first, second, third));
         assert_eq!(crowd.members().len(), 1);
+    }
+
+    #[test]
+    fn a_new_connection_is_not_displaced_before_its_first_bytes() {
+        let crowd = Crowd::new(10, 2);
+        let address = "192.0.2.1".parse().unwrap();
+        let (new, used) = (crowd.enter(address), crowd.enter(address));
+        set(&used, u64::MAX);
+        let third = crowd.enter(address);
+        assert!(is_displaced(&used) && !is_displaced(&new));
+        let waits = |now_ms| new.member.waits(now_ms).0;
+        assert!(waits(0) == Waits::New && waits(2 * NEW_MS) == Waits::ForClient);
+        drop(third);
+    }
+
+    #[test]
+    fn a_request_that_waits_for_the_service_is_not_displaced() {
+        let crowd = Crowd::new(10, 2);
+        let address = "192.0.2.1".parse().unwrap();
+        let (asking, idle) = (crowd.enter(address), crowd.enter(address));
+        set(&asking, 5);
+        set(&idle, 10);
+        let asked = Asked::new(asking.clone());
+        asked.came_whole();
+        asked.came_whole();
+        let third = crowd.enter(address);
+        assert!(is_displaced(&idle) && !is_displaced(&asking));
+        drop(asked);
+        set(&asking, 5);
+        let fourth = crowd.enter(address);
+        assert!(is_displaced(&asking) && !is_displaced(&third) && !is_displaced(&fourth));
     }
 
     #[test]
