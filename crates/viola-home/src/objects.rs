@@ -37,10 +37,11 @@ const MIN_CONFIDENCE: f64 = 0.25;
 /// Minimum confidence of an object by its surface alone: the best F1 score on maps of simulated clips
 /// (docs/experiments.md, A home's map). About as many such objects are right as their confidence says.
 const MIN_CONFIDENCE_BY_SURFACE: f64 = 0.45;
-/// A counter whose underside is above this is a worktop, and the fraction of its points that its box leaves out at each end
-/// of its height.
+/// A counter whose underside is above this is a worktop; the fraction of its points that its box leaves out below, and its
+/// usual thickness.
 const WORKTOP_M: f64 = 0.6;
 const WORKTOP_BEYOND: f64 = 0.1;
+const WORKTOP_THICK_M: f64 = 0.04;
 /// An object this far from a room belongs to it: objects stand at walls.
 const ROOM_REACH_M: f64 = 1.0;
 /// Minimum fraction of an object's points for a clip to be listed.
@@ -183,10 +184,15 @@ fn finish(
         bounds.size_m[2] = kind::BASIN_M;
     }
     if decided.class == Class::Counter && bounds.bottom_m() > WORKTOP_M {
-        // Most of its points are on its top; others are of things on it and of fronts below.
-        let [low, high] = fit::span(at.iter().map(|p| p[2]), WORKTOP_BEYOND);
-        bounds.centre_m[2] = (low + high) / 2.0;
-        bounds.size_m[2] = (high - low).max(params.voxel_m);
+        // Other points are of things on it and of fronts below.
+        let is_level = |i: &&u32| points[**i as usize].point.normal[2] > 0.8;
+        let heights =
+            members.iter().filter(is_level).map(|i| f64::from(points[*i as usize].point.position_m[2]));
+        let [top_m, _] = fit::span(heights, 0.5);
+        if top_m > 0.0 {
+            let low_m = fit::span(at.iter().map(|p| p[2]), WORKTOP_BEYOND)[0].min(top_m - WORKTOP_THICK_M);
+            (bounds.centre_m[2], bounds.size_m[2]) = ((low_m + top_m) / 2.0, top_m - low_m);
+        }
     }
     let longest_m = bounds.size_m.iter().copied().fold(0.0, f64::max);
     if longest_m < MIN_SIDE_M || decided.confidence < least_confidence(&members, points) {

@@ -3,7 +3,7 @@
 use super::cells::Cells;
 use super::fit::{BEYOND, UprightBox, fit_box};
 use super::fragment::Fragment;
-use super::kind::{confusable, host_of, is_solid, is_storage, kind};
+use super::kind::{confusable, host_of, is_appliance, is_solid, is_storage, kind};
 use viola_geometry::taxonomy::Class;
 
 /// Minimum cells of a fragment; smaller ones are noise.
@@ -109,7 +109,9 @@ fn belongs(
     }
     // Storage overlapping storage is one object: nothing else fits inside a wardrobe.
     let stored = is_storage(a) && is_storage(b);
-    let within = inside >= INSIDE_SHARE && (ease < 1.0 || stored || beside >= TOUCH_SHARE);
+    // Appliances are built into rows of units.
+    let built_in = is_appliance(b) && is_storage(a) && ease == 1.0;
+    let within = inside >= INSIDE_SHARE && !built_in && (ease < 1.0 || stored || beside >= TOUCH_SHARE);
     let grown_together = is_solid(a) && is_solid(b) && beside >= ease * TOUCH_SHARE;
     if within || grown_together {
         return plausible(large, small, wall_yaw_rad);

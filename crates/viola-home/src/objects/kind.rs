@@ -94,6 +94,11 @@ pub fn is_storage(class: Class) -> bool {
     matches!(class, Class::Cabinet | Class::Shelf)
 }
 
+/// Returns whether a class is an appliance that may be built into storage furniture.
+pub fn is_appliance(class: Class) -> bool {
+    matches!(class, Class::Stove | Class::WashingMachine | Class::Refrigerator)
+}
+
 /// Returns whether networks confuse two classes: parts of one object may get either label.
 pub fn confusable(a: Class, b: Class) -> bool {
     use Class::*;

@@ -1,11 +1,12 @@
 //! Splits fragments that contain several objects.
 
+mod wings;
+
 use super::cells::Cells;
-use super::fit::{BEYOND, fit_box, span};
+use super::fit::{BEYOND, fit_box};
 use super::fragment::Fragment;
 use super::join::gregarious;
 use super::kind::{is_storage, kind};
-use viola_geometry::taxonomy::Class;
 
 /// Splits rows of chairs at their thinnest place, wall units from base units, and runs of units or worktops at corners.
 pub fn split(fragment: Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Vec<Fragment> {
@@ -13,9 +14,12 @@ pub fn split(fragment: Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Ve
     let mut open = vec![fragment];
     while let Some(fragment) = open.pop() {
         let halves = halves(&fragment, cells, wall_yaw_rad).or_else(|| storeys(&fragment, cells));
-        match halves.or_else(|| wings(&fragment, cells, wall_yaw_rad)) {
-            Some(both) => open.extend(both),
-            None => done.push(fragment),
+        if let Some(both) = halves {
+            open.extend(both);
+        } else if let Some(runs) = wings::wings(&fragment, cells, wall_yaw_rad) {
+            done.extend(runs);
+        } else {
+            done.push(fragment);
         }
     }
     done
@@ -54,55 +58,6 @@ fn halves(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Opti
     (!one.is_empty() && !other.is_empty()).then(|| [fragment.part(one), fragment.part(other)])
 }
 
-/// Splits what stands along two walls: the box around an L is mostly free floor.
-fn wings(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Option<[Fragment; 2]> {
-    const BIN_M: f64 = 0.12;
-    /// Largest area of both boxes, as a fraction of that of the box around all.
-    const MOST: f64 = 0.7;
-    /// Minimum fraction of the cells in each wing.
-    const LEAST: f64 = 0.15;
-    if !is_storage(fragment.class) && fragment.class != Class::Counter {
-        return None;
-    }
-    let (s, c) = wall_yaw_rad?.sin_cos();
-    let along_walls = |cell: &u32| {
-        let [x, y, _] = cells.centre(*cell as usize);
-        [c * x + s * y, c * y - s * x]
-    };
-    let places: Vec<[f64; 2]> = fragment.cells.iter().map(along_walls).collect();
-    let area = |part: &mut dyn Iterator<Item = &[f64; 2]>| -> f64 {
-        let points: Vec<&[f64; 2]> = part.collect();
-        let side = |axis: usize| {
-            let [low, high] = span(points.iter().map(|p| p[axis]), BEYOND);
-            high - low + cells.side_m
-        };
-        side(0) * side(1)
-    };
-    let whole_m2 = area(&mut places.iter());
-    let mut best: Option<(f64, usize, f64)> = None;
-    for axis in 0..2 {
-        let [low, high] = span(places.iter().map(|p| p[axis]), 0.0);
-        for step in 1..((high - low) / BIN_M) as usize {
-            let at = low + step as f64 * BIN_M;
-            let below = places.iter().filter(|p| p[axis] < at).count() as f64 / places.len() as f64;
-            if !(LEAST..=1.0 - LEAST).contains(&below) {
-                continue;
-            }
-            let both_m2 = area(&mut places.iter().filter(|p| p[axis] < at))
-                + area(&mut places.iter().filter(|p| p[axis] >= at));
-            if both_m2 < MOST * whole_m2 && best.is_none_or(|(least, ..)| both_m2 < least) {
-                best = Some((both_m2, axis, at));
-            }
-        }
-    }
-    let (_, axis, at) = best?;
-    let mut parts = [Vec::new(), Vec::new()];
-    for (cell, place) in fragment.cells.iter().zip(&places) {
-        parts[usize::from(place[axis] >= at)].push(*cell);
-    }
-    Some(parts.map(|cells| fragment.part(cells)))
-}
-
 /// Splits a kitchen's wall units from its base units: few cells lie between them, above the worktop.
 fn storeys(fragment: &Fragment, cells: &Cells) -> Option<[Fragment; 2]> {
     const BIN_M: f64 = 0.12;
@@ -120,9 +75,11 @@ fn storeys(fragment: &Fragment, cells: &Cells) -> Option<[Fragment; 2]> {
     }
     let mean = |bins: &[f64]| bins.iter().sum::<f64>() / bins.len() as f64;
     let gap = (GAP_M.start / BIN_M) as usize..(GAP_M.end / BIN_M) as usize;
-    let cut = gap.min_by(|a, b| counts[*a].total_cmp(&counts[*b]))?;
-    let (below, above) = (mean(&counts[cut - 4..cut]), mean(&counts[cut + 1..cut + 5]));
-    if below.min(above) < TIMES * counts[cut].max(1.0) {
+    // A wardrobe has thin places, too, but no gap of this height.
+    let between = |cut: usize| mean(&counts[cut - 1..cut + 2]);
+    let cut = gap.min_by(|a, b| between(*a).total_cmp(&between(*b)))?;
+    let (below, above) = (mean(&counts[cut - 5..cut - 1]), mean(&counts[cut + 2..cut + 6]));
+    if below.min(above) < TIMES * between(cut).max(1.0) {
         return None;
     }
     let middle_m = (cut as f64 + 0.5) * BIN_M;
