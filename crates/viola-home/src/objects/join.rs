@@ -1,5 +1,6 @@
 //! Joins fragments of one object.
 
+use super::WORKTOP_M;
 use super::cells::Cells;
 use super::fit::{BEYOND, UprightBox, fit_box};
 use super::fragment::Fragment;
@@ -43,6 +44,8 @@ pub fn join(
     };
     let large = fragments.into_iter().filter(|f| f.cells.len() >= MIN_CELLS);
     let mut parts: Vec<Part> = large.filter_map(part).collect();
+    // The front and the top of an appliance find each other before the units beside take them.
+    let mut is_first = true;
     loop {
         let before = parts.len();
         let mut kept: Vec<Part> = Vec::new();
@@ -54,8 +57,10 @@ pub fn join(
             // The same class first: a stool's leg belongs to the stool, however large the sofa beside it.
             let same = |large: &Part| large.fragment.class == small.fragment.class;
             let is_host = |large: &Part| belongs(large, &small, cells, &is_wall, wall_yaw_rad);
-            let host = kept.iter().position(|large| same(large) && is_host(large));
-            let host = host.or_else(|| kept.iter().position(|large| !same(large) && is_host(large)));
+            let may_find = !is_first || is_appliance(small.fragment.class);
+            let host = kept.iter().position(|large| may_find && same(large) && is_host(large));
+            let other = || kept.iter().position(|large| !is_first && !same(large) && is_host(large));
+            let host = host.or_else(other);
             match host {
                 Some(at) => {
                     let host = &mut kept[at];
@@ -69,7 +74,12 @@ pub fn join(
             }
         }
         parts = kept;
-        if parts.len() == before {
+        if parts.len() < before {
+            continue;
+        }
+        if is_first {
+            is_first = false;
+        } else {
             return parts.into_iter().map(|part| part.fragment).collect();
         }
     }
@@ -85,6 +95,12 @@ fn belongs(
     let (a, b) = (large.fragment.class, small.fragment.class);
     let is_guest = host_of(b).is_some_and(|hosts| hosts.contains(&a));
     if !is_guest && !confusable(a, b) {
+        return false;
+    }
+    // A worktop lies on units and is none of them.
+    let is_worktop =
+        |part: &Part| part.fragment.class == Class::Counter && part.bounds.bottom_m() > WORKTOP_M;
+    if is_storage(b) && is_worktop(large) || is_storage(a) && is_worktop(small) {
         return false;
     }
     // Boxes far apart are unrelated.
@@ -110,7 +126,7 @@ fn belongs(
     // Storage overlapping storage is one object: nothing else fits inside a wardrobe.
     let stored = is_storage(a) && is_storage(b);
     // Appliances are built into rows of units.
-    let built_in = is_appliance(b) && is_storage(a) && ease == 1.0;
+    let built_in = is_appliance(b) && (is_storage(a) || a == Class::Counter) && ease == 1.0;
     let within = inside >= INSIDE_SHARE && !built_in && (ease < 1.0 || stored || beside >= TOUCH_SHARE);
     let grown_together = is_solid(a) && is_solid(b) && beside >= ease * TOUCH_SHARE;
     if within || grown_together {

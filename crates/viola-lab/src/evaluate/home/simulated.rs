@@ -245,49 +245,7 @@ pub fn match_objects(map: &SimulatedMap, objects: &[Object]) -> Matches {
     let furniture = objects.iter().filter(|object| is_furniture(object.class));
     let found: Vec<Thing> =
         furniture.map(|object| Thing { class: object.class, bounds: object.bounds() }).collect();
-    let m = matches(&map.truth, &found, MIN_EXTENT_M);
-    if std::env::var("VIOLA_DUMP").is_ok() {
-        for (t, thing) in map.truth.iter().enumerate() {
-            let near =
-                found.iter().map(|f| (f.bounds.iou(&thing.bounds), f)).max_by(|a, b| a.0.total_cmp(&b.0));
-            let b = thing.bounds;
-            eprintln!(
-                "T {} {} at {:.2?} size {:.2?} near {:?}",
-                if m.of_truth[t].is_some() { "ok" } else { "MISS" },
-                thing.class.name(),
-                b.centre_m,
-                b.size_m,
-                near.filter(|n| n.0 > 0.0).map(|(i, f)| format!(
-                    "{} {:.2} at {:.2?} size {:.2?}",
-                    f.class.name(),
-                    i,
-                    f.bounds.centre_m,
-                    f.bounds.size_m
-                ))
-            );
-        }
-        let used: Vec<usize> = m.of_truth.iter().flatten().map(|x| x.0).collect();
-        for (i, f) in found.iter().enumerate().filter(|(i, _)| !used.contains(i)) {
-            let near =
-                map.truth.iter().map(|t| (t.bounds.iou(&f.bounds), t)).max_by(|a, b| a.0.total_cmp(&b.0));
-            eprintln!(
-                "F {} at {:.2?} size {:.2?} near {:?}",
-                f.class.name(),
-                f.bounds.centre_m,
-                f.bounds.size_m,
-                near.filter(|n| n.0 > 0.0).map(|(i, f)| format!(
-                    "{} {:.2} at {:.2?} size {:.2?}",
-                    f.class.name(),
-                    i,
-                    f.bounds.centre_m,
-                    f.bounds.size_m
-                ))
-            );
-            let _ = i;
-        }
-        eprintln!("----");
-    }
-    m
+    matches(&map.truth, &found, MIN_EXTENT_M)
 }
 
 /// Returns the number of rooms, and of those matched by a computed room with an IoU of at least 0.5.
