@@ -159,9 +159,10 @@ impl Voxels {
         let well = self.voxels.iter().filter(|(_, voxel)| voxel.weight >= LEAST_WEIGHT);
         let mut voxels: Vec<&([i32; 3], Voxel)> = well.collect();
         voxels.sort_unstable_by_key(|(key, _)| *key);
+        let has_colors = voxels.iter().any(|(_, voxel)| voxel.color_weight > 0);
         let point = |(key, voxel): &([i32; 3], Voxel)| {
             let mut point = voxel.point(key, self.side_m);
-            if point.color == NO_COLOR {
+            if has_colors && point.color == NO_COLOR {
                 point.color = self.color_beside(key);
             }
             MapPoint { point, clip: voxel.most.0 }
