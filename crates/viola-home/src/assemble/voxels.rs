@@ -369,14 +369,7 @@ mod tests {
 
     #[test]
     fn a_point_without_a_colour_has_that_of_the_nearest_voxels() {
-        // Voxels beside it with their colours, and the point's colour.
-        let cases: [(&[(i32, u8)], [u8; 3]); 4] = [
-            (&[(1, 80), (-1, 90), (2, 7)], [85, 0, 0]),
-            (&[(2, 70)], [70, 0, 0]),
-            (&[(3, 70)], NO_COLOR),
-            (&[], NO_COLOR),
-        ];
-        for (beside, want) in cases {
+        let check = |beside: &[(i32, u8)], want: [u8; 3]| {
             let mut voxels = Voxels::new(MAP_VOXEL_M);
             voxels.add(&CloudPoint { color: NO_COLOR, ..point(0.01, Class::Wall, 0.9, 40, 0) }, 0);
             for (step, red) in beside {
@@ -385,7 +378,11 @@ mod tests {
             let points = voxels.into_points();
             let found = points.iter().find(|p| (0.0..0.03).contains(&p.point.position_m[0])).unwrap();
             assert_eq!(found.point.color, want, "{beside:?}");
-        }
+        };
+        check(&[(1, 80), (-1, 90), (2, 7)], [85, 0, 0]);
+        check(&[(2, 70)], [70, 0, 0]);
+        check(&[(3, 70)], NO_COLOR);
+        check(&[], NO_COLOR);
     }
 
     #[test]
