@@ -207,9 +207,9 @@ mod tests {
         let sites = Sites { positions_m: positions_m.clone(), normals: normals.clone(), ..Sites::default() };
         for (site, all) in network.classify(&sites).unwrap().into_iter().enumerate() {
             let all = all.expect("it is in the grid");
-            for class in 0..CLASSES {
+            for (class, all) in all.iter().enumerate() {
                 let sum: f32 = of_views.iter().map(|view| view.of(site).unwrap()[class]).sum();
-                assert!((all[class] - sum / 4.0).abs() < 1e-6, "{site}, class {class}");
+                assert!((all - sum / 4.0).abs() < 1e-6, "{site}, class {class}");
             }
         }
     }
