@@ -66,7 +66,7 @@ pub(super) fn wings(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64
             return None;
         }
     }
-    // What is too small for a run belongs to the nearest one.
+    // A piece that is too small for a run belongs to the nearest one.
     let off = |p: &[f64; 2], [x, y]: &[[f64; 2]; 2]| {
         let beyond = |value: f64, [low, high]: [f64; 2]| (low - value).max(value - high).max(0.0);
         beyond(p[0], *x).hypot(beyond(p[1], *y))
