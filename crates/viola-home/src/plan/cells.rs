@@ -80,6 +80,7 @@ impl Cells {
         cells.inside = graph.inside();
         islands::close_slits(&mut cells, oblique);
         islands::fill(&mut cells, evidence);
+        islands::cut_spurs(&mut cells, evidence);
         cells
     }
 

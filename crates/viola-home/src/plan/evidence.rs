@@ -301,6 +301,11 @@ impl<'a> Evidence<'a> {
         self.cell(in_plan).is_some_and(|at| self.space.free[at] || self.floor[at])
     }
 
+    /// Returns whether a clip saw floor at a place.
+    pub fn is_floor_of_clips(&self, in_plan: &Point2) -> bool {
+        self.cell(in_plan).is_some_and(|at| self.floor[at])
+    }
+
     /// Returns the room at a place: its index plus one; 0 for none.
     pub fn room(&self, in_plan: &Point2) -> u32 {
         self.cell(in_plan).map_or(0, |at| self.owner[at])

@@ -8,6 +8,10 @@ use viola_geometry::{Grid, Point2};
 
 /// Widest passage that nobody fits through.
 const SLIT_M: f64 = 0.15;
+/// Maximum thickness and length of a spur, and the distances from it at which clips saw the floor.
+const SPUR_M: f64 = 0.08;
+const LEAF_M: f64 = 1.05;
+const BESIDE_SPUR_M: [f64; 2] = [0.15, 0.3];
 /// Smallest solid island in a room.
 const ISLAND_M2: f64 = 0.3;
 /// Minimum fraction of a small island with wall up to the ceiling: a piece of a thin wall.
@@ -34,6 +38,84 @@ pub(super) fn close_slits(cells: &mut Cells, oblique: &[Oblique]) {
             }
         }
     }
+}
+
+/// Makes thin spurs a part of their room, where clips saw the floor on both sides and no wall up to the ceiling: open
+/// leaves of doors, sides of furniture.
+pub(super) fn cut_spurs(cells: &mut Cells, evidence: &Evidence) {
+    for axis in 0..2 {
+        // Runs of thin pieces across the axis, by the rows that they reach over: first cell, end, first row, end.
+        let mut spurs: Vec<[usize; 4]> = Vec::new();
+        for row in 0..cells.count(1 - axis) {
+            for [from, to] in thin_pieces(cells, axis, row) {
+                match spurs.iter_mut().rev().find(|spur| spur[3] == row && spur[..2] == [from, to]) {
+                    Some(spur) => spur[3] = row + 1,
+                    None => spurs.push([from, to, row, row + 1]),
+                }
+            }
+        }
+        for spur in spurs {
+            if is_spur(cells, evidence, axis, spur) {
+                for (across, row) in (spur[0]..spur[1]).flat_map(|i| (spur[2]..spur[3]).map(move |j| (i, j)))
+                {
+                    let at = cells.index(if axis == 0 { [across, row] } else { [row, across] });
+                    cells.inside[at] = true;
+                }
+            }
+        }
+    }
+}
+
+/// Returns the pieces of a row of cells along an axis that are thin walls between inside and inside.
+fn thin_pieces(cells: &Cells, axis: usize, row: usize) -> Vec<[usize; 2]> {
+    let is_inside = |i: usize| cells.inside[cells.index(if axis == 0 { [i, row] } else { [row, i] })];
+    let mut pieces = Vec::new();
+    let mut from: Option<usize> = None;
+    for i in 1..cells.count(axis) {
+        match (is_inside(i - 1), is_inside(i), from) {
+            (true, false, _) => from = Some(i),
+            (false, true, Some(first)) => {
+                if cells.lines[axis][i] - cells.lines[axis][first] <= SPUR_M {
+                    pieces.push([first, i]);
+                }
+                from = None;
+            }
+            _ => {}
+        }
+    }
+    pieces
+}
+
+fn is_spur(cells: &Cells, evidence: &Evidence, axis: usize, [from, to, first, end]: [usize; 4]) -> bool {
+    let lines = &cells.lines[1 - axis];
+    let length_m = lines[end] - lines[first];
+    let cell = |across: usize, row: usize| if axis == 0 { [across, row] } else { [row, across] };
+    // Open beyond one end, for its whole thickness.
+    let is_open = |row: usize| (from..to).all(|across| cells.inside[cells.index(cell(across, row))]);
+    let has_end = (first > 0 && is_open(first - 1)) || (end < cells.count(1 - axis) && is_open(end));
+    if !has_end || !(2.0 * SPUR_M..=LEAF_M).contains(&length_m) {
+        return false;
+    }
+    let steps = (length_m / 0.05).ceil().max(1.0) as usize;
+    let share = |is: &dyn Fn(f64) -> bool| {
+        let along_m = |step: usize| lines[first] + (step as f64 + 0.5) / steps as f64 * length_m;
+        (0..steps).filter(|step| is(along_m(*step))).count() as f64 / steps as f64
+    };
+    let at = |across_m: f64, along_m: f64| {
+        Point2::from(if axis == 0 { [across_m, along_m] } else { [along_m, across_m] })
+    };
+    let faces_m = [cells.lines[axis][from], cells.lines[axis][to]];
+    let sees_floor = |line_m: f64, sign: f64| {
+        let is_floor = |along_m: f64| {
+            BESIDE_SPUR_M.iter().any(|off| evidence.is_floor_of_clips(&at(line_m + sign * off, along_m)))
+        };
+        share(&is_floor) >= 0.5
+    };
+    let middle_m = (faces_m[0] + faces_m[1]) / 2.0;
+    let is_wall = |along_m: f64| {
+        [-SPUR_M / 2.0, 0.0, SPUR_M / 2.0].iter().any(|off| evidence.is_wall(&at(middle_m + off, along_m)))
+    };
+    sees_floor(faces_m[0], -1.0) && sees_floor(faces_m[1], 1.0) && share(&is_wall) < WALL_SHARE
 }
 
 /// Returns whether the centre of a cell is at an oblique face, or right beyond its ends.

@@ -16,9 +16,16 @@ const BAND_M: f64 = 0.04;
 const ALONG_M: f64 = 0.05;
 /// Minimum evidence of a face, as a length.
 const MIN_FACE_M: f64 = 0.6;
+/// Minimum fraction of its length that was seen: a line across several pieces of furniture has less.
+const DENSE: f64 = 0.6;
+/// Layers of one face: so far before it, and the cosine of the angle between them.
+const LAYERS_M: std::ops::RangeInclusive<f64> = -0.1..=0.3;
+const PARALLEL: f64 = 0.97;
 /// Surface this near a face along the axes is explained by it, if that has this much evidence.
 const EXPLAINED_M: f64 = 0.06;
 const EXPLAINING_M: f64 = 1.0;
+/// Cosine of the largest angle between the surface that it explains and the face.
+const EXPLAINED_COS: f64 = 0.9;
 /// Cosine between a point's normal and the direction that its face looks into.
 const FACING: f64 = 0.8;
 /// A bound on work.
@@ -134,11 +141,22 @@ pub(super) fn faces(evidence: &Evidence, straight: &[Face]) -> Vec<Oblique> {
             used.binary_search(&(place - 1)).is_err()
         });
         let axis_deg = face.along.y.abs().atan2(face.along.x.abs()).to_degrees();
-        if (ANGLE_DEG..=90.0 - ANGLE_DEG).contains(&axis_deg) {
+        let is_dense = face.evidence_m() >= DENSE * face.length_m;
+        let is_oblique = (ANGLE_DEG..=90.0 - ANGLE_DEG).contains(&axis_deg);
+        if is_oblique && is_dense && !faces.iter().any(|other| is_same(other, &face)) {
             faces.push(face);
         }
     }
     faces
+}
+
+/// Returns whether a face is another layer of a longer one: noise of many clips is wider than a band, and furniture stands
+/// before walls.
+fn is_same(face: &Oblique, layer: &Oblique) -> bool {
+    let [along_m, before_m] = face.within(&layer.at(layer.length_m / 2.0));
+    face.normal.dot(&layer.normal) >= PARALLEL
+        && LAYERS_M.contains(&before_m)
+        && (0.0..=face.length_m).contains(&along_m)
 }
 
 /// Returns the directions into which oblique faces may look.
@@ -188,7 +206,10 @@ fn is_explained(upright: &Upright, explaining: &[&Face]) -> bool {
     let at = [upright.at.x, upright.at.y];
     explaining.iter().any(|face| {
         let axis = face.facing.axis;
-        (at[axis] - face.line_m).abs() <= EXPLAINED_M
+        // Cells of the LiDAR map have no normal.
+        let is_along = upright.normal == Vector2::zeros() || upright.normal[axis].abs() >= EXPLAINED_COS;
+        is_along
+            && (at[axis] - face.line_m).abs() <= EXPLAINED_M
             && (face.from_m - EXPLAINED_M..=face.to_m + EXPLAINED_M).contains(&at[1 - axis])
     })
 }
@@ -350,3 +371,6 @@ fn middle(left: &[&Upright], used: &[usize], normal: &Vector2) -> f64 {
     }
     0.0
 }
+
+#[cfg(test)]
+mod tests;

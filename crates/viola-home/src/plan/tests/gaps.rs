@@ -115,3 +115,26 @@ fn a_room_does_not_end_at_a_wardrobe() {
     points.extend(face(0.0, true, [1.5, 3.0], [0.1, 2.5]));
     assert!((area_m2(&points) - 12.0).abs() < 0.3, "{}", area_m2(&points));
 }
+
+/// The LiDAR saw an open leaf; clips saw floor on both sides of it, and nothing at the ceiling.
+#[test]
+fn an_open_leaf_is_no_wall() {
+    let outer = [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]];
+    let mut walls: Vec<[[f64; 2]; 2]> = (0..4).map(|i| [outer[i], outer[(i + 1) % 4]]).collect();
+    walls.push([[2.0, 0.0], [2.0, 0.7]]);
+    let lidar = lidar_of(&walls);
+    let corners = |points: &[MapPoint]| {
+        let plan = plan(&lidar, points, &crate::rooms(&lidar, points), &[]);
+        assert_eq!(plan.rooms.len(), 1, "{:?}", plan.rooms);
+        plan.rooms[0].outline.ring_m.len()
+    };
+    let floor = (0..80).flat_map(|i| (0..60).map(move |j| [0.05 * i as f64, 0.05 * j as f64]));
+    let mut points: Vec<MapPoint> =
+        floor.map(|[x, y]| point([x, y, 0.0], [0.0, 0.0, 1.0], Class::Floor)).collect();
+    assert_eq!(corners(&points), 4);
+    // The same in a wall up to the ceiling.
+    for (x, up) in [(1.98, false), (2.02, true)] {
+        points.extend(face(x, up, [0.0, 0.7], [0.1, 2.5]));
+    }
+    assert_eq!(corners(&points), 8);
+}
