@@ -86,6 +86,7 @@ fn thin_pieces(cells: &Cells, axis: usize, row: usize) -> Vec<[usize; 2]> {
     pieces
 }
 
+/// Returns whether a thin wall, given by its first cell, its end, its first row and its end, is a spur.
 fn is_spur(cells: &Cells, evidence: &Evidence, axis: usize, [from, to, first, end]: [usize; 4]) -> bool {
     let lines = &cells.lines[1 - axis];
     let length_m = lines[end] - lines[first];
