@@ -4,6 +4,7 @@ use super::Found;
 use super::fit::UprightBox;
 use super::kind::confusable;
 use crate::map_point::MapPoint;
+use std::collections::BTreeSet;
 use std::f64::consts::{FRAC_PI_2, PI};
 use viola_geometry::taxonomy::Class;
 
@@ -71,6 +72,26 @@ struct Candidate {
 impl Candidate {
     fn in_way_of(&self, bounds: &UprightBox, other: &Candidate, others: &UprightBox) -> bool {
         conflicts((self.found.object.class, bounds), (other.found.object.class, others))
+            && !self.surrounds(other, others)
+            && !other.surrounds(self, bounds)
+    }
+
+    /// Returns whether this is a corner sofa around a low table: the table stands in its box, but not on its seats.
+    fn surrounds(&self, inner: &Candidate, bounds: &UprightBox) -> bool {
+        /// Floor between a table and the seats; seats that are labelled as a table have none.
+        const AROUND_M: f64 = 0.1;
+        const CELL_M: f64 = 0.1;
+        if (self.found.object.class, inner.found.object.class) != (Class::Sofa, Class::Table) {
+            return false;
+        }
+        let sides_m = [0, 1].map(|axis| bounds.size_m[axis] + 2.0 * AROUND_M);
+        let cell = |at: &[f64; 3]| {
+            let local = bounds.local(at[0], at[1]);
+            let is_inside = (0..2).all(|axis| 2.0 * local[axis].abs() <= sides_m[axis]);
+            is_inside.then(|| local.map(|m| (m / CELL_M).floor() as i32))
+        };
+        let seats: BTreeSet<[i32; 2]> = self.places.iter().filter_map(cell).collect();
+        seats.len() as f64 * CELL_M * CELL_M <= MOST_SHARED * sides_m[0] * sides_m[1]
     }
 }
 
@@ -281,5 +302,30 @@ mod tests {
         assert!(shared(&bed, &stand) <= MOST_SHARED);
         let [top, long_m] = [stand.centre_m[1] + stand.size_m[1] / 2.0, stand.size_m[0]];
         assert!(long_m >= stand.size_m[1] && (0.4..=0.8).contains(&long_m) && top > 0.9, "{stand:?}");
+    }
+
+    /// A corner sofa without its recess.
+    fn corner_sofa() -> (Found, Vec<MapPoint>) {
+        let (mut found, points) = object(Class::Sofa, [0.0, 0.0, 0.4], [2.4, 2.4, 0.8], 0.6);
+        let is_seat = |member: &u32| {
+            let [x, y, _] = points[*member as usize].point.position_m;
+            x < -0.4 || y < -0.4
+        };
+        found.members.retain(is_seat);
+        (found, points)
+    }
+
+    #[test]
+    fn a_table_may_stand_before_a_corner_sofa_but_not_on_its_seats() {
+        for (centre_m, size_m, is_kept) in [
+            ([0.4, 0.4, 0.2], [0.8, 0.6, 0.4], true),
+            ([-0.8, 0.0, 0.2], [0.6, 0.6, 0.4], false),
+            ([-0.2, 0.4, 0.2], [0.8, 0.6, 0.4], false),
+        ] {
+            let table = object(Class::Table, centre_m, size_m, 0.9);
+            let kept = both_resolved(table, corner_sofa());
+            let classes: Vec<Class> = kept.iter().map(|found| found.object.class).collect();
+            assert_eq!(classes.contains(&Class::Sofa), is_kept, "{centre_m:?} {classes:?}");
+        }
     }
 }
