@@ -6,7 +6,7 @@ use super::space::Space;
 use viola_geometry::{DistanceField, Grid};
 
 /// Half of a door's maximum width. Doors are up to 1 m wide, double doors somewhat more.
-const DOOR_HALF_M: f64 = 0.55;
+pub(crate) const DOOR_HALF_M: f64 = 0.55;
 /// An opening splits only if its distance to walls is below this fraction of the smaller basin's peak, ...
 const NECK_SHARE: f64 = 0.8;
 /// and if both sides are this large.
@@ -90,7 +90,7 @@ pub(super) fn partition(space: &Space, owner: &mut Grid<u32>) -> usize {
 fn open(space: &Space) -> Vec<bool> {
     let mut open = Grid { frame: space.frame, cells: space.free.clone() };
     for (index, cell) in open.cells.iter_mut().enumerate() {
-        *cell = (*cell || space.furniture[index]) && !space.door[index];
+        *cell = (*cell || space.furniture[index] || space.low_furniture[index]) && !space.door[index];
     }
     // Specks are furniture legs; larger ones may be a wall between two doors.
     let most = (0.12 / (space.frame.cell_m * space.frame.cell_m)) as usize;

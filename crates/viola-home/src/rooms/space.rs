@@ -4,10 +4,11 @@ use crate::map_point::MapPoint;
 use viola_formats::lidar::{Cell, LidarMap};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{DistanceField, Grid, GridFrame, Point2};
+use viola_reconstruct::Label;
 
 /// Side of the cells for a map without cells.
 const CELL_M: f64 = 0.05;
-/// Heights of the fused points that classify occupied cells.
+/// Heights of the fused points that tell furniture from walls.
 const HEIGHTS_M: [f64; 2] = [0.05, 1.9];
 
 /// A bound on memory and time: larger maps get larger cells.
@@ -16,8 +17,17 @@ const MAX_CELLS: usize = 2 << 20;
 const GAP_M: f64 = 0.06;
 /// Minimum number of the eight directions that end at a wall, for an enclosed cell.
 const ENCLOSED: u32 = 7;
-/// Radius of the fused points that classify an occupied cell.
+/// Radius of the fused points that count for a cell.
 const NEAR_M: f64 = 0.08;
+
+/// Minimum probability of a class that no picture showed.
+const SURE_BY_SURFACE: f32 = 0.5;
+/// Maximum height of low furniture: sofas, beds and worktops.
+const LOW_M: f64 = 1.3;
+/// Minimum number of points.
+const FEW: u32 = 5;
+/// Low furniture has at most one point above [`LOW_M`] for this many below.
+const MUCH: u32 = 10;
 
 /// One of this many points of the floor is a stray one on each side, and floor is at most this far beyond the
 /// LiDAR map.
@@ -30,8 +40,10 @@ pub struct Space {
     pub occupied: Vec<bool>,
     /// Free cells of the robot; for bare points, the enclosed cells.
     pub free: Vec<bool>,
-    /// Occupied cells with furniture and no wall in the fused map.
+    /// Occupied cells with furniture and no wall in the fused map, by pictures.
     pub furniture: Vec<bool>,
+    /// Cells that the robot does not know free, with furniture that is too low to hide a wall.
+    pub low_furniture: Vec<bool>,
     /// Cells with a door's leaf or frame in the fused map.
     pub door: Vec<bool>,
 }
@@ -67,6 +79,7 @@ impl Space {
             occupied: vec![false; frame.len()],
             free: vec![false; frame.len()],
             furniture: vec![false; frame.len()],
+            low_furniture: vec![false; frame.len()],
             door: vec![false; frame.len()],
         };
         for point in &lidar.occupied_m {
@@ -132,47 +145,89 @@ impl Space {
         }
     }
 
-    /// Classifies occupied cells and doors by the fused map.
+    /// Finds furniture and doors in the fused map.
     fn tell(&mut self, points: &[MapPoint]) {
-        let mut counts = vec![[0u16; 3]; self.frame.len()];
+        let mut counts = vec![Column::default(); self.frame.len()];
         for point in points {
             let [x, y, z] = point.point.position_m.map(f64::from);
-            if !(HEIGHTS_M[0]..HEIGHTS_M[1]).contains(&z) {
-                continue;
-            }
-            let label = point.point.label;
-            let kind = match label.class {
-                Class::Floor | Class::Ceiling | Class::Rug => continue,
-                Class::Wall | Class::Window | Class::Picture | Class::Mirror | Class::Radiator => 0,
-                Class::Door => 1,
-                // Without views the class is unknown.
-                _ if label.views == 0 => continue,
-                Class::Curtain | Class::Other => 0,
-                _ => 2,
-            };
-            if let Some(at) = self.index(&Point2::new(x, y)) {
-                counts[at][kind] = counts[at][kind].saturating_add(1);
+            if let Some(at) =
+                self.index(&Point2::new(x, y)).filter(|_| (HEIGHTS_M[0]..HEIGHTS_M[1]).contains(&z))
+            {
+                counts[at].add(point.point.label, z > LOW_M);
             }
         }
         let reach = (NEAR_M / self.frame.cell_m).round() as usize;
         let (width, height) = (self.frame.width, self.frame.height);
         for index in 0..counts.len() {
-            // A door is upright: several points per column.
-            self.door[index] =
-                counts[index][1] >= 5 && counts[index][1] > counts[index][0] + counts[index][2];
-            if !self.occupied[index] {
+            self.door[index] = counts[index].is_door();
+            if self.free[index] {
                 continue;
             }
             let (x, y) = (index % width, index / width);
-            let mut sums = [0u32; 3];
+            let mut around = Column::default();
             for y in y.saturating_sub(reach)..(y + reach + 1).min(height) {
                 for x in x.saturating_sub(reach)..(x + reach + 1).min(width) {
-                    let cell = counts[y * width + x];
-                    (0..3).for_each(|kind| sums[kind] += u32::from(cell[kind]));
+                    around.merge(&counts[y * width + x]);
                 }
             }
-            self.furniture[index] = sums[2] >= 5 && sums[2] > 2 * (sums[0] + sums[1]);
+            self.furniture[index] = self.occupied[index] && around.is_furniture();
+            self.low_furniture[index] = around.is_low_furniture();
         }
+    }
+}
+
+/// Numbers of fused points above a cell.
+#[derive(Debug, Clone, Copy, Default)]
+struct Column {
+    wall: u32,
+    door: u32,
+    /// Of furniture in pictures, below and above [`LOW_M`].
+    low: u32,
+    tall: u32,
+    /// Of furniture that no picture shows, and of what may be some: a wall may look like a wardrobe, but not like a sofa.
+    low_unseen: u32,
+    tall_unseen: u32,
+}
+
+impl Column {
+    fn add(&mut self, label: Label, is_tall: bool) {
+        let count = match label.class {
+            Class::Floor | Class::Ceiling | Class::Rug => return,
+            Class::Wall | Class::Window | Class::Picture | Class::Mirror | Class::Radiator => &mut self.wall,
+            Class::Door => &mut self.door,
+            _ if label.views == 0 && is_tall => &mut self.tall_unseen,
+            _ if label.views == 0 && label.probability() < SURE_BY_SURFACE => return,
+            Class::Curtain | Class::Other if label.views == 0 => return,
+            Class::Curtain | Class::Other => &mut self.wall,
+            _ if label.views == 0 => &mut self.low_unseen,
+            _ if is_tall => &mut self.tall,
+            _ => &mut self.low,
+        };
+        *count += 1;
+    }
+
+    fn merge(&mut self, other: &Column) {
+        self.wall += other.wall;
+        self.door += other.door;
+        self.low += other.low;
+        self.tall += other.tall;
+        self.low_unseen += other.low_unseen;
+        self.tall_unseen += other.tall_unseen;
+    }
+
+    /// Returns whether most of its points are of a door, which is upright: several points per column.
+    fn is_door(&self) -> bool {
+        self.door >= FEW && self.door > self.wall + self.low + self.tall
+    }
+
+    fn is_furniture(&self) -> bool {
+        let furniture = self.low + self.tall;
+        furniture >= FEW && furniture > 2 * (self.wall + self.door)
+    }
+
+    fn is_low_furniture(&self) -> bool {
+        let low = self.low + self.low_unseen;
+        low >= FEW && low > 2 * (self.wall + self.door) + MUCH * (self.tall + self.tall_unseen)
     }
 }
 
@@ -209,5 +264,39 @@ fn frame(min: [f64; 2], max: [f64; 2], lidar: &LidarMap) -> GridFrame {
             }
         }
         None => frame,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn column(labels: &[(Class, u16, bool, usize)]) -> Column {
+        let mut column = Column::default();
+        for (class, views, is_tall, count) in labels {
+            (0..*count).for_each(|_| column.add(Label::new(*class, 0.8, *views), *is_tall));
+        }
+        column
+    }
+
+    #[test]
+    fn only_what_is_low_is_furniture_without_pictures() {
+        use Class::{Cabinet, Sofa, Wall};
+        // Points: class, views, above 1.3 m, how many. Furniture by pictures; low furniture.
+        for (labels, want) in [
+            (&[(Sofa, 0, false, 9)][..], (false, true)),
+            (&[(Sofa, 3, false, 9)], (true, true)),
+            (&[(Sofa, 0, false, 4)], (false, false)),
+            (&[(Sofa, 0, false, 9), (Wall, 0, true, 9)], (false, false)),
+            (&[(Cabinet, 0, false, 30), (Cabinet, 0, true, 30)], (false, false)),
+            (&[(Cabinet, 3, false, 30), (Cabinet, 3, true, 30)], (true, false)),
+            (&[(Sofa, 0, false, 30), (Cabinet, 0, true, 1)], (false, true)),
+        ] {
+            let column = column(labels);
+            assert_eq!((column.is_furniture(), column.is_low_furniture()), want, "{labels:?}");
+        }
+        let mut unsure = Column::default();
+        (0..9).for_each(|_| unsure.add(Label::new(Sofa, 0.4, 0), false));
+        assert!(!unsure.is_low_furniture());
     }
 }
