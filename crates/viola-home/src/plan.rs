@@ -19,6 +19,7 @@ mod masonry;
 mod model;
 mod oblique;
 mod page;
+mod passages;
 mod raster;
 mod recess;
 mod shape;
@@ -60,7 +61,7 @@ pub fn plan(lidar: &LidarMap, points: &[MapPoint], rooms: &[Room], objects: &[Ob
     recess::close(&mut cells, &evidence);
     gaps::close_seams(&mut cells, &evidence, &faces);
     let is_known = rooms.iter().any(|room| room.source == RoomSource::LidarMap);
-    let spaces = Spaces::new(&cells, &evidence, &faces, &oblique, is_known);
+    let spaces = Spaces::new(&mut cells, &evidence, &faces, &oblique, is_known);
     let mut outlines = shape::outlines(&cells, &spaces);
     let sides = straighten::straighten(&mut outlines, &oblique);
     let mut walls = shape::walls(&cells, &spaces, &outlines);

@@ -2,7 +2,7 @@
 
 mod edit;
 pub(super) mod outline;
-mod partition;
+pub(super) mod partition;
 pub(super) mod space;
 
 pub use edit::{merged, split};

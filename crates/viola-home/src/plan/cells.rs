@@ -1,5 +1,7 @@
 //! The plan's plane, divided by the lines of all wall faces into cells; each is inside or outside the rooms.
 
+mod refine;
+
 use super::cut::Graph;
 use super::evidence::{Evidence, Facing};
 use super::faces::Face;
@@ -114,11 +116,16 @@ impl Cells {
         GridFrame { origin_m: [0.0; 2], cell_m: 1.0, width: self.count(0), height: self.count(1) }
     }
 
+    /// Returns the cell at a place.
+    pub fn at(&self, p: [f64; 2]) -> Option<usize> {
+        let place = [0, 1].map(|axis| self.lines[axis].partition_point(|line| *line <= p[axis]));
+        let is_within = (0..2).all(|axis| (1..=self.count(axis)).contains(&place[axis]));
+        is_within.then(|| self.index(place.map(|i| i - 1)))
+    }
+
     /// Returns whether the cell at a place is inside.
     pub fn is_inside(&self, p: [f64; 2]) -> bool {
-        let place = [0, 1].map(|axis| self.lines[axis].partition_point(|line| *line <= p[axis]));
-        (0..2).all(|axis| (1..=self.count(axis)).contains(&place[axis]))
-            && self.inside[self.index(place.map(|i| i - 1))]
+        self.at(p).is_some_and(|at| self.inside[at])
     }
 
     /// Returns the number of cells along an axis.

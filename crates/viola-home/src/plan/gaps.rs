@@ -10,7 +10,7 @@ use super::oblique::Oblique;
 /// Thickness of walls between rooms.
 const THICKNESS_M: [f64; 2] = [0.04, 0.5];
 /// Width of doorways; wider gaps are open plan.
-const DOOR_M: [f64; 2] = [0.45, 1.35];
+pub(super) const DOOR_M: [f64; 2] = [0.45, 1.35];
 const WIDEST_M: f64 = 4.5;
 /// A wall goes on beside a gap if there is space this far beyond the gap's end: less than a wall is thick.
 const STUB_M: f64 = 0.05;
@@ -34,6 +34,8 @@ pub(super) struct Gap {
     pub has_lintel: bool,
     /// The wall goes on at its ends.
     pub stubs: [bool; 2],
+    /// Computed rooms meet in it.
+    pub is_passage: bool,
 }
 
 impl Gap {
@@ -103,6 +105,7 @@ impl Span {
             thickness_m: across[1] - across[0],
             has_lintel: self.has_lintel(cells, evidence),
             stubs: [self.has_stub(cells, false), self.has_stub(cells, true)],
+            is_passage: false,
         }
     }
 

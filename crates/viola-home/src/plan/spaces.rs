@@ -5,6 +5,7 @@ use super::evidence::Evidence;
 use super::faces::Face;
 use super::gaps::{Gap, gaps};
 use super::oblique::Oblique;
+use super::passages::{Passage, passages};
 use std::collections::BTreeMap;
 
 /// Smaller pieces are no rooms.
@@ -13,6 +14,8 @@ const MIN_AREA_M2: f64 = 1.0;
 const WIDE_AREA_M2: f64 = 4.0;
 /// A given room has a part of a piece if it has this much of it.
 const MIN_PART_M2: f64 = 1.2;
+/// Two rooms may be joined by more than one passage.
+const ROUNDS: usize = 3;
 
 /// The plan's rooms, by cell.
 pub(super) struct Spaces {
@@ -24,25 +27,31 @@ pub(super) struct Spaces {
 }
 
 impl Spaces {
-    /// Rooms of the robot's software (`known`) divide pieces without a wall between them; computed ones do not.
+    /// Rooms of the robot's software (`known`) divide pieces without a wall between them; computed ones only at narrow
+    /// passages.
     pub fn new(
-        cells: &Cells,
+        cells: &mut Cells,
         evidence: &Evidence,
         faces: &[Face],
         oblique: &[Oblique],
         known: bool,
     ) -> Spaces {
-        let mut closed: Vec<Gap> = Vec::new();
-        let mut taken = vec![false; cells.inside.len()];
-        for gap in gaps(cells, evidence, faces, oblique) {
-            let is_new = gap.cells.iter().any(|at| cells.inside[*at] && !taken[*at]);
-            if is_new && (gap.is_door() || gap.is_in_wall() || divides_owners(&gap, cells)) {
-                gap.cells.iter().for_each(|at| taken[*at] = true);
-                closed.push(gap);
-            }
-        }
+        let mut closed = closed(cells, evidence, faces, oblique);
         let mut pieces = pieces(cells, &closed);
-        // A gap that divides no rooms is open again; then others may divide none.
+        let mut found: Vec<Passage> = Vec::new();
+        for _ in 0..if known { 0 } else { ROUNDS } {
+            let more = passages(cells, &pieces, evidence);
+            if more.is_empty() {
+                break;
+            }
+            more.iter().for_each(|passage| passage.refine(cells));
+            found.extend(more);
+            closed = self::closed(cells, evidence, faces, oblique);
+            closed.extend(found.iter().map(|passage| passage.gap(cells)));
+            pieces = self::pieces(cells, &closed);
+        }
+        let cells = &*cells;
+        // A gap that divides no rooms is open again; then others may divide some, or none. Several gaps may be in one doorway.
         loop {
             let area_m2 = areas(cells, &pieces);
             let side = |gap: &Gap, up: bool| {
@@ -53,22 +62,36 @@ impl Spaces {
             };
             let divides = |gap: &Gap| match (side(gap, false), side(gap, true)) {
                 (Some(a), Some(b)) => {
-                    let least_m2 =
-                        if gap.is_door() || divides_owners(gap, cells) { MIN_AREA_M2 } else { WIDE_AREA_M2 };
+                    let may_be_small = gap.is_door() || gap.is_passage || divides_owners(gap, cells);
+                    let least_m2 = if may_be_small { MIN_AREA_M2 } else { WIDE_AREA_M2 };
                     a != b && [a, b].iter().all(|piece| area_m2[*piece as usize] >= least_m2)
                 }
                 _ => false,
             };
-            let before = closed.len();
-            closed.retain(divides);
-            if closed.len() == before {
-                break;
-            }
+            let idle = (0..closed.len()).filter(|at| !divides(&closed[*at]));
+            let widest =
+                idle.max_by(|a, b| closed[*a].width_m().total_cmp(&closed[*b].width_m()).then(a.cmp(b)));
+            let Some(widest) = widest else { break };
+            closed.remove(widest);
             pieces = self::pieces(cells, &closed);
         }
         let (of_cell, owners) = by_owner(cells, &pieces, known);
         Spaces { of_cell, owners, gaps: closed }
     }
+}
+
+/// Returns the gaps that may divide rooms, without those in the cells of narrower ones.
+fn closed(cells: &Cells, evidence: &Evidence, faces: &[Face], oblique: &[Oblique]) -> Vec<Gap> {
+    let mut closed: Vec<Gap> = Vec::new();
+    let mut taken = vec![false; cells.inside.len()];
+    for gap in gaps(cells, evidence, faces, oblique) {
+        let is_new = gap.cells.iter().any(|at| cells.inside[*at] && !taken[*at]);
+        if is_new && (gap.is_door() || gap.is_in_wall() || divides_owners(&gap, cells)) {
+            gap.cells.iter().for_each(|at| taken[*at] = true);
+            closed.push(gap);
+        }
+    }
+    closed
 }
 
 /// Returns whether different given rooms are on the two sides of a gap.

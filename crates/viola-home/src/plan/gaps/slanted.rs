@@ -99,6 +99,7 @@ fn gap(cells: &Cells, face: &Oblique, back: &Oblique, span: [f64; 2]) -> Option<
         thickness_m,
         has_lintel: false,
         stubs: [true; 2],
+        is_passage: false,
     };
     (gap.is_plausible() && gap.beside.iter().all(|side| !side.is_empty())).then_some(gap)
 }

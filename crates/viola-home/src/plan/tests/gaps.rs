@@ -138,3 +138,25 @@ fn an_open_leaf_is_no_wall() {
     }
     assert_eq!(corners(&points), 8);
 }
+
+#[test]
+fn a_doorway_between_staggered_walls_divides_two_rooms() {
+    // Two thin walls whose ends are 25 cm apart across the wall.
+    let mut walls = vec![
+        [[0.0, 0.0], [4.0, 0.0]],
+        [[4.0, 0.0], [4.0, 6.0]],
+        [[4.0, 6.0], [0.0, 6.0]],
+        [[0.0, 6.0], [0.0, 0.0]],
+    ];
+    for off in [0.0, 0.025, 0.05, 0.075, 0.1] {
+        walls.extend([[[0.0, 2.8 + off], [1.6, 2.8 + off]], [[2.35, 3.1 + off], [4.0, 3.1 + off]]]);
+    }
+    let lidar = lidar_of(&walls);
+    let rooms = crate::rooms(&lidar, &[]);
+    let plan = plan(&lidar, &[], &rooms, &[]);
+    assert_eq!((rooms.len(), plan.rooms.len(), plan.openings.len()), (2, 2, 1), "{:?}", plan.openings);
+    let door = &plan.openings[0];
+    assert!(door.kind == OpeningKind::Door && (0.7..1.1).contains(&door.width_m()), "{door:?}");
+    let areas_m2: f64 = plan.rooms.iter().map(|room| room.area_m2).sum();
+    assert!((22.5..24.0).contains(&areas_m2), "{areas_m2}");
+}
