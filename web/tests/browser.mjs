@@ -160,6 +160,13 @@ async function themesAndPhones() {
     }
   }
   await page.setViewportSize({ width: 1280, height: 800 });
+  await go("#/homes/flat");
+  await pointsShown();
+  const beyond = await page.evaluate(() => {
+    const [whole, side] = [document.documentElement, document.querySelector(".side")];
+    return [whole.scrollWidth - whole.clientWidth, whole.scrollHeight - whole.clientHeight, side.scrollWidth - side.clientWidth];
+  });
+  assert.deepEqual(beyond, [0, 0, 0], "the home's page scrolls only in its side panel, and only down");
   await page.getByRole("button", { name: /Theme/ }).click();
 }
 

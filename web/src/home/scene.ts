@@ -118,7 +118,7 @@ export class HomeScene {
     }
     if (bounds) this.plan.setBounds(bounds);
     const [low, high] = [map?.info.min_m, map?.info.max_m];
-    if (low && high) this.cloudView?.setBounds(low, high);
+    if (low && high) this.cloudView?.setBounds(this.atHome(low, Math.max, -1), this.atHome(high, Math.min, 1));
     else if (bounds) this.cloudView?.setBounds([...bounds.min, 0], [...bounds.max, 1.5], false);
     const picture = `${this.level} ${lidar?.revision}`;
     if (picture !== this.picture) {
@@ -131,6 +131,12 @@ export class HomeScene {
       this.loadPoints();
     }
     this.apply();
+  }
+
+  /** Returns a corner of the map, at most a metre outside of the LiDAR map: mirrors and windows show things far away. */
+  private atHome(corner: readonly number[], nearer: (a: number, b: number) => number, out_m: number): number[] {
+    const ends = out_m < 0 ? this.data.lidar?.info.min_m : this.data.lidar?.info.max_m;
+    return corner.map((at, axis) => (ends?.[axis] === undefined ? at : nearer(at, ends[axis] + out_m)));
   }
 
   private bounds(): Box2 | null {

@@ -6,9 +6,6 @@ import { messageOf } from "../parts/notices.ts";
 import type { HomeData } from "./data.ts";
 import type { Looks } from "./looks.ts";
 
-/** As many as a phone draws fluently; files for other programs have more. */
-const TRIANGLES = 100_000;
-
 export class HomeSurface {
   /** Stays until a newer one is there; null on a level that was not looked at. */
   shown: Surface | null = null;
@@ -47,7 +44,7 @@ export class HomeSurface {
   private async load({ home, level }: HomeData, signal: AbortSignal): Promise<void> {
     this.onStatus("The surface is made …");
     try {
-      const answer = await fetch(homePath(home.id, "map", `mesh?format=glb&triangles=${TRIANGLES}&level=${encodeURIComponent(level)}`), { signal });
+      const answer = await fetch(homePath(home.id, "map", `mesh?format=glb&level=${encodeURIComponent(level)}`), { signal });
       if (!answer.ok) throw new Refusal(answer.status, explanation(answer.status, await answer.text()));
       const surface = await readSurface(await answer.arrayBuffer());
       if (signal.aborted) return surface.dispose();
