@@ -27,6 +27,8 @@ import { TopView } from "./top.ts";
 
 /** While points arrive, they are drawn so often. */
 const REDRAW_MS = 250;
+/** What is farther outside of the LiDAR map is not framed, in metres. */
+const AROUND_M = 1;
 const MARK: Rgb = [103, 65, 217];
 
 export class HomeScene {
@@ -118,8 +120,12 @@ export class HomeScene {
     }
     if (bounds) this.plan.setBounds(bounds);
     const [low, high] = [map?.info.min_m, map?.info.max_m];
-    if (low && high) this.cloudView?.setBounds(this.atHome(low, Math.max, -1), this.atHome(high, Math.min, 1));
-    else if (bounds) this.cloudView?.setBounds([...bounds.min, 0], [...bounds.max, 1.5], false);
+    if (low && high) {
+      // Mirrors and windows show things far away.
+      const from = low.map((at, axis) => Math.max(at, (lidar?.info.min_m[axis] ?? -Infinity) - AROUND_M));
+      const to = high.map((at, axis) => Math.min(at, (lidar?.info.max_m[axis] ?? Infinity) + AROUND_M));
+      this.cloudView?.setBounds(from, to);
+    } else if (bounds) this.cloudView?.setBounds([...bounds.min, 0], [...bounds.max, 1.5], false);
     const picture = `${this.level} ${lidar?.revision}`;
     if (picture !== this.picture) {
       this.picture = picture;
@@ -131,12 +137,6 @@ export class HomeScene {
       this.loadPoints();
     }
     this.apply();
-  }
-
-  /** Returns a corner of the map, at most a metre outside of the LiDAR map: mirrors and windows show things far away. */
-  private atHome(corner: readonly number[], nearer: (a: number, b: number) => number, out_m: number): number[] {
-    const ends = out_m < 0 ? this.data.lidar?.info.min_m : this.data.lidar?.info.max_m;
-    return corner.map((at, axis) => (ends?.[axis] === undefined ? at : nearer(at, ends[axis] + out_m)));
   }
 
   private bounds(): Box2 | null {

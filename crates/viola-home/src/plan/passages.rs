@@ -5,7 +5,7 @@
 
 use super::cells::Cells;
 use super::evidence::Evidence;
-use super::gaps::Gap;
+use super::gaps::{DOOR_M, Gap};
 use crate::rooms::outline::beside;
 use crate::rooms::partition::DOOR_HALF_M;
 use std::collections::BTreeMap;
@@ -17,15 +17,15 @@ const STEP_M: f64 = 0.05;
 const RAY_STEP_M: f64 = 0.02;
 /// Rooms meet across a door's leaf that stands open in the doorway.
 const ACROSS_STEPS: usize = 10;
-/// Rooms have at least this much of a piece that is divided.
-const MIN_PART_M2: f64 = 1.2;
+/// A room has a part of a piece if it has this much of it.
+pub(super) const MIN_PART_M2: f64 = 1.2;
 /// Places of one border are this near each other.
 const TOGETHER_M: f64 = 0.3;
 /// Chords are tried at this many angles, this far from the middle of the border.
 const ANGLES: usize = 24;
 const OFF_STEPS: i32 = 8;
 /// Width of a passage, and of the open floor in it: furniture may stand beside a door.
-const WIDTH_M: [f64; 2] = [0.45, 2.0];
+const WIDTH_M: [f64; 2] = [DOOR_M[0], 2.0];
 const WIDEST_FLOOR_M: f64 = 2.0 * DOOR_HALF_M;
 /// Thickness of a wall that was not seen.
 const THICKNESS_M: f64 = 0.1;
@@ -73,10 +73,10 @@ fn borders(cells: &Cells, pieces: &[u32], evidence: &Evidence) -> Vec<Vec<Meetin
     };
     let mut meetings: BTreeMap<(u32, u32), Vec<Meeting>> = BTreeMap::new();
     for (k, room) in rooms.iter().enumerate().filter(|(_, room)| **room != 0) {
-        // A way between them leads through the inside.
         let (i, j) = (k % width, k / width);
         for axis in 0..2 {
             let beyond = |step: usize| if axis == 0 { (i + step, j) } else { (i, j + step) };
+            // The way to the other room leads through the inside.
             let next = (1..=ACROSS_STEPS)
                 .map(beyond)
                 .take_while(|(i, j)| *i < width && *j < height && piece(&place(*i, *j)) != 0)

@@ -5,15 +5,13 @@ use super::evidence::Evidence;
 use super::faces::Face;
 use super::gaps::{Gap, gaps};
 use super::oblique::Oblique;
-use super::passages::{Passage, passages};
+use super::passages::{MIN_PART_M2, Passage, passages};
 use std::collections::BTreeMap;
 
 /// Smaller pieces are no rooms.
 const MIN_AREA_M2: f64 = 1.0;
 /// Spaces on both sides of a wide opening are at least this large; smaller ones are alcoves.
 const WIDE_AREA_M2: f64 = 4.0;
-/// A given room has a part of a piece if it has this much of it.
-const MIN_PART_M2: f64 = 1.2;
 /// Two rooms may be joined by more than one passage.
 const ROUNDS: usize = 3;
 
