@@ -7,8 +7,10 @@ use viola_geometry::taxonomy::{CLASSES, Class};
 
 /// Views beyond this number do not increase a label's weight.
 const MOST_VIEWS: f32 = 4.0;
-/// Heights of objects in metres above the floor; above is the ceiling.
-const HEIGHTS_M: std::ops::Range<f32> = 0.03..2.6;
+/// Weight of a vote for wall: walls are behind thin things, in the same cells.
+const WALL_VOTE: f32 = 0.6;
+/// Heights of objects in metres above the floor.
+const HEIGHTS_M: std::ops::Range<f32> = 0.03..4.0;
 /// Half the number of cells along an axis.
 const HALF: i64 = 1 << 20;
 
@@ -31,9 +33,10 @@ pub struct Cells {
 
 impl Cells {
     pub fn new(map: &[MapPoint], side_m: f64) -> Cells {
+        let ceiling = Ceiling::new(map);
         let mut placed: Vec<(u64, u32)> = (0u32..)
             .zip(map)
-            .filter(|(_, p)| is_thing(p))
+            .filter(|(_, p)| is_thing(p) && !ceiling.holds(p))
             .filter_map(|(i, p)| {
                 Some((pack(p.point.position_m.map(|c| (f64::from(c) / side_m).floor() as i64))?, i))
             })
@@ -67,7 +70,8 @@ impl Cells {
             }
             let views = f32::from(point.label.views).min(MOST_VIEWS) / MOST_VIEWS;
             let weight = 0.25 + 0.75 * views;
-            cells.votes[cell][point.label.class as usize] += point.label.probability() * weight;
+            let prior = if point.label.class == Class::Wall { WALL_VOTE } else { 1.0 };
+            cells.votes[cell][point.label.class as usize] += prior * point.label.probability() * weight;
             for (class, share) in point.label.shares() {
                 cells.likelihoods[cell][class as usize] += f32::from(share) / 255.0 * weight;
             }
@@ -194,6 +198,50 @@ fn is_thing(point: &MapPoint) -> bool {
         && class != Class::Ceiling
         // Flat, low surface is floor, whatever its label.
         && !(z < 0.06 && point.point.normal[2] > 0.8)
+}
+
+/// Height of the ceiling by squares of the floor.
+struct Ceiling {
+    height_m: FxHashMap<[i32; 2], f32>,
+}
+
+impl Ceiling {
+    const SQUARE_M: f32 = 2.0;
+    /// Lowest ceiling, and the height of unseen ones.
+    const LOWEST_M: f32 = 2.1;
+    const USUAL_M: f32 = 2.6;
+    /// Surface this far below the ceiling is a part of it.
+    const THICK_M: f32 = 0.06;
+    /// Fewest points that tell the height of a square.
+    const FEWEST: usize = 30;
+
+    fn new(map: &[MapPoint]) -> Ceiling {
+        let mut heights: FxHashMap<[i32; 2], Vec<f32>> = FxHashMap::default();
+        for point in map.iter().map(|p| &p.point) {
+            if point.label.class == Class::Ceiling
+                && point.normal[2] < -0.8
+                && point.position_m[2] > Self::LOWEST_M
+            {
+                heights.entry(Self::square(&point.position_m)).or_default().push(point.position_m[2]);
+            }
+        }
+        let known = heights.into_iter().filter(|(_, heights)| heights.len() >= Self::FEWEST);
+        let height_m = known.map(|(square, mut heights)| {
+            let middle = heights.len() / 2;
+            (square, *heights.select_nth_unstable_by(middle, f32::total_cmp).1)
+        });
+        Ceiling { height_m: height_m.collect() }
+    }
+
+    fn square([x, y, _]: &[f32; 3]) -> [i32; 2] {
+        [*x, *y].map(|c| (c / Self::SQUARE_M).floor() as i32)
+    }
+
+    fn holds(&self, point: &MapPoint) -> bool {
+        let at = &point.point.position_m;
+        let height_m = self.height_m.get(&Self::square(at)).copied().unwrap_or(Self::USUAL_M);
+        at[2] > height_m - Self::THICK_M && (point.point.normal[2] < -0.5 || at[2] > height_m)
+    }
 }
 
 /// Returns the packed cell index; none far outside any home.

@@ -1,7 +1,8 @@
 //! Corrects classes and boxes by the objects beside.
 
+use super::Found;
 use super::fit::UprightBox;
-use super::{Found, WORKTOP_M};
+use super::hidden::WORKTOP_M;
 use std::f64::consts::{FRAC_PI_2, PI};
 use viola_geometry::taxonomy::Class;
 use viola_geometry::{Point2, Pose2};
@@ -38,7 +39,8 @@ pub fn fill_under_worktops(found: &mut [Found]) {
         .map(|found| found.object.bounds())
         .filter(|top| top.bottom_m() > WORKTOP_M)
         .collect();
-    for Found { object, .. } in found.iter_mut().filter(|found| found.object.class == Class::Cabinet) {
+    let is_unit = |found: &&mut Found| matches!(found.object.class, Class::Cabinet | Class::Stove);
+    for Found { object, .. } in found.iter_mut().filter(is_unit) {
         let unit = object.bounds();
         let area_m2 = (unit.size_m[0] * unit.size_m[1]).max(1e-9);
         let is_under = |top: &&UprightBox| {

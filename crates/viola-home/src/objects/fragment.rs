@@ -14,6 +14,8 @@ pub struct Fragment {
     pub class: Class,
     /// Sum over the cells of their class's fraction of the votes, by class; names the fragment while it is joined.
     pub evidence: [f32; CLASSES],
+    /// True for the units below a worktop, which other storage furniture is no part of.
+    pub is_unit: bool,
 }
 
 /// Class decision for a fragment.
@@ -32,7 +34,7 @@ impl Fragment {
         for (class, share) in cells.iter().filter_map(|cell| labels[*cell as usize]) {
             evidence[class as usize] += share;
         }
-        let mut fragment = Fragment { cells, class: Class::Other, evidence };
+        let mut fragment = Fragment { cells, class: Class::Other, evidence, is_unit: false };
         fragment.class = fragment.most();
         fragment
     }
@@ -47,7 +49,7 @@ impl Fragment {
     /// Returns a part of it with `cells` and their fraction of the evidence.
     pub fn part(&self, cells: Vec<u32>) -> Fragment {
         let share = cells.len() as f32 / self.cells.len().max(1) as f32;
-        Fragment { cells, class: self.class, evidence: self.evidence.map(|said| said * share) }
+        Fragment { cells, evidence: self.evidence.map(|said| said * share), ..*self }
     }
 
     pub fn join(&mut self, other: Fragment) {
@@ -88,7 +90,9 @@ impl Fragment {
         // The existence is more certain than the class. Fewer cells lower the confidence.
         let heard = (said(class) + 0.75 * mistaken(class)) / count;
         let confidence = (heard * (0.5 + 0.5 * fit) * count / (count + 30.0)).clamp(0.0, 1.0);
-        Some(Decided { class, kind, confidence: (confidence * 1e3).round() / 1e3, reaches_down_m: 0.6 })
+        // Legs are thin: of many tables only the top is seen.
+        let reaches_down_m = if matches!(class, Class::Table | Class::Desk) { 1.0 } else { 0.6 };
+        Some(Decided { class, kind, confidence: (confidence * 1e3).round() / 1e3, reaches_down_m })
     }
 }
 
@@ -104,7 +108,7 @@ fn surface(class: Class, flatness: f64, cells: usize) -> f64 {
     /// Number of cells at which the flatness has half its weight.
     const FEW: f64 = 300.0;
     let trust = cells as f64 / (cells as f64 + FEW);
-    let lean = trust * ((flatness - EVEN) / STEP).clamp(-0.75, 0.75);
+    let lean = trust * ((flatness - EVEN) / STEP).clamp(-0.4, 0.4);
     match class {
         Class::Shelf => (-lean).exp(),
         Class::Cabinet => lean.exp(),

@@ -1,9 +1,9 @@
 //! Joins fragments of one object.
 
-use super::WORKTOP_M;
 use super::cells::Cells;
 use super::fit::{BEYOND, UprightBox, fit_box};
 use super::fragment::Fragment;
+use super::hidden::WORKTOP_M;
 use super::kind::{confusable, host_of, is_appliance, is_solid, is_storage, kind};
 use viola_geometry::taxonomy::Class;
 
@@ -18,8 +18,11 @@ const GROW_M: f64 = 0.06;
 const TOUCH_SHARE: f64 = 0.25;
 /// Maximum gap between fragments of one class that form one object of plausible size.
 const GAP_M: f64 = 0.25;
-/// The boards of a wall shelf hang this far apart.
+/// The boards of a wall shelf hang this far apart, and so do the spots of a lamp.
 const BOARDS_M: f64 = 0.4;
+
+/// Width of a sink or a stove in a worktop.
+const BUILT_IN_M: f64 = 1.0;
 
 struct Part {
     fragment: Fragment,
@@ -103,6 +106,9 @@ fn belongs(
     if is_storage(b) && is_worktop(large) || is_storage(a) && is_worktop(small) {
         return false;
     }
+    if is_storage(a) && is_storage(b) && (large.fragment.is_unit || small.fragment.is_unit) {
+        return false;
+    }
     // Boxes far apart are unrelated.
     let between = (large.bounds.centre_m[0] - small.bounds.centre_m[0])
         .hypot(large.bounds.centre_m[1] - small.bounds.centre_m[1]);
@@ -126,14 +132,28 @@ fn belongs(
     // Storage overlapping storage is one object: nothing else fits inside a wardrobe.
     let stored = is_storage(a) && is_storage(b);
     // Appliances are built into rows of units.
-    let built_in = is_appliance(b) && (is_storage(a) || a == Class::Counter) && ease == 1.0;
+    let built_in =
+        (is_appliance(b) || b == Class::Sink) && (is_storage(a) || a == Class::Counter) && ease == 1.0;
     let within = inside >= INSIDE_SHARE && !built_in && (ease < 1.0 || stored || beside >= TOUCH_SHARE);
     let grown_together = is_solid(a) && is_solid(b) && beside >= ease * TOUCH_SHARE;
     if within || grown_together {
         return plausible(large, small, wall_yaw_rad);
     }
-    let gap_m = if a == Class::Shelf { BOARDS_M } else { GAP_M };
-    a == b && near(large, small, gap_m, is_wall) && plausible(large, small, wall_yaw_rad)
+    if a != b || !plausible(large, small, wall_yaw_rad) {
+        return false;
+    }
+    if stack_gap_m(a).is_some_and(|gap_m| stacked(large, small, gap_m)) {
+        return true;
+    }
+    if is_worktop(large) && is_worktop(small) {
+        return in_line(large, small, wall_yaw_rad) && gap(large, small, BUILT_IN_M).is_some();
+    }
+    if is_appliance(a) {
+        // No wall is inside an appliance, whatever a patch of it is called.
+        return gap(large, small, BOARDS_M).is_some();
+    }
+    let gap_m = if matches!(a, Class::Shelf | Class::Lamp) { BOARDS_M } else { GAP_M };
+    gap(large, small, gap_m).is_some_and(|(p, q)| is_open(&p, &q, is_wall))
 }
 
 /// Returns whether both together fit the class's size about as well as the larger one alone.
@@ -145,22 +165,54 @@ fn plausible(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
     fit(&union) >= 0.9 * fit(&large.bounds)
 }
 
-/// Returns whether the parts' nearest cells are within `gap_m` with no wall between them.
-fn near(large: &Part, small: &Part, gap_m: f64, is_wall: &dyn Fn(&[f64; 3]) -> bool) -> bool {
-    let is_open = |p: &[f64; 3], q: &[f64; 3]| {
-        let at = |t: f64| [0, 1, 2].map(|axis| p[axis] + t * (q[axis] - p[axis]));
-        ![0.25, 0.5, 0.75].iter().any(|t| is_wall(&at(*t)))
-    };
+/// Returns how far apart the parts of an object may be, one above the other: a lamp's shade and foot, a toilet and its
+/// plate on the wall.
+fn stack_gap_m(class: Class) -> Option<f64> {
+    match class {
+        Class::Lamp => Some(1.6),
+        Class::Toilet => Some(0.7),
+        _ => None,
+    }
+}
+
+/// Returns whether one part is above or below the other.
+fn stacked(large: &Part, small: &Part, gap_m: f64) -> bool {
+    const BESIDE_M: f64 = 0.15;
+    let [x, y, _] = small.bounds.centre_m;
+    let [along, across] = large.bounds.local(x, y);
+    let is_over = along.abs() <= large.bounds.size_m[0] / 2.0 + BESIDE_M
+        && across.abs() <= large.bounds.size_m[1] / 2.0 + BESIDE_M;
+    let off_m =
+        (small.bounds.bottom_m() - large.bounds.top_m()).max(large.bounds.bottom_m() - small.bounds.top_m());
+    is_over && off_m <= gap_m
+}
+
+/// Returns whether both worktops are as deep together as the deeper one.
+fn in_line(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
+    const DEEPER_M: f64 = 0.1;
+    let both: Vec<[f64; 3]> = large.places.iter().chain(&small.places).copied().collect();
+    let deep_m = large.bounds.size_m[1].max(small.bounds.size_m[1]);
+    fit_box(&both, wall_yaw_rad, BEYOND).is_some_and(|union| union.size_m[1] <= deep_m + DEEPER_M)
+}
+
+/// Returns the parts' nearest cells; none if they are further apart than `gap_m`.
+fn gap(large: &Part, small: &Part, gap_m: f64) -> Option<([f64; 3], [f64; 3])> {
     let mut nearest = (gap_m * gap_m, None);
     for p in small.places.iter().filter(|p| large.bounds.holds(p, gap_m)) {
         for q in &large.places {
             let apart = (0..3).map(|axis| (p[axis] - q[axis]).powi(2)).sum::<f64>();
             if apart < nearest.0 {
-                nearest = (apart, Some((p, q)));
+                nearest = (apart, Some((*p, *q)));
             }
         }
     }
-    nearest.1.is_some_and(|(p, q)| is_open(p, q))
+    nearest.1
+}
+
+/// Returns whether no wall is between two places.
+fn is_open(p: &[f64; 3], q: &[f64; 3], is_wall: &dyn Fn(&[f64; 3]) -> bool) -> bool {
+    let at = |t: f64| [0, 1, 2].map(|axis| p[axis] + t * (q[axis] - p[axis]));
+    ![0.25, 0.5, 0.75].iter().any(|t| is_wall(&at(*t)))
 }
 
 /// Returns whether several objects of a class stand close together.

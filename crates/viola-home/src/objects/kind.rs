@@ -28,12 +28,13 @@ pub fn kind(class: Class) -> Option<Kind> {
         Shelf => kind(0.3..4.5, 0.15..0.7, 0.3..2.6, true),
         Counter => kind(0.6..5.0, 0.4..1.6, 0.8..1.2, true),
         Refrigerator => kind(0.45..1.1, 0.45..0.9, 0.8..2.1, true),
-        Stove => kind(0.4..1.0, 0.4..0.8, 0.8..1.2, true),
+        Stove => kind(0.4..1.0, 0.2..0.8, 0.8..1.2, true),
         WashingMachine => kind(0.45..0.8, 0.4..0.75, 0.7..1.1, true),
         // Old ones are as deep as wide.
         Television => kind(0.4..2.0, 0.02..0.6, 0.5..2.2, false),
         Lamp => kind(0.1..0.8, 0.1..0.6, 0.3..2.6, false),
-        Radiator => kind(0.3..2.5, 0.05..0.3, 0.3..1.2, false),
+        // Those for towels are tall.
+        Radiator => kind(0.3..2.5, 0.03..0.3, 0.3..1.9, false),
         Toilet => kind(0.45..0.9, 0.3..0.6, 0.35..1.2, true),
         Sink => kind(0.3..0.9, 0.25..0.65, 0.7..1.1, false),
         Bathtub => kind(1.1..2.1, 0.6..1.1, 0.35..0.9, true),

@@ -2,8 +2,10 @@
 
 mod wings;
 
+pub(super) use wings::run_of_each as runs;
+
 use super::cells::Cells;
-use super::fit::{BEYOND, fit_box};
+use super::fit::{BEYOND, fit_box, span};
 use super::fragment::Fragment;
 use super::join::gregarious;
 use super::kind::{is_storage, kind};
@@ -13,7 +15,9 @@ pub fn split(fragment: Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Ve
     let mut done = Vec::new();
     let mut open = vec![fragment];
     while let Some(fragment) = open.pop() {
-        let halves = halves(&fragment, cells, wall_yaw_rad).or_else(|| storeys(&fragment, cells));
+        let halves = halves(&fragment, cells, wall_yaw_rad)
+            .or_else(|| storeys(&fragment, cells))
+            .or_else(|| steps(&fragment, cells, wall_yaw_rad));
         if let Some(both) = halves {
             open.extend(both);
         } else if let Some(runs) = wings::wings(&fragment, cells, wall_yaw_rad) {
@@ -85,4 +89,54 @@ fn storeys(fragment: &Fragment, cells: &Cells) -> Option<[Fragment; 2]> {
     let middle_m = (cut as f64 + 0.5) * BIN_M;
     let (low, high): (Vec<u32>, Vec<u32>) = fragment.cells.iter().partition(|cell| height(**cell) < middle_m);
     Some([fragment.part(low), fragment.part(high)])
+}
+
+/// Splits pieces of different heights that stand side by side, and wall units from what stands beside them.
+fn steps(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64>) -> Option<[Fragment; 2]> {
+    const BIN_M: f64 = 0.12;
+    /// Least length of each side.
+    const SIDE_M: f64 = 0.45;
+    /// Fraction of the cells beyond each end.
+    const OUTLIERS: f64 = 0.05;
+    /// Least difference of the tops and of the undersides.
+    const STEPS_M: [f64; 2] = [0.2, 0.6];
+    if !is_storage(fragment.class) {
+        return None;
+    }
+    let places: Vec<[f64; 3]> = fragment.cells.iter().map(|cell| cells.centre(*cell as usize)).collect();
+    let bounds = fit_box(&places, wall_yaw_rad, BEYOND)?;
+    let length_m = bounds.size_m[0];
+    let count = (length_m / BIN_M).ceil() as usize;
+    let least = (SIDE_M / BIN_M).ceil() as usize;
+    if count < 2 * least {
+        return None;
+    }
+    let along_m = |p: &[f64; 3]| (bounds.local(p[0], p[1])[0] + length_m / 2.0).max(0.0);
+    let bin = |p: &[f64; 3]| ((along_m(p) / BIN_M) as usize).min(count - 1);
+    let mut heights: Vec<Vec<f64>> = vec![Vec::new(); count];
+    places.iter().for_each(|p| heights[bin(p)].push(p[2]));
+    let spans: Vec<[f64; 2]> = heights.iter().map(|h| span(h.iter().copied(), OUTLIERS)).collect();
+    let ends = [1, 0].map(|end| spans.iter().map(|span| span[end]).collect::<Vec<f64>>());
+    let cut = ends.iter().zip(STEPS_M).find_map(|(ends_m, step_m)| step(ends_m, step_m, least))?;
+    let (one, other): (Vec<_>, Vec<_>) =
+        fragment.cells.iter().copied().zip(places).partition(|(_, p)| bin(p) < cut);
+    let part = |side: Vec<(u32, [f64; 3])>| fragment.part(side.into_iter().map(|(cell, _)| cell).collect());
+    Some([part(one), part(other)])
+}
+
+/// Returns where the values step by at least `step_m`, with `least` values on each side.
+fn step(values_m: &[f64], step_m: f64, least: usize) -> Option<usize> {
+    /// Largest mean deviation on each side, as a fraction of the step.
+    const UNEVEN: f64 = 0.3;
+    let side = |values_m: &[f64]| {
+        let [middle_m, _] = span(values_m.iter().copied(), 0.5);
+        (middle_m, values_m.iter().map(|value| (value - middle_m).abs()).sum::<f64>())
+    };
+    let both = |cut: usize| (side(&values_m[..cut]), side(&values_m[cut..]));
+    let off_m = |cut: usize| both(cut).0.1 + both(cut).1.1;
+    let cut = (least..=values_m.len() - least).min_by(|a, b| off_m(*a).total_cmp(&off_m(*b)))?;
+    let ((one_m, one_off_m), (other_m, other_off_m)) = both(cut);
+    let is_even = |off_m: f64, count: usize| off_m <= UNEVEN * step_m * count as f64;
+    let is_step = (one_m - other_m).abs() >= step_m;
+    (is_step && is_even(one_off_m, cut) && is_even(other_off_m, values_m.len() - cut)).then_some(cut)
 }

@@ -34,11 +34,10 @@ pub(super) fn wings(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64
         .map(|cell| cells.centre(*cell as usize))
         .map(|[x, y, _]| turned([x, y]))
         .collect();
-    let square = |p: &[f64; 2]| p.map(|c| (c / BIN_M).floor() as i32);
-    let run_of = runs(places.iter().map(square).collect());
-    let count = run_of.values().copied().max()? + 1;
+    let run_of = run_of_each(&places);
+    let count = run_of.iter().copied().max()? + 1;
     let mut members = vec![Vec::new(); count];
-    places.iter().enumerate().for_each(|(i, p)| members[run_of[&square(p)]].push(i));
+    run_of.iter().enumerate().for_each(|(i, run)| members[*run].push(i));
     let least = (LEAST * places.len() as f64) as usize;
     let is_large = |run: &usize| members[*run].len() > least;
     let large: Vec<usize> = (0..count).filter(is_large).collect();
@@ -93,6 +92,13 @@ pub(super) fn wings(fragment: &Fragment, cells: &Cells, wall_yaw_rad: Option<f64
 fn sides(places: &mut dyn Iterator<Item = &[f64; 2]>) -> [[f64; 2]; 2] {
     let places: Vec<&[f64; 2]> = places.collect();
     [0, 1].map(|axis| span(places.iter().map(|p| p[axis]), BEYOND))
+}
+
+/// Returns the number of the run that each place belongs to.
+pub(in super::super) fn run_of_each(places: &[[f64; 2]]) -> Vec<usize> {
+    let square = |p: &[f64; 2]| p.map(|c| (c / BIN_M).floor() as i32);
+    let run_of = runs(places.iter().map(square).collect());
+    places.iter().map(|place| run_of[&square(place)]).collect()
 }
 
 /// Numbers the squares by their runs: a square belongs to the direction in which more squares follow each other.
