@@ -144,7 +144,7 @@ fn places_beyond_any_home_are_left_out() {
 
 #[test]
 fn furniture_of_different_heights_side_by_side_is_several() {
-    let cases: [(&str, [[[f64; 3]; 2]; 2], usize); 4] = [
+    for (name, boxes, want) in [
         ("a chest beside a wardrobe", [[[0.0; 3], [1.0, 0.5, 0.9]], [[1.0, 0.0, 0.0], [2.0, 0.6, 2.0]]], 2),
         ("two wardrobes of one height", [[[0.0; 3], [1.0, 0.6, 2.0]], [[1.0, 0.0, 0.0], [2.0, 0.6, 2.0]]], 1),
         (
@@ -157,8 +157,7 @@ fn furniture_of_different_heights_side_by_side_is_several() {
             [[[0.0; 3], [2.0, 0.6, 2.0]], [[2.0, 0.0, 0.0], [2.2, 0.6, 1.7]]],
             1,
         ),
-    ];
-    for (name, boxes, want) in cases {
+    ] {
         let mut points = surface(Class::Wall, [-1.0, -0.1, 0.0], [4.0, 0.0, 2.4], 0);
         boxes.iter().for_each(|[low, high]| points.extend(surface(Class::Cabinet, *low, *high, 0)));
         assert_eq!(found(&points).len(), want, "{name}: {:?}", found(&points));
