@@ -13,6 +13,7 @@ mod hidden;
 mod join;
 mod kind;
 mod kitchen;
+mod patch;
 mod split;
 
 pub use fit::{UprightBox, fit_box};
@@ -121,11 +122,13 @@ pub fn find_objects(points: &[MapPoint], rooms: &[Room], params: &ObjectsParams)
     let apart = fragments.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
     let joined = join::join(apart.collect(), &cells, &labels, wall_yaw_rad);
     let split = joined.into_iter().flat_map(|fragment| split::split(fragment, &cells, wall_yaw_rad));
+    let things = split.filter(|fragment| !patch::is_of_wall(fragment, &cells, &labels));
     let mut found: Vec<Found> =
-        split.filter_map(|f| finish(&f, &cells, points, rooms, wall_yaw_rad, params)).collect();
+        things.filter_map(|f| finish(&f, &cells, points, rooms, wall_yaw_rad, params)).collect();
     context::tell_nightstands(&mut found);
     context::fill_under_worktops(&mut found);
     let mut found = conflict::resolve(found, points);
+    context::leave_out_misplaced(&mut found);
     let place = |found: &Found| found.object.centre_m;
     found.sort_by(|a, b| {
         let class = a.object.class.id().cmp(&b.object.class.id());

@@ -27,6 +27,48 @@ pub fn tell_nightstands(found: &mut [Found]) {
     }
 }
 
+/// Leaves out toilets, bathtubs and showers in a room to live or to cook in, unless another thing of a bathroom is near:
+/// bins and boxes look like toilets.
+pub fn leave_out_misplaced(found: &mut Vec<Found>) {
+    /// Largest distance of things of one bathroom.
+    const NEAR_M: f64 = 2.5;
+    let classes_of = |room: &Option<String>| {
+        let here = found.iter().filter(|found| found.object.room == *room);
+        here.map(|found| found.object.class).collect::<Vec<Class>>()
+    };
+    let place = |found: &Found| Point2::new(found.object.centre_m[0], found.object.centre_m[1]);
+    let tops: Vec<UprightBox> =
+        found.iter().filter(|f| f.object.class == Class::Counter).map(|f| f.object.bounds()).collect();
+    let is_in_worktop = |at: &Point2| tops.iter().any(|top| top.holds(&[at.x, at.y, top.centre_m[2]], 0.1));
+    let is_of_bathroom = |found: &Found| {
+        is_sanitary(found.object.class) || found.object.class == Class::Sink && !is_in_worktop(&place(found))
+    };
+    let has_company = |of: usize| {
+        let at = place(&found[of]);
+        (0..found.len())
+            .any(|i| i != of && is_of_bathroom(&found[i]) && (place(&found[i]) - at).norm() < NEAR_M)
+    };
+    let is_misplaced = |i: usize| {
+        let Found { object, .. } = &found[i];
+        is_sanitary(object.class)
+            && object.room.is_some()
+            && classes_of(&object.room).into_iter().any(is_lived_with)
+            && !has_company(i)
+    };
+    let kept: Vec<bool> = (0..found.len()).map(|i| !is_misplaced(i)).collect();
+    let mut kept = kept.into_iter();
+    found.retain(|_| kept.next().unwrap_or(true));
+}
+
+fn is_sanitary(class: Class) -> bool {
+    matches!(class, Class::Toilet | Class::Bathtub | Class::Shower)
+}
+
+/// Returns whether a class stands in rooms that have no toilet.
+fn is_lived_with(class: Class) -> bool {
+    matches!(class, Class::Bed | Class::Sofa | Class::Counter | Class::Stove | Class::Refrigerator)
+}
+
 /// Gives cabinets under a worktop its depth: the worktop hides all of them but the fronts.
 pub fn fill_under_worktops(found: &mut [Found]) {
     /// Maximum distance of a worktop from the top of its cabinets.

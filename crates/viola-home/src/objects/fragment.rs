@@ -89,13 +89,17 @@ impl Fragment {
         let count = self.cells.len() as f64;
         // The existence is more certain than the class. Fewer cells lower the confidence.
         let heard = (said(class) + 0.75 * mistaken(class)) / count;
-        let confidence = (heard * (0.5 + 0.5 * fit) * count / (count + 30.0)).clamp(0.0, 1.0);
+        let few = if class == Class::Lamp { FEW_OF_LAMPS } else { FEW };
+        let confidence = (heard * (0.5 + 0.5 * fit) * count / (count + few)).clamp(0.0, 1.0);
         // Legs are thin: of many tables only the top is seen.
         let reaches_down_m = if matches!(class, Class::Table | Class::Desk) { 1.0 } else { 0.6 };
         Some(Decided { class, kind, confidence: (confidence * 1e3).round() / 1e3, reaches_down_m })
     }
 }
 
+/// Number of cells that halves the confidence; lamps are small.
+const FEW: f64 = 30.0;
+const FEW_OF_LAMPS: f64 = 12.0;
 /// Weight of evidence for a confusable class.
 const MISTAKEN: f64 = 0.35;
 
@@ -106,8 +110,8 @@ fn surface(class: Class, flatness: f64, cells: usize) -> f64 {
     const EVEN: f64 = 0.62;
     const STEP: f64 = 0.2;
     /// Number of cells at which the flatness has half its weight.
-    const FEW: f64 = 300.0;
-    let trust = cells as f64 / (cells as f64 + FEW);
+    const HALF_TRUSTED: f64 = 300.0;
+    let trust = cells as f64 / (cells as f64 + HALF_TRUSTED);
     let lean = trust * ((flatness - EVEN) / STEP).clamp(-0.4, 0.4);
     match class {
         Class::Shelf => (-lean).exp(),
