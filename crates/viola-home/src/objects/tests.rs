@@ -213,3 +213,41 @@ fn a_tidy_shelf_is_a_shelf() {
     let shelf = surface(Class::Shelf, [0.0, 0.0, 0.0], [1.2, 0.35, 1.8], 0);
     assert_eq!(found(&shelf)[0].class, Class::Shelf);
 }
+
+/// A network takes a part of a wall for a cabinet; the same surface in front of the wall is one.
+#[test]
+fn patches_of_a_wall_are_no_furniture() {
+    for (out_m, want) in [(0.0, 0), (0.3, 1)] {
+        let mut points = surface(Class::Wall, [0.0, 0.0, 0.0], [4.0, 0.0, 2.4], 0);
+        points.retain(|p| !((1.0..1.5).contains(&p.point.position_m[0]) && p.point.position_m[2] < 0.6));
+        points.extend(surface(Class::Cabinet, [1.0, out_m, 0.0], [1.5, out_m, 0.6], 0));
+        points.iter_mut().for_each(|p| p.point.normal = [0.0, 1.0, 0.0]);
+        let cabinets = found(&points);
+        assert_eq!(cabinets.len(), want, "{out_m}: {cabinets:?}");
+    }
+}
+
+#[test]
+fn toilets_stand_where_toilets_are() {
+    use Class::*;
+    let rooms = [
+        Room::rectangle("kitchen", [0.0, 0.0], [5.0, 5.0]),
+        Room::rectangle("bath", [6.0, 0.0], [11.0, 5.0]),
+    ];
+    let stove = surface(Stove, [0.2, 0.2, 0.0], [0.8, 0.8, 0.9], 0);
+    let toilet = |x: f64| surface(Toilet, [x, 3.0, 0.1], [x + 0.4, 3.6, 0.6], 0);
+    let shower = |x: f64| surface(Shower, [x, 4.0, 0.0], [x + 0.9, 4.9, 2.0], 0);
+    for (name, things, want) in [
+        ("a bin in the kitchen", vec![stove.clone(), toilet(3.0)], vec![Stove]),
+        ("a toilet alone", vec![stove.clone(), toilet(8.0)], vec![Stove, Toilet]),
+        (
+            "a bathroom that is open to the kitchen",
+            vec![stove, toilet(3.0), shower(4.0)],
+            vec![Stove, Toilet, Shower],
+        ),
+    ] {
+        let objects = objects(&things.concat(), &rooms, &ObjectsParams::default());
+        let classes: Vec<Class> = objects.iter().map(|object| object.class).collect();
+        assert_eq!(classes, want, "{name}");
+    }
+}
