@@ -5,7 +5,7 @@ use super::cells::Cells;
 use super::fit::{BEYOND, span};
 use super::fragment::Fragment;
 use super::kind::{is_appliance, is_storage};
-use super::split::runs;
+use super::split::run_of_each;
 use std::ops::Range;
 use viola_geometry::taxonomy::Class;
 
@@ -58,7 +58,7 @@ pub fn kitchens(
         });
         !is_beside && at[2] < run.top_m + cells.side_m
     };
-    // What is below the worktop of each run: fronts of units, or of a bar.
+    // Fronts below the worktop of each run, of units or of a bar.
     let mut units: Vec<[Vec<u32>; 2]> = vec![Default::default(); runs.len()];
     let mut is_top = vec![false; cells.len()];
     runs.iter().flat_map(|run| &run.cells).for_each(|cell| is_top[*cell as usize] = true);
@@ -139,7 +139,7 @@ fn worktops(cells: &Cells, labels: &[Option<(Class, f32)>]) -> Vec<Vec<u32>> {
 /// Returns the straight runs of a worktop; what is too small for a run is left out.
 fn straight(worktop: Vec<u32>, cells: &Cells, turned: &dyn Fn([f64; 3]) -> [f64; 2]) -> Vec<Run> {
     let places: Vec<[f64; 2]> = worktop.iter().map(|cell| turned(cells.centre(*cell as usize))).collect();
-    let run_of = runs(&places);
+    let run_of = run_of_each(&places);
     let count = run_of.iter().copied().max().map_or(0, |most| most + 1);
     let run = |number: usize| {
         let members: Vec<usize> = (0..places.len()).filter(|i| run_of[*i] == number).collect();

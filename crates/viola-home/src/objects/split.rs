@@ -2,7 +2,7 @@
 
 mod wings;
 
-pub(super) use wings::run_of_each as runs;
+pub(super) use wings::run_of_each;
 
 use super::cells::Cells;
 use super::fit::{BEYOND, fit_box, span};
