@@ -152,7 +152,7 @@ pub fn likeliest<E>(mut members: Vec<Member>, load: &mut dyn LoadClips<E>) -> Re
     let mut candidates = candidates::candidates(&[], &members, &mut cache)?;
     let ties = ties::ties((&[], &[]), &candidates, &mut cache)?;
     let forest = ties::forest(&candidates, &ties);
-    ties::pass_poses(&mut candidates, &forest);
+    ties::pass_poses(&mut candidates, &forest.branches);
     let comparisons = joint::compare((&[], &[]), &candidates, &mut cache)?;
     let marginals = joint::marginals(&candidates, &comparisons, &forest);
     Ok(candidates.iter().zip(marginals).map(|(candidate, marginal)| candidate.known(marginal)).collect())

@@ -11,7 +11,7 @@ use super::cache::{Cache, Loaded};
 use super::candidates::{Candidate, KnownClip, Marginal};
 use super::level::{Level, in_space};
 use super::members::Mode;
-use super::ties::Branch;
+use super::ties::{ALIKE, Branch, Forest};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
@@ -182,7 +182,7 @@ impl Comparison {
 pub(super) fn marginals(
     candidates: &[Candidate],
     comparisons: &[Comparison],
-    forest: &[Branch],
+    forest: &Forest,
 ) -> Vec<Option<Marginal>> {
     let states = |candidate: &Candidate| -> Vec<f64> {
         let listed = candidate.modes.iter().map(|mode| mode.probability);
@@ -190,16 +190,16 @@ pub(super) fn marginals(
         listed.chain([candidate.elsewhere()]).map(|p| p.max(LEAST).ln()).collect()
     };
     let mut model = Model { states: candidates.iter().map(states).collect(), pairs: Vec::new() };
-    let evidence = Evidence::new(candidates, comparisons);
+    let evidence = Evidence::new(candidates, comparisons, forest.alike);
     let mut tied: FxHashMap<(usize, usize), &Branch> =
-        forest.iter().map(|branch| ((branch.a, branch.b), branch)).collect();
+        forest.branches.iter().map(|branch| ((branch.a, branch.b), branch)).collect();
     for (a, b, comparison) in &evidence.comparisons {
         let branch = tied.remove(&(*a, *b));
         let weights = evidence.weights([*a, *b], &comparison.said, branch);
         model.pairs.push(Factor { a: *a, b: *b, weights });
     }
     // Clips that see no floor in common at any of their poses.
-    for branch in forest.iter().filter(|branch| tied.contains_key(&(branch.a, branch.b))) {
+    for branch in forest.branches.iter().filter(|branch| tied.contains_key(&(branch.a, branch.b))) {
         let weights = evidence.weights([branch.a, branch.b], &[], Some(branch));
         model.pairs.push(Factor { a: branch.a, b: branch.b, weights });
     }
@@ -221,10 +221,12 @@ struct Evidence<'a> {
     comparisons: Vec<(usize, usize, &'a Comparison)>,
     /// Number of settled clips that agree with a clip at a mode.
     supporters: FxHashMap<(usize, u8), u32>,
+    /// Maximum log weight of an agreement at a pose in one of several rooms that look alike on the map.
+    alike: f64,
 }
 
 impl<'a> Evidence<'a> {
-    fn new(candidates: &'a [Candidate<'a>], comparisons: &'a [Comparison]) -> Evidence<'a> {
+    fn new(candidates: &'a [Candidate<'a>], comparisons: &'a [Comparison], alike: f64) -> Evidence<'a> {
         let place: FxHashMap<&str, usize> =
             candidates.iter().enumerate().map(|(i, candidate)| (&*candidate.member.share, i)).collect();
         let placed = |one: &'a Comparison| Some((*place.get(&*one.a)?, *place.get(&*one.b)?, one));
@@ -233,6 +235,7 @@ impl<'a> Evidence<'a> {
             is_settled: candidates.iter().map(|candidate| !candidate.is_open()).collect(),
             comparisons: comparisons.iter().filter_map(placed).collect(),
             supporters: FxHashMap::default(),
+            alike,
         };
         for (a, b, comparison) in &evidence.comparisons {
             for (m, n, agreement) in &comparison.said {
@@ -284,7 +287,17 @@ impl<'a> Evidence<'a> {
             if by { self.supporters.get(&mode).copied().unwrap_or_default() } else { 0 }
         };
         let most = supporters(a, settled_b).max(supporters(b, settled_a));
-        if most == 0 { 0.0 } else { ratio.min(MAX_FOR) / f64::from(most) }
+        let bound = if self.is_alike(a) || self.is_alike(b) { MAX_FOR.min(self.alike) } else { MAX_FOR };
+        if most == 0 { 0.0 } else { ratio.min(bound) / f64::from(most) }
+    }
+
+    /// Returns whether the clip's own alignment finds another pose likely, too.
+    fn is_alike(&self, (clip, mode): (usize, u8)) -> bool {
+        let modes = &self.candidates[clip].modes;
+        let is_likely = |mode: &Mode| mode.probability >= ALIKE;
+        modes.get(usize::from(mode)).is_some_and(|this| {
+            is_likely(this) && modes.iter().any(|other| is_likely(other) && !is_near(other, this))
+        })
     }
 }
 

@@ -18,7 +18,7 @@ const LEAST_WEIGHT: i64 = 16;
 const MOST_WEIGHT: u16 = 2_048;
 
 /// Maximum number of voxels from a point without a colour to those that give it one. Beyond, nobody saw its colour.
-const NEAR_COLOR: i32 = 2;
+const NEAR_COLOR: i32 = 4;
 
 /// Views that a label counts as without any: shapes and surface networks know something, too.
 const PSEUDO_VIEWS: u32 = 3;
@@ -381,7 +381,8 @@ mod tests {
         };
         check(&[(1, 80), (-1, 90), (2, 7)], [85, 0, 0]);
         check(&[(2, 70)], [70, 0, 0]);
-        check(&[(3, 70)], NO_COLOR);
+        check(&[(4, 70)], [70, 0, 0]);
+        check(&[(5, 70)], NO_COLOR);
         check(&[], NO_COLOR);
     }
 

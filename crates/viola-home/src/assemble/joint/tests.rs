@@ -90,7 +90,7 @@ fn all_clips_decide_together() {
     ];
     for (name, members, comparisons, expected) in cases {
         let candidates: Vec<Candidate> = members.iter().map(candidate).collect();
-        let marginals = marginals(&candidates, &comparisons, &[]);
+        let marginals = marginals(&candidates, &comparisons, &Forest::default());
         let last = marginals[marginals.len() - 1].unwrap();
         let room = (last.probability >= super::super::poses::SURE).then_some(last.mode);
         // A contradicted pair leaves the small chance that the sure clip is wrong.
@@ -104,7 +104,7 @@ fn all_clips_decide_together() {
 fn poses_close_together_are_one_explanation() {
     let near = vec![on_main(0.0, 0.0, 0.45), on_main(0.1, 0.02, 0.4), on_main(5.0, 0.0, 0.1)];
     let member = member(0, Verdict::Ambiguous { alternatives: near });
-    let found = marginals(&[candidate(&member)], &[], &[])[0].unwrap();
+    let found = marginals(&[candidate(&member)], &[], &Forest::default())[0].unwrap();
     assert!(found.mode == 0 && (found.probability - 0.85).abs() < 1e-6, "{found:?}");
 }
 
@@ -130,9 +130,10 @@ fn poses_on_different_levels_are_not_compared() {
     let candidates: Vec<Candidate> = members.iter().map(candidate).collect();
     assert_eq!(pairs(&candidates), Pairs::from([((0, 1), vec![(0, 0)])]));
     // The same pose on another level is another explanation.
-    let alone = marginals(&candidates[1..], &[], &[])[0].unwrap();
+    let alone = marginals(&candidates[1..], &[], &Forest::default())[0].unwrap();
     assert!(alone.mode == 0 && (alone.probability - 0.5).abs() < 1e-6, "{alone:?}");
-    let contradicted = marginals(&candidates, &[said(0, 1, &[(0, 0, OTHER)])], &[])[1].unwrap();
+    let contradicted =
+        marginals(&candidates, &[said(0, 1, &[(0, 0, OTHER)])], &Forest::default())[1].unwrap();
     assert!(contradicted.mode == 1 && contradicted.probability > 0.85, "{contradicted:?}");
 }
 
@@ -142,9 +143,10 @@ fn agreement_counts_once() {
     let members: Vec<Member> =
         (0..5).map(|number| aligned(number, 0.0)).chain([in_one_of(5, &[0.5, 0.4])]).collect();
     let candidates: Vec<Candidate> = members.iter().map(candidate).collect();
+    let trusted = Forest { alike: 3.0, ..Forest::default() };
     let with = |count: u128, patches: [u16; 3]| {
         let comparisons: Vec<Comparison> = (0..count).map(|a| said(a, 5, &[(0, 0, patches)])).collect();
-        marginals(&candidates, &comparisons, &[])[5].unwrap().probability
+        marginals(&candidates, &comparisons, &trusted)[5].unwrap().probability
     };
     assert!((with(1, [500, 0, 0]) - with(5, [500, 0, 0])).abs() < 0.02);
     assert!(
@@ -155,4 +157,24 @@ fn agreement_counts_once() {
     );
     // They leave the other alternative.
     assert!(with(2, OTHER) > with(1, OTHER), "contradictions add up");
+}
+
+/// Where the map has two such rooms, a surface that agrees may be that of the other one. Where it has one, it counts.
+#[test]
+fn agreement_in_rooms_that_look_alike_counts_as_far_as_the_home_tells_them_apart() {
+    let check = |probabilities: &[f64], alike: f64, grows: bool| {
+        let members = [aligned(0, 0.0), in_one_of(1, probabilities)];
+        let candidates: Vec<Candidate> = members.iter().map(candidate).collect();
+        let said = [said(0, 1, &[(0, 0, SAME)])];
+        let found = marginals(&candidates, &said, &Forest { alike, ..Forest::default() })[1].unwrap();
+        assert_eq!(
+            found.probability > probabilities[0] + 0.02,
+            grows,
+            "{probabilities:?} {alike}: {found:?}"
+        );
+    };
+    check(&[0.69, 0.23], 0.0, false);
+    check(&[0.69, 0.23], 2.0, true);
+    check(&[0.69, 0.10], 0.0, true);
+    check(&[0.69], 0.0, true);
 }

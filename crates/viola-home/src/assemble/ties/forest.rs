@@ -18,7 +18,15 @@ const ROUNDS: usize = 8;
 const LEAST_PASSED: f64 = 0.02;
 
 /// Minimum probability, by a clip's own alignment, of poses in rooms that look alike on the map.
-const ALIKE: f64 = 0.2;
+pub(in crate::assemble) const ALIKE: f64 = 0.2;
+
+/// The ties that count, and how far the clips of one home can be trusted to tell rooms that look alike on the map.
+#[derive(Debug, Clone, Default)]
+pub(in crate::assemble) struct Forest {
+    pub branches: Vec<Branch>,
+    /// Maximum logarithm of the odds that what looks the same is the same, of rooms that look alike on the map.
+    pub alike: f64,
+}
 
 /// A tie between two candidates, by their indices.
 #[derive(Debug, Clone, Copy)]
@@ -89,7 +97,7 @@ fn told_by_home(candidates: &[Candidate], branches: &[Branch]) -> (f64, f64) {
 }
 
 /// Returns the spanning forest of the ties with the largest odds, in canonical order.
-pub(in crate::assemble) fn forest(candidates: &[Candidate], ties: &[Tie]) -> Vec<Branch> {
+pub(in crate::assemble) fn forest(candidates: &[Candidate], ties: &[Tie]) -> Forest {
     let place: FxHashMap<&str, usize> =
         candidates.iter().enumerate().map(|(i, candidate)| (&*candidate.member.share, i)).collect();
     let branch = |tie: &Tie| {
@@ -100,9 +108,9 @@ pub(in crate::assemble) fn forest(candidates: &[Candidate], ties: &[Tie]) -> Vec
     let mut branches: Vec<Branch> = ties.iter().filter_map(branch).collect();
     let (right, wrong) = told_by_home(candidates, &branches);
     let most = ((RIGHT_BEFORE + right) / (WRONG_BEFORE + wrong)).ln();
-    let alike = ((ALIKE_RIGHT_BEFORE + right) / (ALIKE_WRONG_BEFORE + wrong)).ln();
+    let alike = ((ALIKE_RIGHT_BEFORE + right) / (ALIKE_WRONG_BEFORE + wrong)).ln().max(0.0);
     if most <= 0.0 {
-        return Vec::new();
+        return Forest { branches: Vec::new(), alike };
     }
     branches.sort_by(|x, y| y.log_odds.total_cmp(&x.log_odds).then((x.a, x.b).cmp(&(y.a, y.b))));
     let mut trees: Vec<usize> = (0..candidates.len()).collect();
@@ -114,9 +122,9 @@ pub(in crate::assemble) fn forest(candidates: &[Candidate], ties: &[Tie]) -> Vec
     branches.sort_by_key(|branch| (branch.a, branch.b));
     for branch in &mut branches {
         branch.log_odds = branch.log_odds.min(most);
-        branch.against_alike = branch.log_odds.min(alike).max(0.0);
+        branch.against_alike = branch.log_odds.min(alike);
     }
-    branches
+    Forest { branches, alike }
 }
 
 /// Adds the poses that ties give to clips whose own alignment left the pose open. They share half of the

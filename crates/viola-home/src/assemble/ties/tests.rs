@@ -69,7 +69,7 @@ fn tie(a: u128, b: u128, x_m: f64, places: usize) -> Tie {
 fn last(members: &[Member], ties: &[Tie]) -> Option<(Pose2, f64)> {
     let mut candidates: Vec<Candidate> = members.iter().map(candidate).collect();
     let forest = forest(&candidates, ties);
-    pass_poses(&mut candidates, &forest);
+    pass_poses(&mut candidates, &forest.branches);
     let marginals = crate::assemble::joint::marginals(&candidates, &[], &forest);
     let (candidate, marginal) = (candidates.last()?, marginals.last().copied().flatten()?);
     Some((candidate.modes[marginal.mode].map_from_clip, marginal.probability))

@@ -13,11 +13,12 @@ use viola_align::{AlignParams, AlignmentState};
 use viola_formats::lidar::LidarMap;
 use viola_geometry::progress::Progress;
 use viola_geometry::{LevelName, Pose2};
-use viola_home::{
-    Comparison, Manifest, Member, Mode, PlacedBy, SURE, Tie, Verdict, assemble, compare, likeliest,
-};
+use viola_home::{Comparison, Manifest, Member, Mode, PlacedBy, Tie, Verdict, assemble, compare, likeliest};
 
 pub use table::JointRow;
+
+/// Minimum probability of the true pose of a clip whose place the others decide.
+const DECIDED: f64 = 0.95;
 
 /// Results of one home.
 #[derive(Debug, Clone, Serialize)]
@@ -57,7 +58,7 @@ pub struct JointClip {
     pub alone: AlignmentState,
     /// The possible poses.
     pub modes: Vec<JointMode>,
-    /// True for an ambiguous clip whose true pose gets a probability of at least [`SURE`] if all other clips
+    /// True for an ambiguous clip whose true pose gets a probability of at least [`DECIDED`] if all other clips
     /// are at their true poses.
     pub decidable: bool,
     /// Probability of the likeliest pose by all clips, and whether it is right; none for failed clips.
@@ -162,6 +163,6 @@ fn is_decidable(number: usize, clips: &[AlignedClip], load: &mut Shares) -> bool
     let Ok(known) = likeliest(members, load);
     let known = known.iter().find(|known| known.share == number.to_string());
     known.zip(known.and_then(|known| known.marginal)).is_some_and(|(known, marginal)| {
-        marginal.probability >= SURE && clip.is_right(&known.modes[marginal.mode])
+        marginal.probability >= DECIDED && clip.is_right(&known.modes[marginal.mode])
     })
 }
