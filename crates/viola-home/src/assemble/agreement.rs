@@ -78,6 +78,11 @@ impl Agreement {
         sum
     }
 
+    /// Returns the number of patches that both clips saw.
+    pub(super) fn patches(&self) -> u32 {
+        u32::from(self.agree) + u32::from(self.recolored) + u32::from(self.differ)
+    }
+
     /// Returns the log-likelihood ratio: both poses right, against at least one wrong.
     pub(super) fn log_likelihood_ratio(&self) -> f64 {
         let counts = [self.agree, self.recolored, self.differ];

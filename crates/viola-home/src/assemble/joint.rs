@@ -11,9 +11,9 @@ use super::cache::{Cache, Loaded};
 use super::candidates::{Candidate, KnownClip, Marginal};
 use super::level::{Level, in_space};
 use super::members::Mode;
-use super::ties::{ALIKE, Branch, Forest};
+use super::ties::{Branch, Forest, is_likely};
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -33,6 +33,8 @@ const AT_A_TIME: usize = 8;
 const MAX_FOR: f64 = 2.0;
 const MAX_AGAINST: f64 = 8.0;
 const TEMPERING: f64 = 0.5;
+/// Minimum patches that a settled clip saw of a place.
+const MIN_SEEN: u32 = 5;
 /// Smallest probability of a state.
 const LEAST: f64 = 1e-6;
 /// Poses of one clip this near to each other are the same explanation.
@@ -221,7 +223,10 @@ struct Evidence<'a> {
     comparisons: Vec<(usize, usize, &'a Comparison)>,
     /// Number of settled clips that agree with a clip at a mode.
     supporters: FxHashMap<(usize, u8), u32>,
-    /// Maximum log weight of an agreement at a pose in one of several rooms that look alike on the map.
+    /// Modes whose place a settled clip saw.
+    seen: FxHashSet<(usize, u8)>,
+    /// Maximum log weight of an agreement at a pose in one of several rooms that look alike on the map, of which nobody
+    /// saw another one.
     alike: f64,
 }
 
@@ -235,10 +240,16 @@ impl<'a> Evidence<'a> {
             is_settled: candidates.iter().map(|candidate| !candidate.is_open()).collect(),
             comparisons: comparisons.iter().filter_map(placed).collect(),
             supporters: FxHashMap::default(),
+            seen: FxHashSet::default(),
             alike,
         };
         for (a, b, comparison) in &evidence.comparisons {
             for (m, n, agreement) in &comparison.said {
+                if agreement.patches() >= MIN_SEEN {
+                    let ends = [((*a, *m), *b), ((*b, *n), *a)].into_iter();
+                    let by_settled = ends.filter(|(_, other)| evidence.is_settled[*other]);
+                    evidence.seen.extend(by_settled.map(|(mode, _)| mode));
+                }
                 if agreement.log_likelihood_ratio() > 0.0 {
                     for (one, other) in [((*a, *m), *b), ((*b, *n), *a)] {
                         let counts = evidence.is_settled[other];
@@ -291,13 +302,14 @@ impl<'a> Evidence<'a> {
         if most == 0 { 0.0 } else { ratio.min(bound) / f64::from(most) }
     }
 
-    /// Returns whether the clip's own alignment finds another pose likely, too.
+    /// Returns whether the clip's own alignment finds another pose likely, too, whose place no settled clip saw: a surface
+    /// there might agree as well.
     fn is_alike(&self, (clip, mode): (usize, u8)) -> bool {
-        let modes = &self.candidates[clip].modes;
-        let is_likely = |mode: &Mode| mode.probability >= ALIKE;
-        modes.get(usize::from(mode)).is_some_and(|this| {
-            is_likely(this) && modes.iter().any(|other| is_likely(other) && !is_near(other, this))
-        })
+        let candidate = &self.candidates[clip];
+        let Some(this) = candidate.modes.get(usize::from(mode)) else { return false };
+        let is_rival = |other: &Mode| is_likely(candidate, other) && !is_near(other, this);
+        let mut rivals = (0u8..).zip(&candidate.modes).filter(|(_, other)| is_rival(other));
+        is_likely(candidate, this) && rivals.any(|(other, _)| !self.seen.contains(&(clip, other)))
     }
 }
 

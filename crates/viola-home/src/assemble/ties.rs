@@ -7,7 +7,7 @@ mod forest;
 mod matching;
 mod motion;
 
-pub(super) use forest::{ALIKE, Branch, Forest, forest, pass_poses};
+pub(super) use forest::{Branch, Forest, forest, is_likely, pass_poses};
 
 use super::agreement::{Agreement, Side};
 use super::cache::{Cache, Loaded};

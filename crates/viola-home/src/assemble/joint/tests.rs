@@ -159,22 +159,26 @@ fn agreement_counts_once() {
     assert!(with(2, OTHER) > with(1, OTHER), "contradictions add up");
 }
 
-/// Where the map has two such rooms, a surface that agrees may be that of the other one. Where it has one, it counts.
+/// Where the map has two such rooms, a surface that agrees may be that of the other one, unless a clip saw that one, too.
 #[test]
 fn agreement_in_rooms_that_look_alike_counts_as_far_as_the_home_tells_them_apart() {
-    let check = |probabilities: &[f64], alike: f64, grows: bool| {
+    let check = |probabilities: &[f64], rival: Option<[u16; 3]>, alike: f64, grows: bool| {
         let members = [aligned(0, 0.0), in_one_of(1, probabilities)];
         let candidates: Vec<Candidate> = members.iter().map(candidate).collect();
-        let said = [said(0, 1, &[(0, 0, SAME)])];
-        let found = marginals(&candidates, &said, &Forest { alike, ..Forest::default() })[1].unwrap();
+        let seen: Vec<(u8, u8, [u16; 3])> =
+            [Some((0, 0, SAME)), rival.map(|rival| (0, 1, rival))].into_iter().flatten().collect();
+        let forest = Forest { alike, ..Forest::default() };
+        let found = marginals(&candidates, &[said(0, 1, &seen)], &forest)[1].unwrap();
         assert_eq!(
             found.probability > probabilities[0] + 0.02,
             grows,
             "{probabilities:?} {alike}: {found:?}"
         );
     };
-    check(&[0.69, 0.23], 0.0, false);
-    check(&[0.69, 0.23], 2.0, true);
-    check(&[0.69, 0.10], 0.0, true);
-    check(&[0.69], 0.0, true);
+    check(&[0.69, 0.23], None, 0.0, false);
+    check(&[0.69, 0.23], None, 2.0, true);
+    check(&[0.69, 0.23], Some([4, 0, 0]), 0.0, false);
+    check(&[0.69, 0.23], Some([3, 4, 2]), 0.0, true);
+    check(&[0.69, 0.10], None, 0.0, true);
+    check(&[0.69], None, 0.0, true);
 }

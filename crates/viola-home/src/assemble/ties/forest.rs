@@ -17,8 +17,9 @@ const ROUNDS: usize = 8;
 /// Minimum probability of a pose that is passed on.
 const LEAST_PASSED: f64 = 0.02;
 
-/// Minimum probability, by a clip's own alignment, of poses in rooms that look alike on the map.
-pub(in crate::assemble) const ALIKE: f64 = 0.2;
+/// Poses of a clip whose probability, by its own alignment, is at least this share of the largest are in rooms that look
+/// alike on the map.
+const ALIKE: f64 = 0.3;
 
 /// The ties that count, and how far the clips of one home can be trusted to tell rooms that look alike on the map.
 #[derive(Debug, Clone, Default)]
@@ -53,13 +54,20 @@ impl Branch {
             return self.log_odds;
         }
         // Another likely pose of one of the clips is consistent with the tie: its rooms look alike.
-        let likely = |mode: &&Mode| mode.probability >= ALIKE;
-        let of_a =
-            at_a.probability >= ALIKE && a.modes.iter().filter(likely).any(|mode| self.joins(mode, at_b));
-        let of_b =
-            at_b.probability >= ALIKE && b.modes.iter().filter(likely).any(|mode| self.joins(at_a, mode));
+        let of_a = is_likely(a, at_a) && likely(a).any(|mode| self.joins(mode, at_b));
+        let of_b = is_likely(b, at_b) && likely(b).any(|mode| self.joins(at_a, mode));
         if of_a || of_b { self.log_odds - self.against_alike } else { 0.0 }
     }
+}
+
+/// Returns whether a pose of a clip is about as likely by its own alignment as the likeliest one.
+pub(in crate::assemble) fn is_likely(clip: &Candidate, mode: &Mode) -> bool {
+    let most = clip.modes.iter().map(|mode| mode.probability).fold(0.0, f64::max);
+    mode.probability > 0.0 && mode.probability >= ALIKE * most
+}
+
+fn likely<'a>(clip: &'a Candidate) -> impl Iterator<Item = &'a Mode> {
+    clip.modes.iter().filter(|mode| is_likely(clip, mode))
 }
 
 pub(super) fn is_near(a: &Pose2, b: &Pose2) -> bool {
