@@ -39,7 +39,6 @@ pub use load::LoadClips;
 pub use looked::LookedThrough;
 pub use members::{Extent, Member, Mode, PlacedBy, PlacedClip, Verdict};
 pub use overlap::{Overlap, disagreement};
-pub use poses::SURE;
 pub use ties::{Motion, Surfaces, Tie};
 pub use tile::{CLIP_AT, POINT_BYTES, Tile, TileBytes, TileInfo, TileKey, point_bytes, read_point};
 

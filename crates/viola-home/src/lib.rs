@@ -29,8 +29,8 @@ mod svg;
 pub use assemble::{
     Agreement, Assembly, CLIP_AT, Comparison, Extent, Footprint, KnownClip, LabelledMap, Level, LoadClips,
     LookedThrough, Manifest, Marginal, Member, Mode, Motion, Overlap, POINT_BYTES, Pair, PlacedBy,
-    PlacedClip, SURE, Surfaces, Tie, Tile, TileBytes, TileInfo, TileKey, Verdict, assemble, compare,
-    disagreement, likeliest, point_bytes, read_point,
+    PlacedClip, Surfaces, Tie, Tile, TileBytes, TileInfo, TileKey, Verdict, assemble, compare, disagreement,
+    likeliest, point_bytes, read_point,
 };
 pub use completion::{completion_png, completion_pngs};
 pub use contact_sheet::contact_sheet_png;

@@ -33,7 +33,7 @@ const AT_A_TIME: usize = 8;
 const MAX_FOR: f64 = 2.0;
 const MAX_AGAINST: f64 = 8.0;
 const TEMPERING: f64 = 0.5;
-/// Minimum patches that a settled clip saw of a place.
+/// Minimum patches of a place that a settled clip saw.
 const MIN_SEEN: u32 = 5;
 /// Smallest probability of a state.
 const LEAST: f64 = 1e-6;
@@ -225,8 +225,7 @@ struct Evidence<'a> {
     supporters: FxHashMap<(usize, u8), u32>,
     /// Modes whose place a settled clip saw.
     seen: FxHashSet<(usize, u8)>,
-    /// Maximum log weight of an agreement at a pose in one of several rooms that look alike on the map, of which nobody
-    /// saw another one.
+    /// Maximum log weight of an agreement at one of several likely poses, if no settled clip saw the place of another one.
     alike: f64,
 }
 
@@ -302,7 +301,7 @@ impl<'a> Evidence<'a> {
         if most == 0 { 0.0 } else { ratio.min(bound) / f64::from(most) }
     }
 
-    /// Returns whether the clip's own alignment finds another pose likely, too, whose place no settled clip saw: a surface
+    /// Returns whether this pose and another one are likely, and no settled clip saw the place of the other one: a surface
     /// there might agree as well.
     fn is_alike(&self, (clip, mode): (usize, u8)) -> bool {
         let candidate = &self.candidates[clip];

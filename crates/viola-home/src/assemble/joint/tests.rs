@@ -159,7 +159,7 @@ fn agreement_counts_once() {
     assert!(with(2, OTHER) > with(1, OTHER), "contradictions add up");
 }
 
-/// Where the map has two such rooms, a surface that agrees may be that of the other one, unless a clip saw that one, too.
+/// A surface that agrees may be that of another room of the map that looks alike, unless a clip saw that room, too.
 #[test]
 fn agreement_in_rooms_that_look_alike_counts_as_far_as_the_home_tells_them_apart() {
     let check = |probabilities: &[f64], rival: Option<[u16; 3]>, alike: f64, grows: bool| {
@@ -180,5 +180,7 @@ fn agreement_in_rooms_that_look_alike_counts_as_far_as_the_home_tells_them_apart
     check(&[0.69, 0.23], Some([4, 0, 0]), 0.0, false);
     check(&[0.69, 0.23], Some([3, 4, 2]), 0.0, true);
     check(&[0.69, 0.10], None, 0.0, true);
+    // However many rooms share the probability.
+    check(&[0.198, 0.198, 0.003], None, 0.0, false);
     check(&[0.69], None, 0.0, true);
 }

@@ -17,15 +17,14 @@ const ROUNDS: usize = 8;
 /// Minimum probability of a pose that is passed on.
 const LEAST_PASSED: f64 = 0.02;
 
-/// Poses of a clip whose probability, by its own alignment, is at least this share of the largest are in rooms that look
-/// alike on the map.
+/// Minimum probability of a pose in a room that looks alike on the map, as a share of that of the clip's likeliest pose.
 const ALIKE: f64 = 0.3;
 
 /// The ties that count, and how far the clips of one home can be trusted to tell rooms that look alike on the map.
 #[derive(Debug, Clone, Default)]
 pub(in crate::assemble) struct Forest {
     pub branches: Vec<Branch>,
-    /// Maximum logarithm of the odds that what looks the same is the same, of rooms that look alike on the map.
+    /// Maximum logarithm of the odds that equal surface is the same surface, in rooms that look alike on the map.
     pub alike: f64,
 }
 
@@ -60,7 +59,7 @@ impl Branch {
     }
 }
 
-/// Returns whether a pose of a clip is about as likely by its own alignment as the likeliest one.
+/// Returns whether a pose of a clip is about as likely as its likeliest one, before its surface is compared with others.
 pub(in crate::assemble) fn is_likely(clip: &Candidate, mode: &Mode) -> bool {
     let most = clip.modes.iter().map(|mode| mode.probability).fold(0.0, f64::max);
     mode.probability > 0.0 && mode.probability >= ALIKE * most
