@@ -11,8 +11,9 @@ import numpy as np
 import torch
 
 from network import Columns
-from surfaces import CELL_M, OBJECT, UNKNOWN, columns, main_yaw, turned
-from train import CLASSES, batch, export
+from surfaces import CELL_M, OBJECT, UNKNOWN, main_yaw, turned
+from train import CLASSES, export
+from voxels import columns, joined, whole
 
 YAW_RAD = 0.3
 
@@ -39,8 +40,8 @@ def main(folder: Path) -> None:
     surface = {"xyz": xyz, "normal": normals, "label": np.full(len(xyz), UNKNOWN, np.uint8),
                "instance": np.zeros(len(xyz), np.int64), "objects": np.zeros(0, OBJECT)}
     askew = turned(surface, YAW_RAD)
-    sample = columns(turned(askew, -main_yaw(askew["normal"])))
-    *inputs, _, _ = batch([sample])
+    points, size = whole(turned(askew, -main_yaw(askew["normal"])))
+    *inputs, _, _ = columns(joined([points], torch.device("cpu")), 1, size)
     with torch.no_grad():
         logits, boxes = network(*inputs)
     probabilities = logits.softmax(1).numpy()

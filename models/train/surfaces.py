@@ -1,4 +1,4 @@
-"""Labelled surfaces as `viola surfaces` writes them, and the columns that the network reads."""
+"""Labelled surfaces as `viola surfaces` writes them, and their augmentation."""
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ OBJECT = np.dtype([("centre", "<f4", 3), ("size", "<f4", 3), ("yaw", "<f4")])
 UNKNOWN = 255
 # viola-geometry, taxonomy.rs.
 CEILING = 3
-# viola-reconstruct, label/columns.rs: both must agree.
+# viola-reconstruct, label/columns.rs: both must agree, and so must voxels.py.
 CELL_M = 0.05
 LOW_M = -0.075
 SLICES = 60
@@ -60,11 +60,13 @@ def main_yaw(normal: np.ndarray) -> float:
     return float(np.arctan2((2 * cos2 * sin2).sum(), (cos2 * cos2 - sin2 * sin2).sum()) / 4)
 
 
-def augmented(surface: dict, random: np.random.Generator) -> dict:
-    """A copy as another sensor, path of the camera, home or pose of the floor would have given."""
+def augmented(surface: dict, random: np.random.Generator, vary: bool = True) -> dict:
+    """A copy as another sensor, path of the camera, home or pose of the floor would have given; only turned without `vary`."""
     yaw = random.integers(4) * np.pi / 2 - main_yaw(surface["normal"])
     yaw += random.uniform(0, 2 * np.pi) if random.random() < 0.15 else random.normal(0, 0.04)
     surface = turned(turned(surface, yaw), 0.0, mirrored=random.random() < 0.5)
+    if not vary:
+        return surface
     surface = picked(surface, seen(surface, random))
     if len(surface["xyz"]) == 0:
         return surface
@@ -159,63 +161,3 @@ def boxes(surface: dict, instance: np.ndarray, xyz: np.ndarray) -> np.ndarray:
     index = instance[has] - 1
     out[has, :3], out[has, 3:] = objects["centre"][index] - xyz[has], size[index]
     return out
-
-
-def columns(surface: dict, crop: int | None = None, random: np.random.Generator | None = None) -> dict | None:
-    """Voxels of the surface and the columns that hold them.
-
-    Voxels have their place in a grid of `size` (`at`, row-major), their slice (`slice`), their mean normal (`normal`),
-    `own`: the slices below and above in their column, occupied and the normal's z, those around it below, at and above
-    it, occupied, the normal's x and y, and those of the planes beside it (VOXEL_NUMBERS), their most frequent label, and
-    the box of their object.
-    """
-    xyz, normal, label, instance = (surface[name] for name in ("xyz", "normal", "label", "instance"))
-    cell = np.floor((xyz - np.array([0, 0, LOW_M], np.float32)) / CELL_M).astype(np.int64)
-    kept = (cell[:, 2] >= 0) & (cell[:, 2] < SLICES)
-    if crop is not None and len(cell):
-        corner = cell[random.integers(len(cell)), :2] - random.integers(0, crop, 2)
-        kept &= ((cell[:, :2] >= corner) & (cell[:, :2] < corner + crop)).all(axis=1)
-    cell, xyz, normal, label, instance = cell[kept], xyz[kept], normal[kept], label[kept], instance[kept]
-    if len(cell) == 0:
-        return None
-    if crop is not None:
-        cell[:, :2] -= corner
-        size = (crop, crop)
-    else:
-        cell[:, :2] -= cell[:, :2].min(axis=0)
-        size = tuple(int(-(-(side + 1) // STRIDE) * STRIDE) for side in cell[:, :2].max(axis=0)[::-1])
-    height, width = size
-    key = (cell[:, 2] * height + cell[:, 1]) * width + cell[:, 0]
-    order = np.argsort(key, kind="stable")
-    voxels, first, of_sorted, counts = np.unique(key[order], return_index=True, return_inverse=True,
-                                                 return_counts=True)
-    mean = np.add.reduceat(normal[order].astype(np.float64), first) / counts[:, None]
-    slice_, at = voxels // (height * width), voxels % (height * width)
-    grid = np.zeros((2, SLICES + 2 * WINDOW, height + 2, width + 2), np.float32)
-    place = (slice_ + WINDOW, at // width + 1, at % width + 1)
-    grid[0][place] = 1
-    grid[1][place] = mean[:, 2]
-    level = np.zeros((2, SLICES // 2, height + 2, width + 2), np.float32)
-    for part in range(2):
-        np.add.at(level[part], (slice_ // 2, *place[1:]), mean[:, part] / 2)
-    reach = slice_[:, None] + np.arange(2 * WINDOW + 1)
-    window = grid[:, reach, place[1][:, None], place[2][:, None]].transpose(1, 0, 2).reshape(len(voxels), -1)
-    around = [grid[0, place[0] + z, place[1] + y, place[2] + x] for y, x in AROUND for z in (-1, 0, 1)]
-    beside = [level[part, slice_ // 2, place[1] + y, place[2] + x] for y, x in AROUND for part in range(2)]
-    pairs, votes = np.unique(of_sorted * 256 + label[order], return_counts=True)
-    votes = np.where(pairs % 256 == UNKNOWN, 0, votes)
-    # The last of equal keys wins below: the label with the most votes.
-    best = np.lexsort((votes, pairs // 256))
-    most = np.full(len(voxels), UNKNOWN)
-    most[pairs[best] // 256] = np.where(votes[best] > 0, pairs[best] % 256, UNKNOWN)
-    box = boxes(surface, instance[order][first], xyz[order][first])
-    box[label[order][first] != most] = np.nan
-    return {
-        "size": size,
-        "normal": mean.astype(np.float32),
-        "at": at,
-        "slice": slice_,
-        "own": np.concatenate([window, np.stack(around, axis=1), mean[:, :2], np.stack(beside, axis=1)], axis=1).astype(np.float32),
-        "label": most,
-        "box": box,
-    }

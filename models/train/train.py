@@ -8,19 +8,20 @@ import argparse
 import json
 import math
 import time
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+from torch.utils.data import DataLoader, Dataset
 
 from drape import draped
 from furnish import furnished
 from network import Columns
 from start import calibrate_norms, read_weights
-from surfaces import PLANES, SLICES, UNKNOWN, VOXEL_NUMBERS, augmented, columns, load, main_yaw, mixed, turned
+from surfaces import PLANES, UNKNOWN, VOXEL_NUMBERS, augmented, load, main_yaw, mixed, turned
+from voxels import POINTS, columns, cropped, joined, varied, whole
 
 # viola-geometry, taxonomy.rs.
 CLASSES = ["other", "floor", "wall", "ceiling", "door", "window", "stairs", "bed", "sofa", "chair", "table", "desk",
@@ -34,55 +35,57 @@ COARSE_OF = torch.tensor([COARSE.index(name) if name in COARSE else 10 for name 
 CROP = 128
 # Weight of the boxes beside the classes in the loss.
 BOX_WEIGHT = 0.3
-# Fraction of the samples that are two surfaces in one place.
-MIXED = 0.15
-# Fraction of the samples that get objects of others.
-FURNISHED = 0.5
-# Fraction of the samples that get a curtain before a wall.
-DRAPED = 0.4
+# Fractions of the samples: two surfaces in one place, objects of others, a curtain before a wall, another sensor or path.
+SHARES = {"mixed": 0.15, "furnished": 0.5, "draped": 0.4, "varied": 1.0}
+# Fewest labelled points of a sample.
+FEWEST = 1000
+# Samples that are used again, the latest.
+POOL = 3000
+# Samples after which a worker looks for new surfaces.
+LOOK = 64
 # Other processors take many times longer with bf16 than with 32 bits.
 HAS_BF16 = torch.cpu._is_avx512_bf16_supported()
-# Batches ahead of the network.
-AHEAD = 6
 
 
-def batch(samples: list[dict]) -> tuple:
-    """Joins samples of one grid size: the network's inputs, then labels and boxes."""
-    height, width = samples[0]["size"]
-    cells = height * width
-    join = lambda name: torch.from_numpy(np.concatenate([sample[name] for sample in samples]))
-    of_sample = torch.from_numpy(np.repeat(np.arange(len(samples)), [len(s["at"]) for s in samples]))
-    at, slice_ = join("at"), join("slice")
-    normal = join("normal")
-    grid = torch.zeros(len(samples), PLANES, cells)
-    grid[of_sample, slice_, at] = 1
-    grid[of_sample, SLICES + slice_, at] = normal[:, 2]
-    for part in range(2):
-        grid.index_put_((of_sample, (4 + part) * SLICES // 2 + slice_ // 2, at), normal[:, part] / 2, accumulate=True)
-    grid = grid.reshape(len(samples), PLANES, height, width)
-    y, x = at // width, at % width
-    column = of_sample * (cells // 4) + y // 2 * (width // 2) + x // 2
-    return grid, column, slice_ * 4 + y % 2 * 2 + x % 2, join("own"), join("label"), join("box")
+class Samples(Dataset):
+    """Crops of augmented surfaces. A sample depends on its number and the surfaces there are, so that a resumed run is the same.
+
+    `shares` are the fractions of the samples that are made in each way; a sample's `ways` tells its own.
+    """
+
+    def __init__(self, folders: list[Path], seed: int, count: int, shares: dict = SHARES):
+        self.folders, self.seed, self.count, self.shares = folders, seed, count, shares
+        self.paths, self.asked = surfaces_in(folders), 0
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __getitem__(self, number: int) -> dict:
+        self.asked += 1
+        if self.asked % LOOK == 0:
+            self.paths = surfaces_in(self.folders)
+        random = np.random.default_rng([self.seed, number])
+        while True:
+            ways = {way for way, share in self.shares.items() if random.random() < share}
+            sample = sample_of(self.paths, ways, random)
+            if sample is not None and (sample["label"] != UNKNOWN).sum() > FEWEST:
+                return {**sample, "ways": ways}
 
 
-def samples_of(paths: list[Path], seed: int, step: int, count: int) -> list[dict]:
-    """A step's samples depend on its number only, so that a resumed run is the same."""
-    random = np.random.default_rng([seed, step])
-    samples = []
-    while len(samples) < count:
-        surface = lambda: load(paths[random.integers(len(paths))])
-        surfaces = [surface() for _ in range(1 + (random.random() < MIXED))]
-        if random.random() < FURNISHED:
-            surfaces[0] = furnished(surfaces[0], [surface(), surface()], random)
-        if random.random() < DRAPED:
-            surfaces[0] = draped(surfaces[0], random)
-        surfaces = [augmented(surface, random) for surface in surfaces if len(surface["xyz"]) > 500]
-        surfaces = [surface for surface in surfaces if len(surface["xyz"]) > 0]
-        if not surfaces:
-            continue
-        sample = columns(surfaces[0] if len(surfaces) == 1 else mixed(*surfaces), CROP, random)
-        samples += [sample] if sample is not None and len(sample["label"]) > 300 else []
-    return samples
+def sample_of(paths: list[Path], ways: set[str], random: np.random.Generator) -> dict | None:
+    path = paths[random.integers(len(paths))]
+    other = lambda: load(paths[random.integers(len(paths))])
+    surface = load(path)
+    if "furnished" in ways:
+        surface = furnished(surface, [other(), other()], random)
+    if "draped" in ways:
+        surface = draped(surface, random)
+    surfaces = [surface] + [other()] * ("mixed" in ways)
+    surfaces = [augmented(surface, random, "varied" in ways) for surface in surfaces if len(surface["xyz"]) > 500]
+    surfaces = [surface for surface in surfaces if len(surface["xyz"]) > 0]
+    if not surfaces:
+        return None
+    return {**cropped(surfaces[0] if len(surfaces) == 1 else mixed(*surfaces), CROP, random), "path": path.name}
 
 
 def rate_at(progress: float) -> float:
@@ -105,9 +108,8 @@ def lovasz(probabilities: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
     return torch.stack(losses).mean()
 
 
-def class_weights(paths: list[Path]) -> torch.Tensor:
-    some = paths[::max(1, len(paths) // 200)]
-    counts = sum(np.bincount(load(path)["label"], minlength=256)[:len(CLASSES)] for path in some)
+def class_weights(samples: Samples) -> torch.Tensor:
+    counts = sum(np.bincount(samples[number]["label"], minlength=256)[:len(CLASSES)] for number in range(120))
     weights = 1 / np.sqrt(counts.clip(min=counts.sum() * 1e-4) / counts.sum())
     return torch.tensor(weights / weights[counts > 0].mean(), dtype=torch.float32)
 
@@ -116,20 +118,21 @@ def class_weights(paths: list[Path]) -> torch.Tensor:
 def answers(network: torch.nn.Module, paths: list[Path], vary: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
     """Logits and labels of the voxels of whole surfaces; of other sensors, paths and homes with `vary`."""
     network.eval()
+    device = next(network.parameters()).device
     all_logits, all_labels = [], []
     for number, path in enumerate(paths):
         surface = load(path)
         if vary:
             random = np.random.default_rng(number)
-            surface = draped(surface, random) if random.random() < DRAPED else surface
+            surface = draped(surface, random) if random.random() < SHARES["draped"] else surface
             surface = augmented(surface, random)
-        sample = columns(turned(surface, -main_yaw(surface["normal"]))) if len(surface["xyz"]) else None
-        if sample is None:
+        if len(surface["xyz"]) == 0:
             continue
-        *inputs, labels, _ = batch([sample])
+        points, size = whole(turned(surface, -main_yaw(surface["normal"])))
+        *inputs, labels, _ = columns(joined([points], device), 1, size)
         known = labels != UNKNOWN
-        all_logits.append(network(*inputs)[0][known])
-        all_labels.append(labels[known])
+        all_logits.append(network(*inputs)[0][known].float().cpu())
+        all_labels.append(labels[known].cpu())
     return torch.cat(all_logits), torch.cat(all_labels)
 
 
@@ -185,14 +188,16 @@ def loss_of(network: torch.nn.Module, inputs: list, labels: torch.Tensor, boxes:
     known = labels != UNKNOWN
     grid, *inputs = inputs
     # Twice as fast on processors with bf16.
-    with torch.autocast("cpu", torch.bfloat16, enabled=HAS_BF16):
+    with torch.autocast(grid.device.type, torch.bfloat16, enabled=HAS_BF16 or grid.is_cuda):
         logits, said = network(grid.to(memory_format=torch.channels_last), *inputs)
     logits, said = logits.float(), said.float()
     loss = functional.cross_entropy(logits[known], labels[known], weights, label_smoothing=0.03)
-    # Every other voxel: the sorting of all takes a sixth of a step.
-    loss = loss + lovasz(logits[known][::2].softmax(1), labels[known][::2])
-    whole = ~boxes.isnan().any(1)
-    return loss + BOX_WEIGHT * functional.smooth_l1_loss(said[whole], boxes[whole], beta=0.2)
+    # A part of the voxels: the sorting of all takes a sixth of a step.
+    part = max(2, int(known.sum()) // 60_000)
+    loss = loss + lovasz(logits[known][::part].softmax(1), labels[known][::part])
+    told = ~boxes.isnan().any(1)
+    miss = functional.smooth_l1_loss(said[told], boxes[told], beta=0.2, reduction="sum") / (6 * told.sum()).clamp(min=1)
+    return loss + BOX_WEIGHT * miss
 
 
 def main() -> None:
@@ -203,24 +208,31 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=6000)
     parser.add_argument("--minutes", type=float, default=math.inf, help="ends after this time if that comes before --steps")
     parser.add_argument("--batch", type=int, default=4)
+    parser.add_argument("--reuse", type=int, default=1, help="times that a sample is in a batch, each time varied")
+    parser.add_argument("--workers", type=int, default=1, help="processes that make samples")
     parser.add_argument("--rate", type=float, default=3e-3)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--start", type=Path, help="ONNX file of another run, whose weights this one begins with")
     arguments = parser.parse_args()
     torch.manual_seed(arguments.seed)
-    paths = surfaces_in(arguments.data)
+    torch.multiprocessing.set_sharing_strategy("file_system")
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
     held_out = sorted(arguments.held_out.glob("*.surface"))
-    # The layout that convolutions on a processor are fastest in.
-    network = Columns(len(CLASSES)).to(memory_format=torch.channels_last)
+    fresh = max(1, arguments.batch // arguments.reuse)
+    samples = Samples(arguments.data, arguments.seed, arguments.steps * fresh)
+    # The layout that convolutions are fastest in.
+    network = Columns(len(CLASSES)).to(device, memory_format=torch.channels_last)
     smooth = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(0.998), use_buffers=True)
-    print(f"{len(paths)} surfaces, {len(held_out)} held out,",
+    print(f"{len(samples.paths)} surfaces, {len(held_out)} held out,",
           f"{sum(p.numel() for p in network.parameters())} parameters", flush=True)
-    optimiser = torch.optim.AdamW(network.parameters(), arguments.rate, weight_decay=0.02)
+    optimiser = torch.optim.AdamW(network.parameters(), arguments.rate, weight_decay=0.02, fused=device.type == "cuda")
     parts = {"network": network, "smooth": smooth, "optimiser": optimiser}
     if arguments.start:
         read_weights(network, arguments.start)
         network.bias.zero_(), network.temperature.fill_(1)
-        calibrate_norms(network, [batch(samples_of(paths, 0, step, arguments.batch))[:4] for step in range(16)])
+        calibrate_norms(network, [columns(joined([samples[4 * step + i] for i in range(4)], device), 4, (CROP, CROP))[:4]
+                                  for step in range(16)])
         smooth.module.load_state_dict(network.state_dict())
     checkpoint, step, spent = arguments.out.with_suffix(".checkpoint"), 0, 0.0
     if checkpoint.exists():
@@ -228,38 +240,42 @@ def main() -> None:
         step, spent = state["step"], state["spent"]
         for name, part in parts.items():
             part.load_state_dict(state[name])
-    weights = class_weights(paths)
-    begun, shown = time.time() - spent, []
-    with ProcessPoolExecutor(1) as pool:
-        ask = lambda step: pool.submit(samples_of, paths, arguments.seed, step, arguments.batch)
-        asked = [ask(step + ahead) for ahead in range(AHEAD)]
-        progress = 0.0
-        while progress < 1:
-            spent = time.time() - begun
-            progress = max(step / arguments.steps, spent / 60 / arguments.minutes)
-            for group in optimiser.param_groups:
-                group["lr"] = arguments.rate * rate_at(min(progress, 1.0))
-            *inputs, labels, boxes = batch(asked.pop(0).result())
-            asked.append(ask(step + AHEAD))
-            network.train()
-            loss = loss_of(network, inputs, labels, boxes, weights)
-            optimiser.zero_grad()
-            loss.backward()
-            torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
-            optimiser.step()
-            smooth.update_parameters(network)
-            step += 1
-            shown.append(loss.item())
-            if step % 50 == 0:
-                left = spent / max(progress, 1e-9) * (1 - progress) / 60
-                print(f"step {step}: loss {np.mean(shown):.3f}, {left:.0f} minutes left", flush=True)
-                shown = []
-                # Surfaces that were made meanwhile.
-                paths = surfaces_in(arguments.data)
-            if step % 1000 == 0 or progress >= 1:
-                torch.save({"step": step, "spent": spent, **{name: part.state_dict() for name, part in parts.items()}},
-                           checkpoint)
-                print(json.dumps(scores(*answers(smooth, held_out[::4]))), flush=True)
+    weights = class_weights(samples).to(device)
+    begun, shown, pool, progress = time.time() - spent, [], [], 0.0
+    loader = DataLoader(samples, fresh, sampler=range(step * fresh, arguments.steps * fresh), collate_fn=list,
+                        num_workers=arguments.workers, prefetch_factor=6)
+    for new in loader:
+        spent = time.time() - begun
+        progress = max(step / arguments.steps, spent / 60 / arguments.minutes)
+        for group in optimiser.param_groups:
+            group["lr"] = arguments.rate * rate_at(min(progress, 1.0))
+        random = np.random.default_rng([arguments.seed, step, 1])
+        new = [{name: sample[name].to(device) for name in POINTS} for sample in new]
+        again = [pool[i] for i in random.integers(len(pool), size=arguments.batch - len(new))] if pool else []
+        pool = (pool + new)[-POOL:] if arguments.reuse > 1 else []
+        points = joined(new + again, device)
+        if arguments.reuse > 1:
+            points = varied(points, len(new + again), CROP, torch.Generator(device).manual_seed(int(random.integers(2**62))))
+        *inputs, labels, boxes = columns(points, len(new + again), (CROP, CROP))
+        network.train()
+        loss = loss_of(network, inputs, labels, boxes, weights)
+        optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+        optimiser.step()
+        smooth.update_parameters(network)
+        step += 1
+        shown.append(loss.detach())
+        if step % 50 == 0:
+            left = spent / max(progress, 1e-9) * (1 - progress) / 60
+            print(f"step {step}: loss {torch.stack(shown).mean():.3f}, {left:.1f} minutes left", flush=True)
+            shown = []
+        if step % 1000 == 0 or progress >= 1:
+            torch.save({"step": step, "spent": spent, **{name: part.state_dict() for name, part in parts.items()}},
+                       checkpoint)
+            print(json.dumps(scores(*answers(smooth, held_out[::4]))), flush=True)
+        if progress >= 1:
+            break
     network = smooth.module
     # Fitted on one half of the held-out homes, told of the other. Varied surfaces leave more doubt than those of the
     # simulator alone, as real ones do.
@@ -269,7 +285,7 @@ def main() -> None:
     network.temperature.copy_(temperature)
     result = scores(*answers(network, held_out[1::2]))
     print(json.dumps({**result, "temperature": network.temperature.item()}), flush=True)
-    export(network, arguments.out)
+    export(network.cpu(), arguments.out)
     arguments.out.with_suffix(".json").write_text(json.dumps({**result, "seed": arguments.seed,
                                                               "steps": step}, indent=1) + "\n")
 
