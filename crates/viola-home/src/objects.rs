@@ -178,8 +178,9 @@ fn finish(
     // Points are at voxel centres, so a side is at least one voxel.
     bounds.size_m = bounds.size_m.map(|side| side.max(params.voxel_m));
     hidden::raise_tray(&mut bounds, fragment.class);
-    let decided = fragment.decide(&bounds, fragment::flatness(fragment, cells), cells)?;
-    hidden::complete(&mut bounds, &decided, fragment, &members, points);
+    hidden::deepen_front(&mut bounds, fragment.class, &members, points);
+    let decided = fragment.decide(&bounds, cells)?;
+    hidden::complete(&mut bounds, &decided, fragment, &members, points, cells);
     let longest_m = bounds.size_m.iter().copied().fold(0.0, f64::max);
     if longest_m < MIN_SIDE_M || decided.confidence < least_confidence(&members, points) {
         return None;

@@ -61,8 +61,9 @@ impl Fragment {
         self.class = self.most();
     }
 
-    /// Returns the class with the largest sum of probabilities x size fit x surface factor. `flatness` is in 0..1.
-    pub fn decide(&self, bounds: &UprightBox, flatness: f64, cells: &Cells) -> Option<Decided> {
+    /// Returns the class with the largest sum of probabilities x size fit x surface factor.
+    pub fn decide(&self, bounds: &UprightBox, cells: &Cells) -> Option<Decided> {
+        let (flatness, boards) = (flatness(self, cells), boards(self, bounds, cells));
         // The fraction of the votes leaves out how sure they are.
         let mut likelihoods = [0f32; CLASSES];
         for cell in &self.cells {
@@ -80,7 +81,7 @@ impl Fragment {
             let Some(kind) = kind(class) else { continue };
             let fit = kind.fit(bounds.size_m[0], bounds.size_m[1], bounds.top_m());
             let score =
-                (said(class) + MISTAKEN * mistaken(class)) * fit * surface(class, flatness, self.cells.len());
+                (said(class) + MISTAKEN * mistaken(class)) * fit * surface(class, flatness, boards, self.cells.len());
             if score > 0.0 && best.as_ref().is_none_or(|(most, ..)| score > *most) {
                 best = Some((score, fit, class, kind));
             }
@@ -103,9 +104,13 @@ const FEW_OF_LAMPS: f64 = 12.0;
 /// Weight of evidence for a confusable class.
 const MISTAKEN: f64 = 0.35;
 
-/// Returns the likelihood factor of a surface's flatness. Cabinets have closed fronts; shelves show their
-/// contents. Most other classes have factor 1.
-fn surface(class: Class, flatness: f64, cells: usize) -> f64 {
+/// Returns the likelihood factor of a surface's flatness and boards. Cabinets have closed fronts; shelves show their
+/// contents and boards. Most other classes have factor 1.
+fn surface(class: Class, flatness: f64, boards: Option<f64>, cells: usize) -> f64 {
+    /// Fraction of boards with factor 1, and the scale of the factor's logarithm: of simulated furniture, 95 % of the
+    /// cabinets have less than 0.09 and 90 % of the shelves more (docs/experiments.md, Objects).
+    const BOARDS: f64 = 0.09;
+    const BOARDS_STEP: f64 = 0.05;
     /// Flatness with factor 1, and the scale of the factor's logarithm.
     const EVEN: f64 = 0.62;
     const STEP: f64 = 0.2;
@@ -113,9 +118,10 @@ fn surface(class: Class, flatness: f64, cells: usize) -> f64 {
     const HALF_TRUSTED: f64 = 300.0;
     let trust = cells as f64 / (cells as f64 + HALF_TRUSTED);
     let lean = trust * ((flatness - EVEN) / STEP).clamp(-0.4, 0.4);
+    let open = boards.map_or(0.0, |boards| trust * ((boards - BOARDS) / BOARDS_STEP).clamp(-0.5, 0.6));
     match class {
-        Class::Shelf => (-lean).exp(),
-        Class::Cabinet => lean.exp(),
+        Class::Shelf => (open - lean).exp(),
+        Class::Cabinet => (lean - open).exp(),
         // Also closed, but objects stand on them and hang at them.
         Class::Counter | Class::Refrigerator | Class::Stove | Class::WashingMachine => lean.max(0.0).exp(),
         _ => 1.0,
@@ -123,7 +129,7 @@ fn surface(class: Class, flatness: f64, cells: usize) -> f64 {
 }
 
 /// Returns the fraction of the cells in level planes or in upright planes of the two main directions, 0..1.
-pub fn flatness(fragment: &Fragment, cells: &Cells) -> f64 {
+fn flatness(fragment: &Fragment, cells: &Cells) -> f64 {
     /// Directions of upright surface, modulo a quarter turn.
     const BINS: usize = 18;
     let (mut level, mut all, mut bins) = (0.0, 0.0, [0.0; BINS]);
@@ -141,6 +147,23 @@ pub fn flatness(fragment: &Fragment, cells: &Cells) -> f64 {
     let around = |i: usize| (0..5).map(|k| bins[(i + k + BINS - 2) % BINS]).sum::<f64>();
     let upright = (0..BINS).map(around).fold(0.0, f64::max);
     if all > 0.0 { (level + upright) / all } else { 0.0 }
+}
+
+/// Returns the fraction of the cells that are level and neither at the bottom nor at the top of the box: boards. None for
+/// what is too low to have any.
+fn boards(fragment: &Fragment, bounds: &UprightBox, cells: &Cells) -> Option<f64> {
+    /// Distance of boards from the bottom and the top.
+    const WITHIN_M: f64 = 0.12;
+    const LEAST_HEIGHT_M: f64 = 0.45;
+    if bounds.size_m[2] < LEAST_HEIGHT_M {
+        return None;
+    }
+    let heights_m = bounds.bottom_m() + WITHIN_M..bounds.top_m() - WITHIN_M;
+    let is_board = |cell: &&u32| {
+        let cell = **cell as usize;
+        cells.normal(cell).is_some_and(|n| n[2].abs() > 0.8) && heights_m.contains(&cells.centre(cell)[2])
+    };
+    Some(fragment.cells.iter().filter(is_board).count() as f64 / fragment.cells.len().max(1) as f64)
 }
 
 /// Returns the connected cells of each object class, the largest first.

@@ -3,7 +3,7 @@
 use super::cells::Cells;
 use super::fit::{BEYOND, UprightBox, fit_box};
 use super::fragment::Fragment;
-use super::hidden::WORKTOP_M;
+use super::hidden::{APPLIANCE_M, WORKTOP_M, is_front};
 use super::kind::{confusable, host_of, is_appliance, is_solid, is_storage, kind};
 use viola_geometry::taxonomy::Class;
 
@@ -123,8 +123,9 @@ fn belongs(
     };
     let beside = small.fragment.cells.iter().filter(|cell| touches(cell)).count() as f64 / count;
     // A plausible object by itself, like a stool before a sofa, needs a longer common border.
-    let alone = kind(b)
-        .map_or(0.0, |kind| kind.fit(small.bounds.size_m[0], small.bounds.size_m[1], small.bounds.top_m()));
+    let [long_m, short_m, _] = small.bounds.size_m;
+    let short_m = if is_front(&small.bounds, b) { APPLIANCE_M } else { short_m };
+    let alone = kind(b).map_or(0.0, |kind| kind.fit(long_m, short_m, small.bounds.top_m()));
     let ease = if a == b || alone < 0.5 { 0.2 } else { 1.0 };
     if is_guest {
         return inside >= INSIDE_SHARE || beside >= TOUCH_SHARE;

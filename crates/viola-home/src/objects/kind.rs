@@ -25,7 +25,7 @@ pub fn kind(class: Class) -> Option<Kind> {
         Table => kind(0.4..3.0, 0.3..1.6, 0.3..1.2, true),
         Desk => kind(0.8..2.5, 0.4..1.6, 0.6..1.3, true),
         Cabinet => kind(0.3..4.5, 0.2..0.8, 0.3..2.6, true),
-        Shelf => kind(0.3..4.5, 0.15..0.7, 0.3..2.6, true),
+        Shelf => kind(0.3..4.5, 0.15..0.5, 0.3..2.6, true),
         Counter => kind(0.6..5.0, 0.4..1.6, 0.8..1.2, true),
         Refrigerator => kind(0.45..1.1, 0.45..0.9, 0.8..2.1, true),
         Stove => kind(0.4..1.0, 0.2..0.8, 0.8..1.2, true),

@@ -1,4 +1,4 @@
-//! Patches of a wall that a network takes for furniture: the wall goes on in the same plane on both sides.
+//! Patches of a wall that a network takes for furniture: the wall goes on in the same plane on both sides, or on one side and above.
 
 use super::cells::Cells;
 use super::fragment::Fragment;
@@ -19,16 +19,16 @@ pub fn is_of_wall(fragment: &Fragment, cells: &Cells, labels: &[Option<(Class, f
     }
     let is_own = |cell: usize| fragment.cells.binary_search(&(cell as u32)).is_ok();
     let is_wall = |cell: usize| labels[cell].is_some_and(|(class, _)| class == Class::Wall);
-    // The first cell beyond the fragment in a direction, in the plane of a cell, is wall.
-    let wall_goes_on = |cell: usize, normal: &[f32; 3], side: f64| {
+    // The first cell beyond the fragment in a direction, in the plane of a cell, is wall. Directions are aside and up.
+    let wall_goes_on = |cell: usize, normal: &[f32; 3], [aside, up]: [f64; 2]| {
         let at = cells.centre(cell);
         let level = f64::from(normal[0].hypot(normal[1])).max(1e-6);
         let [nx, ny] = [normal[0], normal[1]].map(|part| f64::from(part) / level);
         for step in 1..=steps {
-            let by_m = side * f64::from(step) * cells.side_m;
+            let [by_m, up_m] = [aside, up].map(|part| part * f64::from(step) * cells.side_m);
             let beside = [-1.0, 0.0, 1.0].map(|off| {
                 let off_m = off * cells.side_m;
-                cells.at(&[at[0] - by_m * ny + off_m * nx, at[1] + by_m * nx + off_m * ny, at[2]])
+                cells.at(&[at[0] - by_m * ny + off_m * nx, at[1] + by_m * nx + off_m * ny, at[2] + up_m])
             });
             let mut others = beside.into_iter().flatten().filter(|cell| !is_own(*cell)).peekable();
             if others.peek().is_some() && !beside.into_iter().flatten().any(is_own) {
@@ -41,7 +41,9 @@ pub fn is_of_wall(fragment: &Fragment, cells: &Cells, labels: &[Option<(Class, f
     for cell in fragment.cells.iter().map(|cell| *cell as usize) {
         all += 1;
         let Some(normal) = cells.normal(cell).filter(|n| n[2].abs() < UPRIGHT) else { continue };
-        inside += usize::from(wall_goes_on(cell, &normal, 1.0) && wall_goes_on(cell, &normal, -1.0));
+        let [left, right] = [-1.0, 1.0].map(|aside| wall_goes_on(cell, &normal, [aside, 0.0]));
+        // Corners of a room have the wall on one side only.
+        inside += usize::from(left && right || (left || right) && wall_goes_on(cell, &normal, [0.0, 1.0]));
     }
     inside as f64 >= LEAST * all as f64
 }

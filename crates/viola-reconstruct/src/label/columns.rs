@@ -1,4 +1,4 @@
-//! Input of the surface network: columns of 5 cm voxels above the floor. `models/train/surfaces.py` makes the
+//! Input of the surface network: columns of 5 cm voxels above the floor. `models/train/voxels.py` makes the
 //! same for training; both must agree.
 
 use nalgebra::{Rotation2, Vector2};

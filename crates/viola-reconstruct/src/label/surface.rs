@@ -270,7 +270,7 @@ mod tests {
         assert!((p.iter().sum::<f32>() - 1.0).abs() < 1e-5 && p[Class::Bed as usize] > 0.99);
     }
 
-    /// The voxels that `models/train/surfaces.py` makes of the same points.
+    /// The voxels that `models/train/voxels.py` makes of the same points.
     #[test]
     fn columns_are_those_of_the_training() {
         let positions = [

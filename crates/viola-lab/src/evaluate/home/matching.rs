@@ -43,8 +43,8 @@ impl ClassRow {
     }
 }
 
-/// Matches objects of the same class greedily by IoU, each at most once. Found objects not longer than
-/// `least_m` along any axis are no false positives: they count only if matched.
+/// Matches objects of the same class greedily by IoU, each at most once. Things not longer than `least_m` along any
+/// axis do not count: neither true ones and what was found of them, nor unmatched found ones.
 pub fn matches(truth: &[Thing], found: &[Thing], least_m: f64) -> Matches {
     let mut pairs = Vec::new();
     for (t, thing) in truth.iter().enumerate() {
@@ -68,12 +68,22 @@ pub fn matches(truth: &[Thing], found: &[Thing], least_m: f64) -> Matches {
         add(matches.classes.entry(class.name().to_owned()).or_default());
         add(&mut matches.total);
     };
-    truth.iter().for_each(|thing| count(thing.class, |row| row.truth += 1));
     let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > least_m);
-    let counted = found.iter().zip(&taken).filter(|(thing, taken)| **taken || is_large(thing));
+    let of_large = |f: usize| {
+        let mut pairs = truth.iter().zip(&matches.of_truth);
+        pairs.find(|(_, m)| m.is_some_and(|(of, _)| of == f)).map(|(thing, _)| is_large(thing))
+    };
+    let counts: Vec<bool> =
+        found.iter().enumerate().map(|(f, thing)| of_large(f).unwrap_or_else(|| is_large(thing))).collect();
+    truth.iter().filter(|thing| is_large(thing)).for_each(|thing| count(thing.class, |row| row.truth += 1));
+    let counted = found.iter().zip(&counts).filter(|(_, counts)| **counts);
     counted.for_each(|(thing, _)| count(thing.class, |row| row.found += 1));
-    let matched: Vec<Class> =
-        truth.iter().zip(&matches.of_truth).filter(|(_, m)| m.is_some()).map(|(t, _)| t.class).collect();
+    let matched: Vec<Class> = truth
+        .iter()
+        .zip(&matches.of_truth)
+        .filter(|(thing, m)| m.is_some() && is_large(thing))
+        .map(|(thing, _)| thing.class)
+        .collect();
     for class in matched {
         matches.classes.entry(class.name().to_owned()).or_default().matched += 1;
         matches.total.matched += 1;
@@ -129,17 +139,24 @@ mod tests {
 
     #[test]
     fn each_thing_is_matched_once_and_small_mistakes_do_not_count() {
-        let truth =
-            [thing(Class::Chair, 0.0, 1.0), thing(Class::Chair, 5.0, 1.0), thing(Class::Bed, 9.0, 1.0)];
+        let low = |class: Class, x: f64, side: f64| Thing {
+            bounds: UprightBox { size_m: [side; 3], ..thing(class, x, side).bounds },
+            class,
+        };
+        let truth = [
+            thing(Class::Chair, 0.0, 1.0),
+            thing(Class::Chair, 5.0, 1.0),
+            thing(Class::Bed, 9.0, 1.0),
+            // A nightstand that does not count, nor does what was found of it.
+            low(Class::Cabinet, 20.0, 0.49),
+        ];
         let found = [
             thing(Class::Chair, 0.1, 1.0),
             thing(Class::Chair, 0.2, 1.0),
             thing(Class::Sofa, 9.0, 1.0),
             // Unmatched, but only 0.3 m high and wide.
-            Thing {
-                bounds: UprightBox { size_m: [0.3; 3], ..thing(Class::Lamp, 2.0, 1.0).bounds },
-                class: Class::Lamp,
-            },
+            low(Class::Lamp, 2.0, 0.3),
+            low(Class::Cabinet, 20.0, 0.52),
         ];
         let m = matches(&truth, &found, 0.5);
         assert_eq!(m.total, ClassRow { truth: 3, found: 3, matched: 1 });

@@ -11,7 +11,7 @@ use rustc_hash::FxHashMap;
 use std::collections::{BTreeMap, BTreeSet};
 use viola_formats::lidar::{LidarError, LidarMap};
 use viola_geometry::taxonomy::Class;
-use viola_geometry::{Point2, Point3, Pose2, Vector3};
+use viola_geometry::{Point2, Point3, Pose2, Vector2, Vector3};
 use viola_home as home;
 use viola_home::{MapPoint, Object, Room, UprightBox, is_furniture};
 use viola_reconstruct::{CloudPoint, Label};
@@ -44,7 +44,7 @@ impl Default for SampleParams {
 pub struct SimulatedMap {
     pub lidar: LidarMap,
     pub points: Vec<MapPoint>,
-    /// Furniture over half a metre with enough points in the map.
+    /// Furniture with enough points in the map.
     pub truth: Vec<Thing>,
     pub rooms: Vec<TrueRoom>,
     pub plan: TruePlan,
@@ -139,7 +139,17 @@ pub fn sample(home: &HomeParams, params: &SampleParams) -> Result<SimulatedMap, 
             [bounds.centre_m[0], bounds.centre_m[1]] = [at.x, at.y];
             [bounds.size_m[0], bounds.size_m[1]] = [whole.size_m[0], whole.size_m[1]];
         }
-        bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M).then_some(Thing { class, bounds })
+        if class == Class::WashingMachine && under_worktop.contains(&instance) {
+            // The front of a dishwasher; its body is as deep as the units.
+            let across = Vector2::new(-bounds.yaw_rad.sin(), bounds.yaw_rad.cos());
+            let [x, y, _] = whole.centre_m;
+            let middle = map_from_home.apply(&Point2::new(x, y));
+            let off_m = across.dot(&(middle - Point2::new(bounds.centre_m[0], bounds.centre_m[1])));
+            bounds.centre_m[0] += across.x * off_m;
+            bounds.centre_m[1] += across.y * off_m;
+            bounds.size_m[1] = whole.size_m[1];
+        }
+        Some(Thing { class, bounds })
     });
     let rooms = home.plan.rooms.iter().map(|room| {
         let [a, b] = [room.inner.min, room.inner.max];

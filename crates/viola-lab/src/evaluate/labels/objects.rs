@@ -56,7 +56,7 @@ impl ObjectsRow {
                 Thing { class: object.class, bounds }
             });
         let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M);
-        let truth: Vec<Thing> = truth.filter(is_large).collect();
+        let truth: Vec<Thing> = truth.collect();
         let points: Vec<MapPoint> =
             cloud.points.iter().map(|point| MapPoint { point: *point, clip: 0 }).collect();
         let found = find_objects(&points, &[], &ObjectsParams { voxel_m: cloud.voxel_m });
