@@ -34,7 +34,7 @@ const REACH_M: f64 = 0.13;
 /// Minimum surface of an object, in square metres.
 const MIN_SURFACE_M2: f64 = 0.12;
 /// The same of boards and lamps.
-const MIN_SMALL_M2: f64 = 0.06;
+const MIN_SMALL_M2: f64 = 0.045;
 /// Minimum length of its longest side, in metres.
 const MIN_SIDE_M: f64 = 0.25;
 /// Minimum confidence of an object that a network saw in pictures; it understates how often such an object is right.

@@ -150,13 +150,14 @@ fn flatness(fragment: &Fragment, cells: &Cells) -> f64 {
 }
 
 /// Returns the fraction of the cells that are level and neither at the bottom nor at the top of the box: boards. None for
-/// what is too low to have any.
+/// what is too low to have any, and 1 for what is as low and hangs: wall units are higher, boards with things on them are not.
 fn boards(fragment: &Fragment, bounds: &UprightBox, cells: &Cells) -> Option<f64> {
     /// Distance of boards from the bottom and the top.
     const WITHIN_M: f64 = 0.12;
     const LEAST_HEIGHT_M: f64 = 0.45;
+    const HANGS_M: f64 = 1.0;
     if bounds.size_m[2] < LEAST_HEIGHT_M {
-        return None;
+        return (bounds.bottom_m() > HANGS_M).then_some(1.0);
     }
     let heights_m = bounds.bottom_m() + WITHIN_M..bounds.top_m() - WITHIN_M;
     let is_board = |cell: &&u32| {

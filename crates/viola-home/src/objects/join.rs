@@ -140,6 +140,9 @@ fn belongs(
     if within || grown_together {
         return plausible(large, small, wall_yaw_rad);
     }
+    if is_top(a) && is_top(b) && (a != b || alone < 0.9) && one_top(large, small, wall_yaw_rad) {
+        return plausible(large, small, wall_yaw_rad);
+    }
     if a != b || !plausible(large, small, wall_yaw_rad) {
         return false;
     }
@@ -164,6 +167,25 @@ fn plausible(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
     let Some(union) = fit_box(&both, wall_yaw_rad, BEYOND) else { return false };
     let fit = |bounds: &UprightBox| kind.fit(bounds.size_m[0], bounds.size_m[1], bounds.top_m());
     fit(&union) >= 0.9 * fit(&large.bounds)
+}
+
+fn is_top(class: Class) -> bool {
+    matches!(class, Class::Table | Class::Desk)
+}
+
+/// Returns whether both are parts of one table: their tops touch at one height and make one rectangle.
+fn one_top(large: &Part, small: &Part, wall_yaw_rad: Option<f64>) -> bool {
+    const STEP_M: f64 = 0.05;
+    const TOUCH_M: f64 = 0.13;
+    /// Largest area of both in one rectangle, as a multiple of their own.
+    const MOST: f64 = 1.2;
+    if (large.bounds.top_m() - small.bounds.top_m()).abs() > STEP_M || gap(large, small, TOUCH_M).is_none() {
+        return false;
+    }
+    let both: Vec<[f64; 3]> = large.places.iter().chain(&small.places).copied().collect();
+    let area_m2 = |bounds: &UprightBox| bounds.size_m[0] * bounds.size_m[1];
+    let own_m2 = area_m2(&large.bounds) + area_m2(&small.bounds);
+    fit_box(&both, wall_yaw_rad, BEYOND).is_some_and(|union| area_m2(&union) <= MOST * own_m2)
 }
 
 /// Returns how far apart the parts of an object may be, one above the other: a lamp's shade and foot, a toilet and its
