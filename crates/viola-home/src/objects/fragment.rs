@@ -79,7 +79,10 @@ impl Fragment {
         let mut best: Option<(f64, f64, Class, Kind)> = None;
         for &class in Class::ALL {
             let Some(kind) = kind(class) else { continue };
-            let fit = kind.fit(bounds.size_m[0], bounds.size_m[1], bounds.top_m());
+            // A hood is named like the stove below it.
+            let is_hood = class == Class::Stove && bounds.bottom_m() > HOOD_M;
+            let top_m = if is_hood { kind.top_m.start } else { bounds.top_m() };
+            let fit = kind.fit(bounds.size_m[0], bounds.size_m[1], top_m);
             let score =
                 (said(class) + MISTAKEN * mistaken(class)) * fit * surface(class, flatness, boards, self.cells.len());
             if score > 0.0 && best.as_ref().is_none_or(|(most, ..)| score > *most) {
@@ -101,6 +104,8 @@ impl Fragment {
 /// Number of cells that halves the confidence; lamps are small.
 const FEW: f64 = 30.0;
 const FEW_OF_LAMPS: f64 = 12.0;
+/// Lowest bottom of a hood, in metres.
+const HOOD_M: f64 = 1.3;
 /// Weight of evidence for a confusable class.
 const MISTAKEN: f64 = 0.35;
 
@@ -109,7 +114,7 @@ const MISTAKEN: f64 = 0.35;
 fn surface(class: Class, flatness: f64, boards: Option<f64>, cells: usize) -> f64 {
     /// Fraction of boards with factor 1, and the scale of the factor's logarithm: of simulated furniture, 95 % of the
     /// cabinets have less than 0.09 and 90 % of the shelves more (docs/experiments.md, Objects).
-    const BOARDS: f64 = 0.09;
+    const BOARDS: f64 = 0.02;
     const BOARDS_STEP: f64 = 0.05;
     /// Flatness with factor 1, and the scale of the factor's logarithm.
     const EVEN: f64 = 0.62;
@@ -118,7 +123,7 @@ fn surface(class: Class, flatness: f64, boards: Option<f64>, cells: usize) -> f6
     const HALF_TRUSTED: f64 = 300.0;
     let trust = cells as f64 / (cells as f64 + HALF_TRUSTED);
     let lean = trust * ((flatness - EVEN) / STEP).clamp(-0.4, 0.4);
-    let open = boards.map_or(0.0, |boards| trust * ((boards - BOARDS) / BOARDS_STEP).clamp(-0.5, 0.6));
+    let open = boards.map_or(0.0, |boards| trust * ((boards - BOARDS) / BOARDS_STEP).clamp(-0.2, 0.6));
     match class {
         Class::Shelf => (open - lean).exp(),
         Class::Cabinet => (lean - open).exp(),
@@ -149,8 +154,9 @@ fn flatness(fragment: &Fragment, cells: &Cells) -> f64 {
     if all > 0.0 { (level + upright) / all } else { 0.0 }
 }
 
-/// Returns the fraction of the cells that are level and neither at the bottom nor at the top of the box: boards. None for
-/// what is too low to have any, and 1 for what is as low and hangs: wall units are higher, boards with things on them are not.
+/// Returns the fraction of the cells that are level and neither at the bottom nor at the top of the box nor at the height where
+/// most are: boards. That height may be the top of a cabinet with things on it. None for what is too low to have any,
+/// and 1 for what is as low and hangs: wall units are higher, boards with things on them are not.
 fn boards(fragment: &Fragment, bounds: &UprightBox, cells: &Cells) -> Option<f64> {
     /// Distance of boards from the bottom and the top.
     const WITHIN_M: f64 = 0.12;
@@ -160,11 +166,17 @@ fn boards(fragment: &Fragment, bounds: &UprightBox, cells: &Cells) -> Option<f64
         return (bounds.bottom_m() > HANGS_M).then_some(1.0);
     }
     let heights_m = bounds.bottom_m() + WITHIN_M..bounds.top_m() - WITHIN_M;
-    let is_board = |cell: &&u32| {
-        let cell = **cell as usize;
-        cells.normal(cell).is_some_and(|n| n[2].abs() > 0.8) && heights_m.contains(&cells.centre(cell)[2])
-    };
-    Some(fragment.cells.iter().filter(is_board).count() as f64 / fragment.cells.len().max(1) as f64)
+    let mut at_height: std::collections::BTreeMap<i64, usize> = std::collections::BTreeMap::new();
+    for cell in fragment.cells.iter().map(|cell| *cell as usize) {
+        let height_m = cells.centre(cell)[2];
+        if cells.normal(cell).is_some_and(|n| n[2].abs() > 0.8) && heights_m.contains(&height_m) {
+            *at_height.entry((height_m / cells.side_m).floor() as i64).or_default() += 1;
+        }
+    }
+    let all: usize = at_height.values().sum();
+    // A board may lie between two layers of cells.
+    let most = at_height.iter().map(|(layer, count)| count + at_height.get(&(layer + 1)).unwrap_or(&0)).max();
+    Some((all - most.unwrap_or(0)) as f64 / fragment.cells.len().max(1) as f64)
 }
 
 /// Returns the connected cells of each object class, the largest first.

@@ -43,11 +43,11 @@ impl ClassRow {
     }
 }
 
-/// Matches objects of the same class greedily by IoU, each at most once. Things not longer than `least_m` along any
-/// axis do not count: neither true ones and what was found of them, nor unmatched found ones.
-pub fn matches(truth: &[Thing], found: &[Thing], least_m: f64) -> Matches {
+/// Matches objects of the same class greedily by IoU, each at most once. What was found of `small` true objects does not
+/// count, nor do unmatched objects not longer than `least_m` along any axis.
+pub fn matches(truth: &[Thing], small: &[Thing], found: &[Thing], least_m: f64) -> Matches {
     let mut pairs = Vec::new();
-    for (t, thing) in truth.iter().enumerate() {
+    for (t, thing) in truth.iter().chain(small).enumerate() {
         for (f, other) in found.iter().enumerate().filter(|(_, other)| other.class == thing.class) {
             let iou = thing.bounds.iou(&other.bounds);
             if iou >= MIN_IOU {
@@ -56,34 +56,27 @@ pub fn matches(truth: &[Thing], found: &[Thing], least_m: f64) -> Matches {
         }
     }
     pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
-    let mut matches = Matches { of_truth: vec![None; truth.len()], ..Matches::default() };
-    let mut taken = vec![false; found.len()];
+    let mut of_true: Vec<Option<(usize, f64)>> = vec![None; truth.len() + small.len()];
+    // Whether the true object that a found one matches counts.
+    let mut counts: Vec<Option<bool>> = vec![None; found.len()];
     for (iou, t, f) in pairs {
-        if matches.of_truth[t].is_none() && !taken[f] {
-            matches.of_truth[t] = Some((f, iou));
-            taken[f] = true;
+        if of_true[t].is_none() && counts[f].is_none() {
+            of_true[t] = Some((f, iou));
+            counts[f] = Some(t < truth.len());
         }
     }
+    of_true.truncate(truth.len());
+    let mut matches = Matches { of_truth: of_true, ..Matches::default() };
     let mut count = |class: Class, add: fn(&mut ClassRow)| {
         add(matches.classes.entry(class.name().to_owned()).or_default());
         add(&mut matches.total);
     };
+    truth.iter().for_each(|thing| count(thing.class, |row| row.truth += 1));
     let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > least_m);
-    let of_large = |f: usize| {
-        let mut pairs = truth.iter().zip(&matches.of_truth);
-        pairs.find(|(_, m)| m.is_some_and(|(of, _)| of == f)).map(|(thing, _)| is_large(thing))
-    };
-    let counts: Vec<bool> =
-        found.iter().enumerate().map(|(f, thing)| of_large(f).unwrap_or_else(|| is_large(thing))).collect();
-    truth.iter().filter(|thing| is_large(thing)).for_each(|thing| count(thing.class, |row| row.truth += 1));
-    let counted = found.iter().zip(&counts).filter(|(_, counts)| **counts);
+    let counted = found.iter().zip(counts).filter(|(thing, counts)| counts.unwrap_or_else(|| is_large(thing)));
     counted.for_each(|(thing, _)| count(thing.class, |row| row.found += 1));
-    let matched: Vec<Class> = truth
-        .iter()
-        .zip(&matches.of_truth)
-        .filter(|(thing, m)| m.is_some() && is_large(thing))
-        .map(|(thing, _)| thing.class)
-        .collect();
+    let matched: Vec<Class> =
+        truth.iter().zip(&matches.of_truth).filter(|(_, m)| m.is_some()).map(|(t, _)| t.class).collect();
     for class in matched {
         matches.classes.entry(class.name().to_owned()).or_default().matched += 1;
         matches.total.matched += 1;
@@ -147,9 +140,9 @@ mod tests {
             thing(Class::Chair, 0.0, 1.0),
             thing(Class::Chair, 5.0, 1.0),
             thing(Class::Bed, 9.0, 1.0),
-            // A nightstand that does not count, nor does what was found of it.
-            low(Class::Cabinet, 20.0, 0.49),
         ];
+        // A nightstand that does not count, nor does what was found of it.
+        let small = [low(Class::Cabinet, 20.0, 0.49)];
         let found = [
             thing(Class::Chair, 0.1, 1.0),
             thing(Class::Chair, 0.2, 1.0),
@@ -158,7 +151,7 @@ mod tests {
             low(Class::Lamp, 2.0, 0.3),
             low(Class::Cabinet, 20.0, 0.52),
         ];
-        let m = matches(&truth, &found, 0.5);
+        let m = matches(&truth, &small, &found, 0.5);
         assert_eq!(m.total, ClassRow { truth: 3, found: 3, matched: 1 });
         assert_eq!(m.of_truth[0].map(|(f, _)| f), Some(0));
         assert_eq!(m.classes["chair"], ClassRow { truth: 2, found: 2, matched: 1 });

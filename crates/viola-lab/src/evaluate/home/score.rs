@@ -81,7 +81,7 @@ pub fn score_objects(
         counted.iter().map(|(found, _)| thing(found.object.class, found.object.bounds())).collect();
     let truth_in_world: Vec<Thing> = truth.iter().map(|t| thing(t.class, t.world_box)).collect();
     let truth_in_map: Vec<Thing> = truth.iter().map(|t| thing(t.class, t.map_box)).collect();
-    let along_axes = matches(&truth_in_world, &found_in_world, MIN_EXTENT_M);
+    let along_axes = matches(&truth_in_world, &[], &found_in_world, MIN_EXTENT_M);
     for (f, _) in along_axes.of_truth.iter().flatten() {
         rows[*f].right = true;
     }
@@ -100,7 +100,7 @@ pub fn score_objects(
     });
     ObjectScore {
         truth: truth_rows.collect(),
-        oriented: matches(&truth_in_map, &found_in_map, MIN_EXTENT_M),
+        oriented: matches(&truth_in_map, &[], &found_in_map, MIN_EXTENT_M),
         along_axes,
         unjudged,
         found: rows,

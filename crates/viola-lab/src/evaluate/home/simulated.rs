@@ -44,8 +44,10 @@ impl Default for SampleParams {
 pub struct SimulatedMap {
     pub lidar: LidarMap,
     pub points: Vec<MapPoint>,
-    /// Furniture with enough points in the map.
+    /// Furniture over half a metre with enough points in the map.
     pub truth: Vec<Thing>,
+    /// Smaller furniture.
+    pub small: Vec<Thing>,
     pub rooms: Vec<TrueRoom>,
     pub plan: TruePlan,
 }
@@ -160,7 +162,9 @@ pub fn sample(home: &HomeParams, params: &SampleParams) -> Result<SimulatedMap, 
         }
     });
     let plan = TruePlan::new(&home.plan, map_from_home);
-    Ok(SimulatedMap { truth: truth.collect(), rooms: rooms.collect(), plan, lidar, points })
+    let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M);
+    let (truth, small) = truth.partition(is_large);
+    Ok(SimulatedMap { truth, small, rooms: rooms.collect(), plan, lidar, points })
 }
 
 /// Returns the bounding box of points along a direction.
@@ -255,7 +259,7 @@ pub fn match_objects(map: &SimulatedMap, objects: &[Object]) -> Matches {
     let furniture = objects.iter().filter(|object| is_furniture(object.class));
     let found: Vec<Thing> =
         furniture.map(|object| Thing { class: object.class, bounds: object.bounds() }).collect();
-    matches(&map.truth, &found, MIN_EXTENT_M)
+    matches(&map.truth, &map.small, &found, MIN_EXTENT_M)
 }
 
 /// Returns the number of rooms, and of those matched by a computed room with an IoU of at least 0.5.

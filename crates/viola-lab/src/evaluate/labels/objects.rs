@@ -56,7 +56,7 @@ impl ObjectsRow {
                 Thing { class: object.class, bounds }
             });
         let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M);
-        let truth: Vec<Thing> = truth.collect();
+        let (truth, small): (Vec<Thing>, Vec<Thing>) = truth.partition(is_large);
         let points: Vec<MapPoint> =
             cloud.points.iter().map(|point| MapPoint { point: *point, clip: 0 }).collect();
         let found = find_objects(&points, &[], &ObjectsParams { voxel_m: cloud.voxel_m });
@@ -64,7 +64,7 @@ impl ObjectsRow {
             found.into_iter().map(|found| found.object).filter(|o| is_furniture(o.class)).collect();
         let things: Vec<Thing> =
             found.iter().map(|object| Thing { class: object.class, bounds: object.bounds() }).collect();
-        let matched = matches(&truth, &things, MIN_EXTENT_M);
+        let matched = matches(&truth, &small, &things, MIN_EXTENT_M);
         let is_right = |index: usize| matched.of_truth.iter().flatten().any(|(found, _)| *found == index);
         let row = |(index, object): (usize, &viola_home::Object)| FoundFurniture {
             class: object.class.name().to_owned(),
