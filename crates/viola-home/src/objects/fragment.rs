@@ -83,8 +83,9 @@ impl Fragment {
             let is_hood = class == Class::Stove && bounds.bottom_m() > HOOD_M;
             let top_m = if is_hood { kind.top_m.start } else { bounds.top_m() };
             let fit = kind.fit(bounds.size_m[0], bounds.size_m[1], top_m);
-            let score =
-                (said(class) + MISTAKEN * mistaken(class)) * fit * surface(class, flatness, boards, self.cells.len());
+            let score = (said(class) + MISTAKEN * mistaken(class))
+                * fit
+                * surface(class, flatness, boards, self.cells.len());
             if score > 0.0 && best.as_ref().is_none_or(|(most, ..)| score > *most) {
                 best = Some((score, fit, class, kind));
             }

@@ -117,7 +117,10 @@ fn has_foot(bounds: &UprightBox, cells: &Cells) -> bool {
         measured += usize::from(!here.is_empty());
         for likelihoods in here.into_iter().map(|cell| cells.likelihoods(cell)) {
             let said = |class: Class| likelihoods[class as usize];
-            stored += said(Class::Cabinet) + said(Class::Shelf) + said(Class::Counter) + said(Class::WashingMachine);
+            stored += said(Class::Cabinet)
+                + said(Class::Shelf)
+                + said(Class::Counter)
+                + said(Class::WashingMachine);
             all += 1.0;
         }
     }

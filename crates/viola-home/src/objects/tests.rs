@@ -1,3 +1,5 @@
+mod shape;
+
 use super::*;
 use viola_reconstruct::{CloudPoint, Label};
 

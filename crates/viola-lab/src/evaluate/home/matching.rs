@@ -73,7 +73,8 @@ pub fn matches(truth: &[Thing], small: &[Thing], found: &[Thing], least_m: f64) 
     };
     truth.iter().for_each(|thing| count(thing.class, |row| row.truth += 1));
     let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > least_m);
-    let counted = found.iter().zip(counts).filter(|(thing, counts)| counts.unwrap_or_else(|| is_large(thing)));
+    let counted =
+        found.iter().zip(counts).filter(|(thing, counts)| counts.unwrap_or_else(|| is_large(thing)));
     counted.for_each(|(thing, _)| count(thing.class, |row| row.found += 1));
     let matched: Vec<Class> =
         truth.iter().zip(&matches.of_truth).filter(|(_, m)| m.is_some()).map(|(t, _)| t.class).collect();
@@ -136,11 +137,8 @@ mod tests {
             bounds: UprightBox { size_m: [side; 3], ..thing(class, x, side).bounds },
             class,
         };
-        let truth = [
-            thing(Class::Chair, 0.0, 1.0),
-            thing(Class::Chair, 5.0, 1.0),
-            thing(Class::Bed, 9.0, 1.0),
-        ];
+        let truth =
+            [thing(Class::Chair, 0.0, 1.0), thing(Class::Chair, 5.0, 1.0), thing(Class::Bed, 9.0, 1.0)];
         // A nightstand that does not count, nor does what was found of it.
         let small = [low(Class::Cabinet, 20.0, 0.49)];
         let found = [
