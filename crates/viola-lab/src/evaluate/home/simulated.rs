@@ -133,38 +133,45 @@ pub fn sample(home: &HomeParams, params: &SampleParams) -> Result<SimulatedMap, 
             return None;
         }
         let mut bounds = along(&points, piece.yaw_rad + map_from_home.yaw_rad);
-        let whole = &whole[usize::from(instance) - 1];
-        if class == piece.class && under_worktop.contains(&instance) {
-            // Only the fronts are seen: the body under the worktop is the object.
-            let [x, y, _] = whole.centre_m;
-            let at = map_from_home.apply(&Point2::new(x, y));
-            [bounds.centre_m[0], bounds.centre_m[1]] = [at.x, at.y];
-            [bounds.size_m[0], bounds.size_m[1]] = [whole.size_m[0], whole.size_m[1]];
-        }
-        if class == Class::WashingMachine && under_worktop.contains(&instance) {
-            // The front of a dishwasher; its body is as deep as the units.
-            let across = Vector2::new(-bounds.yaw_rad.sin(), bounds.yaw_rad.cos());
+        if under_worktop.contains(&instance) {
+            let whole = &whole[usize::from(instance) - 1];
             let [x, y, _] = whole.centre_m;
             let middle = map_from_home.apply(&Point2::new(x, y));
-            let off_m = across.dot(&(middle - Point2::new(bounds.centre_m[0], bounds.centre_m[1])));
-            bounds.centre_m[0] += across.x * off_m;
-            bounds.centre_m[1] += across.y * off_m;
-            bounds.size_m[1] = whole.size_m[1];
+            if class == piece.class {
+                // Only the fronts are seen: the body under the worktop is the object.
+                [bounds.centre_m[0], bounds.centre_m[1]] = [middle.x, middle.y];
+                [bounds.size_m[0], bounds.size_m[1]] = [whole.size_m[0], whole.size_m[1]];
+            } else if class == Class::WashingMachine {
+                deepen(&mut bounds, &middle, whole.size_m[1]);
+            }
         }
         Some(Thing { class, bounds })
     });
-    let rooms = home.plan.rooms.iter().map(|room| {
+    let rooms = home.plan.rooms.iter().map(|room| TrueRoom::new(room, &map_from_home));
+    let plan = TruePlan::new(&home.plan, map_from_home);
+    let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M);
+    let (truth, small) = truth.partition(is_large);
+    Ok(SimulatedMap { truth, small, rooms: rooms.collect(), plan, lidar, points })
+}
+
+impl TrueRoom {
+    fn new(room: &crate::simulate::Room, map_from_home: &Pose2) -> TrueRoom {
         let [a, b] = [room.inner.min, room.inner.max];
         let corners = [[a[0], a[1]], [b[0], a[1]], [b[0], b[1]], [a[0], b[1]]];
         TrueRoom {
             name: room.name.clone(),
             corners_m: corners.map(|[x, y]| map_from_home.apply(&Point2::new(x, y))),
         }
-    });
-    let plan = TruePlan::new(&home.plan, map_from_home);
-    let is_large = |thing: &Thing| thing.bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M);
-    let (truth, small) = truth.partition(is_large);
-    Ok(SimulatedMap { truth, small, rooms: rooms.collect(), plan, lidar, points })
+    }
+}
+
+/// Gives the front of a dishwasher the depth of the units, whose middle is known.
+fn deepen(bounds: &mut UprightBox, middle: &Point2, depth_m: f64) {
+    let across = Vector2::new(-bounds.yaw_rad.sin(), bounds.yaw_rad.cos());
+    let off_m = across.dot(&(middle - Point2::new(bounds.centre_m[0], bounds.centre_m[1])));
+    bounds.centre_m[0] += across.x * off_m;
+    bounds.centre_m[1] += across.y * off_m;
+    bounds.size_m[1] = depth_m;
 }
 
 /// Returns the bounding box of points along a direction.
