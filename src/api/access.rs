@@ -2,17 +2,20 @@
 //! service listens only on loopback addresses. Resources of other tenants and homes return 404, not 403.
 
 use super::App;
+use super::connections::Asked;
 use super::error::{Defence, Error};
 use super::peer;
+use super::turns::Turn;
 use crate::storage::{ApiKey, HomeId, Role, Secret, SessionToken, StorageError, Tenant};
 use axum::extract::{FromRequestParts, MatchedPath, Request, State};
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, Method, header};
+use axum::http::{Extensions, HeaderMap, Method, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use jiff::Timestamp;
 use std::future::Future;
 use std::net::IpAddr;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 use uuid::Uuid;
@@ -85,10 +88,10 @@ pub(super) async fn check(
     let address = peer::client(request.extensions(), request.headers());
     let credentials = credentials(request.headers())?;
     // Before the query for the key: it waits for the database, too.
-    let known = credentials.as_ref().and_then(|credentials| app.attempts.tenant_of(&credentials.sha256()));
+    let known = credentials.as_ref().and_then(|credentials| credentials.known_tenant(&app));
     let mut turn = None;
     if let Some(tenant) = &known {
-        turn = Some(app.turns.take(tenant).await);
+        turn = Some(take_turn(&app, tenant, request.extensions()).await);
     }
     let caller = match credentials {
         Some(Credentials::Key(secret)) => Some(key(&app, address, &secret).await?.into()),
@@ -115,10 +118,16 @@ pub(super) async fn check(
     app.limits.pass(&caller.tenant)?;
     let turn = match turn {
         Some(turn) => turn,
-        None => app.turns.take(&caller.tenant).await,
+        None => take_turn(&app, &caller.tenant, request.extensions()).await,
     };
     request.extensions_mut().insert(caller);
     Ok(turn.run(next.run(request)).await)
+}
+
+/// Waits for the tenant's turn.
+async fn take_turn(app: &App, tenant: &Tenant, extensions: &Extensions) -> Turn {
+    let _queued = extensions.get::<Arc<Asked>>().map(Asked::queue);
+    app.turns.take(tenant).await
 }
 
 /// Returns whether requests need a key; remains true for the life of the process if the last key is deleted.
@@ -168,6 +177,16 @@ impl Credentials {
             Credentials::Session(token) => token.sha256(),
         }
     }
+
+    /// Returns the tenant, if the credentials were valid before.
+    fn known_tenant(&self, app: &App) -> Option<Tenant> {
+        app.attempts.tenant_of(&self.sha256())
+    }
+}
+
+/// Returns the tenant whose credentials the headers of a request have, if they were valid before.
+pub(super) fn known_tenant(app: &App, headers: &HeaderMap) -> Option<Tenant> {
+    credentials(headers).ok()??.known_tenant(app)
 }
 
 /// Returns the credentials of a request, from the header or else from the cookie. A browser sends the cookie

@@ -1,27 +1,32 @@
 //! Connections: their maximum number, their timeouts and their graceful shutdown.
 
 mod crowd;
+mod lanes;
 mod watched;
 mod whole;
+
+pub(super) use crowd::Asked;
+pub(super) use lanes::TenantOf;
 
 use super::peer::Peer;
 use super::server::ServeError;
 use axum::Router;
 use axum::body::Body;
-use crowd::{Asked, Crowd, Place};
+use crowd::{Crowd, Place};
 use futures::poll;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::server::graceful::GracefulShutdown;
+use hyper_util::server::graceful::{GracefulShutdown, Watcher};
+use lanes::{Lane, LaneParams, Lanes, lane_of};
 use std::io;
-use std::net::SocketAddr;
-use std::pin::pin;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
+use std::task::Poll;
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
+use tokio::time::timeout;
 use tokio_io_timeout::TimeoutWriter;
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
@@ -67,18 +72,23 @@ impl Default for ConnectionParams {
 #[cfg(target_os = "linux")]
 const UNSENT_BYTES: u32 = 128 << 10;
 
-/// Maximum number of accepted connections from which nothing was read yet. If many come at once, the others wait to be
-/// accepted, and displace none that was not looked at.
-const MAX_UNREAD: usize = 64;
+/// New connections of tenants that begin at once: at most about 1 600 of a tenant in a second. While one begins, its request
+/// is read and started; with few at a time the tasks of running requests wait for little else.
+const OF_TENANTS: LaneParams =
+    LaneParams { at_once: 16, at_once_of_lane: 4, hold: Duration::from_millis(2) };
+/// The same of clients whose tenant is unknown: at most 500 in a second.
+const OF_UNKNOWN: LaneParams = LaneParams { at_once: 4, at_once_of_lane: 4, hold: Duration::from_millis(8) };
 
 /// Delay after the system failed to accept a connection.
 const PAUSE: Duration = Duration::from_millis(500);
 
-/// Answers requests until `stop`, then gives those under way a grace period.
+/// Answers requests until `stop`, then gives those under way a grace period. Connections of tenants that `tenant_of` knows
+/// wait for few of the others.
 pub(super) async fn answer(
     listener: TcpListener,
     router: Router,
     params: &ConnectionParams,
+    tenant_of: TenantOf,
     stop: &CancellationToken,
     listening: impl FnOnce(SocketAddr),
 ) -> Result<(), ServeError> {
@@ -86,45 +96,22 @@ pub(super) async fn answer(
     info!(%address, "listening");
     listening(address);
     let crowd = Crowd::new(params.most, params.most_of_network);
-    let unread = Arc::new(Semaphore::new(MAX_UNREAD));
+    let (tenants, unknown) = (Lanes::new(OF_TENANTS), Lanes::new(OF_UNKNOWN));
+    let door = Arc::new(Door { tenants, unknown, tenant_of, router, params: params.clone(), stop: stop.clone() });
     let open = GracefulShutdown::new();
     let accept = async {
         loop {
-            // The semaphore is never closed.
-            let turn = unread.clone().acquire_owned().await;
-            let (stream, peer) = match listener.accept().await {
-                Ok(accepted) => accepted,
-                Err(error) if is_of_one(&error) => continue,
+            match listener.accept().await {
+                Ok((stream, peer)) => {
+                    let place = crowd.enter(peer.ip());
+                    tokio::spawn(door.clone().enter(stream, peer.ip(), place, open.watcher()));
+                }
+                Err(error) if is_of_one(&error) => {}
                 Err(error) => {
                     warn!(%error, "no connection can be accepted for now");
                     tokio::time::sleep(PAUSE).await;
-                    continue;
                 }
-            };
-            if let Err(error) = prepare(&stream) {
-                warn!(%error, "a connection keeps the system's defaults");
             }
-            let place = crowd.enter(peer.ip());
-            let stream = Watched::new(stream, place.clone());
-            let connection =
-                open.watch(connection(stream, place.clone(), Peer(peer.ip()), router.clone(), params));
-            tokio::spawn(async move {
-                let mut connection = pin!(connection);
-                // Reads what the client has sent.
-                let ended = poll!(connection.as_mut());
-                drop(turn);
-                if ended.is_ready() {
-                    return;
-                }
-                tokio::select! {
-                    ended = connection => {
-                        if let Err(error) = ended {
-                            debug!(%error, "a connection broke");
-                        }
-                    }
-                    () = place.displaced() => debug!("a connection was displaced by a newer one"),
-                }
-            });
         }
     };
     tokio::select! {
@@ -141,6 +128,55 @@ pub(super) async fn answer(
     Ok(())
 }
 
+/// What all connections share.
+struct Door {
+    tenants: Arc<Lanes>,
+    /// The lanes of networks.
+    unknown: Arc<Lanes>,
+    tenant_of: TenantOf,
+    router: Router,
+    params: ConnectionParams,
+    stop: CancellationToken,
+}
+
+impl Door {
+    /// Serves a connection to its end, or until another one takes its place.
+    async fn enter(self: Arc<Door>, stream: TcpStream, peer: IpAddr, place: Arc<Place>, watcher: Watcher) {
+        tokio::select! {
+            () = self.serve(stream, peer, place.clone(), watcher) => {}
+            () = place.displaced() => debug!("a connection was displaced by a newer one"),
+        }
+    }
+
+    async fn serve(&self, stream: TcpStream, peer: IpAddr, place: Arc<Place>, watcher: Watcher) {
+        let lane = tokio::select! {
+            lane = timeout(self.params.head, lane_of(&stream, peer, &self.tenant_of)) => lane,
+            () = self.stop.cancelled() => return,
+        };
+        let Ok(Ok(lane)) = lane else { return debug!("a connection sent nothing") };
+        place.came();
+        let lanes = if matches!(lane, Lane::Tenant(_)) { &self.tenants } else { &self.unknown };
+        let begin = lanes.begin(lane).await;
+        if let Err(error) = prepare(&stream) {
+            warn!(%error, "a connection keeps the system's defaults");
+        }
+        let connection =
+            connection(Watched::new(stream, place.clone()), place, Peer(peer), &self.router, &self.params);
+        // In a box, for most connections of a flood never come so far.
+        let mut connection = Box::pin(watcher.watch(connection));
+        // Reads what the client has sent.
+        let ended = poll!(connection.as_mut());
+        drop(begin);
+        let ended = match ended {
+            Poll::Ready(ended) => ended,
+            Poll::Pending => connection.await,
+        };
+        if let Err(error) = ended {
+            debug!(%error, "a connection broke");
+        }
+    }
+}
+
 /// Returns whether an error concerns only the connection that was to be accepted.
 fn is_of_one(error: &io::Error) -> bool {
     use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
@@ -151,14 +187,16 @@ fn connection(
     stream: Watched,
     place: Arc<Place>,
     peer: Peer,
-    router: Router,
+    router: &Router,
     params: &ConnectionParams,
 ) -> impl hyper_util::server::graceful::GracefulConnection<Error = hyper::Error> + use<> {
     let mut stream = TimeoutWriter::new(stream);
     stream.set_timeout(Some(params.write));
+    let router = router.clone();
     let service = service_fn(move |mut request: hyper::Request<Incoming>| {
         request.extensions_mut().insert(peer);
         let asked = Arc::new(Asked::new(place.clone()));
+        request.extensions_mut().insert(asked.clone());
         let answer = router.clone().oneshot(request.map(|body| Body::new(Whole::new(body, asked.clone()))));
         async move {
             let answer = answer.await;

@@ -2,14 +2,14 @@
 
 use super::attempts::{AttemptParams, Attempts};
 use super::bodies::BodyParams;
-use super::connections::ConnectionParams;
+use super::connections::{ConnectionParams, TenantOf};
 use super::export::Places;
 use super::layers::Origin;
 use super::limits::{LimitParams, Limits};
 use super::readers::{ReaderParams, Readers};
 use super::turns::Turns;
 use super::uploads::{UploadParams, clean};
-use super::{App, Shared, connections, metrics};
+use super::{App, Shared, access, connections, metrics};
 use crate::jobs::{self, Queue, WorkerParams};
 use crate::storage::{Storage, StorageError, StorageParams};
 use crate::webhooks::{self, WebhookParams};
@@ -103,7 +103,12 @@ pub async fn serve(
     if let Some(listener) = admin_listener {
         tasks.spawn(answer_operators(listener, storage.clone(), stop.clone()));
     }
-    connections::answer(listener, super::router(app), &params.connections, &stop, listening).await?;
+    let tenant_of: TenantOf = {
+        let app = app.clone();
+        Arc::new(move |headers| access::known_tenant(&app, headers))
+    };
+    connections::answer(listener, super::router(app), &params.connections, tenant_of, &stop, listening)
+        .await?;
     end(tasks, &storage, &stop).await;
     Ok(())
 }
@@ -122,8 +127,8 @@ pub async fn work(
     match params.listen {
         Some(address) => {
             let router = super::health_router(storage.clone());
-            connections::answer(bind(address)?, router, &ConnectionParams::default(), &stop, listening)
-                .await?;
+            let params = ConnectionParams::default();
+            connections::answer(bind(address)?, router, &params, nobody(), &stop, listening).await?;
         }
         None => stop.cancelled().await,
     }
@@ -169,10 +174,15 @@ fn bind_admin(address: Option<SocketAddr>) -> Result<Option<TcpListener>, ServeE
 /// Serves health and metrics until `stop`.
 async fn answer_operators(listener: TcpListener, storage: Arc<Storage>, stop: CancellationToken) {
     let router = super::health_router(storage);
-    let answered = connections::answer(listener, router, &ConnectionParams::default(), &stop, |_| {}).await;
+    let answered = connections::answer(listener, router, &ConnectionParams::default(), nobody(), &stop, |_| {}).await;
     if let Err(error) = answered {
         error!(%error, "health and metrics are served no longer");
     }
+}
+
+/// Names no tenant: operators have no key.
+fn nobody() -> TenantOf {
+    Arc::new(|_| None)
 }
 
 /// Starts the workers, the exchange of signals and, if there are workers, the delivery of webhooks.

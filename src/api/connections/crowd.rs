@@ -22,8 +22,8 @@ pub(super) struct Crowd {
 struct Member {
     /// Number of its requests that came whole and have no answer yet: they wait for the service.
     unanswered: AtomicUsize,
-    /// True once a byte went in either direction.
-    has_moved: AtomicBool,
+    /// True until its first bytes came.
+    is_new: AtomicBool,
     /// Time of the last byte in either direction, in milliseconds since the crowd began.
     moved_ms: AtomicU64,
     displaced: CancellationToken,
@@ -46,7 +46,7 @@ impl Crowd {
         let network = network(peer);
         let member = Arc::new(Member {
             unanswered: AtomicUsize::new(0),
-            has_moved: AtomicBool::new(false),
+            is_new: AtomicBool::new(true),
             moved_ms: self.now_ms().into(),
             displaced: CancellationToken::new(),
         });
@@ -88,7 +88,7 @@ const NEW_MS: u64 = 1000;
 impl Member {
     fn waits(&self, now_ms: u64) -> (Waits, u64) {
         let moved_ms = self.moved_ms.load(Ordering::Relaxed);
-        let is_new = !self.has_moved.load(Ordering::Relaxed) && now_ms < moved_ms + NEW_MS;
+        let is_new = self.is_new.load(Ordering::Relaxed) && now_ms < moved_ms + NEW_MS;
         let waits = match self.unanswered.load(Ordering::Relaxed) {
             0 if is_new => Waits::New,
             0 => Waits::ForClient,
@@ -107,9 +107,13 @@ fn displace(members: &mut HashMap<IpAddr, Vec<Arc<Member>>>, network: IpAddr, no
 }
 
 impl Place {
+    /// Records that the first bytes came, which tell what the connection waits for.
+    pub fn came(&self) {
+        self.member.is_new.store(false, Ordering::Relaxed);
+    }
+
     /// Records that bytes came or went.
     pub fn moved(&self) {
-        self.member.has_moved.store(true, Ordering::Relaxed);
         self.member.moved_ms.store(self.crowd.now_ms(), Ordering::Relaxed);
     }
 
@@ -120,28 +124,49 @@ impl Place {
 }
 
 /// A request on a connection. Once it came whole it waits for the service, until it is answered or dropped.
-pub(super) struct Asked {
+pub(in super::super) struct Asked {
     place: Arc<Place>,
-    waits: AtomicBool,
+    came: AtomicBool,
+}
+
+/// A request that waits for others of its tenant, and not for the service.
+pub(in super::super) struct Queued {
+    asked: Arc<Asked>,
 }
 
 impl Asked {
-    pub fn new(place: Arc<Place>) -> Asked {
-        Asked { place, waits: AtomicBool::new(false) }
+    pub(super) fn new(place: Arc<Place>) -> Asked {
+        Asked { place, came: AtomicBool::new(false) }
     }
 
     /// Records that all of the request has come.
-    pub fn came_whole(&self) {
-        if !self.waits.swap(true, Ordering::Relaxed) {
+    pub(super) fn came_whole(&self) {
+        if !self.came.swap(true, Ordering::Relaxed) {
             self.place.member.unanswered.fetch_add(1, Ordering::Relaxed);
         }
     }
 
     /// Records that the request waits no longer; its client has not had the time yet to read the answer.
-    pub fn answered(&self) {
+    pub(super) fn answered(&self) {
         self.place.moved();
-        if self.waits.swap(false, Ordering::Relaxed) {
+        if self.came.swap(false, Ordering::Relaxed) {
             self.place.member.unanswered.fetch_sub(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Records that the request waits for others of its tenant, until the result is dropped.
+    pub fn queue(self: &Arc<Asked>) -> Queued {
+        if self.came.load(Ordering::Relaxed) {
+            self.place.member.unanswered.fetch_sub(1, Ordering::Relaxed);
+        }
+        Queued { asked: self.clone() }
+    }
+}
+
+impl Drop for Queued {
+    fn drop(&mut self) {
+        if self.asked.came.load(Ordering::Relaxed) {
+            self.asked.place.member.unanswered.fetch_add(1, Ordering::Relaxed);
         }
     }
 }
@@ -172,7 +197,7 @@ mod tests {
     }
 
     fn set(place: &Place, moved_ms: u64) {
-        place.member.has_moved.store(true, Ordering::Relaxed);
+        place.came();
         place.member.moved_ms.store(moved_ms, Ordering::Relaxed);
     }
 
