@@ -1,7 +1,8 @@
-//! The open connections by the network of their client. A new connection is always accepted: if there are too many, the
-//! connection that has waited longest for its client is closed, of the same network or else of the largest one. So a client
-//! that holds connections without using them displaces its own. A connection whose request came whole waits for the service
-//! and not for its client: it goes only if all of them do, and after those that are new.
+//! The open connections by the network of their client. A new connection is always accepted: if there are too many, those
+//! that have waited longest for their client are closed, of the same network or else of the largest one. So a client that
+//! holds connections without using them displaces its own. A connection whose request came whole waits for the service and
+//! not for its client: it goes only if all of them do, and after those that are new. A request that waits for others of its
+//! tenant waits for its client.
 
 use crate::api::peer::network;
 use std::collections::HashMap;
@@ -16,7 +17,14 @@ pub(super) struct Crowd {
     most: usize,
     most_of_network: usize,
     begun: Instant,
-    members: Mutex<HashMap<IpAddr, Vec<Arc<Member>>>>,
+    members: Mutex<Members>,
+}
+
+#[derive(Default)]
+struct Members {
+    of_network: HashMap<IpAddr, HashMap<u64, Arc<Member>>>,
+    /// Number of all connections that ever entered.
+    entered: u64,
 }
 
 struct Member {
@@ -33,6 +41,7 @@ struct Member {
 pub(super) struct Place {
     crowd: Arc<Crowd>,
     network: IpAddr,
+    number: u64,
     member: Arc<Member>,
 }
 
@@ -50,22 +59,25 @@ impl Crowd {
             moved_ms: self.now_ms().into(),
             displaced: CancellationToken::new(),
         });
-        let mut members = self.members();
-        let own = members.get(&network).map_or(0, Vec::len);
         let now_ms = self.now_ms();
+        let mut members = self.members();
+        let number = members.entered;
+        members.entered += 1;
+        let of_network = &mut members.of_network;
+        let own = of_network.get(&network).map_or(0, HashMap::len);
         if own >= self.most_of_network {
-            displace(&mut members, network, now_ms);
-        } else if members.values().map(Vec::len).sum::<usize>() >= self.most {
+            displace(of_network, network, now_ms);
+        } else if of_network.values().map(HashMap::len).sum::<usize>() >= self.most {
             let largest =
-                members.iter().max_by_key(|(_, members)| members.len()).map(|(network, _)| *network);
-            largest.into_iter().for_each(|network| displace(&mut members, network, now_ms));
+                of_network.iter().max_by_key(|(_, members)| members.len()).map(|(network, _)| *network);
+            largest.into_iter().for_each(|network| displace(of_network, network, now_ms));
         }
-        members.entry(network).or_default().push(member.clone());
+        of_network.entry(network).or_default().insert(number, member.clone());
         drop(members);
-        Arc::new(Place { crowd: self.clone(), network, member })
+        Arc::new(Place { crowd: self.clone(), network, number, member })
     }
 
-    fn members(&self) -> MutexGuard<'_, HashMap<IpAddr, Vec<Arc<Member>>>> {
+    fn members(&self) -> MutexGuard<'_, Members> {
         self.members.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -98,11 +110,26 @@ impl Member {
     }
 }
 
-fn displace(members: &mut HashMap<IpAddr, Vec<Arc<Member>>>, network: IpAddr, now_ms: u64) {
+/// Inverse of the fraction of a network's connections that go together, for each search looks at all of them.
+const TOGETHER: usize = 32;
+
+fn displace(
+    members: &mut HashMap<IpAddr, HashMap<u64, Arc<Member>>>,
+    network: IpAddr,
+    now_ms: u64,
+) {
     let Some(of_network) = members.get_mut(&network) else { return };
-    let longest = (0..of_network.len()).min_by_key(|&at| of_network[at].waits(now_ms));
-    if let Some(at) = longest {
-        of_network.swap_remove(at).displaced.cancel();
+    let mut waiting: Vec<_> =
+        of_network.iter().map(|(number, member)| (member.waits(now_ms), *number)).collect();
+    let count = waiting.len().div_ceil(TOGETHER);
+    if count == 0 {
+        return;
+    }
+    waiting.select_nth_unstable(count - 1);
+    for (_, number) in &waiting[..count] {
+        if let Some(member) = of_network.remove(number) {
+            member.displaced.cancel();
+        }
     }
 }
 
@@ -132,6 +159,7 @@ pub(in super::super) struct Asked {
 /// A request that waits for others of its tenant, and not for the service.
 pub(in super::super) struct Queued {
     asked: Arc<Asked>,
+    had_come: bool,
 }
 
 impl Asked {
@@ -156,16 +184,17 @@ impl Asked {
 
     /// Records that the request waits for others of its tenant, until the result is dropped.
     pub fn queue(self: &Arc<Asked>) -> Queued {
-        if self.came.load(Ordering::Relaxed) {
+        let had_come = self.came.load(Ordering::Relaxed);
+        if had_come {
             self.place.member.unanswered.fetch_sub(1, Ordering::Relaxed);
         }
-        Queued { asked: self.clone() }
+        Queued { asked: self.clone(), had_come }
     }
 }
 
 impl Drop for Queued {
     fn drop(&mut self) {
-        if self.asked.came.load(Ordering::Relaxed) {
+        if self.had_come {
             self.asked.place.member.unanswered.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -179,11 +208,11 @@ impl Drop for Asked {
 
 impl Drop for Place {
     fn drop(&mut self) {
-        let mut members = self.crowd.members();
-        let Some(of_network) = members.get_mut(&self.network) else { return };
-        of_network.retain(|member| !Arc::ptr_eq(member, &self.member));
-        if of_network.is_empty() {
-            members.remove(&self.network);
+        let of_network = &mut self.crowd.members().of_network;
+        let Some(members) = of_network.get_mut(&self.network) else { return };
+        members.remove(&self.number);
+        if members.is_empty() {
+            of_network.remove(&self.network);
         }
     }
 }
@@ -215,7 +244,7 @@ mod tests {
             is_displaced(&second) && !is_displaced(&first) && !is_displaced(&third) && !is_displaced(&honest)
         );
         drop((first, second, third));
-        assert_eq!(crowd.members().len(), 1);
+        assert_eq!(crowd.members().of_network.len(), 1);
     }
 
     #[test]
@@ -247,6 +276,26 @@ mod tests {
         set(&asking, 5);
         let fourth = crowd.enter(address);
         assert!(is_displaced(&asking) && !is_displaced(&third) && !is_displaced(&fourth));
+    }
+
+    #[test]
+    fn a_request_that_waits_for_its_tenant_may_be_displaced() {
+        let crowd = Crowd::new(10, 2);
+        let address = "192.0.2.1".parse().unwrap();
+        let (queued, idle) = (crowd.enter(address), crowd.enter(address));
+        set(&queued, 5);
+        set(&idle, 10);
+        let asked = Arc::new(Asked::new(queued.clone()));
+        let queue = asked.queue();
+        asked.came_whole();
+        let asked = Arc::new(Asked::new(queued.clone()));
+        asked.came_whole();
+        let other = asked.queue();
+        drop((queue, other));
+        assert_eq!(queued.member.unanswered.load(Ordering::Relaxed), 1);
+        let _queue = asked.queue();
+        let _third = crowd.enter(address);
+        assert!(is_displaced(&queued) && !is_displaced(&idle));
     }
 
     #[test]
