@@ -9,6 +9,7 @@ mod metrics;
 mod report;
 mod run;
 mod trouble;
+mod watch_homes;
 mod worker;
 
 pub use align_clip::{Failure, Finished, JobParams, LevelFile, align_clip, align_opened, level_maps};
@@ -19,10 +20,8 @@ pub use metrics::describe_metrics;
 pub use run::Method;
 pub use worker::{WorkerParams, work};
 
-use crate::storage::{
-    Change, ChangeKind, Changes, ChangesCursor, HomeId, Job, Signal, Storage, StorageError, Tenant,
-};
-use futures::{Stream, StreamExt};
+use crate::storage::{Changes, ChangesCursor, Job, Signal, Storage, StorageError, Tenant};
+use futures::Stream;
 use jiff::Timestamp;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -30,6 +29,7 @@ use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 use tracing::warn;
 use uuid::Uuid;
+use watch_homes::Watched;
 
 /// Polling interval of listeners and idle workers: another process may have written.
 const POLL: Duration = Duration::from_secs(1);
@@ -41,6 +41,7 @@ pub struct Queue {
     storage: Arc<Storage>,
     due: Notify,
     changed: Arc<Notify>,
+    watched: Watched,
     /// Signals that the other processes have not had yet.
     untold_due: Notify,
     untold_change: Notify,
@@ -52,6 +53,7 @@ impl Queue {
             storage,
             due: Notify::new(),
             changed: Arc::default(),
+            watched: Watched::default(),
             untold_due: Notify::new(),
             untold_change: Notify::new(),
         }
@@ -160,43 +162,6 @@ impl Queue {
                 Some((job, seen.filter(|_| goes_on)))
             }
         })
-    }
-
-    /// Streams the changes of a home after a position of the feed, until the home is removed.
-    pub fn watch_home(
-        self: Arc<Queue>,
-        home: HomeId,
-        after: i64,
-    ) -> impl Stream<Item = Result<Change, StorageError>> {
-        let parts = futures::stream::unfold(Some(after), move |after| {
-            let (queue, home) = (self.clone(), home.clone());
-            async move {
-                let changes = queue.next_changes(&home, after?).await;
-                let last = changes.as_ref().ok().and_then(|changes| changes.last()).map(|change| change.seq);
-                let is_removed = |change: &Change| change.kind == ChangeKind::Home && change.deleted;
-                let ends = changes.as_ref().is_ok_and(|changes| changes.iter().any(is_removed));
-                let items = match changes {
-                    Ok(changes) => changes.into_iter().map(Ok).collect(),
-                    Err(error) => vec![Err(error)],
-                };
-                Some((futures::stream::iter(items), last.filter(|_| !ends)))
-            }
-        });
-        parts.flatten()
-    }
-
-    /// Waits until there are changes of a home after a position.
-    async fn next_changes(&self, home: &HomeId, after: i64) -> Result<Vec<Change>, StorageError> {
-        loop {
-            let mut changed = std::pin::pin!(self.changed.notified());
-            // As in `next_change`.
-            changed.as_mut().enable();
-            let changes = self.storage.home_changes(home, after).await?;
-            if !changes.is_empty() {
-                return Ok(changes);
-            }
-            let _ = tokio::time::timeout(POLL, changed).await;
-        }
     }
 
     /// Waits until the job's version differs from `seen`.

@@ -100,6 +100,7 @@ pub async fn serve(
         stop: stop.clone(),
     }));
     tasks.spawn(clean(app.clone()));
+    tasks.spawn(app.queue.clone().tell_watchers(stop.clone()));
     if let Some(listener) = admin_listener {
         tasks.spawn(answer_operators(listener, storage.clone(), stop.clone()));
     }

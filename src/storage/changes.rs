@@ -175,6 +175,13 @@ impl Storage {
         rows.iter().map(from_row).collect()
     }
 
+    /// Returns the homes of all tenants with a numbered change after a position.
+    pub async fn changed_homes(&self, after: i64) -> Result<Vec<HomeId>, StorageError> {
+        let homes = query("SELECT DISTINCT home_id FROM changes WHERE seq > $1").bind(after);
+        let rows = homes.fetch_all(&mut self.database.reader().await?).await?;
+        rows.iter().map(|row| row.home("home_id")).collect()
+    }
+
     /// Numbers the changes that have no number yet, in the order in which they were made.
     pub async fn number_changes(&self) -> Result<(), StorageError> {
         let mut numbered = NUMBERED_AT_ONCE;
