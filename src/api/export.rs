@@ -39,7 +39,7 @@ pub(super) async fn export_home(
     let place = app.exports.take(home.tenant())?;
     let about = app.storage.home(&home).await?;
     let name = format!("{home}.zip");
-    let (archive, pieces) = Archive::new();
+    let (archive, pieces) = Archive::new(place.compressing());
     let writing = Contents { app, home, about }.write(archive).in_current_span();
     let answer =
         ([(header::CONTENT_TYPE, HeaderValue::from_static("application/zip"))], body(writing, pieces, place))

@@ -7,12 +7,14 @@ use futures::{Stream, StreamExt};
 use serde::Serialize;
 use std::io::Write;
 use std::sync::{Arc, Mutex, PoisonError};
-use tokio::sync::mpsc;
+use tokio::sync::{Semaphore, mpsc};
 use zip::CompressionMethod;
 use zip::write::{SimpleFileOptions, StreamWriter, ZipWriter};
 
-/// Size of the pieces that are sent, and of those that are compressed in one go.
+/// Size of the pieces that are sent.
 const PIECE_BYTES: usize = 128 << 10;
+/// Size of the pieces that are compressed in one go: each takes half a millisecond, in which its thread serves nobody.
+const COMPRESSED_BYTES: usize = 16 << 10;
 /// Number of pieces that wait for a slow reader.
 const AHEAD: usize = 1;
 
@@ -20,21 +22,26 @@ const AHEAD: usize = 1;
 pub(super) struct Archive {
     zip: ZipWriter<StreamWriter<Buffer>>,
     outlet: Outlet,
+    compressing: Arc<Semaphore>,
 }
 
 impl Archive {
-    /// Returns an empty archive and the end from which it is read.
-    pub fn new() -> (Archive, mpsc::Receiver<Bytes>) {
+    /// Returns an empty archive, which takes turns at `compressing`, and the end from which it is read.
+    pub fn new(compressing: Arc<Semaphore>) -> (Archive, mpsc::Receiver<Bytes>) {
         let (pieces, read) = mpsc::channel(AHEAD);
         let buffer = Buffer::default();
-        (Archive { zip: ZipWriter::new_stream(buffer.clone()), outlet: Outlet { buffer, pieces } }, read)
+        let zip = ZipWriter::new_stream(buffer.clone());
+        (Archive { zip, outlet: Outlet { buffer, pieces }, compressing }, read)
     }
 
     /// Adds a file, compressed.
     pub async fn file(&mut self, name: &str, bytes: &[u8]) -> Result<(), ExportError> {
         self.zip.start_file(name, SimpleFileOptions::default())?;
-        for piece in bytes.chunks(PIECE_BYTES) {
+        for piece in bytes.chunks(COMPRESSED_BYTES) {
+            // The semaphore is never closed.
+            let turn = self.compressing.acquire().await;
             self.zip.write_all(piece)?;
+            drop(turn);
             self.outlet.send_from(PIECE_BYTES).await?;
             // Compression takes time and may produce nothing to wait for: other tasks get a turn.
             tokio::task::yield_now().await;
@@ -66,7 +73,7 @@ impl Archive {
 
     /// Writes the directory; without it no program opens the zip.
     pub async fn finish(self) -> Result<(), ExportError> {
-        let Archive { zip, outlet } = self;
+        let Archive { zip, outlet, .. } = self;
         zip.finish()?;
         outlet.send_from(1).await
     }

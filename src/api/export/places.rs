@@ -3,20 +3,39 @@
 use crate::api::error::Error;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tokio::sync::Semaphore;
 
 /// Maximum number of concurrent exports. Each reads one blob at a time and holds about a megabyte.
 const MOST: usize = 64;
 /// Maximum number for one tenant, so that others find a place.
 const MOST_OF_TENANT: usize = 16;
 
-/// Number of running exports of this process, by tenant.
-#[derive(Clone, Default)]
-pub(in crate::api) struct Places(Arc<Mutex<HashMap<String, usize>>>);
+/// The running exports of this process.
+#[derive(Clone)]
+pub(in crate::api) struct Places {
+    /// Their number by tenant.
+    taken: Arc<Mutex<HashMap<String, usize>>>,
+    /// One export compresses at a time, so that other requests wait for one piece at most.
+    compressing: Arc<Semaphore>,
+}
 
 /// The place of an export; its drop frees the place.
 pub(super) struct Place {
     places: Places,
     tenant: String,
+}
+
+impl Default for Places {
+    fn default() -> Places {
+        Places { taken: Arc::default(), compressing: Arc::new(Semaphore::new(1)) }
+    }
+}
+
+impl Place {
+    /// Returns the turns of the exports that compress.
+    pub fn compressing(&self) -> Arc<Semaphore> {
+        self.places.compressing.clone()
+    }
 }
 
 impl Places {
@@ -33,7 +52,7 @@ impl Places {
     }
 
     fn taken(&self) -> MutexGuard<'_, HashMap<String, usize>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.taken.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
