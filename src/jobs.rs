@@ -6,10 +6,11 @@ mod limits;
 mod merge;
 mod mesh;
 mod metrics;
+mod priority;
 mod report;
 mod run;
 mod trouble;
-mod watch_homes;
+mod watch;
 mod worker;
 
 pub use align_clip::{Failure, Finished, JobParams, LevelFile, align_clip, align_opened, level_maps};
@@ -17,11 +18,11 @@ pub use child::{ChildOrder, ChildParams, serve_child};
 pub use limits::JobLimitParams;
 pub use merge::{Described, Earlier, describe};
 pub use metrics::describe_metrics;
+pub use priority::give_way;
 pub use run::Method;
 pub use worker::{WorkerParams, work};
 
-use crate::storage::{Changes, ChangesCursor, Job, Signal, Storage, StorageError, Tenant};
-use futures::Stream;
+use crate::storage::{Changes, ChangesCursor, HomeId, Job, Signal, Storage, StorageError, Tenant};
 use jiff::Timestamp;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -29,7 +30,7 @@ use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 use tracing::warn;
 use uuid::Uuid;
-use watch_homes::Watched;
+use watch::Watched;
 
 /// Polling interval of listeners and idle workers: another process may have written.
 const POLL: Duration = Duration::from_secs(1);
@@ -41,7 +42,8 @@ pub struct Queue {
     storage: Arc<Storage>,
     due: Notify,
     changed: Arc<Notify>,
-    watched: Watched,
+    watched_homes: Watched<HomeId>,
+    watched_jobs: Watched<Uuid>,
     /// Signals that the other processes have not had yet.
     untold_due: Notify,
     untold_change: Notify,
@@ -53,7 +55,8 @@ impl Queue {
             storage,
             due: Notify::new(),
             changed: Arc::default(),
-            watched: Watched::default(),
+            watched_homes: Watched::default(),
+            watched_jobs: Watched::default(),
             untold_due: Notify::new(),
             untold_change: Notify::new(),
         }
@@ -135,7 +138,7 @@ impl Queue {
         let begun = Instant::now();
         loop {
             let mut changed = std::pin::pin!(self.changed.notified());
-            // As in `next_change`.
+            // Listening begins before reading, so that no change is missed.
             changed.as_mut().enable();
             let changes = self.storage.changes(tenant, after, limit, Timestamp::now()).await?;
             let left = wait.saturating_sub(begun.elapsed());
@@ -143,38 +146,6 @@ impl Queue {
                 return Ok(changes);
             }
             let _ = tokio::time::timeout(left.min(POLL), changed).await;
-        }
-    }
-
-    /// Streams the job now, unless its version is `seen`, and again after every change, up to its final
-    /// state. `None` in the stream: the job was removed with its clip.
-    pub fn watch(
-        self: Arc<Queue>,
-        id: Uuid,
-        seen: i64,
-    ) -> impl Stream<Item = Result<Option<Job>, StorageError>> {
-        futures::stream::unfold(Some(seen), move |seen| {
-            let queue = self.clone();
-            async move {
-                let job = queue.next_change(id, seen?).await;
-                let goes_on = matches!(&job, Ok(Some(job)) if !job.state.is_final());
-                let seen = job.as_ref().ok().and_then(|job| job.as_ref()).map(|job| job.version);
-                Some((job, seen.filter(|_| goes_on)))
-            }
-        })
-    }
-
-    /// Waits until the job's version differs from `seen`.
-    async fn next_change(&self, id: Uuid, seen: i64) -> Result<Option<Job>, StorageError> {
-        loop {
-            let mut changed = std::pin::pin!(self.changed.notified());
-            // Listening begins before reading, so that no change is missed.
-            changed.as_mut().enable();
-            match self.storage.job(id).await? {
-                Some(job) if job.version == seen => {}
-                other => return Ok(other),
-            }
-            let _ = tokio::time::timeout(POLL, changed).await;
         }
     }
 }

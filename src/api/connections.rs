@@ -72,10 +72,9 @@ impl Default for ConnectionParams {
 #[cfg(target_os = "linux")]
 const UNSENT_BYTES: u32 = 128 << 10;
 
-/// New connections of tenants that begin at once: at most about 1 600 of a tenant in a second. While one begins, its request
+/// New connections of tenants that begin at once: at most about 600 of a tenant in a second. While one begins, its request
 /// is read and started; with few at a time the tasks of running requests wait for little else.
-const OF_TENANTS: LaneParams =
-    LaneParams { at_once: 16, at_once_of_lane: 2, hold: Duration::from_millis(3) };
+const OF_TENANTS: LaneParams = LaneParams { at_once: 16, at_once_of_lane: 2, hold: Duration::from_millis(3) };
 /// The same of clients whose tenant is unknown: at most 500 in a second.
 const OF_UNKNOWN: LaneParams = LaneParams { at_once: 4, at_once_of_lane: 4, hold: Duration::from_millis(8) };
 
@@ -97,7 +96,8 @@ pub(super) async fn answer(
     listening(address);
     let crowd = Crowd::new(params.most, params.most_of_network);
     let (tenants, unknown) = (Lanes::new(OF_TENANTS), Lanes::new(OF_UNKNOWN));
-    let door = Arc::new(Door { tenants, unknown, tenant_of, router, params: params.clone(), stop: stop.clone() });
+    let door =
+        Arc::new(Door { tenants, unknown, tenant_of, router, params: params.clone(), stop: stop.clone() });
     let open = GracefulShutdown::new();
     let accept = async {
         loop {

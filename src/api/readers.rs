@@ -2,6 +2,7 @@
 //! one tenant do not stall the uploads of others.
 
 use super::error::Defence;
+use crate::jobs::give_way;
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -93,16 +94,6 @@ impl Readers {
             _of_process: self.all.clone().acquire_owned().await.expect(closed),
         }
     }
-}
-
-/// Lowers the priority of this thread, so that files which take long to open do not delay short requests.
-fn give_way() {
-    /// Ten steps give such a thread a tenth of a processor that another thread wants.
-    #[cfg(target_os = "linux")]
-    const NICENESS: i32 = 10;
-    // On Linux it is that of the thread. Without it requests are slower, but served.
-    #[cfg(target_os = "linux")]
-    let _ = rustix::process::setpriority_process(None, NICENESS);
 }
 
 #[cfg(test)]

@@ -175,7 +175,8 @@ fn bind_admin(address: Option<SocketAddr>) -> Result<Option<TcpListener>, ServeE
 /// Serves health and metrics until `stop`.
 async fn answer_operators(listener: TcpListener, storage: Arc<Storage>, stop: CancellationToken) {
     let router = super::health_router(storage);
-    let answered = connections::answer(listener, router, &ConnectionParams::default(), nobody(), &stop, |_| {}).await;
+    let answered =
+        connections::answer(listener, router, &ConnectionParams::default(), nobody(), &stop, |_| {}).await;
     if let Err(error) = answered {
         error!(%error, "health and metrics are served no longer");
     }

@@ -1,6 +1,7 @@
 //! Common parts of the commands that keep running: telemetry, shutdown and the line with their address.
 
 use super::telemetry::Telemetry;
+use crate::jobs::give_way;
 use anyhow::Result;
 use std::future::Future;
 use std::io::Write;
@@ -16,6 +17,8 @@ where
 {
     hide_from_children();
     let _telemetry = Telemetry::start()?;
+    // The threads of merges, beside those of requests.
+    rayon::ThreadPoolBuilder::new().start_handler(|_| give_way()).build_global()?;
     let runtime = tokio::runtime::Runtime::new()?;
     let ended = runtime.block_on(async {
         let stop = CancellationToken::new();

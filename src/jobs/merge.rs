@@ -6,7 +6,7 @@ mod describing;
 pub use describing::{Described, Earlier, describe};
 
 use super::align_clip::LevelFile;
-use super::{Queue, metrics};
+use super::{Queue, give_way, metrics};
 use crate::storage::{LevelCoverage, MapScene, MergeClaim, NewRevision, Storage, StorageError, map_file};
 use assembling::assemble;
 use bytes::Bytes;
@@ -90,6 +90,7 @@ pub(super) fn on_own_thread<T: Send + 'static>(
     let span = Span::current();
     let work = move || {
         let _entered = span.entered();
+        give_way();
         let done = work();
         // The worker may have given up the merge.
         let _ = ended.send(done);

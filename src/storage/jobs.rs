@@ -165,6 +165,18 @@ impl Storage {
     pub async fn job(&self, id: Uuid) -> Result<Option<Job>, StorageError> {
         find(&mut *self.database.snapshot().await?, id).await
     }
+
+    /// Returns the versions of those jobs that are there.
+    pub async fn job_versions(&self, ids: &[Uuid]) -> Result<HashMap<Uuid, i64>, StorageError> {
+        let mut connection = self.database.reader().await?;
+        let select = connection.either(
+            "SELECT id, version FROM jobs WHERE id IN (SELECT value FROM json_each($1))",
+            "SELECT id, version FROM jobs WHERE id IN (SELECT jsonb_array_elements_text(CAST($1 AS JSONB)))",
+        );
+        let ids: Vec<String> = ids.iter().map(Uuid::to_string).collect();
+        let rows = query(select).bind(serde_json::json!(ids).to_string()).fetch_all(&mut connection).await?;
+        rows.iter().map(|row| Ok((row.id("id")?, row.number("version")?))).collect()
+    }
 }
 
 /// Selects jobs with their home and LiDAR map revision; takes the rest of the statement in pieces.

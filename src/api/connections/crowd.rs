@@ -113,11 +113,7 @@ impl Member {
 /// Inverse of the fraction of a network's connections that go together, for each search looks at all of them.
 const TOGETHER: usize = 32;
 
-fn displace(
-    members: &mut HashMap<IpAddr, HashMap<u64, Arc<Member>>>,
-    network: IpAddr,
-    now_ms: u64,
-) {
+fn displace(members: &mut HashMap<IpAddr, HashMap<u64, Arc<Member>>>, network: IpAddr, now_ms: u64) {
     let Some(of_network) = members.get_mut(&network) else { return };
     let mut waiting: Vec<_> =
         of_network.iter().map(|(number, member)| (member.waits(now_ms), *number)).collect();

@@ -3,6 +3,7 @@
 use super::memory;
 use super::protocol::{Message, write_result};
 use crate::jobs::align_clip::{JobParams, LevelFile, align_clip};
+use crate::jobs::priority::give_way;
 use crate::jobs::trouble::{Ended, Trouble};
 use std::any::Any;
 use std::ffi::OsString;
@@ -57,6 +58,7 @@ pub fn serve_child(
     params: impl FnOnce() -> Result<JobParams, String>,
     out: impl Write + Send,
 ) -> io::Result<()> {
+    give_way();
     let told = Told { out: Mutex::new(Out { out, last: 0.0 }), is_cut: AtomicBool::new(false) };
     let ended = catch_unwind(AssertUnwindSafe(|| run(order, params, &told)));
     let ended = ended.unwrap_or_else(|panic| Err(Trouble::internal(text_of(panic.as_ref()))));

@@ -16,6 +16,7 @@ on_every_back_end!(
     a_cursor_ends_where_deletions_may_be_missed,
     a_page_without_news_stays_the_same_for_an_hour,
     a_feed_begins_with_what_was_there_before_it,
+    homes_that_changed_are_named,
 );
 
 const DAY_S: i64 = 24 * 3600;
@@ -46,6 +47,24 @@ async fn news(storage: &Storage, cursor: &mut Option<ChangesCursor>, seconds: i6
     assert!(changes.items.is_sorted_by(|a, b| a.seq < b.seq));
     *cursor = Some(changes.next);
     changes.items.iter().map(shown).collect()
+}
+
+async fn homes_that_changed_are_named(storage: Storage) {
+    let acme: Tenant = "acme".parse().unwrap();
+    let homes = [home("h"), home("still"), acme.home(&home("h"))];
+    for id in &homes {
+        storage.put_home(id, None, |_| true, at(0)).await.unwrap();
+    }
+    let before = storage.last_change().await.unwrap();
+    assert!(storage.changed_homes(before).await.unwrap().is_empty());
+    for (id, name) in [(&homes[0], "a"), (&homes[2], "b"), (&homes[0], "c")] {
+        storage.put_home(id, Some(name), |_| true, at(1)).await.unwrap();
+    }
+    let after = storage.last_change().await.unwrap();
+    let changed = storage.changed_homes(before).await.unwrap();
+    assert_eq!(changed.len(), 2);
+    assert!(changed.contains(&homes[0]) && changed.contains(&homes[2]));
+    assert!(storage.changed_homes(after).await.unwrap().is_empty());
 }
 
 async fn every_change_is_told_once_and_in_order(storage: Storage) {

@@ -71,6 +71,9 @@ async fn a_heartbeat_keeps_the_lease(storage: Storage) {
     let job = storage.job(held.job.id).await.unwrap().unwrap();
     assert_eq!((job.stage, job.progress, job.updated_at), (Some(Stage::Fuse), 0.5, at(60)));
     assert_eq!(job.version, held.job.version + 3);
+    let versions = storage.job_versions(&[Uuid::now_v7(), job.id]).await.unwrap();
+    assert_eq!(versions, [(job.id, job.version)].into());
+    assert!(storage.job_versions(&[]).await.unwrap().is_empty());
     assert!(finish(&storage, &held, answer(AlignmentState::Aligned), 200).await);
 }
 

@@ -17,18 +17,28 @@ const DOOR_OFF_M: f64 = 0.08;
 const CURTAIN_OFF_M: f64 = 0.25;
 /// Windows of outer walls lie deeper than the usual thickness.
 const RECESS_M: f64 = 0.2;
-/// Heights in which points count, in bins of `BIN_M`.
-const HEIGHTS_M: [f64; 2] = [0.2, 2.4];
+/// Heights in which points count, in bins of `BIN_M`. The frames of French windows begin at the floor.
+const HEIGHTS_M: [f64; 2] = [0.05, 2.6];
 const BIN_M: f64 = 0.15;
 /// Minimum bins of a step with a window, whose panes nobody sees: two bars of its frame; and with a door.
 const WINDOW_BINS: u32 = 2;
 const DOOR_BINS: u32 = 5;
+/// The bins of a door: not beside the floor nor above it.
+const DOOR: u32 = 0xfffe;
 /// Minimum bins from 1.1 m on of a step with a curtain, which hides its window.
 const CURTAIN_BINS: u32 = 4;
-const PANE: u32 = !0 << 6;
-/// Minimum bins of a step with wall at the height of panes, and minimum number of such steps between two windows.
+const PANE: u32 = !0 << 7;
+/// Minimum bins of a step with wall at the height of panes, and minimum number of such steps between two windows. A curtain
+/// may hang before the wall.
 const PIER_BINS: u32 = 5;
 const PIER_STEPS: usize = 2;
+/// Minimum fraction of the steps of a window with a part of its frame, for the frame to tell where the window ends, and not
+/// its curtains.
+const FRAMED: f64 = 0.5;
+/// From this width on, curtains between two parts of a frame divide it.
+const WIDE_M: f64 = 2.6;
+/// Minimum width of a window of which one bar of the frame is seen, in metres.
+const ONE_BAR_M: f64 = 0.55;
 /// Gaps in the labels of one opening.
 const GAP_M: f64 = 0.4;
 /// Fraction of its steps that show it.
@@ -52,12 +62,24 @@ struct Step {
 }
 
 impl Step {
+    fn shows_door(&self) -> bool {
+        (self.door & DOOR).count_ones() >= DOOR_BINS
+    }
+
     fn shows_window(&self) -> bool {
         self.window.count_ones() >= WINDOW_BINS || (self.curtain & PANE).count_ones() >= CURTAIN_BINS
     }
 
+    fn shows_frame(&self) -> bool {
+        self.window != 0
+    }
+
     fn shows_pier(&self) -> bool {
         (self.wall & PANE).count_ones() >= PIER_BINS && self.window.count_ones() < WINDOW_BINS
+    }
+
+    fn shows_no_frame(&self) -> bool {
+        ((self.wall | self.curtain) & PANE).count_ones() >= PIER_BINS && self.window == 0
     }
 }
 
@@ -78,15 +100,15 @@ pub(super) fn add(plan: &mut Plan, points: &[MapPoint]) {
     let mut found: Vec<Opening> = Vec::new();
     for wall in &plan.walls {
         let steps = steps(wall, labelled.iter());
-        let doors = runs(&steps, |step| step.door.count_ones() >= DOOR_BINS, CLOSED_DOOR_M);
-        found.extend(doors.into_iter().map(|run| opening(wall, run, OpeningKind::Door, &labelled)));
+        let doors = runs(&steps, Step::shows_door, Step::shows_pier, CLOSED_DOOR_M);
+        let doors = doors.into_iter().filter(|run| !is_before_window(&steps[run[0]..=run[1]]));
+        found.extend(doors.map(|run| opening(wall, run, OpeningKind::Door, &labelled)));
     }
     // A window of a wall between rooms is a mirror or a picture, as a rule.
     for front in fronts(&plan.walls) {
         let steps = steps(&front.line, labelled.iter().chain(&piers));
-        let windows = runs(&steps, Step::shows_window, WINDOW_M);
         let on_line =
-            windows.into_iter().map(|run| opening(&front.line, run, OpeningKind::Window, &labelled));
+            windows(&steps).into_iter().map(|run| opening(&front.line, run, OpeningKind::Window, &labelled));
         found.extend(on_line.filter_map(|opening| front.on_wall(opening)));
     }
     for mut opening in found {
@@ -133,14 +155,52 @@ fn steps<'a>(wall: &Wall, labelled: impl Iterator<Item = &'a Labelled>) -> Vec<S
     steps
 }
 
-/// Returns whether steps show wall from the one window to the other.
-fn is_pier(between: &[Step]) -> bool {
-    between.windows(PIER_STEPS).any(|steps| steps.iter().all(Step::shows_pier))
+/// Returns whether a door is the open leaf of another one, which stands before a window.
+fn is_before_window(door: &[Step]) -> bool {
+    let framed = door.iter().filter(|step| step.window.count_ones() >= WINDOW_BINS).count();
+    framed as f64 >= FRAMED * door.len() as f64
 }
 
-/// Returns the runs of steps that show an opening of a plausible width: first and last step.
-fn runs(steps: &[Step], shows: impl Fn(&Step) -> bool, width_m: [f64; 2]) -> Vec<[usize; 2]> {
+/// Returns the windows of a wall: first and last step.
+fn windows(steps: &[Step]) -> Vec<[usize; 2]> {
+    let meet = |a: &[usize; 2], b: &[usize; 2]| a[0] <= b[1] && b[0] <= a[1];
+    let width_m = |run: &[usize; 2]| (run[1] - run[0] + 1) as f64 * STEP_M;
+    let frames = runs(steps, Step::shows_frame, Step::shows_pier, WINDOW_M);
+    let mut found: Vec<[usize; 2]> = Vec::new();
+    for run in runs(steps, Step::shows_window, Step::shows_pier, WINDOW_M) {
+        let framed = steps[run[0]..=run[1]].iter().filter(|step| step.shows_frame()).count();
+        let by_frame: Vec<[usize; 2]> = frames.iter().copied().filter(|frame| meet(frame, &run)).collect();
+        if by_frame.is_empty() || (framed as f64) < FRAMED * (run[1] - run[0] + 1) as f64 {
+            found.push(run);
+        } else {
+            found.extend(by_frame);
+        }
+    }
+    found.dedup();
+    let apart = frames.into_iter().filter(|frame| width_m(frame) >= ONE_BAR_M);
+    let more: Vec<[usize; 2]> = apart.filter(|frame| !found.iter().any(|run| meet(frame, run))).collect();
+    found.extend(more);
+    let parts = |run: [usize; 2]| {
+        let parts = runs(&steps[run[0]..=run[1]], Step::shows_frame, Step::shows_no_frame, WINDOW_M);
+        if width_m(&run) < WIDE_M || parts.len() < 2 {
+            vec![run]
+        } else {
+            parts.into_iter().map(|part| part.map(|step| run[0] + step)).collect()
+        }
+    };
+    found.into_iter().flat_map(parts).collect()
+}
+
+/// Returns the runs of steps that show an opening of a plausible width: first and last step. Some steps that show a `pier`
+/// divide them.
+fn runs(
+    steps: &[Step],
+    shows: impl Fn(&Step) -> bool,
+    pier: impl Fn(&Step) -> bool,
+    width_m: [f64; 2],
+) -> Vec<[usize; 2]> {
     let gap = (GAP_M / STEP_M) as usize;
+    let is_pier = |between: &[Step]| between.windows(PIER_STEPS).any(|steps| steps.iter().all(&pier));
     let mut runs: Vec<([usize; 2], usize)> = Vec::new();
     for at in (0..steps.len()).filter(|at| shows(&steps[*at])) {
         match runs.last_mut() {
@@ -246,11 +306,32 @@ mod tests {
         let step = |window: bool| Step { window: if window { 0b1001 } else { 0 }, ..Step::default() };
         let steps: Vec<Step> =
             (0..60).map(|i| step((10..20).contains(&i) || (25..32).contains(&i))).collect();
-        assert_eq!(runs(&steps, Step::shows_window, WINDOW_M), [[10, 31]]);
+        assert_eq!(windows(&steps), [[10, 31]]);
         let mut divided = steps.clone();
         divided[21..24].fill(Step { wall: PANE, ..Step::default() });
-        assert_eq!(runs(&divided, Step::shows_window, WINDOW_M), [[10, 19], [25, 31]]);
+        assert_eq!(windows(&divided), [[10, 19], [25, 31]]);
         let speck: Vec<Step> = (0..60).map(|i| step(i == 7)).collect();
-        assert!(runs(&speck, Step::shows_window, WINDOW_M).is_empty());
+        assert!(windows(&speck).is_empty());
+    }
+
+    #[test]
+    fn the_frame_tells_where_a_window_ends() {
+        let frame = Step { window: 0b10, ..Step::default() };
+        let curtain = Step { curtain: PANE, ..Step::default() };
+        let both = Step { window: 0b10, curtain: PANE, ..Step::default() };
+        let of = |parts: &[(usize, Step)]| {
+            let steps: Vec<Step> = parts.iter().flat_map(|(count, step)| vec![*step; *count]).collect();
+            windows(&steps)
+        };
+        let none = Step::default();
+        // Curtains beyond both ends, and one that hides its window.
+        assert_eq!(of(&[(5, none), (5, curtain), (20, both), (5, curtain)]), [[10, 29]]);
+        assert_eq!(of(&[(5, none), (30, curtain), (5, none)]), [[5, 34]]);
+        // One bar of the frame is seen; a shorter one is a wrong label.
+        assert_eq!(of(&[(5, none), (12, frame), (5, none)]), [[5, 16]]);
+        assert!(of(&[(5, none), (8, frame), (5, none)]).is_empty());
+        // A curtain between two windows, and one before the middle of a window.
+        assert_eq!(of(&[(30, frame), (6, curtain), (30, frame)]), [[0, 29], [36, 65]]);
+        assert_eq!(of(&[(15, frame), (6, curtain), (15, frame)]), [[0, 35]]);
     }
 }

@@ -1,0 +1,213 @@
+//! Streams of the changes of homes and of jobs. One reader for each process tells the streams of a home or a job that it
+//! changed, so that a change costs the same however many streams wait for others.
+
+use super::{POLL, Queue};
+use crate::storage::{Change, ChangeKind, HomeId, Job, StorageError};
+use futures::{Stream, StreamExt};
+use std::collections::HashMap;
+use std::hash::Hash;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use tokio::sync::Notify;
+use tokio::time::timeout;
+use tokio_util::sync::CancellationToken;
+use tracing::warn;
+use uuid::Uuid;
+
+/// The things that streams wait for.
+pub(super) struct Watched<K> {
+    things: Mutex<HashMap<K, Weak<Notify>>>,
+}
+
+impl<K> Default for Watched<K> {
+    fn default() -> Watched<K> {
+        Watched { things: Mutex::default() }
+    }
+}
+
+impl<K: Clone + Eq + Hash> Watched<K> {
+    fn things(&self) -> MutexGuard<'_, HashMap<K, Weak<Notify>>> {
+        self.things.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Returns the notification of a thing's changes.
+    fn watch(&self, thing: &K) -> Arc<Notify> {
+        let mut things = self.things();
+        if let Some(known) = things.get(thing).and_then(Weak::upgrade) {
+            return known;
+        }
+        let notify = Arc::new(Notify::new());
+        things.insert(thing.clone(), Arc::downgrade(&notify));
+        notify
+    }
+
+    /// Returns what streams wait for, and forgets the rest.
+    fn list(&self) -> Vec<K> {
+        let mut things = self.things();
+        things.retain(|_, notify| notify.strong_count() > 0);
+        things.keys().cloned().collect()
+    }
+
+    fn tell(&self, thing: &K) {
+        if let Some(notify) = self.things().get(thing).and_then(Weak::upgrade) {
+            notify.notify_waiters();
+        }
+    }
+}
+
+/// What the reader read last.
+#[derive(Default)]
+struct Seen {
+    /// Position of the changes feed; none while no stream waits for a home.
+    feed: Option<i64>,
+    /// Versions of the jobs that streams wait for.
+    jobs: HashMap<Uuid, i64>,
+}
+
+impl Queue {
+    /// Streams the changes of a home after a position of the feed, until the home is removed.
+    pub fn watch_home(
+        self: Arc<Queue>,
+        home: HomeId,
+        after: i64,
+    ) -> impl Stream<Item = Result<Change, StorageError>> {
+        let changed = self.watched_homes.watch(&home);
+        let parts = futures::stream::unfold(Some(after), move |after| {
+            let (queue, home, changed) = (self.clone(), home.clone(), changed.clone());
+            async move {
+                let changes = queue.next_changes(&home, &changed, after?).await;
+                let last = changes.as_ref().ok().and_then(|changes| changes.last()).map(|change| change.seq);
+                let is_removed = |change: &Change| change.kind == ChangeKind::Home && change.deleted;
+                let ends = changes.as_ref().is_ok_and(|changes| changes.iter().any(is_removed));
+                let items = match changes {
+                    Ok(changes) => changes.into_iter().map(Ok).collect(),
+                    Err(error) => vec![Err(error)],
+                };
+                Some((futures::stream::iter(items), last.filter(|_| !ends)))
+            }
+        });
+        parts.flatten()
+    }
+
+    /// Waits until there are changes of a home after a position.
+    async fn next_changes(
+        &self,
+        home: &HomeId,
+        changed: &Notify,
+        after: i64,
+    ) -> Result<Vec<Change>, StorageError> {
+        loop {
+            let mut told = std::pin::pin!(changed.notified());
+            // Listening begins before reading, so that no change is missed.
+            told.as_mut().enable();
+            let changes = self.storage.home_changes(home, after).await?;
+            if !changes.is_empty() {
+                return Ok(changes);
+            }
+            told.await;
+        }
+    }
+
+    /// Streams the job now, unless its version is `seen`, and again after every change, up to its final
+    /// state. `None` in the stream: the job was removed with its clip.
+    pub fn watch(
+        self: Arc<Queue>,
+        id: Uuid,
+        seen: i64,
+    ) -> impl Stream<Item = Result<Option<Job>, StorageError>> {
+        let changed = self.watched_jobs.watch(&id);
+        futures::stream::unfold(Some(seen), move |seen| {
+            let (queue, changed) = (self.clone(), changed.clone());
+            async move {
+                let job = queue.next_version(id, &changed, seen?).await;
+                let goes_on = matches!(&job, Ok(Some(job)) if !job.state.is_final());
+                let seen = job.as_ref().ok().and_then(|job| job.as_ref()).map(|job| job.version);
+                Some((job, seen.filter(|_| goes_on)))
+            }
+        })
+    }
+
+    /// Waits until the job's version differs from `seen`.
+    async fn next_version(&self, id: Uuid, changed: &Notify, seen: i64) -> Result<Option<Job>, StorageError> {
+        loop {
+            let mut told = std::pin::pin!(changed.notified());
+            // As in `next_changes`.
+            told.as_mut().enable();
+            match self.storage.job(id).await? {
+                Some(job) if job.version == seen => {}
+                other => return Ok(other),
+            }
+            told.await;
+        }
+    }
+
+    /// Tells the streams of what changed, until `stop`.
+    pub async fn tell_watchers(self: Arc<Queue>, stop: CancellationToken) {
+        let mut seen = Seen::default();
+        loop {
+            let mut changed = std::pin::pin!(self.changed.notified());
+            // As in `next_changes`.
+            changed.as_mut().enable();
+            for told in [self.tell_of_homes(&mut seen.feed).await, self.tell_of_jobs(&mut seen.jobs).await] {
+                if let Err(error) = told {
+                    warn!(%error, "event streams wait, for changes cannot be read for now");
+                }
+            }
+            tokio::select! {
+                () = stop.cancelled() => return,
+                _ = timeout(POLL, changed) => {}
+            }
+        }
+    }
+
+    async fn tell_of_homes(&self, seen: &mut Option<i64>) -> Result<(), StorageError> {
+        let watched = self.watched_homes.list();
+        if watched.is_empty() {
+            *seen = None;
+            return Ok(());
+        }
+        let last = self.storage.last_change().await?;
+        let changed = match *seen {
+            Some(after) if after == last => Vec::new(),
+            Some(after) if after < last => self.storage.changed_homes(after).await?,
+            // Nobody read the feed before, or the database was restored from a copy.
+            _ => watched,
+        };
+        changed.iter().for_each(|home| self.watched_homes.tell(home));
+        *seen = Some(last);
+        Ok(())
+    }
+
+    async fn tell_of_jobs(&self, seen: &mut HashMap<Uuid, i64>) -> Result<(), StorageError> {
+        let watched = self.watched_jobs.list();
+        if watched.is_empty() {
+            seen.clear();
+            return Ok(());
+        }
+        let versions = self.storage.job_versions(&watched).await?;
+        // A job that was not watched before is told, too: it may have changed since its stream read it.
+        let changed = watched.iter().filter(|id| !seen.contains_key(id) || seen.get(id) != versions.get(id));
+        changed.for_each(|id| self.watched_jobs.tell(id));
+        *seen = versions;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use futures::FutureExt;
+
+    #[test]
+    fn only_the_streams_of_a_thing_are_told_of_it() {
+        let watched = Watched::<HomeId>::default();
+        let [changed, still]: [HomeId; 2] = ["changed", "still"].map(|id| id.parse().unwrap());
+        let notifications = [&changed, &changed, &still].map(|home| watched.watch(home));
+        let mut told = notifications.each_ref().map(|notify| Box::pin(notify.notified()));
+        told.iter_mut().for_each(|told| _ = told.as_mut().enable());
+        watched.tell(&changed);
+        assert_eq!(told.map(|told| told.now_or_never().is_some()), [true, true, false]);
+        assert_eq!(watched.list().len(), 2);
+        drop(notifications);
+        assert!(watched.list().is_empty() && watched.things().is_empty());
+    }
+}
