@@ -281,13 +281,13 @@ mod tests {
         let (queued, idle) = (crowd.enter(address), crowd.enter(address));
         set(&queued, 5);
         set(&idle, 10);
+        // One that comes whole while it waits, and one that had come.
+        let late = Arc::new(Asked::new(queued.clone()));
+        let of_late = late.queue();
+        late.came_whole();
         let asked = Arc::new(Asked::new(queued.clone()));
-        let queue = asked.queue();
         asked.came_whole();
-        let asked = Arc::new(Asked::new(queued.clone()));
-        asked.came_whole();
-        let other = asked.queue();
-        drop((queue, other));
+        drop((of_late, late, asked.queue()));
         assert_eq!(queued.member.unanswered.load(Ordering::Relaxed), 1);
         let _queue = asked.queue();
         let _third = crowd.enter(address);

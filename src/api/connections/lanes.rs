@@ -95,6 +95,10 @@ impl Lanes {
         let mut state = self.state();
         state.free(lane);
         for _ in 0..state.order.len() {
+            // The lanes that had no turn stay in front.
+            if state.begin == self.params.at_once {
+                return;
+            }
             let Some(next) = state.order.pop_front() else { return };
             if state.begin_next(self, &next) {
                 state.order.push_back(next);
