@@ -128,7 +128,7 @@ pub(super) async fn answer(
     Ok(())
 }
 
-/// What all connections share.
+/// State shared by all connections.
 struct Door {
     tenants: Arc<Lanes>,
     /// The lanes of networks.

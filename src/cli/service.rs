@@ -17,8 +17,10 @@ where
 {
     hide_from_children();
     let _telemetry = Telemetry::start()?;
-    // The threads of merges, beside those of requests.
-    rayon::ThreadPoolBuilder::new().start_handler(|_| give_way()).build_global()?;
+    // The threads of merges, beside those of requests. A network that was loaded may have started them already.
+    if let Err(error) = rayon::ThreadPoolBuilder::new().start_handler(|_| give_way()).build_global() {
+        tracing::warn!(%error, "the threads of merges keep the priority of requests");
+    }
     let runtime = tokio::runtime::Runtime::new()?;
     let ended = runtime.block_on(async {
         let stop = CancellationToken::new();

@@ -54,7 +54,7 @@ impl<K: Clone + Eq + Hash> Watched<K> {
     }
 }
 
-/// What the reader read last.
+/// Positions that the reader read last.
 #[derive(Default)]
 struct Seen {
     /// Position of the changes feed; none while no stream waits for a home.

@@ -1,4 +1,4 @@
-//! What the shape tells about the class and the size of an object.
+//! Rules of shapes that decide the class and the size of an object.
 
 use super::{found, surface};
 use crate::MapPoint;
