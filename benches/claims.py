@@ -199,11 +199,10 @@ def million(runs):
 
 
 def video(runs):
-    """A row for each clip, with both decoders: frames a second, and frames for a second of one core."""
+    """A row for each clip, with the frames a second of both decoders."""
     found = {}
     for row in printed(runs):
-        cells = {row["decoder"]: row["frames/s"], row["decoder"] + " core": row["frames for a second of one core"]}
-        found.setdefault(row["clip"], {"clip": row["clip"]}).update(cells)
+        found.setdefault(row["clip"], {"clip": row["clip"]})[row["decoder"]] = row["frames/s"]
     return list(found.values())
 
 
@@ -211,7 +210,7 @@ PARTS = [
     {
         "name": "apartment", "title": "The real apartment", "needs": ["VIOLA_TEST_DATA"],
         "note": "All half-overlapping excerpts of scene0000_00. `T` is the error of translation.",
-        "runs": {"run": SCENE + " --frames {frames} --methods viola --out {out}"},
+        "runs": {"run": SCENE + " --frames {frames} --out {out}"},
         "settings": {"tiny": {"frames": "60"}, "quick": {"frames": "60,40,20,10,5"}, "all": {"frames": "60,40,20,10,5"}},
         "minutes": {"tiny": 1, "quick": 3, "all": 3},
         "rows": without_subsets(json_rows("table.json")), "columns": ALIGNMENT[1:4] + ALIGNMENT[5:] + TIMES,
@@ -229,7 +228,7 @@ PARTS = [
     {
         "name": "simulated", "title": "Simulated homes", "needs": [],
         "note": "[CONTRIBUTING](CONTRIBUTING.md#evaluation) describes the sets.",
-        "runs": {"run": "viola evaluate --set {sets} --seeds {seeds} --clips 1 --frames {frames} \\\n  --methods viola --out {out}"},
+        "runs": {"run": "viola evaluate --set {sets} --seeds {seeds} --clips 1 --frames {frames} --out {out}"},
         "settings": {"tiny": {"sets": "normal,storeys", "seeds": "2000..2001", "frames": "10"},
                      "quick": {"sets": "normal,upper,repeated,changed,storeys,drifted,glass", "seeds": "5000..5010", "frames": "60,10"},
                      "all": {"sets": "normal,upper,repeated,changed,storeys,drifted,glass", "seeds": "5000..5100", "frames": "60,10"}},
@@ -240,7 +239,7 @@ PARTS = [
         "name": "maps", "title": "Vacuums' own maps", "needs": ["VIOLA_TEST_DATA"],
         "note": "Clips drawn inside each real map, with 30 % outliers and 3 cm of noise.",
         "runs": {"run": "viola evaluate $(find $DATA/vacuum_maps -name '*.json' -o -name '*.yaml' | sort | sed 's/^/--map /') \\\n"
-                        "  --clips {clips} --methods viola --out {out}"},
+                        "  --clips {clips} --out {out}"},
         "settings": {"tiny": {"clips": "1"}, "quick": {"clips": "10"}, "all": {"clips": "50"}},
         "minutes": {"tiny": 1, "quick": 1, "all": 2}, "rows": maps,
         "columns": [of("maps"), of("clips"), of("found", "%"), of("aligned", "%"), of("wrong", "int"),
@@ -279,7 +278,7 @@ PARTS = [
     },
     {
         "name": "home", "title": "A home's map", "needs": ["VIOLA_TEST_DATA", "VIOLA_MODELS"],
-        "note": "Excerpts of 40 frames as one map, against the labelled mesh: overlaps' disagreement, points within 5 cm, objects by turned boxes.",
+        "note": "Excerpts of 40 frames: disagreement of overlaps, points within 5 cm of the labelled mesh, objects by turned boxes.",
         "runs": {"DeepLab": "viola evaluate --scene $SCENE $TRUTH --home --frames 40 --models $MODELS --out {out}",
                  "built-in": "viola evaluate --scene $SCENE $TRUTH --home --frames 40 --out {out}"},
         "settings": {"tiny": {}, "quick": {}, "all": {}}, "minutes": {"tiny": 4, "quick": 2, "all": 2}, "rows": homes,
@@ -291,8 +290,8 @@ PARTS = [
         "name": "homes", "title": "Objects and plan of simulated homes", "needs": [],
         "note": "75 % of the patches have the right label. Wall faces are right within 10 cm and 3 degrees, areas within 5 %.",
         "runs": {"run": "viola evaluate --home --set normal --seeds {seeds} --picture-labels 0.75 --out {out}"},
-        "settings": {"tiny": {"seeds": "2000..2001"}, "quick": {"seeds": "5000..5002"}, "all": {"seeds": "5000..5012"}},
-        "minutes": {"tiny": 2, "quick": 2, "all": 12}, "rows": simulated_homes,
+        "settings": {"tiny": {"seeds": "2000..2001"}, "quick": {"seeds": "5000..5050"}, "all": {"seeds": "5000..5050"}},
+        "minutes": {"tiny": 2, "quick": 1, "all": 1}, "rows": simulated_homes,
         "columns": [text("objects", "{matched} of {truth}"), share("precision", "matched", "found"), text("rooms", "{matched_rooms} of {true_rooms}"),
                     share("faces, recall", "found_faces", "true_faces"), share("precision", "right_faces", "drawn_faces"),
                     text("doors", "{found_doors} of {doors}"), text("windows", "{found_windows} of {windows}"),
@@ -311,7 +310,7 @@ PARTS = [
     },
     {
         "name": "changes", "title": "Changes of objects", "needs": [],
-        "note": "Right / reported / true changes. Homes of `changed` are filmed in two visits; in `normal` nothing changes.",
+        "note": "Right / reported / true. Homes of `changed` are filmed in two visits; in `normal` nothing changes.",
         "runs": {"run": "viola evaluate --changes --set {sets} --seeds {seeds} --clips {clips} --frames 20 \\\n  --picture-labels 0.75 --out {out}"},
         "settings": {"tiny": {"sets": "changed", "seeds": "2000..2001", "clips": "2"}, "quick": {"sets": "normal,changed", "seeds": "5000..5001", "clips": "5"},
                      "all": {"sets": "normal,changed", "seeds": "5000..5006", "clips": "8"}},
@@ -339,7 +338,7 @@ PARTS = [
                      "quick": {"sets": "normal,upper", "seeds": "5000..5002", "frames": "120"},
                      "all": {"sets": "normal,upper,repeated,changed", "seeds": "5000..5016", "frames": "120"}},
         "minutes": {"tiny": 2, "quick": 1, "all": 15}, "rows": lambda runs: [row for row in tracks(runs) if row["method"] == "viola"],
-        "columns": [of("recording"), of("clips"), of("ATE", "cm", "ate"), of("rotation", "deg"), of("worst clip", "%", "worst"),
+        "columns": [of("recording"), of("clips"), of("ATE", "cm", "ate"), of("worst clip", "%", "worst"),
                     of("tracked", "%"), of("a frame", "ms", "time")],
     },
     {
@@ -353,21 +352,21 @@ PARTS = [
     },
     {
         "name": "merges", "title": "Merging a clip into a home", "needs": [],
-        "note": "All clips have a time of recording. `windows` of the map are labelled again; `labels` and `description` are part of `sum`.",
+        "note": "Timed clips. `windows` of the map are labelled again; `labels` and `description` are part of `sum`.",
         "runs": {"home": "cargo run --release --quiet --example merges -- home timed {home}",
                  "one room": "cargo run --release --quiet --example merges -- room timed {room}"},
-        "settings": {"tiny": {"home": "3", "room": "2"}, "quick": {"home": "20 200", "room": "40"}, "all": {"home": "5 20 200", "room": "10 40"}},
+        "settings": {"tiny": {"home": "3", "room": "2"}, "quick": {"home": "20 200", "room": "40"}, "all": {"home": "5 20 200", "room": "40"}},
         "minutes": {"tiny": 3, "quick": 3, "all": 8}, "rows": printed,
-        "columns": [of("in", "", "run"), of("clips"), of("points"), of("tiles made again", "", "one more: tiles anew"), of("clips read"), of("written"), of("windows"), of("labels"), of("description"), of("sum"),
-                    of("peak memory")],
+        "columns": [of("in", "", "run"), of("clips"), of("clips read"), of("windows"), of("labels"),
+                    of("description"), of("sum"), of("peak memory")],
     },
     {
         "name": "attacks", "title": "All attacks at once", "needs": [],
-        "note": "An honest tenant's reads and uploads while another tenant attacks (`benches/attacks.py` lists how), and the server's memory.",
+        "note": "An honest tenant's reads and uploads while another one attacks, and the server's memory.",
         "runs": {"run": "benches/attacks.py $(command -v viola) {seconds}"},
         "settings": {"tiny": {"seconds": "3"}, "quick": {"seconds": "20"}, "all": {"seconds": "60"}},
         "minutes": {"tiny": 1, "quick": 1, "all": 3}, "rows": printed,
-        "columns": [of("while"), of("reads"), of("median"), of("99 %"), of("longest"), of("uploads"), of("longest upload"),
+        "columns": [of("while"), of("reads"), of("median"), of("99 %"), of("uploads"), of("longest upload"),
                     of("refused"), of("peak memory")],
     },
     {
@@ -389,14 +388,12 @@ PARTS = [
         "name": "video", "title": "Video", "needs": ["VIOLA_TEST_DATA"],
         "note": "Frames a second at 1920x1440, only decoding, two threads. Required are 25.",
         "runs": {"run": "benches/video.sh $SCENE/color"}, "settings": {"all": {}}, "minutes": {"all": 4}, "rows": video,
-        "columns": [of("clip"), of("viola"), of("ffmpeg"), of("viola, a core's second", "", "viola core"), of("ffmpeg, a core's second", "", "ffmpeg core")],
+        "columns": [of("clip"), of("viola"), of("ffmpeg")],
     },
     {
         "name": "peers", "title": "Beside other programs", "needs": [],
         "note": "100 starts in one simulated home, one thread each.",
-        "runs": {"run": "target/peers/bin/python benches/peers/compare.py"},
-        "prepare": "[ -x target/peers/bin/python ] || python3 -m venv target/peers\n"
-                   "target/peers/bin/pip install --quiet -r benches/peers/requirements.txt",
+        "runs": {"run": "benches/peers/run"},
         "settings": {"all": {}}, "minutes": {"all": 3},
         "rows": lambda runs: [row for row in printed(runs) if row["refinement"] == "viola" or row["refinement"].endswith("0.5 m")],
         "columns": [of("refinement"), of("seconds"), of("times viola's"), of("right")],
