@@ -113,8 +113,8 @@ const MISTAKEN: f64 = 0.35;
 /// Returns the likelihood factor of a surface's flatness and boards. Cabinets have closed fronts; shelves show their
 /// contents and boards. Most other classes have factor 1.
 fn surface(class: Class, flatness: f64, boards: Option<f64>, cells: usize) -> f64 {
-    /// Fraction of boards with factor 1, and the scale of the factor's logarithm: of simulated furniture, 95 % of the
-    /// cabinets have less than 0.09 and 90 % of the shelves more (docs/experiments.md, Objects).
+    /// Fraction of boards with factor 1, without the height that has most level surface, and the scale of the factor's
+    /// logarithm (docs/experiments.md, Objects).
     const BOARDS: f64 = 0.02;
     const BOARDS_STEP: f64 = 0.05;
     /// Flatness with factor 1, and the scale of the factor's logarithm.
