@@ -102,7 +102,7 @@ async fn show(arguments: &DemoArguments, worker: WorkerParams, recordings: &Reco
         ended = &mut server => return Ok(ended.context("the server broke down")??),
     };
     if !arguments.exit {
-        println!("\nThe service goes on at http://{address}/ until Ctrl-C.");
+        println!("\nThe service stays up at http://{address}/. Ctrl-C stops it.");
         tokio::select! {
             interrupted = tokio::signal::ctrl_c() => interrupted.context("Ctrl-C cannot be heard")?,
             ended = &mut server => return Ok(ended.context("the server broke down")??),
