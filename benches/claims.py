@@ -412,9 +412,8 @@ PARTS = [
 
 
 def found_claim(rows):
-    shares = [100 * row["success"] for row in rows]
-    listed = lambda values: ", ".join(values)
-    return f"{listed(f'{share:.1f}' for share in shares)} % with {listed(str(row['frames']) for row in rows)} frames"
+    shares = [f"{row['frames']} frames: {100 * row['success']:.1f} %" for row in rows]
+    return ", ".join(shares)
 
 
 def wrong_claim(rows):
@@ -434,8 +433,8 @@ def clip_claim(rows):
 
 # Rows of the README's table: the claim, its part, and the result from the part's rows.
 README = [
-    ("Real clips found within 10 degrees and 0.3 m", "apartment", found_claim),
-    ("Real clips that are wrong and called `aligned`", "apartment", wrong_claim),
+    ("Clips of a real apartment found within 10 degrees and 0.3 m", "apartment", found_claim),
+    ("Of these wrong and called `aligned`", "apartment", wrong_claim),
     ("Clips of 60 frames in seven sets of simulated homes", "simulated", simulated_claim),
     ("A clip's zip (60 frames) to its pose, two cores", "clip", clip_claim),
 ]
