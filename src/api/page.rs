@@ -5,8 +5,8 @@ use super::error::Error;
 use super::reply::unless_known;
 use axum::extract::Path;
 use axum::extract::rejection::PathRejection;
-use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
-use axum::response::{IntoResponse, Response};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri, header};
+use axum::response::{IntoResponse, Redirect, Response};
 use axum::{Router, routing};
 use sha2::{Digest, Sha256};
 use std::sync::LazyLock;
@@ -26,7 +26,15 @@ static INDEX_TAG: LazyLock<String> = LazyLock::new(|| {
 });
 
 pub(super) fn routes() -> Router<App> {
-    Router::new().route("/", routing::get(index)).route("/assets/{name}", routing::get(asset))
+    Router::new()
+        .route("/", routing::get(index))
+        .route("/assets/{name}", routing::get(asset))
+        .route("/homes/{*place}", routing::get(typed))
+}
+
+/// Leads from an address as a person types it to that of the page, which is behind a `#`.
+async fn typed(address: Uri) -> Response {
+    Redirect::to(&format!("/#{}", address.path())).into_response()
 }
 
 async fn index(headers: HeaderMap) -> Response {

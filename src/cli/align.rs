@@ -127,7 +127,8 @@ pub fn run(arguments: &AlignArguments) -> Result<ExitCode> {
 }
 
 fn print_answer(clip: &ClipInfo, lidar: &LidarInfo, alignment: &Alignment, out: &Path) {
-    println!("clip:   {}, {} frames, up: {}", clip.layout, clip.frames, clip.gravity);
+    let up = if clip.gravity == "unknown" { "up unknown" } else { &clip.gravity };
+    println!("clip:   {}, {} frames, {up}", clip.layout, clip.frames);
     if !alignment.level.is_main() {
         println!("level:  {}", alignment.level);
     }
@@ -151,11 +152,17 @@ fn print_answer(clip: &ClipInfo, lidar: &LidarInfo, alignment: &Alignment, out: 
         ),
         None => println!("pose:   {state}"),
     }
+    if let Some(probability) = alignment.probability {
+        println!("sure:   probability {probability:.3}{}", rivals(alignment));
+    }
     if let (Some(scale), Some(std)) = (alignment.scale, alignment.scale_std) {
         println!("scale:  {scale:.4} m per unit, standard deviation {std:.4}");
     }
     if let Some(labels) = &alignment.labels {
-        println!("labels: by {}, {} pictures", labels.by, labels.key_frames);
+        match labels.key_frames {
+            0 => println!("labels: by {}", labels.by),
+            pictures => println!("labels: by {}; {pictures} pictures", labels.by),
+        }
     }
     for reason in &alignment.reasons {
         println!("reason: {} ({})", reason.detail, reason.code);
@@ -163,6 +170,14 @@ fn print_answer(clip: &ClipInfo, lidar: &LidarInfo, alignment: &Alignment, out: 
     let total: f64 = alignment.seconds.values().sum();
     println!("time:   {total:.2} s");
     println!("wrote:  {}", out.display());
+}
+
+/// Returns the number of the other explanations, and the probability of the likeliest.
+fn rivals(alignment: &Alignment) -> String {
+    let others: Vec<f64> = alignment.alternatives.iter().skip(1).filter_map(|one| one.probability).collect();
+    let Some(likeliest) = others.iter().copied().reduce(f64::max) else { return String::new() };
+    let poses = if others.len() == 1 { "pose" } else { "poses" };
+    format!("; {} other {poses} in result.json, the likeliest with {likeliest:.3}", others.len())
 }
 
 /// Parses a range such as `120..180`, whose end is excluded.

@@ -110,6 +110,10 @@ async fn show(arguments: &DemoArguments, worker: WorkerParams, recordings: &Reco
     }
     stop.cancel();
     server.await.context("the server broke down")??;
+    if !arguments.exit {
+        let data = arguments.data.join("service");
+        println!("Stopped. `viola serve --data {}` serves the home again.", data.display());
+    }
     if arguments.exit && found < recordings.clips.len() {
         bail!("{found} of {} clips were found", recordings.clips.len());
     }

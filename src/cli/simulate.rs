@@ -1,13 +1,14 @@
 //! `viola simulate`: writes a furnished home with its vacuum's map and clips to a folder.
 
+use super::progress::tell;
 use anyhow::{Context, Result};
 use serde_json::json;
 use std::fs;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use viola_lab::simulate::{
-    ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, plan_png, points_csv, ros_pgm, ros_yaml,
-    valetudo_json, write_scannet_zip,
+    ClipParams, Home, HomeParams, Sensor, Set, SimulatedClip, Survey, plan_png, points_csv, ros_pgm,
+    ros_yaml, valetudo_json, write_scannet_zip,
 };
 
 #[derive(clap::Args)]
@@ -38,6 +39,7 @@ pub struct SimulateArguments {
 pub fn run(arguments: &SimulateArguments) -> Result<()> {
     let out = &arguments.out;
     fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
+    tell("making a home and mapping it with its vacuum");
     let home = Home::generate(&HomeParams::new(arguments.set, arguments.seed));
     let survey = home.survey();
     let params = ClipParams {
@@ -47,7 +49,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<()> {
         ..ClipParams::default()
     };
     let clips: Vec<SimulatedClip> =
-        (0..arguments.clips).map(|index| home.clip(&survey, index, &params)).collect();
+        (0..arguments.clips).map(|index| filmed(&home, &survey, index, arguments.clips, &params)).collect();
     let truth = json!({
         "home": home.truth(),
         "vacuum_height_m": survey.vacuum_height_m,
@@ -71,6 +73,11 @@ pub fn run(arguments: &SimulateArguments) -> Result<()> {
         println!("{}", path.display());
     }
     Ok(())
+}
+
+fn filmed(home: &Home, survey: &Survey, index: u64, clips: u64, params: &ClipParams) -> SimulatedClip {
+    tell(&format!("filming clip {} of {clips}", index + 1));
+    home.clip(survey, index, params)
 }
 
 fn save(folder: &Path, name: &str, bytes: &[u8]) -> Result<()> {

@@ -132,6 +132,9 @@ async fn the_viewer_is_kept_by_browsers_and_bound_to_this_host() {
     let known = server.request(reqwest::Method::GET, "/").header("if-none-match", page.header("etag"));
     assert_eq!(server.send(known).await.status, 304);
 
+    // An address typed without the `#` leads to the page.
+    assert_eq!(server.get("/homes/flat").await.bytes, page.bytes);
+
     // Without Node.js at the build the page has no assets, and says so.
     let html = String::from_utf8(page.bytes).unwrap();
     for asset in html.split('"').filter(|part| part.starts_with("/assets/")) {

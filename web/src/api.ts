@@ -1,5 +1,6 @@
 // Talks to the service, which is always the host that this page came from.
 
+import { type Asked, homesQuery } from "./route.ts";
 import { idOf } from "./words.ts";
 import type {
   Class, Clip, Corrections, Coverage, Home, HomeMap, LidarMap, List, MapChanges, Room, RoomPatch, Scan, Thing, ThingPatch,
@@ -91,8 +92,10 @@ export function clipPath(clip: { home: string; id: string }, ...rest: string[]):
   return homePath(clip.home, "clips", clip.id, ...rest);
 }
 
-export function homes(after: string | null, signal: AbortSignal): Promise<List<Home>> {
-  return get(`/v1/homes?limit=48${after ? `&after=${encodeURIComponent(after)}` : ""}`, signal);
+export function homes(asked: Asked, signal: AbortSignal): Promise<List<Home>> {
+  const query = homesQuery(asked);
+  query.set("limit", "48");
+  return get(`/v1/homes?${query}`, signal);
 }
 
 export function home(id: string, signal: AbortSignal): Promise<Home> {

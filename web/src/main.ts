@@ -42,7 +42,7 @@ async function show(): Promise<void> {
   const route = parse(location.hash);
   const place = { main, crumbs, signal };
   try {
-    if (route.page === "homes") await showHomes(place, route.after);
+    if (route.page === "homes") await showHomes(place, route.asked);
     else if (route.page === "home") await showHome(place, route.home, route.view);
     else if (route.page === "clip") await showClip(place, route.home, route.clip);
     else throw new Error("There is nothing at this address.");

@@ -196,6 +196,26 @@ async function anAlternativeIsChosen() {
   await page.locator(".head .badge.ambiguous").waitFor();
 }
 
+async function homesAreSearched() {
+  // As a person types it, without the `#`.
+  await page.goto(`${base}/homes/hotel`);
+  await page.getByRole("heading", { level: 1, name: "Hotel" }).waitFor();
+  await go("#/");
+  await page.getByRole("link", { name: /^Hotel .*1 ambiguous/ }).waitFor();
+  await page.getByLabel("Search homes").fill("HOT");
+  await page.keyboard.press("Enter");
+  await page.waitForFunction(() => document.querySelectorAll(".home-card").length === 1);
+  await page.getByLabel("Only homes that need attention").check();
+  await page.waitForFunction(() => location.hash === "#/?q=HOT&needs_attention=true");
+  await page.getByRole("link", { name: /^Hotel/ }).waitFor();
+  await shot("11-homes");
+  await go("#/?q=nothing");
+  await page.getByRole("heading", { name: "No home like this" }).waitFor();
+  await page.getByRole("link", { name: "All homes" }).click();
+  await page.getByRole("link", { name: /^Flat/ }).waitFor();
+  await page.waitForFunction(() => document.querySelectorAll(".home-card").length === 2);
+}
+
 /** Switches, turns and walks, as fast as the page takes it. */
 async function touchEverything(colourings = ["class", "clip", "probability", "colour"]) {
   const stage = await boxOf(page.locator(".stage-3d canvas"));
@@ -289,7 +309,7 @@ try {
     anEmptyServerHelps, filesAreDroppedAndFollowed, pointsAreColoured, ...ofAHome,
     ...surfaceSteps({ page, open, say, pictures, touchEverything, serviceRests }), aMapAmongClipsIsOfferedAsTheMap,
     badFilesAreExplained, themesAndPhones,
-    anAlternativeIsChosen, ...placeSteps({ page, base, makeHome, file, go, open, shot, pointsShown }), aMillionPointsStayResponsive,
+    anAlternativeIsChosen, homesAreSearched, ...placeSteps({ page, base, makeHome, file, go, open, shot, pointsShown }), aMillionPointsStayResponsive,
     aBrowserWithoutWebGlShowsThePlan, aClipIsDeletedByKeyboard, aLostServerIsTold,
   ];
   for (const step of steps) {

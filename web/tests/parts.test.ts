@@ -24,9 +24,12 @@ test("addresses are read as they are written", () => {
     assert.deepEqual(parse(toHome(home, view)), { page: "home", home, view });
     assert.deepEqual(parse(toClip(home, "c")), { page: "clip", home, clip: "c" });
   }
-  assert.deepEqual(parse(""), { page: "homes", after: null });
-  assert.deepEqual(parse(toHomes("a=b&c")), { page: "homes", after: "a=b&c" });
-  for (const hash of ["#/x", "#/homes", "#/homes/a/b", "#/homes/a/clips/b/c", "#/homes/%"]) {
+  const all = { text: "", attention: false, after: null };
+  for (const hash of ["", "#/homes"]) assert.deepEqual(parse(hash), { page: "homes", asked: all });
+  for (const asked of [all, { text: "a=b&c", attention: true, after: "#?&" }]) {
+    assert.deepEqual(parse(toHomes(asked)), { page: "homes", asked });
+  }
+  for (const hash of ["#/x", "#/homes/a/b", "#/homes/a/clips/b/c", "#/homes/%"]) {
     assert.deepEqual(parse(hash), { page: "nowhere" }, hash);
   }
 });

@@ -45,7 +45,7 @@ pub struct ClipInfo {
     pub pose_convention: String,
     /// Unit of the depth pictures, for example `millimetres (16-bit PNG)`.
     pub depth_unit: String,
-    /// Up direction and its source, for example `world z is up (layout)` or `unknown`.
+    /// Up direction and its source, for example `world z is up (rule of the layout)` or `unknown`.
     pub gravity: String,
     /// Source of the intrinsics.
     pub intrinsics: String,

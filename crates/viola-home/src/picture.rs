@@ -1,7 +1,8 @@
 //! Pictures of a LiDAR map, with and without a clip.
 
+use super::svg::{FONT_FAMILY, escape, hex, render};
 use serde::{Deserialize, Serialize};
-use tiny_skia::{Color, FillRule, LineCap, Paint, PathBuilder, Pixmap, Rect, Stroke, Transform};
+use tiny_skia::{Color, FillRule, LineCap, Paint, PathBuilder, Pixmap, PixmapPaint, Rect, Stroke, Transform};
 use viola_align::Aligned;
 use viola_formats::lidar::{Cell, LidarInfo, LidarMap};
 use viola_geometry::{Point2, Pose2, Vector2};
@@ -65,8 +66,9 @@ pub fn lidar_png(lidar: &LidarMap) -> Vec<u8> {
     canvas.png()
 }
 
-/// Returns the map with the clip at its pose as PNG. Hits are green if the map has a point within 10 cm,
-/// otherwise red; the camera path is blue, with a wedge at the first camera; alternatives are orange wedges.
+/// Returns the map with the clip at its pose as PNG, with a legend below. Hits are green if the map has a point
+/// within 10 cm, otherwise red; the camera path is blue, with a wedge at the first camera; alternatives are
+/// orange wedges.
 pub fn overlay_png(lidar: &LidarMap, aligned: &Aligned) -> Vec<u8> {
     const MATCHED_M: f64 = 0.1;
     let alternatives = &aligned.alignment.alternatives;
@@ -88,7 +90,19 @@ pub fn overlay_png(lidar: &LidarMap, aligned: &Aligned) -> Vec<u8> {
         aligned.scan.cameras.iter().map(|c| pose.apply(&Point2::new(c.x_m, c.y_m))).collect();
     canvas.line(&path, ink::CAMERA);
     canvas.wedge(&pose, ink::CAMERA);
-    canvas.png()
+    let mut meanings = vec![
+        (ink::WALL, "LiDAR map"),
+        (ink::MATCHED, "clip at the vacuum's height, in the map"),
+        (ink::UNMATCHED, "clip, not in the map"),
+        (ink::CAMERA, "camera's path, from its wedge on"),
+    ];
+    if alternatives.len() > 1 {
+        meanings.push((ink::ALTERNATIVE, "first camera of another possible pose"));
+    }
+    if lidar.charger.is_some() {
+        meanings.push((ink::CHARGER, "charger"));
+    }
+    canvas.with_legend(&meanings).png()
 }
 
 struct Canvas {
@@ -200,6 +214,55 @@ impl Canvas {
             let stroke = Stroke { width: 2.0, ..Stroke::default() };
             self.pixmap.stroke_path(&path, &paint(ink), &stroke, Transform::identity(), None);
         }
+    }
+
+    /// Returns the picture with the meanings of its colours below it, and the length of a metre.
+    fn with_legend(self, meanings: &[([u8; 4], &str)]) -> Canvas {
+        const LETTER_PX: f64 = 15.0;
+        const LINE_PX: f64 = 24.0;
+        /// Width of a letter of [`LETTER_PX`], at most on average.
+        const ADVANCE_PX: f64 = 8.0;
+        let width = self.pixmap.width();
+        let (mut x, mut line, mut entries) = (12.0, 0.0, String::new());
+        let mut entry = |mark_px: f64, mark: &dyn Fn(f64, f64) -> String, words: &str| {
+            let whole = mark_px + 8.0 + ADVANCE_PX * words.chars().count() as f64 + 16.0;
+            if x > 12.0 && x + whole > f64::from(width) {
+                (x, line) = (12.0, line + 1.0);
+            }
+            let middle = 10.0 + LINE_PX * (line + 0.5);
+            entries += &mark(x, middle);
+            entries +=
+                &format!("<text x=\"{}\" y=\"{}\">{}</text>", x + mark_px + 8.0, middle + 5.0, escape(words));
+            x += whole;
+        };
+        for ([red, green, blue, _], words) in meanings {
+            let fill = hex([*red, *green, *blue]);
+            let mark = |x, y| format!("<circle cx=\"{}\" cy=\"{y}\" r=\"6\" fill=\"{fill}\"/>", x + 6.0);
+            entry(12.0, &mark, words);
+        }
+        let metre_px = self.frame.px_per_m;
+        let bar = |x, y| {
+            format!(
+                "<path d=\"M{x} {}v8v-4h{metre_px}v-4v8\" fill=\"none\" stroke=\"#343a40\" stroke-width=\"2\"/>",
+                y - 4.0
+            )
+        };
+        entry(metre_px, &bar, "1 m; x to the right, y up");
+        let height = (20.0 + LINE_PX * (line + 1.0)) as u32;
+        let legend = render(
+            &format!(
+                "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+                 font-family=\"{FONT_FAMILY}\" font-size=\"{LETTER_PX}\" fill=\"#343a40\">{entries}</svg>"
+            ),
+            1.0,
+        );
+        let below = self.pixmap.height() as i32;
+        let mut pixmap = Pixmap::new(width, self.pixmap.height() + height).expect("the size is not zero");
+        pixmap.fill(color(ink::PAPER));
+        for (part, top) in [(&self.pixmap, 0), (&legend, below)] {
+            pixmap.draw_pixmap(0, top, part.as_ref(), &PixmapPaint::default(), Transform::identity(), None);
+        }
+        Canvas { pixmap, frame: self.frame }
     }
 
     fn png(self) -> Vec<u8> {

@@ -17,7 +17,7 @@ answer! {
         pose_convention: String,
         /// Unit of the depth pictures, for example `millimetres (16-bit PNG)`.
         depth_unit: String,
-        /// Up direction and its source, for example `world z (layout)` or `unknown`.
+        /// Up direction and its source, for example `world z is up (rule of the layout)` or `unknown`.
         gravity: String,
         /// Source of the intrinsics.
         intrinsics: String,

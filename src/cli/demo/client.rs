@@ -91,15 +91,15 @@ impl Line {
         if *self.last.borrow() != doing {
             self.last.replace(doing.to_owned());
             self.bar.set_message(doing.to_owned());
-            if self.bar.is_hidden() {
-                println!("{}: {doing}", self.name);
-            }
         }
     }
 
     pub fn end(&self, state: &str) {
         self.show(state, 1.0);
         self.bar.finish();
+        if self.bar.is_hidden() {
+            println!("{}: {state}", self.name);
+        }
     }
 }
 
@@ -164,10 +164,10 @@ impl Client {
                 let Some(data) = field("data:") else { continue };
                 let job: Option<JobAnswer> = serde_json::from_str(data).context("an event is no job")?;
                 let Some(job) = job else { bail!("the job was removed") };
-                line.show(job.stage.as_deref().unwrap_or(&job.state), job.progress);
                 if field("event:") == Some("end") {
                     return Ok(());
                 }
+                line.show(job.stage.as_deref().unwrap_or(&job.state), job.progress);
             }
         }
         bail!("the events of job {job} ended before it did")

@@ -2,26 +2,54 @@
 
 import { homePath, homes, makeHome } from "../api.ts";
 import { h, put } from "../dom.ts";
+import { stateMark } from "../parts/marks.ts";
 import { attempt } from "../parts/notices.ts";
-import { toHome, toHomes } from "../route.ts";
+import { type Asked, toHome, toHomes } from "../route.ts";
 import type { Home } from "../types.ts";
-import { many, time } from "../words.ts";
+import { many, STATES, stateWord, time } from "../words.ts";
 import { type Place, setCrumbs } from "./page.ts";
 
-export async function showHomes(place: Place, after: string | null): Promise<void> {
+export async function showHomes(place: Place, asked: Asked): Promise<void> {
   setCrumbs(place, [], "Homes");
-  const page = await homes(after, place.signal);
-  const form = newHome();
-  const isEmpty = page.items.length === 0;
-  const list = isEmpty
-    ? h("section", { class: "empty" },
-        h("h2", {}, after ? "No more homes" : "No home yet"),
-        h("p", {}, "A home holds the LiDAR map of its robot vacuum and the clips filmed in it. Make one above, or let ",
-          h("code", {}, "viola demo"), " fill a server with a simulated one."))
+  const page = await homes(asked, place.signal);
+  const isPart = Boolean(asked.text || asked.attention || asked.after);
+  const list = page.items.length === 0
+    ? nothing(isPart)
     : h("ul", { class: "homes" }, ...page.items.map(card));
-  const more = page.next && h("a", { class: "button", href: toHomes(page.next) }, "More homes");
+  const more = page.next && h("a", { class: "button", href: toHomes({ ...asked, after: page.next }) }, "More homes");
   put(place.main, h("div", { class: "page" },
-    h("div", { class: "head" }, h("h1", {}, "Homes"), form), list, h("p", { class: "row" }, more)));
+    h("div", { class: "head" }, h("h1", {}, "Homes"), newHome()),
+    page.items.length > 0 || isPart ? search(asked) : null,
+    list, h("p", { class: "row" }, more)));
+}
+
+function nothing(isPart: boolean): HTMLElement {
+  if (isPart) {
+    return h("section", { class: "empty" },
+      h("h2", {}, "No home like this"), h("a", { class: "button", href: toHomes() }, "All homes"));
+  }
+  return h("section", { class: "empty" },
+    h("h2", {}, "No home yet"),
+    h("p", {}, "A home holds the LiDAR map of its robot vacuum and the clips filmed in it. Make one above, or let ",
+      h("code", {}, "viola demo"), " fill a server with a simulated one."));
+}
+
+function search(asked: Asked): HTMLElement {
+  const text = h("input", {
+    type: "search", value: asked.text, placeholder: "Search homes", "aria-label": "Search homes", maxlength: 200,
+  });
+  const attention = h("input", { type: "checkbox", checked: asked.attention });
+  const show = () => {
+    location.hash = toHomes({ text: text.value.trim(), attention: attention.checked, after: null });
+  };
+  attention.addEventListener("change", show);
+  const form = h("form", { class: "search-homes row", role: "search" }, text,
+    h("label", { class: "row" }, attention, "Only homes that need attention"));
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    show();
+  });
+  return form;
 }
 
 function card(home: Home): HTMLElement {
@@ -39,7 +67,17 @@ function card(home: Home): HTMLElement {
       h("span", { class: "card-text" },
         h("strong", {}, home.name || home.id),
         home.name ? h("code", { class: "hint" }, home.id) : null,
-        h("span", { class: "hint" }, `${many(home.clips, "clip")} · ${time(home.updated_at)}`))));
+        h("span", { class: "hint" }, `${many(home.clips, "clip")} · ${time(home.updated_at)}`),
+        states(home))));
+}
+
+/** The number of clips in each state that has any. */
+function states(home: Home): HTMLElement {
+  const counts = STATES.filter((state) => home.clips_by_state[state] > 0);
+  return h("span", { class: "row states" }, ...counts.map((state) => {
+    const count = home.clips_by_state[state];
+    return h("span", { class: `badge ${state}` }, stateMark(state), `${count} ${stateWord(state).toLowerCase()}`);
+  }));
 }
 
 function newHome(): HTMLElement {

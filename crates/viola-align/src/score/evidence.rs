@@ -143,7 +143,8 @@ impl<'a> PoseScorer<'a> {
             let (at, from) = (map_from_clip.apply(&thing.point_m), map_from_clip.apply(&thing.from_m));
             rooms.around(&at, &from).suit(thing.class) == Some(false)
         };
-        self.landmarks.iter().filter(is_misplaced).map(|thing| thing.share).sum()
+        // The sum of nothing is -0.0, which JSON would show.
+        0.0 + self.landmarks.iter().filter(is_misplaced).map(|thing| thing.share).sum::<f64>()
     }
 }
 

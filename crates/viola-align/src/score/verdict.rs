@@ -30,14 +30,24 @@ pub fn set_state(answer: &mut Alignment) {
         let percent = probability * 100.0;
         let (rivals, scales) = (near_rivals(answer), near_scales(answer));
         answer.reasons.push(if scales > 0 {
+            let fit = if scales == 1 {
+                "an explanation at another scale fits".to_owned()
+            } else {
+                format!("{scales} explanations at other scales fit")
+            };
             Reason::new(
                 "several_scales",
-                format!("the clip has no metres, and {scales} explanation(s) at other scales fit nearly as well, which leaves the best at {percent:.0} %; film more of the room, or record with a phone that measures depth"),
+                format!("the clip has no metres, and {fit} nearly as well, which leaves the best at {percent:.0} %; film more of the room, or record with a phone that measures depth"),
             )
         } else if rivals > 0 {
+            let explain = if rivals == 1 {
+                "another pose explains".to_owned()
+            } else {
+                format!("{rivals} other poses explain")
+            };
             Reason::new(
                 "several_modes",
-                format!("{rivals} other pose(s) explain the clip nearly as well, which leaves the best at {percent:.0} %; film more of the room, or choose one"),
+                format!("{explain} the clip nearly as well, which leaves the best at {percent:.0} %; film more of the room, or choose one"),
             )
         } else {
             Reason::new(

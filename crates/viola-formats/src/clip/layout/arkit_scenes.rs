@@ -67,7 +67,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     Ok(Some(Layout {
         pose_convention: "world-to-camera (axis and angle), OpenCV (x right, y down, z forward)",
         pose_files: TRAJECTORY,
-        gravity: "world z is up (layout)".to_string(),
+        gravity: "world z is up (rule of the layout)".to_string(),
         up_in_world: Some(Vector3::z()),
         color_pictures: color.len(),
         depth_pictures: depth.len(),

@@ -158,7 +158,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     let (layout, gravity, up) = match (is_nerf_capture, by_colmap) {
         (true, _) => ("nerf_capture", ARKIT_UP, Some(Vector3::y())),
         (false, true) => ("nerfstudio", "unknown (COLMAP)", None),
-        (false, false) => ("nerfstudio", "world z is up (layout)", Some(Vector3::z())),
+        (false, false) => ("nerfstudio", "world z is up (rule of the layout)", Some(Vector3::z())),
     };
     let metric = !is_scaled && !by_colmap;
     if !metric {

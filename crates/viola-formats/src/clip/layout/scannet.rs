@@ -22,7 +22,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
     };
     Ok(Some(Layout {
         pose_files: "pose/",
-        gravity: "world z is up (layout)".to_string(),
+        gravity: "world z is up (rule of the layout)".to_string(),
         up_in_world: Some(Vector3::z()),
         color_pictures,
         depth_pictures,

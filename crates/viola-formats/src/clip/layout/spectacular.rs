@@ -229,7 +229,7 @@ pub(super) fn find(container: &dyn Container) -> Result<Option<Layout>, ClipErro
         pose_files: "data.jsonl, groundTruth or a method's output",
         depth_unit: "depthScale, else millimetres (16-bit PNG)",
         depth_units_per_m: units_per_m.unwrap_or(1000.0),
-        gravity: "world z is up (layout)".to_string(),
+        gravity: "world z is up (rule of the layout)".to_string(),
         up_in_world: Some(Vector3::z()),
         forces: forces_of(felt, &mounted),
         color_pictures,

@@ -3,6 +3,7 @@
 //! A home of the set `changed` is filmed in two visits, before and after its furniture changed. In a home of
 //! another set nothing changes, and its map grows clip by clip: every change that it tells is wrong.
 
+mod kept;
 mod score;
 mod table;
 mod truth;
@@ -12,11 +13,12 @@ use super::matching::Thing;
 use super::member::{Shares, member};
 use crate::evaluate::HomesParams;
 use crate::simulate::{Home, HomeParams, Set, valetudo_json};
+use kept::{Ids, Kept};
 use score::{Scores, score};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
-use truth::{TrueChanges, Visit, true_changes};
+use truth::{TrueChanges, Visit, shown_things, true_changes};
 use viola_align::AlignParams;
 use viola_formats::lidar::LidarMap;
 use viola_geometry::LevelName;
@@ -45,6 +47,10 @@ pub struct ChangesHome {
     /// Pairs of revisions that were compared.
     pub comparisons: usize,
     pub scores: Scores,
+    /// Ids of objects in a home in which nothing changes; zero in others.
+    pub kept: Kept,
+    /// Objects of this home whose id changed, in words.
+    pub renamed: Vec<String>,
 }
 
 /// Objects of one revision.
@@ -83,22 +89,27 @@ pub fn changes(
     let first = count as usize;
     let is_changed = set == Set::Changed;
     let revisions = if is_changed { vec![first, clips.len()] } else { (1..=clips.len()).collect() };
-    let truth = if is_changed {
-        let recording = recorder.recording();
-        let visit = |home: &Home, numbers| Visit::of(home, &survey, numbers, &recording);
+    let recording = recorder.recording();
+    let visit = |home: &Home, numbers| Visit::of(home, &survey, numbers, &recording);
+    let map_from_home = survey.valetudo_from_home();
+    let (truth, still) = if is_changed {
         let visits = [visit(&before, 0..count), visit(&after, count..2 * count)];
-        true_changes(&[before, after], &visits, &survey.valetudo_from_home())
+        (true_changes(&[before, after], &visits, &map_from_home), Vec::new())
     } else {
-        TrueChanges::default()
+        let still = shown_things(&after, &visit(&after, 0..2 * count), &map_from_home);
+        (TrueChanges::default(), still)
     };
+    let mut ids = Ids::new(still);
     let (mut map, mut scores, mut last) = (Map::default(), Scores::default(), None);
     for there in &revisions {
         let now = map.merge(&lidar, &clips[..*there], first, params.label.surface.as_deref());
         if let Some(last) = &last {
             scores.add(&score(&truth, &told(last, &now)));
         }
+        ids.add(&now);
         last = Some(now);
     }
+    let (kept, renamed) = ids.kept();
     Ok(ChangesHome {
         set: set.name(),
         seed,
@@ -106,6 +117,8 @@ pub fn changes(
         placed: map.manifest.clips.len(),
         comparisons: revisions.len().saturating_sub(1),
         scores,
+        kept,
+        renamed,
     })
 }
 

@@ -1,6 +1,7 @@
 //! Table of told changes.
 
 use super::ChangesHome;
+use super::kept::Kept;
 use super::score::{Score, Scores};
 use serde::Serialize;
 use std::fmt::Write;
@@ -14,6 +15,7 @@ pub struct ChangesRow {
     pub placed: usize,
     pub comparisons: usize,
     pub scores: Scores,
+    pub kept: Kept,
 }
 
 impl ChangesRow {
@@ -22,7 +24,11 @@ impl ChangesRow {
         let of_set: Vec<&ChangesHome> = homes.iter().filter(|home| home.set == set).collect();
         let sum = |of: fn(&ChangesHome) -> usize| of_set.iter().map(|home| of(home)).sum();
         let mut scores = Scores::default();
-        of_set.iter().for_each(|home| scores.add(&home.scores));
+        let mut kept = Kept::default();
+        of_set.iter().for_each(|home| {
+            scores.add(&home.scores);
+            kept.add(home.kept);
+        });
         ChangesRow {
             set,
             homes: of_set.len(),
@@ -30,6 +36,7 @@ impl ChangesRow {
             placed: sum(|home| home.placed),
             comparisons: sum(|home| home.comparisons),
             scores,
+            kept,
         }
     }
 
@@ -37,15 +44,15 @@ impl ChangesRow {
     pub fn markdown(rows: &[ChangesRow]) -> String {
         let mut out = String::new();
         for row in rows {
-            let ChangesRow { set, homes, clips, placed, comparisons, scores } = row;
+            let ChangesRow { set, homes, clips, placed, comparisons, scores, kept } = row;
             // Writing into a string cannot fail.
             let _ = writeln!(
                 out,
                 "{set}: {homes} homes, {placed} of {clips} clips in the maps, {comparisons} pairs of revisions; \
-                 {} objects discovered and {} lost.\n\n\
+                 {} objects discovered and {} lost; {} of {} objects that stay have one id.\n\n\
                  | change | true | told | right | of these with the class | recall | precision |\n\
                  |---|---|---|---|---|---|---|",
-                scores.discovered, scores.lost
+                scores.discovered, scores.lost, kept.one_id, kept.objects
             );
             for (kind, score) in [("added", scores.added), ("moved", scores.moved), ("gone", scores.gone)] {
                 let Score { truth, told, right, right_class } = score;

@@ -151,6 +151,19 @@ pub fn true_changes(days: &[Home; 2], visits: &[Visit; 2], map_from_home: &Pose2
     changes
 }
 
+/// Returns the furniture that the clips of a visit show, as boxes of what they saw, in the map.
+pub fn shown_things(home: &Home, visit: &Visit, map_from_home: &Pose2) -> Vec<Thing> {
+    let pieces = home.objects_alone();
+    let shown = pieces.iter().filter_map(|piece| {
+        Some(thing(piece, &visit.shown(piece.instance)?, map_from_home)).filter(is_large)
+    });
+    shown.collect()
+}
+
+fn is_large(thing: &Thing) -> bool {
+    is_furniture(thing.class) && thing.bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M)
+}
+
 /// The part of a piece that a visit shows.
 struct Shown {
     thing: Thing,
@@ -161,13 +174,9 @@ struct Shown {
 impl TrueChanges {
     /// Adds a piece that is in one place in the first visit, and in another one in the second.
     fn push(&mut self, then: Option<Shown>, now: Option<Shown>) {
-        let is_large = |shown: &Shown| {
-            let Thing { class, bounds } = &shown.thing;
-            is_furniture(*class) && bounds.size_m.iter().any(|side| *side > MIN_EXTENT_M)
-        };
-        let counts = |shown: &Shown| is_large(shown) && shown.is_looked_at;
+        let counts = |shown: &Shown| is_large(&shown.thing) && shown.is_looked_at;
         match (then, now) {
-            (Some(then), Some(now)) if counts(&then) && is_large(&now) => {
+            (Some(then), Some(now)) if counts(&then) && is_large(&now.thing) => {
                 self.moved.push([then.thing, now.thing])
             }
             (Some(then), None) if counts(&then) => self.gone.push(then.thing),
