@@ -35,6 +35,7 @@ const ERROR_RAD: f64 = 0.005;
 type Failure = Box<dyn std::error::Error>;
 
 fn main() -> Result<(), Failure> {
+    viola_network::return_large_buffers();
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     if let [command, place, times, count, folder] = &arguments[..]
         && command == FIRST

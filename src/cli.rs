@@ -133,6 +133,7 @@ enum ChildCommand {
 
 /// Runs the command that the process's arguments name; prints an error with its causes.
 pub fn main() -> ExitCode {
+    viola_network::return_large_buffers();
     crate::tls::use_ring();
     end_quietly_without_a_reader();
     let first = std::env::args().nth(1);

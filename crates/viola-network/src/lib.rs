@@ -8,6 +8,7 @@ mod check;
 mod error;
 mod library;
 pub mod manifest;
+mod memory;
 mod runtime;
 pub mod signature;
 mod tensor;
@@ -16,6 +17,7 @@ mod with_onnxruntime;
 mod with_rten;
 
 pub use error::{MAX_MODEL_BYTES, NetworkError};
+pub use memory::return_large_buffers;
 pub use runtime::{Device, Network, Runtime, RuntimeParams};
 pub use tensor::{Data, Element, Tensor, TensorInfo};
 pub use weights::Weights;
